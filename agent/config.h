@@ -1,0 +1,142 @@
+// The config file as plain structs: everything checked, every name resolved, nothing left to parse.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include "protocol/catalog.h"
+#include "protocol/codec.h"
+#include "protocol/point.h"
+
+namespace fxagent {
+
+enum class Parity : std::uint8_t { none, even, odd };
+
+struct SerialSettings {
+  std::string path;
+  int baud = 9600;
+  int data_bits = 7;
+  Parity parity = Parity::even;
+  int stop_bits = 1;
+};
+
+struct TcpSettings {
+  std::string host;
+  std::uint16_t port = 0;
+};
+
+struct LinkConfig {
+  std::string name;
+  std::variant<SerialSettings, TcpSettings> channel;
+  /// One character on the wire, start, parity and stop bits counted; 0 where the speed is unknown
+  /// (tcp without line_baud).
+  std::chrono::nanoseconds char_time{0};
+};
+
+struct GroupConfig {
+  std::string name;
+  std::chrono::milliseconds interval{1000};  ///< 0: as fast as the line allows
+  bool on_change = false;
+  std::chrono::seconds max_silent{60};
+};
+
+struct TagConfig {
+  std::string name;
+  Point point;
+  std::uint32_t group = 0;  ///< index in DeviceConfig::groups
+  bool writable = false;    ///< access: read_write
+  std::string unit;
+  std::optional<double> min;  ///< engineering units, as deadband
+  std::optional<double> max;
+  std::optional<double> deadband;
+};
+
+struct CommandRules {
+  std::vector<Span> allow;  ///< sorted, neighbours merged, so that a covered write lies in one of them
+  bool allow_run_stop = false;
+  std::chrono::seconds default_expiry{10};
+  std::chrono::seconds max_expiry{3600};
+  bool verify = true;
+  std::size_t queue = 64;  ///< commands that may wait on this device
+};
+
+enum class EnquirePolicy : std::uint8_t { open, always, never };
+
+struct DeviceConfig {
+  std::string name;
+  std::uint32_t link = 0;  ///< index in Config::links
+  const ProtocolInfo* protocol = nullptr;
+  /// Shared by this config and the worker that reads the device; const, so any thread.
+  std::shared_ptr<const Codec> codec;
+  std::chrono::milliseconds timeout{1000};  ///< allowed beyond the expected line time
+  int retries = 2;
+  std::chrono::milliseconds gap{0};          ///< silence before a request
+  std::chrono::milliseconds turnaround{30};  ///< the device's own time, for plan and bound
+  bool echo = false;                         ///< the line returns what is sent
+  std::uint32_t max_block_bytes = 0;         ///< 0: the protocol's own limit
+  EnquirePolicy enquire = EnquirePolicy::open;
+  std::vector<GroupConfig> groups;
+  std::vector<TagConfig> tags;
+  CommandRules commands;
+};
+
+struct TlsSettings {
+  std::string ca_file;
+  std::string cert_file;
+  std::string key_file;
+};
+
+struct MqttConfig {
+  std::vector<std::string> servers;  ///< mqtt://host:port or mqtts://host:port, tried from the top
+  int version = 5;                   ///< 5, or 4 for MQTT 3.1.1
+  std::string client_id;
+  std::string username;
+  std::string password_file;
+  std::string password_env;  ///< name of an environment variable; the file wins where both are set
+  std::optional<TlsSettings> tls;
+  std::chrono::seconds keep_alive{30};
+  int qos = 1;  ///< of data topics
+};
+
+struct StoreConfig {
+  std::string path;  ///< empty: no store
+  std::uint64_t max_bytes = 268435456;
+  std::chrono::hours max_age{168};
+  bool sync_always = false;
+};
+
+struct Config {
+  std::string id;
+  std::string root;
+  MqttConfig mqtt;
+  StoreConfig store;
+  std::vector<LinkConfig> links;
+  std::vector<DeviceConfig> devices;
+  std::vector<std::string> warnings;  ///< what is allowed and still worth a word
+
+  /// "{root}/{id}"
+  std::string base_topic() const { return root + "/" + id; }
+};
+
+struct ConfigError {
+  std::string pointer;  ///< JSON pointer: "/devices/0/tags/3/address"
+  int line = 0;         ///< 1-based; 0 where there is no text to point at
+  std::string text;     ///< what is wrong, and the cure
+};
+
+/// "agent.json:12: /devices/0/tags/3/address: X8 is not octal …"
+std::string to_string(const ConfigError& error, std::string_view file);
+
+/// Reads and checks a config file; every error at once, in the order of the file. Values `${NAME}` are
+/// taken from the environment. Never throws.
+tl::expected<Config, std::vector<ConfigError>> load_config(const std::string& path);
+/// The same on a text already in memory.
+tl::expected<Config, std::vector<ConfigError>> parse_config(std::string_view text);
+
+}  // namespace fxagent

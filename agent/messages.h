@@ -1,0 +1,202 @@
+// The values that pass between the field and the uplink. Plain data: no wires, no JSON, no MQTT.
+// Times named _ms are milliseconds UTC since 1970; durations are std::chrono.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "protocol/bytes.h"
+#include "protocol/point.h"
+
+namespace fxagent {
+
+using SteadyTime = std::chrono::steady_clock::time_point;
+
+/// Milliseconds UTC of a system clock reading.
+inline std::int64_t utc_ms(std::chrono::system_clock::time_point t) {
+  return std::chrono::duration_cast<std::chrono::milliseconds>(t.time_since_epoch()).count();
+}
+
+// ---- telemetry --------------------------------------------------------------------------------
+
+enum class BadReason : std::uint8_t { timeout, nak, bad_frame, link_down, unsupported, bad_value };
+/// The word of the payload: "timeout", "nak" …
+std::string_view to_string(BadReason reason);
+
+/// One tag of one message. Good: `value` is what was read. Bad: `value` is the last good one, if any.
+struct TagReading {
+  std::uint32_t tag = 0;          ///< index in DeviceConfig::tags
+  std::optional<BadReason> bad;   ///< nullopt: good
+  Value value;                    ///< empty where it was never read
+  std::int64_t bad_since_ms = 0;  ///< bad only: when it turned bad
+  std::int64_t last_ms = 0;       ///< bad only: when `value` was read; 0 if never
+};
+
+/// One group of one device, read in one cycle; or (partial) one tag after a write.
+struct Telemetry {
+  std::uint32_t device = 0;  ///< index in Config::devices
+  std::uint32_t group = 0;
+  std::uint64_t seq = 0;  ///< per device, given when the sample leaves the field
+  std::int64_t ts_ms = 0;
+  std::optional<double> span_ms;  ///< first to last reply, where there was more than one exchange
+  bool partial = false;           ///< only the tag that a command has just written
+  bool written = false;           ///< partial: the value is the written one, nothing was read back
+  std::vector<TagReading> readings;
+};
+
+// ---- device states ----------------------------------------------------------------------------
+
+struct DeviceStatus {
+  enum class State : std::uint8_t { offline, degraded, online };
+  std::uint32_t device = 0;
+  State state = State::offline;
+  std::int64_t since_ms = 0;
+  std::string reason;  ///< empty: none
+  std::string model;   ///< empty: unknown
+  std::optional<bool> run;
+};
+std::string_view to_string(DeviceStatus::State state);
+
+// ---- commands ---------------------------------------------------------------------------------
+
+enum class Op : std::uint8_t { write, force_on, force_off, read, run, stop };
+std::string_view to_string(Op op);
+std::optional<Op> op_from(std::string_view word);
+
+/// Why a command did not simply succeed: the words of the contract, section 5.
+enum class Reason : std::uint8_t {
+  none,
+  too_large, bad_json, missing_id, duplicate_id, retained, bad_op, unknown_tag, bad_address,
+  not_writable, not_allowed, bad_value, out_of_range, expired, queue_full,
+  expect_mismatch, nak, timeout, bad_frame, link_down, device_offline, verify_mismatch, broadcast,
+  shutting_down,
+};
+/// The word of the payload; empty for none.
+std::string_view to_string(Reason reason);
+
+struct CommandTarget {
+  std::string tag;      ///< empty: by address
+  std::string address;  ///< empty: by tag
+  std::optional<DataType> type;
+  std::optional<Value> value;
+};
+
+/// A fault that the parser found. The desk answers with it in its place in the order of checks.
+struct Refusal {
+  Reason reason = Reason::bad_json;
+  std::string detail;
+};
+
+struct Command {
+  std::uint32_t device = 0;
+  std::string id;  ///< empty: none could be read
+  std::optional<Op> op;
+  std::string op_text;  ///< as it came, for the result
+  std::vector<CommandTarget> targets;
+  bool is_list = false;  ///< it came as `targets`
+  std::optional<std::int64_t> expires_ms;
+  std::optional<Value> expect;
+  std::optional<bool> verify;
+  bool dry_run = false;
+  std::string by;
+  bool retained = false;
+  std::optional<Refusal> refusal;
+
+  SteadyTime received{};
+  std::int64_t received_ms = 0;
+  std::optional<std::chrono::seconds> message_expiry;  ///< MQTT 5; counts from `received`
+  std::string response_topic;                          ///< MQTT 5; empty: none
+  Bytes correlation;
+  /// The command line's `read` may read what the allow list does not name.
+  bool any_address = false;
+};
+
+enum class CommandStatus : std::uint8_t {
+  succeeded, failed, rejected, expired, duplicate, unknown_outcome
+};
+std::string_view to_string(CommandStatus status);
+
+enum class PlcAnswer : std::uint8_t { none, ack, nak };
+
+struct Verification {
+  /// What was read back, in the command's units; for run/stop "run" or "stop".
+  std::optional<Value> read;
+  bool match = false;
+};
+
+struct TargetResult {
+  std::string tag;
+  std::string address;
+  std::optional<Value> value;  ///< what was really written, or read
+  CommandStatus status = CommandStatus::rejected;
+  Reason reason = Reason::none;
+  std::string detail;
+  PlcAnswer plc = PlcAnswer::none;
+  std::optional<Verification> verify;
+};
+
+struct CommandResult {
+  std::uint32_t device = 0;
+  std::string id;  ///< empty: null
+  CommandStatus status = CommandStatus::rejected;
+  Reason reason = Reason::none;
+  std::string detail;
+  PlcAnswer plc = PlcAnswer::none;
+  std::string op;
+  bool is_list = false;
+  bool one_frame = false;            ///< list: one frame carried them all
+  std::vector<TargetResult> targets; ///< one, unless is_list; may be empty where none could be read
+  bool dry_run = false;
+  int attempts = 0;  ///< how often the order was sent
+
+  std::int64_t received_ms = 0;
+  SteadyTime received{};
+  std::chrono::nanoseconds queue{0};
+  std::chrono::nanoseconds wire{0};
+  std::optional<std::chrono::nanoseconds> bound;
+
+  /// DUPLICATE only: the first result, or null while that command is still running. Held by the
+  /// desk's memory of ids and by this message.
+  std::shared_ptr<const CommandResult> first;
+
+  std::string response_topic;
+  Bytes correlation;
+};
+
+// ---- counters -----------------------------------------------------------------------------------
+
+/// p50 and p99 of a duration in ms; 0 where nothing was measured.
+struct Percentiles {
+  double p50 = 0;
+  double p99 = 0;
+};
+
+struct LinkHealth {
+  std::uint64_t exchanges = 0;
+  std::uint64_t timeouts = 0;
+  std::uint64_t naks = 0;
+  std::uint64_t bad_frames = 0;
+  double busy_percent = 0;
+  Percentiles turnaround_ms;
+};
+
+struct DeviceHealth {
+  std::uint64_t polls = 0;
+  std::uint64_t missed = 0;
+  Percentiles late_ms;
+  std::uint64_t collected = 0;   ///< samples made, suppressed ones included
+  std::uint64_t suppressed = 0;  ///< on_change found nothing to say
+};
+
+/// What the field counted, sent to the uplink at every health tick.
+struct FieldHealth {
+  std::vector<LinkHealth> links;      ///< by index in Config::links
+  std::vector<DeviceHealth> devices;  ///< by index in Config::devices
+};
+
+}  // namespace fxagent

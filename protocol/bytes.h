@@ -1,0 +1,35 @@
+// Bytes on a wire, and their hex spelling.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "protocol/result.h"
+
+namespace fxagent {
+
+using Bytes = std::vector<std::uint8_t>;
+using ByteView = std::span<const std::uint8_t>;
+
+/// "02 30 03": upper case, a blank between bytes.
+std::string to_hex(ByteView bytes);
+
+/// Reads "02 30 03", "023003" or "0x02,0x30": blanks, commas, colons and 0x prefixes are skipped.
+/// bad_request names the first character that is not hex, or a digit left over.
+Result<Bytes> from_hex(std::string_view text);
+
+/// Value of one ASCII hex digit, either case; -1 where it is none.
+constexpr int hex_digit(std::uint8_t c) {
+  if (c >= '0' && c <= '9') return c - '0';
+  if (c >= 'A' && c <= 'F') return c - 'A' + 10;
+  if (c >= 'a' && c <= 'f') return c - 'a' + 10;
+  return -1;
+}
+
+/// Appends `digits` upper-case hex digits of `value`, most significant first.
+void append_hex(Bytes& out, std::uint32_t value, int digits);
+
+}  // namespace fxagent

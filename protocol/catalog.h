@@ -1,0 +1,57 @@
+// The list of protocols, by the name the config uses. One line each; nothing registers itself.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include "protocol/codec.h"
+
+namespace fxagent {
+
+/// One config key of a device that belongs to its protocol.
+struct OptionSpec {
+  enum class Kind : std::uint8_t { integer, boolean, choice };
+  std::string_view key;
+  Kind kind = Kind::integer;
+  std::int64_t min = 0;  ///< integer: inclusive bounds
+  std::int64_t max = 0;
+  std::vector<std::string_view> choices;           ///< choice: the words
+  std::variant<std::int64_t, bool, std::string_view> fallback;  ///< where the key is absent
+  std::string_view meaning;                        ///< one line for error texts and the schema
+};
+
+using OptionValue = std::variant<std::int64_t, bool, std::string>;
+/// Every key of the protocol's specs, given or fallen back. `model` is always there ("auto" too).
+using Options = std::map<std::string, OptionValue, std::less<>>;
+
+struct LineDefaults {
+  int baud = 9600;
+  int data_bits = 7;
+  std::string_view parity = "even";
+  int stop_bits = 1;
+};
+
+struct ProtocolInfo {
+  std::string_view name;     ///< "fx-programming-port"
+  std::string_view summary;  ///< one line for --help
+  LineDefaults line;
+  bool on_serial = true;
+  bool on_tcp = true;
+  bool multidrop = false;  ///< frames carry a station or unit, so devices can share a line
+  std::vector<std::string_view> models;  ///< what `model` may be, besides auto; empty: it has none
+  std::vector<OptionSpec> options;
+  Result<std::shared_ptr<const Codec>> (*make)(const Options&) = nullptr;
+};
+
+/// Every protocol, in the order of the README.
+std::span<const ProtocolInfo> catalog();
+/// nullptr where there is none of that name.
+const ProtocolInfo* find_protocol(std::string_view name);
+
+}  // namespace fxagent

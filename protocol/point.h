@@ -1,0 +1,127 @@
+// What can be read or written, and what was: places in a device, their types, their values.
+//
+// A codec maps its device names to *spaces*. A space is a run of device memory of one kind (D, M,
+// CN200-CN255, holding registers …), counted in bits from its first device. Whatever the wire format,
+// a codec hands over the content of a space as an *image*: bit n of the span is bit n % 8 of byte
+// n / 8, and a 16-bit word lies low byte first. So one planner, one packer and one allow list serve
+// every protocol.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include "protocol/bytes.h"
+#include "protocol/result.h"
+
+namespace fxagent {
+
+/// A run of bits in one space of a codec.
+struct Span {
+  std::uint16_t space = 0;
+  std::uint32_t first_bit = 0;
+  std::uint32_t bits = 0;
+
+  std::uint32_t end_bit() const { return first_bit + bits; }
+  bool contains(const Span& other) const {
+    return space == other.space && first_bit <= other.first_bit && other.end_bit() <= end_bit();
+  }
+  friend bool operator==(const Span&, const Span&) = default;
+};
+
+enum class DataType : std::uint8_t {
+  boolean, int16, uint16, int32, uint32, float32, bcd16, bcd32, string
+};
+
+/// The config's word for a type ("bool", "int16" …), and back; bad_request lists the words.
+std::string_view to_string(DataType type);
+Result<DataType> data_type_from(std::string_view word);
+
+/// Order of the four bytes of a 32-bit value, named by the letters used for Modbus: A is the most
+/// significant byte. `cdab` is low word first, the order of FX double-word instructions.
+enum class ByteOrder : std::uint8_t { abcd, cdab, badc, dcba };
+
+/// Accepts ABCD CDAB BADC DCBA, `low_first` (= CDAB) and `high_first` (= ABCD).
+Result<ByteOrder> byte_order_from(std::string_view word);
+std::string_view to_string(ByteOrder order);
+
+/// The shape of what an address names; it decides which types fit.
+enum class Unit : std::uint8_t {
+  bit,        ///< one bit, written by force on/off (coil, M, X, Y …)
+  word,       ///< 16 bits
+  dword,      ///< one 32-bit device (CN200-CN255): int32 only
+  bit_group,  ///< K1-K8 groups: 4 to 32 bits of a bit device, as a number
+  word_bit,   ///< one bit inside a word (D100.F)
+};
+
+/// A device address as its protocol understands it. `span` covers one element.
+struct Address {
+  std::string text;  ///< canonical spelling: "D200", "Y17", "K4M0", "TN5"
+  Span span;
+  Unit unit = Unit::word;
+  bool writable = true;  ///< false where the device kind cannot be written (D100.F, input registers)
+};
+
+/// One tag's data: a place, how to read it, and its engineering units.
+struct Point {
+  Address address;
+  DataType type = DataType::int16;
+  std::uint16_t count = 1;   ///< elements of an array; 1 with is_array false is a plain value
+  bool is_array = false;
+  std::uint16_t length = 0;  ///< characters of a string; 0 for other types
+  ByteOrder order = ByteOrder::cdab;
+  double scale = 1.0;
+  double offset = 0.0;
+  int decimals = 0;  ///< digits after the point that scale and offset can produce; see set_units()
+
+  bool scaled() const { return scale != 1.0 || offset != 0.0; }
+};
+
+/// Stores scale and offset, and works out `decimals`, so that 234 × 0.1 reads 23.4 and not
+/// 23.400000000000002. bad_request: scale 0, NaN or Inf; or a type that takes no scale (bool, string).
+Result<void> set_units(Point& point, double scale, double offset);
+
+/// Every bit that the point occupies. bad_request where the type does not fit the address unit
+/// (int16 on a bit, int16 on CN200 …) or the array runs past the numbers that 32 bits can count.
+Result<Span> span_of(const Point& point);
+
+using Scalar = std::variant<bool, std::int64_t, double, std::string>;
+
+/// One value in engineering units: a scalar, or as many as the array has.
+struct Value {
+  std::vector<Scalar> items;
+  bool is_array = false;
+
+  Value() = default;
+  explicit Value(Scalar scalar) : items{std::move(scalar)} {}
+  static Value array(std::vector<Scalar> elements) {
+    Value v;
+    v.items = std::move(elements);
+    v.is_array = true;
+    return v;
+  }
+  friend bool operator==(const Value&, const Value&) = default;
+};
+
+/// The point's value out of `image`, whose first bit is `image_first_bit` of the point's space.
+/// bad_frame is never returned; the only errors are unsupported (the point is not wholly inside the
+/// image) and bad_request with a text for `bad_value` (NaN, Inf, a nibble that is not BCD).
+Result<Value> unpack(const Point& point, ByteView image, std::uint32_t image_first_bit);
+
+/// The raw image of span_of(point) that writes `value`: (value − offset) ÷ scale, to the nearest
+/// integer, ties away from zero. bad_request: wrong kind of value or count ("bad_value" class);
+/// out of range is told apart by text only through `OutOfRange` below.
+enum class PackFault : std::uint8_t { bad_value, out_of_range };
+struct PackError {
+  PackFault fault = PackFault::bad_value;
+  std::string text;
+};
+tl::expected<Bytes, PackError> pack(const Point& point, const Value& value);
+
+/// Copies `bits` bits of `image`, starting `from_bit` bits in, to a fresh image that starts at bit 0;
+/// bits past the end of `image` read as 0.
+Bytes extract_bits(ByteView image, std::uint32_t from_bit, std::uint32_t bits);
+
+}  // namespace fxagent
