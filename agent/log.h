@@ -1,0 +1,24 @@
+// One event a line on stderr, key=value: `ts level event key=value …`. Any thread.
+#pragma once
+
+#include <initializer_list>
+#include <string>
+#include <string_view>
+#include <utility>
+
+namespace fxagent::log {
+
+enum class Level { debug, info, warn, error };
+
+/// A key and its value; values with blanks or quotes are quoted, control bytes are escaped.
+using Field = std::pair<std::string_view, std::string>;
+
+/// Sets what is written: `info` and above at first.
+void set_level(Level level);
+
+void debug(std::string_view event, std::initializer_list<Field> fields = {});
+void info(std::string_view event, std::initializer_list<Field> fields = {});
+void warn(std::string_view event, std::initializer_list<Field> fields = {});
+void error(std::string_view event, std::initializer_list<Field> fields = {});
+
+}  // namespace fxagent::log

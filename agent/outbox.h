@@ -1,0 +1,52 @@
+// The one shared object between the field thread and the uplink thread. Any thread.
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <vector>
+
+#include "agent/messages.h"
+
+namespace fxagent {
+
+class Outbox final {
+ public:
+  /// What one take() hands over, each list in the order it was pushed.
+  struct Batch {
+    std::vector<CommandResult> results;
+    std::vector<DeviceStatus> states;
+    std::vector<Telemetry> telemetry;
+    std::optional<FieldHealth> health;             ///< the newest only
+    std::map<std::uint32_t, std::uint64_t> dropped;  ///< telemetry dropped since the last take, by device
+  };
+
+  /// Holds at most `max_telemetry` messages; the oldest goes first and is counted.
+  explicit Outbox(std::size_t max_telemetry) : max_telemetry_(max_telemetry) {}
+
+  /// Never blocks for longer than a swap of pointers. Results and states are never dropped.
+  void push(Telemetry message);
+  void push(CommandResult result);
+  void push(DeviceStatus status);
+  void push(FieldHealth health);
+
+  /// Everything that waits. Uplink thread.
+  Batch take();
+  /// Returns when something was pushed or notify() was called since the last return, or at `deadline`.
+  void wait_until(SteadyTime deadline);
+  /// Wakes wait_until(): the broker has news, or it is time to stop.
+  void notify();
+
+ private:
+  const std::size_t max_telemetry_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  bool signalled_ = false;
+  std::deque<Telemetry> telemetry_;
+  Batch waiting_;  ///< all but the telemetry
+};
+
+}  // namespace fxagent
