@@ -1,1 +1,151 @@
-// Filled in a moment.
+#include "agent/field/agenda.h"
+
+#include <algorithm>
+
+namespace fxagent {
+namespace {
+
+// A group without an interval takes what is left: its deadline is as far away as a slow group's.
+constexpr std::chrono::seconds kPeriodOfFreeRunning{1};
+
+std::chrono::nanoseconds period(std::chrono::nanoseconds interval) {
+  return interval.count() > 0 ? interval : std::chrono::nanoseconds(kPeriodOfFreeRunning);
+}
+
+}  // namespace
+
+Agenda::DeviceId Agenda::add_device(int unanswered_limit, BackOff back_off) {
+  Device device;
+  device.unanswered_limit = unanswered_limit;
+  device.back_off = back_off;
+  devices_.push_back(device);
+  return static_cast<DeviceId>(devices_.size() - 1);
+}
+
+Agenda::GroupId Agenda::add_group(DeviceId device, std::chrono::milliseconds interval,
+                                  std::uint32_t exchanges, SteadyTime first_due) {
+  Group group;
+  group.device = device;
+  group.interval = interval;
+  group.exchanges = std::max<std::uint32_t>(exchanges, 1);
+  group.due = first_due;
+  groups_.push_back(group);
+  return static_cast<GroupId>(groups_.size() - 1);
+}
+
+void Agenda::set_exchanges(GroupId id, std::uint32_t exchanges) {
+  Group& group = groups_[id];
+  group.exchanges = std::max<std::uint32_t>(exchanges, 1);
+  group.exchange = 0;
+}
+
+Agenda::Group* Agenda::most_urgent(SteadyTime now) {
+  Group* best = nullptr;
+  SteadyTime best_deadline{};
+  for (Group& group : groups_) {
+    if (!group.running && group.due > now) continue;
+    if (devices_[group.device].rests_until > now) continue;
+    const SteadyTime deadline = group.running ? group.deadline : group.due + period(group.interval);
+    if (best != nullptr && deadline >= best_deadline) continue;
+    best = &group;
+    best_deadline = deadline;
+  }
+  return best;
+}
+
+Agenda::PollStep Agenda::begin_or_continue(Group& group, SteadyTime now) {
+  PollStep step;
+  step.group = static_cast<GroupId>(&group - groups_.data());
+  if (!group.running) {
+    Counters& counters = devices_[group.device].counters;
+    step.starts_cycle = true;
+    step.late = now - group.due;
+    group.running = true;
+    group.exchange = 0;
+    ++counters.polls;
+    if (group.interval.count() > 0) {
+      const auto skipped = step.late / group.interval;
+      counters.missed += static_cast<std::uint64_t>(skipped);
+      group.deadline = group.due + (skipped + 1) * group.interval;
+      group.due = group.deadline;
+    } else {
+      group.deadline = now + kPeriodOfFreeRunning;
+      group.due = now;
+    }
+  }
+  step.exchange = group.exchange;
+  return step;
+}
+
+SteadyTime Agenda::next_wake() const {
+  auto wake = SteadyTime::max();
+  for (const Group& group : groups_)
+    wake = std::min(wake, std::max(group.due, devices_[group.device].rests_until));
+  return wake;
+}
+
+Agenda::Job Agenda::next(SteadyTime now) {
+  Job job;
+  Group* group = most_urgent(now);
+  if (commands_ == 0) owed_to_polls_ = {};
+  const bool polls_turn = group != nullptr && owed_to_polls_.count() > 0;
+  if (commands_ > 0 && !polls_turn) {
+    job.kind = Job::Kind::command;
+  } else if (group != nullptr) {
+    job.kind = Job::Kind::poll;
+    job.poll = begin_or_continue(*group, now);
+  } else {
+    job.until = next_wake();
+  }
+  return job;
+}
+
+bool Agenda::step_done(const PollStep& step) {
+  Group& group = groups_[step.group];
+  if (!group.running) return true;
+  group.exchange = step.exchange + 1;
+  if (group.exchange < group.exchanges) return false;
+  group.running = false;
+  return true;
+}
+
+void Agenda::abandon_cycle(GroupId group) { groups_[group].running = false; }
+
+void Agenda::command_used(std::chrono::nanoseconds line_time, SteadyTime now) {
+  if (commands_ == 0 || most_urgent(now) == nullptr) return;
+  const double factor = poll_share_ / (1.0 - poll_share_);
+  owed_to_polls_ += std::chrono::nanoseconds(
+      static_cast<std::int64_t>(static_cast<double>(line_time.count()) * factor));
+}
+
+void Agenda::poll_used(std::chrono::nanoseconds line_time) { owed_to_polls_ -= line_time; }
+
+std::chrono::nanoseconds Agenda::polls_between(std::chrono::nanoseconds line_time,
+                                               std::chrono::nanoseconds longest_poll) const {
+  if (line_time.count() <= 0) return {};
+  const double factor = poll_share_ / (1.0 - poll_share_);
+  const double owed = static_cast<double>(line_time.count()) * factor;
+  // A poll goes while anything is owed, so the last one may overdraw by itself.
+  return std::chrono::nanoseconds(static_cast<std::int64_t>(owed)) + longest_poll;
+}
+
+void Agenda::device_answered(DeviceId id) {
+  Device& device = devices_[id];
+  device.unanswered = 0;
+  device.silent = false;
+  device.delay = {};
+  device.rests_until = {};
+}
+
+bool Agenda::device_unanswered(DeviceId id, SteadyTime now) {
+  Device& device = devices_[id];
+  ++device.unanswered;
+  if (device.unanswered < device.unanswered_limit) return false;
+  device.silent = true;
+  const auto doubled = std::max(device.back_off.first, device.delay * 2);
+  device.delay = std::min(doubled, device.back_off.cap);
+  device.rests_until = now + device.delay;
+  return true;
+}
+
+}  // namespace fxagent

@@ -1,0 +1,117 @@
+// What a link does next: a waiting command, the most urgent poll, or nothing until a time.
+// Pure: time is an argument, no I/O. Field thread.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <vector>
+
+#include "agent/messages.h"
+
+namespace fxagent {
+
+/// How long a silent device is left alone. Doubles from `first` to `cap` with each vain attempt.
+struct BackOff {
+  std::chrono::milliseconds first{1000};
+  std::chrono::milliseconds cap{30000};
+};
+
+class Agenda final {
+ public:
+  using DeviceId = std::uint32_t;
+  using GroupId = std::uint32_t;
+
+  /// One exchange of one group's cycle.
+  struct PollStep {
+    GroupId group = 0;
+    std::uint32_t exchange = 0;
+    bool starts_cycle = false;
+    std::chrono::nanoseconds late{0};  ///< starts_cycle: how long after its beat
+  };
+  struct Job {
+    enum class Kind : std::uint8_t { command, poll, wait } kind = Kind::wait;
+    PollStep poll;       ///< kind poll
+    SteadyTime until{};  ///< kind wait: nothing is due before
+  };
+  struct Counters {
+    std::uint64_t polls = 0;   ///< cycles begun
+    std::uint64_t missed = 0;  ///< beats skipped because the line or the device was busy or silent
+  };
+
+  /// `poll_share`: the part of the line that polls keep while commands flood it, 0 … 0.9.
+  explicit Agenda(double poll_share = 0.2) : poll_share_(poll_share) {}
+
+  /// `unanswered_limit`: so many exchanges in a row without an answer make the device silent.
+  DeviceId add_device(int unanswered_limit, BackOff back_off);
+  /// A group polled each `interval` (0: as fast as the line allows), first at `first_due`. A cycle
+  /// of 0 exchanges is one step all the same.
+  GroupId add_group(DeviceId device, std::chrono::milliseconds interval, std::uint32_t exchanges,
+                    SteadyTime first_due);
+  /// After a new plan: the running cycle, if any, begins anew.
+  void set_exchanges(GroupId group, std::uint32_t exchanges);
+
+  void command_waits() { ++commands_; }
+  /// The command that next() offered has been taken off the queue.
+  void command_taken() { --commands_; }
+  std::uint32_t commands_waiting() const { return commands_; }
+
+  /// The job to run now, or until when to wait. Waiting commands come first, save for the polls'
+  /// share; then the due group with the earliest deadline whose device is not in back-off. A late
+  /// cycle keeps its beat: missed periods are skipped and counted, never sent in a burst. A cycle
+  /// under way goes on with its next exchange by the same rule.
+  Job next(SteadyTime now);
+
+  /// The step was carried out; the cycle goes on, or has ended: true.
+  bool step_done(const PollStep& step);
+  /// The rest of the cycle is given up until the next beat.
+  void abandon_cycle(GroupId group);
+
+  /// Line time that commands and polls have used; feeds the polls' share.
+  void command_used(std::chrono::nanoseconds line_time, SteadyTime now);
+  void poll_used(std::chrono::nanoseconds line_time);
+  /// The most poll time that next() puts before or between commands of `line_time` in all, if the
+  /// longest poll exchange takes `longest_poll`.
+  std::chrono::nanoseconds polls_between(std::chrono::nanoseconds line_time,
+                                         std::chrono::nanoseconds longest_poll) const;
+
+  void device_answered(DeviceId device);
+  /// One more exchange without an answer. True when the device is silent from now on or still: its
+  /// polls rest until the back-off has passed.
+  bool device_unanswered(DeviceId device, SteadyTime now);
+  bool is_silent(DeviceId device) const { return devices_[device].silent; }
+
+  const Counters& counters(DeviceId device) const { return devices_[device].counters; }
+
+ private:
+  struct Device {
+    int unanswered_limit = 1;
+    BackOff back_off;
+    int unanswered = 0;
+    bool silent = false;
+    std::chrono::milliseconds delay{0};
+    SteadyTime rests_until{};
+    Counters counters;
+  };
+  struct Group {
+    DeviceId device = 0;
+    std::chrono::nanoseconds interval{0};
+    std::uint32_t exchanges = 1;
+    SteadyTime due{};       ///< of the next cycle
+    SteadyTime deadline{};  ///< of the running cycle
+    bool running = false;
+    std::uint32_t exchange = 0;
+  };
+
+  /// The due group that goes first, or none.
+  Group* most_urgent(SteadyTime now);
+  PollStep begin_or_continue(Group& group, SteadyTime now);
+  SteadyTime next_wake() const;
+
+  double poll_share_;
+  std::uint32_t commands_ = 0;
+  std::chrono::nanoseconds owed_to_polls_{0};
+  std::vector<Device> devices_;
+  std::vector<Group> groups_;
+};
+
+}  // namespace fxagent

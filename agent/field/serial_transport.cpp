@@ -1,0 +1,180 @@
+#include "agent/field/serial_transport.h"
+
+#include <asm/termbits.h>
+#include <fcntl.h>
+#include <linux/serial.h>
+#include <sys/file.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include <asio/posix/stream_descriptor.hpp>
+#include <cerrno>
+#include <system_error>
+#include <utility>
+
+#include "agent/field/stream_io.h"
+#include "agent/log.h"
+
+namespace fxagent {
+namespace {
+
+// Modem lines of <asm/termios.h>, which cannot be included beside <sys/ioctl.h>.
+constexpr int kModemDtr = 0x002;
+constexpr int kModemRts = 0x004;
+
+std::string reason(int number) { return std::system_category().message(number); }
+
+/// What the engineer can do about it.
+std::string cure(int number) {
+  switch (number) {
+    case ENOENT:
+    case ENODEV:
+    case ENXIO:
+      return " (is the adapter plugged in? a path under /dev/serial/by-id survives replugging)";
+    case EACCES:
+      return " (the user needs read and write access: usually the group dialout)";
+    case EBUSY:
+    case EWOULDBLOCK:
+      return " (in use by another program: GX Works, another agent?)";
+    default:
+      return "";
+  }
+}
+
+tcflag_t data_bits_flag(int bits) { return bits == 7 ? CS7 : CS8; }
+
+bool is_pty(int fd) {
+  unsigned int number = 0;
+  return ioctl(fd, TIOCGPTN, &number) == 0 || [fd] {
+    const auto link = "/proc/self/fd/" + std::to_string(fd);
+    char target[64] = {};
+    const auto length = readlink(link.c_str(), target, sizeof target - 1);
+    return length > 0 && std::string_view(target).starts_with("/dev/pts/");
+  }();
+}
+
+class SerialTransport final : public Transport {
+ public:
+  SerialTransport(asio::any_io_executor executor, SerialSettings settings)
+      : settings_(std::move(settings)), stream_(executor), deadline_(executor, stream_) {}
+
+  asio::awaitable<Result<void>> open(SteadyTime /*deadline*/) override {
+    close();
+    const int fd = ::open(settings_.path.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
+    if (fd < 0) co_return failed("cannot be opened", errno);
+    const auto ready = set_up(fd);
+    if (!ready) {
+      ::close(fd);
+      co_return ready;
+    }
+    asio::error_code error;
+    stream_.assign(fd, error);
+    if (error) {
+      ::close(fd);
+      co_return fail(ErrorCode::link_down, settings_.path + ": " + error.message());
+    }
+    co_return Result<void>{};
+  }
+
+  bool is_open() const override { return stream_.is_open(); }
+
+  asio::awaitable<Written> write(ByteView bytes, SteadyTime at) override {
+    return write_all(stream_, deadline_, bytes, at, settings_.path);
+  }
+
+  asio::awaitable<Result<std::size_t>> read_some(MutableBytes into, SteadyTime at) override {
+    return fxagent::read_some(stream_, deadline_, into, at, settings_.path);
+  }
+
+  Result<std::size_t> discard_input() override {
+    std::size_t total = 0;
+    std::uint8_t waste[256];
+    for (;;) {
+      if (!stream_.is_open()) return failed("is closed", ENODEV);
+      const auto count = ::read(stream_.native_handle(), waste, sizeof waste);
+      if (count > 0) {
+        total += static_cast<std::size_t>(count);
+      } else if (count < 0 && (errno == EAGAIN || errno == EINTR)) {
+        return total;
+      } else {
+        const int number = count == 0 ? ENODEV : errno;
+        close();
+        return failed("has vanished", number);
+      }
+    }
+  }
+
+  void close() noexcept override {
+    asio::error_code ignored;
+    if (stream_.is_open()) stream_.close(ignored);
+  }
+
+ private:
+  tl::unexpected<Error> failed(std::string_view what, int number) const {
+    return fail(ErrorCode::link_down,
+                settings_.path + " " + std::string(what) + ": " + reason(number) + cure(number));
+  }
+
+  /// Exclusive, raw, at the speed and parity asked for, DTR and RTS raised.
+  Result<void> set_up(int fd) {
+    if (flock(fd, LOCK_EX | LOCK_NB) != 0) return failed("is locked", errno);
+    termios2 line{};
+    if (ioctl(fd, TCGETS2, &line) != 0) return failed("is not a serial port", errno);
+    ioctl(fd, TIOCEXCL);
+
+    line.c_iflag = settings_.parity == Parity::none ? 0U : static_cast<tcflag_t>(INPCK);
+    line.c_oflag = 0;
+    line.c_lflag = 0;
+    line.c_cflag = CREAD | CLOCAL | data_bits_flag(settings_.data_bits);
+    if (settings_.parity != Parity::none) line.c_cflag |= PARENB;
+    if (settings_.parity == Parity::odd) line.c_cflag |= PARODD;
+    if (settings_.stop_bits == 2) line.c_cflag |= CSTOPB;
+    line.c_cflag |= BOTHER | (static_cast<tcflag_t>(BOTHER) << IBSHIFT);
+    line.c_ispeed = static_cast<speed_t>(settings_.baud);
+    line.c_ospeed = static_cast<speed_t>(settings_.baud);
+    line.c_cc[VMIN] = 1;
+    line.c_cc[VTIME] = 0;
+    if (ioctl(fd, TCSETS2, &line) != 0) return failed("does not take these settings", errno);
+
+    termios2 got{};
+    if (ioctl(fd, TCGETS2, &got) != 0) return failed("does not tell its settings", errno);
+    constexpr tcflag_t kShape = CSIZE | PARENB | PARODD | CSTOPB;
+    if ((got.c_cflag & kShape) != (line.c_cflag & kShape)) {
+      if (!is_pty(fd))
+        return fail(ErrorCode::link_down,
+                    settings_.path + " cannot do these data bits, parity or stop bits");
+      if (!std::exchange(told_of_pty_, true))
+        log::info("serial",
+                  {{"path", settings_.path}, {"note", "a pty keeps neither data bits nor parity"}});
+    }
+
+    const int lines = kModemDtr | kModemRts;
+    ioctl(fd, TIOCMBIS, &lines);  // a pty has none; SC-09 converters take their power from them
+    set_low_latency(fd);
+    ioctl(fd, TCFLSH, TCIOFLUSH);
+    return {};
+  }
+
+  /// FTDI adapters hold small replies back for 16 ms unless asked not to; others refuse,
+  /// harmlessly.
+  static void set_low_latency(int fd) {
+    serial_struct port{};
+    if (ioctl(fd, TIOCGSERIAL, &port) != 0) return;
+    port.flags |= static_cast<int>(ASYNC_LOW_LATENCY);
+    ioctl(fd, TIOCSSERIAL, &port);
+  }
+
+  const SerialSettings settings_;
+  asio::posix::stream_descriptor stream_;
+  Deadline<asio::posix::stream_descriptor> deadline_;
+  bool told_of_pty_ = false;
+};
+
+}  // namespace
+
+std::unique_ptr<Transport> make_serial_transport(asio::any_io_executor executor,
+                                                 SerialSettings settings) {
+  return std::make_unique<SerialTransport>(std::move(executor), std::move(settings));
+}
+
+}  // namespace fxagent

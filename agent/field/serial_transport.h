@@ -1,0 +1,18 @@
+// A serial port: raw termios, exclusive, reopened by its path after it vanished. Field thread only.
+#pragma once
+
+#include <asio/any_io_executor.hpp>
+#include <memory>
+
+#include "agent/config.h"
+#include "agent/field/transport.h"
+
+namespace fxagent {
+
+/// A closed port; open() opens `settings.path`. On a pty 7 data bits and parity are tolerated
+/// though the kernel does not keep them (it has no line); on a real port such a refusal is an
+/// error.
+std::unique_ptr<Transport> make_serial_transport(asio::any_io_executor executor,
+                                                 SerialSettings settings);
+
+}  // namespace fxagent

@@ -1,0 +1,52 @@
+// Reads and writes that serial ports and sockets share: asio streams under a Deadline.
+#pragma once
+
+#include <asio/buffer.hpp>
+#include <asio/experimental/as_tuple.hpp>
+#include <asio/use_awaitable.hpp>
+#include <string>
+
+#include "agent/field/deadline.h"
+#include "agent/field/transport.h"
+
+namespace fxagent {
+
+inline constexpr auto use_result = asio::experimental::as_tuple(asio::use_awaitable);
+
+/// As Transport::read_some; `name` is for the error text.
+template <class Stream>
+asio::awaitable<Result<std::size_t>> read_some(Stream& stream, Deadline<Stream>& deadline,
+                                               MutableBytes into, SteadyTime at,
+                                               const std::string& name) {
+  deadline.arm(at);
+  const auto [error, count] =
+      co_await stream.async_read_some(asio::buffer(into.data(), into.size()), use_result);
+  deadline.disarm();
+  if (!error && count > 0) co_return count;
+  if (error == asio::error::operation_aborted && deadline.passed())
+    co_return fail(ErrorCode::timeout, "no answer on " + name);
+  co_return fail(ErrorCode::link_down, name + ": " + (error ? error.message() : "closed"));
+}
+
+/// As Transport::write.
+template <class Stream>
+asio::awaitable<Transport::Written> write_all(Stream& stream, Deadline<Stream>& deadline,
+                                              ByteView bytes, SteadyTime at,
+                                              const std::string& name) {
+  Transport::Written written;
+  deadline.arm(at);
+  while (written.sent < bytes.size()) {
+    const ByteView rest = bytes.subspan(written.sent);
+    const auto [error, count] =
+        co_await stream.async_write_some(asio::buffer(rest.data(), rest.size()), use_result);
+    written.sent += count;
+    if (!error) continue;
+    const std::string why = deadline.passed() ? "the line takes no more bytes" : error.message();
+    written.error = Error{ErrorCode::link_down, name + ": " + why};
+    break;
+  }
+  deadline.disarm();
+  co_return written;
+}
+
+}  // namespace fxagent

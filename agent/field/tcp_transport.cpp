@@ -1,0 +1,137 @@
+#include "agent/field/tcp_transport.h"
+
+#include <netinet/tcp.h>
+#include <sys/socket.h>
+
+#include <asio/ip/tcp.hpp>
+#include <cerrno>
+#include <utility>
+
+#include "agent/field/stream_io.h"
+
+namespace fxagent {
+namespace {
+
+using asio::ip::tcp;
+
+// A cable pulled between two polls is noticed within about 20 s even where nobody speaks.
+constexpr int kKeepAliveIdleSeconds = 10;
+constexpr int kKeepAliveIntervalSeconds = 3;
+constexpr int kKeepAliveProbes = 3;
+
+/// Makes Deadline's cancel() reach a name lookup.
+class Lookup final {
+ public:
+  explicit Lookup(const asio::any_io_executor& executor) : resolver(executor) {}
+  void cancel(asio::error_code&) { resolver.cancel(); }
+  tcp::resolver resolver;
+};
+
+class TcpTransport final : public Transport {
+ public:
+  TcpTransport(asio::any_io_executor executor, TcpSettings settings)
+      : settings_(std::move(settings)),
+        name_(settings_.host + ":" + std::to_string(settings_.port)),
+        lookup_(executor),
+        socket_(executor),
+        lookup_deadline_(executor, lookup_),
+        deadline_(executor, socket_) {}
+
+  asio::awaitable<Result<void>> open(SteadyTime at) override {
+    close();
+    asio::error_code not_numeric;
+    const auto address = asio::ip::make_address(settings_.host, not_numeric);
+    if (!not_numeric) {
+      const tcp::endpoint endpoint(address, settings_.port);
+      co_return co_await connect(endpoint, at);
+    }
+    lookup_deadline_.arm(at);
+    const auto [error, found] = co_await lookup_.resolver.async_resolve(
+        settings_.host, std::to_string(settings_.port), use_result);
+    lookup_deadline_.disarm();
+    if (error)
+      co_return fail(ErrorCode::link_down, name_ + ": the name is not found: " + error.message());
+    Result<void> outcome = fail(ErrorCode::link_down, name_ + ": the name has no address");
+    for (const auto& entry : found) {
+      const tcp::endpoint endpoint = entry.endpoint();
+      outcome = co_await connect(endpoint, at);
+      if (outcome) break;
+    }
+    co_return outcome;
+  }
+
+  bool is_open() const override { return socket_.is_open(); }
+
+  asio::awaitable<Written> write(ByteView bytes, SteadyTime at) override {
+    return write_all(socket_, deadline_, bytes, at, name_);
+  }
+
+  asio::awaitable<Result<std::size_t>> read_some(MutableBytes into, SteadyTime at) override {
+    return fxagent::read_some(socket_, deadline_, into, at, name_);
+  }
+
+  Result<std::size_t> discard_input() override {
+    std::size_t total = 0;
+    std::uint8_t waste[512];
+    for (;;) {
+      if (!socket_.is_open()) return fail(ErrorCode::link_down, name_ + ": not connected");
+      const auto count = ::recv(socket_.native_handle(), waste, sizeof waste, MSG_DONTWAIT);
+      if (count > 0) {
+        total += static_cast<std::size_t>(count);
+      } else if (count < 0 && (errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR)) {
+        return total;
+      } else {
+        close();
+        return fail(ErrorCode::link_down, name_ + ": the peer closed the connection");
+      }
+    }
+  }
+
+  void close() noexcept override {
+    lookup_.resolver.cancel();
+    asio::error_code ignored;
+    if (socket_.is_open()) socket_.close(ignored);
+  }
+
+ private:
+  asio::awaitable<Result<void>> connect(tcp::endpoint endpoint, SteadyTime at) {
+    close();
+    deadline_.arm(at);
+    asio::error_code error;
+    socket_.open(endpoint.protocol(), error);
+    if (!error) {
+      const auto [failed] = co_await socket_.async_connect(endpoint, use_result);
+      error = failed;
+    }
+    deadline_.disarm();
+    if (error) {
+      const std::string why = deadline_.passed() ? "no answer to the connection" : error.message();
+      close();
+      co_return fail(ErrorCode::link_down, name_ + ": " + why);
+    }
+    asio::error_code ignored;
+    socket_.set_option(tcp::no_delay(true), ignored);
+    socket_.set_option(asio::socket_base::keep_alive(true), ignored);
+    const int fd = socket_.native_handle();
+    setsockopt(fd, IPPROTO_TCP, TCP_KEEPIDLE, &kKeepAliveIdleSeconds, sizeof(int));
+    setsockopt(fd, IPPROTO_TCP, TCP_KEEPINTVL, &kKeepAliveIntervalSeconds, sizeof(int));
+    setsockopt(fd, IPPROTO_TCP, TCP_KEEPCNT, &kKeepAliveProbes, sizeof(int));
+    co_return Result<void>{};
+  }
+
+  const TcpSettings settings_;
+  const std::string name_;
+  Lookup lookup_;
+  tcp::socket socket_;
+  Deadline<Lookup> lookup_deadline_;
+  Deadline<tcp::socket> deadline_;
+};
+
+}  // namespace
+
+std::unique_ptr<Transport> make_tcp_transport(asio::any_io_executor executor,
+                                              TcpSettings settings) {
+  return std::make_unique<TcpTransport>(std::move(executor), std::move(settings));
+}
+
+}  // namespace fxagent

@@ -1,0 +1,15 @@
+// A TCP stream to a transparent serial server or a device. No delay, keep-alive. Field thread only.
+#pragma once
+
+#include <asio/any_io_executor.hpp>
+#include <memory>
+
+#include "agent/config.h"
+#include "agent/field/transport.h"
+
+namespace fxagent {
+
+/// A closed stream; open() resolves and connects.
+std::unique_ptr<Transport> make_tcp_transport(asio::any_io_executor executor, TcpSettings settings);
+
+}  // namespace fxagent

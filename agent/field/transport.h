@@ -1,0 +1,49 @@
+// PORT: bytes to and from one channel, with a deadline. Field thread only.
+#pragma once
+
+#include <asio/awaitable.hpp>
+#include <cstdint>
+#include <optional>
+#include <span>
+
+#include "agent/messages.h"
+#include "protocol/bytes.h"
+#include "protocol/result.h"
+
+namespace fxagent {
+
+using MutableBytes = std::span<std::uint8_t>;
+
+class Transport {
+ public:
+  /// How far a write came. With an error and `sent` 0, surely no byte left the agent.
+  struct Written {
+    std::size_t sent = 0;
+    std::optional<Error> error;
+  };
+
+  virtual ~Transport() = default;
+
+  /// Opens the channel, or says why not: link_down with a text that names the path or host and the
+  /// cure. Gives up at `deadline`. An open channel is closed first.
+  virtual asio::awaitable<Result<void>> open(SteadyTime deadline) = 0;
+  virtual bool is_open() const = 0;
+
+  /// Hands all of `bytes` to the channel. `bytes` must stay alive until the await ends.
+  virtual asio::awaitable<Written> write(ByteView bytes, SteadyTime deadline) = 0;
+
+  /// Reads what has arrived, at least one byte, into `into`, which must stay alive until then.
+  /// Errors: timeout (nothing by `deadline`), link_down (closed or broken; call open() again).
+  virtual asio::awaitable<Result<std::size_t>> read_some(MutableBytes into,
+                                                         SteadyTime deadline) = 0;
+
+  /// Throws away what has arrived and was not read; the number of bytes. Does not wait. link_down
+  /// where the peer turns out to have gone: then the channel is closed, and nothing was sent into
+  /// it.
+  virtual Result<std::size_t> discard_input() = 0;
+
+  /// Ends waiting reads and writes with link_down.
+  virtual void close() noexcept = 0;
+};
+
+}  // namespace fxagent
