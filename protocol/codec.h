@@ -118,6 +118,8 @@ class Codec {
   virtual bool needs_type(std::string_view text) const = 0;
   /// A range for an allow list: "M100-M199" or one device. bad_request as parse_address.
   virtual Result<Span> parse_range(std::string_view text) const = 0;
+  /// Whether every device of `span` exists in this model; bad_request names the first that does not.
+  virtual Result<void> check_range(const Span& span) const = 0;
   /// Whether `span` may be written at all and in this shape: bad_request where it would overwrite
   /// bits beside it (half bytes), or touches what is never written (M8034-M8037, M8118).
   virtual Result<void> check_write(const Span& span) const = 0;
