@@ -169,6 +169,8 @@ class Codec {
   virtual std::optional<bool> run_state_from(ByteView image) const = 0;
   /// The order that starts (true) or stops the PLC. unsupported where the protocol has none.
   virtual Result<Request> run_order(bool run) const = 0;
+  /// For a person whose run or stop failed: the switch position that this protocol needs.
+  virtual std::string run_order_hint() const = 0;
   /// Whether a write refused with this code surely had no effect and may be repeated once.
   virtual bool refusal_is_curable(const Request& request, int device_code) const = 0;
 };
