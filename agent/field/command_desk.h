@@ -1,0 +1,95 @@
+// Admits the commands of one device: known, writable, in range, fresh, not seen before. Every
+// command gets one verdict: a result at once, or an order for the wire. Pure: time is an argument.
+// Field thread.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <string>
+#include <unordered_map>
+#include <variant>
+#include <vector>
+
+#include "agent/config.h"
+#include "agent/messages.h"
+#include "protocol/codec.h"
+
+namespace fxagent {
+
+/// One place that an admitted command reads or writes.
+struct OrderTarget {
+  std::string tag;  ///< as in the command; empty: by address
+  std::optional<std::uint32_t> tag_index;
+  Point point;
+  Bytes image;                    ///< what is to be written; empty for a read
+  std::optional<Value> written;   ///< the same in engineering units, as the raw words say it
+  std::vector<Request> requests;  ///< the writes in their order; empty for a read
+  Bytes expected;                 ///< raw image that `expect` asks for; empty: no expect
+};
+
+/// A command on its way to the wire.
+struct Order {
+  Command command;
+  std::vector<OrderTarget> targets;  ///< empty for run and stop
+  std::optional<Request> run_order;
+  bool verify_words = true;
+  bool verify_bits = false;
+  SteadyTime deadline{};  ///< not sent after this
+  SteadyTime go_ahead{};
+  std::optional<std::chrono::nanoseconds> bound;
+};
+
+class CommandDesk final {
+ public:
+  static constexpr std::size_t kRememberedIds = 10000;
+  static constexpr std::chrono::hours kRememberedFor{24};
+
+  using Verdict = std::variant<CommandResult, Order>;
+
+  /// `device` outlives the desk.
+  explicit CommandDesk(const DeviceConfig& device) : device_(device) {}
+
+  /// The verdict on `command`, by the checks of the contract in their order. `codec` is the
+  /// device's codec of the moment (its model may have been identified), `waiting` the orders
+  /// already queued.
+  Verdict admit(Command command, const Codec& codec, std::size_t waiting, SteadyTime now);
+
+  /// The result of an order that admit() had passed: kept for DUPLICATE. Every order must come back
+  /// here exactly once.
+  void finished(const CommandResult& result);
+
+  std::size_t remembered() const { return by_id_.size(); }
+
+ private:
+  struct Entry {
+    std::shared_ptr<const CommandResult> result;  ///< null while it runs
+    SteadyTime seen{};
+    SteadyTime deadline{};  ///< kept at least until then
+  };
+
+  bool make_room(SteadyTime now);
+  void remember(const Command& command, SteadyTime deadline, SteadyTime now);
+  /// Fills order.targets, or says which check failed.
+  std::optional<Refusal> resolve(const Codec& codec, Order& order, std::vector<TargetResult>& out);
+  std::optional<Refusal> resolve_target(const Codec& codec, const Command& command,
+                                        const CommandTarget& target, OrderTarget& out) const;
+  std::optional<Refusal> resolve_place(const Codec& codec, Op op, const CommandTarget& target,
+                                       OrderTarget& out) const;
+  std::optional<Refusal> check_access(const Codec& codec, const Command& command,
+                                      const OrderTarget& target) const;
+  std::optional<Refusal> check_value(const Codec& codec, const Command& command,
+                                     const CommandTarget& target, OrderTarget& out) const;
+
+  const DeviceConfig& device_;
+  std::unordered_map<std::string, Entry> by_id_;
+  std::deque<std::string> oldest_first_;
+};
+
+/// The frame of a result for `command`: ids, times, op, topics; status is for the caller to set.
+CommandResult result_of(const Command& command);
+/// A target's name and place, without a verdict.
+TargetResult result_of(const OrderTarget& target);
+
+}  // namespace fxagent

@@ -1,0 +1,115 @@
+#include "agent/field/field.h"
+
+#include <asio/co_spawn.hpp>
+#include <asio/detached.hpp>
+#include <asio/io_context.hpp>
+#include <asio/post.hpp>
+#include <asio/steady_timer.hpp>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "agent/field/link_worker.h"
+#include "agent/field/serial_transport.h"
+#include "agent/field/tcp_transport.h"
+#include "agent/log.h"
+
+namespace fxagent {
+namespace {
+
+constexpr std::chrono::seconds kReportEvery{5};
+
+std::unique_ptr<Transport> transport_for(const asio::any_io_executor& executor,
+                                         const LinkConfig& link) {
+  if (const auto* serial = std::get_if<SerialSettings>(&link.channel))
+    return make_serial_transport(executor, *serial);
+  return make_tcp_transport(executor, std::get<TcpSettings>(link.channel));
+}
+
+/// A bug in one link's coroutine must not end the others.
+void report_end(const std::exception_ptr& bug, const std::string& link) {
+  if (!bug) return;
+  try {
+    std::rethrow_exception(bug);
+  } catch (const std::exception& e) {
+    log::error("link", {{"link", link}, {"state", "ended"}, {"bug", e.what()}});
+  }
+}
+
+}  // namespace
+
+class Field::Room final {
+ public:
+  Room(const Config& config, Outbox& outbox, std::uint64_t first_seq)
+      : config_(config), outbox_(outbox), report_timer_(io_) {
+    for (std::uint32_t i = 0; i < config.links.size(); ++i)
+      workers_.push_back(std::make_unique<LinkWorker>(
+          io_.get_executor(), config, i, outbox, transport_for(io_.get_executor(), config.links[i]),
+          first_seq));
+  }
+
+  void start() {
+    for (std::size_t i = 0; i < workers_.size(); ++i)
+      asio::co_spawn(
+          io_, workers_[i]->run(),
+          [name = config_.links[i].name](std::exception_ptr bug) { report_end(bug, name); });
+    report_later();
+    thread_ = std::thread([this] { io_.run(); });
+  }
+
+  void submit(Command command) {
+    asio::post(io_, [this, moved = std::move(command)]() mutable {
+      const std::uint32_t link = config_.devices[moved.device].link;
+      workers_[link]->submit(std::move(moved));
+    });
+  }
+
+  void stop() {
+    if (!thread_.joinable()) return;
+    asio::post(io_, [this] {
+      report_timer_.cancel();
+      stopping_ = true;
+      for (const auto& worker : workers_) worker->stop();
+    });
+    thread_.join();
+    io_.restart();
+    io_.poll();  // commands that came during the last moments are answered too
+    report();
+  }
+
+ private:
+  void report() {
+    FieldHealth health;
+    health.links.resize(config_.links.size());
+    health.devices.resize(config_.devices.size());
+    for (const auto& worker : workers_) worker->report(health);
+    outbox_.push(std::move(health));
+  }
+
+  void report_later() {
+    report_timer_.expires_after(kReportEvery);
+    report_timer_.async_wait([this](const asio::error_code& error) {
+      if (error || stopping_) return;
+      report();
+      report_later();
+    });
+  }
+
+  const Config& config_;
+  Outbox& outbox_;
+  asio::io_context io_{1};
+  asio::steady_timer report_timer_;
+  std::vector<std::unique_ptr<LinkWorker>> workers_;
+  bool stopping_ = false;
+  std::thread thread_;
+};
+
+Field::Field(const Config& config, Outbox& outbox, std::uint64_t first_seq)
+    : room_(std::make_unique<Room>(config, outbox, first_seq)) {}
+
+Field::~Field() { stop(); }
+void Field::start() { room_->start(); }
+void Field::submit(Command command) { room_->submit(std::move(command)); }
+void Field::stop() { room_->stop(); }
+
+}  // namespace fxagent

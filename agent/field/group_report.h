@@ -1,0 +1,61 @@
+// What one group says after a cycle: which tags are good, which are bad since when, and whether
+// there is anything to say at all (publish: on_change). Pure: time is an argument. Field thread.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <variant>
+#include <vector>
+
+#include "agent/config.h"
+#include "agent/messages.h"
+
+namespace fxagent {
+
+/// What a cycle brought for one tag.
+using TagOutcome = std::variant<Value, BadReason>;
+
+class GroupReport final {
+ public:
+  /// `device` outlives the report.
+  GroupReport(const DeviceConfig& device, std::uint32_t group);
+
+  /// Indices of the group's tags in DeviceConfig::tags, in order. Outcomes are given in this order.
+  const std::vector<std::uint32_t>& tags() const { return tags_; }
+
+  /// Takes a cycle's outcomes, one for each of tags(), known at `ts_ms`; nullopt where the group
+  /// has nothing new to say: on_change without a change, or a device that is still silent. `now`
+  /// measures max_silent only.
+  std::optional<std::vector<TagReading>> cycle(std::vector<TagOutcome> outcomes, std::int64_t ts_ms,
+                                               SteadyTime now);
+
+  /// A command has just written or read back `tag`: the reading to publish at once. on_change
+  /// compares with this value from now on.
+  TagReading written(std::uint32_t tag, Value value, std::int64_t ts_ms);
+
+  /// How many tags are bad, and the reason of the first; nullopt where none is.
+  std::optional<BadReason> first_bad() const;
+
+ private:
+  struct State {
+    Value value;  ///< last good
+    std::int64_t value_ms = 0;
+    std::optional<BadReason> bad;
+    std::int64_t bad_since_ms = 0;
+    Value sent;  ///< last good value that was published
+    std::optional<BadReason> sent_bad;
+    bool was_sent = false;
+  };
+
+  bool differs(const TagConfig& tag, const State& state) const;
+  TagReading reading(std::uint32_t tag, const State& state) const;
+
+  const DeviceConfig& device_;
+  const GroupConfig& group_;
+  std::vector<std::uint32_t> tags_;
+  std::vector<State> states_;  ///< beside tags_
+  std::optional<SteadyTime> last_sent_;
+};
+
+}  // namespace fxagent

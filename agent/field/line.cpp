@@ -1,0 +1,240 @@
+#include "agent/field/line.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "agent/field/stream_io.h"
+
+namespace fxagent {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
+using Clock = std::chrono::steady_clock;
+
+constexpr milliseconds kOpenTimeout{5000};
+// What an earlier session left in a serial server arrives at once or not at all.
+constexpr milliseconds kQuietAfterOpen{50};
+// GX Works2 and the known firmwares take 200 ms without a character as the end of a frame.
+constexpr milliseconds kQuietBeforeResync{100};
+constexpr milliseconds kQuietWithoutResync{1000};
+constexpr int kQuietCharacters = 20;
+// A line that never falls quiet (another master, noise) is asked all the same.
+constexpr milliseconds kLongestDrain{3000};
+// No protocol here has longer frames; beyond it the line babbles.
+constexpr std::size_t kMaxReceived = 4096;
+constexpr std::size_t kReadChunk = 512;
+
+bool answers_by_ack(const Request& request) { return !std::holds_alternative<Read>(request); }
+
+}  // namespace
+
+Line::Line(asio::any_io_executor executor, std::unique_ptr<Transport> transport,
+           nanoseconds char_time)
+    : transport_(std::move(transport)), timer_(executor), char_time_(char_time) {}
+
+asio::awaitable<Result<void>> Line::open() {
+  auto opened = co_await transport_->open(Clock::now() + kOpenTimeout);
+  if (!opened) co_return opened;
+  doubt_ = Doubt::none;
+  ++session_;
+  std::uint8_t waste[kReadChunk];
+  const auto give_up = Clock::now() + kLongestDrain;
+  while (Clock::now() < give_up) {
+    const auto got = co_await transport_->read_some(waste, Clock::now() + kQuietAfterOpen);
+    if (got) continue;
+    if (got.error().code != ErrorCode::timeout) {
+      transport_->close();
+      co_return tl::unexpected<Error>(got.error());
+    }
+    break;
+  }
+  co_return Result<void>{};
+}
+
+asio::awaitable<Exchange> Line::exchange(Station& station, Request request, SteadyTime not_after) {
+  Exchange failed;
+  const bool ready = co_await prepare(station, failed);
+  if (!ready) co_return failed;
+  co_return co_await send_and_receive(*station.codec, station, std::move(request), not_after);
+}
+
+asio::awaitable<bool> Line::prepare(Station& station, Exchange& failed) {
+  const bool in_doubt = doubt_ != Doubt::none;
+  const bool may_enquire = station.enquire != EnquirePolicy::never;
+  const auto resync = station.codec->resync();
+  const auto refuse = [&failed](Exchange exchange) {
+    failed = std::move(exchange);
+    failed.sent = false;  // the enquiry is no part of the caller's question
+    return false;
+  };
+  if (in_doubt) {
+    station.greeted_in = 0;
+    co_await drain(station);
+    if (!transport_->is_open()) {
+      failed.outcome = Exchange::Outcome::link_down;
+      failed.error = "the line was lost";
+      failed.ended = Clock::now();
+      co_return false;
+    }
+  }
+  const bool wanted = station.greeted_in != session_ || station.enquire == EnquirePolicy::always;
+  if (resync && may_enquire && wanted) {
+    Exchange enquiry =
+        co_await send_and_receive(*station.codec, station, *resync, SteadyTime::max());
+    const bool answered = enquiry.is_ack() || !station.codec->expects_reply(*resync);
+    if (!answered) co_return refuse(std::move(enquiry));
+    station.greeted_in = session_;
+  }
+  // The enquiry's ACK may have been the late one of a write. A read cannot be answered by an ACK,
+  // and the device answers in order: once its data is here, nothing older is on the way.
+  const auto probe = station.codec->probe();
+  if (doubt_ == Doubt::stale_ack && probe) {
+    Exchange probing =
+        co_await send_and_receive(*station.codec, station, *probe, SteadyTime::max());
+    if (!probing.has_answer()) co_return refuse(std::move(probing));
+  }
+  doubt_ = Doubt::none;
+  co_return true;
+}
+
+asio::awaitable<Exchange> Line::send_and_receive(const Codec& codec, const Station& station,
+                                                 Request request, SteadyTime not_after) {
+  Exchange exchange;
+  const auto frame = codec.encode(request, ++tag_);
+  if (!frame) {
+    exchange.outcome = Exchange::Outcome::garbled;
+    exchange.error = frame.error().text;
+    co_return exchange;
+  }
+  co_await keep_gap(station.gap);
+  const auto stale = transport_->discard_input();
+  exchange.began = exchange.ended = Clock::now();
+  if (!stale) {
+    exchange.outcome = Exchange::Outcome::link_down;
+    exchange.error = stale.error().text;
+    co_return exchange;
+  }
+  if (exchange.began > not_after) {
+    exchange.outcome = Exchange::Outcome::expired;
+    co_return exchange;
+  }
+  const LineLength length = codec.line_length(request);
+  const auto line = char_time_ * (length.request_chars + length.reply_chars);
+  const auto deadline = exchange.began + line + station.timeout;
+
+  const auto written = co_await transport_->write(*frame, deadline);
+  ++counters_.exchanges;
+  exchange.sent = written.sent > 0;
+  if (written.error) {
+    transport_->close();
+    exchange.outcome = Exchange::Outcome::link_down;
+    exchange.error = written.error->text;
+    exchange.ended = Clock::now();
+    co_return exchange;
+  }
+  if (codec.expects_reply(request)) {
+    co_await receive(codec, request, deadline, exchange);
+    if (!exchange.reply.closing.empty())
+      co_await transport_->write(exchange.reply.closing, Clock::now() + station.timeout);
+  } else {
+    exchange.outcome = Exchange::Outcome::answered;
+    exchange.reply.kind = Reply::Kind::ack;
+  }
+  exchange.ended = last_activity_ = Clock::now();
+  exchange.ended_ms = utc_ms(std::chrono::system_clock::now());
+  counters_.busy += exchange.ended - exchange.began;
+  note_doubt(request, exchange);
+  if (exchange.has_answer())
+    counters_.turnaround_ms.add(std::max(nanoseconds(0), exchange.ended - exchange.began - line));
+  co_return exchange;
+}
+
+asio::awaitable<void> Line::receive(const Codec& codec, const Request& request, SteadyTime deadline,
+                                    Exchange& exchange) {
+  rx_.clear();
+  std::uint8_t chunk[kReadChunk];
+  for (;;) {
+    const auto got = co_await transport_->read_some(chunk, deadline);
+    if (!got) {
+      const bool silent = got.error().code == ErrorCode::timeout;
+      exchange.error = got.error().text;
+      exchange.outcome = silent ? Exchange::Outcome::unanswered : Exchange::Outcome::link_down;
+      if (!silent) transport_->close();
+      co_return;
+    }
+    rx_.insert(rx_.end(), chunk, chunk + *got);
+    auto decoded = codec.decode(request, tag_, rx_);
+    if (!decoded || rx_.size() > kMaxReceived) {
+      exchange.outcome = Exchange::Outcome::garbled;
+      exchange.error = decoded ? "no end of frame on a babbling line" : decoded.error().text;
+      co_return;
+    }
+    if (*decoded) {
+      exchange.outcome = Exchange::Outcome::answered;
+      exchange.reply = std::move(**decoded);
+      co_return;
+    }
+  }
+}
+
+void Line::note_doubt(const Request& request, const Exchange& exchange) {
+  switch (exchange.outcome) {
+    case Exchange::Outcome::answered:
+      if (exchange.is_nak()) ++counters_.naks;
+      return;
+    case Exchange::Outcome::unanswered:
+      ++counters_.timeouts;
+      break;
+    case Exchange::Outcome::garbled:
+      ++counters_.bad_frames;
+      break;
+    default:
+      return;
+  }
+  // A lost ACK stays a worry until a read has been answered, whatever is asked in between.
+  if (answers_by_ack(request) || doubt_ == Doubt::stale_ack)
+    doubt_ = Doubt::stale_ack;
+  else
+    doubt_ = Doubt::stale_data;
+}
+
+asio::awaitable<void> Line::drain(const Station& station) {
+  const bool can_resync =
+      station.codec->resync().has_value() && station.enquire != EnquirePolicy::never;
+  // Without an enquiry only silence tells that the late answer is not coming any more.
+  nanoseconds quiet = can_resync
+                          ? kQuietBeforeResync
+                          : std::clamp(station.timeout, kQuietBeforeResync, kQuietWithoutResync);
+  quiet = std::max(quiet, char_time_ * kQuietCharacters);
+  const auto give_up = Clock::now() + kLongestDrain;
+  std::uint8_t waste[kReadChunk];
+  while (Clock::now() < give_up) {
+    const auto got = co_await transport_->read_some(waste, Clock::now() + quiet);
+    if (got) continue;
+    if (got.error().code != ErrorCode::timeout) transport_->close();
+    co_return;
+  }
+}
+
+asio::awaitable<void> Line::keep_gap(milliseconds gap) {
+  const auto earliest = last_activity_ + gap;
+  if (gap.count() == 0 || Clock::now() >= earliest) co_return;
+  timer_.expires_at(earliest);
+  co_await timer_.async_wait(use_result);
+}
+
+nanoseconds Line::line_time(const Station& station, const Request& request,
+                            nanoseconds turnaround) const {
+  const auto one = [&](const Request& asked) {
+    const LineLength length = station.codec->line_length(asked);
+    return char_time_ * (length.request_chars + length.reply_chars + length.closing_chars) +
+           turnaround + station.gap;
+  };
+  nanoseconds total = one(request);
+  const auto enquiry = station.codec->resync();
+  if (enquiry && station.enquire == EnquirePolicy::always) total += one(*enquiry);
+  return total;
+}
+
+}  // namespace fxagent

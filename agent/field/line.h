@@ -1,0 +1,115 @@
+// The discipline of one wire: one question at a time, and no late answer taken for a new one.
+// Everything that touches the channel goes through here. Field thread.
+#pragma once
+
+#include <asio/awaitable.hpp>
+#include <asio/steady_timer.hpp>
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "agent/config.h"
+#include "agent/field/percentile_window.h"
+#include "agent/field/transport.h"
+#include "agent/messages.h"
+#include "protocol/codec.h"
+
+namespace fxagent {
+
+/// How one exchange ended.
+struct Exchange {
+  enum class Outcome : std::uint8_t {
+    answered,    ///< `reply` is the device's answer, ACK, NAK or data
+    unanswered,  ///< nothing whole came by the deadline
+    garbled,     ///< something came that cannot become an answer
+    link_down,   ///< the channel broke; `sent` says whether anything had left
+    expired,     ///< `not_after` had passed: nothing was sent
+  } outcome = Outcome::unanswered;
+  bool sent = false;  ///< at least one byte left the agent
+  Reply reply;
+  std::string error;          ///< in words, where not answered
+  SteadyTime began{};         ///< just before the first byte
+  SteadyTime ended{};         ///< last byte of the reply, or when it was given up
+  std::int64_t ended_ms = 0;  ///< the same, UTC
+
+  bool has_answer() const { return outcome == Outcome::answered; }
+  bool is_ack() const { return has_answer() && reply.kind == Reply::Kind::ack; }
+  bool is_nak() const { return has_answer() && reply.kind == Reply::Kind::nak; }
+  bool is_data() const { return has_answer() && reply.kind == Reply::Kind::data; }
+};
+
+/// What the line must know of the device it speaks to. Lives as long as the await.
+struct Station {
+  const Codec* codec = nullptr;
+  std::chrono::milliseconds timeout{1000};
+  std::chrono::milliseconds gap{0};
+  EnquirePolicy enquire = EnquirePolicy::open;
+  std::uint32_t greeted_in = 0;  ///< Line::session() in which it last answered an enquiry; 0: none
+};
+
+class Line final {
+ public:
+  struct Counters {
+    std::uint64_t exchanges = 0;
+    std::uint64_t timeouts = 0;
+    std::uint64_t naks = 0;
+    std::uint64_t bad_frames = 0;
+    std::chrono::nanoseconds busy{0};
+    PercentileWindow turnaround_ms;
+  };
+
+  /// `char_time` 0: speed unknown. The transport is closed.
+  Line(asio::any_io_executor executor, std::unique_ptr<Transport> transport,
+       std::chrono::nanoseconds char_time);
+
+  /// Opens the channel and lets what an earlier session left in it run dry.
+  asio::awaitable<Result<void>> open();
+  bool is_open() const { return transport_->is_open(); }
+  /// Rises with every open(): what was agreed with a device holds for one session only.
+  std::uint32_t session() const { return session_; }
+  void close() noexcept { transport_->close(); }
+
+  /// One question and its answer. Puts the line in order first where the last exchange left it in
+  /// doubt (drain until quiet, enquire, and after a lost ACK a probing read), and enquires as the
+  /// station's policy says; if that goes unanswered nothing else is sent: unanswered with `sent`
+  /// false. `not_after` is checked just before the first byte.
+  asio::awaitable<Exchange> exchange(Station& station, Request request,
+                                     SteadyTime not_after = SteadyTime::max());
+
+  /// Line time of an exchange that ends well, the device's own time and the gap included.
+  std::chrono::nanoseconds line_time(const Station& station, const Request& request,
+                                     std::chrono::nanoseconds turnaround) const;
+
+  Counters& counters() { return counters_; }
+
+ private:
+  enum class Doubt : std::uint8_t {
+    none,
+    stale_data,  ///< a late reply to a read may still come
+    stale_ack,   ///< a late ACK or NAK may still come
+  };
+
+  /// False when the device did not answer; then `failed` tells how.
+  asio::awaitable<bool> prepare(Station& station, Exchange& failed);
+  asio::awaitable<Exchange> send_and_receive(const Codec& codec, const Station& station,
+                                             Request request, SteadyTime not_after);
+  asio::awaitable<void> receive(const Codec& codec, const Request& request, SteadyTime deadline,
+                                Exchange& exchange);
+  asio::awaitable<void> drain(const Station& station);
+  asio::awaitable<void> keep_gap(std::chrono::milliseconds gap);
+  void note_doubt(const Request& request, const Exchange& exchange);
+
+  std::unique_ptr<Transport> transport_;
+  asio::steady_timer timer_;
+  const std::chrono::nanoseconds char_time_;
+  Doubt doubt_ = Doubt::none;
+  std::uint32_t session_ = 0;
+  std::uint16_t tag_ = 0;
+  SteadyTime last_activity_{};
+  Bytes rx_;
+  Counters counters_;
+};
+
+}  // namespace fxagent

@@ -1,0 +1,631 @@
+#include "agent/field/link_worker.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "agent/field/order_run.h"
+#include "agent/field/stream_io.h"
+#include "agent/log.h"
+
+namespace fxagent {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
+using Clock = std::chrono::steady_clock;
+
+constexpr milliseconds kRunStateEvery{10000};
+constexpr milliseconds kFirstReopen{500};
+// Opening a serial path costs nothing; a host that is away should not be hammered.
+constexpr milliseconds kSerialReopenCap{2000};
+constexpr milliseconds kTcpReopenCap{30000};
+// Alone on its line a silent device costs nobody anything; beside others it costs them its timeout.
+constexpr BackOff kAlone{milliseconds(500), milliseconds(4000)};
+constexpr BackOff kShared{milliseconds(1000), milliseconds(30000)};
+// So many unanswered exchanges in a row on TCP, whoever was asked, mean that the peer is gone.
+constexpr int kDeadPeerAfter = 3;
+// First polls are spread over the first second, or over the interval where that is shorter.
+constexpr milliseconds kSpread{1000};
+
+BadReason bad_reason(const Exchange& exchange) {
+  if (exchange.is_nak()) return BadReason::nak;
+  switch (exchange.outcome) {
+    case Exchange::Outcome::unanswered:
+      return BadReason::timeout;
+    case Exchange::Outcome::link_down:
+      return BadReason::link_down;
+    default:
+      return BadReason::bad_frame;
+  }
+}
+
+std::int64_t now_ms() { return utc_ms(std::chrono::system_clock::now()); }
+
+}  // namespace
+
+/// One group of one device and the cycle it is in.
+struct LinkWorker::GroupPoll {
+  GroupPoll(const DeviceConfig& device, std::uint32_t index)
+      : group(index), report(device, index) {}
+
+  std::uint32_t group;
+  GroupReport report;
+  Agenda::GroupId id = 0;
+  Plan plan;  ///< its points are report.tags(), in order
+
+  // The running cycle.
+  std::vector<Bytes> images;                       ///< beside plan.reads
+  std::vector<std::optional<BadReason>> failures;  ///< beside plan.reads
+  std::unordered_map<std::uint32_t, Value> newer;  ///< tag → what a command has written meanwhile
+  std::optional<SteadyTime> first_reply;
+  SteadyTime last_reply{};
+  std::int64_t last_reply_ms = 0;
+  std::uint32_t replies = 0;
+  std::uint32_t next_read = 0;
+  int repeats = 0;
+
+  void begin() {
+    images.assign(plan.reads.size(), {});
+    failures.assign(plan.reads.size(), std::nullopt);
+    newer.clear();
+    first_reply.reset();
+    last_reply_ms = 0;
+    replies = 0;
+    next_read = 0;
+    repeats = 0;
+  }
+};
+
+/// A device as this worker knows it: its codec of the moment, its plans, its state.
+struct LinkWorker::Device {
+  Device(const DeviceConfig& device_config, std::uint32_t device_index)
+      : config(device_config), index(device_index), codec(device_config.codec), desk(config) {
+    station.codec = codec.get();
+    station.timeout = config.timeout;
+    station.gap = config.gap;
+    station.enquire = config.enquire;
+    model_known = !codec->model().empty() || codec->identify().empty();
+  }
+
+  const DeviceConfig& config;
+  const std::uint32_t index;
+  std::shared_ptr<const Codec> codec;  ///< the config's, or that of the model found by asking
+  Station station;
+  CommandDesk desk;
+  Agenda::DeviceId id = 0;
+  std::vector<std::unique_ptr<GroupPoll>> groups;
+  std::optional<Agenda::GroupId> run_state_group;
+  bool model_known = false;
+  bool model_unclear = false;  ///< was asked, and the answers do not tell
+  bool answered_once = false;
+  std::optional<bool> run;
+  std::uint64_t seq = 0;
+  std::size_t waiting = 0;  ///< commands queued
+  PercentileWindow late_ms;
+  std::uint64_t collected = 0;
+  std::uint64_t suppressed = 0;
+  DeviceStatus status;
+};
+
+LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std::uint32_t link,
+                       Outbox& outbox, std::unique_ptr<Transport> transport,
+                       std::uint64_t first_seq)
+    : executor_(executor),
+      config_(config),
+      link_(link),
+      outbox_(outbox),
+      line_(executor, std::move(transport), config.links[link].char_time),
+      idle_(executor),
+      jitter_(link + 1),
+      counting_since_(Clock::now()) {
+  const auto now = Clock::now();
+  for (std::uint32_t i = 0; i < config.devices.size(); ++i) {
+    if (config.devices[i].link != link) continue;
+    add_device(i, now);
+    devices_.back()->seq = first_seq;
+  }
+  next_open_ = now;
+}
+
+LinkWorker::~LinkWorker() = default;
+
+void LinkWorker::add_device(std::uint32_t index, SteadyTime now) {
+  const DeviceConfig& config = config_.devices[index];
+  const auto neighbours = std::count_if(config_.devices.begin(), config_.devices.end(),
+                                        [&](const DeviceConfig& d) { return d.link == link_; });
+  auto device = std::make_unique<Device>(config, index);
+  device->id = agenda_.add_device(config.retries + 1, neighbours > 1 ? kShared : kAlone);
+  for (std::uint32_t g = 0; g < config.groups.size(); ++g) {
+    auto group = std::make_unique<GroupPoll>(config, g);
+    if (group->report.tags().empty()) continue;
+    const milliseconds within =
+        std::min(kSpread, std::max(config.groups[g].interval, milliseconds(1)));
+    std::uniform_int_distribution<milliseconds::rep> offset(0, within.count() - 1);
+    const auto first_due = now + milliseconds(offset(jitter_));
+    group->id = agenda_.add_group(device->id, config.groups[g].interval, 1, first_due);
+    device->groups.push_back(std::move(group));
+  }
+  if (device->codec->run_state())
+    device->run_state_group = agenda_.add_group(device->id, kRunStateEvery, 1, now);
+  make_plans(*device);
+  device->status.device = index;
+  device->status.since_ms = now_ms();
+  device->status.reason = "starting";
+  device->status.model = device->codec->model();
+  outbox_.push(device->status);
+  by_index_[index] = device.get();
+  devices_.push_back(std::move(device));
+}
+
+LinkWorker::Device* LinkWorker::device_of(std::uint32_t index) {
+  const auto found = by_index_.find(index);
+  return found == by_index_.end() ? nullptr : found->second;
+}
+
+void LinkWorker::make_plans(Device& device) {
+  const LineCost cost{config_.links[link_].char_time, device.config.turnaround + device.config.gap};
+  for (const auto& group : device.groups) {
+    std::vector<Point> points;
+    for (const std::uint32_t tag : group->report.tags())
+      points.push_back(device.config.tags[tag].point);
+    group->plan = make_plan(*device.codec, points, cost, device.config.max_block_bytes);
+    group->begin();
+    agenda_.set_exchanges(group->id, static_cast<std::uint32_t>(group->plan.reads.size()));
+  }
+}
+
+// ---- the loop -----------------------------------------------------------------------------------
+
+asio::awaitable<void> LinkWorker::run() {
+  while (!stopping_) {
+    if (!line_.is_open() && was_open_) line_lost("the line was lost");
+    const auto now = Clock::now();
+    if (!line_.is_open() && now >= next_open_) {
+      co_await open_line();
+      continue;
+    }
+    const Agenda::Job job = agenda_.next(now);
+    switch (job.kind) {
+      case Agenda::Job::Kind::command:
+        co_await run_command();
+        break;
+      case Agenda::Job::Kind::poll:
+        co_await run_step(job.poll);
+        break;
+      case Agenda::Job::Kind::wait:
+        co_await idle_until(line_.is_open() ? job.until : std::min(job.until, next_open_));
+        break;
+    }
+  }
+  line_.close();
+  for (Waiting& waiting : waiting_) {
+    CommandResult result = result_of(waiting.order.command);
+    result.status = CommandStatus::rejected;
+    result.reason = Reason::shutting_down;
+    result.detail = "the agent is stopping; nothing was sent";
+    outbox_.push(std::move(result));
+  }
+  waiting_.clear();
+}
+
+void LinkWorker::stop() {
+  stopping_ = true;
+  idle_.cancel();
+  if (!command_running_) line_.close();
+}
+
+asio::awaitable<void> LinkWorker::idle_until(SteadyTime until) {
+  idle_.expires_at(until);
+  co_await idle_.async_wait(use_result);
+}
+
+asio::awaitable<void> LinkWorker::open_line() {
+  const LinkConfig& link = config_.links[link_];
+  const auto opened = co_await line_.open();
+  const auto now = Clock::now();
+  if (opened) {
+    open_delay_ = {};
+    was_open_ = true;
+    unanswered_in_a_row_ = 0;
+    log::info("link", {{"link", link.name}, {"state", "up"}});
+    co_return;
+  }
+  const bool serial = std::holds_alternative<SerialSettings>(link.channel);
+  open_delay_ =
+      std::clamp(open_delay_ * 2, kFirstReopen, serial ? kSerialReopenCap : kTcpReopenCap);
+  std::uniform_real_distribution<double> spread(0.8, 1.2);
+  next_open_ = now + std::chrono::duration_cast<nanoseconds>(open_delay_ * spread(jitter_));
+  line_lost(opened.error().text);
+}
+
+void LinkWorker::line_lost(const std::string& why) {
+  if (was_open_) next_open_ = Clock::now();
+  if (was_open_ || why != why_down_)
+    log::warn("link", {{"link", config_.links[link_].name}, {"state", "down"}, {"reason", why}});
+  was_open_ = false;
+  why_down_ = why;
+  for (const auto& device : devices_) update_status(*device);
+}
+
+// ---- commands -----------------------------------------------------------------------------------
+
+void LinkWorker::submit(Command command) {
+  Device* device = device_of(command.device);
+  if (device == nullptr) return;
+  const auto now = Clock::now();
+  if (stopping_) {
+    CommandResult result = result_of(command);
+    result.reason = Reason::shutting_down;
+    result.detail = "the agent is stopping; nothing was sent";
+    outbox_.push(std::move(result));
+    return;
+  }
+  auto verdict = device->desk.admit(std::move(command), *device->codec, device->waiting, now);
+  if (auto* result = std::get_if<CommandResult>(&verdict)) {
+    outbox_.push(std::move(*result));
+    return;
+  }
+  Waiting waiting;
+  waiting.order = std::move(std::get<Order>(verdict));
+  waiting.device = device;
+  waiting.line_time = OrderRun::line_time(line_, device->station, device->config, waiting.order);
+  waiting.order.bound = bound_of(waiting.line_time);
+  waiting_.push_back(std::move(waiting));
+  ++device->waiting;
+  agenda_.command_waits();
+  idle_.cancel();
+}
+
+nanoseconds LinkWorker::longest_poll() const {
+  nanoseconds longest{0};
+  for (const auto& device : devices_) {
+    const auto consider = [&](const Request& request) {
+      longest =
+          std::max(longest, line_.line_time(device->station, request, device->config.turnaround));
+    };
+    for (const auto& group : device->groups)
+      for (const PlannedRead& planned : group->plan.reads) consider(planned.read);
+    if (const auto question = device->codec->run_state()) consider(*question);
+  }
+  return longest;
+}
+
+std::optional<nanoseconds> LinkWorker::bound_of(nanoseconds own) const {
+  if (config_.links[link_].char_time.count() == 0) return std::nullopt;
+  nanoseconds ahead = running_line_time_;
+  for (const Waiting& waiting : waiting_) ahead += waiting.line_time;
+  const nanoseconds longest = longest_poll();
+  return longest + ahead + agenda_.polls_between(ahead, longest) + own;
+}
+
+asio::awaitable<void> LinkWorker::run_command() {
+  Waiting next = std::move(waiting_.front());
+  waiting_.pop_front();
+  agenda_.command_taken();
+  Device& device = *next.device;
+  --device.waiting;
+  running_line_time_ = next.line_time;
+  command_running_ = true;
+
+  OrderRun order_run(line_, device.station, device.config, next.order);
+  CommandResult result = co_await order_run.run(executor_);
+
+  command_running_ = false;
+  running_line_time_ = {};
+  if (line_.is_open()) was_open_ = true;
+  agenda_.command_used(result.wire, Clock::now());
+  if (order_run.was_answered()) note_answer(device);
+  if (order_run.was_unanswered() && !order_run.was_answered()) note_silence(device);
+  result.bound = next.order.bound;
+  device.desk.finished(result);
+  after_write(device, result, next.order);
+  outbox_.push(std::move(result));
+  update_status(device);
+}
+
+void LinkWorker::after_write(Device& device, const CommandResult& result, const Order& order) {
+  for (std::size_t i = 0; i < order.targets.size(); ++i) {
+    const OrderTarget& target = order.targets[i];
+    const TargetResult& outcome = result.targets[i];
+    if (!target.tag_index || target.requests.empty()) continue;
+    if (outcome.status != CommandStatus::succeeded) continue;
+    const bool read_back = outcome.verify && outcome.verify->read;
+    const Value value = read_back ? *outcome.verify->read : target.written.value_or(Value());
+    const TagConfig& tag = device.config.tags[*target.tag_index];
+    for (const auto& group : device.groups) {
+      if (group->group != tag.group) continue;
+      group->newer[*target.tag_index] = value;
+      Telemetry message;
+      message.ts_ms = now_ms();
+      message.partial = true;
+      message.written = !read_back;
+      message.readings.push_back(group->report.written(*target.tag_index, value, message.ts_ms));
+      ++device.collected;
+      publish(device, tag.group, std::move(message));
+    }
+  }
+}
+
+// ---- polls --------------------------------------------------------------------------------------
+
+asio::awaitable<void> LinkWorker::run_step(Agenda::PollStep step) {
+  for (const auto& device : devices_) {
+    if (device->run_state_group == step.group) {
+      co_await read_run_state(*device, step);
+      co_return;
+    }
+    for (const auto& group : device->groups) {
+      if (group->id != step.group) continue;
+      if (step.starts_cycle) {
+        group->begin();
+        device->late_ms.add(step.late);
+      }
+      if (!line_.is_open()) {
+        fail_cycle(*device, *group, BadReason::link_down);
+        co_return;
+      }
+      const bool known = co_await know_model(*device, *group);
+      if (!known) co_return;
+      if (group->plan.reads.empty()) {
+        agenda_.step_done(step);
+        finish_cycle(*device, *group);
+        co_return;
+      }
+      const Read read = group->plan.reads[step.exchange].read;
+      Exchange exchange = co_await line_.exchange(device->station, read);
+      take_reading(*device, *group, step, std::move(exchange));
+      co_return;
+    }
+  }
+}
+
+void LinkWorker::take_reading(Device& device, GroupPoll& group, const Agenda::PollStep& step,
+                              Exchange exchange) {
+  if (stopping_) return;
+  agenda_.poll_used(exchange.ended - exchange.began);
+  if (exchange.has_answer()) note_answer(device);
+  if (exchange.outcome == Exchange::Outcome::unanswered) {
+    note_silence(device);
+    fail_cycle(device, group, BadReason::timeout);
+    return;
+  }
+  if (exchange.outcome == Exchange::Outcome::link_down) {
+    line_lost(exchange.error);
+    fail_cycle(device, group, BadReason::link_down);
+    return;
+  }
+  const Request asked = group.plan.reads[step.exchange].read;
+  const bool repeatable =
+      exchange.outcome == Exchange::Outcome::garbled ||
+      (exchange.is_nak() && device.codec->refusal_is_curable(asked, exchange.reply.device_code));
+  if (repeatable && group.repeats < device.config.retries) {
+    ++group.repeats;  // the agenda offers the same step again, after the commands that wait
+    return;
+  }
+  group.repeats = 0;
+  if (exchange.is_data()) {
+    group.images[step.exchange] = std::move(exchange.reply.image);
+  } else {
+    group.failures[step.exchange] = bad_reason(exchange);
+  }
+  if (exchange.has_answer()) {
+    if (!group.first_reply) group.first_reply = exchange.ended;
+    group.last_reply = exchange.ended;
+    group.last_reply_ms = exchange.ended_ms;
+    ++group.replies;
+  }
+  // What a command wrote before this read is in the read; what it writes after it is newer.
+  // An array cut into several reads keeps the whole that was written in between.
+  for (const std::uint32_t point : group.plan.reads[step.exchange].points)
+    if (group.plan.sources[point].first_read == step.exchange)
+      group.newer.erase(group.report.tags()[point]);
+  group.next_read = step.exchange + 1;
+  if (agenda_.step_done(step)) finish_cycle(device, group);
+}
+
+void LinkWorker::fail_cycle(Device& device, GroupPoll& group, BadReason why) {
+  for (std::size_t i = 0; i < group.failures.size(); ++i)
+    if (i >= group.next_read && group.images[i].empty() && !group.failures[i])
+      group.failures[i] = why;
+  agenda_.abandon_cycle(group.id);
+  finish_cycle(device, group);
+}
+
+void LinkWorker::finish_cycle(Device& device, GroupPoll& group) {
+  const auto& tags = group.report.tags();
+  std::vector<TagOutcome> outcomes;
+  outcomes.reserve(tags.size());
+  for (std::size_t i = 0; i < tags.size(); ++i) {
+    const PointSource source = group.plan.sources[i];
+    if (const auto newer = group.newer.find(tags[i]); newer != group.newer.end()) {
+      outcomes.emplace_back(newer->second);
+      continue;
+    }
+    std::optional<BadReason> why;
+    if (source.count == 0) why = BadReason::unsupported;
+    for (std::uint32_t r = source.first_read; r < source.first_read + source.count; ++r)
+      if (!why) why = group.failures[r];
+    if (why) {
+      outcomes.emplace_back(*why);
+      continue;
+    }
+    auto value = value_of(group.plan, group.images, device.config.tags[tags[i]].point, i);
+    if (value)
+      outcomes.emplace_back(std::move(*value));
+    else
+      outcomes.emplace_back(BadReason::bad_value);
+  }
+  group.newer.clear();
+
+  Telemetry message;
+  message.ts_ms = group.replies > 0 ? group.last_reply_ms : now_ms();
+  if (group.replies > 1) {
+    const auto span = group.last_reply - *group.first_reply;
+    message.span_ms = std::chrono::duration<double, std::milli>(span).count();
+  }
+  ++device.collected;
+  auto readings = group.report.cycle(std::move(outcomes), message.ts_ms, Clock::now());
+  if (readings) {
+    message.readings = std::move(*readings);
+    publish(device, group.group, std::move(message));
+  } else {
+    ++device.suppressed;
+  }
+  update_status(device);
+}
+
+void LinkWorker::publish(Device& device, std::uint32_t group, Telemetry message) {
+  message.device = device.index;
+  message.group = group;
+  message.seq = ++device.seq;
+  outbox_.push(std::move(message));
+}
+
+asio::awaitable<void> LinkWorker::read_run_state(Device& device, Agenda::PollStep step) {
+  const auto question = device.codec->run_state();
+  if (line_.is_open() && question) {
+    const Exchange exchange = co_await line_.exchange(device.station, *question);
+    if (stopping_) co_return;
+    agenda_.poll_used(exchange.ended - exchange.began);
+    if (exchange.has_answer()) note_answer(device);
+    if (exchange.outcome == Exchange::Outcome::unanswered) note_silence(device);
+    if (exchange.outcome == Exchange::Outcome::link_down) line_lost(exchange.error);
+    device.run.reset();
+    if (exchange.is_data()) device.run = device.codec->run_state_from(exchange.reply.image);
+  }
+  agenda_.step_done(step);
+  update_status(device);
+}
+
+asio::awaitable<bool> LinkWorker::know_model(Device& device, GroupPoll& group) {
+  if (device.model_known) co_return true;
+  const Codec& asking = *device.config.codec;
+  const std::vector<Request> questions = asking.identify();
+  std::vector<Bytes> images;
+  for (const Request& question : questions) {
+    const Exchange exchange = co_await line_.exchange(device.station, question);
+    if (stopping_) co_return false;
+    agenda_.poll_used(exchange.ended - exchange.began);
+    if (exchange.has_answer()) {
+      note_answer(device);
+      images.push_back(exchange.is_data() ? exchange.reply.image : Bytes{});
+      continue;
+    }
+    if (exchange.outcome == Exchange::Outcome::unanswered) note_silence(device);
+    if (exchange.outcome == Exchange::Outcome::link_down) line_lost(exchange.error);
+    fail_cycle(device, group, bad_reason(exchange));
+    co_return false;
+  }
+  device.model_known = true;
+  const auto model = asking.model_from(images);
+  device.model_unclear = !model;
+  if (!model) {
+    log::warn("device", {{"device", device.config.name},
+                         {"model", "unknown"},
+                         {"note", "classic addresses only; set model in the config"}});
+  } else if (*model != device.codec->model()) {
+    log::info("device", {{"device", device.config.name}, {"model", *model}});
+  }
+  const std::string now_known = model.value_or("");
+  const bool changed = now_known != device.codec->model();
+  if (changed) {
+    device.codec = model ? asking.with_model(*model) : device.config.codec;
+    device.station.codec = device.codec.get();
+    device.status.model = now_known;
+    make_plans(device);
+  }
+  update_status(device);
+  co_return !changed;  // else the agenda offers the cycle again, under its new plan
+}
+
+// ---- states -------------------------------------------------------------------------------------
+
+void LinkWorker::note_answer(Device& device) {
+  unanswered_in_a_row_ = 0;
+  device.answered_once = true;
+  agenda_.device_answered(device.id);
+}
+
+void LinkWorker::note_silence(Device& device) {
+  const bool silent = agenda_.device_unanswered(device.id, Clock::now());
+  if (silent) {
+    device.run.reset();
+    // Whoever answers next may be another PLC.
+    if (device.config.codec->model().empty() && !device.config.codec->identify().empty()) {
+      device.model_known = false;
+    }
+  }
+  const bool tcp = std::holds_alternative<TcpSettings>(config_.links[link_].channel);
+  const int limit = std::max(kDeadPeerAfter, static_cast<int>(devices_.size()) + 1);
+  if (tcp && ++unanswered_in_a_row_ >= limit) {
+    line_.close();
+    line_lost("nobody answers on this connection");
+  }
+}
+
+void LinkWorker::update_status(Device& device) {
+  DeviceStatus status = device.status;
+  status.run = device.run;
+  status.state = DeviceStatus::State::online;
+  status.reason.clear();
+  if (!line_.is_open()) {
+    status.state = DeviceStatus::State::offline;
+    status.reason = to_string(BadReason::link_down);
+    status.run.reset();
+  } else if (agenda_.is_silent(device.id)) {
+    status.state = DeviceStatus::State::offline;
+    status.reason = to_string(BadReason::timeout);
+  } else if (!device.answered_once) {
+    return;
+  } else if (device.model_unclear) {
+    status.state = DeviceStatus::State::degraded;
+    status.reason = "model_unknown";
+  } else {
+    for (const auto& group : device.groups) {
+      const auto bad = group->report.first_bad();
+      if (!bad) continue;
+      status.state = DeviceStatus::State::degraded;
+      status.reason = to_string(*bad);
+      break;
+    }
+  }
+  DeviceStatus& old = device.status;
+  const bool other_state = status.state != old.state;
+  if (!other_state && status.reason == old.reason && status.model == old.model &&
+      status.run == old.run && old.reason != "starting")
+    return;
+  if (other_state || old.reason == "starting") {
+    status.since_ms = now_ms();
+    log::info("device", {{"device", device.config.name},
+                         {"state", std::string(to_string(status.state))},
+                         {"reason", status.reason}});
+  }
+  old = status;
+  outbox_.push(status);
+}
+
+void LinkWorker::report(FieldHealth& health) {
+  const auto now = Clock::now();
+  Line::Counters& line = line_.counters();
+  LinkHealth& link = health.links[link_];
+  link.exchanges = line.exchanges;
+  link.timeouts = line.timeouts;
+  link.naks = line.naks;
+  link.bad_frames = line.bad_frames;
+  const double elapsed = std::chrono::duration<double>(now - counting_since_).count();
+  const double busy = std::chrono::duration<double>(line.busy).count();
+  link.busy_percent = elapsed > 0 ? 100.0 * busy / elapsed : 0;
+  line.busy = {};
+  counting_since_ = now;
+  link.turnaround_ms = line.turnaround_ms.percentiles();
+  for (const auto& device : devices_) {
+    DeviceHealth& out = health.devices[device->index];
+    out.polls = agenda_.counters(device->id).polls;
+    out.missed = agenda_.counters(device->id).missed;
+    out.late_ms = device->late_ms.percentiles();
+    out.collected = device->collected;
+    out.suppressed = device->suppressed;
+  }
+}
+
+}  // namespace fxagent

@@ -1,0 +1,107 @@
+// One link: opens it, polls its devices on their beat, carries out their commands. One coroutine;
+// what it does next is the Agenda's to say. Field thread.
+#pragma once
+
+#include <asio/any_io_executor.hpp>
+#include <asio/awaitable.hpp>
+#include <asio/steady_timer.hpp>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <random>
+#include <unordered_map>
+#include <vector>
+
+#include "agent/config.h"
+#include "agent/field/agenda.h"
+#include "agent/field/command_desk.h"
+#include "agent/field/group_report.h"
+#include "agent/field/line.h"
+#include "agent/messages.h"
+#include "agent/outbox.h"
+#include "protocol/plan.h"
+
+namespace fxagent {
+
+class LinkWorker final {
+ public:
+  /// `config` and `outbox` outlive the worker; `link` is an index in Config::links. `first_seq` is
+  /// the number before the first sample of each device.
+  LinkWorker(asio::any_io_executor executor, const Config& config, std::uint32_t link,
+             Outbox& outbox, std::unique_ptr<Transport> transport, std::uint64_t first_seq);
+  LinkWorker(const LinkWorker&) = delete;
+  LinkWorker& operator=(const LinkWorker&) = delete;
+  ~LinkWorker();
+
+  /// Runs until stop(); then answers what still waits and returns.
+  asio::awaitable<void> run();
+
+  /// A command for a device of this link. Its result, whatever it is, goes to the outbox.
+  void submit(Command command);
+
+  /// Ends run(): a command on the wire is finished, a poll is cut short, waiting commands are
+  /// answered REJECTED shutting_down.
+  void stop();
+
+  /// Adds this link's and its devices' counters.
+  void report(FieldHealth& health);
+
+ private:
+  struct GroupPoll;
+  struct Device;
+  struct Waiting {
+    Order order;
+    Device* device = nullptr;
+    std::chrono::nanoseconds line_time{0};
+  };
+
+  void add_device(std::uint32_t index, SteadyTime now);
+  Device* device_of(std::uint32_t index);
+  void make_plans(Device& device);
+
+  asio::awaitable<void> idle_until(SteadyTime until);
+  asio::awaitable<void> open_line();
+  void line_lost(const std::string& why);
+
+  asio::awaitable<void> run_command();
+  void after_write(Device& device, const CommandResult& result, const Order& order);
+  std::optional<std::chrono::nanoseconds> bound_of(std::chrono::nanoseconds own) const;
+  std::chrono::nanoseconds longest_poll() const;
+
+  asio::awaitable<void> run_step(Agenda::PollStep step);
+  asio::awaitable<void> read_run_state(Device& device, Agenda::PollStep step);
+  /// False where the device did not answer, or its plan has changed: the step is over.
+  asio::awaitable<bool> know_model(Device& device, GroupPoll& group);
+  void take_reading(Device& device, GroupPoll& group, const Agenda::PollStep& step,
+                    Exchange exchange);
+  void fail_cycle(Device& device, GroupPoll& group, BadReason why);
+  void finish_cycle(Device& device, GroupPoll& group);
+  void publish(Device& device, std::uint32_t group, Telemetry message);
+
+  void note_answer(Device& device);
+  void note_silence(Device& device);
+  void update_status(Device& device);
+
+  asio::any_io_executor executor_;
+  const Config& config_;
+  const std::uint32_t link_;
+  Outbox& outbox_;
+  Line line_;
+  Agenda agenda_;
+  asio::steady_timer idle_;
+  std::vector<std::unique_ptr<Device>> devices_;
+  std::unordered_map<std::uint32_t, Device*> by_index_;
+  std::deque<Waiting> waiting_;
+  std::chrono::nanoseconds running_line_time_{0};  ///< of the command on the wire
+  SteadyTime next_open_{};
+  std::chrono::milliseconds open_delay_{0};
+  std::string why_down_ = "not opened yet";
+  bool was_open_ = false;
+  int unanswered_in_a_row_ = 0;
+  std::minstd_rand jitter_;
+  SteadyTime counting_since_{};
+  bool command_running_ = false;
+  bool stopping_ = false;
+};
+
+}  // namespace fxagent

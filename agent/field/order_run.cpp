@@ -1,0 +1,355 @@
+#include "agent/field/order_run.h"
+
+#include <utility>
+
+#include "agent/field/stream_io.h"
+
+namespace fxagent {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
+using Clock = std::chrono::steady_clock;
+
+// CONTRACT: RUN and STOP are verified by the RUN state for up to 2 s.
+constexpr milliseconds kRunStateWithin{2000};
+constexpr milliseconds kRunStateEvery{100};
+
+Reason reason_of(const Exchange& exchange) {
+  switch (exchange.outcome) {
+    case Exchange::Outcome::garbled:
+      return Reason::bad_frame;
+    case Exchange::Outcome::link_down:
+      return Reason::link_down;
+    case Exchange::Outcome::expired:
+      return Reason::expired;
+    case Exchange::Outcome::unanswered:
+      return exchange.sent ? Reason::timeout : Reason::device_offline;
+    case Exchange::Outcome::answered:
+      break;
+  }
+  return exchange.is_nak() ? Reason::nak : Reason::bad_frame;
+}
+
+void set(TargetResult& out, CommandStatus status, Reason reason, std::string detail) {
+  out.status = status;
+  out.reason = reason;
+  out.detail = std::move(detail);
+}
+
+std::string nak_text(const Exchange& exchange) {
+  return exchange.reply.text.empty() ? "nak: the protocol gives no reason" : exchange.reply.text;
+}
+
+/// How an order ended that surely had no effect: refused, never sent, or too late.
+void set_without_effect(TargetResult& out, const Exchange& exchange) {
+  if (exchange.is_nak()) {
+    out.plc = PlcAnswer::nak;
+    set(out, CommandStatus::failed, Reason::nak, nak_text(exchange));
+  } else if (exchange.outcome == Exchange::Outcome::expired) {
+    set(out, CommandStatus::expired, Reason::expired,
+        "its time had passed before it could be sent");
+  } else {
+    set(out, CommandStatus::failed, reason_of(exchange), exchange.error);
+  }
+}
+
+std::string elsewhere_text(const OrderTarget& target, const Value& read) {
+  return target.point.address.text + " holds another value" + (read.is_array ? "" : " now") +
+         ": something else has set it since";
+}
+
+Verification verification(const OrderTarget& target, const Bytes& image) {
+  Verification out;
+  out.match = image == target.image;
+  const Span span = *span_of(target.point);
+  if (const auto value = unpack(target.point, image, span.first_bit)) out.read = *value;
+  return out;
+}
+
+bool is_bit(const OrderTarget& target) { return target.point.type == DataType::boolean; }
+
+bool wants_verify(const Order& order, const OrderTarget& target) {
+  return is_bit(target) ? order.verify_bits : order.verify_words;
+}
+
+Plan plan_of(const Codec& codec, const DeviceConfig& device, const OrderTarget& target) {
+  return make_plan(codec, std::span(&target.point, 1), LineCost{}, device.max_block_bytes);
+}
+
+}  // namespace
+
+OrderRun::OrderRun(Line& line, Station& station, const DeviceConfig& device, const Order& order)
+    : line_(line),
+      station_(station),
+      device_(device),
+      order_(order),
+      result_(result_of(order.command)) {}
+
+asio::awaitable<CommandResult> OrderRun::run(asio::any_io_executor executor) {
+  result_.targets.clear();
+  if (order_.run_order) {
+    result_.targets.emplace_back();
+    co_await run_or_stop(executor);
+  } else {
+    co_await run_targets();
+  }
+  summarise();
+  co_return std::move(result_);
+}
+
+asio::awaitable<Exchange> OrderRun::ask(Request request, SteadyTime not_after) {
+  Exchange exchange;
+  // A channel that turns out to be closed before a byte was sent is opened anew, once.
+  for (int attempt = 0; attempt < 2; ++attempt) {
+    if (!line_.is_open()) {
+      const auto opened = co_await line_.open();
+      if (!opened) {
+        exchange.outcome = Exchange::Outcome::link_down;
+        exchange.error = opened.error().text;
+        co_return exchange;
+      }
+    }
+    exchange = co_await line_.exchange(station_, request, not_after);
+    if (exchange.outcome != Exchange::Outcome::link_down || exchange.sent) break;
+  }
+  if (exchange.sent) {
+    if (!first_byte_) first_byte_ = exchange.began;
+    last_byte_ = exchange.ended;
+  }
+  if (exchange.has_answer()) answered_ = true;
+  if (exchange.outcome == Exchange::Outcome::unanswered) unanswered_ = true;
+  co_return exchange;
+}
+
+asio::awaitable<OrderRun::ReadBack> OrderRun::read_point(const OrderTarget& target,
+                                                         SteadyTime not_after) {
+  ReadBack out;
+  const Plan plan = plan_of(*station_.codec, device_, target);
+  Bytes whole;
+  const Span span = *span_of(target.point);
+  for (const PlannedRead& planned : plan.reads) {
+    for (int attempt = 0; attempt <= device_.retries; ++attempt) {
+      out.last = co_await ask(planned.read, not_after);
+      const bool cured = out.last.is_data();
+      const bool worth_repeating =
+          out.last.outcome == Exchange::Outcome::garbled ||
+          (out.last.is_nak() &&
+           station_.codec->refusal_is_curable(planned.read, out.last.reply.device_code));
+      if (cured || !worth_repeating) break;
+    }
+    if (!out.last.is_data()) co_return out;
+    const Span part = planned.read.span;
+    if (plan.reads.size() == 1) {
+      whole = extract_bits(out.last.reply.image, span.first_bit - part.first_bit, span.bits);
+    } else {
+      whole.insert(whole.end(), out.last.reply.image.begin(), out.last.reply.image.end());
+    }
+  }
+  if (plan.reads.size() > 1)
+    whole = extract_bits(whole, span.first_bit - plan.reads.front().read.span.first_bit, span.bits);
+  out.image = std::move(whole);
+  co_return out;
+}
+
+asio::awaitable<void> OrderRun::run_targets() {
+  bool going = true;
+  for (const OrderTarget& target : order_.targets) {
+    TargetResult out = fxagent::result_of(target);
+    if (!going) {
+      set(out, CommandStatus::failed, Reason::none, "not sent: an earlier target did not succeed");
+    } else if (target.requests.empty()) {
+      co_await read_target(target, out);
+    } else {
+      co_await write_target(target, out);
+    }
+    going = going && out.status == CommandStatus::succeeded;
+    result_.targets.push_back(std::move(out));
+  }
+}
+
+asio::awaitable<void> OrderRun::read_target(const OrderTarget& target, TargetResult& out) {
+  ReadBack got = co_await read_point(target, order_.deadline);
+  ++result_.attempts;
+  if (!got.image) {
+    set_without_effect(out, got.last);
+    co_return;
+  }
+  auto value = unpack(target.point, *got.image, span_of(target.point)->first_bit);
+  if (!value) {
+    set(out, CommandStatus::failed, Reason::bad_value, value.error().text);
+    co_return;
+  }
+  out.plc = PlcAnswer::ack;
+  out.value = std::move(*value);
+  set(out, CommandStatus::succeeded, Reason::none, "");
+}
+
+asio::awaitable<bool> OrderRun::check_expected(const OrderTarget& target, TargetResult& out) {
+  if (target.expected.empty()) co_return true;
+  ReadBack got = co_await read_point(target, order_.deadline);
+  if (!got.image) {
+    set_without_effect(out, got.last);
+    co_return false;
+  }
+  if (*got.image == target.expected) co_return true;
+  out.verify = verification(target, *got.image);
+  out.verify->match = false;
+  set(out, CommandStatus::failed, Reason::expect_mismatch,
+      "nothing was written: the value is not the one expected");
+  co_return false;
+}
+
+asio::awaitable<Exchange> OrderRun::send_once_or_twice(Request request, bool may_repeat) {
+  Exchange exchange;
+  for (int attempt = 0; attempt < 2; ++attempt) {
+    exchange = co_await ask(request, order_.deadline);
+    if (exchange.sent) ++result_.attempts;
+    const bool curable = exchange.is_nak() &&
+                         station_.codec->refusal_is_curable(request, exchange.reply.device_code);
+    if (!may_repeat || !curable) break;
+  }
+  co_return exchange;
+}
+
+asio::awaitable<void> OrderRun::write_target(const OrderTarget& target, TargetResult& out) {
+  const bool as_expected = co_await check_expected(target, out);
+  if (!as_expected) co_return;
+  bool may_repeat = true;
+  for (const Request& request : target.requests) {
+    const int before = result_.attempts;
+    const Exchange exchange = co_await send_once_or_twice(request, may_repeat);
+    if (result_.attempts - before > 1) may_repeat = false;
+    if (exchange.is_ack()) continue;
+    const bool maybe_done = exchange.sent && !exchange.is_nak();
+    if (maybe_done) {
+      co_await settle_unknown(target, exchange, out);
+    } else {
+      set_without_effect(out, exchange);
+      if (&request != &target.requests.front())
+        out.detail += " (the first part of the value was written)";
+    }
+    co_return;
+  }
+  out.plc = PlcAnswer::ack;
+  set(out, CommandStatus::succeeded, Reason::none, "");
+  if (wants_verify(order_, target)) co_await verify(target, out);
+}
+
+asio::awaitable<void> OrderRun::verify(const OrderTarget& target, TargetResult& out) {
+  ReadBack got = co_await read_point(target, SteadyTime::max());
+  if (!got.image) {
+    out.detail = "acknowledged; it could not be read back: " +
+                 (got.last.is_nak() ? nak_text(got.last) : got.last.error);
+    co_return;
+  }
+  out.verify = verification(target, *got.image);
+  if (out.verify->match) co_return;
+  set(out, CommandStatus::failed, Reason::verify_mismatch,
+      elsewhere_text(target, out.verify->read.value_or(Value())));
+}
+
+asio::awaitable<void> OrderRun::settle_unknown(const OrderTarget& target, const Exchange& lost,
+                                               TargetResult& out) {
+  set(out, CommandStatus::unknown_outcome, reason_of(lost), lost.error);
+  if (!line_.is_open()) co_return;
+  ReadBack got = co_await read_point(target, SteadyTime::max());
+  if (!got.image) co_return;
+  out.verify = verification(target, *got.image);
+  if (out.verify->match)
+    set(out, CommandStatus::succeeded, Reason::none,
+        "no answer came, and the value read back is the one ordered");
+}
+
+asio::awaitable<std::optional<bool>> OrderRun::await_run_state(asio::any_io_executor executor,
+                                                               bool wanted) {
+  std::optional<bool> state;
+  const auto question = station_.codec->run_state();
+  if (!question) co_return state;
+  const auto give_up = Clock::now() + kRunStateWithin;
+  asio::steady_timer timer(executor);
+  for (;;) {
+    const Exchange exchange = co_await ask(*question, SteadyTime::max());
+    if (exchange.is_data()) state = station_.codec->run_state_from(exchange.reply.image);
+    if (state == wanted || Clock::now() + kRunStateEvery > give_up) co_return state;
+    timer.expires_after(kRunStateEvery);
+    co_await timer.async_wait(use_result);
+  }
+}
+
+asio::awaitable<void> OrderRun::run_or_stop(asio::any_io_executor executor) {
+  TargetResult& out = result_.targets.front();
+  const bool wanted = order_.command.op == Op::run;
+  const Exchange exchange = co_await ask(*order_.run_order, order_.deadline);
+  if (exchange.sent) ++result_.attempts;
+  if (!exchange.sent) {
+    set_without_effect(out, exchange);
+    co_return;
+  }
+  if (exchange.is_ack()) out.plc = PlcAnswer::ack;
+  if (exchange.is_nak()) out.plc = PlcAnswer::nak;
+  const auto state = co_await await_run_state(executor, wanted);
+  if (state) {
+    Verification seen;
+    seen.read = Value(Scalar(std::string(*state ? "run" : "stop")));
+    seen.match = *state == wanted;
+    out.verify = seen;
+  }
+  const std::string hint = station_.codec->run_order_hint();
+  if (state == wanted) {
+    set(out, CommandStatus::succeeded, Reason::none, "");
+  } else if (exchange.is_nak()) {
+    set(out, CommandStatus::failed, Reason::nak, nak_text(exchange) + "; " + hint);
+  } else if (exchange.is_ack() && state) {
+    set(out, CommandStatus::failed, Reason::verify_mismatch,
+        "acknowledged, and the PLC is still " + std::string(*state ? "running" : "stopped") + "; " +
+            hint);
+  } else if (exchange.is_ack()) {
+    set(out, CommandStatus::succeeded, Reason::none, "acknowledged; the RUN state cannot be read");
+  } else {
+    set(out, CommandStatus::unknown_outcome, reason_of(exchange), exchange.error);
+  }
+}
+
+void OrderRun::summarise() {
+  if (!first_byte_) {
+    result_.queue = Clock::now() - order_.go_ahead;
+  } else {
+    result_.queue = *first_byte_ - order_.go_ahead;
+    result_.wire = last_byte_ - *first_byte_;
+  }
+  const TargetResult* telling = &result_.targets.back();
+  for (const TargetResult& target : result_.targets) {
+    if (target.status == CommandStatus::succeeded) continue;
+    telling = &target;
+    break;
+  }
+  result_.status = telling->status;
+  result_.reason = telling->reason;
+  result_.detail = telling->detail;
+  result_.plc = telling->plc;
+}
+
+nanoseconds OrderRun::line_time(const Line& line, const Station& station,
+                                const DeviceConfig& device, const Order& order) {
+  const auto one = [&](const Request& request) {
+    return line.line_time(station, request, device.turnaround);
+  };
+  nanoseconds total{0};
+  if (order.run_order) {
+    total += one(*order.run_order) + kRunStateWithin;
+    if (const auto question = station.codec->run_state()) total += one(*question);
+  }
+  for (const OrderTarget& target : order.targets) {
+    nanoseconds reading{0};
+    for (const PlannedRead& planned : plan_of(*station.codec, device, target).reads)
+      reading += one(planned.read);
+    for (const Request& request : target.requests) total += one(request);
+    if (target.requests.empty()) total += reading;
+    if (!target.expected.empty()) total += reading;
+    if (!target.requests.empty() && wants_verify(order, target)) total += reading;
+  }
+  return total;
+}
+
+}  // namespace fxagent

@@ -1,0 +1,64 @@
+// Carries out one admitted command on the wire: expect, write, verify, and the honest word for how
+// it ended. Field thread.
+#pragma once
+
+#include <asio/awaitable.hpp>
+#include <asio/steady_timer.hpp>
+#include <optional>
+
+#include "agent/config.h"
+#include "agent/field/command_desk.h"
+#include "agent/field/line.h"
+#include "agent/messages.h"
+#include "protocol/plan.h"
+
+namespace fxagent {
+
+class OrderRun final {
+ public:
+  /// All arguments outlive run().
+  OrderRun(Line& line, Station& station, const DeviceConfig& device, const Order& order);
+
+  /// The result, complete but for its bound. Opens the line once where it is closed.
+  asio::awaitable<CommandResult> run(asio::any_io_executor executor);
+
+  /// Whether the device has answered anything, or has left something unanswered, during the run.
+  bool was_answered() const { return answered_; }
+  bool was_unanswered() const { return unanswered_; }
+
+  /// Line time of all exchanges of `order` when each ends well.
+  static std::chrono::nanoseconds line_time(const Line& line, const Station& station,
+                                            const DeviceConfig& device, const Order& order);
+
+ private:
+  struct ReadBack {
+    std::optional<Bytes> image;  ///< of the whole point; nullopt: it could not be read
+    Exchange last;
+  };
+
+  asio::awaitable<Exchange> ask(Request request, SteadyTime not_after);
+  asio::awaitable<ReadBack> read_point(const OrderTarget& target, SteadyTime not_after);
+  asio::awaitable<void> run_targets();
+  asio::awaitable<void> read_target(const OrderTarget& target, TargetResult& out);
+  asio::awaitable<void> write_target(const OrderTarget& target, TargetResult& out);
+  asio::awaitable<bool> check_expected(const OrderTarget& target, TargetResult& out);
+  asio::awaitable<Exchange> send_once_or_twice(Request request, bool may_repeat);
+  asio::awaitable<void> verify(const OrderTarget& target, TargetResult& out);
+  asio::awaitable<void> settle_unknown(const OrderTarget& target, const Exchange& lost,
+                                       TargetResult& out);
+  asio::awaitable<void> run_or_stop(asio::any_io_executor executor);
+  asio::awaitable<std::optional<bool>> await_run_state(asio::any_io_executor executor, bool wanted);
+  void summarise();
+
+  Line& line_;
+  Station& station_;
+  const DeviceConfig& device_;
+  const Order& order_;
+  CommandResult result_;
+  std::optional<SteadyTime> first_byte_;
+  SteadyTime last_byte_{};
+  bool answered_ = false;
+  bool unanswered_ = false;
+};
+
+}  // namespace fxagent
