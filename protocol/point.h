@@ -1,10 +1,10 @@
 // What can be read or written, and what was: places in a device, their types, their values.
 //
 // A codec maps its device names to *spaces*. A space is a run of device memory of one kind (D, M,
-// CN200-CN255, holding registers …), counted in bits from its first device. Whatever the wire format,
-// a codec hands over the content of a space as an *image*: bit n of the span is bit n % 8 of byte
-// n / 8, and a 16-bit word lies low byte first. So one planner, one packer and one allow list serve
-// every protocol.
+// CN200-CN255, holding registers …), counted in bits from its first device. Whatever the wire
+// format, a codec hands over the content of a space as an *image*: bit n of the span is bit n % 8
+// of byte n / 8, and a 16-bit word lies low byte first. So one planner, one packer and one allow
+// list serve every protocol.
 #pragma once
 
 #include <cstdint>
@@ -32,7 +32,15 @@ struct Span {
 };
 
 enum class DataType : std::uint8_t {
-  boolean, int16, uint16, int32, uint32, float32, bcd16, bcd32, string
+  boolean,
+  int16,
+  uint16,
+  int32,
+  uint32,
+  float32,
+  bcd16,
+  bcd32,
+  string
 };
 
 /// The config's word for a type ("bool", "int16" …), and back; bad_request lists the words.
@@ -40,7 +48,9 @@ std::string_view to_string(DataType type);
 Result<DataType> data_type_from(std::string_view word);
 
 /// Order of the four bytes of a 32-bit value, named by the letters used for Modbus: A is the most
-/// significant byte. `cdab` is low word first, the order of FX double-word instructions.
+/// significant byte. `cdab` is low word first, the order of FX double-word instructions. `badc` and
+/// `dcba` also swap the bytes of 16-bit values. Of a string's two characters in a word the first is
+/// the low byte, as FX instructions have it, and with `abcd` the high one.
 enum class ByteOrder : std::uint8_t { abcd, cdab, badc, dcba };
 
 /// Accepts ABCD CDAB BADC DCBA, `low_first` (= CDAB) and `high_first` (= ABCD).
@@ -61,14 +71,19 @@ struct Address {
   std::string text;  ///< canonical spelling: "D200", "Y17", "K4M0", "TN5"
   Span span;
   Unit unit = Unit::word;
-  bool writable = true;  ///< false where the device kind cannot be written (D100.F, input registers)
+  bool writable =
+      true;  ///< false where the device kind cannot be written (D100.F, input registers)
 };
+
+/// What a tag is where its config names no type: bool for bits, int16 for words and K1-K4, int32
+/// for CN200-CN255 and K5-K8.
+DataType default_type(const Address& address);
 
 /// One tag's data: a place, how to read it, and its engineering units.
 struct Point {
   Address address;
   DataType type = DataType::int16;
-  std::uint16_t count = 1;   ///< elements of an array; 1 with is_array false is a plain value
+  std::uint16_t count = 1;  ///< elements of an array; 1 with is_array false is a plain value
   bool is_array = false;
   std::uint16_t length = 0;  ///< characters of a string; 0 for other types
   ByteOrder order = ByteOrder::cdab;
@@ -80,7 +95,8 @@ struct Point {
 };
 
 /// Stores scale and offset, and works out `decimals`, so that 234 × 0.1 reads 23.4 and not
-/// 23.400000000000002. bad_request: scale 0, NaN or Inf; or a type that takes no scale (bool, string).
+/// 23.400000000000002. bad_request: scale 0, NaN or Inf; or a type that takes no scale (bool,
+/// string).
 Result<void> set_units(Point& point, double scale, double offset);
 
 /// Every bit that the point occupies. bad_request where the type does not fit the address unit
@@ -120,8 +136,11 @@ struct PackError {
 };
 tl::expected<Bytes, PackError> pack(const Point& point, const Value& value);
 
-/// Copies `bits` bits of `image`, starting `from_bit` bits in, to a fresh image that starts at bit 0;
-/// bits past the end of `image` read as 0.
+/// Copies `bits` bits of `image`, starting `from_bit` bits in, to a fresh image that starts at bit
+/// 0; bits past the end of `image` read as 0.
 Bytes extract_bits(ByteView image, std::uint32_t from_bit, std::uint32_t bits);
+/// Overwrites `bits` bits of `image` from `to_bit` on with the first ones of `part`. `image` holds
+/// them all.
+void insert_bits(Bytes& image, std::uint32_t to_bit, ByteView part, std::uint32_t bits);
 
 }  // namespace fxagent

@@ -1,0 +1,547 @@
+#include "protocol/point.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <optional>
+
+namespace fxagent {
+namespace {
+
+struct Word {
+  std::string_view text;
+  DataType type;
+};
+constexpr std::array<Word, 9> kTypes = {{
+    {"bool", DataType::boolean},
+    {"int16", DataType::int16},
+    {"uint16", DataType::uint16},
+    {"int32", DataType::int32},
+    {"uint32", DataType::uint32},
+    {"float32", DataType::float32},
+    {"bcd16", DataType::bcd16},
+    {"bcd32", DataType::bcd32},
+    {"string", DataType::string},
+}};
+
+// Beyond 2^53 a double no longer tells neighbouring integers apart, so rounding to decimals would
+// change the value.
+constexpr double kExactDouble = 9007199254740992.0;
+// More decimals than a double has digits.
+constexpr int kMaxDecimals = 17;
+
+constexpr std::array<double, kMaxDecimals + 1> kPowers = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,
+                                                          1e6,  1e7,  1e8,  1e9,  1e10, 1e11,
+                                                          1e12, 1e13, 1e14, 1e15, 1e16, 1e17};
+
+// ---- bits and bytes of an image -------------------------------------------------------------
+
+std::uint32_t byte_or_zero(ByteView image, std::size_t index) {
+  return index < image.size() ? image[index] : 0;
+}
+
+/// `bits` (1-32) bits of the image as a number; what lies past its end is 0.
+std::uint32_t bits_at(ByteView image, std::size_t from_bit, std::uint32_t bits) {
+  const std::size_t first = from_bit / 8;
+  std::uint64_t value = 0;
+  for (std::size_t i = 0; i < 5; ++i)
+    value |= static_cast<std::uint64_t>(byte_or_zero(image, first + i)) << (8 * i);
+  value >>= from_bit % 8;
+  return static_cast<std::uint32_t>(value & ((std::uint64_t{1} << bits) - 1));
+}
+
+void set_bits(Bytes& image, std::size_t to_bit, std::uint32_t bits, std::uint32_t value) {
+  for (std::uint32_t i = 0; i < bits; ++i)
+    if (value >> i & 1)
+      image[(to_bit + i) / 8] |= static_cast<std::uint8_t>(1U << ((to_bit + i) % 8));
+}
+
+std::uint32_t swap_words(std::uint32_t v) { return v << 16 | v >> 16; }
+std::uint32_t swap_bytes_in_words(std::uint32_t v) {
+  return (v & 0x00FF00FFU) << 8 | (v >> 8 & 0x00FF00FFU);
+}
+
+/// Between the number that two words hold in image order (the first word is the lower half) and the
+/// value in the order that the device keeps it. Its own inverse.
+std::uint32_t reorder32(std::uint32_t v, ByteOrder order) {
+  switch (order) {
+    case ByteOrder::abcd:
+      return swap_words(v);
+    case ByteOrder::cdab:
+      return v;
+    case ByteOrder::badc:
+      return swap_bytes_in_words(swap_words(v));
+    case ByteOrder::dcba:
+      return swap_bytes_in_words(v);
+  }
+  return v;
+}
+
+std::uint32_t reorder16(std::uint32_t v, ByteOrder order) {
+  const bool swapped = order == ByteOrder::badc || order == ByteOrder::dcba;
+  return swapped ? swap_bytes_in_words(v) : v;
+}
+
+// ---- numbers ----------------------------------------------------------------------------------
+
+/// Digits after the point in the shortest spelling of `number`: 0.05 has 2, 1e-7 has 7, 3 has 0.
+int decimals_of(double number) {
+  std::array<char, 64> text;
+  const auto end =
+      std::to_chars(text.data(), text.data() + text.size(), number, std::chars_format::scientific)
+          .ptr;
+  const std::string_view spelled(text.data(), static_cast<std::size_t>(end - text.data()));
+  const auto e = spelled.find('e');
+  const auto point = spelled.find('.');
+  const int mantissa = point == std::string_view::npos ? 0 : static_cast<int>(e - point - 1);
+  int exponent = 0;
+  const std::size_t sign = spelled[e + 1] == '+' ? 2 : 1;
+  std::from_chars(spelled.data() + e + sign, spelled.data() + spelled.size(), exponent);
+  return std::max(0, mantissa - exponent);
+}
+
+/// The double whose shortest spelling is that of `number`: 23.4F becomes 23.4,
+/// not 23.399999618530273.
+double widen(float number) {
+  std::array<char, 32> text;
+  const auto end = std::to_chars(text.data(), text.data() + text.size(), number).ptr;
+  double wide = 0;
+  std::from_chars(text.data(), end, wide);
+  return wide;
+}
+
+double to_decimals(double value, int decimals) {
+  if (decimals > kMaxDecimals) return value;
+  const double power = kPowers[static_cast<std::size_t>(decimals)];
+  const double shifted = value * power;
+  return std::abs(shifted) < kExactDouble ? std::round(shifted) / power : value;
+}
+
+/// BCD digits of `raw` as a number; nullopt where a nibble is above 9.
+std::optional<std::int64_t> from_bcd(std::uint32_t raw) {
+  std::int64_t value = 0;
+  for (int shift = 28; shift >= 0; shift -= 4) {
+    const std::uint32_t digit = raw >> shift & 0xF;
+    if (digit > 9) return std::nullopt;
+    value = value * 10 + digit;
+  }
+  return value;
+}
+
+std::uint32_t to_bcd(std::int64_t value) {
+  std::uint32_t raw = 0;
+  for (int shift = 0; shift < 32; shift += 4) {
+    raw |= static_cast<std::uint32_t>(value % 10) << shift;
+    value /= 10;
+  }
+  return raw;
+}
+
+std::uint32_t bits_of_type(DataType type) {
+  switch (type) {
+    case DataType::boolean:
+      return 1;
+    case DataType::int16:
+    case DataType::uint16:
+    case DataType::bcd16:
+      return 16;
+    case DataType::int32:
+    case DataType::uint32:
+    case DataType::float32:
+    case DataType::bcd32:
+      return 32;
+    case DataType::string:
+      break;
+  }
+  return 0;
+}
+
+/// Bits of one element; 0 where the type does not fit the address unit.
+std::uint32_t element_bits(const Point& point) {
+  const std::uint32_t bits = bits_of_type(point.type);
+  switch (point.address.unit) {
+    case Unit::bit:
+    case Unit::word_bit:
+      return point.type == DataType::boolean ? 1 : 0;
+    case Unit::word:
+      if (point.type == DataType::boolean) return 0;
+      return point.type == DataType::string ? (point.length + 1U) / 2 * 16 : bits;
+    case Unit::dword:
+      return point.type == DataType::int32 ? 32 : 0;
+    case Unit::bit_group: {
+      const std::uint32_t group = point.address.span.bits;
+      const bool fits = group <= 16 ? bits == 16 : point.type == DataType::int32;
+      return fits ? group : 0;
+    }
+  }
+  return 0;
+}
+
+/// What the raw integer of one element may be.
+struct Limits {
+  std::int64_t min = 0;
+  std::int64_t max = 0;
+};
+
+Limits limits_of(DataType type, std::uint32_t bits) {
+  const std::int64_t span = std::int64_t{1} << bits;
+  switch (type) {
+    case DataType::bcd16:
+    case DataType::bcd32: {
+      std::int64_t power = 1;
+      for (std::uint32_t digit = 0; digit < bits / 4; ++digit) power *= 10;
+      return {0, power - 1};
+    }
+    // A group of fewer bits than its type is a plain number: K2M0 goes from 0 to 255.
+    case DataType::int16:
+      if (bits == 16) return {-span / 2, span / 2 - 1};
+      break;
+    case DataType::int32:
+      if (bits == 32) return {-span / 2, span / 2 - 1};
+      break;
+    default:
+      break;
+  }
+  return {0, span - 1};
+}
+
+// ---- text -------------------------------------------------------------------------------------
+
+// Latin-1 is what a PLC's eight bits are taken for; JSON wants UTF-8.
+std::string utf8_from_latin1(std::uint8_t byte) {
+  if (byte < 0x80) return std::string(1, static_cast<char>(byte));
+  return {static_cast<char>(0xC0 | byte >> 6), static_cast<char>(0x80 | (byte & 0x3F))};
+}
+
+/// nullopt where the text is not UTF-8, or has a character that Latin-1 lacks, or NUL.
+std::optional<Bytes> latin1_from_utf8(std::string_view text) {
+  Bytes bytes;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const auto lead = static_cast<std::uint8_t>(text[i]);
+    if (lead != 0 && lead < 0x80) {
+      bytes.push_back(lead);
+      continue;
+    }
+    // C2 and C3 lead the characters 80h to FFh.
+    const auto next = i + 1 < text.size() ? static_cast<std::uint8_t>(text[i + 1]) : 0;
+    if ((lead != 0xC2 && lead != 0xC3) || (next & 0xC0) != 0x80) return std::nullopt;
+    bytes.push_back(static_cast<std::uint8_t>((lead & 3) << 6 | (next & 0x3F)));
+    ++i;
+  }
+  return bytes;
+}
+
+/// Index in the image of character number `i`. Two characters fill a word, the first one its low
+/// byte, except where the order puts the most significant byte first.
+std::size_t character_at(std::size_t i, ByteOrder order) {
+  return order == ByteOrder::abcd ? i ^ 1U : i;
+}
+
+// ---- reading ----------------------------------------------------------------------------------
+
+Result<Scalar> number_from(const Point& point, std::int64_t raw) {
+  if (!point.scaled()) return Scalar(raw);
+  const double value =
+      to_decimals(static_cast<double>(raw) * point.scale + point.offset, point.decimals);
+  if (!std::isfinite(value)) return fail(ErrorCode::bad_request, "scaled value is not finite");
+  return Scalar(value);
+}
+
+Result<Scalar> float_from(const Point& point, std::uint32_t raw) {
+  float number = 0;
+  std::memcpy(&number, &raw, sizeof number);
+  if (!std::isfinite(number))
+    return fail(ErrorCode::bad_request, std::isnan(number) ? "NaN" : "Inf");
+  double value = widen(number);
+  if (point.scaled())
+    value = to_decimals(value * point.scale + point.offset, decimals_of(value) + point.decimals);
+  if (!std::isfinite(value)) return fail(ErrorCode::bad_request, "scaled value is not finite");
+  return Scalar(value);
+}
+
+Result<Scalar> element_from(const Point& point, ByteView image, std::size_t bit,
+                            std::uint32_t bits) {
+  if (point.type == DataType::boolean) return Scalar(bits_at(image, bit, 1) != 0);
+  if (point.type == DataType::string) {
+    std::string text;
+    for (std::size_t i = 0; i < point.length; ++i) {
+      const auto byte =
+          static_cast<std::uint8_t>(byte_or_zero(image, bit / 8 + character_at(i, point.order)));
+      if (byte == 0) break;
+      text += utf8_from_latin1(byte);
+    }
+    return Scalar(std::move(text));
+  }
+  std::uint32_t raw = bits_at(image, bit, bits);
+  if (point.address.unit == Unit::word)
+    raw = bits == 32 ? reorder32(raw, point.order) : reorder16(raw, point.order);
+  if (point.type == DataType::float32) return float_from(point, raw);
+  if (point.type == DataType::bcd16 || point.type == DataType::bcd32) {
+    const auto number = from_bcd(raw);
+    if (!number) {
+      Bytes digits;
+      append_hex(digits, raw, static_cast<int>(bits / 4));
+      return fail(ErrorCode::bad_request,
+                  std::string(digits.begin(), digits.end()) + " is not BCD");
+    }
+    return number_from(point, *number);
+  }
+  std::int64_t number = raw;
+  const Limits limits = limits_of(point.type, bits);
+  if (number > limits.max) number -= std::int64_t{1} << bits;
+  return number_from(point, number);
+}
+
+// ---- writing ----------------------------------------------------------------------------------
+
+tl::unexpected<PackError> bad_value(std::string text) {
+  return tl::unexpected<PackError>(PackError{PackFault::bad_value, std::move(text)});
+}
+tl::unexpected<PackError> out_of_range(std::string text) {
+  return tl::unexpected<PackError>(PackError{PackFault::out_of_range, std::move(text)});
+}
+
+using Packed = tl::expected<void, PackError>;
+
+std::string spelled(double number) {
+  std::array<char, 32> text;
+  const auto end = std::to_chars(text.data(), text.data() + text.size(), number).ptr;
+  return {text.data(), end};
+}
+
+/// Whether the scalar is of a kind that the point's type takes.
+Packed check_kind(const Point& point, const Scalar& scalar) {
+  const auto* whole = std::get_if<std::int64_t>(&scalar);
+  const auto* real = std::get_if<double>(&scalar);
+  if (real != nullptr && !std::isfinite(*real)) return bad_value("the value is not finite");
+  const std::string type(to_string(point.type));
+  if (point.type == DataType::boolean) {
+    const bool bit = std::holds_alternative<bool>(scalar) ||
+                     (whole != nullptr && (*whole == 0 || *whole == 1)) ||
+                     (real != nullptr && (*real == 0.0 || *real == 1.0));
+    if (!bit) return bad_value(type + " takes true, false, 1 or 0");
+  } else if (point.type == DataType::string) {
+    const auto* text = std::get_if<std::string>(&scalar);
+    if (text == nullptr) return bad_value(type + " takes a text");
+    if (!latin1_from_utf8(*text))
+      return bad_value("the text has a character that is not Latin-1, or NUL");
+  } else if (whole == nullptr && real == nullptr) {
+    return bad_value(type + " takes a number");
+  }
+  return {};
+}
+
+/// (value − offset) ÷ scale. A quotient that misses a decimal by the error of binary fractions is
+/// put back on it, so that 23.45 ÷ 0.1 is the tie 234.5 it is on paper.
+double unscaled(const Point& point, double value) {
+  if (!point.scaled()) return value;
+  const double raw = (value - point.offset) / point.scale;
+  constexpr double kGrid = 1e6;
+  return std::abs(raw) * kGrid < kExactDouble ? std::round(raw * kGrid) / kGrid : raw;
+}
+
+double as_double(const Scalar& scalar) {
+  const auto* whole = std::get_if<std::int64_t>(&scalar);
+  return whole != nullptr ? static_cast<double>(*whole) : std::get<double>(scalar);
+}
+
+Packed pack_float(const Point& point, const Scalar& scalar, Bytes& image, std::size_t bit) {
+  const double value = as_double(scalar);
+  const double raw = point.scaled() ? (value - point.offset) / point.scale : value;
+  if (!(std::abs(raw) <= std::numeric_limits<float>::max()))
+    return out_of_range(spelled(value) + " does not fit a float32");
+  const auto number = static_cast<float>(raw);
+  std::uint32_t pattern = 0;
+  std::memcpy(&pattern, &number, sizeof pattern);
+  set_bits(image, bit, 32, reorder32(pattern, point.order));
+  return {};
+}
+
+Packed pack_integer(const Point& point, const Scalar& scalar, Bytes& image, std::size_t bit,
+                    std::uint32_t bits) {
+  const Limits limits = limits_of(point.type, bits);
+  const double value = as_double(scalar);
+  const double nearest = std::round(unscaled(point, value));
+  if (!(nearest >= static_cast<double>(limits.min) && nearest <= static_cast<double>(limits.max)))
+    return out_of_range(spelled(value) + " is raw " + spelled(nearest) + "; " +
+                        std::string(to_string(point.type)) + " holds " +
+                        std::to_string(limits.min) + " to " + std::to_string(limits.max));
+  const auto number = static_cast<std::int64_t>(nearest);
+  const bool bcd = point.type == DataType::bcd16 || point.type == DataType::bcd32;
+  std::uint32_t raw = bcd ? to_bcd(number) : static_cast<std::uint32_t>(number);
+  if (point.address.unit == Unit::word)
+    raw = bits == 32 ? reorder32(raw, point.order) : reorder16(raw & 0xFFFF, point.order);
+  set_bits(image, bit, bits, raw);
+  return {};
+}
+
+Packed pack_text(const Point& point, const Scalar& scalar, Bytes& image, std::size_t bit) {
+  const auto characters = latin1_from_utf8(std::get<std::string>(scalar));
+  if (characters->size() > point.length)
+    return out_of_range("the text has " + std::to_string(characters->size()) +
+                        " characters, there is room for " + std::to_string(point.length));
+  for (std::size_t i = 0; i < characters->size(); ++i)
+    image[bit / 8 + character_at(i, point.order)] = (*characters)[i];
+  return {};
+}
+
+Packed pack_element(const Point& point, const Scalar& scalar, Bytes& image, std::size_t bit,
+                    std::uint32_t bits) {
+  switch (point.type) {
+    case DataType::boolean: {
+      const auto* flag = std::get_if<bool>(&scalar);
+      set_bits(image, bit, 1, (flag != nullptr ? *flag : as_double(scalar) != 0.0) ? 1 : 0);
+      return {};
+    }
+    case DataType::string:
+      return pack_text(point, scalar, image, bit);
+    case DataType::float32:
+      return pack_float(point, scalar, image, bit);
+    default:
+      return pack_integer(point, scalar, image, bit, bits);
+  }
+}
+
+}  // namespace
+
+// ---- words of the config ------------------------------------------------------------------------
+
+std::string_view to_string(DataType type) { return kTypes[static_cast<std::size_t>(type)].text; }
+
+Result<DataType> data_type_from(std::string_view word) {
+  std::string all;
+  for (const Word& known : kTypes) {
+    if (known.text == word) return known.type;
+    all += " " + std::string(known.text);
+  }
+  return fail(ErrorCode::bad_request, "'" + std::string(word) + "' is not a type; they are" + all);
+}
+
+Result<ByteOrder> byte_order_from(std::string_view word) {
+  if (word == "ABCD" || word == "high_first") return ByteOrder::abcd;
+  if (word == "CDAB" || word == "low_first") return ByteOrder::cdab;
+  if (word == "BADC") return ByteOrder::badc;
+  if (word == "DCBA") return ByteOrder::dcba;
+  return fail(ErrorCode::bad_request,
+              "'" + std::string(word) +
+                  "' is not an order; they are low_first high_first ABCD CDAB BADC DCBA");
+}
+
+std::string_view to_string(ByteOrder order) {
+  constexpr std::array<std::string_view, 4> kOrders = {"ABCD", "CDAB", "BADC", "DCBA"};
+  return kOrders[static_cast<std::size_t>(order)];
+}
+
+DataType default_type(const Address& address) {
+  switch (address.unit) {
+    case Unit::bit:
+    case Unit::word_bit:
+      return DataType::boolean;
+    case Unit::dword:
+      return DataType::int32;
+    case Unit::bit_group:
+      return address.span.bits > 16 ? DataType::int32 : DataType::int16;
+    case Unit::word:
+      break;
+  }
+  return DataType::int16;
+}
+
+Result<void> set_units(Point& point, double scale, double offset) {
+  if (!std::isfinite(scale) || !std::isfinite(offset) || scale == 0.0)
+    return fail(ErrorCode::bad_request, "scale and offset are finite numbers, and scale is not 0");
+  const bool plain = scale == 1.0 && offset == 0.0;
+  if (!plain && (point.type == DataType::boolean || point.type == DataType::string))
+    return fail(ErrorCode::bad_request,
+                std::string(to_string(point.type)) + " takes no scale and no offset");
+  point.scale = scale;
+  point.offset = offset;
+  point.decimals = std::max(decimals_of(scale), decimals_of(offset));
+  return {};
+}
+
+Result<Span> span_of(const Point& point) {
+  if (point.type == DataType::string && point.length == 0)
+    return fail(ErrorCode::bad_request, "a string needs a length of at least 1 character");
+  if (point.count == 0) return fail(ErrorCode::bad_request, "an array has at least 1 element");
+  const std::uint32_t bits = element_bits(point);
+  if (bits == 0)
+    return fail(ErrorCode::bad_request, point.address.text + " cannot be read as " +
+                                            std::string(to_string(point.type)) + "; its type is " +
+                                            std::string(to_string(default_type(point.address))));
+  const std::uint64_t total = std::uint64_t{bits} * point.count;
+  if (point.address.span.first_bit + total > std::numeric_limits<std::uint32_t>::max())
+    return fail(ErrorCode::bad_request, point.address.text + ": the array is too long");
+  return Span{point.address.span.space, point.address.span.first_bit,
+              static_cast<std::uint32_t>(total)};
+}
+
+// ---- values -------------------------------------------------------------------------------------
+
+Result<Value> unpack(const Point& point, ByteView image, std::uint32_t image_first_bit) {
+  const auto span = span_of(point);
+  if (!span) return tl::make_unexpected(span.error());
+  const std::uint64_t image_end = image_first_bit + std::uint64_t{image.size()} * 8;
+  if (span->first_bit < image_first_bit || span->end_bit() > image_end)
+    return fail(ErrorCode::unsupported, point.address.text + " is not in what was read");
+  const std::uint32_t bits = span->bits / point.count;
+  std::size_t bit = span->first_bit - image_first_bit;
+  Value value;
+  value.is_array = point.is_array;
+  value.items.reserve(point.count);
+  for (std::uint16_t i = 0; i < point.count; ++i, bit += bits) {
+    auto element = element_from(point, image, bit, bits);
+    if (!element) return tl::make_unexpected(std::move(element.error()));
+    value.items.push_back(std::move(*element));
+  }
+  return value;
+}
+
+tl::expected<Bytes, PackError> pack(const Point& point, const Value& value) {
+  const auto span = span_of(point);
+  if (!span) return bad_value(span.error().text);
+  if (value.is_array != point.is_array)
+    return bad_value(point.is_array ? "an array is wanted" : "one value is wanted, not an array");
+  if (value.items.size() != point.count)
+    return bad_value(std::to_string(value.items.size()) + " elements given, " +
+                     std::to_string(point.count) + " wanted");
+  for (const Scalar& scalar : value.items)
+    if (auto kind = check_kind(point, scalar); !kind)
+      return tl::make_unexpected(std::move(kind.error()));
+  Bytes image((span->bits + 7) / 8, 0);
+  const std::uint32_t bits = span->bits / point.count;
+  std::size_t bit = 0;
+  for (const Scalar& scalar : value.items) {
+    if (auto packed = pack_element(point, scalar, image, bit, bits); !packed)
+      return tl::make_unexpected(std::move(packed.error()));
+    bit += bits;
+  }
+  return image;
+}
+
+Bytes extract_bits(ByteView image, std::uint32_t from_bit, std::uint32_t bits) {
+  Bytes out((bits + 7) / 8, 0);
+  for (std::uint32_t done = 0; done < bits; done += 8) {
+    const std::uint32_t take = std::min<std::uint32_t>(8, bits - done);
+    out[done / 8] = static_cast<std::uint8_t>(bits_at(image, std::size_t{from_bit} + done, take));
+  }
+  return out;
+}
+
+void insert_bits(Bytes& image, std::uint32_t to_bit, ByteView part, std::uint32_t bits) {
+  for (std::uint32_t done = 0; done < bits; done += 8) {
+    const std::uint32_t take = std::min<std::uint32_t>(8, bits - done);
+    const std::size_t at = (std::size_t{to_bit} + done) / 8;
+    const std::uint32_t shift = (to_bit + done) % 8;
+    const std::uint32_t mask = ((1U << take) - 1) << shift;
+    const std::uint32_t value = bits_at(part, done, take) << shift;
+    image[at] = static_cast<std::uint8_t>((image[at] & ~mask) | value);
+    if (mask > 0xFF)
+      image[at + 1] = static_cast<std::uint8_t>((image[at + 1] & ~(mask >> 8)) | value >> 8);
+  }
+}
+
+}  // namespace fxagent
