@@ -1,0 +1,369 @@
+#include "protocol/fx/device.h"
+
+#include <algorithm>
+
+namespace fxagent::fx {
+namespace {
+
+constexpr std::array<std::string_view, 7> kModelNames = {"FX0N", "FX1S", "FX1N", "FX2N",
+                                                         "FX3S", "FX3G", "FX3U"};
+
+constexpr std::array<DeviceKind, kSpaces> kKinds = {{
+    {"X", Unit::bit, 1, 0, true},
+    {"Y", Unit::bit, 1, 0, true},
+    {"M", Unit::bit, 1, 0, false},
+    {"M", Unit::bit, 1, 8000, false},
+    {"S", Unit::bit, 1, 0, false},
+    {"TS", Unit::bit, 1, 0, false},
+    {"TN", Unit::word, 16, 0, false},
+    {"CS", Unit::bit, 1, 0, false},
+    {"CN", Unit::word, 16, 0, false},
+    {"CN", Unit::dword, 32, 200, false},
+    {"D", Unit::word, 16, 0, false},
+    {"D", Unit::word, 16, 8000, false},
+    {"TC", Unit::bit, 1, 0, false},
+    {"CC", Unit::bit, 1, 0, false},
+}};
+
+/// The last number of each kind, and the run of 32-bit counters.
+struct Limits {
+  std::uint32_t x, y, m, special, s, t, c, c32_first, c32_last, d;
+};
+
+constexpr std::array<Limits, 7> kLimits = {{
+    {0177, 0177, 511, 8255, 127, 63, 31, 235, 254, 255},       // FX0N
+    {017, 015, 511, 8255, 127, 63, 31, 235, 255, 255},         // FX1S
+    {0177, 0177, 1535, 8255, 999, 255, 199, 200, 255, 7999},   // FX1N
+    {0267, 0267, 3071, 8255, 999, 255, 199, 200, 255, 7999},   // FX2N
+    {0177, 0177, 1535, 8511, 255, 137, 199, 200, 255, 2999},   // FX3S
+    {0177, 0177, 7679, 8511, 4095, 319, 199, 200, 255, 7999},  // FX3G
+    {0377, 0377, 7679, 8511, 4095, 511, 199, 200, 255, 7999},  // FX3U
+}};
+
+// Devices that start and stop the PLC or open its program memory. RUN and STOP have orders of their
+// own; a write that reached one of these as a side effect would stop a plant.
+constexpr std::array<Numbers, 2> kNeverWritten = {{{8034, 8037}, {8118, 8118}}};
+
+constexpr std::string_view kForms = "X0 Y0 (octal) M0 S0 D0 TN0 TS0 CN0 CS0, T0 C0, D0.F, K4M0";
+
+tl::unexpected<Error> refuse(std::string text) {
+  return fail(ErrorCode::bad_request, std::move(text));
+}
+
+std::string upper(std::string_view text) {
+  std::string out(text);
+  for (char& c : out)
+    if (c >= 'a' && c <= 'z') c = static_cast<char>(c - 'a' + 'A');
+  return out;
+}
+
+bool is_digit(char c) { return c >= '0' && c <= '9'; }
+
+std::string in_octal(std::uint32_t number) {
+  std::string digits;
+  do {
+    digits.insert(digits.begin(), static_cast<char>('0' + number % 8));
+    number /= 8;
+  } while (number != 0);
+  return digits;
+}
+
+std::string_view model_text(Model model) {
+  return model == Model::unknown ? "the widest model (FX3U)" : to_string(model);
+}
+
+/// "M0-M7679 and M8000-M8511": every device of these letters.
+std::string ranges_text(Model model, std::string_view letters) {
+  std::string text;
+  for (std::uint16_t i = 0; i < kSpaces; ++i) {
+    const auto space = static_cast<Space>(i);
+    if (kind_of(space).letters != letters) continue;
+    for (const Numbers& run : numbers_of(model, space)) {
+      if (!text.empty()) text += " and ";
+      text += device_name(space, run.first) + "-" + device_name(space, run.last);
+    }
+  }
+  return text;
+}
+
+/// A number that is not octal, and its neighbours that are: "after Y17 comes Y20".
+std::string not_octal(std::string_view name, std::string_view letters, std::string_view digits) {
+  const auto bad = digits.find_first_of("89");
+  std::uint32_t before = 0;
+  for (std::size_t i = 0; i < digits.size(); ++i)
+    before = before * 8 + (i < bad ? static_cast<std::uint32_t>(digits[i] - '0') : 7);
+  const std::string head(letters);
+  return std::string(name) + " does not exist: " + head + " is numbered in octal, after " + head +
+         in_octal(before) + " comes " + head + in_octal(before + 1);
+}
+
+/// A name taken apart: letters, number, and what stands around them. Nothing is checked against a
+/// model.
+struct Parts {
+  int group = 0;        // K1-K8; 0: none
+  std::string letters;  // X Y M S D T C TN TS CN CS
+  std::uint32_t number = 0;
+  std::optional<std::uint32_t> word_bit;
+};
+
+Result<std::uint32_t> parse_number(std::string_view name, std::string_view letters,
+                                   std::string_view digits) {
+  while (digits.size() > 1 && digits.front() == '0') digits.remove_prefix(1);
+  if (digits.size() > 6) return refuse(std::string(name) + ": the number is too large");
+  const bool octal = letters == "X" || letters == "Y";
+  if (octal && digits.find_first_of("89") != std::string_view::npos)
+    return refuse(not_octal(name, letters, digits));
+  std::uint32_t number = 0;
+  for (const char c : digits)
+    number = number * (octal ? 8U : 10U) + static_cast<std::uint32_t>(c - '0');
+  return number;
+}
+
+Result<Parts> take_apart(std::string_view text) {
+  const std::string name = upper(text);
+  std::string_view rest = name;
+  Parts parts;
+  if (rest.size() >= 3 && rest[0] == 'K' && is_digit(rest[1])) {
+    parts.group = rest[1] - '0';
+    if (parts.group < 1 || parts.group > 8 || is_digit(rest[2]))
+      return refuse(name + ": a group is K1 to K8 (4 to 32 bits) and a bit device, as in K4M0");
+    rest.remove_prefix(2);
+  }
+  std::size_t letters = 0;
+  while (letters < rest.size() && rest[letters] >= 'A' && rest[letters] <= 'Z') ++letters;
+  parts.letters = rest.substr(0, letters);
+  constexpr std::array<std::string_view, 11> kLetters = {"X", "Y",  "M",  "S",  "D", "T",
+                                                         "C", "TN", "TS", "CN", "CS"};
+  if (std::find(kLetters.begin(), kLetters.end(), parts.letters) == kLetters.end())
+    return refuse("'" + name + "' is not an FX device; the forms are " + std::string(kForms));
+  rest.remove_prefix(letters);
+  std::size_t digits = 0;
+  while (digits < rest.size() && is_digit(rest[digits])) ++digits;
+  if (digits == 0) return refuse("'" + name + "' has no device number");
+  const auto number = parse_number(name, parts.letters, rest.substr(0, digits));
+  if (!number) return tl::make_unexpected(number.error());
+  parts.number = *number;
+  rest.remove_prefix(digits);
+  if (rest.empty()) return parts;
+  const int bit =
+      rest.size() == 2 && rest[0] == '.' ? hex_digit(static_cast<std::uint8_t>(rest[1])) : -1;
+  if (bit < 0 || parts.letters != "D" || parts.group != 0)
+    return refuse("'" + name + "' is not an FX device; a bit of a word is D100.0 to D100.F");
+  parts.word_bit = static_cast<std::uint32_t>(bit);
+  return parts;
+}
+
+/// The space of a plain device; T and C are settled by now.
+Space space_of(const std::string& letters, std::uint32_t number) {
+  if (letters == "X") return Space::x;
+  if (letters == "Y") return Space::y;
+  if (letters == "M") return number >= 8000 ? Space::special_m : Space::m;
+  if (letters == "S") return Space::s;
+  if (letters == "TS") return Space::ts;
+  if (letters == "TN") return Space::tn;
+  if (letters == "CS") return Space::cs;
+  if (letters == "CN") return number >= 200 ? Space::cn32 : Space::cn;
+  return number >= 8000 ? Space::special_d : Space::d;
+}
+
+tl::unexpected<Error> missing(Model model, const std::string& name, std::string_view letters) {
+  return refuse(name + " does not exist: " + std::string(model_text(model)) + " has " +
+                ranges_text(model, letters));
+}
+
+/// bad_request where the span holds a device that is never written.
+Result<void> check_forbidden(const Span& span) {
+  for (const Numbers& numbers : kNeverWritten) {
+    const Span never = span_of(Space::special_m, numbers);
+    if (span.space == never.space && span.first_bit < never.end_bit() &&
+        never.first_bit < span.end_bit())
+      return refuse(
+          "M8034-M8037 and M8118 are never written by address; RUN and STOP go by run and stop");
+  }
+  return {};
+}
+
+}  // namespace
+
+std::span<const std::string_view> model_names() { return kModelNames; }
+
+std::string_view to_string(Model model) {
+  return model == Model::unknown ? std::string_view{}
+                                 : kModelNames[static_cast<std::size_t>(model) - 1];
+}
+
+std::optional<Model> model_named(std::string_view name) {
+  const auto found = std::find(kModelNames.begin(), kModelNames.end(), name);
+  if (found == kModelNames.end()) return std::nullopt;
+  return static_cast<Model>(found - kModelNames.begin() + 1);
+}
+
+const DeviceKind& kind_of(Space space) { return kKinds[id(space)]; }
+
+NumberRuns numbers_of(Model model, Space space) {
+  const Model known = model == Model::unknown ? Model::fx3u : model;
+  const Limits& limits = kLimits[static_cast<std::size_t>(known) - 1];
+  const auto one = [](std::uint32_t first, std::uint32_t last) {
+    return NumberRuns{{{{first, last}, {}}}, 1};
+  };
+  switch (space) {
+    case Space::x:
+      return one(0, limits.x);
+    case Space::y:
+      return one(0, limits.y);
+    case Space::m:
+      return one(0, limits.m);
+    case Space::special_m:
+      return one(8000, limits.special);
+    case Space::s:
+      return one(0, limits.s);
+    case Space::ts:
+    case Space::tc:
+    case Space::tn:
+      return one(0, limits.t);
+    case Space::cn:
+      return one(0, limits.c);
+    case Space::cn32:
+      return one(limits.c32_first, limits.c32_last);
+    case Space::d:
+      return one(0, limits.d);
+    case Space::special_d:
+      return one(8000, limits.special);
+    case Space::cs:
+    case Space::cc:
+      break;
+  }
+  if (limits.c + 1 == limits.c32_first) return one(0, limits.c32_last);
+  return {{{{0, limits.c}, {limits.c32_first, limits.c32_last}}}, 2};
+}
+
+Span span_of(Space space, Numbers numbers) {
+  const DeviceKind& kind = kind_of(space);
+  return {id(space), (numbers.first - kind.first_number) * kind.bits,
+          (numbers.last - numbers.first + 1) * kind.bits};
+}
+
+std::string device_name(Space space, std::uint32_t number) {
+  const DeviceKind& kind = kind_of(space);
+  return std::string(kind.letters) + (kind.octal ? in_octal(number) : std::to_string(number));
+}
+
+std::string device_name(const Span& span) {
+  if (span.space >= kSpaces) return "space " + std::to_string(span.space);
+  const auto space = static_cast<Space>(span.space);
+  const DeviceKind& kind = kind_of(space);
+  return device_name(space, kind.first_number + span.first_bit / kind.bits);
+}
+
+Result<Address> parse_address(Model model, std::string_view text, std::optional<DataType> type) {
+  auto taken = take_apart(text);
+  if (!taken) return tl::make_unexpected(taken.error());
+  Parts& parts = *taken;
+  if (parts.letters == "T" || parts.letters == "C")
+    parts.letters += type == DataType::boolean ? 'S' : 'N';
+  const Space space = space_of(parts.letters, parts.number);
+  const DeviceKind& kind = kind_of(space);
+
+  Address address;
+  address.text = device_name(space, parts.number);
+  address.unit = kind.unit;
+  Numbers numbers{parts.number, parts.number};
+  if (parts.group != 0) {
+    const bool groupable = space == Space::x || space == Space::y || space == Space::m ||
+                           space == Space::special_m || space == Space::s;
+    if (!groupable) return refuse(upper(text) + ": a group is made of X, Y, M or S");
+    numbers.last += static_cast<std::uint32_t>(parts.group) * 4 - 1;
+    address.unit = Unit::bit_group;
+    address.text = "K" + std::to_string(parts.group) + address.text;
+  }
+  address.span = span_of(space, numbers);
+  if (const auto present = check_range(model, address.span); !present)
+    return tl::make_unexpected(present.error());
+  if (parts.word_bit) {
+    address.unit = Unit::word_bit;
+    address.writable = false;
+    address.span = {id(space), address.span.first_bit + *parts.word_bit, 1};
+    address.text += std::string(".") + "0123456789ABCDEF"[*parts.word_bit];
+  }
+  return address;
+}
+
+bool needs_type(std::string_view text) {
+  const auto parts = take_apart(text);
+  return parts && parts->group == 0 && (parts->letters == "T" || parts->letters == "C");
+}
+
+Result<Span> parse_range(Model model, std::string_view text) {
+  const auto dash = text.find('-');
+  const std::string_view first_text = text.substr(0, dash);
+  const std::string_view last_text =
+      dash == std::string_view::npos ? first_text : text.substr(dash + 1);
+  Numbers numbers;
+  std::optional<Space> space;
+  for (const std::string_view end : {first_text, last_text}) {
+    const auto parts = take_apart(end);
+    if (!parts) return tl::make_unexpected(parts.error());
+    if (parts->group != 0 || parts->word_bit)
+      return refuse(upper(text) + ": a range goes from one plain device to another, as M100-M199");
+    if (parts->letters == "T" || parts->letters == "C")
+      return refuse(upper(text) + " is ambiguous: write " + parts->letters +
+                    "N for the values or " + parts->letters + "S for the contacts");
+    const Space here = space_of(parts->letters, parts->number);
+    if (const auto present = check_range(model, span_of(here, {parts->number, parts->number}));
+        !present)
+      return tl::make_unexpected(present.error());
+    if (!space) {
+      space = here;
+      numbers.first = parts->number;
+    }
+    if (*space != here)
+      return refuse(upper(text) +
+                    ": both ends must be of one kind (specials from 8000 and 32-bit "
+                    "counters from CN200 are kinds of their own)");
+    numbers.last = parts->number;
+  }
+  if (numbers.last < numbers.first)
+    return refuse(upper(text) + ": the range ends before it begins");
+  const Span span = span_of(*space, numbers);
+  if (const auto present = check_range(model, span); !present)
+    return tl::make_unexpected(present.error());
+  if (const auto allowed = check_forbidden(span); !allowed)
+    return tl::make_unexpected(allowed.error());
+  return span;
+}
+
+Result<void> check_range(Model model, const Span& span) {
+  if (span.space >= id(Space::tc)) return refuse(device_name(span) + " is not memory of an FX");
+  const auto space = static_cast<Space>(span.space);
+  const DeviceKind& kind = kind_of(space);
+  const auto runs = numbers_of(model, space);
+  std::uint64_t bit = span.first_bit;
+  const std::uint64_t end = bit + span.bits;
+  while (bit < end) {
+    const std::uint64_t number = kind.first_number + bit / kind.bits;
+    const auto* run = std::find_if(runs.begin(), runs.end(), [&](const Numbers& candidate) {
+      return candidate.first <= number && number <= candidate.last;
+    });
+    if (run == runs.end())
+      return missing(model, device_name(space, static_cast<std::uint32_t>(number)), kind.letters);
+    bit = span_of(space, *run).end_bit();
+  }
+  return {};
+}
+
+Result<void> check_write(Model model, const Span& span) {
+  if (span.bits == 0) return refuse("a write of nothing");
+  if (auto allowed = check_forbidden(span); !allowed) return allowed;
+  if (auto present = check_range(model, span); !present) return present;
+  const DeviceKind& kind = kind_of(static_cast<Space>(span.space));
+  if (kind.bits == 1) {
+    if (span.bits != 1 && (span.first_bit % 8 != 0 || span.bits % 8 != 0))
+      return refuse(device_name(span) + ": " + std::to_string(span.bits) +
+                    " bits do not fill whole bytes, a write would change the bits beside them");
+  } else if (span.first_bit % kind.bits != 0 || span.bits % kind.bits != 0) {
+    return refuse(device_name(span) + ": only whole words are written");
+  }
+  return {};
+}
+
+}  // namespace fxagent::fx
