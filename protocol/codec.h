@@ -116,7 +116,8 @@ class Codec {
                                         std::optional<DataType> type) const = 0;
   /// True where `text` needs a type to be told apart in a command (T5, C5).
   virtual bool needs_type(std::string_view text) const = 0;
-  /// A range for an allow list: "M100-M199" or one device. bad_request as parse_address.
+  /// A range for an allow list: "M100-M199" or one device. bad_request as parse_address; the ends are
+  /// of two kinds; T or C without N or S; or it holds what is never written (M8034-M8037, M8118).
   virtual Result<Span> parse_range(std::string_view text) const = 0;
   /// Whether every device of `span` exists in this model; bad_request names the first that does not.
   virtual Result<void> check_range(const Span& span) const = 0;
@@ -158,7 +159,7 @@ class Codec {
   /// The reads that tell the model, in order; empty where the protocol has no way to ask.
   virtual std::vector<Request> identify() const = 0;
   /// The model's name from the answers of identify() (refused ones are left empty); nullopt where
-  /// they do not tell it. Later answers may be missing: then `more` is set if they are needed.
+  /// they do not tell it.
   virtual std::optional<std::string> model_from(const std::vector<Bytes>& images) const = 0;
   /// The configured or identified model; empty while it is unknown.
   virtual std::string model() const = 0;

@@ -1,0 +1,16 @@
+// The control characters and the envelope of programming-port frames; for the codec's own files.
+#pragma once
+
+#include <cstdint>
+
+namespace fxagent::fx {
+
+inline constexpr std::uint8_t kStx = 0x02;
+inline constexpr std::uint8_t kEtx = 0x03;
+inline constexpr std::uint8_t kEnq = 0x05;
+inline constexpr std::uint8_t kAck = 0x06;
+inline constexpr std::uint8_t kNak = 0x15;
+/// STX before the payload; ETX and two digits of sum behind it.
+inline constexpr std::uint32_t kEnvelope = 4;
+
+}  // namespace fxagent::fx

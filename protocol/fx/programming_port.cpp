@@ -1,0 +1,458 @@
+#include "protocol/fx/programming_port.h"
+
+#include <algorithm>
+
+#include "protocol/fx/port_frame.h"
+
+namespace fxagent::fx {
+namespace {
+
+// GX Developer never asks for more, and some converters and clones have buffers for no more.
+constexpr std::uint32_t kClassicBytes = 64;
+// What an FX3U was seen to answer to E00: FEh bytes.
+constexpr std::uint32_t kFx3Bytes = 254;
+// The longest frame there is: the answer to a read of 254 bytes.
+constexpr std::size_t kLongestFrame = 2 * kFx3Bytes + kEnvelope;
+
+constexpr std::uint32_t kRunBit = 0;      // M8000: on while the PLC runs
+constexpr std::uint32_t kStopOrder = 37;  // M8037: forced STOP
+
+std::uint8_t way_of(CommandSet set) {
+  return set == CommandSet::classic ? ProgrammingPort::kClassicWay : ProgrammingPort::kExtendedWay;
+}
+
+/// Wraps a payload: STX, payload, ETX, sum.
+Bytes framed(std::string_view command, const std::vector<std::pair<std::uint32_t, int>>& numbers,
+             ByteView data) {
+  Bytes frame;
+  frame.reserve(command.size() + data.size() * 2 + 6 + kEnvelope);
+  frame.push_back(kStx);
+  frame.insert(frame.end(), command.begin(), command.end());
+  for (const auto& [number, digits] : numbers) append_hex(frame, number, digits);
+  for (const std::uint8_t byte : data) append_hex(frame, byte, 2);
+  frame.push_back(kEtx);
+  append_hex(frame, port_sum(ByteView(frame).subspan(1)), 2);
+  return frame;
+}
+
+/// [begin, end) of the first whole frame at or after `from`, where rx holds STX. A further STX
+/// begins the frame anew: what stood before it was cut off. nullopt: its end has not come yet.
+struct FramePlace {
+  std::size_t begin = 0;
+  std::size_t end = 0;
+};
+std::optional<FramePlace> find_frame(ByteView rx, std::size_t from) {
+  std::size_t begin = from;
+  std::size_t etx = 0;  // 0: not seen
+  for (std::size_t i = from + 1; i < rx.size(); ++i) {
+    if (rx[i] == kStx) {
+      begin = i;
+      etx = 0;
+    } else if (etx != 0) {
+      if (i == etx + 2) return FramePlace{begin, i + 1};
+    } else if (rx[i] == kEtx) {
+      etx = i;
+    }
+  }
+  return std::nullopt;
+}
+
+/// Need more, unless more than any frame has come without being one.
+Result<std::optional<Reply>> wait_for_more(ByteView rx, std::size_t from) {
+  if (rx.size() - from > kLongestFrame)
+    return fail(ErrorCode::bad_frame, std::to_string(rx.size() - from) +
+                                          " bytes without a whole frame; the longest has " +
+                                          std::to_string(kLongestFrame));
+  return std::optional<Reply>{};
+}
+
+Reply nak(std::size_t consumed) {
+  Reply reply;
+  reply.kind = Reply::Kind::nak;
+  reply.text = "NAK (the programming port gives no reason)";
+  reply.consumed = consumed;
+  return reply;
+}
+
+/// The data frame rx[at.begin, at.end) as the answer to a read of `bytes` bytes.
+Result<std::optional<Reply>> data_reply(ByteView rx, FramePlace at, std::size_t bytes) {
+  const ByteView frame = rx.subspan(at.begin, at.end - at.begin);
+  const ByteView payload = frame.subspan(1, frame.size() - kEnvelope);
+  const ByteView given = frame.last(2);
+  const std::string given_text(given.begin(), given.end());
+  const int high = hex_digit(given[0]);
+  const int low = hex_digit(given[1]);
+  const std::uint8_t computed = port_sum(frame.subspan(1, frame.size() - 3));
+  if (high < 0 || low < 0)
+    return fail(ErrorCode::bad_frame, "sum " + to_hex(given) + " is not two hex digits");
+  if (high * 16 + low != computed) {
+    Bytes expected;
+    append_hex(expected, computed, 2);
+    return fail(ErrorCode::bad_frame, "sum " + given_text + " given, " +
+                                          std::string(expected.begin(), expected.end()) +
+                                          " computed");
+  }
+  if (payload.size() != bytes * 2)
+    return fail(ErrorCode::bad_frame, std::to_string(payload.size()) + " data digits given, " +
+                                          std::to_string(bytes * 2) + " expected");
+  Reply reply;
+  reply.kind = Reply::Kind::data;
+  reply.consumed = at.end;
+  reply.image.resize(bytes);
+  for (std::size_t i = 0; i < bytes; ++i) {
+    const int upper = hex_digit(payload[2 * i]);
+    const int lower = hex_digit(payload[2 * i + 1]);
+    if (upper < 0 || lower < 0)
+      return fail(ErrorCode::bad_frame,
+                  "data " + to_hex(payload.subspan(2 * i, 2)) + " is not two hex digits");
+    reply.image[i] = static_cast<std::uint8_t>(upper * 16 + lower);
+  }
+  return std::optional<Reply>(std::move(reply));
+}
+
+/// An answer with data. The request itself comes back on lines with an echo, and is never an
+/// answer.
+Result<std::optional<Reply>> decode_data(ByteView rx, ByteView request, std::size_t bytes) {
+  std::size_t at = 0;
+  for (;;) {
+    const std::size_t from = at;
+    while (at < rx.size() && rx[at] != kStx && rx[at] != kNak) ++at;
+    if (at == rx.size()) return wait_for_more(rx, from);
+    if (rx[at] == kNak) return std::optional<Reply>(nak(at + 1));
+    const auto place = find_frame(rx, at);
+    if (!place) return wait_for_more(rx, at);
+    const ByteView frame = rx.subspan(place->begin, place->end - place->begin);
+    if (!std::equal(frame.begin(), frame.end(), request.begin(), request.end()))
+      return data_reply(rx, *place, bytes);
+    at = place->end;
+  }
+}
+
+/// A bare ACK or NAK. Whole frames before it are skipped unread: the echo of the request, or the
+/// late answer to an older read.
+Result<std::optional<Reply>> decode_acknowledge(ByteView rx) {
+  std::size_t at = 0;
+  while (at < rx.size()) {
+    if (rx[at] == kNak) return std::optional<Reply>(nak(at + 1));
+    if (rx[at] == kAck) {
+      Reply reply;
+      reply.consumed = at + 1;
+      return std::optional<Reply>(std::move(reply));
+    }
+    if (rx[at] != kStx) {
+      ++at;
+      continue;
+    }
+    const auto place = find_frame(rx, at);
+    if (!place) return wait_for_more(rx, at);
+    at = place->end;
+  }
+  return wait_for_more(rx, 0);
+}
+
+std::uint32_t word_at(const std::vector<Bytes>& images, std::size_t index) {
+  if (index >= images.size() || images[index].size() < 2) return 0;
+  return images[index][0] + images[index][1] * 256U;
+}
+
+bool is_run_order(const Force& force) {
+  return force.space == id(Space::special_m) && force.bit == kStopOrder;
+}
+
+}  // namespace
+
+std::uint8_t port_sum(ByteView after_stx) {
+  std::uint32_t sum = 0;
+  for (const std::uint8_t byte : after_stx) sum += byte;
+  return static_cast<std::uint8_t>(sum);
+}
+
+Result<std::shared_ptr<const Codec>> ProgrammingPort::make(const Options& options) {
+  Settings settings;
+  const auto text = [&](std::string_view key) -> std::string_view {
+    const auto found = options.find(key);
+    const auto* value = found == options.end() ? nullptr : std::get_if<std::string>(&found->second);
+    return value ? std::string_view(*value) : std::string_view{};
+  };
+  if (const auto model = text("model"); !model.empty() && model != "auto") {
+    const auto known = model_named(model);
+    if (!known) return fail(ErrorCode::bad_request, "no model '" + std::string(model) + "'");
+    settings.model = *known;
+  }
+  const auto commands = text("command_set");
+  if (commands == "classic") settings.commands = Commands::classic;
+  if (commands == "extended") settings.commands = Commands::extended;
+  if (settings.commands == Commands::extended && settings.model != Model::unknown &&
+      map_of(settings.model, CommandSet::extended).empty())
+    return fail(ErrorCode::bad_request,
+                std::string(to_string(settings.model)) + " has only the classic command set");
+  if (const auto found = options.find("max_block_bytes"); found != options.end()) {
+    if (const auto* value = std::get_if<std::int64_t>(&found->second))
+      settings.max_block_bytes =
+          static_cast<std::uint32_t>(std::clamp<std::int64_t>(*value, 2, kFx3Bytes));
+  }
+  return std::make_shared<const ProgrammingPort>(settings);
+}
+
+// ---- names and places -----------------------------------------------------------------------
+
+Result<Address> ProgrammingPort::parse_address(std::string_view text,
+                                               std::optional<DataType> type) const {
+  return fx::parse_address(settings_.model, text, type);
+}
+
+bool ProgrammingPort::needs_type(std::string_view text) const { return fx::needs_type(text); }
+
+Result<Span> ProgrammingPort::parse_range(std::string_view text) const {
+  return fx::parse_range(settings_.model, text);
+}
+
+Result<void> ProgrammingPort::check_range(const Span& span) const {
+  return fx::check_range(settings_.model, span);
+}
+
+Result<void> ProgrammingPort::check_write(const Span& span) const {
+  return fx::check_write(settings_.model, span);
+}
+
+std::string ProgrammingPort::name_of(const Span& span) const { return device_name(span); }
+
+// ---- how it is fetched ------------------------------------------------------------------------
+
+std::uint32_t ProgrammingPort::max_read_bytes(CommandSet set) const {
+  const bool long_frames = set == CommandSet::extended && settings_.model >= Model::fx3s;
+  return std::min(settings_.max_block_bytes, long_frames ? kFx3Bytes : kClassicBytes);
+}
+
+std::vector<CommandSet> ProgrammingPort::sets() const {
+  std::vector<CommandSet> allowed;
+  if (settings_.commands != Commands::extended) allowed.push_back(CommandSet::classic);
+  if (settings_.commands != Commands::classic &&
+      !map_of(settings_.model, CommandSet::extended).empty())
+    allowed.push_back(CommandSet::extended);
+  return allowed;
+}
+
+std::vector<ReadWay> ProgrammingPort::ways_of(Space space, CommandSet set) const {
+  std::vector<ReadWay> ways;
+  const PortArea* area = area_of(map_of(settings_.model, set), space);
+  if (area == nullptr || id(space) >= id(Space::tc)) return ways;
+  const DeviceKind& kind = kind_of(space);
+  const std::uint32_t unit = std::max<std::uint32_t>(kind.bits, 8);
+  for (const Numbers& run : numbers_of(settings_.model, space)) {
+    const Span span = span_of(space, run);
+    const std::uint32_t end = std::min(span.end_bit(), area->bits());
+    if (span.first_bit >= end) continue;
+    ReadWay way;
+    way.way = way_of(set);
+    way.tier = way.way;
+    way.first_bit = span.first_bit / unit * unit;
+    way.end_bit = (end + unit - 1) / unit * unit;
+    way.align_bits = unit;
+    way.unit_bits = unit;
+    way.max_bits = std::max(max_read_bytes(set) * 8 / unit * unit, unit);
+    ways.push_back(way);
+  }
+  return ways;
+}
+
+std::vector<ReadWay> ProgrammingPort::read_ways(std::uint16_t space) const {
+  std::vector<ReadWay> ways;
+  for (const CommandSet set : sets())
+    for (const ReadWay& way : ways_of(static_cast<Space>(space), set)) ways.push_back(way);
+  return ways;
+}
+
+std::uint32_t ProgrammingPort::max_write_bits(std::uint16_t space) const {
+  if (space >= kSpaces) return 0;
+  const std::uint32_t unit = std::max<std::uint32_t>(kind_of(static_cast<Space>(space)).bits, 8);
+  return std::max(std::min(settings_.max_block_bytes, kClassicBytes) * 8 / unit * unit, unit);
+}
+
+ByteOrder ProgrammingPort::default_order() const { return ByteOrder::cdab; }
+
+Result<CommandSet> ProgrammingPort::set_for(const Span& span) const {
+  for (const CommandSet set : sets()) {
+    const PortArea* area = area_of(map_of(settings_.model, set), static_cast<Space>(span.space));
+    if (area != nullptr && span.end_bit() <= area->bits()) return set;
+  }
+  return fail(ErrorCode::unsupported,
+              device_name(span) + " needs the extended command set" +
+                  (settings_.model == Model::unknown ? ", and the model is not known"
+                                                     : ", which is not in use"));
+}
+
+// ---- bytes --------------------------------------------------------------------------------------
+
+Result<Bytes> ProgrammingPort::encode_read(const Read& read) const {
+  const auto set = read.way == kClassicWay ? CommandSet::classic : CommandSet::extended;
+  const auto space = static_cast<Space>(read.span.space);
+  const Span& span = read.span;
+  for (const ReadWay& way : ways_of(space, set)) {
+    if (span.first_bit < way.first_bit || span.end_bit() > way.end_bit) continue;
+    if (span.first_bit % way.align_bits != 0 || span.bits % way.unit_bits != 0 || span.bits == 0 ||
+        span.bits > way.max_bits)
+      return fail(ErrorCode::bad_request, "read of " + std::to_string(span.bits) + " bits from " +
+                                              device_name(span) + ": at most " +
+                                              std::to_string(way.max_bits) + ", in steps of " +
+                                              std::to_string(way.unit_bits));
+    const std::uint32_t address =
+        area_of(map_of(settings_.model, set), space)->address + span.first_bit / 8;
+    return framed(set == CommandSet::classic ? "0" : "E00", {{address, 4}, {span.bits / 8, 2}}, {});
+  }
+  return fail(ErrorCode::unsupported, device_name(span) + ": " + std::to_string(span.bits) +
+                                          " bits are not within reach of the " +
+                                          (set == CommandSet::classic ? "classic" : "extended") +
+                                          " command set on this model");
+}
+
+Result<Bytes> ProgrammingPort::encode_write(const Write& write) const {
+  const Span& span = write.span;
+  if (const auto allowed = fx::check_write(settings_.model, span); !allowed)
+    return tl::make_unexpected(allowed.error());
+  if (span.bits % 8 != 0 || span.bits > max_write_bits(span.space) ||
+      write.image.size() != span.bits / 8)
+    return fail(ErrorCode::bad_request, "write of " + std::to_string(span.bits) + " bits with " +
+                                            std::to_string(write.image.size()) + " bytes to " +
+                                            device_name(span) + ": whole bytes, at most " +
+                                            std::to_string(max_write_bits(span.space)) + " bits");
+  const auto set = set_for(span);
+  if (!set) return tl::make_unexpected(set.error());
+  const PortArea* area = area_of(map_of(settings_.model, *set), static_cast<Space>(span.space));
+  return framed(*set == CommandSet::classic ? "1" : "E10",
+                {{area->address + span.first_bit / 8, 4}, {span.bits / 8, 2}}, write.image);
+}
+
+Result<Bytes> ProgrammingPort::encode_force(const Force& force) const {
+  const Span span{force.space, force.bit, 1};
+  // RUN and STOP are forces of M8037; check_write() keeps everybody else away from it.
+  if (!is_run_order(force)) {
+    if (const auto allowed = fx::check_write(settings_.model, span); !allowed)
+      return tl::make_unexpected(allowed.error());
+  }
+  const auto set = set_for(span);
+  if (!set) return tl::make_unexpected(set.error());
+  const PortArea* area = area_of(map_of(settings_.model, *set), static_cast<Space>(force.space));
+  if (!area->force)
+    return fail(ErrorCode::bad_request, device_name(span) + " is a word: only bits are forced");
+  const std::uint32_t address = (*area->force + force.bit) & 0xFFFF;
+  // Low byte first, unlike the address of a read.
+  const bool classic = *set == CommandSet::classic;
+  const std::string_view command = force.on ? (classic ? "7" : "E7") : (classic ? "8" : "E8");
+  return framed(command, {{address & 0xFF, 2}, {address >> 8, 2}}, {});
+}
+
+Result<Bytes> ProgrammingPort::encode(const Request& request, std::uint16_t /*tag*/) const {
+  if (std::holds_alternative<Enquire>(request)) return Bytes{kEnq};
+  if (const auto* read = std::get_if<Read>(&request)) return encode_read(*read);
+  if (const auto* write = std::get_if<Write>(&request)) return encode_write(*write);
+  if (const auto* force = std::get_if<Force>(&request)) return encode_force(*force);
+  return fail(ErrorCode::unsupported,
+              "the programming port has no such order; RUN and STOP are forces of M8037");
+}
+
+Result<std::optional<Reply>> ProgrammingPort::decode(const Request& request, std::uint16_t tag,
+                                                     ByteView rx) const {
+  const auto sent = encode(request, tag);
+  if (!sent) return tl::make_unexpected(sent.error());
+  if (const auto* read = std::get_if<Read>(&request))
+    return decode_data(rx, *sent, read->span.bits / 8);
+  return decode_acknowledge(rx);
+}
+
+bool ProgrammingPort::expects_reply(const Request& /*request*/) const { return true; }
+
+LineLength ProgrammingPort::line_length(const Request& request) const {
+  // A command of one character in the classic set, of three (E00, E10) or two (E7, E8) in the
+  // other.
+  const auto is_extended = [this](const Span& span) {
+    return set_for(span).value_or(CommandSet::classic) == CommandSet::extended;
+  };
+  if (const auto* read = std::get_if<Read>(&request))
+    return {kEnvelope + 6 + (read->way == kExtendedWay ? 3U : 1U),
+            kEnvelope + read->span.bits / 8 * 2, 0};
+  if (const auto* write = std::get_if<Write>(&request))
+    return {kEnvelope + 6 + (is_extended(write->span) ? 3U : 1U) + write->span.bits / 8 * 2, 1, 0};
+  if (const auto* force = std::get_if<Force>(&request))
+    return {kEnvelope + 4 + (is_extended({force->space, force->bit, 1}) ? 2U : 1U), 1, 0};
+  return {1, 1, 0};
+}
+
+Explanation ProgrammingPort::explain(ByteView frame, std::optional<Direction> direction) const {
+  return explain_port_frame(settings_.model, frame, direction);
+}
+
+// ---- the device itself --------------------------------------------------------------------------
+
+std::optional<Request> ProgrammingPort::resync() const { return Enquire{}; }
+
+std::optional<Request> ProgrammingPort::probe() const { return run_state(); }
+
+std::vector<Request> ProgrammingPort::identify() const {
+  // Every FX answers the classic read of D8001; what a FX0N, FX1S or FX1N says of D8101 is not
+  // known.
+  return {Read{span_of(Space::special_d, {8001, 8001}), kClassicWay},
+          Read{span_of(Space::special_d, {8101, 8101}), kClassicWay}};
+}
+
+std::optional<std::string> ProgrammingPort::model_from(const std::vector<Bytes>& images) const {
+  // The thousands are the type, the rest is the version: 24310 is type 24, V3.10.
+  const std::uint32_t type = word_at(images, 0) / 1000;
+  const bool second_known = images.size() > 1 && images[1].size() >= 2;
+  const std::uint32_t second = word_at(images, 1) / 1000;
+  const auto name = [](Model model) { return std::string(to_string(model)); };
+  switch (type) {
+    case 22:
+      return name(Model::fx1s);
+    case 24:
+      if (second == 16) return name(Model::fx3u);
+      // FX2N repeats 24 or has no D8101. Anything else is a clone that might use either extended
+      // map, and the wrong one reads wrong devices; GX Works2 takes 0 for an FX3U, an agent must
+      // not guess.
+      if (!second_known || second == 24) return name(Model::fx2n);
+      return std::nullopt;
+    case 26:
+      return name(second == 26 ? Model::fx3g : Model::fx1n);
+    case 28:
+      return name(Model::fx3s);  // unverified: no capture of an FX3S is known
+    default:
+      return std::nullopt;
+  }
+}
+
+std::string ProgrammingPort::model() const { return std::string(to_string(settings_.model)); }
+
+std::shared_ptr<const Codec> ProgrammingPort::with_model(std::string_view model) const {
+  const auto known = model_named(model);
+  if (!known) return nullptr;
+  Settings settings = settings_;
+  settings.model = *known;
+  return std::make_shared<const ProgrammingPort>(settings);
+}
+
+std::optional<Request> ProgrammingPort::run_state() const {
+  // Until the model is known only the classic address is; every FX has it.
+  const auto allowed = sets();
+  const CommandSet set = allowed.empty() ? CommandSet::classic : allowed.front();
+  return Read{span_of(Space::special_m, {8000, 8007}), way_of(set)};
+}
+
+std::optional<bool> ProgrammingPort::run_state_from(ByteView image) const {
+  if (image.empty()) return std::nullopt;
+  return (image[0] >> kRunBit & 1) != 0;
+}
+
+Result<Request> ProgrammingPort::run_order(bool run) const {
+  return Request(Force{id(Space::special_m), kStopOrder, !run});
+}
+
+std::string ProgrammingPort::run_order_hint() const {
+  return "the PLC's RUN/STOP switch (and its RUN terminal, if one is assigned) must be at RUN";
+}
+
+bool ProgrammingPort::refusal_is_curable(const Request& request, int /*device_code*/) const {
+  if (const auto* force = std::get_if<Force>(&request)) return !is_run_order(*force);
+  return std::holds_alternative<Write>(request);
+}
+
+}  // namespace fxagent::fx

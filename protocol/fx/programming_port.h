@@ -1,0 +1,90 @@
+// Mitsubishi FX programming port: reads and writes of device memory, one request at a time.
+// Sources: GX Developer and GX Works2 captures (there is no published manual of this protocol); the
+// frames and what of them is unverified are in protocol/README.md. A frame is ASCII hex between STX
+// and ETX, then a sum; an answer to a write is a single ACK or NAK without one.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "protocol/catalog.h"
+#include "protocol/codec.h"
+#include "protocol/fx/device.h"
+#include "protocol/fx/port_map.h"
+
+namespace fxagent::fx {
+
+class ProgrammingPort final : public Codec {
+ public:
+  /// Which commands may be used: `automatic` takes the classic ones wherever they reach.
+  enum class Commands : std::uint8_t { automatic, classic, extended };
+  struct Settings {
+    Model model = Model::unknown;
+    Commands commands = Commands::automatic;
+    /// Data bytes of one frame. Above 64 only the extended reads of an FX3 follow.
+    std::uint32_t max_block_bytes = 64;
+  };
+  /// Read::way of the two command sets.
+  static constexpr std::uint8_t kClassicWay = 0;
+  static constexpr std::uint8_t kExtendedWay = 1;
+
+  explicit ProgrammingPort(const Settings& settings) : settings_(settings) {}
+  /// From the config's options. bad_request: `command_set` extended on a model that has none.
+  static Result<std::shared_ptr<const Codec>> make(const Options& options);
+
+  Result<Address> parse_address(std::string_view text, std::optional<DataType> type) const override;
+  bool needs_type(std::string_view text) const override;
+  Result<Span> parse_range(std::string_view text) const override;
+  Result<void> check_range(const Span& span) const override;
+  Result<void> check_write(const Span& span) const override;
+
+  std::string name_of(const Span& span) const override;
+  std::vector<ReadWay> read_ways(std::uint16_t space) const override;
+  std::uint32_t max_write_bits(std::uint16_t space) const override;
+  ByteOrder default_order() const override;
+
+  Result<Bytes> encode(const Request& request, std::uint16_t tag) const override;
+  Result<std::optional<Reply>> decode(const Request& request, std::uint16_t tag,
+                                      ByteView rx) const override;
+  bool expects_reply(const Request& request) const override;
+  LineLength line_length(const Request& request) const override;
+  Explanation explain(ByteView frame, std::optional<Direction> direction) const override;
+
+  std::optional<Request> resync() const override;
+  std::optional<Request> probe() const override;
+  std::vector<Request> identify() const override;
+  std::optional<std::string> model_from(const std::vector<Bytes>& images) const override;
+  std::string model() const override;
+  std::shared_ptr<const Codec> with_model(std::string_view model) const override;
+  std::optional<Request> run_state() const override;
+  std::optional<bool> run_state_from(ByteView image) const override;
+  Result<Request> run_order(bool run) const override;
+  std::string run_order_hint() const override;
+  bool refusal_is_curable(const Request& request, int device_code) const override;
+
+ private:
+  std::uint32_t max_read_bytes(CommandSet set) const;
+  std::vector<ReadWay> ways_of(Space space, CommandSet set) const;
+  /// The sets that this model and these settings allow, best first.
+  std::vector<CommandSet> sets() const;
+  /// The set that writes or forces `span`; unsupported where none reaches it.
+  Result<CommandSet> set_for(const Span& span) const;
+
+  Result<Bytes> encode_read(const Read& read) const;
+  Result<Bytes> encode_write(const Write& write) const;
+  Result<Bytes> encode_force(const Force& force) const;
+
+  Settings settings_;
+};
+
+/// The frame's sum: the low 8 bits of all bytes after STX up to and including ETX.
+std::uint8_t port_sum(ByteView after_stx);
+
+/// `fxagent decode`: one frame in words. An extended address is named for `model` (FX3U where it is
+/// unknown). Any bytes are allowed; what is wrong with them is in the error of the explanation.
+Explanation explain_port_frame(Model model, ByteView frame, std::optional<Direction> direction);
+
+}  // namespace fxagent::fx
