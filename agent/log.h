@@ -16,6 +16,9 @@ using Field = std::pair<std::string_view, std::string>;
 /// Sets what is written: `info` and above at first.
 void set_level(Level level);
 
+/// The text after time and level: `event key=value key="value with blanks"`.
+std::string format_line(std::string_view event, std::initializer_list<Field> fields);
+
 void debug(std::string_view event, std::initializer_list<Field> fields = {});
 void info(std::string_view event, std::initializer_list<Field> fields = {});
 void warn(std::string_view event, std::initializer_list<Field> fields = {});

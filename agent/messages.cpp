@@ -1,1 +1,134 @@
-// Filled in a moment.
+#include "agent/messages.h"
+
+#include <algorithm>
+#include <array>
+#include <utility>
+
+namespace fxagent {
+namespace {
+
+constexpr std::array<std::pair<Op, std::string_view>, 6> kOps{{{Op::write, "write"},
+                                                               {Op::force_on, "force_on"},
+                                                               {Op::force_off, "force_off"},
+                                                               {Op::read, "read"},
+                                                               {Op::run, "run"},
+                                                               {Op::stop, "stop"}}};
+
+}  // namespace
+
+std::string_view to_string(BadReason reason) {
+  switch (reason) {
+    case BadReason::timeout:
+      return "timeout";
+    case BadReason::nak:
+      return "nak";
+    case BadReason::bad_frame:
+      return "bad_frame";
+    case BadReason::link_down:
+      return "link_down";
+    case BadReason::unsupported:
+      return "unsupported";
+    case BadReason::bad_value:
+      return "bad_value";
+  }
+  return "bad_value";
+}
+
+std::string_view to_string(DeviceStatus::State state) {
+  switch (state) {
+    case DeviceStatus::State::offline:
+      return "offline";
+    case DeviceStatus::State::degraded:
+      return "degraded";
+    case DeviceStatus::State::online:
+      return "online";
+  }
+  return "offline";
+}
+
+std::string_view to_string(Op op) {
+  const auto* found =
+      std::find_if(kOps.begin(), kOps.end(), [op](const auto& known) { return known.first == op; });
+  return found == kOps.end() ? std::string_view() : found->second;
+}
+
+std::optional<Op> op_from(std::string_view word) {
+  const auto* found = std::find_if(kOps.begin(), kOps.end(),
+                                   [word](const auto& known) { return known.second == word; });
+  if (found == kOps.end()) return std::nullopt;
+  return found->first;
+}
+
+std::string_view to_string(Reason reason) {
+  switch (reason) {
+    case Reason::none:
+      return "";
+    case Reason::too_large:
+      return "too_large";
+    case Reason::bad_json:
+      return "bad_json";
+    case Reason::missing_id:
+      return "missing_id";
+    case Reason::duplicate_id:
+      return "duplicate_id";
+    case Reason::retained:
+      return "retained";
+    case Reason::bad_op:
+      return "bad_op";
+    case Reason::unknown_tag:
+      return "unknown_tag";
+    case Reason::bad_address:
+      return "bad_address";
+    case Reason::not_writable:
+      return "not_writable";
+    case Reason::not_allowed:
+      return "not_allowed";
+    case Reason::bad_value:
+      return "bad_value";
+    case Reason::out_of_range:
+      return "out_of_range";
+    case Reason::expired:
+      return "expired";
+    case Reason::queue_full:
+      return "queue_full";
+    case Reason::expect_mismatch:
+      return "expect_mismatch";
+    case Reason::nak:
+      return "nak";
+    case Reason::timeout:
+      return "timeout";
+    case Reason::bad_frame:
+      return "bad_frame";
+    case Reason::link_down:
+      return "link_down";
+    case Reason::device_offline:
+      return "device_offline";
+    case Reason::verify_mismatch:
+      return "verify_mismatch";
+    case Reason::broadcast:
+      return "broadcast";
+    case Reason::shutting_down:
+      return "shutting_down";
+  }
+  return "";
+}
+
+std::string_view to_string(CommandStatus status) {
+  switch (status) {
+    case CommandStatus::succeeded:
+      return "SUCCEEDED";
+    case CommandStatus::failed:
+      return "FAILED";
+    case CommandStatus::rejected:
+      return "REJECTED";
+    case CommandStatus::expired:
+      return "EXPIRED";
+    case CommandStatus::duplicate:
+      return "DUPLICATE";
+    case CommandStatus::unknown_outcome:
+      return "UNKNOWN_OUTCOME";
+  }
+  return "UNKNOWN_OUTCOME";
+}
+
+}  // namespace fxagent

@@ -20,8 +20,15 @@ class Outbox final {
     std::vector<CommandResult> results;
     std::vector<DeviceStatus> states;
     std::vector<Telemetry> telemetry;
-    std::optional<FieldHealth> health;             ///< the newest only
-    std::map<std::uint32_t, std::uint64_t> dropped;  ///< telemetry dropped since the last take, by device
+    std::optional<FieldHealth> health;  ///< the newest only
+    std::map<std::uint32_t, std::uint64_t>
+        dropped;  ///< telemetry dropped since the last take, by device
+    /// Telemetry pushed since the outbox was made, dropped ones included. So after a take it is the
+    /// number of samples that the uplink must account for.
+    std::uint64_t pushed = 0;
+    /// The same count at the moment `health` was pushed: what the field's own counters must agree
+    /// with.
+    std::uint64_t pushed_at_health = 0;
   };
 
   /// Holds at most `max_telemetry` messages; the oldest goes first and is counted.
@@ -35,7 +42,8 @@ class Outbox final {
 
   /// Everything that waits. Uplink thread.
   Batch take();
-  /// Returns when something was pushed or notify() was called since the last return, or at `deadline`.
+  /// Returns when something was pushed or notify() was called since the last return, or at
+  /// `deadline`.
   void wait_until(SteadyTime deadline);
   /// Wakes wait_until(): the broker has news, or it is time to stop.
   void notify();
@@ -46,6 +54,7 @@ class Outbox final {
   std::condition_variable changed_;
   bool signalled_ = false;
   std::deque<Telemetry> telemetry_;
+  std::uint64_t pushed_ = 0;
   Batch waiting_;  ///< all but the telemetry
 };
 
