@@ -1,0 +1,108 @@
+// The port to an MQTT broker: one connection at a time, everything asynchronous, news taken by the
+// uplink thread. Two things implement it: PahoBroker and the tests' FakeBroker.
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "agent/messages.h"
+#include "protocol/bytes.h"
+
+namespace fxagent {
+
+enum class Retain : std::uint8_t { no, yes };
+
+struct Publication {
+  std::uint64_t id = 0;  ///< the caller's; comes back in Delivered or DeliveryFailed
+  std::string topic;
+  std::string payload;
+  int qos = 1;
+  Retain retain = Retain::no;
+  Bytes correlation;  ///< MQTT 5 correlation data; empty: none
+};
+
+/// The connection is up. What the broker can take, where it said so (MQTT 5).
+struct Connected {
+  bool session_present = false;
+  std::uint32_t receive_maximum = 65535;  ///< unacknowledged publishes it accepts
+  std::uint32_t maximum_packet = std::numeric_limits<std::uint32_t>::max();  ///< bytes
+};
+/// connect() came to nothing. `text` says why, without any secret.
+struct ConnectFailed {
+  std::string text;
+};
+/// The connection that was up is gone. Nothing that was not Delivered will be any more.
+struct Lost {
+  std::string text;
+};
+/// disconnect() is done.
+struct Disconnected {};
+struct Message {
+  std::string topic;
+  std::string payload;  ///< cut off after kMaxMessageBytes + 1
+  bool retained = false;
+  std::string response_topic;  ///< MQTT 5; empty: none
+  Bytes correlation;
+  std::optional<std::chrono::seconds> message_expiry;
+  SteadyTime received{};         ///< when the library handed it over
+  std::int64_t received_ms = 0;  ///< the same moment, UTC
+};
+/// QoS 1: the PUBACK came. QoS 0: handed to the socket.
+struct Delivered {
+  std::uint64_t id = 0;
+};
+struct DeliveryFailed {
+  std::uint64_t id = 0;
+  int reason_code = 0;  ///< of the MQTT 5 PUBACK; 0: the library refused it
+  std::string text;
+};
+struct Subscribed {
+  std::string filter;
+  bool granted = false;
+  std::string text;  ///< why not
+};
+/// The uplink did not take its news fast enough: so many messages were thrown away.
+struct MessagesDropped {
+  std::uint64_t count = 0;
+};
+
+using BrokerEvent = std::variant<Connected, ConnectFailed, Lost, Disconnected, Message, Delivered,
+                                 DeliveryFailed, Subscribed, MessagesDropped>;
+
+/// Longest payload that is looked at; one more byte tells that there was more.
+inline constexpr std::size_t kMaxMessageBytes = 65536;
+
+struct Subscription {
+  std::string filter;
+  /// MQTT 5 No Local: what this client publishes, now or earlier, does not come back. Retained
+  /// messages of its own are then hidden too.
+  bool no_local = false;
+};
+
+/// Uplink thread only. No function blocks or throws; every outcome is an event.
+class Broker {
+ public:
+  virtual ~Broker() = default;
+
+  /// Gives up any earlier connection and asks for one to server `index` of the config.
+  /// Then Connected or ConnectFailed.
+  virtual void connect(std::size_t index) = 0;
+  /// A clean goodbye, so that the broker keeps the last will to itself. Then Disconnected.
+  virtual void disconnect() = 0;
+  /// Then Delivered or DeliveryFailed, or neither where Lost comes first.
+  virtual void publish(Publication publication) = 0;
+  /// QoS 1, Retain As Published on MQTT 5. Then Subscribed.
+  virtual void subscribe(Subscription subscription) = 0;
+  virtual void unsubscribe(const std::string& filter) = 0;
+
+  /// What happened since the last call, in order; only of the present connection.
+  virtual std::vector<BrokerEvent> take_events() = 0;
+};
+
+}  // namespace fxagent

@@ -1,0 +1,480 @@
+#include "agent/uplink/paho_broker.h"
+
+#include <mqtt/async_client.h>
+#include <openssl/err.h>
+
+#include <array>
+#include <atomic>
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+#include <iterator>
+#include <mutex>
+#include <optional>
+#include <string_view>
+#include <utility>
+
+namespace fxagent {
+namespace {
+
+using std::chrono::seconds;
+
+constexpr seconds kConnectTimeout{10};
+constexpr seconds kGoodbye{2};
+// Far more than the publisher's window: Paho throws when its buffer is full, connected or not.
+constexpr int kPahoBuffer = 10000;
+constexpr int kPahoInFlight = 1000;  // above the publisher's window, so that Paho never queues
+constexpr std::size_t kMaxInboxBytes = std::size_t{64} << 20;
+// Told to the broker (MQTT 5): larger packets never come. A command is 64 KiB at most, and one that
+// is a little too large must still be answered.
+constexpr std::uint32_t kMaxPacketIn = 1 << 20;
+
+bool is_tls(std::string_view server) { return server.starts_with("mqtts://"); }
+
+/// Paho 1.2 knows its own schemes best.
+std::string paho_uri(std::string_view server) {
+  constexpr std::string_view plain = "mqtt://";
+  constexpr std::string_view tls = "mqtts://";
+  if (server.starts_with(tls)) return "ssl://" + std::string(server.substr(tls.size()));
+  if (server.starts_with(plain)) return "tcp://" + std::string(server.substr(plain.size()));
+  return std::string(server);
+}
+
+/// The password, if there is one; bad_request where it cannot be had.
+Result<std::optional<std::string>> read_password(const MqttConfig& config) {
+  if (!config.password_file.empty()) {
+    errno = 0;
+    std::ifstream file(config.password_file, std::ios::binary);
+    std::string text((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
+    if (!file.is_open() || file.bad())
+      return fail(ErrorCode::bad_request, "password_file " + config.password_file + ": " +
+                                              (errno != 0 ? std::strerror(errno) : "unreadable"));
+    if (text.ends_with('\n')) text.pop_back();
+    if (text.ends_with('\r')) text.pop_back();
+    return text;
+  }
+  if (!config.password_env.empty()) {
+    const char* value = std::getenv(config.password_env.c_str());
+    if (value == nullptr)
+      return fail(ErrorCode::bad_request,
+                  "environment variable " + config.password_env + " is not set");
+    return std::string(value);
+  }
+  return std::nullopt;
+}
+
+/// What OpenSSL noted last on this thread; empty: nothing. Empties the list.
+std::string take_tls_reason() {
+  std::string reason;
+  while (const unsigned long code = ERR_get_error()) {
+    std::array<char, 256> text{};
+    ERR_error_string_n(code, text.data(), text.size());
+    const char* words = ERR_reason_error_string(code);
+    reason = words != nullptr ? words : text.data();
+  }
+  return reason;
+}
+
+std::string reason_text(int code) {
+  const char* text = MQTTReasonCode_toString(static_cast<MQTTReasonCodes>(code));
+  return text != nullptr ? text : "reason " + std::to_string(code);
+}
+
+/// CONNACK return codes of MQTT 3.1.1, section 3.2.2.3.
+std::string_view connack_text(int code) {
+  switch (code) {
+    case 1:
+      return "the broker does not speak this MQTT version";
+    case 2:
+      return "client identifier rejected";
+    case 3:
+      return "server unavailable";
+    case 4:
+      return "bad user name or password";
+    case 5:
+      return "not authorized";
+    default:
+      return "";
+  }
+}
+
+mqtt::property number_property(mqtt::property::code code, std::uint32_t value) {
+  return {code, static_cast<std::int32_t>(value)};
+}
+
+}  // namespace
+
+// ---- inbox --------------------------------------------------------------------------------------
+
+/// Events from Paho's threads to the uplink thread. Any thread. Bounded: a flood of messages is
+/// thrown away and counted, everything else comes at most once per call of ours.
+class PahoBroker::Inbox final {
+ public:
+  explicit Inbox(std::function<void()> notify) : notify_(std::move(notify)) {}
+
+  /// Only events of this connection are taken from now on; what waits is thrown away.
+  void begin(std::uint64_t connection) {
+    const std::lock_guard lock(mutex_);
+    connection_ = connection;
+    events_.clear();
+    bytes_ = 0;
+    dropped_ = 0;
+  }
+
+  void post(std::uint64_t connection, BrokerEvent event) {
+    {
+      const std::lock_guard lock(mutex_);
+      if (connection != connection_) return;
+      if (const auto* message = std::get_if<Message>(&event)) {
+        const std::size_t size = sizeof event + message->topic.size() + message->payload.size() +
+                                 message->response_topic.size() + message->correlation.size();
+        if (bytes_ + size > kMaxInboxBytes) {
+          ++dropped_;
+          return;
+        }
+        bytes_ += size;
+      }
+      events_.push_back(std::move(event));
+    }
+    notify_();
+  }
+
+  std::vector<BrokerEvent> take() {
+    const std::lock_guard lock(mutex_);
+    if (dropped_ != 0) events_.emplace_back(MessagesDropped{std::exchange(dropped_, 0)});
+    bytes_ = 0;
+    return std::exchange(events_, {});
+  }
+
+ private:
+  const std::function<void()> notify_;
+  std::mutex mutex_;
+  std::uint64_t connection_ = 0;
+  std::vector<BrokerEvent> events_;
+  std::size_t bytes_ = 0;
+  std::uint64_t dropped_ = 0;
+};
+
+// ---- connection ---------------------------------------------------------------------------------
+
+/// One Paho client and the receiver of its callbacks. Callbacks copy, post and return: a wait
+/// inside one would stop Paho for good.
+class PahoBroker::Connection final : public virtual mqtt::callback,
+                                     public virtual mqtt::iaction_listener {
+ public:
+  Connection(std::shared_ptr<Inbox> inbox, std::uint64_t number, const MqttConfig& config,
+             const std::string& server)
+      : inbox_(std::move(inbox)),
+        number_(number),
+        version_(config.version == 5 ? MQTTVERSION_5 : MQTTVERSION_3_1_1),
+        tls_(is_tls(server)),
+        client_(paho_uri(server), config.client_id,
+                mqtt::create_options_builder()
+                    .mqtt_version(version_)
+                    .max_buffered_messages(kPahoBuffer)
+                    .finalize()) {
+    client_.set_callback(*this);
+    client_.set_disconnected_handler(
+        [this](const mqtt::properties&, mqtt::ReasonCode reason) noexcept {
+          server_said_ = static_cast<int>(reason);
+        });
+  }
+
+  void connect(const MqttConfig& config, const Will& will,
+               const std::optional<std::string>& password) {
+    mqtt::connect_options options;
+    options.set_mqtt_version(version_);
+    if (version_ == MQTTVERSION_5) {
+      options.set_clean_start(true);
+      using Code = mqtt::property::code;
+      mqtt::properties properties;
+      properties.add(number_property(Code::SESSION_EXPIRY_INTERVAL, 0));
+      properties.add(number_property(Code::MAXIMUM_PACKET_SIZE, kMaxPacketIn));
+      options.set_properties(std::move(properties));
+    } else {
+      options.set_clean_session(true);
+    }
+    options.set_keep_alive_interval(config.keep_alive);
+    options.set_connect_timeout(kConnectTimeout);
+    options.set_automatic_reconnect(false);
+    options.set_max_inflight(kPahoInFlight);
+    if (!config.username.empty()) options.set_user_name(config.username);
+    if (password) options.set_password(mqtt::binary_ref(*password));
+    options.set_will_message(mqtt::message(will.topic, will.payload, 1, true));
+    if (tls_) {
+      // No error handler: Paho C++ 1.2 keeps a pointer to options that die when connect() returns.
+      // OpenSSL's own list of errors tells the same, on the thread that calls on_failure().
+      mqtt::ssl_options_builder tls;
+      tls.enable_server_cert_auth(true).verify(true);
+      if (config.tls) {
+        if (!config.tls->ca_file.empty()) tls.trust_store(config.tls->ca_file);
+        if (!config.tls->cert_file.empty()) tls.key_store(config.tls->cert_file);
+        if (!config.tls->key_file.empty()) tls.private_key(config.tls->key_file);
+      }
+      options.set_ssl(tls.finalize());
+    }
+    client_.connect(options, nullptr, *this);
+  }
+
+  /// Asks for a clean goodbye; the token is done when it has been said.
+  mqtt::token_ptr disconnect() {
+    leaving_ = true;
+    return client_.disconnect(0, nullptr, *this);
+  }
+
+  bool is_connected() const { return client_.is_connected(); }
+
+  void publish(const Publication& publication) {
+    mqtt::properties properties;
+    if (version_ == MQTTVERSION_5 && !publication.correlation.empty())
+      properties.add({mqtt::property::CORRELATION_DATA,
+                      std::string(publication.correlation.begin(), publication.correlation.end())});
+    // The id travels as the token's context: the callback may run before this call returns.
+    client_.publish(mqtt::message::create(publication.topic, publication.payload, publication.qos,
+                                          publication.retain == Retain::yes, properties),
+                    reinterpret_cast<void*>(publication.id), *this);
+  }
+
+  void subscribe(const Subscription& subscription) {
+    mqtt::subscribe_options options;
+    if (version_ == MQTTVERSION_5) {
+      options.set_no_local(subscription.no_local);
+      options.set_retain_as_published(true);
+    }
+    client_.subscribe(subscription.filter, 1, nullptr, *this, options);
+  }
+
+  void unsubscribe(const std::string& filter) { client_.unsubscribe(filter, nullptr, *this); }
+
+ private:
+  void post(BrokerEvent event) { inbox_->post(number_, std::move(event)); }
+
+  // Paho's threads call these.
+  void on_success(const mqtt::token& token) noexcept override {
+    try {
+      switch (token.get_type()) {
+        case mqtt::token::CONNECT:
+          return post(connected(token));
+        case mqtt::token::PUBLISH:
+          return post(Delivered{id_of(token)});
+        case mqtt::token::SUBSCRIBE:
+          return post(subscribed(token));
+        case mqtt::token::DISCONNECT:
+          return post(Disconnected{});
+        case mqtt::token::UNSUBSCRIBE:
+          return;
+      }
+    } catch (...) {
+      post_lost("out of memory in a callback");
+    }
+  }
+
+  void on_failure(const mqtt::token& token) noexcept override {
+    try {
+      switch (token.get_type()) {
+        case mqtt::token::CONNECT:
+          return post(ConnectFailed{connect_failure(token)});
+        case mqtt::token::PUBLISH: {
+          const int reason = static_cast<int>(token.get_reason_code());
+          const bool from_broker = version_ == MQTTVERSION_5 && reason >= 0x80;
+          return post(DeliveryFailed{id_of(token), from_broker ? reason : 0,
+                                     from_broker
+                                         ? reason_text(reason)
+                                         : mqtt::exception::error_str(token.get_return_code())});
+        }
+        case mqtt::token::SUBSCRIBE:
+          return post(Subscribed{filter_of(token), false, failure_text(token)});
+        case mqtt::token::DISCONNECT:
+          return post(Disconnected{});
+        case mqtt::token::UNSUBSCRIBE:
+          return;
+      }
+    } catch (...) {
+      post_lost("out of memory in a callback");
+    }
+  }
+
+  void connection_lost(const std::string& cause) noexcept override {
+    post_lost(cause.empty() ? std::string_view("connection closed") : std::string_view(cause));
+  }
+
+  void message_arrived(mqtt::const_message_ptr message) noexcept override {
+    try {
+      Message event;
+      event.received = std::chrono::steady_clock::now();
+      event.received_ms = utc_ms(std::chrono::system_clock::now());
+      event.topic = message->get_topic();
+      event.payload = message->get_payload_str().substr(0, kMaxMessageBytes + 1);
+      event.retained = message->is_retained();
+      const mqtt::properties& properties = message->get_properties();
+      using Code = mqtt::property::code;
+      if (properties.contains(Code::RESPONSE_TOPIC))
+        event.response_topic = mqtt::get<std::string>(properties, Code::RESPONSE_TOPIC);
+      if (properties.contains(Code::CORRELATION_DATA)) {
+        const auto data = mqtt::get<std::string>(properties, Code::CORRELATION_DATA);
+        event.correlation.assign(data.begin(), data.end());
+      }
+      if (properties.contains(Code::MESSAGE_EXPIRY_INTERVAL))
+        event.message_expiry =
+            seconds(mqtt::get<std::uint32_t>(properties, Code::MESSAGE_EXPIRY_INTERVAL));
+      post(std::move(event));
+    } catch (...) {
+      post_lost("out of memory in a callback");
+    }
+  }
+
+  void post_lost(std::string_view text) noexcept {
+    if (leaving_) return;  // the goodbye's own end; Disconnected tells it
+    try {
+      const int said = server_said_;
+      post(Lost{said >= 0 ? "the broker said: " + reason_text(said) : std::string(text)});
+    } catch (...) {
+      // Nothing can be told without memory. The library's next failure tells it again.
+    }
+  }
+
+  Connected connected(const mqtt::token& token) const {
+    Connected event;
+    const mqtt::connect_response response = token.get_connect_response();
+    event.session_present = response.is_session_present();
+    const mqtt::properties& properties = response.get_properties();
+    using Code = mqtt::property::code;
+    if (properties.contains(Code::RECEIVE_MAXIMUM))
+      event.receive_maximum = mqtt::get<std::uint16_t>(properties, Code::RECEIVE_MAXIMUM);
+    if (properties.contains(Code::MAXIMUM_PACKET_SIZE))
+      event.maximum_packet = mqtt::get<std::uint32_t>(properties, Code::MAXIMUM_PACKET_SIZE);
+    return event;
+  }
+
+  Subscribed subscribed(const mqtt::token& token) const {
+    Subscribed event{filter_of(token), true, {}};
+    for (const mqtt::ReasonCode code : token.get_subscribe_response().get_reason_codes()) {
+      if (static_cast<int>(code) < 0x80) continue;
+      event.granted = false;
+      event.text = reason_text(static_cast<int>(code));
+    }
+    return event;
+  }
+
+  std::string connect_failure(const mqtt::token& token) const {
+    const int reason = static_cast<int>(token.get_reason_code());
+    if (version_ == MQTTVERSION_5 && reason >= 0x80) return reason_text(reason);
+    const std::string_view refusal = connack_text(token.get_return_code());
+    if (!refusal.empty()) return std::string(refusal);
+    const std::string tls = tls_ ? take_tls_reason() : "";
+    if (!tls.empty()) return "TLS: " + tls;
+    if (tls_)
+      return "no TLS connection and no reason given: is the server up, and is its certificate for "
+             "this host name?";
+    return "no answer at this address: " + failure_text(token);
+  }
+
+  std::string failure_text(const mqtt::token& token) const {
+    const int reason = static_cast<int>(token.get_reason_code());
+    if (version_ == MQTTVERSION_5 && reason >= 0x80) return reason_text(reason);
+    const std::string text = mqtt::exception::error_str(token.get_return_code());
+    return text.empty() ? "code " + std::to_string(token.get_return_code()) : text;
+  }
+
+  static std::uint64_t id_of(const mqtt::token& token) {
+    return reinterpret_cast<std::uint64_t>(token.get_user_context());
+  }
+
+  static std::string filter_of(const mqtt::token& token) {
+    const auto topics = token.get_topics();
+    return topics && !topics->empty() ? (*topics)[0] : std::string();
+  }
+
+  const std::shared_ptr<Inbox> inbox_;
+  const std::uint64_t number_;
+  const int version_;
+  const bool tls_;
+  std::atomic<bool> leaving_ = false;
+  std::atomic<int> server_said_ = -1;  ///< reason code of a DISCONNECT from the broker
+  mqtt::async_client client_;          ///< last: destroyed first, before what its callbacks use
+};
+
+// ---- broker -------------------------------------------------------------------------------------
+
+PahoBroker::PahoBroker(const MqttConfig& config, Will will, std::function<void()> notify)
+    : config_(config), will_(std::move(will)), inbox_(std::make_shared<Inbox>(std::move(notify))) {}
+
+PahoBroker::~PahoBroker() {
+  inbox_->begin(0);
+  if (!connection_ || !connection_->is_connected()) return;
+  try {
+    connection_->disconnect()->wait_for(kGoodbye);
+  } catch (const mqtt::exception&) {
+    // It was going already: the client's destructor closes what is left.
+  }
+}
+
+void PahoBroker::retire() {
+  if (!connection_) return;
+  inbox_->begin(0);
+  if (connection_->is_connected()) {
+    try {
+      connection_->disconnect();
+    } catch (const mqtt::exception&) {
+      // Lost in this moment, which is what was wanted.
+    }
+  }
+  retired_.push_back(std::move(connection_));
+}
+
+void PahoBroker::connect(std::size_t index) {
+  retired_.clear();
+  retire();
+  const std::uint64_t number = ++connections_;
+  inbox_->begin(number);
+  const auto password = read_password(config_);
+  if (!password) return inbox_->post(number, ConnectFailed{password.error().text});
+  try {
+    connection_ = std::make_unique<Connection>(inbox_, number, config_, config_.servers.at(index));
+    connection_->connect(config_, will_, *password);
+  } catch (const mqtt::exception& error) {
+    inbox_->post(number, ConnectFailed{error.what()});
+  }
+}
+
+void PahoBroker::disconnect() {
+  if (!connection_ || !connection_->is_connected()) {
+    retire();
+    inbox_->begin(connections_);
+    return inbox_->post(connections_, Disconnected{});
+  }
+  try {
+    connection_->disconnect();
+  } catch (const mqtt::exception&) {
+    inbox_->post(connections_, Disconnected{});
+  }
+}
+
+void PahoBroker::publish(Publication publication) {
+  try {
+    if (connection_) connection_->publish(publication);
+  } catch (const mqtt::exception& error) {
+    inbox_->post(connections_, DeliveryFailed{publication.id, 0, error.what()});
+  }
+}
+
+void PahoBroker::subscribe(Subscription subscription) {
+  try {
+    if (connection_) connection_->subscribe(subscription);
+  } catch (const mqtt::exception& error) {
+    inbox_->post(connections_, Subscribed{subscription.filter, false, error.what()});
+  }
+}
+
+void PahoBroker::unsubscribe(const std::string& filter) {
+  try {
+    if (connection_) connection_->unsubscribe(filter);
+  } catch (const mqtt::exception&) {
+    // The connection is going, and the subscription with it.
+  }
+}
+
+std::vector<BrokerEvent> PahoBroker::take_events() { return inbox_->take(); }
+
+}  // namespace fxagent

@@ -1,0 +1,61 @@
+// Broker over Eclipse Paho C++ 1.2. Paho keeps nothing for us: no persistence, no buffer for times
+// without a connection, no reconnect of its own; the publisher owns delivery and retries.
+//
+// Each connection has a Paho client of its own, since one that is used again would send what was
+// left in its queue when the last connection broke, after newer values.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "agent/config.h"
+#include "agent/uplink/broker.h"
+
+namespace fxagent {
+
+/// What the broker publishes for us, retained with QoS 1, when we vanish.
+struct Will {
+  std::string topic;
+  std::string payload;
+};
+
+/// Functions: uplink thread. Paho's own threads only put events into the inbox and call `notify`.
+class PahoBroker final : public Broker {
+ public:
+  /// `notify` is called on Paho's threads whenever there is news; it must not block or throw, and
+  /// may be called until the destructor returns.
+  PahoBroker(const MqttConfig& config, Will will, std::function<void()> notify);
+  /// Waits up to 2 s for a connection that is up to be closed.
+  ~PahoBroker() override;
+
+  /// User name and password are read again at each call: a changed secret needs no restart. Host
+  /// name and chain of a TLS server's certificate are always verified.
+  void connect(std::size_t index) override;
+  void disconnect() override;
+  void publish(Publication publication) override;
+  void subscribe(Subscription subscription) override;
+  void unsubscribe(const std::string& filter) override;
+  std::vector<BrokerEvent> take_events() override;
+
+ private:
+  class Inbox;
+  class Connection;
+
+  void retire();
+
+  const MqttConfig config_;
+  const Will will_;
+  /// Shared by this object and every connection: a callback may still be on its way when its
+  /// connection has been given up.
+  std::shared_ptr<Inbox> inbox_;
+  std::uint64_t connections_ = 0;  ///< number of the present one, or the last
+  std::unique_ptr<Connection> connection_;
+  /// Given up, and kept until the next connect (a second later or more), when Paho's threads have
+  /// surely left their callbacks.
+  std::vector<std::unique_ptr<Connection>> retired_;
+};
+
+}  // namespace fxagent

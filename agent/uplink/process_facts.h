@@ -1,0 +1,17 @@
+// What the operating system says about this process and its clock, for the health message.
+#pragma once
+
+#include <cstdint>
+
+namespace fxagent {
+
+struct ProcessFacts {
+  bool clock_synchronised =
+      false;                    ///< the kernel's clock is disciplined (NTP, PTP); false if unknown
+  std::uint64_t rss_bytes = 0;  ///< resident memory; 0 if unknown
+};
+
+/// Reads adjtimex(2) and /proc/self/statm. Any thread.
+ProcessFacts read_process_facts();
+
+}  // namespace fxagent

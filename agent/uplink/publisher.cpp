@@ -1,0 +1,701 @@
+#include "agent/uplink/publisher.h"
+
+#include <algorithm>
+#include <type_traits>
+
+#include "agent/log.h"
+#include "agent/uplink/process_facts.h"
+#include "agent/uplink/topics.h"
+
+namespace fxagent {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+constexpr seconds kTick{60};        // health
+constexpr seconds kCleanUpFor{10};  // how long retained topics of unknown devices are looked for
+constexpr seconds kConnectPatience{30};  // longer than the library's own connect time-out
+constexpr seconds kSteady{10};           // a connection that lived so long was a good one
+constexpr seconds kFirstRetry{1};
+constexpr seconds kLastRetry{30};
+constexpr seconds kLiveFor{1};  // a sample that waited longer for room is history
+constexpr seconds kDrainFor{3};
+constexpr seconds kFarewellFor{1};
+
+// Mosquitto's default receive maximum. The library under us is fast up to the broker's figure and
+// very slow beyond it.
+constexpr std::size_t kMaxWindow = 20;
+constexpr std::size_t kHistoryBytes = 65536;
+constexpr std::size_t kMaxPendingResults = 10000;
+// What a PUBLISH needs beside topic, payload and correlation data: header, lengths, packet id.
+constexpr std::size_t kPacketOverhead = 64;
+
+// MQTT 5 reason codes of a PUBACK (section 3.4.2.1) that no repeat can cure.
+constexpr int kTopicNameInvalid = 0x90;
+constexpr int kPacketTooLarge = 0x95;
+constexpr int kPayloadFormatInvalid = 0x99;
+
+bool is_final(int reason_code) {
+  return reason_code == kTopicNameInvalid || reason_code == kPacketTooLarge ||
+         reason_code == kPayloadFormatInvalid;
+}
+
+std::string hex_code(int reason_code) {
+  Bytes digits;
+  append_hex(digits, static_cast<std::uint32_t>(reason_code), 2);
+  return "0x" + std::string(digits.begin(), digits.end());
+}
+
+}  // namespace
+
+Publisher::Publisher(const Config& config, PublisherSettings settings, Outbox& outbox,
+                     Broker& broker, Submit submit, UtcClock utc_ms)
+    : config_(config),
+      settings_(std::move(settings)),
+      base_(config.base_topic()),
+      outbox_(outbox),
+      broker_(broker),
+      submit_(std::move(submit)),
+      utc_ms_(std::move(utc_ms)),
+      jitter_(settings_.jitter_seed),
+      backlog_(settings_.backlog_bytes),
+      history_bytes_(kHistoryBytes),
+      states_(config.devices.size()),
+      pauses_(config.devices.size()),
+      dropped_(config.devices.size()) {
+  for (const DeviceConfig& device : config.devices) metas_.push_back(json::device_meta(device));
+}
+
+Publisher::~Publisher() = default;
+
+SteadyTime Publisher::step(SteadyTime now) {
+  if (!started_) {
+    started_ = now;
+    started_ms_ = utc_ms_();
+    last_tick_ = now;
+    next_tick_ = now + kTick;
+  }
+  for (const BrokerEvent& event : broker_.take_events())
+    std::visit([&](const auto& e) { on(e, now); }, event);
+  take_outbox(now);
+  keep_connected(now);
+  if (now >= next_tick_) tick(now);
+  if (link_ == Link::connected && phase_ <= Phase::draining) pump(now);
+  const auto failures = std::exchange(unsendable_, {});
+  for (const DeliveryFailed& failure : failures) on(failure, now);
+  if (phase_ != Phase::running) wind_up(now);
+  if (phase_ == Phase::finished) return SteadyTime::max();
+  return failures.empty() ? next_wake(now) : now;
+}
+
+void Publisher::stop(SteadyTime now) {
+  if (phase_ != Phase::running) return;
+  phase_ = Phase::draining;
+  phase_deadline_ = now + kDrainFor;
+  if (link_ == Link::connected) broker_.unsubscribe(base_ + "/+/command");
+}
+
+json::Samples Publisher::samples() const {
+  json::Samples samples;
+  for (const DeviceHealth& device : field_.devices) samples.suppressed += device.suppressed;
+  samples.collected = pushed_ + samples.suppressed;
+  samples.queued = live_.size();
+  samples.in_flight = in_flight_samples_;
+  samples.stored = backlog_.rows();
+  samples.acknowledged = acknowledged_;
+  samples.dropped = dropped_total_;
+  samples.published = published_;
+  return samples;
+}
+
+// ---- what the broker says -----------------------------------------------------------------------
+
+void Publisher::on(const Connected& event, SteadyTime now) {
+  if (link_ != Link::connecting) return;
+  link_ = Link::connected;
+  connected_at_ = now;
+  last_failure_.clear();
+  window_ = std::clamp<std::size_t>(event.receive_maximum, 1, kMaxWindow);
+  max_packet_ = event.maximum_packet;
+  history_bytes_ = kHistoryBytes;
+  log::info("broker_connected",
+            {{"server", config_.mqtt.servers.at(server_)}, {"window", std::to_string(window_)}});
+  // Subscribed before "online" is said: who sees it and orders at once is heard.
+  broker_.subscribe({base_ + "/+/command", /*no_local=*/true});
+  // Our own retained topics are what is looked for here, so No Local would hide them.
+  broker_.subscribe({base_ + "/+/state", /*no_local=*/false});
+  broker_.subscribe({base_ + "/+/meta", /*no_local=*/false});
+  clean_up_until_ = now + kCleanUpFor;
+
+  due_.clear();
+  due_[{Notice::agent_state, 0, {}}];
+  due_[{Notice::health, 0, {}}];
+  for (std::uint32_t device = 0; device < config_.devices.size(); ++device) {
+    due_[{Notice::device_meta, device, {}}];
+    if (states_[device]) due_[{Notice::device_state, device, {}}];
+  }
+  for (DevicePause& pause : pauses_) pause = {};
+}
+
+void Publisher::on(const ConnectFailed& event, SteadyTime now) {
+  if (link_ != Link::connecting) return;
+  if (event.text != last_failure_) {  // a repeated one is not news
+    log::warn("broker_unreachable",
+              {{"server", config_.mqtt.servers.at(server_)}, {"reason", event.text}});
+    last_failure_ = event.text;
+  }
+  link_ = Link::waiting;
+  schedule_retry(now, /*next_server=*/true);
+}
+
+void Publisher::on(const Lost& event, SteadyTime now) {
+  if (link_ != Link::connected) return;
+  log::warn("broker_lost", {{"server", config_.mqtt.servers.at(server_)}, {"reason", event.text}});
+  connection_over(now);
+}
+
+void Publisher::on(const Disconnected&, SteadyTime now) {
+  if (phase_ == Phase::closing) phase_deadline_ = now;
+}
+
+void Publisher::on(const Message& event, SteadyTime) {
+  const auto index_of = [this](std::string_view name) {
+    const auto found = std::find_if(config_.devices.begin(), config_.devices.end(),
+                                    [name](const auto& device) { return device.name == name; });
+    return static_cast<std::uint32_t>(found - config_.devices.begin());
+  };
+  if (const auto name = device_of(event.topic, base_, "command")) {
+    const std::uint32_t device = index_of(*name);
+    if (device < config_.devices.size())
+      take_command(event, device);
+    else
+      log::warn("command_ignored", {{"topic", event.topic}, {"reason", "no such device"}});
+    return;
+  }
+  auto name = device_of(event.topic, base_, "state");
+  if (!name) name = device_of(event.topic, base_, "meta");
+  if (name && !event.payload.empty() && index_of(*name) == config_.devices.size() &&
+      due_.try_emplace({Notice::clear, 0, event.topic}).second)
+    log::info("retained_topic_cleared", {{"topic", event.topic}});
+}
+
+void Publisher::take_command(const Message& event, std::uint32_t device) {
+  // An empty retained payload only clears the topic. On 3.1.1 its flag does not reach us.
+  if (event.payload.empty() && (event.retained || config_.mqtt.version != 5)) return;
+  Command command = json::command(event.payload);
+  command.device = device;
+  command.retained = event.retained;
+  command.received = event.received;
+  command.received_ms = event.received_ms;
+  command.message_expiry = event.message_expiry;
+  command.response_topic = event.response_topic;
+  command.correlation = event.correlation;
+  if (phase_ == Phase::running) return submit_(std::move(command));
+
+  // The field answers no more.
+  CommandResult result;
+  result.device = device;
+  result.id = std::move(command.id);
+  result.reason = Reason::shutting_down;
+  result.op = std::move(command.op_text);
+  result.received = command.received;
+  result.received_ms = command.received_ms;
+  result.response_topic = std::move(command.response_topic);
+  result.correlation = std::move(command.correlation);
+  take_result(std::move(result));
+}
+
+void Publisher::on(const Delivered& event, SteadyTime now) {
+  auto flight = flights_.extract(event.id);
+  if (flight.empty()) return;  // of a connection that is gone
+  std::visit([&](const auto& f) { delivered(f, now); }, flight.mapped());
+}
+
+void Publisher::on(const DeliveryFailed& event, SteadyTime now) {
+  auto flight = flights_.extract(event.id);
+  if (flight.empty()) return;
+  std::visit([&](auto& f) { failed(f, event, now); }, flight.mapped());
+}
+
+void Publisher::on(const Subscribed& event, SteadyTime) {
+  if (!event.granted)
+    log::error("subscription_refused", {{"filter", event.filter}, {"reason", event.text}});
+}
+
+void Publisher::on(const MessagesDropped& event, SteadyTime) {
+  log::error("messages_dropped", {{"count", std::to_string(event.count)}});
+}
+
+void Publisher::delivered(const NoticeFlight&, SteadyTime) {}
+
+void Publisher::delivered(const ResultFlight& flight, SteadyTime) {
+  result_copy_done(flight.result, flight.copy);
+}
+
+void Publisher::delivered(const LiveFlight& flight, SteadyTime) {
+  --in_flight_samples_;
+  ++acknowledged_;
+  pauses_[flight.row.device] = {};
+}
+
+void Publisher::delivered(const HistoryFlight& flight, SteadyTime) {
+  --history_flights_;
+  acknowledged_ += backlog_.acknowledged(flight.batch);
+  pauses_[flight.batch.device] = {};
+}
+
+void Publisher::delivered(const FarewellFlight&, SteadyTime now) { phase_deadline_ = now; }
+
+void Publisher::failed(const NoticeFlight& flight, const DeliveryFailed& event, SteadyTime now) {
+  log::warn("publish_refused",
+            {{"what", "state"}, {"code", hex_code(event.reason_code)}, {"reason", event.text}});
+  if (is_final(event.reason_code)) return;
+  due_.insert_or_assign(flight.key, Due{now + back_off(flight.failures), flight.failures + 1});
+}
+
+void Publisher::failed(const ResultFlight& flight, const DeliveryFailed& event, SteadyTime now) {
+  const auto found = results_.find(flight.result);
+  if (found == results_.end()) return;
+  PendingResult::Copy& copy = found->second.copies[flight.copy];
+  log::warn("publish_refused", {{"what", "result"},
+                                {"topic", copy.topic},
+                                {"id", found->second.result.id},
+                                {"code", hex_code(event.reason_code)},
+                                {"reason", event.text}});
+  // A response topic is the sender's choice: where the broker refuses it, that is that.
+  if (is_final(event.reason_code) || (copy.to_response_topic && event.reason_code != 0))
+    return result_copy_done(flight.result, flight.copy);
+  copy.in_flight = false;
+  copy.due = Due{now + back_off(copy.due.failures), copy.due.failures + 1};
+}
+
+void Publisher::failed(LiveFlight& flight, const DeliveryFailed& event, SteadyTime now) {
+  --in_flight_samples_;
+  if (is_final(event.reason_code)) return drop(flight.row.device, 1);
+  pause(flight.row.device, now);
+  store(std::move(flight.row));
+}
+
+void Publisher::failed(const HistoryFlight& flight, const DeliveryFailed& event, SteadyTime now) {
+  --history_flights_;
+  const Backlog::Batch& batch = flight.batch;
+  if (event.reason_code == kPacketTooLarge && batch.orders.size() > 1) {
+    history_bytes_ = std::min(history_bytes_, batch.payload.size()) / 2;
+    backlog_.returned(batch);
+  } else if (is_final(event.reason_code)) {
+    drop(batch.device, backlog_.discard(batch));
+  } else {
+    backlog_.returned(batch);
+    pause(batch.device, now);
+  }
+}
+
+void Publisher::failed(const FarewellFlight&, const DeliveryFailed&, SteadyTime now) {
+  phase_deadline_ = now;
+}
+
+// ---- what the field says ------------------------------------------------------------------------
+
+void Publisher::take_outbox(SteadyTime now) {
+  Outbox::Batch batch = outbox_.take();
+  pushed_ = batch.pushed;
+  for (const auto& [device, count] : batch.dropped) drop(device, count);
+  for (CommandResult& result : batch.results) take_result(std::move(result));
+  for (DeviceStatus& status : batch.states) {
+    const std::uint32_t device = status.device;
+    states_.at(device) = std::move(status);
+    if (link_ == Link::connected) due_[{Notice::device_state, device, {}}] = {};
+  }
+  for (const Telemetry& message : batch.telemetry) take_sample(message, now);
+  if (batch.health) {
+    field_ = std::move(*batch.health);
+    std::uint64_t sent = 0;
+    for (const DeviceHealth& device : field_.devices) sent += device.collected - device.suppressed;
+    if (sent != batch.pushed_at_health)
+      log::error("samples_miscounted", {{"field", std::to_string(sent)},
+                                        {"outbox", std::to_string(batch.pushed_at_health)}});
+  }
+}
+
+void Publisher::take_sample(const Telemetry& message, SteadyTime now) {
+  Backlog::Row row;
+  row.order = next_order_++;
+  row.device = message.device;
+  row.group = message.group;
+  row.json = json::telemetry(message, config_.devices.at(message.device), settings_.boot,
+                             metas_.at(message.device).hash);
+  row_bytes_ += row.json.size() + Backlog::kRowOverhead;
+  if (link_ == Link::connected && phase_ <= Phase::draining && may_send(row.device, now))
+    live_.push_back({std::move(row), now});
+  else
+    store(std::move(row));
+}
+
+void Publisher::take_result(CommandResult result) {
+  ++commands_[result.status];
+  PendingResult pending;
+  const std::string& device = config_.devices.at(result.device).name;
+  pending.copies.push_back({.topic = device_topic(result.device) + "/result"});
+  if (!result.response_topic.empty()) {
+    const std::string fault =
+        response_topic_fault(result.response_topic, config_.root, base_, device);
+    if (fault.empty())
+      pending.copies.push_back({.topic = result.response_topic, .to_response_topic = true});
+    else
+      log::warn("response_topic_ignored",
+                {{"topic", result.response_topic}, {"id", result.id}, {"reason", fault}});
+  }
+  pending.result = std::move(result);
+  results_.emplace(next_result_++, std::move(pending));
+  // Only a broker that refuses results for hours brings us here: without a broker no command comes.
+  if (results_.size() > kMaxPendingResults) {
+    log::error("result_dropped", {{"id", results_.begin()->second.result.id}});
+    results_.erase(results_.begin());
+  }
+}
+
+// ---- the connection -----------------------------------------------------------------------------
+
+void Publisher::keep_connected(SteadyTime now) {
+  if (phase_ != Phase::running) return;
+  if (link_ == Link::connecting && now >= connect_deadline_) {
+    broker_.disconnect();
+    on(ConnectFailed{"no answer"}, now);
+  }
+  if (link_ == Link::waiting && now >= retry_at_) {
+    link_ = Link::connecting;
+    connect_deadline_ = now + kConnectPatience;
+    broker_.connect(server_);
+  }
+  if (link_ == Link::connected && clean_up_until_ && now >= *clean_up_until_) {
+    clean_up_until_.reset();
+    broker_.unsubscribe(base_ + "/+/state");
+    broker_.unsubscribe(base_ + "/+/meta");
+  }
+}
+
+void Publisher::connection_over(SteadyTime now) {
+  link_ = Link::waiting;
+  clean_up_until_.reset();
+  auto flights = std::exchange(flights_, {});
+  history_flights_ = 0;
+  in_flight_samples_ = 0;
+  for (auto& [id, flight] : flights) {
+    if (auto* live = std::get_if<LiveFlight>(&flight))
+      store(std::move(live->row));
+    else if (const auto* history = std::get_if<HistoryFlight>(&flight))
+      backlog_.returned(history->batch);
+  }
+  for (LiveRow& live : live_) store(std::move(live.row));
+  live_.clear();
+  due_.clear();  // all of it is published again after the next connect
+  for (auto& [key, pending] : results_) {
+    for (PendingResult::Copy& copy : pending.copies) {
+      copy.in_flight = false;
+      copy.due = {};
+    }
+  }
+  schedule_retry(now, /*next_server=*/now - connected_at_ < kSteady);
+}
+
+void Publisher::schedule_retry(SteadyTime now, bool next_server) {
+  if (!next_server) {
+    server_ = 0;
+    failed_rounds_ = 0;
+    retry_at_ = now + back_off(0);
+    return;
+  }
+  server_ = (server_ + 1) % config_.mqtt.servers.size();
+  retry_at_ = server_ == 0 ? now + back_off(failed_rounds_++) : now;
+}
+
+void Publisher::tick(SteadyTime now) {
+  const double hours = std::chrono::duration<double, std::ratio<3600>>(now - last_tick_).count();
+  bytes_per_hour_ = static_cast<double>(std::exchange(row_bytes_, 0)) / hours;
+  last_tick_ = now;
+  next_tick_ = now + kTick;
+  if (dropped_total_ != dropped_at_tick_) {
+    log::warn("samples_dropped", {{"count", std::to_string(dropped_total_ - dropped_at_tick_)},
+                                  {"total", std::to_string(dropped_total_)}});
+    dropped_at_tick_ = dropped_total_;
+  }
+  const json::Samples now_here = samples();
+  if (!now_here.balanced())
+    log::error("samples_unbalanced", {{"collected", std::to_string(now_here.collected)},
+                                      {"suppressed", std::to_string(now_here.suppressed)},
+                                      {"queued", std::to_string(now_here.queued)},
+                                      {"in_flight", std::to_string(now_here.in_flight)},
+                                      {"stored", std::to_string(now_here.stored)},
+                                      {"acknowledged", std::to_string(now_here.acknowledged)},
+                                      {"dropped", std::to_string(now_here.dropped)}});
+  if (link_ == Link::connected) due_[{Notice::health, 0, {}}];
+}
+
+// ---- what goes out ------------------------------------------------------------------------------
+
+void Publisher::pump(SteadyTime now) {
+  pump_results(now);
+  pump_notices(now);
+  spill_live(now);
+  pump_live(now);
+  pump_history(now);
+}
+
+void Publisher::pump_results(SteadyTime now) {
+  for (auto& [key, pending] : results_) {
+    for (std::size_t i = 0; i < pending.copies.size(); ++i) {
+      PendingResult::Copy& copy = pending.copies[i];
+      if (copy.in_flight || copy.done || copy.due.not_before > now) continue;
+      if (!has_room()) return;
+      if (pending.payload.empty())
+        pending.payload = json::result(pending.result, now - pending.result.received);
+      copy.in_flight = true;
+      Publication publication;
+      publication.topic = copy.topic;
+      publication.payload = pending.payload;
+      if (copy.to_response_topic) publication.correlation = pending.result.correlation;
+      send(ResultFlight{key, i}, std::move(publication));
+    }
+  }
+}
+
+void Publisher::pump_notices(SteadyTime now) {
+  for (auto next = due_.begin(); next != due_.end() && has_room();) {
+    const auto current = next++;
+    if (current->second.not_before > now) continue;
+    const auto taken = due_.extract(current);
+    const NoticeKey& key = taken.key();
+    Publication publication;
+    publication.retain = Retain::yes;
+    switch (key.notice) {
+      case Notice::agent_state:
+        publication.topic = base_ + "/state";
+        publication.payload = json::agent_online(started_ms_, settings_.boot, settings_.version);
+        break;
+      case Notice::device_state:
+        publication.topic = device_topic(key.device) + "/state";
+        publication.payload = json::device_state(*states_[key.device]);
+        break;
+      case Notice::device_meta:
+        publication.topic = device_topic(key.device) + "/meta";
+        publication.payload = metas_[key.device].text;
+        break;
+      case Notice::health:
+        publication.topic = base_ + "/health";
+        publication.payload = health_text(now);
+        break;
+      case Notice::clear:
+        publication.topic = key.topic;
+        break;
+    }
+    send(NoticeFlight{key, taken.mapped().failures}, std::move(publication));
+  }
+}
+
+void Publisher::spill_live(SteadyTime now) {
+  while (!live_.empty() && live_.front().since + kLiveFor <= now) {
+    store(std::move(live_.front().row));
+    live_.pop_front();
+  }
+}
+
+void Publisher::pump_live(SteadyTime now) {
+  while (!live_.empty() && flights_.size() < sample_window()) {
+    Backlog::Row row = std::move(live_.front().row);
+    live_.pop_front();
+    if (!may_send(row.device, now)) {
+      store(std::move(row));
+      continue;
+    }
+    Publication publication;
+    publication.topic =
+        device_topic(row.device) + "/data/" + config_.devices[row.device].groups.at(row.group).name;
+    publication.payload = row.json;
+    publication.qos = config_.mqtt.qos;
+    ++in_flight_samples_;
+    ++published_;
+    send(LiveFlight{std::move(row)}, std::move(publication));
+  }
+}
+
+void Publisher::pump_history(SteadyTime now) {
+  const std::size_t share = std::max<std::size_t>(1, window_ / 4);
+  while (live_.empty() && history_flights_ < share && flights_.size() < sample_window()) {
+    auto batch =
+        backlog_.next(history_bytes_, [&](std::uint32_t device) { return may_send(device, now); });
+    if (!batch) return;
+    Publication publication;
+    publication.topic = device_topic(batch->device) + "/data/" +
+                        config_.devices[batch->device].groups.at(batch->group).name + "/history";
+    publication.payload = batch->payload;
+    publication.qos = config_.mqtt.qos;
+    ++history_flights_;
+    published_ += batch->orders.size();
+    send(HistoryFlight{std::move(*batch)}, std::move(publication));
+  }
+}
+
+void Publisher::send(Flight flight, Publication publication) {
+  publication.id = next_id_++;
+  flights_.emplace(publication.id, std::move(flight));
+  // Either of these would make the broker close the connection, again and again.
+  const std::size_t packet = publication.topic.size() + publication.payload.size() +
+                             publication.correlation.size() + kPacketOverhead;
+  if (!is_publishable(publication.topic))
+    unsendable_.push_back({publication.id, kTopicNameInvalid, "not a topic: " + publication.topic});
+  else if (packet > max_packet_)
+    unsendable_.push_back({publication.id, kPacketTooLarge, "larger than the broker takes"});
+  else
+    broker_.publish(std::move(publication));
+}
+
+std::size_t Publisher::sample_window() const {
+  // Two places stay free, so that a result or a state never waits behind samples.
+  return window_ > 4 ? window_ - 2 : window_;
+}
+
+bool Publisher::may_send(std::uint32_t device, SteadyTime now) const {
+  return pauses_[device].until <= now;
+}
+
+void Publisher::pause(std::uint32_t device, SteadyTime now) {
+  DevicePause& pause = pauses_[device];
+  if (pause.until > now) return;  // one refusal among several that were on their way
+  pause.until = now + back_off(pause.failures++);
+  log::warn(
+      "samples_refused",
+      {{"device", config_.devices[device].name},
+       {"again_in_s", std::to_string(std::chrono::ceil<seconds>(pause.until - now).count())}});
+}
+
+void Publisher::store(Backlog::Row row) {
+  backlog_.append(std::move(row));
+  for (const auto& [device, count] : backlog_.take_dropped()) drop(device, count);
+}
+
+void Publisher::drop(std::uint32_t device, std::uint64_t count) {
+  dropped_.at(device) += count;
+  dropped_total_ += count;
+}
+
+void Publisher::result_copy_done(std::uint64_t result, std::size_t copy) {
+  const auto found = results_.find(result);
+  if (found == results_.end()) return;
+  auto& copies = found->second.copies;
+  copies[copy].done = true;
+  if (std::all_of(copies.begin(), copies.end(), [](const auto& each) { return each.done; }))
+    results_.erase(found);
+}
+
+/// 1 s after the first failure, twice as much after each further one, at most 30 s; and up to a
+/// quarter more, by chance.
+SteadyTime::duration Publisher::back_off(int failures) {
+  const auto plain = std::min<milliseconds>(kLastRetry, kFirstRetry * (1 << std::min(failures, 5)));
+  std::uniform_int_distribution<std::int64_t> extra(0, plain.count() / 4);
+  return plain + milliseconds(extra(jitter_));
+}
+
+// ---- the end ------------------------------------------------------------------------------------
+
+void Publisher::wind_up(SteadyTime now) {
+  const bool over = now >= phase_deadline_ || link_ == Link::waiting;
+  switch (phase_) {
+    case Phase::running:
+    case Phase::finished:
+      return;
+    case Phase::draining:
+      if (link_ == Link::connected && (over || drained())) return say_farewell(now);
+      if (!over) return;
+      break;
+    case Phase::farewell:
+      if (!over) return;
+      phase_ = Phase::closing;
+      phase_deadline_ = now + kFarewellFor;
+      return broker_.disconnect();
+    case Phase::closing:
+      if (!over) return;
+      break;
+  }
+  if (link_ != Link::connected) broker_.disconnect();
+  phase_ = Phase::finished;
+  const json::Samples left = samples();
+  log::info("uplink_stopped",
+            {{"samples_left", std::to_string(left.queued + left.in_flight + left.stored)},
+             {"results_left", std::to_string(results_.size())}});
+}
+
+bool Publisher::drained() const {
+  return flights_.empty() && results_.empty() && due_.empty() && live_.empty() &&
+         backlog_.rows() == 0;
+}
+
+void Publisher::say_farewell(SteadyTime now) {
+  phase_ = Phase::farewell;
+  phase_deadline_ = now + kFarewellFor;
+  Publication publication;
+  publication.topic = base_ + "/state";
+  publication.payload = json::agent_offline(utc_ms_(), "stopped", settings_.boot);
+  publication.retain = Retain::yes;
+  send(FarewellFlight{}, std::move(publication));
+}
+
+// ---- small things -------------------------------------------------------------------------------
+
+SteadyTime Publisher::next_wake(SteadyTime now) const {
+  SteadyTime wake = next_tick_;
+  const auto at = [&wake](SteadyTime time) { wake = std::min(wake, time); };
+  if (phase_ != Phase::running) at(phase_deadline_);
+  if (link_ == Link::waiting) at(retry_at_);
+  if (link_ == Link::connecting) at(connect_deadline_);
+  if (clean_up_until_) at(*clean_up_until_);
+  if (link_ != Link::connected) return wake;
+  // What is due now and found no room goes with the next acknowledgement, which is news.
+  const auto later = [&](SteadyTime time) {
+    if (time > now) at(time);
+  };
+  if (!live_.empty()) at(live_.front().since + kLiveFor);
+  for (const auto& [key, due] : due_) later(due.not_before);
+  for (const auto& [key, pending] : results_)
+    for (const PendingResult::Copy& copy : pending.copies) later(copy.due.not_before);
+  for (std::uint32_t device = 0; device < pauses_.size(); ++device)
+    if (pauses_[device].until > now && backlog_.has_waiting(device)) at(pauses_[device].until);
+  return wake;
+}
+
+std::string Publisher::device_topic(std::uint32_t device) const {
+  return base_ + "/" + config_.devices.at(device).name;
+}
+
+std::string Publisher::health_text(SteadyTime now) const {
+  json::Health health;
+  health.ts_ms = utc_ms_();
+  health.boot = settings_.boot;
+  health.version = settings_.version;
+  health.uptime = std::chrono::duration_cast<seconds>(now - *started_);
+  health.samples = samples();
+  health.field = field_;
+  health.dropped = dropped_;
+  health.commands = commands_;
+  health.store_state = "memory";
+  health.store_bytes = backlog_.bytes();
+  if (bytes_per_hour_ && *bytes_per_hour_ > 0)
+    health.hours_left =
+        static_cast<double>(backlog_.max_bytes() - backlog_.bytes()) / *bytes_per_hour_;
+  const ProcessFacts facts = read_process_facts();
+  health.clock_synchronised = facts.clock_synchronised;
+  health.rss_bytes = facts.rss_bytes;
+  return json::health(health, config_);
+}
+
+void run_uplink(Publisher& publisher, Outbox& outbox, std::stop_token stop) {
+  const std::stop_callback wake(stop, [&outbox] { outbox.notify(); });
+  while (!publisher.finished()) {
+    const SteadyTime now = std::chrono::steady_clock::now();
+    if (stop.stop_requested()) publisher.stop(now);
+    const SteadyTime wake_at = publisher.step(now);
+    if (!publisher.finished()) outbox.wait_until(wake_at);
+  }
+}
+
+}  // namespace fxagent

@@ -1,0 +1,245 @@
+// The uplink loop: what the field made goes to the broker, or waits; what the broker brings goes to
+// the field. It owns delivery: nothing is forgotten before its PUBACK, and the number of publishes
+// that are not acknowledged stays below a window of its own, since the MQTT library under it slows
+// to one window a second when its queue grows longer than the broker's receive maximum.
+//
+// Order of precedence: results, then states, then live samples, then the backlog beside them.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <map>
+#include <optional>
+#include <random>
+#include <stop_token>
+#include <string>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "agent/config.h"
+#include "agent/messages.h"
+#include "agent/outbox.h"
+#include "agent/uplink/backlog.h"
+#include "agent/uplink/broker.h"
+#include "agent/uplink/json.h"
+
+namespace fxagent {
+
+struct PublisherSettings {
+  std::string boot;  ///< 8 hex digits, another at every start
+  std::string version;
+  std::size_t backlog_bytes = std::size_t{64} << 20;
+  std::uint32_t jitter_seed =
+      1;  ///< of the retry times, so that a plant does not reconnect at once
+};
+
+/// Uplink thread only. Time is an argument; `utc_ms` tells the calendar time of "now".
+class Publisher final {
+ public:
+  using Submit = std::function<void(Command)>;
+  using UtcClock = std::function<std::int64_t()>;
+
+  /// All references outlive the publisher. `submit` is called from step(), for every message on a
+  /// command topic of a configured device, and must not block.
+  Publisher(const Config& config, PublisherSettings settings, Outbox& outbox, Broker& broker,
+            Submit submit, UtcClock utc_ms);
+  ~Publisher();
+  Publisher(const Publisher&) = delete;
+  Publisher& operator=(const Publisher&) = delete;
+
+  /// Takes all news and does what is due. Returns when it must be called again at the latest;
+  /// sooner where the outbox or the broker has news.
+  SteadyTime step(SteadyTime now);
+
+  /// Begins the clean end: what waits is published for up to 3 s, results first, then the agent's
+  /// state goes to offline and the connection is closed. step() does the work until finished().
+  void stop(SteadyTime now);
+  bool finished() const { return phase_ == Phase::finished; }
+
+  /// Where every sample is, as of the last step().
+  json::Samples samples() const;
+
+ private:
+  enum class Link : std::uint8_t { waiting, connecting, connected };
+  enum class Phase : std::uint8_t { running, draining, farewell, closing, finished };
+
+  // What is published besides samples and results. Lower comes first.
+  enum class Notice : std::uint8_t { agent_state, device_state, device_meta, health, clear };
+  struct NoticeKey {
+    Notice notice = Notice::agent_state;
+    std::uint32_t device = 0;
+    std::string topic;  ///< clear only
+    auto operator<=>(const NoticeKey&) const = default;
+  };
+  struct Due {
+    SteadyTime not_before{};
+    int failures = 0;
+  };
+
+  /// A result on its way to one or two topics.
+  struct PendingResult {
+    CommandResult result;
+    std::string payload;  ///< empty until it was first handed to MQTT: total_ms ends there
+    struct Copy {
+      std::string topic{};
+      bool to_response_topic = false;
+      bool in_flight = false;
+      bool done = false;
+      Due due{};
+    };
+    std::vector<Copy> copies;
+  };
+
+  // What an unacknowledged publish was, by its id.
+  struct NoticeFlight {
+    NoticeKey key;
+    int failures = 0;
+  };
+  struct ResultFlight {
+    std::uint64_t result = 0;
+    std::size_t copy = 0;
+  };
+  struct LiveFlight {
+    Backlog::Row row;
+  };
+  struct HistoryFlight {
+    Backlog::Batch batch;
+  };
+  struct FarewellFlight {};
+  using Flight =
+      std::variant<NoticeFlight, ResultFlight, LiveFlight, HistoryFlight, FarewellFlight>;
+
+  struct LiveRow {
+    Backlog::Row row;
+    SteadyTime since{};
+  };
+  /// A device whose samples the broker refuses for the time being.
+  struct DevicePause {
+    SteadyTime until{};
+    int failures = 0;
+  };
+
+  void on(const Connected& event, SteadyTime now);
+  void on(const ConnectFailed& event, SteadyTime now);
+  void on(const Lost& event, SteadyTime now);
+  void on(const Disconnected& event, SteadyTime now);
+  void on(const Message& event, SteadyTime now);
+  void on(const Delivered& event, SteadyTime now);
+  void on(const DeliveryFailed& event, SteadyTime now);
+  void on(const Subscribed& event, SteadyTime now);
+  void on(const MessagesDropped& event, SteadyTime now);
+
+  void take_outbox(SteadyTime now);
+  void take_sample(const Telemetry& message, SteadyTime now);
+  void take_command(const Message& event, std::uint32_t device);
+  void take_result(CommandResult result);
+
+  void keep_connected(SteadyTime now);
+  void connection_over(SteadyTime now);
+  void schedule_retry(SteadyTime now, bool next_server);
+  void tick(SteadyTime now);
+
+  void pump(SteadyTime now);
+  void pump_results(SteadyTime now);
+  void pump_notices(SteadyTime now);
+  void pump_live(SteadyTime now);
+  void pump_history(SteadyTime now);
+  void spill_live(SteadyTime now);
+  void wind_up(SteadyTime now);
+  bool drained() const;
+  void say_farewell(SteadyTime now);
+
+  void failed(const NoticeFlight& flight, const DeliveryFailed& event, SteadyTime now);
+  void failed(const ResultFlight& flight, const DeliveryFailed& event, SteadyTime now);
+  void failed(LiveFlight& flight, const DeliveryFailed& event, SteadyTime now);
+  void failed(const HistoryFlight& flight, const DeliveryFailed& event, SteadyTime now);
+  void failed(const FarewellFlight& flight, const DeliveryFailed& event, SteadyTime now);
+  void delivered(const NoticeFlight& flight, SteadyTime now);
+  void delivered(const ResultFlight& flight, SteadyTime now);
+  void delivered(const LiveFlight& flight, SteadyTime now);
+  void delivered(const HistoryFlight& flight, SteadyTime now);
+  void delivered(const FarewellFlight& flight, SteadyTime now);
+
+  void send(Flight flight, Publication publication);
+  std::size_t sample_window() const;
+  bool has_room() const { return flights_.size() < window_; }
+  bool may_send(std::uint32_t device, SteadyTime now) const;
+  void pause(std::uint32_t device, SteadyTime now);
+  void store(Backlog::Row row);
+  void drop(std::uint32_t device, std::uint64_t count);
+  void result_copy_done(std::uint64_t result, std::size_t copy);
+  SteadyTime::duration back_off(int failures);
+  SteadyTime next_wake(SteadyTime now) const;
+  std::string device_topic(std::uint32_t device) const;
+  std::string health_text(SteadyTime now) const;
+
+  const Config& config_;
+  const PublisherSettings settings_;
+  const std::string base_;
+  Outbox& outbox_;
+  Broker& broker_;
+  const Submit submit_;
+  const UtcClock utc_ms_;
+  std::minstd_rand jitter_;
+
+  // the connection
+  Link link_ = Link::waiting;
+  std::size_t server_ = 0;
+  int failed_rounds_ = 0;  ///< through all servers
+  SteadyTime retry_at_{};
+  std::string last_failure_;
+  SteadyTime connect_deadline_{};
+  SteadyTime connected_at_{};
+  std::optional<SteadyTime> clean_up_until_;  ///< looking for retained topics of unknown devices
+  std::size_t window_ = 0;                    ///< publishes that may be unacknowledged
+  std::size_t max_packet_ = 0;                ///< bytes the broker takes
+
+  // what is on its way
+  std::uint64_t next_id_ = 1;
+  std::map<std::uint64_t, Flight> flights_;
+  std::vector<DeliveryFailed> unsendable_;  ///< found by send(); told at the end of the step
+  std::size_t history_flights_ = 0;
+  std::uint64_t in_flight_samples_ = 0;
+
+  // what waits
+  std::map<NoticeKey, Due> due_;
+  std::uint64_t next_result_ = 1;
+  std::map<std::uint64_t, PendingResult> results_;
+  std::uint64_t next_order_ = 1;
+  std::deque<LiveRow> live_;
+  Backlog backlog_;
+  std::size_t history_bytes_;  ///< of one message; shrinks where the broker finds it too large
+
+  // per device, by index
+  std::vector<json::Meta> metas_;
+  std::vector<std::optional<DeviceStatus>> states_;
+  std::vector<DevicePause> pauses_;
+  std::vector<std::uint64_t> dropped_;
+
+  // counters
+  std::uint64_t pushed_ = 0;
+  std::uint64_t acknowledged_ = 0;
+  std::uint64_t dropped_total_ = 0;
+  std::uint64_t dropped_at_tick_ = 0;
+  std::uint64_t published_ = 0;
+  FieldHealth field_;
+  std::map<CommandStatus, std::uint64_t> commands_;
+  std::uint64_t row_bytes_ = 0;  ///< serialised since the last tick, for hours_left
+  std::optional<double> bytes_per_hour_;
+
+  std::optional<SteadyTime> started_;
+  std::int64_t started_ms_ = 0;
+  SteadyTime next_tick_{};
+  SteadyTime last_tick_{};
+
+  Phase phase_ = Phase::running;
+  SteadyTime phase_deadline_{};
+};
+
+/// The uplink thread: steps the publisher whenever there is news or something is due, until `stop`
+/// was asked for and the clean end is done.
+void run_uplink(Publisher& publisher, Outbox& outbox, std::stop_token stop);
+
+}  // namespace fxagent

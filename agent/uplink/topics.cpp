@@ -1,0 +1,49 @@
+#include "agent/uplink/topics.h"
+
+#include "agent/uplink/utf8.h"
+
+namespace fxagent {
+namespace {
+
+constexpr std::size_t kMaxTopicBytes = 65535;  // MQTT 5, section 1.5.4
+
+bool starts_with(std::string_view text, std::string_view a, std::string_view b) {
+  return text.starts_with(a) && text.substr(a.size()).starts_with(b);
+}
+
+}  // namespace
+
+bool is_publishable(std::string_view topic) {
+  if (topic.empty() || topic.size() > kMaxTopicBytes || topic.front() == '$') return false;
+  while (!topic.empty()) {
+    const std::size_t length = utf8_length(topic);
+    const char c = topic.front();
+    if (length == 0 || c == '+' || c == '#' || c == '\0') return false;
+    topic.remove_prefix(length);
+  }
+  return true;
+}
+
+std::optional<std::string_view> device_of(std::string_view topic, std::string_view base,
+                                          std::string_view leaf) {
+  if (!starts_with(topic, base, "/")) return std::nullopt;
+  topic.remove_prefix(base.size() + 1);
+  const std::size_t slash = topic.find('/');
+  if (slash == std::string_view::npos || slash == 0 || topic.substr(slash + 1) != leaf)
+    return std::nullopt;
+  return topic.substr(0, slash);
+}
+
+std::string response_topic_fault(std::string_view topic, std::string_view root,
+                                 std::string_view base, std::string_view device) {
+  if (!is_publishable(topic)) return "not a topic that can be published to";
+  if (topic == "command" || topic.ends_with("/command")) return "ends in /command";
+  if (starts_with(topic, root, "/")) {
+    const std::string own = std::string(base) + "/" + std::string(device) + "/result/";
+    if (!topic.starts_with(own) || topic.size() == own.size())
+      return "under " + std::string(root) + "/ and not below " + own;
+  }
+  return {};
+}
+
+}  // namespace fxagent

@@ -1,0 +1,24 @@
+// Topic names: which may be published to, and what an incoming one says. Pure text. Any thread.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+
+namespace fxagent {
+
+/// Whether a broker takes a publish to this topic. A wildcard, a NUL, a leading '$', bad UTF-8 or
+/// more than 65535 bytes make brokers drop the whole connection, so nothing goes out unchecked.
+bool is_publishable(std::string_view topic);
+
+/// "{base}/{device}/{leaf}" → device; nullopt for every other shape.
+std::optional<std::string_view> device_of(std::string_view topic, std::string_view base,
+                                          std::string_view leaf);
+
+/// Empty where a result may go to this response topic; otherwise why not. Refused are topics that
+/// cannot be published to, that end in /command (a result would come back as an order), and those
+/// under {root}/ other than below {base}/{device}/result/ (someone else's data could be forged).
+std::string response_topic_fault(std::string_view topic, std::string_view root,
+                                 std::string_view base, std::string_view device);
+
+}  // namespace fxagent
