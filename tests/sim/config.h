@@ -1,0 +1,57 @@
+// What is to be simulated: the configuration file and its short form on the command line.
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "tests/sim/fault.h"
+#include "tests/sim/model.h"
+
+namespace fxsim {
+
+/// The text names the key.
+class ConfigError final : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+struct LineSettings {
+  std::string pty;                   // path of the link to it; empty: a TCP listener instead
+  std::uint16_t tcp = 0;             // port on 127.0.0.1, 0: any free one
+  unsigned baud = 9600;              // 0: as fast as it goes
+  unsigned bits_per_character = 10;  // start, data, parity and stop
+  std::chrono::milliseconds turnaround{5};
+  std::chrono::milliseconds jitter{0};  // up to this much more turnaround
+  std::uint32_t seed = 1;
+};
+
+struct PlcConfig {
+  std::string name;
+  std::string protocol;
+  const Model* model = nullptr;
+  LineSettings line;
+  std::string plant = "none";
+  bool run = true;
+  bool run_switch = true;
+  std::vector<std::pair<Device, std::uint32_t>> memory;
+  std::vector<Fault> faults;
+};
+
+/// Reads {"plcs": [...]}. Throws ConfigError at the first mistake.
+std::vector<PlcConfig> parse_config(const nlohmann::json& root);
+/// Turns "name=p1,model=FX3U,pty=/tmp/p1,baud=9600" into one entry of "plcs".
+nlohmann::json plc_from_short_form(std::string_view text);
+
+/// Reads a fault as the file and the control socket write it. `where` begins an error's text.
+Fault parse_fault(const nlohmann::json& object, const std::string& where);
+/// A raw value from -2^(width-1) to 2^width-1, or a bool for a bit; its low bits.
+std::uint32_t parse_value(const nlohmann::json& value, Device device, const std::string& where);
+/// The device `name` of `model`. Throws ConfigError where there is none.
+Device parse_device_of(const Model& model, std::string_view name, const std::string& where);
+
+}  // namespace fxsim

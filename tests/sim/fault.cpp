@@ -1,0 +1,149 @@
+#include "tests/sim/fault.h"
+
+#include <algorithm>
+
+namespace fxsim {
+namespace {
+
+constexpr std::array<std::string_view, kFaultKinds> kNames = {
+    "nak",
+    "wrong_sum",
+    "truncated",
+    "late",
+    "silent",
+    "execute_then_silent",
+    "garbage_before",
+    "noise_after",
+    "echo",
+    "split",
+    "drop",
+    "plc_stopped",
+    "dead",
+};
+
+bool matches(FaultMatch match, RequestKind request) {
+  switch (match) {
+    case FaultMatch::any:
+      return true;
+    case FaultMatch::read:
+      return request == RequestKind::read;
+    case FaultMatch::write:
+      return request == RequestKind::write;
+    case FaultMatch::force:
+      return request == RequestKind::force_on || request == RequestKind::force_off;
+    case FaultMatch::enquire:
+      return request == RequestKind::enquire;
+  }
+  return false;
+}
+
+void apply(const Fault& fault, Treatment& treatment) {
+  switch (fault.kind) {
+    case FaultKind::nak:
+      treatment.execute = false;
+      if (treatment.reply == Treatment::Reply::as_ruled)
+        treatment.reply = Treatment::Reply::refusal;
+      break;
+    case FaultKind::wrong_sum:
+      treatment.wrong_sum = true;
+      break;
+    case FaultKind::truncated:
+      treatment.truncated_to = fault.bytes;
+      break;
+    case FaultKind::late:
+      treatment.delay += fault.delay;
+      break;
+    case FaultKind::silent:
+      treatment.execute = false;
+      treatment.reply = Treatment::Reply::none;
+      break;
+    case FaultKind::execute_then_silent:
+      treatment.reply = Treatment::Reply::none;
+      break;
+    case FaultKind::garbage_before:
+      treatment.before.insert(treatment.before.end(), fault.other.begin(), fault.other.end());
+      break;
+    case FaultKind::noise_after:
+      treatment.after.insert(treatment.after.end(), fault.other.begin(), fault.other.end());
+      break;
+    case FaultKind::echo:
+      treatment.echo = true;
+      break;
+    case FaultKind::split:
+      treatment.split = Treatment::Cut{std::max<std::size_t>(fault.bytes, 1), fault.delay};
+      break;
+    case FaultKind::drop:
+      treatment.execute = false;
+      treatment.reply = Treatment::Reply::none;
+      treatment.drop = fault.delay;
+      break;
+    case FaultKind::plc_stopped:
+      treatment.stop_plc = true;
+      break;
+    case FaultKind::dead:
+      treatment.execute = false;
+      treatment.reply = Treatment::Reply::none;
+      treatment.dead = true;
+      break;
+  }
+}
+
+}  // namespace
+
+std::string_view fault_name(FaultKind kind) { return kNames[static_cast<std::size_t>(kind)]; }
+
+std::optional<FaultKind> find_fault(std::string_view name) {
+  const auto found = std::ranges::find(kNames, name);
+  if (found == kNames.end()) return std::nullopt;
+  return static_cast<FaultKind>(found - kNames.begin());
+}
+
+std::string fault_names() {
+  std::string all;
+  for (const auto name : kNames) {
+    if (!all.empty()) all += ' ';
+    all += name;
+  }
+  return all;
+}
+
+std::optional<FaultMatch> find_match(std::string_view name) {
+  if (name == "any") return FaultMatch::any;
+  if (name == "read") return FaultMatch::read;
+  if (name == "write") return FaultMatch::write;
+  if (name == "force") return FaultMatch::force;
+  if (name == "enq") return FaultMatch::enquire;
+  return std::nullopt;
+}
+
+void Faults::add(const Fault& fault) {
+  if (fault.count != 0) waiting_.push_back({fault, std::mt19937(fault.seed), 0});
+}
+
+bool Faults::dead() const {
+  return std::ranges::any_of(waiting_,
+                             [](const Waiting& w) { return w.fault.kind == FaultKind::dead; });
+}
+
+Treatment Faults::treat(RequestKind request) {
+  Treatment treatment;
+  for (auto& waiting : waiting_) {
+    auto& fault = waiting.fault;
+    if (!matches(fault.match, request)) continue;
+    if (++waiting.seen % fault.every != 0) continue;
+    if (std::uniform_real_distribution<>(0.0, 1.0)(waiting.random) >= fault.probability) continue;
+    apply(fault, treatment);
+    treatment.struck.push_back(fault.kind);
+    if (fault.count > 0) --fault.count;
+  }
+  std::erase_if(waiting_, [](const Waiting& w) { return w.fault.count == 0; });
+
+  // Whatever else struck, "carry out and say nothing" carries out: together with drop it is a
+  // connection lost after the deed.
+  const auto& struck = treatment.struck;
+  if (std::ranges::find(struck, FaultKind::execute_then_silent) != struck.end() && !treatment.dead)
+    treatment.execute = true;
+  return treatment;
+}
+
+}  // namespace fxsim

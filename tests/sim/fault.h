@@ -1,0 +1,95 @@
+// Faults on demand: which requests they hit, and what they make of the answer.
+#pragma once
+
+#include <array>
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <random>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "tests/sim/personality.h"
+
+namespace fxsim {
+
+enum class FaultKind : std::uint8_t {
+  nak,                  // refused, not carried out
+  wrong_sum,            // carried out, check of the reply wrong
+  truncated,            // carried out, reply ends early
+  late,                 // carried out at once, answered late
+  silent,               // not carried out, no answer
+  execute_then_silent,  // carried out, no answer
+  garbage_before,       // other bytes ahead of the reply
+  noise_after,          // other bytes behind the reply
+  echo,                 // the request comes back ahead of the reply
+  split,                // the reply comes in pieces with pauses
+  drop,                 // not carried out, connection gone
+  plc_stopped,          // the PLC falls to STOP, then answers as always
+  dead,                 // the line is silent until the fault is cleared
+};
+inline constexpr std::size_t kFaultKinds = 13;
+std::string_view fault_name(FaultKind kind);
+std::optional<FaultKind> find_fault(std::string_view name);
+std::string fault_names();
+
+enum class FaultMatch : std::uint8_t { any, read, write, force, enquire };
+/// "any", "read", "write", "force" or "enq".
+std::optional<FaultMatch> find_match(std::string_view name);
+
+struct Fault {
+  FaultKind kind = FaultKind::nak;
+  FaultMatch match = FaultMatch::any;
+  int count = 1;  // how often it strikes; -1: until cleared
+  int every = 1;  // strikes only each n-th request that matches
+  double probability = 1.0;
+  std::uint32_t seed = 1;
+  std::chrono::milliseconds delay{0};  // late: of the answer; split: between pieces; drop: outage
+  std::size_t bytes = 0;  // truncated: bytes that still come, 0 = half; split: size of a piece
+  Bytes other;            // garbage_before and noise_after: what is sent
+};
+
+/// What the faults that struck make of one exchange. Several add up.
+struct Treatment {
+  enum class Reply : std::uint8_t { as_ruled, refusal, none };
+  struct Cut {
+    std::size_t bytes;
+    std::chrono::milliseconds pause;
+  };
+
+  bool execute = true;
+  Reply reply = Reply::as_ruled;
+  bool stop_plc = false;
+  bool wrong_sum = false;
+  bool echo = false;
+  bool dead = false;
+  std::optional<std::size_t> truncated_to;
+  std::optional<Cut> split;
+  std::optional<std::chrono::milliseconds> drop;  // length of the outage
+  std::chrono::milliseconds delay{0};
+  Bytes before;
+  Bytes after;
+  std::vector<FaultKind> struck;
+};
+
+/// The faults that wait on one station.
+class Faults final {
+ public:
+  void add(const Fault& fault);
+  void clear() { waiting_.clear(); }
+  /// Is the line to be silent now, even in the middle of an answer?
+  bool dead() const;
+  /// Called once for each whole request, in the order of arrival: counts it and picks what strikes.
+  Treatment treat(RequestKind request);
+
+ private:
+  struct Waiting {
+    Fault fault;
+    std::mt19937 random;
+    int seen = 0;
+  };
+  std::vector<Waiting> waiting_;
+};
+
+}  // namespace fxsim

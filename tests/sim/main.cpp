@@ -1,0 +1,72 @@
+// fxsim: simulated Mitsubishi PLCs on pseudo terminals and TCP ports. README.md says how to use it.
+// Exit status: 0 stopped as asked, 1 a line could not be opened, 2 wrong usage or configuration.
+
+#include <CLI/CLI.hpp>
+#include <fstream>
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+#include "tests/sim/config.h"
+#include "tests/sim/simulator.h"
+
+namespace {
+
+std::vector<fxsim::PlcConfig> load(const std::string& file, const std::vector<std::string>& forms) {
+  auto root = nlohmann::json{{"plcs", nlohmann::json::array()}};
+  if (!file.empty()) {
+    std::ifstream stream(file);
+    if (!stream) throw fxsim::ConfigError(file + ": cannot be read");
+    try {
+      root = nlohmann::json::parse(stream);
+    } catch (const nlohmann::json::parse_error& error) {
+      throw fxsim::ConfigError(file + ": " + error.what());
+    }
+  }
+  if (!root.is_object() || !root.contains("plcs") || !root["plcs"].is_array())
+    throw fxsim::ConfigError("/plcs: an array of PLCs is expected");
+  for (const auto& form : forms) root["plcs"].push_back(fxsim::plc_from_short_form(form));
+  return fxsim::parse_config(root);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{"Simulated Mitsubishi FX PLCs on pseudo terminals and TCP ports"};
+  app.set_version_flag("--version", std::string("fxsim ") + FXSIM_VERSION);
+  std::string config;
+  std::vector<std::string> forms;
+  fxsim::Simulator::Options options;
+  double seconds = 0;
+  app.add_option("--config", config, "JSON file with the PLCs");
+  app.add_option("--plc", forms,
+                 "One more PLC: name=p1,model=FX3U,pty=/tmp/p1,baud=9600,plant=demo "
+                 "(or tcp=PORT, 0 for any free one)")
+      ->expected(1)
+      ->take_all();
+  app.add_option("--control", options.control, "Unix socket that takes one JSON object a line");
+  app.add_option("--log", options.log, "File that gets one JSON object for each request");
+  auto* limit = app.add_option("--seconds", seconds, "Stop after this many seconds")
+                    ->check(CLI::PositiveNumber);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;
+  }
+  try {
+    const auto plcs = load(config, forms);
+    if (limit->count() > 0)
+      options.lifetime = std::chrono::duration_cast<std::chrono::milliseconds>(
+          std::chrono::duration<double>(seconds));
+    options.signals = fxsim::Simulator::Signals::obeyed;
+    fxsim::Simulator simulator(plcs, options);
+    std::cout << simulator.ready_line() << std::endl;
+    simulator.run();
+    return 0;
+  } catch (const fxsim::ConfigError& error) {
+    std::cerr << "fxsim: " << error.what() << '\n';
+    return 2;
+  } catch (const std::exception& error) {
+    std::cerr << "fxsim: " << error.what() << '\n';
+    return 1;
+  }
+}

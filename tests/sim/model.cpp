@@ -1,0 +1,146 @@
+#include "tests/sim/model.h"
+
+#include <charconv>
+
+namespace fxsim {
+namespace {
+
+constexpr unsigned kSpecialBase = 8000;  // M8000 and D8000 begin rows of their own
+constexpr unsigned kFirst32BitCounter = 200;
+
+struct Prefix {
+  std::string_view text;
+  Kind kind;
+  int radix;
+};
+
+// Two letters before one, so that "TN5" is not looked for under a one-letter name.
+constexpr std::array kPrefixes = {
+    Prefix{"TS", Kind::t_contact, 10}, Prefix{"TC", Kind::t_coil, 10},
+    Prefix{"TN", Kind::t_value, 10},   Prefix{"CS", Kind::c_contact, 10},
+    Prefix{"CC", Kind::c_coil, 10},    Prefix{"CN", Kind::c_value, 10},
+    Prefix{"X", Kind::x, 8},           Prefix{"Y", Kind::y, 8},
+    Prefix{"M", Kind::m, 10},          Prefix{"S", Kind::s, 10},
+    Prefix{"D", Kind::d, 10},
+};
+
+struct Sizes {
+  unsigned x, y, m, special, s, t, d;  // how many, counted from 0
+};
+
+Model make_model(std::string_view name, ExtendedSet extended, std::uint16_t type_word,
+                 std::uint16_t extended_type_word, Sizes sizes, Range counters16,
+                 Range counters32) {
+  Model model{name, extended, type_word, extended_type_word, {}};
+  const auto put = [&model](Kind kind, std::vector<Range> ranges) {
+    model.ranges[static_cast<std::size_t>(kind)] = std::move(ranges);
+  };
+  put(Kind::s, {{0, sizes.s - 1}});
+  put(Kind::x, {{0, sizes.x - 1}});
+  put(Kind::y, {{0, sizes.y - 1}});
+  put(Kind::m, {{0, sizes.m - 1}});
+  put(Kind::special_m, {{0, sizes.special - 1}});
+  put(Kind::special_d, {{0, sizes.special - 1}});
+  put(Kind::d, {{0, sizes.d - 1}});
+  for (const auto kind : {Kind::t_contact, Kind::t_coil, Kind::t_value})
+    put(kind, {{0, sizes.t - 1}});
+  for (const auto kind : {Kind::c_contact, Kind::c_coil}) put(kind, {counters16, counters32});
+  put(Kind::c_value, {counters16});
+  put(Kind::c_value32,
+      {{counters32.first - kFirst32BitCounter, counters32.last - kFirst32BitCounter}});
+  return model;
+}
+
+const std::vector<Model>& models() {
+  // D8001/D8101: FX1S to FX2N and FX3G as captured; FX3U as two emulators have it; FX0N and FX3S
+  // are made up, as is the 0 in D8101 of FX0N, FX1S and FX1N.
+  static const std::vector<Model> all = {
+      make_model("FX0N", ExtendedSet::none, 20100, 0, {128, 128, 512, 256, 128, 64, 256}, {0, 31},
+                 {235, 254}),
+      make_model("FX1S", ExtendedSet::none, 22210, 0, {16, 14, 512, 256, 128, 64, 256}, {0, 31},
+                 {235, 255}),
+      make_model("FX1N", ExtendedSet::fx1n_fx2n, 26210, 0, {128, 128, 1536, 256, 1000, 256, 8000},
+                 {0, 199}, {200, 255}),
+      make_model("FX2N", ExtendedSet::fx1n_fx2n, 24310, 24310,
+                 {184, 184, 3072, 256, 1000, 256, 8000}, {0, 199}, {200, 255}),
+      make_model("FX3S", ExtendedSet::fx3, 28100, 28100, {128, 128, 1536, 512, 256, 138, 3000},
+                 {0, 199}, {200, 255}),
+      make_model("FX3G", ExtendedSet::fx3, 26231, 26231, {128, 128, 7680, 512, 4096, 320, 8000},
+                 {0, 199}, {200, 255}),
+      make_model("FX3U", ExtendedSet::fx3, 24232, 16232, {256, 256, 7680, 512, 4096, 512, 8000},
+                 {0, 199}, {200, 255}),
+  };
+  return all;
+}
+
+}  // namespace
+
+unsigned width(Kind kind) {
+  switch (kind) {
+    case Kind::t_value:
+    case Kind::c_value:
+    case Kind::d:
+    case Kind::special_d:
+      return 16;
+    case Kind::c_value32:
+      return 32;
+    default:
+      return 1;
+  }
+}
+
+const Model* find_model(std::string_view name) {
+  for (const auto& model : models())
+    if (model.name == name) return &model;
+  return nullptr;
+}
+
+std::string model_names() {
+  std::string names;
+  for (const auto& model : models()) {
+    if (!names.empty()) names += ' ';
+    names += model.name;
+  }
+  return names;
+}
+
+std::optional<Device> parse_device(std::string_view text) {
+  for (const auto& prefix : kPrefixes) {
+    if (!text.starts_with(prefix.text)) continue;
+    const auto digits = text.substr(prefix.text.size());
+    unsigned number = 0;
+    const auto* end = digits.data() + digits.size();
+    const auto [rest, error] = std::from_chars(digits.data(), end, number, prefix.radix);
+    if (digits.empty() || error != std::errc{} || rest != end) return std::nullopt;
+    if (prefix.kind == Kind::c_value && number >= kFirst32BitCounter)
+      return Device{Kind::c_value32, number - kFirst32BitCounter};
+    if (prefix.kind == Kind::m && number >= kSpecialBase)
+      return Device{Kind::special_m, number - kSpecialBase};
+    if (prefix.kind == Kind::d && number >= kSpecialBase)
+      return Device{Kind::special_d, number - kSpecialBase};
+    return Device{prefix.kind, number};
+  }
+  return std::nullopt;
+}
+
+std::string device_name(Device device) {
+  unsigned number = device.number;
+  auto kind = device.kind;
+  if (kind == Kind::special_m || kind == Kind::special_d) {
+    number += kSpecialBase;
+    kind = kind == Kind::special_m ? Kind::m : Kind::d;
+  } else if (kind == Kind::c_value32) {
+    number += kFirst32BitCounter;
+    kind = Kind::c_value;
+  }
+  for (const auto& prefix : kPrefixes) {
+    if (prefix.kind != kind) continue;
+    std::array<char, 16> digits{};
+    const auto end =
+        std::to_chars(digits.data(), digits.data() + digits.size(), number, prefix.radix).ptr;
+    return std::string(prefix.text) + std::string(digits.data(), end);
+  }
+  return {};
+}
+
+}  // namespace fxsim

@@ -1,0 +1,29 @@
+// What moves in a simulated PLC: the process it controls and the ladder that runs in it.
+// Time comes as a number of scans, so that a plant is the same however it is asked.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <string_view>
+
+#include "tests/sim/memory.h"
+
+namespace fxsim {
+
+inline constexpr std::chrono::milliseconds kScanTime{20};
+
+class Plant {
+ public:
+  virtual ~Plant() = default;
+  /// Puts in the values that the process starts from.
+  virtual void start(DeviceMemory& memory) = 0;
+  /// Runs the next `scans` scans of the ladder.
+  virtual void scan(DeviceMemory& memory, std::int64_t scans) = 0;
+};
+
+/// "none" (static memory), "demo" or "counter"; null for any other name.
+std::unique_ptr<Plant> make_plant(std::string_view name);
+inline constexpr std::string_view kPlantNames = "none demo counter";
+
+}  // namespace fxsim

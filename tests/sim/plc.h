@@ -1,0 +1,51 @@
+// One simulated PLC behind its ports: device memory, RUN and STOP, and the plant that moves it.
+#pragma once
+
+#include <memory>
+
+#include "tests/sim/bytes.h"
+#include "tests/sim/memory.h"
+#include "tests/sim/plant.h"
+
+namespace fxsim {
+
+class Plc final {
+ public:
+  /// The clock of its scans starts at `start`. `model` must outlive this.
+  Plc(const Model& model, std::unique_ptr<Plant> plant, TimePoint start);
+
+  const DeviceMemory& memory() const { return memory_; }
+  bool running() const { return running_; }
+
+  /// Runs the scans that are due by `now`; none while in STOP. Called before every look from
+  /// outside, so a PLC nobody looks at costs nothing.
+  void advance(TimePoint now);
+
+  void set_running(bool run);
+  /// The hardware switch: in STOP it keeps the PLC stopped whatever a port orders.
+  void set_run_switch(bool run);
+
+  /// Puts a value in as its maker would: D8001 and D8101 change too. Precondition: memory().has().
+  void preset(Device device, std::uint32_t value);
+
+  /// A single bit set by a port. M8037 ON stops the PLC, OFF starts it; M8036 ON starts it while
+  /// M8035 is on. The switch decides whether a start takes.
+  void force(Device device, bool on);
+  /// One byte written by a port. The system's own relays and registers keep their values.
+  void write_byte(Kind kind, std::size_t offset, std::uint8_t value);
+
+ private:
+  void refresh_system();
+  void command_run_state(Device device, bool on);
+
+  DeviceMemory memory_;
+  std::unique_ptr<Plant> plant_;
+  TimePoint start_;
+  std::int64_t scans_done_ = 0;
+  bool running_ = true;
+  bool run_switch_ = true;
+  std::uint16_t type_word_;
+  std::uint16_t extended_type_word_;
+};
+
+}  // namespace fxsim

@@ -1,0 +1,35 @@
+// The Mitsubishi FX programming port, the PLC's side: ENQ, 0, 1, 7, 8, E00, E10, E7 and E8.
+// No Mitsubishi manual describes it; the frames and address maps are those that captures of GX
+// Developer and GX Works2 and several independent clients agree on. Frames are ASCII between STX
+// and ETX, then the low byte of the sum of everything after STX up to and including ETX, as two
+// hex digits.
+// A PLC is more lenient or more severe in places nobody has documented; this one refuses whatever
+// the maps do not name.
+#pragma once
+
+#include "tests/sim/personality.h"
+
+namespace fxsim {
+
+class ProgrammingPort final : public Personality {
+ public:
+  std::unique_ptr<Framer> make_framer() const override;
+  RequestKind kind(const Frame& frame) const override;
+  Ruling execute(const Frame& frame, Plc& plc) const override;
+  Bytes refusal() const override;
+  void spoil_sum(Bytes& reply) const override;
+};
+
+/// How the commands of one set address device memory.
+enum class CommandSet : std::uint8_t { classic, fx1n_fx2n, fx3 };
+
+struct ByteAt {
+  Kind kind;
+  std::size_t offset;  // in the kind's row
+};
+/// The byte that a read or write of `address` means, on a PLC that has every device.
+std::optional<ByteAt> byte_at(CommandSet set, std::uint32_t address);
+/// The bit that a force of `address` means, on a PLC that has every device.
+std::optional<Device> bit_at(CommandSet set, std::uint32_t address);
+
+}  // namespace fxsim

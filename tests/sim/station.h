@@ -1,0 +1,102 @@
+// One station of a line: a PLC, the protocol it speaks, the faults that wait on it, and what it has
+// been asked. Knows no wire: it turns a request into an Answer with a schedule.
+#pragma once
+
+#include <array>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tests/sim/fault.h"
+#include "tests/sim/personality.h"
+
+namespace fxsim {
+
+/// What goes onto the wire for one request.
+struct Answer {
+  struct Piece {
+    std::chrono::milliseconds pause{0};  // after the end of the piece before
+    Bytes bytes;
+    bool paced = true;  // false: already on the wire while the request was, as an echo is
+  };
+  std::vector<Piece> pieces;
+  std::optional<std::chrono::milliseconds> hang_up;  // then the connection goes, for this long
+};
+
+/// One request that was carried out.
+struct Deed {
+  std::uint64_t index = 0;  // counts all deeds of the station from 0
+  std::int64_t unix_ms = 0;
+  RequestKind kind = RequestKind::other;
+  std::string device;
+  unsigned count = 0;
+  std::vector<std::uint32_t> values;
+};
+
+/// One request however it ended, for the log file.
+struct Exchange {
+  std::string_view station;
+  std::int64_t unix_ms = 0;
+  const Frame& frame;
+  RequestKind kind;
+  const Ruling& ruling;
+  bool executed;
+  const Treatment& treatment;
+  const Answer& answer;
+};
+
+struct Stats {
+  std::array<std::uint64_t, kRequestKinds> requests{};
+  std::array<std::uint64_t, kFaultKinds> faults{};
+  std::uint64_t naks = 0;             // sent, by a ruling or by a fault
+  std::uint64_t accepted_reads = 0;   // answered with data
+  std::uint64_t accepted_writes = 0;  // writes and forces that were carried out
+  std::uint64_t bytes_in = 0;
+  std::uint64_t bytes_out = 0;
+};
+
+class Station final {
+ public:
+  using OnExchange = std::function<void(const Exchange&)>;
+
+  /// `wall_at_start` is the wall clock at `start`, the zero of the station's times. `on_exchange`
+  /// may be empty.
+  Station(std::string name, std::unique_ptr<Personality> personality, Plc plc, TimePoint start,
+          std::chrono::system_clock::time_point wall_at_start, OnExchange on_exchange);
+
+  const std::string& name() const { return name_; }
+  const Personality& personality() const { return *personality_; }
+  Plc& plc() { return plc_; }
+  Faults& faults() { return faults_; }
+  const Stats& stats() const { return stats_; }
+
+  /// Carries out one request at `now`.
+  Answer answer(const Frame& frame, TimePoint now);
+
+  void count_sent(std::size_t bytes) { stats_.bytes_out += bytes; }
+
+  /// Deeds from index `since` on, oldest first: the last 100,000 writes and forces and the last
+  /// 1,000 reads and enquiries are kept.
+  std::vector<Deed> deeds(std::uint64_t since) const;
+
+ private:
+  void remember(RequestKind kind, const Ruling& ruling, std::int64_t unix_ms);
+  Answer schedule(const Frame& frame, Bytes reply, const Treatment& treatment) const;
+
+  std::string name_;
+  std::unique_ptr<Personality> personality_;
+  Plc plc_;
+  TimePoint start_;
+  std::chrono::system_clock::time_point wall_at_start_;
+  OnExchange on_exchange_;
+  Faults faults_;
+  Stats stats_;
+  std::uint64_t next_index_ = 0;
+  std::deque<Deed> orders_;
+  std::deque<Deed> questions_;
+};
+
+}  // namespace fxsim
