@@ -28,7 +28,8 @@ enum class BadReason : std::uint8_t { timeout, nak, bad_frame, link_down, unsupp
 /// The word of the payload: "timeout", "nak" …
 std::string_view to_string(BadReason reason);
 
-/// One tag of one message. Good: `value` is what was read. Bad: `value` is the last good one, if any.
+/// One tag of one message. Good: `value` is what was read. Bad: `value` is the last good one, if
+/// any.
 struct TagReading {
   std::uint32_t tag = 0;          ///< index in DeviceConfig::tags
   std::optional<BadReason> bad;   ///< nullopt: good
@@ -71,9 +72,28 @@ std::optional<Op> op_from(std::string_view word);
 /// Why a command did not simply succeed: the words of the contract, section 5.
 enum class Reason : std::uint8_t {
   none,
-  too_large, bad_json, missing_id, duplicate_id, retained, bad_op, unknown_tag, bad_address,
-  not_writable, not_allowed, bad_value, out_of_range, expired, queue_full,
-  expect_mismatch, nak, timeout, bad_frame, link_down, device_offline, verify_mismatch, broadcast,
+  too_large,
+  bad_json,
+  missing_id,
+  duplicate_id,
+  retained,
+  bad_op,
+  unknown_tag,
+  bad_address,
+  not_writable,
+  not_allowed,
+  bad_value,
+  out_of_range,
+  expired,
+  queue_full,
+  expect_mismatch,
+  nak,
+  timeout,
+  bad_frame,
+  link_down,
+  device_offline,
+  verify_mismatch,
+  broadcast,
   shutting_down,
 };
 /// The word of the payload; empty for none.
@@ -84,6 +104,7 @@ struct CommandTarget {
   std::string address;  ///< empty: by tag
   std::optional<DataType> type;
   std::optional<Value> value;
+  std::uint16_t count = 0;  ///< the command line's `read` of several devices; 0: one, or the tag's
 };
 
 /// A fault that the parser found. The desk answers with it in its place in the order of checks.
@@ -117,7 +138,12 @@ struct Command {
 };
 
 enum class CommandStatus : std::uint8_t {
-  succeeded, failed, rejected, expired, duplicate, unknown_outcome
+  succeeded,
+  failed,
+  rejected,
+  expired,
+  duplicate,
+  unknown_outcome
 };
 std::string_view to_string(CommandStatus status);
 
@@ -149,8 +175,9 @@ struct CommandResult {
   PlcAnswer plc = PlcAnswer::none;
   std::string op;
   bool is_list = false;
-  bool one_frame = false;            ///< list: one frame carried them all
-  std::vector<TargetResult> targets; ///< one, unless is_list; may be empty where none could be read
+  bool one_frame = false;  ///< list: one frame carried them all
+  std::vector<TargetResult>
+      targets;  ///< one, unless is_list; may be empty where none could be read
   bool dry_run = false;
   int attempts = 0;  ///< how often the order was sent
 

@@ -60,4 +60,19 @@ const ProtocolInfo* find_protocol(std::string_view name) {
   return found == protocols.end() ? nullptr : &*found;
 }
 
+Options default_options(const ProtocolInfo& protocol) {
+  Options options;
+  for (const OptionSpec& spec : protocol.options) {
+    auto& value = options[std::string(spec.key)];
+    if (const auto* word = std::get_if<std::string_view>(&spec.fallback))
+      value = std::string(*word);
+    else if (const auto* flag = std::get_if<bool>(&spec.fallback))
+      value = *flag;
+    else
+      value = std::get<std::int64_t>(spec.fallback);
+  }
+  options["model"] = std::string("auto");
+  return options;
+}
+
 }  // namespace fxagent

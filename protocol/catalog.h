@@ -53,5 +53,7 @@ struct ProtocolInfo {
 std::span<const ProtocolInfo> catalog();
 /// nullptr where there is none of that name.
 const ProtocolInfo* find_protocol(std::string_view name);
+/// Every option as it is where the config says nothing; `model` is "auto".
+Options default_options(const ProtocolInfo& protocol);
 
 }  // namespace fxagent

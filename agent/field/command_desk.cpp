@@ -49,6 +49,26 @@ bool covered(const std::vector<Span>& allow, const Span& span) {
                      [&](const Span& range) { return range.contains(span); });
 }
 
+std::uint16_t small_count(std::size_t count) {
+  return static_cast<std::uint16_t>(std::clamp<std::size_t>(count, 1, 0xFFFF));
+}
+
+/// How many elements or characters an address without a tag stands for: as many as the value has,
+/// or as the command line asks for.
+void set_extent(const CommandTarget& target, Point& point) {
+  const bool has_value = target.value && !target.value->items.empty();
+  if (point.type == DataType::string) {
+    const auto* text = has_value ? std::get_if<std::string>(&target.value->items[0]) : nullptr;
+    point.length = small_count(text != nullptr ? text->size() : target.count);
+  } else if (has_value && target.value->is_array) {
+    point.is_array = true;
+    point.count = small_count(target.value->items.size());
+  } else if (target.count > 1) {
+    point.is_array = true;
+    point.count = target.count;
+  }
+}
+
 /// When the command stops being fresh. Both expiries were given against the clock at receipt.
 SteadyTime deadline_of(const Command& command, const CommandRules& rules) {
   SteadyTime deadline = command.received + rules.default_expiry;
@@ -248,17 +268,7 @@ std::optional<Refusal> CommandDesk::resolve_place(const Codec& codec, Op op,
     out.point.address = *address;
     out.point.type = target.type.value_or(default_type(*address));
     out.point.order = codec.default_order();
-    if (target.value && target.value->is_array) {
-      out.point.is_array = true;
-      out.point.count = static_cast<std::uint16_t>(
-          std::min<std::size_t>(std::max<std::size_t>(target.value->items.size(), 1), 0xFFFF));
-    }
-    if (out.point.type == DataType::string)
-      out.point.length = target.value && !target.value->items.empty() &&
-                                 std::holds_alternative<std::string>(target.value->items[0])
-                             ? static_cast<std::uint16_t>(std::min<std::size_t>(
-                                   std::get<std::string>(target.value->items[0]).size(), 0xFFFF))
-                             : std::uint16_t{0};
+    set_extent(target, out.point);
   }
   const auto span = span_of(out.point);
   if (!span) return refuse(Reason::bad_address, span.error().text);

@@ -40,12 +40,12 @@ void report_end(const std::exception_ptr& bug, const std::string& link) {
 
 class Field::Room final {
  public:
-  Room(const Config& config, Outbox& outbox, std::uint64_t first_seq)
+  Room(const Config& config, Outbox& outbox, std::uint64_t first_seq, Polling polling)
       : config_(config), outbox_(outbox), report_timer_(io_) {
     for (std::uint32_t i = 0; i < config.links.size(); ++i)
       workers_.push_back(std::make_unique<LinkWorker>(
           io_.get_executor(), config, i, outbox, transport_for(io_.get_executor(), config.links[i]),
-          first_seq));
+          first_seq, polling));
   }
 
   void start() {
@@ -104,8 +104,8 @@ class Field::Room final {
   std::thread thread_;
 };
 
-Field::Field(const Config& config, Outbox& outbox, std::uint64_t first_seq)
-    : room_(std::make_unique<Room>(config, outbox, first_seq)) {}
+Field::Field(const Config& config, Outbox& outbox, std::uint64_t first_seq, Polling polling)
+    : room_(std::make_unique<Room>(config, outbox, first_seq, polling)) {}
 
 Field::~Field() { stop(); }
 void Field::start() { room_->start(); }

@@ -11,11 +11,15 @@
 
 namespace fxagent {
 
+/// Off: devices answer commands only, as the command line wants it.
+enum class Polling : std::uint8_t { on, off };
+
 class Field final {
  public:
   /// `config` and `outbox` outlive the field. `first_seq` is the number before each device's first
   /// sample. Nothing runs yet.
-  Field(const Config& config, Outbox& outbox, std::uint64_t first_seq);
+  Field(const Config& config, Outbox& outbox, std::uint64_t first_seq,
+        Polling polling = Polling::on);
   /// Stops, if stop() was not called.
   ~Field();
 

@@ -108,8 +108,8 @@ struct LinkWorker::Device {
 };
 
 LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std::uint32_t link,
-                       Outbox& outbox, std::unique_ptr<Transport> transport,
-                       std::uint64_t first_seq)
+                       Outbox& outbox, std::unique_ptr<Transport> transport, std::uint64_t first_seq,
+                       Polling polling)
     : executor_(executor),
       config_(config),
       link_(link),
@@ -121,7 +121,7 @@ LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std
   const auto now = Clock::now();
   for (std::uint32_t i = 0; i < config.devices.size(); ++i) {
     if (config.devices[i].link != link) continue;
-    add_device(i, now);
+    add_device(i, now, polling);
     devices_.back()->seq = first_seq;
   }
   next_open_ = now;
@@ -129,13 +129,13 @@ LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std
 
 LinkWorker::~LinkWorker() = default;
 
-void LinkWorker::add_device(std::uint32_t index, SteadyTime now) {
+void LinkWorker::add_device(std::uint32_t index, SteadyTime now, Polling polling) {
   const DeviceConfig& config = config_.devices[index];
   const auto neighbours = std::count_if(config_.devices.begin(), config_.devices.end(),
                                         [&](const DeviceConfig& d) { return d.link == link_; });
   auto device = std::make_unique<Device>(config, index);
   device->id = agenda_.add_device(config.retries + 1, neighbours > 1 ? kShared : kAlone);
-  for (std::uint32_t g = 0; g < config.groups.size(); ++g) {
+  for (std::uint32_t g = 0; polling == Polling::on && g < config.groups.size(); ++g) {
     auto group = std::make_unique<GroupPoll>(config, g);
     if (group->report.tags().empty()) continue;
     const milliseconds within =
@@ -364,8 +364,10 @@ asio::awaitable<void> LinkWorker::run_step(Agenda::PollStep step) {
         fail_cycle(*device, *group, BadReason::link_down);
         co_return;
       }
-      const bool known = co_await know_model(*device, *group);
-      if (!known) co_return;
+      BadReason failure = BadReason::timeout;
+      const Knowledge knowledge = co_await know_model(*device, failure);
+      if (knowledge == Knowledge::unanswered) fail_cycle(*device, *group, failure);
+      if (knowledge != Knowledge::known) co_return;  // under a new plan the cycle is offered again
       if (group->plan.reads.empty()) {
         agenda_.step_done(step);
         finish_cycle(*device, *group);
@@ -482,8 +484,11 @@ void LinkWorker::publish(Device& device, std::uint32_t group, Telemetry message)
 }
 
 asio::awaitable<void> LinkWorker::read_run_state(Device& device, Agenda::PollStep step) {
+  Knowledge knowledge = Knowledge::unanswered;
+  BadReason failure = BadReason::link_down;
+  if (line_.is_open()) knowledge = co_await know_model(device, failure);
   const auto question = device.codec->run_state();
-  if (line_.is_open() && question) {
+  if (knowledge != Knowledge::unanswered && line_.is_open() && question) {
     const Exchange exchange = co_await line_.exchange(device.station, *question);
     if (stopping_) co_return;
     agenda_.poll_used(exchange.ended - exchange.began);
@@ -497,14 +502,14 @@ asio::awaitable<void> LinkWorker::read_run_state(Device& device, Agenda::PollSte
   update_status(device);
 }
 
-asio::awaitable<bool> LinkWorker::know_model(Device& device, GroupPoll& group) {
-  if (device.model_known) co_return true;
+asio::awaitable<LinkWorker::Knowledge> LinkWorker::know_model(Device& device, BadReason& failure) {
+  if (device.model_known) co_return Knowledge::known;
   const Codec& asking = *device.config.codec;
   const std::vector<Request> questions = asking.identify();
   std::vector<Bytes> images;
   for (const Request& question : questions) {
     const Exchange exchange = co_await line_.exchange(device.station, question);
-    if (stopping_) co_return false;
+    if (stopping_) co_return Knowledge::unanswered;
     agenda_.poll_used(exchange.ended - exchange.began);
     if (exchange.has_answer()) {
       note_answer(device);
@@ -513,8 +518,8 @@ asio::awaitable<bool> LinkWorker::know_model(Device& device, GroupPoll& group) {
     }
     if (exchange.outcome == Exchange::Outcome::unanswered) note_silence(device);
     if (exchange.outcome == Exchange::Outcome::link_down) line_lost(exchange.error);
-    fail_cycle(device, group, bad_reason(exchange));
-    co_return false;
+    failure = bad_reason(exchange);
+    co_return Knowledge::unanswered;
   }
   device.model_known = true;
   const auto model = asking.model_from(images);
@@ -535,7 +540,7 @@ asio::awaitable<bool> LinkWorker::know_model(Device& device, GroupPoll& group) {
     make_plans(device);
   }
   update_status(device);
-  co_return !changed;  // else the agenda offers the cycle again, under its new plan
+  co_return changed ? Knowledge::plan_changed : Knowledge::known;
 }
 
 // ---- states -------------------------------------------------------------------------------------

@@ -15,6 +15,7 @@
 #include "agent/config.h"
 #include "agent/field/agenda.h"
 #include "agent/field/command_desk.h"
+#include "agent/field/field.h"
 #include "agent/field/group_report.h"
 #include "agent/field/line.h"
 #include "agent/messages.h"
@@ -28,7 +29,8 @@ class LinkWorker final {
   /// `config` and `outbox` outlive the worker; `link` is an index in Config::links. `first_seq` is
   /// the number before the first sample of each device.
   LinkWorker(asio::any_io_executor executor, const Config& config, std::uint32_t link,
-             Outbox& outbox, std::unique_ptr<Transport> transport, std::uint64_t first_seq);
+             Outbox& outbox, std::unique_ptr<Transport> transport, std::uint64_t first_seq,
+             Polling polling);
   LinkWorker(const LinkWorker&) = delete;
   LinkWorker& operator=(const LinkWorker&) = delete;
   ~LinkWorker();
@@ -55,7 +57,7 @@ class LinkWorker final {
     std::chrono::nanoseconds line_time{0};
   };
 
-  void add_device(std::uint32_t index, SteadyTime now);
+  void add_device(std::uint32_t index, SteadyTime now, Polling polling);
   Device* device_of(std::uint32_t index);
   void make_plans(Device& device);
 
@@ -70,8 +72,9 @@ class LinkWorker final {
 
   asio::awaitable<void> run_step(Agenda::PollStep step);
   asio::awaitable<void> read_run_state(Device& device, Agenda::PollStep step);
-  /// False where the device did not answer, or its plan has changed: the step is over.
-  asio::awaitable<bool> know_model(Device& device, GroupPoll& group);
+  enum class Knowledge : std::uint8_t { known, plan_changed, unanswered };
+  /// Asks for the model where the config leaves it open. `failure` says why it went unanswered.
+  asio::awaitable<Knowledge> know_model(Device& device, BadReason& failure);
   void take_reading(Device& device, GroupPoll& group, const Agenda::PollStep& step,
                     Exchange exchange);
   void fail_cycle(Device& device, GroupPoll& group, BadReason why);

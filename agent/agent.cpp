@@ -1,0 +1,88 @@
+#include "agent/agent.h"
+
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <memory>
+#include <random>
+#include <thread>
+#include <utility>
+
+#include "agent/field/field.h"
+#include "agent/log.h"
+#include "agent/outbox.h"
+#include "agent/uplink/json.h"
+#include "agent/uplink/paho_broker.h"
+#include "agent/uplink/publisher.h"
+
+namespace fxagent {
+namespace {
+
+// Far more than waits in a healthy agent; the uplink empties it at every step.
+constexpr std::size_t kOutboxMessages = 65536;
+constexpr std::size_t kMostBacklogBytes = std::size_t{64} << 20;
+
+/// 8 hex digits, another at every start.
+std::string new_boot_id(std::random_device& random) {
+  char text[9];
+  std::snprintf(text, sizeof text, "%08x", random());
+  return text;
+}
+
+Will last_will(const Config& config, const std::string& boot) {
+  return {config.base_topic() + "/state", json::agent_offline(std::nullopt, "lost", boot)};
+}
+
+/// A socket for each of 1,000 links is more than Debian's soft limit of 1,024 leaves room for.
+void raise_file_limit() {
+  rlimit limit{};
+  if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
+  limit.rlim_cur = limit.rlim_max;
+  setrlimit(RLIMIT_NOFILE, &limit);
+}
+
+}  // namespace
+
+void run_agent(const Config& config, const sigset_t& stop_signals) {
+  raise_file_limit();
+  std::random_device random;
+  PublisherSettings settings;
+  settings.boot = new_boot_id(random);
+  settings.version = FXAGENT_VERSION;
+  settings.jitter_seed = random();
+  settings.backlog_bytes =
+      static_cast<std::size_t>(std::min<std::uint64_t>(config.store.max_bytes, kMostBacklogBytes));
+
+  const auto utc_now = [] { return utc_ms(std::chrono::system_clock::now()); };
+  // Until numbers are kept on disk, the clock at start makes every boot begin above the last one.
+  const auto first_seq = static_cast<std::uint64_t>(utc_now());
+
+  Outbox outbox(kOutboxMessages);
+  Field field(config, outbox, first_seq);
+  PahoBroker broker(config.mqtt, last_will(config, settings.boot), [&outbox] { outbox.notify(); });
+  Publisher publisher(
+      config, settings, outbox, broker,
+      [&field](Command command) { field.submit(std::move(command)); }, utc_now);
+
+  log::info("agent", {{"state", "starting"},
+                      {"id", config.id},
+                      {"boot", settings.boot},
+                      {"version", settings.version},
+                      {"links", std::to_string(config.links.size())},
+                      {"devices", std::to_string(config.devices.size())}});
+  field.start();
+  std::jthread uplink([&](std::stop_token stop) { run_uplink(publisher, outbox, stop); });
+
+  int signal = 0;
+  sigwait(&stop_signals, &signal);
+  log::info("agent", {{"state", "stopping"}, {"signal", std::to_string(signal)}});
+  field.stop();
+  uplink.request_stop();
+  outbox.notify();
+  uplink.join();
+  log::info("agent", {{"state", "stopped"}});
+}
+
+}  // namespace fxagent

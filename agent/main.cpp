@@ -1,0 +1,142 @@
+// The command line: run · check · read · write · force-on · force-off · decode. Nothing else.
+#include <CLI/CLI.hpp>
+#include <csignal>
+#include <exception>
+#include <functional>
+#include <iostream>
+
+#include "agent/agent.h"
+#include "agent/config.h"
+#include "agent/decode.h"
+#include "agent/log.h"
+#include "agent/one_shot.h"
+
+namespace {
+
+using namespace fxagent;
+
+constexpr int kWrong = 2;
+
+/// The config, or its errors on stderr.
+std::optional<Config> loaded(const std::string& path) {
+  auto config = load_config(path);
+  if (config) return std::move(*config);
+  for (const ConfigError& error : config.error()) std::cerr << to_string(error, path) << '\n';
+  return std::nullopt;
+}
+
+int check(const std::string& path) {
+  const auto config = loaded(path);
+  if (!config) return kWrong;
+  for (const std::string& warning : config->warnings)
+    std::cerr << path << ": warning: " << warning << '\n';
+  for (const ConfigError& missing : check_files(*config))
+    std::cerr << path << ": warning: " << missing.pointer << ": " << missing.text << '\n';
+  std::size_t tags = 0;
+  for (const DeviceConfig& device : config->devices) tags += device.tags.size();
+  std::cout << path << ": right: " << config->links.size() << " links, " << config->devices.size()
+            << " devices, " << tags << " tags\n";
+  return 0;
+}
+
+int run(const std::string& path) {
+  // Blocked before any thread starts, so that only sigwait() sees them.
+  sigset_t stop_signals;
+  sigemptyset(&stop_signals);
+  sigaddset(&stop_signals, SIGTERM);
+  sigaddset(&stop_signals, SIGINT);
+  pthread_sigmask(SIG_BLOCK, &stop_signals, nullptr);
+  std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGHUP, SIG_IGN);
+  const auto config = loaded(path);
+  if (!config) return kWrong;
+  for (const std::string& warning : config->warnings) log::warn("config", {{"note", warning}});
+  run_agent(*config, stop_signals);
+  return 0;
+}
+
+int one_shot(const std::string& path, const OneShot& what) {
+  log::set_level(log::Level::error);
+  std::signal(SIGPIPE, SIG_IGN);
+  auto config = loaded(path);
+  return config ? run_one_shot(std::move(*config), what) : kWrong;
+}
+
+/// Adds read, write or a force; `action` is what main() does after parsing.
+void add_one_shot(CLI::App& app, const std::string& name, const std::string& meaning, Op op,
+                  std::string& path, OneShot& what, std::function<int()>& action) {
+  CLI::App* command = app.add_subcommand(name, meaning);
+  command->add_option("CONFIG", path, "Config file")->required();
+  command->add_option("DEVICE", what.device, "Device name in the config")->required();
+  command->add_option("ADDRESS", what.address, "Address (D100, Y17, M0 …) or tag name")->required();
+  if (op == Op::write)
+    command->add_option("VALUE", what.value, "Number, true/false, text or [array]")->required();
+  if (op == Op::read)
+    command->add_option("--count", what.count, "Devices in a row")->check(CLI::Range(1, 4096));
+  if (op == Op::read || op == Op::write)
+    command->add_option("--type", what.type,
+                        "bool int16 uint16 int32 uint32 float32 bcd16 bcd32 string");
+  command->add_flag("--json", what.as_json, "Print JSON");
+  command->callback([&, op] {
+    what.op = op;
+    action = [&] { return one_shot(path, what); };
+  });
+}
+
+int dispatch(int argc, char** argv) {
+  CLI::App app("fxagent: MQTT edge agent for Mitsubishi FX PLCs", "fxagent");
+  app.set_version_flag("--version", FXAGENT_VERSION);
+  app.require_subcommand(1);
+  std::function<int()> action;
+  std::string path;
+
+  CLI::App* run_command = app.add_subcommand("run", "Poll, publish, obey commands until SIGTERM");
+  run_command->add_option("CONFIG", path, "Config file")->required();
+  run_command->callback([&] { action = [&] { return run(path); }; });
+
+  CLI::App* check_command = app.add_subcommand("check", "Say whether a config file is right");
+  check_command->add_option("CONFIG", path, "Config file")->required();
+  check_command->callback([&] { action = [&] { return check(path); }; });
+
+  OneShot what;
+  add_one_shot(app, "read", "Read a device", Op::read, path, what, action);
+  add_one_shot(app, "write", "Write a device, by the config's rules", Op::write, path, what,
+               action);
+  add_one_shot(app, "force-on", "Force a bit on", Op::force_on, path, what, action);
+  add_one_shot(app, "force-off", "Force a bit off", Op::force_off, path, what, action);
+
+  DecodeQuestion question;
+  bool as_request = false;
+  bool as_reply = false;
+  CLI::App* decode_command = app.add_subcommand("decode", "Explain a frame field by field");
+  decode_command->add_option("PROTOCOL", question.protocol, "Protocol name in the config")
+      ->required();
+  decode_command->add_option("HEX", question.hex, "The frame in hex")->required();
+  decode_command->add_option("--model", question.model, "FX model that names the devices");
+  auto* request_flag = decode_command->add_flag("--request", as_request, "It is a request");
+  decode_command->add_flag("--reply", as_reply, "It is a reply")->excludes(request_flag);
+  decode_command->add_flag("--json", question.as_json, "Print JSON");
+  decode_command->callback([&] {
+    if (as_request) question.direction = Direction::request;
+    if (as_reply) question.direction = Direction::reply;
+    action = [&] { return run_decode(question); };
+  });
+
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : kWrong;
+  }
+  return action();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    return dispatch(argc, argv);
+  } catch (const std::exception& error) {
+    std::cerr << "fxagent: " << error.what() << '\n';
+    return 1;
+  }
+}
