@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -58,7 +59,8 @@ struct TagConfig {
 };
 
 struct CommandRules {
-  std::vector<Span> allow;  ///< sorted, neighbours merged, so that a covered write lies in one of them
+  std::vector<Span>
+      allow;  ///< sorted, neighbours merged, so that a covered write lies in one of them
   bool allow_run_stop = false;
   std::chrono::seconds default_expiry{10};
   std::chrono::seconds max_expiry{3600};
@@ -133,10 +135,24 @@ struct ConfigError {
 /// "agent.json:12: /devices/0/tags/3/address: X8 is not octal …"
 std::string to_string(const ConfigError& error, std::string_view file);
 
-/// Reads and checks a config file; every error at once, in the order of the file. Values `${NAME}` are
-/// taken from the environment. Never throws.
+/// Where `${NAME}` comes from: the value of a variable, nullopt where it is not set.
+using Environment = std::function<std::optional<std::string>(std::string_view name)>;
+
+/// Reads and checks a config file; every error at once, in the order of the file. `${NAME}` in a
+/// string is taken from the environment of the process; `$${NAME}` stands for a plain `${NAME}`.
+/// Paths of `mqtt` and `store` that are relative are taken from the directory of the file. Never
+/// throws.
 tl::expected<Config, std::vector<ConfigError>> load_config(const std::string& path);
-/// The same on a text already in memory.
+/// The same on a text already in memory; paths are left as they stand. Depends on its arguments
+/// alone.
+tl::expected<Config, std::vector<ConfigError>> parse_config(std::string_view text,
+                                                            const Environment& environment);
+/// The same with the environment of the process.
 tl::expected<Config, std::vector<ConfigError>> parse_config(std::string_view text);
+
+/// What the config names and this machine lacks: certificates and password files that cannot be
+/// read, a password variable that is not set, a serial port that is not there, a store that cannot
+/// be written. Pointers are those of the file; lines are 0. Changes nothing on disk.
+std::vector<ConfigError> check_files(const Config& config);
 
 }  // namespace fxagent

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <iostream>
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -95,8 +96,9 @@ class Answer final {
   std::optional<CommandResult> result_;
 };
 
+/// To the tenth, which is what a line of any speed lets one see.
 double ms(std::chrono::nanoseconds duration) {
-  return std::chrono::duration<double, std::milli>(duration).count();
+  return std::round(std::chrono::duration<double, std::milli>(duration).count() * 10) / 10;
 }
 
 int exit_status(const CommandResult& result) {

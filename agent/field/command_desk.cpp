@@ -1,6 +1,8 @@
 #include "agent/field/command_desk.h"
 
 #include <algorithm>
+#include <array>
+#include <charconv>
 #include <utility>
 
 #include "protocol/plan.h"
@@ -31,15 +33,22 @@ std::optional<double> number(const Scalar& scalar) {
   return std::nullopt;
 }
 
+/// "1000", "0.5": as short as it can be said.
+std::string to_text(double number) {
+  std::array<char, 32> text{};
+  const auto end = std::to_chars(text.data(), text.data() + text.size(), number).ptr;
+  return {text.data(), end};
+}
+
 /// A refusal where any element of `value` lies outside the tag's min and max.
 std::optional<Refusal> check_limits(const TagConfig& tag, const Value& value) {
   for (const Scalar& item : value.items) {
     const auto x = number(item);
     if (!x) continue;
     if (tag.min && *x < *tag.min)
-      return refuse(Reason::out_of_range, "below the tag's min of " + std::to_string(*tag.min));
+      return refuse(Reason::out_of_range, "below the tag's min of " + to_text(*tag.min));
     if (tag.max && *x > *tag.max)
-      return refuse(Reason::out_of_range, "above the tag's max of " + std::to_string(*tag.max));
+      return refuse(Reason::out_of_range, "above the tag's max of " + to_text(*tag.max));
   }
   return std::nullopt;
 }

@@ -24,6 +24,12 @@ class Deadline final {
     if (!waiting_ || at < timer_.expiry()) wait_until(at);
   }
   void disarm() { at_ = SteadyTime::max(); }
+  /// Ends the armed wait too, so that an io_context without other work can finish.
+  void cancel() {
+    disarm();
+    waiting_ = false;
+    timer_.cancel();
+  }
   /// Whether the last cancellation was the deadline's doing.
   bool passed() const { return passed_; }
 

@@ -108,8 +108,8 @@ struct LinkWorker::Device {
 };
 
 LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std::uint32_t link,
-                       Outbox& outbox, std::unique_ptr<Transport> transport, std::uint64_t first_seq,
-                       Polling polling)
+                       Outbox& outbox, std::unique_ptr<Transport> transport,
+                       std::uint64_t first_seq, Polling polling)
     : executor_(executor),
       config_(config),
       link_(link),
@@ -319,6 +319,8 @@ asio::awaitable<void> LinkWorker::run_command() {
   result.bound = next.order.bound;
   device.desk.finished(result);
   after_write(device, result, next.order);
+  if (next.order.run_order && result.status == CommandStatus::succeeded)
+    device.run = next.order.command.op == Op::run;
   outbox_.push(std::move(result));
   update_status(device);
 }

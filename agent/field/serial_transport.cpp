@@ -105,6 +105,7 @@ class SerialTransport final : public Transport {
   }
 
   void close() noexcept override {
+    deadline_.cancel();
     asio::error_code ignored;
     if (stream_.is_open()) stream_.close(ignored);
   }

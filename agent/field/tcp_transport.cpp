@@ -89,6 +89,8 @@ class TcpTransport final : public Transport {
 
   void close() noexcept override {
     lookup_.resolver.cancel();
+    lookup_deadline_.cancel();
+    deadline_.cancel();
     asio::error_code ignored;
     if (socket_.is_open()) socket_.close(ignored);
   }

@@ -1,0 +1,66 @@
+// A JSON text as a tree that remembers where everything stood, so that an error can name the line.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <tl/expected.hpp>
+#include <vector>
+
+namespace fxagent {
+
+/// One value of the text. `children` are the members of an object or the items of an array, in the
+/// order of the text; duplicate keys are kept.
+struct ConfigNode {
+  enum class Kind : std::uint8_t { null, boolean, integer, number, string, array, object };
+  Kind kind = Kind::null;
+  bool boolean = false;
+  std::uint32_t offset = 0;      ///< byte of the text where the value was known to have its kind
+  std::uint32_t key_offset = 0;  ///< object members only: the same for the key
+  std::int64_t integer = 0;      ///< integer only
+  double number = 0;             ///< integer and number
+  std::string key;               ///< object members only
+  std::string text;  ///< strings as they stand; numbers that are not integers, as spelled
+  const ConfigNode* parent = nullptr;
+  std::vector<ConfigNode> children;
+
+  /// The first member of that name; nullptr where there is none or this is no object.
+  const ConfigNode* find(std::string_view name) const;
+};
+
+/// RFC 6901: "/devices/0/tags/3"; empty for the root.
+std::string pointer_to(const ConfigNode& node);
+
+/// A whole text. Linear in its size, whatever it holds; never throws.
+class ConfigTree {
+ public:
+  struct SyntaxError {
+    int line = 0;
+    std::string text;  ///< with line and column in words
+  };
+
+  /// Far beyond any plant.
+  static constexpr std::size_t max_bytes = std::size_t{64} << 20;
+  static constexpr std::size_t max_depth = 32;
+
+  /// A text over the limits is an error too.
+  static tl::expected<ConfigTree, SyntaxError> parse(std::string_view text);
+
+  const ConfigNode& root() const { return *root_; }
+  /// 1-based line of a byte of the text.
+  int line_of(std::size_t offset) const;
+
+ private:
+  ConfigTree() = default;
+
+  // Children point at their parents, so the root must stay where it is when the tree moves.
+  std::unique_ptr<ConfigNode> root_;
+  std::vector<std::uint32_t> newlines_;
+};
+
+/// `text` for an error message: control bytes and broken UTF-8 as \xNN, cut after 80 bytes.
+std::string shown(std::string_view text);
+
+}  // namespace fxagent
