@@ -1,0 +1,133 @@
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+
+#include "tests/agent/config/small_plant.h"
+
+namespace fxagent {
+namespace {
+
+using namespace test;
+namespace fs = std::filesystem;
+
+/// A directory of its own for each test, gone afterwards.
+class ConfigFiles : public testing::Test {
+ protected:
+  ConfigFiles() {
+    std::string path = (fs::temp_directory_path() / "fxagent-config-XXXXXX").string();
+    directory_ = ::mkdtemp(path.data());
+  }
+  ~ConfigFiles() override { fs::remove_all(directory_); }
+
+  std::string write(const std::string& name, std::string_view text) const {
+    const std::string path = (directory_ / name).string();
+    std::ofstream(path) << text;
+    return path;
+  }
+
+  fs::path directory_;
+};
+
+std::vector<std::string> pointers(const std::vector<ConfigError>& errors) {
+  std::vector<std::string> list;
+  for (const ConfigError& error : errors) list.push_back(error.pointer);
+  return list;
+}
+
+TEST_F(ConfigFiles, FileIsReadFromDisk) {
+  const auto config = load_config(write("agent.json", small_plant().dump()));
+  ASSERT_TRUE(config) << listed(config.error());
+  EXPECT_EQ(config->id, "edge7");
+}
+
+TEST_F(ConfigFiles, FileThatIsNotThereIsOneErrorWithoutALine) {
+  const auto config = load_config((directory_ / "none.json").string());
+  ASSERT_FALSE(config);
+  expect_error(config.error(), "", {"No such file"});
+  EXPECT_EQ(config.error()[0].line, 0);
+}
+
+TEST_F(ConfigFiles, DirectoryIsNoFile) {
+  const auto config = load_config(directory_.string());
+  ASSERT_FALSE(config);
+  expect_error(config.error(), "", {"directory"});
+}
+
+TEST_F(ConfigFiles, FileWithoutEndIsRefused) {
+  const auto config = load_config("/dev/zero");
+  ASSERT_FALSE(config);
+  expect_error(config.error(), "", {"64 MiB"});
+}
+
+TEST_F(ConfigFiles, ProcessEnvironmentIsUsed) {
+  ::setenv("FXAGENT_TEST_ID", "from-environment", 1);
+  const auto config =
+      load_config(write("agent.json", changed("/agent/id", R"("${FXAGENT_TEST_ID}")")));
+  ::unsetenv("FXAGENT_TEST_ID");
+  ASSERT_TRUE(config) << listed(config.error());
+  EXPECT_EQ(config->id, "from-environment");
+}
+
+TEST_F(ConfigFiles, RelativePathsCountFromTheFilesDirectory) {
+  auto plant = small_plant();
+  plant["store"]["path"] = "store";
+  plant["mqtt"]["password_file"] = "secret";
+  plant["mqtt"]["servers"][0] = "mqtts://a";
+  plant["mqtt"]["tls"] = {{"ca_file", "/etc/ca.pem"}, {"cert_file", "c"}, {"key_file", "k"}};
+  const auto config = load_config(write("agent.json", plant.dump()));
+  ASSERT_TRUE(config) << listed(config.error());
+  EXPECT_EQ(config->store.path, (directory_ / "store").string());
+  EXPECT_EQ(config->mqtt.password_file, (directory_ / "secret").string());
+  EXPECT_EQ(config->mqtt.tls->ca_file, "/etc/ca.pem");
+  EXPECT_EQ(config->mqtt.tls->key_file, (directory_ / "k").string());
+}
+
+TEST_F(ConfigFiles, WhatThisMachineLacksIsNamed) {
+  auto plant = small_plant();
+  const std::string here = directory_.string();
+  plant["store"]["path"] = write("file", "") + "/store";
+  plant["mqtt"]["password_file"] = here + "/none";
+  plant["mqtt"]["servers"][0] = "mqtts://a";
+  plant["mqtt"]["tls"] = {
+      {"ca_file", here + "/ca"}, {"cert_file", here + "/c"}, {"key_file", here + "/k"}};
+  plant["links"][0]["serial"]["path"] = here + "/ttyNone";
+  const auto missing = check_files(good(plant.dump()));
+  EXPECT_EQ(pointers(missing), (std::vector<std::string>{
+                                   "/mqtt/tls/ca_file", "/mqtt/tls/cert_file", "/mqtt/tls/key_file",
+                                   "/mqtt/password_file", "/store/path", "/links/0/serial/path"}))
+      << listed(missing);
+}
+
+TEST_F(ConfigFiles, NothingIsNamedWhereAllIsThere) {
+  auto plant = small_plant();
+  plant["store"]["path"] = (directory_ / "new" / "store").string();
+  plant["mqtt"]["password_file"] = write("secret", "x");
+  plant["mqtt"]["servers"][0] = "mqtts://a";
+  plant["mqtt"]["tls"] = {{"ca_file", write("ca", "x")}};
+  plant["links"][0]["serial"]["path"] = write("tty", "");
+  const auto missing = check_files(good(plant.dump()));
+  EXPECT_TRUE(missing.empty()) << listed(missing);
+  EXPECT_FALSE(fs::exists(directory_ / "new")) << "a check changes nothing";
+}
+
+TEST_F(ConfigFiles, PasswordVariableStandsInForTheFile) {
+  auto plant = small_plant();
+  plant["store"]["path"] = directory_.string();
+  plant["links"][0]["serial"]["path"] = write("tty", "");
+  plant["mqtt"]["password_env"] = "FXAGENT_TEST_PASSWORD";
+  EXPECT_EQ(pointers(check_files(good(plant.dump()))),
+            std::vector<std::string>{"/mqtt/password_env"});
+  plant["mqtt"]["password_file"] = (directory_ / "none").string();
+  EXPECT_EQ(pointers(check_files(good(plant.dump()))),
+            std::vector<std::string>{"/mqtt/password_file"});
+  ::setenv("FXAGENT_TEST_PASSWORD", "x", 1);
+  const auto missing = check_files(good(plant.dump()));
+  ::unsetenv("FXAGENT_TEST_PASSWORD");
+  EXPECT_TRUE(missing.empty()) << listed(missing);
+}
+
+}  // namespace
+}  // namespace fxagent

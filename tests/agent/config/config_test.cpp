@@ -1,0 +1,400 @@
+#include "agent/config.h"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <iterator>
+
+#include "tests/agent/config/small_plant.h"
+
+namespace fxagent {
+namespace {
+
+using namespace test;
+using std::chrono::nanoseconds;
+
+std::string example() {
+  std::ifstream file(FXAGENT_CONFIG_DIR "/agent.example.json");
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+// ---- what is right ------------------------------------------------------------------------------
+
+TEST(Config, SmallPlantIsRightAndGetsTheDefaults) {
+  const Config config = good(small_plant().dump());
+  EXPECT_EQ(config.base_topic(), "fx/plant-a/edge7");
+  EXPECT_EQ(config.mqtt.version, 5);
+  EXPECT_EQ(config.mqtt.client_id, "fx-edge7");
+  EXPECT_EQ(config.mqtt.qos, 1);
+  EXPECT_EQ(config.mqtt.keep_alive, std::chrono::seconds(30));
+  EXPECT_FALSE(config.mqtt.tls);
+  EXPECT_EQ(config.store.max_bytes, 268435456U);
+  EXPECT_EQ(config.store.max_age, std::chrono::hours(168));
+  EXPECT_FALSE(config.store.sync_always);
+  EXPECT_TRUE(config.warnings.empty()) << config.warnings.front();
+}
+
+TEST(Config, ExampleIsRightAndWarnsOfNothing) {
+  const Config config = good(example());
+  EXPECT_EQ(config.devices.size(), 2U);
+  EXPECT_TRUE(config.warnings.empty()) << config.warnings.front();
+}
+
+TEST(Config, RootHasADefault) { EXPECT_EQ(good(without("/agent/root")).base_topic(), "fx/edge7"); }
+
+TEST(Config, EverythingThatCanBeSetIsSet) {
+  auto plant = small_plant();
+  plant["$schema"] = "./agent.schema.json";
+  plant["mqtt"] = nlohmann::json::parse(R"({
+    "servers": ["mqtts://a.example", "mqtt://[2001:db8::1]", "mqtts://[::1]:9000", "mqtt://b:1"],
+    "version": "3.1.1", "client_id": "c", "username": "u", "password_file": "/run/p",
+    "password_env": "P", "tls": {"ca_file": "ca.pem", "cert_file": "c.pem", "key_file": "k.pem"},
+    "keep_alive_s": 5, "qos": 0})");
+  plant["store"] = nlohmann::json::parse(
+      R"({"path": "/s", "max_bytes": 65536, "max_age_h": 1, "sync": "always"})");
+  const Config config = good(plant.dump());
+  EXPECT_EQ(config.mqtt.servers,
+            (std::vector<std::string>{"mqtts://a.example:8883", "mqtt://[2001:db8::1]:1883",
+                                      "mqtts://[::1]:9000", "mqtt://b:1"}));
+  EXPECT_EQ(config.mqtt.version, 4);
+  EXPECT_EQ(config.mqtt.client_id, "c");
+  EXPECT_EQ(config.mqtt.password_env, "P");
+  ASSERT_TRUE(config.mqtt.tls);
+  EXPECT_EQ(config.mqtt.tls->key_file, "k.pem");
+  EXPECT_EQ(config.mqtt.keep_alive.count(), 5);
+  EXPECT_EQ(config.mqtt.qos, 0);
+  EXPECT_EQ(config.store.max_bytes, 65536U);
+  EXPECT_EQ(config.store.max_age.count(), 1);
+  EXPECT_TRUE(config.store.sync_always);
+}
+
+// ---- how errors come out
+// --------------------------------------------------------------------------
+
+TEST(Config, ErrorTextHasFileLinePointerAndWords) {
+  EXPECT_EQ(to_string(ConfigError{"/a/0", 12, "is wrong"}, "agent.json"),
+            "agent.json:12: /a/0: is wrong");
+  EXPECT_EQ(to_string(ConfigError{"", 0, "cannot be read"}, "agent.json"),
+            "agent.json: cannot be read");
+}
+
+TEST(Config, AllErrorsComeAtOnceInTheOrderOfTheFile) {
+  const auto errors = errors_of(R"({
+  "devices": [
+    {"name": "a", "link": "nope", "protocol": "fx-programming-port", "model": "FX3U",
+     "tags": [{"name": "x", "address": "X8"},
+              {"name": "y", "address": "D9", "grup": "fast"}],
+     "retries": -1}
+  ],
+  "mqtt": {"servers": []},
+  "links": [{"name": "L1"}],
+  "colour": "red",
+  "agent": {"id": "edge7",
+            "root": "fx/#"}
+})");
+  std::vector<std::pair<std::string, int>> places;
+  for (const auto& error : errors) places.emplace_back(error.pointer, error.line);
+  const std::vector<std::pair<std::string, int>> expected{{"/devices/0/link", 3},
+                                                          {"/devices/0/tags/0/address", 4},
+                                                          {"/devices/0/tags/1/grup", 5},
+                                                          {"/devices/0/retries", 6},
+                                                          {"/mqtt/servers", 8},
+                                                          {"/links/0", 9},
+                                                          {"/links/0/name", 9},
+                                                          {"/colour", 10},
+                                                          {"/agent/root", 12}};
+  EXPECT_EQ(places, expected) << listed(errors);
+}
+
+TEST(Config, WhatIsNotJsonIsOneErrorWithLineAndColumn) {
+  const auto errors = errors_of("{\n  \"agent\": {\n    \"id\": edge7\n");
+  expect_error(errors, "", {"not JSON", "line 3", "column 11"});
+  EXPECT_EQ(errors[0].line, 3);
+}
+
+TEST(Config, JsonThatIsNoObjectIsAnError) {
+  for (const auto* text : {"[]", "5", "\"x\"", "null", "true"})
+    expect_error(text, "", {"must be an object"});
+}
+
+TEST(Config, EmptyObjectNamesWhatIsMissing) {
+  const auto errors = errors_of("{}");
+  const std::string text = listed(errors);
+  for (const auto* key : {"\"agent\"", "\"mqtt\"", "\"links\"", "\"devices\""})
+    EXPECT_NE(text.find(std::string(key) + " is missing"), std::string::npos) << text;
+}
+
+TEST(Config, EveryRequiredKeyIsMissedWhereItBelongs) {
+  expect_error(without("/agent/id"), "/agent", {"\"id\" is missing"});
+  expect_error(without("/mqtt/servers"), "/mqtt", {"\"servers\" is missing"});
+  expect_error(without("/store/path"), "/store", {"\"path\" is missing"});
+  expect_error(without("/links/0/serial/path"), "/links/0/serial", {"\"path\" is missing"});
+  expect_error(without("/links/1/tcp/host"), "/links/1/tcp", {"\"host\" is missing"});
+  expect_error(without("/links/1/tcp/port"), "/links/1/tcp", {"\"port\" is missing"});
+  expect_error(without("/devices/0/name"), "/devices/0", {"\"name\" is missing"});
+  expect_error(without("/devices/0/link"), "/devices/0", {"\"link\" is missing"});
+  expect_error(without("/devices/0/protocol"), "/devices/0",
+               {"\"protocol\" is missing", "fx-programming-port"});
+  expect_error(without("/devices/0/tags/0/name"), "/devices/0/tags/0", {"\"name\" is missing"});
+  expect_error(without("/devices/0/tags/0/address"), "/devices/0/tags/0",
+               {"\"address\" is missing"});
+}
+
+TEST(Config, UnknownKeyNamesTheNearestOne) {
+  expect_error(changed("/agent/ID", "\"x\""), "/agent/ID", {"unknown key \"ID\"", "id"});
+  expect_error(changed("/mqtt/keepalive_s", "5"), "/mqtt/keepalive_s", {"keep_alive_s"});
+  expect_error(changed("/store/max_byte", "5"), "/store/max_byte", {"max_bytes"});
+  expect_error(changed("/links/0/serial/baudrate", "5"), "/links/0/serial/baudrate", {"baud"});
+  expect_error(changed("/devices/0/time_out_ms", "5"), "/devices/0/time_out_ms", {"timeout_ms"});
+  expect_error(changed("/devices/0/comand_set", "5"), "/devices/0/comand_set", {"command_set"});
+  expect_error(changed("/devices/0/groups/0/interval", "5"), "/devices/0/groups/0/interval",
+               {"interval_ms"});
+  expect_error(changed("/devices/0/tags/0/adress", "5"), "/devices/0/tags/0/adress", {"address"});
+  expect_error(changed("/devices/0/commands/que", "5"), "/devices/0/commands/que", {"queue"});
+}
+
+TEST(Config, PasswordInClearIsSentToAFileAndNotQuoted) {
+  const auto errors = errors_of(changed("/mqtt/password", R"("hunter2")"));
+  expect_error(errors, "/mqtt/password", {"password_file", "password_env"});
+  EXPECT_EQ(listed(errors).find("hunter2"), std::string::npos);
+}
+
+TEST(Config, KeyGivenTwiceIsAnErrorThatNamesBothLines) {
+  const auto errors = errors_of(
+      "{\"agent\": {\"id\": \"a\",\n \"id\": \"b\"},\n"
+      " \"mqtt\": {\"servers\": [\"mqtt://a\"]}, \"links\": [], \"devices\": []}");
+  expect_error(errors, "/agent/id", {"second time", "line 1"});
+  EXPECT_EQ(errors[0].line, 2);
+}
+
+TEST(Config, AnyBytesAreAnAnswer) {
+  const std::string text = example();
+  for (std::size_t length = 0; length < text.size(); length += 3)
+    EXPECT_FALSE(parse_config(text.substr(0, length), environment()) && length + 2 < text.size());
+  for (std::size_t i = 0; i < text.size(); i += 2) {
+    for (const char c : {'"', '}', '[', '0', '-', '$', '\0', '\xFF'}) {
+      std::string spoiled = text;
+      spoiled[i] = c;
+      const auto config = parse_config(spoiled, environment());
+      EXPECT_TRUE(config || !config.error().empty());
+    }
+  }
+}
+
+TEST(Config, HundredThousandTagsLoadInTime) {
+  std::string text = R"({"agent": {"id": "a"}, "mqtt": {"servers": ["mqtt://a"]},
+    "links": [{"name": "l", "serial": {"path": "/dev/ttyS0"}}], "devices": [
+    {"name": "d", "link": "l", "protocol": "fx-programming-port", "model": "FX3U",
+     "groups": [{"name": "g"}], "tags": [)";
+  for (int i = 0; i < 100000; ++i)
+    text += std::string(i == 0 ? "" : ",\n") + R"({"name": "tag-)" + std::to_string(i) +
+            R"(", "address": "D)" + std::to_string(i % 8000) +
+            R"(", "type": "int16", "group": "g", "scale": 0.1, "unit": "bar", "deadband": 1})";
+  text += "]}]}";
+  const auto begin = std::chrono::steady_clock::now();
+  const Config config = good(text);
+  const auto spent = std::chrono::steady_clock::now() - begin;
+  ASSERT_EQ(config.devices.size(), 1U);
+  EXPECT_EQ(config.devices[0].tags.size(), 100000U);
+  EXPECT_LT(std::chrono::duration<double>(spent).count(), 5.0);
+}
+
+TEST(Config, HundredThousandErrorsComeInTime) {
+  std::string text = "{\"links\": [";
+  for (int i = 0; i < 100000; ++i) text += "{\"name\": \"x\", \"k\": 1},\n";
+  text += "{}], ";
+  for (int i = 0; i < 100000; ++i) text += "\"k" + std::to_string(i) + "\": 1,\n";
+  text += "\"z\": 1}";
+  const auto begin = std::chrono::steady_clock::now();
+  EXPECT_GT(errors_of(text).size(), 300000U);
+  const auto spent = std::chrono::steady_clock::now() - begin;
+  EXPECT_LT(std::chrono::duration<double>(spent).count(), 10.0);
+}
+
+// ---- agent
+// ----------------------------------------------------------------------------------------
+
+TEST(Config, NamesAreWhatTopicsCanCarry) {
+  const std::string longest(64, 'a');
+  EXPECT_EQ(good(changed("/agent/id", "\"" + longest + "\"")).id, longest);
+  EXPECT_EQ(good(changed("/agent/id", R"("0_-z")")).id, "0_-z");
+  for (const std::string& name :
+       std::vector<std::string>{longest + "a", std::string("Edge7"), std::string("a b"),
+                                std::string("a/b"), std::string("é"), std::string("a+")})
+    expect_error(changed("/agent/id", "\"" + name + "\""), "/agent/id", {"1 to 64", name});
+}
+
+TEST(Config, RootIsPlainTopicLevels) {
+  for (const auto* root : {"a", "a/b/c", "Werk 1/Ä", "a.b-c"})
+    EXPECT_EQ(good(changed("/agent/root", "\"" + std::string(root) + "\"")).root, root);
+  for (const auto* root : {"/a", "a/", "a//b", "+", "a/#", "$SYS/a", "/"})
+    expect_error(changed("/agent/root", "\"" + std::string(root) + "\""), "/agent/root", {"must"});
+}
+
+// ---- mqtt
+// -----------------------------------------------------------------------------------------
+
+TEST(Config, ServersAreSchemeHostAndPort) {
+  for (const auto* server :
+       {"127.0.0.1:1883", "tcp://a:1883", "MQTT://a", "mqtt://", "mqtt://:1883",
+        "mqtt://a:", "mqtt://a:0", "mqtt://a:65536", "mqtt://a:12x", "mqtt://a/b", "mqtt://a b",
+        "mqtt://[::1", "mqtt://[]", "mqtt://[::1]x", "mqtt://[zz]", "mqtt://::1", "ws://a"})
+    expect_error(changed("/mqtt/servers/0", "\"" + std::string(server) + "\""), "/mqtt/servers/0",
+                 {});
+}
+
+TEST(Config, PasswordInTheServersAddressIsRefusedAndNotQuoted) {
+  const auto errors = errors_of(changed("/mqtt/servers/0", R"("mqtt://u:hunter2@a")"));
+  expect_error(errors, "/mqtt/servers/0", {"password_file"});
+  EXPECT_EQ(listed(errors).find("hunter2"), std::string::npos);
+}
+
+TEST(Config, VersionIsAStringOfTwo) {
+  EXPECT_EQ(good(changed("/mqtt/version", R"("3.1.1")")).mqtt.version, 4);
+  expect_error(changed("/mqtt/version", R"("4")"), "/mqtt/version", {"5 or 3.1.1"});
+  expect_error(changed("/mqtt/version", "5"), "/mqtt/version", {"a string", "the number 5"});
+}
+
+TEST(Config, QosTwoIsRefusedWithAReason) {
+  expect_error(changed("/mqtt/qos", "2"), "/mqtt/qos", {"0 or 1", "seq"});
+  expect_error(changed("/mqtt/qos", "3"), "/mqtt/qos", {"3"});
+}
+
+TEST(Config, OldMqttTakesNoPasswordWithoutAUser) {
+  auto plant = small_plant();
+  plant["mqtt"]["version"] = "3.1.1";
+  plant["mqtt"]["password_env"] = "P";
+  expect_error(plant.dump(), "/mqtt/password_env", {"username"});
+  plant["mqtt"]["username"] = "u";
+  EXPECT_EQ(good(plant.dump()).mqtt.username, "u");
+}
+
+TEST(Config, CertificateAndKeyBelongTogether) {
+  auto plant = small_plant();
+  plant["mqtt"]["servers"][0] = "mqtts://a";
+  plant["mqtt"]["tls"] = {{"cert_file", "c.pem"}};
+  expect_error(plant.dump(), "/mqtt/tls", {"cert_file", "key_file"});
+}
+
+TEST(Config, TlsWithoutAnEncryptedServerIsAWarning) {
+  EXPECT_TRUE(warns(good(changed("/mqtt/tls", R"({"ca_file": "c"})")), {"/mqtt/tls", "mqtts://"}));
+  EXPECT_TRUE(good(changed("/mqtt/servers/0", R"("mqtts://a")")).warnings.empty());
+}
+
+// ---- store
+// ----------------------------------------------------------------------------------------
+
+TEST(Config, NoStoreIsAllowedAndWarnedOf) {
+  const Config config = good(without("/store"));
+  EXPECT_EQ(config.store.path, "");
+  EXPECT_TRUE(warns(config, {"no store"}));
+}
+
+TEST(Config, StoreSyncIsOneOfTwoWords) {
+  expect_error(changed("/store/sync", R"("allways")"), "/store/sync",
+               {"offline or always", "did you mean always?"});
+}
+
+// ---- links
+// ----------------------------------------------------------------------------------------
+
+TEST(Config, SerialLineTakesTheProtocolsDefaults) {
+  const auto& serial = std::get<SerialSettings>(good(small_plant().dump()).links[0].channel);
+  EXPECT_EQ(serial.path, "/dev/ttyUSB0");
+  EXPECT_EQ(serial.baud, 9600);
+  EXPECT_EQ(serial.data_bits, 7);
+  EXPECT_EQ(serial.parity, Parity::even);
+  EXPECT_EQ(serial.stop_bits, 1);
+}
+
+TEST(Config, SerialLineTakesWhatIsGiven) {
+  const Config config = good(changed("/links/0/serial", R"({"path": "/dev/ttyS1", "baud": 19200,
+      "data_bits": 8, "parity": "odd", "stop_bits": 2})"));
+  const auto& serial = std::get<SerialSettings>(config.links[0].channel);
+  EXPECT_EQ(serial.baud, 19200);
+  EXPECT_EQ(serial.data_bits, 8);
+  EXPECT_EQ(serial.parity, Parity::odd);
+  EXPECT_EQ(serial.stop_bits, 2);
+}
+
+TEST(Config, CharacterTimeCountsStartParityAndStop) {
+  EXPECT_EQ(good(small_plant().dump()).links[0].char_time, nanoseconds(1041667));  // 10 bits, 9600
+  const Config odd = good(changed("/links/0/serial", R"({"path": "/dev/ttyS1", "baud": 1000000,
+      "data_bits": 8, "parity": "odd", "stop_bits": 2})"));
+  EXPECT_EQ(odd.links[0].char_time, nanoseconds(12000));
+  const Config none = good(changed("/links/0/serial", R"({"path": "/dev/ttyS1", "baud": 1000000,
+      "data_bits": 8, "parity": "none"})"));
+  EXPECT_EQ(none.links[0].char_time, nanoseconds(10000));
+}
+
+TEST(Config, TcpLineSpeedIsKnownOnlyWhereItIsGiven) {
+  EXPECT_EQ(good(small_plant().dump()).links[1].char_time, nanoseconds(1041667));
+  EXPECT_EQ(good(without("/links/1/line_baud")).links[1].char_time, nanoseconds(0));
+  const Config wide = good(changed(
+      "/links/1",
+      R"({"name": "gw1", "tcp": {"host": "a", "port": 1}, "line_baud": 1000000, "data_bits": 8,
+          "parity": "none", "stop_bits": 2})"));
+  EXPECT_EQ(wide.links[1].char_time, nanoseconds(11000));
+  EXPECT_EQ(std::get<TcpSettings>(wide.links[1].channel).port, 1);
+}
+
+TEST(Config, LineSettingsOutOfRangeAreRefused) {
+  expect_error(changed("/links/0/serial/baud", "49"), "/links/0/serial/baud", {"50"});
+  expect_error(changed("/links/0/serial/baud", "4000001"), "/links/0/serial/baud", {"4000000"});
+  EXPECT_EQ(
+      std::get<SerialSettings>(good(changed("/links/0/serial/baud", "250000")).links[0].channel)
+          .baud,
+      250000);
+  expect_error(changed("/links/0/serial/data_bits", "6"), "/links/0/serial/data_bits", {"7 to 8"});
+  expect_error(changed("/links/0/serial/parity", R"("Even")"), "/links/0/serial/parity",
+               {"none, even or odd"});
+  expect_error(changed("/links/0/serial/stop_bits", "0"), "/links/0/serial/stop_bits", {"1 to 2"});
+  expect_error(changed("/links/1/tcp/port", "0"), "/links/1/tcp/port", {"1 to 65535"});
+  expect_error(changed("/links/1/tcp/host", R"("http://a/")"), "/links/1/tcp/host", {"host name"});
+}
+
+TEST(Config, LinkIsEitherSerialOrTcp) {
+  expect_error(changed("/links/0/tcp", R"({"host": "b", "port": 1})"), "/links/0", {"either"});
+  expect_error(without("/links/0/serial"), "/links/0", {"either"});
+}
+
+TEST(Config, LineKeysBelongToTheirKindOfLink) {
+  expect_error(changed("/links/0/line_baud", "9600"), "/links/0/line_baud", {"serial/baud"});
+  expect_error(changed("/links/0/parity", R"("even")"), "/links/0/parity", {"inside"});
+  auto plant = small_plant();
+  plant["links"][1].erase("line_baud");
+  plant["links"][1]["data_bits"] = 8;
+  expect_error(plant.dump(), "/links/1/data_bits", {"line_baud"});
+}
+
+TEST(Config, TwoLinksOfOneNameAreAnErrorThatNamesBoth) {
+  const auto errors = errors_of(changed("/links/1/name", R"("line1")"));
+  ASSERT_EQ(errors.size(), 2U) << listed(errors);  // gw1, which the mixer wants, is gone too
+  EXPECT_EQ(errors[1].pointer, "/links/1/name");
+  EXPECT_NE(errors[1].text.find("/links/0/name (line "), std::string::npos) << errors[1].text;
+}
+
+TEST(Config, TwoLinksOnOnePortAreAnErrorThatNamesBoth) {
+  expect_error(changed("/links/1", R"({"name": "gw1", "serial": {"path": "/dev/ttyUSB0"}})"),
+               "/links/1/serial/path", {"already used", "/links/0/serial/path (line "});
+}
+
+TEST(Config, TwoLinksToOneServerAreAWarning) {
+  EXPECT_TRUE(warns(
+      good(changed("/links/2", R"({"name": "gw2", "tcp": {"host": "192.0.2.10", "port": 5551}})")),
+      {"/links/2/tcp", "/links/1/tcp"}));
+}
+
+TEST(Config, LinkWithoutADeviceIsAWarning) {
+  EXPECT_TRUE(
+      warns(good(changed("/links/2", R"({"name": "l3", "serial": {"path": "/dev/ttyS9"}})")),
+            {"/links/2", "no device"}));
+}
+
+TEST(Config, NoDevicesAreAllowedAndWarnedOf) {
+  const Config config = good(changed("/devices", "[]"));
+  EXPECT_TRUE(warns(config, {"/devices", "no devices"}));
+}
+
+}  // namespace
+}  // namespace fxagent
