@@ -2,6 +2,7 @@
 // A codec is a value: made once per device from its options, const afterwards, no state, no clock.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -28,10 +29,12 @@ struct Read {
   std::uint8_t way = 0;
   friend bool operator==(const Read&, const Read&) = default;
 };
-/// Overwrites whole units of a space; `image` covers exactly `span`.
+/// Overwrites whole units of a space; `image` covers exactly `span`. `way` 0 is the codec's first
+/// choice of function, others are those of instead_of().
 struct Write {
   Span span;
   Bytes image;
+  std::uint8_t way = 0;
   friend bool operator==(const Write&, const Write&) = default;
 };
 /// Sets or clears a single bit without touching its neighbours.
@@ -39,7 +42,13 @@ struct Force {
   std::uint16_t space = 0;
   std::uint32_t bit = 0;
   bool on = false;
+  std::uint8_t way = 0;  ///< as in Write
   friend bool operator==(const Force&, const Force&) = default;
+};
+/// Several writes that one frame carries to scattered places; bits have spans of one bit.
+struct Scatter {
+  std::vector<Write> parts;
+  friend bool operator==(const Scatter&, const Scatter&) = default;
 };
 /// What a protocol has beside memory access; which of them exist is the codec's to say.
 struct Control {
@@ -47,30 +56,33 @@ struct Control {
   friend bool operator==(const Control&, const Control&) = default;
 };
 
-using Request = std::variant<Enquire, Read, Write, Force, Control>;
+using Request = std::variant<Enquire, Read, Write, Force, Control, Scatter>;
 
 struct Reply {
   enum class Kind : std::uint8_t { ack, nak, data } kind = Kind::ack;
-  Bytes image;           ///< data: the image of the request's span (or what identify brought)
-  int device_code = 0;   ///< nak: the reason, 0 where the protocol gives none
-  std::string text;      ///< nak: the reason in words ("nak 06: device does not exist")
-  Bytes closing;         ///< to be sent after this reply without waiting for an answer
+  Bytes image;               ///< data: the image of the request's span (or what identify brought)
+  int device_code = 0;       ///< nak: the reason, 0 where the protocol gives none
+  std::string text;          ///< nak: the reason in words ("nak 06: device does not exist")
+  Bytes closing;             ///< to be sent after this reply without waiting for an answer
   std::size_t consumed = 0;  ///< bytes of rx up to the end of the reply; more are line noise
 };
 
 // ---- what the planner needs to know ---------------------------------------------------------
 
 /// One way to read part of a space. A read by it starts at a multiple of `align_bits` from the
-/// space's start, is a multiple of `unit_bits` long, at most `max_bits`, inside [first_bit, end_bit).
+/// space's start, is a multiple of `unit_bits` long, at most `max_bits`, inside [first_bit,
+/// end_bit).
 struct ReadWay {
-  std::uint8_t way = 0;   ///< goes into Read::way
-  std::uint8_t tier = 0;  ///< a point takes a way of the lowest tier that reaches it; tiers never mix
+  std::uint8_t way = 0;  ///< goes into Read::way
+  std::uint8_t tier =
+      0;  ///< a point takes a way of the lowest tier that reaches it; tiers never mix
   std::uint32_t first_bit = 0;
   std::uint32_t end_bit = 0;
   std::uint32_t align_bits = 8;
   std::uint32_t unit_bits = 8;
   std::uint32_t max_bits = 512;
-  std::uint32_t max_gap_bits = 0xFFFFFFFF;  ///< bits that nobody asked for, at most so many in a row
+  std::uint32_t max_gap_bits =
+      0xFFFFFFFF;  ///< bits that nobody asked for, at most so many in a row
 };
 
 /// Characters on the line in each direction for one exchange that ends well.
@@ -87,17 +99,36 @@ enum class Direction : std::uint8_t { request, reply };
 struct Explanation {
   bool ok = false;
   Direction direction = Direction::request;
-  bool ambiguous = false;               ///< the bytes are a good frame in both directions
-  std::string operation;                ///< read write force_on force_off enquire ack nak data other
-  std::optional<std::string> command;   ///< "0", "E00", "BR", "03" …
+  bool ambiguous = false;              ///< the bytes are a good frame in both directions
+  std::string operation;               ///< read write force_on force_off enquire ack nak data other
+  std::optional<std::string> command;  ///< "0", "E00", "BR", "03" …
   std::optional<std::string> command_set;  ///< "classic" or "extended"
-  std::optional<std::string> device;    ///< head device in the manual's words
-  std::optional<std::uint32_t> count;   ///< devices of that kind: words, or bits
-  std::vector<std::string> values;      ///< words as 4 hex digits, bits as 0/1
+  std::optional<std::string> device;       ///< head device in the manual's words
+  std::optional<std::uint32_t> count;      ///< devices of that kind: words, or bits
+  std::vector<std::string> values;         ///< words as 4 hex digits, bits as 0/1
   std::optional<std::string> checksum_given;
   std::optional<std::string> checksum_computed;
-  std::optional<std::string> error;     ///< why it is not a good frame
-  std::vector<std::pair<std::string, std::string>> fields;  ///< name and meaning of each part, in order
+  std::optional<std::string> error;  ///< why it is not a good frame
+  std::vector<std::pair<std::string, std::string>>
+      fields;  ///< name and meaning of each part, in order
+};
+
+// ---- what went wrong ---------------------------------------------------------------------------
+
+/// What a device's no tells about the order and about the device.
+enum class RefusalMeaning : std::uint8_t {
+  final,        ///< surely no effect, and a repeat would change nothing
+  curable,      ///< surely no effect, and a repeat may succeed
+  busy,         ///< as curable, after a pause
+  hole,         ///< a read touched something that this device lacks: ask for less
+  unclear,      ///< a write may have been carried out all the same: like silence
+  unreachable,  ///< a gateway speaks: the unit behind it gave no answer
+};
+
+enum class Recovery : std::uint8_t {
+  drain,      ///< wait until the line is quiet, then resync()
+  none,       ///< answers carry numbers, so a late one cannot be mistaken
+  reconnect,  ///< the stream has lost its frames: only a new connection helps
 };
 
 // ---- the port ---------------------------------------------------------------------------------
@@ -116,10 +147,12 @@ class Codec {
                                         std::optional<DataType> type) const = 0;
   /// True where `text` needs a type to be told apart in a command (T5, C5).
   virtual bool needs_type(std::string_view text) const = 0;
-  /// A range for an allow list: "M100-M199" or one device. bad_request as parse_address; the ends are
-  /// of two kinds; T or C without N or S; or it holds what is never written (M8034-M8037, M8118).
+  /// A range for an allow list: "M100-M199" or one device. bad_request as parse_address; the ends
+  /// are of two kinds; T or C without N or S; or it holds what is never written (M8034-M8037,
+  /// M8118).
   virtual Result<Span> parse_range(std::string_view text) const = 0;
-  /// Whether every device of `span` exists in this model; bad_request names the first that does not.
+  /// Whether every device of `span` exists in this model; bad_request names the first that does
+  /// not.
   virtual Result<void> check_range(const Span& span) const = 0;
   /// Whether `span` may be written at all and in this shape: bad_request where it would overwrite
   /// bits beside it (half bytes), or touches what is never written (M8034-M8037, M8118).
@@ -172,8 +205,37 @@ class Codec {
   virtual Result<Request> run_order(bool run) const = 0;
   /// For a person whose run or stop failed: the switch position that this protocol needs.
   virtual std::string run_order_hint() const = 0;
-  /// Whether a write refused with this code surely had no effect and may be repeated once.
-  virtual bool refusal_is_curable(const Request& request, int device_code) const = 0;
+  /// What a refusal of `request` with this code means.
+  virtual RefusalMeaning meaning_of(const Request& request, int device_code) const = 0;
+  /// Another request with the same effect, where `request` was refused because this device lacks
+  /// its function (Modbus 06 → 16); nullopt where there is none.
+  virtual std::optional<Request> instead_of(const Request& /*request*/, int /*device_code*/) const {
+    return std::nullopt;
+  }
+
+  // What a protocol may have beyond one question at a time on a quiet line.
+
+  /// One request that carries out all of `requests` in one frame (BT, WT); nullopt where none can.
+  virtual std::optional<Request> combine(const std::vector<Request>& /*requests*/) const {
+    return std::nullopt;
+  }
+  /// A read that must come first, where the device cannot do `request` by itself: with_read() makes
+  /// of its answer the request to send (read-modify-write).
+  virtual std::optional<Request> read_before(const Request& /*request*/) const {
+    return std::nullopt;
+  }
+  virtual Request with_read(const Request& request, ByteView /*image*/) const { return request; }
+  /// Silence that the protocol demands before a request (3.5 characters on Modbus RTU).
+  virtual std::chrono::nanoseconds quiet_before(std::chrono::nanoseconds /*char_time*/) const {
+    return {};
+  }
+  /// How long nothing may be asked after `request`, which is not answered (a broadcast).
+  virtual std::chrono::milliseconds pause_after(const Request& /*request*/) const { return {}; }
+  /// True where every device listens and none answers: no tags, and no outcome but `broadcast`.
+  virtual bool is_broadcast() const { return false; }
+  /// What must be done with the line after an answer that did not come, or was nonsense.
+  virtual Recovery after_silence() const { return Recovery::drain; }
+  virtual Recovery after_nonsense() const { return Recovery::drain; }
 };
 
 }  // namespace fxagent

@@ -401,7 +401,8 @@ void LinkWorker::take_reading(Device& device, GroupPoll& group, const Agenda::Po
   const Request asked = group.plan.reads[step.exchange].read;
   const bool repeatable =
       exchange.outcome == Exchange::Outcome::garbled ||
-      (exchange.is_nak() && device.codec->refusal_is_curable(asked, exchange.reply.device_code));
+      (exchange.is_nak() &&
+       device.codec->meaning_of(asked, exchange.reply.device_code) == RefusalMeaning::curable);
   if (repeatable && group.repeats < device.config.retries) {
     ++group.repeats;  // the agenda offers the same step again, after the commands that wait
     return;

@@ -135,7 +135,8 @@ asio::awaitable<OrderRun::ReadBack> OrderRun::read_point(const OrderTarget& targ
       const bool worth_repeating =
           out.last.outcome == Exchange::Outcome::garbled ||
           (out.last.is_nak() &&
-           station_.codec->refusal_is_curable(planned.read, out.last.reply.device_code));
+           station_.codec->meaning_of(planned.read, out.last.reply.device_code) ==
+               RefusalMeaning::curable);
       if (cured || !worth_repeating) break;
     }
     if (!out.last.is_data()) co_return out;
@@ -205,8 +206,9 @@ asio::awaitable<Exchange> OrderRun::send_once_or_twice(Request request, bool may
   for (int attempt = 0; attempt < 2; ++attempt) {
     exchange = co_await ask(request, order_.deadline);
     if (exchange.sent) ++result_.attempts;
-    const bool curable = exchange.is_nak() &&
-                         station_.codec->refusal_is_curable(request, exchange.reply.device_code);
+    const bool curable =
+        exchange.is_nak() &&
+        station_.codec->meaning_of(request, exchange.reply.device_code) == RefusalMeaning::curable;
     if (!may_repeat || !curable) break;
   }
   co_return exchange;

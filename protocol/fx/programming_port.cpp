@@ -450,9 +450,12 @@ std::string ProgrammingPort::run_order_hint() const {
   return "the PLC's RUN/STOP switch (and its RUN terminal, if one is assigned) must be at RUN";
 }
 
-bool ProgrammingPort::refusal_is_curable(const Request& request, int /*device_code*/) const {
-  if (const auto* force = std::get_if<Force>(&request)) return !is_run_order(*force);
-  return std::holds_alternative<Write>(request);
+RefusalMeaning ProgrammingPort::meaning_of(const Request& request, int /*device_code*/) const {
+  // A NAK has no reason, so noise on the request looks like any other: a repeat may succeed. Not so
+  // for RUN and STOP, where the switch decides and a repeat could come after it was turned.
+  const auto* force = std::get_if<Force>(&request);
+  const bool runs_or_stops = force != nullptr && is_run_order(*force);
+  return runs_or_stops ? RefusalMeaning::final : RefusalMeaning::curable;
 }
 
 }  // namespace fxagent::fx

@@ -63,7 +63,7 @@ class ProgrammingPort final : public Codec {
   std::optional<bool> run_state_from(ByteView image) const override;
   Result<Request> run_order(bool run) const override;
   std::string run_order_hint() const override;
-  bool refusal_is_curable(const Request& request, int device_code) const override;
+  RefusalMeaning meaning_of(const Request& request, int device_code) const override;
 
  private:
   std::uint32_t max_read_bytes(CommandSet set) const;
