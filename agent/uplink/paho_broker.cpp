@@ -349,7 +349,9 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
 
   Subscribed subscribed(const mqtt::token& token) const {
     Subscribed event{filter_of(token), true, {}};
-    for (const mqtt::ReasonCode code : token.get_subscribe_response().get_reason_codes()) {
+    // Named: what get_reason_codes() returns belongs to it.
+    const mqtt::subscribe_response response = token.get_subscribe_response();
+    for (const mqtt::ReasonCode code : response.get_reason_codes()) {
       if (static_cast<int>(code) < 0x80) continue;
       event.granted = false;
       event.text = reason_text(static_cast<int>(code));
