@@ -149,7 +149,7 @@ void read_store(ConfigReader& reader, const ConfigNode& node, StoreConfig& store
   store.sync_always = reader.choice(node, "sync", kSyncs).value_or(0) == 1;
 }
 
-// ---- links --------------------------------------------------------------------------------------
+// ---- links ------------------------------------------------------------------------------------
 
 /// How characters travel on a line; what the file leaves open comes from the protocol on the link.
 struct LineKeys {
@@ -281,8 +281,7 @@ void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& li
   }
 }
 
-// ---- the whole
-// ------------------------------------------------------------------------------------
+// ---- the whole --------------------------------------------------------------------------------
 
 Config read_top(ConfigReader& reader, const ConfigNode& top) {
   Config config;

@@ -73,8 +73,7 @@ class DeviceReader {
   std::map<std::uint16_t, std::vector<ReadWay>> ways_;
 };
 
-// ---- protocol and options
-// -------------------------------------------------------------------------
+// ---- protocol and options ---------------------------------------------------------------------
 
 bool DeviceReader::read_protocol() {
   std::vector<std::string_view> names;
@@ -95,25 +94,22 @@ bool DeviceReader::read_protocol() {
 
 void DeviceReader::make_codec() {
   const ProtocolInfo& protocol = *device_.protocol;
-  Options options;
+  Options options = default_options(protocol);
   for (const OptionSpec& spec : protocol.options) {
-    OptionValue value;
+    OptionValue& value = options[std::string(spec.key)];
     switch (spec.kind) {
       case OptionSpec::Kind::integer:
-        value = reader_.integer_or(node_, spec.key, {spec.min, spec.max},
-                                   std::get<std::int64_t>(spec.fallback));
+        if (const auto given = reader_.integer(node_, spec.key, {spec.min, spec.max}))
+          value = *given;
         break;
       case OptionSpec::Kind::boolean:
-        value = reader_.boolean(node_, spec.key).value_or(std::get<bool>(spec.fallback));
+        if (const auto given = reader_.boolean(node_, spec.key)) value = *given;
         break;
-      case OptionSpec::Kind::choice: {
-        const auto index = reader_.choice(node_, spec.key, spec.choices);
-        value =
-            std::string(index ? spec.choices[*index] : std::get<std::string_view>(spec.fallback));
+      case OptionSpec::Kind::choice:
+        if (const auto index = reader_.choice(node_, spec.key, spec.choices))
+          value = std::string(spec.choices[*index]);
         break;
-      }
     }
-    options.emplace(spec.key, std::move(value));
   }
 
   std::vector<std::string_view> models{protocol.models};
@@ -163,14 +159,15 @@ void DeviceReader::read_rest() {
   read_groups();
   if (const ConfigNode* tags = reader_.array(node_, "tags", ConfigReader::optional)) {
     device_.tags.reserve(tags->children.size());
+    if (codec_ != nullptr && codec_->is_broadcast() && !tags->children.empty())
+      reader_.error(*tags, "a broadcast is never answered, so it can have no tags");
     for (const ConfigNode& tag : tags->children) read_tag(tag);
   }
   if (const ConfigNode* commands = reader_.object(node_, "commands", ConfigReader::optional))
     read_commands(*commands);
 }
 
-// ---- groups
-// ---------------------------------------------------------------------------------------
+// ---- groups -----------------------------------------------------------------------------------
 
 void DeviceReader::read_groups() {
   const ConfigNode* groups = reader_.array(node_, "groups", ConfigReader::optional);
@@ -212,8 +209,7 @@ std::uint32_t DeviceReader::group_of(const ConfigNode& tag) {
   return index;
 }
 
-// ---- tags
-// -----------------------------------------------------------------------------------------
+// ---- tags -------------------------------------------------------------------------------------
 
 void DeviceReader::read_tag(const ConfigNode& node) {
   if (!reader_.check_object(node, config_keys::tag)) return;
@@ -341,8 +337,7 @@ void DeviceReader::read_limits(const ConfigNode& node, TagConfig& tag) {
     reader_.error(*node.find("deadband"), "must not be negative");
 }
 
-// ---- commands
-// -------------------------------------------------------------------------------------
+// ---- commands ---------------------------------------------------------------------------------
 
 void DeviceReader::read_commands(const ConfigNode& node) {
   if (!reader_.check_object(node, config_keys::commands)) return;
@@ -391,8 +386,7 @@ void DeviceReader::read_allow(const ConfigNode& list) {
   }
 }
 
-// ---- devices and their links
-// ----------------------------------------------------------------------
+// ---- devices and their links ------------------------------------------------------------------
 
 /// Finds the device's link and holds it against what else is on it.
 void join_link(ConfigReader& reader, const ConfigNode& node, const NameTable& links,

@@ -17,8 +17,7 @@ std::string with_commands(const std::string& commands) {
   return changed("/devices/0/commands", commands);
 }
 
-// ---- devices
-// --------------------------------------------------------------------------------------
+// ---- devices ----------------------------------------------------------------------------------
 
 TEST(ConfigDevice, DefaultsAreThoseOfTheContract) {
   const auto config = good(changed(
@@ -121,8 +120,7 @@ TEST(ConfigDevice, SecondDeviceWithoutStationsOnALinkIsAWarning) {
                     {"/devices/1/link", "same PLC", "/devices/0"}));
 }
 
-// ---- groups
-// ---------------------------------------------------------------------------------------
+// ---- groups -----------------------------------------------------------------------------------
 
 TEST(ConfigDevice, GroupsTakeWhatIsGiven) {
   const auto config = good(changed("/devices/0/groups", R"([
@@ -166,8 +164,7 @@ TEST(ConfigDevice, NamesGivenTwiceAreErrorsThatNameBoth) {
                {"temp", "/devices/0/tags/0/name (line "});
 }
 
-// ---- tags
-// -----------------------------------------------------------------------------------------
+// ---- tags -------------------------------------------------------------------------------------
 
 TEST(ConfigDevice, TagTakesWhatIsGiven) {
   const auto config = good(with_tag(R"({"name": "t", "address": "D100", "type": "int32", "count": 3,
@@ -341,8 +338,7 @@ TEST(ConfigDevice, WhatCanBeWrittenIsReadWrite) {
         << address;
 }
 
-// ---- commands
-// -------------------------------------------------------------------------------------
+// ---- commands ---------------------------------------------------------------------------------
 
 TEST(ConfigDevice, AllowListIsSortedAndMerged) {
   const auto config = good(

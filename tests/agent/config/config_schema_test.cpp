@@ -269,8 +269,7 @@ TEST(ConfigSchema, VariableInPlaceOfAWordIsTheOneThingOnlyTheSchemaRefuses) {
   EXPECT_TRUE(errors_of(spoiled(snippet).dump(), environment({{"MODEL", "FX3U"}})).empty());
 }
 
-// ---- the same keys
-// --------------------------------------------------------------------------------
+// ---- the same keys ----------------------------------------------------------------------------
 
 /// Follows a $ref, alone or as the one entry of an allOf.
 const json& followed(const json& node) {

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <ctime>
 #include <fstream>
 #include <iterator>
 
@@ -18,7 +19,7 @@ std::string example() {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-// ---- what is right ------------------------------------------------------------------------------
+// ---- what is right ----------------------------------------------------------------------------
 
 TEST(Config, SmallPlantIsRightAndGetsTheDefaults) {
   const Config config = good(small_plant().dump());
@@ -68,8 +69,7 @@ TEST(Config, EverythingThatCanBeSetIsSet) {
   EXPECT_TRUE(config.store.sync_always);
 }
 
-// ---- how errors come out
-// --------------------------------------------------------------------------
+// ---- how errors come out ----------------------------------------------------------------------
 
 TEST(Config, ErrorTextHasFileLinePointerAndWords) {
   EXPECT_EQ(to_string(ConfigError{"/a/0", 12, "is wrong"}, "agent.json"),
@@ -167,11 +167,16 @@ TEST(Config, KeyGivenTwiceIsAnErrorThatNamesBothLines) {
   EXPECT_EQ(errors[0].line, 2);
 }
 
+TEST(Config, TextCutAnywhereIsRefused) {
+  std::string text = example();
+  text.erase(text.find_last_of('}') + 1);
+  for (std::size_t length = 0; length < text.size(); length += 5)
+    EXPECT_FALSE(parse_config(text.substr(0, length), environment())) << length;
+}
+
 TEST(Config, AnyBytesAreAnAnswer) {
   const std::string text = example();
-  for (std::size_t length = 0; length < text.size(); length += 3)
-    EXPECT_FALSE(parse_config(text.substr(0, length), environment()) && length + 2 < text.size());
-  for (std::size_t i = 0; i < text.size(); i += 2) {
+  for (std::size_t i = 0; i < text.size(); i += 7) {
     for (const char c : {'"', '}', '[', '0', '-', '$', '\0', '\xFF'}) {
       std::string spoiled = text;
       spoiled[i] = c;
@@ -181,38 +186,57 @@ TEST(Config, AnyBytesAreAnAnswer) {
   }
 }
 
-TEST(Config, HundredThousandTagsLoadInTime) {
+std::string plant_with_tags(int count) {
   std::string text = R"({"agent": {"id": "a"}, "mqtt": {"servers": ["mqtt://a"]},
     "links": [{"name": "l", "serial": {"path": "/dev/ttyS0"}}], "devices": [
     {"name": "d", "link": "l", "protocol": "fx-programming-port", "model": "FX3U",
      "groups": [{"name": "g"}], "tags": [)";
-  for (int i = 0; i < 100000; ++i)
+  for (int i = 0; i < count; ++i)
     text += std::string(i == 0 ? "" : ",\n") + R"({"name": "tag-)" + std::to_string(i) +
             R"(", "address": "D)" + std::to_string(i % 8000) +
             R"(", "type": "int16", "group": "g", "scale": 0.1, "unit": "bar", "deadband": 1})";
-  text += "]}]}";
-  const auto begin = std::chrono::steady_clock::now();
+  return text + "]}]}";
+}
+
+/// Equal names, unknown keys and missing ones.
+std::string plant_with_errors(int count) {
+  std::string text = "{\"links\": [";
+  for (int i = 0; i < count; ++i) text += "{\"name\": \"x\", \"k\": 1},\n";
+  text += "{}], ";
+  for (int i = 0; i < count; ++i) text += "\"k" + std::to_string(i) + "\": 1,\n";
+  return text + "\"z\": 1}";
+}
+
+double processor_seconds_for(const std::string& text) {
+  const std::clock_t begin = std::clock();
+  const auto config = parse_config(text, environment());
+  EXPECT_TRUE(config || !config.error().empty());
+  return static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
+}
+
+TEST(Config, TimeGrowsWithTheTextAndNotWithItsSquare) {
+  for (const auto plant : {plant_with_tags, plant_with_errors}) {
+    const double few = processor_seconds_for(plant(2500));
+    const double many = processor_seconds_for(plant(20000));
+    EXPECT_LT(many, 24 * few) << "8 times the text; the square would be 64 times the time";
+  }
+}
+
+TEST(Config, HundredThousandTagsLoadInTime) {
+  const std::string text = plant_with_tags(100000);
+  const std::clock_t begin = std::clock();
   const Config config = good(text);
-  const auto spent = std::chrono::steady_clock::now() - begin;
+  const double spent = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
   ASSERT_EQ(config.devices.size(), 1U);
   EXPECT_EQ(config.devices[0].tags.size(), 100000U);
-  EXPECT_LT(std::chrono::duration<double>(spent).count(), 5.0);
+#ifdef NDEBUG
+  EXPECT_LT(spent, 5.0);
+#else
+  EXPECT_LT(spent, 60.0) << "unoptimised, perhaps under a sanitizer";
+#endif
 }
 
-TEST(Config, HundredThousandErrorsComeInTime) {
-  std::string text = "{\"links\": [";
-  for (int i = 0; i < 100000; ++i) text += "{\"name\": \"x\", \"k\": 1},\n";
-  text += "{}], ";
-  for (int i = 0; i < 100000; ++i) text += "\"k" + std::to_string(i) + "\": 1,\n";
-  text += "\"z\": 1}";
-  const auto begin = std::chrono::steady_clock::now();
-  EXPECT_GT(errors_of(text).size(), 300000U);
-  const auto spent = std::chrono::steady_clock::now() - begin;
-  EXPECT_LT(std::chrono::duration<double>(spent).count(), 10.0);
-}
-
-// ---- agent
-// ----------------------------------------------------------------------------------------
+// ---- agent ------------------------------------------------------------------------------------
 
 TEST(Config, NamesAreWhatTopicsCanCarry) {
   const std::string longest(64, 'a');
@@ -231,8 +255,7 @@ TEST(Config, RootIsPlainTopicLevels) {
     expect_error(changed("/agent/root", "\"" + std::string(root) + "\""), "/agent/root", {"must"});
 }
 
-// ---- mqtt
-// -----------------------------------------------------------------------------------------
+// ---- mqtt -------------------------------------------------------------------------------------
 
 TEST(Config, ServersAreSchemeHostAndPort) {
   for (const auto* server :
@@ -281,8 +304,7 @@ TEST(Config, TlsWithoutAnEncryptedServerIsAWarning) {
   EXPECT_TRUE(good(changed("/mqtt/servers/0", R"("mqtts://a")")).warnings.empty());
 }
 
-// ---- store
-// ----------------------------------------------------------------------------------------
+// ---- store ------------------------------------------------------------------------------------
 
 TEST(Config, NoStoreIsAllowedAndWarnedOf) {
   const Config config = good(without("/store"));
@@ -295,11 +317,11 @@ TEST(Config, StoreSyncIsOneOfTwoWords) {
                {"offline or always", "did you mean always?"});
 }
 
-// ---- links
-// ----------------------------------------------------------------------------------------
+// ---- links ------------------------------------------------------------------------------------
 
 TEST(Config, SerialLineTakesTheProtocolsDefaults) {
-  const auto& serial = std::get<SerialSettings>(good(small_plant().dump()).links[0].channel);
+  const Config config = good(small_plant().dump());
+  const auto& serial = std::get<SerialSettings>(config.links[0].channel);
   EXPECT_EQ(serial.path, "/dev/ttyUSB0");
   EXPECT_EQ(serial.baud, 9600);
   EXPECT_EQ(serial.data_bits, 7);
