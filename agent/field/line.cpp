@@ -107,7 +107,7 @@ asio::awaitable<Exchange> Line::send_and_receive(const Codec& codec, const Stati
     exchange.error = frame.error().text;
     co_return exchange;
   }
-  co_await keep_gap(station.gap);
+  co_await keep_gap(codec, station.gap);
   const auto stale = transport_->discard_input();
   exchange.began = exchange.ended = Clock::now();
   if (!stale) {
@@ -138,13 +138,17 @@ asio::awaitable<Exchange> Line::send_and_receive(const Codec& codec, const Stati
     if (!exchange.reply.closing.empty())
       co_await transport_->write(exchange.reply.closing, Clock::now() + station.timeout);
   } else {
+    // Nobody answers: it is over when the last byte has left the wire, not when the kernel has it.
+    timer_.expires_at(exchange.began + char_time_ * length.request_chars);
+    co_await timer_.async_wait(use_result);
     exchange.outcome = Exchange::Outcome::answered;
     exchange.reply.kind = Reply::Kind::ack;
+    not_before_ = Clock::now() + codec.pause_after(request);
   }
   exchange.ended = last_activity_ = Clock::now();
   exchange.ended_ms = utc_ms(std::chrono::system_clock::now());
   counters_.busy += exchange.ended - exchange.began;
-  note_doubt(request, exchange);
+  note_doubt(codec, request, exchange);
   if (exchange.has_answer())
     counters_.turnaround_ms.add(std::max(nanoseconds(0), exchange.ended - exchange.began - line));
   co_return exchange;
@@ -178,20 +182,25 @@ asio::awaitable<void> Line::receive(const Codec& codec, const Request& request, 
   }
 }
 
-void Line::note_doubt(const Request& request, const Exchange& exchange) {
+void Line::note_doubt(const Codec& codec, const Request& request, const Exchange& exchange) {
+  Recovery recovery = Recovery::none;
   switch (exchange.outcome) {
     case Exchange::Outcome::answered:
       if (exchange.is_nak()) ++counters_.naks;
       return;
     case Exchange::Outcome::unanswered:
       ++counters_.timeouts;
+      recovery = codec.after_silence();
       break;
     case Exchange::Outcome::garbled:
       ++counters_.bad_frames;
+      recovery = codec.after_nonsense();
       break;
     default:
       return;
   }
+  if (recovery == Recovery::none) return;
+  if (recovery == Recovery::reconnect) return transport_->close();
   // A lost ACK stays a worry until a read has been answered, whatever is asked in between.
   if (answers_by_ack(request) || doubt_ == Doubt::stale_ack)
     doubt_ = Doubt::stale_ack;
@@ -217,9 +226,10 @@ asio::awaitable<void> Line::drain(const Station& station) {
   }
 }
 
-asio::awaitable<void> Line::keep_gap(milliseconds gap) {
-  const auto earliest = last_activity_ + gap;
-  if (gap.count() == 0 || Clock::now() >= earliest) co_return;
+asio::awaitable<void> Line::keep_gap(const Codec& codec, milliseconds gap) {
+  const nanoseconds quiet = std::max<nanoseconds>(gap, codec.quiet_before(char_time_));
+  const auto earliest = std::max(last_activity_ + quiet, not_before_);
+  if (Clock::now() >= earliest) co_return;
   timer_.expires_at(earliest);
   co_await timer_.async_wait(use_result);
 }
@@ -229,7 +239,9 @@ nanoseconds Line::line_time(const Station& station, const Request& request,
   const auto one = [&](const Request& asked) {
     const LineLength length = station.codec->line_length(asked);
     return char_time_ * (length.request_chars + length.reply_chars + length.closing_chars) +
-           turnaround + station.gap;
+           turnaround +
+           std::max<nanoseconds>(station.gap, station.codec->quiet_before(char_time_)) +
+           station.codec->pause_after(asked);
   };
   nanoseconds total = one(request);
   const auto enquiry = station.codec->resync();

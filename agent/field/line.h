@@ -98,8 +98,8 @@ class Line final {
   asio::awaitable<void> receive(const Codec& codec, const Request& request, SteadyTime deadline,
                                 Exchange& exchange);
   asio::awaitable<void> drain(const Station& station);
-  asio::awaitable<void> keep_gap(std::chrono::milliseconds gap);
-  void note_doubt(const Request& request, const Exchange& exchange);
+  asio::awaitable<void> keep_gap(const Codec& codec, std::chrono::milliseconds gap);
+  void note_doubt(const Codec& codec, const Request& request, const Exchange& exchange);
 
   std::unique_ptr<Transport> transport_;
   asio::steady_timer timer_;
@@ -107,7 +107,8 @@ class Line final {
   Doubt doubt_ = Doubt::none;
   std::uint32_t session_ = 0;
   std::uint16_t tag_ = 0;
-  SteadyTime last_activity_{};
+  SteadyTime last_activity_{};  ///< last byte in either direction, as far as it can be known
+  SteadyTime not_before_{};     ///< a broadcast's turnaround delay
   Bytes rx_;
   Counters counters_;
 };

@@ -307,8 +307,8 @@ asio::awaitable<void> LinkWorker::run_command() {
   running_line_time_ = next.line_time;
   command_running_ = true;
 
-  OrderRun order_run(line_, device.station, device.config, next.order);
-  CommandResult result = co_await order_run.run(executor_);
+  OrderRun order_run(executor_, line_, device.station, device.config, next.order);
+  CommandResult result = co_await order_run.run();
 
   command_running_ = false;
   running_line_time_ = {};

@@ -14,6 +14,8 @@ using Clock = std::chrono::steady_clock;
 // CONTRACT: RUN and STOP are verified by the RUN state for up to 2 s.
 constexpr milliseconds kRunStateWithin{2000};
 constexpr milliseconds kRunStateEvery{100};
+// A device that says it is busy is asked again once it may have finished.
+constexpr milliseconds kBusyPause{100};
 
 Reason reason_of(const Exchange& exchange) {
   switch (exchange.outcome) {
@@ -79,18 +81,20 @@ Plan plan_of(const Codec& codec, const DeviceConfig& device, const OrderTarget& 
 
 }  // namespace
 
-OrderRun::OrderRun(Line& line, Station& station, const DeviceConfig& device, const Order& order)
-    : line_(line),
+OrderRun::OrderRun(asio::any_io_executor executor, Line& line, Station& station,
+                   const DeviceConfig& device, const Order& order)
+    : timer_(executor),
+      line_(line),
       station_(station),
       device_(device),
       order_(order),
       result_(result_of(order.command)) {}
 
-asio::awaitable<CommandResult> OrderRun::run(asio::any_io_executor executor) {
+asio::awaitable<CommandResult> OrderRun::run() {
   result_.targets.clear();
   if (order_.run_order) {
     result_.targets.emplace_back();
-    co_await run_or_stop(executor);
+    co_await run_or_stop();
   } else {
     co_await run_targets();
   }
@@ -154,6 +158,9 @@ asio::awaitable<OrderRun::ReadBack> OrderRun::read_point(const OrderTarget& targ
 }
 
 asio::awaitable<void> OrderRun::run_targets() {
+  bool done = false;
+  if (order_.command.is_list) done = co_await write_together();
+  if (done) co_return;
   bool going = true;
   for (const OrderTarget& target : order_.targets) {
     TargetResult out = fxagent::result_of(target);
@@ -201,41 +208,97 @@ asio::awaitable<bool> OrderRun::check_expected(const OrderTarget& target, Target
   co_return false;
 }
 
+asio::awaitable<void> OrderRun::pause(milliseconds duration) {
+  timer_.expires_after(duration);
+  co_await timer_.async_wait(use_result);
+}
+
 asio::awaitable<Exchange> OrderRun::send_once_or_twice(Request request, bool may_repeat) {
-  Exchange exchange;
-  for (int attempt = 0; attempt < 2; ++attempt) {
-    exchange = co_await ask(request, order_.deadline);
-    if (exchange.sent) ++result_.attempts;
-    const bool curable =
-        exchange.is_nak() &&
-        station_.codec->meaning_of(request, exchange.reply.device_code) == RefusalMeaning::curable;
-    if (!may_repeat || !curable) break;
+  const Codec& codec = *station_.codec;
+  if (const auto first = codec.read_before(request)) {
+    Exchange reading = co_await ask(*first, order_.deadline);
+    if (!reading.is_data()) {
+      reading.sent = false;  // the order itself has not left
+      co_return reading;
+    }
+    request = codec.with_read(request, reading.reply.image);
   }
-  co_return exchange;
+  Exchange exchange = co_await ask(request, order_.deadline);
+  if (exchange.sent) ++result_.attempts;
+  if (!may_repeat || !exchange.is_nak()) co_return exchange;
+  const int code = exchange.reply.device_code;
+  const RefusalMeaning meaning = codec.meaning_of(request, code);
+  const auto other = codec.instead_of(request, code);
+  if (other)
+    request = *other;
+  else if (meaning != RefusalMeaning::curable && meaning != RefusalMeaning::busy)
+    co_return exchange;
+  if (meaning == RefusalMeaning::busy) co_await pause(kBusyPause);
+  Exchange second = co_await ask(request, order_.deadline);
+  // Too late for a second try: what the first one brought is the answer.
+  if (second.outcome == Exchange::Outcome::expired) co_return exchange;
+  if (second.sent) ++result_.attempts;
+  co_return second;
+}
+
+bool OrderRun::surely_without_effect(const Request& request, const Exchange& exchange) const {
+  if (!exchange.sent) return true;
+  if (!exchange.is_nak()) return false;
+  const auto meaning = station_.codec->meaning_of(request, exchange.reply.device_code);
+  return meaning != RefusalMeaning::unclear && meaning != RefusalMeaning::unreachable;
+}
+
+asio::awaitable<void> OrderRun::conclude(const OrderTarget& target, Exchange exchange,
+                                         TargetResult& out) {
+  if (!exchange.is_ack()) {
+    co_await settle_unknown(target, exchange, out);
+  } else if (station_.codec->is_broadcast()) {
+    set(out, CommandStatus::unknown_outcome, Reason::broadcast, "nobody answers a broadcast");
+  } else {
+    out.plc = PlcAnswer::ack;
+    set(out, CommandStatus::succeeded, Reason::none, "");
+    if (wants_verify(order_, target)) co_await verify(target, out);
+  }
 }
 
 asio::awaitable<void> OrderRun::write_target(const OrderTarget& target, TargetResult& out) {
   const bool as_expected = co_await check_expected(target, out);
   if (!as_expected) co_return;
   bool may_repeat = true;
-  for (const Request& request : target.requests) {
+  Exchange exchange;
+  for (std::size_t i = 0; i < target.requests.size(); ++i) {
     const int before = result_.attempts;
-    const Exchange exchange = co_await send_once_or_twice(request, may_repeat);
+    exchange = co_await send_once_or_twice(target.requests[i], may_repeat);
     if (result_.attempts - before > 1) may_repeat = false;
     if (exchange.is_ack()) continue;
-    const bool maybe_done = exchange.sent && !exchange.is_nak();
-    if (maybe_done) {
-      co_await settle_unknown(target, exchange, out);
-    } else {
-      set_without_effect(out, exchange);
-      if (&request != &target.requests.front())
-        out.detail += " (the first part of the value was written)";
-    }
+    if (!surely_without_effect(target.requests[i], exchange)) break;
+    set_without_effect(out, exchange);
+    if (i > 0) out.detail += " (the first part of the value was written)";
     co_return;
   }
-  out.plc = PlcAnswer::ack;
-  set(out, CommandStatus::succeeded, Reason::none, "");
-  if (wants_verify(order_, target)) co_await verify(target, out);
+  co_await conclude(target, std::move(exchange), out);
+}
+
+asio::awaitable<bool> OrderRun::write_together() {
+  std::vector<Request> requests;
+  for (const OrderTarget& target : order_.targets) {
+    if (!target.expected.empty() || target.requests.size() != 1) co_return false;
+    requests.push_back(target.requests.front());
+  }
+  const auto together = station_.codec->combine(requests);
+  if (!together) co_return false;
+  result_.one_frame = true;
+  const Exchange exchange = co_await send_once_or_twice(*together, true);
+  const bool no_effect = !exchange.is_ack() && surely_without_effect(*together, exchange);
+  for (const OrderTarget& target : order_.targets) {
+    TargetResult out = fxagent::result_of(target);
+    if (no_effect)
+      set_without_effect(out, exchange);
+    else
+      co_await conclude(target, exchange, out);
+    result_.targets.push_back(std::move(out));
+  }
+  co_return true;
 }
 
 asio::awaitable<void> OrderRun::verify(const OrderTarget& target, TargetResult& out) {
@@ -253,7 +316,8 @@ asio::awaitable<void> OrderRun::verify(const OrderTarget& target, TargetResult& 
 
 asio::awaitable<void> OrderRun::settle_unknown(const OrderTarget& target, const Exchange& lost,
                                                TargetResult& out) {
-  set(out, CommandStatus::unknown_outcome, reason_of(lost), lost.error);
+  set(out, CommandStatus::unknown_outcome, reason_of(lost),
+      lost.is_nak() ? nak_text(lost) : lost.error);
   if (!line_.is_open()) co_return;
   ReadBack got = co_await read_point(target, SteadyTime::max());
   if (!got.image) co_return;
@@ -263,23 +327,20 @@ asio::awaitable<void> OrderRun::settle_unknown(const OrderTarget& target, const 
         "no answer came, and the value read back is the one ordered");
 }
 
-asio::awaitable<std::optional<bool>> OrderRun::await_run_state(asio::any_io_executor executor,
-                                                               bool wanted) {
+asio::awaitable<std::optional<bool>> OrderRun::await_run_state(bool wanted) {
   std::optional<bool> state;
   const auto question = station_.codec->run_state();
   if (!question) co_return state;
   const auto give_up = Clock::now() + kRunStateWithin;
-  asio::steady_timer timer(executor);
   for (;;) {
     const Exchange exchange = co_await ask(*question, SteadyTime::max());
     if (exchange.is_data()) state = station_.codec->run_state_from(exchange.reply.image);
     if (state == wanted || Clock::now() + kRunStateEvery > give_up) co_return state;
-    timer.expires_after(kRunStateEvery);
-    co_await timer.async_wait(use_result);
+    co_await pause(kRunStateEvery);
   }
 }
 
-asio::awaitable<void> OrderRun::run_or_stop(asio::any_io_executor executor) {
+asio::awaitable<void> OrderRun::run_or_stop() {
   TargetResult& out = result_.targets.front();
   const bool wanted = order_.command.op == Op::run;
   const Exchange exchange = co_await ask(*order_.run_order, order_.deadline);
@@ -290,7 +351,7 @@ asio::awaitable<void> OrderRun::run_or_stop(asio::any_io_executor executor) {
   }
   if (exchange.is_ack()) out.plc = PlcAnswer::ack;
   if (exchange.is_nak()) out.plc = PlcAnswer::nak;
-  const auto state = co_await await_run_state(executor, wanted);
+  const auto state = co_await await_run_state(wanted);
   if (state) {
     Verification seen;
     seen.read = Value(Scalar(std::string(*state ? "run" : "stop")));

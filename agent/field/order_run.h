@@ -17,10 +17,11 @@ namespace fxagent {
 class OrderRun final {
  public:
   /// All arguments outlive run().
-  OrderRun(Line& line, Station& station, const DeviceConfig& device, const Order& order);
+  OrderRun(asio::any_io_executor executor, Line& line, Station& station, const DeviceConfig& device,
+           const Order& order);
 
   /// The result, complete but for its bound. Opens the line once where it is closed.
-  asio::awaitable<CommandResult> run(asio::any_io_executor executor);
+  asio::awaitable<CommandResult> run();
 
   /// Whether the device has answered anything, or has left something unanswered, during the run.
   bool was_answered() const { return answered_; }
@@ -42,14 +43,22 @@ class OrderRun final {
   asio::awaitable<void> read_target(const OrderTarget& target, TargetResult& out);
   asio::awaitable<void> write_target(const OrderTarget& target, TargetResult& out);
   asio::awaitable<bool> check_expected(const OrderTarget& target, TargetResult& out);
+  /// Sends `request`, and a second time only where the first surely had no effect.
   asio::awaitable<Exchange> send_once_or_twice(Request request, bool may_repeat);
+  /// All targets in one frame, where the protocol has one for them. False: it has not.
+  asio::awaitable<bool> write_together();
+  /// What an order's last exchange means for one target; then its verification.
+  asio::awaitable<void> conclude(const OrderTarget& target, Exchange exchange, TargetResult& out);
+  bool surely_without_effect(const Request& request, const Exchange& exchange) const;
   asio::awaitable<void> verify(const OrderTarget& target, TargetResult& out);
   asio::awaitable<void> settle_unknown(const OrderTarget& target, const Exchange& lost,
                                        TargetResult& out);
-  asio::awaitable<void> run_or_stop(asio::any_io_executor executor);
-  asio::awaitable<std::optional<bool>> await_run_state(asio::any_io_executor executor, bool wanted);
+  asio::awaitable<void> run_or_stop();
+  asio::awaitable<std::optional<bool>> await_run_state(bool wanted);
+  asio::awaitable<void> pause(std::chrono::milliseconds duration);
   void summarise();
 
+  asio::steady_timer timer_;
   Line& line_;
   Station& station_;
   const DeviceConfig& device_;
