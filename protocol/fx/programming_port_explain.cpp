@@ -30,7 +30,7 @@ constexpr std::array<Special, 17> kSpecials = {{
     {"ED1", 0, "online change"},
     {"F501", 9, "random read of one bit (FX3)"},
     {"F501", 10, "random read of one word (FX3)"},
-    {"F7", 14, "fill program memory (FX3)"},
+    {"F7", 15, "fill program memory (FX3)"},
     {"4", 0, "unknown, seen from GX Works2"},
     {"E", 0, "unknown extended command"},
 }};

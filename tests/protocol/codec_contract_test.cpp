@@ -1,0 +1,265 @@
+// What every protocol of the catalogue must keep, whatever its frames look like. A new protocol
+// adds its exchanges to samples(); a protocol without any fails the first test.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+
+#include "protocol/catalog.h"
+#include "tests/protocol/frame_file.h"
+
+namespace fxagent {
+namespace {
+
+using test::hex;
+
+/// One exchange with the bytes that answer it.
+struct Sample {
+  std::string what;
+  std::string model;
+  Request request;
+  Bytes reply;
+  /// A late answer to another request, which must not be taken for this one's; empty: none can be
+  /// told.
+  Bytes stale;
+  /// Bytes that may come first on a bad line.
+  Bytes noise;
+  /// A single character without a sum: nothing tells ACK from NAK but the byte itself.
+  bool bare = false;
+};
+
+std::vector<Sample> programming_port_samples() {
+  const std::uint16_t d = 10;  // the space of D
+  const std::uint16_t y = 1;
+  const auto late = hex("02 33 34 31 32 03 43 44");
+  return {
+      {"read of two words",
+       "FX3U",
+       Read{{d, 123 * 16, 32}, 0},
+       hex("02 33 34 31 32 43 44 41 42 03 44 37"),
+       {},
+       hex("FF 00 06 3F"),
+       false},
+      {"extended read of a word",
+       "FX1N",
+       Read{{d, 0, 16}, 1},
+       hex("02 41 42 31 35 03 45 43"),
+       {},
+       hex("03 30"),
+       false},
+      {"read of a byte of bits",
+       "FX2N",
+       Read{{3, 0, 8}, 0},
+       hex("02 30 39 03 36 43"),
+       {},
+       hex("06"),
+       false},
+      {"force", "FX3U", Force{y, 0, true}, hex("06"), late, hex("FF 3F"), true},
+      {"refused write", "FX3U", Write{{d, 0, 16}, {0xAB, 0x15}}, hex("15"), late, hex("03"), true},
+      {"enquiry", "FX3U", Enquire{}, hex("06"), late, hex("3F"), true},
+  };
+}
+
+std::vector<Sample> samples(std::string_view protocol) {
+  if (protocol == "fx-programming-port") return programming_port_samples();
+  return {};
+}
+
+std::shared_ptr<const Codec> codec_of(const ProtocolInfo& info, const std::string& model) {
+  Options options{{"model", model}};
+  for (const OptionSpec& option : info.options) {
+    std::visit(
+        [&](const auto& value) {
+          if constexpr (std::is_same_v<std::decay_t<decltype(value)>, std::string_view>)
+            options[std::string(option.key)] = std::string(value);
+          else
+            options[std::string(option.key)] = value;
+        },
+        option.fallback);
+  }
+  auto codec = info.make(options);
+  EXPECT_TRUE(codec.has_value()) << info.name;
+  return codec ? *codec : nullptr;
+}
+
+Bytes joined(std::initializer_list<ByteView> parts) {
+  Bytes all;
+  for (const ByteView part : parts) all.insert(all.end(), part.begin(), part.end());
+  return all;
+}
+
+/// Runs `test` for every sample of every protocol.
+template <class Test>
+void for_each_sample(Test test) {
+  for (const ProtocolInfo& info : catalog()) {
+    for (const Sample& sample : samples(info.name)) {
+      SCOPED_TRACE(std::string(info.name) + ": " + sample.what);
+      const auto codec = codec_of(info, sample.model);
+      ASSERT_NE(codec, nullptr);
+      const auto sent = codec->encode(sample.request, 1);
+      ASSERT_TRUE(sent) << sent.error().text;
+      test(sample, *codec, *sent);
+    }
+  }
+}
+
+Reply expected(const Sample& sample, const Codec& codec) {
+  const auto reply = codec.decode(sample.request, 1, sample.reply);
+  EXPECT_TRUE(reply && *reply);
+  return reply && *reply ? **reply : Reply{};
+}
+
+bool same(const Result<std::optional<Reply>>& got, const Reply& wanted) {
+  return got && *got && (*got)->kind == wanted.kind && (*got)->image == wanted.image;
+}
+
+bool need_more(const Result<std::optional<Reply>>& got) { return got && !*got; }
+
+TEST(CodecContract, EveryProtocolHasSampleExchanges) {
+  for (const ProtocolInfo& info : catalog()) EXPECT_FALSE(samples(info.name).empty()) << info.name;
+}
+
+TEST(CodecContract, AWholeAnswerIsUnderstoodAndConsumedToItsEnd) {
+  for_each_sample([](const Sample& sample, const Codec& codec, const Bytes&) {
+    const Reply reply = expected(sample, codec);
+    EXPECT_EQ(reply.consumed, sample.reply.size());
+    if (const auto* read = std::get_if<Read>(&sample.request)) {
+      EXPECT_EQ(reply.image.size(), (read->span.bits + 7) / 8);
+    }
+  });
+}
+
+TEST(CodecContract, AnAnswerCutShortAnywhereNeedsMore) {
+  for_each_sample([](const Sample& sample, const Codec& codec, const Bytes&) {
+    for (std::size_t n = 0; n < sample.reply.size(); ++n)
+      EXPECT_TRUE(need_more(codec.decode(sample.request, 1, ByteView(sample.reply).first(n)))) << n;
+  });
+}
+
+TEST(CodecContract, BytesBehindAnAnswerAreNotConsumed) {
+  for_each_sample([](const Sample& sample, const Codec& codec, const Bytes&) {
+    const Reply wanted = expected(sample, codec);
+    const auto got = codec.decode(sample.request, 1, joined({sample.reply, sample.noise}));
+    ASSERT_TRUE(same(got, wanted));
+    EXPECT_EQ((*got)->consumed, sample.reply.size());
+  });
+}
+
+TEST(CodecContract, OneFlippedBitNeverMakesAnotherValue) {
+  for_each_sample([](const Sample& sample, const Codec& codec, const Bytes&) {
+    if (sample.bare) return;
+    const Reply wanted = expected(sample, codec);
+    for (std::size_t i = 0; i < sample.reply.size() * 8; ++i) {
+      Bytes damaged = sample.reply;
+      damaged[i / 8] ^= static_cast<std::uint8_t>(1U << (i % 8));
+      const auto got = codec.decode(sample.request, 1, damaged);
+      if (got && *got) {
+        EXPECT_TRUE(same(got, wanted)) << "bit " << i << ": " << to_hex(damaged);
+      }
+    }
+  });
+}
+
+TEST(CodecContract, OneFlippedBitNeverTurnsAnAckIntoANak) {
+  for_each_sample([](const Sample& sample, const Codec& codec, const Bytes&) {
+    if (!sample.bare) return;
+    const Reply wanted = expected(sample, codec);
+    for (int bit = 0; bit < 8; ++bit) {
+      const Bytes damaged{static_cast<std::uint8_t>(sample.reply[0] ^ (1 << bit))};
+      const auto got = codec.decode(sample.request, 1, damaged);
+      if (got && *got) {
+        EXPECT_EQ((*got)->kind, wanted.kind) << to_hex(damaged);
+      }
+    }
+  });
+}
+
+TEST(CodecContract, TheEchoOfTheRequestIsSkippedHoweverItArrives) {
+  for_each_sample([](const Sample& sample, const Codec& codec, const Bytes& sent) {
+    const Reply wanted = expected(sample, codec);
+    const Bytes line = joined({sent, sample.reply});
+    for (std::size_t n = 0; n < line.size(); ++n)
+      EXPECT_TRUE(need_more(codec.decode(sample.request, 1, ByteView(line).first(n)))) << n;
+    const auto got = codec.decode(sample.request, 1, line);
+    ASSERT_TRUE(same(got, wanted));
+    EXPECT_EQ((*got)->consumed, line.size());
+  });
+}
+
+TEST(CodecContract, TheRequestItselfIsNeverTheAnswer) {
+  for_each_sample([](const Sample& sample, const Codec& codec, const Bytes& sent) {
+    EXPECT_TRUE(need_more(codec.decode(sample.request, 1, sent)));
+    EXPECT_TRUE(need_more(codec.decode(sample.request, 1, joined({sent, sent}))));
+  });
+}
+
+TEST(CodecContract, AStaleAnswerBeforeTheRealOneIsSkipped) {
+  for_each_sample([](const Sample& sample, const Codec& codec, const Bytes&) {
+    if (sample.stale.empty()) return;
+    EXPECT_TRUE(need_more(codec.decode(sample.request, 1, sample.stale)));
+    const auto got = codec.decode(sample.request, 1, joined({sample.stale, sample.reply}));
+    EXPECT_TRUE(same(got, expected(sample, codec)));
+  });
+}
+
+TEST(CodecContract, NoiseBeforeAnAnswerIsSkipped) {
+  for_each_sample([](const Sample& sample, const Codec& codec, const Bytes&) {
+    const auto got = codec.decode(sample.request, 1, joined({sample.noise, sample.reply}));
+    EXPECT_TRUE(same(got, expected(sample, codec)));
+  });
+}
+
+TEST(CodecContract, TheLineLengthIsWhatIsReallySent) {
+  for_each_sample([](const Sample& sample, const Codec& codec, const Bytes& sent) {
+    const LineLength length = codec.line_length(sample.request);
+    EXPECT_EQ(length.request_chars, sent.size());
+    EXPECT_EQ(length.reply_chars, sample.reply.size());
+  });
+}
+
+TEST(CodecContract, EveryReadWithinTheLimitsIsSentAndNoneBeyond) {
+  for (const ProtocolInfo& info : catalog()) {
+    std::vector<std::string> models(info.models.begin(), info.models.end());
+    models.emplace_back("auto");
+    for (const std::string& model : models) {
+      const auto codec = codec_of(info, model);
+      ASSERT_NE(codec, nullptr);
+      for (std::uint16_t space = 0; space < 32; ++space) {
+        for (const ReadWay& way : codec->read_ways(space)) {
+          SCOPED_TRACE(std::string(info.name) + " " + model + " space " + std::to_string(space));
+          const auto sent = [&](std::uint32_t first, std::uint32_t bits) {
+            return codec->encode(Read{{space, first, bits}, way.way}, 1).has_value();
+          };
+          const std::uint32_t reach = way.end_bit - way.first_bit;
+          const std::uint32_t most = std::min(way.max_bits, reach / way.unit_bits * way.unit_bits);
+          EXPECT_TRUE(sent(way.first_bit, way.unit_bits));
+          EXPECT_TRUE(sent(way.first_bit, most));
+          EXPECT_FALSE(sent(way.first_bit, most + way.unit_bits));
+          EXPECT_FALSE(sent(way.first_bit, 0));
+          EXPECT_FALSE(sent(way.end_bit, way.unit_bits));
+        }
+      }
+    }
+  }
+}
+
+TEST(CodecContract, AnAnswerIsExplainedAsOne) {
+  for_each_sample([](const Sample& sample, const Codec& codec, const Bytes& sent) {
+    EXPECT_TRUE(codec.explain(sent, Direction::request).ok);
+    EXPECT_TRUE(codec.explain(sample.reply, Direction::reply).ok);
+  });
+}
+
+TEST(CodecContract, AnIdentifiedModelIsOneOfTheCatalogue) {
+  for (const ProtocolInfo& info : catalog()) {
+    const auto codec = codec_of(info, "auto");
+    for (const std::string_view model : info.models) {
+      const auto known = codec->with_model(model);
+      ASSERT_NE(known, nullptr) << model;
+      EXPECT_EQ(known->model(), model);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace fxagent

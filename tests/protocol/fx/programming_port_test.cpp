@@ -1,0 +1,566 @@
+#include "protocol/fx/programming_port.h"
+
+#include <gtest/gtest.h>
+
+#include "protocol/plan.h"
+#include "tests/protocol/frame_file.h"
+
+namespace fxagent::fx {
+namespace {
+
+using test::hex;
+using Commands = ProgrammingPort::Commands;
+
+ProgrammingPort port(Model model = Model::fx3u, Commands commands = Commands::automatic,
+                     std::uint32_t max_block_bytes = 64) {
+  return ProgrammingPort({model, commands, max_block_bytes});
+}
+
+Span span(std::string_view address, std::uint32_t bytes) {
+  const auto parsed = parse_address(Model::unknown, address, std::nullopt);
+  EXPECT_TRUE(parsed.has_value()) << address;
+  const std::uint32_t first = parsed->span.first_bit;
+  return {parsed->span.space, first - first % 8, bytes * 8};
+}
+
+Bytes ascii(std::string_view text) { return {text.begin(), text.end()}; }
+
+// ---- transcripts ------------------------------------------------------------------------------
+
+/// The codec that speaks as the transcript does.
+ProgrammingPort port_of(const test::Exchange& e) {
+  const auto commands = e.command_set == "extended" ? Commands::extended : Commands::classic;
+  return port(*model_named(e.model), commands);
+}
+
+std::optional<Request> request_of(const test::Exchange& e) {
+  const std::uint8_t way = e.command_set == "extended" ? 1 : 0;
+  if (e.operation == "enquire") return Enquire{};
+  if (e.operation == "read") return Read{span(e.device, e.bytes), way};
+  if (e.operation == "write") return Write{span(e.device, e.bytes), e.image};
+  if (e.operation != "force_on" && e.operation != "force_off") return std::nullopt;
+  const auto address = parse_address(Model::unknown, e.device, std::nullopt);
+  return Force{address->span.space, address->span.first_bit, e.operation == "force_on"};
+}
+
+TEST(ProgrammingPort, SpeaksEveryFrameOfTheTranscripts) {
+  int spoken = 0;
+  for (const test::Exchange& e : test::read_frames("fx_programming_port.txt")) {
+    const auto request = request_of(e);
+    if (!request) continue;
+    const auto frame = port_of(e).encode(*request, 0);
+    ASSERT_TRUE(frame) << "line " << e.line << ": " << frame.error().text;
+    EXPECT_EQ(to_hex(*frame), to_hex(e.request)) << "line " << e.line << ", " << e.source;
+    EXPECT_EQ(port_of(e).line_length(*request).request_chars, e.request.size());
+    ++spoken;
+  }
+  EXPECT_EQ(spoken, 184);
+}
+
+TEST(ProgrammingPort, UnderstandsEveryAnswerOfTheTranscripts) {
+  int understood = 0;
+  for (const test::Exchange& e : test::read_frames("fx_programming_port.txt")) {
+    const auto request = request_of(e);
+    if (!request || e.reply.empty()) continue;
+    const auto reply = port_of(e).decode(*request, 0, e.reply);
+    ASSERT_TRUE(reply && *reply) << "line " << e.line;
+    EXPECT_EQ((*reply)->consumed, e.reply.size());
+    EXPECT_EQ(port_of(e).line_length(*request).reply_chars, e.reply.size());
+    if (e.operation == "read") {
+      EXPECT_EQ((*reply)->kind, Reply::Kind::data);
+      EXPECT_EQ(to_hex((*reply)->image), to_hex(e.image)) << "line " << e.line;
+    } else {
+      EXPECT_EQ((*reply)->kind, Reply::Kind::ack);
+    }
+    ++understood;
+  }
+  EXPECT_GT(understood, 100);
+}
+
+TEST(ProgrammingPort, TheWordThatWasPrintedAs3584Is33845) {
+  // The printed frame ends with D6; the digits it holds have the sum D7, and 35 84 is 8435h.
+  const Read read{span("D123", 2), 0};
+  const auto wrong = port().decode(read, 0, hex("02 33 35 38 34 03 44 36"));
+  ASSERT_FALSE(wrong);
+  EXPECT_EQ(wrong.error().text, "sum D6 given, D7 computed");
+  const auto right = port().decode(read, 0, hex("02 33 35 38 34 03 44 37"));
+  Point point;
+  point.address = *parse_address(Model::fx3u, "D123", std::nullopt);
+  point.type = DataType::uint16;
+  EXPECT_EQ(unpack(point, (*right)->image, read.span.first_bit), Value(std::int64_t{33845}));
+}
+
+// ---- what is sent -------------------------------------------------------------------------------
+
+TEST(ProgrammingPort, ClassicCommandsAreTakenWhereverTheyReach) {
+  EXPECT_EQ(*port().encode(Force{id(Space::y), 0, true}, 0), hex("02 37 30 30 30 35 03 46 46"));
+  EXPECT_EQ(*port().encode(Force{id(Space::m), 1536, true}, 0), ascii("\x02"
+                                                                      "E70046\x03"
+                                                                      "49"));
+  EXPECT_EQ(*port().encode(Write{span("D1023", 2), {0x34, 0x12}}, 0)->begin(), 0x02);
+  EXPECT_EQ((*port().encode(Write{span("D1023", 2), {0x34, 0x12}}, 0))[1], '1');
+  EXPECT_EQ((*port().encode(Write{span("D1024", 2), {0x34, 0x12}}, 0))[1], 'E');
+  // A write that begins within the classic reach and ends outside is not torn.
+  EXPECT_EQ((*port().encode(Write{span("D1023", 4), {1, 2, 3, 4}}, 0))[1], 'E');
+}
+
+TEST(ProgrammingPort, AnUnknownModelIsSpokenToInClassicCommandsOnly) {
+  const auto codec = port(Model::unknown);
+  for (const ReadWay& way : codec.read_ways(id(Space::d))) EXPECT_EQ(way.way, 0);
+  EXPECT_EQ(codec.read_ways(id(Space::d)).size(), 1U);
+  const auto beyond = codec.encode(Write{span("D1024", 2), {1, 2}}, 0);
+  ASSERT_FALSE(beyond);
+  EXPECT_EQ(beyond.error().code, ErrorCode::unsupported);
+  EXPECT_NE(beyond.error().text.find("the model is not known"), std::string::npos);
+  EXPECT_EQ(codec.with_model("FX3U")->read_ways(id(Space::d)).size(), 2U);
+  EXPECT_TRUE(port(Model::unknown, Commands::extended).read_ways(id(Space::d)).empty());
+}
+
+TEST(ProgrammingPort, ClassicIsTierZeroAndExtendedTierOne) {
+  const auto ways = port().read_ways(id(Space::m));
+  ASSERT_EQ(ways.size(), 2U);
+  EXPECT_EQ(ways[0].tier, 0);
+  EXPECT_EQ(ways[0].end_bit, 1536U);
+  EXPECT_EQ(ways[1].tier, 1);
+  EXPECT_EQ(ways[1].first_bit, 0U);
+  EXPECT_EQ(ways[1].end_bit, 7680U);
+  EXPECT_EQ(port(Model::fx3u, Commands::extended).read_ways(id(Space::m)).size(), 1U);
+  EXPECT_EQ(port(Model::fx3u, Commands::classic).read_ways(id(Space::m)).size(), 1U);
+  EXPECT_EQ(port(Model::fx1s).read_ways(id(Space::m)).size(), 1U);
+  EXPECT_TRUE(port().read_ways(id(Space::tc)).empty());
+  EXPECT_TRUE(port().read_ways(99).empty());
+}
+
+TEST(ProgrammingPort, NoReadGoesBeyondTheModelsLastDevice) {
+  EXPECT_EQ(port(Model::fx1s).read_ways(id(Space::y))[0].end_bit, 16U);  // Y0-Y15, one byte begun
+  EXPECT_EQ(port(Model::fx0n).read_ways(id(Space::d))[0].end_bit, 4096U);
+  EXPECT_EQ(port(Model::fx3s).read_ways(id(Space::d))[1].end_bit, 48000U);
+  const auto contacts = port(Model::fx0n).read_ways(id(Space::cs));
+  ASSERT_EQ(contacts.size(), 2U);
+  EXPECT_EQ(contacts[0].end_bit, 32U);
+  EXPECT_EQ(contacts[1].first_bit, 232U);
+  EXPECT_EQ(contacts[1].end_bit, 256U);
+  const auto counters = port(Model::fx1s).read_ways(id(Space::cn32));
+  ASSERT_EQ(counters.size(), 1U);
+  EXPECT_EQ(counters[0].first_bit, 35U * 32);
+  const auto beyond = port(Model::fx0n).encode(Read{span("D255", 4), 0}, 0);
+  ASSERT_FALSE(beyond);
+  EXPECT_EQ(beyond.error().code, ErrorCode::unsupported);
+}
+
+TEST(ProgrammingPort, ReadsThatBreakTheLimitsAreNotSent) {
+  const auto refused = [](const Request& request, const ProgrammingPort& codec) {
+    const auto frame = codec.encode(request, 0);
+    EXPECT_FALSE(frame.has_value());
+    return frame ? ErrorCode::timeout : frame.error().code;
+  };
+  EXPECT_TRUE(port().encode(Read{span("D0", 64), 0}, 0));
+  EXPECT_EQ(refused(Read{span("D0", 66), 0}, port()), ErrorCode::bad_request);
+  EXPECT_EQ(refused(Read{{id(Space::m), 4, 8}, 0}, port()), ErrorCode::bad_request);
+  EXPECT_EQ(refused(Read{{id(Space::m), 0, 4}, 0}, port()), ErrorCode::bad_request);
+  EXPECT_EQ(refused(Read{{id(Space::m), 0, 0}, 0}, port()), ErrorCode::bad_request);
+  EXPECT_EQ(refused(Read{{id(Space::d), 8, 16}, 0}, port()), ErrorCode::bad_request);
+  EXPECT_EQ(refused(Read{span("D2000", 2), 0}, port()), ErrorCode::unsupported);
+  EXPECT_EQ(refused(Read{span("D0", 2), 1}, port(Model::fx1s)), ErrorCode::unsupported);
+  EXPECT_EQ(refused(Read{{99, 0, 8}, 0}, port()), ErrorCode::unsupported);
+}
+
+TEST(ProgrammingPort, LongFramesAreForExtendedReadsOfAnFx3ThatAsksForThem) {
+  const Read read{span("D0", 254), 1};
+  EXPECT_TRUE(port(Model::fx3u, Commands::extended, 254).encode(read, 0));
+  EXPECT_FALSE(port(Model::fx3u, Commands::extended).encode(read, 0));
+  EXPECT_FALSE(port(Model::fx2n, Commands::extended, 254).encode(read, 0));
+  EXPECT_FALSE(port(Model::fx3u, Commands::automatic, 254).encode(Read{span("D0", 254), 0}, 0));
+  EXPECT_EQ(port(Model::fx3u, Commands::automatic, 254).max_write_bits(id(Space::d)), 512U);
+  EXPECT_EQ(port(Model::fx3u, Commands::automatic, 10).max_write_bits(id(Space::d)), 80U);
+  EXPECT_EQ(port(Model::fx3u, Commands::automatic, 2).read_ways(id(Space::cn32))[0].max_bits, 32U);
+  EXPECT_EQ(port().max_write_bits(99), 0U);
+}
+
+TEST(ProgrammingPort, MaxBlockBytesComesFromTheOptions) {
+  const auto made = ProgrammingPort::make({{"model", std::string("FX3U")},
+                                           {"command_set", std::string("extended")},
+                                           {"max_block_bytes", std::int64_t{128}}});
+  ASSERT_TRUE(made);
+  EXPECT_EQ((*made)->read_ways(id(Space::d))[0].max_bits, 1024U);
+}
+
+TEST(ProgrammingPort, WritesThatBreakTheLimitsAreNotSent) {
+  const auto refused = [](const Request& request) {
+    const auto frame = port().encode(request, 0);
+    EXPECT_FALSE(frame.has_value());
+    return frame ? std::string() : frame.error().text;
+  };
+  EXPECT_TRUE(port().encode(Write{span("D0", 64), Bytes(64)}, 0));
+  EXPECT_NE(refused(Write{span("D0", 66), Bytes(66)}).find("at most 512"), std::string::npos);
+  EXPECT_NE(refused(Write{span("D0", 4), Bytes(2)}).find("with 2 bytes"), std::string::npos);
+  EXPECT_NE(refused(Write{{id(Space::m), 0, 1}, Bytes(1)}).find("whole bytes"), std::string::npos);
+  EXPECT_NE(refused(Write{{id(Space::m), 4, 8}, Bytes(1)}).find("whole bytes"), std::string::npos);
+  EXPECT_NE(refused(Write{span("M8032", 1), Bytes(1)}).find("M8118"), std::string::npos);
+  EXPECT_NE(refused(Force{id(Space::special_m), 118, true}).find("M8118"), std::string::npos);
+  EXPECT_NE(refused(Force{id(Space::special_m), 36, false}).find("M8118"), std::string::npos);
+  EXPECT_NE(refused(Force{id(Space::d), 5, true}).find("only whole words"), std::string::npos);
+  EXPECT_NE(refused(Force{id(Space::m), 7680, true}).find("does not exist"), std::string::npos);
+  EXPECT_NE(refused(Control{Control::Kind::run}).find("M8037"), std::string::npos);
+  const auto classic = port(Model::fx3u, Commands::classic);
+  const auto far = classic.encode(Force{id(Space::m), 2000, true}, 0);
+  ASSERT_FALSE(far);
+  EXPECT_NE(far.error().text.find("which is not in use"), std::string::npos);
+}
+
+// ---- answers with data --------------------------------------------------------------------------
+
+// D123 and D124 hold 1234h and ABCDh.
+const Read kRead{{id(Space::d), 123 * 16, 32}, 0};
+const std::string kRequest =
+    "\x02"
+    "010F604\x03"
+    "74";
+const std::string kAnswer =
+    "\x02"
+    "3412CDAB\x03"
+    "D7";
+
+Result<std::optional<Reply>> answer(const std::string& rx, const Request& request = kRead) {
+  return port().decode(request, 0, ascii(rx));
+}
+
+/// The image of a good answer; empty where there is none, which no test expects.
+Bytes image(const std::string& rx) {
+  const auto reply = answer(rx);
+  EXPECT_TRUE(reply && *reply) << (reply ? "need more" : reply.error().text);
+  return reply && *reply ? (*reply)->image : Bytes{};
+}
+
+std::string bad_frame(const std::string& rx, const Request& request = kRead) {
+  const auto reply = answer(rx, request);
+  EXPECT_FALSE(reply.has_value());
+  if (reply) return {};
+  EXPECT_EQ(reply.error().code, ErrorCode::bad_frame);
+  return reply.error().text;
+}
+
+bool needs_more(const std::string& rx, const Request& request = kRead) {
+  const auto reply = answer(rx, request);
+  return reply && !*reply;
+}
+
+const Bytes kImage{0x34, 0x12, 0xCD, 0xAB};
+
+TEST(ProgrammingPort, DataComeLowByteFirst) { EXPECT_EQ(image(kAnswer), kImage); }
+
+TEST(ProgrammingPort, EveryBeginningOfAnAnswerNeedsMore) {
+  for (std::size_t n = 0; n < kAnswer.size(); ++n)
+    EXPECT_TRUE(needs_more(kAnswer.substr(0, n))) << n;
+}
+
+TEST(ProgrammingPort, NoiseBeforeTheAnswerIsSkipped) {
+  EXPECT_EQ(image(std::string("\xFF\x00?\x03", 4) + kAnswer), kImage);
+  const auto reply = answer("??" + kAnswer);
+  EXPECT_EQ((*reply)->consumed, kAnswer.size() + 2);
+}
+
+TEST(ProgrammingPort, AStrayAckBeforeTheAnswerIsSkipped) {
+  EXPECT_EQ(image("\x06" + kAnswer), kImage);
+  EXPECT_TRUE(needs_more("\x06"));
+}
+
+TEST(ProgrammingPort, ANakBeforeAnyStxIsARefusal) {
+  for (const std::string rx : {"\x15", "?\x15", "\x15\x03"}) {
+    const auto reply = answer(rx);
+    ASSERT_TRUE(reply && *reply);
+    EXPECT_EQ((*reply)->kind, Reply::Kind::nak);
+    EXPECT_EQ((*reply)->device_code, 0);
+    EXPECT_FALSE((*reply)->text.empty());
+    EXPECT_TRUE((*reply)->image.empty());
+  }
+  EXPECT_EQ((*answer("?\x15\x03"))->consumed, 2U);
+}
+
+TEST(ProgrammingPort, TheEchoOfARequestIsSkipped) {
+  EXPECT_EQ(image(kRequest + kAnswer), kImage);
+  EXPECT_EQ(image(kRequest + "\x06" + kAnswer), kImage);
+  const auto refused = answer(kRequest + "\x15");
+  EXPECT_EQ((*refused)->kind, Reply::Kind::nak);
+}
+
+TEST(ProgrammingPort, AnEchoStillOnItsWayNeedsMore) {
+  for (std::size_t n = 0; n <= kRequest.size(); ++n)
+    EXPECT_TRUE(needs_more(kRequest.substr(0, n))) << n;
+}
+
+TEST(ProgrammingPort, AFrameThatEqualsTheRequestIsNeverAnAnswer) {
+  EXPECT_TRUE(needs_more("?" + kRequest));
+  EXPECT_TRUE(needs_more(kRequest + kRequest));
+  EXPECT_EQ(image(kRequest + kRequest + kAnswer), kImage);
+}
+
+TEST(ProgrammingPort, AFrameCutOffByAnotherStxBeginsAgain) {
+  EXPECT_EQ(image("\x02"
+                  "34" +
+                  kAnswer),
+            kImage);
+  EXPECT_EQ(image("\x02"
+                  "3412\x03" +
+                  kAnswer),
+            kImage);
+  EXPECT_EQ(image("\x02"
+                  "3412\x03"
+                  "C" +
+                  kAnswer),
+            kImage);
+}
+
+TEST(ProgrammingPort, AWrongSumIsABadFrameThatNamesBothSums) {
+  EXPECT_EQ(bad_frame("\x02"
+                      "3412CDAB\x03"
+                      "D8"),
+            "sum D8 given, D7 computed");
+  EXPECT_EQ(bad_frame("\x02"
+                      "3412CDAC\x03"
+                      "D7"),
+            "sum D7 given, D8 computed");
+}
+
+TEST(ProgrammingPort, ASumThatIsNotHexIsABadFrame) {
+  EXPECT_EQ(bad_frame("\x02"
+                      "3412CDAB\x03"
+                      "G7"),
+            "sum 47 37 is not two hex digits");
+  EXPECT_EQ(bad_frame("\x02"
+                      "3412CDAB\x03"
+                      "D\x06"),
+            "sum 44 06 is not two hex digits");
+}
+
+TEST(ProgrammingPort, AnAnswerOfAnotherLengthIsABadFrame) {
+  EXPECT_EQ(bad_frame("\x02"
+                      "3412\x03"
+                      "CD"),
+            "4 data digits given, 8 expected");
+  EXPECT_EQ(bad_frame("\x02\x03"
+                      "03"),
+            "0 data digits given, 8 expected");
+}
+
+TEST(ProgrammingPort, DataThatAreNotHexAreABadFrame) {
+  EXPECT_EQ(bad_frame("\x02"
+                      "3412CDAG\x03"
+                      "DC"),
+            "data 41 47 is not two hex digits");
+  EXPECT_EQ(bad_frame("\x02"
+                      "34 2CDAB\x03"
+                      "C6"),
+            "data 20 32 is not two hex digits");
+}
+
+TEST(ProgrammingPort, LowerCaseDigitsAreUnderstood) {
+  EXPECT_EQ(image("\x02"
+                  "3412cdab\x03"
+                  "57"),
+            kImage);
+}
+
+TEST(ProgrammingPort, MoreThanTheLongestFrameWithoutAnEndIsABadFrame) {
+  EXPECT_TRUE(needs_more("\x02" + std::string(511, '0')));
+  EXPECT_NE(bad_frame("\x02" + std::string(512, '0')).find("513 bytes"), std::string::npos);
+  EXPECT_TRUE(needs_more(std::string(512, '?')));
+  EXPECT_NE(bad_frame(std::string(513, '?')).find("513 bytes"), std::string::npos);
+}
+
+TEST(ProgrammingPort, WhatFollowsTheAnswerIsNotConsumed) {
+  const auto reply = answer(kAnswer + "\x03\x06");
+  ASSERT_TRUE(reply && *reply);
+  EXPECT_EQ((*reply)->consumed, kAnswer.size());
+}
+
+// ---- bare ACK and NAK ---------------------------------------------------------------------------
+
+const Force kForce{id(Space::y), 0, true};
+const std::string kForceRequest =
+    "\x02"
+    "70005\x03"
+    "FF";
+
+Reply::Kind verdict(const std::string& rx, const Request& request = kForce) {
+  const auto reply = answer(rx, request);
+  EXPECT_TRUE(reply && *reply) << (reply ? "need more" : reply.error().text);
+  return reply && *reply ? (*reply)->kind : Reply::Kind::data;
+}
+
+TEST(ProgrammingPort, AckAndNakAnswerWritesForcesAndEnquiries) {
+  for (const Request& request :
+       {Request(kForce), Request(Enquire{}), Request(Write{span("D0", 2), {1, 2}})}) {
+    EXPECT_EQ(verdict("\x06", request), Reply::Kind::ack);
+    EXPECT_EQ(verdict("\x15", request), Reply::Kind::nak);
+    EXPECT_TRUE(needs_more("", request));
+  }
+}
+
+TEST(ProgrammingPort, TheEchoOfAnOrderIsSkipped) {
+  EXPECT_EQ(verdict(kForceRequest + "\x06"), Reply::Kind::ack);
+  EXPECT_EQ(verdict(kForceRequest + "\x15"), Reply::Kind::nak);
+  EXPECT_EQ(verdict("\x05\x06", Enquire{}), Reply::Kind::ack);
+  EXPECT_TRUE(needs_more("\x05", Enquire{}));
+  for (std::size_t n = 0; n <= kForceRequest.size(); ++n)
+    EXPECT_TRUE(needs_more(kForceRequest.substr(0, n), kForce)) << n;
+}
+
+TEST(ProgrammingPort, TheLateAnswerToAnOldReadIsSkippedBeforeAnAck) {
+  EXPECT_EQ(verdict(kAnswer + "\x06"), Reply::Kind::ack);
+  EXPECT_EQ(verdict(kAnswer + "\x15"), Reply::Kind::nak);
+  EXPECT_EQ(verdict(kForceRequest + kAnswer + "\x06"), Reply::Kind::ack);
+  EXPECT_EQ(verdict("?\x03" + kAnswer + "?\x06"), Reply::Kind::ack);
+  EXPECT_TRUE(needs_more(kAnswer, kForce));
+}
+
+TEST(ProgrammingPort, AnAckInsideAFrameIsNoAnswer) {
+  // A digit F turned into 06 by one flipped bit, in an echo.
+  EXPECT_TRUE(
+      needs_more("\x02"
+                 "70005\x03"
+                 "F\x06",
+                 kForce));
+  EXPECT_TRUE(
+      needs_more("\x02"
+                 "70\x06",
+                 kForce));
+}
+
+TEST(ProgrammingPort, AnAckIsConsumedAloneAndLeavesAStrayEtx) {
+  const auto reply = answer("\x06\x03", kForce);
+  ASSERT_TRUE(reply && *reply);
+  EXPECT_EQ((*reply)->consumed, 1U);
+}
+
+TEST(ProgrammingPort, EndlessNoiseInPlaceOfAnAckIsABadFrame) {
+  EXPECT_TRUE(needs_more(std::string(512, '?'), kForce));
+  EXPECT_NE(bad_frame(std::string(513, '?'), kForce).find("513 bytes"), std::string::npos);
+  EXPECT_NE(bad_frame("\x02" + std::string(512, '0'), kForce).find("513"), std::string::npos);
+}
+
+TEST(ProgrammingPort, ARequestThatCannotBeSentHasNoAnswer) {
+  const auto reply = answer("\x06", Control{Control::Kind::reset});
+  ASSERT_FALSE(reply);
+  EXPECT_EQ(reply.error().code, ErrorCode::unsupported);
+}
+
+// ---- the device itself --------------------------------------------------------------------------
+
+TEST(ProgrammingPort, TheModelIsAskedForInClassicCommands) {
+  for (const auto& codec : {port(Model::unknown), port(Model::unknown, Commands::extended)}) {
+    const auto requests = codec.identify();
+    ASSERT_EQ(requests.size(), 2U);
+    EXPECT_EQ(*codec.encode(requests[0], 0), hex("02 30 30 45 30 32 30 32 03 36 43"));
+    EXPECT_EQ(*codec.encode(requests[1], 0), ascii("\x02"
+                                                   "00ECA02\x03"
+                                                   "8E"));
+  }
+}
+
+Bytes word(std::uint32_t value) {
+  return {static_cast<std::uint8_t>(value), static_cast<std::uint8_t>(value >> 8)};
+}
+
+TEST(ProgrammingPort, TheModelIsToldByTheTypeInD8001AndD8101) {
+  const auto codec = port(Model::unknown);
+  const auto model = [&](const std::vector<Bytes>& images) {
+    return codec.model_from(images).value_or("?");
+  };
+  EXPECT_EQ(model({word(22210), {}}), "FX1S");
+  EXPECT_EQ(model({word(26210), {}}), "FX1N");
+  EXPECT_EQ(model({word(26210), word(0)}), "FX1N");
+  EXPECT_EQ(model({word(24310), word(24310)}), "FX2N");
+  EXPECT_EQ(model({word(24310), {}}), "FX2N");
+  EXPECT_EQ(model({word(24310)}), "FX2N");
+  EXPECT_EQ(model({word(26231), word(26231)}), "FX3G");
+  EXPECT_EQ(model({word(24241), word(16241)}), "FX3U");
+  EXPECT_EQ(model({word(28100), word(28100)}), "FX3S");
+}
+
+TEST(ProgrammingPort, AModelThatCannotBeToldApartStaysUnknown) {
+  const auto codec = port(Model::unknown);
+  // GX Works2 takes D8101 = 0 for an FX3U. A clone that shows it may use the map of an FX2N.
+  EXPECT_EQ(codec.model_from({word(24241), word(0)}), std::nullopt);
+  EXPECT_EQ(codec.model_from({word(20100), word(0)}), std::nullopt);
+  EXPECT_EQ(codec.model_from({word(0), {}}), std::nullopt);
+  EXPECT_EQ(codec.model_from({Bytes{}, Bytes{}}), std::nullopt);
+  EXPECT_EQ(codec.model_from({}), std::nullopt);
+}
+
+TEST(ProgrammingPort, AFoundModelKeepsTheOtherSettings) {
+  const auto found = port(Model::unknown, Commands::extended, 254).with_model("FX3G");
+  ASSERT_NE(found, nullptr);
+  EXPECT_EQ(found->model(), "FX3G");
+  EXPECT_EQ(found->read_ways(id(Space::d))[0].max_bits, 2032U);
+  EXPECT_EQ(port().with_model("FX9"), nullptr);
+  for (const std::string_view name : model_names())
+    EXPECT_EQ(port().with_model(name)->model(), name);
+}
+
+TEST(ProgrammingPort, RunIsReadFromTheByteOfM8000) {
+  const auto frame = [](const ProgrammingPort& codec) {
+    return *codec.encode(*codec.run_state(), 0);
+  };
+  EXPECT_EQ(frame(port()), ascii("\x02"
+                                 "001E001\x03"
+                                 "6A"));
+  EXPECT_EQ(frame(port(Model::unknown, Commands::extended)), ascii("\x02"
+                                                                   "001E001\x03"
+                                                                   "6A"));
+  EXPECT_EQ(frame(port(Model::fx1n, Commands::extended)), ascii("\x02"
+                                                                "E0001C001\x03"
+                                                                "DD"));
+  EXPECT_EQ(frame(port(Model::fx3u, Commands::extended)), ascii("\x02"
+                                                                "E008C0001\x03"
+                                                                "E4"));
+  EXPECT_EQ(port().probe(), port().run_state());
+  EXPECT_EQ(port().run_state_from(Bytes{0x09}), true);
+  EXPECT_EQ(port().run_state_from(Bytes{0x0A}), false);
+  EXPECT_EQ(port().run_state_from(Bytes{}), std::nullopt);
+}
+
+TEST(ProgrammingPort, StopForcesM8037OnAndRunForcesItOff) {
+  const auto frame = [](const ProgrammingPort& codec, bool run) {
+    return *codec.encode(*codec.run_order(run), 0);
+  };
+  const auto fx2n = port(Model::fx2n, Commands::extended);
+  const auto fx3u = port(Model::fx3u, Commands::extended);
+  EXPECT_EQ(frame(fx2n, false), hex("02 45 37 32 35 30 45 03 35 42"));
+  EXPECT_EQ(frame(fx3u, false), hex("02 45 37 32 35 36 30 03 34 43"));
+  EXPECT_EQ(frame(fx3u, true), ascii("\x02"
+                                     "E82560\x03"
+                                     "4D"));
+  EXPECT_EQ(frame(port(), false), ascii("\x02"
+                                        "7250F\x03"
+                                        "17"));
+  EXPECT_EQ(frame(port(), true), ascii("\x02"
+                                       "8250F\x03"
+                                       "18"));
+  EXPECT_FALSE(port().run_order_hint().empty());
+}
+
+TEST(ProgrammingPort, ARefusalIsCurableExceptForRunAndStop) {
+  EXPECT_EQ(port().meaning_of(kForce, 0), RefusalMeaning::curable);
+  EXPECT_EQ(port().meaning_of(Write{span("D0", 2), {1, 2}}, 0), RefusalMeaning::curable);
+  EXPECT_EQ(port().meaning_of(*port().run_order(true), 0), RefusalMeaning::final);
+  EXPECT_EQ(port().meaning_of(*port().run_order(false), 0), RefusalMeaning::final);
+  EXPECT_EQ(port().meaning_of(kRead, 0), RefusalMeaning::curable);
+}
+
+TEST(ProgrammingPort, NamesAreThoseOfItsModel) {
+  const auto codec = port(Model::fx1s);
+  EXPECT_FALSE(codec.parse_address("D256", std::nullopt));
+  EXPECT_TRUE(codec.parse_address("T5", DataType::boolean));
+  EXPECT_TRUE(codec.needs_type("T5"));
+  EXPECT_FALSE(codec.parse_range("Y0-Y17"));
+  EXPECT_FALSE(codec.check_range({id(Space::d), 256 * 16, 16}));
+  EXPECT_FALSE(codec.check_write({id(Space::d), 0, 8}));
+  EXPECT_EQ(codec.name_of({id(Space::y), 13, 1}), "Y15");
+  EXPECT_EQ(codec.default_order(), ByteOrder::cdab);
+  EXPECT_EQ(codec.resync(), Request(Enquire{}));
+  EXPECT_TRUE(codec.expects_reply(Enquire{}));
+}
+
+}  // namespace
+}  // namespace fxagent::fx

@@ -1,0 +1,439 @@
+#include "protocol/point.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "tests/protocol/frame_file.h"
+
+namespace fxagent {
+namespace {
+
+using test::hex;
+
+Point word_point(DataType type, std::uint16_t count = 1) {
+  Point point;
+  point.address = {"D0", {1, 0, 16}, Unit::word, true};
+  point.type = type;
+  point.count = count;
+  point.is_array = count > 1;
+  return point;
+}
+
+Point group_point(std::uint32_t digits, DataType type) {
+  Point point;
+  point.address = {"K" + std::to_string(digits) + "M0", {2, 0, digits * 4}, Unit::bit_group, true};
+  point.type = type;
+  return point;
+}
+
+Point scaled_point(DataType type, double scale, double offset) {
+  Point point = word_point(type);
+  EXPECT_TRUE(set_units(point, scale, offset));
+  return point;
+}
+
+Value whole(std::int64_t number) { return Value(Scalar(number)); }
+Value real(double number) { return Value(Scalar(number)); }
+Value text(const char* characters) { return Value(Scalar(std::string(characters))); }
+Value flag(bool on) { return Value(Scalar(on)); }
+
+Value read(const Point& point, const char* image) {
+  const auto value = unpack(point, hex(image), 0);
+  EXPECT_TRUE(value.has_value()) << image << (value ? "" : value.error().text);
+  return value.value_or(Value{});
+}
+
+std::string written(const Point& point, const Value& value) {
+  const auto image = pack(point, value);
+  EXPECT_TRUE(image.has_value()) << (image ? "" : image.error().text);
+  return image ? to_hex(*image) : "";
+}
+
+PackFault fault(const Point& point, const Value& value) {
+  const auto image = pack(point, value);
+  EXPECT_FALSE(image.has_value());
+  if (!image) {
+    EXPECT_FALSE(image.error().text.empty());
+  }
+  return image ? PackFault{} : image.error().fault;
+}
+
+// ---- words of the config ----------------------------------------------------------------------
+
+TEST(DataType, EveryWordIsReadBack) {
+  for (const char* word :
+       {"bool", "int16", "uint16", "int32", "uint32", "float32", "bcd16", "bcd32", "string"})
+    EXPECT_EQ(to_string(*data_type_from(word)), word);
+  const auto wrong = data_type_from("int");
+  ASSERT_FALSE(wrong);
+  EXPECT_NE(wrong.error().text.find("uint32"), std::string::npos);
+}
+
+TEST(ByteOrder, HasFourSpellingsAndTwoNames) {
+  for (const char* word : {"ABCD", "CDAB", "BADC", "DCBA"})
+    EXPECT_EQ(to_string(*byte_order_from(word)), word);
+  EXPECT_EQ(*byte_order_from("low_first"), ByteOrder::cdab);
+  EXPECT_EQ(*byte_order_from("high_first"), ByteOrder::abcd);
+  EXPECT_FALSE(byte_order_from("abcd"));
+}
+
+TEST(Point, HasADefaultTypeForEachUnit) {
+  const auto of = [](Unit unit, std::uint32_t bits) {
+    return default_type({"", {0, 0, bits}, unit, true});
+  };
+  EXPECT_EQ(of(Unit::bit, 1), DataType::boolean);
+  EXPECT_EQ(of(Unit::word_bit, 1), DataType::boolean);
+  EXPECT_EQ(of(Unit::word, 16), DataType::int16);
+  EXPECT_EQ(of(Unit::dword, 32), DataType::int32);
+  EXPECT_EQ(of(Unit::bit_group, 16), DataType::int16);
+  EXPECT_EQ(of(Unit::bit_group, 20), DataType::int32);
+}
+
+TEST(Point, TakesOnlyTheTypesOfItsUnit) {
+  const DataType all[] = {DataType::boolean, DataType::int16,  DataType::uint16,
+                          DataType::int32,   DataType::uint32, DataType::float32,
+                          DataType::bcd16,   DataType::bcd32,  DataType::string};
+  const auto fitting = [&](Unit unit, std::uint32_t bits) {
+    std::string words;
+    for (const DataType type : all) {
+      Point point;
+      point.address = {"A", {0, 0, bits}, unit, true};
+      point.type = type;
+      point.length = 4;
+      if (span_of(point)) words += std::string(to_string(type)) + " ";
+    }
+    return words;
+  };
+  EXPECT_EQ(fitting(Unit::bit, 1), "bool ");
+  EXPECT_EQ(fitting(Unit::word_bit, 1), "bool ");
+  EXPECT_EQ(fitting(Unit::word, 16), "int16 uint16 int32 uint32 float32 bcd16 bcd32 string ");
+  EXPECT_EQ(fitting(Unit::dword, 32), "int32 ");
+  EXPECT_EQ(fitting(Unit::bit_group, 8), "int16 uint16 bcd16 ");
+  EXPECT_EQ(fitting(Unit::bit_group, 16), "int16 uint16 bcd16 ");
+  EXPECT_EQ(fitting(Unit::bit_group, 20), "int32 ");
+  EXPECT_EQ(fitting(Unit::bit_group, 32), "int32 ");
+}
+
+TEST(Point, ARefusedTypeNamesTheRightOne) {
+  const auto span = span_of(group_point(8, DataType::int16));
+  ASSERT_FALSE(span);
+  EXPECT_EQ(span.error().text, "K8M0 cannot be read as int16; its type is int32");
+}
+
+TEST(Point, OccupiesAllItsElements) {
+  EXPECT_EQ(span_of(word_point(DataType::int32, 3))->bits, 96U);
+  Point point = word_point(DataType::string, 2);
+  point.length = 5;
+  EXPECT_EQ(span_of(point)->bits, 96U);
+  point.length = 0;
+  EXPECT_NE(span_of(point).error().text.find("length"), std::string::npos);
+  EXPECT_NE(span_of(word_point(DataType::int16, 0)).error().text.find("at least 1"),
+            std::string::npos);
+  Point far = word_point(DataType::int32, 65535);
+  far.address.span.first_bit = 0xFFFFFF00;
+  EXPECT_NE(span_of(far).error().text.find("too long"), std::string::npos);
+}
+
+// ---- reading ----------------------------------------------------------------------------------
+
+TEST(Unpack, WordsAreLowByteFirstAndDoubleWordsLowWordFirst) {
+  EXPECT_EQ(read(word_point(DataType::int16), "34 12"), whole(0x1234));
+  EXPECT_EQ(read(word_point(DataType::int16), "FE FF"), whole(-2));
+  EXPECT_EQ(read(word_point(DataType::uint16), "FE FF"), whole(65534));
+  EXPECT_EQ(read(word_point(DataType::int32), "78 56 34 12"), whole(0x12345678));
+  EXPECT_EQ(read(word_point(DataType::int32), "FE FF FF FF"), whole(-2));
+  EXPECT_EQ(read(word_point(DataType::uint32), "FE FF FF FF"), whole(4294967294));
+}
+
+TEST(Unpack, TheFourOrdersPutTheirFirstLetterFirst) {
+  // The value 12345678h as the device keeps it in two words, which the image holds low byte first.
+  const std::pair<ByteOrder, const char*> cases[] = {{ByteOrder::abcd, "34 12 78 56"},
+                                                     {ByteOrder::cdab, "78 56 34 12"},
+                                                     {ByteOrder::badc, "12 34 56 78"},
+                                                     {ByteOrder::dcba, "56 78 12 34"}};
+  for (const auto& [order, image] : cases) {
+    Point point = word_point(DataType::int32);
+    point.order = order;
+    EXPECT_EQ(read(point, image), whole(0x12345678)) << to_string(order);
+    EXPECT_EQ(written(point, whole(0x12345678)), image) << to_string(order);
+  }
+}
+
+TEST(Unpack, SwappedBytesAreSwappedInSixteenBitsToo) {
+  Point point = word_point(DataType::uint16);
+  point.order = ByteOrder::badc;
+  EXPECT_EQ(read(point, "12 34"), whole(0x1234));
+  EXPECT_EQ(written(point, whole(0x1234)), "12 34");
+  point.order = ByteOrder::abcd;
+  EXPECT_EQ(read(point, "34 12"), whole(0x1234));
+}
+
+TEST(Unpack, AScaledIntegerIsTheDecimalNumberItLooksLike) {
+  EXPECT_EQ(read(scaled_point(DataType::int16, 0.1, 0), "EA 00"), real(23.4));
+  EXPECT_EQ(read(scaled_point(DataType::int16, 0.05, -273.15), "01 00"), real(-273.1));
+  EXPECT_EQ(read(scaled_point(DataType::int16, 1e-7, 0), "03 00"), real(3e-7));
+  EXPECT_EQ(read(scaled_point(DataType::int16, 100, 0), "03 00"), real(300));
+  EXPECT_EQ(read(scaled_point(DataType::int16, 1, 0.5), "03 00"), real(3.5));
+  EXPECT_EQ(read(scaled_point(DataType::uint32, 0.001, 0), "FF FF FF FF"), real(4294967.295));
+  for (int raw = 0; raw < 65536; raw += 7) {
+    const Bytes image{static_cast<std::uint8_t>(raw), static_cast<std::uint8_t>(raw >> 8)};
+    const auto value = unpack(scaled_point(DataType::uint16, 0.1, 0), image, 0);
+    ASSERT_EQ(std::get<double>(value->items[0]), raw / 10.0);
+  }
+}
+
+TEST(Unpack, AScaleWithMoreDigitsThanADoubleIsNotRounded) {
+  EXPECT_EQ(read(scaled_point(DataType::int16, 1.0 / 3.0, 0), "03 00"), real(1.0));
+  EXPECT_EQ(read(scaled_point(DataType::int16, 1e-20, 0), "01 00"), real(1e-20));
+}
+
+TEST(Unpack, AFloatIsTheShortestDecimalThatMeansIt) {
+  EXPECT_EQ(read(word_point(DataType::float32), "33 33 BB 41"), real(23.4));
+  EXPECT_EQ(read(word_point(DataType::float32), "00 00 00 80"), real(-0.0));
+  EXPECT_EQ(read(scaled_point(DataType::float32, 0.1, 0), "33 33 BB 41"), real(2.34));
+}
+
+TEST(Unpack, WhatIsNoNumberIsAnError) {
+  const auto why = [](const Point& point, const char* image) {
+    const auto value = unpack(point, hex(image), 0);
+    EXPECT_FALSE(value.has_value());
+    if (!value) {
+      EXPECT_EQ(value.error().code, ErrorCode::bad_request);
+    }
+    return value ? "" : value.error().text;
+  };
+  EXPECT_EQ(why(word_point(DataType::float32), "00 00 C0 7F"), "NaN");
+  EXPECT_EQ(why(word_point(DataType::float32), "00 00 80 7F"), "Inf");
+  EXPECT_EQ(why(word_point(DataType::float32), "00 00 80 FF"), "Inf");
+  EXPECT_EQ(why(word_point(DataType::bcd16), "3A 12"), "123A is not BCD");
+  EXPECT_EQ(why(word_point(DataType::bcd32), "78 56 34 F2"), "F2345678 is not BCD");
+  EXPECT_EQ(why(group_point(2, DataType::bcd16), "A1"), "A1 is not BCD");
+  EXPECT_EQ(why(scaled_point(DataType::int16, 1e308, 0), "FF 7F"), "scaled value is not finite");
+  EXPECT_EQ(why(scaled_point(DataType::float32, 1e308, 0), "00 00 80 4F"),
+            "scaled value is not finite");
+}
+
+TEST(Unpack, BcdDigitsAreDecimalDigits) {
+  EXPECT_EQ(read(word_point(DataType::bcd16), "34 12"), whole(1234));
+  EXPECT_EQ(read(word_point(DataType::bcd32), "78 56 34 12"), whole(12345678));
+  EXPECT_EQ(read(group_point(2, DataType::bcd16), "42"), whole(42));
+}
+
+TEST(Unpack, GroupsAreUnsignedUntilTheyFillTheirType) {
+  EXPECT_EQ(read(group_point(1, DataType::int16), "FF"), whole(15));
+  EXPECT_EQ(read(group_point(2, DataType::int16), "FF"), whole(255));
+  EXPECT_EQ(read(group_point(3, DataType::int16), "FF FF"), whole(4095));
+  EXPECT_EQ(read(group_point(4, DataType::int16), "FF FF"), whole(-1));
+  EXPECT_EQ(read(group_point(4, DataType::uint16), "FF FF"), whole(65535));
+  EXPECT_EQ(read(group_point(5, DataType::int32), "FF FF FF"), whole(0xFFFFF));
+  EXPECT_EQ(read(group_point(7, DataType::int32), "FF FF FF FF"), whole(0xFFFFFFF));
+  EXPECT_EQ(read(group_point(8, DataType::int32), "FF FF FF FF"), whole(-1));
+}
+
+TEST(Unpack, BitsAreTakenFromWhereTheyLie) {
+  Point point;
+  point.address = {"M101", {2, 101, 1}, Unit::bit, true};
+  point.type = DataType::boolean;
+  EXPECT_EQ(*unpack(point, hex("20"), 96), flag(true));
+  EXPECT_EQ(*unpack(point, hex("DF"), 96), flag(false));
+  point.count = 5;
+  point.is_array = true;
+  EXPECT_EQ(
+      *unpack(point, hex("20 02"), 96),
+      Value::array({Scalar(true), Scalar(false), Scalar(false), Scalar(false), Scalar(true)}));
+  Point group = group_point(8, DataType::int32);
+  group.address.span.first_bit = 5;
+  EXPECT_EQ(*unpack(group, hex("E0 FF FF FF 1F"), 0), whole(-1));
+}
+
+TEST(Unpack, APointThatIsNotWhollyInTheImageIsUnsupported) {
+  Point point = word_point(DataType::int32);
+  point.address.span.first_bit = 32;
+  for (const auto& [image, first] : {std::pair(hex("00 00 00"), 32U),
+                                     {hex("00 00 00 00"), 48U},
+                                     {Bytes{}, 32U},
+                                     {hex("00 00 00 00"), 16U}}) {
+    const auto value = unpack(point, image, first);
+    ASSERT_FALSE(value);
+    EXPECT_EQ(value.error().code, ErrorCode::unsupported);
+  }
+  EXPECT_FALSE(unpack(group_point(8, DataType::int16), hex("00 00 00 00"), 0));
+}
+
+TEST(Unpack, TextIsTwoCharactersToAWordAndStopsAtNul) {
+  Point point = word_point(DataType::string);
+  point.length = 6;
+  EXPECT_EQ(read(point, "41 42 43 00 45 46"), text("ABC"));
+  EXPECT_EQ(read(point, "41 42 43 44 45 46"), text("ABCDEF"));
+  EXPECT_EQ(read(point, "00 42 43 44 45 46"), text(""));
+  EXPECT_EQ(read(point, "B0 43 FC 00 00 00"), text("\u00B0C\u00FC"));
+  point.order = ByteOrder::abcd;
+  EXPECT_EQ(read(point, "42 41 44 43 46 45"), text("ABCDEF"));
+  point.length = 5;
+  EXPECT_EQ(read(point, "42 41 44 43 46 45"), text("ABCDE"));
+}
+
+TEST(Unpack, AnArrayHasAllItsElements) {
+  EXPECT_EQ(
+      read(word_point(DataType::int16, 3), "01 00 02 00 FF FF"),
+      Value::array({Scalar(std::int64_t{1}), Scalar(std::int64_t{2}), Scalar(std::int64_t{-1})}));
+  EXPECT_FALSE(unpack(word_point(DataType::bcd16, 2), hex("01 00 0A 00"), 0));
+}
+
+// ---- writing ----------------------------------------------------------------------------------
+
+TEST(Pack, NumbersBecomeTheirImage) {
+  EXPECT_EQ(written(word_point(DataType::int16), whole(0x15AB)), "AB 15");
+  EXPECT_EQ(written(word_point(DataType::int16), whole(-1)), "FF FF");
+  EXPECT_EQ(written(word_point(DataType::uint16), whole(65535)), "FF FF");
+  EXPECT_EQ(written(word_point(DataType::uint32), whole(4294967295)), "FF FF FF FF");
+  EXPECT_EQ(written(word_point(DataType::float32), real(23.4)), "33 33 BB 41");
+  EXPECT_EQ(written(word_point(DataType::float32), whole(1)), "00 00 80 3F");
+  EXPECT_EQ(written(scaled_point(DataType::float32, 0.5, 1), whole(1)), "00 00 00 00");
+  EXPECT_EQ(written(word_point(DataType::bcd16), whole(1234)), "34 12");
+  EXPECT_EQ(written(word_point(DataType::bcd32), whole(12345678)), "78 56 34 12");
+  EXPECT_EQ(written(group_point(3, DataType::int16), whole(4095)), "FF 0F");
+  EXPECT_EQ(written(group_point(2, DataType::bcd16), whole(42)), "42");
+  EXPECT_EQ(written(group_point(8, DataType::int32), whole(-2)), "FE FF FF FF");
+  EXPECT_EQ(
+      written(word_point(DataType::int16, 2), Value::array({Scalar(std::int64_t{1}), Scalar(2.0)})),
+      "01 00 02 00");
+}
+
+TEST(Pack, RawIsTheNearestIntegerAndTiesGoAwayFromZero) {
+  EXPECT_EQ(written(word_point(DataType::int16), real(1.5)), "02 00");
+  EXPECT_EQ(written(word_point(DataType::int16), real(-1.5)), "FE FF");
+  EXPECT_EQ(written(word_point(DataType::int16), real(1.49)), "01 00");
+  const Point tenth = scaled_point(DataType::int16, 0.1, 0);
+  EXPECT_EQ(written(tenth, real(23.4)), "EA 00");
+  EXPECT_EQ(written(tenth, real(23.45)), "EB 00");  // 234.5 on paper, 234.49999999999997 in binary
+  EXPECT_EQ(written(tenth, real(23.44)), "EA 00");
+  EXPECT_EQ(written(scaled_point(DataType::int16, 0.1, 20), real(23.4)), "22 00");
+  EXPECT_EQ(written(scaled_point(DataType::uint32, 1e-9, 0), real(4.294967295)), "FF FF FF FF");
+}
+
+TEST(Pack, EveryRawValueComesBackThroughItsUnits) {
+  for (const auto& [scale, offset] :
+       {std::pair(0.1, 0.0), {0.05, -273.15}, {1.0 / 3, 7.0}, {-2.0, 1.0}}) {
+    const Point point = scaled_point(DataType::int16, scale, offset);
+    for (int raw = -32768; raw < 32768; raw += 13) {
+      const Bytes image{static_cast<std::uint8_t>(raw), static_cast<std::uint8_t>(raw >> 8)};
+      ASSERT_EQ(*pack(point, *unpack(point, image, 0)), image) << raw << " x " << scale;
+    }
+  }
+}
+
+TEST(Pack, AValueOutsideTheRawRangeIsOutOfRange) {
+  const std::pair<Point, Value> cases[] = {
+      {word_point(DataType::int16), whole(32768)},
+      {word_point(DataType::int16), whole(-32769)},
+      {word_point(DataType::int16), real(32767.5)},
+      {word_point(DataType::uint16), whole(-1)},
+      {word_point(DataType::uint16), whole(65536)},
+      {word_point(DataType::int32), whole(2147483648)},
+      {word_point(DataType::uint32), whole(4294967296)},
+      {word_point(DataType::uint32), real(1e300)},
+      {word_point(DataType::bcd16), whole(10000)},
+      {word_point(DataType::bcd16), whole(-1)},
+      {word_point(DataType::bcd32), whole(100000000)},
+      {word_point(DataType::float32), real(1e39)},
+      {group_point(1, DataType::int16), whole(16)},
+      {group_point(3, DataType::int16), whole(-1)},
+      {group_point(4, DataType::int16), whole(32768)},
+      {group_point(5, DataType::int32), whole(1 << 20)},
+      {group_point(2, DataType::bcd16), whole(100)},
+      {scaled_point(DataType::int16, 0.1, 0), whole(3277)},
+      {scaled_point(DataType::int16, 1e-300, 0), real(1e300)},
+      {scaled_point(DataType::float32, 1e-300, 0), real(1e300)},
+  };
+  for (const auto& [point, value] : cases)
+    EXPECT_EQ(fault(point, value), PackFault::out_of_range) << to_string(point.type);
+}
+
+TEST(Pack, AValueOfTheWrongKindIsABadValue) {
+  const double inf = std::numeric_limits<double>::infinity();
+  const std::pair<Point, Value> cases[] = {
+      {word_point(DataType::int16), text("5")},
+      {word_point(DataType::int16), flag(true)},
+      {word_point(DataType::int16), real(inf)},
+      {word_point(DataType::float32), real(std::nan(""))},
+      {word_point(DataType::float32), text("1")},
+      {word_point(DataType::int16), Value::array({Scalar(std::int64_t{1})})},
+      {word_point(DataType::int16), Value{}},
+      {word_point(DataType::int16, 2), whole(1)},
+      {word_point(DataType::int16, 2), Value::array({Scalar(std::int64_t{1})})},
+      {group_point(8, DataType::int16), whole(1)},
+  };
+  for (const auto& [point, value] : cases)
+    EXPECT_EQ(fault(point, value), PackFault::bad_value) << to_string(point.type);
+}
+
+TEST(Pack, AWrongKindAnywhereComesBeforeARangeAnywhere) {
+  EXPECT_EQ(fault(word_point(DataType::int16, 2),
+                  Value::array({Scalar(std::int64_t{99999}), Scalar(std::string("x"))})),
+            PackFault::bad_value);
+}
+
+TEST(Pack, ABoolIsAlsoZeroOrOne) {
+  Point point;
+  point.address = {"M0", {2, 0, 1}, Unit::bit, true};
+  point.type = DataType::boolean;
+  for (const Value& on : {flag(true), whole(1), real(1.0)}) EXPECT_EQ(written(point, on), "01");
+  for (const Value& off : {flag(false), whole(0), real(0.0)}) EXPECT_EQ(written(point, off), "00");
+  for (const Value& wrong : {whole(2), whole(-1), real(0.5), text("true")})
+    EXPECT_EQ(fault(point, wrong), PackFault::bad_value);
+}
+
+TEST(Pack, TextIsPaddedWithNulAndMustFit) {
+  Point point = word_point(DataType::string);
+  point.length = 5;
+  EXPECT_EQ(written(point, text("ABC")), "41 42 43 00 00 00");
+  EXPECT_EQ(written(point, text("ABCDE")), "41 42 43 44 45 00");
+  EXPECT_EQ(written(point, text("")), "00 00 00 00 00 00");
+  EXPECT_EQ(written(point, text("\u00B0C\u00FF")), "B0 43 FF 00 00 00");
+  EXPECT_EQ(fault(point, text("ABCDEF")), PackFault::out_of_range);
+  EXPECT_EQ(fault(point, whole(5)), PackFault::bad_value);
+  for (const char* wrong : {"\u20AC", "\xFF", "\xC3", "\xC3(", "\xC4\x80", "\x80"})
+    EXPECT_EQ(fault(point, text(wrong)), PackFault::bad_value);
+  EXPECT_EQ(fault(point, Value(Scalar(std::string("A\0B", 3)))), PackFault::bad_value);
+  point.order = ByteOrder::abcd;
+  EXPECT_EQ(written(point, text("ABC")), "42 41 00 43 00 00");
+}
+
+TEST(Units, AreFiniteAndOnlyForNumbers) {
+  Point point = word_point(DataType::int16);
+  EXPECT_FALSE(set_units(point, 0, 0));
+  EXPECT_FALSE(set_units(point, std::nan(""), 0));
+  EXPECT_FALSE(set_units(point, 1, std::numeric_limits<double>::infinity()));
+  Point words = word_point(DataType::string);
+  EXPECT_FALSE(set_units(words, 0.1, 0));
+  EXPECT_TRUE(set_units(words, 1, 0));
+  Point bit = word_point(DataType::boolean);
+  EXPECT_FALSE(set_units(bit, 1, 5));
+  ASSERT_TRUE(set_units(point, 0.25, 100.5));
+  EXPECT_EQ(point.decimals, 2);
+}
+
+// ---- images -----------------------------------------------------------------------------------
+
+TEST(Image, BitsAreExtractedAndReadAsZeroPastTheEnd) {
+  EXPECT_EQ(to_hex(extract_bits(hex("AB CD"), 4, 8)), "DA");
+  EXPECT_EQ(to_hex(extract_bits(hex("AB CD"), 8, 16)), "CD 00");
+  EXPECT_EQ(to_hex(extract_bits(hex("FF FF"), 3, 11)), "FF 07");
+  EXPECT_TRUE(extract_bits(hex("AB"), 0, 0).empty());
+}
+
+TEST(Image, BitsAreInsertedWithoutTouchingTheirNeighbours) {
+  Bytes image = hex("00 00 FF");
+  insert_bits(image, 4, hex("FF"), 8);
+  EXPECT_EQ(to_hex(image), "F0 0F FF");
+  insert_bits(image, 15, hex("00 00"), 9);
+  EXPECT_EQ(to_hex(image), "F0 0F 00");
+  insert_bits(image, 0, hex("34 12"), 16);
+  EXPECT_EQ(to_hex(image), "34 12 00");
+}
+
+}  // namespace
+}  // namespace fxagent
