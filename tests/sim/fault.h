@@ -47,7 +47,7 @@ struct Fault {
   std::uint32_t seed = 1;
   std::chrono::milliseconds delay{0};  // late: of the answer; split: between pieces; drop: outage
   std::size_t bytes = 0;  // truncated: bytes that still come, 0 = half; split: size of a piece
-  Bytes other;            // garbage_before and noise_after: what is sent
+  Bytes other{};          // garbage_before and noise_after: what is sent
 };
 
 /// What the faults that struck make of one exchange. Several add up.

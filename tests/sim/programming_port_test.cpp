@@ -1,0 +1,334 @@
+#include "tests/sim/programming_port.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <sstream>
+#include <string>
+
+#include "tests/sim/programming_port_frames.h"
+
+namespace fxsim {
+namespace {
+
+using std::chrono::milliseconds;
+
+/// "E7000C|52" as it stands on the wire; "ACK" and "NAK" are one byte.
+Bytes wire(std::string_view text) {
+  if (text == "ACK") return {0x06};
+  if (text == "NAK") return {0x15};
+  Bytes bytes{0x02};
+  for (const char c : text) bytes.push_back(c == '|' ? 0x03 : static_cast<std::uint8_t>(c));
+  return bytes;
+}
+
+/// `text` between STX and ETX, with the sum it takes.
+Bytes framed(std::string_view text) {
+  auto bytes = wire(text);
+  bytes.push_back(0x03);
+  unsigned sum = 0;
+  for (const auto byte : bytes) sum += byte;
+  sum -= 0x02;  // STX does not count
+  for (const auto nibble : {sum >> 4U & 0xFU, sum & 0xFU})
+    bytes.push_back(static_cast<std::uint8_t>(nibble < 10 ? '0' + nibble : 'A' + nibble - 10));
+  return bytes;
+}
+
+std::vector<std::string> words(std::string_view text) {
+  std::istringstream stream{std::string(text)};
+  std::vector<std::string> found;
+  for (std::string word; stream >> word;) found.push_back(word);
+  return found;
+}
+
+Plc make_plc(std::string_view model) {
+  return {*find_model(model), make_plant("none"), TimePoint{}};
+}
+
+/// All that the port makes of `bytes`, the first of which is complete at `when`, one a millisecond.
+Bytes replies_of(Plc& plc, ByteView bytes, Framer& framer, TimePoint when = TimePoint{}) {
+  const ProgrammingPort port;
+  std::vector<Frame> frames;
+  for (const auto byte : bytes) framer.take(byte, when += milliseconds(1), frames);
+  Bytes replies;
+  for (const auto& frame : frames) {
+    const auto ruling = port.execute(frame, plc);
+    replies.insert(replies.end(), ruling.reply.begin(), ruling.reply.end());
+  }
+  return replies;
+}
+
+Bytes replies_of(Plc& plc, ByteView bytes) {
+  return replies_of(plc, bytes, *ProgrammingPort().make_framer());
+}
+
+Bytes ask(std::string_view model, ByteView request) {
+  auto plc = make_plc(model);
+  return replies_of(plc, request);
+}
+
+TEST(ProgrammingPort, ForcesAndWritesOfTheTableReachTheirDevice) {
+  for (const auto& row : kOrders) {
+    for (const auto& model : words(row.models)) {
+      SCOPED_TRACE(model + " " + std::string(row.device) + " " + std::string(row.request));
+      auto plc = make_plc(model);
+      auto device = parse_device(row.device).value();
+      // The opposite of what is ordered, so that nothing is right by being left alone.
+      const auto values = words(row.values);
+      for (std::size_t i = 0; i < values.size(); ++i)
+        plc.preset({device.kind, device.number + static_cast<unsigned>(i)},
+                   ~static_cast<std::uint32_t>(std::stoul(values[i], nullptr, 16)));
+      EXPECT_EQ(to_hex(replies_of(plc, wire(row.request))), to_hex(wire(row.reply)));
+      for (const auto& value : values) {
+        EXPECT_EQ(plc.memory().get(device), std::stoul(value, nullptr, 16)) << device_name(device);
+        ++device.number;
+      }
+    }
+  }
+}
+
+TEST(ProgrammingPort, ReadsOfTheTableAreAnswered) {
+  for (const auto& row : kReads) {
+    for (const auto& model : words(row.models)) {
+      SCOPED_TRACE(model + " " + std::string(row.device) + " " + std::string(row.request));
+      auto plc = make_plc(model);
+      plc.set_running(row.state == State::run);
+      auto device = parse_device(row.device).value();
+      for (const auto& value : words(row.values)) {
+        plc.preset(device, static_cast<std::uint32_t>(std::stoul(value, nullptr, 16)));
+        ++device.number;
+      }
+      EXPECT_EQ(to_hex(replies_of(plc, wire(row.request))), to_hex(wire(row.reply)));
+    }
+  }
+}
+
+TEST(ProgrammingPort, WhatIsNoDeviceAccessIsRefused) {
+  for (const auto& row : kRefused) {
+    SCOPED_TRACE(row.what);
+    EXPECT_EQ(to_hex(ask(row.model, wire(row.request))), "15");
+  }
+}
+
+TEST(ProgrammingPort, EnquiryIsAcknowledged) {
+  auto plc = make_plc("FX1S");
+  EXPECT_EQ(replies_of(plc, Bytes{0x05}), Bytes{0x06});
+}
+
+TEST(ProgrammingPort, WrongSumIsRefusedAndNotCarriedOut) {
+  EXPECT_EQ(ask("FX2N", wire("0E0202|00")), wire("NAK"));
+  auto plc = make_plc("FX3U");
+  EXPECT_EQ(replies_of(plc, wire("76408|0D")), wire("NAK"));  // M100 ON has sum 0C
+  EXPECT_EQ(plc.memory().get({Kind::m, 100}), 0U);
+}
+
+// Requests with right sums that do not say what they should.
+TEST(ProgrammingPort, FramesOfWrongShapeAreRefused) {
+  for (const auto* request : {
+           "010c802",      // lower-case hex
+           "010C8",        // no count
+           "010C800",      // nothing to read
+           "010C80200",    // data on a read
+           "110C80234",    // one byte of data for two
+           "110C80212G4",  // seven digits
+           "110C8021G34",  // no hex
+           "7640",         // half an address
+           "7640800",      // more than an address
+           "",             // nothing
+       }) {
+    SCOPED_TRACE(request);
+    EXPECT_EQ(ask("FX3U", framed(request)), wire("NAK"));
+  }
+}
+
+TEST(ProgrammingPort, ClassicCommandsEndAtD1023) {
+  EXPECT_EQ(ask("FX3U", framed("017FE02")), wire("0000|C3"));  // D1023
+  EXPECT_EQ(ask("FX3U", framed("0180002")), wire("NAK"));      // D1024
+  EXPECT_EQ(ask("FX3U", framed("017FE04")), wire("NAK"));      // D1023 and D1024
+}
+
+TEST(ProgrammingPort, SixtyFourBytesAreTheMostButOnFx3) {
+  EXPECT_EQ(ask("FX2N", framed("E00400040")).size(), 132U);
+  EXPECT_EQ(ask("FX2N", framed("E00400041")), wire("NAK"));
+  EXPECT_EQ(ask("FX2N", framed("E004000FE")), wire("NAK"));
+  EXPECT_EQ(ask("FX3U", framed("E004000FE")).size(), 512U);
+  EXPECT_EQ(ask("FX3U", framed("E004000FF")), wire("NAK"));
+  EXPECT_EQ(ask("FX3U", framed("0100041")), wire("NAK"));  // classic stays at 64
+}
+
+TEST(ProgrammingPort, DevicesThatTheModelLacksAreRefused) {
+  struct Row {
+    std::string_view model, request, what;
+    bool there;
+  };
+  for (const auto& row : {
+           Row{"FX0N", "011FE02", "D255", true},
+           Row{"FX0N", "0120002", "D256", false},
+           Row{"FX0N", "0013F01", "M504 to M511", true},
+           Row{"FX0N", "0014001", "M512", false},
+           Row{"FX0N", "7FF09", "M511 ON", true},
+           Row{"FX0N", "7000A", "M512 ON", false},
+           Row{"FX0N", "00C0004", "C200, which FX0N has not", false},
+           Row{"FX0N", "00C8C04", "C235", true},
+           Row{"FX0N", "E00400002", "D0 by an E command", false},
+           Row{"FX1S", "E00400002", "D0 by an E command", false},
+           Row{"FX1S", "70D05", "Y15 ON", true},
+           Row{"FX1S", "70E05", "Y16 ON", false},
+           Row{"FX1N", "E0000C001", "M1536 to M1543", false},
+           Row{"FX1N", "E7FF05", "M1535 ON", true},
+           Row{"FX1N", "E70006", "M1536 ON", false},
+           Row{"FX2N", "E70006", "M1536 ON", true},
+           Row{"FX3U", "E7FF5D", "M7679 ON", true},
+           Row{"FX3U", "0009001", "X200 to X207", true},
+           Row{"FX3G", "0009001", "X200 to X207", false},
+           Row{"FX3U", "0014F02", "M632 to M647", true},
+           Row{"FX3U", "0020001", "after M8255", false},
+           Row{"FX3U", "E0081FE02", "D8255", true},
+           Row{"FX3U", "E0083FE02", "D8511", true},
+           Row{"FX3U", "E00840002", "D8512", false},
+           Row{"FX2N", "E00800002", "no D8000 at 8000 on FX2N", false},
+       }) {
+    SCOPED_TRACE(std::string(row.model) + " " + std::string(row.what));
+    EXPECT_EQ(ask(row.model, framed(row.request)) != wire("NAK"), row.there);
+  }
+}
+
+// Every captured force obeys it, so a slip in either column of a table shows here.
+TEST(ProgrammingPort, ForceAddressIsEightTimesTheByteAddress) {
+  for (const auto set : {CommandSet::classic, CommandSet::fx1n_fx2n, CommandSet::fx3}) {
+    unsigned bits = 0;
+    for (std::uint32_t address = 0; address <= 0xFFFF; ++address) {
+      const auto place = byte_at(set, address);
+      if (!place || width(place->kind) != 1) continue;
+      for (unsigned bit = 0; bit < 8; ++bit, ++bits) {
+        const auto device = bit_at(set, (address * 8 + bit) & 0xFFFFU);
+        ASSERT_TRUE(device.has_value()) << std::hex << address;
+        ASSERT_EQ(*device, (Device{place->kind, static_cast<unsigned>(place->offset * 8 + bit)}))
+            << std::hex << address;
+      }
+    }
+    EXPECT_GT(bits, 4000U);
+  }
+}
+
+TEST(ProgrammingPort, TypeWordsTellTheModel) {
+  struct Row {
+    std::string_view model, d8001, d8101;
+  };
+  for (const auto& row : {
+           Row{"FX1S", "C256|E3", "0000|C3"},
+           Row{"FX1N", "6266|D7", "0000|C3"},
+           Row{"FX2N", "F65E|F9", "F65E|F9"},
+           Row{"FX3S", "C46D|F4", "C46D|F4"},
+           Row{"FX3G", "7766|DD", "7766|DD"},
+           Row{"FX3U", "A85E|F6", "683F|EA"},
+       }) {
+    SCOPED_TRACE(row.model);
+    EXPECT_EQ(ask(row.model, framed("00E0202")), wire(row.d8001));
+    EXPECT_EQ(ask(row.model, framed("00ECA02")), wire(row.d8101));
+  }
+}
+
+TEST(ProgrammingPort, TypeWordCannotBeWritten) {
+  auto plc = make_plc("FX2N");
+  EXPECT_EQ(replies_of(plc, framed("10E02020000")), wire("ACK"));
+  EXPECT_EQ(plc.memory().get({Kind::special_d, 1}), 24310U);
+}
+
+TEST(ProgrammingPort, M8037StopsAndStarts) {
+  struct Row {
+    std::string_view model, stop, run;
+  };
+  for (const auto& row : {
+           Row{"FX2N", "E7250E", "E8250E"},
+           Row{"FX3U", "E72560", "E82560"},
+           Row{"FX1S", "7250F", "8250F"},
+       }) {
+    SCOPED_TRACE(row.model);
+    auto plc = make_plc(row.model);
+    EXPECT_EQ(replies_of(plc, framed(row.stop)), wire("ACK"));
+    EXPECT_EQ(replies_of(plc, wire("001E001|6A")), wire("0A|74"));
+    EXPECT_FALSE(plc.running());
+    EXPECT_EQ(replies_of(plc, framed(row.run)), wire("ACK"));
+    EXPECT_EQ(replies_of(plc, wire("001E001|6A")), wire("09|6C"));
+    EXPECT_TRUE(plc.running());
+  }
+}
+
+TEST(ProgrammingPort, M8036StartsWhileM8035IsOn) {
+  auto plc = make_plc("FX3U");
+  replies_of(plc, wire("E72560|4C"));  // M8037 ON
+  replies_of(plc, framed("E72460"));   // M8036 ON alone
+  EXPECT_FALSE(plc.running());
+  replies_of(plc, framed("E72360"));  // M8035 ON
+  replies_of(plc, framed("E72460"));
+  EXPECT_TRUE(plc.running());
+}
+
+TEST(ProgrammingPort, SwitchInStopKeepsThePlcStopped) {
+  auto plc = make_plc("FX3U");
+  plc.set_run_switch(false);
+  EXPECT_EQ(replies_of(plc, wire("E82560|4D")), wire("ACK"));
+  EXPECT_FALSE(plc.running());
+}
+
+TEST(ProgrammingPort, ByteWriteOverM8037IsAnOrderOnlyWhereItChanges) {
+  auto plc = make_plc("FX3U");
+  replies_of(plc, framed("101E40100"));  // M8032 to M8039, all OFF as they are
+  EXPECT_TRUE(plc.running());
+  replies_of(plc, framed("101E40120"));
+  EXPECT_FALSE(plc.running());
+}
+
+TEST(ProgrammingPortFramer, EnquiryInTheMiddleOfAFrameStartsAfresh) {
+  auto plc = make_plc("FX3U");
+  auto bytes = wire("010C8");
+  bytes.push_back(0x05);
+  const auto whole = wire("00E0202|6C");
+  bytes.insert(bytes.end(), whole.begin(), whole.end());
+  auto expected = Bytes{0x06};
+  const auto reply = wire("A85E|F6");
+  expected.insert(expected.end(), reply.begin(), reply.end());
+  EXPECT_EQ(replies_of(plc, bytes), expected);
+}
+
+TEST(ProgrammingPortFramer, HalfAFrameIsForgottenAfter200MsOfSilence) {
+  auto plc = make_plc("FX3U");
+  const auto request = wire("00E0202|6C");
+  const auto framer = ProgrammingPort().make_framer();
+  const auto half = ByteView(request).first(5);
+  const auto rest = ByteView(request).subspan(5);
+  EXPECT_TRUE(replies_of(plc, half, *framer, TimePoint(milliseconds(0))).empty());
+  EXPECT_FALSE(replies_of(plc, rest, *framer, TimePoint(milliseconds(199))).empty());
+  EXPECT_TRUE(replies_of(plc, half, *framer, TimePoint(milliseconds(1000))).empty());
+  EXPECT_TRUE(replies_of(plc, rest, *framer, TimePoint(milliseconds(1206))).empty());
+}
+
+TEST(ProgrammingPortFramer, NonsenseIsMetWithSilence) {
+  for (const auto* hex : {
+           "41 42 43",                          // outside a frame
+           "06", "15", "03",                    // control codes that are no request
+           "02 30 30 45 B0 32 30 32 03 36 43",  // a character with bit 7
+           "02 30 30 0A 30 32 30 32 03 36 43",  // a control code inside
+           "02 30 30 45 30 32 30 32",           // never ends
+       }) {
+    SCOPED_TRACE(hex);
+    auto plc = make_plc("FX3U");
+    const auto framer = ProgrammingPort().make_framer();
+    EXPECT_TRUE(replies_of(plc, from_hex(hex).value(), *framer).empty());
+    // And the next request is understood.
+    EXPECT_EQ(replies_of(plc, wire("00E0202|6C"), *framer), wire("A85E|F6"));
+  }
+}
+
+TEST(ProgrammingPortFramer, EndlessFrameIsGivenUp) {
+  const auto framer = ProgrammingPort().make_framer();
+  std::vector<Frame> frames;
+  framer->take(0x02, TimePoint{}, frames);
+  for (int i = 0; i < 2000; ++i) framer->take('0', TimePoint{}, frames);
+  ASSERT_FALSE(frames.empty());
+  EXPECT_TRUE(std::ranges::none_of(frames, &Frame::whole));
+}
+
+}  // namespace
+}  // namespace fxsim

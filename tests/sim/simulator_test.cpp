@@ -1,0 +1,388 @@
+// The simulator over real pseudo terminals and sockets. Times are checked from below only: a busy
+// machine may be late, but a paced line is never early.
+
+#include "tests/sim/simulator.h"
+
+#include <arpa/inet.h>
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <poll.h>
+#include <stdlib.h>
+#include <sys/ioctl.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <termios.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "tests/sim/bytes.h"
+
+namespace fxsim {
+namespace {
+
+using nlohmann::json;
+using std::chrono::duration_cast;
+using std::chrono::microseconds;
+using std::chrono::milliseconds;
+
+constexpr milliseconds kPatience{5000};
+constexpr microseconds kCharacterAt9600{1041};
+
+const Bytes kEnquiry{0x05};
+const Bytes kRead64 = *from_hex("02 30 31 30 30 30 34 30 03 35 38");  // D0 to D31
+const Bytes kForceM100 = *from_hex("02 37 36 34 30 38 03 30 43");
+
+/// A descriptor that reads with a limit in time.
+class Client final {
+ public:
+  explicit Client(int fd) : fd_(fd) { EXPECT_GE(fd_, 0); }
+  ~Client() { close(); }
+  Client(Client&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
+  Client& operator=(Client&&) = delete;
+
+  static Client terminal(const std::string& path) {
+    const int fd = ::open(path.c_str(), O_RDWR | O_NOCTTY);
+    termios settings{};
+    ::tcgetattr(fd, &settings);
+    ::cfmakeraw(&settings);
+    ::tcsetattr(fd, TCSANOW, &settings);
+    return Client(fd);
+  }
+  static Client tcp(std::uint16_t port) {
+    Client client(::socket(AF_INET, SOCK_STREAM, 0));
+    EXPECT_TRUE(client.connect_to(port));
+    return client;
+  }
+  static bool tcp_opens(std::uint16_t port) {
+    const Client client(::socket(AF_INET, SOCK_STREAM, 0));
+    return client.connect_to(port);
+  }
+  static Client local(const std::string& path) {
+    const int fd = ::socket(AF_UNIX, SOCK_STREAM, 0);
+    sockaddr_un address{};
+    address.sun_family = AF_UNIX;
+    path.copy(address.sun_path, sizeof address.sun_path - 1);
+    EXPECT_EQ(::connect(fd, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
+    return Client(fd);
+  }
+
+  void send(ByteView bytes) const {
+    EXPECT_EQ(::write(fd_, bytes.data(), bytes.size()), static_cast<ssize_t>(bytes.size()));
+  }
+  /// Reads until `size` bytes are there, the connection ends, or the time is up.
+  Bytes receive(std::size_t size, milliseconds limit = kPatience) const {
+    const auto end = Clock::now() + limit;
+    Bytes all;
+    while (all.size() < size && wait(end)) {
+      std::array<std::uint8_t, 256> part{};
+      const auto got = ::read(fd_, part.data(), std::min(part.size(), size - all.size()));
+      if (got <= 0) break;
+      all.insert(all.end(), part.begin(), part.begin() + got);
+    }
+    return all;
+  }
+  /// Waits for the other side to hang up.
+  bool ended() const {
+    std::uint8_t byte = 0;
+    return wait(Clock::now() + kPatience) && ::read(fd_, &byte, 1) <= 0;
+  }
+  Bytes ask(ByteView request, std::size_t size) const {
+    send(request);
+    return receive(size);
+  }
+  int fd() const { return fd_; }
+  void close() {
+    if (fd_ >= 0) ::close(fd_);
+    fd_ = -1;
+  }
+
+ private:
+  bool connect_to(std::uint16_t port) const {
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_port = htons(port);
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    return ::connect(fd_, reinterpret_cast<sockaddr*>(&address), sizeof address) == 0;
+  }
+  bool wait(TimePoint end) const {
+    pollfd ready{fd_, POLLIN, 0};
+    const auto left = duration_cast<milliseconds>(end - Clock::now()).count();
+    return left > 0 && ::poll(&ready, 1, static_cast<int>(left)) > 0;
+  }
+
+  int fd_;
+};
+
+/// A simulator on a thread of its own, with its files in a directory of its own.
+class Running final {
+ public:
+  explicit Running(json one, json two = json()) {
+    auto plcs = json::array({std::move(one)});
+    if (!two.is_null()) plcs.push_back(std::move(two));
+    std::string pattern = std::filesystem::temp_directory_path() / "fxsim_test.XXXXXX";
+    directory_ = ::mkdtemp(pattern.data());
+    for (auto& plc : plcs)
+      if (plc.contains("pty")) plc["pty"] = path(plc["pty"]);
+    Simulator::Options options;
+    options.control = path("control");
+    options.log = path("log");
+    simulator_ = std::make_unique<Simulator>(parse_config({{"plcs", plcs}}), options);
+    const auto ready = json::parse(simulator_->ready_line());
+    EXPECT_EQ(ready["ready"], true);
+    for (const auto& plc : ready["plcs"])
+      if (plc.contains("tcp")) ports_[plc["name"]] = plc["tcp"];
+    thread_ = std::thread([this] { simulator_->run(); });
+  }
+  Running(const Running&) = delete;
+  Running& operator=(const Running&) = delete;
+  ~Running() {
+    stop();
+    std::filesystem::remove_all(directory_);
+  }
+  void stop() {
+    if (!thread_.joinable()) return;
+    simulator_->stop();
+    thread_.join();
+  }
+
+  std::string path(const std::string& name) const { return directory_ / name; }
+  std::uint16_t port(const std::string& name) const { return ports_.at(name); }
+  Client terminal() const { return Client::terminal(path("p1")); }
+  Client tcp() const { return Client::tcp(port("p1")); }
+
+  json control(const json& request) const {
+    const auto client = Client::local(path("control"));
+    const auto line = request.dump() + "\n";
+    client.send({reinterpret_cast<const std::uint8_t*>(line.data()), line.size()});
+    std::string reply;
+    while (reply.empty() || reply.back() != '\n') {
+      const auto byte = client.receive(1);
+      if (byte.empty()) break;
+      reply += static_cast<char>(byte[0]);
+    }
+    return json::parse(reply);
+  }
+
+ private:
+  std::filesystem::path directory_;
+  std::unique_ptr<Simulator> simulator_;
+  std::map<std::string, std::uint16_t> ports_;
+  std::thread thread_;
+};
+
+json serial(json extra = json::object()) {
+  json plc = {{"name", "p1"}, {"pty", "p1"}, {"baud", 0}, {"turnaround_ms", 0}};
+  plc.update(extra);
+  return plc;
+}
+json network(json extra = json::object()) {
+  json plc = {{"name", "p1"}, {"tcp", 0}, {"baud", 0}, {"turnaround_ms", 0}};
+  plc.update(extra);
+  return plc;
+}
+
+TEST(Simulator, AnswersOnATerminalAndOnTcp) {
+  Running sim(serial(), network({{"name", "p2"}, {"memory", {{"D0", 0x1234}}}}));
+  EXPECT_EQ(sim.terminal().ask(kEnquiry, 1), Bytes{0x06});
+  const auto reply = Client::tcp(sim.port("p2")).ask(kRead64, 132);
+  ASSERT_EQ(reply.size(), 132U);
+  EXPECT_EQ(to_hex(ByteView(reply).first(5)), "02 33 34 31 32");
+}
+
+TEST(Simulator, LineTimeIsKeptInBothDirections) {
+  for (const bool on_terminal : {true, false}) {
+    SCOPED_TRACE(on_terminal ? "pty" : "tcp");
+    const json pace = {{"baud", 9600}, {"turnaround_ms", 20}};
+    Running sim(on_terminal ? serial(pace) : network(pace));
+    const auto client = on_terminal ? sim.terminal() : sim.tcp();
+    const auto sent = Clock::now();
+    client.send(kRead64);
+    const auto head = client.receive(1);
+    const auto first = Clock::now() - sent;
+    const auto rest = client.receive(131);
+    const auto last = Clock::now() - sent;
+    ASSERT_EQ(head.size() + rest.size(), 132U);
+    const auto request_time = kCharacterAt9600 * kRead64.size() + milliseconds(20);
+    EXPECT_GE(first, request_time + kCharacterAt9600);
+    EXPECT_GE(last, request_time + kCharacterAt9600 * 132);
+  }
+}
+
+TEST(Simulator, CharacterOfElevenBitsTakesLonger) {
+  Running sim(serial({{"baud", 2400}, {"data_bits", 8}}));  // 8E1: 4.58 ms a character
+  const auto sent = Clock::now();
+  EXPECT_EQ(sim.terminal().ask(kForceM100, 1).size(), 1U);
+  EXPECT_GE(Clock::now() - sent, microseconds(4583) * 10);
+}
+
+TEST(Simulator, SecondRequestWaitsForTheWire) {
+  Running sim(serial({{"baud", 9600}}));
+  const auto client = sim.terminal();
+  const auto sent = Clock::now();
+  client.send(kForceM100);
+  client.send(kForceM100);
+  EXPECT_EQ(client.receive(2).size(), 2U);
+  EXPECT_GE(Clock::now() - sent, kCharacterAt9600 * (2 * kForceM100.size() + 1));
+}
+
+TEST(Simulator, SeveralClientsShareOneTcpPlc) {
+  Running sim(network());
+  const auto one = sim.tcp();
+  const auto two = sim.tcp();
+  one.send(ByteView(kForceM100).first(4));  // half a request of one does not disturb the other
+  EXPECT_EQ(two.ask(kForceM100, 1), Bytes{0x06});
+  EXPECT_EQ(one.ask(ByteView(kForceM100).subspan(4), 1), Bytes{0x06});
+}
+
+TEST(Simulator, TerminalOutlivesItsClients) {
+  Running sim(serial());
+  for (int i = 0; i < 5; ++i) {
+    auto client = sim.terminal();
+    ::ioctl(client.fd(), TIOCEXCL);
+    EXPECT_EQ(client.ask(kEnquiry, 1), Bytes{0x06});
+    client.close();
+  }
+  auto client = sim.terminal();
+  client.send(kRead64);  // closed with an answer on its way: the next one must not find it
+  EXPECT_EQ(client.receive(1).size(), 1U);
+  client.close();
+  EXPECT_EQ(sim.terminal().ask(kEnquiry, 1), Bytes{0x06});
+}
+
+TEST(Simulator, LateAnswerComesLate) {
+  Running sim(serial({{"faults", json::array({{{"kind", "late"}, {"ms", 150}}})}}));
+  const auto client = sim.terminal();
+  const auto sent = Clock::now();
+  EXPECT_EQ(client.ask(kEnquiry, 1), Bytes{0x06});
+  EXPECT_GE(Clock::now() - sent, milliseconds(150));
+}
+
+TEST(Simulator, SplitAnswerPausesBetweenPieces) {
+  Running sim(network({{"faults", json::array({{{"kind", "split"}, {"bytes", 50}, {"ms", 60}}})}}));
+  const auto client = sim.tcp();
+  const auto sent = Clock::now();
+  EXPECT_EQ(client.ask(kRead64, 132).size(), 132U);  // 50, 50 and 32
+  EXPECT_GE(Clock::now() - sent, milliseconds(120));
+}
+
+TEST(Simulator, EchoIsOnTheWireBeforeTheReply) {
+  Running sim(serial({{"baud", 9600}, {"faults", json::array({{{"kind", "echo"}}})}}));
+  auto expected = kForceM100;
+  expected.push_back(0x06);
+  EXPECT_EQ(sim.terminal().ask(kForceM100, expected.size()), expected);
+}
+
+TEST(Simulator, DroppedTerminalComesBackUnderItsName) {
+  Running sim(serial({{"faults", json::array({{{"kind", "drop"}, {"ms", 0}}})}}));
+  const auto client = sim.terminal();
+  client.send(kEnquiry);
+  EXPECT_TRUE(client.ended());
+  const auto end = Clock::now() + kPatience;
+  Bytes reply;
+  while (reply.empty() && Clock::now() < end) {
+    if (!std::filesystem::exists(sim.path("p1"))) continue;
+    const auto again = sim.terminal();
+    if (::write(again.fd(), kEnquiry.data(), 1) == 1) reply = again.receive(1, milliseconds(200));
+  }
+  EXPECT_EQ(reply, Bytes{0x06});
+}
+
+TEST(Simulator, DroppedConnectionCanBeMadeAgain) {
+  Running sim(network({{"faults", json::array({{{"kind", "drop"}, {"ms", 0}}})}}));
+  const auto client = sim.tcp();
+  client.send(kEnquiry);
+  EXPECT_TRUE(client.ended());
+  EXPECT_EQ(sim.tcp().ask(kEnquiry, 1), Bytes{0x06});
+}
+
+TEST(Simulator, NobodyIsLetInDuringAnOutage) {
+  Running sim(network({{"faults", json::array({{{"kind", "drop"}, {"ms", 3'600'000}}})}}));
+  const auto client = sim.tcp();
+  client.send(kEnquiry);
+  EXPECT_TRUE(client.ended());
+  // The listener closes in the same step as the connection, before control is served again.
+  EXPECT_EQ(sim.control({{"cmd", "stats"}, {"plc", "p1"}})["faults"]["drop"], 1);
+  EXPECT_FALSE(Client::tcp_opens(sim.port("p1")));
+}
+
+TEST(Simulator, DeadLineIsSilentUntilCleared) {
+  Running sim(serial());
+  sim.control({{"cmd", "fault"}, {"plc", "p1"}, {"kind", "dead"}});
+  const auto client = sim.terminal();
+  client.send(kForceM100);
+  EXPECT_TRUE(client.receive(1, milliseconds(100)).empty());
+  sim.control({{"cmd", "clear_faults"}, {"plc", "p1"}});
+  EXPECT_EQ(client.ask(kEnquiry, 1), Bytes{0x06});
+  EXPECT_EQ(sim.control({{"cmd", "get"}, {"plc", "p1"}, {"device", "M100"}})["values"],
+            json::array({0}));
+}
+
+TEST(Simulator, LogFileHasALineForEveryRequest) {
+  Running sim(serial());
+  EXPECT_EQ(sim.terminal().ask(kForceM100, 1), Bytes{0x06});
+  sim.stop();
+  std::ifstream log(sim.path("log"));
+  std::string line;
+  ASSERT_TRUE(std::getline(log, line));
+  const auto entry = json::parse(line);
+  EXPECT_EQ(entry["plc"], "p1");
+  EXPECT_EQ(entry["rx"], "02 37 36 34 30 38 03 30 43");
+  EXPECT_EQ(entry["decision"], "ack");
+  EXPECT_EQ(entry["tx"], "06");
+  EXPECT_EQ(entry["device"], "M100");
+  EXPECT_FALSE(std::getline(log, line));
+}
+
+TEST(Simulator, ControlSocketAnswersEveryLine) {
+  Running sim(serial());
+  const auto client = Client::local(sim.path("control"));
+  const std::string lines = "{\"cmd\":\"stats\",\"plc\":\"p1\"}\nnonsense\n";
+  client.send({reinterpret_cast<const std::uint8_t*>(lines.data()), lines.size()});
+  std::string replies;
+  while (std::count(replies.begin(), replies.end(), '\n') < 2) {
+    const auto byte = client.receive(1);
+    ASSERT_FALSE(byte.empty());
+    replies += static_cast<char>(byte[0]);
+  }
+  const auto first = replies.find('\n');
+  EXPECT_EQ(json::parse(replies.substr(0, first))["ok"], true);
+  EXPECT_EQ(json::parse(replies.substr(first))["error"], "not JSON");
+}
+
+TEST(Simulator, QuitEndsTheRunAndRemovesWhatItMade) {
+  Running sim(serial());
+  EXPECT_TRUE(std::filesystem::is_symlink(sim.path("p1")));
+  EXPECT_EQ(sim.control({{"cmd", "quit"}})["ok"], true);
+  sim.stop();
+  EXPECT_FALSE(std::filesystem::exists(std::filesystem::symlink_status(sim.path("p1"))));
+  EXPECT_FALSE(std::filesystem::exists(sim.path("control")));
+}
+
+TEST(Simulator, LifetimeEndsTheRun) {
+  const auto plcs = parse_config({{"plcs", json::array({network()})}});
+  Simulator::Options options;
+  options.lifetime = milliseconds(30);
+  Simulator simulator(plcs, options);
+  const auto start = Clock::now();
+  simulator.run();
+  EXPECT_GE(Clock::now() - start, milliseconds(30));
+}
+
+TEST(Simulator, LinesThatCannotBeOpenedAreErrors) {
+  const auto open = [](const json& plc) {
+    Simulator(parse_config({{"plcs", json::array({plc})}}), {});
+  };
+  EXPECT_THROW(open(serial({{"pty", "/nowhere/at/all"}})), std::system_error);
+  Running sim(network());
+  EXPECT_THROW(open(network({{"tcp", sim.port("p1")}})), std::system_error);
+  std::ofstream(sim.path("file")) << "no link";
+  EXPECT_THROW(open(serial({{"pty", sim.path("file")}})), std::system_error);
+}
+
+}  // namespace
+}  // namespace fxsim
