@@ -11,7 +11,8 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr std::size_t kMaxShown = 80;
+// The library's own words, with room for the token that it quotes.
+constexpr std::size_t kMaxFault = 240;
 
 /// Walks the text and leaves behind how far the lexer has come. That is how a SAX event learns its
 /// place, which the library does not tell.
@@ -222,7 +223,7 @@ tl::expected<ConfigTree, ConfigTree::SyntaxError> ConfigTree::parse(std::string_
   const char* const begin = text.data();
   if (!Json::sax_parse(TracedIterator(begin, &taken), TracedIterator(begin + text.size(), &taken),
                        &builder))
-    return syntax_error(taken == 0 ? 0 : taken - 1, shown(builder.fault()));
+    return syntax_error(taken == 0 ? 0 : taken - 1, shown(builder.fault(), kMaxFault));
   name_parents(*tree.root_);
   return tree;
 }
@@ -233,11 +234,11 @@ int ConfigTree::line_of(std::size_t offset) const {
                               newlines_.begin());
 }
 
-std::string shown(std::string_view text) {
+std::string shown(std::string_view text, std::size_t most) {
   std::string out;
   while (!text.empty()) {
     const std::size_t length = std::max<std::size_t>(utf8_length(text), 1);
-    if (out.size() + length > kMaxShown) return out + "...";
+    if (out.size() + length > most) return out + "...";
     const unsigned char first = static_cast<unsigned char>(text[0]);
     if (utf8_length(text) == 0 || first < 0x20 || first == 0x7F) {
       char escaped[8];

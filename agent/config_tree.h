@@ -60,7 +60,7 @@ class ConfigTree {
   std::vector<std::uint32_t> newlines_;
 };
 
-/// `text` for an error message: control bytes and broken UTF-8 as \xNN, cut after 80 bytes.
-std::string shown(std::string_view text);
+/// `text` for an error message: control bytes and broken UTF-8 as \xNN, cut after `most` bytes.
+std::string shown(std::string_view text, std::size_t most = 80);
 
 }  // namespace fxagent

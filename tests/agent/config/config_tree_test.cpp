@@ -102,6 +102,7 @@ TEST(ConfigTree, SyntaxErrorNamesLineAndColumnInWords) {
                         {"{\n  \"a\": }\n", 2, "line 2, column 8"},
                         {"{\"a\": 1,}", 1, "line 1, column 9"},
                         {"[1, 2", 1, "line 1, column 5"},
+                        {"{\"a\"", 1, "unexpected end of input; expected ':'"},
                         {"\n\n{} x", 3, "line 3, column 4"},
                         {"// no comments\n{}", 1, "line 1, column 1"},
                         {"{\"a\": 1e999}", 1, "number overflow"},
