@@ -27,8 +27,8 @@ constexpr int kPahoBuffer = 10000;
 constexpr int kPahoInFlight = 1000;  // above the publisher's window, so that Paho never queues
 constexpr std::size_t kMaxInboxBytes = std::size_t{64} << 20;
 // Told to the broker (MQTT 5): larger packets never come. A command is 64 KiB at most, and one that
-// is a little too large must still be answered.
-constexpr std::uint32_t kMaxPacketIn = 1 << 20;
+// is far too large must still be answered.
+constexpr std::uint32_t kMaxPacketIn = 16 << 20;
 
 bool is_tls(std::string_view server) { return server.starts_with("mqtts://"); }
 
