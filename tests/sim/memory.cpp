@@ -22,7 +22,7 @@ bool DeviceMemory::has(Device device) const {
 std::uint32_t DeviceMemory::get(Device device) const {
   const auto& bytes = row(device.kind);
   const auto bits = width(device.kind);
-  if (bits == 1) return (bytes[device.number / 8] >> (device.number % 8)) & 1U;
+  if (bits == 1) return (std::uint32_t{bytes[device.number / 8]} >> (device.number % 8)) & 1U;
   const std::size_t size = bits / 8;
   std::uint32_t value = 0;
   for (std::size_t i = 0; i < size; ++i)
@@ -62,7 +62,7 @@ void DeviceMemory::set_byte(Kind kind, std::size_t offset, std::uint8_t value) {
   }
   for (unsigned bit = 0; bit < 8; ++bit) {
     const Device device{kind, static_cast<unsigned>(offset * 8 + bit)};
-    if (has(device)) set(device, (value >> bit) & 1U);
+    if (has(device)) set(device, std::uint32_t{value} >> bit);
   }
 }
 

@@ -64,15 +64,16 @@ void Plc::force(Device device, bool on) {
 }
 
 void Plc::write_byte(Kind kind, std::size_t offset, std::uint8_t value) {
-  const auto before = memory_.byte(kind, offset);
+  const unsigned before = memory_.byte(kind, offset);
+  const unsigned after = value;
   memory_.set_byte(kind, offset, value);
   if (kind == Kind::special_m) {
     // A byte carries eight relays; only those that it changes are orders.
-    const auto changed = static_cast<unsigned>(before ^ value);
+    const unsigned changed = before ^ after;
     for (unsigned bit = 0; bit < 8; ++bit)
       if (((changed >> bit) & 1U) != 0)
         command_run_state({kind, static_cast<unsigned>(offset * 8 + bit)},
-                          ((value >> bit) & 1U) != 0);
+                          ((after >> bit) & 1U) != 0);
   }
   refresh_system();
 }

@@ -21,7 +21,8 @@ class Pty final {
   /// Readable when a client has opened or closed its end.
   int watch() const { return watch_; }
   /// Call when watch() is readable, and before a request is answered. After a client has closed,
-  /// what it has not read is dropped and its exclusive lock undone, as a port that closes does.
+  /// what it has not read is dropped and its exclusive lock undone, as a port that closes does. A
+  /// client that opens again within the same millisecond may still find the old bytes.
   void notice_closing();
 
  private:
