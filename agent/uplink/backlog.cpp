@@ -34,7 +34,7 @@ std::optional<Backlog::Batch> Backlog::next(
   std::size_t size = json::kHistoryFrameBytes;
   for (const std::uint64_t order : oldest->second.waiting) {
     const std::string& text = rows_.at(order).json;
-    size += text.size() + 1;
+    size += text.size() + (texts.empty() ? 0 : 1);
     if (!texts.empty() && size > max_payload) break;
     texts.push_back(text);
     batch.orders.push_back(order);

@@ -24,8 +24,8 @@ std::string telemetry(const Telemetry& message, const DeviceConfig& device, std:
 
 /// {"history":true,"rows":[…]} of rows that telemetry() made.
 std::string history(std::span<const std::string_view> rows);
-/// What history() adds: to the whole, and to each row (a comma).
-inline constexpr std::size_t kHistoryFrameBytes = 25;
+/// What history() adds to its rows and the commas between them.
+inline constexpr std::size_t kHistoryFrameBytes = 26;
 
 std::string agent_online(std::int64_t since_ms, std::string_view boot, std::string_view version);
 /// Without `since_ms` (the last will, written before it is known) "since" is null.

@@ -1,0 +1,116 @@
+// A broker in memory that behaves as a real one: it answers later, acknowledges when told, refuses,
+// breaks the connection, and keeps retained messages. Its news is taken, never called back.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <deque>
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "agent/uplink/broker.h"
+
+namespace fxagent::test {
+
+class FakeBroker final : public Broker {
+ public:
+  // ---- the port
+  void connect(std::size_t index) override {
+    connects.push_back(index);
+    events_.clear();
+    open_.clear();
+    filters.clear();
+    up_ = reachable;
+    if (up_)
+      events_.push_back(Connected{false, receive_maximum, maximum_packet});
+    else if (answers)
+      events_.push_back(ConnectFailed{"connection refused"});
+  }
+  void disconnect() override {
+    ++disconnects;
+    up_ = false;
+    events_.push_back(Disconnected{});
+  }
+  void publish(Publication publication) override {
+    if (!up_) {
+      events_.push_back(DeliveryFailed{publication.id, 0, "disconnected"});
+      return;
+    }
+    log.push_back(publication);
+    most_open = std::max(most_open, open_.size() + 1);
+    if (acknowledges)
+      take(publication);
+    else
+      open_.push_back(std::move(publication));
+  }
+  void subscribe(Subscription subscription) override {
+    filters.insert(subscription.filter);
+    order.push_back("subscribe " + subscription.filter);
+    events_.push_back(Subscribed{subscription.filter, true, {}});
+  }
+  void unsubscribe(const std::string& filter) override { filters.erase(filter); }
+  std::vector<BrokerEvent> take_events() override { return std::exchange(events_, {}); }
+
+  // ---- what the test does to it
+  void acknowledge_next() {
+    ASSERT_FALSE(open_.empty());
+    const Publication publication = open_.front();
+    open_.pop_front();
+    take(publication);
+  }
+  void acknowledge_all() {
+    while (!open_.empty()) acknowledge_next();
+  }
+  void refuse_next(int reason_code) {
+    ASSERT_FALSE(open_.empty());
+    events_.push_back(DeliveryFailed{open_.front().id, reason_code, "refused"});
+    open_.pop_front();
+  }
+  void lose() {
+    up_ = false;
+    open_.clear();
+    events_.push_back(Lost{"connection closed"});
+  }
+  void send(Message message) { events_.push_back(std::move(message)); }
+
+  // ---- what the test sees
+  std::size_t open() const { return open_.size(); }
+  bool up() const { return up_; }
+  /// Payloads that arrived on this topic, acknowledged or not.
+  std::vector<std::string> on(const std::string& topic) const {
+    std::vector<std::string> payloads;
+    for (const Publication& p : log)
+      if (p.topic == topic) payloads.push_back(p.payload);
+    return payloads;
+  }
+
+  bool reachable = true;
+  bool answers = true;  ///< an unreachable one says so
+  bool acknowledges = true;
+  std::uint32_t receive_maximum = 20;
+  std::uint32_t maximum_packet = 1 << 28;
+
+  std::vector<std::size_t> connects;
+  int disconnects = 0;
+  std::vector<Publication> log;    ///< everything published, in order
+  std::vector<Publication> taken;  ///< what was acknowledged
+  std::vector<std::string> order;  ///< subscribes, and topics of acknowledged publishes
+  std::set<std::string> filters;
+  std::size_t most_open = 0;
+
+ private:
+  void take(const Publication& publication) {
+    taken.push_back(publication);
+    order.push_back(publication.topic);
+    events_.push_back(Delivered{publication.id});
+  }
+
+  bool up_ = false;
+  std::deque<Publication> open_;
+  std::vector<BrokerEvent> events_;
+};
+
+}  // namespace fxagent::test

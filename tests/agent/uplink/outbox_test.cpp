@@ -1,0 +1,51 @@
+#include "agent/outbox.h"
+
+#include <gtest/gtest.h>
+
+#include <thread>
+
+#include "tests/agent/uplink/plant.h"
+
+namespace fxagent {
+namespace {
+
+TEST(Outbox, FullOutboxDropsTheOldestSampleAndNeverAResult) {
+  Outbox outbox(2);
+  for (std::uint64_t seq = 1; seq <= 5; ++seq) outbox.push(test::sample(seq, 1));
+  for (const char* id : {"a", "b", "c"}) outbox.push(test::succeeded(id));
+  for (int i = 0; i < 3; ++i) outbox.push(DeviceStatus{});
+  const Outbox::Batch batch = outbox.take();
+  ASSERT_EQ(batch.telemetry.size(), 2U);
+  EXPECT_EQ(batch.telemetry[0].seq, 4U);
+  EXPECT_EQ(batch.dropped.at(1), 3U);
+  EXPECT_EQ(batch.results.size(), 3U);
+  EXPECT_EQ(batch.states.size(), 3U);
+  EXPECT_EQ(batch.pushed, 5U);
+  EXPECT_TRUE(outbox.take().dropped.empty());
+}
+
+TEST(Outbox, HealthKnowsHowManySamplesWereBeforeIt) {
+  Outbox outbox(10);
+  outbox.push(test::sample(1));
+  outbox.push(FieldHealth{});
+  outbox.push(test::sample(2));
+  const Outbox::Batch batch = outbox.take();
+  EXPECT_TRUE(batch.health);
+  EXPECT_EQ(batch.pushed_at_health, 1U);
+  EXPECT_EQ(batch.pushed, 2U);
+}
+
+TEST(Outbox, WaitEndsWithNewsOrAtItsDeadline) {
+  Outbox outbox(10);
+  const auto never = SteadyTime::clock::now() + std::chrono::hours(1);
+  outbox.push(test::sample(1));
+  outbox.wait_until(never);  // pushed before
+  std::thread pusher([&] { outbox.notify(); });
+  outbox.wait_until(never);
+  pusher.join();
+  outbox.wait_until(SteadyTime::clock::now());  // nothing new
+  EXPECT_EQ(outbox.take().telemetry.size(), 1U);
+}
+
+}  // namespace
+}  // namespace fxagent

@@ -1,0 +1,114 @@
+// A small plant for the uplink's tests: press1 as in the README's examples, and press2 beside it.
+#pragma once
+
+#include <string>
+
+#include "agent/config.h"
+#include "agent/messages.h"
+
+namespace fxagent::test {
+
+enum PressTag : std::uint32_t { temp, running, pressure, setpoint, level, label };
+
+inline TagConfig tag(std::string name, std::string address, DataType type,
+                     std::uint32_t group = 0) {
+  TagConfig made;
+  made.name = std::move(name);
+  made.point.address.text = std::move(address);
+  made.point.type = type;
+  made.group = group;
+  return made;
+}
+
+inline DeviceConfig press(std::string name) {
+  DeviceConfig device;
+  device.name = std::move(name);
+  GroupConfig fast;
+  fast.name = "fast";
+  GroupConfig slow;
+  slow.name = "slow";
+  device.groups = {fast, slow};
+  TagConfig temperature = tag("temp", "D100", DataType::int16);
+  temperature.unit = "°C";
+  temperature.point.scale = 0.1;
+  temperature.deadband = 0.5;
+  TagConfig set = tag("setpoint", "D200", DataType::int16, 1);
+  set.writable = true;
+  set.min = 0;
+  set.max = 1000;
+  device.tags = {temperature,
+                 tag("running", "M0", DataType::boolean),
+                 tag("pressure", "D101", DataType::int16),
+                 set,
+                 tag("level", "D300", DataType::float32),
+                 tag("label", "D400", DataType::string)};
+  device.tags[label].point.length = 8;
+  return device;
+}
+
+inline Config plant() {
+  Config config;
+  config.id = "edge7";
+  config.root = "fx/plant-a";
+  config.mqtt.servers = {"mqtt://one:1883", "mqtt://two:1883"};
+  config.mqtt.client_id = "fx-edge7";
+  LinkConfig line;
+  line.name = "line1";
+  line.channel = SerialSettings{};
+  config.links = {line};
+  config.devices = {press("press1"), press("press2")};
+  return config;
+}
+
+inline TagReading good(std::uint32_t index, Value value) {
+  TagReading reading;
+  reading.tag = index;
+  reading.value = std::move(value);
+  return reading;
+}
+
+inline Telemetry sample(std::uint64_t seq, std::uint32_t device = 0, std::uint32_t group = 0) {
+  Telemetry message;
+  message.device = device;
+  message.group = group;
+  message.seq = seq;
+  message.ts_ms = 1790000000000 + static_cast<std::int64_t>(seq);
+  message.readings = {good(temp, Value(23.4))};
+  return message;
+}
+
+inline DeviceStatus offline(std::uint32_t device, std::string reason, std::int64_t since_ms = 7) {
+  DeviceStatus status;
+  status.device = device;
+  status.reason = std::move(reason);
+  status.since_ms = since_ms;
+  return status;
+}
+
+/// What the field counted: all of it on the first device.
+inline FieldHealth counted(std::uint64_t collected, std::uint64_t suppressed) {
+  FieldHealth health;
+  health.devices.resize(2);
+  health.devices[0].polls = 9;
+  health.devices[0].collected = collected;
+  health.devices[0].suppressed = suppressed;
+  return health;
+}
+
+inline CommandResult succeeded(std::string id) {
+  CommandResult result;
+  result.id = std::move(id);
+  result.status = CommandStatus::succeeded;
+  result.plc = PlcAnswer::ack;
+  result.op = "write";
+  TargetResult target;
+  target.tag = "setpoint";
+  target.address = "D200";
+  target.value = Value(std::int64_t{50});
+  target.status = CommandStatus::succeeded;
+  result.targets = {target};
+  result.attempts = 1;
+  return result;
+}
+
+}  // namespace fxagent::test
