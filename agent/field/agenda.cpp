@@ -109,7 +109,11 @@ bool Agenda::step_done(const PollStep& step) {
   return true;
 }
 
-void Agenda::abandon_cycle(GroupId group) { groups_[group].running = false; }
+void Agenda::abandon_cycle(GroupId id, SteadyTime now) {
+  Group& group = groups_[id];
+  group.running = false;
+  if (group.interval.count() == 0) group.due = now + kPeriodOfFreeRunning;
+}
 
 void Agenda::command_used(std::chrono::nanoseconds line_time, SteadyTime now) {
   if (commands_ == 0 || most_urgent(now) == nullptr) return;
@@ -122,11 +126,12 @@ void Agenda::poll_used(std::chrono::nanoseconds line_time) { owed_to_polls_ -= l
 
 std::chrono::nanoseconds Agenda::polls_between(std::chrono::nanoseconds line_time,
                                                std::chrono::nanoseconds longest_poll) const {
-  if (line_time.count() <= 0) return {};
+  const auto owed_already = std::max(owed_to_polls_, std::chrono::nanoseconds(0));
+  if (line_time.count() <= 0 && owed_already.count() == 0) return {};
   const double factor = poll_share_ / (1.0 - poll_share_);
   const double owed = static_cast<double>(line_time.count()) * factor;
   // A poll goes while anything is owed, so the last one may overdraw by itself.
-  return std::chrono::nanoseconds(static_cast<std::int64_t>(owed)) + longest_poll;
+  return owed_already + std::chrono::nanoseconds(static_cast<std::int64_t>(owed)) + longest_poll;
 }
 
 void Agenda::device_answered(DeviceId id) {

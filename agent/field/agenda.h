@@ -63,14 +63,15 @@ class Agenda final {
 
   /// The step was carried out; the cycle goes on, or has ended: true.
   bool step_done(const PollStep& step);
-  /// The rest of the cycle is given up until the next beat.
-  void abandon_cycle(GroupId group);
+  /// The rest of the cycle is given up until the next beat. A group without an interval rests for a
+  /// second: what failed without using the line must not be offered again in the same breath.
+  void abandon_cycle(GroupId group, SteadyTime now);
 
   /// Line time that commands and polls have used; feeds the polls' share.
   void command_used(std::chrono::nanoseconds line_time, SteadyTime now);
   void poll_used(std::chrono::nanoseconds line_time);
-  /// The most poll time that next() puts before or between commands of `line_time` in all, if the
-  /// longest poll exchange takes `longest_poll`.
+  /// The most poll time that next() puts before or between commands of `line_time` in all, what is
+  /// owed to the polls already included, if the longest poll exchange takes `longest_poll`.
   std::chrono::nanoseconds polls_between(std::chrono::nanoseconds line_time,
                                          std::chrono::nanoseconds longest_poll) const;
 

@@ -432,7 +432,7 @@ void LinkWorker::fail_cycle(Device& device, GroupPoll& group, BadReason why) {
   for (std::size_t i = 0; i < group.failures.size(); ++i)
     if (i >= group.next_read && group.images[i].empty() && !group.failures[i])
       group.failures[i] = why;
-  agenda_.abandon_cycle(group.id);
+  agenda_.abandon_cycle(group.id, Clock::now());
   finish_cycle(device, group);
 }
 

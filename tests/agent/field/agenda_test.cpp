@@ -1,0 +1,524 @@
+#include "agent/field/agenda.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <deque>
+#include <optional>
+#include <random>
+#include <string>
+#include <vector>
+
+namespace fxagent::test {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
+using Kind = Agenda::Job::Kind;
+
+const SteadyTime kStart{std::chrono::hours(1000)};
+constexpr BackOff kBackOff{milliseconds(1000), milliseconds(4000)};
+
+SteadyTime at(int ms) { return kStart + milliseconds(ms); }
+
+/// The group whose poll the agenda offers, carried out at once; nullopt where it offers none.
+std::optional<Agenda::GroupId> poll(Agenda& agenda, SteadyTime now) {
+  const auto job = agenda.next(now);
+  if (job.kind != Kind::poll) return std::nullopt;
+  agenda.step_done(job.poll);
+  return job.poll.group;
+}
+
+TEST(Agenda, CommandGoesBeforeADuePoll) {
+  Agenda agenda;
+  const auto device = agenda.add_device(3, kBackOff);
+  agenda.add_group(device, milliseconds(100), 1, at(0));
+  agenda.command_waits();
+  EXPECT_EQ(agenda.next(at(50)).kind, Kind::command);
+  agenda.command_taken();
+  EXPECT_EQ(agenda.next(at(50)).kind, Kind::poll);
+}
+
+TEST(Agenda, NothingToDoIsAWaitWithoutEnd) {
+  Agenda agenda;
+  const auto job = agenda.next(at(0));
+  EXPECT_EQ(job.kind, Kind::wait);
+  EXPECT_EQ(job.until, SteadyTime::max());
+}
+
+TEST(Agenda, WaitsForTheNextBeatOfAnyGroup) {
+  Agenda agenda;
+  const auto device = agenda.add_device(3, kBackOff);
+  agenda.add_group(device, milliseconds(100), 1, at(70));
+  agenda.add_group(device, milliseconds(100), 1, at(30));
+  const auto job = agenda.next(at(0));
+  EXPECT_EQ(job.kind, Kind::wait);
+  EXPECT_EQ(job.until, at(30));
+}
+
+TEST(Agenda, EarliestDeadlineGoesFirst) {
+  Agenda agenda;
+  const auto device = agenda.add_device(3, kBackOff);
+  const auto slow = agenda.add_group(device, milliseconds(1000), 1, at(0));
+  const auto fast = agenda.add_group(device, milliseconds(100), 1, at(10));
+  EXPECT_EQ(poll(agenda, at(20)), fast);  // must be done by 110, the other by 1000
+  EXPECT_EQ(poll(agenda, at(20)), slow);
+  EXPECT_EQ(poll(agenda, at(20)), std::nullopt);
+}
+
+TEST(Agenda, EqualDeadlinesGoInTheOrderOfTheConfig) {
+  Agenda agenda;
+  const auto device = agenda.add_device(3, kBackOff);
+  const auto first = agenda.add_group(device, milliseconds(100), 1, at(0));
+  const auto second = agenda.add_group(device, milliseconds(100), 1, at(0));
+  EXPECT_EQ(poll(agenda, at(0)), first);
+  EXPECT_EQ(poll(agenda, at(0)), second);
+}
+
+TEST(Agenda, LatePollDoesNotMoveTheBeat) {
+  Agenda agenda;
+  const auto device = agenda.add_device(3, kBackOff);
+  agenda.add_group(device, milliseconds(100), 1, at(0));
+  for (int beat = 0; beat < 50; ++beat) {
+    const int late = beat % 2 == 0 ? 0 : 37;
+    const auto job = agenda.next(at(beat * 100 + late));
+    ASSERT_EQ(job.kind, Kind::poll) << beat;
+    EXPECT_EQ(job.poll.late, milliseconds(late)) << beat;
+    agenda.step_done(job.poll);
+    EXPECT_EQ(agenda.next(at(beat * 100 + late)).until, at(beat * 100 + 100)) << beat;
+  }
+  EXPECT_EQ(agenda.counters(device).missed, 0U);
+  EXPECT_EQ(agenda.counters(device).polls, 50U);
+}
+
+TEST(Agenda, MissedBeatsAreSkippedAndCountedNeverSentInABurst) {
+  Agenda agenda;
+  const auto device = agenda.add_device(3, kBackOff);
+  const auto group = agenda.add_group(device, milliseconds(100), 1, at(0));
+  EXPECT_EQ(poll(agenda, at(0)), group);
+  EXPECT_EQ(poll(agenda, at(730)), group);  // the beat of 100; those of 200 to 700 are gone
+  EXPECT_EQ(poll(agenda, at(730)), std::nullopt);
+  EXPECT_EQ(agenda.next(at(730)).until, at(800));
+  EXPECT_EQ(agenda.counters(device).missed, 6U);
+  EXPECT_EQ(agenda.counters(device).polls, 2U);
+}
+
+TEST(Agenda, IntervalZeroIsAlwaysDueAndLeavesOthersTheirBeat) {
+  Agenda agenda;
+  const auto device = agenda.add_device(3, kBackOff);
+  const auto free = agenda.add_group(device, milliseconds(0), 1, at(0));
+  const auto fast = agenda.add_group(device, milliseconds(100), 1, at(0));
+  int of_free = 0;
+  int of_fast = 0;
+  for (int now = 0; now < 1000; now += 10) {
+    const auto group = poll(agenda, at(now));
+    of_free += group == free;
+    of_fast += group == fast;
+  }
+  EXPECT_EQ(of_fast, 10);
+  EXPECT_EQ(of_free, 90);
+  EXPECT_EQ(agenda.counters(device).missed, 0U);
+}
+
+TEST(Agenda, GivenUpCycleOfIntervalZeroRestsForAWhile) {
+  // Where the link is down a cycle ends without waiting for anything: offered again at once, it
+  // would keep the field thread from ever doing something else.
+  Agenda agenda;
+  const auto device = agenda.add_device(3, kBackOff);
+  const auto free = agenda.add_group(device, milliseconds(0), 1, at(0));
+  ASSERT_EQ(agenda.next(at(0)).kind, Kind::poll);
+  agenda.abandon_cycle(free, at(0));
+  const auto job = agenda.next(at(0));
+  EXPECT_EQ(job.kind, Kind::wait);
+  EXPECT_GT(job.until, at(0));
+  EXPECT_EQ(poll(agenda, job.until), free);
+}
+
+TEST(Agenda, CycleOfSeveralExchangesGivesThemInOrder) {
+  Agenda agenda;
+  const auto device = agenda.add_device(3, kBackOff);
+  agenda.add_group(device, milliseconds(100), 3, at(0));
+  for (std::uint32_t exchange = 0; exchange < 3; ++exchange) {
+    const auto job = agenda.next(at(0));
+    ASSERT_EQ(job.kind, Kind::poll);
+    EXPECT_EQ(job.poll.exchange, exchange);
+    EXPECT_EQ(job.poll.starts_cycle, exchange == 0);
+    EXPECT_EQ(agenda.step_done(job.poll), exchange == 2);
+  }
+  EXPECT_EQ(agenda.next(at(0)).until, at(100));
+}
+
+TEST(Agenda, StepThatIsNotDoneIsOfferedAgain) {
+  Agenda agenda;
+  const auto device = agenda.add_device(3, kBackOff);
+  agenda.add_group(device, milliseconds(100), 2, at(0));
+  agenda.step_done(agenda.next(at(0)).poll);
+  EXPECT_EQ(agenda.next(at(0)).poll.exchange, 1U);
+  EXPECT_EQ(agenda.next(at(0)).poll.exchange, 1U);
+}
+
+TEST(Agenda, CommandGoesBetweenTheExchangesOfACycle) {
+  Agenda agenda;
+  const auto device = agenda.add_device(3, kBackOff);
+  agenda.add_group(device, milliseconds(100), 2, at(0));
+  agenda.step_done(agenda.next(at(0)).poll);
+  agenda.command_waits();
+  EXPECT_EQ(agenda.next(at(5)).kind, Kind::command);
+  agenda.command_taken();
+  EXPECT_EQ(agenda.next(at(6)).poll.exchange, 1U);
+}
+
+TEST(Agenda, AbandonedCycleWaitsForTheNextBeat) {
+  Agenda agenda;
+  const auto device = agenda.add_device(3, kBackOff);
+  const auto group = agenda.add_group(device, milliseconds(100), 3, at(0));
+  agenda.step_done(agenda.next(at(0)).poll);
+  agenda.abandon_cycle(group, at(10));
+  EXPECT_EQ(agenda.next(at(10)).until, at(100));
+  const auto job = agenda.next(at(100));
+  EXPECT_TRUE(job.poll.starts_cycle);
+  EXPECT_EQ(job.poll.exchange, 0U);
+}
+
+TEST(Agenda, NewPlanRestartsTheRunningCycle) {
+  Agenda agenda;
+  const auto device = agenda.add_device(3, kBackOff);
+  const auto group = agenda.add_group(device, milliseconds(100), 4, at(0));
+  agenda.step_done(agenda.next(at(0)).poll);
+  agenda.step_done(agenda.next(at(0)).poll);
+  agenda.set_exchanges(group, 1);
+  const auto job = agenda.next(at(0));
+  ASSERT_EQ(job.kind, Kind::poll);
+  EXPECT_EQ(job.poll.exchange, 0U);
+  EXPECT_TRUE(agenda.step_done(job.poll));
+}
+
+TEST(Agenda, GroupWithoutExchangesIsOneStep) {
+  Agenda agenda;
+  const auto device = agenda.add_device(3, kBackOff);
+  agenda.add_group(device, milliseconds(100), 0, at(0));
+  const auto job = agenda.next(at(0));
+  ASSERT_EQ(job.kind, Kind::poll);
+  EXPECT_TRUE(agenda.step_done(job.poll));
+}
+
+TEST(Agenda, BackOffDoublesToItsCapAndAnAnswerEndsIt) {
+  Agenda agenda;
+  const auto device = agenda.add_device(2, kBackOff);
+  agenda.add_group(device, milliseconds(100), 1, at(0));
+  EXPECT_FALSE(agenda.device_unanswered(device, at(0)));
+  EXPECT_FALSE(agenda.is_silent(device));
+  for (const int rest : {1000, 2000, 4000, 4000}) {
+    EXPECT_TRUE(agenda.device_unanswered(device, at(0)));
+    EXPECT_TRUE(agenda.is_silent(device));
+    EXPECT_EQ(agenda.next(at(rest - 1)).kind, Kind::wait) << rest;
+    EXPECT_EQ(agenda.next(at(0)).until, at(rest));
+  }
+  agenda.device_answered(device);
+  EXPECT_FALSE(agenda.is_silent(device));
+  EXPECT_EQ(agenda.next(at(0)).kind, Kind::poll);
+  EXPECT_FALSE(agenda.device_unanswered(device, at(0)));
+  EXPECT_TRUE(agenda.device_unanswered(device, at(0)));
+  EXPECT_EQ(agenda.next(at(999)).kind, Kind::wait) << "the back-off begins anew";
+}
+
+TEST(Agenda, AnswerBetweenTwoSilencesStartsTheCountAnew) {
+  Agenda agenda;
+  const auto device = agenda.add_device(2, kBackOff);
+  for (int i = 0; i < 5; ++i) {
+    EXPECT_FALSE(agenda.device_unanswered(device, at(i)));
+    agenda.device_answered(device);
+  }
+}
+
+TEST(Agenda, SilentDeviceDoesNotStarveItsNeighbour) {
+  Agenda agenda;
+  const auto silent = agenda.add_device(1, kBackOff);
+  const auto healthy = agenda.add_device(1, kBackOff);
+  const auto dead_group = agenda.add_group(silent, milliseconds(100), 1, at(0));
+  const auto group = agenda.add_group(healthy, milliseconds(100), 1, at(0));
+  int polls_of_the_dead = 0;
+  int now = 0;
+  while (now < 20000) {
+    const auto job = agenda.next(at(now));
+    if (job.kind == Kind::wait) {
+      now = static_cast<int>((job.until - kStart) / milliseconds(1));
+      continue;
+    }
+    if (job.poll.group == dead_group) {
+      now += 500;  // its timeout
+      ++polls_of_the_dead;
+      agenda.device_unanswered(silent, at(now));
+      agenda.abandon_cycle(dead_group, at(now));
+    } else {
+      ASSERT_EQ(job.poll.group, group);
+      now += 10;
+      agenda.device_answered(healthy);
+      agenda.step_done(job.poll);
+    }
+  }
+  EXPECT_LE(polls_of_the_dead, 7);  // after 0, 1, 2, then every 4 s
+  EXPECT_GE(agenda.counters(healthy).polls, 200U - 6U * 7U);
+}
+
+TEST(Agenda, CommandsToASilentDeviceAreOffered) {
+  Agenda agenda;
+  const auto device = agenda.add_device(1, kBackOff);
+  agenda.device_unanswered(device, at(0));
+  agenda.command_waits();
+  EXPECT_EQ(agenda.next(at(0)).kind, Kind::command);
+}
+
+TEST(Agenda, PollsKeepTheirShareUnderAFloodOfCommands) {
+  Agenda agenda(0.2);
+  const auto device = agenda.add_device(1, kBackOff);
+  agenda.add_group(device, milliseconds(0), 1, at(0));
+  while (agenda.commands_waiting() < 3) agenda.command_waits();
+  nanoseconds of_commands{0};
+  nanoseconds of_polls{0};
+  SteadyTime now = at(0);
+  for (int i = 0; i < 5000; ++i) {
+    const auto job = agenda.next(now);
+    now += milliseconds(10);
+    if (job.kind == Kind::command) {
+      agenda.command_taken();
+      agenda.command_used(milliseconds(10), now);
+      agenda.command_waits();  // the flood never ends
+      of_commands += milliseconds(10);
+    } else {
+      ASSERT_EQ(job.kind, Kind::poll);
+      agenda.poll_used(milliseconds(10));
+      agenda.step_done(job.poll);
+      of_polls += milliseconds(10);
+    }
+  }
+  const double share =
+      static_cast<double>(of_polls.count()) / static_cast<double>((of_polls + of_commands).count());
+  EXPECT_NEAR(share, 0.2, 0.01);
+}
+
+TEST(Agenda, NoPollIsOwedForAQuietTime) {
+  // Polls that nobody held up build no claim against a later burst of commands.
+  Agenda agenda(0.2);
+  const auto device = agenda.add_device(1, kBackOff);
+  agenda.add_group(device, milliseconds(1000), 1, at(500));
+  agenda.command_waits();
+  agenda.next(at(0));
+  agenda.command_taken();
+  agenda.command_used(milliseconds(400), at(400));
+  agenda.command_waits();
+  EXPECT_EQ(agenda.next(at(600)).kind, Kind::command);
+}
+
+TEST(Agenda, WhatIsOwedToPollsIsPartOfTheBound) {
+  Agenda agenda(0.2);
+  const auto device = agenda.add_device(1, kBackOff);
+  agenda.add_group(device, milliseconds(0), 1, at(0));
+  agenda.command_waits();
+  agenda.command_waits();
+  agenda.command_taken();
+  agenda.command_used(milliseconds(10000), at(0));  // 2.5 s belong to the polls now
+  EXPECT_GE(agenda.polls_between(milliseconds(10), milliseconds(50)), milliseconds(2500));
+}
+
+// ---- a line in fake time, compared with what the contract promises ------------------------------
+
+/// What must not be built: an agenda that lets due polls go first. The check below must find it.
+class PollsFirst final {
+ public:
+  using DeviceId = Agenda::DeviceId;
+  using GroupId = Agenda::GroupId;
+  explicit PollsFirst(double share) : inner_(share) {}
+  DeviceId add_device(int limit, BackOff back_off) { return inner_.add_device(limit, back_off); }
+  GroupId add_group(DeviceId device, milliseconds interval, std::uint32_t exchanges,
+                    SteadyTime due) {
+    return inner_.add_group(device, interval, exchanges, due);
+  }
+  Agenda::Job next(SteadyTime now) {
+    Agenda::Job job = inner_.next(now);
+    if (job.kind == Kind::wait && commands_ > 0) job.kind = Kind::command;
+    return job;
+  }
+  bool step_done(const Agenda::PollStep& step) { return inner_.step_done(step); }
+  void command_waits() { ++commands_; }
+  void command_taken() { --commands_; }
+  void command_used(nanoseconds, SteadyTime) {}
+  void poll_used(nanoseconds) {}
+  nanoseconds polls_between(nanoseconds line_time, nanoseconds longest) const {
+    return inner_.polls_between(line_time, longest);
+  }
+  const Agenda::Counters& counters(DeviceId device) const { return inner_.counters(device); }
+
+ private:
+  Agenda inner_;
+  std::uint32_t commands_ = 0;
+};
+
+struct Findings {
+  int commands = 0;
+  int late_commands = 0;   ///< waited longer than the bound they were given
+  int wrong_polls = 0;     ///< not the due group with the earliest deadline
+  int bursts = 0;          ///< a group began two cycles inside one of its periods
+  int starved_groups = 0;  ///< fewer cycles than there were beats that nothing held up
+  std::string example;
+};
+
+/// What a plain reading of the rules makes of the groups: kept apart from the agenda's own.
+struct NaiveGroup {
+  nanoseconds interval{0};
+  std::uint32_t exchanges = 1;
+  SteadyTime first{};
+  std::vector<nanoseconds> durations;
+  std::optional<std::int64_t> last_beat;
+  bool running = false;
+  SteadyTime deadline{};
+  std::int64_t cycles = 0;
+
+  std::int64_t beat_at(SteadyTime now) const { return (now - first) / interval; }
+  bool due(SteadyTime now) const {
+    if (running) return true;
+    if (now < first) return false;
+    return !last_beat || beat_at(now) > *last_beat;
+  }
+  SteadyTime deadline_at() const {
+    if (running) return deadline;
+    return first + (last_beat.value_or(-1) + 2) * interval;
+  }
+  void begin(SteadyTime now) {
+    last_beat = beat_at(now);
+    deadline = first + (*last_beat + 1) * interval;
+    running = true;
+    ++cycles;
+  }
+};
+
+template <class Subject>
+Findings simulate(std::uint32_t seed, int arrivals) {
+  std::mt19937 random(seed);
+  const auto between = [&](int low, int high) {
+    return std::uniform_int_distribution<int>(low, high)(random);
+  };
+  const double share = between(0, 4) * 0.1;
+  Subject agenda(share);
+  Findings found;
+  nanoseconds longest{0};
+  std::vector<NaiveGroup> groups;
+  const int devices = between(1, 3);
+  for (int d = 0; d < devices; ++d) {
+    const auto device = agenda.add_device(3, kBackOff);
+    for (int g = between(1, 3); g > 0; --g) {
+      NaiveGroup group;
+      group.interval = milliseconds(between(50, 3000));
+      group.exchanges = static_cast<std::uint32_t>(between(1, 4));
+      group.first = at(between(0, 500));
+      for (std::uint32_t e = 0; e < group.exchanges; ++e)
+        group.durations.push_back(milliseconds(between(5, 60)));
+      for (const nanoseconds duration : group.durations) longest = std::max(longest, duration);
+      agenda.add_group(device, std::chrono::duration_cast<milliseconds>(group.interval),
+                       group.exchanges, group.first);
+      groups.push_back(std::move(group));
+    }
+  }
+  struct Order {
+    SteadyTime arrived{};
+    nanoseconds duration{0};
+    nanoseconds bound{0};
+  };
+  std::deque<Order> waiting;
+  nanoseconds running{0};
+  SteadyTime now = kStart;
+  SteadyTime next_arrival = at(between(0, 100));
+  int left = arrivals;
+
+  // Everything that arrives up to `until`; bursts and quiet times alternate.
+  const auto arrive = [&](SteadyTime until) {
+    while (left > 0 && next_arrival <= until) {
+      Order order;
+      order.arrived = next_arrival;
+      order.duration = milliseconds(between(0, 30) == 0 ? between(500, 3000) : between(5, 80));
+      nanoseconds ahead = running;
+      for (const Order& other : waiting) ahead += other.duration;
+      order.bound = longest + ahead + agenda.polls_between(ahead, longest);
+      waiting.push_back(order);
+      agenda.command_waits();
+      --left;
+      next_arrival += milliseconds(between(0, 3) > 0 ? between(0, 20) : between(50, 1500));
+    }
+  };
+
+  const SteadyTime too_late = kStart + std::chrono::hours(1);
+  while (left > 0 || !waiting.empty()) {
+    if (now > too_late) {  // all would have been carried out in minutes
+      found.late_commands += static_cast<int>(waiting.size());
+      return found;
+    }
+    arrive(now);
+    const auto job = agenda.next(now);
+    if (job.kind == Kind::command) {
+      const Order order = waiting.front();
+      waiting.pop_front();
+      agenda.command_taken();
+      ++found.commands;
+      if (now - order.arrived > order.bound) {
+        ++found.late_commands;
+        found.example = "seed " + std::to_string(seed) + ": waited " +
+                        std::to_string((now - order.arrived) / milliseconds(1)) + " ms, bound " +
+                        std::to_string(order.bound / milliseconds(1)) + " ms";
+      }
+      running = order.duration;
+      now += order.duration;
+      arrive(now - nanoseconds(1));
+      running = {};
+      agenda.command_used(order.duration, now);
+    } else if (job.kind == Kind::poll) {
+      NaiveGroup& group = groups[job.poll.group];
+      for (const NaiveGroup& other : groups)
+        if (!group.due(now) || (other.due(now) && other.deadline_at() < group.deadline_at())) {
+          ++found.wrong_polls;
+          break;
+        }
+      if (job.poll.starts_cycle) {
+        if (group.last_beat && group.beat_at(now) <= *group.last_beat) ++found.bursts;
+        group.begin(now);
+      }
+      const nanoseconds duration = group.durations[job.poll.exchange];
+      now += duration;
+      arrive(now - nanoseconds(1));
+      agenda.poll_used(duration);
+      if (agenda.step_done(job.poll)) group.running = false;
+    } else {
+      SteadyTime until = job.until;
+      if (left > 0) until = std::min(until, next_arrival);
+      now = std::max(until, now);
+    }
+  }
+  for (const NaiveGroup& group : groups) {
+    // With a fifth of the line or more for polls, nobody may be left out for good.
+    const auto beats = (now - group.first) / group.interval;
+    if (share >= 0.2 && beats >= 20 && group.cycles == 0) ++found.starved_groups;
+  }
+  return found;
+}
+
+TEST(Agenda, EveryCommandIsInsideItsBoundAndEveryPollIsTheRightOne) {
+  int commands = 0;
+  for (std::uint32_t seed = 1; seed <= 100; ++seed) {
+    const Findings found = simulate<Agenda>(seed, 200);
+    commands += found.commands;
+    EXPECT_EQ(found.late_commands, 0) << found.example;
+    EXPECT_EQ(found.wrong_polls, 0) << "seed " << seed;
+    EXPECT_EQ(found.bursts, 0) << "seed " << seed;
+    EXPECT_EQ(found.starved_groups, 0) << "seed " << seed;
+  }
+  EXPECT_EQ(commands, 20000);
+}
+
+TEST(Agenda, TheSameCheckFindsAnAgendaThatLetsPollsGoFirst) {
+  int late = 0;
+  for (std::uint32_t seed = 1; seed <= 5; ++seed)
+    late += simulate<PollsFirst>(seed, 200).late_commands;
+  EXPECT_GT(late, 0);
+}
+
+}  // namespace
+}  // namespace fxagent::test

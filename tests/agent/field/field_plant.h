@@ -1,0 +1,84 @@
+// What the tests of this room work on: a PLC on the programming port with a few tags, as the config
+// would hold it.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "agent/config.h"
+#include "protocol/fx/programming_port.h"
+
+namespace fxagent::test {
+
+inline std::shared_ptr<const Codec> port_codec(fx::Model model = fx::Model::fx3u) {
+  fx::ProgrammingPort::Settings settings;
+  settings.model = model;
+  return std::make_shared<const fx::ProgrammingPort>(settings);
+}
+
+inline TagConfig tag(const Codec& codec, std::string name, std::string_view address,
+                     std::optional<DataType> type = std::nullopt, std::uint32_t group = 0) {
+  TagConfig out;
+  out.name = std::move(name);
+  const auto place = codec.parse_address(address, type);
+  if (!place) {
+    ADD_FAILURE() << address << ": " << place.error().text;
+    return out;
+  }
+  out.point.address = *place;
+  out.point.type = type.value_or(default_type(*place));
+  out.point.order = codec.default_order();
+  out.group = group;
+  return out;
+}
+
+inline TagConfig writable(TagConfig tag) {
+  tag.writable = true;
+  return tag;
+}
+
+inline TagConfig array_of(TagConfig tag, std::uint16_t count) {
+  tag.point.is_array = true;
+  tag.point.count = count;
+  return tag;
+}
+
+inline TagConfig scaled(TagConfig tag, double scale, double offset = 0.0) {
+  EXPECT_TRUE(set_units(tag.point, scale, offset).has_value());
+  return tag;
+}
+
+inline GroupConfig group(std::string name, std::chrono::milliseconds interval) {
+  GroupConfig out;
+  out.name = std::move(name);
+  out.interval = interval;
+  return out;
+}
+
+/// A device without tags, in one group that is polled as fast as the line allows.
+inline DeviceConfig port_device(std::string name = "press1",
+                                std::shared_ptr<const Codec> codec = port_codec()) {
+  DeviceConfig device;
+  device.name = std::move(name);
+  device.protocol = find_protocol("fx-programming-port");
+  device.codec = std::move(codec);
+  device.groups.push_back(group("fast", std::chrono::milliseconds(0)));
+  return device;
+}
+
+inline Value number(std::int64_t value) { return Value(Scalar(value)); }
+inline Value real(double value) { return Value(Scalar(value)); }
+inline Value flag(bool value) { return Value(Scalar(value)); }
+inline Value text(std::string value) { return Value(Scalar(std::move(value))); }
+inline Value numbers(std::initializer_list<std::int64_t> values) {
+  std::vector<Scalar> items;
+  for (const std::int64_t value : values) items.emplace_back(value);
+  return Value::array(std::move(items));
+}
+
+}  // namespace fxagent::test

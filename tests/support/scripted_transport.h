@@ -1,0 +1,92 @@
+// A channel that plays a script: which bytes must be sent, what arrives, when nothing does, when it
+// breaks. Time is not waited for: a read that brings nothing times out at once, unless the script
+// says `hang`. Every call yields to the io_context, as a real channel does.
+#pragma once
+
+#include <asio/any_io_executor.hpp>
+#include <asio/steady_timer.hpp>
+#include <cstddef>
+#include <deque>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "agent/field/transport.h"
+
+namespace fxagent::test {
+
+class ScriptedTransport final : public Transport {
+ public:
+  /// The answer to a request, empty for silence.
+  using Device = std::function<Bytes(ByteView request)>;
+
+  explicit ScriptedTransport(asio::any_io_executor executor);
+
+  // The script, in the order in which it is played.
+
+  /// The next write must be exactly these bytes; another one fails the test.
+  ScriptedTransport& expect(Bytes bytes);
+  /// One read (more, where its buffer is small) brings these bytes. discard_input() takes them too.
+  ScriptedTransport& give(Bytes bytes);
+  /// One read brings nothing until its deadline. Any read does so while a write is expected.
+  ScriptedTransport& silence();
+  /// One read waits really: until its deadline, or until the channel is closed.
+  ScriptedTransport& hang();
+  /// The peer goes away: the next read, write or discard_input() notices.
+  ScriptedTransport& hang_up();
+  /// The next write breaks after so many bytes.
+  ScriptedTransport& break_write(std::size_t after);
+  /// The next open() fails with this text.
+  ScriptedTransport& refuse_open(std::string why);
+  /// Runs when what stands before is over and the channel is used again.
+  ScriptedTransport& call(std::function<void()> action);
+  /// Answers the writes that come after the script. Without it they fail the test.
+  void then(Device device) { device_ = std::move(device); }
+
+  std::size_t steps_left() const { return steps_.size(); }
+  std::size_t opened() const { return opened_; }
+  /// Everything that was written, in order.
+  const std::vector<Bytes>& written() const { return written_; }
+
+  asio::awaitable<Result<void>> open(SteadyTime deadline) override;
+  bool is_open() const override { return open_; }
+  asio::awaitable<Written> write(ByteView bytes, SteadyTime deadline) override;
+  asio::awaitable<Result<std::size_t>> read_some(MutableBytes into, SteadyTime deadline) override;
+  Result<std::size_t> discard_input() override;
+  void close() noexcept override;
+
+ private:
+  struct Step {
+    enum class Kind : std::uint8_t {
+      expect,
+      give,
+      silence,
+      hang,
+      hang_up,
+      break_write,
+      refuse_open,
+      call
+    } kind;
+    Bytes bytes;
+    std::size_t count = 0;
+    std::string text;
+    std::function<void()> action;
+  };
+
+  ScriptedTransport& add(Step step);
+  /// Runs the calls that are due, then says whether the next step is of this kind.
+  bool next_is(Step::Kind kind);
+  Step take();
+
+  asio::any_io_executor executor_;
+  asio::steady_timer hanging_;
+  std::deque<Step> steps_;
+  Device device_;
+  std::vector<Bytes> written_;
+  Bytes arrived_;
+  bool open_ = false;
+  std::size_t opened_ = 0;
+};
+
+}  // namespace fxagent::test
