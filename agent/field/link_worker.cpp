@@ -371,7 +371,7 @@ asio::awaitable<void> LinkWorker::run_step(Agenda::PollStep step) {
       if (knowledge == Knowledge::unanswered) fail_cycle(*device, *group, failure);
       if (knowledge != Knowledge::known) co_return;  // under a new plan the cycle is offered again
       if (group->plan.reads.empty()) {
-        agenda_.step_done(step);
+        agenda_.abandon_cycle(group->id, Clock::now());
         finish_cycle(*device, *group);
         co_return;
       }
