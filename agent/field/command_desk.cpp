@@ -151,7 +151,7 @@ CommandDesk::Verdict CommandDesk::admit(Command command, const Codec& codec, std
       return result;
     }
   }
-  const auto& refusal = command.refusal;
+  const std::optional<Refusal> refusal = command.refusal;
   if (refusal && precedes_id(refusal->reason) && command.id.empty()) return rejected(*refusal);
 
   if (refusal && precedes_id(refusal->reason)) {
