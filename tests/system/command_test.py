@@ -1,0 +1,377 @@
+"""Commands: every word of CONTRACT section 5."""
+
+import random
+import time
+import unittest
+
+from plant import BASE, SCHEDULING_MS, PlantTest, device, request_properties, wait_for
+
+TAGS = [
+    {"name": "temp", "address": "D100", "group": "fast"},
+    {"name": "setpoint", "address": "D200", "group": "fast", "access": "read_write", "min": 0,
+     "max": 1000},
+    {"name": "speed", "address": "D210", "type": "float32", "group": "fast",
+     "access": "read_write"},
+    {"name": "scaled", "address": "D212", "group": "fast", "access": "read_write", "scale": 0.1},
+    {"name": "pair", "address": "D220", "type": "int32", "group": "fast", "access": "read_write"},
+    {"name": "list", "address": "D230", "count": 4, "group": "fast", "access": "read_write"},
+    {"name": "text", "address": "D240", "type": "string", "length": 8, "group": "fast",
+     "access": "read_write"},
+    {"name": "button", "address": "M100", "group": "fast", "access": "read_write"},
+]
+
+
+class Commands(PlantTest):
+    def start_press(self, plc=None, **more):
+        self.start([device(tags=TAGS, **more)], [self.plc(**(plc or {}))])
+        self.state("press1", "online")
+
+    def test_writes_reach_the_plc_and_are_read_back(self):
+        self.start_press()
+        result = self.order(op="write", tag="setpoint", value=50)
+        self.assert_result(result, "SUCCEEDED", None, "ACK")
+        self.assertEqual(result["verify"], {"read": 50, "match": True})
+        self.assertEqual((result["tag"], result["address"], result["value"]), ("setpoint", "D200", 50))
+        self.assertEqual(result["attempts"], 1)
+        self.assertEqual(self.sim.get("press1", "D200"), 50)
+        for tag, value in [("speed", 1.5), ("pair", -70000), ("list", [1, 2, 3, 4]),
+                           ("text", "hello"), ("scaled", 12.3)]:
+            result = self.order(op="write", tag=tag, value=value)
+            self.assert_result(result, "SUCCEEDED", None, "ACK")
+            self.assertEqual(result["value"], value)
+        self.assertEqual(self.sim.get("press1", "D212"), 123)
+        result = self.order(op="write", tag="scaled", value=1.26)
+        self.assertEqual(result["value"], 1.3)
+
+    def test_a_write_to_a_tag_is_published_at_once_and_nothing_older_after_it(self):
+        self.start_press(plc={"baud": 9600}, groups=[{"name": "fast", "interval_ms": 100}])
+        for value in range(1, 21):
+            since = self.watcher.mark()
+            self.assert_result(self.order(op="write", tag="setpoint", value=value), "SUCCEEDED",
+                               None, "ACK")
+            self.data(lambda m: m.get("partial") and m["values"] == {"setpoint": value}, since=since)
+            self.data(lambda m: not m.get("partial"), since=since)
+        seen = [m["values"]["setpoint"] for m in self.watcher.payloads(f"{BASE}/press1/data/fast")
+                if "setpoint" in m["values"]]
+        self.assertEqual(seen, sorted(seen))
+
+    def test_forces_set_single_bits_and_leave_their_neighbours(self):
+        self.start_press(plc={"memory": {"M103": 1, "M105": 1}})
+        self.assert_result(self.order(op="force_on", address="M104"), "SUCCEEDED", None, "ACK")
+        self.assert_result(self.order(op="force_off", address="M103"), "SUCCEEDED", None, "ACK")
+        self.assert_result(self.order(op="write", address="M106", value=True), "SUCCEEDED", None,
+                           "ACK")
+        self.assertEqual([self.sim.get("press1", f"M{n}") for n in range(102, 108)],
+                         [0, 0, 1, 1, 1, 0])
+        kinds = {order["kind"] for order in self.sim.orders("press1")}
+        self.assertEqual(kinds, {"force_on", "force_off"})
+
+    def test_raw_addresses_go_by_the_allow_list(self):
+        self.start_press()
+        self.assert_result(self.order(op="write", address="D300", value=7), "SUCCEEDED", None, "ACK")
+        pair = {"op": "write", "type": "int32", "value": 1}
+        self.assert_result(self.order(address="D398", **pair), "SUCCEEDED", None, "ACK")
+        self.assert_result(self.order(address="D399", **pair), "REJECTED", "not_allowed")
+        self.assert_result(self.order(op="write", address="D200", value=7), "REJECTED", "not_allowed")
+        self.assert_result(self.order(op="force_on", address="M200"), "REJECTED", "not_allowed")
+        self.assert_result(self.order(op="read", address="D500"), "REJECTED", "not_allowed")
+        self.assert_result(self.order(op="force_on", address="M8036"), "REJECTED", "not_writable")
+
+    def test_reads_bring_the_value(self):
+        self.start_press(plc={"memory": {"D100": 321, "D300": 5}})
+        result = self.order(op="read", tag="temp")
+        self.assert_result(result, "SUCCEEDED", None, "ACK")
+        self.assertEqual(result["value"], 321)
+        self.assertEqual(self.order(op="read", address="D300")["value"], 5)
+
+    def test_what_is_wrong_is_rejected_by_name_and_nothing_is_sent(self):
+        self.start_press()
+        huge = {"op": "write", "tag": "setpoint", "value": 1, "by": "x" * 70000}
+        table = [
+            ({"op": "jump", "tag": "setpoint"}, "bad_op"),
+            ({"tag": "setpoint", "value": 1}, "bad_op"),
+            ({"op": "run"}, "not_allowed"),
+            ({"op": "write", "tag": "nothing", "value": 1}, "unknown_tag"),
+            ({"op": "write", "value": 1}, "unknown_tag"),
+            ({"op": "force_on", "address": "X8"}, "bad_address"),
+            ({"op": "force_on", "address": "M9999"}, "bad_address"),
+            ({"op": "write", "address": "T5", "value": 1}, "bad_address"),
+            ({"op": "write", "tag": "temp", "value": 1}, "not_writable"),
+            ({"op": "write", "tag": "setpoint"}, "bad_value"),
+            ({"op": "write", "tag": "setpoint", "value": "fifty"}, "bad_value"),
+            ({"op": "write", "tag": "setpoint", "value": True}, "bad_value"),
+            ({"op": "write", "tag": "setpoint", "value": [1]}, "bad_value"),
+            ({"op": "write", "tag": "list", "value": [1, 2]}, "bad_value"),
+            ({"op": "write", "tag": "setpoint", "value": 1001}, "out_of_range"),
+            ({"op": "write", "tag": "setpoint", "value": -1}, "out_of_range"),
+            ({"op": "write", "address": "D300", "value": 70000}, "out_of_range"),
+            ({"op": "write", "tag": "setpoint", "value": 1, "expires": "soon"}, "bad_value"),
+            ({"op": "write", "tag": "setpoint", "value": 1, "colour": "red"}, "bad_json"),
+            ({"op": "write", "tag": "setpoint", "value": 1, "status": "SUCCEEDED"}, "bad_json"),
+        ]
+        for order, reason in table:
+            result = self.order(**order)
+            self.assert_result(result, "REJECTED", reason)
+            self.assertTrue(result["detail"], result)
+        for payload, reason in [("{", "bad_json"), ("[]", "bad_json"), ("nonsense", "bad_json"),
+                                ('{"id":"n","op":"write","tag":"setpoint","value":NaN}', "bad_json"),
+                                ('{"op":"read","tag":"temp"}', "missing_id"),
+                                ('{"id":7,"op":"read","tag":"temp"}', "missing_id"),
+                                ('{"id":"' + "x" * 65 + '","op":"read","tag":"temp"}', "missing_id"),
+                                (str(huge), "too_large"), ("x" * (1 << 20), "too_large")]:
+            since = self.watcher.mark()
+            self.send(payload)
+            result = self.watcher.wait(f"{BASE}/press1/result", lambda r: r["id"] is None, since)
+            self.assert_result(result, "REJECTED", reason)
+        self.assertEqual(self.sim.orders("press1"), [])
+
+    def test_time_is_checked_on_arrival_and_against_the_clock(self):
+        self.start_press()
+        now = int(time.time() * 1000)
+        order = {"op": "write", "tag": "setpoint", "value": 1}
+        self.assert_result(self.order(expires=now - 1000, **order), "EXPIRED", "expired")
+        self.assert_result(self.order(expires=now + 4000 * 1000, **order), "REJECTED", "bad_value")
+        self.assert_result(self.order(expires=now + 60000, **order), "SUCCEEDED", None, "ACK")
+        self.assertEqual(len(self.sim.orders("press1")), 1)
+
+    def test_an_order_that_waited_too_long_is_not_sent(self):
+        self.start_press()
+        self.sim.fault("press1", "late", ms=250, match="write")
+        first, second = self.next_id(), self.next_id()
+        self.send({"id": first, "op": "write", "tag": "setpoint", "value": 1})
+        self.send({"id": second, "op": "write", "tag": "setpoint", "value": 2,
+                   "expires": int(time.time() * 1000) + 60})
+        result = self.watcher.wait(f"{BASE}/press1/result", lambda r: r["id"] == second)
+        self.assert_result(result, "EXPIRED", "expired")
+        self.assertEqual([o["value"] for o in self.sim.orders("press1")], [1])
+
+    def test_a_retained_order_is_refused(self):
+        self.start_press()
+        # Another client's retained order, there before the agent comes back.
+        self.agent.stop()
+        self.send({"id": "old", "op": "force_on", "address": "M101"}, retain=True)
+        since = self.watcher.mark()
+        self.agent.start()
+        result = self.watcher.wait(f"{BASE}/press1/result", lambda r: r["id"] == "old", since)
+        self.assert_result(result, "REJECTED", "retained")
+        # Clearing the topic is no order.
+        since = self.watcher.mark()
+        self.watcher.publish(f"{BASE}/press1/command", "", retain=True)
+        self.assert_result(self.order(op="read", tag="temp"), "SUCCEEDED", None, "ACK")
+        self.assertEqual(len(self.watcher.payloads(f"{BASE}/press1/result", since)), 1)
+        self.assertEqual(self.sim.orders("press1"), [])
+
+    def test_an_order_sent_while_the_agent_is_away_is_never_carried_out(self):
+        self.start_press()
+        self.agent.stop()
+        self.send({"id": "while-away", "op": "force_on", "address": "M101"})
+        since = self.watcher.mark()
+        self.agent.start()
+        self.state("press1", "online", since)
+        self.assert_result(self.order(op="read", tag="temp"), "SUCCEEDED", None, "ACK")
+        self.assertEqual(self.sim.orders("press1"), [])
+        self.assertEqual([r for r in self.watcher.payloads(f"{BASE}/press1/result")
+                          if r["id"] == "while-away"], [])
+
+    def test_a_repeated_id_is_answered_with_its_first_result(self):
+        self.start_press()
+        first = self.order(id="same", op="write", tag="setpoint", value=5)
+        again = self.order(id="same", op="write", tag="setpoint", value=6)
+        self.assert_result(again, "DUPLICATE", "duplicate_id", "ACK")
+        self.assertEqual(again["first"]["status"], first["status"])
+        self.assertEqual(again["first"]["value"], 5)
+        self.sim.fault("press1", "late", ms=200, match="write")
+        self.send({"id": "slow", "op": "write", "tag": "setpoint", "value": 7})
+        self.send({"id": "slow", "op": "write", "tag": "setpoint", "value": 8})
+        running = self.watcher.wait(f"{BASE}/press1/result",
+                                    lambda r: r["id"] == "slow" and r["status"] == "DUPLICATE")
+        self.assertIsNone(running["first"])
+        self.watcher.wait(f"{BASE}/press1/result",
+                          lambda r: r["id"] == "slow" and r["status"] == "SUCCEEDED")
+        self.assertEqual([o["value"] for o in self.sim.orders("press1")], [5, 7])
+
+    def test_expect_guards_the_write(self):
+        self.start_press(plc={"memory": {"D200": 45}})
+        order = {"op": "write", "tag": "setpoint"}
+        self.assert_result(self.order(value=50, expect=45, **order), "SUCCEEDED", None, "ACK")
+        self.assert_result(self.order(value=60, expect=45, **order), "FAILED", "expect_mismatch")
+        self.assertEqual(self.sim.get("press1", "D200"), 50)
+
+    def test_dry_run_checks_everything_and_sends_nothing(self):
+        self.start_press()
+        result = self.order(id="try", op="write", tag="setpoint", value=5, dry_run=True)
+        self.assert_result(result, "SUCCEEDED")
+        self.assertTrue(result["dry_run"])
+        self.assertEqual(self.sim.orders("press1"), [])
+        self.assert_result(self.order(op="write", tag="setpoint", value=5000, dry_run=True),
+                           "REJECTED", "out_of_range")
+        self.assert_result(self.order(id="try", op="write", tag="setpoint", value=5), "SUCCEEDED",
+                           None, "ACK")
+
+    def test_bits_are_verified_only_where_the_order_says_so(self):
+        # The demo's ladder resets M100 as soon as it has seen it: a pulse that worked.
+        self.start_press(plc={"plant": "demo"})
+        self.assert_result(self.order(op="force_on", tag="button"), "SUCCEEDED", None, "ACK")
+        result = self.order(op="force_on", address="Y0", verify=True)
+        self.assertIn((result["status"], result["reason"]),
+                      [("SUCCEEDED", None), ("FAILED", "verify_mismatch")])
+        self.assertIn("match", result["verify"])
+
+    def test_a_refusal_is_repeated_once_and_then_told(self):
+        self.start_press()
+        self.sim.fault("press1", "nak", match="write", count=1)
+        result = self.order(op="write", tag="setpoint", value=5)
+        self.assert_result(result, "SUCCEEDED", None, "ACK")
+        self.assertEqual(result["attempts"], 2)
+        self.sim.fault("press1", "nak", match="write", count=2)
+        result = self.order(op="write", tag="setpoint", value=6)
+        self.assert_result(result, "FAILED", "nak", "NAK")
+        self.assertEqual(result["attempts"], 2)
+        self.assertEqual([o["value"] for o in self.sim.orders("press1")], [5])
+
+    def test_silence_is_settled_by_reading_back(self):
+        self.start_press()
+        self.sim.fault("press1", "execute_then_silent", match="write")
+        result = self.order(op="write", tag="setpoint", value=5)
+        self.assert_result(result, "SUCCEEDED", None, None)
+        self.assertEqual(result["verify"], {"read": 5, "match": True})
+        self.sim.fault("press1", "silent", match="write")
+        result = self.order(op="write", tag="setpoint", value=6)
+        self.assert_result(result, "UNKNOWN_OUTCOME", "timeout", None)
+        self.assertEqual(result["attempts"], 1)
+        self.assertEqual([o["value"] for o in self.sim.orders("press1")], [5])
+        self.sim.fault("press1", "execute_then_silent", match="force")
+        self.assert_result(self.order(op="force_on", address="M150"), "SUCCEEDED", None, None)
+
+    def test_a_late_ack_never_answers_the_next_order(self):
+        self.start_press()
+        for number in range(5):
+            # Carried out, and acknowledged when the agent has given up.
+            self.sim.fault("press1", "late", ms=350, match="write")
+            self.order(op="write", tag="setpoint", value=10 + number)
+            # Not carried out and not answered: any ACK that counts for it is a lie.
+            self.sim.fault("press1", "silent", match="write")
+            result = self.order(op="write", tag="setpoint", value=500 + number)
+            self.assertEqual(result["status"], "UNKNOWN_OUTCOME", result)
+            self.assertIsNone(result["plc"])
+
+    def test_a_dead_plc_is_told_at_once(self):
+        self.start_press()
+        self.sim.fault("press1", "dead")
+        self.state("press1", "offline", self.watcher.mark())
+        result = self.order(op="force_on", address="M150")
+        self.assert_result(result, "FAILED", "device_offline")
+        self.sim.ask(cmd="clear_faults", plc="press1")
+        since = self.watcher.mark()
+        wait_for("the press to answer again", lambda: self.order(
+            op="force_on", address="M150")["status"] == "SUCCEEDED")
+        self.state("press1", "online", since)
+
+    def test_run_and_stop_are_verified_by_the_plc_state(self):
+        rules = {"allow": [], "allow_run_stop": True}
+        self.start_press(commands=rules)
+        result = self.order(op="stop")
+        self.assert_result(result, "SUCCEEDED", None, "ACK")
+        self.assertEqual(result["verify"], {"read": "stop", "match": True})
+        self.watcher.wait(f"{BASE}/press1/state", lambda s: s["run"] is False)
+        self.assertEqual(self.order(op="run")["verify"], {"read": "run", "match": True})
+        self.order(op="stop")
+        self.sim.ask(cmd="switch", plc="press1", position="stop")
+        result = self.order(op="run")
+        self.assert_result(result, "FAILED", "verify_mismatch", "ACK")
+        self.assertIn("switch", result["detail"])
+
+    def test_a_list_stops_at_the_first_that_does_not_succeed(self):
+        self.start_press()
+        targets = [{"tag": "setpoint", "value": 1}, {"tag": "button", "value": True},
+                   {"tag": "pair", "value": 3}]
+        result = self.order(op="write", targets=targets)
+        self.assert_result(result, "SUCCEEDED", None, "ACK")
+        self.assertEqual([t["status"] for t in result["targets"]], ["SUCCEEDED"] * 3)
+        self.assertEqual(len(self.sim.orders("press1")), 3)
+        targets[1]["value"] = "on"
+        result = self.order(op="write", targets=targets)
+        self.assert_result(result, "REJECTED", "bad_value")
+        self.assertEqual(len(self.sim.orders("press1")), 3)
+        targets[1]["value"] = False
+        self.sim.fault("press1", "nak", match="force", count=2)
+        result = self.order(op="write", targets=targets)
+        self.assert_result(result, "FAILED", "nak", "NAK")
+        self.assertEqual([t["status"] for t in result["targets"]],
+                         ["SUCCEEDED", "FAILED", "FAILED"])
+        self.assertEqual(len(self.sim.orders("press1")), 4)
+
+    def test_more_than_may_wait_is_refused(self):
+        self.start_press(commands={"allow": ["M100-M199"], "queue": 2})
+        self.sim.fault("press1", "late", ms=250, match="force")
+        for number in range(6):
+            self.send({"id": f"q{number}", "op": "force_on", "address": "M150"})
+        results = wait_for("six results", lambda: [
+            r for r in self.watcher.payloads(f"{BASE}/press1/result")]
+            if len(self.watcher.payloads(f"{BASE}/press1/result")) == 6 else None)
+        reasons = [r["reason"] for r in results]
+        self.assertGreaterEqual(reasons.count("queue_full"), 1)
+        self.assertEqual(reasons.count("queue_full") + reasons.count(None), 6)
+
+    def test_a_response_topic_gets_a_copy_with_its_correlation(self):
+        self.start_press()
+        since = self.watcher.mark()
+        result = self.order(op="read", tag="temp",
+                            properties=request_properties("hmi/7/replies", b"\x01abc"))
+        copy = self.watcher.wait("hmi/7/replies", since=since)
+        self.assertEqual(copy, result)
+        raw = [m for _, topic, _, m in self.watcher.messages if topic == "hmi/7/replies"]
+        self.assertEqual(raw[0].properties.CorrelationData, b"\x01abc")
+        for bad in ("fx/plant-a/edge7/press1/data/fast", "hmi/command"):
+            since = self.watcher.mark()
+            self.order(op="read", tag="temp", properties=request_properties(bad))
+            self.assertEqual([p for p in self.watcher.payloads(bad, since)
+                              if isinstance(p, dict) and "status" in p], [])
+
+    def test_every_id_has_one_result_and_every_order_is_sent_as_often_as_it_says(self):
+        self.start_press()
+        chance = random.Random(7)
+        orders = {}
+        for number in range(1, 151):  # 0 is what the PLC holds already
+            if chance.random() < 0.1:
+                kind = chance.choice(["nak", "silent", "execute_then_silent", "wrong_sum",
+                                      "garbage_before", "noise_after", "truncated", "echo"])
+                self.sim.fault("press1", kind, match=chance.choice(["any", "write", "force"]))
+            name = f"r{chance.randrange(120)}"
+            order = {"id": name, "op": "write", "tag": "setpoint", "value": number}
+            orders.setdefault(name, []).append(number)
+            self.send(order)
+        sent = sum(len(values) for values in orders.values())
+        results = wait_for("a result for each message", lambda: [
+            r for r in self.watcher.payloads(f"{BASE}/press1/result")]
+            if len(self.watcher.payloads(f"{BASE}/press1/result")) >= sent else None, 90)
+        self.assertEqual(len(results), sent)
+        for name in orders:
+            own = [r for r in results if r["id"] == name]
+            decided = [r for r in own if r["status"] != "DUPLICATE"]
+            self.assertEqual(len(decided), 1, own)
+            carried_out = [o for o in self.sim.orders("press1") if o["value"] in orders[name]]
+            self.assertLessEqual(len(carried_out), max(1, decided[0]["attempts"]))
+            if decided[0]["status"] == "SUCCEEDED":
+                self.assertGreaterEqual(len(carried_out), 1, decided[0])
+            if decided[0]["status"] in ("REJECTED", "EXPIRED"):
+                self.assertEqual(carried_out, [])
+
+    def test_the_computed_bound_holds_on_a_paced_line(self):
+        tags = TAGS + [{"name": "block", "address": "D1000", "count": 20, "group": "fast"}]
+        self.start([device(tags=tags, groups=[{"name": "fast", "interval_ms": 300}])],
+                   [self.plc(baud=9600, turnaround_ms=10)])
+        self.state("press1", "online")
+        for number in range(40):
+            self.send({"id": f"b{number}", "op": "write", "tag": "setpoint", "value": number})
+            if number % 5 == 4:
+                wait_for("the burst's results", lambda: len(
+                    self.watcher.payloads(f"{BASE}/press1/result")) >= number + 1)
+        for result in self.watcher.payloads(f"{BASE}/press1/result"):
+            self.assertEqual(result["status"], "SUCCEEDED", result)
+            t = result["t"]
+            self.assertLessEqual(t["queue_ms"] + t["wire_ms"], t["bound_ms"] + SCHEDULING_MS)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

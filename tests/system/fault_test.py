@@ -1,0 +1,151 @@
+"""Faults of wires and PLCs: the agent survives, tells the truth, and recovers by itself."""
+
+import fcntl
+import os
+import socket
+import threading
+import unittest
+
+from plant import BASE, PlantTest, device, free_port, wait_for
+
+
+class Faults(PlantTest):
+    def test_every_wire_fault_is_survived_and_no_value_is_invented(self):
+        tags = [{"name": "a", "address": "D10", "group": "fast"},
+                {"name": "b", "address": "D5000", "group": "fast"}]
+        groups = [{"name": "fast", "interval_ms": 50}]
+        self.start([device(tags=tags, groups=groups)],
+                   [self.plc(memory={"D10": 111, "D5000": 222})])
+        self.state("press1", "online")
+        for kind, more in [("nak", {}), ("wrong_sum", {}), ("truncated", {}), ("late", {"ms": 400}),
+                           ("silent", {}), ("garbage_before", {}), ("noise_after", {}),
+                           ("echo", {}), ("split", {"bytes": 1, "ms": 5}), ("drop", {}),
+                           ("late", {"ms": 340, "count": 3}), ("silent", {"count": 3}),
+                           ("wrong_sum", {"count": 6}), ("nak", {"count": 6})]:
+            since = self.watcher.mark()
+            self.sim.fault("press1", kind, **more)
+            wait_for("the fault to strike", lambda: self.sim.ask(
+                cmd="stats", plc="press1")["faults"] >= 1)
+            last = self.watcher.mark()
+            self.data(lambda m: m["values"] == {"a": 111, "b": 222} and "bad" not in m, since=last)
+            for message in self.watcher.payloads(f"{BASE}/press1/data/fast", since):
+                self.assertLessEqual(set(message["values"].items()), {("a", 111), ("b", 222)})
+        wait_for("the press to be online at last", lambda: self.watcher.payloads(
+            f"{BASE}/press1/state")[-1]["state"] == "online")
+
+    def test_a_late_reply_never_answers_a_later_question(self):
+        # Two groups of the same shape, so that one's reply would pass for the other's.
+        groups = [{"name": "fast", "interval_ms": 50}, {"name": "other", "interval_ms": 50}]
+        tags = [{"name": "a", "address": "D10", "group": "fast"},
+                {"name": "b", "address": "D20", "group": "other"}]
+        self.start([device(tags=tags, groups=groups)],
+                   [self.plc(memory={"D10": 111, "D20": 222})])
+        for ms in (310, 350, 420, 600):
+            since = self.watcher.mark()
+            self.sim.fault("press1", "late", ms=ms, match="read", count=2)
+            self.data(lambda m: "bad" in m, since=since)
+            self.data(lambda m: m["values"] == {"a": 111}, since=self.watcher.mark())
+            self.data(lambda m: m["values"] == {"b": 222}, group="other", since=self.watcher.mark())
+        for group, right in (("fast", {"a": 111}), ("other", {"b": 222})):
+            for message in self.watcher.payloads(f"{BASE}/press1/data/{group}"):
+                self.assertIn(message["values"], ({}, right))
+
+    def test_a_silent_plc_goes_offline_and_its_neighbours_keep_their_beat(self):
+        groups = [{"name": "fast", "interval_ms": 100}]
+        self.start([device(groups=groups), device("press2", "line2", groups=groups)],
+                   [self.plc(), self.plc("press2")],
+                   [self.serial(), self.serial("line2", "press2")])
+        self.state("press1", "online")
+        self.state("press2", "online")
+        since = self.watcher.mark()
+        self.sim.fault("press1", "dead")
+        gone = self.state("press1", "offline", since)
+        self.assertEqual(gone["reason"], "timeout")
+        bad = self.data(lambda m: "bad" in m, since=since)
+        self.assertEqual((bad["values"], bad["bad"]["temp"]["why"]), ({}, "timeout"))
+        stamps = [m["ts"] for m in self.watcher.payloads(f"{BASE}/press2/data/fast", since)]
+        for earlier, later in zip(stamps, stamps[1:]):
+            self.assertLess(later - earlier, 200)
+        # One message when it turned bad; the vain attempts after it say nothing new.
+        self.assertEqual(len([m for m in self.watcher.payloads(f"{BASE}/press1/data/fast", since)
+                              if "bad" in m]), 1)
+        since = self.watcher.mark()
+        self.sim.ask(cmd="clear_faults", plc="press1")
+        self.state("press1", "online", since)
+        self.data(lambda m: "bad" not in m, since=since)
+
+    def test_a_pty_that_vanishes_is_opened_again_under_its_path(self):
+        self.start()
+        self.state("press1", "online")
+        for _ in range(2):
+            since = self.watcher.mark()
+            self.sim.fault("press1", "drop", ms=300)
+            self.assertEqual(self.state("press1", "offline", since)["reason"], "link_down")
+            self.state("press1", "online", since)
+        self.assertIn("state=down", self.agent.logged())
+
+    def test_a_path_that_is_missing_or_taken_is_named_in_the_log(self):
+        self.start(links=[self.serial(plc="nothing")])
+        self.state("press1", "offline")
+        wait_for("the log", lambda: "No such file" in self.agent.logged())
+        self.assertIn("by-id", self.agent.logged())
+        result = self.order(op="force_on", address="M150")
+        self.assert_result(result, "FAILED", "link_down")
+        self.assertEqual(result["attempts"], 0)
+        self.agent.stop()
+        other = os.open(self.pty("press1"), os.O_RDWR | os.O_NOCTTY)
+        fcntl.flock(other, fcntl.LOCK_EX)
+        self.agent.write({**self.agent.config, "links": [self.serial()]})
+        self.agent.start()
+        wait_for("the log", lambda: "in use by another program" in self.agent.logged())
+        os.close(other)
+        self.state("press1", "online", self.watcher.mark())
+
+
+class OverTcp(PlantTest):
+    def link(self, port):
+        return {"name": "line1", "tcp": {"host": "127.0.0.1", "port": port}, "line_baud": 9600}
+
+    def test_a_serial_server_that_comes_late_is_found(self):
+        port = free_port()
+        self.start(plcs=[self.plc("other")], links=[self.link(port)])
+        self.state("press1", "offline")
+        wait_for("the log", lambda: "refused" in self.agent.logged())
+        self.sim.stop()
+        self.start_sim([self.plc(tcp=port)])
+        self.state("press1", "online")
+        since = self.watcher.mark()
+        self.sim.fault("press1", "drop", ms=200)
+        self.state("press1", "offline", since)
+        self.state("press1", "online", since)
+
+    def test_a_peer_that_says_nothing_is_given_up_and_connected_anew(self):
+        accepted = []
+        server = socket.create_server(("127.0.0.1", 0))
+        def accept():
+            while True:
+                try:
+                    accepted.append(server.accept()[0])
+                except OSError:
+                    return
+        thread = threading.Thread(target=accept, daemon=True)
+        thread.start()
+        self.start(plcs=[self.plc("other")], links=[self.link(server.getsockname()[1])],
+                   devices=[device(timeout_ms=100)])
+        wait_for("a second connection", lambda: len(accepted) >= 2)
+        self.assertIn("nobody answers", self.agent.logged())
+        server.close()
+        for connection in accepted:
+            connection.close()
+
+    def test_orders_work_over_tcp_and_have_a_bound_where_the_speed_is_known(self):
+        port = free_port()
+        self.start(plcs=[self.plc(tcp=port)], links=[self.link(port)])
+        self.state("press1", "online")
+        result = self.order(op="force_on", address="M150")
+        self.assert_result(result, "SUCCEEDED", None, "ACK")
+        self.assertGreater(result["t"]["bound_ms"], 0)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
