@@ -17,15 +17,17 @@ class Faults(PlantTest):
         self.start([device(tags=tags, groups=groups)],
                    [self.plc(memory={"D10": 111, "D5000": 222})])
         self.state("press1", "online")
+        struck = 0
         for kind, more in [("nak", {}), ("wrong_sum", {}), ("truncated", {}), ("late", {"ms": 400}),
                            ("silent", {}), ("garbage_before", {}), ("noise_after", {}),
                            ("echo", {}), ("split", {"bytes": 1, "ms": 5}), ("drop", {}),
-                           ("late", {"ms": 340, "count": 3}), ("silent", {"count": 3}),
+                           ("late", {"ms": 380, "count": 3}), ("silent", {"count": 3}),
                            ("wrong_sum", {"count": 6}), ("nak", {"count": 6})]:
             since = self.watcher.mark()
             self.sim.fault("press1", kind, **more)
-            wait_for("the fault to strike", lambda: self.sim.ask(
-                cmd="stats", plc="press1")["faults"] >= 1)
+            struck += more.get("count", 1)
+            wait_for("the fault to strike", lambda: sum(self.sim.ask(
+                cmd="stats", plc="press1")["faults"].values()) >= struck)
             last = self.watcher.mark()
             self.data(lambda m: m["values"] == {"a": 111, "b": 222} and "bad" not in m, since=last)
             for message in self.watcher.payloads(f"{BASE}/press1/data/fast", since):
@@ -40,10 +42,12 @@ class Faults(PlantTest):
                 {"name": "b", "address": "D20", "group": "other"}]
         self.start([device(tags=tags, groups=groups)],
                    [self.plc(memory={"D10": 111, "D20": 222})])
-        for ms in (310, 350, 420, 600):
+        for ms in (380, 420, 500, 700):
             since = self.watcher.mark()
             self.sim.fault("press1", "late", ms=ms, match="read", count=2)
-            self.data(lambda m: "bad" in m, since=since)
+            wait_for("a group to turn bad", lambda: [
+                m for group in ("fast", "other")
+                for m in self.watcher.payloads(f"{BASE}/press1/data/{group}", since) if "bad" in m])
             self.data(lambda m: m["values"] == {"a": 111}, since=self.watcher.mark())
             self.data(lambda m: m["values"] == {"b": 222}, group="other", since=self.watcher.mark())
         for group, right in (("fast", {"a": 111}), ("other", {"b": 222})):
