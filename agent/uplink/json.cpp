@@ -9,6 +9,7 @@
 #include <set>
 #include <utility>
 
+#include "agent/config_reader.h"
 #include "agent/uplink/utf8.h"
 
 namespace fxagent::json {
@@ -299,28 +300,8 @@ std::string in_quotes(std::string_view text) {
   return "'" + std::string(text.substr(0, kMaxQuoted)) + "'";
 }
 
-/// Single-character edits between two words.
-std::size_t edit_distance(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  for (std::size_t j = 0; j < row.size(); ++j) row[j] = j;
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t swap = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
-      diagonal = row[j];
-      row[j] = std::min({row[j] + 1, row[j - 1] + 1, swap});
-    }
-  }
-  return row[b.size()];
-}
-
 std::string unknown_key(std::string_view key, std::span<const std::string_view> known) {
-  const std::string_view shown = key.substr(0, kMaxQuoted);
-  const auto nearest = std::min_element(known.begin(), known.end(), [&](auto a, auto b) {
-    return edit_distance(shown, a) < edit_distance(shown, b);
-  });
-  return "unknown key " + in_quotes(key) + ", the nearest is " + in_quotes(*nearest);
+  return "unknown key " + in_quotes(key) + ", " + did_you_mean(key, known);
 }
 
 /// Collects faults and keeps the one that comes first in the contract's order of checks.

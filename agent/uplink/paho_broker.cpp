@@ -2,6 +2,7 @@
 
 #include <mqtt/async_client.h>
 #include <openssl/err.h>
+#include <unistd.h>
 
 #include <array>
 #include <atomic>
@@ -64,16 +65,37 @@ Result<std::optional<std::string>> read_password(const MqttConfig& config) {
   return std::nullopt;
 }
 
-/// What OpenSSL noted last on this thread; empty: nothing. Empties the list.
-std::string take_tls_reason() {
-  std::string reason;
-  while (const unsigned long code = ERR_get_error()) {
-    std::array<char, 256> text{};
-    ERR_error_string_n(code, text.data(), text.size());
-    const char* words = ERR_reason_error_string(code);
-    reason = words != nullptr ? words : text.data();
+/// Names the first file of the TLS settings that cannot be read: OpenSSL would not say which it
+/// was.
+Result<void> check_tls_files(const TlsSettings& tls) {
+  const std::pair<std::string_view, const std::string&> files[] = {
+      {"ca_file", tls.ca_file}, {"cert_file", tls.cert_file}, {"key_file", tls.key_file}};
+  for (const auto& [key, path] : files)
+    if (!path.empty() && access(path.c_str(), R_OK) != 0)
+      return fail(ErrorCode::bad_request,
+                  std::string(key) + " " + path + ": " + std::strerror(errno));
+  return {};
+}
+
+/// Why TLS failed on this thread of Paho's; empty: nothing was noted. Paho's own error handler
+/// cannot be used: in C++ 1.2 it gets a pointer to options that die when connect() returns. And
+/// OpenSSL's list of errors is overwritten before on_failure() is called. But Paho traces a failed
+/// TLS call at once, on the thread and at the moment that the list still names the cause.
+thread_local std::string tls_reason;
+
+void note_tls_reason(enum MQTTASYNC_TRACE_LEVELS, char* message) noexcept {
+  std::string_view text = message != nullptr ? message : "";
+  const std::size_t at = text.find("SSLSocket error");
+  if (at == std::string_view::npos || text.find("WANT_READ") != std::string_view::npos) return;
+  text.remove_prefix(at);
+  while (text.ends_with('\n')) text.remove_suffix(1);
+  const unsigned long code = ERR_peek_error();
+  const char* words = code == 0 ? nullptr : ERR_reason_error_string(code);
+  try {
+    tls_reason = words != nullptr ? std::string_view(words) : text;
+  } catch (...) {
+    tls_reason.clear();
   }
-  return reason;
 }
 
 std::string reason_text(int code) {
@@ -203,8 +225,8 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
     if (password) options.set_password(mqtt::binary_ref(*password));
     options.set_will_message(mqtt::message(will.topic, will.payload, 1, true));
     if (tls_) {
-      // No error handler: Paho C++ 1.2 keeps a pointer to options that die when connect() returns.
-      // OpenSSL's own list of errors tells the same, on the thread that calls on_failure().
+      MQTTAsync_setTraceCallback(note_tls_reason);
+      MQTTAsync_setTraceLevel(MQTTASYNC_TRACE_MINIMUM);  // until the outcome is known
       mqtt::ssl_options_builder tls;
       tls.enable_server_cert_auth(true).verify(true);
       if (config.tls) {
@@ -255,6 +277,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
     try {
       switch (token.get_type()) {
         case mqtt::token::CONNECT:
+          end_of_connecting();
           return post(connected(token));
         case mqtt::token::PUBLISH:
           return post(Delivered{id_of(token)});
@@ -273,15 +296,13 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
   void on_failure(const mqtt::token& token) noexcept override {
     try {
       switch (token.get_type()) {
-        case mqtt::token::CONNECT:
-          return post(ConnectFailed{connect_failure(token)});
+        case mqtt::token::CONNECT: {
+          const std::string text = connect_failure(token);
+          end_of_connecting();
+          return post(ConnectFailed{text});
+        }
         case mqtt::token::PUBLISH: {
-          const int reason = static_cast<int>(token.get_reason_code());
-          const bool from_broker = version_ == MQTTVERSION_5 && reason >= 0x80;
-          return post(DeliveryFailed{id_of(token), from_broker ? reason : 0,
-                                     from_broker
-                                         ? reason_text(reason)
-                                         : mqtt::exception::error_str(token.get_return_code())});
+          return post(DeliveryFailed{id_of(token), refusal_of(token), failure_text(token)});
         }
         case mqtt::token::SUBSCRIBE:
           return post(Subscribed{filter_of(token), false, failure_text(token)});
@@ -296,6 +317,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
   }
 
   void connection_lost(const std::string& cause) noexcept override {
+    tls_reason.clear();  // or the next failed connect would be explained by this one
     post_lost(cause.empty() ? std::string_view("connection closed") : std::string_view(cause));
   }
 
@@ -359,13 +381,27 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
     return event;
   }
 
-  std::string connect_failure(const mqtt::token& token) const {
+  void end_of_connecting() noexcept {
+    if (!tls_) return;
+    tls_reason.clear();
+    MQTTAsync_setTraceLevel(MQTTASYNC_TRACE_FATAL);
+  }
+
+  /// The MQTT 5 reason code of a refusal; 0 where it is not the broker's. Paho puts the one of a
+  /// CONNACK into the return code, any other into the reason code.
+  int refusal_of(const mqtt::token& token) const {
+    if (version_ != MQTTVERSION_5) return 0;
     const int reason = static_cast<int>(token.get_reason_code());
-    if (version_ == MQTTVERSION_5 && reason >= 0x80) return reason_text(reason);
+    if (reason >= 0x80) return reason;
+    const int code = token.get_return_code();
+    return code >= 0x80 ? code : 0;
+  }
+
+  std::string connect_failure(const mqtt::token& token) const {
+    if (const int reason = refusal_of(token)) return reason_text(reason);
     const std::string_view refusal = connack_text(token.get_return_code());
     if (!refusal.empty()) return std::string(refusal);
-    const std::string tls = tls_ ? take_tls_reason() : "";
-    if (!tls.empty()) return "TLS: " + tls;
+    if (tls_ && !tls_reason.empty()) return "TLS: " + tls_reason;
     if (tls_)
       return "no TLS connection and no reason given: is the server up, and is its certificate for "
              "this host name?";
@@ -373,8 +409,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
   }
 
   std::string failure_text(const mqtt::token& token) const {
-    const int reason = static_cast<int>(token.get_reason_code());
-    if (version_ == MQTTVERSION_5 && reason >= 0x80) return reason_text(reason);
+    if (const int reason = refusal_of(token)) return reason_text(reason);
     const std::string text = mqtt::exception::error_str(token.get_return_code());
     return text.empty() ? "code " + std::to_string(token.get_return_code()) : text;
   }
@@ -432,6 +467,10 @@ void PahoBroker::connect(std::size_t index) {
   inbox_->begin(number);
   const auto password = read_password(config_);
   if (!password) return inbox_->post(number, ConnectFailed{password.error().text});
+  if (config_.tls && is_tls(config_.servers.at(index))) {
+    const auto readable = check_tls_files(*config_.tls);
+    if (!readable) return inbox_->post(number, ConnectFailed{readable.error().text});
+  }
   try {
     connection_ = std::make_unique<Connection>(inbox_, number, config_, config_.servers.at(index));
     connection_->connect(config_, will_, *password);

@@ -1,0 +1,474 @@
+// PahoBroker against a real mosquitto. Every wait ends with the event, or fails after a limit.
+#include "agent/uplink/paho_broker.h"
+
+#include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <signal.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <condition_variable>
+#include <cstdlib>
+#include <deque>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <stop_token>
+#include <thread>
+
+#include "agent/uplink/json.h"
+#include "agent/uplink/publisher.h"
+#include "tests/agent/uplink/mosquitto.h"
+#include "tests/agent/uplink/plant.h"
+
+namespace fxagent {
+namespace {
+
+using namespace std::chrono_literals;
+using nlohmann::json;
+using test::Mosquitto;
+using test::TemporaryDirectory;
+
+constexpr auto kLimit = 20s;
+
+MqttConfig settings(const std::string& url, int version = 5) {
+  MqttConfig config;
+  config.servers = {url};
+  config.version = version;
+  static int made = 0;
+  config.client_id = "test-" + std::to_string(getpid()) + "-" + std::to_string(++made);
+  return config;
+}
+
+/// A PahoBroker whose events can be waited for.
+class Client final {
+ public:
+  explicit Client(MqttConfig config, Will will = {"will/topic", "gone"})
+      : broker_(config, std::move(will), [this] {
+          const std::lock_guard lock(mutex_);
+          news_ = true;
+          changed_.notify_one();
+        }) {}
+
+  PahoBroker* operator->() { return &broker_; }
+
+  /// The next event of this kind; those before it are forgotten. Fails after the limit.
+  template <class Event>
+  Event next() {
+    const auto deadline = std::chrono::steady_clock::now() + kLimit;
+    for (;;) {
+      while (!events_.empty()) {
+        const BrokerEvent event = std::move(events_.front());
+        events_.pop_front();
+        if (const auto* found = std::get_if<Event>(&event)) return *found;
+        if (const auto* failed = std::get_if<ConnectFailed>(&event)) seen_ += failed->text + "; ";
+      }
+      {
+        std::unique_lock lock(mutex_);
+        if (!changed_.wait_until(lock, deadline, [this] { return news_; }))
+          throw std::runtime_error("no such event in time; seen: " + seen_);
+        news_ = false;
+      }
+      for (BrokerEvent& event : broker_.take_events()) events_.push_back(std::move(event));
+    }
+  }
+
+  Connected connect() {
+    broker_.connect(0);
+    return next<Connected>();
+  }
+  std::string refusal() {
+    broker_.connect(0);
+    return next<ConnectFailed>().text;
+  }
+  void subscribe(const std::string& filter) {
+    broker_.subscribe({filter, false});
+    const auto answer = next<Subscribed>();
+    EXPECT_TRUE(answer.granted) << answer.text;
+    EXPECT_EQ(answer.filter, filter);
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  bool news_ = false;
+  std::deque<BrokerEvent> events_;
+  std::string seen_;
+  PahoBroker broker_;  // last: its callbacks use the others
+};
+
+Publication publication(std::uint64_t id, std::string topic, std::string payload) {
+  Publication made;
+  made.id = id;
+  made.topic = std::move(topic);
+  made.payload = std::move(payload);
+  return made;
+}
+
+class PahoBrokerVersion : public testing::TestWithParam<int> {};
+INSTANTIATE_TEST_SUITE_P(Mqtt, PahoBrokerVersion, testing::Values(4, 5));
+
+TEST_P(PahoBrokerVersion, CarriesMessagesBothWays) {
+  const TemporaryDirectory directory;
+  const Mosquitto mosquitto(directory, "allow_anonymous true");
+  Client client(settings(mosquitto.url(), GetParam()));
+  const Connected connected = client.connect();
+  EXPECT_FALSE(connected.session_present);
+  EXPECT_EQ(connected.receive_maximum, GetParam() == 5 ? 20U : 65535U);
+  client.subscribe("a/+");
+  client->publish(publication(7, "a/b", "hello"));
+  const auto message = client.next<Message>();
+  EXPECT_EQ(message.topic, "a/b");
+  EXPECT_EQ(message.payload, "hello");
+  EXPECT_FALSE(message.retained);
+  EXPECT_NEAR(static_cast<double>(message.received_ms),
+              static_cast<double>(utc_ms(std::chrono::system_clock::now())), 60000);
+  client->publish(publication(8, "elsewhere", ""));
+  while (client.next<Delivered>().id != 8) {
+  }
+  client->disconnect();
+  client.next<Disconnected>();
+}
+
+TEST_P(PahoBrokerVersion, Qos0CountsAsDeliveredWhenItIsOnItsWay) {
+  const TemporaryDirectory directory;
+  const Mosquitto mosquitto(directory, "allow_anonymous true");
+  Client client(settings(mosquitto.url(), GetParam()));
+  client.connect();
+  Publication live = publication(5, "a", "x");
+  live.qos = 0;
+  client->publish(live);
+  EXPECT_EQ(client.next<Delivered>().id, 5U);
+}
+
+TEST_P(PahoBrokerVersion, WrongPasswordIsSaidAndTheFileIsReadAgain) {
+  const TemporaryDirectory directory;
+  const std::string users = directory.path("users");
+  test::run({"mosquitto_passwd", "-b", "-c", users, "edge7", "right"}, directory.path("log"));
+  const Mosquitto mosquitto(directory, "allow_anonymous false\npassword_file " + users);
+  MqttConfig config = settings(mosquitto.url(), GetParam());
+  config.username = "edge7";
+  config.password_file = directory.write("password", "wrong\n");
+  setenv("FXAGENT_TEST_PASSWORD", "wrong too", 1);
+  config.password_env = "FXAGENT_TEST_PASSWORD";
+  Client client(config);
+  const std::string text = client.refusal();
+  EXPECT_TRUE(text.find("uthori") != std::string::npos ||
+              text.find("password") != std::string::npos)
+      << text;
+  EXPECT_EQ(text.find("wrong"), std::string::npos) << text;
+  directory.write("password", "right\r\n");
+  client.connect();
+}
+
+TEST_P(PahoBrokerVersion, LostConnectionIsToldOnceAndTheNextOneWorks) {
+  const TemporaryDirectory directory;
+  const std::uint16_t port = test::free_port();
+  auto mosquitto = std::make_unique<Mosquitto>(directory, "allow_anonymous true", port);
+  Client client(settings(mosquitto->url(), GetParam()));
+  client.connect();
+  client->publish(publication(1, "a", "x"));
+  EXPECT_EQ(client.next<Delivered>().id, 1U);
+  mosquitto.reset();
+  EXPECT_FALSE(client.next<Lost>().text.empty());
+  EXPECT_FALSE(client.refusal().empty());
+  const Mosquitto again(directory, "allow_anonymous true", port);
+  client.connect();
+  client->publish(publication(2, "a", "x"));
+  EXPECT_EQ(client.next<Delivered>().id, 2U);
+}
+
+TEST(PahoBroker, PasswordComesFromTheEnvironmentWhereThereIsNoFile) {
+  const TemporaryDirectory directory;
+  const std::string users = directory.path("users");
+  test::run({"mosquitto_passwd", "-b", "-c", users, "edge7", "right"}, directory.path("log"));
+  const Mosquitto mosquitto(directory, "allow_anonymous false\npassword_file " + users);
+  MqttConfig config = settings(mosquitto.url());
+  config.username = "edge7";
+  config.password_env = "FXAGENT_TEST_PASSWORD";
+  setenv("FXAGENT_TEST_PASSWORD", "right", 1);
+  Client client(config);
+  client.connect();
+}
+
+TEST(PahoBroker, MissingSecretIsSaidWithoutAskingTheBroker) {
+  MqttConfig config = settings("mqtt://127.0.0.1:1");
+  config.password_file = "/nonexistent/secret";
+  EXPECT_NE(Client(config).refusal().find("/nonexistent/secret: No such file"), std::string::npos);
+  config.password_file.clear();
+  config.password_env = "FXAGENT_TEST_NOT_SET";
+  EXPECT_NE(Client(config).refusal().find("FXAGENT_TEST_NOT_SET"), std::string::npos);
+}
+
+TEST(PahoBroker, PropertiesOfMqtt5AndTheRetainFlagArrive) {
+  const TemporaryDirectory directory;
+  const Mosquitto mosquitto(directory, "allow_anonymous true");
+  Client client(settings(mosquitto.url()));
+  client.connect();
+  client.subscribe("fx/e/+/command");
+  test::run({"mosquitto_pub",
+             "-V",
+             "5",
+             "-h",
+             "127.0.0.1",
+             "-p",
+             std::to_string(mosquitto.port()),
+             "-q",
+             "1",
+             "-r",
+             "-t",
+             "fx/e/p/command",
+             "-m",
+             "{}",
+             "-D",
+             "publish",
+             "response-topic",
+             "hmi/r",
+             "-D",
+             "publish",
+             "correlation-data",
+             "c1",
+             "-D",
+             "publish",
+             "message-expiry-interval",
+             "30"},
+            directory.path("log"));
+  const auto message = client.next<Message>();
+  EXPECT_TRUE(message.retained);  // Retain As Published: it came live
+  EXPECT_EQ(message.response_topic, "hmi/r");
+  EXPECT_EQ(message.correlation, (Bytes{'c', '1'}));
+  ASSERT_TRUE(message.message_expiry);
+  EXPECT_LE(*message.message_expiry, 30s);
+  EXPECT_GE(*message.message_expiry, 10s);
+
+  Publication answer = publication(3, "fx/e/x/command", "y");
+  answer.correlation = {0, 255, 'z'};
+  client->publish(answer);
+  EXPECT_EQ(client.next<Message>().correlation, answer.correlation);
+}
+
+TEST(PahoBroker, PayloadIsCutOffBehindItsLimit) {
+  const TemporaryDirectory directory;
+  const Mosquitto mosquitto(directory, "allow_anonymous true");
+  Client client(settings(mosquitto.url()));
+  client.connect();
+  client.subscribe("a");
+  client->publish(publication(1, "a", std::string(200000, 'x')));
+  EXPECT_EQ(client.next<Message>().payload.size(), kMaxMessageBytes + 1);
+}
+
+TEST(PahoBroker, RefusedPublishCarriesItsReasonCode) {
+  const TemporaryDirectory directory;
+  const std::string acl = directory.write("acl", "topic read #\ntopic write allowed\n");
+  const Mosquitto mosquitto(directory, "allow_anonymous true\nacl_file " + acl);
+  Client client(settings(mosquitto.url()));
+  client.connect();
+  client->publish(publication(1, "forbidden", "x"));
+  const auto failed = client.next<DeliveryFailed>();
+  EXPECT_EQ(failed.id, 1U);
+  EXPECT_EQ(failed.reason_code, 0x87);
+  client->publish(publication(2, "allowed", "x"));
+  EXPECT_EQ(client.next<Delivered>().id, 2U);
+}
+
+// ---- TLS ----------------------------------------------------------------------------------------
+
+class PahoBrokerTls : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    directory_ = std::make_unique<TemporaryDirectory>();
+    test::make_certificates(*directory_, "", "DNS:localhost");
+    test::make_certificates(*directory_, "other-", "DNS:localhost");
+  }
+  static void TearDownTestSuite() { directory_.reset(); }
+
+  static std::string file(const std::string& name) { return directory_->path(name); }
+  static std::string listener(const std::string& more = "") {
+    return "allow_anonymous true\ncafile " + file("ca.pem") + "\ncertfile " + file("server.pem") +
+           "\nkeyfile " + file("server.key") + "\n" + more;
+  }
+  static MqttConfig tls(const std::string& url, const std::string& ca) {
+    MqttConfig config = settings(url);
+    config.tls = TlsSettings{file(ca), "", ""};
+    return config;
+  }
+
+  static std::unique_ptr<TemporaryDirectory> directory_;
+};
+std::unique_ptr<TemporaryDirectory> PahoBrokerTls::directory_;
+
+TEST_F(PahoBrokerTls, RightAuthorityAndNameConnect) {
+  const Mosquitto mosquitto(*directory_, listener());
+  for (const int version : {4, 5}) {
+    MqttConfig config = tls(mosquitto.url("mqtts", "localhost"), "ca.pem");
+    config.version = version;
+    Client client(config);
+    client.connect();
+    client->publish(publication(1, "a", "x"));
+    EXPECT_EQ(client.next<Delivered>().id, 1U);
+  }
+}
+
+TEST_F(PahoBrokerTls, WrongAuthorityReadsAsSuch) {
+  const Mosquitto mosquitto(*directory_, listener());
+  const std::string text =
+      Client(tls(mosquitto.url("mqtts", "localhost"), "other-ca.pem")).refusal();
+  EXPECT_NE(text.find("certificate verify failed"), std::string::npos) << text;
+}
+
+TEST_F(PahoBrokerTls, CertificateOfAnotherHostIsRefused) {
+  const Mosquitto mosquitto(*directory_, listener());
+  const std::string text = Client(tls(mosquitto.url("mqtts", "127.0.0.1"), "ca.pem")).refusal();
+  EXPECT_NE(text.find("host name"), std::string::npos) << text;
+}
+
+TEST_F(PahoBrokerTls, MissingFileIsNamed) {
+  const Mosquitto mosquitto(*directory_, listener());
+  const std::string text = Client(tls(mosquitto.url("mqtts", "localhost"), "no.pem")).refusal();
+  EXPECT_NE(text.find("no.pem: No such file"), std::string::npos) << text;
+}
+
+TEST_F(PahoBrokerTls, MutualTlsNeedsTheClientsCertificate) {
+  const Mosquitto mosquitto(*directory_, listener("require_certificate true"));
+  MqttConfig config = tls(mosquitto.url("mqtts", "localhost"), "ca.pem");
+  EXPECT_FALSE(Client(config).refusal().empty());
+  config.tls->cert_file = file("other-client.pem");
+  config.tls->key_file = file("other-client.key");
+  EXPECT_FALSE(Client(config).refusal().empty());
+  config.tls->cert_file = file("client.pem");
+  config.tls->key_file = file("client.key");
+  Client(config).connect();
+}
+
+// ---- the end of a connection --------------------------------------------------------------------
+
+/// A listener that takes connections and never says a word.
+class SilentServer final {
+ public:
+  SilentServer() : fd_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    socklen_t size = sizeof address;
+    bind(fd_, reinterpret_cast<const sockaddr*>(&address), size);
+    listen(fd_, 5);
+    getsockname(fd_, reinterpret_cast<sockaddr*>(&address), &size);
+    port_ = ntohs(address.sin_port);
+  }
+  ~SilentServer() { close(fd_); }
+  SilentServer(const SilentServer&) = delete;
+  SilentServer& operator=(const SilentServer&) = delete;
+  /// Returns when somebody has connected.
+  void await() const { close(accept(dup(fd_), nullptr, nullptr)); }
+  std::uint16_t port() const { return port_; }
+
+ private:
+  int fd_;
+  std::uint16_t port_ = 0;
+};
+
+TEST(PahoBroker, EndsInTheMiddleOfAConnect) {
+  const SilentServer server;
+  for (int i = 0; i < 5; ++i) {
+    Client client(settings("mqtt://127.0.0.1:" + std::to_string(server.port())));
+    client->connect(0);
+    if (i % 2 == 0) server.await();
+  }
+}
+
+TEST(PahoBroker, EndsWithPublishesOnTheirWay) {
+  const TemporaryDirectory directory;
+  const Mosquitto mosquitto(directory, "allow_anonymous true");
+  for (int i = 0; i < 5; ++i) {
+    Client client(settings(mosquitto.url()));
+    client.connect();
+    client.subscribe("a");
+    for (std::uint64_t id = 1; id <= 20; ++id) client->publish(publication(id, "a", "x"));
+  }
+}
+
+TEST(PahoBroker, WillIsSaidForOneThatVanishedAndNotForOneThatLeft) {
+  const TemporaryDirectory directory;
+  const Mosquitto mosquitto(directory, "allow_anonymous true");
+  Client observer(settings(mosquitto.url()));
+  observer.connect();
+  observer.subscribe("will/#");
+
+  Client polite(settings(mosquitto.url()), {"will/polite", "gone"});
+  polite.connect();
+  polite->disconnect();
+  polite.next<Disconnected>();
+
+  setenv("FXAGENT_TEST_VICTIM", mosquitto.url().c_str(), 1);
+  const pid_t victim = test::spawn({"/proc/self/exe"}, directory.path("victim.log"));
+  EXPECT_EQ(observer.next<Message>().topic, "will/hello");
+  kill(victim, SIGKILL);
+  waitpid(victim, nullptr, 0);
+  const auto will = observer.next<Message>();
+  EXPECT_EQ(will.topic, "will/victim");
+  EXPECT_EQ(will.payload, "gone");
+  EXPECT_TRUE(will.retained);  // Retain As Published
+}
+
+TEST(PahoBroker, CarriesTheWholeUplink) {
+  const TemporaryDirectory directory;
+  const Mosquitto mosquitto(directory, "allow_anonymous true");
+  Config config = test::plant();
+  config.mqtt = settings(mosquitto.url());
+  const std::string base = config.base_topic();
+  Client observer(settings(mosquitto.url()));
+  observer.connect();
+  observer.subscribe(base + "/#");
+
+  Outbox outbox(100);
+  PahoBroker broker(config.mqtt, {base + "/state", json::object({{"state", "offline"}}).dump()},
+                    [&outbox] { outbox.notify(); });
+  const auto obey = [&outbox](Command command) {
+    CommandResult result = test::succeeded(command.id);
+    result.device = command.device;
+    result.received = command.received;
+    outbox.push(std::move(result));
+  };
+  PublisherSettings described;
+  described.boot = "9f3c21aa";
+  described.version = "0.1.0";
+  Publisher publisher(config, described, outbox, broker, obey,
+                      [] { return utc_ms(std::chrono::system_clock::now()); });
+  std::stop_source stop;
+  std::thread thread([&] { run_uplink(publisher, outbox, stop.get_token()); });
+  const auto next_on = [&observer](const std::string& topic) {
+    for (;;) {
+      const auto message = observer.next<Message>();
+      if (message.topic == topic) return json::parse(message.payload);
+    }
+  };
+  EXPECT_EQ(next_on(base + "/state")["state"], "online");
+  EXPECT_TRUE(next_on(base + "/press2/meta").contains("tags"));
+  outbox.push(test::sample(1));
+  EXPECT_EQ(next_on(base + "/press1/data/fast")["seq"], 1);
+  observer->publish(publication(1, base + "/press2/command", R"({"id":"c1","op":"run"})"));
+  const auto result = next_on(base + "/press2/result");
+  EXPECT_EQ(result["id"], "c1");
+  EXPECT_LT(result["t"]["total_ms"], 5000);
+  stop.request_stop();
+  EXPECT_EQ(next_on(base + "/state")["reason"], "stopped");
+  thread.join();
+}
+
+/// The other process of the test above: says hello and waits to be killed.
+int be_the_victim(const std::string& url) {
+  unsetenv("FXAGENT_TEST_VICTIM");
+  Client victim(settings(url), {"will/victim", "gone"});
+  victim.connect();
+  victim->publish(publication(1, "will/hello", "x"));
+  for (;;) pause();
+}
+
+}  // namespace
+}  // namespace fxagent
+
+int main(int argc, char** argv) {
+  if (const char* url = std::getenv("FXAGENT_TEST_VICTIM")) return fxagent::be_the_victim(url);
+  testing::InitGoogleTest(&argc, argv);
+  return RUN_ALL_TESTS();
+}
