@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 namespace fxagent {
@@ -18,6 +19,11 @@ std::optional<double> number(const Scalar& scalar) {
   return std::nullopt;
 }
 
+/// What binary fractions can lose in a difference: 0.3 - 0.2 is a little less than 0.1.
+double rounding(double x, double y) {
+  return 4 * std::numeric_limits<double>::epsilon() * std::max(std::abs(x), std::abs(y));
+}
+
 /// Whether two values of one tag are at least `deadband` apart, in any element.
 bool apart(const Value& a, const Value& b, std::optional<double> deadband) {
   if (!deadband || a.items.size() != b.items.size()) return a != b;
@@ -26,7 +32,7 @@ bool apart(const Value& a, const Value& b, std::optional<double> deadband) {
     const auto y = number(b.items[i]);
     if (!x || !y) {
       if (a.items[i] != b.items[i]) return true;
-    } else if (*x != *y && std::abs(*x - *y) >= *deadband) {
+    } else if (*x != *y && std::abs(*x - *y) + rounding(*x, *y) >= *deadband) {
       return true;
     }
   }
