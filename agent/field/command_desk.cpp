@@ -81,8 +81,11 @@ void set_extent(const CommandTarget& target, Point& point) {
 /// When the command stops being fresh. Both expiries were given against the clock at receipt.
 SteadyTime deadline_of(const Command& command, const CommandRules& rules) {
   SteadyTime deadline = command.received + rules.default_expiry;
-  if (command.expires_ms)
-    deadline = command.received + milliseconds(*command.expires_ms - command.received_ms);
+  if (command.expires_ms) {
+    // How long past makes no difference, and could be more than a duration can hold.
+    const auto fresh_from = std::max(*command.expires_ms, command.received_ms - 1);
+    deadline = command.received + milliseconds(fresh_from - command.received_ms);
+  }
   if (command.message_expiry)
     deadline = std::min(deadline, command.received + *command.message_expiry);
   return deadline;
@@ -90,7 +93,6 @@ SteadyTime deadline_of(const Command& command, const CommandRules& rules) {
 
 std::optional<Refusal> check_expiry(const Command& command, const CommandRules& rules) {
   if (!command.expires_ms) return std::nullopt;
-  if (*command.expires_ms < 0) return std::nullopt;  // long past, and safe to subtract below
   const auto latest = command.received_ms + milliseconds(rules.max_expiry).count();
   if (*command.expires_ms <= latest) return std::nullopt;
   return refuse(Reason::bad_value,
@@ -155,8 +157,10 @@ CommandDesk::Verdict CommandDesk::admit(Command command, const Codec& codec, std
   if (refusal && precedes_id(refusal->reason) && command.id.empty()) return rejected(*refusal);
 
   if (refusal && precedes_id(refusal->reason)) {
+    rejected(*refusal);
+    if (command.dry_run) return result;
     remember(command, now, now);
-    finished(rejected(*refusal));
+    finished(result);
     return result;
   }
   const bool room = make_room(now);
@@ -184,8 +188,13 @@ CommandDesk::Verdict CommandDesk::admit(Command command, const Codec& codec, std
   order.command = std::move(command);
   const Command& cmd = order.command;
   if (!why && !is_run_order(*cmd.op)) why = resolve(codec, order, result.targets);
-  if (!why && refusal) why = refusal;
-  if (!why) why = check_expiry(cmd, rules);
+  // Every bad_value goes before an out_of_range, wherever it was found.
+  if (!why || why->reason == Reason::out_of_range) {
+    if (refusal)
+      why = refusal;
+    else if (auto wrong_clock = check_expiry(cmd, rules))
+      why = std::move(wrong_clock);
+  }
 
   order.deadline = now;
   if (!why) {
@@ -324,16 +333,15 @@ std::optional<Refusal> CommandDesk::check_value(const Codec& codec, const Comman
   }
   if (!value) return refuse(Reason::bad_value, "value is missing");
   const auto packed = pack(out.point, *value);
-  if (!packed)
-    return refuse(
-        packed.error().fault == PackFault::out_of_range ? Reason::out_of_range : Reason::bad_value,
-        packed.error().text);
+  if (!packed && packed.error().fault == PackFault::bad_value)
+    return refuse(Reason::bad_value, packed.error().text);
   if (command.expect) {
     if (command.is_list) return refuse(Reason::bad_value, "expect goes with a single target");
     const auto expected = pack(out.point, *command.expect);
     if (!expected) return refuse(Reason::bad_value, "expect: " + expected.error().text);
     out.expected = *expected;
   }
+  if (!packed) return refuse(Reason::out_of_range, packed.error().text);
   if (out.tag_index)
     if (auto why = check_limits(device_.tags[*out.tag_index], *value)) return why;
   const auto requests = plan_write(codec, out.point, *packed);
