@@ -36,8 +36,7 @@ Line::Line(asio::any_io_executor executor, std::unique_ptr<Transport> transport,
 asio::awaitable<Result<void>> Line::open() {
   auto opened = co_await transport_->open(Clock::now() + kOpenTimeout);
   if (!opened) co_return opened;
-  doubt_ = Doubt::none;
-  ++session_;
+  ++session_;  // a doubt stays: a serial server hands a late answer to whoever is connected now
   std::uint8_t waste[kReadChunk];
   const auto give_up = Clock::now() + kLongestDrain;
   while (Clock::now() < give_up) {
@@ -131,6 +130,7 @@ asio::awaitable<Exchange> Line::send_and_receive(const Codec& codec, const Stati
     exchange.outcome = Exchange::Outcome::link_down;
     exchange.error = written.error->text;
     exchange.ended = Clock::now();
+    note_doubt(codec, request, exchange);
     co_return exchange;
   }
   if (codec.expects_reply(request)) {
@@ -196,7 +196,10 @@ void Line::note_doubt(const Codec& codec, const Request& request, const Exchange
       ++counters_.bad_frames;
       recovery = codec.after_nonsense();
       break;
-    default:
+    case Exchange::Outcome::link_down:
+      if (exchange.sent) recovery = codec.after_silence();
+      break;
+    case Exchange::Outcome::expired:
       return;
   }
   if (recovery == Recovery::none) return;

@@ -1,0 +1,49 @@
+// Runs coroutines of the field to their end, as the field thread would.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <asio/awaitable.hpp>
+#include <asio/co_spawn.hpp>
+#include <asio/io_context.hpp>
+#include <chrono>
+#include <exception>
+#include <functional>
+#include <optional>
+#include <utility>
+
+namespace fxagent::test {
+
+/// What a test allows for what takes milliseconds; reaching it is a failure, not a measurement.
+inline constexpr std::chrono::seconds kLimit{20};
+
+/// The outcome of `task`. `T` has a default.
+template <class T>
+T run_on(asio::io_context& io, asio::awaitable<T> task) {
+  std::optional<T> outcome;
+  asio::co_spawn(io, std::move(task), [&outcome](std::exception_ptr bug, T result) {
+    if (bug) std::rethrow_exception(bug);
+    outcome = std::move(result);
+  });
+  io.restart();
+  const auto give_up = std::chrono::steady_clock::now() + kLimit;
+  while (!outcome && std::chrono::steady_clock::now() < give_up) io.run_one_until(give_up);
+  if (outcome) return std::move(*outcome);
+  ADD_FAILURE() << "the coroutine did not end";
+  return T();
+}
+
+/// Handles events until `reached` says so; a failure where it never does.
+inline void run_until(asio::io_context& io, const std::function<bool()>& reached) {
+  io.restart();
+  const auto give_up = std::chrono::steady_clock::now() + kLimit;
+  while (!reached()) {
+    if (std::chrono::steady_clock::now() >= give_up) {
+      ADD_FAILURE() << "what the test waits for did not come";
+      return;
+    }
+    if (io.run_one_until(give_up) == 0) io.restart();
+  }
+}
+
+}  // namespace fxagent::test
