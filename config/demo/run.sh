@@ -1,0 +1,203 @@
+#!/bin/bash
+# The whole thing on this machine, without hardware:
+#   config/demo/run.sh [--seconds N]
+# Installs what is missing (only then as root), builds the agent and the simulator, and starts
+#   mosquitto  a broker on a free port of the loopback, with a configuration of its own,
+#   fxsim      an FX3U with an oven and a conveyor on a pseudo terminal, paced at 9600 baud,
+#   fxagent    with agent.json of this directory.
+# What the agent publishes is shown as it comes, one message a line. After some seconds three
+# commands go to the PLC (stop the conveyor, start it, a new setpoint) and their results are shown.
+#
+# Without --seconds it runs until Ctrl-C. With it, it stops N seconds after everything is started,
+# and exits 0 only if it saw live telemetry with values and a command that the PLC acknowledged,
+# otherwise 1. BUILD_DIR: the build directory, `build` in the project unless set.
+# It leaves nothing behind but the build directory.
+set -euo pipefail
+
+here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+root=$(cd "$here/../.." && pwd)
+build=${BUILD_DIR:-$root/build}
+base=fx/plant-a/edge7
+press=$base/press1
+
+usage() {
+  echo "usage: $0 [--seconds N]" >&2
+  exit 2
+}
+
+seconds=
+while [ $# -gt 0 ]; do
+  case $1 in
+    --seconds) seconds=${2:-}; [[ $seconds =~ ^[1-9][0-9]{0,6}$ ]] || usage; shift 2 ;;
+    -h | --help) sed -n '2,/^set /{/^#/s/^# \{0,1\}//p}' "${BASH_SOURCE[0]}"; exit 0 ;;
+    *) usage ;;
+  esac
+done
+
+"$root/docker/install.sh" build demo
+echo "building fxagent and fxsim in $build …"
+if ! log=$({ cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=RelWithDebInfo &&
+  cmake --build "$build" --target fxagent fxsim; } 2>&1); then
+  echo "$log" >&2
+  echo "the build failed" >&2
+  exit 1
+fi
+agent=$build/agent/fxagent
+sim=$build/tests/sim/fxsim
+# Debian keeps the broker where only root looks.
+broker=$(PATH=$PATH:/usr/sbin command -v mosquitto)
+
+dir=$(mktemp -d)
+agent_pid='' viewer_pid='' printer_pid='' sim_pid='' broker_pid=''
+
+# Ends a child by its id and waits for it; one that does not go within 10 s is killed.
+stop() {
+  [ -n "$1" ] || return 0
+  kill -TERM "$1" 2>/dev/null || true
+  for _ in $(seq 100); do
+    kill -0 "$1" 2>/dev/null || break
+    sleep 0.1
+  done
+  kill -KILL "$1" 2>/dev/null || true
+  wait "$1" 2>/dev/null || true
+}
+
+clean_up() {
+  trap '' INT TERM
+  # The agent first, so that its last words still reach the broker and the viewer.
+  for pid in $agent_pid $viewer_pid $sim_pid $broker_pid; do stop "$pid"; done
+  [ -z "$printer_pid" ] || wait "$printer_pid" 2>/dev/null || true
+  rm -rf "$dir"
+}
+trap clean_up EXIT
+trap 'exit 0' INT TERM
+
+# Says what is wrong, shows the end of every log, and leaves.
+give_up() {
+  echo "demo: $*" >&2
+  for file in "$dir"/*.log; do
+    [ -s "$file" ] || continue
+    echo "--- the end of $(basename "$file")" >&2
+    tail -n 15 "$file" >&2
+  done
+  exit 1
+}
+
+# Waits up to 10 s until a command succeeds.
+await() {
+  for _ in $(seq 100); do
+    "$@" && return 0
+    sleep 0.1
+  done
+  return 1
+}
+
+is_open() { (exec 3<>"/dev/tcp/127.0.0.1/$1") 2>/dev/null; }
+
+# A port that nobody listens on may be taken before the broker binds it: then it exits, and the next
+# is tried.
+start_broker() {
+  for _ in $(seq 20); do
+    port=$((20000 + RANDOM % 20000))
+    is_open "$port" && continue
+    printf 'listener %s 127.0.0.1\nallow_anonymous true\npersistence false\n' "$port" >"$dir/broker.conf"
+    "$broker" -c "$dir/broker.conf" >"$dir/broker.log" 2>&1 &
+    broker_pid=$!
+    for _ in $(seq 50); do
+      kill -0 "$broker_pid" 2>/dev/null || break
+      is_open "$port" && return 0
+      sleep 0.1
+    done
+    stop "$broker_pid"
+  done
+  give_up "no broker could be started"
+}
+
+# One line a message: time, topic below the agent's, and the payload made short.
+# shellcheck disable=SC2016 # jq's own variables
+readable='
+  def name: sub("^'$base'/"; "");
+  def shown: to_entries | map("\(.key)=\(.value)") | join(" ");
+  (.topic | name) as $topic
+  | (.payload | fromjson? // null) as $p
+  | select($p != null)
+  | (if ($topic | contains("/data/")) then
+       "#\($p.seq) " + ($p.values // {} | shown)
+       + (if $p.bad then "  bad: " + ($p.bad | map_values(.why) | shown) else "" end)
+     elif ($topic | endswith("/result")) then
+       "\($p.id): \($p.status) plc=\($p.plc) \($p.detail // "")" + " total_ms=\($p.t.total_ms)"
+     elif ($topic | endswith("/command")) then "\($p)"
+     elif ($topic | endswith("/meta")) then "\($p.tags | length) tags"
+     elif $topic == "health" then "samples: " + ($p.samples | shown)
+     else "\($p)" end) as $text
+  | "\(now | strflocaltime("%H:%M:%S"))  \($topic)  \($text)"'
+
+# The last line may be half written: what is no JSON is passed over.
+seen() {
+  jq -e -n -R "[inputs | fromjson? | .payload = ((.payload | fromjson?) // {})] | any(.[]; $1)" \
+    "$dir/messages" >"$dir/seen"
+}
+saw_telemetry() {
+  seen '(.topic | startswith("'$press'/data/")) and (.topic | endswith("/history") | not)
+        and (.payload.values // {} | length > 0)'
+}
+saw_ack() {
+  seen '.topic == "'$press'/result" and .payload.status == "SUCCEEDED" and .payload.plc == "ACK"'
+}
+
+order() {
+  echo "--------- order: $1"
+  mosquitto_pub -p "$port" -q 1 -t "$press/command" -m "$1" || give_up "the order was not published"
+}
+
+start_broker
+"$sim" --plc "name=press1,model=FX3U,pty=$dir/press1,baud=9600,plant=demo" >"$dir/sim.ready" 2>"$dir/sim.log" &
+sim_pid=$!
+await grep -q '"ready":true' "$dir/sim.ready" || give_up "the simulator did not start"
+
+mosquitto_sub -p "$port" -q 1 -F %j -t "$base/#" >"$dir/messages" 2>"$dir/viewer.log" &
+viewer_pid=$!
+# Ends by itself when the viewer is gone.
+tail -n +1 -f --pid="$viewer_pid" "$dir/messages" | jq --unbuffered -r "$readable" &
+printer_pid=$!
+
+mkdir "$dir/store"
+DEMO_PORT=$port DEMO_STORE=$dir/store DEMO_SERIAL=$dir/press1 \
+  "$agent" run "$here/agent.json" >"$dir/agent.out" 2>"$dir/agent.log" &
+agent_pid=$!
+start=$SECONDS
+
+echo "broker on 127.0.0.1:$port, PLC on $dir/press1, base topic $base"
+echo "try: mosquitto_sub -p $port -v -t '$base/#'"
+[ -n "$seconds" ] || echo "Ctrl-C ends it"
+
+# Sleeps to the given second after the start, or to the end; gives up when a part has died.
+until_second() {
+  while [ $((SECONDS - start)) -lt "$1" ]; do
+    [ -z "$seconds" ] || [ $((SECONDS - start)) -lt "$seconds" ] || return 0
+    kill -0 "$agent_pid" 2>/dev/null || give_up "the agent ended by itself"
+    kill -0 "$sim_pid" 2>/dev/null || give_up "the simulator ended by itself"
+    kill -0 "$broker_pid" 2>/dev/null || give_up "the broker ended by itself"
+    sleep 0.2
+  done
+}
+
+# A short demo orders early; the results need their time too.
+first=4
+[ -z "$seconds" ] || [ "$seconds" -ge 8 ] || first=$((seconds / 3))
+until_second "$first"
+order '{"id":"demo-1","op":"force_on","address":"M101","by":"demo"}'
+until_second $((first + 3))
+order '{"id":"demo-2","op":"force_on","address":"M100","by":"demo"}'
+order '{"id":"demo-3","op":"write","tag":"setpoint","value":60,"by":"demo"}'
+
+if [ -z "$seconds" ]; then
+  while true; do until_second $((SECONDS - start + 3600)); done
+fi
+until_second "$seconds"
+
+missing=
+saw_telemetry || missing="live telemetry with values"
+saw_ack || missing="${missing:+$missing, and }a result with status SUCCEEDED and plc ACK"
+[ -z "$missing" ] || give_up "within $seconds s there was no $missing"
+echo "demo: live telemetry and an acknowledged command were seen"

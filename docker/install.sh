@@ -1,0 +1,51 @@
+#!/bin/sh
+# Installs what is missing of some sections of packages.txt:
+#   docker/install.sh build test
+# Asks the package system only where something is missing, and needs root only then. Exit status: 0
+# all is there, 1 something could not be installed, 2 wrong usage.
+set -eu
+
+list=$(dirname "$0")/packages.txt
+
+# The packages of one section, one a line.
+packages_of() {
+  sed -n "s/^$1://p" "$list" | tr -s ' ' '\n' | sed '/^$/d'
+}
+
+is_installed() {
+  [ "$(dpkg-query --show --showformat='${db:Status-Status}' "$1" 2>/dev/null)" = installed ]
+}
+
+[ $# -gt 0 ] || { echo "usage: $0 SECTION…" >&2; exit 2; }
+wanted=
+for section in "$@"; do
+  packages=$(packages_of "$section")
+  [ -n "$packages" ] || { echo "$0: no section '$section' in $list" >&2; exit 2; }
+  wanted="$wanted $packages"
+done
+
+missing=
+for package in $wanted; do
+  is_installed "$package" || missing="$missing $package"
+done
+[ -n "$missing" ] || exit 0
+
+if [ "$(id -u)" -ne 0 ]; then
+  echo "$0: not installed, and only root can install:$missing" >&2
+  echo "  sudo apt-get update && sudo apt-get install --no-install-recommends$missing" >&2
+  exit 1
+fi
+
+echo "installing:$missing" >&2
+log=$(mktemp)
+trap 'rm -f "$log"' EXIT
+export DEBIAN_FRONTEND=noninteractive
+# shellcheck disable=SC2086 # a list of names
+if ! { apt-get update && apt-get install --yes --no-install-recommends $missing; } >"$log" 2>&1; then
+  echo "$0: apt-get failed; the end of what it said:" >&2
+  # Where the packages come from is the business of this machine, not of a log that travels.
+  tail -n 20 "$log" |
+    sed -E -e 's#[a-z+]+://[^ ]+#(source)#g' \
+           -e "s#'?[A-Za-z0-9-]+(\.[A-Za-z0-9-]+)*\.[a-z]{2,}(:[0-9]+)?'?#(host)#g" >&2
+  exit 1
+fi

@@ -1,0 +1,103 @@
+# Which room may include which, checked on the #include lines themselves: linking alone does not
+# enforce it, since system headers are visible to all.
+#   cmake -DROOT=<the project> -P tests/layers_test.cmake
+# Names every line that breaks a rule as file:line and fails. ARCHITECTURE of the rooms: protocol/
+# knows bytes, agent/field/ knows wires and time, agent/uplink/ knows MQTT and JSON, and only
+# agent/agent.* and the programs (main, one_shot) see all three.
+cmake_minimum_required(VERSION 3.25)
+if(NOT IS_DIRECTORY "${ROOT}/protocol" OR NOT IS_DIRECTORY "${ROOT}/agent")
+  message(FATAL_ERROR "layers: '${ROOT}' is not the project; call with -DROOT=<the project>")
+endif()
+
+# A rule is: the files it is for, what they may not include, why. The first two are regular
+# expressions on the path below ROOT and on the header between quotes or angle brackets.
+set(rules 0)
+macro(forbid files headers reason)
+  math(EXPR rules "${rules} + 1")
+  set(rule_${rules}_files "${files}")
+  set(rule_${rules}_headers "${headers}")
+  set(rule_${rules}_reason "${reason}")
+endmacro()
+
+set(mqtt "^(mqtt/|MQTT(Async|Client|Properties|ReasonCodes)|mosquitto)")
+# With a slash or a dot in it a header is no header of the C++ standard library.
+set(not_standard "[/.]")
+set(threads_and_io "^(thread|mutex|shared_mutex|condition_variable|future|stop_token|semaphore|latch|barrier|coroutine|fstream|iostream|filesystem|csignal|cstdio|ctime)$")
+
+forbid("^protocol/" "${threads_and_io}" "protocol/ has no threads, no I/O and no clock")
+forbid("^protocol/" "${not_standard}"
+       "protocol/ sees itself, tl/expected.hpp and the standard library")
+forbid("^agent/field/" "^nlohmann/" "agent/field/ knows no JSON")
+forbid("^agent/field/" "^agent/uplink/" "agent/field/ and agent/uplink/ meet in agent/agent.cpp only")
+forbid("^agent/uplink/" "^asio" "agent/uplink/ knows no asio")
+forbid("^agent/uplink/" "^agent/field/" "agent/uplink/ and agent/field/ meet in agent/agent.cpp only")
+forbid("^agent/[^/]+$" "^agent/(field|uplink)/"
+       "what both rooms share must not know either of them")
+forbid("^agent/[^/]+$" "^asio" "asio is the field's")
+forbid("." "${mqtt}" "only agent/uplink/paho_broker.cpp knows the MQTT library")
+forbid("." "^spdlog/" "only agent/log.cpp knows the log library")
+forbid("^(protocol|agent)/" "^tests/" "the product does not know its tests")
+forbid("^tests/sim/" "^(protocol|agent)/" "the simulator shares no code with what it is to prove wrong")
+
+# What a rule for a whole room does not mean: file, then header.
+set(allowed
+  "^protocol/[^ ]+ protocol/"
+  "^protocol/[^ ]+ tl/expected\\.hpp$"
+  "^agent/(agent\\.(h|cpp)|main\\.cpp|one_shot\\.(h|cpp)) agent/(field|uplink)/"
+  "^agent/uplink/paho_broker\\.cpp (mqtt/|MQTT)"
+  "^agent/log\\.cpp spdlog/")
+
+# One line for each include: path:line:#include "header"
+execute_process(
+  COMMAND grep -rnoE --include=*.h --include=*.hpp --include=*.cpp --include=*.cc --include=*.inc
+          "^[[:space:]]*#[[:space:]]*(include|import)(_next)?[[:space:]]*[\"<][^\">]+" agent protocol
+  WORKING_DIRECTORY "${ROOT}" OUTPUT_VARIABLE product RESULT_VARIABLE status)
+if(NOT status EQUAL 0)
+  message(FATAL_ERROR "layers: no #include found under ${ROOT}")
+endif()
+set(tests "")
+if(IS_DIRECTORY "${ROOT}/tests")
+  execute_process(
+    COMMAND grep -rnoE --include=*.h --include=*.hpp --include=*.cpp --include=*.cc --include=*.inc
+            "^[[:space:]]*#[[:space:]]*(include|import)(_next)?[[:space:]]*[\"<][^\">]+" tests
+    WORKING_DIRECTORY "${ROOT}" OUTPUT_VARIABLE tests)
+endif()
+string(REGEX REPLACE "\n+" ";" includes "${product}${tests}")
+list(REMOVE_ITEM includes "")
+
+set(broken 0)
+foreach(include IN LISTS includes)
+  string(REGEX MATCH "^([^:]+):([0-9]+):[^\"<]*([\"<])(.+)$" whole "${include}")
+  set(file "${CMAKE_MATCH_1}")
+  set(line "${CMAKE_MATCH_2}")
+  set(quote "${CMAKE_MATCH_3}")
+  set(header "${CMAKE_MATCH_4}")
+  # A path from elsewhere would pass under the rules unseen.
+  if(quote STREQUAL "\"" AND NOT header MATCHES "^(protocol|agent|tests)/[^.]")
+    message(NOTICE "${file}:${line}: includes ${header}: our headers are named from the root")
+    math(EXPR broken "${broken} + 1")
+    continue()
+  endif()
+  set(is_allowed FALSE)
+  foreach(pair IN LISTS allowed)
+    if("${file} ${header}" MATCHES "${pair}")
+      set(is_allowed TRUE)
+    endif()
+  endforeach()
+  if(is_allowed)
+    continue()
+  endif()
+  foreach(rule RANGE 1 ${rules})
+    if(file MATCHES "${rule_${rule}_files}" AND header MATCHES "${rule_${rule}_headers}")
+      message(NOTICE "${file}:${line}: includes ${header}: ${rule_${rule}_reason}")
+      math(EXPR broken "${broken} + 1")
+      break()
+    endif()
+  endforeach()
+endforeach()
+
+list(LENGTH includes count)
+if(broken GREATER 0)
+  message(FATAL_ERROR "layers: ${broken} of ${count} includes break a rule")
+endif()
+message(STATUS "layers: ${count} includes, ${rules} rules, none broken")
