@@ -81,6 +81,7 @@ SteadyTime Publisher::step(SteadyTime now) {
   take_outbox(now);
   keep_connected(now);
   if (now >= next_tick_) tick(now);
+  spill_live(now);
   if (link_ == Link::connected && phase_ <= Phase::draining) pump(now);
   const auto failures = std::exchange(unsendable_, {});
   for (const DeliveryFailed& failure : failures) on(failure, now);
@@ -114,6 +115,7 @@ json::Samples Publisher::samples() const {
 void Publisher::on(const Connected& event, SteadyTime now) {
   if (link_ != Link::connecting) return;
   link_ = Link::connected;
+  starting_ = false;
   connected_at_ = now;
   last_failure_.clear();
   window_ = std::clamp<std::size_t>(event.receive_maximum, 1, kMaxWindow);
@@ -146,6 +148,8 @@ void Publisher::on(const ConnectFailed& event, SteadyTime now) {
     last_failure_ = event.text;
   }
   link_ = Link::waiting;
+  starting_ = false;
+  store_live();
   schedule_retry(now, /*next_server=*/true);
 }
 
@@ -326,7 +330,9 @@ void Publisher::take_sample(const Telemetry& message, SteadyTime now) {
   row.json = json::telemetry(message, config_.devices.at(message.device), settings_.boot,
                              metas_.at(message.device).hash);
   row_bytes_ += row.json.size() + Backlog::kRowOverhead;
-  if (link_ == Link::connected && phase_ <= Phase::draining && may_send(row.device, now))
+  // What is read while the first connection is being made is as live as what comes right after it.
+  const bool can_go = link_ == Link::connected || starting_;
+  if (can_go && phase_ <= Phase::draining && may_send(row.device, now))
     live_.push_back({std::move(row), now});
   else
     store(std::move(row));
@@ -387,8 +393,7 @@ void Publisher::connection_over(SteadyTime now) {
     else if (const auto* history = std::get_if<HistoryFlight>(&flight))
       backlog_.returned(history->batch);
   }
-  for (LiveRow& live : live_) store(std::move(live.row));
-  live_.clear();
+  store_live();
   due_.clear();  // all of it is published again after the next connect
   for (auto& [key, pending] : results_) {
     for (PendingResult::Copy& copy : pending.copies) {
@@ -437,7 +442,6 @@ void Publisher::tick(SteadyTime now) {
 void Publisher::pump(SteadyTime now) {
   pump_results(now);
   pump_notices(now);
-  spill_live(now);
   pump_live(now);
   pump_history(now);
 }
@@ -569,6 +573,11 @@ void Publisher::pause(std::uint32_t device, SteadyTime now) {
        {"again_in_s", std::to_string(std::chrono::ceil<seconds>(pause.until - now).count())}});
 }
 
+void Publisher::store_live() {
+  for (LiveRow& live : live_) store(std::move(live.row));
+  live_.clear();
+}
+
 void Publisher::store(Backlog::Row row) {
   backlog_.append(std::move(row));
   for (const auto& [device, count] : backlog_.take_dropped()) drop(device, count);
@@ -649,12 +658,12 @@ SteadyTime Publisher::next_wake(SteadyTime now) const {
   if (link_ == Link::waiting) at(retry_at_);
   if (link_ == Link::connecting) at(connect_deadline_);
   if (clean_up_until_) at(*clean_up_until_);
+  if (!live_.empty()) at(live_.front().since + kLiveFor);
   if (link_ != Link::connected) return wake;
   // What is due now and found no room goes with the next acknowledgement, which is news.
   const auto later = [&](SteadyTime time) {
     if (time > now) at(time);
   };
-  if (!live_.empty()) at(live_.front().since + kLiveFor);
   for (const auto& [key, due] : due_) later(due.not_before);
   for (const auto& [key, pending] : results_)
     for (const PendingResult::Copy& copy : pending.copies) later(copy.due.not_before);

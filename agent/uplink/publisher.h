@@ -168,6 +168,7 @@ class Publisher final {
   bool may_send(std::uint32_t device, SteadyTime now) const;
   void pause(std::uint32_t device, SteadyTime now);
   void store(Backlog::Row row);
+  void store_live();
   void drop(std::uint32_t device, std::uint64_t count);
   void result_copy_done(std::uint64_t result, std::size_t copy);
   SteadyTime::duration back_off(int failures);
@@ -186,6 +187,7 @@ class Publisher final {
 
   // the connection
   Link link_ = Link::waiting;
+  bool starting_ = true;  ///< the first attempt to connect is not over
   std::size_t server_ = 0;
   int failed_rounds_ = 0;  ///< through all servers
   SteadyTime retry_at_{};
