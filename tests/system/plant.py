@@ -99,6 +99,7 @@ class Watcher:
     def __init__(self, port, version=5, username=None, password=None):
         self.messages = []
         self.lock = threading.Lock()
+        self.arrival = threading.Condition(self.lock)
         self.version = version
         protocol = mqtt.MQTTv5 if version == 5 else mqtt.MQTTv311
         self.client = mqtt.Client(f"watcher-{time.monotonic_ns()}", protocol=protocol)
@@ -119,8 +120,9 @@ class Watcher:
             payload = json.loads(text, parse_constant=_refuse_constant) if text else None
         except ValueError:
             payload = text
-        with self.lock:
+        with self.arrival:
             self.messages.append((time.monotonic(), message.topic, payload, message))
+            self.arrival.notify_all()
 
     def payloads(self, topic, since=0):
         with self.lock:
@@ -132,12 +134,26 @@ class Watcher:
 
     def wait(self, topic, accept=lambda payload: True, since=0, patience=PATIENCE):
         """The first payload on `topic` that `accept` takes."""
+        deadline = time.monotonic() + patience
+        position = since
+        with self.arrival:
+            while True:
+                for _, seen_on, payload, _ in self.messages[position:]:
+                    if seen_on == topic and payload is not None and accept(payload):
+                        return payload
+                position = len(self.messages)
+                left = deadline - time.monotonic()
+                if left <= 0:
+                    last = [p for _, t, p, _ in self.messages[since:] if t == topic][-3:]
+                    raise AssertionError(f"waited in vain on {topic}; the last there: {last}")
+                self.arrival.wait(left)
+
+    def wait_count(self, topic, count, accept=lambda payload: True, since=0, patience=PATIENCE):
+        """The payloads on `topic` that `accept` takes, once there are `count` of them."""
         def look():
-            for payload in self.payloads(topic, since):
-                if payload is not None and accept(payload):
-                    return [payload]
-            return None
-        return wait_for(f"{topic}", look, patience)[0]
+            seen = [p for p in self.payloads(topic, since) if p is not None and accept(p)]
+            return seen if len(seen) >= count else None
+        return wait_for(f"{count} messages on {topic}", look, patience)
 
     def publish(self, topic, payload, retain=False, properties=None):
         text = payload if isinstance(payload, (str, bytes)) else json.dumps(payload)
@@ -244,6 +260,15 @@ class Agent:
         self.log.close()
         return status
 
+    @contextlib.contextmanager
+    def frozen(self):
+        """No thread of the agent runs inside the block, as on a machine that was suspended."""
+        self.process.send_signal(signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            self.process.send_signal(signal.SIGCONT)
+
     def logged(self):
         with open(self.log_path) as text:
             return text.read()
@@ -315,6 +340,18 @@ class PlantTest(unittest.TestCase):
 
     def data(self, accept=lambda m: True, name="press1", group="fast", since=0):
         return self.watcher.wait(f"{BASE}/{name}/data/{group}", accept, since)
+
+    def stamps(self, name="press1", group="fast", since=0):
+        """`ts` of every whole message of a group, in ms."""
+        return [m["ts"] for m in self.watcher.payloads(f"{BASE}/{name}/data/{group}", since)
+                if not m.get("partial")]
+
+    def results(self, identity, name="press1"):
+        return [r for r in self.watcher.payloads(f"{BASE}/{name}/result") if r["id"] == identity]
+
+    def result(self, identity, name="press1", since=0, accept=lambda r: True):
+        return self.watcher.wait(f"{BASE}/{name}/result",
+                                 lambda r: r["id"] == identity and accept(r), since)
 
     def next_id(self):
         self.numbers += 1

@@ -1,11 +1,12 @@
 """Telemetry: shapes, types, beats, on_change, bad values. CONTRACT sections 2 to 4."""
 
 import math
+import random
 import struct
 import time
 import unittest
 
-from plant import BASE, PlantTest, device
+from plant import BASE, SCHEDULING_MS, PlantTest, device
 
 
 def words_of_float(value):
@@ -113,6 +114,238 @@ class Telemetry(PlantTest):
         self.assertLess(abs((stamps[-1] - stamps[0]) - 200 * (len(stamps) - 1)), 200)
         for earlier, later in zip(stamps, stamps[1:]):
             self.assertGreater(later - earlier, 100)
+
+    def test_numbers_keep_their_kind(self):
+        tags = [{"name": "whole", "address": "D10", "group": "fast"},
+                {"name": "scaled", "address": "D10", "group": "fast", "scale": 0.5},
+                {"name": "wide", "address": "D12", "type": "uint32", "group": "fast"},
+                {"name": "real", "address": "D14", "type": "float32", "group": "fast"},
+                {"name": "tiny", "address": "D16", "type": "float32", "group": "fast"}]
+        memory = {"D10": 7, "D12": [0xFFFF, 0xFFFF], "D14": words_of_float(5.1),
+                  "D16": words_of_float(1e-40)}
+        self.start([device(tags=tags)], [self.plc(memory=memory)])
+        self.data()
+        raw = [m for _, topic, _, m in self.watcher.messages
+               if topic == f"{BASE}/press1/data/fast"][0].payload.decode()
+        # An integer without scale has no decimal point, and a float is as short as a float can be.
+        self.assertIn('"whole":7,', raw)
+        self.assertIn('"scaled":3.5,', raw)
+        self.assertIn('"wide":4294967295,', raw)
+        self.assertIn('"real":5.1,', raw)
+        tiny = self.data()["values"]["tiny"]
+        self.assertEqual(words_of_float(tiny), words_of_float(1e-40))
+
+    def test_text_of_any_bytes_is_valid_json(self):
+        tags = [{"name": "text", "address": "D10", "type": "string", "length": 8, "group": "fast"}]
+        self.start([device(tags=tags)], [self.plc(memory={"D10": [0x2241, 0x0A5C, 0xFFE9, 0x0142]})])
+        message = self.data(lambda m: m["values"] or m["bad"])
+        self.assertIsInstance(message, dict)  # a text that is no JSON stays a str in the watcher
+        if "text" in message["values"]:
+            self.assertTrue(message["values"]["text"].startswith('A"\\\n'))
+        self.sim.set("press1", "D10", [0x4241, 0x0000, 0x4443, 0x0000])
+        self.data(lambda m: m["values"].get("text") == "AB")
+
+    def test_any_mix_of_tags_reads_what_the_memory_holds(self):
+        chance = random.Random(4711)
+        memory = {name: [chance.randrange(65536) for _ in range(1200)] for name in ("D0",)}
+        memory["D4000"] = [chance.randrange(65536) for _ in range(200)]
+        memory["M0"] = [chance.randrange(2) for _ in range(600)]
+        words = dict(enumerate(memory["D0"]))
+        words.update(enumerate(memory["D4000"], 4000))
+        bits = memory["M0"]
+        tags, expected = [], {}
+        for number in range(120):
+            name = f"t{number}"
+            kind = chance.choice(["int16", "uint16", "int32", "uint32", "bool", "array", "bit of D",
+                                  "nibbles"])
+            at = chance.choice([chance.randrange(1190), chance.randrange(4000, 4190)])
+            tag = {"name": name, "address": f"D{at}", "group": "fast"}
+            double = words[at] | words[at + 1] << 16
+            if kind == "array":
+                count = chance.randrange(2, 10)
+                tag.update(type="uint16", count=count)
+                expected[name] = [words[at + i] for i in range(count)]
+            elif kind == "bit of D":
+                bit = chance.randrange(16)
+                tag["address"] += f".{bit:X}"
+                expected[name] = bool(words[at] >> bit & 1)
+            elif kind == "bool":
+                at = chance.randrange(600)
+                tag["address"] = f"M{at}"
+                expected[name] = bool(bits[at])
+            elif kind == "nibbles":
+                at, width = chance.randrange(500), chance.randrange(1, 5)
+                tag.update(address=f"K{width}M{at}", type="uint16")
+                expected[name] = sum(bits[at + i] << i for i in range(4 * width))
+            else:
+                tag["type"] = kind
+                expected[name] = {
+                    "int16": words[at] - (words[at] >> 15 << 16), "uint16": words[at],
+                    "int32": double - (double >> 31 << 32), "uint32": double}[kind]
+            tags.append(tag)
+        self.start([device(tags=tags)], [self.plc(memory=memory)])
+        message = self.data()
+        self.assertEqual(message["values"], expected)
+        self.assertGreater(message["span_ms"], 0)
+
+    def test_span_is_told_where_there_was_more_than_one_exchange(self):
+        groups = [{"name": "near", "interval_ms": 300}, {"name": "far", "interval_ms": 300}]
+        tags = [{"name": "a", "address": "D0", "group": "near"},
+                {"name": "b", "address": "D0", "group": "far"},
+                {"name": "c", "address": "D5000", "group": "far"}]
+        self.start([device(tags=tags, groups=groups)], [self.plc(baud=9600, turnaround_ms=10)])
+        self.assertNotIn("span_ms", self.data(group="near"))
+        span = self.data(group="far")["span_ms"]
+        # E00 and 8 digits, 13 characters; a word back, 8. 21 characters of 10 bits, and the PLC's time.
+        second = 21 * 10 / 9600 * 1000 + 10
+        self.assertGreaterEqual(span, second - 10)
+        self.assertLess(span, second + 2 * SCHEDULING_MS)
+
+    def test_numbers_run_over_all_groups_of_a_device(self):
+        groups = [{"name": "fast", "interval_ms": 40}, {"name": "slow", "interval_ms": 110}]
+        tags = [{"name": "a", "address": "D0", "group": "fast"},
+                {"name": "b", "address": "D1", "group": "slow"}]
+        self.start([device(tags=tags, groups=groups)])
+        first = self.data()
+        self.data(lambda m: m["seq"] > first["seq"] + 30, group="slow")
+        seen = sorted(m["seq"] for group in ("fast", "slow")
+                      for m in self.watcher.payloads(f"{BASE}/press1/data/{group}"))
+        self.assertEqual(seen, list(range(seen[0], seen[0] + len(seen))))
+
+    def test_meta_describes_every_tag(self):
+        tags = [{"name": "temp", "address": "D100", "group": "fast", "scale": 0.1, "unit": "°C",
+                 "deadband": 0.5, "min": -10, "max": 90, "access": "read_write"},
+                {"name": "list", "address": "D110", "type": "uint16", "count": 4, "group": "fast"},
+                {"name": "text", "address": "D120", "type": "string", "length": 6, "group": "fast"},
+                {"name": "bit", "address": "M7", "group": "fast"}]
+        self.start([device(tags=tags)])
+        meta = self.watcher.wait(f"{BASE}/press1/meta")
+        plain = {"unit": "", "scale": 1, "offset": 0, "group": "fast", "access": "read"}
+        self.assertEqual(meta["tags"], {
+            "temp": {**plain, "address": "D100", "type": "int16", "unit": "°C", "scale": 0.1,
+                     "access": "read_write", "min": -10, "max": 90, "deadband": 0.5},
+            "list": {**plain, "address": "D110", "type": "uint16", "count": 4},
+            "text": {**plain, "address": "D120", "type": "string", "length": 6},
+            "bit": {**plain, "address": "M7", "type": "bool"}})
+        self.assertEqual(self.data()["meta"], meta["hash"])
+        # Another description has another hash; the same one keeps it over a restart.
+        self.agent.stop()
+        since = self.watcher.mark()
+        self.agent.start()
+        self.data(since=since)
+        self.assertEqual(self.watcher.wait(f"{BASE}/press1/meta", since=since)["hash"], meta["hash"])
+        self.agent.stop()
+        tags[0]["unit"] = "K"
+        self.agent.write(dict(self.agent.config, devices=[device(tags=tags)]))
+        since = self.watcher.mark()
+        self.agent.start()
+        changed = self.data(lambda m: m["meta"] != meta["hash"], since=since)["meta"]
+        self.watcher.wait(f"{BASE}/press1/meta", lambda m: m["hash"] == changed, since)
+
+    def test_an_address_that_the_plc_refuses_is_bad_alone(self):
+        # The config says FX3U, and what answers is an FX1S: it has D0 and lacks D900.
+        tags = [{"name": "near", "address": "D0", "group": "fast"},
+                {"name": "far", "address": "D900", "group": "fast"}]
+        self.start([device(tags=tags, command_set="classic", retries=1)],
+                   [self.plc(model="FX1S", memory={"D0": 5})])
+        message = self.data(lambda m: "near" in m["values"])
+        self.assertEqual(message["values"], {"near": 5})
+        bad = message["bad"]["far"]
+        self.assertEqual((bad["why"], bad["last"], bad["last_ts"]), ("nak", None, None))
+        later = self.data(lambda m: m["seq"] > message["seq"] + 3)
+        self.assertEqual(later["bad"]["far"]["since"], bad["since"])
+        self.assertEqual(self.state("press1", "degraded")["reason"], "nak")
+
+    def test_on_change_compares_arrays_by_element_and_speaks_after_a_long_silence(self):
+        groups = [{"name": "fast", "interval_ms": 40, "publish": "on_change", "max_silent_s": 1},
+                  {"name": "beat", "interval_ms": 40}]
+        tags = [{"name": "a", "address": "D10", "count": 3, "group": "fast", "deadband": 10},
+                {"name": "c", "address": "D20", "group": "beat"}]
+        self.start([device(tags=tags, groups=groups)], [self.plc(memory={"D10": [100, 200, 300]})])
+        first = self.data()
+        self.assertEqual(first["values"], {"a": [100, 200, 300]})
+        # Each by less than the deadband, together by more: no news. Then one by as much as it.
+        self.sim.set("press1", "D10", [109, 209, 309])
+        self.sim.set("press1", "D20", 1)
+        self.data(lambda m: m["values"]["c"] == 1, group="beat")
+        second = self.data(lambda m: m["seq"] > first["seq"])
+        self.assertEqual(second["values"], {"a": [109, 209, 309]})
+        self.assertGreaterEqual(second["ts"] - first["ts"], 1000 - 40)
+        self.assertLess(second["ts"] - first["ts"], 1000 + 2 * 40 + SCHEDULING_MS)
+        self.sim.set("press1", "D10", [109, 199, 309])
+        third = self.data(lambda m: m["values"] == {"a": [109, 199, 309]})
+        self.assertLess(third["ts"] - second["ts"], 900)
+
+    def test_on_change_speaks_when_a_value_turns_bad_and_good(self):
+        groups = [{"name": "fast", "interval_ms": 40, "publish": "on_change", "max_silent_s": 600}]
+        tags = [{"name": "a", "address": "D10", "type": "bcd16", "group": "fast"}]
+        self.start([device(tags=tags, groups=groups)])
+        self.data(lambda m: m["values"] == {"a": 0})
+        self.sim.set("press1", "D10", 0xFFFF)
+        bad = self.data(lambda m: "bad" in m)
+        self.assertEqual(bad["values"], {})
+        self.sim.set("press1", "D10", 0)
+        self.data(lambda m: m["values"] == {"a": 0} and m["seq"] > bad["seq"])
+        self.assertEqual(len(self.watcher.payloads(f"{BASE}/press1/data/fast")), 3)
+
+    def test_a_silent_device_speaks_once_and_then_rarely(self):
+        groups = [{"name": "fast", "interval_ms": 40, "max_silent_s": 1}]
+        self.start([device(groups=groups, timeout_ms=50)], [self.plc(memory={"D100": 9})])
+        good = self.data()
+        since = self.watcher.mark()
+        self.sim.fault("press1", "dead")
+        bads = self.watcher.wait_count(f"{BASE}/press1/data/fast", 3, lambda m: "bad" in m, since)
+        for message in bads:
+            bad = message["bad"]["temp"]
+            self.assertEqual((message["values"], bad["why"], bad["last"]), ({}, "timeout", 9))
+            self.assertEqual(bad["since"], bads[0]["bad"]["temp"]["since"])
+            self.assertGreaterEqual(bad["last_ts"], good["ts"])
+            self.assertLessEqual(bad["last_ts"], bad["since"])
+        for earlier, later in zip(bads, bads[1:]):
+            self.assertGreaterEqual(later["ts"] - earlier["ts"], 1000 - SCHEDULING_MS)
+
+    def test_as_many_messages_come_as_the_beat_says(self):
+        groups = [{"name": "fast", "interval_ms": 100}, {"name": "slow", "interval_ms": 250}]
+        tags = [{"name": "a", "address": "D10", "group": "fast"},
+                {"name": "b", "address": "D11", "group": "slow"}]
+        self.start([device(tags=tags, groups=groups)], [self.plc(baud=9600)])
+        first = self.data()["ts"]
+        last = self.watcher.wait(f"{BASE}/press1/data/fast", lambda m: m["ts"] >= first + 3000)["ts"]
+        self.watcher.wait(f"{BASE}/press1/data/slow", lambda m: m["ts"] > last)
+        for group, interval in (("fast", 100), ("slow", 250)):
+            seen = [ts for ts in self.stamps(group=group) if first <= ts < first + 3000]
+            self.assertLessEqual(abs(len(seen) - 3000 / interval), 1, (group, seen))
+
+    def test_after_a_pause_the_beat_goes_on_without_a_burst(self):
+        self.start([device(groups=[{"name": "fast", "interval_ms": 50}])])
+        self.data()
+        before = self.watcher.mark()
+        with self.agent.frozen():
+            time.sleep(1.0)  # the length of the pause is what is tested
+        paused = self.data(since=before)["ts"]
+        self.data(lambda m: m["ts"] > paused + 500)
+        stamps = [ts for ts in self.stamps(since=before) if paused <= ts <= paused + 500]
+        # 20 beats were missed; of those none is made up for.
+        self.assertLessEqual(len(stamps), 500 / 50 + 2, stamps)
+
+    def test_a_change_is_seen_at_the_next_beat(self):
+        self.start([device(groups=[{"name": "fast", "interval_ms": 100}])], [self.plc(baud=9600)])
+        self.data()
+        for value in range(1, 6):
+            self.sim.set("press1", "D100", value)
+            at = time.time() * 1000
+            # One beat, one exchange of 11 and 8 characters, the PLC's 1 ms, and the scheduler.
+            bound = 100 + 19 * 10 / 9600 * 1000 + 1 + SCHEDULING_MS
+            self.assertLess(self.data(lambda m: m["values"]["temp"] == value)["ts"] - at, bound)
+
+    def test_with_interval_0_a_group_is_read_as_fast_as_the_line_allows(self):
+        groups = [{"name": "fast", "interval_ms": 0}]
+        self.start([device(groups=groups)], [self.plc(baud=9600, turnaround_ms=5)])
+        self.watcher.wait_count(f"{BASE}/press1/data/fast", 21)
+        stamps = self.stamps()[:21]
+        exchange = 19 * 10 / 9600 * 1000 + 5
+        self.assertGreater(stamps[20] - stamps[0], 20 * exchange * 0.95)
+        self.assertLess(stamps[20] - stamps[0], 20 * (exchange + SCHEDULING_MS / 4))
 
     def test_a_model_is_asked_for_and_reaches_its_extended_devices(self):
         tags = [{"name": "far", "address": "D7999", "group": "fast"},
