@@ -21,9 +21,9 @@ struct OptionSpec {
   Kind kind = Kind::integer;
   std::int64_t min = 0;  ///< integer: inclusive bounds
   std::int64_t max = 0;
-  std::vector<std::string_view> choices;           ///< choice: the words
+  std::vector<std::string_view> choices;                        ///< choice: the words
   std::variant<std::int64_t, bool, std::string_view> fallback;  ///< where the key is absent
-  std::string_view meaning;                        ///< one line for error texts and the schema
+  std::string_view meaning;  ///< one line for error texts and the schema
 };
 
 using OptionValue = std::variant<std::int64_t, bool, std::string>;

@@ -13,11 +13,13 @@ namespace fxagent {
 
 /// What an exchange costs besides its own characters.
 struct LineCost {
-  std::chrono::nanoseconds per_char{0};      ///< 10 bits at 9600 baud: 1.0417 ms
-  std::chrono::nanoseconds per_exchange{0};  ///< the device's own time plus the gap before a request
+  std::chrono::nanoseconds per_char{0};  ///< 10 bits at 9600 baud: 1.0417 ms
+  std::chrono::nanoseconds per_exchange{
+      0};  ///< the device's own time plus the gap before a request
 
   std::chrono::nanoseconds of(const LineLength& length) const {
-    return per_exchange + per_char * (length.request_chars + length.reply_chars + length.closing_chars);
+    return per_exchange +
+           per_char * (length.request_chars + length.reply_chars + length.closing_chars);
   }
 };
 
@@ -42,9 +44,9 @@ struct Plan {
 };
 
 /// The reads of `points` with the least total line time under the codec's limits: exact, by dynamic
-/// programming over each space. A point lies whole in one read wherever one read can hold it; a longer
-/// one (an array) is cut at unit borders and gets consecutive reads. `max_block_bytes` lowers every
-/// way's max_bits (0: leaves it).
+/// programming over each space. A point lies whole in one read wherever one read can hold it; a
+/// longer one (an array) is cut at unit borders and gets consecutive reads. `max_block_bytes`
+/// lowers every way's max_bits (0: leaves it).
 Plan make_plan(const Codec& codec, std::span<const Point> points, const LineCost& cost,
                std::uint32_t max_block_bytes);
 
@@ -53,8 +55,9 @@ Plan make_plan(const Codec& codec, std::span<const Point> points, const LineCost
 Result<Value> value_of(const Plan& plan, std::span<const Bytes> images, const Point& point,
                        std::size_t index);
 
-/// The orders that write `image` to the point, in the order they are to be sent: one force for a bit,
-/// one write where a frame can hold it, else several. bad_request: the codec cannot write this span.
+/// The orders that write `image` to the point, in the order they are to be sent: one force for a
+/// bit, one write where a frame can hold it, else several. bad_request: the codec cannot write this
+/// span.
 Result<std::vector<Request>> plan_write(const Codec& codec, const Point& point, ByteView image);
 
 }  // namespace fxagent

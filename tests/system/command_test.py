@@ -1,5 +1,6 @@
 """Commands: every word of CONTRACT section 5."""
 
+import json
 import random
 import time
 import unittest
@@ -123,6 +124,248 @@ class Commands(PlantTest):
             self.send(payload)
             result = self.watcher.wait(f"{BASE}/press1/result", lambda r: r["id"] is None, since)
             self.assert_result(result, "REJECTED", reason)
+        self.assertEqual(self.sim.orders("press1"), [])
+
+    def test_every_type_can_be_written_at_a_raw_address(self):
+        self.start_press()
+        table = [
+            ({"address": "D300", "value": -5}, -5, [0xFFFB]),
+            ({"address": "D300", "type": "uint16", "value": 65535}, 65535, [65535]),
+            ({"address": "D300", "type": "int32", "value": -2}, -2, [0xFFFE, 0xFFFF]),
+            ({"address": "D300", "type": "uint32", "value": 4294967295}, 4294967295, [0xFFFF] * 2),
+            ({"address": "D300", "type": "float32", "value": 1.5}, 1.5, [0, 0x3FC0]),
+            ({"address": "D300", "type": "bcd16", "value": 1234}, 1234, [0x1234]),
+            ({"address": "D300", "type": "bcd32", "value": 12345678}, 12345678, [0x5678, 0x1234]),
+            ({"address": "D300", "type": "string", "value": "AbCd"}, "AbCd", [0x6241, 0x6443]),
+            ({"address": "D300", "value": [1, 2, 3]}, [1, 2, 3], [1, 2, 3]),
+        ]
+        for order, told, memory in table:
+            result = self.order(op="write", **order)
+            self.assert_result(result, "SUCCEEDED", None, "ACK")
+            self.assertEqual((result["value"], result["verify"]), (told, {"read": told, "match": True}))
+            self.assertEqual([self.sim.get("press1", f"D{300 + i}") for i in range(len(memory))],
+                             memory)
+
+    def test_counters_outputs_inputs_and_nibbles_are_written_where_they_are_allowed(self):
+        self.start_press(commands={"allow": ["CN200", "X0-X7", "Y0-Y17", "M100-M131", "S20", "TN5"]})
+        self.assert_result(self.order(op="write", address="CN200", value=-70000), "SUCCEEDED", None,
+                           "ACK")
+        self.assertEqual(self.sim.ask(cmd="get", plc="press1", device="CN200", signed=True)["values"],
+                         [-70000])
+        for address in ("X7", "Y17", "S20", "M100"):
+            self.assert_result(self.order(op="force_on", address=address), "SUCCEEDED", None, "ACK")
+            self.assertEqual(self.sim.get("press1", address), 1)
+        self.assert_result(self.order(op="write", address="TN5", value=50), "SUCCEEDED", None, "ACK")
+        self.assertEqual(self.sim.get("press1", "TN5"), 50)
+        # M104 to M119 fill two bytes: M0 lies at a byte's beginning, and so does M104.
+        self.assert_result(self.order(op="write", address="K4M104", value=0x1234), "SUCCEEDED", None,
+                           "ACK")
+        self.assertEqual(sum(self.sim.get("press1", f"M{104 + i}") << i for i in range(16)), 0x1234)
+        for address in ("K4M105", "K1M104"):
+            self.assert_result(self.order(op="write", address=address, value=1), "REJECTED",
+                               "not_writable")
+        self.assert_result(self.order(op="write", address="K4M120", value=1), "REJECTED",
+                           "not_allowed")
+
+    def test_a_bit_of_a_word_is_never_written(self):
+        self.start_press()
+        for op in ({"op": "write", "value": True}, {"op": "force_on"}):
+            result = self.order(address="D300.F", **op)
+            self.assertEqual(result["status"], "REJECTED", result)
+            self.assertIn(result["reason"], ("not_writable", "bad_address"))
+        self.assertEqual(self.sim.orders("press1"), [])
+
+    def test_an_id_has_1_to_64_printable_characters(self):
+        self.start_press()
+        for identity in ("x", "y" * 64, "~ !\"#'/\\{}"):
+            self.assert_result(self.order(id=identity, op="read", tag="temp"), "SUCCEEDED", None,
+                               "ACK")
+        for identity in ("", "z" * 65, "tab\there", "größe", None, 5, ["a"], {"a": 1}, True):
+            since = self.watcher.mark()
+            self.send({"id": identity, "op": "force_on", "address": "M150"})
+            result = self.watcher.wait(f"{BASE}/press1/result", since=since)
+            self.assertIsNone(result["id"])
+            self.assert_result(result, "REJECTED", "missing_id")
+        self.assertEqual(self.sim.orders("press1"), [])
+
+    def test_the_first_fault_in_the_order_of_checks_is_told(self):
+        self.start_press(commands={"allow": ["D300-D309"], "queue": 1})
+        past = int(time.time() * 1000) - 60000
+        self.order(id="seen", op="read", tag="temp")
+        ladder = [
+            ({"id": "seen", "op": "jump"}, "duplicate_id"),
+            ({"op": "jump", "tag": "nothing", "value": "x", "expires": past}, "bad_op"),
+            ({"op": "write", "tag": "nothing", "value": [], "expires": past}, "unknown_tag"),
+            ({"op": "write", "address": "X8", "value": [], "expires": past}, "bad_address"),
+            ({"op": "write", "tag": "temp", "value": "x", "expires": past}, "not_writable"),
+            ({"op": "write", "address": "D310", "value": "x", "expires": past}, "not_allowed"),
+            ({"op": "write", "tag": "setpoint", "value": "x", "expires": past}, "bad_value"),
+            ({"op": "write", "tag": "setpoint", "value": 5000, "expires": past}, "out_of_range"),
+            ({"op": "write", "tag": "setpoint", "value": 5, "expires": past}, "expired"),
+        ]
+        for order, reason in ladder:
+            result = self.order(**order)
+            self.assertEqual(result["reason"], reason, result)
+        self.assertEqual(self.sim.orders("press1"), [])
+
+    def test_min_and_max_belong_to_what_is_allowed(self):
+        self.start_press()
+        for value in (0, 1000):
+            self.assert_result(self.order(op="write", tag="setpoint", value=value), "SUCCEEDED", None,
+                               "ACK")
+        for value in (-1, 1001):
+            self.assert_result(self.order(op="write", tag="setpoint", value=value), "REJECTED",
+                               "out_of_range")
+        # The edges of the type itself, where nothing else is set.
+        for value, status in ((32767, "SUCCEEDED"), (-32768, "SUCCEEDED"), (32768, "REJECTED"),
+                              (-32769, "REJECTED"), (1e300, "REJECTED")):
+            self.assertEqual(self.order(op="write", address="D300", value=value)["status"], status)
+
+    def test_every_device_of_a_write_must_be_allowed(self):
+        self.start_press(commands={"allow": ["D300-D309", "M100-M107", "Y0"]})
+        table = [
+            ({"address": "D309", "value": 1}, None),
+            ({"address": "D310", "value": 1}, "not_allowed"),
+            ({"address": "D299", "value": 1}, "not_allowed"),
+            ({"address": "D308", "value": [1, 2]}, None),
+            ({"address": "D308", "value": [1, 2, 3]}, "not_allowed"),
+            ({"address": "D309", "type": "float32", "value": 1}, "not_allowed"),
+            ({"address": "D307", "type": "string", "value": "123456"}, None),
+            ({"address": "D307", "type": "string", "value": "1234567"}, "not_allowed"),
+            ({"address": "M107", "value": True}, None),
+            ({"address": "M108", "value": True}, "not_allowed"),
+            ({"address": "Y1", "value": True}, "not_allowed"),
+        ]
+        for order, reason in table:
+            result = self.order(op="write", **order)
+            self.assertEqual(result["reason"], reason, result)
+            self.assertEqual(result["status"], "REJECTED" if reason else "SUCCEEDED")
+
+    def test_mqtt_message_expiry_counts_too_and_the_sooner_wins(self):
+        self.start_press(timeout_ms=1500)
+        self.sim.fault("press1", "silent", match="force")
+        now = int(time.time() * 1000)
+        self.send({"id": "busy", "op": "force_on", "address": "M150"})
+        order = {"op": "write", "tag": "setpoint", "value": 9}
+        self.send({"id": "message", "expires": now + 60000, **order},
+                  properties=request_properties(expiry=1))
+        self.send({"id": "own", "expires": now + 500, **order},
+                  properties=request_properties(expiry=60))
+        self.send({"id": "fresh", "expires": now + 60000, **order},
+                  properties=request_properties(expiry=60))
+        self.assert_result(self.result("message"), "EXPIRED", "expired")
+        self.assert_result(self.result("own"), "EXPIRED", "expired")
+        self.assert_result(self.result("fresh"), "SUCCEEDED", None, "ACK")
+        self.assertEqual(len(self.sim.orders("press1")), 1)
+
+    def test_without_expires_the_default_counts(self):
+        self.start_press(timeout_ms=1500, commands={
+            "allow": ["M100-M199"], "default_expiry_s": 1, "max_expiry_s": 60})
+        self.sim.fault("press1", "silent", match="force")
+        self.send({"id": "busy", "op": "force_on", "address": "M150"})
+        self.send({"id": "late", "op": "write", "tag": "setpoint", "value": 9})
+        self.assert_result(self.result("late"), "EXPIRED", "expired")
+        self.assertEqual(self.sim.orders("press1"), [])
+        far = int(time.time() * 1000) + 120000
+        self.assert_result(self.order(op="write", tag="setpoint", value=9, expires=far), "REJECTED",
+                           "bad_value")
+
+    def test_a_retained_publish_to_a_connected_agent_is_refused_too(self):
+        self.start_press()
+        since = self.watcher.mark()
+        self.send({"id": "live", "op": "force_on", "address": "M101"}, retain=True)
+        self.assert_result(self.result("live", since=since), "REJECTED", "retained")
+        self.assertEqual(self.sim.orders("press1"), [])
+
+    def test_a_result_has_every_word_of_the_contract(self):
+        self.start_press()
+        before = time.time() * 1000
+        result = self.order(id="b7e1", op="write", tag="setpoint", value=50, expect=0, verify=True,
+                            dry_run=False, by="anna", expires=int(before) + 10000)
+        self.assertEqual(set(result), {"id", "status", "reason", "detail", "plc", "op", "tag",
+                                       "address", "value", "verify", "t", "attempts"})
+        t = result["t"]
+        self.assertEqual(set(t), {"received", "queue_ms", "wire_ms", "total_ms", "bound_ms"})
+        self.assertGreaterEqual(t["received"], int(before) - 1)
+        self.assertLess(t["received"], time.time() * 1000 + 1)
+        self.assertGreaterEqual(t["total_ms"], t["queue_ms"] + t["wire_ms"])
+        raw = [m for _, topic, _, m in self.watcher.messages if topic == f"{BASE}/press1/result"]
+        self.assertEqual([(m.qos, m.retain) for m in raw], [(1, False)])
+
+    def test_a_value_that_nobody_read_back_is_marked_as_written(self):
+        self.start_press()
+        since = self.watcher.mark()
+        result = self.order(op="write", tag="setpoint", value=77, verify=False)
+        self.assert_result(result, "SUCCEEDED", None, "ACK")
+        self.assertIsNone(result["verify"])
+        partial = self.data(lambda m: m.get("partial"), since=since)
+        self.assertEqual((partial["values"], partial["written"]), ({"setpoint": 77}, ["setpoint"]))
+        self.order(op="write", tag="setpoint", value=78)
+        partial = self.data(lambda m: m.get("partial") and m["values"]["setpoint"] == 78, since=since)
+        self.assertNotIn("written", partial)
+        # A sample like any other: no number is missing and none is there twice.
+        self.data(lambda m: m["seq"] > partial["seq"] + 1)
+        numbers = [m["seq"] for m in self.watcher.payloads(f"{BASE}/press1/data/fast")]
+        self.assertEqual(numbers, list(range(numbers[0], numbers[0] + len(numbers))))
+
+    def test_raw_addresses_publish_nothing(self):
+        self.start_press()
+        since = self.watcher.mark()
+        self.order(op="write", address="D300", value=1)
+        self.data(since=self.watcher.mark())
+        self.assertEqual([m for m in self.watcher.payloads(f"{BASE}/press1/data/fast", since)
+                          if m.get("partial")], [])
+
+    def test_orders_of_two_devices_have_ids_of_their_own(self):
+        self.start([device(tags=TAGS), device("press2", "line2", tags=TAGS)],
+                   [self.plc(), self.plc("press2")], [self.serial(), self.serial("line2", "press2")])
+        self.state("press1", "online")
+        self.state("press2", "online")
+        for name, value in (("press1", 1), ("press2", 2)):
+            result = self.order(name, id="same", op="write", tag="setpoint", value=value)
+            self.assert_result(result, "SUCCEEDED", None, "ACK")
+            self.assertEqual(self.sim.get(name, "D200"), value)
+
+    def test_the_commands_of_a_stopping_agent_are_all_answered(self):
+        self.start_press(timeout_ms=1500)
+        self.sim.fault("press1", "late", match="force", ms=700)
+        self.send({"id": "running", "op": "force_on", "address": "M150"})
+        wait_for("the order to be carried out", lambda: self.sim.orders("press1"))
+        for number in range(4):
+            self.send({"id": f"waiting-{number}", "op": "force_on", "address": "M151"})
+        self.result_of_dry_run()
+        self.assertEqual(self.agent.stop(), 0)
+        self.assertEqual(len(self.results("running")), 1)
+        for number in range(4):
+            (result,) = self.results(f"waiting-{number}")
+            self.assert_result(result, "REJECTED", "shutting_down")
+        self.assertEqual(len(self.sim.orders("press1")), 1)
+
+    def result_of_dry_run(self):
+        """Once it is there, the agent has taken all orders before it."""
+        self.order(op="write", tag="setpoint", value=1, dry_run=True)
+
+    def test_nothing_a_client_sends_ends_the_agent(self):
+        self.start_press()
+        chance = random.Random(99)
+        whole = json.dumps({"id": "i", "op": "write", "tag": "setpoint", "value": 5, "expect": 1,
+                            "targets": [{"tag": "a", "value": [1, True, "x"]}]})
+        payloads = [whole[:cut] for cut in range(0, len(whole), 7)]
+        payloads += [bytes(chance.randrange(256) for _ in range(chance.randrange(1, 80)))
+                     for _ in range(60)]
+        payloads += ["[" * 5000, '{"id":"d","op":{"op":{"op":{}}}}', '{"id":"e","targets":[[]]}',
+                     '{"id":"f","op":"write","tag":"list","value":[[1]]}', "null", "0", '""',
+                     '{"id":"g","id":"h","op":"read","tag":"temp"}',
+                     '{"id":"k","op":"write","tag":"setpoint","value":1e999}',
+                     '{"id":"l","op":"write","targets":[]}',
+                     '{"id":"m","op":"write","tag":"text","value":"\\u0000\\uD83D"}']
+        for payload in payloads:
+            self.send(payload)
+        self.assert_result(self.order(op="read", tag="temp"), "SUCCEEDED", None, "ACK")
+        # One result each (an empty payload that is not retained is an order too: a bad one).
+        results = self.watcher.wait_count(f"{BASE}/press1/result", len(payloads) + 1)
+        self.assertEqual(len(results), len(payloads) + 1)
+        self.assertEqual({r["status"] for r in results}, {"REJECTED", "SUCCEEDED"})
         self.assertEqual(self.sim.orders("press1"), [])
 
     def test_time_is_checked_on_arrival_and_against_the_clock(self):
