@@ -104,6 +104,10 @@ asio::awaitable<CommandResult> OrderRun::run() {
 
 asio::awaitable<Exchange> OrderRun::ask(Request request, SteadyTime not_after) {
   Exchange exchange;
+  if (Clock::now() > not_after) {  // nobody waits for a link or an enquiry that nothing will follow
+    exchange.outcome = Exchange::Outcome::expired;
+    co_return exchange;
+  }
   // A channel that turns out to be closed before a byte was sent is opened anew, once.
   for (int attempt = 0; attempt < 2; ++attempt) {
     if (!line_.is_open()) {
@@ -178,7 +182,7 @@ asio::awaitable<void> OrderRun::run_targets() {
 
 asio::awaitable<void> OrderRun::read_target(const OrderTarget& target, TargetResult& out) {
   ReadBack got = co_await read_point(target, order_.deadline);
-  ++result_.attempts;
+  if (first_byte_) ++result_.attempts;
   if (!got.image) {
     set_without_effect(out, got.last);
     co_return;

@@ -1,0 +1,606 @@
+#include "agent/field/order_run.h"
+
+#include <gtest/gtest.h>
+
+#include <asio/io_context.hpp>
+#include <memory>
+#include <string>
+#include <utility>
+#include <variant>
+
+#include "tests/agent/field/fake_port.h"
+#include "tests/agent/field/field_plant.h"
+#include "tests/agent/field/on_io.h"
+#include "tests/agent/field/port_frames.h"
+#include "tests/support/scripted_transport.h"
+
+namespace fxagent::test {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
+using std::chrono::seconds;
+using Clock = std::chrono::steady_clock;
+
+const Bytes kWrite50 = write_frame(kD200, word(50));
+const Bytes kReadBack = read_frame(kD200, 2);
+const Bytes kForceOn = force_frame(kForceM100, true);
+const Bytes kReadM96 = read_frame(kM96, 1);
+const Bytes kM100On = data_frame({0x10});
+const Bytes kM100Off = data_frame({0x00});
+const Bytes kProbe = read_frame(kM8000, 1);
+const Bytes kRunning = data_frame({0x01});
+const Bytes kStopped = data_frame({0x00});
+const Bytes kStop = force_frame(kForceM8037, true);
+const Bytes kRun = force_frame(kForceM8037, false);
+
+/// One open line with a PLC that has answered its enquiry; orders come from a real desk.
+class OrderRunTest : public ::testing::Test {
+ protected:
+  OrderRunTest() {
+    const Codec& codec = *device.codec;
+    device.tags.push_back(writable(tag(codec, "setpoint", "D200")));
+    device.tags.push_back(writable(tag(codec, "start", "M100")));
+    device.tags.push_back(writable(array_of(tag(codec, "recipe", "D300"), 50)));
+    device.tags.push_back(tag(codec, "temp", "D100"));
+    device.tags.push_back(tag(codec, "flow", "D100", DataType::float32));
+    device.commands.allow_run_stop = true;
+    auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
+    wire = transport.get();
+    line = std::make_unique<Line>(io.get_executor(), std::move(transport), nanoseconds(0));
+    station.codec = device.codec.get();
+    wire->expect(kEnq).give(kAck);
+  }
+  ~OrderRunTest() override { EXPECT_EQ(wire->steps_left(), 0U) << "the script was not played out"; }
+
+  Command command(Op op, CommandTarget target) {
+    Command out;
+    out.id = "b7e1";
+    out.op = op;
+    out.op_text = to_string(op);
+    if (!target.tag.empty()) out.targets.push_back(std::move(target));
+    out.received = Clock::now();
+    out.received_ms = 1790000000000;
+    return out;
+  }
+  Command write_50() { return command(Op::write, {"setpoint", "", std::nullopt, number(50)}); }
+  Command force_on() { return command(Op::force_on, {"start", "", std::nullopt, std::nullopt}); }
+  Command read(std::string tag) {
+    return command(Op::read, {std::move(tag), "", std::nullopt, std::nullopt});
+  }
+  Command order(Op op) { return command(op, {}); }
+
+  CommandResult run(Command command) {
+    auto verdict = desk.admit(std::move(command), *device.codec, 0, Clock::now());
+    if (const auto* refused = std::get_if<CommandResult>(&verdict)) {
+      ADD_FAILURE() << "refused: " << to_string(refused->reason) << " " << refused->detail;
+      return *refused;
+    }
+    auto& admitted = std::get<Order>(verdict);
+    if (before_sending) before_sending(admitted);
+    OrderRun order_run(io.get_executor(), *line, station, device, admitted);
+    CommandResult result = run_on(io, order_run.run());
+    was_answered = order_run.was_answered();
+    was_unanswered = order_run.was_unanswered();
+    return result;
+  }
+
+  DeviceConfig device = port_device();
+  CommandDesk desk{device};
+  asio::io_context io;
+  ScriptedTransport* wire = nullptr;
+  std::unique_ptr<Line> line;
+  Station station;
+  std::function<void(Order&)> before_sending;
+  bool was_answered = false;
+  bool was_unanswered = false;
+};
+
+// ---- writes of words
+// -----------------------------------------------------------------------------
+
+TEST_F(OrderRunTest, WriteIsVerifiedByReadingBack) {
+  wire->expect(kWrite50).give(kAck).expect(kReadBack).give(word_frame(50));
+  const CommandResult result = run(write_50());
+  EXPECT_EQ(result.status, CommandStatus::succeeded);
+  EXPECT_EQ(result.reason, Reason::none);
+  EXPECT_EQ(result.plc, PlcAnswer::ack);
+  EXPECT_EQ(result.attempts, 1);
+  ASSERT_EQ(result.targets.size(), 1U);
+  const TargetResult& target = result.targets[0];
+  EXPECT_EQ(target.tag, "setpoint");
+  EXPECT_EQ(target.address, "D200");
+  EXPECT_EQ(target.value, number(50));
+  ASSERT_TRUE(target.verify);
+  EXPECT_TRUE(target.verify->match);
+  EXPECT_EQ(target.verify->read, number(50));
+  EXPECT_GE(result.queue.count(), 0);
+  EXPECT_GT(result.wire.count(), 0);
+  EXPECT_TRUE(was_answered);
+}
+
+TEST_F(OrderRunTest, WriteWithoutVerifyIsOneExchange) {
+  wire->expect(kWrite50).give(kAck);
+  Command command = write_50();
+  command.verify = false;
+  const CommandResult result = run(std::move(command));
+  EXPECT_EQ(result.status, CommandStatus::succeeded);
+  EXPECT_FALSE(result.targets[0].verify);
+}
+
+TEST_F(OrderRunTest, OtherValueReadBackIsAMismatch) {
+  wire->expect(kWrite50).give(kAck).expect(kReadBack).give(word_frame(49));
+  const CommandResult result = run(write_50());
+  EXPECT_EQ(result.status, CommandStatus::failed);
+  EXPECT_EQ(result.reason, Reason::verify_mismatch);
+  EXPECT_EQ(result.plc, PlcAnswer::ack) << "it was carried out";
+  ASSERT_TRUE(result.targets[0].verify);
+  EXPECT_FALSE(result.targets[0].verify->match);
+  EXPECT_EQ(result.targets[0].verify->read, number(49));
+}
+
+TEST_F(OrderRunTest, AcknowledgedWriteThatCannotBeReadBackSucceeded) {
+  wire->expect(kWrite50).give(kAck).expect(kReadBack).silence();
+  const CommandResult result = run(write_50());
+  EXPECT_EQ(result.status, CommandStatus::succeeded);
+  EXPECT_EQ(result.plc, PlcAnswer::ack);
+  EXPECT_FALSE(result.targets[0].verify);
+  EXPECT_FALSE(result.detail.empty());
+}
+
+TEST_F(OrderRunTest, RefusedWriteIsSentASecondTime) {
+  wire->expect(kWrite50).give(kNak).expect(kWrite50).give(kAck);
+  wire->expect(kReadBack).give(word_frame(50));
+  const CommandResult result = run(write_50());
+  EXPECT_EQ(result.status, CommandStatus::succeeded);
+  EXPECT_EQ(result.plc, PlcAnswer::ack);
+  EXPECT_EQ(result.attempts, 2);
+}
+
+TEST_F(OrderRunTest, WriteRefusedTwiceFailed) {
+  wire->expect(kWrite50).give(kNak).expect(kWrite50).give(kNak);
+  const CommandResult result = run(write_50());
+  EXPECT_EQ(result.status, CommandStatus::failed);
+  EXPECT_EQ(result.reason, Reason::nak);
+  EXPECT_EQ(result.plc, PlcAnswer::nak);
+  EXPECT_EQ(result.attempts, 2) << "never a third time";
+  EXPECT_FALSE(result.detail.empty());
+  EXPECT_TRUE(was_answered);
+}
+
+TEST_F(OrderRunTest, SilenceAfterARefusalIsUnknownAndNotRepeated) {
+  wire->expect(kWrite50).give(kNak).expect(kWrite50).silence();
+  wire->expect(kEnq).silence();
+  const CommandResult result = run(write_50());
+  EXPECT_EQ(result.status, CommandStatus::unknown_outcome);
+  EXPECT_EQ(result.plc, PlcAnswer::none);
+  EXPECT_EQ(result.attempts, 2);
+}
+
+TEST_F(OrderRunTest, SecondTryIsInsideTheExpiryOnly) {
+  wire->expect(kWrite50);
+  SteadyTime deadline;
+  before_sending = [&](Order& order) {
+    order.deadline = deadline = Clock::now() + milliseconds(20);
+  };
+  wire->call([&] {
+    while (Clock::now() <= deadline) {
+    }
+  });
+  wire->give(kNak);
+  const CommandResult result = run(write_50());
+  EXPECT_EQ(result.status, CommandStatus::failed);
+  EXPECT_EQ(result.reason, Reason::nak);
+  EXPECT_EQ(result.attempts, 1);
+}
+
+TEST_F(OrderRunTest, SilenceIsSettledByReadingBackEqual) {
+  wire->expect(kWrite50).silence();
+  wire->expect(kEnq).give(kAck).expect(kProbe).give(kRunning);
+  wire->expect(kReadBack).give(word_frame(50));
+  Command command = write_50();
+  command.verify = false;  // made even so
+  const CommandResult result = run(std::move(command));
+  EXPECT_EQ(result.status, CommandStatus::succeeded);
+  EXPECT_EQ(result.reason, Reason::none);
+  EXPECT_EQ(result.plc, PlcAnswer::none);
+  ASSERT_TRUE(result.targets[0].verify);
+  EXPECT_TRUE(result.targets[0].verify->match);
+  EXPECT_EQ(result.attempts, 1);
+}
+
+TEST_F(OrderRunTest, SilenceAndAnotherValueIsUnknown) {
+  wire->expect(kWrite50).silence();
+  wire->expect(kEnq).give(kAck).expect(kProbe).give(kRunning);
+  wire->expect(kReadBack).give(word_frame(49));
+  const CommandResult result = run(write_50());
+  EXPECT_EQ(result.status, CommandStatus::unknown_outcome);
+  EXPECT_EQ(result.reason, Reason::timeout);
+  EXPECT_EQ(result.plc, PlcAnswer::none);
+  ASSERT_TRUE(result.targets[0].verify);
+  EXPECT_FALSE(result.targets[0].verify->match);
+  EXPECT_EQ(result.targets[0].verify->read, number(49));
+}
+
+TEST_F(OrderRunTest, SilenceThatLastsIsUnknown) {
+  wire->expect(kWrite50).silence();
+  wire->expect(kEnq).silence();
+  const CommandResult result = run(write_50());
+  EXPECT_EQ(result.status, CommandStatus::unknown_outcome);
+  EXPECT_EQ(result.reason, Reason::timeout);
+  EXPECT_FALSE(result.targets[0].verify);
+  EXPECT_TRUE(was_unanswered);
+  EXPECT_FALSE(was_answered);
+}
+
+TEST_F(OrderRunTest, NonsenseInsteadOfAnAckIsSettledLikeSilence) {
+  wire->expect(kWrite50).give(joined({0x02}, Bytes(600, 0x30)));
+  wire->discard_input();
+  wire->expect(kEnq).give(kAck).expect(kProbe).give(kRunning);
+  wire->expect(kReadBack).give(word_frame(50));
+  const CommandResult result = run(write_50());
+  EXPECT_EQ(result.status, CommandStatus::succeeded);
+  EXPECT_EQ(result.plc, PlcAnswer::none);
+  EXPECT_EQ(result.attempts, 1);
+}
+
+TEST_F(OrderRunTest, LongWriteGoesInSeveralFramesAndIsReadBackWhole) {
+  // 100 bytes: the port takes 64 in a frame.
+  Bytes first(64, 0);
+  Bytes rest(36, 0);
+  std::vector<Scalar> items;
+  for (std::int64_t i = 0; i < 50; ++i) {
+    items.emplace_back(i);
+    (i < 32 ? first[static_cast<std::size_t>(2 * i)] : rest[static_cast<std::size_t>(2 * i - 64)]) =
+        static_cast<std::uint8_t>(i);
+  }
+  const unsigned d300 = 0x1000 + 600;
+  wire->expect(write_frame(d300, first)).give(kAck);
+  wire->expect(write_frame(d300 + 64, rest)).give(kAck);
+  FakePort plc;
+  plc.set(d300, joined(first, rest));
+  wire->then([&](ByteView request) { return plc.answer(request); });
+  const CommandResult result =
+      run(command(Op::write, {"recipe", "", std::nullopt, Value::array(items)}));
+  EXPECT_EQ(result.status, CommandStatus::succeeded) << result.detail;
+  EXPECT_EQ(result.attempts, 2);
+  EXPECT_EQ(result.targets[0].verify.value_or(Verification{}).read, Value::array(items));
+}
+
+TEST_F(OrderRunTest, SecondFrameRefusedTellsOfTheFirst) {
+  const unsigned d300 = 0x1000 + 600;
+  wire->expect(write_frame(d300, Bytes(64, 0))).give(kAck);
+  wire->expect(write_frame(d300 + 64, Bytes(36, 0))).give(kNak);
+  wire->expect(write_frame(d300 + 64, Bytes(36, 0))).give(kNak);
+  const CommandResult result =
+      run(command(Op::write, {"recipe", "", std::nullopt,
+                              Value::array(std::vector<Scalar>(50, std::int64_t{0}))}));
+  EXPECT_EQ(result.status, CommandStatus::failed);
+  EXPECT_EQ(result.reason, Reason::nak);
+  EXPECT_NE(result.detail.find("first part"), std::string::npos) << result.detail;
+}
+
+// ---- bits
+// ----------------------------------------------------------------------------------------
+
+TEST_F(OrderRunTest, ForceIsNotVerifiedUnlessAsked) {
+  wire->expect(kForceOn).give(kAck);
+  const CommandResult result = run(force_on());
+  EXPECT_EQ(result.status, CommandStatus::succeeded);
+  EXPECT_FALSE(result.targets[0].verify) << "a ladder resets what an operator sets";
+}
+
+TEST_F(OrderRunTest, ForceIsVerifiedWhereTheCommandSaysSo) {
+  wire->expect(kForceOn).give(kAck).expect(kReadM96).give(kM100Off);
+  Command command = force_on();
+  command.verify = true;
+  const CommandResult result = run(std::move(command));
+  EXPECT_EQ(result.status, CommandStatus::failed);
+  EXPECT_EQ(result.reason, Reason::verify_mismatch);
+  EXPECT_EQ(result.targets[0].verify.value_or(Verification{}).read, flag(false));
+}
+
+TEST_F(OrderRunTest, SilentForceIsSettledByReadingTheBit) {
+  wire->expect(kForceOn).silence();
+  wire->expect(kEnq).give(kAck).expect(kProbe).give(kRunning);
+  wire->expect(kReadM96).give(kM100On);
+  EXPECT_EQ(run(force_on()).status, CommandStatus::succeeded);
+}
+
+TEST_F(OrderRunTest, SilentForceOfABitThatIsNotSetIsUnknown) {
+  wire->expect(kForceOn).silence();
+  wire->expect(kEnq).give(kAck).expect(kProbe).give(kRunning);
+  wire->expect(kReadM96).give(kM100Off);
+  const CommandResult result = run(force_on());
+  EXPECT_EQ(result.status, CommandStatus::unknown_outcome);
+  EXPECT_EQ(result.reason, Reason::timeout);
+  EXPECT_EQ(result.attempts, 1) << "a force is never repeated after silence";
+}
+
+// ---- links that break, devices that are away
+// -----------------------------------------------------
+
+TEST_F(OrderRunTest, LinkLostAfterTheFirstByteIsUnknown) {
+  wire->expect(kWrite50).hang_up();
+  const CommandResult result = run(write_50());
+  EXPECT_EQ(result.status, CommandStatus::unknown_outcome);
+  EXPECT_EQ(result.reason, Reason::link_down);
+  EXPECT_EQ(result.attempts, 1);
+}
+
+TEST_F(OrderRunTest, HalfAFrameIsUnknownToo) {
+  wire->break_write(3);
+  const CommandResult result = run(write_50());
+  EXPECT_EQ(result.status, CommandStatus::unknown_outcome);
+  EXPECT_EQ(result.reason, Reason::link_down);
+}
+
+TEST_F(OrderRunTest, LinkFoundDeadBeforeTheFirstByteIsOpenedAnewOnce) {
+  wire->expect(kWrite50).give(kAck).hang_up();
+  wire->expect(kEnq).give(kAck).expect(kWrite50).give(kAck);
+  Command first = write_50();
+  first.verify = false;
+  EXPECT_EQ(run(first).status, CommandStatus::succeeded);
+  Command second = first;
+  second.id = "b7e2";
+  const CommandResult result = run(second);
+  EXPECT_EQ(result.status, CommandStatus::succeeded);
+  EXPECT_EQ(result.attempts, 1);
+  EXPECT_EQ(wire->opened(), 2U);
+}
+
+TEST_F(OrderRunTest, ClosedLinkIsOpenedForTheCommand) {
+  wire->expect(kWrite50).give(kAck);
+  Command command = write_50();
+  command.verify = false;
+  ASSERT_FALSE(line->is_open());
+  EXPECT_EQ(run(command).status, CommandStatus::succeeded);
+  EXPECT_EQ(wire->opened(), 1U);
+}
+
+class OrderRunWithoutLink : public OrderRunTest {
+ protected:
+  OrderRunWithoutLink() {
+    wire->discard_input();
+    auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
+    wire = transport.get();
+    line = std::make_unique<Line>(io.get_executor(), std::move(transport), nanoseconds(0));
+  }
+};
+
+TEST_F(OrderRunWithoutLink, LinkThatWillNotOpenFailsAfterOneAttempt) {
+  wire->refuse_open("no such adapter");
+  const CommandResult result = run(write_50());
+  EXPECT_EQ(result.status, CommandStatus::failed);
+  EXPECT_EQ(result.reason, Reason::link_down);
+  EXPECT_EQ(result.plc, PlcAnswer::none);
+  EXPECT_EQ(result.detail, "no such adapter");
+  EXPECT_EQ(result.attempts, 0);
+  EXPECT_EQ(wire->opened(), 1U);
+}
+
+TEST_F(OrderRunWithoutLink, ReadOverALinkThatWillNotOpenWasNeverSent) {
+  wire->refuse_open("no such adapter");
+  const CommandResult result = run(read("temp"));
+  EXPECT_EQ(result.status, CommandStatus::failed);
+  EXPECT_EQ(result.reason, Reason::link_down);
+  EXPECT_EQ(result.attempts, 0);
+}
+
+TEST_F(OrderRunWithoutLink, ExpiredOrderIsExpiredWhateverTheLink) {
+  before_sending = [](Order& order) { order.deadline = Clock::now() - milliseconds(1); };
+  const CommandResult result = run(write_50());
+  EXPECT_EQ(result.status, CommandStatus::expired);
+  EXPECT_EQ(result.reason, Reason::expired);
+  EXPECT_EQ(wire->opened(), 0U) << "nobody waits for a link that nothing will be sent on";
+}
+
+TEST_F(OrderRunWithoutLink, DeviceThatDoesNotAnswerItsEnquiryIsOffline) {
+  wire->expect(kEnq).silence();
+  const CommandResult result = run(write_50());
+  EXPECT_EQ(result.status, CommandStatus::failed) << "the order itself never left";
+  EXPECT_EQ(result.reason, Reason::device_offline);
+  EXPECT_EQ(result.attempts, 0);
+  EXPECT_TRUE(was_unanswered);
+}
+
+TEST_F(OrderRunTest, OrderThatExpiredInTheQueueIsNotSent) {
+  wire->expect(kForceOn).give(kAck);
+  run(force_on());
+  before_sending = [](Order& order) { order.deadline = Clock::now() - milliseconds(1); };
+  Command late = write_50();
+  late.id = "b7e2";
+  const CommandResult result = run(late);
+  EXPECT_EQ(result.status, CommandStatus::expired);
+  EXPECT_EQ(result.reason, Reason::expired);
+  EXPECT_EQ(result.attempts, 0);
+}
+
+// ---- expect
+// --------------------------------------------------------------------------------------
+
+TEST_F(OrderRunTest, ExpectedValueIsReadFirst) {
+  wire->expect(kReadBack).give(word_frame(45)).expect(kWrite50).give(kAck);
+  wire->expect(kReadBack).give(word_frame(50));
+  Command command = write_50();
+  command.expect = number(45);
+  EXPECT_EQ(run(std::move(command)).status, CommandStatus::succeeded);
+}
+
+TEST_F(OrderRunTest, UnexpectedValueWritesNothing) {
+  wire->expect(kReadBack).give(word_frame(44));
+  Command command = write_50();
+  command.expect = number(45);
+  const CommandResult result = run(std::move(command));
+  EXPECT_EQ(result.status, CommandStatus::failed);
+  EXPECT_EQ(result.reason, Reason::expect_mismatch);
+  EXPECT_EQ(result.plc, PlcAnswer::none);
+  EXPECT_EQ(result.attempts, 0);
+}
+
+TEST_F(OrderRunTest, ExpectThatCannotBeReadFailsAndWritesNothing) {
+  wire->expect(kReadBack).silence();
+  Command command = write_50();
+  command.expect = number(45);
+  const CommandResult result = run(std::move(command));
+  EXPECT_EQ(result.status, CommandStatus::failed) << "nothing was ordered: no unknown outcome";
+  EXPECT_EQ(result.reason, Reason::timeout);
+  EXPECT_EQ(result.attempts, 0);
+}
+
+// ---- reads
+// ---------------------------------------------------------------------------------------
+
+TEST_F(OrderRunTest, ReadHasItsValue) {
+  wire->expect(read_frame(kD100, 2)).give(word_frame(0xFFFE));
+  const CommandResult result = run(read("temp"));
+  EXPECT_EQ(result.status, CommandStatus::succeeded);
+  EXPECT_EQ(result.targets[0].value, number(-2));
+  EXPECT_EQ(result.targets[0].address, "D100");
+}
+
+TEST_F(OrderRunTest, ReadIsRepeatedAfterABadFrameAndAfterANak) {
+  Bytes wrong = word_frame(7);
+  wrong.back() = wrong.back() == '0' ? '1' : '0';
+  wire->expect(read_frame(kD100, 2)).give(wrong);
+  wire->expect(kEnq).give(kAck).expect(read_frame(kD100, 2)).give(kNak);
+  wire->expect(read_frame(kD100, 2)).give(word_frame(7));
+  EXPECT_EQ(run(read("temp")).targets[0].value, number(7));
+}
+
+TEST_F(OrderRunTest, ReadThatIsRefusedForGoodFailed) {
+  for (int i = 0; i <= device.retries; ++i) wire->expect(read_frame(kD100, 2)).give(kNak);
+  const CommandResult result = run(read("temp"));
+  EXPECT_EQ(result.status, CommandStatus::failed);
+  EXPECT_EQ(result.reason, Reason::nak);
+  EXPECT_EQ(result.plc, PlcAnswer::nak);
+}
+
+TEST_F(OrderRunTest, SilentReadFailedAndIsNeverUnknown) {
+  wire->expect(read_frame(kD100, 2)).silence();
+  const CommandResult result = run(read("temp"));
+  EXPECT_EQ(result.status, CommandStatus::failed);
+  EXPECT_EQ(result.reason, Reason::timeout);
+}
+
+TEST_F(OrderRunTest, LinkLostDuringAReadFailed) {
+  wire->expect(read_frame(kD100, 2)).hang_up();
+  const CommandResult result = run(read("temp"));
+  EXPECT_EQ(result.status, CommandStatus::failed);
+  EXPECT_EQ(result.reason, Reason::link_down);
+}
+
+TEST_F(OrderRunTest, ReadOfWhatIsNoNumberFailed) {
+  wire->expect(read_frame(kD100, 4)).give(data_frame({0x00, 0x00, 0xC0, 0x7F}));  // NaN
+  const CommandResult result = run(read("flow"));
+  EXPECT_EQ(result.status, CommandStatus::failed);
+  EXPECT_EQ(result.reason, Reason::bad_value);
+}
+
+// ---- run and stop
+// --------------------------------------------------------------------------------
+
+TEST_F(OrderRunTest, StopIsVerifiedByTheRunState) {
+  wire->expect(kStop).give(kAck).expect(kProbe).give(kStopped);
+  const CommandResult result = run(order(Op::stop));
+  EXPECT_EQ(result.status, CommandStatus::succeeded);
+  EXPECT_EQ(result.plc, PlcAnswer::ack);
+  ASSERT_TRUE(result.targets.at(0).verify);
+  EXPECT_EQ(result.targets[0].verify->read, text("stop"));
+  EXPECT_TRUE(result.targets[0].verify->match);
+}
+
+TEST_F(OrderRunTest, RunStateMayTakeAMomentToFollow) {
+  wire->expect(kRun).give(kAck).expect(kProbe).give(kStopped).expect(kProbe).give(kRunning);
+  const CommandResult result = run(order(Op::run));
+  EXPECT_EQ(result.status, CommandStatus::succeeded);
+  EXPECT_EQ(result.targets[0].verify.value_or(Verification{}).read, text("run"));
+}
+
+TEST_F(OrderRunTest, StopThatIsRefusedByAStoppedPlcSucceeded) {
+  wire->expect(kStop).give(kNak).expect(kProbe).give(kStopped);
+  const CommandResult result = run(order(Op::stop));
+  EXPECT_EQ(result.status, CommandStatus::succeeded);
+  EXPECT_EQ(result.plc, PlcAnswer::nak);
+  EXPECT_EQ(result.attempts, 1) << "run and stop are never repeated";
+}
+
+TEST_F(OrderRunTest, StopIsNotRepeatedAfterSilence) {
+  wire->expect(kStop).silence();
+  wire->expect(kEnq).give(kAck).expect(kProbe).give(kStopped);  // the barrier's read
+  wire->expect(kProbe).give(kStopped);
+  const CommandResult result = run(order(Op::stop));
+  EXPECT_EQ(result.status, CommandStatus::succeeded);
+  EXPECT_EQ(result.plc, PlcAnswer::none);
+  EXPECT_EQ(result.attempts, 1);
+}
+
+TEST_F(OrderRunTest, StopOverALinkThatBreaksIsSettledByTheNextConnection) {
+  wire->expect(kStop).hang_up();
+  wire->expect(kEnq).give(kAck).expect(kProbe).give(kStopped).expect(kProbe).give(kStopped);
+  const CommandResult result = run(order(Op::stop));
+  EXPECT_EQ(result.status, CommandStatus::succeeded);
+  EXPECT_EQ(result.plc, PlcAnswer::none);
+}
+
+TEST_F(OrderRunTest, PlcThatKeepsRunningIsAMismatchThatNamesTheSwitch) {
+  wire->expect(kStop).give(kAck);
+  wire->then([](ByteView) { return kRunning; });  // for the 2 s that the contract allows
+  const CommandResult result = run(order(Op::stop));
+  EXPECT_EQ(result.status, CommandStatus::failed);
+  EXPECT_EQ(result.reason, Reason::verify_mismatch);
+  EXPECT_EQ(result.targets[0].verify.value_or(Verification{}).read, text("run"));
+  EXPECT_NE(result.detail.find("switch"), std::string::npos) << result.detail;
+}
+
+// ---- lists
+// ---------------------------------------------------------------------------------------
+
+class OrderRunOfAList : public OrderRunTest {
+ protected:
+  Command list() {
+    Command out = write_50();
+    out.is_list = true;
+    out.verify = false;
+    out.targets.push_back({"start", "", std::nullopt, flag(true)});
+    out.targets.push_back({"setpoint", "", std::nullopt, number(51)});
+    return out;
+  }
+  const Bytes write_51 = write_frame(kD200, word(51));
+};
+
+TEST_F(OrderRunOfAList, TargetsAreSentInTheirOrder) {
+  wire->expect(kWrite50).give(kAck).expect(kForceOn).give(kAck).expect(write_51).give(kAck);
+  const CommandResult result = run(list());
+  EXPECT_EQ(result.status, CommandStatus::succeeded);
+  EXPECT_EQ(result.attempts, 3);
+  ASSERT_EQ(result.targets.size(), 3U);
+  for (const TargetResult& target : result.targets)
+    EXPECT_EQ(target.status, CommandStatus::succeeded);
+  EXPECT_FALSE(result.one_frame) << "the programming port has no frame for several places";
+}
+
+TEST_F(OrderRunOfAList, StopsAtTheFirstThatDoesNotSucceed) {
+  wire->expect(kWrite50).give(kAck).expect(kForceOn).give(kNak).expect(kForceOn).give(kNak);
+  const CommandResult result = run(list());
+  EXPECT_EQ(result.status, CommandStatus::failed);
+  EXPECT_EQ(result.reason, Reason::nak);
+  EXPECT_EQ(result.plc, PlcAnswer::nak);
+  ASSERT_EQ(result.targets.size(), 3U);
+  EXPECT_EQ(result.targets[0].status, CommandStatus::succeeded);
+  EXPECT_EQ(result.targets[1].status, CommandStatus::failed);
+  EXPECT_EQ(result.targets[1].reason, Reason::nak);
+  EXPECT_EQ(result.targets[2].status, CommandStatus::failed);
+  EXPECT_NE(result.targets[2].detail.find("not sent"), std::string::npos);
+}
+
+TEST_F(OrderRunOfAList, UnknownOutcomeStopsItToo) {
+  wire->expect(kWrite50).silence().expect(kEnq).silence();
+  const CommandResult result = run(list());
+  EXPECT_EQ(result.status, CommandStatus::unknown_outcome);
+  EXPECT_EQ(result.targets[1].status, CommandStatus::failed);
+  EXPECT_EQ(result.targets[2].status, CommandStatus::failed);
+}
+
+}  // namespace
+}  // namespace fxagent::test
