@@ -109,10 +109,10 @@ bool Agenda::step_done(const PollStep& step) {
   return true;
 }
 
-void Agenda::abandon_cycle(GroupId id, SteadyTime now) {
+void Agenda::abandon_cycle(GroupId id, SteadyTime not_before) {
   Group& group = groups_[id];
   group.running = false;
-  if (group.interval.count() == 0) group.due = now + kPeriodOfFreeRunning;
+  if (group.interval.count() == 0) group.due = std::max(group.due, not_before);
 }
 
 void Agenda::command_used(std::chrono::nanoseconds line_time, SteadyTime now) {

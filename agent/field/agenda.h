@@ -63,9 +63,10 @@ class Agenda final {
 
   /// The step was carried out; the cycle goes on, or has ended: true.
   bool step_done(const PollStep& step);
-  /// The rest of the cycle is given up until the next beat. A group without an interval rests for a
-  /// second: what failed without using the line must not be offered again in the same breath.
-  void abandon_cycle(GroupId group, SteadyTime now);
+  /// The rest of the cycle is given up until the next beat. A group without an interval has none
+  /// and rests until `not_before`: what failed without using the line must not be offered again in
+  /// the same breath.
+  void abandon_cycle(GroupId group, SteadyTime not_before);
 
   /// Line time that commands and polls have used; feeds the polls' share.
   void command_used(std::chrono::nanoseconds line_time, SteadyTime now);

@@ -24,6 +24,8 @@ constexpr BackOff kAlone{milliseconds(500), milliseconds(4000)};
 constexpr BackOff kShared{milliseconds(1000), milliseconds(30000)};
 // So many unanswered exchanges in a row on TCP, whoever was asked, mean that the peer is gone.
 constexpr int kDeadPeerAfter = 3;
+// How long a group without an interval rests where no way of its device's model reaches its tags.
+constexpr milliseconds kNothingToRead{1000};
 // First polls are spread over the first second, or over the interval where that is shorter.
 constexpr milliseconds kSpread{1000};
 
@@ -371,7 +373,7 @@ asio::awaitable<void> LinkWorker::run_step(Agenda::PollStep step) {
       if (knowledge == Knowledge::unanswered) fail_cycle(*device, *group, failure);
       if (knowledge != Knowledge::known) co_return;  // under a new plan the cycle is offered again
       if (group->plan.reads.empty()) {
-        agenda_.abandon_cycle(group->id, Clock::now());
+        agenda_.abandon_cycle(group->id, Clock::now() + kNothingToRead);
         finish_cycle(*device, *group);
         co_return;
       }
@@ -432,7 +434,7 @@ void LinkWorker::fail_cycle(Device& device, GroupPoll& group, BadReason why) {
   for (std::size_t i = 0; i < group.failures.size(); ++i)
     if (i >= group.next_read && group.images[i].empty() && !group.failures[i])
       group.failures[i] = why;
-  agenda_.abandon_cycle(group.id, Clock::now());
+  agenda_.abandon_cycle(group.id, line_.is_open() ? Clock::now() : next_open_);
   finish_cycle(device, group);
 }
 

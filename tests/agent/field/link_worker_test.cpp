@@ -1,0 +1,619 @@
+#include "agent/field/link_worker.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <asio/co_spawn.hpp>
+#include <asio/io_context.hpp>
+#include <asio/post.hpp>
+#include <functional>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "tests/agent/field/fake_port.h"
+#include "tests/agent/field/field_plant.h"
+#include "tests/agent/field/on_io.h"
+#include "tests/agent/field/port_frames.h"
+#include "tests/support/scripted_transport.h"
+
+namespace fxagent::test {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
+using Clock = std::chrono::steady_clock;
+using State = DeviceStatus::State;
+
+const Bytes kReadD100 = read_frame(kD100, 2);
+const Bytes kWrite50 = write_frame(kD200, word(50));
+
+/// One link with its worker; what it says piles up here. The PLC is `plc` where the script ends.
+class LinkWorkerTest : public ::testing::Test {
+ protected:
+  LinkWorkerTest() {
+    config.links.push_back({"line1", SerialSettings{}, nanoseconds(0)});
+    config.devices.push_back(press());
+  }
+  ~LinkWorkerTest() override {
+    if (worker != nullptr) stop();
+  }
+
+  /// temp (D100, read) and setpoint (D200, read and written) in a group without an interval.
+  static DeviceConfig press(std::string name = "press1",
+                            std::shared_ptr<const Codec> codec = port_codec()) {
+    DeviceConfig device = port_device(std::move(name), std::move(codec));
+    device.tags.push_back(tag(*device.codec, "temp", "D100"));
+    device.groups.push_back(group("slow", milliseconds(0)));
+    return device;
+  }
+  /// A tag that can be written, in the polled group.
+  void add_setpoint(std::string_view address = "D200") {
+    config.devices[0].tags.push_back(writable(tag(*config.devices[0].codec, "setpoint", address)));
+  }
+
+  /// Made before the script is written; the worker starts with start().
+  ScriptedTransport& script() {
+    if (!transport) {
+      transport = std::make_unique<ScriptedTransport>(io.get_executor());
+      wire = transport.get();
+      wire->then([this](ByteView request) { return plc.answer(request); });
+    }
+    return *wire;
+  }
+  void start(Polling polling = Polling::on) {
+    script();
+    worker = std::make_unique<LinkWorker>(io.get_executor(), config, 0, outbox,
+                                          std::move(transport), 100, polling);
+    asio::co_spawn(io, worker->run(), [this](std::exception_ptr bug) {
+      ended = true;
+      if (bug) std::rethrow_exception(bug);
+    });
+  }
+  void stop() {
+    worker->stop();
+    run_until(io, [this] { return ended; });
+    collect();
+    EXPECT_EQ(wire->steps_left(), 0U) << "the script was not played out";
+  }
+  void collect() {
+    Outbox::Batch batch = outbox.take();
+    for (auto& message : batch.telemetry) telemetry.push_back(std::move(message));
+    for (auto& status : batch.states) states.push_back(std::move(status));
+    for (auto& result : batch.results) results.push_back(std::move(result));
+  }
+  void wait(const std::function<bool()>& reached) {
+    run_until(io, [&] {
+      collect();
+      return reached();
+    });
+  }
+  /// Lets the worker go on for so many more requests.
+  void wait_for_requests(std::size_t more) {
+    const std::size_t enough = wire->written().size() + more;
+    wait([&] { return wire->written().size() >= enough; });
+  }
+
+  Command write_setpoint(std::string id, std::int64_t value = 50, std::uint32_t device = 0) {
+    Command command;
+    command.device = device;
+    command.id = std::move(id);
+    command.op = Op::write;
+    command.op_text = "write";
+    command.targets.push_back({"setpoint", "", std::nullopt, number(value)});
+    command.verify = false;
+    command.received = Clock::now();
+    command.received_ms = utc_ms(std::chrono::system_clock::now());
+    return command;
+  }
+  const CommandResult* result_of(const std::string& id) const {
+    const CommandResult* found = nullptr;
+    for (const CommandResult& result : results) {
+      if (result.id != id) continue;
+      EXPECT_EQ(found, nullptr) << "two results for " << id;
+      found = &result;
+    }
+    return found;
+  }
+  const CommandResult& wait_for_result(const std::string& id) {
+    wait([&] { return result_of(id) != nullptr; });
+    const CommandResult* found = result_of(id);
+    static const CommandResult nothing;
+    return found != nullptr ? *found : nothing;
+  }
+  /// The newest state of a device.
+  DeviceStatus state(std::uint32_t device = 0) const {
+    DeviceStatus newest;
+    for (const DeviceStatus& status : states)
+      if (status.device == device) newest = status;
+    return newest;
+  }
+  void wait_for_state(State wanted, const std::string& reason, std::uint32_t device = 0) {
+    wait([&] { return state(device).state == wanted && state(device).reason == reason; });
+  }
+  std::vector<Telemetry> of_device(std::uint32_t device) const {
+    std::vector<Telemetry> out;
+    for (const Telemetry& message : telemetry)
+      if (message.device == device) out.push_back(message);
+    return out;
+  }
+
+  asio::io_context io;
+  Config config;
+  Outbox outbox{100000};
+  FakePort plc;
+  std::unique_ptr<ScriptedTransport> transport;
+  ScriptedTransport* wire = nullptr;
+  std::unique_ptr<LinkWorker> worker;
+  bool ended = false;
+  std::vector<Telemetry> telemetry;
+  std::vector<DeviceStatus> states;
+  std::vector<CommandResult> results;
+};
+
+// ---- polls
+// ---------------------------------------------------------------------------------------
+
+TEST_F(LinkWorkerTest, PollBecomesATelemetryMessage) {
+  plc.set(kD100, word(234));
+  start();
+  wait([&] { return telemetry.size() >= 3; });
+  for (std::size_t i = 0; i < 3; ++i) {
+    const Telemetry& message = telemetry[i];
+    EXPECT_EQ(message.seq, 101 + i) << "the first after the number given";
+    EXPECT_EQ(message.group, 0U);
+    EXPECT_GT(message.ts_ms, 0);
+    EXPECT_FALSE(message.span_ms) << "one exchange has no span";
+    EXPECT_FALSE(message.partial);
+    ASSERT_EQ(message.readings.size(), 1U);
+    EXPECT_EQ(message.readings[0].value, number(234));
+  }
+}
+
+TEST_F(LinkWorkerTest, CycleOfTwoReadsHasASpan) {
+  config.devices[0].tags.push_back(tag(*config.devices[0].codec, "running", "M0"));
+  start();
+  wait([&] { return !telemetry.empty(); });
+  EXPECT_EQ(telemetry[0].readings.size(), 2U);
+  ASSERT_TRUE(telemetry[0].span_ms);
+  EXPECT_GE(*telemetry[0].span_ms, 0.0);
+}
+
+TEST_F(LinkWorkerTest, DeviceThatAnswersIsOnline) {
+  plc.set(kM8000, {0x01});
+  config.devices[0].groups[0].interval = milliseconds(10);
+  start();
+  wait([&] { return state().state == State::online && state().run.has_value(); });
+  EXPECT_TRUE(state().reason.empty());
+  EXPECT_EQ(state().model, "FX3U");
+  EXPECT_EQ(state().run, true);
+  EXPECT_GT(state().since_ms, 0);
+}
+
+TEST_F(LinkWorkerTest, ReadThatIsRefusedIsRepeatedInTheSameBeat) {
+  script().expect(kEnq).give(kAck);
+  wire->expect(kReadD100).give(kNak).expect(kReadD100).give(kNak);
+  wire->expect(kReadD100).give(word_frame(7));
+  start();
+  wait([&] { return !telemetry.empty(); });
+  EXPECT_EQ(telemetry[0].readings[0].value, number(7));
+  EXPECT_FALSE(telemetry[0].readings[0].bad);
+}
+
+TEST_F(LinkWorkerTest, ReadThatIsAlwaysRefusedIsBadAndItsDeviceDegraded) {
+  script().then([](ByteView request) { return request.size() == 1 ? kAck : kNak; });
+  start();
+  wait_for_state(State::degraded, "nak");
+  EXPECT_EQ(telemetry.at(0).readings[0].bad, BadReason::nak);
+  EXPECT_FALSE(telemetry[0].span_ms);
+}
+
+TEST_F(LinkWorkerTest, CommandGoesBetweenTheRepeatsOfARead) {
+  add_setpoint("D2000");  // a read of its own
+  script().expect(kEnq).give(kAck);
+  const Bytes write = port_frame("E10" + hex_text(0x4000 + 4000, 4) + "023200");
+  wire->expect(kReadD100).call([&] { worker->submit(write_setpoint("b7e1")); });
+  wire->give(kNak).expect(write).give(kAck).expect(kReadD100).give(word_frame(7));
+  start();
+  EXPECT_EQ(wait_for_result("b7e1").status, CommandStatus::succeeded);
+  wait([&] { return wire->steps_left() == 0; });
+}
+
+TEST_F(LinkWorkerTest, BadTagDoesNotTakeItsNeighboursAlong) {
+  config.devices[0].tags.push_back(tag(*config.devices[0].codec, "running", "M0"));
+  script().then([&](ByteView request) {
+    const Bytes asked(request.begin(), request.end());
+    return asked == kReadD100 ? kNak : plc.answer(request);
+  });
+  start();
+  wait_for_state(State::degraded, "nak");
+  const Telemetry& message = telemetry.at(0);
+  EXPECT_EQ(message.readings[0].bad, BadReason::nak);
+  EXPECT_FALSE(message.readings[1].bad);
+}
+
+TEST_F(LinkWorkerTest, ValueThatIsNoNumberIsBadValue) {
+  config.devices[0].tags[0].point.type = DataType::bcd16;
+  plc.set(kD100, word(0x0A00));
+  start();
+  wait_for_state(State::degraded, "bad_value");
+  EXPECT_EQ(telemetry.at(0).readings[0].bad, BadReason::bad_value);
+}
+
+TEST_F(LinkWorkerTest, OnChangeIsSuppressedAndCounted) {
+  config.devices[0].groups[0].on_change = true;
+  plc.set(kD100, word(1));
+  start();
+  wait([&] { return plc.count("read 10C8 2") >= 20; });
+  EXPECT_EQ(telemetry.size(), 1U);
+  plc.set(kD100, word(2));
+  wait([&] { return telemetry.size() >= 2; });
+  EXPECT_EQ(telemetry[1].seq, telemetry[0].seq + 1) << "what was suppressed took no number";
+  FieldHealth health;
+  health.links.resize(1);
+  health.devices.resize(1);
+  worker->report(health);
+  EXPECT_EQ(health.devices[0].collected, health.devices[0].suppressed + 2);
+  EXPECT_GE(health.devices[0].polls, 20U);
+  EXPECT_GE(health.links[0].exchanges, 20U);
+  EXPECT_EQ(health.links[0].timeouts, 0U);
+  EXPECT_GT(health.links[0].busy_percent, 0.0);
+}
+
+// ---- silence, and links that are down
+// ------------------------------------------------------------
+
+TEST_F(LinkWorkerTest, SilentDeviceIsToldOnceAndIsOffline) {
+  plc.silent = true;
+  config.devices[0].groups[0].interval = milliseconds(5);
+  start();
+  wait_for_state(State::offline, "timeout");
+  const std::size_t attempts = plc.asked().size();
+  EXPECT_EQ(attempts, 3U) << "retries + 1 exchanges in a row";
+  wait([&] { return plc.asked().size() > attempts; });
+  EXPECT_EQ(telemetry.size(), 1U) << "one message when it turned bad";
+  EXPECT_EQ(telemetry[0].readings[0].bad, BadReason::timeout);
+  EXPECT_TRUE(telemetry[0].readings[0].value.items.empty());
+  plc.silent = false;
+  wait_for_state(State::online, "");
+  EXPECT_FALSE(telemetry.back().readings[0].bad);
+}
+
+TEST_F(LinkWorkerTest, SilentDeviceDoesNotStarveItsNeighbour) {
+  config.devices.push_back(port_device("press2"));
+  config.devices[1].tags.push_back(tag(*config.devices[1].codec, "level", "D200"));
+  for (DeviceConfig& device : config.devices) device.groups[0].interval = milliseconds(2);
+  std::size_t vain = 0;
+  script().then([&](ByteView request) {
+    const Bytes asked(request.begin(), request.end());
+    if (asked != kReadD100) return plc.answer(request);
+    ++vain;
+    return Bytes{};
+  });
+  start();
+  wait_for_state(State::offline, "timeout", 0);
+  const std::size_t before = of_device(1).size();
+  wait([&] { return of_device(1).size() >= before + 100; });
+  // Its RUN state is answered once, which starts the count of three anew.
+  EXPECT_LE(vain, 5U) << "it rests while its neighbour is asked a hundred times";
+  EXPECT_EQ(state(1).state, State::online);
+  for (const Telemetry& message : of_device(1)) EXPECT_FALSE(message.readings[0].bad);
+}
+
+TEST_F(LinkWorkerTest, CommandToASilentDeviceGoesOutAndFailsAtItsEnquiry) {
+  add_setpoint();
+  plc.silent = true;
+  start();
+  wait_for_state(State::offline, "timeout");
+  worker->submit(write_setpoint("b7e1"));
+  const CommandResult& result = wait_for_result("b7e1");
+  EXPECT_EQ(result.status, CommandStatus::failed);
+  EXPECT_EQ(result.reason, Reason::device_offline);
+}
+
+TEST_F(LinkWorkerTest, AnsweredCommandEndsTheBackOff) {
+  add_setpoint();
+  plc.silent = true;
+  start();
+  wait_for_state(State::offline, "timeout");
+  plc.silent = false;
+  worker->submit(write_setpoint("b7e1"));
+  EXPECT_EQ(wait_for_result("b7e1").status, CommandStatus::succeeded);
+  wait_for_state(State::online, "");
+}
+
+TEST_F(LinkWorkerTest, LinkThatWillNotOpenMakesEveryTagBadAndLeavesTheThreadFree) {
+  // The group has no interval: it must not be offered over and over while nothing can be sent.
+  script().refuse_open("no such adapter");
+  start();
+  bool others_had_their_turn = false;
+  wait([&] { return !telemetry.empty(); });
+  asio::post(io, [&] { others_had_their_turn = true; });
+  wait([&] { return others_had_their_turn; });
+  EXPECT_EQ(telemetry[0].readings[0].bad, BadReason::link_down);
+  EXPECT_EQ(state().state, State::offline);
+  EXPECT_EQ(state().reason, "link_down");
+  wait_for_state(State::online, "");  // the second attempt to open succeeds
+  EXPECT_EQ(wire->opened(), 2U);
+}
+
+TEST_F(LinkWorkerTest, GroupThatNoWayReachesLeavesTheThreadFree) {
+  config.devices[0] = press("press1", port_codec(fx::Model::unknown));
+  config.devices[0].tags[0] = tag(*config.devices[0].codec, "far", "D7000");
+  plc.set(kD8001, word(24310));
+  plc.set(kD8101, word(0));  // neither an FX2N nor an FX3U
+  start();
+  wait_for_state(State::degraded, "model_unknown");
+  wait([&] { return !telemetry.empty(); });
+  EXPECT_EQ(telemetry[0].readings[0].bad, BadReason::unsupported);
+  bool others_had_their_turn = false;
+  asio::post(io, [&] { others_had_their_turn = true; });
+  wait([&] { return others_had_their_turn; });
+}
+
+TEST_F(LinkWorkerTest, LostLinkIsOpenedAgainByItself) {
+  script().expect(kEnq).give(kAck).expect(kReadD100).give(word_frame(7));
+  wire->expect(kReadD100).hang_up();
+  plc.set(kD100, word(8));
+  start();
+  wait([&] {
+    return wire->opened() == 2 && telemetry.back().readings[0].value == number(8) &&
+           !telemetry.back().readings[0].bad;
+  });
+  ASSERT_GE(telemetry.size(), 3U);
+  EXPECT_EQ(telemetry[1].readings[0].bad, BadReason::link_down);
+  EXPECT_EQ(telemetry[1].readings[0].value, number(7)) << "the last good one";
+  EXPECT_EQ(state().state, State::online);
+}
+
+TEST_F(LinkWorkerTest, TcpPeerThatNeverAnswersIsLeftAndConnectedAnew) {
+  config.links[0].channel = TcpSettings{"192.0.2.10", 5551};
+  config.devices[0].groups[0].interval = milliseconds(2);
+  plc.silent = true;
+  start();
+  wait([&] { return wire->opened() >= 2; });
+  EXPECT_EQ(plc.asked().size(), 3U);
+  plc.silent = false;
+  wait_for_state(State::online, "");
+}
+
+// ---- models
+// --------------------------------------------------------------------------------------
+
+class LinkWorkerModelTest : public LinkWorkerTest {
+ protected:
+  LinkWorkerModelTest() {
+    config.devices[0] = press("press1", port_codec(fx::Model::unknown));
+    config.devices[0].groups[0].interval = milliseconds(5);
+    config.devices[0].tags.push_back(tag(*config.devices[0].codec, "far", "D7000"));
+  }
+};
+
+TEST_F(LinkWorkerModelTest, ModelIsAskedAndThePlanMadeAnew) {
+  plc.set(kD8001, word(24310));
+  plc.set(kD8101, word(16310));
+  plc.set(kD100, word(1));
+  plc.set(0x4000 + 14000, word(2));
+  start();
+  wait([&] { return !telemetry.empty(); });
+  const Telemetry& first = telemetry[0];
+  ASSERT_EQ(first.readings.size(), 2U);
+  EXPECT_EQ(first.readings[0].value, number(1));
+  EXPECT_EQ(first.readings[1].value, number(2)) << "reached by the extended commands of an FX3U";
+  EXPECT_FALSE(first.readings[1].bad);
+  wait_for_state(State::online, "");
+  EXPECT_EQ(state().model, "FX3U");
+  EXPECT_EQ(plc.count("read 0E02 2"), 1U) << "asked once";
+  EXPECT_GE(plc.count("E00 76B0 2"), 1U);
+}
+
+TEST_F(LinkWorkerModelTest, ModelThatCannotBeToldStaysClassicAndDegraded) {
+  plc.set(kD8001, word(24310));
+  plc.set(kD8101, word(0));
+  start();
+  wait_for_state(State::degraded, "model_unknown");
+  wait([&] { return !telemetry.empty(); });
+  EXPECT_FALSE(telemetry[0].readings[0].bad);
+  EXPECT_EQ(telemetry[0].readings[1].bad, BadReason::unsupported);
+  EXPECT_TRUE(state().model.empty());
+  EXPECT_EQ(plc.count("read 0E02 2"), 1U);
+}
+
+TEST_F(LinkWorkerModelTest, ModelIsAskedAgainAfterASilence) {
+  plc.set(kD8001, word(24310));
+  plc.set(kD8101, word(16310));
+  start();
+  wait_for_state(State::online, "");
+  plc.silent = true;
+  wait_for_state(State::offline, "timeout");
+  plc.silent = false;
+  plc.set(kD8101, word(24310));  // another PLC was plugged in: an FX2N
+  wait([&] { return state().model == "FX2N" && state().state != State::offline; });
+}
+
+// ---- commands
+// ------------------------------------------------------------------------------------
+
+TEST_F(LinkWorkerTest, CommandGoesAfterTheExchangeOnTheWireAndBeforeTheNextPoll) {
+  add_setpoint("D2000");
+  const Bytes write = port_frame("E10" + hex_text(0x4000 + 4000, 4) + "023200");
+  script().expect(kEnq).give(kAck).expect(kReadD100).call(
+      [&] { worker->submit(write_setpoint("b7e1")); });
+  wire->give(word_frame(7)).expect(write).give(kAck);
+  start();
+  const CommandResult& result = wait_for_result("b7e1");
+  EXPECT_EQ(result.status, CommandStatus::succeeded);
+  EXPECT_EQ(result.plc, PlcAnswer::ack);
+  EXPECT_GE(result.queue.count(), 0);
+  EXPECT_FALSE(result.bound) << "a line of unknown speed has no bound";
+}
+
+TEST_F(LinkWorkerTest, WrittenValueIsPublishedAtOnce) {
+  add_setpoint();
+  config.devices[0].groups[0].interval = std::chrono::hours(1);
+  config.devices[0].groups[0].on_change = true;
+  start(Polling::on);
+  worker->submit(write_setpoint("b7e1"));
+  wait_for_result("b7e1");
+  Command verified = write_setpoint("b7e2", 51);
+  verified.verify = true;
+  worker->submit(verified);
+  wait_for_result("b7e2");
+  std::vector<Telemetry> partial;
+  for (const Telemetry& message : telemetry)
+    if (message.partial) partial.push_back(message);
+  ASSERT_EQ(partial.size(), 2U);
+  EXPECT_TRUE(partial[0].written) << "nothing was read back";
+  ASSERT_EQ(partial[0].readings.size(), 1U);
+  EXPECT_EQ(partial[0].readings[0].tag, 1U);
+  EXPECT_EQ(partial[0].readings[0].value, number(50));
+  EXPECT_FALSE(partial[1].written);
+  EXPECT_EQ(partial[1].readings[0].value, number(51));
+  EXPECT_LT(partial[0].seq, partial[1].seq) << "it counts as a sample";
+}
+
+TEST_F(LinkWorkerTest, RefusedWriteAndRawAddressPublishNothing) {
+  add_setpoint();
+  config.devices[0].commands.allow.push_back(*config.devices[0].codec->parse_range("D300"));
+  bool refuses = true;
+  script().then([&](ByteView request) {
+    const bool is_write = request.size() > 1 && request[1] == '1';
+    return is_write && refuses ? kNak : plc.answer(request);
+  });
+  start();
+  worker->submit(write_setpoint("refused"));
+  EXPECT_EQ(wait_for_result("refused").reason, Reason::nak);
+  refuses = false;
+  Command raw = write_setpoint("raw");
+  raw.targets[0].tag.clear();
+  raw.targets[0].address = "D300";
+  worker->submit(raw);
+  EXPECT_EQ(wait_for_result("raw").status, CommandStatus::succeeded);
+  for (const Telemetry& message : telemetry) EXPECT_FALSE(message.partial);
+}
+
+TEST_F(LinkWorkerTest, PollThatWasUnderWayCarriesTheWrittenValue) {
+  // The cycle reads D200, then the command writes it, then the cycle goes on and ends: what it read
+  // is older than what its message may say.
+  add_setpoint("D200");
+  config.devices[0].tags[0] = tag(*config.devices[0].codec, "clock", "D8010");
+  script().expect(kEnq).give(kAck);
+  wire->expect(read_frame(kD200, 2)).call([&] { worker->submit(write_setpoint("b7e1")); });
+  wire->give(word_frame(40)).expect(kWrite50).give(kAck);
+  wire->expect(read_frame(0x0E14, 2)).give(word_frame(1));
+  start();
+  wait([&] { return telemetry.size() >= 2; });
+  EXPECT_TRUE(telemetry[0].partial);
+  EXPECT_EQ(telemetry[0].readings.at(0).value, number(50));
+  EXPECT_FALSE(telemetry[1].partial);
+  EXPECT_EQ(telemetry[1].readings.at(1).value, number(50)) << "and not the 40 that it read";
+}
+
+TEST_F(LinkWorkerTest, ReadAfterTheWriteIsTheNewest) {
+  add_setpoint("D200");
+  config.devices[0].tags[0] = tag(*config.devices[0].codec, "running", "M0");
+  script().expect(kEnq).give(kAck);
+  wire->expect(read_frame(kM0, 1)).call([&] { worker->submit(write_setpoint("b7e1")); });
+  wire->give(data_frame({0x00})).expect(kWrite50).give(kAck);
+  wire->expect(read_frame(kD200, 2)).give(word_frame(45));  // the ladder has set another value
+  start();
+  wait([&] { return telemetry.size() >= 2; });
+  EXPECT_EQ(telemetry[1].readings.at(1).value, number(45));
+}
+
+TEST_F(LinkWorkerTest, SameIdIsCarriedOutOnce) {
+  add_setpoint();
+  start();
+  worker->submit(write_setpoint("b7e1"));
+  worker->submit(write_setpoint("b7e1"));
+  wait([&] { return results.size() >= 2; });
+  worker->submit(write_setpoint("b7e1"));
+  wait([&] { return results.size() >= 3; });
+  EXPECT_EQ(results[0].status, CommandStatus::duplicate);
+  EXPECT_EQ(results[0].first, nullptr) << "still waiting";
+  EXPECT_EQ(results[1].status, CommandStatus::succeeded);
+  EXPECT_EQ(results[2].status, CommandStatus::duplicate);
+  ASSERT_NE(results[2].first, nullptr);
+  EXPECT_EQ(results[2].first->status, CommandStatus::succeeded);
+  EXPECT_EQ(plc.count("write 1190 3200"), 1U);
+}
+
+TEST_F(LinkWorkerTest, QueueIsPerDeviceAndAnswersWhenFull) {
+  add_setpoint();
+  config.devices[0].commands.queue = 3;
+  start();
+  for (int i = 0; i < 5; ++i) worker->submit(write_setpoint("c" + std::to_string(i)));
+  wait([&] { return results.size() >= 5; });
+  int full = 0;
+  for (const CommandResult& result : results) full += result.reason == Reason::queue_full;
+  EXPECT_EQ(full, 2);
+}
+
+TEST_F(LinkWorkerTest, BoundCoversAHealthyLine) {
+  config.links[0].char_time = nanoseconds(1041667);  // 9600 baud
+  add_setpoint();
+  start();
+  wait([&] { return telemetry.size() >= 3; });
+  for (int i = 0; i < 20; ++i) worker->submit(write_setpoint("c" + std::to_string(i)));
+  wait([&] { return results.size() >= 20; });
+  for (const CommandResult& result : results) {
+    ASSERT_TRUE(result.bound);
+    EXPECT_LE(result.queue + result.wire, *result.bound) << result.id;
+  }
+  EXPECT_GT(*results.back().bound, *results.front().bound) << "those ahead count";
+}
+
+TEST_F(LinkWorkerTest, WithoutPollingNoGroupIsRead) {
+  add_setpoint();
+  start(Polling::off);
+  worker->submit(write_setpoint("b7e1"));
+  EXPECT_EQ(wait_for_result("b7e1").status, CommandStatus::succeeded);
+  worker->submit(write_setpoint("b7e2"));
+  EXPECT_EQ(wait_for_result("b7e2").status, CommandStatus::succeeded);
+  EXPECT_EQ(plc.count("read 10C8 2"), 0U);
+  EXPECT_FALSE(std::any_of(telemetry.begin(), telemetry.end(),
+                           [](const Telemetry& message) { return !message.partial; }));
+}
+
+// ---- the end
+// -------------------------------------------------------------------------------------
+
+TEST_F(LinkWorkerTest, StopCutsAPollShort) {
+  config.devices[0].timeout = std::chrono::hours(1);
+  script().expect(kEnq).give(kAck).expect(kReadD100).call(
+      [&] { asio::post(io, [&] { worker->stop(); }); });
+  wire->hang();
+  start();
+  wait([&] { return ended; });
+  EXPECT_TRUE(telemetry.empty()) << "a poll that was cut short tells nothing about the device";
+}
+
+TEST_F(LinkWorkerTest, StopEndsAWaitForTheNextBeat) {
+  config.devices[0].groups[0].interval = std::chrono::hours(1);
+  start();
+  wait_for_requests(2);
+}
+
+TEST_F(LinkWorkerTest, StopFinishesTheCommandOnTheWireAndAnswersTheWaitingOnes) {
+  add_setpoint();
+  script().expect(kEnq).give(kAck).expect(read_frame(kD100, 2)).call([&] {
+    for (int i = 0; i < 4; ++i) worker->submit(write_setpoint("c" + std::to_string(i)));
+  });
+  wire->give(word_frame(7)).expect(kWrite50).call([&] { worker->stop(); });
+  wire->give(kAck);
+  start();
+  wait([&] { return ended; });
+  worker->submit(write_setpoint("late"));
+  collect();
+  ASSERT_EQ(results.size(), 5U) << "each exactly once";
+  EXPECT_EQ(result_of("c0")->status, CommandStatus::succeeded);
+  for (const char* id : {"c1", "c2", "c3", "late"}) {
+    ASSERT_NE(result_of(id), nullptr) << id;
+    EXPECT_EQ(result_of(id)->status, CommandStatus::rejected) << id;
+    EXPECT_EQ(result_of(id)->reason, Reason::shutting_down) << id;
+  }
+}
+
+}  // namespace
+}  // namespace fxagent::test
