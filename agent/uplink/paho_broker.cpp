@@ -278,7 +278,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
       switch (token.get_type()) {
         case mqtt::token::CONNECT:
           end_of_connecting();
-          return post(connected(token));
+          return post(connected_by(token));
         case mqtt::token::PUBLISH:
           return post(Delivered{id_of(token)});
         case mqtt::token::SUBSCRIBE:
@@ -356,7 +356,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
     }
   }
 
-  Connected connected(const mqtt::token& token) const {
+  Connected connected_by(const mqtt::token& token) const {
     Connected event;
     const mqtt::connect_response response = token.get_connect_response();
     event.session_present = response.is_session_present();
