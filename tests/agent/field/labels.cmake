@@ -1,0 +1,4 @@
+# Read by ctest: every test of the room is a unit test, and can be run by the room's name.
+if(field_tests)
+  set_tests_properties(${field_tests} PROPERTIES LABELS "unit;field")
+endif()
