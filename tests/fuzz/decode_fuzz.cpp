@@ -1,5 +1,6 @@
-// Any bytes from a wire, given to every codec of the catalogue: as the answer to each kind of question
-// it can ask, and to be explained. Nothing may crash, and what is accepted must lie inside what came.
+// Any bytes from a wire, given to every codec of the catalogue: as the answer to each kind of
+// question it can ask, and to be explained. Nothing may crash, and what is accepted must lie inside
+// what came.
 #include <cstdint>
 #include <cstdlib>
 #include <memory>

@@ -1,4 +1,5 @@
-// Feeds every file of the directories given to a fuzz target, so that the corpus runs as a plain test.
+// Feeds every file of the directories given to a fuzz target, so that the corpus runs as a plain
+// test.
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
