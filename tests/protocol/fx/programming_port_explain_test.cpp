@@ -10,7 +10,8 @@ using test::hex;
 
 /// STX, the payload, ETX and the right sum.
 Bytes frame(std::string_view payload) {
-  Bytes bytes{0x02};
+  Bytes bytes;
+  bytes.push_back(0x02);
   bytes.insert(bytes.end(), payload.begin(), payload.end());
   bytes.push_back(0x03);
   append_hex(bytes, port_sum(ByteView(bytes).subspan(1)), 2);
