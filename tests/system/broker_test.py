@@ -6,7 +6,7 @@ import signal
 import subprocess
 import unittest
 
-from plant import BASE, FXAGENT, Broker, PlantTest, Watcher, device, wait_for
+from plant import BASE, Broker, PlantTest, Watcher, device, free_port, wait_for
 
 
 def certificates(directory):
@@ -84,6 +84,152 @@ class BrokerLife(PlantTest):
                 self.assertTrue(self.watcher.payloads(f"{BASE}/press1/data/fast/history"))
                 self.tearDown()
                 self.setUp()
+
+    def test_every_retained_topic_is_published_again_after_a_reconnect(self):
+        self.start()
+        self.state("press1", "online")
+        self.broker.kill()
+        wait_for("the log", lambda: "broker_lost" in self.agent.logged())
+        self.broker.start()  # it has kept nothing
+        late = Watcher(self.broker.port)
+        late.wait(f"{BASE}/state", lambda s: s["state"] == "online")
+        late.wait(f"{BASE}/press1/state", lambda s: s["state"] == "online")
+        late.wait(f"{BASE}/press1/meta")
+        late.wait(f"{BASE}/health")
+        late.close()
+        retained = Watcher(self.broker.port)
+        for topic in (f"{BASE}/state", f"{BASE}/press1/state", f"{BASE}/press1/meta",
+                      f"{BASE}/health"):
+            retained.wait(topic)
+        with retained.lock:
+            self.assertEqual({t for _, t, _, m in retained.messages if m.retain},
+                             {f"{BASE}/state", f"{BASE}/press1/state", f"{BASE}/press1/meta",
+                              f"{BASE}/health"})
+        retained.close()
+
+    def test_history_is_in_order_in_small_messages_and_beside_live_data(self):
+        # 400 values of five digits a row: a hundred rows are several messages.
+        tags = [{"name": "block", "address": "D1000", "type": "uint16", "count": 400,
+                 "group": "fast"}]
+        self.start([device(tags=tags, groups=[{"name": "fast", "interval_ms": 20}])],
+                   [self.plc(memory={"D1000": [60000] * 400})])
+        first = self.data()["seq"]
+        self.broker.kill()
+        wait_for("the log", lambda: "broker_lost" in self.agent.logged())
+        polls = self.sim.ask(cmd="stats", plc="press1")["accepted_reads"]
+        # 800 bytes are at most 13 reads of 64.
+        wait_for("a hundred rows", lambda: self.sim.ask(
+            cmd="stats", plc="press1")["accepted_reads"] > polls + 100 * 13)
+        since = self.watcher.mark()
+        self.broker.start()
+        live = self.data(since=since)
+        self.watcher.wait(f"{BASE}/press1/data/fast/history",
+                          lambda m: m["rows"][-1]["seq"] >= live["seq"] - 1, since)
+        with self.watcher.lock:
+            history = [m for _, t, _, m in self.watcher.messages
+                       if t == f"{BASE}/press1/data/fast/history"]
+        rows = []
+        for message in history:
+            self.assertLessEqual(len(message.payload), 65536)
+            rows += json.loads(message.payload)["rows"]
+        self.assertGreater(len(history), 2)
+        numbers = [row["seq"] for row in rows]
+        self.assertEqual(numbers, sorted(set(numbers)))
+        for row in rows:
+            self.assertEqual(set(row), set(live))
+            self.assertEqual(row["boot"], live["boot"])
+        seen = set(numbers) | {m["seq"] for m in self.watcher.payloads(f"{BASE}/press1/data/fast")}
+        self.assertLessEqual(set(range(first, live["seq"])), seen)
+
+    def test_a_result_of_an_outage_comes_when_the_broker_is_back(self):
+        self.start([device(timeout_ms=3000)])
+        self.state("press1", "online")
+        self.sim.fault("press1", "late", match="force", ms=800)
+        self.send({"id": "across", "op": "force_on", "address": "M150"})
+        wait_for("the order to be carried out", lambda: self.sim.orders("press1"))
+        self.broker.kill()
+        wait_for("the log", lambda: "broker_lost" in self.agent.logged())
+        since = self.watcher.mark()
+        self.broker.start()
+        self.assert_result(self.result("across", since=since), "SUCCEEDED", None, "ACK")
+        # The id is still known to the agent.
+        again = self.order(id="across", op="force_on", address="M150")
+        self.assert_result(again, "DUPLICATE", "duplicate_id", "ACK")
+        self.assertEqual(len(self.sim.orders("press1")), 1)
+
+    def test_a_broker_that_hangs_is_given_up_and_polling_goes_on(self):
+        self.start(mqtt_config={"keep_alive_s": 2})
+        first = self.data()["seq"]
+        self.broker.process.send_signal(signal.SIGSTOP)
+        try:
+            wait_for("the log", lambda: "broker_lost" in self.agent.logged())
+        finally:
+            self.broker.process.send_signal(signal.SIGCONT)
+        since = self.watcher.mark()
+        live = self.data(lambda m: m["seq"] > first + 20, since=since)
+
+        def numbers():
+            seen = {m["seq"] for m in self.watcher.payloads(f"{BASE}/press1/data/fast")}
+            for message in self.watcher.payloads(f"{BASE}/press1/data/fast/history"):
+                seen |= {row["seq"] for row in message["rows"]}
+            return seen
+        wait_for("every number", lambda: numbers() >= set(range(first, live["seq"] + 1)))
+
+    def test_the_agent_stays_on_the_server_it_has(self):
+        self.broker = Broker(self.directory)
+        second = Broker(self.directory)
+        second.start()
+        self.stack.callback(second.kill)
+        self.start_sim()
+        self.start_agent(mqtt_config={
+            "servers": [f"mqtt://127.0.0.1:{b.port}" for b in (self.broker, second)]})
+        self.watcher = Watcher(second.port)
+        self.state("press1", "online")
+        self.broker.start()
+        numbers = self.watcher.wait_count(f"{BASE}/press1/data/fast", 30)
+        self.assertEqual(len({m["boot"] for m in numbers}), 1)
+        self.assertEqual(self.agent.logged().count("broker_connected"), 1)
+
+    def test_an_order_sent_while_a_3_1_1_agent_is_away_is_never_carried_out(self):
+        self.start(version="3.1.1")
+        self.state("press1", "online")
+        self.agent.stop()
+        self.send({"id": "while-away", "op": "force_on", "address": "M150"})
+        since = self.watcher.mark()
+        self.agent.start()
+        self.state("press1", "online", since)
+        self.assert_result(self.order(op="read", tag="temp"), "SUCCEEDED", None, "ACK")
+        self.assertEqual((self.sim.orders("press1"), self.results("while-away")), ([], []))
+
+    def test_a_retained_order_from_before_is_refused_on_3_1_1(self):
+        self.broker = Broker(self.directory)
+        self.broker.start()
+        self.start_sim()
+        self.watcher = Watcher(self.broker.port)
+        self.send({"id": "old", "op": "force_on", "address": "M150"}, retain=True)
+        self.start_agent(version="3.1.1")
+        self.assert_result(self.result("old"), "REJECTED", "retained")
+        self.assertEqual(self.sim.orders("press1"), [])
+
+    def test_qos_0_sends_every_sample_once(self):
+        self.start(mqtt_config={"qos": 0})
+        first = self.data()["seq"]
+        self.data(lambda m: m["seq"] >= first + 30)
+        with self.watcher.lock:
+            seen = [(p["seq"], m.qos) for _, t, p, m in self.watcher.messages
+                    if t == f"{BASE}/press1/data/fast"]
+        self.assertEqual(seen, [(number, 0) for number in range(seen[0][0], seen[0][0] + len(seen))])
+
+    def test_numbers_go_on_above_those_of_the_run_before(self):
+        self.start()
+        boot = self.data()["boot"]
+        self.agent.stop()
+        last = max(m["seq"] for m in self.watcher.payloads(f"{BASE}/press1/data/fast"))
+        since = self.watcher.mark()
+        self.agent.start()
+        again = self.data(since=since)
+        self.assertGreater(again["seq"], last)
+        self.assertNotEqual(again["boot"], boot)
 
     def test_every_health_message_adds_up(self):
         self.start()
@@ -169,10 +315,13 @@ class Secrets(PlantTest):
         self.watcher = Watcher(self.broker.port, username="edge7", password="right")
         self.state("press1", "online")
 
-    def tls(self, extra=""):
+    def tls(self, extra="", listener=None):
         certificates(self.directory)
         os.chmod(self.directory, 0o755)
         path = self.directory
+        if listener == "plain":
+            self.plain_port = free_port()
+            extra += f"\nlistener {self.plain_port} 127.0.0.1\n"
         self.broker = Broker(self.directory, f"cafile {path}/ca.pem\ncertfile {path}/server.pem\n"
                                              f"keyfile {path}/server.key\n{extra}")
         self.broker.start()
@@ -195,6 +344,23 @@ class Secrets(PlantTest):
         self.start_tls(ca_file="ca.pem")
         wait_for("the log", lambda: "broker_connected" in self.agent.logged())
 
+    def test_a_certificate_of_another_host_is_refused(self):
+        self.tls()
+        # The server's certificate is for 127.0.0.1 and says nothing of localhost.
+        self.start_agent(mqtt_config={
+            "servers": [f"mqtts://localhost:{self.broker.port}"],
+            "tls": {"ca_file": os.path.join(self.directory, "ca.pem")}})
+        wait_for("the log", lambda: "broker_unreachable" in self.agent.logged())
+        self.assertNotIn("broker_connected", self.agent.logged())
+
+    def test_orders_and_telemetry_go_over_tls(self):
+        self.tls(listener="plain")
+        self.start_tls(ca_file="ca.pem")
+        self.watcher = Watcher(self.plain_port)
+        self.state("press1", "online")
+        self.data()
+        self.assert_result(self.order(op="force_on", address="M150"), "SUCCEEDED", None, "ACK")
+
     def test_mutual_tls_wants_the_certificate(self):
         self.tls("require_certificate true")
         self.start_tls(ca_file="ca.pem")
@@ -203,92 +369,6 @@ class Secrets(PlantTest):
         self.agent.stop()
         self.start_tls(ca_file="ca.pem", cert_file="edge7.pem", key_file="edge7.key")
         wait_for("the log", lambda: "broker_connected" in self.agent.logged())
-
-
-class Programs(PlantTest):
-    def run_agent(self, *arguments):
-        done = subprocess.run([FXAGENT, *arguments], capture_output=True, text=True, timeout=30)
-        return done.returncode, done.stdout, done.stderr
-
-    def config(self, **more):
-        config = {"agent": {"id": "edge7", "root": "fx"},
-                  "mqtt": {"servers": ["mqtt://127.0.0.1:1"]},
-                  "links": [self.serial()], "devices": [device()]}
-        config.update(more)
-        path = os.path.join(self.directory, "c.json")
-        with open(path, "w") as out:
-            out.write(json.dumps(config, indent=1))
-        return path
-
-    def test_check_tells_every_error_with_its_place(self):
-        self.assertEqual(self.run_agent("check", self.config())[0], 0)
-        tags = [{"name": "a", "address": "X8"}, {"name": "a", "address": "D9000"},
-                {"name": "b", "adress": "D1", "address": "D1"}]
-        bad = device(tags=tags, link="line9", model="FX1S")
-        status, out, errors = self.run_agent("check", self.config(devices=[bad]))
-        self.assertEqual((status, out), (2, ""))
-        for word in ("/devices/0/tags/0/address", "octal", "/devices/0/tags/1/address", "D9000",
-                     "adress", "address", "line9", "/devices/0/tags/1/name"):
-            self.assertIn(word, errors)
-        path = os.path.join(self.directory, "not.json")
-        with open(path, "w") as out:
-            out.write('{"agent": {\n  "id": }')
-        status, _, errors = self.run_agent("check", path)
-        self.assertEqual(status, 2)
-        self.assertIn(":2", errors)
-        self.assertEqual(self.run_agent("run", path)[0], 2)
-
-    def test_read_write_and_force_go_straight_to_the_device(self):
-        self.start_sim([self.plc(memory={"D100": [1, 2, 3]})])
-        path = self.config()
-        status, out, _ = self.run_agent("read", path, "press1", "D100", "--count", "3", "--json")
-        answer = json.loads(out)
-        self.assertEqual((status, answer["ok"], answer["address"], answer["values"]),
-                         (0, True, "D100", [1, 2, 3]))
-        self.assertEqual(self.run_agent("read", path, "press1", "temp")[0], 0)
-        status, out, _ = self.run_agent("force-on", path, "press1", "M150", "--json")
-        self.assertEqual((status, json.loads(out)["plc"]), (0, "ACK"))
-        self.assertEqual(self.sim.get("press1", "M150"), 1)
-        self.assertEqual(self.run_agent("force-off", path, "press1", "M150")[0], 0)
-        self.assertEqual(self.run_agent("write", path, "press1", "D300", "7")[0], 0)
-        self.assertEqual(self.sim.get("press1", "D300"), 7)
-        self.assertEqual(self.run_agent("write", path, "press1", "D200", "7")[0], 2)
-        self.assertEqual(self.run_agent("read", path, "press1", "X8")[0], 2)
-        self.assertEqual(self.run_agent("read", path, "nobody", "D1")[0], 2)
-        self.sim.fault("press1", "nak", count=-1)
-        status, out, _ = self.run_agent("write", path, "press1", "D300", "8", "--json")
-        self.assertEqual((status, json.loads(out)["plc"]), (1, "NAK"))
-        status, out, _ = self.run_agent("read", path, "press1", "D100", "--json")
-        self.assertEqual((status, json.loads(out)["reason"]), (1, "nak"))
-
-    def test_decode_explains_frames_and_judges_their_sums(self):
-        def decode(*arguments):
-            status, out, _ = self.run_agent("decode", "fx-programming-port", *arguments, "--json")
-            return status, json.loads(out)
-        status, frame = decode("02 30 31 30 46 36 30 34 03 37 34")
-        self.assertEqual(status, 0)
-        self.assertEqual((frame["operation"], frame["command"], frame["command_set"],
-                          frame["device"], frame["count"]), ("read", "0", "classic", "D123", 2))
-        status, frame = decode("02", "45", "37", "30", "30", "30", "43", "03", "35", "32", "--model",
-                               "FX1N")
-        self.assertEqual((status, frame["operation"], frame["device"]), (0, "force_on", "Y0"))
-        status, frame = decode("0245313034303030303241423135034238")
-        self.assertEqual((frame["operation"], frame["device"], frame["values"]),
-                         ("write", "D0", ["15AB"]))
-        status, frame = decode("02 33 35 38 34 03 44 36", "--reply")
-        self.assertEqual((status, frame["ok"], frame["checksum"]),
-                         (1, False, {"given": "D6", "computed": "D7"}))
-        self.assertEqual(decode("15")[1]["operation"], "nak")
-        self.assertEqual(self.run_agent("decode", "fx-programming-port", "zz")[0], 2)
-        self.assertEqual(self.run_agent("decode", "no-such", "05")[0], 2)
-
-    def test_help_and_version_are_everywhere(self):
-        self.assertEqual(self.run_agent("--version")[0], 0)
-        for command in ("run", "check", "read", "write", "force-on", "force-off", "decode"):
-            status, out, _ = self.run_agent(command, "--help")
-            self.assertEqual((status, bool(out)), (0, True))
-        self.assertEqual(self.run_agent()[0], 2)
-        self.assertEqual(self.run_agent("fly")[0], 2)
 
 
 if __name__ == "__main__":

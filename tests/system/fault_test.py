@@ -6,7 +6,7 @@ import socket
 import threading
 import unittest
 
-from plant import BASE, PlantTest, device, free_port, wait_for
+from plant import BASE, SCHEDULING_MS, PlantTest, device, free_port, wait_for
 
 
 class Faults(PlantTest):
@@ -77,6 +77,137 @@ class Faults(PlantTest):
         self.sim.ask(cmd="clear_faults", plc="press1")
         self.state("press1", "online", since)
         self.data(lambda m: "bad" not in m, since=since)
+
+    def test_each_fault_alone_has_the_state_and_the_recovery_of_the_contract(self):
+        # Silence in one beat is a miss; retries + 1 of them in a row are an offline device. A refusal or
+        # nonsense is repeated in the same beat, so that fewer than retries + 1 of them are not seen at all.
+        groups = [{"name": "fast", "interval_ms": 100}]
+        tags = [{"name": "a", "address": "D10", "group": "fast"}]
+        self.start([device(tags=tags, groups=groups, timeout_ms=120)], [self.plc(memory={"D10": 7})])
+        self.state("press1", "online")
+        for kind, count, why, state in [
+                ("nak", 2, None, "online"), ("wrong_sum", 2, None, "online"),
+                ("nak", 3, "nak", "degraded"), ("wrong_sum", 3, "bad_frame", "degraded"),
+                ("silent", 1, "timeout", "degraded"), ("truncated", 1, "timeout", "degraded"),
+                ("silent", 3, "timeout", "offline")]:
+            with self.subTest(kind=kind, count=count):
+                since = self.watcher.mark()
+                self.sim.fault("press1", kind, match="read", count=count)
+                if why is None:
+                    wait_for("the fault to have struck", lambda: self.faults_left(kind, count))
+                    self.data(since=self.watcher.mark())
+                    self.assertEqual([m for m in self.watcher.payloads(
+                        f"{BASE}/press1/data/fast", since) if "bad" in m], [])
+                    self.assertEqual(self.watcher.payloads(f"{BASE}/press1/state", since), [])
+                else:
+                    bad = self.data(lambda m: "bad" in m, since=since)
+                    self.assertEqual((bad["values"], bad["bad"]["a"]["why"], bad["bad"]["a"]["last"]),
+                                     ({}, why, 7))
+                    told = self.state("press1", state, since)
+                    self.assertEqual(told["reason"], why)
+                    healed = self.state("press1", "online", since)
+                    self.assertIsNone(healed["reason"])
+                    self.assertGreaterEqual(healed["since"], told["since"])
+                self.sim.ask(cmd="clear_faults", plc="press1")
+                self.data(lambda m: m["values"] == {"a": 7}, since=self.watcher.mark())
+                self.struck = dict(self.sim.ask(cmd="stats", plc="press1")["faults"])
+
+    struck = {}
+
+    def faults_left(self, kind, count):
+        now = self.sim.ask(cmd="stats", plc="press1")["faults"].get(kind, 0)
+        return now - self.struck.get(kind, 0) >= count
+
+    def test_a_late_reply_is_never_the_next_reads_value(self):
+        # The memory changes while the old answer is on its way: after the new value, no old one.
+        self.start([device(groups=[{"name": "fast", "interval_ms": 30}], timeout_ms=100)],
+                   [self.plc(memory={"D100": 0})])
+        self.data()
+        for value, ms in enumerate((110, 130, 160, 200, 240, 300, 400, 150), 1):
+            since = self.watcher.mark()
+            self.sim.fault("press1", "late", match="read", ms=ms)
+            self.data(lambda m: "bad" in m, since=since)
+            self.sim.set("press1", "D100", value)
+            self.data(lambda m: m["values"].get("temp") == value, since=since)
+        seen = [m["values"]["temp"] for m in self.watcher.payloads(f"{BASE}/press1/data/fast")
+                if "temp" in m["values"]]
+        self.assertEqual(seen, sorted(seen))
+
+    def test_a_stopped_plc_is_online_and_not_running(self):
+        self.start()
+        self.watcher.wait(f"{BASE}/press1/state", lambda s: s["run"] is True)
+        since = self.watcher.mark()
+        self.sim.fault("press1", "plc_stopped")
+        stopped = self.watcher.wait(f"{BASE}/press1/state", lambda s: s["run"] is False, since)
+        self.assertEqual(stopped["state"], "online")
+        self.data(lambda m: "bad" not in m, since=self.watcher.mark())
+
+    def test_a_line_that_echoes_is_no_hindrance(self):
+        tags = [{"name": "temp", "address": "D100", "group": "fast"},
+                {"name": "setpoint", "address": "D200", "group": "fast", "access": "read_write"}]
+        self.start([device(tags=tags, echo=True)],
+                   [self.plc(memory={"D100": 5}, faults=[{"kind": "echo", "count": -1}])])
+        self.data(lambda m: m["values"] == {"temp": 5, "setpoint": 0})
+        self.assert_result(self.order(op="write", tag="setpoint", value=9), "SUCCEEDED", None, "ACK")
+        self.assert_result(self.order(op="force_on", address="M150"), "SUCCEEDED", None, "ACK")
+        self.state("press1", "online")
+
+    def test_a_reply_in_pieces_is_one_reply(self):
+        self.start(plcs=[self.plc(memory={"D100": 5}, faults=[
+            {"kind": "split", "count": -1, "bytes": 1, "ms": 8}])])
+        for _ in range(3):
+            self.data(lambda m: m["values"] == {"temp": 5}, since=self.watcher.mark())
+        self.assertEqual(self.sim.ask(cmd="stats", plc="press1")["naks"], 0)
+        self.assertEqual([m for m in self.watcher.payloads(f"{BASE}/press1/data/fast")
+                          if "bad" in m], [])
+
+    def test_a_dead_plc_is_back_within_its_back_off(self):
+        self.start([device(timeout_ms=100)])
+        self.state("press1", "online")
+        for _ in range(2):
+            since = self.watcher.mark()
+            self.sim.fault("press1", "dead")
+            self.state("press1", "offline", since)
+            since = self.watcher.mark()
+            self.sim.ask(cmd="clear_faults", plc="press1")
+            self.state("press1", "online", since)
+        states = [s["state"] for s in self.watcher.payloads(f"{BASE}/press1/state")]
+        self.assertNotIn(("offline", "offline"), list(zip(states, states[1:])))
+
+    def test_two_devices_on_one_line_fail_alone(self):
+        # Two names for one PLC: what one asks is refused, and the other never hears of it.
+        self.start([device("press1", tags=[{"name": "a", "address": "D10", "group": "fast"}]),
+                    device("press2", command_set="classic",
+                           tags=[{"name": "b", "address": "D900", "group": "fast"}])],
+                   [self.plc(model="FX1S", memory={"D10": 7})],
+                   [self.serial()])
+        self.state("press1", "online")
+        self.assertEqual(self.state("press2", "degraded")["reason"], "nak")
+        since = self.watcher.mark()
+        self.watcher.wait_count(f"{BASE}/press2/data/fast", 10, lambda m: "bad" in m, since)
+        for message in self.watcher.payloads(f"{BASE}/press1/data/fast", since):
+            self.assertEqual(message["values"], {"a": 7})
+
+    def test_every_fault_of_one_line_leaves_the_neighbours_beat_alone(self):
+        groups = [{"name": "fast", "interval_ms": 100}]
+        self.start([device(groups=groups, timeout_ms=100),
+                    device("press2", "line2", groups=groups)],
+                   [self.plc(), self.plc("press2", baud=9600)],
+                   [self.serial(), self.serial("line2", "press2")])
+        self.state("press2", "online")
+        self.data(name="press2")
+        since = self.watcher.mark()
+        for kind in ("nak", "wrong_sum", "truncated", "late", "silent", "garbage_before",
+                     "noise_after", "echo", "split", "drop"):
+            mark = self.watcher.mark()
+            self.sim.fault("press1", kind, count=3)
+            self.watcher.wait_count(f"{BASE}/press2/data/fast", 4, since=mark)
+            self.sim.ask(cmd="clear_faults", plc="press1")
+        stamps = self.stamps("press2", since=since)
+        for earlier, later in zip(stamps, stamps[1:]):
+            self.assertLess(later - earlier, 100 + SCHEDULING_MS)
+        self.assertLessEqual(abs((stamps[-1] - stamps[0]) / 100 - (len(stamps) - 1)), 1)
+        self.data(lambda m: "bad" not in m, since=self.watcher.mark())
 
     def test_a_pty_that_vanishes_is_opened_again_under_its_path(self):
         self.start()

@@ -1,0 +1,274 @@
+"""The programs: exit statuses and what they say. CONTRACT sections 1 and 2."""
+
+import json
+import os
+import signal
+import subprocess
+import unittest
+
+from plant import FXAGENT, Agent, PlantTest, device, free_port, wait_for
+
+
+class Programs(PlantTest):
+    def run_agent(self, *arguments):
+        done = subprocess.run([FXAGENT, *arguments], capture_output=True, text=True, timeout=30)
+        return done.returncode, done.stdout, done.stderr
+
+    def configuration(self, **more):
+        config = {"agent": {"id": "edge7", "root": "fx"},
+                  "mqtt": {"servers": ["mqtt://127.0.0.1:1"]},
+                  "links": [self.serial()], "devices": [device()]}
+        config.update(more)
+        return config
+
+    def config(self, **more):
+        """A config file with these sections replaced."""
+        path = os.path.join(self.directory, "c.json")
+        with open(path, "w") as out:
+            json.dump(self.configuration(**more), out, indent=1)
+        return path
+
+    def test_read_write_and_force_go_straight_to_the_device(self):
+        self.start_sim([self.plc(memory={"D100": [1, 2, 3]})])
+        path = self.config()
+        status, out, _ = self.run_agent("read", path, "press1", "D100", "--count", "3", "--json")
+        answer = json.loads(out)
+        self.assertEqual((status, answer["ok"], answer["address"], answer["values"]),
+                         (0, True, "D100", [1, 2, 3]))
+        self.assertEqual(self.run_agent("read", path, "press1", "temp")[0], 0)
+        status, out, _ = self.run_agent("force-on", path, "press1", "M150", "--json")
+        self.assertEqual((status, json.loads(out)["plc"]), (0, "ACK"))
+        self.assertEqual(self.sim.get("press1", "M150"), 1)
+        self.assertEqual(self.run_agent("force-off", path, "press1", "M150")[0], 0)
+        self.assertEqual(self.run_agent("write", path, "press1", "D300", "7")[0], 0)
+        self.assertEqual(self.sim.get("press1", "D300"), 7)
+        self.assertEqual(self.run_agent("write", path, "press1", "D200", "7")[0], 2)
+        self.assertEqual(self.run_agent("read", path, "press1", "X8")[0], 2)
+        self.assertEqual(self.run_agent("read", path, "nobody", "D1")[0], 2)
+        self.sim.fault("press1", "nak", count=-1)
+        status, out, _ = self.run_agent("write", path, "press1", "D300", "8", "--json")
+        self.assertEqual((status, json.loads(out)["plc"]), (1, "NAK"))
+        status, out, _ = self.run_agent("read", path, "press1", "D100", "--json")
+        self.assertEqual((status, json.loads(out)["reason"]), (1, "nak"))
+
+    def test_decode_explains_frames_and_judges_their_sums(self):
+        def decode(*arguments):
+            status, out, _ = self.run_agent("decode", "fx-programming-port", *arguments, "--json")
+            return status, json.loads(out)
+        status, frame = decode("02 30 31 30 46 36 30 34 03 37 34")
+        self.assertEqual(status, 0)
+        self.assertEqual((frame["operation"], frame["command"], frame["command_set"],
+                          frame["device"], frame["count"]), ("read", "0", "classic", "D123", 2))
+        status, frame = decode("02", "45", "37", "30", "30", "30", "43", "03", "35", "32", "--model",
+                               "FX1N")
+        self.assertEqual((status, frame["operation"], frame["device"]), (0, "force_on", "Y0"))
+        status, frame = decode("0245313034303030303241423135034238")
+        self.assertEqual((frame["operation"], frame["device"], frame["values"]),
+                         ("write", "D0", ["15AB"]))
+        status, frame = decode("02 33 35 38 34 03 44 36", "--reply")
+        self.assertEqual((status, frame["ok"], frame["checksum"]),
+                         (1, False, {"given": "D6", "computed": "D7"}))
+        self.assertEqual(decode("15")[1]["operation"], "nak")
+        self.assertEqual(self.run_agent("decode", "fx-programming-port", "zz")[0], 2)
+        self.assertEqual(self.run_agent("decode", "no-such", "05")[0], 2)
+
+    def test_every_error_of_a_config_is_told_with_its_line_and_pointer(self):
+        text = """{
+  "agent": {"id": "edge7", "root": "fx"},
+  "mqtt": {"servers": ["mqtt://127.0.0.1:1"], "keepalive_s": 5},
+  "links": [
+    {"name": "line1", "serial": {"path": "/dev/ttyUSB0"}},
+    {"name": "line1", "serial": {"path": "/dev/ttyUSB1"}}
+  ],
+  "devices": [
+    {"name": "press1", "link": "line7", "protocol": "fx-programming-port", "model": "FX1S",
+     "tags": [
+       {"name": "a", "address": "X8"},
+       {"name": "b", "address": "D9000"},
+       {"name": "a", "address": "D1"},
+       {"name": "c", "address": "M8037", "access": "read_write"},
+       {"name": "d", "address": "D1", "type": "int61"},
+       {"name": "e", "address": "D1", "group": "fast"},
+       {"name": "Not A Name", "address": "D1"},
+       {"name": "g", "address": "D1", "type": "string"},
+       {"name": "h", "address": "D1", "unit": "${FXAGENT_NO_SUCH_VARIABLE}"}
+     ]}
+  ]
+}
+"""
+        path = os.path.join(self.directory, "wrong.json")
+        with open(path, "w") as out:
+            out.write(text)
+        expected = {
+            "/mqtt/keepalive_s": (3, "keep_alive_s"), "/links/1/name": (6, "line1"),
+            "/devices/0/link": (9, "line7"), "/devices/0/tags/0/address": (11, "octal"),
+            "/devices/0/tags/1/address": (12, "D9000"), "/devices/0/tags/2/name": (13, "a"),
+            "/devices/0/tags/3/access": (14, "M8034"), "/devices/0/tags/4/type": (15, "int16"),
+            "/devices/0/tags/5/group": (16, "fast"), "/devices/0/tags/6/name": (17, "Not A Name"),
+            "/devices/0/tags/7": (18, "length"),
+            "/devices/0/tags/8/unit": (19, "FXAGENT_NO_SUCH_VARIABLE"),
+        }
+        for command in ("check", "run"):
+            status, out, errors = self.run_agent(command, path)
+            self.assertEqual((status, out), (2, ""))
+            lines = errors.splitlines()
+            for pointer, (line, word) in expected.items():
+                found = [e for e in lines if e.startswith(f"{path}:{line}: {pointer}: ")]
+                self.assertEqual(len(found), 1, f"{pointer} in:\n{errors}")
+                self.assertIn(word, found[0])
+            self.assertEqual(len(lines), len(expected), errors)
+
+    def test_text_that_is_no_json_is_told_by_line(self):
+        for text, line in [("", 1), ("{", 1), ('{"agent": {\n  "id": }', 2), ("[]", 1), ("\x00", 1),
+                           ('{"agent":\n{},\n"agent": {}}', 3), ("[" * 100000, 1)]:
+            path = os.path.join(self.directory, "not.json")
+            with open(path, "w") as out:
+                out.write(text)
+            status, out, errors = self.run_agent("check", path)
+            self.assertEqual((status, out), (2, ""), text[:40])
+            self.assertIn(f"{path}:{line}:", errors)
+        self.assertEqual(self.run_agent("check", os.path.join(self.directory, "nothing"))[0], 2)
+        self.assertEqual(self.run_agent("check", self.directory)[0], 2)
+
+    def test_check_says_what_is_right_and_warns_of_files_that_are_missing(self):
+        status, out, errors = self.run_agent("check", self.config())
+        self.assertEqual(status, 0)
+        self.assertIn("right", out)
+        self.assertIn("/links/0/serial/path", errors)  # no simulator runs: the pty is not there
+
+    def test_secrets_appear_nowhere(self):
+        secret = "s3cr3t-and-only-here"
+        mqtt = {"servers": ["mqtt://127.0.0.1:1"], "username": "edge7",
+                "password_env": "FXAGENT_TEST_SECRET"}
+        path = self.config(mqtt=mqtt)
+        with_secret = dict(os.environ, FXAGENT_TEST_SECRET=secret)
+        done = subprocess.run([FXAGENT, "check", path], capture_output=True, text=True, timeout=30,
+                              env=with_secret)
+        self.assertEqual(done.returncode, 0)
+        self.assertNotIn(secret, done.stdout + done.stderr)
+        mqtt["password"] = secret  # a key that does not exist
+        done = subprocess.run([FXAGENT, "check", self.config(mqtt=mqtt)], capture_output=True,
+                              text=True, timeout=30, env=with_secret)
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("/mqtt/password", done.stderr)
+        self.assertNotIn(secret, done.stdout + done.stderr)
+
+    def test_a_device_that_does_not_answer_is_exit_1(self):
+        path = self.config()  # nobody holds the pty
+        status, out, _ = self.run_agent("read", path, "press1", "D100", "--json")
+        answer = json.loads(out)
+        self.assertEqual((status, answer["ok"], answer["reason"]), (1, False, "link_down"))
+        self.start_sim()
+        self.sim.fault("press1", "dead")
+        status, out, _ = self.run_agent("read", path, "press1", "D100", "--json")
+        answer = json.loads(out)
+        self.assertEqual((status, answer["ok"], answer["reason"]), (1, False, "device_offline"))
+        status, out, _ = self.run_agent("force-on", path, "press1", "M150", "--json")
+        answer = json.loads(out)
+        self.assertEqual((status, answer["status"], answer["reason"]),
+                         (1, "FAILED", "device_offline"))
+        status, out, _ = self.run_agent("force-on", path, "press1", "M150")
+        self.assertEqual(status, 1)
+        self.assertIn("FAILED", out)
+
+    def test_orders_of_the_command_line_keep_the_configs_rules(self):
+        tags = [{"name": "temp", "address": "D100", "group": "fast"},
+                {"name": "setpoint", "address": "D200", "group": "fast", "scale": 0.1, "max": 100,
+                 "access": "read_write"}]
+        self.start_sim([self.plc(memory={"D100": 321})])
+        path = self.config(devices=[device(tags=tags)])
+        for order, reason in [(["write", "press1", "temp", "1"], "not_writable"),
+                              (["write", "press1", "setpoint", "101"], "out_of_range"),
+                              (["write", "press1", "setpoint", "warm"], "bad_value"),
+                              (["write", "press1", "D500", "1"], "not_allowed"),
+                              (["force-on", "press1", "M200"], "not_allowed"),
+                              (["force-on", "press1", "M8036"], "not_writable"),
+                              (["force-off", "press1", "Y8"], "bad_address"),
+                              (["write", "press1", "D300", "1", "--type", "float23"], None)]:
+            status, out, errors = self.run_agent(order[0], path, *order[1:], "--json")
+            self.assertEqual(status, 2, (order, out, errors))
+            if reason:
+                result = json.loads(out)
+                self.assertEqual((result["status"], result["reason"]), ("REJECTED", reason))
+        self.assertEqual(self.sim.orders("press1"), [])
+        status, out, _ = self.run_agent("write", path, "press1", "setpoint", "55.5", "--json")
+        result = json.loads(out)
+        self.assertEqual((status, result["status"], result["plc"], result["verify"]),
+                         (0, "SUCCEEDED", "ACK", {"read": 55.5, "match": True}))
+        self.assertEqual(self.sim.get("press1", "D200"), 555)
+        for arguments, values in [(["D300", "[1,2]"], [1, 2]), (["D300", "-7"], [0xFFF9])]:
+            self.assertEqual(self.run_agent("write", path, "press1", *arguments)[0], 0, arguments)
+            self.assertEqual([self.sim.get("press1", f"D{300 + i}") for i in range(len(values))],
+                             values)
+        status, out, _ = self.run_agent("write", path, "press1", "D300", "1.5", "--type", "float32")
+        self.assertEqual(status, 0)
+        status, out, _ = self.run_agent("read", path, "press1", "D300", "--type", "float32", "--json")
+        self.assertEqual((status, json.loads(out)["values"]), (0, [1.5]))
+        # Reading is free: the engineer at the machine may read what no tag names.
+        status, out, _ = self.run_agent("read", path, "press1", "D7000")
+        self.assertEqual(status, 0)
+        self.assertIn("D7000", out)
+        status, out, _ = self.run_agent("force-on", path, "press1", "M150")
+        self.assertEqual(status, 0)
+        self.assertIn("ACK", out)
+
+    def test_decode_knows_the_frames_of_the_captures(self):
+        table = [
+            ("05", [], {"operation": "enquire", "direction": "request"}),
+            ("06", [], {"operation": "ack", "direction": "reply"}),
+            ("15", [], {"operation": "nak", "direction": "reply"}),
+            ("02 37 30 30 30 35 03 46 46", [],
+             {"operation": "force_on", "command": "7", "command_set": "classic", "device": "Y0"}),
+            ("02 38 30 31 30 34 03 30 30", [], {"operation": "force_off", "device": "X1"}),
+            ("02 37 30 30 30 38 03 30 32", [], {"operation": "force_on", "device": "M0"}),
+            ("02 37 30 30 30 36 03 30 30", [], {"operation": "force_on", "device": "TS0"}),
+            ("02 31 31 30 30 30 30 32 41 42 31 35 03 34 30", [],
+             {"operation": "write", "device": "D0", "count": 1, "values": ["15AB"]}),
+            ("02 31 31 30 46 36 30 34 33 34 31 32 43 44 41 42 03 34 39", [],
+             {"operation": "write", "device": "D123", "count": 2, "values": ["1234", "ABCD"]}),
+            ("02 45 38 30 31 31 34 03 34 36", ["--model", "FX1N"],
+             {"operation": "force_off", "command": "E8", "command_set": "extended", "device": "S1"}),
+            ("02 30 30 45 30 32 30 32 03 36 43", [],
+             {"operation": "read", "device": "D8001", "count": 1}),
+        ]
+        for frame, arguments, expected in table:
+            status, out, _ = self.run_agent("decode", "fx-programming-port", *frame.split(),
+                                            *arguments, "--json")
+            answer = json.loads(out)
+            self.assertEqual((status, answer["ok"], answer["error"]), (0, True, None), frame)
+            self.assertEqual({key: answer.get(key) for key in expected}, expected, frame)
+        status, out, _ = self.run_agent("decode", "fx-programming-port",
+                                        "02 33 35 38 34 03 44 37", "--reply", "--json")
+        answer = json.loads(out)
+        self.assertEqual((status, answer["operation"], answer["direction"], answer["checksum"]),
+                         (0, "data", "reply", {"given": "D7", "computed": "D7"}))
+        # Cut short, with a wrong sum, with a strange command: bad, and said so; never a crash.
+        for frame in ("02 30 31", "02 37 30 30 30 35 03 46 45", "03", "02 03 30 33", "FF"):
+            status, out, _ = self.run_agent("decode", "fx-programming-port", frame, "--json")
+            self.assertEqual((status, json.loads(out)["ok"]), (1, False), frame)
+            self.assertTrue(json.loads(out)["error"])
+        self.assertEqual(self.run_agent("decode", "fx-programming-port", "05", "--request",
+                                        "--reply")[0], 2)
+        self.assertEqual(self.run_agent("decode", "fx-programming-port", "05", "--model", "FX9")[0],
+                         2)
+
+    def test_an_agent_that_cannot_open_anything_still_stops_cleanly(self):
+        for sign in (signal.SIGTERM, signal.SIGINT):
+            self.agent = Agent(self.directory, self.configuration(links=[
+                {"name": "line1", "tcp": {"host": "127.0.0.1", "port": free_port()}}]))
+            self.agent.start()
+            wait_for("the log", lambda: "broker_unreachable" in self.agent.logged())
+            self.assertEqual(self.agent.stop(sign), 0)
+            os.remove(self.agent.log_path)
+
+    def test_help_and_version_are_everywhere(self):
+        self.assertEqual(self.run_agent("--version")[0], 0)
+        for command in ("run", "check", "read", "write", "force-on", "force-off", "decode"):
+            status, out, _ = self.run_agent(command, "--help")
+            self.assertEqual((status, bool(out)), (0, True))
+        self.assertEqual(self.run_agent()[0], 2)
+        self.assertEqual(self.run_agent("fly")[0], 2)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
