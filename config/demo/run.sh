@@ -36,8 +36,12 @@ done
 
 "$root/docker/install.sh" build demo
 echo "building fxagent and fxsim in $build …"
-if ! log=$({ cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=RelWithDebInfo &&
-  cmake --build "$build" --target fxagent fxsim; } 2>&1); then
+# A build directory that is there keeps its options.
+configure() {
+  [ -f "$build/build.ninja" ] ||
+    cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=RelWithDebInfo
+}
+if ! log=$({ configure && cmake --build "$build" --target fxagent fxsim; } 2>&1); then
   echo "$log" >&2
   echo "the build failed" >&2
   exit 1
@@ -155,7 +159,8 @@ start_broker
 sim_pid=$!
 await grep -q '"ready":true' "$dir/sim.ready" || give_up "the simulator did not start"
 
-mosquitto_sub -p "$port" -q 1 -F %j -t "$base/#" >"$dir/messages" 2>"$dir/viewer.log" &
+: >"$dir/messages"  # there before either of the two opens it
+mosquitto_sub -p "$port" -q 1 -F %j -t "$base/#" >>"$dir/messages" 2>"$dir/viewer.log" &
 viewer_pid=$!
 # Ends by itself when the viewer is gone.
 tail -n +1 -f --pid="$viewer_pid" "$dir/messages" | jq --unbuffered -r "$readable" &
