@@ -1,0 +1,110 @@
+// Mitsubishi FX computer link (dedicated protocol): stations 0 to 15 on one line, asked by a
+// computer.
+// Sources: FX Communication User's Manual JY992D69901 rev. E, chapters 7, 8 and 12; limits of FX3
+// from JY997D16901. A request begins with ENQ, data with STX; ACK and NAK carry the station and no
+// sum. The frames are in protocol/README.md.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "protocol/catalog.h"
+#include "protocol/codec.h"
+#include "protocol/fx/device.h"
+
+namespace fxagent::fx {
+
+class ComputerLink final : public Codec {
+ public:
+  /// What D8120 and D8121 of the PLC say, seen from the computer.
+  struct Settings {
+    Model model = Model::unknown;
+    std::uint32_t station = 0;     ///< 0 to 15
+    bool ends_with_cr_lf = false;  ///< control procedure format 4; format 1 has no terminator
+    bool sum_check = true;
+    std::uint32_t wait_tens = 0;   ///< 0 to 15 times 10 ms that the PLC waits before it answers
+    bool acknowledge_data = true;  ///< whether data are answered with ACK, as the manual asks
+    /// Bytes of device memory in one frame; 128 are the 64 words of the manual.
+    std::uint32_t max_block_bytes = 128;
+  };
+  /// Read::way of the two units: BR brings a character for each bit, WR four for each word.
+  static constexpr std::uint8_t kBitWay = 0;
+  static constexpr std::uint8_t kWordWay = 1;
+
+  explicit ComputerLink(const Settings& settings) : settings_(settings) {}
+  /// From the config's options. bad_request: `format` 2 or 3, `message_wait_ms` not in tens.
+  static Result<std::shared_ptr<const Codec>> make(const Options& options);
+
+  Result<Address> parse_address(std::string_view text, std::optional<DataType> type) const override;
+  bool needs_type(std::string_view text) const override;
+  Result<Span> parse_range(std::string_view text) const override;
+  Result<void> check_range(const Span& span) const override;
+  Result<void> check_write(const Span& span) const override;
+
+  std::string name_of(const Span& span) const override;
+  std::vector<ReadWay> read_ways(std::uint16_t space) const override;
+  std::uint32_t max_write_bits(std::uint16_t space) const override;
+  ByteOrder default_order() const override;
+
+  Result<Bytes> encode(const Request& request, std::uint16_t tag) const override;
+  Result<std::optional<Reply>> decode(const Request& request, std::uint16_t tag,
+                                      ByteView rx) const override;
+  bool expects_reply(const Request& request) const override;
+  LineLength line_length(const Request& request) const override;
+  Explanation explain(ByteView frame, std::optional<Direction> direction) const override;
+
+  std::optional<Request> resync() const override;
+  std::optional<Request> probe() const override;
+  std::vector<Request> identify() const override;
+  std::optional<std::string> model_from(const std::vector<Bytes>& images) const override;
+  std::string model() const override;
+  std::shared_ptr<const Codec> with_model(std::string_view model) const override;
+  std::optional<Request> run_state() const override;
+  std::optional<bool> run_state_from(ByteView image) const override;
+  Result<Request> run_order(bool run) const override;
+  std::string run_order_hint() const override;
+  RefusalMeaning meaning_of(const Request& request, int device_code) const override;
+  /// BT where all are bits and few, WT where all are whole 16-bit words.
+  std::optional<Request> combine(const std::vector<Request>& requests) const override;
+  /// The computer's own ACK, which nobody answers, must have left the wire: on a line with an echo
+  /// it comes back, and would be taken for the answer to a write.
+  std::chrono::nanoseconds quiet_before(std::chrono::nanoseconds char_time) const override;
+
+ private:
+  /// Header, area and what follows them: ENQ station pc command wait area [sum] [CR LF].
+  Bytes framed(std::string_view command, ByteView area) const;
+  Result<Bytes> encode_read(const Read& read) const;
+  Result<Bytes> encode_write(const Write& write) const;
+  Result<Bytes> encode_scatter(const Scatter& scatter) const;
+
+  std::uint32_t terminator_chars() const { return settings_.ends_with_cr_lf ? 2U : 0U; }
+  std::uint32_t sum_chars() const { return settings_.sum_check ? 2U : 0U; }
+  bool is_ours(ByteView header) const;
+  /// Past the frame of somebody else that begins at `at`, or at the STX that cuts it off; nullopt:
+  /// its end has not come yet.
+  std::optional<std::size_t> behind_frame(ByteView rx, std::size_t at) const;
+  Result<std::optional<Reply>> data_reply(const Request& request, ByteView rx,
+                                          std::size_t at) const;
+  Result<std::optional<Reply>> short_reply(ByteView rx, std::size_t at) const;
+
+  Settings settings_;
+};
+
+/// The frame's sum: the low 8 bits of all bytes between the first one and the sum; of data that is
+/// up to and including ETX.
+std::uint8_t link_sum(ByteView bytes);
+
+/// "device does not exist or too many points", for a NAK's code.
+std::string_view link_refusal(int code);
+/// The models behind an answer to PC: "FX2N"; empty where none of the catalogue answers so.
+std::string_view link_model(int code);
+
+/// `fxagent decode`: one frame in words, with or without sum, in either format. Devices are those
+/// of `model` (FX3U where it is unknown). Any bytes are allowed; what is wrong with them is in the
+/// error of the explanation.
+Explanation explain_link_frame(Model model, ByteView frame, std::optional<Direction> direction);
+
+}  // namespace fxagent::fx

@@ -1,0 +1,254 @@
+#include <gtest/gtest.h>
+
+#include "protocol/fx/computer_link.h"
+#include "tests/protocol/frame_file.h"
+
+namespace fxagent::fx {
+namespace {
+
+using test::hex;
+using Values = std::vector<std::string>;
+
+Bytes ascii(std::string_view text) { return {text.begin(), text.end()}; }
+
+Explanation explain(std::string_view frame, std::optional<Direction> direction = {}) {
+  return explain_link_frame(Model::unknown, ascii(frame), direction);
+}
+
+/// The first character, the text and the right sum.
+Explanation summed(std::string_view text) {
+  Bytes frame = ascii(text);
+  append_hex(frame, link_sum(ByteView(frame).subspan(1)), 2);
+  return explain_link_frame(Model::unknown, frame, std::nullopt);
+}
+
+std::string field(const Explanation& out, std::string_view name) {
+  for (const auto& [key, value] : out.fields)
+    if (key == name) return value;
+  return "(none)";
+}
+
+TEST(LinkExplanation, NamesEveryFrameOfTheTranscripts) {
+  for (const test::Exchange& e : test::read_frames("fx_computer_link.txt")) {
+    SCOPED_TRACE("line " + std::to_string(e.line) + ", " + e.source);
+    const auto model = *model_named(e.model);
+    const auto out = explain_link_frame(model, e.request, std::nullopt);
+    if (e.operation == "sum_only") {
+      EXPECT_FALSE(out.ok);
+      continue;
+    }
+    ASSERT_TRUE(out.ok) << out.error.value_or("");
+    const bool by_plc = e.operation == "on_demand";
+    EXPECT_EQ(out.direction, by_plc ? Direction::reply : Direction::request);
+    EXPECT_EQ(out.checksum_given, out.checksum_computed);
+    if (e.device != "-" && e.operation != "nak") {
+      EXPECT_EQ(out.device, e.device.substr(0, e.device.find(',')));
+    }
+    EXPECT_FALSE(
+        explain_link_frame(model, e.request, by_plc ? Direction::request : Direction::reply).ok);
+    if (e.reply.empty()) continue;
+    const auto reply = explain_link_frame(model, e.reply, Direction::reply);
+    EXPECT_TRUE(reply.ok) << reply.error.value_or("");
+    EXPECT_EQ(reply.operation, e.reply[0] == 0x02 ? "data" : e.reply[0] == 0x06 ? "ack" : "nak");
+  }
+}
+
+TEST(LinkExplanation, AReadOfBitsSaysAllOfIt) {
+  const auto out = explain(
+      "\x05"
+      "05FFBRAX00400547");
+  EXPECT_TRUE(out.ok);
+  EXPECT_FALSE(out.ambiguous);
+  EXPECT_EQ(out.operation, "read");
+  EXPECT_EQ(out.command, "BR");
+  EXPECT_EQ(out.device, "X40");
+  EXPECT_EQ(out.count, 5U);
+  EXPECT_EQ(out.checksum_given, "47");
+  EXPECT_EQ(field(out, "station"), "5");
+  EXPECT_EQ(field(out, "message wait"), "100 ms");
+  EXPECT_EQ(field(out, "PLC number"), "FF");
+}
+
+TEST(LinkExplanation, WordsOfABitDeviceAreItsBits) {
+  const auto out = summed(
+      "\x05"
+      "00FFWW0M0640018001");
+  EXPECT_EQ(out.count, 16U);
+  ASSERT_EQ(out.values.size(), 16U);
+  EXPECT_EQ(out.values.front(), "1");
+  EXPECT_EQ(out.values[1], "0");
+  EXPECT_EQ(out.values.back(), "1");
+  EXPECT_EQ(field(out, "data"), "8001");
+  EXPECT_EQ(summed("\x05"
+                   "00FFWW0D0000021234ACD7")
+                .values,
+            (Values{"1234", "ACD7"}));
+  EXPECT_EQ(summed("\x05"
+                   "00FFWW0CN2000112345678")
+                .values,
+            Values{"12345678"});
+}
+
+TEST(LinkExplanation, ScatteredDevicesAreAllNamed) {
+  const auto out = summed(
+      "\x05"
+      "05FFQT002R0120001234Y000100BCA9");
+  EXPECT_TRUE(out.ok);
+  EXPECT_EQ(out.device, "R12000");
+  EXPECT_EQ(out.count, 2U);
+  EXPECT_EQ(field(out, "Y100"), "BCA9");
+}
+
+TEST(LinkExplanation, DataAreWordsBitsAModelOrAText) {
+  EXPECT_EQ(summed("\x02"
+                   "00FF1234ABCD\x03")
+                .values,
+            (Values{"1234", "ABCD"}));
+  EXPECT_EQ(summed("\x02"
+                   "00FF01101\x03")
+                .values,
+            (Values{"0", "1", "1", "0", "1"}));
+  EXPECT_EQ(field(summed("\x02"
+                         "00FFF3\x03"),
+                  "answer to PC"),
+            "FX3U");
+  EXPECT_EQ(field(summed("\x02"
+                         "00FF8D\x03"),
+                  "answer to PC"),
+            "a model not known here");
+  EXPECT_EQ(field(summed("\x02"
+                         "00FF05ABXYE\x03"),
+                  "answer to TT"),
+            "ABXYE");
+  EXPECT_EQ(field(summed("\x02"
+                         "00FE12345678\x03"),
+                  "PLC number"),
+            "FE, sent on demand");
+  EXPECT_EQ(summed("\x02"
+                   "00FF12XY5\x03")
+                .error,
+            "the data are neither words nor bits");
+}
+
+TEST(LinkExplanation, AnAckMayComeFromEitherSide) {
+  const auto ack = explain(
+      "\x06"
+      "00FF");
+  EXPECT_TRUE(ack.ok);
+  EXPECT_TRUE(ack.ambiguous);
+  EXPECT_EQ(ack.direction, Direction::reply);
+  EXPECT_EQ(ack.operation, "ack");
+  EXPECT_TRUE(explain("\x06"
+                      "00FF\r\n",
+                      Direction::request)
+                  .ok);
+  const auto nak = explain(
+      "\x15"
+      "00FF06");
+  EXPECT_EQ(nak.operation, "nak");
+  EXPECT_EQ(field(nak, "reason"), "06, device does not exist or too many points");
+  EXPECT_EQ(explain("\x15"
+                    "00FF")
+                .direction,
+            Direction::request);
+  EXPECT_FALSE(explain("\x15"
+                       "00FF",
+                       Direction::reply)
+                   .ok);
+  EXPECT_FALSE(explain("\x15"
+                       "00FF06",
+                       Direction::request)
+                   .ok);
+}
+
+TEST(LinkExplanation, CrLfAndAMissingSumAreSaid) {
+  const auto out = explain(
+      "\x05"
+      "00FFRR0\r\n");
+  EXPECT_TRUE(out.ok);
+  EXPECT_EQ(field(out, "end"), "CR LF: format 4");
+  EXPECT_EQ(field(out, "sum"), "none");
+  EXPECT_FALSE(out.checksum_given);
+}
+
+TEST(LinkExplanation, WhatIsWrongIsSaid) {
+  const auto error = [](std::string_view frame) { return explain(frame).error.value_or("good"); };
+  EXPECT_EQ(error(""), "no bytes");
+  EXPECT_EQ(error("A"), "a frame begins with ENQ, STX, ACK, NAK, EOT or CL, not with 41");
+  EXPECT_EQ(error("\x05"
+                  "00"),
+            "station and PLC number are four hex digits");
+  EXPECT_EQ(error("\x05"
+                  "00FFBR"),
+            "the request is cut short");
+  EXPECT_EQ(error("\x05"
+                  "00F1RR0"),
+            "the PLC number of an FX is FF");
+  EXPECT_EQ(error("\x05"
+                  "00FFJR0"),
+            "'JR' is no command of an FX");
+  EXPECT_EQ(error("\x05"
+                  "00FFRRX"),
+            "the message wait is not a hex digit");
+  EXPECT_EQ(error("\x05"
+                  "00FFRR0C9"),
+            "sum C9 given, C0 computed");
+  EXPECT_EQ(error("\x05"
+                  "00FFRR0C"),
+            "1 characters are left over; a sum has two");
+  EXPECT_EQ(error("\x05"
+                  "00FFBR0X008001"),
+            "'X0080' is no device of 5 characters on this model");
+  EXPECT_EQ(error("\x05"
+                  "00FFBR0T012301"),
+            "'T0123' is no device of 5 characters on this model");
+  EXPECT_EQ(error("\x05"
+                  "00FFBR0D012301"),
+            "D123 is a word, not a bit");
+  EXPECT_EQ(error("\x05"
+                  "00FFWR0TS12301"),
+            "contacts of timers and counters are reached bit by bit only");
+  EXPECT_EQ(error("\x05"
+                  "00FFWR0D012300"),
+            "the number of points is not two hex digits from 01 up");
+  EXPECT_EQ(error("\x05"
+                  "00FFWW0D01230212340"),
+            "5 data characters given, 8 expected");
+  EXPECT_EQ(error("\x05"
+                  "00FFBW0M0123022101"),
+            "the data are not 0 and 1");
+  EXPECT_EQ(error("\x05"
+                  "00FFBT002M01231"),
+            "only 1 of 2 points are there");
+  EXPECT_EQ(error("\x05"
+                  "00FFBT001D01231"),
+            "'D0123' is no device for this command");
+  EXPECT_EQ(error("\x05"
+                  "00FFWT001CN20012345678"),
+            "'CN200' is no device for this command");
+  EXPECT_EQ(error("\x05"
+                  "00FFBT001M01232"),
+            "'2' is no value of M123");
+  EXPECT_EQ(error("\x05"
+                  "FFFFGW02"),
+            "the flag is neither 0 nor 1");
+  EXPECT_EQ(error("\x05"
+                  "00FFTT005ABC"),
+            "the text is shorter than its length says");
+  EXPECT_EQ(error("\x02"
+                  "00FF1234"),
+            "there is no ETX (03)");
+  EXPECT_EQ(error("\x02"
+                  "00FF\x03"
+                  "00"),
+            "there are no data");
+  EXPECT_EQ(error("\x06"
+                  "00FF00"),
+            "'00' does not belong behind an ACK");
+  EXPECT_EQ(error("\x04"
+                  "00"),
+            "nothing follows EOT and CL");
+}
+
+}  // namespace
+}  // namespace fxagent::fx
