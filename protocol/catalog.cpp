@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "protocol/fx/computer_link.h"
 #include "protocol/fx/programming_port.h"
 
 namespace fxagent {
@@ -46,10 +47,54 @@ ProtocolInfo programming_port() {
   return info;
 }
 
+ProtocolInfo computer_link() {
+  using Kind = OptionSpec::Kind;
+  ProtocolInfo info;
+  info.name = "fx-computer-link";
+  info.summary = "Mitsubishi FX through its computer link (RS-485, stations 0 to 15)";
+  info.line = {9600, 7, "even", 1};
+  info.multidrop = true;
+  info.models = fx_models();
+  info.options = {
+      {"station", Kind::integer, 0, 15, {}, std::int64_t{0}, "station number, D8121 of the PLC"},
+      {"format",
+       Kind::integer,
+       1,
+       4,
+       {},
+       std::int64_t{1},
+       "control procedure 1, or 4, which ends each message with CR LF (D8120)"},
+      {"sum_check", Kind::boolean, 0, 0, {}, true, "whether frames carry a sum (D8120)"},
+      {"message_wait_ms",
+       Kind::integer,
+       0,
+       150,
+       {},
+       std::int64_t{0},
+       "how long the PLC waits before it answers, in tens"},
+      {"acknowledge_data",
+       Kind::boolean,
+       0,
+       0,
+       {},
+       true,
+       "whether data are answered with ACK, as the manual asks"},
+      {"max_block_bytes",
+       Kind::integer,
+       2,
+       128,
+       {},
+       std::int64_t{128},
+       "bytes of device memory in one frame"},
+  };
+  info.make = &fx::ComputerLink::make;
+  return info;
+}
+
 }  // namespace
 
 std::span<const ProtocolInfo> catalog() {
-  static const std::vector<ProtocolInfo> protocols = {programming_port()};
+  static const std::vector<ProtocolInfo> protocols = {programming_port(), computer_link()};
   return protocols;
 }
 

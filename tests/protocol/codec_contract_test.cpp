@@ -60,8 +60,35 @@ std::vector<Sample> programming_port_samples() {
   };
 }
 
+std::vector<Sample> computer_link_samples() {
+  const std::uint16_t d = 10;
+  const std::uint16_t m = 2;
+  const auto other_station = hex("02 30 31 46 46 35 35 35 35 41 41 41 41 03 43 38");
+  const auto late = hex("02 30 30 46 46 31 32 33 34 41 42 43 44 03 43 33");
+  return {
+      {"read of two words", "FX3U", Read{{d, 0, 32}, 1},
+       hex("02 30 30 46 46 31 32 33 34 41 42 43 44 03 43 33"), other_station, hex("FF 3F 03"),
+       false},
+      {"read of a 32-bit counter", "FX2N", Read{{9, 0, 32}, 1},
+       hex("02 30 30 46 46 31 32 33 34 35 36 37 38 03 39 33"), hex("06 30 30 46 46"), hex("0A"),
+       false},
+      {"read of five bits", "FX1S", Read{{m, 0, 5}, 0},
+       hex("02 30 30 46 46 30 31 31 30 31 03 45 32"), hex("15 30 31 46 46 30 36"), hex("FF"),
+       false},
+      {"force", "FX3U", Force{m, 0, true}, hex("06 30 30 46 46"), late, hex("FF 3F"), false},
+      {"write of a word", "FX0N", Write{{d, 0, 16}, {0xAB, 0x15}}, hex("06 30 30 46 46"),
+       hex("06 30 31 46 46"), hex("03"), false},
+      {"two words in one frame", "FX2N",
+       Scatter{{Write{{d, 0, 16}, {1, 2}}, Write{{d, 800, 16}, {3, 4}}}}, hex("06 30 30 46 46"),
+       other_station, hex("0D 0A"), false},
+      {"which CPU", "auto", Control{Control::Kind::identify}, hex("02 30 30 46 46 46 33 03 36 38"),
+       other_station, hex("3F"), false},
+  };
+}
+
 std::vector<Sample> samples(std::string_view protocol) {
   if (protocol == "fx-programming-port") return programming_port_samples();
+  if (protocol == "fx-computer-link") return computer_link_samples();
   return {};
 }
 
