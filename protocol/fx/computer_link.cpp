@@ -125,6 +125,18 @@ Result<Bytes> image_of(const Request& request, ByteView data) {
   return numbers_in(data, std::max<std::uint32_t>(bits, 16) / 8);
 }
 
+/// BW and BT replace exactly the bits that they name, so each bit is judged alone; WW of bits only
+/// gets whole words.
+Result<void> check_exact(Model model, const Span& span) {
+  const bool few_bits = span.space < id(Space::tc) && is_bit_space(span.space) && span.bits != 0 &&
+                        span.bits <= kWide.bw;
+  if (!few_bits) return check_write(model, span);
+  for (std::uint32_t i = 0; i < span.bits; ++i)
+    if (auto allowed = check_write(model, {span.space, span.first_bit + i, 1}); !allowed)
+      return allowed;
+  return {};
+}
+
 /// What a Scatter is sent as.
 enum class Carrier : std::uint8_t { bits, words };
 
@@ -339,7 +351,8 @@ Result<Bytes> ComputerLink::encode_read(const Read& read) const {
 
 Result<Bytes> ComputerLink::encode_write(const Write& write) const {
   const Span& span = write.span;
-  if (const auto allowed = check_write(span); !allowed) return tl::make_unexpected(allowed.error());
+  if (const auto allowed = check_exact(settings_.model, span); !allowed)
+    return tl::make_unexpected(allowed.error());
   const PointLimits& limits = limits_of(settings_.model);
   const std::uint32_t bits = kind_of(static_cast<Space>(span.space)).bits;
   const bool by_bits = bits == 1 && !is_bit_words(span);
@@ -369,7 +382,7 @@ Result<Bytes> ComputerLink::encode_scatter(const Scatter& scatter) const {
   std::uint32_t points = 0;
   for (const Write& part : scatter.parts) {
     const Span& span = part.span;
-    if (const auto allowed = check_write(span); !allowed)
+    if (const auto allowed = check_exact(settings_.model, span); !allowed)
       return tl::make_unexpected(allowed.error());
     if (part.image.size() != (span.bits + 7) / 8)
       return refuse(device_name(span) + ": " + std::to_string(part.image.size()) + " bytes for " +
