@@ -1,14 +1,16 @@
-"""The images and the plant of docker/, without an engine: every path, package and command that they
-name exists, and works outside a container.
+"""The images, the plant of docker/, the unit file and the scripts, without an engine: every path,
+package and command that they name exists, and works outside a container.
 
 Called with the project's root; FXAGENT and FXSIM name the programs.
 """
 
+import fnmatch
 import json
 import os
 import re
 import shlex
 import shutil
+import signal
 import socket
 import subprocess
 import sys
@@ -16,40 +18,75 @@ import tempfile
 import time
 import unittest
 
+import paho.mqtt.client as mqtt
 import yaml
 
 ROOT = sys.argv.pop(1)
 FXAGENT = os.environ["FXAGENT"]
 FXSIM = os.environ["FXSIM"]
 PATIENCE = 30
+TOPIC = "fx/plant-a/edge7/press1"
+# Debian keeps the broker where only root looks.
+SYSTEM_PATH = os.environ["PATH"] + ":/usr/sbin"
 
 
 def in_root(*parts):
     return os.path.join(ROOT, *parts)
 
 
+def text_of(*parts):
+    with open(in_root(*parts), encoding="utf-8") as file:
+        return file.read()
+
+
+def output_of(*arguments, **more):
+    return subprocess.run(arguments, capture_output=True, text=True, check=True, **more).stdout
+
+
 def packages():
     """section → names, from the one list."""
     out = {}
-    with open(in_root("docker", "packages.txt")) as lines:
-        for line in lines:
-            match = re.match(r"^([a-z]+):(.*)$", line)
-            if match:
-                out.setdefault(match[1], []).extend(match[2].split())
+    for line in text_of("docker", "packages.txt").splitlines():
+        match = re.match(r"^([a-z]+):(.*)$", line)
+        if match:
+            out.setdefault(match[1], []).extend(match[2].split())
     return out
 
 
-def instructions():
-    """The Dockerfile's instructions as (word, rest), continuation lines joined."""
-    with open(in_root("docker", "Dockerfile")) as text:
-        whole = re.sub(r"\\\n", " ", text.read())
-    return [line.split(None, 1) for line in whole.splitlines()
-            if line.strip() and not line.startswith("#")]
+def instructions(stage=None):
+    """The Dockerfile's instructions as (word, rest), continuation lines joined; of one stage, or all."""
+    whole = re.sub(r"\\\n", " ", text_of("docker", "Dockerfile"))
+    out, current = [], None
+    for line in whole.splitlines():
+        if not line.strip() or line.startswith("#"):
+            continue
+        word, rest = line.split(None, 1)
+        if word == "FROM":
+            current = re.search(r" AS ([\w-]+)$", rest)[1]
+        if stage in (None, current):
+            out.append((word, rest))
+    return out
+
+
+def stages():
+    return [re.search(r" AS ([\w-]+)$", rest)[1] for word, rest in instructions() if word == "FROM"]
+
+
+def of_stage(stage, word):
+    return [rest for other, rest in instructions(stage) if other == word]
 
 
 def compose():
-    with open(in_root("docker", "compose.yaml")) as text:
-        return yaml.safe_load(text)
+    return yaml.safe_load(text_of("docker", "compose.yaml"))
+
+
+def is_ignored(path):
+    """Whether .dockerignore keeps a path out of what a build may copy."""
+    patterns = [line for line in text_of(".dockerignore").splitlines()
+                if line and not line.startswith("#")]
+    parts = path.split("/")
+    heads = ["/".join(parts[:i + 1]) for i in range(len(parts))]
+    return any(fnmatch.fnmatch(head, pattern) for head in heads for pattern in patterns)
 
 
 def free_port():
@@ -66,174 +103,470 @@ def wait_for(what, condition):
         time.sleep(0.05)
 
 
+def is_open(port):
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
+class Replacing:
+    """Puts what is right outside of a container in the place of what is right inside; each place
+    must be there exactly once."""
+
+    def __init__(self, text):
+        self.text = text
+
+    def put(self, inside, outside):
+        if self.text.count(inside) != 1:
+            raise AssertionError(f"{inside!r} is there {self.text.count(inside)} times:\n{self.text}")
+        self.text = self.text.replace(inside, outside)
+        return self
+
+
 class Packages(unittest.TestCase):
     def test_every_package_exists_in_this_debian(self):
         names = sorted({name for section in packages().values() for name in section})
-        known = subprocess.run(["apt-cache", "policy", *names], capture_output=True, text=True,
-                               check=True).stdout
+        self.assertGreater(len(names), 20)
+        known = output_of("apt-cache", "policy", *names)
         for name in names:
             block = re.search(rf"^{re.escape(name)}:\n  Installed: (\S+)\n  Candidate: (\S+)", known,
                               re.M)
             self.assertTrue(block and (block[1] != "(none)" or block[2] != "(none)"), name)
 
-    def test_the_run_section_holds_every_library_of_the_agent(self):
-        libraries = subprocess.run(["ldd", FXAGENT], capture_output=True, text=True, check=True)
-        wanted = set(re.findall(r"=> (/\S+)", libraries.stdout))
+    def test_the_run_section_holds_the_libraries_of_the_agent_and_nothing_else(self):
+        paths = set(re.findall(r"=> (/\S+)", output_of("ldd", FXAGENT)))
         # What every Debian has, and what sanitizers add to a test build.
         base = {"libc6", "libgcc-s1", "libstdc++6", "libasan8", "libubsan1", "libtsan2"}
         owners = set()
-        for path in wanted:
-            for candidate in {path, os.path.realpath(path), "/usr" + path}:
+        for path in paths:
+            for candidate in (path, os.path.realpath(path), "/usr" + path):
                 found = subprocess.run(["dpkg", "-S", candidate], capture_output=True, text=True)
                 if found.returncode == 0:
                     owners.add(found.stdout.split(":")[0])
                     break
-        self.assertLessEqual(owners - base, set(packages()["run"]))
+            else:
+                self.fail(path + " belongs to no package")
+        self.assertEqual(owners - base, set(packages()["run"]))
 
-    def test_no_build_tool_is_in_the_run_section(self):
-        self.assertFalse([p for p in packages()["run"] if p.endswith("-dev") or
-                          p in ("g++", "cmake", "ninja-build", "git")])
+    def test_what_is_installed_is_not_asked_for(self):
+        # Even where nobody may install, and where there is no package system.
+        with tempfile.TemporaryDirectory() as empty:
+            os.symlink("/usr/bin/false", os.path.join(empty, "apt-get"))
+            environment = {**os.environ, "PATH": empty + ":" + os.environ["PATH"]}
+            done = subprocess.run([in_root("docker", "install.sh"), "build", "test"],
+                                  capture_output=True, text=True, env=environment)
+            self.assertEqual((done.returncode, done.stdout, done.stderr), (0, "", ""))
+
+    def test_what_cannot_be_installed_is_named(self):
+        with tempfile.TemporaryDirectory() as copy:
+            shutil.copy(in_root("docker", "install.sh"), copy)
+            with open(os.path.join(copy, "packages.txt"), "w") as out:
+                out.write("some: coreutils\nsome: no-such-package\n")
+            fake = os.path.join(copy, "apt-get")
+            with open(fake, "w") as out:
+                out.write("#!/bin/sh\necho 'E: no http://user@example.invalid:80/x' \"'a.example.com'\"\n"
+                          "exit 100\n")
+            os.chmod(fake, 0o755)
+            os.chmod(copy, 0o755)
+            environment = {**os.environ, "PATH": copy + ":" + os.environ["PATH"]}
+            script = os.path.join(copy, "install.sh")
+
+            def call(*before):
+                return subprocess.run([*before, script, "some"], capture_output=True, text=True,
+                                      env=environment)
+            done = call()
+            self.assertEqual(done.returncode, 1)
+            self.assertIn("no-such-package", done.stderr)
+            self.assertNotIn("coreutils", done.stderr)
+            self.assertNotIn("example", done.stderr)
+            if os.getuid() == 0:
+                done = call("setpriv", "--reuid=65534", "--regid=65534", "--clear-groups")
+                self.assertEqual(done.returncode, 1)
+                self.assertIn("only root can install: no-such-package", done.stderr)
+            done = subprocess.run([script, "nothing"], capture_output=True, text=True)
+            self.assertEqual(done.returncode, 2)
+            self.assertIn("no section 'nothing'", done.stderr)
+
+
+class Scripts(unittest.TestCase):
+    def test_no_shell_script_is_doubtful(self):
+        scripts = []
+        for directory, names, files in os.walk(ROOT):
+            names[:] = [n for n in names if n != ".git" and not n.startswith(("build", "out"))]
+            for name in files:
+                path = os.path.join(directory, name)
+                if name.endswith(".sh") or path == in_root(".ci", "run"):
+                    scripts.append(path)
+                    self.assertTrue(os.access(path, os.X_OK), path + " is not executable")
+        self.assertGreater(len(scripts), 5)
+        done = subprocess.run(["shellcheck", *scripts], capture_output=True, text=True)
+        self.assertEqual(done.returncode, 0, done.stdout)
+
+    def test_the_include_graph_names_the_rooms_and_no_forbidden_arrow(self):
+        graph = output_of(in_root("tests", "include_graph.sh"))
+        arrows = set(re.findall(r"^(\S+) +-> (\S+) +[1-9][0-9]*$", graph, re.M))
+        self.assertEqual(len(arrows), len(graph.splitlines()))
+        self.assertIn(("agent/field", "protocol"), arrows)
+        self.assertNotIn(("agent/field", "agent/uplink"), arrows)
 
 
 class Dockerfile(unittest.TestCase):
-    def test_every_source_is_in_the_project(self):
-        for word, rest in instructions():
-            if word != "COPY" or "--from" in rest:
+    def test_every_source_is_in_the_project_and_may_be_copied(self):
+        for copy in of_stage(None, "COPY"):
+            if "--from" in copy:
                 continue
-            for source in rest.split()[:-1]:
+            for source in copy.split()[:-1]:
                 self.assertTrue(os.path.exists(in_root(source)), source)
+                self.assertFalse(is_ignored(source), source)
+
+    def test_what_must_not_be_in_an_image_is_ignored(self):
+        for path in (".git/config", "build/CMakeCache.txt", "build-ci/x", "docker/plant/secrets/edge7",
+                     "tests/system/__pycache__/a.pyc"):
+            self.assertTrue(is_ignored(path), path)
 
     def test_every_stage_that_is_named_is_there(self):
-        stages = [re.search(r" AS (\w+)$", rest)[1] for word, rest in instructions()
-                  if word == "FROM"]
-        self.assertEqual(stages, ["build", "run", "sim", "agent"])
-        for word, rest in instructions():
-            named = re.search(r"--from=(\w+)", rest)
+        self.assertEqual(stages()[-1], "agent", "the default of a build is the agent")
+        for copy in of_stage(None, "COPY"):
+            named = re.search(r"--from=([\w-]+)", copy)
             if named:
-                self.assertIn(named[1], stages)
+                self.assertIn(named[1], stages())
         for service in compose()["services"].values():
-            if "build" in service:
-                self.assertIn(service["build"]["target"], stages)
+            self.assertIn(service["build"]["target"], stages())
+            self.assertTrue(os.path.samefile(
+                in_root("docker", service["build"]["context"]), ROOT))
+            self.assertTrue(os.path.exists(in_root(service["build"]["dockerfile"])))
 
-    def test_it_runs_without_root_and_installs_from_the_one_list(self):
-        words = instructions()
-        users = [rest for word, rest in words if word == "USER"]
-        self.assertEqual(users, ["fxagent"])
-        runs = " ".join(rest for word, rest in words if word == "RUN")
-        self.assertNotIn("apt-get", runs.replace("/var/lib/apt/lists", ""))
-        for section in re.findall(r"install\.sh (\w+)", runs):
+    def test_no_image_that_runs_has_root_or_a_build_tool(self):
+        for stage in ("agent", "sim", "broker"):
+            self.assertEqual(len(of_stage(stage, "USER")), 1, stage)
+            self.assertNotIn(of_stage(stage, "USER")[0], ("root", "0"))
+            self.assertEqual(of_stage(stage, "FROM")[0].split()[0], "${BASE}", stage)
+            installed = re.findall(r"install\.sh ([\w ]+)", " ".join(of_stage(stage, "RUN")))
+            self.assertNotIn("build", " ".join(installed).split(), stage)
+        for section in re.findall(r"install\.sh (\w+)", " ".join(of_stage(None, "RUN"))):
             self.assertIn(section, packages())
+        self.assertFalse([p for p in packages()["run"] if p.endswith("-dev")])
+        # Packages come from the one list alone.
+        self.assertNotRegex(text_of("docker", "Dockerfile"), r"apt-get|apt install|dpkg -i")
 
-    def test_its_build_is_one_that_configures_here(self):
-        runs = " && ".join(rest for word, rest in instructions() if word == "RUN")
-        configure = re.search(r"cmake -S \. -B build ([^&]*)", runs)[1]
-        with tempfile.TemporaryDirectory() as build:
-            subprocess.run(["cmake", "-S", ROOT, "-B", build, *shlex.split(configure)], check=True,
-                           stdout=subprocess.DEVNULL)
-            for target in re.search(r"--target ([\w ]+?) +&&", runs)[1].split():
-                known = subprocess.run(["ninja", "-C", build, "-t", "query", target],
-                                       capture_output=True)
-                self.assertEqual(known.returncode, 0, target)
+    def test_its_builds_configure_here_and_know_their_targets_and_programs(self):
+        for stage in ("build", "build-sim"):
+            runs = " && ".join(of_stage(stage, "RUN"))
+            configure = re.search(r"cmake -S \. -B build ([^&]*)", runs)[1]
+            with tempfile.TemporaryDirectory() as build:
+                subprocess.run(["cmake", "-S", ROOT, "-B", build, *shlex.split(configure)], check=True,
+                               stdout=subprocess.DEVNULL)
+                target = re.search(r"cmake --build build --target (\w+)", runs)[1]
+                plan = output_of("ninja", "-C", build, "-n", target)
+                # The last thing that is made is the program that is stripped and copied.
+                program = re.search(r"strip build/(\S+)", runs)[1]
+                self.assertIn(program, plan.strip().splitlines()[-1])
+                copies = " ".join(of_stage(None, "COPY"))
+                self.assertIn(f"--from={stage} /src/build/{program} /usr/local/bin/{target}", copies)
+        self.assertIn("-DFXAGENT_TESTS=OFF", " ".join(of_stage("build", "RUN")))
 
-    def test_the_health_check_works(self):
-        line = next(rest for word, rest in instructions() if word == "HEALTHCHECK")
-        command = json.loads(re.search(r"CMD (\[.*\])", line)[1])
-        self.assertEqual(command[0], "fxagent")
-        example = in_root("config", "agent.example.json")
-        good = subprocess.run([FXAGENT, command[1], example], capture_output=True)
-        self.assertEqual(good.returncode, 0)
-        bad = subprocess.run([FXAGENT, command[1], in_root("README.md")], capture_output=True)
-        self.assertNotEqual(bad.returncode, 0)
+    def test_the_build_copies_all_that_it_compiles(self):
+        # A configure and a dry run in a tree that holds what the stage copies, and nothing else.
+        for stage, before in (("build", ()), ("build-sim", ("build",))):
+            with tempfile.TemporaryDirectory() as tree:
+                for copy in sum((of_stage(s, "COPY") for s in (*before, stage)), []):
+                    *sources, target = copy.split()
+                    for source in sources:
+                        place = os.path.join(tree, target)
+                        if os.path.isdir(in_root(source)):
+                            shutil.copytree(in_root(source), place)
+                            continue
+                        if target.endswith("/"):
+                            os.makedirs(place, exist_ok=True)
+                        shutil.copy(in_root(source), place)
+                runs = " && ".join(of_stage(stage, "RUN"))
+                configure = re.search(r"(cmake -S \. -B build [^&]*)", runs)[1]
+                target = re.search(r"cmake --build build --target (\w+)", runs)[1]
+                output_of(*shlex.split(configure), cwd=tree)
+                output_of("ninja", "-C", "build", "-n", target, cwd=tree)
+
+    def test_the_commands_are_in_the_image_and_the_agent_takes_them(self):
+        for stage in ("agent", "sim", "broker"):
+            entry = json.loads(of_stage(stage, "ENTRYPOINT")[0])
+            self.assertIn(f"/usr/local/bin/{entry[0]}", " ".join(of_stage(stage, "COPY")))
+        command = json.loads(of_stage("agent", "CMD")[0])
+        self.assertEqual(command, ["run", "/etc/fxagent/agent.json"])
+        # The file that the image has there is right.
+        self.assertIn("config/agent.example.json /etc/fxagent/agent.json", of_stage("agent", "COPY"))
+        output_of(FXAGENT, "check", in_root("config", "agent.example.json"))
+        self.assertEqual(json.loads(of_stage("agent", "CMD")[0])[1],
+                         json.loads(re.search(r"CMD (\[.*\])", of_stage("agent", "HEALTHCHECK")[0])[1])[2])
 
 
-class Plant(unittest.TestCase):
+class HealthCheck(unittest.TestCase):
+    """The image's own health check, on an agent outside of a container."""
+
+    def setUp(self):
+        self.directory = tempfile.mkdtemp(prefix="fxagent-deploy-")
+        self.addCleanup(shutil.rmtree, self.directory, True)
+        os.symlink(FXAGENT, os.path.join(self.directory, "fxagent"))
+        self.config = os.path.join(self.directory, "agent.json")
+        with open(self.config, "w") as out:
+            json.dump({"agent": {"id": "e", "root": "r"},
+                       "mqtt": {"servers": ["mqtt://127.0.0.1:1"], "client_id": "c"},
+                       "links": [], "devices": []}, out)
+        self.agent = subprocess.Popen([FXAGENT, "run", self.config], stderr=subprocess.PIPE)
+        self.addCleanup(self.agent.stderr.close)
+        self.addCleanup(self.agent.wait, PATIENCE)
+        self.addCleanup(self.agent.kill)
+        # Its first word comes after it has read the config.
+        self.assertTrue(self.agent.stderr.readline())
+
+    def check(self, pid=None):
+        line = of_stage("agent", "HEALTHCHECK")[0]
+        script, process, config = json.loads(re.search(r"CMD (\[.*\])", line)[1])
+        self.assertEqual((process, config), ("1", "/etc/fxagent/agent.json"))
+        environment = {**os.environ, "PATH": self.directory + ":" + os.environ["PATH"]}
+        done = subprocess.run([in_root("docker", script), str(pid or self.agent.pid), self.config],
+                              capture_output=True, text=True, env=environment)
+        return done.returncode, done.stdout
+
+    def test_an_agent_that_lives_is_healthy_without_its_broker(self):
+        self.assertEqual(self.check(), (0, "healthy\n"))
+
+    def test_a_stopped_agent_is_not(self):
+        self.agent.send_signal(signal.SIGSTOP)
+        wait_for("the stop", lambda: self.check()[0] != 0)
+        self.assertEqual(self.check(), (1, f"unhealthy: process {self.agent.pid} is in state T\n"))
+        self.agent.send_signal(signal.SIGCONT)
+        wait_for("the agent to go on", lambda: self.check()[0] == 0)
+
+    def test_a_dead_one_is_not(self):
+        self.agent.kill()
+        self.agent.wait(PATIENCE)
+        status, text = self.check()
+        self.assertEqual(status, 1)
+        self.assertIn("no process", text)
+
+    def test_another_program_is_not(self):
+        status, text = self.check(os.getpid())
+        self.assertEqual(status, 1)
+        self.assertIn("is no fxagent", text)
+
+    def test_a_config_that_became_wrong_is_not_healthy(self):
+        with open(self.config, "w") as out:
+            out.write("{")
+        status, text = self.check()
+        self.assertEqual(status, 1)
+        self.assertIn("fxagent check", text)
+
+
+class Compose(unittest.TestCase):
     def test_every_file_and_secret_that_is_mounted_is_there(self):
         plan = compose()
-        for service in plan["services"].values():
+        made = self.make_secrets()
+        for name, service in plan["services"].items():
             for volume in service.get("volumes", []):
                 source = volume.split(":")[0]
                 if source.startswith("."):
                     self.assertTrue(os.path.exists(in_root("docker", source)), source)
+                    self.assertTrue(volume.endswith(":ro"), volume)
                 else:
                     self.assertIn(source, plan["volumes"])
             for secret in service.get("secrets", []):
                 self.assertIn(secret, plan["secrets"])
             for port in service.get("ports", []):
-                self.assertTrue(port.startswith("127.0.0.1:"), port)
+                self.assertEqual(port, "127.0.0.1:1883:1883")
             for other in service.get("depends_on", []):
                 self.assertIn(other, plan["services"])
-        for secret in plan["secrets"].values():
-            self.assertTrue(os.path.exists(in_root("docker", secret["file"])))
+            network = service.get("network_mode")
+            if network:
+                self.assertIn(network.removeprefix("service:"), plan["services"])
+            self.assertIs(service["read_only"], True, name)
+            self.assertEqual(service["cap_drop"], ["ALL"], name)
+            self.assertEqual(service["security_opt"], ["no-new-privileges:true"], name)
+            self.assertEqual(service["restart"], "unless-stopped", name)
+            self.assertNotIn("privileged", service, name)
+        for name, secret in plan["secrets"].items():
+            self.assertEqual(secret["file"], "./plant/secrets/" + name)
+            self.assertIn(name, os.listdir(made))
 
-    def test_it_runs_outside_of_containers_and_refuses_a_wrong_password(self):
+    def make_secrets(self):
+        """docker/plant/secrets.sh in a copy; the directory that it made."""
+        copy = tempfile.mkdtemp(prefix="fxagent-deploy-")
+        self.addCleanup(shutil.rmtree, copy, True)
+        shutil.copy(in_root("docker", "plant", "secrets.sh"), copy)
+        script = os.path.join(copy, "secrets.sh")
+        output_of(script)
+        return os.path.join(copy, "secrets")
+
+    def test_secrets_are_random_kept_and_closed_to_others(self):
+        first, second = self.make_secrets(), self.make_secrets()
+
+        def read(directory, name):
+            with open(os.path.join(directory, name)) as file:
+                return file.read()
+        texts = {read(d, n) for d in (first, second) for n in ("edge7", "operator")}
+        self.assertEqual(len(texts), 4)
+        for text in texts:
+            self.assertRegex(text, r"^[0-9a-f]{32}$")
+        self.assertEqual(os.stat(first).st_mode & 0o777, 0o700)
+        before = read(first, "edge7")
+        output_of(os.path.join(os.path.dirname(first), "secrets.sh"))
+        self.assertEqual(read(first, "edge7"), before)
+        self.assertIn("secrets/", text_of("docker", "plant", ".gitignore").splitlines())
+
+    def test_the_plant_runs_outside_of_containers(self):
         services = compose()["services"]
         directory = tempfile.mkdtemp(prefix="fxagent-deploy-")
         self.addCleanup(shutil.rmtree, directory, True)
         os.chmod(directory, 0o755)
-        children = []
+        place = {name: os.path.join(directory, name)
+                 for name in ("broker.conf", "passwords", "agent.json", "store", "secrets")}
+        os.mkdir(place["store"])
+        shutil.copytree(self.make_secrets(), place["secrets"])
+        os.chmod(place["secrets"], 0o755)  # the broker reads them as its own user, as in the image
+        password = {}
+        for user in ("edge7", "operator"):
+            with open(os.path.join(place["secrets"], user)) as file:
+                password[user] = file.read()
 
         def start(arguments, **more):
-            child = subprocess.Popen(arguments, stdout=subprocess.DEVNULL,
-                                     stderr=subprocess.DEVNULL, **more)
-            children.append(child)
+            child = subprocess.Popen(arguments, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                                     **more)
+            self.addCleanup(child.wait, PATIENCE)
+            self.addCleanup(child.terminate)
+            return child
 
-        def end():
-            for child in children:
-                child.terminate()
-                child.wait(PATIENCE)
-        self.addCleanup(end)
-
-        # The broker's own command line, with the paths of this directory in place of the image's.
-        port, secret = free_port(), in_root("docker", "plant", "mqtt_password")
-        passwd = os.path.join(directory, "passwd")
-        with open(in_root("docker", "plant", "mosquitto.conf")) as text:
-            conf = text.read().replace("/tmp/passwd", passwd)
-        conf = re.sub(r"^listener 1883$", f"listener {port} 127.0.0.1", conf, flags=re.M)
-        with open(os.path.join(directory, "mosquitto.conf"), "w") as out:
-            out.write(conf)
-        command = services["broker"]["command"][2].replace("$$", "$")
-        command = command.replace("/run/secrets/mqtt_password", secret)
-        command = command.replace("/tmp/passwd", passwd).replace("&& exec", f"&& chmod 644 {passwd} && exec")
-        command = command.replace("/mosquitto/config", directory)
-        start(["sh", "-c", command], env={**os.environ, "PATH": os.environ["PATH"] + ":/usr/sbin"})
+        # The image's own entry point and configuration, as the image's own user.
+        port = free_port()
+        inside = json.loads(of_stage("broker", "CMD")[0])
+        self.assertEqual(inside, ["/etc/mosquitto/mosquitto.conf", "/tmp/passwords"])
+        self.assertIn("docker/plant/mosquitto.conf docker/plant/mosquitto.acl /etc/mosquitto/",
+                      of_stage("broker", "COPY"))
+        conf = Replacing(text_of("docker", "plant", "mosquitto.conf"))
+        conf.put("listener 1883\n", f"listener {port} 127.0.0.1\n")
+        conf.put("password_file /tmp/passwords\n", f"password_file {place['passwords']}\n")
+        acl = os.path.join(directory, "mosquitto.acl")
+        shutil.copy(in_root("docker", "plant", "mosquitto.acl"), acl)
+        os.chmod(acl, 0o644)
+        conf.put("acl_file /etc/mosquitto/mosquitto.acl\n", f"acl_file {acl}\n")
+        with open(place["broker.conf"], "w") as out:
+            out.write(conf.text)
+        os.chmod(place["broker.conf"], 0o644)
+        shutil.copy(in_root("docker", "plant", "broker.sh"), directory)
+        as_user = []
+        if os.getuid() == 0:
+            user = of_stage("broker", "USER")[0]
+            as_user = ["setpriv", f"--reuid={user}", f"--regid={user}", "--clear-groups"]
+            # /tmp in the image is everybody's; here only this one file is the broker's.
+            with open(place["passwords"], "w"):
+                pass
+            shutil.chown(place["passwords"], user, user)
+            # mosquitto_passwd writes a new file beside the old one.
+            shutil.chown(directory, user, user)
+        start([*as_user, os.path.join(directory, "broker.sh"), place["broker.conf"], place["passwords"]],
+              env={**os.environ, "PATH": SYSTEM_PATH, "SECRETS": place["secrets"]})
+        wait_for("the broker", lambda: is_open(port))
+        with open(place["passwords"]) as file:
+            hashed = file.read()
+        self.assertRegex(hashed, r"^edge7:\$7\$")
+        self.assertNotIn(password["edge7"], hashed)
 
         sim_port = free_port()
-        arguments = [a.replace("tcp=5551", f"tcp={sim_port}") for a in services["fxsim"]["command"]]
-        start([FXSIM, *arguments, "--seconds", "120"])
+        command = services["fxsim"]["command"]
+        self.assertEqual(command, json.loads(of_stage("sim", "CMD")[0]))
+        start([FXSIM, *(a.replace("tcp=5551", f"tcp={sim_port}") for a in command)])
 
-        config = os.path.join(directory, "agent.json")
-        with open(in_root("docker", "plant", "agent.json")) as text:
-            plant = text.read()
-        self.assertIn('"port": 5551', plant)
-        with open(config, "w") as out:
-            out.write(plant.replace('"port": 5551', f'"port": {sim_port}'))
-        environment = {**os.environ, **services["fxagent"]["environment"]}
-        self.assertEqual(environment["PLANT_BROKER"], "mqtt://broker:1883")
-        environment["PLANT_BROKER"] = f"mqtt://127.0.0.1:{port}"
-        self.assertEqual(environment["PLANT_PASSWORD_FILE"], "/run/secrets/mqtt_password")
-        environment["PLANT_PASSWORD_FILE"] = secret
-        self.assertEqual(services["fxagent"]["command"], ["run", "/etc/fxagent/agent.json"])
-        start([FXAGENT, "run", config], env=environment)
+        self.assertIn("./plant/agent.json:/etc/fxagent/agent.json:ro", services["fxagent"]["volumes"])
+        self.assertIn("state:/var/lib/fxagent", services["fxagent"]["volumes"])
+        self.assertEqual(services["fxagent"]["network_mode"], "service:fxsim")
+        self.assertEqual(services["fxagent"]["secrets"], ["edge7"])
+        plant = Replacing(text_of("docker", "plant", "agent.json"))
+        plant.put('"host": "127.0.0.1", "port": 5551', f'"host": "127.0.0.1", "port": {sim_port}')
+        with open(place["agent.json"], "w") as out:
+            out.write(plant.text)
+        inside = services["fxagent"]["environment"]
+        outside = {"mqtt://broker:1883": f"mqtt://127.0.0.1:{port}",
+                   "/run/secrets/edge7": os.path.join(place["secrets"], "edge7"),
+                   "/var/lib/fxagent": place["store"]}
+        environment = {**os.environ, **{name: outside[value] for name, value in inside.items()}}
+        checked = subprocess.run([FXAGENT, "check", place["agent.json"]], capture_output=True, text=True,
+                                 env=environment)
+        self.assertEqual((checked.returncode, checked.stderr), (0, ""))
+        agent = start([FXAGENT, "run", place["agent.json"]], env=environment)
 
-        def subscribe(password):
+        def subscribe(user, secret, topic, count=1, patience=5):
             return subprocess.run(
-                ["mosquitto_sub", "-p", str(port), "-u", "edge7", "-P", password, "-C", "1", "-W", "5",
-                 "-t", "fx/plant-a/edge7/press1/data/fast"], capture_output=True, text=True)
-        with open(secret) as text:
-            right = text.read().strip()
-        wait_for("telemetry", lambda: '"zone1"' in subscribe(right).stdout)
-        refused = subscribe("wrong")
-        self.assertNotEqual(refused.returncode, 0)
-        self.assertEqual(refused.stdout, "")
+                ["mosquitto_sub", "-p", str(port), "-u", user, "-P", secret, "-C", str(count), "-W",
+                 str(patience), "-t", topic], capture_output=True, text=True)
+
+        def operator(topic):
+            return subscribe("operator", password["operator"], topic).stdout
+        wait_for("telemetry", lambda: '"zone1"' in operator(TOPIC + "/data/fast"))
+
+        # A wrong password, a right one for another user and none at all.
+        for user, secret in (("operator", "wrong"), ("operator", password["edge7"]), ("nobody", "x")):
+            refused = subscribe(user, secret, "fx/#")
+            self.assertEqual((refused.returncode, refused.stdout), (5, ""), refused.stderr)
+            self.assertIn("not authorised", refused.stderr.lower().replace("authorized", "authorised"))
+        # The agent's account sees orders and its own retained topics, and no telemetry.
+        self.assertEqual(subscribe("edge7", password["edge7"], TOPIC + "/data/fast", patience=2).stdout, "")
+
+        # An order, and everything that the agent publishes passes the rules of the broker.
+        granted, results = [], []
+        client = mqtt.Client()
+        client.username_pw_set("operator", password["operator"])
+        client.on_subscribe = lambda _client, _data, _mid, codes: granted.extend(codes)
+        client.on_message = lambda _client, _data, message: results.append(json.loads(message.payload))
+        client.connect("127.0.0.1", port)
+        self.addCleanup(client.loop_stop)
+        self.addCleanup(client.disconnect)
+        client.loop_start()
+        client.subscribe(TOPIC + "/result", 1)
+        wait_for("the subscription", lambda: granted)
+        client.publish(TOPIC + "/command", '{"id":"deploy-1","op":"write","tag":"setpoint","value":60}', 1)
+        wait_for("the result", lambda: results)
+        result = results[0]
+        self.assertEqual((result["status"], result["plc"]), ("SUCCEEDED", "ACK"))
+        for topic in ("fx/plant-a/edge7/state", "fx/plant-a/edge7/health", TOPIC + "/state",
+                      TOPIC + "/meta"):
+            json.loads(operator(topic))
+        self.assertIn('"online"', operator("fx/plant-a/edge7/state"))
+
+        # A clean stop, as `docker stop` asks for it.
+        agent.terminate()
+        self.assertEqual(agent.wait(10), 0)
+        self.assertIn('"stopped"', operator("fx/plant-a/edge7/state"))
 
 
 class Unit(unittest.TestCase):
-    def test_the_systemd_unit_names_the_installed_program(self):
-        with open(in_root("config", "fxagent.service")) as text:
-            unit = text.read()
-        self.assertIn("ExecStart=/usr/local/bin/fxagent run ", unit)
-        for wish in ("DynamicUser=yes", "ProtectSystem=strict", "SupplementaryGroups=dialout"):
-            self.assertIn(wish, unit)
+    def unit(self):
+        return text_of("config", "fxagent.service")
+
+    def test_systemd_finds_nothing_wrong_and_little_exposed(self):
+        with tempfile.TemporaryDirectory() as directory:
+            path = os.path.join(directory, "fxagent.service")
+            # systemd wants the program to be there.
+            text = Replacing(self.unit()).put("ExecStart=/usr/local/bin/fxagent ",
+                                              f"ExecStart={shutil.which('true')} ").text
+            with open(path, "w") as out:
+                out.write(text)
+            done = subprocess.run(["systemd-analyze", "verify", path], capture_output=True, text=True)
+            self.assertEqual((done.returncode, done.stdout + done.stderr), (0, ""))
+            # Tenths of systemd's points from 0 to 10. What is left is the network and serial ports.
+            done = subprocess.run(["systemd-analyze", "security", "--offline=true", "--threshold=25",
+                                   "--no-pager", path], capture_output=True, text=True)
+            self.assertEqual(done.returncode, 0, done.stdout[-400:] + done.stderr)
+
+    def test_it_reaches_what_the_agent_needs(self):
+        lines = self.unit().splitlines()
+        for wish in ("DynamicUser=yes", "ProtectSystem=strict", "SupplementaryGroups=dialout",
+                     "NoNewPrivileges=yes", "StateDirectory=fxagent", "RestartPreventExitStatus=2",
+                     "DeviceAllow=char-ttyUSB rw", "DeviceAllow=char-ttyACM rw",
+                     "DeviceAllow=char-ttyS rw"):
+            self.assertIn(wish, lines)
+        # The agent asks the kernel whether the clock is synchronised.
+        self.assertIn("SystemCallFilter=adjtimex clock_adjtime", lines)
+        self.assertNotIn("ProtectClock=yes", lines)
+        # Neither can be opened where devices are hidden.
+        self.assertNotIn("PrivateDevices=yes", lines)
+        example = json.loads(text_of("config", "agent.example.json"))
+        self.assertEqual(example["store"]["path"], "/var/lib/fxagent")
 
 
 if __name__ == "__main__":

@@ -1,0 +1,20 @@
+#!/bin/sh
+# Makes the password file from the secrets, which are the passwords themselves, and becomes the broker:
+#   broker.sh CONFIG PASSWORDS
+# SECRETS: the directory of the secrets, one file for each user; /run/secrets unless set.
+set -eu
+
+config=$1
+passwords=$2
+secrets=${SECRETS:-/run/secrets}
+
+# Hashed in place, since an argument of a program can be seen by everybody.
+umask 077
+: >"$passwords"
+for user in edge7 operator; do
+  password=$(cat "$secrets/$user")
+  [ -n "$password" ] || { echo "$0: $secrets/$user is empty" >&2; exit 1; }
+  printf '%s:%s\n' "$user" "$password" >>"$passwords"
+done
+mosquitto_passwd -U "$passwords"
+exec mosquitto -c "$config"

@@ -1,0 +1,80 @@
+# The script that holds the rooms apart, tried on small trees: a right one passes, and each of the
+# wrong includes fails it and is named with its file and line.
+#   cmake -DSCRIPT=<layers_test.cmake> -DWORK=<a directory to write in> -P layers_script_test.cmake
+cmake_minimum_required(VERSION 3.25)
+
+# Writes the right tree anew.
+function(write_tree)
+  file(REMOVE_RECURSE "${WORK}")
+  file(WRITE "${WORK}/protocol/codec.h" "#include <vector>\n#include <tl/expected.hpp>\n#include \"protocol/bytes.h\"\n")
+  file(WRITE "${WORK}/agent/agent.cpp" "#include \"agent/field/field.h\"\n#include \"agent/uplink/publisher.h\"\n")
+  file(WRITE "${WORK}/agent/log.cpp" "#include <spdlog/spdlog.h>\n")
+  file(WRITE "${WORK}/agent/field/field.cpp" "#include <asio/post.hpp>\n#include \"protocol/codec.h\"\n")
+  file(WRITE "${WORK}/agent/uplink/json.cpp" "#include <nlohmann/json.hpp>\n#include \"agent/messages.h\"\n")
+  file(WRITE "${WORK}/agent/uplink/paho_broker.cpp" "#include <mqtt/async_client.h>\n")
+  file(WRITE "${WORK}/tests/sim/main.cpp" "#include <asio/post.hpp>\n#include \"tests/sim/plc.h\"\n")
+endfunction()
+
+function(run_layers root)
+  execute_process(COMMAND ${CMAKE_COMMAND} "-DROOT=${root}" -P "${SCRIPT}"
+                  OUTPUT_VARIABLE out ERROR_VARIABLE err RESULT_VARIABLE status)
+  set(status "${status}" PARENT_SCOPE)
+  set(text "${out}${err}" PARENT_SCOPE)
+endfunction()
+
+write_tree()
+run_layers("${WORK}")
+if(NOT status EQUAL 0)
+  message(FATAL_ERROR "the right tree fails:\n${text}")
+endif()
+
+# One wrong line each, put on line 3 of its file.
+set(count 0)
+foreach(wrong IN ITEMS
+    "protocol/plan.cpp|<asio.hpp>"
+    "protocol/plan.cpp|<asio/steady_timer.hpp>"
+    "protocol/plan.cpp|<mqtt/message.h>"
+    "protocol/plan.cpp|<nlohmann/json.hpp>"
+    "protocol/plan.cpp|<spdlog/spdlog.h>"
+    "protocol/plan.cpp|<thread>"
+    "protocol/plan.cpp|<mutex>"
+    "protocol/plan.cpp|<sys/socket.h>"
+    "protocol/plan.cpp|<termios.h>"
+    "protocol/fx/deep.h|\"agent/config.h\""
+    "protocol/plan.cpp|\"../agent/config.h\""
+    "agent/field/line.cpp|<mqtt/message.h>"
+    "agent/field/line.cpp|<nlohmann/json_fwd.hpp>"
+    "agent/field/line.h|\"agent/uplink/json.h\""
+    "agent/uplink/store.cpp|<asio/post.hpp>"
+    "agent/uplink/store.cpp|\"agent/field/field.h\""
+    "agent/uplink/store.cpp|<mqtt/message.h>"
+    "agent/uplink/broker.h|<MQTTAsync.h>"
+    "agent/messages.cpp|\"agent/field/field.h\""
+    "agent/config.cpp|\"agent/uplink/json.h\""
+    "agent/config.cpp|\"uplink/json.h\""
+    "agent/main.cpp|<mqtt/message.h>"
+    "agent/main.cpp|<spdlog/spdlog.h>"
+    "agent/outbox.h|\"tests/support/fake.h\""
+    "tests/agent/uplink/a_test.cpp|<mqtt/message.h>"
+    "tests/sim/plc.cpp|\"protocol/bytes.h\""
+    "tests/sim/plc.cpp|\"agent/config.h\"")
+  string(REPLACE "|" ";" parts "${wrong}")
+  list(GET parts 0 file)
+  list(GET parts 1 header)
+  write_tree()
+  file(WRITE "${WORK}/${file}" "// A file with one include too many.\n#include <string>\n  #  include ${header}\n")
+  run_layers("${WORK}")
+  string(REGEX REPLACE "[<>\"]" "" name "${header}")
+  string(FIND "${text}" "${file}:3: includes ${name}:" place)
+  if(status EQUAL 0 OR place EQUAL -1)
+    message(FATAL_ERROR "${file} may include ${header}, or is not named:\n${text}")
+  endif()
+  math(EXPR count "${count} + 1")
+endforeach()
+
+run_layers("${WORK}/tests")
+if(status EQUAL 0)
+  message(FATAL_ERROR "a directory that is no project passes")
+endif()
+file(REMOVE_RECURSE "${WORK}")
+message(STATUS "${count} wrong includes, each found")
