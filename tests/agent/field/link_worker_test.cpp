@@ -551,7 +551,7 @@ TEST_F(LinkWorkerTest, QueueIsPerDeviceAndAnswersWhenFull) {
 }
 
 TEST_F(LinkWorkerTest, BoundCoversAHealthyLine) {
-  config.links[0].char_time = nanoseconds(1041667);  // 9600 baud
+  config.links[0].char_time = milliseconds(8);  // 1200 baud
   add_setpoint();
   start();
   wait([&] { return telemetry.size() >= 3; });
