@@ -42,6 +42,7 @@ class Faults(PlantTest):
                 {"name": "b", "address": "D20", "group": "other"}]
         self.start([device(tags=tags, groups=groups)],
                    [self.plc(memory={"D10": 111, "D20": 222})])
+        self.ready()
         for ms in (380, 420, 500, 700):
             since = self.watcher.mark()
             self.sim.fault("press1", "late", ms=ms, match="read", count=2)
@@ -84,7 +85,7 @@ class Faults(PlantTest):
         groups = [{"name": "fast", "interval_ms": 100}]
         tags = [{"name": "a", "address": "D10", "group": "fast"}]
         self.start([device(tags=tags, groups=groups, timeout_ms=120)], [self.plc(memory={"D10": 7})])
-        self.state("press1", "online")
+        self.ready()
         for kind, count, why, state in [
                 ("nak", 2, None, "online"), ("wrong_sum", 2, None, "online"),
                 ("nak", 3, "nak", "degraded"), ("wrong_sum", 3, "bad_frame", "degraded"),
@@ -119,11 +120,12 @@ class Faults(PlantTest):
         return now - self.struck.get(kind, 0) >= count
 
     def test_a_late_reply_is_never_the_next_reads_value(self):
-        # The memory changes while the old answer is on its way: after the new value, no old one.
+        # The memory changes while the old answer is on its way: after the new value, no old one. The
+        # agent waits 100 ms beyond the 20 ms of 19 characters.
         self.start([device(groups=[{"name": "fast", "interval_ms": 30}], timeout_ms=100)],
                    [self.plc(memory={"D100": 0})])
-        self.data()
-        for value, ms in enumerate((110, 130, 160, 200, 240, 300, 400, 150), 1):
+        self.ready()
+        for value, ms in enumerate((140, 150, 180, 220, 260, 300, 400, 160), 1):
             since = self.watcher.mark()
             self.sim.fault("press1", "late", match="read", ms=ms)
             self.data(lambda m: "bad" in m, since=since)

@@ -16,7 +16,7 @@ TAGS = [
 class Outcomes(PlantTest):
     def start_press(self, plc=None, **more):
         self.start([device(tags=TAGS, **more)], [self.plc(**(plc or {}))])
-        self.state("press1", "online")
+        self.ready()
 
     def writes(self, name="D200"):
         return [o["value"] for o in self.sim.orders("press1") if o["device"] == name]

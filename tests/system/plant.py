@@ -339,6 +339,11 @@ class PlantTest(unittest.TestCase):
     def state(self, name, wanted, since=0):
         return self.watcher.wait(f"{BASE}/{name}/state", lambda s: s["state"] == wanted, since)
 
+    def ready(self, name="press1"):
+        """The device is online and its RUN state was read; that is asked again 10 s later, so that the
+        polls of the next seconds are the groups' alone."""
+        self.watcher.wait(f"{BASE}/{name}/state", lambda s: s["state"] == "online" and s["run"])
+
     def data(self, accept=lambda m: True, name="press1", group="fast", since=0):
         return self.watcher.wait(f"{BASE}/{name}/data/{group}", accept, since)
 
