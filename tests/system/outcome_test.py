@@ -242,6 +242,10 @@ class Outcomes(PlantTest):
         self.assertGreater(len({r["status"] for r in results}), 3)
 
 
+# What waking late may add to one exchange, in ms: the simulator and the agent on two busy cores.
+WAKING_MS = 5.0
+
+
 class Latency(PlantTest):
     """Times that follow from the line: 9600 baud, 10 bits a character."""
 
@@ -273,10 +277,12 @@ class Latency(PlantTest):
         for number in range(50):
             self.send({"id": f"b{number}", "op": "write", "tag": "setpoint", "value": number})
         results = self.watcher.wait_count(f"{BASE}/press1/result", 50)
-        for result in results:
+        for number, result in enumerate(results):
             self.assert_result(result, "SUCCEEDED", None, "ACK")
             t = result["t"]
-            self.assertLessEqual(t["queue_ms"] + t["wire_ms"], t["bound_ms"] + SCHEDULING_MS, result)
+            # Two exchanges for each order so far; a busy machine may wake either side late at each.
+            allowed = SCHEDULING_MS + 2 * (number + 1) * WAKING_MS
+            self.assertLessEqual(t["queue_ms"] + t["wire_ms"], t["bound_ms"] + allowed, result)
             # Write: 11 + 4 characters and an ACK; read-back: 11 and 8. Twice the PLC's time.
             least = (16 + 19) * self.CHARACTER_MS + 2 * self.TURNAROUND_MS
             self.assertGreater(t["wire_ms"], least - 2)
