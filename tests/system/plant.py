@@ -12,6 +12,7 @@ import shutil
 import signal
 import socket
 import subprocess
+import sys
 import tempfile
 import threading
 import time
@@ -295,6 +296,8 @@ class PlantTest(unittest.TestCase):
         self.stack.close()
         log = self.agent.logged() if self.agent and os.path.exists(self.agent.log_path) else ""
         shutil.rmtree(self.directory, ignore_errors=True)
+        if not self._outcome.success:
+            print("the agent's log:\n" + log, file=sys.stderr)
         self.assertNotIn("Sanitizer", log, log)
         self.assertEqual(status, 0, log)
 
