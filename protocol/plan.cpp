@@ -20,6 +20,29 @@ struct Extent {
   std::uint32_t end = 0;
 };
 
+/// The holes of one space, as bits of it.
+struct Forbidden {
+  std::vector<std::uint32_t> cuts;
+  std::vector<Extent> missing;
+
+  bool holds(const Extent& read) const {
+    return std::any_of(cuts.begin(), cuts.end(),
+                       [&](std::uint32_t at) { return read.first < at && at < read.end; }) ||
+           std::any_of(missing.begin(), missing.end(), [&](const Extent& hole) {
+             return read.first <= hole.first && hole.end <= read.end;
+           });
+  }
+};
+
+Forbidden forbidden_in(const Holes& holes, std::uint16_t space) {
+  Forbidden out;
+  for (const Holes::Cut& cut : holes.cuts)
+    if (cut.space == space) out.cuts.push_back(cut.at);
+  for (const Span& span : holes.missing)
+    if (span.space == space) out.missing.push_back({span.first_bit, span.end_bit()});
+  return out;
+}
+
 /// The shortest read by `way` that covers `wanted`; nullopt where the way does not reach it or may
 /// not carry so much.
 std::optional<Extent> fit(const ReadWay& way, const Extent& wanted) {
@@ -44,30 +67,39 @@ bool reaches(const ReadWay& way, const Span& span) {
   return fit(unlimited, {span.first_bit, span.end_bit()}).has_value();
 }
 
-bool one_read_holds(const std::vector<ReadWay>& ways, const Extent& wanted) {
-  return std::any_of(ways.begin(), ways.end(),
-                     [&](const ReadWay& way) { return fit(way, wanted).has_value(); });
+bool one_read_holds(const std::vector<ReadWay>& ways, const Forbidden& forbidden,
+                    const Extent& wanted) {
+  return std::any_of(ways.begin(), ways.end(), [&](const ReadWay& way) {
+    const auto read = fit(way, wanted);
+    return read && !forbidden.holds(*read);
+  });
 }
 
 /// Everything that is read from one space by ways of one tier. Points are merged inside it only.
 struct Bucket {
   std::vector<ReadWay> ways;
+  Forbidden forbidden;
   std::vector<std::uint32_t> points;  // indices in the caller's list
   std::vector<Span> spans;            // theirs, in the same order
   std::vector<Extent> pieces;         // what must lie whole in one read
 };
 
-/// Adds the point's pieces: itself where one read can hold it, else its elements, else its units.
-void add_pieces(Bucket& bucket, const Point& point, const Span& span) {
-  if (one_read_holds(bucket.ways, {span.first_bit, span.end_bit()})) {
-    bucket.pieces.push_back({span.first_bit, span.end_bit()});
-    return;
+/// The point's pieces: itself where one read can hold it, else its elements, else its units. Empty
+/// where some of it cannot be read at all.
+std::vector<Extent> pieces_of(const Bucket& bucket, const Point& point, const Span& span) {
+  const auto held = [&](const Extent& piece) {
+    return one_read_holds(bucket.ways, bucket.forbidden, piece);
+  };
+  const Extent whole{span.first_bit, span.end_bit()};
+  if (held(whole)) return {whole};
+  const std::uint32_t element = span.bits / point.count;
+  for (const std::uint32_t step : {element, bucket.ways.front().unit_bits}) {
+    std::vector<Extent> pieces;
+    for (std::uint32_t at = whole.first; at < whole.end; at += step)
+      pieces.push_back({at, std::min(at + step, whole.end)});
+    if (std::all_of(pieces.begin(), pieces.end(), held)) return pieces;
   }
-  std::uint32_t step = span.bits / point.count;
-  const std::uint32_t unit = bucket.ways.front().unit_bits;
-  if (!one_read_holds(bucket.ways, {span.first_bit, span.first_bit + step})) step = unit;
-  for (std::uint32_t at = span.first_bit; at < span.end_bit(); at += step)
-    bucket.pieces.push_back({at, std::min(at + step, span.end_bit())});
+  return {};
 }
 
 /// Sorts the pieces, widens them to what every way reads anyway, and drops those that lie inside
@@ -159,6 +191,8 @@ std::vector<Read> cheapest_reads(const Codec& codec, const LineCost& cost, std::
       for (std::size_t first = last + 1; first-- > partners[w][last];) {
         const auto extent = fit(bucket.ways[w], {pieces[first].first, pieces[last].end});
         if (!extent) break;
+        if (bucket.forbidden.holds(*extent)) continue;
+        if (best[first].cost == std::numeric_limits<std::int64_t>::max()) continue;
         const std::int64_t total = best[first].cost + prices[w].of(*extent);
         // Of equals the one with fewer reads.
         if (total < choice.cost || (total == choice.cost && first < choice.first))
@@ -193,6 +227,7 @@ PointSource source_of(const std::vector<Read>& reads, const Span& span) {
 std::map<std::pair<std::uint16_t, std::uint8_t>, Bucket> buckets_of(const Codec& codec,
                                                                     std::span<const Point> points,
                                                                     std::uint32_t max_block_bytes,
+                                                                    const Holes& holes,
                                                                     Plan& plan) {
   std::map<std::uint16_t, std::vector<ReadWay>> ways_of;
   std::map<std::pair<std::uint16_t, std::uint8_t>, Bucket> buckets;
@@ -214,24 +249,36 @@ std::map<std::pair<std::uint16_t, std::uint8_t>, Bucket> buckets_of(const Codec&
       for (ReadWay way : ways_of[span->space]) {
         if (way.tier != taken->tier) continue;
         if (max_block_bytes != 0) way.max_bits = std::min(way.max_bits, max_block_bytes * 8);
+        for (const Holes::Limit& limit : holes.limits)
+          if (limit.space == span->space) way.max_bits = std::min(way.max_bits, limit.bits);
         way.max_bits = std::max(way.max_bits / way.unit_bits * way.unit_bits, way.unit_bits);
         bucket.ways.push_back(way);
       }
+      bucket.forbidden = forbidden_in(holes, span->space);
+    }
+    const auto pieces = pieces_of(bucket, points[index], *span);
+    if (pieces.empty()) {
+      plan.refused.push_back(index);
+      continue;
     }
     bucket.points.push_back(index);
     bucket.spans.push_back(*span);
-    add_pieces(bucket, points[index], *span);
+    bucket.pieces.insert(bucket.pieces.end(), pieces.begin(), pieces.end());
   }
   return buckets;
 }
 
 }  // namespace
 
+bool Holes::forbid(const Span& span) const {
+  return forbidden_in(*this, span.space).holds({span.first_bit, span.end_bit()});
+}
+
 Plan make_plan(const Codec& codec, std::span<const Point> points, const LineCost& cost,
-               std::uint32_t max_block_bytes) {
+               std::uint32_t max_block_bytes, const Holes& holes) {
   Plan plan;
   plan.sources.resize(points.size());
-  auto buckets = buckets_of(codec, points, max_block_bytes, plan);
+  auto buckets = buckets_of(codec, points, max_block_bytes, holes, plan);
   for (auto& [key, bucket] : buckets) {
     reduce(bucket);
     const auto reads = cheapest_reads(codec, cost, key.first, bucket);
@@ -251,13 +298,48 @@ Plan make_plan(const Codec& codec, std::span<const Point> points, const LineCost
   return plan;
 }
 
-Result<Value> value_of(const Plan& plan, std::span<const Bytes> images, const Point& point,
+std::optional<Halves> halves_of(const Codec& codec, std::span<const Point> points,
+                                       const PlannedRead& planned) {
+  const Span& span = planned.read.span;
+  const Extent whole{span.first_bit, span.end_bit()};
+  const auto ways = codec.read_ways(span.space);
+  const auto way = std::find_if(ways.begin(), ways.end(), [&](const ReadWay& w) {
+    return w.way == planned.read.way && w.first_bit <= whole.first && whole.end <= w.end_bit;
+  });
+  if (way == ways.end()) return std::nullopt;
+  std::vector<Extent> elements;
+  for (const std::uint32_t index : planned.points) {
+    const auto place = span_of(points[index]);
+    if (!place) continue;
+    const std::uint32_t step = place->bits / points[index].count;
+    for (std::uint32_t at = place->first_bit; at < place->end_bit(); at += step) {
+      const Extent part{std::max(at, whole.first), std::min(at + step, whole.end)};
+      if (part.first < part.end) elements.push_back(part);
+    }
+  }
+  std::sort(elements.begin(), elements.end(),
+            [](const Extent& a, const Extent& b) { return a.first < b.first; });
+  std::optional<Halves> best;
+  const std::uint32_t middle = whole.first + span.bits / 2;
+  const auto distance = [&](std::uint32_t at) { return at < middle ? middle - at : at - middle; };
+  std::uint32_t done = whole.first;  // where the elements before this one end
+  for (const Extent& element : elements) {
+    const std::uint32_t at = element.first - element.first % way->align_bits;
+    const auto left = fit(*way, {whole.first, done});
+    const bool apart = done > whole.first && done <= at && left && left->end <= at;
+    if (apart && (!best || distance(at) < distance(best->right_first))) best = Halves{left->end, at};
+    done = std::max(done, element.end);
+  }
+  return best;
+}
+
+Result<Bytes> image_of(const Plan& plan, std::span<const Bytes> images, const Point& point,
                        std::size_t index) {
   const PointSource source = index < plan.sources.size() ? plan.sources[index] : PointSource{};
-  if (source.count == 0 || images.size() < source.first_read + source.count)
+  const auto wanted = span_of(point);
+  if (!wanted || source.count == 0 || images.size() < source.first_read + source.count)
     return fail(ErrorCode::unsupported, point.address.text + " is not in the plan");
   const std::uint32_t base = plan.reads[source.first_read].read.span.first_bit;
-  if (source.count == 1) return unpack(point, images[source.first_read], base);
   Bytes whole;
   for (std::uint32_t r = source.first_read; r < source.first_read + source.count; ++r) {
     const Span& span = plan.reads[r].read.span;
@@ -267,7 +349,18 @@ Result<Value> value_of(const Plan& plan, std::span<const Bytes> images, const Po
     whole.resize(std::max(whole.size(), (std::size_t{at} + span.bits + 7) / 8));
     insert_bits(whole, at, images[r], span.bits);
   }
-  return unpack(point, whole, base);
+  return extract_bits(whole, wanted->first_bit - base, wanted->bits);
+}
+
+Result<Value> value_of(const Plan& plan, std::span<const Bytes> images, const Point& point,
+                       std::size_t index) {
+  const PointSource source = index < plan.sources.size() ? plan.sources[index] : PointSource{};
+  if (source.count == 1 && source.first_read < images.size())
+    return unpack(point, images[source.first_read],
+                  plan.reads[source.first_read].read.span.first_bit);
+  const auto image = image_of(plan, images, point, index);
+  if (!image) return tl::make_unexpected(image.error());
+  return unpack(point, *image, span_of(point)->first_bit);
 }
 
 Result<std::vector<Request>> plan_write(const Codec& codec, const Point& point, ByteView image) {

@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -30,28 +31,67 @@ struct PlannedRead {
 };
 
 /// Where a point's image comes from: `count` consecutive reads, one unless the point was cut;
-/// 0: no way of this model reaches it.
+/// 0: there is no read for it.
 struct PointSource {
   std::uint32_t first_read = 0;
   std::uint32_t count = 0;
+};
+
+/// What a device was found to refuse, although its documents allow it.
+struct Holes {
+  /// No read may hold bits of `space` on both sides of `at`.
+  struct Cut {
+    std::uint16_t space = 0;
+    std::uint32_t at = 0;
+    friend bool operator==(const Cut&, const Cut&) = default;
+  };
+  /// No read of `space` may be longer.
+  struct Limit {
+    std::uint16_t space = 0;
+    std::uint32_t bits = 0;
+    friend bool operator==(const Limit&, const Limit&) = default;
+  };
+  std::vector<Cut> cuts;
+  std::vector<Limit> limits;
+  std::vector<Span> missing;  ///< no read may hold the whole of one of these
+
+  /// Whether a read of `span` is known to be refused.
+  bool forbid(const Span& span) const;
 };
 
 struct Plan {
   std::vector<PlannedRead> reads;
   std::vector<PointSource> sources;        ///< one for each point given, in their order
   std::vector<std::uint32_t> unreachable;  ///< points that no way of this model reaches
+  std::vector<std::uint32_t> refused;      ///< points that the device's holes leave no read for
   std::chrono::nanoseconds line_time{0};   ///< all reads, by the cost given
 };
 
 /// The reads of `points` with the least total line time under the codec's limits: exact, by dynamic
 /// programming over each space. A point lies whole in one read wherever one read can hold it; a
 /// longer one (an array) is cut at unit borders and gets consecutive reads. `max_block_bytes`
-/// lowers every way's max_bits (0: leaves it).
+/// lowers every way's max_bits (0: leaves it). No read is one that `holes` forbid.
 Plan make_plan(const Codec& codec, std::span<const Point> points, const LineCost& cost,
-               std::uint32_t max_block_bytes);
+               std::uint32_t max_block_bytes, const Holes& holes = {});
 
-/// The value of point number `index` out of the images of the plan's reads (`images[r]` answers
-/// `plan.reads[r]`; those of other reads may be empty). Errors as unpack().
+/// Two reads in place of one: [its first bit, left_end) and [right_first, its end).
+struct Halves {
+  std::uint32_t left_end = 0;
+  std::uint32_t right_first = 0;  ///< more than left_end where nobody asked for what is between
+  friend bool operator==(const Halves&, const Halves&) = default;
+};
+/// How `planned` can be cut nearest to its middle without tearing an element of its points; nullopt
+/// where its way cannot read less.
+std::optional<Halves> halves_of(const Codec& codec, std::span<const Point> points,
+                                       const PlannedRead& planned);
+
+/// The image of point number `index` out of the images of the plan's reads (`images[r]` answers
+/// `plan.reads[r]`; those of other reads may be empty), its first bit at bit 0. unsupported: not
+/// all of it was read.
+Result<Bytes> image_of(const Plan& plan, std::span<const Bytes> images, const Point& point,
+                       std::size_t index);
+
+/// The value of point number `index`, as image_of() brings it. Errors as image_of() and unpack().
 Result<Value> value_of(const Plan& plan, std::span<const Bytes> images, const Point& point,
                        std::size_t index);
 

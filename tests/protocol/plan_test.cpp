@@ -366,8 +366,8 @@ TEST(Plan, ALongBitArrayComesBackWhole) {
 // ---- exactness ----------------------------------------------------------------------------------
 
 /// The least line time over every way to share the points out among reads, contiguous or not.
-std::int64_t brute_force(const Codec& codec, const std::vector<Point>& points,
-                         const LineCost& cost) {
+std::int64_t brute_force(const Codec& codec, const std::vector<Point>& points, const LineCost& cost,
+                         const Holes& holes = {}) {
   const auto ways = codec.read_ways(0);
   // What every read brings anyway, since it goes by whole bytes or words, is nobody's gap.
   std::uint32_t grain = 0;
@@ -403,7 +403,11 @@ std::int64_t brute_force(const Codec& codec, const std::vector<Point>& points,
           run = asked ? 0 : run + 1;
           too_wide |= run > w.max_gap_bits;
         }
-        if (!too_wide)
+        bool known = false;
+        for (const Holes::Cut& cut : holes.cuts) known |= start < cut.at && cut.at < start + length;
+        for (const Span& hole : holes.missing)
+          known |= start <= hole.first_bit && hole.end_bit() <= start + length;
+        if (!too_wide && !known)
           best = std::min<std::int64_t>(
               best, cost.of(codec.line_length(Read{{0, start, length}, w.way})).count());
       }
@@ -452,6 +456,101 @@ TEST(Plan, NoOtherSharingOfThePointsTakesLessLineTime) {
     check(plan, codec, points, cost);
     ASSERT_EQ(plan.line_time.count(), brute_force(codec, points, cost)) << "round " << round;
   }
+}
+
+TEST(Plan, NoOtherSharingOfThePointsAroundTheHolesTakesLessLineTime) {
+  std::mt19937 random(20240608);
+  const auto pick = [&](std::uint32_t least, std::uint32_t most) {
+    return std::uniform_int_distribution<std::uint32_t>(least, most)(random);
+  };
+  std::size_t refused = 0;
+  for (int round = 0; round < 400; ++round) {
+    const bool of_bits = round % 2 == 0;
+    const std::uint32_t unit = of_bits ? 8 : 16;
+    const PaperCodec codec({way(1024, unit, unit, pick(2, 12) * unit)});
+    const LineCost cost{std::chrono::milliseconds(1), std::chrono::milliseconds(pick(0, 40))};
+    std::vector<Point> points;
+    for (std::uint32_t n = pick(1, 7); n > 0; --n)
+      points.push_back(of_bits ? bits(pick(0, 120)) : words(pick(0, 20)));
+    Holes holes;
+    for (std::uint32_t n = pick(0, 3); n > 0; --n) holes.cuts.push_back({0, pick(0, 16) * unit});
+    for (std::uint32_t n = pick(0, 3); n > 0; --n)
+      holes.missing.push_back({0, pick(0, 16) * unit, pick(1, 3) * unit});
+    const Plan plan = make_plan(codec, points, cost, 0, holes);
+    check(plan, codec, points, cost);
+    for (const PlannedRead& planned : plan.reads) EXPECT_FALSE(holes.forbid(planned.read.span));
+    std::vector<Point> readable;
+    for (std::uint32_t i = 0; i < points.size(); ++i) {
+      const bool is_refused = std::binary_search(plan.refused.begin(), plan.refused.end(), i);
+      EXPECT_EQ(is_refused, plan.sources[i].count == 0);
+      if (!is_refused) {
+        readable.push_back(points[i]);
+        continue;
+      }
+      ++refused;
+      EXPECT_EQ(brute_force(codec, {points[i]}, cost, holes),
+                std::numeric_limits<std::int64_t>::max());
+    }
+    ASSERT_EQ(plan.line_time.count(), brute_force(codec, readable, cost, holes)) << round;
+  }
+  EXPECT_GT(refused, 20U);
+}
+
+// ---- holes --------------------------------------------------------------------------------------
+
+TEST(Plan, AReadIsCutBetweenElementsNearestToItsMiddle) {
+  const PaperCodec codec({way(4096, 16, 16, 2048)});
+  const std::vector<Point> points = {words(0), words(1, 2), words(3, 1, DataType::int32), words(9)};
+  const Plan plan = make_plan(codec, points, kCost, 0);
+  ASSERT_EQ(plan.reads.size(), 1U);
+  // Ten words; the middle is 5. Word 3 begins two before it, word 9 four behind it.
+  EXPECT_EQ(halves_of(codec, points, plan.reads[0]), (Halves{3 * 16, 3 * 16}));
+  const std::vector<Point> one = {words(3, 1, DataType::int32)};
+  EXPECT_EQ(halves_of(codec, one, make_plan(codec, one, kCost, 0).reads[0]), std::nullopt);
+}
+
+TEST(Plan, BitsAreCutWhereBothHalvesCanBeRead) {
+  const PaperCodec codec({way(4096, 8, 8, 2048)});
+  const std::vector<Point> apart = {bits(3), bits(14), bits(30)};
+  EXPECT_EQ(halves_of(codec, apart, make_plan(codec, apart, kCost, 0).reads[0]),
+            (Halves{8, 8}));
+  const std::vector<Point> together = {bits(3), bits(5)};  // one byte holds both
+  EXPECT_EQ(halves_of(codec, together, make_plan(codec, together, kCost, 0).reads[0]),
+            std::nullopt);
+}
+
+TEST(Plan, AnArrayIsCutBetweenItsElementsAndPutTogetherAgain) {
+  const PaperCodec codec({way(4096, 16, 16, 2048)});
+  const std::vector<Point> points = {words(0, 6)};
+  Holes holes;
+  holes.cuts.push_back({0, halves_of(codec, points, make_plan(codec, points, kCost, 0).reads[0])->right_first});
+  EXPECT_EQ(holes.cuts[0].at, 3 * 16U);
+  const Plan plan = make_plan(codec, points, kCost, 0, holes);
+  ASSERT_EQ(plan.reads.size(), 2U);
+  const std::vector<Bytes> images = {{1, 0, 2, 0, 3, 0}, {4, 0, 5, 0, 6, 0}};
+  EXPECT_EQ(*image_of(plan, images, points[0], 0), (Bytes{1, 0, 2, 0, 3, 0, 4, 0, 5, 0, 6, 0}));
+  EXPECT_EQ(value_of(plan, images, points[0], 0)->items.back(), Scalar(std::int64_t{6}));
+}
+
+TEST(Plan, ALimitThatWasFoundHoldsForItsSpace) {
+  const PaperCodec codec({way(4096, 16, 16, 2048)});
+  const std::vector<Point> points = {words(0, 20)};
+  Holes holes;
+  holes.limits.push_back({0, 5 * 16});
+  EXPECT_EQ(make_plan(codec, points, kCost, 0, holes).reads.size(), 4U);
+  holes.limits.front().space = 1;
+  EXPECT_EQ(make_plan(codec, points, kCost, 0, holes).reads.size(), 1U);
+}
+
+TEST(Plan, APointOfWhichAPartIsMissingIsRefusedWhole) {
+  const PaperCodec codec({way(4096, 16, 16, 2048)});
+  const std::vector<Point> points = {words(0), words(4, 4), words(9)};
+  Holes holes;
+  holes.missing.push_back({0, 5 * 16, 16});
+  const Plan plan = make_plan(codec, points, kCost, 0, holes);
+  EXPECT_EQ(plan.refused, std::vector<std::uint32_t>{1});
+  EXPECT_EQ(plan.sources[1].count, 0U);
+  EXPECT_EQ(plan.reads.size(), 2U);  // nothing may be read across word 5
 }
 
 TEST(Plan, AHundredThousandPointsArePlannedInWellUnderASecond) {
