@@ -43,7 +43,7 @@ Agenda::Group* Agenda::most_urgent(SteadyTime now) {
   Group* best = nullptr;
   SteadyTime best_deadline{};
   for (Group& group : groups_) {
-    if (!group.running && group.due > now) continue;
+    if ((group.running ? group.not_before : group.due) > now) continue;
     if (devices_[group.device].rests_until > now) continue;
     const SteadyTime deadline = group.running ? group.deadline : group.due + period(group.interval);
     if (best != nullptr && deadline >= best_deadline) continue;
@@ -62,6 +62,7 @@ Agenda::PollStep Agenda::begin_or_continue(Group& group, SteadyTime now) {
     step.late = now - group.due;
     group.running = true;
     group.exchange = 0;
+    group.not_before = {};
     ++counters.polls;
     if (group.interval.count() > 0) {
       const auto skipped = step.late / group.interval;
@@ -80,7 +81,8 @@ Agenda::PollStep Agenda::begin_or_continue(Group& group, SteadyTime now) {
 SteadyTime Agenda::next_wake() const {
   auto wake = SteadyTime::max();
   for (const Group& group : groups_)
-    wake = std::min(wake, std::max(group.due, devices_[group.device].rests_until));
+    wake = std::min(wake, std::max(group.running ? group.not_before : group.due,
+                                   devices_[group.device].rests_until));
   return wake;
 }
 
@@ -107,6 +109,10 @@ bool Agenda::step_done(const PollStep& step) {
   if (group.exchange < group.exchanges) return false;
   group.running = false;
   return true;
+}
+
+void Agenda::postpone(const PollStep& step, SteadyTime not_before) {
+  groups_[step.group].not_before = not_before;
 }
 
 void Agenda::abandon_cycle(GroupId id, SteadyTime not_before) {

@@ -63,6 +63,8 @@ class Agenda final {
 
   /// The step was carried out; the cycle goes on, or has ended: true.
   bool step_done(const PollStep& step);
+  /// The same step is to be offered again, but not before then: the device is busy.
+  void postpone(const PollStep& step, SteadyTime not_before);
   /// The rest of the cycle is given up until the next beat. A group without an interval has none
   /// and rests until `not_before`: what failed without using the line must not be offered again in
   /// the same breath.
@@ -102,6 +104,7 @@ class Agenda final {
     SteadyTime deadline{};  ///< of the running cycle
     bool running = false;
     std::uint32_t exchange = 0;
+    SteadyTime not_before{};  ///< of the running cycle's next step
   };
 
   /// The due group that goes first, or none.

@@ -24,6 +24,8 @@ constexpr milliseconds kLongestDrain{3000};
 // No protocol here has longer frames; beyond it the line babbles.
 constexpr std::size_t kMaxReceived = 4096;
 constexpr std::size_t kReadChunk = 512;
+// How often a probing read that is refused is asked: the first NAK may be an order's late one.
+constexpr int kProbes = 3;
 
 bool answers_by_ack(const Request& request) { return !std::holds_alternative<Read>(request); }
 
@@ -89,9 +91,11 @@ asio::awaitable<bool> Line::prepare(Station& station, Exchange& failed) {
   // and the device answers in order: once its data is here, nothing older is on the way.
   const auto probe = station.codec->probe();
   if (doubt_ == Doubt::stale_ack && probe) {
-    Exchange probing =
-        co_await send_and_receive(*station.codec, station, *probe, SteadyTime::max());
-    if (!probing.has_answer()) co_return refuse(std::move(probing));
+    Exchange probing;
+    for (int i = 0; i < kProbes && !probing.is_data(); ++i) {
+      probing = co_await send_and_receive(*station.codec, station, *probe, SteadyTime::max());
+      if (!probing.has_answer()) co_return refuse(std::move(probing));
+    }
   }
   doubt_ = Doubt::none;
   co_return true;
@@ -134,9 +138,10 @@ asio::awaitable<Exchange> Line::send_and_receive(const Codec& codec, const Stati
     co_return exchange;
   }
   if (codec.expects_reply(request)) {
-    co_await receive(codec, request, deadline, exchange);
+    const bool echo = station.echo || echo_found_;
+    co_await receive(codec, request, *frame, echo, deadline, exchange);
     if (!exchange.reply.closing.empty())
-      co_await transport_->write(exchange.reply.closing, Clock::now() + station.timeout);
+      co_await close_exchange(exchange.reply.closing, echo, Clock::now() + station.timeout);
   } else {
     // Nobody answers: it is over when the last byte has left the wire, not when the kernel has it.
     timer_.expires_at(exchange.began + char_time_ * length.request_chars);
@@ -154,20 +159,40 @@ asio::awaitable<Exchange> Line::send_and_receive(const Codec& codec, const Stati
   co_return exchange;
 }
 
-asio::awaitable<void> Line::receive(const Codec& codec, const Request& request, SteadyTime deadline,
-                                    Exchange& exchange) {
+asio::awaitable<void> Line::close_exchange(const Bytes& closing, bool echo, SteadyTime deadline) {
+  const auto written = co_await transport_->write(closing, deadline);
+  if (written.error || !echo) co_return;
+  std::uint8_t waste[kReadChunk];
+  for (std::size_t back = 0; back < closing.size();) {
+    const auto got = co_await transport_->read_some(waste, deadline);
+    if (!got) co_return;
+    back += *got;
+  }
+}
+
+asio::awaitable<void> Line::receive(const Codec& codec, const Request& request, const Bytes& sent,
+                                    bool echo, SteadyTime deadline, Exchange& exchange) {
   rx_.clear();
+  bool echo_due = echo;
   std::uint8_t chunk[kReadChunk];
   for (;;) {
     const auto got = co_await transport_->read_some(chunk, deadline);
     if (!got) {
       const bool silent = got.error().code == ErrorCode::timeout;
       exchange.error = got.error().text;
+      if (echo_due && silent) exchange.error += "; not even the echo of the request came back";
       exchange.outcome = silent ? Exchange::Outcome::unanswered : Exchange::Outcome::link_down;
       if (!silent) transport_->close();
       co_return;
     }
     rx_.insert(rx_.end(), chunk, chunk + *got);
+    if (echo_due) {
+      const auto own = std::search(rx_.begin(), rx_.end(), sent.begin(), sent.end());
+      if (own == rx_.end() && rx_.size() <= kMaxReceived) continue;
+      if (own != rx_.end()) rx_.erase(rx_.begin(), own + static_cast<std::ptrdiff_t>(sent.size()));
+      echo_due = false;
+      if (rx_.empty()) continue;
+    }
     auto decoded = codec.decode(request, tag_, rx_);
     if (!decoded || rx_.size() > kMaxReceived) {
       exchange.outcome = Exchange::Outcome::garbled;
@@ -175,6 +200,10 @@ asio::awaitable<void> Line::receive(const Codec& codec, const Request& request, 
       co_return;
     }
     if (*decoded) {
+      // No answer to a read begins with the question, so what does is an echo.
+      if (std::holds_alternative<Read>(request) && rx_.size() > sent.size() &&
+          std::equal(sent.begin(), sent.end(), rx_.begin()))
+        echo_found_ = true;
       exchange.outcome = Exchange::Outcome::answered;
       exchange.reply = std::move(**decoded);
       co_return;

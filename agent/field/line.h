@@ -46,6 +46,7 @@ struct Station {
   std::chrono::milliseconds timeout{1000};
   std::chrono::milliseconds gap{0};
   EnquirePolicy enquire = EnquirePolicy::open;
+  bool echo = false;             ///< the line returns what is sent
   std::uint32_t greeted_in = 0;  ///< Line::session() in which it last answered an enquiry; 0: none
 };
 
@@ -82,6 +83,10 @@ class Line final {
   std::chrono::nanoseconds line_time(const Station& station, const Request& request,
                                      std::chrono::nanoseconds turnaround) const;
 
+  /// Whether a question came back before its answer on a line that is not said to do so. From then
+  /// on it is taken for one that does: an order's echo may look like its answer.
+  bool echo_found() const { return echo_found_; }
+
   Counters& counters() { return counters_; }
 
  private:
@@ -95,8 +100,10 @@ class Line final {
   asio::awaitable<bool> prepare(Station& station, Exchange& failed);
   asio::awaitable<Exchange> send_and_receive(const Codec& codec, const Station& station,
                                              Request request, SteadyTime not_after);
-  asio::awaitable<void> receive(const Codec& codec, const Request& request, SteadyTime deadline,
-                                Exchange& exchange);
+  /// `sent` is what left; it is taken off the front of what comes where the line returns it.
+  asio::awaitable<void> receive(const Codec& codec, const Request& request, const Bytes& sent,
+                                bool echo, SteadyTime deadline, Exchange& exchange);
+  asio::awaitable<void> close_exchange(const Bytes& closing, bool echo, SteadyTime deadline);
   asio::awaitable<void> drain(const Station& station);
   asio::awaitable<void> keep_gap(const Codec& codec, std::chrono::milliseconds gap);
   void note_doubt(const Codec& codec, const Request& request, const Exchange& exchange);
@@ -107,6 +114,7 @@ class Line final {
   Doubt doubt_ = Doubt::none;
   std::uint32_t session_ = 0;
   std::uint16_t tag_ = 0;
+  bool echo_found_ = false;
   SteadyTime last_activity_{};  ///< last byte in either direction, as far as it can be known
   SteadyTime not_before_{};     ///< a broadcast's turnaround delay
   Bytes rx_;

@@ -26,6 +26,10 @@ constexpr BackOff kShared{milliseconds(1000), milliseconds(30000)};
 constexpr int kDeadPeerAfter = 3;
 // How long a group without an interval rests where no way of its device's model reaches its tags.
 constexpr milliseconds kNothingToRead{1000};
+// A device that says it is busy is asked again once it may have finished.
+constexpr milliseconds kBusyPause{100};
+// A link that fell over a bug rests before it begins anew, so that the log stays readable.
+constexpr milliseconds kAfterFault{1000};
 // First polls are spread over the first second, or over the interval where that is shorter.
 constexpr milliseconds kSpread{1000};
 
@@ -47,13 +51,16 @@ std::int64_t now_ms() { return utc_ms(std::chrono::system_clock::now()); }
 
 /// One group of one device and the cycle it is in.
 struct LinkWorker::GroupPoll {
-  GroupPoll(const DeviceConfig& device, std::uint32_t index)
-      : group(index), report(device, index) {}
+  GroupPoll(const DeviceConfig& device, std::uint32_t index) : group(index), report(device, index) {
+    for (const std::uint32_t tag : report.tags()) points.push_back(device.tags[tag].point);
+  }
 
   std::uint32_t group;
   GroupReport report;
+  std::vector<Point> points;  ///< beside report.tags()
   Agenda::GroupId id = 0;
-  Plan plan;  ///< its points are report.tags(), in order
+  Plan plan;                       ///< of points
+  std::uint32_t plan_version = 0;  ///< HoleMap::version() that it was made under
 
   // The running cycle.
   std::vector<Bytes> images;                       ///< beside plan.reads
@@ -86,6 +93,7 @@ struct LinkWorker::Device {
     station.timeout = config.timeout;
     station.gap = config.gap;
     station.enquire = config.enquire;
+    station.echo = config.echo;
     model_known = !codec->model().empty() || codec->identify().empty();
   }
 
@@ -95,6 +103,7 @@ struct LinkWorker::Device {
   Station station;
   CommandDesk desk;
   Agenda::DeviceId id = 0;
+  HoleMap holes;
   std::vector<std::unique_ptr<GroupPoll>> groups;
   std::optional<Agenda::GroupId> run_state_group;
   bool model_known = false;
@@ -149,7 +158,7 @@ void LinkWorker::add_device(std::uint32_t index, SteadyTime now, Polling polling
   }
   if (device->codec->run_state())
     device->run_state_group = agenda_.add_group(device->id, kRunStateEvery, 1, now);
-  make_plans(*device);
+  for (const auto& group : device->groups) make_plan_of(*device, *group);
   device->status.device = index;
   device->status.since_ms = now_ms();
   device->status.reason = "starting";
@@ -164,23 +173,64 @@ LinkWorker::Device* LinkWorker::device_of(std::uint32_t index) {
   return found == by_index_.end() ? nullptr : found->second;
 }
 
-void LinkWorker::make_plans(Device& device) {
+void LinkWorker::make_plan_of(Device& device, GroupPoll& group) {
   const LineCost cost{config_.links[link_].char_time, device.config.turnaround + device.config.gap};
-  for (const auto& group : device.groups) {
-    std::vector<Point> points;
-    for (const std::uint32_t tag : group->report.tags())
-      points.push_back(device.config.tags[tag].point);
-    group->plan = make_plan(*device.codec, points, cost, device.config.max_block_bytes);
-    group->begin();
-    agenda_.set_exchanges(group->id, static_cast<std::uint32_t>(group->plan.reads.size()));
-  }
+  group.plan = make_plan(*device.codec, group.points, cost, device.config.max_block_bytes,
+                         device.holes.holes());
+  group.plan_version = device.holes.version();
+  group.begin();
+  agenda_.set_exchanges(group.id, static_cast<std::uint32_t>(group.plan.reads.size()));
 }
 
 // ---- the loop -----------------------------------------------------------------------------------
 
 asio::awaitable<void> LinkWorker::run() {
   while (!stopping_) {
+    std::string fault;
+    try {
+      co_await serve();
+    } catch (const std::exception& error) {
+      fault = error.what();
+    }
+    if (fault.empty()) continue;
+    answer_after_fault(fault);
+    if (!stopping_) co_await idle_until(Clock::now() + kAfterFault);
+  }
+  line_.close();
+  for (Waiting& waiting : waiting_) {
+    CommandResult result = result_of(waiting.order.command);
+    result.status = CommandStatus::rejected;
+    result.reason = Reason::shutting_down;
+    result.detail = "the agent is stopping; nothing was sent";
+    outbox_.push(std::move(result));
+  }
+  waiting_.clear();
+}
+
+void LinkWorker::answer_after_fault(const std::string& what) {
+  log::error("link", {{"link", config_.links[link_].name}, {"fault", what}});
+  line_.close();
+  if (!running_) return;
+  CommandResult result = result_of(running_->order.command);
+  result.status = CommandStatus::unknown_outcome;
+  result.reason = Reason::link_down;
+  result.detail = "a fault in the agent ended the link while the order was under way";
+  running_->device->desk.finished(result);
+  outbox_.push(std::move(result));
+  running_.reset();
+}
+
+asio::awaitable<void> LinkWorker::serve() {
+  while (!stopping_) {
     if (!line_.is_open() && was_open_) line_lost("the line was lost");
+    if (line_.echo_found() && !echo_told_) {
+      echo_told_ = true;
+      log::warn("link", {{"link", config_.links[link_].name},
+                         {"echo", "found"},
+                         {"note",
+                          "set echo for its devices: before the first read of a start an "
+                          "order's echo may look like its answer"}});
+    }
     const auto now = Clock::now();
     if (!line_.is_open() && now >= next_open_) {
       co_await open_line();
@@ -199,21 +249,12 @@ asio::awaitable<void> LinkWorker::run() {
         break;
     }
   }
-  line_.close();
-  for (Waiting& waiting : waiting_) {
-    CommandResult result = result_of(waiting.order.command);
-    result.status = CommandStatus::rejected;
-    result.reason = Reason::shutting_down;
-    result.detail = "the agent is stopping; nothing was sent";
-    outbox_.push(std::move(result));
-  }
-  waiting_.clear();
 }
 
 void LinkWorker::stop() {
   stopping_ = true;
   idle_.cancel();
-  if (!command_running_) line_.close();
+  if (!running_) line_.close();
 }
 
 asio::awaitable<void> LinkWorker::idle_until(SteadyTime until) {
@@ -226,10 +267,7 @@ asio::awaitable<void> LinkWorker::open_line() {
   const auto opened = co_await line_.open();
   const auto now = Clock::now();
   if (opened) {
-    open_delay_ = {};
-    was_open_ = true;
-    unanswered_in_a_row_ = 0;
-    log::info("link", {{"link", link.name}, {"state", "up"}});
+    line_up();
     co_return;
   }
   const bool serial = std::holds_alternative<SerialSettings>(link.channel);
@@ -238,6 +276,13 @@ asio::awaitable<void> LinkWorker::open_line() {
   std::uniform_real_distribution<double> spread(0.8, 1.2);
   next_open_ = now + std::chrono::duration_cast<nanoseconds>(open_delay_ * spread(jitter_));
   line_lost(opened.error().text);
+}
+
+void LinkWorker::line_up() {
+  open_delay_ = {};
+  was_open_ = true;
+  unanswered_in_a_row_ = 0;
+  log::info("link", {{"link", config_.links[link_].name}, {"state", "up"}});
 }
 
 void LinkWorker::line_lost(const std::string& why) {
@@ -270,6 +315,7 @@ void LinkWorker::submit(Command command) {
   Waiting waiting;
   waiting.order = std::move(std::get<Order>(verdict));
   waiting.device = device;
+  waiting.codec = device->codec;
   waiting.line_time = OrderRun::line_time(line_, device->station, device->config, waiting.order);
   waiting.order.bound = bound_of(waiting.line_time);
   waiting_.push_back(std::move(waiting));
@@ -288,42 +334,48 @@ nanoseconds LinkWorker::longest_poll() const {
     for (const auto& group : device->groups)
       for (const PlannedRead& planned : group->plan.reads) consider(planned.read);
     if (const auto question = device->codec->run_state()) consider(*question);
+    if (device->model_known) continue;
+    nanoseconds asking{0};  // the questions about the model go as one
+    for (const Request& question : device->config.codec->identify())
+      asking += line_.line_time(device->station, question, device->config.turnaround);
+    longest = std::max(longest, asking);
   }
   return longest;
 }
 
 std::optional<nanoseconds> LinkWorker::bound_of(nanoseconds own) const {
   if (config_.links[link_].char_time.count() == 0) return std::nullopt;
-  nanoseconds ahead = running_line_time_;
+  nanoseconds ahead = running_ ? running_->line_time : nanoseconds(0);
   for (const Waiting& waiting : waiting_) ahead += waiting.line_time;
   const nanoseconds longest = longest_poll();
   return longest + ahead + agenda_.polls_between(ahead, longest) + own;
 }
 
 asio::awaitable<void> LinkWorker::run_command() {
-  Waiting next = std::move(waiting_.front());
+  running_ = std::move(waiting_.front());
   waiting_.pop_front();
   agenda_.command_taken();
-  Device& device = *next.device;
+  const Order& order = running_->order;
+  Device& device = *running_->device;
   --device.waiting;
-  running_line_time_ = next.line_time;
-  command_running_ = true;
 
-  OrderRun order_run(executor_, line_, device.station, device.config, next.order);
+  Station station = device.station;
+  station.codec = running_->codec.get();
+  OrderRun order_run(executor_, line_, station, device.config, order);
   CommandResult result = co_await order_run.run();
 
-  command_running_ = false;
-  running_line_time_ = {};
-  if (line_.is_open()) was_open_ = true;
+  device.station.greeted_in = station.greeted_in;
+  if (line_.is_open() && !was_open_) line_up();
   agenda_.command_used(result.wire, Clock::now());
   if (order_run.was_answered()) note_answer(device);
   if (order_run.was_unanswered() && !order_run.was_answered()) note_silence(device);
-  result.bound = next.order.bound;
+  result.bound = order.bound;
   device.desk.finished(result);
-  after_write(device, result, next.order);
-  if (next.order.run_order && result.status == CommandStatus::succeeded)
-    device.run = next.order.command.op == Op::run;
+  after_write(device, result, order);
+  if (order.run_order && result.status == CommandStatus::succeeded)
+    device.run = order.command.op == Op::run;
   outbox_.push(std::move(result));
+  running_.reset();
   update_status(device);
 }
 
@@ -361,6 +413,8 @@ asio::awaitable<void> LinkWorker::run_step(Agenda::PollStep step) {
     for (const auto& group : device->groups) {
       if (group->id != step.group) continue;
       if (step.starts_cycle) {
+        device->holes.retry(Clock::now());
+        if (group->plan_version != device->holes.version()) make_plan_of(*device, *group);
         group->begin();
         device->late_ms.add(step.late);
       }
@@ -389,7 +443,7 @@ void LinkWorker::take_reading(Device& device, GroupPoll& group, const Agenda::Po
                               Exchange exchange) {
   if (stopping_) return;
   agenda_.poll_used(exchange.ended - exchange.began);
-  if (exchange.has_answer()) note_answer(device);
+  if (exchange.is_ack() || exchange.is_data()) note_answer(device);
   if (exchange.outcome == Exchange::Outcome::unanswered) {
     note_silence(device);
     fail_cycle(device, group, BadReason::timeout);
@@ -400,17 +454,24 @@ void LinkWorker::take_reading(Device& device, GroupPoll& group, const Agenda::Po
     fail_cycle(device, group, BadReason::link_down);
     return;
   }
-  const Request asked = group.plan.reads[step.exchange].read;
-  const bool repeatable =
-      exchange.outcome == Exchange::Outcome::garbled ||
-      (exchange.is_nak() &&
-       device.codec->meaning_of(asked, exchange.reply.device_code) == RefusalMeaning::curable);
+  bool repeatable = exchange.outcome == Exchange::Outcome::garbled;
+  if (exchange.is_nak()) {
+    const Request asked = group.plan.reads[step.exchange].read;
+    const auto meaning = device.codec->meaning_of(asked, exchange.reply.device_code);
+    if (meaning == RefusalMeaning::unreachable) {
+      note_unreachable(device);
+      fail_cycle(device, group, BadReason::timeout);
+      return;
+    }
+    repeatable = take_refusal(device, group, step, exchange, meaning);
+  }
   if (repeatable && group.repeats < device.config.retries) {
     ++group.repeats;  // the agenda offers the same step again, after the commands that wait
     return;
   }
   group.repeats = 0;
   if (exchange.is_data()) {
+    device.holes.read(group.plan.reads[step.exchange].read.span);
     group.images[step.exchange] = std::move(exchange.reply.image);
   } else {
     group.failures[step.exchange] = bad_reason(exchange);
@@ -428,6 +489,29 @@ void LinkWorker::take_reading(Device& device, GroupPoll& group, const Agenda::Po
       group.newer.erase(group.report.tags()[point]);
   group.next_read = step.exchange + 1;
   if (agenda_.step_done(step)) finish_cycle(device, group);
+}
+
+bool LinkWorker::take_refusal(Device& device, GroupPoll& group, const Agenda::PollStep& step,
+                              const Exchange& exchange, RefusalMeaning meaning) {
+  note_answer(device);
+  switch (meaning) {
+    case RefusalMeaning::busy:
+      agenda_.postpone(step, exchange.ended + kBusyPause);
+      return true;
+    case RefusalMeaning::hole: {
+      const PlannedRead& planned = group.plan.reads[step.exchange];
+      const auto halves = halves_of(*device.codec, group.points, planned);
+      // Plans change between cycles only: this one goes on, and what it does bring is published.
+      device.holes.refused(planned.read.span, halves, exchange.ended);
+      if (!halves)
+        log::warn("device", {{"device", device.config.name},
+                             {"refused", device.codec->name_of(planned.read.span)},
+                             {"reason", exchange.reply.text}});
+      return false;
+    }
+    default:
+      return meaning == RefusalMeaning::curable;
+  }
 }
 
 void LinkWorker::fail_cycle(Device& device, GroupPoll& group, BadReason why) {
@@ -449,7 +533,11 @@ void LinkWorker::finish_cycle(Device& device, GroupPoll& group) {
       continue;
     }
     std::optional<BadReason> why;
-    if (source.count == 0) why = BadReason::unsupported;
+    if (source.count == 0) {
+      const auto& refused = group.plan.refused;
+      const bool by_device = std::binary_search(refused.begin(), refused.end(), i);
+      why = by_device ? BadReason::nak : BadReason::unsupported;
+    }
     for (std::uint32_t r = source.first_read; r < source.first_read + source.count; ++r)
       if (!why) why = group.failures[r];
     if (why) {
@@ -532,7 +620,7 @@ asio::awaitable<LinkWorker::Knowledge> LinkWorker::know_model(Device& device, Ba
   if (!model) {
     log::warn("device", {{"device", device.config.name},
                          {"model", "unknown"},
-                         {"note", "classic addresses only; set model in the config"}});
+                         {"note", "only what every model has is used; set model in the config"}});
   } else if (*model != device.codec->model()) {
     log::info("device", {{"device", device.config.name}, {"model", *model}});
   }
@@ -542,7 +630,7 @@ asio::awaitable<LinkWorker::Knowledge> LinkWorker::know_model(Device& device, Ba
     device.codec = model ? asking.with_model(*model) : device.config.codec;
     device.station.codec = device.codec.get();
     device.status.model = now_known;
-    make_plans(device);
+    for (const auto& group : device.groups) make_plan_of(device, *group);
   }
   update_status(device);
   co_return changed ? Knowledge::plan_changed : Knowledge::known;
@@ -554,6 +642,11 @@ void LinkWorker::note_answer(Device& device) {
   unanswered_in_a_row_ = 0;
   device.answered_once = true;
   agenda_.device_answered(device.id);
+}
+
+void LinkWorker::note_unreachable(Device& device) {
+  unanswered_in_a_row_ = 0;
+  agenda_.device_unanswered(device.id, Clock::now());
 }
 
 void LinkWorker::note_silence(Device& device) {

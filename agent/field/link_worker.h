@@ -17,6 +17,7 @@
 #include "agent/field/command_desk.h"
 #include "agent/field/field.h"
 #include "agent/field/group_report.h"
+#include "agent/field/hole_map.h"
 #include "agent/field/line.h"
 #include "agent/messages.h"
 #include "agent/outbox.h"
@@ -54,15 +55,22 @@ class LinkWorker final {
   struct Waiting {
     Order order;
     Device* device = nullptr;
+    std::shared_ptr<const Codec>
+        codec;  ///< the one it was planned with; the model may be found later
     std::chrono::nanoseconds line_time{0};
   };
 
   void add_device(std::uint32_t index, SteadyTime now, Polling polling);
   Device* device_of(std::uint32_t index);
-  void make_plans(Device& device);
+  void make_plan_of(Device& device, GroupPoll& group);
+
+  asio::awaitable<void> serve();
+  /// After a bug: what was under way gets its result, and the link begins anew.
+  void answer_after_fault(const std::string& what);
 
   asio::awaitable<void> idle_until(SteadyTime until);
   asio::awaitable<void> open_line();
+  void line_up();
   void line_lost(const std::string& why);
 
   asio::awaitable<void> run_command();
@@ -77,12 +85,17 @@ class LinkWorker final {
   asio::awaitable<Knowledge> know_model(Device& device, BadReason& failure);
   void take_reading(Device& device, GroupPoll& group, const Agenda::PollStep& step,
                     Exchange exchange);
+  /// The device said no to a read. True where the same read is to be offered again.
+  bool take_refusal(Device& device, GroupPoll& group, const Agenda::PollStep& step,
+                    const Exchange& exchange, RefusalMeaning meaning);
   void fail_cycle(Device& device, GroupPoll& group, BadReason why);
   void finish_cycle(Device& device, GroupPoll& group);
   void publish(Device& device, std::uint32_t group, Telemetry message);
 
   void note_answer(Device& device);
   void note_silence(Device& device);
+  /// A gateway answered in its place: the device is silent, the connection is not.
+  void note_unreachable(Device& device);
   void update_status(Device& device);
 
   asio::any_io_executor executor_;
@@ -95,15 +108,15 @@ class LinkWorker final {
   std::vector<std::unique_ptr<Device>> devices_;
   std::unordered_map<std::uint32_t, Device*> by_index_;
   std::deque<Waiting> waiting_;
-  std::chrono::nanoseconds running_line_time_{0};  ///< of the command on the wire
   SteadyTime next_open_{};
   std::chrono::milliseconds open_delay_{0};
   std::string why_down_ = "not opened yet";
   bool was_open_ = false;
+  bool echo_told_ = false;
   int unanswered_in_a_row_ = 0;
   std::minstd_rand jitter_;
   SteadyTime counting_since_{};
-  bool command_running_ = false;
+  std::optional<Waiting> running_;  ///< the command on the wire
   bool stopping_ = false;
 };
 

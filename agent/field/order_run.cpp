@@ -125,7 +125,10 @@ asio::awaitable<Exchange> OrderRun::ask(Request request, SteadyTime not_after) {
     if (!first_byte_) first_byte_ = exchange.began;
     last_byte_ = exchange.ended;
   }
-  if (exchange.has_answer()) answered_ = true;
+  const bool by_gateway =
+      exchange.is_nak() && station_.codec->meaning_of(request, exchange.reply.device_code) ==
+                               RefusalMeaning::unreachable;
+  if (exchange.has_answer() && !by_gateway) answered_ = true;
   if (exchange.outcome == Exchange::Outcome::unanswered) unanswered_ = true;
   co_return exchange;
 }
@@ -134,30 +137,28 @@ asio::awaitable<OrderRun::ReadBack> OrderRun::read_point(const OrderTarget& targ
                                                          SteadyTime not_after) {
   ReadBack out;
   const Plan plan = plan_of(*station_.codec, device_, target);
-  Bytes whole;
-  const Span span = *span_of(target.point);
+  std::vector<Bytes> images;
   for (const PlannedRead& planned : plan.reads) {
     for (int attempt = 0; attempt <= device_.retries; ++attempt) {
       out.last = co_await ask(planned.read, not_after);
       const bool cured = out.last.is_data();
-      const bool worth_repeating =
-          out.last.outcome == Exchange::Outcome::garbled ||
-          (out.last.is_nak() &&
-           station_.codec->meaning_of(planned.read, out.last.reply.device_code) ==
-               RefusalMeaning::curable);
+      std::optional<RefusalMeaning> refusal;
+      if (out.last.is_nak())
+        refusal = station_.codec->meaning_of(planned.read, out.last.reply.device_code);
+      const bool worth_repeating = out.last.outcome == Exchange::Outcome::garbled ||
+                                   refusal == RefusalMeaning::curable ||
+                                   refusal == RefusalMeaning::busy;
       if (cured || !worth_repeating) break;
+      if (refusal == RefusalMeaning::busy) co_await pause(kBusyPause);
     }
     if (!out.last.is_data()) co_return out;
-    const Span part = planned.read.span;
-    if (plan.reads.size() == 1) {
-      whole = extract_bits(out.last.reply.image, span.first_bit - part.first_bit, span.bits);
-    } else {
-      whole.insert(whole.end(), out.last.reply.image.begin(), out.last.reply.image.end());
-    }
+    images.push_back(std::move(out.last.reply.image));
   }
-  if (plan.reads.size() > 1)
-    whole = extract_bits(whole, span.first_bit - plan.reads.front().read.span.first_bit, span.bits);
-  out.image = std::move(whole);
+  auto image = image_of(plan, images, target.point, 0);
+  if (image)
+    out.image = std::move(*image);
+  else
+    out.last.error = image.error().text;
   co_return out;
 }
 
@@ -322,7 +323,8 @@ asio::awaitable<void> OrderRun::settle_unknown(const OrderTarget& target, const 
                                                TargetResult& out) {
   set(out, CommandStatus::unknown_outcome, reason_of(lost),
       lost.is_nak() ? nak_text(lost) : lost.error);
-  if (!line_.is_open()) co_return;
+  // A line that was lost tells nothing; one that was closed to put it in order is opened again.
+  if (lost.outcome == Exchange::Outcome::link_down) co_return;
   ReadBack got = co_await read_point(target, SteadyTime::max());
   if (!got.image) co_return;
   out.verify = verification(target, *got.image);
@@ -411,7 +413,10 @@ nanoseconds OrderRun::line_time(const Line& line, const Station& station,
     nanoseconds reading{0};
     for (const PlannedRead& planned : plan_of(*station.codec, device, target).reads)
       reading += one(planned.read);
-    for (const Request& request : target.requests) total += one(request);
+    for (const Request& request : target.requests) {
+      total += one(request);
+      if (const auto first = station.codec->read_before(request)) total += one(*first);
+    }
     if (target.requests.empty()) total += reading;
     if (!target.expected.empty()) total += reading;
     if (!target.requests.empty() && wants_verify(order, target)) total += reading;
