@@ -157,6 +157,24 @@ TEST(Agenda, StepThatIsNotDoneIsOfferedAgain) {
   EXPECT_EQ(agenda.next(at(0)).poll.exchange, 1U);
 }
 
+TEST(Agenda, PostponedStepWaitsAndLetsOthersGo) {
+  Agenda agenda;
+  const auto busy = agenda.add_device(3, kBackOff);
+  const auto group = agenda.add_group(busy, milliseconds(100), 2, at(0));
+  const auto other =
+      agenda.add_group(agenda.add_device(3, kBackOff), milliseconds(1000), 1, at(10));
+  const auto first = agenda.next(at(0));
+  ASSERT_EQ(first.poll.group, group);
+  agenda.postpone(first.poll, at(50));
+  EXPECT_EQ(agenda.next(at(5)).until, at(10));
+  EXPECT_EQ(poll(agenda, at(20)), other);
+  EXPECT_EQ(agenda.next(at(20)).until, at(50));
+  const auto again = agenda.next(at(50));
+  EXPECT_EQ(again.poll.group, group);
+  EXPECT_EQ(again.poll.exchange, 0U);
+  EXPECT_FALSE(again.poll.starts_cycle);
+}
+
 TEST(Agenda, CommandGoesBetweenTheExchangesOfACycle) {
   Agenda agenda;
   const auto device = agenda.add_device(3, kBackOff);

@@ -131,6 +131,41 @@ TEST_F(LineTest, EchoAloneIsSilence) {
   EXPECT_EQ(read("D100").outcome, Outcome::unanswered);
 }
 
+TEST_F(LineTest, EchoThatTheLineIsSaidToReturnIsTakenOff) {
+  station.echo = true;
+  wire->expect(kEnq).give(kEnq).give(kAck);
+  wire->expect(kWriteD200).give(Bytes{0x00}).give(kWriteD200).give(kAck);
+  wire->expect(kWriteD200).give(kWriteD200).silence();  // an echo is no answer
+  open();
+  EXPECT_TRUE(write_d200().is_ack());
+  const Exchange unanswered = write_d200();
+  EXPECT_EQ(unanswered.outcome, Outcome::unanswered);
+  EXPECT_EQ(unanswered.error.find("echo"), std::string::npos);
+}
+
+TEST_F(LineTest, EchoThatDoesNotComeIsNamed) {
+  station.echo = true;
+  station.enquire = EnquirePolicy::never;
+  wire->expect(kReadD100).give(word_frame(234)).silence();
+  open();
+  const Exchange answer = read("D100");
+  EXPECT_EQ(answer.outcome, Outcome::unanswered);
+  EXPECT_NE(answer.error.find("not even the echo"), std::string::npos) << answer.error;
+}
+
+TEST_F(LineTest, EchoThatNobodyToldOfIsFoundByTheFirstRead) {
+  station.enquire = EnquirePolicy::never;
+  Bytes both = kReadD100;
+  const Bytes data = word_frame(234);
+  both.insert(both.end(), data.begin(), data.end());
+  wire->expect(kReadD100).give(both).expect(kReadD100).give(kReadD100).give(data);
+  open();
+  EXPECT_FALSE(line->echo_found());
+  EXPECT_TRUE(read("D100").is_data());
+  EXPECT_TRUE(line->echo_found());
+  EXPECT_TRUE(read("D100").is_data());
+}
+
 TEST_F(LineTest, NoiseBeforeTheReplyIsPassedOver) {
   wire->expect(kEnq).give({0x00, 0xFF, 0x06});
   wire->expect(kReadD100).give(joined({0xFF, 0x7F, 0x00}, word_frame(7)));
@@ -218,6 +253,28 @@ TEST_F(LineTest, LateAckIsNotTakenForAnotherWithoutAnEnquiryEither) {
   open();
   EXPECT_EQ(write_d200(50).outcome, Outcome::unanswered);
   EXPECT_EQ(write_d200(60).outcome, Outcome::unanswered);
+}
+
+TEST_F(LineTest, LateNakIsNotTakenForTheProbesAnswer) {
+  station.enquire = EnquirePolicy::never;
+  wire->expect(kWriteD200).silence();
+  wire->silence();  // the drain
+  wire->expect(kProbe).give(kNak).expect(kProbe).give(kProbeAnswer);
+  wire->expect(kWriteD200).give(kAck);
+  open();
+  EXPECT_EQ(write_d200().outcome, Outcome::unanswered);
+  EXPECT_TRUE(write_d200().is_ack());
+}
+
+TEST_F(LineTest, DeviceThatRefusesTheProbeForeverIsAskedAllTheSame) {
+  station.enquire = EnquirePolicy::never;
+  wire->expect(kWriteD200).silence();
+  wire->silence();
+  for (int i = 0; i < 3; ++i) wire->expect(kProbe).give(kNak);
+  wire->expect(kWriteD200).give(kAck);
+  open();
+  EXPECT_EQ(write_d200().outcome, Outcome::unanswered);
+  EXPECT_TRUE(write_d200().is_ack());
 }
 
 TEST_F(LineTest, LostAckStaysAWorryUntilAReadWasAnswered) {

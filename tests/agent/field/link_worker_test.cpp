@@ -367,6 +367,29 @@ TEST_F(LinkWorkerTest, LostLinkIsOpenedAgainByItself) {
   EXPECT_EQ(state().state, State::online);
 }
 
+TEST_F(LinkWorkerTest, BugInAPollDoesNotEndTheLink) {
+  script().expect(kEnq).give(kAck);
+  wire->expect(kReadD100).call([] { throw std::logic_error("a bug"); });
+  start();
+  wait([&] { return !telemetry.empty(); });
+  EXPECT_EQ(telemetry[0].readings[0].value, number(0)) << "the link began anew";
+}
+
+TEST_F(LinkWorkerTest, BugUnderAnOrderAnswersItAndTheNextOnes) {
+  add_setpoint();
+  config.devices[0].groups[0].interval = std::chrono::hours(1);
+  script().expect(kEnq).give(kAck);
+  wire->expect(kWrite50).call([] { throw std::logic_error("a bug"); });
+  start(Polling::off);
+  worker->submit(write_setpoint("a"));
+  worker->submit(write_setpoint("b"));
+  EXPECT_EQ(wait_for_result("a").status, CommandStatus::unknown_outcome);
+  EXPECT_EQ(wait_for_result("b").status, CommandStatus::succeeded);
+  worker->submit(write_setpoint("a"));
+  wait([&] { return results.size() >= 3; });
+  EXPECT_EQ(results.back().status, CommandStatus::duplicate) << "it is not carried out again";
+}
+
 TEST_F(LinkWorkerTest, TcpPeerThatNeverAnswersIsLeftAndConnectedAnew) {
   config.links[0].channel = TcpSettings{"192.0.2.10", 5551};
   config.devices[0].groups[0].interval = milliseconds(2);
