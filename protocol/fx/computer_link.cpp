@@ -11,8 +11,8 @@ namespace {
 using namespace link;
 
 constexpr std::uint32_t kPc = 0xFF;  // the PLC number of every FX
-// ENQ header, command, wait, head device, number of points.
-constexpr std::uint32_t kReadRequest = kHeader + 2 + 1 + 5 + 2;
+// ENQ header, command, wait, number of points; the head device comes between the last two.
+constexpr std::uint32_t kReadRequest = kHeader + 2 + 1 + 2;
 // STX header, 256 bits, ETX, sum, CR LF.
 constexpr std::size_t kLongestFrame = kHeader + 256 + 1 + 2 + 2;
 
@@ -41,12 +41,24 @@ void append_decimal(Bytes& out, std::uint32_t number, std::size_t digits, std::u
     out[begin + i - 1] = static_cast<std::uint8_t>('0' + number % base);
 }
 
-/// "X0040": the letters and the number, five characters together.
-void append_device(Bytes& out, std::uint16_t space, std::uint32_t bit) {
+/// Characters of a device's name: five, and seven in the Q commands, which alone reach R.
+constexpr std::size_t kShortName = 5;
+constexpr std::size_t kLongName = 7;
+std::size_t name_chars(std::uint16_t space) {
+  return space == id(Space::r) ? kLongName : kShortName;
+}
+
+/// "X0040": the letters and the number, `chars` together.
+void append_device(Bytes& out, std::uint16_t space, std::uint32_t bit, std::size_t chars) {
   const DeviceKind& kind = kind_of(static_cast<Space>(space));
   out.insert(out.end(), kind.letters.begin(), kind.letters.end());
-  append_decimal(out, kind.first_number + bit / kind.bits, 5 - kind.letters.size(),
+  append_decimal(out, kind.first_number + bit / kind.bits, chars - kind.letters.size(),
                  kind.octal ? 8 : 10);
+}
+
+std::string_view read_command(const Read& read) {
+  if (read.span.space == id(Space::r)) return "QR";
+  return read.way == ComputerLink::kBitWay ? "BR" : "WR";
 }
 
 /// 256 points are written 00.
@@ -174,6 +186,7 @@ constexpr std::array<TypeCode, 6> kTypeCodes = {{{0xF2, Model::fx1s},
                                                  {0xF4, Model::fx3g}}};
 
 constexpr int kSumMismatch = 0x02;
+constexpr int kNoDevice = 0x06;
 
 template <class T>
 const T* option(const Options& options, std::string_view key) {
@@ -195,7 +208,7 @@ std::string_view link_refusal(int code) {
       return "the PLC found a wrong sum";
     case 0x03:
       return "the PLC is set to another format or procedure (D8120)";
-    case 0x06:
+    case kNoDevice:
       return "device does not exist or too many points";
     case 0x07:
       return "data that are not hex digits";
@@ -286,6 +299,8 @@ std::vector<ReadWay> ComputerLink::read_ways(std::uint16_t space_id) const {
     way.max_bits = std::max(std::min(points * unit, block) / unit * unit, unit);
     ways.push_back(way);
   };
+  // Only FX3 know the Q commands, so no PLC is asked for R before it has told its model.
+  if (space == Space::r && settings_.model == Model::unknown) return ways;
   for (const Numbers& numbers : numbers_of(settings_.model, space)) {
     const Span run = span_of(space, numbers);
     if (bits == 1) add(run, kBitWay, 1, 1, limits.br);
@@ -340,13 +355,13 @@ Result<Bytes> ComputerLink::encode_read(const Read& read) const {
                     ": at most " + std::to_string(way.max_bits) + ", in steps of " +
                     std::to_string(way.unit_bits));
     Bytes area;
-    append_device(area, span.space, span.first_bit);
+    append_device(area, span.space, span.first_bit, name_chars(span.space));
     append_points(area, span.bits / way.unit_bits);
-    return framed(read.way == kBitWay ? "BR" : "WR", area);
+    return framed(read_command(read), area);
   }
   return fail(ErrorCode::unsupported, device_name(span) + ": " + std::to_string(span.bits) +
                                           " bits are not read by " +
-                                          (read.way == kBitWay ? "BR" : "WR") + " on this model");
+                                          std::string(read_command(read)) + " on this model");
 }
 
 Result<Bytes> ComputerLink::encode_write(const Write& write) const {
@@ -366,13 +381,14 @@ Result<Bytes> ComputerLink::encode_write(const Write& write) const {
                   std::to_string(write.image.size()) + " bytes to " + device_name(span) +
                   ": at most " + std::to_string(most * unit) + " bits");
   Bytes area;
-  append_device(area, span.space, span.first_bit);
+  append_device(area, span.space, span.first_bit, name_chars(span.space));
   append_points(area, span.bits / unit);
   if (by_bits)
     append_bits(area, write.image, span.bits);
   else
     append_numbers(area, write.image, unit / 8);
-  return framed(by_bits ? "BW" : "WW", area);
+  const bool extension = span.space == id(Space::r);
+  return framed(by_bits ? "BW" : (extension ? "QW" : "WW"), area);
 }
 
 Result<Bytes> ComputerLink::encode_scatter(const Scatter& scatter) const {
@@ -380,6 +396,9 @@ Result<Bytes> ComputerLink::encode_scatter(const Scatter& scatter) const {
   if (!carrier) return fail(ErrorCode::unsupported, "no frame carries these writes together");
   Bytes items;
   std::uint32_t points = 0;
+  const bool long_names =
+      std::any_of(scatter.parts.begin(), scatter.parts.end(),
+                  [](const Write& part) { return part.span.space == id(Space::r); });
   for (const Write& part : scatter.parts) {
     const Span& span = part.span;
     if (const auto allowed = check_exact(settings_.model, span); !allowed)
@@ -389,7 +408,7 @@ Result<Bytes> ComputerLink::encode_scatter(const Scatter& scatter) const {
                     std::to_string(span.bits) + " bits");
     const std::uint32_t step = *carrier == Carrier::bits ? 1 : 16;
     for (std::uint32_t done = 0; done < span.bits; done += step, ++points) {
-      append_device(items, span.space, span.first_bit + done);
+      append_device(items, span.space, span.first_bit + done, long_names ? kLongName : kShortName);
       const Bytes value = extract_bits(part.image, done, step);
       if (*carrier == Carrier::bits)
         append_bits(items, value, 1);
@@ -400,7 +419,7 @@ Result<Bytes> ComputerLink::encode_scatter(const Scatter& scatter) const {
   Bytes area;
   append_points(area, points);
   area.insert(area.end(), items.begin(), items.end());
-  return framed(*carrier == Carrier::bits ? "BT" : "WT", area);
+  return framed(*carrier == Carrier::bits ? "BT" : (long_names ? "QT" : "WT"), area);
 }
 
 Result<Bytes> ComputerLink::encode(const Request& request, std::uint16_t /*tag*/) const {
@@ -568,8 +587,9 @@ bool ComputerLink::expects_reply(const Request& request) const {
 LineLength ComputerLink::line_length(const Request& request) const {
   LineLength length;
   const std::uint32_t tail = sum_chars() + terminator_chars();
-  if (std::holds_alternative<Read>(request)) {
-    length.request_chars = kReadRequest + tail;
+  if (const auto* read = std::get_if<Read>(&request)) {
+    length.request_chars =
+        kReadRequest + static_cast<std::uint32_t>(name_chars(read->span.space)) + tail;
   } else if (const auto frame = encode(request, 0)) {
     length.request_chars = static_cast<std::uint32_t>(frame->size());
   }
@@ -580,11 +600,6 @@ LineLength ComputerLink::line_length(const Request& request) const {
     length.reply_chars = kHeader + data_chars(request) + 1 + tail;
   }
   return length;
-}
-
-std::chrono::nanoseconds ComputerLink::quiet_before(std::chrono::nanoseconds char_time) const {
-  return settings_.acknowledge_data ? char_time * (kHeader + terminator_chars() + 1)
-                                    : std::chrono::nanoseconds{};
 }
 
 Explanation ComputerLink::explain(ByteView frame, std::optional<Direction> direction) const {
@@ -637,8 +652,9 @@ RefusalMeaning ComputerLink::meaning_of(const Request& request, int device_code)
   const auto* control = std::get_if<Control>(&request);
   const bool runs_or_stops = control != nullptr && (control->kind == Control::Kind::run ||
                                                     control->kind == Control::Kind::stop);
-  return device_code == kSumMismatch && !runs_or_stops ? RefusalMeaning::curable
-                                                       : RefusalMeaning::final;
+  if (device_code == kSumMismatch && !runs_or_stops) return RefusalMeaning::curable;
+  const bool too_much = device_code == kNoDevice && std::holds_alternative<Read>(request);
+  return too_much ? RefusalMeaning::hole : RefusalMeaning::final;
 }
 
 std::optional<Request> ComputerLink::combine(const std::vector<Request>& requests) const {

@@ -30,7 +30,7 @@ class ComputerLink final : public Codec {
     /// Bytes of device memory in one frame; 128 are the 64 words of the manual.
     std::uint32_t max_block_bytes = 128;
   };
-  /// Read::way of the two units: BR brings a character for each bit, WR four for each word.
+  /// Read::way of the two units: BR brings a character for each bit, WR and QR four for each word.
   static constexpr std::uint8_t kBitWay = 0;
   static constexpr std::uint8_t kWordWay = 1;
 
@@ -67,11 +67,8 @@ class ComputerLink final : public Codec {
   Result<Request> run_order(bool run) const override;
   std::string run_order_hint() const override;
   RefusalMeaning meaning_of(const Request& request, int device_code) const override;
-  /// BT where all are bits and few, WT where all are whole 16-bit words.
+  /// BT where all are bits and few, WT where all are whole 16-bit words, QT with an R among them.
   std::optional<Request> combine(const std::vector<Request>& requests) const override;
-  /// The computer's own ACK, which nobody answers, must have left the wire: on a line with an echo
-  /// it comes back, and would be taken for the answer to a write.
-  std::chrono::nanoseconds quiet_before(std::chrono::nanoseconds char_time) const override;
 
  private:
   /// Header, area and what follows them: ENQ station pc command wait area [sum] [CR LF].

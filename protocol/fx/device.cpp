@@ -21,6 +21,7 @@ constexpr std::array<DeviceKind, kSpaces> kKinds = {{
     {"CN", Unit::dword, 32, 200, false},
     {"D", Unit::word, 16, 0, false},
     {"D", Unit::word, 16, 8000, false},
+    {"R", Unit::word, 16, 0, false},
     {"TC", Unit::bit, 1, 0, false},
     {"CC", Unit::bit, 1, 0, false},
 }};
@@ -28,23 +29,24 @@ constexpr std::array<DeviceKind, kSpaces> kKinds = {{
 /// The last number of each kind, and the run of 32-bit counters.
 struct Limits {
   std::uint32_t x, y, m, special, s, t, c, c32_first, c32_last, d;
+  std::uint32_t r = 0;  // how many; none where the model has no extension registers
 };
 
 constexpr std::array<Limits, 7> kLimits = {{
-    {0177, 0177, 511, 8255, 127, 63, 31, 235, 254, 255},       // FX0N
-    {017, 015, 511, 8255, 127, 63, 31, 235, 255, 255},         // FX1S
-    {0177, 0177, 1535, 8255, 999, 255, 199, 200, 255, 7999},   // FX1N
-    {0267, 0267, 3071, 8255, 999, 255, 199, 200, 255, 7999},   // FX2N
-    {0177, 0177, 1535, 8511, 255, 137, 199, 200, 255, 2999},   // FX3S
-    {0177, 0177, 7679, 8511, 4095, 319, 199, 200, 255, 7999},  // FX3G
-    {0377, 0377, 7679, 8511, 4095, 511, 199, 200, 255, 7999},  // FX3U
+    {0177, 0177, 511, 8255, 127, 63, 31, 235, 254, 255},              // FX0N
+    {017, 015, 511, 8255, 127, 63, 31, 235, 255, 255},                // FX1S
+    {0177, 0177, 1535, 8255, 999, 255, 199, 200, 255, 7999},          // FX1N
+    {0267, 0267, 3071, 8255, 999, 255, 199, 200, 255, 7999},          // FX2N
+    {0177, 0177, 1535, 8511, 255, 137, 199, 200, 255, 2999},          // FX3S
+    {0177, 0177, 7679, 8511, 4095, 319, 199, 200, 255, 7999, 24000},  // FX3G
+    {0377, 0377, 7679, 8511, 4095, 511, 199, 200, 255, 7999, 32768},  // FX3U
 }};
 
 // Devices that start and stop the PLC or open its program memory. RUN and STOP have orders of their
 // own; a write that reached one of these as a side effect would stop a plant.
 constexpr std::array<Numbers, 2> kNeverWritten = {{{8034, 8037}, {8118, 8118}}};
 
-constexpr std::string_view kForms = "X0 Y0 (octal) M0 S0 D0 TN0 TS0 CN0 CS0, T0 C0, D0.F, K4M0";
+constexpr std::string_view kForms = "X0 Y0 (octal) M0 S0 D0 R0 TN0 TS0 CN0 CS0, T0 C0, D0.F, K4M0";
 
 tl::unexpected<Error> refuse(std::string text) {
   return fail(ErrorCode::bad_request, std::move(text));
@@ -132,8 +134,8 @@ Result<Parts> take_apart(std::string_view text) {
   std::size_t letters = 0;
   while (letters < rest.size() && rest[letters] >= 'A' && rest[letters] <= 'Z') ++letters;
   parts.letters = rest.substr(0, letters);
-  constexpr std::array<std::string_view, 11> kLetters = {"X", "Y",  "M",  "S",  "D", "T",
-                                                         "C", "TN", "TS", "CN", "CS"};
+  constexpr std::array<std::string_view, 12> kLetters = {"X", "Y", "M",  "S",  "D",  "R",
+                                                         "T", "C", "TN", "TS", "CN", "CS"};
   if (std::find(kLetters.begin(), kLetters.end(), parts.letters) == kLetters.end())
     return refuse("'" + name + "' is not an FX device; the forms are " + std::string(kForms));
   rest.remove_prefix(letters);
@@ -147,7 +149,7 @@ Result<Parts> take_apart(std::string_view text) {
   if (rest.empty()) return parts;
   const int bit =
       rest.size() == 2 && rest[0] == '.' ? hex_digit(static_cast<std::uint8_t>(rest[1])) : -1;
-  if (bit < 0 || parts.letters != "D" || parts.group != 0)
+  if (bit < 0 || (parts.letters != "D" && parts.letters != "R") || parts.group != 0)
     return refuse("'" + name + "' is not an FX device; a bit of a word is D100.0 to D100.F");
   parts.word_bit = static_cast<std::uint32_t>(bit);
   return parts;
@@ -162,13 +164,15 @@ Space space_of(const std::string& letters, std::uint32_t number) {
   if (letters == "TS") return Space::ts;
   if (letters == "TN") return Space::tn;
   if (letters == "CS") return Space::cs;
+  if (letters == "R") return Space::r;
   if (letters == "CN") return number >= 200 ? Space::cn32 : Space::cn;
   return number >= 8000 ? Space::special_d : Space::d;
 }
 
 tl::unexpected<Error> missing(Model model, const std::string& name, std::string_view letters) {
+  const std::string ranges = ranges_text(model, letters);
   return refuse(name + " does not exist: " + std::string(model_text(model)) + " has " +
-                ranges_text(model, letters));
+                (ranges.empty() ? "no " + std::string(letters) : ranges));
 }
 
 /// bad_request where the span holds a device that is never written.
@@ -229,6 +233,8 @@ NumberRuns numbers_of(Model model, Space space) {
       return one(0, limits.d);
     case Space::special_d:
       return one(8000, limits.special);
+    case Space::r:
+      return limits.r == 0 ? NumberRuns{} : one(0, limits.r - 1);
     case Space::cs:
     case Space::cc:
       break;

@@ -40,10 +40,11 @@ enum class Space : std::uint16_t {
   cn32,  ///< counter values, 32 bits: CN200-CN255
   d,
   special_d,
+  r,  ///< extension registers of FX3G and FX3U
   tc,
   cc,  ///< coils of timers and counters: named when a frame is explained, never addressed
 };
-inline constexpr std::uint16_t kSpaces = 14;
+inline constexpr std::uint16_t kSpaces = 15;
 
 constexpr std::uint16_t id(Space space) { return static_cast<std::uint16_t>(space); }
 
@@ -68,7 +69,7 @@ struct NumberRuns {
   const Numbers* begin() const { return runs.data(); }
   const Numbers* end() const { return runs.data() + count; }
 };
-/// An unknown model has what the widest one has: FX3U.
+/// None where the model lacks the kind. An unknown model has what the widest one has: FX3U.
 NumberRuns numbers_of(Model model, Space space);
 
 /// The bits of `numbers` in their space.

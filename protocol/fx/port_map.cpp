@@ -8,7 +8,10 @@ namespace {
 
 constexpr std::optional<std::uint16_t> kNoForce = std::nullopt;
 
-constexpr std::array<PortArea, kSpaces> kClassic = {{
+// Every space but R, whose addresses no document tells.
+constexpr std::size_t kMapped = kSpaces - 1;
+
+constexpr std::array<PortArea, kMapped> kClassic = {{
     {Space::s, 0x0000, 0x0000, 1024},
     {Space::x, 0x0080, 0x0400, 256},
     {Space::y, 0x00A0, 0x0500, 256},
@@ -25,7 +28,7 @@ constexpr std::array<PortArea, kSpaces> kClassic = {{
     {Space::d, 0x1000, kNoForce, 1024},
 }};
 
-constexpr std::array<PortArea, kSpaces> kExtendedFx2n = {{
+constexpr std::array<PortArea, kMapped> kExtendedFx2n = {{
     {Space::m, 0x0000, 0x0000, 3072},
     {Space::y, 0x0180, 0x0C00, 256},
     {Space::special_m, 0x01C0, 0x0E00, 256},
@@ -42,7 +45,7 @@ constexpr std::array<PortArea, kSpaces> kExtendedFx2n = {{
     {Space::d, 0x4000, kNoForce, 8000},
 }};
 
-constexpr std::array<PortArea, kSpaces> kExtendedFx3 = {{
+constexpr std::array<PortArea, kMapped> kExtendedFx3 = {{
     {Space::cn, 0x0A00, kNoForce, 200},
     {Space::cn32, 0x0C00, kNoForce, 56},
     {Space::tn, 0x1000, kNoForce, 512},

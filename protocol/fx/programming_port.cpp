@@ -159,6 +159,23 @@ bool is_run_order(const Force& force) {
   return force.space == id(Space::special_m) && force.bit == kStopOrder;
 }
 
+tl::unexpected<Error> no_address(const Span& span) {
+  return fail(ErrorCode::bad_request,
+              device_name(span) +
+                  ": no document says where the programming port has the extension "
+                  "registers R; the computer link reaches them");
+}
+
+const Span& place_of(const Span& span) { return span; }
+const Span& place_of(const Address& address) { return address.span; }
+
+/// What was parsed, unless this protocol has no address for it.
+template <class T>
+Result<T> reachable(Result<T> parsed) {
+  if (parsed && place_of(*parsed).space == id(Space::r)) return no_address(place_of(*parsed));
+  return parsed;
+}
+
 }  // namespace
 
 std::uint8_t port_sum(ByteView after_stx) {
@@ -198,16 +215,17 @@ Result<std::shared_ptr<const Codec>> ProgrammingPort::make(const Options& option
 
 Result<Address> ProgrammingPort::parse_address(std::string_view text,
                                                std::optional<DataType> type) const {
-  return fx::parse_address(settings_.model, text, type);
+  return reachable(fx::parse_address(settings_.model, text, type));
 }
 
 bool ProgrammingPort::needs_type(std::string_view text) const { return fx::needs_type(text); }
 
 Result<Span> ProgrammingPort::parse_range(std::string_view text) const {
-  return fx::parse_range(settings_.model, text);
+  return reachable(fx::parse_range(settings_.model, text));
 }
 
 Result<void> ProgrammingPort::check_range(const Span& span) const {
+  if (span.space == id(Space::r)) return no_address(span);
   return fx::check_range(settings_.model, span);
 }
 

@@ -44,6 +44,7 @@ TEST(Device, NamesBecomePlacesInTheirSpace) {
       {"D7999", "D7999", {id(Space::d), 7999 * 16, 16}, Unit::word},
       {"D8010", "D8010", {id(Space::special_d), 160, 16}, Unit::word},
       {"D100.F", "D100.F", {id(Space::d), 1615, 1}, Unit::word_bit},
+      {"R100.F", "R100.F", {id(Space::r), 1615, 1}, Unit::word_bit},
       {"D8000.0", "D8000.0", {id(Space::special_d), 0, 1}, Unit::word_bit},
       {"K4M0", "K4M0", {id(Space::m), 0, 16}, Unit::bit_group},
       {"K1Y10", "K1Y10", {id(Space::y), 8, 4}, Unit::bit_group},
@@ -83,7 +84,7 @@ TEST(Device, ANumberThatIsNotOctalNamesItsNeighbours) {
 }
 
 TEST(Device, NonsenseIsRefusedWithTheFormsThatExist) {
-  for (const char* text : {"", "Q5", "100", "TC5", "R0", "D1OO", " D1", "D1 ", "-1"})
+  for (const char* text : {"", "Q5", "100", "TC5", "D1OO", " D1", "D1 ", "-1"})
     EXPECT_NE(refusal(text).find("FX device"), std::string::npos) << text << refusal(text);
   EXPECT_NE(refusal("D-1").find("no device number"), std::string::npos);
   EXPECT_NE(refusal("D").find("no device number"), std::string::npos);
@@ -120,6 +121,7 @@ TEST(Device, EachModelHasItsLastDeviceAndNotTheNext) {
       {Model::fx3u, "Y377", "Y400"},      {Model::fx3u, "M7679", "M7680"},
       {Model::fx3u, "T511", "T512"},      {Model::fx3u, "CN199", "CN256"},
       {Model::unknown, "M7679", "M7680"}, {Model::unknown, "T511", "D8512"},
+      {Model::fx3g, "R23999", "R24000"},  {Model::fx3u, "R32767", "R32768"},
       {Model::fx1s, "K3Y0", "K4Y0"},      {Model::fx0n, "K4M496", "K4M500"},
   };
   for (const Case& c : cases) {
@@ -132,6 +134,7 @@ TEST(Device, ARefusalNamesTheModelAndItsRanges) {
   EXPECT_EQ(refusal("M7680"), "M7680 does not exist: FX3U has M0-M7679 and M8000-M8511");
   EXPECT_EQ(refusal("X20", Model::fx1s), "X20 does not exist: FX1S has X0-X17");
   EXPECT_EQ(refusal("CS40", Model::fx0n), "CS40 does not exist: FX0N has CS0-CS31 and CS235-CS254");
+  EXPECT_EQ(refusal("R0", Model::fx2n), "R0 does not exist: FX2N has no R");
   EXPECT_EQ(refusal("Y400", Model::unknown),
             "Y400 does not exist: the widest model (FX3U) has Y0-Y377");
 }

@@ -43,6 +43,16 @@ std::optional<Request> request_of(const test::Exchange& e) {
   return Force{address->span.space, address->span.first_bit, e.operation == "force_on"};
 }
 
+TEST(ProgrammingPort, ExtensionRegistersAreRefusedWithTheProtocolThatReachesThem) {
+  const auto codec = port();
+  for (const auto& refused :
+       {codec.parse_address("R0", std::nullopt).map([](auto) {}),
+        codec.parse_range("R0-R9").map([](auto) {}), codec.check_range({id(Space::r), 0, 16})}) {
+    ASSERT_FALSE(refused);
+    EXPECT_NE(refused.error().text.find("computer link"), std::string::npos);
+  }
+}
+
 TEST(ProgrammingPort, SpeaksEveryFrameOfTheTranscripts) {
   int spoken = 0;
   for (const test::Exchange& e : test::read_frames("fx_programming_port.txt")) {
