@@ -124,7 +124,9 @@ asio::awaitable<Exchange> Line::send_and_receive(const Codec& codec, const Stati
   }
   const LineLength length = codec.line_length(request);
   const auto line = char_time_ * (length.request_chars + length.reply_chars);
-  const auto deadline = exchange.began + line + station.timeout;
+  // What closed the exchange before may still be leaving; this request goes right behind it.
+  const auto on_the_wire = std::max(exchange.began, last_activity_);
+  const auto deadline = on_the_wire + line + station.timeout;
 
   const auto written = co_await transport_->write(*frame, deadline);
   ++counters_.exchanges;
@@ -138,10 +140,7 @@ asio::awaitable<Exchange> Line::send_and_receive(const Codec& codec, const Stati
     co_return exchange;
   }
   if (codec.expects_reply(request)) {
-    const bool echo = station.echo || echo_found_;
-    co_await receive(codec, request, *frame, echo, deadline, exchange);
-    if (!exchange.reply.closing.empty())
-      co_await close_exchange(exchange.reply.closing, echo, Clock::now() + station.timeout);
+    co_await receive(codec, request, *frame, station.echo || echo_found_, deadline, exchange);
   } else {
     // Nobody answers: it is over when the last byte has left the wire, not when the kernel has it.
     timer_.expires_at(exchange.began + char_time_ * length.request_chars);
@@ -151,11 +150,16 @@ asio::awaitable<Exchange> Line::send_and_receive(const Codec& codec, const Stati
     not_before_ = Clock::now() + codec.pause_after(request);
   }
   exchange.ended = last_activity_ = Clock::now();
+  if (!exchange.reply.closing.empty()) {
+    last_activity_ += char_time_ * static_cast<int>(exchange.reply.closing.size());
+    co_await close_exchange(exchange.reply.closing, station.echo || echo_found_,
+                            last_activity_ + station.timeout);
+  }
   exchange.ended_ms = utc_ms(std::chrono::system_clock::now());
-  counters_.busy += exchange.ended - exchange.began;
+  counters_.busy += last_activity_ - exchange.began;
   note_doubt(codec, request, exchange);
   if (exchange.has_answer())
-    counters_.turnaround_ms.add(std::max(nanoseconds(0), exchange.ended - exchange.began - line));
+    counters_.turnaround_ms.add(std::max(nanoseconds(0), exchange.ended - on_the_wire - line));
   co_return exchange;
 }
 
@@ -260,7 +264,8 @@ asio::awaitable<void> Line::drain(const Station& station) {
 
 asio::awaitable<void> Line::keep_gap(const Codec& codec, milliseconds gap) {
   const nanoseconds quiet = std::max<nanoseconds>(gap, codec.quiet_before(char_time_));
-  const auto earliest = std::max(last_activity_ + quiet, not_before_);
+  auto earliest = not_before_;
+  if (quiet.count() > 0) earliest = std::max(earliest, last_activity_ + quiet);
   if (Clock::now() >= earliest) co_return;
   timer_.expires_at(earliest);
   co_await timer_.async_wait(use_result);
