@@ -209,6 +209,7 @@ struct LinkHealth {
   std::uint64_t naks = 0;
   std::uint64_t bad_frames = 0;
   double busy_percent = 0;
+  double load_percent = 0;  ///< of the line, that the groups' intervals ask for; may be above 100
   Percentiles turnaround_ms;
 };
 

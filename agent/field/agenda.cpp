@@ -7,6 +7,8 @@ namespace {
 
 // A group without an interval takes what is left: its deadline is as far away as a slow group's.
 constexpr std::chrono::seconds kPeriodOfFreeRunning{1};
+// A cycle's line time is smoothed over about so many cycles.
+constexpr int kSmoothing = 8;
 
 std::chrono::nanoseconds period(std::chrono::nanoseconds interval) {
   return interval.count() > 0 ? interval : std::chrono::nanoseconds(kPeriodOfFreeRunning);
@@ -23,10 +25,12 @@ Agenda::DeviceId Agenda::add_device(int unanswered_limit, BackOff back_off) {
 }
 
 Agenda::GroupId Agenda::add_group(DeviceId device, std::chrono::milliseconds interval,
-                                  std::uint32_t exchanges, SteadyTime first_due) {
+                                  std::uint32_t exchanges, SteadyTime first_due,
+                                  std::chrono::milliseconds within) {
   Group group;
   group.device = device;
   group.interval = interval;
+  group.within = within.count() > 0 ? within : period(interval);
   group.exchanges = std::max<std::uint32_t>(exchanges, 1);
   group.due = first_due;
   groups_.push_back(group);
@@ -45,7 +49,7 @@ Agenda::Group* Agenda::most_urgent(SteadyTime now) {
   for (Group& group : groups_) {
     if ((group.running ? group.not_before : group.due) > now) continue;
     if (devices_[group.device].rests_until > now) continue;
-    const SteadyTime deadline = group.running ? group.deadline : group.due + period(group.interval);
+    const SteadyTime deadline = group.running ? group.deadline : group.due + group.within;
     if (best != nullptr && deadline >= best_deadline) continue;
     best = &group;
     best_deadline = deadline;
@@ -63,12 +67,24 @@ Agenda::PollStep Agenda::begin_or_continue(Group& group, SteadyTime now) {
     group.running = true;
     group.exchange = 0;
     group.not_before = {};
+    group.used = {};
     ++counters.polls;
     if (group.interval.count() > 0) {
-      const auto skipped = step.late / group.interval;
-      counters.missed += static_cast<std::uint64_t>(skipped);
-      group.deadline = group.due + (skipped + 1) * group.interval;
-      group.due = group.deadline;
+      const double stretch = std::max(1.0, load());
+      const std::chrono::nanoseconds beat(
+          static_cast<std::int64_t>(static_cast<double>(group.interval.count()) * stretch));
+      // Whole beats that have passed are given up. A stretched beat has no place to keep: there the
+      // next one follows at once, or the line would stand idle for the rest of it.
+      const SteadyTime this_beat =
+          stretch > 1.0 ? std::max(group.due, now - beat) : group.due + step.late / beat * beat;
+      const auto passed = static_cast<double>((this_beat - group.due).count()) +
+                          static_cast<double>((beat - group.interval).count());
+      group.beats_owed += passed / static_cast<double>(group.interval.count());
+      const auto missed = static_cast<std::uint64_t>(group.beats_owed);
+      group.beats_owed -= static_cast<double>(missed);
+      counters.missed += missed;
+      group.deadline = this_beat + std::min(group.within, beat);
+      group.due = this_beat + beat;
     } else {
       group.deadline = now + kPeriodOfFreeRunning;
       group.due = now;
@@ -108,6 +124,10 @@ bool Agenda::step_done(const PollStep& step) {
   group.exchange = step.exchange + 1;
   if (group.exchange < group.exchanges) return false;
   group.running = false;
+  if (group.usual.count() == 0)
+    group.usual = group.used;
+  else
+    group.usual += (group.used - group.usual) / kSmoothing;
   return true;
 }
 
@@ -129,6 +149,20 @@ void Agenda::command_used(std::chrono::nanoseconds line_time, SteadyTime now) {
 }
 
 void Agenda::poll_used(std::chrono::nanoseconds line_time) { owed_to_polls_ -= line_time; }
+
+void Agenda::step_used(const PollStep& step, std::chrono::nanoseconds line_time) {
+  poll_used(line_time);
+  groups_[step.group].used += line_time;
+}
+
+double Agenda::load() const {
+  double load = 0;
+  for (const Group& group : groups_)
+    if (group.interval.count() > 0 && !devices_[group.device].silent)
+      load +=
+          static_cast<double>(group.usual.count()) / static_cast<double>(group.interval.count());
+  return load;
+}
 
 std::chrono::nanoseconds Agenda::polls_between(std::chrono::nanoseconds line_time,
                                                std::chrono::nanoseconds longest_poll) const {

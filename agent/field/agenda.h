@@ -44,9 +44,10 @@ class Agenda final {
   /// `unanswered_limit`: so many exchanges in a row without an answer make the device silent.
   DeviceId add_device(int unanswered_limit, BackOff back_off);
   /// A group polled each `interval` (0: as fast as the line allows), first at `first_due`. A cycle
-  /// of 0 exchanges is one step all the same.
+  /// of 0 exchanges is one step all the same. `within` is the deadline of a cycle after its beat
+  /// (0: the next beat).
   GroupId add_group(DeviceId device, std::chrono::milliseconds interval, std::uint32_t exchanges,
-                    SteadyTime first_due);
+                    SteadyTime first_due, std::chrono::milliseconds within = {});
   /// After a new plan: the running cycle, if any, begins anew.
   void set_exchanges(GroupId group, std::uint32_t exchanges);
 
@@ -58,7 +59,8 @@ class Agenda final {
   /// The job to run now, or until when to wait. Waiting commands come first, save for the polls'
   /// share; then the due group with the earliest deadline whose device is not in back-off. A late
   /// cycle keeps its beat: missed periods are skipped and counted, never sent in a burst. A cycle
-  /// under way goes on with its next exchange by the same rule.
+  /// under way goes on with its next exchange by the same rule. Where the groups ask for more than
+  /// the whole line, the beats of all are stretched by the same factor.
   Job next(SteadyTime now);
 
   /// The step was carried out; the cycle goes on, or has ended: true.
@@ -73,6 +75,12 @@ class Agenda final {
   /// Line time that commands and polls have used; feeds the polls' share.
   void command_used(std::chrono::nanoseconds line_time, SteadyTime now);
   void poll_used(std::chrono::nanoseconds line_time);
+  /// The same for an exchange of a group, which also tells what its cycles take.
+  void step_used(const PollStep& step, std::chrono::nanoseconds line_time);
+  /// The part of the line that the groups' intervals ask for, by what their cycles took: above 1
+  /// the line is overloaded. Groups without an interval ask for nothing, and silent devices do not
+  /// count.
+  double load() const;
   /// The most poll time that next() puts before or between commands of `line_time` in all, what is
   /// owed to the polls already included, if the longest poll exchange takes `longest_poll`.
   std::chrono::nanoseconds polls_between(std::chrono::nanoseconds line_time,
@@ -99,12 +107,16 @@ class Agenda final {
   struct Group {
     DeviceId device = 0;
     std::chrono::nanoseconds interval{0};
+    std::chrono::nanoseconds within{0};
     std::uint32_t exchanges = 1;
     SteadyTime due{};       ///< of the next cycle
     SteadyTime deadline{};  ///< of the running cycle
     bool running = false;
     std::uint32_t exchange = 0;
-    SteadyTime not_before{};  ///< of the running cycle's next step
+    SteadyTime not_before{};            ///< of the running cycle's next step
+    std::chrono::nanoseconds used{0};   ///< by the running cycle
+    std::chrono::nanoseconds usual{0};  ///< by a whole cycle, smoothed; 0: none has ended
+    double beats_owed = 0;              ///< below 1: what stretched beats have not yet counted
   };
 
   /// The due group that goes first, or none.

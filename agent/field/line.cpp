@@ -158,8 +158,10 @@ asio::awaitable<Exchange> Line::send_and_receive(const Codec& codec, const Stati
   exchange.ended_ms = utc_ms(std::chrono::system_clock::now());
   counters_.busy += last_activity_ - exchange.began;
   note_doubt(codec, request, exchange);
-  if (exchange.has_answer())
-    counters_.turnaround_ms.add(std::max(nanoseconds(0), exchange.ended - on_the_wire - line));
+  if (exchange.has_answer()) {
+    exchange.turnaround = std::max(nanoseconds(0), exchange.ended - on_the_wire - line);
+    counters_.turnaround_ms.add(exchange.turnaround);
+  }
   co_return exchange;
 }
 

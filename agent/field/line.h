@@ -29,10 +29,11 @@ struct Exchange {
   } outcome = Outcome::unanswered;
   bool sent = false;  ///< at least one byte left the agent
   Reply reply;
-  std::string error;          ///< in words, where not answered
-  SteadyTime began{};         ///< just before the first byte
-  SteadyTime ended{};         ///< last byte of the reply, or when it was given up
-  std::int64_t ended_ms = 0;  ///< the same, UTC
+  std::string error;                       ///< in words, where not answered
+  SteadyTime began{};                      ///< just before the first byte
+  SteadyTime ended{};                      ///< last byte of the reply, or when it was given up
+  std::int64_t ended_ms = 0;               ///< the same, UTC
+  std::chrono::nanoseconds turnaround{0};  ///< answered: all that was not characters on the wire
 
   bool has_answer() const { return outcome == Outcome::answered; }
   bool is_ack() const { return has_answer() && reply.kind == Reply::Kind::ack; }

@@ -26,6 +26,15 @@ constexpr BackOff kShared{milliseconds(1000), milliseconds(30000)};
 constexpr int kDeadPeerAfter = 3;
 // How long a group without an interval rests where no way of its device's model reaches its tags.
 constexpr milliseconds kNothingToRead{1000};
+// The RUN state is asked for soon after its beat, however busy the groups keep the line.
+constexpr milliseconds kRunStateWithin{2000};
+// A device's own time is taken from so many exchanges, and a plan made for another one is made anew
+// where the two differ by this factor and by more than the scheduling of a busy machine.
+constexpr std::uint32_t kTurnaroundsKnown = 64;
+constexpr double kOtherTurnaround = 1.5;
+constexpr milliseconds kTurnaroundNoise{3};
+// An overload is over when the line has a little to spare, so that the log stays quiet at the edge.
+constexpr double kOverloadOver = 0.95;
 // A device that says it is busy is asked again once it may have finished.
 constexpr milliseconds kBusyPause{100};
 // A link that fell over a bug rests before it begins anew, so that the log stays readable.
@@ -45,6 +54,10 @@ BadReason bad_reason(const Exchange& exchange) {
   }
 }
 
+std::string milliseconds_text(nanoseconds duration) {
+  return std::to_string(std::chrono::round<milliseconds>(duration).count());
+}
+
 std::int64_t now_ms() { return utc_ms(std::chrono::system_clock::now()); }
 
 }  // namespace
@@ -59,8 +72,9 @@ struct LinkWorker::GroupPoll {
   GroupReport report;
   std::vector<Point> points;  ///< beside report.tags()
   Agenda::GroupId id = 0;
-  Plan plan;                       ///< of points
-  std::uint32_t plan_version = 0;  ///< HoleMap::version() that it was made under
+  Plan plan;                          ///< of points
+  std::uint32_t holes_version = 0;    ///< HoleMap::version() that the plan was made under
+  nanoseconds planned_turnaround{0};  ///< the device's own time that it was made with
 
   // The running cycle.
   std::vector<Bytes> images;                       ///< beside plan.reads
@@ -94,6 +108,7 @@ struct LinkWorker::Device {
     station.gap = config.gap;
     station.enquire = config.enquire;
     station.echo = config.echo;
+    turnaround = config.turnaround;
     model_known = !codec->model().empty() || codec->identify().empty();
   }
 
@@ -104,6 +119,9 @@ struct LinkWorker::Device {
   CommandDesk desk;
   Agenda::DeviceId id = 0;
   HoleMap holes;
+  nanoseconds turnaround{0};      ///< its own time: the config's, or as it was measured
+  nanoseconds turnaround_sum{0};  ///< of the exchanges counted
+  std::uint32_t turnarounds = 0;
   std::vector<std::unique_ptr<GroupPoll>> groups;
   std::optional<Agenda::GroupId> run_state_group;
   bool model_known = false;
@@ -130,6 +148,13 @@ LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std
       jitter_(link + 1),
       counting_since_(Clock::now()) {
   const auto now = Clock::now();
+  milliseconds spread = kSpread;  // links are spread too: not all begin at once
+  for (const DeviceConfig& device : config.devices)
+    for (const GroupConfig& group : device.groups)
+      if (device.link == link && group.interval.count() > 0)
+        spread = std::min(spread, group.interval);
+  std::uniform_int_distribution<nanoseconds::rep> offset(0, nanoseconds(spread).count() - 1);
+  first_poll_after_ = nanoseconds(offset(jitter_));
   for (std::uint32_t i = 0; i < config.devices.size(); ++i) {
     if (config.devices[i].link != link) continue;
     add_device(i, now, polling);
@@ -149,16 +174,18 @@ void LinkWorker::add_device(std::uint32_t index, SteadyTime now, Polling polling
   for (std::uint32_t g = 0; polling == Polling::on && g < config.groups.size(); ++g) {
     auto group = std::make_unique<GroupPoll>(config, g);
     if (group->report.tags().empty()) continue;
-    const milliseconds within =
-        std::min(kSpread, std::max(config.groups[g].interval, milliseconds(1)));
-    std::uniform_int_distribution<milliseconds::rep> offset(0, within.count() - 1);
-    const auto first_due = now + milliseconds(offset(jitter_));
-    group->id = agenda_.add_group(device->id, config.groups[g].interval, 1, first_due);
+    // Each group begins when those before it should be through, and meets them there again and
+    // again where the intervals are multiples of each other.
+    const milliseconds interval = std::max(config.groups[g].interval, milliseconds(1));
+    group->id = agenda_.add_group(device->id, config.groups[g].interval, 1,
+                                  now + first_poll_after_ % nanoseconds(interval));
+    make_plan(*device, *group);
+    first_poll_after_ += group->plan.line_time;
     device->groups.push_back(std::move(group));
   }
   if (device->codec->run_state())
-    device->run_state_group = agenda_.add_group(device->id, kRunStateEvery, 1, now);
-  for (const auto& group : device->groups) make_plan_of(*device, *group);
+    device->run_state_group =
+        agenda_.add_group(device->id, kRunStateEvery, 1, now, kRunStateWithin);
   device->status.device = index;
   device->status.since_ms = now_ms();
   device->status.reason = "starting";
@@ -173,13 +200,36 @@ LinkWorker::Device* LinkWorker::device_of(std::uint32_t index) {
   return found == by_index_.end() ? nullptr : found->second;
 }
 
-void LinkWorker::make_plan_of(Device& device, GroupPoll& group) {
-  const LineCost cost{config_.links[link_].char_time, device.config.turnaround + device.config.gap};
-  group.plan = make_plan(*device.codec, group.points, cost, device.config.max_block_bytes,
-                         device.holes.holes());
-  group.plan_version = device.holes.version();
+void LinkWorker::make_plan(Device& device, GroupPoll& group) {
+  const LineCost cost{config_.links[link_].char_time, device.turnaround + device.config.gap};
+  group.plan = fxagent::make_plan(*device.codec, group.points, cost, device.config.max_block_bytes,
+                                  device.holes.holes());
+  group.holes_version = device.holes.version();
+  group.planned_turnaround = device.turnaround;
   group.begin();
   agenda_.set_exchanges(group.id, static_cast<std::uint32_t>(group.plan.reads.size()));
+}
+
+void LinkWorker::refresh_plan(Device& device, GroupPoll& group) {
+  device.holes.retry(Clock::now());
+  bool stale = group.holes_version != device.holes.version();
+  if (device.turnarounds >= kTurnaroundsKnown) {
+    const nanoseconds measured = device.turnaround_sum / device.turnarounds;
+    device.turnarounds = 0;
+    device.turnaround_sum = {};
+    const auto [least, most] = std::minmax(measured, device.turnaround);
+    if (most - least > kTurnaroundNoise &&
+        static_cast<double>(most.count()) > static_cast<double>(least.count()) * kOtherTurnaround) {
+      log::info("device", {{"device", device.config.name},
+                           {"turnaround_ms", milliseconds_text(measured)},
+                           {"planned_with_ms", milliseconds_text(device.turnaround)}});
+      device.turnaround = measured;
+    }
+  }
+  // Without a line speed a plan has the fewest exchanges, whatever they take.
+  if (config_.links[link_].char_time.count() > 0)
+    stale |= group.planned_turnaround != device.turnaround;
+  if (stale) make_plan(device, group);
 }
 
 // ---- the loop -----------------------------------------------------------------------------------
@@ -413,8 +463,7 @@ asio::awaitable<void> LinkWorker::run_step(Agenda::PollStep step) {
     for (const auto& group : device->groups) {
       if (group->id != step.group) continue;
       if (step.starts_cycle) {
-        device->holes.retry(Clock::now());
-        if (group->plan_version != device->holes.version()) make_plan_of(*device, *group);
+        refresh_plan(*device, *group);
         group->begin();
         device->late_ms.add(step.late);
       }
@@ -442,7 +491,11 @@ asio::awaitable<void> LinkWorker::run_step(Agenda::PollStep step) {
 void LinkWorker::take_reading(Device& device, GroupPoll& group, const Agenda::PollStep& step,
                               Exchange exchange) {
   if (stopping_) return;
-  agenda_.poll_used(exchange.ended - exchange.began);
+  agenda_.step_used(step, exchange.ended - exchange.began);
+  if (exchange.is_data()) {
+    device.turnaround_sum += exchange.turnaround;
+    ++device.turnarounds;
+  }
   if (exchange.is_ack() || exchange.is_data()) note_answer(device);
   if (exchange.outcome == Exchange::Outcome::unanswered) {
     note_silence(device);
@@ -488,7 +541,24 @@ void LinkWorker::take_reading(Device& device, GroupPoll& group, const Agenda::Po
     if (group.plan.sources[point].first_read == step.exchange)
       group.newer.erase(group.report.tags()[point]);
   group.next_read = step.exchange + 1;
-  if (agenda_.step_done(step)) finish_cycle(device, group);
+  if (!agenda_.step_done(step)) return;
+  note_load();
+  finish_cycle(device, group);
+}
+
+void LinkWorker::note_load() {
+  const double load = agenda_.load();
+  if (overloaded_ ? load > kOverloadOver : load <= 1.0) return;
+  overloaded_ = !overloaded_;
+  const std::string percent = std::to_string(static_cast<int>(100 * load + 0.5));
+  if (overloaded_)
+    log::warn("link", {{"link", config_.links[link_].name},
+                       {"load_percent", percent},
+                       {"note",
+                        "the groups ask for more than the line carries; all are polled "
+                        "less often, in proportion: see fxagent plan"}});
+  else
+    log::info("link", {{"link", config_.links[link_].name}, {"load_percent", percent}});
 }
 
 bool LinkWorker::take_refusal(Device& device, GroupPoll& group, const Agenda::PollStep& step,
@@ -584,7 +654,7 @@ asio::awaitable<void> LinkWorker::read_run_state(Device& device, Agenda::PollSte
   if (knowledge != Knowledge::unanswered && line_.is_open() && question) {
     const Exchange exchange = co_await line_.exchange(device.station, *question);
     if (stopping_) co_return;
-    agenda_.poll_used(exchange.ended - exchange.began);
+    agenda_.step_used(step, exchange.ended - exchange.began);
     if (exchange.has_answer()) note_answer(device);
     if (exchange.outcome == Exchange::Outcome::unanswered) note_silence(device);
     if (exchange.outcome == Exchange::Outcome::link_down) line_lost(exchange.error);
@@ -630,7 +700,7 @@ asio::awaitable<LinkWorker::Knowledge> LinkWorker::know_model(Device& device, Ba
     device.codec = model ? asking.with_model(*model) : device.config.codec;
     device.station.codec = device.codec.get();
     device.status.model = now_known;
-    for (const auto& group : device.groups) make_plan_of(device, *group);
+    for (const auto& group : device.groups) make_plan(device, *group);
   }
   update_status(device);
   co_return changed ? Knowledge::plan_changed : Knowledge::known;
@@ -717,6 +787,7 @@ void LinkWorker::report(FieldHealth& health) {
   link.bad_frames = line.bad_frames;
   const double elapsed = std::chrono::duration<double>(now - counting_since_).count();
   const double busy = std::chrono::duration<double>(line.busy).count();
+  link.load_percent = 100.0 * agenda_.load();
   link.busy_percent = elapsed > 0 ? 100.0 * busy / elapsed : 0;
   line.busy = {};
   counting_since_ = now;

@@ -62,7 +62,9 @@ class LinkWorker final {
 
   void add_device(std::uint32_t index, SteadyTime now, Polling polling);
   Device* device_of(std::uint32_t index);
-  void make_plan_of(Device& device, GroupPoll& group);
+  void make_plan(Device& device, GroupPoll& group);
+  /// A new plan where the device was found to have holes, or other times, since the last one.
+  void refresh_plan(Device& device, GroupPoll& group);
 
   asio::awaitable<void> serve();
   /// After a bug: what was under way gets its result, and the link begins anew.
@@ -92,6 +94,7 @@ class LinkWorker final {
   void finish_cycle(Device& device, GroupPoll& group);
   void publish(Device& device, std::uint32_t group, Telemetry message);
 
+  void note_load();
   void note_answer(Device& device);
   void note_silence(Device& device);
   /// A gateway answered in its place: the device is silent, the connection is not.
@@ -116,6 +119,8 @@ class LinkWorker final {
   int unanswered_in_a_row_ = 0;
   std::minstd_rand jitter_;
   SteadyTime counting_since_{};
+  std::chrono::nanoseconds first_poll_after_{0};  ///< of the group added next
+  bool overloaded_ = false;
   std::optional<Waiting> running_;  ///< the command on the wire
   bool stopping_ = false;
 };

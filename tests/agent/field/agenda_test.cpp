@@ -287,6 +287,101 @@ TEST(Agenda, CommandsToASilentDeviceAreOffered) {
   EXPECT_EQ(agenda.next(at(0)).kind, Kind::command);
 }
 
+TEST(Agenda, DeadlineMayBeNearerThanTheNextBeat) {
+  Agenda agenda;
+  const auto device = agenda.add_device(3, kBackOff);
+  agenda.add_group(device, milliseconds(100), 1, at(0));
+  const auto seldom = agenda.add_group(device, milliseconds(10000), 1, at(0), milliseconds(50));
+  EXPECT_EQ(poll(agenda, at(0)), seldom);
+}
+
+/// Groups on one line, each exchange as long as it is said to be; how many cycles each began.
+struct Share {
+  milliseconds interval;
+  milliseconds exchange;
+  std::uint32_t exchanges = 1;
+};
+std::vector<int> cycles_within(const std::vector<Share>& groups, milliseconds time,
+                               std::uint64_t* missed = nullptr) {
+  Agenda agenda;
+  const auto device = agenda.add_device(3, kBackOff);
+  for (const Share& group : groups)
+    agenda.add_group(device, group.interval, group.exchanges, kStart);
+  std::vector<int> cycles(groups.size());
+  for (SteadyTime now = kStart; now < kStart + time;) {
+    const auto job = agenda.next(now);
+    if (job.kind == Kind::wait) {
+      now = job.until;
+      continue;
+    }
+    if (job.poll.starts_cycle) ++cycles[job.poll.group];
+    now += groups[job.poll.group].exchange;
+    agenda.step_used(job.poll, groups[job.poll.group].exchange);
+    agenda.step_done(job.poll);
+  }
+  if (missed != nullptr) *missed = agenda.counters(device).missed;
+  return cycles;
+}
+
+TEST(Agenda, OverloadedLineGivesEveryGroupItsShareInProportion) {
+  // 0.8 and 0.5 of the line: 1.3 together, so each is to have 1 / 1.3 of its beats.
+  std::uint64_t missed = 0;
+  const auto cycles = cycles_within(
+      {{milliseconds(100), milliseconds(80), 1}, {milliseconds(1000), milliseconds(50), 10}},
+      milliseconds(130000), &missed);
+  EXPECT_NEAR(cycles[0], 1000, 30);
+  EXPECT_NEAR(cycles[1], 100, 3);
+  EXPECT_NEAR(static_cast<double>(missed), 330, 35) << "1,430 beats, 1,100 cycles";
+}
+
+TEST(Agenda, NoGroupStarvesOnAnyOverloadedLine) {
+  std::mt19937 random(11);
+  const auto between = [&](int low, int high) {
+    return std::uniform_int_distribution<int>(low, high)(random);
+  };
+  for (int round = 0; round < 50; ++round) {
+    std::vector<Share> groups;
+    double load = 0;
+    for (int n = between(2, 6); n > 0; --n) {
+      Share group{milliseconds(between(1, 20) * 50), milliseconds(between(5, 60)),
+                  static_cast<std::uint32_t>(between(1, 8))};
+      load += static_cast<double>(group.exchange.count()) * group.exchanges /
+              static_cast<double>(group.interval.count());
+      groups.push_back(group);
+    }
+    const milliseconds time(200000);
+    const auto cycles = cycles_within(groups, time);
+    for (std::size_t i = 0; i < groups.size(); ++i) {
+      const double beats = static_cast<double>(time / groups[i].interval);
+      const double share = beats / std::max(1.0, load);
+      EXPECT_GE(cycles[i], 0.8 * share) << "round " << round << " load " << load;
+      EXPECT_LE(cycles[i], beats + 1);
+    }
+  }
+}
+
+TEST(Agenda, LineWithTimeToSpareKeepsEveryBeat) {
+  std::uint64_t missed = 0;
+  const auto cycles = cycles_within(
+      {{milliseconds(100), milliseconds(40), 1}, {milliseconds(200), milliseconds(20), 5}},
+      milliseconds(10000), &missed);
+  EXPECT_EQ(cycles[0], 100);
+  EXPECT_EQ(cycles[1], 50);
+  EXPECT_EQ(missed, 0U);
+}
+
+TEST(Agenda, SilentDeviceIsNoLoad) {
+  Agenda agenda;
+  const auto device = agenda.add_device(1, kBackOff);
+  agenda.add_group(device, milliseconds(100), 1, at(0));
+  const auto job = agenda.next(at(0));
+  agenda.step_used(job.poll, milliseconds(50));
+  agenda.step_done(job.poll);
+  EXPECT_DOUBLE_EQ(agenda.load(), 0.5);
+  agenda.device_unanswered(device, at(60));
+  EXPECT_DOUBLE_EQ(agenda.load(), 0.0);
+}
+
 TEST(Agenda, PollsKeepTheirShareUnderAFloodOfCommands) {
   Agenda agenda(0.2);
   const auto device = agenda.add_device(1, kBackOff);
