@@ -4,6 +4,7 @@
 
 #include "protocol/fx/computer_link.h"
 #include "protocol/fx/programming_port.h"
+#include "protocol/modbus/modbus.h"
 
 namespace fxagent {
 namespace {
@@ -91,10 +92,89 @@ ProtocolInfo computer_link() {
   return info;
 }
 
+ProtocolInfo modbus_protocol(std::string_view name, std::string_view summary) {
+  using Kind = OptionSpec::Kind;
+  ProtocolInfo info;
+  info.name = name;
+  info.summary = summary;
+  info.multidrop = true;
+  info.options = {
+      {"unit",
+       Kind::integer,
+       0,
+       255,
+       {},
+       std::int64_t{1},
+       "unit id; on a serial line 1 to 247, or 0 for a broadcast"},
+      {"max_read",
+       Kind::integer,
+       1,
+       modbus::kMaxReadRegisters,
+       {},
+       std::int64_t{modbus::kMaxReadRegisters},
+       "registers of one read; of coils and inputs 16 for each"},
+      {"max_gap",
+       Kind::integer,
+       0,
+       modbus::kMaxReadRegisters,
+       {},
+       std::int64_t{16},
+       "registers in a row that are read though nobody asked for them; 0: none ever"},
+      {"byte_order",
+       Kind::choice,
+       0,
+       0,
+       {"ABCD", "CDAB", "BADC", "DCBA"},
+       std::string_view("ABCD"),
+       "order of the bytes of 32 bits, unless a tag says otherwise"},
+      {"address_base",
+       Kind::integer,
+       0,
+       1,
+       {},
+       std::int64_t{0},
+       "number of the first coil or register in hr: ir: co: di:"},
+      {"allow_read_modify_write",
+       Kind::boolean,
+       0,
+       0,
+       {},
+       false,
+       "whether a bit of a register may be written by reading the register first, where function "
+       "22 "
+       "is missing"},
+  };
+  return info;
+}
+
+ProtocolInfo modbus_rtu() {
+  ProtocolInfo info =
+      modbus_protocol("modbus-rtu", "Modbus RTU, serial or through a serial server");
+  info.line = {9600, 8, "even", 1};
+  info.make = &modbus::Modbus::make_rtu;
+  return info;
+}
+
+ProtocolInfo modbus_ascii() {
+  ProtocolInfo info =
+      modbus_protocol("modbus-ascii", "Modbus ASCII, serial or through a serial server");
+  info.line = {9600, 7, "even", 1};
+  info.make = &modbus::Modbus::make_ascii;
+  return info;
+}
+
+ProtocolInfo modbus_tcp() {
+  ProtocolInfo info = modbus_protocol("modbus-tcp", "Modbus TCP, port 502 by custom");
+  info.on_serial = false;
+  info.make = &modbus::Modbus::make_tcp;
+  return info;
+}
+
 }  // namespace
 
 std::span<const ProtocolInfo> catalog() {
-  static const std::vector<ProtocolInfo> protocols = {programming_port(), computer_link()};
+  static const std::vector<ProtocolInfo> protocols = {programming_port(), computer_link(),
+                                                      modbus_rtu(), modbus_ascii(), modbus_tcp()};
   return protocols;
 }
 

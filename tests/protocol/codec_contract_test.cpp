@@ -26,6 +26,9 @@ struct Sample {
   Bytes noise;
   /// A single character without a sum: nothing tells ACK from NAK but the byte itself.
   bool bare = false;
+  // Where the protocol itself cannot tell:
+  bool no_sum = false;          ///< a damaged value looks like another value (Modbus TCP)
+  bool answer_is_echo = false;  ///< Modbus 05, 06, 22: the answer is the request once more
 };
 
 std::vector<Sample> programming_port_samples() {
@@ -86,7 +89,60 @@ std::vector<Sample> computer_link_samples() {
   };
 }
 
+/// V1.1b3, 6.3, 6.2 and 6.12; unit 1. The CRCs and LRCs were computed apart from this project.
+std::vector<Sample> modbus_samples(std::string_view framing) {
+  const std::uint16_t holding = 3;
+  const Request words = Read{{holding, 0x6B * 16, 48}};
+  const Request bits = Read{{0, 0x13, 19}};
+  const Request write = Write{{holding, 16, 32}, {0x0A, 0x00, 0x02, 0x01}};
+  const Request force = Force{0, 0xAC, true};
+  const Request refused = Read{{0, 0x4A1, 1}};
+  const auto sample = [](std::string what, Request request, std::string_view reply,
+                         std::string_view stale, std::string_view noise) {
+    return Sample{std::move(what), "auto", std::move(request), hex(reply), hex(stale), hex(noise)};
+  };
+  std::vector<Sample> all;
+  if (framing == "modbus-rtu") {
+    const auto other_unit = "11 03 06 02 2B 00 00 00 64 C8 BA";
+    all = {
+        sample("read of registers", words, "01 03 06 02 2B 00 00 00 64 05 7A", other_unit, "00 FF"),
+        sample("read of coils", bits, "01 01 03 CD 6B 05 42 82", "11 01 03 CD 6B 05 40 12", "7F"),
+        sample("write of registers", write, "01 10 00 01 00 02 10 08", "11 10 00 01 00 02 12 98",
+               "00"),
+        sample("write of a coil", force, "01 05 00 AC FF 00 4C 1B", "11 05 00 AC FF 00 4E 8B",
+               "00"),
+        sample("refused read", refused, "01 81 02 C1 91", "11 81 02 C0 54", "00")};
+  } else if (framing == "modbus-ascii") {
+    const auto text = [](std::string_view t) {
+      Bytes frame(t.begin(), t.end());
+      frame.insert(frame.end(), {'\r', '\n'});
+      return to_hex(frame);
+    };
+    all = {
+        sample("read of registers", words, text(":010306022B0000006465"),
+               text(":110306022B0000006455"), "00 FF"),
+        sample("write of registers", write, text(":011000010002EC"), text(":111000010002DC"),
+               "30 31"),
+        sample("refused read", refused, text(":0181027C"), text(":1181026C"), "3A 30"),
+        sample("write of a coil", force, text(":010500ACFF004F"), text(":110500ACFF003F"), "3A")};
+  } else {
+    const auto late = "00 00 00 00 00 09 01 03 06 11 11 22 22 33 33";
+    all = {sample("read of registers", words, "00 01 00 00 00 09 01 03 06 02 2B 00 00 00 64", late,
+                  ""),
+           sample("read of coils", bits, "00 01 00 00 00 06 01 01 03 CD 6B 05", late, ""),
+           sample("write of registers", write, "00 01 00 00 00 06 01 10 00 01 00 02",
+                  "00 00 00 00 00 06 01 10 00 01 00 02", ""),
+           sample("write of a coil", force, "00 01 00 00 00 06 01 05 00 AC FF 00", late, ""),
+           sample("refused read", refused, "00 01 00 00 00 03 01 81 02",
+                  "00 00 00 00 00 03 01 81 01", "")};
+    for (Sample& one : all) one.no_sum = true;
+  }
+  for (Sample& one : all) one.answer_is_echo = one.request == force;
+  return all;
+}
+
 std::vector<Sample> samples(std::string_view protocol) {
+  if (protocol.starts_with("modbus-")) return modbus_samples(protocol);
   if (protocol == "fx-programming-port") return programming_port_samples();
   if (protocol == "fx-computer-link") return computer_link_samples();
   return {};
@@ -150,7 +206,8 @@ TEST(CodecContract, AWholeAnswerIsUnderstoodAndConsumedToItsEnd) {
   for_each_sample([](const Sample& sample, const Codec& codec, const Bytes&) {
     const Reply reply = expected(sample, codec);
     EXPECT_EQ(reply.consumed, sample.reply.size());
-    if (const auto* read = std::get_if<Read>(&sample.request)) {
+    const auto* read = std::get_if<Read>(&sample.request);
+    if (read != nullptr && reply.kind == Reply::Kind::data) {
       EXPECT_EQ(reply.image.size(), (read->span.bits + 7) / 8);
     }
   });
@@ -174,7 +231,7 @@ TEST(CodecContract, BytesBehindAnAnswerAreNotConsumed) {
 
 TEST(CodecContract, OneFlippedBitNeverMakesAnotherValue) {
   for_each_sample([](const Sample& sample, const Codec& codec, const Bytes&) {
-    if (sample.bare) return;
+    if (sample.bare || sample.no_sum) return;
     const Reply wanted = expected(sample, codec);
     for (std::size_t i = 0; i < sample.reply.size() * 8; ++i) {
       Bytes damaged = sample.reply;
@@ -203,6 +260,7 @@ TEST(CodecContract, OneFlippedBitNeverTurnsAnAckIntoANak) {
 
 TEST(CodecContract, TheEchoOfTheRequestIsSkippedHoweverItArrives) {
   for_each_sample([](const Sample& sample, const Codec& codec, const Bytes& sent) {
+    if (sample.answer_is_echo) return;
     const Reply wanted = expected(sample, codec);
     const Bytes line = joined({sent, sample.reply});
     for (std::size_t n = 0; n < line.size(); ++n)
@@ -215,6 +273,7 @@ TEST(CodecContract, TheEchoOfTheRequestIsSkippedHoweverItArrives) {
 
 TEST(CodecContract, TheRequestItselfIsNeverTheAnswer) {
   for_each_sample([](const Sample& sample, const Codec& codec, const Bytes& sent) {
+    if (sample.answer_is_echo) return;
     EXPECT_TRUE(need_more(codec.decode(sample.request, 1, sent)));
     EXPECT_TRUE(need_more(codec.decode(sample.request, 1, joined({sent, sent}))));
   });
@@ -240,7 +299,9 @@ TEST(CodecContract, TheLineLengthIsWhatIsReallySent) {
   for_each_sample([](const Sample& sample, const Codec& codec, const Bytes& sent) {
     const LineLength length = codec.line_length(sample.request);
     EXPECT_EQ(length.request_chars, sent.size());
-    EXPECT_EQ(length.reply_chars, sample.reply.size());
+    if (expected(sample, codec).kind != Reply::Kind::nak || sample.bare) {
+      EXPECT_EQ(length.reply_chars, sample.reply.size());
+    }
   });
 }
 

@@ -1,0 +1,173 @@
+#include "protocol/modbus/frame.h"
+
+#include <algorithm>
+
+namespace fxagent::modbus {
+namespace {
+
+// Transaction, protocol, length: what stands before the bytes that the length counts.
+constexpr std::size_t kMbap = 6;
+// Counted by the length: the unit, and 253 bytes of PDU at most.
+constexpr std::size_t kLongest = 254;
+constexpr std::size_t kLongestAscii = 513;
+
+std::string hex_of(std::uint32_t value, int digits) {
+  Bytes out;
+  append_hex(out, value, digits);
+  return {out.begin(), out.end()};
+}
+
+Frame wrong(std::size_t end, std::string error) {
+  Frame frame;
+  frame.state = Frame::State::wrong;
+  frame.end = end;
+  frame.error = std::move(error);
+  return frame;
+}
+
+std::uint16_t big_endian(ByteView bytes) {
+  return static_cast<std::uint16_t>(bytes[0] << 8 | bytes[1]);
+}
+
+}  // namespace
+
+std::uint16_t crc(ByteView bytes) {
+  std::uint16_t value = 0xFFFF;
+  for (const std::uint8_t byte : bytes) {
+    value ^= byte;
+    for (int bit = 0; bit < 8; ++bit) {
+      const bool carry = (value & 1) != 0;
+      value = static_cast<std::uint16_t>(value >> 1);
+      if (carry) value ^= 0xA001;
+    }
+  }
+  return value;
+}
+
+std::uint8_t lrc(ByteView bytes) {
+  std::uint8_t sum = 0;
+  for (const std::uint8_t byte : bytes) sum = static_cast<std::uint8_t>(sum + byte);
+  return static_cast<std::uint8_t>(-sum);
+}
+
+Bytes framed(Framing framing, std::uint8_t unit, ByteView pdu, std::uint16_t transaction) {
+  Bytes frame;
+  frame.reserve(framed_length(framing, pdu.size()));
+  const auto append_pdu = [&] {
+    frame.push_back(unit);
+    frame.insert(frame.end(), pdu.begin(), pdu.end());
+  };
+  switch (framing) {
+    case Framing::rtu: {
+      append_pdu();
+      const std::uint16_t sum = crc(frame);
+      frame.push_back(static_cast<std::uint8_t>(sum));
+      frame.push_back(static_cast<std::uint8_t>(sum >> 8));
+      break;
+    }
+    case Framing::ascii: {
+      append_pdu();
+      frame.push_back(lrc(frame));
+      Bytes text{':'};
+      for (const std::uint8_t byte : frame) append_hex(text, byte, 2);
+      text.insert(text.end(), {'\r', '\n'});
+      return text;
+    }
+    case Framing::tcp: {
+      const std::size_t length = pdu.size() + 1;
+      frame = {
+          static_cast<std::uint8_t>(transaction >> 8), static_cast<std::uint8_t>(transaction), 0, 0,
+          static_cast<std::uint8_t>(length >> 8),      static_cast<std::uint8_t>(length)};
+      append_pdu();
+      break;
+    }
+  }
+  return frame;
+}
+
+std::size_t framed_length(Framing framing, std::size_t pdu_bytes) {
+  switch (framing) {
+    case Framing::rtu:
+      return 1 + pdu_bytes + 2;
+    case Framing::ascii:
+      return 1 + 2 * (1 + pdu_bytes + 1) + 2;
+    case Framing::tcp:
+      break;
+  }
+  return kMbap + 1 + pdu_bytes;
+}
+
+Frame rtu_frame(ByteView rx, std::size_t at, std::size_t pdu_bytes) {
+  Frame frame;
+  const std::size_t length = framed_length(Framing::rtu, pdu_bytes);
+  if (rx.size() < at + length) return frame;
+  const ByteView bytes = rx.subspan(at, length);
+  const std::uint16_t computed = crc(bytes.first(length - 2));
+  const auto given = static_cast<std::uint16_t>(bytes[length - 2] | bytes[length - 1] << 8);
+  if (given != computed)
+    return wrong(at + length, "CRC " + to_hex(bytes.last(2)) + " given, " +
+                                  hex_of(computed & 0xFFU, 2) + " " + hex_of(computed >> 8U, 2) +
+                                  " computed");
+  frame.state = Frame::State::good;
+  frame.unit = bytes[0];
+  frame.pdu.assign(bytes.begin() + 1, bytes.end() - 2);
+  frame.end = at + length;
+  return frame;
+}
+
+Frame ascii_frame(ByteView rx, std::size_t at) {
+  const auto from = rx.begin() + static_cast<std::ptrdiff_t>(std::min(at, rx.size()));
+  auto colon = std::find(from, rx.end(), ':');
+  const auto cr = std::find(colon, rx.end(), '\r');
+  if (cr == rx.end() || cr + 1 == rx.end()) {
+    if (rx.end() - colon > static_cast<std::ptrdiff_t>(kLongestAscii))
+      return wrong(rx.size(), "no end of frame within 513 characters");
+    return {};
+  }
+  for (auto again = colon; again != cr; again = std::find(again + 1, cr, ':')) colon = again;
+  const auto end = static_cast<std::size_t>(cr - rx.begin()) + 2;
+  if (cr[1] != '\n') return wrong(end, "CR without LF");
+  Bytes bytes;
+  if ((cr - colon - 1) % 2 != 0) return wrong(end, "an odd number of hex digits");
+  for (auto digit = colon + 1; digit != cr; digit += 2) {
+    const int high = hex_digit(digit[0]);
+    const int low = hex_digit(digit[1]);
+    if (high < 0 || low < 0)
+      return wrong(end, to_hex(ByteView(&*digit, 2)) + " is not two hex digits");
+    bytes.push_back(static_cast<std::uint8_t>(high * 16 + low));
+  }
+  if (bytes.size() < 3) return wrong(end, "too short for unit, function and LRC");
+  const std::uint8_t computed = lrc(ByteView(bytes).first(bytes.size() - 1));
+  if (computed != bytes.back())
+    return wrong(end,
+                 "LRC " + hex_of(bytes.back(), 2) + " given, " + hex_of(computed, 2) + " computed");
+  Frame frame;
+  frame.state = Frame::State::good;
+  frame.unit = bytes.front();
+  frame.pdu.assign(bytes.begin() + 1, bytes.end() - 1);
+  frame.end = end;
+  return frame;
+}
+
+Frame tcp_frame(ByteView rx, std::size_t at, std::size_t least) {
+  Frame frame;
+  if (rx.size() < at + kMbap) return frame;
+  const ByteView head = rx.subspan(at, kMbap);
+  const std::uint16_t protocol = big_endian(head.subspan(2));
+  const std::uint16_t length = big_endian(head.subspan(4));
+  if (protocol != 0)
+    return wrong(rx.size(), "protocol " + hex_of(protocol, 4) + " in the header, Modbus is 0000");
+  if (length < least || length > kLongest)
+    return wrong(rx.size(), "length " + std::to_string(length) + " in the header: " +
+                                std::to_string(least) + " to 254 bytes follow it in Modbus");
+  if (rx.size() < at + kMbap + length) return frame;
+  const ByteView body = rx.subspan(at + kMbap, length);
+  frame.state = Frame::State::good;
+  frame.transaction = big_endian(head);
+  frame.unit = body[0];
+  frame.pdu.assign(body.begin() + 1, body.end());
+  frame.end = at + kMbap + length;
+  return frame;
+}
+
+}  // namespace fxagent::modbus

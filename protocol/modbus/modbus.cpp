@@ -1,0 +1,509 @@
+#include "protocol/modbus/modbus.h"
+
+#include <algorithm>
+#include <charconv>
+#include <utility>
+
+namespace fxagent::modbus {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
+
+constexpr std::uint16_t kTables = 4;
+constexpr std::string_view kForms =
+    "hr:0 ir:0 co:0 di:0, hr:0.15 (a bit of a register), or 40001 30001 00001 10001";
+// Serial Line V1.02, 2.5.1.1: 3.5 characters, and no less than this however fast the line is.
+constexpr nanoseconds kShortestGap = std::chrono::microseconds(1750);
+// 2.4.1: every unit needs its time to carry out a broadcast; 100 to 200 ms at 9600 baud.
+constexpr milliseconds kBroadcastPause{200};
+// Two of the longest frames; a line that brings more brings no answer.
+constexpr std::size_t kLongestRtu = 256;
+constexpr std::size_t kLongestAscii = 513;
+
+tl::unexpected<Error> refuse(std::string text) {
+  return fail(ErrorCode::bad_request, std::move(text));
+}
+
+tl::unexpected<Error> garbled(std::string text) {
+  return fail(ErrorCode::bad_frame, std::move(text));
+}
+
+bool is_digit(char c) { return c >= '0' && c <= '9'; }
+
+std::string lower(std::string_view text) {
+  std::string out(text);
+  for (char& c : out)
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  return out;
+}
+
+/// Decimal, or hexadecimal behind 0x; all of `text` must be it.
+std::optional<std::uint32_t> number_in(std::string_view text) {
+  int base = 10;
+  if (text.starts_with("0x")) {
+    text.remove_prefix(2);
+    base = 16;
+  }
+  std::uint32_t number = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number, base);
+  if (text.empty() || error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
+  return number;
+}
+
+std::optional<Space> table_named(std::string_view letters) {
+  for (std::uint16_t i = 0; i < kTables; ++i)
+    if (letters_of(static_cast<Space>(i)) == letters) return static_cast<Space>(i);
+  return std::nullopt;
+}
+
+/// One coil or register, and a bit of it.
+struct Place {
+  Space space = Space::coil;
+  std::uint32_t number = 0;
+  std::optional<std::uint32_t> bit;
+};
+
+/// "40101": the first digit is the table, the others count from 1.
+Result<Place> parse_numbered(const std::string& name, std::string_view digits) {
+  if (digits.size() != 5 && digits.size() != 6)
+    return refuse("'" + name + "': a number without a table has 5 or 6 digits, as 40101 or 400101");
+  Place place;
+  switch (digits[0]) {
+    case '0':
+      place.space = Space::coil;
+      break;
+    case '1':
+      place.space = Space::discrete_input;
+      break;
+    case '3':
+      place.space = Space::input_register;
+      break;
+    case '4':
+      place.space = Space::holding_register;
+      break;
+    default:
+      return refuse("'" + name +
+                    "': the first digit is 0 (coils), 1 (discrete inputs), 3 (input "
+                    "registers) or 4 (holding registers)");
+  }
+  const auto number = number_in(digits.substr(1));
+  if (!number || *number == 0 || *number > kNumbers)
+    return refuse("'" + name + "': these numbers go from 1 to " +
+                  (digits.size() == 5 ? "9999; longer ones have 6 digits" : "65536"));
+  place.number = *number - 1;
+  return place;
+}
+
+Result<Place> parse_place(std::string_view text, std::uint32_t base) {
+  const std::string name = lower(text);
+  std::string_view rest = name;
+  std::optional<std::uint32_t> bit;
+  if (const auto dot = rest.find('.'); dot != std::string_view::npos) {
+    bit = number_in(rest.substr(dot + 1));
+    if (!bit || *bit > 15) return refuse("'" + name + "': the bits of a register are .0 to .15");
+    rest = rest.substr(0, dot);
+  }
+  Result<Place> place;
+  if (!rest.empty() && std::all_of(rest.begin(), rest.end(), is_digit)) {
+    place = parse_numbered(name, rest);
+    if (!place) return place;
+  } else {
+    const auto colon = rest.find(':');
+    const auto table = table_named(rest.substr(0, colon));
+    if (colon == std::string_view::npos || !table)
+      return refuse("'" + name + "' is not a Modbus address; the forms are " + std::string(kForms));
+    const auto number = number_in(rest.substr(colon + 1));
+    if (!number || *number < base || *number - base >= kNumbers)
+      return refuse("'" + name + "': " + std::string(letters_of(*table)) + " goes from " +
+                    std::to_string(base) + " to " + std::to_string(kNumbers - 1 + base));
+    place->space = *table;
+    place->number = *number - base;
+  }
+  if (bit && width_of(place->space) == 1)
+    return refuse("'" + name + "': only registers have bits, a coil is one");
+  place->bit = bit;
+  return place;
+}
+
+Span span_of_place(const Place& place) {
+  const std::uint32_t width = width_of(place.space);
+  const Span whole{id(place.space), place.number * width, width};
+  return place.bit ? Span{whole.space, whole.first_bit + *place.bit, 1} : whole;
+}
+
+/// The answer is the request once more (05, 06, 22), so that an echo looks like it.
+bool answers_by_echo(const Request& request, ByteView pdu) {
+  return !std::holds_alternative<Read>(request) && pdu.size() == reply_length(request);
+}
+
+template <class T>
+const T* option(const Options& options, std::string_view key) {
+  const auto found = options.find(key);
+  return found == options.end() ? nullptr : std::get_if<T>(&found->second);
+}
+
+}  // namespace
+
+std::string name_of(Space space, std::uint32_t number, std::uint32_t base) {
+  return std::string(letters_of(space)) + ":" + std::to_string(number + base);
+}
+
+Result<std::shared_ptr<const Codec>> Modbus::make(Framing framing, const Options& options) {
+  Settings settings;
+  settings.framing = framing;
+  const auto number = [&](std::string_view key, std::int64_t fallback, std::int64_t least,
+                          std::int64_t most) {
+    const auto* value = option<std::int64_t>(options, key);
+    return static_cast<std::uint32_t>(std::clamp(value ? *value : fallback, least, most));
+  };
+  settings.unit = static_cast<std::uint8_t>(number("unit", 1, 0, 255));
+  settings.max_read = number("max_read", kMaxReadRegisters, 1, kMaxReadRegisters);
+  settings.max_gap = number("max_gap", 16, 0, kMaxReadRegisters);
+  settings.address_base = number("address_base", 0, 0, 1);
+  if (const auto* word = option<std::string>(options, "byte_order")) {
+    const auto order = byte_order_from(*word);
+    if (!order) return tl::make_unexpected(order.error());
+    settings.order = *order;
+  }
+  if (const auto* flag = option<bool>(options, "allow_read_modify_write"))
+    settings.allow_read_modify_write = *flag;
+  if (framing != Framing::tcp && settings.unit > 247)
+    return refuse(
+        "unit is 1 to 247 on a serial line, or 0 for a broadcast; 248 to 255 are reserved");
+  return std::make_shared<const Modbus>(settings);
+}
+
+Result<std::shared_ptr<const Codec>> Modbus::make_rtu(const Options& options) {
+  return make(Framing::rtu, options);
+}
+Result<std::shared_ptr<const Codec>> Modbus::make_ascii(const Options& options) {
+  return make(Framing::ascii, options);
+}
+Result<std::shared_ptr<const Codec>> Modbus::make_tcp(const Options& options) {
+  return make(Framing::tcp, options);
+}
+
+// ---- names and places -----------------------------------------------------------------------
+
+Result<Address> Modbus::parse_address(std::string_view text,
+                                      std::optional<DataType> /*type*/) const {
+  const auto place = parse_place(text, settings_.address_base);
+  if (!place) return tl::make_unexpected(place.error());
+  Address address;
+  address.span = span_of_place(*place);
+  address.text = modbus::name_of(place->space, place->number, settings_.address_base);
+  if (place->bit) address.text += "." + std::to_string(*place->bit);
+  address.unit = place->bit ? Unit::word_bit : width_of(place->space) == 1 ? Unit::bit : Unit::word;
+  address.writable = place->space == Space::coil || place->space == Space::holding_register;
+  return address;
+}
+
+bool Modbus::needs_type(std::string_view /*text*/) const { return false; }
+
+Result<Span> Modbus::parse_range(std::string_view text) const {
+  const auto dash = text.find('-');
+  const auto first = parse_place(text.substr(0, dash), settings_.address_base);
+  if (!first) return tl::make_unexpected(first.error());
+  auto last = first;
+  if (dash != std::string_view::npos) {
+    std::string end(text.substr(dash + 1));
+    // "hr:100-119": the second end may leave out the table of the first one.
+    if (text.find(':') != std::string_view::npos && end.find(':') == std::string::npos)
+      end.insert(0, std::string(letters_of(first->space)) + ":");
+    last = parse_place(end, settings_.address_base);
+    if (!last) return tl::make_unexpected(last.error());
+  }
+  const std::string name(text);
+  if (first->bit || last->bit)
+    return refuse(name + ": a range goes from one whole coil or register to another");
+  if (first->space != last->space) return refuse(name + ": both ends must be of one table");
+  if (last->number < first->number) return refuse(name + ": the range ends before it begins");
+  Span span = span_of_place(*first);
+  span.bits *= last->number - first->number + 1;
+  return span;
+}
+
+Result<void> Modbus::check_range(const Span& span) const {
+  if (span.space >= kTables) return refuse("space " + std::to_string(span.space) + " is no table");
+  const auto space = static_cast<Space>(span.space);
+  const std::uint64_t end = std::uint64_t{kNumbers} * width_of(space);
+  if (span.first_bit + std::uint64_t{span.bits} <= end) return {};
+  return refuse(name_of(span) + ": the table ends at " +
+                modbus::name_of(space, kNumbers - 1, settings_.address_base));
+}
+
+Result<void> Modbus::check_write(const Span& span) const {
+  if (auto present = check_range(span); !present) return present;
+  if (span.bits == 0) return refuse("a write of nothing");
+  if (span.space != id(Space::coil) && span.space != id(Space::holding_register))
+    return refuse(name_of(span) + ": inputs cannot be written");
+  const std::uint32_t width = width_of(static_cast<Space>(span.space));
+  if (span.bits != 1 && (span.first_bit % width != 0 || span.bits % width != 0))
+    return refuse(name_of(span) + ": a single bit or whole registers are written");
+  return {};
+}
+
+std::string Modbus::name_of(const Span& span) const {
+  if (span.space >= kTables) return "space " + std::to_string(span.space);
+  const auto space = static_cast<Space>(span.space);
+  return modbus::name_of(space, span.first_bit / width_of(space), settings_.address_base);
+}
+
+// ---- how it is fetched ------------------------------------------------------------------------
+
+std::vector<ReadWay> Modbus::read_ways(std::uint16_t space_id) const {
+  if (space_id >= kTables || is_broadcast()) return {};
+  const std::uint32_t width = width_of(static_cast<Space>(space_id));
+  ReadWay way;
+  way.end_bit = kNumbers * width;
+  way.align_bits = width;
+  way.unit_bits = width;
+  way.max_bits = settings_.max_read * 16;
+  way.max_gap_bits = settings_.max_gap * 16;
+  return {way};
+}
+
+std::uint32_t Modbus::max_write_bits(std::uint16_t space) const {
+  if (space == id(Space::coil)) return kMaxWriteBits;
+  return space == id(Space::holding_register) ? kMaxWriteRegisters * 16 : 0;
+}
+
+ByteOrder Modbus::default_order() const { return settings_.order; }
+
+// ---- frames
+// ---------------------------------------------------------------------------------------
+
+Result<Bytes> Modbus::encode(const Request& request, std::uint16_t tag) const {
+  if (const auto* read = std::get_if<Read>(&request)) {
+    if (is_broadcast()) return fail(ErrorCode::unsupported, "nobody answers a broadcast");
+    if (read->span.bits > settings_.max_read * 16)
+      return refuse("a read takes at most max_read, " + std::to_string(settings_.max_read) +
+                    " registers");
+  }
+  const auto pdu = encode_pdu(request);
+  if (!pdu) return tl::make_unexpected(pdu.error());
+  return framed(settings_.framing, settings_.unit, *pdu, tag);
+}
+
+bool Modbus::expects_reply(const Request& /*request*/) const { return !is_broadcast(); }
+
+Result<std::optional<Reply>> Modbus::decode(const Request& request, std::uint16_t tag,
+                                            ByteView rx) const {
+  const auto pdu = encode_pdu(request);
+  if (!pdu) return tl::make_unexpected(pdu.error());
+  if (!expects_reply(request)) return fail(ErrorCode::unsupported, "nobody answers a broadcast");
+  switch (settings_.framing) {
+    case Framing::rtu:
+      return decode_rtu(request, *pdu, rx);
+    case Framing::ascii:
+      return decode_ascii(request, *pdu, rx);
+    case Framing::tcp:
+      break;
+  }
+  return decode_tcp(request, *pdu, tag, rx);
+}
+
+Result<std::optional<Reply>> Modbus::decode_rtu(const Request& request, ByteView pdu,
+                                                ByteView rx) const {
+  const Bytes sent = framed(Framing::rtu, settings_.unit, pdu, 0);
+  const bool echo_differs = !answers_by_echo(request, pdu);
+  std::string error;
+  bool pending = false;
+  for (std::size_t at = 0; at < rx.size();) {
+    const ByteView rest = rx.subspan(at);
+    const std::size_t same = static_cast<std::size_t>(
+        std::mismatch(rest.begin(), rest.end(), sent.begin(), sent.end()).first - rest.begin());
+    if (echo_differs && same == sent.size()) {
+      at += sent.size();
+      continue;
+    }
+    pending |= same == rest.size();  // so far it may be the echo
+    const bool exception = rest.size() > 1 && rest[1] == (pdu[0] | kException);
+    if (rest[0] != settings_.unit || rest.size() < 2 || (rest[1] != pdu[0] && !exception)) {
+      ++at;
+      continue;
+    }
+    const Frame frame = rtu_frame(rx, at, exception ? 2 : reply_length(request));
+    if (frame.state == Frame::State::good) {
+      auto reply = decode_pdu(request, frame.pdu);
+      if (!reply) return reply;
+      if (*reply) {
+        (*reply)->consumed = frame.end;
+        return reply;
+      }
+      at = frame.end;  // a late answer to another write
+      continue;
+    }
+    pending |= frame.state == Frame::State::incomplete;
+    if (error.empty()) error = frame.error;
+    ++at;
+  }
+  if (!error.empty() && !pending) return garbled(error);
+  if (rx.size() > 2 * kLongestRtu)
+    return garbled(std::to_string(rx.size()) + " bytes without an answer");
+  return std::optional<Reply>{};
+}
+
+Result<std::optional<Reply>> Modbus::decode_ascii(const Request& request, ByteView pdu,
+                                                  ByteView rx) const {
+  const bool echo_differs = !answers_by_echo(request, pdu);
+  std::size_t at = 0;
+  for (;;) {
+    const Frame frame = ascii_frame(rx, at);
+    if (frame.state == Frame::State::incomplete) break;
+    if (frame.state == Frame::State::wrong) return garbled(frame.error);
+    at = frame.end;
+    const bool echo =
+        echo_differs && std::equal(frame.pdu.begin(), frame.pdu.end(), pdu.begin(), pdu.end());
+    if (frame.unit != settings_.unit || echo) continue;
+    auto reply = decode_pdu(request, frame.pdu);
+    if (!reply) return reply;
+    if (!*reply) continue;
+    (*reply)->consumed = frame.end;
+    return reply;
+  }
+  if (rx.size() > 2 * kLongestAscii)
+    return garbled(std::to_string(rx.size()) + " bytes without an answer");
+  return std::optional<Reply>{};
+}
+
+Result<std::optional<Reply>> Modbus::decode_tcp(const Request& request, ByteView pdu,
+                                                std::uint16_t tag, ByteView rx) const {
+  const bool echo_differs = !answers_by_echo(request, pdu);
+  std::size_t at = 0;
+  for (;;) {
+    const Frame frame = tcp_frame(rx, at);
+    if (frame.state == Frame::State::incomplete) return std::optional<Reply>{};
+    if (frame.state == Frame::State::wrong) return garbled(frame.error);
+    at = frame.end;
+    const bool echo =
+        echo_differs && std::equal(frame.pdu.begin(), frame.pdu.end(), pdu.begin(), pdu.end());
+    if (frame.transaction != tag || echo)
+      continue;  // an answer that came too late for its question
+    if (frame.unit != settings_.unit)
+      return garbled("unit " + std::to_string(frame.unit) + " answered, unit " +
+                     std::to_string(settings_.unit) + " was asked");
+    auto reply = decode_pdu(request, frame.pdu);
+    if (!reply) return reply;
+    if (!*reply)
+      return garbled("the answer is to another function, place or count: " + to_hex(frame.pdu));
+    (*reply)->consumed = frame.end;
+    return reply;
+  }
+}
+
+LineLength Modbus::line_length(const Request& request) const {
+  LineLength length;
+  const auto pdu = encode_pdu(request);
+  const std::size_t sent = pdu ? pdu->size() : 0;
+  length.request_chars = static_cast<std::uint32_t>(framed_length(settings_.framing, sent));
+  if (expects_reply(request))
+    length.reply_chars =
+        static_cast<std::uint32_t>(framed_length(settings_.framing, reply_length(request)));
+  return length;
+}
+
+Explanation Modbus::explain(ByteView frame, std::optional<Direction> direction) const {
+  return explain_frame(settings_.framing, frame, direction);
+}
+
+// ---- the device itself --------------------------------------------------------------------------
+
+std::optional<Request> Modbus::resync() const { return std::nullopt; }
+std::optional<Request> Modbus::probe() const { return std::nullopt; }
+std::vector<Request> Modbus::identify() const { return {}; }
+std::optional<std::string> Modbus::model_from(const std::vector<Bytes>& /*images*/) const {
+  return std::nullopt;
+}
+std::string Modbus::model() const { return {}; }
+std::shared_ptr<const Codec> Modbus::with_model(std::string_view /*model*/) const {
+  return nullptr;
+}
+std::optional<Request> Modbus::run_state() const { return std::nullopt; }
+std::optional<bool> Modbus::run_state_from(ByteView /*image*/) const { return std::nullopt; }
+Result<Request> Modbus::run_order(bool /*run*/) const {
+  return fail(ErrorCode::unsupported, "Modbus has no order that runs or stops a PLC");
+}
+std::string Modbus::run_order_hint() const { return {}; }
+
+RefusalMeaning Modbus::meaning_of(const Request& request, int device_code) const {
+  const bool reads = std::holds_alternative<Read>(request);
+  switch (device_code) {
+    case 0x02:
+    case 0x03:
+      return reads ? RefusalMeaning::hole : RefusalMeaning::final;
+    case 0x05:
+      return reads ? RefusalMeaning::busy : RefusalMeaning::unclear;
+    case 0x06:
+      return RefusalMeaning::busy;
+    case 0x0A:
+      return reads ? RefusalMeaning::unreachable : RefusalMeaning::final;
+    case 0x0B:
+      return reads ? RefusalMeaning::unreachable : RefusalMeaning::unclear;
+    case 0x01:
+    case 0x07:
+    case 0x08:
+      return RefusalMeaning::final;
+    default:
+      return reads ? RefusalMeaning::final : RefusalMeaning::unclear;
+  }
+}
+
+std::optional<Request> Modbus::instead_of(const Request& request, int device_code) const {
+  if (device_code != 0x01) return std::nullopt;
+  if (const auto* write = std::get_if<Write>(&request)) {
+    const bool by_06 = write->span.space == id(Space::holding_register) && write->span.bits == 16 &&
+                       write->way == id(WriteWay::first_choice);
+    if (!by_06) return std::nullopt;
+    Write several = *write;
+    several.way = id(WriteWay::several);
+    return several;
+  }
+  const auto* force = std::get_if<Force>(&request);
+  if (force == nullptr || force->way != id(WriteWay::first_choice)) return std::nullopt;
+  Force other = *force;
+  const bool coil = force->space == id(Space::coil);
+  if (!coil && !settings_.allow_read_modify_write) return std::nullopt;
+  other.way = id(coil ? WriteWay::several : WriteWay::read_modify_write);
+  return other;
+}
+
+std::optional<Request> Modbus::read_before(const Request& request) const {
+  const auto* force = std::get_if<Force>(&request);
+  if (force == nullptr || force->way != id(WriteWay::read_modify_write)) return std::nullopt;
+  return Read{{force->space, force->bit / 16 * 16, 16}};
+}
+
+Request Modbus::with_read(const Request& request, ByteView image) const {
+  const auto* force = std::get_if<Force>(&request);
+  if (force == nullptr || image.size() < 2) return request;
+  Write write{{force->space, force->bit / 16 * 16, 16}, {image[0], image[1]}};
+  const auto mask = static_cast<std::uint8_t>(1U << (force->bit % 8));
+  std::uint8_t& byte = write.image[force->bit % 16 / 8];
+  byte = static_cast<std::uint8_t>(force->on ? byte | mask : byte & ~mask);
+  return write;
+}
+
+nanoseconds Modbus::quiet_before(nanoseconds char_time) const {
+  if (settings_.framing != Framing::rtu || char_time.count() == 0) return {};
+  return std::max<nanoseconds>(char_time * 7 / 2, kShortestGap);
+}
+
+milliseconds Modbus::pause_after(const Request& request) const {
+  return expects_reply(request) ? milliseconds{} : kBroadcastPause;
+}
+
+bool Modbus::is_broadcast() const {
+  return settings_.framing != Framing::tcp && settings_.unit == 0;
+}
+
+Recovery Modbus::after_silence() const {
+  return settings_.framing == Framing::tcp ? Recovery::none : Recovery::drain;
+}
+
+Recovery Modbus::after_nonsense() const {
+  return settings_.framing == Framing::tcp ? Recovery::reconnect : Recovery::drain;
+}
+
+}  // namespace fxagent::modbus

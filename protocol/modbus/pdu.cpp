@@ -1,0 +1,236 @@
+#include "protocol/modbus/pdu.h"
+
+#include <algorithm>
+#include <variant>
+
+namespace fxagent::modbus {
+namespace {
+
+void append_16(Bytes& out, std::uint32_t value) {
+  out.push_back(static_cast<std::uint8_t>(value >> 8));
+  out.push_back(static_cast<std::uint8_t>(value));
+}
+
+tl::unexpected<Error> refuse(std::string text) {
+  return fail(ErrorCode::bad_request, std::move(text));
+}
+
+tl::unexpected<Error> cannot(std::string text) {
+  return fail(ErrorCode::unsupported, std::move(text));
+}
+
+/// First number and count of a span that is made of whole coils or registers of its table.
+struct Place {
+  std::uint32_t number = 0;
+  std::uint32_t count = 0;
+};
+
+Result<Place> place_of(const Span& span) {
+  if (span.space > id(Space::holding_register)) return cannot("no such table");
+  const std::uint32_t width = width_of(static_cast<Space>(span.space));
+  if (span.bits == 0 || span.first_bit % width != 0 || span.bits % width != 0)
+    return refuse("only whole registers are read and written");
+  const Place place{span.first_bit / width, span.bits / width};
+  if (place.number >= kNumbers || place.count > kNumbers - place.number)
+    return refuse("the numbers end at 65535");
+  return place;
+}
+
+Function read_function(std::uint16_t space) {
+  switch (static_cast<Space>(space)) {
+    case Space::coil:
+      return Function::read_coils;
+    case Space::discrete_input:
+      return Function::read_discrete_inputs;
+    case Space::input_register:
+      return Function::read_input_registers;
+    case Space::holding_register:
+      break;
+  }
+  return Function::read_holding_registers;
+}
+
+bool is_bit_table(std::uint16_t space) { return width_of(static_cast<Space>(space)) == 1; }
+
+/// Register images are low byte first, the wire is high byte first.
+Bytes swapped(ByteView bytes) {
+  Bytes out(bytes.begin(), bytes.end());
+  for (std::size_t i = 0; i + 1 < out.size(); i += 2) std::swap(out[i], out[i + 1]);
+  return out;
+}
+
+Result<Bytes> encode_read(const Read& read) {
+  const auto place = place_of(read.span);
+  if (!place) return tl::make_unexpected(place.error());
+  const std::uint32_t most = is_bit_table(read.span.space) ? kMaxReadBits : kMaxReadRegisters;
+  if (read.way != 0 || place->count > most)
+    return refuse("a read takes at most " + std::to_string(most));
+  Bytes pdu{code(read_function(read.span.space))};
+  append_16(pdu, place->number);
+  append_16(pdu, place->count);
+  return pdu;
+}
+
+Result<Bytes> encode_write(const Write& write) {
+  const auto place = place_of(write.span);
+  if (!place) return tl::make_unexpected(place.error());
+  const auto space = static_cast<Space>(write.span.space);
+  if (space != Space::coil && space != Space::holding_register)
+    return refuse(std::string(letters_of(space)) + " cannot be written");
+  const std::uint32_t most = space == Space::coil ? kMaxWriteBits : kMaxWriteRegisters;
+  if (place->count > most || write.image.size() != (write.span.bits + 7) / 8)
+    return refuse("a write takes at most " + std::to_string(most) + ", and their image");
+  Bytes pdu;
+  if (space == Space::holding_register && place->count == 1 &&
+      write.way == id(WriteWay::first_choice)) {
+    pdu.push_back(code(Function::write_register));
+    append_16(pdu, place->number);
+    append_16(pdu, write.image[0] | write.image[1] << 8U);
+    return pdu;
+  }
+  pdu.push_back(code(space == Space::coil ? Function::write_coils : Function::write_registers));
+  append_16(pdu, place->number);
+  append_16(pdu, place->count);
+  pdu.push_back(static_cast<std::uint8_t>(write.image.size()));
+  Bytes data = space == Space::coil ? write.image : swapped(write.image);
+  if (space == Space::coil && write.span.bits % 8 != 0)
+    data.back() &= static_cast<std::uint8_t>((1U << (write.span.bits % 8)) - 1);
+  pdu.insert(pdu.end(), data.begin(), data.end());
+  return pdu;
+}
+
+Result<Bytes> encode_force(const Force& force) {
+  if (force.space == id(Space::coil)) {
+    if (force.way == id(WriteWay::several))
+      return encode_write(
+          {{force.space, force.bit, 1}, {force.on ? std::uint8_t{1} : std::uint8_t{0}}});
+    if (force.bit >= kNumbers) return refuse("the numbers end at 65535");
+    Bytes pdu{code(Function::write_coil)};
+    append_16(pdu, force.bit);
+    append_16(pdu, force.on ? 0xFF00 : 0);
+    return pdu;
+  }
+  if (force.space != id(Space::holding_register)) return refuse("this bit cannot be written");
+  if (force.way == id(WriteWay::read_modify_write))
+    return cannot("a bit of a register is read, changed and written in two requests");
+  const std::uint32_t number = force.bit / 16;
+  if (number >= kNumbers) return refuse("the numbers end at 65535");
+  const std::uint32_t mask = 1U << (force.bit % 16);
+  Bytes pdu{code(Function::mask_write)};
+  append_16(pdu, number);
+  append_16(pdu, ~mask & 0xFFFF);       // AND mask: what stays
+  append_16(pdu, force.on ? mask : 0);  // OR mask: what is set
+  return pdu;
+}
+
+std::string hex_of(std::uint32_t value, int digits) {
+  Bytes out;
+  append_hex(out, value, digits);
+  return {out.begin(), out.end()};
+}
+
+Reply refusal(int device_code) {
+  Reply reply;
+  reply.kind = Reply::Kind::nak;
+  reply.device_code = device_code;
+  const auto text = exception_text(device_code);
+  reply.text = "exception " + hex_of(static_cast<std::uint32_t>(device_code), 2) + ": " +
+               (text.empty() ? "not in the specification" : std::string(text));
+  return reply;
+}
+
+}  // namespace
+
+std::uint32_t width_of(Space space) {
+  return space == Space::coil || space == Space::discrete_input ? 1 : 16;
+}
+
+std::string_view letters_of(Space space) {
+  switch (space) {
+    case Space::coil:
+      return "co";
+    case Space::discrete_input:
+      return "di";
+    case Space::input_register:
+      return "ir";
+    case Space::holding_register:
+      break;
+  }
+  return "hr";
+}
+
+Result<Bytes> encode_pdu(const Request& request) {
+  if (const auto* read = std::get_if<Read>(&request)) return encode_read(*read);
+  if (const auto* write = std::get_if<Write>(&request)) return encode_write(*write);
+  if (const auto* force = std::get_if<Force>(&request)) return encode_force(*force);
+  return cannot("Modbus has no such request");
+}
+
+std::size_t reply_length(const Request& request) {
+  if (const auto* read = std::get_if<Read>(&request)) return 2 + (read->span.bits + 7) / 8;
+  const auto pdu = encode_pdu(request);
+  if (pdu && pdu->front() == code(Function::mask_write)) return 7;
+  return 5;
+}
+
+Result<std::optional<Reply>> decode_pdu(const Request& request, ByteView pdu) {
+  const auto sent = encode_pdu(request);
+  if (!sent) return tl::make_unexpected(sent.error());
+  if (pdu.empty()) return fail(ErrorCode::bad_frame, "an answer without a function code");
+  const std::uint8_t function = sent->front();
+  if (pdu[0] == (function | kException)) {
+    if (pdu.size() != 2)
+      return fail(ErrorCode::bad_frame, "an exception of " + std::to_string(pdu.size()) + " bytes");
+    return std::optional<Reply>(refusal(pdu[1]));
+  }
+  if (pdu[0] != function) return std::optional<Reply>{};
+  if (const auto* read = std::get_if<Read>(&request)) {
+    const std::size_t bytes = (read->span.bits + 7) / 8;
+    if (pdu.size() < 2 || pdu[1] != pdu.size() - 2)
+      return fail(ErrorCode::bad_frame, "the byte count does not fit the frame");
+    if (pdu[1] != bytes) return std::optional<Reply>{};
+    Reply reply;
+    reply.kind = Reply::Kind::data;
+    const ByteView data = pdu.subspan(2);
+    reply.image = is_bit_table(read->span.space) ? Bytes(data.begin(), data.end()) : swapped(data);
+    if (is_bit_table(read->span.space) && read->span.bits % 8 != 0)
+      reply.image.back() &= static_cast<std::uint8_t>((1U << (read->span.bits % 8)) - 1);
+    return std::optional<Reply>(std::move(reply));
+  }
+  // Every write is answered by the beginning of its request: place, and value or quantity.
+  const std::size_t length = reply_length(request);
+  if (pdu.size() != length)
+    return fail(ErrorCode::bad_frame, "the answer to a write has " + std::to_string(pdu.size()) +
+                                          " bytes, not " + std::to_string(length));
+  if (!std::equal(pdu.begin(), pdu.end(), sent->begin())) return std::optional<Reply>{};
+  return std::optional<Reply>(Reply{});
+}
+
+std::string_view exception_text(int device_code) {
+  switch (device_code) {
+    case 0x01:
+      return "illegal function";
+    case 0x02:
+      return "illegal data address";
+    case 0x03:
+      return "illegal data value";
+    case 0x04:
+      return "device failure";
+    case 0x05:
+      return "acknowledged, still being carried out";
+    case 0x06:
+      return "device busy";
+    case 0x07:
+      return "negative acknowledgement";
+    case 0x08:
+      return "memory parity error";
+    case 0x0A:
+      return "the gateway has no path to the unit";
+    case 0x0B:
+      return "the unit behind the gateway does not answer";
+    default:
+      return {};
+  }
+}
+
+}  // namespace fxagent::modbus

@@ -1,0 +1,601 @@
+#include "protocol/modbus/modbus.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "protocol/plan.h"
+#include "tests/protocol/frame_file.h"
+
+namespace fxagent::modbus {
+namespace {
+
+using namespace std::chrono_literals;
+using test::hex;
+using Settings = Modbus::Settings;
+
+constexpr std::uint16_t kCoil = id(Space::coil);
+constexpr std::uint16_t kInput = id(Space::discrete_input);
+constexpr std::uint16_t kInputRegister = id(Space::input_register);
+constexpr std::uint16_t kHolding = id(Space::holding_register);
+
+Modbus unit(std::uint8_t number = 1, Framing framing = Framing::rtu) {
+  Settings settings;
+  settings.framing = framing;
+  settings.unit = number;
+  return Modbus(settings);
+}
+
+Address address(std::string_view text, const Modbus& codec = unit()) {
+  const auto parsed = codec.parse_address(text, std::nullopt);
+  EXPECT_TRUE(parsed.has_value()) << text << ": " << parsed.error().text;
+  return parsed.value_or(Address{});
+}
+
+std::string refusal(std::string_view text, const Modbus& codec = unit()) {
+  const auto parsed = codec.parse_address(text, std::nullopt);
+  EXPECT_FALSE(parsed.has_value()) << text;
+  return parsed ? "" : parsed.error().text;
+}
+
+Bytes sent(const Modbus& codec, const Request& request, std::uint16_t tag = 0) {
+  const auto frame = codec.encode(request, tag);
+  EXPECT_TRUE(frame.has_value()) << frame.error().text;
+  return frame.value_or(Bytes{});
+}
+
+// ---- transcripts ------------------------------------------------------------------------------
+
+Framing framing_of(const test::Exchange& e) {
+  return e.model == "rtu" ? Framing::rtu : e.model == "ascii" ? Framing::ascii : Framing::tcp;
+}
+Modbus codec_of(const test::Exchange& e) {
+  return unit(static_cast<std::uint8_t>(std::stoul(e.command_set)), framing_of(e));
+}
+std::uint16_t transaction_of(const test::Exchange& e) {
+  return static_cast<std::uint16_t>(std::stoul(e.command_set.substr(e.command_set.find('.') + 1)));
+}
+bool is_refused(const test::Exchange& e) {
+  return e.operation.find("_refused") != std::string::npos;
+}
+
+std::optional<Request> request_of(const test::Exchange& e) {
+  const std::string what = e.operation.substr(0, e.operation.find("_refused"));
+  if (what == "explained") return std::nullopt;
+  Span span = address(e.device).span;
+  span.bits *= e.bytes;
+  if (what == "read") return Read{span};
+  if (what == "write_several")
+    return Force{span.space, span.first_bit, (e.image[0] & 1) != 0, id(WriteWay::several)};
+  if (what == "write") return Write{span, e.image};
+  return Force{span.space, span.first_bit, what == "force_on"};
+}
+
+TEST(Modbus, SpeaksEveryFrameOfTheTranscripts) {
+  int spoken = 0;
+  for (const test::Exchange& e : test::read_frames("modbus.txt")) {
+    const auto request = request_of(e);
+    if (!request) continue;
+    SCOPED_TRACE("line " + std::to_string(e.line) + ", " + e.source);
+    const Modbus codec = codec_of(e);
+    EXPECT_EQ(to_hex(sent(codec, *request, transaction_of(e))), to_hex(e.request));
+    EXPECT_EQ(codec.line_length(*request).request_chars, e.request.size());
+    EXPECT_EQ(codec.expects_reply(*request), !e.reply.empty());
+    ++spoken;
+  }
+  EXPECT_EQ(spoken, 83);
+}
+
+TEST(Modbus, UnderstandsEveryAnswerOfTheTranscripts) {
+  int understood = 0;
+  for (const test::Exchange& e : test::read_frames("modbus.txt")) {
+    const auto request = request_of(e);
+    if (!request || e.reply.empty()) continue;
+    SCOPED_TRACE("line " + std::to_string(e.line) + ", " + e.source);
+    const Modbus codec = codec_of(e);
+    const auto reply = codec.decode(*request, transaction_of(e), e.reply);
+    ASSERT_TRUE(reply && *reply) << (reply ? "needs more" : reply.error().text);
+    ++understood;
+    EXPECT_EQ((*reply)->consumed, e.reply.size());
+    if (is_refused(e)) {
+      EXPECT_EQ((*reply)->kind, Reply::Kind::nak);
+      EXPECT_FALSE((*reply)->text.empty());
+      if (e.operation == "read_refused") {
+        EXPECT_EQ((*reply)->device_code, e.image[0]);
+      }
+    } else if (std::holds_alternative<Read>(*request)) {
+      EXPECT_EQ((*reply)->kind, Reply::Kind::data);
+      EXPECT_EQ(to_hex((*reply)->image), to_hex(e.image));
+      EXPECT_EQ(codec.line_length(*request).reply_chars, e.reply.size());
+    } else {
+      EXPECT_EQ((*reply)->kind, Reply::Kind::ack);
+    }
+  }
+  EXPECT_EQ(understood, 82);
+}
+
+TEST(Modbus, ExplainsEveryFrameOfTheTranscripts) {
+  int explained = 0;
+  for (const test::Exchange& e : test::read_frames("modbus.txt")) {
+    SCOPED_TRACE("line " + std::to_string(e.line) + ", " + e.source);
+    const Explanation request = explain_frame(framing_of(e), e.request, Direction::request);
+    // What was sent to see it refused breaks a rule of the specification, and that is said.
+    if (request_of(e)) {
+      EXPECT_TRUE(request.ok) << request.error.value_or("");
+      EXPECT_EQ(request.device, e.device);
+      EXPECT_EQ(request.count, e.bytes);
+    }
+    EXPECT_FALSE(request.fields.empty());
+    if (e.reply.empty()) continue;
+    const Explanation reply = explain_frame(framing_of(e), e.reply, Direction::reply);
+    EXPECT_TRUE(reply.ok) << reply.error.value_or("");
+    EXPECT_EQ(reply.operation == "nak",
+              is_refused(e) || e.source.find("exception") != std::string::npos);
+    ++explained;
+  }
+  EXPECT_EQ(explained, 110);
+}
+
+// ---- names --------------------------------------------------------------------------------------
+
+TEST(Modbus, NamesAreTablesAndNumbersOrDigitsAlone) {
+  struct Case {
+    const char* text;
+    const char* canonical;
+    Span span;
+    Unit unit;
+    bool writable;
+  };
+  const Case cases[] = {
+      {"hr:100", "hr:100", {kHolding, 1600, 16}, Unit::word, true},
+      {"HR:0x64", "hr:100", {kHolding, 1600, 16}, Unit::word, true},
+      {"ir:0", "ir:0", {kInputRegister, 0, 16}, Unit::word, false},
+      {"co:5", "co:5", {kCoil, 5, 1}, Unit::bit, true},
+      {"di:65535", "di:65535", {kInput, 65535, 1}, Unit::bit, false},
+      {"hr:100.3", "hr:100.3", {kHolding, 1603, 1}, Unit::word_bit, true},
+      {"ir:5.15", "ir:5.15", {kInputRegister, 95, 1}, Unit::word_bit, false},
+      {"40001", "hr:0", {kHolding, 0, 16}, Unit::word, true},
+      {"40101", "hr:100", {kHolding, 1600, 16}, Unit::word, true},
+      {"400101", "hr:100", {kHolding, 1600, 16}, Unit::word, true},
+      {"465536", "hr:65535", {kHolding, 1048560, 16}, Unit::word, true},
+      {"49999.0", "hr:9998.0", {kHolding, 159968, 1}, Unit::word_bit, true},
+      {"30009", "ir:8", {kInputRegister, 128, 16}, Unit::word, false},
+      {"10197", "di:196", {kInput, 196, 1}, Unit::bit, false},
+      {"00173", "co:172", {kCoil, 172, 1}, Unit::bit, true},
+      {"000173", "co:172", {kCoil, 172, 1}, Unit::bit, true},
+  };
+  for (const Case& c : cases) {
+    const Address a = address(c.text);
+    EXPECT_EQ(a.text, c.canonical) << c.text;
+    EXPECT_EQ(a.span, c.span) << c.text;
+    EXPECT_EQ(a.unit, c.unit) << c.text;
+    EXPECT_EQ(a.writable, c.writable) << c.text;
+    EXPECT_EQ(address(a.text).span, a.span) << c.text;
+    EXPECT_FALSE(unit().needs_type(c.text));
+  }
+}
+
+TEST(Modbus, TheBaseIsThatOfTheFirstNumberAndOfNamesWithATableOnly) {
+  Settings settings;
+  settings.address_base = 1;
+  const Modbus codec(settings);
+  EXPECT_EQ(address("hr:1", codec).span.first_bit, 0U);
+  EXPECT_EQ(address("hr:65536", codec).text, "hr:65536");
+  EXPECT_EQ(address("40001", codec).text, "hr:1");
+  EXPECT_EQ(codec.name_of({kCoil, 0, 1}), "co:1");
+  EXPECT_NE(refusal("hr:0", codec).find("from 1 to 65536"), std::string::npos);
+}
+
+TEST(Modbus, WhatIsNoAddressIsRefusedWithTheForms) {
+  for (const char* text : {"", "D100", "hr", "xx:5", ":5", "hr100"})
+    EXPECT_NE(refusal(text).find("the forms are"), std::string::npos) << text << refusal(text);
+  for (const char* text : {"hr:", "hr:65536", "co:-1", "hr:1x", "hr:0x", "di: 1"})
+    EXPECT_NE(refusal(text).find("from 0 to 65535"), std::string::npos) << text << refusal(text);
+  EXPECT_NE(refusal("40000").find("from 1 to 9999"), std::string::npos);
+  EXPECT_NE(refusal("465537").find("from 1 to 65536"), std::string::npos);
+  EXPECT_NE(refusal("20001").find("first digit"), std::string::npos);
+  EXPECT_NE(refusal("4001").find("5 or 6 digits"), std::string::npos);
+  EXPECT_NE(refusal("hr:5.16").find(".0 to .15"), std::string::npos);
+  EXPECT_NE(refusal("co:5.1").find("only registers have bits"), std::string::npos);
+}
+
+TEST(Modbus, RangesOfTheAllowList) {
+  const Modbus codec = unit();
+  EXPECT_EQ(*codec.parse_range("hr:100-hr:119"), (Span{kHolding, 1600, 320}));
+  EXPECT_EQ(*codec.parse_range("hr:100-119"), (Span{kHolding, 1600, 320}));
+  EXPECT_EQ(*codec.parse_range("co:7"), (Span{kCoil, 7, 1}));
+  EXPECT_EQ(*codec.parse_range("40101-40102"), (Span{kHolding, 1600, 32}));
+  for (const auto& [text, why] :
+       std::vector<std::pair<const char*, const char*>>{{"hr:5-co:7", "one table"},
+                                                        {"hr:7-hr:5", "ends before"},
+                                                        {"hr:5.1", "whole coil or register"},
+                                                        {"hr:5-x", "from 0"},
+                                                        {"D5-D7", "the forms are"}}) {
+    const auto span = codec.parse_range(text);
+    ASSERT_FALSE(span) << text;
+    EXPECT_NE(span.error().text.find(why), std::string::npos) << span.error().text;
+  }
+}
+
+TEST(Modbus, OnlyCoilsAndHoldingRegistersAreWritten) {
+  const Modbus codec = unit();
+  EXPECT_TRUE(codec.check_write({kCoil, 3, 1}));
+  EXPECT_TRUE(codec.check_write({kCoil, 3, 7}));
+  EXPECT_TRUE(codec.check_write({kHolding, 1600, 32}));
+  EXPECT_TRUE(codec.check_write({kHolding, 1603, 1}));
+  EXPECT_FALSE(codec.check_write({kHolding, 1603, 2}));
+  EXPECT_FALSE(codec.check_write({kHolding, 0, 0}));
+  EXPECT_FALSE(codec.check_write({kInput, 0, 1}));
+  EXPECT_FALSE(codec.check_write({kInputRegister, 0, 16}));
+  EXPECT_FALSE(codec.check_range({kHolding, 65535 * 16, 32}));
+  EXPECT_FALSE(codec.check_range({9, 0, 1}));
+  EXPECT_EQ(codec.name_of({9, 0, 1}), "space 9");
+}
+
+// ---- limits -------------------------------------------------------------------------------------
+
+TEST(Modbus, LimitsAreThoseOfTheSpecificationAndOfTheConfig) {
+  const Modbus codec = unit();
+  EXPECT_EQ(codec.read_ways(kHolding)[0].max_bits, 125U * 16);
+  EXPECT_EQ(codec.read_ways(kCoil)[0].max_bits, 2000U);
+  EXPECT_EQ(codec.max_write_bits(kHolding), 123U * 16);
+  EXPECT_EQ(codec.max_write_bits(kCoil), 1968U);
+  EXPECT_EQ(codec.max_write_bits(kInput), 0U);
+  EXPECT_TRUE(codec.read_ways(4).empty());
+  Settings settings;
+  settings.max_read = 50;
+  settings.max_gap = 0;
+  const Modbus narrow(settings);
+  EXPECT_EQ(narrow.read_ways(kInputRegister)[0].max_bits, 800U);
+  EXPECT_EQ(narrow.read_ways(kInputRegister)[0].max_gap_bits, 0U);
+  EXPECT_FALSE(narrow.encode(Read{{kHolding, 0, 51 * 16}}, 0));
+  EXPECT_TRUE(codec.encode(Write{{kHolding, 0, 123 * 16}, Bytes(246)}, 0));
+  EXPECT_FALSE(codec.encode(Write{{kHolding, 0, 124 * 16}, Bytes(248)}, 0));
+  EXPECT_FALSE(codec.encode(Write{{kHolding, 0, 16}, Bytes(1)}, 0));
+  EXPECT_FALSE(codec.encode(Write{{kInput, 0, 8}, Bytes(1)}, 0));
+  EXPECT_FALSE(codec.encode(Read{{kHolding, 65535 * 16, 32}}, 0));
+  EXPECT_FALSE(codec.encode(Read{{kHolding, 8, 16}}, 0));
+  EXPECT_FALSE(codec.encode(Read{{7, 0, 16}}, 0));
+  EXPECT_FALSE(codec.encode(Force{kInput, 0, true}, 0));
+  EXPECT_FALSE(codec.encode(Force{kCoil, 65536, true}, 0));
+  EXPECT_FALSE(codec.encode(Force{kHolding, 65536 * 16, true}, 0));
+  EXPECT_FALSE(codec.encode(Enquire{}, 0));
+}
+
+TEST(Modbus, UnusedBitsOfTheLastByteAreSentAsZero) {
+  EXPECT_EQ(to_hex(sent(unit(17), Write{{kCoil, 19, 10}, {0xCD, 0xFD}})),
+            "11 0F 00 13 00 0A 02 CD 01 BF 0B");
+}
+
+// ---- bits of registers --------------------------------------------------------------------------
+
+TEST(Modbus, ABitOfARegisterGoesByTheMaskWrite) {
+  // V1.1b3, 6.16: result = (contents AND and_mask) OR (or_mask AND NOT and_mask).
+  const Modbus codec = unit(17, Framing::tcp);
+  EXPECT_EQ(to_hex(sent(codec, Force{kHolding, 4 * 16 + 3, true}, 0x1509)),
+            "15 09 00 00 00 08 11 16 00 04 FF F7 00 08");
+  EXPECT_EQ(to_hex(sent(codec, Force{kHolding, 4 * 16 + 15, false}, 0x1509)),
+            "15 09 00 00 00 08 11 16 00 04 7F FF 00 00");
+}
+
+TEST(Modbus, WhereTheMaskWriteIsMissingTheRegisterIsReadFirstIfThatIsAllowed) {
+  const Force force{kHolding, 4 * 16 + 11, true};
+  EXPECT_EQ(unit().instead_of(force, 1), std::nullopt);
+  Settings settings;
+  settings.allow_read_modify_write = true;
+  const Modbus codec(settings);
+  EXPECT_EQ(codec.read_before(force), std::nullopt);
+  const auto other = codec.instead_of(force, 1);
+  ASSERT_TRUE(other);
+  EXPECT_EQ(codec.instead_of(*other, 1), std::nullopt);
+  EXPECT_EQ(codec.read_before(*other), Request(Read{{kHolding, 64, 16}}));
+  EXPECT_FALSE(codec.encode(*other, 0)) << "it cannot go without its read";
+  EXPECT_EQ(codec.with_read(*other, Bytes{0x34, 0x12}),
+            Request(Write{{kHolding, 64, 16}, {0x34, 0x1A}}));
+  Force off = std::get<Force>(*other);
+  off.on = false;
+  off.bit = 64 + 2;
+  EXPECT_EQ(codec.with_read(off, Bytes{0x34, 0x12}),
+            Request(Write{{kHolding, 64, 16}, {0x30, 0x12}}));
+  EXPECT_EQ(codec.with_read(*other, Bytes{1}), *other);
+}
+
+TEST(Modbus, AFunctionThatTheDeviceLacksIsReplaced) {
+  const Modbus codec = unit(17);
+  const auto coil = codec.instead_of(Force{kCoil, 19, true}, 1);
+  ASSERT_TRUE(coil);
+  EXPECT_EQ(sent(codec, *coil)[1], 0x0F);
+  EXPECT_EQ(codec.instead_of(*coil, 1), std::nullopt);
+  const auto word = codec.instead_of(Write{{kHolding, 16, 16}, {3, 0}}, 1);
+  ASSERT_TRUE(word);
+  EXPECT_EQ(sent(codec, *word)[1], 0x10);
+  EXPECT_EQ(codec.instead_of(*word, 1), std::nullopt);
+  EXPECT_EQ(codec.instead_of(Write{{kHolding, 16, 32}, {3, 0, 4, 0}}, 1), std::nullopt);
+  EXPECT_EQ(codec.instead_of(Force{kCoil, 19, true}, 2), std::nullopt);
+}
+
+// ---- answers ------------------------------------------------------------------------------------
+
+const Request kRead = Read{{kHolding, 0x6B * 16, 48}};
+const std::string kRtuAnswer = "11 03 06 02 2B 00 00 00 64 C8 BA";
+const std::string kTcpAnswer = "15 03 00 00 00 09 FF 03 06 02 2B 00 00 00 64";
+
+std::string garbled(const Modbus& codec, const Request& request, std::string_view rx,
+                    std::uint16_t tag = 0) {
+  const auto reply = codec.decode(request, tag, hex(rx));
+  EXPECT_FALSE(reply.has_value()) << rx;
+  return reply ? "" : reply.error().text;
+}
+bool needs_more(const Modbus& codec, const Request& request, std::string_view rx,
+                std::uint16_t tag = 0) {
+  const auto reply = codec.decode(request, tag, hex(rx));
+  return reply && !*reply;
+}
+
+TEST(Modbus, AWrongSumIsNamed) {
+  EXPECT_EQ(garbled(unit(17), kRead, "11 03 06 02 2B 00 00 00 65 C8 BA"),
+            "CRC C8 BA given, 09 7A computed");
+  EXPECT_EQ(garbled(unit(17, Framing::ascii), Read{{kInputRegister, 128, 16}},
+                    to_hex(Bytes{':', '1', '1', '0', '4', '0', '2', '0', '0', '0', 'B', 'D', 'F',
+                                 '\r', '\n'})),
+            "LRC DF given, DE computed");
+}
+
+TEST(Modbus, AnswersOfOtherUnitsAreWaitedPast) {
+  // Unit 18 says the same; the CRC is that of its own frame.
+  EXPECT_TRUE(needs_more(unit(18), kRead, kRtuAnswer));
+  EXPECT_TRUE(needs_more(unit(0x12, Framing::ascii), Read{{kInputRegister, 128, 16}},
+                         "3A 31 31 30 34 30 32 30 30 30 41 44 46 0D 0A"));
+  EXPECT_NE(garbled(unit(1, Framing::tcp), kRead, kTcpAnswer, 0x1503)
+                .find("unit 255 answered, unit 1 was asked"),
+            std::string::npos);
+}
+
+TEST(Modbus, ALateAnswerIsToldByItsNumberOnTcp) {
+  const Modbus codec = unit(255, Framing::tcp);
+  EXPECT_TRUE(needs_more(codec, kRead, kTcpAnswer, 0x1504));
+  const auto reply = codec.decode(
+      kRead, 0x1504, hex(kTcpAnswer + " 15 04 00 00 00 09 FF 03 06 00 01 00 02 00 03"));
+  ASSERT_TRUE(reply && *reply);
+  EXPECT_EQ((*reply)->image, (Bytes{1, 0, 2, 0, 3, 0}));
+}
+
+TEST(Modbus, AHeaderOfNonsenseEndsTheConnection) {
+  const Modbus codec = unit(255, Framing::tcp);
+  EXPECT_NE(garbled(codec, kRead, "15 03 00 00 03 84 FF").find("length 900"), std::string::npos);
+  EXPECT_NE(garbled(codec, kRead, "15 03 00 00 00 02 FF 03").find("length 2"), std::string::npos);
+  EXPECT_NE(garbled(codec, kRead, "48 54 54 50 2F 31").find("protocol 5450"), std::string::npos);
+  EXPECT_EQ(codec.after_nonsense(), Recovery::reconnect);
+  EXPECT_EQ(codec.after_silence(), Recovery::none);
+  EXPECT_EQ(unit().after_nonsense(), Recovery::drain);
+  EXPECT_EQ(unit().after_silence(), Recovery::drain);
+}
+
+TEST(Modbus, AnAnswerToAnotherQuestionIsNamedOnTcp) {
+  const Modbus codec = unit(255, Framing::tcp);
+  EXPECT_NE(garbled(codec, kRead, "00 00 00 00 00 05 FF 04 02 00 0A").find("another function"),
+            std::string::npos);
+  EXPECT_NE(garbled(codec, kRead, "00 00 00 00 00 05 FF 03 02 00 0A").find("count"),
+            std::string::npos);
+  EXPECT_NE(garbled(codec, kRead, "00 00 00 00 00 05 FF 03 07 00 0A").find("byte count"),
+            std::string::npos);
+  EXPECT_NE(garbled(codec, kRead, "00 00 00 00 00 04 FF 83 02 00").find("exception of 3"),
+            std::string::npos);
+  EXPECT_NE(garbled(codec, Force{kCoil, 1, true}, "00 00 00 00 00 05 FF 05 00 01 FF").find("write"),
+            std::string::npos);
+}
+
+TEST(Modbus, ALateAnswerToAnotherWriteIsPassedOver) {
+  const Modbus codec = unit(17);
+  const Request write = Write{{kHolding, 16, 16}, {4, 0}};
+  EXPECT_TRUE(needs_more(codec, write, "11 06 00 01 00 03 9A 9B"));
+  const Bytes right = sent(codec, write);
+  const auto reply = codec.decode(write, 0, hex("11 06 00 01 00 03 9A 9B " + to_hex(right)));
+  ASSERT_TRUE(reply && *reply);
+  EXPECT_EQ((*reply)->kind, Reply::Kind::ack);
+  EXPECT_EQ((*reply)->consumed, 16U);
+}
+
+TEST(Modbus, AsciiBeginsAnewAtEveryColonAndTakesLowerCase) {
+  const Modbus codec = unit(17, Framing::ascii);
+  const Request read = Read{{kInputRegister, 128, 16}};
+  const auto text = [](std::string_view t) { return Bytes(t.begin(), t.end()); };
+  const auto reply = codec.decode(read, 0, text("xx:11:1104:110402000adf\r\n"));
+  ASSERT_TRUE(reply && *reply);
+  EXPECT_EQ((*reply)->image, (Bytes{10, 0}));
+  EXPECT_FALSE(codec.decode(read, 0, text(":110402000AD\r\n")));
+  EXPECT_FALSE(codec.decode(read, 0, text(":110402000ADF\rx")));
+  EXPECT_FALSE(codec.decode(read, 0, text(":1104G2000ADF\r\n")));
+  EXPECT_FALSE(codec.decode(read, 0, text(":11EF\r\n")));
+  EXPECT_FALSE(codec.decode(read, 0, Bytes(600, ':')).has_value());
+}
+
+TEST(Modbus, ABabblingLineIsNamed) {
+  EXPECT_NE(unit().decode(kRead, 0, Bytes(600, 0x7F)).error().text.find("600 bytes"),
+            std::string::npos);
+  EXPECT_FALSE(unit(1, Framing::ascii).decode(kRead, 0, Bytes(1100, 0x7F)));
+}
+
+TEST(Modbus, AnExceptionThatTheSpecificationDoesNotKnowIsShownAsItIs) {
+  const Modbus codec = unit(255, Framing::tcp);
+  const auto reply = codec.decode(kRead, 0, hex("00 00 00 00 00 03 FF 83 7F"));
+  ASSERT_TRUE(reply && *reply);
+  EXPECT_EQ((*reply)->text, "exception 7F: not in the specification");
+  EXPECT_EQ((*reply)->device_code, 0x7F);
+}
+
+TEST(Modbus, ExceptionsMeanWhatTheyMeanToReadsAndToWrites) {
+  const Modbus codec = unit();
+  const Request write = Write{{kHolding, 0, 16}, {0, 0}};
+  const auto meaning = [&](const Request& request, int code) {
+    return codec.meaning_of(request, code);
+  };
+  using enum RefusalMeaning;
+  const struct {
+    int code;
+    RefusalMeaning read, write;
+  } cases[] = {{1, final, final},          {2, hole, final},      {3, hole, final},
+               {4, final, unclear},        {5, busy, unclear},    {6, busy, busy},
+               {7, final, final},          {8, final, final},     {10, unreachable, final},
+               {11, unreachable, unclear}, {0x7F, final, unclear}};
+  for (const auto& c : cases) {
+    EXPECT_EQ(meaning(kRead, c.code), c.read) << c.code;
+    EXPECT_EQ(meaning(write, c.code), c.write) << c.code;
+    EXPECT_NE(exception_text(c.code).empty(), c.code != 0x7F) << c.code;
+  }
+}
+
+// ---- the line -----------------------------------------------------------------------------------
+
+TEST(Modbus, RtuRestsForThreeAndAHalfCharactersAndNeverLessThan1750Microseconds) {
+  EXPECT_EQ(unit().quiet_before(1145833ns), 4010415ns);  // 11 bits at 9600
+  EXPECT_EQ(unit().quiet_before(95486ns), 1750us);       // 115200
+  EXPECT_EQ(unit().quiet_before(0ns), 0ns);              // behind a serial server
+  EXPECT_EQ(unit(1, Framing::ascii).quiet_before(1ms), 0ns);
+  EXPECT_EQ(unit(1, Framing::tcp).quiet_before(1ms), 0ns);
+}
+
+TEST(Modbus, ABroadcastIsNotAnsweredAndNotReadFrom) {
+  const Modbus everybody = unit(0);
+  const Request write = Write{{kHolding, 16, 16}, {0xAA, 0}};
+  EXPECT_TRUE(everybody.is_broadcast());
+  EXPECT_FALSE(everybody.expects_reply(write));
+  EXPECT_EQ(everybody.pause_after(write), 200ms);
+  EXPECT_EQ(unit().pause_after(write), 0ms);
+  EXPECT_EQ(everybody.line_length(write).reply_chars, 0U);
+  EXPECT_FALSE(everybody.encode(kRead, 0));
+  EXPECT_FALSE(everybody.decode(write, 0, hex("00")));
+  EXPECT_TRUE(everybody.read_ways(kHolding).empty());
+  EXPECT_FALSE(unit(0, Framing::tcp).is_broadcast());
+}
+
+TEST(Modbus, HasNothingThatOnlyAPlcHas) {
+  const Modbus codec = unit();
+  EXPECT_FALSE(codec.resync());
+  EXPECT_FALSE(codec.probe());
+  EXPECT_TRUE(codec.identify().empty());
+  EXPECT_FALSE(codec.model_from({}));
+  EXPECT_TRUE(codec.model().empty());
+  EXPECT_EQ(codec.with_model("FX3U"), nullptr);
+  EXPECT_FALSE(codec.run_state());
+  EXPECT_FALSE(codec.run_state_from(Bytes{1}));
+  EXPECT_FALSE(codec.run_order(true));
+  EXPECT_TRUE(codec.run_order_hint().empty());
+}
+
+TEST(Modbus, IsMadeFromItsOptions) {
+  const ProtocolInfo* rtu = find_protocol("modbus-rtu");
+  ASSERT_NE(rtu, nullptr);
+  Options options = default_options(*rtu);
+  auto made = rtu->make(options);
+  ASSERT_TRUE(made);
+  EXPECT_EQ((*made)->default_order(), ByteOrder::abcd);
+  options["byte_order"] = std::string("CDAB");
+  options["max_read"] = std::int64_t{10};
+  made = rtu->make(options);
+  ASSERT_TRUE(made);
+  EXPECT_EQ((*made)->default_order(), ByteOrder::cdab);
+  EXPECT_EQ((*made)->read_ways(kHolding)[0].max_bits, 160U);
+  options["unit"] = std::int64_t{250};
+  EXPECT_NE(rtu->make(options).error().text.find("reserved"), std::string::npos);
+  EXPECT_TRUE(find_protocol("modbus-tcp")->make(options));
+  EXPECT_TRUE(find_protocol("modbus-ascii")->make(default_options(*rtu)));
+  options["byte_order"] = std::string("XYZ");
+  EXPECT_FALSE(find_protocol("modbus-tcp")->make(options));
+}
+
+TEST(Modbus, APlanKeepsToTheGap) {
+  Settings settings;
+  settings.max_gap = 2;
+  const Modbus codec(settings);
+  std::vector<Point> points;
+  for (const char* text : {"hr:0", "hr:3", "hr:7", "co:0", "co:20"}) {
+    Point point;
+    point.address = address(text, codec);
+    point.type = default_type(point.address);
+    points.push_back(point);
+  }
+  const Plan plan = make_plan(codec, points, LineCost{1ms, 30ms}, 0);
+  ASSERT_EQ(plan.reads.size(), 3U);
+  EXPECT_EQ(plan.reads[0].read.span, (Span{kCoil, 0, 21}));
+  EXPECT_EQ(plan.reads[1].read.span, (Span{kHolding, 0, 64}));
+  EXPECT_EQ(plan.reads[2].read.span, (Span{kHolding, 112, 16}));
+}
+
+// ---- decode
+// ---------------------------------------------------------------------------------------
+
+TEST(ModbusExplain, TellsARequestFromAnAnswer) {
+  const auto request = explain_frame(Framing::rtu, hex("11 03 00 6B 00 03 76 87"), std::nullopt);
+  EXPECT_TRUE(request.ok);
+  EXPECT_EQ(request.direction, Direction::request);
+  EXPECT_FALSE(request.ambiguous);
+  EXPECT_EQ(request.operation, "read");
+  EXPECT_EQ(request.command, "03");
+  EXPECT_EQ(request.device, "hr:107");
+  EXPECT_EQ(request.count, 3U);
+  EXPECT_EQ(request.checksum_given, "76 87");
+  const auto reply = explain_frame(Framing::rtu, hex(kRtuAnswer), std::nullopt);
+  EXPECT_EQ(reply.direction, Direction::reply);
+  EXPECT_EQ(reply.operation, "data");
+  EXPECT_EQ(reply.values, (std::vector<std::string>{"022B", "0000", "0064"}));
+  const auto both = explain_frame(Framing::rtu, hex("11 05 00 AC FF 00 4E 8B"), std::nullopt);
+  EXPECT_TRUE(both.ambiguous);
+  EXPECT_EQ(both.operation, "force_on");
+}
+
+TEST(ModbusExplain, SaysWhatIsWrong) {
+  const auto error = [](Framing framing, std::string_view frame,
+                        std::optional<Direction> direction = std::nullopt) {
+    const auto out = explain_frame(framing, hex(frame), direction);
+    EXPECT_FALSE(out.ok) << frame;
+    return out.error.value_or("");
+  };
+  EXPECT_NE(error(Framing::rtu, "11 03 00 6B 00 03 76 88").find("CRC 76 88 given, 76 87 computed"),
+            std::string::npos);
+  EXPECT_NE(error(Framing::rtu, "11 03").find("too short"), std::string::npos);
+  EXPECT_NE(error(Framing::tcp, "15 03 00 00 00 06 FF 03 00").find("shorter"), std::string::npos);
+  EXPECT_NE(error(Framing::tcp, kTcpAnswer + " 00").find("1 bytes follow"), std::string::npos);
+  EXPECT_NE(error(Framing::tcp, "15 03 00 01 00 06 FF 03 00 6B 00 03").find("protocol 0001"),
+            std::string::npos);
+  EXPECT_NE(error(Framing::ascii, "3A 31 31").find("CR LF"), std::string::npos);
+  const auto request = Direction::request;
+  const auto reply = Direction::reply;
+  EXPECT_NE(error(Framing::tcp, "00 00 00 00 00 06 FF 03 00 00 00 7E", request).find("1 to 125"),
+            std::string::npos);
+  EXPECT_NE(
+      error(Framing::tcp, "00 00 00 00 00 06 FF 05 00 00 12 34", request).find("FF00 or 0000"),
+      std::string::npos);
+  EXPECT_NE(error(Framing::tcp, "00 00 00 00 00 06 FF 03 FF FF 00 02", request).find("65535"),
+            std::string::npos);
+  EXPECT_NE(error(Framing::tcp, "00 00 00 00 00 03 FF 83 02", request).find("no request"),
+            std::string::npos);
+  EXPECT_NE(error(Framing::tcp, "00 00 00 00 00 04 FF 83 02 00", reply).find("2 belong"),
+            std::string::npos);
+  EXPECT_NE(
+      error(Framing::tcp, "00 00 00 00 00 05 FF 10 00 01 00", request).find("before its data"),
+      std::string::npos);
+  EXPECT_NE(
+      error(Framing::tcp, "00 00 00 00 00 05 FF 17 00 01 00", request).find("before its data"),
+      std::string::npos);
+  EXPECT_NE(error(Framing::tcp, "00 00 00 00 00 0B FF 10 00 01 00 02 03 00 0A 01 02", request)
+                .find("byte count 3"),
+            std::string::npos);
+  EXPECT_NE(error(Framing::tcp, "00 00 00 00 00 05 FF 03 04 00 0A", reply).find("byte count"),
+            std::string::npos);
+  EXPECT_NE(error(Framing::tcp, "00 00 00 00 00 06 FF 03 03 00 0A 0B", reply).find("odd count"),
+            std::string::npos);
+  EXPECT_NE(error(Framing::tcp, "00 00 00 00 00 05 FF 10 00 01 00", reply).find("5 belong"),
+            std::string::npos);
+}
+
+TEST(ModbusExplain, AnUnknownFunctionIsStillAFrame) {
+  const auto out = explain_frame(Framing::rtu, hex("02 07 41 12"), std::nullopt);
+  EXPECT_TRUE(out.ok);
+  EXPECT_EQ(out.operation, "other");
+  EXPECT_EQ(out.command, "07");
+}
+
+}  // namespace
+}  // namespace fxagent::modbus
