@@ -1,9 +1,15 @@
 #include "tests/sim/bytes.h"
 
+#include <numeric>
+
 namespace fxsim {
+namespace {
+
+constexpr std::string_view kDigits = "0123456789ABCDEF";
+
+}  // namespace
 
 std::string to_hex(ByteView bytes) {
-  static constexpr std::string_view kDigits = "0123456789ABCDEF";
   std::string text;
   text.reserve(bytes.size() * 3);
   for (const auto byte : bytes) {
@@ -38,6 +44,33 @@ std::optional<Bytes> from_hex(std::string_view text) {
   }
   if (high >= 0) return std::nullopt;
   return bytes;
+}
+
+void append_hex(Bytes& out, std::uint8_t byte) {
+  out.push_back(static_cast<std::uint8_t>(kDigits[byte >> 4U]));
+  out.push_back(static_cast<std::uint8_t>(kDigits[byte & 0x0FU]));
+}
+
+std::optional<std::uint32_t> parse_upper_hex(std::string_view digits) {
+  std::uint32_t value = 0;
+  for (const char c : digits) {
+    const auto digit = kDigits.find(c);
+    if (digit == std::string_view::npos) return std::nullopt;
+    value = value * 16 + static_cast<std::uint32_t>(digit);
+  }
+  return value;
+}
+
+std::uint8_t sum_of(ByteView bytes) {
+  return static_cast<std::uint8_t>(std::accumulate(bytes.begin(), bytes.end(), 0U));
+}
+
+unsigned big_endian_at(ByteView bytes, std::size_t at) {
+  return static_cast<unsigned>(bytes[at]) << 8U | bytes[at + 1];
+}
+
+std::string_view as_text(ByteView bytes) {
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
 }  // namespace fxsim

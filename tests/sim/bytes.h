@@ -23,4 +23,17 @@ std::string to_hex(ByteView bytes);
 /// character or on half a byte.
 std::optional<Bytes> from_hex(std::string_view text);
 
+/// Two upper-case digits at the end of `out`.
+void append_hex(Bytes& out, std::uint8_t byte);
+/// The number that upper-case hex digits write, at most eight of them. Nothing on any other
+/// character: clones take a lower-case digit for 0 or refuse it. No digits are 0.
+std::optional<std::uint32_t> parse_upper_hex(std::string_view digits);
+
+/// The low byte of the sum, the check of both FX protocols.
+std::uint8_t sum_of(ByteView bytes);
+/// The two bytes from `at` on, the high one first. Precondition: they are there.
+unsigned big_endian_at(ByteView bytes, std::size_t at);
+/// The same bytes as text.
+std::string_view as_text(ByteView bytes);
+
 }  // namespace fxsim

@@ -5,11 +5,12 @@
 #include <cstdint>
 #include <initializer_list>
 #include <limits>
+#include <map>
 #include <nlohmann/json.hpp>
-#include <set>
 
 #include "tests/sim/memory.h"
 #include "tests/sim/plant.h"
+#include "tests/sim/programming_port.h"
 
 namespace fxsim {
 namespace {
@@ -20,8 +21,9 @@ using nlohmann::json;
   throw ConfigError(where + ": " + what);
 }
 
-void expect_keys(const json& object, std::initializer_list<std::string_view> known,
-                 const std::string& where) {
+using Keys = std::vector<std::string_view>;
+
+void expect_keys(const json& object, const Keys& known, const std::string& where) {
   if (!object.is_object()) fail(where, "an object is expected");
   for (const auto& [key, value] : object.items()) {
     if (std::ranges::find(known, key) != known.end()) continue;
@@ -70,26 +72,106 @@ std::string required(const json& object, const char* key, const std::string& whe
   return value;
 }
 
-LineSettings parse_line(const json& plc, const std::string& where) {
+/// What a protocol's line is like where nothing else is said.
+struct UsualLine {
+  int baud;
+  int data_bits;
+  const char* parity;
+  int turnaround_ms;
+};
+
+UsualLine usual_line(Protocol protocol) {
+  switch (protocol) {
+    case Protocol::modbus_rtu:
+      return {9600, 8, "even", 5};
+    case Protocol::modbus_tcp:
+      return {0, 8, "none", 0};
+    default:
+      return {9600, 7, "even", 5};
+  }
+}
+
+LineSettings parse_line(const json& plc, Protocol protocol, const std::string& where) {
+  const auto usual = usual_line(protocol);
   LineSettings line;
   line.pty = text(plc, "pty", "", where);
   if (plc.contains("pty") == plc.contains("tcp"))
     fail(where, "exactly one of \"pty\" (a path) and \"tcp\" (a port) is expected");
   if (plc.contains("pty") && line.pty.empty()) fail(where + "/pty", "a path is expected");
+  if (protocol == Protocol::modbus_tcp && plc.contains("pty"))
+    fail(where + "/pty", "modbus-tcp needs \"tcp\"");
   line.tcp = static_cast<std::uint16_t>(number(plc, "tcp", 0, 0, 65535, where));
-  line.baud = static_cast<unsigned>(number(plc, "baud", 9600, 0, 1'000'000, where));
-  const auto data_bits = number(plc, "data_bits", 7, 7, 8, where);
+  line.baud = static_cast<unsigned>(number(plc, "baud", usual.baud, 0, 1'000'000, where));
+  const auto data_bits = number(plc, "data_bits", usual.data_bits, 7, 8, where);
   const auto stop_bits = number(plc, "stop_bits", 1, 1, 2, where);
-  const auto parity = text(plc, "parity", "even", where);
+  const auto parity = text(plc, "parity", usual.parity, where);
   if (parity != "even" && parity != "odd" && parity != "none")
     fail(where + "/parity", "even, odd or none is expected, not " + parity);
+  if (protocol == Protocol::modbus_rtu && data_bits != 8)
+    fail(where + "/data_bits", "modbus-rtu takes 8");
   line.bits_per_character =
       static_cast<unsigned>(1 + data_bits + (parity == "none" ? 0 : 1) + stop_bits);
-  line.turnaround = duration(plc, "turnaround_ms", 5, where);
-  line.jitter = duration(plc, "jitter_ms", 0, where);
-  line.seed = static_cast<std::uint32_t>(
-      number(plc, "seed", 1, 0, std::numeric_limits<std::uint32_t>::max(), where));
+  line.gateway = flag(plc, "gateway", false, where);
   return line;
+}
+
+ResponseTime parse_response(const json& plc, Protocol protocol, const std::string& where) {
+  ResponseTime response;
+  response.turnaround = duration(plc, "turnaround_ms", usual_line(protocol).turnaround_ms, where);
+  response.jitter = duration(plc, "jitter_ms", 0, where);
+  response.seed = static_cast<std::uint32_t>(
+      number(plc, "seed", 1, 0, std::numeric_limits<std::uint32_t>::max(), where));
+  return response;
+}
+
+ComputerLinkSettings parse_computer_link(const json& plc, const std::string& where) {
+  ComputerLinkSettings link;
+  link.station = static_cast<unsigned>(number(plc, "station", 0, 0, 15, where));
+  link.format = static_cast<unsigned>(number(plc, "format", 1, 1, 4, where));
+  if (link.format != 1 && link.format != 4) fail(where + "/format", "1 or 4 is expected");
+  link.sum_check = flag(plc, "sum_check", true, where);
+  return link;
+}
+
+const json& array_at(const json& object, const char* key, const std::string& where) {
+  const auto& found = object.at(key);
+  if (!found.is_array()) fail(where + "/" + key, "an array is expected");
+  return found;
+}
+
+/// "hr:100-hr:119", or one device alone.
+ModbusSettings::Hole parse_hole(const json& value, const std::string& where) {
+  if (!value.is_string()) fail(where, "a text is expected, as hr:100-hr:119");
+  const auto span = value.get<std::string>();
+  const auto dash = std::min(span.find('-'), span.size());
+  const auto first = parse_device_of(modbus_model(), span.substr(0, dash), where);
+  const auto last =
+      dash == span.size() ? first : parse_device_of(modbus_model(), span.substr(dash + 1), where);
+  if (first.kind != last.kind || first.number > last.number)
+    fail(where, "'" + span + "' has no first and last device of one table");
+  return {first.kind, {first.number, last.number}};
+}
+
+ModbusSettings parse_modbus(const json& plc, Protocol protocol, const std::string& where) {
+  ModbusSettings modbus;
+  const bool tcp = protocol == Protocol::modbus_tcp;
+  modbus.unit =
+      static_cast<std::uint8_t>(number(plc, "unit", 1, tcp ? 0 : 1, tcp ? 255 : 247, where));
+  modbus.max_read = static_cast<unsigned>(number(plc, "max_read", 125, 1, 125, where));
+  modbus.max_read_code = static_cast<std::uint8_t>(number(plc, "max_read_code", 3, 1, 255, where));
+  if (plc.contains("holes")) {
+    const auto& holes = array_at(plc, "holes", where);
+    for (std::size_t i = 0; i < holes.size(); ++i)
+      modbus.holes.push_back(parse_hole(holes[i], where + "/holes/" + std::to_string(i)));
+  }
+  if (plc.contains("missing_functions")) {
+    for (const auto& code : array_at(plc, "missing_functions", where)) {
+      if (!code.is_number_unsigned() || code.get<unsigned>() > 127)
+        fail(where + "/missing_functions", "function codes up to 127 are expected");
+      modbus.missing_functions.push_back(code.get<unsigned>());
+    }
+  }
+  return modbus;
 }
 
 void parse_memory(const json& memory, PlcConfig& plc, const std::string& where) {
@@ -108,35 +190,146 @@ void parse_memory(const json& memory, PlcConfig& plc, const std::string& where) 
   }
 }
 
+Keys keys_of(Protocol protocol) {
+  Keys keys = {"name",      "protocol", "pty",        "tcp",           "with",      "baud",
+               "data_bits", "parity",   "stop_bits",  "turnaround_ms", "jitter_ms", "seed",
+               "plant",     "run",      "run_switch", "memory",        "faults"};
+  const auto add = [&keys](std::initializer_list<std::string_view> more) {
+    keys.insert(keys.end(), more);
+  };
+  if (is_modbus(protocol)) {
+    add({"unit", "holes", "max_read", "max_read_code", "missing_functions"});
+  } else {
+    add({"model"});
+  }
+  if (protocol == Protocol::modbus_tcp) add({"gateway"});
+  if (protocol == Protocol::computer_link) add({"station", "format", "sum_check"});
+  return keys;
+}
+
 PlcConfig parse_plc(const json& object, const std::string& where) {
-  expect_keys(
-      object,
-      {"name", "protocol", "model", "pty", "tcp", "baud", "data_bits", "parity", "stop_bits",
-       "turnaround_ms", "jitter_ms", "seed", "plant", "run", "run_switch", "memory", "faults"},
-      where);
+  if (!object.is_object()) fail(where, "an object is expected");
   PlcConfig plc;
   plc.name = required(object, "name", where);
-  plc.protocol = text(object, "protocol", "fx-programming-port", where);
-  if (plc.protocol != "fx-programming-port")
-    fail(where + "/protocol", "fx-programming-port is expected, not " + plc.protocol);
+  const auto protocol = text(object, "protocol", "fx-programming-port", where);
+  const auto found = find_protocol(protocol);
+  if (!found)
+    fail(where + "/protocol", "no protocol " + protocol + "; known are: " + protocol_names());
+  plc.protocol = *found;
+  expect_keys(object, keys_of(plc.protocol), where);
   const auto model = text(object, "model", "FX3U", where);
-  plc.model = find_model(model);
+  plc.model = is_modbus(plc.protocol) ? &modbus_model() : find_model(model);
   if (plc.model == nullptr)
     fail(where + "/model", "no model " + model + "; known are: " + model_names());
-  plc.line = parse_line(object, where);
+  plc.line = parse_line(object, plc.protocol, where);
+  plc.response = parse_response(object, plc.protocol, where);
+  plc.computer_link = parse_computer_link(object, where);
+  plc.modbus = parse_modbus(object, plc.protocol, where);
   plc.plant = text(object, "plant", "none", where);
   if (!make_plant(plc.plant))
     fail(where + "/plant", "no plant " + plc.plant + "; known are: " + std::string(kPlantNames));
+  if (plc.plant == "demo" && is_modbus(plc.protocol))
+    fail(where + "/plant", "the demo plant needs the devices of an FX");
   plc.run = flag(object, "run", true, where);
   plc.run_switch = flag(object, "run_switch", true, where);
   if (const auto memory = object.find("memory"); memory != object.end())
     parse_memory(*memory, plc, where + "/memory");
-  if (const auto faults = object.find("faults"); faults != object.end()) {
-    if (!faults->is_array()) fail(where + "/faults", "an array is expected");
-    for (std::size_t i = 0; i < faults->size(); ++i)
-      plc.faults.push_back(parse_fault((*faults)[i], where + "/faults/" + std::to_string(i)));
+  if (object.contains("faults")) {
+    const auto& faults = array_at(object, "faults", where);
+    for (std::size_t i = 0; i < faults.size(); ++i)
+      plc.faults.push_back(
+          parse_fault(faults[i], plc.protocol, where + "/faults/" + std::to_string(i)));
   }
   return plc;
+}
+
+/// What is wrong with `plc` on the line of `other`; empty: they get along.
+std::string conflict(const PlcConfig& plc, const PlcConfig& other) {
+  if (plc.protocol != other.protocol) return "must speak its protocol";
+  if (plc.protocol == Protocol::programming_port) return "but this protocol has no addresses";
+  if (plc.line.baud != other.line.baud) return "must have its baud";
+  if (plc.line.bits_per_character != other.line.bits_per_character)
+    return "must have its data_bits, parity and stop_bits";
+  if (plc.line.gateway != other.line.gateway) return "must have its gateway";
+  if (is_modbus(plc.protocol))
+    return plc.modbus.unit == other.modbus.unit ? "must have a unit of its own" : "";
+  if (plc.computer_link.format != other.computer_link.format) return "must have its format";
+  if (plc.computer_link.sum_check != other.computer_link.sum_check)
+    return "must have its sum_check";
+  return plc.computer_link.station == other.computer_link.station ? "must have a station of its own"
+                                                                  : "";
+}
+
+/// `text` with the number of the repetition in the place of {}.
+std::string numbered(std::string text, std::size_t n) {
+  const auto at = text.find("{}");
+  return at == std::string::npos ? text : text.replace(at, 2, std::to_string(n));
+}
+
+/// The n-th of the PLCs that an entry with "repeat" stands for. Each has the next port, or on a
+/// shared wire the next address.
+json repetition(json entry, std::size_t n) {
+  entry.erase("repeat");
+  bool own_wire = false;
+  for (const auto* key : {"name", "pty", "with"}) {
+    const auto found = entry.find(key);
+    if (found == entry.end() || !found->is_string()) continue;
+    const auto before = found->get<std::string>();
+    *found = numbered(before, n);
+    if (key != std::string_view("name") && *found != before) own_wire = true;
+  }
+  const auto advance = [&entry, n](const char* key) {
+    const auto found = entry.find(key);
+    if (found != entry.end() && found->is_number_unsigned())
+      *found = found->get<std::uint64_t>() + n;
+  };
+  if (entry.contains("tcp")) {
+    if (entry["tcp"] != 0) advance("tcp");
+  } else if (!own_wire) {
+    advance("station");
+    advance("unit");
+  }
+  return entry;
+}
+
+/// Takes over the line of the PLC named in "with"; what is said here too stays, to be compared.
+void join_line(json& entry, const json& host) {
+  for (const auto* key : {"protocol", "pty", "tcp", "baud", "data_bits", "parity", "stop_bits",
+                          "gateway", "format", "sum_check"})
+    if (!entry.contains(key) && host.contains(key)) entry[key] = host[key];
+}
+
+}  // namespace
+
+namespace {
+
+bool knows_fault(Protocol protocol, FaultKind kind) {
+  switch (kind) {
+    case FaultKind::wrong_sum:
+      return protocol != Protocol::modbus_tcp;
+    case FaultKind::exception:
+    case FaultKind::wrong_unit:
+      return is_modbus(protocol);
+    case FaultKind::wrong_station:
+      return protocol == Protocol::computer_link;
+    case FaultKind::wrong_id:
+    case FaultKind::bad_length:
+      return protocol == Protocol::modbus_tcp;
+    default:
+      return true;
+  }
+}
+
+/// "code": 2, or as the manuals of the computer link write it "18": two hex digits.
+std::optional<std::uint8_t> parse_code(const json& fault, const std::string& where) {
+  const auto found = fault.find("code");
+  if (found == fault.end()) return std::nullopt;
+  if (!found->is_string())
+    return static_cast<std::uint8_t>(number(fault, "code", 0, 0, 255, where));
+  const auto hex = found->get<std::string>();
+  const auto code = parse_upper_hex(hex);
+  if (hex.size() != 2 || !code) fail(where + "/code", "two hex digits are expected");
+  return static_cast<std::uint8_t>(*code);
 }
 
 }  // namespace
@@ -145,7 +338,8 @@ Device parse_device_of(const Model& model, std::string_view name, const std::str
   const auto device = parse_device(name);
   if (!device)
     fail(where, "'" + std::string(name) +
-                    "' is no device; write X17 Y0 (octal) M0 S0 D0 TN0 TS0 TC0 CN0 CS0 CC0");
+                    "' is no device; write X17 Y0 (octal) M0 S0 D0 R0 TN0 TS0 TC0 CN0 CS0 CC0, or "
+                    "co:0 di:0 hr:0 ir:0");
   if (!DeviceMemory(model).has(*device))
     fail(where, std::string(model.name) + " has no " + std::string(name));
   return *device;
@@ -163,19 +357,22 @@ std::uint32_t parse_value(const json& value, Device device, const std::string& w
   return static_cast<std::uint32_t>(number & most);
 }
 
-Fault parse_fault(const json& object, const std::string& where) {
-  expect_keys(object,
-              {"kind", "match", "count", "every", "probability", "seed", "ms", "bytes", "hex"},
-              where);
+Fault parse_fault(const json& object, Protocol protocol, const std::string& where) {
+  expect_keys(
+      object,
+      {"kind", "match", "count", "every", "probability", "seed", "ms", "bytes", "hex", "code"},
+      where);
   Fault fault;
   const auto kind_name = required(object, "kind", where);
   const auto kind = find_fault(kind_name);
   if (!kind) fail(where + "/kind", "no fault " + kind_name + "; known are: " + fault_names());
   fault.kind = *kind;
+  if (!knows_fault(protocol, fault.kind))
+    fail(where + "/kind", kind_name + " means nothing for " + std::string(protocol_name(protocol)));
   const auto match_name = text(object, "match", "any", where);
   const auto match = find_match(match_name);
   if (!match)
-    fail(where + "/match", "any, read, write, force or enq is expected, not " + match_name);
+    fail(where + "/match", "no match " + match_name + "; known are: " + std::string(kMatchNames));
   fault.match = *match;
   const bool dead = fault.kind == FaultKind::dead;
   fault.count = static_cast<int>(number(object, "count", dead ? -1 : 1, -1, 1'000'000'000, where));
@@ -197,6 +394,10 @@ Fault parse_fault(const json& object, const std::string& where) {
   only("ms", {FaultKind::late, FaultKind::split, FaultKind::drop});
   only("bytes", {FaultKind::truncated, FaultKind::split});
   only("hex", {FaultKind::garbage_before, FaultKind::noise_after});
+  only("code", {FaultKind::nak, FaultKind::exception});
+  if (object.contains("code") && protocol == Protocol::programming_port)
+    fail(where + "/code", "the NAK of the programming port has none");
+  fault.code = parse_code(object, where);
   int usual_ms = 0;
   if (fault.kind == FaultKind::late) usual_ms = 500;
   if (fault.kind == FaultKind::split) usual_ms = 20;
@@ -218,20 +419,64 @@ std::vector<PlcConfig> parse_config(const json& root) {
   if (found == root.end() || !found->is_array() || found->empty())
     fail("/plcs", "an array of at least one PLC is expected");
   std::vector<PlcConfig> plcs;
-  std::set<std::string> names;
-  std::set<std::string> paths;
-  std::set<std::uint16_t> ports;
-  for (std::size_t i = 0; i < found->size(); ++i) {
-    const auto where = "/plcs/" + std::to_string(i);
-    auto plc = parse_plc((*found)[i], where);
-    if (!names.insert(plc.name).second) fail(where + "/name", plc.name + " is there twice");
-    if (!plc.line.pty.empty() && !paths.insert(plc.line.pty).second)
-      fail(where + "/pty", plc.line.pty + " is there twice");
-    if (plc.line.tcp != 0 && !ports.insert(plc.line.tcp).second)
-      fail(where + "/tcp", "port " + std::to_string(plc.line.tcp) + " is there twice");
+  std::vector<json> entries;                 // what each of plcs was read from
+  std::map<std::string, std::size_t> names;  // index in plcs
+  std::map<std::string, std::size_t> paths;  // index of the first PLC on the line
+  std::map<std::uint16_t, std::size_t> ports;
+  std::map<std::size_t, std::vector<std::size_t>> lines;  // PLCs on the line of the first
+
+  const auto take = [&](json entry, const std::string& where) {
+    std::optional<std::size_t> host;
+    if (const auto with = text(entry, "with", "", where); !with.empty()) {
+      const auto at = names.find(with);
+      if (at == names.end()) fail(where + "/with", "no PLC " + with + " before this one");
+      host = at->second;
+      join_line(entry, entries[*host]);
+    }
+    auto plc = parse_plc(entry, where);
+    const auto index = plcs.size();
+    if (!names.try_emplace(plc.name, index).second)
+      fail(where + "/name", plc.name + " is there twice");
+    plc.line_of = index;
+    if (host) {
+      plc.line_of = plcs[*host].line_of;
+      if (plc.line.pty != plcs[*host].line.pty || plc.line.tcp != plcs[*host].line.tcp)
+        fail(where + "/with", "says another line than pty or tcp");
+    } else if (!plc.line.pty.empty()) {
+      plc.line_of = paths.try_emplace(plc.line.pty, index).first->second;
+    } else if (plc.line.tcp != 0) {
+      plc.line_of = ports.try_emplace(plc.line.tcp, index).first->second;
+    }
+    auto& neighbours = lines[plc.line_of];
+    for (const auto neighbour : neighbours) {
+      const auto& other = plcs[neighbour];
+      const auto what = conflict(plc, other);
+      if (!what.empty()) fail(where, plc.name + " is on the line of " + other.name + ", " + what);
+    }
+    neighbours.push_back(index);
     plcs.push_back(std::move(plc));
+    entries.push_back(std::move(entry));
+  };
+
+  for (std::size_t i = 0; i < found->size(); ++i) {
+    const auto& entry = (*found)[i];
+    const auto where = "/plcs/" + std::to_string(i);
+    if (!entry.is_object()) fail(where, "an object is expected");
+    if (!entry.contains("repeat")) {
+      take(entry, where);
+      continue;
+    }
+    const auto times = static_cast<std::size_t>(number(entry, "repeat", 1, 1, 65535, where));
+    for (std::size_t n = 0; n < times; ++n) take(repetition(entry, n), where);
   }
   return plcs;
+}
+
+std::unique_ptr<Personality> make_personality(const PlcConfig& plc) {
+  if (is_modbus(plc.protocol)) return std::make_unique<Modbus>(plc.protocol, plc.modbus);
+  if (plc.protocol == Protocol::computer_link)
+    return std::make_unique<ComputerLink>(plc.computer_link);
+  return std::make_unique<ProgrammingPort>();
 }
 
 json plc_from_short_form(std::string_view form) {

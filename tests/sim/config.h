@@ -9,7 +9,9 @@
 #include <utility>
 #include <vector>
 
+#include "tests/sim/computer_link.h"
 #include "tests/sim/fault.h"
+#include "tests/sim/modbus.h"
 #include "tests/sim/model.h"
 
 namespace fxsim {
@@ -20,11 +22,17 @@ class ConfigError final : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+/// What all stations of a line share.
 struct LineSettings {
   std::string pty;                   // path of the link to it; empty: a TCP listener instead
   std::uint16_t tcp = 0;             // port on 127.0.0.1, 0: any free one
   unsigned baud = 9600;              // 0: as fast as it goes
   unsigned bits_per_character = 10;  // start, data, parity and stop
+  bool gateway = false;              // a request that no station answers gets nobody_there()
+};
+
+/// How long one station takes before it answers.
+struct ResponseTime {
   std::chrono::milliseconds turnaround{5};
   std::chrono::milliseconds jitter{0};  // up to this much more turnaround
   std::uint32_t seed = 1;
@@ -32,9 +40,13 @@ struct LineSettings {
 
 struct PlcConfig {
   std::string name;
-  std::string protocol;
+  Protocol protocol = Protocol::programming_port;
   const Model* model = nullptr;
   LineSettings line;
+  std::size_t line_of = 0;  // index of the first PLC on this line, its own where it is that
+  ResponseTime response;
+  ComputerLinkSettings computer_link;
+  ModbusSettings modbus;
   std::string plant = "none";
   bool run = true;
   bool run_switch = true;
@@ -42,13 +54,17 @@ struct PlcConfig {
   std::vector<Fault> faults;
 };
 
-/// Reads {"plcs": [...]}. Throws ConfigError at the first mistake.
+/// Reads {"plcs": [...]}, with repetitions written out. Throws ConfigError at the first mistake.
 std::vector<PlcConfig> parse_config(const nlohmann::json& root);
 /// Turns "name=p1,model=FX3U,pty=/tmp/p1,baud=9600" into one entry of "plcs".
 nlohmann::json plc_from_short_form(std::string_view text);
 
-/// Reads a fault as the file and the control socket write it. `where` begins an error's text.
-Fault parse_fault(const nlohmann::json& object, const std::string& where);
+/// What speaks the PLC's protocol.
+std::unique_ptr<Personality> make_personality(const PlcConfig& plc);
+
+/// Reads a fault of a station that speaks `protocol`, as the file and the control socket write it.
+/// `where` begins an error's text.
+Fault parse_fault(const nlohmann::json& object, Protocol protocol, const std::string& where);
 /// A raw value from -2^(width-1) to 2^width-1, or a bool for a bit; its low bits.
 std::uint32_t parse_value(const nlohmann::json& value, Device device, const std::string& where);
 /// The device `name` of `model`. Throws ConfigError where there is none.

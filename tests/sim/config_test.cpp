@@ -36,9 +36,9 @@ TEST(Config, EveryKeyArrives) {
   EXPECT_EQ(plc.line.pty, "/tmp/x/press1");
   EXPECT_EQ(plc.line.baud, 19200U);
   EXPECT_EQ(plc.line.bits_per_character, 11U);
-  EXPECT_EQ(plc.line.turnaround, milliseconds(12));
-  EXPECT_EQ(plc.line.jitter, milliseconds(3));
-  EXPECT_EQ(plc.line.seed, 9U);
+  EXPECT_EQ(plc.response.turnaround, milliseconds(12));
+  EXPECT_EQ(plc.response.jitter, milliseconds(3));
+  EXPECT_EQ(plc.response.seed, 9U);
   EXPECT_EQ(plc.plant, "demo");
   EXPECT_FALSE(plc.run);
   EXPECT_TRUE(plc.run_switch);
@@ -109,9 +109,9 @@ TEST(Config, NoTwoPlcsShareANameOrALine) {
   EXPECT_EQ(two(R"({"name": "p", "tcp": 0})", R"({"name": "p", "tcp": 0})"),
             "/plcs/1/name: p is there twice");
   EXPECT_EQ(two(R"({"name": "p", "pty": "/tmp/a"})", R"({"name": "q", "pty": "/tmp/a"})"),
-            "/plcs/1/pty: /tmp/a is there twice");
+            "/plcs/1: q is on the line of p, but this protocol has no addresses");
   EXPECT_EQ(two(R"({"name": "p", "tcp": 5551})", R"({"name": "q", "tcp": 5551})"),
-            "/plcs/1/tcp: port 5551 is there twice");
+            "/plcs/1: q is on the line of p, but this protocol has no addresses");
   EXPECT_EQ(two(R"({"name": "p", "tcp": 0})", R"({"name": "q", "tcp": 0})"), "no error");
 }
 

@@ -32,7 +32,7 @@ json set_fault(const json& request, Station& station) {
   auto fault = request;
   fault.erase("cmd");
   fault.erase("plc");
-  station.faults().add(parse_fault(fault, "fault"));
+  station.faults().add(parse_fault(fault, station.personality().protocol(), "fault"));
   return {{"ok", true}};
 }
 

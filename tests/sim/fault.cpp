@@ -19,6 +19,11 @@ constexpr std::array<std::string_view, kFaultKinds> kNames = {
     "drop",
     "plc_stopped",
     "dead",
+    "exception",
+    "wrong_station",
+    "wrong_unit",
+    "wrong_id",
+    "bad_length",
 };
 
 bool matches(FaultMatch match, RequestKind request) {
@@ -33,6 +38,10 @@ bool matches(FaultMatch match, RequestKind request) {
       return request == RequestKind::force_on || request == RequestKind::force_off;
     case FaultMatch::enquire:
       return request == RequestKind::enquire;
+    case FaultMatch::control:
+      return request == RequestKind::control;
+    case FaultMatch::other:
+      return request == RequestKind::other;
   }
   return false;
 }
@@ -40,12 +49,14 @@ bool matches(FaultMatch match, RequestKind request) {
 void apply(const Fault& fault, Treatment& treatment) {
   switch (fault.kind) {
     case FaultKind::nak:
+    case FaultKind::exception:
       treatment.execute = false;
+      treatment.code = fault.code;
       if (treatment.reply == Treatment::Reply::as_ruled)
         treatment.reply = Treatment::Reply::refusal;
       break;
     case FaultKind::wrong_sum:
-      treatment.wrong_sum = true;
+      treatment.flaws.push_back(Flaw::sum);
       break;
     case FaultKind::truncated:
       treatment.truncated_to = fault.bytes;
@@ -85,6 +96,16 @@ void apply(const Fault& fault, Treatment& treatment) {
       treatment.reply = Treatment::Reply::none;
       treatment.dead = true;
       break;
+    case FaultKind::wrong_station:
+    case FaultKind::wrong_unit:
+      treatment.flaws.push_back(Flaw::sender);
+      break;
+    case FaultKind::wrong_id:
+      treatment.flaws.push_back(Flaw::transaction);
+      break;
+    case FaultKind::bad_length:
+      treatment.flaws.push_back(Flaw::length);
+      break;
   }
 }
 
@@ -113,6 +134,8 @@ std::optional<FaultMatch> find_match(std::string_view name) {
   if (name == "write") return FaultMatch::write;
   if (name == "force") return FaultMatch::force;
   if (name == "enq") return FaultMatch::enquire;
+  if (name == "control") return FaultMatch::control;
+  if (name == "other") return FaultMatch::other;
   return std::nullopt;
 }
 
@@ -127,6 +150,7 @@ bool Faults::dead() const {
 
 Treatment Faults::treat(RequestKind request) {
   Treatment treatment;
+  if (request == RequestKind::handshake && !dead()) return treatment;
   for (auto& waiting : waiting_) {
     auto& fault = waiting.fault;
     if (!matches(fault.match, request)) continue;

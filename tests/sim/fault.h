@@ -27,16 +27,21 @@ enum class FaultKind : std::uint8_t {
   split,                // the reply comes in pieces with pauses
   drop,                 // not carried out, connection gone
   plc_stopped,          // the PLC falls to STOP, then answers as always
-  dead,                 // the line is silent until the fault is cleared
+  dead,                 // the station is silent until the fault is cleared
+  exception,            // nak, as Modbus calls it
+  wrong_station,        // carried out, reply as from another station
+  wrong_unit,           // wrong_station, as Modbus calls it
+  wrong_id,             // carried out, reply carries the transaction before
+  bad_length,           // carried out, the reply's own length is nonsense
 };
-inline constexpr std::size_t kFaultKinds = 13;
+inline constexpr std::size_t kFaultKinds = 18;
 std::string_view fault_name(FaultKind kind);
 std::optional<FaultKind> find_fault(std::string_view name);
 std::string fault_names();
 
-enum class FaultMatch : std::uint8_t { any, read, write, force, enquire };
-/// "any", "read", "write", "force" or "enq".
+enum class FaultMatch : std::uint8_t { any, read, write, force, enquire, control, other };
 std::optional<FaultMatch> find_match(std::string_view name);
+inline constexpr std::string_view kMatchNames = "any read write force enq control other";
 
 struct Fault {
   FaultKind kind = FaultKind::nak;
@@ -48,6 +53,7 @@ struct Fault {
   std::chrono::milliseconds delay{0};  // late: of the answer; split: between pieces; drop: outage
   std::size_t bytes = 0;  // truncated: bytes that still come, 0 = half; split: size of a piece
   Bytes other{};          // garbage_before and noise_after: what is sent
+  std::optional<std::uint8_t> code{};  // nak and exception; none: the protocol's usual one
 };
 
 /// What the faults that struck make of one exchange. Several add up.
@@ -61,7 +67,8 @@ struct Treatment {
   bool execute = true;
   Reply reply = Reply::as_ruled;
   bool stop_plc = false;
-  bool wrong_sum = false;
+  std::optional<std::uint8_t> code;  // of the refusal
+  std::vector<Flaw> flaws;
   bool echo = false;
   bool dead = false;
   std::optional<std::size_t> truncated_to;

@@ -27,16 +27,17 @@ constexpr std::chrono::milliseconds kReopenPause{100};
 
 }  // namespace
 
-Line::Line(asio::io_context& io, LineSettings settings, Station& station)
+Line::Line(asio::io_context& io, LineSettings settings)
     : io_(io),
       settings_(std::move(settings)),
-      station_(station),
       character_time_(settings_.baud == 0
                           ? 0
-                          : 1'000'000'000LL * settings_.bits_per_character / settings_.baud),
-      jitter_(settings_.seed),
-      more_waiting_(io),
-      pace_(io) {}
+                          : 1'000'000'000LL * settings_.bits_per_character / settings_.baud) {}
+
+void Line::attach(Station& station, const ResponseTime& response) {
+  seats_.push_back(std::make_unique<Seat>(Seat{
+      station, response, std::minstd_rand(response.seed), {}, false, asio::steady_timer(io_), {}}));
+}
 
 void Line::open() {
   port_ = settings_.tcp;
@@ -45,7 +46,6 @@ void Line::open() {
   } else {
     open_pty();
   }
-  asio::co_spawn(io_, respond(), asio::detached);
 }
 
 void Line::close() {
@@ -53,8 +53,7 @@ void Line::close() {
   disconnect();
   pty_.reset();
   acceptor_.reset();
-  more_waiting_.cancel();
-  pace_.cancel();
+  for (const auto& seat : seats_) seat->pace.cancel();
 }
 
 void Line::open_pty() {
@@ -74,8 +73,9 @@ void Line::open_tcp() {
 }
 
 void Line::add_session(int fd) {
-  auto session = std::make_shared<Session>(
-      Session{asio::posix::stream_descriptor(io_, fd), station_.personality().make_framer()});
+  auto session =
+      std::make_shared<Session>(Session{asio::posix::stream_descriptor(io_, fd),
+                                        seats_.front()->station.personality().make_framer()});
   session->stream.native_non_blocking(true);
   sessions_.push_back(session);
   asio::co_spawn(io_, receive(session), asio::detached);
@@ -116,43 +116,53 @@ asio::awaitable<void> Line::receive(SessionPtr session) {
       received_until_ += character_time_;
       session->framer->take(buffer[i], received_until_, frames);
     }
-    for (auto& frame : frames)
-      if (waiting_.size() < kMaxWaiting) waiting_.push_back({session, std::move(frame)});
+    for (const auto& frame : frames) distribute(session, frame);
     frames.clear();
-    more_waiting_.cancel();
   }
   asio::error_code ignored;
   session->stream.close(ignored);
   std::erase(sessions_, session);
 }
 
-asio::awaitable<void> Line::respond() {
-  while (!closed_) {
-    if (waiting_.empty()) {
-      asio::error_code cancelled;
-      more_waiting_.expires_at(TimePoint::max());
-      co_await more_waiting_.async_wait(redirect_error(use_awaitable, cancelled));
-      continue;
-    }
-    auto request = std::move(waiting_.front());
-    waiting_.pop_front();
-    auto turnaround = settings_.turnaround;
-    if (settings_.jitter.count() > 0)
-      turnaround += std::chrono::milliseconds(
-          std::uniform_int_distribution<std::int64_t>(0, settings_.jitter.count())(jitter_));
-    // Everything is scheduled from the end of the request, not from when this thread woke up.
-    const auto start = std::max(request.frame.complete, sent_until_) + turnaround;
-    co_await until(start);
-    if (closed_) co_return;
-    if (pty_) pty_->notice_closing();
-    auto answer = station_.answer(request.frame, start);
-    const auto outage = answer.hang_up;
-    co_await send(request.from, std::move(answer), start);
-    if (outage) co_await hang_up(*outage);
+void Line::distribute(const SessionPtr& from, const Frame& frame) {
+  bool heard = false;
+  for (const auto& seat : seats_) {
+    if (frame.whole && !seat->station.personality().hears(frame)) continue;
+    heard = true;
+    if (seat->waiting.size() >= kMaxWaiting) continue;
+    seat->waiting.push_back({from, frame});
+    if (seat->answering) continue;
+    seat->answering = true;
+    asio::co_spawn(io_, respond(*seat), asio::detached);
   }
+  if (!heard && settings_.gateway) answer_for_nobody(*from, frame);
 }
 
-asio::awaitable<void> Line::send(SessionPtr to, Answer answer, TimePoint start) {
+asio::awaitable<void> Line::respond(Seat& seat) {
+  while (!closed_ && !seat.waiting.empty()) {
+    auto request = std::move(seat.waiting.front());
+    seat.waiting.pop_front();
+    auto turnaround = seat.response.turnaround;
+    if (seat.response.jitter.count() > 0)
+      turnaround += std::chrono::milliseconds(std::uniform_int_distribution<std::int64_t>(
+          0, seat.response.jitter.count())(seat.jitter));
+    // Everything is scheduled from the end of the request, not from when this thread woke up.
+    const auto start = std::max(request.frame.complete, seat.sent_until) + turnaround;
+    if (start > Clock::now()) co_await until(seat, start);
+    if (closed_) co_return;
+    if (pty_) pty_->notice_closing();
+    auto answer = seat.station.answer(request.frame, start);
+    if (settings_.gateway && request.frame.whole && seat.station.faults().dead())
+      answer_for_nobody(*request.from, request.frame);
+    const auto outage = answer.hang_up;
+    const auto first = std::max(start, request.frame.complete + answer.wait);
+    co_await send(seat, request.from, std::move(answer), first);
+    if (outage) co_await hang_up(seat, *outage);
+  }
+  seat.answering = false;
+}
+
+asio::awaitable<void> Line::send(Seat& seat, SessionPtr to, Answer answer, TimePoint start) {
   const auto chunk = pty_ ? kPtyChunk : kTcpChunk;
   auto when = start;
   for (const auto& piece : answer.pieces) {
@@ -163,34 +173,37 @@ asio::awaitable<void> Line::send(SessionPtr to, Answer answer, TimePoint start) 
     for (std::size_t at = 0; at < bytes.size(); at += step) {
       const auto part = bytes.subspan(at, std::min(step, bytes.size() - at));
       if (paced) when += character_time_ * static_cast<std::int64_t>(part.size());
-      co_await until(when);
-      if (closed_ || station_.faults().dead()) co_return;
-      put(*to, part);
+      if (when > Clock::now()) co_await until(seat, when);
+      if (closed_ || seat.station.faults().dead()) co_return;
+      seat.station.count_sent(put(*to, part));
     }
   }
-  sent_until_ = when;
+  seat.sent_until = when;
 }
 
-asio::awaitable<void> Line::hang_up(std::chrono::milliseconds outage) {
+void Line::answer_for_nobody(Session& to, const Frame& frame) {
+  put(to, seats_.front()->station.personality().nobody_there(frame));
+}
+
+asio::awaitable<void> Line::hang_up(Seat& seat, std::chrono::milliseconds outage) {
   disconnect();
-  const bool serial = pty_.has_value();
   pty_.reset();
   if (outage.count() > 0) acceptor_.reset();
   auto when = Clock::now() + outage;
   for (bool open = false; !open;) {
-    co_await until(when);
+    if (when > Clock::now()) co_await until(seat, when);
     if (closed_) co_return;
-    open = reopen(serial);
+    open = reopen();
     when = Clock::now() + kReopenPause;
   }
 }
 
-bool Line::reopen(bool serial) {
+bool Line::reopen() {
   try {
-    if (serial) {
+    if (settings_.pty.empty()) {
+      if (!acceptor_) open_tcp();
+    } else if (!pty_) {
       open_pty();
-    } else if (!acceptor_) {
-      open_tcp();
     }
     return true;
   } catch (const std::system_error&) {
@@ -198,17 +211,17 @@ bool Line::reopen(bool serial) {
   }
 }
 
-asio::awaitable<void> Line::until(TimePoint when) {
-  if (when <= Clock::now()) co_return;
+asio::awaitable<void> Line::until(Seat& seat, TimePoint when) {
   asio::error_code cancelled;
-  pace_.expires_at(when);
-  co_await pace_.async_wait(redirect_error(use_awaitable, cancelled));
+  seat.pace.expires_at(when);
+  co_await seat.pace.async_wait(redirect_error(use_awaitable, cancelled));
 }
 
-void Line::put(Session& session, ByteView bytes) {
-  if (!session.stream.is_open()) return;
+/// How many bytes went out.
+std::size_t Line::put(Session& session, ByteView bytes) {
+  if (!session.stream.is_open()) return 0;
   const auto written = ::write(session.stream.native_handle(), bytes.data(), bytes.size());
-  if (written > 0) station_.count_sent(static_cast<std::size_t>(written));
+  return written > 0 ? static_cast<std::size_t>(written) : 0;
   // A full buffer means that nobody reads: the rest is lost, as on a serial line. Any other error
   // is the end of the connection, which receive() sees too.
 }
@@ -219,7 +232,7 @@ void Line::disconnect() {
     session->stream.close(ignored);
   }
   sessions_.clear();
-  waiting_.clear();
+  for (const auto& seat : seats_) seat->waiting.clear();
 }
 
 }  // namespace fxsim

@@ -1,5 +1,5 @@
-// One wire: a pseudo terminal or a TCP listener, the time its characters take, and the station at
-// its end. Bytes travel here and nothing is understood.
+// One wire: a pseudo terminal or a TCP listener, the time its characters take, and the stations on
+// it. Bytes travel here and nothing is understood.
 #pragma once
 
 #include <asio/awaitable.hpp>
@@ -19,12 +19,15 @@
 
 namespace fxsim {
 
-/// Half duplex, as the dialogue is: one answer after the other, however many clients there are.
+/// All stations hear a request, the one it is meant for answers. A station sends one answer after
+/// the other, however many clients there are; the answers of two stations may meet on the wire.
 /// Lives on the thread of `io`. Must outlive the run of `io`, not `io` itself.
 class Line final {
  public:
-  Line(asio::io_context& io, LineSettings settings, Station& station);
+  Line(asio::io_context& io, LineSettings settings);
 
+  /// Before open(), at least once. All stations of a line speak the same protocol.
+  void attach(Station& station, const ResponseTime& response);
   /// Opens and starts to serve. Throws std::system_error.
   void open();
   void close();
@@ -42,34 +45,41 @@ class Line final {
     Frame frame;
   };
 
+  struct Seat {  // of one station
+    Station& station;
+    ResponseTime response;
+    std::minstd_rand jitter;
+    std::deque<Waiting> waiting;
+    bool answering = false;  // respond() runs
+    asio::steady_timer pace;
+    TimePoint sent_until;  // its own answers are on the wire until then
+  };
+
   void open_pty();
   void open_tcp();
   void add_session(int fd);
   asio::awaitable<void> watch_pty(SessionPtr watch);
   asio::awaitable<void> accept();
   asio::awaitable<void> receive(SessionPtr session);
-  asio::awaitable<void> respond();
-  asio::awaitable<void> send(SessionPtr to, Answer answer, TimePoint start);
-  asio::awaitable<void> hang_up(std::chrono::milliseconds outage);
-  bool reopen(bool serial);
-  asio::awaitable<void> until(TimePoint when);
-  void put(Session& session, ByteView bytes);
+  void distribute(const SessionPtr& from, const Frame& frame);
+  asio::awaitable<void> respond(Seat& seat);
+  asio::awaitable<void> send(Seat& seat, SessionPtr to, Answer answer, TimePoint start);
+  void answer_for_nobody(Session& to, const Frame& frame);
+  asio::awaitable<void> hang_up(Seat& seat, std::chrono::milliseconds outage);
+  bool reopen();
+  asio::awaitable<void> until(Seat& seat, TimePoint when);
+  std::size_t put(Session& session, ByteView bytes);
   void disconnect();
 
   asio::io_context& io_;
   LineSettings settings_;
-  Station& station_;
   std::chrono::nanoseconds character_time_;
-  std::mt19937 jitter_;
+  std::vector<std::unique_ptr<Seat>> seats_;
   std::optional<Pty> pty_;
   std::optional<asio::ip::tcp::acceptor> acceptor_;
   std::uint16_t port_ = 0;
   std::vector<SessionPtr> sessions_;
-  std::deque<Waiting> waiting_;
-  asio::steady_timer more_waiting_;  // cancelled when waiting_ gets its next request
-  asio::steady_timer pace_;
-  TimePoint received_until_;  // the wire towards the PLC is busy until then
-  TimePoint sent_until_;      // the wire from the PLC
+  TimePoint received_until_;  // the wire towards the stations is busy until then
   bool closed_ = false;
 };
 

@@ -1,10 +1,13 @@
 // Device memory of one PLC, byte for byte as the ports show it: bits packed with the lowest number
-// in the lowest bit, words and 32-bit counters with the low byte first.
+// in the lowest bit, words and 32-bit counters with the low byte first. What was never set takes no
+// memory, so that thousands of devices with all their addresses fit into one process.
 #pragma once
 
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
+#include <optional>
 #include <vector>
 
 #include "tests/sim/model.h"
@@ -14,7 +17,7 @@ namespace fxsim {
 class DeviceMemory final {
  public:
   /// All devices of `model`, all 0. `model` must outlive this.
-  explicit DeviceMemory(const Model& model);
+  explicit DeviceMemory(const Model& model) : model_(&model) {}
 
   bool has(Device device) const;
   /// The raw value, without sign. Precondition: has(device).
@@ -28,16 +31,23 @@ class DeviceMemory final {
   std::uint8_t byte(Kind kind, std::size_t offset) const;
   void set_byte(Kind kind, std::size_t offset, std::uint8_t value);
 
-  const Model& model() const { return model_; }
+  /// From now on get() finds `base` + n modulo 65536 in Modbus register n, holding and input,
+  /// whatever is set.
+  void show_ramp(std::uint16_t base) { ramp_ = base; }
+
+  const Model& model() const { return *model_; }
 
  private:
-  std::vector<std::uint8_t>& row(Kind kind) { return rows_[static_cast<std::size_t>(kind)]; }
-  const std::vector<std::uint8_t>& row(Kind kind) const {
-    return rows_[static_cast<std::size_t>(kind)];
-  }
+  static constexpr std::size_t kPageSize = 1024;
+  using Page = std::array<std::uint8_t, kPageSize>;
+  using Row = std::vector<std::unique_ptr<Page>>;  // null or missing: all 0
 
-  const Model& model_;
-  std::array<std::vector<std::uint8_t>, kKinds> rows_;
+  std::uint8_t stored(Kind kind, std::size_t offset) const;
+  void store(Kind kind, std::size_t offset, std::uint8_t value);
+
+  const Model* model_;
+  std::array<Row, kKinds> rows_;
+  std::optional<std::uint16_t> ramp_;
 };
 
 }  // namespace fxsim

@@ -16,16 +16,27 @@ struct Prefix {
 
 // Two letters before one, so that "TN5" is not looked for under a one-letter name.
 constexpr std::array kPrefixes = {
-    Prefix{"TS", Kind::t_contact, 10}, Prefix{"TC", Kind::t_coil, 10},
-    Prefix{"TN", Kind::t_value, 10},   Prefix{"CS", Kind::c_contact, 10},
-    Prefix{"CC", Kind::c_coil, 10},    Prefix{"CN", Kind::c_value, 10},
-    Prefix{"X", Kind::x, 8},           Prefix{"Y", Kind::y, 8},
-    Prefix{"M", Kind::m, 10},          Prefix{"S", Kind::s, 10},
+    Prefix{"TS", Kind::t_contact, 10},
+    Prefix{"TC", Kind::t_coil, 10},
+    Prefix{"TN", Kind::t_value, 10},
+    Prefix{"CS", Kind::c_contact, 10},
+    Prefix{"CC", Kind::c_coil, 10},
+    Prefix{"CN", Kind::c_value, 10},
+    Prefix{"X", Kind::x, 8},
+    Prefix{"Y", Kind::y, 8},
+    Prefix{"M", Kind::m, 10},
+    Prefix{"S", Kind::s, 10},
     Prefix{"D", Kind::d, 10},
+    Prefix{"R", Kind::r, 10},
+    Prefix{"co:", Kind::coil, 10},
+    Prefix{"di:", Kind::discrete_input, 10},
+    Prefix{"hr:", Kind::holding_register, 10},
+    Prefix{"ir:", Kind::input_register, 10},
 };
 
 struct Sizes {
   unsigned x, y, m, special, s, t, d;  // how many, counted from 0
+  unsigned r = 0;
 };
 
 Model make_model(std::string_view name, ExtendedSet extended, std::uint16_t type_word,
@@ -42,6 +53,7 @@ Model make_model(std::string_view name, ExtendedSet extended, std::uint16_t type
   put(Kind::special_m, {{0, sizes.special - 1}});
   put(Kind::special_d, {{0, sizes.special - 1}});
   put(Kind::d, {{0, sizes.d - 1}});
+  if (sizes.r > 0) put(Kind::r, {{0, sizes.r - 1}});
   for (const auto kind : {Kind::t_contact, Kind::t_coil, Kind::t_value})
     put(kind, {{0, sizes.t - 1}});
   for (const auto kind : {Kind::c_contact, Kind::c_coil}) put(kind, {counters16, counters32});
@@ -65,10 +77,10 @@ const std::vector<Model>& models() {
                  {184, 184, 3072, 256, 1000, 256, 8000}, {0, 199}, {200, 255}),
       make_model("FX3S", ExtendedSet::fx3, 28100, 28100, {128, 128, 1536, 512, 256, 138, 3000},
                  {0, 199}, {200, 255}),
-      make_model("FX3G", ExtendedSet::fx3, 26231, 26231, {128, 128, 7680, 512, 4096, 320, 8000},
-                 {0, 199}, {200, 255}),
-      make_model("FX3U", ExtendedSet::fx3, 24232, 16232, {256, 256, 7680, 512, 4096, 512, 8000},
-                 {0, 199}, {200, 255}),
+      make_model("FX3G", ExtendedSet::fx3, 26231, 26231,
+                 {128, 128, 7680, 512, 4096, 320, 8000, 24000}, {0, 199}, {200, 255}),
+      make_model("FX3U", ExtendedSet::fx3, 24232, 16232,
+                 {256, 256, 7680, 512, 4096, 512, 8000, 32768}, {0, 199}, {200, 255}),
   };
   return all;
 }
@@ -81,6 +93,9 @@ unsigned width(Kind kind) {
     case Kind::c_value:
     case Kind::d:
     case Kind::special_d:
+    case Kind::r:
+    case Kind::holding_register:
+    case Kind::input_register:
       return 16;
     case Kind::c_value32:
       return 32;
@@ -93,6 +108,17 @@ const Model* find_model(std::string_view name) {
   for (const auto& model : models())
     if (model.name == name) return &model;
   return nullptr;
+}
+
+const Model& modbus_model() {
+  static const Model model = [] {
+    Model made{"Modbus", ExtendedSet::none, 0, 0, {}};
+    for (const auto kind :
+         {Kind::coil, Kind::discrete_input, Kind::holding_register, Kind::input_register})
+      made.ranges[static_cast<std::size_t>(kind)] = {{0, 0xFFFF}};
+    return made;
+  }();
+  return model;
 }
 
 std::string model_names() {

@@ -1,4 +1,5 @@
 // The simulated FX models: which devices each one has, and how a device is named.
+// A Modbus device counts as a model too: four rows of 65,536.
 // Source: MELSEC FX programming manuals' device tables; FX0N, FX1S and FX3S are from general
 // product knowledge. Nothing here was checked against a genuine PLC.
 #pragma once
@@ -30,8 +31,13 @@ enum class Kind : std::uint8_t {
   c_value32,
   d,
   special_d,
+  r,  // extension registers, FX3
+  coil,
+  discrete_input,
+  holding_register,
+  input_register,
 };
-inline constexpr std::size_t kKinds = 14;
+inline constexpr std::size_t kKinds = 19;
 
 /// Bits in one device of the kind: 1, 16 or 32.
 unsigned width(Kind kind);
@@ -58,6 +64,8 @@ struct Model {
 const Model* find_model(std::string_view name);
 /// "FX0N FX1S ...", for error texts.
 std::string model_names();
+/// What every Modbus device has.
+const Model& modbus_model();
 
 struct Device {
   Kind kind;
@@ -66,7 +74,8 @@ struct Device {
   bool operator==(const Device&) const = default;
 };
 
-/// "X17" (octal), "M8013", "TN5", "TS5", "TC5" (coil), "CN200", "CS0", "CC0", "S20", "D100".
+/// "X17" (octal), "M8013", "TN5", "TS5", "TC5" (coil), "CN200", "CS0", "CC0", "S20", "D100", "R0";
+/// of a Modbus device "co:0", "di:0", "hr:0" and "ir:0", addresses as on the wire.
 /// Nothing if it is no device name; whether a model has the device is not asked here.
 std::optional<Device> parse_device(std::string_view text);
 std::string device_name(Device device);

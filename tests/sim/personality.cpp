@@ -1,6 +1,43 @@
 #include "tests/sim/personality.h"
 
+#include <algorithm>
+#include <array>
+
 namespace fxsim {
+namespace {
+
+constexpr std::array<std::string_view, 5> kProtocols = {
+    "fx-programming-port", "fx-computer-link", "modbus-rtu", "modbus-ascii", "modbus-tcp",
+};
+
+}  // namespace
+
+std::string_view protocol_name(Protocol protocol) {
+  return kProtocols[static_cast<std::size_t>(protocol)];
+}
+
+std::optional<Protocol> find_protocol(std::string_view name) {
+  const auto found = std::ranges::find(kProtocols, name);
+  if (found == kProtocols.end()) return std::nullopt;
+  return static_cast<Protocol>(found - kProtocols.begin());
+}
+
+std::string protocol_names() {
+  std::string all;
+  for (const auto name : kProtocols) all.append(all.empty() ? "" : " ").append(name);
+  return all;
+}
+
+bool is_modbus(Protocol protocol) {
+  return protocol == Protocol::modbus_rtu || protocol == Protocol::modbus_ascii ||
+         protocol == Protocol::modbus_tcp;
+}
+
+void add_stray(std::uint8_t byte, TimePoint when, std::vector<Frame>& out) {
+  if (out.empty() || out.back().whole) out.push_back({{}, false, when});
+  out.back().bytes.push_back(byte);
+  out.back().complete = when;
+}
 
 std::string request_kind_name(RequestKind kind) {
   switch (kind) {
@@ -14,6 +51,10 @@ std::string request_kind_name(RequestKind kind) {
       return "force_off";
     case RequestKind::enquire:
       return "enq";
+    case RequestKind::control:
+      return "control";
+    case RequestKind::handshake:
+      return "handshake";
     case RequestKind::other:
       return "other";
     case RequestKind::malformed:

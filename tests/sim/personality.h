@@ -14,16 +14,30 @@
 
 namespace fxsim {
 
+enum class Protocol : std::uint8_t {
+  programming_port,
+  computer_link,
+  modbus_rtu,
+  modbus_ascii,
+  modbus_tcp,
+};
+std::string_view protocol_name(Protocol protocol);
+std::optional<Protocol> find_protocol(std::string_view name);
+std::string protocol_names();
+bool is_modbus(Protocol protocol);
+
 enum class RequestKind : std::uint8_t {
   read,
   write,
-  force_on,
+  force_on,  // an order that sets one bit
   force_off,
   enquire,
+  control,    // RUN, STOP, global signal
+  handshake,  // the master's own ACK, NAK, EOT or CL: never answered, and no fault strikes it
   other,      // understood as a frame, but no device access
   malformed,  // no frame at all
 };
-inline constexpr std::size_t kRequestKinds = 7;
+inline constexpr std::size_t kRequestKinds = 9;
 std::string request_kind_name(RequestKind kind);
 
 /// What a framer has cut out of a line.
@@ -32,6 +46,9 @@ struct Frame {
   bool whole = true;   // false: bytes that belong to no frame
   TimePoint complete;  // when its last byte was off the wire
 };
+
+/// Puts a byte that belongs to no frame behind the ones before it.
+void add_stray(std::uint8_t byte, TimePoint when, std::vector<Frame>& out);
 
 /// Cuts one direction of one line into frames. Keeps state between bytes.
 class Framer {
@@ -48,24 +65,34 @@ std::string verdict_name(Verdict verdict);
 /// What a PLC made of one request.
 struct Ruling {
   Verdict verdict = Verdict::silent;
-  Bytes reply;
-  std::string why;                    // of a NAK or of silence, for the log
-  std::string device;                 // first device, empty where none is meant
-  unsigned count = 0;                 // devices of that kind
-  std::vector<std::uint32_t> values;  // written, raw; empty where a write cuts through a device
+  Bytes reply{};
+  std::string why{};                    // of a NAK or of silence, for the log
+  std::string device{};                 // first device, empty where none is meant
+  unsigned count = 0;                   // devices of that kind
+  std::vector<std::uint32_t> values{};  // written, raw; empty where a write cuts through a device
+  std::chrono::milliseconds wait{0};    // the answer leaves no sooner after the end of the request
 };
+
+/// What can be wrong with a reply that is otherwise as it should be.
+enum class Flaw : std::uint8_t { sum, sender, transaction, length };
 
 class Personality {
  public:
   virtual ~Personality() = default;
+  virtual Protocol protocol() const = 0;
   virtual std::unique_ptr<Framer> make_framer() const = 0;
+  /// Is a whole frame meant for this station, alone or with others?
+  virtual bool hears(const Frame& frame) const = 0;
   /// What the request is, told before anything is done; faults are matched with it.
   virtual RequestKind kind(const Frame& frame) const = 0;
   virtual Ruling execute(const Frame& frame, Plc& plc) const = 0;
-  /// The answer of a PLC that refuses without a reason.
-  virtual Bytes refusal() const = 0;
-  /// Makes the check of a reply wrong. A reply without one gets another byte.
-  virtual void spoil_sum(Bytes& reply) const = 0;
+  /// The answer of a station that refuses `frame` with `code`, or with what it usually says.
+  virtual Bytes refusal(const Frame& frame, std::optional<std::uint8_t> code) const = 0;
+  /// Puts the flaw into a reply; all else stays right. A reply without a sum gets another byte for
+  /// a wrong one; what a protocol does not have is left alone.
+  virtual void spoil(Bytes& reply, Flaw flaw) const = 0;
+  /// What a gateway answers in the place of a station that does not.
+  virtual Bytes nobody_there(const Frame&) const { return {}; }
 };
 
 }  // namespace fxsim

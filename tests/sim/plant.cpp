@@ -14,7 +14,7 @@ class StillPlant final : public Plant {
   void scan(DeviceMemory&, std::int64_t) override {}
 };
 
-/// D n = number of scans since the start + n, modulo 65536.
+/// D n, or register n of a Modbus device, = number of scans since the start + n, modulo 65536.
 class CounterPlant final : public Plant {
  public:
   void start(DeviceMemory& memory) override { show(memory); }
@@ -26,6 +26,7 @@ class CounterPlant final : public Plant {
 
  private:
   void show(DeviceMemory& memory) const {
+    memory.show_ramp(static_cast<std::uint16_t>(scans_));
     for (const auto& range : memory.model().of(Kind::d))
       for (auto n = range.first; n <= range.last; ++n)
         memory.set({Kind::d, n}, static_cast<std::uint32_t>(scans_ + n));

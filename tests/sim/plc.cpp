@@ -10,6 +10,7 @@ constexpr Device kInitialPulseOff{Kind::special_m, 3};  // M8003: the opposite
 constexpr Device kForcedRunMode{Kind::special_m, 35};
 constexpr Device kForcedRun{Kind::special_m, 36};
 constexpr Device kForcedStop{Kind::special_m, 37};
+constexpr Device kGlobalSignal{Kind::special_m, 126};  // set and cleared by the computer link's GW
 constexpr Device kType{Kind::special_d, 1};            // D8001
 constexpr Device kExtendedType{Kind::special_d, 101};  // D8101
 constexpr Device kMemoryType{Kind::special_d, 3};      // D8003: 10h, built-in memory
@@ -21,12 +22,15 @@ Plc::Plc(const Model& model, std::unique_ptr<Plant> plant, TimePoint start)
     : memory_(model),
       plant_(std::move(plant)),
       start_(start),
+      has_system_(memory_.has(kRunMonitor)),
       type_word_(model.type_word),
       extended_type_word_(model.extended_type_word) {
-  memory_.set(kMemoryType, 0x10);
-  memory_.set(kScanNow, 7);
-  memory_.set({Kind::special_d, kScanNow.number + 1}, 7);
-  memory_.set({Kind::special_d, kScanNow.number + 2}, 41);
+  if (has_system_) {
+    memory_.set(kMemoryType, 0x10);
+    memory_.set(kScanNow, 7);
+    memory_.set({Kind::special_d, kScanNow.number + 1}, 7);
+    memory_.set({Kind::special_d, kScanNow.number + 2}, 41);
+  }
   plant_->start(memory_);
   refresh_system();
 }
@@ -39,15 +43,29 @@ void Plc::advance(TimePoint now) {
 }
 
 void Plc::set_running(bool run) {
-  running_ = run && run_switch_;
-  memory_.set(kForcedStop, run ? 0 : 1);
-  refresh_system();
+  if (has_system_) memory_.set(kForcedStop, run ? 0 : 1);
+  enter(run && run_switch_);
 }
 
 void Plc::set_run_switch(bool run) {
   run_switch_ = run;
-  if (!run) running_ = false;
-  refresh_system();
+  enter(running_ && run);
+}
+
+bool Plc::force_run() {
+  if (run_switch_ || running_) return false;
+  for (const auto relay : {kForcedRunMode, kForcedRun}) memory_.set(relay, 1);
+  memory_.set(kForcedStop, 0);
+  enter(true);
+  run_forced_ = true;
+  return true;
+}
+
+bool Plc::force_stop() {
+  if (!run_forced_) return false;
+  memory_.set(kForcedStop, 1);
+  enter(false);
+  return true;
 }
 
 void Plc::preset(Device device, std::uint32_t value) {
@@ -60,6 +78,15 @@ void Plc::preset(Device device, std::uint32_t value) {
 void Plc::force(Device device, bool on) {
   memory_.set(device, on ? 1 : 0);
   command_run_state(device, on);
+  refresh_system();
+}
+
+void Plc::write(Device device, std::uint32_t value) {
+  if (width(device.kind) == 1) {
+    force(device, (value & 1U) != 0);
+    return;
+  }
+  memory_.set(device, value);
   refresh_system();
 }
 
@@ -83,7 +110,15 @@ void Plc::command_run_state(Device device, bool on) {
   if (device == kForcedRun && on && memory_.get(kForcedRunMode) != 0) set_running(true);
 }
 
+void Plc::enter(bool run) {
+  running_ = run;
+  run_forced_ = false;
+  if (!run && has_system_) memory_.set(kGlobalSignal, 0);
+  refresh_system();
+}
+
 void Plc::refresh_system() {
+  if (!has_system_) return;
   memory_.set(kRunMonitor, running_ ? 1 : 0);
   memory_.set(kStopMonitor, running_ ? 0 : 1);
   memory_.set(kInitialPulse, 0);

@@ -24,6 +24,10 @@ class Plc final {
   void set_running(bool run);
   /// The hardware switch: in STOP it keeps the PLC stopped whatever a port orders.
   void set_run_switch(bool run);
+  /// The remote orders of the computer link. RUN takes only where the switch keeps a stopped PLC in
+  /// STOP, and holds until STOP, which takes only then. False: refused.
+  bool force_run();
+  bool force_stop();
 
   /// Puts a value in as its maker would: D8001 and D8101 change too. Precondition: memory().has().
   void preset(Device device, std::uint32_t value);
@@ -31,10 +35,13 @@ class Plc final {
   /// A single bit set by a port. M8037 ON stops the PLC, OFF starts it; M8036 ON starts it while
   /// M8035 is on. The switch decides whether a start takes.
   void force(Device device, bool on);
+  /// A bit (as force()) or a value written by a port.
+  void write(Device device, std::uint32_t value);
   /// One byte written by a port. The system's own relays and registers keep their values.
   void write_byte(Kind kind, std::size_t offset, std::uint8_t value);
 
  private:
+  void enter(bool run);
   void refresh_system();
   void command_run_state(Device device, bool on);
 
@@ -44,6 +51,8 @@ class Plc final {
   std::int64_t scans_done_ = 0;
   bool running_ = true;
   bool run_switch_ = true;
+  bool run_forced_ = false;
+  bool has_system_;  // the relays and registers from 8000 on
   std::uint16_t type_word_;
   std::uint16_t extended_type_word_;
 };

@@ -1,7 +1,6 @@
 #include "tests/sim/programming_port.h"
 
 #include <array>
-#include <numeric>
 #include <span>
 
 namespace fxsim {
@@ -139,36 +138,10 @@ std::span<const ForceArea> force_areas(CommandSet set) {
   return {};
 }
 
-void append_hex(Bytes& out, std::uint8_t value) {
-  static constexpr std::string_view kDigits = "0123456789ABCDEF";
-  out.push_back(static_cast<std::uint8_t>(kDigits[value >> 4U]));
-  out.push_back(static_cast<std::uint8_t>(kDigits[value & 0x0FU]));
-}
-
-/// Upper-case digits only: clones take a lower-case one for 0 or refuse it.
-std::optional<std::uint32_t> parse_hex(std::string_view digits) {
-  std::uint32_t value = 0;
-  for (const char c : digits) {
-    if (c >= '0' && c <= '9') {
-      value = value * 16 + static_cast<std::uint32_t>(c - '0');
-    } else if (c >= 'A' && c <= 'F') {
-      value = value * 16 + static_cast<std::uint32_t>(c - 'A' + 10);
-    } else {
-      return std::nullopt;
-    }
-  }
-  return value;
-}
-
-std::uint8_t sum_of(ByteView from_command_to_etx) {
-  return static_cast<std::uint8_t>(
-      std::accumulate(from_command_to_etx.begin(), from_command_to_etx.end(), 0U));
-}
-
 /// The text between STX and ETX of a whole frame.
 std::string_view payload(const Frame& frame) {
   if (frame.bytes.size() < 4) return {};
-  return {reinterpret_cast<const char*>(frame.bytes.data()) + 1, frame.bytes.size() - 4};
+  return as_text(ByteView(frame.bytes).subspan(1, frame.bytes.size() - 4));
 }
 
 struct Command {
@@ -216,9 +189,7 @@ class ProgrammingPortFramer final : public Framer {
       return;
     }
     if (frame_.empty()) {
-      if (out.empty() || out.back().whole) out.push_back({{}, false, when});
-      out.back().bytes.push_back(byte);
-      out.back().complete = when;
+      add_stray(byte, when, out);
       return;
     }
     frame_.push_back(byte);
@@ -251,7 +222,9 @@ class ProgrammingPortFramer final : public Framer {
   TimePoint last_;
 };
 
-Ruling refuse(std::string why) { return {Verdict::nak, {kNak}, std::move(why), {}, 0, {}}; }
+Ruling refuse(std::string why) {
+  return {.verdict = Verdict::nak, .reply = {kNak}, .why = std::move(why)};
+}
 
 /// First device, count and raw values of bytes that lie in one row; values only where they fill
 /// whole devices.
@@ -276,21 +249,25 @@ void describe(Ruling& ruling, ByteAt first, std::size_t size, ByteView data) {
 }
 
 Ruling force(const Command& command, CommandSet set, Plc& plc) {
-  const auto digits = parse_hex(command.rest);
+  const auto digits = parse_upper_hex(command.rest);
   if (command.rest.size() != 4 || !digits) return refuse("a force takes four hex digits");
   const std::uint32_t address = ((*digits & 0xFFU) << 8U) | (*digits >> 8U);  // low byte first
   const auto device = bit_at(set, address);
   if (!device || !plc.memory().has(*device)) return refuse("no such bit");
   const bool on = command.kind == RequestKind::force_on;
   plc.force(*device, on);
-  return {Verdict::ack, {kAck}, {}, device_name(*device), 1, {on ? 1U : 0U}};
+  return {.verdict = Verdict::ack,
+          .reply = {kAck},
+          .device = device_name(*device),
+          .count = 1,
+          .values = {on ? 1U : 0U}};
 }
 
 Ruling access(const Command& command, CommandSet set, Plc& plc) {
   const auto& model = plc.memory().model();
-  const auto address = parse_hex(command.rest.substr(0, 4));
+  const auto address = parse_upper_hex(command.rest.substr(0, 4));
   const auto size =
-      parse_hex(command.rest.substr(std::min<std::size_t>(4, command.rest.size()), 2));
+      parse_upper_hex(command.rest.substr(std::min<std::size_t>(4, command.rest.size()), 2));
   if (command.rest.size() < 6 || !address || !size)
     return refuse("address and count are six hex digits");
   const bool reads = command.kind == RequestKind::read;
@@ -302,7 +279,7 @@ Ruling access(const Command& command, CommandSet set, Plc& plc) {
   if (text.size() != (reads ? 0 : 2 * *size)) return refuse("length does not fit the byte count");
   Bytes data;
   for (std::size_t i = 0; i < text.size(); i += 2) {
-    const auto byte = parse_hex(text.substr(i, 2));
+    const auto byte = parse_upper_hex(text.substr(i, 2));
     if (!byte) return refuse("data is not upper-case hex");
     data.push_back(static_cast<std::uint8_t>(*byte));
   }
@@ -362,12 +339,11 @@ RequestKind ProgrammingPort::kind(const Frame& frame) const {
 }
 
 Ruling ProgrammingPort::execute(const Frame& frame, Plc& plc) const {
-  if (!frame.whole) return {Verdict::silent, {}, "no frame", {}, 0, {}};
-  if (frame.bytes.size() == 1) return {Verdict::ack, {kAck}, {}, {}, 0, {}};
+  if (!frame.whole) return {.verdict = Verdict::silent, .why = "no frame"};
+  if (frame.bytes.size() == 1) return {.verdict = Verdict::ack, .reply = {kAck}};
 
   const ByteView bytes = frame.bytes;
-  const std::string_view given(reinterpret_cast<const char*>(bytes.data()) + bytes.size() - 2, 2);
-  const auto sum = parse_hex(given);
+  const auto sum = parse_upper_hex(as_text(bytes.last(2)));
   if (!sum || *sum != sum_of(bytes.subspan(1, bytes.size() - 3))) return refuse("wrong sum");
 
   const auto command = split(payload(frame));
@@ -385,10 +361,10 @@ Ruling ProgrammingPort::execute(const Frame& frame, Plc& plc) const {
   return access(command, set, plc);
 }
 
-Bytes ProgrammingPort::refusal() const { return {kNak}; }
+Bytes ProgrammingPort::refusal(const Frame&, std::optional<std::uint8_t>) const { return {kNak}; }
 
-void ProgrammingPort::spoil_sum(Bytes& reply) const {
-  if (reply.empty()) return;
+void ProgrammingPort::spoil(Bytes& reply, Flaw flaw) const {
+  if (reply.empty() || flaw != Flaw::sum) return;
   // The last digit of the sum; 0 and 1, A and @ ... differ from it in the lowest bit. An ACK has
   // no sum: it arrives as the neighbouring code, as after a bit error that parity missed.
   auto& last = reply.back();

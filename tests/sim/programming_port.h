@@ -13,11 +13,13 @@ namespace fxsim {
 
 class ProgrammingPort final : public Personality {
  public:
+  Protocol protocol() const override { return Protocol::programming_port; }
   std::unique_ptr<Framer> make_framer() const override;
+  bool hears(const Frame&) const override { return true; }  // it has no addresses
   RequestKind kind(const Frame& frame) const override;
   Ruling execute(const Frame& frame, Plc& plc) const override;
-  Bytes refusal() const override;
-  void spoil_sum(Bytes& reply) const override;
+  Bytes refusal(const Frame& frame, std::optional<std::uint8_t> code) const override;
+  void spoil(Bytes& reply, Flaw flaw) const override;
 };
 
 /// How the commands of one set address device memory.

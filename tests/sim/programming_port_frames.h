@@ -8,9 +8,10 @@
 #include <array>
 #include <string_view>
 
+#include "tests/sim/frame_table.h"
+
 namespace fxsim {
 
-enum class Origin { captured, derived };
 enum class State { run, stop };
 
 struct FrameRow {

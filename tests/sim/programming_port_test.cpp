@@ -45,17 +45,8 @@ Plc make_plc(std::string_view model) {
   return {*find_model(model), make_plant("none"), TimePoint{}};
 }
 
-/// All that the port makes of `bytes`, the first of which is complete at `when`, one a millisecond.
 Bytes replies_of(Plc& plc, ByteView bytes, Framer& framer, TimePoint when = TimePoint{}) {
-  const ProgrammingPort port;
-  std::vector<Frame> frames;
-  for (const auto byte : bytes) framer.take(byte, when += milliseconds(1), frames);
-  Bytes replies;
-  for (const auto& frame : frames) {
-    const auto ruling = port.execute(frame, plc);
-    replies.insert(replies.end(), ruling.reply.begin(), ruling.reply.end());
-  }
-  return replies;
+  return replies_of(ProgrammingPort(), framer, plc, bytes, when);
 }
 
 Bytes replies_of(Plc& plc, ByteView bytes) {

@@ -3,6 +3,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <asio/co_spawn.hpp>
 #include <asio/detached.hpp>
 #include <asio/io_context.hpp>
@@ -23,7 +24,6 @@
 
 #include "tests/sim/control.h"
 #include "tests/sim/line.h"
-#include "tests/sim/programming_port.h"
 
 namespace fxsim {
 namespace {
@@ -35,6 +35,8 @@ using nlohmann::json;
 
 // PLCs nobody asks run their scans this often, so that the next question finds few of them due.
 constexpr std::chrono::seconds kCatchUp{1};
+// Deeds that are no orders, kept by all stations together.
+constexpr std::size_t kQuestionsOfAll = 100'000;
 constexpr std::size_t kMaxControlLine = 1U << 20U;
 
 /// A thousand lines need more descriptors than the usual soft limit of 1,024.
@@ -57,8 +59,11 @@ class Simulator::Parts final {
       log_.open(options_.log, std::ios::app);
       if (!log_) throw std::system_error(errno, std::generic_category(), options_.log);
     }
-    for (const auto& plc : plcs) add(plc);
-    for (const auto& place : places_) place->line.open();
+    const auto questions_kept =
+        std::clamp<std::size_t>(kQuestionsOfAll / plcs.size(), 1, Station::kQuestionsKept);
+    for (const auto& plc : plcs) add(plc, questions_kept);
+    for (const auto& place : places_)
+      if (place.own_line) place.own_line->open();
     if (!options_.control.empty()) open_control();
     asio::co_spawn(io_, catch_up(), asio::detached);
   }
@@ -70,11 +75,11 @@ class Simulator::Parts final {
   std::string ready_line() const {
     auto plcs = nlohmann::ordered_json::array();
     for (const auto& place : places_) {
-      nlohmann::ordered_json plc = {{"name", place->station.name()}};
-      if (place->pty.empty()) {
-        plc["tcp"] = place->line.port();
+      nlohmann::ordered_json plc = {{"name", place.station->name()}};
+      if (place.pty.empty()) {
+        plc["tcp"] = place.line->port();
       } else {
-        plc["pty"] = place->pty;
+        plc["pty"] = place.pty;
       }
       plcs.push_back(std::move(plc));
     }
@@ -105,15 +110,13 @@ class Simulator::Parts final {
 
  private:
   struct Place {
-    Station station;
-    Line line;
+    std::unique_ptr<Station> station;
+    std::unique_ptr<Line> own_line;  // null where an earlier PLC's line is shared
+    Line* line;
     std::string pty;
-
-    Place(asio::io_context& io, Station s, const LineSettings& settings)
-        : station(std::move(s)), line(io, settings, station), pty(settings.pty) {}
   };
 
-  void add(const PlcConfig& config) {
+  void add(const PlcConfig& config, std::size_t questions_kept) {
     const auto start = Clock::now();
     Plc plc(*config.model, make_plant(config.plant), start);
     plc.set_run_switch(config.run_switch);
@@ -124,11 +127,16 @@ class Simulator::Parts final {
       on_exchange = [this](const Exchange& exchange) {
         log_ << log_line(exchange).dump() << '\n' << std::flush;
       };
-    Station station(config.name, std::make_unique<ProgrammingPort>(), std::move(plc), start,
-                    std::chrono::system_clock::now(), std::move(on_exchange));
-    for (const auto& fault : config.faults) station.faults().add(fault);
-    places_.push_back(std::make_unique<Place>(io_, std::move(station), config.line));
-    stations_[config.name] = &places_.back()->station;
+    auto station = std::make_unique<Station>(config.name, make_personality(config), std::move(plc),
+                                             start, std::chrono::system_clock::now(),
+                                             std::move(on_exchange), questions_kept);
+    for (const auto& fault : config.faults) station->faults().add(fault);
+    stations_[config.name] = station.get();
+    std::unique_ptr<Line> own_line;
+    if (config.line_of == places_.size()) own_line = std::make_unique<Line>(io_, config.line);
+    auto* line = own_line ? own_line.get() : places_[config.line_of].line;
+    line->attach(*station, config.response);
+    places_.push_back({std::move(station), std::move(own_line), line, config.line.pty});
   }
 
   void open_control() {
@@ -141,7 +149,8 @@ class Simulator::Parts final {
   }
 
   void close() {
-    for (const auto& place : places_) place->line.close();
+    for (const auto& place : places_)
+      if (place.own_line) place.own_line->close();
     if (control_) {
       control_.reset();
       std::error_code ignored;
@@ -155,7 +164,7 @@ class Simulator::Parts final {
       catch_up_.expires_after(kCatchUp);
       co_await catch_up_.async_wait(redirect_error(use_awaitable, error));
       if (error) co_return;
-      for (const auto& place : places_) place->station.plc().advance(Clock::now());
+      for (const auto& place : places_) place.station->plc().advance(Clock::now());
     }
   }
 
@@ -198,7 +207,7 @@ class Simulator::Parts final {
   asio::signal_set signals_;
   asio::steady_timer lifetime_;
   asio::steady_timer catch_up_;
-  std::vector<std::unique_ptr<Place>> places_;
+  std::vector<Place> places_;
   Stations stations_;
   std::optional<stream_protocol::acceptor> control_;
 };

@@ -7,7 +7,6 @@ namespace fxsim {
 namespace {
 
 constexpr std::size_t kOrdersKept = 100'000;
-constexpr std::size_t kQuestionsKept = 1'000;
 
 bool is_order(RequestKind kind) {
   return kind == RequestKind::write || kind == RequestKind::force_on ||
@@ -18,13 +17,14 @@ bool is_order(RequestKind kind) {
 
 Station::Station(std::string name, std::unique_ptr<Personality> personality, Plc plc,
                  TimePoint start, std::chrono::system_clock::time_point wall_at_start,
-                 OnExchange on_exchange)
+                 OnExchange on_exchange, std::size_t questions_kept)
     : name_(std::move(name)),
       personality_(std::move(personality)),
       plc_(std::move(plc)),
       start_(start),
       wall_at_start_(wall_at_start),
-      on_exchange_(std::move(on_exchange)) {}
+      on_exchange_(std::move(on_exchange)),
+      questions_kept_(questions_kept) {}
 
 Answer Station::answer(const Frame& frame, TimePoint now) {
   const auto wall = wall_at_start_ +
@@ -40,11 +40,11 @@ Answer Station::answer(const Frame& frame, TimePoint now) {
   for (const auto fault : treatment.struck) ++stats_.faults[static_cast<std::size_t>(fault)];
   if (treatment.stop_plc) plc_.set_running(false);
 
-  Ruling ruling{Verdict::silent, {}, "fault", {}, 0, {}};
+  Ruling ruling{.verdict = Verdict::silent, .why = "fault"};
   if (treatment.execute) ruling = personality_->execute(frame, plc_);
   auto reply = ruling.reply;
   if (treatment.reply == Treatment::Reply::refusal) {
-    reply = personality_->refusal();
+    reply = personality_->refusal(frame, treatment.code);
     ruling.verdict = Verdict::nak;
   } else if (treatment.reply == Treatment::Reply::none) {
     reply.clear();
@@ -55,6 +55,7 @@ Answer Station::answer(const Frame& frame, TimePoint now) {
   if (done) remember(kind, ruling, unix_ms);
 
   auto answer = schedule(frame, std::move(reply), treatment);
+  answer.wait = ruling.wait;
   if (on_exchange_) on_exchange_({name_, unix_ms, frame, kind, ruling, done, treatment, answer});
   return answer;
 }
@@ -65,7 +66,7 @@ void Station::remember(RequestKind kind, const Ruling& ruling, std::int64_t unix
   if (kind == RequestKind::read) ++stats_.accepted_reads;
   auto& deeds = order ? orders_ : questions_;
   deeds.push_back({next_index_++, unix_ms, kind, ruling.device, ruling.count, ruling.values});
-  if (deeds.size() > (order ? kOrdersKept : kQuestionsKept)) deeds.pop_front();
+  if (deeds.size() > (order ? kOrdersKept : questions_kept_)) deeds.pop_front();
 }
 
 Answer Station::schedule(const Frame& frame, Bytes reply, const Treatment& treatment) const {
@@ -75,7 +76,7 @@ Answer Station::schedule(const Frame& frame, Bytes reply, const Treatment& treat
   if (treatment.echo) answer.pieces.push_back({{}, frame.bytes, false});
   if (reply.empty()) return answer;
 
-  if (treatment.wrong_sum) personality_->spoil_sum(reply);
+  for (const auto flaw : treatment.flaws) personality_->spoil(reply, flaw);
   if (treatment.truncated_to) {
     const auto left = *treatment.truncated_to == 0 ? reply.size() / 2 : *treatment.truncated_to;
     reply.resize(std::min(left, reply.size()));

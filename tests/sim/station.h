@@ -22,6 +22,7 @@ struct Answer {
     Bytes bytes;
     bool paced = true;  // false: already on the wire while the request was, as an echo is
   };
+  std::chrono::milliseconds wait{0};  // the first piece starts no sooner after the request
   std::vector<Piece> pieces;
   std::optional<std::chrono::milliseconds> hang_up;  // then the connection goes, for this long
 };
@@ -62,10 +63,13 @@ class Station final {
  public:
   using OnExchange = std::function<void(const Exchange&)>;
 
+  static constexpr std::size_t kQuestionsKept = 1'000;
+
   /// `wall_at_start` is the wall clock at `start`, the zero of the station's times. `on_exchange`
-  /// may be empty.
+  /// may be empty. `questions_kept`: see deeds().
   Station(std::string name, std::unique_ptr<Personality> personality, Plc plc, TimePoint start,
-          std::chrono::system_clock::time_point wall_at_start, OnExchange on_exchange);
+          std::chrono::system_clock::time_point wall_at_start, OnExchange on_exchange,
+          std::size_t questions_kept = kQuestionsKept);
 
   const std::string& name() const { return name_; }
   const Personality& personality() const { return *personality_; }
@@ -79,7 +83,7 @@ class Station final {
   void count_sent(std::size_t bytes) { stats_.bytes_out += bytes; }
 
   /// Deeds from index `since` on, oldest first: the last 100,000 writes and forces and the last
-  /// 1,000 reads and enquiries are kept.
+  /// questions_kept others are kept.
   std::vector<Deed> deeds(std::uint64_t since) const;
 
  private:
@@ -92,6 +96,7 @@ class Station final {
   TimePoint start_;
   std::chrono::system_clock::time_point wall_at_start_;
   OnExchange on_exchange_;
+  std::size_t questions_kept_;
   Faults faults_;
   Stats stats_;
   std::uint64_t next_index_ = 0;

@@ -1,0 +1,82 @@
+// What the tests of the protocols share: tables of frames with the memory before or after them, and
+// bytes fed through a framer into a personality.
+// Memory is written "D0=1234 ABCD; M5=1": raw hex from the device on.
+#pragma once
+
+#include <chrono>
+#include <sstream>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "tests/sim/personality.h"
+
+namespace fxsim {
+
+enum class Origin { printed, captured, derived };
+
+struct MemoryRun {
+  Device device;
+  std::vector<std::uint32_t> values;
+};
+
+inline std::vector<MemoryRun> memory_runs(std::string_view notation) {
+  std::vector<MemoryRun> runs;
+  std::istringstream stream{std::string(notation)};
+  for (std::string run; std::getline(stream, run, ';');) {
+    const auto equals = run.find('=');
+    const auto name = run.find_first_not_of(' ');
+    MemoryRun found{parse_device(run.substr(name, equals - name)).value(), {}};
+    std::istringstream values(run.substr(equals + 1));
+    for (std::string value; values >> value;)
+      found.values.push_back(static_cast<std::uint32_t>(std::stoul(value, nullptr, 16)));
+    runs.push_back(found);
+  }
+  return runs;
+}
+
+inline void preset(Plc& plc, std::string_view notation) {
+  for (const auto& [device, values] : memory_runs(notation))
+    for (unsigned i = 0; i < values.size(); ++i)
+      plc.preset({device.kind, device.number + i}, values[i]);
+}
+
+/// The opposite of every value, so that nothing is right by being left alone.
+inline void preset_opposite(Plc& plc, std::string_view notation) {
+  for (const auto& [device, values] : memory_runs(notation))
+    for (unsigned i = 0; i < values.size(); ++i)
+      plc.preset({device.kind, device.number + i}, ~values[i]);
+}
+
+/// Which of the devices in `notation` do not hold what it says; empty: none.
+inline std::string differences(const Plc& plc, std::string_view notation) {
+  std::ostringstream text;
+  for (const auto& [device, values] : memory_runs(notation))
+    for (unsigned i = 0; i < values.size(); ++i) {
+      const Device one{device.kind, device.number + i};
+      if (plc.memory().get(one) != values[i])
+        text << device_name(one) << " is " << std::hex << plc.memory().get(one) << "; ";
+    }
+  return text.str();
+}
+
+/// All that `personality` makes of `bytes`, the first of which is complete at `when`, one a
+/// millisecond. As on a line, it sees no whole frame that is not for it.
+inline Bytes replies_of(const Personality& personality, Framer& framer, Plc& plc, ByteView bytes,
+                        TimePoint when = TimePoint{}) {
+  std::vector<Frame> frames;
+  for (const auto byte : bytes) framer.take(byte, when += std::chrono::milliseconds(1), frames);
+  Bytes replies;
+  for (const auto& frame : frames) {
+    if (frame.whole && !personality.hears(frame)) continue;
+    const auto ruling = personality.execute(frame, plc);
+    replies.insert(replies.end(), ruling.reply.begin(), ruling.reply.end());
+  }
+  return replies;
+}
+
+inline Bytes replies_of(const Personality& personality, Plc& plc, ByteView bytes) {
+  return replies_of(personality, *personality.make_framer(), plc, bytes);
+}
+
+}  // namespace fxsim

@@ -1,0 +1,262 @@
+#include "tests/sim/modbus.h"
+
+#include <algorithm>
+#include <array>
+
+#include "tests/sim/modbus_framing.h"
+
+namespace fxsim {
+namespace {
+
+constexpr std::uint8_t kIllegalFunction = 1;
+constexpr std::uint8_t kIllegalAddress = 2;
+constexpr std::uint8_t kIllegalValue = 3;
+constexpr std::uint8_t kDeviceFailure = 4;
+constexpr std::uint8_t kTargetSilent = 0x0B;
+constexpr std::uint8_t kExceptionFlag = 0x80;
+
+constexpr std::uint8_t kWriteCoil = 0x05;
+constexpr std::uint8_t kWriteRegister = 0x06;
+constexpr std::uint8_t kWriteCoils = 0x0F;
+constexpr std::uint8_t kWriteRegisters = 0x10;
+constexpr std::uint8_t kMaskRegister = 0x16;
+constexpr std::uint8_t kReadWriteRegisters = 0x17;
+
+constexpr unsigned kMaxBitsRead = 2000;
+constexpr unsigned kMaxBitsWritten = 1968;
+constexpr unsigned kMaxRegistersWritten = 123;
+constexpr unsigned kMaxRegistersWrittenAndRead = 121;
+constexpr unsigned kCoilOn = 0xFF00;
+
+struct Function {
+  std::uint8_t code;
+  RequestKind kind;
+  Kind table;
+};
+constexpr auto kFunctions = std::to_array<Function>({
+    {0x01, RequestKind::read, Kind::coil},
+    {0x02, RequestKind::read, Kind::discrete_input},
+    {0x03, RequestKind::read, Kind::holding_register},
+    {0x04, RequestKind::read, Kind::input_register},
+    {kWriteCoil, RequestKind::write, Kind::coil},
+    {kWriteRegister, RequestKind::write, Kind::holding_register},
+    {kWriteCoils, RequestKind::write, Kind::coil},
+    {kWriteRegisters, RequestKind::write, Kind::holding_register},
+    {kMaskRegister, RequestKind::write, Kind::holding_register},
+    {kReadWriteRegisters, RequestKind::write, Kind::holding_register},
+});
+
+const Function* find_function(std::uint8_t code) {
+  const auto found = std::ranges::find(kFunctions, code, &Function::code);
+  return found == kFunctions.end() ? nullptr : &*found;
+}
+
+void append_number(Bytes& out, std::uint32_t number) {
+  out.push_back(static_cast<std::uint8_t>(number >> 8U));
+  out.push_back(static_cast<std::uint8_t>(number));
+}
+
+Bytes exception(std::uint8_t function, std::uint8_t code) {
+  return {static_cast<std::uint8_t>(function | kExceptionFlag), code};
+}
+
+/// Function, byte count and the values of a read.
+Bytes read_reply(std::uint8_t function, Device first, unsigned count, const DeviceMemory& memory) {
+  Bytes pdu{function};
+  if (width(first.kind) == 1) {
+    const auto bytes = (count + 7) / 8;
+    pdu.push_back(static_cast<std::uint8_t>(bytes));
+    pdu.resize(2 + bytes);
+    for (unsigned i = 0; i < count; ++i)
+      if (memory.get({first.kind, first.number + i}) != 0)
+        pdu[2 + i / 8] = static_cast<std::uint8_t>(pdu[2 + i / 8] | 1U << (i % 8));
+    return pdu;
+  }
+  pdu.reserve(2 + count * 2);
+  pdu.push_back(static_cast<std::uint8_t>(count * 2));
+  for (unsigned i = 0; i < count; ++i)
+    append_number(pdu, memory.get({first.kind, first.number + i}));
+  return pdu;
+}
+
+/// The values of a write of several, from its data.
+std::vector<std::uint32_t> values_of(Kind kind, unsigned count, ByteView data) {
+  std::vector<std::uint32_t> values;
+  for (unsigned i = 0; i < count; ++i)
+    values.push_back(width(kind) == 1 ? (data[i / 8] >> (i % 8)) & 1U
+                                      : big_endian_at(data, i * 2U));
+  return values;
+}
+
+}  // namespace
+
+Modbus::Modbus(Protocol protocol, ModbusSettings settings)
+    : protocol_(protocol), settings_(std::move(settings)) {}
+
+std::unique_ptr<Framer> Modbus::make_framer() const { return make_modbus_framer(protocol_); }
+
+/// Unit 0 is everybody on a serial line. On TCP it is a unit like any other.
+bool Modbus::is_broadcast(std::uint8_t unit) const {
+  return unit == 0 && protocol_ != Protocol::modbus_tcp;
+}
+
+bool Modbus::hears(const Frame& frame) const {
+  const auto unit = unwrap_modbus(protocol_, frame.bytes).unit;
+  return unit == settings_.unit || is_broadcast(unit);
+}
+
+RequestKind Modbus::kind(const Frame& frame) const {
+  if (!frame.whole) return RequestKind::malformed;
+  const auto pdu = unwrap_modbus(protocol_, frame.bytes).pdu;
+  const auto* function = find_function(pdu.front());
+  if (function == nullptr) return RequestKind::other;
+  const auto force = [](bool on) { return on ? RequestKind::force_on : RequestKind::force_off; };
+  if (function->code == kWriteCoil && pdu.size() == 5)
+    return force(big_endian_at(pdu, 3) == kCoilOn);
+  if (function->code == kWriteCoils && pdu.size() == 7 && big_endian_at(pdu, 3) == 1)
+    return force((pdu[6] & 1U) != 0);
+  return function->kind;
+}
+
+Ruling Modbus::execute(const Frame& frame, Plc& plc) const {
+  if (!frame.whole) return {.verdict = Verdict::silent, .why = "no frame"};
+  const auto request = unwrap_modbus(protocol_, frame.bytes);
+  const auto code = request.pdu.front();
+  const auto wrong = objection(request.pdu);
+  if (is_broadcast(request.unit)) {
+    if (wrong != 0 || find_function(code)->kind == RequestKind::read)
+      return {.verdict = Verdict::silent, .why = "no order for all units"};
+    auto ruling = carry_out(request.pdu, plc);
+    ruling.reply.clear();
+    return ruling;
+  }
+  Ruling ruling;
+  if (wrong != 0) {
+    ruling = {.verdict = Verdict::nak,
+              .reply = exception(code, wrong),
+              .why = "exception " + std::to_string(wrong)};
+  } else {
+    ruling = carry_out(request.pdu, plc);
+  }
+  ruling.reply = wrap_modbus(protocol_, {request.unit, std::move(ruling.reply)}, frame.bytes);
+  return ruling;
+}
+
+/// The exception that the request gets, 0 for none: function, then quantity and value, then
+/// address.
+std::uint8_t Modbus::objection(ByteView pdu) const {
+  const auto* function = find_function(pdu[0]);
+  if (function == nullptr ||
+      std::ranges::find(settings_.missing_functions, pdu[0]) != settings_.missing_functions.end())
+    return kIllegalFunction;
+  const auto table = function->table;
+  const bool bits = width(table) == 1;
+  if (pdu.size() < 5) return kIllegalValue;
+  const auto first = big_endian_at(pdu, 1);
+  const auto count = big_endian_at(pdu, 3);  // or a value, or a mask
+
+  // Are there `quantity` values behind their byte count at `at`, and nothing else?
+  const auto carries = [pdu, bits](std::size_t at, unsigned quantity) {
+    const auto bytes = bits ? (quantity + 7) / 8 : quantity * 2;
+    return pdu.size() == at + 1 + bytes && pdu[at] == bytes;
+  };
+  const auto too_many_read = [this, bits](unsigned quantity) -> std::uint8_t {
+    if (quantity == 0 || quantity > (bits ? kMaxBitsRead : 125U)) return kIllegalValue;
+    return !bits && quantity > settings_.max_read ? settings_.max_read_code : std::uint8_t{0};
+  };
+  switch (function->code) {
+    case kWriteCoil:
+      if (pdu.size() != 5 || (count != kCoilOn && count != 0)) return kIllegalValue;
+      return span_objection(table, first, 1);
+    case kWriteRegister:
+      return pdu.size() == 5 ? span_objection(table, first, 1) : kIllegalValue;
+    case kWriteCoils:
+    case kWriteRegisters:
+      if (count == 0 || count > (bits ? kMaxBitsWritten : kMaxRegistersWritten) || pdu.size() < 6 ||
+          !carries(5, count))
+        return kIllegalValue;
+      return span_objection(table, first, count);
+    case kMaskRegister:
+      return pdu.size() == 7 ? span_objection(table, first, 1) : kIllegalValue;
+    case kReadWriteRegisters: {
+      if (pdu.size() < 10) return kIllegalValue;
+      const auto written = big_endian_at(pdu, 7);
+      if (written == 0 || written > kMaxRegistersWrittenAndRead || !carries(9, written))
+        return kIllegalValue;
+      if (const auto wrong = too_many_read(count); wrong != 0) return wrong;
+      if (const auto wrong = span_objection(table, big_endian_at(pdu, 5), written); wrong != 0)
+        return wrong;
+      return span_objection(table, first, count);
+    }
+    default:
+      if (pdu.size() != 5) return kIllegalValue;
+      if (const auto wrong = too_many_read(count); wrong != 0) return wrong;
+      return span_objection(table, first, count);
+  }
+}
+
+std::uint8_t Modbus::span_objection(Kind kind, std::size_t first, std::size_t count) const {
+  if (first + count > 0x10000) return kIllegalAddress;
+  const bool hits_hole = std::ranges::any_of(settings_.holes, [&](const auto& hole) {
+    return hole.kind == kind && first <= hole.range.last && first + count > hole.range.first;
+  });
+  return hits_hole ? kIllegalAddress : std::uint8_t{0};
+}
+
+/// Precondition: objection() has none. The reply is a PDU.
+Ruling Modbus::carry_out(ByteView pdu, Plc& plc) const {
+  const auto& function = *find_function(pdu[0]);
+  const auto& memory = plc.memory();
+  Device first{function.table, big_endian_at(pdu, 1)};
+  const auto count = big_endian_at(pdu, 3);
+  const bool reads = function.kind == RequestKind::read;
+
+  Ruling ruling{.verdict = reads ? Verdict::data : Verdict::ack};
+  ruling.reply.assign(pdu.begin(), pdu.begin() + 5);  // what most writes are answered with
+  switch (function.code) {
+    case kWriteCoil:
+      ruling.values = {count == kCoilOn ? 1U : 0U};
+      break;
+    case kWriteRegister:
+      ruling.values = {count};
+      break;
+    case kWriteCoils:
+    case kWriteRegisters:
+      ruling.values = values_of(first.kind, count, pdu.subspan(6));
+      break;
+    case kMaskRegister: {
+      const auto keep = count;
+      ruling.values = {(memory.get(first) & keep) | (big_endian_at(pdu, 5) & ~keep & 0xFFFFU)};
+      ruling.reply.assign(pdu.begin(), pdu.end());
+      break;
+    }
+    case kReadWriteRegisters:
+      first.number = big_endian_at(pdu, 5);
+      ruling.values = values_of(first.kind, big_endian_at(pdu, 7), pdu.subspan(10));
+      break;
+    default:
+      break;
+  }
+  for (unsigned i = 0; i < ruling.values.size(); ++i)
+    plc.write({first.kind, first.number + i}, ruling.values[i]);
+  if (reads || function.code == kReadWriteRegisters)  // the write comes first
+    ruling.reply =
+        read_reply(function.code, {function.table, big_endian_at(pdu, 1)}, count, memory);
+  ruling.device = device_name(first);
+  ruling.count = reads ? count : static_cast<unsigned>(ruling.values.size());
+  return ruling;
+}
+
+Bytes Modbus::refusal(const Frame& frame, std::optional<std::uint8_t> code) const {
+  const auto request = unwrap_modbus(protocol_, frame.bytes);
+  if (is_broadcast(request.unit)) return {};
+  return wrap_modbus(protocol_,
+                     {request.unit, exception(request.pdu.front(), code.value_or(kDeviceFailure))},
+                     frame.bytes);
+}
+
+void Modbus::spoil(Bytes& reply, Flaw flaw) const { spoil_modbus(protocol_, reply, flaw); }
+
+Bytes Modbus::nobody_there(const Frame& frame) const { return refusal(frame, kTargetSilent); }
+
+}  // namespace fxsim
