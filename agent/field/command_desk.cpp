@@ -292,9 +292,15 @@ std::optional<Refusal> CommandDesk::resolve_place(const Codec& codec, Op op,
   if (!span) return refuse(Reason::bad_address, span.error().text);
   if (const auto inside = codec.check_range(*span); !inside)
     return refuse(Reason::bad_address, inside.error().text);
-  const bool is_bit = out.point.address.unit == Unit::bit && !out.point.is_array;
+  const Address& place = out.point.address;
+  const bool is_bit = !out.point.is_array &&
+                      (place.unit == Unit::bit || (place.unit == Unit::word_bit && place.writable));
   if ((op == Op::force_on || op == Op::force_off) && !is_bit)
     return refuse(Reason::bad_address, out.point.address.text + " is not a single bit device");
+  if (codec.is_broadcast()) {
+    if (op != Op::read) return std::nullopt;
+    return refuse(fault, "nobody answers a broadcast, so nothing can be read");
+  }
   const Plan plan = make_plan(codec, std::span(&out.point, 1), LineCost{}, device_.max_block_bytes);
   if (!plan.unreachable.empty())
     return refuse(Reason::bad_address,

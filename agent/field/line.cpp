@@ -29,6 +29,13 @@ constexpr int kProbes = 3;
 
 bool answers_by_ack(const Request& request) { return !std::holds_alternative<Read>(request); }
 
+/// Bytes for an error text: enough of them to see who spoke.
+std::string beginning_of(const Bytes& bytes) {
+  constexpr std::size_t kShown = 24;
+  const ByteView shown = ByteView(bytes).first(std::min(bytes.size(), kShown));
+  return to_hex(shown) + (shown.size() < bytes.size() ? " …" : "");
+}
+
 }  // namespace
 
 Line::Line(asio::any_io_executor executor, std::unique_ptr<Transport> transport,
@@ -186,6 +193,7 @@ asio::awaitable<void> Line::receive(const Codec& codec, const Request& request, 
     if (!got) {
       const bool silent = got.error().code == ErrorCode::timeout;
       exchange.error = got.error().text;
+      if (silent && !rx_.empty()) exchange.error += "; what came is none: " + beginning_of(rx_);
       if (echo_due && silent) exchange.error += "; not even the echo of the request came back";
       exchange.outcome = silent ? Exchange::Outcome::unanswered : Exchange::Outcome::link_down;
       if (!silent) transport_->close();

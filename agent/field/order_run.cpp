@@ -218,19 +218,24 @@ asio::awaitable<void> OrderRun::pause(milliseconds duration) {
   co_await timer_.async_wait(use_result);
 }
 
-asio::awaitable<Exchange> OrderRun::send_once_or_twice(Request request, bool may_repeat) {
-  const Codec& codec = *station_.codec;
-  if (const auto first = codec.read_before(request)) {
-    Exchange reading = co_await ask(*first, order_.deadline);
+asio::awaitable<Exchange> OrderRun::send(Request request, SteadyTime not_after) {
+  if (const auto first = station_.codec->read_before(request)) {
+    Exchange reading = co_await ask(*first, not_after);
     if (!reading.is_data()) {
       reading.sent = false;  // the order itself has not left
       co_return reading;
     }
-    request = codec.with_read(request, reading.reply.image);
+    request = station_.codec->with_read(request, reading.reply.image);
   }
-  Exchange exchange = co_await ask(request, order_.deadline);
+  Exchange exchange = co_await ask(std::move(request), not_after);
   if (exchange.sent) ++result_.attempts;
-  if (!may_repeat || !exchange.is_nak()) co_return exchange;
+  co_return exchange;
+}
+
+asio::awaitable<Exchange> OrderRun::send_once_or_twice(Request request, bool may_repeat) {
+  const Codec& codec = *station_.codec;
+  Exchange exchange = co_await send(request, order_.deadline);
+  if (!may_repeat || !exchange.sent || !exchange.is_nak()) co_return exchange;
   const int code = exchange.reply.device_code;
   const RefusalMeaning meaning = codec.meaning_of(request, code);
   const auto other = codec.instead_of(request, code);
@@ -239,10 +244,9 @@ asio::awaitable<Exchange> OrderRun::send_once_or_twice(Request request, bool may
   else if (meaning != RefusalMeaning::curable && meaning != RefusalMeaning::busy)
     co_return exchange;
   if (meaning == RefusalMeaning::busy) co_await pause(kBusyPause);
-  Exchange second = co_await ask(request, order_.deadline);
+  Exchange second = co_await send(request, order_.deadline);
   // Too late for a second try: what the first one brought is the answer.
   if (second.outcome == Exchange::Outcome::expired) co_return exchange;
-  if (second.sent) ++result_.attempts;
   co_return second;
 }
 

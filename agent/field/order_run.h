@@ -43,6 +43,8 @@ class OrderRun final {
   asio::awaitable<void> read_target(const OrderTarget& target, TargetResult& out);
   asio::awaitable<void> write_target(const OrderTarget& target, TargetResult& out);
   asio::awaitable<bool> check_expected(const OrderTarget& target, TargetResult& out);
+  /// Sends `request`, and before it the read that it needs; that read's failure is the order's.
+  asio::awaitable<Exchange> send(Request request, SteadyTime not_after);
   /// Sends `request`, and a second time only where the first surely had no effect.
   asio::awaitable<Exchange> send_once_or_twice(Request request, bool may_repeat);
   /// All targets in one frame, where the protocol has one for them. False: it has not.

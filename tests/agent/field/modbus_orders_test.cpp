@@ -1,0 +1,369 @@
+// Orders and polls where a protocol has what the programming port lacks: refusals with reasons,
+// holes, broadcasts, several writes in one frame. Frames are those of the specifications.
+#include <gtest/gtest.h>
+
+#include <asio/co_spawn.hpp>
+#include <asio/io_context.hpp>
+#include <functional>
+#include <memory>
+#include <string>
+#include <utility>
+#include <variant>
+
+#include "agent/field/link_worker.h"
+#include "agent/field/order_run.h"
+#include "tests/agent/field/fake_modbus.h"
+#include "tests/agent/field/field_plant.h"
+#include "tests/agent/field/on_io.h"
+#include "tests/support/scripted_transport.h"
+
+namespace fxagent::test {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
+using Clock = std::chrono::steady_clock;
+using State = DeviceStatus::State;
+
+Bytes hex(std::string_view text) { return *from_hex(text); }
+
+std::shared_ptr<const Codec> codec_of(std::string_view protocol, Options more = {}) {
+  const ProtocolInfo& info = *find_protocol(protocol);
+  Options options = default_options(info);
+  for (auto& [key, value] : more) options[key] = value;
+  const auto made = info.make(options);
+  EXPECT_TRUE(made.has_value()) << made.error().text;
+  return *made;
+}
+
+DeviceConfig device_on(std::string_view protocol, std::shared_ptr<const Codec> codec,
+                       std::string name = "meter") {
+  DeviceConfig device;
+  device.name = std::move(name);
+  device.protocol = find_protocol(protocol);
+  device.codec = std::move(codec);
+  device.groups.push_back(group("fast", milliseconds(0)));
+  return device;
+}
+
+/// One open line with one device; orders come from a real desk.
+class OrderTest : public ::testing::Test {
+ protected:
+  void use(std::string_view protocol, std::shared_ptr<const Codec> codec) {
+    device = device_on(protocol, std::move(codec));
+    station.codec = device.codec.get();
+    auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
+    wire = transport.get();
+    line = std::make_unique<Line>(io.get_executor(), std::move(transport), nanoseconds(0));
+  }
+  void use_modbus(bool read_modify_write = false) {
+    use("modbus-tcp", codec_of("modbus-tcp", {{"allow_read_modify_write", read_modify_write}}));
+    device.tags.push_back(writable(tag(*device.codec, "setpoint", "hr:10")));
+    device.tags.push_back(writable(tag(*device.codec, "enable", "hr:10.3")));
+    device.tags.push_back(writable(tag(*device.codec, "lamp", "co:5")));
+  }
+  ~OrderTest() override {
+    if (wire != nullptr) {
+      EXPECT_EQ(wire->steps_left(), 0U) << "the script was not played out";
+    }
+  }
+
+  CommandResult write(std::string tag, Value value, bool verify = false) {
+    Command command;
+    command.targets.push_back({std::move(tag), "", std::nullopt, std::move(value)});
+    return run(std::move(command), verify);
+  }
+  CommandResult run(Command command, bool verify) {
+    command.id = "b7e1";
+    command.op = Op::write;
+    command.op_text = "write";
+    command.verify = verify;
+    command.received = Clock::now();
+    command.received_ms = 1790000000000;
+    CommandDesk desk(device);
+    auto verdict = desk.admit(std::move(command), *device.codec, 0, Clock::now());
+    if (const auto* refused = std::get_if<CommandResult>(&verdict)) {
+      ADD_FAILURE() << "refused: " << to_string(refused->reason) << " " << refused->detail;
+      return *refused;
+    }
+    OrderRun order_run(io.get_executor(), *line, station, device, std::get<Order>(verdict));
+    CommandResult result = run_on(io, order_run.run());
+    was_answered = order_run.was_answered();
+    return result;
+  }
+
+  DeviceConfig device;
+  asio::io_context io;
+  ScriptedTransport* wire = nullptr;
+  std::unique_ptr<Line> line;
+  Station station;
+  bool was_answered = false;
+};
+
+TEST_F(OrderTest, FunctionThatTheDeviceLacksIsReplacedByAnother) {
+  use_modbus();
+  wire->expect(hex("0001 0000 0006 01 06 000A 0032")).give(hex("0001 0000 0003 01 86 01"));
+  wire->expect(hex("0002 0000 0009 01 10 000A 0001 02 0032"))
+      .give(hex("0002 0000 0006 01 10 000A 0001"));
+  const CommandResult result = write("setpoint", number(50));
+  EXPECT_EQ(result.status, CommandStatus::succeeded);
+  EXPECT_EQ(result.attempts, 2);
+}
+
+TEST_F(OrderTest, CoilGoesByFifteenWhereFiveIsMissing) {
+  use_modbus();
+  wire->expect(hex("0001 0000 0006 01 05 0005 FF00")).give(hex("0001 0000 0003 01 85 01"));
+  wire->expect(hex("0002 0000 0008 01 0F 0005 0001 01 01"))
+      .give(hex("0002 0000 0006 01 0F 0005 0001"));
+  EXPECT_EQ(write("lamp", flag(true)).status, CommandStatus::succeeded);
+}
+
+TEST_F(OrderTest, BitOfARegisterIsReadChangedAndWrittenWhereThatIsAllowed) {
+  use_modbus(true);
+  wire->expect(hex("0001 0000 0008 01 16 000A FFF7 0008")).give(hex("0001 0000 0003 01 96 01"));
+  wire->expect(hex("0002 0000 0006 01 03 000A 0001")).give(hex("0002 0000 0005 01 03 02 8001"));
+  wire->expect(hex("0003 0000 0006 01 06 000A 8009")).give(hex("0003 0000 0006 01 06 000A 8009"));
+  const CommandResult result = write("enable", flag(true));
+  EXPECT_EQ(result.status, CommandStatus::succeeded);
+  EXPECT_EQ(result.attempts, 2);
+}
+
+TEST_F(OrderTest, BitOfARegisterIsNotReadAndWrittenWhereThatIsNotAllowed) {
+  use_modbus();
+  wire->expect(hex("0001 0000 0008 01 16 000A FFF7 0000")).give(hex("0001 0000 0003 01 96 01"));
+  const CommandResult result = write("enable", flag(false));
+  EXPECT_EQ(result.status, CommandStatus::failed);
+  EXPECT_EQ(result.reason, Reason::nak);
+  EXPECT_EQ(result.plc, PlcAnswer::nak);
+  EXPECT_EQ(result.detail, "exception 01: illegal function");
+  EXPECT_EQ(result.attempts, 1);
+}
+
+TEST_F(OrderTest, ReadThatMustComeFirstAndFailsLeavesTheRegisterAlone) {
+  use_modbus(true);
+  wire->expect(hex("0001 0000 0008 01 16 000A FFF7 0008")).give(hex("0001 0000 0003 01 96 01"));
+  wire->expect(hex("0002 0000 0006 01 03 000A 0001")).give(hex("0002 0000 0003 01 83 02"));
+  const CommandResult result = write("enable", flag(true));
+  EXPECT_EQ(result.status, CommandStatus::failed);
+  EXPECT_EQ(result.attempts, 1);
+}
+
+TEST_F(OrderTest, BusyDeviceIsAskedOnceMore) {
+  use_modbus();
+  const Bytes again = hex("0002 0000 0006 01 06 000A 0032");
+  wire->expect(hex("0001 0000 0006 01 06 000A 0032")).give(hex("0001 0000 0003 01 86 06"));
+  wire->expect(again).give(again);
+  const CommandResult result = write("setpoint", number(50));
+  EXPECT_EQ(result.status, CommandStatus::succeeded);
+  EXPECT_EQ(result.attempts, 2);
+}
+
+TEST_F(OrderTest, RefusalThatLeavesTheEffectOpenIsSettledByReadingBack) {
+  for (const char* code : {"04", "05", "0B", "7F"}) {
+    use_modbus();
+    wire->expect(hex("0001 0000 0006 01 06 000A 0032"))
+        .give(hex(std::string("0001 0000 0003 01 86 ") + code));
+    wire->expect(hex("0002 0000 0006 01 03 000A 0001")).give(hex("0002 0000 0005 01 03 02 0032"));
+    const CommandResult result = write("setpoint", number(50));
+    EXPECT_EQ(result.status, CommandStatus::succeeded) << code;
+    EXPECT_EQ(result.plc, PlcAnswer::none);
+    EXPECT_TRUE(result.targets[0].verify && result.targets[0].verify->match);
+    EXPECT_EQ(result.attempts, 1) << "never a second time";
+  }
+}
+
+TEST_F(OrderTest, RefusalThatLeavesTheEffectOpenIsUnknownWhereTheValueIsAnother) {
+  use_modbus();
+  wire->expect(hex("0001 0000 0006 01 06 000A 0032")).give(hex("0001 0000 0003 01 86 05"));
+  wire->expect(hex("0002 0000 0006 01 03 000A 0001")).give(hex("0002 0000 0005 01 03 02 0000"));
+  const CommandResult result = write("setpoint", number(50));
+  EXPECT_EQ(result.status, CommandStatus::unknown_outcome);
+  EXPECT_NE(result.detail.find("exception 05"), std::string::npos) << result.detail;
+}
+
+TEST_F(OrderTest, GatewayWithoutAPathToTheUnitHasNotSentIt) {
+  use_modbus();
+  wire->expect(hex("0001 0000 0006 01 06 000A 0032")).give(hex("0001 0000 0003 01 86 0A"));
+  const CommandResult result = write("setpoint", number(50));
+  EXPECT_EQ(result.status, CommandStatus::failed);
+  EXPECT_EQ(result.plc, PlcAnswer::nak);
+}
+
+TEST_F(OrderTest, HeaderOfNonsenseEndsTheConnectionAndTheReadBackOpensAnother) {
+  use_modbus();
+  wire->expect(hex("0001 0000 0006 01 06 000A 0032")).give(hex("0001 0000 0384 01"));
+  wire->expect(hex("0002 0000 0006 01 03 000A 0001")).give(hex("0002 0000 0005 01 03 02 0032"));
+  const CommandResult result = write("setpoint", number(50));
+  EXPECT_EQ(result.status, CommandStatus::succeeded);
+  EXPECT_EQ(wire->opened(), 2U);
+}
+
+TEST_F(OrderTest, LateAnswerOnTcpIsToldByItsNumber) {
+  use_modbus();
+  wire->expect(hex("0001 0000 0006 01 06 000A 0032")).silence();
+  wire->expect(hex("0002 0000 0006 01 03 000A 0001"))
+      .give(hex("0001 0000 0006 01 06 000A 0032 0002 0000 0005 01 03 02 0000"));
+  const CommandResult result = write("setpoint", number(50));
+  EXPECT_EQ(result.status, CommandStatus::unknown_outcome) << "the PLC holds another value";
+}
+
+TEST_F(OrderTest, NobodyAnswersABroadcast) {
+  use("modbus-rtu", codec_of("modbus-rtu", {{"unit", std::int64_t{0}}}));
+  device.tags.push_back(writable(tag(*device.codec, "setpoint", "hr:1")));
+  // Serial Line V1.02: unit 0, function 06.
+  wire->expect(hex("00 06 00 01 00 AA 59 A4"));
+  const CommandResult result = write("setpoint", number(0xAA));
+  EXPECT_EQ(result.status, CommandStatus::unknown_outcome);
+  EXPECT_EQ(result.reason, Reason::broadcast);
+  EXPECT_EQ(result.plc, PlcAnswer::none);
+  Command read;
+  read.id = "r";
+  read.op = Op::read;
+  read.targets.push_back({"setpoint", "", std::nullopt, std::nullopt});
+  read.received = Clock::now();
+  CommandDesk desk(device);
+  const auto verdict = desk.admit(std::move(read), *device.codec, 0, Clock::now());
+  ASSERT_TRUE(std::holds_alternative<CommandResult>(verdict));
+  EXPECT_EQ(std::get<CommandResult>(verdict).reason, Reason::unknown_tag);
+}
+
+// JY992D69901 8.6: three words in one frame; the sum as printed.
+TEST_F(OrderTest, ListGoesInOneFrameWhereTheProtocolHasOne) {
+  use("fx-computer-link",
+      codec_of("fx-computer-link", {{"station", std::int64_t{5}}, {"model", std::string("FX2N")}}));
+  device.tags.push_back(writable(tag(*device.codec, "a", "D500")));
+  device.tags.push_back(writable(tag(*device.codec, "b", "K4Y100")));
+  device.tags.push_back(writable(tag(*device.codec, "c", "CN100")));
+  const auto text = [](std::string_view t) { return Bytes(t.begin(), t.end()); };
+  station.enquire = EnquirePolicy::never;
+  wire->expect(text("\x05"
+                    "05FFWT003D05001234Y0100BCA9CN100006407"))
+      .give(text("\x06"
+                 "05FF"));
+  Command command;
+  command.is_list = true;
+  command.targets.push_back({"a", "", std::nullopt, number(0x1234)});
+  command.targets.push_back({"b", "", std::nullopt, number(0xBCA9 - 0x10000)});
+  command.targets.push_back({"c", "", std::nullopt, number(100)});
+  const CommandResult result = run(std::move(command), false);
+  EXPECT_EQ(result.status, CommandStatus::succeeded);
+  EXPECT_TRUE(result.one_frame);
+  EXPECT_EQ(result.attempts, 1);
+  EXPECT_EQ(result.targets.size(), 3U);
+}
+
+// ---- polls
+// ----------------------------------------------------------------------------------------
+
+/// One TCP connection with units behind it.
+class ModbusPolls : public ::testing::Test {
+ protected:
+  ModbusPolls() { config.links.push_back({"gw", TcpSettings{"127.0.0.1", 502}, nanoseconds(0)}); }
+  ~ModbusPolls() override {
+    if (worker == nullptr) return;
+    worker->stop();
+    run_until(io, [this] { return ended; });
+  }
+  DeviceConfig& add_unit(std::int64_t unit, milliseconds interval = milliseconds(0)) {
+    config.devices.push_back(device_on("modbus-tcp", codec_of("modbus-tcp", {{"unit", unit}}),
+                                       "unit" + std::to_string(unit)));
+    config.devices.back().groups[0].interval = interval;
+    return config.devices.back();
+  }
+  void start() {
+    auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
+    wire = transport.get();
+    wire->then([this](ByteView request) { return peer.answer(request); });
+    worker = std::make_unique<LinkWorker>(io.get_executor(), config, 0, outbox,
+                                          std::move(transport), 100, Polling::on);
+    asio::co_spawn(io, worker->run(), [this](std::exception_ptr bug) {
+      ended = true;
+      if (bug) std::rethrow_exception(bug);
+    });
+  }
+  void wait(const std::function<bool()>& reached) {
+    run_until(io, [&] {
+      Outbox::Batch batch = outbox.take();
+      for (auto& message : batch.telemetry) telemetry.push_back(std::move(message));
+      for (auto& status : batch.states) newest[status.device] = status;
+      return reached();
+    });
+  }
+  static std::size_t bad(const Telemetry& message) {
+    return static_cast<std::size_t>(
+        std::count_if(message.readings.begin(), message.readings.end(),
+                      [](const TagReading& reading) { return reading.bad.has_value(); }));
+  }
+
+  asio::io_context io;
+  Config config;
+  Outbox outbox{100000};
+  FakeModbus peer;
+  ScriptedTransport* wire = nullptr;
+  std::unique_ptr<LinkWorker> worker;
+  bool ended = false;
+  std::vector<Telemetry> telemetry;
+  std::map<std::uint32_t, DeviceStatus> newest;
+};
+
+TEST_F(ModbusPolls, BlockWithAHoleIsCutUntilEverythingElseIsRead) {
+  DeviceConfig& meter = add_unit(1);
+  for (int n = 0; n < 32; ++n)
+    meter.tags.push_back(tag(*meter.codec, "r" + std::to_string(n), "hr:" + std::to_string(n)));
+  peer.lacks = {11};
+  start();
+  wait([&] { return telemetry.size() > 10 && bad(telemetry.back()) == 1; });
+  const Telemetry& settled = telemetry.back();
+  EXPECT_EQ(settled.readings[11].bad, BadReason::nak);
+  EXPECT_EQ(newest[0].state, State::degraded);
+  // From now on two reads, and none of them touches the hole.
+  const std::size_t before = peer.asked.size();
+  wait([&] { return peer.asked.size() >= before + 6; });
+  for (std::size_t i = before; i < peer.asked.size(); ++i)
+    EXPECT_TRUE(peer.asked[i] == "1 read 0 11" || peer.asked[i] == "1 read 12 20") << peer.asked[i];
+}
+
+TEST_F(ModbusPolls, DeviceThatGivesFewRegistersAtOnceIsReadInSmallerBlocks) {
+  DeviceConfig& meter = add_unit(1);
+  for (int n = 0; n < 100; ++n)
+    meter.tags.push_back(tag(*meter.codec, "r" + std::to_string(n), "hr:" + std::to_string(n)));
+  peer.longest = 30;
+  start();
+  wait([&] { return !telemetry.empty() && bad(telemetry.back()) == 0; });
+  EXPECT_EQ(newest[0].state, State::online);
+}
+
+TEST_F(ModbusPolls, UnitThatItsGatewayDoesNotReachIsOfflineAndTheConnectionStays) {
+  for (const std::int64_t unit : {1, 2}) {
+    DeviceConfig& meter = add_unit(unit, milliseconds(10));
+    meter.timeout = milliseconds(50);
+    meter.tags.push_back(tag(*meter.codec, "r", "hr:0"));
+  }
+  peer.refuses[2] = 0x0B;
+  start();
+  wait([&] { return newest[1].state == State::offline && newest[1].reason == "timeout"; });
+  const std::size_t seen = telemetry.size();
+  wait([&] { return telemetry.size() > seen + 20; });
+  EXPECT_EQ(newest[0].state, State::online);
+  EXPECT_EQ(wire->opened(), 1U);
+  const auto asked_2 = std::count(peer.asked.begin(), peer.asked.end(), "2 read 0 1");
+  const auto asked_1 = std::count(peer.asked.begin(), peer.asked.end(), "1 read 0 1");
+  EXPECT_LT(asked_2 * 2, asked_1) << "a unit that is not there is left alone for a while";
+  peer.refuses.clear();
+  wait([&] { return newest[1].state == State::online; });
+}
+
+TEST_F(ModbusPolls, BusyUnitIsAskedAgainInTheSameBeat) {
+  DeviceConfig& meter = add_unit(1, milliseconds(3600000));
+  meter.tags.push_back(tag(*meter.codec, "r", "hr:0"));
+  peer.refuses[1] = 0x06;
+  start();
+  wait([&] { return peer.asked.size() == 2; });
+  peer.refuses.clear();
+  wait([&] { return !telemetry.empty(); });
+  EXPECT_EQ(bad(telemetry.front()), 0U);
+  EXPECT_EQ(peer.asked.size(), 3U);
+}
+
+}  // namespace
+}  // namespace fxagent::test
