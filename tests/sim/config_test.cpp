@@ -81,6 +81,9 @@ TEST(Config, ErrorsNameTheKey) {
            Row{R"({"name": "p", "tcp": 0, "model": "FX9"})", "/plcs/0/model:"},
            Row{R"({"name": "p", "tcp": 0, "protocol": "modbus"})", "/plcs/0/protocol:"},
            Row{R"({"name": "p", "tcp": 0, "baud": "fast"})", "/plcs/0/baud:"},
+           Row{R"({"name": "p", "tcp": 0, "unit": 1})", "/plcs/0/unit:"},
+           Row{R"({"name": "p", "tcp": 0, "with": "q"})", "/plcs/0/with:"},
+           Row{R"({"name": "p", "tcp": 0, "repeat": 0})", "/plcs/0/repeat:"},
            Row{R"({"name": "p", "tcp": 0, "parity": "mark"})", "/plcs/0/parity:"},
            Row{R"({"name": "p", "tcp": 0, "plant": "mill"})", "/plcs/0/plant:"},
            Row{R"({"name": "p", "tcp": 0, "run": 1})", "/plcs/0/run:"},
@@ -102,10 +105,162 @@ TEST(Config, ErrorsNameTheKey) {
   }
 }
 
-TEST(Config, NoTwoPlcsShareANameOrALine) {
-  const auto two = [](const char* a, const char* b) {
-    return error_of({{"plcs", json::array({json::parse(a), json::parse(b)})}});
+std::string error_of_two(const char* a, const char* b) {
+  return error_of({{"plcs", json::array({json::parse(a), json::parse(b)})}});
+}
+
+TEST(Config, ErrorsOfAProtocolNameTheKey) {
+  struct Row {
+    const char* protocol;
+    const char* more;
+    const char* place;
   };
+  for (const auto& row : {
+           Row{"fx-computer-link", R"({"station": 16})", "/plcs/0/station:"},
+           Row{"fx-computer-link", R"({"format": 3})", "/plcs/0/format:"},
+           Row{"fx-computer-link", R"({"unit": 3})", "/plcs/0/unit:"},
+           Row{"fx-computer-link", R"({"gateway": true})", "/plcs/0/gateway:"},
+           Row{"modbus-rtu", R"({"unit": 0})", "/plcs/0/unit:"},
+           Row{"modbus-rtu", R"({"unit": 248})", "/plcs/0/unit:"},
+           Row{"modbus-rtu", R"({"data_bits": 7})", "/plcs/0/data_bits:"},
+           Row{"modbus-rtu", R"({"gateway": true})", "/plcs/0/gateway:"},
+           Row{"modbus-tcp", R"({"unit": 256})", "/plcs/0/unit:"},
+           Row{"modbus-tcp", R"({"model": "FX3U"})", "/plcs/0/model:"},
+           Row{"modbus-tcp", R"({"plant": "demo"})", "/plcs/0/plant:"},
+           Row{"modbus-tcp", R"({"memory": {"D0": 1}})", "/plcs/0/memory/D0:"},
+           Row{"modbus-tcp", R"({"memory": {"hr:65536": 1}})", "/plcs/0/memory/hr:65536:"},
+           Row{"modbus-tcp", R"({"memory": {"co:0": 2}})", "/plcs/0/memory/co:0:"},
+           Row{"modbus-tcp", R"({"max_read": 126})", "/plcs/0/max_read:"},
+           Row{"modbus-tcp", R"({"holes": ["hr:5-hr:4"]})", "/plcs/0/holes/0:"},
+           Row{"modbus-tcp", R"({"holes": ["hr:5-ir:6"]})", "/plcs/0/holes/0:"},
+           Row{"modbus-tcp", R"({"missing_functions": [-1]})", "/plcs/0/missing_functions:"},
+           Row{"modbus-tcp", R"({"faults": [{"kind": "wrong_sum"}]})", "/plcs/0/faults/0/kind:"},
+           Row{"modbus-rtu", R"({"faults": [{"kind": "wrong_id"}]})", "/plcs/0/faults/0/kind:"},
+           Row{"fx-computer-link", R"({"faults": [{"kind": "exception"}]})",
+               "/plcs/0/faults/0/kind:"},
+           Row{"fx-computer-link", R"({"faults": [{"kind": "nak", "code": "1"}]})",
+               "/plcs/0/faults/0/code:"},
+           Row{"fx-programming-port", R"({"faults": [{"kind": "nak", "code": 1}]})",
+               "/plcs/0/faults/0/code:"},
+           Row{"modbus-rtu", R"({"faults": [{"kind": "late", "code": 1}]})",
+               "/plcs/0/faults/0/code:"},
+           Row{"modbus-rtu", R"({"faults": [{"kind": "late", "match": "reads"}]})",
+               "/plcs/0/faults/0/match:"},
+       }) {
+    json plc = {{"name", "p"}, {"tcp", 0}, {"protocol", row.protocol}};
+    plc.update(json::parse(row.more));
+    const auto error = error_of({{"plcs", json::array({plc})}});
+    EXPECT_TRUE(error.starts_with(row.place)) << plc << " gave " << error;
+  }
+  EXPECT_TRUE(error_of(one(R"({"name": "p", "pty": "/tmp/p", "protocol": "modbus-tcp"})"))
+                  .starts_with("/plcs/0/pty:"));
+}
+
+TEST(Config, KeysOfComputerLinkAndModbusArrive) {
+  const auto plcs = parse_config(json::parse(R"({"plcs": [
+    {"name": "l", "protocol": "fx-computer-link", "tcp": 0, "station": 15, "format": 4,
+     "sum_check": false, "memory": {"R100": 7},
+     "faults": [{"kind": "nak", "code": "18", "match": "control"}]},
+    {"name": "m", "protocol": "modbus-rtu", "tcp": 0, "unit": 247, "max_read": 60,
+     "max_read_code": 2, "missing_functions": [6, 22], "holes": ["hr:100-hr:119", "co:7"],
+     "memory": {"hr:5": [-1, 2], "di:0": true},
+     "faults": [{"kind": "exception", "code": 6, "count": -1}]},
+    {"name": "t", "protocol": "modbus-tcp", "tcp": 0, "unit": 0, "gateway": true}]})"));
+  EXPECT_EQ(plcs[0].protocol, Protocol::computer_link);
+  EXPECT_EQ(plcs[0].line.baud, 9600U);
+  EXPECT_EQ(plcs[0].line.bits_per_character, 10U);
+  EXPECT_EQ(plcs[0].computer_link.station, 15U);
+  EXPECT_EQ(plcs[0].computer_link.format, 4U);
+  EXPECT_FALSE(plcs[0].computer_link.sum_check);
+  EXPECT_EQ(plcs[0].faults[0].code, 0x18);
+  EXPECT_EQ(plcs[0].faults[0].match, FaultMatch::control);
+  EXPECT_EQ(plcs[1].line.bits_per_character, 11U);
+  EXPECT_EQ(plcs[1].modbus.unit, 247U);
+  EXPECT_EQ(plcs[1].modbus.max_read, 60U);
+  EXPECT_EQ(plcs[1].modbus.max_read_code, 2U);
+  EXPECT_EQ(plcs[1].modbus.missing_functions, (std::vector<unsigned>{6, 22}));
+  ASSERT_EQ(plcs[1].modbus.holes.size(), 2U);
+  EXPECT_EQ(plcs[1].modbus.holes[0].range.last, 119U);
+  EXPECT_EQ(plcs[1].modbus.holes[1].kind, Kind::coil);
+  EXPECT_EQ(plcs[1].modbus.holes[1].range.last, 7U);
+  using Value = std::pair<Device, std::uint32_t>;
+  EXPECT_EQ(plcs[1].memory, (std::vector<Value>{{{Kind::discrete_input, 0}, 1},
+                                                {{Kind::holding_register, 5}, 0xFFFF},
+                                                {{Kind::holding_register, 6}, 2}}));
+  EXPECT_EQ(plcs[1].faults[0].code, 6);
+  EXPECT_EQ(plcs[2].line.baud, 0U);
+  EXPECT_EQ(plcs[2].response.turnaround, milliseconds(0));
+  EXPECT_TRUE(plcs[2].line.gateway);
+}
+
+TEST(Config, StationsOfALineAgreeAndDiffer) {
+  constexpr auto kFirst =
+      R"({"name": "p", "protocol": "fx-computer-link", "pty": "/tmp/a", "station": 1})";
+  struct Row {
+    const char* more;
+    const char* what;
+  };
+  for (const auto& row : {
+           Row{R"({"station": 2})", "no error"},
+           Row{R"({"station": 1})", "must have a station of its own"},
+           Row{R"({"station": 2, "baud": 19200})", "must have its baud"},
+           Row{R"({"station": 2, "data_bits": 8})",
+               "must have its data_bits, parity and stop_bits"},
+           Row{R"({"station": 2, "format": 4})", "must have its format"},
+           Row{R"({"station": 2, "sum_check": false})", "must have its sum_check"},
+           Row{R"({"protocol": "modbus-rtu"})", "must speak its protocol"},
+       }) {
+    json second = {{"name", "q"}, {"protocol", "fx-computer-link"}, {"pty", "/tmp/a"}};
+    second.update(json::parse(row.more));
+    const auto error = error_of_two(kFirst, second.dump().c_str());
+    EXPECT_TRUE(error.ends_with(row.what)) << error;
+  }
+  EXPECT_TRUE(
+      error_of_two(R"({"name": "p", "protocol": "modbus-tcp", "tcp": 5551, "gateway": true})",
+                   R"({"name": "q", "protocol": "modbus-tcp", "tcp": 5551, "unit": 2})")
+          .ends_with("must have its gateway"));
+}
+
+TEST(Config, WithTakesOverTheLineOfAnEarlierPlc) {
+  const auto plcs = parse_config(json::parse(R"({"plcs": [
+    {"name": "a", "protocol": "modbus-rtu", "tcp": 0, "baud": 19200, "parity": "none"},
+    {"name": "b", "protocol": "modbus-rtu", "tcp": 0},
+    {"name": "c", "with": "a", "unit": 2, "turnaround_ms": 50}]})"));
+  EXPECT_EQ(plcs[0].line_of, 0U);
+  EXPECT_EQ(plcs[1].line_of, 1U);
+  EXPECT_EQ(plcs[2].line_of, 0U);
+  EXPECT_EQ(plcs[2].protocol, Protocol::modbus_rtu);
+  EXPECT_EQ(plcs[2].line.baud, 19200U);
+  EXPECT_EQ(plcs[2].response.turnaround, milliseconds(50));
+  EXPECT_TRUE(error_of_two(R"({"name": "a", "protocol": "modbus-rtu", "pty": "/tmp/a"})",
+                           R"({"name": "b", "with": "a", "unit": 2, "pty": "/tmp/b"})")
+                  .starts_with("/plcs/1/with:"));
+}
+
+TEST(Config, RepeatCountsPortsOrAddresses) {
+  const auto ports = parse_config(
+      one(R"({"repeat": 3, "name": "d{}", "protocol": "modbus-tcp", "tcp": 20000, "unit": 7})"));
+  ASSERT_EQ(ports.size(), 3U);
+  EXPECT_EQ(ports[2].name, "d2");
+  EXPECT_EQ(ports[2].line.tcp, 20002U);
+  EXPECT_EQ(ports[2].modbus.unit, 7U);
+  const auto bus = parse_config(one(R"({"repeat": 4, "name": "st{}", "pty": "/tmp/bus",
+      "protocol": "fx-computer-link", "station": 2})"));
+  EXPECT_EQ(bus[3].computer_link.station, 5U);
+  EXPECT_EQ(bus[3].line_of, 0U);
+  const auto lines = parse_config(one(R"({"repeat": 2, "name": "p{}", "pty": "/tmp/p{}"})"));
+  EXPECT_EQ(lines[1].line.pty, "/tmp/p1");
+  const auto units = parse_config(json::parse(R"({"plcs": [
+    {"name": "gw", "protocol": "modbus-tcp", "tcp": 0, "gateway": true},
+    {"repeat": 3, "name": "u{}", "with": "gw", "unit": 2}]})"));
+  EXPECT_EQ(units[3].modbus.unit, 4U);
+  EXPECT_TRUE(units[3].line.gateway);
+  EXPECT_TRUE(error_of(one(R"({"repeat": 2, "name": "p", "tcp": 0})"))
+                  .starts_with("/plcs/0/name: p is there twice"));
+}
+
+TEST(Config, NoTwoPlcsShareANameOrALineWithoutAddresses) {
+  const auto two = error_of_two;
   EXPECT_EQ(two(R"({"name": "p", "tcp": 0})", R"({"name": "p", "tcp": 0})"),
             "/plcs/1/name: p is there twice");
   EXPECT_EQ(two(R"({"name": "p", "pty": "/tmp/a"})", R"({"name": "q", "pty": "/tmp/a"})"),

@@ -121,9 +121,10 @@ class Client final {
 /// A simulator on a thread of its own, with its files in a directory of its own.
 class Running final {
  public:
-  explicit Running(json one, json two = json()) {
+  explicit Running(json one, json two = json(), json three = json()) {
     auto plcs = json::array({std::move(one)});
-    if (!two.is_null()) plcs.push_back(std::move(two));
+    for (auto* more : {&two, &three})
+      if (!more->is_null()) plcs.push_back(std::move(*more));
     std::string pattern = std::filesystem::temp_directory_path() / "fxsim_test.XXXXXX";
     directory_ = ::mkdtemp(pattern.data());
     for (auto& plc : plcs)
@@ -322,6 +323,129 @@ TEST(Simulator, DeadLineIsSilentUntilCleared) {
   EXPECT_EQ(client.ask(kEnquiry, 1), Bytes{0x06});
   EXPECT_EQ(sim.control({{"cmd", "get"}, {"plc", "p1"}, {"device", "M100"}})["values"],
             json::array({0}));
+}
+
+json link_station(const char* name, int station, json extra = json::object()) {
+  json plc = {{"name", name},       {"protocol", "fx-computer-link"},
+              {"pty", "p1"},        {"baud", 0},
+              {"turnaround_ms", 0}, {"station", station}};
+  plc.update(extra);
+  return plc;
+}
+json modbus_unit(const char* name, int unit, json extra = json::object()) {
+  json plc = {{"name", name}, {"protocol", "modbus-tcp"}, {"unit", unit}};
+  plc.update(extra);
+  return plc;
+}
+/// Remote RUN of a computer link station that runs: refused with 18, which takes no room here.
+Bytes remote_run(char station) {
+  Bytes bytes{0x05, '0', static_cast<std::uint8_t>(station), 'F', 'F', 'R', 'R', '0'};
+  append_hex(bytes, sum_of(ByteView(bytes).subspan(1)));
+  return bytes;
+}
+Bytes refused_by(char station) {
+  return {0x15, '0', static_cast<std::uint8_t>(station), 'F', 'F', '1', '8'};
+}
+/// Read of hr:0 by TCP.
+Bytes modbus_read(std::uint8_t unit, std::uint8_t transaction = 1) {
+  return {0, transaction, 0, 0, 0, 6, unit, 3, 0, 0, 0, 1};
+}
+Bytes modbus_data(std::uint8_t unit, std::uint8_t value, std::uint8_t transaction = 1) {
+  return {0, transaction, 0, 0, 0, 5, unit, 3, 2, 0, value};
+}
+
+TEST(SharedLine, OnlyTheStationThatIsMeantAnswers) {
+  Running sim(link_station("a", 1), link_station("b", 2));
+  const auto client = sim.terminal();
+  EXPECT_EQ(client.ask(remote_run('2'), 7), refused_by('2'));
+  EXPECT_EQ(client.ask(remote_run('1'), 7), refused_by('1'));
+  client.send(remote_run('3'));
+  EXPECT_TRUE(client.receive(1, milliseconds(50)).empty());
+  EXPECT_EQ(sim.control({{"cmd", "stats"}, {"plc", "a"}})["requests"]["control"], 1);
+  EXPECT_EQ(sim.control({{"cmd", "stats"}, {"plc", "b"}})["requests"]["control"], 1);
+}
+
+TEST(SharedLine, DeadStationDoesNotSilenceItsNeighbour) {
+  Running sim(link_station("a", 1), link_station("b", 2));
+  sim.control({{"cmd", "fault"}, {"plc", "a"}, {"kind", "dead"}});
+  const auto client = sim.terminal();
+  client.send(remote_run('1'));
+  EXPECT_EQ(client.ask(remote_run('2'), 7), refused_by('2'));
+}
+
+TEST(SharedLine, LateAnswerComesBehindTheNeighboursAnswer) {
+  Running sim(link_station("a", 1, {{"faults", json::array({{{"kind", "late"}, {"ms", 200}}})}}),
+              link_station("b", 2));
+  const auto client = sim.terminal();
+  client.send(remote_run('1'));
+  EXPECT_EQ(client.ask(remote_run('2'), 7), refused_by('2'));
+  EXPECT_EQ(client.receive(7), refused_by('1'));
+}
+
+TEST(SharedLine, DropEndsTheLineForAll) {
+  Running sim(modbus_unit("p1", 1, {{"tcp", 0}}),
+              modbus_unit("b", 2,
+                          {{"with", "p1"},
+                           {"memory", {{"hr:0", 7}}},
+                           {"faults", json::array({{{"kind", "drop"}, {"ms", 0}}})}}));
+  const auto client = sim.tcp();
+  EXPECT_EQ(client.ask(modbus_read(1), 11), modbus_data(1, 0));
+  client.send(modbus_read(2));
+  EXPECT_TRUE(client.ended());
+  EXPECT_EQ(sim.tcp().ask(modbus_read(2), 11), modbus_data(2, 7));
+}
+
+TEST(SharedLine, GlobalSignalReachesEveryStation) {
+  Running sim(link_station("a", 1), link_station("b", 2));
+  const auto client = sim.terminal();
+  client.send(*from_hex("05 46 46 46 46 47 57 30 31 31 37"));
+  EXPECT_EQ(client.ask(remote_run('1'), 7), refused_by('1'));
+  EXPECT_EQ(client.ask(remote_run('2'), 7), refused_by('2'));
+  for (const auto* name : {"a", "b"})
+    EXPECT_EQ(sim.control({{"cmd", "get"}, {"plc", name}, {"device", "M8126"}})["values"],
+              json::array({1}));
+}
+
+TEST(SharedLine, MessageWaitIsKeptAndCoversTheTurnaround) {
+  Running sim(link_station("a", 0, {{"turnaround_ms", 20}}));
+  const auto sent = Clock::now();
+  // TT 0 with a wait of 150 ms.
+  EXPECT_EQ(sim.terminal().ask(*from_hex("05 30 30 46 46 54 54 46 30 31 41 37 43"), 11).size(),
+            11U);
+  EXPECT_GE(Clock::now() - sent, milliseconds(150));
+}
+
+TEST(Gateway, AnswersForUnitsThatDoNot) {
+  Running sim(modbus_unit("p1", 1, {{"tcp", 0}, {"gateway", true}}),
+              modbus_unit("b", 2, {{"with", "p1"}}));
+  sim.control({{"cmd", "fault"}, {"plc", "b"}, {"kind", "dead"}});
+  const auto client = sim.tcp();
+  EXPECT_EQ(client.ask(modbus_read(1), 11), modbus_data(1, 0));
+  EXPECT_EQ(client.ask(modbus_read(2, 5), 9), (Bytes{0, 5, 0, 0, 0, 3, 2, 0x83, 0x0B}));
+  EXPECT_EQ(client.ask(modbus_read(9, 6), 9), (Bytes{0, 6, 0, 0, 0, 3, 9, 0x83, 0x0B}));
+  sim.control({{"cmd", "clear_faults"}, {"plc", "b"}});
+  EXPECT_EQ(client.ask(modbus_read(2), 11), modbus_data(2, 0));
+}
+
+TEST(Gateway, WithoutOneAUnitThatIsNotThereIsSilent) {
+  Running sim(modbus_unit("p1", 1, {{"tcp", 0}}));
+  const auto client = sim.tcp();
+  client.send(modbus_read(9));
+  EXPECT_EQ(client.ask(modbus_read(1, 2), 11), modbus_data(1, 0, 2));
+}
+
+TEST(SerialModbus, BroadcastReachesEveryUnitAndNobodyAnswers) {
+  const auto unit = [](const char* name, int number) {
+    return json{{"name", name}, {"protocol", "modbus-rtu"}, {"pty", "p1"},
+                {"baud", 0},    {"turnaround_ms", 0},       {"unit", number}};
+  };
+  Running sim(unit("a", 1), unit("b", 2));
+  const auto client = sim.terminal();
+  client.send(*from_hex("00 06 00 01 00 AA 59 A4"));
+  EXPECT_EQ(client.ask(*from_hex("01 03 00 00 00 01 84 0A"), 7), *from_hex("01 03 02 00 00 B8 44"));
+  for (const auto* name : {"a", "b"})
+    EXPECT_EQ(sim.control({{"cmd", "get"}, {"plc", name}, {"device", "hr:1"}})["values"],
+              json::array({0xAA}));
 }
 
 TEST(Simulator, LogFileHasALineForEveryRequest) {

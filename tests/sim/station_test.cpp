@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/sim/computer_link.h"
+#include "tests/sim/modbus.h"
 #include "tests/sim/programming_port.h"
 
 namespace fxsim {
@@ -220,6 +222,70 @@ TEST_F(StationTest, OldReadsAreForgottenBeforeAnyWrite) {
   EXPECT_EQ(deeds.size(), 1001U);
   EXPECT_EQ(deeds.front().kind, RequestKind::write);
   EXPECT_EQ(deeds.back().index, 1500U);
+}
+
+/// What `station` sends for `request`, as hex.
+std::string sent_by(Station& station, const Frame& request) {
+  Bytes all;
+  for (const auto& piece : station.answer(request, TimePoint{}).pieces)
+    all.insert(all.end(), piece.bytes.begin(), piece.bytes.end());
+  return to_hex(all);
+}
+
+Station modbus_tcp_station() {
+  return {"m1",
+          std::make_unique<Modbus>(Protocol::modbus_tcp, ModbusSettings{}),
+          Plc(modbus_model(), make_plant("none"), TimePoint{}),
+          TimePoint{},
+          std::chrono::system_clock::time_point{},
+          {}};
+}
+const Frame kModbusWrite{*from_hex("00 07 00 00 00 06 01 06 00 05 00 2A"), true, {}};
+
+TEST(FaultedModbus, ExceptionCarriesItsCodeAndIsNotCarriedOut) {
+  auto station = modbus_tcp_station();
+  station.faults().add({.kind = FaultKind::exception, .code = 6});
+  EXPECT_EQ(sent_by(station, kModbusWrite), "00 07 00 00 00 03 01 86 06");
+  station.faults().add({.kind = FaultKind::nak});
+  EXPECT_EQ(sent_by(station, kModbusWrite), "00 07 00 00 00 03 01 86 04");
+  EXPECT_EQ(station.plc().memory().get({Kind::holding_register, 5}), 0U);
+  EXPECT_EQ(station.stats().naks, 2U);
+}
+
+TEST(FaultedModbus, FlawsAreCarriedOutAndAddUp) {
+  auto station = modbus_tcp_station();
+  station.faults().add({.kind = FaultKind::wrong_id});
+  station.faults().add({.kind = FaultKind::wrong_unit});
+  EXPECT_EQ(sent_by(station, kModbusWrite), "00 06 00 00 00 06 02 06 00 05 00 2A");
+  station.faults().add({.kind = FaultKind::bad_length});
+  EXPECT_EQ(sent_by(station, kModbusWrite), "00 07 00 00 FF FF 01 06 00 05 00 2A");
+  EXPECT_EQ(station.plc().memory().get({Kind::holding_register, 5}), 42U);
+  const auto deeds = station.deeds(0);
+  ASSERT_EQ(deeds.size(), 2U);
+  EXPECT_EQ(deeds[0].device, "hr:5");
+  EXPECT_EQ(deeds[0].values, std::vector<std::uint32_t>{42});
+}
+
+TEST(FaultedComputerLink, NakCarriesItsCodeAndTheMastersAckUsesUpNothing) {
+  Station station("l1", std::make_unique<ComputerLink>(ComputerLinkSettings{.station = 5}),
+                  Plc(*find_model("FX2N"), make_plant("none"), TimePoint{}), TimePoint{},
+                  std::chrono::system_clock::time_point{}, {});
+  const Frame read{*from_hex("05 30 35 46 46 42 52 41 58 30 30 34 30 30 35 34 37"), true, {}};
+  const Frame ack{*from_hex("06 30 35 46 46"), true, {}};
+  station.faults().add({.kind = FaultKind::nak, .code = 2});
+  EXPECT_EQ(sent_by(station, ack), "");
+  EXPECT_EQ(sent_by(station, read), "15 30 35 46 46 30 32");
+  EXPECT_EQ(station.answer(read, TimePoint{}).wait, milliseconds(100));
+  station.faults().add({.kind = FaultKind::wrong_station});
+  EXPECT_EQ(sent_by(station, read), "02 30 36 46 46 30 30 30 30 30 03 45 35");
+}
+
+TEST(StationMemory, QuestionsKeptAreAsManyAsAsked) {
+  Station station("p1", std::make_unique<ProgrammingPort>(),
+                  Plc(*find_model("FX3U"), make_plant("none"), TimePoint{}), TimePoint{},
+                  std::chrono::system_clock::time_point{}, {}, 5);
+  for (int i = 0; i < 8; ++i) sent_by(station, kRead);
+  EXPECT_EQ(station.deeds(0).size(), 5U);
 }
 
 }  // namespace
