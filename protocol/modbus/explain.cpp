@@ -36,6 +36,26 @@ constexpr Known kKnown[] = {
     {Function::read_write, "read and write holding registers", Space::holding_register},
 };
 
+/// A function that this product never sends, and whose data are shown as they are.
+struct Other {
+  std::uint8_t function;
+  std::string_view name;
+  bool asks_alone;  ///< its request has no data and its answer has
+};
+constexpr Other kOthers[] = {
+    {0x07, "read exception status", true},   {0x08, "diagnostics", false},
+    {0x0B, "get comm event counter", true},  {0x0C, "get comm event log", true},
+    {0x11, "report server id", true},        {0x14, "read file record", false},
+    {0x15, "write file record", false},      {0x18, "read FIFO queue", false},
+    {0x2B, "encapsulated interface", false},
+};
+
+const Other* other(std::uint8_t function) {
+  const auto found = std::find_if(std::begin(kOthers), std::end(kOthers),
+                                  [&](const Other& o) { return o.function == function; });
+  return found == std::end(kOthers) ? nullptr : found;
+}
+
 const Known* known(std::uint8_t function) {
   const auto found = std::find_if(std::begin(kKnown), std::end(kKnown),
                                   [&](const Known& k) { return code(k.function) == function; });
@@ -63,10 +83,14 @@ class Explainer final {
     const std::uint8_t function = pdu_[0] & static_cast<std::uint8_t>(~kException);
     out_.command = hex_of(function, 2);
     const Known* what = known(function);
+    const Other* unspoken = other(function);
     field("function", hex_of(function, 2) + ", " +
-                          std::string(what ? what->name : "not known to this program"));
+                          std::string(what       ? what->name
+                                      : unspoken ? unspoken->name
+                                                 : "not known to this program"));
+    if (function == 0) return fault("00 is no function");
     if ((pdu_[0] & kException) != 0) return exception();
-    if (what == nullptr) return;
+    if (what == nullptr) return as_it_is(unspoken != nullptr && unspoken->asks_alone);
     if (direction_ == Direction::request)
       request(*what);
     else
@@ -93,6 +117,14 @@ class Explainer final {
     field("exception", hex_of(pdu_[1], 2) + ": " +
                            std::string(text.empty() ? "not in the specification" : text));
     out_.values.push_back(hex_of(pdu_[1], 2));
+  }
+
+  /// Data that are only shown. `asks_alone`: a request has none and an answer has some.
+  void as_it_is(bool asks_alone) {
+    const ByteView data = pdu_.subspan(1);
+    if (!data.empty()) field("data", to_hex(data));
+    if (asks_alone && data.empty() != (direction_ == Direction::request))
+      fault(data.empty() ? "an answer to this function has data" : "nothing follows this function");
   }
 
   void place(const Known& what, std::uint32_t number, std::uint32_t count) {
@@ -218,35 +250,37 @@ class Explainer final {
 
 /// The frame taken off its PDU. False: there is none, and `out` says why.
 bool unwrap(Framing framing, ByteView bytes, Explanation& out, std::uint8_t& unit, Bytes& pdu) {
-  if (framing == Framing::rtu) {
-    if (bytes.size() < 4) return wrong(out, "too short for unit, function and CRC"), false;
-    const Frame frame = rtu_frame(bytes, 0, bytes.size() - 3);
-    const std::uint16_t sum = crc(bytes.first(bytes.size() - 2));
-    out.checksum_given = to_hex(bytes.last(2));
-    out.checksum_computed = hex_of(sum & 0xFFU, 2) + " " + hex_of(sum >> 8U, 2);
-    if (frame.state == Frame::State::wrong) wrong(out, frame.error);
-    unit = bytes[0];
-    pdu.assign(bytes.begin() + 1, bytes.end() - 2);
-    return true;
-  }
-  const Frame frame = framing == Framing::ascii ? ascii_frame(bytes, 0) : tcp_frame(bytes, 0, 2);
+  if (framing == Framing::rtu && bytes.size() < 4)
+    return wrong(out, "too short for unit, function and CRC"), false;
+  const Frame frame = framing == Framing::rtu     ? rtu_frame(bytes, 0, bytes.size() - 3)
+                      : framing == Framing::ascii ? ascii_frame(bytes, 0)
+                                                  : tcp_frame(bytes, 0, 2);
   if (frame.state == Frame::State::incomplete)
     return wrong(out, framing == Framing::ascii ? "no frame from ':' to CR LF"
                                                 : "the frame is shorter than its header says"),
            false;
-  if (frame.state == Frame::State::wrong) return wrong(out, frame.error), false;
+  if (frame.state == Frame::State::wrong) wrong(out, frame.error);
+  if (frame.pdu.empty()) return false;
   if (frame.end != bytes.size())
     return wrong(out, std::to_string(bytes.size() - frame.end) + " bytes follow the frame"), false;
   unit = frame.unit;
   pdu = frame.pdu;
-  if (framing == Framing::ascii) {
-    Bytes summed{unit};
-    summed.insert(summed.end(), pdu.begin(), pdu.end());
-    out.checksum_given = out.checksum_computed = hex_of(lrc(summed), 2);
-  } else {
+  if (framing == Framing::tcp) {
     out.fields.emplace_back("transaction", hex_of(frame.transaction, 4));
+  } else {
+    out.checksum_given = frame.sum_given;
+    out.checksum_computed = frame.sum_computed;
   }
   return true;
+}
+
+/// For a PDU that fits neither way: the request of a read has five bytes and its answer hardly
+/// ever; all else is taken for a request, exceptions apart.
+bool is_like_a_request(ByteView pdu) {
+  const Known* what = known(pdu[0]);
+  const bool reads =
+      what != nullptr && code(what->function) <= code(Function::read_input_registers);
+  return (pdu[0] & kException) == 0 && (!reads || pdu.size() == 5);
 }
 
 }  // namespace
@@ -259,22 +293,27 @@ Explanation explain_frame(Framing framing, ByteView frame, std::optional<Directi
   Bytes pdu;
   if (!unwrap(framing, frame, shell, unit, pdu)) return shell;
   shell.fields.emplace_back("unit", std::to_string(unit));
+  bool fits = false;
   const auto explained = [&](Direction way) {
     Explanation out = shell;
-    const auto frame_error = out.error;
+    out.error.reset();
     Explainer(pdu, way, out).run();
-    if (frame_error) {
+    fits = out.ok;
+    if (out.checksum_given)
+      out.fields.emplace_back(framing == Framing::rtu ? "CRC" : "LRC", *out.checksum_given);
+    if (shell.error) {  // the frame is wrong, whatever stands in it
       out.ok = false;
-      out.error = frame_error;
+      out.error = shell.error;
     }
     return out;
   };
   if (direction) return explained(*direction);
   Explanation request = explained(Direction::request);
+  const bool may_ask = fits;
   Explanation reply = explained(Direction::reply);
-  const bool request_fits = request.ok || (shell.error && !reply.ok);
-  if (request.ok && reply.ok) request.ambiguous = true;
-  return request_fits ? request : reply;
+  const bool may_answer = fits;
+  request.ambiguous = may_ask && may_answer;
+  return may_ask || (!may_answer && is_like_a_request(pdu)) ? request : reply;
 }
 
 }  // namespace fxagent::modbus

@@ -25,6 +25,14 @@ Frame wrong(std::size_t end, std::string error) {
   return frame;
 }
 
+void judge_sum(Frame& frame, std::string_view name) {
+  const bool right = frame.sum_given == frame.sum_computed;
+  frame.state = right ? Frame::State::good : Frame::State::wrong;
+  if (!right)
+    frame.error =
+        std::string(name) + " " + frame.sum_given + " given, " + frame.sum_computed + " computed";
+}
+
 std::uint16_t big_endian(ByteView bytes) {
   return static_cast<std::uint16_t>(bytes[0] << 8 | bytes[1]);
 }
@@ -103,15 +111,12 @@ Frame rtu_frame(ByteView rx, std::size_t at, std::size_t pdu_bytes) {
   if (rx.size() < at + length) return frame;
   const ByteView bytes = rx.subspan(at, length);
   const std::uint16_t computed = crc(bytes.first(length - 2));
-  const auto given = static_cast<std::uint16_t>(bytes[length - 2] | bytes[length - 1] << 8);
-  if (given != computed)
-    return wrong(at + length, "CRC " + to_hex(bytes.last(2)) + " given, " +
-                                  hex_of(computed & 0xFFU, 2) + " " + hex_of(computed >> 8U, 2) +
-                                  " computed");
-  frame.state = Frame::State::good;
   frame.unit = bytes[0];
   frame.pdu.assign(bytes.begin() + 1, bytes.end() - 2);
   frame.end = at + length;
+  frame.sum_given = to_hex(bytes.last(2));
+  frame.sum_computed = hex_of(computed & 0xFFU, 2) + " " + hex_of(computed >> 8U, 2);
+  judge_sum(frame, "CRC");
   return frame;
 }
 
@@ -137,15 +142,13 @@ Frame ascii_frame(ByteView rx, std::size_t at) {
     bytes.push_back(static_cast<std::uint8_t>(high * 16 + low));
   }
   if (bytes.size() < 3) return wrong(end, "too short for unit, function and LRC");
-  const std::uint8_t computed = lrc(ByteView(bytes).first(bytes.size() - 1));
-  if (computed != bytes.back())
-    return wrong(end,
-                 "LRC " + hex_of(bytes.back(), 2) + " given, " + hex_of(computed, 2) + " computed");
   Frame frame;
-  frame.state = Frame::State::good;
   frame.unit = bytes.front();
   frame.pdu.assign(bytes.begin() + 1, bytes.end() - 1);
   frame.end = end;
+  frame.sum_given = hex_of(bytes.back(), 2);
+  frame.sum_computed = hex_of(lrc(ByteView(bytes).first(bytes.size() - 1)), 2);
+  judge_sum(frame, "LRC");
   return frame;
 }
 

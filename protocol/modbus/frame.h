@@ -27,7 +27,9 @@ struct Frame {
   enum class State : std::uint8_t { good, incomplete, wrong } state = State::incomplete;
   std::uint8_t unit = 0;
   std::uint16_t transaction = 0;  ///< TCP
-  Bytes pdu;
+  Bytes pdu;                      ///< also where nothing but the sum is wrong
+  std::string sum_given;          ///< CRC or LRC in hex, in the order of the wire; empty on TCP
+  std::string sum_computed;
   std::size_t end = 0;  ///< behind the frame, good or wrong
   std::string error;    ///< wrong: what is
 };

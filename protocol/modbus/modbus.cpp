@@ -132,9 +132,12 @@ Span span_of_place(const Place& place) {
   return place.bit ? Span{whole.space, whole.first_bit + *place.bit, 1} : whole;
 }
 
-/// The answer is the request once more (05, 06, 22), so that an echo looks like it.
+/// Whether the request, come back from the line, could as well be its answer: always with 05, 06
+/// and 22; and where 18 to 24 coils or inputs from 768 to 1023 are read, whose answer may have the
+/// same bytes.
 bool answers_by_echo(const Request& request, ByteView pdu) {
-  return !std::holds_alternative<Read>(request) && pdu.size() == reply_length(request);
+  const auto reply = decode_pdu(request, pdu);
+  return reply && *reply;
 }
 
 template <class T>
@@ -209,8 +212,13 @@ Result<Span> Modbus::parse_range(std::string_view text) const {
   if (dash != std::string_view::npos) {
     std::string end(text.substr(dash + 1));
     // "hr:100-119": the second end may leave out the table of the first one.
-    if (text.find(':') != std::string_view::npos && end.find(':') == std::string::npos)
+    if (text.find(':') != std::string_view::npos && end.find(':') == std::string::npos) {
+      if (end.size() >= 5 && std::all_of(end.begin(), end.end(), is_digit))
+        return refuse(std::string(text) + ": " + end +
+                      " may be a number of its table or stand for " + "one, as 40101 does; write " +
+                      std::string(letters_of(first->space)) + ":" + end);
       end.insert(0, std::string(letters_of(first->space)) + ":");
+    }
     last = parse_place(end, settings_.address_base);
     if (!last) return tl::make_unexpected(last.error());
   }
@@ -253,7 +261,7 @@ std::string Modbus::name_of(const Span& span) const {
 // ---- how it is fetched ------------------------------------------------------------------------
 
 std::vector<ReadWay> Modbus::read_ways(std::uint16_t space_id) const {
-  if (space_id >= kTables || is_broadcast()) return {};
+  if (space_id >= kTables) return {};
   const std::uint32_t width = width_of(static_cast<Space>(space_id));
   ReadWay way;
   way.end_bit = kNumbers * width;
@@ -319,22 +327,28 @@ Result<std::optional<Reply>> Modbus::decode_rtu(const Request& request, ByteView
       continue;
     }
     pending |= same == rest.size();  // so far it may be the echo
+    if (const auto length = answer_length(rest.subspan(1))) {
+      const Frame whole = rtu_frame(rx, at, *length);
+      if (whole.state == Frame::State::good) {
+        if (whole.unit == settings_.unit) {
+          auto reply = decode_pdu(request, whole.pdu);
+          if (!reply) return reply;
+          if (*reply) {
+            (*reply)->consumed = whole.end;
+            return reply;
+          }
+        }
+        at = whole.end;  // another unit's, or a late answer to something else
+        continue;
+      }
+    }
+    // What may still become the answer, or would be it but for its sum.
     const bool exception = rest.size() > 1 && rest[1] == (pdu[0] | kException);
     if (rest[0] != settings_.unit || rest.size() < 2 || (rest[1] != pdu[0] && !exception)) {
       ++at;
       continue;
     }
     const Frame frame = rtu_frame(rx, at, exception ? 2 : reply_length(request));
-    if (frame.state == Frame::State::good) {
-      auto reply = decode_pdu(request, frame.pdu);
-      if (!reply) return reply;
-      if (*reply) {
-        (*reply)->consumed = frame.end;
-        return reply;
-      }
-      at = frame.end;  // a late answer to another write
-      continue;
-    }
     pending |= frame.state == Frame::State::incomplete;
     if (error.empty()) error = frame.error;
     ++at;

@@ -173,6 +173,27 @@ std::size_t reply_length(const Request& request) {
   return 5;
 }
 
+std::optional<std::size_t> answer_length(ByteView pdu) {
+  if (pdu.size() < 2) return std::nullopt;
+  if ((pdu[0] & kException) != 0) return 2;
+  switch (static_cast<Function>(pdu[0])) {
+    case Function::read_coils:
+    case Function::read_discrete_inputs:
+    case Function::read_holding_registers:
+    case Function::read_input_registers:
+    case Function::read_write:
+      return 2 + std::size_t{pdu[1]};
+    case Function::write_coil:
+    case Function::write_register:
+    case Function::write_coils:
+    case Function::write_registers:
+      return 5;
+    case Function::mask_write:
+      return 7;
+  }
+  return std::nullopt;
+}
+
 Result<std::optional<Reply>> decode_pdu(const Request& request, ByteView pdu) {
   const auto sent = encode_pdu(request);
   if (!sent) return tl::make_unexpected(sent.error());

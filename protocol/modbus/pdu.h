@@ -56,6 +56,9 @@ Result<Bytes> encode_pdu(const Request& request);
 
 /// Length of the answer's PDU when it is no exception.
 std::size_t reply_length(const Request& request);
+/// The length that an answer's PDU has by its own first bytes; nullopt: too few of them, or a
+/// function whose answers do not tell.
+std::optional<std::size_t> answer_length(ByteView pdu);
 /// The image or the acknowledgement in a whole PDU of an answer to `request`. nullopt: this answers
 /// something else (another function or place), as a late answer does. bad_frame: it cannot be an
 /// answer to anything.

@@ -211,6 +211,7 @@ TEST(Modbus, RangesOfTheAllowList) {
                                                         {"hr:7-hr:5", "ends before"},
                                                         {"hr:5.1", "whole coil or register"},
                                                         {"hr:5-x", "from 0"},
+                                                        {"hr:100-40119", "write hr:40119"},
                                                         {"D5-D7", "the forms are"}}) {
     const auto span = codec.parse_range(text);
     ASSERT_FALSE(span) << text;
@@ -397,6 +398,54 @@ TEST(Modbus, ALateAnswerToAnotherWriteIsPassedOver) {
   EXPECT_EQ((*reply)->consumed, 16U);
 }
 
+TEST(Modbus, AWholeAnswerThatIsNotThisOnesIsPassedOverWhateverItHolds) {
+  const Modbus codec = unit(17);
+  // One register, for a question that was given up; the next answer is right behind it.
+  EXPECT_TRUE(needs_more(codec, kRead, "11 03 02 00 64 78 6C"));
+  auto reply = codec.decode(kRead, 0, hex("11 03 02 00 64 78 6C " + kRtuAnswer));
+  ASSERT_TRUE(reply && *reply);
+  EXPECT_EQ((*reply)->consumed, 18U);
+  // Registers of unit 5 that look like the beginning of an answer of unit 17.
+  const std::string other = "05 03 06 11 03 06 02 2B 00 EB 4C ";
+  EXPECT_TRUE(needs_more(codec, kRead, other));
+  reply = codec.decode(kRead, 0, hex(other + kRtuAnswer));
+  ASSERT_TRUE(reply && *reply);
+  EXPECT_EQ((*reply)->image, (Bytes{0x2B, 0x02, 0, 0, 0x64, 0}));
+  // A function whose answers have no length of their own.
+  EXPECT_TRUE(needs_more(codec, kRead, "11 07 6D E2 18"));
+}
+
+TEST(Modbus, AReadOfRegister768IsNotAnsweredByItsOwnEcho) {
+  // Its bytes are a whole frame: function 03, three bytes of data.
+  const Modbus codec = unit(17);
+  const Request read = Read{{kHolding, 0x300 * 16, 32}};
+  const std::string echo = "11 03 03 00 00 02 C6 DF";
+  EXPECT_EQ(to_hex(sent(codec, read)), echo);
+  EXPECT_TRUE(needs_more(codec, read, echo));
+  const auto reply = codec.decode(read, 0, hex(echo + " 11 03 04 00 01 00 02 3B F3"));
+  ASSERT_TRUE(reply && *reply);
+  EXPECT_EQ((*reply)->image, (Bytes{1, 0, 2, 0}));
+}
+
+// The protocol cannot tell these from an echo; they are answers, because most lines return none.
+// Where a line does, the device's `echo` takes the question off before.
+TEST(Modbus, AnAnswerWithTheBytesOfItsQuestionIsAnAnswer) {
+  const Modbus codec = unit(17);
+  const Request coils = Read{{kCoil, 0x3AB, 24}};
+  const std::string line = "11 01 03 AB 00 18 4F 34";
+  EXPECT_EQ(to_hex(sent(codec, coils)), line);
+  const auto reply = codec.decode(coils, 0, hex(line));
+  ASSERT_TRUE(reply && *reply);
+  EXPECT_EQ((*reply)->image, (Bytes{0xAB, 0x00, 0x18}));
+  for (const Request& write :
+       {Request(Force{kCoil, 0xAC, true}), Request(Write{{kHolding, 16, 16}, {3, 0}}),
+        Request(Force{kHolding, 4 * 16 + 3, true})}) {
+    const auto echoed = codec.decode(write, 0, sent(codec, write));
+    ASSERT_TRUE(echoed && *echoed);
+    EXPECT_EQ((*echoed)->kind, Reply::Kind::ack);
+  }
+}
+
 TEST(Modbus, AsciiBeginsAnewAtEveryColonAndTakesLowerCase) {
   const Modbus codec = unit(17, Framing::ascii);
   const Request read = Read{{kInputRegister, 128, 16}};
@@ -466,7 +515,7 @@ TEST(Modbus, ABroadcastIsNotAnsweredAndNotReadFrom) {
   EXPECT_EQ(everybody.line_length(write).reply_chars, 0U);
   EXPECT_FALSE(everybody.encode(kRead, 0));
   EXPECT_FALSE(everybody.decode(write, 0, hex("00")));
-  EXPECT_TRUE(everybody.read_ways(kHolding).empty());
+  EXPECT_FALSE(everybody.read_ways(kHolding).empty()) << "a tag to write to needs a place";
   EXPECT_FALSE(unit(0, Framing::tcp).is_broadcast());
 }
 
@@ -590,11 +639,53 @@ TEST(ModbusExplain, SaysWhatIsWrong) {
             std::string::npos);
 }
 
-TEST(ModbusExplain, AnUnknownFunctionIsStillAFrame) {
+TEST(ModbusExplain, AFunctionThatIsNeverSentIsStillAFrame) {
   const auto out = explain_frame(Framing::rtu, hex("02 07 41 12"), std::nullopt);
   EXPECT_TRUE(out.ok);
   EXPECT_EQ(out.operation, "other");
   EXPECT_EQ(out.command, "07");
+  EXPECT_EQ(out.direction, Direction::request);
+  EXPECT_FALSE(out.ambiguous);
+  const auto answer = explain_frame(Framing::rtu, hex("11 07 6D E2 18"), std::nullopt);
+  EXPECT_TRUE(answer.ok);
+  EXPECT_EQ(answer.direction, Direction::reply);
+  EXPECT_FALSE(explain_frame(Framing::rtu, hex("11 07 6D E2 18"), Direction::request).ok);
+  EXPECT_FALSE(explain_frame(Framing::rtu, hex("02 07 41 12"), Direction::reply).ok);
+  const auto own = explain_frame(Framing::rtu, hex("11 42 00 00 00 00 7B 55"), std::nullopt);
+  EXPECT_TRUE(own.ok);
+  EXPECT_TRUE(own.ambiguous);
+  EXPECT_FALSE(explain_frame(Framing::rtu, hex("11 00 01 E0 05"), std::nullopt).ok);
+}
+
+TEST(ModbusExplain, AFrameThatFitsNeitherWayIsTakenForWhatItLooksLike) {
+  const auto direction = [](std::string_view pdu) {
+    Bytes frame = hex("00 00 00 00 00 00 FF " + std::string(pdu));
+    frame[5] = static_cast<std::uint8_t>(frame.size() - 6);
+    const auto out = explain_frame(Framing::tcp, frame, std::nullopt);
+    EXPECT_FALSE(out.ok) << pdu;
+    return out.direction;
+  };
+  EXPECT_EQ(direction("03 00 00 00 7E"), Direction::request);
+  EXPECT_EQ(direction("03 04 00 0A"), Direction::reply);
+  EXPECT_EQ(direction("10 00 01 00 02 03 00"), Direction::request);
+  EXPECT_EQ(direction("83 02 00"), Direction::reply);
+  EXPECT_EQ(direction("00"), Direction::request);
+}
+
+TEST(ModbusExplain, BothSumsAreShownWhereTheyDiffer) {
+  const std::string_view text = ":110402000AD0\r\n";
+  const auto ascii = explain_frame(Framing::ascii, Bytes(text.begin(), text.end()), std::nullopt);
+  EXPECT_FALSE(ascii.ok);
+  EXPECT_EQ(ascii.checksum_given, "D0");
+  EXPECT_EQ(ascii.checksum_computed, "DF");
+  EXPECT_EQ(ascii.operation, "data");
+  // The example of the specification with one byte changed, and the sum of the original.
+  const auto rtu = explain_frame(Framing::rtu, hex("01 02 03 AC DB 35 22 78"), Direction::reply);
+  EXPECT_FALSE(rtu.ok);
+  EXPECT_EQ(rtu.checksum_given, "22 78");
+  EXPECT_EQ(rtu.checksum_computed, "22 88");
+  const auto tcp = explain_frame(Framing::tcp, hex(kTcpAnswer), std::nullopt);
+  EXPECT_FALSE(tcp.checksum_given);
 }
 
 }  // namespace
