@@ -1,5 +1,6 @@
 #include "agent/field/order_run.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "agent/field/stream_io.h"
@@ -288,10 +289,20 @@ asio::awaitable<void> OrderRun::write_target(const OrderTarget& target, TargetRe
   co_await conclude(target, std::move(exchange), out);
 }
 
+bool OrderRun::meets_another(const OrderTarget& target) const {
+  const Span span = *span_of(target.point);
+  return std::any_of(order_.targets.begin(), order_.targets.end(), [&](const OrderTarget& other) {
+    const Span there = *span_of(other.point);
+    return &other != &target && there.space == span.space && there.first_bit < span.end_bit() &&
+           span.first_bit < there.end_bit();
+  });
+}
+
 asio::awaitable<bool> OrderRun::write_together() {
   std::vector<Request> requests;
   for (const OrderTarget& target : order_.targets) {
     if (!target.expected.empty() || target.requests.size() != 1) co_return false;
+    if (meets_another(target)) co_return false;
     requests.push_back(target.requests.front());
   }
   const auto together = station_.codec->combine(requests);

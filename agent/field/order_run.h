@@ -47,6 +47,8 @@ class OrderRun final {
   asio::awaitable<Exchange> send(Request request, SteadyTime not_after);
   /// Sends `request`, and a second time only where the first surely had no effect.
   asio::awaitable<Exchange> send_once_or_twice(Request request, bool may_repeat);
+  /// Whether `target` shares a place with another of the order: then their sequence matters.
+  bool meets_another(const OrderTarget& target) const;
   /// All targets in one frame, where the protocol has one for them. False: it has not.
   asio::awaitable<bool> write_together();
   /// What an order's last exchange means for one target; then its verification.

@@ -1,0 +1,187 @@
+"""One agent with every protocol at once: two FX on programming ports, four FX stations on one computer
+link, two Modbus RTU units on one line, three Modbus TCP devices. Then with one of each dead."""
+
+import json
+import statistics
+import unittest
+
+from plant import BASE, SCHEDULING_MS, Broker, PlantTest, Watcher, wait_for
+
+INTERVAL_MS = 500
+TIMEOUT_MS = 150
+
+PORTS = ["fx1", "fx2"]
+STATIONS = ["st0", "st1", "st2", "st3"]
+UNITS = ["rtu1", "rtu2"]
+METERS = ["tcp1", "tcp2", "tcp3"]
+DEAD = ["fx2", "st2", "rtu2", "tcp3"]
+# What shares a line with a dead one, and what does not.
+NEIGHBOURS = ["st0", "st1", "st3", "rtu1"]
+
+
+class MixedPlant(PlantTest):
+    def setUp(self):
+        super().setUp()
+        plcs = [self.plc(name, baud=9600, memory={"D100": 11}) for name in PORTS]
+        for number, name in enumerate(STATIONS):
+            plcs.append(self.plc(name, pty=self.pty("rs485"), protocol="fx-computer-link",
+                                 station=number, baud=19200, memory={"D100": 20 + number}))
+        for number, name in enumerate(UNITS, 1):
+            plcs.append({"name": name, "protocol": "modbus-rtu", "unit": number, "baud": 19200,
+                         "pty": self.pty("rtu"), "data_bits": 8, "parity": "none",
+                         "turnaround_ms": 1, "memory": {"hr:100": 30 + number}})
+        for number, name in enumerate(METERS, 1):
+            plcs.append({"name": name, "protocol": "modbus-tcp", "tcp": 0,
+                         "memory": {"hr:100": 40 + number, "co:5": True}})
+        self.start_plant(plcs)
+
+    def start_plant(self, plcs):
+        self.broker = Broker(self.directory)
+        self.broker.start()
+        self.start_sim(plcs)
+        self.watcher = Watcher(self.broker.port)
+        links, devices = [], []
+        for name in PORTS:
+            links.append({"name": name, "serial": {"path": self.pty(name), "baud": 9600}})
+            devices.append(self.fx(name, name, "fx-programming-port"))
+        links.append({"name": "rs485", "serial": {"path": self.pty("rs485"), "baud": 19200}})
+        for number, name in enumerate(STATIONS):
+            devices.append(self.fx(name, "rs485", "fx-computer-link", station=number))
+        links.append({"name": "rtu", "serial": {"path": self.pty("rtu"), "baud": 19200,
+                                                "data_bits": 8, "parity": "none"}})
+        for number, name in enumerate(UNITS, 1):
+            devices.append(self.modbus(name, "rtu", "modbus-rtu", unit=number))
+        for name in METERS:
+            links.append({"name": name, "tcp": {"host": "127.0.0.1", "port": self.sim.ports[name]}})
+            devices.append(self.modbus(name, name, "modbus-tcp", unit=1))
+        self.start_agent(devices, links)
+
+    @staticmethod
+    def fx(name, link, protocol, **more):
+        return {"name": name, "link": link, "protocol": protocol, "model": "FX3U",
+                "timeout_ms": TIMEOUT_MS, "retries": 1,
+                "groups": [{"name": "fast", "interval_ms": INTERVAL_MS}],
+                "tags": [{"name": "value", "address": "D100", "group": "fast"},
+                         {"name": "more", "address": "D130", "count": 8, "group": "fast"},
+                         {"name": "flag", "address": "M50", "group": "fast",
+                          "access": "read_write"},
+                         {"name": "setpoint", "address": "D300", "group": "fast",
+                          "access": "read_write"},
+                         {"name": "speed", "address": "D310", "group": "fast",
+                          "access": "read_write"}],
+                "commands": {"allow_run_stop": True}, **more}
+
+    @staticmethod
+    def modbus(name, link, protocol, **more):
+        return {"name": name, "link": link, "protocol": protocol,
+                "timeout_ms": TIMEOUT_MS, "retries": 1,
+                "groups": [{"name": "fast", "interval_ms": INTERVAL_MS}],
+                "tags": [{"name": "value", "address": "hr:100", "group": "fast"},
+                         {"name": "flag", "address": "co:5", "group": "fast",
+                          "access": "read_write"},
+                         {"name": "bit", "address": "hr:300.3", "group": "fast",
+                          "access": "read_write"},
+                         {"name": "setpoint", "address": "hr:300", "group": "fast",
+                          "access": "read_write"}], **more}
+
+    def everybody(self):
+        return PORTS + STATIONS + UNITS + METERS
+
+    def gaps(self, seconds):
+        """For each device the time stamps of `seconds` worth of beats from now on, as gaps in ms."""
+        since = self.watcher.mark()
+        beats = int(seconds * 1000 / INTERVAL_MS)
+        living = [name for name in self.everybody() if name not in self.dead]
+        out = {}
+        for name in living:
+            self.watcher.wait_count(f"{BASE}/{name}/data/fast", beats, since=since, patience=60)
+            stamps = self.stamps(name, since=since)[:beats]
+            out[name] = [b - a for a, b in zip(stamps, stamps[1:])]
+        return out
+
+    def table(self, title, gaps):
+        print(f"\n{title}: interval {INTERVAL_MS} ms; device, beats, median and largest gap in ms")
+        for name, values in gaps.items():
+            print(f"  {name:5} {len(values):3} {statistics.median(values):6.0f} {max(values):6.0f}")
+
+    dead = []
+
+    def test_every_member_keeps_its_interval_beside_the_dead(self):
+        for name in self.everybody():
+            self.state(name, "online")
+        values = {name: self.data(name=name)["values"] for name in self.everybody()}
+        self.assertEqual([values[n]["value"] for n in self.everybody()],
+                         [11, 11, 20, 21, 22, 23, 31, 32, 41, 42, 43])
+        self.assertTrue(values["tcp1"]["flag"])
+        healthy = self.gaps(6)
+        self.table("all alive", healthy)
+        for name, gaps in healthy.items():
+            self.assertLessEqual(max(gaps), INTERVAL_MS + SCHEDULING_MS, name)
+
+        for name in DEAD:
+            self.sim.fault(name, "dead")
+        self.dead = DEAD
+        for name in DEAD:
+            self.state(name, "offline")
+        beside = self.gaps(10)
+        self.table("fx2, st2, rtu2 and tcp3 dead", beside)
+        for name, gaps in beside.items():
+            # A try at a silent neighbour holds the line for its time-out and a quiet of as much.
+            most = INTERVAL_MS + SCHEDULING_MS
+            if name in NEIGHBOURS:
+                most += 2 * TIMEOUT_MS
+            self.assertLessEqual(max(gaps), most, name)
+            self.assertAlmostEqual(statistics.median(gaps), INTERVAL_MS, delta=SCHEDULING_MS)
+
+        since = self.watcher.mark()
+        self.sim.ask(cmd="clear_faults")
+        for name in DEAD:  # a silent member of a shared line is tried every 30 s at the most
+            self.watcher.wait(f"{BASE}/{name}/state", lambda s: s["state"] == "online", since, 60)
+
+    def test_every_protocol_obeys_and_answers(self):
+        for name in self.everybody():
+            self.state(name, "online")
+        for name in self.everybody():
+            modbus = name in UNITS + METERS
+            written = self.order(name, op="write", tag="setpoint", value=1234)
+            self.assert_result(written, "SUCCEEDED", plc="ACK")
+            self.assertEqual(written["verify"], {"read": 1234, "match": True})
+            self.assertEqual(self.sim.get(name, "hr:300" if modbus else "D300"), 1234)
+            forced = self.order(name, op="force_on", tag="flag", verify=True)
+            self.assert_result(forced, "SUCCEEDED", plc="ACK")
+            self.assertEqual(self.sim.get(name, "co:5" if modbus else "M50"), 1)
+            if modbus:
+                bit = self.order(name, op="write", tag="bit", value=True, verify=True)
+                self.assert_result(bit, "SUCCEEDED", plc="ACK")
+                self.assertEqual(self.sim.get(name, "hr:300"), 1234 | 8)
+                self.assert_result(self.order(name, op="stop"), "REJECTED", "bad_op")
+        both = self.order("st1", op="write",
+                          targets=[{"tag": "setpoint", "value": 7}, {"tag": "speed", "value": 8}])
+        self.assertEqual(both["status"], "SUCCEEDED", json.dumps(both))
+        self.assertTrue(both["one_frame"])
+        self.assertEqual([self.sim.get("st1", d) for d in ("D300", "D310")], [7, 8])
+        one_place = self.order("st1", op="write", targets=[{"tag": "setpoint", "value": 9},
+                                                           {"tag": "setpoint", "value": 10}])
+        self.assertEqual(one_place["status"], "SUCCEEDED", json.dumps(one_place))
+        self.assertFalse(one_place.get("one_frame", False))
+        self.assertEqual(self.sim.get("st1", "D300"), 10)
+
+    def test_run_and_stop_over_the_computer_link(self):
+        self.state("st0", "online")
+        refused = self.order("st0", op="stop")
+        self.assert_result(refused, "FAILED", "nak", "NAK")
+        self.assertIn("nak 18", refused["detail"])
+        self.assertIn("STOP", refused["detail"])
+        self.sim.ask(cmd="switch", plc="st0", position="stop")
+        wait_for("the PLC to stop", lambda: not self.sim.ask(cmd="stats", plc="st0")["run"])
+        started = self.order("st0", op="run")
+        self.assert_result(started, "SUCCEEDED", plc="ACK")
+        self.assertEqual(started["verify"], {"read": "run", "match": True})
+        again = self.order("st0", op="run")
+        self.assert_result(again, "SUCCEEDED", plc="NAK")
+        stopped = self.order("st0", op="stop")
+        self.assert_result(stopped, "SUCCEEDED", plc="ACK")
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
