@@ -262,6 +262,75 @@ TEST(ConfigSchema, WhatOnlyTheLoaderCanFindFailsThere) {
   }
 }
 
+/// The small plant with a Modbus device in place of its last one, spoiled in one place.
+json modbus_plant(const Snippet& snippet) {
+  json plant = small_plant();
+  plant["devices"][1] = json::parse(R"({
+    "name": "mixer", "link": "gw1", "protocol": "modbus-tcp",
+    "tags": [{"name": "level", "address": "hr:100"}],
+    "commands": {"allow": ["co:1-co:7"]}})");
+  plant[json::json_pointer(snippet.pointer)] = json::parse(snippet.value);
+  return plant;
+}
+
+TEST(ConfigSchema, WhatIsRightOnModbusPassesBoth) {
+  for (const Snippet& snippet : std::vector<Snippet>{
+           {"/devices/1/protocol", R"("modbus-rtu")"},
+           {"/devices/1/protocol", R"("modbus-ascii")"},
+           {"/devices/1/model", R"("auto")"},
+           {"/devices/1/unit", "255"},
+           {"/devices/1/max_read", "1"},
+           {"/devices/1/max_gap", "0"},
+           {"/devices/1/byte_order", R"("DCBA")"},
+           {"/devices/1/address_base", "1"},
+           {"/devices/1/allow_read_modify_write", "true"},
+           {"/devices/1/max_block_bytes", "100"},
+           {"/devices/1/echo", "true"},
+           {"/devices/1/tags/0/address", R"("IR:0x1f")"},
+           {"/devices/1/tags/0/address", R"("hr:7.15")"},
+           {"/devices/1/tags/0/address", R"("co:65535")"},
+           {"/devices/1/tags/0/address", R"("di:1")"},
+           {"/devices/1/tags/0/address", R"("40101")"},
+           {"/devices/1/tags/0/address", R"("300001.0")"},
+           {"/devices/1/tags/0/address", R"("00001")"},
+           {"/devices/1/tags/0/word_order", R"("BADC")"},
+           {"/devices/1/tags/0/word_order", R"("low_first")"},
+           {"/devices/1/commands/allow", R"(["hr:1-hr:2", "hr:1-0x20", "40001-40009", "co:3"])"}}) {
+    EXPECT_EQ(schema_errors(modbus_plant(snippet)), "") << told(snippet);
+    const auto errors = errors_of(modbus_plant(snippet).dump());
+    EXPECT_TRUE(errors.empty()) << told(snippet) << "\n" << listed(errors);
+  }
+}
+
+TEST(ConfigSchema, WhatIsWrongOnModbusFailsBoth) {
+  for (const Snippet& snippet :
+       std::vector<Snippet>{{"/devices/1/model", R"("FX3U")"},
+                            {"/devices/1/unit", "256"},
+                            {"/devices/1/unit", R"("1")"},
+                            {"/devices/1/max_read", "126"},
+                            {"/devices/1/max_gap", "-1"},
+                            {"/devices/1/byte_order", R"("low_first")"},
+                            {"/devices/1/address_base", "2"},
+                            {"/devices/1/allow_read_modify_write", "1"},
+                            {"/devices/1/enquire", R"("never")"},
+                            {"/devices/1/station", "1"},
+                            {"/devices/1/tags/0/address", R"("D100")"},
+                            {"/devices/1/tags/0/address", R"("hr100")"},
+                            {"/devices/1/tags/0/address", R"("hr:7.16")"},
+                            {"/devices/1/tags/0/address", R"("co:7.1")"},
+                            {"/devices/1/tags/0/address", R"("20001")"},
+                            {"/devices/1/tags/0/address", R"("4001")"},
+                            {"/devices/1/tags/0/word_order", R"("DACB")"},
+                            {"/devices/1/tags/0/scale", "0"},
+                            {"/devices/1/tags/0/length", "5"},
+                            {"/devices/1/commands/allow/0", R"("M0")"},
+                            {"/devices/1/commands/allow/0", R"("hr:1.3")"},
+                            {"/devices/1/commands/allow/0", R"("hr:1-")"}}) {
+    EXPECT_NE(schema_errors(modbus_plant(snippet)), "") << told(snippet);
+    EXPECT_FALSE(errors_of(modbus_plant(snippet).dump()).empty()) << told(snippet);
+  }
+}
+
 // A variable where a fixed word is wanted: the loader fills it in, an editor marks it.
 TEST(ConfigSchema, VariableInPlaceOfAWordIsTheOneThingOnlyTheSchemaRefuses) {
   const Snippet snippet{"/devices/0/model", R"("${MODEL}")"};

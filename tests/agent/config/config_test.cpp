@@ -37,7 +37,7 @@ TEST(Config, SmallPlantIsRightAndGetsTheDefaults) {
 
 TEST(Config, ExampleIsRightAndWarnsOfNothing) {
   const Config config = good(example());
-  EXPECT_EQ(config.devices.size(), 2U);
+  EXPECT_EQ(config.devices.size(), 6U);
   EXPECT_TRUE(config.warnings.empty()) << config.warnings.front();
 }
 
