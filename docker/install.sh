@@ -12,7 +12,9 @@ packages_of() {
   sed -n "s/^$1://p" "$list" | tr -s ' ' '\n' | sed '/^$/d'
 }
 
+# Node.js from elsewhere brings its own npm, and Debian's would not stand beside it.
 is_installed() {
+  if [ "$1" = npm ] && command -v npm >/dev/null; then return 0; fi
   [ "$(dpkg-query --show --showformat='${db:Status-Status}' "$1" 2>/dev/null)" = installed ]
 }
 

@@ -1,0 +1,206 @@
+"""The agent against Modbus servers that others wrote: pymodbus (TCP, RTU, ASCII), libmodbus (TCP, RTU)
+and jsmodbus (TCP); and mbpoll, another master, against the simulator. Every function that the agent
+sends is answered by each server that has it.
+
+A pty has neither parity nor speed, so serial lines are 8N1 here. LIBMODBUS_SERVER names the program
+built from peers/libmodbus_server.cpp.
+"""
+
+import contextlib
+import json
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import unittest
+
+from plant import FXAGENT, PATIENCE, Sim, free_port, wait_for
+
+PEERS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "peers")
+
+
+class Peer(unittest.TestCase):
+    def setUp(self):
+        self.directory = tempfile.mkdtemp(prefix="fxagent-peer-")
+        self.stack = contextlib.ExitStack()
+        self.addCleanup(shutil.rmtree, self.directory, ignore_errors=True)
+        self.addCleanup(self.stack.close)
+
+    def spawn(self, command, ready="ready"):
+        """A child that is ended with the test; waits for the line that says it serves."""
+        child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+                                 stdin=subprocess.DEVNULL, text=True, cwd=self.directory)
+
+        def end():
+            child.kill()
+            child.wait()
+            child.stdout.close()
+        self.stack.callback(end)
+        if ready:
+            self.assertEqual(child.stdout.readline().strip(), ready, command)
+        return child
+
+    def wire(self):
+        """The two ends of a serial line."""
+        ends = [os.path.join(self.directory, name) for name in ("agent", "peer")]
+        self.spawn(["socat", *(f"pty,raw,echo=0,link={end}" for end in ends)], ready=None)
+        wait_for("the serial line", lambda: all(os.path.exists(end) for end in ends))
+        return ends
+
+    def tcp_link(self, port):
+        return {"name": "line", "tcp": {"host": "127.0.0.1", "port": port}}
+
+    def serial_link(self, path):
+        return {"name": "line", "serial": {"path": path, "baud": 115200, "data_bits": 8,
+                                           "parity": "none", "stop_bits": 1}}
+
+    def use(self, protocol, link, **more):
+        device = {"name": "meter", "link": "line", "protocol": protocol, "unit": 1,
+                  "timeout_ms": 2000,
+                  "groups": [{"name": "g", "interval_ms": 1000}], "tags": [],
+                  "commands": {"allow": ["hr:0-hr:99", "co:0-co:99"]}, **more}
+        self.config = os.path.join(self.directory, "agent.json")
+        with open(self.config, "w") as out:
+            json.dump({"agent": {"id": "edge7", "root": "fx/plant-a"},
+                       "mqtt": {"servers": ["mqtt://127.0.0.1:1883"]},
+                       "links": [link], "devices": [device]}, out)
+
+    def call(self, verb, *words):
+        done = subprocess.run([FXAGENT, verb, self.config, "meter", *words, "--json"],
+                              capture_output=True, text=True, timeout=2 * PATIENCE, check=False)
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+        return json.loads(done.stdout)
+
+    def read(self, address, count=1, kind=None):
+        words = [address, "--count", str(count)] + (["--type", kind] if kind else [])
+        return self.call("read", *words)["values"]
+
+    def write(self, address, value, kind=None):
+        out = self.call("write", address, json.dumps(value), *(["--type", kind] if kind else []))
+        self.assertEqual((out["status"], out["plc"]), ("SUCCEEDED", "ACK"), out)
+        return out
+
+    def exercise(self, mask_write=True, refuses=True):
+        """01 to 06, 15, 16 and, where the peer has it, 22; and an address that it lacks."""
+        self.assertEqual(self.read("co:0", 10), [n % 3 == 0 for n in range(10)])
+        self.assertEqual(self.read("di:0", 10), [n % 5 == 0 for n in range(10)])
+        self.assertEqual(self.read("hr:0", 100), [1000 + n for n in range(100)])
+        self.assertEqual(self.read("ir:7", 3), [2007, 2008, 2009])
+        self.call("force-on", "co:1")
+        self.call("force-off", "co:3")
+        self.assertEqual(self.read("co:0", 4), [True, True, False, False])
+        self.write("hr:10", 4321)
+        self.write("hr:20", [1, -2, 3], "int16")
+        self.write("hr:30", 1234567, "int32")
+        self.write("hr:40", 1.5, "float32")
+        self.write("co:20", [True, False, True, True, False, False, True, False, True, True])
+        self.assertEqual(self.read("hr:10"), [4321])
+        self.assertEqual(self.read("hr:20", 3), [1, -2, 3])
+        self.assertEqual(self.read("hr:30", kind="int32"), [1234567])
+        self.assertEqual(self.read("hr:30", 2), [1234567 >> 16, (1234567 & 0xFFFF) - 0x10000])
+        self.assertEqual(self.read("hr:40", kind="float32"), [1.5])
+        self.assertEqual(self.read("co:20", 10),
+                         [True, False, True, True, False, False, True, False, True, True])
+        if mask_write:
+            self.write("hr:50.3", True)
+            self.assertEqual(self.read("hr:50"), [1050 | 8])
+            self.write("hr:50.3", False)
+            self.assertEqual(self.read("hr:50"), [1050 & ~8])
+        refused = subprocess.run([FXAGENT, "read", self.config, "meter", "hr:5000", "--json"],
+                                 capture_output=True, text=True, timeout=2 * PATIENCE, check=False)
+        self.assertEqual(refused.returncode, 1)
+        if refuses:
+            self.assertIn("exception 02", json.loads(refused.stdout)["detail"])
+
+
+class Pymodbus(Peer):
+    def serve(self, kind, where):
+        self.spawn(["/usr/bin/python3", os.path.join(PEERS, "pymodbus_server.py"), kind, str(where)])
+
+    def test_tcp(self):
+        port = free_port()
+        self.serve("tcp", port)
+        wait_for("its port", lambda: _accepts(port))
+        self.use("modbus-tcp", self.tcp_link(port))
+        self.exercise()
+
+    def test_rtu(self):
+        ours, theirs = self.wire()
+        self.serve("rtu", theirs)
+        self.use("modbus-rtu", self.serial_link(ours))
+        self.exercise()
+
+    def test_ascii(self):
+        ours, theirs = self.wire()
+        self.serve("ascii", theirs)
+        self.use("modbus-ascii", self.serial_link(ours))
+        self.exercise()
+
+
+class Libmodbus(Peer):
+    def serve(self, kind, where):
+        self.spawn([os.environ["LIBMODBUS_SERVER"], kind, str(where)])
+
+    def test_tcp(self):
+        port = free_port()
+        self.serve("tcp", port)
+        self.use("modbus-tcp", self.tcp_link(port))
+        self.exercise()
+
+    def test_rtu(self):
+        ours, theirs = self.wire()
+        self.serve("rtu", theirs)
+        self.use("modbus-rtu", self.serial_link(ours))
+        self.exercise()
+
+
+class Jsmodbus(Peer):
+    def test_tcp(self):
+        for name in ("package.json", "package-lock.json", "server.js"):
+            shutil.copy(os.path.join(PEERS, "node", name), self.directory)
+        subprocess.run(["npm", "ci", "--no-audit", "--no-fund", "--loglevel=error"],
+                       cwd=self.directory, check=True, stdout=subprocess.DEVNULL, timeout=120)
+        port = free_port()
+        self.spawn(["node", "server.js", str(port)])
+        # It says nothing to function 22, and answers an address that it lacks with no bytes, where the
+        # specification asks for exceptions 01 and 02.
+        self.use("modbus-tcp", self.tcp_link(port))
+        self.exercise(mask_write=False, refuses=False)
+
+
+class Mbpoll(Peer):
+    """A master by others reads and writes the simulator, so that both ends of the tests are known."""
+
+    def poll(self, port, *words):
+        done = subprocess.run(["mbpoll", "-m", "tcp", "-p", str(port), "-a", "1", "-0", "-1", "-q",
+                               *words], capture_output=True, text=True, timeout=PATIENCE,
+                              check=False)
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+        return [int(line.split()[1]) for line in done.stdout.splitlines()
+                if line.startswith("[")]
+
+    def test_the_simulator(self):
+        sim = Sim(self.directory, [{"name": "m", "protocol": "modbus-tcp", "tcp": 0,
+                                    "memory": {"hr:10": [7, 8, 9], "co:3": True, "ir:1": 5}}])
+        sim.start()
+        self.addCleanup(sim.stop)
+        port = sim.ports["m"]
+        self.assertEqual(self.poll(port, "-t", "4", "-r", "10", "-c", "3", "127.0.0.1"), [7, 8, 9])
+        self.assertEqual(self.poll(port, "-t", "0", "-r", "2", "-c", "3", "127.0.0.1"), [0, 1, 0])
+        self.assertEqual(self.poll(port, "-t", "3", "-r", "1", "-c", "1", "127.0.0.1"), [5])
+        self.poll(port, "-t", "4", "-r", "20", "127.0.0.1", "11", "12")
+        self.poll(port, "-t", "0", "-r", "30", "127.0.0.1", "1")
+        self.assertEqual(sim.ask(cmd="get", plc="m", device="hr:20", count=2)["values"], [11, 12])
+        self.assertEqual(sim.get("m", "co:30"), 1)
+
+
+def _accepts(port):
+    with socket.socket() as probe:
+        probe.settimeout(1)
+        return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2, argv=sys.argv)

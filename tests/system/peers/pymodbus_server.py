@@ -1,0 +1,39 @@
+"""A Modbus server by pymodbus (Debian's 3.0): pymodbus_server.py tcp PORT | rtu TTY | ascii TTY.
+
+Unit 1; holding and input registers 0 to 99 hold 1000 and 2000 + their number, every third coil and
+every fifth discrete input is on. Prints "ready" when it serves.
+"""
+
+import asyncio
+import sys
+
+from pymodbus.datastore import ModbusSequentialDataBlock, ModbusServerContext, ModbusSlaveContext
+from pymodbus.server.async_io import ModbusSerialServer, ModbusTcpServer
+from pymodbus.transaction import ModbusAsciiFramer, ModbusRtuFramer, ModbusSocketFramer
+
+
+def context():
+    block = ModbusSequentialDataBlock
+    unit = ModbusSlaveContext(
+        co=block(0, [n % 3 == 0 for n in range(100)]),
+        di=block(0, [n % 5 == 0 for n in range(100)]),
+        hr=block(0, [1000 + n for n in range(100)]),
+        ir=block(0, [2000 + n for n in range(100)]), zero_mode=True)
+    return ModbusServerContext(slaves={1: unit}, single=False)
+
+
+async def main():
+    kind, where = sys.argv[1:]
+    if kind == "tcp":
+        server = ModbusTcpServer(context(), framer=ModbusSocketFramer,
+                                 address=("127.0.0.1", int(where)))
+    else:
+        framer = ModbusRtuFramer if kind == "rtu" else ModbusAsciiFramer
+        server = ModbusSerialServer(context(), framer=framer, port=where, baudrate=115200,
+                                    bytesize=8, parity="N", stopbits=1, timeout=0.05)
+        await server.start()
+    print("ready", flush=True)
+    await server.serve_forever()
+
+
+asyncio.run(main())
