@@ -73,6 +73,32 @@ TEST(ComputerLinkFrames, OfTheTableAreAnswered) {
   }
 }
 
+TEST(ComputerLinkFrames, DamagedOnesAreAnsweredByTheFormOrNotAtAll) {
+  std::mt19937 random(1);
+  for (const auto& row : kComputerLinkRows) {
+    const ComputerLink link({row.station, row.format, row.sum_check});
+    for (int i = 0; i < 200; ++i) {
+      SCOPED_TRACE(row.request);
+      auto plc = make_plc(row.model);
+      std::vector<Frame> frames;
+      const auto framer = link.make_framer();
+      for (const auto byte : damaged(wire(row.request), random))
+        framer->take(byte, TimePoint{}, frames);
+      for (const auto& frame : frames) {
+        link.kind(frame);
+        if (frame.whole && !link.hears(frame)) continue;
+        const auto ruling = link.execute(frame, plc);
+        const auto answer = shown(ruling.reply);
+        if (answer.empty()) continue;
+        EXPECT_TRUE(frame.whole);
+        EXPECT_EQ(ruling.verdict == Verdict::nak, answer.front() == '-');
+        EXPECT_EQ(ruling.verdict == Verdict::ack, answer.front() == '+');
+        EXPECT_EQ(answer.ends_with("rn"), row.format == 4);
+      }
+    }
+  }
+}
+
 TEST_F(ComputerLinkStation, EveryModelTellsItsType) {
   struct Row {
     std::string_view model;

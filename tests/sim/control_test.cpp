@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "tests/sim/modbus.h"
 #include "tests/sim/programming_port.h"
 
 namespace fxsim {
@@ -109,6 +110,35 @@ TEST_F(Control, RunAndStopMoveTheStateAndTheSwitchHasTheLastWord) {
   EXPECT_EQ(ask(R"({"cmd": "run", "plc": "p1"})")["run"], true);
   EXPECT_EQ(ask(R"({"cmd": "switch", "plc": "p1", "position": "stop"})")["run"], false);
   EXPECT_EQ(ask(R"({"cmd": "run", "plc": "p1"})")["run"], false);
+}
+
+TEST(ControlOfModbus, TablesAreSetGotAndLogged) {
+  Station station("m1", std::make_unique<Modbus>(Protocol::modbus_tcp, ModbusSettings{}),
+                  Plc(modbus_model(), make_plant("none"), TimePoint{}), TimePoint{},
+                  std::chrono::system_clock::time_point{}, {});
+  const Stations stations{{"m1", &station}};
+  const auto ask = [&stations](const char* request) {
+    return obey(json::parse(request), stations, TimePoint{});
+  };
+  for (const auto* name : {"co:65535", "di:0", "hr:0", "ir:65535"}) {
+    SCOPED_TRACE(name);
+    EXPECT_EQ(obey({{"cmd", "set"}, {"plc", "m1"}, {"device", name}, {"value", 1}}, stations,
+                   TimePoint{})["ok"],
+              true);
+    EXPECT_EQ(
+        obey({{"cmd", "get"}, {"plc", "m1"}, {"device", name}}, stations, TimePoint{})["values"],
+        json::array({1}));
+  }
+  station.answer({*from_hex("00 01 00 00 00 06 01 06 00 07 FF FF"), true, {}}, TimePoint{});
+  EXPECT_EQ(ask(R"({"cmd": "get", "plc": "m1", "device": "hr:7", "signed": true})")["values"],
+            json::array({-1}));
+  const auto log = ask(R"({"cmd": "log", "plc": "m1"})")["log"];
+  ASSERT_EQ(log.size(), 1U);
+  EXPECT_EQ(log[0]["device"], "hr:7");
+  EXPECT_EQ(log[0]["value"], 65535);
+  EXPECT_EQ(ask(R"({"cmd": "fault", "plc": "m1", "kind": "wrong_id"})")["ok"], true);
+  EXPECT_EQ(ask(R"({"cmd": "fault", "plc": "m1", "kind": "wrong_sum"})")["ok"], false);
+  EXPECT_EQ(ask(R"({"cmd": "get", "plc": "m1", "device": "D0"})")["ok"], false);
 }
 
 }  // namespace

@@ -3,7 +3,9 @@
 // Memory is written "D0=1234 ABCD; M5=1": raw hex from the device on.
 #pragma once
 
+#include <algorithm>
 #include <chrono>
+#include <random>
 #include <sstream>
 #include <string>
 #include <string_view>
@@ -77,6 +79,26 @@ inline Bytes replies_of(const Personality& personality, Framer& framer, Plc& plc
 
 inline Bytes replies_of(const Personality& personality, Plc& plc, ByteView bytes) {
   return replies_of(personality, *personality.make_framer(), plc, bytes);
+}
+
+/// `frame` with a few bytes changed, added and taken away, drawn from `random`.
+inline Bytes damaged(Bytes frame, std::mt19937& random) {
+  const auto below = [&random](std::size_t end) {
+    return random() % std::max<std::size_t>(end, 1);
+  };
+  for (auto times = 1 + below(3); times > 0; --times) {
+    const auto at = static_cast<std::ptrdiff_t>(below(frame.size()));
+    const auto byte = static_cast<std::uint8_t>(random());
+    const auto what = below(3);
+    if (what == 0 || frame.empty()) {
+      frame.insert(frame.begin() + at, byte);
+    } else if (what == 1) {
+      frame.erase(frame.begin() + at);
+    } else {
+      frame[static_cast<std::size_t>(at)] = byte;
+    }
+  }
+  return frame;
 }
 
 }  // namespace fxsim

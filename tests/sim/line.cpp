@@ -217,13 +217,12 @@ asio::awaitable<void> Line::until(Seat& seat, TimePoint when) {
   co_await seat.pace.async_wait(redirect_error(use_awaitable, cancelled));
 }
 
-/// How many bytes went out.
+/// How many bytes went out. A full buffer means that nobody reads: the rest is lost, as on a serial
+/// line. Any other error is the end of the connection, which receive() sees too.
 std::size_t Line::put(Session& session, ByteView bytes) {
   if (!session.stream.is_open()) return 0;
   const auto written = ::write(session.stream.native_handle(), bytes.data(), bytes.size());
   return written > 0 ? static_cast<std::size_t>(written) : 0;
-  // A full buffer means that nobody reads: the rest is lost, as on a serial line. Any other error
-  // is the end of the connection, which receive() sees too.
 }
 
 void Line::disconnect() {

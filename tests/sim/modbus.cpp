@@ -83,7 +83,7 @@ Bytes read_reply(std::uint8_t function, Device first, unsigned count, const Devi
 std::vector<std::uint32_t> values_of(Kind kind, unsigned count, ByteView data) {
   std::vector<std::uint32_t> values;
   for (unsigned i = 0; i < count; ++i)
-    values.push_back(width(kind) == 1 ? (data[i / 8] >> (i % 8)) & 1U
+    values.push_back(width(kind) == 1 ? (unsigned{data[i / 8]} >> (i % 8)) & 1U
                                       : big_endian_at(data, i * 2U));
   return values;
 }

@@ -313,6 +313,32 @@ TEST(ModbusFlaws, LeaveTheRestAsItShouldBe) {
   }
 }
 
+TEST(ModbusFrames, DamagedOnesNeverMakeAReplyOfAnotherFunction) {
+  std::mt19937 random(1);
+  for (const auto& row : kModbusRows) {
+    const Modbus device(row.protocol, {.unit = unit_of(row.protocol, hex(row.request))});
+    for (int i = 0; i < 200; ++i) {
+      auto plc = make_device();
+      std::vector<Frame> frames;
+      const auto framer = device.make_framer();
+      for (const auto byte : damaged(hex(row.request), random))
+        framer->take(byte, TimePoint{}, frames);
+      for (const auto& frame : frames) {
+        const auto kind = device.kind(frame);
+        EXPECT_EQ(frame.whole, kind != RequestKind::malformed);
+        if (!frame.whole || !device.hears(frame)) continue;
+        const auto asked = unwrap_modbus(row.protocol, frame.bytes);
+        const auto ruling = device.execute(frame, plc);
+        if (ruling.reply.empty()) continue;
+        const auto reply = unwrap_modbus(row.protocol, ruling.reply);
+        EXPECT_EQ(reply.unit, asked.unit);
+        EXPECT_EQ(reply.pdu.front() & 0x7FU, asked.pdu.front() & 0x7FU);
+        EXPECT_EQ(ruling.verdict == Verdict::nak, (reply.pdu.front() & 0x80U) != 0);
+      }
+    }
+  }
+}
+
 TEST(ModbusKinds, OneBitIsAForce) {
   const Modbus device(Protocol::modbus_rtu, {});
   struct Row {
