@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <random>
 #include <string>
 #include <vector>
 
@@ -570,6 +571,53 @@ TEST(Modbus, APlanKeepsToTheGap) {
   EXPECT_EQ(plan.reads[0].read.span, (Span{kCoil, 0, 21}));
   EXPECT_EQ(plan.reads[1].read.span, (Span{kHolding, 0, 64}));
   EXPECT_EQ(plan.reads[2].read.span, (Span{kHolding, 112, 16}));
+}
+
+TEST(Modbus, EveryPlanIsSendableBringsEveryPointAndKeepsToGapAndLength) {
+  std::mt19937 random(20261121);
+  const auto pick = [&](std::uint32_t least, std::uint32_t most) {
+    return std::uniform_int_distribution<std::uint32_t>(least, most)(random);
+  };
+  for (int round = 0; round < 60; ++round) {
+    Settings settings;
+    settings.max_read = pick(2, 125);
+    settings.max_gap = pick(0, 20);
+    const Modbus codec(settings);
+    std::vector<Point> points;
+    for (int i = 0; i < 40; ++i) {
+      const auto space = static_cast<Space>(pick(0, 3));
+      // Half of them at the end of the table, where nothing is left to round up to.
+      const std::uint32_t number = pick(0, 1) == 0 ? pick(0, 600) : pick(65000, 65534);
+      Point point;
+      point.address = address(name_of(space, number, 0), codec);
+      point.type = default_type(point.address);
+      if (width_of(space) == 16 && pick(0, 2) == 0) point.type = DataType::float32;
+      points.push_back(point);
+    }
+    const Plan plan = make_plan(codec, points, LineCost{1ms, 5ms}, 0);
+    EXPECT_TRUE(plan.unreachable.empty());
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      ASSERT_EQ(plan.sources[i].count, 1U);
+      const Span& read = plan.reads[plan.sources[i].first_read].read.span;
+      EXPECT_TRUE(read.contains(*span_of(points[i]))) << points[i].address.text;
+    }
+    for (const PlannedRead& planned : plan.reads) {
+      const Span& span = planned.read.span;
+      EXPECT_TRUE(codec.encode(planned.read, 0)) << codec.name_of(span);
+      EXPECT_LE(span.bits, settings.max_read * 16);
+      std::vector<bool> asked(span.bits, false);
+      for (const std::uint32_t index : planned.points) {
+        const Span place = *span_of(points[index]);
+        for (std::uint32_t bit = 0; bit < place.bits; ++bit)
+          asked[place.first_bit - span.first_bit + bit] = true;
+      }
+      std::uint32_t unasked = 0;
+      for (const bool wanted : asked) {
+        unasked = wanted ? 0 : unasked + 1;
+        EXPECT_LE(unasked, settings.max_gap * 16) << codec.name_of(span);
+      }
+    }
+  }
 }
 
 // ---- decode
