@@ -147,7 +147,11 @@ asio::awaitable<Exchange> Line::send_and_receive(const Codec& codec, const Stati
     co_return exchange;
   }
   if (codec.expects_reply(request)) {
-    co_await receive(codec, request, *frame, station.echo || echo_found_, deadline, exchange);
+    // The codecs pass over the echo of a read by themselves, so a read tells whether it still
+    // comes.
+    const bool reads = std::holds_alternative<Read>(request);
+    const bool echo = station.echo || (echo_found() && !reads);
+    co_await receive(codec, request, *frame, echo, deadline, exchange);
   } else {
     // Nobody answers: it is over when the last byte has left the wire, not when the kernel has it.
     timer_.expires_at(exchange.began + char_time_ * length.request_chars);
@@ -159,7 +163,7 @@ asio::awaitable<Exchange> Line::send_and_receive(const Codec& codec, const Stati
   exchange.ended = last_activity_ = Clock::now();
   if (!exchange.reply.closing.empty()) {
     last_activity_ += char_time_ * static_cast<int>(exchange.reply.closing.size());
-    co_await close_exchange(exchange.reply.closing, station.echo || echo_found_,
+    co_await close_exchange(exchange.reply.closing, station.echo || echo_found(),
                             last_activity_ + station.timeout);
   }
   exchange.ended_ms = utc_ms(std::chrono::system_clock::now());
@@ -215,9 +219,11 @@ asio::awaitable<void> Line::receive(const Codec& codec, const Request& request, 
     }
     if (*decoded) {
       // No answer to a read begins with the question, so what does is an echo.
-      if (std::holds_alternative<Read>(request) && rx_.size() > sent.size() &&
-          std::equal(sent.begin(), sent.end(), rx_.begin()))
-        echo_found_ = true;
+      if (std::holds_alternative<Read>(request) && !echo) {
+        const bool echoed =
+            rx_.size() > sent.size() && std::equal(sent.begin(), sent.end(), rx_.begin());
+        echoes_in_a_row_ = echoed ? std::min(echoes_in_a_row_ + 1, kEchoesFound) : 0;
+      }
       exchange.outcome = Exchange::Outcome::answered;
       exchange.reply = std::move(**decoded);
       co_return;

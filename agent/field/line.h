@@ -84,13 +84,14 @@ class Line final {
   std::chrono::nanoseconds line_time(const Station& station, const Request& request,
                                      std::chrono::nanoseconds turnaround) const;
 
-  /// Whether a question came back before its answer on a line that is not said to do so. From then
-  /// on it is taken for one that does: an order's echo may look like its answer.
-  bool echo_found() const { return echo_found_; }
+  /// Whether questions come back before their answers on a line that is not said to do so: some
+  /// reads in a row did. Until one does not, an order's echo is not taken for its answer.
+  bool echo_found() const { return echoes_in_a_row_ >= kEchoesFound; }
 
   Counters& counters() { return counters_; }
 
  private:
+  static constexpr int kEchoesFound = 3;
   enum class Doubt : std::uint8_t {
     none,
     stale_data,  ///< a late reply to a read may still come
@@ -115,7 +116,7 @@ class Line final {
   Doubt doubt_ = Doubt::none;
   std::uint32_t session_ = 0;
   std::uint16_t tag_ = 0;
-  bool echo_found_ = false;
+  int echoes_in_a_row_ = 0;     ///< reads whose question came back
   SteadyTime last_activity_{};  ///< last byte in either direction, as far as it can be known
   SteadyTime not_before_{};     ///< a broadcast's turnaround delay
   Bytes rx_;

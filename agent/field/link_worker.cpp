@@ -278,7 +278,7 @@ asio::awaitable<void> LinkWorker::serve() {
       log::warn("link", {{"link", config_.links[link_].name},
                          {"echo", "found"},
                          {"note",
-                          "set echo for its devices: before the first read of a start an "
+                          "set echo for its devices: until three reads have told, an "
                           "order's echo may look like its answer"}});
     }
     const auto now = Clock::now();
