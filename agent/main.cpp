@@ -1,4 +1,6 @@
 // The command line: run · check · read · write · force-on · force-off · decode. Nothing else.
+#include <malloc.h>
+
 #include <CLI/CLI.hpp>
 #include <csignal>
 #include <exception>
@@ -133,6 +135,8 @@ int dispatch(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  // Paho's threads would each get a heap of their own, for a few hundred bytes at a time.
+  mallopt(M_ARENA_MAX, 1);
   try {
     return dispatch(argc, argv);
   } catch (const std::exception& error) {

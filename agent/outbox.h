@@ -1,6 +1,7 @@
 // The one shared object between the field thread and the uplink thread. Any thread.
 #pragma once
 
+#include <atomic>
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
@@ -40,6 +41,11 @@ class Outbox final {
   void push(DeviceStatus status);
   void push(FieldHealth health);
 
+  /// The uplink's word that samples wait for the broker: groups without an interval rest until they
+  /// are through, where others keep their beat. Uplink thread.
+  void set_backed_up(bool backed_up) { backed_up_.store(backed_up, std::memory_order_relaxed); }
+  bool is_backed_up() const { return backed_up_.load(std::memory_order_relaxed); }
+
   /// Everything that waits. Uplink thread.
   Batch take();
   /// Returns when something was pushed or notify() was called since the last return, or at
@@ -50,6 +56,7 @@ class Outbox final {
 
  private:
   const std::size_t max_telemetry_;
+  std::atomic<bool> backed_up_ = false;
   std::mutex mutex_;
   std::condition_variable changed_;
   bool signalled_ = false;

@@ -26,6 +26,8 @@ constexpr BackOff kShared{milliseconds(1000), milliseconds(30000)};
 constexpr int kDeadPeerAfter = 3;
 // How long a group without an interval rests where no way of its device's model reaches its tags.
 constexpr milliseconds kNothingToRead{1000};
+// A group without an interval that is faster than the broker looks again so soon.
+constexpr std::chrono::microseconds kUplinkRest{500};
 // The RUN state is asked for soon after its beat, however busy the groups keep the line.
 constexpr milliseconds kRunStateWithin{2000};
 // A device's own time is taken from so many exchanges, and a plan made for another one is made anew
@@ -463,6 +465,11 @@ asio::awaitable<void> LinkWorker::run_step(Agenda::PollStep step) {
     for (const auto& group : device->groups) {
       if (group->id != step.group) continue;
       if (step.starts_cycle) {
+        const bool free_running = device->config.groups[group->group].interval.count() == 0;
+        if (free_running && outbox_.is_backed_up()) {
+          agenda_.abandon_cycle(group->id, Clock::now() + kUplinkRest);
+          co_return;
+        }
         refresh_plan(*device, *group);
         group->begin();
         device->late_ms.add(step.late);

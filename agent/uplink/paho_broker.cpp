@@ -16,6 +16,8 @@
 #include <string_view>
 #include <utility>
 
+#include "agent/uplink/send_at_once.h"
+
 namespace fxagent {
 namespace {
 
@@ -40,6 +42,24 @@ std::string paho_uri(std::string_view server) {
   if (server.starts_with(tls)) return "ssl://" + std::string(server.substr(tls.size()));
   if (server.starts_with(plain)) return "tcp://" + std::string(server.substr(plain.size()));
   return std::string(server);
+}
+
+/// The port of a server, which may be left to its scheme.
+std::uint16_t port_of(std::string_view server) {
+  const auto colon = server.rfind(':');
+  int port = 0;
+  for (std::size_t i = colon + 1; i < server.size() && server[i] >= '0' && server[i] <= '9'; ++i)
+    port = port * 10 + (server[i] - '0');
+  if (port == 0) port = is_tls(server) ? 8883 : 1883;
+  return static_cast<std::uint16_t>(port);
+}
+
+/// Paho would fill OpenSSL's tables of ciphers and error texts although most plants have no TLS;
+/// OpenSSL does so by itself when they are needed.
+void leave_openssl_alone() {
+  MQTTAsync_init_options options = MQTTAsync_init_options_initializer;
+  options.do_openssl_init = 0;
+  MQTTAsync_global_init(&options);
 }
 
 /// The password, if there is one; bad_request where it cannot be had.
@@ -191,6 +211,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
         number_(number),
         version_(config.version == 5 ? MQTTVERSION_5 : MQTTVERSION_3_1_1),
         tls_(is_tls(server)),
+        port_(port_of(server)),
         client_(paho_uri(server), config.client_id,
                 mqtt::create_options_builder()
                     .mqtt_version(version_)
@@ -278,6 +299,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
       switch (token.get_type()) {
         case mqtt::token::CONNECT:
           end_of_connecting();
+          send_at_once(port_);
           return post(connected_by(token));
         case mqtt::token::PUBLISH:
           return post(Delivered{id_of(token)});
@@ -427,6 +449,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
   const std::uint64_t number_;
   const int version_;
   const bool tls_;
+  const std::uint16_t port_;
   std::atomic<bool> leaving_ = false;
   std::atomic<int> server_said_ = -1;  ///< reason code of a DISCONNECT from the broker
   mqtt::async_client client_;          ///< last: destroyed first, before what its callbacks use
@@ -435,7 +458,10 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
 // ---- broker -------------------------------------------------------------------------------------
 
 PahoBroker::PahoBroker(const MqttConfig& config, Will will, std::function<void()> notify)
-    : config_(config), will_(std::move(will)), inbox_(std::make_shared<Inbox>(std::move(notify))) {}
+    : config_(config), will_(std::move(will)), inbox_(std::make_shared<Inbox>(std::move(notify))) {
+  static std::once_flag once;
+  std::call_once(once, leave_openssl_alone);
+}
 
 PahoBroker::~PahoBroker() {
   inbox_->begin(0);

@@ -26,6 +26,8 @@ constexpr seconds kFarewellFor{1};
 // Mosquitto's default receive maximum. The library under us is fast up to the broker's figure and
 // very slow beyond it.
 constexpr std::size_t kMaxWindow = 20;
+// So many samples behind a full window tell that the broker takes fewer than are made.
+constexpr std::size_t kBackedUp = 4;
 constexpr std::size_t kHistoryBytes = 65536;
 constexpr std::size_t kMaxPendingResults = 10000;
 // What a PUBLISH needs beside topic, payload and correlation data: header, lengths, packet id.
@@ -83,6 +85,7 @@ SteadyTime Publisher::step(SteadyTime now) {
   if (now >= next_tick_) tick(now);
   spill_live(now);
   if (link_ == Link::connected && phase_ <= Phase::draining) pump(now);
+  outbox_.set_backed_up(live_.size() >= kBackedUp);
   const auto failures = std::exchange(unsendable_, {});
   for (const DeliveryFailed& failure : failures) on(failure, now);
   if (phase_ != Phase::running) wind_up(now);

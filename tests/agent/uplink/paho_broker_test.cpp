@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 #include <netinet/in.h>
+#include <netinet/tcp.h>
 #include <signal.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
@@ -103,6 +104,32 @@ Publication publication(std::uint64_t id, std::string topic, std::string payload
   made.topic = std::move(topic);
   made.payload = std::move(payload);
   return made;
+}
+
+/// TCP_NODELAY of this process's connections to `port`: how many have it, and how many have not.
+std::pair<int, int> no_delay_towards(std::uint16_t port) {
+  std::pair<int, int> counts;
+  for (int fd = 3; fd < 256; ++fd) {
+    sockaddr_in peer{};
+    socklen_t length = sizeof(peer);
+    if (getpeername(fd, reinterpret_cast<sockaddr*>(&peer), &length) != 0) continue;
+    if (peer.sin_family != AF_INET || ntohs(peer.sin_port) != port) continue;
+    int on = 0;
+    length = sizeof(on);
+    EXPECT_EQ(getsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, &length), 0);
+    ++(on != 0 ? counts.first : counts.second);
+  }
+  return counts;
+}
+
+TEST(PahoBroker, SmallMessagesDoNotWaitForTheAckOfTheOneBefore) {
+  const TemporaryDirectory directory;
+  const Mosquitto mosquitto(directory, "allow_anonymous true");
+  Client client(settings(mosquitto.url(), 5));
+  client.connect();
+  const std::string url = mosquitto.url();
+  const auto port = static_cast<std::uint16_t>(std::stoi(url.substr(url.rfind(':') + 1)));
+  EXPECT_EQ(no_delay_towards(port), std::pair(1, 0));
 }
 
 class PahoBrokerVersion : public testing::TestWithParam<int> {};
