@@ -22,7 +22,10 @@ constexpr int kWrong = 2;
 /// The config, or its errors on stderr.
 std::optional<Config> loaded(const std::string& path) {
   auto config = load_config(path);
-  if (config) return std::move(*config);
+  if (config) {
+    malloc_trim(0);  // what reading a large file took goes back, for the years that follow
+    return std::move(*config);
+  }
   for (const ConfigError& error : config.error()) std::cerr << to_string(error, path) << '\n';
   return std::nullopt;
 }

@@ -51,7 +51,7 @@ GroupReport::GroupReport(const DeviceConfig& device, std::uint32_t group)
 bool GroupReport::differs(const TagConfig& tag, const State& state) const {
   if (!state.was_sent) return true;
   if (state.bad || state.sent_bad) return state.bad != state.sent_bad;
-  return apart(state.value, state.sent, tag.deadband);
+  return group_.on_change && apart(state.value, state.sent, tag.deadband);
 }
 
 TagReading GroupReport::reading(std::uint32_t tag, const State& state) const {
@@ -95,7 +95,7 @@ std::optional<std::vector<TagReading>> GroupReport::cycle(std::vector<TagOutcome
   for (std::size_t i = 0; i < tags_.size(); ++i) {
     State& state = states_[i];
     readings.push_back(reading(tags_[i], state));
-    if (!state.bad) state.sent = state.value;
+    if (!state.bad && group_.on_change) state.sent = state.value;
     state.sent_bad = state.bad;
     state.was_sent = true;
   }
@@ -109,7 +109,7 @@ TagReading GroupReport::written(std::uint32_t tag, Value value, std::int64_t ts_
   state.value = std::move(value);
   state.value_ms = ts_ms;
   state.bad.reset();
-  state.sent = state.value;
+  if (group_.on_change) state.sent = state.value;
   state.sent_bad.reset();
   return reading(tag, state);
 }

@@ -43,7 +43,7 @@ class GroupReport final {
     std::int64_t value_ms = 0;
     std::optional<BadReason> bad;
     std::int64_t bad_since_ms = 0;
-    Value sent;  ///< last good value that was published
+    Value sent;  ///< on_change: last good value that was published
     std::optional<BadReason> sent_bad;
     bool was_sent = false;
   };

@@ -66,15 +66,13 @@ std::int64_t now_ms() { return utc_ms(std::chrono::system_clock::now()); }
 
 /// One group of one device and the cycle it is in.
 struct LinkWorker::GroupPoll {
-  GroupPoll(const DeviceConfig& device, std::uint32_t index) : group(index), report(device, index) {
-    for (const std::uint32_t tag : report.tags()) points.push_back(device.tags[tag].point);
-  }
+  GroupPoll(const DeviceConfig& device, std::uint32_t index)
+      : group(index), report(device, index) {}
 
   std::uint32_t group;
   GroupReport report;
-  std::vector<Point> points;  ///< beside report.tags()
   Agenda::GroupId id = 0;
-  Plan plan;                          ///< of points
+  Plan plan;                          ///< its points are report.tags(), in order
   std::uint32_t holes_version = 0;    ///< HoleMap::version() that the plan was made under
   nanoseconds planned_turnaround{0};  ///< the device's own time that it was made with
 
@@ -202,10 +200,19 @@ LinkWorker::Device* LinkWorker::device_of(std::uint32_t index) {
   return found == by_index_.end() ? nullptr : found->second;
 }
 
+/// Copied for the moment that a plan takes: a plant has many tags and seldom a new plan.
+std::vector<Point> LinkWorker::points_of(const Device& device, const GroupPoll& group) {
+  std::vector<Point> points;
+  points.reserve(group.report.tags().size());
+  for (const std::uint32_t tag : group.report.tags())
+    points.push_back(device.config.tags[tag].point);
+  return points;
+}
+
 void LinkWorker::make_plan(Device& device, GroupPoll& group) {
   const LineCost cost{config_.links[link_].char_time, device.turnaround + device.config.gap};
-  group.plan = fxagent::make_plan(*device.codec, group.points, cost, device.config.max_block_bytes,
-                                  device.holes.holes());
+  group.plan = fxagent::make_plan(*device.codec, points_of(device, group), cost,
+                                  device.config.max_block_bytes, device.holes.holes());
   group.holes_version = device.holes.version();
   group.planned_turnaround = device.turnaround;
   group.begin();
@@ -577,7 +584,7 @@ bool LinkWorker::take_refusal(Device& device, GroupPoll& group, const Agenda::Po
       return true;
     case RefusalMeaning::hole: {
       const PlannedRead& planned = group.plan.reads[step.exchange];
-      const auto halves = halves_of(*device.codec, group.points, planned);
+      const auto halves = halves_of(*device.codec, points_of(device, group), planned);
       // Plans change between cycles only: this one goes on, and what it does bring is published.
       device.holes.refused(planned.read.span, halves, exchange.ended);
       if (!halves)

@@ -62,6 +62,7 @@ class LinkWorker final {
 
   void add_device(std::uint32_t index, SteadyTime now, Polling polling);
   Device* device_of(std::uint32_t index);
+  static std::vector<Point> points_of(const Device& device, const GroupPoll& group);
   void make_plan(Device& device, GroupPoll& group);
   /// A new plan where the device was found to have holes, or other times, since the last one.
   void refresh_plan(Device& device, GroupPoll& group);

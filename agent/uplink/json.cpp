@@ -642,6 +642,7 @@ std::string health(const Health& health, const Config& config) {
     out.key("exchanges").integer(link.exchanges).key("timeouts").integer(link.timeouts);
     out.key("naks").integer(link.naks).key("bad_frames").integer(link.bad_frames);
     out.key("busy_percent").number(link.busy_percent);
+    out.key("load_percent").number(link.load_percent);
     write_percentiles(out, "turnaround_ms", link.turnaround_ms);
     out.end_object();
   }

@@ -1,0 +1,145 @@
+"""What the bench measures with: an MQTT client on a bare socket, so that its own time is small and the
+same for every peer, the simulator's control socket, and a process's CPU time and memory.
+"""
+
+import json
+import os
+import select
+import socket
+import struct
+import time
+
+
+def _text(value):
+    raw = value.encode()
+    return struct.pack("!H", len(raw)) + raw
+
+
+class Mqtt:
+    """MQTT 3.1.1, subscriptions at QoS 0, publishes at QoS 1 whose PUBACKs are passed over."""
+
+    def __init__(self, port, name):
+        self.socket = socket.create_connection(("127.0.0.1", port))
+        self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self.buffer = b""
+        self.packet_id = 0
+        self._send(0x10, _text("MQTT") + bytes([4, 2]) + struct.pack("!H", 0) + _text(name))
+        assert self._packet(10)[0] == 0x20, "no CONNACK"
+
+    def _send(self, head, body):
+        length, left = b"", len(body)
+        while True:
+            length += bytes([left % 128 | (0x80 if left > 127 else 0)])
+            left //= 128
+            if left == 0:
+                break
+        self.socket.sendall(bytes([head]) + length + body)
+
+    def _parse(self):
+        length, shift, at = 0, 0, 1
+        while True:
+            if at >= len(self.buffer):
+                return None
+            byte = self.buffer[at]
+            length |= (byte & 0x7F) << shift
+            shift += 7
+            at += 1
+            if byte < 128:
+                break
+        if len(self.buffer) < at + length:
+            return None
+        packet = (self.buffer[0], self.buffer[at:at + length])
+        self.buffer = self.buffer[at + length:]
+        return packet
+
+    def _packet(self, patience):
+        """The next packet, or None when `patience` seconds have passed."""
+        deadline = time.monotonic() + patience
+        while True:
+            packet = self._parse()
+            if packet:
+                return packet
+            left = max(0.0, deadline - time.monotonic())
+            if not select.select([self.socket], [], [], left)[0]:
+                return None
+            more = self.socket.recv(262144)
+            if not more:
+                raise ConnectionError("the broker closed the connection")
+            self.buffer += more
+
+    def subscribe(self, topic):
+        self.packet_id += 1
+        self._send(0x82, struct.pack("!H", self.packet_id) + _text(topic) + b"\0")
+        while self._packet(10)[0] & 0xF0 != 0x90:
+            pass
+
+    def publish(self, topic, payload):
+        self.packet_id = self.packet_id % 65535 + 1
+        self._send(0x32, _text(topic) + struct.pack("!H", self.packet_id) + payload.encode())
+
+    def message(self, patience):
+        """(topic, payload, time of arrival) of the next message; None when there is none in time."""
+        deadline = time.monotonic() + patience
+        while True:
+            packet = self._packet(max(0.0, deadline - time.monotonic()))
+            if packet is None:
+                return None
+            head, body = packet
+            if head & 0xF0 != 0x30:
+                continue
+            (size,) = struct.unpack("!H", body[:2])
+            return body[2:2 + size].decode(), body[2 + size:], time.monotonic()
+
+
+class Control:
+    """The simulator's control socket."""
+
+    def __init__(self, path):
+        self.socket = socket.socket(socket.AF_UNIX)
+        self.socket.connect(path)
+        self.buffer = b""
+
+    def ask(self, **request):
+        self.socket.sendall(json.dumps(request).encode() + b"\n")
+        while b"\n" not in self.buffer:
+            self.buffer += self.socket.recv(262144)
+        line, self.buffer = self.buffer.split(b"\n", 1)
+        answer = json.loads(line)
+        assert answer["ok"], answer
+        return answer
+
+
+class Usage:
+    """CPU time of a process since this was made, and its memory and threads now."""
+
+    def __init__(self, pid):
+        self.pid = pid
+        self.began = time.monotonic()
+        self.ticks = self._ticks()
+
+    def _ticks(self):
+        with open(f"/proc/{self.pid}/stat") as stat:
+            fields = stat.read().rsplit(")", 1)[1].split()
+        return int(fields[11]) + int(fields[12])
+
+    def now(self):
+        seconds = time.monotonic() - self.began
+        cpu = (self._ticks() - self.ticks) / os.sysconf("SC_CLK_TCK") / seconds
+        with open(f"/proc/{self.pid}/status") as status:
+            facts = dict(line.split(":", 1) for line in status if ":" in line)
+        return {"cpu_percent": round(100 * cpu, 1),
+                "rss_mib": round(int(facts["VmRSS"].split()[0]) / 1024, 1),
+                "threads": int(facts["Threads"])}
+
+
+def percentiles(seconds):
+    """p50, p99 and the largest of some durations, in ms."""
+    if not seconds:
+        return {"p50": None, "p99": None, "max": None, "count": 0}
+    ordered = sorted(seconds)
+
+    def at(share):
+        return round(1000 * ordered[min(len(ordered) - 1, int(share * len(ordered)))], 2)
+
+    return {"p50": at(0.5), "p99": at(0.99), "max": round(1000 * ordered[-1], 2),
+            "count": len(ordered)}
