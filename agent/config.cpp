@@ -225,6 +225,7 @@ void read_tcp(ConfigReader& reader, const ConfigNode& link, const ConfigNode& no
                             "; a serial server often takes one connection only");
   }
   line = read_line(reader, link, "line_baud");
+  settings.line_baud = static_cast<int>(line.baud.value_or(0));
   if (link.find("line_baud") == nullptr)
     for (const auto key : {"data_bits"sv, "parity"sv, "stop_bits"sv})
       if (const ConfigNode* stray = link.find(key))

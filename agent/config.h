@@ -30,6 +30,7 @@ struct SerialSettings {
 struct TcpSettings {
   std::string host;
   std::uint16_t port = 0;
+  int line_baud = 0;  ///< of the serial line behind it; 0: unknown, or there is none
 };
 
 struct LinkConfig {

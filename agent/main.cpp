@@ -1,4 +1,5 @@
-// The command line: run · check · read · write · force-on · force-off · decode. Nothing else.
+// The command line: run · check · plan · read · write · force-on · force-off · decode. Nothing
+// else.
 #include <malloc.h>
 
 #include <CLI/CLI.hpp>
@@ -12,6 +13,7 @@
 #include "agent/decode.h"
 #include "agent/log.h"
 #include "agent/one_shot.h"
+#include "agent/plan_report.h"
 
 namespace {
 
@@ -102,6 +104,24 @@ int dispatch(int argc, char** argv) {
   CLI::App* check_command = app.add_subcommand("check", "Say whether a config file is right");
   check_command->add_option("CONFIG", path, "Config file")->required();
   check_command->callback([&] { action = [&] { return check(path); }; });
+
+  std::vector<std::string> what_ifs;
+  bool plan_as_json = false;
+  CLI::App* plan_command =
+      app.add_subcommand("plan", "Show the reads, their line time and what the line can carry");
+  plan_command->add_option("CONFIG", path, "Config file")->required();
+  plan_command->add_flag("--json", plan_as_json, "Print JSON");
+  plan_command
+      ->add_option("--what-if", what_ifs,
+                   "\"DEVICE FIRST..LAST@MS\": the plan before and after these tags")
+      ->expected(1)
+      ->take_all();
+  plan_command->callback([&] {
+    action = [&] {
+      const auto config = loaded(path);
+      return config ? run_plan(*config, what_ifs, plan_as_json) : kWrong;
+    };
+  });
 
   OneShot what;
   add_one_shot(app, "read", "Read a device", Op::read, path, what, action);

@@ -270,6 +270,18 @@ std::map<std::pair<std::uint16_t, std::uint8_t>, Bucket> buckets_of(const Codec&
 
 }  // namespace
 
+std::chrono::nanoseconds exchange_time(const Codec& codec, const Request& request,
+                                       const LineTiming& timing) {
+  const auto one = [&](const Request& asked) {
+    const LineLength length = codec.line_length(asked);
+    return timing.char_time * (length.request_chars + length.reply_chars + length.closing_chars) +
+           timing.turnaround + std::max(timing.gap, codec.quiet_before(timing.char_time)) +
+           codec.pause_after(asked);
+  };
+  const auto enquiry = codec.resync();
+  return enquiry && timing.enquires_always ? one(*enquiry) + one(request) : one(request);
+}
+
 bool Holes::forbid(const Span& span) const {
   return forbidden_in(*this, span.space).holds({span.first_bit, span.end_bit()});
 }
@@ -299,7 +311,7 @@ Plan make_plan(const Codec& codec, std::span<const Point> points, const LineCost
 }
 
 std::optional<Halves> halves_of(const Codec& codec, std::span<const Point> points,
-                                       const PlannedRead& planned) {
+                                const PlannedRead& planned) {
   const Span& span = planned.read.span;
   const Extent whole{span.first_bit, span.end_bit()};
   const auto ways = codec.read_ways(span.space);
@@ -327,7 +339,8 @@ std::optional<Halves> halves_of(const Codec& codec, std::span<const Point> point
     const std::uint32_t at = element.first - element.first % way->align_bits;
     const auto left = fit(*way, {whole.first, done});
     const bool apart = done > whole.first && done <= at && left && left->end <= at;
-    if (apart && (!best || distance(at) < distance(best->right_first))) best = Halves{left->end, at};
+    if (apart && (!best || distance(at) < distance(best->right_first)))
+      best = Halves{left->end, at};
     done = std::max(done, element.end);
   }
   return best;

@@ -24,6 +24,17 @@ struct LineCost {
   }
 };
 
+/// What a device and its line add to the characters of an exchange.
+struct LineTiming {
+  std::chrono::nanoseconds char_time{0};
+  std::chrono::nanoseconds gap{0};         ///< silence that the config asks for before a request
+  std::chrono::nanoseconds turnaround{0};  ///< the device's own time
+  bool enquires_always = false;            ///< an enquiry goes before each request
+};
+/// Line time of one exchange that ends well, from the end of the one before it.
+std::chrono::nanoseconds exchange_time(const Codec& codec, const Request& request,
+                                       const LineTiming& timing);
+
 /// One read of a plan and the points it brings, by their index in the list given to make_plan().
 struct PlannedRead {
   Read read;
@@ -83,7 +94,7 @@ struct Halves {
 /// How `planned` can be cut nearest to its middle without tearing an element of its points; nullopt
 /// where its way cannot read less.
 std::optional<Halves> halves_of(const Codec& codec, std::span<const Point> points,
-                                       const PlannedRead& planned);
+                                const PlannedRead& planned);
 
 /// The image of point number `index` out of the images of the plan's reads (`images[r]` answers
 /// `plan.reads[r]`; those of other reads may be empty), its first bit at bit 0. unsupported: not

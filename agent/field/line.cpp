@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "agent/field/stream_io.h"
+#include "protocol/plan.h"
 
 namespace fxagent {
 namespace {
@@ -289,17 +290,9 @@ asio::awaitable<void> Line::keep_gap(const Codec& codec, milliseconds gap) {
 
 nanoseconds Line::line_time(const Station& station, const Request& request,
                             nanoseconds turnaround) const {
-  const auto one = [&](const Request& asked) {
-    const LineLength length = station.codec->line_length(asked);
-    return char_time_ * (length.request_chars + length.reply_chars + length.closing_chars) +
-           turnaround +
-           std::max<nanoseconds>(station.gap, station.codec->quiet_before(char_time_)) +
-           station.codec->pause_after(asked);
-  };
-  nanoseconds total = one(request);
-  const auto enquiry = station.codec->resync();
-  if (enquiry && station.enquire == EnquirePolicy::always) total += one(*enquiry);
-  return total;
+  return exchange_time(
+      *station.codec, request,
+      {char_time_, station.gap, turnaround, station.enquire == EnquirePolicy::always});
 }
 
 }  // namespace fxagent

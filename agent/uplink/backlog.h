@@ -4,7 +4,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <functional>
 #include <map>
 #include <optional>
 #include <set>
@@ -12,70 +11,56 @@
 #include <utility>
 #include <vector>
 
+#include "agent/uplink/history.h"
+
 namespace fxagent {
 
 class Backlog final {
  public:
-  struct Row {
-    std::uint64_t order = 0;  ///< unique; a later sample has the higher number
-    std::uint32_t device = 0;
-    std::uint32_t group = 0;
-    std::string json;
-  };
-  /// Rows of one group of one device that go out in one message.
-  struct Batch {
-    std::uint32_t device = 0;
-    std::uint32_t group = 0;
-    std::vector<std::uint64_t> orders;
-    std::string payload;
-  };
-
   /// Holds at most `max_bytes`, what a row costs beside its text included.
   explicit Backlog(std::size_t max_bytes) : max_bytes_(max_bytes) {}
 
   /// Takes a row in, in its place by `order`, and lets the oldest rows go until all fit.
-  void append(Row row);
+  void append(SampleRow row);
 
-  /// The next history message: from the lane (device and group) whose waiting row is the oldest
-  /// among those that `may_send(device)`, as many rows as fit into `max_payload` bytes, at least
-  /// one. A lane has one batch on the way at a time, so that its rows arrive in order. Its rows
-  /// stay here until acknowledged() or discard(). nullopt: nothing to send.
-  std::optional<Batch> next(std::size_t max_payload,
-                            const std::function<bool(std::uint32_t device)>& may_send);
+  /// The next history message: from the lane whose waiting row is the oldest among those that
+  /// `may_send`, as many rows as fit into `max_payload` bytes, at least one. A lane has one batch
+  /// on the way at a time, so that its rows arrive in order. Its rows stay here until
+  /// acknowledged() or discard(). nullopt: nothing to send.
+  std::optional<HistoryBatch> next(std::size_t max_payload, const MaySend& may_send);
   /// The batch arrived. Returns how many of its rows were still here: a row that had to make room
   /// meanwhile was counted as dropped already.
-  std::uint64_t acknowledged(const Batch& batch) { return remove(batch); }
+  std::uint64_t acknowledged(const HistoryBatch& batch) { return remove(batch); }
   /// The broker will never take the batch. Returns how many rows went with it.
-  std::uint64_t discard(const Batch& batch) { return remove(batch); }
+  std::uint64_t discard(const HistoryBatch& batch) { return remove(batch); }
   /// The batch did not arrive: its rows wait again, in their old places.
-  void returned(const Batch& batch);
+  void returned(const HistoryBatch& batch);
+  /// Every row that is not on the way, oldest first; they are no longer here.
+  std::vector<SampleRow> take_waiting();
 
   std::uint64_t rows() const { return rows_.size(); }
   std::size_t bytes() const { return bytes_; }
   std::size_t max_bytes() const { return max_bytes_; }
   /// Whether a row of this device waits to be sent.
-  bool has_waiting(std::uint32_t device) const;
+  bool has_waiting(const std::string& device) const;
+  bool is_on_the_way(const LaneKey& lane) const;
   /// Rows that had to make room since the last call, by device.
-  std::map<std::uint32_t, std::uint64_t> take_dropped() { return std::exchange(dropped_, {}); }
-
-  /// What a row costs beside its text.
-  static constexpr std::size_t kRowOverhead = 160;
+  std::map<std::string, std::uint64_t> take_dropped() { return std::exchange(dropped_, {}); }
 
  private:
-  using LaneKey = std::pair<std::uint32_t, std::uint32_t>;  // device, group
   struct Lane {
     std::set<std::uint64_t> waiting;
     bool on_the_way = false;
   };
 
-  std::uint64_t remove(const Batch& batch);
-  void erase(std::map<std::uint64_t, Row>::iterator row);
+  std::uint64_t remove(const HistoryBatch& batch);
+  void erase(std::map<std::uint64_t, SampleRow>::iterator row);
 
   const std::size_t max_bytes_;
   std::size_t bytes_ = 0;
-  std::map<std::uint64_t, Row> rows_;  ///< by order: the first is the oldest
+  std::map<std::uint64_t, SampleRow> rows_;  ///< by order: the first is the oldest
   std::map<LaneKey, Lane> lanes_;
-  std::map<std::uint32_t, std::uint64_t> dropped_;
+  std::map<std::string, std::uint64_t> dropped_;
 };
 
 }  // namespace fxagent

@@ -153,6 +153,38 @@ class Programs(PlantTest):
         self.assertIn("/mqtt/password", done.stderr)
         self.assertNotIn(secret, done.stdout + done.stderr)
 
+    def test_plan_shows_the_reads_and_what_more_tags_would_cost(self):
+        path = self.config(devices=[device(
+            turnaround_ms=0, groups=[{"name": "fast", "interval_ms": 100}],
+            tags=[{"name": "temp", "address": "D100", "group": "fast", "access": "read_write"}])])
+        status, out, err = self.run_agent("plan", path, "--json")
+        self.assertEqual(status, 0, err)
+        (link,) = json.loads(out)["links"]
+        self.assertEqual((link["name"], link["baud"]), ("line1", 9600))
+        (group,) = link["groups"]
+        self.assertEqual(group["exchanges"], [{"address": "D100", "bytes": 2, "line_ms": 19.8}])
+        # 11 characters there, 8 back, at 10 bits: 19.8 ms each 100 ms, and M8000 each 10 s.
+        self.assertAlmostEqual(link["busy_percent"], 19.9, delta=0.15)
+        # The longest poll, then a write of 15 and 1 characters and the same read again.
+        self.assertAlmostEqual(link["command_bound_ms"], 19.8 + 16.7 + 19.8, delta=0.2)
+        status, out, err = self.run_agent("plan", path)
+        self.assertEqual(status, 0, err)
+        self.assertIn("press1/fast: each 100 ms, 1 exchanges, 19.8 ms", out)
+        what_if = ["--what-if", "press1 D500..D563@100"]
+        status, out, err = self.run_agent("plan", path, "--json", *what_if)
+        self.assertEqual(status, 0, err)
+        both = json.loads(out)
+        self.assertEqual(both["before"]["links"], [link])
+        (after,) = both["after"]["links"]
+        self.assertGreater(after["busy_percent"], 100)
+        self.assertTrue(any("set interval_ms to" in w for w in after["warnings"]), after["warnings"])
+        for wrong, word in (("press9 D1@5", "no device press9"), ("press1 X8@5", "octal"),
+                            ("press1 D5", "DEVICE FIRST..LAST@MS"),
+                            ("press1 D5@x", "interval"), ("press1 D9..D5@5", "lower one first")):
+            status, out, err = self.run_agent("plan", path, "--what-if", wrong)
+            self.assertEqual((status, out), (2, ""), wrong)
+            self.assertIn(word, err)
+
     def test_a_device_that_does_not_answer_is_exit_1(self):
         path = self.config()  # nobody holds the pty
         status, out, _ = self.run_agent("read", path, "press1", "D100", "--json")
