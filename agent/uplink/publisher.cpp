@@ -63,9 +63,7 @@ Publisher::Publisher(const Config& config, PublisherSettings settings, Outbox& o
       jitter_(settings_.jitter_seed),
       backlog_(settings_.backlog_bytes),
       history_bytes_(kHistoryBytes),
-      states_(config.devices.size()),
-      pauses_(config.devices.size()),
-      dropped_(config.devices.size()) {
+      states_(config.devices.size()) {
   for (const DeviceConfig& device : config.devices) metas_.push_back(json::device_meta(device));
 }
 
@@ -140,7 +138,7 @@ void Publisher::on(const Connected& event, SteadyTime now) {
     due_[{Notice::device_meta, device, {}}];
     if (states_[device]) due_[{Notice::device_state, device, {}}];
   }
-  for (DevicePause& pause : pauses_) pause = {};
+  pauses_.clear();
 }
 
 void Publisher::on(const ConnectFailed& event, SteadyTime now) {
@@ -243,13 +241,13 @@ void Publisher::delivered(const ResultFlight& flight, SteadyTime) {
 void Publisher::delivered(const LiveFlight& flight, SteadyTime) {
   --in_flight_samples_;
   ++acknowledged_;
-  pauses_[flight.row.device] = {};
+  pauses_.erase(flight.row.device);
 }
 
 void Publisher::delivered(const HistoryFlight& flight, SteadyTime) {
   --history_flights_;
   acknowledged_ += backlog_.acknowledged(flight.batch);
-  pauses_[flight.batch.device] = {};
+  pauses_.erase(flight.batch.device);
 }
 
 void Publisher::delivered(const FarewellFlight&, SteadyTime now) { phase_deadline_ = now; }
@@ -286,7 +284,7 @@ void Publisher::failed(LiveFlight& flight, const DeliveryFailed& event, SteadyTi
 
 void Publisher::failed(const HistoryFlight& flight, const DeliveryFailed& event, SteadyTime now) {
   --history_flights_;
-  const Backlog::Batch& batch = flight.batch;
+  const HistoryBatch& batch = flight.batch;
   if (event.reason_code == kPacketTooLarge && batch.orders.size() > 1) {
     history_bytes_ = std::min(history_bytes_, batch.payload.size()) / 2;
     backlog_.returned(batch);
@@ -307,7 +305,7 @@ void Publisher::failed(const FarewellFlight&, const DeliveryFailed&, SteadyTime 
 void Publisher::take_outbox(SteadyTime now) {
   Outbox::Batch batch = outbox_.take();
   pushed_ = batch.pushed;
-  for (const auto& [device, count] : batch.dropped) drop(device, count);
+  for (const auto& [device, count] : batch.dropped) drop(config_.devices.at(device).name, count);
   for (CommandResult& result : batch.results) take_result(std::move(result));
   for (DeviceStatus& status : batch.states) {
     const std::uint32_t device = status.device;
@@ -326,13 +324,15 @@ void Publisher::take_outbox(SteadyTime now) {
 }
 
 void Publisher::take_sample(const Telemetry& message, SteadyTime now) {
-  Backlog::Row row;
+  SampleRow row;
   row.order = next_order_++;
-  row.device = message.device;
-  row.group = message.group;
-  row.json = json::telemetry(message, config_.devices.at(message.device), settings_.boot,
-                             metas_.at(message.device).hash);
-  row_bytes_ += row.json.size() + Backlog::kRowOverhead;
+  const DeviceConfig& device = config_.devices.at(message.device);
+  row.device = device.name;
+  row.group = device.groups.at(message.group).name;
+  row.seq = message.seq;
+  row.created_ms = message.ts_ms;
+  row.json = json::telemetry(message, device, settings_.boot, metas_.at(message.device).hash);
+  row_bytes_ += row.cost();
   // What is read while the first connection is being made is as live as what comes right after it.
   const bool can_go = link_ == Link::connected || starting_;
   if (can_go && phase_ <= Phase::draining && may_send(row.device, now))
@@ -509,15 +509,14 @@ void Publisher::spill_live(SteadyTime now) {
 
 void Publisher::pump_live(SteadyTime now) {
   while (!live_.empty() && flights_.size() < sample_window()) {
-    Backlog::Row row = std::move(live_.front().row);
+    SampleRow row = std::move(live_.front().row);
     live_.pop_front();
     if (!may_send(row.device, now)) {
       store(std::move(row));
       continue;
     }
     Publication publication;
-    publication.topic =
-        device_topic(row.device) + "/data/" + config_.devices[row.device].groups.at(row.group).name;
+    publication.topic = data_topic({row.device, row.group});
     publication.payload = row.json;
     publication.qos = config_.mqtt.qos;
     ++in_flight_samples_;
@@ -529,12 +528,11 @@ void Publisher::pump_live(SteadyTime now) {
 void Publisher::pump_history(SteadyTime now) {
   const std::size_t share = std::max<std::size_t>(1, window_ / 4);
   while (live_.empty() && history_flights_ < share && flights_.size() < sample_window()) {
-    auto batch =
-        backlog_.next(history_bytes_, [&](std::uint32_t device) { return may_send(device, now); });
+    auto batch = backlog_.next(history_bytes_,
+                               [&](const LaneKey& lane) { return may_send(lane.first, now); });
     if (!batch) return;
     Publication publication;
-    publication.topic = device_topic(batch->device) + "/data/" +
-                        config_.devices[batch->device].groups.at(batch->group).name + "/history";
+    publication.topic = data_topic({batch->device, batch->group}) + "/history";
     publication.payload = batch->payload;
     publication.qos = config_.mqtt.qos;
     ++history_flights_;
@@ -562,17 +560,18 @@ std::size_t Publisher::sample_window() const {
   return window_ > 4 ? window_ - 2 : window_;
 }
 
-bool Publisher::may_send(std::uint32_t device, SteadyTime now) const {
-  return pauses_[device].until <= now;
+bool Publisher::may_send(const std::string& device, SteadyTime now) const {
+  const auto found = pauses_.find(device);
+  return found == pauses_.end() || found->second.until <= now;
 }
 
-void Publisher::pause(std::uint32_t device, SteadyTime now) {
+void Publisher::pause(const std::string& device, SteadyTime now) {
   DevicePause& pause = pauses_[device];
   if (pause.until > now) return;  // one refusal among several that were on their way
   pause.until = now + back_off(pause.failures++);
   log::warn(
       "samples_refused",
-      {{"device", config_.devices[device].name},
+      {{"device", device},
        {"again_in_s", std::to_string(std::chrono::ceil<seconds>(pause.until - now).count())}});
 }
 
@@ -581,13 +580,13 @@ void Publisher::store_live() {
   live_.clear();
 }
 
-void Publisher::store(Backlog::Row row) {
+void Publisher::store(SampleRow row) {
   backlog_.append(std::move(row));
   for (const auto& [device, count] : backlog_.take_dropped()) drop(device, count);
 }
 
-void Publisher::drop(std::uint32_t device, std::uint64_t count) {
-  dropped_.at(device) += count;
+void Publisher::drop(const std::string& device, std::uint64_t count) {
+  dropped_[device] += count;
   dropped_total_ += count;
 }
 
@@ -670,13 +669,17 @@ SteadyTime Publisher::next_wake(SteadyTime now) const {
   for (const auto& [key, due] : due_) later(due.not_before);
   for (const auto& [key, pending] : results_)
     for (const PendingResult::Copy& copy : pending.copies) later(copy.due.not_before);
-  for (std::uint32_t device = 0; device < pauses_.size(); ++device)
-    if (pauses_[device].until > now && backlog_.has_waiting(device)) at(pauses_[device].until);
+  for (const auto& [device, pause] : pauses_)
+    if (pause.until > now && backlog_.has_waiting(device)) at(pause.until);
   return wake;
 }
 
 std::string Publisher::device_topic(std::uint32_t device) const {
   return base_ + "/" + config_.devices.at(device).name;
+}
+
+std::string Publisher::data_topic(const LaneKey& lane) const {
+  return base_ + "/" + lane.first + "/data/" + lane.second;
 }
 
 std::string Publisher::health_text(SteadyTime now) const {
@@ -687,7 +690,10 @@ std::string Publisher::health_text(SteadyTime now) const {
   health.uptime = std::chrono::duration_cast<seconds>(now - *started_);
   health.samples = samples();
   health.field = field_;
-  health.dropped = dropped_;
+  for (const DeviceConfig& device : config_.devices) {
+    const auto found = dropped_.find(device.name);
+    health.dropped.push_back(found == dropped_.end() ? 0 : found->second);
+  }
   health.commands = commands_;
   health.store_state = "memory";
   health.store_bytes = backlog_.bytes();

@@ -102,17 +102,17 @@ class Publisher final {
     std::size_t copy = 0;
   };
   struct LiveFlight {
-    Backlog::Row row;
+    SampleRow row;
   };
   struct HistoryFlight {
-    Backlog::Batch batch;
+    HistoryBatch batch;
   };
   struct FarewellFlight {};
   using Flight =
       std::variant<NoticeFlight, ResultFlight, LiveFlight, HistoryFlight, FarewellFlight>;
 
   struct LiveRow {
-    Backlog::Row row;
+    SampleRow row;
     SteadyTime since{};
   };
   /// A device whose samples the broker refuses for the time being.
@@ -165,15 +165,16 @@ class Publisher final {
   void send(Flight flight, Publication publication);
   std::size_t sample_window() const;
   bool has_room() const { return flights_.size() < window_; }
-  bool may_send(std::uint32_t device, SteadyTime now) const;
-  void pause(std::uint32_t device, SteadyTime now);
-  void store(Backlog::Row row);
+  bool may_send(const std::string& device, SteadyTime now) const;
+  void pause(const std::string& device, SteadyTime now);
+  void store(SampleRow row);
   void store_live();
-  void drop(std::uint32_t device, std::uint64_t count);
+  void drop(const std::string& device, std::uint64_t count);
   void result_copy_done(std::uint64_t result, std::size_t copy);
   SteadyTime::duration back_off(int failures);
   SteadyTime next_wake(SteadyTime now) const;
   std::string device_topic(std::uint32_t device) const;
+  std::string data_topic(const LaneKey& lane) const;
   std::string health_text(SteadyTime now) const;
 
   const Config& config_;
@@ -217,8 +218,10 @@ class Publisher final {
   // per device, by index
   std::vector<json::Meta> metas_;
   std::vector<std::optional<DeviceStatus>> states_;
-  std::vector<DevicePause> pauses_;
-  std::vector<std::uint64_t> dropped_;
+
+  // per device, by name: the store may hold rows of devices that the config no longer has
+  std::map<std::string, DevicePause> pauses_;
+  std::map<std::string, std::uint64_t> dropped_;
 
   // counters
   std::uint64_t pushed_ = 0;

@@ -5,23 +5,24 @@
 namespace fxagent {
 namespace {
 
-Backlog::Row row(std::uint64_t order, std::uint32_t device = 0, std::uint32_t group = 0) {
-  return {order, device, group, std::to_string(order)};
+SampleRow row(std::uint64_t order, std::string device = "a", std::string group = "fast") {
+  return {order, std::move(device), std::move(group), order, 0, std::to_string(order)};
 }
 
-bool any(std::uint32_t) { return true; }
+bool any(const LaneKey&) { return true; }
 
 TEST(Backlog, OldestLaneGoesFirstAndKeepsItsOrder) {
   Backlog backlog(1 << 20);
-  for (const auto& r : {row(3, 1), row(1, 0, 1), row(4, 0, 0), row(2, 0, 1)}) backlog.append(r);
+  for (const auto& r : {row(3, "b"), row(1, "a", "slow"), row(4), row(2, "a", "slow")})
+    backlog.append(r);
   const auto first = backlog.next(1000, any);
   ASSERT_TRUE(first);
-  EXPECT_EQ(first->device, 0U);
-  EXPECT_EQ(first->group, 1U);
+  EXPECT_EQ(first->device, "a");
+  EXPECT_EQ(first->group, "slow");
   EXPECT_EQ(first->payload, R"({"history":true,"rows":[1,2]})");
   const auto second = backlog.next(1000, any);
   ASSERT_TRUE(second);
-  EXPECT_EQ(second->device, 1U);
+  EXPECT_EQ(second->device, "b");
 }
 
 TEST(Backlog, MessageKeepsItsSizeAndALargerRowGoesAlone) {
@@ -54,39 +55,54 @@ TEST(Backlog, LaneWaitsForItsBatchAndTakesItBack) {
 }
 
 TEST(Backlog, FullBacklogLetsTheOldestGoAndCountsThemByDevice) {
-  const std::size_t room = 3 * (Backlog::kRowOverhead + 1);
+  const std::size_t room = 3 * (SampleRow::kOverhead + 1);
   Backlog backlog(room);
-  backlog.append(row(1, 7));
-  backlog.append(row(2, 8));
-  for (std::uint64_t order = 3; order < 6; ++order) backlog.append(row(order, 9));
+  backlog.append(row(1, "c"));
+  backlog.append(row(2, "d"));
+  for (std::uint64_t order = 3; order < 6; ++order) backlog.append(row(order, "e"));
   EXPECT_EQ(backlog.rows(), 3U);
   EXPECT_LE(backlog.bytes(), room);
   const auto dropped = backlog.take_dropped();
-  EXPECT_EQ(dropped, (std::map<std::uint32_t, std::uint64_t>{{7, 1}, {8, 1}}));
+  EXPECT_EQ(dropped, (std::map<std::string, std::uint64_t>{{"c", 1}, {"d", 1}}));
   EXPECT_TRUE(backlog.take_dropped().empty());
 }
 
 TEST(Backlog, RowThatMadeRoomOnItsWayIsNotAcknowledgedToo) {
-  Backlog backlog(2 * (Backlog::kRowOverhead + 1));
+  Backlog backlog(2 * (SampleRow::kOverhead + 1));
   backlog.append(row(1));
   const auto batch = backlog.next(1000, any);
   ASSERT_TRUE(batch);
   backlog.append(row(2));
   backlog.append(row(3));  // 1 makes room
-  EXPECT_EQ(backlog.take_dropped().at(0), 1U);
+  EXPECT_EQ(backlog.take_dropped().at("a"), 1U);
   EXPECT_EQ(backlog.acknowledged(*batch), 0U);
   EXPECT_EQ(backlog.rows(), 2U);
 }
 
 TEST(Backlog, PausedDeviceIsPassedOver) {
   Backlog backlog(1 << 20);
-  backlog.append(row(1, 0));
-  backlog.append(row(2, 1));
-  const auto batch = backlog.next(1000, [](std::uint32_t device) { return device == 1; });
+  backlog.append(row(1));
+  backlog.append(row(2, "b"));
+  const auto batch = backlog.next(1000, [](const LaneKey& lane) { return lane.first == "b"; });
   ASSERT_TRUE(batch);
-  EXPECT_EQ(batch->device, 1U);
-  EXPECT_TRUE(backlog.has_waiting(0));
-  EXPECT_FALSE(backlog.has_waiting(1));
+  EXPECT_EQ(batch->device, "b");
+  EXPECT_TRUE(backlog.has_waiting("a"));
+  EXPECT_FALSE(backlog.has_waiting("b"));
+}
+
+TEST(Backlog, WhatWaitsCanMoveAndWhatIsOnTheWayStays) {
+  Backlog backlog(1 << 20);
+  for (std::uint64_t order = 1; order < 5; ++order) backlog.append(row(order));
+  const auto batch = backlog.next(26 + 1, any);
+  ASSERT_TRUE(batch);
+  EXPECT_TRUE(backlog.is_on_the_way({"a", "fast"}));
+  const auto moved = backlog.take_waiting();
+  ASSERT_EQ(moved.size(), 3U);
+  EXPECT_EQ(moved.front().order, 2U);
+  EXPECT_EQ(backlog.rows(), 1U);
+  backlog.returned(*batch);
+  EXPECT_EQ(backlog.take_waiting().size(), 1U);
+  EXPECT_EQ(backlog.bytes(), 0U);
 }
 
 }  // namespace
