@@ -82,7 +82,8 @@ class Database final {
 
  private:
   struct Close {
-    void operator()(sqlite3* connection) const { sqlite3_close(connection); }
+    // v2: a statement that is still there keeps the connection until it goes, too.
+    void operator()(sqlite3* connection) const { sqlite3_close_v2(connection); }
   };
   std::unique_ptr<sqlite3, Close> connection_;
   Fault fault_;

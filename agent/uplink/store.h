@@ -1,0 +1,172 @@
+// The store on disk: samples that were not acknowledged, the journal of orders, and the numbers
+// that each device has reached. One SQLite file, fxagent.db, in a directory of its own. Uplink
+// thread; before that thread is started, the thread that made it.
+//
+// No failure of the disk is a failure of the caller: what could not be written is the caller's to
+// keep, the state becomes `memory`, and upkeep() tries again now and then.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <optional>
+#include <set>
+#include <span>
+#include <string>
+#include <string_view>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include "agent/config.h"
+#include "agent/messages.h"
+#include "agent/uplink/history.h"
+
+namespace fxagent {
+
+/// What the journal says about one id of one device, in this or an earlier run.
+struct JournalEntry {
+  std::string device;
+  std::string id;
+  std::int64_t received_ms = 0;
+  std::int64_t deadline_ms = 0;  ///< remembered at least until then
+  std::string op;
+  std::string response_topic;
+  Bytes correlation;
+  std::string result;  ///< empty: it has none
+  bool told = false;   ///< the broker has the result
+};
+
+class Store final {
+ public:
+  /// Whether rows are on their way as live messages, so that no history message may take them yet.
+  enum class Hold : std::uint8_t { no, yes };
+  /// What is written of the numbers: how far a boot may count without asking again.
+  static constexpr std::uint64_t kSequenceBlock = 1000;
+  static constexpr std::size_t kRememberedIds = 10000;  ///< of a device, beside unfinished orders
+  static constexpr std::chrono::hours kRememberedFor{24};
+  static constexpr std::chrono::seconds kTryAgain{10};
+
+  /// Opens or makes the file in `config.path`, and the directory. A damaged file is set aside as
+  /// fxagent.db.corrupt-<utc_ms>. Never throws on what the disk does: see state().
+  Store(const StoreConfig& config, std::int64_t utc_ms);
+  ~Store();
+  Store(const Store&) = delete;
+  Store& operator=(const Store&) = delete;
+
+  bool is_writable() const { return writable_; }
+  /// "disk", or "memory" where nothing can be written.
+  std::string_view state() const { return writable_ ? "disk" : "memory"; }
+  /// Tries again to write where that failed, deletes what was acknowledged, lets go what is older
+  /// than max_age and ids that need not be remembered any more. Cheap where nothing is due.
+  void upkeep(SteadyTime now, std::int64_t utc_ms);
+
+  // ---- samples
+
+  /// All of them in one transaction that is synchronised with the disk, and then the oldest rows
+  /// out until max_bytes holds. Each row gets its `order`. False: none was written.
+  bool append(std::vector<SampleRow>& rows, Hold hold);
+  /// The next history message, as Backlog::next() has it.
+  std::optional<HistoryBatch> next(std::size_t max_payload, const MaySend& may_send);
+  /// The rows are delivered, or will never be. Returns how many were still here: one that had to
+  /// make room was counted as dropped already.
+  std::uint64_t remove(std::span<const std::uint64_t> orders);
+  std::uint64_t remove(const HistoryBatch& batch);
+  /// The batch did not arrive: its rows wait again.
+  void returned(const HistoryBatch& batch);
+  /// A held row did not arrive: it waits for a history message.
+  void release(std::uint64_t order);
+
+  std::uint64_t rows() const { return rows_; }
+  std::uint64_t bytes() const { return bytes_; }
+  std::uint64_t max_bytes() const { return config_.max_bytes; }
+  std::uint64_t recovered() const { return recovered_; }  ///< rows found at the start
+  bool has_waiting(const std::string& device) const;
+  bool has_waiting(const LaneKey& lane) const;
+  bool is_on_the_way(const LaneKey& lane) const;
+  /// Rows that had to make room, were too old or lay in a damaged file, since the last call.
+  std::map<std::string, std::uint64_t> take_dropped() { return std::exchange(dropped_, {}); }
+
+  // ---- numbers
+
+  /// The number before the first sample of `device` in this boot. After a clean stop, and with
+  /// `sync: always`, the last one used; after a crash one above all that may have been used.
+  std::uint64_t last_seq(const std::string& device, std::int64_t utc_ms);
+  /// To be called before a sample with this number leaves the agent.
+  void used_seq(const std::string& device, std::uint64_t seq);
+  /// The clean end: the next boot goes on right behind the numbers used, and the file is closed up.
+  void close();
+
+  // ---- orders
+
+  /// Writes orders down before they are carried out. False: they are not in the journal.
+  bool journal(std::span<const JournalEntry> orders);
+  /// Notes the result of an order, or of a command that never became one. The first result stays.
+  void record(JournalEntry entry);
+  /// The broker has the result.
+  void told(const std::string& device, const std::string& id);
+  /// The newest ids of each device and every unfinished order, oldest first.
+  std::vector<JournalEntry> remembered();
+
+ private:
+  class File;
+  struct Lane {
+    std::uint64_t rows = 0;  ///< in the file
+    std::uint64_t out = 0;   ///< of these, held or on the way
+    bool on_the_way = false;
+    std::uint64_t oldest = 0;  ///< no row of it has a lower order
+  };
+  struct Out {
+    LaneKey lane;
+    std::uint64_t cost = 0;
+  };
+  struct Numbers {
+    std::uint64_t last = 0;      ///< used
+    std::uint64_t reserved = 0;  ///< up to here without asking
+  };
+  struct Victim {
+    std::uint64_t order = 0;
+    LaneKey lane;
+    std::uint64_t cost = 0;
+  };
+
+  void open(std::int64_t utc_ms);
+  bool load();
+  void start_anew(const std::string& why);
+  void failed(std::string_view doing);
+  /// Rows that were removed, results that were told and those that found no disk, into the file.
+  bool settle();
+  bool write_settled();
+  /// Deletes the oldest rows, `excess` bytes or what is older, within the caller's transaction.
+  bool delete_oldest(std::uint64_t excess, std::int64_t older_than_ms, std::vector<Victim>& gone);
+  void forget(const std::vector<Victim>& gone);
+  void drop_old_rows();
+  void drop_old_ids();
+  bool write_record(const JournalEntry& entry);
+  bool write_numbers(const std::string& device, std::uint64_t last, bool clean);
+  void write_all_numbers();
+
+  const StoreConfig config_;
+  std::unique_ptr<File> file_;  ///< null: it could not be opened
+  bool writable_ = false;
+  std::string last_failure_;
+  std::int64_t utc_ms_ = 0;  ///< of the last upkeep
+  std::optional<SteadyTime> try_at_;
+  std::optional<SteadyTime> settle_at_;
+  std::optional<SteadyTime> clean_up_at_;
+
+  std::uint64_t next_order_ = 1;
+  std::uint64_t rows_ = 0;
+  std::uint64_t bytes_ = 0;
+  std::uint64_t recovered_ = 0;
+  std::map<LaneKey, Lane> lanes_;
+  std::unordered_map<std::uint64_t, Out> out_;
+  std::set<std::uint64_t> removed_;  ///< still in the file
+  std::map<std::string, std::uint64_t> dropped_;
+  std::vector<JournalEntry> unrecorded_;                     ///< results that are not in the file
+  std::vector<std::pair<std::string, std::string>> untold_;  ///< device, id: told, not noted yet
+  std::map<std::string, Numbers> numbers_;
+};
+
+}  // namespace fxagent

@@ -1,0 +1,418 @@
+#include "agent/uplink/store.h"
+
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+
+#include "agent/uplink/sqlite.h"
+#include "tests/agent/uplink/scratch.h"
+
+namespace fxagent {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::int64_t kNow = 1790000000000;
+const SteadyTime kStart{std::chrono::hours(1)};
+
+std::vector<SampleRow> rows(std::uint64_t from, std::uint64_t to, const std::string& device = "a",
+                            const std::string& group = "fast", std::int64_t created_ms = kNow) {
+  std::vector<SampleRow> made;
+  for (std::uint64_t seq = from; seq <= to; ++seq)
+    made.push_back({0, device, group, seq, created_ms, std::to_string(seq)});
+  return made;
+}
+
+bool any(const LaneKey&) { return true; }
+
+JournalEntry entry(std::string id, std::string result = {}, std::int64_t received_ms = kNow) {
+  JournalEntry made;
+  made.device = "a";
+  made.id = std::move(id);
+  made.received_ms = received_ms;
+  made.deadline_ms = received_ms + 10000;
+  made.op = "write";
+  made.response_topic = "hmi/replies";
+  made.correlation = {1, 0, 255};
+  made.result = std::move(result);
+  return made;
+}
+
+/// A store in a directory of its own, opened as often as wanted.
+struct Shelf {
+  test::Scratch scratch;
+  StoreConfig config;
+  std::unique_ptr<Store> store;
+
+  Shelf() { config.path = scratch.path("store"); }
+  Store& open(std::int64_t utc_ms = kNow) {
+    store.reset();
+    store = std::make_unique<Store>(config, utc_ms);
+    return *store;
+  }
+  std::string file() const { return config.path + "/fxagent.db"; }
+  bool add(std::vector<SampleRow> made, Store::Hold hold = Store::Hold::no) {
+    return store->append(made, hold);
+  }
+  /// Everything that waits, message by message, each acknowledged.
+  std::string drain(std::size_t max_payload = 65536) {
+    std::string all;
+    while (const auto batch = store->next(max_payload, any)) {
+      all += batch->device + "/" + batch->group + batch->payload.substr(23);
+      EXPECT_EQ(store->remove(*batch), batch->orders.size());
+    }
+    return all;
+  }
+};
+
+TEST(Store, RowsOutliveTheProcessAndGoOldestFirst) {
+  Shelf shelf;
+  shelf.open();
+  ASSERT_EQ(shelf.store->state(), "disk");
+  ASSERT_TRUE(shelf.add(rows(3, 4, "b")));
+  ASSERT_TRUE(shelf.add(rows(1, 3)));
+  const std::uint64_t bytes = shelf.store->bytes();
+  shelf.open();
+  EXPECT_EQ(shelf.store->recovered(), 5U);
+  EXPECT_EQ(shelf.store->bytes(), bytes);
+  EXPECT_EQ(shelf.drain(), "b/fast[3,4]}a/fast[1,2,3]}");
+  EXPECT_EQ(shelf.store->rows(), 0U);
+  EXPECT_EQ(shelf.store->bytes(), 0U);
+  shelf.store->close();
+  EXPECT_EQ(shelf.open().recovered(), 0U);
+}
+
+TEST(Store, NumbersDecideTheOrderOfALane) {
+  Shelf shelf;
+  shelf.open();
+  shelf.add(rows(3, 4));
+  shelf.add(rows(1, 2));
+  EXPECT_EQ(shelf.drain(27), "a/fast[1]}a/fast[2]}a/fast[3]}a/fast[4]}");
+}
+
+TEST(Store, FilesAreTheOwnersAlone) {
+  Shelf shelf;
+  shelf.open();
+  struct stat facts {};
+  ASSERT_EQ(::stat(shelf.file().c_str(), &facts), 0);
+  EXPECT_EQ(facts.st_mode & 0777, 0600U);
+  ASSERT_EQ(::stat((shelf.file() + "-wal").c_str(), &facts), 0);
+  EXPECT_EQ(facts.st_mode & 0777, 0600U);
+  ASSERT_EQ(::stat(shelf.config.path.c_str(), &facts), 0);
+  EXPECT_EQ(facts.st_mode & 0777, 0700U);
+}
+
+TEST(Store, UnacknowledgedRowsAreStillThereAfterACrash) {
+  Shelf shelf;
+  shelf.open();
+  shelf.add(rows(1, 3));
+  const auto batch = shelf.store->next(65536, any);
+  ASSERT_TRUE(batch);
+  EXPECT_FALSE(shelf.store->next(65536, any));  // one batch of a lane at a time
+  EXPECT_EQ(shelf.store->rows(), 3U);
+  shelf.open();
+  EXPECT_EQ(shelf.drain(), "a/fast[1,2,3]}");
+}
+
+TEST(Store, ReturnedRowsGoAgainInTheirPlaces) {
+  Shelf shelf;
+  shelf.open();
+  shelf.add(rows(1, 3));
+  const auto batch = shelf.store->next(28, any);
+  ASSERT_TRUE(batch);
+  shelf.add(rows(4, 4));
+  shelf.store->returned(*batch);
+  EXPECT_EQ(shelf.drain(), "a/fast[1,2,3,4]}");
+}
+
+TEST(Store, HeldRowsAreNoHistoryUntilTheyAreReleased) {
+  Shelf shelf;
+  shelf.open();
+  auto held = rows(1, 3);
+  ASSERT_TRUE(shelf.store->append(held, Store::Hold::yes));
+  EXPECT_FALSE(shelf.store->has_waiting("a"));
+  EXPECT_FALSE(shelf.store->next(65536, any));
+  const std::uint64_t first[] = {held[0].order};
+  EXPECT_EQ(shelf.store->remove(first), 1U);
+  EXPECT_EQ(shelf.store->remove(first), 0U);
+  shelf.store->release(held[2].order);
+  EXPECT_TRUE(shelf.store->has_waiting("a"));
+  EXPECT_EQ(shelf.drain(), "a/fast[3]}");
+  EXPECT_EQ(shelf.store->rows(), 1U);
+  shelf.store->upkeep(kStart, kNow);
+  shelf.open();
+  EXPECT_EQ(shelf.drain(), "a/fast[2]}");
+}
+
+TEST(Store, PausedLaneIsPassedOver) {
+  Shelf shelf;
+  shelf.open();
+  shelf.add(rows(1, 1));
+  shelf.add(rows(1, 1, "b"));
+  const auto batch =
+      shelf.store->next(65536, [](const LaneKey& lane) { return lane.first == "b"; });
+  ASSERT_TRUE(batch);
+  EXPECT_EQ(batch->device, "b");
+  EXPECT_TRUE(shelf.store->is_on_the_way({"b", "fast"}));
+}
+
+TEST(Store, FullStoreLetsTheOldestGoAndCountsThem) {
+  Shelf shelf;
+  shelf.config.max_bytes = 5 * (SampleRow::kOverhead + 1);
+  shelf.open();
+  shelf.add(rows(1, 2, "b"));
+  shelf.add(rows(1, 5));
+  EXPECT_EQ(shelf.store->rows(), 5U);
+  EXPECT_EQ(shelf.store->take_dropped(), (std::map<std::string, std::uint64_t>{{"b", 2}}));
+  const auto batch = shelf.store->next(27, any);  // row 1 is on its way and makes room
+  shelf.add(rows(6, 6));
+  EXPECT_EQ(shelf.store->take_dropped().at("a"), 1U);
+  EXPECT_EQ(shelf.store->remove(*batch), 0U);
+  EXPECT_EQ(shelf.store->rows(), 5U);
+  EXPECT_LE(shelf.store->bytes(), shelf.config.max_bytes);
+  shelf.open();
+  EXPECT_EQ(shelf.drain(), "a/fast[2,3,4,5,6]}");
+}
+
+TEST(Store, RowsThatAreTooOldGo) {
+  Shelf shelf;
+  shelf.config.max_age = 1h;
+  shelf.open();
+  shelf.add(rows(1, 2, "a", "fast", kNow - 3600001));
+  shelf.add(rows(3, 3, "a", "fast", kNow - 3600000));
+  shelf.store->upkeep(kStart, kNow);
+  EXPECT_EQ(shelf.store->take_dropped().at("a"), 2U);
+  EXPECT_EQ(shelf.drain(), "a/fast[3]}");
+}
+
+TEST(Store, DamagedFileIsSetAsideAndAFreshOneBegun) {
+  Shelf shelf;
+  std::filesystem::create_directories(shelf.config.path);
+  std::ofstream(shelf.file()) << std::string(8192, 'x');
+  shelf.open();
+  EXPECT_EQ(shelf.store->state(), "disk");
+  EXPECT_TRUE(std::filesystem::exists(shelf.file() + ".corrupt-" + std::to_string(kNow)));
+  EXPECT_TRUE(shelf.add(rows(1, 1)));
+  EXPECT_EQ(shelf.drain(), "a/fast[1]}");
+}
+
+TEST(Store, DamageInTheMiddleOfTheFileIsFoundAtTheStart) {
+  Shelf shelf;
+  shelf.open();
+  shelf.add(rows(1, 2000));
+  shelf.store->close();
+  {
+    std::fstream file(shelf.file(), std::ios::in | std::ios::out | std::ios::binary);
+    file.seekp(4096 * 3);
+    file << std::string(4096 * 12, '\xA5');
+  }
+  shelf.open();
+  EXPECT_EQ(shelf.store->state(), "disk");
+  EXPECT_EQ(shelf.store->rows(), 0U);
+  EXPECT_TRUE(std::filesystem::exists(shelf.file() + ".corrupt-" + std::to_string(kNow)));
+}
+
+TEST(Store, FileOfANewerProgramIsSetAside) {
+  Shelf shelf;
+  shelf.open().close();
+  {
+    sqlite::Database database(shelf.file());
+    ASSERT_TRUE(database.execute("PRAGMA user_version = 99"));
+  }
+  EXPECT_EQ(shelf.open().state(), "disk");
+  EXPECT_TRUE(std::filesystem::exists(shelf.file() + ".corrupt-" + std::to_string(kNow)));
+}
+
+TEST(Store, DirectoryThatCannotBeMadeIsTriedAgain) {
+  Shelf shelf;
+  std::ofstream(shelf.config.path) << "a file in its place";
+  shelf.open();
+  EXPECT_EQ(shelf.store->state(), "memory");
+  EXPECT_FALSE(shelf.add(rows(1, 1)));
+  EXPECT_FALSE(shelf.store->journal(std::vector{entry("x")}));
+  EXPECT_EQ(shelf.store->last_seq("a", kNow), static_cast<std::uint64_t>(kNow));
+  shelf.store->upkeep(kStart, kNow);
+  std::filesystem::remove(shelf.config.path);
+  shelf.store->upkeep(kStart + 9s, kNow);
+  EXPECT_EQ(shelf.store->state(), "memory");
+  shelf.store->upkeep(kStart + 10s, kNow);
+  EXPECT_EQ(shelf.store->state(), "disk");
+  EXPECT_TRUE(shelf.add(rows(1, 1)));
+}
+
+TEST(Store, SecondAgentDoesNotGetTheSameFile) {
+  Shelf shelf;
+  shelf.open();
+  const Store second(shelf.config, kNow);
+  EXPECT_EQ(second.state(), "memory");
+  EXPECT_EQ(shelf.store->state(), "disk");
+}
+
+/// Files of this process end at so many bytes, as on a full disk.
+class DiskLimit final {
+ public:
+  explicit DiskLimit(rlim_t bytes) {
+    std::signal(SIGXFSZ, SIG_IGN);
+    getrlimit(RLIMIT_FSIZE, &before_);
+    rlimit limit = before_;
+    limit.rlim_cur = bytes;
+    setrlimit(RLIMIT_FSIZE, &limit);
+  }
+  ~DiskLimit() { setrlimit(RLIMIT_FSIZE, &before_); }
+  DiskLimit(const DiskLimit&) = delete;
+  DiskLimit& operator=(const DiskLimit&) = delete;
+
+ private:
+  rlimit before_{};
+};
+
+TEST(Store, FullDiskKeepsWhatItHasAndTakesMoreWhenThereIsRoom) {
+  Shelf shelf;
+  shelf.open();
+  shelf.add(rows(1, 3));
+  shelf.store->upkeep(kStart, kNow);
+  {
+    const DiskLimit full(200000);
+    std::uint64_t seq = 4;
+    while (shelf.add(rows(seq, seq + 99))) seq += 100;
+    EXPECT_EQ(shelf.store->state(), "memory");
+    EXPECT_EQ(shelf.store->rows(), seq - 1);
+    const auto batch = shelf.store->next(65536, any);  // reading goes on
+    ASSERT_TRUE(batch);
+    EXPECT_EQ(shelf.store->remove(*batch), batch->orders.size());
+    shelf.store->upkeep(kStart + 1s, kNow);
+    shelf.store->upkeep(kStart + 11s, kNow);
+    EXPECT_EQ(shelf.store->state(), "memory");
+  }
+  const std::uint64_t left = shelf.store->rows();
+  shelf.store->upkeep(kStart + 21s, kNow);
+  EXPECT_EQ(shelf.store->state(), "disk");
+  EXPECT_TRUE(shelf.add(rows(100000, 100000)));
+  EXPECT_EQ(shelf.store->rows(), left + 1);
+  shelf.open();
+  EXPECT_EQ(shelf.store->rows(), left + 1);
+}
+
+TEST(Store, NumbersGoOnByOneAfterACleanStop) {
+  Shelf shelf;
+  EXPECT_EQ(shelf.open().last_seq("a", kNow), static_cast<std::uint64_t>(kNow));
+  shelf.store->used_seq("a", kNow + 5);
+  shelf.store->close();
+  EXPECT_EQ(shelf.open().last_seq("a", kNow + 100000), static_cast<std::uint64_t>(kNow) + 5);
+}
+
+TEST(Store, NumbersOnlySkipForwardAfterACrash) {
+  Shelf shelf;
+  std::uint64_t used = shelf.open().last_seq("a", kNow);
+  for (int i = 0; i < 5000; ++i) shelf.store->used_seq("a", ++used);
+  // The clock went back: the numbers do not.
+  EXPECT_GT(shelf.open().last_seq("a", 5), used);
+}
+
+TEST(Store, WithAlwaysNumbersGoOnByOneEvenAfterACrash) {
+  Shelf shelf;
+  shelf.config.sync_always = true;
+  const std::uint64_t last = shelf.open().last_seq("a", kNow);
+  for (std::uint64_t seq = last + 1; seq < last + 4; ++seq) {
+    shelf.store->used_seq("a", seq);
+    ASSERT_TRUE(shelf.add(rows(seq, seq)));
+  }
+  EXPECT_EQ(shelf.open().last_seq("a", kNow + 100000), last + 3);
+}
+
+TEST(Store, JournalRemembersOrdersAndTheirFirstResult) {
+  Shelf shelf;
+  shelf.open();
+  ASSERT_TRUE(shelf.store->journal(std::vector{entry("one"), entry("two")}));
+  shelf.store->record(entry("one", "{1}"));
+  shelf.store->record(entry("one", "{2}"));
+  shelf.store->record(entry("three", "{3}", kNow + 1));
+  shelf.store->told("a", "three");
+  shelf.store->upkeep(kStart, kNow);
+  shelf.open();
+  const auto found = shelf.store->remembered();
+  ASSERT_EQ(found.size(), 3U);
+  EXPECT_EQ(found[0].id, "one");
+  EXPECT_EQ(found[0].result, "{1}");
+  EXPECT_FALSE(found[0].told);
+  EXPECT_EQ(found[1].result, "");
+  EXPECT_EQ(found[1].response_topic, "hmi/replies");
+  EXPECT_EQ(found[1].correlation, (Bytes{1, 0, 255}));
+  EXPECT_EQ(found[1].deadline_ms, kNow + 10000);
+  EXPECT_EQ(found[2].id, "three");
+  EXPECT_TRUE(found[2].told);
+}
+
+TEST(Store, IdsAreForgottenAfterADayAndNotBeforeTheirDeadline) {
+  Shelf shelf;
+  shelf.open();
+  const std::int64_t day = 24 * 3600 * 1000;
+  for (const std::int64_t age : {day + 20000, day - 20000}) {
+    const std::string id = std::to_string(age);
+    shelf.store->record(entry(id, "{}", kNow - age));
+    shelf.store->told("a", id);
+  }
+  JournalEntry late = entry("late", "{}", kNow - 2 * day);
+  late.deadline_ms = kNow + 1;
+  shelf.store->record(late);
+  shelf.store->told("a", "late");
+  shelf.store->upkeep(kStart, kNow);
+  const auto found = shelf.store->remembered();
+  ASSERT_EQ(found.size(), 2U);
+  EXPECT_EQ(found[0].id, "late");
+  EXPECT_EQ(found[1].id, std::to_string(day - 20000));
+}
+
+TEST(Store, MoreIdsThanAreRememberedMakeRoomOldestFirst) {
+  Shelf shelf;
+  shelf.open();
+  for (std::size_t i = 0; i < Store::kRememberedIds + 5; ++i) {
+    const std::int64_t at = kNow - 100000 + static_cast<std::int64_t>(i);
+    shelf.store->record(entry(std::to_string(i), "{}", at));
+    shelf.store->told("a", std::to_string(i));
+    if (i % 1000 == 0) shelf.store->upkeep(kStart + std::chrono::seconds(i), kNow - 200000);
+  }
+  shelf.store->upkeep(kStart + 10h, kNow);
+  const auto found = shelf.store->remembered();
+  ASSERT_EQ(found.size(), Store::kRememberedIds);
+  EXPECT_EQ(found.front().id, "5");
+}
+
+TEST(Store, ResultThatFoundNoDiskIsWrittenLater) {
+  Shelf shelf;
+  std::ofstream(shelf.config.path) << "a file in its place";
+  shelf.open();
+  shelf.store->record(entry("one", "{1}"));
+  shelf.store->told("a", "one");
+  std::filesystem::remove(shelf.config.path);
+  shelf.store->upkeep(kStart, kNow);
+  shelf.store->upkeep(kStart + 10s, kNow);
+  const auto found = shelf.store->remembered();
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].result, "{1}");
+  EXPECT_TRUE(found[0].told);
+}
+
+TEST(Migration, StepsRunOnceInTheirOrderAndAFailedOneLeavesNothing) {
+  const test::Scratch scratch;
+  sqlite::Database database(scratch.path("x.db"));
+  const char* first[] = {"CREATE TABLE t(a); INSERT INTO t VALUES(1)"};
+  ASSERT_TRUE(sqlite::migrate(database, first));
+  const char* broken[] = {first[0], "INSERT INTO t VALUES(2); no SQL"};
+  EXPECT_FALSE(sqlite::migrate(database, broken));
+  EXPECT_EQ(database.number("SELECT sum(a) FROM t"), 1);
+  const char* second[] = {first[0], "ALTER TABLE t ADD b DEFAULT 7; UPDATE t SET a = 3"};
+  ASSERT_TRUE(sqlite::migrate(database, second));
+  ASSERT_TRUE(sqlite::migrate(database, second));
+  EXPECT_EQ(database.number("SELECT sum(a + b) FROM t"), 10);
+  EXPECT_EQ(database.number("PRAGMA user_version"), 2);
+  EXPECT_FALSE(sqlite::migrate(database, first));
+  EXPECT_EQ(database.fault().code, SQLITE_SCHEMA);
+}
+
+}  // namespace
+}  // namespace fxagent
