@@ -512,8 +512,7 @@ TEST(Plan, AReadIsCutBetweenElementsNearestToItsMiddle) {
 TEST(Plan, BitsAreCutWhereBothHalvesCanBeRead) {
   const PaperCodec codec({way(4096, 8, 8, 2048)});
   const std::vector<Point> apart = {bits(3), bits(14), bits(30)};
-  EXPECT_EQ(halves_of(codec, apart, make_plan(codec, apart, kCost, 0).reads[0]),
-            (Halves{8, 8}));
+  EXPECT_EQ(halves_of(codec, apart, make_plan(codec, apart, kCost, 0).reads[0]), (Halves{8, 8}));
   const std::vector<Point> together = {bits(3), bits(5)};  // one byte holds both
   EXPECT_EQ(halves_of(codec, together, make_plan(codec, together, kCost, 0).reads[0]),
             std::nullopt);
@@ -523,7 +522,8 @@ TEST(Plan, AnArrayIsCutBetweenItsElementsAndPutTogetherAgain) {
   const PaperCodec codec({way(4096, 16, 16, 2048)});
   const std::vector<Point> points = {words(0, 6)};
   Holes holes;
-  holes.cuts.push_back({0, halves_of(codec, points, make_plan(codec, points, kCost, 0).reads[0])->right_first});
+  holes.cuts.push_back(
+      {0, halves_of(codec, points, make_plan(codec, points, kCost, 0).reads[0])->right_first});
   EXPECT_EQ(holes.cuts[0].at, 3 * 16U);
   const Plan plan = make_plan(codec, points, kCost, 0, holes);
   ASSERT_EQ(plan.reads.size(), 2U);
