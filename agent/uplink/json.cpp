@@ -634,6 +634,7 @@ std::string health(const Health& health, const Config& config) {
   out.key("in_flight").integer(samples.in_flight).key("stored").integer(samples.stored);
   out.key("acknowledged").integer(samples.acknowledged).key("dropped").integer(samples.dropped);
   out.key("published").integer(samples.published);
+  out.key("balanced").boolean(samples.balanced());
   out.end_object();
   out.key("links").begin_object();
   for (std::size_t i = 0; i < config.links.size(); ++i) {

@@ -66,7 +66,7 @@ struct Health {
   FieldHealth field;
   std::vector<std::uint64_t> dropped;  ///< samples, by index in Config::devices
   std::map<CommandStatus, std::uint64_t> commands;
-  std::string store_state;  ///< "memory"
+  std::string store_state;  ///< "disk"; "memory" where there is none, or it cannot be written
   std::uint64_t store_bytes = 0;
   std::optional<double> hours_left;  ///< until the store is full at the present rate
   bool clock_synchronised = false;

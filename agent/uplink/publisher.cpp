@@ -19,7 +19,9 @@ constexpr seconds kConnectPatience{30};  // longer than the library's own connec
 constexpr seconds kSteady{10};           // a connection that lived so long was a good one
 constexpr seconds kFirstRetry{1};
 constexpr seconds kLastRetry{30};
-constexpr seconds kLiveFor{1};  // a sample that waited longer for room is history
+constexpr seconds kLiveFor{1};  // a sample that waited longer is on disk, or else is history
+constexpr milliseconds kCommitWithin{200};  // rows for the disk are gathered so long
+constexpr seconds kNoAcknowledgement{30};   // a broker that is silent for so long is given up
 constexpr seconds kDrainFor{3};
 constexpr seconds kFarewellFor{1};
 
@@ -52,7 +54,7 @@ std::string hex_code(int reason_code) {
 }  // namespace
 
 Publisher::Publisher(const Config& config, PublisherSettings settings, Outbox& outbox,
-                     Broker& broker, Submit submit, UtcClock utc_ms)
+                     Broker& broker, Submit submit, UtcClock utc_ms, Store* store)
     : config_(config),
       settings_(std::move(settings)),
       base_(config.base_topic()),
@@ -60,6 +62,7 @@ Publisher::Publisher(const Config& config, PublisherSettings settings, Outbox& o
       broker_(broker),
       submit_(std::move(submit)),
       utc_ms_(std::move(utc_ms)),
+      store_(store),
       jitter_(settings_.jitter_seed),
       backlog_(settings_.backlog_bytes),
       history_bytes_(kHistoryBytes),
@@ -78,15 +81,21 @@ SteadyTime Publisher::step(SteadyTime now) {
   }
   for (const BrokerEvent& event : broker_.take_events())
     std::visit([&](const auto& e) { on(e, now); }, event);
+  if (flights_.empty()) last_progress_ = now;
+  if (store_ != nullptr) store_->upkeep(now, utc_ms_());
+  move_memory_to_disk();
   take_outbox(now);
   keep_connected(now);
   if (now >= next_tick_) tick(now);
-  spill_live(now);
+  spill(now);
+  hold_on_disk(now);
+  commit_put_away(now);
   if (link_ == Link::connected && phase_ <= Phase::draining) pump(now);
   outbox_.set_backed_up(live_.size() >= kBackedUp);
   const auto failures = std::exchange(unsendable_, {});
   for (const DeliveryFailed& failure : failures) on(failure, now);
   if (phase_ != Phase::running) wind_up(now);
+  commit_put_away(now);
   if (phase_ == Phase::finished) return SteadyTime::max();
   return failures.empty() ? next_wake(now) : now;
 }
@@ -102,9 +111,15 @@ json::Samples Publisher::samples() const {
   json::Samples samples;
   for (const DeviceHealth& device : field_.devices) samples.suppressed += device.suppressed;
   samples.collected = pushed_ + samples.suppressed;
-  samples.queued = live_.size();
+  const auto on_disk = [](const LiveRow& live) { return live.stored; };
+  const auto held = std::count_if(live_.begin(), live_.end(), on_disk);
+  samples.queued = live_.size() - static_cast<std::size_t>(held) + put_away_.size();
   samples.in_flight = in_flight_samples_;
   samples.stored = backlog_.rows();
+  if (store_ != nullptr) {
+    samples.stored += store_->rows();
+    samples.recovered = store_->recovered();
+  }
   samples.acknowledged = acknowledged_;
   samples.dropped = dropped_total_;
   samples.published = published_;
@@ -150,7 +165,7 @@ void Publisher::on(const ConnectFailed& event, SteadyTime now) {
   }
   link_ = Link::waiting;
   starting_ = false;
-  store_live();
+  put_away_live();
   schedule_retry(now, /*next_server=*/true);
 }
 
@@ -214,12 +229,14 @@ void Publisher::take_command(const Message& event, std::uint32_t device) {
 void Publisher::on(const Delivered& event, SteadyTime now) {
   auto flight = flights_.extract(event.id);
   if (flight.empty()) return;  // of a connection that is gone
+  last_progress_ = now;
   std::visit([&](const auto& f) { delivered(f, now); }, flight.mapped());
 }
 
 void Publisher::on(const DeliveryFailed& event, SteadyTime now) {
   auto flight = flights_.extract(event.id);
   if (flight.empty()) return;
+  last_progress_ = now;
   std::visit([&](auto& f) { failed(f, event, now); }, flight.mapped());
 }
 
@@ -239,14 +256,20 @@ void Publisher::delivered(const ResultFlight& flight, SteadyTime) {
 }
 
 void Publisher::delivered(const LiveFlight& flight, SteadyTime) {
-  --in_flight_samples_;
-  ++acknowledged_;
-  pauses_.erase(flight.row.device);
+  const SampleRow& row = flight.live.row;
+  if (flight.live.stored) {
+    acknowledged_ += store_->remove(std::span(&row.order, 1));
+  } else {
+    --in_flight_samples_;
+    ++acknowledged_;
+  }
+  pauses_.erase(row.device);
 }
 
 void Publisher::delivered(const HistoryFlight& flight, SteadyTime) {
   --history_flights_;
-  acknowledged_ += backlog_.acknowledged(flight.batch);
+  acknowledged_ +=
+      flight.on_disk ? store_->remove(flight.batch) : backlog_.acknowledged(flight.batch);
   pauses_.erase(flight.batch.device);
 }
 
@@ -276,24 +299,35 @@ void Publisher::failed(const ResultFlight& flight, const DeliveryFailed& event, 
 }
 
 void Publisher::failed(LiveFlight& flight, const DeliveryFailed& event, SteadyTime now) {
-  --in_flight_samples_;
-  if (is_final(event.reason_code)) return drop(flight.row.device, 1);
-  pause(flight.row.device, now);
-  store(std::move(flight.row));
+  const SampleRow& row = flight.live.row;
+  if (!flight.live.stored) --in_flight_samples_;
+  if (is_final(event.reason_code)) {
+    log::warn(
+        "sample_refused",
+        {{"device", row.device}, {"code", hex_code(event.reason_code)}, {"reason", event.text}});
+    const std::string device = row.device;
+    return drop(device, flight.live.stored ? store_->remove(std::span(&row.order, 1)) : 1);
+  }
+  pause(row.device, now);
+  put_away(std::move(flight.live));
 }
 
 void Publisher::failed(const HistoryFlight& flight, const DeliveryFailed& event, SteadyTime now) {
   --history_flights_;
   const HistoryBatch& batch = flight.batch;
-  if (event.reason_code == kPacketTooLarge && batch.orders.size() > 1) {
-    history_bytes_ = std::min(history_bytes_, batch.payload.size()) / 2;
-    backlog_.returned(batch);
-  } else if (is_final(event.reason_code)) {
-    drop(batch.device, backlog_.discard(batch));
-  } else {
-    backlog_.returned(batch);
-    pause(batch.device, now);
+  const bool can_be_cut = event.reason_code == kPacketTooLarge && batch.orders.size() > 1;
+  if (is_final(event.reason_code) && !can_be_cut) {
+    log::warn("history_refused", {{"device", batch.device},
+                                  {"rows", std::to_string(batch.orders.size())},
+                                  {"code", hex_code(event.reason_code)},
+                                  {"reason", event.text}});
+    return drop(batch.device, flight.on_disk ? store_->remove(batch) : backlog_.discard(batch));
   }
+  flight.on_disk ? store_->returned(batch) : backlog_.returned(batch);
+  if (can_be_cut)
+    history_bytes_ = std::min(history_bytes_, batch.payload.size()) / 2;
+  else
+    pause(batch.device, now);
 }
 
 void Publisher::failed(const FarewellFlight&, const DeliveryFailed&, SteadyTime now) {
@@ -312,7 +346,7 @@ void Publisher::take_outbox(SteadyTime now) {
     states_.at(device) = std::move(status);
     if (link_ == Link::connected) due_[{Notice::device_state, device, {}}] = {};
   }
-  for (const Telemetry& message : batch.telemetry) take_sample(message, now);
+  take_samples(batch.telemetry, now);
   if (batch.health) {
     field_ = std::move(*batch.health);
     std::uint64_t sent = 0;
@@ -323,22 +357,31 @@ void Publisher::take_outbox(SteadyTime now) {
   }
 }
 
-void Publisher::take_sample(const Telemetry& message, SteadyTime now) {
-  SampleRow row;
-  row.order = next_order_++;
-  const DeviceConfig& device = config_.devices.at(message.device);
-  row.device = device.name;
-  row.group = device.groups.at(message.group).name;
-  row.seq = message.seq;
-  row.created_ms = message.ts_ms;
-  row.json = json::telemetry(message, device, settings_.boot, metas_.at(message.device).hash);
-  row_bytes_ += row.cost();
+void Publisher::take_samples(const std::vector<Telemetry>& messages, SteadyTime now) {
   // What is read while the first connection is being made is as live as what comes right after it.
-  const bool can_go = link_ == Link::connected || starting_;
-  if (can_go && phase_ <= Phase::draining && may_send(row.device, now))
-    live_.push_back({std::move(row), now});
-  else
-    store(std::move(row));
+  const bool can_go = (link_ == Link::connected || starting_) && phase_ <= Phase::draining;
+  std::vector<SampleRow> live;
+  for (const Telemetry& message : messages) {
+    const DeviceConfig& device = config_.devices.at(message.device);
+    SampleRow row;
+    row.order = next_order_++;
+    row.device = device.name;
+    row.group = device.groups.at(message.group).name;
+    row.seq = message.seq;
+    row.created_ms = message.ts_ms;
+    row.json = json::telemetry(message, device, settings_.boot, metas_.at(message.device).hash);
+    row_bytes_ += row.cost();
+    if (store_ != nullptr) store_->used_seq(row.device, row.seq);
+    if (can_go && may_send(row.device, now))
+      live.push_back(std::move(row));
+    else
+      put_away(std::move(row));
+  }
+  const bool stored = config_.store.sync_always && store_ != nullptr && !live.empty() &&
+                      store_->append(live, Store::Hold::yes);
+  for (SampleRow& row : live) live_.push_back({std::move(row), now, stored});
+  if (stored) count_dropped();
+  if (!put_away_.empty() && config_.store.sync_always) commit_at_ = now;
 }
 
 void Publisher::take_result(CommandResult result) {
@@ -372,6 +415,10 @@ void Publisher::keep_connected(SteadyTime now) {
     broker_.disconnect();
     on(ConnectFailed{"no answer"}, now);
   }
+  if (link_ == Link::connected && !flights_.empty() && now - last_progress_ >= kNoAcknowledgement) {
+    broker_.disconnect();
+    on(Lost{"no acknowledgement for 30 s"}, now);
+  }
   if (link_ == Link::waiting && now >= retry_at_) {
     link_ = Link::connecting;
     connect_deadline_ = now + kConnectPatience;
@@ -392,11 +439,11 @@ void Publisher::connection_over(SteadyTime now) {
   in_flight_samples_ = 0;
   for (auto& [id, flight] : flights) {
     if (auto* live = std::get_if<LiveFlight>(&flight))
-      store(std::move(live->row));
+      put_away(std::move(live->live));
     else if (const auto* history = std::get_if<HistoryFlight>(&flight))
-      backlog_.returned(history->batch);
+      history->on_disk ? store_->returned(history->batch) : backlog_.returned(history->batch);
   }
-  store_live();
+  put_away_live();
   due_.clear();  // all of it is published again after the next connect
   for (auto& [key, pending] : results_) {
     for (PendingResult::Copy& copy : pending.copies) {
@@ -431,6 +478,7 @@ void Publisher::tick(SteadyTime now) {
   const json::Samples now_here = samples();
   if (!now_here.balanced())
     log::error("samples_unbalanced", {{"collected", std::to_string(now_here.collected)},
+                                      {"recovered", std::to_string(now_here.recovered)},
                                       {"suppressed", std::to_string(now_here.suppressed)},
                                       {"queued", std::to_string(now_here.queued)},
                                       {"in_flight", std::to_string(now_here.in_flight)},
@@ -446,7 +494,8 @@ void Publisher::pump(SteadyTime now) {
   pump_results(now);
   pump_notices(now);
   pump_live(now);
-  pump_history(now);
+  // What is on disk is safe there and does not hold up the end.
+  if (phase_ == Phase::running || store_ == nullptr) pump_history(now);
 }
 
 void Publisher::pump_results(SteadyTime now) {
@@ -500,45 +549,84 @@ void Publisher::pump_notices(SteadyTime now) {
   }
 }
 
-void Publisher::spill_live(SteadyTime now) {
+void Publisher::spill(SteadyTime now) {
   while (!live_.empty() && live_.front().since + kLiveFor <= now) {
-    store(std::move(live_.front().row));
+    put_away(std::move(live_.front()));
     live_.pop_front();
+    commit_at_ = now;
   }
+}
+
+/// Samples that have been in flight for a second are on disk from then on, and stay in flight.
+void Publisher::hold_on_disk(SteadyTime now) {
+  if (store_ == nullptr || !store_->is_writable()) return;
+  std::vector<SampleRow> rows;
+  std::vector<LiveRow*> held;
+  for (auto& [id, flight] : flights_) {
+    auto* live = std::get_if<LiveFlight>(&flight);
+    if (live == nullptr || live->live.stored || live->live.since + kLiveFor > now) continue;
+    rows.push_back(live->live.row);
+    held.push_back(&live->live);
+  }
+  if (rows.empty() || !store_->append(rows, Store::Hold::yes)) return;
+  for (std::size_t i = 0; i < held.size(); ++i) {
+    held[i]->row.order = rows[i].order;
+    held[i]->stored = true;
+    --in_flight_samples_;
+  }
+  count_dropped();
 }
 
 void Publisher::pump_live(SteadyTime now) {
   while (!live_.empty() && flights_.size() < sample_window()) {
-    SampleRow row = std::move(live_.front().row);
+    LiveRow live = std::move(live_.front());
     live_.pop_front();
-    if (!may_send(row.device, now)) {
-      store(std::move(row));
+    if (!may_send(live.row.device, now)) {
+      put_away(std::move(live));
       continue;
     }
     Publication publication;
-    publication.topic = data_topic({row.device, row.group});
-    publication.payload = row.json;
+    publication.topic = data_topic({live.row.device, live.row.group});
+    publication.payload = live.row.json;
     publication.qos = config_.mqtt.qos;
-    ++in_flight_samples_;
+    if (!live.stored) ++in_flight_samples_;
     ++published_;
-    send(LiveFlight{std::move(row)}, std::move(publication));
+    send(LiveFlight{std::move(live)}, std::move(publication));
   }
 }
 
 void Publisher::pump_history(SteadyTime now) {
   const std::size_t share = std::max<std::size_t>(1, window_ / 4);
   while (live_.empty() && history_flights_ < share && flights_.size() < sample_window()) {
-    auto batch = backlog_.next(history_bytes_,
-                               [&](const LaneKey& lane) { return may_send(lane.first, now); });
-    if (!batch) return;
+    auto history = next_history(now);
+    if (!history) return;
     Publication publication;
-    publication.topic = data_topic({batch->device, batch->group}) + "/history";
-    publication.payload = batch->payload;
+    publication.topic = data_topic({history->batch.device, history->batch.group}) + "/history";
+    publication.payload = history->batch.payload;
     publication.qos = config_.mqtt.qos;
     ++history_flights_;
-    published_ += batch->orders.size();
-    send(HistoryFlight{std::move(*batch)}, std::move(publication));
+    published_ += history->batch.orders.size();
+    send(std::move(*history), std::move(publication));
   }
+}
+
+/// Rows in memory are younger than those of the same lane on disk, and wait for them.
+std::optional<Publisher::HistoryFlight> Publisher::next_history(SteadyTime now) {
+  const auto from_disk = [&](const LaneKey& lane) {
+    return may_send(lane.first, now) && !backlog_.is_on_the_way(lane);
+  };
+  const auto from_memory = [&](const LaneKey& lane) {
+    return may_send(lane.first, now) &&
+           (store_ == nullptr || !(store_->has_waiting(lane) || store_->is_on_the_way(lane)));
+  };
+  if (store_ != nullptr) {
+    auto batch = store_->next(history_bytes_, from_disk);
+    count_dropped();
+    if (batch) return HistoryFlight{std::move(*batch), true};
+  }
+  auto batch = backlog_.next(history_bytes_, from_memory);
+  if (batch) return HistoryFlight{std::move(*batch), false};
+  return std::nullopt;
 }
 
 void Publisher::send(Flight flight, Publication publication) {
@@ -575,14 +663,52 @@ void Publisher::pause(const std::string& device, SteadyTime now) {
        {"again_in_s", std::to_string(std::chrono::ceil<seconds>(pause.until - now).count())}});
 }
 
-void Publisher::store_live() {
-  for (LiveRow& live : live_) store(std::move(live.row));
+void Publisher::put_away_live() {
+  for (LiveRow& live : live_) put_away(std::move(live));
   live_.clear();
 }
 
-void Publisher::store(SampleRow row) {
-  backlog_.append(std::move(row));
+void Publisher::put_away(LiveRow live) {
+  if (live.stored)
+    store_->release(live.row.order);
+  else
+    put_away(std::move(live.row));
+}
+
+void Publisher::put_away(SampleRow row) { put_away_.push_back(std::move(row)); }
+
+void Publisher::commit_put_away(SteadyTime now) {
+  if (put_away_.empty()) {
+    commit_at_ = now + kCommitWithin;
+    return;
+  }
+  const bool can_wait = store_ != nullptr && store_->is_writable() && phase_ == Phase::running;
+  if (!can_wait || now >= commit_at_) write_put_away();
+}
+
+void Publisher::write_put_away() {
+  auto rows = std::exchange(put_away_, {});
+  // While older rows are in memory, these wait behind them.
+  const bool on_disk =
+      store_ != nullptr && backlog_.rows() == 0 && store_->append(rows, Store::Hold::no);
+  if (!on_disk)
+    for (SampleRow& row : rows) backlog_.append(std::move(row));
+  count_dropped();
+}
+
+void Publisher::move_memory_to_disk() {
+  if (store_ == nullptr || !store_->is_writable() || backlog_.rows() == 0) return;
+  auto rows = backlog_.take_waiting();
+  if (rows.empty()) return;
+  if (!store_->append(rows, Store::Hold::no))
+    for (SampleRow& row : rows) backlog_.append(std::move(row));
+  count_dropped();
+}
+
+void Publisher::count_dropped() {
   for (const auto& [device, count] : backlog_.take_dropped()) drop(device, count);
+  if (store_ == nullptr) return;
+  for (const auto& [device, count] : store_->take_dropped()) drop(device, count);
 }
 
 void Publisher::drop(const std::string& device, std::uint64_t count) {
@@ -630,6 +756,12 @@ void Publisher::wind_up(SteadyTime now) {
   }
   if (link_ != Link::connected) broker_.disconnect();
   phase_ = Phase::finished;
+  if (store_ != nullptr) {  // what the broker has not acknowledged is for the next boot
+    connection_over(now);
+    move_memory_to_disk();
+    write_put_away();
+    store_->close();
+  }
   const json::Samples left = samples();
   log::info("uplink_stopped",
             {{"samples_left", std::to_string(left.queued + left.in_flight + left.stored)},
@@ -638,7 +770,7 @@ void Publisher::wind_up(SteadyTime now) {
 
 bool Publisher::drained() const {
   return flights_.empty() && results_.empty() && due_.empty() && live_.empty() &&
-         backlog_.rows() == 0;
+         put_away_.empty() && backlog_.rows() == 0;
 }
 
 void Publisher::say_farewell(SteadyTime now) {
@@ -661,6 +793,8 @@ SteadyTime Publisher::next_wake(SteadyTime now) const {
   if (link_ == Link::connecting) at(connect_deadline_);
   if (clean_up_until_) at(*clean_up_until_);
   if (!live_.empty()) at(live_.front().since + kLiveFor);
+  if (!put_away_.empty()) at(commit_at_);
+  if (store_ != nullptr && store_->is_unsettled()) at(now + kCommitWithin);
   if (link_ != Link::connected) return wake;
   // What is due now and found no room goes with the next acknowledgement, which is news.
   const auto later = [&](SteadyTime time) {
@@ -670,7 +804,13 @@ SteadyTime Publisher::next_wake(SteadyTime now) const {
   for (const auto& [key, pending] : results_)
     for (const PendingResult::Copy& copy : pending.copies) later(copy.due.not_before);
   for (const auto& [device, pause] : pauses_)
-    if (pause.until > now && backlog_.has_waiting(device)) at(pause.until);
+    if (backlog_.has_waiting(device) || (store_ != nullptr && store_->has_waiting(device)))
+      later(pause.until);
+  if (!flights_.empty()) at(last_progress_ + kNoAcknowledgement);
+  if (store_ == nullptr || !store_->is_writable()) return wake;
+  for (const auto& [id, flight] : flights_)
+    if (const auto* live = std::get_if<LiveFlight>(&flight); live != nullptr && !live->live.stored)
+      at(live->live.since + kLiveFor);
   return wake;
 }
 
@@ -695,11 +835,12 @@ std::string Publisher::health_text(SteadyTime now) const {
     health.dropped.push_back(found == dropped_.end() ? 0 : found->second);
   }
   health.commands = commands_;
-  health.store_state = "memory";
-  health.store_bytes = backlog_.bytes();
+  health.store_state = store_ == nullptr ? "memory" : store_->state();
+  health.store_bytes = backlog_.bytes() + (store_ == nullptr ? 0 : store_->bytes());
+  const std::uint64_t room = store_ == nullptr ? backlog_.max_bytes() : store_->max_bytes();
   if (bytes_per_hour_ && *bytes_per_hour_ > 0)
     health.hours_left =
-        static_cast<double>(backlog_.max_bytes() - backlog_.bytes()) / *bytes_per_hour_;
+        static_cast<double>(room - std::min(room, health.store_bytes)) / *bytes_per_hour_;
   const ProcessFacts facts = read_process_facts();
   health.clock_synchronised = facts.clock_synchronised;
   health.rss_bytes = facts.rss_bytes;

@@ -3,6 +3,10 @@
 // that are not acknowledged stays below a window of its own, since the MQTT library under it slows
 // to one window a second when its queue grows longer than the broker's receive maximum.
 //
+// With a store, a sample that has waited for its PUBACK for a second is on disk, and with
+// `sync: always` each one is before it is sent; the backlog in memory then stands in where the disk
+// refuses.
+//
 // Order of precedence: results, then states, then live samples, then the backlog beside them.
 #pragma once
 
@@ -24,6 +28,7 @@
 #include "agent/uplink/backlog.h"
 #include "agent/uplink/broker.h"
 #include "agent/uplink/json.h"
+#include "agent/uplink/store.h"
 
 namespace fxagent {
 
@@ -42,9 +47,9 @@ class Publisher final {
   using UtcClock = std::function<std::int64_t()>;
 
   /// All references outlive the publisher. `submit` is called from step(), for every message on a
-  /// command topic of a configured device, and must not block.
+  /// command topic of a configured device, and must not block. `store` null: memory alone.
   Publisher(const Config& config, PublisherSettings settings, Outbox& outbox, Broker& broker,
-            Submit submit, UtcClock utc_ms);
+            Submit submit, UtcClock utc_ms, Store* store = nullptr);
   ~Publisher();
   Publisher(const Publisher&) = delete;
   Publisher& operator=(const Publisher&) = delete;
@@ -101,20 +106,22 @@ class Publisher final {
     std::uint64_t result = 0;
     std::size_t copy = 0;
   };
-  struct LiveFlight {
+  struct LiveRow {
     SampleRow row;
+    SteadyTime since{};
+    bool stored = false;  ///< on disk too, and held there
+  };
+  struct LiveFlight {
+    LiveRow live;
   };
   struct HistoryFlight {
     HistoryBatch batch;
+    bool on_disk = false;
   };
   struct FarewellFlight {};
   using Flight =
       std::variant<NoticeFlight, ResultFlight, LiveFlight, HistoryFlight, FarewellFlight>;
 
-  struct LiveRow {
-    SampleRow row;
-    SteadyTime since{};
-  };
   /// A device whose samples the broker refuses for the time being.
   struct DevicePause {
     SteadyTime until{};
@@ -132,7 +139,7 @@ class Publisher final {
   void on(const MessagesDropped& event, SteadyTime now);
 
   void take_outbox(SteadyTime now);
-  void take_sample(const Telemetry& message, SteadyTime now);
+  void take_samples(const std::vector<Telemetry>& messages, SteadyTime now);
   void take_command(const Message& event, std::uint32_t device);
   void take_result(CommandResult result);
 
@@ -146,7 +153,9 @@ class Publisher final {
   void pump_notices(SteadyTime now);
   void pump_live(SteadyTime now);
   void pump_history(SteadyTime now);
-  void spill_live(SteadyTime now);
+  void spill(SteadyTime now);
+  void hold_on_disk(SteadyTime now);
+  std::optional<HistoryFlight> next_history(SteadyTime now);
   void wind_up(SteadyTime now);
   bool drained() const;
   void say_farewell(SteadyTime now);
@@ -167,8 +176,14 @@ class Publisher final {
   bool has_room() const { return flights_.size() < window_; }
   bool may_send(const std::string& device, SteadyTime now) const;
   void pause(const std::string& device, SteadyTime now);
-  void store(SampleRow row);
-  void store_live();
+  void put_away(SampleRow row);
+  void put_away(LiveRow live);
+  void put_away_live();
+  /// What was put away goes to the disk, several rows at once; or into memory, at once.
+  void commit_put_away(SteadyTime now);
+  void write_put_away();
+  void move_memory_to_disk();
+  void count_dropped();
   void drop(const std::string& device, std::uint64_t count);
   void result_copy_done(std::uint64_t result, std::size_t copy);
   SteadyTime::duration back_off(int failures);
@@ -184,6 +199,7 @@ class Publisher final {
   Broker& broker_;
   const Submit submit_;
   const UtcClock utc_ms_;
+  Store* const store_;
   std::minstd_rand jitter_;
 
   // the connection
@@ -204,7 +220,8 @@ class Publisher final {
   std::map<std::uint64_t, Flight> flights_;
   std::vector<DeliveryFailed> unsendable_;  ///< found by send(); told at the end of the step
   std::size_t history_flights_ = 0;
-  std::uint64_t in_flight_samples_ = 0;
+  std::uint64_t in_flight_samples_ = 0;  ///< that are not on disk
+  SteadyTime last_progress_{};           ///< an acknowledgement, or nothing was in flight
 
   // what waits
   std::map<NoticeKey, Due> due_;
@@ -212,6 +229,8 @@ class Publisher final {
   std::map<std::uint64_t, PendingResult> results_;
   std::uint64_t next_order_ = 1;
   std::deque<LiveRow> live_;
+  std::vector<SampleRow> put_away_;  ///< for the store, at the next commit
+  SteadyTime commit_at_{};
   Backlog backlog_;
   std::size_t history_bytes_;  ///< of one message; shrinks where the broker finds it too large
 

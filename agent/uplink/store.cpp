@@ -267,16 +267,15 @@ bool Store::append(std::vector<SampleRow>& rows, Hold hold) {
   if (!writable_ || rows.empty()) return writable_;
   std::uint64_t added = 0;
   std::vector<Victim> gone;
-  std::uint64_t order = next_order_;
   std::map<std::string, std::uint64_t> last;
   const auto write = [&] {
     Transaction transaction(file_->db);
     if (!transaction.begun() || !write_settled()) return false;
-    for (SampleRow& row : rows) {
-      row.order = order++;
+    std::uint64_t order = next_order_;
+    for (const SampleRow& row : rows) {
       added += row.cost();
       last[row.device] = std::max(last[row.device], row.seq);
-      if (!file_->insert.bind(1, to_sql(row.order))
+      if (!file_->insert.bind(1, to_sql(order++))
                .bind(2, row.device)
                .bind(3, row.group)
                .bind(4, to_sql(row.seq))
@@ -302,8 +301,8 @@ bool Store::append(std::vector<SampleRow>& rows, Hold hold) {
   removed_.clear();
   untold_.clear();
   unrecorded_.clear();
-  next_order_ = order;
-  for (const SampleRow& row : rows) {
+  for (SampleRow& row : rows) {
+    row.order = next_order_++;
     const LaneKey key{row.device, row.group};
     Lane& lane = lanes_[key];
     if (lane.rows == 0) lane.oldest = row.order;

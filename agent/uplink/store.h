@@ -62,10 +62,16 @@ class Store final {
   /// than max_age and ids that need not be remembered any more. Cheap where nothing is due.
   void upkeep(SteadyTime now, std::int64_t utc_ms);
 
+  /// Whether upkeep() has something to write soon.
+  bool is_unsettled() const {
+    return writable_ && !(removed_.empty() && untold_.empty() && unrecorded_.empty());
+  }
+
   // ---- samples
 
   /// All of them in one transaction that is synchronised with the disk, and then the oldest rows
-  /// out until max_bytes holds. Each row gets its `order`. False: none was written.
+  /// out until max_bytes holds. Each row gets its `order`. False: none was written, and none
+  /// changed.
   bool append(std::vector<SampleRow>& rows, Hold hold);
   /// The next history message, as Backlog::next() has it.
   std::optional<HistoryBatch> next(std::size_t max_payload, const MaySend& may_send);

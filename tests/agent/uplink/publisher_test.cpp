@@ -2,14 +2,18 @@
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <random>
 #include <set>
 #include <stop_token>
 #include <thread>
+#include <tuple>
 
 #include "tests/agent/uplink/fake_broker.h"
 #include "tests/agent/uplink/plant.h"
+#include "tests/agent/uplink/scratch.h"
 
 namespace fxagent {
 namespace {
@@ -27,15 +31,21 @@ struct Bench {
   std::vector<Command> commands;
   SteadyTime now = SteadyTime(std::chrono::hours(1));
   PublisherSettings settings{.boot = "9f3c21aa", .version = "0.1.0"};
+  std::unique_ptr<Store> store;  ///< null: none
   std::unique_ptr<Publisher> publisher;
 
+  /// With a store in this directory, opened at the first step.
+  explicit Bench(const std::string& directory = {}) { config.store.path = directory; }
   Publisher& made() {
+    if (!publisher && !config.store.path.empty())
+      store = std::make_unique<Store>(config.store, utc());
     if (!publisher)
       publisher = std::make_unique<Publisher>(
           config, settings, outbox, broker, [this](Command c) { commands.push_back(std::move(c)); },
-          [this] { return 1790000000000 + now.time_since_epoch() / 1ms; });
+          [this] { return utc(); }, store.get());
     return *publisher;
   }
+  std::int64_t utc() const { return 1790000000000 + now.time_since_epoch() / 1ms; }
   SteadyTime step() {
     const SteadyTime wake = made().step(now);
     EXPECT_TRUE(publisher->samples().balanced());
@@ -261,6 +271,207 @@ TEST(Publisher, FullBacklogDropsTheOldestAndCountsThem) {
   const json health = json::parse(bench.broker.on(kBase + "/health").back());
   EXPECT_EQ(health["devices"]["press2"]["dropped"], dropped);
   EXPECT_EQ(health["samples"]["dropped"], dropped);
+}
+
+// ---- with a store on disk
+// -------------------------------------------------------------------------
+
+TEST(PublisherStore, SamplesOfAnOutageOutliveTheProcess) {
+  const test::Scratch scratch;
+  {
+    Bench bench(scratch.path("store"));
+    bench.broker.reachable = false;
+    for (std::uint64_t seq = 1; seq <= 3; ++seq) bench.outbox.push(test::sample(seq));
+    bench.settle();
+    EXPECT_EQ(bench.made().samples().queued, 3U);  // gathered for one commit
+    bench.advance(200ms);
+    EXPECT_EQ(bench.made().samples().stored, 3U);
+  }  // no goodbye
+  Bench again(scratch.path("store"));
+  again.outbox.push(test::sample(4));
+  again.settle();
+  EXPECT_EQ(seqs(again.broker.on(kBase + "/press1/data/fast/history")),
+            (std::vector<std::uint64_t>{1, 2, 3}));
+  EXPECT_EQ(seqs(again.broker.on(kBase + "/press1/data/fast")), std::vector<std::uint64_t>{4});
+  const fxagent::json::Samples samples = again.made().samples();
+  EXPECT_EQ(samples.recovered, 3U);
+  EXPECT_EQ(samples.acknowledged, 4U);
+  EXPECT_EQ(samples.stored, 0U);
+  const json health = json::parse(again.broker.on(kBase + "/health").at(0));
+  EXPECT_EQ(health["store"]["state"], "disk");
+  EXPECT_EQ(health["samples"]["balanced"], true);
+}
+
+TEST(PublisherStore, UnacknowledgedForASecondIsOnDiskAndStillInFlight) {
+  const test::Scratch scratch;
+  Bench bench(scratch.path("store"));
+  bench.online();
+  bench.broker.acknowledges = false;
+  for (std::uint64_t seq = 1; seq <= 20; ++seq) bench.outbox.push(test::sample(seq));
+  bench.settle();
+  EXPECT_EQ(bench.made().samples().in_flight, 18U);
+  EXPECT_LE(bench.step(), bench.now + 1s);
+  bench.advance(1s);
+  EXPECT_EQ(bench.made().samples().in_flight, 0U);
+  EXPECT_EQ(bench.made().samples().stored, 20U);
+  EXPECT_TRUE(bench.broker.on(kBase + "/press1/data/fast/history").empty());
+  bench.broker.acknowledge_all();
+  bench.settle();
+  EXPECT_EQ(bench.made().samples().acknowledged, 18U);
+  EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast/history")),
+            (std::vector<std::uint64_t>{19, 20}));
+  bench.broker.acknowledge_all();
+  bench.advance(1s);
+  EXPECT_EQ(bench.made().samples().acknowledged, 20U);
+  bench.store.reset();
+  EXPECT_EQ(Bench(scratch.path("store")).made().samples().recovered, 0U);
+}
+
+TEST(PublisherStore, WithAlwaysEverySampleIsOnDiskBeforeItIsSent) {
+  const test::Scratch scratch;
+  Bench bench(scratch.path("store"));
+  bench.config.store.sync_always = true;
+  bench.online();
+  bench.broker.acknowledges = false;
+  for (std::uint64_t seq = 1; seq <= 3; ++seq) bench.outbox.push(test::sample(seq));
+  bench.settle();
+  EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast")),
+            (std::vector<std::uint64_t>{1, 2, 3}));
+  EXPECT_EQ(bench.made().samples().stored, 3U);
+  bench.broker.acknowledge_next();
+  bench.settle();
+  EXPECT_EQ(bench.made().samples().acknowledged, 1U);
+  bench.advance(200ms);
+  bench.store.reset();  // no goodbye
+  Bench again(scratch.path("store"));
+  again.settle();
+  EXPECT_EQ(seqs(again.broker.on(kBase + "/press1/data/fast/history")),
+            (std::vector<std::uint64_t>{2, 3}));
+}
+
+TEST(PublisherStore, ReconnectInTheMiddleOfTheBacklogLosesAndReordersNothing) {
+  const test::Scratch scratch;
+  Bench bench(scratch.path("store"));
+  bench.broker.reachable = false;
+  for (std::uint64_t seq = 1; seq <= 900; ++seq) bench.outbox.push(test::sample(seq));
+  bench.settle();
+  bench.advance(1s);
+  bench.broker.reachable = true;
+  bench.broker.acknowledges = false;
+  while (!bench.broker.up()) bench.advance(1s);
+  for (int i = 0; i < 5; ++i) {
+    bench.broker.acknowledge_next();  // the states, and then the first of the history
+    bench.settle();
+  }
+  ASSERT_LT(bench.made().samples().stored, 900U);
+  ASSERT_GT(bench.made().samples().stored, 0U);
+  ASSERT_GT(bench.broker.open(), 0U);
+  bench.broker.lose();
+  bench.settle();
+  bench.broker.acknowledges = true;
+  for (int i = 0; i < 40; ++i) bench.advance(1s);
+  std::vector<std::string> taken;
+  for (const Publication& p : bench.broker.taken)
+    if (p.topic.ends_with("/history")) taken.push_back(p.payload);
+  std::vector<std::uint64_t> expected(900);
+  for (std::uint64_t i = 0; i < 900; ++i) expected[i] = i + 1;
+  EXPECT_EQ(seqs(taken), expected);
+  for (const std::string& message : taken) EXPECT_LE(message.size(), 65536U);
+}
+
+TEST(PublisherStore, HistoryHasAShareOfTheWindowAndLiveTheRest) {
+  const test::Scratch scratch;
+  Bench bench(scratch.path("store"));
+  bench.broker.reachable = false;
+  for (std::uint64_t seq = 1; seq <= 20; ++seq)
+    for (std::uint32_t device = 0; device < 2; ++device)
+      for (std::uint32_t group = 0; group < 2; ++group)
+        bench.outbox.push(test::sample(seq, device, group));
+  bench.settle();
+  bench.advance(1s);
+  bench.broker.reachable = true;
+  bench.broker.receive_maximum = 8;
+  bench.broker.acknowledges = false;
+  bench.advance(5s);
+  bench.broker.acknowledge_all();
+  bench.settle();
+  bench.broker.log.clear();
+  bench.outbox.push(test::sample(21));
+  bench.settle();
+  EXPECT_LE(bench.broker.open(), 3U);  // two of history and the live one
+  EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast")), std::vector<std::uint64_t>{21});
+}
+
+TEST(PublisherStore, DiskThatRefusesIsReplacedByMemoryUntilItTakesAgain) {
+  const test::Scratch scratch;
+  std::ofstream(scratch.path("store")) << "a file in its place";
+  Bench bench(scratch.path("store"));
+  bench.broker.reachable = false;
+  for (std::uint64_t seq = 1; seq <= 3; ++seq) bench.outbox.push(test::sample(seq));
+  bench.settle();
+  EXPECT_EQ(bench.store->state(), "memory");
+  EXPECT_EQ(bench.made().samples().stored, 3U);
+  std::filesystem::remove(scratch.path("store"));
+  bench.advance(10s);
+  EXPECT_EQ(bench.store->state(), "disk");
+  EXPECT_EQ(bench.store->rows(), 3U);
+  EXPECT_EQ(bench.made().samples().stored, 3U);
+  bench.outbox.push(test::sample(4));
+  bench.advance(1s);
+  bench.broker.reachable = true;
+  bench.advance(40s);
+  EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast/history")),
+            (std::vector<std::uint64_t>{1, 2, 3, 4}));
+}
+
+TEST(PublisherStore, CleanStopLeavesTheRestOnDisk) {
+  const test::Scratch scratch;
+  Bench bench(scratch.path("store"));
+  bench.online();
+  bench.broker.acknowledges = false;
+  for (std::uint64_t seq = 1; seq <= 30; ++seq) bench.outbox.push(test::sample(seq));
+  bench.step();
+  bench.made().stop(bench.now);
+  while (!bench.made().finished()) bench.advance(500ms);
+  Bench again(scratch.path("store"));
+  again.settle();
+  EXPECT_EQ(again.made().samples().recovered, 30U);
+  EXPECT_EQ(seqs(again.broker.on(kBase + "/press1/data/fast/history")).size(), 30U);
+}
+
+TEST(PublisherStore, RowsOfADeviceThatIsGoneStillArrive) {
+  const test::Scratch scratch;
+  {
+    Bench bench(scratch.path("store"));
+    bench.broker.reachable = false;
+    bench.outbox.push(test::sample(1, 1));
+    bench.settle();
+    bench.advance(1s);
+  }
+  Bench again(scratch.path("store"));
+  again.config.devices.pop_back();
+  again.settle();
+  EXPECT_EQ(seqs(again.broker.on(kBase + "/press2/data/fast/history")),
+            std::vector<std::uint64_t>{1});
+}
+
+TEST(Publisher, BrokerThatAcknowledgesNothingForHalfAMinuteIsLeft) {
+  Bench bench;
+  bench.online();
+  bench.advance(2min);  // nothing in flight: nothing to wait for
+  EXPECT_EQ(bench.broker.connects.size(), 1U);
+  bench.broker.acknowledges = false;
+  bench.outbox.push(test::sample(1));
+  bench.settle();
+  bench.advance(29s);
+  EXPECT_EQ(bench.broker.connects.size(), 1U);
+  EXPECT_LE(bench.step(), bench.now + 1s);
+  bench.broker.acknowledges = true;
+  bench.advance(1s);
+  bench.advance(2s);
+  EXPECT_EQ(bench.broker.connects.size(), 2U);
+  EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast/history")),
+            std::vector<std::uint64_t>{1});
 }
 
 TEST(Publisher, ResultComesOnceAndAgainUntilItIsAcknowledged) {
@@ -616,16 +827,21 @@ TEST(Publisher, ThreadEndsAfterACleanStop) {
 
 // Whatever the broker does, in whatever order: every sample is in exactly one place at every step,
 // the window is kept, and once the broker behaves again nothing is missing that was not counted.
-class PublisherProperty : public testing::TestWithParam<unsigned> {};
+enum class Keeping : std::uint8_t { memory, offline, always };
+class PublisherProperty : public testing::TestWithParam<std::tuple<unsigned, Keeping>> {};
 
 TEST_P(PublisherProperty, NothingIsLostWithoutBeingCounted) {
-  std::mt19937 random(GetParam());
+  const auto [seed, keeping] = GetParam();
+  std::mt19937 random(seed);
   const auto below = [&](unsigned n) {
     return static_cast<unsigned>(std::uniform_int_distribution<unsigned>(0, n - 1)(random));
   };
-  Bench bench;
+  const test::Scratch scratch;
+  Bench bench(keeping == Keeping::memory ? "" : scratch.path("store"));
+  bench.config.store.sync_always = keeping == Keeping::always;
+  bench.config.store.max_bytes = 20000;
   bench.settings.backlog_bytes = 20000;
-  bench.settings.jitter_seed = GetParam();
+  bench.settings.jitter_seed = seed;
   bench.broker.receive_maximum = 1 + below(30);
   bench.broker.acknowledges = false;
   const std::size_t window = std::min(20U, bench.broker.receive_maximum);
@@ -715,7 +931,10 @@ TEST_P(PublisherProperty, NothingIsLostWithoutBeingCounted) {
   EXPECT_EQ(answered, ids);
 }
 
-INSTANTIATE_TEST_SUITE_P(Seeds, PublisherProperty, testing::Range(1U, 21U));
+INSTANTIATE_TEST_SUITE_P(Seeds, PublisherProperty,
+                         testing::Combine(testing::Range(1U, 21U),
+                                          testing::Values(Keeping::memory, Keeping::offline,
+                                                          Keeping::always)));
 
 }  // namespace
 }  // namespace fxagent
