@@ -16,6 +16,8 @@
 #include "agent/uplink/json.h"
 #include "agent/uplink/paho_broker.h"
 #include "agent/uplink/publisher.h"
+#include "agent/uplink/recall.h"
+#include "agent/uplink/store.h"
 
 namespace fxagent {
 namespace {
@@ -56,15 +58,21 @@ void run_agent(const Config& config, const sigset_t& stop_signals) {
       static_cast<std::size_t>(std::min<std::uint64_t>(config.store.max_bytes, kMostBacklogBytes));
 
   const auto utc_now = [] { return utc_ms(std::chrono::system_clock::now()); };
-  // Until numbers are kept on disk, the clock at start makes every boot begin above the last one.
-  const auto first_seq = static_cast<std::uint64_t>(utc_now());
+  const auto store = config.store.path.empty() ? std::unique_ptr<Store>()
+                                               : std::make_unique<Store>(config.store, utc_now());
+  Recall known = recall(config, store.get(), utc_now());
 
   Outbox outbox(kOutboxMessages);
-  Field field(config, outbox, first_seq);
+  for (CommandResult& result : known.untold) {
+    result.received = std::chrono::steady_clock::now();
+    outbox.push(std::move(result));
+  }
+  Field field(config, outbox, known.field, Polling::on, store ? Journaling::on : Journaling::off);
   PahoBroker broker(config.mqtt, last_will(config, settings.boot), [&outbox] { outbox.notify(); });
   Publisher publisher(
       config, settings, outbox, broker,
-      [&field](Command command) { field.submit(std::move(command)); }, utc_now);
+      [&field](Command command) { field.submit(std::move(command)); }, utc_now, store.get(),
+      [&field](std::uint32_t device, std::string id) { field.go_ahead(device, std::move(id)); });
 
   log::info("agent", {{"state", "starting"},
                       {"id", config.id},

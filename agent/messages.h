@@ -187,12 +187,43 @@ struct CommandResult {
   std::chrono::nanoseconds wire{0};
   std::optional<std::chrono::nanoseconds> bound;
 
+  /// False: the memory of ids is full and this one is not in it.
+  bool id_kept = true;
+  /// A result that an earlier run has given, as it was published (JSON). Of the other fields only
+  /// device, id, status, plc, received_ms and the MQTT 5 properties say something then.
+  std::string recorded;
+
   /// DUPLICATE only: the first result, or null while that command is still running. Held by the
   /// desk's memory of ids and by this message.
   std::shared_ptr<const CommandResult> first;
 
   std::string response_topic;
   Bytes correlation;
+};
+
+/// An admitted order for the journal. It is carried out only when the uplink has written it down
+/// and given the go-ahead.
+struct OrderNote {
+  std::uint32_t device = 0;
+  std::string id;
+  std::string op;
+  std::int64_t received_ms = 0;
+  std::int64_t deadline_ms = 0;
+  std::string response_topic;
+  Bytes correlation;
+};
+
+// ---- what earlier runs leave --------------------------------------------------------------------
+
+struct RememberedResult {
+  CommandResult result;
+  std::int64_t deadline_ms = 0;  ///< of the command: its id is kept at least until then
+};
+
+/// What the field has to know of earlier runs; empty where nothing is kept.
+struct Recollection {
+  std::vector<std::uint64_t> last_seq;    ///< by index in Config::devices; missing ones: 0
+  std::vector<RememberedResult> results;  ///< oldest first
 };
 
 // ---- counters -----------------------------------------------------------------------------------

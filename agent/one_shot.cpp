@@ -177,7 +177,7 @@ int run_one_shot(Config config, const OneShot& what) {
   }
   const DeviceConfig& device = config.devices.front();
   Outbox outbox(1);
-  Field field(config, outbox, 0, Polling::off);
+  Field field(config, outbox, {}, Polling::off);
   field.start();
   Answer answer(outbox);
   if (device.codec->model().empty() && !device.codec->identify().empty())

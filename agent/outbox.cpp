@@ -19,6 +19,15 @@ void Outbox::push(Telemetry message) {
   changed_.notify_one();
 }
 
+void Outbox::push(OrderNote order) {
+  {
+    const std::lock_guard lock(mutex_);
+    waiting_.orders.push_back(std::move(order));
+    signalled_ = true;
+  }
+  changed_.notify_one();
+}
+
 void Outbox::push(CommandResult result) {
   {
     const std::lock_guard lock(mutex_);

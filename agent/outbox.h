@@ -18,6 +18,7 @@ class Outbox final {
  public:
   /// What one take() hands over, each list in the order it was pushed.
   struct Batch {
+    std::vector<OrderNote> orders;
     std::vector<CommandResult> results;
     std::vector<DeviceStatus> states;
     std::vector<Telemetry> telemetry;
@@ -35,8 +36,10 @@ class Outbox final {
   /// Holds at most `max_telemetry` messages; the oldest goes first and is counted.
   explicit Outbox(std::size_t max_telemetry) : max_telemetry_(max_telemetry) {}
 
-  /// Never blocks for longer than a swap of pointers. Results and states are never dropped.
+  /// Never blocks for longer than a swap of pointers. Orders, results and states are never
+  /// dropped.
   void push(Telemetry message);
+  void push(OrderNote order);
   void push(CommandResult result);
   void push(DeviceStatus status);
   void push(FieldHealth health);

@@ -160,10 +160,12 @@ CommandDesk::Verdict CommandDesk::admit(Command command, const Codec& codec, std
     rejected(*refusal);
     if (command.dry_run) return result;
     remember(command, now, now);
+    result.id_kept = by_id_.contains(result.id);
     finished(result);
     return result;
   }
   const bool room = make_room(now);
+  result.id_kept = room;
 
   Order order;
   order.go_ahead = now;
@@ -391,6 +393,17 @@ void CommandDesk::remember(const Command& command, SteadyTime deadline, SteadyTi
 void CommandDesk::finished(const CommandResult& result) {
   const auto entry = by_id_.find(result.id);
   if (entry != by_id_.end()) entry->second.result = std::make_shared<const CommandResult>(result);
+}
+
+void CommandDesk::restore(RememberedResult remembered, SteadyTime now, std::int64_t utc_ms) {
+  Entry entry;
+  // A clock that was set back must not make an id younger than it can be.
+  entry.seen =
+      now - milliseconds(std::max<std::int64_t>(utc_ms - remembered.result.received_ms, 0));
+  entry.deadline = now + milliseconds(remembered.deadline_ms - utc_ms);
+  std::string id = remembered.result.id;
+  entry.result = std::make_shared<const CommandResult>(std::move(remembered.result));
+  if (by_id_.emplace(id, std::move(entry)).second) oldest_first_.push_back(std::move(id));
 }
 
 }  // namespace fxagent

@@ -60,6 +60,10 @@ class CommandDesk final {
   /// here exactly once.
   void finished(const CommandResult& result);
 
+  /// A result of an earlier run: its id is known from now on. `utc_ms` is the calendar time of
+  /// `now`.
+  void restore(RememberedResult remembered, SteadyTime now, std::int64_t utc_ms);
+
   std::size_t remembered() const { return by_id_.size(); }
 
  private:

@@ -40,12 +40,13 @@ void report_end(const std::exception_ptr& bug, const std::string& link) {
 
 class Field::Room final {
  public:
-  Room(const Config& config, Outbox& outbox, std::uint64_t first_seq, Polling polling)
+  Room(const Config& config, Outbox& outbox, const Recollection& recollection, Polling polling,
+       Journaling journaling)
       : config_(config), outbox_(outbox), report_timer_(io_) {
     for (std::uint32_t i = 0; i < config.links.size(); ++i)
       workers_.push_back(std::make_unique<LinkWorker>(
           io_.get_executor(), config, i, outbox, transport_for(io_.get_executor(), config.links[i]),
-          first_seq, polling));
+          recollection, polling, journaling));
   }
 
   void start() {
@@ -61,6 +62,12 @@ class Field::Room final {
     asio::post(io_, [this, moved = std::move(command)]() mutable {
       const std::uint32_t link = config_.devices[moved.device].link;
       workers_[link]->submit(std::move(moved));
+    });
+  }
+
+  void go_ahead(std::uint32_t device, std::string id) {
+    asio::post(io_, [this, device, moved = std::move(id)] {
+      workers_[config_.devices[device].link]->go_ahead(device, moved);
     });
   }
 
@@ -104,12 +111,16 @@ class Field::Room final {
   std::thread thread_;
 };
 
-Field::Field(const Config& config, Outbox& outbox, std::uint64_t first_seq, Polling polling)
-    : room_(std::make_unique<Room>(config, outbox, first_seq, polling)) {}
+Field::Field(const Config& config, Outbox& outbox, const Recollection& recollection,
+             Polling polling, Journaling journaling)
+    : room_(std::make_unique<Room>(config, outbox, recollection, polling, journaling)) {}
 
 Field::~Field() { stop(); }
 void Field::start() { room_->start(); }
 void Field::submit(Command command) { room_->submit(std::move(command)); }
+void Field::go_ahead(std::uint32_t device, std::string id) {
+  room_->go_ahead(device, std::move(id));
+}
 void Field::stop() { room_->stop(); }
 
 }  // namespace fxagent

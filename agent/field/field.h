@@ -14,12 +14,14 @@ namespace fxagent {
 /// Off: devices answer commands only, as the command line wants it.
 enum class Polling : std::uint8_t { on, off };
 
+/// On: an order is carried out only after go_ahead(), which answers its OrderNote in the outbox.
+enum class Journaling : std::uint8_t { off, on };
+
 class Field final {
  public:
-  /// `config` and `outbox` outlive the field. `first_seq` is the number before each device's first
-  /// sample. Nothing runs yet.
-  Field(const Config& config, Outbox& outbox, std::uint64_t first_seq,
-        Polling polling = Polling::on);
+  /// `config` and `outbox` outlive the field. Nothing runs yet.
+  Field(const Config& config, Outbox& outbox, const Recollection& recollection,
+        Polling polling = Polling::on, Journaling journaling = Journaling::off);
   /// Stops, if stop() was not called.
   ~Field();
 
@@ -27,6 +29,8 @@ class Field final {
   void start();
   /// Hands a command to the field; exactly one result comes back through the outbox. Any thread.
   void submit(Command command);
+  /// The order is in the journal, or there is none to be had. Any thread.
+  void go_ahead(std::uint32_t device, std::string id);
   /// Stops polling, finishes the command on each wire, answers the waiting ones with REJECTED
   /// shutting_down, and joins the thread. After it the outbox holds every result.
   void stop();

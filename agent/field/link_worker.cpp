@@ -1,6 +1,7 @@
 #include "agent/field/link_worker.h"
 
 #include <algorithm>
+#include <iterator>
 #include <utility>
 
 #include "agent/field/order_run.h"
@@ -58,6 +59,20 @@ BadReason bad_reason(const Exchange& exchange) {
 
 std::string milliseconds_text(nanoseconds duration) {
   return std::to_string(std::chrono::round<milliseconds>(duration).count());
+}
+
+OrderNote note_of(const Order& order) {
+  const Command& command = order.command;
+  OrderNote note;
+  note.device = command.device;
+  note.id = command.id;
+  note.op = command.op_text;
+  note.received_ms = command.received_ms;
+  note.deadline_ms = command.received_ms +
+                     std::chrono::ceil<milliseconds>(order.deadline - command.received).count();
+  note.response_topic = command.response_topic;
+  note.correlation = command.correlation;
+  return note;
 }
 
 std::int64_t now_ms() { return utc_ms(std::chrono::system_clock::now()); }
@@ -138,13 +153,14 @@ struct LinkWorker::Device {
 
 LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std::uint32_t link,
                        Outbox& outbox, std::unique_ptr<Transport> transport,
-                       std::uint64_t first_seq, Polling polling)
+                       const Recollection& recollection, Polling polling, Journaling journaling)
     : executor_(executor),
       config_(config),
       link_(link),
       outbox_(outbox),
       line_(executor, std::move(transport), config.links[link].char_time),
       idle_(executor),
+      journaling_(journaling),
       jitter_(link + 1),
       counting_since_(Clock::now()) {
   const auto now = Clock::now();
@@ -158,8 +174,11 @@ LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std
   for (std::uint32_t i = 0; i < config.devices.size(); ++i) {
     if (config.devices[i].link != link) continue;
     add_device(i, now, polling);
-    devices_.back()->seq = first_seq;
+    if (i < recollection.last_seq.size()) devices_.back()->seq = recollection.last_seq[i];
   }
+  for (const RememberedResult& remembered : recollection.results)
+    if (Device* device = device_of(remembered.result.device))
+      device->desk.restore(remembered, now, now_ms());
   next_open_ = now;
 }
 
@@ -256,6 +275,8 @@ asio::awaitable<void> LinkWorker::run() {
     if (!stopping_) co_await idle_until(Clock::now() + kAfterFault);
   }
   line_.close();
+  std::move(unjournaled_.begin(), unjournaled_.end(), std::back_inserter(waiting_));
+  unjournaled_.clear();
   for (Waiting& waiting : waiting_) {
     CommandResult result = result_of(waiting.order.command);
     result.status = CommandStatus::rejected;
@@ -376,9 +397,27 @@ void LinkWorker::submit(Command command) {
   waiting.device = device;
   waiting.codec = device->codec;
   waiting.line_time = OrderRun::line_time(line_, device->station, device->config, waiting.order);
+  ++device->waiting;
+  if (journaling_ == Journaling::off) return enqueue(std::move(waiting));
+  outbox_.push(note_of(waiting.order));
+  unjournaled_.push_back(std::move(waiting));
+}
+
+void LinkWorker::go_ahead(std::uint32_t device, const std::string& id) {
+  const auto found =
+      std::find_if(unjournaled_.begin(), unjournaled_.end(), [&](const Waiting& waiting) {
+        return waiting.device->index == device && waiting.order.command.id == id;
+      });
+  if (found == unjournaled_.end()) return;  // answered already: the agent is stopping
+  Waiting waiting = std::move(*found);
+  unjournaled_.erase(found);
+  waiting.order.go_ahead = Clock::now();
+  enqueue(std::move(waiting));
+}
+
+void LinkWorker::enqueue(Waiting waiting) {
   waiting.order.bound = bound_of(waiting.line_time);
   waiting_.push_back(std::move(waiting));
-  ++device->waiting;
   agenda_.command_waits();
   idle_.cancel();
 }

@@ -27,11 +27,10 @@ namespace fxagent {
 
 class LinkWorker final {
  public:
-  /// `config` and `outbox` outlive the worker; `link` is an index in Config::links. `first_seq` is
-  /// the number before the first sample of each device.
+  /// `config` and `outbox` outlive the worker; `link` is an index in Config::links.
   LinkWorker(asio::any_io_executor executor, const Config& config, std::uint32_t link,
-             Outbox& outbox, std::unique_ptr<Transport> transport, std::uint64_t first_seq,
-             Polling polling);
+             Outbox& outbox, std::unique_ptr<Transport> transport, const Recollection& recollection,
+             Polling polling, Journaling journaling);
   LinkWorker(const LinkWorker&) = delete;
   LinkWorker& operator=(const LinkWorker&) = delete;
   ~LinkWorker();
@@ -41,6 +40,9 @@ class LinkWorker final {
 
   /// A command for a device of this link. Its result, whatever it is, goes to the outbox.
   void submit(Command command);
+
+  /// The uplink's word that this order is in the journal: it waits for the wire from now on.
+  void go_ahead(std::uint32_t device, const std::string& id);
 
   /// Ends run(): a command on the wire is finished, a poll is cut short, waiting commands are
   /// answered REJECTED shutting_down.
@@ -78,6 +80,7 @@ class LinkWorker final {
 
   asio::awaitable<void> run_command();
   void after_write(Device& device, const CommandResult& result, const Order& order);
+  void enqueue(Waiting waiting);
   std::optional<std::chrono::nanoseconds> bound_of(std::chrono::nanoseconds own) const;
   std::chrono::nanoseconds longest_poll() const;
 
@@ -111,6 +114,8 @@ class LinkWorker final {
   asio::steady_timer idle_;
   std::vector<std::unique_ptr<Device>> devices_;
   std::unordered_map<std::uint32_t, Device*> by_index_;
+  const Journaling journaling_;
+  std::deque<Waiting> unjournaled_;  ///< admitted; without their go-ahead so far
   std::deque<Waiting> waiting_;
   SteadyTime next_open_{};
   std::chrono::milliseconds open_delay_{0};

@@ -180,6 +180,10 @@ void write_bad(Writer& out, const TagReading& reading, std::int64_t now_ms, cons
   out.end_object();
 }
 
+constexpr std::array<CommandStatus, 6> kStatuses{
+    CommandStatus::succeeded, CommandStatus::failed,    CommandStatus::rejected,
+    CommandStatus::expired,   CommandStatus::duplicate, CommandStatus::unknown_outcome};
+
 std::string_view text_of(PlcAnswer answer) {
   switch (answer) {
     case PlcAnswer::none:
@@ -220,6 +224,10 @@ void write_target(Writer& out, const TargetResult* target) {
 
 void write_result(Writer& out, const CommandResult& result,
                   std::optional<std::chrono::nanoseconds> total) {
+  if (!result.recorded.empty()) {
+    out.raw(result.recorded);
+    return;
+  }
   out.begin_object();
   out.key("id").word(result.id);
   write_outcome(out, result.status, result.reason, result.detail, result.plc);
@@ -660,9 +668,7 @@ std::string health(const Health& health, const Config& config) {
   }
   out.end_object();
   out.key("commands").begin_object();
-  for (const CommandStatus status :
-       {CommandStatus::succeeded, CommandStatus::failed, CommandStatus::rejected,
-        CommandStatus::expired, CommandStatus::duplicate, CommandStatus::unknown_outcome}) {
+  for (const CommandStatus status : kStatuses) {
     const auto found = health.commands.find(status);
     out.key(to_string(status))
         .integer(found == health.commands.end() ? std::uint64_t{0} : found->second);
@@ -683,6 +689,22 @@ std::string result(const CommandResult& result, std::optional<std::chrono::nanos
   Writer out;
   write_result(out, result, total);
   return out.take();
+}
+
+CommandResult recorded_result(std::string text) {
+  CommandResult result;
+  const Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  const auto word = [&json](const char* key) {
+    const Json* value = json.is_object() ? find(json, key) : nullptr;
+    return value != nullptr && value->is_string() ? value->get<std::string>() : std::string();
+  };
+  result.status = CommandStatus::unknown_outcome;
+  for (const CommandStatus status : kStatuses)
+    if (word("status") == to_string(status)) result.status = status;
+  for (const PlcAnswer answer : {PlcAnswer::ack, PlcAnswer::nak})
+    if (word("plc") == text_of(answer)) result.plc = answer;
+  result.recorded = std::move(text);
+  return result;
 }
 
 Command command(std::string_view payload) {

@@ -78,6 +78,9 @@ std::string health(const Health& health, const Config& config);
 /// known any more (the first result inside a DUPLICATE).
 std::string result(const CommandResult& result, std::optional<std::chrono::nanoseconds> total);
 
+/// What result() made in an earlier run: `recorded` is the text, status and plc are read from it.
+CommandResult recorded_result(std::string text);
+
 /// Reads a command; never throws. Whatever is wrong with its form stands in `refusal`: the first
 /// fault in the contract's order of checks. What could be read in spite of it is filled in, the id
 /// above all. device, retained, times and MQTT 5 properties are the caller's to set.

@@ -54,7 +54,7 @@ std::string hex_code(int reason_code) {
 }  // namespace
 
 Publisher::Publisher(const Config& config, PublisherSettings settings, Outbox& outbox,
-                     Broker& broker, Submit submit, UtcClock utc_ms, Store* store)
+                     Broker& broker, Submit submit, UtcClock utc_ms, Store* store, GoAhead go_ahead)
     : config_(config),
       settings_(std::move(settings)),
       base_(config.base_topic()),
@@ -63,6 +63,7 @@ Publisher::Publisher(const Config& config, PublisherSettings settings, Outbox& o
       submit_(std::move(submit)),
       utc_ms_(std::move(utc_ms)),
       store_(store),
+      go_ahead_(std::move(go_ahead)),
       jitter_(settings_.jitter_seed),
       backlog_(settings_.backlog_bytes),
       history_bytes_(kHistoryBytes),
@@ -338,6 +339,7 @@ void Publisher::failed(const FarewellFlight&, const DeliveryFailed&, SteadyTime 
 
 void Publisher::take_outbox(SteadyTime now) {
   Outbox::Batch batch = outbox_.take();
+  take_orders(std::move(batch.orders));  // first: each waits for its go-ahead
   pushed_ = batch.pushed;
   for (const auto& [device, count] : batch.dropped) drop(config_.devices.at(device).name, count);
   for (CommandResult& result : batch.results) take_result(std::move(result));
@@ -384,9 +386,48 @@ void Publisher::take_samples(const std::vector<Telemetry>& messages, SteadyTime 
   if (!put_away_.empty() && config_.store.sync_always) commit_at_ = now;
 }
 
+void Publisher::take_orders(std::vector<OrderNote> orders) {
+  if (orders.empty()) return;
+  std::vector<JournalEntry> entries;
+  for (OrderNote& order : orders) {
+    JournalEntry entry;
+    entry.device = config_.devices.at(order.device).name;
+    entry.id = order.id;
+    entry.received_ms = order.received_ms;
+    entry.deadline_ms = order.deadline_ms;
+    entry.op = std::move(order.op);
+    entry.response_topic = std::move(order.response_topic);
+    entry.correlation = std::move(order.correlation);
+    entries.push_back(std::move(entry));
+  }
+  // A disk that refuses does not stop the plant: its state says what is missing.
+  if (store_ != nullptr) store_->journal(entries);
+  for (OrderNote& order : orders) go_ahead_(order.device, std::move(order.id));
+}
+
+/// Whether the journal knows the id, and with it the result, from now on.
+bool Publisher::note_result(const CommandResult& result) {
+  if (store_ == nullptr || result.id.empty() || result.dry_run || !result.id_kept ||
+      result.status == CommandStatus::duplicate)
+    return false;
+  if (!result.recorded.empty()) return true;
+  JournalEntry entry;
+  entry.device = config_.devices.at(result.device).name;
+  entry.id = result.id;
+  entry.received_ms = result.received_ms;
+  entry.deadline_ms = result.received_ms;  // of an order it is there already
+  entry.op = result.op;
+  entry.response_topic = result.response_topic;
+  entry.correlation = result.correlation;
+  entry.result = json::result(result, std::nullopt);
+  store_->record(std::move(entry));
+  return true;
+}
+
 void Publisher::take_result(CommandResult result) {
   ++commands_[result.status];
   PendingResult pending;
+  pending.journaled = note_result(result);
   const std::string& device = config_.devices.at(result.device).name;
   pending.copies.push_back({.topic = device_topic(result.device) + "/result"});
   if (!result.response_topic.empty()) {
@@ -721,8 +762,11 @@ void Publisher::result_copy_done(std::uint64_t result, std::size_t copy) {
   if (found == results_.end()) return;
   auto& copies = found->second.copies;
   copies[copy].done = true;
-  if (std::all_of(copies.begin(), copies.end(), [](const auto& each) { return each.done; }))
-    results_.erase(found);
+  if (!std::all_of(copies.begin(), copies.end(), [](const auto& each) { return each.done; }))
+    return;
+  const CommandResult& told = found->second.result;
+  if (found->second.journaled) store_->told(config_.devices.at(told.device).name, told.id);
+  results_.erase(found);
 }
 
 /// 1 s after the first failure, twice as much after each further one, at most 30 s; and up to a

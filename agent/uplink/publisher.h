@@ -44,12 +44,14 @@ struct PublisherSettings {
 class Publisher final {
  public:
   using Submit = std::function<void(Command)>;
+  using GoAhead = std::function<void(std::uint32_t device, std::string id)>;
   using UtcClock = std::function<std::int64_t()>;
 
   /// All references outlive the publisher. `submit` is called from step(), for every message on a
   /// command topic of a configured device, and must not block. `store` null: memory alone.
+  /// `go_ahead` is called from step() for each OrderNote, once it is in the journal or cannot be.
   Publisher(const Config& config, PublisherSettings settings, Outbox& outbox, Broker& broker,
-            Submit submit, UtcClock utc_ms, Store* store = nullptr);
+            Submit submit, UtcClock utc_ms, Store* store = nullptr, GoAhead go_ahead = {});
   ~Publisher();
   Publisher(const Publisher&) = delete;
   Publisher& operator=(const Publisher&) = delete;
@@ -86,7 +88,8 @@ class Publisher final {
   /// A result on its way to one or two topics.
   struct PendingResult {
     CommandResult result;
-    std::string payload;  ///< empty until it was first handed to MQTT: total_ms ends there
+    std::string payload;     ///< empty until it was first handed to MQTT: total_ms ends there
+    bool journaled = false;  ///< the journal is to know when it was told
     struct Copy {
       std::string topic{};
       bool to_response_topic = false;
@@ -141,7 +144,9 @@ class Publisher final {
   void take_outbox(SteadyTime now);
   void take_samples(const std::vector<Telemetry>& messages, SteadyTime now);
   void take_command(const Message& event, std::uint32_t device);
+  void take_orders(std::vector<OrderNote> orders);
   void take_result(CommandResult result);
+  bool note_result(const CommandResult& result);
 
   void keep_connected(SteadyTime now);
   void connection_over(SteadyTime now);
@@ -200,6 +205,7 @@ class Publisher final {
   const Submit submit_;
   const UtcClock utc_ms_;
   Store* const store_;
+  const GoAhead go_ahead_;
   std::minstd_rand jitter_;
 
   // the connection

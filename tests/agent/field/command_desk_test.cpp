@@ -276,6 +276,25 @@ TEST_F(CommandDeskTest, DuplicateOfAFinishedCommandCarriesItsResult) {
   }
 }
 
+TEST_F(CommandDeskTest, RestoredIdLivesOutItsDayAndItsDeadline) {
+  const std::int64_t utc = kStartMs;
+  const auto restore = [&](std::string id, std::chrono::hours age, std::chrono::hours deadline_in) {
+    RememberedResult remembered;
+    remembered.result.id = std::move(id);
+    remembered.result.received_ms = utc - milliseconds(age).count();
+    remembered.deadline_ms = utc + milliseconds(deadline_in).count();
+    desk.restore(remembered, now, utc);
+  };
+  restore("old", std::chrono::hours(23), std::chrono::hours(-22));
+  restore("late", std::chrono::hours(23), std::chrono::hours(3));
+  restore("old", std::chrono::hours(1), std::chrono::hours(1));  // one is enough
+  EXPECT_EQ(desk.remembered(), 2U);
+  now += std::chrono::hours(2);
+  admitted(write("another"));
+  admitted(write("old"));
+  EXPECT_EQ(answered(write("late")).status, CommandStatus::duplicate);
+}
+
 TEST_F(CommandDeskTest, RejectedAndExpiredIdsAreRememberedToo) {
   Command late = write("late");
   late.expires_ms = kStartMs - 1;

@@ -46,7 +46,7 @@ Command write_setpoint(std::uint32_t device, std::string id) {
 TEST(Field, EachCommandHasOneResultWhoeverSendsItAndWheneverItStops) {
   const Config config = plant();
   Outbox outbox(1000);
-  Field field(config, outbox, 0);
+  Field field(config, outbox, {});
   field.start();
   constexpr int kEach = 200;
   std::vector<std::thread> senders;
@@ -70,7 +70,7 @@ TEST(Field, EachCommandHasOneResultWhoeverSendsItAndWheneverItStops) {
 TEST(Field, StopLeavesItsCountersInTheOutbox) {
   const Config config = plant();
   Outbox outbox(1000);
-  Field field(config, outbox, 0);
+  Field field(config, outbox, {});
   field.start();
   field.stop();
   const Outbox::Batch batch = outbox.take();
@@ -83,7 +83,7 @@ TEST(Field, StopLeavesItsCountersInTheOutbox) {
 TEST(Field, FieldThatNeverStartedMayGo) {
   const Config config = plant();
   Outbox outbox(1000);
-  const Field field(config, outbox, 0);
+  const Field field(config, outbox, {});
   EXPECT_EQ(outbox.take().states.size(), 2U) << "each device says that it is starting";
 }
 

@@ -62,10 +62,10 @@ class LinkWorkerTest : public ::testing::Test {
     }
     return *wire;
   }
-  void start(Polling polling = Polling::on) {
+  void start(Polling polling = Polling::on, Journaling journaling = Journaling::off) {
     script();
     worker = std::make_unique<LinkWorker>(io.get_executor(), config, 0, outbox,
-                                          std::move(transport), 100, polling);
+                                          std::move(transport), recollection, polling, journaling);
     asio::co_spawn(io, worker->run(), [this](std::exception_ptr bug) {
       ended = true;
       if (bug) std::rethrow_exception(bug);
@@ -82,6 +82,7 @@ class LinkWorkerTest : public ::testing::Test {
     for (auto& message : batch.telemetry) telemetry.push_back(std::move(message));
     for (auto& status : batch.states) states.push_back(std::move(status));
     for (auto& result : batch.results) results.push_back(std::move(result));
+    for (auto& order : batch.orders) orders.push_back(std::move(order));
   }
   void wait(const std::function<bool()>& reached) {
     run_until(io, [&] {
@@ -150,6 +151,8 @@ class LinkWorkerTest : public ::testing::Test {
   std::vector<Telemetry> telemetry;
   std::vector<DeviceStatus> states;
   std::vector<CommandResult> results;
+  std::vector<OrderNote> orders;
+  Recollection recollection{std::vector<std::uint64_t>(8, 100), {}};
 };
 
 // ---- polls
@@ -636,6 +639,72 @@ TEST_F(LinkWorkerTest, StopFinishesTheCommandOnTheWireAndAnswersTheWaitingOnes) 
     EXPECT_EQ(result_of(id)->status, CommandStatus::rejected) << id;
     EXPECT_EQ(result_of(id)->reason, Reason::shutting_down) << id;
   }
+}
+
+// ---- the journal
+// -------------------------------------------------------------------------------------
+
+TEST_F(LinkWorkerTest, OrderGoesOutOnlyAfterItsGoAhead) {
+  add_setpoint();
+  start(Polling::on, Journaling::on);
+  wait([&] { return !telemetry.empty(); });
+  Command command = write_setpoint("a");
+  command.response_topic = "hmi/replies";
+  command.correlation = {7};
+  worker->submit(command);
+  worker->submit(write_setpoint("b", 60));
+  Command bad = write_setpoint("bad");
+  bad.targets[0].tag = "nothing";
+  worker->submit(bad);  // no order: its result comes at once
+  wait([&] { return orders.size() == 2; });
+  EXPECT_EQ(orders[0].id, "a");
+  EXPECT_EQ(orders[0].op, "write");
+  EXPECT_EQ(orders[0].response_topic, "hmi/replies");
+  EXPECT_EQ(orders[0].correlation, Bytes{7});
+  EXPECT_EQ(orders[0].received_ms, command.received_ms);
+  EXPECT_EQ(orders[0].deadline_ms, command.received_ms + 10000);
+  EXPECT_EQ(wait_for_result("bad").status, CommandStatus::rejected);
+  const std::size_t polled = telemetry.size();
+  wait([&] { return telemetry.size() >= polled + 3; });
+  EXPECT_TRUE(result_of("a") == nullptr && result_of("b") == nullptr);
+  worker->submit(write_setpoint("a"));  // seen, though it does not run yet
+  wait([&] { return results.size() == 2; });
+  EXPECT_EQ(results[1].status, CommandStatus::duplicate);
+  results.clear();
+  worker->go_ahead(0, "b");
+  EXPECT_EQ(wait_for_result("b").status, CommandStatus::succeeded);
+  EXPECT_LT(result_of("b")->queue, std::chrono::seconds(1));
+  worker->go_ahead(0, "nobody");
+  worker->go_ahead(0, "a");
+  EXPECT_EQ(wait_for_result("a").status, CommandStatus::succeeded);
+}
+
+TEST_F(LinkWorkerTest, StopAnswersWhatHasNoGoAheadYet) {
+  add_setpoint();
+  start(Polling::on, Journaling::on);
+  worker->submit(write_setpoint("a"));
+  stop();
+  worker->go_ahead(0, "a");
+  ASSERT_NE(result_of("a"), nullptr);
+  EXPECT_EQ(result_of("a")->reason, Reason::shutting_down);
+}
+
+TEST_F(LinkWorkerTest, IdOfAnEarlierRunIsADuplicate) {
+  add_setpoint();
+  RememberedResult remembered;
+  remembered.result.id = "old";
+  remembered.result.status = CommandStatus::succeeded;
+  remembered.result.plc = PlcAnswer::ack;
+  remembered.result.recorded = "{}";
+  remembered.result.received_ms = utc_ms(std::chrono::system_clock::now()) - 1000;
+  recollection.results.push_back(remembered);
+  start();
+  worker->submit(write_setpoint("old"));
+  const CommandResult& again = wait_for_result("old");
+  EXPECT_EQ(again.status, CommandStatus::duplicate);
+  ASSERT_NE(again.first, nullptr);
+  EXPECT_EQ(again.first->recorded, "{}");
+  EXPECT_EQ(again.plc, PlcAnswer::ack);
 }
 
 }  // namespace

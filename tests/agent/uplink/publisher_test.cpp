@@ -11,6 +11,7 @@
 #include <thread>
 #include <tuple>
 
+#include "agent/uplink/recall.h"
 #include "tests/agent/uplink/fake_broker.h"
 #include "tests/agent/uplink/plant.h"
 #include "tests/agent/uplink/scratch.h"
@@ -29,6 +30,7 @@ struct Bench {
   Outbox outbox{1000};
   test::FakeBroker broker;
   std::vector<Command> commands;
+  std::vector<std::string> go_aheads;
   SteadyTime now = SteadyTime(std::chrono::hours(1));
   PublisherSettings settings{.boot = "9f3c21aa", .version = "0.1.0"};
   std::unique_ptr<Store> store;  ///< null: none
@@ -42,7 +44,10 @@ struct Bench {
     if (!publisher)
       publisher = std::make_unique<Publisher>(
           config, settings, outbox, broker, [this](Command c) { commands.push_back(std::move(c)); },
-          [this] { return utc(); }, store.get());
+          [this] { return utc(); }, store.get(),
+          [this](std::uint32_t device, std::string id) {
+            go_aheads.push_back(std::to_string(device) + id);
+          });
     return *publisher;
   }
   std::int64_t utc() const { return 1790000000000 + now.time_since_epoch() / 1ms; }
@@ -437,6 +442,145 @@ TEST(PublisherStore, CleanStopLeavesTheRestOnDisk) {
   again.settle();
   EXPECT_EQ(again.made().samples().recovered, 30U);
   EXPECT_EQ(seqs(again.broker.on(kBase + "/press1/data/fast/history")).size(), 30U);
+}
+
+OrderNote note(std::string id, std::string op = "write") {
+  OrderNote made;
+  made.id = std::move(id);
+  made.op = std::move(op);
+  made.received_ms = 1790000000000;
+  made.deadline_ms = made.received_ms + 10000;
+  made.response_topic = "hmi/replies";
+  made.correlation = {1, 2};
+  return made;
+}
+
+TEST(PublisherStore, GoAheadComesWhenTheOrderIsInTheJournal) {
+  const test::Scratch scratch;
+  Bench bench(scratch.path("store"));
+  bench.online();
+  bench.outbox.push(note("a"));
+  bench.outbox.push(note("b"));
+  bench.step();
+  EXPECT_EQ(bench.go_aheads, (std::vector<std::string>{"0a", "0b"}));
+  const auto known = bench.store->remembered();
+  ASSERT_EQ(known.size(), 2U);
+  EXPECT_EQ(known[0].device, "press1");
+  EXPECT_EQ(known[0].result, "");
+}
+
+TEST(PublisherStore, GoAheadComesAtOnceWhereTheDiskRefuses) {
+  const test::Scratch scratch;
+  std::ofstream(scratch.path("store")) << "a file in its place";
+  Bench bench(scratch.path("store"));
+  bench.outbox.push(note("a"));
+  bench.step();
+  EXPECT_EQ(bench.go_aheads, std::vector<std::string>{"0a"});
+}
+
+TEST(PublisherStore, RestartKnowsTheResultsAndSaysWhatNobodyWasTold) {
+  const test::Scratch scratch;
+  std::string first;
+  {
+    Bench bench(scratch.path("store"));
+    bench.online();
+    for (const char* id : {"told", "untold", "left"}) bench.outbox.push(note(id));
+    bench.outbox.push(note("read", "read"));
+    bench.outbox.push(test::succeeded("told"));
+    CommandResult rejected = test::succeeded("rejected");
+    rejected.status = CommandStatus::rejected;
+    rejected.reason = Reason::out_of_range;
+    bench.outbox.push(rejected);
+    CommandResult dry = test::succeeded("dry");
+    dry.dry_run = true;
+    bench.outbox.push(dry);
+    CommandResult unkept = test::succeeded("unkept");
+    unkept.id_kept = false;
+    bench.outbox.push(unkept);
+    CommandResult again = test::succeeded("left");
+    again.status = CommandStatus::duplicate;
+    bench.outbox.push(again);
+    bench.settle();
+    bench.broker.acknowledges = false;
+    bench.outbox.push(test::succeeded("untold"));
+    bench.advance(1s);
+    first = bench.broker.on(kBase + "/press1/result").at(0);
+  }  // no goodbye
+  Config config = test::plant();
+  config.store.path = scratch.path("store");
+  Store store(config.store, 1790000001000);
+  const Recall known = recall(config, &store, 1790000001000);
+  std::map<std::string, CommandResult> results;
+  for (const RememberedResult& each : known.field.results) results[each.result.id] = each.result;
+  EXPECT_EQ(results.size(), 5U);
+  EXPECT_EQ(results.count("dry") + results.count("unkept"), 0U);
+  EXPECT_EQ(results["told"].plc, PlcAnswer::ack);
+  EXPECT_EQ(results["told"].status, CommandStatus::succeeded);
+  json then = json::parse(first);
+  json now = json::parse(results["told"].recorded);
+  then["t"].erase("total_ms");
+  now["t"].erase("total_ms");
+  EXPECT_EQ(now, then);
+  std::map<std::string, std::string> untold;
+  for (const CommandResult& each : known.untold) {
+    untold[each.id] = to_string(each.status);
+    EXPECT_EQ(each.response_topic, "hmi/replies");
+    EXPECT_EQ(each.correlation, (Bytes{1, 2}));
+  }
+  EXPECT_EQ(untold, (std::map<std::string, std::string>{
+                        {"untold", "SUCCEEDED"}, {"left", "UNKNOWN_OUTCOME"}, {"read", "FAILED"}}));
+  // A second start tells the same, as long as nobody has heard it.
+  EXPECT_EQ(recall(config, &store, 1790000001000).untold.size(), 3U);
+}
+
+TEST(PublisherStore, ResultOfAnEarlierRunIsPublishedAsItWas) {
+  const test::Scratch scratch;
+  {
+    Bench bench(scratch.path("store"));
+    bench.settle();
+    bench.outbox.push(note("left"));
+    bench.step();
+  }
+  Bench bench(scratch.path("store"));
+  bench.made();
+  for (const CommandResult& each : recall(bench.config, bench.store.get(), bench.utc()).untold)
+    bench.outbox.push(each);
+  bench.settle();
+  const auto results = bench.broker.on(kBase + "/press1/result");
+  ASSERT_EQ(results.size(), 1U);
+  EXPECT_EQ(json::parse(results[0])["id"], "left");
+  EXPECT_EQ(json::parse(results[0])["status"], "UNKNOWN_OUTCOME");
+  EXPECT_EQ(bench.broker.on("hmi/replies"), results);
+  bench.advance(1s);
+  EXPECT_TRUE(recall(bench.config, bench.store.get(), bench.utc()).untold.empty());
+  CommandResult again;
+  again.id = "left";
+  again.status = CommandStatus::duplicate;
+  again.first = std::make_shared<const CommandResult>(
+      recall(bench.config, bench.store.get(), bench.utc()).field.results.at(0).result);
+  bench.outbox.push(again);
+  bench.settle();
+  EXPECT_EQ(json::parse(bench.broker.on(kBase + "/press1/result").back())["first"],
+            json::parse(results[0]));
+}
+
+TEST(PublisherStore, NumbersAreReservedBeforeTheyAreUsed) {
+  const test::Scratch scratch;
+  std::uint64_t seq = 0;
+  {
+    Bench bench(scratch.path("store"));
+    bench.made();
+    seq = recall(bench.config, bench.store.get(), bench.utc()).field.last_seq.at(0);
+    for (int i = 0; i < 3000; ++i) {
+      bench.outbox.push(test::sample(++seq));
+      if (i % 100 == 0) bench.settle();
+    }
+    bench.settle();
+  }
+  Config config = test::plant();
+  config.store.path = scratch.path("store");
+  Store store(config.store, 0);
+  EXPECT_GT(recall(config, &store, 0).field.last_seq.at(0), seq);
 }
 
 TEST(PublisherStore, RowsOfADeviceThatIsGoneStillArrive) {
