@@ -180,7 +180,8 @@ bool Store::load() {
   return file_->db.fault().code == SQLITE_OK;
 }
 
-void Store::start_anew(const std::string& why) {
+/// `why` is a value: what the file has said goes with it.
+void Store::start_anew(std::string why) {
   file_.reset();
   writable_ = false;
   const std::filesystem::path path = std::filesystem::path(config_.path) / "fxagent.db";
@@ -192,7 +193,7 @@ void Store::start_anew(const std::string& why) {
     std::filesystem::rename(path.string() + suffix, aside + suffix, none);
   }
   log::error("store", {{"state", "damaged"},
-                       {"reason", why},
+                       {"reason", std::move(why)},
                        {"set_aside", fault ? "failed: " + fault.message() : aside},
                        {"samples_lost", std::to_string(rows_)}});
   for (const auto& [key, lane] : lanes_)

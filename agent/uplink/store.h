@@ -139,7 +139,7 @@ class Store final {
 
   void open(std::int64_t utc_ms);
   bool load();
-  void start_anew(const std::string& why);
+  void start_anew(std::string why);
   void failed(std::string_view doing);
   /// Rows that were removed, results that were told and those that found no disk, into the file.
   bool settle();

@@ -315,24 +315,26 @@ class PlantTest(unittest.TestCase):
         return {"name": name, "serial": {"path": self.pty(plc), "baud": baud}}
 
     def start(self, devices=None, plcs=None, links=None, broker_conf="", mqtt_config=None,
-              version="5"):
+              version="5", store=None):
         self.broker = Broker(self.directory, broker_conf)
         self.broker.start()
         self.start_sim(plcs)
         self.watcher = Watcher(self.broker.port)
-        self.start_agent(devices, links, mqtt_config, version)
+        self.start_agent(devices, links, mqtt_config, version, store)
 
     def start_sim(self, plcs=None):
         self.sim = Sim(self.directory, plcs or [self.plc()])
         self.sim.start()
 
-    def start_agent(self, devices=None, links=None, mqtt_config=None, version="5"):
+    def start_agent(self, devices=None, links=None, mqtt_config=None, version="5", store=None):
         config = {
             "agent": {"id": "edge7", "root": "fx/plant-a"},
             "mqtt": {"servers": [f"mqtt://127.0.0.1:{self.broker.port}"], "version": version},
             "links": links or [self.serial()],
             "devices": devices or [device()],
         }
+        if store:
+            config["store"] = store
         config["mqtt"].update(mqtt_config or {})
         self.agent = Agent(self.directory, config)
         self.agent.start()
