@@ -85,7 +85,7 @@ Result<Bytes> encode_write(const Write& write) {
       write.way == id(WriteWay::first_choice)) {
     pdu.push_back(code(Function::write_register));
     append_16(pdu, place->number);
-    append_16(pdu, write.image[0] | write.image[1] << 8U);
+    append_16(pdu, std::uint32_t{write.image[0]} | std::uint32_t{write.image[1]} << 8U);
     return pdu;
   }
   pdu.push_back(code(space == Space::coil ? Function::write_coils : Function::write_registers));
