@@ -370,6 +370,7 @@ void Publisher::take_samples(const std::vector<Telemetry>& messages, SteadyTime 
     row.device = device.name;
     row.group = device.groups.at(message.group).name;
     row.seq = message.seq;
+    row.created_ms = message.ts_ms;
     row.json = json::telemetry(message, device, settings_.boot, metas_.at(message.device).hash);
     row_bytes_ += row.cost();
     if (store_ != nullptr) store_->used_seq(row.device, row.seq);
