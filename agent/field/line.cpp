@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "agent/field/stream_io.h"
-#include "protocol/plan.h"
 
 namespace fxagent {
 namespace {
@@ -286,13 +285,6 @@ asio::awaitable<void> Line::keep_gap(const Codec& codec, milliseconds gap) {
   if (Clock::now() >= earliest) co_return;
   timer_.expires_at(earliest);
   co_await timer_.async_wait(use_result);
-}
-
-nanoseconds Line::line_time(const Station& station, const Request& request,
-                            nanoseconds turnaround) const {
-  return exchange_time(
-      *station.codec, request,
-      {char_time_, station.gap, turnaround, station.enquire == EnquirePolicy::always});
 }
 
 }  // namespace fxagent

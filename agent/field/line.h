@@ -80,10 +80,6 @@ class Line final {
   asio::awaitable<Exchange> exchange(Station& station, Request request,
                                      SteadyTime not_after = SteadyTime::max());
 
-  /// Line time of an exchange that ends well, the device's own time and the gap included.
-  std::chrono::nanoseconds line_time(const Station& station, const Request& request,
-                                     std::chrono::nanoseconds turnaround) const;
-
   /// Whether questions come back before their answers on a line that is not said to do so: some
   /// reads in a row did. Until one does not, an order's echo is not taken for its answer.
   bool echo_found() const { return echoes_in_a_row_ >= kEchoesFound; }

@@ -6,6 +6,7 @@
 
 #include "agent/field/order_run.h"
 #include "agent/field/stream_io.h"
+#include "agent/line_time.h"
 #include "agent/log.h"
 
 namespace fxagent {
@@ -15,7 +16,6 @@ using std::chrono::milliseconds;
 using std::chrono::nanoseconds;
 using Clock = std::chrono::steady_clock;
 
-constexpr milliseconds kRunStateEvery{10000};
 constexpr milliseconds kFirstReopen{500};
 // Opening a serial path costs nothing; a host that is away should not be hammered.
 constexpr milliseconds kSerialReopenCap{2000};
@@ -203,8 +203,7 @@ void LinkWorker::add_device(std::uint32_t index, SteadyTime now, Polling polling
     device->groups.push_back(std::move(group));
   }
   if (device->codec->run_state())
-    device->run_state_group =
-        agenda_.add_group(device->id, kRunStateEvery, 1, now, kRunStateWithin);
+    device->run_state_group = agenda_.add_group(device->id, kRunStateBeat, 1, now, kRunStateWithin);
   device->status.device = index;
   device->status.since_ms = now_ms();
   device->status.reason = "starting";
@@ -229,7 +228,7 @@ std::vector<Point> LinkWorker::points_of(const Device& device, const GroupPoll& 
 }
 
 void LinkWorker::make_plan(Device& device, GroupPoll& group) {
-  const LineCost cost{config_.links[link_].char_time, device.turnaround + device.config.gap};
+  const LineCost cost = cost_of(device.config, config_.links[link_].char_time, device.turnaround);
   group.plan = fxagent::make_plan(*device.codec, points_of(device, group), cost,
                                   device.config.max_block_bytes, device.holes.holes());
   group.holes_version = device.holes.version();
@@ -396,7 +395,8 @@ void LinkWorker::submit(Command command) {
   waiting.order = std::move(std::get<Order>(verdict));
   waiting.device = device;
   waiting.codec = device->codec;
-  waiting.line_time = OrderRun::line_time(line_, device->station, device->config, waiting.order);
+  waiting.line_time = OrderRun::line_time(*device->codec, device->config,
+                                          config_.links[link_].char_time, waiting.order);
   ++device->waiting;
   if (journaling_ == Journaling::off) return enqueue(std::move(waiting));
   outbox_.push(note_of(waiting.order));
@@ -425,17 +425,14 @@ void LinkWorker::enqueue(Waiting waiting) {
 nanoseconds LinkWorker::longest_poll() const {
   nanoseconds longest{0};
   for (const auto& device : devices_) {
-    const auto consider = [&](const Request& request) {
-      longest =
-          std::max(longest, line_.line_time(device->station, request, device->config.turnaround));
-    };
-    for (const auto& group : device->groups)
-      for (const PlannedRead& planned : group->plan.reads) consider(planned.read);
-    if (const auto question = device->codec->run_state()) consider(*question);
+    const LineTiming timing = timing_of(device->config, config_.links[link_].char_time);
+    std::vector<const Plan*> plans;
+    for (const auto& group : device->groups) plans.push_back(&group->plan);
+    longest = std::max(longest, fxagent::longest_poll(*device->codec, plans, timing));
     if (device->model_known) continue;
     nanoseconds asking{0};  // the questions about the model go as one
     for (const Request& question : device->config.codec->identify())
-      asking += line_.line_time(device->station, question, device->config.turnaround);
+      asking += exchange_time(*device->codec, question, timing);
     longest = std::max(longest, asking);
   }
   return longest;

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "agent/field/stream_io.h"
+#include "agent/line_time.h"
 
 namespace fxagent {
 namespace {
@@ -76,10 +77,6 @@ bool wants_verify(const Order& order, const OrderTarget& target) {
   return is_bit(target) ? order.verify_bits : order.verify_words;
 }
 
-Plan plan_of(const Codec& codec, const DeviceConfig& device, const OrderTarget& target) {
-  return make_plan(codec, std::span(&target.point, 1), LineCost{}, device.max_block_bytes);
-}
-
 }  // namespace
 
 OrderRun::OrderRun(asio::any_io_executor executor, Line& line, Station& station,
@@ -137,7 +134,7 @@ asio::awaitable<Exchange> OrderRun::ask(Request request, SteadyTime not_after) {
 asio::awaitable<OrderRun::ReadBack> OrderRun::read_point(const OrderTarget& target,
                                                          SteadyTime not_after) {
   ReadBack out;
-  const Plan plan = plan_of(*station_.codec, device_, target);
+  const Plan plan = reads_of(*station_.codec, device_, target.point);
   std::vector<Bytes> images;
   for (const PlannedRead& planned : plan.reads) {
     for (int attempt = 0; attempt <= device_.retries; ++attempt) {
@@ -414,27 +411,20 @@ void OrderRun::summarise() {
   result_.plc = telling->plc;
 }
 
-nanoseconds OrderRun::line_time(const Line& line, const Station& station,
-                                const DeviceConfig& device, const Order& order) {
-  const auto one = [&](const Request& request) {
-    return line.line_time(station, request, device.turnaround);
-  };
+nanoseconds OrderRun::line_time(const Codec& codec, const DeviceConfig& device,
+                                nanoseconds char_time, const Order& order) {
+  const LineTiming timing = timing_of(device, char_time);
   nanoseconds total{0};
   if (order.run_order) {
-    total += one(*order.run_order) + kRunStateWithin;
-    if (const auto question = station.codec->run_state()) total += one(*question);
+    total += exchange_time(codec, *order.run_order, timing) + kRunStateWithin;
+    if (const auto question = codec.run_state()) total += exchange_time(codec, *question, timing);
   }
   for (const OrderTarget& target : order.targets) {
-    nanoseconds reading{0};
-    for (const PlannedRead& planned : plan_of(*station.codec, device, target).reads)
-      reading += one(planned.read);
-    for (const Request& request : target.requests) {
-      total += one(request);
-      if (const auto first = station.codec->read_before(request)) total += one(*first);
-    }
-    if (target.requests.empty()) total += reading;
-    if (!target.expected.empty()) total += reading;
-    if (!target.requests.empty() && wants_verify(order, target)) total += reading;
+    const bool writes = !target.requests.empty();
+    const int readings = (writes ? 0 : 1) + (target.expected.empty() ? 0 : 1) +
+                         (writes && wants_verify(order, target) ? 1 : 0);
+    total += write_time(codec, target.requests, timing) +
+             readings * read_time(codec, device, target.point, timing);
   }
   return total;
 }

@@ -28,8 +28,8 @@ class OrderRun final {
   bool was_unanswered() const { return unanswered_; }
 
   /// Line time of all exchanges of `order` when each ends well.
-  static std::chrono::nanoseconds line_time(const Line& line, const Station& station,
-                                            const DeviceConfig& device, const Order& order);
+  static std::chrono::nanoseconds line_time(const Codec& codec, const DeviceConfig& device,
+                                            std::chrono::nanoseconds char_time, const Order& order);
 
  private:
   struct ReadBack {

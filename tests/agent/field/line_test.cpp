@@ -399,18 +399,6 @@ TEST_F(LineTest, ReadWaitsForItsDeadlineAndNoLonger) {
   EXPECT_GE(exchange.ended - exchange.began, milliseconds(5));
 }
 
-TEST_F(LineTest, LineTimeCountsCharactersTurnaroundAndGap) {
-  station.gap = milliseconds(5);
-  Line paced(io.get_executor(), std::make_unique<ScriptedTransport>(io.get_executor()),
-             milliseconds(1));
-  // 11 characters ask (STX 0 10C8 02 ETX sum), 8 answer (STX 4 digits ETX sum).
-  const auto read_time = paced.line_time(station, request_for("D100"), milliseconds(30));
-  EXPECT_EQ(read_time, milliseconds(11 + 8 + 30 + 5));
-  station.enquire = EnquirePolicy::always;
-  EXPECT_EQ(paced.line_time(station, request_for("D100"), milliseconds(30)),
-            read_time + milliseconds(1 + 1 + 30 + 5));
-}
-
 // ---- links that break
 // ----------------------------------------------------------------------------
 

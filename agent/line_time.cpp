@@ -1,0 +1,56 @@
+#include "agent/line_time.h"
+
+#include <algorithm>
+#include <variant>
+
+namespace fxagent {
+
+using std::chrono::nanoseconds;
+
+LineTiming timing_of(const DeviceConfig& device, nanoseconds char_time) {
+  return {char_time, device.gap, device.turnaround, device.enquire == EnquirePolicy::always};
+}
+
+LineCost cost_of(const DeviceConfig& device, nanoseconds char_time, nanoseconds turnaround) {
+  return {char_time, turnaround + device.gap};
+}
+
+Plan reads_of(const Codec& codec, const DeviceConfig& device, const Point& point) {
+  return make_plan(codec, std::span(&point, 1), LineCost{}, device.max_block_bytes);
+}
+
+nanoseconds read_time(const Codec& codec, const DeviceConfig& device, const Point& point,
+                      const LineTiming& timing) {
+  nanoseconds total{0};
+  for (const PlannedRead& planned : reads_of(codec, device, point).reads)
+    total += exchange_time(codec, planned.read, timing);
+  return total;
+}
+
+nanoseconds write_time(const Codec& codec, std::span<const Request> requests,
+                       const LineTiming& timing) {
+  nanoseconds total{0};
+  for (Request request : requests) {
+    if (const auto first = codec.read_before(request)) {
+      total += exchange_time(codec, *first, timing);
+      // What goes out then depends on the answer, its length does not.
+      const auto* read = std::get_if<Read>(&*first);
+      request = codec.with_read(request, Bytes(read != nullptr ? (read->span.bits + 7) / 8 : 0));
+    }
+    total += exchange_time(codec, request, timing);
+  }
+  return total;
+}
+
+nanoseconds longest_poll(const Codec& codec, std::span<const Plan* const> plans,
+                         const LineTiming& timing) {
+  nanoseconds longest{0};
+  for (const Plan* plan : plans)
+    for (const PlannedRead& planned : plan->reads)
+      longest = std::max(longest, exchange_time(codec, planned.read, timing));
+  if (const auto question = codec.run_state())
+    longest = std::max(longest, exchange_time(codec, *question, timing));
+  return longest;
+}
+
+}  // namespace fxagent

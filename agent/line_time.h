@@ -1,0 +1,39 @@
+// What polls and orders take on their line, by the config: one arithmetic for the plans of the
+// field, for the bound of commands and for `fxagent plan`. Pure; any thread.
+#pragma once
+
+#include <chrono>
+#include <span>
+
+#include "agent/config.h"
+#include "protocol/plan.h"
+
+namespace fxagent {
+
+/// Whether the PLC runs is asked for so often, where the protocol can tell (CONTRACT: 10 s).
+inline constexpr std::chrono::milliseconds kRunStateBeat{10000};
+
+/// What `device` and its line add to the characters of an exchange, with the device's own time as
+/// configured. `char_time` as in LinkConfig; 0 leaves only what does not depend on the speed.
+LineTiming timing_of(const DeviceConfig& device, std::chrono::nanoseconds char_time);
+
+/// What the planner is to weigh for `device`. `turnaround` is its own time, configured or measured.
+LineCost cost_of(const DeviceConfig& device, std::chrono::nanoseconds char_time,
+                 std::chrono::nanoseconds turnaround);
+
+/// The reads of `point` by itself, as an order sends them.
+Plan reads_of(const Codec& codec, const DeviceConfig& device, const Point& point);
+/// Their line time.
+std::chrono::nanoseconds read_time(const Codec& codec, const DeviceConfig& device,
+                                   const Point& point, const LineTiming& timing);
+
+/// Line time of orders sent one after the other, each with the read that must come before it.
+std::chrono::nanoseconds write_time(const Codec& codec, std::span<const Request> requests,
+                                    const LineTiming& timing);
+
+/// The longest exchange that a command may find on the wire: a read of `plans`, or the question
+/// whether the PLC runs.
+std::chrono::nanoseconds longest_poll(const Codec& codec, std::span<const Plan* const> plans,
+                                      const LineTiming& timing);
+
+}  // namespace fxagent

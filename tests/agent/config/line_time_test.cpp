@@ -1,0 +1,92 @@
+#include "agent/line_time.h"
+
+#include <gtest/gtest.h>
+
+namespace fxagent {
+namespace {
+
+using std::chrono::milliseconds;
+
+/// One character a millisecond, so that line times read as characters.
+constexpr milliseconds kCharTime{1};
+
+DeviceConfig device_of(const std::string& protocol) {
+  const ProtocolInfo* info = find_protocol(protocol);
+  Options options = default_options(*info);
+  if (!info->models.empty()) options["model"] = std::string("FX3U");
+  DeviceConfig device;
+  device.protocol = info;
+  device.codec = *info->make(options);
+  device.gap = milliseconds(5);
+  device.turnaround = milliseconds(30);
+  return device;
+}
+
+Point point_of(const DeviceConfig& device, const std::string& address) {
+  Point point;
+  point.address = *device.codec->parse_address(address, std::nullopt);
+  point.type = default_type(point.address);
+  point.order = device.codec->default_order();
+  return point;
+}
+
+std::vector<Request> writes_of(const DeviceConfig& device, const std::string& address) {
+  const Point point = point_of(device, address);
+  return *plan_write(*device.codec, point, Bytes((span_of(point)->bits + 7) / 8));
+}
+
+TEST(LineTime, CountsCharactersTurnaroundAndGap) {
+  DeviceConfig device = device_of("fx-programming-port");
+  const Point d100 = point_of(device, "D100");
+  // 11 characters ask (STX 0 10C8 02 ETX sum), 8 answer (STX 4 digits ETX sum).
+  EXPECT_EQ(read_time(*device.codec, device, d100, timing_of(device, kCharTime)),
+            milliseconds(11 + 8 + 30 + 5));
+  device.enquire = EnquirePolicy::always;
+  EXPECT_EQ(read_time(*device.codec, device, d100, timing_of(device, kCharTime)),
+            milliseconds(11 + 8 + 30 + 5 + 1 + 1 + 30 + 5));
+}
+
+TEST(LineTime, OfAWriteIsThatOfTheOrderAndItsAnswer) {
+  const DeviceConfig port = device_of("fx-programming-port");
+  // 15 characters ask (STX 1 10C8 02 4 digits ETX sum), ACK answers.
+  EXPECT_EQ(write_time(*port.codec, writes_of(port, "D100"), timing_of(port, kCharTime)),
+            milliseconds(15 + 1 + 30 + 5));
+  // Modbus ASCII: ":", "01 06 0064 0001", LRC, CR LF there and the same back.
+  const DeviceConfig ascii = device_of("modbus-ascii");
+  EXPECT_EQ(write_time(*ascii.codec, writes_of(ascii, "hr:100"), timing_of(ascii, kCharTime)),
+            milliseconds(17 + 17 + 30 + 5));
+}
+
+TEST(LineTime, OfAWriteCountsTheReadThatMustComeFirst) {
+  const ProtocolInfo* info = find_protocol("modbus-ascii");
+  Options options = default_options(*info);
+  options["allow_read_modify_write"] = true;
+  DeviceConfig device = device_of("modbus-ascii");
+  device.codec = *info->make(options);
+  const Request mask = writes_of(device, "hr:100.3").front();
+  const auto by_reading = device.codec->instead_of(mask, 1);  // 01: it has no function 22
+  ASSERT_TRUE(by_reading);
+  // One register read (17 characters and 15), then written (17 and 17).
+  EXPECT_EQ(write_time(*device.codec, std::span(&*by_reading, 1), timing_of(device, kCharTime)),
+            milliseconds(17 + 15 + 30 + 5 + 17 + 17 + 30 + 5));
+}
+
+TEST(LineTime, LongestPollIsARead) {
+  const DeviceConfig device = device_of("fx-programming-port");
+  const LineTiming timing = timing_of(device, kCharTime);
+  const Plan word = reads_of(*device.codec, device, point_of(device, "D100"));
+  const Plan* plans[] = {&word};
+  EXPECT_EQ(longest_poll(*device.codec, plans, timing), milliseconds(11 + 8 + 30 + 5));
+}
+
+TEST(LineTime, LongestPollWithoutReadsIsTheQuestionForRun) {
+  // One byte of M8000: 11 characters ask, 6 answer. Modbus has no such question.
+  const DeviceConfig port = device_of("fx-programming-port");
+  EXPECT_EQ(longest_poll(*port.codec, {}, timing_of(port, kCharTime)),
+            milliseconds(11 + 6 + 30 + 5));
+  const DeviceConfig rtu = device_of("modbus-rtu");
+  EXPECT_EQ(longest_poll(*rtu.codec, {}, timing_of(rtu, kCharTime)), milliseconds(0));
+}
+
+}  // namespace
+}  // namespace fxagent
