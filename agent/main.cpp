@@ -13,7 +13,7 @@
 #include "agent/decode.h"
 #include "agent/log.h"
 #include "agent/one_shot.h"
-#include "agent/plan_report.h"
+#include "agent/plan_command.h"
 
 namespace {
 

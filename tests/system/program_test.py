@@ -153,37 +153,105 @@ class Programs(PlantTest):
         self.assertIn("/mqtt/password", done.stderr)
         self.assertNotIn(secret, done.stdout + done.stderr)
 
-    def test_plan_shows_the_reads_and_what_more_tags_would_cost(self):
-        path = self.config(devices=[device(
-            turnaround_ms=0, groups=[{"name": "fast", "interval_ms": 100}],
-            tags=[{"name": "temp", "address": "D100", "group": "fast", "access": "read_write"}])])
-        status, out, err = self.run_agent("plan", path, "--json")
-        self.assertEqual(status, 0, err)
-        (link,) = json.loads(out)["links"]
-        self.assertEqual((link["name"], link["baud"]), ("line1", 9600))
+    def plan(self, path, *what_ifs):
+        asked = [word for what in what_ifs for word in ("--what-if", what)]
+        status, out, err = self.run_agent("plan", path, "--json", *asked)
+        self.assertEqual((status, err), (0, ""))
+        return json.loads(out)
+
+    def small(self, **more):
+        """One word each 100 ms on a programming port without a time of its own."""
+        return device(**{"turnaround_ms": 0, "groups": [{"name": "fast", "interval_ms": 100}],
+                         "tags": [{"name": "temp", "address": "D100", "group": "fast",
+                                   "access": "read_write"}], **more})
+
+    def test_plan_shows_the_reads_and_the_bound(self):
+        path = self.config(devices=[self.small()])
+        (link,) = self.plan(path)["links"]
+        self.assertEqual((link["name"], link["baud"], link["warnings"]), ("line1", 9600, []))
         (group,) = link["groups"]
-        self.assertEqual(group["exchanges"], [{"address": "D100", "bytes": 2, "line_ms": 19.8}])
+        self.assertEqual((group["device"], group["group"], group["interval_ms"], group["line_ms"]),
+                         ("press1", "fast", 100, 19.8))
         # 11 characters there, 8 back, at 10 bits: 19.8 ms each 100 ms, and M8000 each 10 s.
+        self.assertEqual(group["exchanges"], [{"address": "D100", "bytes": 2, "bits": 16,
+                                               "chars": 19, "line_ms": 19.8}])
+        self.assertEqual(group["waste_ms"],
+                         {"framing": 15.6, "unasked": 0.0, "word_access": 0.0, "turnaround": 0.0})
         self.assertAlmostEqual(link["busy_percent"], 19.9, delta=0.15)
         # The longest poll, then a write of 15 and 1 characters and the same read again.
         self.assertAlmostEqual(link["command_bound_ms"], 19.8 + 16.7 + 19.8, delta=0.2)
         status, out, err = self.run_agent("plan", path)
-        self.assertEqual(status, 0, err)
-        self.assertIn("press1/fast: each 100 ms, 1 exchanges, 19.8 ms", out)
-        what_if = ["--what-if", "press1 D500..D563@100"]
-        status, out, err = self.run_agent("plan", path, "--json", *what_if)
-        self.assertEqual(status, 0, err)
-        both = json.loads(out)
-        self.assertEqual(both["before"]["links"], [link])
-        (after,) = both["after"]["links"]
+        self.assertEqual((status, err), (0, ""))
+        lines = [line.split() for line in out.splitlines()]
+        self.assertIn("busy 20.0 %; a command is through after 56.3 ms at the most", out)
+        self.assertIn(["press1/fast", "100", "19.8", "20", "4.2", "15.6", "0.0", "0.0", "0.0"],
+                      lines)
+        self.assertIn(["D100", "press1/fast", "2", "bytes", "19", "19.8"], lines)
+        self.assertEqual(self.run_agent("plan", os.path.join(self.directory, "nothing"))[0], 2)
+
+    def test_plan_of_100_words_and_64_bits_is_the_least_that_the_port_can_do(self):
+        tags = [{"name": "d", "address": "D0", "count": 100, "group": "fast"},
+                {"name": "m", "address": "M0", "count": 64, "group": "fast"}]
+        (link,) = self.plan(self.config(devices=[self.small(tags=tags)]))["links"]
+        self.assertEqual(link["groups"][0]["line_ms"], 511.5)
+        self.assertEqual(link["warnings"], [
+            "press1/fast asks for 100 ms; the link carries 513 ms or more: set interval_ms to 520"])
+        blocks = {trade["max_block_bytes"]: trade for trade in link["block_trade"]}
+        self.assertEqual(sorted(blocks), [16, 32, 64])
+        self.assertEqual((blocks[64]["cycle_ms"], blocks[64]["command_bound_ms"]),
+                         (511.5, link["command_bound_ms"]))
+        self.assertGreater(blocks[32]["cycle_ms"], 511.5)
+        self.assertLess(blocks[32]["command_bound_ms"], link["command_bound_ms"])
+
+    def test_plan_of_a_line_of_unknown_speed_has_reads_and_no_times(self):
+        links = [{"name": "line1", "tcp": {"host": "127.0.0.1", "port": 1}}]
+        path = self.config(links=links, devices=[self.small()])
+        (link,) = self.plan(path)["links"]
+        self.assertEqual([link[key] for key in ("baud", "busy_percent", "command_bound_ms")],
+                         [None] * 3)
+        (group,) = link["groups"]
+        self.assertEqual((group["line_ms"], group["waste_ms"]), (None, None))
+        self.assertEqual(group["exchanges"], [{"address": "D100", "bytes": 2, "bits": 16,
+                                               "chars": 19, "line_ms": None}])
+        self.assertIn("line_baud", link["warnings"][0])
+        status, out, _ = self.run_agent("plan", path)
+        self.assertEqual(status, 0)
+        self.assertIn("line_baud", out)
+
+    def test_plan_shows_what_more_tags_would_cost(self):
+        path = self.config(devices=[self.small()])
+        both = self.plan(path, "press1 D500..D563@100", "press1 M7@500")
+        self.assertEqual(both["before"], self.plan(path))
+        (before,), (after,) = both["before"]["links"], both["after"]["links"]
+        self.assertEqual([group["group"] for group in after["groups"]], ["fast", "what-if"])
         self.assertGreater(after["busy_percent"], 100)
-        self.assertTrue(any("set interval_ms to" in w for w in after["warnings"]), after["warnings"])
+        self.assertGreater(after["command_bound_ms"], before["command_bound_ms"])
+        self.assertEqual(before["warnings"], [])
+        self.assertTrue(any("press1/fast asks for 100 ms" in w for w in after["warnings"]))
+        status, out, err = self.run_agent("plan", path, "--what-if", "press1 D500..D563@100")
+        self.assertEqual((status, err), (0, ""))
+        self.assertIn(["press1/fast,", "every", "100", "ms", "19.8", "ms", "317.7", "ms"],
+                      [line.split() for line in out.splitlines()])
+        self.assertIn("warning after: press1/fast asks for 100 ms", out)
         for wrong, word in (("press9 D1@5", "no device press9"), ("press1 X8@5", "octal"),
                             ("press1 D5", "DEVICE FIRST..LAST@MS"),
                             ("press1 D5@x", "interval"), ("press1 D9..D5@5", "lower one first")):
             status, out, err = self.run_agent("plan", path, "--what-if", wrong)
             self.assertEqual((status, out), (2, ""), wrong)
             self.assertIn(word, err)
+
+    def test_the_bound_of_the_plan_is_that_of_results(self):
+        more = {"address": "D300", "count": 40, "group": "fast"}
+        small = self.small(turnaround_ms=12, gap_ms=3)
+        small["tags"].append(dict(more, name="more"))
+        self.start(devices=[small])
+        self.ready()
+        result = self.order(op="write", tag="temp", value=7)
+        self.assert_result(result, "SUCCEEDED", plc="ACK")
+        (link,) = self.plan(self.config(devices=[small]))["links"]
+        self.assertAlmostEqual(result["t"]["bound_ms"], link["command_bound_ms"], delta=0.051)
+        trade = [t for t in link["block_trade"] if t["max_block_bytes"] == 16]
+        self.assertLess(trade[0]["command_bound_ms"], link["command_bound_ms"])
 
     def test_a_device_that_does_not_answer_is_exit_1(self):
         path = self.config()  # nobody holds the pty
