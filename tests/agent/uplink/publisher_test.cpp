@@ -1077,8 +1077,10 @@ TEST_P(PublisherProperty, NothingIsLostWithoutBeingCounted) {
 
 INSTANTIATE_TEST_SUITE_P(Seeds, PublisherProperty,
                          testing::Combine(testing::Range(1U, 21U),
-                                          testing::Values(Keeping::memory, Keeping::offline,
-                                                          Keeping::always)));
+                                          testing::Values(Keeping::memory)));
+INSTANTIATE_TEST_SUITE_P(SeedsWithAStore, PublisherProperty,
+                         testing::Combine(testing::Range(21U, 27U),
+                                          testing::Values(Keeping::offline, Keeping::always)));
 
 }  // namespace
 }  // namespace fxagent
