@@ -115,9 +115,17 @@ std::optional<nanoseconds> order_time(const DeviceConfig& device, const DevicePl
     best = *rank;
   };
   for (const TagConfig& tag : device.tags) consider(tag.point.address, tag.writable);
+  const auto address_at = [&](const Span& span) {
+    return plan.codec->parse_address(plan.codec->name_of(span), std::nullopt);
+  };
   for (const Span& span : device.commands.allow) {
-    const auto address = plan.codec->parse_address(plan.codec->name_of(span), std::nullopt);
-    if (address) consider(*address, true);
+    const auto first = address_at(span);
+    if (!first) continue;
+    consider(*first, true);
+    // High numbers may take longer frames than low ones, not the other way round.
+    const std::uint32_t bits = first->span.bits;
+    if (const auto last = address_at({span.space, span.end_bit() - bits, bits}))
+      consider(*last, true);
   }
   return longest;
 }

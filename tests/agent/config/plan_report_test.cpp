@@ -134,6 +134,10 @@ TEST(PlanReport, TheBoundIsThatOfAWordThatMayBeWritten) {
   const auto of_range =
       plan_links(config_of(kSerial, plc(tags, R"(,"commands":{"allow":["D5000-D5001"]})")));
   EXPECT_NEAR(ms(*of_range[0].command_bound), (21 + 18 + 21) * 10 / 9.6, 0.1);
+  // A range from short frames to long ones: the long ones count.
+  const auto of_wide =
+      plan_links(config_of(kSerial, plc(tags, R"(,"commands":{"allow":["D0-D7999"]})")));
+  EXPECT_EQ(of_wide[0].command_bound, of_range[0].command_bound);
 }
 
 TEST(PlanReport, WithoutWordsTheBoundIsThatOfAForceWhichIsNotReadBack) {
