@@ -77,6 +77,7 @@ struct DeviceConfig {
   const ProtocolInfo* protocol = nullptr;
   /// Shared by this config and the worker that reads the device; const, so any thread.
   std::shared_ptr<const Codec> codec;
+  Options options;                          ///< what the codec was made of
   std::chrono::milliseconds timeout{1000};  ///< allowed beyond the expected line time
   int retries = 2;
   std::chrono::milliseconds gap{0};          ///< silence before a request

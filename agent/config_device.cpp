@@ -126,6 +126,7 @@ void DeviceReader::make_codec() {
     return;
   }
   device_.codec = *codec;
+  device_.options = options;
   codec_ = *codec;
   if (name == kAuto && !protocol.models.empty()) {
     // The catalogue lists a protocol's models from the narrowest to the widest.

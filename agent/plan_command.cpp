@@ -169,15 +169,29 @@ void print_reads(const LinkReport& link) {
   print_table(rows, 2);
 }
 
+/// Of sizes next to each other that come to the same, the configured one, or else the smallest.
+std::vector<BlockTrade> without_repeats(const std::vector<BlockTrade>& trades) {
+  std::vector<BlockTrade> kept;
+  for (const BlockTrade& trade : trades) {
+    const bool repeats = !kept.empty() && kept.back().device == trade.device &&
+                         kept.back().cycle == trade.cycle &&
+                         kept.back().command_bound == trade.command_bound;
+    if (!repeats)
+      kept.push_back(trade);
+    else if (trade.configured)
+      kept.back() = trade;
+  }
+  return kept;
+}
+
 /// One line for each device, from large blocks to small ones.
 void print_block_trade(const LinkReport& link) {
-  for (auto first = link.block_trade.begin(); first != link.block_trade.end();) {
-    const auto end = std::find_if(first, link.block_trade.end(), [&](const BlockTrade& trade) {
+  const std::vector<BlockTrade> trades = without_repeats(link.block_trade);
+  for (auto first = trades.begin(); first != trades.end();) {
+    const auto end = std::find_if(first, trades.end(), [&](const BlockTrade& trade) {
       return trade.device != first->device;
     });
-    const bool same = std::all_of(first, end, [&](const BlockTrade& trade) {
-      return trade.cycle == first->cycle && trade.command_bound == first->command_bound;
-    });
+    const bool same = end - first == 1;
     std::cout << "  " << first->device << ": ";
     if (same) std::cout << "max_block_bytes changes nothing here";
     for (auto trade = end; !same && trade-- != first;)

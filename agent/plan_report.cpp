@@ -251,28 +251,42 @@ std::optional<nanoseconds> bound_of(const std::vector<BoundShare>& shares) {
   return longest + *order;
 }
 
-/// What one read of the device's tags can bring at the most by its protocol.
-std::uint32_t most_bytes(const DeviceConfig& device, const Codec& codec) {
+/// The device as it would be with another max_block_bytes.
+DeviceConfig with_blocks(const DeviceConfig& device, std::uint32_t bytes) {
+  DeviceConfig out = device;
+  out.max_block_bytes = bytes;
+  const auto option = out.options.find("max_block_bytes");
+  if (option == out.options.end()) return out;  // the planner alone keeps it
+  option->second = std::int64_t{bytes};
+  if (const auto codec = device.protocol->make(out.options)) out.codec = *codec;
+  return out;
+}
+
+/// What one read of the device's tags could bring at the most, whatever max_block_bytes is now.
+std::uint32_t most_bytes(const DeviceConfig& device) {
+  std::uint32_t most_configurable = 0;
+  for (const OptionSpec& option : device.protocol->options)
+    if (option.key == "max_block_bytes") most_configurable = static_cast<std::uint32_t>(option.max);
+  const auto codec = widest(with_blocks(device, most_configurable));
   std::set<std::uint16_t> spaces;
   for (const TagConfig& tag : device.tags) spaces.insert(tag.point.address.span.space);
   std::uint32_t most = 0;
   for (const std::uint16_t space : spaces)
-    for (const ReadWay& way : codec.read_ways(space)) most = std::max(most, way.max_bits / 8);
+    for (const ReadWay& way : codec->read_ways(space)) most = std::max(most, way.max_bits / 8);
   return most;
 }
 
 /// `shares` are those of all devices of the link, `own` the place of this one among them.
 void add_block_trade(const DeviceConfig& device, nanoseconds char_time,
                      const std::vector<BoundShare>& shares, std::size_t own, LinkReport& report) {
-  const std::uint32_t most = most_bytes(device, *widest(device));
+  const std::uint32_t most = most_bytes(device);
   const std::uint32_t now =
       device.max_block_bytes == 0 ? most : std::min(device.max_block_bytes, most);
   std::set<std::uint32_t> sizes{now, most};
   for (const std::uint32_t size : kBlockSizes)
     if (size < most) sizes.insert(size);
   for (const std::uint32_t size : sizes) {
-    DeviceConfig resized = device;
-    resized.max_block_bytes = size;
+    const DeviceConfig resized = with_blocks(device, size);
     const DevicePlan plan = plan_device(resized, char_time);
     BlockTrade trade;
     trade.device = device.name;

@@ -89,8 +89,9 @@ TEST(PlanReport, TimesOfTheOtherProtocolsAreThoseOfTheirFrames) {
 }
 
 TEST(PlanReport, LineTimeIsTheSumOfWhereItGoes) {
-  // M0 alone brings M1-M7 along; D0 and D2 bring D1 along.
+  // M0 and M16 bring their bytes along, and M8-M15 between them; D0 and D2 bring D1 along.
   const std::string tags = R"({"name":"m","address":"M0","group":"g"},
+                              {"name":"n","address":"M16","group":"g"},
                               {"name":"a","address":"D0","group":"g"},
                               {"name":"b","address":"D2","group":"g"})";
   std::string device = plc(tags, R"(,"gap_ms":5)");
@@ -99,9 +100,9 @@ TEST(PlanReport, LineTimeIsTheSumOfWhereItGoes) {
   ASSERT_EQ(group.exchanges.size(), 2U);
   const double character = 10 / 9.6;
   EXPECT_NEAR(ms(group.use.framing), 2 * 15 * character, 0.001);
-  EXPECT_NEAR(ms(group.use.word_access), 2 * 7.0 / 8 * character, 0.001);
-  EXPECT_NEAR(ms(group.use.unasked), 4 * character, 0.001);
-  EXPECT_NEAR(ms(group.use.asked), (2.0 / 8 + 8) * character, 0.001);
+  EXPECT_NEAR(ms(group.use.word_access), 2 * 2 * 7.0 / 8 * character, 0.001);
+  EXPECT_NEAR(ms(group.use.unasked), (2 + 4) * character, 0.001);
+  EXPECT_NEAR(ms(group.use.asked), (2 * 2.0 / 8 + 8) * character, 0.001);
   EXPECT_NEAR(ms(group.use.turnaround), 2 * 35, 0.001);
   const LineTimeUse& use = group.use;
   EXPECT_NEAR(ms(use.asked + use.framing + use.unasked + use.word_access + use.turnaround),
@@ -157,7 +158,7 @@ TEST(PlanReport, SmallerBlocksTakeLongerAndLetCommandsThroughSooner) {
   const std::string tags =
       kLarge + R"(,{"name":"s","address":"D500","group":"g","access":"read_write"})";
   const LinkReport link = plan_links(config_of(kSerial, plc(tags)))[0];
-  ASSERT_EQ(link.block_trade.size(), 3U);
+  ASSERT_EQ(link.block_trade.size(), 4U);
   EXPECT_EQ(link.block_trade[0].block_bytes, 16U);
   EXPECT_EQ(link.block_trade[2].block_bytes, 64U);
   for (std::size_t i = 0; i + 1 < 3; ++i) {
@@ -168,10 +169,30 @@ TEST(PlanReport, SmallerBlocksTakeLongerAndLetCommandsThroughSooner) {
   EXPECT_TRUE(link.block_trade[2].configured);
   EXPECT_EQ(link.block_trade[2].cycle, *link.groups[0].line_time);
   EXPECT_EQ(link.block_trade[2].command_bound, *link.command_bound);
-  // What the trade promises is what the config then has.
+  EXPECT_EQ(link.block_trade[3].block_bytes, 254U);  // extended reads only, and D0-D99 are classic
+  EXPECT_EQ(link.block_trade[3].cycle, link.block_trade[2].cycle);
+  // What the trade promises is what the config then has, and the way back is shown there too.
   const LinkReport small = plan_links(config_of(kSerial, plc(tags, R"(,"max_block_bytes":16)")))[0];
   EXPECT_EQ(*small.groups[0].line_time, link.block_trade[0].cycle);
   EXPECT_EQ(small.command_bound, link.block_trade[0].command_bound);
+  ASSERT_EQ(small.block_trade.size(), 4U);
+  EXPECT_TRUE(small.block_trade[0].configured);
+  EXPECT_FALSE(small.block_trade[2].configured);
+  EXPECT_EQ(small.block_trade[2].cycle, link.block_trade[2].cycle);
+}
+
+TEST(PlanReport, ABlockSizeThatThePlannerAloneKeepsIsTradedToo) {
+  const auto links =
+      plan_links(config_of(kSerial,
+                           R"({"name":"p","link":"l","protocol":"modbus-rtu","max_block_bytes":100,
+          "groups":[{"name":"g"}],"tags":[{"name":"r","address":"hr:0","count":200,"group":"g"}]})"));
+  std::vector<std::uint32_t> sizes;
+  for (const BlockTrade& trade : links[0].block_trade) {
+    sizes.push_back(trade.block_bytes);
+    EXPECT_EQ(trade.configured, trade.block_bytes == 100);
+  }
+  EXPECT_EQ(sizes, (std::vector<std::uint32_t>{16, 32, 64, 100, 250}));
+  EXPECT_LT(links[0].block_trade[4].cycle, links[0].block_trade[3].cycle);
 }
 
 TEST(PlanReport, AnOverloadNamesTheIntervalThatFits) {
@@ -189,6 +210,14 @@ TEST(PlanReport, AnOverloadNamesTheIntervalThatFits) {
   EXPECT_TRUE(plan_links(config)[0].warnings.empty());
   config.devices[0].groups[0].interval -= milliseconds(10);
   EXPECT_GT(*plan_links(config)[0].busy_percent, 100.0);
+}
+
+TEST(PlanReport, TheIntervalThatFitsLeavesRoomForTheQuestionForRun) {
+  // At 300 baud the question for RUN alone takes 6 % of the line.
+  Config config = config_of(R"({"name":"l","serial":{"path":"/dev/x","baud":300}})", plc(kLarge));
+  config.devices[0].groups[0].interval = *plan_links(config)[0].groups[0].shortest_interval;
+  EXPECT_LE(*plan_links(config)[0].busy_percent, 100.0);
+  EXPECT_GT(*plan_links(config)[0].busy_percent, 99.9);
 }
 
 TEST(PlanReport, WithoutASpeedThereAreNoTimes) {
