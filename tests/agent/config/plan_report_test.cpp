@@ -135,6 +135,10 @@ TEST(PlanReport, TheBoundIsThatOfAWordThatMayBeWritten) {
   const auto of_range =
       plan_links(config_of(kSerial, plc(tags, R"(,"commands":{"allow":["D5000-D5001"]})")));
   EXPECT_NEAR(ms(*of_range[0].command_bound), (21 + 18 + 21) * 10 / 9.6, 0.1);
+  // Of several that may be written the longest counts, wherever it stands.
+  const std::string both = R"({"name":"b","address":"D5000","group":"g","access":"read_write"},
+                              {"name":"a","address":"D100","group":"g","access":"read_write"})";
+  EXPECT_EQ(plan_links(config_of(kSerial, plc(both)))[0].command_bound, of_range[0].command_bound);
   // A range from short frames to long ones: the long ones count.
   const auto of_wide =
       plan_links(config_of(kSerial, plc(tags, R"(,"commands":{"allow":["D0-D7999"]})")));
