@@ -264,6 +264,12 @@ void read_links(ConfigReader& reader, const ConfigNode& array, Links& links, Con
   }
 }
 
+/// Where the link says how many data bits its line has; null where it does not.
+const ConfigNode* data_bits_of(const ConfigNode& link) {
+  const ConfigNode* serial = link.find("serial");
+  return (serial != nullptr ? *serial : link).find("data_bits");
+}
+
 /// Fills in what the links left to the protocol that is spoken on them.
 void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& links,
                   Config& config) {
@@ -271,8 +277,14 @@ void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& li
     LinkConfig& link = config.links[i];
     const LinkFacts& facts = links.facts[i];
     if (facts.first_device == nullptr) reader.warn(array.children[i], "no device uses this link");
-    const SerialSettings line = line_settings(
-        links.lines[i], facts.protocol != nullptr ? facts.protocol->line : LineDefaults{});
+    const LineDefaults defaults = facts.protocol != nullptr ? facts.protocol->line : LineDefaults{};
+    // A protocol that is at home on 8 bits uses the eighth; one that needs 7 is content with 8.
+    if (facts.protocol != nullptr &&
+        links.lines[i].data_bits.value_or(defaults.data_bits) < defaults.data_bits)
+      if (const ConfigNode* bits = data_bits_of(array.children[i]))
+        reader.error(*bits, std::string(facts.protocol->name) + " needs " +
+                                std::to_string(defaults.data_bits) + " data bits");
+    const SerialSettings line = line_settings(links.lines[i], defaults);
     if (auto* serial = std::get_if<SerialSettings>(&link.channel)) {
       const std::string path = serial->path;
       *serial = line;

@@ -50,6 +50,9 @@ class DeviceReader {
   void read_rest();
 
  private:
+  void check_foreign_key(const ConfigNode& member);
+  const ConfigNode& culprit(const Options& options, const Error& error) const;
+  std::optional<std::string_view> read_model();
   void make_codec();
   void read_groups();
   void read_tag(const ConfigNode& node);
@@ -86,10 +89,60 @@ bool DeviceReader::read_protocol() {
 
   // Without a protocol any key that one of them has may be right.
   std::vector<std::string_view> options;
+  std::vector<std::string_view> foreign;
+  for (const ProtocolInfo& info : catalog()) {
+    const bool own = device_.protocol == nullptr || device_.protocol == &info;
+    for (const auto key : option_keys(info)) (own ? options : foreign).push_back(key);
+  }
+  if (!reader_.check_object(node_, config_keys::device, options, foreign)) return false;
+  for (const ConfigNode& member : node_.children) check_foreign_key(member);
+  return true;
+}
+
+/// A key of other protocols: the error says of which, and what this one has in its place.
+void DeviceReader::check_foreign_key(const ConfigNode& member) {
+  if (device_.protocol == nullptr || spec_of(*device_.protocol, member.key) != nullptr ||
+      std::ranges::find(config_keys::device, member.key) != config_keys::device.end())
+    return;
+  std::vector<std::string_view> owners;
   for (const ProtocolInfo& info : catalog())
-    if (device_.protocol == nullptr || device_.protocol == &info)
-      for (const auto key : option_keys(info)) options.push_back(key);
-  return reader_.check_object(node_, config_keys::device, options);
+    if (spec_of(info, member.key) != nullptr) owners.push_back(info.name);
+  if (owners.empty()) return;  // of no protocol; reported as unknown
+  reader_.error_at_key(member, "is for " + one_of(owners) + "; in its place " +
+                                   std::string(device_.protocol->name) + " may have " +
+                                   one_of(option_keys(*device_.protocol)));
+}
+
+/// The key that the codec objects to: with its default there would be no such error. The device
+/// itself where no key alone is the reason.
+const ConfigNode& DeviceReader::culprit(const Options& options, const Error& error) const {
+  const Options defaults = default_options(*device_.protocol);
+  for (const OptionSpec& spec : device_.protocol->options) {
+    const ConfigNode* given = node_.find(spec.key);
+    if (given == nullptr) continue;
+    Options others = options;
+    others.insert_or_assign(std::string(spec.key), defaults.find(spec.key)->second);
+    const auto codec = device_.protocol->make(others);
+    if (codec || codec.error().text != error.text) return *given;
+  }
+  return node_;
+}
+
+/// The device's model, "auto" where none is given; nothing where it is wrong.
+std::optional<std::string_view> DeviceReader::read_model() {
+  const ProtocolInfo& protocol = *device_.protocol;
+  const ConfigNode* given = node_.find("model");
+  if (given == nullptr) return kAuto;
+  if (protocol.models.empty()) {
+    if (const auto word = reader_.text(*given); word && *word != kAuto)
+      reader_.error(*given, std::string(protocol.name) +
+                                " has no models: leave \"model\" out, or set it to auto");
+    return kAuto;
+  }
+  std::vector<std::string_view> models{protocol.models};
+  models.push_back(kAuto);
+  const auto model = reader_.choice(node_, "model", models);
+  return model ? std::optional(models[*model]) : std::nullopt;
 }
 
 void DeviceReader::make_codec() {
@@ -112,25 +165,22 @@ void DeviceReader::make_codec() {
     }
   }
 
-  std::vector<std::string_view> models{protocol.models};
-  models.push_back(kAuto);
-  const ConfigNode* given = node_.find("model");
-  const auto model = reader_.choice(node_, "model", models);
-  if (given != nullptr && !model) return;
-  const std::string_view name = model ? models[*model] : kAuto;
-  options.insert_or_assign("model", std::string(name));
+  const auto name = read_model();
+  if (!name) return;
+  options.insert_or_assign("model", std::string(*name));
 
   auto codec = protocol.make(options);
   if (!codec) {
-    reader_.error(node_, codec.error().text);
+    reader_.error(culprit(options, codec.error()), codec.error().text);
     return;
   }
   device_.codec = *codec;
   device_.options = options;
   codec_ = *codec;
-  if (name == kAuto && !protocol.models.empty()) {
+  if (*name == kAuto && !protocol.models.empty()) {
     // The catalogue lists a protocol's models from the narrowest to the widest.
     codec_ = device_.codec->with_model(protocol.models.back());
+    const ConfigNode* given = node_.find("model");
     reader_.warn(given != nullptr ? *given : node_,
                  "model auto: checked against " + std::string(protocol.models.back()) +
                      ", the widest; addresses that the real model lacks will be bad");
@@ -161,7 +211,9 @@ void DeviceReader::read_rest() {
   if (const ConfigNode* tags = reader_.array(node_, "tags", ConfigReader::optional)) {
     device_.tags.reserve(tags->children.size());
     if (codec_ != nullptr && codec_->is_broadcast() && !tags->children.empty())
-      reader_.error(*tags, "a broadcast is never answered, so it can have no tags");
+      reader_.error(*tags,
+                    "a broadcast is never answered, so it can have no tags; what may be written to "
+                    "all units stands in commands/allow");
     for (const ConfigNode& tag : tags->children) read_tag(tag);
   }
   if (const ConfigNode* commands = reader_.object(node_, "commands", ConfigReader::optional))
@@ -410,13 +462,15 @@ void join_link(ConfigReader& reader, const ConfigNode& node, const NameTable& li
   const ProtocolInfo& protocol = *device.protocol;
   if (!(link.is_serial ? protocol.on_serial : protocol.on_tcp))
     reader.error(given, std::string(protocol.name) + " does not run over a " +
-                            (link.is_serial ? "serial" : "tcp") + " link");
+                            (link.is_serial ? "serial link; it needs one with \"tcp\""
+                                            : "tcp link; it needs one with \"serial\""));
   if (link.protocol == nullptr) {
     link.protocol = &protocol;
   } else if (link.protocol != &protocol) {
     reader.error(*node.find("protocol"), "one link speaks one protocol, and " +
                                              reader.place_of(*before) + " has " +
-                                             std::string(link.protocol->name) + " on this one");
+                                             std::string(link.protocol->name) +
+                                             " on this one; give this device another link");
   } else if (!protocol.multidrop) {
     reader.warn(given, "the same PLC answers for this device and for " + reader.place_of(*before) +
                            ": " + std::string(protocol.name) + " knows no stations");

@@ -128,7 +128,8 @@ std::string ConfigReader::place_of(const ConfigNode& node) const {
 }
 
 bool ConfigReader::check_object(const ConfigNode& node, std::span<const std::string_view> keys,
-                                std::span<const std::string_view> more) {
+                                std::span<const std::string_view> more,
+                                std::span<const std::string_view> left_to_caller) {
   if (node.kind != Kind::object) {
     wrong_kind(node, "an object");
     return false;
@@ -142,7 +143,8 @@ bool ConfigReader::check_object(const ConfigNode& node, std::span<const std::str
       continue;
     }
     if (std::ranges::find(keys, child.key) != keys.end() ||
-        std::ranges::find(more, child.key) != more.end())
+        std::ranges::find(more, child.key) != more.end() ||
+        std::ranges::find(left_to_caller, child.key) != left_to_caller.end())
       continue;
     std::vector<std::string_view> known(keys.begin(), keys.end());
     known.insert(known.end(), more.begin(), more.end());

@@ -56,9 +56,11 @@ class ConfigReader {
   std::string place_of(const ConfigNode& node) const;
 
   /// False (and an error) where the node is no object, true otherwise; members that are not among
-  /// `keys` or `more` are errors, as are members given twice.
+  /// `keys` or `more` are errors, as are members given twice. What is wrong with a member of the
+  /// name of one of `left_to_caller` the caller can say better.
   bool check_object(const ConfigNode& node, std::span<const std::string_view> keys,
-                    std::span<const std::string_view> more = {});
+                    std::span<const std::string_view> more = {},
+                    std::span<const std::string_view> left_to_caller = {});
 
   const ConfigNode* object(const ConfigNode& parent, std::string_view key, Presence presence);
   const ConfigNode* array(const ConfigNode& parent, std::string_view key, Presence presence);

@@ -68,7 +68,25 @@ TEST(ConfigDevice, OptionsThatDoNotFitTheModelAreRefused) {
   auto plant = small_plant();
   plant["devices"][0]["model"] = "FX1S";
   plant["devices"][0]["command_set"] = "extended";
-  expect_error(plant.dump(), "/devices/0", {"FX1S", "classic"});
+  expect_error(plant.dump(), "/devices/0/command_set", {"FX1S", "classic"});
+}
+
+TEST(ConfigDevice, OptionThatTheProtocolRefusesIsFoundBesideOthers) {
+  auto plant = small_plant();
+  plant["devices"] = nlohmann::json::parse(R"([
+    {"name": "a", "link": "line1", "protocol": "fx-computer-link", "format": 2},
+    {"name": "b", "link": "line1", "protocol": "fx-computer-link", "station": 1, "format": 4,
+     "message_wait_ms": 15},
+    {"name": "c", "link": "line1", "protocol": "fx-computer-link", "station": 16},
+    {"name": "d", "link": "line1", "protocol": "fx-computer-link", "station": 2, "format": 3,
+     "message_wait_ms": 15}])");
+  const auto errors = errors_of(plant.dump());
+  ASSERT_EQ(errors.size(), 4U) << listed(errors);
+  EXPECT_EQ(errors[0].pointer, "/devices/0/format") << errors[0].text;
+  EXPECT_EQ(errors[1].pointer, "/devices/1/message_wait_ms") << errors[1].text;
+  EXPECT_EQ(errors[2].pointer, "/devices/2/station") << errors[2].text;
+  EXPECT_NE(errors[2].text.find("0 to 15"), std::string::npos) << errors[2].text;
+  EXPECT_EQ(errors[3].pointer, "/devices/3/format") << errors[3].text;
 }
 
 TEST(ConfigDevice, UnknownProtocolNamesTheNearest) {

@@ -163,7 +163,8 @@ TEST(ConfigModbus, AllowTakesRangesOfOneTable) {
 }
 
 TEST(ConfigModbus, ABroadcastHasNoTagsAndMayHaveCommands) {
-  expect_modbus_error("/devices/0/unit", "0", "/devices/0/tags", {"broadcast", "no tags"});
+  expect_modbus_error("/devices/0/unit", "0", "/devices/0/tags",
+                      {"broadcast", "no tags", "commands/allow"});
   json plant = plant_with("/devices/0/unit", "0");
   plant["devices"][0].erase("tags");
   const Config config = good(plant.dump());
@@ -177,32 +178,64 @@ TEST(ConfigModbus, ABroadcastHasNoTagsAndMayHaveCommands) {
 }
 
 TEST(ConfigModbus, ReservedUnitsAreForTcpOnly) {
-  expect_modbus_error("/devices/0/unit", "248", "/devices/0", {"1 to 247"});
+  expect_modbus_error("/devices/0/unit", "248", "/devices/0/unit", {"1 to 247"});
   good_with("/devices/2/unit", "255");
   expect_modbus_error("/devices/2/unit", "256", "/devices/2/unit", {"0 to 255"});
 }
 
 TEST(ConfigModbus, OneLinkSpeaksOneProtocol) {
   expect_modbus_error("/devices/1/protocol", R"("modbus-ascii")", "/devices/1/protocol",
-                      {"one protocol", "modbus-rtu"});
+                      {"one protocol", "/devices/0 (line", "modbus-rtu", "another link"});
   json plant = modbus_plant();
   plant["devices"] = json::array({plant["devices"][2]});
   plant["devices"][0]["link"] = "line1";
-  expect_error(plant.dump(1), "/devices/0/link", {"modbus-tcp", "serial"});
+  expect_error(plant.dump(1), "/devices/0/link",
+               {"modbus-tcp", "serial", "needs one with \"tcp\""});
   plant = modbus_plant();
   plant["devices"][2]["protocol"] = "modbus-rtu";  // through a transparent serial server
   good(plant.dump());
 }
 
 TEST(ConfigModbus, ThereIsNoModelAndNoRunAndStop) {
-  expect_modbus_error("/devices/2/model", R"("FX3U")", "/devices/2/model", {"auto"});
+  expect_modbus_error("/devices/2/model", R"("FX3U")", "/devices/2/model",
+                      {"modbus-tcp has no models", "leave", "auto"});
+  good_with("/devices/2/model", R"("auto")");
   const Config config = good_with("/devices/2/commands", R"({"allow_run_stop": true})");
   EXPECT_TRUE(warns(config, {"allow_run_stop", "no run and stop"}));
 }
 
-TEST(ConfigModbus, KeysOfOtherProtocolsAreUnknown) {
-  expect_modbus_error("/devices/0/station", "1", "/devices/0/station", {"station"});
-  expect_modbus_error("/devices/0/max_reed", "1", "/devices/0/max_reed", {"max_read"});
+TEST(ConfigModbus, KeysOfOtherProtocolsNameThemAndTheirOwnInTheirPlace) {
+  expect_modbus_error("/devices/0/station", "1", "/devices/0/station",
+                      {"is for fx-computer-link; ", "modbus-rtu may have unit, "});
+  expect_modbus_error("/devices/2/enquire", R"("never")", "/devices/2/enquire",
+                      {"is for fx-programming-port; ", "modbus-tcp may have unit, "});
+  json plant = modbus_plant();
+  plant["devices"][0].erase("tags");
+  plant["devices"][0].erase("commands");
+  plant["devices"][0]["protocol"] = "fx-computer-link";
+  plant["devices"][0]["link"] = "gw1";
+  plant["devices"].erase(2);
+  expect_error(
+      plant.dump(1), "/devices/0/unit",
+      {"is for modbus-rtu, modbus-ascii or modbus-tcp; ", "fx-computer-link may have station, "});
+  expect_modbus_error("/devices/0/max_reed", "1", "/devices/0/max_reed",
+                      {"unknown key", "did you mean max_read?"});
+}
+
+TEST(ConfigModbus, RtuNeedsTheEighthBit) {
+  const std::string seven = R"({"path": "/dev/ttyUSB0", "data_bits": 7})";
+  expect_modbus_error("/links/0/serial", seven, "/links/0/serial/data_bits",
+                      {"modbus-rtu needs 8 data bits"});
+  json plant = plant_with("/links/0/serial", seven);
+  plant["devices"][0]["protocol"] = "modbus-ascii";
+  plant["devices"][1]["protocol"] = "modbus-ascii";
+  good(plant.dump());
+  plant["links"][0]["serial"]["data_bits"] = 8;
+  good(plant.dump());
+  plant = modbus_plant();
+  plant["devices"][2]["protocol"] = "modbus-rtu";
+  plant["links"][1]["data_bits"] = 7;
+  expect_error(plant.dump(1), "/links/1/data_bits", {"modbus-rtu needs 8 data bits"});
 }
 
 }  // namespace
