@@ -174,6 +174,11 @@ std::chrono::nanoseconds Agenda::polls_between(std::chrono::nanoseconds line_tim
   return owed_already + std::chrono::nanoseconds(static_cast<std::int64_t>(owed)) + longest_poll;
 }
 
+std::chrono::nanoseconds Agenda::bound(std::chrono::nanoseconds own, std::chrono::nanoseconds ahead,
+                                       std::chrono::nanoseconds longest_poll) const {
+  return longest_poll + ahead + polls_between(ahead, longest_poll) + own;
+}
+
 void Agenda::device_answered(DeviceId id) {
   Device& device = devices_[id];
   device.unanswered = 0;

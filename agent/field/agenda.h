@@ -81,10 +81,11 @@ class Agenda final {
   /// the line is overloaded. Groups without an interval ask for nothing, and silent devices do not
   /// count.
   double load() const;
-  /// The most poll time that next() puts before or between commands of `line_time` in all, what is
-  /// owed to the polls already included, if the longest poll exchange takes `longest_poll`.
-  std::chrono::nanoseconds polls_between(std::chrono::nanoseconds line_time,
-                                         std::chrono::nanoseconds longest_poll) const;
+  /// The longest that a command may take from now until it is through, on a line where no exchange
+  /// is longer than planned: the poll exchange on the wire, the commands `ahead` of it (the one on
+  /// the wire counts whole), the polls that next() puts between them, and its `own` exchanges.
+  std::chrono::nanoseconds bound(std::chrono::nanoseconds own, std::chrono::nanoseconds ahead,
+                                 std::chrono::nanoseconds longest_poll) const;
 
   void device_answered(DeviceId device);
   /// One more exchange without an answer. True when the device is silent from now on or still: its
@@ -122,6 +123,10 @@ class Agenda final {
   /// The due group that goes first, or none.
   Group* most_urgent(SteadyTime now);
   PollStep begin_or_continue(Group& group, SteadyTime now);
+  /// The most poll time that next() puts before or between commands of `line_time` in all, what is
+  /// owed to the polls already included, if the longest poll exchange takes `longest_poll`.
+  std::chrono::nanoseconds polls_between(std::chrono::nanoseconds line_time,
+                                         std::chrono::nanoseconds longest_poll) const;
   SteadyTime next_wake() const;
 
   double poll_share_;

@@ -442,8 +442,7 @@ std::optional<nanoseconds> LinkWorker::bound_of(nanoseconds own) const {
   if (config_.links[link_].char_time.count() == 0) return std::nullopt;
   nanoseconds ahead = running_ ? running_->line_time : nanoseconds(0);
   for (const Waiting& waiting : waiting_) ahead += waiting.line_time;
-  const nanoseconds longest = longest_poll();
-  return longest + ahead + agenda_.polls_between(ahead, longest) + own;
+  return agenda_.bound(own, ahead, longest_poll());
 }
 
 asio::awaitable<void> LinkWorker::run_command() {

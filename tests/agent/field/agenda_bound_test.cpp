@@ -1,0 +1,336 @@
+// The bound of commands as a property: random lines in fake time, against what the contract
+// promises, and agendas that break the promise, which the same check must find.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <deque>
+#include <optional>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "agent/field/agenda.h"
+
+namespace fxagent::test {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
+using Kind = Agenda::Job::Kind;
+
+const SteadyTime kStart{std::chrono::hours(1000)};
+constexpr BackOff kBackOff{milliseconds(1000), milliseconds(4000)};
+
+/// An agenda that is none: what all that must not be built have in common. The commands are kept
+/// from the real one, so that they have no priority but what next() gives them.
+class WithoutPriority {
+ public:
+  explicit WithoutPriority(double share) : inner_(share) {}
+  Agenda::DeviceId add_device(int limit, BackOff back_off) {
+    return inner_.add_device(limit, back_off);
+  }
+  Agenda::GroupId add_group(Agenda::DeviceId device, milliseconds interval, std::uint32_t exchanges,
+                            SteadyTime due) {
+    return inner_.add_group(device, interval, exchanges, due);
+  }
+  void command_waits() { ++commands_; }
+  void command_taken() { --commands_; }
+  void command_used(nanoseconds, SteadyTime) {}
+  void poll_used(nanoseconds) {}
+  void step_used(const Agenda::PollStep& step, nanoseconds time) { inner_.step_used(step, time); }
+  bool step_done(const Agenda::PollStep& step) {
+    const bool ended = inner_.step_done(step);
+    inside_a_cycle_ = !ended;
+    return ended;
+  }
+  void abandon_cycle(Agenda::GroupId group, SteadyTime not_before) {
+    inner_.abandon_cycle(group, not_before);
+    inside_a_cycle_ = false;
+  }
+  nanoseconds bound(nanoseconds own, nanoseconds ahead, nanoseconds longest) const {
+    return inner_.bound(own, ahead, longest);
+  }
+
+ protected:
+  static Agenda::Job command() {
+    Agenda::Job job;
+    job.kind = Kind::command;
+    return job;
+  }
+
+  Agenda inner_;
+  std::uint32_t commands_ = 0;
+  bool inside_a_cycle_ = false;
+};
+
+/// Commands wait until no poll is due.
+class PollsFirst final : public WithoutPriority {
+ public:
+  using WithoutPriority::WithoutPriority;
+  Agenda::Job next(SteadyTime now) {
+    const Agenda::Job job = inner_.next(now);
+    return job.kind == Kind::wait && commands_ > 0 ? command() : job;
+  }
+};
+
+/// Commands wait until the cycle that is under way has ended.
+class WholeCycles final : public WithoutPriority {
+ public:
+  using WithoutPriority::WithoutPriority;
+  Agenda::Job next(SteadyTime now) {
+    return commands_ > 0 && !inside_a_cycle_ ? command() : inner_.next(now);
+  }
+};
+
+struct Findings {
+  int commands = 0;
+  int late_commands = 0;   ///< queue + wire longer than the bound they were given
+  int wrong_polls = 0;     ///< not the due group with the earliest deadline
+  int bursts = 0;          ///< a group began two cycles inside one of its periods
+  int starved_groups = 0;  ///< fewer cycles than there were beats that nothing held up
+  double tightest = 0;     ///< the largest part of its bound that a command has used
+  std::string example;
+};
+
+/// What a line is made of.
+enum class LineKind : std::uint8_t {
+  steady,  ///< exchanges take what was planned, and the load is not measured: the order of the
+           ///< polls can be told beforehand
+  rough,  ///< groups without an interval, overload, exchanges that are shorter than planned,
+          ///< repeated or given up
+};
+
+/// What a plain reading of the rules makes of the groups: kept apart from the agenda's own.
+struct NaiveGroup {
+  nanoseconds interval{0};
+  std::uint32_t exchanges = 1;
+  SteadyTime first{};
+  std::vector<nanoseconds> durations;
+  std::optional<std::int64_t> last_beat;
+  bool running = false;
+  SteadyTime deadline{};
+  std::int64_t cycles = 0;
+
+  std::int64_t beat_at(SteadyTime now) const { return (now - first) / interval; }
+  bool due(SteadyTime now) const {
+    if (running) return true;
+    if (now < first) return false;
+    return !last_beat || beat_at(now) > *last_beat;
+  }
+  SteadyTime deadline_at() const {
+    if (running) return deadline;
+    return first + (last_beat.value_or(-1) + 2) * interval;
+  }
+  void begin(SteadyTime now) {
+    last_beat = beat_at(now);
+    deadline = first + (*last_beat + 1) * interval;
+    running = true;
+    ++cycles;
+  }
+};
+
+/// One line with its groups, its clock and its queue, as a link worker would drive `Subject`.
+template <class Subject>
+class RandomLine final {
+ public:
+  RandomLine(std::uint32_t seed, LineKind kind)
+      : seed_(seed), kind_(kind), random_(seed), share_(between(0, 4) * 0.1), agenda_(share_) {
+    const int devices = between(1, 3);
+    for (int d = 0; d < devices; ++d) {
+      const auto device = agenda_.add_device(3, kBackOff);
+      for (int g = between(1, 3); g > 0; --g) add_group(device);
+    }
+  }
+
+  Findings run(int arrivals) {
+    left_ = arrivals;
+    next_arrival_ = kStart + milliseconds(between(0, 100));
+    const SteadyTime too_late = kStart + std::chrono::hours(1);
+    while (left_ > 0 || !waiting_.empty()) {
+      if (now_ > too_late) {  // all would have been carried out in minutes
+        found_.late_commands += static_cast<int>(waiting_.size());
+        return found_;
+      }
+      arrive(now_);
+      const Agenda::Job job = agenda_.next(now_);
+      if (job.kind == Kind::command) {
+        carry_out();
+      } else if (job.kind == Kind::poll) {
+        poll(job.poll);
+      } else {
+        now_ = std::max(left_ > 0 ? std::min(job.until, next_arrival_) : job.until, now_);
+      }
+    }
+    look_for_starved_groups();
+    return found_;
+  }
+
+ private:
+  struct Order {
+    SteadyTime arrived{};
+    nanoseconds planned{0};
+    nanoseconds bound{0};
+  };
+
+  int between(int low, int high) { return std::uniform_int_distribution<int>(low, high)(random_); }
+
+  void add_group(Agenda::DeviceId device) {
+    NaiveGroup group;
+    const bool free_running = kind_ == LineKind::rough && between(0, 3) == 0;
+    group.interval = milliseconds(free_running ? 0 : between(50, 3000));
+    group.exchanges = static_cast<std::uint32_t>(between(1, 4));
+    group.first = kStart + milliseconds(between(0, 500));
+    for (std::uint32_t e = 0; e < group.exchanges; ++e)
+      group.durations.push_back(milliseconds(between(5, 60)));
+    for (const nanoseconds duration : group.durations) longest_ = std::max(longest_, duration);
+    agenda_.add_group(device, std::chrono::duration_cast<milliseconds>(group.interval),
+                      group.exchanges, group.first);
+    groups_.push_back(std::move(group));
+  }
+
+  /// What an exchange planned with `planned` takes in the end: never more, or the line is not
+  /// healthy.
+  nanoseconds real(nanoseconds planned) {
+    if (kind_ == LineKind::steady || between(0, 2) == 0) return planned;
+    return planned * between(30, 100) / 100;
+  }
+
+  /// Everything that arrives up to `until`; bursts and quiet times alternate.
+  void arrive(SteadyTime until) {
+    while (left_ > 0 && next_arrival_ <= until) {
+      Order order;
+      order.arrived = next_arrival_;
+      order.planned = milliseconds(between(0, 30) == 0 ? between(500, 3000) : between(5, 80));
+      nanoseconds ahead = running_;
+      for (const Order& other : waiting_) ahead += other.planned;
+      order.bound = agenda_.bound(order.planned, ahead, longest_);
+      waiting_.push_back(order);
+      agenda_.command_waits();
+      --left_;
+      if (--burst_ < 0) {
+        if (between(0, 30) == 0) burst_ = between(5, 25);
+        next_arrival_ += milliseconds(between(0, 3) > 0 ? between(0, 20) : between(50, 1500));
+      }
+    }
+  }
+
+  void carry_out() {
+    const Order order = waiting_.front();
+    waiting_.pop_front();
+    agenda_.command_taken();
+    ++found_.commands;
+    running_ = order.planned;
+    const nanoseconds wire = real(order.planned);
+    now_ += wire;
+    arrive(now_ - nanoseconds(1));
+    running_ = {};
+    agenda_.command_used(wire, now_);
+    const nanoseconds took = now_ - order.arrived;  // queue + wire
+    found_.tightest = std::max(found_.tightest, static_cast<double>(took.count()) /
+                                                    static_cast<double>(order.bound.count()));
+    if (took <= order.bound) return;
+    ++found_.late_commands;
+    found_.example = "seed " + std::to_string(seed_) + ": through after " +
+                     std::to_string(took / milliseconds(1)) + " ms, bound " +
+                     std::to_string(order.bound / milliseconds(1)) + " ms";
+  }
+
+  void poll(const Agenda::PollStep& step) {
+    NaiveGroup& group = groups_[step.group];
+    if (kind_ == LineKind::steady) judge(group, step);
+    const nanoseconds took = real(group.durations[step.exchange]);
+    now_ += took;
+    arrive(now_ - nanoseconds(1));
+    if (kind_ == LineKind::steady) {
+      agenda_.poll_used(took);
+      if (agenda_.step_done(step)) group.running = false;
+      return;
+    }
+    agenda_.step_used(step, took);
+    const int luck = between(0, 19);
+    if (luck == 0)
+      agenda_.abandon_cycle(step.group, now_);
+    else if (luck > 1)  // at 1 the answer was garbled: the same step once more
+      agenda_.step_done(step);
+  }
+
+  void judge(NaiveGroup& group, const Agenda::PollStep& step) {
+    const bool wrong = std::any_of(groups_.begin(), groups_.end(), [&](const NaiveGroup& other) {
+      return !group.due(now_) || (other.due(now_) && other.deadline_at() < group.deadline_at());
+    });
+    found_.wrong_polls += wrong;
+    if (!step.starts_cycle) return;
+    found_.bursts += group.last_beat && group.beat_at(now_) <= *group.last_beat;
+    group.begin(now_);
+  }
+
+  void look_for_starved_groups() {
+    // With a fifth of the line or more for polls, nobody may be left out for good.
+    if (kind_ != LineKind::steady || share_ < 0.2) return;
+    for (const NaiveGroup& group : groups_)
+      found_.starved_groups += (now_ - group.first) / group.interval >= 20 && group.cycles == 0;
+  }
+
+  const std::uint32_t seed_;
+  const LineKind kind_;
+  std::mt19937 random_;
+  const double share_;
+  Subject agenda_;
+  std::vector<NaiveGroup> groups_;
+  nanoseconds longest_{0};  ///< poll exchange
+  std::deque<Order> waiting_;
+  nanoseconds running_{0};  ///< planned line time of the command on the wire
+  SteadyTime now_ = kStart;
+  SteadyTime next_arrival_{};
+  int left_ = 0;
+  int burst_ = 0;  ///< so many more arrive at the same moment
+  Findings found_;
+};
+
+TEST(AgendaBound, EveryCommandIsInsideItAndEveryPollIsTheRightOne) {
+  int commands = 0;
+  double tightest = 0;
+  for (std::uint32_t seed = 1; seed <= 100; ++seed) {
+    const Findings found = RandomLine<Agenda>(seed, LineKind::steady).run(200);
+    commands += found.commands;
+    tightest = std::max(tightest, found.tightest);
+    EXPECT_EQ(found.late_commands, 0) << found.example;
+    EXPECT_EQ(found.wrong_polls, 0) << "seed " << seed;
+    EXPECT_EQ(found.bursts, 0) << "seed " << seed;
+    EXPECT_EQ(found.starved_groups, 0) << "seed " << seed;
+  }
+  EXPECT_EQ(commands, 20000);
+  EXPECT_GT(tightest, 0.9) << "a bound that nothing comes near says little";
+}
+
+TEST(AgendaBound, EveryCommandIsInsideItOnRoughAndOverloadedLines) {
+  int commands = 0;
+  for (std::uint32_t seed = 1; seed <= 100; ++seed) {
+    const Findings found = RandomLine<Agenda>(seed, LineKind::rough).run(200);
+    commands += found.commands;
+    EXPECT_EQ(found.late_commands, 0) << found.example;
+  }
+  EXPECT_EQ(commands, 20000);
+}
+
+/// Of 20 lines of each kind, how many show the check that this agenda breaks the bound.
+template <class Subject>
+int lines_with_late_commands() {
+  int lines = 0;
+  for (const LineKind kind : {LineKind::steady, LineKind::rough})
+    for (std::uint32_t seed = 1; seed <= 20; ++seed)
+      lines += RandomLine<Subject>(seed, kind).run(200).late_commands > 0;
+  return lines;
+}
+
+TEST(AgendaBound, TheCheckFindsAnAgendaThatPutsCommandsBehindPolls) {
+  EXPECT_EQ(lines_with_late_commands<Agenda>(), 0);
+  EXPECT_GT(lines_with_late_commands<PollsFirst>(), 10);
+}
+
+TEST(AgendaBound, TheCheckFindsAnAgendaThatLetsCyclesEndFirst) {
+  EXPECT_GT(lines_with_late_commands<WholeCycles>(), 10);
+}
+
+}  // namespace
+}  // namespace fxagent::test
