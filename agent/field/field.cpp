@@ -43,10 +43,13 @@ class Field::Room final {
   Room(const Config& config, Outbox& outbox, const Recollection& recollection, Polling polling,
        Journaling journaling)
       : config_(config), outbox_(outbox), report_timer_(io_) {
+    const auto devices = devices_by_link(config);
     for (std::uint32_t i = 0; i < config.links.size(); ++i)
       workers_.push_back(std::make_unique<LinkWorker>(
-          io_.get_executor(), config, i, outbox, transport_for(io_.get_executor(), config.links[i]),
-          recollection, polling, journaling));
+          io_.get_executor(), config, i, devices[i], outbox,
+          transport_for(io_.get_executor(), config.links[i]), recollection, polling, journaling));
+    for (const RememberedResult& remembered : recollection.results)
+      workers_[config.devices[remembered.result.device].link]->remember(remembered);
   }
 
   void start() {

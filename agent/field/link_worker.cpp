@@ -16,10 +16,10 @@ using std::chrono::milliseconds;
 using std::chrono::nanoseconds;
 using Clock = std::chrono::steady_clock;
 
-constexpr milliseconds kFirstReopen{500};
-// Opening a serial path costs nothing; a host that is away should not be hammered.
-constexpr milliseconds kSerialReopenCap{2000};
-constexpr milliseconds kTcpReopenCap{30000};
+// Opening a serial path costs nothing; a host that is away should not be hammered, nor one that has
+// just come back by all its clients at once.
+constexpr OpeningRules kSerialOpenings{milliseconds(500), milliseconds(2000), milliseconds(0)};
+constexpr OpeningRules kTcpOpenings{milliseconds(500), milliseconds(30000), milliseconds(200)};
 // Alone on its line a silent device costs nobody anything; beside others it costs them its timeout.
 constexpr BackOff kAlone{milliseconds(500), milliseconds(4000)};
 constexpr BackOff kShared{milliseconds(1000), milliseconds(30000)};
@@ -73,6 +73,10 @@ OrderNote note_of(const Order& order) {
   note.response_topic = command.response_topic;
   note.correlation = command.correlation;
   return note;
+}
+
+OpeningRules opening_rules(const LinkConfig& link) {
+  return std::holds_alternative<SerialSettings>(link.channel) ? kSerialOpenings : kTcpOpenings;
 }
 
 std::int64_t now_ms() { return utc_ms(std::chrono::system_clock::now()); }
@@ -151,9 +155,17 @@ struct LinkWorker::Device {
   DeviceStatus status;
 };
 
+std::vector<std::vector<std::uint32_t>> devices_by_link(const Config& config) {
+  std::vector<std::vector<std::uint32_t>> out(config.links.size());
+  for (std::uint32_t i = 0; i < config.devices.size(); ++i)
+    out[config.devices[i].link].push_back(i);
+  return out;
+}
+
 LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std::uint32_t link,
-                       Outbox& outbox, std::unique_ptr<Transport> transport,
-                       const Recollection& recollection, Polling polling, Journaling journaling)
+                       std::span<const std::uint32_t> devices, Outbox& outbox,
+                       std::unique_ptr<Transport> transport, const Recollection& recollection,
+                       Polling polling, Journaling journaling)
     : executor_(executor),
       config_(config),
       link_(link),
@@ -161,35 +173,35 @@ LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std
       line_(executor, std::move(transport), config.links[link].char_time),
       idle_(executor),
       journaling_(journaling),
-      jitter_(link + 1),
+      openings_(opening_rules(config.links[link]), std::random_device{}()),
       counting_since_(Clock::now()) {
   const auto now = Clock::now();
-  milliseconds spread = kSpread;  // links are spread too: not all begin at once
-  for (const DeviceConfig& device : config.devices)
-    for (const GroupConfig& group : device.groups)
-      if (device.link == link && group.interval.count() > 0)
-        spread = std::min(spread, group.interval);
-  std::uniform_int_distribution<nanoseconds::rep> offset(0, nanoseconds(spread).count() - 1);
-  first_poll_after_ = nanoseconds(offset(jitter_));
-  for (std::uint32_t i = 0; i < config.devices.size(); ++i) {
-    if (config.devices[i].link != link) continue;
-    add_device(i, now, polling);
-    if (i < recollection.last_seq.size()) devices_.back()->seq = recollection.last_seq[i];
+  milliseconds spread = kSpread;
+  for (const std::uint32_t device : devices)
+    for (const GroupConfig& group : config.devices[device].groups)
+      if (group.interval.count() > 0) spread = std::min(spread, group.interval);
+  const LinkStart start = openings_.start(config.links.size(), spread);
+  next_open_ = now + start.open_after;
+  first_poll_after_ = start.poll_after;
+  const BackOff back_off = devices.size() > 1 ? kShared : kAlone;
+  for (const std::uint32_t device : devices) {
+    add_device(device, back_off, now, polling);
+    if (device < recollection.last_seq.size()) devices_.back()->seq = recollection.last_seq[device];
   }
-  for (const RememberedResult& remembered : recollection.results)
-    if (Device* device = device_of(remembered.result.device))
-      device->desk.restore(remembered, now, now_ms());
-  next_open_ = now;
 }
 
 LinkWorker::~LinkWorker() = default;
 
-void LinkWorker::add_device(std::uint32_t index, SteadyTime now, Polling polling) {
+void LinkWorker::remember(const RememberedResult& remembered) {
+  if (Device* device = device_of(remembered.result.device))
+    device->desk.restore(remembered, Clock::now(), now_ms());
+}
+
+void LinkWorker::add_device(std::uint32_t index, BackOff back_off, SteadyTime now,
+                            Polling polling) {
   const DeviceConfig& config = config_.devices[index];
-  const auto neighbours = std::count_if(config_.devices.begin(), config_.devices.end(),
-                                        [&](const DeviceConfig& d) { return d.link == link_; });
   auto device = std::make_unique<Device>(config, index);
-  device->id = agenda_.add_device(config.retries + 1, neighbours > 1 ? kShared : kAlone);
+  device->id = agenda_.add_device(config.retries + 1, back_off);
   for (std::uint32_t g = 0; polling == Polling::on && g < config.groups.size(); ++g) {
     auto group = std::make_unique<GroupPoll>(config, g);
     if (group->report.tags().empty()) continue;
@@ -203,7 +215,8 @@ void LinkWorker::add_device(std::uint32_t index, SteadyTime now, Polling polling
     device->groups.push_back(std::move(group));
   }
   if (device->codec->run_state())
-    device->run_state_group = agenda_.add_group(device->id, kRunStateBeat, 1, now, kRunStateWithin);
+    device->run_state_group =
+        agenda_.add_group(device->id, kRunStateBeat, 1, next_open_, kRunStateWithin);
   device->status.device = index;
   device->status.since_ms = now_ms();
   device->status.reason = "starting";
@@ -342,30 +355,25 @@ asio::awaitable<void> LinkWorker::idle_until(SteadyTime until) {
 }
 
 asio::awaitable<void> LinkWorker::open_line() {
-  const LinkConfig& link = config_.links[link_];
   const auto opened = co_await line_.open();
   const auto now = Clock::now();
   if (opened) {
     line_up();
     co_return;
   }
-  const bool serial = std::holds_alternative<SerialSettings>(link.channel);
-  open_delay_ =
-      std::clamp(open_delay_ * 2, kFirstReopen, serial ? kSerialReopenCap : kTcpReopenCap);
-  std::uniform_real_distribution<double> spread(0.8, 1.2);
-  next_open_ = now + std::chrono::duration_cast<nanoseconds>(open_delay_ * spread(jitter_));
+  next_open_ = now + openings_.after_failure();
   line_lost(opened.error().text);
 }
 
 void LinkWorker::line_up() {
-  open_delay_ = {};
+  openings_.opened();
   was_open_ = true;
   unanswered_in_a_row_ = 0;
   log::info("link", {{"link", config_.links[link_].name}, {"state", "up"}});
 }
 
 void LinkWorker::line_lost(const std::string& why) {
-  if (was_open_) next_open_ = Clock::now();
+  if (was_open_) next_open_ = Clock::now() + openings_.after_loss();
   if (was_open_ || why != why_down_)
     log::warn("link", {{"link", config_.links[link_].name}, {"state", "down"}, {"reason", why}});
   was_open_ = false;

@@ -8,7 +8,7 @@
 #include <deque>
 #include <memory>
 #include <optional>
-#include <random>
+#include <span>
 #include <unordered_map>
 #include <vector>
 
@@ -19,21 +19,30 @@
 #include "agent/field/group_report.h"
 #include "agent/field/hole_map.h"
 #include "agent/field/line.h"
+#include "agent/field/openings.h"
 #include "agent/messages.h"
 #include "agent/outbox.h"
 #include "protocol/plan.h"
 
 namespace fxagent {
 
+/// For each link the indices of its devices in Config::devices.
+std::vector<std::vector<std::uint32_t>> devices_by_link(const Config& config);
+
 class LinkWorker final {
  public:
-  /// `config` and `outbox` outlive the worker; `link` is an index in Config::links.
+  /// `config` and `outbox` outlive the worker; `link` is an index in Config::links, `devices` are
+  /// its own of devices_by_link().
   LinkWorker(asio::any_io_executor executor, const Config& config, std::uint32_t link,
-             Outbox& outbox, std::unique_ptr<Transport> transport, const Recollection& recollection,
+             std::span<const std::uint32_t> devices, Outbox& outbox,
+             std::unique_ptr<Transport> transport, const Recollection& recollection,
              Polling polling, Journaling journaling);
   LinkWorker(const LinkWorker&) = delete;
   LinkWorker& operator=(const LinkWorker&) = delete;
   ~LinkWorker();
+
+  /// Before run(): a result of an earlier run, whose id is not to be carried out again.
+  void remember(const RememberedResult& remembered);
 
   /// Runs until stop(); then answers what still waits and returns.
   asio::awaitable<void> run();
@@ -62,7 +71,7 @@ class LinkWorker final {
     std::chrono::nanoseconds line_time{0};
   };
 
-  void add_device(std::uint32_t index, SteadyTime now, Polling polling);
+  void add_device(std::uint32_t index, BackOff back_off, SteadyTime now, Polling polling);
   Device* device_of(std::uint32_t index);
   static std::vector<Point> points_of(const Device& device, const GroupPoll& group);
   void make_plan(Device& device, GroupPoll& group);
@@ -118,12 +127,11 @@ class LinkWorker final {
   std::deque<Waiting> unjournaled_;  ///< admitted; without their go-ahead so far
   std::deque<Waiting> waiting_;
   SteadyTime next_open_{};
-  std::chrono::milliseconds open_delay_{0};
   std::string why_down_ = "not opened yet";
   bool was_open_ = false;
   bool echo_told_ = false;
   int unanswered_in_a_row_ = 0;
-  std::minstd_rand jitter_;
+  Openings openings_;
   SteadyTime counting_since_{};
   std::chrono::nanoseconds first_poll_after_{0};  ///< of the group added next
   bool overloaded_ = false;

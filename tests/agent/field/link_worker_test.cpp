@@ -64,8 +64,10 @@ class LinkWorkerTest : public ::testing::Test {
   }
   void start(Polling polling = Polling::on, Journaling journaling = Journaling::off) {
     script();
-    worker = std::make_unique<LinkWorker>(io.get_executor(), config, 0, outbox,
-                                          std::move(transport), recollection, polling, journaling);
+    worker = std::make_unique<LinkWorker>(io.get_executor(), config, 0, devices_by_link(config)[0],
+                                          outbox, std::move(transport), recollection, polling,
+                                          journaling);
+    for (const RememberedResult& remembered : recollection.results) worker->remember(remembered);
     asio::co_spawn(io, worker->run(), [this](std::exception_ptr bug) {
       ended = true;
       if (bug) std::rethrow_exception(bug);

@@ -274,9 +274,9 @@ class ModbusPolls : public ::testing::Test {
     auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
     wire = transport.get();
     wire->then([this](ByteView request) { return peer.answer(request); });
-    worker =
-        std::make_unique<LinkWorker>(io.get_executor(), config, 0, outbox, std::move(transport),
-                                     Recollection{}, Polling::on, Journaling::off);
+    worker = std::make_unique<LinkWorker>(io.get_executor(), config, 0, devices_by_link(config)[0],
+                                          outbox, std::move(transport), Recollection{}, Polling::on,
+                                          Journaling::off);
     asio::co_spawn(io, worker->run(), [this](std::exception_ptr bug) {
       ended = true;
       if (bug) std::rethrow_exception(bug);

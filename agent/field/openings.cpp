@@ -1,0 +1,40 @@
+#include "agent/field/openings.h"
+
+#include <algorithm>
+
+namespace fxagent {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
+
+constexpr milliseconds kPollsOfOneLink{10};
+constexpr milliseconds kOpeningOfOneLink{1};
+constexpr double kJitter = 0.2;
+
+nanoseconds part(nanoseconds whole, double share) {
+  return nanoseconds(static_cast<std::int64_t>(static_cast<double>(whole.count()) * share));
+}
+
+}  // namespace
+
+LinkStart Openings::start(std::size_t links, milliseconds period) {
+  // A link that is alone begins at once.
+  const auto others = static_cast<std::int64_t>(links > 0 ? links - 1 : 0);
+  const nanoseconds polls = std::min<nanoseconds>(kPollsOfOneLink * others, period);
+  const nanoseconds openings = std::min<nanoseconds>(kOpeningOfOneLink * others, polls);
+  const double place = std::uniform_real_distribution<double>(0.0, 1.0)(jitter_);
+  return {part(openings, place), part(polls, place)};
+}
+
+nanoseconds Openings::after_loss() {
+  return part(rules_.after_loss, std::uniform_real_distribution<double>(0.0, 1.0)(jitter_));
+}
+
+nanoseconds Openings::after_failure() {
+  delay_ = std::clamp(delay_ * 2, rules_.first, rules_.cap);
+  return part(delay_,
+              std::uniform_real_distribution<double>(1.0 - kJitter, 1.0 + kJitter)(jitter_));
+}
+
+}  // namespace fxagent
