@@ -1,10 +1,14 @@
 #include "agent/uplink/backlog.h"
 
+#include <algorithm>
+
 namespace fxagent {
 
 void Backlog::append(SampleRow row) {
   bytes_ += row.cost();
-  lanes_[{row.device, row.group}].waiting.insert(row.order);
+  auto& lane = *lanes_.try_emplace({row.device, row.group}).first;
+  lane.second.waiting.insert(row.order);
+  place(lane);
   rows_.emplace(row.order, std::move(row));
   while (bytes_ > max_bytes_ && !rows_.empty()) {
     ++dropped_[rows_.begin()->second.device];
@@ -13,28 +17,28 @@ void Backlog::append(SampleRow row) {
 }
 
 std::optional<HistoryBatch> Backlog::next(std::size_t max_payload, const MaySend& may_send) {
-  auto oldest = lanes_.end();
-  for (auto lane = lanes_.begin(); lane != lanes_.end(); ++lane) {
-    if (lane->second.on_the_way || lane->second.waiting.empty() || !may_send(lane->first)) continue;
-    if (oldest == lanes_.end() || *lane->second.waiting.begin() < *oldest->second.waiting.begin())
-      oldest = lane;
-  }
-  if (oldest == lanes_.end()) return std::nullopt;
+  const auto ready = std::find_if(ready_.begin(), ready_.end(), [&](const auto& oldest) {
+    return may_send(oldest.second->first);
+  });
+  if (ready == ready_.end()) return std::nullopt;
 
+  Lanes::value_type& lane = *ready->second;
   BatchBuilder builder(max_payload);
-  for (const std::uint64_t order : oldest->second.waiting)
+  for (const std::uint64_t order : lane.second.waiting)
     if (!builder.add(order, rows_.at(order).json)) break;
-  HistoryBatch batch = builder.take(oldest->first);
-  for (const std::uint64_t order : batch.orders) oldest->second.waiting.erase(order);
-  oldest->second.on_the_way = true;
+  HistoryBatch batch = builder.take(lane.first);
+  for (const std::uint64_t order : batch.orders) lane.second.waiting.erase(order);
+  lane.second.on_the_way = true;
+  place(lane);
   return batch;
 }
 
 void Backlog::returned(const HistoryBatch& batch) {
-  Lane& lane = lanes_[{batch.device, batch.group}];
-  lane.on_the_way = false;
+  auto& lane = *lanes_.try_emplace({batch.device, batch.group}).first;
+  lane.second.on_the_way = false;
   for (const std::uint64_t order : batch.orders)
-    if (rows_.contains(order)) lane.waiting.insert(order);
+    if (rows_.contains(order)) lane.second.waiting.insert(order);
+  place(lane);
 }
 
 std::vector<SampleRow> Backlog::take_waiting() {
@@ -61,7 +65,9 @@ bool Backlog::is_on_the_way(const LaneKey& lane) const {
 }
 
 std::uint64_t Backlog::remove(const HistoryBatch& batch) {
-  lanes_[{batch.device, batch.group}].on_the_way = false;
+  auto& lane = *lanes_.try_emplace({batch.device, batch.group}).first;
+  lane.second.on_the_way = false;
+  place(lane);
   std::uint64_t removed = 0;
   for (const std::uint64_t order : batch.orders) {
     const auto row = rows_.find(order);
@@ -74,8 +80,20 @@ std::uint64_t Backlog::remove(const HistoryBatch& batch) {
 
 void Backlog::erase(std::map<std::uint64_t, SampleRow>::iterator row) {
   bytes_ -= row->second.cost();
-  lanes_[{row->second.device, row->second.group}].waiting.erase(row->first);
+  auto& lane = *lanes_.try_emplace({row->second.device, row->second.group}).first;
+  lane.second.waiting.erase(row->first);
+  place(lane);
   rows_.erase(row);
+}
+
+void Backlog::place(Lanes::value_type& lane) {
+  auto& [waiting, on_the_way, ready_as] = lane.second;
+  std::optional<std::uint64_t> ready;
+  if (!on_the_way && !waiting.empty()) ready = *waiting.begin();
+  if (ready == ready_as) return;
+  if (ready_as) ready_.erase(*ready_as);
+  if (ready) ready_.emplace(*ready, &lane);
+  ready_as = ready;
 }
 
 }  // namespace fxagent

@@ -51,15 +51,22 @@ class Backlog final {
   struct Lane {
     std::set<std::uint64_t> waiting;
     bool on_the_way = false;
+    std::optional<std::uint64_t> ready_as;  ///< its key in ready_
   };
+  using Lanes = std::map<LaneKey, Lane>;
 
   std::uint64_t remove(const HistoryBatch& batch);
+  /// Puts a lane that has changed in its place in ready_.
+  void place(Lanes::value_type& lane);
   void erase(std::map<std::uint64_t, SampleRow>::iterator row);
 
   const std::size_t max_bytes_;
   std::size_t bytes_ = 0;
   std::map<std::uint64_t, SampleRow> rows_;  ///< by order: the first is the oldest
-  std::map<LaneKey, Lane> lanes_;
+  Lanes lanes_;
+  /// Lanes that could send, by their oldest waiting row: with thousands of lanes next() must not
+  /// look at each.
+  std::map<std::uint64_t, Lanes::value_type*> ready_;
   std::map<std::string, std::uint64_t> dropped_;
 };
 

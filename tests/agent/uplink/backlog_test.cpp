@@ -105,5 +105,32 @@ TEST(Backlog, WhatWaitsCanMoveAndWhatIsOnTheWayStays) {
   EXPECT_EQ(backlog.bytes(), 0U);
 }
 
+TEST(Backlog, NextLooksAtNoMoreLanesThanItMust) {
+  // With thousands of devices behind after an outage each message would cost a walk over all.
+  Backlog backlog(1 << 20);
+  for (std::uint64_t order = 0; order < 2000; ++order)
+    backlog.append(row(order, "d" + std::to_string(order % 1000)));
+  std::size_t looks = 0;
+  const auto counting = [&](const LaneKey&) { return ++looks > 0; };
+  for (std::uint64_t lane = 0; lane < 1000; ++lane) {
+    const auto batch = backlog.next(1000, counting);
+    ASSERT_TRUE(batch);
+    EXPECT_EQ(batch->device, "d" + std::to_string(lane)) << "the oldest first";
+    if (lane % 2 == 0)
+      backlog.acknowledged(*batch);
+    else
+      backlog.returned(*batch);
+    if (lane % 2 != 0) {
+      const auto again = backlog.next(1000, counting);
+      ASSERT_TRUE(again);
+      EXPECT_EQ(again->orders, batch->orders);
+      backlog.acknowledged(*again);
+    }
+  }
+  EXPECT_EQ(looks, 1500U);
+  EXPECT_FALSE(backlog.next(1000, counting));
+  EXPECT_EQ(backlog.rows(), 0U);
+}
+
 }  // namespace
 }  // namespace fxagent
