@@ -2,7 +2,6 @@
 
 #include <asm/termbits.h>
 #include <fcntl.h>
-#include <linux/serial.h>
 #include <sys/file.h>
 #include <sys/ioctl.h>
 #include <unistd.h>
@@ -12,6 +11,7 @@
 #include <system_error>
 #include <utility>
 
+#include "agent/field/low_latency.h"
 #include "agent/field/stream_io.h"
 #include "agent/log.h"
 
@@ -21,6 +21,9 @@ namespace {
 // Modem lines of <asm/termios.h>, which cannot be included beside <sys/ioctl.h>.
 constexpr int kModemDtr = 0x002;
 constexpr int kModemRts = 0x004;
+
+// What an adapter may hold a reply back for without anybody noticing.
+constexpr int kGoodTimerMs = 2;
 
 std::string reason(int number) { return std::system_category().message(number); }
 
@@ -156,13 +159,18 @@ class SerialTransport final : public Transport {
     return {};
   }
 
-  /// FTDI adapters hold small replies back for 16 ms unless asked not to; others refuse,
-  /// harmlessly.
-  static void set_low_latency(int fd) {
-    serial_struct port{};
-    if (ioctl(fd, TIOCGSERIAL, &port) != 0) return;
-    port.flags |= static_cast<int>(ASYNC_LOW_LATENCY);
-    ioctl(fd, TIOCSSERIAL, &port);
+  void set_low_latency(int fd) const {
+    const LowLatency got = ask_for_low_latency(fd);
+    const std::string timer = got.timer_ms ? std::to_string(*got.timer_ms) : "none";
+    log::debug("serial", {{"path", settings_.path},
+                          {"low_latency", got.flag_taken ? "taken" : "not offered"},
+                          {"latency_timer_ms", timer}});
+    if (got.timer_ms && *got.timer_ms > kGoodTimerMs)
+      log::info("serial", {{"path", settings_.path},
+                           {"latency_timer_ms", timer},
+                           {"note",
+                            "each exchange may take as much longer: a udev rule or root can "
+                            "write 1 to the adapter's latency_timer"}});
   }
 
   const SerialSettings settings_;
