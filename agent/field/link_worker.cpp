@@ -75,6 +75,12 @@ OrderNote note_of(const Order& order) {
   return note;
 }
 
+/// Another one for each link, each start and each machine.
+std::uint64_t jitter_seed(std::uint32_t link) {
+  return static_cast<std::uint64_t>(std::chrono::system_clock::now().time_since_epoch().count()) +
+         link;
+}
+
 OpeningRules opening_rules(const LinkConfig& link) {
   return std::holds_alternative<SerialSettings>(link.channel) ? kSerialOpenings : kTcpOpenings;
 }
@@ -173,7 +179,7 @@ LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std
       line_(executor, std::move(transport), config.links[link].char_time),
       idle_(executor),
       journaling_(journaling),
-      openings_(opening_rules(config.links[link]), std::random_device{}()),
+      openings_(opening_rules(config.links[link]), jitter_seed(link)),
       counting_since_(Clock::now()) {
   const auto now = Clock::now();
   milliseconds spread = kSpread;
@@ -436,21 +442,32 @@ nanoseconds LinkWorker::longest_poll() const {
     const LineTiming timing = timing_of(device->config, config_.links[link_].char_time);
     std::vector<const Plan*> plans;
     for (const auto& group : device->groups) plans.push_back(&group->plan);
-    longest = std::max(longest, fxagent::longest_poll(*device->codec, plans, timing));
-    if (device->model_known) continue;
-    nanoseconds asking{0};  // the questions about the model go as one
-    for (const Request& question : device->config.codec->identify())
-      asking += exchange_time(*device->codec, question, timing);
-    longest = std::max(longest, asking);
+    nanoseconds of_device = fxagent::longest_poll(*device->codec, plans, timing);
+    if (!device->model_known)  // the questions about the model go as one with the read they precede
+      for (const Request& question : device->config.codec->identify())
+        of_device += exchange_time(*device->codec, question, timing);
+    longest = std::max(longest, of_device);
   }
   return longest;
+}
+
+nanoseconds LinkWorker::greetings() const {
+  nanoseconds total{0};
+  for (const auto& device : devices_) {
+    const auto enquiry = device->codec->resync();
+    if (!enquiry || device->config.enquire != EnquirePolicy::open) continue;
+    if (line_.is_open() && device->station.greeted_in == line_.session()) continue;
+    const LineTiming timing = timing_of(device->config, config_.links[link_].char_time);
+    total += exchange_time(*device->codec, *enquiry, timing);
+  }
+  return total;
 }
 
 std::optional<nanoseconds> LinkWorker::bound_of(nanoseconds own) const {
   if (config_.links[link_].char_time.count() == 0) return std::nullopt;
   nanoseconds ahead = running_ ? running_->line_time : nanoseconds(0);
   for (const Waiting& waiting : waiting_) ahead += waiting.line_time;
-  return agenda_.bound(own, ahead, longest_poll());
+  return greetings() + agenda_.bound(own, ahead, longest_poll());
 }
 
 asio::awaitable<void> LinkWorker::run_command() {

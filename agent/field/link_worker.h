@@ -92,6 +92,8 @@ class LinkWorker final {
   void enqueue(Waiting waiting);
   std::optional<std::chrono::nanoseconds> bound_of(std::chrono::nanoseconds own) const;
   std::chrono::nanoseconds longest_poll() const;
+  /// Line time of the enquiries that go before the first exchange with each device of a session.
+  std::chrono::nanoseconds greetings() const;
 
   asio::awaitable<void> run_step(Agenda::PollStep step);
   asio::awaitable<void> read_run_state(Device& device, Agenda::PollStep step);

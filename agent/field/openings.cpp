@@ -18,6 +18,12 @@ nanoseconds part(nanoseconds whole, double share) {
 
 }  // namespace
 
+Openings::Openings(OpeningRules rules, std::uint64_t seed) : rules_(rules) {
+  // By itself the generator begins near its seed.
+  std::seed_seq mixed{seed & 0xFFFFFFFFU, seed >> 32};
+  jitter_.seed(mixed);
+}
+
 LinkStart Openings::start(std::size_t links, milliseconds period) {
   // A link that is alone begins at once.
   const auto others = static_cast<std::int64_t>(links > 0 ? links - 1 : 0);

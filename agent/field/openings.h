@@ -24,7 +24,8 @@ struct LinkStart {
 
 class Openings final {
  public:
-  Openings(OpeningRules rules, std::uint32_t seed) : rules_(rules), jitter_(seed) {}
+  /// Links with different seeds have nothing in common, however near to each other these are.
+  Openings(OpeningRules rules, std::uint64_t seed);
 
   /// Somewhere in the time over which the starts of so many links are spread: 10 ms for each one's
   /// polls and 1 ms for its opening, polls within `period` in all.
@@ -38,7 +39,7 @@ class Openings final {
 
  private:
   const OpeningRules rules_;
-  std::mt19937 jitter_;
+  std::minstd_rand jitter_;
   std::chrono::milliseconds delay_{0};
 };
 

@@ -592,6 +592,33 @@ TEST_F(LinkWorkerTest, BoundCoversAHealthyLine) {
   EXPECT_GT(*results.back().bound, *results.front().bound) << "those ahead count";
 }
 
+TEST_F(LinkWorkerTest, BoundCountsTheEnquiryThatIsStillToCome) {
+  config.links[0].char_time = milliseconds(8);
+  add_setpoint();
+  start();
+  worker->submit(write_setpoint("first"));
+  const nanoseconds first = wait_for_result("first").bound.value_or(nanoseconds(0));
+  worker->submit(write_setpoint("later"));
+  const nanoseconds later = wait_for_result("later").bound.value_or(nanoseconds(0));
+  // ENQ and ACK, and the PLC's own time.
+  EXPECT_EQ(first - later, 2 * milliseconds(8) + milliseconds(30));
+}
+
+TEST_F(LinkWorkerModelTest, BoundCountsTheQuestionsAboutTheModelBeforeARead) {
+  config.links[0].char_time = milliseconds(8);
+  plc.set(kD8001, word(24310));
+  plc.set(kD8101, word(16310));
+  add_setpoint();
+  start();
+  worker->submit(write_setpoint("first"));
+  const nanoseconds first = wait_for_result("first").bound.value_or(nanoseconds(0));
+  wait([&] { return state().model == "FX3U"; });
+  worker->submit(write_setpoint("later"));
+  const nanoseconds later = wait_for_result("later").bound.value_or(nanoseconds(0));
+  // Two words are asked for, 11 characters each and 8 back; and the enquiry.
+  EXPECT_GE(first - later, 2 * (19 * milliseconds(8) + milliseconds(30)));
+}
+
 TEST_F(LinkWorkerTest, WithoutPollingNoGroupIsRead) {
   add_setpoint();
   start(Polling::off);
