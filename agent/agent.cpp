@@ -37,18 +37,31 @@ Will last_will(const Config& config, const std::string& boot) {
   return {config.base_topic() + "/state", json::agent_offline(std::nullopt, "lost", boot)};
 }
 
+/// Files that are no link: the store and its journal, the broker's socket and the next one's,
+/// epoll, stderr, and what resolving a host name opens for a moment.
+constexpr rlim_t kOtherFiles = 40;
+
 /// A socket for each of 1,000 links is more than Debian's soft limit of 1,024 leaves room for.
-void raise_file_limit() {
+/// Where the hard limit is too low the links beyond it stay down, and say so one by one; why is
+/// said here, once.
+void raise_file_limit(std::size_t links) {
   rlimit limit{};
   if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
   limit.rlim_cur = limit.rlim_max;
   setrlimit(RLIMIT_NOFILE, &limit);
+  const rlim_t needed = static_cast<rlim_t>(links) + kOtherFiles;
+  if (limit.rlim_max == RLIM_INFINITY || limit.rlim_max >= needed) return;
+  log::error("agent", {{"open_files_allowed", std::to_string(limit.rlim_max)},
+                       {"open_files_needed", std::to_string(needed)},
+                       {"note",
+                        "not every link can be open: raise the hard limit (LimitNOFILE of the "
+                        "service, ulimits of a container, ulimit -Hn in a shell)"}});
 }
 
 }  // namespace
 
 void run_agent(const Config& config, const sigset_t& stop_signals) {
-  raise_file_limit();
+  raise_file_limit(config.links.size());
   std::random_device random;
   PublisherSettings settings;
   settings.boot = new_boot_id(random);

@@ -247,10 +247,10 @@ class Agent:
         with open(self.path, "w") as out:
             json.dump(config, out, indent=1)
 
-    def start(self):
+    def start(self, **more):
         self.log = open(self.log_path, "a")
         self.process = subprocess.Popen([FXAGENT, "run", self.path], stderr=self.log,
-                                        stdout=subprocess.DEVNULL)
+                                        stdout=subprocess.DEVNULL, **more)
 
     def stop(self, sign=signal.SIGTERM):
         """The exit status; sanitizers make it differ from 0."""

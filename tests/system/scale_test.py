@@ -1,0 +1,69 @@
+"""Many tags and many links: what loading takes, and what is said where the system allows too little."""
+
+import json
+import os
+import resource
+import subprocess
+import unittest
+
+from plant import FXAGENT, PlantTest, device, free_port
+
+
+class Scale(PlantTest):
+    def config_of(self, devices, protocol, address):
+        """A file with so many devices of 1,000 tags each."""
+        path = os.path.join(self.directory, f"{devices}.json")
+        with open(path, "w") as out:
+            json.dump({
+                "agent": {"id": "edge7", "root": "fx"},
+                "mqtt": {"servers": ["mqtt://127.0.0.1:1"]},
+                "links": [{"name": f"l{i}", "tcp": {"host": f"host{i}", "port": 502},
+                           "line_baud": 9600} for i in range(devices)],
+                "devices": [{"name": f"d{i}", "link": f"l{i}", "protocol": protocol,
+                             "groups": [{"name": "g", "interval_ms": 1000}],
+                             "tags": [{"name": f"t{t}", "address": address + str(t), "group": "g"}
+                                      for t in range(1000)]} for i in range(devices)]},
+                      out, indent=1)
+        return path
+
+    def cpu_s(self, *arguments):
+        """CPU time of one call, which must succeed: unlike its duration it does not grow where the
+        machine has other things to do. The least of three, for what caches and interrupts add."""
+        times = []
+        for _ in range(3):
+            child = subprocess.Popen([FXAGENT, *arguments], stdout=subprocess.DEVNULL,
+                                     stderr=subprocess.DEVNULL)
+            _, status, used = os.wait4(child.pid, 0)
+            child.returncode = os.waitstatus_to_exitcode(status)
+            self.assertEqual(child.returncode, 0, arguments)
+            times.append(used.ru_utime + used.ru_stime)
+        return min(times)
+
+    def test_ten_times_the_tags_take_ten_times_as_long_to_load(self):
+        for protocol, address in (("modbus-tcp", "hr:"), ("fx-programming-port", "D")):
+            small = self.config_of(10, protocol, address)
+            large = self.config_of(100, protocol, address)
+            for command in ("check", "plan"):
+                few, many = self.cpu_s(command, small), self.cpu_s(command, large)
+                print(f"{protocol} {command}: 10,000 tags {few:.2f} s, 100,000 tags {many:.2f} s")
+                # In proportion it would be 10; where each looks at all, 100.
+                self.assertLess(many / few, 15)
+
+    def test_too_few_open_files_are_told_and_the_agent_works_on(self):
+        closed = free_port()
+        links = [self.serial()] + [{"name": f"l{i}", "tcp": {"host": "127.0.0.1", "port": closed}}
+                                   for i in range(200)]
+        devices = [device()] + [device(f"d{i}", f"l{i}") for i in range(200)]
+        self.start(devices, links=links)
+        self.state("press1", "online")
+        self.assertNotIn("open_files", self.agent.logged())
+        self.agent.stop()
+        since = self.watcher.mark()
+        self.agent.start(preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (100, 100)))
+        self.state("press1", "online", since)
+        self.assertEqual(self.agent.logged().count("open_files_allowed=100"), 1)
+        self.assertIn("LimitNOFILE", self.agent.logged())
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
