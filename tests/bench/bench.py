@@ -1,167 +1,21 @@
-"""The agent at the limit of the wire, beside the bridges that users write by hand. One run, one machine;
-prints a table, and writes the same as JSON. run.sh calls it; FXAGENT and FXSIM name the programs,
-NODE_BRIDGE a folder with bridge.js and its node_modules.
+"""The agent at the limit of the wire, beside the bridges that users write by hand, and alone at the limit
+of its size. One run, one machine; prints a table, and writes the same as JSON. run.sh calls it; FXAGENT
+and FXSIM name the programs, NODE_BRIDGE a folder with bridge.js and its node_modules.
 
-    bench.py [--only a,b,c,d,e] [--json FILE] [--seconds N]
+    bench.py [--only a,b,c,d,e,f,g,h,i] [--json FILE] [--seconds N]
 """
 
 import argparse
-import contextlib
 import json
-import os
-import platform
 import random
-import shutil
-import socket
-import statistics
-import subprocess
-import tempfile
 import time
 
-from probe import Control, Mqtt, Usage, percentiles
+import scale
+import storing
+from probe import Usage, percentiles
+from rig import WARM_UP_S, Bench, device, first_message, machine, show
 
-HERE = os.path.dirname(os.path.abspath(__file__))
-FXAGENT = os.environ["FXAGENT"]
-FXSIM = os.environ["FXSIM"]
-BROKER = shutil.which("mosquitto", path=os.environ.get("PATH", "") + ":/usr/sbin")
 PEERS = ["fxagent", "python", "node"]
-WARM_UP_S = 2.0
-
-
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
-
-
-def free_ports(count):
-    """The first of so many free ports in a row."""
-    for first in range(21000, 60000 - count, 500):
-        with contextlib.ExitStack() as stack, contextlib.suppress(OSError):
-            for port in range(first, first + count):
-                stack.enter_context(socket.socket()).bind(("127.0.0.1", port))
-            return first
-    raise RuntimeError("no ports")
-
-
-class Bench:
-    """A broker, a simulator and one peer, for one measurement."""
-
-    def __init__(self):
-        self.directory = tempfile.mkdtemp(prefix="fxagent-bench-")
-        self.children = []
-        self.watchers = 0
-        self.port = free_port()
-        conf = os.path.join(self.directory, "mosquitto.conf")
-        with open(conf, "w") as out:
-            out.write(f"listener {self.port} 127.0.0.1\nallow_anonymous true\nlog_type none\n"
-                      "set_tcp_nodelay true\nmax_queued_messages 100000\n")
-        self.spawn([BROKER, "-c", conf])
-        for _ in range(500):
-            with socket.socket() as probe:
-                if probe.connect_ex(("127.0.0.1", self.port)) == 0:
-                    break
-            time.sleep(0.01)
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        for child in reversed(self.children):
-            child.terminate()
-        for child in self.children:
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                child.wait(10)
-            child.kill()
-            child.wait()
-        shutil.rmtree(self.directory, ignore_errors=True)
-
-    def spawn(self, command, **more):
-        more.setdefault("stdout", subprocess.DEVNULL)
-        log = open(os.path.join(self.directory, "children.log"), "a")
-        child = subprocess.Popen(command, stderr=log, **more)
-        log.close()
-        self.children.append(child)
-        return child
-
-    def simulate(self, plcs):
-        path = os.path.join(self.directory, "sim.json")
-        with open(path, "w") as out:
-            json.dump({"plcs": plcs}, out)
-        socket_path = os.path.join(self.directory, "sim.sock")
-        sim = self.spawn([FXSIM, "--config", path, "--control", socket_path, "--seconds", "900"],
-                         stdout=subprocess.PIPE)
-        assert json.loads(sim.stdout.readline())["ready"]
-        self.control = Control(socket_path)
-
-    def watch(self, topic):
-        self.watchers += 1
-        client = Mqtt(self.port, f"bench{self.watchers}")
-        client.subscribe(topic)
-        return client
-
-    def agent(self, links, devices):
-        path = os.path.join(self.directory, "agent.json")
-        with open(path, "w") as out:
-            json.dump({"agent": {"id": "edge", "root": "bench"},
-                       "mqtt": {"servers": [f"mqtt://127.0.0.1:{self.port}"]},
-                       "links": links, "devices": devices}, out)
-        return self.spawn([FXAGENT, "run", path])
-
-    def peer(self, name, devices, interval_ms):
-        """Starts a peer on Modbus TCP devices: [(name, port, registers)]."""
-        if name == "fxagent":
-            links = [{"name": d, "tcp": {"host": "127.0.0.1", "port": port}}
-                     for d, port, _ in devices]
-            return self.agent(links, [self.modbus(d, count, interval_ms)
-                                      for d, _, count in devices])
-        config = json.dumps({"mqtt": self.port, "interval_ms": interval_ms, "devices": [
-            {"name": d, "port": port,
-             "blocks": [[at, min(125, count - at)] for at in range(0, count, 125)]}
-            for d, port, count in devices]})
-        if name == "python":
-            return self.spawn(["/usr/bin/python3", os.path.join(HERE, "bridge.py"), config])
-        folder = os.environ["NODE_BRIDGE"]
-        return self.spawn(["node", "bridge.js", config], cwd=folder)
-
-    @staticmethod
-    def modbus(name, count, interval_ms):
-        return {"name": name, "link": name, "protocol": "modbus-tcp",
-                "groups": [{"name": "g", "interval_ms": interval_ms}],
-                "tags": [{"name": f"r{i}", "address": f"hr:{i}", "type": "uint16", "group": "g"}
-                         for i in range(count)],
-                "commands": {"allow": ["hr:2000-hr:2099"], "verify": False}}
-
-    @staticmethod
-    def data_topic(peer, device="+"):
-        return f"bench/edge/{device}/data/g" if peer == "fxagent" else f"bridge/{device}/data"
-
-    @staticmethod
-    def device_of(topic):
-        return topic.split("/")[2 if topic.startswith("bench/") else 1]
-
-    def order(self, peer, identity, value):
-        if peer == "fxagent":
-            return "bench/edge/d0/command", json.dumps(
-                {"id": identity, "op": "write", "address": "hr:2000", "type": "uint16",
-                 "value": value})
-        return "bridge/d0/command", json.dumps({"id": identity, "address": 2000, "value": value})
-
-    def reads(self, plc="d0"):
-        return self.control.ask(cmd="stats", plc=plc)["requests"]["read"]
-
-
-def device(count=1, first_port=None):
-    port = first_port or free_ports(count)
-    plc = {"name": "d{}", "protocol": "modbus-tcp", "tcp": port, "repeat": count, "baud": 0,
-           "turnaround_ms": 0}
-    return plc, [(f"d{i}", port + i) for i in range(count)]
-
-
-def first_message(client, patience=30):
-    message = client.message(patience)
-    assert message, "nothing was published"
-    return message
 
 
 def wire_efficiency(seconds):
@@ -281,75 +135,12 @@ def commands(peer, how, interval_ms, count):
         return {"peer": peer, "while": how, "result_ms": percentiles(latencies), "lost": lost}
 
 
-def many_devices(peer, count, seconds):
-    """(e) So many devices of 100 registers at 1 s."""
-    with Bench() as bench:
-        plc, found = device(count)
-        bench.simulate([plc])
-        client = bench.watch(bench.data_topic(peer))
-        began = time.monotonic()
-        child = bench.peer(peer, [(name, port, 100) for name, port in found], 1000)
-        seen = {}
-        while len(seen) < count and time.monotonic() < began + 60:
-            message = client.message(1)
-            if message:
-                seen[bench.device_of(message[0])] = message[2]
-        ready = time.monotonic() - began
-        time.sleep(WARM_UP_S)
-        while client.message(0):
-            pass
-        usage, gaps, polls, last = Usage(child.pid), [], 0, {}
-        start = time.monotonic()
-        while time.monotonic() < start + seconds:
-            message = client.message(0.05)
-            if not message:
-                continue
-            polls += 1
-            # By the sender's own clock, so that the watcher's load is not measured.
-            stamp = int(message[1][message[1].index(b'"ts":') + 5:][:15].split(b",")[0])
-            name = bench.device_of(message[0])
-            if name in last:
-                gaps.append((stamp - last[name]) / 1000)
-            last[name] = stamp
-        took = time.monotonic() - start
-        return {"peer": peer, "devices": count, "first_data_of_all_s": round(ready, 2),
-                "polls_done_percent": round(100 * polls / (count * took), 1),
-                "worst_gap_ms": round(1000 * max(gaps, default=0)),
-                "median_gap_ms": round(1000 * statistics.median(gaps)) if gaps else None,
-                **usage.now()}
-
-
-def machine():
-    with open("/proc/cpuinfo") as info:
-        model = next((line.split(":", 1)[1].strip() for line in info if "model name" in line),
-                     platform.processor())
-    return f"{os.cpu_count()} × {model}, Linux {platform.release()}"
-
-
-def show(title, rows):
-    print(f"\n{title}")
-    flat = []
-    for row in rows:
-        out = {}
-        for key, value in row.items():
-            if isinstance(value, dict):
-                out.update({f"{key.replace('_ms', '')} {k}": v for k, v in value.items()
-                            if k != "count"})
-            else:
-                out[key] = value
-        flat.append(out)
-    keys = list(flat[0])
-    widths = [max(len(k), *(len(str(row.get(k))) for row in flat)) for k in keys]
-    print("  " + "  ".join(k.ljust(w) for k, w in zip(keys, widths)))
-    for row in flat:
-        print("  " + "  ".join(str(row.get(k)).ljust(w) for k, w in zip(keys, widths)), flush=True)
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", default="a,b,c,d,e")
+    parser.add_argument("--only", default="a,b,c,d,e,f,g,h,i")
     parser.add_argument("--json")
     parser.add_argument("--seconds", type=float, default=10)
+    parser.add_argument("--samples", type=int, default=100000, help="of (i)")
     parser.add_argument("--peers", default=",".join(PEERS))
     options = parser.parse_args()
     parts, peers = options.only.split(","), options.peers.split(",")
@@ -371,9 +162,26 @@ def main():
         show("(d) command to result, ms: idle, polling 1,000 registers at 100 ms, and flat out",
              out["commands"])
     if "e" in parts:
-        out["devices"] = [many_devices(p, count, options.seconds)
+        out["devices"] = [scale.modbus_devices(p, count, options.seconds)
                           for count in (100, 1000) for p in peers]
-        show("(e) devices of 100 registers at 1 s", out["devices"])
+        show("(e) Modbus TCP devices of 100 registers at 1 s", out["devices"])
+    if "f" in parts:
+        out["programming_ports"] = [scale.programming_ports(1000, baud, options.seconds)
+                                    for baud in (0, 9600)]
+        show("(f) FX programming ports over TCP, 64 bytes each at 1 s; 9600 baud or unpaced",
+             out["programming_ports"])
+    if "g" in parts:
+        out["idle_links"] = scale.idle_links([100, 5000, 10000], options.seconds)
+        show("(g) Modbus TCP devices that are connected and hardly ever polled", out["idle_links"])
+    if "h" in parts:
+        out["loading"] = scale.loading([10000, 100000])
+        show("(h) loading a config with so many tags", out["loading"])
+    if "i" in parts:
+        out["store"] = storing.outage(options.samples)
+        show("(i) samples of 100 tags: an outage, and live data while it is made up for",
+             out["store"])
+        out["sync"] = [storing.live(sync, options.seconds) for sync in ("offline", "always")]
+        show("(i) the store while the broker is there, 500 samples of 100 tags a second", out["sync"])
     if options.json:
         with open(options.json, "w") as file:
             json.dump(out, file, indent=1)

@@ -1,7 +1,8 @@
 #!/bin/bash
 # Speed, beside the bridges that users write by hand (Python: pymodbus and paho-mqtt; Node.js:
-# modbus-serial and mqtt.js), in one run on one machine:
-#   tests/bench/run.sh [--only a,b,c,d,e] [--seconds N] [--json FILE]
+# modbus-serial and mqtt.js), and size and store by themselves, in one run on one machine:
+#   tests/bench/run.sh [--only a,b,c,d,e,f,g,h,i] [--seconds N] [--samples N] [--json FILE]
+# (a) to (d) speed, (e) and (f) many devices, (g) many links, (h) many tags, (i) the store.
 # Installs what is missing, builds in Release, prints a table. BUILD_DIR: where (build-bench).
 set -euo pipefail
 

@@ -1,0 +1,192 @@
+"""What every part of the bench stands on: a broker, a simulator and one peer for each measurement, and
+the table that is printed. Programs come from the environment: FXAGENT, FXSIM, NODE_BRIDGE.
+"""
+
+import contextlib
+import json
+import os
+import platform
+import shutil
+import socket
+import subprocess
+import tempfile
+import time
+
+from probe import Control, Mqtt
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+FXAGENT = os.environ["FXAGENT"]
+FXSIM = os.environ["FXSIM"]
+BROKER = shutil.which("mosquitto", path=os.environ.get("PATH", "") + ":/usr/sbin")
+WARM_UP_S = 2.0
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def free_ports(count):
+    """The first of so many free ports in a row."""
+    for first in range(21000, 60000 - count, 500):
+        with contextlib.ExitStack() as stack, contextlib.suppress(OSError):
+            for port in range(first, first + count):
+                stack.enter_context(socket.socket()).bind(("127.0.0.1", port))
+            return first
+    raise RuntimeError("no ports")
+
+
+class Bench:
+    """A broker, a simulator and one peer, for one measurement."""
+
+    def __init__(self):
+        self.directory = tempfile.mkdtemp(prefix="fxagent-bench-")
+        self.children = []
+        self.watchers = 0
+        self.port = free_port()
+        conf = os.path.join(self.directory, "mosquitto.conf")
+        with open(conf, "w") as out:
+            out.write(f"listener {self.port} 127.0.0.1\nallow_anonymous true\nlog_type none\n"
+                      "set_tcp_nodelay true\nmax_queued_messages 100000\n")
+        self.broker_conf = conf
+        self.start_broker()
+
+    def start_broker(self):
+        self.broker = self.spawn([BROKER, "-c", self.broker_conf])
+        for _ in range(500):
+            with socket.socket() as probe:
+                if probe.connect_ex(("127.0.0.1", self.port)) == 0:
+                    break
+            time.sleep(0.01)
+
+    def stop_broker(self):
+        self.broker.kill()
+        self.broker.wait()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        for child in reversed(self.children):
+            child.terminate()
+        for child in self.children:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                child.wait(10)
+            child.kill()
+            child.wait()
+        shutil.rmtree(self.directory, ignore_errors=True)
+
+    def spawn(self, command, **more):
+        more.setdefault("stdout", subprocess.DEVNULL)
+        log = open(os.path.join(self.directory, "children.log"), "a")
+        child = subprocess.Popen(command, stderr=log, **more)
+        log.close()
+        self.children.append(child)
+        return child
+
+    def simulate(self, plcs):
+        path = os.path.join(self.directory, "sim.json")
+        with open(path, "w") as out:
+            json.dump({"plcs": plcs}, out)
+        socket_path = os.path.join(self.directory, "sim.sock")
+        sim = self.spawn([FXSIM, "--config", path, "--control", socket_path, "--seconds", "900"],
+                         stdout=subprocess.PIPE)
+        assert json.loads(sim.stdout.readline())["ready"]
+        self.control = Control(socket_path)
+
+    def watch(self, topic):
+        self.watchers += 1
+        client = Mqtt(self.port, f"bench{self.watchers}")
+        client.subscribe(topic)
+        return client
+
+    def agent(self, links, devices, **more):
+        """Starts the agent; `more` are other sections of its config."""
+        path = os.path.join(self.directory, "agent.json")
+        with open(path, "w") as out:
+            json.dump({"agent": {"id": "edge", "root": "bench"},
+                       "mqtt": {"servers": [f"mqtt://127.0.0.1:{self.port}"]},
+                       "links": links, "devices": devices, **more}, out)
+        return self.spawn([FXAGENT, "run", path])
+
+    def peer(self, name, devices, interval_ms):
+        """Starts a peer on Modbus TCP devices: [(name, port, registers)]."""
+        if name == "fxagent":
+            links = [{"name": d, "tcp": {"host": "127.0.0.1", "port": port}}
+                     for d, port, _ in devices]
+            return self.agent(links, [self.modbus(d, count, interval_ms)
+                                      for d, _, count in devices])
+        config = json.dumps({"mqtt": self.port, "interval_ms": interval_ms, "devices": [
+            {"name": d, "port": port,
+             "blocks": [[at, min(125, count - at)] for at in range(0, count, 125)]}
+            for d, port, count in devices]})
+        if name == "python":
+            return self.spawn(["/usr/bin/python3", os.path.join(HERE, "bridge.py"), config])
+        folder = os.environ["NODE_BRIDGE"]
+        return self.spawn(["node", "bridge.js", config], cwd=folder)
+
+    @staticmethod
+    def modbus(name, count, interval_ms):
+        return {"name": name, "link": name, "protocol": "modbus-tcp",
+                "groups": [{"name": "g", "interval_ms": interval_ms}],
+                "tags": [{"name": f"r{i}", "address": f"hr:{i}", "type": "uint16", "group": "g"}
+                         for i in range(count)],
+                "commands": {"allow": ["hr:2000-hr:2099"], "verify": False}}
+
+    @staticmethod
+    def data_topic(peer, device="+"):
+        return f"bench/edge/{device}/data/g" if peer == "fxagent" else f"bridge/{device}/data"
+
+    @staticmethod
+    def device_of(topic):
+        return topic.split("/")[2 if topic.startswith("bench/") else 1]
+
+    def order(self, peer, identity, value):
+        if peer == "fxagent":
+            return "bench/edge/d0/command", json.dumps(
+                {"id": identity, "op": "write", "address": "hr:2000", "type": "uint16",
+                 "value": value})
+        return "bridge/d0/command", json.dumps({"id": identity, "address": 2000, "value": value})
+
+    def reads(self, plc="d0"):
+        return self.control.ask(cmd="stats", plc=plc)["requests"]["read"]
+
+
+def device(count=1, first_port=None):
+    port = first_port or free_ports(count)
+    plc = {"name": "d{}", "protocol": "modbus-tcp", "tcp": port, "repeat": count, "baud": 0,
+           "turnaround_ms": 0}
+    return plc, [(f"d{i}", port + i) for i in range(count)]
+
+
+def first_message(client, patience=30):
+    message = client.message(patience)
+    assert message, "nothing was published"
+    return message
+
+
+def machine():
+    with open("/proc/cpuinfo") as info:
+        model = next((line.split(":", 1)[1].strip() for line in info if "model name" in line),
+                     platform.processor())
+    return f"{os.cpu_count()} × {model}, Linux {platform.release()}"
+
+
+def show(title, rows):
+    print(f"\n{title}")
+    flat = []
+    for row in rows:
+        out = {}
+        for key, value in row.items():
+            if isinstance(value, dict):
+                out.update({f"{key.replace('_ms', '')} {k}": v for k, v in value.items()
+                            if k != "count"})
+            else:
+                out[key] = value
+        flat.append(out)
+    keys = list(flat[0])
+    widths = [max(len(k), *(len(str(row.get(k))) for row in flat)) for k in keys]
+    print("  " + "  ".join(k.ljust(w) for k, w in zip(keys, widths)))
+    for row in flat:
+        print("  " + "  ".join(str(row.get(k)).ljust(w) for k, w in zip(keys, widths)), flush=True)

@@ -1,0 +1,162 @@
+"""The agent at the limit of its size: many devices, many links, many tags. Parts (e) to (h)."""
+
+import json
+import os
+import resource
+import statistics
+import subprocess
+import tempfile
+import time
+
+from probe import Usage
+from rig import FXAGENT, WARM_UP_S, Bench, device, free_port, free_ports
+
+
+def stamp_of(message):
+    """`ts` of a data message, in ms: the sender's clock, so that the watcher's load is not measured."""
+    return int(message[1][message[1].index(b'"ts":') + 5:][:15].split(b",")[0])
+
+
+def first_data_of_all(bench, client, began, count, patience=60):
+    """Seconds until each device has published, or None."""
+    seen = set()
+    while len(seen) < count and time.monotonic() < began + patience:
+        message = client.message(1)
+        if message:
+            seen.add(bench.device_of(message[0]))
+    return round(time.monotonic() - began, 2) if len(seen) == count else None
+
+
+def beats(bench, client, child, count, seconds):
+    """How well a period of 1 s is kept by so many devices, and what that takes."""
+    time.sleep(WARM_UP_S)
+    while client.message(0):
+        pass
+    usage, gaps, polls, last = Usage(child.pid), [], 0, {}
+    start = time.monotonic()
+    while time.monotonic() < start + seconds:
+        message = client.message(0.05)
+        if not message:
+            continue
+        polls += 1
+        stamp, name = stamp_of(message), bench.device_of(message[0])
+        if name in last:
+            gaps.append(stamp - last[name])
+        last[name] = stamp
+    took = time.monotonic() - start
+    return {"polls_done_percent": round(100 * polls / (count * took), 1),
+            "worst_gap_ms": max(gaps, default=None),
+            "median_gap_ms": statistics.median(gaps) if gaps else None, **usage.now()}
+
+
+def modbus_devices(peer, count, seconds):
+    """(e) So many devices of 100 registers at 1 s."""
+    with Bench() as bench:
+        plc, found = device(count)
+        bench.simulate([plc])
+        client = bench.watch(bench.data_topic(peer))
+        began = time.monotonic()
+        child = bench.peer(peer, [(name, port, 100) for name, port in found], 1000)
+        ready = first_data_of_all(bench, client, began, count)
+        return {"peer": peer, "devices": count, "first_data_of_all_s": ready,
+                **beats(bench, client, child, count, seconds)}
+
+
+def programming_ports(count, baud, seconds):
+    """(f) So many FX programming ports behind serial servers, 64 bytes each at 1 s."""
+    with Bench() as bench:
+        first = free_ports(count)
+        bench.simulate([{"name": "d{}", "model": "FX3U", "tcp": first, "repeat": count,
+                         "baud": baud, "turnaround_ms": 5 if baud else 0}])
+        client = bench.watch(bench.data_topic("fxagent"))
+        began = time.monotonic()
+        child = bench.agent(
+            [{"name": f"d{i}", "tcp": {"host": "127.0.0.1", "port": first + i}, "line_baud": 9600}
+             for i in range(count)],
+            [{"name": f"d{i}", "link": f"d{i}", "protocol": "fx-programming-port", "model": "FX3U",
+              "groups": [{"name": "g", "interval_ms": 1000}],
+              "tags": [{"name": f"w{w}", "address": f"D{w}", "group": "g"} for w in range(32)]}
+             for i in range(count)])
+        ready = first_data_of_all(bench, client, began, count)
+        return {"ports": count, "baud": baud, "first_data_of_all_s": ready,
+                **beats(bench, client, child, count, seconds)}
+
+
+def idle_links(counts, seconds):
+    """(g) Devices that are connected and polled once an hour: what a link costs by itself. They share
+    one port, which takes every connection, so that the simulator is as small as it can be."""
+    rows = []
+    for count in counts:
+        with Bench() as bench:
+            port = free_port()
+            bench.simulate([{"name": "d", "protocol": "modbus-tcp", "tcp": port, "baud": 0,
+                             "turnaround_ms": 0}])
+            state = bench.watch("bench/edge/state")
+            client = bench.watch("bench/edge/+/data/#")
+            began = time.monotonic()
+            child = bench.agent(
+                [{"name": f"d{i}", "tcp": {"host": "127.0.0.1", "port": port}}
+                 for i in range(count)],
+                [{"name": f"d{i}", "link": f"d{i}", "protocol": "modbus-tcp",
+                  "groups": [{"name": "g", "interval_ms": 3600000}],
+                  "tags": [{"name": "r0", "address": "hr:0", "group": "g"}]}
+                 for i in range(count)])
+            online = state.message(60)
+            started = round(online[2] - began, 2) if online else None
+            ready = first_data_of_all(bench, client, began, count)
+            time.sleep(WARM_UP_S)
+            usage = Usage(child.pid)
+            time.sleep(seconds)
+            row = {"links": count, "online_after_s": started, "first_data_of_all_s": ready,
+                   "open_files": len(os.listdir(f"/proc/{child.pid}/fd")), **usage.now()}
+            if rows:
+                row["kib_a_link"] = round(1024 * (row["rss_mib"] - rows[0]["rss_mib"]) /
+                                          (count - rows[0]["links"]), 1)
+            rows.append(row)
+    # The first row is the one that the others are compared with.
+    rows[0]["kib_a_link"] = None
+    return rows
+
+
+def program(*arguments):
+    """Seconds of CPU and MiB at the most that one call takes; it must succeed."""
+    # What a process has had at the most begins with its parent's, before it became another program.
+    own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    began = time.monotonic()
+    child = subprocess.Popen([FXAGENT, *arguments], stdout=subprocess.DEVNULL,
+                             stderr=subprocess.DEVNULL)
+    _, status, used = os.wait4(child.pid, 0)
+    child.returncode = os.waitstatus_to_exitcode(status)
+    assert child.returncode == 0, arguments
+    return {"s": round(time.monotonic() - began, 2),
+            "cpu_s": round(used.ru_utime + used.ru_stime, 2),
+            "rss_mib": round(used.ru_maxrss / 1024, 1) if used.ru_maxrss > own else None}
+
+
+def loading(counts):
+    """(h) `check` and `plan` of devices of 1,000 tags each, and of one group that holds 10,000."""
+    def tags(protocol, count):
+        letter = "D" if protocol.startswith("fx") else "hr:"
+        return [{"name": f"t{i}", "address": f"{letter}{i}", "type": "uint16", "group": "g"}
+                for i in range(count)]
+
+    rows = []
+    with tempfile.TemporaryDirectory(prefix="fxagent-bench-") as directory:
+        path = os.path.join(directory, "agent.json")
+        shapes = [("modbus-tcp", count // 1000, 1000) for count in counts]
+        shapes += [("fx-programming-port", count // 1000, 1000) for count in counts]
+        shapes.append(("modbus-tcp", 1, 10000))
+        for protocol, devices, each in shapes:
+            with open(path, "w") as out:
+                json.dump({"agent": {"id": "edge", "root": "bench"},
+                           "mqtt": {"servers": ["mqtt://127.0.0.1:1883"]},
+                           "links": [{"name": f"d{i}", "tcp": {"host": f"host{i}", "port": 502},
+                                      "line_baud": 9600} for i in range(devices)],
+                           "devices": [{"name": f"d{i}", "link": f"d{i}", "protocol": protocol,
+                                        "groups": [{"name": "g", "interval_ms": 1000}],
+                                        "tags": tags(protocol, each)} for i in range(devices)]},
+                          out, indent=1)
+            rows.append({"protocol": protocol, "devices": devices, "tags": devices * each,
+                         "file_mib": round(os.path.getsize(path) / 2**20, 1),
+                         "check": program("check", path), "plan": program("plan", path)})
+    return rows
