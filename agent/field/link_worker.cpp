@@ -188,10 +188,10 @@ LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std
       if (group.interval.count() > 0) spread = std::min(spread, group.interval);
   const LinkStart start = openings_.start(config.links.size(), spread);
   next_open_ = now + start.open_after;
-  first_poll_after_ = start.poll_after;
+  first_poll_after_ = start.poll_after - start.open_after;
   const BackOff back_off = devices.size() > 1 ? kShared : kAlone;
   for (const std::uint32_t device : devices) {
-    add_device(device, back_off, now, polling);
+    add_device(device, back_off, polling);
     if (device < recollection.last_seq.size()) devices_.back()->seq = recollection.last_seq[device];
   }
 }
@@ -203,8 +203,7 @@ void LinkWorker::remember(const RememberedResult& remembered) {
     device->desk.restore(remembered, Clock::now(), now_ms());
 }
 
-void LinkWorker::add_device(std::uint32_t index, BackOff back_off, SteadyTime now,
-                            Polling polling) {
+void LinkWorker::add_device(std::uint32_t index, BackOff back_off, Polling polling) {
   const DeviceConfig& config = config_.devices[index];
   auto device = std::make_unique<Device>(config, index);
   device->id = agenda_.add_device(config.retries + 1, back_off);
@@ -215,7 +214,7 @@ void LinkWorker::add_device(std::uint32_t index, BackOff back_off, SteadyTime no
     // again where the intervals are multiples of each other.
     const milliseconds interval = std::max(config.groups[g].interval, milliseconds(1));
     group->id = agenda_.add_group(device->id, config.groups[g].interval, 1,
-                                  now + first_poll_after_ % nanoseconds(interval));
+                                  next_open_ + first_poll_after_ % nanoseconds(interval));
     make_plan(*device, *group);
     first_poll_after_ += group->plan.line_time;
     device->groups.push_back(std::move(group));

@@ -71,7 +71,7 @@ class LinkWorker final {
     std::chrono::nanoseconds line_time{0};
   };
 
-  void add_device(std::uint32_t index, BackOff back_off, SteadyTime now, Polling polling);
+  void add_device(std::uint32_t index, BackOff back_off, Polling polling);
   Device* device_of(std::uint32_t index);
   static std::vector<Point> points_of(const Device& device, const GroupPoll& group);
   void make_plan(Device& device, GroupPoll& group);
@@ -135,7 +135,7 @@ class LinkWorker final {
   int unanswered_in_a_row_ = 0;
   Openings openings_;
   SteadyTime counting_since_{};
-  std::chrono::nanoseconds first_poll_after_{0};  ///< of the group added next
+  std::chrono::nanoseconds first_poll_after_{0};  ///< the opening, of the group added next
   bool overloaded_ = false;
   std::optional<Waiting> running_;  ///< the command on the wire
   bool stopping_ = false;

@@ -63,7 +63,7 @@ class Stream:
 
 def outage(samples):
     """So many samples while the broker is away, then their history beside live data."""
-    interval_ms = 20
+    interval_ms = 10
     with Bench() as bench:
         client, child = start(bench, interval_ms, "offline")
         stream = Stream(client).wait(10)
@@ -76,6 +76,7 @@ def outage(samples):
         took, bytes_after, writing = time.monotonic() - began, written(child.pid), usage.now()
         stored = took * 1000 / interval_ms * DEVICES
         bench.start_broker()
+        broker_back = time.monotonic()
         stream = Stream(bench.watch("bench/edge/+/data/#"))
         usage = Usage(child.pid)
         # Over when no history has come for two seconds after the first of it.
@@ -88,6 +89,7 @@ def outage(samples):
                  "disk_bytes_a_sample": round(each),
                  "disk_gb_a_day_at_1_per_s": round(each * 86400 / 1e9, 3),
                  "writing_cpu_percent": writing["cpu_percent"],
+                 "reconnected_after_s": round((stream.first_row or 0) - broker_back, 1),
                  "rows_replayed": stream.rows,
                  "replayed_per_s": round(stream.rows / replay_s) if replay_s else None,
                  "replaying_cpu_percent": replaying["cpu_percent"],

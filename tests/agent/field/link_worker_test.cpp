@@ -357,6 +357,16 @@ TEST_F(LinkWorkerTest, GroupThatNoWayReachesLeavesTheThreadFree) {
   wait([&] { return others_had_their_turn; });
 }
 
+TEST_F(LinkWorkerTest, NoGroupIsPolledBeforeItsLinkOpens) {
+  config.links[0].char_time = milliseconds(1);
+  config.links.resize(1000, config.links[0]);  // so many that their starts are spread
+  config.devices[0].groups[0].interval = milliseconds(100);
+  config.devices.resize(8, config.devices[0]);
+  start();
+  wait([&] { return telemetry.size() >= 8; });
+  for (const Telemetry& message : telemetry) EXPECT_EQ(message.readings[0].bad, std::nullopt);
+}
+
 TEST_F(LinkWorkerTest, LostLinkIsOpenedAgainByItself) {
   script().expect(kEnq).give(kAck).expect(kReadD100).give(word_frame(7));
   wire->expect(kReadD100).hang_up();
