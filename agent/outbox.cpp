@@ -5,7 +5,19 @@
 
 namespace fxagent {
 
+template <class Put>
+void Outbox::push_urgent(Put put) {
+  {
+    const std::lock_guard lock(mutex_);
+    put();
+    signalled_ = true;
+    urgent_ = true;
+  }
+  changed_.notify_one();
+}
+
 void Outbox::push(Telemetry message) {
+  bool wake = false;
   {
     const std::lock_guard lock(mutex_);
     ++pushed_;
@@ -15,45 +27,32 @@ void Outbox::push(Telemetry message) {
       telemetry_.pop_front();
     }
     signalled_ = true;
+    wake = !gathering_;
   }
-  changed_.notify_one();
+  if (wake) changed_.notify_one();
 }
 
 void Outbox::push(OrderNote order) {
-  {
-    const std::lock_guard lock(mutex_);
-    waiting_.orders.push_back(std::move(order));
-    signalled_ = true;
-  }
-  changed_.notify_one();
+  push_urgent([&] { waiting_.orders.push_back(std::move(order)); });
 }
 
 void Outbox::push(CommandResult result) {
-  {
-    const std::lock_guard lock(mutex_);
-    waiting_.results.push_back(std::move(result));
-    signalled_ = true;
-  }
-  changed_.notify_one();
+  push_urgent([&] { waiting_.results.push_back(std::move(result)); });
 }
 
 void Outbox::push(DeviceStatus status) {
-  {
-    const std::lock_guard lock(mutex_);
-    waiting_.states.push_back(std::move(status));
-    signalled_ = true;
-  }
-  changed_.notify_one();
+  push_urgent([&] { waiting_.states.push_back(std::move(status)); });
 }
 
 void Outbox::push(FieldHealth health) {
-  {
-    const std::lock_guard lock(mutex_);
+  push_urgent([&] {
     waiting_.health = std::move(health);
     waiting_.pushed_at_health = pushed_;
-    signalled_ = true;
-  }
-  changed_.notify_one();
+  });
+}
+
+void Outbox::notify() {
+  push_urgent([] {});
 }
 
 Outbox::Batch Outbox::take() {
@@ -74,14 +73,14 @@ void Outbox::wait_until(SteadyTime deadline) {
   std::unique_lock lock(mutex_);
   changed_.wait_until(lock, deadline, [this] { return signalled_; });
   signalled_ = false;
+  urgent_ = false;
 }
 
-void Outbox::notify() {
-  {
-    const std::lock_guard lock(mutex_);
-    signalled_ = true;
-  }
-  changed_.notify_one();
+void Outbox::gather(SteadyTime deadline) {
+  std::unique_lock lock(mutex_);
+  gathering_ = true;
+  changed_.wait_until(lock, deadline, [this] { return urgent_; });
+  gathering_ = false;
 }
 
 }  // namespace fxagent

@@ -37,7 +37,7 @@ class Outbox final {
   explicit Outbox(std::size_t max_telemetry) : max_telemetry_(max_telemetry) {}
 
   /// Never blocks for longer than a swap of pointers. Orders, results and states are never
-  /// dropped.
+  /// dropped. All but telemetry ends a gather().
   void push(Telemetry message);
   void push(OrderNote order);
   void push(CommandResult result);
@@ -54,15 +54,23 @@ class Outbox final {
   /// Returns when something was pushed or notify() was called since the last return, or at
   /// `deadline`.
   void wait_until(SteadyTime deadline);
+  /// Lets telemetry gather until `deadline`; anything else that was pushed, or a notify(), ends it.
+  /// While samples stream, each pays then only for its share of a thread's waking up.
+  void gather(SteadyTime deadline);
   /// Wakes wait_until(): the broker has news, or it is time to stop.
   void notify();
 
  private:
+  template <class Put>
+  void push_urgent(Put put);
+
   const std::size_t max_telemetry_;
   std::atomic<bool> backed_up_ = false;
   std::mutex mutex_;
   std::condition_variable changed_;
   bool signalled_ = false;
+  bool urgent_ = false;     ///< signalled by more than telemetry
+  bool gathering_ = false;  ///< telemetry wakes nobody
   std::deque<Telemetry> telemetry_;
   std::uint64_t pushed_ = 0;
   Batch waiting_;  ///< all but the telemetry

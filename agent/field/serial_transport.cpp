@@ -76,6 +76,7 @@ class SerialTransport final : public Transport {
       ::close(fd);
       co_return fail(ErrorCode::link_down, settings_.path + ": " + error.message());
     }
+    stream_.non_blocking(true, error);
     co_return Result<void>{};
   }
 

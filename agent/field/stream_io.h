@@ -5,6 +5,7 @@
 #include <asio/experimental/as_tuple.hpp>
 #include <asio/use_awaitable.hpp>
 #include <string>
+#include <tuple>
 
 #include "agent/field/deadline.h"
 #include "agent/field/transport.h"
@@ -28,7 +29,7 @@ asio::awaitable<Result<std::size_t>> read_some(Stream& stream, Deadline<Stream>&
   co_return fail(ErrorCode::link_down, name + ": " + (error ? error.message() : "closed"));
 }
 
-/// As Transport::write.
+/// As Transport::write. The stream is in non-blocking mode.
 template <class Stream>
 asio::awaitable<Transport::Written> write_all(Stream& stream, Deadline<Stream>& deadline,
                                               ByteView bytes, SteadyTime at,
@@ -37,8 +38,12 @@ asio::awaitable<Transport::Written> write_all(Stream& stream, Deadline<Stream>& 
   deadline.arm(at);
   while (written.sent < bytes.size()) {
     const ByteView rest = bytes.subspan(written.sent);
-    const auto [error, count] =
-        co_await stream.async_write_some(asio::buffer(rest.data(), rest.size()), use_result);
+    // Nearly always there is room, and then no turn of the event loop is needed.
+    asio::error_code error;
+    std::size_t count = stream.write_some(asio::buffer(rest.data(), rest.size()), error);
+    if (error == asio::error::would_block)
+      std::tie(error, count) =
+          co_await stream.async_write_some(asio::buffer(rest.data(), rest.size()), use_result);
     written.sent += count;
     if (!error) continue;
     const std::string why = deadline.passed() ? "the line takes no more bytes" : error.message();

@@ -112,6 +112,7 @@ class TcpTransport final : public Transport {
       co_return fail(ErrorCode::link_down, name_ + ": " + why);
     }
     asio::error_code ignored;
+    socket_.non_blocking(true, ignored);
     socket_.set_option(tcp::no_delay(true), ignored);
     socket_.set_option(asio::socket_base::keep_alive(true), ignored);
     const int fd = socket_.native_handle();

@@ -101,6 +101,10 @@ class Broker {
   virtual void subscribe(Subscription subscription) = 0;
   virtual void unsubscribe(const std::string& filter) = 0;
 
+  /// Whether an acknowledgement is news of its own from now on. If not, it is found with the next
+  /// take_events(): the caller does not wait for it. At the start it is.
+  virtual void await_acknowledgements(bool awaited) = 0;
+
   /// What happened since the last call, in order; only of the present connection.
   virtual std::vector<BrokerEvent> take_events() = 0;
 };

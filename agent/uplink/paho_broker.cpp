@@ -164,6 +164,15 @@ class PahoBroker::Inbox final {
     dropped_ = 0;
   }
 
+  /// Whether a Delivered is worth a notify; one that waits already is told at once.
+  void await_acknowledgements(bool awaited) {
+    {
+      const std::lock_guard lock(mutex_);
+      if (std::exchange(acknowledgements_awaited_, awaited) || !awaited || events_.empty()) return;
+    }
+    notify_();
+  }
+
   void post(std::uint64_t connection, BrokerEvent event) {
     {
       const std::lock_guard lock(mutex_);
@@ -177,7 +186,9 @@ class PahoBroker::Inbox final {
         }
         bytes_ += size;
       }
+      const bool quiet = !acknowledgements_awaited_ && std::holds_alternative<Delivered>(event);
       events_.push_back(std::move(event));
+      if (quiet) return;
     }
     notify_();
   }
@@ -196,6 +207,7 @@ class PahoBroker::Inbox final {
   std::vector<BrokerEvent> events_;
   std::size_t bytes_ = 0;
   std::uint64_t dropped_ = 0;
+  bool acknowledgements_awaited_ = true;
 };
 
 // ---- connection ---------------------------------------------------------------------------------
@@ -541,6 +553,8 @@ void PahoBroker::unsubscribe(const std::string& filter) {
     // The connection is going, and the subscription with it.
   }
 }
+
+void PahoBroker::await_acknowledgements(bool awaited) { inbox_->await_acknowledgements(awaited); }
 
 std::vector<BrokerEvent> PahoBroker::take_events() { return inbox_->take(); }
 

@@ -38,6 +38,7 @@ class PahoBroker final : public Broker {
   void publish(Publication publication) override;
   void subscribe(Subscription subscription) override;
   void unsubscribe(const std::string& filter) override;
+  void await_acknowledgements(bool awaited) override;
   std::vector<BrokerEvent> take_events() override;
 
  private:

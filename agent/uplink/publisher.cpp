@@ -10,6 +10,7 @@
 namespace fxagent {
 namespace {
 
+using std::chrono::microseconds;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
@@ -20,9 +21,12 @@ constexpr seconds kSteady{10};           // a connection that lived so long was 
 constexpr seconds kFirstRetry{1};
 constexpr seconds kLastRetry{30};
 constexpr seconds kLiveFor{1};  // a sample that waited longer is on disk, or else is history
-constexpr milliseconds kCommitWithin{200};  // rows for the disk are gathered so long
-constexpr seconds kNoAcknowledgement{30};   // a broker that is silent for so long is given up
+constexpr milliseconds kCommitWithin{200};       // rows for the disk are gathered so long
+constexpr milliseconds kAcknowledgedWithin{50};  // until one that nothing waits for is noted
+constexpr seconds kNoAcknowledgement{30};        // a broker that is silent for so long is given up
 constexpr seconds kDrainFor{3};
+constexpr int kGatherShare = 100;  // of its interval, that a sample may wait for others
+constexpr milliseconds kGatherMost{5};
 constexpr seconds kFarewellFor{1};
 
 // Mosquitto's default receive maximum. The library under us is fast up to the broker's figure and
@@ -68,7 +72,8 @@ Publisher::Publisher(const Config& config, PublisherSettings settings, Outbox& o
       backlog_(settings_.backlog_bytes),
       history_bytes_(kHistoryBytes),
       states_(config.devices.size()) {
-  for (const DeviceConfig& device : config.devices) metas_.push_back(json::device_meta(device));
+  for (const DeviceConfig& device : config.devices)
+    meta_hashes_.push_back(json::device_meta(device).hash);
 }
 
 Publisher::~Publisher() = default;
@@ -93,6 +98,7 @@ SteadyTime Publisher::step(SteadyTime now) {
   commit_put_away(now);
   if (link_ == Link::connected && phase_ <= Phase::draining) pump(now);
   outbox_.set_backed_up(live_.size() >= kBackedUp);
+  broker_.await_acknowledgements(acknowledgements_matter());
   const auto failures = std::exchange(unsendable_, {});
   for (const DeliveryFailed& failure : failures) on(failure, now);
   if (phase_ != Phase::running) wind_up(now);
@@ -360,6 +366,14 @@ void Publisher::take_outbox(SteadyTime now) {
 }
 
 void Publisher::take_samples(const std::vector<Telemetry>& messages, SteadyTime now) {
+  if (messages.empty()) return;
+  microseconds patience = kGatherMost;  // none at all for groups without an interval
+  for (const Telemetry& message : messages) {
+    const GroupConfig& group = config_.devices.at(message.device).groups.at(message.group);
+    patience = std::min<microseconds>(patience, group.interval / kGatherShare);
+  }
+  gather_until_ = now - samples_at_ < 2 * patience ? now + patience : now;
+  samples_at_ = now;
   // What is read while the first connection is being made is as live as what comes right after it.
   const bool can_go = (link_ == Link::connected || starting_) && phase_ <= Phase::draining;
   std::vector<SampleRow> live;
@@ -371,7 +385,7 @@ void Publisher::take_samples(const std::vector<Telemetry>& messages, SteadyTime 
     row.group = device.groups.at(message.group).name;
     row.seq = message.seq;
     row.created_ms = message.ts_ms;
-    row.json = json::telemetry(message, device, settings_.boot, metas_.at(message.device).hash);
+    row.json = json::telemetry(message, device, settings_.boot, meta_hashes_.at(message.device));
     row_bytes_ += row.cost();
     if (store_ != nullptr) store_->used_seq(row.device, row.seq);
     if (can_go && may_send(row.device, now))
@@ -576,7 +590,7 @@ void Publisher::pump_notices(SteadyTime now) {
         break;
       case Notice::device_meta:
         publication.topic = device_topic(key.device) + "/meta";
-        publication.payload = metas_[key.device].text;
+        publication.payload = json::device_meta(config_.devices[key.device]).text;
         break;
       case Notice::health:
         publication.topic = base_ + "/health";
@@ -829,6 +843,13 @@ void Publisher::say_farewell(SteadyTime now) {
 
 // ---- small things -------------------------------------------------------------------------------
 
+/// Whether something waits for room that an acknowledgement makes, or for the acknowledgement
+/// itself. Otherwise each would wake this thread for nothing but a number.
+bool Publisher::acknowledgements_matter() const {
+  return phase_ != Phase::running || link_ != Link::connected || !results_.empty() ||
+         history_flights_ != 0 || flights_.size() >= window_ / 2;
+}
+
 SteadyTime Publisher::next_wake(SteadyTime now) const {
   SteadyTime wake = next_tick_;
   const auto at = [&wake](SteadyTime time) { wake = std::min(wake, time); };
@@ -850,7 +871,8 @@ SteadyTime Publisher::next_wake(SteadyTime now) const {
   for (const auto& [device, pause] : pauses_)
     if (backlog_.has_waiting(device) || (store_ != nullptr && store_->has_waiting(device)))
       later(pause.until);
-  if (!flights_.empty()) at(last_progress_ + kNoAcknowledgement);
+  if (!flights_.empty())
+    at(std::min(now + kAcknowledgedWithin, last_progress_ + kNoAcknowledgement));
   if (store_ == nullptr || !store_->is_writable()) return wake;
   for (const auto& [id, flight] : flights_)
     if (const auto* live = std::get_if<LiveFlight>(&flight); live != nullptr && !live->live.stored)
@@ -897,7 +919,9 @@ void run_uplink(Publisher& publisher, Outbox& outbox, std::stop_token stop) {
     const SteadyTime now = std::chrono::steady_clock::now();
     if (stop.stop_requested()) publisher.stop(now);
     const SteadyTime wake_at = publisher.step(now);
-    if (!publisher.finished()) outbox.wait_until(wake_at);
+    if (publisher.finished()) return;
+    if (publisher.gather_until() > now) outbox.gather(publisher.gather_until());
+    outbox.wait_until(wake_at);
   }
 }
 

@@ -59,6 +59,9 @@ class Publisher final {
   /// Takes all news and does what is due. Returns when it must be called again at the latest;
   /// sooner where the outbox or the broker has news.
   SteadyTime step(SteadyTime now);
+  /// Until when samples may gather before the next step: a hundredth of their interval while they
+  /// stream in, and the time of the last step where they do not.
+  SteadyTime gather_until() const { return gather_until_; }
 
   /// Begins the clean end: what waits is published for up to 3 s, results first, then the agent's
   /// state goes to offline and the connection is closed. step() does the work until finished().
@@ -178,6 +181,7 @@ class Publisher final {
 
   void send(Flight flight, Publication publication);
   std::size_t sample_window() const;
+  bool acknowledgements_matter() const;
   bool has_room() const { return flights_.size() < window_; }
   bool may_send(const std::string& device, SteadyTime now) const;
   void pause(const std::string& device, SteadyTime now);
@@ -237,11 +241,13 @@ class Publisher final {
   std::deque<LiveRow> live_;
   std::vector<SampleRow> put_away_;  ///< for the store, at the next commit
   SteadyTime commit_at_{};
+  SteadyTime samples_at_{};  ///< the last step that found some
+  SteadyTime gather_until_{};
   Backlog backlog_;
   std::size_t history_bytes_;  ///< of one message; shrinks where the broker finds it too large
 
   // per device, by index
-  std::vector<json::Meta> metas_;
+  std::vector<std::string> meta_hashes_;
   std::vector<std::optional<DeviceStatus>> states_;
 
   // per device, by name: the store may hold rows of devices that the config no longer has

@@ -52,6 +52,7 @@ class FakeBroker final : public Broker {
     events_.push_back(Subscribed{subscription.filter, true, {}});
   }
   void unsubscribe(const std::string& filter) override { filters.erase(filter); }
+  void await_acknowledgements(bool awaited) override { acknowledgements_awaited = awaited; }
   std::vector<BrokerEvent> take_events() override { return std::exchange(events_, {}); }
 
   // ---- what the test does to it
@@ -90,6 +91,7 @@ class FakeBroker final : public Broker {
   bool reachable = true;
   bool answers = true;  ///< an unreachable one says so
   bool acknowledges = true;
+  bool acknowledgements_awaited = true;
   std::uint32_t receive_maximum = 20;
   std::uint32_t maximum_packet = 1 << 28;
 
