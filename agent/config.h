@@ -1,9 +1,11 @@
 // The config file as plain structs: everything checked, every name resolved, nothing left to parse.
 #pragma once
 
+#include <boost/functional/hash.hpp>
 #include <chrono>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -48,15 +50,27 @@ struct GroupConfig {
   std::chrono::seconds max_silent{60};
 };
 
+/// In engineering units.
+struct TagLimits {
+  std::optional<double> min{};
+  std::optional<double> max{};
+  std::optional<double> deadband{};
+  friend bool operator==(const TagLimits&, const TagLimits&) = default;
+};
+inline std::size_t hash_value(const TagLimits& limits) {
+  std::size_t seed = 0;
+  for (const auto& limit : {limits.min, limits.max, limits.deadband})
+    boost::hash_combine(seed, limit.value_or(std::numeric_limits<double>::max()));
+  return seed;
+}
+
 struct TagConfig {
-  std::string name;
+  SharedText name;
   Point point;
+  SharedText unit;
   std::uint32_t group = 0;  ///< index in DeviceConfig::groups
   bool writable = false;    ///< access: read_write
-  std::string unit;
-  std::optional<double> min;  ///< engineering units, as deadband
-  std::optional<double> max;
-  std::optional<double> deadband;
+  boost::flyweight<TagLimits> limits;
 };
 
 struct CommandRules {

@@ -268,7 +268,7 @@ void DeviceReader::read_tag(const ConfigNode& node) {
   if (!reader_.check_object(node, config_keys::tag)) return;
   TagConfig tag;
   tag.name = reader_.name(node, "name", ConfigReader::required).value_or("");
-  if (!tag.name.empty())
+  if (!tag.name.get().empty())
     tags_.add(reader_, tag.name, *node.find("name"),
               static_cast<std::uint32_t>(device_.tags.size()));
   tag.group = group_of(node);
@@ -355,7 +355,7 @@ void DeviceReader::check_span(const ConfigNode& node, const TagConfig& tag) {
   if (!tag.writable) return;
   const ConfigNode& access = *node.find("access");
   if (!tag.point.address.writable)
-    reader_.error(access, tag.point.address.text + " can only be read");
+    reader_.error(access, tag.point.address.text.get() + " can only be read");
   else if (const auto allowed = codec_->check_write(*span); !allowed)
     reader_.error(access, "cannot be written: " + allowed.error().text);
 }
@@ -376,18 +376,20 @@ void DeviceReader::check_exists(const ConfigNode& address, const Span& span) {
 }
 
 void DeviceReader::read_limits(const ConfigNode& node, TagConfig& tag) {
-  tag.min = reader_.number(node, "min");
-  tag.max = reader_.number(node, "max");
-  tag.deadband = reader_.number(node, "deadband");
+  TagLimits limits;
+  limits.min = reader_.number(node, "min");
+  limits.max = reader_.number(node, "max");
+  limits.deadband = reader_.number(node, "deadband");
   const bool countable = tag.point.type != DataType::boolean && tag.point.type != DataType::string;
   for (const auto key : {"scale"sv, "offset"sv, "min"sv, "max"sv, "deadband"sv})
     if (const ConfigNode* limit = node.find(key); limit != nullptr && !countable)
       reader_.error_at_key(*limit,
                            "is for numbers, not for " + std::string(to_string(tag.point.type)));
-  if (tag.min && tag.max && *tag.min > *tag.max)
+  if (limits.min && limits.max && *limits.min > *limits.max)
     reader_.error(*node.find("min"), "must not be greater than max");
-  if (tag.deadband && *tag.deadband < 0)
+  if (limits.deadband && *limits.deadband < 0)
     reader_.error(*node.find("deadband"), "must not be negative");
+  tag.limits = limits;
 }
 
 // ---- commands ---------------------------------------------------------------------------------

@@ -25,8 +25,12 @@ constexpr int kWrong = 2;
 std::optional<Config> loaded(const std::string& path) {
   auto config = load_config(path);
   if (config) {
-    malloc_trim(0);  // what reading a large file took goes back, for the years that follow
-    return std::move(*config);
+    // What reading a large file took goes back, for the years that follow; and the config itself
+    // moves together, which was made between the parts of the file.
+    std::optional<Config> compact(std::as_const(*config));
+    *config = {};
+    malloc_trim(0);
+    return compact;
   }
   for (const ConfigError& error : config.error()) std::cerr << to_string(error, path) << '\n';
   return std::nullopt;

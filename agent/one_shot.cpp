@@ -31,7 +31,7 @@ Value value_of_text(const std::string& text) {
   const auto json = nlohmann::json::parse(text, nullptr, false);
   if (json.is_discarded()) return Value(Scalar(text));
   if (!json.is_array()) return Value(scalar_of(json, text));
-  std::vector<Scalar> items;
+  Scalars items;
   for (const auto& item : json) items.push_back(scalar_of(item, item.dump()));
   return Value::array(std::move(items));
 }

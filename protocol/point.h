@@ -7,6 +7,8 @@
 // list serve every protocol.
 #pragma once
 
+#include <boost/container/small_vector.hpp>
+#include <boost/flyweight.hpp>
 #include <cstdint>
 #include <string>
 #include <string_view>
@@ -17,6 +19,9 @@
 #include "protocol/result.h"
 
 namespace fxagent {
+
+/// A text that many values hold, once in memory: the names and units of 100,000 tags are few.
+using SharedText = boost::flyweight<std::string>;
 
 /// A run of bits in one space of a codec.
 struct Span {
@@ -68,7 +73,7 @@ enum class Unit : std::uint8_t {
 
 /// A device address as its protocol understands it. `span` covers one element.
 struct Address {
-  std::string text;  ///< canonical spelling: "D200", "Y17", "K4M0", "TN5"
+  SharedText text;  ///< canonical spelling: "D200", "Y17", "K4M0", "TN5"
   Span span;
   Unit unit = Unit::word;
   bool writable =
@@ -83,13 +88,14 @@ DataType default_type(const Address& address);
 struct Point {
   Address address;
   DataType type = DataType::int16;
-  std::uint16_t count = 1;  ///< elements of an array; 1 with is_array false is a plain value
-  bool is_array = false;
-  std::uint16_t length = 0;  ///< characters of a string; 0 for other types
   ByteOrder order = ByteOrder::cdab;
+  std::uint16_t count = 1;   ///< elements of an array; 1 with is_array false is a plain value
+  std::uint16_t length = 0;  ///< characters of a string; 0 for other types
+  bool is_array = false;
+  /// Digits after the point that scale and offset can produce; see set_units().
+  std::int8_t decimals = 0;
   double scale = 1.0;
   double offset = 0.0;
-  int decimals = 0;  ///< digits after the point that scale and offset can produce; see set_units()
 
   bool scaled() const { return scale != 1.0 || offset != 0.0; }
 };
@@ -105,14 +111,17 @@ Result<Span> span_of(const Point& point);
 
 using Scalar = std::variant<bool, std::int64_t, double, std::string>;
 
+/// The elements of a value; a single one lies in place.
+using Scalars = boost::container::small_vector<Scalar, 1>;
+
 /// One value in engineering units: a scalar, or as many as the array has.
 struct Value {
-  std::vector<Scalar> items;
+  Scalars items;
   bool is_array = false;
 
   Value() = default;
-  explicit Value(Scalar scalar) : items{std::move(scalar)} {}
-  static Value array(std::vector<Scalar> elements) {
+  explicit Value(Scalar scalar) { items.push_back(std::move(scalar)); }
+  static Value array(Scalars elements) {
     Value v;
     v.items = std::move(elements);
     v.is_array = true;

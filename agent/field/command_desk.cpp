@@ -45,10 +45,11 @@ std::optional<Refusal> check_limits(const TagConfig& tag, const Value& value) {
   for (const Scalar& item : value.items) {
     const auto x = number(item);
     if (!x) continue;
-    if (tag.min && *x < *tag.min)
-      return refuse(Reason::out_of_range, "below the tag's min of " + to_text(*tag.min));
-    if (tag.max && *x > *tag.max)
-      return refuse(Reason::out_of_range, "above the tag's max of " + to_text(*tag.max));
+    const auto& [min, max, deadband] = tag.limits.get();
+    if (min && *x < *min)
+      return refuse(Reason::out_of_range, "below the tag's min of " + to_text(*min));
+    if (max && *x > *max)
+      return refuse(Reason::out_of_range, "above the tag's max of " + to_text(*max));
   }
   return std::nullopt;
 }
@@ -244,7 +245,7 @@ std::optional<Refusal> CommandDesk::resolve(const Codec& codec, Order& order,
   for (std::size_t i = 0; i < command.targets.size(); ++i) {
     OrderTarget target;
     const auto why = resolve_target(codec, command, command.targets[i], target);
-    if (!target.point.address.text.empty()) out[i].address = target.point.address.text;
+    if (!target.point.address.text.get().empty()) out[i].address = target.point.address.text;
     if (why) {
       out[i].reason = why->reason;
       out[i].detail = why->detail;
@@ -298,7 +299,8 @@ std::optional<Refusal> CommandDesk::resolve_place(const Codec& codec, Op op,
   const bool is_bit = !out.point.is_array &&
                       (place.unit == Unit::bit || (place.unit == Unit::word_bit && place.writable));
   if ((op == Op::force_on || op == Op::force_off) && !is_bit)
-    return refuse(Reason::bad_address, out.point.address.text + " is not a single bit device");
+    return refuse(Reason::bad_address,
+                  out.point.address.text.get() + " is not a single bit device");
   if (codec.is_broadcast()) {
     if (op != Op::read) return std::nullopt;
     return refuse(fault, "nobody answers a broadcast, so nothing can be read");
@@ -306,7 +308,7 @@ std::optional<Refusal> CommandDesk::resolve_place(const Codec& codec, Op op,
   const Plan plan = make_plan(codec, std::span(&out.point, 1), LineCost{}, device_.max_block_bytes);
   if (!plan.unreachable.empty())
     return refuse(Reason::bad_address,
-                  out.point.address.text + " cannot be reached on this model" +
+                  out.point.address.text.get() + " cannot be reached on this model" +
                       (codec.model().empty() ? " until the model is known" : ""));
   return std::nullopt;
 }

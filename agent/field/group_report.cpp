@@ -41,24 +41,55 @@ bool apart(const Value& a, const Value& b, std::optional<double> deadband) {
 
 }  // namespace
 
+GroupReport::Kept::Kept(const Value& value) {
+  if (value.is_array || value.items.size() != 1) {
+    kept_ = std::make_unique<const Value>(value);
+    return;
+  }
+  const Scalar& scalar = value.items.front();
+  if (const auto* flag = std::get_if<bool>(&scalar))
+    kept_ = *flag;
+  else if (const auto* integer = std::get_if<std::int64_t>(&scalar))
+    kept_ = *integer;
+  else if (const auto* real = std::get_if<double>(&scalar))
+    kept_ = *real;
+  else
+    kept_ = std::make_unique<const Value>(value);
+}
+
+Value GroupReport::Kept::value() const {
+  if (const auto* flag = std::get_if<bool>(&kept_)) return Value(*flag);
+  if (const auto* integer = std::get_if<std::int64_t>(&kept_)) return Value(*integer);
+  if (const auto* real = std::get_if<double>(&kept_)) return Value(*real);
+  if (const auto* whole = std::get_if<std::unique_ptr<const Value>>(&kept_)) return **whole;
+  return {};
+}
+
 GroupReport::GroupReport(const DeviceConfig& device, std::uint32_t group)
     : device_(device), group_(device.groups[group]) {
   for (std::uint32_t i = 0; i < device.tags.size(); ++i)
     if (device.tags[i].group == group) tags_.push_back(i);
+  tags_.shrink_to_fit();
   states_.resize(tags_.size());
+  if (group_.on_change) sent_.resize(tags_.size());
 }
 
-bool GroupReport::differs(const TagConfig& tag, const State& state) const {
+/// `fresh`: the good value of this cycle; null where the tag is bad.
+bool GroupReport::differs(std::size_t index, const Value* fresh) const {
+  const State& state = states_[index];
   if (!state.was_sent) return true;
   if (state.bad || state.sent_bad) return state.bad != state.sent_bad;
-  return group_.on_change && apart(state.value, state.sent, tag.deadband);
+  return group_.on_change &&
+         apart(*fresh, sent_[index].value(), device_.tags[tags_[index]].limits.get().deadband);
 }
 
-TagReading GroupReport::reading(std::uint32_t tag, const State& state) const {
+/// `fresh`: the good value; nullopt where the tag is bad.
+TagReading GroupReport::reading(std::size_t index, std::optional<Value> fresh) const {
+  const State& state = states_[index];
   TagReading out;
-  out.tag = tag;
+  out.tag = tags_[index];
   out.bad = state.bad;
-  out.value = state.value;
+  out.value = fresh ? std::move(*fresh) : state.value.value();
   if (state.bad) {
     out.bad_since_ms = state.bad_since_ms;
     out.last_ms = state.value_ms;
@@ -72,8 +103,9 @@ std::optional<std::vector<TagReading>> GroupReport::cycle(std::vector<TagOutcome
   bool all_silent = !tags_.empty();
   for (std::size_t i = 0; i < tags_.size(); ++i) {
     State& state = states_[i];
-    if (auto* value = std::get_if<Value>(&outcomes[i])) {
-      state.value = std::move(*value);
+    const auto* value = std::get_if<Value>(&outcomes[i]);
+    if (value != nullptr) {
+      state.value = Kept(*value);
       state.value_ms = ts_ms;
       state.bad.reset();
       all_silent = false;
@@ -83,7 +115,7 @@ std::optional<std::vector<TagReading>> GroupReport::cycle(std::vector<TagOutcome
       state.bad = why;
       if (!is_silence(why)) all_silent = false;
     }
-    changed = changed || differs(device_.tags[tags_[i]], state);
+    changed = changed || differs(i, value);
   }
 
   const bool long_silent = !last_sent_ || now - *last_sent_ >= group_.max_silent;
@@ -94,8 +126,10 @@ std::optional<std::vector<TagReading>> GroupReport::cycle(std::vector<TagOutcome
   readings.reserve(tags_.size());
   for (std::size_t i = 0; i < tags_.size(); ++i) {
     State& state = states_[i];
-    readings.push_back(reading(tags_[i], state));
-    if (!state.bad && group_.on_change) state.sent = state.value;
+    auto* value = std::get_if<Value>(&outcomes[i]);
+    if (value != nullptr && group_.on_change) sent_[i] = Kept(*value);
+    readings.push_back(
+        reading(i, value != nullptr ? std::optional(std::move(*value)) : std::nullopt));
     state.sent_bad = state.bad;
     state.was_sent = true;
   }
@@ -104,14 +138,15 @@ std::optional<std::vector<TagReading>> GroupReport::cycle(std::vector<TagOutcome
 }
 
 TagReading GroupReport::written(std::uint32_t tag, Value value, std::int64_t ts_ms) {
-  const auto place = std::find(tags_.begin(), tags_.end(), tag);
-  State& state = states_[static_cast<std::size_t>(place - tags_.begin())];
-  state.value = std::move(value);
+  const auto index =
+      static_cast<std::size_t>(std::find(tags_.begin(), tags_.end(), tag) - tags_.begin());
+  State& state = states_[index];
+  state.value = Kept(value);
   state.value_ms = ts_ms;
   state.bad.reset();
-  if (group_.on_change) state.sent = state.value;
+  if (group_.on_change) sent_[index] = Kept(value);
   state.sent_bad.reset();
-  return reading(tag, state);
+  return reading(index, std::move(value));
 }
 
 std::optional<BadReason> GroupReport::first_bad() const {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <variant>
@@ -38,23 +39,33 @@ class GroupReport final {
   std::optional<BadReason> first_bad() const;
 
  private:
+  /// A value at rest: a number or a boolean in place, anything else on the heap.
+  class Kept final {
+   public:
+    Kept() = default;
+    explicit Kept(const Value& value);
+    Value value() const;
+
+   private:
+    std::variant<std::monostate, bool, std::int64_t, double, std::unique_ptr<const Value>> kept_;
+  };
   struct State {
-    Value value;  ///< last good
+    Kept value;  ///< last good
     std::int64_t value_ms = 0;
-    std::optional<BadReason> bad;
     std::int64_t bad_since_ms = 0;
-    Value sent;  ///< on_change: last good value that was published
+    std::optional<BadReason> bad;
     std::optional<BadReason> sent_bad;
     bool was_sent = false;
   };
 
-  bool differs(const TagConfig& tag, const State& state) const;
-  TagReading reading(std::uint32_t tag, const State& state) const;
+  bool differs(std::size_t index, const Value* fresh) const;
+  TagReading reading(std::size_t index, std::optional<Value> fresh) const;
 
   const DeviceConfig& device_;
   const GroupConfig& group_;
   std::vector<std::uint32_t> tags_;
   std::vector<State> states_;  ///< beside tags_
+  std::vector<Kept> sent_;     ///< on_change, beside tags_: last good values that were published
   std::optional<SteadyTime> last_sent_;
 };
 

@@ -292,8 +292,7 @@ asio::awaitable<void> LinkWorker::run() {
     if (!stopping_) co_await idle_until(Clock::now() + kAfterFault);
   }
   line_.close();
-  std::move(unjournaled_.begin(), unjournaled_.end(), std::back_inserter(waiting_));
-  unjournaled_.clear();
+  waiting_.splice(waiting_.end(), unjournaled_);
   for (Waiting& waiting : waiting_) {
     CommandResult result = result_of(waiting.order.command);
     result.status = CommandStatus::rejected;

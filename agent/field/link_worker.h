@@ -5,7 +5,7 @@
 #include <asio/any_io_executor.hpp>
 #include <asio/awaitable.hpp>
 #include <asio/steady_timer.hpp>
-#include <deque>
+#include <list>
 #include <memory>
 #include <optional>
 #include <span>
@@ -126,8 +126,8 @@ class LinkWorker final {
   std::vector<std::unique_ptr<Device>> devices_;
   std::unordered_map<std::uint32_t, Device*> by_index_;
   const Journaling journaling_;
-  std::deque<Waiting> unjournaled_;  ///< admitted; without their go-ahead so far
-  std::deque<Waiting> waiting_;
+  std::list<Waiting> unjournaled_;  ///< admitted; without their go-ahead so far
+  std::list<Waiting> waiting_;
   SteadyTime next_open_{};
   std::string why_down_ = "not opened yet";
   bool was_open_ = false;

@@ -376,7 +376,7 @@ std::optional<Value> value_of(const Json& json) {
     if (!scalar) return std::nullopt;
     return Value(*std::move(scalar));
   }
-  std::vector<Scalar> items;
+  Scalars items;
   for (const Json& element : json) {
     auto scalar = scalar_of(element);
     if (!scalar) return std::nullopt;
@@ -544,7 +544,7 @@ std::string telemetry(const Telemetry& message, const DeviceConfig& device, std:
       any_bad = true;
       continue;
     }
-    out.key(tag.name);
+    out.key(tag.name.get());
     write_value(out, reading.value, precision_of(tag.point));
   }
   out.end_object();
@@ -553,14 +553,15 @@ std::string telemetry(const Telemetry& message, const DeviceConfig& device, std:
     for (const TagReading& reading : message.readings) {
       if (is_good(reading)) continue;
       const TagConfig& tag = device.tags.at(reading.tag);
-      out.key(tag.name);
+      out.key(tag.name.get());
       write_bad(out, reading, message.ts_ms, tag.point);
     }
     out.end_object();
   }
   if (message.written) {
     out.key("written").begin_array();
-    for (const TagReading& reading : message.readings) out.string(device.tags.at(reading.tag).name);
+    for (const TagReading& reading : message.readings)
+      out.string(device.tags.at(reading.tag).name.get());
     out.end_array();
   }
   out.end_object();
@@ -606,17 +607,18 @@ Meta device_meta(const DeviceConfig& device) {
   tags.begin_object();
   for (const TagConfig& tag : device.tags) {
     const Point& point = tag.point;
-    tags.key(tag.name).begin_object();
-    tags.key("address").string(point.address.text).key("type").string(to_string(point.type));
+    tags.key(tag.name.get()).begin_object();
+    tags.key("address").string(point.address.text.get()).key("type").string(to_string(point.type));
     if (point.is_array) tags.key("count").integer(std::int64_t{point.count});
     if (point.type == DataType::string) tags.key("length").integer(std::int64_t{point.length});
-    tags.key("unit").string(tag.unit);
+    tags.key("unit").string(tag.unit.get());
     tags.key("scale").number(point.scale).key("offset").number(point.offset);
     tags.key("group").string(device.groups.at(tag.group).name);
     tags.key("access").string(tag.writable ? "read_write" : "read");
-    if (tag.min) tags.key("min").number(*tag.min);
-    if (tag.max) tags.key("max").number(*tag.max);
-    if (tag.deadband) tags.key("deadband").number(*tag.deadband);
+    const TagLimits& limits = tag.limits;
+    if (limits.min) tags.key("min").number(*limits.min);
+    if (limits.max) tags.key("max").number(*limits.max);
+    if (limits.deadband) tags.key("deadband").number(*limits.deadband);
     tags.end_object();
   }
   tags.end_object();

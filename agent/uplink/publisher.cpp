@@ -1,5 +1,7 @@
 #include "agent/uplink/publisher.h"
 
+#include <malloc.h>
+
 #include <algorithm>
 #include <type_traits>
 
@@ -483,6 +485,7 @@ void Publisher::keep_connected(SteadyTime now) {
     clean_up_until_.reset();
     broker_.unsubscribe(base_ + "/+/state");
     broker_.unsubscribe(base_ + "/+/meta");
+    malloc_trim(0);  // what the flood of a new connection took goes back, for the years that follow
   }
 }
 

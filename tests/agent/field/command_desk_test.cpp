@@ -28,8 +28,7 @@ DeviceConfig press() {
   const Codec& codec = *device.codec;
   device.tags.push_back(tag(codec, "temp", "D120"));
   device.tags.push_back(writable(scaled(tag(codec, "setpoint", "D200"), 0.1)));
-  device.tags.back().min = 0.0;
-  device.tags.back().max = 100.0;
+  device.tags.back().limits = TagLimits{.min = 0.0, .max = 100.0};
   device.tags.push_back(writable(tag(codec, "start", "M50")));
   device.tags.push_back(writable(tag(codec, "name", "D250", DataType::string)));
   device.tags.back().point.length = 4;

@@ -76,7 +76,7 @@ inline Value real(double value) { return Value(Scalar(value)); }
 inline Value flag(bool value) { return Value(Scalar(value)); }
 inline Value text(std::string value) { return Value(Scalar(std::move(value))); }
 inline Value numbers(std::initializer_list<std::int64_t> values) {
-  std::vector<Scalar> items;
+  Scalars items;
   for (const std::int64_t value : values) items.emplace_back(value);
   return Value::array(std::move(items));
 }

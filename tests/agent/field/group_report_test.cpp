@@ -34,8 +34,7 @@ DeviceConfig press_on_change(std::optional<double> deadband = std::nullopt) {
   DeviceConfig device = press();
   device.groups[0].on_change = true;
   device.groups[0].max_silent = seconds(60);
-  device.tags[0].deadband = deadband;
-  device.tags[3].deadband = deadband;
+  device.tags[0].limits = device.tags[3].limits = TagLimits{.deadband = deadband};
   return device;
 }
 
@@ -110,7 +109,7 @@ TEST(GroupReport, ChangeOfExactlyOneDeadbandIsSent) {
 
 TEST(GroupReport, ChangeOfABitIgnoresEveryDeadband) {
   DeviceConfig device = press_on_change();
-  device.tags[2].deadband = 5.0;
+  device.tags[2].limits = TagLimits{.deadband = 5.0};
   GroupReport report(device, 0);
   EXPECT_TRUE(report.cycle(good(1.0, false), 1, kStart));
   EXPECT_TRUE(report.cycle(good(1.0, true), 2, kStart));

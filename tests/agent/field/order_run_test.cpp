@@ -243,7 +243,7 @@ TEST_F(OrderRunTest, LongWriteGoesInSeveralFramesAndIsReadBackWhole) {
   // 100 bytes: the port takes 64 in a frame.
   Bytes first(64, 0);
   Bytes rest(36, 0);
-  std::vector<Scalar> items;
+  Scalars items;
   for (std::int64_t i = 0; i < 50; ++i) {
     items.emplace_back(i);
     (i < 32 ? first[static_cast<std::size_t>(2 * i)] : rest[static_cast<std::size_t>(2 * i - 64)]) =
@@ -267,9 +267,8 @@ TEST_F(OrderRunTest, SecondFrameRefusedTellsOfTheFirst) {
   wire->expect(write_frame(d300, Bytes(64, 0))).give(kAck);
   wire->expect(write_frame(d300 + 64, Bytes(36, 0))).give(kNak);
   wire->expect(write_frame(d300 + 64, Bytes(36, 0))).give(kNak);
-  const CommandResult result =
-      run(command(Op::write, {"recipe", "", std::nullopt,
-                              Value::array(std::vector<Scalar>(50, std::int64_t{0}))}));
+  const CommandResult result = run(
+      command(Op::write, {"recipe", "", std::nullopt, Value::array(Scalars(50, std::int64_t{0}))}));
   EXPECT_EQ(result.status, CommandStatus::failed);
   EXPECT_EQ(result.reason, Reason::nak);
   EXPECT_NE(result.detail.find("first part"), std::string::npos) << result.detail;

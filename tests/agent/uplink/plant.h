@@ -31,11 +31,10 @@ inline DeviceConfig press(std::string name) {
   TagConfig temperature = tag("temp", "D100", DataType::int16);
   temperature.unit = "°C";
   temperature.point.scale = 0.1;
-  temperature.deadband = 0.5;
+  temperature.limits = TagLimits{.deadband = 0.5};
   TagConfig set = tag("setpoint", "D200", DataType::int16, 1);
   set.writable = true;
-  set.min = 0;
-  set.max = 1000;
+  set.limits = TagLimits{.min = 0, .max = 1000};
   device.tags = {temperature,
                  tag("running", "M0", DataType::boolean),
                  tag("pressure", "D101", DataType::int16),
