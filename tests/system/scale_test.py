@@ -3,10 +3,11 @@
 import json
 import os
 import resource
+import statistics
 import subprocess
 import unittest
 
-from plant import FXAGENT, PlantTest, device, free_port
+from plant import BASE, FXAGENT, SCHEDULING_MS, PlantTest, device, free_port
 
 
 class Scale(PlantTest):
@@ -63,6 +64,39 @@ class Scale(PlantTest):
         self.state("press1", "online", since)
         self.assertEqual(self.agent.logged().count("open_files_allowed=100"), 1)
         self.assertIn("LimitNOFILE", self.agent.logged())
+
+    def test_two_hundred_programming_ports_keep_their_beat_and_come_back_together(self):
+        ports = set()
+        while len(ports) < 200:
+            ports.add(free_port())
+        names = [f"d{i}" for i in range(len(ports))]
+        self.start(
+            [device(name, name, groups=[{"name": "fast", "interval_ms": 1000}],
+                    tags=[{"name": "block", "address": "D0", "count": 32, "group": "fast"}])
+             for name in names],
+            [self.plc(name, tcp=port) for name, port in zip(names, sorted(ports))],
+            [{"name": name, "tcp": {"host": "127.0.0.1", "port": port}}
+             for name, port in zip(names, sorted(ports))])
+        for name in names:
+            self.state(name, "online")
+        since = self.watcher.mark()
+        for name in names:
+            self.watcher.wait_count(f"{BASE}/{name}/data/fast", 4, since=since)
+        gaps = [b - a for name in names
+                for stamps in [self.stamps(name, since=since)[:4]]
+                for a, b in zip(stamps, stamps[1:])]
+        print(f"200 ports: the largest gap of {len(gaps)} was {max(gaps)} ms")
+        self.assertLess(max(gaps), 1500, "a beat was missed")
+        self.assertAlmostEqual(statistics.median(gaps), 1000, delta=SCHEDULING_MS)
+        since = self.watcher.mark()
+        self.sim.stop()
+        for name in names:
+            self.state(name, "offline", since)
+        since = self.watcher.mark()
+        self.sim.start()
+        for name in names:
+            self.state(name, "online", since)
+            self.data(lambda m: "block" in m["values"], name, since=since)
 
 
 if __name__ == "__main__":
