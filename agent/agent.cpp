@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "agent/field/field.h"
+#include "agent/field/tcp_transport.h"
 #include "agent/log.h"
 #include "agent/outbox.h"
 #include "agent/uplink/json.h"
@@ -37,10 +38,6 @@ Will last_will(const Config& config, const std::string& boot) {
   return {config.base_topic() + "/state", json::agent_offline(std::nullopt, "lost", boot)};
 }
 
-/// Files that are no link: the store and its journal, the broker's socket and the next one's,
-/// epoll, stderr, and what resolving a host name opens for a moment.
-constexpr rlim_t kOtherFiles = 40;
-
 /// A socket for each of 1,000 links is more than Debian's soft limit of 1,024 leaves room for.
 /// Where the hard limit is too low the links beyond it stay down, and say so one by one; why is
 /// said here, once.
@@ -49,7 +46,7 @@ void raise_file_limit(std::size_t links) {
   if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
   limit.rlim_cur = limit.rlim_max;
   setrlimit(RLIMIT_NOFILE, &limit);
-  const rlim_t needed = static_cast<rlim_t>(links) + kOtherFiles;
+  const rlim_t needed = static_cast<rlim_t>(links) + kFilesNotForLinks;
   if (limit.rlim_max == RLIM_INFINITY || limit.rlim_max >= needed) return;
   log::error("agent", {{"open_files_allowed", std::to_string(limit.rlim_max)},
                        {"open_files_needed", std::to_string(needed)},

@@ -1,6 +1,7 @@
 #include "agent/field/tcp_transport.h"
 
 #include <netinet/tcp.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 
 #include <asio/ip/tcp.hpp>
@@ -18,6 +19,14 @@ using asio::ip::tcp;
 constexpr int kKeepAliveIdleSeconds = 10;
 constexpr int kKeepAliveIntervalSeconds = 3;
 constexpr int kKeepAliveProbes = 3;
+
+/// The kernel gives the lowest number that is free. Links that took every one would keep the broker
+/// and the store from coming back.
+bool takes_from_others(int fd) {
+  rlimit limit{};
+  return getrlimit(RLIMIT_NOFILE, &limit) == 0 &&
+         static_cast<rlim_t>(fd) + kFilesNotForLinks >= limit.rlim_cur;
+}
 
 /// Makes Deadline's cancel() reach a name lookup.
 class Lookup final {
@@ -101,6 +110,7 @@ class TcpTransport final : public Transport {
     deadline_.arm(at);
     asio::error_code error;
     socket_.open(endpoint.protocol(), error);
+    if (!error && takes_from_others(socket_.native_handle())) error = asio::error::no_descriptors;
     if (!error) {
       const auto [failed] = co_await socket_.async_connect(endpoint, use_result);
       error = failed;

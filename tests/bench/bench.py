@@ -7,6 +7,7 @@ and FXSIM name the programs, NODE_BRIDGE a folder with bridge.js and its node_mo
 
 import argparse
 import json
+import os
 import random
 import time
 

@@ -3,10 +3,11 @@
 import json
 import os
 import resource
+import statistics
 import subprocess
 import unittest
 
-from plant import FXAGENT, PlantTest, device, free_port
+from plant import BASE, FXAGENT, SCHEDULING_MS, PlantTest, device, free_port, wait_for
 
 
 class Scale(PlantTest):
@@ -50,19 +51,64 @@ class Scale(PlantTest):
                 self.assertLess(many / few, 15)
 
     def test_too_few_open_files_are_told_and_the_agent_works_on(self):
-        closed = free_port()
-        links = [self.serial()] + [{"name": f"l{i}", "tcp": {"host": "127.0.0.1", "port": closed}}
+        port = free_port()
+        links = [self.serial()] + [{"name": f"l{i}", "tcp": {"host": "127.0.0.1", "port": port}}
                                    for i in range(200)]
-        devices = [device()] + [device(f"d{i}", f"l{i}") for i in range(200)]
-        self.start(devices, links=links)
-        self.state("press1", "online")
+        devices = [device()] + [device(f"d{i}", f"l{i}", groups=[
+            {"name": "fast", "interval_ms": 2000}]) for i in range(200)]
+        self.start(devices, [self.plc(), self.plc("many", tcp=port)], links)
+        for i in range(200):
+            self.state(f"d{i}", "online")
         self.assertNotIn("open_files", self.agent.logged())
         self.agent.stop()
-        since = self.watcher.mark()
         self.agent.start(preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (100, 100)))
-        self.state("press1", "online", since)
+        since = self.watcher.mark()
+        count = lambda state: sum(
+            1 for i in range(200)
+            for last in [self.watcher.payloads(f"{BASE}/d{i}/state", since)[-1:]]
+            if last and last[0] and last[0]["state"] == state)
+        wait_for("most links to stay down", lambda: count("offline") > 130)
+        wait_for("the others to work", lambda: count("online") > 30)
         self.assertEqual(self.agent.logged().count("open_files_allowed=100"), 1)
         self.assertIn("LimitNOFILE", self.agent.logged())
+        # What the links have taken is not the broker's: it is found again.
+        self.broker.kill()
+        self.broker.start()
+        since = self.watcher.mark()
+        self.state("press1", "online", since)
+
+    def test_two_hundred_programming_ports_keep_their_beat_and_come_back_together(self):
+        ports = set()
+        while len(ports) < 200:
+            ports.add(free_port())
+        names = [f"d{i}" for i in range(len(ports))]
+        self.start(
+            [device(name, name, groups=[{"name": "fast", "interval_ms": 1000}],
+                    tags=[{"name": "block", "address": "D0", "count": 32, "group": "fast"}])
+             for name in names],
+            [self.plc(name, tcp=port) for name, port in zip(names, sorted(ports))],
+            [{"name": name, "tcp": {"host": "127.0.0.1", "port": port}}
+             for name, port in zip(names, sorted(ports))])
+        for name in names:
+            self.state(name, "online")
+        since = self.watcher.mark()
+        for name in names:
+            self.watcher.wait_count(f"{BASE}/{name}/data/fast", 4, since=since)
+        gaps = [b - a for name in names
+                for stamps in [self.stamps(name, since=since)[:4]]
+                for a, b in zip(stamps, stamps[1:])]
+        print(f"200 ports: the largest gap of {len(gaps)} was {max(gaps)} ms")
+        self.assertLess(max(gaps), 1500, "a beat was missed")
+        self.assertAlmostEqual(statistics.median(gaps), 1000, delta=SCHEDULING_MS)
+        since = self.watcher.mark()
+        self.sim.stop()
+        for name in names:
+            self.state(name, "offline", since)
+        since = self.watcher.mark()
+        self.sim.start()
+        for name in names:
+            self.state(name, "online", since)
+            self.data(lambda m: "block" in m["values"], name, since=since)
 
 
 if __name__ == "__main__":

@@ -96,8 +96,8 @@ struct Findings {
 enum class LineKind : std::uint8_t {
   steady,  ///< exchanges take what was planned, and the load is not measured: the order of the
            ///< polls can be told beforehand
-  rough,  ///< groups without an interval, overload, exchanges that are shorter than planned,
-          ///< repeated or given up
+  rough,   ///< groups without an interval, overload, exchanges that are shorter than planned,
+           ///< repeated or given up
 };
 
 /// What a plain reading of the rules makes of the groups: kept apart from the agenda's own.

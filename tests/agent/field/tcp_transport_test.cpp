@@ -1,6 +1,7 @@
 #include "agent/field/tcp_transport.h"
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
 #include <array>
 #include <asio/io_context.hpp>
@@ -180,6 +181,37 @@ TEST_F(TcpTransportTest, NothingKeepsTheThreadAfterClosing) {
   io.restart();
   io.run_for(std::chrono::seconds(10));
   EXPECT_TRUE(io.stopped());
+}
+
+/// The limit of open files, until the test is over.
+class OpenFiles final {
+ public:
+  explicit OpenFiles(rlim_t allowed) {
+    EXPECT_EQ(getrlimit(RLIMIT_NOFILE, &before_), 0);
+    rlimit low = before_;
+    low.rlim_cur = allowed;
+    EXPECT_EQ(setrlimit(RLIMIT_NOFILE, &low), 0);
+  }
+  OpenFiles(const OpenFiles&) = delete;
+  OpenFiles& operator=(const OpenFiles&) = delete;
+  ~OpenFiles() { setrlimit(RLIMIT_NOFILE, &before_); }
+
+ private:
+  rlimit before_{};
+};
+
+TEST_F(TcpTransportTest, LastOpenFilesAreLeftToTheOthers) {
+  const auto transport = stream();
+  const auto next = static_cast<rlim_t>(server.native_handle()) + 20;
+  {
+    const OpenFiles allowed(next + kFilesNotForLinks / 2);
+    const auto opened = open(*transport);
+    ASSERT_FALSE(opened);
+    EXPECT_EQ(opened.error().code, ErrorCode::link_down);
+    EXPECT_NE(opened.error().text.find("open files"), std::string::npos) << opened.error().text;
+    EXPECT_FALSE(transport->is_open());
+  }
+  EXPECT_TRUE(open(*transport));
 }
 
 }  // namespace
