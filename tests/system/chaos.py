@@ -49,20 +49,24 @@ class Disk:
 
     def fill(self, pid):
         if not self.is_mounted:
-            resource.prlimit(pid, resource.RLIMIT_FSIZE, (4096, resource.RLIM_INFINITY))
-            return
+            return self._limit(pid, 4096)
         for _ in range(20):  # the agent writes meanwhile
             usage = os.statvfs(self.path)
             used = (usage.f_blocks - usage.f_bfree) * usage.f_frsize
             if self._remount(f"size={max(used, 4096)}"):
-                return
+                return None
+        return None
 
     def heal(self, pid):
         if self.is_mounted:
             self._remount(self.ROOM)
         elif pid is not None:
-            unlimited = (resource.RLIM_INFINITY, resource.RLIM_INFINITY)
-            resource.prlimit(pid, resource.RLIMIT_FSIZE, unlimited)
+            self._limit(pid, None)
+
+    @staticmethod
+    def _limit(pid, size):
+        _, hard = resource.prlimit(pid, resource.RLIMIT_FSIZE)
+        resource.prlimit(pid, resource.RLIMIT_FSIZE, (hard if size is None else size, hard))
 
     def _remount(self, size):
         return subprocess.run(["mount", "-o", "remount," + size, self.path],
@@ -576,7 +580,7 @@ def run_chaos(seed, seconds, pace, sync, version, out, long):
           file=out, flush=True)
     devices = {name: (protocol, "plain" if name == Plant.PLAIN else "ramp")
                for name, protocol in Plant.PROTOCOLS.items()}
-    acts = chaos_faults.plan(seed, seconds, pace, devices, sync == "always")
+    acts = chaos_faults.plan(seed, seconds, pace, devices)
     with open(os.path.join(chaos.directory, "plan.txt"), "w") as text:
         text.writelines(act.text() + "\n" for act in acts)
     return carry_out(chaos, out, lambda: chaos.run(acts, seconds))

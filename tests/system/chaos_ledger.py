@@ -93,7 +93,7 @@ class Ledger:
         self.tags = {}  # (device, group) -> tags
         self.streams = collections.defaultdict(Stream)
         self.ages = []
-        self.most_age_s = 1.0  # beside span_ms: time-out, line time, a busy machine
+        self.most_age_s = 1.5  # beside span_ms: time-out, line time, a busy machine
         self.kills, self.broker_kills = [], []  # machine's time; monotonic
         self.connection_ends = []
         self.order_of_connection = {}
@@ -164,6 +164,8 @@ class Ledger:
             self.note("taken", connection=connection, topic=topic,
                       payload=payload[:1000].decode("utf-8", "replace"))
             self.counts["commands taken"] += 1
+            if len(payload) > 65536:
+                return  # refused unread: its id stays unknown
             try:
                 identity = json.loads(payload)["id"]
             except (ValueError, KeyError, TypeError, RecursionError):
