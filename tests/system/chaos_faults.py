@@ -9,10 +9,14 @@ WIRE = {
     "wrong_sum": {}, "truncated": {"bytes": [1, 3, 5]}, "garbage_before": {}, "noise_after": {},
     "echo": {}, "split": {"bytes": [1, 4], "ms": [5, 20]}, "drop": {"ms": [50, 500, 1500]},
 }
+# Where replies have no number and no question tells that the line is clear, one that comes later than
+# twice the time-out can pass for a later one; README.md of the project says so.
+SOON = {"ms": [50, 200, 600, 900]}
 # A stopped PLC has no ramp, so only the one without does it.
 WIRE_MORE = {
-    "fx-programming-port": {}, "fx-computer-link": {"wrong_station": {}},
-    "modbus-rtu": {"wrong_unit": {}, "exception": {"code": [1, 2, 3, 4, 5, 6, 11]}},
+    "fx-programming-port": {}, "fx-computer-link": {"wrong_station": {}, "late": SOON},
+    "modbus-rtu": {"wrong_unit": {}, "late": SOON,
+                   "exception": {"code": [1, 2, 3, 4, 5, 6, 11]}},
     "modbus-tcp": {"wrong_id": {}, "bad_length": {}, "wrong_unit": {},
                    "exception": {"code": [1, 2, 4, 6, 10, 11]}},
 }
