@@ -5,241 +5,33 @@
 import argparse
 import collections
 import contextlib
-import glob
 import json
 import os
 import random
-import resource
 import shutil
 import signal
 import sqlite3
 import statistics
-import subprocess
 import sys
 import tempfile
-import threading
 import time
 
-import paho.mqtt.client as mqtt
-
 import chaos_faults
-from chaos_ledger import SCAN_S, Ledger, Ramp
-from chaos_orders import (DEMO_PLACES, FX_PLACES, MODBUS_PLACES, Client, Deeds, Orders, judge_orders)
+from chaos_ledger import Ledger
+from chaos_orders import Client, Deeds, Orders, judge_orders
+from chaos_plant import FAKETIME, ChaosAgent, Consumer, Disk, Plant
 from chaos_relay import Relay
-from plant import BASE, FXAGENT, PATIENCE, Agent, Broker, Sim, wait_for
+from plant import BASE, FXAGENT, Broker, wait_for
 
 SETTLE_S = 120  # a silent device and a lost broker are tried every 30 s at the most
-FAKETIME = glob.glob("/usr/lib/*/faketime/libfaketimeMT.so.1")
-
-
-class Disk:
-    """Where the store lives, and can be full: a small file system of its own where root may mount one,
-    else a limit on the size of the agent's files."""
-
-    ROOM = "size=512m"
-
-    def __init__(self, directory):
-        self.path = os.path.join(directory, "disk")
-        os.mkdir(self.path)
-        mount = ["mount", "-t", "tmpfs", "-o", self.ROOM, "fxagent-chaos", self.path]
-        self.is_mounted = subprocess.run(mount, stderr=subprocess.DEVNULL).returncode == 0
-
-    def kind(self):
-        return "a full tmpfs" if self.is_mounted else "RLIMIT_FSIZE"
-
-    def fill(self, pid):
-        if not self.is_mounted:
-            return self._limit(pid, 4096)
-        for _ in range(20):  # the agent writes meanwhile
-            usage = os.statvfs(self.path)
-            used = (usage.f_blocks - usage.f_bfree) * usage.f_frsize
-            if self._remount(f"size={max(used, 4096)}"):
-                return None
-        return None
-
-    def heal(self, pid):
-        if self.is_mounted:
-            self._remount(self.ROOM)
-        elif pid is not None:
-            self._limit(pid, None)
-
-    @staticmethod
-    def _limit(pid, size):
-        _, hard = resource.prlimit(pid, resource.RLIMIT_FSIZE)
-        resource.prlimit(pid, resource.RLIMIT_FSIZE, (hard if size is None else size, hard))
-
-    def _remount(self, size):
-        return subprocess.run(["mount", "-o", "remount," + size, self.path],
-                              stderr=subprocess.DEVNULL).returncode == 0
-
-    def close(self):
-        if self.is_mounted:
-            subprocess.run(["umount", "-l", self.path], check=False)
-
-
-class ChaosAgent(Agent):
-    """With a clock that can be set, and files whose size can be limited; killed and started often."""
-
-    def __init__(self, directory, config, with_clock):
-        super().__init__(directory, config)
-        self.clock_path = os.path.join(directory, "clock")
-        self.set_clock(0)
-        self.environment = dict(os.environ)
-        if with_clock:
-            self.environment.update(LD_PRELOAD=FAKETIME[0], FAKETIME_TIMESTAMP_FILE=self.clock_path,
-                                    FAKETIME_NO_CACHE="1", FAKETIME_DONT_FAKE_MONOTONIC="1")
-
-    def set_clock(self, offset):
-        with open(self.clock_path + ".new", "w") as out:
-            out.write(f"{offset:+d}\n")
-        os.rename(self.clock_path + ".new", self.clock_path)
-
-    def start(self):
-        # Its log goes through another process, so that a limit on its files does not silence it.
-        self.log = open(self.log_path, "a")
-        self.logger = subprocess.Popen(["cat"], stdin=subprocess.PIPE, stdout=self.log)
-        # Python ignores SIGXFSZ; so does the agent then, and a write beyond the limit is an error.
-        self.process = subprocess.Popen([FXAGENT, "run", self.path], stderr=self.logger.stdin,
-                                        stdout=subprocess.DEVNULL, env=self.environment,
-                                        restore_signals=False)
-        self.logger.stdin.close()
-
-    def stop(self, sign=signal.SIGTERM):
-        pid = self.process.pid if self.process else None
-        status = super().stop(sign)
-        if pid is not None:
-            self.logger.wait(PATIENCE)
-            for left in glob.glob(f"/dev/shm/*faketime_*_{pid}"):
-                os.unlink(left)
-        return status
-
-    def rss_kib(self):
-        with contextlib.suppress(OSError, AttributeError, IndexError):
-            with open(f"/proc/{self.process.pid}/status") as text:
-                return next(int(line.split()[1]) for line in text if line.startswith("VmRSS"))
-        return None
-
-    def store_writes(self):
-        """By its last word on the store."""
-        words = [line for line in self.logged().splitlines() if " store state=" in line]
-        return bool(words) and "state=disk" in words[-1]
-
-
-class Consumer:
-    """An ordinary subscriber with a session that outlives its connection."""
-
-    def __init__(self, port, ledger, seed):
-        self.ledger = ledger
-        self.subscribed = threading.Event()
-        self.client = mqtt.Client(f"chaos-consumer-{seed}", clean_session=False)
-        self.client.on_connect = lambda *_: self.client.subscribe(BASE + "/#", 1)
-        self.client.on_subscribe = lambda *_: self.subscribed.set()
-        self.client.on_message = lambda _client, _user, m: ledger.consumed(m.topic, m.payload, m.retain)
-        self.client.reconnect_delay_set(1, 1)
-        self.client.connect_async("127.0.0.1", port, keepalive=60)
-
-    def start(self):
-        self.client.loop_start()
-        assert self.subscribed.wait(PATIENCE), "the consumer found no broker"
-
-    def stop(self):
-        self.client.disconnect()
-        self.client.loop_stop()
-
-
-class Plant:
-    """Eight devices of every family on six links, as fxsim and as the agent know them."""
-
-    PROTOCOLS = {"press1": "fx-programming-port", "press2": "fx-programming-port",
-                 "st0": "fx-computer-link", "st1": "fx-computer-link",
-                 "rtu1": "modbus-rtu", "rtu2": "modbus-rtu",
-                 "meter1": "modbus-tcp", "meter2": "modbus-tcp"}
-    PLAIN = "press2"  # its memory changes by orders alone, and it may be stopped
-
-    def __init__(self, directory, lifetime_s):
-        self.directory = directory
-        self.sim = Sim(directory, self.plcs(), lifetime_s)
-
-    def pty(self, name):
-        return os.path.join(self.directory, name)
-
-    def plcs(self):
-        rtu = {"protocol": "modbus-rtu", "pty": self.pty("rtu"), "baud": 19200, "data_bits": 8,
-               "parity": "none", "turnaround_ms": 1}
-        link = {"protocol": "fx-computer-link", "pty": self.pty("rs485"), "baud": 19200}
-        plcs = [{"name": "press1", "pty": self.pty("press1"), "baud": 9600},
-                {"name": "press2", "tcp": 0, "baud": 19200, "plant": "none"},
-                {"name": "st0", "station": 0, **link}, {"name": "st1", "station": 1, **link},
-                {"name": "rtu1", "unit": 1, **rtu}, {"name": "rtu2", "unit": 2, **rtu},
-                {"name": "meter1", "protocol": "modbus-tcp", "tcp": 0},
-                {"name": "meter2", "protocol": "modbus-tcp", "tcp": 0}]
-        return [{"plant": "counter", "turnaround_ms": 2, "model": "FX3U", **plc} if "protocol" not in plc
-                or plc["protocol"].startswith("fx") else {"plant": "counter", **plc} for plc in plcs]
-
-    def links(self):
-        eight = {"data_bits": 8, "parity": "none"}
-        def tcp(name, **more):
-            return {"name": name, "tcp": {"host": "127.0.0.1", "port": self.sim.ports[name]}, **more}
-        return [{"name": "press1", "serial": {"path": self.pty("press1"), "baud": 9600}},
-                tcp("press2", line_baud=19200),
-                {"name": "rs485", "serial": {"path": self.pty("rs485"), "baud": 19200}},
-                {"name": "rtu", "serial": {"path": self.pty("rtu"), "baud": 19200, **eight}},
-                tcp("meter1"), tcp("meter2")]
-
-    def devices(self):
-        slow = {"timeout_ms": 500}
-        own = {"press1": {"link": "press1"}, "press2": {"link": "press2"},
-               "st0": {"link": "rs485", "station": 0, **slow},
-               "st1": {"link": "rs485", "station": 1, **slow},
-               "rtu1": {"link": "rtu", "unit": 1, **slow}, "rtu2": {"link": "rtu", "unit": 2, **slow},
-               "meter1": {"link": "meter1", "unit": 1}, "meter2": {"link": "meter2", "unit": 1}}
-        return [self.device(name, own[name]) for name in self.PROTOCOLS]
-
-    def is_modbus(self, name):
-        return self.PROTOCOLS[name].startswith("modbus")
-
-    def places(self, name):
-        if self.is_modbus(name):
-            return MODBUS_PLACES
-        return DEMO_PLACES if name == self.PLAIN else FX_PLACES
-
-    def device(self, name, own):
-        modbus = self.is_modbus(name)
-        word = "hr:{}" if modbus else "D{}"
-        allow = (["co:100-co:9999", "hr:300-hr:399"] if modbus else
-                 ["M100-M7679", "CN0-CN149", "D300-D399"])
-        out = {"name": name, "protocol": self.PROTOCOLS[name], "timeout_ms": 300, "retries": 2,
-               "groups": [{"name": "fast", "interval_ms": 100 if name == "meter1" else 300},
-                          {"name": "slow", "interval_ms": 2000}],
-               "tags": [{"name": "a", "address": word.format(100), "type": "uint16", "group": "fast"},
-                        {"name": "b", "address": word.format(3000), "type": "uint16",
-                         "group": "fast"},
-                        {"name": "c", "address": word.format(200), "type": "uint16", "group": "slow"},
-                        {"name": "set", "address": self.places(name)["tag"], "group": "slow",
-                         "access": "read_write"}],
-               "commands": {"allow": allow}, **own}
-        if not modbus:
-            out["model"] = "FX3U"
-        return out
-
-    def ramps(self):
-        out = {}
-        for name in self.PROTOCOLS:
-            if name == self.PLAIN:
-                continue
-            before = time.time()
-            count = self.sim.get(name, "hr:0" if self.is_modbus(name) else "D0")
-            # Read between two moments; a scan has passed for half of one, on the average.
-            at = (before + time.time()) / 2 - SCAN_S / 2
-            out[name] = Ramp(count, at, {"a": 100, "b": 3000, "c": 200})
-        return out
 
 
 class Chaos:
     """One run, from an empty directory to its verdict."""
 
-    def __init__(self, seed, sync="always", version="5", long=True, lifetime_s=3600):
+    def __init__(self, seed, sync="always", version="5", long=True, lifetime_s=3600, store_bytes=None):
         self.seed, self.sync, self.version, self.long = seed, sync, version, long
+        self.store_bytes = store_bytes
         self.directory = tempfile.mkdtemp(prefix="fxagent-chaos-")
         os.chmod(self.directory, 0o755)
         self.trace = open(os.path.join(self.directory, "trace.jsonl"), "w")
@@ -298,10 +90,13 @@ class Chaos:
             for group in device["groups"]:
                 self.ledger.tags[device["name"], group["name"]] = {
                     tag["name"] for tag in device["tags"] if tag["group"] == group["name"]}
+        store = {"path": os.path.join(self.disk.path, "store"), "sync": self.sync}
+        if self.store_bytes:
+            store["max_bytes"] = self.store_bytes
         return {"agent": {"id": "edge7", "root": "fx/plant-a"},
                 "mqtt": {"servers": [f"mqtt://127.0.0.1:{self.relay.port}"], "version": self.version,
                          "keep_alive_s": 5},
-                "store": {"path": os.path.join(self.disk.path, "store"), "sync": self.sync},
+                "store": store,
                 "links": self.plant.links(), "devices": devices}
 
     def start_agent(self):
@@ -451,9 +246,16 @@ class Chaos:
             client.clear_retained()
         self.set_clock(0)
 
+    def missing(self):
+        """How many numbers never came, of each device that misses any."""
+        missing = collections.Counter()
+        for device, first, last in self.ledger.gaps(self.sync == "always"):
+            missing[device] += last - first + 1
+        return missing
+
     def is_caught_up(self):
-        gaps = self.ledger.gaps(self.sync == "always")
-        return not gaps and time.monotonic() - self.ledger.last_history > 2.0
+        nothing_more = time.monotonic() - self.ledger.last_history > 2.0
+        return nothing_more and (self.store_bytes or not self.missing())
 
     def settle(self):
         waits = [("every device online", self.all_online), ("a store that writes",
@@ -466,10 +268,18 @@ class Chaos:
                 wait_for(what, condition, SETTLE_S)
             except AssertionError as error:
                 self.ledger.fault(str(error))
-        for device, first, last in self.ledger.gaps(self.sync == "always"):
+        self.judge_numbers()
+
+    def judge_numbers(self):
+        """What is missing was dropped, by health. More may have been dropped than is missing: the broker
+        had it, and its acknowledgement was lost."""
+        missing = self.missing()
+        for device in self.plant.PROTOCOLS:
             dropped = self.ledger.dropped(device)
-            if last - first + 1 > dropped:
-                self.ledger.fault(f"{device}: seq {first} to {last} never came, {dropped} were dropped")
+            self.ledger.counts["samples dropped, by health"] += dropped
+            if missing[device] > dropped:
+                self.ledger.fault(f"{device}: {missing[device]} numbers are missing and {dropped} samples "
+                                  f"were dropped: {self.ledger.gaps(self.sync == 'always')[:10]}")
 
     def is_calm(self, mark):
         if len(self.ledger.healths) <= mark:
@@ -577,15 +387,15 @@ class Chaos:
                                                  for age, rss, orders in samples[::step]), file=out)
 
 
-def run_chaos(seed, seconds, pace, sync, version, out, long):
-    """The faults that were found: an empty list is a pass."""
-    chaos = Chaos(seed, sync, version, long, seconds + 3 * SETTLE_S)
+def run_chaos(seed, seconds, pace, sync, version, out, long, without=(), store_bytes=None):
+    """The faults that were found: an empty list is a pass. `without` names lanes of the plan."""
+    chaos = Chaos(seed, sync, version, long, seconds + 3 * SETTLE_S, store_bytes)
     print(f"seed {seed}, {seconds} s, sync {sync}, MQTT {version}, in {chaos.directory}; disk: "
           f"{chaos.disk.kind()}; clock: {'libfaketime' if chaos.with_clock else 'left alone'}",
           file=out, flush=True)
     devices = {name: (protocol, "plain" if name == Plant.PLAIN else "ramp")
                for name, protocol in Plant.PROTOCOLS.items()}
-    acts = chaos_faults.plan(seed, seconds, pace, devices)
+    acts = [act for act in chaos_faults.plan(seed, seconds, pace, devices) if act.lane not in without]
     with open(os.path.join(chaos.directory, "plan.txt"), "w") as text:
         text.writelines(act.text() + "\n" for act in acts)
     return carry_out(chaos, out, lambda: chaos.run(acts, seconds))
@@ -633,6 +443,8 @@ def main():
     parser.add_argument("--kills", type=int, help="only kill -9, so many times, with sync: always")
     parser.add_argument("--sync", choices=["always", "offline"], help="else by the seed")
     parser.add_argument("--version", choices=["5", "3.1.1"], help="of MQTT; else by the seed")
+    parser.add_argument("--without", default="", help="lanes: kill,broker,network,wire,disk,clock")
+    parser.add_argument("--store-bytes", type=int, help="a small store, which must drop and count")
     wanted = parser.parse_args()
     if wanted.kills:
         faults = run_kills(wanted.seed, wanted.kills, sys.stdout)
@@ -641,7 +453,7 @@ def main():
         sync = wanted.sync or rng.choice(["always", "offline"])
         version = wanted.version or rng.choice(["5", "5", "3.1.1"])
         faults = run_chaos(wanted.seed, wanted.minutes * 60, chaos_faults.LONG, sync, version,
-                           sys.stdout, long=True)
+                           sys.stdout, True, wanted.without.split(","), wanted.store_bytes)
     print("\nevery check holds" if not faults else f"\n{len(faults)} checks do not hold")
     return 1 if faults else 0
 

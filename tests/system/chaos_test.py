@@ -9,9 +9,10 @@ import types
 import unittest
 
 import chaos_faults
-from chaos import Plant, run_chaos
+from chaos import run_chaos
 from chaos_ledger import Ledger, Ramp
 from chaos_orders import FX_PLACES, Orders, judge_orders
+from chaos_plant import Plant
 from chaos_relay import Tap
 from plant import BASE
 
