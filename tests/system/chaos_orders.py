@@ -10,7 +10,7 @@ import time
 
 import paho.mqtt.client as mqtt
 
-from plant import PATIENCE, request_properties
+from plant import PATIENCE, request_properties, wait_for
 
 # Bits and words of each kind of device that only orders touch; each pair of place and value is used
 # once, so that an execution names its order.
@@ -107,6 +107,7 @@ class Client:
         self.thread.join(PATIENCE)
 
     def clear_retained(self):
+        wait_for("the broker", self.client.is_connected)
         for topic in self.retained_on:
             self.client.publish(topic, b"", 1, True).wait_for_publish(PATIENCE)
         self.client.disconnect()
