@@ -66,6 +66,7 @@ class Chaos:
         self.plant.sim.start()
         self.stack.callback(self.plant.sim.stop)
         self.ledger.ramps = self.plant.ramps()
+        self.ledger.on_shared_lines = self.plant.on_shared_lines()
         self.relay = Relay(self.broker.port, self.ledger)
         self.relay.start()
         self.stack.callback(self.relay.stop)
@@ -223,8 +224,8 @@ class Chaos:
             self.set_clock(dict(act.more)["offset"])
 
     def set_clock(self, offset):
+        self.ledger.clock.set_to(offset)  # first: a sample may be here before the next line is
         self.agent.set_clock(offset)
-        self.ledger.clock.now_is(offset)
 
     # The end: everything healed, and nothing but waiting for calm.
 

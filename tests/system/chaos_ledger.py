@@ -23,7 +23,8 @@ class Clock:
         self.starts = [0.0]
         self.offsets = [0.0]
 
-    def now_is(self, offset):
+    def set_to(self, offset):
+        """To be called right before the agent's clock is set."""
         self.starts.append(time.time())
         self.offsets.append(offset)
 
@@ -37,7 +38,7 @@ class Clock:
         for i, (start, offset) in enumerate(zip(self.starts, self.offsets)):
             end = self.starts[i + 1] if i + 1 < len(self.starts) else time.time()
             real = ts / 1000 - offset
-            if start - 0.1 <= real <= end + 0.1:
+            if start - 0.1 <= real <= end + 1.0:
                 out.append(real)
         return out
 
@@ -91,6 +92,7 @@ class Ledger:
         self.clock = Clock()
         self.ramps = {}  # device -> Ramp
         self.tags = {}  # (device, group) -> tags
+        self.on_shared_lines = set()  # devices that have to wait for their neighbours
         self.streams = collections.defaultdict(Stream)
         self.ages = []
         self.most_age_s = 1.5  # beside span_ms: time-out, line time, a busy machine
@@ -339,24 +341,27 @@ class Ledger:
         with self.lock:
             for device, stream in self.streams.items():
                 for first, last in stream.missing():
-                    if not sync_always and self._lost_in_a_kill(stream, first, last):
+                    if not sync_always and self._lost_in_a_kill(device, first, last):
                         self.counts["numbers skipped at a kill"] += last - first + 1
                         continue
                     out.append((device, first, last))
         return out
 
-    def _lost_in_a_kill(self, stream, first, last):
-        """Whether the kill of its boot came within 3 s of the gap: a sample is due on disk after 1 s,
-        committed within 0.2 s more, and the rest is for a busy machine. A device that was silent
-        makes no samples, so nothing can be said of how long before the kill its last one was."""
+    def _lost_in_a_kill(self, device, first, last):
+        """Whether the kill of its boot came soon after the gap: a sample is due on disk after 1 s,
+        committed within 0.2 s more; the rest is for a busy machine and for orders, and neighbours,
+        that a faulty line takes long over. A device that was silent makes no samples, so nothing can
+        be said of how long before the kill its last one was."""
+        stream = self.streams[device]
         before, after = stream.rows[first - 1], stream.rows[last + 1]
         if before[1] != after[1] and before[3]:
             return True
         edge = before if before[1] != after[1] else after
+        most = 10.0 if device in self.on_shared_lines else 5.0
         kills = sorted(self.kills)
         for real in self.clock.real_times(edge[2]):
             at = bisect.bisect(kills, real - 0.5)
-            if at < len(kills) and kills[at] - real <= 3.0:
+            if at < len(kills) and kills[at] - real <= most:
                 return True
         return False
 

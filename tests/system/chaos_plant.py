@@ -210,6 +210,10 @@ class Plant:
             out["model"] = "FX3U"
         return out
 
+    def on_shared_lines(self):
+        links = [device["link"] for device in self.devices()]
+        return {device["name"] for device in self.devices() if links.count(device["link"]) > 1}
+
     def ramps(self):
         out = {}
         for name in self.PROTOCOLS:
