@@ -46,7 +46,8 @@ class Chaos:
         self.stack = contextlib.ExitStack()
         self.pending = []  # (when, what heals)
         with open(FXAGENT, "rb") as program:
-            sanitized = b"__asan_init" in program.read()
+            code = program.read()
+        sanitized = b"__asan_init" in code or b"__tsan_init" in code
         # The sanitizer's runtime must be the first library, and so must libfaketime.
         self.with_clock = bool(FAKETIME) and not sanitized
 
@@ -447,6 +448,7 @@ def main():
     parser.add_argument("--without", default="", help="lanes: kill,broker,network,wire,disk,clock")
     parser.add_argument("--store-bytes", type=int, help="a small store, which must drop and count")
     wanted = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit("ended from outside"))
     if wanted.kills:
         faults = run_kills(wanted.seed, wanted.kills, sys.stdout)
     else:
