@@ -357,7 +357,7 @@ class Ledger:
         if before[1] != after[1] and before[3]:
             return True
         edge = before if before[1] != after[1] else after
-        most = 10.0 if device in self.on_shared_lines else 5.0
+        most = 20.0 if device in self.on_shared_lines else 5.0
         kills = sorted(self.kills)
         for real in self.clock.real_times(edge[2]):
             at = bisect.bisect(kills, real - 0.5)
