@@ -143,6 +143,9 @@ class Chaos:
             time.sleep(max(0.0, min(due) - (time.monotonic() - begin)))
 
     def look(self):
+        is_full = any(heal == self.heal_disk for _, heal in self.pending)
+        if not is_full and self.agent.store_writes():
+            self.ledger.disk_writes()
         rss = self.agent.rss_kib()
         if rss is not None:
             self.rss.append((self.boots, time.monotonic() - self.started, rss,
@@ -214,6 +217,7 @@ class Chaos:
         if self.agent.process is None:
             return None
         self.disk.fill(self.agent.process.pid)
+        self.ledger.disk_refuses()
         return self.heal_disk
 
     def heal_disk(self):
@@ -260,8 +264,12 @@ class Chaos:
         return nothing_more and (self.store_bytes or not self.missing())
 
     def settle(self):
-        waits = [("every device online", self.all_online), ("a store that writes",
-                 self.agent.store_writes), ("every number", self.is_caught_up)]
+        healed = time.monotonic()
+        waits = [("live samples of every device", lambda: all(
+                    self.ledger.last_live[device] > healed for device in self.plant.PROTOCOLS)),
+                 ("every device online", self.all_online),
+                 ("a store that writes", self.agent.store_writes),
+                 ("every number", self.is_caught_up)]
         if self.long:
             mark = len(self.ledger.healths) + 1  # the one after the next: nothing of an outage in it
             waits.append(("a calm health message", lambda: self.is_calm(mark)))

@@ -98,6 +98,7 @@ class Ledger:
         self.most_age_s = 1.5  # beside span_ms: time-out, line time, a busy machine
         self.kills, self.broker_kills = [], []  # machine's time; monotonic
         self.connection_ends = []
+        self.disk_refusals = []  # [from, until]
         self.order_of_connection = {}
         self.consumer_order = {}
         self.results = collections.defaultdict(list)  # (device, id) -> results that are not DUPLICATE
@@ -109,6 +110,7 @@ class Ledger:
         self.healths = []
         self.states = {}
         self.last_history = time.monotonic()
+        self.last_live = collections.Counter()  # device -> when the broker acknowledged one
         self.counts = collections.Counter()
 
     def fault(self, text):
@@ -128,6 +130,18 @@ class Ledger:
             self.kills.append(time.time())
             self.connection_ends.append(time.monotonic())
             self.note("kill")
+
+    def disk_refuses(self):
+        with self.lock:
+            self.disk_refusals.append([time.monotonic(), None])
+
+    def disk_writes(self):
+        with self.lock:
+            for refusal in self.disk_refusals:
+                refusal[1] = refusal[1] or time.monotonic()
+
+    def disk_refused(self, at):
+        return any(begin <= at <= (end or at) for begin, end in self.disk_refusals)
 
     # What the tap tells.
 
@@ -155,8 +169,10 @@ class Ledger:
     def broker_has(self, topic, payload):
         with self.lock:
             now = time.monotonic()
-            for device, _, row in self._rows(topic, self._json(topic, payload)):
+            for device, lane, row in self._rows(topic, self._json(topic, payload)):
                 self.streams[device].with_broker.setdefault(row["seq"], now)
+                if lane == "live":
+                    self.last_live[device] = now
             self._result(topic, payload, self.result_with_broker)
             self.note("acknowledged", topic=topic, seqs=[
                 row["seq"] for _, _, row in self._rows(topic, self._json(topic, payload))])

@@ -221,9 +221,10 @@ def judge_one(ledger, key, result, times):
 
 def judge_silence(ledger, key, kind):
     """No result although the agent had it: only where it was killed, or the connection ended, before
-    the agent can have looked at it. A journal that was written in between would have told."""
-    taken = ledger.taken[key]
-    excused = all(any(0 <= end - at <= 2.0 for end in ledger.connection_ends) for at in taken)
+    the agent can have looked at it; a journal that was written in between would have told. And where
+    the disk refused the journal: an order that waited until a kill is gone then."""
+    excused = all(any(0 <= end - at <= 2.0 for end in ledger.connection_ends) or
+                  ledger.disk_refused(at) for at in ledger.taken[key])
     if excused:
         ledger.counts["commands lost with a connection"] += 1
     else:

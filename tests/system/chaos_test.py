@@ -172,6 +172,14 @@ class Checks(unittest.TestCase):
         self.ledger.connection_over(1)
         self.judged(0)
 
+    def test_an_order_may_be_lost_that_found_no_journal(self):
+        self.ledger.disk_refuses()
+        self.order("1", 0)
+        self.ledger.disk_writes()
+        self.judged(0)
+        self.order("2", 0)
+        self.judged(1, "'2') (change) was taken by the agent and has no result")
+
     def test_what_must_never_be_done_is_seen(self):
         for kind in ("retained", "expired", "dry"):
             self.order(kind, 1, ("UNKNOWN_OUTCOME", "timeout"), kind=kind)
