@@ -19,7 +19,7 @@ import time
 import chaos_faults
 from chaos_ledger import Ledger
 from chaos_orders import Client, Deeds, Orders, judge_orders
-from chaos_plant import FAKETIME, ChaosAgent, Consumer, Disk, Plant
+from chaos_plant import CLOCK_LIBRARY, ChaosAgent, Consumer, Disk, Plant
 from chaos_relay import Relay
 from plant import BASE, FXAGENT, Broker, wait_for
 
@@ -48,8 +48,8 @@ class Chaos:
         with open(FXAGENT, "rb") as program:
             code = program.read()
         sanitized = b"__asan_init" in code or b"__tsan_init" in code
-        # The sanitizer's runtime must be the first library, and so must libfaketime.
-        self.with_clock = bool(FAKETIME) and not sanitized
+        # The sanitizer's runtime must be the first library.
+        self.with_clock = os.path.exists(CLOCK_LIBRARY) and not sanitized
 
     # The beginning.
 
@@ -401,7 +401,7 @@ def run_chaos(seed, seconds, pace, sync, version, out, long, without=(), store_b
     """The faults that were found: an empty list is a pass. `without` names lanes of the plan."""
     chaos = Chaos(seed, sync, version, long, seconds + 3 * SETTLE_S, store_bytes)
     print(f"seed {seed}, {seconds} s, sync {sync}, MQTT {version}, in {chaos.directory}; disk: "
-          f"{chaos.disk.kind()}; clock: {'libfaketime' if chaos.with_clock else 'left alone'}",
+          f"{chaos.disk.kind()}; clock: {'set' if chaos.with_clock else 'left alone'}",
           file=out, flush=True)
     devices = {name: (protocol, "plain" if name == Plant.PLAIN else "ramp")
                for name, protocol in Plant.PROTOCOLS.items()}

@@ -10,6 +10,7 @@ set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 build=${BUILD_DIR:-$here/../../build}
 export FXAGENT=${FXAGENT:-$build/agent/fxagent} FXSIM=${FXSIM:-$build/tests/sim/fxsim}
+export CLOCK_LIBRARY=${CLOCK_LIBRARY:-$build/tests/system/libshifted_clock.so}
 alone=()
 if unshare --mount true 2>/dev/null; then alone=(unshare --mount); fi
 exec "${alone[@]}" /usr/bin/python3 -B "$here/chaos.py" "$@"
