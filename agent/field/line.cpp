@@ -261,10 +261,12 @@ void Line::note_doubt(const Codec& codec, const Request& request, const Exchange
 }
 
 asio::awaitable<void> Line::drain(const Station& station) {
-  const bool can_resync =
-      station.codec->resync().has_value() && station.enquire != EnquirePolicy::never;
-  // Without an enquiry only silence tells that the late answer is not coming any more.
-  nanoseconds quiet = can_resync
+  // Without an enquiry that is answered only silence tells that the late answer is not coming any
+  // more: nobody answers the EOT of a computer link.
+  const auto resync = station.codec->resync();
+  const bool is_answered =
+      resync && station.codec->expects_reply(*resync) && station.enquire != EnquirePolicy::never;
+  nanoseconds quiet = is_answered
                           ? kQuietBeforeResync
                           : std::clamp(station.timeout, kQuietBeforeResync, kQuietWithoutResync);
   quiet = std::max(quiet, char_time_ * kQuietCharacters);

@@ -185,9 +185,10 @@ def request_properties(response_topic=None, correlation=None, expiry=None):
 class Sim:
     """fxsim and its control socket."""
 
-    def __init__(self, directory, plcs):
+    def __init__(self, directory, plcs, lifetime_s=600):
         self.directory = directory
         self.plcs = plcs
+        self.lifetime_s = lifetime_s
         self.control = os.path.join(directory, "sim.sock")
         self.process = None
         self.ports = {}
@@ -197,7 +198,8 @@ class Sim:
         with open(path, "w") as out:
             json.dump({"plcs": self.plcs}, out)
         self.process = subprocess.Popen(
-            [FXSIM, "--config", path, "--control", self.control, "--seconds", "600"],
+            [FXSIM, "--config", path, "--control", self.control,
+             "--seconds", str(self.lifetime_s)],
             stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
         ready = json.loads(self.process.stdout.readline())
         self.ports = {plc["name"]: plc.get("tcp") for plc in ready["plcs"]}

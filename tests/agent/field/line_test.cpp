@@ -8,6 +8,7 @@
 #include <string>
 #include <utility>
 
+#include "protocol/fx/computer_link.h"
 #include "tests/agent/field/field_plant.h"
 #include "tests/agent/field/on_io.h"
 #include "tests/agent/field/port_frames.h"
@@ -231,6 +232,24 @@ TEST_F(LineTest, LateReplyBetweenDrainAndEnquiryIsThrownAway) {
   open();
   EXPECT_EQ(read("D100").outcome, Outcome::unanswered);
   EXPECT_EQ(read("D200").reply.image, word(2));
+}
+
+TEST_F(LineTest, LateReplyHasItsTimeWhereNobodyAnswersTheResync) {
+  // EOT of a computer link has no answer that would tell what came before it.
+  codec = std::make_shared<fx::ComputerLink>(fx::ComputerLink::Settings{});
+  station.codec = codec.get();
+  station.timeout = milliseconds(150);
+  const Read d100{codec->parse_address("D100", {})->span, fx::ComputerLink::kWordWay};
+  const Bytes question = *codec->encode(d100, 0);
+  const Bytes eot = *codec->encode(*codec->resync(), 0);
+  wire->expect(eot).expect(question).silence();
+  wire->hang();  // the drain, in truth until its end
+  wire->expect(eot).expect(question).silence();
+  open();
+  const Exchange first = ask(d100);
+  const Exchange second = ask(d100);
+  EXPECT_EQ(first.outcome, Outcome::unanswered);
+  EXPECT_GE(second.began - first.ended, station.timeout);
 }
 
 TEST_F(LineTest, LateAckIsNotTakenForTheAckOfTheNextWrite) {

@@ -1,0 +1,473 @@
+"""Everything goes wrong at once, by a seed, and the promises are checked: the long form by hand
+(chaos.sh), the short one in chaos_test.py. README.md here says what is checked and what is not.
+"""
+
+import argparse
+import collections
+import contextlib
+import json
+import os
+import random
+import shutil
+import signal
+import sqlite3
+import statistics
+import sys
+import tempfile
+import time
+
+import chaos_faults
+from chaos_ledger import Ledger
+from chaos_orders import Client, Deeds, Orders, judge_orders
+from chaos_plant import CLOCK_LIBRARY, ChaosAgent, Consumer, Disk, Plant
+from chaos_relay import Relay
+from plant import BASE, FXAGENT, Broker, wait_for
+
+SETTLE_S = 120  # a silent device and a lost broker are tried every 30 s at the most
+
+
+class Chaos:
+    """One run, from an empty directory to its verdict."""
+
+    def __init__(self, seed, sync="always", version="5", long=True, lifetime_s=3600, store_bytes=None):
+        self.seed, self.sync, self.version, self.long = seed, sync, version, long
+        self.store_bytes = store_bytes
+        self.directory = tempfile.mkdtemp(prefix="fxagent-chaos-")
+        os.chmod(self.directory, 0o755)
+        self.trace = open(os.path.join(self.directory, "trace.jsonl"), "w")
+        self.ledger = Ledger(BASE, self.trace)
+        self.plant = Plant(self.directory, lifetime_s)
+        self.disk = Disk(self.directory)
+        self.struck = collections.Counter()
+        self.rss = []  # (boot number, s since its start, KiB, orders so far)
+        self.boots = 0
+        self.clients = []
+        self.orders = Orders({name: self.plant.places(name) for name in self.plant.PROTOCOLS})
+        self.stack = contextlib.ExitStack()
+        self.pending = []  # (when, what heals)
+        with open(FXAGENT, "rb") as program:
+            code = program.read()
+        sanitized = b"__asan_init" in code or b"__tsan_init" in code
+        # The sanitizer's runtime must be the first library.
+        self.with_clock = os.path.exists(CLOCK_LIBRARY) and not sanitized
+
+    # The beginning.
+
+    def start(self, commands=True):
+        self.stack.callback(self.trace.close)
+        self.stack.callback(self.disk.close)
+        at_broker = os.path.join(self.directory, "broker")
+        os.mkdir(at_broker)
+        # What the consumer has not got yet outlives a stop of the broker; a kill of it costs 1 s.
+        self.broker = Broker(self.directory, "\n".join([
+            "user root" if os.geteuid() == 0 else "", "persistence true",
+            f"persistence_location {at_broker}/", "autosave_interval 1", "max_queued_messages 0"]))
+        self.broker.start()
+        self.stack.callback(self.broker.kill)
+        self.plant.sim.start()
+        self.stack.callback(self.plant.sim.stop)
+        self.ledger.ramps = self.plant.ramps()
+        self.ledger.on_shared_lines = self.plant.on_shared_lines()
+        self.relay = Relay(self.broker.port, self.ledger)
+        self.relay.start()
+        self.stack.callback(self.relay.stop)
+        self.consumer = Consumer(self.broker.port, self.ledger, self.seed)
+        self.consumer.start()
+        self.stack.callback(self.consumer.stop)
+        self.agent = ChaosAgent(self.directory, self.config(), self.with_clock)
+        self.stack.callback(self.end_agent)
+        self.start_agent()
+        self.deeds = Deeds(self.plant.sim, self.plant.PROTOCOLS)
+        wait_for("every device", self.all_online, SETTLE_S)
+        if commands:
+            topics = {name: f"{BASE}/{name}/command" for name in self.plant.PROTOCOLS}
+            self.clients = [Client(f"client{n}", self.seed, self.broker.port, topics, self.orders,
+                                   self.ledger.clock, 100 / 3) for n in range(3)]
+            for client in self.clients:
+                client.start()
+
+    def config(self):
+        devices = self.plant.devices()
+        for device in devices:
+            for group in device["groups"]:
+                self.ledger.tags[device["name"], group["name"]] = {
+                    tag["name"] for tag in device["tags"] if tag["group"] == group["name"]}
+        store = {"path": os.path.join(self.disk.path, "store"), "sync": self.sync}
+        if self.store_bytes:
+            store["max_bytes"] = self.store_bytes
+        return {"agent": {"id": "edge7", "root": "fx/plant-a"},
+                "mqtt": {"servers": [f"mqtt://127.0.0.1:{self.relay.port}"], "version": self.version,
+                         "keep_alive_s": 5},
+                "store": store,
+                "links": self.plant.links(), "devices": devices}
+
+    def start_agent(self):
+        self.agent.start()
+        self.boots += 1
+        self.started = time.monotonic()
+
+    def kill_agent(self):
+        self.agent.process.send_signal(signal.SIGKILL)
+        self.ledger.agent_killed()
+        self.agent.stop(signal.SIGKILL)
+
+    def end_agent(self):
+        if self.agent.process:
+            self.agent.stop(signal.SIGKILL)
+
+    # The middle.
+
+    def run(self, acts, seconds):
+        begin = time.monotonic()
+        acts = collections.deque(acts)
+        looked = 0.0
+        while True:
+            now = time.monotonic() - begin
+            for entry in sorted(self.pending, key=lambda e: e[0]):
+                if entry[0] <= now:
+                    self.pending.remove(entry)
+                    entry[1]()
+            if acts and acts[0].at <= now:
+                act = acts.popleft()
+                self.ledger.note("act", text=act.text())
+                heal = getattr(self, "do_" + act.lane)(act)
+                if heal is not None:
+                    self.pending.append((time.monotonic() - begin + act.lasts, heal))
+                continue
+            if now - looked >= 1.0:
+                looked = now
+                self.look()
+            if now >= seconds:
+                return
+            due = [looked + 1.0, seconds] + [e[0] for e in self.pending] + [a.at for a in list(acts)[:1]]
+            time.sleep(max(0.0, min(due) - (time.monotonic() - begin)))
+
+    def look(self):
+        is_full = any(heal == self.heal_disk for _, heal in self.pending)
+        if not is_full and self.agent.store_writes():
+            self.ledger.disk_writes()
+        rss = self.agent.rss_kib()
+        if rss is not None:
+            self.rss.append((self.boots, time.monotonic() - self.started, rss,
+                             self.ledger.counts["commands taken"]))
+        status = self.agent.process.poll() if self.agent.process else None
+        if status is not None:
+            self.ledger.fault(f"the agent ended by itself with status {status}")
+            self.agent.stop()
+            self.start_agent()
+        self.deeds.collect()
+
+    def do_kill(self, act):
+        if self.agent.process is None or not self.agent.store_writes():
+            return None  # not up again yet, or the disk is full: another promise
+        self.struck["agent: kill -9"] += 1
+        self.kill_agent()
+        if act.lasts > 0:
+            return self.start_agent
+        self.start_agent()
+        return None
+
+    def do_broker(self, act):
+        if any(heal in (self.broker.start, self.broker_on) for _, heal in self.pending):
+            return None
+        self.struck["broker: " + act.kind] += 1
+        if act.kind == "paused":
+            self.broker.process.send_signal(signal.SIGSTOP)
+            return self.broker_on
+        if act.kind == "killed":
+            self.ledger.broker_kills.append(time.monotonic())
+        self.broker.kill(signal.SIGKILL if act.kind == "killed" else signal.SIGTERM)
+        return self.broker.start
+
+    def broker_on(self):
+        self.broker.process.send_signal(signal.SIGCONT)
+
+    def do_network(self, act):
+        self.struck["network: " + act.kind] += 1
+        if act.kind == "cut":
+            self.relay.cut()
+        elif act.kind == "refused":
+            self.relay.refuse()
+            return self.relay.accept
+        elif act.kind == "slow":
+            more = dict(act.more)
+            self.relay.slow_down(more["seconds"], more["bytes"])
+            return self.relay.resume
+        else:
+            self.relay.silence()
+            return self.relay.resume if act.kind.endswith("back") else self.cut_and_resume
+        return None
+
+    def cut_and_resume(self):
+        self.relay.cut()
+        self.relay.resume()
+
+    def do_wire(self, act):
+        more = dict(act.more)
+        plc = more.pop("plc")
+        if act.kind == "late":  # two that strike the same reply would add up
+            self.plant.sim.ask(cmd="clear_faults", plc=plc)
+        self.plant.sim.fault(plc, act.kind, **more)
+        if act.kind == "dead":
+            return lambda: self.plant.sim.ask(cmd="clear_faults", plc=plc)
+        return None
+
+    def do_disk(self, act):
+        self.struck["disk: " + self.disk.kind()] += 1
+        if self.agent.process is None:
+            return None
+        self.disk.fill(self.agent.process.pid)
+        self.ledger.disk_refuses()
+        return self.heal_disk
+
+    def heal_disk(self):
+        self.disk.heal(self.agent.process.pid if self.agent.process else None)
+
+    def do_clock(self, act):
+        if self.with_clock:
+            self.struck["clock: set"] += 1
+            self.set_clock(dict(act.more)["offset"])
+
+    def set_clock(self, offset):
+        self.ledger.clock.set_to(offset)  # first: a sample may be here before the next line is
+        self.agent.set_clock(offset)
+
+    # The end: everything healed, and nothing but waiting for calm.
+
+    def all_online(self):
+        states = self.ledger.states
+        return states.get(f"{BASE}/state", {}).get("state") == "online" and all(
+            states.get(f"{BASE}/{name}/state", {}).get("state") == "online"
+            for name in self.plant.PROTOCOLS)
+
+    def heal(self):
+        for client in self.clients:
+            client.stop()
+        for _, heal in sorted(self.pending, key=lambda e: e[0]):
+            heal()
+        self.pending.clear()
+        self.plant.sim.ask(cmd="clear_faults")
+        self.plant.sim.ask(cmd="run", plc=self.plant.PLAIN)
+        for client in self.clients:
+            client.clear_retained()
+        self.set_clock(0)
+
+    def missing(self):
+        """How many numbers never came, of each device that misses any."""
+        missing = collections.Counter()
+        for device, first, last in self.ledger.gaps(self.sync == "always"):
+            missing[device] += last - first + 1
+        return missing
+
+    def is_caught_up(self):
+        nothing_more = time.monotonic() - self.ledger.last_history > 2.0
+        return nothing_more and (self.store_bytes or not self.missing())
+
+    def settle(self):
+        healed = time.monotonic()
+        waits = [("live samples of every device", lambda: all(
+                    self.ledger.last_live[device] > healed for device in self.plant.PROTOCOLS)),
+                 ("every device online", self.all_online),
+                 ("a store that writes", self.agent.store_writes),
+                 ("every number", self.is_caught_up)]
+        if self.long:
+            mark = len(self.ledger.healths) + 1  # the one after the next: nothing of an outage in it
+            waits.append(("a calm health message", lambda: self.is_calm(mark)))
+        for what, condition in waits:
+            try:
+                wait_for(what, condition, SETTLE_S)
+            except AssertionError as error:
+                self.ledger.fault(str(error))
+        self.judge_numbers()
+
+    def judge_numbers(self):
+        """What is missing was dropped, by health. More may have been dropped than is missing: the broker
+        had it, and its acknowledgement was lost."""
+        missing = self.missing()
+        for device in self.plant.PROTOCOLS:
+            dropped = self.ledger.dropped(device)
+            self.ledger.counts["samples dropped, by health"] += dropped
+            if missing[device] > dropped:
+                self.ledger.fault(f"{device}: {missing[device]} numbers are missing and {dropped} samples "
+                                  f"were dropped: {self.ledger.gaps(self.sync == 'always')[:10]}")
+
+    def is_calm(self, mark):
+        if len(self.ledger.healths) <= mark:
+            return False
+        # With `always` what is on its way is stored, too; that the store is empty is seen after the end.
+        samples = self.ledger.healths[-1][1]["samples"]
+        return samples["stored"] + samples["queued"] + samples["in_flight"] <= 20
+
+    def stop(self):
+        status = self.agent.stop()
+        if status != 0:
+            self.ledger.fault(f"a clean stop ended with status {status}")
+        self.deeds.collect()
+        try:
+            wait_for("the agent's goodbye", lambda: self.ledger.states.get(
+                f"{BASE}/state", {}).get("reason") == "stopped")
+        except AssertionError as error:
+            self.ledger.fault(str(error))
+        database = sqlite3.connect(os.path.join(self.disk.path, "store", "fxagent.db"))
+        left, = database.execute("SELECT count(*) FROM samples").fetchone()
+        database.close()
+        if left:
+            self.ledger.fault(f"{left} samples are left in the store after a calm end")
+
+    def judge(self):
+        judge_orders(self.ledger, self.orders, self.deeds, self.version)
+        for device, seq, when in self.ledger.broker_losses():
+            if any(-0.5 <= kill - when <= 3.0 for kill in self.ledger.broker_kills):
+                self.ledger.counts["samples that a killed broker lost"] += 1
+            else:
+                self.ledger.fault(f"{device}: the consumer never got seq {seq}, which the broker had")
+        disorders = self.ledger.counts["out of order at the consumer"]
+        if disorders and not self.ledger.broker_kills:
+            self.ledger.fault(f"{disorders} samples out of order at the consumer")
+        if "Sanitizer" in self.agent.logged() or "samples_unbalanced" in self.agent.logged():
+            self.ledger.fault("the agent's log tells of a bug")
+        if self.ledger.counts["samples"] == 0:
+            self.ledger.fault("not a single sample was seen")
+
+    def close(self):
+        """The directory stays where something was found."""
+        if self.long:
+            self.judge_memory()
+        self.stack.close()
+        if not self.ledger.faults:
+            shutil.rmtree(self.directory, ignore_errors=True)
+
+    def judge_memory(self):
+        """Flat within 10 %: of a boot's life after its first minute, without what ids cost that the
+        agent has to remember (an id with its result, 2 KiB)."""
+        for boot, samples in self.lives():
+            settled = [(rss, orders) for age, rss, orders in samples if age > 60]
+            if len(settled) < 60:
+                continue
+            third = len(settled) // 3
+            before = statistics.median(rss for rss, _ in settled[:third])
+            after = statistics.median(rss for rss, _ in settled[-third:])
+            ids = settled[-1][1] - settled[0][1]
+            if after > 1.1 * before + 2 * ids:
+                self.ledger.fault(f"boot {boot} grew from {before} to {after} KiB with {ids} orders")
+
+    def lives(self):
+        lives = collections.defaultdict(list)
+        for boot, age, rss, orders in self.rss:
+            lives[boot].append((age, rss, orders))
+        return lives.items()
+
+    # The report.
+
+    def report(self, out):
+        ledger = self.ledger
+        stats = collections.Counter()
+        for name in self.plant.PROTOCOLS:
+            stats.update(self.plant.sim.ask(cmd="stats", plc=name)["faults"])
+        def table(title, counts):
+            print(f"\n{title}", file=out)
+            for key, count in sorted(counts.items()):
+                print(f"  {count:8} {key}", file=out)
+        table("faults", self.struck)
+        table("wire faults that struck", stats)
+        table("seen", ledger.counts)
+        table("orders sent", self.orders.sent)
+        table("results", ledger.statuses)
+        print(f"\norders carried out: {sum(self.deeds.count.values())}", file=out)
+        if ledger.ages:
+            print(f"age of values at their ts: median {statistics.median(ledger.ages) * 1000:.0f} ms, "
+                  f"most {max(ledger.ages) * 1000:.0f} ms", file=out)
+        self.report_memory(out)
+        if ledger.healths:
+            print("\nlast health: " + json.dumps(ledger.healths[-1][1]["samples"]), file=out)
+            print("             " + json.dumps(ledger.healths[-1][1]["commands"]), file=out)
+        for fault in ledger.faults:
+            print("BROKEN " + fault, file=out)
+        if ledger.faults_unlisted:
+            print(f"BROKEN and {ledger.faults_unlisted} more", file=out)
+
+    def report_memory(self, out):
+        print("\nresident memory, KiB, of boots that lived for a minute: s old: KiB (orders taken)",
+              file=out)
+        for boot, samples in self.lives():
+            if samples[-1][0] < 60:
+                continue
+            step = max(1, len(samples) // 8)
+            print(f"  boot {boot}: " + "  ".join(f"{age:.0f}: {rss} ({orders})"
+                                                 for age, rss, orders in samples[::step]), file=out)
+
+
+def run_chaos(seed, seconds, pace, sync, version, out, long, without=(), store_bytes=None):
+    """The faults that were found: an empty list is a pass. `without` names lanes of the plan."""
+    chaos = Chaos(seed, sync, version, long, seconds + 3 * SETTLE_S, store_bytes)
+    print(f"seed {seed}, {seconds} s, sync {sync}, MQTT {version}, in {chaos.directory}; disk: "
+          f"{chaos.disk.kind()}; clock: {'set' if chaos.with_clock else 'left alone'}",
+          file=out, flush=True)
+    devices = {name: (protocol, "plain" if name == Plant.PLAIN else "ramp")
+               for name, protocol in Plant.PROTOCOLS.items()}
+    acts = [act for act in chaos_faults.plan(seed, seconds, pace, devices) if act.lane not in without]
+    with open(os.path.join(chaos.directory, "plan.txt"), "w") as text:
+        text.writelines(act.text() + "\n" for act in acts)
+    return carry_out(chaos, out, lambda: chaos.run(acts, seconds))
+
+
+def run_kills(seed, kills, out):
+    """Nothing but kill -9, at random moments from the first on, with `sync: always`."""
+    chaos = Chaos(seed, "always", "5", True, kills * 10 + 3 * SETTLE_S)
+    print(f"seed {seed}, {kills} kills, sync always, in {chaos.directory}", file=out, flush=True)
+    rng = random.Random(f"{seed}/kills")
+
+    def go():
+        for number in range(kills):
+            # Right after the start, while it connects, in its history, or in its calm.
+            time.sleep(rng.choice([rng.uniform(0, 0.3), rng.uniform(0, 1), rng.uniform(0.5, 3)]))
+            chaos.kill_agent()
+            chaos.struck["agent: kill -9"] += 1
+            chaos.start_agent()
+            if number % 10 == 0:
+                chaos.look()
+    return carry_out(chaos, out, go)
+
+
+def carry_out(chaos, out, faults):
+    try:
+        chaos.start()
+        faults()
+        chaos.heal()
+        chaos.settle()
+        chaos.stop()
+        chaos.judge()
+        chaos.report(out)
+    except BaseException as error:
+        chaos.ledger.fault(f"the run broke off: {error!r}")
+        raise
+    finally:
+        chaos.close()
+    return chaos.ledger.faults
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--minutes", type=float, default=10)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--kills", type=int, help="only kill -9, so many times, with sync: always")
+    parser.add_argument("--sync", choices=["always", "offline"], help="else by the seed")
+    parser.add_argument("--version", choices=["5", "3.1.1"], help="of MQTT; else by the seed")
+    parser.add_argument("--without", default="", help="lanes: kill,broker,network,wire,disk,clock")
+    parser.add_argument("--store-bytes", type=int, help="a small store, which must drop and count")
+    wanted = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit("ended from outside"))
+    if wanted.kills:
+        faults = run_kills(wanted.seed, wanted.kills, sys.stdout)
+    else:
+        rng = random.Random(f"{wanted.seed}/kind")
+        sync = wanted.sync or rng.choice(["always", "offline"])
+        version = wanted.version or rng.choice(["5", "5", "3.1.1"])
+        faults = run_chaos(wanted.seed, wanted.minutes * 60, chaos_faults.LONG, sync, version,
+                           sys.stdout, True, wanted.without.split(","), wanted.store_bytes)
+    print("\nevery check holds" if not faults else f"\n{len(faults)} checks do not hold")
+    return 1 if faults else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

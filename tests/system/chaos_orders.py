@@ -1,0 +1,231 @@
+"""Commands at a hundred a second, from clients that repeat themselves, come late and write nonsense;
+and what must hold between the orders, their results and what the simulator says it carried out.
+"""
+
+import collections
+import json
+import random
+import threading
+import time
+
+import paho.mqtt.client as mqtt
+
+from plant import PATIENCE, request_properties, wait_for
+
+# Bits and words of each kind of device that only orders touch; each pair of place and value is used
+# once, so that an execution names its order.
+FX_PLACES = {"bits": ("M{}", 100, 7000), "words": ("CN{}", 0, 150), "tag": "CN199"}
+DEMO_PLACES = {"bits": ("M{}", 102, 98), "words": ("D{}", 300, 99), "tag": "D399"}
+MODBUS_PLACES = {"bits": ("co:{}", 100, 9900), "words": ("hr:{}", 300, 100), "tag": "hr:900"}
+
+MALFORMED = [
+    lambda i: b"",
+    lambda i: b"not json",
+    lambda i: b"[1,2]",
+    lambda i: b"\xff\xfe{}",
+    lambda i: b"[" * 5000,
+    lambda i: json.dumps({"id": i, "op": "write", "adress": "D1", "value": 1}).encode(),
+    lambda i: json.dumps({"id": i, "op": "explode", "address": "M7500"}).encode(),
+    lambda i: json.dumps({"id": i, "op": "force_on"}).encode(),
+    lambda i: json.dumps({"id": i, "op": "force_on", "address": "X8"}).encode(),
+    lambda i: json.dumps({"id": i, "op": "force_on", "address": "M7500", "status": "x"}).encode(),
+    lambda i: json.dumps({"id": i, "op": "write", "address": "D0", "value": "?" * 70000}).encode(),
+    lambda i: json.dumps({"id": "x" * 65, "op": "force_on", "address": "M7500"}).encode(),
+]
+
+
+class Orders:
+    """Every order that was ever sent; hands out places and values. Thread safe."""
+
+    def __init__(self, places):
+        self.places = places  # device -> its places
+        self.lock = threading.Lock()
+        self.numbers = collections.Counter()
+        self.keys = collections.defaultdict(list)  # (device, kind, place, value) -> ids
+        self.kinds = {}  # (device, id) -> kind of its first message
+        self.sent = collections.Counter()
+        self.recent = collections.deque(maxlen=60)
+
+    def change(self, device, identity):
+        """A write or a force of its own, as a dict, and noted under the id."""
+        with self.lock:
+            number = self.numbers[device]
+            self.numbers[device] += 1
+            places = self.places[device]
+            if number % 10 == 9:
+                value = number // 10 % 32000 + 1
+                self.keys[device, "write", places["tag"], value].append(identity)
+                return {"op": "write", "tag": "set", "value": value}
+            form, first, count = places["words" if number % 2 else "bits"]
+            round_, at = divmod(number // 2, count)
+            place = form.format(first + at)
+            if number % 2:
+                value = round_ % 32000 + 1
+                self.keys[device, "write", place, value].append(identity)
+                return {"op": "write", "address": place, "value": value}
+            op = "force_off" if round_ % 2 else "force_on"
+            self.keys[device, op, place, None].append(identity)
+            return {"op": op, "address": place}
+
+    def begin(self, kind, device, identity):
+        with self.lock:
+            self.sent[kind] += 1
+            self.kinds.setdefault((device, identity), kind)
+            if kind == "change":
+                self.recent.append((device, identity))
+
+    def any_recent(self, rng):
+        with self.lock:
+            return rng.choice(self.recent) if self.recent else None
+
+
+class Client:
+    """One of the three that send; a thread that never stops for the broker's sake."""
+
+    KINDS = ["change"] * 60 + ["repeat"] * 20 + ["read"] * 5 + ["expired"] * 4 + ["soon"] * 4 + \
+            ["malformed"] * 4 + ["dry"] * 2 + ["retained"]
+
+    def __init__(self, name, seed, port, topics, orders, clock, a_second):
+        self.name, self.topics, self.orders, self.clock = name, topics, orders, clock
+        self.rng = random.Random(f"{seed}/{name}")
+        self.pause = 1 / a_second
+        self.numbers = 0
+        self.stopping = threading.Event()
+        self.retained_on = set()
+        self.client = mqtt.Client(f"chaos-{name}-{seed}", protocol=mqtt.MQTTv5)
+        self.client.reconnect_delay_set(1, 1)
+        self.client.connect_async("127.0.0.1", port, keepalive=30)
+        self.thread = threading.Thread(target=self.run, name=name, daemon=True)
+
+    def start(self):
+        self.client.loop_start()
+        self.thread.start()
+
+    def stop(self):
+        """Sends no more, and takes back what it had retained."""
+        self.stopping.set()
+        self.thread.join(PATIENCE)
+
+    def clear_retained(self):
+        wait_for("the broker", self.client.is_connected)
+        for topic in self.retained_on:
+            self.client.publish(topic, b"", 1, True).wait_for_publish(PATIENCE)
+        self.client.disconnect()
+        self.client.loop_stop()
+
+    def run(self):
+        due = time.monotonic()
+        while not self.stopping.wait(max(0.0, due - time.monotonic())):
+            due = max(due + self.pause, time.monotonic() - 1)
+            if self.client.is_connected():
+                self.send()
+
+    def send(self):
+        kind = self.rng.choice(self.KINDS)
+        device = self.rng.choice(sorted(self.topics))
+        self.numbers += 1
+        identity = f"{self.name}-{self.numbers}"
+        if kind == "repeat":
+            again = self.orders.any_recent(self.rng)
+            if again is None:
+                return
+            device, identity = again
+        self.orders.begin(kind, device, identity)
+        if kind == "malformed":
+            payload = self.rng.choice(MALFORMED)(identity)
+        else:
+            payload = json.dumps(self.order(kind, device, identity)).encode()
+        retain = kind == "retained"
+        if retain:
+            self.retained_on.add(self.topics[device])
+        expiry = request_properties(expiry=1) if kind == "soon" else None
+        self.client.publish(self.topics[device], payload, 1, retain, properties=expiry)
+
+    def order(self, kind, device, identity):
+        if kind == "read":
+            return {"id": identity, "op": "read", "tag": "a"}
+        order = {"id": identity, **self.orders.change(device, identity)}
+        now_ms = int((time.time() + self.clock.offset) * 1000)
+        if kind == "expired":
+            order["expires"] = 1  # past, however the agent's clock is set
+        elif kind == "dry":
+            order["dry_run"] = True
+        elif kind == "soon":
+            order["expires"] = now_ms + self.rng.choice([20, 200, 1000])
+        if order["op"] == "write" and self.rng.random() < 0.3:
+            order["verify"] = False
+        return order
+
+
+class Deeds:
+    """What the simulator says that it carried out, taken from its log little by little."""
+
+    def __init__(self, sim, devices):
+        self.sim = sim
+        self.since = dict.fromkeys(devices, 0)
+        self.count = collections.Counter()  # (device, kind, place, value)
+
+    def collect(self):
+        for device, since in self.since.items():
+            for entry in self.sim.ask(cmd="log", plc=device, since=since)["log"]:
+                self.since[device] = entry["index"] + 1
+                if entry["kind"] == "write":
+                    self.count[device, "write", entry["device"], entry["value"]] += 1
+                elif entry["kind"] in ("force_on", "force_off"):
+                    self.count[device, entry["kind"], entry["device"], None] += 1
+
+
+def judge_orders(ledger, orders, deeds, version):
+    """Everything that must hold between orders, results and deeds; tells the ledger what does not.
+    On MQTT 3.1.1 an agent that is connected cannot tell a retained order, so it may carry it out."""
+    never = {"dry", "expired", "malformed", "read"} | ({"retained"} if version == "5" else set())
+    executed = collections.Counter()
+    for (device, kind, place, value), times in deeds.count.items():
+        ids = orders.keys.get((device, kind, place, value), [])
+        if times > len(set(ids)):
+            ledger.fault(f"{device}: {kind} {place} {value} was carried out {times} times, ordered by "
+                         f"{ids}")
+        if len(ids) == 1:
+            executed[device, ids[0]] += times
+    shared = set()  # ids of which a message has its place and value in common with another's
+    for (device, *_), ids in orders.keys.items():
+        if len(ids) > 1:
+            shared.update((device, identity) for identity in ids)
+
+    for key, kind in orders.kinds.items():
+        results, times = ledger.results.get(key, []), executed[key]
+        words = [(r["status"], r["reason"], r["plc"]) for r in results]
+        if times > 1:
+            ledger.fault(f"{key} ({kind}) was carried out {times} times: {words}")
+        if kind in never and times:
+            ledger.fault(f"{key} ({kind}) was carried out: {words}")
+        if kind == "dry":
+            continue
+        if len(results) > 1:
+            ledger.fault(f"{key} ({kind}) has {len(results)} different results: {results}")
+        if times and not results:
+            ledger.fault(f"{key} ({kind}) was carried out and has no result")
+        if results and kind in ("change", "soon") and key not in shared:
+            judge_one(ledger, key, results[0], times)
+        if not results and ledger.taken.get(key):
+            judge_silence(ledger, key, kind)
+
+
+def judge_one(ledger, key, result, times):
+    status, reason = result["status"], result["reason"]
+    was_done = status == "SUCCEEDED" or reason == "verify_mismatch"
+    may_be_done = was_done or status == "UNKNOWN_OUTCOME"
+    if was_done and times != 1 or times and not may_be_done:
+        ledger.fault(f"{key} was carried out {times} times and its result is {result}")
+
+
+def judge_silence(ledger, key, kind):
+    """No result although the agent had it: only where it was killed, or the connection ended, before
+    the agent can have looked at it; a journal that was written in between would have told. And where
+    the disk refused the journal: an order that waited until a kill is gone then."""
+    excused = all(any(0 <= end - at <= 2.0 for end in ledger.connection_ends) or
+                  ledger.disk_refused(at) for at in ledger.taken[key])
+    if excused:
+        ledger.counts["commands lost with a connection"] += 1
+    else:
+        ledger.fault(f"{key} ({kind}) was taken by the agent and has no result")

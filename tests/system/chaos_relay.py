@@ -1,0 +1,224 @@
+"""The cable between agent and broker, which can be silent, slow, cut or refused, and a tap on it that
+understands enough MQTT to say what crossed it: an observer that neither agent nor broker can fool.
+"""
+
+import asyncio
+import socket
+import struct
+import threading
+
+from plant import PATIENCE, free_port
+
+CONNECT, CONNACK, PUBLISH, PUBACK = 1, 2, 3, 4
+
+
+class Packets:
+    """Cuts a stream of bytes into MQTT control packets: (type, flags, body)."""
+
+    def __init__(self):
+        self.rest = b""
+
+    def feed(self, data):
+        self.rest += data
+        while True:
+            packet = self._next()
+            if packet is None:
+                return
+            yield packet
+
+    def _next(self):
+        length = varint(self.rest, 1)
+        if length is None or len(self.rest) < length[1] + length[0]:
+            return None
+        value, start = length
+        packet = (self.rest[0] >> 4, self.rest[0] & 15, self.rest[start:start + value])
+        self.rest = self.rest[start + value:]
+        return packet
+
+
+def varint(data, at):
+    """(value, position behind it) of a variable byte integer; None where it is not all there."""
+    value = 0
+    for place in range(4):
+        if at + place >= len(data):
+            return None
+        value |= (data[at + place] & 127) << (7 * place)
+        if data[at + place] < 128:
+            return value, at + place + 1
+    raise ValueError("no MQTT: a length of more than four bytes")
+
+
+def text_at(data, at):
+    length, = struct.unpack_from(">H", data, at)
+    return data[at + 2:at + 2 + length], at + 2 + length
+
+
+class Tap:
+    """What one connection of the agent carries; tells `ledger`, with its own number.
+
+    A publish of the agent is told as sent when the relay has it, and as acknowledged when the broker's
+    PUBACK reaches the relay: from then on the broker had it, whether or not the agent ever learns so.
+    A command is told as taken when the agent's PUBACK reaches the relay."""
+
+    def __init__(self, ledger, number):
+        self.ledger = ledger
+        self.number = number
+        self.version = 4
+        self.up, self.down = Packets(), Packets()
+        self.publishes, self.commands = {}, {}
+
+    def from_agent(self, data):
+        for kind, flags, body in self.up.feed(data):
+            if kind == CONNECT:
+                self.version = body[6]
+            elif kind == PUBLISH:
+                topic, packet_id, payload = self.publication(flags, body)
+                self.ledger.agent_sent(self.number, topic, payload)
+                self.publishes[packet_id] = (topic, payload)
+            elif kind == PUBACK:
+                packet_id, = struct.unpack_from(">H", body)
+                if packet_id in self.commands:
+                    self.ledger.command_taken(self.number, *self.commands.pop(packet_id))
+
+    def from_broker(self, data):
+        for kind, flags, body in self.down.feed(data):
+            if kind == CONNACK:
+                self.ledger.connected(self.number)
+            elif kind == PUBACK:
+                packet_id, = struct.unpack_from(">H", body)
+                sent = self.publishes.pop(packet_id, None)
+                if sent and (len(body) < 3 or body[2] < 0x80):
+                    self.ledger.broker_has(*sent)
+            elif kind == PUBLISH:
+                topic, packet_id, payload = self.publication(flags, body)
+                if packet_id is not None:
+                    self.commands[packet_id] = (topic, payload)
+
+    def publication(self, flags, body):
+        topic, at = text_at(body, 0)
+        packet_id = None
+        if flags & 6:
+            packet_id, = struct.unpack_from(">H", body, at)
+            at += 2
+        if self.version == 5:
+            length, at = varint(body, at)
+            at += length
+        return topic.decode(), packet_id, body[at:]
+
+    def over(self):
+        self.ledger.connection_over(self.number)
+
+
+class Relay:
+    """Listens on `port` and passes on to the broker, in a thread of its own."""
+
+    def __init__(self, broker_port, ledger):
+        self.broker_port = broker_port
+        self.ledger = ledger
+        self.port = free_port()
+        self.connections = {}
+        self.numbers = 0
+        self.server = None
+        self.seconds_a_chunk = 0.0
+        self.bytes_a_second = None
+        self.loop = asyncio.new_event_loop()
+        self.thread = threading.Thread(target=self.loop.run_forever, name="relay", daemon=True)
+
+    def start(self):
+        self.thread.start()
+        self._call(self._start())
+
+    def stop(self):
+        self._call(self._cut())
+        self.loop.call_soon_threadsafe(self.loop.stop)
+        self.thread.join(PATIENCE)
+
+    # What may be done to the cable, from any thread.
+
+    def silence(self):
+        """Nothing crosses any more and nobody is told; who connects is accepted and gets no answer."""
+        self.loop.call_soon_threadsafe(self.flowing.clear)
+
+    def resume(self):
+        """Everything crosses again, at full speed; what was held back is delivered."""
+        self.loop.call_soon_threadsafe(self.flowing.set)
+        self.seconds_a_chunk, self.bytes_a_second = 0.0, None
+
+    def slow_down(self, seconds_a_chunk, bytes_a_second):
+        self.seconds_a_chunk, self.bytes_a_second = seconds_a_chunk, bytes_a_second
+
+    def cut(self):
+        """Every connection is reset, and what was held back is lost."""
+        self._call(self._cut())
+
+    def refuse(self):
+        self._call(self._refuse())
+
+    def accept(self):
+        self._call(self._listen())
+
+    def _call(self, coroutine):
+        return asyncio.run_coroutine_threadsafe(coroutine, self.loop).result(PATIENCE)
+
+    async def _start(self):
+        self.flowing = asyncio.Event()
+        self.flowing.set()
+        await self._listen()
+
+    async def _listen(self):
+        if self.server is None:
+            self.server = await asyncio.start_server(self._serve, "127.0.0.1", self.port)
+
+    async def _refuse(self):
+        if self.server is not None:
+            self.server.close()
+            self.server = None
+        await self._cut()
+
+    async def _cut(self):
+        connections = list(self.connections.items())
+        for pumps, writers in connections:
+            for writer in writers:
+                reset(writer)
+            pumps.cancel()
+        await asyncio.gather(*(pumps for pumps, _ in connections), return_exceptions=True)
+
+    async def _serve(self, agent_reader, agent_writer):
+        await self.flowing.wait()
+        try:
+            broker_reader, broker_writer = await asyncio.open_connection("127.0.0.1", self.broker_port)
+        except OSError:
+            return reset(agent_writer)
+        self.numbers += 1
+        tap = Tap(self.ledger, self.numbers)
+        pumps = asyncio.gather(self._pump(agent_reader, broker_writer, tap.from_agent),
+                               self._pump(broker_reader, agent_writer, tap.from_broker))
+        self.connections[pumps] = (agent_writer, broker_writer)
+        try:
+            await pumps
+        except (OSError, asyncio.CancelledError):
+            pass
+        finally:
+            del self.connections[pumps]
+            tap.over()
+            agent_writer.close()
+            broker_writer.close()
+
+    async def _pump(self, reader, writer, note):
+        while True:
+            await self.flowing.wait()
+            data = await reader.read(65536)
+            if not data:
+                raise ConnectionResetError  # ends the other direction too
+            note(data)
+            if self.bytes_a_second:
+                await asyncio.sleep(self.seconds_a_chunk + len(data) / self.bytes_a_second)
+            await self.flowing.wait()
+            writer.write(data)
+            await writer.drain()
+
+
+def reset(writer):
+    with_rst = struct.pack("ii", 1, 0)
+    writer.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, with_rst)
+    writer.transport.abort()
