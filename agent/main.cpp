@@ -1,5 +1,5 @@
-// The command line: run · check · plan · read · write · force-on · force-off · decode. Nothing
-// else.
+// The command line: run · check · plan · read · write · force-on · force-off · decode ·
+// verify-stream · acl. Nothing else.
 #include <malloc.h>
 
 #include <CLI/CLI.hpp>
@@ -14,6 +14,7 @@
 #include "agent/log.h"
 #include "agent/one_shot.h"
 #include "agent/plan_command.h"
+#include "agent/verify_stream.h"
 
 namespace {
 
@@ -90,6 +91,29 @@ void add_one_shot(CLI::App& app, const std::string& name, const std::string& mea
   });
 }
 
+void add_verify_stream(CLI::App& app, std::string& path, VerifyStream& what,
+                       std::function<int()>& action) {
+  CLI::App* command =
+      app.add_subcommand("verify-stream", "Listen to the agent's samples and name what is missing");
+  command->add_option("CONFIG", path, "Config file")->required();
+  command
+      ->add_option_function<int>(
+          "--seconds", [&what](int seconds) { what.listen = std::chrono::seconds(seconds); },
+          "How long to listen (60)")
+      ->check(CLI::Range(1, 604800));
+  command->add_option("--username", what.username, "MQTT user in place of the config's");
+  auto* file = command->add_option("--password-file", what.password_file, "File of its password");
+  command->add_option("--password-env", what.password_env, "Variable that holds its password")
+      ->excludes(file);
+  command->add_flag("--json", what.as_json, "Print JSON");
+  command->callback([&] {
+    action = [&] {
+      const auto config = loaded(path);
+      return config ? run_verify_stream(*config, what) : kWrong;
+    };
+  });
+}
+
 int dispatch(int argc, char** argv) {
   CLI::App app("fxagent: MQTT edge agent for Mitsubishi FX PLCs", "fxagent");
   app.set_version_flag("--version", FXAGENT_VERSION);
@@ -129,6 +153,9 @@ int dispatch(int argc, char** argv) {
                action);
   add_one_shot(app, "force-on", "Force a bit on", Op::force_on, path, what, action);
   add_one_shot(app, "force-off", "Force a bit off", Op::force_off, path, what, action);
+
+  VerifyStream verify_stream;
+  add_verify_stream(app, path, verify_stream, action);
 
   DecodeQuestion question;
   bool as_request = false;

@@ -206,9 +206,10 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
                                      public virtual mqtt::iaction_listener {
  public:
   Connection(std::shared_ptr<Inbox> inbox, std::uint64_t number, const MqttConfig& config,
-             const std::string& server)
+             const std::string& server, std::size_t max_payload)
       : inbox_(std::move(inbox)),
         number_(number),
+        max_payload_(max_payload),
         version_(config.version == 5 ? MQTTVERSION_5 : MQTTVERSION_3_1_1),
         tls_(is_tls(server)),
         port_(port_of(server)),
@@ -224,7 +225,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
         });
   }
 
-  void connect(const MqttConfig& config, const Will& will,
+  void connect(const MqttConfig& config, const std::optional<Will>& will,
                const std::optional<std::string>& password) {
     mqtt::connect_options options;
     options.set_mqtt_version(version_);
@@ -244,7 +245,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
     options.set_max_inflight(kPahoInFlight);
     if (!config.username.empty()) options.set_user_name(config.username);
     if (password) options.set_password(mqtt::binary_ref(*password));
-    options.set_will_message(mqtt::message(will.topic, will.payload, 1, true));
+    if (will) options.set_will_message(mqtt::message(will->topic, will->payload, 1, true));
     if (tls_) {
       MQTTAsync_setTraceCallback(note_tls_reason);
       MQTTAsync_setTraceLevel(MQTTASYNC_TRACE_MINIMUM);  // until the outcome is known
@@ -298,6 +299,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
     try {
       switch (token.get_type()) {
         case mqtt::token::CONNECT:
+          if (told_connected_.exchange(true)) return;  // Paho says it twice
           end_of_connecting();
           send_at_once(port_);
           return post(connected_by(token));
@@ -349,7 +351,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
       event.received = std::chrono::steady_clock::now();
       event.received_ms = utc_ms(std::chrono::system_clock::now());
       event.topic = message->get_topic();
-      event.payload = message->get_payload_str().substr(0, kMaxMessageBytes + 1);
+      event.payload = message->get_payload_str().substr(0, max_payload_ + 1);
       event.retained = message->is_retained();
       const mqtt::properties& properties = message->get_properties();
       using Code = mqtt::property::code;
@@ -447,9 +449,11 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
 
   const std::shared_ptr<Inbox> inbox_;
   const std::uint64_t number_;
+  const std::size_t max_payload_;
   const int version_;
   const bool tls_;
   const std::uint16_t port_;
+  std::atomic<bool> told_connected_ = false;
   std::atomic<bool> leaving_ = false;
   std::atomic<int> server_said_ = -1;  ///< reason code of a DISCONNECT from the broker
   mqtt::async_client client_;          ///< last: destroyed first, before what its callbacks use
@@ -457,8 +461,12 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
 
 // ---- broker -------------------------------------------------------------------------------------
 
-PahoBroker::PahoBroker(const MqttConfig& config, Will will, std::function<void()> notify)
-    : config_(config), will_(std::move(will)), inbox_(std::make_shared<Inbox>(std::move(notify))) {
+PahoBroker::PahoBroker(const MqttConfig& config, std::optional<Will> will,
+                       std::function<void()> notify, std::size_t max_payload)
+    : config_(config),
+      will_(std::move(will)),
+      max_payload_(max_payload),
+      inbox_(std::make_shared<Inbox>(std::move(notify))) {
   static std::once_flag once;
   std::call_once(once, leave_openssl_alone);
 }
@@ -498,7 +506,8 @@ void PahoBroker::connect(std::size_t index) {
     if (!readable) return inbox_->post(number, ConnectFailed{readable.error().text});
   }
   try {
-    connection_ = std::make_unique<Connection>(inbox_, number, config_, config_.servers.at(index));
+    connection_ = std::make_unique<Connection>(inbox_, number, config_, config_.servers.at(index),
+                                               max_payload_);
     connection_->connect(config_, will_, *password);
   } catch (const mqtt::exception& error) {
     inbox_->post(number, ConnectFailed{error.what()});
