@@ -8,6 +8,7 @@
 #include <functional>
 #include <iostream>
 
+#include "agent/acl_command.h"
 #include "agent/agent.h"
 #include "agent/config.h"
 #include "agent/decode.h"
@@ -114,6 +115,24 @@ void add_verify_stream(CLI::App& app, std::string& path, VerifyStream& what,
   });
 }
 
+void add_acl(CLI::App& app, std::string& path, AclQuestion& what, std::function<int()>& action) {
+  CLI::App* command = app.add_subcommand("acl", "Print an acl_file for the agent's mosquitto");
+  command->add_option("CONFIG", path, "Config file")->required();
+  command->add_option("--agent", what.agent, "User of the agent (mqtt.username of the config)");
+  command->add_option("--operator", what.operators, "A user who watches and orders; repeatable")
+      ->expected(1)
+      ->take_all();
+  command->add_option("--viewer", what.viewers, "A user who only watches; repeatable")
+      ->expected(1)
+      ->take_all();
+  command->callback([&] {
+    action = [&] {
+      const auto config = loaded(path);
+      return config ? run_acl(*config, what) : kWrong;
+    };
+  });
+}
+
 int dispatch(int argc, char** argv) {
   CLI::App app("fxagent: MQTT edge agent for Mitsubishi FX PLCs", "fxagent");
   app.set_version_flag("--version", FXAGENT_VERSION);
@@ -156,6 +175,9 @@ int dispatch(int argc, char** argv) {
 
   VerifyStream verify_stream;
   add_verify_stream(app, path, verify_stream, action);
+
+  AclQuestion acl;
+  add_acl(app, path, acl, action);
 
   DecodeQuestion question;
   bool as_request = false;
