@@ -104,6 +104,8 @@ class TreeBuilder {
       fault_ = what.substr(place_end + 2);
     else
       fault_ = tag_end != std::string_view::npos ? what.substr(tag_end + 2) : what;
+    // What was read last may be a password.
+    fault_.resize(std::min(fault_.size(), fault_.find("; last read: ")));
     return false;
   }
 

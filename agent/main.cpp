@@ -39,8 +39,9 @@ int check(const std::string& path) {
   if (!config) return kWrong;
   for (const std::string& warning : config->warnings)
     std::cerr << path << ": warning: " << warning << '\n';
-  for (const ConfigError& missing : check_files(*config))
-    std::cerr << path << ": warning: " << missing.pointer << ": " << missing.text << '\n';
+  for (const auto& findings : {check_files(*config), exposed_secrets(*config)})
+    for (const ConfigError& finding : findings)
+      std::cerr << path << ": warning: " << finding.pointer << ": " << finding.text << '\n';
   std::size_t tags = 0;
   for (const DeviceConfig& device : config->devices) tags += device.tags.size();
   std::cout << path << ": right: " << config->links.size() << " links, " << config->devices.size()
@@ -60,6 +61,8 @@ int run(const std::string& path) {
   const auto config = loaded(path);
   if (!config) return kWrong;
   for (const std::string& warning : config->warnings) log::warn("config", {{"note", warning}});
+  for (const ConfigError& secret : exposed_secrets(*config))
+    log::warn("config", {{"note", secret.pointer + ": " + secret.text}});
   run_agent(*config, stop_signals);
   return 0;
 }

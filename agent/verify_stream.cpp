@@ -195,6 +195,7 @@ MqttConfig connection_of(const MqttConfig& config, const VerifyStream& what) {
   own.client_id += suffix;
   if (what.username.empty() && what.password_file.empty() && what.password_env.empty()) return own;
   if (!what.username.empty()) own.username = what.username;
+  own.password.clear();
   own.password_file = what.password_file;
   own.password_env = what.password_env;
   return own;

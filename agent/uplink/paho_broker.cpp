@@ -10,7 +10,6 @@
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
-#include <iterator>
 #include <mutex>
 #include <optional>
 #include <string_view>
@@ -62,12 +61,19 @@ void leave_openssl_alone() {
   MQTTAsync_global_init(&options);
 }
 
+constexpr std::size_t kMaxPassword = 65535;  // MQTT 5, section 3.1.3.6
+
 /// The password, if there is one; bad_request where it cannot be had.
 Result<std::optional<std::string>> read_password(const MqttConfig& config) {
   if (!config.password_file.empty()) {
     errno = 0;
     std::ifstream file(config.password_file, std::ios::binary);
-    std::string text((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
+    std::string text(kMaxPassword + 1, '\0');
+    file.read(text.data(), static_cast<std::streamsize>(text.size()));
+    text.resize(static_cast<std::size_t>(file.gcount()));
+    if (text.size() > kMaxPassword)
+      return fail(ErrorCode::bad_request,
+                  "password_file " + config.password_file + ": longer than a password can be");
     if (!file.is_open() || file.bad())
       return fail(ErrorCode::bad_request, "password_file " + config.password_file + ": " +
                                               (errno != 0 ? std::strerror(errno) : "unreadable"));
@@ -82,6 +88,7 @@ Result<std::optional<std::string>> read_password(const MqttConfig& config) {
                   "environment variable " + config.password_env + " is not set");
     return std::string(value);
   }
+  if (!config.password.empty()) return config.password;
   return std::nullopt;
 }
 

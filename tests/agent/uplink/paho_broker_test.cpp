@@ -230,6 +230,24 @@ TEST(PahoBroker, PasswordComesFromTheEnvironmentWhereThereIsNoFile) {
   client.connect();
 }
 
+TEST(PahoBroker, PasswordOfTheConfigItselfIsUsed) {
+  const TemporaryDirectory directory;
+  const std::string users = directory.path("users");
+  test::run({"mosquitto_passwd", "-b", "-c", users, "edge7", "right"}, directory.path("log"));
+  const Mosquitto mosquitto(directory, "allow_anonymous false\npassword_file " + users);
+  MqttConfig config = settings(mosquitto.url());
+  config.username = "edge7";
+  config.password = "right";
+  Client client(config);
+  client.connect();
+}
+
+TEST(PahoBroker, PasswordFileWithoutEndIsRefused) {
+  MqttConfig config = settings("mqtt://127.0.0.1:1");
+  config.password_file = "/dev/zero";
+  EXPECT_NE(Client(config).refusal().find("longer than a password"), std::string::npos);
+}
+
 TEST(PahoBroker, MissingSecretIsSaidWithoutAskingTheBroker) {
   MqttConfig config = settings("mqtt://127.0.0.1:1");
   config.password_file = "/nonexistent/secret";
