@@ -1,6 +1,6 @@
 #include "agent/uplink/topics.h"
 
-#include "agent/uplink/utf8.h"
+#include "agent/utf8.h"
 
 namespace fxagent {
 namespace {
