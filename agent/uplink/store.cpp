@@ -44,6 +44,9 @@ bool is_damage(int code) {
   return code == SQLITE_CORRUPT || code == SQLITE_NOTADB || code == SQLITE_SCHEMA;
 }
 
+/// A file that was cut short is a database without our tables: SQLITE_ERROR.
+bool is_damage_at_open(int code) { return is_damage(code) || code == SQLITE_ERROR; }
+
 std::int64_t to_sql(std::uint64_t number) { return static_cast<std::int64_t>(number); }
 std::uint64_t from_sql(std::int64_t number) { return static_cast<std::uint64_t>(number); }
 
@@ -87,6 +90,7 @@ class Store::File final {
               " ON CONFLICT DO UPDATE SET result = excluded.result WHERE result = ''"};
     told = {db, "UPDATE orders SET told = 1 WHERE device = ? AND id = ?"};
     numbers = {db, "INSERT OR REPLACE INTO devices VALUES(?, ?, ?)"};
+    usable_ = db.fault().code == SQLITE_OK;  // a table may be missing
   }
 
   bool is_usable() const { return usable_; }
@@ -149,7 +153,7 @@ void Store::open(std::int64_t utc_ms) {
     file_ = std::make_unique<File>(path.string(), config_.sync_always);
     if (file_->is_usable() && load()) {
       writable_ = true;
-    } else if (is_damage(file_->db.fault().code) && attempt == 0) {
+    } else if (is_damage_at_open(file_->db.fault().code) && attempt == 0) {
       start_anew(file_->db.fault().text);
     } else {
       failed("open");

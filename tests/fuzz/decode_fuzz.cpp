@@ -13,6 +13,26 @@ namespace {
 
 using namespace fxagent;
 
+/// The options with one of them changed: each other choice, flag and model.
+std::vector<Options> variants(const ProtocolInfo& protocol, const Options& options) {
+  std::vector<Options> list;
+  const auto add = [&](std::string_view key, OptionValue value) {
+    if (options.at(std::string(key)) == value) return;
+    list.push_back(options);
+    list.back()[std::string(key)] = std::move(value);
+  };
+  for (const OptionSpec& spec : protocol.options) {
+    if (spec.kind == OptionSpec::Kind::choice)
+      for (const std::string_view choice : spec.choices) add(spec.key, std::string(choice));
+    if (spec.kind == OptionSpec::Kind::boolean) {
+      add(spec.key, true);
+      add(spec.key, false);
+    }
+  }
+  for (const std::string_view model : protocol.models) add("model", std::string(model));
+  return list;
+}
+
 std::vector<std::shared_ptr<const Codec>> every_codec() {
   std::vector<std::shared_ptr<const Codec>> codecs;
   for (const ProtocolInfo& protocol : catalog()) {
@@ -21,6 +41,10 @@ std::vector<std::shared_ptr<const Codec>> every_codec() {
     auto codec = protocol.make(options);
     if (!codec) std::abort();
     codecs.push_back(*codec);
+    for (const Options& other : variants(protocol, options)) {
+      auto variant = protocol.make(other);
+      if (variant) codecs.push_back(*variant);
+    }
   }
   return codecs;
 }
