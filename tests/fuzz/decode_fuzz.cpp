@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <cstdlib>
 #include <memory>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "protocol/catalog.h"
@@ -13,23 +15,20 @@ namespace {
 
 using namespace fxagent;
 
-/// The options with one of them changed: each other choice, flag and model.
+/// The options with one changed of those that change the frames.
 std::vector<Options> variants(const ProtocolInfo& protocol, const Options& options) {
+  std::vector<std::pair<std::string, OptionValue>> changes{
+      {"format", std::int64_t{4}},
+      {"sum_check", false},
+      {"command_set", std::string("classic")},
+      {"command_set", std::string("extended")}};
+  if (!protocol.models.empty()) changes.emplace_back("model", std::string(protocol.models.front()));
   std::vector<Options> list;
-  const auto add = [&](std::string_view key, OptionValue value) {
-    if (options.at(std::string(key)) == value) return;
+  for (const auto& [key, value] : changes) {
+    if (!options.contains(key)) continue;
     list.push_back(options);
-    list.back()[std::string(key)] = std::move(value);
-  };
-  for (const OptionSpec& spec : protocol.options) {
-    if (spec.kind == OptionSpec::Kind::choice)
-      for (const std::string_view choice : spec.choices) add(spec.key, std::string(choice));
-    if (spec.kind == OptionSpec::Kind::boolean) {
-      add(spec.key, true);
-      add(spec.key, false);
-    }
+    list.back()[key] = value;
   }
-  for (const std::string_view model : protocol.models) add("model", std::string(model));
   return list;
 }
 
@@ -43,7 +42,8 @@ std::vector<std::shared_ptr<const Codec>> every_codec() {
     codecs.push_back(*codec);
     for (const Options& other : variants(protocol, options)) {
       auto variant = protocol.make(other);
-      if (variant) codecs.push_back(*variant);
+      if (!variant) std::abort();
+      codecs.push_back(*variant);
     }
   }
   return codecs;

@@ -17,7 +17,7 @@ int main(int argc, char** argv) {
       const std::vector<char> bytes((std::istreambuf_iterator<char>(file)),
                                     std::istreambuf_iterator<char>());
       // Every cut of it too: a wire may stop anywhere. A long one is no frame, and cut more rarely.
-      const std::size_t step = 1 + bytes.size() / 2048;
+      const std::size_t step = 1 + bytes.size() / 1024;
       for (std::size_t size = bytes.size() % step; size <= bytes.size(); size += step)
         LLVMFuzzerTestOneInput(reinterpret_cast<const std::uint8_t*>(bytes.data()), size);
       ++files;
