@@ -108,7 +108,8 @@ class VerifyStream(PlantTest):
         self.sim.fault("press1", "silent", count=1)
         status, report = run.end()
         self.assertEqual((status, report["ok"], report["error"]), (0, True, None), report)
-        self.assertEqual((report["base"], report["seconds"]), (BASE, 4.0))
+        self.assertEqual(report["base"], BASE)
+        self.assertGreaterEqual(report["seconds"], 4.0)
         [press] = report["devices"]
         self.assertEqual((press["device"], press["ok"], press["missing"]["numbers"]),
                          ("press1", True, 0))
