@@ -39,12 +39,13 @@ constexpr const char* kSchema[] = {
     " PRIMARY KEY(device, id)) WITHOUT ROWID;"
     "CREATE INDEX orders_by_age ON orders(device, received_ms);"};
 
-/// The codes after which the file is not to be trusted any more; SQLITE_SCHEMA: a newer program's.
+/// The codes after which the file is not to be trusted any more; SQLITE_SCHEMA: a newer program's,
+/// or not what ours makes, as where the file was cut short.
 bool is_damage(int code) {
   return code == SQLITE_CORRUPT || code == SQLITE_NOTADB || code == SQLITE_SCHEMA;
 }
 
-/// A file that was cut short is a database without our tables: SQLITE_ERROR.
+/// Beside that a schema that cannot be made, since something of that name is there: SQLITE_ERROR.
 bool is_damage_at_open(int code) { return is_damage(code) || code == SQLITE_ERROR; }
 
 std::int64_t to_sql(std::uint64_t number) { return static_cast<std::int64_t>(number); }
@@ -76,7 +77,7 @@ class Store::File final {
     // Exclusive: two agents with one store would publish and journal for each other.
     usable_ = db.execute("PRAGMA locking_mode = EXCLUSIVE; PRAGMA journal_mode = WAL;") &&
               db.execute(always ? "PRAGMA synchronous = FULL" : "PRAGMA synchronous = NORMAL") &&
-              sqlite::migrate(db, kSchema);
+              sqlite::migrate(db, kSchema) && sqlite::has_schema(db, kSchema);
     if (!usable_) return;
     insert = {db, "INSERT INTO samples VALUES(?, ?, ?, ?, ?, ?)"};
     remove = {db, "DELETE FROM samples WHERE id = ?"};
@@ -90,7 +91,6 @@ class Store::File final {
               " ON CONFLICT DO UPDATE SET result = excluded.result WHERE result = ''"};
     told = {db, "UPDATE orders SET told = 1 WHERE device = ? AND id = ?"};
     numbers = {db, "INSERT OR REPLACE INTO devices VALUES(?, ?, ?)"};
-    usable_ = db.fault().code == SQLITE_OK;  // a table may be missing
   }
 
   bool is_usable() const { return usable_; }

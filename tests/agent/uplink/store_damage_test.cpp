@@ -78,6 +78,24 @@ TEST_F(StoreDamage, FileWithoutOneOfTheTablesIsSetAside) {
   }
 }
 
+TEST_F(StoreDamage, TableWithAnotherColumnIsSetAsideAndAnIndexMoreIsNot) {
+  make();
+  {
+    sqlite::Database database(file());
+    ASSERT_TRUE(database.execute("CREATE INDEX by_time ON samples(created_ms); ANALYZE"));
+  }
+  {
+    Store store(config_, kUtc);
+    EXPECT_EQ(store.rows(), 50U);
+    store.close();
+  }
+  {
+    sqlite::Database database(file());
+    ASSERT_TRUE(database.execute("ALTER TABLE orders RENAME COLUMN correlation TO colleration"));
+  }
+  expect_a_fresh_one();
+}
+
 TEST_F(StoreDamage, FileOfAnotherProgramIsSetAside) {
   fs::create_directory(config_.path);
   {
