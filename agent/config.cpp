@@ -1,5 +1,6 @@
 #include "agent/config.h"
 
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -107,7 +108,44 @@ void read_tls(ConfigReader& reader, const ConfigNode& node, MqttConfig& mqtt) {
   mqtt.tls = tls;
 }
 
-void read_mqtt(ConfigReader& reader, const ConfigNode& node, Config& config) {
+/// Whether what goes to the server stays on this machine.
+bool is_loopback(std::string_view server) {
+  server.remove_prefix(server.find("://") + 3);
+  return server.starts_with("127.") || server.starts_with("localhost:") ||
+         server.starts_with("[::1]:");
+}
+
+void read_password(ConfigReader& reader, const ConfigNode& node, MqttConfig& mqtt,
+                   FilePrivacy privacy) {
+  mqtt.password_file = reader.text(node, "password_file").value_or("");
+  mqtt.password_env = reader.text(node, "password_env").value_or("");
+  const bool is_allowed = reader.boolean(node, "allow_plain_secret").value_or(false);
+  if (const auto secret = reader.secret(node, "password")) {
+    const ConfigNode& at = *node.find("password");
+    mqtt.password = secret->value;
+    if (node.find("password_file") != nullptr || node.find("password_env") != nullptr)
+      reader.error(at, "password_file or password_env already says where the password is");
+    else if (secret->in_clear && privacy == FilePrivacy::shared && !is_allowed)
+      reader.error(at,
+                   "a password in clear in a file that others can read: put it into password_file "
+                   "or password_env, or make this file private (chmod 600), or set "
+                   "allow_plain_secret");
+    else if (secret->in_clear && privacy == FilePrivacy::shared)
+      reader.warn(at, "others can read this file, and with it the password");
+  }
+  constexpr std::array sources{"password_file"sv, "password_env"sv, "password"sv};
+  for (const auto key : sources) {
+    const ConfigNode* password = node.find(key);
+    if (password == nullptr) continue;
+    if (mqtt.version == 4 && node.find("username") == nullptr)
+      reader.error(*password, "MQTT 3.1.1 knows no password without a username");
+    for (const std::string& server : mqtt.servers)
+      if (server.starts_with("mqtt://") && !is_loopback(server))
+        reader.warn(*password, "it goes to " + server + " in clear; mqtts:// encrypts it");
+  }
+}
+
+void read_mqtt(ConfigReader& reader, const ConfigNode& node, Config& config, FilePrivacy privacy) {
   reader.check_object(node, config_keys::mqtt);
   MqttConfig& mqtt = config.mqtt;
   if (const ConfigNode* servers = reader.array(node, "servers", ConfigReader::required)) {
@@ -124,12 +162,7 @@ void read_mqtt(ConfigReader& reader, const ConfigNode& node, Config& config) {
   mqtt.version = reader.choice(node, "version", kVersions).value_or(0) == 0 ? 5 : 4;
   mqtt.client_id = reader.text(node, "client_id").value_or("fx-" + config.id);
   mqtt.username = reader.text(node, "username").value_or("");
-  mqtt.password_file = reader.text(node, "password_file").value_or("");
-  mqtt.password_env = reader.text(node, "password_env").value_or("");
-  if (mqtt.version == 4 && node.find("username") == nullptr)
-    for (const auto key : {"password_file"sv, "password_env"sv})
-      if (const ConfigNode* password = node.find(key))
-        reader.error(*password, "MQTT 3.1.1 knows no password without a username");
+  read_password(reader, node, mqtt, privacy);
   if (const ConfigNode* tls = reader.object(node, "tls", ConfigReader::optional))
     read_tls(reader, *tls, mqtt);
   mqtt.keep_alive = std::chrono::seconds(reader.integer_or(node, "keep_alive_s", {1, 65535}, 30));
@@ -296,14 +329,14 @@ void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& li
 
 // ---- the whole --------------------------------------------------------------------------------
 
-Config read_top(ConfigReader& reader, const ConfigNode& top) {
+Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy) {
   Config config;
   if (!reader.check_object(top, config_keys::top)) return config;
   if (const ConfigNode* schema = top.find("$schema"); schema != nullptr) reader.text(*schema);
   if (const ConfigNode* agent = reader.object(top, "agent", ConfigReader::required))
     read_agent(reader, *agent, config);
   if (const ConfigNode* mqtt = reader.object(top, "mqtt", ConfigReader::required))
-    read_mqtt(reader, *mqtt, config);
+    read_mqtt(reader, *mqtt, config, privacy);
   if (const ConfigNode* store = reader.object(top, "store", ConfigReader::optional))
     read_store(reader, *store, config.store);
   else if (top.find("store") == nullptr)
@@ -337,6 +370,24 @@ bool can_be_made(std::filesystem::path path) {
   return std::filesystem::is_directory(path, ignored) && ::access(path.c_str(), W_OK | X_OK) == 0;
 }
 
+FilePrivacy privacy_of(const std::string& path) {
+  struct stat file {};
+  const bool is_own = ::stat(path.c_str(), &file) == 0 && S_ISREG(file.st_mode) &&
+                      (file.st_mode & (S_IRWXG | S_IRWXO)) == 0;
+  return is_own ? FilePrivacy::owner_only : FilePrivacy::shared;
+}
+
+/// Who can read a file that need not; empty: nobody.
+std::string_view readers_beside_owner(const std::string& path) {
+  const auto credentials = process_environment("CREDENTIALS_DIRECTORY");
+  struct stat file {};
+  if ((credentials && path.starts_with(*credentials + "/")) || ::stat(path.c_str(), &file) != 0)
+    return {};
+  if ((file.st_mode & S_IROTH) != 0) return "everybody";
+  // Who is not its owner may need the group's right.
+  return (file.st_mode & S_IRGRP) != 0 && file.st_uid == ::geteuid() ? "its group" : "";
+}
+
 }  // namespace
 
 std::string to_string(const ConfigError& error, std::string_view file) {
@@ -348,12 +399,13 @@ std::string to_string(const ConfigError& error, std::string_view file) {
 }
 
 tl::expected<Config, std::vector<ConfigError>> parse_config(std::string_view text,
-                                                            const Environment& environment) {
+                                                            const Environment& environment,
+                                                            FilePrivacy privacy) {
   const auto tree = ConfigTree::parse(text);
   if (!tree)
     return tl::unexpected(std::vector{ConfigError{"", tree.error().line, tree.error().text}});
   ConfigReader reader(*tree, environment);
-  Config config = read_top(reader, tree->root());
+  Config config = read_top(reader, tree->root(), privacy);
   if (reader.failed()) return tl::unexpected(reader.errors());
   config.warnings = reader.warnings();
   return config;
@@ -379,7 +431,7 @@ tl::expected<Config, std::vector<ConfigError>> load_config(const std::string& pa
     text.append(block.data(), static_cast<std::size_t>(file.gcount()));
   }
   if (file.bad()) return unreadable("the file could not be read to its end");
-  auto config = parse_config(text);
+  auto config = parse_config(text, process_environment, privacy_of(path));
   if (!config) return config;
 
   const std::filesystem::path directory = std::filesystem::path(path).parent_path();
@@ -429,6 +481,19 @@ std::vector<ConfigError> check_files(const Config& config) {
            shown(serial->path) + " cannot be opened: " + std::generic_category().message(errno)});
   }
   return missing;
+}
+
+std::vector<ConfigError> exposed_secrets(const Config& config) {
+  std::vector<ConfigError> exposed;
+  const auto look = [&](std::string pointer, const std::string& path) {
+    const std::string_view who = path.empty() ? std::string_view() : readers_beside_owner(path);
+    if (!who.empty())
+      exposed.push_back({std::move(pointer), 0,
+                         shown(path) + " can be read by " + std::string(who) + "; chmod 600 it"});
+  };
+  if (config.mqtt.tls) look("/mqtt/tls/key_file", config.mqtt.tls->key_file);
+  look("/mqtt/password_file", config.mqtt.password_file);
+  return exposed;
 }
 
 }  // namespace fxagent

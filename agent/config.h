@@ -117,6 +117,7 @@ struct MqttConfig {
   std::string username;
   std::string password_file;
   std::string password_env;  ///< name of an environment variable; the file wins where both are set
+  std::string password;      ///< the password itself; the two above are empty then
   std::optional<TlsSettings> tls;
   std::chrono::seconds keep_alive{30};
   int qos = 1;  ///< of data topics
@@ -154,6 +155,10 @@ std::string to_string(const ConfigError& error, std::string_view file);
 /// Where `${NAME}` comes from: the value of a variable, nullopt where it is not set.
 using Environment = std::function<std::optional<std::string>(std::string_view name)>;
 
+/// Whether others than its owner can read the config file: then no password may stand in it, unless
+/// `allow_plain_secret` is set.
+enum class FilePrivacy : std::uint8_t { shared, owner_only };
+
 /// Reads and checks a config file; every error at once, in the order of the file. `${NAME}` in a
 /// string is taken from the environment of the process; `$${NAME}` stands for a plain `${NAME}`.
 /// Paths of `mqtt` and `store` that are relative are taken from the directory of the file. Never
@@ -161,8 +166,9 @@ using Environment = std::function<std::optional<std::string>(std::string_view na
 tl::expected<Config, std::vector<ConfigError>> load_config(const std::string& path);
 /// The same on a text already in memory; paths are left as they stand. Depends on its arguments
 /// alone.
-tl::expected<Config, std::vector<ConfigError>> parse_config(std::string_view text,
-                                                            const Environment& environment);
+tl::expected<Config, std::vector<ConfigError>> parse_config(
+    std::string_view text, const Environment& environment,
+    FilePrivacy privacy = FilePrivacy::shared);
 /// The same with the environment of the process.
 tl::expected<Config, std::vector<ConfigError>> parse_config(std::string_view text);
 
@@ -170,5 +176,10 @@ tl::expected<Config, std::vector<ConfigError>> parse_config(std::string_view tex
 /// read, a password variable that is not set, a serial port that is not there, a store that cannot
 /// be written. Pointers are those of the file; lines are 0. Changes nothing on disk.
 std::vector<ConfigError> check_files(const Config& config);
+
+/// Password and key files that others can read than those who must: everybody, or the group of a
+/// file that is this user's own. Credentials that systemd hands over are not looked at: their
+/// access lists show as rights of a group. Pointers and lines as above.
+std::vector<ConfigError> exposed_secrets(const Config& config);
 
 }  // namespace fxagent

@@ -14,9 +14,10 @@ using std::string_view_literals::operator""sv;
 inline constexpr std::array top{"$schema"sv, "agent"sv, "mqtt"sv,
                                 "store"sv,   "links"sv, "devices"sv};
 inline constexpr std::array agent{"id"sv, "root"sv};
-inline constexpr std::array mqtt{"servers"sv,  "version"sv,       "client_id"sv,
-                                 "username"sv, "password_file"sv, "password_env"sv,
-                                 "tls"sv,      "keep_alive_s"sv,  "qos"sv};
+inline constexpr std::array mqtt{
+    "servers"sv,       "version"sv,      "client_id"sv, "username"sv,
+    "password_file"sv, "password_env"sv, "password"sv,  "allow_plain_secret"sv,
+    "tls"sv,           "keep_alive_s"sv, "qos"sv};
 inline constexpr std::array tls{"ca_file"sv, "cert_file"sv, "key_file"sv};
 inline constexpr std::array store{"path"sv, "max_bytes"sv, "max_age_h"sv, "sync"sv};
 inline constexpr std::array link{"name"sv,      "serial"sv, "tcp"sv,      "line_baud"sv,

@@ -37,6 +37,10 @@ std::string found_text(const ConfigNode& node) {
   return {};
 }
 
+bool has_control(std::string_view text) {
+  return std::ranges::any_of(text, [](char c) { return (c >= 0 && c < 0x20) || c == 0x7F; });
+}
+
 /// Levenshtein.
 std::size_t edit_distance(std::string_view a, std::string_view b) {
   std::vector<std::size_t> row(b.size() + 1);
@@ -244,7 +248,7 @@ std::optional<std::string> ConfigReader::text(const ConfigNode& node) {
                     std::string(node.text.empty() ? "" : ", \"" + shown(node.text) + "\" is"));
     return std::nullopt;
   }
-  if (std::ranges::any_of(*expanded, [](char c) { return (c >= 0 && c < 0x20) || c == 0x7F; })) {
+  if (has_control(*expanded)) {
     error(node, "must not have control characters");
     return std::nullopt;
   }
@@ -255,6 +259,31 @@ std::optional<std::string> ConfigReader::text(const ConfigNode& parent, std::str
                                               Presence presence) {
   const ConfigNode* node = member(parent, key, presence);
   return node == nullptr ? std::nullopt : text(*node);
+}
+
+std::optional<ConfigReader::Secret> ConfigReader::secret(const ConfigNode& parent,
+                                                         std::string_view key) {
+  const ConfigNode* node = member(parent, key, Presence::optional);
+  if (node == nullptr) return std::nullopt;
+  if (node->kind != Kind::string) {
+    error(*node, "must be a string");
+    return std::nullopt;
+  }
+  const std::string_view text = node->text;
+  const bool is_variable = text.starts_with("${") && text.find('}') == text.size() - 1;
+  std::string fault;
+  auto value = expand(text, &fault);
+  if (!value)
+    error(*node, is_variable ? fault
+                             : "\"${\" must begin the name of an environment variable that is set; "
+                               "a plain one is written \"$${\"");
+  else if (value->empty())
+    error(*node, "must not be empty");
+  else if (has_control(*value))
+    error(*node, "must not have control characters");
+  else
+    return Secret{*std::move(value), !is_variable};
+  return std::nullopt;
 }
 
 std::optional<std::string> ConfigReader::name(const ConfigNode& parent, std::string_view key,

@@ -80,6 +80,12 @@ class ConfigReader {
                                   Presence presence = optional);
   /// The same for an item of an array.
   std::optional<std::string> text(const ConfigNode& node);
+  /// A string that no error may quote.
+  struct Secret {
+    std::string value;
+    bool in_clear = false;  ///< it stands in the file, and not just the variable that holds it
+  };
+  std::optional<Secret> secret(const ConfigNode& parent, std::string_view key);
   /// A string of the form that topics and commands use: [a-z0-9_-]{1,64}.
   std::optional<std::string> name(const ConfigNode& parent, std::string_view key,
                                   Presence presence);

@@ -6,12 +6,14 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "agent/utf8.h"
+
 namespace fxagent {
 namespace {
 
 using Json = nlohmann::json;
 
-// The library's own words, with room for the token that it quotes.
+// The library's own words.
 constexpr std::size_t kMaxFault = 240;
 
 /// Walks the text and leaves behind how far the lexer has come. That is how a SAX event learns its
@@ -104,6 +106,8 @@ class TreeBuilder {
       fault_ = what.substr(place_end + 2);
     else
       fault_ = tag_end != std::string_view::npos ? what.substr(tag_end + 2) : what;
+    // What was read last may be a password.
+    fault_.resize(std::min(fault_.size(), fault_.find("; last read: ")));
     return false;
   }
 
@@ -154,22 +158,6 @@ void name_parents(ConfigNode& node) {
     child.parent = &node;
     name_parents(child);
   }
-}
-
-/// Length of the well-formed UTF-8 sequence at the start of `text`; 0 where it is broken.
-std::size_t utf8_length(std::string_view text) {
-  const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
-  const unsigned char lead = byte(0);
-  const std::size_t length = lead < 0x80   ? 1
-                             : lead < 0xC2 ? 0
-                             : lead < 0xE0 ? 2
-                             : lead < 0xF0 ? 3
-                             : lead < 0xF5 ? 4
-                                           : 0;
-  if (length > text.size()) return 0;
-  for (std::size_t i = 1; i < length; ++i)
-    if ((byte(i) & 0xC0) != 0x80) return 0;
-  return length;
 }
 
 }  // namespace

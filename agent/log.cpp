@@ -3,7 +3,10 @@
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <memory>
+
+#include "agent/utf8.h"
 
 namespace fxagent::log {
 namespace {
@@ -20,11 +23,21 @@ spdlog::logger& logger() {
   return *instance;
 }
 
+/// Bytes of the character that `text` begins with; 0 where it is none that a terminal can be
+/// trusted with: no UTF-8, or a control character, those of U+0080 to U+009F included.
+std::size_t printable_length(std::string_view text) {
+  const auto lead = static_cast<unsigned char>(text.front());
+  if (lead < 0x20 || lead == 0x7F) return 0;
+  const bool is_c1 = lead == 0xC2 && text.size() > 1 && static_cast<unsigned char>(text[1]) < 0xA0;
+  return is_c1 ? 0 : utf8_length(text);
+}
+
 bool is_plain(std::string_view text) {
-  if (text.empty()) return false;
-  for (const char c : text) {
-    const auto byte = static_cast<unsigned char>(c);
-    if (byte <= 0x20 || byte == 0x7F || c == '"' || c == '=' || c == '\\') return false;
+  if (text.empty() || text.find_first_of(" \"=\\") != std::string_view::npos) return false;
+  while (!text.empty()) {
+    const std::size_t length = printable_length(text);
+    if (length == 0) return false;
+    text.remove_prefix(length);
   }
   return true;
 }
@@ -32,18 +45,19 @@ bool is_plain(std::string_view text) {
 void append_quoted(std::string& line, std::string_view text) {
   constexpr std::string_view digits = "0123456789abcdef";
   line += '"';
-  for (const char c : text) {
-    const auto byte = static_cast<unsigned char>(c);
-    if (c == '"' || c == '\\') {
-      line += '\\';
-      line += c;
-    } else if (byte < 0x20 || byte == 0x7F) {
+  while (!text.empty()) {
+    const char c = text.front();
+    const std::size_t length = printable_length(text);
+    if (length == 0) {
+      const auto byte = static_cast<unsigned char>(c);
       line += "\\x";
       line += digits[byte >> 4];
       line += digits[byte & 0x0F];
     } else {
-      line += c;
+      if (c == '"' || c == '\\') line += '\\';
+      line += text.substr(0, length);
     }
+    text.remove_prefix(std::max<std::size_t>(length, 1));
   }
   line += '"';
 }

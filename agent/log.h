@@ -10,7 +10,8 @@ namespace fxagent::log {
 
 enum class Level { debug, info, warn, error };
 
-/// A key and its value; values with blanks or quotes are quoted, control bytes are escaped.
+/// A key and its value; values with blanks or quotes are quoted; control characters and what is
+/// not UTF-8 are escaped byte by byte.
 using Field = std::pair<std::string_view, std::string>;
 
 /// Sets what is written: `info` and above at first.

@@ -1,5 +1,5 @@
-// The command line: run · check · plan · read · write · force-on · force-off · decode. Nothing
-// else.
+// The command line: run · check · plan · read · write · force-on · force-off · decode ·
+// verify-stream · acl. Nothing else.
 #include <malloc.h>
 
 #include <CLI/CLI.hpp>
@@ -8,12 +8,14 @@
 #include <functional>
 #include <iostream>
 
+#include "agent/acl_command.h"
 #include "agent/agent.h"
 #include "agent/config.h"
 #include "agent/decode.h"
 #include "agent/log.h"
 #include "agent/one_shot.h"
 #include "agent/plan_command.h"
+#include "agent/verify_stream.h"
 
 namespace {
 
@@ -41,8 +43,9 @@ int check(const std::string& path) {
   if (!config) return kWrong;
   for (const std::string& warning : config->warnings)
     std::cerr << path << ": warning: " << warning << '\n';
-  for (const ConfigError& missing : check_files(*config))
-    std::cerr << path << ": warning: " << missing.pointer << ": " << missing.text << '\n';
+  for (const auto& findings : {check_files(*config), exposed_secrets(*config)})
+    for (const ConfigError& finding : findings)
+      std::cerr << path << ": warning: " << finding.pointer << ": " << finding.text << '\n';
   std::size_t tags = 0;
   for (const DeviceConfig& device : config->devices) tags += device.tags.size();
   std::cout << path << ": right: " << config->links.size() << " links, " << config->devices.size()
@@ -62,6 +65,8 @@ int run(const std::string& path) {
   const auto config = loaded(path);
   if (!config) return kWrong;
   for (const std::string& warning : config->warnings) log::warn("config", {{"note", warning}});
+  for (const ConfigError& secret : exposed_secrets(*config))
+    log::warn("config", {{"note", secret.pointer + ": " + secret.text}});
   run_agent(*config, stop_signals);
   return 0;
 }
@@ -91,6 +96,47 @@ void add_one_shot(CLI::App& app, const std::string& name, const std::string& mea
   command->callback([&, op] {
     what.op = op;
     action = [&] { return one_shot(path, what); };
+  });
+}
+
+void add_verify_stream(CLI::App& app, std::string& path, VerifyStream& what,
+                       std::function<int()>& action) {
+  CLI::App* command =
+      app.add_subcommand("verify-stream", "Listen to the agent's samples and name what is missing");
+  command->add_option("CONFIG", path, "Config file")->required();
+  command
+      ->add_option_function<int>(
+          "--seconds", [&what](int seconds) { what.listen = std::chrono::seconds(seconds); },
+          "How long to listen (60)")
+      ->check(CLI::Range(1, 604800));
+  command->add_option("--username", what.username, "MQTT user in place of the config's");
+  auto* file = command->add_option("--password-file", what.password_file, "File of its password");
+  command->add_option("--password-env", what.password_env, "Variable that holds its password")
+      ->excludes(file);
+  command->add_flag("--json", what.as_json, "Print JSON");
+  command->callback([&] {
+    action = [&] {
+      const auto config = loaded(path);
+      return config ? run_verify_stream(*config, what) : kWrong;
+    };
+  });
+}
+
+void add_acl(CLI::App& app, std::string& path, AclQuestion& what, std::function<int()>& action) {
+  CLI::App* command = app.add_subcommand("acl", "Print an acl_file for the agent's mosquitto");
+  command->add_option("CONFIG", path, "Config file")->required();
+  command->add_option("--agent", what.agent, "User of the agent (mqtt.username of the config)");
+  command->add_option("--operator", what.operators, "A user who watches and orders; repeatable")
+      ->expected(1)
+      ->take_all();
+  command->add_option("--viewer", what.viewers, "A user who only watches; repeatable")
+      ->expected(1)
+      ->take_all();
+  command->callback([&] {
+    action = [&] {
+      const auto config = loaded(path);
+      return config ? run_acl(*config, what) : kWrong;
+    };
   });
 }
 
@@ -133,6 +179,12 @@ int dispatch(int argc, char** argv) {
                action);
   add_one_shot(app, "force-on", "Force a bit on", Op::force_on, path, what, action);
   add_one_shot(app, "force-off", "Force a bit off", Op::force_off, path, what, action);
+
+  VerifyStream verify_stream;
+  add_verify_stream(app, path, verify_stream, action);
+
+  AclQuestion acl;
+  add_acl(app, path, acl, action);
 
   DecodeQuestion question;
   bool as_request = false;

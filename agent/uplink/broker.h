@@ -45,7 +45,8 @@ struct Lost {
 struct Disconnected {};
 struct Message {
   std::string topic;
-  std::string payload;  ///< cut off after kMaxMessageBytes + 1
+  std::string
+      payload;  ///< cut off after kMaxMessageBytes + 1, unless the broker was told otherwise
   bool retained = false;
   std::string response_topic;  ///< MQTT 5; empty: none
   Bytes correlation;
@@ -75,7 +76,7 @@ struct MessagesDropped {
 using BrokerEvent = std::variant<Connected, ConnectFailed, Lost, Disconnected, Message, Delivered,
                                  DeliveryFailed, Subscribed, MessagesDropped>;
 
-/// Longest payload that is looked at; one more byte tells that there was more.
+/// Longest payload that the agent looks at; one more byte tells that there was more.
 inline constexpr std::size_t kMaxMessageBytes = 65536;
 
 struct Subscription {

@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "agent/config_reader.h"
-#include "agent/uplink/utf8.h"
+#include "agent/utf8.h"
 
 namespace fxagent::json {
 namespace {
@@ -390,8 +390,14 @@ const Json* find(const Json& object, const char* key) {
   return found == object.end() ? nullptr : &*found;
 }
 
+/// A key of a command: null is as good as absent, since templates fill in every key.
+const Json* given(const Json& object, const char* key) {
+  const Json* value = find(object, key);
+  return value == nullptr || value->is_null() ? nullptr : value;
+}
+
 void read_id(const Json& object, Command& command, Faults& faults) {
-  const Json* id = find(object, "id");
+  const Json* id = given(object, "id");
   if (id == nullptr) return faults.add(Reason::missing_id, "no id");
   const auto* text = id->get_ptr<const std::string*>();
   const bool fits =
@@ -405,7 +411,7 @@ void read_id(const Json& object, Command& command, Faults& faults) {
 
 void read_op(const Json& object, Command& command, Faults& faults) {
   constexpr std::string_view words = "write, force_on, force_off, read, run, stop";
-  const Json* op = find(object, "op");
+  const Json* op = given(object, "op");
   const auto* text = op == nullptr ? nullptr : op->get_ptr<const std::string*>();
   if (text == nullptr) {
     return faults.add(Reason::bad_op, std::string(op == nullptr ? "no op" : "op must be a string") +
@@ -420,9 +426,9 @@ void read_op(const Json& object, Command& command, Faults& faults) {
 /// `object` holds tag, address, type and value: the command itself, or one of its `targets`.
 CommandTarget read_target(const Json& object, Faults& faults) {
   CommandTarget target;
-  const Json* tag = find(object, "tag");
-  const Json* address = find(object, "address");
-  const Json* type = find(object, "type");
+  const Json* tag = given(object, "tag");
+  const Json* address = given(object, "address");
+  const Json* type = given(object, "type");
   if (tag != nullptr && address != nullptr) {
     faults.add(Reason::bad_address, "tag and address exclude each other");
   } else if (tag != nullptr) {
@@ -449,7 +455,7 @@ CommandTarget read_target(const Json& object, Faults& faults) {
   } else {
     faults.add(Reason::unknown_tag, "neither tag nor address");
   }
-  if (const Json* value = find(object, "value")) {
+  if (const Json* value = given(object, "value")) {
     target.value = value_of(*value);
     if (!target.value)
       faults.add(Reason::bad_value,
@@ -459,10 +465,10 @@ CommandTarget read_target(const Json& object, Faults& faults) {
 }
 
 void read_targets(const Json& object, Command& command, Faults& faults) {
-  const Json* targets = find(object, "targets");
+  const Json* targets = given(object, "targets");
   const bool has_single =
       std::any_of(kTargetKeys.begin(), kTargetKeys.end(),
-                  [&](std::string_view key) { return object.contains(std::string(key)); });
+                  [&](std::string_view key) { return given(object, key.data()) != nullptr; });
   if (targets == nullptr) {
     const bool needs_none = command.op == Op::run || command.op == Op::stop;
     if (has_single || !needs_none) command.targets.push_back(read_target(object, faults));
@@ -487,7 +493,7 @@ void read_targets(const Json& object, Command& command, Faults& faults) {
 
 /// A key that must be `true` or `false` where it is there.
 std::optional<bool> read_flag(const Json& object, const char* key, Faults& faults) {
-  const Json* flag = find(object, key);
+  const Json* flag = given(object, key);
   if (flag == nullptr) return std::nullopt;
   if (flag->is_boolean()) return flag->get<bool>();
   faults.add(Reason::bad_value, std::string(key) + " must be true or false");
@@ -495,7 +501,7 @@ std::optional<bool> read_flag(const Json& object, const char* key, Faults& fault
 }
 
 void read_conditions(const Json& object, Command& command, Faults& faults) {
-  if (const Json* expires = find(object, "expires")) {
+  if (const Json* expires = given(object, "expires")) {
     // A sender may write 1.79e12; a fraction or a huge number is no time.
     const double at = expires->is_number() ? expires->get<double>() : -1.0;
     if (at >= 0 && at <= static_cast<double>(kMaxExactInteger) && at == std::floor(at))
@@ -503,6 +509,7 @@ void read_conditions(const Json& object, Command& command, Faults& faults) {
     else
       faults.add(Reason::bad_value, "expires must be milliseconds UTC, a whole number");
   }
+  // A condition that got lost on its way (NaN becomes null) must not become an order without one.
   if (const Json* expect = find(object, "expect")) {
     command.expect = value_of(*expect);
     if (!command.expect)
@@ -513,7 +520,7 @@ void read_conditions(const Json& object, Command& command, Faults& faults) {
   }
   command.verify = read_flag(object, "verify", faults);
   command.dry_run = read_flag(object, "dry_run", faults).value_or(false);
-  if (const Json* by = find(object, "by")) {
+  if (const Json* by = given(object, "by")) {
     if (by->is_string())
       command.by = by->get<std::string>();
     else
@@ -567,6 +574,8 @@ std::string telemetry(const Telemetry& message, const DeviceConfig& device, std:
   out.end_object();
   return out.take();
 }
+
+bool is_intact(std::string_view row) { return Json::accept(row); }
 
 std::string history(std::span<const std::string_view> rows) {
   Writer out;
@@ -695,12 +704,16 @@ std::string result(const CommandResult& result, std::optional<std::chrono::nanos
 
 CommandResult recorded_result(std::string text) {
   CommandResult result;
+  result.status = CommandStatus::unknown_outcome;
   const Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  if (!json.is_object()) {
+    result.detail = "the record of the result is damaged";
+    return result;
+  }
   const auto word = [&json](const char* key) {
-    const Json* value = json.is_object() ? find(json, key) : nullptr;
+    const Json* value = find(json, key);
     return value != nullptr && value->is_string() ? value->get<std::string>() : std::string();
   };
-  result.status = CommandStatus::unknown_outcome;
   for (const CommandStatus status : kStatuses)
     if (word("status") == to_string(status)) result.status = status;
   for (const PlcAnswer answer : {PlcAnswer::ack, PlcAnswer::nak})

@@ -22,6 +22,8 @@ namespace fxagent::json {
 std::string telemetry(const Telemetry& message, const DeviceConfig& device, std::string_view boot,
                       std::string_view meta_hash);
 
+/// Whether a row is JSON still: what a worn-out disk gives back may not be.
+bool is_intact(std::string_view row);
 /// {"history":true,"rows":[…]} of rows that telemetry() made.
 std::string history(std::span<const std::string_view> rows);
 /// What history() adds to its rows and the commas between them.
@@ -49,11 +51,12 @@ struct Samples {
   std::uint64_t acknowledged = 0;
   std::uint64_t dropped = 0;
   std::uint64_t published = 0;  ///< sends, repeats included; no part of the balance
+  bool miscounted = false;      ///< the field says that it made other than arrived
 
   /// Each sample is in exactly one place.
   bool balanced() const {
-    return collected + recovered ==
-           suppressed + queued + in_flight + stored + acknowledged + dropped;
+    return !miscounted && collected + recovered ==
+                              suppressed + queued + in_flight + stored + acknowledged + dropped;
   }
 };
 
@@ -79,6 +82,7 @@ std::string health(const Health& health, const Config& config);
 std::string result(const CommandResult& result, std::optional<std::chrono::nanoseconds> total);
 
 /// What result() made in an earlier run: `recorded` is the text, status and plc are read from it.
+/// Where the text is no JSON object any more, the outcome is unknown and `recorded` empty.
 CommandResult recorded_result(std::string text);
 
 /// Reads a command; never throws. Whatever is wrong with its form stands in `refusal`: the first

@@ -10,7 +10,6 @@
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
-#include <iterator>
 #include <mutex>
 #include <optional>
 #include <string_view>
@@ -62,12 +61,19 @@ void leave_openssl_alone() {
   MQTTAsync_global_init(&options);
 }
 
+constexpr std::size_t kMaxPassword = 65535;  // MQTT 5, section 3.1.3.6
+
 /// The password, if there is one; bad_request where it cannot be had.
 Result<std::optional<std::string>> read_password(const MqttConfig& config) {
   if (!config.password_file.empty()) {
     errno = 0;
     std::ifstream file(config.password_file, std::ios::binary);
-    std::string text((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
+    std::string text(kMaxPassword + 1, '\0');
+    file.read(text.data(), static_cast<std::streamsize>(text.size()));
+    text.resize(static_cast<std::size_t>(file.gcount()));
+    if (text.size() > kMaxPassword)
+      return fail(ErrorCode::bad_request,
+                  "password_file " + config.password_file + ": longer than a password can be");
     if (!file.is_open() || file.bad())
       return fail(ErrorCode::bad_request, "password_file " + config.password_file + ": " +
                                               (errno != 0 ? std::strerror(errno) : "unreadable"));
@@ -82,6 +88,7 @@ Result<std::optional<std::string>> read_password(const MqttConfig& config) {
                   "environment variable " + config.password_env + " is not set");
     return std::string(value);
   }
+  if (!config.password.empty()) return config.password;
   return std::nullopt;
 }
 
@@ -218,9 +225,10 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
                                      public virtual mqtt::iaction_listener {
  public:
   Connection(std::shared_ptr<Inbox> inbox, std::uint64_t number, const MqttConfig& config,
-             const std::string& server)
+             const std::string& server, std::size_t max_payload)
       : inbox_(std::move(inbox)),
         number_(number),
+        max_payload_(max_payload),
         version_(config.version == 5 ? MQTTVERSION_5 : MQTTVERSION_3_1_1),
         tls_(is_tls(server)),
         port_(port_of(server)),
@@ -236,7 +244,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
         });
   }
 
-  void connect(const MqttConfig& config, const Will& will,
+  void connect(const MqttConfig& config, const std::optional<Will>& will,
                const std::optional<std::string>& password) {
     mqtt::connect_options options;
     options.set_mqtt_version(version_);
@@ -256,7 +264,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
     options.set_max_inflight(kPahoInFlight);
     if (!config.username.empty()) options.set_user_name(config.username);
     if (password) options.set_password(mqtt::binary_ref(*password));
-    options.set_will_message(mqtt::message(will.topic, will.payload, 1, true));
+    if (will) options.set_will_message(mqtt::message(will->topic, will->payload, 1, true));
     if (tls_) {
       MQTTAsync_setTraceCallback(note_tls_reason);
       MQTTAsync_setTraceLevel(MQTTASYNC_TRACE_MINIMUM);  // until the outcome is known
@@ -310,6 +318,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
     try {
       switch (token.get_type()) {
         case mqtt::token::CONNECT:
+          if (told_connected_.exchange(true)) return;  // Paho says it twice
           end_of_connecting();
           send_at_once(port_);
           return post(connected_by(token));
@@ -361,7 +370,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
       event.received = std::chrono::steady_clock::now();
       event.received_ms = utc_ms(std::chrono::system_clock::now());
       event.topic = message->get_topic();
-      event.payload = message->get_payload_str().substr(0, kMaxMessageBytes + 1);
+      event.payload = message->get_payload_str().substr(0, max_payload_ + 1);
       event.retained = message->is_retained();
       const mqtt::properties& properties = message->get_properties();
       using Code = mqtt::property::code;
@@ -459,9 +468,11 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
 
   const std::shared_ptr<Inbox> inbox_;
   const std::uint64_t number_;
+  const std::size_t max_payload_;
   const int version_;
   const bool tls_;
   const std::uint16_t port_;
+  std::atomic<bool> told_connected_ = false;
   std::atomic<bool> leaving_ = false;
   std::atomic<int> server_said_ = -1;  ///< reason code of a DISCONNECT from the broker
   mqtt::async_client client_;          ///< last: destroyed first, before what its callbacks use
@@ -469,8 +480,12 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
 
 // ---- broker -------------------------------------------------------------------------------------
 
-PahoBroker::PahoBroker(const MqttConfig& config, Will will, std::function<void()> notify)
-    : config_(config), will_(std::move(will)), inbox_(std::make_shared<Inbox>(std::move(notify))) {
+PahoBroker::PahoBroker(const MqttConfig& config, std::optional<Will> will,
+                       std::function<void()> notify, std::size_t max_payload)
+    : config_(config),
+      will_(std::move(will)),
+      max_payload_(max_payload),
+      inbox_(std::make_shared<Inbox>(std::move(notify))) {
   static std::once_flag once;
   std::call_once(once, leave_openssl_alone);
 }
@@ -510,7 +525,8 @@ void PahoBroker::connect(std::size_t index) {
     if (!readable) return inbox_->post(number, ConnectFailed{readable.error().text});
   }
   try {
-    connection_ = std::make_unique<Connection>(inbox_, number, config_, config_.servers.at(index));
+    connection_ = std::make_unique<Connection>(inbox_, number, config_, config_.servers.at(index),
+                                               max_payload_);
     connection_->connect(config_, will_, *password);
   } catch (const mqtt::exception& error) {
     inbox_->post(number, ConnectFailed{error.what()});

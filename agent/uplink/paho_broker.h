@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -26,8 +27,10 @@ struct Will {
 class PahoBroker final : public Broker {
  public:
   /// `notify` is called on Paho's threads whenever there is news; it must not block or throw, and
-  /// may be called until the destructor returns.
-  PahoBroker(const MqttConfig& config, Will will, std::function<void()> notify);
+  /// may be called until the destructor returns. A message's payload is cut off one byte behind
+  /// `max_payload`.
+  PahoBroker(const MqttConfig& config, std::optional<Will> will, std::function<void()> notify,
+             std::size_t max_payload = kMaxMessageBytes);
   /// Waits up to 2 s for a connection that is up to be closed.
   ~PahoBroker() override;
 
@@ -48,7 +51,8 @@ class PahoBroker final : public Broker {
   void retire();
 
   const MqttConfig config_;
-  const Will will_;
+  const std::optional<Will> will_;
+  const std::size_t max_payload_;
   /// Shared by this object and every connection: a callback may still be on its way when its
   /// connection has been given up.
   std::shared_ptr<Inbox> inbox_;

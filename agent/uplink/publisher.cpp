@@ -132,6 +132,7 @@ json::Samples Publisher::samples() const {
   samples.acknowledged = acknowledged_;
   samples.dropped = dropped_total_;
   samples.published = published_;
+  samples.miscounted = miscounted_;
   return samples;
 }
 
@@ -361,7 +362,8 @@ void Publisher::take_outbox(SteadyTime now) {
     field_ = std::move(*batch.health);
     std::uint64_t sent = 0;
     for (const DeviceHealth& device : field_.devices) sent += device.collected - device.suppressed;
-    if (sent != batch.pushed_at_health)
+    miscounted_ = sent != batch.pushed_at_health;
+    if (miscounted_)
       log::error("samples_miscounted", {{"field", std::to_string(sent)},
                                         {"outbox", std::to_string(batch.pushed_at_health)}});
   }

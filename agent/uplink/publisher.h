@@ -261,6 +261,7 @@ class Publisher final {
   std::uint64_t dropped_at_tick_ = 0;
   std::uint64_t published_ = 0;
   FieldHealth field_;
+  bool miscounted_ = false;  ///< field_ does not agree with what the outbox has handed over
   std::map<CommandStatus, std::uint64_t> commands_;
   std::uint64_t row_bytes_ = 0;  ///< serialised since the last tick, for hours_left
   std::optional<double> bytes_per_hour_;

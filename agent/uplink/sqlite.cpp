@@ -127,4 +127,25 @@ bool migrate(Database& database, std::span<const char* const> steps) {
   return true;
 }
 
+bool has_schema(Database& database, std::span<const char* const> steps) {
+  Database model(":memory:");
+  if (!migrate(model, steps)) {
+    database.set_fault(model.fault());
+    return false;
+  }
+  database.clear_fault();
+  Statement wanted(model, "SELECT name, sql FROM sqlite_master WHERE sql IS NOT NULL");
+  Statement found(database, "SELECT sql FROM sqlite_master WHERE name = ?");
+  while (wanted.step() == Statement::Step::row) {
+    const bool is_there = found.bind(1, wanted.text(0)).step() == Statement::Step::row &&
+                          found.text(0) == wanted.text(1);
+    found.reset();
+    if (is_there) continue;
+    if (database.fault().code == SQLITE_OK)
+      database.set_fault({SQLITE_SCHEMA, std::string(wanted.text(0)) + " is not as it was made"});
+    return false;
+  }
+  return true;
+}
+
 }  // namespace fxagent::sqlite

@@ -111,4 +111,8 @@ class Transaction final {
 /// program; then fault() says which.
 bool migrate(Database& database, std::span<const char* const> steps);
 
+/// Whether all that the steps make is there, as they make it; more may be there. Where it is not,
+/// fault() says so, with SQLITE_SCHEMA if it could be read.
+bool has_schema(Database& database, std::span<const char* const> steps);
+
 }  // namespace fxagent::sqlite

@@ -11,6 +11,7 @@
 #include <system_error>
 
 #include "agent/log.h"
+#include "agent/uplink/json.h"
 #include "agent/uplink/sqlite.h"
 
 namespace fxagent {
@@ -39,10 +40,14 @@ constexpr const char* kSchema[] = {
     " PRIMARY KEY(device, id)) WITHOUT ROWID;"
     "CREATE INDEX orders_by_age ON orders(device, received_ms);"};
 
-/// The codes after which the file is not to be trusted any more; SQLITE_SCHEMA: a newer program's.
+/// The codes after which the file is not to be trusted any more; SQLITE_SCHEMA: a newer program's,
+/// or not what ours makes, as where the file was cut short.
 bool is_damage(int code) {
   return code == SQLITE_CORRUPT || code == SQLITE_NOTADB || code == SQLITE_SCHEMA;
 }
+
+/// Beside that a schema that cannot be made, since something of that name is there: SQLITE_ERROR.
+bool is_damage_at_open(int code) { return is_damage(code) || code == SQLITE_ERROR; }
 
 std::int64_t to_sql(std::uint64_t number) { return static_cast<std::int64_t>(number); }
 std::uint64_t from_sql(std::int64_t number) { return static_cast<std::uint64_t>(number); }
@@ -73,7 +78,7 @@ class Store::File final {
     // Exclusive: two agents with one store would publish and journal for each other.
     usable_ = db.execute("PRAGMA locking_mode = EXCLUSIVE; PRAGMA journal_mode = WAL;") &&
               db.execute(always ? "PRAGMA synchronous = FULL" : "PRAGMA synchronous = NORMAL") &&
-              sqlite::migrate(db, kSchema);
+              sqlite::migrate(db, kSchema) && sqlite::has_schema(db, kSchema);
     if (!usable_) return;
     insert = {db, "INSERT INTO samples VALUES(?, ?, ?, ?, ?, ?)"};
     remove = {db, "DELETE FROM samples WHERE id = ?"};
@@ -149,7 +154,7 @@ void Store::open(std::int64_t utc_ms) {
     file_ = std::make_unique<File>(path.string(), config_.sync_always);
     if (file_->is_usable() && load()) {
       writable_ = true;
-    } else if (is_damage(file_->db.fault().code) && attempt == 0) {
+    } else if (is_damage_at_open(file_->db.fault().code) && attempt == 0) {
       start_anew(file_->db.fault().text);
     } else {
       failed("open");
@@ -367,6 +372,7 @@ std::optional<HistoryBatch> Store::next(std::size_t max_payload, const MaySend& 
 
   BatchBuilder builder(max_payload);
   std::vector<std::uint64_t> costs;
+  std::vector<std::uint64_t> damaged;
   Statement& lane = file_->lane;
   lane.bind(1, key.first).bind(2, key.second);
   auto step = lane.step();
@@ -374,10 +380,16 @@ std::optional<HistoryBatch> Store::next(std::size_t max_payload, const MaySend& 
     const std::uint64_t order = from_sql(lane.number(0));
     if (out_.contains(order) || removed_.contains(order)) continue;
     const std::string_view row = lane.text(1);
+    if (!json::is_intact(row)) {
+      out_[order] = {key, row.size() + SampleRow::kOverhead};
+      damaged.push_back(order);
+      continue;
+    }
     if (!builder.add(order, row)) break;
     costs.push_back(row.size() + SampleRow::kOverhead);
   }
   lane.reset();
+  if (!damaged.empty()) drop_damaged(key, damaged);
   if (step == Statement::Step::failed) failed("read");
   if (step == Statement::Step::failed || builder.empty()) return std::nullopt;
   HistoryBatch batch = builder.take(key);
@@ -386,6 +398,15 @@ std::optional<HistoryBatch> Store::next(std::size_t max_payload, const MaySend& 
   taken.out += batch.orders.size();
   taken.on_the_way = true;
   return batch;
+}
+
+void Store::drop_damaged(const LaneKey& lane, const std::vector<std::uint64_t>& orders) {
+  lanes_[lane].out += orders.size();
+  dropped_[lane.first] += remove(orders);
+  log::error("store", {{"state", "damaged"},
+                       {"device", lane.first},
+                       {"group", lane.second},
+                       {"rows_dropped", std::to_string(orders.size())}});
 }
 
 std::uint64_t Store::remove(std::span<const std::uint64_t> orders) {

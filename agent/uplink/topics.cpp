@@ -1,6 +1,6 @@
 #include "agent/uplink/topics.h"
 
-#include "agent/uplink/utf8.h"
+#include "agent/utf8.h"
 
 namespace fxagent {
 namespace {
@@ -32,6 +32,22 @@ std::optional<std::string_view> device_of(std::string_view topic, std::string_vi
   if (slash == std::string_view::npos || slash == 0 || topic.substr(slash + 1) != leaf)
     return std::nullopt;
   return topic.substr(0, slash);
+}
+
+std::optional<DataTopic> data_topic_of(std::string_view topic, std::string_view base) {
+  if (!starts_with(topic, base, "/")) return std::nullopt;
+  topic.remove_prefix(base.size() + 1);
+  const std::size_t slash = topic.find('/');
+  if (slash == std::string_view::npos || !topic.substr(slash).starts_with("/data/"))
+    return std::nullopt;
+  DataTopic found{topic.substr(0, slash), topic.substr(slash + 6), false};
+  if (found.group.ends_with("/history")) {
+    found.group.remove_suffix(8);
+    found.is_history = true;
+  }
+  if (found.device.empty() || found.group.empty() || found.group.find('/') != found.group.npos)
+    return std::nullopt;
+  return found;
 }
 
 std::string response_topic_fault(std::string_view topic, std::string_view root,

@@ -15,6 +15,15 @@ bool is_publishable(std::string_view topic);
 std::optional<std::string_view> device_of(std::string_view topic, std::string_view base,
                                           std::string_view leaf);
 
+/// What a topic of samples says: "{base}/{device}/data/{group}", or that with "/history" behind it.
+struct DataTopic {
+  std::string_view device;
+  std::string_view group;
+  bool is_history = false;
+};
+/// Nullopt for every other shape. The views are of `topic`.
+std::optional<DataTopic> data_topic_of(std::string_view topic, std::string_view base);
+
 /// Empty where a result may go to this response topic; otherwise why not. Refused are topics that
 /// cannot be published to, that end in /command (a result would come back as an order), and those
 /// under {root}/ other than below {base}/{device}/result/ (someone else's data could be forged).

@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <cstdlib>
 #include <memory>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "protocol/catalog.h"
@@ -13,6 +15,23 @@ namespace {
 
 using namespace fxagent;
 
+/// The options with one changed of those that change the frames.
+std::vector<Options> variants(const ProtocolInfo& protocol, const Options& options) {
+  std::vector<std::pair<std::string, OptionValue>> changes{
+      {"format", std::int64_t{4}},
+      {"sum_check", false},
+      {"command_set", std::string("classic")},
+      {"command_set", std::string("extended")}};
+  if (!protocol.models.empty()) changes.emplace_back("model", std::string(protocol.models.front()));
+  std::vector<Options> list;
+  for (const auto& [key, value] : changes) {
+    if (!options.contains(key)) continue;
+    list.push_back(options);
+    list.back()[key] = value;
+  }
+  return list;
+}
+
 std::vector<std::shared_ptr<const Codec>> every_codec() {
   std::vector<std::shared_ptr<const Codec>> codecs;
   for (const ProtocolInfo& protocol : catalog()) {
@@ -21,6 +40,11 @@ std::vector<std::shared_ptr<const Codec>> every_codec() {
     auto codec = protocol.make(options);
     if (!codec) std::abort();
     codecs.push_back(*codec);
+    for (const Options& other : variants(protocol, options)) {
+      auto variant = protocol.make(other);
+      if (!variant) std::abort();
+      codecs.push_back(*variant);
+    }
   }
   return codecs;
 }

@@ -1,5 +1,9 @@
-// Any bytes from a file or a topic: the config loader and the command parser. Nothing may crash.
+// Any bytes from a file or a topic: the config loader, the command parser, and a result that the
+// journal kept. Nothing may crash, and a result that goes out is JSON.
 #include <cstdint>
+#include <cstdlib>
+#include <nlohmann/json.hpp>
+#include <string>
 #include <string_view>
 
 #include "agent/config.h"
@@ -9,5 +13,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::string_view text(reinterpret_cast<const char*>(data), size);
   (void)fxagent::parse_config(text, [](std::string_view) { return std::nullopt; });
   (void)fxagent::json::command(text);
+  const auto recorded = fxagent::json::recorded_result(std::string(text));
+  if (!nlohmann::json::accept(fxagent::json::result(recorded, std::nullopt))) std::abort();
   return 0;
 }

@@ -51,6 +51,46 @@ class Programs(PlantTest):
         status, out, _ = self.run_agent("read", path, "press1", "D100", "--json")
         self.assertEqual((status, json.loads(out)["reason"]), (1, "nak"))
 
+    def test_what_the_agent_writes_is_its_users_alone(self):
+        before = os.umask(0o022)
+        self.addCleanup(os.umask, before)
+        store = os.path.join(self.directory, "store")
+        self.start(store={"path": store})
+        self.state("press1", "online")
+        self.order(op="force_on", address="M150")
+        self.assertEqual(os.stat(store).st_mode & 0o777, 0o700)
+        names = os.listdir(store)
+        self.assertIn("fxagent.db-wal", names)
+        for name in names:
+            self.assertEqual(os.stat(os.path.join(store, name)).st_mode & 0o777, 0o600, name)
+        # Nothing else appeared beside what the test itself made.
+        self.assertEqual(set(os.listdir(self.directory)) - {"store", "agent.json", "agent.log"},
+                         {name for name in os.listdir(self.directory)
+                          if name.startswith(("mosquitto", "sim", "press1"))})
+
+    def test_secrets_are_refused_in_clear_and_exposed_files_are_named(self):
+        secret = os.path.join(self.directory, "secret")
+        with open(secret, "w") as out:
+            out.write("hunter2\n")
+        os.chmod(secret, 0o644)
+        servers = ["mqtt://127.0.0.1:1"]
+        path = self.config(mqtt={"servers": servers, "password_file": secret})
+        status, _, errors = self.run_agent("check", path)
+        self.assertEqual(status, 0)
+        self.assertIn("/mqtt/password_file: " + secret + " can be read by everybody", errors)
+        path = self.config(mqtt={"servers": servers, "username": "u", "password": "hunter2"})
+        os.chmod(path, 0o644)
+        status, _, errors = self.run_agent("check", path)
+        self.assertEqual(status, 2)
+        self.assertIn("/mqtt/password: a password in clear", errors)
+        os.chmod(path, 0o600)
+        self.assertEqual(self.run_agent("check", path)[0], 0)
+        path = self.config(mqtt={"servers": ["mqtt://u:hunter2@127.0.0.1:1"]})
+        status, _, errors = self.run_agent("check", path)
+        self.assertEqual(status, 2)
+        self.assertIn("must not carry a user or a password", errors)
+        self.assertNotIn("hunter2", errors)
+
     def test_decode_explains_frames_and_judges_their_sums(self):
         def decode(*arguments):
             status, out, _ = self.run_agent("decode", "fx-programming-port", *arguments, "--json")

@@ -113,6 +113,50 @@ TEST_F(ConfigFiles, NothingIsNamedWhereAllIsThere) {
   EXPECT_FALSE(fs::exists(directory_ / "new")) << "a check changes nothing";
 }
 
+TEST_F(ConfigFiles, PasswordInClearWantsAFileOfTheOwnersAlone) {
+  auto plant = small_plant();
+  plant["mqtt"]["password"] = "hunter2";
+  const std::string path = write("agent.json", plant.dump());
+  for (const unsigned mode : {0644U, 0640U, 0604U, 0610U}) {
+    fs::permissions(path, fs::perms(mode));
+    const auto config = load_config(path);
+    ASSERT_FALSE(config) << mode;
+    expect_error(config.error(), "/mqtt/password", {"chmod 600"});
+  }
+  for (const unsigned mode : {0600U, 0400U}) {
+    fs::permissions(path, fs::perms(mode));
+    const auto config = load_config(path);
+    ASSERT_TRUE(config) << listed(config.error());
+    EXPECT_EQ(config->mqtt.password, "hunter2");
+  }
+}
+
+TEST_F(ConfigFiles, SecretsThatOthersCanReadAreNamed) {
+  auto plant = small_plant();
+  const std::string secret = write("secret", "x");
+  const std::string key = write("key", "x");
+  plant["mqtt"]["servers"][0] = "mqtts://a";
+  plant["mqtt"]["password_file"] = secret;
+  plant["mqtt"]["tls"] = {{"cert_file", write("cert", "x")}, {"key_file", key}};
+  const Config config = good(plant.dump());
+  const auto with = [&](unsigned secret_mode, unsigned key_mode) {
+    fs::permissions(secret, fs::perms(secret_mode));
+    fs::permissions(key, fs::perms(key_mode));
+    return exposed_secrets(config);
+  };
+  EXPECT_TRUE(with(0600, 0400).empty());
+  expect_error(with(0644, 0600), "/mqtt/password_file", {"everybody", "chmod 600"});
+  expect_error(with(0444, 0600), "/mqtt/password_file", {"everybody"});
+  expect_error(with(0600, 0640), "/mqtt/tls/key_file", {"its group"});
+  EXPECT_EQ(with(0644, 0644).size(), 2U);
+  ::setenv("CREDENTIALS_DIRECTORY", directory_.c_str(), 1);
+  EXPECT_TRUE(with(0440, 0440).empty()) << "systemd's own access lists";
+  ::unsetenv("CREDENTIALS_DIRECTORY");
+  fs::remove(secret);
+  fs::remove(key);
+  EXPECT_TRUE(exposed_secrets(config).empty()) << "check_files() tells of those";
+}
+
 TEST_F(ConfigFiles, PasswordVariableStandsInForTheFile) {
   auto plant = small_plant();
   plant["store"]["path"] = directory_.string();

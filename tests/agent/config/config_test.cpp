@@ -153,10 +153,75 @@ TEST(Config, UnknownKeyNamesTheNearestOne) {
   expect_error(changed("/devices/0/commands/que", "5"), "/devices/0/commands/que", {"queue"});
 }
 
+/// The small plant with more keys under /mqtt.
+std::string with_mqtt(const nlohmann::json& more) {
+  auto plant = small_plant();
+  plant["mqtt"].update(more);
+  return plant.dump(1);
+}
+
 TEST(Config, PasswordInClearIsSentToAFileAndNotQuoted) {
   const auto errors = errors_of(changed("/mqtt/password", R"("hunter2")"));
-  expect_error(errors, "/mqtt/password", {"password_file", "password_env"});
+  expect_error(errors, "/mqtt/password", {"password_file", "password_env", "chmod 600"});
   EXPECT_EQ(listed(errors).find("hunter2"), std::string::npos);
+}
+
+TEST(Config, PasswordInClearStandsInAPrivateFileOrWhereItIsAllowed) {
+  const std::string text = with_mqtt({{"password", "hunter2"}});
+  const auto own = parse_config(text, environment(), FilePrivacy::owner_only);
+  ASSERT_TRUE(own) << listed(own.error());
+  EXPECT_EQ(own->mqtt.password, "hunter2");
+  EXPECT_TRUE(own->warnings.empty());
+  const Config allowed = good(with_mqtt({{"password", "hunter2"}, {"allow_plain_secret", true}}));
+  EXPECT_EQ(allowed.mqtt.password, "hunter2");
+  EXPECT_TRUE(warns(allowed, {"/mqtt/password", "others"}));
+  EXPECT_FALSE(warns(allowed, {"hunter2"}));
+  expect_error(with_mqtt({{"password", "hunter2"}, {"allow_plain_secret", false}}),
+               "/mqtt/password", {"allow_plain_secret"});
+}
+
+TEST(Config, PasswordOfAVariableIsNotInClearButOneThatIsPartlySoIs) {
+  const Environment from = environment({{"PW", "hunter2"}});
+  EXPECT_EQ(good(with_mqtt({{"password", "${PW}"}}), from).mqtt.password, "hunter2");
+  for (const char* text : {"x${PW}", "${PW}x", "${PW}${PW}", "$${PW}"}) {
+    const auto errors = errors_of(with_mqtt({{"password", text}}), from);
+    expect_error(errors, "/mqtt/password", {"allow_plain_secret"});
+    EXPECT_EQ(listed(errors).find("hunter2"), std::string::npos);
+  }
+}
+
+TEST(Config, NoErrorQuotesAPassword) {
+  for (const char* value :
+       {"123456789", "[\"123456789\"]", "\"123456789${\"", "\"${123456789\"", "\"a${123456789}\"",
+        "\"${x}123456789${NO}\"", "\"123456789\\u0001\""}) {
+    const auto errors = errors_of(changed("/mqtt/password", value));
+    expect_error(errors, "/mqtt/password", {});
+    EXPECT_EQ(listed(errors).find("123456789"), std::string::npos) << listed(errors);
+  }
+  for (const char* text : {"{\"password\": \"123456789\" \"x\"}", "{\"password\" \"123456789\"}",
+                           "{\"password\": \"123456789", "{\"password\": 123456789x}"}) {
+    const auto errors = errors_of(text);
+    expect_error(errors, "", {"not JSON", "line 1, column"});
+    EXPECT_EQ(listed(errors).find("123456789"), std::string::npos) << listed(errors);
+  }
+  expect_error(changed("/mqtt/password", "\"${NOT_SET}\""), "/mqtt/password", {"NOT_SET"});
+}
+
+TEST(Config, PasswordHasOnePlace) {
+  for (const char* other : {"password_file", "password_env"})
+    expect_error(with_mqtt({{"password", "x"}, {other, "y"}, {"allow_plain_secret", true}}),
+                 "/mqtt/password", {"already"});
+}
+
+TEST(Config, PasswordThatLeavesTheMachineInClearIsAWarning) {
+  const auto config = [](const char* server) {
+    return good(with_mqtt({{"servers", {server}}, {"password_env", "P"}}));
+  };
+  for (const char* server : {"mqtt://a", "mqtt://192.0.2.1:1883", "mqtt://[2001:db8::1]"})
+    EXPECT_TRUE(warns(config(server), {"/mqtt/password_env", "in clear", "mqtts://"})) << server;
+  for (const char* server :
+       {"mqtts://a", "mqtt://127.0.0.1", "mqtt://localhost:1884", "mqtt://[::1]"})
+    EXPECT_TRUE(config(server).warnings.empty()) << server;
 }
 
 TEST(Config, KeyGivenTwiceIsAnErrorThatNamesBothLines) {
@@ -290,6 +355,10 @@ TEST(Config, OldMqttTakesNoPasswordWithoutAUser) {
   expect_error(plant.dump(), "/mqtt/password_env", {"username"});
   plant["mqtt"]["username"] = "u";
   EXPECT_EQ(good(plant.dump()).mqtt.username, "u");
+  plant["mqtt"].erase("username");
+  plant["mqtt"].erase("password_env");
+  plant["mqtt"]["password"] = "${P}";
+  expect_error(errors_of(plant.dump(), environment({{"P", "x"}})), "/mqtt/password", {"username"});
 }
 
 TEST(Config, CertificateAndKeyBelongTogether) {

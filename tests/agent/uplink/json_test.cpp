@@ -286,6 +286,46 @@ TEST(CommandJson, ReadsTargets) {
   EXPECT_EQ(command.targets[1].address, "D1");
 }
 
+TEST(CommandJson, NullIsAsGoodAsAbsent) {
+  const std::vector<std::pair<std::string, std::string>> pairs{
+      {R"({"id":"1","op":"write","tag":"a","value":1,"address":null,"type":null,"targets":null,
+           "expires":null,"verify":null,"dry_run":null,"by":null})",
+       R"({"id":"1","op":"write","tag":"a","value":1})"},
+      {R"({"id":"1","op":"write","tag":null,"value":null,"targets":[
+           {"tag":"a","address":null,"value":1},{"tag":null,"address":"D1","type":null,"value":2}]})",
+       R"({"id":"1","op":"write","targets":[{"tag":"a","value":1},{"address":"D1","value":2}]})"},
+      {R"({"id":"1","op":"run","tag":null,"address":null,"value":null})",
+       R"({"id":"1","op":"run"})"}};
+  for (const auto& [with_nulls, without] : pairs) {
+    const Command filled = fxagent::json::command(with_nulls);
+    const Command plain = fxagent::json::command(without);
+    ASSERT_FALSE(filled.refusal) << filled.refusal->detail;
+    ASSERT_EQ(filled.targets.size(), plain.targets.size()) << without;
+    for (std::size_t i = 0; i < plain.targets.size(); ++i) {
+      EXPECT_EQ(filled.targets[i].tag, plain.targets[i].tag);
+      EXPECT_EQ(filled.targets[i].address, plain.targets[i].address);
+      EXPECT_EQ(filled.targets[i].type, plain.targets[i].type);
+      EXPECT_EQ(filled.targets[i].value, plain.targets[i].value);
+    }
+    EXPECT_EQ(filled.is_list, plain.is_list);
+    EXPECT_EQ(filled.expires_ms, plain.expires_ms);
+    EXPECT_EQ(filled.verify, plain.verify);
+    EXPECT_EQ(filled.dry_run, plain.dry_run);
+  }
+}
+
+TEST(RecordedResult, DamagedRecordIsAnUnknownOutcomeAndNotPublishedAsItIs) {
+  for (const std::string text : {"", "{\"status\":\"SUCC", "[1]", "\xFF"}) {
+    CommandResult result = fxagent::json::recorded_result(text);
+    result.id = "a";
+    EXPECT_EQ(result.status, CommandStatus::unknown_outcome) << text;
+    const json told = json::parse(fxagent::json::result(result, std::nullopt));
+    EXPECT_EQ(told["id"], "a");
+    EXPECT_EQ(told["status"], "UNKNOWN_OUTCOME");
+    EXPECT_EQ(told["detail"], "the record of the result is damaged");
+  }
+}
+
 TEST(CommandJson, RunNeedsNoTarget) {
   const Command command = fxagent::json::command(R"({"id":"1","op":"run"})");
   EXPECT_FALSE(command.refusal);
@@ -344,7 +384,15 @@ INSTANTIATE_TEST_SUITE_P(
                 Reason::missing_id, "1 to 64", ""},
         Refused{"IdWithControl", R"({"id":"a\u0007","op":"run"})", Reason::missing_id, "ASCII", ""},
         Refused{"IdNotAscii", R"({"id":"ä","op":"run"})", Reason::missing_id, "ASCII", ""},
+        Refused{"NullAsId", R"({"id":null,"op":"run"})", Reason::missing_id, "no id", ""},
         Refused{"NoOp", R"({"id":"a","tag":"t"})", Reason::bad_op, "no op", "a"},
+        Refused{"NullAsOp", R"({"id":"a","op":null,"tag":"t"})", Reason::bad_op, "no op", "a"},
+        Refused{"NullAsTarget", R"({"id":"a","op":"read","tag":null})", Reason::unknown_tag,
+                "neither", "a"},
+        Refused{"NullInAnArray", R"({"id":"a","op":"write","tag":"t","value":[1,null]})",
+                Reason::bad_value, "value", "a"},
+        Refused{"NullOfAnUnknownKey", write_with(R"("expirs":null)"), Reason::bad_json, "expires",
+                "a"},
         Refused{"UnknownOp", R"({"id":"a","op":"Write","tag":"t"})", Reason::bad_op, "'Write'",
                 "a"},
         Refused{"NumberAsOp", R"({"id":"a","op":1,"tag":"t"})", Reason::bad_op, "string", "a"},
@@ -366,8 +414,6 @@ INSTANTIATE_TEST_SUITE_P(
         Refused{"TargetsOfNumbers", R"({"id":"a","op":"write","targets":[1]})", Reason::bad_address,
                 "object", "a"},
         Refused{"ObjectAsValue", R"({"id":"a","op":"write","tag":"t","value":{}})",
-                Reason::bad_value, "value", "a"},
-        Refused{"NullAsValue", R"({"id":"a","op":"write","tag":"t","value":null})",
                 Reason::bad_value, "value", "a"},
         Refused{"TextAsExpires", write_with(R"("expires":"soon")"), Reason::bad_value, "expires",
                 "a"},

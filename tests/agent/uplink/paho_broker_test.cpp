@@ -44,12 +44,16 @@ MqttConfig settings(const std::string& url, int version = 5) {
 /// A PahoBroker whose events can be waited for.
 class Client final {
  public:
-  explicit Client(MqttConfig config, Will will = {"will/topic", "gone"})
-      : broker_(config, std::move(will), [this] {
-          const std::lock_guard lock(mutex_);
-          news_ = true;
-          changed_.notify_one();
-        }) {}
+  explicit Client(MqttConfig config, std::optional<Will> will = Will{"will/topic", "gone"},
+                  std::size_t max_payload = kMaxMessageBytes)
+      : broker_(
+            config, std::move(will),
+            [this] {
+              const std::lock_guard lock(mutex_);
+              news_ = true;
+              changed_.notify_one();
+            },
+            max_payload) {}
 
   PahoBroker* operator->() { return &broker_; }
 
@@ -61,6 +65,7 @@ class Client final {
       while (!events_.empty()) {
         const BrokerEvent event = std::move(events_.front());
         events_.pop_front();
+        connections_ += std::holds_alternative<Connected>(event) ? 1 : 0;
         if (const auto* found = std::get_if<Event>(&event)) return *found;
         if (const auto* failed = std::get_if<ConnectFailed>(&event)) seen_ += failed->text + "; ";
       }
@@ -73,6 +78,9 @@ class Client final {
       for (BrokerEvent& event : broker_.take_events()) events_.push_back(std::move(event));
     }
   }
+
+  /// Connected events so far.
+  int connections() const { return connections_; }
 
   Connected connect() {
     broker_.connect(0);
@@ -95,6 +103,7 @@ class Client final {
   bool news_ = false;
   std::deque<BrokerEvent> events_;
   std::string seen_;
+  int connections_ = 0;
   PahoBroker broker_;  // last: its callbacks use the others
 };
 
@@ -142,6 +151,9 @@ TEST_P(PahoBrokerVersion, CarriesMessagesBothWays) {
   const Connected connected = client.connect();
   EXPECT_FALSE(connected.session_present);
   EXPECT_EQ(connected.receive_maximum, GetParam() == 5 ? 20U : 65535U);
+  client->publish(publication(6, "elsewhere", ""));
+  EXPECT_EQ(client.next<Delivered>().id, 6U);
+  EXPECT_EQ(client.connections(), 1) << "a connection is told once";
   client.subscribe("a/+");
   client->publish(publication(7, "a/b", "hello"));
   const auto message = client.next<Message>();
@@ -218,6 +230,24 @@ TEST(PahoBroker, PasswordComesFromTheEnvironmentWhereThereIsNoFile) {
   client.connect();
 }
 
+TEST(PahoBroker, PasswordOfTheConfigItselfIsUsed) {
+  const TemporaryDirectory directory;
+  const std::string users = directory.path("users");
+  test::run({"mosquitto_passwd", "-b", "-c", users, "edge7", "right"}, directory.path("log"));
+  const Mosquitto mosquitto(directory, "allow_anonymous false\npassword_file " + users);
+  MqttConfig config = settings(mosquitto.url());
+  config.username = "edge7";
+  config.password = "right";
+  Client client(config);
+  client.connect();
+}
+
+TEST(PahoBroker, PasswordFileWithoutEndIsRefused) {
+  MqttConfig config = settings("mqtt://127.0.0.1:1");
+  config.password_file = "/dev/zero";
+  EXPECT_NE(Client(config).refusal().find("longer than a password"), std::string::npos);
+}
+
 TEST(PahoBroker, MissingSecretIsSaidWithoutAskingTheBroker) {
   MqttConfig config = settings("mqtt://127.0.0.1:1");
   config.password_file = "/nonexistent/secret";
@@ -282,6 +312,18 @@ TEST(PahoBroker, PayloadIsCutOffBehindItsLimit) {
   client.subscribe("a");
   client->publish(publication(1, "a", std::string(200000, 'x')));
   EXPECT_EQ(client.next<Message>().payload.size(), kMaxMessageBytes + 1);
+}
+
+TEST(PahoBroker, LongerPayloadsArriveWhereTheyAreAskedFor) {
+  const TemporaryDirectory directory;
+  const Mosquitto mosquitto(directory, "allow_anonymous true");
+  Client client(settings(mosquitto.url()), std::nullopt, 150000);
+  client.connect();
+  client.subscribe("a");
+  client->publish(publication(1, "a", std::string(100000, 'x')));
+  EXPECT_EQ(client.next<Message>().payload.size(), 100000U);
+  client->publish(publication(2, "a", std::string(200000, 'x')));
+  EXPECT_EQ(client.next<Message>().payload.size(), 150001U);
 }
 
 TEST(PahoBroker, RefusedPublishCarriesItsReasonCode) {
@@ -421,7 +463,7 @@ TEST(PahoBroker, WillIsSaidForOneThatVanishedAndNotForOneThatLeft) {
   observer.connect();
   observer.subscribe("will/#");
 
-  Client polite(settings(mosquitto.url()), {"will/polite", "gone"});
+  Client polite(settings(mosquitto.url()), Will{"will/polite", "gone"});
   polite.connect();
   polite->disconnect();
   polite.next<Disconnected>();
@@ -448,7 +490,7 @@ TEST(PahoBroker, CarriesTheWholeUplink) {
   observer.subscribe(base + "/#");
 
   Outbox outbox(100);
-  PahoBroker broker(config.mqtt, {base + "/state", json::object({{"state", "offline"}}).dump()},
+  PahoBroker broker(config.mqtt, Will{base + "/state", json::object({{"state", "offline"}}).dump()},
                     [&outbox] { outbox.notify(); });
   const auto obey = [&outbox](Command command) {
     CommandResult result = test::succeeded(command.id);
@@ -485,7 +527,7 @@ TEST(PahoBroker, CarriesTheWholeUplink) {
 /// The other process of the test above: says hello and waits to be killed.
 int be_the_victim(const std::string& url) {
   unsetenv("FXAGENT_TEST_VICTIM");
-  Client victim(settings(url), {"will/victim", "gone"});
+  Client victim(settings(url), Will{"will/victim", "gone"});
   victim.connect();
   victim->publish(publication(1, "will/hello", "x"));
   for (;;) pause();

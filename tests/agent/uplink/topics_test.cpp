@@ -24,6 +24,23 @@ TEST(Topics, DeviceIsTheOneLevelBetweenBaseAndLeaf) {
   EXPECT_EQ(device_of("fx/edge/press1/command", "fx/e", "command"), std::nullopt);
 }
 
+TEST(Topics, DataTopicNamesDeviceAndGroup) {
+  const auto live = data_topic_of("fx/e/press1/data/fast", "fx/e");
+  ASSERT_TRUE(live);
+  EXPECT_EQ(live->device, "press1");
+  EXPECT_EQ(live->group, "fast");
+  EXPECT_FALSE(live->is_history);
+  const auto history = data_topic_of("fx/e/press1/data/history/history", "fx/e");
+  ASSERT_TRUE(history);
+  EXPECT_EQ(history->group, "history");
+  EXPECT_TRUE(history->is_history);
+  for (const std::string_view other :
+       {"fx/e/press1/data", "fx/e/press1/data/", "fx/e/press1/state", "fx/e//data/fast",
+        "fx/e/data/fast", "fx/edge/press1/data/fast", "fx/e/press1/data/fast/x",
+        "fx/e/press1/data/a/b/history", "fx/e/press1/data//history", "fx/e"})
+    EXPECT_FALSE(data_topic_of(other, "fx/e")) << other;
+}
+
 std::string fault_of(std::string_view topic) {
   return response_topic_fault(topic, "fx/plant-a", "fx/plant-a/edge7", "press1");
 }

@@ -1,0 +1,80 @@
+// Any bytes as the store's file, as a worn-out card or another program may leave it. Nothing may
+// crash or hang; the store works afterwards, with this file or with a fresh one beside it; and what
+// it hands out can be published.
+#include <cstdint>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "agent/uplink/json.h"
+#include "agent/uplink/store.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+using namespace fxagent;
+
+constexpr std::int64_t kUtc = 1790000000000;
+const LaneKey kLane{"press1", "fast"};
+
+/// In memory where the system has such a place: a disk would be worn out by this.
+const fs::path& directory() {
+  static const fs::path made = [] {
+    const fs::path memory = "/dev/shm";
+    std::string name = (fs::exists(memory) ? memory : fs::temp_directory_path()) / "fxagent-XXXXXX";
+    if (mkdtemp(name.data()) == nullptr) std::abort();
+    std::atexit([] { fs::remove_all(directory()); });
+    return fs::path(name);
+  }();
+  return made;
+}
+
+bool any(const LaneKey&) { return true; }
+
+/// What the agent does with a store at its start, and a while later.
+void live_with(Store& store) {
+  store.last_seq("press1", kUtc);
+  for (const JournalEntry& entry : store.remembered()) {
+    CommandResult result = json::recorded_result(entry.result);
+    result.id = entry.id;
+    if (!nlohmann::json::accept(json::result(result, std::nullopt))) std::abort();
+    store.told(entry.device, entry.id);
+  }
+  for (int i = 0; i < 4; ++i) {
+    const auto batch = store.next(4096, any);
+    if (!batch) break;
+    if (!nlohmann::json::accept(batch->payload)) std::abort();
+    i % 2 == 0 ? static_cast<void>(store.remove(*batch)) : store.returned(*batch);
+  }
+  store.upkeep(SteadyTime(std::chrono::seconds(1)), kUtc);
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  for (const auto& left : fs::directory_iterator(directory())) fs::remove(left.path());
+  std::ofstream(directory() / "fxagent.db", std::ios::binary)
+      .write(reinterpret_cast<const char*>(data), static_cast<std::streamsize>(size));
+  StoreConfig config;
+  config.path = directory().string();
+  config.max_bytes = 1 << 20;
+  {
+    Store store(config, kUtc);
+    live_with(store);
+    std::vector<SampleRow> rows(1);
+    rows[0].device = kLane.first;
+    rows[0].group = kLane.second;
+    rows[0].seq = 7;
+    rows[0].created_ms = kUtc;
+    rows[0].json = "{\"seq\":7}";
+    // The disk is there, so that damage found while writing costs one attempt at most.
+    if (!store.append(rows, Store::Hold::no) && !store.append(rows, Store::Hold::no)) std::abort();
+    store.close();
+  }
+  Store again(config, kUtc);
+  if (!again.is_writable()) std::abort();
+  live_with(again);
+  return 0;
+}

@@ -1,0 +1,231 @@
+"""`fxagent acl` on a real mosquitto: each user can do what it must and nothing else."""
+
+import json
+import os
+import signal
+import subprocess
+import threading
+import time
+import unittest
+
+import paho.mqtt.client as mqtt
+
+from plant import (BASE, FXAGENT, PATIENCE, Broker, PlantTest, device, request_properties,
+                   wait_for)
+
+NOT_AUTHORISED = 0x87
+PASSWORD = "s3cret"
+
+
+class User:
+    """An MQTT 5 client with a name and a password, that notes what it gets and how it is answered."""
+
+    def __init__(self, port, name):
+        self.received = []
+        self.answers = {}
+        self.subscribed = threading.Event()
+        self.client = mqtt.Client(f"{name}-{time.monotonic_ns()}", protocol=mqtt.MQTTv5)
+        self.client.username_pw_set(name, PASSWORD)
+        self.client.on_message = lambda _c, _u, m: self.received.append((m.topic, m.payload))
+        self.client.on_subscribe = lambda *_: self.subscribed.set()
+        # paho's python client hides the reason code of a PUBACK.
+        self.client._handle_pubackcomp = self._note_answer
+        connected = threading.Event()
+        self.client.on_connect = lambda *_: connected.set()
+        self.client.connect("127.0.0.1", port)
+        self.client.loop_start()
+        assert connected.wait(PATIENCE), name + " was not let in"
+
+    def _note_answer(self, kind):
+        packet = bytes(self.client._in_packet["packet"])
+        identity = int.from_bytes(packet[:2], "big")
+        self.answers[identity] = packet[2] if len(packet) > 2 else 0
+        return mqtt.Client._handle_pubackcomp(self.client, kind)
+
+    def subscribe(self, *topics):
+        for topic in topics:
+            self.subscribed.clear()
+            self.client.subscribe(topic, 1)
+            assert self.subscribed.wait(PATIENCE)
+
+    def publish(self, topic, payload='{"id":"x"}', retain=False, properties=None):
+        """The reason code of the broker's PUBACK."""
+        text = payload if isinstance(payload, str) else json.dumps(payload)
+        sent = self.client.publish(topic, text, 1, retain, properties)
+        return wait_for("the PUBACK", lambda: sent.mid in self.answers and
+                        (self.answers[sent.mid],))[0]
+
+    def got(self, topic, accept=lambda payload: True):
+        def look():
+            for seen, payload in list(self.received):
+                if seen == topic and payload and accept(json.loads(payload)):
+                    return json.loads(payload)
+            return None
+        return wait_for("a message on " + topic, look)
+
+    def close(self):
+        self.client.disconnect()
+        self.client.loop_stop()
+
+
+class BrokerAcl(PlantTest):
+    USERS = ("edge7", "edge8", "anna", "viktor", "stranger")
+
+    def acl(self, config, *arguments):
+        path = os.path.join(self.directory, f"{config['agent']['id']}.json")
+        with open(path, "w") as out:
+            json.dump(config, out)
+        done = subprocess.run([FXAGENT, "acl", path, *arguments], capture_output=True, text=True,
+                              timeout=PATIENCE)
+        return done.returncode, done.stdout, done.stderr
+
+    def config(self, name="edge7", username="edge7"):
+        secret = os.path.join(self.directory, "secret")
+        with open(secret, "w") as out:
+            out.write(PASSWORD + "\n")
+        os.chmod(secret, 0o600)
+        return {"agent": {"id": name, "root": "fx/plant-a"},
+                "mqtt": {"servers": [f"mqtt://127.0.0.1:{self.broker.port}"],
+                         "username": username, "password_file": secret},
+                "links": [self.serial()], "devices": [device()]}
+
+    def start_secured(self):
+        """A broker with the files of two agents, one behind the other, and the agent edge7."""
+        os.chmod(self.directory, 0o755)
+        passwords = os.path.join(self.directory, "passwords")
+        with open(passwords, "w") as out:
+            out.writelines(f"{user}:{PASSWORD}\n" for user in self.USERS)
+        subprocess.run(["mosquitto_passwd", "-U", passwords], check=True)
+        os.chmod(passwords, 0o644)
+        acl = os.path.join(self.directory, "acl")
+        self.broker = Broker(self.directory, f"password_file {passwords}\nacl_file {acl}\n"
+                                             "allow_anonymous false")
+        with open(acl, "w") as out:
+            for name in ("edge7", "edge8"):
+                status, text, errors = self.acl(self.config(name, name), "--operator", "anna",
+                                                "--viewer", "viktor")
+                self.assertEqual((status, errors), (0, ""))
+                out.write(text)
+        os.chmod(acl, 0o644)
+        self.broker.start()
+
+    def start_plant(self):
+        self.start_secured()
+        self.start_sim([self.plc(), self.plc("old")])
+        config = self.config()
+        self.start_agent([device(), device("old", "line2")],
+                         [self.serial(), self.serial("line2", "old")],
+                         {key: config["mqtt"][key] for key in ("username", "password_file")})
+        self.anna = self.user("anna")
+        self.anna.subscribe(BASE + "/#")
+        self.anna.got(f"{BASE}/press1/state", lambda s: s["state"] == "online")
+
+    def user(self, name):
+        user = User(self.broker.port, name)
+        self.addCleanup(user.close)
+        return user
+
+    def test_the_agent_works_fully_and_the_operator_can_order(self):
+        self.start_plant()
+        anna = self.anna
+        for topic in ("state", "health", "press1/meta", "old/meta", "press1/data/fast"):
+            anna.got(f"{BASE}/{topic}")
+        order = {"id": "1", "op": "force_on", "address": "M150"}
+        answer_to = f"{BASE}/press1/result/anna"
+        self.assertEqual(anna.publish(f"{BASE}/press1/command", order,
+                                      properties=request_properties(answer_to)), 0)
+        for topic in (f"{BASE}/press1/result", answer_to):
+            self.assertEqual(anna.got(topic)["status"], "SUCCEEDED")
+        self.assertEqual(self.sim.get("press1", "M150"), 1)
+        for refused in ("subscription_refused", "publish_refused", "samples_refused"):
+            self.assertNotIn(refused, self.agent.logged())
+
+    def test_history_the_last_will_and_the_clearing_of_former_devices_pass(self):
+        self.start_plant()
+        self.anna.got(f"{BASE}/old/state")
+        self.broker.kill()
+        wait_for("the log", lambda: "broker_lost" in self.agent.logged())
+        polls = self.sim.ask(cmd="stats", plc="press1")["accepted_reads"]
+        wait_for("polls", lambda: self.sim.ask(
+            cmd="stats", plc="press1")["accepted_reads"] > polls + 20)
+        self.broker.start()
+        anna = self.user("anna")
+        anna.subscribe(BASE + "/#")
+        anna.got(f"{BASE}/press1/data/fast/history")
+        self.assertEqual(self.agent.stop(signal.SIGKILL), -signal.SIGKILL)
+        anna.got(f"{BASE}/state", lambda s: s["state"] == "offline" and s["reason"] == "lost")
+        self.agent.write(dict(self.agent.config, devices=[device()], links=[self.serial()]))
+        self.agent.start()
+        wait_for("the empty payload", lambda: (f"{BASE}/old/state", b"") in anna.received and
+                 (f"{BASE}/old/meta", b"") in anna.received)
+
+    def test_a_viewer_sees_everything_but_orders_and_may_not_order(self):
+        self.start_plant()
+        viktor = self.user("viktor")
+        viktor.subscribe(BASE + "/#")
+        for topic in ("state", "health", "press1/state", "press1/meta", "press1/data/fast"):
+            viktor.got(f"{BASE}/{topic}")
+        order = {"id": "v", "op": "force_on", "address": "M150"}
+        self.assertEqual(viktor.publish(f"{BASE}/press1/command", order), NOT_AUTHORISED)
+        for topic in ("state", "health", "press1/state", "press1/meta", "press1/data/fast",
+                      "press1/result", "press1/result/x"):
+            self.assertEqual(viktor.publish(f"{BASE}/{topic}"), NOT_AUTHORISED, topic)
+        self.assertEqual(self.anna.publish(f"{BASE}/press1/command", dict(order, id="a")), 0)
+        self.assertEqual(viktor.got(f"{BASE}/press1/result")["id"], "a")
+        self.assertNotIn(f"{BASE}/press1/command", [topic for topic, _ in viktor.received])
+        self.assertEqual(len(self.sim.orders("press1")), 1)
+
+    def test_an_operator_orders_and_forges_nothing(self):
+        self.start_plant()
+        for topic in ("state", "health", "press1/state", "press1/meta", "press1/data/fast",
+                      "press1/data/fast/history", "press1/result", "press1/result/x", "command",
+                      "press1/command/x"):
+            self.assertEqual(self.anna.publish(f"{BASE}/{topic}"), NOT_AUTHORISED, topic)
+
+    def test_an_agent_neither_orders_nor_reads_what_is_anothers(self):
+        self.start_secured()
+        other = self.user("edge8")
+        other.subscribe("#", BASE + "/+/command", BASE + "/#", "fx/plant-a/edge8/+/command")
+        anna = self.user("anna")
+        for topic in ("press1/command", "press1/state", "press1/result", "press1/data/fast", "state"):
+            self.assertEqual(other.publish(f"{BASE}/{topic}"), NOT_AUTHORISED, topic)
+        # Its own data it may write and not order itself.
+        self.assertEqual(other.publish("fx/plant-a/edge8/press1/data/fast"), 0)
+        self.assertEqual(other.publish("fx/plant-a/edge8/press1/command"), NOT_AUTHORISED)
+        self.assertEqual(anna.publish(f"{BASE}/press1/command"), 0)
+        self.assertEqual(anna.publish("fx/plant-a/edge8/press1/command"), 0)
+        # The second order can come only after the first would have.
+        other.got("fx/plant-a/edge8/press1/command")
+        self.assertEqual({topic for topic, _ in other.received},
+                         {"fx/plant-a/edge8/press1/command"})
+
+    def test_a_stranger_with_a_password_sees_and_does_nothing(self):
+        self.start_plant()
+        stranger = self.user("stranger")
+        stranger.subscribe("#", BASE + "/#")
+        for topic in (f"{BASE}/press1/command", f"{BASE}/state", "elsewhere"):
+            self.assertEqual(stranger.publish(topic), NOT_AUTHORISED, topic)
+        since = len(self.anna.received)
+        wait_for("data", lambda: len(self.anna.received) > since + 3)
+        self.assertEqual(stranger.received, [])
+
+    def test_names_that_cannot_stand_there_are_refused(self):
+        self.broker = Broker(self.directory)
+        config = self.config()
+        for bad in ("edge7", "a:b", "", " a", "a\ntopic readwrite #"):
+            status, text, errors = self.acl(config, "--operator", bad)
+            self.assertEqual((status, text), (2, ""), bad)
+            self.assertIn("acl: the user", errors)
+        self.assertEqual(self.acl(config, "--operator", "a", "--viewer", "a")[0], 2)
+        for key in ("username", "password_file"):
+            del config["mqtt"][key]
+        status, _, errors = self.acl(config)
+        self.assertEqual(status, 2)
+        self.assertIn("--agent", errors)
+        status, text, _ = self.acl(config, "--agent", "CN of edge7")
+        self.assertEqual(status, 0)
+        self.assertIn("user CN of edge7\ntopic write fx/plant-a/edge7/state\n", text)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

@@ -1,0 +1,230 @@
+"""`fxagent verify-stream` beside a real broker: what the agent sends is whole, and what somebody else
+publishes with a gap and a repeat is not."""
+
+import json
+import os
+import signal
+import subprocess
+import threading
+import unittest
+
+from plant import BASE, FXAGENT, PATIENCE, Broker, PlantTest, Watcher, device, wait_for
+
+# A boot of the agent that is played by hand.
+FAKE = "fx/plant-a/fake"
+
+
+class Verification:
+    """One run of verify-stream; its report is read when it has ended."""
+
+    def __init__(self, path, *arguments):
+        self.process = subprocess.Popen([FXAGENT, "verify-stream", path, *arguments],
+                                        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        self.done = threading.Thread(target=self._read)
+        self.out = self.errors = ""
+        self.done.start()
+
+    def _read(self):
+        self.out, self.errors = self.process.communicate()
+
+    def stop(self):
+        """Ends it before its time and returns status and report."""
+        self.process.send_signal(signal.SIGINT)
+        return self.end()
+
+    def end(self, patience=PATIENCE):
+        self.done.join(patience)
+        assert not self.done.is_alive(), "verify-stream does not end"
+        return self.process.returncode, json.loads(self.out) if self.out.startswith("{") else self.out
+
+
+class VerifyStream(PlantTest):
+    def config_of(self, name="fake", store=None, **mqtt):
+        config = {"agent": {"id": name, "root": "fx/plant-a"},
+                  "mqtt": {"servers": [f"mqtt://127.0.0.1:{self.broker.port}"], **mqtt},
+                  "links": [self.serial()], "devices": [device()]}
+        if store:
+            config["store"] = store
+        path = os.path.join(self.directory, f"{name}.json")
+        with open(path, "w") as out:
+            json.dump(config, out)
+        return path
+
+    def start_broker(self):
+        """With a log of every packet, so that the test knows when the listener listens and has heard."""
+        log = os.path.join(self.directory, "mosquitto.log")
+        os.chmod(self.directory, 0o777)
+        self.broker = Broker(self.directory, f"log_dest file {log}\nlog_type all")
+        self.broker.start()
+        self.watcher = Watcher(self.broker.port)
+
+        def logged():
+            with open(log) as text:
+                return text.read()
+        self.logged = logged
+
+    def listening(self, *arguments, path=None):
+        self.heard = self.acknowledged()
+        self.published = 0
+        count = self.logged().count("Sending SUBACK to fx-fake-verify")
+        run = Verification(path or self.config_of(), "--seconds", "60", *arguments)
+        self.addCleanup(run.process.kill)
+        wait_for("verify-stream to listen", lambda: self.logged().count(
+            "Sending SUBACK to fx-fake-verify") == count + 2)
+        return run
+
+    def acknowledged(self):
+        return self.logged().count("Received PUBACK from fx-fake-verify")
+
+    def end(self, run):
+        """Ends the run once it has heard all that was published; status and report."""
+        wait_for("verify-stream to hear",
+                 lambda: self.acknowledged() == self.heard + self.published)
+        return run.stop()
+
+    def publish(self, topic, payload):
+        self.watcher.publish(f"{FAKE}/press1/data/{topic}", payload)
+        self.published += 1
+
+    def row(self, seq, boot="b1", **more):
+        return dict({"ts": 1790000000000 + seq, "seq": seq, "boot": boot, "values": {"t": 1}}, **more)
+
+    def live(self, seq, boot="b1", **more):
+        self.publish("fast", self.row(seq, boot, **more))
+
+    def history(self, *seqs, boot="b1"):
+        self.publish("fast/history",
+                     {"history": True, "rows": [self.row(seq, boot) for seq in seqs]})
+
+    def test_what_the_agent_sends_is_whole_though_a_device_misses_an_answer(self):
+        groups = [{"name": "fast", "interval_ms": 50}, {"name": "slow", "interval_ms": 200}]
+        tags = [{"name": "temp", "address": "D100", "group": "fast"},
+                {"name": "parts", "address": "D110", "group": "slow"}]
+        self.start([device(tags=tags, groups=groups)])
+        self.data()
+        run = Verification(self.agent.path, "--seconds", "4", "--json")
+        since = self.watcher.mark()
+        self.data(since=since)
+        self.sim.fault("press1", "silent", count=1)
+        status, report = run.end()
+        self.assertEqual((status, report["ok"], report["error"]), (0, True, None), report)
+        self.assertEqual(report["base"], BASE)
+        self.assertGreaterEqual(report["seconds"], 4.0)
+        [press] = report["devices"]
+        self.assertEqual((press["device"], press["ok"], press["missing"]["numbers"]),
+                         ("press1", True, 0))
+        self.assertEqual(press["last"] - press["first"] + 1, press["distinct"])
+        self.assertGreater(press["live"], 20)
+        self.assertEqual(len(press["boots"]), 1)
+        self.assertNotIn("broker_lost", self.agent.logged())
+
+    def test_a_gap_and_a_repeat_are_named(self):
+        self.start_broker()
+        run = self.listening("--json")
+        for seq in (100, 101, 105, 106, 108):
+            self.live(seq)
+        self.live(106)
+        self.live(101, values={"t": 2})
+        self.history(90, 102, 103)
+        status, report = self.end(run)
+        self.assertEqual((status, report["ok"]), (1, False))
+        [press] = report["devices"]
+        self.assertEqual(press["missing"],
+                         {"numbers": 2, "ranges": 2, "first_ranges": [[104, 104], [107, 107]]})
+        self.assertEqual((press["live"], press["history"], press["repeated"], press["differing"]),
+                         (7, 3, 2, 1))
+        self.assertEqual((press["first"], press["last"]), (90, 108))
+
+    def test_history_fills_the_gap_before_the_end(self):
+        self.start_broker()
+        run = self.listening("--json")
+        self.live(100)
+        self.live(103)
+        self.history(101, 102)
+        status, report = self.end(run)
+        self.assertEqual((status, report["devices"][0]["missing"]["numbers"]), (0, 0), report)
+        self.assertEqual(report["devices"][0]["history"], 2)
+
+    def test_a_new_boot_may_skip_numbers_unless_every_sample_is_on_disk(self):
+        self.start_broker()
+        for sync, wanted in (("offline", (0, 0, 8)), ("always", (1, 8, 0))):
+            path = self.config_of(store={"path": self.directory, "sync": sync})
+            run = self.listening("--json", path=path)
+            self.live(1)
+            self.live(10, boot="b2")
+            status, report = self.end(run)
+            [press] = report["devices"]
+            self.assertEqual((status, press["missing"]["numbers"], press["skipped"]["numbers"]),
+                             wanted, report)
+            self.assertEqual(press["boots"], ["b1", "b2"])
+
+    def test_a_history_message_larger_than_a_command_is_read_whole(self):
+        self.start_broker()
+        run = self.listening("--json")
+        self.live(1)
+        self.publish("fast/history", {
+            "history": True, "rows": [self.row(2, values={"text": "x" * 200000}), self.row(3)]})
+        self.live(4)
+        status, report = self.end(run)
+        self.assertEqual((status, report["devices"][0]["malformed"]), (0, 0), report)
+
+    def test_a_device_that_says_nothing_is_a_fault_and_the_text_says_so(self):
+        self.start_broker()
+        run = Verification(self.config_of(), "--seconds", "1")
+        status, text = run.end()
+        self.assertEqual(status, 1, text)
+        self.assertIn("press1: nothing came", text)
+        self.assertIn("is the agent running", text)
+
+    def test_the_text_names_what_is_missing(self):
+        self.start_broker()
+        run = self.listening()
+        self.live(7)
+        self.live(9)
+        status, text = self.end(run)
+        self.assertEqual(status, 1, text)
+        self.assertIn("press1: 1 missing: 8", text)
+        self.assertIn("2 live and 0 history samples, numbers 7 to 9", text)
+
+    def test_no_broker_a_lost_one_and_a_wrong_config_are_2(self):
+        self.broker = Broker(self.directory)
+        run = Verification(self.config_of(), "--seconds", "1")
+        self.assertEqual(run.end()[0], 2)
+        self.assertIn("no answer at this address", run.errors)
+        with open(os.path.join(self.directory, "wrong.json"), "w") as out:
+            out.write("{}")
+        self.assertEqual(Verification(out.name).end()[0], 2)
+        self.assertEqual(Verification(self.config_of(), "--seconds", "0").end()[0], 2)
+        self.start_broker()
+        run = self.listening("--json")
+        self.live(1)
+        self.broker.kill()
+        status, report = run.end()
+        self.assertEqual((status, report["ok"]), (2, False))
+        self.assertIn("lost", report["error"])
+
+    def test_the_next_server_is_tried_and_other_credentials_can_be_given(self):
+        passwords = os.path.join(self.directory, "passwd")
+        subprocess.run(["mosquitto_passwd", "-b", "-c", passwords, "anna", "right"], check=True,
+                       stderr=subprocess.DEVNULL)
+        os.chmod(passwords, 0o644)
+        os.chmod(self.directory, 0o755)
+        self.broker = Broker(self.directory, f"password_file {passwords}")
+        self.broker.start()
+        secret = os.path.join(self.directory, "secret")
+        with open(secret, "w") as out:
+            out.write("right\n")
+        path = self.config_of(servers=["mqtt://127.0.0.1:1",
+                                       f"mqtt://127.0.0.1:{self.broker.port}"])
+        run = Verification(path, "--seconds", "1")
+        self.assertEqual(run.end()[0], 2)
+        self.assertIn("uthori", run.errors)
+        run = Verification(path, "--seconds", "1", "--json", "--username", "anna",
+                           "--password-file", secret)
+        status, report = run.end()
+        self.assertEqual((status, report["error"]), (1, None))
+        self.assertEqual(report["server"], f"mqtt://127.0.0.1:{self.broker.port}")
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
