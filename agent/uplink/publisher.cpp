@@ -45,7 +45,9 @@ bool is_final(int reason_code) {
          reason_code == kPayloadFormatInvalid;
 }
 
+/// As MQTT 5 writes it; "none" where the failure has no code, as on 3.1.1.
 std::string hex_code(int reason_code) {
+  if (reason_code == 0) return "none";
   Bytes digits;
   append_hex(digits, static_cast<std::uint32_t>(reason_code), 2);
   return "0x" + std::string(digits.begin(), digits.end());
@@ -309,7 +311,7 @@ void Publisher::failed(LiveFlight& flight, const DeliveryFailed& event, SteadyTi
     const std::string device = row.device;
     return drop(device, flight.live.stored ? store_->remove(std::span(&row.order, 1)) : 1);
   }
-  pause(row.device, now);
+  pause(row.device, event.reason_code, now);
   put_away(std::move(flight.live));
 }
 
@@ -328,7 +330,7 @@ void Publisher::failed(const HistoryFlight& flight, const DeliveryFailed& event,
   if (can_be_cut)
     history_bytes_ = std::min(history_bytes_, batch.payload.size()) / 2;
   else
-    pause(batch.device, now);
+    pause(batch.device, event.reason_code, now);
 }
 
 void Publisher::failed(const FarewellFlight&, const DeliveryFailed&, SteadyTime now) {
@@ -370,7 +372,6 @@ void Publisher::take_samples(const std::vector<Telemetry>& messages, SteadyTime 
     row.device = device.name;
     row.group = device.groups.at(message.group).name;
     row.seq = message.seq;
-    row.created_ms = message.ts_ms;
     row.json = json::telemetry(message, device, settings_.boot, metas_.at(message.device).hash);
     row_bytes_ += row.cost();
     if (store_ != nullptr) store_->used_seq(row.device, row.seq);
@@ -590,26 +591,32 @@ void Publisher::pump_notices(SteadyTime now) {
   }
 }
 
+/// Samples that found no room for a second wait as history. Those that would follow within
+/// kCommitWithin go with them: a commit costs the same for all.
 void Publisher::spill(SteadyTime now) {
-  while (!live_.empty() && live_.front().since + kLiveFor <= now) {
+  if (live_.empty() || live_.front().since + kLiveFor > now) return;
+  while (!live_.empty() && live_.front().since + kLiveFor - kCommitWithin <= now) {
     put_away(std::move(live_.front()));
     live_.pop_front();
-    commit_at_ = now;
   }
 }
 
-/// Samples that have been in flight for a second are on disk from then on, and stay in flight.
+/// Samples that have been in flight for a second are on disk from then on, and stay in flight;
+/// together, as in spill().
 void Publisher::hold_on_disk(SteadyTime now) {
   if (store_ == nullptr || !store_->is_writable()) return;
   std::vector<SampleRow> rows;
   std::vector<LiveRow*> held;
+  bool is_time = false;
   for (auto& [id, flight] : flights_) {
     auto* live = std::get_if<LiveFlight>(&flight);
-    if (live == nullptr || live->live.stored || live->live.since + kLiveFor > now) continue;
+    if (live == nullptr || live->live.stored) continue;
+    if (live->live.since + kLiveFor - kCommitWithin > now) continue;
+    is_time = is_time || live->live.since + kLiveFor <= now;
     rows.push_back(live->live.row);
     held.push_back(&live->live);
   }
-  if (rows.empty() || !store_->append(rows, Store::Hold::yes)) return;
+  if (!is_time || !store_->append(rows, Store::Hold::yes)) return;
   for (std::size_t i = 0; i < held.size(); ++i) {
     held[i]->row.order = rows[i].order;
     held[i]->stored = true;
@@ -694,13 +701,15 @@ bool Publisher::may_send(const std::string& device, SteadyTime now) const {
   return found == pauses_.end() || found->second.until <= now;
 }
 
-void Publisher::pause(const std::string& device, SteadyTime now) {
+void Publisher::pause(const std::string& device, int reason_code, SteadyTime now) {
   DevicePause& pause = pauses_[device];
+  pause.reason_code = reason_code;
   if (pause.until > now) return;  // one refusal among several that were on their way
   pause.until = now + back_off(pause.failures++);
   log::warn(
       "samples_refused",
       {{"device", device},
+       {"code", hex_code(reason_code)},
        {"again_in_s", std::to_string(std::chrono::ceil<seconds>(pause.until - now).count())}});
 }
 
@@ -714,6 +723,7 @@ void Publisher::put_away(LiveRow live) {
     store_->release(live.row.order);
   else
     put_away(std::move(live.row));
+  commit_at_ = std::min(commit_at_, live.since + kLiveFor);
 }
 
 void Publisher::put_away(SampleRow row) { put_away_.push_back(std::move(row)); }
@@ -877,9 +887,13 @@ std::string Publisher::health_text(SteadyTime now) const {
   for (const DeviceConfig& device : config_.devices) {
     const auto found = dropped_.find(device.name);
     health.dropped.push_back(found == dropped_.end() ? 0 : found->second);
+    const auto paused = pauses_.find(device.name);
+    health.refused.push_back(paused == pauses_.end() ? std::string()
+                                                     : hex_code(paused->second.reason_code));
   }
   health.commands = commands_;
   health.store_state = store_ == nullptr ? "memory" : store_->state();
+  if (store_ != nullptr) health.store_set_aside = store_->set_aside();
   health.store_bytes = backlog_.bytes() + (store_ == nullptr ? 0 : store_->bytes());
   const std::uint64_t room = store_ == nullptr ? backlog_.max_bytes() : store_->max_bytes();
   if (bytes_per_hour_ && *bytes_per_hour_ > 0)

@@ -129,6 +129,7 @@ class Publisher final {
   struct DevicePause {
     SteadyTime until{};
     int failures = 0;
+    int reason_code = 0;
   };
 
   void on(const Connected& event, SteadyTime now);
@@ -180,7 +181,7 @@ class Publisher final {
   std::size_t sample_window() const;
   bool has_room() const { return flights_.size() < window_; }
   bool may_send(const std::string& device, SteadyTime now) const;
-  void pause(const std::string& device, SteadyTime now);
+  void pause(const std::string& device, int reason_code, SteadyTime now);
   void put_away(SampleRow row);
   void put_away(LiveRow live);
   void put_away_live();

@@ -33,13 +33,16 @@ CommandResult left_behind(const JournalEntry& entry) {
 Recall recall(const Config& config, Store* store, std::int64_t utc_ms) {
   Recall found;
   std::map<std::string, std::uint32_t> index;
-  for (std::uint32_t device = 0; device < config.devices.size(); ++device) {
-    const std::string& name = config.devices[device].name;
-    index[name] = device;
-    found.field.last_seq.push_back(store == nullptr ? static_cast<std::uint64_t>(utc_ms)
-                                                    : store->last_seq(name, utc_ms));
+  std::vector<std::string> names;
+  for (const DeviceConfig& device : config.devices) {
+    index[device.name] = static_cast<std::uint32_t>(names.size());
+    names.push_back(device.name);
   }
-  if (store == nullptr) return found;
+  if (store == nullptr) {
+    found.field.last_seq.assign(names.size(), static_cast<std::uint64_t>(utc_ms));
+    return found;
+  }
+  found.field.last_seq = store->begin_numbers(names, utc_ms);
   for (JournalEntry& entry : store->remembered()) {
     const auto device = index.find(entry.device);
     if (device == index.end()) continue;

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <system_error>
@@ -18,6 +19,7 @@ namespace {
 
 using sqlite::Statement;
 using sqlite::Transaction;
+using std::chrono::duration_cast;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
@@ -86,7 +88,11 @@ class Store::File final {
               "INSERT INTO orders VALUES(?, ?, ?, ?, ?, ?, ?, ?, 0)"
               " ON CONFLICT DO UPDATE SET result = excluded.result WHERE result = ''"};
     told = {db, "UPDATE orders SET told = 1 WHERE device = ? AND id = ?"};
-    numbers = {db, "INSERT OR REPLACE INTO devices VALUES(?, ?, ?)"};
+    // A number goes back only to the exact one, from the end of its block.
+    numbers = {db,
+               "INSERT INTO devices VALUES(?, ?, ?) ON CONFLICT DO UPDATE SET last_seq ="
+               " CASE excluded.clean WHEN 1 THEN excluded.last_seq"
+               " ELSE max(last_seq, excluded.last_seq) END, clean = excluded.clean"};
   }
 
   bool is_usable() const { return usable_; }
@@ -122,9 +128,11 @@ class Store::File final {
   bool usable_ = false;
 };
 
-Store::Store(const StoreConfig& config, std::int64_t utc_ms) : config_(config), utc_ms_(utc_ms) {
+Store::Store(const StoreConfig& config, std::int64_t utc_ms)
+    : config_(config), utc_ms_(utc_ms), run_began_ms_(utc_ms) {
   open(utc_ms);
   recovered_ = rows_;
+  first_of_run_ = next_order_;
   if (writable_)
     log::info("store", {{"state", "disk"},
                         {"path", config_.path},
@@ -196,6 +204,7 @@ void Store::start_anew(std::string why) {
                        {"reason", std::move(why)},
                        {"set_aside", fault ? "failed: " + fault.message() : aside},
                        {"samples_lost", std::to_string(rows_)}});
+  if (!fault) set_aside_ = std::filesystem::path(aside).filename().string();
   for (const auto& [key, lane] : lanes_)
     if (lane.rows > 0) dropped_[key.first] += lane.rows;
   lanes_.clear();
@@ -222,7 +231,7 @@ void Store::failed(std::string_view doing) {
 }
 
 void Store::upkeep(SteadyTime now, std::int64_t utc_ms) {
-  utc_ms_ = utc_ms;
+  note_clock(now, utc_ms);
   if (!writable_) {
     if (!try_at_) try_at_ = now + kTryAgain;
     if (now < *try_at_) return;
@@ -230,6 +239,7 @@ void Store::upkeep(SteadyTime now, std::int64_t utc_ms) {
     if (!file_) {
       open(utc_ms);
       recovered_ += rows_;
+      first_of_run_ = next_order_;
     } else if (file_->can_write()) {
       writable_ = true;
     } else {
@@ -241,9 +251,11 @@ void Store::upkeep(SteadyTime now, std::int64_t utc_ms) {
     log::info("store", {{"state", "disk"}, {"rows", std::to_string(rows_)}});
   }
   try_at_.reset();
+  if (unstamped_ms_ != 0) restamp();
   if (!settle_at_ || now >= *settle_at_) {
     settle_at_ = now + kSettleEvery;
     settle();
+    if (numbers_short_) reserve_numbers();
   }
   if (!clean_up_at_ || now >= *clean_up_at_) {
     clean_up_at_ = now + kCleanUpEvery;
@@ -255,11 +267,44 @@ void Store::upkeep(SteadyTime now, std::int64_t utc_ms) {
 void Store::close() {
   if (!writable_) return;
   settle();
-  for (const auto& [device, numbers] : numbers_)
-    if (writable_) write_numbers(device, numbers.last, true);
+  std::vector<NumberRow> rows;
+  for (const auto& [device, numbers] : numbers_) rows.push_back({device, numbers.last});
+  write_numbers(rows, true);
   if (writable_) file_->db.execute("PRAGMA wal_checkpoint(TRUNCATE)");
   file_.reset();
   writable_ = false;
+}
+
+void Store::note_clock(SteadyTime now, std::int64_t utc_ms) {
+  if (clock_at_) {
+    const std::int64_t passed = duration_cast<milliseconds>(now - *clock_at_).count();
+    const std::int64_t set_by = utc_ms - utc_ms_ - passed;
+    if (std::abs(set_by) >= milliseconds(kClockSet).count()) {
+      log::warn("clock_set", {{"by_ms", std::to_string(set_by)}});
+      unstamped_ms_ += set_by;
+    }
+  }
+  clock_at_ = now;
+  utc_ms_ = utc_ms;
+}
+
+/// What this run wrote goes with the clock: a gateway without one of its own starts in the past,
+/// and its time comes over the same network as the broker, after the outage.
+void Store::restamp() {
+  Statement samples(file_->db, "UPDATE samples SET created_ms = created_ms + ? WHERE id >= ?");
+  Statement orders(file_->db,
+                   "UPDATE orders SET received_ms = received_ms + ?1,"
+                   " deadline_ms = deadline_ms + ?1 WHERE received_ms >= ?2");
+  bool done = false;
+  {
+    Transaction transaction(file_->db);
+    done = transaction.begun() &&
+           samples.bind(1, unstamped_ms_).bind(2, to_sql(first_of_run_)).run() &&
+           orders.bind(1, unstamped_ms_).bind(2, run_began_ms_).run() && transaction.commit();
+  }
+  if (!done) return failed("clock");
+  run_began_ms_ += unstamped_ms_;
+  unstamped_ms_ = 0;
 }
 
 // ---- samples ------------------------------------------------------------------------------------
@@ -280,7 +325,7 @@ bool Store::append(std::vector<SampleRow>& rows, Hold hold) {
                .bind(2, row.device)
                .bind(3, row.group)
                .bind(4, to_sql(row.seq))
-               .bind(5, row.created_ms)
+               .bind(5, utc_ms_)
                .bind(6, row.json)
                .run())
         return false;
@@ -297,6 +342,7 @@ bool Store::append(std::vector<SampleRow>& rows, Hold hold) {
   file_->synchronise(false);
   if (!written) {
     failed("append");
+    if (config_.sync_always && !writable_) numbers_are_behind();
     return false;
   }
   removed_.clear();
@@ -482,44 +528,100 @@ void Store::drop_old_rows() {
 
 // ---- numbers ------------------------------------------------------------------------------------
 
-std::uint64_t Store::last_seq(const std::string& device, std::int64_t utc_ms) {
-  // Where nothing is known, the clock is above every number of an earlier boot.
-  std::uint64_t last = from_sql(utc_ms);
-  if (file_) {
-    Statement known(file_->db, "SELECT last_seq, clean FROM devices WHERE name = ?");
-    if (known.bind(1, device).step() == Statement::Step::row) {
-      const std::uint64_t written = from_sql(known.number(0));
-      const bool exact = known.number(1) != 0 || config_.sync_always;
-      last = exact ? written : std::max(last, written);
+std::vector<std::uint64_t> Store::begin_numbers(std::span<const std::string> devices,
+                                                std::int64_t utc_ms) {
+  numbers_behind_ = ::access(numbers_behind_path().c_str(), F_OK) == 0;
+  std::vector<std::uint64_t> begun;
+  std::vector<NumberRow> rows;
+  for (const std::string& device : devices) {
+    // Where nothing is known, the clock is above every number of an earlier boot.
+    std::uint64_t last = from_sql(utc_ms);
+    if (file_) {
+      Statement known(file_->db, "SELECT last_seq, clean FROM devices WHERE name = ?");
+      if (known.bind(1, device).step() == Statement::Step::row) {
+        const std::uint64_t written = from_sql(known.number(0));
+        const bool exact = known.number(1) != 0 || config_.sync_always;
+        if (numbers_behind_)
+          last = std::max(last, written + kUnknownNumbers);
+        else
+          last = exact ? written : std::max(last, written);
+      }
     }
+    begun.push_back(last);
+    numbers_[device] = {last, config_.sync_always ? last : last + kSequenceBlock};
+    rows.push_back({device, numbers_[device].reserved});
   }
-  Numbers& numbers = numbers_[device];
-  numbers.last = last;
-  numbers.reserved = config_.sync_always ? last : last + kSequenceBlock;
-  write_numbers(device, numbers.reserved, false);
-  return last;
+  if (write_numbers(rows, false)) numbers_are_known();
+  return begun;
 }
 
 void Store::used_seq(const std::string& device, std::uint64_t seq) {
   Numbers& numbers = numbers_[device];
   numbers.last = std::max(numbers.last, seq);
-  // With `always` each sample brings its number to the disk itself.
-  if (config_.sync_always || seq + kSequenceBlock / 2 <= numbers.reserved) return;
-  numbers.reserved = seq + kSequenceBlock;
-  write_numbers(device, numbers.reserved, false);
+  if (config_.sync_always) {  // each sample brings its number to the disk itself
+    if (!writable_) numbers_are_behind();
+    return;
+  }
+  if (seq + kSequenceBlock / 2 <= numbers.reserved) return;
+  numbers_short_ = true;  // upkeep() does it for all devices at once, while the other half lasts
+  if (seq >= numbers.reserved) reserve_numbers();
 }
 
-bool Store::write_numbers(const std::string& device, std::uint64_t last, bool clean) {
+void Store::reserve_numbers() {
+  numbers_short_ = false;
+  std::vector<NumberRow> rows;
+  for (auto& [device, numbers] : numbers_) {
+    if (numbers.last + kSequenceBlock / 2 <= numbers.reserved) continue;
+    numbers.reserved = numbers.last + kSequenceBlock;
+    rows.push_back({device, numbers.reserved});
+  }
+  write_numbers(rows, false);
+}
+
+/// In one transaction that is synchronised with the disk: no power cut may bring a number back.
+bool Store::write_numbers(const std::vector<NumberRow>& rows, bool clean) {
   if (!writable_) return false;
-  if (file_->numbers.bind(1, device).bind(2, to_sql(last)).bind(3, clean ? 1 : 0).run())
-    return true;
-  failed("numbers");
-  return false;
+  const auto write = [&] {
+    Transaction transaction(file_->db);
+    return transaction.begun() &&
+           std::all_of(rows.begin(), rows.end(),
+                       [&](const NumberRow& row) {
+                         return file_->numbers.bind(1, row.device)
+                             .bind(2, to_sql(row.last))
+                             .bind(3, clean ? 1 : 0)
+                             .run();
+                       }) &&
+           transaction.commit();
+  };
+  file_->synchronise(true);
+  const bool written = write();
+  file_->synchronise(false);
+  if (!written) failed("numbers");
+  return written;
 }
 
 void Store::write_all_numbers() {
+  std::vector<NumberRow> rows;
   for (const auto& [device, numbers] : numbers_)
-    write_numbers(device, config_.sync_always ? numbers.last : numbers.reserved, false);
+    rows.push_back({device, config_.sync_always ? numbers.last : numbers.reserved});
+  if (write_numbers(rows, false)) numbers_are_known();
+}
+
+std::string Store::numbers_behind_path() const { return config_.path + "/fxagent.db.behind"; }
+
+/// The disk refuses rows, and the numbers with them; an empty file finds room where it is full.
+void Store::numbers_are_behind() {
+  if (std::exchange(numbers_behind_, true)) return;
+  const int mark = ::open(numbers_behind_path().c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600);
+  if (mark < 0) return;
+  ::fsync(mark);
+  ::close(mark);
+}
+
+void Store::numbers_are_known() {
+  if (!std::exchange(numbers_behind_, false)) return;
+  std::error_code none;
+  std::filesystem::remove(numbers_behind_path(), none);
 }
 
 // ---- orders -------------------------------------------------------------------------------------
@@ -548,7 +650,9 @@ bool Store::journal(std::span<const JournalEntry> orders) {
 void Store::record(JournalEntry entry) {
   if (writable_ && write_record(entry)) return;
   if (writable_) failed("journal");
-  if (unrecorded_.size() < kMostUnrecorded) unrecorded_.push_back(std::move(entry));
+  if (unrecorded_.size() < kMostUnrecorded) return unrecorded_.push_back(std::move(entry));
+  if (std::exchange(forgot_results_, true)) return;
+  log::error("results_not_kept", {{"device", entry.device}, {"first_id", entry.id}});
 }
 
 bool Store::write_record(const JournalEntry& entry) {

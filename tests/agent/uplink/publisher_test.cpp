@@ -332,6 +332,56 @@ TEST(PublisherStore, UnacknowledgedForASecondIsOnDiskAndStillInFlight) {
   EXPECT_EQ(Bench(scratch.path("store")).made().samples().recovered, 0U);
 }
 
+TEST(PublisherStore, SamplesOfOneFifthOfASecondGoToDiskTogether) {
+  const test::Scratch scratch;
+  Bench bench(scratch.path("store"));
+  bench.online();
+  bench.broker.acknowledges = false;
+  const SteadyTime first = bench.now;
+  for (std::uint64_t seq = 1; seq <= 30; ++seq) {  // 18 in flight, 12 behind them
+    bench.outbox.push(test::sample(seq));
+    bench.step();
+    bench.now += 10ms;
+  }
+  bench.now = first + 999ms;
+  bench.step();
+  EXPECT_EQ(bench.made().samples().stored, 0U);
+  bench.now = first + 1s;
+  bench.step();
+  EXPECT_EQ(bench.store->rows(), 18U);  // those of the first 200 ms in flight
+  bench.now = first + 1180ms;
+  bench.step();
+  EXPECT_EQ(bench.store->rows(), 30U);
+}
+
+TEST(PublisherStore, SampleInFlightWhenTheConnectionGoesIsOnDiskWithinItsSecond) {
+  const test::Scratch scratch;
+  Bench bench(scratch.path("store"));
+  bench.online();
+  bench.broker.acknowledges = false;
+  bench.outbox.push(test::sample(1));
+  bench.settle();
+  bench.advance(900ms);
+  bench.broker.lose();
+  bench.now += 50ms;
+  bench.step();
+  EXPECT_EQ(bench.store->rows(), 0U);  // it may have company
+  EXPECT_LE(bench.step(), bench.now + 50ms);
+  bench.advance(50ms);
+  EXPECT_EQ(bench.store->rows(), 1U);
+}
+
+TEST(PublisherStore, DamagedFileIsNamedInHealth) {
+  const test::Scratch scratch;
+  std::filesystem::create_directories(scratch.path("store"));
+  std::ofstream(scratch.path("store") + "/fxagent.db") << std::string(8192, 'x');
+  Bench bench(scratch.path("store"));
+  bench.settle();
+  const json health = json::parse(bench.broker.on(kBase + "/health").at(0));
+  const std::string aside = health["store"]["set_aside"];
+  EXPECT_TRUE(std::filesystem::exists(scratch.path("store") + "/" + aside)) << aside;
+}
+
 TEST(PublisherStore, WithAlwaysEverySampleIsOnDiskBeforeItIsSent) {
   const test::Scratch scratch;
   Bench bench(scratch.path("store"));
@@ -846,6 +896,27 @@ TEST(Publisher, RefusedDeviceWaitsAndItsNeighbourDoesNot) {
     bench.settle();
   }
   EXPECT_EQ(bench.made().samples().acknowledged, 6U);
+}
+
+TEST(Publisher, HealthNamesTheCodeOfARefusalUntilItIsOver) {
+  Bench bench;
+  bench.online();
+  bench.broker.acknowledges = false;
+  bench.outbox.push(test::sample(1, 0));
+  bench.settle();
+  bench.broker.refuse_next(0x97);
+  bench.settle();
+  const auto refused = [&] {
+    bench.advance(60s);
+    const json health = json::parse(bench.broker.on(kBase + "/health").back());
+    EXPECT_EQ(health["devices"]["press2"]["refused"], nullptr);
+    return health["devices"]["press1"]["refused"];
+  };
+  EXPECT_EQ(refused(), "0x97");
+  bench.broker.acknowledges = true;
+  bench.broker.acknowledge_all();
+  bench.settle();
+  EXPECT_EQ(refused(), nullptr);
 }
 
 TEST(Publisher, HistoryThatIsTooLargeIsCutInsteadOfDropped) {

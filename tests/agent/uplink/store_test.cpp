@@ -20,10 +20,10 @@ constexpr std::int64_t kNow = 1790000000000;
 const SteadyTime kStart{std::chrono::hours(1)};
 
 std::vector<SampleRow> rows(std::uint64_t from, std::uint64_t to, const std::string& device = "a",
-                            const std::string& group = "fast", std::int64_t created_ms = kNow) {
+                            const std::string& group = "fast") {
   std::vector<SampleRow> made;
   for (std::uint64_t seq = from; seq <= to; ++seq)
-    made.push_back({0, device, group, seq, created_ms, std::to_string(seq)});
+    made.push_back({0, device, group, seq, std::to_string(seq)});
   return made;
 }
 
@@ -55,6 +55,11 @@ struct Shelf {
     return *store;
   }
   std::string file() const { return config.path + "/fxagent.db"; }
+  /// The number before the first one of device a in this boot.
+  std::uint64_t begin(std::int64_t utc_ms = kNow) {
+    const std::string device = "a";
+    return store->begin_numbers(std::span(&device, 1), utc_ms).at(0);
+  }
   bool add(std::vector<SampleRow> made, Store::Hold hold = Store::Hold::no) {
     return store->append(made, hold);
   }
@@ -182,9 +187,43 @@ TEST(Store, RowsThatAreTooOldGo) {
   Shelf shelf;
   shelf.config.max_age = 1h;
   shelf.open();
-  shelf.add(rows(1, 2, "a", "fast", kNow - 3600001));
-  shelf.add(rows(3, 3, "a", "fast", kNow - 3600000));
+  shelf.add(rows(1, 2));
   shelf.store->upkeep(kStart, kNow);
+  shelf.store->upkeep(kStart + 30min, kNow + 1800000);
+  shelf.add(rows(3, 3));
+  shelf.store->upkeep(kStart + 1h, kNow + 3600000);
+  EXPECT_TRUE(shelf.store->take_dropped().empty());
+  shelf.store->upkeep(kStart + 90min, kNow + 5400000);
+  EXPECT_EQ(shelf.store->take_dropped().at("a"), 2U);
+  EXPECT_EQ(shelf.drain(), "a/fast[3]}");
+}
+
+TEST(Store, ClockThatIsSetMakesNothingOlderOrYounger) {
+  Shelf shelf;
+  shelf.config.max_age = 1h;
+  constexpr std::int64_t kYear = std::int64_t{365} * 24 * 3600 * 1000;
+  shelf.open(kNow - kYear);  // a gateway without a clock of its own
+  shelf.store->upkeep(kStart, kNow - kYear);
+  shelf.add(rows(1, 2));
+  ASSERT_TRUE(shelf.store->journal(std::vector{entry("x", {}, kNow - kYear)}));
+  shelf.store->upkeep(kStart + 30min, kNow + 1800000);
+  shelf.store->upkeep(kStart + 60min, kNow + 3600000);
+  EXPECT_TRUE(shelf.store->take_dropped().empty());
+  EXPECT_EQ(shelf.store->remembered().at(0).received_ms, kNow);
+  EXPECT_EQ(shelf.store->remembered().at(0).deadline_ms, kNow + 10000);
+  shelf.store->upkeep(kStart + 62min, kNow + 3720000);
+  EXPECT_EQ(shelf.store->take_dropped().at("a"), 2U);
+}
+
+TEST(Store, ClockThatIsSetLeavesRowsOfEarlierRunsAsTheyAre) {
+  Shelf shelf;
+  shelf.config.max_age = 1h;
+  shelf.open();
+  shelf.add(rows(1, 2));
+  shelf.open(kNow + 1000);
+  shelf.store->upkeep(kStart, kNow + 1000);
+  shelf.add(rows(3, 3));
+  shelf.store->upkeep(kStart + 2min, kNow + 4000000);
   EXPECT_EQ(shelf.store->take_dropped().at("a"), 2U);
   EXPECT_EQ(shelf.drain(), "a/fast[3]}");
 }
@@ -234,7 +273,7 @@ TEST(Store, DirectoryThatCannotBeMadeIsTriedAgain) {
   EXPECT_EQ(shelf.store->state(), "memory");
   EXPECT_FALSE(shelf.add(rows(1, 1)));
   EXPECT_FALSE(shelf.store->journal(std::vector{entry("x")}));
-  EXPECT_EQ(shelf.store->last_seq("a", kNow), static_cast<std::uint64_t>(kNow));
+  EXPECT_EQ(shelf.begin(), static_cast<std::uint64_t>(kNow));
   shelf.store->upkeep(kStart, kNow);
   std::filesystem::remove(shelf.config.path);
   shelf.store->upkeep(kStart + 9s, kNow);
@@ -299,29 +338,69 @@ TEST(Store, FullDiskKeepsWhatItHasAndTakesMoreWhenThereIsRoom) {
 
 TEST(Store, NumbersGoOnByOneAfterACleanStop) {
   Shelf shelf;
-  EXPECT_EQ(shelf.open().last_seq("a", kNow), static_cast<std::uint64_t>(kNow));
+  shelf.open();
+  EXPECT_EQ(shelf.begin(), static_cast<std::uint64_t>(kNow));
   shelf.store->used_seq("a", kNow + 5);
   shelf.store->close();
-  EXPECT_EQ(shelf.open().last_seq("a", kNow + 100000), static_cast<std::uint64_t>(kNow) + 5);
+  shelf.open();
+  EXPECT_EQ(shelf.begin(kNow + 100000), static_cast<std::uint64_t>(kNow) + 5);
 }
 
 TEST(Store, NumbersOnlySkipForwardAfterACrash) {
   Shelf shelf;
-  std::uint64_t used = shelf.open().last_seq("a", kNow);
-  for (int i = 0; i < 5000; ++i) shelf.store->used_seq("a", ++used);
+  shelf.open();
+  std::uint64_t used = shelf.begin();
+  for (std::uint64_t i = 0; i < 3 * Store::kSequenceBlock; ++i) shelf.store->used_seq("a", ++used);
   // The clock went back: the numbers do not.
-  EXPECT_GT(shelf.open().last_seq("a", 5), used);
+  shelf.open(5);
+  EXPECT_GT(shelf.begin(5), used);
+}
+
+TEST(Store, NextBlockOfNumbersIsTakenWhileHalfOfTheLastOneIsLeft) {
+  Shelf shelf;
+  shelf.open();
+  const std::uint64_t first = shelf.begin();
+  shelf.store->used_seq("a", first + Store::kSequenceBlock / 2);
+  EXPECT_FALSE(shelf.store->is_unsettled());
+  shelf.store->used_seq("a", first + Store::kSequenceBlock / 2 + 1);
+  EXPECT_TRUE(shelf.store->is_unsettled());
+  shelf.store->upkeep(kStart, kNow);
+  EXPECT_FALSE(shelf.store->is_unsettled());
+  shelf.open();
+  EXPECT_GE(shelf.begin(), first + 3 * Store::kSequenceBlock / 2);
 }
 
 TEST(Store, WithAlwaysNumbersGoOnByOneEvenAfterACrash) {
   Shelf shelf;
   shelf.config.sync_always = true;
-  const std::uint64_t last = shelf.open().last_seq("a", kNow);
+  shelf.open();
+  const std::uint64_t last = shelf.begin();
   for (std::uint64_t seq = last + 1; seq < last + 4; ++seq) {
     shelf.store->used_seq("a", seq);
     ASSERT_TRUE(shelf.add(rows(seq, seq)));
   }
-  EXPECT_EQ(shelf.open().last_seq("a", kNow + 100000), last + 3);
+  shelf.open();
+  EXPECT_EQ(shelf.begin(kNow + 100000), last + 3);
+}
+
+TEST(Store, WithAlwaysNumbersThatTheDiskRefusedAreNotUsedAgain) {
+  Shelf shelf;
+  shelf.config.sync_always = true;
+  shelf.open();
+  std::uint64_t last = shelf.begin();
+  {
+    const DiskLimit full(200000);
+    do {
+      ++last;
+      shelf.store->used_seq("a", last);
+    } while (shelf.add(rows(last, last)));
+    for (int i = 0; i < 1000; ++i) shelf.store->used_seq("a", ++last);
+  }  // and the power goes
+  shelf.open(5);
+  const std::uint64_t next = shelf.begin(5);
+  EXPECT_GT(next, last);
+  shelf.open();  // the mark has done its work
+  EXPECT_EQ(shelf.begin(), next);
 }
 
 TEST(Store, JournalRemembersOrdersAndTheirFirstResult) {
