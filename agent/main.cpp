@@ -1,5 +1,5 @@
-// The command line: run · check · plan · read · write · force-on · force-off · decode. Nothing
-// else.
+// The command line: run · check · plan · read · write · force-on · force-off · audit · decode.
+// Nothing else.
 #include <malloc.h>
 
 #include <CLI/CLI.hpp>
@@ -9,6 +9,7 @@
 #include <iostream>
 
 #include "agent/agent.h"
+#include "agent/audit_command.h"
 #include "agent/config.h"
 #include "agent/decode.h"
 #include "agent/log.h"
@@ -129,6 +130,25 @@ int dispatch(int argc, char** argv) {
                action);
   add_one_shot(app, "force-on", "Force a bit on", Op::force_on, path, what, action);
   add_one_shot(app, "force-off", "Force a bit off", Op::force_off, path, what, action);
+
+  AuditQuestion audit;
+  CLI::App* audit_command =
+      app.add_subcommand("audit", "List every command that was received, and what became of it");
+  audit_command->add_option("CONFIG", path, "Config file")->required();
+  audit_command->add_option("--since", audit.since,
+                            "ms UTC, 2026-11-21, 2026-11-21T08:30 (UTC), or 90s 30m 2h 7d");
+  audit_command->add_flag("--json", audit.as_json, "Print JSON, one object a command");
+  auto* verify_flag =
+      audit_command->add_flag("--verify", audit.verify, "Say whether the records are whole");
+  audit_command
+      ->add_option("--head", audit.head, "RECORDS:HASH of a health message: is it in the chain?")
+      ->needs(verify_flag);
+  audit_command->callback([&] {
+    action = [&] {
+      const auto config = loaded(path);
+      return config ? run_audit(*config, audit) : kWrong;
+    };
+  });
 
   DecodeQuestion question;
   bool as_request = false;

@@ -3,7 +3,7 @@
 #   cmake -DROOT=<the project> -P tests/layers_test.cmake
 # Names every line that breaks a rule as file:line and fails. ARCHITECTURE of the rooms: protocol/
 # knows bytes, agent/field/ knows wires and time, agent/uplink/ knows MQTT and JSON, and only
-# agent/agent.* and the programs (main, one_shot) see all three.
+# agent/agent.* and the programs (main, one_shot, audit_command) see all three.
 cmake_minimum_required(VERSION 3.25)
 if(NOT IS_DIRECTORY "${ROOT}/protocol" OR NOT IS_DIRECTORY "${ROOT}/agent")
   message(FATAL_ERROR "layers: '${ROOT}' is not the project; call with -DROOT=<the project>")
@@ -43,7 +43,7 @@ forbid("^tests/sim/" "^(protocol|agent)/" "the simulator shares no code with wha
 set(allowed
   "^protocol/[^ ]+ protocol/"
   "^protocol/[^ ]+ tl/expected\\.hpp$"
-  "^agent/(agent\\.(h|cpp)|main\\.cpp|one_shot\\.(h|cpp)) agent/(field|uplink)/"
+  "^agent/(agent\\.(h|cpp)|main\\.cpp|one_shot\\.(h|cpp)|audit_command\\.cpp) agent/(field|uplink)/"
   "^agent/uplink/paho_broker\\.cpp (mqtt/|MQTT)"
   "^agent/log\\.cpp spdlog/")
 

@@ -105,6 +105,7 @@ std::optional<Refusal> check_expiry(const Command& command, const CommandRules& 
 CommandResult result_of(const Command& command) {
   CommandResult result;
   result.device = command.device;
+  result.arrival = command.arrival;
   result.id = command.id;
   result.op = command.op_text;
   result.is_list = command.is_list;

@@ -65,6 +65,7 @@ OrderNote note_of(const Order& order) {
   const Command& command = order.command;
   OrderNote note;
   note.device = command.device;
+  note.arrival = command.arrival;
   note.id = command.id;
   note.op = command.op_text;
   note.received_ms = command.received_ms;
@@ -456,6 +457,8 @@ asio::awaitable<void> LinkWorker::run_command() {
 
   Station station = device.station;
   station.codec = running_->codec.get();
+  FrameTrace trace;
+  station.trace = &trace;
   OrderRun order_run(executor_, line_, station, device.config, order);
   CommandResult result = co_await order_run.run();
 
@@ -469,6 +472,7 @@ asio::awaitable<void> LinkWorker::run_command() {
   after_write(device, result, order);
   if (order.run_order && result.status == CommandStatus::succeeded)
     device.run = order.command.op == Op::run;
+  result.frames = std::move(trace);
   outbox_.push(std::move(result));
   running_.reset();
   update_status(device);

@@ -681,6 +681,13 @@ std::string health(const Health& health, const Config& config) {
   health.hours_left ? out.number(*health.hours_left) : out.null();
   out.key("set_aside").word(health.store_set_aside);
   out.end_object();
+  out.key("audit");
+  if (health.audit_head.empty()) {
+    out.null();
+  } else {
+    out.begin_object().key("records").integer(health.audit_records);
+    out.key("head").string(health.audit_head).end_object();
+  }
   out.key("clock_synchronised").boolean(health.clock_synchronised);
   out.key("rss_bytes").integer(health.rss_bytes);
   out.end_object();

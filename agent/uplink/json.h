@@ -72,6 +72,8 @@ struct Health {
   std::string store_state;      ///< "disk"; "memory" where there is none, or it cannot be written
   std::string store_set_aside;  ///< name of the damaged file of this run; empty: none
   std::uint64_t store_bytes = 0;
+  std::uint64_t audit_records = 0;
+  std::string audit_head;            ///< hash of the last of them; empty: there is no audit
   std::optional<double> hours_left;  ///< until the store is full at the present rate
   bool clock_synchronised = false;
   std::uint64_t rss_bytes = 0;

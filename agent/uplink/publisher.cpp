@@ -32,6 +32,7 @@ constexpr std::size_t kMaxWindow = 20;
 constexpr std::size_t kBackedUp = 4;
 constexpr std::size_t kHistoryBytes = 65536;
 constexpr std::size_t kMaxPendingResults = 10000;
+constexpr std::size_t kPayloadKept = 65536;  // no command is longer
 // What a PUBLISH needs beside topic, payload and correlation data: header, lengths, packet id.
 constexpr std::size_t kPacketOverhead = 64;
 
@@ -214,11 +215,13 @@ void Publisher::take_command(const Message& event, std::uint32_t device) {
   command.message_expiry = event.message_expiry;
   command.response_topic = event.response_topic;
   command.correlation = event.correlation;
+  if (store_ != nullptr) command.arrival = note_arrival(event, command);
   if (phase_ == Phase::running) return submit_(std::move(command));
 
   // The field answers no more.
   CommandResult result;
   result.device = device;
+  result.arrival = command.arrival;
   result.id = std::move(command.id);
   result.reason = Reason::shutting_down;
   result.op = std::move(command.op_text);
@@ -227,6 +230,20 @@ void Publisher::take_command(const Message& event, std::uint32_t device) {
   result.response_topic = std::move(command.response_topic);
   result.correlation = std::move(command.correlation);
   take_result(std::move(result));
+}
+
+/// For the audit, and for the journal where the command is admitted.
+std::uint64_t Publisher::note_arrival(const Message& event, const Command& command) {
+  audit::Arrival arrival;
+  arrival.number = store_->next_arrival();
+  arrival.device = config_.devices.at(command.device).name;
+  arrival.topic = event.topic;
+  arrival.payload = event.payload.substr(0, kPayloadKept);
+  arrival.payload_bytes = event.payload.size();
+  arrival.by = command.by;
+  arrival.retained = command.retained;
+  arrival.received_ms = command.received_ms;
+  return arrivals_.emplace(arrival.number, std::move(arrival)).first->first;
 }
 
 void Publisher::on(const Delivered& event, SteadyTime now) {
@@ -255,7 +272,7 @@ void Publisher::on(const MessagesDropped& event, SteadyTime) {
 void Publisher::delivered(const NoticeFlight&, SteadyTime) {}
 
 void Publisher::delivered(const ResultFlight& flight, SteadyTime) {
-  result_copy_done(flight.result, flight.copy);
+  result_copy_done(flight.result, flight.copy, Ended::acknowledged);
 }
 
 void Publisher::delivered(const LiveFlight& flight, SteadyTime) {
@@ -296,7 +313,7 @@ void Publisher::failed(const ResultFlight& flight, const DeliveryFailed& event, 
                                 {"reason", event.text}});
   // A response topic is the sender's choice: where the broker refuses it, that is that.
   if (is_final(event.reason_code) || (copy.to_response_topic && event.reason_code != 0))
-    return result_copy_done(flight.result, flight.copy);
+    return result_copy_done(flight.result, flight.copy, Ended::refused);
   copy.in_flight = false;
   copy.due = Due{now + back_off(copy.due.failures), copy.due.failures + 1};
 }
@@ -399,6 +416,11 @@ void Publisher::take_orders(std::vector<OrderNote> orders) {
     entry.op = std::move(order.op);
     entry.response_topic = std::move(order.response_topic);
     entry.correlation = std::move(order.correlation);
+    entry.arrival = order.arrival;
+    if (auto arrival = arrivals_.extract(order.arrival)) {
+      entry.audit = audit::ordered(arrival.mapped(), entry.id, entry.op, utc_ms_());
+      entry.payload = std::move(arrival.mapped().payload);
+    }
     entries.push_back(std::move(entry));
   }
   // A disk that refuses does not stop the plant: its state says what is missing.
@@ -408,11 +430,17 @@ void Publisher::take_orders(std::vector<OrderNote> orders) {
 
 /// Whether the journal knows the id, and with it the result, from now on.
 bool Publisher::note_result(const CommandResult& result) {
-  if (store_ == nullptr || result.id.empty() || result.dry_run || !result.id_kept ||
-      result.status == CommandStatus::duplicate)
-    return false;
-  if (!result.recorded.empty()) return true;
+  if (store_ == nullptr) return false;
+  const bool remembered = !result.id.empty() && !result.dry_run && result.id_kept &&
+                          result.status != CommandStatus::duplicate;
+  if (!result.recorded.empty()) return remembered;
   JournalEntry entry;
+  entry.result = json::result(result, std::nullopt);
+  entry.audit = audit_of(result, entry.result);
+  if (!remembered) {
+    store_->note(std::move(entry.audit));
+    return false;
+  }
   entry.device = config_.devices.at(result.device).name;
   entry.id = result.id;
   entry.received_ms = result.received_ms;
@@ -420,9 +448,18 @@ bool Publisher::note_result(const CommandResult& result) {
   entry.op = result.op;
   entry.response_topic = result.response_topic;
   entry.correlation = result.correlation;
-  entry.result = json::result(result, std::nullopt);
+  entry.arrival = result.arrival;
   store_->record(std::move(entry));
   return true;
+}
+
+/// `text`: the result as JSON.
+std::string Publisher::audit_of(const CommandResult& result, const std::string& text) {
+  if (result.arrival == 0) return {};
+  if (const auto arrival = arrivals_.extract(result.arrival))
+    return audit::answered(arrival.mapped(), text, utc_ms_());
+  return audit::result(result.arrival, config_.devices.at(result.device).name, text, result.frames,
+                       utc_ms_());
 }
 
 void Publisher::take_result(CommandResult result) {
@@ -767,15 +804,20 @@ void Publisher::drop(const std::string& device, std::uint64_t count) {
   dropped_total_ += count;
 }
 
-void Publisher::result_copy_done(std::uint64_t result, std::size_t copy) {
+void Publisher::result_copy_done(std::uint64_t result, std::size_t copy, Ended how) {
   const auto found = results_.find(result);
   if (found == results_.end()) return;
   auto& copies = found->second.copies;
   copies[copy].done = true;
+  copies[copy].acknowledged = how == Ended::acknowledged;
   if (!std::all_of(copies.begin(), copies.end(), [](const auto& each) { return each.done; }))
     return;
   const CommandResult& told = found->second.result;
-  if (found->second.journaled) store_->told(config_.devices.at(told.device).name, told.id);
+  const std::string& device = config_.devices.at(told.device).name;
+  if (store_ != nullptr && told.arrival != 0)
+    store_->note(
+        audit::told(told.arrival, device, told.id, copies.front().acknowledged, utc_ms_()));
+  if (found->second.journaled) store_->told(device, told.id);
   results_.erase(found);
 }
 
@@ -893,7 +935,11 @@ std::string Publisher::health_text(SteadyTime now) const {
   }
   health.commands = commands_;
   health.store_state = store_ == nullptr ? "memory" : store_->state();
-  if (store_ != nullptr) health.store_set_aside = store_->set_aside();
+  if (store_ != nullptr) {
+    health.store_set_aside = store_->set_aside();
+    health.audit_records = store_->audit_head().records;
+    health.audit_head = audit::to_text(store_->audit_head().hash);
+  }
   health.store_bytes = backlog_.bytes() + (store_ == nullptr ? 0 : store_->bytes());
   const std::uint64_t room = store_ == nullptr ? backlog_.max_bytes() : store_->max_bytes();
   if (bytes_per_hour_ && *bytes_per_hour_ > 0)

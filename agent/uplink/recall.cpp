@@ -48,11 +48,14 @@ Recall recall(const Config& config, Store* store, std::int64_t utc_ms) {
     if (device == index.end()) continue;
     if (entry.result.empty()) {
       entry.result = json::result(left_behind(entry), std::nullopt);
+      if (entry.arrival != 0)
+        entry.audit = audit::result(entry.arrival, entry.device, entry.result, {}, utc_ms);
       log::warn("order_left_behind", {{"device", entry.device}, {"id", entry.id}});
       store->record(entry);
     }
     CommandResult result = json::recorded_result(entry.result);
     result.device = device->second;
+    result.arrival = entry.arrival;
     result.id = entry.id;
     result.received_ms = entry.received_ms;
     result.response_topic = std::move(entry.response_topic);

@@ -1,7 +1,6 @@
 #include "agent/uplink/store.h"
 
 #include <fcntl.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -25,21 +24,6 @@ using std::chrono::seconds;
 
 constexpr milliseconds kSettleEvery{200};
 constexpr seconds kCleanUpEvery{60};
-constexpr std::size_t kMostUnrecorded = 10000;
-constexpr int kBusyMs = 500;  // a process that is just ending may still hold the file
-
-// Step i leads from user_version i to i + 1. `grp` is a group; the order of a lane is that of seq.
-constexpr const char* kSchema[] = {
-    "CREATE TABLE samples(id INTEGER PRIMARY KEY, device TEXT NOT NULL, grp TEXT NOT NULL,"
-    " seq INTEGER NOT NULL, created_ms INTEGER NOT NULL, row TEXT NOT NULL);"
-    "CREATE INDEX samples_by_lane ON samples(device, grp, seq, id);"
-    "CREATE TABLE devices(name TEXT PRIMARY KEY, last_seq INTEGER NOT NULL,"
-    " clean INTEGER NOT NULL) WITHOUT ROWID;"
-    "CREATE TABLE orders(device TEXT NOT NULL, id TEXT NOT NULL, received_ms INTEGER NOT NULL,"
-    " deadline_ms INTEGER NOT NULL, op TEXT NOT NULL, response_topic TEXT NOT NULL,"
-    " correlation BLOB NOT NULL, result TEXT NOT NULL, told INTEGER NOT NULL,"
-    " PRIMARY KEY(device, id)) WITHOUT ROWID;"
-    "CREATE INDEX orders_by_age ON orders(device, received_ms);"};
 
 /// The codes after which the file is not to be trusted any more; SQLITE_SCHEMA: a newer program's.
 bool is_damage(int code) {
@@ -49,84 +33,7 @@ bool is_damage(int code) {
 std::int64_t to_sql(std::uint64_t number) { return static_cast<std::int64_t>(number); }
 std::uint64_t from_sql(std::int64_t number) { return static_cast<std::uint64_t>(number); }
 
-/// Makes the directory (0700) and the file (0600) where they are not there. Empty: done.
-std::string make_file(const std::filesystem::path& directory, const std::filesystem::path& file) {
-  std::error_code fault;
-  if (!std::filesystem::exists(directory, fault)) {
-    std::filesystem::create_directories(directory, fault);
-    if (fault) return directory.string() + ": " + fault.message();
-    ::chmod(directory.c_str(), S_IRWXU);
-  }
-  const int handle = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, S_IRUSR | S_IWUSR);
-  if (handle < 0) return file.string() + ": " + std::strerror(errno);
-  ::fchmod(handle, S_IRUSR | S_IWUSR);
-  ::close(handle);
-  return {};
-}
-
 }  // namespace
-
-/// The open file and its statements, which are prepared once.
-class Store::File final {
- public:
-  File(const std::string& path, bool always) : db(path), always_(always) {
-    if (!db.is_open()) return;
-    sqlite3_busy_timeout(db.handle(), kBusyMs);
-    // Exclusive: two agents with one store would publish and journal for each other.
-    usable_ = db.execute("PRAGMA locking_mode = EXCLUSIVE; PRAGMA journal_mode = WAL;") &&
-              db.execute(always ? "PRAGMA synchronous = FULL" : "PRAGMA synchronous = NORMAL") &&
-              sqlite::migrate(db, kSchema);
-    if (!usable_) return;
-    insert = {db, "INSERT INTO samples VALUES(?, ?, ?, ?, ?, ?)"};
-    remove = {db, "DELETE FROM samples WHERE id = ?"};
-    lane = {db, "SELECT id, row FROM samples WHERE device = ? AND grp = ? ORDER BY seq, id"};
-    oldest = {db,
-              "SELECT id, device, grp, created_ms, length(CAST(row AS BLOB)) FROM samples"
-              " ORDER BY id"};
-    order = {db, "INSERT OR IGNORE INTO orders VALUES(?, ?, ?, ?, ?, ?, ?, '', 0)"};
-    record = {db,
-              "INSERT INTO orders VALUES(?, ?, ?, ?, ?, ?, ?, ?, 0)"
-              " ON CONFLICT DO UPDATE SET result = excluded.result WHERE result = ''"};
-    told = {db, "UPDATE orders SET told = 1 WHERE device = ? AND id = ?"};
-    // A number goes back only to the exact one, from the end of its block.
-    numbers = {db,
-               "INSERT INTO devices VALUES(?, ?, ?) ON CONFLICT DO UPDATE SET last_seq ="
-               " CASE excluded.clean WHEN 1 THEN excluded.last_seq"
-               " ELSE max(last_seq, excluded.last_seq) END, clean = excluded.clean"};
-  }
-
-  bool is_usable() const { return usable_; }
-
-  /// Samples are synchronised with the disk even where orders are not: a power cut loses none that
-  /// counts as stored. With `always` everything is.
-  void synchronise(bool full) {
-    if (!always_) db.execute(full ? "PRAGMA synchronous = FULL" : "PRAGMA synchronous = NORMAL");
-  }
-
-  /// Whether there is room for a message more.
-  bool can_write() {
-    Transaction transaction(db);
-    return transaction.begun() &&
-           db.execute(
-               "INSERT INTO samples VALUES(0, '', '', 0, 0, zeroblob(65536));"
-               "DELETE FROM samples WHERE id = 0") &&
-           transaction.commit();
-  }
-
-  sqlite::Database db;
-  Statement insert;
-  Statement remove;
-  Statement lane;
-  Statement oldest;
-  Statement order;
-  Statement record;
-  Statement told;
-  Statement numbers;
-
- private:
-  const bool always_;
-  bool usable_ = false;
-};
 
 Store::Store(const StoreConfig& config, std::int64_t utc_ms)
     : config_(config), utc_ms_(utc_ms), run_began_ms_(utc_ms) {
@@ -144,17 +51,22 @@ Store::~Store() = default;
 
 void Store::open(std::int64_t utc_ms) {
   utc_ms_ = utc_ms;
-  const std::filesystem::path directory(config_.path);
-  const std::filesystem::path path = directory / "fxagent.db";
+  const std::string path = store_file_path(config_.path);
   // A second time, after a damaged file was set aside.
   for (int attempt = 0; attempt < 2 && !writable_; ++attempt) {
-    const std::string why = make_file(directory, path);
+    std::string why = make_store_file(config_.path);
+    if (why.empty() && !lock_) {
+      // Two agents with one store would publish and journal for each other.
+      lock_ = std::make_unique<DirectoryLock>(config_.path);
+      why = lock_->fault();
+      if (!why.empty()) lock_.reset();
+    }
     if (!why.empty()) {
       if (why != last_failure_) log::error("store", {{"state", "memory"}, {"reason", why}});
       last_failure_ = why;
       return;
     }
-    file_ = std::make_unique<File>(path.string(), config_.sync_always);
+    file_ = std::make_unique<StoreFile>(path, config_.sync_always);
     if (file_->is_usable() && load()) {
       writable_ = true;
     } else if (is_damage(file_->db.fault().code) && attempt == 0) {
@@ -185,6 +97,9 @@ bool Store::load() {
     bytes_ += from_sql(sums.number(3)) + lane.rows * SampleRow::kOverhead;
     next_order_ = std::max(next_order_, from_sql(sums.number(5)) + 1);
   }
+  if (!file_->trail.load()) return false;
+  arrivals_ = std::max(arrivals_, file_->trail.arrivals());
+  first_audit_of_run_ = file_->trail.head().records + 1;
   return file_->db.fault().code == SQLITE_OK;
 }
 
@@ -192,19 +107,20 @@ bool Store::load() {
 void Store::start_anew(std::string why) {
   file_.reset();
   writable_ = false;
-  const std::filesystem::path path = std::filesystem::path(config_.path) / "fxagent.db";
-  const std::string aside = path.string() + ".corrupt-" + std::to_string(utc_ms_);
+  const std::string path = store_file_path(config_.path);
+  const std::string aside = path + ".corrupt-" + std::to_string(utc_ms_);
   std::error_code fault;
   std::filesystem::rename(path, aside, fault);
   for (const char* suffix : {"-wal", "-shm"}) {
     std::error_code none;
-    std::filesystem::rename(path.string() + suffix, aside + suffix, none);
+    std::filesystem::rename(path + suffix, aside + suffix, none);
   }
   log::error("store", {{"state", "damaged"},
                        {"reason", std::move(why)},
                        {"set_aside", fault ? "failed: " + fault.message() : aside},
                        {"samples_lost", std::to_string(rows_)}});
   if (!fault) set_aside_ = std::filesystem::path(aside).filename().string();
+  note(audit::begun(set_aside_, utc_ms_));
   for (const auto& [key, lane] : lanes_)
     if (lane.rows > 0) dropped_[key.first] += lane.rows;
   lanes_.clear();
@@ -232,6 +148,7 @@ void Store::failed(std::string_view doing) {
 
 void Store::upkeep(SteadyTime now, std::int64_t utc_ms) {
   note_clock(now, utc_ms);
+  if (!running_since_) running_since_ = now;
   if (!writable_) {
     if (!try_at_) try_at_ = now + kTryAgain;
     if (now < *try_at_) return;
@@ -261,6 +178,7 @@ void Store::upkeep(SteadyTime now, std::int64_t utc_ms) {
     clean_up_at_ = now + kCleanUpEvery;
     drop_old_rows();
     drop_old_ids();
+    prune_audit();
   }
 }
 
@@ -272,6 +190,7 @@ void Store::close() {
   write_numbers(rows, true);
   if (writable_) file_->db.execute("PRAGMA wal_checkpoint(TRUNCATE)");
   file_.reset();
+  lock_.reset();
   writable_ = false;
 }
 
@@ -335,7 +254,7 @@ bool Store::append(std::vector<SampleRow>& rows, Hold hold) {
         if (!file_->numbers.bind(1, device).bind(2, to_sql(seq)).bind(3, 0).run()) return false;
     const std::uint64_t full = bytes_ + added;
     if (full > config_.max_bytes && !delete_oldest(full - config_.max_bytes, 0, gone)) return false;
-    return transaction.commit();
+    return commit(transaction);
   };
   file_->synchronise(true);
   const bool written = write();
@@ -345,9 +264,7 @@ bool Store::append(std::vector<SampleRow>& rows, Hold hold) {
     if (config_.sync_always && !writable_) numbers_are_behind();
     return false;
   }
-  removed_.clear();
-  untold_.clear();
-  unrecorded_.clear();
+  settled();
   for (SampleRow& row : rows) {
     row.order = next_order_++;
     const LaneKey key{row.device, row.group};
@@ -484,14 +401,13 @@ bool Store::is_on_the_way(const LaneKey& lane) const {
 }
 
 bool Store::settle() {
-  if (removed_.empty() && untold_.empty() && unrecorded_.empty()) return writable_;
+  if (removed_.empty() && untold_.empty() && unrecorded_.empty() && unaudited_.empty())
+    return writable_;
   if (!writable_) return false;
   {
     Transaction transaction(file_->db);
-    if (transaction.begun() && write_settled() && transaction.commit()) {
-      removed_.clear();
-      untold_.clear();
-      unrecorded_.clear();
+    if (transaction.begun() && write_settled() && commit(transaction)) {
+      settled();
       return true;
     }
   }
@@ -500,6 +416,8 @@ bool Store::settle() {
 }
 
 bool Store::write_settled() {
+  file_->trail.begin();
+  if (!write_unaudited()) return false;
   for (const std::uint64_t order : removed_)
     if (!file_->remove.bind(1, to_sql(order)).run()) return false;
   for (const JournalEntry& entry : unrecorded_)
@@ -507,6 +425,14 @@ bool Store::write_settled() {
   for (const auto& [device, id] : untold_)
     if (!file_->told.bind(1, device).bind(2, id).run()) return false;
   return true;
+}
+
+void Store::settled() {
+  removed_.clear();
+  untold_.clear();
+  unrecorded_.clear();
+  unaudited_.clear();
+  audit_lost_ = 0;
 }
 
 void Store::drop_old_rows() {
@@ -517,12 +443,10 @@ void Store::drop_old_rows() {
   {
     Transaction transaction(file_->db);
     done = transaction.begun() && write_settled() && delete_oldest(0, limit, gone) &&
-           transaction.commit();
+           commit(transaction);
   }
   if (!done) return failed("delete");
-  removed_.clear();
-  untold_.clear();
-  unrecorded_.clear();
+  settled();
   forget(gone);
 }
 
@@ -622,99 +546,6 @@ void Store::numbers_are_known() {
   if (!std::exchange(numbers_behind_, false)) return;
   std::error_code none;
   std::filesystem::remove(numbers_behind_path(), none);
-}
-
-// ---- orders -------------------------------------------------------------------------------------
-
-bool Store::journal(std::span<const JournalEntry> orders) {
-  if (!writable_) return false;
-  {
-    Transaction transaction(file_->db);
-    const bool written = transaction.begun() &&
-                         std::all_of(orders.begin(), orders.end(), [this](const JournalEntry& e) {
-                           return file_->order.bind(1, e.device)
-                               .bind(2, e.id)
-                               .bind(3, e.received_ms)
-                               .bind(4, e.deadline_ms)
-                               .bind(5, e.op)
-                               .bind(6, e.response_topic)
-                               .bind(7, ByteView(e.correlation))
-                               .run();
-                         });
-    if (written && transaction.commit()) return true;
-  }
-  failed("journal");
-  return false;
-}
-
-void Store::record(JournalEntry entry) {
-  if (writable_ && write_record(entry)) return;
-  if (writable_) failed("journal");
-  if (unrecorded_.size() < kMostUnrecorded) return unrecorded_.push_back(std::move(entry));
-  if (std::exchange(forgot_results_, true)) return;
-  log::error("results_not_kept", {{"device", entry.device}, {"first_id", entry.id}});
-}
-
-bool Store::write_record(const JournalEntry& entry) {
-  return file_->record.bind(1, entry.device)
-      .bind(2, entry.id)
-      .bind(3, entry.received_ms)
-      .bind(4, entry.deadline_ms)
-      .bind(5, entry.op)
-      .bind(6, entry.response_topic)
-      .bind(7, ByteView(entry.correlation))
-      .bind(8, entry.result)
-      .run();
-}
-
-void Store::told(const std::string& device, const std::string& id) {
-  if (untold_.size() < kMostUnrecorded) untold_.emplace_back(device, id);
-}
-
-std::vector<JournalEntry> Store::remembered() {
-  std::vector<JournalEntry> entries;
-  if (!file_) return entries;
-  Statement all(
-      file_->db,
-      "SELECT device, id, received_ms, deadline_ms, op, response_topic, correlation, result, told"
-      " FROM (SELECT *, row_number() OVER (PARTITION BY device ORDER BY received_ms DESC) AS place"
-      " FROM orders) WHERE place <= ? OR result = '' ORDER BY received_ms");
-  all.bind(1, static_cast<std::int64_t>(kRememberedIds));
-  auto step = all.step();
-  for (; step == Statement::Step::row; step = all.step()) {
-    JournalEntry entry;
-    entry.device = all.text(0);
-    entry.id = all.text(1);
-    entry.received_ms = all.number(2);
-    entry.deadline_ms = all.number(3);
-    entry.op = all.text(4);
-    entry.response_topic = all.text(5);
-    const ByteView correlation = all.bytes(6);
-    entry.correlation.assign(correlation.begin(), correlation.end());
-    entry.result = all.text(7);
-    entry.told = all.number(8) != 0;
-    entries.push_back(std::move(entry));
-  }
-  if (step == Statement::Step::failed) failed("read");
-  return entries;
-}
-
-void Store::drop_old_ids() {
-  if (!writable_) return;
-  const std::int64_t day = milliseconds(kRememberedFor).count();
-  const std::int64_t age = std::max(day, milliseconds(config_.max_age).count());
-  // What nobody could be told is kept as long as a sample is.
-  Statement old(file_->db,
-                "DELETE FROM orders WHERE deadline_ms < ?1"
-                " AND (told = 1 AND received_ms < ?2 OR received_ms < ?3)");
-  Statement many(file_->db,
-                 "DELETE FROM orders WHERE told = 1 AND deadline_ms < ?1 AND (device, id) IN"
-                 " (SELECT device, id FROM (SELECT device, id, row_number() OVER"
-                 " (PARTITION BY device ORDER BY received_ms DESC) AS place FROM orders)"
-                 " WHERE place > ?2)");
-  const bool done = old.bind(1, utc_ms_).bind(2, utc_ms_ - day).bind(3, utc_ms_ - age).run() &&
-                    many.bind(1, utc_ms_).bind(2, std::int64_t{kRememberedIds}).run();
-  if (!done) failed("delete");
 }
 
 }  // namespace fxagent

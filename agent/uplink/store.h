@@ -1,6 +1,6 @@
-// The store on disk: samples that were not acknowledged, the journal of orders, and the numbers
-// that each device has reached. One SQLite file, fxagent.db, in a directory of its own. Uplink
-// thread; before that thread is started, the thread that made it.
+// The store on disk: samples that were not acknowledged, the journal of orders, the audit trail,
+// and the numbers that each device has reached. One SQLite file, fxagent.db, in a directory of its
+// own. Uplink thread; before that thread is started, the thread that made it.
 //
 // No failure of the disk is a failure of the caller: what could not be written is the caller's to
 // keep, the state becomes `memory`, and upkeep() tries again now and then.
@@ -21,7 +21,9 @@
 
 #include "agent/config.h"
 #include "agent/messages.h"
+#include "agent/uplink/audit.h"
 #include "agent/uplink/history.h"
+#include "agent/uplink/store_file.h"
 
 namespace fxagent {
 
@@ -34,8 +36,12 @@ struct JournalEntry {
   std::string op;
   std::string response_topic;
   Bytes correlation;
-  std::string result;  ///< empty: it has none
-  bool told = false;   ///< the broker has the result
+  std::string result;         ///< empty: it has none
+  bool told = false;          ///< the broker has the result
+  std::uint64_t arrival = 0;  ///< its number in the audit; 0: it came before there was one
+  std::string payload;        ///< as it came; kept until there is a result
+  /// A record's body for the audit, written together with this entry; empty: none.
+  std::string audit;
 };
 
 class Store final {
@@ -70,8 +76,8 @@ class Store final {
 
   /// Whether upkeep() has something to write soon.
   bool is_unsettled() const {
-    return writable_ &&
-           !(removed_.empty() && untold_.empty() && unrecorded_.empty() && !numbers_short_);
+    return writable_ && !(removed_.empty() && untold_.empty() && unrecorded_.empty() &&
+                          unaudited_.empty() && !numbers_short_);
   }
   /// The name of the damaged file that was set aside in this run; empty: none was.
   const std::string& set_aside() const { return set_aside_; }
@@ -126,8 +132,16 @@ class Store final {
   /// The newest ids of each device and every unfinished order, oldest first.
   std::vector<JournalEntry> remembered();
 
+  // ---- the audit
+
+  /// The number of a command that has just come.
+  std::uint64_t next_arrival() { return ++arrivals_; }
+  /// A record's body for the audit, written within 200 ms, or once the disk takes it.
+  void note(std::string body);
+  /// As it is in the file.
+  audit::Head audit_head() const { return file_ ? file_->trail.head() : audit::Head{}; }
+
  private:
-  class File;
   struct Lane {
     std::uint64_t rows = 0;  ///< in the file
     std::uint64_t out = 0;   ///< of these, held or on the way
@@ -158,13 +172,21 @@ class Store final {
   void failed(std::string_view doing);
   /// Rows that were removed, results that were told and those that found no disk, into the file.
   bool settle();
+  /// Within the caller's transaction; settled() after its commit.
   bool write_settled();
+  void settled();
   /// Deletes the oldest rows, `excess` bytes or what is older, within the caller's transaction.
   bool delete_oldest(std::uint64_t excess, std::int64_t older_than_ms, std::vector<Victim>& gone);
   void forget(const std::vector<Victim>& gone);
   void drop_old_rows();
   void drop_old_ids();
+  bool write_orders(std::span<const JournalEntry> orders);
   bool write_record(const JournalEntry& entry);
+  /// Within the caller's transaction, after the trail's begin().
+  bool write_audit(std::string_view body);
+  bool write_unaudited();
+  bool commit(sqlite::Transaction& transaction);
+  void prune_audit();
   bool write_numbers(const std::vector<NumberRow>& rows, bool clean);
   void write_all_numbers();
   void reserve_numbers();
@@ -175,7 +197,8 @@ class Store final {
   void numbers_are_known();
 
   const StoreConfig config_;
-  std::unique_ptr<File> file_;  ///< null: it could not be opened
+  std::unique_ptr<DirectoryLock> lock_;
+  std::unique_ptr<StoreFile> file_;  ///< null: it could not be opened
   bool writable_ = false;
   std::string last_failure_;
   std::int64_t utc_ms_ = 0;             ///< of the last upkeep
@@ -199,6 +222,12 @@ class Store final {
   std::vector<JournalEntry> unrecorded_;                     ///< results that are not in the file
   std::vector<std::pair<std::string, std::string>> untold_;  ///< device, id: told, not noted yet
   bool forgot_results_ = false;                              ///< there were too many of them
+  std::vector<std::string> unaudited_;                       ///< bodies that are not in the file
+  std::uint64_t audit_lost_ = 0;  ///< bodies that found no room there, not told yet
+  std::uint64_t arrivals_ = 0;
+  std::uint64_t first_audit_of_run_ = 0;
+  std::optional<SteadyTime> running_since_;
+  std::optional<SteadyTime> prune_at_;
   std::map<std::string, Numbers> numbers_;
   bool numbers_short_ = false;   ///< some device has used half of its block
   bool numbers_behind_ = false;  ///< a mark beside the file says that it does not know them all

@@ -11,6 +11,7 @@
 #include <thread>
 #include <tuple>
 
+#include "agent/uplink/audit_report.h"
 #include "agent/uplink/recall.h"
 #include "tests/agent/uplink/fake_broker.h"
 #include "tests/agent/uplink/plant.h"
@@ -612,6 +613,159 @@ TEST(PublisherStore, ResultOfAnEarlierRunIsPublishedAsItWas) {
   bench.settle();
   EXPECT_EQ(json::parse(bench.broker.on(kBase + "/press1/result").back())["first"],
             json::parse(results[0]));
+}
+
+/// What the audit of the store in this directory says, a line for each command; it is whole.
+std::vector<json> audit_lines(const std::string& directory) {
+  sqlite::Database database(store_file_path(directory), sqlite::Database::Access::read_only);
+  audit::Report report;
+  audit::Verifier verifier;
+  audit::Head head;
+  EXPECT_TRUE(AuditTrail::read(
+      database,
+      [&](const audit::Record& record) {
+        report.add(record);
+        verifier.add(record);
+      },
+      head));
+  EXPECT_TRUE(verifier.finish(head).empty());
+  std::vector<json> lines;
+  for (const audit::Line& line : report.take()) lines.push_back(json::parse(line.json));
+  return lines;
+}
+
+TEST(PublisherAudit, OrderIsWrittenDownBeforeItsGoAheadAndThenItsFramesAndItsAcknowledgement) {
+  const test::Scratch scratch;
+  Bench bench(scratch.path("store"));
+  bench.online();
+  bench.command(R"({"id":"a","op":"write","tag":"setpoint","value":50,"by":"anna"})");
+  ASSERT_EQ(bench.commands.size(), 1U);
+  OrderNote order = note("a");
+  order.arrival = bench.commands[0].arrival;
+  bench.outbox.push(order);
+  bench.step();
+  ASSERT_EQ(bench.go_aheads.size(), 1U);
+  auto lines = audit_lines(scratch.path("store"));
+  ASSERT_EQ(lines.size(), 1U);
+  EXPECT_EQ(lines[0]["id"], "a");
+  EXPECT_EQ(lines[0]["by"], "anna");
+  EXPECT_EQ(lines[0]["topic"], kBase + "/press1/command");
+  EXPECT_EQ(lines[0]["received"], 1790000000500);
+  EXPECT_EQ(lines[0]["status"], nullptr);
+
+  CommandResult result = test::succeeded("a");
+  result.arrival = order.arrival;
+  result.frames.add(WireFrame::Way::out, Bytes{5});
+  result.frames.add(WireFrame::Way::in, Bytes{6});
+  bench.broker.acknowledges = false;
+  bench.outbox.push(result);
+  bench.step();
+  lines = audit_lines(scratch.path("store"));
+  EXPECT_EQ(lines.at(0)["status"], "SUCCEEDED");
+  EXPECT_EQ(lines[0]["plc"], "ACK");
+  EXPECT_EQ(lines[0]["frames"], json::parse(R"([{"out":"05"},{"in":"06"}])"));
+  EXPECT_EQ(lines[0]["acknowledged"], nullptr);
+
+  bench.broker.acknowledge_all();
+  bench.step();
+  bench.advance(200ms);
+  lines = audit_lines(scratch.path("store"));
+  EXPECT_EQ(lines.at(0)["acknowledged"], bench.utc() - 200);
+  EXPECT_EQ(lines[0]["records"], json::parse("[1,2,3]"));
+}
+
+TEST(PublisherAudit, EveryCommandThatNeverBecameAnOrderHasItsLineToo) {
+  const test::Scratch scratch;
+  Bench bench(scratch.path("store"));
+  bench.online();
+  const std::string payloads[] = {R"({"id":"a","op":"write"})", R"({"id":"a","op":"write"})",
+                                  "{\xFF no json", std::string(70000, 'x')};
+  for (const std::string& payload : payloads) {
+    bench.command(payload);
+    CommandResult result;
+    result.arrival = bench.commands.back().arrival;
+    result.id = bench.commands.back().id;
+    result.reason = Reason::bad_json;
+    if (bench.commands.size() == 2) {
+      result.status = CommandStatus::duplicate;
+      result.reason = Reason::duplicate_id;
+      result.first = std::make_shared<const CommandResult>(test::succeeded("a"));
+    }
+    bench.outbox.push(std::move(result));
+    bench.step();
+  }
+  bench.advance(1s);
+  const auto lines = audit_lines(scratch.path("store"));
+  ASSERT_EQ(lines.size(), 4U);
+  EXPECT_EQ(lines[0]["status"], "REJECTED");
+  EXPECT_EQ(lines[1]["status"], "DUPLICATE");
+  EXPECT_FALSE(lines[1].contains("first"));
+  EXPECT_EQ(lines[2]["payload"], "{\\xff no json");
+  EXPECT_EQ(lines[2]["id"], nullptr);
+  EXPECT_EQ(lines[3]["payload_bytes"], 70000);
+  EXPECT_EQ(lines[3]["payload"].get<std::string>().size(), audit::kPayloadKept);
+  for (const json& line : lines) EXPECT_NE(line["acknowledged"], nullptr);
+}
+
+TEST(PublisherAudit, ResultThatTheBrokerRefusesForGoodIsNotAcknowledged) {
+  const test::Scratch scratch;
+  Bench bench(scratch.path("store"));
+  bench.online();
+  bench.command("{}");
+  bench.broker.acknowledges = false;
+  CommandResult result;
+  result.arrival = bench.commands.at(0).arrival;
+  bench.outbox.push(result);
+  bench.settle();
+  bench.broker.refuse_next(0x90);
+  bench.settle();
+  bench.advance(200ms);
+  const auto lines = audit_lines(scratch.path("store"));
+  EXPECT_EQ(lines.at(0)["acknowledged"], nullptr);
+  EXPECT_EQ(lines[0]["refused_by_broker"], true);
+}
+
+TEST(PublisherAudit, OrderThatACrashLeftBehindGetsItsOutcomeAndItsAcknowledgement) {
+  const test::Scratch scratch;
+  {
+    Bench bench(scratch.path("store"));
+    bench.online();
+    bench.command(R"({"id":"left","op":"write","tag":"setpoint","value":50})");
+    OrderNote order = note("left");
+    order.arrival = bench.commands.at(0).arrival;
+    bench.outbox.push(order);
+    bench.step();
+  }  // no goodbye
+  Bench again(scratch.path("store"));
+  again.made();
+  Recall known = recall(again.config, again.store.get(), again.utc());
+  ASSERT_EQ(known.untold.size(), 1U);
+  again.outbox.push(known.untold[0]);
+  again.settle();
+  again.advance(1s);
+  const auto lines = audit_lines(scratch.path("store"));
+  ASSERT_EQ(lines.size(), 1U);
+  EXPECT_EQ(lines[0]["status"], "UNKNOWN_OUTCOME");
+  EXPECT_EQ(lines[0]["records"], json::parse("[1,2,3]"));
+  EXPECT_NE(lines[0]["acknowledged"], nullptr);
+}
+
+TEST(PublisherAudit, HealthPublishesTheHeadOfTheChain) {
+  const test::Scratch scratch;
+  Bench bench(scratch.path("store"));
+  bench.online();
+  bench.command("{}");
+  CommandResult result;
+  result.arrival = bench.commands.at(0).arrival;
+  bench.outbox.push(result);
+  bench.settle();
+  bench.advance(60s);
+  const json health = json::parse(bench.broker.on(kBase + "/health").back());
+  EXPECT_EQ(health["audit"]["records"], 2);
+  EXPECT_EQ(health["audit"]["head"], audit::to_text(bench.store->audit_head().hash));
+  Bench without;
+  without.settle();
+  EXPECT_EQ(json::parse(without.broker.on(kBase + "/health").at(0))["audit"], nullptr);
 }
 
 TEST(PublisherStore, NumbersAreReservedBeforeTheyAreUsed) {

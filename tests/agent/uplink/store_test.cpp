@@ -103,10 +103,13 @@ TEST(Store, FilesAreTheOwnersAlone) {
   Shelf shelf;
   shelf.open();
   struct stat facts {};
-  ASSERT_EQ(::stat(shelf.file().c_str(), &facts), 0);
-  EXPECT_EQ(facts.st_mode & 0777, 0600U);
-  ASSERT_EQ(::stat((shelf.file() + "-wal").c_str(), &facts), 0);
-  EXPECT_EQ(facts.st_mode & 0777, 0600U);
+  std::size_t files = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(shelf.config.path)) {
+    ASSERT_EQ(::stat(entry.path().c_str(), &facts), 0);
+    EXPECT_EQ(facts.st_mode & 0777, 0600U) << entry.path();
+    ++files;
+  }
+  EXPECT_EQ(files, 4U);  // the database, its log and the log's index; the lock
   ASSERT_EQ(::stat(shelf.config.path.c_str(), &facts), 0);
   EXPECT_EQ(facts.st_mode & 0777, 0700U);
 }
@@ -474,6 +477,166 @@ TEST(Store, ResultThatFoundNoDiskIsWrittenLater) {
   ASSERT_EQ(found.size(), 1U);
   EXPECT_EQ(found[0].result, "{1}");
   EXPECT_TRUE(found[0].told);
+}
+
+// ---- the audit
+
+/// The records of the file, as another process reads them; their chain is whole.
+std::vector<std::string> audit_of(const Shelf& shelf) {
+  sqlite::Database database(shelf.file(), sqlite::Database::Access::read_only);
+  std::vector<std::string> texts;
+  audit::Verifier verifier;
+  audit::Head head;
+  EXPECT_TRUE(AuditTrail::read(
+      database,
+      [&](const audit::Record& record) {
+        verifier.add(record);
+        texts.push_back(record.text);
+      },
+      head))
+      << database.fault().text;
+  for (const audit::Finding& finding : verifier.finish(head))
+    ADD_FAILURE() << finding.record << ": " << finding.text;
+  return texts;
+}
+
+std::string told(const std::string& id) { return audit::told(1, "a", id, true, kNow); }
+
+TEST(Store, AuditOfAnOrderIsWrittenWithItsJournal) {
+  Shelf shelf;
+  shelf.open();
+  JournalEntry order = entry("one");
+  order.audit = told("one");
+  order.arrival = 7;
+  order.payload = "{}";
+  ASSERT_TRUE(shelf.store->journal(std::vector{order}));
+  EXPECT_EQ(audit_of(shelf).size(), 1U);
+  EXPECT_EQ(shelf.store->remembered().at(0).arrival, 7U);
+  EXPECT_EQ(shelf.store->remembered().at(0).payload, "{}");
+  order.result = "{1}";
+  shelf.store->record(order);
+  EXPECT_EQ(audit_of(shelf).size(), 2U);
+  EXPECT_EQ(shelf.store->remembered().at(0).payload, "");  // it has done its work
+  EXPECT_EQ(shelf.store->audit_head().records, 2U);
+}
+
+TEST(Store, NotesForTheAuditAreWrittenTogether) {
+  Shelf shelf;
+  shelf.open();
+  shelf.store->upkeep(kStart, kNow);
+  for (const char* id : {"a", "b", "c"}) shelf.store->note(told(id));
+  EXPECT_TRUE(shelf.store->is_unsettled());
+  EXPECT_EQ(shelf.store->audit_head().records, 0U);
+  shelf.store->upkeep(kStart + 200ms, kNow + 200);
+  EXPECT_FALSE(shelf.store->is_unsettled());
+  EXPECT_EQ(audit_of(shelf).size(), 3U);
+}
+
+TEST(Store, AuditGoesOnAfterARestartAndCommandsKeepTheirNumbers) {
+  Shelf shelf;
+  shelf.open();
+  EXPECT_EQ(shelf.store->next_arrival(), 1U);
+  EXPECT_EQ(shelf.store->next_arrival(), 2U);
+  shelf.store->note(told("a"));
+  shelf.store->close();
+  EXPECT_EQ(audit_of(shelf).size(), 1U);  // without an agent, too
+  shelf.open();
+  EXPECT_EQ(shelf.store->next_arrival(), 3U);
+  shelf.store->note(told("b"));
+  shelf.store->upkeep(kStart, kNow);
+  EXPECT_EQ(audit_of(shelf).size(), 2U);
+}
+
+TEST(Store, AuditThatFoundNoDiskIsWrittenLaterAndSaysWhatWasLost) {
+  Shelf shelf;
+  std::ofstream(shelf.config.path) << "a file in its place";
+  shelf.open();
+  JournalEntry order = entry("one");
+  order.audit = told("one");
+  EXPECT_FALSE(shelf.store->journal(std::vector{order}));
+  for (int i = 0; i < 10005; ++i) shelf.store->note(told("x"));
+  std::filesystem::remove(shelf.config.path);
+  shelf.store->upkeep(kStart, kNow);
+  shelf.store->upkeep(kStart + 10s, kNow + 10000);
+  const auto texts = audit_of(shelf);
+  ASSERT_EQ(texts.size(), 10001U);
+  EXPECT_NE(texts.front().find("\"one\""), std::string::npos);
+  EXPECT_NE(texts.back().find("\"kind\":\"lost\",\"ts\":1790000010000,\"records\":6"),
+            std::string::npos)
+      << texts.back();
+}
+
+TEST(Store, AuditOfAFreshFileNamesTheDamagedOne) {
+  Shelf shelf;
+  std::filesystem::create_directories(shelf.config.path);
+  std::ofstream(shelf.file()) << std::string(8192, 'x');
+  shelf.open();
+  shelf.store->upkeep(kStart, kNow);
+  const auto texts = audit_of(shelf);
+  ASSERT_EQ(texts.size(), 1U);
+  EXPECT_NE(texts[0].find(shelf.store->set_aside()), std::string::npos) << texts[0];
+}
+
+TEST(Store, AuditIsPrunedToItsSizeAndItsAge) {
+  Shelf shelf;
+  shelf.config.audit_max_bytes = 20000;
+  shelf.config.audit_max_age = 1h;
+  shelf.open();
+  for (int i = 0; i < 500; ++i) shelf.store->note(told("x"));
+  shelf.store->upkeep(kStart, kNow);
+  EXPECT_LT(audit_of(shelf).size(), 150U);
+  EXPECT_GT(audit_of(shelf).size(), 50U);
+  shelf.open(kNow + 7200000);
+  shelf.store->upkeep(kStart, kNow + 7200000);
+  // The last one has to stay, and with it what says that the others were let go.
+  EXPECT_EQ(audit_of(shelf).size(), 2U);
+}
+
+/// What the first version of the program made.
+constexpr const char* kFirstSchema =
+    "CREATE TABLE samples(id INTEGER PRIMARY KEY, device TEXT NOT NULL, grp TEXT NOT NULL,"
+    " seq INTEGER NOT NULL, created_ms INTEGER NOT NULL, row TEXT NOT NULL);"
+    "CREATE INDEX samples_by_lane ON samples(device, grp, seq, id);"
+    "CREATE TABLE devices(name TEXT PRIMARY KEY, last_seq INTEGER NOT NULL,"
+    " clean INTEGER NOT NULL) WITHOUT ROWID;"
+    "CREATE TABLE orders(device TEXT NOT NULL, id TEXT NOT NULL, received_ms INTEGER NOT NULL,"
+    " deadline_ms INTEGER NOT NULL, op TEXT NOT NULL, response_topic TEXT NOT NULL,"
+    " correlation BLOB NOT NULL, result TEXT NOT NULL, told INTEGER NOT NULL,"
+    " PRIMARY KEY(device, id)) WITHOUT ROWID;"
+    "CREATE INDEX orders_by_age ON orders(device, received_ms);"
+    "PRAGMA user_version = 1;"
+    "INSERT INTO samples VALUES(1, 'a', 'fast', 5, 1790000000000, '5');"
+    "INSERT INTO devices VALUES('a', 5, 1);"
+    "INSERT INTO orders VALUES('a', 'done', 1790000000000, 1790000010000, 'write', '', x'01',"
+    " '{1}', 1);"
+    "INSERT INTO orders VALUES('a', 'open', 1790000000001, 1790000010000, 'write', '', x'',"
+    " '', 0);";
+
+TEST(Store, FileOfTheFirstVersionIsTakenOver) {
+  Shelf shelf;
+  std::filesystem::create_directories(shelf.config.path);
+  {
+    sqlite::Database old(shelf.file());
+    ASSERT_TRUE(old.execute("PRAGMA journal_mode = WAL"));
+    ASSERT_TRUE(old.execute(kFirstSchema)) << old.fault().text;
+  }
+  shelf.open();
+  EXPECT_EQ(shelf.store->state(), "disk");
+  EXPECT_EQ(shelf.store->set_aside(), "");
+  EXPECT_EQ(shelf.begin(), 5U);
+  const auto known = shelf.store->remembered();
+  ASSERT_EQ(known.size(), 2U);
+  EXPECT_EQ(known[0].result, "{1}");
+  EXPECT_EQ(known[0].correlation, Bytes{1});
+  EXPECT_TRUE(known[0].told);
+  EXPECT_EQ(known[1].arrival, 0U);
+  EXPECT_EQ(shelf.drain(), "a/fast[5]}");
+  JournalEntry result = known[1];
+  result.result = "{2}";
+  result.audit = told("open");
+  shelf.store->record(result);
+  EXPECT_EQ(audit_of(shelf).size(), 1U);
+  EXPECT_EQ(shelf.open().remembered().at(1).result, "{2}");
 }
 
 TEST(Migration, StepsRunOnceInTheirOrderAndAFailedOneLeavesNothing) {
