@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "agent/fault_point.h"
 #include "agent/field/stream_io.h"
 
 namespace fxagent {
@@ -141,6 +142,7 @@ asio::awaitable<Exchange> Line::send_and_receive(const Codec& codec, const Stati
   const auto trace = [&station](WireFrame::Way way, ByteView bytes) {
     if (station.trace != nullptr) station.trace->add(way, bytes);
   };
+  if (station.trace != nullptr) fault_point("frame_sent");
   trace(WireFrame::Way::out, ByteView(*frame).first(std::min(written.sent, frame->size())));
   if (written.error) {
     transport_->close();

@@ -4,6 +4,7 @@
 #include <iterator>
 #include <utility>
 
+#include "agent/fault_point.h"
 #include "agent/field/order_run.h"
 #include "agent/field/stream_io.h"
 #include "agent/line_time.h"
@@ -461,6 +462,7 @@ asio::awaitable<void> LinkWorker::run_command() {
   station.trace = &trace;
   OrderRun order_run(executor_, line_, station, device.config, order);
   CommandResult result = co_await order_run.run();
+  fault_point("order_answered");
 
   device.station.greeted_in = station.greeted_in;
   if (line_.is_open() && !was_open_) line_up();

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <type_traits>
 
+#include "agent/fault_point.h"
 #include "agent/log.h"
 #include "agent/uplink/process_facts.h"
 #include "agent/uplink/topics.h"
@@ -216,6 +217,7 @@ void Publisher::take_command(const Message& event, std::uint32_t device) {
   command.response_topic = event.response_topic;
   command.correlation = event.correlation;
   if (store_ != nullptr) command.arrival = note_arrival(event, command);
+  fault_point("command_received");
   if (phase_ == Phase::running) return submit_(std::move(command));
 
   // The field answers no more.
@@ -272,11 +274,13 @@ void Publisher::on(const MessagesDropped& event, SteadyTime) {
 void Publisher::delivered(const NoticeFlight&, SteadyTime) {}
 
 void Publisher::delivered(const ResultFlight& flight, SteadyTime) {
+  fault_point("result_acknowledged");
   result_copy_done(flight.result, flight.copy, Ended::acknowledged);
 }
 
 void Publisher::delivered(const LiveFlight& flight, SteadyTime) {
   const SampleRow& row = flight.live.row;
+  fault_point("sample_acknowledged");
   if (flight.live.stored) {
     acknowledged_ += store_->remove(std::span(&row.order, 1));
   } else {
@@ -288,6 +292,7 @@ void Publisher::delivered(const LiveFlight& flight, SteadyTime) {
 
 void Publisher::delivered(const HistoryFlight& flight, SteadyTime) {
   --history_flights_;
+  fault_point("history_acknowledged");
   acknowledged_ +=
       flight.on_disk ? store_->remove(flight.batch) : backlog_.acknowledged(flight.batch);
   pauses_.erase(flight.batch.device);
@@ -423,8 +428,10 @@ void Publisher::take_orders(std::vector<OrderNote> orders) {
     }
     entries.push_back(std::move(entry));
   }
+  fault_point("order_admitted");
   // A disk that refuses does not stop the plant: its state says what is missing.
   if (store_ != nullptr) store_->journal(entries);
+  fault_point("order_journaled");
   for (OrderNote& order : orders) go_ahead_(order.device, std::move(order.id));
 }
 
@@ -465,7 +472,9 @@ std::string Publisher::audit_of(const CommandResult& result, const std::string& 
 void Publisher::take_result(CommandResult result) {
   ++commands_[result.status];
   PendingResult pending;
+  fault_point("result_taken");
   pending.journaled = note_result(result);
+  fault_point("result_recorded");
   const std::string& device = config_.devices.at(result.device).name;
   pending.copies.push_back({.topic = device_topic(result.device) + "/result"});
   if (!result.response_topic.empty()) {
@@ -591,6 +600,7 @@ void Publisher::pump_results(SteadyTime now) {
       publication.payload = pending.payload;
       if (copy.to_response_topic) publication.correlation = pending.result.correlation;
       send(ResultFlight{key, i}, std::move(publication));
+      fault_point("result_published");
     }
   }
 }

@@ -10,6 +10,7 @@
 #include <filesystem>
 #include <system_error>
 
+#include "agent/fault_point.h"
 #include "agent/log.h"
 #include "agent/uplink/sqlite.h"
 
@@ -230,6 +231,7 @@ void Store::restamp() {
 
 bool Store::append(std::vector<SampleRow>& rows, Hold hold) {
   if (!writable_ || rows.empty()) return writable_;
+  fault_point("sample_unstored");
   std::uint64_t added = 0;
   std::vector<Victim> gone;
   std::map<std::string, std::uint64_t> last;
@@ -278,6 +280,7 @@ bool Store::append(std::vector<SampleRow>& rows, Hold hold) {
   }
   bytes_ += added;
   forget(gone);
+  fault_point("sample_stored");
   return true;
 }
 
