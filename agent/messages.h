@@ -249,10 +249,17 @@ struct RememberedResult {
   std::int64_t deadline_ms = 0;  ///< of the command: its id is kept at least until then
 };
 
+/// The word for an order that was under way, or waiting for the wire, when the agent ended.
+inline constexpr std::string_view kLeftBehind =
+    "the agent ended while the order was under way: it may or may not have been carried out";
+
 /// What the field has to know of earlier runs; empty where nothing is kept.
 struct Recollection {
   std::vector<std::uint64_t> last_seq;    ///< by index in Config::devices; missing ones: 0
   std::vector<RememberedResult> results;  ///< oldest first
+  /// Writes that were in the journal and have no result, oldest first: what they were to write may
+  /// be read, and they are not sent again.
+  std::vector<Command> left_behind;
 };
 
 // ---- counters -----------------------------------------------------------------------------------

@@ -181,6 +181,7 @@ LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std
   for (const RememberedResult& remembered : recollection.results)
     if (Device* device = device_of(remembered.result.device))
       device->desk.restore(remembered, now, now_ms());
+  for (const Command& command : recollection.left_behind) take_left_behind(command);
   next_open_ = now;
 }
 
@@ -278,14 +279,21 @@ asio::awaitable<void> LinkWorker::run() {
   line_.close();
   std::move(unjournaled_.begin(), unjournaled_.end(), std::back_inserter(waiting_));
   unjournaled_.clear();
-  for (Waiting& waiting : waiting_) {
-    CommandResult result = result_of(waiting.order.command);
+  for (const Waiting& waiting : waiting_) outbox_.push(unsent(waiting.order));
+  waiting_.clear();
+}
+
+CommandResult LinkWorker::unsent(const Order& order) {
+  CommandResult result = result_of(order.command);
+  if (order.left_behind) {
+    result.status = CommandStatus::unknown_outcome;
+    result.detail = kLeftBehind;
+  } else {
     result.status = CommandStatus::rejected;
     result.reason = Reason::shutting_down;
     result.detail = "the agent is stopping; nothing was sent";
-    outbox_.push(std::move(result));
   }
-  waiting_.clear();
+  return result;
 }
 
 void LinkWorker::answer_after_fault(const std::string& what) {
@@ -403,6 +411,28 @@ void LinkWorker::submit(Command command) {
   if (journaling_ == Journaling::off) return enqueue(std::move(waiting));
   outbox_.push(note_of(waiting.order));
   unjournaled_.push_back(std::move(waiting));
+}
+
+void LinkWorker::take_left_behind(Command command) {
+  Device* device = device_of(command.device);
+  if (device == nullptr) return;
+  Waiting waiting;
+  waiting.device = device;
+  waiting.codec = device->codec;
+  auto order = device->desk.left_behind(command, *device->codec, Clock::now());
+  if (!order) {
+    waiting.order.command = std::move(command);
+    waiting.order.left_behind = true;
+    CommandResult result = unsent(waiting.order);
+    device->desk.finished(result);
+    outbox_.push(std::move(result));
+    return;
+  }
+  waiting.order = std::move(*order);
+  waiting.line_time = OrderRun::line_time(*device->codec, device->config,
+                                          config_.links[link_].char_time, waiting.order);
+  ++device->waiting;
+  enqueue(std::move(waiting));
 }
 
 void LinkWorker::go_ahead(std::uint32_t device, const std::string& id) {

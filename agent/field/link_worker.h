@@ -78,6 +78,9 @@ class LinkWorker final {
   void line_up();
   void line_lost(const std::string& why);
 
+  void take_left_behind(Command command);
+  /// The answer to an order that no wire will see any more.
+  static CommandResult unsent(const Order& order);
   asio::awaitable<void> run_command();
   void after_write(Device& device, const CommandResult& result, const Order& order);
   void enqueue(Waiting waiting);

@@ -147,7 +147,7 @@ def test_of(point, name, order, verified):
 for _point in ORDER:
     for _name, _order, _verified in (
             ("a_force", {"id": "f1", "op": "force_on", "address": "M150"}, False),
-            ("a_write", {"id": "w1", "op": "write", "address": "D300", "value": 17}, False)):
+            ("a_write", {"id": "w1", "op": "write", "address": "D300", "value": 17}, True)):
         _test = test_of(_point, _name, _order, _verified)
         setattr(Crashes, _test.__name__, _test)
 

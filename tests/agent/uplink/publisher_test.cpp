@@ -24,6 +24,7 @@ using nlohmann::json;
 using namespace std::chrono_literals;
 
 const std::string kBase = "fx/plant-a/edge7";
+const SteadyTime kStart{std::chrono::hours(1)};
 
 /// A publisher with everything around it, and a clock that the test moves.
 struct Bench {
@@ -32,7 +33,7 @@ struct Bench {
   test::FakeBroker broker;
   std::vector<Command> commands;
   std::vector<std::string> go_aheads;
-  SteadyTime now = SteadyTime(std::chrono::hours(1));
+  SteadyTime now = kStart;
   PublisherSettings settings{.boot = "9f3c21aa", .version = "0.1.0"};
   std::unique_ptr<Store> store;  ///< null: none
   std::unique_ptr<Publisher> publisher;
@@ -560,7 +561,7 @@ TEST(PublisherStore, RestartKnowsTheResultsAndSaysWhatNobodyWasTold) {
   Config config = test::plant();
   config.store.path = scratch.path("store");
   Store store(config.store, 1790000001000);
-  const Recall known = recall(config, &store, 1790000001000);
+  const Recall known = recall(config, &store, 1790000001000, kStart);
   std::map<std::string, CommandResult> results;
   for (const RememberedResult& each : known.field.results) results[each.result.id] = each.result;
   EXPECT_EQ(results.size(), 5U);
@@ -581,7 +582,7 @@ TEST(PublisherStore, RestartKnowsTheResultsAndSaysWhatNobodyWasTold) {
   EXPECT_EQ(untold, (std::map<std::string, std::string>{
                         {"untold", "SUCCEEDED"}, {"left", "UNKNOWN_OUTCOME"}, {"read", "FAILED"}}));
   // A second start tells the same, as long as nobody has heard it.
-  EXPECT_EQ(recall(config, &store, 1790000001000).untold.size(), 3U);
+  EXPECT_EQ(recall(config, &store, 1790000001000, kStart).untold.size(), 3U);
 }
 
 TEST(PublisherStore, ResultOfAnEarlierRunIsPublishedAsItWas) {
@@ -594,7 +595,8 @@ TEST(PublisherStore, ResultOfAnEarlierRunIsPublishedAsItWas) {
   }
   Bench bench(scratch.path("store"));
   bench.made();
-  for (const CommandResult& each : recall(bench.config, bench.store.get(), bench.utc()).untold)
+  for (const CommandResult& each :
+       recall(bench.config, bench.store.get(), bench.utc(), bench.now).untold)
     bench.outbox.push(each);
   bench.settle();
   const auto results = bench.broker.on(kBase + "/press1/result");
@@ -603,12 +605,12 @@ TEST(PublisherStore, ResultOfAnEarlierRunIsPublishedAsItWas) {
   EXPECT_EQ(json::parse(results[0])["status"], "UNKNOWN_OUTCOME");
   EXPECT_EQ(bench.broker.on("hmi/replies"), results);
   bench.advance(1s);
-  EXPECT_TRUE(recall(bench.config, bench.store.get(), bench.utc()).untold.empty());
+  EXPECT_TRUE(recall(bench.config, bench.store.get(), bench.utc(), bench.now).untold.empty());
   CommandResult again;
   again.id = "left";
   again.status = CommandStatus::duplicate;
   again.first = std::make_shared<const CommandResult>(
-      recall(bench.config, bench.store.get(), bench.utc()).field.results.at(0).result);
+      recall(bench.config, bench.store.get(), bench.utc(), bench.now).field.results.at(0).result);
   bench.outbox.push(again);
   bench.settle();
   EXPECT_EQ(json::parse(bench.broker.on(kBase + "/press1/result").back())["first"],
@@ -738,9 +740,19 @@ TEST(PublisherAudit, OrderThatACrashLeftBehindGetsItsOutcomeAndItsAcknowledgemen
   }  // no goodbye
   Bench again(scratch.path("store"));
   again.made();
-  Recall known = recall(again.config, again.store.get(), again.utc());
-  ASSERT_EQ(known.untold.size(), 1U);
-  again.outbox.push(known.untold[0]);
+  Recall known = recall(again.config, again.store.get(), again.utc(), again.now);
+  // A write: the field reads what it was to write, and says.
+  EXPECT_TRUE(known.untold.empty());
+  ASSERT_EQ(known.field.left_behind.size(), 1U);
+  const Command& command = known.field.left_behind[0];
+  EXPECT_EQ(command.id, "left");
+  EXPECT_EQ(command.targets.at(0).value, Value(std::int64_t{50}));
+  EXPECT_EQ(command.received_ms, 1790000000000);
+  EXPECT_EQ(command.response_topic, "hmi/replies");
+  CommandResult result = test::succeeded("left");
+  result.status = CommandStatus::unknown_outcome;
+  result.arrival = command.arrival;
+  again.outbox.push(result);
   again.settle();
   again.advance(1s);
   const auto lines = audit_lines(scratch.path("store"));
@@ -748,6 +760,11 @@ TEST(PublisherAudit, OrderThatACrashLeftBehindGetsItsOutcomeAndItsAcknowledgemen
   EXPECT_EQ(lines[0]["status"], "UNKNOWN_OUTCOME");
   EXPECT_EQ(lines[0]["records"], json::parse("[1,2,3]"));
   EXPECT_NE(lines[0]["acknowledged"], nullptr);
+  again.store->close();
+  Store store(again.config.store, again.utc());
+  const Recall later = recall(again.config, &store, again.utc(), again.now);
+  EXPECT_TRUE(later.field.left_behind.empty());
+  EXPECT_EQ(later.field.results.at(0).result.status, CommandStatus::unknown_outcome);
 }
 
 TEST(PublisherAudit, HealthPublishesTheHeadOfTheChain) {
@@ -774,7 +791,7 @@ TEST(PublisherStore, NumbersAreReservedBeforeTheyAreUsed) {
   {
     Bench bench(scratch.path("store"));
     bench.made();
-    seq = recall(bench.config, bench.store.get(), bench.utc()).field.last_seq.at(0);
+    seq = recall(bench.config, bench.store.get(), bench.utc(), bench.now).field.last_seq.at(0);
     for (int i = 0; i < 3000; ++i) {
       bench.outbox.push(test::sample(++seq));
       if (i % 100 == 0) bench.settle();
@@ -784,7 +801,7 @@ TEST(PublisherStore, NumbersAreReservedBeforeTheyAreUsed) {
   Config config = test::plant();
   config.store.path = scratch.path("store");
   Store store(config.store, 0);
-  EXPECT_GT(recall(config, &store, 0).field.last_seq.at(0), seq);
+  EXPECT_GT(recall(config, &store, 0, kStart).field.last_seq.at(0), seq);
 }
 
 TEST(PublisherStore, RowsOfADeviceThatIsGoneStillArrive) {
