@@ -102,6 +102,11 @@ int run_audit(const Config& config, const AuditQuestion& question) {
   };
   if (!database.is_open() || !AuditTrail::read(database, take, head)) {
     const std::string& why = database.fault().text;
+    const int code = database.fault().code;
+    if (question.verify && (code == SQLITE_CORRUPT || code == SQLITE_NOTADB))
+      return print_verdict(verifier, head,
+                           {{verifier.records() + 1, "the file is damaged: " + why}},
+                           question.as_json);
     return wrong(path + ": " + why +
                  (why.starts_with("no such table")
                       ? "; it is of an older agent, and the audit begins when this one runs"

@@ -145,6 +145,11 @@ class Audit(PlantTest):
                 status, text, _ = self.audit("--verify")
                 self.assertEqual(status, 1)
                 self.assertTrue(re.match(rf"record {record}: .*\nNOT whole", text), text)
+        with open(file, "r+b") as damaged:
+            damaged.write(b"x" * 4096)
+        status, text, _ = self.audit("--verify")
+        self.assertEqual(status, 1, text)
+        self.assertIn("damaged", text)
         shutil.copy(kept, file)
         # Who cuts the tail and the head too is found by a head that was published before.
         database = sqlite3.connect(file)
