@@ -70,7 +70,7 @@ void run_agent(const Config& config, const sigset_t& stop_signals) {
   const auto utc_now = [] { return utc_ms(std::chrono::system_clock::now()); };
   const auto store = config.store.path.empty() ? std::unique_ptr<Store>()
                                                : std::make_unique<Store>(config.store, utc_now());
-  Recall known = recall(config, store.get(), utc_now());
+  Recall known = recall(config, store.get(), utc_now(), std::chrono::steady_clock::now());
 
   Outbox outbox(kOutboxMessages);
   for (CommandResult& result : known.untold) {

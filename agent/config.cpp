@@ -180,6 +180,10 @@ void read_store(ConfigReader& reader, const ConfigNode& node, StoreConfig& store
       reader.integer_or(node, "max_bytes", {65536, kMaxExact}, 268435456));
   store.max_age = std::chrono::hours(reader.integer_or(node, "max_age_h", {1, 87600}, 168));
   store.sync_always = reader.choice(node, "sync", kSyncs).value_or(0) == 1;
+  store.audit_max_bytes = static_cast<std::uint64_t>(
+      reader.integer_or(node, "audit_max_bytes", {65536, kMaxExact}, 67108864));
+  store.audit_max_age =
+      std::chrono::hours(reader.integer_or(node, "audit_max_age_h", {1, 876000}, 8760));
 }
 
 // ---- links ------------------------------------------------------------------------------------

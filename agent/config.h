@@ -128,6 +128,8 @@ struct StoreConfig {
   std::uint64_t max_bytes = 268435456;
   std::chrono::hours max_age{168};
   bool sync_always = false;
+  std::uint64_t audit_max_bytes = 67108864;
+  std::chrono::hours audit_max_age{8760};
 };
 
 struct Config {

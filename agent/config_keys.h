@@ -19,7 +19,8 @@ inline constexpr std::array mqtt{
     "password_file"sv, "password_env"sv, "password"sv,  "allow_plain_secret"sv,
     "tls"sv,           "keep_alive_s"sv, "qos"sv};
 inline constexpr std::array tls{"ca_file"sv, "cert_file"sv, "key_file"sv};
-inline constexpr std::array store{"path"sv, "max_bytes"sv, "max_age_h"sv, "sync"sv};
+inline constexpr std::array store{"path"sv, "max_bytes"sv,       "max_age_h"sv,
+                                  "sync"sv, "audit_max_bytes"sv, "audit_max_age_h"sv};
 inline constexpr std::array link{"name"sv,      "serial"sv, "tcp"sv,      "line_baud"sv,
                                  "data_bits"sv, "parity"sv, "stop_bits"sv};
 inline constexpr std::array serial{"path"sv, "baud"sv, "data_bits"sv, "parity"sv, "stop_bits"sv};

@@ -1,4 +1,4 @@
-// The command line: run · check · plan · read · write · force-on · force-off · decode ·
+// The command line: run · check · plan · read · write · force-on · force-off · audit · decode ·
 // verify-stream · acl. Nothing else.
 #include <malloc.h>
 
@@ -10,6 +10,7 @@
 
 #include "agent/acl_command.h"
 #include "agent/agent.h"
+#include "agent/audit_command.h"
 #include "agent/config.h"
 #include "agent/decode.h"
 #include "agent/log.h"
@@ -122,6 +123,26 @@ void add_verify_stream(CLI::App& app, std::string& path, VerifyStream& what,
   });
 }
 
+void add_audit(CLI::App& app, std::string& path, AuditQuestion& what,
+               std::function<int()>& action) {
+  CLI::App* command =
+      app.add_subcommand("audit", "List every command that was received, and what became of it");
+  command->add_option("CONFIG", path, "Config file")->required();
+  command->add_option("--since", what.since,
+                      "ms UTC, 2026-11-21, 2026-11-21T08:30 (UTC), or 90s 30m 2h 7d");
+  command->add_flag("--json", what.as_json, "Print JSON, one object a command");
+  auto* verify = command->add_flag("--verify", what.verify, "Say whether the records are whole");
+  command
+      ->add_option("--head", what.head, "RECORDS:HASH of a health message: is it in the chain?")
+      ->needs(verify);
+  command->callback([&] {
+    action = [&] {
+      const auto config = loaded(path);
+      return config ? run_audit(*config, what) : kWrong;
+    };
+  });
+}
+
 void add_acl(CLI::App& app, std::string& path, AclQuestion& what, std::function<int()>& action) {
   CLI::App* command = app.add_subcommand("acl", "Print an acl_file for the agent's mosquitto");
   command->add_option("CONFIG", path, "Config file")->required();
@@ -185,6 +206,9 @@ int dispatch(int argc, char** argv) {
 
   AclQuestion acl;
   add_acl(app, path, acl, action);
+
+  AuditQuestion audit;
+  add_audit(app, path, audit, action);
 
   DecodeQuestion question;
   bool as_request = false;

@@ -16,6 +16,16 @@ constexpr std::array<std::pair<Op, std::string_view>, 6> kOps{{{Op::write, "writ
 
 }  // namespace
 
+void FrameTrace::add(WireFrame::Way way, ByteView bytes) {
+  if (bytes.empty()) return;
+  if (frames_.size() >= kMostFrames || bytes_ + bytes.size() > kMostBytes) {
+    ++omitted_;
+    return;
+  }
+  bytes_ += bytes.size();
+  frames_.push_back({way, Bytes(bytes.begin(), bytes.end())});
+}
+
 std::string_view to_string(BadReason reason) {
   switch (reason) {
     case BadReason::timeout:

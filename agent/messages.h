@@ -65,6 +65,30 @@ std::string_view to_string(DeviceStatus::State state);
 
 // ---- commands ---------------------------------------------------------------------------------
 
+/// Bytes that went over a wire together.
+struct WireFrame {
+  enum class Way : std::uint8_t { out, in };
+  Way way = Way::out;
+  Bytes bytes;
+};
+
+/// What an order put on the wire and what came back, for the audit. Bounded: of a long one the
+/// beginning is kept.
+class FrameTrace final {
+ public:
+  static constexpr std::size_t kMostFrames = 64;
+  static constexpr std::size_t kMostBytes = 4096;
+
+  void add(WireFrame::Way way, ByteView bytes);
+  const std::vector<WireFrame>& frames() const { return frames_; }
+  std::uint64_t omitted() const { return omitted_; }  ///< frames that found no room
+
+ private:
+  std::vector<WireFrame> frames_;
+  std::size_t bytes_ = 0;
+  std::uint64_t omitted_ = 0;
+};
+
 enum class Op : std::uint8_t { write, force_on, force_off, read, run, stop };
 std::string_view to_string(Op op);
 std::optional<Op> op_from(std::string_view word);
@@ -115,7 +139,8 @@ struct Refusal {
 
 struct Command {
   std::uint32_t device = 0;
-  std::string id;  ///< empty: none could be read
+  std::uint64_t arrival = 0;  ///< its number in the audit; 0: none. Its result bears it too
+  std::string id;             ///< empty: none could be read
   std::optional<Op> op;
   std::string op_text;  ///< as it came, for the result
   std::vector<CommandTarget> targets;
@@ -168,7 +193,8 @@ struct TargetResult {
 
 struct CommandResult {
   std::uint32_t device = 0;
-  std::string id;  ///< empty: null
+  std::uint64_t arrival = 0;  ///< of its command
+  std::string id;             ///< empty: null
   CommandStatus status = CommandStatus::rejected;
   Reason reason = Reason::none;
   std::string detail;
@@ -199,12 +225,15 @@ struct CommandResult {
 
   std::string response_topic;
   Bytes correlation;
+  /// Of an order that was carried out; not in what the desk remembers.
+  FrameTrace frames;
 };
 
 /// An admitted order for the journal. It is carried out only when the uplink has written it down
 /// and given the go-ahead.
 struct OrderNote {
   std::uint32_t device = 0;
+  std::uint64_t arrival = 0;  ///< of its command
   std::string id;
   std::string op;
   std::int64_t received_ms = 0;
@@ -220,10 +249,17 @@ struct RememberedResult {
   std::int64_t deadline_ms = 0;  ///< of the command: its id is kept at least until then
 };
 
+/// The word for an order that was under way, or waiting for the wire, when the agent ended.
+inline constexpr std::string_view kLeftBehind =
+    "the agent ended while the order was under way: it may or may not have been carried out";
+
 /// What the field has to know of earlier runs; empty where nothing is kept.
 struct Recollection {
   std::vector<std::uint64_t> last_seq;    ///< by index in Config::devices; missing ones: 0
   std::vector<RememberedResult> results;  ///< oldest first
+  /// Writes that were in the journal and have no result, oldest first: what they were to write may
+  /// be read, and they are not sent again.
+  std::vector<Command> left_behind;
 };
 
 // ---- counters -----------------------------------------------------------------------------------

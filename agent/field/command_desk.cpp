@@ -106,6 +106,7 @@ std::optional<Refusal> check_expiry(const Command& command, const CommandRules& 
 CommandResult result_of(const Command& command) {
   CommandResult result;
   result.device = command.device;
+  result.arrival = command.arrival;
   result.id = command.id;
   result.op = command.op_text;
   result.is_list = command.is_list;
@@ -406,6 +407,24 @@ void CommandDesk::restore(RememberedResult remembered, SteadyTime now, std::int6
   std::string id = remembered.result.id;
   entry.result = std::make_shared<const CommandResult>(std::move(remembered.result));
   if (by_id_.emplace(id, std::move(entry)).second) oldest_first_.push_back(std::move(id));
+}
+
+std::optional<Order> CommandDesk::left_behind(Command command, const Codec& codec, SteadyTime now) {
+  const SteadyTime seen = std::min(command.received, now);
+  if (by_id_.emplace(command.id, Entry{nullptr, seen, deadline_of(command, device_.commands)})
+          .second)
+    oldest_first_.push_back(command.id);
+  std::vector<TargetResult> names = result_of(command).targets;
+  Order order;
+  order.command = std::move(command);
+  order.left_behind = true;
+  order.deadline = order.go_ahead = now;
+  if (codec.is_broadcast() || resolve(codec, order, names)) return std::nullopt;
+  const bool tells = std::none_of(
+      order.targets.begin(), order.targets.end(),
+      [](const OrderTarget& target) { return target.point.type == DataType::boolean; });
+  if (!tells) return std::nullopt;
+  return order;
 }
 
 }  // namespace fxagent

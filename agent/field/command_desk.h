@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <deque>
 #include <memory>
+#include <optional>
 #include <string>
 #include <unordered_map>
 #include <variant>
@@ -36,7 +37,8 @@ struct Order {
   std::optional<Request> run_order;
   bool verify_words = true;
   bool verify_bits = false;
-  SteadyTime deadline{};  ///< not sent after this
+  bool left_behind = false;  ///< by an earlier run: only its outcome is read
+  SteadyTime deadline{};     ///< not sent after this
   SteadyTime go_ahead{};
   std::optional<std::chrono::nanoseconds> bound;
 };
@@ -63,6 +65,11 @@ class CommandDesk final {
   /// A result of an earlier run: its id is known from now on. `utc_ms` is the calendar time of
   /// `now`.
   void restore(RememberedResult remembered, SteadyTime now, std::int64_t utc_ms);
+
+  /// An order that an earlier run had in its journal and did not finish: its id is known, without a
+  /// result so far. What is to be read for its outcome; nothing, where reading does not tell: bits,
+  /// since ladders reset them, and what cannot be found on the device any more.
+  std::optional<Order> left_behind(Command command, const Codec& codec, SteadyTime now);
 
   std::size_t remembered() const { return by_id_.size(); }
 

@@ -50,6 +50,8 @@ class Field::Room final {
           transport_for(io_.get_executor(), config.links[i]), recollection, polling, journaling));
     for (const RememberedResult& remembered : recollection.results)
       workers_[config.devices[remembered.result.device].link]->remember(remembered);
+    for (const Command& command : recollection.left_behind)
+      workers_[config.devices[command.device].link]->take_left_behind(command);
   }
 
   void start() {

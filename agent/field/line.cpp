@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "agent/fault_point.h"
 #include "agent/field/stream_io.h"
 
 namespace fxagent {
@@ -138,6 +139,11 @@ asio::awaitable<Exchange> Line::send_and_receive(const Codec& codec, const Stati
   const auto written = co_await transport_->write(*frame, deadline);
   ++counters_.exchanges;
   exchange.sent = written.sent > 0;
+  const auto trace = [&station](WireFrame::Way way, ByteView bytes) {
+    if (station.trace != nullptr) station.trace->add(way, bytes);
+  };
+  if (station.trace != nullptr) fault_point("frame_sent");
+  trace(WireFrame::Way::out, ByteView(*frame).first(std::min(written.sent, frame->size())));
   if (written.error) {
     transport_->close();
     exchange.outcome = Exchange::Outcome::link_down;
@@ -152,6 +158,7 @@ asio::awaitable<Exchange> Line::send_and_receive(const Codec& codec, const Stati
     const bool reads = std::holds_alternative<Read>(request);
     const bool echo = station.echo || (echo_found() && !reads);
     co_await receive(codec, request, *frame, echo, deadline, exchange);
+    trace(WireFrame::Way::in, rx_);
   } else {
     // Nobody answers: it is over when the last byte has left the wire, not when the kernel has it.
     timer_.expires_at(exchange.began + char_time_ * length.request_chars);
@@ -162,6 +169,7 @@ asio::awaitable<Exchange> Line::send_and_receive(const Codec& codec, const Stati
   }
   exchange.ended = last_activity_ = Clock::now();
   if (!exchange.reply.closing.empty()) {
+    trace(WireFrame::Way::out, exchange.reply.closing);
     last_activity_ += char_time_ * static_cast<int>(exchange.reply.closing.size());
     co_await close_exchange(exchange.reply.closing, station.echo || echo_found(),
                             last_activity_ + station.timeout);

@@ -49,6 +49,7 @@ struct Station {
   EnquirePolicy enquire = EnquirePolicy::open;
   bool echo = false;             ///< the line returns what is sent
   std::uint32_t greeted_in = 0;  ///< Line::session() in which it last answered an enquiry; 0: none
+  FrameTrace* trace = nullptr;   ///< takes every frame of an order; null for polls
 };
 
 class Line final {

@@ -4,6 +4,7 @@
 #include <iterator>
 #include <utility>
 
+#include "agent/fault_point.h"
 #include "agent/field/order_run.h"
 #include "agent/field/stream_io.h"
 #include "agent/line_time.h"
@@ -65,6 +66,7 @@ OrderNote note_of(const Order& order) {
   const Command& command = order.command;
   OrderNote note;
   note.device = command.device;
+  note.arrival = command.arrival;
   note.id = command.id;
   note.op = command.op_text;
   note.received_ms = command.received_ms;
@@ -293,14 +295,21 @@ asio::awaitable<void> LinkWorker::run() {
   }
   line_.close();
   waiting_.splice(waiting_.end(), unjournaled_);
-  for (Waiting& waiting : waiting_) {
-    CommandResult result = result_of(waiting.order.command);
+  for (const Waiting& waiting : waiting_) outbox_.push(unsent(waiting.order));
+  waiting_.clear();
+}
+
+CommandResult LinkWorker::unsent(const Order& order) {
+  CommandResult result = result_of(order.command);
+  if (order.left_behind) {
+    result.status = CommandStatus::unknown_outcome;
+    result.detail = kLeftBehind;
+  } else {
     result.status = CommandStatus::rejected;
     result.reason = Reason::shutting_down;
     result.detail = "the agent is stopping; nothing was sent";
-    outbox_.push(std::move(result));
   }
-  waiting_.clear();
+  return result;
 }
 
 void LinkWorker::answer_after_fault(const std::string& what) {
@@ -415,6 +424,28 @@ void LinkWorker::submit(Command command) {
   unjournaled_.push_back(std::move(waiting));
 }
 
+void LinkWorker::take_left_behind(Command command) {
+  Device* device = device_of(command.device);
+  if (device == nullptr) return;
+  Waiting waiting;
+  waiting.device = device;
+  waiting.codec = device->codec;
+  auto order = device->desk.left_behind(command, *device->codec, Clock::now());
+  if (!order) {
+    waiting.order.command = std::move(command);
+    waiting.order.left_behind = true;
+    CommandResult result = unsent(waiting.order);
+    device->desk.finished(result);
+    outbox_.push(std::move(result));
+    return;
+  }
+  waiting.order = std::move(*order);
+  waiting.line_time = OrderRun::line_time(*device->codec, device->config,
+                                          config_.links[link_].char_time, waiting.order);
+  ++device->waiting;
+  enqueue(std::move(waiting));
+}
+
 void LinkWorker::go_ahead(std::uint32_t device, const std::string& id) {
   const auto found =
       std::find_if(unjournaled_.begin(), unjournaled_.end(), [&](const Waiting& waiting) {
@@ -478,8 +509,11 @@ asio::awaitable<void> LinkWorker::run_command() {
 
   Station station = device.station;
   station.codec = running_->codec.get();
+  FrameTrace trace;
+  station.trace = &trace;
   OrderRun order_run(executor_, line_, station, device.config, order);
   CommandResult result = co_await order_run.run();
+  fault_point("order_answered");
 
   device.station.greeted_in = station.greeted_in;
   if (line_.is_open() && !was_open_) line_up();
@@ -491,6 +525,7 @@ asio::awaitable<void> LinkWorker::run_command() {
   after_write(device, result, order);
   if (order.run_order && result.status == CommandStatus::succeeded)
     device.run = order.command.op == Op::run;
+  result.frames = std::move(trace);
   outbox_.push(std::move(result));
   running_.reset();
   update_status(device);

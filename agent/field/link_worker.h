@@ -43,6 +43,9 @@ class LinkWorker final {
 
   /// Before run(): a result of an earlier run, whose id is not to be carried out again.
   void remember(const RememberedResult& remembered);
+  /// Before run(): an order of an earlier run without a result. It is not sent again; where a read
+  /// can tell what became of it, that read is made.
+  void take_left_behind(Command command);
 
   /// Runs until stop(); then answers what still waits and returns.
   asio::awaitable<void> run();
@@ -87,6 +90,8 @@ class LinkWorker final {
   void line_up();
   void line_lost(const std::string& why);
 
+  /// The answer to an order that no wire will see any more.
+  static CommandResult unsent(const Order& order);
   asio::awaitable<void> run_command();
   void after_write(Device& device, const CommandResult& result, const Order& order);
   void enqueue(Waiting waiting);

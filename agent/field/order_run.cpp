@@ -90,7 +90,9 @@ OrderRun::OrderRun(asio::any_io_executor executor, Line& line, Station& station,
 
 asio::awaitable<CommandResult> OrderRun::run() {
   result_.targets.clear();
-  if (order_.run_order) {
+  if (order_.left_behind) {
+    co_await settle_left_behind();
+  } else if (order_.run_order) {
     result_.targets.emplace_back();
     co_await run_or_stop();
   } else {
@@ -337,12 +339,25 @@ asio::awaitable<void> OrderRun::settle_unknown(const OrderTarget& target, const 
       lost.is_nak() ? nak_text(lost) : lost.error);
   // A line that was lost tells nothing; one that was closed to put it in order is opened again.
   if (lost.outcome == Exchange::Outcome::link_down) co_return;
+  co_await read_outcome(target, "no answer came, and the value read back is the one ordered", out);
+}
+
+asio::awaitable<void> OrderRun::read_outcome(const OrderTarget& target, std::string succeeded,
+                                             TargetResult& out) {
   ReadBack got = co_await read_point(target, SteadyTime::max());
   if (!got.image) co_return;
   out.verify = verification(target, *got.image);
-  if (out.verify->match)
-    set(out, CommandStatus::succeeded, Reason::none,
-        "no answer came, and the value read back is the one ordered");
+  if (out.verify->match) set(out, CommandStatus::succeeded, Reason::none, std::move(succeeded));
+}
+
+asio::awaitable<void> OrderRun::settle_left_behind() {
+  for (const OrderTarget& target : order_.targets) {
+    TargetResult out = fxagent::result_of(target);
+    set(out, CommandStatus::unknown_outcome, Reason::none, std::string(kLeftBehind));
+    co_await read_outcome(
+        target, "the agent ended while the order was under way; the value is the one ordered", out);
+    result_.targets.push_back(std::move(out));
+  }
 }
 
 asio::awaitable<std::optional<bool>> OrderRun::await_run_state(bool wanted) {

@@ -5,6 +5,7 @@
 #include <asio/awaitable.hpp>
 #include <asio/steady_timer.hpp>
 #include <optional>
+#include <string>
 
 #include "agent/config.h"
 #include "agent/field/command_desk.h"
@@ -55,6 +56,10 @@ class OrderRun final {
   asio::awaitable<void> conclude(const OrderTarget& target, Exchange exchange, TargetResult& out);
   bool surely_without_effect(const Request& request, const Exchange& exchange) const;
   asio::awaitable<void> verify(const OrderTarget& target, TargetResult& out);
+  /// Reads what the order was to write: the same value counts as carried out.
+  asio::awaitable<void> read_outcome(const OrderTarget& target, std::string succeeded,
+                                     TargetResult& out);
+  asio::awaitable<void> settle_left_behind();
   asio::awaitable<void> settle_unknown(const OrderTarget& target, const Exchange& lost,
                                        TargetResult& out);
   asio::awaitable<void> run_or_stop();

@@ -18,7 +18,6 @@ struct SampleRow {
   std::string device;
   std::string group;
   std::uint64_t seq = 0;
-  std::int64_t created_ms = 0;
   std::string json;
 
   /// What a row costs where it is kept, beside its text.

@@ -675,6 +675,7 @@ std::string health(const Health& health, const Config& config) {
     out.key("polls").integer(device.polls).key("missed").integer(device.missed);
     write_percentiles(out, "late_ms", device.late_ms);
     out.key("dropped").integer(i < health.dropped.size() ? health.dropped[i] : std::uint64_t{0});
+    out.key("refused").word(i < health.refused.size() ? health.refused[i] : std::string());
     out.end_object();
   }
   out.end_object();
@@ -689,7 +690,15 @@ std::string health(const Health& health, const Config& config) {
   out.key("state").string(health.store_state).key("bytes").integer(health.store_bytes);
   out.key("hours_left");
   health.hours_left ? out.number(*health.hours_left) : out.null();
+  out.key("set_aside").word(health.store_set_aside);
   out.end_object();
+  out.key("audit");
+  if (health.audit_head.empty()) {
+    out.null();
+  } else {
+    out.begin_object().key("records").integer(health.audit_records);
+    out.key("head").string(health.audit_head).end_object();
+  }
   out.key("clock_synchronised").boolean(health.clock_synchronised);
   out.key("rss_bytes").integer(health.rss_bytes);
   out.end_object();

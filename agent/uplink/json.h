@@ -68,9 +68,15 @@ struct Health {
   Samples samples;
   FieldHealth field;
   std::vector<std::uint64_t> dropped;  ///< samples, by index in Config::devices
+  /// By the same index: the MQTT reason code, "0x97", for which the broker does not take the
+  /// device's samples now; empty: it takes them.
+  std::vector<std::string> refused;
   std::map<CommandStatus, std::uint64_t> commands;
-  std::string store_state;  ///< "disk"; "memory" where there is none, or it cannot be written
+  std::string store_state;      ///< "disk"; "memory" where there is none, or it cannot be written
+  std::string store_set_aside;  ///< name of the damaged file of this run; empty: none
   std::uint64_t store_bytes = 0;
+  std::uint64_t audit_records = 0;
+  std::string audit_head;            ///< hash of the last of them; empty: there is no audit
   std::optional<double> hours_left;  ///< until the store is full at the present rate
   bool clock_synchronised = false;
   std::uint64_t rss_bytes = 0;

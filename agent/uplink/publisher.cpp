@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <type_traits>
 
+#include "agent/fault_point.h"
 #include "agent/log.h"
 #include "agent/uplink/process_facts.h"
 #include "agent/uplink/topics.h"
@@ -38,6 +39,7 @@ constexpr std::size_t kMaxWindow = 20;
 constexpr std::size_t kBackedUp = 4;
 constexpr std::size_t kHistoryBytes = 65536;
 constexpr std::size_t kMaxPendingResults = 10000;
+constexpr std::size_t kPayloadKept = 65536;  // no command is longer
 // What a PUBLISH needs beside topic, payload and correlation data: header, lengths, packet id.
 constexpr std::size_t kPacketOverhead = 64;
 
@@ -51,7 +53,9 @@ bool is_final(int reason_code) {
          reason_code == kPayloadFormatInvalid;
 }
 
+/// As MQTT 5 writes it; "none" where the failure has no code, as on 3.1.1.
 std::string hex_code(int reason_code) {
+  if (reason_code == 0) return "none";
   Bytes digits;
   append_hex(digits, static_cast<std::uint32_t>(reason_code), 2);
   return "0x" + std::string(digits.begin(), digits.end());
@@ -221,11 +225,14 @@ void Publisher::take_command(const Message& event, std::uint32_t device) {
   command.message_expiry = event.message_expiry;
   command.response_topic = event.response_topic;
   command.correlation = event.correlation;
+  if (store_ != nullptr) command.arrival = note_arrival(event, command);
+  fault_point("command_received");
   if (phase_ == Phase::running) return submit_(std::move(command));
 
   // The field answers no more.
   CommandResult result;
   result.device = device;
+  result.arrival = command.arrival;
   result.id = std::move(command.id);
   result.reason = Reason::shutting_down;
   result.op = std::move(command.op_text);
@@ -234,6 +241,20 @@ void Publisher::take_command(const Message& event, std::uint32_t device) {
   result.response_topic = std::move(command.response_topic);
   result.correlation = std::move(command.correlation);
   take_result(std::move(result));
+}
+
+/// For the audit, and for the journal where the command is admitted.
+std::uint64_t Publisher::note_arrival(const Message& event, const Command& command) {
+  audit::Arrival arrival;
+  arrival.number = store_->next_arrival();
+  arrival.device = config_.devices.at(command.device).name;
+  arrival.topic = event.topic;
+  arrival.payload = event.payload.substr(0, kPayloadKept);
+  arrival.payload_bytes = event.payload.size();
+  arrival.by = command.by;
+  arrival.retained = command.retained;
+  arrival.received_ms = command.received_ms;
+  return arrivals_.emplace(arrival.number, std::move(arrival)).first->first;
 }
 
 void Publisher::on(const Delivered& event, SteadyTime now) {
@@ -262,11 +283,13 @@ void Publisher::on(const MessagesDropped& event, SteadyTime) {
 void Publisher::delivered(const NoticeFlight&, SteadyTime) {}
 
 void Publisher::delivered(const ResultFlight& flight, SteadyTime) {
-  result_copy_done(flight.result, flight.copy);
+  fault_point("result_acknowledged");
+  result_copy_done(flight.result, flight.copy, Ended::acknowledged);
 }
 
 void Publisher::delivered(const LiveFlight& flight, SteadyTime) {
   const SampleRow& row = flight.live.row;
+  fault_point("sample_acknowledged");
   if (flight.live.stored) {
     acknowledged_ += store_->remove(std::span(&row.order, 1));
   } else {
@@ -278,6 +301,7 @@ void Publisher::delivered(const LiveFlight& flight, SteadyTime) {
 
 void Publisher::delivered(const HistoryFlight& flight, SteadyTime) {
   --history_flights_;
+  fault_point("history_acknowledged");
   acknowledged_ +=
       flight.on_disk ? store_->remove(flight.batch) : backlog_.acknowledged(flight.batch);
   pauses_.erase(flight.batch.device);
@@ -303,7 +327,7 @@ void Publisher::failed(const ResultFlight& flight, const DeliveryFailed& event, 
                                 {"reason", event.text}});
   // A response topic is the sender's choice: where the broker refuses it, that is that.
   if (is_final(event.reason_code) || (copy.to_response_topic && event.reason_code != 0))
-    return result_copy_done(flight.result, flight.copy);
+    return result_copy_done(flight.result, flight.copy, Ended::refused);
   copy.in_flight = false;
   copy.due = Due{now + back_off(copy.due.failures), copy.due.failures + 1};
 }
@@ -318,7 +342,7 @@ void Publisher::failed(LiveFlight& flight, const DeliveryFailed& event, SteadyTi
     const std::string device = row.device;
     return drop(device, flight.live.stored ? store_->remove(std::span(&row.order, 1)) : 1);
   }
-  pause(row.device, now);
+  pause(row.device, event.reason_code, now);
   put_away(std::move(flight.live));
 }
 
@@ -337,7 +361,7 @@ void Publisher::failed(const HistoryFlight& flight, const DeliveryFailed& event,
   if (can_be_cut)
     history_bytes_ = std::min(history_bytes_, batch.payload.size()) / 2;
   else
-    pause(batch.device, now);
+    pause(batch.device, event.reason_code, now);
 }
 
 void Publisher::failed(const FarewellFlight&, const DeliveryFailed&, SteadyTime now) {
@@ -388,7 +412,6 @@ void Publisher::take_samples(const std::vector<Telemetry>& messages, SteadyTime 
     row.device = device.name;
     row.group = device.groups.at(message.group).name;
     row.seq = message.seq;
-    row.created_ms = message.ts_ms;
     row.json = json::telemetry(message, device, settings_.boot, meta_hashes_.at(message.device));
     row_bytes_ += row.cost();
     if (store_ != nullptr) store_->used_seq(row.device, row.seq);
@@ -416,20 +439,33 @@ void Publisher::take_orders(std::vector<OrderNote> orders) {
     entry.op = std::move(order.op);
     entry.response_topic = std::move(order.response_topic);
     entry.correlation = std::move(order.correlation);
+    entry.arrival = order.arrival;
+    if (auto arrival = arrivals_.extract(order.arrival)) {
+      entry.audit = audit::ordered(arrival.mapped(), entry.id, entry.op, utc_ms_());
+      entry.payload = std::move(arrival.mapped().payload);
+    }
     entries.push_back(std::move(entry));
   }
+  fault_point("order_admitted");
   // A disk that refuses does not stop the plant: its state says what is missing.
   if (store_ != nullptr) store_->journal(entries);
+  fault_point("order_journaled");
   for (OrderNote& order : orders) go_ahead_(order.device, std::move(order.id));
 }
 
 /// Whether the journal knows the id, and with it the result, from now on.
 bool Publisher::note_result(const CommandResult& result) {
-  if (store_ == nullptr || result.id.empty() || result.dry_run || !result.id_kept ||
-      result.status == CommandStatus::duplicate)
-    return false;
-  if (!result.recorded.empty()) return true;
+  if (store_ == nullptr) return false;
+  const bool remembered = !result.id.empty() && !result.dry_run && result.id_kept &&
+                          result.status != CommandStatus::duplicate;
+  if (!result.recorded.empty()) return remembered;
   JournalEntry entry;
+  entry.result = json::result(result, std::nullopt);
+  entry.audit = audit_of(result, entry.result);
+  if (!remembered) {
+    store_->note(std::move(entry.audit));
+    return false;
+  }
   entry.device = config_.devices.at(result.device).name;
   entry.id = result.id;
   entry.received_ms = result.received_ms;
@@ -437,15 +473,26 @@ bool Publisher::note_result(const CommandResult& result) {
   entry.op = result.op;
   entry.response_topic = result.response_topic;
   entry.correlation = result.correlation;
-  entry.result = json::result(result, std::nullopt);
+  entry.arrival = result.arrival;
   store_->record(std::move(entry));
   return true;
+}
+
+/// `text`: the result as JSON.
+std::string Publisher::audit_of(const CommandResult& result, const std::string& text) {
+  if (result.arrival == 0) return {};
+  if (const auto arrival = arrivals_.extract(result.arrival))
+    return audit::answered(arrival.mapped(), text, utc_ms_());
+  return audit::result(result.arrival, config_.devices.at(result.device).name, text, result.frames,
+                       utc_ms_());
 }
 
 void Publisher::take_result(CommandResult result) {
   ++commands_[result.status];
   PendingResult pending;
+  fault_point("result_taken");
   pending.journaled = note_result(result);
+  fault_point("result_recorded");
   const std::string& device = config_.devices.at(result.device).name;
   pending.copies.push_back({.topic = device_topic(result.device) + "/result"});
   if (!result.response_topic.empty()) {
@@ -572,6 +619,7 @@ void Publisher::pump_results(SteadyTime now) {
       publication.payload = pending.payload;
       if (copy.to_response_topic) publication.correlation = pending.result.correlation;
       send(ResultFlight{key, i}, std::move(publication));
+      fault_point("result_published");
     }
   }
 }
@@ -609,26 +657,32 @@ void Publisher::pump_notices(SteadyTime now) {
   }
 }
 
+/// Samples that found no room for a second wait as history. Those that would follow within
+/// kCommitWithin go with them: a commit costs the same for all.
 void Publisher::spill(SteadyTime now) {
-  while (!live_.empty() && live_.front().since + kLiveFor <= now) {
+  if (live_.empty() || live_.front().since + kLiveFor > now) return;
+  while (!live_.empty() && live_.front().since + kLiveFor - kCommitWithin <= now) {
     put_away(std::move(live_.front()));
     live_.pop_front();
-    commit_at_ = now;
   }
 }
 
-/// Samples that have been in flight for a second are on disk from then on, and stay in flight.
+/// Samples that have been in flight for a second are on disk from then on, and stay in flight;
+/// together, as in spill().
 void Publisher::hold_on_disk(SteadyTime now) {
   if (store_ == nullptr || !store_->is_writable()) return;
   std::vector<SampleRow> rows;
   std::vector<LiveRow*> held;
+  bool is_time = false;
   for (auto& [id, flight] : flights_) {
     auto* live = std::get_if<LiveFlight>(&flight);
-    if (live == nullptr || live->live.stored || live->live.since + kLiveFor > now) continue;
+    if (live == nullptr || live->live.stored) continue;
+    if (live->live.since + kLiveFor - kCommitWithin > now) continue;
+    is_time = is_time || live->live.since + kLiveFor <= now;
     rows.push_back(live->live.row);
     held.push_back(&live->live);
   }
-  if (rows.empty() || !store_->append(rows, Store::Hold::yes)) return;
+  if (!is_time || !store_->append(rows, Store::Hold::yes)) return;
   for (std::size_t i = 0; i < held.size(); ++i) {
     held[i]->row.order = rows[i].order;
     held[i]->stored = true;
@@ -713,13 +767,15 @@ bool Publisher::may_send(const std::string& device, SteadyTime now) const {
   return found == pauses_.end() || found->second.until <= now;
 }
 
-void Publisher::pause(const std::string& device, SteadyTime now) {
+void Publisher::pause(const std::string& device, int reason_code, SteadyTime now) {
   DevicePause& pause = pauses_[device];
+  pause.reason_code = reason_code;
   if (pause.until > now) return;  // one refusal among several that were on their way
   pause.until = now + back_off(pause.failures++);
   log::warn(
       "samples_refused",
       {{"device", device},
+       {"code", hex_code(reason_code)},
        {"again_in_s", std::to_string(std::chrono::ceil<seconds>(pause.until - now).count())}});
 }
 
@@ -733,6 +789,7 @@ void Publisher::put_away(LiveRow live) {
     store_->release(live.row.order);
   else
     put_away(std::move(live.row));
+  commit_at_ = std::min(commit_at_, live.since + kLiveFor);
 }
 
 void Publisher::put_away(SampleRow row) { put_away_.push_back(std::move(row)); }
@@ -776,15 +833,20 @@ void Publisher::drop(const std::string& device, std::uint64_t count) {
   dropped_total_ += count;
 }
 
-void Publisher::result_copy_done(std::uint64_t result, std::size_t copy) {
+void Publisher::result_copy_done(std::uint64_t result, std::size_t copy, Ended how) {
   const auto found = results_.find(result);
   if (found == results_.end()) return;
   auto& copies = found->second.copies;
   copies[copy].done = true;
+  copies[copy].acknowledged = how == Ended::acknowledged;
   if (!std::all_of(copies.begin(), copies.end(), [](const auto& each) { return each.done; }))
     return;
   const CommandResult& told = found->second.result;
-  if (found->second.journaled) store_->told(config_.devices.at(told.device).name, told.id);
+  const std::string& device = config_.devices.at(told.device).name;
+  if (store_ != nullptr && told.arrival != 0)
+    store_->note(
+        audit::told(told.arrival, device, told.id, copies.front().acknowledged, utc_ms_()));
+  if (found->second.journaled) store_->told(device, told.id);
   results_.erase(found);
 }
 
@@ -904,9 +966,17 @@ std::string Publisher::health_text(SteadyTime now) const {
   for (const DeviceConfig& device : config_.devices) {
     const auto found = dropped_.find(device.name);
     health.dropped.push_back(found == dropped_.end() ? 0 : found->second);
+    const auto paused = pauses_.find(device.name);
+    health.refused.push_back(paused == pauses_.end() ? std::string()
+                                                     : hex_code(paused->second.reason_code));
   }
   health.commands = commands_;
   health.store_state = store_ == nullptr ? "memory" : store_->state();
+  if (store_ != nullptr) {
+    health.store_set_aside = store_->set_aside();
+    health.audit_records = store_->audit_head().records;
+    health.audit_head = audit::to_text(store_->audit_head().hash);
+  }
   health.store_bytes = backlog_.bytes() + (store_ == nullptr ? 0 : store_->bytes());
   const std::uint64_t room = store_ == nullptr ? backlog_.max_bytes() : store_->max_bytes();
   if (bytes_per_hour_ && *bytes_per_hour_ > 0)

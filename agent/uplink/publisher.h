@@ -25,6 +25,7 @@
 #include "agent/config.h"
 #include "agent/messages.h"
 #include "agent/outbox.h"
+#include "agent/uplink/audit.h"
 #include "agent/uplink/backlog.h"
 #include "agent/uplink/broker.h"
 #include "agent/uplink/json.h"
@@ -98,6 +99,7 @@ class Publisher final {
       bool to_response_topic = false;
       bool in_flight = false;
       bool done = false;
+      bool acknowledged = false;
       Due due{};
     };
     std::vector<Copy> copies;
@@ -132,6 +134,7 @@ class Publisher final {
   struct DevicePause {
     SteadyTime until{};
     int failures = 0;
+    int reason_code = 0;
   };
 
   void on(const Connected& event, SteadyTime now);
@@ -147,9 +150,11 @@ class Publisher final {
   void take_outbox(SteadyTime now);
   void take_samples(const std::vector<Telemetry>& messages, SteadyTime now);
   void take_command(const Message& event, std::uint32_t device);
+  std::uint64_t note_arrival(const Message& event, const Command& command);
   void take_orders(std::vector<OrderNote> orders);
   void take_result(CommandResult result);
   bool note_result(const CommandResult& result);
+  std::string audit_of(const CommandResult& result, const std::string& text);
 
   void keep_connected(SteadyTime now);
   void connection_over(SteadyTime now);
@@ -184,7 +189,7 @@ class Publisher final {
   bool acknowledgements_matter() const;
   bool has_room() const { return flights_.size() < window_; }
   bool may_send(const std::string& device, SteadyTime now) const;
-  void pause(const std::string& device, SteadyTime now);
+  void pause(const std::string& device, int reason_code, SteadyTime now);
   void put_away(SampleRow row);
   void put_away(LiveRow live);
   void put_away_live();
@@ -194,7 +199,8 @@ class Publisher final {
   void move_memory_to_disk();
   void count_dropped();
   void drop(const std::string& device, std::uint64_t count);
-  void result_copy_done(std::uint64_t result, std::size_t copy);
+  enum class Ended : std::uint8_t { acknowledged, refused };
+  void result_copy_done(std::uint64_t result, std::size_t copy, Ended how);
   SteadyTime::duration back_off(int failures);
   SteadyTime next_wake(SteadyTime now) const;
   std::string device_topic(std::uint32_t device) const;
@@ -237,6 +243,8 @@ class Publisher final {
   std::map<NoticeKey, Due> due_;
   std::uint64_t next_result_ = 1;
   std::map<std::uint64_t, PendingResult> results_;
+  std::map<std::uint64_t, audit::Arrival>
+      arrivals_;  ///< commands that the field has not judged yet
   std::uint64_t next_order_ = 1;
   std::deque<LiveRow> live_;
   std::vector<SampleRow> put_away_;  ///< for the store, at the next commit

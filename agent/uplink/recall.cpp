@@ -1,6 +1,8 @@
 #include "agent/uplink/recall.h"
 
+#include <algorithm>
 #include <map>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -10,7 +12,6 @@
 namespace fxagent {
 namespace {
 
-/// The word for an order that was under way, or waiting for the wire, when the agent ended.
 CommandResult left_behind(const JournalEntry& entry) {
   CommandResult result;
   result.id = entry.id;
@@ -22,34 +23,59 @@ CommandResult left_behind(const JournalEntry& entry) {
     result.detail = "the agent ended before the device was read";
   } else {
     result.status = CommandStatus::unknown_outcome;
-    result.detail =
-        "the agent ended while the order was under way: it may or may not have been carried out";
+    result.detail = kLeftBehind;
   }
   return result;
 }
 
+/// A write is judged by the field, which can read what it was to write.
+std::optional<Command> to_be_read(const JournalEntry& entry, std::uint32_t device,
+                                  std::int64_t utc_ms, SteadyTime now) {
+  if (op_from(entry.op) != Op::write || entry.payload.empty()) return std::nullopt;
+  Command command = json::command(entry.payload);
+  if (command.refusal || command.id != entry.id) return std::nullopt;
+  command.device = device;
+  command.arrival = entry.arrival;
+  command.received_ms = entry.received_ms;
+  command.received =
+      now - std::chrono::milliseconds(std::max<std::int64_t>(utc_ms - entry.received_ms, 0));
+  command.response_topic = entry.response_topic;
+  command.correlation = entry.correlation;
+  return command;
+}
+
 }  // namespace
 
-Recall recall(const Config& config, Store* store, std::int64_t utc_ms) {
+Recall recall(const Config& config, Store* store, std::int64_t utc_ms, SteadyTime now) {
   Recall found;
   std::map<std::string, std::uint32_t> index;
-  for (std::uint32_t device = 0; device < config.devices.size(); ++device) {
-    const std::string& name = config.devices[device].name;
-    index[name] = device;
-    found.field.last_seq.push_back(store == nullptr ? static_cast<std::uint64_t>(utc_ms)
-                                                    : store->last_seq(name, utc_ms));
+  std::vector<std::string> names;
+  for (const DeviceConfig& device : config.devices) {
+    index[device.name] = static_cast<std::uint32_t>(names.size());
+    names.push_back(device.name);
   }
-  if (store == nullptr) return found;
+  if (store == nullptr) {
+    found.field.last_seq.assign(names.size(), static_cast<std::uint64_t>(utc_ms));
+    return found;
+  }
+  found.field.last_seq = store->begin_numbers(names, utc_ms);
   for (JournalEntry& entry : store->remembered()) {
     const auto device = index.find(entry.device);
     if (device == index.end()) continue;
     if (entry.result.empty()) {
-      entry.result = json::result(left_behind(entry), std::nullopt);
       log::warn("order_left_behind", {{"device", entry.device}, {"id", entry.id}});
+      if (auto command = to_be_read(entry, device->second, utc_ms, now)) {
+        found.field.left_behind.push_back(std::move(*command));
+        continue;
+      }
+      entry.result = json::result(left_behind(entry), std::nullopt);
+      if (entry.arrival != 0)
+        entry.audit = audit::result(entry.arrival, entry.device, entry.result, {}, utc_ms);
       store->record(entry);
     }
     CommandResult result = json::recorded_result(entry.result);
     result.device = device->second;
+    result.arrival = entry.arrival;
     result.id = entry.id;
     result.received_ms = entry.received_ms;
     result.response_topic = std::move(entry.response_topic);

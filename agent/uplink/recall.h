@@ -14,12 +14,13 @@ namespace fxagent {
 struct Recall {
   Recollection field;
   /// To be published: results that the broker had not acknowledged, and the outcome, written into
-  /// the journal here, of each order that the end of the agent left without one.
+  /// the journal here, of each order that the end of the agent left without one, but for those in
+  /// field.left_behind.
   std::vector<CommandResult> untold;
 };
 
 /// Before the field and the uplink are started. `store` null: numbers begin at the clock, above
 /// every number of an earlier boot unless that was set back, and no id is known.
-Recall recall(const Config& config, Store* store, std::int64_t utc_ms);
+Recall recall(const Config& config, Store* store, std::int64_t utc_ms, SteadyTime now);
 
 }  // namespace fxagent

@@ -61,11 +61,11 @@ ByteView Statement::bytes(int column) const {
   return data == nullptr ? ByteView{} : ByteView{data, static_cast<std::size_t>(size)};
 }
 
-Database::Database(const std::string& path) {
+Database::Database(const std::string& path, Access access) {
   sqlite3* connection = nullptr;
-  const int code =
-      sqlite3_open_v2(path.c_str(), &connection,
-                      SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX, nullptr);
+  const int way = access == Access::read_only ? SQLITE_OPEN_READONLY
+                                              : SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE;
+  const int code = sqlite3_open_v2(path.c_str(), &connection, way | SQLITE_OPEN_NOMUTEX, nullptr);
   connection_.reset(connection);
   if (code == SQLITE_OK) return;
   note_fault();

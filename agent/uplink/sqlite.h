@@ -60,8 +60,10 @@ class Statement final {
 
 class Database final {
  public:
-  /// Opens or creates the file; on failure is_open() is false and fault() says why.
-  explicit Database(const std::string& path);
+  enum class Access : std::uint8_t { read_write, read_only };
+  /// Opens the file, and creates it where it may be written; on failure is_open() is false and
+  /// fault() says why.
+  explicit Database(const std::string& path, Access access = Access::read_write);
   Database(const Database&) = delete;
   Database& operator=(const Database&) = delete;
 

@@ -1,15 +1,16 @@
 #include "agent/uplink/store.h"
 
 #include <fcntl.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <system_error>
 
+#include "agent/fault_point.h"
 #include "agent/log.h"
 #include "agent/uplink/json.h"
 #include "agent/uplink/sqlite.h"
@@ -19,26 +20,12 @@ namespace {
 
 using sqlite::Statement;
 using sqlite::Transaction;
+using std::chrono::duration_cast;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
 constexpr milliseconds kSettleEvery{200};
 constexpr seconds kCleanUpEvery{60};
-constexpr std::size_t kMostUnrecorded = 10000;
-constexpr int kBusyMs = 500;  // a process that is just ending may still hold the file
-
-// Step i leads from user_version i to i + 1. `grp` is a group; the order of a lane is that of seq.
-constexpr const char* kSchema[] = {
-    "CREATE TABLE samples(id INTEGER PRIMARY KEY, device TEXT NOT NULL, grp TEXT NOT NULL,"
-    " seq INTEGER NOT NULL, created_ms INTEGER NOT NULL, row TEXT NOT NULL);"
-    "CREATE INDEX samples_by_lane ON samples(device, grp, seq, id);"
-    "CREATE TABLE devices(name TEXT PRIMARY KEY, last_seq INTEGER NOT NULL,"
-    " clean INTEGER NOT NULL) WITHOUT ROWID;"
-    "CREATE TABLE orders(device TEXT NOT NULL, id TEXT NOT NULL, received_ms INTEGER NOT NULL,"
-    " deadline_ms INTEGER NOT NULL, op TEXT NOT NULL, response_topic TEXT NOT NULL,"
-    " correlation BLOB NOT NULL, result TEXT NOT NULL, told INTEGER NOT NULL,"
-    " PRIMARY KEY(device, id)) WITHOUT ROWID;"
-    "CREATE INDEX orders_by_age ON orders(device, received_ms);"};
 
 /// The codes after which the file is not to be trusted any more; SQLITE_SCHEMA: a newer program's,
 /// or not what ours makes, as where the file was cut short.
@@ -52,84 +39,13 @@ bool is_damage_at_open(int code) { return is_damage(code) || code == SQLITE_ERRO
 std::int64_t to_sql(std::uint64_t number) { return static_cast<std::int64_t>(number); }
 std::uint64_t from_sql(std::int64_t number) { return static_cast<std::uint64_t>(number); }
 
-/// Makes the directory (0700) and the file (0600) where they are not there. Empty: done.
-std::string make_file(const std::filesystem::path& directory, const std::filesystem::path& file) {
-  std::error_code fault;
-  if (!std::filesystem::exists(directory, fault)) {
-    std::filesystem::create_directories(directory, fault);
-    if (fault) return directory.string() + ": " + fault.message();
-    ::chmod(directory.c_str(), S_IRWXU);
-  }
-  const int handle = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, S_IRUSR | S_IWUSR);
-  if (handle < 0) return file.string() + ": " + std::strerror(errno);
-  ::fchmod(handle, S_IRUSR | S_IWUSR);
-  ::close(handle);
-  return {};
-}
-
 }  // namespace
 
-/// The open file and its statements, which are prepared once.
-class Store::File final {
- public:
-  File(const std::string& path, bool always) : db(path), always_(always) {
-    if (!db.is_open()) return;
-    sqlite3_busy_timeout(db.handle(), kBusyMs);
-    // Exclusive: two agents with one store would publish and journal for each other.
-    usable_ = db.execute("PRAGMA locking_mode = EXCLUSIVE; PRAGMA journal_mode = WAL;") &&
-              db.execute(always ? "PRAGMA synchronous = FULL" : "PRAGMA synchronous = NORMAL") &&
-              sqlite::migrate(db, kSchema) && sqlite::has_schema(db, kSchema);
-    if (!usable_) return;
-    insert = {db, "INSERT INTO samples VALUES(?, ?, ?, ?, ?, ?)"};
-    remove = {db, "DELETE FROM samples WHERE id = ?"};
-    lane = {db, "SELECT id, row FROM samples WHERE device = ? AND grp = ? ORDER BY seq, id"};
-    oldest = {db,
-              "SELECT id, device, grp, created_ms, length(CAST(row AS BLOB)) FROM samples"
-              " ORDER BY id"};
-    order = {db, "INSERT OR IGNORE INTO orders VALUES(?, ?, ?, ?, ?, ?, ?, '', 0)"};
-    record = {db,
-              "INSERT INTO orders VALUES(?, ?, ?, ?, ?, ?, ?, ?, 0)"
-              " ON CONFLICT DO UPDATE SET result = excluded.result WHERE result = ''"};
-    told = {db, "UPDATE orders SET told = 1 WHERE device = ? AND id = ?"};
-    numbers = {db, "INSERT OR REPLACE INTO devices VALUES(?, ?, ?)"};
-  }
-
-  bool is_usable() const { return usable_; }
-
-  /// Samples are synchronised with the disk even where orders are not: a power cut loses none that
-  /// counts as stored. With `always` everything is.
-  void synchronise(bool full) {
-    if (!always_) db.execute(full ? "PRAGMA synchronous = FULL" : "PRAGMA synchronous = NORMAL");
-  }
-
-  /// Whether there is room for a message more.
-  bool can_write() {
-    Transaction transaction(db);
-    return transaction.begun() &&
-           db.execute(
-               "INSERT INTO samples VALUES(0, '', '', 0, 0, zeroblob(65536));"
-               "DELETE FROM samples WHERE id = 0") &&
-           transaction.commit();
-  }
-
-  sqlite::Database db;
-  Statement insert;
-  Statement remove;
-  Statement lane;
-  Statement oldest;
-  Statement order;
-  Statement record;
-  Statement told;
-  Statement numbers;
-
- private:
-  const bool always_;
-  bool usable_ = false;
-};
-
-Store::Store(const StoreConfig& config, std::int64_t utc_ms) : config_(config), utc_ms_(utc_ms) {
+Store::Store(const StoreConfig& config, std::int64_t utc_ms)
+    : config_(config), utc_ms_(utc_ms), run_began_ms_(utc_ms) {
   open(utc_ms);
   recovered_ = rows_;
+  first_of_run_ = next_order_;
   if (writable_)
     log::info("store", {{"state", "disk"},
                         {"path", config_.path},
@@ -141,17 +57,22 @@ Store::~Store() = default;
 
 void Store::open(std::int64_t utc_ms) {
   utc_ms_ = utc_ms;
-  const std::filesystem::path directory(config_.path);
-  const std::filesystem::path path = directory / "fxagent.db";
+  const std::string path = store_file_path(config_.path);
   // A second time, after a damaged file was set aside.
   for (int attempt = 0; attempt < 2 && !writable_; ++attempt) {
-    const std::string why = make_file(directory, path);
+    std::string why = make_store_file(config_.path);
+    if (why.empty() && !lock_) {
+      // Two agents with one store would publish and journal for each other.
+      lock_ = std::make_unique<DirectoryLock>(config_.path);
+      why = lock_->fault();
+      if (!why.empty()) lock_.reset();
+    }
     if (!why.empty()) {
       if (why != last_failure_) log::error("store", {{"state", "memory"}, {"reason", why}});
       last_failure_ = why;
       return;
     }
-    file_ = std::make_unique<File>(path.string(), config_.sync_always);
+    file_ = std::make_unique<StoreFile>(path, config_.sync_always);
     if (file_->is_usable() && load()) {
       writable_ = true;
     } else if (is_damage_at_open(file_->db.fault().code) && attempt == 0) {
@@ -182,6 +103,9 @@ bool Store::load() {
     bytes_ += from_sql(sums.number(3)) + lane.rows * SampleRow::kOverhead;
     next_order_ = std::max(next_order_, from_sql(sums.number(5)) + 1);
   }
+  if (!file_->trail.load()) return false;
+  arrivals_ = std::max(arrivals_, file_->trail.arrivals());
+  first_audit_of_run_ = file_->trail.head().records + 1;
   return file_->db.fault().code == SQLITE_OK;
 }
 
@@ -189,18 +113,20 @@ bool Store::load() {
 void Store::start_anew(std::string why) {
   file_.reset();
   writable_ = false;
-  const std::filesystem::path path = std::filesystem::path(config_.path) / "fxagent.db";
-  const std::string aside = path.string() + ".corrupt-" + std::to_string(utc_ms_);
+  const std::string path = store_file_path(config_.path);
+  const std::string aside = path + ".corrupt-" + std::to_string(utc_ms_);
   std::error_code fault;
   std::filesystem::rename(path, aside, fault);
   for (const char* suffix : {"-wal", "-shm"}) {
     std::error_code none;
-    std::filesystem::rename(path.string() + suffix, aside + suffix, none);
+    std::filesystem::rename(path + suffix, aside + suffix, none);
   }
   log::error("store", {{"state", "damaged"},
                        {"reason", std::move(why)},
                        {"set_aside", fault ? "failed: " + fault.message() : aside},
                        {"samples_lost", std::to_string(rows_)}});
+  if (!fault) set_aside_ = std::filesystem::path(aside).filename().string();
+  note(audit::begun(set_aside_, utc_ms_));
   for (const auto& [key, lane] : lanes_)
     if (lane.rows > 0) dropped_[key.first] += lane.rows;
   lanes_.clear();
@@ -227,7 +153,8 @@ void Store::failed(std::string_view doing) {
 }
 
 void Store::upkeep(SteadyTime now, std::int64_t utc_ms) {
-  utc_ms_ = utc_ms;
+  note_clock(now, utc_ms);
+  if (!running_since_) running_since_ = now;
   if (!writable_) {
     if (!try_at_) try_at_ = now + kTryAgain;
     if (now < *try_at_) return;
@@ -235,6 +162,7 @@ void Store::upkeep(SteadyTime now, std::int64_t utc_ms) {
     if (!file_) {
       open(utc_ms);
       recovered_ += rows_;
+      first_of_run_ = next_order_;
     } else if (file_->can_write()) {
       writable_ = true;
     } else {
@@ -246,31 +174,69 @@ void Store::upkeep(SteadyTime now, std::int64_t utc_ms) {
     log::info("store", {{"state", "disk"}, {"rows", std::to_string(rows_)}});
   }
   try_at_.reset();
+  if (unstamped_ms_ != 0) restamp();
   if (!settle_at_ || now >= *settle_at_) {
     settle_at_ = now + kSettleEvery;
     settle();
+    if (numbers_short_) reserve_numbers();
   }
   if (!clean_up_at_ || now >= *clean_up_at_) {
     clean_up_at_ = now + kCleanUpEvery;
     drop_old_rows();
     drop_old_ids();
+    prune_audit();
   }
 }
 
 void Store::close() {
   if (!writable_) return;
   settle();
-  for (const auto& [device, numbers] : numbers_)
-    if (writable_) write_numbers(device, numbers.last, true);
+  std::vector<NumberRow> rows;
+  for (const auto& [device, numbers] : numbers_) rows.push_back({device, numbers.last});
+  write_numbers(rows, true);
   if (writable_) file_->db.execute("PRAGMA wal_checkpoint(TRUNCATE)");
   file_.reset();
+  lock_.reset();
   writable_ = false;
+}
+
+void Store::note_clock(SteadyTime now, std::int64_t utc_ms) {
+  if (clock_at_) {
+    const std::int64_t passed = duration_cast<milliseconds>(now - *clock_at_).count();
+    const std::int64_t set_by = utc_ms - utc_ms_ - passed;
+    if (std::abs(set_by) >= milliseconds(kClockSet).count()) {
+      log::warn("clock_set", {{"by_ms", std::to_string(set_by)}});
+      unstamped_ms_ += set_by;
+    }
+  }
+  clock_at_ = now;
+  utc_ms_ = utc_ms;
+}
+
+/// What this run wrote goes with the clock: a gateway without one of its own starts in the past,
+/// and its time comes over the same network as the broker, after the outage.
+void Store::restamp() {
+  Statement samples(file_->db, "UPDATE samples SET created_ms = created_ms + ? WHERE id >= ?");
+  Statement orders(file_->db,
+                   "UPDATE orders SET received_ms = received_ms + ?1,"
+                   " deadline_ms = deadline_ms + ?1 WHERE received_ms >= ?2");
+  bool done = false;
+  {
+    Transaction transaction(file_->db);
+    done = transaction.begun() &&
+           samples.bind(1, unstamped_ms_).bind(2, to_sql(first_of_run_)).run() &&
+           orders.bind(1, unstamped_ms_).bind(2, run_began_ms_).run() && transaction.commit();
+  }
+  if (!done) return failed("clock");
+  run_began_ms_ += unstamped_ms_;
+  unstamped_ms_ = 0;
 }
 
 // ---- samples ------------------------------------------------------------------------------------
 
 bool Store::append(std::vector<SampleRow>& rows, Hold hold) {
   if (!writable_ || rows.empty()) return writable_;
+  fault_point("sample_unstored");
   std::uint64_t added = 0;
   std::vector<Victim> gone;
   std::map<std::string, std::uint64_t> last;
@@ -285,7 +251,7 @@ bool Store::append(std::vector<SampleRow>& rows, Hold hold) {
                .bind(2, row.device)
                .bind(3, row.group)
                .bind(4, to_sql(row.seq))
-               .bind(5, row.created_ms)
+               .bind(5, utc_ms_)
                .bind(6, row.json)
                .run())
         return false;
@@ -295,18 +261,17 @@ bool Store::append(std::vector<SampleRow>& rows, Hold hold) {
         if (!file_->numbers.bind(1, device).bind(2, to_sql(seq)).bind(3, 0).run()) return false;
     const std::uint64_t full = bytes_ + added;
     if (full > config_.max_bytes && !delete_oldest(full - config_.max_bytes, 0, gone)) return false;
-    return transaction.commit();
+    return commit(transaction);
   };
   file_->synchronise(true);
   const bool written = write();
   file_->synchronise(false);
   if (!written) {
     failed("append");
+    if (config_.sync_always && !writable_) numbers_are_behind();
     return false;
   }
-  removed_.clear();
-  untold_.clear();
-  unrecorded_.clear();
+  settled();
   for (SampleRow& row : rows) {
     row.order = next_order_++;
     const LaneKey key{row.device, row.group};
@@ -320,6 +285,7 @@ bool Store::append(std::vector<SampleRow>& rows, Hold hold) {
   }
   bytes_ += added;
   forget(gone);
+  fault_point("sample_stored");
   return true;
 }
 
@@ -459,14 +425,13 @@ bool Store::is_on_the_way(const LaneKey& lane) const {
 }
 
 bool Store::settle() {
-  if (removed_.empty() && untold_.empty() && unrecorded_.empty()) return writable_;
+  if (removed_.empty() && untold_.empty() && unrecorded_.empty() && unaudited_.empty())
+    return writable_;
   if (!writable_) return false;
   {
     Transaction transaction(file_->db);
-    if (transaction.begun() && write_settled() && transaction.commit()) {
-      removed_.clear();
-      untold_.clear();
-      unrecorded_.clear();
+    if (transaction.begun() && write_settled() && commit(transaction)) {
+      settled();
       return true;
     }
   }
@@ -475,6 +440,8 @@ bool Store::settle() {
 }
 
 bool Store::write_settled() {
+  file_->trail.begin();
+  if (!write_unaudited()) return false;
   for (const std::uint64_t order : removed_)
     if (!file_->remove.bind(1, to_sql(order)).run()) return false;
   for (const JournalEntry& entry : unrecorded_)
@@ -482,6 +449,14 @@ bool Store::write_settled() {
   for (const auto& [device, id] : untold_)
     if (!file_->told.bind(1, device).bind(2, id).run()) return false;
   return true;
+}
+
+void Store::settled() {
+  removed_.clear();
+  untold_.clear();
+  unrecorded_.clear();
+  unaudited_.clear();
+  audit_lost_ = 0;
 }
 
 void Store::drop_old_rows() {
@@ -492,146 +467,109 @@ void Store::drop_old_rows() {
   {
     Transaction transaction(file_->db);
     done = transaction.begun() && write_settled() && delete_oldest(0, limit, gone) &&
-           transaction.commit();
+           commit(transaction);
   }
   if (!done) return failed("delete");
-  removed_.clear();
-  untold_.clear();
-  unrecorded_.clear();
+  settled();
   forget(gone);
 }
 
 // ---- numbers ------------------------------------------------------------------------------------
 
-std::uint64_t Store::last_seq(const std::string& device, std::int64_t utc_ms) {
-  // Where nothing is known, the clock is above every number of an earlier boot.
-  std::uint64_t last = from_sql(utc_ms);
-  if (file_) {
-    Statement known(file_->db, "SELECT last_seq, clean FROM devices WHERE name = ?");
-    if (known.bind(1, device).step() == Statement::Step::row) {
-      const std::uint64_t written = from_sql(known.number(0));
-      const bool exact = known.number(1) != 0 || config_.sync_always;
-      last = exact ? written : std::max(last, written);
+std::vector<std::uint64_t> Store::begin_numbers(std::span<const std::string> devices,
+                                                std::int64_t utc_ms) {
+  numbers_behind_ = ::access(numbers_behind_path().c_str(), F_OK) == 0;
+  std::vector<std::uint64_t> begun;
+  std::vector<NumberRow> rows;
+  for (const std::string& device : devices) {
+    // Where nothing is known, the clock is above every number of an earlier boot.
+    std::uint64_t last = from_sql(utc_ms);
+    if (file_) {
+      Statement known(file_->db, "SELECT last_seq, clean FROM devices WHERE name = ?");
+      if (known.bind(1, device).step() == Statement::Step::row) {
+        const std::uint64_t written = from_sql(known.number(0));
+        const bool exact = known.number(1) != 0 || config_.sync_always;
+        if (numbers_behind_)
+          last = std::max(last, written + kUnknownNumbers);
+        else
+          last = exact ? written : std::max(last, written);
+      }
     }
+    begun.push_back(last);
+    numbers_[device] = {last, config_.sync_always ? last : last + kSequenceBlock};
+    rows.push_back({device, numbers_[device].reserved});
   }
-  Numbers& numbers = numbers_[device];
-  numbers.last = last;
-  numbers.reserved = config_.sync_always ? last : last + kSequenceBlock;
-  write_numbers(device, numbers.reserved, false);
-  return last;
+  if (write_numbers(rows, false)) numbers_are_known();
+  return begun;
 }
 
 void Store::used_seq(const std::string& device, std::uint64_t seq) {
   Numbers& numbers = numbers_[device];
   numbers.last = std::max(numbers.last, seq);
-  // With `always` each sample brings its number to the disk itself.
-  if (config_.sync_always || seq + kSequenceBlock / 2 <= numbers.reserved) return;
-  numbers.reserved = seq + kSequenceBlock;
-  write_numbers(device, numbers.reserved, false);
+  if (config_.sync_always) {  // each sample brings its number to the disk itself
+    if (!writable_) numbers_are_behind();
+    return;
+  }
+  if (seq + kSequenceBlock / 2 <= numbers.reserved) return;
+  numbers_short_ = true;  // upkeep() does it for all devices at once, while the other half lasts
+  if (seq >= numbers.reserved) reserve_numbers();
 }
 
-bool Store::write_numbers(const std::string& device, std::uint64_t last, bool clean) {
+void Store::reserve_numbers() {
+  numbers_short_ = false;
+  std::vector<NumberRow> rows;
+  for (auto& [device, numbers] : numbers_) {
+    if (numbers.last + kSequenceBlock / 2 <= numbers.reserved) continue;
+    numbers.reserved = numbers.last + kSequenceBlock;
+    rows.push_back({device, numbers.reserved});
+  }
+  write_numbers(rows, false);
+}
+
+/// In one transaction that is synchronised with the disk: no power cut may bring a number back.
+bool Store::write_numbers(const std::vector<NumberRow>& rows, bool clean) {
   if (!writable_) return false;
-  if (file_->numbers.bind(1, device).bind(2, to_sql(last)).bind(3, clean ? 1 : 0).run())
-    return true;
-  failed("numbers");
-  return false;
+  const auto write = [&] {
+    Transaction transaction(file_->db);
+    return transaction.begun() &&
+           std::all_of(rows.begin(), rows.end(),
+                       [&](const NumberRow& row) {
+                         return file_->numbers.bind(1, row.device)
+                             .bind(2, to_sql(row.last))
+                             .bind(3, clean ? 1 : 0)
+                             .run();
+                       }) &&
+           transaction.commit();
+  };
+  file_->synchronise(true);
+  const bool written = write();
+  file_->synchronise(false);
+  if (!written) failed("numbers");
+  return written;
 }
 
 void Store::write_all_numbers() {
+  std::vector<NumberRow> rows;
   for (const auto& [device, numbers] : numbers_)
-    write_numbers(device, config_.sync_always ? numbers.last : numbers.reserved, false);
+    rows.push_back({device, config_.sync_always ? numbers.last : numbers.reserved});
+  if (write_numbers(rows, false)) numbers_are_known();
 }
 
-// ---- orders -------------------------------------------------------------------------------------
+std::string Store::numbers_behind_path() const { return config_.path + "/fxagent.db.behind"; }
 
-bool Store::journal(std::span<const JournalEntry> orders) {
-  if (!writable_) return false;
-  {
-    Transaction transaction(file_->db);
-    const bool written = transaction.begun() &&
-                         std::all_of(orders.begin(), orders.end(), [this](const JournalEntry& e) {
-                           return file_->order.bind(1, e.device)
-                               .bind(2, e.id)
-                               .bind(3, e.received_ms)
-                               .bind(4, e.deadline_ms)
-                               .bind(5, e.op)
-                               .bind(6, e.response_topic)
-                               .bind(7, ByteView(e.correlation))
-                               .run();
-                         });
-    if (written && transaction.commit()) return true;
-  }
-  failed("journal");
-  return false;
+/// The disk refuses rows, and the numbers with them; an empty file finds room where it is full.
+void Store::numbers_are_behind() {
+  if (std::exchange(numbers_behind_, true)) return;
+  const int mark = ::open(numbers_behind_path().c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600);
+  if (mark < 0) return;
+  ::fsync(mark);
+  ::close(mark);
 }
 
-void Store::record(JournalEntry entry) {
-  if (writable_ && write_record(entry)) return;
-  if (writable_) failed("journal");
-  if (unrecorded_.size() < kMostUnrecorded) unrecorded_.push_back(std::move(entry));
-}
-
-bool Store::write_record(const JournalEntry& entry) {
-  return file_->record.bind(1, entry.device)
-      .bind(2, entry.id)
-      .bind(3, entry.received_ms)
-      .bind(4, entry.deadline_ms)
-      .bind(5, entry.op)
-      .bind(6, entry.response_topic)
-      .bind(7, ByteView(entry.correlation))
-      .bind(8, entry.result)
-      .run();
-}
-
-void Store::told(const std::string& device, const std::string& id) {
-  if (untold_.size() < kMostUnrecorded) untold_.emplace_back(device, id);
-}
-
-std::vector<JournalEntry> Store::remembered() {
-  std::vector<JournalEntry> entries;
-  if (!file_) return entries;
-  Statement all(
-      file_->db,
-      "SELECT device, id, received_ms, deadline_ms, op, response_topic, correlation, result, told"
-      " FROM (SELECT *, row_number() OVER (PARTITION BY device ORDER BY received_ms DESC) AS place"
-      " FROM orders) WHERE place <= ? OR result = '' ORDER BY received_ms");
-  all.bind(1, static_cast<std::int64_t>(kRememberedIds));
-  auto step = all.step();
-  for (; step == Statement::Step::row; step = all.step()) {
-    JournalEntry entry;
-    entry.device = all.text(0);
-    entry.id = all.text(1);
-    entry.received_ms = all.number(2);
-    entry.deadline_ms = all.number(3);
-    entry.op = all.text(4);
-    entry.response_topic = all.text(5);
-    const ByteView correlation = all.bytes(6);
-    entry.correlation.assign(correlation.begin(), correlation.end());
-    entry.result = all.text(7);
-    entry.told = all.number(8) != 0;
-    entries.push_back(std::move(entry));
-  }
-  if (step == Statement::Step::failed) failed("read");
-  return entries;
-}
-
-void Store::drop_old_ids() {
-  if (!writable_) return;
-  const std::int64_t day = milliseconds(kRememberedFor).count();
-  const std::int64_t age = std::max(day, milliseconds(config_.max_age).count());
-  // What nobody could be told is kept as long as a sample is.
-  Statement old(file_->db,
-                "DELETE FROM orders WHERE deadline_ms < ?1"
-                " AND (told = 1 AND received_ms < ?2 OR received_ms < ?3)");
-  Statement many(file_->db,
-                 "DELETE FROM orders WHERE told = 1 AND deadline_ms < ?1 AND (device, id) IN"
-                 " (SELECT device, id FROM (SELECT device, id, row_number() OVER"
-                 " (PARTITION BY device ORDER BY received_ms DESC) AS place FROM orders)"
-                 " WHERE place > ?2)");
-  const bool done = old.bind(1, utc_ms_).bind(2, utc_ms_ - day).bind(3, utc_ms_ - age).run() &&
-                    many.bind(1, utc_ms_).bind(2, std::int64_t{kRememberedIds}).run();
-  if (!done) failed("delete");
+void Store::numbers_are_known() {
+  if (!std::exchange(numbers_behind_, false)) return;
+  std::error_code none;
+  std::filesystem::remove(numbers_behind_path(), none);
 }
 
 }  // namespace fxagent

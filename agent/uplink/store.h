@@ -1,6 +1,6 @@
-// The store on disk: samples that were not acknowledged, the journal of orders, and the numbers
-// that each device has reached. One SQLite file, fxagent.db, in a directory of its own. Uplink
-// thread; before that thread is started, the thread that made it.
+// The store on disk: samples that were not acknowledged, the journal of orders, the audit trail,
+// and the numbers that each device has reached. One SQLite file, fxagent.db, in a directory of its
+// own. Uplink thread; before that thread is started, the thread that made it.
 //
 // No failure of the disk is a failure of the caller: what could not be written is the caller's to
 // keep, the state becomes `memory`, and upkeep() tries again now and then.
@@ -21,7 +21,9 @@
 
 #include "agent/config.h"
 #include "agent/messages.h"
+#include "agent/uplink/audit.h"
 #include "agent/uplink/history.h"
+#include "agent/uplink/store_file.h"
 
 namespace fxagent {
 
@@ -34,8 +36,12 @@ struct JournalEntry {
   std::string op;
   std::string response_topic;
   Bytes correlation;
-  std::string result;  ///< empty: it has none
-  bool told = false;   ///< the broker has the result
+  std::string result;         ///< empty: it has none
+  bool told = false;          ///< the broker has the result
+  std::uint64_t arrival = 0;  ///< its number in the audit; 0: it came before there was one
+  std::string payload;        ///< as it came; kept until there is a result
+  /// A record's body for the audit, written together with this entry; empty: none.
+  std::string audit;
 };
 
 class Store final {
@@ -43,10 +49,15 @@ class Store final {
   /// Whether rows are on their way as live messages, so that no history message may take them yet.
   enum class Hold : std::uint8_t { no, yes };
   /// What is written of the numbers: how far a boot may count without asking again.
-  static constexpr std::uint64_t kSequenceBlock = 1000;
+  static constexpr std::uint64_t kSequenceBlock = 10000;
+  /// Behind the last number that the disk knows, where it refused and nobody knows how many
+  /// followed.
+  static constexpr std::uint64_t kUnknownNumbers = 1000000;
   static constexpr std::size_t kRememberedIds = 10000;  ///< of a device, beside unfinished orders
   static constexpr std::chrono::hours kRememberedFor{24};
   static constexpr std::chrono::seconds kTryAgain{10};
+  /// Of the calendar against the steady clock: so much more than either drifts is a set clock.
+  static constexpr std::chrono::seconds kClockSet{60};
 
   /// Opens or makes the file in `config.path`, and the directory. A damaged file is set aside as
   /// fxagent.db.corrupt-<utc_ms>. Never throws on what the disk does: see state().
@@ -59,13 +70,17 @@ class Store final {
   /// "disk", or "memory" where nothing can be written.
   std::string_view state() const { return writable_ ? "disk" : "memory"; }
   /// Tries again to write where that failed, deletes what was acknowledged, lets go what is older
-  /// than max_age and ids that need not be remembered any more. Cheap where nothing is due.
+  /// than max_age and ids that need not be remembered any more. Ages are those of the time on disk,
+  /// and a clock that is set meanwhile makes nothing older or younger. Cheap where nothing is due.
   void upkeep(SteadyTime now, std::int64_t utc_ms);
 
   /// Whether upkeep() has something to write soon.
   bool is_unsettled() const {
-    return writable_ && !(removed_.empty() && untold_.empty() && unrecorded_.empty());
+    return writable_ && !(removed_.empty() && untold_.empty() && unrecorded_.empty() &&
+                          unaudited_.empty() && !numbers_short_);
   }
+  /// The name of the damaged file that was set aside in this run; empty: none was.
+  const std::string& set_aside() const { return set_aside_; }
 
   // ---- samples
 
@@ -97,9 +112,11 @@ class Store final {
 
   // ---- numbers
 
-  /// The number before the first sample of `device` in this boot. After a clean stop, and with
-  /// `sync: always`, the last one used; after a crash one above all that may have been used.
-  std::uint64_t last_seq(const std::string& device, std::int64_t utc_ms);
+  /// For each of these devices the number before its first sample in this boot. After a clean
+  /// stop, and with `sync: always`, the last one used; after a crash, and where the disk refused,
+  /// one above all that may have been used. Once, at the start.
+  std::vector<std::uint64_t> begin_numbers(std::span<const std::string> devices,
+                                           std::int64_t utc_ms);
   /// To be called before a sample with this number leaves the agent.
   void used_seq(const std::string& device, std::uint64_t seq);
   /// The clean end: the next boot goes on right behind the numbers used, and the file is closed up.
@@ -116,8 +133,16 @@ class Store final {
   /// The newest ids of each device and every unfinished order, oldest first.
   std::vector<JournalEntry> remembered();
 
+  // ---- the audit
+
+  /// The number of a command that has just come.
+  std::uint64_t next_arrival() { return ++arrivals_; }
+  /// A record's body for the audit, written within 200 ms, or once the disk takes it.
+  void note(std::string body);
+  /// As it is in the file.
+  audit::Head audit_head() const { return file_ ? file_->trail.head() : audit::Head{}; }
+
  private:
-  class File;
   struct Lane {
     std::uint64_t rows = 0;  ///< in the file
     std::uint64_t out = 0;   ///< of these, held or on the way
@@ -132,6 +157,10 @@ class Store final {
     std::uint64_t last = 0;      ///< used
     std::uint64_t reserved = 0;  ///< up to here without asking
   };
+  struct NumberRow {
+    std::string device;
+    std::uint64_t last = 0;
+  };
   struct Victim {
     std::uint64_t order = 0;
     LaneKey lane;
@@ -144,22 +173,42 @@ class Store final {
   void failed(std::string_view doing);
   /// Rows that were removed, results that were told and those that found no disk, into the file.
   bool settle();
+  /// Within the caller's transaction; settled() after its commit.
   bool write_settled();
+  void settled();
   /// Deletes the oldest rows, `excess` bytes or what is older, within the caller's transaction.
   bool delete_oldest(std::uint64_t excess, std::int64_t older_than_ms, std::vector<Victim>& gone);
   void forget(const std::vector<Victim>& gone);
   void drop_damaged(const LaneKey& lane, const std::vector<std::uint64_t>& orders);
   void drop_old_rows();
   void drop_old_ids();
+  bool write_orders(std::span<const JournalEntry> orders);
   bool write_record(const JournalEntry& entry);
-  bool write_numbers(const std::string& device, std::uint64_t last, bool clean);
+  /// Within the caller's transaction, after the trail's begin().
+  bool write_audit(std::string_view body);
+  bool write_unaudited();
+  bool commit(sqlite::Transaction& transaction);
+  void prune_audit();
+  bool write_numbers(const std::vector<NumberRow>& rows, bool clean);
   void write_all_numbers();
+  void reserve_numbers();
+  void note_clock(SteadyTime now, std::int64_t utc_ms);
+  void restamp();
+  std::string numbers_behind_path() const;
+  void numbers_are_behind();
+  void numbers_are_known();
 
   const StoreConfig config_;
-  std::unique_ptr<File> file_;  ///< null: it could not be opened
+  std::unique_ptr<DirectoryLock> lock_;
+  std::unique_ptr<StoreFile> file_;  ///< null: it could not be opened
   bool writable_ = false;
   std::string last_failure_;
-  std::int64_t utc_ms_ = 0;  ///< of the last upkeep
+  std::int64_t utc_ms_ = 0;             ///< of the last upkeep
+  std::optional<SteadyTime> clock_at_;  ///< the same moment
+  std::int64_t run_began_ms_ = 0;       ///< by the clock as it is set now
+  std::int64_t unstamped_ms_ = 0;       ///< what the clock was set by, not yet told to the file
+  std::uint64_t first_of_run_ = 0;      ///< the order of the first row of this run
+  std::string set_aside_;
   std::optional<SteadyTime> try_at_;
   std::optional<SteadyTime> settle_at_;
   std::optional<SteadyTime> clean_up_at_;
@@ -174,7 +223,16 @@ class Store final {
   std::map<std::string, std::uint64_t> dropped_;
   std::vector<JournalEntry> unrecorded_;                     ///< results that are not in the file
   std::vector<std::pair<std::string, std::string>> untold_;  ///< device, id: told, not noted yet
+  bool forgot_results_ = false;                              ///< there were too many of them
+  std::vector<std::string> unaudited_;                       ///< bodies that are not in the file
+  std::uint64_t audit_lost_ = 0;  ///< bodies that found no room there, not told yet
+  std::uint64_t arrivals_ = 0;
+  std::uint64_t first_audit_of_run_ = 0;
+  std::optional<SteadyTime> running_since_;
+  std::optional<SteadyTime> prune_at_;
   std::map<std::string, Numbers> numbers_;
+  bool numbers_short_ = false;   ///< some device has used half of its block
+  bool numbers_behind_ = false;  ///< a mark beside the file says that it does not know them all
 };
 
 }  // namespace fxagent

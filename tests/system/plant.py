@@ -249,10 +249,11 @@ class Agent:
         with open(self.path, "w") as out:
             json.dump(config, out, indent=1)
 
-    def start(self, **more):
+    def start(self, program=FXAGENT, environment=None, **more):
         self.log = open(self.log_path, "a")
-        self.process = subprocess.Popen([FXAGENT, "run", self.path], stderr=self.log,
-                                        stdout=subprocess.DEVNULL, **more)
+        self.process = subprocess.Popen([program, "run", self.path], stderr=self.log,
+                                        stdout=subprocess.DEVNULL,
+                                        env=dict(os.environ, **(environment or {})), **more)
 
     def stop(self, sign=signal.SIGTERM):
         """The exit status; sanitizers make it differ from 0."""

@@ -192,6 +192,8 @@ TEST(ConfigSchema, WhatIsWrongFailsBoth) {
            {"/store/max_bytes", "65535"},
            {"/store/max_age_h", "0"},
            {"/store/sync", R"("never")"},
+           {"/store/audit_max_bytes", "65535"},
+           {"/store/audit_max_age_h", "0"},
            {"/links/0", R"({"name": "line1"})"},
            {"/links/0/tcp", R"({"host": "a", "port": 1})"},
            {"/links/0/line_baud", "9600"},

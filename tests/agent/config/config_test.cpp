@@ -52,7 +52,8 @@ TEST(Config, EverythingThatCanBeSetIsSet) {
     "password_env": "P", "tls": {"ca_file": "ca.pem", "cert_file": "c.pem", "key_file": "k.pem"},
     "keep_alive_s": 5, "qos": 0})");
   plant["store"] = nlohmann::json::parse(
-      R"({"path": "/s", "max_bytes": 65536, "max_age_h": 1, "sync": "always"})");
+      R"({"path": "/s", "max_bytes": 65536, "max_age_h": 1, "sync": "always",
+          "audit_max_bytes": 65537, "audit_max_age_h": 2})");
   const Config config = good(plant.dump());
   EXPECT_EQ(config.mqtt.servers,
             (std::vector<std::string>{"mqtts://a.example:8883", "mqtt://[2001:db8::1]:1883",
@@ -67,6 +68,8 @@ TEST(Config, EverythingThatCanBeSetIsSet) {
   EXPECT_EQ(config.store.max_bytes, 65536U);
   EXPECT_EQ(config.store.max_age.count(), 1);
   EXPECT_TRUE(config.store.sync_always);
+  EXPECT_EQ(config.store.audit_max_bytes, 65537U);
+  EXPECT_EQ(config.store.audit_max_age.count(), 2);
 }
 
 // ---- how errors come out ----------------------------------------------------------------------

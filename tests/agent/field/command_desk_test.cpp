@@ -294,6 +294,26 @@ TEST_F(CommandDeskTest, RestoredIdLivesOutItsDayAndItsDeadline) {
   EXPECT_EQ(answered(write("late")).status, CommandStatus::duplicate);
 }
 
+TEST_F(CommandDeskTest, IdOfAnOrderLeftBehindIsKnownWithoutAResult) {
+  const auto order = desk.left_behind(write("left"), *device.codec, now);
+  ASSERT_TRUE(order);
+  EXPECT_TRUE(order->left_behind);
+  const CommandResult again = answered(write("left"));
+  EXPECT_EQ(again.status, CommandStatus::duplicate);
+  EXPECT_EQ(again.first, nullptr);
+  CommandResult result = result_of(order->command);
+  result.status = CommandStatus::unknown_outcome;
+  desk.finished(result);
+  ASSERT_NE(answered(write("left")).first, nullptr);
+}
+
+TEST_F(CommandDeskTest, OrderLeftBehindThatReadingDoesNotTellOfIsKnownAllTheSame) {
+  Command gone = write("gone");
+  gone.targets[0].tag = "no_such_tag";
+  EXPECT_FALSE(desk.left_behind(gone, *device.codec, now));
+  EXPECT_EQ(answered(write("gone")).status, CommandStatus::duplicate);
+}
+
 TEST_F(CommandDeskTest, RejectedAndExpiredIdsAreRememberedToo) {
   Command late = write("late");
   late.expires_ms = kStartMs - 1;

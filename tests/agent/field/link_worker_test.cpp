@@ -154,7 +154,7 @@ class LinkWorkerTest : public ::testing::Test {
   std::vector<DeviceStatus> states;
   std::vector<CommandResult> results;
   std::vector<OrderNote> orders;
-  Recollection recollection{std::vector<std::uint64_t>(8, 100), {}};
+  Recollection recollection{std::vector<std::uint64_t>(8, 100), {}, {}};
 };
 
 // ---- polls
@@ -546,6 +546,51 @@ TEST_F(LinkWorkerTest, PollThatWasUnderWayCarriesTheWrittenValue) {
   EXPECT_EQ(telemetry[0].readings.at(0).value, number(50));
   EXPECT_FALSE(telemetry[1].partial);
   EXPECT_EQ(telemetry[1].readings.at(1).value, number(50)) << "and not the 40 that it read";
+}
+
+TEST_F(LinkWorkerTest, ResultCarriesTheFramesOfItsOrderAndTheMemoryOfIdsDoesNot) {
+  add_setpoint();
+  start();
+  wait([&] { return !telemetry.empty(); });
+  Command command = write_setpoint("b7e1");
+  command.arrival = 7;
+  worker->submit(command);
+  const CommandResult& result = wait_for_result("b7e1");
+  EXPECT_EQ(result.arrival, 7U);
+  ASSERT_EQ(result.frames.frames().size(), 2U);
+  EXPECT_EQ(result.frames.frames()[0].way, WireFrame::Way::out);
+  EXPECT_EQ(result.frames.frames()[0].bytes, write_frame(kD200, word(50)));
+  EXPECT_EQ(result.frames.frames()[1].way, WireFrame::Way::in);
+  EXPECT_EQ(result.frames.frames()[1].bytes, kAck);
+  results.clear();
+  worker->submit(write_setpoint("b7e1"));
+  const CommandResult& again = wait_for_result("b7e1");
+  ASSERT_NE(again.first, nullptr);
+  EXPECT_TRUE(again.first->frames.frames().empty());
+  stop();
+}
+
+TEST_F(LinkWorkerTest, OrderThatAnEarlierRunLeftBehindIsReadAndNotSent) {
+  add_setpoint();
+  recollection.left_behind = {write_setpoint("left")};
+  recollection.left_behind[0].arrival = 3;
+  start();
+  const CommandResult& result = wait_for_result("left");
+  EXPECT_EQ(result.status, CommandStatus::unknown_outcome);
+  EXPECT_EQ(result.arrival, 3U);
+  const Bytes write = write_frame(kD200, word(50));
+  for (const Bytes& sent : wire->written()) EXPECT_NE(sent, write);
+  stop();
+}
+
+TEST_F(LinkWorkerTest, OrderLeftBehindThatStillWaitsAtTheEndIsUnknownAndNotRejected) {
+  add_setpoint();
+  recollection.left_behind = {write_setpoint("left")};
+  start();
+  stop();
+  const CommandResult* result = result_of("left");
+  ASSERT_NE(result, nullptr);
+  EXPECT_EQ(result->status, CommandStatus::unknown_outcome);
 }
 
 TEST_F(LinkWorkerTest, ReadAfterTheWriteIsTheNewest) {

@@ -78,6 +78,15 @@ class OrderRunTest : public ::testing::Test {
     }
     auto& admitted = std::get<Order>(verdict);
     if (before_sending) before_sending(admitted);
+    return run(admitted);
+  }
+  CommandResult run_left_behind(Command command) {
+    auto order = desk.left_behind(std::move(command), *device.codec, Clock::now());
+    if (order) return run(*order);
+    ADD_FAILURE() << "nothing is to be read";
+    return {};
+  }
+  CommandResult run(const Order& admitted) {
     OrderRun order_run(io.get_executor(), *line, station, device, admitted);
     CommandResult result = run_on(io, order_run.run());
     was_answered = order_run.was_answered();
@@ -237,6 +246,36 @@ TEST_F(OrderRunTest, NonsenseInsteadOfAnAckIsSettledLikeSilence) {
   EXPECT_EQ(result.status, CommandStatus::succeeded);
   EXPECT_EQ(result.plc, PlcAnswer::none);
   EXPECT_EQ(result.attempts, 1);
+}
+
+// ---- what an earlier run left behind ---------------------------------------------------------
+
+TEST_F(OrderRunTest, OrderLeftBehindIsReadAndNotSent) {
+  wire->expect(kReadBack).give(word_frame(50));
+  const CommandResult result = run_left_behind(write_50());
+  EXPECT_EQ(result.status, CommandStatus::succeeded);
+  EXPECT_EQ(result.plc, PlcAnswer::none);
+  EXPECT_EQ(result.attempts, 0);
+  ASSERT_TRUE(result.targets.at(0).verify);
+  EXPECT_TRUE(result.targets[0].verify->match);
+}
+
+TEST_F(OrderRunTest, OrderLeftBehindAndAnotherValueIsUnknown) {
+  wire->expect(kReadBack).give(word_frame(7));
+  const CommandResult result = run_left_behind(write_50());
+  EXPECT_EQ(result.status, CommandStatus::unknown_outcome);
+  EXPECT_EQ(result.reason, Reason::none);
+  EXPECT_EQ(result.detail, kLeftBehind);
+  EXPECT_EQ(result.targets.at(0).verify->read, number(7));
+  EXPECT_FALSE(result.targets[0].verify->match);
+}
+
+TEST_F(OrderRunTest, OrderLeftBehindThatCannotBeReadIsUnknown) {
+  wire->expect(kReadBack).silence();
+  const CommandResult result = run_left_behind(write_50());
+  EXPECT_EQ(result.status, CommandStatus::unknown_outcome);
+  EXPECT_EQ(result.reason, Reason::none);
+  EXPECT_FALSE(result.targets.at(0).verify);
 }
 
 TEST_F(OrderRunTest, LongWriteGoesInSeveralFramesAndIsReadBackWhole) {

@@ -6,7 +6,7 @@ namespace fxagent {
 namespace {
 
 SampleRow row(std::uint64_t order, std::string device = "a", std::string group = "fast") {
-  return {order, std::move(device), std::move(group), order, 0, std::to_string(order)};
+  return {order, std::move(device), std::move(group), order, std::to_string(order)};
 }
 
 bool any(const LaneKey&) { return true; }

@@ -11,6 +11,7 @@
 #include <thread>
 #include <tuple>
 
+#include "agent/uplink/audit_report.h"
 #include "agent/uplink/recall.h"
 #include "tests/agent/uplink/fake_broker.h"
 #include "tests/agent/uplink/plant.h"
@@ -23,6 +24,7 @@ using nlohmann::json;
 using namespace std::chrono_literals;
 
 const std::string kBase = "fx/plant-a/edge7";
+const SteadyTime kStart{std::chrono::hours(1)};
 
 /// A publisher with everything around it, and a clock that the test moves.
 struct Bench {
@@ -31,7 +33,7 @@ struct Bench {
   test::FakeBroker broker;
   std::vector<Command> commands;
   std::vector<std::string> go_aheads;
-  SteadyTime now = SteadyTime(std::chrono::hours(1));
+  SteadyTime now = kStart;
   PublisherSettings settings{.boot = "9f3c21aa", .version = "0.1.0"};
   std::unique_ptr<Store> store;  ///< null: none
   std::unique_ptr<Publisher> publisher;
@@ -332,6 +334,56 @@ TEST(PublisherStore, UnacknowledgedForASecondIsOnDiskAndStillInFlight) {
   EXPECT_EQ(Bench(scratch.path("store")).made().samples().recovered, 0U);
 }
 
+TEST(PublisherStore, SamplesOfOneFifthOfASecondGoToDiskTogether) {
+  const test::Scratch scratch;
+  Bench bench(scratch.path("store"));
+  bench.online();
+  bench.broker.acknowledges = false;
+  const SteadyTime first = bench.now;
+  for (std::uint64_t seq = 1; seq <= 30; ++seq) {  // 18 in flight, 12 behind them
+    bench.outbox.push(test::sample(seq));
+    bench.step();
+    bench.now += 10ms;
+  }
+  bench.now = first + 999ms;
+  bench.step();
+  EXPECT_EQ(bench.made().samples().stored, 0U);
+  bench.now = first + 1s;
+  bench.step();
+  EXPECT_EQ(bench.store->rows(), 18U);  // those of the first 200 ms in flight
+  bench.now = first + 1180ms;
+  bench.step();
+  EXPECT_EQ(bench.store->rows(), 30U);
+}
+
+TEST(PublisherStore, SampleInFlightWhenTheConnectionGoesIsOnDiskWithinItsSecond) {
+  const test::Scratch scratch;
+  Bench bench(scratch.path("store"));
+  bench.online();
+  bench.broker.acknowledges = false;
+  bench.outbox.push(test::sample(1));
+  bench.settle();
+  bench.advance(900ms);
+  bench.broker.lose();
+  bench.now += 50ms;
+  bench.step();
+  EXPECT_EQ(bench.store->rows(), 0U);  // it may have company
+  EXPECT_LE(bench.step(), bench.now + 50ms);
+  bench.advance(50ms);
+  EXPECT_EQ(bench.store->rows(), 1U);
+}
+
+TEST(PublisherStore, DamagedFileIsNamedInHealth) {
+  const test::Scratch scratch;
+  std::filesystem::create_directories(scratch.path("store"));
+  std::ofstream(scratch.path("store") + "/fxagent.db") << std::string(8192, 'x');
+  Bench bench(scratch.path("store"));
+  bench.settle();
+  const json health = json::parse(bench.broker.on(kBase + "/health").at(0));
+  const std::string aside = health["store"]["set_aside"];
+  EXPECT_TRUE(std::filesystem::exists(scratch.path("store") + "/" + aside)) << aside;
+}
+
 TEST(PublisherStore, WithAlwaysEverySampleIsOnDiskBeforeItIsSent) {
   const test::Scratch scratch;
   Bench bench(scratch.path("store"));
@@ -509,7 +561,7 @@ TEST(PublisherStore, RestartKnowsTheResultsAndSaysWhatNobodyWasTold) {
   Config config = test::plant();
   config.store.path = scratch.path("store");
   Store store(config.store, 1790000001000);
-  const Recall known = recall(config, &store, 1790000001000);
+  const Recall known = recall(config, &store, 1790000001000, kStart);
   std::map<std::string, CommandResult> results;
   for (const RememberedResult& each : known.field.results) results[each.result.id] = each.result;
   EXPECT_EQ(results.size(), 5U);
@@ -530,7 +582,7 @@ TEST(PublisherStore, RestartKnowsTheResultsAndSaysWhatNobodyWasTold) {
   EXPECT_EQ(untold, (std::map<std::string, std::string>{
                         {"untold", "SUCCEEDED"}, {"left", "UNKNOWN_OUTCOME"}, {"read", "FAILED"}}));
   // A second start tells the same, as long as nobody has heard it.
-  EXPECT_EQ(recall(config, &store, 1790000001000).untold.size(), 3U);
+  EXPECT_EQ(recall(config, &store, 1790000001000, kStart).untold.size(), 3U);
 }
 
 TEST(PublisherStore, ResultOfAnEarlierRunIsPublishedAsItWas) {
@@ -543,7 +595,8 @@ TEST(PublisherStore, ResultOfAnEarlierRunIsPublishedAsItWas) {
   }
   Bench bench(scratch.path("store"));
   bench.made();
-  for (const CommandResult& each : recall(bench.config, bench.store.get(), bench.utc()).untold)
+  for (const CommandResult& each :
+       recall(bench.config, bench.store.get(), bench.utc(), bench.now).untold)
     bench.outbox.push(each);
   bench.settle();
   const auto results = bench.broker.on(kBase + "/press1/result");
@@ -552,16 +605,184 @@ TEST(PublisherStore, ResultOfAnEarlierRunIsPublishedAsItWas) {
   EXPECT_EQ(json::parse(results[0])["status"], "UNKNOWN_OUTCOME");
   EXPECT_EQ(bench.broker.on("hmi/replies"), results);
   bench.advance(1s);
-  EXPECT_TRUE(recall(bench.config, bench.store.get(), bench.utc()).untold.empty());
+  EXPECT_TRUE(recall(bench.config, bench.store.get(), bench.utc(), bench.now).untold.empty());
   CommandResult again;
   again.id = "left";
   again.status = CommandStatus::duplicate;
   again.first = std::make_shared<const CommandResult>(
-      recall(bench.config, bench.store.get(), bench.utc()).field.results.at(0).result);
+      recall(bench.config, bench.store.get(), bench.utc(), bench.now).field.results.at(0).result);
   bench.outbox.push(again);
   bench.settle();
   EXPECT_EQ(json::parse(bench.broker.on(kBase + "/press1/result").back())["first"],
             json::parse(results[0]));
+}
+
+/// What the audit of the store in this directory says, a line for each command; it is whole.
+std::vector<json> audit_lines(const std::string& directory) {
+  sqlite::Database database(store_file_path(directory), sqlite::Database::Access::read_only);
+  audit::Report report;
+  audit::Verifier verifier;
+  audit::Head head;
+  EXPECT_TRUE(AuditTrail::read(
+      database,
+      [&](const audit::Record& record) {
+        report.add(record);
+        verifier.add(record);
+      },
+      head));
+  EXPECT_TRUE(verifier.finish(head).empty());
+  std::vector<json> lines;
+  for (const audit::Line& line : report.take()) lines.push_back(json::parse(line.json));
+  return lines;
+}
+
+TEST(PublisherAudit, OrderIsWrittenDownBeforeItsGoAheadAndThenItsFramesAndItsAcknowledgement) {
+  const test::Scratch scratch;
+  Bench bench(scratch.path("store"));
+  bench.online();
+  bench.command(R"({"id":"a","op":"write","tag":"setpoint","value":50,"by":"anna"})");
+  ASSERT_EQ(bench.commands.size(), 1U);
+  OrderNote order = note("a");
+  order.arrival = bench.commands[0].arrival;
+  bench.outbox.push(order);
+  bench.step();
+  ASSERT_EQ(bench.go_aheads.size(), 1U);
+  auto lines = audit_lines(scratch.path("store"));
+  ASSERT_EQ(lines.size(), 1U);
+  EXPECT_EQ(lines[0]["id"], "a");
+  EXPECT_EQ(lines[0]["by"], "anna");
+  EXPECT_EQ(lines[0]["topic"], kBase + "/press1/command");
+  EXPECT_EQ(lines[0]["received"], 1790000000500);
+  EXPECT_EQ(lines[0]["status"], nullptr);
+
+  CommandResult result = test::succeeded("a");
+  result.arrival = order.arrival;
+  result.frames.add(WireFrame::Way::out, Bytes{5});
+  result.frames.add(WireFrame::Way::in, Bytes{6});
+  bench.broker.acknowledges = false;
+  bench.outbox.push(result);
+  bench.step();
+  lines = audit_lines(scratch.path("store"));
+  EXPECT_EQ(lines.at(0)["status"], "SUCCEEDED");
+  EXPECT_EQ(lines[0]["plc"], "ACK");
+  EXPECT_EQ(lines[0]["frames"], json::parse(R"([{"out":"05"},{"in":"06"}])"));
+  EXPECT_EQ(lines[0]["acknowledged"], nullptr);
+
+  bench.broker.acknowledge_all();
+  bench.step();
+  bench.advance(200ms);
+  lines = audit_lines(scratch.path("store"));
+  EXPECT_EQ(lines.at(0)["acknowledged"], bench.utc() - 200);
+  EXPECT_EQ(lines[0]["records"], json::parse("[1,2,3]"));
+}
+
+TEST(PublisherAudit, EveryCommandThatNeverBecameAnOrderHasItsLineToo) {
+  const test::Scratch scratch;
+  Bench bench(scratch.path("store"));
+  bench.online();
+  const std::string payloads[] = {R"({"id":"a","op":"write"})", R"({"id":"a","op":"write"})",
+                                  "{\xFF no json", std::string(70000, 'x')};
+  for (const std::string& payload : payloads) {
+    bench.command(payload);
+    CommandResult result;
+    result.arrival = bench.commands.back().arrival;
+    result.id = bench.commands.back().id;
+    result.reason = Reason::bad_json;
+    if (bench.commands.size() == 2) {
+      result.status = CommandStatus::duplicate;
+      result.reason = Reason::duplicate_id;
+      result.first = std::make_shared<const CommandResult>(test::succeeded("a"));
+    }
+    bench.outbox.push(std::move(result));
+    bench.step();
+  }
+  bench.advance(1s);
+  const auto lines = audit_lines(scratch.path("store"));
+  ASSERT_EQ(lines.size(), 4U);
+  EXPECT_EQ(lines[0]["status"], "REJECTED");
+  EXPECT_EQ(lines[1]["status"], "DUPLICATE");
+  EXPECT_FALSE(lines[1].contains("first"));
+  EXPECT_EQ(lines[2]["payload"], "{\\xff no json");
+  EXPECT_EQ(lines[2]["id"], nullptr);
+  EXPECT_EQ(lines[3]["payload_bytes"], 70000);
+  EXPECT_EQ(lines[3]["payload"].get<std::string>().size(), audit::kPayloadKept);
+  for (const json& line : lines) EXPECT_NE(line["acknowledged"], nullptr);
+}
+
+TEST(PublisherAudit, ResultThatTheBrokerRefusesForGoodIsNotAcknowledged) {
+  const test::Scratch scratch;
+  Bench bench(scratch.path("store"));
+  bench.online();
+  bench.command("{}");
+  bench.broker.acknowledges = false;
+  CommandResult result;
+  result.arrival = bench.commands.at(0).arrival;
+  bench.outbox.push(result);
+  bench.settle();
+  bench.broker.refuse_next(0x90);
+  bench.settle();
+  bench.advance(200ms);
+  const auto lines = audit_lines(scratch.path("store"));
+  EXPECT_EQ(lines.at(0)["acknowledged"], nullptr);
+  EXPECT_EQ(lines[0]["refused_by_broker"], true);
+}
+
+TEST(PublisherAudit, OrderThatACrashLeftBehindGetsItsOutcomeAndItsAcknowledgement) {
+  const test::Scratch scratch;
+  {
+    Bench bench(scratch.path("store"));
+    bench.online();
+    bench.command(R"({"id":"left","op":"write","tag":"setpoint","value":50})");
+    OrderNote order = note("left");
+    order.arrival = bench.commands.at(0).arrival;
+    bench.outbox.push(order);
+    bench.step();
+  }  // no goodbye
+  Bench again(scratch.path("store"));
+  again.made();
+  Recall known = recall(again.config, again.store.get(), again.utc(), again.now);
+  // A write: the field reads what it was to write, and says.
+  EXPECT_TRUE(known.untold.empty());
+  ASSERT_EQ(known.field.left_behind.size(), 1U);
+  const Command& command = known.field.left_behind[0];
+  EXPECT_EQ(command.id, "left");
+  EXPECT_EQ(command.targets.at(0).value, Value(std::int64_t{50}));
+  EXPECT_EQ(command.received_ms, 1790000000000);
+  EXPECT_EQ(command.response_topic, "hmi/replies");
+  CommandResult result = test::succeeded("left");
+  result.status = CommandStatus::unknown_outcome;
+  result.arrival = command.arrival;
+  again.outbox.push(result);
+  again.settle();
+  again.advance(1s);
+  const auto lines = audit_lines(scratch.path("store"));
+  ASSERT_EQ(lines.size(), 1U);
+  EXPECT_EQ(lines[0]["status"], "UNKNOWN_OUTCOME");
+  EXPECT_EQ(lines[0]["records"], json::parse("[1,2,3]"));
+  EXPECT_NE(lines[0]["acknowledged"], nullptr);
+  again.store->close();
+  Store store(again.config.store, again.utc());
+  const Recall later = recall(again.config, &store, again.utc(), again.now);
+  EXPECT_TRUE(later.field.left_behind.empty());
+  EXPECT_EQ(later.field.results.at(0).result.status, CommandStatus::unknown_outcome);
+}
+
+TEST(PublisherAudit, HealthPublishesTheHeadOfTheChain) {
+  const test::Scratch scratch;
+  Bench bench(scratch.path("store"));
+  bench.online();
+  bench.command("{}");
+  CommandResult result;
+  result.arrival = bench.commands.at(0).arrival;
+  bench.outbox.push(result);
+  bench.settle();
+  bench.advance(60s);
+  const json health = json::parse(bench.broker.on(kBase + "/health").back());
+  EXPECT_EQ(health["audit"]["records"], 2);
+  EXPECT_EQ(health["audit"]["head"], audit::to_text(bench.store->audit_head().hash));
+  Bench without;
+  without.settle();
+  EXPECT_EQ(json::parse(without.broker.on(kBase + "/health").at(0))["audit"], nullptr);
 }
 
 TEST(PublisherStore, NumbersAreReservedBeforeTheyAreUsed) {
@@ -570,7 +791,7 @@ TEST(PublisherStore, NumbersAreReservedBeforeTheyAreUsed) {
   {
     Bench bench(scratch.path("store"));
     bench.made();
-    seq = recall(bench.config, bench.store.get(), bench.utc()).field.last_seq.at(0);
+    seq = recall(bench.config, bench.store.get(), bench.utc(), bench.now).field.last_seq.at(0);
     for (int i = 0; i < 3000; ++i) {
       bench.outbox.push(test::sample(++seq));
       if (i % 100 == 0) bench.settle();
@@ -580,7 +801,7 @@ TEST(PublisherStore, NumbersAreReservedBeforeTheyAreUsed) {
   Config config = test::plant();
   config.store.path = scratch.path("store");
   Store store(config.store, 0);
-  EXPECT_GT(recall(config, &store, 0).field.last_seq.at(0), seq);
+  EXPECT_GT(recall(config, &store, 0, kStart).field.last_seq.at(0), seq);
 }
 
 TEST(PublisherStore, RowsOfADeviceThatIsGoneStillArrive) {
@@ -846,6 +1067,27 @@ TEST(Publisher, RefusedDeviceWaitsAndItsNeighbourDoesNot) {
     bench.settle();
   }
   EXPECT_EQ(bench.made().samples().acknowledged, 6U);
+}
+
+TEST(Publisher, HealthNamesTheCodeOfARefusalUntilItIsOver) {
+  Bench bench;
+  bench.online();
+  bench.broker.acknowledges = false;
+  bench.outbox.push(test::sample(1, 0));
+  bench.settle();
+  bench.broker.refuse_next(0x97);
+  bench.settle();
+  const auto refused = [&] {
+    bench.advance(60s);
+    const json health = json::parse(bench.broker.on(kBase + "/health").back());
+    EXPECT_EQ(health["devices"]["press2"]["refused"], nullptr);
+    return health["devices"]["press1"]["refused"];
+  };
+  EXPECT_EQ(refused(), "0x97");
+  bench.broker.acknowledges = true;
+  bench.broker.acknowledge_all();
+  bench.settle();
+  EXPECT_EQ(refused(), nullptr);
 }
 
 TEST(Publisher, HistoryThatIsTooLargeIsCutInsteadOfDropped) {

@@ -20,10 +20,10 @@ constexpr std::int64_t kNow = 1790000000000;
 const SteadyTime kStart{std::chrono::hours(1)};
 
 std::vector<SampleRow> rows(std::uint64_t from, std::uint64_t to, const std::string& device = "a",
-                            const std::string& group = "fast", std::int64_t created_ms = kNow) {
+                            const std::string& group = "fast") {
   std::vector<SampleRow> made;
   for (std::uint64_t seq = from; seq <= to; ++seq)
-    made.push_back({0, device, group, seq, created_ms, std::to_string(seq)});
+    made.push_back({0, device, group, seq, std::to_string(seq)});
   return made;
 }
 
@@ -55,6 +55,11 @@ struct Shelf {
     return *store;
   }
   std::string file() const { return config.path + "/fxagent.db"; }
+  /// The number before the first one of device a in this boot.
+  std::uint64_t begin(std::int64_t utc_ms = kNow) {
+    const std::string device = "a";
+    return store->begin_numbers(std::span(&device, 1), utc_ms).at(0);
+  }
   bool add(std::vector<SampleRow> made, Store::Hold hold = Store::Hold::no) {
     return store->append(made, hold);
   }
@@ -98,10 +103,13 @@ TEST(Store, FilesAreTheOwnersAlone) {
   Shelf shelf;
   shelf.open();
   struct stat facts {};
-  ASSERT_EQ(::stat(shelf.file().c_str(), &facts), 0);
-  EXPECT_EQ(facts.st_mode & 0777, 0600U);
-  ASSERT_EQ(::stat((shelf.file() + "-wal").c_str(), &facts), 0);
-  EXPECT_EQ(facts.st_mode & 0777, 0600U);
+  std::size_t files = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(shelf.config.path)) {
+    ASSERT_EQ(::stat(entry.path().c_str(), &facts), 0);
+    EXPECT_EQ(facts.st_mode & 0777, 0600U) << entry.path();
+    ++files;
+  }
+  EXPECT_EQ(files, 4U);  // the database, its log and the log's index; the lock
   ASSERT_EQ(::stat(shelf.config.path.c_str(), &facts), 0);
   EXPECT_EQ(facts.st_mode & 0777, 0700U);
 }
@@ -182,9 +190,43 @@ TEST(Store, RowsThatAreTooOldGo) {
   Shelf shelf;
   shelf.config.max_age = 1h;
   shelf.open();
-  shelf.add(rows(1, 2, "a", "fast", kNow - 3600001));
-  shelf.add(rows(3, 3, "a", "fast", kNow - 3600000));
+  shelf.add(rows(1, 2));
   shelf.store->upkeep(kStart, kNow);
+  shelf.store->upkeep(kStart + 30min, kNow + 1800000);
+  shelf.add(rows(3, 3));
+  shelf.store->upkeep(kStart + 1h, kNow + 3600000);
+  EXPECT_TRUE(shelf.store->take_dropped().empty());
+  shelf.store->upkeep(kStart + 90min, kNow + 5400000);
+  EXPECT_EQ(shelf.store->take_dropped().at("a"), 2U);
+  EXPECT_EQ(shelf.drain(), "a/fast[3]}");
+}
+
+TEST(Store, ClockThatIsSetMakesNothingOlderOrYounger) {
+  Shelf shelf;
+  shelf.config.max_age = 1h;
+  constexpr std::int64_t kYear = std::int64_t{365} * 24 * 3600 * 1000;
+  shelf.open(kNow - kYear);  // a gateway without a clock of its own
+  shelf.store->upkeep(kStart, kNow - kYear);
+  shelf.add(rows(1, 2));
+  ASSERT_TRUE(shelf.store->journal(std::vector{entry("x", {}, kNow - kYear)}));
+  shelf.store->upkeep(kStart + 30min, kNow + 1800000);
+  shelf.store->upkeep(kStart + 60min, kNow + 3600000);
+  EXPECT_TRUE(shelf.store->take_dropped().empty());
+  EXPECT_EQ(shelf.store->remembered().at(0).received_ms, kNow);
+  EXPECT_EQ(shelf.store->remembered().at(0).deadline_ms, kNow + 10000);
+  shelf.store->upkeep(kStart + 62min, kNow + 3720000);
+  EXPECT_EQ(shelf.store->take_dropped().at("a"), 2U);
+}
+
+TEST(Store, ClockThatIsSetLeavesRowsOfEarlierRunsAsTheyAre) {
+  Shelf shelf;
+  shelf.config.max_age = 1h;
+  shelf.open();
+  shelf.add(rows(1, 2));
+  shelf.open(kNow + 1000);
+  shelf.store->upkeep(kStart, kNow + 1000);
+  shelf.add(rows(3, 3));
+  shelf.store->upkeep(kStart + 2min, kNow + 4000000);
   EXPECT_EQ(shelf.store->take_dropped().at("a"), 2U);
   EXPECT_EQ(shelf.drain(), "a/fast[3]}");
 }
@@ -234,7 +276,7 @@ TEST(Store, DirectoryThatCannotBeMadeIsTriedAgain) {
   EXPECT_EQ(shelf.store->state(), "memory");
   EXPECT_FALSE(shelf.add(rows(1, 1)));
   EXPECT_FALSE(shelf.store->journal(std::vector{entry("x")}));
-  EXPECT_EQ(shelf.store->last_seq("a", kNow), static_cast<std::uint64_t>(kNow));
+  EXPECT_EQ(shelf.begin(), static_cast<std::uint64_t>(kNow));
   shelf.store->upkeep(kStart, kNow);
   std::filesystem::remove(shelf.config.path);
   shelf.store->upkeep(kStart + 9s, kNow);
@@ -299,29 +341,69 @@ TEST(Store, FullDiskKeepsWhatItHasAndTakesMoreWhenThereIsRoom) {
 
 TEST(Store, NumbersGoOnByOneAfterACleanStop) {
   Shelf shelf;
-  EXPECT_EQ(shelf.open().last_seq("a", kNow), static_cast<std::uint64_t>(kNow));
+  shelf.open();
+  EXPECT_EQ(shelf.begin(), static_cast<std::uint64_t>(kNow));
   shelf.store->used_seq("a", kNow + 5);
   shelf.store->close();
-  EXPECT_EQ(shelf.open().last_seq("a", kNow + 100000), static_cast<std::uint64_t>(kNow) + 5);
+  shelf.open();
+  EXPECT_EQ(shelf.begin(kNow + 100000), static_cast<std::uint64_t>(kNow) + 5);
 }
 
 TEST(Store, NumbersOnlySkipForwardAfterACrash) {
   Shelf shelf;
-  std::uint64_t used = shelf.open().last_seq("a", kNow);
-  for (int i = 0; i < 5000; ++i) shelf.store->used_seq("a", ++used);
+  shelf.open();
+  std::uint64_t used = shelf.begin();
+  for (std::uint64_t i = 0; i < 3 * Store::kSequenceBlock; ++i) shelf.store->used_seq("a", ++used);
   // The clock went back: the numbers do not.
-  EXPECT_GT(shelf.open().last_seq("a", 5), used);
+  shelf.open(5);
+  EXPECT_GT(shelf.begin(5), used);
+}
+
+TEST(Store, NextBlockOfNumbersIsTakenWhileHalfOfTheLastOneIsLeft) {
+  Shelf shelf;
+  shelf.open();
+  const std::uint64_t first = shelf.begin();
+  shelf.store->used_seq("a", first + Store::kSequenceBlock / 2);
+  EXPECT_FALSE(shelf.store->is_unsettled());
+  shelf.store->used_seq("a", first + Store::kSequenceBlock / 2 + 1);
+  EXPECT_TRUE(shelf.store->is_unsettled());
+  shelf.store->upkeep(kStart, kNow);
+  EXPECT_FALSE(shelf.store->is_unsettled());
+  shelf.open();
+  EXPECT_GE(shelf.begin(), first + 3 * Store::kSequenceBlock / 2);
 }
 
 TEST(Store, WithAlwaysNumbersGoOnByOneEvenAfterACrash) {
   Shelf shelf;
   shelf.config.sync_always = true;
-  const std::uint64_t last = shelf.open().last_seq("a", kNow);
+  shelf.open();
+  const std::uint64_t last = shelf.begin();
   for (std::uint64_t seq = last + 1; seq < last + 4; ++seq) {
     shelf.store->used_seq("a", seq);
     ASSERT_TRUE(shelf.add(rows(seq, seq)));
   }
-  EXPECT_EQ(shelf.open().last_seq("a", kNow + 100000), last + 3);
+  shelf.open();
+  EXPECT_EQ(shelf.begin(kNow + 100000), last + 3);
+}
+
+TEST(Store, WithAlwaysNumbersThatTheDiskRefusedAreNotUsedAgain) {
+  Shelf shelf;
+  shelf.config.sync_always = true;
+  shelf.open();
+  std::uint64_t last = shelf.begin();
+  {
+    const DiskLimit full(200000);
+    do {
+      ++last;
+      shelf.store->used_seq("a", last);
+    } while (shelf.add(rows(last, last)));
+    for (int i = 0; i < 1000; ++i) shelf.store->used_seq("a", ++last);
+  }  // and the power goes
+  shelf.open(5);
+  const std::uint64_t next = shelf.begin(5);
+  EXPECT_GT(next, last);
+  shelf.open();  // the mark has done its work
+  EXPECT_EQ(shelf.begin(), next);
 }
 
 TEST(Store, JournalRemembersOrdersAndTheirFirstResult) {
@@ -395,6 +477,166 @@ TEST(Store, ResultThatFoundNoDiskIsWrittenLater) {
   ASSERT_EQ(found.size(), 1U);
   EXPECT_EQ(found[0].result, "{1}");
   EXPECT_TRUE(found[0].told);
+}
+
+// ---- the audit
+
+/// The records of the file, as another process reads them; their chain is whole.
+std::vector<std::string> audit_of(const Shelf& shelf) {
+  sqlite::Database database(shelf.file(), sqlite::Database::Access::read_only);
+  std::vector<std::string> texts;
+  audit::Verifier verifier;
+  audit::Head head;
+  EXPECT_TRUE(AuditTrail::read(
+      database,
+      [&](const audit::Record& record) {
+        verifier.add(record);
+        texts.push_back(record.text);
+      },
+      head))
+      << database.fault().text;
+  for (const audit::Finding& finding : verifier.finish(head))
+    ADD_FAILURE() << finding.record << ": " << finding.text;
+  return texts;
+}
+
+std::string told(const std::string& id) { return audit::told(1, "a", id, true, kNow); }
+
+TEST(Store, AuditOfAnOrderIsWrittenWithItsJournal) {
+  Shelf shelf;
+  shelf.open();
+  JournalEntry order = entry("one");
+  order.audit = told("one");
+  order.arrival = 7;
+  order.payload = "{}";
+  ASSERT_TRUE(shelf.store->journal(std::vector{order}));
+  EXPECT_EQ(audit_of(shelf).size(), 1U);
+  EXPECT_EQ(shelf.store->remembered().at(0).arrival, 7U);
+  EXPECT_EQ(shelf.store->remembered().at(0).payload, "{}");
+  order.result = "{1}";
+  shelf.store->record(order);
+  EXPECT_EQ(audit_of(shelf).size(), 2U);
+  EXPECT_EQ(shelf.store->remembered().at(0).payload, "");  // it has done its work
+  EXPECT_EQ(shelf.store->audit_head().records, 2U);
+}
+
+TEST(Store, NotesForTheAuditAreWrittenTogether) {
+  Shelf shelf;
+  shelf.open();
+  shelf.store->upkeep(kStart, kNow);
+  for (const char* id : {"a", "b", "c"}) shelf.store->note(told(id));
+  EXPECT_TRUE(shelf.store->is_unsettled());
+  EXPECT_EQ(shelf.store->audit_head().records, 0U);
+  shelf.store->upkeep(kStart + 200ms, kNow + 200);
+  EXPECT_FALSE(shelf.store->is_unsettled());
+  EXPECT_EQ(audit_of(shelf).size(), 3U);
+}
+
+TEST(Store, AuditGoesOnAfterARestartAndCommandsKeepTheirNumbers) {
+  Shelf shelf;
+  shelf.open();
+  EXPECT_EQ(shelf.store->next_arrival(), 1U);
+  EXPECT_EQ(shelf.store->next_arrival(), 2U);
+  shelf.store->note(told("a"));
+  shelf.store->close();
+  EXPECT_EQ(audit_of(shelf).size(), 1U);  // without an agent, too
+  shelf.open();
+  EXPECT_EQ(shelf.store->next_arrival(), 3U);
+  shelf.store->note(told("b"));
+  shelf.store->upkeep(kStart, kNow);
+  EXPECT_EQ(audit_of(shelf).size(), 2U);
+}
+
+TEST(Store, AuditThatFoundNoDiskIsWrittenLaterAndSaysWhatWasLost) {
+  Shelf shelf;
+  std::ofstream(shelf.config.path) << "a file in its place";
+  shelf.open();
+  JournalEntry order = entry("one");
+  order.audit = told("one");
+  EXPECT_FALSE(shelf.store->journal(std::vector{order}));
+  for (int i = 0; i < 10005; ++i) shelf.store->note(told("x"));
+  std::filesystem::remove(shelf.config.path);
+  shelf.store->upkeep(kStart, kNow);
+  shelf.store->upkeep(kStart + 10s, kNow + 10000);
+  const auto texts = audit_of(shelf);
+  ASSERT_EQ(texts.size(), 10001U);
+  EXPECT_NE(texts.front().find("\"one\""), std::string::npos);
+  EXPECT_NE(texts.back().find("\"kind\":\"lost\",\"ts\":1790000010000,\"records\":6"),
+            std::string::npos)
+      << texts.back();
+}
+
+TEST(Store, AuditOfAFreshFileNamesTheDamagedOne) {
+  Shelf shelf;
+  std::filesystem::create_directories(shelf.config.path);
+  std::ofstream(shelf.file()) << std::string(8192, 'x');
+  shelf.open();
+  shelf.store->upkeep(kStart, kNow);
+  const auto texts = audit_of(shelf);
+  ASSERT_EQ(texts.size(), 1U);
+  EXPECT_NE(texts[0].find(shelf.store->set_aside()), std::string::npos) << texts[0];
+}
+
+TEST(Store, AuditIsPrunedToItsSizeAndItsAge) {
+  Shelf shelf;
+  shelf.config.audit_max_bytes = 20000;
+  shelf.config.audit_max_age = 1h;
+  shelf.open();
+  for (int i = 0; i < 500; ++i) shelf.store->note(told("x"));
+  shelf.store->upkeep(kStart, kNow);
+  EXPECT_LT(audit_of(shelf).size(), 150U);
+  EXPECT_GT(audit_of(shelf).size(), 50U);
+  shelf.open(kNow + 7200000);
+  shelf.store->upkeep(kStart, kNow + 7200000);
+  // The last one has to stay, and with it what says that the others were let go.
+  EXPECT_EQ(audit_of(shelf).size(), 2U);
+}
+
+/// What the first version of the program made.
+constexpr const char* kFirstSchema =
+    "CREATE TABLE samples(id INTEGER PRIMARY KEY, device TEXT NOT NULL, grp TEXT NOT NULL,"
+    " seq INTEGER NOT NULL, created_ms INTEGER NOT NULL, row TEXT NOT NULL);"
+    "CREATE INDEX samples_by_lane ON samples(device, grp, seq, id);"
+    "CREATE TABLE devices(name TEXT PRIMARY KEY, last_seq INTEGER NOT NULL,"
+    " clean INTEGER NOT NULL) WITHOUT ROWID;"
+    "CREATE TABLE orders(device TEXT NOT NULL, id TEXT NOT NULL, received_ms INTEGER NOT NULL,"
+    " deadline_ms INTEGER NOT NULL, op TEXT NOT NULL, response_topic TEXT NOT NULL,"
+    " correlation BLOB NOT NULL, result TEXT NOT NULL, told INTEGER NOT NULL,"
+    " PRIMARY KEY(device, id)) WITHOUT ROWID;"
+    "CREATE INDEX orders_by_age ON orders(device, received_ms);"
+    "PRAGMA user_version = 1;"
+    "INSERT INTO samples VALUES(1, 'a', 'fast', 5, 1790000000000, '5');"
+    "INSERT INTO devices VALUES('a', 5, 1);"
+    "INSERT INTO orders VALUES('a', 'done', 1790000000000, 1790000010000, 'write', '', x'01',"
+    " '{1}', 1);"
+    "INSERT INTO orders VALUES('a', 'open', 1790000000001, 1790000010000, 'write', '', x'',"
+    " '', 0);";
+
+TEST(Store, FileOfTheFirstVersionIsTakenOver) {
+  Shelf shelf;
+  std::filesystem::create_directories(shelf.config.path);
+  {
+    sqlite::Database old(shelf.file());
+    ASSERT_TRUE(old.execute("PRAGMA journal_mode = WAL"));
+    ASSERT_TRUE(old.execute(kFirstSchema)) << old.fault().text;
+  }
+  shelf.open();
+  EXPECT_EQ(shelf.store->state(), "disk");
+  EXPECT_EQ(shelf.store->set_aside(), "");
+  EXPECT_EQ(shelf.begin(), 5U);
+  const auto known = shelf.store->remembered();
+  ASSERT_EQ(known.size(), 2U);
+  EXPECT_EQ(known[0].result, "{1}");
+  EXPECT_EQ(known[0].correlation, Bytes{1});
+  EXPECT_TRUE(known[0].told);
+  EXPECT_EQ(known[1].arrival, 0U);
+  EXPECT_EQ(shelf.drain(), "a/fast[5]}");
+  JournalEntry result = known[1];
+  result.result = "{2}";
+  result.audit = told("open");
+  shelf.store->record(result);
+  EXPECT_EQ(audit_of(shelf).size(), 1U);
+  EXPECT_EQ(shelf.open().remembered().at(1).result, "{2}");
 }
 
 TEST(Migration, StepsRunOnceInTheirOrderAndAFailedOneLeavesNothing) {

@@ -1,0 +1,177 @@
+// What the store keeps of commands: the journal of orders, the memory of ids, and the audit trail.
+#include <algorithm>
+
+#include "agent/log.h"
+#include "agent/uplink/store.h"
+
+namespace fxagent {
+namespace {
+
+using sqlite::Statement;
+using sqlite::Transaction;
+using std::chrono::milliseconds;
+
+constexpr std::size_t kMostUnrecorded = 10000;
+constexpr std::chrono::hours kAgeAuditEvery{1};
+
+std::int64_t to_sql(std::uint64_t number) { return static_cast<std::int64_t>(number); }
+std::uint64_t from_sql(std::int64_t number) { return static_cast<std::uint64_t>(number); }
+
+}  // namespace
+
+bool Store::journal(std::span<const JournalEntry> orders) {
+  if (writable_ && write_orders(orders)) return true;
+  for (const JournalEntry& order : orders) note(order.audit);
+  return false;
+}
+
+bool Store::write_orders(std::span<const JournalEntry> orders) {
+  {
+    Transaction transaction(file_->db);
+    file_->trail.begin();
+    const bool written = transaction.begun() &&
+                         std::all_of(orders.begin(), orders.end(), [this](const JournalEntry& e) {
+                           return file_->order.bind(1, e.device)
+                                      .bind(2, e.id)
+                                      .bind(3, e.received_ms)
+                                      .bind(4, e.deadline_ms)
+                                      .bind(5, e.op)
+                                      .bind(6, e.response_topic)
+                                      .bind(7, ByteView(e.correlation))
+                                      .bind(8, to_sql(e.arrival))
+                                      .bind(9, e.payload)
+                                      .run() &&
+                                  write_audit(e.audit);
+                         });
+    if (written && commit(transaction)) return true;
+  }
+  failed("journal");
+  return false;
+}
+
+void Store::record(JournalEntry entry) {
+  if (writable_) {
+    {
+      Transaction transaction(file_->db);
+      file_->trail.begin();
+      if (transaction.begun() && write_record(entry) && commit(transaction)) return;
+    }
+    failed("journal");
+  }
+  if (unrecorded_.size() < kMostUnrecorded) return unrecorded_.push_back(std::move(entry));
+  if (std::exchange(forgot_results_, true)) return;
+  log::error("results_not_kept", {{"device", entry.device}, {"first_id", entry.id}});
+}
+
+bool Store::write_record(const JournalEntry& entry) {
+  return file_->record.bind(1, entry.device)
+             .bind(2, entry.id)
+             .bind(3, entry.received_ms)
+             .bind(4, entry.deadline_ms)
+             .bind(5, entry.op)
+             .bind(6, entry.response_topic)
+             .bind(7, ByteView(entry.correlation))
+             .bind(8, entry.result)
+             .bind(9, to_sql(entry.arrival))
+             .run() &&
+         write_audit(entry.audit);
+}
+
+void Store::told(const std::string& device, const std::string& id) {
+  if (untold_.size() < kMostUnrecorded) untold_.emplace_back(device, id);
+}
+
+std::vector<JournalEntry> Store::remembered() {
+  std::vector<JournalEntry> entries;
+  if (!file_) return entries;
+  Statement all(
+      file_->db,
+      "SELECT device, id, received_ms, deadline_ms, op, response_topic, correlation, result, told,"
+      " arrival, payload"
+      " FROM (SELECT *, row_number() OVER (PARTITION BY device ORDER BY received_ms DESC) AS place"
+      " FROM orders) WHERE place <= ? OR result = '' ORDER BY received_ms");
+  all.bind(1, static_cast<std::int64_t>(kRememberedIds));
+  auto step = all.step();
+  for (; step == Statement::Step::row; step = all.step()) {
+    JournalEntry entry;
+    entry.device = all.text(0);
+    entry.id = all.text(1);
+    entry.received_ms = all.number(2);
+    entry.deadline_ms = all.number(3);
+    entry.op = all.text(4);
+    entry.response_topic = all.text(5);
+    const ByteView correlation = all.bytes(6);
+    entry.correlation.assign(correlation.begin(), correlation.end());
+    entry.result = all.text(7);
+    entry.told = all.number(8) != 0;
+    entry.arrival = from_sql(all.number(9));
+    entry.payload = all.text(10);
+    entries.push_back(std::move(entry));
+  }
+  if (step == Statement::Step::failed) failed("read");
+  return entries;
+}
+
+void Store::drop_old_ids() {
+  if (!writable_) return;
+  const std::int64_t day = milliseconds(kRememberedFor).count();
+  const std::int64_t age = std::max(day, milliseconds(config_.max_age).count());
+  // What nobody could be told is kept as long as a sample is.
+  Statement old(file_->db,
+                "DELETE FROM orders WHERE deadline_ms < ?1"
+                " AND (told = 1 AND received_ms < ?2 OR received_ms < ?3)");
+  Statement many(file_->db,
+                 "DELETE FROM orders WHERE told = 1 AND deadline_ms < ?1 AND (device, id) IN"
+                 " (SELECT device, id FROM (SELECT device, id, row_number() OVER"
+                 " (PARTITION BY device ORDER BY received_ms DESC) AS place FROM orders)"
+                 " WHERE place > ?2)");
+  const bool done = old.bind(1, utc_ms_).bind(2, utc_ms_ - day).bind(3, utc_ms_ - age).run() &&
+                    many.bind(1, utc_ms_).bind(2, std::int64_t{kRememberedIds}).run();
+  if (!done) failed("delete");
+}
+
+// ---- the audit ----------------------------------------------------------------------------------
+
+void Store::note(std::string body) {
+  if (body.empty()) return;
+  if (unaudited_.size() < kMostUnrecorded)
+    unaudited_.push_back(std::move(body));
+  else
+    ++audit_lost_;
+}
+
+bool Store::write_audit(std::string_view body) { return body.empty() || file_->trail.append(body); }
+
+bool Store::write_unaudited() {
+  for (const std::string& body : unaudited_)
+    if (!write_audit(body)) return false;
+  return audit_lost_ == 0 || write_audit(audit::lost(audit_lost_, utc_ms_));
+}
+
+bool Store::commit(Transaction& transaction) {
+  if (!file_->trail.end(arrivals_) || !transaction.commit()) return false;
+  file_->trail.committed();
+  return true;
+}
+
+void Store::prune_audit() {
+  if (!writable_) return;
+  const bool by_age = !prune_at_ || clean_up_at_ >= prune_at_;
+  if (by_age) prune_at_ = *clean_up_at_ + kAgeAuditEvery;
+  // A record of this run is not older than the run, whatever the clock was at the time.
+  const bool long_run = running_since_ && *clock_at_ - *running_since_ > config_.audit_max_age;
+  const std::uint64_t last = file_->trail.head().records;
+  const std::uint64_t may_age = !by_age ? 0 : long_run ? last : first_audit_of_run_ - 1;
+  const std::int64_t oldest_ms = utc_ms_ - milliseconds(config_.audit_max_age).count();
+  {
+    Transaction transaction(file_->db);
+    file_->trail.begin();
+    if (transaction.begun() &&
+        file_->trail.prune(config_.audit_max_bytes, oldest_ms, may_age, utc_ms_) &&
+        commit(transaction))
+      return;
+  }
+  failed("audit");
+}
+
+}  // namespace fxagent

@@ -1,0 +1,40 @@
+// fault_point() of the program that dies at one: FXAGENT_CRASH_AT="name" or "name:nth" names it,
+// and the kernel ends the process there without another instruction of it.
+#include <signal.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cstdlib>
+#include <string>
+
+#include "agent/fault_point.h"
+
+namespace fxagent {
+namespace {
+
+struct CrashAt {
+  std::string name;
+  int nth = 1;
+
+  CrashAt() {
+    const char* wanted = std::getenv("FXAGENT_CRASH_AT");
+    if (wanted == nullptr) return;
+    name = wanted;
+    const std::size_t colon = name.find(':');
+    if (colon == std::string::npos) return;
+    nth = std::atoi(name.c_str() + colon + 1);
+    name.resize(colon);
+  }
+};
+
+}  // namespace
+
+void fault_point(std::string_view name) noexcept {
+  static const CrashAt wanted;
+  static std::atomic<int> passed = 0;
+  if (name != wanted.name || ++passed != wanted.nth) return;
+  ::kill(::getpid(), SIGKILL);
+  ::pause();  // another thread may have been given the signal
+}
+
+}  // namespace fxagent

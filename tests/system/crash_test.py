@@ -1,0 +1,155 @@
+"""The agent dies at each point of the life of a command and of a sample, and is started again. What it
+promises then: CONTRACT sections 5 and 7. The dying program is the product's, but for one function."""
+
+import os
+import signal
+import unittest
+
+from plant import BASE, PlantTest, Watcher, device, wait_for
+
+CRASHING = os.environ["FXAGENT_CRASHING"]
+
+# Where the agent dies → what is true of an order then. `journaled`: its id is known after the restart,
+# and its result comes unasked. `executed`: how often the PLC may have carried it out.
+ORDER = {
+    "command_received": {"journaled": False, "executed": (0,)},
+    "order_admitted": {"journaled": False, "executed": (0,)},
+    "order_journaled": {"journaled": True, "executed": (0,)},
+    "frame_sent": {"journaled": True, "executed": (0, 1)},
+    "order_answered": {"journaled": True, "executed": (1,)},
+    "result_taken": {"journaled": True, "executed": (1,)},
+    "result_recorded": {"journaled": True, "executed": (1,), "known": True},
+    "result_published": {"journaled": True, "executed": (1,), "known": True},
+    "result_acknowledged": {"journaled": True, "executed": (1,), "known": True},
+}
+
+
+class Crashes(PlantTest):
+    def start_plant(self, point, sync="offline"):
+        self.start(devices=[device(timeout_ms=1000)],
+                   store={"path": os.path.join(self.directory, "store"), "sync": sync})
+        self.ready()
+        self.agent.stop()
+        since = self.watcher.mark()
+        self.agent.start(CRASHING, {"FXAGENT_CRASH_AT": point})
+        return since
+
+    def wait_dead(self):
+        process = self.agent.process
+        self.assertEqual(process.wait(30), -signal.SIGKILL)
+        self.agent.process = None
+        self.agent.log.close()
+
+    def crash_with(self, point, order):
+        """The order is sent to an agent that dies of it and is started again; where that began."""
+        since = self.start_plant(point)
+        self.state("press1", "online", since)
+        # Greeted, so that the next frame of an order is the order's own.
+        self.data(since=since)
+        self.send(order)
+        self.wait_dead()
+        since = self.watcher.mark()
+        self.agent.start()
+        self.state("press1", "online", since)
+        return since
+
+    def told(self, identity):
+        """Results that were published for an id and are no DUPLICATE; the same one may come twice."""
+        return [r for r in self.results(identity) if r["status"] != "DUPLICATE"]
+
+    def check(self, point, order, verified):
+        promise = ORDER[point]
+        since = self.crash_with(point, order)
+        if not promise["journaled"]:
+            again = self.order(**order)
+            self.assert_result(again, "SUCCEEDED", None, "ACK")
+            self.assertEqual(len(self.told(order["id"])), 1)
+            self.assertEqual(len(self.sim.orders("press1")), 1)
+            return
+        result = self.result(order["id"], since=since,
+                             accept=lambda r: r["status"] != "DUPLICATE")
+        orders = len(self.sim.orders("press1"))
+        self.assertIn(orders, promise["executed"])
+        if promise.get("known"):
+            self.assert_result(result, "SUCCEEDED", None, "ACK")
+        elif verified and orders == 1:
+            self.assert_result(result, "SUCCEEDED", None, None)
+            self.assertEqual(result["verify"], {"read": order["value"], "match": True})
+        else:
+            self.assert_result(result, "UNKNOWN_OUTCOME")
+        again = self.order(**order)
+        self.assert_result(again, "DUPLICATE", "duplicate_id", result["plc"])
+        self.assertEqual(again["first"]["status"], result["status"])
+        self.assertEqual({r["status"] for r in self.told(order["id"])}, {result["status"]})
+        self.assertEqual(len(self.sim.orders("press1")), orders, "carried out once more")
+        # Once the broker has it, it does not come again.
+        self.agent.stop()
+        since = self.watcher.mark()
+        self.agent.start()
+        self.state("press1", "online", since)
+        self.assert_result(self.order(op="read", tag="temp"), "SUCCEEDED", None, "ACK")
+        self.assertEqual([r for r in self.watcher.payloads(f"{BASE}/press1/result", since)
+                          if r["id"] == order["id"]], [])
+
+    def test_a_sample_that_was_stored_is_never_lost(self):
+        # With `always` a sample is on disk before it is sent, so that every number has to arrive.
+        for number, point in enumerate(("sample_unstored:20", "sample_stored:20",
+                                        "sample_acknowledged:20")):
+            with self.subTest(point):
+                if number:
+                    self.tearDown()
+                    self.setUp()
+                since = self.start_plant(point, "always")
+                self.wait_dead()
+                seen = self.seqs(since)
+                self.agent.start()
+                again = self.data(lambda m: m["seq"] > max(seen) + 3, since=since)
+                first = min(seen)
+                wait_for("every number",
+                         lambda: set(range(first, again["seq"])) <= set(self.seqs(since)))
+                history = [row["seq"] for m in self.watcher.payloads(
+                    f"{BASE}/press1/data/fast/history", since) for row in m["rows"]]
+                self.assertEqual(history, sorted(history))
+
+    def test_the_history_of_an_outage_comes_again_after_a_crash_at_its_acknowledgement(self):
+        since = self.start_plant("history_acknowledged")
+        self.data(since=since)
+        polls = self.polls()
+        self.broker.kill()
+        wait_for("polls without a broker", lambda: self.polls() > polls + 30)
+        self.broker.start()
+        self.wait_dead()
+        self.watcher.close()
+        self.watcher = Watcher(self.broker.port)
+        self.agent.start()
+        history = self.watcher.wait(f"{BASE}/press1/data/fast/history")
+        numbers = [row["seq"] for row in history["rows"]]
+        self.assertEqual(numbers, list(range(numbers[0], numbers[0] + len(numbers))))
+        self.assertGreater(len(numbers), 20)
+
+    def seqs(self, since):
+        live = [m["seq"] for m in self.watcher.payloads(f"{BASE}/press1/data/fast", since)]
+        return live + [row["seq"] for m in
+                       self.watcher.payloads(f"{BASE}/press1/data/fast/history", since)
+                       for row in m["rows"]]
+
+    def polls(self):
+        return self.sim.ask(cmd="stats", plc="press1")["accepted_reads"]
+
+
+def test_of(point, name, order, verified):
+    def test(self):
+        self.check(point, order, verified)
+    test.__name__ = f"test_{name}_at_{point}"
+    return test
+
+
+for _point in ORDER:
+    for _name, _order, _verified in (
+            ("a_force", {"id": "f1", "op": "force_on", "address": "M150"}, False),
+            ("a_write", {"id": "w1", "op": "write", "address": "D300", "value": 17}, True)):
+        _test = test_of(_point, _name, _order, _verified)
+        setattr(Crashes, _test.__name__, _test)
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
