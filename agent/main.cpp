@@ -132,8 +132,7 @@ void add_audit(CLI::App& app, std::string& path, AuditQuestion& what,
                       "ms UTC, 2026-11-21, 2026-11-21T08:30 (UTC), or 90s 30m 2h 7d");
   command->add_flag("--json", what.as_json, "Print JSON, one object a command");
   auto* verify = command->add_flag("--verify", what.verify, "Say whether the records are whole");
-  command
-      ->add_option("--head", what.head, "RECORDS:HASH of a health message: is it in the chain?")
+  command->add_option("--head", what.head, "RECORDS:HASH of a health message: is it in the chain?")
       ->needs(verify);
   command->callback([&] {
     action = [&] {
