@@ -68,6 +68,7 @@ class LinkWorkerTest : public ::testing::Test {
                                           outbox, std::move(transport), recollection, polling,
                                           journaling);
     for (const RememberedResult& remembered : recollection.results) worker->remember(remembered);
+    for (const Command& command : recollection.left_behind) worker->take_left_behind(command);
     asio::co_spawn(io, worker->run(), [this](std::exception_ptr bug) {
       ended = true;
       if (bug) std::rethrow_exception(bug);

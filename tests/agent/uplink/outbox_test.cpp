@@ -47,5 +47,22 @@ TEST(Outbox, WaitEndsWithNewsOrAtItsDeadline) {
   EXPECT_EQ(outbox.take().telemetry.size(), 1U);
 }
 
+TEST(Outbox, OnlyTelemetryGathers) {
+  Outbox outbox(10);
+  const auto never = SteadyTime::clock::now() + std::chrono::hours(1);
+  outbox.push(test::sample(1));
+  outbox.gather(SteadyTime::clock::now() + std::chrono::milliseconds(1));
+  std::thread pusher([&] {
+    outbox.push(test::sample(2));
+    outbox.push(test::succeeded("b7e1"));
+  });
+  outbox.gather(never);
+  outbox.wait_until(never);  // the samples are news too
+  pusher.join();
+  const Outbox::Batch batch = outbox.take();
+  EXPECT_EQ(batch.telemetry.size(), 2U);
+  EXPECT_EQ(batch.results.size(), 1U);
+}
+
 }  // namespace
 }  // namespace fxagent

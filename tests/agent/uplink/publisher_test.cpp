@@ -134,6 +134,47 @@ TEST(Publisher, EveryRetainedTopicComesAgainAfterAReconnect) {
   EXPECT_EQ(json::parse(bench.broker.on(kBase + "/press2/state")[0])["reason"], "timeout");
 }
 
+TEST(Publisher, AcknowledgementWakesNobodyWhoDoesNotWaitForIt) {
+  Bench bench;
+  bench.online();
+  bench.broker.acknowledges = false;
+  bench.outbox.push(test::sample(1));
+  const SteadyTime wake = bench.step();
+  EXPECT_EQ(bench.broker.open(), 1U);
+  EXPECT_FALSE(bench.broker.acknowledgements_awaited);
+  EXPECT_LE(wake, bench.now + 50ms);  // it is noted soon all the same
+  bench.outbox.push(test::succeeded("b7e1"));
+  bench.step();
+  EXPECT_TRUE(bench.broker.acknowledgements_awaited) << "a result is marked as told";
+  bench.broker.acknowledge_all();
+  bench.settle();
+  EXPECT_FALSE(bench.broker.acknowledgements_awaited);
+  for (std::uint64_t seq = 2; seq < 30; ++seq) bench.outbox.push(test::sample(seq));
+  bench.step();
+  EXPECT_TRUE(bench.broker.acknowledgements_awaited) << "the window is full";
+}
+
+TEST(Publisher, SamplesGatherForAHundredthOfTheirIntervalWhileTheyStream) {
+  Bench bench;
+  bench.config.devices[0].groups[0].interval = 200ms;
+  bench.config.devices[0].groups[1].interval = 0ms;
+  bench.online();
+  const auto patience = [&](std::uint64_t seq, std::uint32_t device, std::uint32_t group) {
+    bench.outbox.push(test::sample(seq, device, group));
+    bench.step();
+    return bench.publisher->gather_until() - bench.now;
+  };
+  EXPECT_EQ(patience(1, 0, 0), 0ms) << "one alone";
+  bench.now += 1ms;
+  EXPECT_EQ(patience(2, 0, 0), 2ms);
+  bench.now += 1ms;
+  EXPECT_EQ(patience(1, 1, 0), 5ms) << "of a second it would be ten";
+  bench.now += 1ms;
+  EXPECT_EQ(patience(3, 0, 1), 0ms) << "as fast as the line allows";
+  bench.now += 20ms;
+  EXPECT_EQ(patience(4, 0, 0), 0ms) << "they stream no more";
+}
+
 TEST(Publisher, SampleGoesOutLiveAtTheDataQos) {
   Bench bench;
   bench.config.mqtt.qos = 0;
