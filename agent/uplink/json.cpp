@@ -574,6 +574,8 @@ std::string telemetry(const Telemetry& message, const DeviceConfig& device, std:
   return out.take();
 }
 
+bool is_intact(std::string_view row) { return Json::accept(row); }
+
 std::string history(std::span<const std::string_view> rows) {
   Writer out;
   out.begin_object().key("history").boolean(true).key("rows").begin_array();

@@ -22,6 +22,8 @@ namespace fxagent::json {
 std::string telemetry(const Telemetry& message, const DeviceConfig& device, std::string_view boot,
                       std::string_view meta_hash);
 
+/// Whether a row is JSON still: what a worn-out disk gives back may not be.
+bool is_intact(std::string_view row);
 /// {"history":true,"rows":[…]} of rows that telemetry() made.
 std::string history(std::span<const std::string_view> rows);
 /// What history() adds to its rows and the commas between them.

@@ -11,6 +11,7 @@
 #include <system_error>
 
 #include "agent/log.h"
+#include "agent/uplink/json.h"
 #include "agent/uplink/sqlite.h"
 
 namespace fxagent {
@@ -371,6 +372,7 @@ std::optional<HistoryBatch> Store::next(std::size_t max_payload, const MaySend& 
 
   BatchBuilder builder(max_payload);
   std::vector<std::uint64_t> costs;
+  std::vector<std::uint64_t> damaged;
   Statement& lane = file_->lane;
   lane.bind(1, key.first).bind(2, key.second);
   auto step = lane.step();
@@ -378,10 +380,16 @@ std::optional<HistoryBatch> Store::next(std::size_t max_payload, const MaySend& 
     const std::uint64_t order = from_sql(lane.number(0));
     if (out_.contains(order) || removed_.contains(order)) continue;
     const std::string_view row = lane.text(1);
+    if (!json::is_intact(row)) {
+      out_[order] = {key, row.size() + SampleRow::kOverhead};
+      damaged.push_back(order);
+      continue;
+    }
     if (!builder.add(order, row)) break;
     costs.push_back(row.size() + SampleRow::kOverhead);
   }
   lane.reset();
+  if (!damaged.empty()) drop_damaged(key, damaged);
   if (step == Statement::Step::failed) failed("read");
   if (step == Statement::Step::failed || builder.empty()) return std::nullopt;
   HistoryBatch batch = builder.take(key);
@@ -390,6 +398,15 @@ std::optional<HistoryBatch> Store::next(std::size_t max_payload, const MaySend& 
   taken.out += batch.orders.size();
   taken.on_the_way = true;
   return batch;
+}
+
+void Store::drop_damaged(const LaneKey& lane, const std::vector<std::uint64_t>& orders) {
+  lanes_[lane].out += orders.size();
+  dropped_[lane.first] += remove(orders);
+  log::error("store", {{"state", "damaged"},
+                       {"device", lane.first},
+                       {"group", lane.second},
+                       {"rows_dropped", std::to_string(orders.size())}});
 }
 
 std::uint64_t Store::remove(std::span<const std::uint64_t> orders) {

@@ -73,7 +73,8 @@ class Store final {
   /// out until max_bytes holds. Each row gets its `order`. False: none was written, and none
   /// changed.
   bool append(std::vector<SampleRow>& rows, Hold hold);
-  /// The next history message, as Backlog::next() has it.
+  /// The next history message, as Backlog::next() has it. Rows that are damaged are dropped and
+  /// counted: one of them would spoil the whole message.
   std::optional<HistoryBatch> next(std::size_t max_payload, const MaySend& may_send);
   /// The rows are delivered, or will never be. Returns how many were still here: one that had to
   /// make room was counted as dropped already.
@@ -147,6 +148,7 @@ class Store final {
   /// Deletes the oldest rows, `excess` bytes or what is older, within the caller's transaction.
   bool delete_oldest(std::uint64_t excess, std::int64_t older_than_ms, std::vector<Victim>& gone);
   void forget(const std::vector<Victim>& gone);
+  void drop_damaged(const LaneKey& lane, const std::vector<std::uint64_t>& orders);
   void drop_old_rows();
   void drop_old_ids();
   bool write_record(const JournalEntry& entry);

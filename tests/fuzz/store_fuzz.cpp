@@ -45,6 +45,7 @@ void live_with(Store& store) {
   for (int i = 0; i < 4; ++i) {
     const auto batch = store.next(4096, any);
     if (!batch) break;
+    if (!nlohmann::json::accept(batch->payload)) std::abort();
     i % 2 == 0 ? static_cast<void>(store.remove(*batch)) : store.returned(*batch);
   }
   store.upkeep(SteadyTime(std::chrono::seconds(1)), kUtc);

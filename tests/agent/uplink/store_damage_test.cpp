@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <nlohmann/json.hpp>
 
 #include "agent/uplink/sqlite.h"
 #include "agent/uplink/store.h"
@@ -26,7 +27,7 @@ class StoreDamage : public testing::Test {
       made[i].group = "fast";
       made[i].seq = i + 1;
       made[i].created_ms = kUtc;
-      made[i].json = std::string(300, 'x');
+      made[i].json = "{\"x\":\"" + std::string(300, 'x') + "\"}";
     }
     return made;
   }
@@ -94,6 +95,28 @@ TEST_F(StoreDamage, TableWithAnotherColumnIsSetAsideAndAnIndexMoreIsNot) {
     ASSERT_TRUE(database.execute("ALTER TABLE orders RENAME COLUMN correlation TO colleration"));
   }
   expect_a_fresh_one();
+}
+
+TEST_F(StoreDamage, RowThatIsNoJsonIsDroppedAndCountedAndItsNeighboursGoOut) {
+  make();
+  {
+    sqlite::Database database(file());
+    ASSERT_TRUE(
+        database.execute("UPDATE samples SET row = substr(row, 1, 100) WHERE id IN (1, 7);"
+                         "UPDATE samples SET row = x'22FF22' WHERE id = 50"));
+  }
+  Store store(config_, kUtc);
+  EXPECT_EQ(store.rows(), 50U);
+  std::uint64_t delivered = 0;
+  while (const auto batch = store.next(4096, [](const LaneKey&) { return true; })) {
+    EXPECT_TRUE(nlohmann::json::accept(batch->payload));
+    delivered += store.remove(*batch);
+  }
+  EXPECT_EQ(delivered, 47U);
+  EXPECT_EQ(store.rows(), 0U);
+  EXPECT_EQ(store.bytes(), 0U);
+  EXPECT_EQ(store.take_dropped(), (std::map<std::string, std::uint64_t>{{"press1", 3}}));
+  EXPECT_FALSE(store.has_waiting("press1"));
 }
 
 TEST_F(StoreDamage, FileOfAnotherProgramIsSetAside) {
