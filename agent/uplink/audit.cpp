@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
-#include "agent/uplink/utf8.h"
+#include "agent/utf8.h"
 
 namespace fxagent::audit {
 namespace {

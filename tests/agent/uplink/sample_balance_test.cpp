@@ -65,7 +65,6 @@ TEST_F(SampleBalance, SampleOutOfNowhereIsAnErrorInLogAndHealth) {
   rows[0].device = "press1";
   rows[0].group = "fast";
   rows[0].seq = 1;
-  rows[0].created_ms = kUtc;
   rows[0].json = "{}";
   ASSERT_TRUE(store_.append(rows, Store::Hold::no));
   const std::string log = tick();

@@ -26,7 +26,6 @@ class StoreDamage : public testing::Test {
       made[i].device = "press1";
       made[i].group = "fast";
       made[i].seq = i + 1;
-      made[i].created_ms = kUtc;
       made[i].json = "{\"x\":\"" + std::string(300, 'x') + "\"}";
     }
     return made;
