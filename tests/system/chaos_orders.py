@@ -226,6 +226,6 @@ def judge_silence(ledger, key, kind):
     excused = all(any(0 <= end - at <= 2.0 for end in ledger.connection_ends) or
                   ledger.disk_refused(at) for at in ledger.taken[key])
     if excused:
-        ledger.counts["commands lost with a connection"] += 1
+        ledger.counts["commands lost with a connection or a full disk"] += 1
     else:
         ledger.fault(f"{key} ({kind}) was taken by the agent and has no result")
