@@ -35,7 +35,8 @@ bool any(const LaneKey&) { return true; }
 
 /// What the agent does with a store at its start, and a while later.
 void live_with(Store& store) {
-  store.last_seq("press1", kUtc);
+  const std::vector<std::string> devices{"press1"};
+  store.begin_numbers(devices, kUtc);
   for (const JournalEntry& entry : store.remembered()) {
     CommandResult result = json::recorded_result(entry.result);
     result.id = entry.id;
@@ -67,7 +68,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     rows[0].device = kLane.first;
     rows[0].group = kLane.second;
     rows[0].seq = 7;
-    rows[0].created_ms = kUtc;
     rows[0].json = "{\"seq\":7}";
     // The disk is there, so that damage found while writing costs one attempt at most.
     if (!store.append(rows, Store::Hold::no) && !store.append(rows, Store::Hold::no)) std::abort();
