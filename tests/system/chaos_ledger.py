@@ -281,8 +281,8 @@ class Ledger:
                            f"be: {json.dumps(row)}")
 
     def _was_just_killed(self, device, real):
-        """Whether a late answer to the agent that was killed can still be under way, on a line whose
-        answers have no number and no station that is asked first."""
+        """Whether a late answer to the agent that was killed can still be under way. On the lines that
+        are shared here, answers have no number to tell them apart by."""
         return device in self.on_shared_lines and any(0 <= real - kill <= 2.0 for kill in self.kills)
 
     def _in_order(self, last, where, device, lane, seq, first_only):
