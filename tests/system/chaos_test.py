@@ -185,6 +185,7 @@ class Checks(unittest.TestCase):
     def test_an_order_may_be_lost_that_found_no_journal(self):
         self.ledger.disk_refuses()
         self.order("1", 0)
+        self.order("1b", 1)
         self.ledger.disk_writes()
         self.judged(0)
         self.order("2", 0)
