@@ -381,15 +381,30 @@ FilePrivacy privacy_of(const std::string& path) {
   return is_own ? FilePrivacy::owner_only : FilePrivacy::shared;
 }
 
+/// Whether a directory on the way to `path` lets nobody pass by this right (S_IXGRP or S_IXOTH).
+bool lies_behind_closed_doors(const std::filesystem::path& path, mode_t right) {
+  std::error_code fault;
+  auto above = std::filesystem::canonical(path, fault).parent_path();
+  struct stat directory {};
+  for (; above.has_relative_path(); above = above.parent_path())
+    if (::stat(above.c_str(), &directory) == 0 && (directory.st_mode & right) == 0) return true;
+  return false;
+}
+
+/// Where containers have their secrets: readable by all, and nobody else is in there.
+constexpr std::string_view kContainerSecrets = "/run/secrets/";
+
 /// Who can read a file that need not; empty: nobody.
 std::string_view readers_beside_owner(const std::string& path) {
   const auto credentials = process_environment("CREDENTIALS_DIRECTORY");
   struct stat file {};
-  if ((credentials && path.starts_with(*credentials + "/")) || ::stat(path.c_str(), &file) != 0)
+  if ((credentials && path.starts_with(*credentials + "/")) ||
+      path.starts_with(kContainerSecrets) || ::stat(path.c_str(), &file) != 0)
     return {};
-  if ((file.st_mode & S_IROTH) != 0) return "everybody";
+  if ((file.st_mode & S_IROTH) != 0 && !lies_behind_closed_doors(path, S_IXOTH)) return "everybody";
   // Who is not its owner may need the group's right.
-  return (file.st_mode & S_IRGRP) != 0 && file.st_uid == ::geteuid() ? "its group" : "";
+  const bool by_group = (file.st_mode & S_IRGRP) != 0 && file.st_uid == ::geteuid();
+  return by_group && !lies_behind_closed_doors(path, S_IXGRP) ? "its group" : "";
 }
 
 }  // namespace

@@ -445,7 +445,7 @@ bool Store::write_settled() {
   for (const std::uint64_t order : removed_)
     if (!file_->remove.bind(1, to_sql(order)).run()) return false;
   for (const JournalEntry& entry : unrecorded_)
-    if (!write_record(entry)) return false;
+    if (!(entry.result.empty() ? write_order(entry) : write_record(entry))) return false;
   for (const auto& [device, id] : untold_)
     if (!file_->told.bind(1, device).bind(2, id).run()) return false;
   return true;

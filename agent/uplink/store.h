@@ -124,7 +124,8 @@ class Store final {
 
   // ---- orders
 
-  /// Writes orders down before they are carried out. False: they are not in the journal.
+  /// Writes orders down before they are carried out. False: they are not in the journal yet, and
+  /// will be when the disk takes them.
   bool journal(std::span<const JournalEntry> orders);
   /// Notes the result of an order, or of a command that never became one. The first result stays.
   void record(JournalEntry entry);
@@ -183,7 +184,9 @@ class Store final {
   void drop_old_rows();
   void drop_old_ids();
   bool write_orders(std::span<const JournalEntry> orders);
+  bool write_order(const JournalEntry& entry);
   bool write_record(const JournalEntry& entry);
+  void keep_unrecorded(JournalEntry entry);
   /// Within the caller's transaction, after the trail's begin().
   bool write_audit(std::string_view body);
   bool write_unaudited();
@@ -221,7 +224,7 @@ class Store final {
   std::unordered_map<std::uint64_t, Out> out_;
   std::set<std::uint64_t> removed_;  ///< still in the file
   std::map<std::string, std::uint64_t> dropped_;
-  std::vector<JournalEntry> unrecorded_;                     ///< results that are not in the file
+  std::vector<JournalEntry> unrecorded_;  ///< orders and results that are not in the file
   std::vector<std::pair<std::string, std::string>> untold_;  ///< device, id: told, not noted yet
   bool forgot_results_ = false;                              ///< there were too many of them
   std::vector<std::string> unaudited_;                       ///< bodies that are not in the file

@@ -1,5 +1,6 @@
 // What the store keeps of commands: the journal of orders, the memory of ids, and the audit trail.
 #include <algorithm>
+#include <utility>
 
 #include "agent/log.h"
 #include "agent/uplink/store.h"
@@ -21,8 +22,32 @@ std::uint64_t from_sql(std::int64_t number) { return static_cast<std::uint64_t>(
 
 bool Store::journal(std::span<const JournalEntry> orders) {
   if (writable_ && write_orders(orders)) return true;
-  for (const JournalEntry& order : orders) note(order.audit);
+  for (JournalEntry order : orders) {
+    note(std::exchange(order.audit, {}));
+    keep_unrecorded(std::move(order));
+  }
   return false;
+}
+
+/// Until the disk takes it.
+void Store::keep_unrecorded(JournalEntry entry) {
+  if (unrecorded_.size() < kMostUnrecorded) return unrecorded_.push_back(std::move(entry));
+  if (std::exchange(forgot_results_, true)) return;
+  log::error("results_not_kept", {{"device", entry.device}, {"first_id", entry.id}});
+}
+
+bool Store::write_order(const JournalEntry& entry) {
+  return file_->order.bind(1, entry.device)
+             .bind(2, entry.id)
+             .bind(3, entry.received_ms)
+             .bind(4, entry.deadline_ms)
+             .bind(5, entry.op)
+             .bind(6, entry.response_topic)
+             .bind(7, ByteView(entry.correlation))
+             .bind(8, to_sql(entry.arrival))
+             .bind(9, entry.payload)
+             .run() &&
+         write_audit(entry.audit);
 }
 
 bool Store::write_orders(std::span<const JournalEntry> orders) {
@@ -30,19 +55,8 @@ bool Store::write_orders(std::span<const JournalEntry> orders) {
     Transaction transaction(file_->db);
     file_->trail.begin();
     const bool written = transaction.begun() &&
-                         std::all_of(orders.begin(), orders.end(), [this](const JournalEntry& e) {
-                           return file_->order.bind(1, e.device)
-                                      .bind(2, e.id)
-                                      .bind(3, e.received_ms)
-                                      .bind(4, e.deadline_ms)
-                                      .bind(5, e.op)
-                                      .bind(6, e.response_topic)
-                                      .bind(7, ByteView(e.correlation))
-                                      .bind(8, to_sql(e.arrival))
-                                      .bind(9, e.payload)
-                                      .run() &&
-                                  write_audit(e.audit);
-                         });
+                         std::all_of(orders.begin(), orders.end(),
+                                     [this](const JournalEntry& e) { return write_order(e); });
     if (written && commit(transaction)) return true;
   }
   failed("journal");
@@ -58,9 +72,7 @@ void Store::record(JournalEntry entry) {
     }
     failed("journal");
   }
-  if (unrecorded_.size() < kMostUnrecorded) return unrecorded_.push_back(std::move(entry));
-  if (std::exchange(forgot_results_, true)) return;
-  log::error("results_not_kept", {{"device", entry.device}, {"first_id", entry.id}});
+  keep_unrecorded(std::move(entry));
 }
 
 bool Store::write_record(const JournalEntry& entry) {

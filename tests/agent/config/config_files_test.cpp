@@ -145,6 +145,8 @@ TEST_F(ConfigFiles, SecretsThatOthersCanReadAreNamed) {
     return exposed_secrets(config);
   };
   EXPECT_TRUE(with(0600, 0400).empty());
+  EXPECT_TRUE(with(0444, 0644).empty()) << "the directory lets nobody pass";
+  fs::permissions(directory_, fs::perms(0755));
   expect_error(with(0644, 0600), "/mqtt/password_file", {"everybody", "chmod 600"});
   expect_error(with(0444, 0600), "/mqtt/password_file", {"everybody"});
   expect_error(with(0600, 0640), "/mqtt/tls/key_file", {"its group"});

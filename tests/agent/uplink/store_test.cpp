@@ -479,6 +479,24 @@ TEST(Store, ResultThatFoundNoDiskIsWrittenLater) {
   EXPECT_TRUE(found[0].told);
 }
 
+TEST(Store, OrderThatFoundNoDiskIsInTheJournalLater) {
+  Shelf shelf;
+  std::ofstream(shelf.config.path) << "a file in its place";
+  shelf.open();
+  const std::vector<JournalEntry> orders{entry("waits", ""), entry("done", "")};
+  EXPECT_FALSE(shelf.store->journal(orders));
+  shelf.store->record(entry("done", "{1}"));
+  std::filesystem::remove(shelf.config.path);
+  shelf.store->upkeep(kStart, kNow);
+  shelf.store->upkeep(kStart + 10s, kNow);
+  const auto found = shelf.store->remembered();
+  ASSERT_EQ(found.size(), 2U);
+  const bool done_first = found[0].id == "done";
+  EXPECT_EQ(found[done_first ? 0 : 1].result, "{1}");
+  EXPECT_EQ(found[done_first ? 1 : 0].id, "waits");
+  EXPECT_EQ(found[done_first ? 1 : 0].result, "");
+}
+
 // ---- the audit
 
 /// The records of the file, as another process reads them; their chain is whole.
