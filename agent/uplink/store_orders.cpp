@@ -18,6 +18,17 @@ constexpr std::chrono::hours kAgeAuditEvery{1};
 std::int64_t to_sql(std::uint64_t number) { return static_cast<std::int64_t>(number); }
 std::uint64_t from_sql(std::int64_t number) { return static_cast<std::uint64_t>(number); }
 
+/// What an order and its result have in common, the first seven columns.
+Statement& bind_entry(Statement& statement, const JournalEntry& entry) {
+  return statement.bind(1, entry.device)
+      .bind(2, entry.id)
+      .bind(3, entry.received_ms)
+      .bind(4, entry.deadline_ms)
+      .bind(5, entry.op)
+      .bind(6, entry.response_topic)
+      .bind(7, ByteView(entry.correlation));
+}
+
 }  // namespace
 
 bool Store::journal(std::span<const JournalEntry> orders) {
@@ -37,13 +48,7 @@ void Store::keep_unrecorded(JournalEntry entry) {
 }
 
 bool Store::write_order(const JournalEntry& entry) {
-  return file_->order.bind(1, entry.device)
-             .bind(2, entry.id)
-             .bind(3, entry.received_ms)
-             .bind(4, entry.deadline_ms)
-             .bind(5, entry.op)
-             .bind(6, entry.response_topic)
-             .bind(7, ByteView(entry.correlation))
+  return bind_entry(file_->order, entry)
              .bind(8, to_sql(entry.arrival))
              .bind(9, entry.payload)
              .run() &&
@@ -76,13 +81,7 @@ void Store::record(JournalEntry entry) {
 }
 
 bool Store::write_record(const JournalEntry& entry) {
-  return file_->record.bind(1, entry.device)
-             .bind(2, entry.id)
-             .bind(3, entry.received_ms)
-             .bind(4, entry.deadline_ms)
-             .bind(5, entry.op)
-             .bind(6, entry.response_topic)
-             .bind(7, ByteView(entry.correlation))
+  return bind_entry(file_->record, entry)
              .bind(8, entry.result)
              .bind(9, to_sql(entry.arrival))
              .run() &&

@@ -140,8 +140,12 @@ class Ledger:
             for refusal in self.disk_refusals:
                 refusal[1] = refusal[1] or time.monotonic()
 
-    def disk_refused(self, at):
-        return any(begin <= at <= (end or at) for begin, end in self.disk_refusals)
+    def lost_without_a_journal(self, at):
+        """Whether the disk refused at this time, and a kill or a broken connection came before the agent
+        can have made up for it: it tries the disk again each 10 s."""
+        return any(begin <= at <= (end or at) and
+                   any(at <= over <= (end or over) + 15.0 for over in self.connection_ends)
+                   for begin, end in self.disk_refusals)
 
     # What the tap tells.
 

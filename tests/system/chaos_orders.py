@@ -203,7 +203,7 @@ def judge_orders(ledger, orders, deeds, version):
             continue
         if len(results) > 1:
             ledger.fault(f"{key} ({kind}) has {len(results)} different results: {results}")
-        no_journal = any(ledger.disk_refused(at) for at in ledger.taken.get(key, []))
+        no_journal = any(ledger.lost_without_a_journal(at) for at in ledger.taken.get(key, []))
         if times and not results and not no_journal:
             ledger.fault(f"{key} ({kind}) was carried out and has no result")
         if results and kind in ("change", "soon") and key not in shared:
@@ -223,9 +223,9 @@ def judge_one(ledger, key, result, times):
 def judge_silence(ledger, key, kind):
     """No result although the agent had it: only where it was killed, or the connection ended, before
     the agent can have looked at it; a journal that was written in between would have told. And where
-    the disk refused the journal: an order that waited until a kill is gone then."""
+    the disk refused the journal, and had not taken it yet when the kill came."""
     excused = all(any(0 <= end - at <= 2.0 for end in ledger.connection_ends) or
-                  ledger.disk_refused(at) for at in ledger.taken[key])
+                  ledger.lost_without_a_journal(at) for at in ledger.taken[key])
     if excused:
         ledger.counts["commands lost with a connection or a full disk"] += 1
     else:

@@ -187,9 +187,16 @@ class Checks(unittest.TestCase):
         self.order("1", 0)
         self.order("1b", 1)
         self.ledger.disk_writes()
+        self.ledger.connection_over(1)
         self.judged(0)
         self.order("2", 0)
         self.judged(1, "'2') (change) was taken by the agent and has no result")
+
+    def test_a_disk_that_takes_again_has_the_orders_that_it_refused(self):
+        self.ledger.disk_refuses()
+        self.order("1", 1)
+        self.ledger.disk_writes()
+        self.judged(2, "was carried out and has no result")
 
     def test_what_must_never_be_done_is_seen(self):
         for kind in ("retained", "expired", "dry"):
