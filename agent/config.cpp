@@ -298,6 +298,8 @@ void read_links(ConfigReader& reader, const ConfigNode& array, Links& links, Con
     facts.is_serial = node.find("serial") != nullptr;
     if (serial != nullptr) read_serial(reader, node, *serial, ports, link, line);
     if (tcp != nullptr) read_tcp(reader, node, *tcp, hosts, link, line);
+    link.poll_share =
+        static_cast<double>(reader.integer_or(node, "poll_share_percent", {0, 90}, 20)) / 100.0;
   }
 }
 

@@ -41,6 +41,7 @@ struct LinkConfig {
   /// One character on the wire, start, parity and stop bits counted; 0 where the speed is unknown
   /// (tcp without line_baud).
   std::chrono::nanoseconds char_time{0};
+  double poll_share = 0.2;  ///< of the line, that polls keep while commands flood it; 0 … 0.9
 };
 
 struct GroupConfig {

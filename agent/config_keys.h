@@ -21,8 +21,8 @@ inline constexpr std::array mqtt{
 inline constexpr std::array tls{"ca_file"sv, "cert_file"sv, "key_file"sv};
 inline constexpr std::array store{"path"sv, "max_bytes"sv,       "max_age_h"sv,
                                   "sync"sv, "audit_max_bytes"sv, "audit_max_age_h"sv};
-inline constexpr std::array link{"name"sv,      "serial"sv, "tcp"sv,      "line_baud"sv,
-                                 "data_bits"sv, "parity"sv, "stop_bits"sv};
+inline constexpr std::array link{"name"sv,      "serial"sv, "tcp"sv,       "line_baud"sv,
+                                 "data_bits"sv, "parity"sv, "stop_bits"sv, "poll_share_percent"sv};
 inline constexpr std::array serial{"path"sv, "baud"sv, "data_bits"sv, "parity"sv, "stop_bits"sv};
 inline constexpr std::array tcp{"host"sv, "port"sv};
 /// Of a device of any protocol.

@@ -179,6 +179,7 @@ LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std
       link_(link),
       outbox_(outbox),
       line_(executor, std::move(transport), config.links[link].char_time),
+      agenda_(config.links[link].poll_share),
       idle_(executor),
       journaling_(journaling),
       openings_(opening_rules(config.links[link]), jitter_seed(link)),

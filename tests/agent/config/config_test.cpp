@@ -421,6 +421,12 @@ TEST(Config, CharacterTimeCountsStartParityAndStop) {
   EXPECT_EQ(none.links[0].char_time, nanoseconds(10000));
 }
 
+TEST(Config, PollsKeepAFifthOfTheLineUnlessTheLinkSaysOtherwise) {
+  EXPECT_EQ(good(small_plant().dump()).links[0].poll_share, 0.2);
+  EXPECT_EQ(good(changed("/links/0/poll_share_percent", "45")).links[0].poll_share, 0.45);
+  expect_error(changed("/links/0/poll_share_percent", "91"), "/links/0/poll_share_percent", {"90"});
+}
+
 TEST(Config, TcpLineSpeedIsKnownOnlyWhereItIsGiven) {
   EXPECT_EQ(good(small_plant().dump()).links[1].char_time, nanoseconds(1041667));
   EXPECT_EQ(good(without("/links/1/line_baud")).links[1].char_time, nanoseconds(0));

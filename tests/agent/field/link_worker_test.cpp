@@ -648,6 +648,26 @@ TEST_F(LinkWorkerTest, BoundCoversAHealthyLine) {
   EXPECT_GT(*results.back().bound, *results.front().bound) << "those ahead count";
 }
 
+TEST_F(LinkWorkerTest, BoundHasRoomForWhatTheLinkLeavesToPolls) {
+  add_setpoint();
+  config.links[0].char_time = nanoseconds(1000);
+  const auto of_one_ahead = [&](double share) {
+    config.links[0].poll_share = share;
+    start();
+    for (const char* id : {"a", "b", "c"}) worker->submit(write_setpoint(id));
+    wait([&] { return results.size() >= 3; });
+    const nanoseconds more = *result_of("c")->bound - *result_of("b")->bound;
+    stop();
+    worker.reset();
+    results.clear();
+    ended = false;
+    return more;
+  };
+  const nanoseconds without_polls = of_one_ahead(0.0);
+  EXPECT_NEAR(static_cast<double>(of_one_ahead(0.5).count()),
+              static_cast<double>(2 * without_polls.count()), 2.0);
+}
+
 TEST_F(LinkWorkerTest, BoundCountsTheEnquiryThatIsStillToCome) {
   config.links[0].char_time = milliseconds(8);
   add_setpoint();
