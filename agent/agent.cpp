@@ -82,7 +82,8 @@ void run_agent(const Config& config, const sigset_t& stop_signals) {
   Publisher publisher(
       config, settings, outbox, broker,
       [&field](Command command) { field.submit(std::move(command)); }, utc_now, store.get(),
-      [&field](std::uint32_t device, std::string id) { field.go_ahead(device, std::move(id)); });
+      [&field](std::uint32_t device, std::string id) { field.go_ahead(device, std::move(id)); },
+      [&field](Recollection found) { field.recollect(std::move(found)); });
 
   log::info("agent", {{"state", "starting"},
                       {"id", config.id},

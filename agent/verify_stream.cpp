@@ -254,9 +254,16 @@ std::string text_of(const NumberRanges& ranges) {
   return more == 0 ? text : text + " and " + std::to_string(more) + " ranges more";
 }
 
+/// For a terminal: what stands in a message must not move the cursor.
+std::string plain(const std::string& text) {
+  const std::string quoted =
+      OrderedJson(text).dump(-1, ' ', true, OrderedJson::error_handler_t::replace);
+  return quoted.substr(1, quoted.size() - 2);
+}
+
 void print(const DeviceStream& stream) {
   const auto line = [](const std::string& text) { std::cout << "  " << text << '\n'; };
-  std::cout << stream.device << ": ";
+  std::cout << plain(stream.device) << ": ";
   if (!stream.judged)
     std::cout << (stream.history == 0 ? "nothing came" : "no live sample came");
   else if (stream.missing.numbers == 0)
@@ -280,10 +287,11 @@ void print(const DeviceStream& stream) {
     line("after a higher number on its topic: " + std::to_string(stream.disordered));
   if (stream.ts_backward > 0) line("ts goes backward: " + std::to_string(stream.ts_backward));
   if (stream.malformed > 0)
-    line("malformed: " + std::to_string(stream.malformed) + ", the first: " + stream.malformed_why);
+    line("malformed: " + std::to_string(stream.malformed) +
+         ", the first: " + plain(stream.malformed_why));
   if (stream.boots.size() > 1) {
     std::string boots;
-    for (const std::string& boot : stream.boots) boots += (boots.empty() ? "" : ", ") + boot;
+    for (const std::string& boot : stream.boots) boots += (boots.empty() ? "" : ", ") + plain(boot);
     line("boots: " + boots);
   }
 }

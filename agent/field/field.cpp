@@ -5,6 +5,7 @@
 #include <asio/io_context.hpp>
 #include <asio/post.hpp>
 #include <asio/steady_timer.hpp>
+#include <mutex>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -48,10 +49,7 @@ class Field::Room final {
       workers_.push_back(std::make_unique<LinkWorker>(
           io_.get_executor(), config, i, devices[i], outbox,
           transport_for(io_.get_executor(), config.links[i]), recollection, polling, journaling));
-    for (const RememberedResult& remembered : recollection.results)
-      workers_[config.devices[remembered.result.device].link]->remember(remembered);
-    for (const Command& command : recollection.left_behind)
-      workers_[config.devices[command.device].link]->take_left_behind(command);
+    take(recollection);
   }
 
   void start() {
@@ -63,11 +61,18 @@ class Field::Room final {
     thread_ = std::thread([this] { io_.run(); });
   }
 
-  void submit(Command command) {
-    asio::post(io_, [this, moved = std::move(command)]() mutable {
-      const std::uint32_t link = config_.devices[moved.device].link;
-      workers_[link]->submit(std::move(moved));
+  void recollect(Recollection recollection) {
+    asio::post(io_, [this, moved = std::move(recollection)] {
+      for (std::uint32_t i = 0; i < moved.last_seq.size(); ++i)
+        workers_[config_.devices[i].link]->number_above(i, moved.last_seq[i]);
+      take(moved);
     });
+  }
+
+  void submit(Command command) {
+    const std::lock_guard lock(end_);
+    if (over_) return take(std::move(command));
+    asio::post(io_, [this, moved = std::move(command)]() mutable { take(std::move(moved)); });
   }
 
   void go_ahead(std::uint32_t device, std::string id) {
@@ -85,11 +90,25 @@ class Field::Room final {
     });
     thread_.join();
     io_.restart();
-    io_.poll();  // commands that came during the last moments are answered too
     report();
+    const std::lock_guard lock(end_);
+    io_.poll();  // commands that came during the last moments are answered too
+    over_ = true;
   }
 
  private:
+  void take(Command command) {
+    const std::uint32_t link = config_.devices[command.device].link;
+    workers_[link]->submit(std::move(command));
+  }
+
+  void take(const Recollection& recollection) {
+    for (const RememberedResult& remembered : recollection.results)
+      workers_[config_.devices[remembered.result.device].link]->remember(remembered);
+    for (const Command& command : recollection.left_behind)
+      workers_[config_.devices[command.device].link]->take_left_behind(command);
+  }
+
   void report() {
     FieldHealth health;
     health.links.resize(config_.links.size());
@@ -113,6 +132,8 @@ class Field::Room final {
   asio::steady_timer report_timer_;
   std::vector<std::unique_ptr<LinkWorker>> workers_;
   bool stopping_ = false;
+  std::mutex end_;
+  bool over_ = false;  ///< the field's thread has ended: who submits is answered at once
   std::thread thread_;
 };
 
@@ -122,6 +143,7 @@ Field::Field(const Config& config, Outbox& outbox, const Recollection& recollect
 
 Field::~Field() { stop(); }
 void Field::start() { room_->start(); }
+void Field::recollect(Recollection recollection) { room_->recollect(std::move(recollection)); }
 void Field::submit(Command command) { room_->submit(std::move(command)); }
 void Field::go_ahead(std::uint32_t device, std::string id) {
   room_->go_ahead(device, std::move(id));

@@ -27,6 +27,9 @@ class Field final {
 
   /// Starts the thread.
   void start();
+  /// What earlier runs left, where it is found only now: their ids are known from then on, and
+  /// numbers go on above theirs. Any thread.
+  void recollect(Recollection recollection);
   /// Hands a command to the field; exactly one result comes back through the outbox. Any thread.
   void submit(Command command);
   /// The order is in the journal, or there is none to be had. Any thread.

@@ -201,6 +201,10 @@ LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std
 
 LinkWorker::~LinkWorker() = default;
 
+void LinkWorker::number_above(std::uint32_t index, std::uint64_t seq) {
+  if (Device* device = device_of(index)) device->seq = std::max(device->seq, seq);
+}
+
 void LinkWorker::remember(const RememberedResult& remembered) {
   if (Device* device = device_of(remembered.result.device))
     device->desk.restore(remembered, Clock::now(), now_ms());
@@ -401,16 +405,15 @@ void LinkWorker::submit(Command command) {
   Device* device = device_of(command.device);
   if (device == nullptr) return;
   const auto now = Clock::now();
-  if (stopping_) {
-    CommandResult result = result_of(command);
-    result.reason = Reason::shutting_down;
-    result.detail = "the agent is stopping; nothing was sent";
-    outbox_.push(std::move(result));
-    return;
-  }
   auto verdict = device->desk.admit(std::move(command), *device->codec, device->waiting, now);
   if (auto* result = std::get_if<CommandResult>(&verdict)) {
     outbox_.push(std::move(*result));
+    return;
+  }
+  if (stopping_) {
+    CommandResult result = unsent(std::get<Order>(verdict));
+    device->desk.finished(result);
+    outbox_.push(std::move(result));
     return;
   }
   Waiting waiting;

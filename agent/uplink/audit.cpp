@@ -201,8 +201,14 @@ void Verifier::add(const Record& record) {
   }
   const Json said = Json::parse(record.text, nullptr, /*allow_exceptions=*/false);
   if (whole && said.is_object() && said.value("kind", Json()) == "pruned") {
-    pruned_up_to_ = said.value("up_to", std::uint64_t{0});
-    pruned_hash_ = said.value("hash", std::string());
+    const Json up_to = said.value("up_to", Json());
+    const Json hash = said.value("hash", Json());
+    if (up_to.is_number_unsigned() && hash.is_string()) {
+      pruned_up_to_ = up_to.get<std::uint64_t>();
+      pruned_hash_ = hash.get<std::string>();
+    } else {
+      find(record.number, "it is no record that this program writes");
+    }
   }
   if (published_ && published_->records == record.number) published_here_ = digest;
   ++count_;

@@ -50,9 +50,9 @@ std::string place_text(const Json& target) {
 }
 
 std::string outcome_text(const Json& outcome) {
-  std::string out = text_of(outcome, "status");
-  if (at(outcome, "plc").is_string()) out += ", " + text_of(outcome, "plc");
-  if (at(outcome, "reason").is_string()) out += ", " + text_of(outcome, "reason");
+  std::string out = plain(at(outcome, "status"));
+  if (at(outcome, "plc").is_string()) out += ", " + plain(at(outcome, "plc"));
+  if (at(outcome, "reason").is_string()) out += ", " + plain(at(outcome, "reason"));
   if (at(outcome, "detail").is_string()) out += ": " + plain(at(outcome, "detail"));
   if (at(outcome, "verify").is_object())
     out += ", read back " + plain(at(at(outcome, "verify"), "read"));
@@ -66,7 +66,7 @@ std::string frames_text(const Json& frames) {
   for (const Json& frame : frames) {
     const bool leaves = frame.contains("out");
     out += std::string(out.empty() ? "" : " ") + (leaves ? "> " : "< ") +
-           text_of(frame, leaves ? "out" : "in");
+           plain(at(frame, leaves ? "out" : "in"));
   }
   return out;
 }
@@ -74,7 +74,7 @@ std::string frames_text(const Json& frames) {
 std::string line_text(const Json& line) {
   const std::int64_t received = time_at(line, "received");
   std::string out = received == 0 ? "before the records" : utc_text(received);
-  out += " " + text_of(line, "device") + " ";
+  out += " " + plain(at(line, "device")) + " ";
   out += at(line, "id").is_string() ? plain(at(line, "id")) : "(no id)";
   if (at(line, "by").is_string()) out += " by " + plain(at(line, "by"));
   out += ": " + (at(line, "op").is_string() ? plain(at(line, "op")) : "(no op)");
@@ -170,7 +170,7 @@ void Report::add(const Record& record) {
   if (!arrival.is_number_unsigned()) {
     Line note;
     note.at_ms = time_at(said, "ts");
-    note.json = record.text;
+    note.json = said.dump(-1, ' ', true, Json::error_handler_t::replace);
     note.text = note_text(said);
     notes_.push_back(std::move(note));
     return;
@@ -191,7 +191,7 @@ std::vector<Line> Report::take() {
     line.arrival = arrival;
     line.at_ms = time_at(json, "received");
     line.text = line_text(json);
-    line.json = json.dump(-1, ' ', false, Json::error_handler_t::replace);
+    line.json = json.dump(-1, ' ', true, Json::error_handler_t::replace);
     lines.push_back(std::move(line));
   }
   commands_.clear();

@@ -492,8 +492,7 @@ void read_targets(const Json& object, Command& command, Faults& faults) {
 }
 
 /// A key that must be `true` or `false` where it is there.
-std::optional<bool> read_flag(const Json& object, const char* key, Faults& faults) {
-  const Json* flag = given(object, key);
+std::optional<bool> read_flag(const Json* flag, const char* key, Faults& faults) {
   if (flag == nullptr) return std::nullopt;
   if (flag->is_boolean()) return flag->get<bool>();
   faults.add(Reason::bad_value, std::string(key) + " must be true or false");
@@ -501,7 +500,8 @@ std::optional<bool> read_flag(const Json& object, const char* key, Faults& fault
 }
 
 void read_conditions(const Json& object, Command& command, Faults& faults) {
-  if (const Json* expires = given(object, "expires")) {
+  // A condition that got lost on its way (NaN becomes null) must not become an order without one.
+  if (const Json* expires = find(object, "expires")) {
     // A sender may write 1.79e12; a fraction or a huge number is no time.
     const double at = expires->is_number() ? expires->get<double>() : -1.0;
     if (at >= 0 && at <= static_cast<double>(kMaxExactInteger) && at == std::floor(at))
@@ -509,7 +509,6 @@ void read_conditions(const Json& object, Command& command, Faults& faults) {
     else
       faults.add(Reason::bad_value, "expires must be milliseconds UTC, a whole number");
   }
-  // A condition that got lost on its way (NaN becomes null) must not become an order without one.
   if (const Json* expect = find(object, "expect")) {
     command.expect = value_of(*expect);
     if (!command.expect)
@@ -518,8 +517,8 @@ void read_conditions(const Json& object, Command& command, Faults& faults) {
     else if (command.is_list)
       faults.add(Reason::bad_value, "expect goes with a single target");
   }
-  command.verify = read_flag(object, "verify", faults);
-  command.dry_run = read_flag(object, "dry_run", faults).value_or(false);
+  command.verify = read_flag(given(object, "verify"), "verify", faults);
+  command.dry_run = read_flag(find(object, "dry_run"), "dry_run", faults).value_or(false);
   if (const Json* by = given(object, "by")) {
     if (by->is_string())
       command.by = by->get<std::string>();

@@ -8,6 +8,7 @@
 #include "agent/fault_point.h"
 #include "agent/log.h"
 #include "agent/uplink/process_facts.h"
+#include "agent/uplink/recall.h"
 #include "agent/uplink/topics.h"
 
 namespace fxagent {
@@ -64,7 +65,8 @@ std::string hex_code(int reason_code) {
 }  // namespace
 
 Publisher::Publisher(const Config& config, PublisherSettings settings, Outbox& outbox,
-                     Broker& broker, Submit submit, UtcClock utc_ms, Store* store, GoAhead go_ahead)
+                     Broker& broker, Submit submit, UtcClock utc_ms, Store* store, GoAhead go_ahead,
+                     Recollect recollect)
     : config_(config),
       settings_(std::move(settings)),
       base_(config.base_topic()),
@@ -74,6 +76,7 @@ Publisher::Publisher(const Config& config, PublisherSettings settings, Outbox& o
       utc_ms_(std::move(utc_ms)),
       store_(store),
       go_ahead_(std::move(go_ahead)),
+      recollect_(std::move(recollect)),
       jitter_(settings_.jitter_seed),
       backlog_(settings_.backlog_bytes),
       history_bytes_(kHistoryBytes),
@@ -95,6 +98,7 @@ SteadyTime Publisher::step(SteadyTime now) {
     std::visit([&](const auto& e) { on(e, now); }, event);
   if (flights_.empty()) last_progress_ = now;
   if (store_ != nullptr) store_->upkeep(now, utc_ms_());
+  take_found_late(now);
   move_memory_to_disk();
   take_outbox(now);
   keep_connected(now);
@@ -240,6 +244,15 @@ void Publisher::take_command(const Message& event, std::uint32_t device) {
   result.received_ms = command.received_ms;
   result.response_topic = std::move(command.response_topic);
   result.correlation = std::move(command.correlation);
+  const auto known = store_ == nullptr || result.id.empty()
+                         ? std::nullopt
+                         : store_->find(config_.devices[device].name, result.id);
+  if (known) {
+    result.status = CommandStatus::duplicate;
+    result.reason = Reason::duplicate_id;
+    if (!known->result.empty())
+      result.first = std::make_shared<const CommandResult>(json::recorded_result(known->result));
+  }
   take_result(std::move(result));
 }
 
@@ -370,6 +383,17 @@ void Publisher::failed(const FarewellFlight&, const DeliveryFailed&, SteadyTime 
 
 // ---- what the field says ------------------------------------------------------------------------
 
+void Publisher::take_found_late(SteadyTime now) {
+  auto late = store_ == nullptr ? std::nullopt : store_->take_found_late();
+  if (!late) return;
+  Recall known = recall(config_, *store_, std::move(*late), utc_ms_(), now);
+  for (CommandResult& result : known.untold) {
+    result.received = now;
+    take_result(std::move(result));
+  }
+  if (recollect_) recollect_(std::move(known.field));
+}
+
 void Publisher::take_outbox(SteadyTime now) {
   Outbox::Batch batch = outbox_.take();
   take_orders(std::move(batch.orders));  // first: each waits for its go-ahead
@@ -398,7 +422,7 @@ void Publisher::take_samples(const std::vector<Telemetry>& messages, SteadyTime 
   microseconds patience = kGatherMost;  // none at all for groups without an interval
   for (const Telemetry& message : messages) {
     const GroupConfig& group = config_.devices.at(message.device).groups.at(message.group);
-    patience = std::min<microseconds>(patience, group.interval / kGatherShare);
+    patience = std::min(patience, microseconds(group.interval) / kGatherShare);
   }
   gather_until_ = now - samples_at_ < 2 * patience ? now + patience : now;
   samples_at_ = now;

@@ -47,12 +47,15 @@ class Publisher final {
   using Submit = std::function<void(Command)>;
   using GoAhead = std::function<void(std::uint32_t device, std::string id)>;
   using UtcClock = std::function<std::int64_t()>;
+  using Recollect = std::function<void(Recollection)>;
 
   /// All references outlive the publisher. `submit` is called from step(), for every message on a
   /// command topic of a configured device, and must not block. `store` null: memory alone.
   /// `go_ahead` is called from step() for each OrderNote, once it is in the journal or cannot be.
+  /// `recollect` is called from step() when a store that was not there at the start has opened.
   Publisher(const Config& config, PublisherSettings settings, Outbox& outbox, Broker& broker,
-            Submit submit, UtcClock utc_ms, Store* store = nullptr, GoAhead go_ahead = {});
+            Submit submit, UtcClock utc_ms, Store* store = nullptr, GoAhead go_ahead = {},
+            Recollect recollect = {});
   ~Publisher();
   Publisher(const Publisher&) = delete;
   Publisher& operator=(const Publisher&) = delete;
@@ -147,6 +150,7 @@ class Publisher final {
   void on(const Subscribed& event, SteadyTime now);
   void on(const MessagesDropped& event, SteadyTime now);
 
+  void take_found_late(SteadyTime now);
   void take_outbox(SteadyTime now);
   void take_samples(const std::vector<Telemetry>& messages, SteadyTime now);
   void take_command(const Message& event, std::uint32_t device);
@@ -216,6 +220,7 @@ class Publisher final {
   const UtcClock utc_ms_;
   Store* const store_;
   const GoAhead go_ahead_;
+  const Recollect recollect_;
   std::minstd_rand jitter_;
 
   // the connection

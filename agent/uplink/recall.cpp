@@ -44,22 +44,12 @@ std::optional<Command> to_be_read(const JournalEntry& entry, std::uint32_t devic
   return command;
 }
 
-}  // namespace
-
-Recall recall(const Config& config, Store* store, std::int64_t utc_ms, SteadyTime now) {
-  Recall found;
+void take_orders(const Config& config, Store& store, std::vector<JournalEntry> entries,
+                 std::int64_t utc_ms, SteadyTime now, Recall& found) {
   std::map<std::string, std::uint32_t> index;
-  std::vector<std::string> names;
-  for (const DeviceConfig& device : config.devices) {
-    index[device.name] = static_cast<std::uint32_t>(names.size());
-    names.push_back(device.name);
-  }
-  if (store == nullptr) {
-    found.field.last_seq.assign(names.size(), static_cast<std::uint64_t>(utc_ms));
-    return found;
-  }
-  found.field.last_seq = store->begin_numbers(names, utc_ms);
-  for (JournalEntry& entry : store->remembered()) {
+  for (const DeviceConfig& device : config.devices)
+    index.emplace(device.name, static_cast<std::uint32_t>(index.size()));
+  for (JournalEntry& entry : entries) {
     const auto device = index.find(entry.device);
     if (device == index.end()) continue;
     if (entry.result.empty()) {
@@ -71,7 +61,7 @@ Recall recall(const Config& config, Store* store, std::int64_t utc_ms, SteadyTim
       entry.result = json::result(left_behind(entry), std::nullopt);
       if (entry.arrival != 0)
         entry.audit = audit::result(entry.arrival, entry.device, entry.result, {}, utc_ms);
-      store->record(entry);
+      store.record(entry);
     }
     CommandResult result = json::recorded_result(entry.result);
     result.device = device->second;
@@ -83,6 +73,31 @@ Recall recall(const Config& config, Store* store, std::int64_t utc_ms, SteadyTim
     if (!entry.told) found.untold.push_back(result);
     found.field.results.push_back({std::move(result), entry.deadline_ms});
   }
+}
+
+}  // namespace
+
+Recall recall(const Config& config, Store* store, std::int64_t utc_ms, SteadyTime now) {
+  Recall found;
+  if (store == nullptr) {
+    found.field.last_seq.assign(config.devices.size(), static_cast<std::uint64_t>(utc_ms));
+    return found;
+  }
+  std::vector<std::string> names;
+  for (const DeviceConfig& device : config.devices) names.push_back(device.name);
+  found.field.last_seq = store->begin_numbers(names, utc_ms);
+  take_orders(config, *store, store->remembered(), utc_ms, now, found);
+  return found;
+}
+
+Recall recall(const Config& config, Store& store, Store::FoundLate late, std::int64_t utc_ms,
+              SteadyTime now) {
+  Recall found;
+  for (const DeviceConfig& device : config.devices) {
+    const auto number = late.numbers.find(device.name);
+    found.field.last_seq.push_back(number == late.numbers.end() ? 0 : number->second);
+  }
+  take_orders(config, store, std::move(late.orders), utc_ms, now, found);
   return found;
 }
 

@@ -22,5 +22,8 @@ struct Recall {
 /// Before the field and the uplink are started. `store` null: numbers begin at the clock, above
 /// every number of an earlier boot unless that was set back, and no id is known.
 Recall recall(const Config& config, Store* store, std::int64_t utc_ms, SteadyTime now);
+/// The same for a file that opened later: numbers only where they are above this run's, else 0.
+Recall recall(const Config& config, Store& store, Store::FoundLate found, std::int64_t utc_ms,
+              SteadyTime now);
 
 }  // namespace fxagent

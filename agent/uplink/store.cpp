@@ -46,6 +46,8 @@ Store::Store(const StoreConfig& config, std::int64_t utc_ms)
   open(utc_ms);
   recovered_ = rows_;
   first_of_run_ = next_order_;
+  // Above those of a file that opens later.
+  if (!file_) arrivals_ = static_cast<std::uint64_t>(utc_ms);
   if (writable_)
     log::info("store", {{"state", "disk"},
                         {"path", config_.path},
@@ -80,17 +82,40 @@ void Store::open(std::int64_t utc_ms) {
     } else {
       failed("open");
       file_.reset();
+      forget_rows();
       return;
     }
   }
 }
 
-bool Store::load() {
+/// A file that was not there at the start, or another agent's. What is read of it is read before
+/// this run's own numbers and orders are in it.
+void Store::open_late(std::int64_t utc_ms) {
+  open(utc_ms);
+  if (!writable_) return;
+  recovered_ += rows_;
+  first_of_run_ = next_order_;
+  FoundLate found;
+  found.orders = remembered();
+  Statement known(file_->db, "SELECT name, last_seq FROM devices");
+  while (known.step() == Statement::Step::row) {
+    const auto own = numbers_.find(std::string(known.text(0)));
+    const std::uint64_t last = from_sql(known.number(1));
+    if (own != numbers_.end() && last > own->second.last) found.numbers[own->first] = last;
+  }
+  found_late_ = std::move(found);
+}
+
+void Store::forget_rows() {
   lanes_.clear();
   out_.clear();
   removed_.clear();
   rows_ = 0;
   bytes_ = 0;
+}
+
+bool Store::load() {
+  forget_rows();
   file_->db.clear_fault();
   Statement sums(file_->db,
                  "SELECT device, grp, count(*), sum(length(CAST(row AS BLOB))), min(id), max(id)"
@@ -129,12 +154,8 @@ void Store::start_anew(std::string why) {
   note(audit::begun(set_aside_, utc_ms_));
   for (const auto& [key, lane] : lanes_)
     if (lane.rows > 0) dropped_[key.first] += lane.rows;
-  lanes_.clear();
-  out_.clear();
-  removed_.clear();
+  forget_rows();
   untold_.clear();
-  rows_ = 0;
-  bytes_ = 0;
 }
 
 void Store::failed(std::string_view doing) {
@@ -160,9 +181,7 @@ void Store::upkeep(SteadyTime now, std::int64_t utc_ms) {
     if (now < *try_at_) return;
     try_at_ = now + kTryAgain;
     if (!file_) {
-      open(utc_ms);
-      recovered_ += rows_;
-      first_of_run_ = next_order_;
+      open_late(utc_ms);
     } else if (file_->can_write()) {
       writable_ = true;
     } else {
@@ -425,7 +444,8 @@ bool Store::is_on_the_way(const LaneKey& lane) const {
 }
 
 bool Store::settle() {
-  if (removed_.empty() && untold_.empty() && unrecorded_.empty() && unaudited_.empty())
+  if (removed_.empty() && untold_.empty() && unrecorded_.empty() && unaudited_.empty() &&
+      audit_lost_ == 0)
     return writable_;
   if (!writable_) return false;
   {
@@ -455,6 +475,7 @@ void Store::settled() {
   removed_.clear();
   untold_.clear();
   unrecorded_.clear();
+  forgot_results_ = false;
   unaudited_.clear();
   audit_lost_ = 0;
 }

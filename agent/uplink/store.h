@@ -131,6 +131,16 @@ class Store final {
   void record(JournalEntry entry);
   /// The broker has the result.
   void told(const std::string& device, const std::string& id);
+  /// What earlier runs left in a file that could not be opened at the start of this one.
+  struct FoundLate {
+    std::vector<JournalEntry> orders;              ///< as remembered()
+    std::map<std::string, std::uint64_t> numbers;  ///< by device; only those above this run's
+  };
+  /// Once after such a file has opened: until then none of its ids was known.
+  std::optional<FoundLate> take_found_late() { return std::exchange(found_late_, std::nullopt); }
+
+  /// What the journal has of this id. An id that could not be written down yet is not found.
+  std::optional<JournalEntry> find(const std::string& device, const std::string& id);
   /// The newest ids of each device and every unfinished order, oldest first.
   std::vector<JournalEntry> remembered();
 
@@ -170,6 +180,8 @@ class Store final {
 
   void open(std::int64_t utc_ms);
   bool load();
+  void forget_rows();
+  void open_late(std::int64_t utc_ms);
   void start_anew(std::string why);
   void failed(std::string_view doing);
   /// Rows that were removed, results that were told and those that found no disk, into the file.
@@ -227,8 +239,9 @@ class Store final {
   std::vector<JournalEntry> unrecorded_;  ///< orders and results that are not in the file
   std::vector<std::pair<std::string, std::string>> untold_;  ///< device, id: told, not noted yet
   bool forgot_results_ = false;                              ///< there were too many of them
-  std::vector<std::string> unaudited_;                       ///< bodies that are not in the file
-  std::uint64_t audit_lost_ = 0;  ///< bodies that found no room there, not told yet
+  std::optional<FoundLate> found_late_;
+  std::vector<std::string> unaudited_;  ///< bodies that are not in the file
+  std::uint64_t audit_lost_ = 0;        ///< bodies that found no room there, not told yet
   std::uint64_t arrivals_ = 0;
   std::uint64_t first_audit_of_run_ = 0;
   std::optional<SteadyTime> running_since_;

@@ -29,6 +29,28 @@ Statement& bind_entry(Statement& statement, const JournalEntry& entry) {
       .bind(7, ByteView(entry.correlation));
 }
 
+constexpr std::string_view kEntry =
+    "SELECT device, id, received_ms, deadline_ms, op, response_topic, correlation, result, told,"
+    " arrival, payload";
+
+/// The row that a statement which begins with kEntry stands on.
+JournalEntry entry_of(Statement& row) {
+  JournalEntry entry;
+  entry.device = row.text(0);
+  entry.id = row.text(1);
+  entry.received_ms = row.number(2);
+  entry.deadline_ms = row.number(3);
+  entry.op = row.text(4);
+  entry.response_topic = row.text(5);
+  const ByteView correlation = row.bytes(6);
+  entry.correlation.assign(correlation.begin(), correlation.end());
+  entry.result = row.text(7);
+  entry.told = row.number(8) != 0;
+  entry.arrival = from_sql(row.number(9));
+  entry.payload = row.text(10);
+  return entry;
+}
+
 }  // namespace
 
 bool Store::journal(std::span<const JournalEntry> orders) {
@@ -43,6 +65,7 @@ bool Store::journal(std::span<const JournalEntry> orders) {
 /// Until the disk takes it.
 void Store::keep_unrecorded(JournalEntry entry) {
   if (unrecorded_.size() < kMostUnrecorded) return unrecorded_.push_back(std::move(entry));
+  if (!entry.audit.empty()) ++audit_lost_;
   if (std::exchange(forgot_results_, true)) return;
   log::error("results_not_kept", {{"device", entry.device}, {"first_id", entry.id}});
 }
@@ -92,33 +115,24 @@ void Store::told(const std::string& device, const std::string& id) {
   if (untold_.size() < kMostUnrecorded) untold_.emplace_back(device, id);
 }
 
+std::optional<JournalEntry> Store::find(const std::string& device, const std::string& id) {
+  if (!file_) return std::nullopt;
+  Statement one(file_->db, std::string(kEntry) + " FROM orders WHERE device = ? AND id = ?");
+  if (one.bind(1, device).bind(2, id).step() != Statement::Step::row) return std::nullopt;
+  return entry_of(one);
+}
+
 std::vector<JournalEntry> Store::remembered() {
   std::vector<JournalEntry> entries;
   if (!file_) return entries;
   Statement all(
       file_->db,
-      "SELECT device, id, received_ms, deadline_ms, op, response_topic, correlation, result, told,"
-      " arrival, payload"
-      " FROM (SELECT *, row_number() OVER (PARTITION BY device ORDER BY received_ms DESC) AS place"
-      " FROM orders) WHERE place <= ? OR result = '' ORDER BY received_ms");
+      std::string(kEntry) +
+          " FROM (SELECT *, row_number() OVER (PARTITION BY device ORDER BY received_ms DESC)"
+          " AS place FROM orders) WHERE place <= ? OR result = '' ORDER BY received_ms");
   all.bind(1, static_cast<std::int64_t>(kRememberedIds));
   auto step = all.step();
-  for (; step == Statement::Step::row; step = all.step()) {
-    JournalEntry entry;
-    entry.device = all.text(0);
-    entry.id = all.text(1);
-    entry.received_ms = all.number(2);
-    entry.deadline_ms = all.number(3);
-    entry.op = all.text(4);
-    entry.response_topic = all.text(5);
-    const ByteView correlation = all.bytes(6);
-    entry.correlation.assign(correlation.begin(), correlation.end());
-    entry.result = all.text(7);
-    entry.told = all.number(8) != 0;
-    entry.arrival = from_sql(all.number(9));
-    entry.payload = all.text(10);
-    entries.push_back(std::move(entry));
-  }
+  for (; step == Statement::Step::row; step = all.step()) entries.push_back(entry_of(all));
   if (step == Statement::Step::failed) failed("read");
   return entries;
 }

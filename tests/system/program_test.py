@@ -73,6 +73,7 @@ class Programs(PlantTest):
         with open(secret, "w") as out:
             out.write("hunter2\n")
         os.chmod(secret, 0o644)
+        os.chmod(self.directory, 0o755)
         servers = ["mqtt://127.0.0.1:1"]
         path = self.config(mqtt={"servers": servers, "password_file": secret})
         status, _, errors = self.run_agent("check", path)

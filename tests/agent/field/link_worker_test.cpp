@@ -738,6 +738,13 @@ TEST_F(LinkWorkerTest, StopFinishesTheCommandOnTheWireAndAnswersTheWaitingOnes) 
   worker->submit(write_setpoint("late"));
   collect();
   ASSERT_EQ(results.size(), 5U) << "each exactly once";
+  worker->submit(write_setpoint("c0"));
+  collect();
+  ASSERT_EQ(results.size(), 6U);
+  EXPECT_EQ(results.back().status, CommandStatus::duplicate);
+  ASSERT_NE(results.back().first, nullptr);
+  EXPECT_EQ(results.back().first->status, CommandStatus::succeeded);
+  results.pop_back();
   EXPECT_EQ(result_of("c0")->status, CommandStatus::succeeded);
   for (const char* id : {"c1", "c2", "c3", "late"}) {
     ASSERT_NE(result_of(id), nullptr) << id;

@@ -289,7 +289,7 @@ TEST(CommandJson, ReadsTargets) {
 TEST(CommandJson, NullIsAsGoodAsAbsent) {
   const std::vector<std::pair<std::string, std::string>> pairs{
       {R"({"id":"1","op":"write","tag":"a","value":1,"address":null,"type":null,"targets":null,
-           "expires":null,"verify":null,"dry_run":null,"by":null})",
+           "verify":null,"by":null})",
        R"({"id":"1","op":"write","tag":"a","value":1})"},
       {R"({"id":"1","op":"write","tag":null,"value":null,"targets":[
            {"tag":"a","address":null,"value":1},{"tag":null,"address":"D1","type":null,"value":2}]})",
@@ -311,6 +311,15 @@ TEST(CommandJson, NullIsAsGoodAsAbsent) {
     EXPECT_EQ(filled.expires_ms, plain.expires_ms);
     EXPECT_EQ(filled.verify, plain.verify);
     EXPECT_EQ(filled.dry_run, plain.dry_run);
+  }
+}
+
+TEST(CommandJson, NullIsNoConditionThatGotLost) {
+  for (const std::string key : {"expires", "expect", "dry_run"}) {
+    const Command command = fxagent::json::command(
+        R"({"id":"1","op":"write","tag":"a","value":1,")" + key + R"(":null})");
+    ASSERT_TRUE(command.refusal) << key;
+    EXPECT_EQ(command.refusal->reason, Reason::bad_value) << key;
   }
 }
 

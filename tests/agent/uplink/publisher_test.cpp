@@ -33,6 +33,7 @@ struct Bench {
   test::FakeBroker broker;
   std::vector<Command> commands;
   std::vector<std::string> go_aheads;
+  std::vector<Recollection> found_late;
   SteadyTime now = kStart;
   PublisherSettings settings{.boot = "9f3c21aa", .version = "0.1.0"};
   std::unique_ptr<Store> store;  ///< null: none
@@ -49,7 +50,8 @@ struct Bench {
           [this] { return utc(); }, store.get(),
           [this](std::uint32_t device, std::string id) {
             go_aheads.push_back(std::to_string(device) + id);
-          });
+          },
+          [this](Recollection found) { found_late.push_back(std::move(found)); });
     return *publisher;
   }
   std::int64_t utc() const { return 1790000000000 + now.time_since_epoch() / 1ms; }
@@ -569,6 +571,62 @@ TEST(PublisherStore, GoAheadComesAtOnceWhereTheDiskRefuses) {
   bench.outbox.push(note("a"));
   bench.step();
   EXPECT_EQ(bench.go_aheads, std::vector<std::string>{"0a"});
+}
+
+TEST(PublisherStore, KnownIdDuringTheEndIsADuplicate) {
+  const test::Scratch scratch;
+  Bench bench(scratch.path("store"));
+  bench.online();
+  CommandResult done = test::succeeded("done");
+  done.received_ms = 1790000000400;
+  bench.outbox.push(note("done"));
+  bench.outbox.push(std::move(done));
+  bench.settle();
+  bench.broker.log.clear();
+  bench.broker.acknowledges = false;
+  bench.made().stop(bench.now);
+  bench.outbox.push(test::sample(1));
+  bench.step();
+  bench.command(R"({"id":"done","op":"run"})");
+  const auto results = bench.broker.on(kBase + "/press1/result");
+  ASSERT_EQ(results.size(), 1U);
+  const json told = json::parse(results[0]);
+  EXPECT_EQ(told["status"], "DUPLICATE");
+  EXPECT_EQ(told["first"]["status"], "SUCCEEDED");
+  EXPECT_NE(bench.store->find("press1", "done")->result.find("SUCCEEDED"), std::string::npos);
+}
+
+TEST(PublisherStore, StoreThatOpensLateTellsTheFieldWhatItKnows) {
+  const test::Scratch scratch;
+  const std::string path = scratch.path("store");
+  {
+    Bench before(path);
+    before.online();
+    before.broker.acknowledges = false;
+    before.outbox.push(note("done"));
+    before.outbox.push(test::succeeded("done"));
+    before.outbox.push(note("left"));
+    before.step();
+  }
+  std::filesystem::rename(path, path + "-away");  // as a disk that is mounted late
+  std::ofstream(path) << "a file in its place";
+  Bench bench(path);
+  bench.online();
+  EXPECT_TRUE(bench.found_late.empty());
+  std::filesystem::remove(path);
+  std::filesystem::rename(path + "-away", path);
+  bench.outbox.push(note("own"));
+  bench.step();
+  bench.advance(11s);
+  bench.advance(11s);
+  ASSERT_EQ(bench.found_late.size(), 1U);
+  std::set<std::string> ids;
+  for (const RememberedResult& known : bench.found_late[0].results) ids.insert(known.result.id);
+  EXPECT_EQ(ids, (std::set<std::string>{"done", "left"}));
+  // What nobody was told yet is told, and the order of this run is not among them.
+  EXPECT_EQ(bench.broker.on(kBase + "/press1/result").size(), 2U);
+  ASSERT_TRUE(bench.store->find("press1", "own"));
+  EXPECT_EQ(bench.store->find("press1", "own")->result, "");
 }
 
 TEST(PublisherStore, RestartKnowsTheResultsAndSaysWhatNobodyWasTold) {
