@@ -139,8 +139,12 @@ void Store::start_anew(std::string why) {
   file_.reset();
   writable_ = false;
   const std::string path = store_file_path(config_.path);
-  const std::string aside = path + ".corrupt-" + std::to_string(utc_ms_);
+  const std::string first = path + ".corrupt-" + std::to_string(utc_ms_);
   std::error_code fault;
+  std::string aside = first;
+  for (int n = 2; std::filesystem::exists(aside, fault); ++n)
+    aside = first + "-" + std::to_string(n);
+  fault.clear();
   std::filesystem::rename(path, aside, fault);
   for (const char* suffix : {"-wal", "-shm"}) {
     std::error_code none;
@@ -160,10 +164,12 @@ void Store::start_anew(std::string why) {
 
 void Store::failed(std::string_view doing) {
   const sqlite::Fault fault = file_->db.fault();
-  if (is_damage(fault.code) && writable_) {
+  // Once: a disk that spoils each fresh file at once is given up until the next try.
+  if (is_damage(fault.code) && writable_ && !std::exchange(mending_, true)) {
     start_anew(fault.text);
     open(utc_ms_);
     write_all_numbers();
+    mending_ = false;
     return;
   }
   const std::string why = std::string(doing) + ": " + fault.text;

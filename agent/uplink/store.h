@@ -240,6 +240,7 @@ class Store final {
   std::vector<std::pair<std::string, std::string>> untold_;  ///< device, id: told, not noted yet
   bool forgot_results_ = false;                              ///< there were too many of them
   std::optional<FoundLate> found_late_;
+  bool mending_ = false;                ///< a fresh file is being made in place of a damaged one
   std::vector<std::string> unaudited_;  ///< bodies that are not in the file
   std::uint64_t audit_lost_ = 0;        ///< bodies that found no room there, not told yet
   std::uint64_t arrivals_ = 0;
