@@ -368,7 +368,7 @@ std::optional<Refusal> CommandDesk::check_value(const Codec& codec, const Comman
 }
 
 bool CommandDesk::make_room(SteadyTime now) {
-  const auto forget = [&](std::deque<std::string>::iterator place) {
+  const auto forget = [&](std::list<std::string>::iterator place) {
     by_id_.erase(*place);
     oldest_first_.erase(place);
   };

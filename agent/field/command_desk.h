@@ -5,7 +5,7 @@
 
 #include <chrono>
 #include <cstdint>
-#include <deque>
+#include <list>
 #include <memory>
 #include <optional>
 #include <string>
@@ -95,7 +95,7 @@ class CommandDesk final {
 
   const DeviceConfig& device_;
   std::unordered_map<std::string, Entry> by_id_;
-  std::deque<std::string> oldest_first_;
+  std::list<std::string> oldest_first_;
 };
 
 /// The frame of a result for `command`: ids, times, op, topics; status is for the caller to set.

@@ -38,7 +38,8 @@ constexpr seconds kFarewellFor{1};
 constexpr std::size_t kMaxWindow = 20;
 // So many samples behind a full window tell that the broker takes fewer than are made.
 constexpr std::size_t kBackedUp = 4;
-constexpr std::size_t kHistoryBytes = 65536;
+// A quarter of what is allowed: one of 64 KiB holds a live sample up for milliseconds.
+constexpr std::size_t kHistoryBytes = 16384;
 constexpr std::size_t kMaxPendingResults = 10000;
 constexpr std::size_t kPayloadKept = 65536;  // no command is longer
 // What a PUBLISH needs beside topic, payload and correlation data: header, lengths, packet id.
@@ -734,8 +735,9 @@ void Publisher::pump_live(SteadyTime now) {
 }
 
 void Publisher::pump_history(SteadyTime now) {
-  const std::size_t share = std::max<std::size_t>(1, window_ / 4);
-  while (live_.empty() && history_flights_ < share && flights_.size() < sample_window()) {
+  // One at a time: a broker that works on several of 64 KiB lets live samples wait for
+  // milliseconds.
+  while (live_.empty() && history_flights_ == 0 && flights_.size() < sample_window()) {
     auto history = next_history(now);
     if (!history) return;
     Publication publication;

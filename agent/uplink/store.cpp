@@ -25,6 +25,7 @@ using std::chrono::milliseconds;
 using std::chrono::seconds;
 
 constexpr milliseconds kSettleEvery{200};
+constexpr std::size_t kRemovedAtOnce = 200;  // about a millisecond, which live samples may wait
 constexpr seconds kCleanUpEvery{60};
 
 /// The codes after which the file is not to be trusted any more; SQLITE_SCHEMA: a newer program's,
@@ -200,7 +201,7 @@ void Store::upkeep(SteadyTime now, std::int64_t utc_ms) {
   }
   try_at_.reset();
   if (unstamped_ms_ != 0) restamp();
-  if (!settle_at_ || now >= *settle_at_) {
+  if (!settle_at_ || now >= *settle_at_ || removed_.size() >= kRemovedAtOnce) {
     settle_at_ = now + kSettleEvery;
     settle();
     if (numbers_short_) reserve_numbers();
