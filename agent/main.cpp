@@ -27,14 +27,7 @@ constexpr int kWrong = 2;
 /// The config, or its errors on stderr.
 std::optional<Config> loaded(const std::string& path) {
   auto config = load_config(path);
-  if (config) {
-    // What reading a large file took goes back, for the years that follow; and the config itself
-    // moves together, which was made between the parts of the file.
-    std::optional<Config> compact(std::as_const(*config));
-    *config = {};
-    malloc_trim(0);
-    return compact;
-  }
+  if (config) return std::move(*config);
   for (const ConfigError& error : config.error()) std::cerr << to_string(error, path) << '\n';
   return std::nullopt;
 }
@@ -54,6 +47,15 @@ int check(const std::string& path) {
   return 0;
 }
 
+/// What reading a large file took goes back, for the years that follow; and the config itself, made
+/// between the parts of the file, moves together.
+Config compacted(Config&& config) {
+  Config compact(std::as_const(config));
+  config = {};
+  malloc_trim(0);
+  return compact;
+}
+
 int run(const std::string& path) {
   // Blocked before any thread starts, so that only sigwait() sees them.
   sigset_t stop_signals;
@@ -63,12 +65,13 @@ int run(const std::string& path) {
   pthread_sigmask(SIG_BLOCK, &stop_signals, nullptr);
   std::signal(SIGPIPE, SIG_IGN);
   std::signal(SIGHUP, SIG_IGN);
-  const auto config = loaded(path);
-  if (!config) return kWrong;
-  for (const std::string& warning : config->warnings) log::warn("config", {{"note", warning}});
-  for (const ConfigError& secret : exposed_secrets(*config))
+  auto read = loaded(path);
+  if (!read) return kWrong;
+  const Config config = compacted(std::move(*read));
+  for (const std::string& warning : config.warnings) log::warn("config", {{"note", warning}});
+  for (const ConfigError& secret : exposed_secrets(config))
     log::warn("config", {{"note", secret.pointer + ": " + secret.text}});
-  run_agent(*config, stop_signals);
+  run_agent(config, stop_signals);
   return 0;
 }
 

@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "agent/log.h"
+#include "agent/uplink/json.h"
 #include "agent/uplink/paho_broker.h"
 #include "agent/uplink/stream_check.h"
 
@@ -254,16 +255,9 @@ std::string text_of(const NumberRanges& ranges) {
   return more == 0 ? text : text + " and " + std::to_string(more) + " ranges more";
 }
 
-/// For a terminal: what stands in a message must not move the cursor.
-std::string plain(const std::string& text) {
-  const std::string quoted =
-      OrderedJson(text).dump(-1, ' ', true, OrderedJson::error_handler_t::replace);
-  return quoted.substr(1, quoted.size() - 2);
-}
-
 void print(const DeviceStream& stream) {
   const auto line = [](const std::string& text) { std::cout << "  " << text << '\n'; };
-  std::cout << plain(stream.device) << ": ";
+  std::cout << json::escaped(stream.device) << ": ";
   if (!stream.judged)
     std::cout << (stream.history == 0 ? "nothing came" : "no live sample came");
   else if (stream.missing.numbers == 0)
@@ -288,10 +282,11 @@ void print(const DeviceStream& stream) {
   if (stream.ts_backward > 0) line("ts goes backward: " + std::to_string(stream.ts_backward));
   if (stream.malformed > 0)
     line("malformed: " + std::to_string(stream.malformed) +
-         ", the first: " + plain(stream.malformed_why));
+         ", the first: " + json::escaped(stream.malformed_why));
   if (stream.boots.size() > 1) {
     std::string boots;
-    for (const std::string& boot : stream.boots) boots += (boots.empty() ? "" : ", ") + plain(boot);
+    for (const std::string& boot : stream.boots)
+      boots += (boots.empty() ? "" : ", ") + json::escaped(boot);
     line("boots: " + boots);
   }
 }

@@ -7,6 +7,8 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "agent/uplink/json.h"
+
 namespace fxagent::audit {
 namespace {
 
@@ -35,9 +37,8 @@ std::int64_t time_at(const Json& object, const char* key) {
 
 /// For a terminal: a sender's text must not move the cursor.
 std::string plain(const Json& value) {
-  if (!value.is_string()) return value.dump(-1, ' ', true, Json::error_handler_t::replace);
-  const std::string quoted = value.dump(-1, ' ', true, Json::error_handler_t::replace);
-  return quoted.substr(1, quoted.size() - 2);
+  if (value.is_string()) return json::escaped(value.get_ref<const std::string&>());
+  return value.dump(-1, ' ', true, Json::error_handler_t::replace);
 }
 
 /// "setpoint D200 = 50"

@@ -5,13 +5,12 @@
 namespace fxagent {
 namespace {
 
+using sqlite::from_sql;
 using sqlite::Statement;
+using sqlite::to_sql;
 
 // What a record costs beside its text: number, hash, and the file's own.
 constexpr std::uint64_t kOverhead = 64;
-
-std::int64_t to_sql(std::uint64_t number) { return static_cast<std::int64_t>(number); }
-std::uint64_t from_sql(std::int64_t number) { return static_cast<std::uint64_t>(number); }
 
 void take_digest(ByteView kept, audit::Digest& digest) {
   digest.fill(0);

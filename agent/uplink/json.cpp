@@ -761,4 +761,9 @@ Command command(std::string_view payload) {
   return command;
 }
 
+std::string escaped(const std::string& text) {
+  const std::string quoted = Json(text).dump(-1, ' ', true, Json::error_handler_t::replace);
+  return quoted.substr(1, quoted.size() - 2);
+}
+
 }  // namespace fxagent::json

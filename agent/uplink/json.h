@@ -96,4 +96,8 @@ CommandResult recorded_result(std::string text);
 /// above all. device, retained, times and MQTT 5 properties are the caller's to set.
 Command command(std::string_view payload);
 
+/// Text from outside for a terminal, which it must not steer: as it stands in a JSON string of
+/// ASCII, without the quotes.
+std::string escaped(const std::string& text);
+
 }  // namespace fxagent::json

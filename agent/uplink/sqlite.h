@@ -23,6 +23,10 @@ struct Fault {
 
 class Database;
 
+/// SQLite has no unsigned numbers: the same 64 bits.
+inline std::int64_t to_sql(std::uint64_t number) { return static_cast<std::int64_t>(number); }
+inline std::uint64_t from_sql(std::int64_t number) { return static_cast<std::uint64_t>(number); }
+
 /// One prepared statement. It may be invalid, where the database was unusable: then every step
 /// fails. The database outlives it.
 class Statement final {

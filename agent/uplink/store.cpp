@@ -18,7 +18,9 @@
 namespace fxagent {
 namespace {
 
+using sqlite::from_sql;
 using sqlite::Statement;
+using sqlite::to_sql;
 using sqlite::Transaction;
 using std::chrono::duration_cast;
 using std::chrono::milliseconds;
@@ -36,9 +38,6 @@ bool is_damage(int code) {
 
 /// Beside that a schema that cannot be made, since something of that name is there: SQLITE_ERROR.
 bool is_damage_at_open(int code) { return is_damage(code) || code == SQLITE_ERROR; }
-
-std::int64_t to_sql(std::uint64_t number) { return static_cast<std::int64_t>(number); }
-std::uint64_t from_sql(std::int64_t number) { return static_cast<std::uint64_t>(number); }
 
 }  // namespace
 
@@ -451,9 +450,7 @@ bool Store::is_on_the_way(const LaneKey& lane) const {
 }
 
 bool Store::settle() {
-  if (removed_.empty() && untold_.empty() && unrecorded_.empty() && unaudited_.empty() &&
-      audit_lost_ == 0)
-    return writable_;
+  if (!owes_the_file()) return writable_;
   if (!writable_) return false;
   {
     Transaction transaction(file_->db);

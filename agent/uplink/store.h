@@ -75,10 +75,7 @@ class Store final {
   void upkeep(SteadyTime now, std::int64_t utc_ms);
 
   /// Whether upkeep() has something to write soon.
-  bool is_unsettled() const {
-    return writable_ && !(removed_.empty() && untold_.empty() && unrecorded_.empty() &&
-                          unaudited_.empty() && !numbers_short_);
-  }
+  bool is_unsettled() const { return writable_ && (owes_the_file() || numbers_short_); }
   /// The name of the damaged file that was set aside in this run; empty: none was.
   const std::string& set_aside() const { return set_aside_; }
 
@@ -180,6 +177,11 @@ class Store final {
 
   void open(std::int64_t utc_ms);
   bool load();
+  /// Whether settle() has something to write.
+  bool owes_the_file() const {
+    return !(removed_.empty() && untold_.empty() && unrecorded_.empty() && unaudited_.empty()) ||
+           audit_lost_ != 0;
+  }
   void forget_rows();
   void open_late(std::int64_t utc_ms);
   void start_anew(std::string why);

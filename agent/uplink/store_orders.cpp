@@ -8,15 +8,14 @@
 namespace fxagent {
 namespace {
 
+using sqlite::from_sql;
 using sqlite::Statement;
+using sqlite::to_sql;
 using sqlite::Transaction;
 using std::chrono::milliseconds;
 
 constexpr std::size_t kMostUnrecorded = 10000;
 constexpr std::chrono::hours kAgeAuditEvery{1};
-
-std::int64_t to_sql(std::uint64_t number) { return static_cast<std::int64_t>(number); }
-std::uint64_t from_sql(std::int64_t number) { return static_cast<std::uint64_t>(number); }
 
 /// What an order and its result have in common, the first seven columns.
 Statement& bind_entry(Statement& statement, const JournalEntry& entry) {

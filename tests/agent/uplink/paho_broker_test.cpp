@@ -180,11 +180,16 @@ TEST_P(PahoBrokerVersion, Qos0CountsAsDeliveredWhenItIsOnItsWay) {
   EXPECT_EQ(client.next<Delivered>().id, 5U);
 }
 
-TEST_P(PahoBrokerVersion, WrongPasswordIsSaidAndTheFileIsReadAgain) {
-  const TemporaryDirectory directory;
+/// A broker for edge7, whose password is "right", and nobody else.
+Mosquitto edge7_only(const TemporaryDirectory& directory) {
   const std::string users = directory.path("users");
   test::run({"mosquitto_passwd", "-b", "-c", users, "edge7", "right"}, directory.path("log"));
-  const Mosquitto mosquitto(directory, "allow_anonymous false\npassword_file " + users);
+  return Mosquitto(directory, "allow_anonymous false\npassword_file " + users);
+}
+
+TEST_P(PahoBrokerVersion, WrongPasswordIsSaidAndTheFileIsReadAgain) {
+  const TemporaryDirectory directory;
+  const Mosquitto mosquitto = edge7_only(directory);
   MqttConfig config = settings(mosquitto.url(), GetParam());
   config.username = "edge7";
   config.password_file = directory.write("password", "wrong\n");
@@ -219,9 +224,7 @@ TEST_P(PahoBrokerVersion, LostConnectionIsToldOnceAndTheNextOneWorks) {
 
 TEST(PahoBroker, PasswordComesFromTheEnvironmentWhereThereIsNoFile) {
   const TemporaryDirectory directory;
-  const std::string users = directory.path("users");
-  test::run({"mosquitto_passwd", "-b", "-c", users, "edge7", "right"}, directory.path("log"));
-  const Mosquitto mosquitto(directory, "allow_anonymous false\npassword_file " + users);
+  const Mosquitto mosquitto = edge7_only(directory);
   MqttConfig config = settings(mosquitto.url());
   config.username = "edge7";
   config.password_env = "FXAGENT_TEST_PASSWORD";
@@ -232,9 +235,7 @@ TEST(PahoBroker, PasswordComesFromTheEnvironmentWhereThereIsNoFile) {
 
 TEST(PahoBroker, PasswordOfTheConfigItselfIsUsed) {
   const TemporaryDirectory directory;
-  const std::string users = directory.path("users");
-  test::run({"mosquitto_passwd", "-b", "-c", users, "edge7", "right"}, directory.path("log"));
-  const Mosquitto mosquitto(directory, "allow_anonymous false\npassword_file " + users);
+  const Mosquitto mosquitto = edge7_only(directory);
   MqttConfig config = settings(mosquitto.url());
   config.username = "edge7";
   config.password = "right";
