@@ -1,6 +1,7 @@
 // The config file as plain structs: everything checked, every name resolved, nothing left to parse.
 #pragma once
 
+#include <boost/flyweight.hpp>
 #include <boost/functional/hash.hpp>
 #include <chrono>
 #include <cstdint>
@@ -50,6 +51,9 @@ struct GroupConfig {
   bool on_change = false;
   std::chrono::seconds max_silent{60};
 };
+
+/// A text that many tags hold, once in memory: the names and units of 100,000 tags are few.
+using SharedText = boost::flyweight<std::string>;
 
 /// In engineering units.
 struct TagLimits {

@@ -355,7 +355,7 @@ void DeviceReader::check_span(const ConfigNode& node, const TagConfig& tag) {
   if (!tag.writable) return;
   const ConfigNode& access = *node.find("access");
   if (!tag.point.address.writable)
-    reader_.error(access, tag.point.address.text.get() + " can only be read");
+    reader_.error(access, tag.point.address.text + " can only be read");
   else if (const auto allowed = codec_->check_write(*span); !allowed)
     reader_.error(access, "cannot be written: " + allowed.error().text);
 }

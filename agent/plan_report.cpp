@@ -445,7 +445,7 @@ Result<std::vector<Point>> points_between(const Codec& codec, const WhatIf& aske
   }
   const Plan plan = make_plan(codec, points, LineCost{}, 0);
   if (!plan.unreachable.empty())
-    return refuse(what, points[plan.unreachable.front()].address.text.get() +
+    return refuse(what, points[plan.unreachable.front()].address.text +
                             " is out of reach of this device's commands");
   return points;
 }

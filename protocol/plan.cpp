@@ -351,13 +351,13 @@ Result<Bytes> image_of(const Plan& plan, std::span<const Bytes> images, const Po
   const PointSource source = index < plan.sources.size() ? plan.sources[index] : PointSource{};
   const auto wanted = span_of(point);
   if (!wanted || source.count == 0 || images.size() < source.first_read + source.count)
-    return fail(ErrorCode::unsupported, point.address.text.get() + " is not in the plan");
+    return fail(ErrorCode::unsupported, point.address.text + " is not in the plan");
   const std::uint32_t base = plan.reads[source.first_read].read.span.first_bit;
   Bytes whole;
   for (std::uint32_t r = source.first_read; r < source.first_read + source.count; ++r) {
     const Span& span = plan.reads[r].read.span;
     if (images[r].size() * 8 < span.bits)
-      return fail(ErrorCode::unsupported, point.address.text.get() + " was read in part only");
+      return fail(ErrorCode::unsupported, point.address.text + " was read in part only");
     const std::uint32_t at = span.first_bit - base;
     whole.resize(std::max(whole.size(), (std::size_t{at} + span.bits + 7) / 8));
     insert_bits(whole, at, images[r], span.bits);
@@ -380,11 +380,11 @@ Result<std::vector<Request>> plan_write(const Codec& codec, const Point& point, 
   const auto span = span_of(point);
   if (!span) return tl::make_unexpected(span.error());
   if (!point.address.writable)
-    return fail(ErrorCode::bad_request, point.address.text.get() + " cannot be written");
+    return fail(ErrorCode::bad_request, point.address.text + " cannot be written");
   if (const auto allowed = codec.check_write(*span); !allowed)
     return tl::make_unexpected(allowed.error());
   if (image.size() != (span->bits + 7) / 8)
-    return fail(ErrorCode::bad_request, point.address.text.get() + " takes " +
+    return fail(ErrorCode::bad_request, point.address.text + " takes " +
                                             std::to_string((span->bits + 7) / 8) + " bytes, not " +
                                             std::to_string(image.size()));
   std::vector<Request> requests;
@@ -394,8 +394,7 @@ Result<std::vector<Request>> plan_write(const Codec& codec, const Point& point, 
   }
   std::uint32_t step = codec.max_write_bits(span->space);
   if (step == 0)
-    return fail(ErrorCode::bad_request,
-                point.address.text.get() + " is not written by this protocol");
+    return fail(ErrorCode::bad_request, point.address.text + " is not written by this protocol");
   // Elements stay whole where a frame can hold one and it is made of whole bytes.
   const std::uint32_t element = span->bits / point.count;
   if (element % 8 == 0 && element <= step) step -= step % element;

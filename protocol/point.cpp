@@ -469,12 +469,12 @@ Result<Span> span_of(const Point& point) {
   if (point.count == 0) return fail(ErrorCode::bad_request, "an array has at least 1 element");
   const std::uint32_t bits = element_bits(point);
   if (bits == 0)
-    return fail(ErrorCode::bad_request, point.address.text.get() + " cannot be read as " +
+    return fail(ErrorCode::bad_request, point.address.text + " cannot be read as " +
                                             std::string(to_string(point.type)) + "; its type is " +
                                             std::string(to_string(default_type(point.address))));
   const std::uint64_t total = std::uint64_t{bits} * point.count;
   if (point.address.span.first_bit + total > std::numeric_limits<std::uint32_t>::max())
-    return fail(ErrorCode::bad_request, point.address.text.get() + ": the array is too long");
+    return fail(ErrorCode::bad_request, point.address.text + ": the array is too long");
   return Span{point.address.span.space, point.address.span.first_bit,
               static_cast<std::uint32_t>(total)};
 }
@@ -486,7 +486,7 @@ Result<Value> unpack(const Point& point, ByteView image, std::uint32_t image_fir
   if (!span) return tl::make_unexpected(span.error());
   const std::uint64_t image_end = image_first_bit + std::uint64_t{image.size()} * 8;
   if (span->first_bit < image_first_bit || span->end_bit() > image_end)
-    return fail(ErrorCode::unsupported, point.address.text.get() + " is not in what was read");
+    return fail(ErrorCode::unsupported, point.address.text + " is not in what was read");
   const std::uint32_t bits = span->bits / point.count;
   std::size_t bit = span->first_bit - image_first_bit;
   Value value;

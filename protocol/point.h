@@ -8,7 +8,6 @@
 #pragma once
 
 #include <boost/container/small_vector.hpp>
-#include <boost/flyweight.hpp>
 #include <cstdint>
 #include <string>
 #include <string_view>
@@ -19,9 +18,6 @@
 #include "protocol/result.h"
 
 namespace fxagent {
-
-/// A text that many values hold, once in memory: the names and units of 100,000 tags are few.
-using SharedText = boost::flyweight<std::string>;
 
 /// A run of bits in one space of a codec.
 struct Span {
@@ -73,7 +69,7 @@ enum class Unit : std::uint8_t {
 
 /// A device address as its protocol understands it. `span` covers one element.
 struct Address {
-  SharedText text;  ///< canonical spelling: "D200", "Y17", "K4M0", "TN5"
+  std::string text;  ///< canonical spelling: "D200", "Y17", "K4M0", "TN5"
   Span span;
   Unit unit = Unit::word;
   bool writable =

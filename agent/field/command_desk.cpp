@@ -246,7 +246,7 @@ std::optional<Refusal> CommandDesk::resolve(const Codec& codec, Order& order,
   for (std::size_t i = 0; i < command.targets.size(); ++i) {
     OrderTarget target;
     const auto why = resolve_target(codec, command, command.targets[i], target);
-    if (!target.point.address.text.get().empty()) out[i].address = target.point.address.text;
+    if (!target.point.address.text.empty()) out[i].address = target.point.address.text;
     if (why) {
       out[i].reason = why->reason;
       out[i].detail = why->detail;
@@ -300,8 +300,7 @@ std::optional<Refusal> CommandDesk::resolve_place(const Codec& codec, Op op,
   const bool is_bit = !out.point.is_array &&
                       (place.unit == Unit::bit || (place.unit == Unit::word_bit && place.writable));
   if ((op == Op::force_on || op == Op::force_off) && !is_bit)
-    return refuse(Reason::bad_address,
-                  out.point.address.text.get() + " is not a single bit device");
+    return refuse(Reason::bad_address, out.point.address.text + " is not a single bit device");
   if (codec.is_broadcast()) {
     if (op != Op::read) return std::nullopt;
     return refuse(fault, "nobody answers a broadcast, so nothing can be read");
@@ -309,7 +308,7 @@ std::optional<Refusal> CommandDesk::resolve_place(const Codec& codec, Op op,
   const Plan plan = make_plan(codec, std::span(&out.point, 1), LineCost{}, device_.max_block_bytes);
   if (!plan.unreachable.empty())
     return refuse(Reason::bad_address,
-                  out.point.address.text.get() + " cannot be reached on this model" +
+                  out.point.address.text + " cannot be reached on this model" +
                       (codec.model().empty() ? " until the model is known" : ""));
   return std::nullopt;
 }

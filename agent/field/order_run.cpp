@@ -59,7 +59,7 @@ void set_without_effect(TargetResult& out, const Exchange& exchange) {
 }
 
 std::string elsewhere_text(const OrderTarget& target, const Value& read) {
-  return target.point.address.text.get() + " holds another value" + (read.is_array ? "" : " now") +
+  return target.point.address.text + " holds another value" + (read.is_array ? "" : " now") +
          ": something else has set it since";
 }
 

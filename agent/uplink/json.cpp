@@ -616,7 +616,7 @@ Meta device_meta(const DeviceConfig& device) {
   for (const TagConfig& tag : device.tags) {
     const Point& point = tag.point;
     tags.key(tag.name.get()).begin_object();
-    tags.key("address").string(point.address.text.get()).key("type").string(to_string(point.type));
+    tags.key("address").string(point.address.text).key("type").string(to_string(point.type));
     if (point.is_array) tags.key("count").integer(std::int64_t{point.count});
     if (point.type == DataType::string) tags.key("length").integer(std::int64_t{point.length});
     tags.key("unit").string(tag.unit.get());

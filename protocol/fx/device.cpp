@@ -271,7 +271,7 @@ Result<Address> parse_address(Model model, std::string_view text, std::optional<
   const DeviceKind& kind = kind_of(space);
 
   Address address;
-  std::string name = device_name(space, parts.number);
+  address.text = device_name(space, parts.number);
   address.unit = kind.unit;
   Numbers numbers{parts.number, parts.number};
   if (parts.group != 0) {
@@ -280,7 +280,7 @@ Result<Address> parse_address(Model model, std::string_view text, std::optional<
     if (!groupable) return refuse(upper(text) + ": a group is made of X, Y, M or S");
     numbers.last += static_cast<std::uint32_t>(parts.group) * 4 - 1;
     address.unit = Unit::bit_group;
-    name.insert(0, "K" + std::to_string(parts.group));
+    address.text = "K" + std::to_string(parts.group) + address.text;
   }
   address.span = span_of(space, numbers);
   if (const auto present = check_range(model, address.span); !present)
@@ -289,10 +289,8 @@ Result<Address> parse_address(Model model, std::string_view text, std::optional<
     address.unit = Unit::word_bit;
     address.writable = false;
     address.span = {id(space), address.span.first_bit + *parts.word_bit, 1};
-    name += '.';
-    name += "0123456789ABCDEF"[*parts.word_bit];
+    address.text += std::string(".") + "0123456789ABCDEF"[*parts.word_bit];
   }
-  address.text = name;
   return address;
 }
 

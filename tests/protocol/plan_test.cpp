@@ -68,8 +68,7 @@ const LineCost kCost{1ms, 30ms};
 
 Point words(std::uint32_t number, std::uint16_t count = 1, DataType type = DataType::int16) {
   Point point;
-  point.address = {
-      SharedText("W" + std::to_string(number)), {0, number * 16, 16}, Unit::word, true};
+  point.address = {"W" + std::to_string(number), {0, number * 16, 16}, Unit::word, true};
   point.type = type;
   point.count = count;
   point.is_array = count > 1;
@@ -78,7 +77,7 @@ Point words(std::uint32_t number, std::uint16_t count = 1, DataType type = DataT
 
 Point bits(std::uint32_t number, std::uint16_t count = 1) {
   Point point;
-  point.address = {SharedText("B" + std::to_string(number)), {0, number, 1}, Unit::bit, true};
+  point.address = {"B" + std::to_string(number), {0, number, 1}, Unit::bit, true};
   point.type = DataType::boolean;
   point.count = count;
   point.is_array = count > 1;
@@ -636,7 +635,7 @@ TEST(PlanWrite, WhatCannotBeWrittenIsRefused) {
 
 TEST(PlanWrite, ElementsThatAreNotWholeBytesAreCutAtTheFrame) {
   Point groups;
-  groups.address = {SharedText("K1"), {0, 0, 4}, Unit::bit_group, true};
+  groups.address = {"K1", {0, 0, 4}, Unit::bit_group, true};
   groups.count = 64;
   groups.is_array = true;
   const auto requests = plan_write(PaperCodec({}), groups, Bytes(32));

@@ -14,7 +14,7 @@ using test::hex;
 
 Point word_point(DataType type, std::uint16_t count = 1) {
   Point point;
-  point.address = {SharedText("D0"), {1, 0, 16}, Unit::word, true};
+  point.address = {"D0", {1, 0, 16}, Unit::word, true};
   point.type = type;
   point.count = count;
   point.is_array = count > 1;
@@ -23,8 +23,7 @@ Point word_point(DataType type, std::uint16_t count = 1) {
 
 Point group_point(std::uint32_t digits, DataType type) {
   Point point;
-  point.address = {
-      SharedText("K" + std::to_string(digits) + "M0"), {2, 0, digits * 4}, Unit::bit_group, true};
+  point.address = {"K" + std::to_string(digits) + "M0", {2, 0, digits * 4}, Unit::bit_group, true};
   point.type = type;
   return point;
 }
@@ -82,7 +81,7 @@ TEST(ByteOrder, HasFourSpellingsAndTwoNames) {
 
 TEST(Point, HasADefaultTypeForEachUnit) {
   const auto of = [](Unit unit, std::uint32_t bits) {
-    return default_type({SharedText(), {0, 0, bits}, unit, true});
+    return default_type({"", {0, 0, bits}, unit, true});
   };
   EXPECT_EQ(of(Unit::bit, 1), DataType::boolean);
   EXPECT_EQ(of(Unit::word_bit, 1), DataType::boolean);
@@ -100,7 +99,7 @@ TEST(Point, TakesOnlyTheTypesOfItsUnit) {
     std::string words;
     for (const DataType type : all) {
       Point point;
-      point.address = {SharedText("A"), {0, 0, bits}, unit, true};
+      point.address = {"A", {0, 0, bits}, unit, true};
       point.type = type;
       point.length = 4;
       if (span_of(point)) words += std::string(to_string(type)) + " ";
@@ -235,7 +234,7 @@ TEST(Unpack, GroupsAreUnsignedUntilTheyFillTheirType) {
 
 TEST(Unpack, BitsAreTakenFromWhereTheyLie) {
   Point point;
-  point.address = {SharedText("M101"), {2, 101, 1}, Unit::bit, true};
+  point.address = {"M101", {2, 101, 1}, Unit::bit, true};
   point.type = DataType::boolean;
   EXPECT_EQ(*unpack(point, hex("20"), 96), flag(true));
   EXPECT_EQ(*unpack(point, hex("DF"), 96), flag(false));
@@ -379,7 +378,7 @@ TEST(Pack, AWrongKindAnywhereComesBeforeARangeAnywhere) {
 
 TEST(Pack, ABoolIsAlsoZeroOrOne) {
   Point point;
-  point.address = {SharedText("M0"), {2, 0, 1}, Unit::bit, true};
+  point.address = {"M0", {2, 0, 1}, Unit::bit, true};
   point.type = DataType::boolean;
   for (const Value& on : {flag(true), whole(1), real(1.0)}) EXPECT_EQ(written(point, on), "01");
   for (const Value& off : {flag(false), whole(0), real(0.0)}) EXPECT_EQ(written(point, off), "00");

@@ -172,7 +172,7 @@ TEST(Modbus, NamesAreTablesAndNumbersOrDigitsAlone) {
     EXPECT_EQ(a.span, c.span) << c.text;
     EXPECT_EQ(a.unit, c.unit) << c.text;
     EXPECT_EQ(a.writable, c.writable) << c.text;
-    EXPECT_EQ(address(a.text.get()).span, a.span) << c.text;
+    EXPECT_EQ(address(a.text).span, a.span) << c.text;
     EXPECT_FALSE(unit().needs_type(c.text));
   }
 }
