@@ -109,6 +109,7 @@ StoreFile::StoreFile(const std::string& path, bool always) : db(path), always_(a
              " CASE excluded.clean WHEN 1 THEN excluded.last_seq"
              " ELSE max(last_seq, excluded.last_seq) END, clean = excluded.clean"};
   trail = AuditTrail(db);
+  checkpointer_.emplace(db, path);
 }
 
 void StoreFile::synchronise(bool full) {

@@ -2,9 +2,11 @@
 // in it and when is store.h's. The store's thread.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "agent/uplink/audit_trail.h"
+#include "agent/uplink/checkpointer.h"
 #include "agent/uplink/sqlite.h"
 
 namespace fxagent {
@@ -62,6 +64,7 @@ class StoreFile final {
  private:
   const bool always_;
   bool usable_ = false;
+  std::optional<Checkpointer> checkpointer_;
 };
 
 }  // namespace fxagent
