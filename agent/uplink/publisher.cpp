@@ -40,6 +40,9 @@ constexpr std::size_t kMaxWindow = 20;
 constexpr std::size_t kBackedUp = 4;
 // A quarter of what is allowed: one of 64 KiB holds a live sample up for milliseconds.
 constexpr std::size_t kHistoryBytes = 16384;
+// After each one history rests for as long as that took, so that half of the time nothing stands in
+// a live sample's way; no longer than this, for the sake of lines that are slow by themselves.
+constexpr milliseconds kLongestRest{100};
 constexpr std::size_t kMaxPendingResults = 10000;
 constexpr std::size_t kPayloadKept = 65536;  // no command is longer
 // What a PUBLISH needs beside topic, payload and correlation data: header, lengths, packet id.
@@ -313,8 +316,9 @@ void Publisher::delivered(const LiveFlight& flight, SteadyTime) {
   pauses_.erase(row.device);
 }
 
-void Publisher::delivered(const HistoryFlight& flight, SteadyTime) {
+void Publisher::delivered(const HistoryFlight& flight, SteadyTime now) {
   --history_flights_;
+  history_rests_until_ = now + std::min<SteadyTime::duration>(now - flight.since, kLongestRest);
   fault_point("history_acknowledged");
   acknowledged_ +=
       flight.on_disk ? store_->remove(flight.batch) : backlog_.acknowledged(flight.batch);
@@ -737,6 +741,7 @@ void Publisher::pump_live(SteadyTime now) {
 void Publisher::pump_history(SteadyTime now) {
   // One at a time: a broker that works on several of 64 KiB lets live samples wait for
   // milliseconds.
+  if (phase_ == Phase::running && now < history_rests_until_) return;
   while (live_.empty() && history_flights_ == 0 && flights_.size() < sample_window()) {
     auto history = next_history(now);
     if (!history) return;
@@ -762,10 +767,10 @@ std::optional<Publisher::HistoryFlight> Publisher::next_history(SteadyTime now) 
   if (store_ != nullptr) {
     auto batch = store_->next(history_bytes_, from_disk);
     count_dropped();
-    if (batch) return HistoryFlight{std::move(*batch), true};
+    if (batch) return HistoryFlight{std::move(*batch), true, now};
   }
   auto batch = backlog_.next(history_bytes_, from_memory);
-  if (batch) return HistoryFlight{std::move(*batch), false};
+  if (batch) return HistoryFlight{std::move(*batch), false, now};
   return std::nullopt;
 }
 
@@ -961,6 +966,7 @@ SteadyTime Publisher::next_wake(SteadyTime now) const {
   for (const auto& [key, due] : due_) later(due.not_before);
   for (const auto& [key, pending] : results_)
     for (const PendingResult::Copy& copy : pending.copies) later(copy.due.not_before);
+  if (history_flights_ == 0) later(history_rests_until_);
   for (const auto& [device, pause] : pauses_)
     if (backlog_.has_waiting(device) || (store_ != nullptr && store_->has_waiting(device)))
       later(pause.until);

@@ -128,6 +128,7 @@ class Publisher final {
   struct HistoryFlight {
     HistoryBatch batch;
     bool on_disk = false;
+    SteadyTime since{};
   };
   struct FarewellFlight {};
   using Flight =
@@ -241,6 +242,7 @@ class Publisher final {
   std::map<std::uint64_t, Flight> flights_;
   std::vector<DeliveryFailed> unsendable_;  ///< found by send(); told at the end of the step
   std::size_t history_flights_ = 0;
+  SteadyTime history_rests_until_{};     ///< live samples have the line to themselves
   std::uint64_t in_flight_samples_ = 0;  ///< that are not on disk
   SteadyTime last_progress_{};           ///< an acknowledgement, or nothing was in flight
 
