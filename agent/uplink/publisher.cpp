@@ -5,16 +5,15 @@
 #include <algorithm>
 #include <type_traits>
 
-#include "agent/fault_point.h"
 #include "agent/log.h"
 #include "agent/uplink/process_facts.h"
+#include "agent/uplink/puback.h"
 #include "agent/uplink/recall.h"
 #include "agent/uplink/topics.h"
 
 namespace fxagent {
 namespace {
 
-using std::chrono::microseconds;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
@@ -24,13 +23,9 @@ constexpr seconds kConnectPatience{30};  // longer than the library's own connec
 constexpr seconds kSteady{10};           // a connection that lived so long was a good one
 constexpr seconds kFirstRetry{1};
 constexpr seconds kLastRetry{30};
-constexpr seconds kLiveFor{1};  // a sample that waited longer is on disk, or else is history
-constexpr milliseconds kCommitWithin{200};       // rows for the disk are gathered so long
 constexpr milliseconds kAcknowledgedWithin{50};  // until one that nothing waits for is noted
 constexpr seconds kNoAcknowledgement{30};        // a broker that is silent for so long is given up
 constexpr seconds kDrainFor{3};
-constexpr int kGatherShare = 100;  // of its interval, that a sample may wait for others
-constexpr milliseconds kGatherMost{5};
 constexpr seconds kFarewellFor{1};
 
 // Mosquitto's default receive maximum. The library under us is fast up to the broker's figure and
@@ -40,31 +35,8 @@ constexpr std::size_t kMaxWindow = 20;
 constexpr std::size_t kBackedUp = 4;
 // A quarter of what is allowed: one of 64 KiB holds a live sample up for milliseconds.
 constexpr std::size_t kHistoryBytes = 16384;
-// After each one history rests for as long as that took, so that half of the time nothing stands in
-// a live sample's way; no longer than this, for the sake of lines that are slow by themselves.
-constexpr milliseconds kLongestRest{100};
-constexpr std::size_t kMaxPendingResults = 10000;
-constexpr std::size_t kPayloadKept = 65536;  // no command is longer
 // What a PUBLISH needs beside topic, payload and correlation data: header, lengths, packet id.
 constexpr std::size_t kPacketOverhead = 64;
-
-// MQTT 5 reason codes of a PUBACK (section 3.4.2.1) that no repeat can cure.
-constexpr int kTopicNameInvalid = 0x90;
-constexpr int kPacketTooLarge = 0x95;
-constexpr int kPayloadFormatInvalid = 0x99;
-
-bool is_final(int reason_code) {
-  return reason_code == kTopicNameInvalid || reason_code == kPacketTooLarge ||
-         reason_code == kPayloadFormatInvalid;
-}
-
-/// As MQTT 5 writes it; "none" where the failure has no code, as on 3.1.1.
-std::string hex_code(int reason_code) {
-  if (reason_code == 0) return "none";
-  Bytes digits;
-  append_hex(digits, static_cast<std::uint32_t>(reason_code), 2);
-  return "0x" + std::string(digits.begin(), digits.end());
-}
 
 }  // namespace
 
@@ -126,26 +98,6 @@ void Publisher::stop(SteadyTime now) {
   phase_ = Phase::draining;
   phase_deadline_ = now + kDrainFor;
   if (link_ == Link::connected) broker_.unsubscribe(base_ + "/+/command");
-}
-
-json::Samples Publisher::samples() const {
-  json::Samples samples;
-  for (const DeviceHealth& device : field_.devices) samples.suppressed += device.suppressed;
-  samples.collected = pushed_ + samples.suppressed;
-  const auto on_disk = [](const LiveRow& live) { return live.stored; };
-  const auto held = std::count_if(live_.begin(), live_.end(), on_disk);
-  samples.queued = live_.size() - static_cast<std::size_t>(held) + put_away_.size();
-  samples.in_flight = in_flight_samples_;
-  samples.stored = backlog_.rows();
-  if (store_ != nullptr) {
-    samples.stored += store_->rows();
-    samples.recovered = store_->recovered();
-  }
-  samples.acknowledged = acknowledged_;
-  samples.dropped = dropped_total_;
-  samples.published = published_;
-  samples.miscounted = miscounted_;
-  return samples;
 }
 
 // ---- what the broker says -----------------------------------------------------------------------
@@ -222,58 +174,6 @@ void Publisher::on(const Message& event, SteadyTime) {
     log::info("retained_topic_cleared", {{"topic", event.topic}});
 }
 
-void Publisher::take_command(const Message& event, std::uint32_t device) {
-  // An empty retained payload only clears the topic. On 3.1.1 its flag does not reach us.
-  if (event.payload.empty() && (event.retained || config_.mqtt.version != 5)) return;
-  Command command = json::command(event.payload);
-  command.device = device;
-  command.retained = event.retained;
-  command.received = event.received;
-  command.received_ms = event.received_ms;
-  command.message_expiry = event.message_expiry;
-  command.response_topic = event.response_topic;
-  command.correlation = event.correlation;
-  if (store_ != nullptr) command.arrival = note_arrival(event, command);
-  fault_point("command_received");
-  if (phase_ == Phase::running) return submit_(std::move(command));
-
-  // The field answers no more.
-  CommandResult result;
-  result.device = device;
-  result.arrival = command.arrival;
-  result.id = std::move(command.id);
-  result.reason = Reason::shutting_down;
-  result.op = std::move(command.op_text);
-  result.received = command.received;
-  result.received_ms = command.received_ms;
-  result.response_topic = std::move(command.response_topic);
-  result.correlation = std::move(command.correlation);
-  const auto known = store_ == nullptr || result.id.empty()
-                         ? std::nullopt
-                         : store_->find(config_.devices[device].name, result.id);
-  if (known) {
-    result.status = CommandStatus::duplicate;
-    result.reason = Reason::duplicate_id;
-    if (!known->result.empty())
-      result.first = std::make_shared<const CommandResult>(json::recorded_result(known->result));
-  }
-  take_result(std::move(result));
-}
-
-/// For the audit, and for the journal where the command is admitted.
-std::uint64_t Publisher::note_arrival(const Message& event, const Command& command) {
-  audit::Arrival arrival;
-  arrival.number = store_->next_arrival();
-  arrival.device = config_.devices.at(command.device).name;
-  arrival.topic = event.topic;
-  arrival.payload = event.payload.substr(0, kPayloadKept);
-  arrival.payload_bytes = event.payload.size();
-  arrival.by = command.by;
-  arrival.retained = command.retained;
-  arrival.received_ms = command.received_ms;
-  return arrivals_.emplace(arrival.number, std::move(arrival)).first->first;
-}
-
 void Publisher::on(const Delivered& event, SteadyTime now) {
   auto flight = flights_.extract(event.id);
   if (flight.empty()) return;  // of a connection that is gone
@@ -299,32 +199,6 @@ void Publisher::on(const MessagesDropped& event, SteadyTime) {
 
 void Publisher::delivered(const NoticeFlight&, SteadyTime) {}
 
-void Publisher::delivered(const ResultFlight& flight, SteadyTime) {
-  fault_point("result_acknowledged");
-  result_copy_done(flight.result, flight.copy, Ended::acknowledged);
-}
-
-void Publisher::delivered(const LiveFlight& flight, SteadyTime) {
-  const SampleRow& row = flight.live.row;
-  fault_point("sample_acknowledged");
-  if (flight.live.stored) {
-    acknowledged_ += store_->remove(std::span(&row.order, 1));
-  } else {
-    --in_flight_samples_;
-    ++acknowledged_;
-  }
-  pauses_.erase(row.device);
-}
-
-void Publisher::delivered(const HistoryFlight& flight, SteadyTime now) {
-  --history_flights_;
-  history_rests_until_ = now + std::min<SteadyTime::duration>(now - flight.since, kLongestRest);
-  fault_point("history_acknowledged");
-  acknowledged_ +=
-      flight.on_disk ? store_->remove(flight.batch) : backlog_.acknowledged(flight.batch);
-  pauses_.erase(flight.batch.device);
-}
-
 void Publisher::delivered(const FarewellFlight&, SteadyTime now) { phase_deadline_ = now; }
 
 void Publisher::failed(const NoticeFlight& flight, const DeliveryFailed& event, SteadyTime now) {
@@ -332,54 +206,6 @@ void Publisher::failed(const NoticeFlight& flight, const DeliveryFailed& event, 
             {{"what", "state"}, {"code", hex_code(event.reason_code)}, {"reason", event.text}});
   if (is_final(event.reason_code)) return;
   due_.insert_or_assign(flight.key, Due{now + back_off(flight.failures), flight.failures + 1});
-}
-
-void Publisher::failed(const ResultFlight& flight, const DeliveryFailed& event, SteadyTime now) {
-  const auto found = results_.find(flight.result);
-  if (found == results_.end()) return;
-  PendingResult::Copy& copy = found->second.copies[flight.copy];
-  log::warn("publish_refused", {{"what", "result"},
-                                {"topic", copy.topic},
-                                {"id", found->second.result.id},
-                                {"code", hex_code(event.reason_code)},
-                                {"reason", event.text}});
-  // A response topic is the sender's choice: where the broker refuses it, that is that.
-  if (is_final(event.reason_code) || (copy.to_response_topic && event.reason_code != 0))
-    return result_copy_done(flight.result, flight.copy, Ended::refused);
-  copy.in_flight = false;
-  copy.due = Due{now + back_off(copy.due.failures), copy.due.failures + 1};
-}
-
-void Publisher::failed(LiveFlight& flight, const DeliveryFailed& event, SteadyTime now) {
-  const SampleRow& row = flight.live.row;
-  if (!flight.live.stored) --in_flight_samples_;
-  if (is_final(event.reason_code)) {
-    log::warn(
-        "sample_refused",
-        {{"device", row.device}, {"code", hex_code(event.reason_code)}, {"reason", event.text}});
-    const std::string device = row.device;
-    return drop(device, flight.live.stored ? store_->remove(std::span(&row.order, 1)) : 1);
-  }
-  pause(row.device, event.reason_code, now);
-  put_away(std::move(flight.live));
-}
-
-void Publisher::failed(const HistoryFlight& flight, const DeliveryFailed& event, SteadyTime now) {
-  --history_flights_;
-  const HistoryBatch& batch = flight.batch;
-  const bool can_be_cut = event.reason_code == kPacketTooLarge && batch.orders.size() > 1;
-  if (is_final(event.reason_code) && !can_be_cut) {
-    log::warn("history_refused", {{"device", batch.device},
-                                  {"rows", std::to_string(batch.orders.size())},
-                                  {"code", hex_code(event.reason_code)},
-                                  {"reason", event.text}});
-    return drop(batch.device, flight.on_disk ? store_->remove(batch) : backlog_.discard(batch));
-  }
-  flight.on_disk ? store_->returned(batch) : backlog_.returned(batch);
-  if (can_be_cut)
-    history_bytes_ = std::min(history_bytes_, batch.payload.size()) / 2;
-  else
-    pause(batch.device, event.reason_code, now);
 }
 
 void Publisher::failed(const FarewellFlight&, const DeliveryFailed&, SteadyTime now) {
@@ -419,126 +245,6 @@ void Publisher::take_outbox(SteadyTime now) {
     if (miscounted_)
       log::error("samples_miscounted", {{"field", std::to_string(sent)},
                                         {"outbox", std::to_string(batch.pushed_at_health)}});
-  }
-}
-
-void Publisher::take_samples(const std::vector<Telemetry>& messages, SteadyTime now) {
-  if (messages.empty()) return;
-  microseconds patience = kGatherMost;  // none at all for groups without an interval
-  for (const Telemetry& message : messages) {
-    const GroupConfig& group = config_.devices.at(message.device).groups.at(message.group);
-    patience = std::min(patience, microseconds(group.interval) / kGatherShare);
-  }
-  gather_until_ = now - samples_at_ < 2 * patience ? now + patience : now;
-  samples_at_ = now;
-  // What is read while the first connection is being made is as live as what comes right after it.
-  const bool can_go = (link_ == Link::connected || starting_) && phase_ <= Phase::draining;
-  std::vector<SampleRow> live;
-  for (const Telemetry& message : messages) {
-    const DeviceConfig& device = config_.devices.at(message.device);
-    SampleRow row;
-    row.order = next_order_++;
-    row.device = device.name;
-    row.group = device.groups.at(message.group).name;
-    row.seq = message.seq;
-    row.json = json::telemetry(message, device, settings_.boot, meta_hashes_.at(message.device));
-    row_bytes_ += row.cost();
-    if (store_ != nullptr) store_->used_seq(row.device, row.seq);
-    if (can_go && may_send(row.device, now))
-      live.push_back(std::move(row));
-    else
-      put_away(std::move(row));
-  }
-  const bool stored = config_.store.sync_always && store_ != nullptr && !live.empty() &&
-                      store_->append(live, Store::Hold::yes);
-  for (SampleRow& row : live) live_.push_back({std::move(row), now, stored});
-  if (stored) count_dropped();
-  if (!put_away_.empty() && config_.store.sync_always) commit_at_ = now;
-}
-
-void Publisher::take_orders(std::vector<OrderNote> orders) {
-  if (orders.empty()) return;
-  std::vector<JournalEntry> entries;
-  for (OrderNote& order : orders) {
-    JournalEntry entry;
-    entry.device = config_.devices.at(order.device).name;
-    entry.id = order.id;
-    entry.received_ms = order.received_ms;
-    entry.deadline_ms = order.deadline_ms;
-    entry.op = std::move(order.op);
-    entry.response_topic = std::move(order.response_topic);
-    entry.correlation = std::move(order.correlation);
-    entry.arrival = order.arrival;
-    if (auto arrival = arrivals_.extract(order.arrival)) {
-      entry.audit = audit::ordered(arrival.mapped(), entry.id, entry.op, utc_ms_());
-      entry.payload = std::move(arrival.mapped().payload);
-    }
-    entries.push_back(std::move(entry));
-  }
-  fault_point("order_admitted");
-  // A disk that refuses does not stop the plant: its state says what is missing.
-  if (store_ != nullptr) store_->journal(entries);
-  fault_point("order_journaled");
-  for (OrderNote& order : orders) go_ahead_(order.device, std::move(order.id));
-}
-
-/// Whether the journal knows the id, and with it the result, from now on.
-bool Publisher::note_result(const CommandResult& result) {
-  if (store_ == nullptr) return false;
-  const bool remembered = !result.id.empty() && !result.dry_run && result.id_kept &&
-                          result.status != CommandStatus::duplicate;
-  if (!result.recorded.empty()) return remembered;
-  JournalEntry entry;
-  entry.result = json::result(result, std::nullopt);
-  entry.audit = audit_of(result, entry.result);
-  if (!remembered) {
-    store_->note(std::move(entry.audit));
-    return false;
-  }
-  entry.device = config_.devices.at(result.device).name;
-  entry.id = result.id;
-  entry.received_ms = result.received_ms;
-  entry.deadline_ms = result.received_ms;  // of an order it is there already
-  entry.op = result.op;
-  entry.response_topic = result.response_topic;
-  entry.correlation = result.correlation;
-  entry.arrival = result.arrival;
-  store_->record(std::move(entry));
-  return true;
-}
-
-/// `text`: the result as JSON.
-std::string Publisher::audit_of(const CommandResult& result, const std::string& text) {
-  if (result.arrival == 0) return {};
-  if (const auto arrival = arrivals_.extract(result.arrival))
-    return audit::answered(arrival.mapped(), text, utc_ms_());
-  return audit::result(result.arrival, config_.devices.at(result.device).name, text, result.frames,
-                       utc_ms_());
-}
-
-void Publisher::take_result(CommandResult result) {
-  ++commands_[result.status];
-  PendingResult pending;
-  fault_point("result_taken");
-  pending.journaled = note_result(result);
-  fault_point("result_recorded");
-  const std::string& device = config_.devices.at(result.device).name;
-  pending.copies.push_back({.topic = device_topic(result.device) + "/result"});
-  if (!result.response_topic.empty()) {
-    const std::string fault =
-        response_topic_fault(result.response_topic, config_.root, base_, device);
-    if (fault.empty())
-      pending.copies.push_back({.topic = result.response_topic, .to_response_topic = true});
-    else
-      log::warn("response_topic_ignored",
-                {{"topic", result.response_topic}, {"id", result.id}, {"reason", fault}});
-  }
-  pending.result = std::move(result);
-  results_.emplace(next_result_++, std::move(pending));
-  // Only a broker that refuses results for hours brings us here: without a broker no command comes.
-  if (results_.size() > kMaxPendingResults) {
-    log::error("result_dropped", {{"id", results_.begin()->second.result.id}});
-    results_.erase(results_.begin());
   }
 }
 
@@ -634,25 +340,6 @@ void Publisher::pump(SteadyTime now) {
   if (phase_ == Phase::running || store_ == nullptr) pump_history(now);
 }
 
-void Publisher::pump_results(SteadyTime now) {
-  for (auto& [key, pending] : results_) {
-    for (std::size_t i = 0; i < pending.copies.size(); ++i) {
-      PendingResult::Copy& copy = pending.copies[i];
-      if (copy.in_flight || copy.done || copy.due.not_before > now) continue;
-      if (!has_room()) return;
-      if (pending.payload.empty())
-        pending.payload = json::result(pending.result, now - pending.result.received);
-      copy.in_flight = true;
-      Publication publication;
-      publication.topic = copy.topic;
-      publication.payload = pending.payload;
-      if (copy.to_response_topic) publication.correlation = pending.result.correlation;
-      send(ResultFlight{key, i}, std::move(publication));
-      fault_point("result_published");
-    }
-  }
-}
-
 void Publisher::pump_notices(SteadyTime now) {
   for (auto next = due_.begin(); next != due_.end() && has_room();) {
     const auto current = next++;
@@ -686,94 +373,6 @@ void Publisher::pump_notices(SteadyTime now) {
   }
 }
 
-/// Samples that found no room for a second wait as history. Those that would follow within
-/// kCommitWithin go with them: a commit costs the same for all.
-void Publisher::spill(SteadyTime now) {
-  if (live_.empty() || live_.front().since + kLiveFor > now) return;
-  while (!live_.empty() && live_.front().since + kLiveFor - kCommitWithin <= now) {
-    put_away(std::move(live_.front()));
-    live_.pop_front();
-  }
-}
-
-/// Samples that have been in flight for a second are on disk from then on, and stay in flight;
-/// together, as in spill().
-void Publisher::hold_on_disk(SteadyTime now) {
-  if (store_ == nullptr || !store_->is_writable()) return;
-  std::vector<SampleRow> rows;
-  std::vector<LiveRow*> held;
-  bool is_time = false;
-  for (auto& [id, flight] : flights_) {
-    auto* live = std::get_if<LiveFlight>(&flight);
-    if (live == nullptr || live->live.stored) continue;
-    if (live->live.since + kLiveFor - kCommitWithin > now) continue;
-    is_time = is_time || live->live.since + kLiveFor <= now;
-    rows.push_back(live->live.row);
-    held.push_back(&live->live);
-  }
-  if (!is_time || !store_->append(rows, Store::Hold::yes)) return;
-  for (std::size_t i = 0; i < held.size(); ++i) {
-    held[i]->row.order = rows[i].order;
-    held[i]->stored = true;
-    --in_flight_samples_;
-  }
-  count_dropped();
-}
-
-void Publisher::pump_live(SteadyTime now) {
-  while (!live_.empty() && flights_.size() < sample_window()) {
-    LiveRow live = std::move(live_.front());
-    live_.pop_front();
-    if (!may_send(live.row.device, now)) {
-      put_away(std::move(live));
-      continue;
-    }
-    Publication publication;
-    publication.topic = data_topic({live.row.device, live.row.group});
-    publication.payload = live.row.json;
-    publication.qos = config_.mqtt.qos;
-    if (!live.stored) ++in_flight_samples_;
-    ++published_;
-    send(LiveFlight{std::move(live)}, std::move(publication));
-  }
-}
-
-void Publisher::pump_history(SteadyTime now) {
-  // One at a time: a broker that works on several of 64 KiB lets live samples wait for
-  // milliseconds.
-  if (phase_ == Phase::running && now < history_rests_until_) return;
-  while (live_.empty() && history_flights_ == 0 && flights_.size() < sample_window()) {
-    auto history = next_history(now);
-    if (!history) return;
-    Publication publication;
-    publication.topic = data_topic({history->batch.device, history->batch.group}) + "/history";
-    publication.payload = history->batch.payload;
-    publication.qos = config_.mqtt.qos;
-    ++history_flights_;
-    published_ += history->batch.orders.size();
-    send(std::move(*history), std::move(publication));
-  }
-}
-
-/// Rows in memory are younger than those of the same lane on disk, and wait for them.
-std::optional<Publisher::HistoryFlight> Publisher::next_history(SteadyTime now) {
-  const auto from_disk = [&](const LaneKey& lane) {
-    return may_send(lane.first, now) && !backlog_.is_on_the_way(lane);
-  };
-  const auto from_memory = [&](const LaneKey& lane) {
-    return may_send(lane.first, now) &&
-           (store_ == nullptr || !(store_->has_waiting(lane) || store_->is_on_the_way(lane)));
-  };
-  if (store_ != nullptr) {
-    auto batch = store_->next(history_bytes_, from_disk);
-    count_dropped();
-    if (batch) return HistoryFlight{std::move(*batch), true, now};
-  }
-  auto batch = backlog_.next(history_bytes_, from_memory);
-  if (batch) return HistoryFlight{std::move(*batch), false, now};
-  return std::nullopt;
-}
-
 void Publisher::send(Flight flight, Publication publication) {
   publication.id = next_id_++;
   flights_.emplace(publication.id, std::move(flight));
@@ -786,99 +385,6 @@ void Publisher::send(Flight flight, Publication publication) {
     unsendable_.push_back({publication.id, kPacketTooLarge, "larger than the broker takes"});
   else
     broker_.publish(std::move(publication));
-}
-
-std::size_t Publisher::sample_window() const {
-  // Two places stay free, so that a result or a state never waits behind samples.
-  return window_ > 4 ? window_ - 2 : window_;
-}
-
-bool Publisher::may_send(const std::string& device, SteadyTime now) const {
-  const auto found = pauses_.find(device);
-  return found == pauses_.end() || found->second.until <= now;
-}
-
-void Publisher::pause(const std::string& device, int reason_code, SteadyTime now) {
-  DevicePause& pause = pauses_[device];
-  pause.reason_code = reason_code;
-  if (pause.until > now) return;  // one refusal among several that were on their way
-  pause.until = now + back_off(pause.failures++);
-  log::warn(
-      "samples_refused",
-      {{"device", device},
-       {"code", hex_code(reason_code)},
-       {"again_in_s", std::to_string(std::chrono::ceil<seconds>(pause.until - now).count())}});
-}
-
-void Publisher::put_away_live() {
-  for (LiveRow& live : live_) put_away(std::move(live));
-  live_.clear();
-}
-
-void Publisher::put_away(LiveRow live) {
-  if (live.stored)
-    store_->release(live.row.order);
-  else
-    put_away(std::move(live.row));
-  commit_at_ = std::min(commit_at_, live.since + kLiveFor);
-}
-
-void Publisher::put_away(SampleRow row) { put_away_.push_back(std::move(row)); }
-
-void Publisher::commit_put_away(SteadyTime now) {
-  if (put_away_.empty()) {
-    commit_at_ = now + kCommitWithin;
-    return;
-  }
-  const bool can_wait = store_ != nullptr && store_->is_writable() && phase_ == Phase::running;
-  if (!can_wait || now >= commit_at_) write_put_away();
-}
-
-void Publisher::write_put_away() {
-  auto rows = std::exchange(put_away_, {});
-  // While older rows are in memory, these wait behind them.
-  const bool on_disk =
-      store_ != nullptr && backlog_.rows() == 0 && store_->append(rows, Store::Hold::no);
-  if (!on_disk)
-    for (SampleRow& row : rows) backlog_.append(std::move(row));
-  count_dropped();
-}
-
-void Publisher::move_memory_to_disk() {
-  if (store_ == nullptr || !store_->is_writable() || backlog_.rows() == 0) return;
-  auto rows = backlog_.take_waiting();
-  if (rows.empty()) return;
-  if (!store_->append(rows, Store::Hold::no))
-    for (SampleRow& row : rows) backlog_.append(std::move(row));
-  count_dropped();
-}
-
-void Publisher::count_dropped() {
-  for (const auto& [device, count] : backlog_.take_dropped()) drop(device, count);
-  if (store_ == nullptr) return;
-  for (const auto& [device, count] : store_->take_dropped()) drop(device, count);
-}
-
-void Publisher::drop(const std::string& device, std::uint64_t count) {
-  dropped_[device] += count;
-  dropped_total_ += count;
-}
-
-void Publisher::result_copy_done(std::uint64_t result, std::size_t copy, Ended how) {
-  const auto found = results_.find(result);
-  if (found == results_.end()) return;
-  auto& copies = found->second.copies;
-  copies[copy].done = true;
-  copies[copy].acknowledged = how == Ended::acknowledged;
-  if (!std::all_of(copies.begin(), copies.end(), [](const auto& each) { return each.done; }))
-    return;
-  const CommandResult& told = found->second.result;
-  const std::string& device = config_.devices.at(told.device).name;
-  if (store_ != nullptr && told.arrival != 0)
-    store_->note(
-        audit::told(told.arrival, device, told.id, copies.front().acknowledged, utc_ms_()));
-  if (found->second.journaled) store_->told(device, told.id);
-  results_.erase(found);
 }
 
 /// 1 s after the first failure, twice as much after each further one, at most 30 s; and up to a

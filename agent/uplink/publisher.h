@@ -10,6 +10,7 @@
 // Order of precedence: results, then states, then live samples, then the backlog beside them.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <deque>
 #include <functional>
@@ -76,6 +77,11 @@ class Publisher final {
   json::Samples samples() const;
 
  private:
+  /// A sample that waited longer is on disk, or else is history.
+  static constexpr std::chrono::seconds kLiveFor{1};
+  /// Rows for the disk are gathered so long.
+  static constexpr std::chrono::milliseconds kCommitWithin{200};
+
   enum class Link : std::uint8_t { waiting, connecting, connected };
   enum class Phase : std::uint8_t { running, draining, farewell, closing, finished };
 

@@ -1,0 +1,30 @@
+// Reason codes of a PUBACK: MQTT 5, section 3.4.2.1.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "protocol/bytes.h"
+
+namespace fxagent {
+
+/// Those that no repeat can cure.
+inline constexpr int kTopicNameInvalid = 0x90;
+inline constexpr int kPacketTooLarge = 0x95;
+inline constexpr int kPayloadFormatInvalid = 0x99;
+
+/// Whether the message would be refused again, whenever it came.
+inline bool is_final(int reason_code) {
+  return reason_code == kTopicNameInvalid || reason_code == kPacketTooLarge ||
+         reason_code == kPayloadFormatInvalid;
+}
+
+/// As the standard writes it; "none" where the failure has no code, as on 3.1.1.
+inline std::string hex_code(int reason_code) {
+  if (reason_code == 0) return "none";
+  Bytes digits;
+  append_hex(digits, static_cast<std::uint32_t>(reason_code), 2);
+  return "0x" + std::string(digits.begin(), digits.end());
+}
+
+}  // namespace fxagent

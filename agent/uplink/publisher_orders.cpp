@@ -1,0 +1,214 @@
+// Commands and their results: what of them is noted before what, and until when a result is told.
+#include <algorithm>
+#include <utility>
+
+#include "agent/fault_point.h"
+#include "agent/log.h"
+#include "agent/uplink/puback.h"
+#include "agent/uplink/publisher.h"
+#include "agent/uplink/topics.h"
+
+namespace fxagent {
+namespace {
+
+constexpr std::size_t kMaxPendingResults = 10000;
+constexpr std::size_t kPayloadKept = 65536;  // no command is longer
+
+}  // namespace
+
+void Publisher::take_command(const Message& event, std::uint32_t device) {
+  // An empty retained payload only clears the topic. On 3.1.1 its flag does not reach us.
+  if (event.payload.empty() && (event.retained || config_.mqtt.version != 5)) return;
+  Command command = json::command(event.payload);
+  command.device = device;
+  command.retained = event.retained;
+  command.received = event.received;
+  command.received_ms = event.received_ms;
+  command.message_expiry = event.message_expiry;
+  command.response_topic = event.response_topic;
+  command.correlation = event.correlation;
+  if (store_ != nullptr) command.arrival = note_arrival(event, command);
+  fault_point("command_received");
+  if (phase_ == Phase::running) return submit_(std::move(command));
+
+  // The field answers no more.
+  CommandResult result;
+  result.device = device;
+  result.arrival = command.arrival;
+  result.id = std::move(command.id);
+  result.reason = Reason::shutting_down;
+  result.op = std::move(command.op_text);
+  result.received = command.received;
+  result.received_ms = command.received_ms;
+  result.response_topic = std::move(command.response_topic);
+  result.correlation = std::move(command.correlation);
+  const auto known = store_ == nullptr || result.id.empty()
+                         ? std::nullopt
+                         : store_->find(config_.devices[device].name, result.id);
+  if (known) {
+    result.status = CommandStatus::duplicate;
+    result.reason = Reason::duplicate_id;
+    if (!known->result.empty())
+      result.first = std::make_shared<const CommandResult>(json::recorded_result(known->result));
+  }
+  take_result(std::move(result));
+}
+
+/// For the audit, and for the journal where the command is admitted.
+std::uint64_t Publisher::note_arrival(const Message& event, const Command& command) {
+  audit::Arrival arrival;
+  arrival.number = store_->next_arrival();
+  arrival.device = config_.devices.at(command.device).name;
+  arrival.topic = event.topic;
+  arrival.payload = event.payload.substr(0, kPayloadKept);
+  arrival.payload_bytes = event.payload.size();
+  arrival.by = command.by;
+  arrival.retained = command.retained;
+  arrival.received_ms = command.received_ms;
+  return arrivals_.emplace(arrival.number, std::move(arrival)).first->first;
+}
+
+void Publisher::delivered(const ResultFlight& flight, SteadyTime) {
+  fault_point("result_acknowledged");
+  result_copy_done(flight.result, flight.copy, Ended::acknowledged);
+}
+
+void Publisher::failed(const ResultFlight& flight, const DeliveryFailed& event, SteadyTime now) {
+  const auto found = results_.find(flight.result);
+  if (found == results_.end()) return;
+  PendingResult::Copy& copy = found->second.copies[flight.copy];
+  log::warn("publish_refused", {{"what", "result"},
+                                {"topic", copy.topic},
+                                {"id", found->second.result.id},
+                                {"code", hex_code(event.reason_code)},
+                                {"reason", event.text}});
+  // A response topic is the sender's choice: where the broker refuses it, that is that.
+  if (is_final(event.reason_code) || (copy.to_response_topic && event.reason_code != 0))
+    return result_copy_done(flight.result, flight.copy, Ended::refused);
+  copy.in_flight = false;
+  copy.due = Due{now + back_off(copy.due.failures), copy.due.failures + 1};
+}
+
+void Publisher::take_orders(std::vector<OrderNote> orders) {
+  if (orders.empty()) return;
+  std::vector<JournalEntry> entries;
+  for (OrderNote& order : orders) {
+    JournalEntry entry;
+    entry.device = config_.devices.at(order.device).name;
+    entry.id = order.id;
+    entry.received_ms = order.received_ms;
+    entry.deadline_ms = order.deadline_ms;
+    entry.op = std::move(order.op);
+    entry.response_topic = std::move(order.response_topic);
+    entry.correlation = std::move(order.correlation);
+    entry.arrival = order.arrival;
+    if (auto arrival = arrivals_.extract(order.arrival)) {
+      entry.audit = audit::ordered(arrival.mapped(), entry.id, entry.op, utc_ms_());
+      entry.payload = std::move(arrival.mapped().payload);
+    }
+    entries.push_back(std::move(entry));
+  }
+  fault_point("order_admitted");
+  // A disk that refuses does not stop the plant: its state says what is missing.
+  if (store_ != nullptr) store_->journal(entries);
+  fault_point("order_journaled");
+  for (OrderNote& order : orders) go_ahead_(order.device, std::move(order.id));
+}
+
+/// Whether the journal knows the id, and with it the result, from now on.
+bool Publisher::note_result(const CommandResult& result) {
+  if (store_ == nullptr) return false;
+  const bool remembered = !result.id.empty() && !result.dry_run && result.id_kept &&
+                          result.status != CommandStatus::duplicate;
+  if (!result.recorded.empty()) return remembered;
+  JournalEntry entry;
+  entry.result = json::result(result, std::nullopt);
+  entry.audit = audit_of(result, entry.result);
+  if (!remembered) {
+    store_->note(std::move(entry.audit));
+    return false;
+  }
+  entry.device = config_.devices.at(result.device).name;
+  entry.id = result.id;
+  entry.received_ms = result.received_ms;
+  entry.deadline_ms = result.received_ms;  // of an order it is there already
+  entry.op = result.op;
+  entry.response_topic = result.response_topic;
+  entry.correlation = result.correlation;
+  entry.arrival = result.arrival;
+  store_->record(std::move(entry));
+  return true;
+}
+
+/// `text`: the result as JSON.
+std::string Publisher::audit_of(const CommandResult& result, const std::string& text) {
+  if (result.arrival == 0) return {};
+  if (const auto arrival = arrivals_.extract(result.arrival))
+    return audit::answered(arrival.mapped(), text, utc_ms_());
+  return audit::result(result.arrival, config_.devices.at(result.device).name, text, result.frames,
+                       utc_ms_());
+}
+
+void Publisher::take_result(CommandResult result) {
+  ++commands_[result.status];
+  PendingResult pending;
+  fault_point("result_taken");
+  pending.journaled = note_result(result);
+  fault_point("result_recorded");
+  const std::string& device = config_.devices.at(result.device).name;
+  pending.copies.push_back({.topic = device_topic(result.device) + "/result"});
+  if (!result.response_topic.empty()) {
+    const std::string fault =
+        response_topic_fault(result.response_topic, config_.root, base_, device);
+    if (fault.empty())
+      pending.copies.push_back({.topic = result.response_topic, .to_response_topic = true});
+    else
+      log::warn("response_topic_ignored",
+                {{"topic", result.response_topic}, {"id", result.id}, {"reason", fault}});
+  }
+  pending.result = std::move(result);
+  results_.emplace(next_result_++, std::move(pending));
+  // Only a broker that refuses results for hours brings us here: without a broker no command comes.
+  if (results_.size() > kMaxPendingResults) {
+    log::error("result_dropped", {{"id", results_.begin()->second.result.id}});
+    results_.erase(results_.begin());
+  }
+}
+
+void Publisher::pump_results(SteadyTime now) {
+  for (auto& [key, pending] : results_) {
+    for (std::size_t i = 0; i < pending.copies.size(); ++i) {
+      PendingResult::Copy& copy = pending.copies[i];
+      if (copy.in_flight || copy.done || copy.due.not_before > now) continue;
+      if (!has_room()) return;
+      if (pending.payload.empty())
+        pending.payload = json::result(pending.result, now - pending.result.received);
+      copy.in_flight = true;
+      Publication publication;
+      publication.topic = copy.topic;
+      publication.payload = pending.payload;
+      if (copy.to_response_topic) publication.correlation = pending.result.correlation;
+      send(ResultFlight{key, i}, std::move(publication));
+      fault_point("result_published");
+    }
+  }
+}
+
+void Publisher::result_copy_done(std::uint64_t result, std::size_t copy, Ended how) {
+  const auto found = results_.find(result);
+  if (found == results_.end()) return;
+  auto& copies = found->second.copies;
+  copies[copy].done = true;
+  copies[copy].acknowledged = how == Ended::acknowledged;
+  if (!std::all_of(copies.begin(), copies.end(), [](const auto& each) { return each.done; }))
+    return;
+  const CommandResult& told = found->second.result;
+  const std::string& device = config_.devices.at(told.device).name;
+  if (store_ != nullptr && told.arrival != 0)
+    store_->note(
+        audit::told(told.arrival, device, told.id, copies.front().acknowledged, utc_ms_()));
+  if (found->second.journaled) store_->told(device, told.id);
+  results_.erase(found);
+}
+
+}  // namespace fxagent
