@@ -1,0 +1,488 @@
+// Commands and results in the publisher: the journal, the audit, and until when a result is told.
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "agent/uplink/audit_report.h"
+#include "agent/uplink/recall.h"
+#include "tests/agent/uplink/publisher_bench.h"
+
+namespace fxagent {
+namespace {
+
+using nlohmann::json;
+using test::kBase;
+using test::kStart;
+using Bench = test::PublisherBench;
+using namespace std::chrono_literals;
+
+OrderNote note(std::string id, std::string op = "write") {
+  OrderNote made;
+  made.id = std::move(id);
+  made.op = std::move(op);
+  made.received_ms = 1790000000000;
+  made.deadline_ms = made.received_ms + 10000;
+  made.response_topic = "hmi/replies";
+  made.correlation = {1, 2};
+  return made;
+}
+
+TEST(PublisherStore, GoAheadComesWhenTheOrderIsInTheJournal) {
+  const test::Scratch scratch;
+  Bench bench(scratch.path("store"));
+  bench.online();
+  bench.outbox.push(note("a"));
+  bench.outbox.push(note("b"));
+  bench.step();
+  EXPECT_EQ(bench.go_aheads, (std::vector<std::string>{"0a", "0b"}));
+  const auto known = bench.store->remembered();
+  ASSERT_EQ(known.size(), 2U);
+  EXPECT_EQ(known[0].device, "press1");
+  EXPECT_EQ(known[0].result, "");
+}
+
+TEST(PublisherStore, GoAheadComesAtOnceWhereTheDiskRefuses) {
+  const test::Scratch scratch;
+  std::ofstream(scratch.path("store")) << "a file in its place";
+  Bench bench(scratch.path("store"));
+  bench.outbox.push(note("a"));
+  bench.step();
+  EXPECT_EQ(bench.go_aheads, std::vector<std::string>{"0a"});
+}
+
+TEST(PublisherStore, KnownIdDuringTheEndIsADuplicate) {
+  const test::Scratch scratch;
+  Bench bench(scratch.path("store"));
+  bench.online();
+  CommandResult done = test::succeeded("done");
+  done.received_ms = 1790000000400;
+  bench.outbox.push(note("done"));
+  bench.outbox.push(std::move(done));
+  bench.settle();
+  bench.broker.log.clear();
+  bench.broker.acknowledges = false;
+  bench.made().stop(bench.now);
+  bench.outbox.push(test::sample(1));
+  bench.step();
+  bench.command(R"({"id":"done","op":"run"})");
+  const auto results = bench.broker.on(kBase + "/press1/result");
+  ASSERT_EQ(results.size(), 1U);
+  const json told = json::parse(results[0]);
+  EXPECT_EQ(told["status"], "DUPLICATE");
+  EXPECT_EQ(told["first"]["status"], "SUCCEEDED");
+  EXPECT_NE(bench.store->find("press1", "done")->result.find("SUCCEEDED"), std::string::npos);
+}
+
+TEST(PublisherStore, StoreThatOpensLateTellsTheFieldWhatItKnows) {
+  const test::Scratch scratch;
+  const std::string path = scratch.path("store");
+  {
+    Bench before(path);
+    before.online();
+    before.broker.acknowledges = false;
+    before.outbox.push(note("done"));
+    before.outbox.push(test::succeeded("done"));
+    before.outbox.push(note("left"));
+    before.step();
+  }
+  std::filesystem::rename(path, path + "-away");  // as a disk that is mounted late
+  std::ofstream(path) << "a file in its place";
+  Bench bench(path);
+  bench.online();
+  EXPECT_TRUE(bench.found_late.empty());
+  std::filesystem::remove(path);
+  std::filesystem::rename(path + "-away", path);
+  bench.outbox.push(note("own"));
+  bench.step();
+  bench.advance(11s);
+  bench.advance(11s);
+  ASSERT_EQ(bench.found_late.size(), 1U);
+  std::set<std::string> ids;
+  for (const RememberedResult& known : bench.found_late[0].results) ids.insert(known.result.id);
+  EXPECT_EQ(ids, (std::set<std::string>{"done", "left"}));
+  // What nobody was told yet is told, and the order of this run is not among them.
+  EXPECT_EQ(bench.broker.on(kBase + "/press1/result").size(), 2U);
+  ASSERT_TRUE(bench.store->find("press1", "own"));
+  EXPECT_EQ(bench.store->find("press1", "own")->result, "");
+}
+
+TEST(PublisherStore, RestartKnowsTheResultsAndSaysWhatNobodyWasTold) {
+  const test::Scratch scratch;
+  std::string first;
+  {
+    Bench bench(scratch.path("store"));
+    bench.online();
+    for (const char* id : {"told", "untold", "left"}) bench.outbox.push(note(id));
+    bench.outbox.push(note("read", "read"));
+    bench.outbox.push(test::succeeded("told"));
+    CommandResult rejected = test::succeeded("rejected");
+    rejected.status = CommandStatus::rejected;
+    rejected.reason = Reason::out_of_range;
+    bench.outbox.push(rejected);
+    CommandResult dry = test::succeeded("dry");
+    dry.dry_run = true;
+    bench.outbox.push(dry);
+    CommandResult unkept = test::succeeded("unkept");
+    unkept.id_kept = false;
+    bench.outbox.push(unkept);
+    CommandResult again = test::succeeded("left");
+    again.status = CommandStatus::duplicate;
+    bench.outbox.push(again);
+    bench.settle();
+    bench.broker.acknowledges = false;
+    bench.outbox.push(test::succeeded("untold"));
+    bench.advance(1s);
+    first = bench.broker.on(kBase + "/press1/result").at(0);
+  }  // no goodbye
+  Config config = test::plant();
+  config.store.path = scratch.path("store");
+  Store store(config.store, 1790000001000);
+  const Recall known = recall(config, &store, 1790000001000, kStart);
+  std::map<std::string, CommandResult> results;
+  for (const RememberedResult& each : known.field.results) results[each.result.id] = each.result;
+  EXPECT_EQ(results.size(), 5U);
+  EXPECT_EQ(results.count("dry") + results.count("unkept"), 0U);
+  EXPECT_EQ(results["told"].plc, PlcAnswer::ack);
+  EXPECT_EQ(results["told"].status, CommandStatus::succeeded);
+  json then = json::parse(first);
+  json now = json::parse(results["told"].recorded);
+  then["t"].erase("total_ms");
+  now["t"].erase("total_ms");
+  EXPECT_EQ(now, then);
+  std::map<std::string, std::string> untold;
+  for (const CommandResult& each : known.untold) {
+    untold[each.id] = to_string(each.status);
+    EXPECT_EQ(each.response_topic, "hmi/replies");
+    EXPECT_EQ(each.correlation, (Bytes{1, 2}));
+  }
+  EXPECT_EQ(untold, (std::map<std::string, std::string>{
+                        {"untold", "SUCCEEDED"}, {"left", "UNKNOWN_OUTCOME"}, {"read", "FAILED"}}));
+  // A second start tells the same, as long as nobody has heard it.
+  EXPECT_EQ(recall(config, &store, 1790000001000, kStart).untold.size(), 3U);
+}
+
+TEST(PublisherStore, ResultOfAnEarlierRunIsPublishedAsItWas) {
+  const test::Scratch scratch;
+  {
+    Bench bench(scratch.path("store"));
+    bench.settle();
+    bench.outbox.push(note("left"));
+    bench.step();
+  }
+  Bench bench(scratch.path("store"));
+  bench.made();
+  for (const CommandResult& each :
+       recall(bench.config, bench.store.get(), bench.utc(), bench.now).untold)
+    bench.outbox.push(each);
+  bench.settle();
+  const auto results = bench.broker.on(kBase + "/press1/result");
+  ASSERT_EQ(results.size(), 1U);
+  EXPECT_EQ(json::parse(results[0])["id"], "left");
+  EXPECT_EQ(json::parse(results[0])["status"], "UNKNOWN_OUTCOME");
+  EXPECT_EQ(bench.broker.on("hmi/replies"), results);
+  bench.advance(1s);
+  EXPECT_TRUE(recall(bench.config, bench.store.get(), bench.utc(), bench.now).untold.empty());
+  CommandResult again;
+  again.id = "left";
+  again.status = CommandStatus::duplicate;
+  again.first = std::make_shared<const CommandResult>(
+      recall(bench.config, bench.store.get(), bench.utc(), bench.now).field.results.at(0).result);
+  bench.outbox.push(again);
+  bench.settle();
+  EXPECT_EQ(json::parse(bench.broker.on(kBase + "/press1/result").back())["first"],
+            json::parse(results[0]));
+}
+
+/// What the audit of the store in this directory says, a line for each command; it is whole.
+std::vector<json> audit_lines(const std::string& directory) {
+  sqlite::Database database(store_file_path(directory), sqlite::Database::Access::read_only);
+  audit::Report report;
+  audit::Verifier verifier;
+  audit::Head head;
+  EXPECT_TRUE(AuditTrail::read(
+      database,
+      [&](const audit::Record& record) {
+        report.add(record);
+        verifier.add(record);
+      },
+      head));
+  EXPECT_TRUE(verifier.finish(head).empty());
+  std::vector<json> lines;
+  for (const audit::Line& line : report.take()) lines.push_back(json::parse(line.json));
+  return lines;
+}
+
+TEST(PublisherAudit, OrderIsWrittenDownBeforeItsGoAheadAndThenItsFramesAndItsAcknowledgement) {
+  const test::Scratch scratch;
+  Bench bench(scratch.path("store"));
+  bench.online();
+  bench.command(R"({"id":"a","op":"write","tag":"setpoint","value":50,"by":"anna"})");
+  ASSERT_EQ(bench.commands.size(), 1U);
+  OrderNote order = note("a");
+  order.arrival = bench.commands[0].arrival;
+  bench.outbox.push(order);
+  bench.step();
+  ASSERT_EQ(bench.go_aheads.size(), 1U);
+  auto lines = audit_lines(scratch.path("store"));
+  ASSERT_EQ(lines.size(), 1U);
+  EXPECT_EQ(lines[0]["id"], "a");
+  EXPECT_EQ(lines[0]["by"], "anna");
+  EXPECT_EQ(lines[0]["topic"], kBase + "/press1/command");
+  EXPECT_EQ(lines[0]["received"], 1790000000500);
+  EXPECT_EQ(lines[0]["status"], nullptr);
+
+  CommandResult result = test::succeeded("a");
+  result.arrival = order.arrival;
+  result.frames.add(WireFrame::Way::out, Bytes{5});
+  result.frames.add(WireFrame::Way::in, Bytes{6});
+  bench.broker.acknowledges = false;
+  bench.outbox.push(result);
+  bench.step();
+  lines = audit_lines(scratch.path("store"));
+  EXPECT_EQ(lines.at(0)["status"], "SUCCEEDED");
+  EXPECT_EQ(lines[0]["plc"], "ACK");
+  EXPECT_EQ(lines[0]["frames"], json::parse(R"([{"out":"05"},{"in":"06"}])"));
+  EXPECT_EQ(lines[0]["acknowledged"], nullptr);
+
+  bench.broker.acknowledge_all();
+  bench.step();
+  bench.advance(200ms);
+  lines = audit_lines(scratch.path("store"));
+  EXPECT_EQ(lines.at(0)["acknowledged"], bench.utc() - 200);
+  EXPECT_EQ(lines[0]["records"], json::parse("[1,2,3]"));
+}
+
+TEST(PublisherAudit, EveryCommandThatNeverBecameAnOrderHasItsLineToo) {
+  const test::Scratch scratch;
+  Bench bench(scratch.path("store"));
+  bench.online();
+  const std::string payloads[] = {R"({"id":"a","op":"write"})", R"({"id":"a","op":"write"})",
+                                  "{\xFF no json", std::string(70000, 'x')};
+  for (const std::string& payload : payloads) {
+    bench.command(payload);
+    CommandResult result;
+    result.arrival = bench.commands.back().arrival;
+    result.id = bench.commands.back().id;
+    result.reason = Reason::bad_json;
+    if (bench.commands.size() == 2) {
+      result.status = CommandStatus::duplicate;
+      result.reason = Reason::duplicate_id;
+      result.first = std::make_shared<const CommandResult>(test::succeeded("a"));
+    }
+    bench.outbox.push(std::move(result));
+    bench.step();
+  }
+  bench.advance(1s);
+  const auto lines = audit_lines(scratch.path("store"));
+  ASSERT_EQ(lines.size(), 4U);
+  EXPECT_EQ(lines[0]["status"], "REJECTED");
+  EXPECT_EQ(lines[1]["status"], "DUPLICATE");
+  EXPECT_FALSE(lines[1].contains("first"));
+  EXPECT_EQ(lines[2]["payload"], "{\\xff no json");
+  EXPECT_EQ(lines[2]["id"], nullptr);
+  EXPECT_EQ(lines[3]["payload_bytes"], 70000);
+  EXPECT_EQ(lines[3]["payload"].get<std::string>().size(), audit::kPayloadKept);
+  for (const json& line : lines) EXPECT_NE(line["acknowledged"], nullptr);
+}
+
+TEST(PublisherAudit, ResultThatTheBrokerRefusesForGoodIsNotAcknowledged) {
+  const test::Scratch scratch;
+  Bench bench(scratch.path("store"));
+  bench.online();
+  bench.command("{}");
+  bench.broker.acknowledges = false;
+  CommandResult result;
+  result.arrival = bench.commands.at(0).arrival;
+  bench.outbox.push(result);
+  bench.settle();
+  bench.broker.refuse_next(0x90);
+  bench.settle();
+  bench.advance(200ms);
+  const auto lines = audit_lines(scratch.path("store"));
+  EXPECT_EQ(lines.at(0)["acknowledged"], nullptr);
+  EXPECT_EQ(lines[0]["refused_by_broker"], true);
+}
+
+TEST(PublisherAudit, OrderThatACrashLeftBehindGetsItsOutcomeAndItsAcknowledgement) {
+  const test::Scratch scratch;
+  {
+    Bench bench(scratch.path("store"));
+    bench.online();
+    bench.command(R"({"id":"left","op":"write","tag":"setpoint","value":50})");
+    OrderNote order = note("left");
+    order.arrival = bench.commands.at(0).arrival;
+    bench.outbox.push(order);
+    bench.step();
+  }  // no goodbye
+  Bench again(scratch.path("store"));
+  again.made();
+  Recall known = recall(again.config, again.store.get(), again.utc(), again.now);
+  // A write: the field reads what it was to write, and says.
+  EXPECT_TRUE(known.untold.empty());
+  ASSERT_EQ(known.field.left_behind.size(), 1U);
+  const Command& command = known.field.left_behind[0];
+  EXPECT_EQ(command.id, "left");
+  EXPECT_EQ(command.targets.at(0).value, Value(std::int64_t{50}));
+  EXPECT_EQ(command.received_ms, 1790000000000);
+  EXPECT_EQ(command.response_topic, "hmi/replies");
+  CommandResult result = test::succeeded("left");
+  result.status = CommandStatus::unknown_outcome;
+  result.arrival = command.arrival;
+  again.outbox.push(result);
+  again.settle();
+  again.advance(1s);
+  const auto lines = audit_lines(scratch.path("store"));
+  ASSERT_EQ(lines.size(), 1U);
+  EXPECT_EQ(lines[0]["status"], "UNKNOWN_OUTCOME");
+  EXPECT_EQ(lines[0]["records"], json::parse("[1,2,3]"));
+  EXPECT_NE(lines[0]["acknowledged"], nullptr);
+  again.store->close();
+  Store store(again.config.store, again.utc());
+  const Recall later = recall(again.config, &store, again.utc(), again.now);
+  EXPECT_TRUE(later.field.left_behind.empty());
+  EXPECT_EQ(later.field.results.at(0).result.status, CommandStatus::unknown_outcome);
+}
+
+TEST(PublisherAudit, HealthPublishesTheHeadOfTheChain) {
+  const test::Scratch scratch;
+  Bench bench(scratch.path("store"));
+  bench.online();
+  bench.command("{}");
+  CommandResult result;
+  result.arrival = bench.commands.at(0).arrival;
+  bench.outbox.push(result);
+  bench.settle();
+  bench.advance(60s);
+  const json health = json::parse(bench.broker.on(kBase + "/health").back());
+  EXPECT_EQ(health["audit"]["records"], 2);
+  EXPECT_EQ(health["audit"]["head"], audit::to_text(bench.store->audit_head().hash));
+  Bench without;
+  without.settle();
+  EXPECT_EQ(json::parse(without.broker.on(kBase + "/health").at(0))["audit"], nullptr);
+}
+
+TEST(Publisher, ResultComesOnceAndAgainUntilItIsAcknowledged) {
+  Bench bench;
+  bench.online();
+  bench.outbox.push(test::succeeded("a"));
+  bench.settle();
+  bench.advance(2h);
+  EXPECT_EQ(bench.broker.on(kBase + "/press1/result").size(), 1U);
+
+  bench.broker.acknowledges = false;
+  bench.outbox.push(test::succeeded("b"));
+  bench.settle();
+  bench.broker.lose();
+  bench.settle();
+  bench.broker.acknowledges = true;
+  bench.broker.log.clear();
+  bench.advance(2s);
+  const auto results = bench.broker.on(kBase + "/press1/result");
+  ASSERT_EQ(results.size(), 1U);
+  EXPECT_EQ(json::parse(results[0])["id"], "b");
+  EXPECT_EQ(bench.broker.log.at(0).topic, kBase + "/press1/result");  // before the states
+  EXPECT_EQ(bench.broker.log.at(0).retain, Retain::no);
+}
+
+TEST(Publisher, TotalEndsWhenTheResultIsFirstHandedOver) {
+  Bench bench;
+  bench.online();
+  CommandResult result = test::succeeded("a");
+  result.received = bench.now;
+  bench.broker.lose();
+  bench.settle();
+  bench.outbox.push(result);
+  bench.now += 700ms;
+  bench.step();
+  bench.advance(1300ms);
+  const auto results = bench.broker.on(kBase + "/press1/result");
+  ASSERT_EQ(results.size(), 1U);
+  EXPECT_EQ(json::parse(results[0])["t"]["total_ms"], 2000);
+}
+
+TEST(Publisher, ResultGoesToTheResponseTopicTooWithItsCorrelation) {
+  Bench bench;
+  bench.online();
+  CommandResult result = test::succeeded("a");
+  result.response_topic = "hmi/replies";
+  result.correlation = {1, 2, 3};
+  bench.outbox.push(result);
+  result.response_topic = kBase + "/press2/state";  // would forge a state
+  bench.outbox.push(result);
+  bench.settle();
+  ASSERT_EQ(bench.broker.taken.size(), 3U);
+  EXPECT_EQ(bench.broker.taken[0].topic, kBase + "/press1/result");
+  EXPECT_EQ(bench.broker.taken[1].topic, "hmi/replies");
+  EXPECT_EQ(bench.broker.taken[1].correlation, (Bytes{1, 2, 3}));
+  EXPECT_EQ(bench.broker.taken[1].payload, bench.broker.taken[0].payload);
+  EXPECT_EQ(bench.broker.taken[2].topic, kBase + "/press1/result");
+}
+
+TEST(Publisher, CommandReachesTheFieldWithItsTimes) {
+  Bench bench;
+  bench.online();
+  Message message;
+  message.topic = kBase + "/press2/command";
+  message.payload = R"({"id":"a","op":"run"})";
+  message.retained = true;
+  message.response_topic = "r";
+  message.correlation = {9};
+  message.message_expiry = 5s;
+  message.received = bench.now - 3ms;
+  message.received_ms = 42;
+  bench.broker.send(message);
+  bench.step();
+  ASSERT_EQ(bench.commands.size(), 1U);
+  const Command& command = bench.commands[0];
+  EXPECT_EQ(command.device, 1U);
+  EXPECT_EQ(command.id, "a");
+  EXPECT_TRUE(command.retained);
+  EXPECT_EQ(command.response_topic, "r");
+  EXPECT_EQ(command.correlation, Bytes{9});
+  EXPECT_EQ(command.message_expiry, 5s);
+  EXPECT_EQ(command.received, bench.now - 3ms);
+  EXPECT_EQ(command.received_ms, 42);
+}
+
+TEST(Publisher, CommandForAnUnknownDeviceIsIgnored) {
+  Bench bench;
+  bench.online();
+  bench.command(R"({"id":"a","op":"run"})", kBase + "/press9/command");
+  bench.command(R"({"id":"a","op":"run"})", kBase + "/press1/x/command");
+  EXPECT_TRUE(bench.commands.empty());
+}
+
+TEST(Publisher, EmptyRetainedPayloadOnlyClearsTheTopic) {
+  Bench bench;
+  bench.online();
+  Message message;
+  message.topic = kBase + "/press1/command";
+  message.retained = true;
+  bench.broker.send(message);
+  bench.step();
+  EXPECT_TRUE(bench.commands.empty());
+  bench.command("");  // not retained, MQTT 5: an empty order is a bad one
+  ASSERT_EQ(bench.commands.size(), 1U);
+  EXPECT_EQ(bench.commands[0].refusal->reason, Reason::bad_json);
+  bench.config.mqtt.version = 4;  // 3.1.1 does not tell us of the flag
+  bench.command("");
+  EXPECT_EQ(bench.commands.size(), 1U);
+}
+
+TEST(Publisher, CommandDuringTheEndIsAnswered) {
+  Bench bench;
+  bench.online();
+  bench.broker.acknowledges = false;
+  bench.made().stop(bench.now);
+  bench.outbox.push(test::sample(1));
+  bench.step();
+  bench.command(R"({"id":"late","op":"run"})");
+  EXPECT_TRUE(bench.commands.empty());
+  const auto results = bench.broker.on(kBase + "/press1/result");
+  ASSERT_EQ(results.size(), 1U);
+  EXPECT_EQ(json::parse(results[0])["reason"], "shutting_down");
+  EXPECT_EQ(json::parse(results[0])["id"], "late");
+}
+
+}  // namespace
+}  // namespace fxagent

@@ -1,0 +1,308 @@
+// The publisher with a store: samples of an outage, on disk and out again.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "agent/uplink/recall.h"
+#include "tests/agent/uplink/publisher_bench.h"
+
+namespace fxagent {
+namespace {
+
+using nlohmann::json;
+using test::kBase;
+using test::kStart;
+using test::seqs;
+using Bench = test::PublisherBench;
+using namespace std::chrono_literals;
+
+TEST(PublisherStore, SamplesOfAnOutageOutliveTheProcess) {
+  const test::Scratch scratch;
+  {
+    Bench bench(scratch.path("store"));
+    bench.broker.reachable = false;
+    for (std::uint64_t seq = 1; seq <= 3; ++seq) bench.outbox.push(test::sample(seq));
+    bench.settle();
+    EXPECT_EQ(bench.made().samples().queued, 3U);  // gathered for one commit
+    bench.advance(200ms);
+    EXPECT_EQ(bench.made().samples().stored, 3U);
+  }  // no goodbye
+  Bench again(scratch.path("store"));
+  again.outbox.push(test::sample(4));
+  again.settle();
+  EXPECT_EQ(seqs(again.broker.on(kBase + "/press1/data/fast/history")),
+            (std::vector<std::uint64_t>{1, 2, 3}));
+  EXPECT_EQ(seqs(again.broker.on(kBase + "/press1/data/fast")), std::vector<std::uint64_t>{4});
+  const fxagent::json::Samples samples = again.made().samples();
+  EXPECT_EQ(samples.recovered, 3U);
+  EXPECT_EQ(samples.acknowledged, 4U);
+  EXPECT_EQ(samples.stored, 0U);
+  const json health = json::parse(again.broker.on(kBase + "/health").at(0));
+  EXPECT_EQ(health["store"]["state"], "disk");
+  EXPECT_EQ(health["samples"]["balanced"], true);
+}
+
+TEST(PublisherStore, UnacknowledgedForASecondIsOnDiskAndStillInFlight) {
+  const test::Scratch scratch;
+  Bench bench(scratch.path("store"));
+  bench.online();
+  bench.broker.acknowledges = false;
+  for (std::uint64_t seq = 1; seq <= 20; ++seq) bench.outbox.push(test::sample(seq));
+  bench.settle();
+  EXPECT_EQ(bench.made().samples().in_flight, 18U);
+  EXPECT_LE(bench.step(), bench.now + 1s);
+  bench.advance(1s);
+  EXPECT_EQ(bench.made().samples().in_flight, 0U);
+  EXPECT_EQ(bench.made().samples().stored, 20U);
+  EXPECT_TRUE(bench.broker.on(kBase + "/press1/data/fast/history").empty());
+  bench.broker.acknowledge_all();
+  bench.settle();
+  EXPECT_EQ(bench.made().samples().acknowledged, 18U);
+  EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast/history")),
+            (std::vector<std::uint64_t>{19, 20}));
+  bench.broker.acknowledge_all();
+  bench.advance(1s);
+  EXPECT_EQ(bench.made().samples().acknowledged, 20U);
+  bench.store.reset();
+  EXPECT_EQ(Bench(scratch.path("store")).made().samples().recovered, 0U);
+}
+
+TEST(PublisherStore, SamplesOfOneFifthOfASecondGoToDiskTogether) {
+  const test::Scratch scratch;
+  Bench bench(scratch.path("store"));
+  bench.online();
+  bench.broker.acknowledges = false;
+  const SteadyTime first = bench.now;
+  for (std::uint64_t seq = 1; seq <= 30; ++seq) {  // 18 in flight, 12 behind them
+    bench.outbox.push(test::sample(seq));
+    bench.step();
+    bench.now += 10ms;
+  }
+  bench.now = first + 999ms;
+  bench.step();
+  EXPECT_EQ(bench.made().samples().stored, 0U);
+  bench.now = first + 1s;
+  bench.step();
+  EXPECT_EQ(bench.store->rows(), 18U);  // those of the first 200 ms in flight
+  bench.now = first + 1180ms;
+  bench.step();
+  EXPECT_EQ(bench.store->rows(), 30U);
+}
+
+TEST(PublisherStore, SampleInFlightWhenTheConnectionGoesIsOnDiskWithinItsSecond) {
+  const test::Scratch scratch;
+  Bench bench(scratch.path("store"));
+  bench.online();
+  bench.broker.acknowledges = false;
+  bench.outbox.push(test::sample(1));
+  bench.settle();
+  bench.advance(900ms);
+  bench.broker.lose();
+  bench.now += 50ms;
+  bench.step();
+  EXPECT_EQ(bench.store->rows(), 0U);  // it may have company
+  EXPECT_LE(bench.step(), bench.now + 50ms);
+  bench.advance(50ms);
+  EXPECT_EQ(bench.store->rows(), 1U);
+}
+
+TEST(PublisherStore, DamagedFileIsNamedInHealth) {
+  const test::Scratch scratch;
+  std::filesystem::create_directories(scratch.path("store"));
+  std::ofstream(scratch.path("store") + "/fxagent.db") << std::string(8192, 'x');
+  Bench bench(scratch.path("store"));
+  bench.settle();
+  const json health = json::parse(bench.broker.on(kBase + "/health").at(0));
+  const std::string aside = health["store"]["set_aside"];
+  EXPECT_TRUE(std::filesystem::exists(scratch.path("store") + "/" + aside)) << aside;
+}
+
+TEST(PublisherStore, WithAlwaysEverySampleIsOnDiskBeforeItIsSent) {
+  const test::Scratch scratch;
+  Bench bench(scratch.path("store"));
+  bench.config.store.sync_always = true;
+  bench.online();
+  bench.broker.acknowledges = false;
+  for (std::uint64_t seq = 1; seq <= 3; ++seq) bench.outbox.push(test::sample(seq));
+  bench.settle();
+  EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast")),
+            (std::vector<std::uint64_t>{1, 2, 3}));
+  EXPECT_EQ(bench.made().samples().stored, 3U);
+  bench.broker.acknowledge_next();
+  bench.settle();
+  EXPECT_EQ(bench.made().samples().acknowledged, 1U);
+  bench.advance(200ms);
+  bench.store.reset();  // no goodbye
+  Bench again(scratch.path("store"));
+  again.settle();
+  EXPECT_EQ(seqs(again.broker.on(kBase + "/press1/data/fast/history")),
+            (std::vector<std::uint64_t>{2, 3}));
+}
+
+TEST(PublisherStore, ReconnectInTheMiddleOfTheBacklogLosesAndReordersNothing) {
+  const test::Scratch scratch;
+  Bench bench(scratch.path("store"));
+  bench.broker.reachable = false;
+  for (std::uint64_t seq = 1; seq <= 900; ++seq) bench.outbox.push(test::sample(seq));
+  bench.settle();
+  bench.advance(1s);
+  bench.broker.reachable = true;
+  bench.broker.acknowledges = false;
+  while (!bench.broker.up()) bench.advance(1s);
+  for (int i = 0; i < 5; ++i) {
+    bench.broker.acknowledge_next();  // the states, and then the first of the history
+    bench.settle();
+  }
+  ASSERT_LT(bench.made().samples().stored, 900U);
+  ASSERT_GT(bench.made().samples().stored, 0U);
+  ASSERT_GT(bench.broker.open(), 0U);
+  bench.broker.lose();
+  bench.settle();
+  bench.broker.acknowledges = true;
+  for (int i = 0; i < 40; ++i) bench.advance(1s);
+  std::vector<std::string> taken;
+  for (const Publication& p : bench.broker.taken)
+    if (p.topic.ends_with("/history")) taken.push_back(p.payload);
+  std::vector<std::uint64_t> expected(900);
+  for (std::uint64_t i = 0; i < 900; ++i) expected[i] = i + 1;
+  EXPECT_EQ(seqs(taken), expected);
+  for (const std::string& message : taken) EXPECT_LE(message.size(), 65536U);
+}
+
+TEST(PublisherStore, HistoryHasAShareOfTheWindowAndLiveTheRest) {
+  const test::Scratch scratch;
+  Bench bench(scratch.path("store"));
+  bench.broker.reachable = false;
+  for (std::uint64_t seq = 1; seq <= 20; ++seq)
+    for (std::uint32_t device = 0; device < 2; ++device)
+      for (std::uint32_t group = 0; group < 2; ++group)
+        bench.outbox.push(test::sample(seq, device, group));
+  bench.settle();
+  bench.advance(1s);
+  bench.broker.reachable = true;
+  bench.broker.receive_maximum = 8;
+  bench.broker.acknowledges = false;
+  bench.advance(5s);
+  bench.broker.acknowledge_all();
+  bench.settle();
+  bench.broker.log.clear();
+  bench.outbox.push(test::sample(21));
+  bench.settle();
+  EXPECT_LE(bench.broker.open(), 2U);  // one of history and the live one
+  EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast")), std::vector<std::uint64_t>{21});
+}
+
+TEST(PublisherStore, HistoryRestsAsLongAsItsLastMessageTook) {
+  for (const bool on_disk : {true, false}) {
+    const test::Scratch scratch;
+    Bench bench(on_disk ? scratch.path("store") : std::string());
+    bench.broker.reachable = false;
+    for (std::uint64_t seq = 1; seq <= 900; ++seq) bench.outbox.push(test::sample(seq));
+    bench.settle();
+    bench.advance(1s);
+    bench.broker.reachable = true;
+    bench.broker.acknowledges = false;
+    while (!bench.broker.up()) bench.advance(100ms);
+    const auto messages = [&] {
+      return bench.broker.on(kBase + "/press1/data/fast/history").size();
+    };
+    bench.settle();
+    while (messages() == 0 || bench.broker.open() > 1) {  // the states come first
+      ASSERT_GT(bench.broker.open(), 0U);
+      bench.broker.acknowledge_next();
+      bench.settle();
+    }
+    ASSERT_EQ(messages(), 1U);
+    bench.advance(10ms);
+    bench.broker.acknowledge_next();
+    EXPECT_LE(bench.step(), bench.now + 10ms);
+    bench.advance(9ms);
+    EXPECT_EQ(messages(), 1U);
+    bench.advance(1ms);
+    ASSERT_EQ(messages(), 2U);
+    // A line that is slow by itself is not made slower by much.
+    bench.advance(5s);
+    bench.broker.acknowledge_next();
+    bench.step();
+    bench.advance(99ms);
+    EXPECT_EQ(messages(), 2U);
+    bench.advance(1ms);
+    EXPECT_EQ(messages(), 3U);
+  }
+}
+
+TEST(PublisherStore, DiskThatRefusesIsReplacedByMemoryUntilItTakesAgain) {
+  const test::Scratch scratch;
+  std::ofstream(scratch.path("store")) << "a file in its place";
+  Bench bench(scratch.path("store"));
+  bench.broker.reachable = false;
+  for (std::uint64_t seq = 1; seq <= 3; ++seq) bench.outbox.push(test::sample(seq));
+  bench.settle();
+  EXPECT_EQ(bench.store->state(), "memory");
+  EXPECT_EQ(bench.made().samples().stored, 3U);
+  std::filesystem::remove(scratch.path("store"));
+  bench.advance(10s);
+  EXPECT_EQ(bench.store->state(), "disk");
+  EXPECT_EQ(bench.store->rows(), 3U);
+  EXPECT_EQ(bench.made().samples().stored, 3U);
+  bench.outbox.push(test::sample(4));
+  bench.advance(1s);
+  bench.broker.reachable = true;
+  bench.advance(40s);
+  EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast/history")),
+            (std::vector<std::uint64_t>{1, 2, 3, 4}));
+}
+
+TEST(PublisherStore, CleanStopLeavesTheRestOnDisk) {
+  const test::Scratch scratch;
+  Bench bench(scratch.path("store"));
+  bench.online();
+  bench.broker.acknowledges = false;
+  for (std::uint64_t seq = 1; seq <= 30; ++seq) bench.outbox.push(test::sample(seq));
+  bench.step();
+  bench.made().stop(bench.now);
+  while (!bench.made().finished()) bench.advance(500ms);
+  Bench again(scratch.path("store"));
+  again.settle();
+  EXPECT_EQ(again.made().samples().recovered, 30U);
+  EXPECT_EQ(seqs(again.broker.on(kBase + "/press1/data/fast/history")).size(), 30U);
+}
+
+TEST(PublisherStore, NumbersAreReservedBeforeTheyAreUsed) {
+  const test::Scratch scratch;
+  std::uint64_t seq = 0;
+  {
+    Bench bench(scratch.path("store"));
+    bench.made();
+    seq = recall(bench.config, bench.store.get(), bench.utc(), bench.now).field.last_seq.at(0);
+    for (int i = 0; i < 3000; ++i) {
+      bench.outbox.push(test::sample(++seq));
+      if (i % 100 == 0) bench.settle();
+    }
+    bench.settle();
+  }
+  Config config = test::plant();
+  config.store.path = scratch.path("store");
+  Store store(config.store, 0);
+  EXPECT_GT(recall(config, &store, 0, kStart).field.last_seq.at(0), seq);
+}
+
+TEST(PublisherStore, RowsOfADeviceThatIsGoneStillArrive) {
+  const test::Scratch scratch;
+  {
+    Bench bench(scratch.path("store"));
+    bench.broker.reachable = false;
+    bench.outbox.push(test::sample(1, 1));
+    bench.settle();
+    bench.advance(1s);
+  }
+  Bench again(scratch.path("store"));
+  again.config.devices.pop_back();
+  again.settle();
+  EXPECT_EQ(seqs(again.broker.on(kBase + "/press2/data/fast/history")),
+            std::vector<std::uint64_t>{1});
+}
+
+}  // namespace
+}  // namespace fxagent
