@@ -429,6 +429,36 @@ TEST(Store, JournalRemembersOrdersAndTheirFirstResult) {
   EXPECT_TRUE(found[2].told);
 }
 
+// The field forgets the oldest of 10,000 ids at once, and the file once a minute.
+TEST(Store, IdThatIsUsedAnewIsAnotherOrder) {
+  Shelf shelf;
+  shelf.open();
+  JournalEntry first = entry("one");
+  first.arrival = 7;
+  JournalEntry again = entry("one", "", kNow + 60000);
+  again.arrival = 8;
+  again.op = "read";
+  ASSERT_TRUE(shelf.store->journal(std::vector{first}));
+  ASSERT_TRUE(shelf.store->journal(std::vector{again}));  // no result yet: it stays the first
+  EXPECT_EQ(shelf.store->find("a", "one")->arrival, 7U);
+  first.result = "{1}";
+  shelf.store->record(first);
+  shelf.store->told("a", "one");
+  shelf.store->upkeep(kStart, kNow);
+  ASSERT_TRUE(shelf.store->journal(std::vector{first}));  // not another command
+  EXPECT_EQ(shelf.store->find("a", "one")->result, "{1}");
+  ASSERT_TRUE(shelf.store->journal(std::vector{again}));
+  const auto found = shelf.store->find("a", "one");
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->result, "");
+  EXPECT_FALSE(found->told);
+  EXPECT_EQ(found->op, "read");
+  EXPECT_EQ(found->received_ms, kNow + 60000);
+  again.result = "{2}";
+  shelf.store->record(again);
+  EXPECT_EQ(shelf.store->find("a", "one")->result, "{2}");
+}
+
 TEST(Store, IdsAreForgottenAfterADayAndNotBeforeTheirDeadline) {
   Shelf shelf;
   shelf.open();
