@@ -18,6 +18,9 @@
 
 namespace fxagent::json {
 
+/// Up to here, and down to its negative, a double holds every integer.
+inline constexpr std::int64_t kMaxExactInteger = std::int64_t{1} << 53;
+
 /// One message of one group: the payload of …/data/{group}, and a row of its history.
 std::string telemetry(const Telemetry& message, const DeviceConfig& device, std::string_view boot,
                       std::string_view meta_hash);
