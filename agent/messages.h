@@ -223,10 +223,10 @@ struct CommandResult {
   /// desk's memory of ids and by this message.
   std::shared_ptr<const CommandResult> first;
 
+  // These three are not in what the desk remembers.
   std::string response_topic;
   Bytes correlation;
-  /// Of an order that was carried out; not in what the desk remembers.
-  FrameTrace frames;
+  FrameTrace frames;  ///< of an order that was carried out
 };
 
 /// An admitted order for the journal. It is carried out only when the uplink has written it down

@@ -101,6 +101,15 @@ std::optional<Refusal> check_expiry(const Command& command, const CommandRules& 
                     " s) ahead of this agent's clock: one of the clocks is wrong");
 }
 
+/// A result as the memory of ids keeps it, for a day: where it was to be told is over with it, and
+/// can be 64 KiB of somebody else's making.
+std::shared_ptr<const CommandResult> kept(CommandResult result) {
+  result.response_topic.clear();
+  result.response_topic.shrink_to_fit();
+  result.correlation = {};
+  return std::make_shared<const CommandResult>(std::move(result));
+}
+
 }  // namespace
 
 CommandResult result_of(const Command& command) {
@@ -394,7 +403,7 @@ void CommandDesk::remember(const Command& command, SteadyTime deadline, SteadyTi
 
 void CommandDesk::finished(const CommandResult& result) {
   const auto entry = by_id_.find(result.id);
-  if (entry != by_id_.end()) entry->second.result = std::make_shared<const CommandResult>(result);
+  if (entry != by_id_.end()) entry->second.result = kept(result);
 }
 
 void CommandDesk::restore(RememberedResult remembered, SteadyTime now, std::int64_t utc_ms) {
@@ -404,7 +413,7 @@ void CommandDesk::restore(RememberedResult remembered, SteadyTime now, std::int6
       now - milliseconds(std::max<std::int64_t>(utc_ms - remembered.result.received_ms, 0));
   entry.deadline = now + milliseconds(remembered.deadline_ms - utc_ms);
   std::string id = remembered.result.id;
-  entry.result = std::make_shared<const CommandResult>(std::move(remembered.result));
+  entry.result = kept(std::move(remembered.result));
   if (by_id_.emplace(id, std::move(entry)).second) oldest_first_.push_back(std::move(id));
 }
 

@@ -110,7 +110,9 @@ StoreFile::StoreFile(const std::string& path, bool always) : db(path), always_(a
             "INSERT INTO orders VALUES(?, ?, ?, ?, ?, ?, ?, ?, 0, ?, '')"
             " ON CONFLICT DO UPDATE SET result = excluded.result, payload = ''"
             " WHERE result = ''"};
-  told = {db, "UPDATE orders SET told = 1 WHERE device = ? AND id = ?"};
+  told = {db,
+          "UPDATE orders SET told = 1, response_topic = '', correlation = x''"
+          " WHERE device = ? AND id = ?"};
   // A number goes back only to the exact one, from the end of its block.
   numbers = {db,
              "INSERT INTO devices VALUES(?, ?, ?) ON CONFLICT DO UPDATE SET last_seq ="

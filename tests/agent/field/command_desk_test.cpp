@@ -275,6 +275,29 @@ TEST_F(CommandDeskTest, DuplicateOfAFinishedCommandCarriesItsResult) {
   }
 }
 
+TEST_F(CommandDeskTest, WhereAResultWasToBeToldIsNotRemembered) {
+  Command command = write("b7e1");
+  command.response_topic = "flows/7";
+  command.correlation = Bytes(60000, 1);
+  CommandResult result;
+  result.id = "b7e1";
+  result.response_topic = command.response_topic;
+  result.correlation = command.correlation;
+  admitted(std::move(command));
+  desk.finished(result);
+  RememberedResult earlier;
+  earlier.result = result;
+  earlier.result.id = "c";
+  earlier.deadline_ms = kStartMs + 60000;
+  desk.restore(earlier, now, kStartMs);
+  for (const char* id : {"b7e1", "c"}) {
+    const CommandResult again = answered(write(id));
+    ASSERT_NE(again.first, nullptr) << id;
+    EXPECT_TRUE(again.first->response_topic.empty()) << id;
+    EXPECT_TRUE(again.first->correlation.empty()) << id;
+  }
+}
+
 TEST_F(CommandDeskTest, RestoredIdLivesOutItsDayAndItsDeadline) {
   const std::int64_t utc = kStartMs;
   const auto restore = [&](std::string id, std::chrono::hours age, std::chrono::hours deadline_in) {

@@ -427,6 +427,8 @@ TEST(Store, JournalRemembersOrdersAndTheirFirstResult) {
   EXPECT_EQ(found[1].deadline_ms, kNow + 10000);
   EXPECT_EQ(found[2].id, "three");
   EXPECT_TRUE(found[2].told);
+  EXPECT_EQ(found[2].response_topic, "");  // nobody needs it any more
+  EXPECT_EQ(found[2].correlation, Bytes{});
 }
 
 // The field forgets the oldest of 10,000 ids at once, and the file once a minute.
