@@ -1,9 +1,18 @@
 #include "agent/uplink/checkpointer.h"
 
 namespace fxagent {
+namespace {
+
+// The second pass is short, and most often finds that no commit has come since the first.
+constexpr int kPasses = 2;
+
+}  // namespace
 
 Checkpointer::Checkpointer(sqlite::Database& writer, const std::string& path)
     : writer_(writer), own_(path), thread_([this](std::stop_token stop) { run(stop); }) {
+  // It opens the log now: later other files may have been put in the place of these.
+  const std::lock_guard alone(working_);
+  if (own_.is_open()) own_.number("PRAGMA schema_version");
   sqlite3_wal_hook(writer_.handle(), committed, this);
 }
 
@@ -14,13 +23,15 @@ Checkpointer::~Checkpointer() {
 }
 
 /// SQLite calls this after each commit. What a checkpoint says is nobody's: the pages are safe in
-/// the log, and the next commit asks again.
-int Checkpointer::committed(void* self, sqlite3* writer, const char* schema, int pages) {
+/// the log, and a later commit asks again.
+int Checkpointer::committed(void* self, sqlite3* writer, const char* schema, int pages) noexcept {
   auto& checkpointer = *static_cast<Checkpointer*>(self);
-  if (pages >= kMostPages) {
+  if (pages < kPages) {
+    checkpointer.home_ = 0;  // the log has begun anew
+  } else if (pages >= kMostPages) {
     const std::lock_guard alone(checkpointer.working_);
     sqlite3_wal_checkpoint_v2(writer, schema, SQLITE_CHECKPOINT_PASSIVE, nullptr, nullptr);
-  } else if (pages >= kPages) {
+  } else if (pages - checkpointer.home_ >= kPages) {
     {
       const std::lock_guard lock(checkpointer.mutex_);
       checkpointer.due_ = true;
@@ -35,14 +46,21 @@ void Checkpointer::run(std::stop_token stop) {
   while (news_.wait(lock, stop, [this] { return due_; })) {
     due_ = false;
     lock.unlock();
-    if (own_.is_open()) {
-      const std::lock_guard alone(working_);
-      own_.number("PRAGMA schema_version");  // finds out that there is a log
-      sqlite3_wal_checkpoint_v2(own_.handle(), nullptr, SQLITE_CHECKPOINT_PASSIVE, nullptr,
-                                nullptr);
-    }
+    bring_home();
     lock.lock();
   }
+}
+
+void Checkpointer::bring_home() {
+  const std::lock_guard alone(working_);
+  if (!own_.is_open()) return;
+  int pages = 0;
+  int home = -1;
+  for (int pass = 0; pass < kPasses && home < pages; ++pass)
+    if (sqlite3_wal_checkpoint_v2(own_.handle(), nullptr, SQLITE_CHECKPOINT_PASSIVE, &pages,
+                                  &home) != SQLITE_OK)
+      return;
+  home_ = home;
 }
 
 }  // namespace fxagent
