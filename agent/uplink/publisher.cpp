@@ -476,8 +476,8 @@ SteadyTime Publisher::next_wake(SteadyTime now) const {
   for (const auto& [device, pause] : pauses_)
     if (backlog_.has_waiting(device) || (store_ != nullptr && store_->has_waiting(device)))
       later(pause.until);
-  if (!flights_.empty())
-    at(std::min(now + kAcknowledgedWithin, last_progress_ + kNoAcknowledgement));
+  if (!flights_.empty()) at(now + kAcknowledgedWithin);
+  if (!flights_.empty() && phase_ == Phase::running) at(last_progress_ + kNoAcknowledgement);
   if (store_ == nullptr || !store_->is_writable()) return wake;
   for (const auto& [id, flight] : flights_)
     if (const auto* live = std::get_if<LiveFlight>(&flight); live != nullptr && !live->live.stored)

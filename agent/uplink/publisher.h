@@ -201,6 +201,8 @@ class Publisher final {
   bool has_room() const { return flights_.size() < window_; }
   bool may_send(const std::string& device, SteadyTime now) const;
   void pause(const std::string& device, int reason_code, SteadyTime now);
+  /// A history message is over, in whatever way.
+  void rest_history(const HistoryFlight& flight, SteadyTime now);
   void put_away(SampleRow row);
   void put_away(LiveRow live);
   void put_away_live();

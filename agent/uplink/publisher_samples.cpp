@@ -56,8 +56,7 @@ void Publisher::delivered(const LiveFlight& flight, SteadyTime) {
 }
 
 void Publisher::delivered(const HistoryFlight& flight, SteadyTime now) {
-  --history_flights_;
-  history_rests_until_ = now + std::min<SteadyTime::duration>(now - flight.since, kLongestRest);
+  rest_history(flight, now);
   fault_point("history_acknowledged");
   acknowledged_ +=
       flight.on_disk ? store_->remove(flight.batch) : backlog_.acknowledged(flight.batch);
@@ -79,7 +78,7 @@ void Publisher::failed(LiveFlight& flight, const DeliveryFailed& event, SteadyTi
 }
 
 void Publisher::failed(const HistoryFlight& flight, const DeliveryFailed& event, SteadyTime now) {
-  --history_flights_;
+  rest_history(flight, now);
   const HistoryBatch& batch = flight.batch;
   const bool can_be_cut = event.reason_code == kPacketTooLarge && batch.orders.size() > 1;
   if (is_final(event.reason_code) && !can_be_cut) {
@@ -180,6 +179,11 @@ void Publisher::pump_live(SteadyTime now) {
     ++published_;
     send(LiveFlight{std::move(live)}, std::move(publication));
   }
+}
+
+void Publisher::rest_history(const HistoryFlight& flight, SteadyTime now) {
+  --history_flights_;
+  history_rests_until_ = now + std::min<SteadyTime::duration>(now - flight.since, kLongestRest);
 }
 
 void Publisher::pump_history(SteadyTime now) {
