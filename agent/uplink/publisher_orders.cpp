@@ -207,7 +207,7 @@ void Publisher::result_copy_done(std::uint64_t result, std::size_t copy, Ended h
   if (store_ != nullptr && told.arrival != 0)
     store_->note(
         audit::told(told.arrival, device, told.id, copies.front().acknowledged, utc_ms_()));
-  if (found->second.journaled) store_->told(device, told.id);
+  if (found->second.journaled) store_->told(device, told.id, told.arrival);
   results_.erase(found);
 }
 

@@ -470,8 +470,8 @@ bool Store::write_settled() {
     if (!file_->remove.bind(1, to_sql(order)).run()) return false;
   for (const JournalEntry& entry : unrecorded_)
     if (!(entry.result.empty() ? write_order(entry) : write_record(entry))) return false;
-  for (const auto& [device, id] : untold_)
-    if (!file_->told.bind(1, device).bind(2, id).run()) return false;
+  for (const auto& [device, id, arrival] : untold_)
+    if (!file_->told.bind(1, device).bind(2, id).bind(3, to_sql(arrival)).run()) return false;
   return true;
 }
 

@@ -126,8 +126,8 @@ class Store final {
   bool journal(std::span<const JournalEntry> orders);
   /// Notes the result of an order, or of a command that never became one. The first result stays.
   void record(JournalEntry entry);
-  /// The broker has the result.
-  void told(const std::string& device, const std::string& id);
+  /// The broker has the result of the command with this number.
+  void told(std::string device, std::string id, std::uint64_t arrival);
   /// What earlier runs left in a file that could not be opened at the start of this one.
   struct FoundLate {
     std::vector<JournalEntry> orders;              ///< as remembered()
@@ -136,7 +136,7 @@ class Store final {
   /// Once after such a file has opened: until then none of its ids was known.
   std::optional<FoundLate> take_found_late() { return std::exchange(found_late_, std::nullopt); }
 
-  /// What the journal has of this id. An id that could not be written down yet is not found.
+  /// What the journal has of this id, or will have once the disk takes it.
   std::optional<JournalEntry> find(const std::string& device, const std::string& id);
   /// The newest ids of each device and every unfinished order, oldest first.
   std::vector<JournalEntry> remembered();
@@ -168,6 +168,11 @@ class Store final {
   struct NumberRow {
     std::string device;
     std::uint64_t last = 0;
+  };
+  struct Told {
+    std::string device;
+    std::string id;
+    std::uint64_t arrival = 0;
   };
   struct Victim {
     std::uint64_t order = 0;
@@ -239,8 +244,8 @@ class Store final {
   std::set<std::uint64_t> removed_;  ///< still in the file
   std::map<std::string, std::uint64_t> dropped_;
   std::vector<JournalEntry> unrecorded_;  ///< orders and results that are not in the file
-  std::vector<std::pair<std::string, std::string>> untold_;  ///< device, id: told, not noted yet
-  bool forgot_results_ = false;                              ///< there were too many of them
+  std::vector<Told> untold_;              ///< told, not noted yet
+  bool forgot_results_ = false;           ///< there were too many of them
   std::optional<FoundLate> found_late_;
   bool mending_ = false;                ///< a fresh file is being made in place of a damaged one
   std::vector<std::string> unaudited_;  ///< bodies that are not in the file

@@ -97,8 +97,8 @@ StoreFile::StoreFile(const std::string& path, bool always) : db(path), always_(a
   oldest = {db,
             "SELECT id, device, grp, created_ms, length(CAST(row AS BLOB)) FROM samples"
             " ORDER BY id"};
-  // A row with a result makes room for a later command: the field had let go of that id before it
-  // admitted this one.
+  // A row with a result makes room for a later command: the field did not know that id when it took
+  // this one. It had let go of it, or the file opened late.
   order = {db,
            "INSERT INTO orders VALUES(?, ?, ?, ?, ?, ?, ?, '', 0, ?, ?)"
            " ON CONFLICT DO UPDATE SET received_ms = excluded.received_ms,"
@@ -108,18 +108,27 @@ StoreFile::StoreFile(const std::string& path, bool always) : db(path), always_(a
            " WHERE result <> '' AND arrival < excluded.arrival"};
   record = {db,
             "INSERT INTO orders VALUES(?, ?, ?, ?, ?, ?, ?, ?, 0, ?, '')"
-            " ON CONFLICT DO UPDATE SET result = excluded.result, payload = ''"
-            " WHERE result = ''"};
+            " ON CONFLICT DO UPDATE SET received_ms = excluded.received_ms,"
+            " deadline_ms = max(deadline_ms, excluded.deadline_ms), op = excluded.op,"
+            " response_topic = iif(arrival = excluded.arrival, response_topic,"
+            " excluded.response_topic),"
+            " correlation = iif(arrival = excluded.arrival, correlation, excluded.correlation),"
+            " result = excluded.result, told = 0, arrival = excluded.arrival, payload = ''"
+            " WHERE iif(result = '', arrival = excluded.arrival, arrival < excluded.arrival)"};
   told = {db,
           "UPDATE orders SET told = 1, response_topic = '', correlation = x''"
-          " WHERE device = ? AND id = ?"};
+          " WHERE device = ? AND id = ? AND arrival = ?"};
   // A number goes back only to the exact one, from the end of its block.
   numbers = {db,
              "INSERT INTO devices VALUES(?, ?, ?) ON CONFLICT DO UPDATE SET last_seq ="
              " CASE excluded.clean WHEN 1 THEN excluded.last_seq"
              " ELSE max(last_seq, excluded.last_seq) END, clean = excluded.clean"};
   trail = AuditTrail(db);
-  checkpointer_.emplace(db, path);
+  try {
+    checkpointer_.emplace(db, path);
+  } catch (const std::system_error&) {
+    // Without a thread the checkpoints stay where SQLite has them: at the commits.
+  }
 }
 
 void StoreFile::synchronise(bool full) {
@@ -127,6 +136,8 @@ void StoreFile::synchronise(bool full) {
 }
 
 bool StoreFile::can_write() {
+  // What filled the disk may be the log, where a reader held it back.
+  db.execute("PRAGMA wal_checkpoint(PASSIVE)");
   Transaction transaction(db);
   return transaction.begun() &&
          db.execute(

@@ -110,11 +110,16 @@ bool Store::write_record(const JournalEntry& entry) {
          write_audit(entry.audit);
 }
 
-void Store::told(const std::string& device, const std::string& id) {
-  if (untold_.size() < kMostUnrecorded) untold_.emplace_back(device, id);
+void Store::told(std::string device, std::string id, std::uint64_t arrival) {
+  if (untold_.size() < kMostUnrecorded)
+    untold_.push_back({std::move(device), std::move(id), arrival});
 }
 
 std::optional<JournalEntry> Store::find(const std::string& device, const std::string& id) {
+  const auto newest = std::find_if(
+      unrecorded_.rbegin(), unrecorded_.rend(),
+      [&](const JournalEntry& entry) { return entry.device == device && entry.id == id; });
+  if (newest != unrecorded_.rend()) return *newest;
   if (!file_) return std::nullopt;
   Statement one(file_->db, std::string(kEntry) + " FROM orders WHERE device = ? AND id = ?");
   if (one.bind(1, device).bind(2, id).step() != Statement::Step::row) return std::nullopt;

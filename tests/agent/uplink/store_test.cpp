@@ -317,21 +317,27 @@ TEST(Store, FullDiskKeepsWhatItHasAndTakesMoreWhenThereIsRoom) {
   shelf.open();
   shelf.add(rows(1, 3));
   shelf.store->upkeep(kStart, kNow);
+  SteadyTime now = kStart;
   {
     const DiskLimit full(200000);
     std::uint64_t seq = 4;
-    while (shelf.add(rows(seq, seq + 99))) seq += 100;
-    EXPECT_EQ(shelf.store->state(), "memory");
+    do {  // each time the log makes room by going home, until the file itself is as large
+      while (shelf.add(rows(seq, seq + 99))) seq += 100;
+      EXPECT_EQ(shelf.store->state(), "memory");
+      shelf.store->upkeep(now += 1s, kNow);
+      shelf.store->upkeep(now += 10s, kNow);
+    } while (shelf.store->state() == "disk");
+    EXPECT_GT(seq, 500U);
     EXPECT_EQ(shelf.store->rows(), seq - 1);
-    const auto batch = shelf.store->next(65536, any);  // reading goes on
+    const auto batch = shelf.store->next(4096, any);  // reading goes on
     ASSERT_TRUE(batch);
     EXPECT_EQ(shelf.store->remove(*batch), batch->orders.size());
-    shelf.store->upkeep(kStart + 1s, kNow);
-    shelf.store->upkeep(kStart + 11s, kNow);
+    shelf.store->upkeep(now += 10s, kNow);
     EXPECT_EQ(shelf.store->state(), "memory");
   }
   const std::uint64_t left = shelf.store->rows();
-  shelf.store->upkeep(kStart + 21s, kNow);
+  EXPECT_GT(left, 500U);
+  shelf.store->upkeep(now += 10s, kNow);
   EXPECT_EQ(shelf.store->state(), "disk");
   EXPECT_TRUE(shelf.add(rows(100000, 100000)));
   EXPECT_EQ(shelf.store->rows(), left + 1);
@@ -413,7 +419,7 @@ TEST(Store, JournalRemembersOrdersAndTheirFirstResult) {
   shelf.store->record(entry("one", "{1}"));
   shelf.store->record(entry("one", "{2}"));
   shelf.store->record(entry("three", "{3}", kNow + 1));
-  shelf.store->told("a", "three");
+  shelf.store->told("a", "three", 0);
   shelf.store->upkeep(kStart, kNow);
   shelf.open();
   const auto found = shelf.store->remembered();
@@ -445,7 +451,6 @@ TEST(Store, IdThatIsUsedAnewIsAnotherOrder) {
   EXPECT_EQ(shelf.store->find("a", "one")->arrival, 7U);
   first.result = "{1}";
   shelf.store->record(first);
-  shelf.store->told("a", "one");
   shelf.store->upkeep(kStart, kNow);
   ASSERT_TRUE(shelf.store->journal(std::vector{first}));  // not another command
   EXPECT_EQ(shelf.store->find("a", "one")->result, "{1}");
@@ -456,9 +461,21 @@ TEST(Store, IdThatIsUsedAnewIsAnotherOrder) {
   EXPECT_FALSE(found->told);
   EXPECT_EQ(found->op, "read");
   EXPECT_EQ(found->received_ms, kNow + 60000);
+  shelf.store->record(first);
+  shelf.store->told("a", "one", 7);  // of the first, and late
+  shelf.store->upkeep(kStart + 1s, kNow);
+  EXPECT_EQ(shelf.store->find("a", "one")->result, "");
   again.result = "{2}";
   shelf.store->record(again);
   EXPECT_EQ(shelf.store->find("a", "one")->result, "{2}");
+  EXPECT_FALSE(shelf.store->find("a", "one")->told);
+  JournalEntry refused = entry("one", "{3}", kNow + 120000);  // it never became an order
+  refused.arrival = 9;
+  shelf.store->record(refused);
+  EXPECT_EQ(shelf.store->find("a", "one")->result, "{3}");
+  shelf.store->told("a", "one", 9);
+  shelf.store->upkeep(kStart + 2s, kNow);
+  EXPECT_TRUE(shelf.store->find("a", "one")->told);
 }
 
 TEST(Store, IdsAreForgottenAfterADayAndNotBeforeTheirDeadline) {
@@ -468,12 +485,12 @@ TEST(Store, IdsAreForgottenAfterADayAndNotBeforeTheirDeadline) {
   for (const std::int64_t age : {day + 20000, day - 20000}) {
     const std::string id = std::to_string(age);
     shelf.store->record(entry(id, "{}", kNow - age));
-    shelf.store->told("a", id);
+    shelf.store->told("a", id, 0);
   }
   JournalEntry late = entry("late", "{}", kNow - 2 * day);
   late.deadline_ms = kNow + 1;
   shelf.store->record(late);
-  shelf.store->told("a", "late");
+  shelf.store->told("a", "late", 0);
   shelf.store->upkeep(kStart, kNow);
   const auto found = shelf.store->remembered();
   ASSERT_EQ(found.size(), 2U);
@@ -487,7 +504,7 @@ TEST(Store, MoreIdsThanAreRememberedMakeRoomOldestFirst) {
   for (std::size_t i = 0; i < Store::kRememberedIds + 5; ++i) {
     const std::int64_t at = kNow - 100000 + static_cast<std::int64_t>(i);
     shelf.store->record(entry(std::to_string(i), "{}", at));
-    shelf.store->told("a", std::to_string(i));
+    shelf.store->told("a", std::to_string(i), 0);
     if (i % 1000 == 0) shelf.store->upkeep(kStart + std::chrono::seconds(i), kNow - 200000);
   }
   shelf.store->upkeep(kStart + 10h, kNow);
@@ -501,7 +518,7 @@ TEST(Store, ResultThatFoundNoDiskIsWrittenLater) {
   std::ofstream(shelf.config.path) << "a file in its place";
   shelf.open();
   shelf.store->record(entry("one", "{1}"));
-  shelf.store->told("a", "one");
+  shelf.store->told("a", "one", 0);
   std::filesystem::remove(shelf.config.path);
   shelf.store->upkeep(kStart, kNow);
   shelf.store->upkeep(kStart + 10s, kNow);
@@ -518,6 +535,9 @@ TEST(Store, OrderThatFoundNoDiskIsInTheJournalLater) {
   const std::vector<JournalEntry> orders{entry("waits", ""), entry("done", "")};
   EXPECT_FALSE(shelf.store->journal(orders));
   shelf.store->record(entry("done", "{1}"));
+  EXPECT_EQ(shelf.store->find("a", "waits")->result, "");
+  EXPECT_EQ(shelf.store->find("a", "done")->result, "{1}");
+  EXPECT_FALSE(shelf.store->find("a", "never"));
   std::filesystem::remove(shelf.config.path);
   shelf.store->upkeep(kStart, kNow);
   shelf.store->upkeep(kStart + 10s, kNow);
