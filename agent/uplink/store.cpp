@@ -32,8 +32,10 @@ constexpr seconds kCleanUpEvery{60};
 
 /// The codes after which the file is not to be trusted any more; SQLITE_SCHEMA: a newer program's,
 /// or not what ours makes, as where the file was cut short.
+/// The last two: a row that is there is none that could have been written.
 bool is_damage(int code) {
-  return code == SQLITE_CORRUPT || code == SQLITE_NOTADB || code == SQLITE_SCHEMA;
+  return code == SQLITE_CORRUPT || code == SQLITE_NOTADB || code == SQLITE_SCHEMA ||
+         code == SQLITE_CONSTRAINT || code == SQLITE_MISMATCH;
 }
 
 /// Beside that a schema that cannot be made, since something of that name is there: SQLITE_ERROR.

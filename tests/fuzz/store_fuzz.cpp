@@ -41,7 +41,7 @@ void live_with(Store& store) {
     CommandResult result = json::recorded_result(entry.result);
     result.id = entry.id;
     if (!nlohmann::json::accept(json::result(result, std::nullopt))) std::abort();
-    store.told(entry.device, entry.id);
+    store.told(entry.device, entry.id, entry.arrival);
   }
   for (int i = 0; i < 4; ++i) {
     const auto batch = store.next(4096, any);
