@@ -408,10 +408,12 @@ void CommandDesk::finished(const CommandResult& result) {
 
 void CommandDesk::restore(RememberedResult remembered, SteadyTime now, std::int64_t utc_ms) {
   Entry entry;
-  // A clock that was set back must not make an id younger than it can be.
+  // A clock that was set back must not make an id younger than it can be, nor give it more time.
   entry.seen =
       now - milliseconds(std::max<std::int64_t>(utc_ms - remembered.result.received_ms, 0));
-  entry.deadline = now + milliseconds(remembered.deadline_ms - utc_ms);
+  entry.deadline =
+      now + milliseconds(std::min(remembered.deadline_ms - utc_ms,
+                                  remembered.deadline_ms - remembered.result.received_ms));
   std::string id = remembered.result.id;
   entry.result = kept(std::move(remembered.result));
   if (by_id_.emplace(id, std::move(entry)).second) oldest_first_.push_back(std::move(id));

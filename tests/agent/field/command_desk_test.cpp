@@ -317,6 +317,20 @@ TEST_F(CommandDeskTest, RestoredIdLivesOutItsDayAndItsDeadline) {
   EXPECT_EQ(answered(write("late")).status, CommandStatus::duplicate);
 }
 
+// Results of an hour that is yet to come do not fill the memory until then.
+TEST_F(CommandDeskTest, RestoredIdHasNoMoreTimeThanItWasGiven) {
+  for (int i = 0; i < 10000; ++i) {
+    RememberedResult remembered;
+    remembered.result.id = std::to_string(i);
+    remembered.result.received_ms = kStartMs + 3600000;
+    remembered.deadline_ms = remembered.result.received_ms + 10000;
+    desk.restore(remembered, now, kStartMs);
+  }
+  EXPECT_EQ(answered(write("one more")).reason, Reason::queue_full);
+  now += std::chrono::seconds(11);
+  admitted(write("another"));
+}
+
 TEST_F(CommandDeskTest, IdOfAnOrderLeftBehindIsKnownWithoutAResult) {
   const auto order = desk.left_behind(write("left"), *device.codec, now);
   ASSERT_TRUE(order);
