@@ -38,18 +38,24 @@ bool is_damage(int code) {
          code == SQLITE_CONSTRAINT || code == SQLITE_MISMATCH;
 }
 
-/// Beside that a schema that cannot be made, since something of that name is there: SQLITE_ERROR.
-bool is_damage_at_open(int code) { return is_damage(code) || code == SQLITE_ERROR; }
+/// Beside that a schema that cannot be made, since something of that name is there: SQLITE_ERROR;
+/// and a file that calls itself of a later format, which SQLite reads only, where the system lets
+/// us write it.
+bool is_damage_at_open(int code, const std::string& path) {
+  return is_damage(code) || code == SQLITE_ERROR ||
+         (code == SQLITE_READONLY && ::access(path.c_str(), W_OK) == 0 &&
+          ::access(std::filesystem::path(path).parent_path().c_str(), W_OK) == 0);
+}
 
 }  // namespace
 
-Store::Store(const StoreConfig& config, std::int64_t utc_ms)
-    : config_(config), utc_ms_(utc_ms), run_began_ms_(utc_ms) {
+Store::Store(const StoreConfig& config, std::int64_t utc_ms) : config_(config), utc_ms_(utc_ms) {
   open(utc_ms);
   recovered_ = rows_;
   first_of_run_ = next_order_;
   // Above those of a file that opens later.
   if (!file_) arrivals_ = static_cast<std::uint64_t>(utc_ms);
+  first_arrival_of_run_ = arrivals_ + 1;
   if (writable_)
     log::info("store", {{"state", "disk"},
                         {"path", config_.path},
@@ -79,7 +85,7 @@ void Store::open(std::int64_t utc_ms) {
     file_ = std::make_unique<StoreFile>(path, config_.sync_always);
     if (file_->is_usable() && load()) {
       writable_ = true;
-    } else if (is_damage_at_open(file_->db.fault().code) && attempt == 0) {
+    } else if (is_damage_at_open(file_->db.fault().code, path) && attempt == 0) {
       start_anew(file_->db.fault().text);
     } else {
       failed("open");
@@ -246,16 +252,16 @@ void Store::restamp() {
   Statement samples(file_->db, "UPDATE samples SET created_ms = created_ms + ? WHERE id >= ?");
   Statement orders(file_->db,
                    "UPDATE orders SET received_ms = received_ms + ?1,"
-                   " deadline_ms = deadline_ms + ?1 WHERE received_ms >= ?2");
+                   " deadline_ms = deadline_ms + ?1 WHERE arrival >= ?2");
   bool done = false;
   {
     Transaction transaction(file_->db);
     done = transaction.begun() &&
            samples.bind(1, unstamped_ms_).bind(2, to_sql(first_of_run_)).run() &&
-           orders.bind(1, unstamped_ms_).bind(2, run_began_ms_).run() && transaction.commit();
+           orders.bind(1, unstamped_ms_).bind(2, to_sql(first_arrival_of_run_)).run() &&
+           transaction.commit();
   }
   if (!done) return failed("clock");
-  run_began_ms_ += unstamped_ms_;
   unstamped_ms_ = 0;
 }
 

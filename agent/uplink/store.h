@@ -138,7 +138,8 @@ class Store final {
 
   /// What the journal has of this id, or will have once the disk takes it.
   std::optional<JournalEntry> find(const std::string& device, const std::string& id);
-  /// The newest ids of each device and every unfinished order, oldest first.
+  /// The newest ids of each device and every order without a result or whose result the broker does
+  /// not have, oldest first.
   std::vector<JournalEntry> remembered();
 
   // ---- the audit
@@ -227,9 +228,9 @@ class Store final {
   std::string last_failure_;
   std::int64_t utc_ms_ = 0;             ///< of the last upkeep
   std::optional<SteadyTime> clock_at_;  ///< the same moment
-  std::int64_t run_began_ms_ = 0;       ///< by the clock as it is set now
-  std::int64_t unstamped_ms_ = 0;       ///< what the clock was set by, not yet told to the file
-  std::uint64_t first_of_run_ = 0;      ///< the order of the first row of this run
+  std::uint64_t first_arrival_of_run_ = 0;
+  std::int64_t unstamped_ms_ = 0;   ///< what the clock was set by, not yet told to the file
+  std::uint64_t first_of_run_ = 0;  ///< the order of the first row of this run
   std::string set_aside_;
   std::optional<SteadyTime> try_at_;
   std::optional<SteadyTime> settle_at_;

@@ -39,7 +39,10 @@ constexpr const char* kSchema[] = {
     "CREATE TABLE audit(n INTEGER PRIMARY KEY, text TEXT NOT NULL, hash BLOB NOT NULL);"
     "CREATE TABLE audit_head(one INTEGER PRIMARY KEY CHECK(one = 1), records INTEGER NOT NULL,"
     " hash BLOB NOT NULL, arrivals INTEGER NOT NULL, bytes INTEGER NOT NULL);"
-    "INSERT INTO audit_head VALUES(1, 0, zeroblob(32), 0, 0);"};
+    "INSERT INTO audit_head VALUES(1, 0, zeroblob(32), 0, 0);",
+    // Which ids are the newest is told by the numbers of their commands: a clock can be set back.
+    "DROP INDEX orders_by_age;"
+    "CREATE INDEX orders_by_arrival ON orders(device, arrival DESC, received_ms DESC);"};
 
 }  // namespace
 

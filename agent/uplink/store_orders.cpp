@@ -129,11 +129,10 @@ std::optional<JournalEntry> Store::find(const std::string& device, const std::st
 std::vector<JournalEntry> Store::remembered() {
   std::vector<JournalEntry> entries;
   if (!file_) return entries;
-  Statement all(
-      file_->db,
-      std::string(kEntry) +
-          " FROM (SELECT *, row_number() OVER (PARTITION BY device ORDER BY received_ms DESC)"
-          " AS place FROM orders) WHERE place <= ? OR result = '' ORDER BY received_ms");
+  Statement all(file_->db, std::string(kEntry) +
+                               " FROM (SELECT *, row_number() OVER (PARTITION BY device"
+                               " ORDER BY arrival DESC, received_ms DESC) AS place FROM orders)"
+                               " WHERE place <= ? OR told = 0 ORDER BY arrival, received_ms");
   all.bind(1, static_cast<std::int64_t>(kRememberedIds));
   auto step = all.step();
   for (; step == Statement::Step::row; step = all.step()) entries.push_back(entry_of(all));
@@ -149,11 +148,12 @@ void Store::drop_old_ids() {
   Statement old(file_->db,
                 "DELETE FROM orders WHERE deadline_ms < ?1"
                 " AND (told = 1 AND received_ms < ?2 OR received_ms < ?3)");
-  Statement many(file_->db,
-                 "DELETE FROM orders WHERE told = 1 AND deadline_ms < ?1 AND (device, id) IN"
-                 " (SELECT device, id FROM (SELECT device, id, row_number() OVER"
-                 " (PARTITION BY device ORDER BY received_ms DESC) AS place FROM orders)"
-                 " WHERE place > ?2)");
+  Statement many(
+      file_->db,
+      "DELETE FROM orders WHERE told = 1 AND deadline_ms < ?1 AND (device, id) IN"
+      " (SELECT device, id FROM (SELECT device, id, row_number() OVER"
+      " (PARTITION BY device ORDER BY arrival DESC, received_ms DESC) AS place FROM orders)"
+      " WHERE place > ?2)");
   const bool done = old.bind(1, utc_ms_).bind(2, utc_ms_ - day).bind(3, utc_ms_ - age).run() &&
                     many.bind(1, utc_ms_).bind(2, std::int64_t{kRememberedIds}).run();
   if (!done) failed("delete");

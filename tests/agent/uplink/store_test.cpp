@@ -208,7 +208,9 @@ TEST(Store, ClockThatIsSetMakesNothingOlderOrYounger) {
   shelf.open(kNow - kYear);  // a gateway without a clock of its own
   shelf.store->upkeep(kStart, kNow - kYear);
   shelf.add(rows(1, 2));
-  ASSERT_TRUE(shelf.store->journal(std::vector{entry("x", {}, kNow - kYear)}));
+  JournalEntry order = entry("x", {}, kNow - kYear);
+  order.arrival = shelf.store->next_arrival();
+  ASSERT_TRUE(shelf.store->journal(std::vector{order}));
   shelf.store->upkeep(kStart + 30min, kNow + 1800000);
   shelf.store->upkeep(kStart + 60min, kNow + 3600000);
   EXPECT_TRUE(shelf.store->take_dropped().empty());
@@ -511,6 +513,35 @@ TEST(Store, MoreIdsThanAreRememberedMakeRoomOldestFirst) {
   const auto found = shelf.store->remembered();
   ASSERT_EQ(found.size(), Store::kRememberedIds);
   EXPECT_EQ(found.front().id, "5");
+}
+
+// Whatever the calendar says: an id that came after 10,000 others is a new one, and what nobody was
+// told is never passed over.
+TEST(Store, NewestIdsAreThoseThatCameLast) {
+  Shelf shelf;
+  shelf.open();
+  constexpr std::int64_t kHour = 3600000;
+  for (std::size_t i = 0; i < Store::kRememberedIds; ++i) {
+    JournalEntry made = entry(std::to_string(i), "{}", kNow + static_cast<std::int64_t>(i));
+    made.arrival = shelf.store->next_arrival();
+    shelf.store->record(made);
+    if (i != 0) shelf.store->told("a", made.id, made.arrival);
+    if (i % 1000 == 0) shelf.store->upkeep(kStart, kNow);
+  }
+  for (const char* id : {"x", "y"}) {  // the clock was set back
+    JournalEntry made = entry(id, "{}", kNow - kHour);
+    made.arrival = shelf.store->next_arrival();
+    shelf.store->record(made);
+    shelf.store->told("a", made.id, made.arrival);
+  }
+  shelf.store->upkeep(kStart + 1s, kNow + 20000);
+  shelf.open(kNow + kHour);
+  shelf.store->upkeep(kStart, kNow + kHour);
+  const auto found = shelf.store->remembered();
+  ASSERT_EQ(found.size(), Store::kRememberedIds + 1);
+  EXPECT_EQ(found.front().id, "0");  // too many ago, but nobody was told
+  EXPECT_EQ(found[1].id, "2");
+  EXPECT_EQ(found.back().id, "y");
 }
 
 TEST(Store, ResultThatFoundNoDiskIsWrittenLater) {
