@@ -123,7 +123,9 @@ class Ledger:
 
     def note(self, what, **more):
         if self.trace:
-            self.trace.write(json.dumps({"at": round(time.time(), 4), "what": what, **more}) + "\n")
+            line = json.dumps({"at": round(time.time(), 4), "what": what, **more}) + "\n"
+            with self.lock:
+                self.trace.write(line)
 
     def agent_killed(self):
         with self.lock:

@@ -192,6 +192,14 @@ def judge_orders(ledger, orders, deeds, version):
         if len(ids) > 1:
             shared.update((device, identity) for identity in ids)
 
+    # Bits that another order sets the other way: whether that one came is not known here, so where no
+    # answer came the bit may have stood so before.
+    may_stand_so = set()
+    for (device, op, place, _), ids in orders.keys.items():
+        other = {"force_on": "force_off", "force_off": "force_on"}.get(op)
+        if other and (device, other, place, None) in orders.keys:
+            may_stand_so.update((device, identity) for identity in ids)
+
     for key, kind in orders.kinds.items():
         results, times = ledger.results.get(key, []), executed[key]
         words = [(r["status"], r["reason"], r["plc"]) for r in results]
@@ -207,13 +215,15 @@ def judge_orders(ledger, orders, deeds, version):
         if times and not results and not no_journal:
             ledger.fault(f"{key} ({kind}) was carried out and has no result")
         if results and kind in ("change", "soon") and key not in shared:
-            judge_one(ledger, key, results[0], times)
+            judge_one(ledger, key, results[0], times, key in may_stand_so)
         if not results and ledger.taken.get(key):
             judge_silence(ledger, key, kind)
 
 
-def judge_one(ledger, key, result, times):
+def judge_one(ledger, key, result, times, may_stand_so):
     status, reason = result["status"], result["reason"]
+    if may_stand_so and not times and status == "SUCCEEDED" and result["plc"] is None:
+        return
     was_done = status == "SUCCEEDED" or reason == "verify_mismatch"
     may_be_done = was_done or status == "UNKNOWN_OUTCOME"
     if was_done and times != 1 or times and not may_be_done:

@@ -148,6 +148,14 @@ class Checks(unittest.TestCase):
         self.order("7", 0, taken=False)
         self.judged(0)
 
+    def test_a_bit_that_stood_so_already_is_no_lie(self):
+        self.order("1", 0, ("REJECTED", "queue_full"))
+        key = ("press1", "force_on", FX_PLACES["bits"][0].format(FX_PLACES["bits"][1]), None)
+        self.assertEqual(self.orders.keys[key], ["1"])
+        self.orders.numbers["press1"] = 2 * FX_PLACES["bits"][2]
+        self.order("2", 0, ("SUCCEEDED", None))
+        self.judged(0)
+
     def test_results_that_are_not_true_are_seen(self):
         for identity, times, result in [("1", 0, ("SUCCEEDED", None)), ("2", 1, ("FAILED", "nak")),
                                         ("3", 1, ("REJECTED", "bad_op")),
