@@ -192,12 +192,10 @@ def judge_orders(ledger, orders, deeds, version):
         if len(ids) > 1:
             shared.update((device, identity) for identity in ids)
 
-    # Bits that another order sets the other way: whether that one came is not known here, so where no
-    # answer came the bit may have stood so before.
+    # Bits that were never set: where no answer came the bit that is read back stood so before.
     may_stand_so = set()
     for (device, op, place, _), ids in orders.keys.items():
-        other = {"force_on": "force_off", "force_off": "force_on"}.get(op)
-        if other and (device, other, place, None) in orders.keys:
+        if op == "force_off" and not deeds.count[device, "force_on", place, None]:
             may_stand_so.update((device, identity) for identity in ids)
 
     for key, kind in orders.kinds.items():

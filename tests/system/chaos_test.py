@@ -156,6 +156,12 @@ class Checks(unittest.TestCase):
         self.order("2", 0, ("SUCCEEDED", None))
         self.judged(0)
 
+    def test_a_bit_that_is_set_later_does_not_stand_so_already(self):
+        self.order("1", 0, ("SUCCEEDED", None))
+        self.orders.numbers["press1"] = 2 * FX_PLACES["bits"][2]
+        self.order("2", 1, ("SUCCEEDED", None))
+        self.judged(1, "'1') was carried out 0 times")
+
     def test_results_that_are_not_true_are_seen(self):
         for identity, times, result in [("1", 0, ("SUCCEEDED", None)), ("2", 1, ("FAILED", "nak")),
                                         ("3", 1, ("REJECTED", "bad_op")),
