@@ -98,6 +98,7 @@ void Publisher::stop(SteadyTime now) {
   phase_ = Phase::draining;
   phase_deadline_ = now + kDrainFor;
   if (link_ == Link::connected) broker_.unsubscribe(base_ + "/+/command");
+  take_outbox(now);  // orders and results that came before any further command
 }
 
 // ---- what the broker says -----------------------------------------------------------------------

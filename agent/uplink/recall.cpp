@@ -52,7 +52,12 @@ void take_orders(const Config& config, Store& store, std::vector<JournalEntry> e
   for (JournalEntry& entry : entries) {
     const auto device = index.find(entry.device);
     if (device == index.end()) continue;
+    // A store that opened late: this run has carried out an order of that id itself.
     if (entry.result.empty()) {
+      const auto known = store.find(entry.device, entry.id);
+      if (known && known->arrival > entry.arrival) continue;
+    }
+    if (entry.result.empty() && !entry.told) {
       log::warn("order_left_behind", {{"device", entry.device}, {"id", entry.id}});
       if (auto command = to_be_read(entry, device->second, utc_ms, now)) {
         found.field.left_behind.push_back(std::move(*command));

@@ -12,26 +12,32 @@ Statement::Statement(Database& database, std::string_view sql) : database_(&data
 }
 
 Statement& Statement::bind(int position, std::int64_t number) {
-  sqlite3_bind_int64(statement_.get(), position, number);
+  note_bound(sqlite3_bind_int64(statement_.get(), position, number));
   return *this;
 }
 
 Statement& Statement::bind(int position, std::string_view text) {
-  sqlite3_bind_text64(statement_.get(), position, text.data() != nullptr ? text.data() : "",
-                      text.size(), SQLITE_TRANSIENT, SQLITE_UTF8);
+  note_bound(sqlite3_bind_text64(statement_.get(), position,
+                                 text.data() != nullptr ? text.data() : "", text.size(),
+                                 SQLITE_TRANSIENT, SQLITE_UTF8));
   return *this;
 }
 
 Statement& Statement::bind(int position, ByteView bytes) {
-  if (bytes.empty())
-    sqlite3_bind_zeroblob(statement_.get(), position, 0);
-  else
-    sqlite3_bind_blob64(statement_.get(), position, bytes.data(), bytes.size(), SQLITE_TRANSIENT);
+  note_bound(bytes.empty() ? sqlite3_bind_zeroblob(statement_.get(), position, 0)
+                           : sqlite3_bind_blob64(statement_.get(), position, bytes.data(),
+                                                 bytes.size(), SQLITE_TRANSIENT));
   return *this;
 }
 
+/// What could not be bound would be NULL.
+void Statement::note_bound(int code) {
+  if (code == SQLITE_OK || statement_ == nullptr) return;
+  if (std::exchange(bound_, false)) database_->note_fault();
+}
+
 Statement::Step Statement::step() {
-  if (statement_ == nullptr) return Step::failed;
+  if (statement_ == nullptr || !std::exchange(bound_, true)) return Step::failed;
   switch (sqlite3_step(statement_.get())) {
     case SQLITE_ROW:
       return Step::row;

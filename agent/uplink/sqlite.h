@@ -58,8 +58,10 @@ class Statement final {
   struct Finalize {
     void operator()(sqlite3_stmt* statement) const { sqlite3_finalize(statement); }
   };
+  void note_bound(int code);
   Database* database_ = nullptr;
   std::unique_ptr<sqlite3_stmt, Finalize> statement_;
+  bool bound_ = true;  ///< all that was to be, since the last step
 };
 
 class Database final {

@@ -40,11 +40,14 @@ bool is_damage(int code) {
 
 /// Beside that a schema that cannot be made, since something of that name is there: SQLITE_ERROR;
 /// and a file that calls itself of a later format, which SQLite reads only, where the system lets
-/// us write it.
+/// us write all that belongs to it.
 bool is_damage_at_open(int code, const std::string& path) {
-  return is_damage(code) || code == SQLITE_ERROR ||
-         (code == SQLITE_READONLY && ::access(path.c_str(), W_OK) == 0 &&
-          ::access(std::filesystem::path(path).parent_path().c_str(), W_OK) == 0);
+  if (code != SQLITE_READONLY) return is_damage(code) || code == SQLITE_ERROR;
+  const auto may_write = [](const std::string& name) {
+    return ::access(name.c_str(), W_OK) == 0 || errno == ENOENT;
+  };
+  return may_write(path) && may_write(path + "-wal") && may_write(path + "-shm") &&
+         may_write(std::filesystem::path(path).parent_path().string());
 }
 
 }  // namespace
@@ -53,7 +56,7 @@ Store::Store(const StoreConfig& config, std::int64_t utc_ms) : config_(config), 
   open(utc_ms);
   recovered_ = rows_;
   first_of_run_ = next_order_;
-  // Above those of a file that opens later.
+  // Above those of a file that opens later, unless the clock went back.
   if (!file_) arrivals_ = static_cast<std::uint64_t>(utc_ms);
   first_arrival_of_run_ = arrivals_ + 1;
   if (writable_)
@@ -167,13 +170,15 @@ void Store::start_anew(std::string why) {
   for (const auto& [key, lane] : lanes_)
     if (lane.rows > 0) dropped_[key.first] += lane.rows;
   forget_rows();
-  untold_.clear();
 }
 
 void Store::failed(std::string_view doing) {
   const sqlite::Fault fault = file_->db.fault();
+  // A row that cannot be there may be of our own making, where it is not the first.
+  const bool is_row = fault.code == SQLITE_CONSTRAINT || fault.code == SQLITE_MISMATCH;
+  const bool is_file = is_damage(fault.code) && (!is_row || set_aside_.empty());
   // Once: a disk that spoils each fresh file at once is given up until the next try.
-  if (is_damage(fault.code) && writable_ && !std::exchange(mending_, true)) {
+  if (is_file && writable_ && !std::exchange(mending_, true)) {
     start_anew(fault.text);
     open(utc_ms_);
     write_all_numbers();

@@ -138,8 +138,8 @@ class Store final {
 
   /// What the journal has of this id, or will have once the disk takes it.
   std::optional<JournalEntry> find(const std::string& device, const std::string& id);
-  /// The newest ids of each device and every order without a result or whose result the broker does
-  /// not have, oldest first.
+  /// The newest ids of each device, those whose time is not over, the newest of those whose result
+  /// the broker does not have, and every order without one; oldest first.
   std::vector<JournalEntry> remembered();
 
   // ---- the audit

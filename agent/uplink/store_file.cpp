@@ -42,7 +42,8 @@ constexpr const char* kSchema[] = {
     "INSERT INTO audit_head VALUES(1, 0, zeroblob(32), 0, 0);",
     // Which ids are the newest is told by the numbers of their commands: a clock can be set back.
     "DROP INDEX orders_by_age;"
-    "CREATE INDEX orders_by_arrival ON orders(device, arrival DESC, received_ms DESC);"};
+    "CREATE INDEX orders_by_arrival ON orders(device, arrival DESC, received_ms DESC,"
+    " told);"};
 
 }  // namespace
 
@@ -111,13 +112,14 @@ StoreFile::StoreFile(const std::string& path, bool always) : db(path), always_(a
            " WHERE result <> '' AND arrival < excluded.arrival"};
   record = {db,
             "INSERT INTO orders VALUES(?, ?, ?, ?, ?, ?, ?, ?, 0, ?, '')"
-            " ON CONFLICT DO UPDATE SET received_ms = excluded.received_ms,"
+            " ON CONFLICT DO UPDATE SET"
+            " received_ms = iif(arrival = excluded.arrival, received_ms, excluded.received_ms),"
             " deadline_ms = max(deadline_ms, excluded.deadline_ms), op = excluded.op,"
             " response_topic = iif(arrival = excluded.arrival, response_topic,"
             " excluded.response_topic),"
             " correlation = iif(arrival = excluded.arrival, correlation, excluded.correlation),"
             " result = excluded.result, told = 0, arrival = excluded.arrival, payload = ''"
-            " WHERE iif(result = '', arrival = excluded.arrival, arrival < excluded.arrival)"};
+            " WHERE iif(result = '', arrival <= excluded.arrival, arrival < excluded.arrival)"};
   told = {db,
           "UPDATE orders SET told = 1, response_topic = '', correlation = x''"
           " WHERE device = ? AND id = ? AND arrival = ?"};

@@ -16,6 +16,7 @@ using std::chrono::milliseconds;
 
 constexpr std::size_t kMostUnrecorded = 10000;
 constexpr std::chrono::hours kAgeAuditEvery{1};
+constexpr std::int64_t kLatestMs = 7258118400000;  // the year 2200: later is damage
 
 /// What an order and its result have in common, the first seven columns.
 Statement& bind_entry(Statement& statement, const JournalEntry& entry) {
@@ -37,8 +38,8 @@ JournalEntry entry_of(Statement& row) {
   JournalEntry entry;
   entry.device = row.text(0);
   entry.id = row.text(1);
-  entry.received_ms = row.number(2);
-  entry.deadline_ms = row.number(3);
+  entry.received_ms = std::clamp<std::int64_t>(row.number(2), 0, kLatestMs);
+  entry.deadline_ms = std::clamp<std::int64_t>(row.number(3), 0, kLatestMs);
   entry.op = row.text(4);
   entry.response_topic = row.text(5);
   const ByteView correlation = row.bytes(6);
@@ -129,11 +130,15 @@ std::optional<JournalEntry> Store::find(const std::string& device, const std::st
 std::vector<JournalEntry> Store::remembered() {
   std::vector<JournalEntry> entries;
   if (!file_) return entries;
-  Statement all(file_->db, std::string(kEntry) +
-                               " FROM (SELECT *, row_number() OVER (PARTITION BY device"
-                               " ORDER BY arrival DESC, received_ms DESC) AS place FROM orders)"
-                               " WHERE place <= ? OR told = 0 ORDER BY arrival, received_ms");
-  all.bind(1, static_cast<std::int64_t>(kRememberedIds));
+  Statement all(
+      file_->db,
+      std::string(kEntry) +
+          " FROM (SELECT *, row_number() OVER (PARTITION BY device"
+          " ORDER BY arrival DESC, received_ms DESC) AS place, row_number() OVER"
+          " (PARTITION BY device, told ORDER BY arrival DESC, received_ms DESC) AS of_kind"
+          " FROM orders) WHERE place <= ?1 OR result = '' OR told = 0 AND of_kind <= ?1"
+          " OR received_ms <= ?2 AND deadline_ms >= ?2 ORDER BY arrival, received_ms");
+  all.bind(1, static_cast<std::int64_t>(kRememberedIds)).bind(2, utc_ms_);
   auto step = all.step();
   for (; step == Statement::Step::row; step = all.step()) entries.push_back(entry_of(all));
   if (step == Statement::Step::failed) failed("read");
@@ -154,8 +159,15 @@ void Store::drop_old_ids() {
       " (SELECT device, id FROM (SELECT device, id, row_number() OVER"
       " (PARTITION BY device ORDER BY arrival DESC, received_ms DESC) AS place FROM orders)"
       " WHERE place > ?2)");
+  // A broker that refuses results for good must not fill the disk.
+  Statement untold(file_->db,
+                   "DELETE FROM orders WHERE deadline_ms < ?1 AND (device, id) IN"
+                   " (SELECT device, id FROM (SELECT device, id, row_number() OVER"
+                   " (PARTITION BY device ORDER BY arrival DESC, received_ms DESC) AS place"
+                   " FROM orders WHERE told = 0 AND result <> '') WHERE place > ?2)");
   const bool done = old.bind(1, utc_ms_).bind(2, utc_ms_ - day).bind(3, utc_ms_ - age).run() &&
-                    many.bind(1, utc_ms_).bind(2, std::int64_t{kRememberedIds}).run();
+                    many.bind(1, utc_ms_).bind(2, std::int64_t{kRememberedIds}).run() &&
+                    untold.bind(1, utc_ms_).bind(2, std::int64_t{kRememberedIds}).run();
   if (!done) failed("delete");
 }
 

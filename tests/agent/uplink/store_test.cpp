@@ -526,7 +526,7 @@ TEST(Store, NewestIdsAreThoseThatCameLast) {
     made.arrival = shelf.store->next_arrival();
     shelf.store->record(made);
     if (i != 0) shelf.store->told("a", made.id, made.arrival);
-    if (i % 1000 == 0) shelf.store->upkeep(kStart, kNow);
+    if (i % 1000 == 0) shelf.store->upkeep(kStart + std::chrono::milliseconds(i), kNow);
   }
   for (const char* id : {"x", "y"}) {  // the clock was set back
     JournalEntry made = entry(id, "{}", kNow - kHour);
@@ -534,7 +534,7 @@ TEST(Store, NewestIdsAreThoseThatCameLast) {
     shelf.store->record(made);
     shelf.store->told("a", made.id, made.arrival);
   }
-  shelf.store->upkeep(kStart + 1s, kNow + 20000);
+  shelf.store->upkeep(kStart + 20s, kNow + 20000);
   shelf.open(kNow + kHour);
   shelf.store->upkeep(kStart, kNow + kHour);
   const auto found = shelf.store->remembered();
@@ -542,6 +542,56 @@ TEST(Store, NewestIdsAreThoseThatCameLast) {
   EXPECT_EQ(found.front().id, "0");  // too many ago, but nobody was told
   EXPECT_EQ(found[1].id, "2");
   EXPECT_EQ(found.back().id, "y");
+}
+
+TEST(Store, IdIsKeptUntilItsTimeIsOverHoweverManyFollow) {
+  Shelf shelf;
+  shelf.open();
+  JournalEntry patient = entry("patient", "{}");
+  patient.deadline_ms = kNow + 3600000;
+  patient.arrival = shelf.store->next_arrival();
+  shelf.store->record(patient);
+  shelf.store->told("a", "patient", patient.arrival);
+  shelf.store->upkeep(kStart, kNow);
+  for (std::size_t i = 0; i < Store::kRememberedIds; ++i) {
+    JournalEntry made = entry(std::to_string(i), "{}", kNow + 1000);
+    made.arrival = shelf.store->next_arrival();
+    shelf.store->record(made);
+  }
+  shelf.open(kNow + 1800000);
+  shelf.store->upkeep(kStart, kNow + 1800000);
+  EXPECT_EQ(shelf.store->remembered().front().id, "patient");
+  EXPECT_EQ(shelf.store->remembered().size(), Store::kRememberedIds + 1);
+  shelf.open(kNow + 3600001);
+  shelf.store->upkeep(kStart, kNow + 3600001);
+  EXPECT_EQ(shelf.store->remembered().size(), Store::kRememberedIds);
+}
+
+TEST(Store, ResultsThatNobodyTakesDoNotFillTheDisk) {
+  Shelf shelf;
+  shelf.open();
+  for (std::size_t i = 0; i < Store::kRememberedIds + 3; ++i) {
+    JournalEntry made = entry(std::to_string(i), "{}");
+    made.arrival = shelf.store->next_arrival();
+    shelf.store->record(made);
+  }
+  shelf.store->upkeep(kStart, kNow + 20000);
+  EXPECT_FALSE(shelf.store->find("a", "2"));
+  EXPECT_TRUE(shelf.store->find("a", "3"));
+}
+
+// A clock that is set while an order is under way: its result does not make it old.
+TEST(Store, ResultLeavesTheTimeOfItsOrder) {
+  Shelf shelf;
+  shelf.open();
+  JournalEntry order = entry("x");
+  order.arrival = shelf.store->next_arrival();
+  ASSERT_TRUE(shelf.store->journal(std::vector{order}));
+  order.result = "{}";
+  order.received_ms = order.deadline_ms = 5000;
+  shelf.store->record(order);
+  EXPECT_EQ(shelf.store->find("a", "x")->received_ms, kNow);
+  EXPECT_EQ(shelf.store->find("a", "x")->deadline_ms, kNow + 10000);
 }
 
 TEST(Store, ResultThatFoundNoDiskIsWrittenLater) {
