@@ -78,6 +78,7 @@ void run_agent(const Config& config, const sigset_t& stop_signals) {
     outbox.push(std::move(result));
   }
   Field field(config, outbox, known.field, Polling::on, store ? Journaling::on : Journaling::off);
+  known = {};
   PahoBroker broker(config.mqtt, last_will(config, settings.boot), [&outbox] { outbox.notify(); });
   Publisher publisher(
       config, settings, outbox, broker,

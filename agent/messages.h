@@ -219,15 +219,20 @@ struct CommandResult {
   /// device, id, status, plc, received_ms and the MQTT 5 properties say something then.
   std::string recorded;
 
-  /// DUPLICATE only: the first result, or null while that command is still running. Held by the
-  /// desk's memory of ids and by this message.
+  /// DUPLICATE only: whether the first command has its result.
+  bool first_is_over = false;
+  /// That result; null where it is the journal's to tell.
   std::shared_ptr<const CommandResult> first;
 
-  // These three are not in what the desk remembers.
+  // These three are not in what is remembered.
   std::string response_topic;
   Bytes correlation;
   FrameTrace frames;  ///< of an order that was carried out
 };
+
+/// On: an order is carried out only when the journal has its OrderNote, and first results are kept
+/// there. Off: there is no journal.
+enum class Journaling : std::uint8_t { off, on };
 
 /// An admitted order for the journal. It is carried out only when the uplink has written it down
 /// and given the go-ahead.
@@ -244,8 +249,11 @@ struct OrderNote {
 
 // ---- what earlier runs leave --------------------------------------------------------------------
 
-struct RememberedResult {
-  CommandResult result;
+/// An id whose command has its result.
+struct RememberedId {
+  std::uint32_t device = 0;
+  std::string id;
+  std::int64_t received_ms = 0;
   std::int64_t deadline_ms = 0;  ///< of the command: its id is kept at least until then
 };
 
@@ -255,8 +263,8 @@ inline constexpr std::string_view kLeftBehind =
 
 /// What the field has to know of earlier runs; empty where nothing is kept.
 struct Recollection {
-  std::vector<std::uint64_t> last_seq;    ///< by index in Config::devices; missing ones: 0
-  std::vector<RememberedResult> results;  ///< oldest first
+  std::vector<std::uint64_t> last_seq;  ///< by index in Config::devices; missing ones: 0
+  std::vector<RememberedId> ids;        ///< oldest first
   /// Writes that were in the journal and have no result, oldest first: what they were to write may
   /// be read, and they are not sent again.
   std::vector<Command> left_behind;

@@ -101,8 +101,8 @@ std::optional<Refusal> check_expiry(const Command& command, const CommandRules& 
                     " s) ahead of this agent's clock: one of the clocks is wrong");
 }
 
-/// A result as the memory of ids keeps it, for a day: where it was to be told is over with it, and
-/// can be 64 KiB of somebody else's making.
+/// A result as the memory of ids keeps it where there is no journal: where it was to be told is
+/// over with it, and can be 64 KiB of somebody else's making.
 std::shared_ptr<const CommandResult> kept(CommandResult result) {
   result.response_topic.clear();
   result.response_topic.shrink_to_fit();
@@ -156,10 +156,11 @@ CommandDesk::Verdict CommandDesk::admit(Command command, const Codec& codec, std
   // An id that was seen gets no second verdict, whatever is wrong with this message: exactly one
   // result that is not DUPLICATE is the promise that the others stand on.
   if (!command.id.empty()) {
-    if (const auto seen = by_id_.find(command.id); seen != by_id_.end()) {
+    if (const IdMemory::Entry* seen = ids_.find(command.id)) {
       result.status = CommandStatus::duplicate;
       result.reason = Reason::duplicate_id;
-      result.first = seen->second.result;
+      result.first_is_over = seen->over;
+      result.first = seen->result;
       if (result.first) result.plc = result.first->plc;
       return result;
     }
@@ -171,11 +172,11 @@ CommandDesk::Verdict CommandDesk::admit(Command command, const Codec& codec, std
     rejected(*refusal);
     if (command.dry_run) return result;
     remember(command, now, now);
-    result.id_kept = by_id_.contains(result.id);
+    result.id_kept = ids_.find(result.id) != nullptr;
     finished(result);
     return result;
   }
-  const bool room = make_room(now);
+  const bool room = ids_.make_room(now);
   result.id_kept = room;
 
   Order order;
@@ -375,55 +376,24 @@ std::optional<Refusal> CommandDesk::check_value(const Codec& codec, const Comman
   return std::nullopt;
 }
 
-bool CommandDesk::make_room(SteadyTime now) {
-  const auto forget = [&](std::list<std::string>::iterator place) {
-    by_id_.erase(*place);
-    oldest_first_.erase(place);
-  };
-  while (!oldest_first_.empty()) {
-    const Entry& oldest = by_id_.at(oldest_first_.front());
-    if (!oldest.result || now - oldest.seen < kRememberedFor || now <= oldest.deadline) break;
-    forget(oldest_first_.begin());
-  }
-  if (by_id_.size() < kRememberedIds) return true;
-  const auto past = std::find_if(oldest_first_.begin(), oldest_first_.end(), [&](const auto& id) {
-    const Entry& entry = by_id_.at(id);
-    return entry.result && now > entry.deadline;
-  });
-  if (past == oldest_first_.end()) return false;
-  forget(past);
-  return true;
-}
-
 void CommandDesk::remember(const Command& command, SteadyTime deadline, SteadyTime now) {
-  if (!make_room(now)) return;
-  by_id_[command.id] = Entry{nullptr, now, deadline};
-  oldest_first_.push_back(command.id);
+  if (ids_.make_room(now)) ids_.add({command.id, now, deadline});
 }
 
 void CommandDesk::finished(const CommandResult& result) {
-  const auto entry = by_id_.find(result.id);
-  if (entry != by_id_.end()) entry->second.result = kept(result);
+  ids_.finish(result.id, journaling_ == Journaling::on ? nullptr : kept(result));
 }
 
-void CommandDesk::restore(RememberedResult remembered, SteadyTime now, std::int64_t utc_ms) {
-  Entry entry;
+void CommandDesk::restore(RememberedId remembered, SteadyTime now, std::int64_t utc_ms) {
   // A clock that was set back must not make an id younger than it can be, nor give it more time.
-  entry.seen =
-      now - milliseconds(std::max<std::int64_t>(utc_ms - remembered.result.received_ms, 0));
-  entry.deadline =
-      now + milliseconds(std::min(remembered.deadline_ms - utc_ms,
-                                  remembered.deadline_ms - remembered.result.received_ms));
-  std::string id = remembered.result.id;
-  entry.result = kept(std::move(remembered.result));
-  if (by_id_.emplace(id, std::move(entry)).second) oldest_first_.push_back(std::move(id));
+  const std::int64_t age = std::max<std::int64_t>(utc_ms - remembered.received_ms, 0);
+  const std::int64_t left =
+      std::min(remembered.deadline_ms - utc_ms, remembered.deadline_ms - remembered.received_ms);
+  ids_.add({std::move(remembered.id), now - milliseconds(age), now + milliseconds(left), true});
 }
 
 std::optional<Order> CommandDesk::left_behind(Command command, const Codec& codec, SteadyTime now) {
-  const SteadyTime seen = std::min(command.received, now);
-  if (by_id_.emplace(command.id, Entry{nullptr, seen, deadline_of(command, device_.commands)})
-          .second)
-    oldest_first_.push_back(command.id);
+  ids_.add({command.id, std::min(command.received, now), deadline_of(command, device_.commands)});
   std::vector<TargetResult> names = result_of(command).targets;
   Order order;
   order.command = std::move(command);

@@ -5,15 +5,13 @@
 
 #include <chrono>
 #include <cstdint>
-#include <list>
-#include <memory>
 #include <optional>
 #include <string>
-#include <unordered_map>
 #include <variant>
 #include <vector>
 
 #include "agent/config.h"
+#include "agent/field/id_memory.h"
 #include "agent/messages.h"
 #include "protocol/codec.h"
 
@@ -45,42 +43,31 @@ struct Order {
 
 class CommandDesk final {
  public:
-  static constexpr std::size_t kRememberedIds = 10000;
-  static constexpr std::chrono::hours kRememberedFor{24};
-
   using Verdict = std::variant<CommandResult, Order>;
 
-  /// `device` outlives the desk.
-  explicit CommandDesk(const DeviceConfig& device) : device_(device) {}
+  /// `device` outlives the desk. With a journal the first results are there, and not here.
+  explicit CommandDesk(const DeviceConfig& device, Journaling journaling = Journaling::off)
+      : device_(device), journaling_(journaling) {}
 
   /// The verdict on `command`, by the checks of the contract in their order. `codec` is the
   /// device's codec of the moment (its model may have been identified), `waiting` the orders
   /// already queued.
   Verdict admit(Command command, const Codec& codec, std::size_t waiting, SteadyTime now);
 
-  /// The result of an order that admit() had passed: kept for DUPLICATE. Every order must come back
-  /// here exactly once.
+  /// The result of an order that admit() had passed. Every order must come back here exactly once.
   void finished(const CommandResult& result);
 
-  /// A result of an earlier run: its id is known from now on. `utc_ms` is the calendar time of
-  /// `now`.
-  void restore(RememberedResult remembered, SteadyTime now, std::int64_t utc_ms);
+  /// An id of an earlier run is known from now on. `utc_ms` is the calendar time of `now`.
+  void restore(RememberedId remembered, SteadyTime now, std::int64_t utc_ms);
 
   /// An order that an earlier run had in its journal and did not finish: its id is known, without a
   /// result so far. What is to be read for its outcome; nothing, where reading does not tell: bits,
   /// since ladders reset them, and what cannot be found on the device any more.
   std::optional<Order> left_behind(Command command, const Codec& codec, SteadyTime now);
 
-  std::size_t remembered() const { return by_id_.size(); }
+  std::size_t remembered() const { return ids_.size(); }
 
  private:
-  struct Entry {
-    std::shared_ptr<const CommandResult> result;  ///< null while it runs
-    SteadyTime seen{};
-    SteadyTime deadline{};  ///< kept at least until then
-  };
-
-  bool make_room(SteadyTime now);
   void remember(const Command& command, SteadyTime deadline, SteadyTime now);
   /// Fills order.targets, or says which check failed.
   std::optional<Refusal> resolve(const Codec& codec, Order& order, std::vector<TargetResult>& out);
@@ -94,8 +81,8 @@ class CommandDesk final {
                                      const CommandTarget& target, OrderTarget& out) const;
 
   const DeviceConfig& device_;
-  std::unordered_map<std::string, Entry> by_id_;
-  std::list<std::string> oldest_first_;
+  const Journaling journaling_;
+  IdMemory ids_;
 };
 
 /// The frame of a result for `command`: ids, times, op, topics; status is for the caller to set.

@@ -103,8 +103,8 @@ class Field::Room final {
   }
 
   void take(const Recollection& recollection) {
-    for (const RememberedResult& remembered : recollection.results)
-      workers_[config_.devices[remembered.result.device].link]->remember(remembered);
+    for (const RememberedId& remembered : recollection.ids)
+      workers_[config_.devices[remembered.device].link]->remember(remembered);
     for (const Command& command : recollection.left_behind)
       workers_[config_.devices[command.device].link]->take_left_behind(command);
   }

@@ -14,12 +14,10 @@ namespace fxagent {
 /// Off: devices answer commands only, as the command line wants it.
 enum class Polling : std::uint8_t { on, off };
 
-/// On: an order is carried out only after go_ahead(), which answers its OrderNote in the outbox.
-enum class Journaling : std::uint8_t { off, on };
-
 class Field final {
  public:
-  /// `config` and `outbox` outlive the field. Nothing runs yet.
+  /// `config` and `outbox` outlive the field. Nothing runs yet. With a journal each order waits for
+  /// go_ahead(), which answers its OrderNote in the outbox.
   Field(const Config& config, Outbox& outbox, const Recollection& recollection,
         Polling polling = Polling::on, Journaling journaling = Journaling::off);
   /// Stops, if stop() was not called.

@@ -128,8 +128,11 @@ struct LinkWorker::GroupPoll {
 
 /// A device as this worker knows it: its codec of the moment, its plans, its state.
 struct LinkWorker::Device {
-  Device(const DeviceConfig& device_config, std::uint32_t device_index)
-      : config(device_config), index(device_index), codec(device_config.codec), desk(config) {
+  Device(const DeviceConfig& device_config, std::uint32_t device_index, Journaling journaling)
+      : config(device_config),
+        index(device_index),
+        codec(device_config.codec),
+        desk(config, journaling) {
     station.codec = codec.get();
     station.timeout = config.timeout;
     station.gap = config.gap;
@@ -205,14 +208,14 @@ void LinkWorker::number_above(std::uint32_t index, std::uint64_t seq) {
   if (Device* device = device_of(index)) device->seq = std::max(device->seq, seq);
 }
 
-void LinkWorker::remember(const RememberedResult& remembered) {
-  if (Device* device = device_of(remembered.result.device))
+void LinkWorker::remember(const RememberedId& remembered) {
+  if (Device* device = device_of(remembered.device))
     device->desk.restore(remembered, Clock::now(), now_ms());
 }
 
 void LinkWorker::add_device(std::uint32_t index, BackOff back_off, Polling polling) {
   const DeviceConfig& config = config_.devices[index];
-  auto device = std::make_unique<Device>(config, index);
+  auto device = std::make_unique<Device>(config, index, journaling_);
   device->id = agenda_.add_device(config.retries + 1, back_off);
   for (std::uint32_t g = 0; polling == Polling::on && g < config.groups.size(); ++g) {
     auto group = std::make_unique<GroupPoll>(config, g);

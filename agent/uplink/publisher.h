@@ -164,6 +164,7 @@ class Publisher final {
   std::uint64_t note_arrival(const Message& event, const Command& command);
   void take_orders(std::vector<OrderNote> orders);
   void take_result(CommandResult result);
+  void find_first(CommandResult& result) const;
   bool note_result(const CommandResult& result);
   std::string audit_of(const CommandResult& result, const std::string& text);
 

@@ -48,8 +48,7 @@ void Publisher::take_command(const Message& event, std::uint32_t device) {
   if (known) {
     result.status = CommandStatus::duplicate;
     result.reason = Reason::duplicate_id;
-    if (!known->result.empty())
-      result.first = std::make_shared<const CommandResult>(json::recorded_result(known->result));
+    result.first_is_over = !known->result.empty();
   }
   take_result(std::move(result));
 }
@@ -149,8 +148,23 @@ std::string Publisher::audit_of(const CommandResult& result, const std::string& 
                        utc_ms_());
 }
 
+/// The first result of a DUPLICATE is in the journal.
+void Publisher::find_first(CommandResult& result) const {
+  if (!result.first_is_over || result.first) return;
+  const auto known = store_ == nullptr
+                         ? std::nullopt
+                         : store_->find(config_.devices.at(result.device).name, result.id);
+  if (!known || known->result.empty()) {
+    result.detail = "the first result was lost with the store, and the order is not repeated";
+    return;
+  }
+  result.first = std::make_shared<const CommandResult>(json::recorded_result(known->result));
+  result.plc = result.first->plc;
+}
+
 void Publisher::take_result(CommandResult result) {
   ++commands_[result.status];
+  find_first(result);
   PendingResult pending;
   fault_point("result_taken");
   pending.journaled = note_result(result);

@@ -44,41 +44,56 @@ std::optional<Command> to_be_read(const JournalEntry& entry, std::uint32_t devic
   return command;
 }
 
-void take_orders(const Config& config, Store& store, std::vector<JournalEntry> entries,
-                 std::int64_t utc_ms, SteadyTime now, Recall& found) {
-  std::map<std::string, std::uint32_t> index;
-  for (const DeviceConfig& device : config.devices)
-    index.emplace(device.name, static_cast<std::uint32_t>(index.size()));
-  for (JournalEntry& entry : entries) {
-    const auto device = index.find(entry.device);
-    if (device == index.end()) continue;
-    // A store that opened late: this run has carried out an order of that id itself.
+/// By the names of the config; what belongs to other devices stays where it is.
+class Known final {
+ public:
+  Known(const Config& config, Store& store, std::int64_t utc_ms) : store_(store), utc_ms_(utc_ms) {
+    for (const DeviceConfig& device : config.devices)
+      index_.emplace(device.name, static_cast<std::uint32_t>(index_.size()));
+  }
+
+  void take_ids(std::vector<Store::KnownId> ids, Recall& found) const {
+    for (Store::KnownId& known : ids)
+      if (const auto device = index_.find(known.device); device != index_.end())
+        found.field.ids.push_back(
+            {device->second, std::move(known.id), known.received_ms, known.deadline_ms});
+  }
+
+  void take_unsettled(std::vector<JournalEntry> entries, SteadyTime now, Recall& found) const {
+    for (JournalEntry& entry : entries)
+      if (const auto device = index_.find(entry.device); device != index_.end())
+        take(std::move(entry), device->second, now, found);
+  }
+
+ private:
+  void take(JournalEntry entry, std::uint32_t device, SteadyTime now, Recall& found) const {
     if (entry.result.empty()) {
-      const auto known = store.find(entry.device, entry.id);
-      if (known && known->arrival > entry.arrival) continue;
-    }
-    if (entry.result.empty() && !entry.told) {
+      // A store that opened late: this run has carried out an order of that id itself.
+      const auto known = store_.find(entry.device, entry.id);
+      if (known && known->arrival > entry.arrival) return;
       log::warn("order_left_behind", {{"device", entry.device}, {"id", entry.id}});
-      if (auto command = to_be_read(entry, device->second, utc_ms, now)) {
-        found.field.left_behind.push_back(std::move(*command));
-        continue;
-      }
+      if (auto command = to_be_read(entry, device, utc_ms_, now))
+        return found.field.left_behind.push_back(std::move(*command));
       entry.result = json::result(left_behind(entry), std::nullopt);
       if (entry.arrival != 0)
-        entry.audit = audit::result(entry.arrival, entry.device, entry.result, {}, utc_ms);
-      store.record(entry);
+        entry.audit = audit::result(entry.arrival, entry.device, entry.result, {}, utc_ms_);
+      store_.record(entry);
+      found.field.ids.push_back({device, entry.id, entry.received_ms, entry.deadline_ms});
     }
     CommandResult result = json::recorded_result(entry.result);
-    result.device = device->second;
+    result.device = device;
     result.arrival = entry.arrival;
-    result.id = entry.id;
+    result.id = std::move(entry.id);
     result.received_ms = entry.received_ms;
     result.response_topic = std::move(entry.response_topic);
     result.correlation = std::move(entry.correlation);
-    if (!entry.told) found.untold.push_back(result);
-    found.field.results.push_back({std::move(result), entry.deadline_ms});
+    found.untold.push_back(std::move(result));
   }
-}
+
+  Store& store_;
+  const std::int64_t utc_ms_;
+  std::map<std::string, std::uint32_t> index_;
+};
 
 }  // namespace
 
@@ -91,7 +106,9 @@ Recall recall(const Config& config, Store* store, std::int64_t utc_ms, SteadyTim
   std::vector<std::string> names;
   for (const DeviceConfig& device : config.devices) names.push_back(device.name);
   found.field.last_seq = store->begin_numbers(names, utc_ms);
-  take_orders(config, *store, store->remembered(), utc_ms, now, found);
+  const Known known(config, *store, utc_ms);
+  known.take_ids(store->known_ids(), found);
+  known.take_unsettled(store->unsettled(), now, found);
   return found;
 }
 
@@ -102,7 +119,9 @@ Recall recall(const Config& config, Store& store, Store::FoundLate late, std::in
     const auto number = late.numbers.find(device.name);
     found.field.last_seq.push_back(number == late.numbers.end() ? 0 : number->second);
   }
-  take_orders(config, store, std::move(late.orders), utc_ms, now, found);
+  const Known known(config, store, utc_ms);
+  known.take_ids(std::move(late.ids), found);
+  known.take_unsettled(std::move(late.unsettled), now, found);
   return found;
 }
 

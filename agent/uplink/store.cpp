@@ -107,7 +107,8 @@ void Store::open_late(std::int64_t utc_ms) {
   recovered_ += rows_;
   first_of_run_ = next_order_;
   FoundLate found;
-  found.orders = remembered();
+  found.ids = known_ids();
+  found.unsettled = unsettled();
   Statement known(file_->db, "SELECT name, last_seq FROM devices");
   while (known.step() == Statement::Step::row) {
     const auto own = numbers_.find(std::string(known.text(0)));
@@ -481,7 +482,7 @@ bool Store::write_settled() {
   if (!write_unaudited()) return false;
   for (const std::uint64_t order : removed_)
     if (!file_->remove.bind(1, to_sql(order)).run()) return false;
-  for (const JournalEntry& entry : unrecorded_)
+  for (const auto& [id, entry] : unrecorded_)
     if (!(entry.result.empty() ? write_order(entry) : write_record(entry))) return false;
   for (const auto& [device, id, arrival] : untold_)
     if (!file_->told.bind(1, device).bind(2, id).bind(3, to_sql(arrival)).run()) return false;

@@ -128,9 +128,17 @@ class Store final {
   void record(JournalEntry entry);
   /// The broker has the result of the command with this number.
   void told(std::string device, std::string id, std::uint64_t arrival);
+  /// An id whose command has its result.
+  struct KnownId {
+    std::string device;
+    std::string id;
+    std::int64_t received_ms = 0;
+    std::int64_t deadline_ms = 0;
+  };
   /// What earlier runs left in a file that could not be opened at the start of this one.
   struct FoundLate {
-    std::vector<JournalEntry> orders;              ///< as remembered()
+    std::vector<KnownId> ids;                      ///< as known_ids()
+    std::vector<JournalEntry> unsettled;           ///< as unsettled()
     std::map<std::string, std::uint64_t> numbers;  ///< by device; only those above this run's
   };
   /// Once after such a file has opened: until then none of its ids was known.
@@ -138,9 +146,12 @@ class Store final {
 
   /// What the journal has of this id, or will have once the disk takes it.
   std::optional<JournalEntry> find(const std::string& device, const std::string& id);
-  /// The newest ids of each device, those whose time is not over, the newest of those whose result
-  /// the broker does not have, and every order without one; oldest first.
-  std::vector<JournalEntry> remembered();
+  /// Of those with a result the newest ids of each device, those whose time is not over, and the
+  /// ids of unsettled(); oldest first.
+  std::vector<KnownId> known_ids();
+  /// Every order without a result, and of each device the newest of the results that the broker
+  /// does not have; oldest first.
+  std::vector<JournalEntry> unsettled();
 
   // ---- the audit
 
@@ -244,9 +255,10 @@ class Store final {
   std::unordered_map<std::uint64_t, Out> out_;
   std::set<std::uint64_t> removed_;  ///< still in the file
   std::map<std::string, std::uint64_t> dropped_;
-  std::vector<JournalEntry> unrecorded_;  ///< orders and results that are not in the file
-  std::vector<Told> untold_;              ///< told, not noted yet
-  bool forgot_results_ = false;           ///< there were too many of them
+  /// Orders and results that are not in the file, by device and id.
+  std::map<std::pair<std::string, std::string>, JournalEntry> unrecorded_;
+  std::vector<Told> untold_;     ///< told, not noted yet
+  bool forgot_results_ = false;  ///< there were too many of them
   std::optional<FoundLate> found_late_;
   bool mending_ = false;                ///< a fresh file is being made in place of a damaged one
   std::vector<std::string> unaudited_;  ///< bodies that are not in the file

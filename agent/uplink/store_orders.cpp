@@ -29,6 +29,8 @@ Statement& bind_entry(Statement& statement, const JournalEntry& entry) {
       .bind(7, ByteView(entry.correlation));
 }
 
+std::int64_t moment(std::int64_t utc_ms) { return std::clamp<std::int64_t>(utc_ms, 0, kLatestMs); }
+
 constexpr std::string_view kEntry =
     "SELECT device, id, received_ms, deadline_ms, op, response_topic, correlation, result, told,"
     " arrival, payload";
@@ -38,8 +40,8 @@ JournalEntry entry_of(Statement& row) {
   JournalEntry entry;
   entry.device = row.text(0);
   entry.id = row.text(1);
-  entry.received_ms = std::clamp<std::int64_t>(row.number(2), 0, kLatestMs);
-  entry.deadline_ms = std::clamp<std::int64_t>(row.number(3), 0, kLatestMs);
+  entry.received_ms = moment(row.number(2));
+  entry.deadline_ms = moment(row.number(3));
   entry.op = row.text(4);
   entry.response_topic = row.text(5);
   const ByteView correlation = row.bytes(6);
@@ -49,6 +51,16 @@ JournalEntry entry_of(Statement& row) {
   entry.arrival = from_sql(row.number(9));
   entry.payload = row.text(10);
   return entry;
+}
+
+/// The orders with `columns` and those that all questions about their places need: `place` among
+/// the device's, the newest first, and `of_kind` among those that are told, or not, like it.
+std::string ranked(std::string_view columns) {
+  return "(SELECT device, id, received_ms, told, arrival, result <> '' AS is_over, " +
+         std::string(columns) +
+         ", row_number() OVER (PARTITION BY device ORDER BY arrival DESC, received_ms DESC)"
+         " AS place, row_number() OVER (PARTITION BY device, told"
+         " ORDER BY arrival DESC, received_ms DESC) AS of_kind FROM orders)";
 }
 
 }  // namespace
@@ -62,12 +74,24 @@ bool Store::journal(std::span<const JournalEntry> orders) {
   return false;
 }
 
-/// Until the disk takes it.
+/// Until the disk takes it. As in the file, a result belongs to the order with its number, and a
+/// later command that uses the id anew takes its place.
 void Store::keep_unrecorded(JournalEntry entry) {
-  if (unrecorded_.size() < kMostUnrecorded) return unrecorded_.push_back(std::move(entry));
-  if (!entry.audit.empty()) ++audit_lost_;
-  if (std::exchange(forgot_results_, true)) return;
-  log::error("results_not_kept", {{"device", entry.device}, {"first_id", entry.id}});
+  const auto [place, is_new] = unrecorded_.try_emplace({entry.device, entry.id});
+  JournalEntry& kept = place->second;
+  if (is_new && unrecorded_.size() > kMostUnrecorded) {
+    unrecorded_.erase(place);
+    if (!entry.audit.empty()) ++audit_lost_;
+    if (!std::exchange(forgot_results_, true))
+      log::error("results_not_kept", {{"device", entry.device}, {"first_id", entry.id}});
+    return;
+  }
+  if (!is_new && entry.arrival < kept.arrival + (kept.result.empty() ? 0 : 1))
+    return note(std::move(entry.audit));
+  note(std::move(kept.audit));
+  if (entry.arrival == kept.arrival)
+    entry.deadline_ms = std::max(entry.deadline_ms, kept.deadline_ms);
+  kept = std::move(entry);
 }
 
 bool Store::write_order(const JournalEntry& entry) {
@@ -117,28 +141,39 @@ void Store::told(std::string device, std::string id, std::uint64_t arrival) {
 }
 
 std::optional<JournalEntry> Store::find(const std::string& device, const std::string& id) {
-  const auto newest = std::find_if(
-      unrecorded_.rbegin(), unrecorded_.rend(),
-      [&](const JournalEntry& entry) { return entry.device == device && entry.id == id; });
-  if (newest != unrecorded_.rend()) return *newest;
+  const auto kept = unrecorded_.find({device, id});
+  if (kept != unrecorded_.end()) return kept->second;
   if (!file_) return std::nullopt;
   Statement one(file_->db, std::string(kEntry) + " FROM orders WHERE device = ? AND id = ?");
   if (one.bind(1, device).bind(2, id).step() != Statement::Step::row) return std::nullopt;
   return entry_of(one);
 }
 
-std::vector<JournalEntry> Store::remembered() {
+std::vector<Store::KnownId> Store::known_ids() {
+  std::vector<KnownId> ids;
+  if (!file_) return ids;
+  Statement all(file_->db,
+                "SELECT device, id, received_ms, deadline_ms FROM " + ranked("deadline_ms") +
+                    " WHERE is_over AND (place <= ?1 OR told = 0 AND of_kind <= ?1"
+                    " OR received_ms <= ?2 AND deadline_ms >= ?2) ORDER BY arrival, received_ms");
+  all.bind(1, std::int64_t{kRememberedIds}).bind(2, utc_ms_);
+  auto step = all.step();
+  for (; step == Statement::Step::row; step = all.step())
+    ids.push_back({std::string(all.text(0)), std::string(all.text(1)), moment(all.number(2)),
+                   moment(all.number(3))});
+  if (step == Statement::Step::failed) failed("read");
+  return ids;
+}
+
+std::vector<JournalEntry> Store::unsettled() {
   std::vector<JournalEntry> entries;
   if (!file_) return entries;
-  Statement all(
-      file_->db,
-      std::string(kEntry) +
-          " FROM (SELECT *, row_number() OVER (PARTITION BY device"
-          " ORDER BY arrival DESC, received_ms DESC) AS place, row_number() OVER"
-          " (PARTITION BY device, told ORDER BY arrival DESC, received_ms DESC) AS of_kind"
-          " FROM orders) WHERE place <= ?1 OR result = '' OR told = 0 AND of_kind <= ?1"
-          " OR received_ms <= ?2 AND deadline_ms >= ?2 ORDER BY arrival, received_ms");
-  all.bind(1, static_cast<std::int64_t>(kRememberedIds)).bind(2, utc_ms_);
+  Statement all(file_->db, std::string(kEntry) + " FROM " +
+                               ranked("deadline_ms, op, response_topic, correlation, result,"
+                                      " payload") +
+                               " WHERE NOT is_over OR told = 0 AND of_kind <= ?1"
+                               " ORDER BY arrival, received_ms");
+  all.bind(1, std::int64_t{kRememberedIds});
   auto step = all.step();
   for (; step == Statement::Step::row; step = all.step()) entries.push_back(entry_of(all));
   if (step == Statement::Step::failed) failed("read");

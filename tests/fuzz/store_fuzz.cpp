@@ -37,7 +37,8 @@ bool any(const LaneKey&) { return true; }
 void live_with(Store& store) {
   const std::vector<std::string> devices{"press1"};
   store.begin_numbers(devices, kUtc);
-  for (const JournalEntry& entry : store.remembered()) {
+  for (const Store::KnownId& known : store.known_ids()) store.find(known.device, known.id);
+  for (const JournalEntry& entry : store.unsettled()) {
     CommandResult result = json::recorded_result(entry.result);
     result.id = entry.id;
     if (!nlohmann::json::accept(json::result(result, std::nullopt))) std::abort();

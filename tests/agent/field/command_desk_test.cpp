@@ -285,27 +285,37 @@ TEST_F(CommandDeskTest, WhereAResultWasToBeToldIsNotRemembered) {
   result.correlation = command.correlation;
   admitted(std::move(command));
   desk.finished(result);
-  RememberedResult earlier;
-  earlier.result = result;
-  earlier.result.id = "c";
-  earlier.deadline_ms = kStartMs + 60000;
-  desk.restore(earlier, now, kStartMs);
-  for (const char* id : {"b7e1", "c"}) {
-    const CommandResult again = answered(write(id));
-    ASSERT_NE(again.first, nullptr) << id;
-    EXPECT_TRUE(again.first->response_topic.empty()) << id;
-    EXPECT_TRUE(again.first->correlation.empty()) << id;
+  const CommandResult again = answered(write("b7e1"));
+  ASSERT_NE(again.first, nullptr);
+  EXPECT_TRUE(again.first->response_topic.empty());
+  EXPECT_TRUE(again.first->correlation.empty());
+}
+
+TEST_F(CommandDeskTest, WithAJournalOnlyTheIdsAreKeptHere) {
+  CommandDesk beside_journal(device, Journaling::on);
+  const auto judge = [&](const char* id) {
+    return std::get<CommandResult>(beside_journal.admit(write(id), *device.codec, 0, now));
+  };
+  beside_journal.restore({0, "earlier", kStartMs - 1000, kStartMs + 60000}, now, kStartMs);
+  beside_journal.admit(write("own"), *device.codec, 0, now);
+  EXPECT_FALSE(judge("own").first_is_over);
+  CommandResult done;
+  done.id = "own";
+  beside_journal.finished(done);
+  for (const char* id : {"earlier", "own"}) {
+    const CommandResult again = judge(id);
+    EXPECT_EQ(again.status, CommandStatus::duplicate) << id;
+    EXPECT_TRUE(again.first_is_over) << id;
+    EXPECT_EQ(again.first, nullptr) << id;
   }
 }
 
 TEST_F(CommandDeskTest, RestoredIdLivesOutItsDayAndItsDeadline) {
   const std::int64_t utc = kStartMs;
   const auto restore = [&](std::string id, std::chrono::hours age, std::chrono::hours deadline_in) {
-    RememberedResult remembered;
-    remembered.result.id = std::move(id);
-    remembered.result.received_ms = utc - milliseconds(age).count();
-    remembered.deadline_ms = utc + milliseconds(deadline_in).count();
-    desk.restore(remembered, now, utc);
+    desk.restore({0, std::move(id), utc - milliseconds(age).count(),
+                  utc + milliseconds(deadline_in).count()},
+                 now, utc);
   };
   restore("old", std::chrono::hours(23), std::chrono::hours(-22));
   restore("late", std::chrono::hours(23), std::chrono::hours(3));
@@ -320,11 +330,8 @@ TEST_F(CommandDeskTest, RestoredIdLivesOutItsDayAndItsDeadline) {
 // Results of an hour that is yet to come do not fill the memory until then.
 TEST_F(CommandDeskTest, RestoredIdHasNoMoreTimeThanItWasGiven) {
   for (int i = 0; i < 10000; ++i) {
-    RememberedResult remembered;
-    remembered.result.id = std::to_string(i);
-    remembered.result.received_ms = kStartMs + 3600000;
-    remembered.deadline_ms = remembered.result.received_ms + 10000;
-    desk.restore(remembered, now, kStartMs);
+    const std::int64_t received_ms = kStartMs + 3600000;
+    desk.restore({0, std::to_string(i), received_ms, received_ms + 10000}, now, kStartMs);
   }
   EXPECT_EQ(answered(write("one more")).reason, Reason::queue_full);
   now += std::chrono::seconds(11);
@@ -431,7 +438,7 @@ TEST_F(CommandDeskTest, IdOfARunningCommandIsNeverForgotten) {
 }
 
 TEST_F(CommandDeskTest, OfTenThousandIdsOnlyThosePastTheirDeadlineMakeRoom) {
-  for (std::size_t i = 0; i < CommandDesk::kRememberedIds; ++i) {
+  for (std::size_t i = 0; i < IdMemory::kMost; ++i) {
     Command command = write("id" + std::to_string(i));
     command.expires_ms = kStartMs + (i == 7000 ? 1000 : 60000);
     ASSERT_TRUE(std::holds_alternative<Order>(admit(command)));
@@ -440,11 +447,11 @@ TEST_F(CommandDeskTest, OfTenThousandIdsOnlyThosePastTheirDeadlineMakeRoom) {
   const CommandResult refused = answered(write("one more"));
   EXPECT_EQ(refused.status, CommandStatus::rejected);
   EXPECT_EQ(refused.reason, Reason::queue_full);
-  EXPECT_EQ(desk.remembered(), CommandDesk::kRememberedIds);
+  EXPECT_EQ(desk.remembered(), IdMemory::kMost);
 
   now += milliseconds(1001);
   admitted(write("one more"));
-  EXPECT_EQ(desk.remembered(), CommandDesk::kRememberedIds);
+  EXPECT_EQ(desk.remembered(), IdMemory::kMost);
   EXPECT_EQ(answered(write("and another")).reason, Reason::queue_full);
   EXPECT_EQ(answered(write("id6999")).status, CommandStatus::duplicate);
 
@@ -452,11 +459,11 @@ TEST_F(CommandDeskTest, OfTenThousandIdsOnlyThosePastTheirDeadlineMakeRoom) {
   now += seconds(60);
   admitted(write("and another"));
   EXPECT_EQ(answered(write("id1")).status, CommandStatus::duplicate);
-  EXPECT_EQ(desk.remembered(), CommandDesk::kRememberedIds);
+  EXPECT_EQ(desk.remembered(), IdMemory::kMost);
 }
 
 TEST_F(CommandDeskTest, CheckOfAFullMemoryComesAfterTheOthers) {
-  for (std::size_t i = 0; i < CommandDesk::kRememberedIds; ++i)
+  for (std::size_t i = 0; i < IdMemory::kMost; ++i)
     ASSERT_TRUE(std::holds_alternative<Order>(admit(write("id" + std::to_string(i)))));
   EXPECT_EQ(answered(write("one more", 500)).reason, Reason::out_of_range);
 }

@@ -214,8 +214,8 @@ TEST(Store, ClockThatIsSetMakesNothingOlderOrYounger) {
   shelf.store->upkeep(kStart + 30min, kNow + 1800000);
   shelf.store->upkeep(kStart + 60min, kNow + 3600000);
   EXPECT_TRUE(shelf.store->take_dropped().empty());
-  EXPECT_EQ(shelf.store->remembered().at(0).received_ms, kNow);
-  EXPECT_EQ(shelf.store->remembered().at(0).deadline_ms, kNow + 10000);
+  EXPECT_EQ(shelf.store->unsettled().at(0).received_ms, kNow);
+  EXPECT_EQ(shelf.store->unsettled().at(0).deadline_ms, kNow + 10000);
   shelf.store->upkeep(kStart + 62min, kNow + 3720000);
   EXPECT_EQ(shelf.store->take_dropped().at("a"), 2U);
 }
@@ -424,19 +424,27 @@ TEST(Store, JournalRemembersOrdersAndTheirFirstResult) {
   shelf.store->told("a", "three", 0);
   shelf.store->upkeep(kStart, kNow);
   shelf.open();
-  const auto found = shelf.store->remembered();
-  ASSERT_EQ(found.size(), 3U);
-  EXPECT_EQ(found[0].id, "one");
-  EXPECT_EQ(found[0].result, "{1}");
-  EXPECT_FALSE(found[0].told);
-  EXPECT_EQ(found[1].result, "");
-  EXPECT_EQ(found[1].response_topic, "hmi/replies");
-  EXPECT_EQ(found[1].correlation, (Bytes{1, 0, 255}));
-  EXPECT_EQ(found[1].deadline_ms, kNow + 10000);
-  EXPECT_EQ(found[2].id, "three");
-  EXPECT_TRUE(found[2].told);
-  EXPECT_EQ(found[2].response_topic, "");  // nobody needs it any more
-  EXPECT_EQ(found[2].correlation, Bytes{});
+  const auto ids = shelf.store->known_ids();
+  ASSERT_EQ(ids.size(), 2U);
+  EXPECT_EQ(ids[0].id, "one");
+  EXPECT_EQ(ids[1].id, "three");
+  EXPECT_EQ(ids[1].device, "a");
+  EXPECT_EQ(ids[1].received_ms, kNow + 1);
+  const auto open = shelf.store->unsettled();
+  ASSERT_EQ(open.size(), 2U);
+  EXPECT_EQ(open[0].id, "one");
+  EXPECT_EQ(open[0].result, "{1}");
+  EXPECT_FALSE(open[0].told);
+  EXPECT_EQ(open[1].result, "");
+  EXPECT_EQ(open[1].response_topic, "hmi/replies");
+  EXPECT_EQ(open[1].correlation, (Bytes{1, 0, 255}));
+  EXPECT_EQ(open[1].deadline_ms, kNow + 10000);
+  const auto three = shelf.store->find("a", "three");
+  ASSERT_TRUE(three);
+  EXPECT_EQ(three->result, "{3}");
+  EXPECT_TRUE(three->told);
+  EXPECT_EQ(three->response_topic, "");  // nobody needs it any more
+  EXPECT_EQ(three->correlation, Bytes{});
 }
 
 // The field forgets the oldest of 10,000 ids at once, and the file once a minute.
@@ -494,7 +502,7 @@ TEST(Store, IdsAreForgottenAfterADayAndNotBeforeTheirDeadline) {
   shelf.store->record(late);
   shelf.store->told("a", "late", 0);
   shelf.store->upkeep(kStart, kNow);
-  const auto found = shelf.store->remembered();
+  const auto found = shelf.store->known_ids();
   ASSERT_EQ(found.size(), 2U);
   EXPECT_EQ(found[0].id, "late");
   EXPECT_EQ(found[1].id, std::to_string(day - 20000));
@@ -510,7 +518,7 @@ TEST(Store, MoreIdsThanAreRememberedMakeRoomOldestFirst) {
     if (i % 1000 == 0) shelf.store->upkeep(kStart + std::chrono::seconds(i), kNow - 200000);
   }
   shelf.store->upkeep(kStart + 10h, kNow);
-  const auto found = shelf.store->remembered();
+  const auto found = shelf.store->known_ids();
   ASSERT_EQ(found.size(), Store::kRememberedIds);
   EXPECT_EQ(found.front().id, "5");
 }
@@ -537,7 +545,7 @@ TEST(Store, NewestIdsAreThoseThatCameLast) {
   shelf.store->upkeep(kStart + 20s, kNow + 20000);
   shelf.open(kNow + kHour);
   shelf.store->upkeep(kStart, kNow + kHour);
-  const auto found = shelf.store->remembered();
+  const auto found = shelf.store->known_ids();
   ASSERT_EQ(found.size(), Store::kRememberedIds + 1);
   EXPECT_EQ(found.front().id, "0");  // too many ago, but nobody was told
   EXPECT_EQ(found[1].id, "2");
@@ -560,11 +568,11 @@ TEST(Store, IdIsKeptUntilItsTimeIsOverHoweverManyFollow) {
   }
   shelf.open(kNow + 1800000);
   shelf.store->upkeep(kStart, kNow + 1800000);
-  EXPECT_EQ(shelf.store->remembered().front().id, "patient");
-  EXPECT_EQ(shelf.store->remembered().size(), Store::kRememberedIds + 1);
+  EXPECT_EQ(shelf.store->known_ids().front().id, "patient");
+  EXPECT_EQ(shelf.store->known_ids().size(), Store::kRememberedIds + 1);
   shelf.open(kNow + 3600001);
   shelf.store->upkeep(kStart, kNow + 3600001);
-  EXPECT_EQ(shelf.store->remembered().size(), Store::kRememberedIds);
+  EXPECT_EQ(shelf.store->known_ids().size(), Store::kRememberedIds);
 }
 
 TEST(Store, ResultsThatNobodyTakesDoNotFillTheDisk) {
@@ -603,10 +611,9 @@ TEST(Store, ResultThatFoundNoDiskIsWrittenLater) {
   std::filesystem::remove(shelf.config.path);
   shelf.store->upkeep(kStart, kNow);
   shelf.store->upkeep(kStart + 10s, kNow);
-  const auto found = shelf.store->remembered();
-  ASSERT_EQ(found.size(), 1U);
-  EXPECT_EQ(found[0].result, "{1}");
-  EXPECT_TRUE(found[0].told);
+  ASSERT_EQ(shelf.store->known_ids().size(), 1U);
+  EXPECT_EQ(shelf.store->find("a", "one")->result, "{1}");
+  EXPECT_TRUE(shelf.store->find("a", "one")->told);
 }
 
 TEST(Store, OrderThatFoundNoDiskIsInTheJournalLater) {
@@ -616,18 +623,54 @@ TEST(Store, OrderThatFoundNoDiskIsInTheJournalLater) {
   const std::vector<JournalEntry> orders{entry("waits", ""), entry("done", "")};
   EXPECT_FALSE(shelf.store->journal(orders));
   shelf.store->record(entry("done", "{1}"));
+  shelf.store->record(entry("done", "{2}"));  // the first one stays, as in the file
   EXPECT_EQ(shelf.store->find("a", "waits")->result, "");
   EXPECT_EQ(shelf.store->find("a", "done")->result, "{1}");
+  EXPECT_EQ(shelf.store->find("a", "done")->deadline_ms, kNow + 10000);
   EXPECT_FALSE(shelf.store->find("a", "never"));
   std::filesystem::remove(shelf.config.path);
   shelf.store->upkeep(kStart, kNow);
   shelf.store->upkeep(kStart + 10s, kNow);
-  const auto found = shelf.store->remembered();
+  const auto found = shelf.store->unsettled();
   ASSERT_EQ(found.size(), 2U);
   const bool done_first = found[0].id == "done";
   EXPECT_EQ(found[done_first ? 0 : 1].result, "{1}");
   EXPECT_EQ(found[done_first ? 1 : 0].id, "waits");
   EXPECT_EQ(found[done_first ? 1 : 0].result, "");
+}
+
+// The disk may be away for a day: an order and its result take one place between them, and an id
+// that is used anew takes its own place again.
+TEST(Store, TenThousandOrdersFindRoomUntilThereIsADisk) {
+  Shelf shelf;
+  std::ofstream(shelf.config.path) << "a file in its place";
+  shelf.open();
+  const auto make = [](std::size_t i, std::uint64_t arrival) {
+    JournalEntry made = entry(std::to_string(i), "");
+    made.arrival = arrival;
+    return made;
+  };
+  for (std::size_t i = 0; i < Store::kRememberedIds; ++i) {
+    JournalEntry made = make(i, 1 + i);
+    EXPECT_FALSE(shelf.store->journal(std::vector{made}));
+    made.result = "{" + std::to_string(i) + "}";
+    shelf.store->record(std::move(made));
+  }
+  shelf.store->journal(std::vector{make(7, 20000)});  // anew
+  JournalEntry late = make(7, 8);
+  late.result = "{late}";
+  shelf.store->record(std::move(late));                                   // of the first one
+  shelf.store->journal(std::vector{make(Store::kRememberedIds, 20001)});  // one too many
+  EXPECT_EQ(shelf.store->find("a", "7")->result, "");
+  EXPECT_FALSE(shelf.store->find("a", std::to_string(Store::kRememberedIds)));
+  std::filesystem::remove(shelf.config.path);
+  shelf.store->upkeep(kStart, kNow);
+  shelf.store->upkeep(kStart + 10s, kNow);
+  ASSERT_EQ(shelf.store->state(), "disk");
+  EXPECT_EQ(shelf.store->known_ids().size(), Store::kRememberedIds - 1);
+  EXPECT_EQ(shelf.store->find("a", "9999")->result, "{9999}");
+  EXPECT_EQ(shelf.store->find("a", "7")->result, "");
+  EXPECT_EQ(shelf.store->find("a", "7")->arrival, 20000U);
 }
 
 // ---- the audit
@@ -662,12 +705,12 @@ TEST(Store, AuditOfAnOrderIsWrittenWithItsJournal) {
   order.payload = "{}";
   ASSERT_TRUE(shelf.store->journal(std::vector{order}));
   EXPECT_EQ(audit_of(shelf).size(), 1U);
-  EXPECT_EQ(shelf.store->remembered().at(0).arrival, 7U);
-  EXPECT_EQ(shelf.store->remembered().at(0).payload, "{}");
+  EXPECT_EQ(shelf.store->unsettled().at(0).arrival, 7U);
+  EXPECT_EQ(shelf.store->unsettled().at(0).payload, "{}");
   order.result = "{1}";
   shelf.store->record(order);
   EXPECT_EQ(audit_of(shelf).size(), 2U);
-  EXPECT_EQ(shelf.store->remembered().at(0).payload, "");  // it has done its work
+  EXPECT_EQ(shelf.store->unsettled().at(0).payload, "");  // it has done its work
   EXPECT_EQ(shelf.store->audit_head().records, 2U);
 }
 
@@ -775,19 +818,20 @@ TEST(Store, FileOfTheFirstVersionIsTakenOver) {
   EXPECT_EQ(shelf.store->state(), "disk");
   EXPECT_EQ(shelf.store->set_aside(), "");
   EXPECT_EQ(shelf.begin(), 5U);
-  const auto known = shelf.store->remembered();
-  ASSERT_EQ(known.size(), 2U);
-  EXPECT_EQ(known[0].result, "{1}");
-  EXPECT_EQ(known[0].correlation, Bytes{1});
-  EXPECT_TRUE(known[0].told);
-  EXPECT_EQ(known[1].arrival, 0U);
+  ASSERT_EQ(shelf.store->known_ids().size(), 1U);
+  const auto known = shelf.store->find("a", shelf.store->known_ids()[0].id);
+  EXPECT_EQ(known->result, "{1}");
+  EXPECT_EQ(known->correlation, Bytes{1});
+  EXPECT_TRUE(known->told);
+  ASSERT_EQ(shelf.store->unsettled().size(), 1U);
+  JournalEntry result = shelf.store->unsettled()[0];
+  EXPECT_EQ(result.arrival, 0U);
   EXPECT_EQ(shelf.drain(), "a/fast[5]}");
-  JournalEntry result = known[1];
   result.result = "{2}";
   result.audit = told("open");
   shelf.store->record(result);
   EXPECT_EQ(audit_of(shelf).size(), 1U);
-  EXPECT_EQ(shelf.open().remembered().at(1).result, "{2}");
+  EXPECT_EQ(shelf.open().unsettled().at(0).result, "{2}");
 }
 
 TEST(Migration, StepsRunOnceInTheirOrderAndAFailedOneLeavesNothing) {
