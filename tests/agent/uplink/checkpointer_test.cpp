@@ -52,6 +52,8 @@ TEST(Checkpointer, LogStaysBelowItsMostHoweverMuchIsWritten) {
 TEST(Checkpointer, LogIsBroughtHomeBesideTheWriter) {
   Ledger ledger;
   ledger.write(Checkpointer::kPages + 100);
+  // SQLite's own checkpoints are a hook at the commits too, and there is only one.
+  EXPECT_EQ(sqlite3_wal_hook(ledger.db.handle(), nullptr, nullptr), &*ledger.checkpointer);
   ledger.checkpointer.reset();  // waits for what was under way
   // The log holds pages that were written twice, and at its end some that came meanwhile.
   EXPECT_GE(std::filesystem::file_size(ledger.path),
