@@ -106,6 +106,11 @@ void Store::open_late(std::int64_t utc_ms) {
   if (!writable_) return;
   recovered_ += rows_;
   first_of_run_ = next_order_;
+  // With a clock that began in the past the commands of this run have lower numbers than those of
+  // earlier ones. What is settled of these counts as older all the same.
+  Statement older(file_->db, "UPDATE orders SET arrival = 0 WHERE told = 1 AND arrival >= ?");
+  if (!older.bind(1, to_sql(first_arrival_of_run_)).run()) failed("write");
+  if (!file_) return;
   FoundLate found;
   found.ids = known_ids();
   found.unsettled = unsettled();
@@ -258,13 +263,16 @@ void Store::restamp() {
   Statement samples(file_->db, "UPDATE samples SET created_ms = created_ms + ? WHERE id >= ?");
   Statement orders(file_->db,
                    "UPDATE orders SET received_ms = received_ms + ?1,"
-                   " deadline_ms = deadline_ms + ?1 WHERE arrival >= ?2");
+                   " deadline_ms = deadline_ms + ?1 WHERE arrival >= ?2 AND received_ms <= ?3");
   bool done = false;
   {
     Transaction transaction(file_->db);
     done = transaction.begun() &&
            samples.bind(1, unstamped_ms_).bind(2, to_sql(first_of_run_)).run() &&
-           orders.bind(1, unstamped_ms_).bind(2, to_sql(first_arrival_of_run_)).run() &&
+           orders.bind(1, unstamped_ms_)
+               .bind(2, to_sql(first_arrival_of_run_))
+               .bind(3, utc_ms_ - unstamped_ms_)
+               .run() &&
            transaction.commit();
   }
   if (!done) return failed("clock");

@@ -639,6 +639,43 @@ TEST(Store, OrderThatFoundNoDiskIsInTheJournalLater) {
   EXPECT_EQ(found[done_first ? 1 : 0].result, "");
 }
 
+// A gateway without a clock of its own whose data partition is mounted late: the numbers of its
+// commands begin below those of earlier runs, and the clock is set after the file has opened.
+TEST(Store, FileThatOpensBeforeTheClockIsSetKeepsItsOrderAndItsTimes) {
+  constexpr std::int64_t kBoot = 5000;
+  Shelf shelf;
+  shelf.open();
+  for (const char* id : {"told", "again", "untold"}) {
+    JournalEntry made = entry(id, "{earlier}", kNow - 60000);
+    made.arrival = static_cast<std::uint64_t>(kNow);  // as a run that opened its file late counts
+    shelf.store->record(made);
+    if (made.id != "untold") shelf.store->told("a", id, made.arrival);
+  }
+  shelf.store->upkeep(kStart, kNow);
+  shelf.store.reset();
+  const std::string away = shelf.config.path + "-away";
+  std::filesystem::rename(shelf.config.path, away);
+  std::ofstream(shelf.config.path) << "a file in its place";
+  shelf.open(kBoot);
+  shelf.store->upkeep(kStart, kBoot);
+  JournalEntry again = entry("again", "", kBoot);
+  again.arrival = shelf.store->next_arrival();
+  EXPECT_FALSE(shelf.store->journal(std::vector{again}));
+  std::filesystem::remove(shelf.config.path);
+  std::filesystem::rename(away, shelf.config.path);
+  shelf.store->upkeep(kStart + 10s, kBoot + 10000);
+  ASSERT_EQ(shelf.store->state(), "disk");
+  EXPECT_EQ(shelf.store->find("a", "again")->result, "");  // it is this run's
+  shelf.store->upkeep(kStart + 20s, kNow + 20000);
+  shelf.store->upkeep(kStart + 21s, kNow + 21000);
+  EXPECT_EQ(shelf.store->find("a", "told")->received_ms, kNow - 60000);
+  EXPECT_EQ(shelf.store->find("a", "untold")->received_ms, kNow - 60000);
+  EXPECT_EQ(shelf.store->find("a", "again")->received_ms, kNow);
+  const auto ids = shelf.store->known_ids();
+  ASSERT_EQ(ids.size(), 2U);
+  EXPECT_EQ(ids[0].id, "told");
+}
+
 // The disk may be away for a day: an order and its result take one place between them, and an id
 // that is used anew takes its own place again.
 TEST(Store, TenThousandOrdersFindRoomUntilThereIsADisk) {
