@@ -219,8 +219,8 @@ struct CommandResult {
   /// device, id, status, plc, received_ms and the MQTT 5 properties say something then.
   std::string recorded;
 
-  /// DUPLICATE only: whether the first command has its result.
-  bool first_is_over = false;
+  /// DUPLICATE only: the first command's arrival, once it has its result.
+  std::optional<std::uint64_t> first_arrival;
   /// That result; null where it is the journal's to tell.
   std::shared_ptr<const CommandResult> first;
 
@@ -249,10 +249,16 @@ struct OrderNote {
 
 // ---- what earlier runs leave --------------------------------------------------------------------
 
+/// So many ids of a device are remembered, and so long, whichever ends first; each at least until
+/// the deadline of its command.
+inline constexpr std::size_t kRememberedIds = 10000;
+inline constexpr std::chrono::hours kRememberedFor{24};
+
 /// An id whose command has its result.
 struct RememberedId {
   std::uint32_t device = 0;
   std::string id;
+  std::uint64_t arrival = 0;  ///< of the command
   std::int64_t received_ms = 0;
   std::int64_t deadline_ms = 0;  ///< of the command: its id is kept at least until then
 };
@@ -264,7 +270,8 @@ inline constexpr std::string_view kLeftBehind =
 /// What the field has to know of earlier runs; empty where nothing is kept.
 struct Recollection {
   std::vector<std::uint64_t> last_seq;  ///< by index in Config::devices; missing ones: 0
-  std::vector<RememberedId> ids;        ///< oldest first
+  /// Oldest first, but for those of orders that the recollection itself has judged.
+  std::vector<RememberedId> ids;
   /// Writes that were in the journal and have no result, oldest first: what they were to write may
   /// be read, and they are not sent again.
   std::vector<Command> left_behind;

@@ -156,10 +156,10 @@ CommandDesk::Verdict CommandDesk::admit(Command command, const Codec& codec, std
   // An id that was seen gets no second verdict, whatever is wrong with this message: exactly one
   // result that is not DUPLICATE is the promise that the others stand on.
   if (!command.id.empty()) {
-    if (const IdMemory::Entry* seen = ids_.find(command.id)) {
+    if (const IdMemory::Entry* seen = ids_.find(command.id, now)) {
       result.status = CommandStatus::duplicate;
       result.reason = Reason::duplicate_id;
-      result.first_is_over = seen->over;
+      if (seen->over) result.first_arrival = seen->arrival;
       result.first = seen->result;
       if (result.first) result.plc = result.first->plc;
       return result;
@@ -172,7 +172,7 @@ CommandDesk::Verdict CommandDesk::admit(Command command, const Codec& codec, std
     rejected(*refusal);
     if (command.dry_run) return result;
     remember(command, now, now);
-    result.id_kept = ids_.find(result.id) != nullptr;
+    result.id_kept = ids_.find(result.id, now) != nullptr;
     finished(result);
     return result;
   }
@@ -377,7 +377,7 @@ std::optional<Refusal> CommandDesk::check_value(const Codec& codec, const Comman
 }
 
 void CommandDesk::remember(const Command& command, SteadyTime deadline, SteadyTime now) {
-  if (ids_.make_room(now)) ids_.add({command.id, now, deadline});
+  if (ids_.make_room(now)) ids_.add({command.id, command.arrival, now, deadline}, now);
 }
 
 void CommandDesk::finished(const CommandResult& result) {
@@ -389,11 +389,15 @@ void CommandDesk::restore(RememberedId remembered, SteadyTime now, std::int64_t 
   const std::int64_t age = std::max<std::int64_t>(utc_ms - remembered.received_ms, 0);
   const std::int64_t left =
       std::min(remembered.deadline_ms - utc_ms, remembered.deadline_ms - remembered.received_ms);
-  ids_.add({std::move(remembered.id), now - milliseconds(age), now + milliseconds(left), true});
+  ids_.add({std::move(remembered.id), remembered.arrival, now - milliseconds(age),
+            now + milliseconds(left), true},
+           now);
 }
 
 std::optional<Order> CommandDesk::left_behind(Command command, const Codec& codec, SteadyTime now) {
-  ids_.add({command.id, std::min(command.received, now), deadline_of(command, device_.commands)});
+  ids_.add({command.id, command.arrival, std::min(command.received, now),
+            deadline_of(command, device_.commands)},
+           now);
   std::vector<TargetResult> names = result_of(command).targets;
   Order order;
   order.command = std::move(command);

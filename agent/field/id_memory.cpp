@@ -5,24 +5,42 @@
 
 namespace fxagent {
 
-const IdMemory::Entry* IdMemory::find(const std::string& id) const {
+namespace {
+
+bool may_go(const IdMemory::Entry& entry, SteadyTime now) {
+  return entry.over && now > entry.deadline;
+}
+
+bool is_old(const IdMemory::Entry& entry, SteadyTime now) {
+  return may_go(entry, now) && now - entry.seen >= kRememberedFor;
+}
+
+}  // namespace
+
+const IdMemory::Entry* IdMemory::find(const std::string& id, SteadyTime now) const {
   const auto& by_id = entries_.get<1>();
   const auto found = by_id.find(id);
-  return found == by_id.end() ? nullptr : &*found;
+  return found == by_id.end() || is_old(*found, now) ? nullptr : &*found;
 }
 
 bool IdMemory::make_room(SteadyTime now) {
-  const auto may_go = [now](const Entry& entry) { return entry.over && now > entry.deadline; };
-  while (!entries_.empty() && may_go(entries_.front()) && now - entries_.front().seen >= kFor)
-    entries_.pop_front();
-  if (entries_.size() < kMost) return true;
-  const auto oldest = std::find_if(entries_.begin(), entries_.end(), may_go);
-  if (oldest == entries_.end()) return false;
-  entries_.erase(oldest);
+  while (!entries_.empty() && is_old(entries_.front(), now)) entries_.pop_front();
+  auto oldest = entries_.begin();
+  while (entries_.size() >= kRememberedIds) {
+    oldest = std::find_if(oldest, entries_.end(),
+                          [now](const Entry& entry) { return may_go(entry, now); });
+    if (oldest == entries_.end()) return false;
+    oldest = entries_.erase(oldest);
+  }
   return true;
 }
 
-void IdMemory::add(Entry entry) { entries_.push_back(std::move(entry)); }
+void IdMemory::add(Entry entry, SteadyTime now) {
+  auto& by_id = entries_.get<1>();
+  const auto found = by_id.find(entry.id);
+  if (found != by_id.end() && is_old(*found, now)) by_id.erase(found);
+  entries_.push_back(std::move(entry));
+}
 
 void IdMemory::finish(const std::string& id, std::shared_ptr<const CommandResult> result) {
   auto& by_id = entries_.get<1>();

@@ -9,6 +9,7 @@
 #include <boost/multi_index_container.hpp>
 #include <chrono>
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <string>
 
@@ -18,11 +19,9 @@ namespace fxagent {
 
 class IdMemory final {
  public:
-  static constexpr std::size_t kMost = 10000;
-  static constexpr std::chrono::hours kFor{24};  ///< and longer, up to the deadline
-
   struct Entry {
     std::string id;
+    std::uint64_t arrival = 0;  ///< of its command
     SteadyTime seen{};
     SteadyTime deadline{};
     bool over = false;  ///< its command has a result
@@ -30,13 +29,13 @@ class IdMemory final {
     std::shared_ptr<const CommandResult> result{};
   };
 
-  /// Null: the id was never seen, or was let go. Valid until the next change.
-  const Entry* find(const std::string& id) const;
-  /// Whether one more may be kept. Lets go of what is over and older than kFor, and, where kMost
-  /// are held, of the oldest that is over and past its deadline.
+  /// Null: the id was never seen, or need not be known any more. Valid until the next change.
+  const Entry* find(const std::string& id, SteadyTime now) const;
+  /// Whether one more may be kept. Lets go of what is over and older than kRememberedFor, and,
+  /// where kRememberedIds are held, of the oldest that are over and past their deadlines.
   bool make_room(SteadyTime now);
   /// The newest. An id that is known already stays as it is.
-  void add(Entry entry);
+  void add(Entry entry, SteadyTime now);
   /// The command has its result. Nothing where the id is not known.
   void finish(const std::string& id, std::shared_ptr<const CommandResult> result);
 

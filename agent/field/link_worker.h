@@ -43,7 +43,7 @@ class LinkWorker final {
 
   /// The next sample of the device has a higher number than this one.
   void number_above(std::uint32_t device, std::uint64_t seq);
-  /// A result of an earlier run, whose id is not to be carried out again.
+  /// An id of an earlier run, which is not to be carried out again.
   void remember(const RememberedId& remembered);
   /// An order of an earlier run without a result. It is not sent again; where a read
   /// can tell what became of it, that read is made.

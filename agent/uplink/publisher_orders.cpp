@@ -48,7 +48,7 @@ void Publisher::take_command(const Message& event, std::uint32_t device) {
   if (known) {
     result.status = CommandStatus::duplicate;
     result.reason = Reason::duplicate_id;
-    result.first_is_over = !known->result.empty();
+    if (!known->result.empty()) result.first_arrival = known->arrival;
   }
   take_result(std::move(result));
 }
@@ -148,18 +148,20 @@ std::string Publisher::audit_of(const CommandResult& result, const std::string& 
                        utc_ms_());
 }
 
-/// The first result of a DUPLICATE is in the journal.
+/// The first result of a DUPLICATE is in the journal, unless that was lost or set aside.
 void Publisher::find_first(CommandResult& result) const {
-  if (!result.first_is_over || result.first) return;
+  if (!result.first_arrival || result.first) return;
   const auto known = store_ == nullptr
                          ? std::nullopt
                          : store_->find(config_.devices.at(result.device).name, result.id);
-  if (!known || known->result.empty()) {
-    result.detail = "the first result was lost with the store, and the order is not repeated";
+  if (!known || known->result.empty() || known->arrival != result.first_arrival) {
+    result.detail = "the first result is not in the journal any more; the order is not repeated";
     return;
   }
-  result.first = std::make_shared<const CommandResult>(json::recorded_result(known->result));
-  result.plc = result.first->plc;
+  CommandResult first = json::recorded_result(known->result);
+  first.id = result.id;
+  result.plc = first.plc;
+  result.first = std::make_shared<const CommandResult>(std::move(first));
 }
 
 void Publisher::take_result(CommandResult result) {

@@ -55,8 +55,8 @@ class Known final {
   void take_ids(std::vector<Store::KnownId> ids, Recall& found) const {
     for (Store::KnownId& known : ids)
       if (const auto device = index_.find(known.device); device != index_.end())
-        found.field.ids.push_back(
-            {device->second, std::move(known.id), known.received_ms, known.deadline_ms});
+        found.field.ids.push_back({device->second, std::move(known.id), known.arrival,
+                                   known.received_ms, known.deadline_ms});
   }
 
   void take_unsettled(std::vector<JournalEntry> entries, SteadyTime now, Recall& found) const {
@@ -68,7 +68,8 @@ class Known final {
  private:
   void take(JournalEntry entry, std::uint32_t device, SteadyTime now, Recall& found) const {
     if (entry.result.empty()) {
-      // A store that opened late: this run has carried out an order of that id itself.
+      // A store that opened late: this run has carried out an order of that id itself. An order
+      // that is marked as told without a result is a damaged one, and nobody knows what was told.
       const auto known = store_.find(entry.device, entry.id);
       if (known && known->arrival > entry.arrival) return;
       log::warn("order_left_behind", {{"device", entry.device}, {"id", entry.id}});
@@ -78,8 +79,9 @@ class Known final {
       if (entry.arrival != 0)
         entry.audit = audit::result(entry.arrival, entry.device, entry.result, {}, utc_ms_);
       store_.record(entry);
-      found.field.ids.push_back({device, entry.id, entry.received_ms, entry.deadline_ms});
     }
+    found.field.ids.push_back(
+        {device, entry.id, entry.arrival, entry.received_ms, entry.deadline_ms});
     CommandResult result = json::recorded_result(entry.result);
     result.device = device;
     result.arrival = entry.arrival;

@@ -110,17 +110,17 @@ void Store::open_late(std::int64_t utc_ms) {
   // earlier ones. What is settled of these counts as older all the same.
   Statement older(file_->db, "UPDATE orders SET arrival = 0 WHERE told = 1 AND arrival >= ?");
   if (!older.bind(1, to_sql(first_arrival_of_run_)).run()) failed("write");
-  if (!file_) return;
   FoundLate found;
   found.ids = known_ids();
   found.unsettled = unsettled();
+  found_late_ = std::move(found);
+  if (!file_) return;  // found damaged meanwhile
   Statement known(file_->db, "SELECT name, last_seq FROM devices");
   while (known.step() == Statement::Step::row) {
     const auto own = numbers_.find(std::string(known.text(0)));
     const std::uint64_t last = from_sql(known.number(1));
-    if (own != numbers_.end() && last > own->second.last) found.numbers[own->first] = last;
+    if (own != numbers_.end() && last > own->second.last) found_late_->numbers[own->first] = last;
   }
-  found_late_ = std::move(found);
 }
 
 void Store::forget_rows() {
@@ -490,7 +490,7 @@ bool Store::write_settled() {
   if (!write_unaudited()) return false;
   for (const std::uint64_t order : removed_)
     if (!file_->remove.bind(1, to_sql(order)).run()) return false;
-  for (const auto& [id, entry] : unrecorded_)
+  for (const JournalEntry& entry : unrecorded_)
     if (!(entry.result.empty() ? write_order(entry) : write_record(entry))) return false;
   for (const auto& [device, id, arrival] : untold_)
     if (!file_->told.bind(1, device).bind(2, id).bind(3, to_sql(arrival)).run()) return false;

@@ -6,6 +6,11 @@
 // keep, the state becomes `memory`, and upkeep() tries again now and then.
 #pragma once
 
+#include <boost/multi_index/composite_key.hpp>
+#include <boost/multi_index/member.hpp>
+#include <boost/multi_index/ordered_index.hpp>
+#include <boost/multi_index/sequenced_index.hpp>
+#include <boost/multi_index_container.hpp>
 #include <chrono>
 #include <cstdint>
 #include <map>
@@ -53,8 +58,6 @@ class Store final {
   /// Behind the last number that the disk knows, where it refused and nobody knows how many
   /// followed.
   static constexpr std::uint64_t kUnknownNumbers = 1000000;
-  static constexpr std::size_t kRememberedIds = 10000;  ///< of a device, beside unfinished orders
-  static constexpr std::chrono::hours kRememberedFor{24};
   static constexpr std::chrono::seconds kTryAgain{10};
   /// Of the calendar against the steady clock: so much more than either drifts is a set clock.
   static constexpr std::chrono::seconds kClockSet{60};
@@ -132,6 +135,7 @@ class Store final {
   struct KnownId {
     std::string device;
     std::string id;
+    std::uint64_t arrival = 0;
     std::int64_t received_ms = 0;
     std::int64_t deadline_ms = 0;
   };
@@ -146,8 +150,8 @@ class Store final {
 
   /// What the journal has of this id, or will have once the disk takes it.
   std::optional<JournalEntry> find(const std::string& device, const std::string& id);
-  /// Of those with a result the newest ids of each device, those whose time is not over, and the
-  /// ids of unsettled(); oldest first.
+  /// Of those with a result the newest ids of each device and those whose time is not over; oldest
+  /// first.
   std::vector<KnownId> known_ids();
   /// Every order without a result, and of each device the newest of the results that the broker
   /// does not have; oldest first.
@@ -191,6 +195,16 @@ class Store final {
     LaneKey lane;
     std::uint64_t cost = 0;
   };
+
+  /// In the order in which they came, and one for each device and id.
+  using Unrecorded = boost::multi_index_container<
+      JournalEntry,
+      boost::multi_index::indexed_by<
+          boost::multi_index::sequenced<>,
+          boost::multi_index::ordered_unique<boost::multi_index::composite_key<
+              JournalEntry,
+              boost::multi_index::member<JournalEntry, std::string, &JournalEntry::device>,
+              boost::multi_index::member<JournalEntry, std::string, &JournalEntry::id>>>>>;
 
   void open(std::int64_t utc_ms);
   bool load();
@@ -255,8 +269,7 @@ class Store final {
   std::unordered_map<std::uint64_t, Out> out_;
   std::set<std::uint64_t> removed_;  ///< still in the file
   std::map<std::string, std::uint64_t> dropped_;
-  /// Orders and results that are not in the file, by device and id.
-  std::map<std::pair<std::string, std::string>, JournalEntry> unrecorded_;
+  Unrecorded unrecorded_;        ///< orders and results that are not in the file
   std::vector<Told> untold_;     ///< told, not noted yet
   bool forgot_results_ = false;  ///< there were too many of them
   std::optional<FoundLate> found_late_;

@@ -101,15 +101,15 @@ StoreFile::StoreFile(const std::string& path, bool always) : db(path), always_(a
   oldest = {db,
             "SELECT id, device, grp, created_ms, length(CAST(row AS BLOB)) FROM samples"
             " ORDER BY id"};
-  // A row with a result makes room for a later command: the field did not know that id when it took
-  // this one. It had let go of it, or the file opened late.
+  // A row makes room for a later command: the field did not know that id when it took this one. It
+  // had let go of it, or the file opened late.
   order = {db,
            "INSERT INTO orders VALUES(?, ?, ?, ?, ?, ?, ?, '', 0, ?, ?)"
            " ON CONFLICT DO UPDATE SET received_ms = excluded.received_ms,"
            " deadline_ms = excluded.deadline_ms, op = excluded.op,"
            " response_topic = excluded.response_topic, correlation = excluded.correlation,"
            " result = '', told = 0, arrival = excluded.arrival, payload = excluded.payload"
-           " WHERE result <> '' AND arrival < excluded.arrival"};
+           " WHERE arrival < excluded.arrival"};
   record = {db,
             "INSERT INTO orders VALUES(?, ?, ?, ?, ?, ?, ?, ?, 0, ?, '')"
             " ON CONFLICT DO UPDATE SET"

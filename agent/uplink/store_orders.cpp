@@ -15,6 +15,9 @@ using sqlite::Transaction;
 using std::chrono::milliseconds;
 
 constexpr std::size_t kMostUnrecorded = 10000;
+constexpr std::size_t kMostUnaudited = 3 * kMostUnrecorded;  // an order, its result, its PUBACK
+// The field asks for the first results of all ids that it still knows.
+constexpr std::chrono::hours kLongerThanKnown{1};
 constexpr std::chrono::hours kAgeAuditEvery{1};
 constexpr std::int64_t kLatestMs = 7258118400000;  // the year 2200: later is damage
 
@@ -53,45 +56,34 @@ JournalEntry entry_of(Statement& row) {
   return entry;
 }
 
-/// The orders with `columns` and those that all questions about their places need: `place` among
-/// the device's, the newest first, and `of_kind` among those that are told, or not, like it.
-std::string ranked(std::string_view columns) {
-  return "(SELECT device, id, received_ms, told, arrival, result <> '' AS is_over, " +
-         std::string(columns) +
-         ", row_number() OVER (PARTITION BY device ORDER BY arrival DESC, received_ms DESC)"
-         " AS place, row_number() OVER (PARTITION BY device, told"
-         " ORDER BY arrival DESC, received_ms DESC) AS of_kind FROM orders)";
-}
-
 }  // namespace
 
 bool Store::journal(std::span<const JournalEntry> orders) {
   if (writable_ && write_orders(orders)) return true;
-  for (JournalEntry order : orders) {
-    note(std::exchange(order.audit, {}));
-    keep_unrecorded(std::move(order));
-  }
-  return false;
+  for (const JournalEntry& order : orders) keep_unrecorded(order);
+  return writable_ && settle();  // a damaged file has made room for a fresh one
 }
 
 /// Until the disk takes it. As in the file, a result belongs to the order with its number, and a
 /// later command that uses the id anew takes its place.
 void Store::keep_unrecorded(JournalEntry entry) {
-  const auto [place, is_new] = unrecorded_.try_emplace({entry.device, entry.id});
-  JournalEntry& kept = place->second;
-  if (is_new && unrecorded_.size() > kMostUnrecorded) {
-    unrecorded_.erase(place);
-    if (!entry.audit.empty()) ++audit_lost_;
-    if (!std::exchange(forgot_results_, true))
-      log::error("results_not_kept", {{"device", entry.device}, {"first_id", entry.id}});
-    return;
+  note(std::exchange(entry.audit, {}));
+  auto& by_id = unrecorded_.get<1>();
+  if (const auto kept = by_id.find(boost::make_tuple(entry.device, entry.id));
+      kept != by_id.end()) {
+    if (entry.arrival < kept->arrival + (kept->result.empty() ? 0 : 1)) return;
+    if (entry.arrival == kept->arrival)
+      entry.deadline_ms = std::max(entry.deadline_ms, kept->deadline_ms);
+    by_id.erase(kept);
   }
-  if (!is_new && entry.arrival < kept.arrival + (kept.result.empty() ? 0 : 1))
-    return note(std::move(entry.audit));
-  note(std::move(kept.audit));
-  if (entry.arrival == kept.arrival)
-    entry.deadline_ms = std::max(entry.deadline_ms, kept.deadline_ms);
-  kept = std::move(entry);
+  unrecorded_.push_back(std::move(entry));
+  if (unrecorded_.size() <= kMostUnrecorded) return;
+  auto oldest = std::find_if(unrecorded_.begin(), unrecorded_.end(),
+                             [](const JournalEntry& kept) { return !kept.result.empty(); });
+  if (oldest == unrecorded_.end()) oldest = unrecorded_.begin();
+  if (!std::exchange(forgot_results_, true))
+    log::error("results_not_kept", {{"device", oldest->device}, {"first_id", oldest->id}});
+  unrecorded_.erase(oldest);
 }
 
 bool Store::write_order(const JournalEntry& entry) {
@@ -116,7 +108,10 @@ bool Store::write_orders(std::span<const JournalEntry> orders) {
 }
 
 void Store::record(JournalEntry entry) {
-  if (writable_) {
+  // An order that has found no disk so far goes there with its result.
+  const bool order_waits =
+      unrecorded_.get<1>().count(boost::make_tuple(entry.device, entry.id)) != 0;
+  if (writable_ && !order_waits) {
     {
       Transaction transaction(file_->db);
       file_->trail.begin();
@@ -125,6 +120,7 @@ void Store::record(JournalEntry entry) {
     failed("journal");
   }
   keep_unrecorded(std::move(entry));
+  if (writable_) settle();
 }
 
 bool Store::write_record(const JournalEntry& entry) {
@@ -141,26 +137,31 @@ void Store::told(std::string device, std::string id, std::uint64_t arrival) {
 }
 
 std::optional<JournalEntry> Store::find(const std::string& device, const std::string& id) {
-  const auto kept = unrecorded_.find({device, id});
-  if (kept != unrecorded_.end()) return kept->second;
+  const auto& by_id = unrecorded_.get<1>();
+  const auto kept = by_id.find(boost::make_tuple(device, id));
+  if (kept != by_id.end()) return *kept;
   if (!file_) return std::nullopt;
   Statement one(file_->db, std::string(kEntry) + " FROM orders WHERE device = ? AND id = ?");
-  if (one.bind(1, device).bind(2, id).step() != Statement::Step::row) return std::nullopt;
-  return entry_of(one);
+  const auto step = one.bind(1, device).bind(2, id).step();
+  if (step == Statement::Step::row) return entry_of(one);
+  if (step == Statement::Step::failed) failed("read");
+  return std::nullopt;
 }
 
 std::vector<Store::KnownId> Store::known_ids() {
   std::vector<KnownId> ids;
   if (!file_) return ids;
   Statement all(file_->db,
-                "SELECT device, id, received_ms, deadline_ms FROM " + ranked("deadline_ms") +
-                    " WHERE is_over AND (place <= ?1 OR told = 0 AND of_kind <= ?1"
-                    " OR received_ms <= ?2 AND deadline_ms >= ?2) ORDER BY arrival, received_ms");
+                "SELECT device, id, arrival, received_ms, deadline_ms FROM"
+                " (SELECT *, row_number() OVER (PARTITION BY device ORDER BY arrival DESC,"
+                " received_ms DESC) AS place FROM orders)"
+                " WHERE result IS NOT '' AND (place <= ?1 OR received_ms <= ?2 AND"
+                " deadline_ms >= ?2) ORDER BY arrival, received_ms");
   all.bind(1, std::int64_t{kRememberedIds}).bind(2, utc_ms_);
   auto step = all.step();
   for (; step == Statement::Step::row; step = all.step())
-    ids.push_back({std::string(all.text(0)), std::string(all.text(1)), moment(all.number(2)),
-                   moment(all.number(3))});
+    ids.push_back({std::string(all.text(0)), std::string(all.text(1)), from_sql(all.number(2)),
+                   moment(all.number(3)), moment(all.number(4))});
   if (step == Statement::Step::failed) failed("read");
   return ids;
 }
@@ -168,11 +169,11 @@ std::vector<Store::KnownId> Store::known_ids() {
 std::vector<JournalEntry> Store::unsettled() {
   std::vector<JournalEntry> entries;
   if (!file_) return entries;
-  Statement all(file_->db, std::string(kEntry) + " FROM " +
-                               ranked("deadline_ms, op, response_topic, correlation, result,"
-                                      " payload") +
-                               " WHERE NOT is_over OR told = 0 AND of_kind <= ?1"
-                               " ORDER BY arrival, received_ms");
+  Statement all(file_->db,
+                std::string(kEntry) +
+                    " FROM (SELECT *, row_number() OVER (PARTITION BY device ORDER BY arrival DESC,"
+                    " received_ms DESC) AS place FROM orders WHERE told IS NOT 1 OR result = '')"
+                    " WHERE result = '' OR place <= ?1 ORDER BY arrival, received_ms");
   all.bind(1, std::int64_t{kRememberedIds});
   auto step = all.step();
   for (; step == Statement::Step::row; step = all.step()) entries.push_back(entry_of(all));
@@ -182,7 +183,7 @@ std::vector<JournalEntry> Store::unsettled() {
 
 void Store::drop_old_ids() {
   if (!writable_) return;
-  const std::int64_t day = milliseconds(kRememberedFor).count();
+  const std::int64_t day = milliseconds(kRememberedFor + kLongerThanKnown).count();
   const std::int64_t age = std::max(day, milliseconds(config_.max_age).count());
   // What nobody could be told is kept as long as a sample is.
   Statement old(file_->db,
@@ -210,7 +211,7 @@ void Store::drop_old_ids() {
 
 void Store::note(std::string body) {
   if (body.empty()) return;
-  if (unaudited_.size() < kMostUnrecorded)
+  if (unaudited_.size() < kMostUnaudited)
     unaudited_.push_back(std::move(body));
   else
     ++audit_lost_;

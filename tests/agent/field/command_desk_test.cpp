@@ -296,16 +296,16 @@ TEST_F(CommandDeskTest, WithAJournalOnlyTheIdsAreKeptHere) {
   const auto judge = [&](const char* id) {
     return std::get<CommandResult>(beside_journal.admit(write(id), *device.codec, 0, now));
   };
-  beside_journal.restore({0, "earlier", kStartMs - 1000, kStartMs + 60000}, now, kStartMs);
+  beside_journal.restore({0, "earlier", 7, kStartMs - 1000, kStartMs + 60000}, now, kStartMs);
   beside_journal.admit(write("own"), *device.codec, 0, now);
-  EXPECT_FALSE(judge("own").first_is_over);
+  EXPECT_FALSE(judge("own").first_arrival);
   CommandResult done;
   done.id = "own";
   beside_journal.finished(done);
   for (const char* id : {"earlier", "own"}) {
     const CommandResult again = judge(id);
     EXPECT_EQ(again.status, CommandStatus::duplicate) << id;
-    EXPECT_TRUE(again.first_is_over) << id;
+    EXPECT_EQ(again.first_arrival, id == std::string("own") ? 0U : 7U) << id;
     EXPECT_EQ(again.first, nullptr) << id;
   }
 }
@@ -313,7 +313,7 @@ TEST_F(CommandDeskTest, WithAJournalOnlyTheIdsAreKeptHere) {
 TEST_F(CommandDeskTest, RestoredIdLivesOutItsDayAndItsDeadline) {
   const std::int64_t utc = kStartMs;
   const auto restore = [&](std::string id, std::chrono::hours age, std::chrono::hours deadline_in) {
-    desk.restore({0, std::move(id), utc - milliseconds(age).count(),
+    desk.restore({0, std::move(id), 0, utc - milliseconds(age).count(),
                   utc + milliseconds(deadline_in).count()},
                  now, utc);
   };
@@ -331,7 +331,7 @@ TEST_F(CommandDeskTest, RestoredIdLivesOutItsDayAndItsDeadline) {
 TEST_F(CommandDeskTest, RestoredIdHasNoMoreTimeThanItWasGiven) {
   for (int i = 0; i < 10000; ++i) {
     const std::int64_t received_ms = kStartMs + 3600000;
-    desk.restore({0, std::to_string(i), received_ms, received_ms + 10000}, now, kStartMs);
+    desk.restore({0, std::to_string(i), 0, received_ms, received_ms + 10000}, now, kStartMs);
   }
   EXPECT_EQ(answered(write("one more")).reason, Reason::queue_full);
   now += std::chrono::seconds(11);
@@ -414,9 +414,8 @@ TEST_F(CommandDeskTest, IdIsForgottenAfterADay) {
   now += hours(24) - milliseconds(1);
   EXPECT_EQ(answered(write("b7e1")).status, CommandStatus::duplicate);
   now += milliseconds(1);
-  admitted(write("other"));
+  admitted(write("b7e1"));  // without any other command having come
   EXPECT_EQ(desk.remembered(), 1U);
-  admitted(write("b7e1"));
 }
 
 TEST_F(CommandDeskTest, IdIsKeptUntilItsDeadlineEvenAfterADay) {
@@ -438,7 +437,7 @@ TEST_F(CommandDeskTest, IdOfARunningCommandIsNeverForgotten) {
 }
 
 TEST_F(CommandDeskTest, OfTenThousandIdsOnlyThosePastTheirDeadlineMakeRoom) {
-  for (std::size_t i = 0; i < IdMemory::kMost; ++i) {
+  for (std::size_t i = 0; i < kRememberedIds; ++i) {
     Command command = write("id" + std::to_string(i));
     command.expires_ms = kStartMs + (i == 7000 ? 1000 : 60000);
     ASSERT_TRUE(std::holds_alternative<Order>(admit(command)));
@@ -447,11 +446,11 @@ TEST_F(CommandDeskTest, OfTenThousandIdsOnlyThosePastTheirDeadlineMakeRoom) {
   const CommandResult refused = answered(write("one more"));
   EXPECT_EQ(refused.status, CommandStatus::rejected);
   EXPECT_EQ(refused.reason, Reason::queue_full);
-  EXPECT_EQ(desk.remembered(), IdMemory::kMost);
+  EXPECT_EQ(desk.remembered(), kRememberedIds);
 
   now += milliseconds(1001);
   admitted(write("one more"));
-  EXPECT_EQ(desk.remembered(), IdMemory::kMost);
+  EXPECT_EQ(desk.remembered(), kRememberedIds);
   EXPECT_EQ(answered(write("and another")).reason, Reason::queue_full);
   EXPECT_EQ(answered(write("id6999")).status, CommandStatus::duplicate);
 
@@ -459,11 +458,11 @@ TEST_F(CommandDeskTest, OfTenThousandIdsOnlyThosePastTheirDeadlineMakeRoom) {
   now += seconds(60);
   admitted(write("and another"));
   EXPECT_EQ(answered(write("id1")).status, CommandStatus::duplicate);
-  EXPECT_EQ(desk.remembered(), IdMemory::kMost);
+  EXPECT_EQ(desk.remembered(), kRememberedIds);
 }
 
 TEST_F(CommandDeskTest, CheckOfAFullMemoryComesAfterTheOthers) {
-  for (std::size_t i = 0; i < IdMemory::kMost; ++i)
+  for (std::size_t i = 0; i < kRememberedIds; ++i)
     ASSERT_TRUE(std::holds_alternative<Order>(admit(write("id" + std::to_string(i)))));
   EXPECT_EQ(answered(write("one more", 500)).reason, Reason::out_of_range);
 }

@@ -807,12 +807,12 @@ TEST_F(LinkWorkerTest, StopAnswersWhatHasNoGoAheadYet) {
 TEST_F(LinkWorkerTest, IdOfAnEarlierRunIsADuplicate) {
   add_setpoint();
   const std::int64_t received_ms = utc_ms(std::chrono::system_clock::now()) - 1000;
-  recollection.ids.push_back({0, "old", received_ms, received_ms});
+  recollection.ids.push_back({0, "old", 7, received_ms, received_ms});
   start();
   worker->submit(write_setpoint("old"));
   const CommandResult& again = wait_for_result("old");
   EXPECT_EQ(again.status, CommandStatus::duplicate);
-  EXPECT_TRUE(again.first_is_over);
+  EXPECT_EQ(again.first_arrival, 7U);
 }
 
 }  // namespace

@@ -77,21 +77,22 @@ TEST(PublisherStore, DuplicateBringsItsFirstResultFromTheJournal) {
   const test::Scratch scratch;
   Bench bench(scratch.path("store"));
   bench.online();
-  const auto again = [](bool first_is_over) {
+  const auto again = [](std::optional<std::uint64_t> first_arrival) {
     CommandResult result;
     result.id = "a";
     result.status = CommandStatus::duplicate;
     result.reason = Reason::duplicate_id;
-    result.first_is_over = first_is_over;
+    result.first_arrival = first_arrival;
     return result;
   };
   bench.outbox.push(note("a"));
-  bench.outbox.push(again(false));
+  bench.outbox.push(again(std::nullopt));
   bench.outbox.push(test::succeeded("a"));
-  bench.outbox.push(again(true));  // and all of it is taken in one step
+  bench.outbox.push(again(0));  // and all of it is taken in one step
+  bench.outbox.push(again(5));  // the first one of that id was another command
   bench.settle();
   const auto results = bench.broker.on(kBase + "/press1/result");
-  ASSERT_EQ(results.size(), 3U);
+  ASSERT_EQ(results.size(), 4U);
   const json running = json::parse(results[0]);
   EXPECT_EQ(running["first"], nullptr);
   EXPECT_EQ(running["plc"], nullptr);
@@ -100,6 +101,7 @@ TEST(PublisherStore, DuplicateBringsItsFirstResultFromTheJournal) {
   first["t"]["total_ms"] = nullptr;  // it had not been published when it was noted
   EXPECT_EQ(over["first"], first);
   EXPECT_EQ(over["plc"], "ACK");
+  EXPECT_EQ(json::parse(results[3])["first"], nullptr);
 }
 
 TEST(PublisherStore, DuplicateWhoseFirstResultIsLostSaysSo) {
@@ -110,14 +112,14 @@ TEST(PublisherStore, DuplicateWhoseFirstResultIsLostSaysSo) {
   again.id = "nobody's";
   again.status = CommandStatus::duplicate;
   again.reason = Reason::duplicate_id;
-  again.first_is_over = true;
+  again.first_arrival = 0;
   bench.outbox.push(again);
   bench.settle();
   const json told = json::parse(bench.broker.on(kBase + "/press1/result").at(0));
   EXPECT_EQ(told["status"], "DUPLICATE");
   EXPECT_EQ(told["first"], nullptr);
   EXPECT_EQ(told["detail"],
-            "the first result was lost with the store, and the order is not repeated");
+            "the first result is not in the journal any more; the order is not repeated");
 }
 
 TEST(PublisherStore, StoreThatOpensLateTellsTheFieldWhatItKnows) {
@@ -229,7 +231,7 @@ TEST(PublisherStore, ResultOfAnEarlierRunIsPublishedAsItWas) {
   CommandResult again;
   again.id = "left";
   again.status = CommandStatus::duplicate;
-  again.first_is_over = true;
+  again.first_arrival = 0;
   bench.outbox.push(again);
   bench.settle();
   EXPECT_EQ(json::parse(bench.broker.on(kBase + "/press1/result").back())["first"],
