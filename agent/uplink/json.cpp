@@ -272,6 +272,12 @@ void write_percentiles(Writer& out, std::string_view name, const Percentiles& of
   out.end_object();
 }
 
+/// What the parser does not look at: it skips a byte order mark, and a NUL is the end to it.
+/// Neither may come into the midst of another text.
+bool may_stand_inside(std::string_view json) {
+  return !json.starts_with('\xEF') && json.find('\0') == std::string_view::npos;
+}
+
 /// FNV-1a, 64 bit, as 16 hex digits.
 std::string fingerprint(std::string_view text) {
   std::uint64_t hash = 0xCBF29CE484222325;
@@ -332,7 +338,7 @@ std::string telemetry(const Telemetry& message, const DeviceConfig& device, std:
   return out.take();
 }
 
-bool is_intact(std::string_view row) { return Json::accept(row); }
+bool is_intact(std::string_view row) { return may_stand_inside(row) && Json::accept(row); }
 
 std::string history(std::span<const std::string_view> rows) {
   Writer out;
@@ -472,7 +478,7 @@ CommandResult recorded_result(std::string text) {
   CommandResult result;
   result.status = CommandStatus::unknown_outcome;
   const Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
-  if (!json.is_object()) {
+  if (!json.is_object() || !may_stand_inside(text)) {
     result.detail = "the record of the result is damaged";
     return result;
   }

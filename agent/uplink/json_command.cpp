@@ -267,6 +267,10 @@ Command command(std::string_view payload) {
     return command;
   }
   Faults faults;
+  // To the parser it is the end of the text.
+  if (payload.find('\0') != std::string_view::npos)
+    faults.add(Reason::bad_json,
+               "a NUL byte is no JSON: send the text without its terminating zero");
   if (!watch.fault().empty()) faults.add(Reason::bad_json, watch.fault());
   if (json.contains("status"))
     faults.add(Reason::bad_json, "key 'status' belongs to a result: this is no command");

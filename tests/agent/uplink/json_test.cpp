@@ -324,7 +324,9 @@ TEST(CommandJson, NullIsNoConditionThatGotLost) {
 }
 
 TEST(RecordedResult, DamagedRecordIsAnUnknownOutcomeAndNotPublishedAsItIs) {
-  for (const std::string text : {"", "{\"status\":\"SUCC", "[1]", "\xFF"}) {
+  using namespace std::string_literals;
+  for (const std::string& text : {""s, "{\"status\":\"SUCC"s, "[1]"s, "\xFF"s,
+                                  "{\"status\":\"SUCCEEDED\"}\0,"s, "\xEF\xBB\xBF{}"s}) {
     CommandResult result = fxagent::json::recorded_result(text);
     result.id = "a";
     EXPECT_EQ(result.status, CommandStatus::unknown_outcome) << text;
@@ -333,6 +335,24 @@ TEST(RecordedResult, DamagedRecordIsAnUnknownOutcomeAndNotPublishedAsItIs) {
     EXPECT_EQ(told["status"], "UNKNOWN_OUTCOME");
     EXPECT_EQ(told["detail"], "the record of the result is damaged");
   }
+}
+
+TEST(CommandJson, NothingFollowsTheCommand) {
+  const std::string order = R"({"id":"1","op":"run"})";
+  for (const char* const more : {"", "{\"id\":\"2\",\"op\":\"stop\"}"}) {
+    const Command command = fxagent::json::command(order + '\0' + more);
+    EXPECT_EQ(command.id, "1");
+    ASSERT_TRUE(command.refusal);
+    EXPECT_EQ(command.refusal->reason, Reason::bad_json);
+    EXPECT_NE(command.refusal->detail.find("NUL"), std::string::npos);
+  }
+}
+
+TEST(Row, IsIntactWhereItCanStandAmongOthers) {
+  using namespace std::string_literals;
+  EXPECT_TRUE(fxagent::json::is_intact(R"({"ts":1})"));
+  for (const std::string& row : {""s, "{\"ts\":1"s, "{\"ts\":1}\0001}"s, "\xEF\xBB\xBF{}"s})
+    EXPECT_FALSE(fxagent::json::is_intact(row)) << row;
 }
 
 TEST(CommandJson, RunNeedsNoTarget) {
