@@ -270,7 +270,6 @@ inline constexpr std::string_view kLeftBehind =
 /// What the field has to know of earlier runs; empty where nothing is kept.
 struct Recollection {
   std::vector<std::uint64_t> last_seq;  ///< by index in Config::devices; missing ones: 0
-  /// Oldest first, but for those of orders that the recollection itself has judged.
   std::vector<RememberedId> ids;
   /// Writes that were in the journal and have no result, oldest first: what they were to write may
   /// be read, and they are not sent again.

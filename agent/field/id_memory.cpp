@@ -24,7 +24,7 @@ const IdMemory::Entry* IdMemory::find(const std::string& id, SteadyTime now) con
 }
 
 bool IdMemory::make_room(SteadyTime now) {
-  while (!entries_.empty() && is_old(entries_.front(), now)) entries_.pop_front();
+  while (!entries_.empty() && is_old(*entries_.begin(), now)) entries_.erase(entries_.begin());
   auto oldest = entries_.begin();
   while (entries_.size() >= kRememberedIds) {
     oldest = std::find_if(oldest, entries_.end(),
@@ -39,7 +39,7 @@ void IdMemory::add(Entry entry, SteadyTime now) {
   auto& by_id = entries_.get<1>();
   const auto found = by_id.find(entry.id);
   if (found != by_id.end() && is_old(*found, now)) by_id.erase(found);
-  entries_.push_back(std::move(entry));
+  entries_.insert(std::move(entry));
 }
 
 void IdMemory::finish(const std::string& id, std::shared_ptr<const CommandResult> result) {

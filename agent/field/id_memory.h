@@ -5,7 +5,7 @@
 
 #include <boost/multi_index/hashed_index.hpp>
 #include <boost/multi_index/member.hpp>
-#include <boost/multi_index/sequenced_index.hpp>
+#include <boost/multi_index/ordered_index.hpp>
 #include <boost/multi_index_container.hpp>
 #include <chrono>
 #include <cstddef>
@@ -21,7 +21,7 @@ class IdMemory final {
  public:
   struct Entry {
     std::string id;
-    std::uint64_t arrival = 0;  ///< of its command
+    std::uint64_t arrival = 0;  ///< of its command: its age among the others
     SteadyTime seen{};
     SteadyTime deadline{};
     bool over = false;  ///< its command has a result
@@ -34,7 +34,7 @@ class IdMemory final {
   /// Whether one more may be kept. Lets go of what is over and older than kRememberedFor, and,
   /// where kRememberedIds are held, of the oldest that are over and past their deadlines.
   bool make_room(SteadyTime now);
-  /// The newest. An id that is known already stays as it is.
+  /// An id that is known already stays as it is.
   void add(Entry entry, SteadyTime now);
   /// The command has its result. Nothing where the id is not known.
   void finish(const std::string& id, std::shared_ptr<const CommandResult> result);
@@ -43,12 +43,13 @@ class IdMemory final {
 
  private:
   using Entries = boost::multi_index_container<
-      Entry,
-      boost::multi_index::indexed_by<boost::multi_index::sequenced<>,
-                                     boost::multi_index::hashed_unique<boost::multi_index::member<
-                                         Entry, std::string, &Entry::id>>>>;
+      Entry, boost::multi_index::indexed_by<
+                 boost::multi_index::ordered_non_unique<
+                     boost::multi_index::member<Entry, std::uint64_t, &Entry::arrival>>,
+                 boost::multi_index::hashed_unique<
+                     boost::multi_index::member<Entry, std::string, &Entry::id>>>>;
 
-  Entries entries_;  ///< the oldest first
+  Entries entries_;  ///< the oldest first; where arrivals are the same, as they were added
 };
 
 }  // namespace fxagent

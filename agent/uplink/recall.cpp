@@ -68,10 +68,9 @@ class Known final {
  private:
   void take(JournalEntry entry, std::uint32_t device, SteadyTime now, Recall& found) const {
     if (entry.result.empty()) {
-      // A store that opened late: this run has carried out an order of that id itself. An order
-      // that is marked as told without a result is a damaged one, and nobody knows what was told.
+      // A store that opened late: this run has carried out an order of that id itself.
       const auto known = store_.find(entry.device, entry.id);
-      if (known && known->arrival > entry.arrival) return;
+      if (known && (known->arrival > entry.arrival || !known->result.empty())) return;
       log::warn("order_left_behind", {{"device", entry.device}, {"id", entry.id}});
       if (auto command = to_be_read(entry, device, utc_ms_, now))
         return found.field.left_behind.push_back(std::move(*command));

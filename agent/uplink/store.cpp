@@ -27,8 +27,15 @@ using std::chrono::milliseconds;
 using std::chrono::seconds;
 
 constexpr milliseconds kSettleEvery{200};
+constexpr std::size_t kSettledAtOnce = 500;
 constexpr std::size_t kRemovedAtOnce = 200;  // about a millisecond, which live samples may wait
 constexpr seconds kCleanUpEvery{60};
+
+/// How many of what waits go at once.
+template <class Waiting>
+std::ptrdiff_t piece_of(const Waiting& waiting) {
+  return static_cast<std::ptrdiff_t>(std::min(waiting.size(), kSettledAtOnce));
+}
 
 /// The codes after which the file is not to be trusted any more; SQLITE_SCHEMA: a newer program's,
 /// or not what ours makes, as where the file was cut short.
@@ -87,7 +94,7 @@ void Store::open(std::int64_t utc_ms) {
     }
     file_ = std::make_unique<StoreFile>(path, config_.sync_always);
     if (file_->is_usable() && load()) {
-      writable_ = true;
+      writable_ = was_open_ = true;
     } else if (is_damage_at_open(file_->db.fault().code, path) && attempt == 0) {
       start_anew(file_->db.fault().text);
     } else {
@@ -102,9 +109,11 @@ void Store::open(std::int64_t utc_ms) {
 /// A file that was not there at the start, or another agent's. What is read of it is read before
 /// this run's own numbers and orders are in it.
 void Store::open_late(std::int64_t utc_ms) {
+  const bool is_own = was_open_;  // set aside as damaged, and neither that nor a fresh one worked
   open(utc_ms);
   if (!writable_) return;
   recovered_ += rows_;
+  if (is_own) return;
   first_of_run_ = next_order_;
   // With a clock that began in the past the commands of this run have lower numbers than those of
   // earlier ones. What is settled of these counts as older all the same.
@@ -176,6 +185,7 @@ void Store::start_anew(std::string why) {
   for (const auto& [key, lane] : lanes_)
     if (lane.rows > 0) dropped_[key.first] += lane.rows;
   forget_rows();
+  unstamped_ms_ = 0;
 }
 
 void Store::failed(std::string_view doing) {
@@ -198,6 +208,12 @@ void Store::failed(std::string_view doing) {
   writable_ = false;
 }
 
+void Store::unreadable() {
+  const sqlite::Fault fault = file_->db.fault();
+  if (is_damage(fault.code)) return failed("read");
+  log::error("store", {{"path", config_.path}, {"reason", "read: " + fault.text}});
+}
+
 void Store::upkeep(SteadyTime now, std::int64_t utc_ms) {
   note_clock(now, utc_ms);
   if (!running_since_) running_since_ = now;
@@ -213,6 +229,7 @@ void Store::upkeep(SteadyTime now, std::int64_t utc_ms) {
       failed("write");
     }
     write_all_numbers();
+    if (writable_ && unstamped_ms_ != 0) restamp();
     if (!settle()) return;
     last_failure_.clear();
     log::info("store", {{"state", "disk"}, {"rows", std::to_string(rows_)}});
@@ -251,6 +268,11 @@ void Store::note_clock(SteadyTime now, std::int64_t utc_ms) {
     if (std::abs(set_by) >= milliseconds(kClockSet).count()) {
       log::warn("clock_set", {{"by_ms", std::to_string(set_by)}});
       unstamped_ms_ += set_by;
+      for (auto entry = unrecorded_.begin(); entry != unrecorded_.end(); ++entry)
+        unrecorded_.modify(entry, [set_by](JournalEntry& changed) {
+          changed.received_ms += set_by;
+          changed.deadline_ms += set_by;
+        });
     }
   }
   clock_at_ = now;
@@ -473,16 +495,40 @@ bool Store::is_on_the_way(const LaneKey& lane) const {
 
 bool Store::settle() {
   if (!owes_the_file()) return writable_;
-  if (!writable_) return false;
-  {
-    Transaction transaction(file_->db);
-    if (transaction.begun() && write_settled() && commit(transaction)) {
-      settled();
-      return true;
-    }
+  // Again where a damaged file has made room for a fresh one.
+  for (int attempt = 0; attempt < 2 && writable_; ++attempt) {
+    if (settle_all()) return true;
+    failed("write");
   }
-  failed("delete");
   return false;
+}
+
+/// After hours without a disk there may be more than live samples can wait for in one go, or more
+/// than has room.
+bool Store::settle_all() {
+  while (unaudited_.size() > kSettledAtOnce || unrecorded_.size() > kSettledAtOnce)
+    if (!settle_piece()) return false;
+  Transaction transaction(file_->db);
+  if (!transaction.begun() || !write_settled() || !commit(transaction)) return false;
+  settled();
+  return true;
+}
+
+bool Store::settle_piece() {
+  const auto bodies = std::next(unaudited_.begin(), piece_of(unaudited_));
+  const auto entries = std::next(unrecorded_.begin(), piece_of(unrecorded_));
+  Transaction transaction(file_->db);
+  if (!transaction.begun()) return false;
+  file_->trail.begin();
+  const bool written = std::all_of(unaudited_.begin(), bodies,
+                                   [this](const std::string& body) { return write_audit(body); }) &&
+                       std::all_of(unrecorded_.begin(), entries, [this](const JournalEntry& entry) {
+                         return write_entry(entry);
+                       });
+  if (!written || !commit(transaction)) return false;
+  unaudited_.erase(unaudited_.begin(), bodies);
+  unrecorded_.erase(unrecorded_.begin(), entries);
+  return true;
 }
 
 bool Store::write_settled() {
@@ -491,7 +537,7 @@ bool Store::write_settled() {
   for (const std::uint64_t order : removed_)
     if (!file_->remove.bind(1, to_sql(order)).run()) return false;
   for (const JournalEntry& entry : unrecorded_)
-    if (!(entry.result.empty() ? write_order(entry) : write_record(entry))) return false;
+    if (!write_entry(entry)) return false;
   for (const auto& [device, id, arrival] : untold_)
     if (!file_->told.bind(1, device).bind(2, id).bind(3, to_sql(arrival)).run()) return false;
   return true;

@@ -13,6 +13,7 @@
 #include <boost/multi_index_container.hpp>
 #include <chrono>
 #include <cstdint>
+#include <deque>
 #include <map>
 #include <memory>
 #include <optional>
@@ -150,11 +151,11 @@ class Store final {
 
   /// What the journal has of this id, or will have once the disk takes it.
   std::optional<JournalEntry> find(const std::string& device, const std::string& id);
-  /// Of those with a result the newest ids of each device and those whose time is not over; oldest
+  /// Of those that are over the newest ids of each device and those whose time is not; oldest
   /// first.
   std::vector<KnownId> known_ids();
-  /// Every order without a result, and of each device the newest of the results that the broker
-  /// does not have; oldest first.
+  /// Of what the broker was not told every order without a result, and of each device the newest
+  /// results; oldest first.
   std::vector<JournalEntry> unsettled();
 
   // ---- the audit
@@ -196,7 +197,7 @@ class Store final {
     std::uint64_t cost = 0;
   };
 
-  /// In the order in which they came, and one for each device and id.
+  /// In the order in which they came, and last changed, and one for each device and id.
   using Unrecorded = boost::multi_index_container<
       JournalEntry,
       boost::multi_index::indexed_by<
@@ -217,11 +218,15 @@ class Store final {
   void open_late(std::int64_t utc_ms);
   void start_anew(std::string why);
   void failed(std::string_view doing);
+  /// A single row could not be read. The file can be written all the same, unless it is damaged.
+  void unreadable();
   /// Rows that were removed, results that were told and those that found no disk, into the file.
   bool settle();
   /// Within the caller's transaction; settled() after its commit.
   bool write_settled();
   void settled();
+  bool settle_piece();
+  bool settle_all();
   /// Deletes the oldest rows, `excess` bytes or what is older, within the caller's transaction.
   bool delete_oldest(std::uint64_t excess, std::int64_t older_than_ms, std::vector<Victim>& gone);
   void forget(const std::vector<Victim>& gone);
@@ -230,6 +235,7 @@ class Store final {
   void drop_old_ids();
   bool write_orders(std::span<const JournalEntry> orders);
   bool write_order(const JournalEntry& entry);
+  bool write_entry(const JournalEntry& entry);
   bool write_record(const JournalEntry& entry);
   void keep_unrecorded(JournalEntry entry);
   /// Within the caller's transaction, after the trail's begin().
@@ -273,9 +279,10 @@ class Store final {
   std::vector<Told> untold_;     ///< told, not noted yet
   bool forgot_results_ = false;  ///< there were too many of them
   std::optional<FoundLate> found_late_;
-  bool mending_ = false;                ///< a fresh file is being made in place of a damaged one
-  std::vector<std::string> unaudited_;  ///< bodies that are not in the file
-  std::uint64_t audit_lost_ = 0;        ///< bodies that found no room there, not told yet
+  bool was_open_ = false;              ///< in this run
+  bool mending_ = false;               ///< a fresh file is being made in place of a damaged one
+  std::deque<std::string> unaudited_;  ///< bodies that are not in the file
+  std::uint64_t audit_lost_ = 0;       ///< bodies that found no room there, not told yet
   std::uint64_t arrivals_ = 0;
   std::uint64_t first_audit_of_run_ = 0;
   std::optional<SteadyTime> running_since_;

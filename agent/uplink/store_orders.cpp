@@ -94,6 +94,10 @@ bool Store::write_order(const JournalEntry& entry) {
          write_audit(entry.audit);
 }
 
+bool Store::write_entry(const JournalEntry& entry) {
+  return entry.result.empty() ? write_order(entry) : write_record(entry);
+}
+
 bool Store::write_orders(std::span<const JournalEntry> orders) {
   {
     Transaction transaction(file_->db);
@@ -144,7 +148,7 @@ std::optional<JournalEntry> Store::find(const std::string& device, const std::st
   Statement one(file_->db, std::string(kEntry) + " FROM orders WHERE device = ? AND id = ?");
   const auto step = one.bind(1, device).bind(2, id).step();
   if (step == Statement::Step::row) return entry_of(one);
-  if (step == Statement::Step::failed) failed("read");
+  if (step == Statement::Step::failed) unreadable();
   return std::nullopt;
 }
 
@@ -155,7 +159,7 @@ std::vector<Store::KnownId> Store::known_ids() {
                 "SELECT device, id, arrival, received_ms, deadline_ms FROM"
                 " (SELECT *, row_number() OVER (PARTITION BY device ORDER BY arrival DESC,"
                 " received_ms DESC) AS place FROM orders)"
-                " WHERE result IS NOT '' AND (place <= ?1 OR received_ms <= ?2 AND"
+                " WHERE (result IS NOT '' OR told IS 1) AND (place <= ?1 OR received_ms <= ?2 AND"
                 " deadline_ms >= ?2) ORDER BY arrival, received_ms");
   all.bind(1, std::int64_t{kRememberedIds}).bind(2, utc_ms_);
   auto step = all.step();
@@ -172,7 +176,7 @@ std::vector<JournalEntry> Store::unsettled() {
   Statement all(file_->db,
                 std::string(kEntry) +
                     " FROM (SELECT *, row_number() OVER (PARTITION BY device ORDER BY arrival DESC,"
-                    " received_ms DESC) AS place FROM orders WHERE told IS NOT 1 OR result = '')"
+                    " received_ms DESC) AS place FROM orders WHERE told IS NOT 1)"
                     " WHERE result = '' OR place <= ?1 ORDER BY arrival, received_ms");
   all.bind(1, std::int64_t{kRememberedIds});
   auto step = all.step();

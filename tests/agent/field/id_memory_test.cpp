@@ -56,8 +56,10 @@ TEST(IdMemory, KnowsWhatAPlainListKnows) {
     IdMemory memory;
     PlainMemory plain;
     SteadyTime now = kStart;
+    std::uint64_t arrival = 0;
     const auto add = [&](const std::string& id) {
-      const IdMemory::Entry entry{id, 0, now, now + minutes(10 + below(50)), below(50) != 0};
+      const IdMemory::Entry entry{id, ++arrival, now, now + minutes(10 + below(50)),
+                                  below(50) != 0};
       memory.add(entry, now);
       plain.entries.push_back(entry);
     };
@@ -109,6 +111,20 @@ TEST(IdMemory, DayIsOverWhateverStandsBefore) {
   ASSERT_NE(memory.find("old", later), nullptr);
   EXPECT_EQ(memory.find("old", later)->arrival, 4U);
   EXPECT_NE(memory.find("runs", later + hours(30)), nullptr);
+}
+
+// A file that opens late brings ids of earlier commands.
+TEST(IdMemory, EarlierCommandsAreOlderWheneverTheyBecomeKnown) {
+  IdMemory memory;
+  for (std::uint64_t i = 0; i < 500; ++i)
+    memory.add({"own" + std::to_string(i), 20000 + i, kStart, kStart, true}, kStart);
+  for (std::uint64_t i = 0; i < kRememberedIds; ++i)
+    memory.add({"early" + std::to_string(i), i, kStart - hours(1), kStart, true}, kStart);
+  const SteadyTime later = kStart + minutes(1);
+  EXPECT_TRUE(memory.make_room(later));
+  EXPECT_NE(memory.find("own0", later), nullptr);
+  EXPECT_EQ(memory.find("early500", later), nullptr);
+  EXPECT_NE(memory.find("early501", later), nullptr);
 }
 
 TEST(IdMemory, TooManyAreLetGoAtOnce) {

@@ -4,6 +4,7 @@
 #include <sys/resource.h>
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <csignal>
 #include <filesystem>
 #include <fstream>
@@ -314,6 +315,56 @@ class DiskLimit final {
   rlimit before_{};
 };
 
+// Its result was told and then had to make room for newer ones. Nobody is told another one.
+TEST(Store, OrderWhoseResultWasToldAndLostIsKnownAndOver) {
+  Shelf shelf;
+  shelf.open();
+  JournalEntry order = entry("x");
+  order.arrival = shelf.store->next_arrival();
+  ASSERT_TRUE(shelf.store->journal(std::vector{order}));
+  shelf.store->upkeep(kStart, kNow);
+  {
+    const DiskLimit full(1000);
+    order.result = "{x}";
+    shelf.store->record(order);
+    shelf.store->told("a", "x", order.arrival);
+    for (std::size_t i = 0; i < kRememberedIds; ++i) {
+      JournalEntry made = entry(std::to_string(i), "{}");
+      made.arrival = shelf.store->next_arrival();
+      shelf.store->record(std::move(made));
+    }
+    EXPECT_EQ(shelf.store->state(), "memory");
+  }
+  shelf.store->upkeep(kStart + 1s, kNow);
+  shelf.store->upkeep(kStart + 11s, kNow);
+  ASSERT_EQ(shelf.store->state(), "disk");
+  EXPECT_EQ(shelf.store->find("a", "x")->result, "");
+  for (const JournalEntry& open : shelf.store->unsettled()) EXPECT_NE(open.id, "x");
+  const auto ids = shelf.open().known_ids();
+  EXPECT_TRUE(
+      std::any_of(ids.begin(), ids.end(), [](const auto& known) { return known.id == "x"; }));
+}
+
+TEST(Store, OrderIsInTheFreshFileThatTookThePlaceOfADamagedOne) {
+  Shelf shelf;
+  shelf.open();
+  JournalEntry early = entry("early");
+  early.audit = R"({"early":1})";
+  ASSERT_TRUE(shelf.store->journal(std::vector{early}));
+  {
+    sqlite::Database other(shelf.file());
+    ASSERT_TRUE(other.execute("INSERT INTO audit VALUES(2, '', x'')"));  // in the next one's place
+  }
+  JournalEntry order = entry("x");
+  order.audit = R"({"x":1})";
+  EXPECT_TRUE(shelf.store->journal(std::vector{order}));
+  EXPECT_NE(shelf.store->set_aside(), "");
+  order.result = "{1}";
+  shelf.store->record(order);
+  EXPECT_EQ(shelf.store->find("a", "x")->result, "{1}");
+  EXPECT_EQ(shelf.open().unsettled().at(0).id, "x");
+}
+
 TEST(Store, FullDiskKeepsWhatItHasAndTakesMoreWhenThereIsRoom) {
   Shelf shelf;
   shelf.open();
@@ -457,8 +508,6 @@ TEST(Store, IdThatIsUsedAnewIsAnotherOrder) {
   again.arrival = 8;
   again.op = "read";
   ASSERT_TRUE(shelf.store->journal(std::vector{first}));
-  ASSERT_TRUE(shelf.store->journal(std::vector{again}));  // no result yet: it stays the first
-  EXPECT_EQ(shelf.store->find("a", "one")->arrival, 7U);
   first.result = "{1}";
   shelf.store->record(first);
   shelf.store->upkeep(kStart, kNow);
@@ -695,6 +744,30 @@ TEST(Store, FileThatOpensBeforeTheClockIsSetKeepsItsOrderAndItsTimes) {
   EXPECT_EQ(ids[0].id, "told");
 }
 
+TEST(Store, ClockThatIsSetTwiceWithoutADiskMovesWhatWasThere) {
+  constexpr std::int64_t kHour = 3600000;
+  Shelf shelf;
+  std::ofstream(shelf.config.path) << "a file in its place";
+  shelf.open();
+  shelf.store->upkeep(kStart, kNow);
+  const auto journal = [&](const char* id, std::int64_t at) {
+    JournalEntry made = entry(id, "", at);
+    made.arrival = shelf.store->next_arrival();
+    shelf.store->journal(std::vector{made});
+  };
+  journal("first", kNow);
+  shelf.store->upkeep(kStart + 1s, kNow + 30 * kHour + 1000);
+  journal("between", kNow + 30 * kHour + 1000);
+  shelf.store->upkeep(kStart + 2s, kNow - 50 * kHour + 2000);
+  journal("last", kNow - 50 * kHour + 2000);
+  std::filesystem::remove(shelf.config.path);
+  shelf.store->upkeep(kStart + 20s, kNow - 50 * kHour + 20000);
+  ASSERT_EQ(shelf.store->state(), "disk");
+  EXPECT_EQ(shelf.store->find("a", "first")->received_ms, kNow - 50 * kHour);
+  EXPECT_EQ(shelf.store->find("a", "between")->received_ms, kNow - 50 * kHour + 1000);
+  EXPECT_EQ(shelf.store->find("a", "last")->received_ms, kNow - 50 * kHour + 2000);
+}
+
 // The disk may be away for a day: an order and its result take one place between them, and an id
 // that is used anew takes its own place again.
 TEST(Store, TenThousandOrdersFindRoomUntilThereIsADisk) {
@@ -805,12 +878,12 @@ TEST(Store, AuditThatFoundNoDiskIsWrittenLaterAndSaysWhatWasLost) {
   JournalEntry order = entry("one");
   order.audit = told("one");
   EXPECT_FALSE(shelf.store->journal(std::vector{order}));
-  for (int i = 0; i < 10005; ++i) shelf.store->note(told("x"));
+  for (int i = 0; i < 30005; ++i) shelf.store->note(told("x"));
   std::filesystem::remove(shelf.config.path);
   shelf.store->upkeep(kStart, kNow);
   shelf.store->upkeep(kStart + 10s, kNow + 10000);
   const auto texts = audit_of(shelf);
-  ASSERT_EQ(texts.size(), 10001U);
+  ASSERT_EQ(texts.size(), 30001U);
   EXPECT_NE(texts.front().find("\"one\""), std::string::npos);
   EXPECT_NE(texts.back().find("\"kind\":\"lost\",\"ts\":1790000010000,\"records\":6"),
             std::string::npos)
