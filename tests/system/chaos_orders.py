@@ -164,6 +164,7 @@ class Deeds:
         self.sim = sim
         self.since = dict.fromkeys(devices, 0)
         self.count = collections.Counter()  # (device, kind, place, value)
+        self.forces = collections.defaultdict(list)  # (device, place) -> [(time, kind)]
 
     def collect(self):
         for device, since in self.since.items():
@@ -172,7 +173,16 @@ class Deeds:
                 if entry["kind"] == "write":
                     self.count[device, "write", entry["device"], entry["value"]] += 1
                 elif entry["kind"] in ("force_on", "force_off"):
-                    self.count[device, entry["kind"], entry["device"], None] += 1
+                    self.forced(device, entry["kind"], entry["device"], entry["ms"] / 1000)
+
+    def forced(self, device, kind, place, at):
+        self.count[device, kind, place, None] += 1
+        self.forces[device, place].append((at, kind))
+
+    def stood_so(self, device, kind, place, at):
+        """Whether the bit was at that time what an order of this kind makes of it."""
+        before = [forced for when, forced in self.forces[device, place] if when < at]
+        return kind == (before[-1] if before else "force_off")
 
 
 def judge_orders(ledger, orders, deeds, version):
@@ -192,12 +202,7 @@ def judge_orders(ledger, orders, deeds, version):
         if len(ids) > 1:
             shared.update((device, identity) for identity in ids)
 
-    # Bits that were never set: where no answer came the bit that is read back stood so before.
-    may_stand_so = set()
-    for (device, op, place, _), ids in orders.keys.items():
-        if op == "force_off" and not deeds.count[device, "force_on", place, None]:
-            may_stand_so.update((device, identity) for identity in ids)
-
+    since_start = time.time() - time.monotonic()
     for key, kind in orders.kinds.items():
         results, times = ledger.results.get(key, []), executed[key]
         words = [(r["status"], r["reason"], r["plc"]) for r in results]
@@ -213,14 +218,17 @@ def judge_orders(ledger, orders, deeds, version):
         if times and not results and not no_journal:
             ledger.fault(f"{key} ({kind}) was carried out and has no result")
         if results and kind in ("change", "soon") and key not in shared:
-            judge_one(ledger, key, results[0], times, key in may_stand_so)
+            taken = min(ledger.taken.get(key, [time.monotonic()])) + since_start
+            stood_so = deeds.stood_so(key[0], results[0]["op"], results[0]["address"], taken)
+            judge_one(ledger, key, results[0], times, stood_so)
         if not results and ledger.taken.get(key):
             judge_silence(ledger, key, kind)
 
 
-def judge_one(ledger, key, result, times, may_stand_so):
+def judge_one(ledger, key, result, times, stood_so):
     status, reason = result["status"], result["reason"]
-    if may_stand_so and not times and status == "SUCCEEDED" and result["plc"] is None:
+    # No answer came, and the bit that is read back stood so before.
+    if stood_so and not times and status == "SUCCEEDED" and result["plc"] is None:
         return
     was_done = status == "SUCCEEDED" or reason == "verify_mismatch"
     may_be_done = was_done or status == "UNKNOWN_OUTCOME"

@@ -106,9 +106,7 @@ class Faults(PlantTest):
                                      ({}, why, 7))
                     told = self.state("press1", state, since)
                     self.assertEqual(told["reason"], why)
-                    healed = self.state("press1", "online", since)
-                    self.assertIsNone(healed["reason"])
-                    self.assertGreaterEqual(healed["since"], told["since"])
+                    self.assertIsNone(self.state_after("press1", "online", told, since)["reason"])
                 self.sim.ask(cmd="clear_faults", plc="press1")
                 self.data(lambda m: m["values"] == {"a": 7}, since=self.watcher.mark())
                 self.struck = dict(self.sim.ask(cmd="stats", plc="press1")["faults"])
@@ -217,8 +215,9 @@ class Faults(PlantTest):
         for _ in range(2):
             since = self.watcher.mark()
             self.sim.fault("press1", "drop", ms=300)
-            self.assertEqual(self.state("press1", "offline", since)["reason"], "link_down")
-            self.state("press1", "online", since)
+            gone = self.state("press1", "offline", since)
+            self.assertEqual(gone["reason"], "link_down")
+            self.state_after("press1", "online", gone, since)
         self.assertIn("state=down", self.agent.logged())
 
     def test_a_path_that_is_missing_or_taken_is_named_in_the_log(self):
@@ -253,8 +252,8 @@ class OverTcp(PlantTest):
         self.state("press1", "online")
         since = self.watcher.mark()
         self.sim.fault("press1", "drop", ms=200)
-        self.state("press1", "offline", since)
-        self.state("press1", "online", since)
+        gone = self.state("press1", "offline", since)
+        self.state_after("press1", "online", gone, since)
 
     def test_a_peer_that_says_nothing_is_given_up_and_connected_anew(self):
         accepted = []

@@ -347,6 +347,12 @@ class PlantTest(unittest.TestCase):
     def state(self, name, wanted, since=0):
         return self.watcher.wait(f"{BASE}/{name}/state", lambda s: s["state"] == wanted, since)
 
+    def state_after(self, name, wanted, earlier, since=0):
+        """The first state of this kind that does not stem from before `earlier`, a state too."""
+        return self.watcher.wait(
+            f"{BASE}/{name}/state",
+            lambda s: s["state"] == wanted and s["since"] >= earlier["since"], since)
+
     def ready(self, name="press1"):
         """The device is online and its RUN state was read; that is asked again 10 s later, so that the
         polls of the next seconds are the groups' alone."""
