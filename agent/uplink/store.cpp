@@ -38,11 +38,13 @@ std::ptrdiff_t piece_of(const Waiting& waiting) {
 }
 
 /// The codes after which the file is not to be trusted any more; SQLITE_SCHEMA: a newer program's,
-/// or not what ours makes, as where the file was cut short.
+/// or not what ours makes, as where the file was cut short. SQLITE_NOMEM and SQLITE_TOOBIG: it has
+/// lengths that are not its own, since an agent that is really out of memory does not come here.
 /// The last two: a row that is there is none that could have been written.
 bool is_damage(int code) {
   return code == SQLITE_CORRUPT || code == SQLITE_NOTADB || code == SQLITE_SCHEMA ||
-         code == SQLITE_CONSTRAINT || code == SQLITE_MISMATCH;
+         code == SQLITE_NOMEM || code == SQLITE_TOOBIG || code == SQLITE_CONSTRAINT ||
+         code == SQLITE_MISMATCH;
 }
 
 /// Beside that a schema that cannot be made, since something of that name is there: SQLITE_ERROR;
