@@ -171,8 +171,9 @@ CommandDesk::Verdict CommandDesk::admit(Command command, const Codec& codec, std
   if (refusal && precedes_id(refusal->reason)) {
     rejected(*refusal);
     if (command.dry_run) return result;
+    result.id_kept = ids_.make_room(now);
+    if (!result.id_kept) return result;
     remember(command, now, now);
-    result.id_kept = ids_.find(result.id, now) != nullptr;
     finished(result);
     return result;
   }
@@ -377,7 +378,7 @@ std::optional<Refusal> CommandDesk::check_value(const Codec& codec, const Comman
 }
 
 void CommandDesk::remember(const Command& command, SteadyTime deadline, SteadyTime now) {
-  if (ids_.make_room(now)) ids_.add({command.id, command.arrival, now, deadline}, now);
+  ids_.add({command.id, command.arrival, now, deadline}, now);
 }
 
 void CommandDesk::finished(const CommandResult& result) {

@@ -68,6 +68,7 @@ class CommandDesk final {
   std::size_t remembered() const { return ids_.size(); }
 
  private:
+  /// Where there is room for its id.
   void remember(const Command& command, SteadyTime deadline, SteadyTime now);
   /// Fills order.targets, or says which check failed.
   std::optional<Refusal> resolve(const Codec& codec, Order& order, std::vector<TargetResult>& out);

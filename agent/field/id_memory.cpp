@@ -4,7 +4,6 @@
 #include <utility>
 
 namespace fxagent {
-
 namespace {
 
 bool may_go(const IdMemory::Entry& entry, SteadyTime now) {

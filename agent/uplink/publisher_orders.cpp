@@ -150,10 +150,8 @@ std::string Publisher::audit_of(const CommandResult& result, const std::string& 
 
 /// The first result of a DUPLICATE is in the journal, unless that was lost or set aside.
 void Publisher::find_first(CommandResult& result) const {
-  if (!result.first_arrival || result.first) return;
-  const auto known = store_ == nullptr
-                         ? std::nullopt
-                         : store_->find(config_.devices.at(result.device).name, result.id);
+  if (!result.first_arrival || result.first || store_ == nullptr) return;
+  const auto known = store_->find(config_.devices.at(result.device).name, result.id);
   if (!known || known->result.empty() || known->arrival != result.first_arrival) {
     result.detail = "the first result is not in the journal any more; the order is not repeated";
     return;

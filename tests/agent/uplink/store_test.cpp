@@ -55,6 +55,8 @@ struct Shelf {
     store = std::make_unique<Store>(config, utc_ms);
     return *store;
   }
+  /// A file in its place: nothing can be opened there.
+  void block() const { std::ofstream(config.path) << "a file in its place"; }
   std::string file() const { return config.path + "/fxagent.db"; }
   /// The number before the first one of device a in this boot.
   std::uint64_t begin(std::int64_t utc_ms = kNow) {
@@ -63,6 +65,12 @@ struct Shelf {
   }
   bool add(std::vector<SampleRow> made, Store::Hold hold = Store::Hold::no) {
     return store->append(made, hold);
+  }
+  /// As the command that has just come.
+  JournalEntry arrived(std::string id, std::string result = {}, std::int64_t received_ms = kNow) {
+    JournalEntry made = entry(std::move(id), std::move(result), received_ms);
+    made.arrival = store->next_arrival();
+    return made;
   }
   /// Everything that waits, message by message, each acknowledged.
   std::string drain(std::size_t max_payload = 65536) {
@@ -209,8 +217,7 @@ TEST(Store, ClockThatIsSetMakesNothingOlderOrYounger) {
   shelf.open(kNow - kYear);  // a gateway without a clock of its own
   shelf.store->upkeep(kStart, kNow - kYear);
   shelf.add(rows(1, 2));
-  JournalEntry order = entry("x", {}, kNow - kYear);
-  order.arrival = shelf.store->next_arrival();
+  JournalEntry order = shelf.arrived("x", {}, kNow - kYear);
   ASSERT_TRUE(shelf.store->journal(std::vector{order}));
   shelf.store->upkeep(kStart + 30min, kNow + 1800000);
   shelf.store->upkeep(kStart + 60min, kNow + 3600000);
@@ -274,7 +281,7 @@ TEST(Store, FileOfANewerProgramIsSetAside) {
 
 TEST(Store, DirectoryThatCannotBeMadeIsTriedAgain) {
   Shelf shelf;
-  std::ofstream(shelf.config.path) << "a file in its place";
+  shelf.block();
   shelf.open();
   EXPECT_EQ(shelf.store->state(), "memory");
   EXPECT_FALSE(shelf.add(rows(1, 1)));
@@ -319,8 +326,7 @@ class DiskLimit final {
 TEST(Store, OrderWhoseResultWasToldAndLostIsKnownAndOver) {
   Shelf shelf;
   shelf.open();
-  JournalEntry order = entry("x");
-  order.arrival = shelf.store->next_arrival();
+  JournalEntry order = shelf.arrived("x");
   ASSERT_TRUE(shelf.store->journal(std::vector{order}));
   shelf.store->upkeep(kStart, kNow);
   {
@@ -329,8 +335,7 @@ TEST(Store, OrderWhoseResultWasToldAndLostIsKnownAndOver) {
     shelf.store->record(order);
     shelf.store->told("a", "x", order.arrival);
     for (std::size_t i = 0; i < kRememberedIds; ++i) {
-      JournalEntry made = entry(std::to_string(i), "{}");
-      made.arrival = shelf.store->next_arrival();
+      JournalEntry made = shelf.arrived(std::to_string(i), "{}");
       shelf.store->record(std::move(made));
     }
     EXPECT_EQ(shelf.store->state(), "memory");
@@ -580,15 +585,13 @@ TEST(Store, NewestIdsAreThoseThatCameLast) {
   shelf.open();
   constexpr std::int64_t kHour = 3600000;
   for (std::size_t i = 0; i < kRememberedIds; ++i) {
-    JournalEntry made = entry(std::to_string(i), "{}", kNow + static_cast<std::int64_t>(i));
-    made.arrival = shelf.store->next_arrival();
+    JournalEntry made = shelf.arrived(std::to_string(i), "{}", kNow + static_cast<std::int64_t>(i));
     shelf.store->record(made);
     if (i != 0) shelf.store->told("a", made.id, made.arrival);
     if (i % 1000 == 0) shelf.store->upkeep(kStart + std::chrono::milliseconds(i), kNow);
   }
   for (const char* id : {"x", "y"}) {  // the clock was set back
-    JournalEntry made = entry(id, "{}", kNow - kHour);
-    made.arrival = shelf.store->next_arrival();
+    JournalEntry made = shelf.arrived(id, "{}", kNow - kHour);
     shelf.store->record(made);
     shelf.store->told("a", made.id, made.arrival);
   }
@@ -613,8 +616,7 @@ TEST(Store, IdIsKeptUntilItsTimeIsOverHoweverManyFollow) {
   shelf.store->told("a", "patient", patient.arrival);
   shelf.store->upkeep(kStart, kNow);
   for (std::size_t i = 0; i < kRememberedIds; ++i) {
-    JournalEntry made = entry(std::to_string(i), "{}", kNow + 1000);
-    made.arrival = shelf.store->next_arrival();
+    JournalEntry made = shelf.arrived(std::to_string(i), "{}", kNow + 1000);
     shelf.store->record(made);
   }
   shelf.open(kNow + 1800000);
@@ -630,8 +632,7 @@ TEST(Store, ResultsThatNobodyTakesDoNotFillTheDisk) {
   Shelf shelf;
   shelf.open();
   for (std::size_t i = 0; i < kRememberedIds + 3; ++i) {
-    JournalEntry made = entry(std::to_string(i), "{}");
-    made.arrival = shelf.store->next_arrival();
+    JournalEntry made = shelf.arrived(std::to_string(i), "{}");
     shelf.store->record(made);
   }
   shelf.store->upkeep(kStart, kNow + 20000);
@@ -644,11 +645,9 @@ TEST(Store, ResultsThatNobodyTakesDoNotFillTheDisk) {
 TEST(Store, OrderTakesThePlaceOfAnEarlierOneWithoutAResult) {
   Shelf shelf;
   shelf.open();
-  JournalEntry order = entry("x");
-  order.arrival = shelf.store->next_arrival();
+  JournalEntry order = shelf.arrived("x");
   ASSERT_TRUE(shelf.store->journal(std::vector{order}));
-  JournalEntry anew = entry("x");
-  anew.arrival = shelf.store->next_arrival();
+  JournalEntry anew = shelf.arrived("x");
   ASSERT_TRUE(shelf.store->journal(std::vector{anew}));
   order.result = "{1}";
   shelf.store->record(order);
@@ -660,8 +659,7 @@ TEST(Store, OrderTakesThePlaceOfAnEarlierOneWithoutAResult) {
 TEST(Store, ResultLeavesTheTimeOfItsOrder) {
   Shelf shelf;
   shelf.open();
-  JournalEntry order = entry("x");
-  order.arrival = shelf.store->next_arrival();
+  JournalEntry order = shelf.arrived("x");
   ASSERT_TRUE(shelf.store->journal(std::vector{order}));
   order.result = "{}";
   order.received_ms = order.deadline_ms = 5000;
@@ -672,7 +670,7 @@ TEST(Store, ResultLeavesTheTimeOfItsOrder) {
 
 TEST(Store, ResultThatFoundNoDiskIsWrittenLater) {
   Shelf shelf;
-  std::ofstream(shelf.config.path) << "a file in its place";
+  shelf.block();
   shelf.open();
   shelf.store->record(entry("one", "{1}"));
   shelf.store->told("a", "one", 0);
@@ -686,7 +684,7 @@ TEST(Store, ResultThatFoundNoDiskIsWrittenLater) {
 
 TEST(Store, OrderThatFoundNoDiskIsInTheJournalLater) {
   Shelf shelf;
-  std::ofstream(shelf.config.path) << "a file in its place";
+  shelf.block();
   shelf.open();
   const std::vector<JournalEntry> orders{entry("waits", ""), entry("done", "")};
   EXPECT_FALSE(shelf.store->journal(orders));
@@ -723,11 +721,10 @@ TEST(Store, FileThatOpensBeforeTheClockIsSetKeepsItsOrderAndItsTimes) {
   shelf.store.reset();
   const std::string away = shelf.config.path + "-away";
   std::filesystem::rename(shelf.config.path, away);
-  std::ofstream(shelf.config.path) << "a file in its place";
+  shelf.block();
   shelf.open(kBoot);
   shelf.store->upkeep(kStart, kBoot);
-  JournalEntry again = entry("again", "", kBoot);
-  again.arrival = shelf.store->next_arrival();
+  JournalEntry again = shelf.arrived("again", "", kBoot);
   EXPECT_FALSE(shelf.store->journal(std::vector{again}));
   std::filesystem::remove(shelf.config.path);
   std::filesystem::rename(away, shelf.config.path);
@@ -747,12 +744,11 @@ TEST(Store, FileThatOpensBeforeTheClockIsSetKeepsItsOrderAndItsTimes) {
 TEST(Store, ClockThatIsSetTwiceWithoutADiskMovesWhatWasThere) {
   constexpr std::int64_t kHour = 3600000;
   Shelf shelf;
-  std::ofstream(shelf.config.path) << "a file in its place";
+  shelf.block();
   shelf.open();
   shelf.store->upkeep(kStart, kNow);
   const auto journal = [&](const char* id, std::int64_t at) {
-    JournalEntry made = entry(id, "", at);
-    made.arrival = shelf.store->next_arrival();
+    JournalEntry made = shelf.arrived(id, "", at);
     shelf.store->journal(std::vector{made});
   };
   journal("first", kNow);
@@ -772,7 +768,7 @@ TEST(Store, ClockThatIsSetTwiceWithoutADiskMovesWhatWasThere) {
 // that is used anew takes its own place again.
 TEST(Store, TenThousandOrdersFindRoomUntilThereIsADisk) {
   Shelf shelf;
-  std::ofstream(shelf.config.path) << "a file in its place";
+  shelf.block();
   shelf.open();
   const auto make = [](std::size_t i, std::uint64_t arrival) {
     JournalEntry made = entry(std::to_string(i), "");
@@ -873,7 +869,7 @@ TEST(Store, AuditGoesOnAfterARestartAndCommandsKeepTheirNumbers) {
 
 TEST(Store, AuditThatFoundNoDiskIsWrittenLaterAndSaysWhatWasLost) {
   Shelf shelf;
-  std::ofstream(shelf.config.path) << "a file in its place";
+  shelf.block();
   shelf.open();
   JournalEntry order = entry("one");
   order.audit = told("one");
