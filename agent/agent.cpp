@@ -5,8 +5,10 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <functional>
 #include <memory>
 #include <random>
+#include <stdexcept>
 #include <thread>
 #include <utility>
 
@@ -14,6 +16,8 @@
 #include "agent/field/tcp_transport.h"
 #include "agent/log.h"
 #include "agent/outbox.h"
+#include "agent/service_manager.h"
+#include "agent/signs_of_life.h"
 #include "agent/uplink/json.h"
 #include "agent/uplink/paho_broker.h"
 #include "agent/uplink/publisher.h"
@@ -46,6 +50,11 @@ void raise_file_limit(std::size_t links) {
   if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
   limit.rlim_cur = limit.rlim_max;
   setrlimit(RLIMIT_NOFILE, &limit);
+  if (limit.rlim_max <= static_cast<rlim_t>(kFilesNotForLinks))
+    throw std::runtime_error("cannot begin: " + std::to_string(limit.rlim_max) +
+                             " open files are allowed, and it takes more than " +
+                             std::to_string(kFilesNotForLinks) +
+                             "; raise the hard limit (LimitNOFILE of the service, ulimit -Hn)");
   const rlim_t needed = static_cast<rlim_t>(links) + kFilesNotForLinks;
   if (limit.rlim_max == RLIM_INFINITY || limit.rlim_max >= needed) return;
   log::error("agent", {{"open_files_allowed", std::to_string(limit.rlim_max)},
@@ -55,9 +64,27 @@ void raise_file_limit(std::size_t links) {
                         "service, ulimits of a container, ulimit -Hn in a shell)"}});
 }
 
+/// The signal that ends the agent. Meanwhile the watchdog of the service manager is fed, as long as
+/// field and uplink answer what `ask` asks them.
+int wait_for_stop(StopWatchdog& watchdog, SignsOfLife& signs, const std::function<void()>& ask) {
+  const auto interval = service_manager::watchdog_interval();
+  if (!interval) return watchdog.await_signal();
+  std::string stood_still;
+  while (true) {
+    ask();
+    if (const auto signal = watchdog.await_signal(*interval)) return *signal;
+    const std::string stands_still = signs.stands_still();
+    if (stands_still.empty())
+      service_manager::tell_alive();
+    else if (stands_still != stood_still)
+      log::error("watchdog", {{"stands_still", stands_still}});
+    stood_still = stands_still;
+  }
+}
+
 }  // namespace
 
-void run_agent(const Config& config, const sigset_t& stop_signals) {
+void run_agent(const Config& config, StopWatchdog& watchdog) {
   raise_file_limit(config.links.size());
   std::random_device random;
   PublisherSettings settings;
@@ -92,17 +119,31 @@ void run_agent(const Config& config, const sigset_t& stop_signals) {
                       {"version", settings.version},
                       {"links", std::to_string(config.links.size())},
                       {"devices", std::to_string(config.devices.size())}});
+  watchdog.begin("the start");
   field.start();
-  std::jthread uplink([&](std::stop_token stop) { run_uplink(publisher, outbox, stop); });
+  SignsOfLife signs;
+  std::jthread uplink([&](std::stop_token stop) {
+    run_uplink(publisher, outbox, stop, [&signs] { signs.uplink_went_on(); });
+  });
+  service_manager::tell_ready();
 
-  int signal = 0;
-  sigwait(&stop_signals, &signal);
+  const int signal = wait_for_stop(watchdog, signs, [&] {
+    field.ask([&signs] { signs.field_went_on(); });
+    outbox.notify();
+  });
+  watchdog.stage("the log: nobody reads it");
+  service_manager::tell_stopping();
   log::info("agent", {{"state", "stopping"}, {"signal", std::to_string(signal)}});
+  watchdog.stage("links", [&field] { return field.unfinished(); });
   field.stop();
+  watchdog.stage("the uplink: the store's disk or the broker");
   uplink.request_stop();
   outbox.notify();
   uplink.join();
+  watchdog.stage("the log: nobody reads it");
   log::info("agent", {{"state", "stopped"}});
+  // A name lookup, a driver or the MQTT library may take its time to let go.
+  watchdog.nothing_left_to_lose();
 }
 
 }  // namespace fxagent

@@ -1,12 +1,15 @@
 // The command line: run · check · plan · read · write · force-on · force-off · audit · decode ·
 // verify-stream · acl. Nothing else.
 #include <malloc.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <csignal>
 #include <exception>
 #include <functional>
 #include <iostream>
+#include <stdexcept>
+#include <string_view>
 
 #include "agent/acl_command.h"
 #include "agent/agent.h"
@@ -16,6 +19,8 @@
 #include "agent/log.h"
 #include "agent/one_shot.h"
 #include "agent/plan_command.h"
+#include "agent/startup.h"
+#include "agent/stop_watchdog.h"
 #include "agent/verify_stream.h"
 
 namespace {
@@ -23,6 +28,10 @@ namespace {
 using namespace fxagent;
 
 constexpr int kWrong = 2;
+// Of the stop, of the log, of the field and its name look-ups, of the uplink, of the store and two
+// of the MQTT library.
+constexpr int kThreads = 8;
+constexpr std::size_t kRoomToBegin = std::size_t{16} << 20;
 
 /// The config, or its errors on stderr.
 std::optional<Config> loaded(const std::string& path) {
@@ -56,22 +65,37 @@ Config compacted(Config&& config) {
   return compact;
 }
 
+/// Until the agent runs, a stop ends it where it stands: nothing has been begun yet that needs an
+/// end. As process 1 of a container it would not die of the signal by itself.
+void end_at_once(int) { ::_exit(0); }
+
+void end_at_a_stop_signal() {
+  std::signal(SIGTERM, end_at_once);
+  std::signal(SIGINT, end_at_once);
+}
+
 int run(const std::string& path) {
-  // Blocked before any thread starts, so that only sigwait() sees them.
+  std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGHUP, SIG_IGN);
+  // A file that has reached its limit is a disk that refuses, not the end of the program.
+  std::signal(SIGXFSZ, SIG_IGN);
+  if (const std::string missing = lacks(kThreads, kRoomToBegin); !missing.empty())
+    throw std::runtime_error("cannot begin: " + missing);
+  // Blocked before any thread starts, so that only the watchdog sees them.
   sigset_t stop_signals;
   sigemptyset(&stop_signals);
   sigaddset(&stop_signals, SIGTERM);
   sigaddset(&stop_signals, SIGINT);
   pthread_sigmask(SIG_BLOCK, &stop_signals, nullptr);
-  std::signal(SIGPIPE, SIG_IGN);
-  std::signal(SIGHUP, SIG_IGN);
+  StopWatchdog watchdog(stop_signals);
+  const log::InBackground background;
   auto read = loaded(path);
   if (!read) return kWrong;
   const Config config = compacted(std::move(*read));
   for (const std::string& warning : config.warnings) log::warn("config", {{"note", warning}});
   for (const ConfigError& secret : exposed_secrets(config))
     log::warn("config", {{"note", secret.pointer + ": " + secret.text}});
-  run_agent(config, stop_signals);
+  run_agent(config, watchdog);
   return 0;
 }
 
@@ -240,6 +264,7 @@ int dispatch(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  if (argc > 1 && std::string_view(argv[1]) == "run") end_at_a_stop_signal();
   // Paho's threads would each get a heap of their own, for a few hundred bytes at a time.
   mallopt(M_ARENA_MAX, 1);
   try {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <utility>
+#include <variant>
 
 namespace fxagent {
 namespace {
@@ -129,6 +130,8 @@ std::string_view to_string(CommandStatus status) {
       return "SUCCEEDED";
     case CommandStatus::failed:
       return "FAILED";
+    case CommandStatus::partial:
+      return "PARTIAL";
     case CommandStatus::rejected:
       return "REJECTED";
     case CommandStatus::expired:
@@ -139,6 +142,38 @@ std::string_view to_string(CommandStatus status) {
       return "UNKNOWN_OUTCOME";
   }
   return "UNKNOWN_OUTCOME";
+}
+
+namespace {
+
+std::size_t memory_of(const Value& value) {
+  std::size_t bytes = value.items.capacity() * sizeof(Scalar);
+  for (const Scalar& item : value.items)
+    if (const auto* text = std::get_if<std::string>(&item)) bytes += text->capacity();
+  return bytes;
+}
+
+std::size_t memory_of(const std::optional<Value>& value) { return value ? memory_of(*value) : 0; }
+
+}  // namespace
+
+std::size_t memory_of(const Command& command) {
+  std::size_t bytes = sizeof(command) + command.by.capacity() + command.response_topic.capacity() +
+                      command.correlation.capacity() + memory_of(command.expect);
+  for (const CommandTarget& target : command.targets)
+    bytes += sizeof(target) + target.tag.capacity() + target.address.capacity() +
+             memory_of(target.value);
+  return bytes;
+}
+
+std::size_t memory_of(const CommandResult& result) {
+  std::size_t bytes = sizeof(result) + result.detail.capacity() + result.recorded.capacity() +
+                      result.response_topic.capacity() + result.correlation.capacity();
+  for (const TargetResult& target : result.targets)
+    bytes += sizeof(target) + target.tag.capacity() + target.address.capacity() +
+             target.detail.capacity() + memory_of(target.value) +
+             (target.verify ? memory_of(target.verify->read) : 0);
+  return bytes;
 }
 
 }  // namespace fxagent

@@ -123,6 +123,9 @@ enum class Reason : std::uint8_t {
 /// The word of the payload; empty for none.
 std::string_view to_string(Reason reason);
 
+/// So many targets a command may have: a longer list would hold its line for minutes.
+inline constexpr std::size_t kMostTargets = 64;
+
 struct CommandTarget {
   std::string tag;      ///< empty: by address
   std::string address;  ///< empty: by tag
@@ -162,9 +165,13 @@ struct Command {
   bool any_address = false;
 };
 
+/// What it takes in memory, roughly.
+std::size_t memory_of(const Command& command);
+
 enum class CommandStatus : std::uint8_t {
   succeeded,
   failed,
+  partial,
   rejected,
   expired,
   duplicate,
@@ -180,6 +187,14 @@ struct Verification {
   bool match = false;
 };
 
+/// How far a command came that takes several exchanges: so many of its elements (of a list: its
+/// targets) were surely carried out.
+struct Progress {
+  std::uint32_t done = 0;
+  std::uint32_t of = 0;
+  friend bool operator==(const Progress&, const Progress&) = default;
+};
+
 struct TargetResult {
   std::string tag;
   std::string address;
@@ -188,6 +203,7 @@ struct TargetResult {
   Reason reason = Reason::none;
   std::string detail;
   PlcAnswer plc = PlcAnswer::none;
+  std::optional<Progress> progress;  ///< partial; unknown_outcome where it takes several exchanges
   std::optional<Verification> verify;
 };
 
@@ -199,6 +215,7 @@ struct CommandResult {
   Reason reason = Reason::none;
   std::string detail;
   PlcAnswer plc = PlcAnswer::none;
+  std::optional<Progress> progress;  ///< as a target's; of a list it counts targets
   std::string op;
   bool is_list = false;
   bool one_frame = false;  ///< list: one frame carried them all
@@ -230,6 +247,9 @@ struct CommandResult {
   FrameTrace frames;  ///< of an order that was carried out
 };
 
+/// What it takes in memory, roughly, `first` not counted.
+std::size_t memory_of(const CommandResult& result);
+
 /// On: an order is carried out only when the journal has its OrderNote, and first results are kept
 /// there. Off: there is no journal.
 enum class Journaling : std::uint8_t { off, on };
@@ -249,9 +269,10 @@ struct OrderNote {
 
 // ---- what earlier runs leave --------------------------------------------------------------------
 
-/// So many ids of a device are remembered, and so long, whichever ends first; each at least until
-/// the deadline of its command.
+/// So many ids of a device are remembered with their first results, and of all devices so many
+/// without; so long, whichever ends first, and each at least until the deadline of its command.
 inline constexpr std::size_t kRememberedIds = 10000;
+inline constexpr std::size_t kFingerprints = 200000;
 inline constexpr std::chrono::hours kRememberedFor{24};
 
 /// An id whose command has its result.
@@ -261,6 +282,7 @@ struct RememberedId {
   std::uint64_t arrival = 0;  ///< of the command
   std::int64_t received_ms = 0;
   std::int64_t deadline_ms = 0;  ///< of the command: its id is kept at least until then
+  bool refused = false;          ///< it was no order: its id is kept while there is room to spare
 };
 
 /// The word for an order that was under way, or waiting for the wire, when the agent ended.
@@ -289,6 +311,9 @@ struct LinkHealth {
   std::uint64_t timeouts = 0;
   std::uint64_t naks = 0;
   std::uint64_t bad_frames = 0;
+  std::uint64_t unexpected_bytes = 0;  ///< that came when no answer was due
+  std::uint64_t doubts = 0;            ///< how often the bus came to be doubted for them
+  bool doubted = false;
   double busy_percent = 0;
   double load_percent = 0;  ///< of the line, that the groups' intervals ask for; may be above 100
   Percentiles turnaround_ms;

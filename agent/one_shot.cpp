@@ -152,6 +152,8 @@ void print_order(const CommandResult& result, const std::string& device, bool as
   }
   std::cout << device << ' ' << result.op << ' ' << result.targets.front().address << ": "
             << to_string(result.status) << ", " << word(result.plc);
+  if (result.progress)
+    std::cout << ", " << result.progress->done << " of " << result.progress->of << " written";
   if (result.reason != Reason::none) std::cout << ", " << to_string(result.reason);
   if (!result.detail.empty()) std::cout << ": " << result.detail;
   std::cout << "  (" << ms(result.wire) << " ms)\n";

@@ -49,6 +49,11 @@ class Outbox final {
   void set_backed_up(bool backed_up) { backed_up_.store(backed_up, std::memory_order_relaxed); }
   bool is_backed_up() const { return backed_up_.load(std::memory_order_relaxed); }
 
+  /// The field's word that it has looked at one more of the commands that it was handed: it has
+  /// answered or admitted it. So the uplink knows how many wait to be looked at.
+  void command_judged() { judged_.fetch_add(1, std::memory_order_release); }
+  std::uint64_t judged() const { return judged_.load(std::memory_order_acquire); }
+
   /// Everything that waits. Uplink thread.
   Batch take();
   /// Returns when something was pushed or notify() was called since the last return, or at
@@ -66,6 +71,7 @@ class Outbox final {
 
   const std::size_t max_telemetry_;
   std::atomic<bool> backed_up_ = false;
+  std::atomic<std::uint64_t> judged_ = 0;
   std::mutex mutex_;
   std::condition_variable changed_;
   bool signalled_ = false;

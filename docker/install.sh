@@ -9,7 +9,7 @@ list=$(dirname "$0")/packages.txt
 
 # The packages of one section, one a line.
 packages_of() {
-  sed -n "s/^$1://p" "$list" | tr -s ' ' '\n' | sed '/^$/d'
+  sed -n "s/^$1://p" "$list" | sed 's/([^)]*)//g' | tr -s ' ' '\n' | sed '/^$/d'
 }
 
 # Node.js from elsewhere brings its own npm, and Debian's would not stand beside it.

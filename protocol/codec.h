@@ -64,7 +64,8 @@ struct Reply {
   int device_code = 0;       ///< nak: the reason, 0 where the protocol gives none
   std::string text;          ///< nak: the reason in words ("nak 06: device does not exist")
   Bytes closing;             ///< to be sent after this reply without waiting for an answer
-  std::size_t consumed = 0;  ///< bytes of rx up to the end of the reply; more are line noise
+  std::size_t began = 0;     ///< bytes of rx before the reply's frame: an echo, or older
+  std::size_t consumed = 0;  ///< bytes of rx up to the end of the reply; more are not its own
 };
 
 // ---- what the planner needs to know ---------------------------------------------------------
@@ -231,6 +232,14 @@ class Codec {
   }
   /// How long nothing may be asked after `request`, which is not answered (a broadcast).
   virtual std::chrono::milliseconds pause_after(const Request& /*request*/) const { return {}; }
+  /// Whether bytes that nobody asked for could be an answer, whole or in part, to whatever is
+  /// asked next; or another master's. What no answer can be made of is noise.
+  virtual bool may_pass_for_answer(ByteView bytes) const { return !bytes.empty(); }
+  /// A read of less than `request` reads, whose answer is shorter, so that neither answer can be
+  /// taken for the other's. nullopt: `request` is no read, or its least.
+  virtual std::optional<Request> apart_from(const Request& /*request*/) const {
+    return std::nullopt;
+  }
   /// True where every device listens and none answers: no tags, and no outcome but `broadcast`.
   virtual bool is_broadcast() const { return false; }
   /// What must be done with the line after an answer that did not come, or was nonsense.

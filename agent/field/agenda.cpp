@@ -179,6 +179,13 @@ std::chrono::nanoseconds Agenda::bound(std::chrono::nanoseconds own, std::chrono
   return longest_poll + ahead + polls_between(ahead, longest_poll) + own;
 }
 
+std::chrono::nanoseconds Agenda::bound_giving_way(std::chrono::nanoseconds own,
+                                                  std::chrono::nanoseconds ahead,
+                                                  std::chrono::nanoseconds longest_poll) const {
+  const auto commands = ahead + 2 * own;
+  return longest_poll + commands + polls_between(commands, longest_poll);
+}
+
 void Agenda::device_answered(DeviceId id) {
   Device& device = devices_[id];
   device.unanswered = 0;

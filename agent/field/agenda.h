@@ -55,6 +55,8 @@ class Agenda final {
   /// The command that next() offered has been taken off the queue.
   void command_taken() { --commands_; }
   std::uint32_t commands_waiting() const { return commands_; }
+  /// After a fault: so many wait, whatever was counted.
+  void commands_are(std::uint32_t waiting) { commands_ = waiting; }
 
   /// The job to run now, or until when to wait. Waiting commands come first, save for the polls'
   /// share; then the due group with the earliest deadline whose device is not in back-off. A late
@@ -86,6 +88,11 @@ class Agenda final {
   /// the wire counts whole), the polls that next() puts between them, and its `own` exchanges.
   std::chrono::nanoseconds bound(std::chrono::nanoseconds own, std::chrono::nanoseconds ahead,
                                  std::chrono::nanoseconds longest_poll) const;
+  /// The same of a command that gives way between its parts: there may also be the polls' share of
+  /// its own line time, and other commands for as long as itself.
+  std::chrono::nanoseconds bound_giving_way(std::chrono::nanoseconds own,
+                                            std::chrono::nanoseconds ahead,
+                                            std::chrono::nanoseconds longest_poll) const;
 
   void device_answered(DeviceId device);
   /// One more exchange without an answer. True when the device is silent from now on or still: its

@@ -12,6 +12,9 @@ namespace {
 
 using std::chrono::milliseconds;
 
+// An order's own bytes beside those of its command: images and requests, bounded by its values.
+constexpr std::size_t kOrderToCommand = 2;
+
 bool is_write(Op op) { return op == Op::write || op == Op::force_on || op == Op::force_off; }
 bool is_run_order(Op op) { return op == Op::run || op == Op::stop; }
 
@@ -145,6 +148,13 @@ TargetResult result_of(const OrderTarget& target) {
 CommandDesk::Verdict CommandDesk::admit(Command command, const Codec& codec, std::size_t waiting,
                                         SteadyTime now) {
   const CommandRules& rules = device_.commands;
+  if (command.targets.size() > kMostTargets) {
+    if (!command.refusal)
+      command.refusal = refuse(Reason::too_large, std::to_string(command.targets.size()) +
+                                                      " targets: a command may have " +
+                                                      std::to_string(kMostTargets));
+    command.targets.clear();  // nor is a result to be as long as they are
+  }
   CommandResult result = result_of(command);
   const auto rejected = [&](Refusal why) {
     result.status = CommandStatus::rejected;
@@ -156,10 +166,12 @@ CommandDesk::Verdict CommandDesk::admit(Command command, const Codec& codec, std
   // An id that was seen gets no second verdict, whatever is wrong with this message: exactly one
   // result that is not DUPLICATE is the promise that the others stand on.
   if (!command.id.empty()) {
-    if (const IdMemory::Entry* seen = ids_.find(command.id, now)) {
+    if (const auto seen = ids_.find(command.id, now)) {
       result.status = CommandStatus::duplicate;
       result.reason = Reason::duplicate_id;
       if (seen->over) result.first_arrival = seen->arrival;
+      if (!seen->arrival)
+        result.detail = "it is over, its result is not kept any more; the order is not repeated";
       result.first = seen->result;
       if (result.first) result.plc = result.first->plc;
       return result;
@@ -170,16 +182,9 @@ CommandDesk::Verdict CommandDesk::admit(Command command, const Codec& codec, std
 
   if (refusal && precedes_id(refusal->reason)) {
     rejected(*refusal);
-    if (command.dry_run) return result;
-    result.id_kept = ids_.make_room(now);
-    if (!result.id_kept) return result;
-    remember(command, now, now);
-    finished(result);
+    remember_refused(command, result, now);
     return result;
   }
-  const bool room = ids_.make_room(now);
-  result.id_kept = room;
-
   Order order;
   order.go_ahead = now;
   std::optional<Refusal> why;
@@ -218,31 +223,30 @@ CommandDesk::Verdict CommandDesk::admit(Command command, const Codec& codec, std
       result.status = CommandStatus::expired;
       result.reason = Reason::expired;
       result.detail = "its time had passed on arrival";
-      if (!cmd.dry_run && room) {
-        remember(cmd, order.deadline, now);
-        finished(result);
-      }
+      remember_refused(cmd, result, now);
       return result;
     }
-    if (!room)
-      why = refuse(Reason::queue_full, "10000 ids are remembered and none is past its deadline");
-    else if (waiting >= rules.queue)
+    if (waiting >= rules.queue)
       why = refuse(Reason::queue_full,
                    std::to_string(waiting) + " commands are waiting on this device");
+    else if (!(order.place = room_->take(cmd.device, kOrderToCommand * memory_of(cmd))))
+      why = refuse(Reason::queue_full, "the commands that wait take " +
+                                           std::to_string(room_->bytes() >> 20) + " MiB already");
+    else if (!ids_.make_room(now))
+      why =
+          refuse(Reason::queue_full,
+                 "as many ids are remembered as there is room for, and none is past its deadline");
   }
   if (why) {
     rejected(*why);
-    if (!cmd.dry_run && room) {
-      remember(cmd, order.deadline, now);
-      finished(result);
-    }
+    remember_refused(cmd, result, now);
     return result;
   }
   if (cmd.dry_run) {
     result.status = CommandStatus::succeeded;
     return result;
   }
-  remember(cmd, order.deadline, now);
+  ids_.add({cmd.id, cmd.arrival, now, order.deadline}, now);
   order.verify_words = cmd.verify.value_or(rules.verify);
   order.verify_bits = cmd.verify.value_or(false);
   return order;
@@ -377,8 +381,11 @@ std::optional<Refusal> CommandDesk::check_value(const Codec& codec, const Comman
   return std::nullopt;
 }
 
-void CommandDesk::remember(const Command& command, SteadyTime deadline, SteadyTime now) {
-  ids_.add({command.id, command.arrival, now, deadline}, now);
+void CommandDesk::remember_refused(const Command& command, CommandResult& result, SteadyTime now) {
+  if (command.dry_run) return;
+  result.id_kept = ids_.add_refused({command.id, command.arrival, now, now, true,
+                                     journaling_ == Journaling::on ? nullptr : kept(result)},
+                                    now);
 }
 
 void CommandDesk::finished(const CommandResult& result) {
@@ -390,9 +397,12 @@ void CommandDesk::restore(RememberedId remembered, SteadyTime now, std::int64_t 
   const std::int64_t age = std::max<std::int64_t>(utc_ms - remembered.received_ms, 0);
   const std::int64_t left =
       std::min(remembered.deadline_ms - utc_ms, remembered.deadline_ms - remembered.received_ms);
-  ids_.add({std::move(remembered.id), remembered.arrival, now - milliseconds(age),
-            now + milliseconds(left), true},
-           now);
+  IdMemory::Entry entry{std::move(remembered.id), remembered.arrival, now - milliseconds(age),
+                        now + milliseconds(left), true};
+  if (remembered.refused)
+    ids_.add_refused(std::move(entry), now);
+  else
+    ids_.add(std::move(entry), now);
 }
 
 std::optional<Order> CommandDesk::left_behind(Command command, const Codec& codec, SteadyTime now) {

@@ -5,12 +5,15 @@
 
 #include <chrono>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <variant>
 #include <vector>
 
 #include "agent/config.h"
+#include "agent/field/command_room.h"
 #include "agent/field/id_memory.h"
 #include "agent/messages.h"
 #include "protocol/codec.h"
@@ -26,6 +29,7 @@ struct OrderTarget {
   std::optional<Value> written;   ///< the same in engineering units, as the raw words say it
   std::vector<Request> requests;  ///< the writes in their order; empty for a read
   Bytes expected;                 ///< raw image that `expect` asks for; empty: no expect
+  std::chrono::nanoseconds line_time{0};  ///< of all its exchanges, as far as it is known
 };
 
 /// A command on its way to the wire.
@@ -38,16 +42,25 @@ struct Order {
   bool left_behind = false;  ///< by an earlier run: only its outcome is read
   SteadyTime deadline{};     ///< not sent after this
   SteadyTime go_ahead{};
+  /// Line time of its own exchanges when each ends well; nullopt: not known.
+  std::optional<std::chrono::nanoseconds> line_time;
   std::optional<std::chrono::nanoseconds> bound;
+  /// What it takes of the room for waiting commands; shared with copies of the order.
+  std::shared_ptr<const CommandRoom::Place> place{};
 };
 
 class CommandDesk final {
  public:
   using Verdict = std::variant<CommandResult, Order>;
 
-  /// `device` outlives the desk. With a journal the first results are there, and not here.
-  explicit CommandDesk(const DeviceConfig& device, Journaling journaling = Journaling::off)
-      : device_(device), journaling_(journaling) {}
+  /// `device` outlives the desk. With a journal the first results are there, and not here. `room`
+  /// is shared with the desks of the other devices and with the orders that wait.
+  explicit CommandDesk(const DeviceConfig& device, Journaling journaling = Journaling::off,
+                       std::shared_ptr<CommandRoom> room = std::make_shared<CommandRoom>())
+      : device_(device),
+        journaling_(journaling),
+        room_(std::move(room)),
+        ids_(room_, device.name) {}
 
   /// The verdict on `command`, by the checks of the contract in their order. `codec` is the
   /// device's codec of the moment (its model may have been identified), `waiting` the orders
@@ -68,8 +81,8 @@ class CommandDesk final {
   std::size_t remembered() const { return ids_.size(); }
 
  private:
-  /// Where there is room for its id.
-  void remember(const Command& command, SteadyTime deadline, SteadyTime now);
+  /// Notes the id of a command that became no order, where there is room to spare.
+  void remember_refused(const Command& command, CommandResult& result, SteadyTime now);
   /// Fills order.targets, or says which check failed.
   std::optional<Refusal> resolve(const Codec& codec, Order& order, std::vector<TargetResult>& out);
   std::optional<Refusal> resolve_target(const Codec& codec, const Command& command,
@@ -83,6 +96,7 @@ class CommandDesk final {
 
   const DeviceConfig& device_;
   const Journaling journaling_;
+  const std::shared_ptr<CommandRoom> room_;
   IdMemory ids_;
 };
 

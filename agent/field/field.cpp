@@ -1,5 +1,6 @@
 #include "agent/field/field.h"
 
+#include <algorithm>
 #include <asio/co_spawn.hpp>
 #include <asio/detached.hpp>
 #include <asio/io_context.hpp>
@@ -14,6 +15,7 @@
 #include "agent/field/serial_transport.h"
 #include "agent/field/tcp_transport.h"
 #include "agent/log.h"
+#include "agent/startup.h"
 
 namespace fxagent {
 namespace {
@@ -45,19 +47,29 @@ class Field::Room final {
        Journaling journaling)
       : config_(config), outbox_(outbox), report_timer_(io_) {
     const auto devices = devices_by_link(config);
+    const auto room = std::make_shared<CommandRoom>();
     for (std::uint32_t i = 0; i < config.links.size(); ++i)
-      workers_.push_back(std::make_unique<LinkWorker>(
-          io_.get_executor(), config, i, devices[i], outbox,
-          transport_for(io_.get_executor(), config.links[i]), recollection, polling, journaling));
+      workers_.push_back(
+          std::make_unique<LinkWorker>(io_.get_executor(), config, i, devices[i], outbox,
+                                       transport_for(io_.get_executor(), config.links[i]),
+                                       recollection, polling, journaling, room));
     take(recollection);
   }
 
   void start() {
+    if (std::any_of(config_.links.begin(), config_.links.end(), [](const LinkConfig& link) {
+          return std::holds_alternative<TcpSettings>(link.channel);
+        }))
+      start_looking_up(io_.get_executor());
     for (std::size_t i = 0; i < workers_.size(); ++i)
-      asio::co_spawn(
-          io_, workers_[i]->run(),
-          [name = config_.links[i].name](std::exception_ptr bug) { report_end(bug, name); });
+      asio::co_spawn(io_, workers_[i]->run(),
+                     [this, name = config_.links[i].name](std::exception_ptr bug) {
+                       report_end(bug, name);
+                       ++ended_;
+                       leave_if_over();
+                     });
     report_later();
+    const WithoutSignals quiet;
     thread_ = std::thread([this] { io_.run(); });
   }
 
@@ -81,12 +93,15 @@ class Field::Room final {
     });
   }
 
+  void ask(std::function<void()> answer) { asio::post(io_, std::move(answer)); }
+
   void stop() {
     if (!thread_.joinable()) return;
     asio::post(io_, [this] {
       report_timer_.cancel();
       stopping_ = true;
       for (const auto& worker : workers_) worker->stop();
+      leave_if_over();
     });
     thread_.join();
     io_.restart();
@@ -96,10 +111,22 @@ class Field::Room final {
     over_ = true;
   }
 
+  std::string unfinished() const {
+    constexpr int kNamed = 3;
+    std::string names;
+    int count = 0;
+    for (std::size_t i = 0; i < workers_.size(); ++i)
+      if (!workers_[i]->has_ended() && ++count <= kNamed)
+        names += (names.empty() ? "" : " ") + config_.links[i].name;
+    if (count > kNamed) names += " and " + std::to_string(count - kNamed) + " more";
+    return names;
+  }
+
  private:
   void take(Command command) {
     const std::uint32_t link = config_.devices[command.device].link;
     workers_[link]->submit(std::move(command));
+    outbox_.command_judged();
   }
 
   void take(const Recollection& recollection) {
@@ -107,6 +134,11 @@ class Field::Room final {
       workers_[config_.devices[remembered.device].link]->remember(remembered);
     for (const Command& command : recollection.left_behind)
       workers_[config_.devices[command.device].link]->take_left_behind(command);
+  }
+
+  /// A name lookup that nobody waits for any more does not keep the thread.
+  void leave_if_over() {
+    if (stopping_ && ended_ == workers_.size()) io_.stop();
   }
 
   void report() {
@@ -132,6 +164,7 @@ class Field::Room final {
   asio::steady_timer report_timer_;
   std::vector<std::unique_ptr<LinkWorker>> workers_;
   bool stopping_ = false;
+  std::size_t ended_ = 0;  ///< workers whose coroutine is over
   std::mutex end_;
   bool over_ = false;  ///< the field's thread has ended: who submits is answered at once
   std::thread thread_;
@@ -148,6 +181,8 @@ void Field::submit(Command command) { room_->submit(std::move(command)); }
 void Field::go_ahead(std::uint32_t device, std::string id) {
   room_->go_ahead(device, std::move(id));
 }
+void Field::ask(std::function<void()> answer) { room_->ask(std::move(answer)); }
 void Field::stop() { room_->stop(); }
+std::string Field::unfinished() const { return room_->unfinished(); }
 
 }  // namespace fxagent

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <string>
 
 #include "agent/config.h"
 #include "agent/messages.h"
@@ -23,7 +24,7 @@ class Field final {
   /// Stops, if stop() was not called.
   ~Field();
 
-  /// Starts the thread.
+  /// Starts the thread. Throws std::system_error where there is none.
   void start();
   /// What earlier runs left, where it is found only now: their ids are known from then on, and
   /// numbers go on above theirs. Any thread.
@@ -32,9 +33,13 @@ class Field final {
   void submit(Command command);
   /// The order is in the journal, or there is none to be had. Any thread.
   void go_ahead(std::uint32_t device, std::string id);
-  /// Stops polling, finishes the command on each wire, answers the waiting ones with REJECTED
+  /// Calls `answer` on the field's thread, when its turn comes. Any thread.
+  void ask(std::function<void()> answer);
+  /// Stops polling, ends the command on each wire within 3 s, answers the waiting ones with FAILED
   /// shutting_down, and joins the thread. After it the outbox holds every result.
   void stop();
+  /// The links that have not ended, of many the first ones. Any thread, while stop() waits.
+  std::string unfinished() const;
 
  private:
   class Room;

@@ -1,5 +1,8 @@
 // The command ids that a device has seen: the promise that no order is carried out twice. It stays
 // in memory whatever becomes of the disk; the results, which only tell, are the journal's to keep.
+//
+// Of the newest ids everything is kept; what they push out is a fingerprint from then on, in room
+// that all devices share. What was refused is kept apart, in the room that the others leave.
 // Pure: time is an argument. Field thread.
 #pragma once
 
@@ -11,8 +14,11 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
+#include <utility>
 
+#include "agent/field/command_room.h"
 #include "agent/messages.h"
 
 namespace fxagent {
@@ -28,18 +34,34 @@ class IdMemory final {
     /// That result, where nobody else keeps it.
     std::shared_ptr<const CommandResult> result{};
   };
+  /// What is known of an id.
+  struct Seen {
+    bool over = false;
+    std::optional<std::uint64_t> arrival;  ///< nullopt: only the fingerprint is left
+    std::shared_ptr<const CommandResult> result{};
+  };
 
-  /// Null: the id was never seen, or need not be known any more. Valid until the next change.
-  const Entry* find(const std::string& id, SteadyTime now) const;
-  /// Whether one more may be kept. Lets go of what is over and older than kRememberedFor, and,
-  /// where kRememberedIds are held, of the oldest that are over and past their deadlines.
+  /// `room` is shared with the other devices; `device` is this one's name.
+  IdMemory(std::shared_ptr<CommandRoom> room, std::string device)
+      : room_(std::move(room)), device_(std::move(device)) {}
+
+  /// Nothing: the id was never seen, or need not be known any more.
+  std::optional<Seen> find(const std::string& id, SteadyTime now) const;
+  /// Whether one more order may be remembered. Lets go of what is over and older than
+  /// kRememberedFor; where kRememberedIds are held, the oldest that is over becomes a fingerprint,
+  /// or, where there is no room for that, the oldest that is past its deadline goes.
   bool make_room(SteadyTime now);
-  /// An id that is known already stays as it is.
+  /// Remembers the id of an order, whether make_room() was asked or not. One that is known stays as
+  /// it is.
   void add(Entry entry, SteadyTime now);
-  /// The command has its result. Nothing where the id is not known.
+  /// The id of a command that was refused, while there is room to spare: the newest of them, and
+  /// none that an order has need of. False: it is not remembered.
+  bool add_refused(Entry entry, SteadyTime now);
+  /// The order has its result. Nothing where the id is not known.
   void finish(const std::string& id, std::shared_ptr<const CommandResult> result);
 
-  std::size_t size() const { return entries_.size(); }
+  /// Fingerprints not counted.
+  std::size_t size() const { return orders_.size() + refused_.size(); }
 
  private:
   using Entries = boost::multi_index_container<
@@ -49,7 +71,12 @@ class IdMemory final {
                  boost::multi_index::hashed_unique<
                      boost::multi_index::member<Entry, std::string, &Entry::id>>>>;
 
-  Entries entries_;  ///< the oldest first; where arrivals are the same, as they were added
+  void forget_old(SteadyTime now);
+
+  std::shared_ptr<CommandRoom> room_;
+  std::string device_;
+  Entries orders_;   ///< the oldest first; where arrivals are the same, as they were added
+  Entries refused_;  ///< the same
 };
 
 }  // namespace fxagent

@@ -20,15 +20,24 @@ constexpr milliseconds kQuietAfterOpen{50};
 constexpr milliseconds kQuietBeforeResync{100};
 constexpr milliseconds kQuietWithoutResync{1000};
 constexpr int kQuietCharacters = 20;
-// A line that never falls quiet (another master, noise) is asked all the same.
+// A line that does not fall quiet for so long, or brings so much meanwhile, is closed.
 constexpr milliseconds kLongestDrain{3000};
+constexpr std::size_t kMostDrained = Transport::kMostDiscarded;
+constexpr milliseconds kLongestQuiet{5000};
+// So much of what nobody asked for is looked at: more than the longest frame of a serial line.
+constexpr std::size_t kMostJudged = 1024;
 // No protocol here has longer frames; beyond it the line babbles.
 constexpr std::size_t kMaxReceived = 4096;
 constexpr std::size_t kReadChunk = 512;
+constexpr std::string_view kNeverSilent =
+    "bytes come without end (another master, noise, or wrong settings?)";
 // How often a probing read that is refused is asked: the first NAK may be an order's late one.
 constexpr int kProbes = 3;
 
 bool answers_by_ack(const Request& request) { return !std::holds_alternative<Read>(request); }
+
+/// Its answers carry numbers: none is taken for another, however late or often it comes.
+bool is_numbered(const Codec& codec) { return codec.after_silence() == Recovery::none; }
 
 /// Bytes for an error text: enough of them to see who spoke.
 std::string beginning_of(const Bytes& bytes) {
@@ -49,29 +58,117 @@ asio::awaitable<Result<void>> Line::open() {
   ++session_;  // a doubt stays: a serial server hands a late answer to whoever is connected now
   std::uint8_t waste[kReadChunk];
   const auto give_up = Clock::now() + kLongestDrain;
-  while (Clock::now() < give_up) {
+  for (std::size_t total = 0;;) {
     const auto got = co_await transport_->read_some(waste, Clock::now() + kQuietAfterOpen);
-    if (got) continue;
-    if (got.error().code != ErrorCode::timeout) {
+    if (!got && got.error().code == ErrorCode::timeout) break;
+    if (!got) {
       transport_->close();
       co_return tl::unexpected<Error>(got.error());
     }
-    break;
+    total += *got;
+    if (total < kMostDrained && Clock::now() < give_up) continue;
+    close_never_silent();
+    co_return fail(ErrorCode::link_down, std::string(kNeverSilent));
   }
   co_return Result<void>{};
 }
 
-asio::awaitable<Exchange> Line::exchange(Station& station, Request request, SteadyTime not_after) {
-  Exchange failed;
-  const bool ready = co_await prepare(station, failed);
-  if (!ready) co_return failed;
-  co_return co_await send_and_receive(*station.codec, station, std::move(request), not_after);
+std::string_view Line::why_lost() const {
+  return never_silent_ ? kNeverSilent : "the line was lost";
 }
 
-asio::awaitable<bool> Line::prepare(Station& station, Exchange& failed) {
-  const bool in_doubt = doubt_ != Doubt::none;
+void Line::close_never_silent() {
+  transport_->close();
+  never_silent_ = true;
+}
+
+asio::awaitable<Exchange> Line::exchange(Station& station, Request request, SteadyTime not_after) {
+  slowest_ = std::max<nanoseconds>(slowest_, station.timeout);
+  const Codec& codec = *station.codec;
+  Exchange failed;
+  const bool open = is_numbered(codec) || look(codec, failed);
+  if (!open) co_return failed;
+  const bool ready = co_await prepare(station, request, failed);
+  if (!ready) {
+    bus_.exchange_was_unclear();
+    co_return failed;
+  }
+  const std::uint64_t findings = bus_.findings();
+  const bool doubted = bus_.is_doubted();
+  Exchange exchange = co_await send_and_receive(codec, station, std::move(request), not_after);
+  co_await judge(codec, findings, doubted, exchange);
+  co_return exchange;
+}
+
+bool Line::look(const Codec& codec, Exchange& failed) {
+  const auto found = transport_->discard_input();
+  std::string why = found ? "" : found.error().text;
+  if (found) {
+    note_unexpected(codec, *found);
+    if (found->size() >= kMostDrained) {
+      close_never_silent();
+      why = kNeverSilent;
+    }
+  }
+  if (why.empty()) return true;
+  failed.outcome = Exchange::Outcome::link_down;
+  failed.error = std::move(why);
+  failed.began = failed.ended = Clock::now();
+  return false;
+}
+
+void Line::note_unexpected(const Codec& codec, ByteView bytes) {
+  if (bytes.empty()) return;
+  const auto now = Clock::now();
+  last_heard_ = now;
+  // The line returns what is sent, and nobody has found that out yet, or nobody answers it.
+  if (std::equal(bytes.begin(), bytes.end(), last_sent_.begin(), last_sent_.end())) return;
+  counters_.unexpected_bytes += bytes.size();
+  const ByteView shown = bytes.first(std::min(bytes.size(), kMostJudged));
+  last_unexpected_ = beginning_of(Bytes(shown.begin(), shown.end()));
+  // An answer that is still owed is expected, and prepare() sees to it. One with a number is told
+  // apart by that.
+  if (doubt_ != Doubt::none || is_numbered(codec)) return;
+  if (codec.may_pass_for_answer(shown)) bus_.found_foreign(now);
+}
+
+asio::awaitable<void> Line::judge(const Codec& codec, std::uint64_t findings, bool doubted,
+                                  Exchange& exchange) {
+  if (!exchange.has_answer()) {
+    if (exchange.sent) bus_.exchange_was_unclear();
+    co_return;
+  }
+  if (codec.is_broadcast() || is_numbered(codec)) {
+    never_silent_ = false;
+    co_return;
+  }
+  bool quiet_behind = true;
+  if (doubted && bus_.findings() == findings)
+    quiet_behind = co_await drain(codec, quiet_in_doubt());
+  const auto make_garbled = [&](std::string why) {
+    exchange.outcome = Exchange::Outcome::garbled;
+    exchange.error = std::move(why);
+    ++counters_.bad_frames;
+  };
+  if (bus_.findings() != findings || !quiet_behind) {
+    bus_.exchange_was_unclear();
+    make_garbled("more than one answer came, or another's: " + last_unexpected_);
+  } else if (doubted) {
+    bus_.exchange_was_clean(Clock::now());
+    exchange.doubted = true;
+    if (!exchange.is_data())
+      make_garbled("the answer is not believed: foreign bytes were on the line (" +
+                   last_unexpected_ + ")");
+  }
+  if (!bus_.is_doubted()) never_silent_ = false;
+}
+
+asio::awaitable<bool> Line::prepare(Station& station, const Request& request, Exchange& failed) {
+  const Codec& codec = *station.codec;
+  const bool bus_doubted = bus_.is_doubted() && !is_numbered(codec);
+  const bool in_doubt = doubt_ != Doubt::none || bus_doubted;
   const bool may_enquire = station.enquire != EnquirePolicy::never;
-  const auto resync = station.codec->resync();
+  const auto resync = codec.resync();
   const auto refuse = [&failed](Exchange exchange) {
     failed = std::move(exchange);
     failed.sent = false;  // the enquiry is no part of the caller's question
@@ -79,10 +176,14 @@ asio::awaitable<bool> Line::prepare(Station& station, Exchange& failed) {
   };
   if (in_doubt) {
     station.greeted_in = 0;
-    co_await drain(station);
-    if (!transport_->is_open()) {
+    const nanoseconds quiet = bus_doubted ? quiet_in_doubt() : quiet_after_silence(station);
+    // What was listened to behind the last answer need not be listened to again.
+    const bool heard_out = doubt_ == Doubt::none && Clock::now() - last_heard_ >= quiet;
+    bool still_open = true;
+    if (!heard_out) still_open = co_await drain(codec, quiet);
+    if (!still_open) {
       failed.outcome = Exchange::Outcome::link_down;
-      failed.error = "the line was lost";
+      failed.error = why_lost();
       failed.ended = Clock::now();
       co_return false;
     }
@@ -97,8 +198,10 @@ asio::awaitable<bool> Line::prepare(Station& station, Exchange& failed) {
   }
   // The enquiry's ACK may have been the late one of a write. A read cannot be answered by an ACK,
   // and the device answers in order: once its data is here, nothing older is on the way.
-  const auto probe = station.codec->probe();
-  if (doubt_ == Doubt::stale_ack && probe) {
+  auto probe = codec.probe();
+  const bool probes = doubt_ == Doubt::stale_ack || bus_doubted;
+  if (!probe && bus_doubted) probe = codec.apart_from(request);
+  if (probes && probe) {
     Exchange probing;
     for (int i = 0; i < kProbes && !probing.is_data(); ++i) {
       probing = co_await send_and_receive(*station.codec, station, *probe, SteadyTime::max());
@@ -119,13 +222,9 @@ asio::awaitable<Exchange> Line::send_and_receive(const Codec& codec, const Stati
     co_return exchange;
   }
   co_await keep_gap(codec, station.gap);
-  const auto stale = transport_->discard_input();
+  const bool open = look(codec, exchange);
+  if (!open) co_return exchange;
   exchange.began = exchange.ended = Clock::now();
-  if (!stale) {
-    exchange.outcome = Exchange::Outcome::link_down;
-    exchange.error = stale.error().text;
-    co_return exchange;
-  }
   if (exchange.began > not_after) {
     exchange.outcome = Exchange::Outcome::expired;
     co_return exchange;
@@ -137,6 +236,7 @@ asio::awaitable<Exchange> Line::send_and_receive(const Codec& codec, const Stati
   const auto deadline = on_the_wire + line + station.timeout;
 
   const auto written = co_await transport_->write(*frame, deadline);
+  last_sent_ = *frame;
   ++counters_.exchanges;
   exchange.sent = written.sent > 0;
   const auto trace = [&station](WireFrame::Way way, ByteView bytes) {
@@ -186,6 +286,7 @@ asio::awaitable<Exchange> Line::send_and_receive(const Codec& codec, const Stati
 
 asio::awaitable<void> Line::close_exchange(const Bytes& closing, bool echo, SteadyTime deadline) {
   const auto written = co_await transport_->write(closing, deadline);
+  last_sent_ = closing;
   if (written.error || !echo) co_return;
   std::uint8_t waste[kReadChunk];
   for (std::size_t back = 0; back < closing.size();) {
@@ -212,6 +313,7 @@ asio::awaitable<void> Line::receive(const Codec& codec, const Request& request, 
       co_return;
     }
     rx_.insert(rx_.end(), chunk, chunk + *got);
+    last_heard_ = Clock::now();
     if (echo_due) {
       const auto own = std::search(rx_.begin(), rx_.end(), sent.begin(), sent.end());
       if (own == rx_.end() && rx_.size() <= kMaxReceived) continue;
@@ -234,9 +336,22 @@ asio::awaitable<void> Line::receive(const Codec& codec, const Request& request, 
       }
       exchange.outcome = Exchange::Outcome::answered;
       exchange.reply = std::move(**decoded);
+      note_around_answer(codec, sent, exchange.reply);
       co_return;
     }
   }
+}
+
+void Line::note_around_answer(const Codec& codec, const Bytes& sent, const Reply& reply) {
+  Bytes before(rx_.begin(), rx_.begin() + static_cast<std::ptrdiff_t>(reply.began));
+  const auto own = std::search(before.begin(), before.end(), sent.begin(), sent.end());
+  if (own != before.end()) before.erase(own, own + static_cast<std::ptrdiff_t>(sent.size()));
+  note_unexpected(codec, before);
+  // What has arrived by now costs no time; a NAK behind an ACK must not wait for the next question.
+  Bytes behind(rx_.begin() + static_cast<std::ptrdiff_t>(reply.consumed), rx_.end());
+  const auto more = is_numbered(codec) ? Result<Bytes>(Bytes{}) : transport_->discard_input();
+  if (more) behind.insert(behind.end(), more->begin(), more->end());
+  note_unexpected(codec, behind);
 }
 
 void Line::note_doubt(const Codec& codec, const Request& request, const Exchange& exchange) {
@@ -268,7 +383,7 @@ void Line::note_doubt(const Codec& codec, const Request& request, const Exchange
     doubt_ = Doubt::stale_data;
 }
 
-asio::awaitable<void> Line::drain(const Station& station) {
+nanoseconds Line::quiet_after_silence(const Station& station) const {
   // Without an enquiry that is answered only silence tells that the late answer is not coming any
   // more: nobody answers the EOT of a computer link.
   const auto resync = station.codec->resync();
@@ -277,15 +392,38 @@ asio::awaitable<void> Line::drain(const Station& station) {
   nanoseconds quiet = is_answered
                           ? kQuietBeforeResync
                           : std::clamp(station.timeout, kQuietBeforeResync, kQuietWithoutResync);
-  quiet = std::max(quiet, char_time_ * kQuietCharacters);
-  const auto give_up = Clock::now() + kLongestDrain;
+  return std::max(quiet, char_time_ * kQuietCharacters);
+}
+
+nanoseconds Line::quiet_in_doubt() const {
+  return std::clamp<nanoseconds>(std::max(slowest_, char_time_ * kQuietCharacters),
+                                 kQuietBeforeResync, kLongestQuiet);
+}
+
+asio::awaitable<bool> Line::drain(const Codec& codec, nanoseconds quiet) {
+  const auto give_up = Clock::now() + kLongestDrain + quiet;
   std::uint8_t waste[kReadChunk];
-  while (Clock::now() < give_up) {
+  Bytes heard;
+  std::size_t total = 0;
+  bool open = true;
+  while (open) {
     const auto got = co_await transport_->read_some(waste, Clock::now() + quiet);
-    if (got) continue;
-    if (got.error().code != ErrorCode::timeout) transport_->close();
-    co_return;
+    if (!got && got.error().code == ErrorCode::timeout) break;
+    if (!got) {
+      transport_->close();
+      open = false;
+      break;
+    }
+    last_heard_ = Clock::now();
+    total += *got;
+    if (heard.size() < kMostJudged) heard.insert(heard.end(), waste, waste + *got);
+    if (total < kMostDrained && Clock::now() < give_up) continue;
+    close_never_silent();
+    open = false;
   }
+  counters_.unexpected_bytes += total - heard.size();
+  note_unexpected(codec, heard);
+  co_return open;
 }
 
 asio::awaitable<void> Line::keep_gap(const Codec& codec, milliseconds gap) {

@@ -9,8 +9,10 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 
 #include "agent/config.h"
+#include "agent/field/bus_doubt.h"
 #include "agent/field/percentile_window.h"
 #include "agent/field/transport.h"
 #include "agent/messages.h"
@@ -23,11 +25,12 @@ struct Exchange {
   enum class Outcome : std::uint8_t {
     answered,    ///< `reply` is the device's answer, ACK, NAK or data
     unanswered,  ///< nothing whole came by the deadline
-    garbled,     ///< something came that cannot become an answer
+    garbled,     ///< something came that cannot become an answer, or more than one answer
     link_down,   ///< the channel broke; `sent` says whether anything had left
     expired,     ///< `not_after` had passed: nothing was sent
   } outcome = Outcome::unanswered;
-  bool sent = false;  ///< at least one byte left the agent
+  bool sent = false;     ///< at least one byte left the agent
+  bool doubted = false;  ///< answered while the bus is doubted, with silence before and behind it
   Reply reply;
   std::string error;                       ///< in words, where not answered
   SteadyTime began{};                      ///< just before the first byte
@@ -59,6 +62,7 @@ class Line final {
     std::uint64_t timeouts = 0;
     std::uint64_t naks = 0;
     std::uint64_t bad_frames = 0;
+    std::uint64_t unexpected_bytes = 0;  ///< that came when no answer, or no more of it, was due
     std::chrono::nanoseconds busy{0};
     PercentileWindow turnaround_ms;
   };
@@ -67,23 +71,40 @@ class Line final {
   Line(asio::any_io_executor executor, std::unique_ptr<Transport> transport,
        std::chrono::nanoseconds char_time);
 
-  /// Opens the channel and lets what an earlier session left in it run dry.
+  /// Opens the channel and lets what an earlier session left in it run dry. link_down also where
+  /// it does not run dry: never_silent().
   asio::awaitable<Result<void>> open();
   bool is_open() const { return transport_->is_open(); }
   /// Rises with every open(): what was agreed with a device holds for one session only.
   std::uint32_t session() const { return session_; }
-  void close() noexcept { transport_->close(); }
+  /// Ends what is under way, a gap before a request included.
+  void close() noexcept {
+    timer_.cancel();
+    transport_->close();
+  }
 
   /// One question and its answer. Puts the line in order first where the last exchange left it in
   /// doubt (drain until quiet, enquire, and after a lost ACK a probing read), and enquires as the
   /// station's policy says; if that goes unanswered nothing else is sent: unanswered with `sent`
   /// false. `not_after` is checked just before the first byte.
+  /// While the bus is doubted it listens until nothing has come for as long as the slowest answer
+  /// may take, asks something whose answer can be told apart, asks, and listens again. Then data
+  /// are marked `doubted`, and any other answer is garbled: nothing is known by it.
   asio::awaitable<Exchange> exchange(Station& station, Request request,
                                      SteadyTime not_after = SteadyTime::max());
 
   /// Whether questions come back before their answers on a line that is not said to do so: some
   /// reads in a row did. Until one does not, an order's echo is not taken for its answer.
   bool echo_found() const { return echoes_in_a_row_ >= kEchoesFound; }
+
+  /// Whether foreign answers were heard, and since when too few clean exchanges.
+  const BusDoubt& doubt() const { return bus_; }
+  /// The last bytes that nobody asked for, in hex; empty while there were none.
+  const std::string& last_unexpected() const { return last_unexpected_; }
+  /// The channel was closed because bytes came without end, and no question was answered since.
+  bool never_silent() const { return never_silent_; }
+  /// For a person: what became of a channel that is not open any more.
+  std::string_view why_lost() const;
 
   Counters& counters() { return counters_; }
 
@@ -96,14 +117,29 @@ class Line final {
   };
 
   /// False when the device did not answer; then `failed` tells how.
-  asio::awaitable<bool> prepare(Station& station, Exchange& failed);
+  asio::awaitable<bool> prepare(Station& station, const Request& request, Exchange& failed);
   asio::awaitable<Exchange> send_and_receive(const Codec& codec, const Station& station,
                                              Request request, SteadyTime not_after);
   /// `sent` is what left; it is taken off the front of what comes where the line returns it.
   asio::awaitable<void> receive(const Codec& codec, const Request& request, const Bytes& sent,
                                 bool echo, SteadyTime deadline, Exchange& exchange);
   asio::awaitable<void> close_exchange(const Bytes& closing, bool echo, SteadyTime deadline);
-  asio::awaitable<void> drain(const Station& station);
+  /// Listens until nothing has come for `quiet`; at most kLongestDrain and kMostDrained bytes.
+  /// False: the channel is closed, by its peer or because it never falls silent.
+  asio::awaitable<bool> drain(const Codec& codec, std::chrono::nanoseconds quiet);
+  std::chrono::nanoseconds quiet_after_silence(const Station& station) const;
+  /// As long as the slowest answer on this line may take.
+  std::chrono::nanoseconds quiet_in_doubt() const;
+  void close_never_silent();
+  /// Takes what has arrived without waiting. False: the channel is closed; `failed` says why.
+  bool look(const Codec& codec, Exchange& failed);
+  /// Bytes that are no part of an answer: counted, and a reason to doubt the bus.
+  void note_unexpected(const Codec& codec, ByteView bytes);
+  /// What came before and behind an answer.
+  void note_around_answer(const Codec& codec, const Bytes& sent, const Reply& reply);
+  /// What the doubt makes of an exchange that began when so many foreign bytes were found.
+  asio::awaitable<void> judge(const Codec& codec, std::uint64_t findings, bool doubted,
+                              Exchange& exchange);
   asio::awaitable<void> keep_gap(const Codec& codec, std::chrono::milliseconds gap);
   void note_doubt(const Codec& codec, const Request& request, const Exchange& exchange);
 
@@ -117,6 +153,12 @@ class Line final {
   SteadyTime last_activity_{};  ///< last byte in either direction, as far as it can be known
   SteadyTime not_before_{};     ///< a broadcast's turnaround delay
   Bytes rx_;
+  BusDoubt bus_;
+  Bytes last_sent_;  ///< the last frame or closing: an echo of it is not foreign
+  std::string last_unexpected_;
+  std::chrono::nanoseconds slowest_{0};  ///< timeout of the slowest station that was asked
+  SteadyTime last_heard_{};
+  bool never_silent_ = false;
   Counters counters_;
 };
 

@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "agent/config.h"
@@ -43,10 +44,12 @@ struct LinkWorker::GroupPoll {
   SteadyTime last_reply{};
   std::int64_t last_reply_ms = 0;
   std::uint32_t replies = 0;
+  std::uint64_t findings = 0;  ///< BusDoubt::findings() when it began
   std::uint32_t next_read = 0;
   int repeats = 0;
 
-  void begin() {
+  void begin(std::uint64_t findings_now) {
+    findings = findings_now;
     images.assign(plan.reads.size(), {});
     failures.assign(plan.reads.size(), std::nullopt);
     newer.clear();
@@ -60,11 +63,12 @@ struct LinkWorker::GroupPoll {
 
 /// A device as this worker knows it: its codec of the moment, its plans, its state.
 struct LinkWorker::Device {
-  Device(const DeviceConfig& device_config, std::uint32_t device_index, Journaling journaling)
+  Device(const DeviceConfig& device_config, std::uint32_t device_index, Journaling journaling,
+         std::shared_ptr<CommandRoom> room)
       : config(device_config),
         index(device_index),
         codec(device_config.codec),
-        desk(config, journaling) {
+        desk(config, journaling, std::move(room)) {
     station.codec = codec.get();
     station.timeout = config.timeout;
     station.gap = config.gap;

@@ -28,6 +28,10 @@ constexpr int kDeadPeerAfter = 3;
 constexpr milliseconds kRunStateWithin{2000};
 // A link that fell over a bug rests before it begins anew, so that the log stays readable.
 constexpr milliseconds kAfterFault{1000};
+// What is on the wire when the agent is to stop has so long, and what is to be read back.
+constexpr milliseconds kFinishWithin{2500};
+// A bus that comes to be doubted again and again is told of so often; each time is counted.
+constexpr std::chrono::seconds kDoubtToldEvery{60};
 // First polls are spread over the first second, or over the interval where that is shorter.
 constexpr milliseconds kSpread{1000};
 
@@ -53,7 +57,7 @@ std::vector<std::vector<std::uint32_t>> devices_by_link(const Config& config) {
 LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std::uint32_t link,
                        std::span<const std::uint32_t> devices, Outbox& outbox,
                        std::unique_ptr<Transport> transport, const Recollection& recollection,
-                       Polling polling, Journaling journaling)
+                       Polling polling, Journaling journaling, std::shared_ptr<CommandRoom> room)
     : executor_(executor),
       config_(config),
       link_(link),
@@ -62,8 +66,10 @@ LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std
       agenda_(config.links[link].poll_share),
       idle_(executor),
       journaling_(journaling),
+      room_(std::move(room)),
       openings_(opening_rules(config.links[link]), jitter_seed(link)),
-      counting_since_(Clock::now()) {
+      counting_since_(Clock::now()),
+      stop_timer_(executor) {
   const auto now = Clock::now();
   milliseconds spread = kSpread;
   for (const std::uint32_t device : devices)
@@ -92,7 +98,7 @@ void LinkWorker::remember(const RememberedId& remembered) {
 
 void LinkWorker::add_device(std::uint32_t index, BackOff back_off, Polling polling) {
   const DeviceConfig& config = config_.devices[index];
-  auto device = std::make_unique<Device>(config, index, journaling_);
+  auto device = std::make_unique<Device>(config, index, journaling_, room_);
   device->id = agenda_.add_device(config.retries + 1, back_off);
   for (std::uint32_t g = 0; polling == Polling::on && g < config.groups.size(); ++g) {
     auto group = std::make_unique<GroupPoll>(config, g);
@@ -138,27 +144,33 @@ asio::awaitable<void> LinkWorker::run() {
     if (!stopping_) co_await idle_until(Clock::now() + kAfterFault);
   }
   line_.close();
+  stop_timer_.cancel();
   waiting_.splice(waiting_.end(), unjournaled_);
-  for (const Waiting& waiting : waiting_) outbox_.push(unsent(waiting.order));
+  for (const Waiting& waiting : waiting_)
+    outbox_.push(unsent(waiting.order, CommandStatus::failed));
   waiting_.clear();
+  ended_ = true;
 }
 
 void LinkWorker::answer_after_fault(const std::string& what) {
   log::error("link", {{"link", config_.links[link_].name}, {"fault", what}});
   line_.close();
-  if (!running_) return;
-  CommandResult result = result_of(running_->order.command);
-  result.status = CommandStatus::unknown_outcome;
-  result.reason = Reason::link_down;
-  result.detail = "a fault in the agent ended the link while the order was under way";
-  running_->device->desk.finished(result);
-  outbox_.push(std::move(result));
-  running_.reset();
+  polling_ = false;
+  agenda_.commands_are(static_cast<std::uint32_t>(waiting_.size()));
+  for (const Waiting& running : running_) {
+    CommandResult result = result_of(running.order.command);
+    result.status = CommandStatus::unknown_outcome;
+    result.reason = Reason::link_down;
+    result.detail = "a fault in the agent ended the link while the order was under way";
+    running.device->desk.finished(result);
+    outbox_.push(std::move(result));
+  }
+  running_.clear();
 }
 
 asio::awaitable<void> LinkWorker::serve() {
   while (!stopping_) {
-    if (!line_.is_open() && was_open_) line_lost("the line was lost");
+    if (!line_.is_open() && was_open_) line_lost(std::string(line_.why_lost()));
     if (line_.echo_found() && !echo_told_) {
       echo_told_ = true;
       log::warn("link", {{"link", config_.links[link_].name},
@@ -167,6 +179,7 @@ asio::awaitable<void> LinkWorker::serve() {
                           "set echo for its devices: until three reads have told, an "
                           "order's echo may look like its answer"}});
     }
+    tell_doubt();
     const auto now = Clock::now();
     if (!line_.is_open() && now >= next_open_) {
       co_await open_line();
@@ -178,7 +191,9 @@ asio::awaitable<void> LinkWorker::serve() {
         co_await run_command();
         break;
       case Agenda::Job::Kind::poll:
+        polling_ = true;
         co_await run_step(job.poll);
+        polling_ = false;
         break;
       case Agenda::Job::Kind::wait:
         co_await idle_until(line_.is_open() ? job.until : std::min(job.until, next_open_));
@@ -187,10 +202,42 @@ asio::awaitable<void> LinkWorker::serve() {
   }
 }
 
+void LinkWorker::tell_doubt() {
+  const std::string& name = config_.links[link_].name;
+  if (!unexpected_told_ && !line_.last_unexpected().empty()) {
+    unexpected_told_ = true;
+    log::warn("link", {{"link", name},
+                       {"unexpected", line_.last_unexpected()},
+                       {"note", "bytes that nobody asked for; health counts them from here on"}});
+  }
+  const bool doubted = line_.doubt().is_doubted();
+  if (doubted == doubt_told_) return;
+  const auto now = Clock::now();
+  if (doubted && doubt_told_at_ && now - *doubt_told_at_ < kDoubtToldEvery) return;
+  doubt_told_ = doubted;
+  if (doubted) {
+    doubt_told_at_ = now;
+    log::warn("link", {{"link", name},
+                       {"state", "doubted"},
+                       {"unexpected", line_.last_unexpected()},
+                       {"note",
+                        "another master, or answers that come late? values are bad_frame, and no "
+                        "ACK is believed until some exchanges in a row were clean"}});
+  } else {
+    log::info("link", {{"link", name}, {"state", "believed again"}});
+  }
+}
+
 void LinkWorker::stop() {
   stopping_ = true;
   idle_.cancel();
-  if (!running_) line_.close();
+  if (running_.empty() || polling_) line_.close();
+  stop_timer_.expires_after(kFinishWithin);
+  stop_timer_.async_wait([this](const asio::error_code& cancelled) {
+    if (cancelled) return;
+    over_ = true;
+    line_.close();
+  });
 }
 
 asio::awaitable<void> LinkWorker::idle_until(SteadyTime until) {
@@ -210,14 +257,17 @@ asio::awaitable<void> LinkWorker::open_line() {
 }
 
 void LinkWorker::line_up() {
-  openings_.opened();
+  // A peer that babbles takes every connection: it is back when it has answered.
+  if (!line_.never_silent()) openings_.opened();
   was_open_ = true;
   unanswered_in_a_row_ = 0;
   log::info("link", {{"link", config_.links[link_].name}, {"state", "up"}});
 }
 
 void LinkWorker::line_lost(const std::string& why) {
-  if (was_open_) next_open_ = Clock::now() + openings_.after_loss();
+  if (was_open_)
+    next_open_ =
+        Clock::now() + (line_.never_silent() ? openings_.after_failure() : openings_.after_loss());
   if (was_open_ || why != why_down_)
     log::warn("link", {{"link", config_.links[link_].name}, {"state", "down"}, {"reason", why}});
   was_open_ = false;
@@ -229,6 +279,7 @@ void LinkWorker::line_lost(const std::string& why) {
 
 void LinkWorker::note_answer(Device& device) {
   unanswered_in_a_row_ = 0;
+  if (!line_.never_silent()) openings_.opened();
   device.answered_once = true;
   agenda_.device_answered(device.id);
 }
@@ -262,7 +313,7 @@ void LinkWorker::update_status(Device& device) {
   status.reason.clear();
   if (!line_.is_open()) {
     status.state = DeviceStatus::State::offline;
-    status.reason = to_string(BadReason::link_down);
+    status.reason = line_.never_silent() ? "never_silent" : to_string(BadReason::link_down);
     status.run.reset();
   } else if (agenda_.is_silent(device.id)) {
     status.state = DeviceStatus::State::offline;
@@ -304,6 +355,9 @@ void LinkWorker::report(FieldHealth& health) {
   link.timeouts = line.timeouts;
   link.naks = line.naks;
   link.bad_frames = line.bad_frames;
+  link.unexpected_bytes = line.unexpected_bytes;
+  link.doubts = line_.doubt().doubts();
+  link.doubted = line_.doubt().is_doubted();
   const double elapsed = std::chrono::duration<double>(now - counting_since_).count();
   const double busy = std::chrono::duration<double>(line.busy).count();
   link.load_percent = 100.0 * agenda_.load();

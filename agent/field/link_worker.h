@@ -5,6 +5,7 @@
 #include <asio/any_io_executor.hpp>
 #include <asio/awaitable.hpp>
 #include <asio/steady_timer.hpp>
+#include <atomic>
 #include <list>
 #include <memory>
 #include <optional>
@@ -36,7 +37,8 @@ class LinkWorker final {
   LinkWorker(asio::any_io_executor executor, const Config& config, std::uint32_t link,
              std::span<const std::uint32_t> devices, Outbox& outbox,
              std::unique_ptr<Transport> transport, const Recollection& recollection,
-             Polling polling, Journaling journaling);
+             Polling polling, Journaling journaling,
+             std::shared_ptr<CommandRoom> room = std::make_shared<CommandRoom>());
   LinkWorker(const LinkWorker&) = delete;
   LinkWorker& operator=(const LinkWorker&) = delete;
   ~LinkWorker();
@@ -58,9 +60,12 @@ class LinkWorker final {
   /// The uplink's word that this order is in the journal: it waits for the wire from now on.
   void go_ahead(std::uint32_t device, const std::string& id);
 
-  /// Ends run(): a command on the wire is finished, a poll is cut short, waiting commands are
-  /// answered REJECTED shutting_down.
+  /// Ends run() within 3 s: a poll is cut short, waiting commands are answered FAILED
+  /// shutting_down. Of the command under way nothing more is written; its exchange on the wire and
+  /// what is to be read back have 2.5 s.
   void stop();
+  /// Whether run() has ended. Any thread.
+  bool has_ended() const { return ended_; }
 
   /// Adds this link's and its devices' counters.
   void report(FieldHealth& health);
@@ -75,6 +80,7 @@ class LinkWorker final {
         codec;  ///< the one it was planned with; the model may be found later
     std::chrono::nanoseconds line_time{0};
   };
+  class Sharing;
 
   void add_device(std::uint32_t index, BackOff back_off, Polling polling);
   Device* device_of(std::uint32_t index);
@@ -90,14 +96,23 @@ class LinkWorker final {
   asio::awaitable<void> idle_until(SteadyTime until);
   asio::awaitable<void> open_line();
   void line_up();
+  /// Logs what was heard that nobody asked for, and what that means.
+  void tell_doubt();
   void line_lost(const std::string& why);
 
-  /// The answer to an order that no wire will see any more.
-  static CommandResult unsent(const Order& order);
+  /// The answer to an order that no wire will see any more. `status`: whether it had been admitted
+  /// before the end was asked for.
+  static CommandResult unsent(const Order& order, CommandStatus status);
   asio::awaitable<void> run_command();
-  void after_write(Device& device, const CommandResult& result, const Order& order);
+  /// Whether the next waiting command may go between two parts of the one under way: it takes no
+  /// longer than `credit`, and touches nothing that a resting one of its device does.
+  bool may_go_between(std::chrono::nanoseconds credit) const;
+  void after_write(Device& device, const OrderTarget& target, const TargetResult& outcome);
   void enqueue(Waiting waiting);
-  std::optional<std::chrono::nanoseconds> bound_of(std::chrono::nanoseconds own) const;
+  std::optional<std::chrono::nanoseconds> bound_of(const Waiting& command) const;
+  void take_line_times(Waiting& waiting) const;
+  /// A poll while a command rests. False: it put nothing on the line.
+  asio::awaitable<bool> poll_between(Agenda::PollStep step);
   std::chrono::nanoseconds longest_poll() const;
   /// Line time of the enquiries that go before the first exchange with each device of a session.
   std::chrono::nanoseconds greetings() const;
@@ -133,19 +148,29 @@ class LinkWorker final {
   std::vector<std::unique_ptr<Device>> devices_;
   std::unordered_map<std::uint32_t, Device*> by_index_;
   const Journaling journaling_;
-  std::list<Waiting> unjournaled_;  ///< admitted; without their go-ahead so far
+  const std::shared_ptr<CommandRoom> room_;  ///< the desks' and that of orders that wait
+  std::list<Waiting> unjournaled_;           ///< admitted; without their go-ahead so far
   std::list<Waiting> waiting_;
   SteadyTime next_open_{};
   std::string why_down_ = "not opened yet";
   bool was_open_ = false;
   bool echo_told_ = false;
+  bool unexpected_told_ = false;
+  bool doubt_told_ = false;
+  std::optional<SteadyTime> doubt_told_at_;
   int unanswered_in_a_row_ = 0;
   Openings openings_;
   SteadyTime counting_since_{};
   std::chrono::nanoseconds first_poll_after_{0};  ///< the opening, of the group added next
   bool overloaded_ = false;
-  std::optional<Waiting> running_;  ///< the command on the wire
+  /// The command under way; behind it the one that goes between two parts of it, and so on.
+  std::list<Waiting> running_;
+  Sharing* sharing_ = nullptr;  ///< of the last of them
+  bool polling_ = false;        ///< a poll is on the wire, perhaps between two parts of a command
   bool stopping_ = false;
+  asio::steady_timer stop_timer_;
+  bool over_ = false;  ///< what was under way at the stop has had its time
+  std::atomic<bool> ended_ = false;
 };
 
 }  // namespace fxagent

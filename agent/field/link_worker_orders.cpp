@@ -30,6 +30,11 @@ OrderNote note_of(const Order& order) {
   return note;
 }
 
+bool overlap(const Span& one, const Span& other) {
+  return one.space == other.space && one.first_bit < other.end_bit() &&
+         other.first_bit < one.end_bit();
+}
+
 }  // namespace
 
 void LinkWorker::submit(Command command) {
@@ -42,7 +47,7 @@ void LinkWorker::submit(Command command) {
     return;
   }
   if (stopping_) {
-    CommandResult result = unsent(std::get<Order>(verdict));
+    CommandResult result = unsent(std::get<Order>(verdict), CommandStatus::rejected);
     device->desk.finished(result);
     outbox_.push(std::move(result));
     return;
@@ -51,12 +56,18 @@ void LinkWorker::submit(Command command) {
   waiting.order = std::move(std::get<Order>(verdict));
   waiting.device = device;
   waiting.codec = device->codec;
-  waiting.line_time = OrderRun::line_time(*device->codec, device->config,
-                                          config_.links[link_].char_time, waiting.order);
+  take_line_times(waiting);
   ++device->waiting;
   if (journaling_ == Journaling::off) return enqueue(std::move(waiting));
   outbox_.push(note_of(waiting.order));
   unjournaled_.push_back(std::move(waiting));
+}
+
+void LinkWorker::take_line_times(Waiting& waiting) const {
+  const nanoseconds char_time = config_.links[link_].char_time;
+  waiting.line_time =
+      OrderRun::line_time(*waiting.codec, waiting.device->config, char_time, waiting.order);
+  OrderRun::set_line_times(*waiting.codec, waiting.device->config, char_time, waiting.order);
 }
 
 void LinkWorker::take_left_behind(Command command) {
@@ -69,14 +80,13 @@ void LinkWorker::take_left_behind(Command command) {
   if (!order) {
     waiting.order.command = std::move(command);
     waiting.order.left_behind = true;
-    CommandResult result = unsent(waiting.order);
+    CommandResult result = unsent(waiting.order, CommandStatus::unknown_outcome);
     device->desk.finished(result);
     outbox_.push(std::move(result));
     return;
   }
   waiting.order = std::move(*order);
-  waiting.line_time = OrderRun::line_time(*device->codec, device->config,
-                                          config_.links[link_].char_time, waiting.order);
+  take_line_times(waiting);
   ++device->waiting;
   enqueue(std::move(waiting));
 }
@@ -94,7 +104,7 @@ void LinkWorker::go_ahead(std::uint32_t device, const std::string& id) {
 }
 
 void LinkWorker::enqueue(Waiting waiting) {
-  waiting.order.bound = bound_of(waiting.line_time);
+  waiting.order.bound = bound_of(waiting);
   waiting_.push_back(std::move(waiting));
   agenda_.command_waits();
   idle_.cancel();
@@ -127,78 +137,183 @@ nanoseconds LinkWorker::greetings() const {
   return total;
 }
 
-std::optional<nanoseconds> LinkWorker::bound_of(nanoseconds own) const {
+std::optional<nanoseconds> LinkWorker::bound_of(const Waiting& command) const {
   if (config_.links[link_].char_time.count() == 0) return std::nullopt;
-  nanoseconds ahead = running_ ? running_->line_time : nanoseconds(0);
+  nanoseconds ahead{0};
+  for (const Waiting& running : running_) ahead += running.line_time;
   for (const Waiting& waiting : waiting_) ahead += waiting.line_time;
-  return greetings() + agenda_.bound(own, ahead, longest_poll());
+  const nanoseconds own = command.line_time;
+  return greetings() + (OrderRun::gives_way(command.order)
+                            ? agenda_.bound_giving_way(own, ahead, longest_poll())
+                            : agenda_.bound(own, ahead, longest_poll()));
 }
 
-CommandResult LinkWorker::unsent(const Order& order) {
+CommandResult LinkWorker::unsent(const Order& order, CommandStatus status) {
   CommandResult result = result_of(order.command);
   if (order.left_behind) {
     result.status = CommandStatus::unknown_outcome;
     result.detail = kLeftBehind;
-  } else {
-    result.status = CommandStatus::rejected;
-    result.reason = Reason::shutting_down;
-    result.detail = "the agent is stopping; nothing was sent";
+    return result;
+  }
+  result.status = status;
+  result.reason = Reason::shutting_down;
+  result.detail = "the agent is stopping; nothing was sent";
+  for (TargetResult& target : result.targets) {
+    target.status = status;
+    target.reason = Reason::shutting_down;
   }
   return result;
 }
 
+// ---- on the wire --------------------------------------------------------------------------------
+
+/// One command's dealings with the polls and with the commands that wait behind it.
+class LinkWorker::Sharing final : public LineSharing {
+ public:
+  Sharing(LinkWorker& worker, const Waiting& command)
+      : worker_(worker), command_(command), outer_(worker.sharing_) {
+    worker.sharing_ = this;
+  }
+  Sharing(const Sharing&) = delete;
+  Sharing& operator=(const Sharing&) = delete;
+  ~Sharing() override { worker_.sharing_ = outer_; }
+
+  /// The polls have their share as between commands. Commands that wait have as much line time as
+  /// this one has had, in their order: a short one goes after the first target, one as long as
+  /// this one waits for its end. So nobody is put off for longer than his bound says.
+  asio::awaitable<void> give_way(nanoseconds used) override {
+    if (!at_a_target_) within_ += used;
+    at_a_target_ = false;
+    Agenda& agenda = worker_.agenda_;
+    agenda.command_waits();  // the rest of this one
+    agenda.command_used(used, Clock::now());
+    while (!worker_.stopping_) {
+      const Agenda::Job job = agenda.next(Clock::now());
+      if (job.kind == Agenda::Job::Kind::poll) {
+        const bool on_the_line = co_await worker_.poll_between(job.poll);
+        if (!on_the_line) break;
+      } else if (worker_.may_go_between(credit())) {
+        give(worker_.waiting_.front().line_time);
+        co_await worker_.run_command();
+      } else {
+        break;
+      }
+    }
+    agenda.command_taken();
+  }
+
+  void concluded(std::size_t target, const TargetResult& outcome) override {
+    const Order& order = command_.order;
+    if (target >= order.targets.size()) return;
+    had_ += order.targets[target].line_time;
+    within_ = {};
+    at_a_target_ = true;
+    worker_.after_write(*command_.device, order.targets[target], outcome);
+  }
+
+  bool is_stopping() const override { return worker_.stopping_; }
+  bool is_over() const override { return worker_.over_; }
+
+ private:
+  /// Line time that others may have now: what this command has had and not yet given, and the one
+  /// that it went between itself.
+  nanoseconds credit() const {
+    const nanoseconds own = had_ + within_ - given_;
+    return outer_ == nullptr ? own : std::min(own, outer_->credit());
+  }
+  void give(nanoseconds line_time) {
+    for (Sharing* each = this; each != nullptr; each = each->outer_) each->given_ += line_time;
+  }
+
+  LinkWorker& worker_;
+  const Waiting& command_;
+  Sharing* const outer_;  ///< of the command that rests while this one is under way
+  // Planned line time, which is what the bound of a command is made of.
+  nanoseconds had_{0};     ///< by the targets that have their outcome
+  nanoseconds within_{0};  ///< by the one that has not
+  nanoseconds given_{0};   ///< to other commands
+  bool at_a_target_ = false;
+};
+
+bool LinkWorker::may_go_between(nanoseconds credit) const {
+  if (waiting_.empty() || waiting_.front().line_time > credit) return false;
+  const Waiting& next = waiting_.front();
+  return std::none_of(running_.begin(), running_.end(), [&next](const Waiting& under_way) {
+    if (next.device != under_way.device) return false;
+    // A STOP may not wait; a RUN may be meant to come after what is being written. And what is
+    // read or written twice is meant in its order.
+    if (next.order.run_order) return next.order.command.op != Op::stop;
+    for (const OrderTarget& target : next.order.targets) {
+      const Span span = *span_of(target.point);
+      for (const OrderTarget& other : under_way.order.targets)
+        if (overlap(span, *span_of(other.point))) return true;
+    }
+    return false;
+  });
+}
+
+asio::awaitable<bool> LinkWorker::poll_between(Agenda::PollStep step) {
+  // Where the line is down a poll would not take any of it: the command opens it again.
+  if (!line_.is_open()) co_return false;
+  const std::uint64_t before = line_.counters().exchanges;
+  polling_ = true;
+  co_await run_step(step);
+  polling_ = false;
+  co_return line_.counters().exchanges != before;
+}
+
 asio::awaitable<void> LinkWorker::run_command() {
-  running_ = std::move(waiting_.front());
+  running_.push_back(std::move(waiting_.front()));
   waiting_.pop_front();
   agenda_.command_taken();
-  const Order& order = running_->order;
-  Device& device = *running_->device;
+  const Waiting& running = running_.back();
+  const Order& order = running.order;
+  Device& device = *running.device;
   --device.waiting;
 
   Station station = device.station;
-  station.codec = running_->codec.get();
+  station.codec = running.codec.get();
   FrameTrace trace;
   station.trace = &trace;
-  OrderRun order_run(executor_, line_, station, device.config, order);
+  Sharing sharing(*this, running);
+  OrderRun order_run(executor_, line_, station, device.config, order, &sharing);
   CommandResult result = co_await order_run.run();
   fault_point("order_answered");
 
   device.station.greeted_in = station.greeted_in;
   if (line_.is_open() && !was_open_) line_up();
-  agenda_.command_used(result.wire, Clock::now());
+  agenda_.command_used(order_run.used(), Clock::now());
   if (order_run.was_answered()) note_answer(device);
   if (order_run.was_unanswered() && !order_run.was_answered()) note_silence(device);
   result.bound = order.bound;
   device.desk.finished(result);
-  after_write(device, result, order);
   if (order.run_order && result.status == CommandStatus::succeeded)
     device.run = order.command.op == Op::run;
   result.frames = std::move(trace);
   outbox_.push(std::move(result));
-  running_.reset();
+  running_.pop_back();
   update_status(device);
 }
 
-void LinkWorker::after_write(Device& device, const CommandResult& result, const Order& order) {
-  for (std::size_t i = 0; i < order.targets.size(); ++i) {
-    const OrderTarget& target = order.targets[i];
-    const TargetResult& outcome = result.targets[i];
-    if (!target.tag_index || target.requests.empty()) continue;
-    if (outcome.status != CommandStatus::succeeded) continue;
-    const bool read_back = outcome.verify && outcome.verify->read;
-    const Value value = read_back ? *outcome.verify->read : target.written.value_or(Value());
-    const TagConfig& tag = device.config.tags[*target.tag_index];
-    for (const auto& group : device.groups) {
-      if (group->group != tag.group) continue;
-      group->newer[*target.tag_index] = value;
-      Telemetry message;
-      message.ts_ms = now_ms();
-      message.partial = true;
-      message.written = !read_back;
-      message.readings.push_back(group->report.written(*target.tag_index, value, message.ts_ms));
-      ++device.collected;
-      publish(device, tag.group, std::move(message));
-    }
+void LinkWorker::after_write(Device& device, const OrderTarget& target,
+                             const TargetResult& outcome) {
+  if (!target.tag_index || target.requests.empty()) return;
+  const bool read_back = outcome.verify && outcome.verify->read;
+  const bool whole = outcome.status == CommandStatus::succeeded;
+  const bool in_part = outcome.status == CommandStatus::partial && read_back;
+  if (!whole && !in_part) return;
+  const Value value = read_back ? *outcome.verify->read : target.written.value_or(Value());
+  const TagConfig& tag = device.config.tags[*target.tag_index];
+  for (const auto& group : device.groups) {
+    if (group->group != tag.group) continue;
+    group->newer[*target.tag_index] = value;
+    Telemetry message;
+    message.ts_ms = now_ms();
+    message.partial = true;
+    message.written = !read_back;
+    message.readings.push_back(group->report.written(*target.tag_index, value, message.ts_ms));
+    ++device.collected;
+    publish(device, tag.group, std::move(message));
   }
 }
 

@@ -60,7 +60,7 @@ void LinkWorker::make_plan(Device& device, GroupPoll& group) {
                                   device.config.max_block_bytes, device.holes.holes());
   group.holes_version = device.holes.version();
   group.planned_turnaround = device.turnaround;
-  group.begin();
+  group.begin(line_.doubt().findings());
   agenda_.set_exchanges(group.id, static_cast<std::uint32_t>(group.plan.reads.size()));
 }
 
@@ -101,7 +101,7 @@ asio::awaitable<void> LinkWorker::run_step(Agenda::PollStep step) {
           co_return;
         }
         refresh_plan(*device, *group);
-        group->begin();
+        group->begin(line_.doubt().findings());
         device->late_ms.add(step.late);
       }
       if (!line_.is_open()) {
@@ -129,6 +129,10 @@ void LinkWorker::take_reading(Device& device, GroupPoll& group, const Agenda::Po
                               Exchange exchange) {
   if (stopping_) return;
   agenda_.step_used(step, exchange.ended - exchange.began);
+  if (exchange.doubted) {  // the device is there; what it says is not believed
+    note_answer(device);
+    exchange.outcome = Exchange::Outcome::garbled;
+  }
   if (exchange.is_data()) {
     device.turnaround_sum += exchange.turnaround;
     ++device.turnarounds;
@@ -144,7 +148,8 @@ void LinkWorker::take_reading(Device& device, GroupPoll& group, const Agenda::Po
     fail_cycle(device, group, BadReason::link_down);
     return;
   }
-  bool repeatable = exchange.outcome == Exchange::Outcome::garbled;
+  // In doubt each exchange takes its silences, and a repeat would not be believed either.
+  bool repeatable = exchange.outcome == Exchange::Outcome::garbled && !line_.doubt().is_doubted();
   if (exchange.is_nak()) {
     const Request asked = group.plan.reads[step.exchange].read;
     const auto meaning = device.codec->meaning_of(asked, exchange.reply.device_code);
@@ -231,6 +236,8 @@ void LinkWorker::fail_cycle(Device& device, GroupPoll& group, BadReason why) {
 
 void LinkWorker::finish_cycle(Device& device, GroupPoll& group) {
   const auto& tags = group.report.tags();
+  // Foreign bytes during the cycle: any of its answers may be the wrong one.
+  const bool doubtful = line_.doubt().is_doubted() || line_.doubt().findings() != group.findings;
   std::vector<TagOutcome> outcomes;
   outcomes.reserve(tags.size());
   for (std::size_t i = 0; i < tags.size(); ++i) {
@@ -247,6 +254,7 @@ void LinkWorker::finish_cycle(Device& device, GroupPoll& group) {
     }
     for (std::uint32_t r = source.first_read; r < source.first_read + source.count; ++r)
       if (!why) why = group.failures[r];
+    if (!why && doubtful) why = BadReason::bad_frame;
     if (why) {
       outcomes.emplace_back(*why);
       continue;
@@ -296,7 +304,8 @@ asio::awaitable<void> LinkWorker::read_run_state(Device& device, Agenda::PollSte
     if (exchange.outcome == Exchange::Outcome::unanswered) note_silence(device);
     if (exchange.outcome == Exchange::Outcome::link_down) line_lost(exchange.error);
     device.run.reset();
-    if (exchange.is_data()) device.run = device.codec->run_state_from(exchange.reply.image);
+    if (exchange.is_data() && !exchange.doubted)
+      device.run = device.codec->run_state_from(exchange.reply.image);
   }
   agenda_.step_done(step);
   update_status(device);
@@ -311,6 +320,11 @@ asio::awaitable<LinkWorker::Knowledge> LinkWorker::know_model(Device& device, Ba
     const Exchange exchange = co_await line_.exchange(device.station, question);
     if (stopping_) co_return Knowledge::unanswered;
     agenda_.poll_used(exchange.ended - exchange.began);
+    if (exchange.doubted) {
+      note_answer(device);
+      failure = BadReason::bad_frame;
+      co_return Knowledge::unanswered;
+    }
     if (exchange.has_answer()) {
       note_answer(device);
       images.push_back(exchange.is_data() ? exchange.reply.image : Bytes{});

@@ -16,6 +16,8 @@ using Clock = std::chrono::steady_clock;
 // CONTRACT: RUN and STOP are verified by the RUN state for up to 2 s.
 constexpr milliseconds kRunStateWithin{2000};
 constexpr milliseconds kRunStateEvery{100};
+// CONTRACT: an array that takes longer gives way between its frames.
+constexpr milliseconds kLongArray{2000};
 // A device that says it is busy is asked again once it may have finished.
 constexpr milliseconds kBusyPause{100};
 
@@ -45,17 +47,36 @@ std::string nak_text(const Exchange& exchange) {
   return exchange.reply.text.empty() ? "nak: the protocol gives no reason" : exchange.reply.text;
 }
 
-/// How an order ended that surely had no effect: refused, never sent, or too late.
-void set_without_effect(TargetResult& out, const Exchange& exchange) {
-  if (exchange.is_nak()) {
-    out.plc = PlcAnswer::nak;
-    set(out, CommandStatus::failed, Reason::nak, nak_text(exchange));
-  } else if (exchange.outcome == Exchange::Outcome::expired) {
-    set(out, CommandStatus::expired, Reason::expired,
-        "its time had passed before it could be sent");
-  } else {
-    set(out, CommandStatus::failed, reason_of(exchange), exchange.error);
+constexpr std::string_view kStopped = "the agent is stopping; nothing was sent";
+
+/// What has an end of its own on the device: elements of an array, characters of a string.
+std::uint32_t parts_of(const OrderTarget& target) {
+  if (target.point.is_array) return target.point.count;
+  if (target.point.type == DataType::string) return target.point.length;
+  return static_cast<std::uint32_t>(target.requests.size());
+}
+
+/// How far a target has come whose first `frames` requests were carried out.
+Progress progress_of(const OrderTarget& target, std::size_t frames) {
+  const std::uint32_t of = parts_of(target);
+  if (frames >= target.requests.size()) return {of, of};
+  if (of == target.requests.size() || of == 0) return {static_cast<std::uint32_t>(frames), of};
+  const Span span = *span_of(target.point);
+  std::uint64_t end = span.first_bit;
+  for (std::size_t i = 0; i < frames; ++i) {
+    if (const auto* write = std::get_if<Write>(&target.requests[i]))
+      end = write->span.end_bit();
+    else if (const auto* force = std::get_if<Force>(&target.requests[i]))
+      end = std::uint64_t{force->bit} + 1;
   }
+  const std::uint64_t done = (end - span.first_bit) * of / span.bits;
+  return {static_cast<std::uint32_t>(std::min<std::uint64_t>(done, of)), of};
+}
+
+/// Whether the target was carried out, whatever has become of it since.
+bool was_carried_out(const TargetResult& target) {
+  return target.status == CommandStatus::succeeded ||
+         (target.status == CommandStatus::failed && target.reason == Reason::verify_mismatch);
 }
 
 std::string elsewhere_text(const OrderTarget& target, const Value& read) {
@@ -80,12 +101,13 @@ bool wants_verify(const Order& order, const OrderTarget& target) {
 }  // namespace
 
 OrderRun::OrderRun(asio::any_io_executor executor, Line& line, Station& station,
-                   const DeviceConfig& device, const Order& order)
+                   const DeviceConfig& device, const Order& order, LineSharing* sharing)
     : timer_(executor),
       line_(line),
       station_(station),
       device_(device),
       order_(order),
+      sharing_(sharing),
       result_(result_of(order.command)) {}
 
 asio::awaitable<CommandResult> OrderRun::run() {
@@ -102,6 +124,45 @@ asio::awaitable<CommandResult> OrderRun::run() {
   co_return std::move(result_);
 }
 
+SteadyTime OrderRun::latest_start() const {
+  if (wrote_) return SteadyTime::max();
+  if (first_byte_) return order_.deadline;
+  return order_.deadline - order_.line_time.value_or(nanoseconds(0));
+}
+
+nanoseconds OrderRun::used() const {
+  return part_began_ ? last_byte_ - *part_began_ : nanoseconds(0);
+}
+
+asio::awaitable<bool> OrderRun::go_on(bool share) {
+  if (share && sharing_ != nullptr && !is_stopping()) {
+    const nanoseconds used_so_far = used();
+    part_began_.reset();
+    co_await sharing_->give_way(used_so_far);
+  }
+  co_return !is_stopping();
+}
+
+void OrderRun::set_without_effect(TargetResult& out, const Exchange& exchange) const {
+  if (exchange.is_nak()) {
+    out.plc = PlcAnswer::nak;
+    set(out, CommandStatus::failed, Reason::nak, nak_text(exchange));
+  } else if (exchange.outcome == Exchange::Outcome::expired) {
+    const auto left = order_.deadline - Clock::now();
+    std::string detail = "its time had passed before it could be sent";
+    if (left.count() > 0 && order_.line_time)
+      detail = "it takes " +
+               std::to_string(std::chrono::ceil<milliseconds>(*order_.line_time).count()) +
+               " ms on the line, and " +
+               std::to_string(std::chrono::floor<milliseconds>(left).count()) + " ms were left";
+    set(out, CommandStatus::expired, Reason::expired, std::move(detail));
+  } else if (cut_off_) {
+    set(out, CommandStatus::failed, Reason::shutting_down, std::string(kStopped));
+  } else {
+    set(out, CommandStatus::failed, reason_of(exchange), exchange.error);
+  }
+}
+
 asio::awaitable<Exchange> OrderRun::ask(Request request, SteadyTime not_after) {
   Exchange exchange;
   if (Clock::now() > not_after) {  // nobody waits for a link or an enquiry that nothing will follow
@@ -110,6 +171,12 @@ asio::awaitable<Exchange> OrderRun::ask(Request request, SteadyTime not_after) {
   }
   // A channel that turns out to be closed before a byte was sent is opened anew, once.
   for (int attempt = 0; attempt < 2; ++attempt) {
+    if (sharing_ != nullptr && sharing_->is_over()) {
+      cut_off_ = true;
+      exchange.outcome = Exchange::Outcome::link_down;
+      exchange.error = "the agent is stopping";
+      co_return exchange;
+    }
     if (!line_.is_open()) {
       const auto opened = co_await line_.open();
       if (!opened) {
@@ -121,8 +188,12 @@ asio::awaitable<Exchange> OrderRun::ask(Request request, SteadyTime not_after) {
     exchange = co_await line_.exchange(station_, request, not_after);
     if (exchange.outcome != Exchange::Outcome::link_down || exchange.sent) break;
   }
+  if (exchange.outcome == Exchange::Outcome::link_down && sharing_ != nullptr &&
+      sharing_->is_over())
+    cut_off_ = true;
   if (exchange.sent) {
     if (!first_byte_) first_byte_ = exchange.began;
+    if (!part_began_) part_began_ = exchange.began;
     last_byte_ = exchange.ended;
   }
   const bool by_gateway =
@@ -139,6 +210,16 @@ asio::awaitable<OrderRun::ReadBack> OrderRun::read_point(const OrderTarget& targ
   const Plan plan = reads_of(*station_.codec, device_, target.point);
   std::vector<Bytes> images;
   for (const PlannedRead& planned : plan.reads) {
+    if (!images.empty()) {
+      const bool going_on = co_await go_on(target.line_time > kLongArray);
+      if (!going_on && target.requests.empty()) {  // what was written is read back all the same
+        out.last = {};
+        out.last.outcome = Exchange::Outcome::link_down;
+        out.last.error = "the agent is stopping";
+        cut_off_ = true;
+        co_return out;
+      }
+    }
     for (int attempt = 0; attempt <= device_.retries; ++attempt) {
       out.last = co_await ask(planned.read, not_after);
       const bool cured = out.last.is_data();
@@ -169,20 +250,29 @@ asio::awaitable<void> OrderRun::run_targets() {
   bool going = true;
   for (const OrderTarget& target : order_.targets) {
     TargetResult out = fxagent::result_of(target);
+    bool going_on = !is_stopping();
+    if (going && going_on && !result_.targets.empty()) going_on = co_await go_on(/*share=*/true);
     if (!going) {
       set(out, CommandStatus::failed, Reason::none, "not sent: an earlier target did not succeed");
+    } else if (!going_on) {
+      set(out, CommandStatus::failed, Reason::shutting_down, std::string(kStopped));
     } else if (target.requests.empty()) {
       co_await read_target(target, out);
     } else {
       co_await write_target(target, out);
     }
     going = going && out.status == CommandStatus::succeeded;
-    result_.targets.push_back(std::move(out));
+    conclude_target(std::move(out));
   }
 }
 
+void OrderRun::conclude_target(TargetResult out) {
+  result_.targets.push_back(std::move(out));
+  if (sharing_ != nullptr) sharing_->concluded(result_.targets.size() - 1, result_.targets.back());
+}
+
 asio::awaitable<void> OrderRun::read_target(const OrderTarget& target, TargetResult& out) {
-  ReadBack got = co_await read_point(target, order_.deadline);
+  ReadBack got = co_await read_point(target, latest_start());
   if (first_byte_) ++result_.attempts;
   if (!got.image) {
     set_without_effect(out, got.last);
@@ -200,7 +290,7 @@ asio::awaitable<void> OrderRun::read_target(const OrderTarget& target, TargetRes
 
 asio::awaitable<bool> OrderRun::check_expected(const OrderTarget& target, TargetResult& out) {
   if (target.expected.empty()) co_return true;
-  ReadBack got = co_await read_point(target, order_.deadline);
+  ReadBack got = co_await read_point(target, latest_start());
   if (!got.image) {
     set_without_effect(out, got.last);
     co_return false;
@@ -218,23 +308,28 @@ asio::awaitable<void> OrderRun::pause(milliseconds duration) {
   co_await timer_.async_wait(use_result);
 }
 
-asio::awaitable<Exchange> OrderRun::send(Request request, SteadyTime not_after) {
+asio::awaitable<Exchange> OrderRun::send(Request request, Try which) {
+  // A second try is the contract's only inside the expiry, even of what is under way.
+  const auto not_after = [&] { return which == Try::first ? latest_start() : order_.deadline; };
   if (const auto first = station_.codec->read_before(request)) {
-    Exchange reading = co_await ask(*first, not_after);
+    Exchange reading = co_await ask(*first, not_after());
     if (!reading.is_data()) {
       reading.sent = false;  // the order itself has not left
       co_return reading;
     }
     request = station_.codec->with_read(request, reading.reply.image);
   }
-  Exchange exchange = co_await ask(std::move(request), not_after);
-  if (exchange.sent) ++result_.attempts;
+  Exchange exchange = co_await ask(std::move(request), not_after());
+  if (exchange.sent) {
+    ++result_.attempts;
+    wrote_ = true;
+  }
   co_return exchange;
 }
 
 asio::awaitable<Exchange> OrderRun::send_once_or_twice(Request request, bool may_repeat) {
   const Codec& codec = *station_.codec;
-  Exchange exchange = co_await send(request, order_.deadline);
+  Exchange exchange = co_await send(request, Try::first);
   if (!may_repeat || !exchange.sent || !exchange.is_nak()) co_return exchange;
   const int code = exchange.reply.device_code;
   const RefusalMeaning meaning = codec.meaning_of(request, code);
@@ -244,7 +339,8 @@ asio::awaitable<Exchange> OrderRun::send_once_or_twice(Request request, bool may
   else if (meaning != RefusalMeaning::curable && meaning != RefusalMeaning::busy)
     co_return exchange;
   if (meaning == RefusalMeaning::busy) co_await pause(kBusyPause);
-  Exchange second = co_await send(request, order_.deadline);
+  if (is_stopping()) co_return exchange;
+  Exchange second = co_await send(request, Try::second);
   // Too late for a second try: what the first one brought is the answer.
   if (second.outcome == Exchange::Outcome::expired) co_return exchange;
   co_return second;
@@ -275,17 +371,37 @@ asio::awaitable<void> OrderRun::write_target(const OrderTarget& target, TargetRe
   if (!as_expected) co_return;
   bool may_repeat = true;
   Exchange exchange;
-  for (std::size_t i = 0; i < target.requests.size(); ++i) {
+  std::size_t carried_out = 0;
+  for (; carried_out < target.requests.size(); ++carried_out) {
+    bool going_on = !is_stopping();
+    if (carried_out > 0) going_on = co_await go_on(target.line_time > kLongArray);
+    if (!going_on) {
+      set(out, CommandStatus::failed, Reason::shutting_down, std::string(kStopped));
+      co_return co_await end_early(target, carried_out, out);
+    }
     const int before = result_.attempts;
-    exchange = co_await send_once_or_twice(target.requests[i], may_repeat);
+    exchange = co_await send_once_or_twice(target.requests[carried_out], may_repeat);
     if (result_.attempts - before > 1) may_repeat = false;
     if (exchange.is_ack()) continue;
-    if (!surely_without_effect(target.requests[i], exchange)) break;
+    if (!surely_without_effect(target.requests[carried_out], exchange)) break;
     set_without_effect(out, exchange);
-    if (i > 0) out.detail += " (the first part of the value was written)";
-    co_return;
+    co_return co_await end_early(target, carried_out, out);
   }
   co_await conclude(target, std::move(exchange), out);
+  if (out.status == CommandStatus::unknown_outcome && carried_out < target.requests.size() &&
+      target.requests.size() > 1)
+    out.progress = progress_of(target, carried_out);
+}
+
+asio::awaitable<void> OrderRun::end_early(const OrderTarget& target, std::size_t frames,
+                                          TargetResult& out) {
+  if (frames == 0) co_return;
+  out.status = CommandStatus::partial;
+  out.progress = progress_of(target, frames);
+  if (out.reason == Reason::shutting_down)
+    out.detail = "the agent is stopping; the rest was not sent";
+  const ReadBack got = co_await read_point(target, SteadyTime::max());
+  if (got.image) out.verify = verification(target, *got.image);
 }
 
 bool OrderRun::meets_another(const OrderTarget& target) const {
@@ -306,16 +422,20 @@ asio::awaitable<bool> OrderRun::write_together() {
   }
   const auto together = station_.codec->combine(requests);
   if (!together) co_return false;
+  if (is_stopping()) co_return false;
   result_.one_frame = true;
   const Exchange exchange = co_await send_once_or_twice(*together, true);
   const bool no_effect = !exchange.is_ack() && surely_without_effect(*together, exchange);
   for (const OrderTarget& target : order_.targets) {
     TargetResult out = fxagent::result_of(target);
-    if (no_effect)
+    if (no_effect) {
       set_without_effect(out, exchange);
-    else
+    } else {
+      // All of it was carried out, or nobody knows: only the reading back waits for others.
+      if (!result_.targets.empty()) co_await go_on(/*share=*/true);
       co_await conclude(target, exchange, out);
-    result_.targets.push_back(std::move(out));
+    }
+    conclude_target(std::move(out));
   }
   co_return true;
 }
@@ -335,8 +455,12 @@ asio::awaitable<void> OrderRun::verify(const OrderTarget& target, TargetResult& 
 
 asio::awaitable<void> OrderRun::settle_unknown(const OrderTarget& target, const Exchange& lost,
                                                TargetResult& out) {
-  set(out, CommandStatus::unknown_outcome, reason_of(lost),
-      lost.is_nak() ? nak_text(lost) : lost.error);
+  if (cut_off_)
+    set(out, CommandStatus::unknown_outcome, Reason::shutting_down,
+        "the agent stopped before the answer came");
+  else
+    set(out, CommandStatus::unknown_outcome, reason_of(lost),
+        lost.is_nak() ? nak_text(lost) : lost.error);
   // A line that was lost tells nothing; one that was closed to put it in order is opened again.
   if (lost.outcome == Exchange::Outcome::link_down) co_return;
   co_await read_outcome(target, "no answer came, and the value read back is the one ordered", out);
@@ -353,6 +477,7 @@ asio::awaitable<void> OrderRun::read_outcome(const OrderTarget& target, std::str
 asio::awaitable<void> OrderRun::settle_left_behind() {
   for (const OrderTarget& target : order_.targets) {
     TargetResult out = fxagent::result_of(target);
+    if (!result_.targets.empty()) co_await go_on(order_.targets.size() > 1);
     set(out, CommandStatus::unknown_outcome, Reason::none, std::string(kLeftBehind));
     co_await read_outcome(
         target, "the agent ended while the order was under way; the value is the one ordered", out);
@@ -368,7 +493,7 @@ asio::awaitable<std::optional<bool>> OrderRun::await_run_state(bool wanted) {
   for (;;) {
     const Exchange exchange = co_await ask(*question, SteadyTime::max());
     if (exchange.is_data()) state = station_.codec->run_state_from(exchange.reply.image);
-    if (state == wanted || Clock::now() + kRunStateEvery > give_up) co_return state;
+    if (state == wanted || cut_off_ || Clock::now() + kRunStateEvery > give_up) co_return state;
     co_await pause(kRunStateEvery);
   }
 }
@@ -376,7 +501,7 @@ asio::awaitable<std::optional<bool>> OrderRun::await_run_state(bool wanted) {
 asio::awaitable<void> OrderRun::run_or_stop() {
   TargetResult& out = result_.targets.front();
   const bool wanted = order_.command.op == Op::run;
-  const Exchange exchange = co_await ask(*order_.run_order, order_.deadline);
+  const Exchange exchange = co_await ask(*order_.run_order, latest_start());
   if (exchange.sent) ++result_.attempts;
   if (!exchange.sent) {
     set_without_effect(out, exchange);
@@ -402,6 +527,9 @@ asio::awaitable<void> OrderRun::run_or_stop() {
             hint);
   } else if (exchange.is_ack()) {
     set(out, CommandStatus::succeeded, Reason::none, "acknowledged; the RUN state cannot be read");
+  } else if (cut_off_) {
+    set(out, CommandStatus::unknown_outcome, Reason::shutting_down,
+        "the agent stopped before the answer came");
   } else {
     set(out, CommandStatus::unknown_outcome, reason_of(exchange), exchange.error);
   }
@@ -424,24 +552,66 @@ void OrderRun::summarise() {
   result_.reason = telling->reason;
   result_.detail = telling->detail;
   result_.plc = telling->plc;
+  if (!result_.is_list) {
+    result_.progress = telling->progress;
+    return;
+  }
+  const auto done = std::count_if(result_.targets.begin(), result_.targets.end(), was_carried_out);
+  const bool open = result_.status == CommandStatus::unknown_outcome;
+  const bool broken_off = done > 0 && static_cast<std::size_t>(done) < result_.targets.size();
+  if (result_.status == CommandStatus::failed && broken_off)
+    result_.status = CommandStatus::partial;
+  if (open || result_.status == CommandStatus::partial)
+    result_.progress = Progress{static_cast<std::uint32_t>(done),
+                                static_cast<std::uint32_t>(result_.targets.size())};
 }
+
+namespace {
+
+nanoseconds target_time(const Codec& codec, const DeviceConfig& device, const LineTiming& timing,
+                        const Order& order, const OrderTarget& target) {
+  const bool writes = !target.requests.empty();
+  const int readings = (writes ? 0 : 1) + (target.expected.empty() ? 0 : 1) +
+                       (writes && wants_verify(order, target) ? 1 : 0);
+  return write_time(codec, target.requests, timing) +
+         readings * read_time(codec, device, target.point, timing);
+}
+
+/// The order and one question whether it has had its effect.
+nanoseconds run_order_time(const Codec& codec, const LineTiming& timing, const Order& order) {
+  if (!order.run_order) return {};
+  nanoseconds total = exchange_time(codec, *order.run_order, timing);
+  if (const auto question = codec.run_state()) total += exchange_time(codec, *question, timing);
+  return total;
+}
+
+}  // namespace
 
 nanoseconds OrderRun::line_time(const Codec& codec, const DeviceConfig& device,
                                 nanoseconds char_time, const Order& order) {
   const LineTiming timing = timing_of(device, char_time);
-  nanoseconds total{0};
-  if (order.run_order) {
-    total += exchange_time(codec, *order.run_order, timing) + kRunStateWithin;
-    if (const auto question = codec.run_state()) total += exchange_time(codec, *question, timing);
-  }
-  for (const OrderTarget& target : order.targets) {
-    const bool writes = !target.requests.empty();
-    const int readings = (writes ? 0 : 1) + (target.expected.empty() ? 0 : 1) +
-                         (writes && wants_verify(order, target) ? 1 : 0);
-    total += write_time(codec, target.requests, timing) +
-             readings * read_time(codec, device, target.point, timing);
-  }
+  nanoseconds total = run_order_time(codec, timing, order);
+  if (order.run_order) total += kRunStateWithin;
+  for (const OrderTarget& target : order.targets)
+    total += target_time(codec, device, timing, order, target);
   return total;
+}
+
+void OrderRun::set_line_times(const Codec& codec, const DeviceConfig& device, nanoseconds char_time,
+                              Order& order) {
+  const LineTiming timing = timing_of(device, char_time);
+  nanoseconds total = run_order_time(codec, timing, order);
+  for (OrderTarget& target : order.targets) {
+    target.line_time = target_time(codec, device, timing, order, target);
+    total += target.line_time;
+  }
+  if (char_time.count() > 0) order.line_time = total;
+}
+
+bool OrderRun::gives_way(const Order& order) {
+  if (order.targets.size() > 1) return true;
+  return std::any_of(order.targets.begin(), order.targets.end(),
+                     [](const OrderTarget& target) { return target.line_time > kLongArray; });
 }
 
 }  // namespace fxagent

@@ -10,6 +10,7 @@
 #include "agent/config.h"
 #include "agent/field/command_desk.h"
 #include "agent/field/line.h"
+#include "agent/field/line_sharing.h"
 #include "agent/messages.h"
 #include "protocol/plan.h"
 
@@ -17,12 +18,15 @@ namespace fxagent {
 
 class OrderRun final {
  public:
-  /// All arguments outlive run().
+  /// All arguments outlive run(). `sharing` null: nobody shares the line, nobody stops the command.
   OrderRun(asio::any_io_executor executor, Line& line, Station& station, const DeviceConfig& device,
-           const Order& order);
+           const Order& order, LineSharing* sharing = nullptr);
 
   /// The result, complete but for its bound. Opens the line once where it is closed.
   asio::awaitable<CommandResult> run();
+
+  /// Line time since the line was last given to others.
+  std::chrono::nanoseconds used() const;
 
   /// Whether the device has answered anything, or has left something unanswered, during the run.
   bool was_answered() const { return answered_; }
@@ -31,6 +35,13 @@ class OrderRun final {
   /// Line time of all exchanges of `order` when each ends well.
   static std::chrono::nanoseconds line_time(const Codec& codec, const DeviceConfig& device,
                                             std::chrono::nanoseconds char_time, const Order& order);
+  /// Notes in `order` what its targets and, where the speed of the line is known, its own exchanges
+  /// take.
+  static void set_line_times(const Codec& codec, const DeviceConfig& device,
+                             std::chrono::nanoseconds char_time, Order& order);
+  /// Whether others have their turns in the midst of it: between the targets of a list, and between
+  /// the exchanges of an array that takes longer than 2 s.
+  static bool gives_way(const Order& order);
 
  private:
   struct ReadBack {
@@ -38,20 +49,32 @@ class OrderRun final {
     Exchange last;
   };
 
+  /// Until when an exchange may begin: a command whose first write has left is finished.
+  SteadyTime latest_start() const;
+  bool is_stopping() const { return sharing_ != nullptr && sharing_->is_stopping(); }
+  /// Gives others their turn where `share` says so. False: the agent is to stop.
+  asio::awaitable<bool> go_on(bool share);
+
   asio::awaitable<Exchange> ask(Request request, SteadyTime not_after);
   asio::awaitable<ReadBack> read_point(const OrderTarget& target, SteadyTime not_after);
   asio::awaitable<void> run_targets();
+  void conclude_target(TargetResult out);
   asio::awaitable<void> read_target(const OrderTarget& target, TargetResult& out);
   asio::awaitable<void> write_target(const OrderTarget& target, TargetResult& out);
   asio::awaitable<bool> check_expected(const OrderTarget& target, TargetResult& out);
   /// Sends `request`, and before it the read that it needs; that read's failure is the order's.
-  asio::awaitable<Exchange> send(Request request, SteadyTime not_after);
+  enum class Try : std::uint8_t { first, second };
+  asio::awaitable<Exchange> send(Request request, Try which);
   /// Sends `request`, and a second time only where the first surely had no effect.
   asio::awaitable<Exchange> send_once_or_twice(Request request, bool may_repeat);
   /// Whether `target` shares a place with another of the order: then their sequence matters.
   bool meets_another(const OrderTarget& target) const;
   /// All targets in one frame, where the protocol has one for them. False: it has not.
   asio::awaitable<bool> write_together();
+  /// `frames` of the target's requests were carried out and the rest surely was not.
+  asio::awaitable<void> end_early(const OrderTarget& target, std::size_t frames, TargetResult& out);
+  /// How an order ended that surely had no effect: refused, never sent, or too late.
+  void set_without_effect(TargetResult& out, const Exchange& exchange) const;
   /// What an order's last exchange means for one target; then its verification.
   asio::awaitable<void> conclude(const OrderTarget& target, Exchange exchange, TargetResult& out);
   bool surely_without_effect(const Request& request, const Exchange& exchange) const;
@@ -72,9 +95,13 @@ class OrderRun final {
   Station& station_;
   const DeviceConfig& device_;
   const Order& order_;
+  LineSharing* const sharing_;
   CommandResult result_;
   std::optional<SteadyTime> first_byte_;
+  std::optional<SteadyTime> part_began_;  ///< first byte since the line was given to others
   SteadyTime last_byte_{};
+  bool wrote_ = false;    ///< a byte of an order has left
+  bool cut_off_ = false;  ///< the end came before the answer
   bool answered_ = false;
   bool unanswered_ = false;
 };

@@ -90,22 +90,23 @@ class SerialTransport final : public Transport {
     return fxagent::read_some(stream_, deadline_, into, at, settings_.path);
   }
 
-  Result<std::size_t> discard_input() override {
-    std::size_t total = 0;
-    std::uint8_t waste[256];
-    for (;;) {
+  Result<Bytes> discard_input() override {
+    Bytes found;
+    std::uint8_t waste[512];
+    while (found.size() < kMostDiscarded) {
       if (!stream_.is_open()) return failed("is closed", ENODEV);
       const auto count = ::read(stream_.native_handle(), waste, sizeof waste);
       if (count > 0) {
-        total += static_cast<std::size_t>(count);
+        found.insert(found.end(), waste, waste + count);
       } else if (count < 0 && (errno == EAGAIN || errno == EINTR)) {
-        return total;
+        return found;
       } else {
         const int number = count == 0 ? ENODEV : errno;
         close();
         return failed("has vanished", number);
       }
     }
+    return found;
   }
 
   void close() noexcept override {

@@ -5,7 +5,9 @@
 #include <sys/socket.h>
 
 #include <asio/ip/tcp.hpp>
+#include <asio/steady_timer.hpp>
 #include <cerrno>
+#include <memory>
 #include <utility>
 
 #include "agent/field/stream_io.h"
@@ -28,12 +30,15 @@ bool takes_from_others(int fd) {
          static_cast<rlim_t>(fd) + kFilesNotForLinks >= limit.rlim_cur;
 }
 
-/// Makes Deadline's cancel() reach a name lookup.
-class Lookup final {
- public:
-  explicit Lookup(const asio::any_io_executor& executor) : resolver(executor) {}
-  void cancel(asio::error_code&) { resolver.cancel(); }
+/// A name lookup that nobody need wait for: the system's takes as long as it likes and cannot be
+/// cancelled. Owned by who waits for it and by the lookup itself, whichever lasts longer.
+struct Lookup {
+  explicit Lookup(const asio::any_io_executor& executor) : resolver(executor), over(executor) {}
   tcp::resolver resolver;
+  asio::steady_timer over;  ///< cancelled when the answer is here, or when nobody wants it any more
+  bool answered = false;
+  asio::error_code error;
+  tcp::resolver::results_type found;
 };
 
 class TcpTransport final : public Transport {
@@ -41,9 +46,8 @@ class TcpTransport final : public Transport {
   TcpTransport(asio::any_io_executor executor, TcpSettings settings)
       : settings_(std::move(settings)),
         name_(settings_.host + ":" + std::to_string(settings_.port)),
-        lookup_(executor),
+        executor_(executor),
         socket_(executor),
-        lookup_deadline_(executor, lookup_),
         deadline_(executor, socket_) {}
 
   asio::awaitable<Result<void>> open(SteadyTime at) override {
@@ -54,14 +58,26 @@ class TcpTransport final : public Transport {
       const tcp::endpoint endpoint(address, settings_.port);
       co_return co_await connect(endpoint, at);
     }
-    lookup_deadline_.arm(at);
-    const auto [error, found] = co_await lookup_.resolver.async_resolve(
-        settings_.host, std::to_string(settings_.port), use_result);
-    lookup_deadline_.disarm();
-    if (error)
-      co_return fail(ErrorCode::link_down, name_ + ": the name is not found: " + error.message());
+    const auto lookup = std::make_shared<Lookup>(executor_);
+    lookup_ = lookup;
+    lookup->over.expires_at(at);
+    lookup->resolver.async_resolve(
+        settings_.host, std::to_string(settings_.port),
+        [lookup](const asio::error_code& error, tcp::resolver::results_type found) {
+          lookup->answered = true;
+          lookup->error = error;
+          lookup->found = std::move(found);
+          lookup->over.cancel();
+        });
+    co_await lookup->over.async_wait(use_result);
+    lookup_.reset();
+    if (!lookup->answered)
+      co_return fail(ErrorCode::link_down, name_ + ": the lookup of the name has no answer");
+    if (lookup->error)
+      co_return fail(ErrorCode::link_down,
+                     name_ + ": the name is not found: " + lookup->error.message());
     Result<void> outcome = fail(ErrorCode::link_down, name_ + ": the name has no address");
-    for (const auto& entry : found) {
+    for (const auto& entry : lookup->found) {
       const tcp::endpoint endpoint = entry.endpoint();
       outcome = co_await connect(endpoint, at);
       if (outcome) break;
@@ -79,26 +95,26 @@ class TcpTransport final : public Transport {
     return fxagent::read_some(socket_, deadline_, into, at, name_);
   }
 
-  Result<std::size_t> discard_input() override {
-    std::size_t total = 0;
+  Result<Bytes> discard_input() override {
+    Bytes found;
     std::uint8_t waste[512];
-    for (;;) {
+    while (found.size() < kMostDiscarded) {
       if (!socket_.is_open()) return fail(ErrorCode::link_down, name_ + ": not connected");
       const auto count = ::recv(socket_.native_handle(), waste, sizeof waste, MSG_DONTWAIT);
       if (count > 0) {
-        total += static_cast<std::size_t>(count);
+        found.insert(found.end(), waste, waste + count);
       } else if (count < 0 && (errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR)) {
-        return total;
+        return found;
       } else {
         close();
         return fail(ErrorCode::link_down, name_ + ": the peer closed the connection");
       }
     }
+    return found;
   }
 
   void close() noexcept override {
-    lookup_.resolver.cancel();
-    lookup_deadline_.cancel();
+    if (lookup_) lookup_->over.cancel();
     deadline_.cancel();
     asio::error_code ignored;
     if (socket_.is_open()) socket_.close(ignored);
@@ -134,13 +150,20 @@ class TcpTransport final : public Transport {
 
   const TcpSettings settings_;
   const std::string name_;
-  Lookup lookup_;
+  const asio::any_io_executor executor_;
+  std::shared_ptr<Lookup> lookup_;  ///< under way
   tcp::socket socket_;
-  Deadline<Lookup> lookup_deadline_;
   Deadline<tcp::socket> deadline_;
 };
 
 }  // namespace
+
+void start_looking_up(const asio::any_io_executor& executor) {
+  tcp::resolver resolver(executor);
+  resolver.async_resolve("127.0.0.1", "0",
+                         tcp::resolver::numeric_host | tcp::resolver::numeric_service,
+                         [](const asio::error_code&, const tcp::resolver::results_type&) {});
+}
 
 std::unique_ptr<Transport> make_tcp_transport(asio::any_io_executor executor,
                                               TcpSettings settings) {

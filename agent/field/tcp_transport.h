@@ -14,6 +14,10 @@ namespace fxagent {
 /// a host name opens for a moment.
 inline constexpr int kFilesNotForLinks = 40;
 
+/// asio looks names up on a thread of its own, which it starts with the first one: it is started
+/// here, so that a system that has none says so at the start. Throws std::system_error then.
+void start_looking_up(const asio::any_io_executor& executor);
+
 /// A closed stream; open() resolves and connects.
 std::unique_ptr<Transport> make_tcp_transport(asio::any_io_executor executor, TcpSettings settings);
 

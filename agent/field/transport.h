@@ -37,10 +37,12 @@ class Transport {
   virtual asio::awaitable<Result<std::size_t>> read_some(MutableBytes into,
                                                          SteadyTime deadline) = 0;
 
-  /// Throws away what has arrived and was not read; the number of bytes. Does not wait. link_down
-  /// where the peer turns out to have gone: then the channel is closed, and nothing was sent into
-  /// it.
-  virtual Result<std::size_t> discard_input() = 0;
+  /// What has arrived and was not read, so that it is not taken for the answer to what is asked
+  /// next. Does not wait; takes at most kMostDiscarded bytes, or a peer that babbles would hold up
+  /// all links. link_down where the peer turns out to have gone: then the channel is closed, and
+  /// nothing was sent into it.
+  virtual Result<Bytes> discard_input() = 0;
+  static constexpr std::size_t kMostDiscarded = 65536;
 
   /// Ends waiting reads and writes with link_down.
   virtual void close() noexcept = 0;

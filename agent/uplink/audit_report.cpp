@@ -53,6 +53,8 @@ std::string place_text(const Json& target) {
 std::string outcome_text(const Json& outcome) {
   std::string out = plain(at(outcome, "status"));
   if (at(outcome, "plc").is_string()) out += ", " + plain(at(outcome, "plc"));
+  if (at(outcome, "done").is_number())
+    out += ", " + plain(at(outcome, "done")) + " of " + plain(at(outcome, "of"));
   if (at(outcome, "reason").is_string()) out += ", " + plain(at(outcome, "reason"));
   if (at(outcome, "detail").is_string()) out += ": " + plain(at(outcome, "detail"));
   if (at(outcome, "verify").is_object())
@@ -77,7 +79,8 @@ std::string line_text(const Json& line) {
   std::string out = received == 0 ? "before the records" : utc_text(received);
   out += " " + plain(at(line, "device")) + " ";
   out += at(line, "id").is_string() ? plain(at(line, "id")) : "(no id)";
-  if (at(line, "by").is_string()) out += " by " + plain(at(line, "by"));
+  // In quotes: a name is the sender's, and must not pass for what stands behind it.
+  if (at(line, "by").is_string()) out += " by \"" + plain(at(line, "by")) + "\"";
   out += ": " + (at(line, "op").is_string() ? plain(at(line, "op")) : "(no op)");
   if (at(line, "targets").is_array())
     for (const Json& target : at(line, "targets")) out += place_text(target) + ",";

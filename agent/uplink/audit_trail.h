@@ -37,6 +37,8 @@ class AuditTrail final {
 
   const audit::Head& head() const { return kept_.head; }
   std::uint64_t bytes() const { return kept_.bytes; }
+  /// Whether prune() would let records go for their bytes.
+  bool is_over(std::uint64_t max_bytes) const { return kept_.bytes > max_bytes + max_bytes / 10; }
   std::uint64_t arrivals() const { return kept_.arrivals; }
 
   /// Every record in the order of their numbers, and the head kept apart from them. False: the file

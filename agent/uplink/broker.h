@@ -37,7 +37,8 @@ struct Connected {
 struct ConnectFailed {
   std::string text;
 };
-/// The connection that was up is gone. Nothing that was not Delivered will be any more.
+/// The connection that was up is gone: closed, ended by the broker's DISCONNECT, or found gone by a
+/// call of ours. Told once. Nothing that was not Delivered will be any more.
 struct Lost {
   std::string text;
 };
@@ -48,6 +49,7 @@ struct Message {
   std::string
       payload;  ///< cut off after kMaxMessageBytes + 1, unless the broker was told otherwise
   bool retained = false;
+  int qos = 1;
   std::string response_topic;  ///< MQTT 5; empty: none
   Bytes correlation;
   std::optional<std::chrono::seconds> message_expiry;
@@ -60,7 +62,8 @@ struct Delivered {
 };
 struct DeliveryFailed {
   std::uint64_t id = 0;
-  int reason_code = 0;  ///< of the MQTT 5 PUBACK; 0: the library refused it
+  /// Of the MQTT 5 PUBACK; 0: the library refused it, and the broker has not said a word.
+  int reason_code = 0;
   std::string text;
 };
 struct Subscribed {
@@ -68,7 +71,8 @@ struct Subscribed {
   bool granted = false;
   std::string text;  ///< why not
 };
-/// The uplink did not take its news fast enough: so many messages were thrown away.
+/// The uplink did not take its news fast enough: so many messages were thrown away. Of what was
+/// published with QoS 1 only where hold_messages() was not used or not heeded.
 struct MessagesDropped {
   std::uint64_t count = 0;
 };
@@ -96,15 +100,26 @@ class Broker {
   virtual void connect(std::size_t index) = 0;
   /// A clean goodbye, so that the broker keeps the last will to itself. Then Disconnected.
   virtual void disconnect() = 0;
-  /// Then Delivered or DeliveryFailed, or neither where Lost comes first.
+  /// Whether the library under it believes that the connection stands. Where it does not, Lost is
+  /// there or on its way, unless the library forgot to tell.
+  virtual bool is_connected() const = 0;
+  /// Then Delivered or DeliveryFailed, or neither where Lost comes first; Lost where the connection
+  /// is found gone.
   virtual void publish(Publication publication) = 0;
-  /// QoS 1, Retain As Published on MQTT 5. Then Subscribed.
+  /// QoS 1, Retain As Published on MQTT 5. Then Subscribed, or nothing where the broker does not
+  /// answer.
   virtual void subscribe(Subscription subscription) = 0;
   virtual void unsubscribe(const std::string& filter) = 0;
 
   /// Whether an acknowledgement is news of its own from now on. If not, it is found with the next
   /// take_events(): the caller does not wait for it. At the start it is.
   virtual void await_acknowledgements(bool awaited) = 0;
+
+  /// Whether messages are to stay in the network for now, and whatever comes after them on the same
+  /// connection, acknowledgements too. None is lost by it; a few may come all the same. Each
+  /// connection begins without. With `let_in` so many of them come before the rest is held, and
+  /// what is between and behind them.
+  virtual void hold_messages(bool held, std::size_t let_in = 0) = 0;
 
   /// What happened since the last call, in order; only of the present connection.
   virtual std::vector<BrokerEvent> take_events() = 0;

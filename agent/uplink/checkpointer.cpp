@@ -1,5 +1,7 @@
 #include "agent/uplink/checkpointer.h"
 
+#include "agent/startup.h"
+
 namespace fxagent {
 namespace {
 
@@ -9,11 +11,16 @@ constexpr int kPasses = 2;
 }  // namespace
 
 Checkpointer::Checkpointer(sqlite::Database& writer, const std::string& path)
-    : writer_(writer), own_(path), thread_([this](std::stop_token stop) { run(stop); }) {
+    : writer_(writer), own_(path), thread_(started()) {
   // It opens the log now: later other files may have been put in the place of these.
   const std::lock_guard alone(working_);
   if (own_.is_open()) own_.number("PRAGMA schema_version");
   sqlite3_wal_hook(writer_.handle(), committed, this);
+}
+
+std::jthread Checkpointer::started() {
+  const WithoutSignals quiet;
+  return std::jthread([this](std::stop_token stop) { run(stop); });
 }
 
 Checkpointer::~Checkpointer() {

@@ -175,9 +175,10 @@ void write_bad(Writer& out, const TagReading& reading, std::int64_t now_ms, cons
   out.end_object();
 }
 
-constexpr std::array<CommandStatus, 6> kStatuses{
-    CommandStatus::succeeded, CommandStatus::failed,    CommandStatus::rejected,
-    CommandStatus::expired,   CommandStatus::duplicate, CommandStatus::unknown_outcome};
+constexpr std::array<CommandStatus, 7> kStatuses{
+    CommandStatus::succeeded,      CommandStatus::failed,  CommandStatus::partial,
+    CommandStatus::rejected,       CommandStatus::expired, CommandStatus::duplicate,
+    CommandStatus::unknown_outcome};
 
 std::string_view text_of(PlcAnswer answer) {
   switch (answer) {
@@ -202,11 +203,14 @@ void write_verification(Writer& out, const std::optional<Verification>& verify) 
 }
 
 void write_outcome(Writer& out, CommandStatus status, Reason reason, std::string_view detail,
-                   PlcAnswer plc) {
+                   PlcAnswer plc, const std::optional<Progress>& progress) {
   out.key("status").string(to_string(status));
   out.key("reason").word(to_string(reason));
   out.key("detail").word(detail);
   out.key("plc").word(text_of(plc));
+  if (!progress) return;
+  out.key("done").integer(std::int64_t{progress->done});
+  out.key("of").integer(std::int64_t{progress->of});
 }
 
 /// `target` null: none could be read.
@@ -225,14 +229,14 @@ void write_result(Writer& out, const CommandResult& result,
   }
   out.begin_object();
   out.key("id").word(result.id);
-  write_outcome(out, result.status, result.reason, result.detail, result.plc);
+  write_outcome(out, result.status, result.reason, result.detail, result.plc, result.progress);
   out.key("op").word(result.op);
   if (result.is_list) {
     out.key("targets").begin_array();
     for (const TargetResult& target : result.targets) {
       out.begin_object();
       write_target(out, &target);
-      write_outcome(out, target.status, target.reason, target.detail, target.plc);
+      write_outcome(out, target.status, target.reason, target.detail, target.plc, target.progress);
       out.key("verify");
       write_verification(out, target.verify);
       out.end_object();
@@ -264,6 +268,27 @@ void write_result(Writer& out, const CommandResult& result,
   out.end_object();
   out.key("attempts").integer(std::int64_t{result.attempts});
   out.end_object();
+}
+
+void leave_out_details(CommandResult& result) {
+  for (TargetResult& target : result.targets) target.detail.clear();
+}
+
+void leave_out_values(CommandResult& result) {
+  result.detail += std::string(result.detail.empty() ? "" : "; ") +
+                   "the values are left out: the result would be larger than 64 KiB";
+  for (TargetResult& target : result.targets) {
+    target.value.reset();
+    if (target.verify) target.verify->read.reset();
+  }
+}
+
+/// The same of a result that is text already.
+std::string without_values(std::string_view recorded) {
+  auto json = nlohmann::ordered_json::parse(recorded, nullptr, /*allow_exceptions=*/false);
+  for (const char* key : {"value", "verify", "targets"})
+    if (json.is_object() && json.contains(key)) json[key] = nullptr;
+  return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
 }
 
 void write_percentiles(Writer& out, std::string_view name, const Percentiles& of) {
@@ -348,10 +373,13 @@ std::string history(std::span<const std::string_view> rows) {
   return out.take();
 }
 
-std::string agent_online(std::int64_t since_ms, std::string_view boot, std::string_view version) {
+std::string agent_online(std::int64_t since_ms, std::string_view boot, std::string_view version,
+                         const std::optional<std::string>& deaf) {
   Writer out;
   out.begin_object().key("state").string("online").key("since").integer(since_ms);
-  out.key("boot").string(boot).key("version").string(version).end_object();
+  out.key("boot").string(boot).key("version").string(version);
+  if (deaf) out.key("commands").boolean(false).key("reason").string(*deaf);
+  out.end_object();
   return out.take();
 }
 
@@ -424,6 +452,8 @@ std::string health(const Health& health, const Config& config) {
     out.key(config.links[i].name).begin_object();
     out.key("exchanges").integer(link.exchanges).key("timeouts").integer(link.timeouts);
     out.key("naks").integer(link.naks).key("bad_frames").integer(link.bad_frames);
+    out.key("unexpected_bytes").integer(link.unexpected_bytes);
+    out.key("doubts").integer(link.doubts).key("doubted").boolean(link.doubted);
     out.key("busy_percent").number(link.busy_percent);
     out.key("load_percent").number(link.load_percent);
     write_percentiles(out, "turnaround_ms", link.turnaround_ms);
@@ -469,9 +499,26 @@ std::string health(const Health& health, const Config& config) {
 }
 
 std::string result(const CommandResult& result, std::optional<std::chrono::nanoseconds> total) {
-  Writer out;
-  write_result(out, result, total);
-  return out.take();
+  const auto written = [total](const CommandResult& what) {
+    Writer out;
+    write_result(out, what, total);
+    return out.take();
+  };
+  std::string text = written(result);
+  if (text.size() <= kMaxResultBytes || !result.recorded.empty()) return text;
+  CommandResult shorter = result;
+  if (result.first) {
+    CommandResult first = *result.first;
+    if (!first.recorded.empty()) first.recorded = without_values(first.recorded);
+    leave_out_details(first);
+    leave_out_values(first);
+    shorter.first = std::make_shared<const CommandResult>(std::move(first));
+  }
+  leave_out_details(shorter);
+  text = written(shorter);
+  if (text.size() <= kMaxResultBytes) return text;
+  leave_out_values(shorter);
+  return written(shorter);
 }
 
 CommandResult recorded_result(std::string text) {

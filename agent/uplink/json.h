@@ -32,7 +32,9 @@ std::string history(std::span<const std::string_view> rows);
 /// What history() adds to its rows and the commas between them.
 inline constexpr std::size_t kHistoryFrameBytes = 26;
 
-std::string agent_online(std::int64_t since_ms, std::string_view boot, std::string_view version);
+/// `deaf`: why no command is heard, where that is so.
+std::string agent_online(std::int64_t since_ms, std::string_view boot, std::string_view version,
+                         const std::optional<std::string>& deaf = std::nullopt);
 /// Without `since_ms` (the last will, written before it is known) "since" is null.
 std::string agent_offline(std::optional<std::int64_t> since_ms, std::string_view reason,
                           std::string_view boot);
@@ -86,6 +88,8 @@ struct Health {
 };
 std::string health(const Health& health, const Config& config);
 
+/// No result is larger: the details of its targets are left out first, then the values.
+inline constexpr std::size_t kMaxResultBytes = 65536;
 /// The result of a command, contract section 5. `total` is receipt until now; null where it is not
 /// known any more (the first result inside a DUPLICATE).
 std::string result(const CommandResult& result, std::optional<std::chrono::nanoseconds> total);

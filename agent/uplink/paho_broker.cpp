@@ -9,12 +9,17 @@
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <mutex>
 #include <optional>
 #include <string_view>
+#include <system_error>
 #include <utility>
 
+#include "agent/startup.h"
+#include "agent/uplink/packet_guard.h"
+#include "agent/uplink/read_pause.h"
 #include "agent/uplink/send_at_once.h"
 
 namespace fxagent {
@@ -24,13 +29,16 @@ using std::chrono::seconds;
 
 constexpr seconds kConnectTimeout{10};
 constexpr seconds kGoodbye{2};
+constexpr seconds kCallbacksOver{1};  // a callback of ours takes microseconds
 // Far more than the publisher's window: Paho throws when its buffer is full, connected or not.
 constexpr int kPahoBuffer = 10000;
 constexpr int kPahoInFlight = 1000;  // above the publisher's window, so that Paho never queues
 constexpr std::size_t kMaxInboxBytes = std::size_t{64} << 20;
-// Told to the broker (MQTT 5): larger packets never come. A command is 64 KiB at most, and one that
-// is far too large must still be answered.
-constexpr std::uint32_t kMaxPacketIn = 16 << 20;
+// Of what was published with QoS 0, which nobody repeats and the broker sends without asking.
+constexpr std::size_t kMaxUnaskedBytes = std::size_t{4} << 20;
+// Told to the broker (MQTT 5): so many messages it sends ahead of our acknowledgements. Fewer than
+// the publisher's window, so that each of our results is acknowledged before as many more came.
+constexpr std::uint32_t kReceiveMaximum = 10;
 
 bool is_tls(std::string_view server) { return server.starts_with("mqtts://"); }
 
@@ -60,6 +68,26 @@ void leave_openssl_alone() {
   options.do_openssl_init = 0;
   MQTTAsync_global_init(&options);
 }
+
+constexpr int kPahoThreads = 2;
+
+/// Whether Paho's threads run. Where nobody can tell they count as running.
+bool paho_runs() {
+  std::error_code fault;
+  int found = 0;
+  const std::filesystem::directory_iterator tasks("/proc/self/task", fault);
+  if (fault) return true;
+  for (const auto& task : tasks) {
+    std::ifstream comm(task.path() / "comm");
+    std::string name;
+    if (std::getline(comm, name) && name.starts_with("MQTTAsync_")) ++found;
+  }
+  return found >= kPahoThreads;
+}
+
+/// Paho starts its threads with its first connection. It does not look whether it has got them, and
+/// a thread that it has not got it waits for ever: so that is never tried. Empty: there are enough.
+std::string missing_threads() { return paho_runs() ? std::string() : lacks(kPahoThreads, 0); }
 
 constexpr std::size_t kMaxPassword = 65535;  // MQTT 5, section 3.1.3.6
 
@@ -130,6 +158,23 @@ std::string reason_text(int code) {
   return text != nullptr ? text : "reason " + std::to_string(code);
 }
 
+constexpr std::size_t kMaxForeignText = 128;  // bytes of what a broker says that go into the log
+
+/// What a broker's DISCONNECT says, in words.
+std::string disconnect_text(const mqtt::properties& properties, int code) {
+  std::string text = "the broker said: " + (code == 0 ? "normal disconnection" : reason_text(code));
+  using Code = mqtt::property::code;
+  if (properties.contains(Code::REASON_STRING))
+    text +=
+        ": " + mqtt::get<std::string>(properties, Code::REASON_STRING).substr(0, kMaxForeignText);
+  return text;
+}
+
+/// Whether Paho gave a call up since there is no connection any more.
+bool is_disconnected(int return_code) {
+  return return_code == MQTTASYNC_DISCONNECTED || return_code == MQTTASYNC_OPERATION_INCOMPLETE;
+}
+
 /// CONNACK return codes of MQTT 3.1.1, section 3.2.2.3.
 std::string_view connack_text(int code) {
   switch (code) {
@@ -187,7 +232,7 @@ class PahoBroker::Inbox final {
       if (const auto* message = std::get_if<Message>(&event)) {
         const std::size_t size = sizeof event + message->topic.size() + message->payload.size() +
                                  message->response_topic.size() + message->correlation.size();
-        if (bytes_ + size > kMaxInboxBytes) {
+        if (bytes_ + size > (message->qos == 0 ? kMaxUnaskedBytes : kMaxInboxBytes)) {
           ++dropped_;
           return;
         }
@@ -238,9 +283,14 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
                     .max_buffered_messages(kPahoBuffer)
                     .finalize()) {
     client_.set_callback(*this);
+    // Paho closes the socket and calls this alone: connection_lost() never comes.
     client_.set_disconnected_handler(
-        [this](const mqtt::properties&, mqtt::ReasonCode reason) noexcept {
-          server_said_ = static_cast<int>(reason);
+        [this](const mqtt::properties& properties, mqtt::ReasonCode reason) noexcept {
+          try {
+            post_lost(disconnect_text(properties, static_cast<int>(reason)));
+          } catch (...) {
+            post_lost("the broker said goodbye");
+          }
         });
   }
 
@@ -254,6 +304,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
       mqtt::properties properties;
       properties.add(number_property(Code::SESSION_EXPIRY_INTERVAL, 0));
       properties.add(number_property(Code::MAXIMUM_PACKET_SIZE, kMaxPacketIn));
+      properties.add(number_property(Code::RECEIVE_MAXIMUM, kReceiveMaximum));
       options.set_properties(std::move(properties));
     } else {
       options.set_clean_session(true);
@@ -283,10 +334,12 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
   /// Asks for a clean goodbye; the token is done when it has been said.
   mqtt::token_ptr disconnect() {
     leaving_ = true;
+    pause_.set(false);
     return client_.disconnect(0, nullptr, *this);
   }
 
   bool is_connected() const { return client_.is_connected(); }
+  bool is_leaving() const { return leaving_; }
 
   void publish(const Publication& publication) {
     mqtt::properties properties;
@@ -310,6 +363,24 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
 
   void unsubscribe(const std::string& filter) { client_.unsubscribe(filter, nullptr, *this); }
 
+  /// The connection is over: told once, whoever notices it first. Any thread.
+  void post_lost(std::string_view text) noexcept {
+    if (leaving_) return;  // the goodbye's own end; Disconnected tells it
+    if (lost_.exchange(true)) return;
+    try {
+      post(Lost{std::string(text)});
+    } catch (...) {
+      lost_ = false;  // nothing can be told without memory; the next failure tells it again
+    }
+  }
+
+  /// Paho acknowledges a message when its callback has returned, and calls it under the lock that
+  /// each publish() takes. So a callback must not wait, and what is to be held back is not read.
+  void hold_messages(bool held, std::size_t let_in) noexcept {
+    let_in_ = held ? let_in : 0;
+    pause_.set(held && let_in == 0);
+  }
+
  private:
   void post(BrokerEvent event) { inbox_->post(number_, std::move(event)); }
 
@@ -321,6 +392,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
           if (told_connected_.exchange(true)) return;  // Paho says it twice
           end_of_connecting();
           send_at_once(port_);
+          pause_.find(port_);
           return post(connected_by(token));
         case mqtt::token::PUBLISH:
           return post(Delivered{id_of(token)});
@@ -345,10 +417,12 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
           return post(ConnectFailed{text});
         }
         case mqtt::token::PUBLISH: {
+          if (is_disconnected(token.get_return_code())) return post_lost(why_closed());
           return post(DeliveryFailed{id_of(token), refusal_of(token), failure_text(token)});
         }
         case mqtt::token::SUBSCRIBE:
-          return post(Subscribed{filter_of(token), false, failure_text(token)});
+          if (is_disconnected(token.get_return_code())) return post_lost(why_closed());
+          return post(Subscribed{filter_of(token), false, subscribe_failure(token)});
         case mqtt::token::DISCONNECT:
           return post(Disconnected{});
         case mqtt::token::UNSUBSCRIBE:
@@ -361,7 +435,11 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
 
   void connection_lost(const std::string& cause) noexcept override {
     tls_reason.clear();  // or the next failed connect would be explained by this one
-    post_lost(cause.empty() ? std::string_view("connection closed") : std::string_view(cause));
+    try {
+      post_lost(cause.empty() ? why_closed() : cause);
+    } catch (...) {
+      post_lost("connection closed");
+    }
   }
 
   void message_arrived(mqtt::const_message_ptr message) noexcept override {
@@ -372,6 +450,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
       event.topic = message->get_topic();
       event.payload = message->get_payload_str().substr(0, max_payload_ + 1);
       event.retained = message->is_retained();
+      event.qos = message->get_qos();
       const mqtt::properties& properties = message->get_properties();
       using Code = mqtt::property::code;
       if (properties.contains(Code::RESPONSE_TOPIC))
@@ -383,20 +462,21 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
       if (properties.contains(Code::MESSAGE_EXPIRY_INTERVAL))
         event.message_expiry =
             seconds(mqtt::get<std::uint32_t>(properties, Code::MESSAGE_EXPIRY_INTERVAL));
+      std::size_t left = let_in_;
+      if (left > 0 && let_in_.compare_exchange_strong(left, left - 1) && left == 1)
+        pause_.set(true);
       post(std::move(event));
     } catch (...) {
       post_lost("out of memory in a callback");
     }
   }
 
-  void post_lost(std::string_view text) noexcept {
-    if (leaving_) return;  // the goodbye's own end; Disconnected tells it
-    try {
-      const int said = server_said_;
-      post(Lost{said >= 0 ? "the broker said: " + reason_text(said) : std::string(text)});
-    } catch (...) {
-      // Nothing can be told without memory. The library's next failure tells it again.
-    }
+  /// On the thread that found it closed.
+  static std::string why_closed() {
+    const std::size_t refused = take_refused_packet();
+    return refused == 0 ? "connection closed"
+                        : "the broker sent a packet of " + std::to_string(refused) + " bytes, " +
+                              std::to_string(kMaxPacketIn) + " are the most that is read";
   }
 
   Connected connected_by(const mqtt::token& token) const {
@@ -413,14 +493,23 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
   }
 
   Subscribed subscribed(const mqtt::token& token) const {
-    Subscribed event{filter_of(token), true, {}};
+    Subscribed event{filter_of(token), false, "a SUBACK without a word on it"};
     // Named: what get_reason_codes() returns belongs to it.
     const mqtt::subscribe_response response = token.get_subscribe_response();
-    for (const mqtt::ReasonCode code : response.get_reason_codes()) {
-      if (static_cast<int>(code) < 0x80) continue;
-      event.granted = false;
-      event.text = reason_text(static_cast<int>(code));
-    }
+    const auto& codes = response.get_reason_codes();
+    if (codes.empty()) return event;
+    // One filter, one code. Where there are more (on 3.1.1) Paho's codes are no codes at all, and
+    // no values of its enumeration either: the bits are read.
+    int code = 0;
+    static_assert(sizeof code == sizeof codes.front());
+    std::memcpy(&code, &codes.front(), sizeof code);
+    event.granted = code >= 0 && code <= 2;
+    if (event.granted)
+      event.text.clear();
+    else if (code >= 0x80 && code <= 0xFF)
+      event.text = reason_text(code);
+    else
+      event.text = "a SUBACK that does not fit what was asked";
     return event;
   }
 
@@ -457,6 +546,13 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
     return text.empty() ? "code " + std::to_string(token.get_return_code()) : text;
   }
 
+  std::string subscribe_failure(const mqtt::token& token) const {
+    // The only code for it that MQTT 3.1.1 has, section 3.9.3; Paho has no words for it.
+    if (version_ != MQTTVERSION_5 && token.get_return_code() == 0x80)
+      return "refused by the broker";
+    return failure_text(token);
+  }
+
   static std::uint64_t id_of(const mqtt::token& token) {
     return reinterpret_cast<std::uint64_t>(token.get_user_context());
   }
@@ -472,10 +568,12 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
   const int version_;
   const bool tls_;
   const std::uint16_t port_;
+  ReadPause pause_;
+  std::atomic<std::size_t> let_in_ = 0;  ///< messages until the pause
   std::atomic<bool> told_connected_ = false;
   std::atomic<bool> leaving_ = false;
-  std::atomic<int> server_said_ = -1;  ///< reason code of a DISCONNECT from the broker
-  mqtt::async_client client_;          ///< last: destroyed first, before what its callbacks use
+  std::atomic<bool> lost_ = false;
+  mqtt::async_client client_;  ///< last: destroyed first, before what its callbacks use
 };
 
 // ---- broker -------------------------------------------------------------------------------------
@@ -492,7 +590,8 @@ PahoBroker::PahoBroker(const MqttConfig& config, std::optional<Will> will,
 
 PahoBroker::~PahoBroker() {
   inbox_->begin(0);
-  if (!connection_ || !connection_->is_connected()) return;
+  // Who has not answered a goodbye in the time that was his is not asked again.
+  if (!connection_ || !connection_->is_connected() || connection_->is_leaving()) return;
   try {
     connection_->disconnect()->wait_for(kGoodbye);
   } catch (const mqtt::exception&) {
@@ -510,14 +609,17 @@ void PahoBroker::retire() {
       // Lost in this moment, which is what was wanted.
     }
   }
-  retired_.push_back(std::move(connection_));
+  retired_.push_back({std::move(connection_), std::chrono::steady_clock::now()});
 }
 
 void PahoBroker::connect(std::size_t index) {
-  retired_.clear();
+  const auto over = std::chrono::steady_clock::now() - kCallbacksOver;
+  std::erase_if(retired_, [over](const Retired& retired) { return retired.since < over; });
   retire();
   const std::uint64_t number = ++connections_;
   inbox_->begin(number);
+  if (const std::string missing = missing_threads(); !missing.empty())
+    return inbox_->post(number, ConnectFailed{missing});
   const auto password = read_password(config_);
   if (!password) return inbox_->post(number, ConnectFailed{password.error().text});
   if (config_.tls && is_tls(config_.servers.at(index))) {
@@ -528,7 +630,7 @@ void PahoBroker::connect(std::size_t index) {
     connection_ = std::make_unique<Connection>(inbox_, number, config_, config_.servers.at(index),
                                                max_payload_);
     connection_->connect(config_, will_, *password);
-  } catch (const mqtt::exception& error) {
+  } catch (const std::exception& error) {
     inbox_->post(number, ConnectFailed{error.what()});
   }
 }
@@ -546,10 +648,14 @@ void PahoBroker::disconnect() {
   }
 }
 
+bool PahoBroker::is_connected() const { return connection_ && connection_->is_connected(); }
+
 void PahoBroker::publish(Publication publication) {
   try {
     if (connection_) connection_->publish(publication);
   } catch (const mqtt::exception& error) {
+    if (is_disconnected(error.get_return_code()))
+      return connection_->post_lost("disconnected when a message was to be published");
     inbox_->post(connections_, DeliveryFailed{publication.id, 0, error.what()});
   }
 }
@@ -558,6 +664,8 @@ void PahoBroker::subscribe(Subscription subscription) {
   try {
     if (connection_) connection_->subscribe(subscription);
   } catch (const mqtt::exception& error) {
+    if (is_disconnected(error.get_return_code()))
+      return connection_->post_lost("disconnected when a subscription was asked for");
     inbox_->post(connections_, Subscribed{subscription.filter, false, error.what()});
   }
 }
@@ -571,6 +679,10 @@ void PahoBroker::unsubscribe(const std::string& filter) {
 }
 
 void PahoBroker::await_acknowledgements(bool awaited) { inbox_->await_acknowledgements(awaited); }
+
+void PahoBroker::hold_messages(bool held, std::size_t let_in) {
+  if (connection_) connection_->hold_messages(held, let_in);
+}
 
 std::vector<BrokerEvent> PahoBroker::take_events() { return inbox_->take(); }
 

@@ -5,6 +5,7 @@
 // left in its queue when the last connection broke, after newer values.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -38,10 +39,12 @@ class PahoBroker final : public Broker {
   /// name and chain of a TLS server's certificate are always verified.
   void connect(std::size_t index) override;
   void disconnect() override;
+  bool is_connected() const override;
   void publish(Publication publication) override;
   void subscribe(Subscription subscription) override;
   void unsubscribe(const std::string& filter) override;
   void await_acknowledgements(bool awaited) override;
+  void hold_messages(bool held, std::size_t let_in = 0) override;
   std::vector<BrokerEvent> take_events() override;
 
  private:
@@ -58,9 +61,13 @@ class PahoBroker final : public Broker {
   std::shared_ptr<Inbox> inbox_;
   std::uint64_t connections_ = 0;  ///< number of the present one, or the last
   std::unique_ptr<Connection> connection_;
-  /// Given up, and kept until the next connect (a second later or more), when Paho's threads have
-  /// surely left their callbacks.
-  std::vector<std::unique_ptr<Connection>> retired_;
+  struct Retired {
+    std::unique_ptr<Connection> connection;
+    std::chrono::steady_clock::time_point since;
+  };
+  /// Given up, and kept for a second or more, until Paho's threads have surely left their
+  /// callbacks.
+  std::vector<Retired> retired_;
 };
 
 }  // namespace fxagent

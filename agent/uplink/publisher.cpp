@@ -19,18 +19,16 @@ using std::chrono::seconds;
 
 constexpr seconds kTick{60};        // health
 constexpr seconds kCleanUpFor{10};  // how long retained topics of unknown devices are looked for
-constexpr seconds kConnectPatience{30};  // longer than the library's own connect time-out
-constexpr seconds kSteady{10};           // a connection that lived so long was a good one
-constexpr seconds kFirstRetry{1};
-constexpr seconds kLastRetry{30};
+constexpr seconds kConnectPatience{30};          // longer than the library's own connect time-out
 constexpr milliseconds kAcknowledgedWithin{50};  // until one that nothing waits for is noted
-constexpr seconds kNoAcknowledgement{30};        // a broker that is silent for so long is given up
 constexpr seconds kDrainFor{3};
 constexpr seconds kFarewellFor{1};
 
 // Mosquitto's default receive maximum. The library under us is fast up to the broker's figure and
 // very slow beyond it.
 constexpr std::size_t kMaxWindow = 20;
+// Until it is asked again whether messages are still to be held back.
+constexpr milliseconds kHoldAtMost{1};
 // So many samples behind a full window tell that the broker takes fewer than are made.
 constexpr std::size_t kBackedUp = 4;
 // A quarter of what is allowed: one of 64 KiB holds a live sample up for milliseconds.
@@ -70,23 +68,34 @@ SteadyTime Publisher::step(SteadyTime now) {
     last_tick_ = now;
     next_tick_ = now + kTick;
   }
-  for (const BrokerEvent& event : broker_.take_events())
-    std::visit([&](const auto& e) { on(e, now); }, event);
-  if (flights_.empty()) last_progress_ = now;
-  if (store_ != nullptr) store_->upkeep(now, utc_ms_());
+  for (BrokerEvent& event : broker_.take_events()) std::visit([&](auto& e) { on(e, now); }, event);
+  take_incoming();
+  if (store_ != nullptr) {
+    store_->upkeep(now, utc_ms_());
+    count_dropped();
+  }
   take_found_late(now);
   move_memory_to_disk();
   take_outbox(now);
+  record_results();
   keep_connected(now);
   if (now >= next_tick_) tick(now);
   spill(now);
   hold_on_disk(now);
   commit_put_away(now);
-  if (link_ == Link::connected && phase_ <= Phase::draining) pump(now);
+  // Who sees "online" and orders at once is heard, or is told that nobody listens.
+  const bool listens = !awaits_first_suback() || phase_ != Phase::running;
+  if (link_ == Link::connected && phase_ <= Phase::draining && listens) pump(now);
+  if (std::exchange(handed_over_, false) && !unacknowledged_since_) unacknowledged_since_ = now;
   outbox_.set_backed_up(live_.size() >= kBackedUp);
+  take_judged();
+  hold_messages(now);
   broker_.await_acknowledgements(acknowledgements_matter());
   const auto failures = std::exchange(unsendable_, {});
-  for (const DeliveryFailed& failure : failures) on(failure, now);
+  for (const DeliveryFailed& failure : failures) {
+    auto flight = flights_.extract(failure.id);
+    std::visit([&](auto& f) { failed(f, failure, now); }, flight.mapped());
+  }
   if (phase_ != Phase::running) wind_up(now);
   commit_put_away(now);
   if (phase_ == Phase::finished) return SteadyTime::max();
@@ -99,6 +108,7 @@ void Publisher::stop(SteadyTime now) {
   phase_deadline_ = now + kDrainFor;
   if (link_ == Link::connected) broker_.unsubscribe(base_ + "/+/command");
   take_outbox(now);  // orders and results that came before any further command
+  record_results();
 }
 
 // ---- what the broker says -----------------------------------------------------------------------
@@ -108,14 +118,15 @@ void Publisher::on(const Connected& event, SteadyTime now) {
   link_ = Link::connected;
   starting_ = false;
   connected_at_ = now;
+  last_up_ = now;
+  failed_rounds_ = 0;
   last_failure_.clear();
   window_ = std::clamp<std::size_t>(event.receive_maximum, 1, kMaxWindow);
   max_packet_ = event.maximum_packet;
   history_bytes_ = kHistoryBytes;
   log::info("broker_connected",
             {{"server", config_.mqtt.servers.at(server_)}, {"window", std::to_string(window_)}});
-  // Subscribed before "online" is said: who sees it and orders at once is heard.
-  broker_.subscribe({base_ + "/+/command", /*no_local=*/true});
+  subscribe_to_commands(now);
   // Our own retained topics are what is looked for here, so No Local would hide them.
   broker_.subscribe({base_ + "/+/state", /*no_local=*/false});
   broker_.subscribe({base_ + "/+/meta", /*no_local=*/false});
@@ -141,10 +152,11 @@ void Publisher::on(const ConnectFailed& event, SteadyTime now) {
   link_ = Link::waiting;
   starting_ = false;
   put_away_live();
-  schedule_retry(now, /*next_server=*/true);
+  retry_after_failure(now);
 }
 
 void Publisher::on(const Lost& event, SteadyTime now) {
+  if (link_ == Link::connecting) return on(ConnectFailed{event.text}, now);
   if (link_ != Link::connected) return;
   log::warn("broker_lost", {{"server", config_.mqtt.servers.at(server_)}, {"reason", event.text}});
   connection_over(now);
@@ -163,40 +175,34 @@ void Publisher::on(const Message& event, SteadyTime) {
   if (const auto name = device_of(event.topic, base_, "command")) {
     const std::uint32_t device = index_of(*name);
     if (device < config_.devices.size())
-      take_command(event, device);
+      note_incoming(event, device);
     else
-      log::warn("command_ignored", {{"topic", event.topic}, {"reason", "no such device"}});
+      log::warn("command_ignored",
+                {{"topic", log::excerpt(event.topic)}, {"reason", "no such device"}});
     return;
   }
   auto name = device_of(event.topic, base_, "state");
   if (!name) name = device_of(event.topic, base_, "meta");
   if (name && !event.payload.empty() && index_of(*name) == config_.devices.size() &&
       due_.try_emplace({Notice::clear, 0, event.topic}).second)
-    log::info("retained_topic_cleared", {{"topic", event.topic}});
+    log::info("retained_topic_cleared", {{"topic", log::excerpt(event.topic)}});
 }
 
 void Publisher::on(const Delivered& event, SteadyTime now) {
   auto flight = flights_.extract(event.id);
   if (flight.empty()) return;  // of a connection that is gone
-  last_progress_ = now;
+  note_acknowledgement(flight.mapped(), now);
   std::visit([&](const auto& f) { delivered(f, now); }, flight.mapped());
 }
 
 void Publisher::on(const DeliveryFailed& event, SteadyTime now) {
   auto flight = flights_.extract(event.id);
   if (flight.empty()) return;
-  last_progress_ = now;
+  if (event.reason_code != 0) note_acknowledgement(flight.mapped(), now);
   std::visit([&](auto& f) { failed(f, event, now); }, flight.mapped());
 }
 
-void Publisher::on(const Subscribed& event, SteadyTime) {
-  if (!event.granted)
-    log::error("subscription_refused", {{"filter", event.filter}, {"reason", event.text}});
-}
-
-void Publisher::on(const MessagesDropped& event, SteadyTime) {
-  log::error("messages_dropped", {{"count", std::to_string(event.count)}});
-}
+void Publisher::on(const MessagesDropped& event, SteadyTime) { unasked_dropped_ += event.count; }
 
 void Publisher::delivered(const NoticeFlight&, SteadyTime) {}
 
@@ -257,10 +263,8 @@ void Publisher::keep_connected(SteadyTime now) {
     broker_.disconnect();
     on(ConnectFailed{"no answer"}, now);
   }
-  if (link_ == Link::connected && !flights_.empty() && now - last_progress_ >= kNoAcknowledgement) {
-    broker_.disconnect();
-    on(Lost{"no acknowledgement for 30 s"}, now);
-  }
+  watch_connection(now);
+  keep_subscribed(now);
   if (link_ == Link::waiting && now >= retry_at_) {
     link_ = Link::connecting;
     connect_deadline_ = now + kConnectPatience;
@@ -276,7 +280,14 @@ void Publisher::keep_connected(SteadyTime now) {
 
 void Publisher::connection_over(SteadyTime now) {
   link_ = Link::waiting;
+  last_up_ = now;
   clean_up_until_.reset();
+  unacknowledged_since_.reset();
+  down_since_.reset();
+  suback_by_.reset();
+  ask_again_at_.reset();
+  unheard_ = 0;
+  deaf_.reset();
   auto flights = std::exchange(flights_, {});
   history_flights_ = 0;
   in_flight_samples_ = 0;
@@ -288,24 +299,14 @@ void Publisher::connection_over(SteadyTime now) {
   }
   put_away_live();
   due_.clear();  // all of it is published again after the next connect
+  refused_results_.clear();
   for (auto& [key, pending] : results_) {
     for (PendingResult::Copy& copy : pending.copies) {
       copy.in_flight = false;
       copy.due = {};
     }
   }
-  schedule_retry(now, /*next_server=*/now - connected_at_ < kSteady);
-}
-
-void Publisher::schedule_retry(SteadyTime now, bool next_server) {
-  if (!next_server) {
-    server_ = 0;
-    failed_rounds_ = 0;
-    retry_at_ = now + back_off(0);
-    return;
-  }
-  server_ = (server_ + 1) % config_.mqtt.servers.size();
-  retry_at_ = server_ == 0 ? now + back_off(failed_rounds_++) : now;
+  retry_after_loss(now);
 }
 
 void Publisher::tick(SteadyTime now) {
@@ -334,6 +335,8 @@ void Publisher::tick(SteadyTime now) {
 // ---- what goes out ------------------------------------------------------------------------------
 
 void Publisher::pump(SteadyTime now) {
+  const bool samples_first = std::exchange(samples_first_, false);
+  if (samples_first) pump_live(now);
   pump_results(now);
   pump_notices(now);
   pump_live(now);
@@ -352,7 +355,8 @@ void Publisher::pump_notices(SteadyTime now) {
     switch (key.notice) {
       case Notice::agent_state:
         publication.topic = base_ + "/state";
-        publication.payload = json::agent_online(started_ms_, settings_.boot, settings_.version);
+        publication.payload =
+            json::agent_online(started_ms_, settings_.boot, settings_.version, deaf_);
         break;
       case Notice::device_state:
         publication.topic = device_topic(key.device) + "/state";
@@ -378,22 +382,22 @@ void Publisher::send(Flight flight, Publication publication) {
   publication.id = next_id_++;
   flights_.emplace(publication.id, std::move(flight));
   // Either of these would make the broker close the connection, again and again.
-  const std::size_t packet = publication.topic.size() + publication.payload.size() +
-                             publication.correlation.size() + kPacketOverhead;
   if (!is_publishable(publication.topic))
-    unsendable_.push_back({publication.id, kTopicNameInvalid, "not a topic: " + publication.topic});
-  else if (packet > max_packet_)
+    unsendable_.push_back(
+        {publication.id, kTopicNameInvalid, "not a topic: " + log::excerpt(publication.topic)});
+  else if (!fits(publication))
     unsendable_.push_back({publication.id, kPacketTooLarge, "larger than the broker takes"});
-  else
+  else {
+    handed_over_ = true;
     broker_.publish(std::move(publication));
+  }
 }
 
-/// 1 s after the first failure, twice as much after each further one, at most 30 s; and up to a
-/// quarter more, by chance.
-SteadyTime::duration Publisher::back_off(int failures) {
-  const auto plain = std::min<milliseconds>(kLastRetry, kFirstRetry * (1 << std::min(failures, 5)));
-  std::uniform_int_distribution<std::int64_t> extra(0, plain.count() / 4);
-  return plain + milliseconds(extra(jitter_));
+/// Whether the broker takes a packet of that size.
+bool Publisher::fits(const Publication& publication) const {
+  return publication.topic.size() + publication.payload.size() + publication.correlation.size() +
+             kPacketOverhead <=
+         max_packet_;
 }
 
 // ---- the end ------------------------------------------------------------------------------------
@@ -432,8 +436,8 @@ void Publisher::wind_up(SteadyTime now) {
 }
 
 bool Publisher::drained() const {
-  return flights_.empty() && results_.empty() && due_.empty() && live_.empty() &&
-         put_away_.empty() && backlog_.rows() == 0;
+  return incoming_.empty() && flights_.empty() && results_.empty() && due_.empty() &&
+         live_.empty() && put_away_.empty() && backlog_.rows() == 0;
 }
 
 void Publisher::say_farewell(SteadyTime now) {
@@ -456,9 +460,12 @@ bool Publisher::acknowledgements_matter() const {
 }
 
 SteadyTime Publisher::next_wake(SteadyTime now) const {
+  if (!incoming_.empty()) return now;
   SteadyTime wake = next_tick_;
   const auto at = [&wake](SteadyTime time) { wake = std::min(wake, time); };
   if (phase_ != Phase::running) at(phase_deadline_);
+  if (holding_) at(std::max(let_in_at_, now + kHoldAtMost));
+  if (unasked_dropped_ != 0) at(drop_logged_at_ + kLogDropsEvery);
   if (link_ == Link::waiting) at(retry_at_);
   if (link_ == Link::connecting) at(connect_deadline_);
   if (clean_up_until_) at(*clean_up_until_);
@@ -471,14 +478,14 @@ SteadyTime Publisher::next_wake(SteadyTime now) const {
     if (time > now) at(time);
   };
   for (const auto& [key, due] : due_) later(due.not_before);
-  for (const auto& [key, pending] : results_)
-    for (const PendingResult::Copy& copy : pending.copies) later(copy.due.not_before);
+  for (const std::uint64_t key : refused_results_)
+    for (const PendingResult::Copy& copy : results_.at(key).copies) later(copy.due.not_before);
   if (history_flights_ == 0) later(history_rests_until_);
   for (const auto& [device, pause] : pauses_)
     if (backlog_.has_waiting(device) || (store_ != nullptr && store_->has_waiting(device)))
       later(pause.until);
   if (!flights_.empty()) at(now + kAcknowledgedWithin);
-  if (!flights_.empty() && phase_ == Phase::running) at(last_progress_ + kNoAcknowledgement);
+  if (phase_ == Phase::running) at(watch_wake());
   if (store_ == nullptr || !store_->is_writable()) return wake;
   for (const auto& [id, flight] : flights_)
     if (const auto* live = std::get_if<LiveFlight>(&flight); live != nullptr && !live->live.stored)
@@ -527,12 +534,14 @@ std::string Publisher::health_text(SteadyTime now) const {
   return json::health(health, config_);
 }
 
-void run_uplink(Publisher& publisher, Outbox& outbox, std::stop_token stop) {
+void run_uplink(Publisher& publisher, Outbox& outbox, std::stop_token stop,
+                const std::function<void()>& stepped) {
   const std::stop_callback wake(stop, [&outbox] { outbox.notify(); });
   while (!publisher.finished()) {
     const SteadyTime now = std::chrono::steady_clock::now();
     if (stop.stop_requested()) publisher.stop(now);
     const SteadyTime wake_at = publisher.step(now);
+    if (stepped) stepped();
     if (publisher.finished()) return;
     if (publisher.gather_until() > now) outbox.gather(publisher.gather_until());
     outbox.wait_until(wake_at);

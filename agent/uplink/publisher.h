@@ -17,6 +17,7 @@
 #include <map>
 #include <optional>
 #include <random>
+#include <set>
 #include <stop_token>
 #include <string>
 #include <utility>
@@ -82,6 +83,8 @@ class Publisher final {
   /// Rows for the disk are gathered so long.
   static constexpr std::chrono::milliseconds kCommitWithin{200};
 
+  static constexpr std::chrono::seconds kLogDropsEvery{10};
+
   enum class Link : std::uint8_t { waiting, connecting, connected };
   enum class Phase : std::uint8_t { running, draining, farewell, closing, finished };
 
@@ -103,6 +106,7 @@ class Publisher final {
     CommandResult result;
     std::string payload;     ///< empty until it was first handed to MQTT: total_ms ends there
     bool journaled = false;  ///< the journal is to know when it was told
+    std::size_t bytes = 0;   ///< that it takes in memory, roughly
     struct Copy {
       std::string topic{};
       bool to_response_topic = false;
@@ -160,21 +164,38 @@ class Publisher final {
   void take_found_late(SteadyTime now);
   void take_outbox(SteadyTime now);
   void take_samples(const std::vector<Telemetry>& messages, SteadyTime now);
+  void note_incoming(const Message& event, std::uint32_t device);
+  void take_incoming();
   void take_command(const Message& event, std::uint32_t device);
+  void submit(Command command, std::size_t payload_bytes);
+  void take_judged();
   std::uint64_t note_arrival(const Message& event, const Command& command);
   void take_orders(std::vector<OrderNote> orders);
   void take_result(CommandResult result);
-  void find_first(CommandResult& result) const;
+  void find_first(CommandResult& result);
   bool note_result(const CommandResult& result);
+  /// Before any of them is published: what note_result() has gathered, in one commit.
+  void record_results();
   std::string audit_of(const CommandResult& result, const std::string& text);
 
   void keep_connected(SteadyTime now);
+  void watch_connection(SteadyTime now);
+  SteadyTime watch_wake() const;
   void connection_over(SteadyTime now);
-  void schedule_retry(SteadyTime now, bool next_server);
+  void retry_after_failure(SteadyTime now);
+  void retry_after_loss(SteadyTime now);
+  void subscribe_to_commands(SteadyTime now);
+  void keep_subscribed(SteadyTime now);
+  void commands_unheard(const std::string& reason, SteadyTime now);
+  bool awaits_first_suback() const { return suback_by_ && !deaf_; }
+  void note_acknowledgement(const Flight& flight, SteadyTime now);
+  bool is_acknowledged_by_broker(const Flight& flight) const;
   void tick(SteadyTime now);
 
   void pump(SteadyTime now);
   void pump_results(SteadyTime now);
+  void hold_messages(SteadyTime now);
+  std::size_t result_window() const;
   void pump_notices(SteadyTime now);
   void pump_live(SteadyTime now);
   void pump_history(SteadyTime now);
@@ -197,6 +218,7 @@ class Publisher final {
   void delivered(const FarewellFlight& flight, SteadyTime now);
 
   void send(Flight flight, Publication publication);
+  bool fits(const Publication& publication) const;
   std::size_t sample_window() const;
   bool acknowledgements_matter() const;
   bool has_room() const { return flights_.size() < window_; }
@@ -215,6 +237,7 @@ class Publisher final {
   void drop(const std::string& device, std::uint64_t count);
   enum class Ended : std::uint8_t { acknowledged, refused };
   void result_copy_done(std::uint64_t result, std::size_t copy, Ended how);
+  SteadyTime::duration back_off(int failures, std::chrono::milliseconds longest);
   SteadyTime::duration back_off(int failures);
   SteadyTime next_wake(SteadyTime now) const;
   std::string device_topic(std::uint32_t device) const;
@@ -237,11 +260,21 @@ class Publisher final {
   Link link_ = Link::waiting;
   bool starting_ = true;  ///< the first attempt to connect is not over
   std::size_t server_ = 0;
-  int failed_rounds_ = 0;  ///< through all servers
+  int failed_rounds_ = 0;              ///< through all servers, none of which took us
+  int thrown_rounds_ = 0;              ///< through all servers, none of which kept us for long
+  SteadyTime::duration last_pause_{};  ///< between the last loss and the attempt after it
+  std::optional<SteadyTime> last_up_;  ///< when there was a connection
   SteadyTime retry_at_{};
   std::string last_failure_;
   SteadyTime connect_deadline_{};
   SteadyTime connected_at_{};
+  std::optional<SteadyTime> down_since_;  ///< the library has no connection and has not said so
+
+  // the subscription to commands
+  std::optional<SteadyTime> suback_by_;  ///< asked for: until when the answer may take
+  std::optional<SteadyTime> ask_again_at_;
+  int unheard_ = 0;                  ///< refusals and silences of this connection, in a row
+  std::optional<std::string> deaf_;  ///< why commands are not heard, as the agent's state says it
   std::optional<SteadyTime> clean_up_until_;  ///< looking for retained topics of unknown devices
   std::size_t window_ = 0;                    ///< publishes that may be unacknowledged
   std::size_t max_packet_ = 0;                ///< bytes the broker takes
@@ -251,14 +284,29 @@ class Publisher final {
   std::map<std::uint64_t, Flight> flights_;
   std::vector<DeliveryFailed> unsendable_;  ///< found by send(); told at the end of the step
   std::size_t history_flights_ = 0;
-  SteadyTime history_rests_until_{};     ///< live samples have the line to themselves
-  std::uint64_t in_flight_samples_ = 0;  ///< that are not on disk
-  SteadyTime last_progress_{};           ///< an acknowledgement, or nothing was in flight
+  SteadyTime history_rests_until_{};                ///< live samples have the line to themselves
+  std::uint64_t in_flight_samples_ = 0;             ///< that are not on disk
+  bool handed_over_ = false;                        ///< a message went to the library in this step
+  std::optional<SteadyTime> unacknowledged_since_;  ///< the first message, or the last answer
 
   // what waits
   std::map<NoticeKey, Due> due_;
   std::uint64_t next_result_ = 1;
   std::map<std::uint64_t, PendingResult> results_;
+  std::size_t result_bytes_ = 0;
+  std::vector<JournalEntry> to_record_;
+  std::set<std::uint64_t> refused_results_;  ///< that the broker has refused once: they come again
+  /// Commands that have come and were not looked at yet, with their devices.
+  std::deque<std::pair<Message, std::uint32_t>> incoming_;
+  std::size_t incoming_bytes_ = 0;
+  std::deque<std::size_t> submitted_;  ///< bytes of commands that the field has not looked at yet
+  std::size_t submitted_bytes_ = 0;
+  std::uint64_t judged_ = 0;  ///< Outbox::judged() as it was taken into account
+  bool holding_ = false;      ///< messages stay in the network
+  SteadyTime let_in_at_{};    ///< holding all the same: some are let in then, for what comes behind
+  std::uint64_t unasked_dropped_ = 0;  ///< commands of QoS 0 that found no room; not logged yet
+  SteadyTime drop_logged_at_{};
+  bool samples_first_ = false;  ///< whose turn it is, where the window is too small to share
   std::map<std::uint64_t, audit::Arrival>
       arrivals_;  ///< commands that the field has not judged yet
   std::uint64_t next_order_ = 1;
@@ -300,7 +348,8 @@ class Publisher final {
 };
 
 /// The uplink thread: steps the publisher whenever there is news or something is due, until `stop`
-/// was asked for and the clean end is done.
-void run_uplink(Publisher& publisher, Outbox& outbox, std::stop_token stop);
+/// was asked for and the clean end is done. `stepped` is called after each step.
+void run_uplink(Publisher& publisher, Outbox& outbox, std::stop_token stop,
+                const std::function<void()>& stepped = {});
 
 }  // namespace fxagent

@@ -11,10 +11,93 @@
 namespace fxagent {
 namespace {
 
-constexpr std::size_t kMaxPendingResults = 10000;
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
 constexpr std::size_t kPayloadKept = 65536;  // no command is longer
+constexpr std::size_t kCommandsAStep = 32;   // samples and results go out in between
+// What has come and has no verdict yet. Above it messages stay in the network.
+constexpr std::size_t kMostUnjudged = 256;
+constexpr std::size_t kMostUnjudgedBytes = std::size_t{4} << 20;
+// What has a result that the broker does not have yet.
+constexpr std::size_t kMostResults = 200;
+constexpr std::size_t kMostResultBytes = std::size_t{8} << 20;
+// Acknowledgements come behind the messages that are held back, so that some of them are let in.
+constexpr milliseconds kLetInEvery{2};
+constexpr std::size_t kLetIn = 8;  // fewer than results that go out meanwhile
+
+std::size_t bytes_of(const Message& message) {
+  return sizeof(message) + message.topic.size() + message.payload.size() +
+         message.response_topic.size() + message.correlation.size();
+}
 
 }  // namespace
+
+/// Commands are looked at a few at a time. What was published with QoS 0 comes as fast as the
+/// broker can send; where there is no room for it, it is lost, as MQTT allows. With QoS 1 the
+/// broker waits.
+void Publisher::note_incoming(const Message& event, std::uint32_t device) {
+  const bool full = incoming_.size() >= kMostUnjudged || incoming_bytes_ >= kMostUnjudgedBytes ||
+                    results_.size() >= kMostResults || result_bytes_ >= kMostResultBytes;
+  if (event.qos == 0 && full) {
+    ++unasked_dropped_;
+    return;
+  }
+  incoming_bytes_ += bytes_of(event);
+  incoming_.emplace_back(event, device);
+}
+
+void Publisher::take_incoming() {
+  for (std::size_t i = 0; i < kCommandsAStep && !incoming_.empty(); ++i) {
+    const auto [message, device] = std::move(incoming_.front());
+    incoming_.pop_front();
+    incoming_bytes_ -= bytes_of(message);
+    take_command(message, device);
+  }
+}
+
+void Publisher::submit(Command command, std::size_t payload_bytes) {
+  // What the audit keeps of it is there once more.
+  submitted_.push_back(memory_of(command) + payload_bytes);
+  submitted_bytes_ += submitted_.back();
+  submit_(std::move(command));
+}
+
+void Publisher::take_judged() {
+  for (const std::uint64_t judged = outbox_.judged(); judged_ < judged; ++judged_) {
+    if (submitted_.empty()) continue;
+    submitted_bytes_ -= submitted_.front();
+    submitted_.pop_front();
+  }
+}
+
+/// So the agent reads no faster than it can answer. What waits for a verdict gets one without the
+/// broker; what waits for an acknowledgement needs what comes behind the messages.
+void Publisher::hold_messages(SteadyTime now) {
+  if (unasked_dropped_ != 0 && now >= drop_logged_at_ + kLogDropsEvery) {
+    log::error("messages_dropped",
+               {{"count", std::to_string(std::exchange(unasked_dropped_, 0))},
+                {"note",
+                 "more commands came with QoS 0 than can be answered; with QoS 1 the "
+                 "broker waits"}});
+    drop_logged_at_ = now;
+  }
+  const bool unjudged = incoming_.size() + submitted_.size() >= kMostUnjudged ||
+                        incoming_bytes_ + submitted_bytes_ >= kMostUnjudgedBytes;
+  const bool unanswered = results_.size() >= kMostResults || result_bytes_ >= kMostResultBytes;
+  holding_ = link_ == Link::connected && phase_ == Phase::running && (unjudged || unanswered);
+  const bool acknowledgements_are_due = holding_ && !unjudged && !flights_.empty();
+  if (!acknowledgements_are_due) return broker_.hold_messages(holding_);
+  if (now < let_in_at_) return;
+  let_in_at_ = now + kLetInEvery;
+  broker_.hold_messages(true, kLetIn);
+}
+
+/// So many results may be on their way at once: a quarter of the window is for states and samples,
+/// however many results wait.
+std::size_t Publisher::result_window() const {
+  return window_ >= 4 ? window_ - window_ / 4 : window_;
+}
 
 void Publisher::take_command(const Message& event, std::uint32_t device) {
   // An empty retained payload only clears the topic. On 3.1.1 its flag does not reach us.
@@ -29,7 +112,7 @@ void Publisher::take_command(const Message& event, std::uint32_t device) {
   command.correlation = event.correlation;
   if (store_ != nullptr) command.arrival = note_arrival(event, command);
   fault_point("command_received");
-  if (phase_ == Phase::running) return submit_(std::move(command));
+  if (phase_ == Phase::running) return submit(std::move(command), event.payload.size());
 
   // The field answers no more.
   CommandResult result;
@@ -77,7 +160,7 @@ void Publisher::failed(const ResultFlight& flight, const DeliveryFailed& event, 
   if (found == results_.end()) return;
   PendingResult::Copy& copy = found->second.copies[flight.copy];
   log::warn("publish_refused", {{"what", "result"},
-                                {"topic", copy.topic},
+                                {"topic", log::excerpt(copy.topic)},
                                 {"id", found->second.result.id},
                                 {"code", hex_code(event.reason_code)},
                                 {"reason", event.text}});
@@ -86,6 +169,7 @@ void Publisher::failed(const ResultFlight& flight, const DeliveryFailed& event, 
     return result_copy_done(flight.result, flight.copy, Ended::refused);
   copy.in_flight = false;
   copy.due = Due{now + back_off(copy.due.failures), copy.due.failures + 1};
+  refused_results_.insert(flight.result);
 }
 
 void Publisher::take_orders(std::vector<OrderNote> orders) {
@@ -135,8 +219,16 @@ bool Publisher::note_result(const CommandResult& result) {
   entry.response_topic = result.response_topic;
   entry.correlation = result.correlation;
   entry.arrival = result.arrival;
-  store_->record(std::move(entry));
+  entry.refused =
+      result.status == CommandStatus::rejected || result.status == CommandStatus::expired;
+  to_record_.push_back(std::move(entry));
   return true;
+}
+
+void Publisher::record_results() {
+  if (to_record_.empty()) return;
+  store_->record(std::exchange(to_record_, {}));
+  fault_point("result_recorded");
 }
 
 /// `text`: the result as JSON.
@@ -149,8 +241,9 @@ std::string Publisher::audit_of(const CommandResult& result, const std::string& 
 }
 
 /// The first result of a DUPLICATE is in the journal, unless that was lost or set aside.
-void Publisher::find_first(CommandResult& result) const {
+void Publisher::find_first(CommandResult& result) {
   if (!result.first_arrival || result.first || store_ == nullptr) return;
+  record_results();
   const auto known = store_->find(config_.devices.at(result.device).name, result.id);
   if (!known || known->result.empty() || known->arrival != result.first_arrival) {
     result.detail = "the first result is not in the journal any more; the order is not repeated";
@@ -166,43 +259,52 @@ void Publisher::take_result(CommandResult result) {
   ++commands_[result.status];
   find_first(result);
   PendingResult pending;
-  fault_point("result_taken");
-  pending.journaled = note_result(result);
-  fault_point("result_recorded");
   const std::string& device = config_.devices.at(result.device).name;
   pending.copies.push_back({.topic = device_topic(result.device) + "/result"});
   if (!result.response_topic.empty()) {
     const std::string fault =
         response_topic_fault(result.response_topic, config_.root, base_, device);
-    if (fault.empty())
+    if (fault.empty()) {
       pending.copies.push_back({.topic = result.response_topic, .to_response_topic = true});
-    else
-      log::warn("response_topic_ignored",
-                {{"topic", result.response_topic}, {"id", result.id}, {"reason", fault}});
+    } else {
+      log::warn(
+          "response_topic_ignored",
+          {{"topic", log::excerpt(result.response_topic)}, {"id", result.id}, {"reason", fault}});
+      result.response_topic = {};
+    }
   }
+  fault_point("result_taken");
+  pending.journaled = note_result(result);
+  result.response_topic = {};  // the copy has it
+  pending.bytes = sizeof(pending) + memory_of(result) + pending.copies.back().topic.size();
+  result_bytes_ += pending.bytes;
   pending.result = std::move(result);
   results_.emplace(next_result_++, std::move(pending));
-  // Only a broker that refuses results for hours brings us here: without a broker no command comes.
-  if (results_.size() > kMaxPendingResults) {
-    log::error("result_dropped", {{"id", results_.begin()->second.result.id}});
-    results_.erase(results_.begin());
-  }
 }
 
 void Publisher::pump_results(SteadyTime now) {
+  auto results_on_their_way =
+      static_cast<std::size_t>(std::ranges::count_if(flights_, [](const auto& each) {
+        return std::holds_alternative<ResultFlight>(each.second);
+      }));
   for (auto& [key, pending] : results_) {
     for (std::size_t i = 0; i < pending.copies.size(); ++i) {
       PendingResult::Copy& copy = pending.copies[i];
       if (copy.in_flight || copy.done || copy.due.not_before > now) continue;
-      if (!has_room()) return;
+      if (!has_room() || results_on_their_way >= result_window()) return;
       if (pending.payload.empty())
         pending.payload = json::result(pending.result, now - pending.result.received);
       copy.in_flight = true;
       Publication publication;
       publication.topic = copy.topic;
       publication.payload = pending.payload;
-      if (copy.to_response_topic) publication.correlation = pending.result.correlation;
+      publication.correlation = pending.result.correlation;
+      // The device's own topic gets the result even where the broker does not take it with its
+      // echo.
+      if (!copy.to_response_topic && !fits(publication)) publication.correlation.clear();
+      samples_first_ = result_window() == window_;
       send(ResultFlight{key, i}, std::move(publication));
+      ++results_on_their_way;
       fault_point("result_published");
     }
   }
@@ -222,6 +324,8 @@ void Publisher::result_copy_done(std::uint64_t result, std::size_t copy, Ended h
     store_->note(
         audit::told(told.arrival, device, told.id, copies.front().acknowledged, utc_ms_()));
   if (found->second.journaled) store_->told(device, told.id, told.arrival);
+  result_bytes_ -= found->second.bytes;
+  refused_results_.erase(found->first);
   results_.erase(found);
 }
 

@@ -56,7 +56,7 @@ class Known final {
     for (Store::KnownId& known : ids)
       if (const auto device = index_.find(known.device); device != index_.end())
         found.field.ids.push_back({device->second, std::move(known.id), known.arrival,
-                                   known.received_ms, known.deadline_ms});
+                                   known.received_ms, known.deadline_ms, known.refused});
   }
 
   void take_unsettled(std::vector<JournalEntry> entries, SteadyTime now, Recall& found) const {
@@ -80,7 +80,7 @@ class Known final {
       store_.record(entry);
     }
     found.field.ids.push_back(
-        {device, entry.id, entry.arrival, entry.received_ms, entry.deadline_ms});
+        {device, entry.id, entry.arrival, entry.received_ms, entry.deadline_ms, entry.refused});
     CommandResult result = json::recorded_result(entry.result);
     result.device = device;
     result.arrival = entry.arrival;

@@ -9,10 +9,8 @@
 #include <memory>
 
 namespace fxagent {
-namespace {
 
-/// Port of the peer in host order; 0 where `fd` is no connected TCP socket.
-std::uint16_t peer_port(int fd) {
+std::uint16_t peer_port(int fd) noexcept {
   sockaddr_storage peer{};
   socklen_t length = sizeof(peer);
   if (getpeername(fd, reinterpret_cast<sockaddr*>(&peer), &length) != 0) return 0;
@@ -21,8 +19,6 @@ std::uint16_t peer_port(int fd) {
     return ntohs(reinterpret_cast<const sockaddr_in6&>(peer).sin6_port);
   return 0;
 }
-
-}  // namespace
 
 void send_at_once(std::uint16_t port) noexcept {
   const std::unique_ptr<DIR, int (*)(DIR*)> open_files(opendir("/proc/self/fd"), closedir);

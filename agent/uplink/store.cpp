@@ -132,6 +132,28 @@ void Store::open_late(std::int64_t utc_ms) {
   }
 }
 
+/// An open file that has lost its name can be written for ever, and nobody finds what is in it.
+void Store::look_for_the_files() {
+  if (!writable_ || (file_->is_in_place() && lock_->is_in_place())) return;
+  log::error("store", {{"state", "memory"},
+                       {"path", config_.path},
+                       {"reason", "its files were deleted or replaced while the agent ran"},
+                       {"samples_lost", std::to_string(rows_)}});
+  for (const auto& [key, lane] : lanes_)
+    if (lane.rows > 0) dropped_[key.first] += lane.rows;
+  file_.reset();
+  lock_.reset();
+  forget_rows();
+  unstamped_ms_ = 0;
+  // What is there now may be another run's.
+  writable_ = was_open_ = false;
+  open_late(utc_ms_);
+  if (!writable_) return;
+  if (file_->trail.head().records == 0) note(audit::begun({}, utc_ms_));
+  write_all_numbers();
+  log::info("store", {{"state", "disk"}, {"rows", std::to_string(rows_)}});
+}
+
 void Store::forget_rows() {
   lanes_.clear();
   out_.clear();
@@ -154,7 +176,7 @@ bool Store::load() {
     bytes_ += from_sql(sums.number(3)) + lane.rows * SampleRow::kOverhead;
     next_order_ = std::max(next_order_, from_sql(sums.number(5)) + 1);
   }
-  if (!file_->trail.load()) return false;
+  if (!count_orders() || !file_->trail.load()) return false;
   arrivals_ = std::max(arrivals_, file_->trail.arrivals());
   first_audit_of_run_ = file_->trail.head().records + 1;
   return file_->db.fault().code == SQLITE_OK;
@@ -240,11 +262,16 @@ void Store::upkeep(SteadyTime now, std::int64_t utc_ms) {
     settle_at_ = now + kSettleEvery;
     settle();
     if (numbers_short_) reserve_numbers();
+    shrink_orders();
+    drop_excess_rows();
   }
   if (!clean_up_at_ || now >= *clean_up_at_) {
     clean_up_at_ = now + kCleanUpEvery;
+    look_for_the_files();
     drop_old_rows();
     drop_old_ids();
+    prune_audit();
+  } else if (writable_ && file_->trail.is_over(config_.audit_max_bytes)) {
     prune_audit();
   }
 }
@@ -328,7 +355,7 @@ bool Store::append(std::vector<SampleRow>& rows, Hold hold) {
     if (config_.sync_always)
       for (const auto& [device, seq] : last)
         if (!file_->numbers.bind(1, device).bind(2, to_sql(seq)).bind(3, 0).run()) return false;
-    const std::uint64_t full = bytes_ + added;
+    const std::uint64_t full = bytes_ + added + orders_changed_.bytes;
     if (full > config_.max_bytes && !delete_oldest(full - config_.max_bytes, 0, gone)) return false;
     return commit(transaction);
   };
@@ -519,27 +546,33 @@ bool Store::settle_piece() {
   const auto entries = std::next(unrecorded_.begin(), piece_of(unrecorded_));
   Transaction transaction(file_->db);
   if (!transaction.begun()) return false;
-  file_->trail.begin();
+  begin_changes();
   const bool written = std::all_of(unaudited_.begin(), bodies,
                                    [this](const std::string& body) { return write_audit(body); }) &&
                        std::all_of(unrecorded_.begin(), entries, [this](const JournalEntry& entry) {
                          return write_entry(entry);
                        });
   if (!written || !commit(transaction)) return false;
+  for (auto body = unaudited_.begin(); body != bodies; ++body) unaudited_bytes_ -= body->size();
+  for (auto entry = unrecorded_.begin(); entry != entries; ++entry)
+    unrecorded_bytes_ -= bytes_of(*entry);
   unaudited_.erase(unaudited_.begin(), bodies);
   unrecorded_.erase(unrecorded_.begin(), entries);
   return true;
 }
 
 bool Store::write_settled() {
-  file_->trail.begin();
+  begin_changes();
   if (!write_unaudited()) return false;
   for (const std::uint64_t order : removed_)
     if (!file_->remove.bind(1, to_sql(order)).run()) return false;
   for (const JournalEntry& entry : unrecorded_)
     if (!write_entry(entry)) return false;
   for (const auto& [device, id, arrival] : untold_)
-    if (!file_->told.bind(1, device).bind(2, id).bind(3, to_sql(arrival)).run()) return false;
+    if (!change_order(device, id, [&, number = arrival] {
+          return file_->told.bind(1, device).bind(2, id).bind(3, to_sql(number)).run();
+        }))
+      return false;
   return true;
 }
 
@@ -547,19 +580,26 @@ void Store::settled() {
   removed_.clear();
   untold_.clear();
   unrecorded_.clear();
+  unrecorded_bytes_ = 0;
   forgot_results_ = false;
   unaudited_.clear();
+  unaudited_bytes_ = 0;
   audit_lost_ = 0;
 }
 
-void Store::drop_old_rows() {
+void Store::drop_old_rows() { drop_rows(0, utc_ms_ - milliseconds(config_.max_age).count()); }
+
+void Store::drop_excess_rows() {
+  if (bytes() > config_.max_bytes) drop_rows(bytes() - config_.max_bytes, 0);
+}
+
+void Store::drop_rows(std::uint64_t excess, std::int64_t older_than_ms) {
   if (!writable_ || rows_ == 0) return;
-  const std::int64_t limit = utc_ms_ - milliseconds(config_.max_age).count();
   std::vector<Victim> gone;
   bool done = false;
   {
     Transaction transaction(file_->db);
-    done = transaction.begun() && write_settled() && delete_oldest(0, limit, gone) &&
+    done = transaction.begun() && write_settled() && delete_oldest(excess, older_than_ms, gone) &&
            commit(transaction);
   }
   if (!done) return failed("delete");

@@ -14,6 +14,7 @@
 #include <chrono>
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
@@ -46,9 +47,13 @@ struct JournalEntry {
   bool told = false;          ///< the broker has the result
   std::uint64_t arrival = 0;  ///< its number in the audit; 0: it came before there was one
   std::string payload;        ///< as it came; kept until there is a result
+  bool refused = false;       ///< it became no order: kept while there is room to spare
   /// A record's body for the audit, written together with this entry; empty: none.
   std::string audit;
 };
+
+/// In memory, roughly.
+std::size_t bytes_of(const JournalEntry& entry);
 
 class Store final {
  public:
@@ -75,7 +80,9 @@ class Store final {
   std::string_view state() const { return writable_ ? "disk" : "memory"; }
   /// Tries again to write where that failed, deletes what was acknowledged, lets go what is older
   /// than max_age and ids that need not be remembered any more. Ages are those of the time on disk,
-  /// and a clock that is set meanwhile makes nothing older or younger. Cheap where nothing is due.
+  /// and a clock that is set meanwhile makes nothing older or younger. Files that were deleted or
+  /// replaced since are noticed within a minute: what was in them counts as dropped, and those that
+  /// are there now are opened, or made. Cheap where nothing is due.
   void upkeep(SteadyTime now, std::int64_t utc_ms);
 
   /// Whether upkeep() has something to write soon.
@@ -86,8 +93,8 @@ class Store final {
   // ---- samples
 
   /// All of them in one transaction that is synchronised with the disk, and then the oldest rows
-  /// out until max_bytes holds. Each row gets its `order`. False: none was written, and none
-  /// changed.
+  /// out until max_bytes holds, the orders counted. Each row gets its `order`. False: none was
+  /// written, and none changed.
   bool append(std::vector<SampleRow>& rows, Hold hold);
   /// The next history message, as Backlog::next() has it. Rows that are damaged are dropped and
   /// counted: one of them would spoil the whole message.
@@ -102,7 +109,8 @@ class Store final {
   void release(std::uint64_t order);
 
   std::uint64_t rows() const { return rows_; }
-  std::uint64_t bytes() const { return bytes_; }
+  /// Of samples, and of what is kept of orders: together they stay below max_bytes().
+  std::uint64_t bytes() const { return bytes_ + orders_.bytes; }
   std::uint64_t max_bytes() const { return config_.max_bytes; }
   std::uint64_t recovered() const { return recovered_; }  ///< rows found at the start
   bool has_waiting(const std::string& device) const;
@@ -130,6 +138,8 @@ class Store final {
   bool journal(std::span<const JournalEntry> orders);
   /// Notes the result of an order, or of a command that never became one. The first result stays.
   void record(JournalEntry entry);
+  /// The same for several, in one commit.
+  void record(std::vector<JournalEntry> entries);
   /// The broker has the result of the command with this number.
   void told(std::string device, std::string id, std::uint64_t arrival);
   /// An id whose command has its result.
@@ -139,6 +149,7 @@ class Store final {
     std::uint64_t arrival = 0;
     std::int64_t received_ms = 0;
     std::int64_t deadline_ms = 0;
+    bool refused = false;
   };
   /// What earlier runs left in a file that could not be opened at the start of this one.
   struct FoundLate {
@@ -151,8 +162,7 @@ class Store final {
 
   /// What the journal has of this id, or will have once the disk takes it.
   std::optional<JournalEntry> find(const std::string& device, const std::string& id);
-  /// Of those that are over the newest ids of each device and those whose time is not; oldest
-  /// first.
+  /// Of those that are over; oldest first.
   std::vector<KnownId> known_ids();
   /// Of what the broker was not told every order without a result, and of each device the newest
   /// results; oldest first.
@@ -191,6 +201,12 @@ class Store final {
     std::string id;
     std::uint64_t arrival = 0;
   };
+  /// What the file has of orders.
+  struct OrderSum {
+    std::uint64_t rows = 0;
+    std::uint64_t bytes = 0;
+    std::uint64_t refused = 0;
+  };
   struct Victim {
     std::uint64_t order = 0;
     LaneKey lane;
@@ -216,6 +232,7 @@ class Store final {
   }
   void forget_rows();
   void open_late(std::int64_t utc_ms);
+  void look_for_the_files();
   void start_anew(std::string why);
   void failed(std::string_view doing);
   /// A single row could not be read. The file can be written all the same, unless it is damaged.
@@ -232,12 +249,22 @@ class Store final {
   void forget(const std::vector<Victim>& gone);
   void drop_damaged(const LaneKey& lane, const std::vector<std::uint64_t>& orders);
   void drop_old_rows();
+  /// The oldest rows out of what is above max_bytes, the orders counted.
+  void drop_excess_rows();
+  void drop_rows(std::uint64_t excess, std::int64_t older_than_ms);
   void drop_old_ids();
+  bool count_orders();
+  /// Carries out a change of one row within the caller's transaction and counts what it does.
+  bool change_order(const std::string& device, const std::string& id,
+                    const std::function<bool()>& change);
+  bool make_room_for_refused();
+  void shrink_orders();
   bool write_orders(std::span<const JournalEntry> orders);
   bool write_order(const JournalEntry& entry);
   bool write_entry(const JournalEntry& entry);
   bool write_record(const JournalEntry& entry);
   void keep_unrecorded(JournalEntry entry);
+  void begin_changes();
   /// Within the caller's transaction, after the trail's begin().
   bool write_audit(std::string_view body);
   bool write_unaudited();
@@ -273,16 +300,21 @@ class Store final {
   std::uint64_t recovered_ = 0;
   std::map<LaneKey, Lane> lanes_;
   std::unordered_map<std::uint64_t, Out> out_;
-  std::set<std::uint64_t> removed_;  ///< still in the file
+  OrderSum orders_;                     ///< as committed
+  OrderSum orders_changed_;             ///< as the transaction that is open will leave it
+  std::uint64_t not_to_be_shrunk_ = 0;  ///< bytes of orders that nothing could be taken from
+  std::set<std::uint64_t> removed_;     ///< still in the file
   std::map<std::string, std::uint64_t> dropped_;
-  Unrecorded unrecorded_;        ///< orders and results that are not in the file
+  Unrecorded unrecorded_;  ///< orders and results that are not in the file
+  std::size_t unrecorded_bytes_ = 0;
   std::vector<Told> untold_;     ///< told, not noted yet
   bool forgot_results_ = false;  ///< there were too many of them
   std::optional<FoundLate> found_late_;
   bool was_open_ = false;              ///< in this run
   bool mending_ = false;               ///< a fresh file is being made in place of a damaged one
   std::deque<std::string> unaudited_;  ///< bodies that are not in the file
-  std::uint64_t audit_lost_ = 0;       ///< bodies that found no room there, not told yet
+  std::size_t unaudited_bytes_ = 0;
+  std::uint64_t audit_lost_ = 0;  ///< bodies that found no room there, not told yet
   std::uint64_t arrivals_ = 0;
   std::uint64_t first_audit_of_run_ = 0;
   std::optional<SteadyTime> running_since_;

@@ -43,17 +43,61 @@ constexpr const char* kSchema[] = {
     // Which ids are the newest is told by the numbers of their commands: a clock can be set back.
     "DROP INDEX orders_by_age;"
     "CREATE INDEX orders_by_arrival ON orders(device, arrival DESC, received_ms DESC,"
-    " told);"};
+    " told);",
+    // What became no order is kept while there is room to spare.
+    ("ALTER TABLE orders ADD COLUMN refused INTEGER NOT NULL DEFAULT 0;"
+     "CREATE INDEX orders_refused ON orders(arrival) WHERE refused = 1;")};
+
+std::string why_not_opened(const std::string& path) {
+  return path + ": " +
+         (errno == ELOOP ? "it is a symbolic link, which is not followed" : std::strerror(errno));
+}
+
+/// Whoever may write in the directory can put a file or a link in the place of the store's. A
+/// sticky one keeps them from that, and of what they made before nothing is taken.
+std::string who_else_may_write(const std::string& directory) {
+  struct stat found {};
+  if (::stat(directory.c_str(), &found) != 0) return directory + ": " + std::strerror(errno);
+  if (!S_ISDIR(found.st_mode)) return {};  // opening a file in it says so
+  if (found.st_uid != ::geteuid() && found.st_uid != 0)
+    return directory + " belongs to user " + std::to_string(found.st_uid) +
+           " and the agent runs as user " + std::to_string(::geteuid()) +
+           ": that user could replace the store's files; chown it to the agent's user";
+  if ((found.st_mode & (S_IWGRP | S_IWOTH)) != 0 && (found.st_mode & S_ISVTX) == 0)
+    return directory + " can be written by " +
+           ((found.st_mode & S_IWOTH) != 0 ? "everybody" : "its group") +
+           ", who could replace the store's files; chmod 700 it";
+  return {};
+}
+
+/// Of an open file; empty: it is a plain one of our own, under one name.
+std::string why_not_ours(int handle, const std::string& path) {
+  struct stat found {};
+  if (::fstat(handle, &found) != 0) return path + ": " + std::strerror(errno);
+  if (!S_ISREG(found.st_mode)) return path + " is not a plain file";
+  if (found.st_uid != ::geteuid())
+    return path + " belongs to user " + std::to_string(found.st_uid) + ", not to the agent's";
+  if (found.st_nlink > 1) return path + " has another name too (a hard link)";
+  return {};
+}
 
 }  // namespace
 
-DirectoryLock::DirectoryLock(const std::string& directory) {
-  const std::string path = directory + "/fxagent.lock";
-  handle_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, S_IRUSR | S_IWUSR);
+std::optional<FileIdentity> identity_of(const std::string& path) {
+  struct stat found {};
+  if (::lstat(path.c_str(), &found) != 0) return std::nullopt;
+  return FileIdentity{found.st_dev, found.st_ino};
+}
+
+DirectoryLock::DirectoryLock(const std::string& directory) : path_(directory + "/fxagent.lock") {
+  const std::string& path = path_;
+  handle_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, S_IRUSR | S_IWUSR);
   if (handle_ < 0) {
-    fault_ = path + ": " + std::strerror(errno);
+    fault_ = why_not_opened(path);
     return;
   }
+  fault_ = why_not_ours(handle_, path);
+  if (!fault_.empty()) return;
   const auto give_up = std::chrono::steady_clock::now() + kPatience;
   while (::flock(handle_, LOCK_EX | LOCK_NB) != 0) {
     if (errno != EWOULDBLOCK || std::chrono::steady_clock::now() >= give_up) {
@@ -63,6 +107,7 @@ DirectoryLock::DirectoryLock(const std::string& directory) {
     }
     std::this_thread::sleep_for(kAskAgain);
   }
+  identity_ = identity_of(path);
 }
 
 DirectoryLock::~DirectoryLock() {
@@ -80,15 +125,20 @@ std::string make_store_file(const std::string& directory) {
     if (fault) return directory + ": " + fault.message();
     ::chmod(directory.c_str(), S_IRWXU);
   }
+  std::string why = who_else_may_write(directory);
+  if (!why.empty()) return why;
   const std::string file = store_file_path(directory);
-  const int handle = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, S_IRUSR | S_IWUSR);
-  if (handle < 0) return file + ": " + std::strerror(errno);
-  ::fchmod(handle, S_IRUSR | S_IWUSR);
+  const int handle =
+      ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, S_IRUSR | S_IWUSR);
+  if (handle < 0) return why_not_opened(file);
+  why = why_not_ours(handle, file);
+  if (why.empty()) ::fchmod(handle, S_IRUSR | S_IWUSR);
   ::close(handle);
-  return {};
+  return why;
 }
 
-StoreFile::StoreFile(const std::string& path, bool always) : db(path), always_(always) {
+StoreFile::StoreFile(const std::string& path, bool always)
+    : db(path), path_(path), always_(always) {
   if (!db.is_open()) return;
   sqlite3_busy_timeout(db.handle(), static_cast<int>(kPatience.count()));
   usable_ = db.execute("PRAGMA journal_mode = WAL") &&
@@ -104,21 +154,23 @@ StoreFile::StoreFile(const std::string& path, bool always) : db(path), always_(a
   // A row makes room for a later command: the field did not know that id when it took this one. It
   // had let go of it, or the file opened late.
   order = {db,
-           "INSERT INTO orders VALUES(?, ?, ?, ?, ?, ?, ?, '', 0, ?, ?)"
+           "INSERT INTO orders VALUES(?, ?, ?, ?, ?, ?, ?, '', 0, ?, ?, 0)"
            " ON CONFLICT DO UPDATE SET received_ms = excluded.received_ms,"
            " deadline_ms = excluded.deadline_ms, op = excluded.op,"
            " response_topic = excluded.response_topic, correlation = excluded.correlation,"
-           " result = '', told = 0, arrival = excluded.arrival, payload = excluded.payload"
+           " result = '', told = 0, arrival = excluded.arrival, payload = excluded.payload,"
+           " refused = 0"
            " WHERE arrival < excluded.arrival"};
   record = {db,
-            "INSERT INTO orders VALUES(?, ?, ?, ?, ?, ?, ?, ?, 0, ?, '')"
+            "INSERT INTO orders VALUES(?, ?, ?, ?, ?, ?, ?, ?, 0, ?, '', ?)"
             " ON CONFLICT DO UPDATE SET"
             " received_ms = iif(arrival = excluded.arrival, received_ms, excluded.received_ms),"
             " deadline_ms = max(deadline_ms, excluded.deadline_ms), op = excluded.op,"
             " response_topic = iif(arrival = excluded.arrival, response_topic,"
             " excluded.response_topic),"
             " correlation = iif(arrival = excluded.arrival, correlation, excluded.correlation),"
-            " result = excluded.result, told = 0, arrival = excluded.arrival, payload = ''"
+            " result = excluded.result, told = 0, arrival = excluded.arrival, payload = '',"
+            " refused = iif(arrival = excluded.arrival, refused, excluded.refused)"
             " WHERE iif(result = '', arrival <= excluded.arrival, arrival < excluded.arrival)"};
   told = {db,
           "UPDATE orders SET told = 1, response_topic = '', correlation = x''"
@@ -128,7 +180,20 @@ StoreFile::StoreFile(const std::string& path, bool always) : db(path), always_(a
              "INSERT INTO devices VALUES(?, ?, ?) ON CONFLICT DO UPDATE SET last_seq ="
              " CASE excluded.clean WHEN 1 THEN excluded.last_seq"
              " ELSE max(last_seq, excluded.last_seq) END, clean = excluded.clean"};
+  // Its texts, and what the file needs beside them: the row's own, and its places in the indexes.
+  const std::string cost =
+      "(200 + length(CAST(device AS BLOB)) + 2 * length(CAST(id AS BLOB))"
+      " + length(CAST(op AS BLOB)) + length(CAST(response_topic AS BLOB)) + length(correlation)"
+      " + length(CAST(result AS BLOB)) + length(CAST(payload AS BLOB)))";
+  order_cost = {db, "SELECT " + cost + ", refused FROM orders WHERE device = ? AND id = ?"};
+  drop_refused = {db,
+                  "DELETE FROM orders WHERE (device, id) IN (SELECT device, id FROM orders"
+                  " WHERE refused = 1 ORDER BY arrival LIMIT ?) RETURNING " +
+                      cost};
+  sum_orders = {db, "SELECT count(*), total(" + cost + "), total(refused) FROM orders"};
   trail = AuditTrail(db);
+  file_ = identity_of(path);
+  log_ = identity_of(path + "-wal");
   try {
     checkpointer_.emplace(db, path);
   } catch (const std::system_error&) {
@@ -138,6 +203,10 @@ StoreFile::StoreFile(const std::string& path, bool always) : db(path), always_(a
 
 void StoreFile::synchronise(bool full) {
   if (!always_) db.execute(full ? "PRAGMA synchronous = FULL" : "PRAGMA synchronous = NORMAL");
+}
+
+bool StoreFile::is_in_place() const {
+  return file_ && log_ && identity_of(path_) == file_ && identity_of(path_ + "-wal") == log_;
 }
 
 bool StoreFile::can_write() {

@@ -2,6 +2,8 @@
 // in it and when is store.h's. The store's thread.
 #pragma once
 
+#include <sys/types.h>
+
 #include <optional>
 #include <string>
 
@@ -10,6 +12,14 @@
 #include "agent/uplink/sqlite.h"
 
 namespace fxagent {
+
+/// Which file a name stands for; nothing where it stands for none.
+struct FileIdentity {
+  dev_t device = 0;
+  ino_t number = 0;
+  auto operator<=>(const FileIdentity&) const = default;
+};
+std::optional<FileIdentity> identity_of(const std::string& path);
 
 /// Keeps a second agent away from a directory for as long as it lives, or until the process ends in
 /// whatever way. The database's own lock would keep readers away too.
@@ -23,8 +33,12 @@ class DirectoryLock final {
 
   /// Empty: it is ours.
   const std::string& fault() const { return fault_; }
+  /// Whether the lock file is still the one that was locked.
+  bool is_in_place() const { return identity_ && identity_of(path_) == identity_; }
 
  private:
+  std::string path_;
+  std::optional<FileIdentity> identity_;
   int handle_ = -1;
   std::string fault_;
 };
@@ -32,7 +46,9 @@ class DirectoryLock final {
 /// "fxagent.db" in `directory`.
 std::string store_file_path(const std::string& directory);
 
-/// Makes the directory (0700) and the file (0600) where they are not there. Empty: done.
+/// Makes the directory (0700) and the file (0600) where they are not there. Empty: done. A
+/// directory in which others could put their own files is refused, and so is a file that is a link,
+/// or not ours.
 std::string make_store_file(const std::string& directory);
 
 class StoreFile final {
@@ -50,6 +66,10 @@ class StoreFile final {
   /// Whether there is room for a message more.
   bool can_write();
 
+  /// Whether the file and its log are still those that were opened: what is written to others that
+  /// were deleted nobody finds again.
+  bool is_in_place() const;
+
   sqlite::Database db;
   sqlite::Statement insert;
   sqlite::Statement remove;
@@ -59,10 +79,16 @@ class StoreFile final {
   sqlite::Statement record;
   sqlite::Statement told;
   sqlite::Statement numbers;
+  sqlite::Statement order_cost;    ///< of one: its bytes, and whether it was refused
+  sqlite::Statement drop_refused;  ///< the oldest of them; their bytes
+  sqlite::Statement sum_orders;    ///< rows, bytes, refused
   AuditTrail trail;
 
  private:
+  const std::string path_;
   const bool always_;
+  std::optional<FileIdentity> file_;
+  std::optional<FileIdentity> log_;
   bool usable_ = false;
   std::optional<Checkpointer> checkpointer_;
 };

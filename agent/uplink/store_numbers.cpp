@@ -104,7 +104,8 @@ std::string Store::numbers_behind_path() const { return config_.path + "/fxagent
 /// The disk refuses rows, and the numbers with them; an empty file finds room where it is full.
 void Store::numbers_are_behind() {
   if (std::exchange(numbers_behind_, true)) return;
-  const int mark = ::open(numbers_behind_path().c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600);
+  const int mark =
+      ::open(numbers_behind_path().c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
   if (mark < 0) return;
   ::fsync(mark);
   ::close(mark);

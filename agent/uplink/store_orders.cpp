@@ -16,6 +16,13 @@ using std::chrono::milliseconds;
 
 constexpr std::size_t kMostUnrecorded = 10000;
 constexpr std::size_t kMostUnaudited = 3 * kMostUnrecorded;  // an order, its result, its PUBACK
+constexpr std::size_t kMostUnrecordedBytes = std::size_t{8} << 20;
+constexpr std::size_t kMostUnauditedBytes = std::size_t{8} << 20;
+constexpr std::uint64_t kMostRefused = 10000;  // rows of commands that became no order
+constexpr std::uint64_t kRefusedAtOnce = 200;
+// Of max_bytes, for orders; samples have the rest at least.
+constexpr std::uint64_t kShareOfOrders = 2;
+constexpr std::int64_t kShrunkAtOnce = 200;
 // The field asks for the first results of all ids that it still knows.
 constexpr std::chrono::hours kLongerThanKnown{1};
 constexpr std::chrono::hours kAgeAuditEvery{1};
@@ -36,7 +43,7 @@ std::int64_t moment(std::int64_t utc_ms) { return std::clamp<std::int64_t>(utc_m
 
 constexpr std::string_view kEntry =
     "SELECT device, id, received_ms, deadline_ms, op, response_topic, correlation, result, told,"
-    " arrival, payload";
+    " arrival, payload, refused";
 
 /// The row that a statement which begins with kEntry stands on.
 JournalEntry entry_of(Statement& row) {
@@ -53,10 +60,101 @@ JournalEntry entry_of(Statement& row) {
   entry.told = row.number(8) != 0;
   entry.arrival = from_sql(row.number(9));
   entry.payload = row.text(10);
+  entry.refused = row.number(11) != 0;
   return entry;
 }
 
 }  // namespace
+
+std::size_t bytes_of(const JournalEntry& entry) {
+  return sizeof(entry) + entry.response_topic.size() + entry.correlation.size() +
+         entry.result.size() + entry.payload.size();
+}
+
+void Store::begin_changes() {
+  file_->trail.begin();
+  orders_changed_ = orders_;
+}
+
+/// Once at the start, and after what deletes many.
+bool Store::count_orders() {
+  Statement& sum = file_->sum_orders;
+  if (sum.step() != Statement::Step::row) return false;
+  orders_.rows = from_sql(sum.number(0));
+  orders_.bytes = from_sql(sum.number(1));
+  orders_.refused = from_sql(sum.number(2));
+  sum.reset();
+  return true;
+}
+
+bool Store::change_order(const std::string& device, const std::string& id,
+                         const std::function<bool()>& change) {
+  Statement& cost = file_->order_cost;
+  const auto look = [&] {
+    OrderSum found;
+    if (cost.bind(1, device).bind(2, id).step() == Statement::Step::row) {
+      found.rows = 1;
+      found.bytes = from_sql(cost.number(0));
+      found.refused = cost.number(1) != 0 ? 1 : 0;
+      cost.reset();
+    }
+    return found;
+  };
+  const OrderSum before = look();
+  if (!change()) return false;
+  const OrderSum after = look();
+  orders_changed_.rows += after.rows - before.rows;
+  orders_changed_.bytes += after.bytes - before.bytes;
+  orders_changed_.refused += after.refused - before.refused;
+  return true;
+}
+
+/// The oldest of them go: a flood of commands that are refused must not fill the file.
+bool Store::make_room_for_refused() {
+  if (orders_changed_.refused < kMostRefused) return true;
+  Statement& drop = file_->drop_refused;
+  drop.bind(1, to_sql(kRefusedAtOnce));
+  auto step = drop.step();
+  for (; step == Statement::Step::row; step = drop.step()) {
+    --orders_changed_.rows;
+    --orders_changed_.refused;
+    orders_changed_.bytes -= from_sql(drop.number(0));
+  }
+  return step == Statement::Step::done;
+}
+
+/// Where orders take more than their share: what was refused goes first, then the results that
+/// were told, the oldest first; their ids stay. The samples beside them make room in append().
+void Store::shrink_orders() {
+  const std::uint64_t most = std::max(config_.max_bytes / kShareOfOrders, not_to_be_shrunk_);
+  if (!writable_ || orders_.bytes <= most) return;
+  not_to_be_shrunk_ = 0;
+  bool done = false;
+  {
+    Transaction transaction(file_->db);
+    begin_changes();
+    Statement oldest(file_->db,
+                     "SELECT device, id FROM orders WHERE refused = 1 OR told = 1 AND result <> ''"
+                     " ORDER BY refused DESC, arrival LIMIT ?");
+    Statement remove(file_->db, "DELETE FROM orders WHERE device = ? AND id = ? AND refused = 1");
+    Statement clear(file_->db, "UPDATE orders SET result = '' WHERE device = ? AND id = ?");
+    std::vector<std::pair<std::string, std::string>> found;
+    auto step = oldest.bind(1, kShrunkAtOnce).step();
+    for (; step == Statement::Step::row; step = oldest.step())
+      found.emplace_back(oldest.text(0), oldest.text(1));
+    if (found.empty()) not_to_be_shrunk_ = orders_.bytes;
+    done = transaction.begun() && step == Statement::Step::done &&
+           std::all_of(found.begin(), found.end(),
+                       [&](const auto& row) {
+                         return change_order(row.first, row.second, [&] {
+                           return remove.bind(1, row.first).bind(2, row.second).run() &&
+                                  clear.bind(1, row.first).bind(2, row.second).run();
+                         });
+                       }) &&
+           commit(transaction);
+  }
+  if (!done) failed("shrink");
+}
 
 bool Store::journal(std::span<const JournalEntry> orders) {
   if (writable_ && write_orders(orders)) return true;
@@ -74,23 +172,30 @@ void Store::keep_unrecorded(JournalEntry entry) {
     if (entry.arrival < kept->arrival + (kept->result.empty() ? 0 : 1)) return;
     if (entry.arrival == kept->arrival)
       entry.deadline_ms = std::max(entry.deadline_ms, kept->deadline_ms);
+    unrecorded_bytes_ -= bytes_of(*kept);
     by_id.erase(kept);
   }
+  unrecorded_bytes_ += bytes_of(entry);
   unrecorded_.push_back(std::move(entry));
-  if (unrecorded_.size() <= kMostUnrecorded) return;
-  auto oldest = std::find_if(unrecorded_.begin(), unrecorded_.end(),
-                             [](const JournalEntry& kept) { return !kept.result.empty(); });
-  if (oldest == unrecorded_.end()) oldest = unrecorded_.begin();
-  if (!std::exchange(forgot_results_, true))
-    log::error("results_not_kept", {{"device", oldest->device}, {"first_id", oldest->id}});
-  unrecorded_.erase(oldest);
+  while (unrecorded_.size() > kMostUnrecorded || unrecorded_bytes_ > kMostUnrecordedBytes) {
+    auto oldest = std::find_if(unrecorded_.begin(), unrecorded_.end(),
+                               [](const JournalEntry& kept) { return !kept.result.empty(); });
+    if (oldest == unrecorded_.end()) oldest = unrecorded_.begin();
+    if (!std::exchange(forgot_results_, true))
+      log::error("results_not_kept", {{"device", oldest->device}, {"first_id", oldest->id}});
+    unrecorded_bytes_ -= bytes_of(*oldest);
+    unrecorded_.erase(oldest);
+  }
 }
 
 bool Store::write_order(const JournalEntry& entry) {
-  return bind_entry(file_->order, entry)
-             .bind(8, to_sql(entry.arrival))
-             .bind(9, entry.payload)
-             .run() &&
+  return change_order(entry.device, entry.id,
+                      [&] {
+                        return bind_entry(file_->order, entry)
+                            .bind(8, to_sql(entry.arrival))
+                            .bind(9, entry.payload)
+                            .run();
+                      }) &&
          write_audit(entry.audit);
 }
 
@@ -101,7 +206,7 @@ bool Store::write_entry(const JournalEntry& entry) {
 bool Store::write_orders(std::span<const JournalEntry> orders) {
   {
     Transaction transaction(file_->db);
-    file_->trail.begin();
+    begin_changes();
     const bool written = transaction.begun() &&
                          std::all_of(orders.begin(), orders.end(),
                                      [this](const JournalEntry& e) { return write_order(e); });
@@ -112,26 +217,43 @@ bool Store::write_orders(std::span<const JournalEntry> orders) {
 }
 
 void Store::record(JournalEntry entry) {
+  std::vector<JournalEntry> entries;
+  entries.push_back(std::move(entry));
+  record(std::move(entries));
+}
+
+void Store::record(std::vector<JournalEntry> entries) {
+  if (entries.empty()) return;
   // An order that has found no disk so far goes there with its result.
-  const bool order_waits =
-      unrecorded_.get<1>().count(boost::make_tuple(entry.device, entry.id)) != 0;
-  if (writable_ && !order_waits) {
+  const auto order_waits = [this](const JournalEntry& entry) {
+    return unrecorded_.get<1>().count(boost::make_tuple(entry.device, entry.id)) != 0;
+  };
+  if (writable_ && std::none_of(entries.begin(), entries.end(), order_waits)) {
     {
       Transaction transaction(file_->db);
-      file_->trail.begin();
-      if (transaction.begun() && write_record(entry) && commit(transaction)) return;
+      begin_changes();
+      if (transaction.begun() &&
+          std::all_of(entries.begin(), entries.end(),
+                      [this](const JournalEntry& entry) { return write_record(entry); }) &&
+          commit(transaction))
+        return;
     }
     failed("journal");
   }
-  keep_unrecorded(std::move(entry));
+  for (JournalEntry& entry : entries) keep_unrecorded(std::move(entry));
   if (writable_) settle();
 }
 
 bool Store::write_record(const JournalEntry& entry) {
-  return bind_entry(file_->record, entry)
-             .bind(8, entry.result)
-             .bind(9, to_sql(entry.arrival))
-             .run() &&
+  if (entry.refused && !make_room_for_refused()) return false;
+  return change_order(entry.device, entry.id,
+                      [&] {
+                        return bind_entry(file_->record, entry)
+                            .bind(8, entry.result)
+                            .bind(9, to_sql(entry.arrival))
+                            .bind(10, std::int64_t{entry.refused})
+                            .run();
+                      }) &&
          write_audit(entry.audit);
 }
 
@@ -156,16 +278,12 @@ std::vector<Store::KnownId> Store::known_ids() {
   std::vector<KnownId> ids;
   if (!file_) return ids;
   Statement all(file_->db,
-                "SELECT device, id, arrival, received_ms, deadline_ms FROM"
-                " (SELECT *, row_number() OVER (PARTITION BY device ORDER BY arrival DESC,"
-                " received_ms DESC) AS place FROM orders)"
-                " WHERE (result IS NOT '' OR told IS 1) AND (place <= ?1 OR received_ms <= ?2 AND"
-                " deadline_ms >= ?2) ORDER BY arrival, received_ms");
-  all.bind(1, std::int64_t{kRememberedIds}).bind(2, utc_ms_);
+                "SELECT device, id, arrival, received_ms, deadline_ms, refused FROM orders"
+                " WHERE result IS NOT '' OR told IS 1 ORDER BY arrival, received_ms");
   auto step = all.step();
   for (; step == Statement::Step::row; step = all.step())
     ids.push_back({std::string(all.text(0)), std::string(all.text(1)), from_sql(all.number(2)),
-                   moment(all.number(3)), moment(all.number(4))});
+                   moment(all.number(3)), moment(all.number(4)), all.number(5) != 0});
   if (step == Statement::Step::failed) failed("read");
   return ids;
 }
@@ -193,21 +311,37 @@ void Store::drop_old_ids() {
   Statement old(file_->db,
                 "DELETE FROM orders WHERE deadline_ms < ?1"
                 " AND (told = 1 AND received_ms < ?2 OR received_ms < ?3)");
-  Statement many(
+  // Of the newest of each device the first results are kept too, of as many more the ids.
+  Statement results(
       file_->db,
-      "DELETE FROM orders WHERE told = 1 AND deadline_ms < ?1 AND (device, id) IN"
+      "UPDATE orders SET result = '' WHERE told = 1 AND result <> '' AND (device, id) IN"
       " (SELECT device, id FROM (SELECT device, id, row_number() OVER"
       " (PARTITION BY device ORDER BY arrival DESC, received_ms DESC) AS place FROM orders)"
-      " WHERE place > ?2)");
+      " WHERE place > ?1)");
+  Statement many(
+      file_->db,
+      "DELETE FROM orders WHERE told = 1 AND result = '' AND deadline_ms < ?1 AND (device, id) IN"
+      " (SELECT device, id FROM orders WHERE told = 1 AND result = ''"
+      " ORDER BY arrival DESC, received_ms DESC LIMIT -1 OFFSET ?2)");
   // A broker that refuses results for good must not fill the disk.
   Statement untold(file_->db,
                    "DELETE FROM orders WHERE deadline_ms < ?1 AND (device, id) IN"
                    " (SELECT device, id FROM (SELECT device, id, row_number() OVER"
                    " (PARTITION BY device ORDER BY arrival DESC, received_ms DESC) AS place"
                    " FROM orders WHERE told = 0 AND result <> '') WHERE place > ?2)");
-  const bool done = old.bind(1, utc_ms_).bind(2, utc_ms_ - day).bind(3, utc_ms_ - age).run() &&
-                    many.bind(1, utc_ms_).bind(2, std::int64_t{kRememberedIds}).run() &&
-                    untold.bind(1, utc_ms_).bind(2, std::int64_t{kRememberedIds}).run();
+  std::int64_t changed = 0;
+  const auto run = [&](Statement& statement) {
+    const bool done = statement.run();
+    changed += file_->db.changes();
+    return done;
+  };
+  // With few of them none can be one too many, and all of them need not be looked at.
+  const bool few = orders_.rows <= kRememberedIds;
+  const bool done = run(old.bind(1, utc_ms_).bind(2, utc_ms_ - day).bind(3, utc_ms_ - age)) &&
+                    (few || (run(results.bind(1, std::int64_t{kRememberedIds})) &&
+                             run(many.bind(1, utc_ms_).bind(2, std::int64_t{kFingerprints})) &&
+                             run(untold.bind(1, utc_ms_).bind(2, std::int64_t{kRememberedIds})))) &&
+                    (changed == 0 || count_orders());
   if (!done) failed("delete");
 }
 
@@ -215,10 +349,12 @@ void Store::drop_old_ids() {
 
 void Store::note(std::string body) {
   if (body.empty()) return;
-  if (unaudited_.size() < kMostUnaudited)
-    unaudited_.push_back(std::move(body));
-  else
+  if (unaudited_.size() >= kMostUnaudited || unaudited_bytes_ >= kMostUnauditedBytes) {
     ++audit_lost_;
+    return;
+  }
+  unaudited_bytes_ += body.size();
+  unaudited_.push_back(std::move(body));
 }
 
 bool Store::write_audit(std::string_view body) { return body.empty() || file_->trail.append(body); }
@@ -232,6 +368,7 @@ bool Store::write_unaudited() {
 bool Store::commit(Transaction& transaction) {
   if (!file_->trail.end(arrivals_) || !transaction.commit()) return false;
   file_->trail.committed();
+  orders_ = orders_changed_;
   return true;
 }
 
@@ -246,7 +383,7 @@ void Store::prune_audit() {
   const std::int64_t oldest_ms = utc_ms_ - milliseconds(config_.audit_max_age).count();
   {
     Transaction transaction(file_->db);
-    file_->trail.begin();
+    begin_changes();
     if (transaction.begun() &&
         file_->trail.prune(config_.audit_max_bytes, oldest_ms, may_age, utc_ms_) &&
         commit(transaction))

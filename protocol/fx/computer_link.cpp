@@ -503,6 +503,7 @@ Result<std::optional<Reply>> ComputerLink::data_reply(const Request& request, By
   Reply reply;
   reply.kind = Reply::Kind::data;
   reply.image = std::move(*image);
+  reply.began = at;
   reply.consumed = at + length;
   if (settings_.acknowledge_data) {
     reply.closing.push_back(kAck);
@@ -521,6 +522,7 @@ Result<std::optional<Reply>> ComputerLink::short_reply(ByteView rx, std::size_t 
   if (settings_.ends_with_cr_lf && (frame[length - 2] != kCr || frame[length - 1] != kLf))
     return garbled("CR LF is missing behind ACK or NAK: format 4 ends with it");
   Reply reply;
+  reply.began = at;
   reply.consumed = at + length;
   if (nak) {
     const ByteView code = frame.subspan(kHeader, 2);
@@ -582,6 +584,18 @@ Result<std::optional<Reply>> ComputerLink::decode(const Request& request, std::u
 
 bool ComputerLink::expects_reply(const Request& request) const {
   return request != Request(Control{Control::Kind::reset});
+}
+
+bool ComputerLink::may_pass_for_answer(ByteView bytes) const {
+  for (std::size_t at = 0; at < bytes.size(); ++at) {
+    if (bytes[at] != kStx && bytes[at] != kAck && bytes[at] != kNak && bytes[at] != kEnq) continue;
+    // The station and the PLC number follow, as far as they have come.
+    const ByteView header =
+        bytes.subspan(at + 1, std::min<std::size_t>(kHeader, bytes.size() - at) - 1);
+    if (std::all_of(header.begin(), header.end(), [](std::uint8_t c) { return hex_digit(c) >= 0; }))
+      return true;
+  }
+  return false;
 }
 
 LineLength ComputerLink::line_length(const Request& request) const {

@@ -53,6 +53,7 @@ class ComputerLink final : public Codec {
   Result<std::optional<Reply>> decode(const Request& request, std::uint16_t tag,
                                       ByteView rx) const override;
   bool expects_reply(const Request& request) const override;
+  bool may_pass_for_answer(ByteView bytes) const override;
   LineLength line_length(const Request& request) const override;
   Explanation explain(ByteView frame, std::optional<Direction> direction) const override;
 

@@ -70,6 +70,7 @@ Reply nak(std::size_t consumed) {
   Reply reply;
   reply.kind = Reply::Kind::nak;
   reply.text = "NAK (the programming port gives no reason)";
+  reply.began = consumed - 1;
   reply.consumed = consumed;
   return reply;
 }
@@ -97,6 +98,7 @@ Result<std::optional<Reply>> data_reply(ByteView rx, FramePlace at, std::size_t 
                                           std::to_string(bytes * 2) + " expected");
   Reply reply;
   reply.kind = Reply::Kind::data;
+  reply.began = at.begin;
   reply.consumed = at.end;
   reply.image.resize(bytes);
   for (std::size_t i = 0; i < bytes; ++i) {
@@ -136,6 +138,7 @@ Result<std::optional<Reply>> decode_acknowledge(ByteView rx) {
     if (rx[at] == kNak) return std::optional<Reply>(nak(at + 1));
     if (rx[at] == kAck) {
       Reply reply;
+      reply.began = at;
       reply.consumed = at + 1;
       return std::optional<Reply>(std::move(reply));
     }
@@ -379,6 +382,12 @@ Result<std::optional<Reply>> ProgrammingPort::decode(const Request& request, std
 }
 
 bool ProgrammingPort::expects_reply(const Request& /*request*/) const { return true; }
+
+bool ProgrammingPort::may_pass_for_answer(ByteView bytes) const {
+  return std::any_of(bytes.begin(), bytes.end(), [](std::uint8_t byte) {
+    return byte == kAck || byte == kNak || byte == kStx;
+  });
+}
 
 LineLength ProgrammingPort::line_length(const Request& request) const {
   // A command of one character in the classic set, of three (E00, E10) or two (E7, E8) in the

@@ -334,6 +334,7 @@ Result<std::optional<Reply>> Modbus::decode_rtu(const Request& request, ByteView
           auto reply = decode_pdu(request, whole.pdu);
           if (!reply) return reply;
           if (*reply) {
+            (*reply)->began = at;
             (*reply)->consumed = whole.end;
             return reply;
           }
@@ -367,6 +368,7 @@ Result<std::optional<Reply>> Modbus::decode_ascii(const Request& request, ByteVi
     const Frame frame = ascii_frame(rx, at);
     if (frame.state == Frame::State::incomplete) break;
     if (frame.state == Frame::State::wrong) return garbled(frame.error);
+    const std::size_t began = at;
     at = frame.end;
     const bool echo =
         echo_differs && std::equal(frame.pdu.begin(), frame.pdu.end(), pdu.begin(), pdu.end());
@@ -374,6 +376,7 @@ Result<std::optional<Reply>> Modbus::decode_ascii(const Request& request, ByteVi
     auto reply = decode_pdu(request, frame.pdu);
     if (!reply) return reply;
     if (!*reply) continue;
+    (*reply)->began = began;
     (*reply)->consumed = frame.end;
     return reply;
   }
@@ -390,6 +393,7 @@ Result<std::optional<Reply>> Modbus::decode_tcp(const Request& request, ByteView
     const Frame frame = tcp_frame(rx, at);
     if (frame.state == Frame::State::incomplete) return std::optional<Reply>{};
     if (frame.state == Frame::State::wrong) return garbled(frame.error);
+    const std::size_t began = at;
     at = frame.end;
     const bool echo =
         echo_differs && std::equal(frame.pdu.begin(), frame.pdu.end(), pdu.begin(), pdu.end());
@@ -402,6 +406,7 @@ Result<std::optional<Reply>> Modbus::decode_tcp(const Request& request, ByteView
     if (!reply) return reply;
     if (!*reply)
       return garbled("the answer is to another function, place or count: " + to_hex(frame.pdu));
+    (*reply)->began = began;
     (*reply)->consumed = frame.end;
     return reply;
   }
@@ -506,6 +511,36 @@ nanoseconds Modbus::quiet_before(nanoseconds char_time) const {
 
 milliseconds Modbus::pause_after(const Request& request) const {
   return expects_reply(request) ? milliseconds{} : kBroadcastPause;
+}
+
+bool Modbus::may_pass_for_answer(ByteView bytes) const {
+  if (settings_.framing != Framing::rtu)
+    return settings_.framing == Framing::tcp ||
+           std::find(bytes.begin(), bytes.end(), ':') != bytes.end();
+  // The head of an answer whose rest is still under way.
+  constexpr std::uint8_t kLastFunction = code(Function::read_write);
+  if (bytes.size() >= 2 && bytes[0] == settings_.unit && bytes[1] != 0 &&
+      (bytes[1] & ~kException) <= kLastFunction)
+    return true;
+  // A whole answer of any unit, or another master's read.
+  constexpr std::size_t kReadRequest = 5;
+  for (std::size_t at = 0; at + 4 <= bytes.size(); ++at) {
+    const auto length = answer_length(bytes.subspan(at + 1));
+    if (length && rtu_frame(bytes, at, *length).state == Frame::State::good) return true;
+    if (rtu_frame(bytes, at, kReadRequest).state == Frame::State::good) return true;
+  }
+  return false;
+}
+
+std::optional<Request> Modbus::apart_from(const Request& request) const {
+  const auto* read = std::get_if<Read>(&request);
+  if (read == nullptr) return std::nullopt;
+  // Eight coils are one byte of an answer, a register is two.
+  const std::uint32_t less = width_of(static_cast<Space>(read->span.space)) == 1 ? 8 : 16;
+  if (read->span.bits <= less) return std::nullopt;
+  Read shorter = *read;
+  shorter.span.bits -= less;
+  return shorter;
 }
 
 bool Modbus::is_broadcast() const {

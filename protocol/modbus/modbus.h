@@ -73,6 +73,8 @@ class Modbus final : public Codec {
   Request with_read(const Request& request, ByteView image) const override;
   std::chrono::nanoseconds quiet_before(std::chrono::nanoseconds char_time) const override;
   std::chrono::milliseconds pause_after(const Request& request) const override;
+  bool may_pass_for_answer(ByteView bytes) const override;
+  std::optional<Request> apart_from(const Request& request) const override;
   bool is_broadcast() const override;
   Recovery after_silence() const override;
   Recovery after_nonsense() const override;

@@ -2,7 +2,7 @@
 of its size. One run, one machine; prints a table, and writes the same as JSON. run.sh calls it; FXAGENT
 and FXSIM name the programs, NODE_BRIDGE a folder with bridge.js and its node_modules.
 
-    bench.py [--only a,b,c,d,e,f,g,h,i] [--json FILE] [--seconds N]
+    bench.py [--only a,b,c,d,e,f,g,h,i] [--json FILE] [--seconds N] [--smoke]
 """
 
 import argparse
@@ -11,12 +11,18 @@ import os
 import random
 import time
 
+import rig
 import scale
 import storing
 from probe import Usage, percentiles
-from rig import WARM_UP_S, Bench, device, first_message, machine, show
+from rig import Bench, device, first_message, machine, show, warm_up
 
 PEERS = ["fxagent", "python", "node"]
+# How much of everything.
+FULL = {"changes": 400, "commands": 300, "devices": (100, 1000), "ports": 1000,
+        "links": [100, 5000, 10000], "tags": [10000, 100000]}
+SMOKE = {"changes": 10, "commands": 10, "devices": (10, 20), "ports": 20, "links": [10, 20, 30],
+         "tags": [1000, 2000]}
 
 
 def wire_efficiency(seconds):
@@ -43,10 +49,12 @@ def wire_efficiency(seconds):
                                        for i in range(64)]}])
                 first_message(client)
                 stamps, end = [], time.monotonic() + seconds
-                while time.monotonic() < end:
-                    message = client.message(end - time.monotonic())
+                # A cycle at 9600 baud takes more than half a second: three stamps are the least.
+                while time.monotonic() < end or len(stamps) < 3:
+                    message = client.message(max(0.05, end - time.monotonic()))
                     if message:
                         stamps.append(json.loads(message[1])["ts"])
+                    assert time.monotonic() < end + 30, "nothing is published any more"
                 least = chars * 10 / baud * 1000
                 cycle = (stamps[-1] - stamps[0]) / (len(stamps) - 1)
                 rows.append({"protocol": protocol, "baud": baud, "least_ms": round(least, 1),
@@ -63,7 +71,7 @@ def thousand_registers(peer, seconds):
         client = bench.watch(bench.data_topic(peer))
         child = bench.peer(peer, [(name, port, 1000)], 100)
         first_message(client)
-        time.sleep(WARM_UP_S)
+        warm_up()
         while client.message(0):
             pass
         usage, reads, messages, began = Usage(child.pid), bench.reads(), 0, time.monotonic()
@@ -75,7 +83,7 @@ def thousand_registers(peer, seconds):
                 **usage.now()}
 
 
-def flat_out(peer, seconds):
+def flat_out(peer, seconds, changes=400):
     """(c) 10 tags as fast as possible, and from a change in the device to its message."""
     with Bench() as bench:
         plc, [(name, port)] = device()
@@ -83,7 +91,7 @@ def flat_out(peer, seconds):
         client = bench.watch(bench.data_topic(peer))
         child = bench.peer(peer, [(name, port, 10)], 0)
         first_message(client)
-        time.sleep(WARM_UP_S)
+        warm_up()
         usage, reads, began = Usage(child.pid), bench.reads(), time.monotonic()
         while time.monotonic() < began + seconds:
             client.message(0.01)
@@ -91,7 +99,7 @@ def flat_out(peer, seconds):
         rate = (bench.reads() - reads) / took
         used = usage.now()
         latencies = []
-        for value in range(1, 401):
+        for value in range(1, changes + 1):
             while client.message(0):
                 pass
             wanted = b'"r0":%d,' % (20000 + value)
@@ -117,7 +125,7 @@ def commands(peer, how, interval_ms, count):
         bench.peer(peer, [(name, port, 10 if how == "idle" else 1000)], interval_ms)
         first_message(data)
         data.socket.close()
-        time.sleep(WARM_UP_S)
+        warm_up()
         chance, latencies, lost = random.Random(7), [], 0
         for number in range(count):
             topic, payload = bench.order(peer, f"c{number}", number)
@@ -143,7 +151,14 @@ def main():
     parser.add_argument("--seconds", type=float, default=10)
     parser.add_argument("--samples", type=int, default=100000, help="of (i)")
     parser.add_argument("--peers", default=",".join(PEERS))
+    parser.add_argument("--smoke", action="store_true",
+                        help="every part once, as small and short as it can be: the figures mean nothing")
     options = parser.parse_args()
+    sizes = FULL
+    if options.smoke:
+        sizes = SMOKE
+        rig.WARM_UP_S = 0.2
+        options.seconds, options.samples = 1, 1000
     parts, peers = options.only.split(","), options.peers.split(",")
     out = {"machine": machine(), "seconds": options.seconds}
     print(out["machine"])
@@ -154,28 +169,28 @@ def main():
         out["registers"] = [thousand_registers(p, options.seconds) for p in peers]
         show("(b) 1,000 registers each 100 ms", out["registers"])
     if "c" in parts:
-        out["flat_out"] = [flat_out(p, options.seconds) for p in peers]
+        out["flat_out"] = [flat_out(p, options.seconds, sizes["changes"]) for p in peers]
         show("(c) 10 tags flat out; change in the device to MQTT, ms", out["flat_out"])
     if "d" in parts:
-        out["commands"] = [commands(p, how, interval, 300)
+        out["commands"] = [commands(p, how, interval, sizes["commands"])
                            for how, interval in (("idle", 3600000), ("polling", 100), ("flat out", 0))
                            for p in peers]
         show("(d) command to result, ms: idle, polling 1,000 registers at 100 ms, and flat out",
              out["commands"])
     if "e" in parts:
         out["devices"] = [scale.modbus_devices(p, count, options.seconds)
-                          for count in (100, 1000) for p in peers]
+                          for count in sizes["devices"] for p in peers]
         show("(e) Modbus TCP devices of 100 registers at 1 s", out["devices"])
     if "f" in parts:
-        out["programming_ports"] = [scale.programming_ports(1000, baud, options.seconds)
+        out["programming_ports"] = [scale.programming_ports(sizes["ports"], baud, options.seconds)
                                     for baud in (0, 9600)]
         show("(f) FX programming ports over TCP, 64 bytes each at 1 s; 9600 baud or unpaced",
              out["programming_ports"])
     if "g" in parts:
-        out["idle_links"] = scale.idle_links([100, 5000, 10000], options.seconds)
+        out["idle_links"] = scale.idle_links(sizes["links"], options.seconds)
         show("(g) Modbus TCP devices that are connected and hardly ever polled", out["idle_links"])
     if "h" in parts:
-        out["loading"] = scale.loading([10000, 100000])
+        out["loading"] = scale.loading(sizes["tags"])
         show("(h) loading a config with so many tags", out["loading"])
     if "i" in parts:
         out["store"] = storing.outage(options.samples)

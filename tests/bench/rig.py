@@ -9,10 +9,14 @@ import platform
 import shutil
 import socket
 import subprocess
+import sys
 import tempfile
 import time
 
 from probe import Control, Mqtt
+
+sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "support"))
+from ports import free_port
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 FXAGENT = os.environ["FXAGENT"]
@@ -21,10 +25,9 @@ BROKER = shutil.which("mosquitto", path=os.environ.get("PATH", "") + ":/usr/sbin
 WARM_UP_S = 2.0
 
 
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+def warm_up():
+    """What a measurement lets pass before it counts."""
+    time.sleep(WARM_UP_S)
 
 
 def free_ports(count):

@@ -9,7 +9,7 @@ import tempfile
 import time
 
 from probe import Usage
-from rig import FXAGENT, WARM_UP_S, Bench, device, free_port, free_ports
+from rig import FXAGENT, Bench, device, free_port, free_ports, warm_up
 
 
 def stamp_of(message):
@@ -29,7 +29,7 @@ def first_data_of_all(bench, client, began, count, patience=60):
 
 def beats(bench, client, child, count, seconds):
     """How well a period of 1 s is kept by so many devices, and what that takes."""
-    time.sleep(WARM_UP_S)
+    warm_up()
     while client.message(0):
         pass
     usage, gaps, polls, last = Usage(child.pid), [], 0, {}
@@ -104,7 +104,7 @@ def idle_links(counts, seconds):
             online = state.message(60)
             started = round(online[2] - began, 2) if online else None
             ready = first_data_of_all(bench, client, began, count)
-            time.sleep(WARM_UP_S)
+            warm_up()
             usage = Usage(child.pid)
             time.sleep(seconds)
             row = {"links": count, "online_after_s": started, "first_data_of_all_s": ready,

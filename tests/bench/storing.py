@@ -4,7 +4,7 @@ import os
 import time
 
 from probe import Usage, percentiles
-from rig import WARM_UP_S, Bench, device, first_message
+from rig import Bench, device, first_message, warm_up
 
 TAGS = 100
 DEVICES = 20
@@ -28,7 +28,7 @@ def start(bench, interval_ms, sync):
         store={"path": os.path.join(bench.directory, "store"), "max_bytes": 4 << 30,
                "sync": sync})
     first_message(client)
-    time.sleep(WARM_UP_S)
+    warm_up()
     return client, child
 
 

@@ -295,6 +295,42 @@ TEST(CodecContract, NoiseBeforeAnAnswerIsSkipped) {
   });
 }
 
+TEST(CodecContract, WhereTheAnswerBeginsIsToldSoThatWhatIsOlderIsSeen) {
+  for_each_sample([](const Sample& sample, const Codec& codec, const Bytes&) {
+    if (sample.stale.empty()) return;
+    const Bytes older = joined({sample.stale, sample.reply});
+    const auto got = codec.decode(sample.request, 1, older);
+    ASSERT_TRUE(got && *got);
+    EXPECT_EQ((*got)->consumed, older.size());
+    if (!sample.bare) {
+      EXPECT_EQ(to_hex(ByteView(older).subspan((*got)->began)), to_hex(sample.reply));
+    }
+  });
+}
+
+TEST(CodecContract, EveryAnswerMayPassForAnAnswer) {
+  for_each_sample([](const Sample& sample, const Codec& codec, const Bytes&) {
+    EXPECT_TRUE(codec.may_pass_for_answer(sample.reply));
+    EXPECT_TRUE(codec.may_pass_for_answer(joined({Bytes{0x00, 0xFF}, sample.reply})));
+    if (codec.after_silence() == Recovery::none) return;  // told apart by its number
+    EXPECT_FALSE(codec.may_pass_for_answer({}));
+    EXPECT_FALSE(codec.may_pass_for_answer(Bytes{0x00, 0xFF, 0x7F})) << "noise";
+    EXPECT_FALSE(codec.may_pass_for_answer(Bytes(40, 0xFF))) << "an idle line that is broken";
+  });
+}
+
+TEST(CodecContract, AQuestionThatIsToldApartHasAShorterAnswer) {
+  for_each_sample([](const Sample& sample, const Codec& codec, const Bytes&) {
+    const auto apart = codec.apart_from(sample.request);
+    if (!apart) return;
+    EXPECT_LT(codec.line_length(*apart).reply_chars, codec.line_length(sample.request).reply_chars);
+    EXPECT_TRUE(codec.encode(*apart, 1));
+    const auto got = codec.decode(*apart, 1, sample.reply);
+    const bool taken = got && *got && (*got)->kind == Reply::Kind::data;
+    EXPECT_FALSE(taken);
+  });
+}
+
 TEST(CodecContract, TheLineLengthIsWhatIsReallySent) {
   for_each_sample([](const Sample& sample, const Codec& codec, const Bytes& sent) {
     const LineLength length = codec.line_length(sample.request);

@@ -157,6 +157,21 @@ TEST(Plan, AGapIsReadWhereThatIsCheaperThanAnotherExchange) {
   EXPECT_EQ(reads("D13"), 2U);
 }
 
+TEST(Plan, WhereOneReadCostsAsMuchAsTwoOneIsTaken) {
+  // A second read costs 1 ms, 11 characters to ask and 4 around the answer: 16 ms, as 4 words do.
+  const ProgrammingPort codec({Model::fx3u});
+  const LineCost cost{1ms, 1ms};
+  const auto plan_of = [&](std::vector<const char*> names) {
+    std::vector<Point> points;
+    for (const char* name : names) points.push_back(device(codec, name));
+    return make_plan(codec, points, cost, 0);
+  };
+  const Plan whole = plan_of({"D0", "D5"});
+  ASSERT_EQ(whole.line_time, 2 * plan_of({"D0"}).line_time) << "this is a tie";
+  EXPECT_EQ(whole.reads.size(), 1U);
+  EXPECT_EQ(plan_of({"D0", "D5", "D10", "D15"}).reads.size(), 1U);
+}
+
 TEST(Plan, BitsAreReadByTheirByteAndNotBeyondTheLastDevice) {
   const ProgrammingPort codec({Model::fx1s});
   const std::vector<Point> points = {device(codec, "Y15", DataType::boolean),

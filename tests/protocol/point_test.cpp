@@ -170,6 +170,24 @@ TEST(Unpack, SwappedBytesAreSwappedInSixteenBitsToo) {
   EXPECT_EQ(read(point, "34 12"), whole(0x1234));
 }
 
+TEST(Unpack, AFloatHasTheByteOrderOfItsPointInBothDirections) {
+  // 23.4 is 41 BB 33 33, and 0.15625 is 3E 20 00 00.
+  const std::pair<ByteOrder, std::pair<const char*, const char*>> orders[] = {
+      {ByteOrder::abcd, {"BB 41 33 33", "20 3E 00 00"}},
+      {ByteOrder::cdab, {"33 33 BB 41", "00 00 20 3E"}},
+      {ByteOrder::badc, {"41 BB 33 33", "3E 20 00 00"}},
+      {ByteOrder::dcba, {"33 33 41 BB", "00 00 3E 20"}},
+  };
+  for (const auto& [order, images] : orders) {
+    Point point = word_point(DataType::float32);
+    point.order = order;
+    EXPECT_EQ(read(point, images.first), real(23.4)) << to_string(order);
+    EXPECT_EQ(read(point, images.second), real(0.15625)) << to_string(order);
+    EXPECT_EQ(written(point, real(23.4)), images.first) << to_string(order);
+    EXPECT_EQ(written(point, real(0.15625)), images.second) << to_string(order);
+  }
+}
+
 TEST(Unpack, AScaledIntegerIsTheDecimalNumberItLooksLike) {
   EXPECT_EQ(read(scaled_point(DataType::int16, 0.1, 0), "EA 00"), real(23.4));
   EXPECT_EQ(read(scaled_point(DataType::int16, 0.05, -273.15), "01 00"), real(-273.1));

@@ -25,6 +25,9 @@ ScriptedTransport& ScriptedTransport::expect(Bytes bytes) {
 ScriptedTransport& ScriptedTransport::give(Bytes bytes) {
   return add({Step::Kind::give, std::move(bytes), 0, "", {}});
 }
+ScriptedTransport& ScriptedTransport::later(Bytes bytes) {
+  return add({Step::Kind::later, std::move(bytes), 0, "", {}});
+}
 ScriptedTransport& ScriptedTransport::silence() {
   return add({Step::Kind::silence, {}, 0, "", {}});
 }
@@ -105,7 +108,8 @@ asio::awaitable<Result<std::size_t>> ScriptedTransport::read_some(MutableBytes i
                                                                   SteadyTime deadline) {
   co_await asio::post(executor_, asio::use_awaitable);
   if (!open_) co_return fail(ErrorCode::link_down, "the scripted channel is closed");
-  if (arrived_.empty() && next_is(Step::Kind::give)) arrived_ = take().bytes;
+  if (arrived_.empty() && (next_is(Step::Kind::give) || next_is(Step::Kind::later)))
+    arrived_ = take().bytes;
   if (!arrived_.empty()) {
     const std::size_t count = std::min(into.size(), arrived_.size());
     const auto end = arrived_.begin() + static_cast<std::ptrdiff_t>(count);
@@ -128,16 +132,19 @@ asio::awaitable<Result<std::size_t>> ScriptedTransport::read_some(MutableBytes i
   co_return fail(ErrorCode::timeout, "nothing in the script");
 }
 
-Result<std::size_t> ScriptedTransport::discard_input() {
+Result<Bytes> ScriptedTransport::discard_input() {
   if (!open_) return fail(ErrorCode::link_down, "the scripted channel is closed");
-  std::size_t total = std::exchange(arrived_, {}).size();
-  while (next_is(Step::Kind::give)) total += take().bytes.size();
+  Bytes found = std::exchange(arrived_, {});
+  while (next_is(Step::Kind::give)) {
+    const Bytes bytes = take().bytes;
+    found.insert(found.end(), bytes.begin(), bytes.end());
+  }
   if (next_is(Step::Kind::hang_up)) {
     take();
     close();
     return fail(ErrorCode::link_down, "the scripted peer has gone");
   }
-  return total;
+  return found;
 }
 
 void ScriptedTransport::close() noexcept {

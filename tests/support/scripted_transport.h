@@ -29,6 +29,8 @@ class ScriptedTransport final : public Transport {
   ScriptedTransport& expect(Bytes bytes);
   /// One read (more, where its buffer is small) brings these bytes. discard_input() takes them too.
   ScriptedTransport& give(Bytes bytes);
+  /// As give(), but a discard_input() comes too early for these.
+  ScriptedTransport& later(Bytes bytes);
   /// One read brings nothing until its deadline. Any read does so while a write is expected.
   ScriptedTransport& silence();
   /// One read waits really: until its deadline, or until the channel is closed.
@@ -44,6 +46,8 @@ class ScriptedTransport final : public Transport {
   /// Answers the writes that come after the script. Without it they fail the test.
   void then(Device device) { device_ = std::move(device); }
 
+  /// Leaves out the next step.
+  void skip() { steps_.pop_front(); }
   std::size_t steps_left() const { return steps_.size(); }
   std::size_t opened() const { return opened_; }
   /// Everything that was written, in order.
@@ -53,7 +57,7 @@ class ScriptedTransport final : public Transport {
   bool is_open() const override { return open_; }
   asio::awaitable<Written> write(ByteView bytes, SteadyTime deadline) override;
   asio::awaitable<Result<std::size_t>> read_some(MutableBytes into, SteadyTime deadline) override;
-  Result<std::size_t> discard_input() override;
+  Result<Bytes> discard_input() override;
   void close() noexcept override;
 
  private:
@@ -61,6 +65,7 @@ class ScriptedTransport final : public Transport {
     enum class Kind : std::uint8_t {
       expect,
       give,
+      later,
       silence,
       hang,
       hang_up,

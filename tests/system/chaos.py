@@ -44,13 +44,17 @@ class Chaos:
         self.rss = []  # (boot number, s since its start, KiB, orders so far)
         self.boots = 0
         self.clients = []
+        self.planned = {}  # lane -> how often it is to act
+        self.not_run = {}  # lane -> why this machine cannot have it
         self.orders = Orders({name: self.plant.places(name) for name in self.plant.PROTOCOLS})
         self.stack = contextlib.ExitStack()
-        self.pending = []  # (when, what heals)
+        self.pending = []  # (when, what heals), in s since the first act could be
+        self.begin = time.monotonic()
         with open(FXAGENT, "rb") as program:
             code = program.read()
         sanitized = b"__asan_init" in code or b"__tsan_init" in code
-        # The sanitizer's runtime must be the first library.
+        if sanitized:
+            self.not_run["clock"] = "a sanitizer's runtime must be the first library"
         self.with_clock = os.path.exists(CLOCK_LIBRARY) and not sanitized
 
     # The beginning.
@@ -120,11 +124,11 @@ class Chaos:
     # The middle.
 
     def run(self, acts, seconds):
-        begin = time.monotonic()
+        self.begin = time.monotonic()
         acts = collections.deque(acts)
         looked = 0.0
         while True:
-            now = time.monotonic() - begin
+            now = self.elapsed()
             for entry in sorted(self.pending, key=lambda e: e[0]):
                 if entry[0] <= now:
                     self.pending.remove(entry)
@@ -134,7 +138,7 @@ class Chaos:
                 self.ledger.note("act", text=act.text())
                 heal = getattr(self, "do_" + act.lane)(act)
                 if heal is not None:
-                    self.pending.append((time.monotonic() - begin + act.lasts, heal))
+                    self.pending.append((self.elapsed() + act.lasts, heal))
                 continue
             if now - looked >= 1.0:
                 looked = now
@@ -142,7 +146,10 @@ class Chaos:
             if now >= seconds:
                 return
             due = [looked + 1.0, seconds] + [e[0] for e in self.pending] + [a.at for a in list(acts)[:1]]
-            time.sleep(max(0.0, min(due) - (time.monotonic() - begin)))
+            time.sleep(max(0.0, min(due) - self.elapsed()))
+
+    def elapsed(self):
+        return time.monotonic() - self.begin
 
     def look(self):
         is_full = any(heal == self.heal_disk for _, heal in self.pending)
@@ -172,13 +179,19 @@ class Chaos:
     def do_broker(self, act):
         if any(heal in (self.broker.start, self.broker_on) for _, heal in self.pending):
             return None
-        self.struck["broker: " + act.kind] += 1
+        process = self.broker.process
         if act.kind == "paused":
-            self.broker.process.send_signal(signal.SIGSTOP)
+            process.send_signal(signal.SIGSTOP)
+            with contextlib.suppress(AssertionError):  # then it was no pause
+                wait_for("the broker to stand still", lambda: os.waitid(
+                    os.P_PID, process.pid, os.WSTOPPED | os.WNOWAIT | os.WNOHANG), 2)
+                self.struck["broker: paused"] += 1
             return self.broker_on
         if act.kind == "killed":
             self.ledger.broker_kills.append(time.monotonic())
         self.broker.kill(signal.SIGKILL if act.kind == "killed" else signal.SIGTERM)
+        if process.poll() is not None:
+            self.struck["broker: " + act.kind] += 1
         return self.broker.start
 
     def broker_on(self):
@@ -215,11 +228,17 @@ class Chaos:
         return None
 
     def do_disk(self, act):
-        self.struck["disk: " + self.disk.kind()] += 1
-        if self.agent.process is None:
+        if self.agent.process is None or not self.disk.fill(self.agent.process.pid):
             return None
-        self.disk.fill(self.agent.process.pid)
+        self.struck["disk: " + self.disk.kind()] += 1
         self.ledger.disk_refuses()
+        refusals = self.agent.disk_refusals()
+
+        def tighten():
+            if self.agent.process and self.agent.disk_refusals() == refusals:
+                self.struck["disk: and RLIMIT_FSIZE"] += 1
+                self.disk.tighten(self.agent.process.pid)
+        self.pending.append((self.elapsed() + act.lasts / 2, tighten))
         return self.heal_disk
 
     def heal_disk(self):
@@ -316,6 +335,47 @@ class Chaos:
         if left:
             self.ledger.fault(f"{left} samples are left in the store after a calm end")
 
+    def evidence(self):
+        """How often each lane is seen to have acted: by its effect, and not by what was meant."""
+        wire = collections.Counter()
+        for name in self.plant.PROTOCOLS:
+            wire.update(self.plant.sim.ask(cmd="stats", plc=name)["faults"])
+        return {
+            "kill": self.ledger.boots() - 1,
+            "broker": sum(n for what, n in self.struck.items() if what.startswith("broker: ")),
+            "network": sum(min(n, self.planned.get("network", 0)) for n in self.relay.struck.values()),
+            "wire": sum(wire.values()),
+            "disk": self.agent.disk_refusals(),
+            "clock": self.ledger.counts["samples by a clock that was set"],
+            "commands sent": sum(self.orders.sent.values()),
+            "commands carried out": sum(self.deeds.count.values()),
+            "results": sum(self.ledger.statuses.values()),
+            "samples": self.ledger.counts["samples"],
+            "devices with samples": sum(bool(stream.rows) for stream in self.ledger.streams.values()),
+            "health messages": len(self.ledger.healths),
+        }
+
+    def minimums(self, seconds):
+        """The least that a run must have had for its verdict to mean anything; far below what a machine
+        under load still does."""
+        least = {"samples": 5 * seconds, "devices with samples": len(self.plant.PROTOCOLS),
+                 "health messages": 1 + self.planned.get("kill", 0) // 6}
+        if self.orders_a_second:
+            sent = self.orders_a_second * seconds
+            least.update({"commands sent": sent / 5, "commands carried out": sent / 50,
+                          "results": sent / 20})
+        for lane, acts in self.planned.items():
+            if lane not in self.not_run:
+                least[lane] = max(1, acts // 4)
+        return least
+
+    def judge_minimums(self, seconds):
+        """Names what is missing, so that a run in which nothing happened is no pass."""
+        evidence = self.evidence()
+        for what, least in self.minimums(seconds).items():
+            if evidence[what] < least:
+                self.ledger.fault(f"too little of {what}: {evidence[what]} seen, {least:.0f} is the least")
+
     def judge(self):
         judge_orders(self.ledger, self.orders, self.deeds, self.version)
         for device, seq, when in self.ledger.broker_losses():
@@ -371,6 +431,7 @@ class Chaos:
             for key, count in sorted(counts.items()):
                 print(f"  {count:8} {key}", file=out)
         table("faults", self.struck)
+        table("what the cable did", self.relay.struck)
         table("wire faults that struck", stats)
         table("seen", ledger.counts)
         table("orders sent", self.orders.sent)
@@ -400,23 +461,28 @@ class Chaos:
 
 
 def run_chaos(seed, seconds, pace, sync, version, out, long, without=(), store_bytes=None,
-              orders_a_second=100):
-    """The faults that were found: an empty list is a pass. `without` names lanes of the plan."""
-    chaos = Chaos(seed, sync, version, long, seconds + 3 * SETTLE_S, store_bytes, orders_a_second)
+              orders_a_second=100, kind=Chaos):
+    """The faults that were found, where an empty list is a pass; and lane -> why it could not run here.
+    `without` names lanes that are left out of the plan."""
+    chaos = kind(seed, sync, version, long, seconds + 3 * SETTLE_S, store_bytes, orders_a_second)
     print(f"seed {seed}, {seconds} s, sync {sync}, MQTT {version}, in {chaos.directory}; disk: "
           f"{chaos.disk.kind()}; clock: {'set' if chaos.with_clock else 'left alone'}",
           file=out, flush=True)
     devices = {name: (protocol, "plain" if name == Plant.PLAIN else "ramp")
                for name, protocol in Plant.PROTOCOLS.items()}
     acts = [act for act in chaos_faults.plan(seed, seconds, pace, devices) if act.lane not in without]
+    # A clock that is set to what it is strikes nobody.
+    chaos.planned = {lane: sum(act.lane == lane and ("offset", 0) not in act.more for act in acts)
+                     for lane in chaos_faults.LANES if lane not in without}
     with open(os.path.join(chaos.directory, "plan.txt"), "w") as text:
         text.writelines(act.text() + "\n" for act in acts)
-    return carry_out(chaos, out, lambda: chaos.run(acts, seconds))
+    return carry_out(chaos, out, seconds, lambda: chaos.run(acts, seconds)), chaos.not_run
 
 
 def run_kills(seed, kills, out):
     """Nothing but kill -9, at random moments from the first on, with `sync: always`."""
     chaos = Chaos(seed, "always", "5", True, kills * 10 + 3 * SETTLE_S)
+    chaos.planned = {"kill": kills}
     print(f"seed {seed}, {kills} kills, sync always, in {chaos.directory}", file=out, flush=True)
     rng = random.Random(f"{seed}/kills")
 
@@ -429,10 +495,10 @@ def run_kills(seed, kills, out):
             chaos.start_agent()
             if number % 10 == 0:
                 chaos.look()
-    return carry_out(chaos, out, go)
+    return carry_out(chaos, out, kills, go)
 
 
-def carry_out(chaos, out, faults):
+def carry_out(chaos, out, seconds, faults):
     try:
         chaos.start()
         faults()
@@ -440,6 +506,7 @@ def carry_out(chaos, out, faults):
         chaos.settle()
         chaos.stop()
         chaos.judge()
+        chaos.judge_minimums(seconds)
         chaos.report(out)
     except BaseException as error:
         chaos.ledger.fault(f"the run broke off: {error!r}")
@@ -459,19 +526,23 @@ def main():
     parser.add_argument("--without", default="", help="lanes: kill,broker,network,wire,disk,clock")
     parser.add_argument("--store-bytes", type=int, help="a small store, which must drop and count")
     parser.add_argument("--orders", type=float, default=100, help="a second; 0: none")
+    parser.add_argument("--strict", action="store_true",
+                        help="exit status 3 where this machine cannot have one of the lanes")
     wanted = parser.parse_args()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit("ended from outside"))
+    not_run = {}
     if wanted.kills:
         faults = run_kills(wanted.seed, wanted.kills, sys.stdout)
     else:
         rng = random.Random(f"{wanted.seed}/kind")
         sync = wanted.sync or rng.choice(["always", "offline"])
         version = wanted.version or rng.choice(["5", "5", "3.1.1"])
-        faults = run_chaos(wanted.seed, wanted.minutes * 60, chaos_faults.LONG, sync, version,
-                           sys.stdout, True, wanted.without.split(","), wanted.store_bytes,
-                           wanted.orders)
-    print("\nevery check holds" if not faults else f"\n{len(faults)} checks do not hold")
-    return 1 if faults else 0
+        faults, not_run = run_chaos(wanted.seed, wanted.minutes * 60, chaos_faults.LONG, sync, version,
+                                    sys.stdout, True, wanted.without.split(","), wanted.store_bytes,
+                                    wanted.orders)
+    left_out = "".join(f"; {lane} was not run: {why}" for lane, why in not_run.items())
+    print("\n" + (f"{len(faults)} checks do not hold" if faults else "every check holds") + left_out)
+    return 1 if faults else 3 if not_run and wanted.strict else 0
 
 
 if __name__ == "__main__":

@@ -51,8 +51,9 @@ class Pace:
     longest: float
 
 
-SHORT = Pace(kill=(5, 9), broker=(6, 10), network=(4, 7), wire=(0.2, 0.8), disk=(18, 30), clock=(4, 8),
+SHORT = Pace(kill=(4, 7), broker=(6, 10), network=(4, 7), wire=(0.2, 0.8), disk=(16, 22), clock=(4, 8),
              longest=2.0)
+LANES = ("kill", "broker", "network", "wire", "disk", "clock")
 LONG = Pace(kill=(8, 40), broker=(20, 50), network=(8, 30), wire=(0.2, 1.5), disk=(60, 120),
             clock=(15, 60), longest=15.0)
 

@@ -271,6 +271,8 @@ class Ledger:
             self.fault(f"{device}: seq {row['seq']} of {group} is not whole: {row}")
         if bad:
             self.counts["samples with bad tags"] += 1
+        if abs(row["ts"] / 1000 - time.time()) > 30 and abs(self.clock.offset) > 30:
+            self.counts["samples by a clock that was set"] += 1
         reals = self.clock.real_times(row["ts"])
         if not reals:
             self.fault(f"{device}: seq {row['seq']} has a ts that no clock had: {row['ts']}")
@@ -353,6 +355,10 @@ class Ledger:
             self.fault(f"health does not add up: {samples}")
 
     # What is asked at the end.
+
+    def boots(self):
+        """How many lives of the agent are seen in its samples."""
+        return len({boot for stream in self.streams.values() for boot in stream.boots})
 
     def dropped(self, device):
         """By health, over all boots: at least so many, since a kill takes the last count along."""

@@ -15,7 +15,7 @@ import paho.mqtt.client as mqtt
 
 from chaos_ledger import SCAN_S, Ramp
 from chaos_orders import DEMO_PLACES, FX_PLACES, MODBUS_PLACES
-from plant import BASE, FXAGENT, PATIENCE, Agent, Sim
+from plant import BASE, FXAGENT, PATIENCE, Agent, Sim, memory_kib
 
 # peers/shifted_clock.cpp, built; without it the clock is left alone.
 CLOCK_LIBRARY = os.environ.get("CLOCK_LIBRARY", "")
@@ -37,25 +37,34 @@ class Disk:
         return "a full tmpfs" if self.is_mounted else "RLIMIT_FSIZE"
 
     def fill(self, pid):
+        """Whether there is no room now: a file system that may not shrink leaves everything as it was."""
         if not self.is_mounted:
             return self._limit(pid, 4096)
         for _ in range(20):  # the agent writes meanwhile
             usage = os.statvfs(self.path)
             used = (usage.f_blocks - usage.f_bfree) * usage.f_frsize
             if self._remount(f"size={max(used, 4096)}"):
-                return None
-        return None
+                return True
+        return False
+
+    def tighten(self, pid):
+        """For a store that gets by with the room that its files have already: they end here now."""
+        return self._limit(pid, 4096)
 
     def heal(self, pid):
         if self.is_mounted:
             self._remount(self.ROOM)
-        elif pid is not None:
+        if pid is not None:
             self._limit(pid, None)
 
     @staticmethod
     def _limit(pid, size):
-        _, hard = resource.prlimit(pid, resource.RLIMIT_FSIZE)
-        resource.prlimit(pid, resource.RLIMIT_FSIZE, (hard if size is None else size, hard))
+        try:
+            _, hard = resource.prlimit(pid, resource.RLIMIT_FSIZE)
+            resource.prlimit(pid, resource.RLIMIT_FSIZE, (hard if size is None else size, hard))
+        except (OSError, ProcessLookupError):
+            return False
+        return True
 
     def _remount(self, size):
         return subprocess.run(["mount", "-o", "remount," + size, self.path],
@@ -101,15 +110,18 @@ class ChaosAgent(Agent):
         return status
 
     def rss_kib(self):
-        with contextlib.suppress(OSError, AttributeError, IndexError):
-            with open(f"/proc/{self.process.pid}/status") as text:
-                return next(int(line.split()[1]) for line in text if line.startswith("VmRSS"))
+        with contextlib.suppress(OSError, AttributeError, StopIteration):
+            return memory_kib(self.process.pid, "VmRSS")
         return None
 
     def store_writes(self):
         """By its last word on the store."""
         words = [line for line in self.logged().splitlines() if " store state=" in line]
         return bool(words) and "state=disk" in words[-1]
+
+    def disk_refusals(self):
+        """How often the store found, by its own word, that the disk takes nothing."""
+        return sum(" store state=memory" in line for line in self.logged().splitlines())
 
 
 class Consumer:

@@ -3,6 +3,7 @@ understands enough MQTT to say what crossed it: an observer that neither agent n
 """
 
 import asyncio
+import collections
 import socket
 import struct
 import threading
@@ -121,6 +122,7 @@ class Relay:
         self.server = None
         self.seconds_a_chunk = 0.0
         self.bytes_a_second = None
+        self.struck = collections.Counter()  # what the cable did to bytes and connections
         self.loop = asyncio.new_event_loop()
         self.thread = threading.Thread(target=self.loop.run_forever, name="relay", daemon=True)
 
@@ -173,10 +175,12 @@ class Relay:
         if self.server is not None:
             self.server.close()
             self.server = None
+            self.struck["refused"] += 1
         await self._cut()
 
     async def _cut(self):
         connections = list(self.connections.items())
+        self.struck["connections cut"] += len(connections)
         for pumps, writers in connections:
             for writer in writers:
                 reset(writer)
@@ -212,7 +216,10 @@ class Relay:
                 raise ConnectionResetError  # ends the other direction too
             note(data)
             if self.bytes_a_second:
+                self.struck["chunks slowed down"] += 1
                 await asyncio.sleep(self.seconds_a_chunk + len(data) / self.bytes_a_second)
+            if not self.flowing.is_set():
+                self.struck["chunks held back"] += 1
             await self.flowing.wait()
             writer.write(data)
             await writer.drain()

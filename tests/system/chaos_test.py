@@ -1,25 +1,84 @@
-"""The short form of the chaos: half a minute of every fault by a fixed seed. And proof that its checks
-see what they look for."""
+"""The short form of the chaos: two runs of half a minute with every fault, each by a fixed seed. And
+proof that its checks see what they look for, and that a run in which nothing happens is no pass."""
 
 import json
+import os
 import sys
+import tempfile
 import time
 import types
 import unittest
 
 import chaos_faults
+from chaos import Chaos as Run
 from chaos import run_chaos
 from chaos_ledger import Ledger, Ramp
 from chaos_orders import FX_PLACES, Deeds, Orders, judge_orders
-from chaos_plant import Plant
+from chaos_plant import Disk, Plant
 from chaos_relay import Tap
 from plant import BASE
 
 
 class Chaos(unittest.TestCase):
-    def test_every_fault_at_once_and_every_promise_kept(self):
-        faults = run_chaos(7, 30, chaos_faults.SHORT, "always", "5", sys.stdout, long=False)
+    def run_it(self, seed, sync, version):
+        faults, not_run = run_chaos(seed, 30, chaos_faults.SHORT, sync, version, sys.stdout, long=False)
         self.assertEqual(faults, [])
+        for lane, why in not_run.items():
+            print(f"{lane} was not run: {why}")
+        # Only a sanitizer excuses a lane.
+        self.assertLessEqual(not_run.keys(), {"clock"})
+
+    def test_every_fault_at_once_and_every_promise_kept(self):
+        self.run_it(7, "always", "5")
+
+
+class ChaosOffline(Chaos):
+    def test_every_fault_at_once_and_every_promise_kept(self):
+        """The same with the store only where the broker is away, on the older MQTT."""
+        self.run_it(12, "offline", "3.1.1")
+
+
+class NothingHappens(Run):
+    """The chaos with every lane broken, as a lane can break: it is asked to act, and does nothing."""
+
+    def start(self):
+        super().start()
+        for client in self.clients:
+            client.send = lambda: None
+
+    def nothing(self, _act):
+        return None
+
+    do_kill = do_broker = do_network = do_wire = do_disk = do_clock = nothing
+
+
+class Minimums(unittest.TestCase):
+    def test_a_run_in_which_nothing_happens_fails_by_the_name_of_each_lane(self):
+        faults, not_run = run_chaos(7, 6, chaos_faults.SHORT, "always", "5", sys.stdout, long=False,
+                                    kind=NothingHappens)
+        missing = {fault.split(":")[0] for fault in faults}
+        lanes = set(chaos_faults.LANES) - not_run.keys()
+        self.assertEqual(missing, {"too little of " + what for what in
+                                   lanes | {"commands sent", "commands carried out", "results"}})
+
+    def test_a_disk_that_could_not_be_filled_is_no_fault(self):
+        with tempfile.TemporaryDirectory() as directory:
+            disk = Disk(directory)
+            try:
+                disk.is_mounted = True
+                disk._remount = lambda _size: False
+                self.assertFalse(disk.fill(os.getpid()))
+            finally:
+                del disk._remount
+                disk.close()
+
+    def test_a_plan_without_an_act_of_a_lane_is_no_plan(self):
+        for seed in (7, 12):
+            devices = {name: (protocol, "plain" if name == Plant.PLAIN else "ramp")
+                       for name, protocol in Plant.PROTOCOLS.items()}
+            acts = chaos_faults.plan(seed, 30, chaos_faults.SHORT, devices)
+            acting = {act.lane for act in acts if ("offset", 0) not in act.more}
+            self.assertEqual(acting, set(chaos_faults.LANES))
 
 
 class Checks(unittest.TestCase):

@@ -1,5 +1,6 @@
 // fault_point() of the program that dies at one: FXAGENT_CRASH_AT="name" or "name:nth" names it,
-// and the kernel ends the process there without another instruction of it.
+// and the kernel ends the process there without another instruction of it. Where
+// FXAGENT_STAND_STILL_AT names the point, the thread that comes there goes no further.
 #include <signal.h>
 #include <unistd.h>
 
@@ -32,6 +33,8 @@ struct CrashAt {
 void fault_point(std::string_view name) noexcept {
   static const CrashAt wanted;
   static std::atomic<int> passed = 0;
+  static const char* const still = std::getenv("FXAGENT_STAND_STILL_AT");
+  while (still != nullptr && name == still) ::pause();
   if (name != wanted.name || ++passed != wanted.nth) return;
   ::kill(::getpid(), SIGKILL);
   ::pause();  // another thread may have been given the signal

@@ -8,6 +8,7 @@ the environment: FXAGENT, FXSIM. Children are ended by their pid.
 import contextlib
 import json
 import os
+import re
 import shutil
 import signal
 import socket
@@ -22,8 +23,13 @@ import paho.mqtt.client as mqtt
 from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 
+sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "support"))
+from ports import free_port
+
 FXAGENT = os.environ["FXAGENT"]
 FXSIM = os.environ["FXSIM"]
+# A sanitizer keeps what was freed, and shadows the rest.
+MEMORY_FACTOR = 10 if os.environ.get("SANITIZE") else 1
 BROKER = shutil.which("mosquitto", path=os.environ.get("PATH", "") + ":/usr/sbin")
 
 # How long an event may take at the very most on a busy machine; not a bound on anything measured.
@@ -33,11 +39,45 @@ SCHEDULING_MS = 60.0
 
 BASE = "fx/plant-a/edge7"
 
+# What a sanitizer writes, whenever it comes: at the exit of the program at the latest.
+SANITIZER = re.compile(r"^.*(?:Sanitizer|runtime error:).*$", re.MULTILINE)
 
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+
+def has_failed(test):
+    """Whether the test has failed so far: for tearDown() and cleanups, where unittest's own flag stands for
+    the part that runs, which is they themselves."""
+    result = test._outcome.result
+    return any(test in (case, getattr(case, "test_case", None))
+               for case, _ in result.failures + result.errors)
+
+
+def memory_kib(pid, what):
+    """Of a running process: VmRSS, what it has now, or VmHWM, the most it ever had. OSError or
+    StopIteration where it has ended."""
+    with open(f"/proc/{pid}/status") as status:
+        return next(int(line.split()[1]) for line in status if line.startswith(what))
+
+
+def listens(pid, port):
+    """Whether this process listens on this port of IPv4; anybody's listener will not do."""
+    with open("/proc/net/tcp") as table:
+        rows = [line.split() for line in table][1:]
+    sockets = {f"socket:[{row[9]}]" for row in rows
+               if row[3] == "0A" and int(row[1].split(":")[1], 16) == port}
+    files = f"/proc/{pid}/fd"
+    for name in os.listdir(files):
+        with contextlib.suppress(FileNotFoundError):
+            if os.readlink(os.path.join(files, name)) in sockets:
+                return True
+    return False
+
+
+def text_of(path):
+    """What a child wrote, as far as it is text; nothing where it never ran."""
+    with contextlib.suppress(FileNotFoundError):
+        with open(path, errors="replace") as text:
+            return text.read()
+    return ""
 
 
 def wait_for(what, condition, patience=PATIENCE):
@@ -66,25 +106,35 @@ def device(name="press1", link="line1", tags=None, groups=None, **more):
 
 
 class Broker:
-    """One mosquitto on a port of its own; start() and kill() as often as wanted."""
+    """One mosquitto on a port of its own; start() and kill() as often as wanted. What it says is in
+    mosquitto-PORT.log beside its settings."""
 
     def __init__(self, directory, extra=""):
         self.port = free_port()
         self.conf = os.path.join(directory, f"mosquitto-{self.port}.conf")
+        self.log_path = os.path.join(directory, f"mosquitto-{self.port}.log")
         anonymous = "" if "password_file" in extra else "allow_anonymous true\n"
         with open(self.conf, "w") as out:
-            out.write(f"listener {self.port} 127.0.0.1\n{anonymous}{extra}\n")
+            out.write(f"listener {self.port} 127.0.0.1\nlog_dest stderr\n{anonymous}{extra}\n")
         self.process = None
 
     def start(self):
-        self.process = subprocess.Popen([BROKER, "-c", self.conf], stdout=subprocess.DEVNULL,
-                                        stderr=subprocess.DEVNULL)
-        wait_for("the broker's port", self._accepts)
+        self.said_before = len(text_of(self.log_path))
+        with open(self.log_path, "a") as log:
+            self.process = subprocess.Popen([BROKER, "-c", self.conf], stdout=log, stderr=log)
+        wait_for("the broker's port", self._serves)
 
-    def _accepts(self):
-        with socket.socket() as probe:
-            probe.settimeout(1)
-            return probe.connect_ex(("127.0.0.1", self.port)) == 0
+    def _serves(self):
+        status = self.process.poll()
+        if status is not None:
+            self.process = None
+            raise AssertionError(f"mosquitto ended with status {status}:\n{text_of(self.log_path)}")
+        try:
+            return listens(self.process.pid, self.port)
+        except PermissionError:
+            # Another user by now, whose files root may not see in some containers: its own word then.
+            return bool(re.search(r"mosquitto version \S+ running",
+                                  text_of(self.log_path)[self.said_before:]))
 
     def kill(self, sign=signal.SIGKILL):
         if self.process is None:
@@ -190,6 +240,7 @@ class Sim:
         self.plcs = plcs
         self.lifetime_s = lifetime_s
         self.control = os.path.join(directory, "sim.sock")
+        self.log_path = os.path.join(directory, "sim.log")
         self.process = None
         self.ports = {}
 
@@ -197,11 +248,15 @@ class Sim:
         path = os.path.join(self.directory, "sim.json")
         with open(path, "w") as out:
             json.dump({"plcs": self.plcs}, out)
-        self.process = subprocess.Popen(
-            [FXSIM, "--config", path, "--control", self.control,
-             "--seconds", str(self.lifetime_s)],
-            stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
-        ready = json.loads(self.process.stdout.readline())
+        with open(self.log_path, "a") as log:
+            self.process = subprocess.Popen(
+                [FXSIM, "--config", path, "--control", self.control,
+                 "--seconds", str(self.lifetime_s)],
+                stdout=subprocess.PIPE, stderr=log, text=True)
+        line = self.process.stdout.readline()
+        if not line:
+            raise AssertionError("fxsim did not start:\n" + text_of(self.log_path))
+        ready = json.loads(line)
         self.ports = {plc["name"]: plc.get("tcp") for plc in ready["plcs"]}
 
     def ask(self, **question):
@@ -243,6 +298,7 @@ class Agent:
         self.write(config)
         self.log_path = os.path.join(directory, "agent.log")
         self.process = None
+        self.clean_stops = []  # the exit status of each
 
     def write(self, config):
         self.config = config
@@ -255,14 +311,23 @@ class Agent:
                                         stdout=subprocess.DEVNULL,
                                         env=dict(os.environ, **(environment or {})), **more)
 
-    def stop(self, sign=signal.SIGTERM):
-        """The exit status; sanitizers make it differ from 0."""
+    def stop(self, sign=signal.SIGTERM, expected=0):
+        """The exit status; sanitizers make it differ from 0. `expected` None: whatever it is."""
         if self.process is None:
             return None
-        self.process.send_signal(sign)
-        status = self.process.wait(PATIENCE)
-        self.process = None
-        self.log.close()
+        process, self.process = self.process, None
+        ended_by_itself = process.poll() is not None
+        process.send_signal(sign)
+        try:
+            status = process.wait(PATIENCE)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+            raise AssertionError(f"the agent did not end within {PATIENCE:.0f} s of {sign!r}") from None
+        finally:
+            self.log.close()
+        if sign == signal.SIGTERM and not ended_by_itself:
+            self.clean_stops.append(0 if expected in (status, None) else status)
         return status
 
     @contextlib.contextmanager
@@ -289,20 +354,34 @@ class PlantTest(unittest.TestCase):
         self.numbers = 0
 
     def tearDown(self):
-        status = self.agent.stop() if self.agent and self.agent.process else 0
-        if self.watcher:
-            self.watcher.close()
-        if self.sim:
-            self.sim.stop()
-        if self.broker:
-            self.broker.kill()
-        self.stack.close()
-        log = self.agent.logged() if self.agent and os.path.exists(self.agent.log_path) else ""
+        trouble = []
+        for end in [self.end_agent, lambda: self.watcher and self.watcher.close(),
+                    lambda: self.sim and self.sim.stop(), lambda: self.broker and self.broker.kill(),
+                    self.stack.close]:
+            try:
+                end()
+            except Exception as error:  # whatever it was, the others are ended too
+                trouble.append(repr(error))
+        # Every program writes into the directory, and some a last word at its very end.
+        logs = {name: text_of(os.path.join(self.directory, name))
+                for name in sorted(os.listdir(self.directory)) if name.endswith(".log")}
         shutil.rmtree(self.directory, ignore_errors=True)
-        if not self._outcome.success:
-            print("the agent's log:\n" + log, file=sys.stderr)
-        self.assertNotIn("Sanitizer", log, log)
-        self.assertEqual(status, 0, log)
+        for name, log in logs.items():
+            trouble += [f"{name}: {line}" for line in SANITIZER.findall(log)]
+        if self.agent and any(self.agent.clean_stops):
+            trouble.append(f"the agent's clean stops ended with {self.agent.clean_stops}")
+        if trouble or has_failed(self):
+            for name, log in logs.items():
+                # Of a long run the end, and all of what a sanitizer had to say.
+                told = log if SANITIZER.search(log) else log[-100_000:]
+                print(f"---- {name} of {self.id()}:\n{told}", file=sys.stderr)
+        self.assertEqual(trouble, [])
+
+    def end_agent(self):
+        """One that has ended by itself by now has failed, whatever the test was about."""
+        status = self.agent.stop() if self.agent else None
+        if status:
+            raise AssertionError(f"the agent ended with status {status}")
 
     def pty(self, name):
         return os.path.join(self.directory, name)

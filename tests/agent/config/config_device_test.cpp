@@ -56,6 +56,12 @@ TEST(ConfigDevice, EverythingThatCanBeSetIsSet) {
   EXPECT_EQ(device.codec->model(), "FX3G");
 }
 
+TEST(ConfigDevice, GapIsAMinuteAtMost) {
+  EXPECT_EQ(good(changed("/devices/0/gap_ms", "60000")).devices[0].gap, milliseconds(60000));
+  expect_error(changed("/devices/0/gap_ms", "60001"), "/devices/0/gap_ms", {"60000"});
+  expect_error(changed("/devices/0/gap_ms", "90000"), "/devices/0/gap_ms", {"60000"});
+}
+
 TEST(ConfigDevice, OptionOutOfItsRangeIsRefused) {
   expect_error(changed("/devices/0/max_block_bytes", "1"), "/devices/0/max_block_bytes", {"2 to"});
   expect_error(changed("/devices/0/enquire", R"("sometimes")"), "/devices/0/enquire",

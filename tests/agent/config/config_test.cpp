@@ -2,11 +2,13 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <ctime>
 #include <fstream>
 #include <iterator>
 
 #include "tests/agent/config/small_plant.h"
+#include "tests/support/effort.h"
 
 namespace fxagent {
 namespace {
@@ -244,14 +246,34 @@ TEST(Config, TextCutAnywhereIsRefused) {
 
 TEST(Config, AnyBytesAreAnAnswer) {
   const std::string text = example();
-  for (std::size_t i = 0; i < text.size(); i += 7) {
+  const int lines = static_cast<int>(std::count(text.begin(), text.end(), '\n')) + 1;
+  int taken = 0;
+  int no_json = 0;
+  int wrong = 0;
+  constexpr std::size_t kStep = 7 * 10 / effort(10);
+  for (std::size_t i = 0; i < text.size(); i += kStep) {
     for (const char c : {'"', '}', '[', '0', '-', '$', '\0', '\xFF'}) {
       std::string spoiled = text;
       spoiled[i] = c;
       const auto config = parse_config(spoiled, environment());
-      EXPECT_TRUE(config || !config.error().empty());
+      const bool is_json = nlohmann::json::accept(spoiled);
+      ++(config ? taken : is_json ? wrong : no_json);
+      if (config) {
+        EXPECT_TRUE(is_json) << "taken, and no JSON: " << i << " " << c;
+        continue;
+      }
+      ASSERT_FALSE(config.error().empty()) << "refused without a reason: " << i << " " << c;
+      for (const ConfigError& error : config.error()) {
+        EXPECT_FALSE(error.text.empty()) << i << " " << c;
+        EXPECT_GE(error.line, 1) << i << " " << c << ": " << error.text;
+        EXPECT_LE(error.line, lines) << i << " " << c << ": " << error.text;
+      }
     }
   }
+  // Each kind was among them.
+  EXPECT_GT(taken, 0);
+  EXPECT_GT(no_json, 0);
+  EXPECT_GT(wrong, 0);
 }
 
 std::string plant_with_tags(int count) {

@@ -19,6 +19,7 @@ using std::chrono::nanoseconds;
 using Kind = Agenda::Job::Kind;
 
 const SteadyTime kStart{std::chrono::hours(1000)};
+const SteadyTime kTooLate = kStart + std::chrono::hours(1);
 constexpr BackOff kBackOff{milliseconds(1000), milliseconds(4000)};
 
 /// An agenda that is none: what all that must not be built have in common. The commands are kept
@@ -49,6 +50,9 @@ class WithoutPriority {
   }
   nanoseconds bound(nanoseconds own, nanoseconds ahead, nanoseconds longest) const {
     return inner_.bound(own, ahead, longest);
+  }
+  nanoseconds bound_giving_way(nanoseconds own, nanoseconds ahead, nanoseconds longest) const {
+    return inner_.bound_giving_way(own, ahead, longest);
   }
 
  protected:
@@ -86,6 +90,8 @@ struct Findings {
   int commands = 0;
   int late_commands = 0;   ///< queue + wire longer than the bound they were given
   int wrong_polls = 0;     ///< not the due group with the earliest deadline
+  int lists = 0;           ///< commands that gave way between their parts
+  int went_between = 0;    ///< commands that were carried out between two parts of a list
   int bursts = 0;          ///< a group began two cycles inside one of its periods
   int starved_groups = 0;  ///< fewer cycles than there were beats that nothing held up
   double tightest = 0;     ///< the largest part of its bound that a command has used
@@ -145,9 +151,8 @@ class RandomLine final {
   Findings run(int arrivals) {
     left_ = arrivals;
     next_arrival_ = kStart + milliseconds(between(0, 100));
-    const SteadyTime too_late = kStart + std::chrono::hours(1);
     while (left_ > 0 || !waiting_.empty()) {
-      if (now_ > too_late) {  // all would have been carried out in minutes
+      if (now_ > kTooLate) {  // all would have been carried out in minutes
         found_.late_commands += static_cast<int>(waiting_.size());
         return found_;
       }
@@ -170,6 +175,7 @@ class RandomLine final {
     SteadyTime arrived{};
     nanoseconds planned{0};
     nanoseconds bound{0};
+    int parts = 1;  ///< more: it gives way between them
   };
 
   int between(int low, int high) { return std::uniform_int_distribution<int>(low, high)(random_); }
@@ -203,7 +209,12 @@ class RandomLine final {
       order.planned = milliseconds(between(0, 30) == 0 ? between(500, 3000) : between(5, 80));
       nanoseconds ahead = running_;
       for (const Order& other : waiting_) ahead += other.planned;
-      order.bound = agenda_.bound(order.planned, ahead, longest_);
+      if (between(0, 9) == 0) {
+        order.parts = between(2, 20);
+        order.planned *= order.parts;
+      }
+      order.bound = order.parts > 1 ? agenda_.bound_giving_way(order.planned, ahead, longest_)
+                                    : agenda_.bound(order.planned, ahead, longest_);
       waiting_.push_back(order);
       agenda_.command_waits();
       --left_;
@@ -219,12 +230,21 @@ class RandomLine final {
     waiting_.pop_front();
     agenda_.command_taken();
     ++found_.commands;
-    running_ = order.planned;
-    const nanoseconds wire = real(order.planned);
-    now_ += wire;
-    arrive(now_ - nanoseconds(1));
-    running_ = {};
-    agenda_.command_used(wire, now_);
+    found_.lists += order.parts > 1;
+    running_ += order.planned;
+    const nanoseconds part = order.planned / order.parts;
+    credits_.emplace_back(0);
+    for (int done = 1; done <= order.parts; ++done) {
+      const nanoseconds wire = real(part);
+      now_ += wire;
+      arrive(now_ - nanoseconds(1));
+      if (done == order.parts) running_ -= order.planned;
+      if (done < order.parts) agenda_.command_waits();
+      agenda_.command_used(wire, now_);
+      credits_.back() += part;
+      if (done < order.parts) give_way();
+    }
+    credits_.pop_back();
     const nanoseconds took = now_ - order.arrived;  // queue + wire
     found_.tightest = std::max(found_.tightest, static_cast<double>(took.count()) /
                                                     static_cast<double>(order.bound.count()));
@@ -233,6 +253,23 @@ class RandomLine final {
     found_.example = "seed " + std::to_string(seed_) + ": through after " +
                      std::to_string(took / milliseconds(1)) + " ms, bound " +
                      std::to_string(order.bound / milliseconds(1)) + " ms";
+  }
+
+  /// As the link's worker does between two parts of a command.
+  void give_way() {
+    while (now_ < kTooLate) {
+      const Agenda::Job job = agenda_.next(now_);
+      if (job.kind == Kind::poll) {
+        poll(job.poll);
+        continue;
+      }
+      const nanoseconds credit = *std::min_element(credits_.begin(), credits_.end());
+      if (waiting_.empty() || waiting_.front().planned > credit) break;
+      for (nanoseconds& each : credits_) each -= waiting_.front().planned;
+      ++found_.went_between;
+      carry_out();
+    }
+    agenda_.command_taken();
   }
 
   void poll(const Agenda::PollStep& step) {
@@ -279,7 +316,9 @@ class RandomLine final {
   std::vector<NaiveGroup> groups_;
   nanoseconds longest_{0};  ///< poll exchange
   std::deque<Order> waiting_;
-  nanoseconds running_{0};  ///< planned line time of the command on the wire
+  /// What each command under way has had of the line, less what went between its parts.
+  std::vector<nanoseconds> credits_;
+  nanoseconds running_{0};  ///< planned line time of the commands under way
   SteadyTime now_ = kStart;
   SteadyTime next_arrival_{};
   int left_ = 0;
@@ -289,10 +328,14 @@ class RandomLine final {
 
 TEST(AgendaBound, EveryCommandIsInsideItAndEveryPollIsTheRightOne) {
   int commands = 0;
+  int lists = 0;
+  int went_between = 0;
   double tightest = 0;
   for (std::uint32_t seed = 1; seed <= 100; ++seed) {
     const Findings found = RandomLine<Agenda>(seed, LineKind::steady).run(200);
     commands += found.commands;
+    lists += found.lists;
+    went_between += found.went_between;
     tightest = std::max(tightest, found.tightest);
     EXPECT_EQ(found.late_commands, 0) << found.example;
     EXPECT_EQ(found.wrong_polls, 0) << "seed " << seed;
@@ -300,6 +343,8 @@ TEST(AgendaBound, EveryCommandIsInsideItAndEveryPollIsTheRightOne) {
     EXPECT_EQ(found.starved_groups, 0) << "seed " << seed;
   }
   EXPECT_EQ(commands, 20000);
+  EXPECT_GT(lists, 1000);
+  EXPECT_GT(went_between, 1000);
   EXPECT_GT(tightest, 0.9) << "a bound that nothing comes near says little";
 }
 

@@ -331,7 +331,7 @@ TEST_F(CommandDeskTest, RestoredIdLivesOutItsDayAndItsDeadline) {
 
 // Results of an hour that is yet to come do not fill the memory until then.
 TEST_F(CommandDeskTest, RestoredIdHasNoMoreTimeThanItWasGiven) {
-  for (int i = 0; i < 10000; ++i) {
+  for (std::size_t i = 0; i < kRememberedIds + kFingerprints; ++i) {
     const std::int64_t received_ms = kStartMs + 3600000;
     desk.restore({0, std::to_string(i), 0, received_ms, received_ms + 10000}, now, kStartMs);
   }
@@ -438,35 +438,66 @@ TEST_F(CommandDeskTest, IdOfARunningCommandIsNeverForgotten) {
   EXPECT_EQ(answered(write("b7e1")).status, CommandStatus::duplicate);
 }
 
-TEST_F(CommandDeskTest, OfTenThousandIdsOnlyThosePastTheirDeadlineMakeRoom) {
-  for (std::size_t i = 0; i < kRememberedIds; ++i) {
+// 10,500 reads whose time is not over for an hour, and half of them refused.
+TEST_F(CommandDeskTest, ManyReadsThatLastAnHourLockNobodyOut) {
+  for (std::size_t i = 0; i < 10500; ++i) {
+    const std::string id = "id" + std::to_string(i);
+    Command command = read(id, i % 2 == 0 ? "temp" : "nothing");
+    command.expires_ms = kStartMs + 3600 * 1000;
+    admit(command);
+    finish(id);
+  }
+  admitted(write("another's"));
+  EXPECT_EQ(answered(read("id0", "temp")).status, CommandStatus::duplicate);
+}
+
+TEST_F(CommandDeskTest, OfTenThousandIdsTheOldestIsKnownWithoutItsResult) {
+  for (std::size_t i = 0; i < kRememberedIds + 1; ++i) {
     Command command = write("id" + std::to_string(i));
-    command.expires_ms = kStartMs + (i == 7000 ? 1000 : 60000);
+    command.expires_ms = kStartMs + 60000;
     ASSERT_TRUE(std::holds_alternative<Order>(admit(command)));
     finish("id" + std::to_string(i));
   }
-  const CommandResult refused = answered(write("one more"));
-  EXPECT_EQ(refused.status, CommandStatus::rejected);
-  EXPECT_EQ(refused.reason, Reason::queue_full);
   EXPECT_EQ(desk.remembered(), kRememberedIds);
-
-  now += milliseconds(1001);
-  admitted(write("one more"));
-  EXPECT_EQ(desk.remembered(), kRememberedIds);
-  EXPECT_EQ(answered(write("and another")).reason, Reason::queue_full);
-  EXPECT_EQ(answered(write("id6999")).status, CommandStatus::duplicate);
-
-  // With all deadlines past, each new one takes the place of the oldest.
-  now += seconds(60);
-  admitted(write("and another"));
-  EXPECT_EQ(answered(write("id1")).status, CommandStatus::duplicate);
-  EXPECT_EQ(desk.remembered(), kRememberedIds);
+  const CommandResult oldest = answered(write("id0"));
+  EXPECT_EQ(oldest.status, CommandStatus::duplicate);
+  EXPECT_FALSE(oldest.first);
+  EXPECT_FALSE(oldest.first_arrival);
+  EXPECT_NE(oldest.detail.find("not kept"), std::string::npos);
+  EXPECT_TRUE(answered(write("id1")).first);
 }
 
 TEST_F(CommandDeskTest, CheckOfAFullMemoryComesAfterTheOthers) {
   for (std::size_t i = 0; i < kRememberedIds; ++i)
     ASSERT_TRUE(std::holds_alternative<Order>(admit(write("id" + std::to_string(i)))));
   EXPECT_EQ(answered(write("one more", 500)).reason, Reason::out_of_range);
+  EXPECT_EQ(answered(write("one more still")).reason, Reason::queue_full)
+      << "all of them are running";
+}
+
+TEST_F(CommandDeskTest, WaitingCommandsAreBoundedInBytesToo) {
+  std::vector<Order> waiting;
+  Command large = raw("", "D500", numbers({1, 2}));
+  large.by = std::string(200000, 'x');
+  int taken = 0;
+  for (int i = 0; i < 60; ++i) {
+    large.id = "large" + std::to_string(i);
+    auto verdict = admit(large);
+    if (auto* order = std::get_if<Order>(&verdict)) {
+      ++taken;
+      waiting.push_back(std::move(*order));
+    } else {
+      EXPECT_EQ(std::get<CommandResult>(verdict).reason, Reason::queue_full);
+    }
+  }
+  EXPECT_GT(taken, 10);
+  EXPECT_LT(taken, 30);
+  Command elsewhere = write("small one of another device");
+  elsewhere.device = 1;
+  admitted(elsewhere);
+  waiting.clear();
+  large.id = "again";
+  admitted(large);
 }
 
 // ---- expiry
@@ -712,6 +743,20 @@ TEST_F(CommandDeskTest, CommandWithoutATargetHasNoPlace) {
   Command nowhere = write("b7e1");
   nowhere.targets.clear();
   EXPECT_EQ(answered(nowhere).reason, Reason::unknown_tag);
+}
+
+TEST_F(CommandDeskTest, ListOfMoreTargetsThanACommandMayHaveIsTooLarge) {
+  Command list = write("a");
+  list.is_list = true;
+  list.targets.assign(kMostTargets, list.targets.front());
+  EXPECT_EQ(admitted(list).targets.size(), kMostTargets);
+  list.id = "b";
+  list.targets.push_back(list.targets.front());
+  const CommandResult result = answered(list);
+  EXPECT_EQ(result.status, CommandStatus::rejected);
+  EXPECT_EQ(result.reason, Reason::too_large);
+  EXPECT_EQ(result.detail, "65 targets: a command may have 64");
+  EXPECT_TRUE(result.targets.empty()) << "a long list does not make a long result";
 }
 
 }  // namespace

@@ -124,6 +124,27 @@ TEST(HoleMap, AnArrayLongerThanTheDeviceGivesIsReadInPieces) {
   EXPECT_GE(device.plan().sources[0].count, 4U);
 }
 
+TEST(HoleMap, WhatStaysMissingIsAskedForEachTenMinutesHoweverLongItLasts) {
+  Refuser device;
+  device.add(5);
+  const Span missing = device.points[0].address.span;
+  device.map.refused(missing, std::nullopt, device.now);
+  std::vector<std::int64_t> pauses;
+  SteadyTime asked = device.now;
+  for (int second = 0; second < 24 * 3600; ++second) {
+    device.now += 1s;
+    device.map.retry(device.now);
+    if (!device.map.holes().missing.empty()) continue;
+    pauses.push_back((device.now - asked) / 1s);
+    asked = device.now;
+    device.map.refused(missing, std::nullopt, device.now);
+  }
+  ASSERT_GE(pauses.size(), 8U);
+  EXPECT_EQ(std::vector(pauses.begin(), pauses.begin() + 8),
+            (std::vector<std::int64_t>{10, 20, 40, 80, 160, 320, 600, 600}));
+  EXPECT_EQ(*std::max_element(pauses.begin(), pauses.end()), 600);
+}
+
 TEST(HoleMap, WhatIsMissingIsAskedForAgainWithoutHarmToItsNeighbours) {
   Refuser device;
   for (std::uint32_t n = 0; n < 16; ++n) device.add(n);

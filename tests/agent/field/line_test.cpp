@@ -8,6 +8,7 @@
 #include <string>
 #include <utility>
 
+#include "protocol/catalog.h"
 #include "protocol/fx/computer_link.h"
 #include "tests/agent/field/field_plant.h"
 #include "tests/agent/field/on_io.h"
@@ -32,13 +33,22 @@ const Bytes kProbeAnswer = data_frame({0x01});
 class LineTest : public ::testing::Test {
  protected:
   LineTest() {
-    auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
-    wire = transport.get();
-    line = std::make_unique<Line>(io.get_executor(), std::move(transport), nanoseconds(0));
+    make_line(nanoseconds(0));
     station.codec = codec.get();
   }
   ~LineTest() override { EXPECT_EQ(wire->steps_left(), 0U) << "the script was not played out"; }
 
+  void make_line(nanoseconds char_time) {
+    auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
+    wire = transport.get();
+    line = std::make_unique<Line>(io.get_executor(), std::move(transport), char_time);
+  }
+  /// One exchange on a bus in doubt: silence, a question that is told apart, silence.
+  void script_doubted(const Bytes& question, const Bytes& answer) {
+    wire->silence();
+    wire->expect(kProbe).give(kProbeAnswer);
+    wire->expect(question).give(answer).silence();
+  }
   void open() {
     const auto opened = run_on(io, line->open());
     ASSERT_TRUE(opened) << opened.error().text;
@@ -354,14 +364,21 @@ TEST_F(LineTest, BabblingLineEndsTheExchange) {
   wire->discard_input();
 }
 
-TEST_F(LineTest, InputThatNobodyAskedForIsThrownAwayBeforeARequest) {
+TEST_F(LineTest, NoiseAroundAnAnswerIsThrownAwayAndCounted) {
   wire->expect(kEnq).give(kAck);
   wire->expect(kReadD100).give(joined(word_frame(1), {0x55, 0x55}));
-  wire->give(word_frame(99));  // arrives between two requests
+  wire->hang();  // would hold up whoever listens here
   wire->expect(kReadD100).give(word_frame(2));
   open();
   EXPECT_EQ(read("D100").reply.image, word(1));
-  EXPECT_EQ(read("D100").reply.image, word(2));
+  EXPECT_EQ(wire->steps_left(), 3U) << "nobody listens behind an answer that is not in doubt";
+  wire->skip();
+  const Exchange second = read("D100");
+  EXPECT_EQ(second.reply.image, word(2));
+  EXPECT_FALSE(second.doubted);
+  EXPECT_EQ(line->counters().unexpected_bytes, 2U);
+  EXPECT_EQ(line->last_unexpected(), "55 55");
+  EXPECT_FALSE(line->doubt().is_doubted()) << "no answer is made of these";
 }
 
 TEST_F(LineTest, WhatAnEarlierSessionLeftRunsDryOnOpening) {
@@ -371,8 +388,227 @@ TEST_F(LineTest, WhatAnEarlierSessionLeftRunsDryOnOpening) {
   EXPECT_EQ(read("D100").reply.image, word(2));
 }
 
+// ---- answers that nobody asked for
+// ---------------------------------------------------------------
+
+TEST_F(LineTest, SecondAnswerThatComesLaterPutsTheBusInDoubt) {
+  station.enquire = EnquirePolicy::never;
+  wire->expect(kReadD100).give(word_frame(1));
+  open();
+  EXPECT_TRUE(read("D100").is_data());
+  wire->give(word_frame(99));  // a second answer, behind the right one
+  script_doubted(kReadD100, word_frame(2));
+  const Exchange second = read("D100");
+  EXPECT_TRUE(second.is_data());
+  EXPECT_TRUE(second.doubted) << "it may be right, and is not to be believed";
+  EXPECT_TRUE(line->doubt().is_doubted());
+  EXPECT_EQ(line->counters().unexpected_bytes, 8U);
+  EXPECT_EQ(line->last_unexpected(), to_hex(word_frame(99)));
+}
+
+TEST_F(LineTest, DoubtEndsWithThreeExchangesThatHadSilenceBeforeAndBehindThem) {
+  station.enquire = EnquirePolicy::never;
+  wire->expect(kReadD100).give(word_frame(1));
+  open();
+  read("D100");
+  wire->give(word_frame(99));
+  for (unsigned i = 0; i < 3; ++i) script_doubted(kReadD100, word_frame(2));
+  for (unsigned i = 0; i < 3; ++i) EXPECT_TRUE(read("D100").doubted) << i;
+  wire->expect(kReadD100).give(word_frame(3)).hang();  // nothing listens behind this one
+  const Exchange believed = read("D100");
+  EXPECT_TRUE(believed.is_data());
+  EXPECT_FALSE(believed.doubted);
+  EXPECT_EQ(wire->steps_left(), 1U);
+  wire->skip();
+}
+
+TEST_F(LineTest, SecondAnswerDuringTheSilenceBehindTheFirstIsFoundAndLastsTheDoubt) {
+  station.enquire = EnquirePolicy::never;
+  wire->expect(kReadD100).give(word_frame(1));
+  open();
+  read("D100");
+  wire->give(word_frame(99));
+  for (int i = 0; i < 9; ++i) {
+    wire->silence();
+    wire->expect(kProbe).give(kProbeAnswer);
+    wire->expect(kReadD100).give(word_frame(2)).later(word_frame(2));
+    const Exchange doubled = read("D100");
+    EXPECT_FALSE(doubled.is_data()) << i;
+    EXPECT_EQ(doubled.outcome, Outcome::garbled);
+  }
+  EXPECT_TRUE(line->doubt().is_doubted());
+}
+
+TEST_F(LineTest, AnswerPastWhichAnOlderOneWasSkippedIsNoAnswer) {
+  // Two answers to one question, of which only the second fits: the device is one behind.
+  station.enquire = EnquirePolicy::never;
+  wire->expect(kWriteD200).give(joined(word_frame(7), kAck));
+  open();
+  EXPECT_EQ(write_d200().outcome, Outcome::garbled);
+  EXPECT_TRUE(line->doubt().is_doubted());
+}
+
+TEST_F(LineTest, NakThatLiesBehindAnAckTakesTheAckWithIt) {
+  station.enquire = EnquirePolicy::never;
+  wire->expect(kWriteD200).give(joined(kAck, kNak));
+  open();
+  const Exchange first = write_d200();
+  EXPECT_EQ(first.outcome, Outcome::garbled);
+  EXPECT_NE(first.error.find("15"), std::string::npos) << first.error;
+  EXPECT_EQ(line->counters().bad_frames, 1U);
+}
+
+TEST_F(LineTest, NakThatHasArrivedByTheTimeTheAckWasReadTakesItWithItToo) {
+  station.enquire = EnquirePolicy::never;
+  wire->expect(kWriteD200).give(kAck).give(kNak);
+  open();
+  EXPECT_EQ(write_d200().outcome, Outcome::garbled);
+}
+
+TEST_F(LineTest, AckIsNotBelievedOnceAnotherAnswerWasFoundBehindOne) {
+  station.enquire = EnquirePolicy::never;
+  wire->expect(kWriteD200).give(kAck);
+  open();
+  EXPECT_TRUE(write_d200().is_ack()) << "nothing is known yet";
+  wire->give(kNak);  // the PLC's own answer, behind a stray ACK
+  script_doubted(kWriteD200, kAck);
+  const Exchange second = write_d200();
+  EXPECT_EQ(second.outcome, Outcome::garbled);
+  EXPECT_TRUE(second.sent);
+  EXPECT_NE(second.error.find("not believed"), std::string::npos) << second.error;
+}
+
+TEST_F(LineTest, NakIsNotBelievedInDoubtEither) {
+  // It would promise that nothing was written.
+  station.enquire = EnquirePolicy::never;
+  wire->expect(kWriteD200).give(kAck);
+  open();
+  write_d200();
+  wire->give(kAck);
+  script_doubted(kWriteD200, kNak);
+  EXPECT_EQ(write_d200().outcome, Outcome::garbled);
+}
+
+TEST_F(LineTest, InDoubtItListensAsLongAsTheSlowestAnswerMayTake) {
+  station.enquire = EnquirePolicy::never;
+  station.timeout = milliseconds(180);
+  wire->expect(kReadD100).give(word_frame(1));
+  open();
+  read("D100");
+  station.timeout = milliseconds(100);  // a quicker neighbour on the same wire
+  wire->give(word_frame(99)).hang();
+  wire->expect(kProbe).give(kProbeAnswer).expect(kReadD100).give(word_frame(2)).hang();
+  const auto before = Clock::now();
+  const Exchange second = read("D100");
+  EXPECT_GE(second.began - before, milliseconds(180));
+  EXPECT_GE(Clock::now() - second.ended, milliseconds(180));
+}
+
+TEST_F(LineTest, AnswersWithNumbersAreNeverDoubted) {
+  const ProtocolInfo& info = *find_protocol("modbus-tcp");
+  codec = *info.make(default_options(info));
+  station.codec = codec.get();
+  const Read hr0{codec->parse_address("hr:0", {})->span};
+  const Bytes first = *from_hex("00 01 00 00 00 05 01 03 02 00 64");
+  wire->expect(*from_hex("00 01 00 00 00 06 01 03 00 00 00 01")).give(joined(first, first));
+  wire->expect(*from_hex("00 02 00 00 00 06 01 03 00 00 00 01"));
+  wire->give(joined(first, *from_hex("00 02 00 00 00 05 01 03 02 00 65")));
+  open();
+  EXPECT_EQ(ask(hr0).reply.image, word(100));
+  const Exchange second = ask(hr0);
+  EXPECT_EQ(second.reply.image, word(101));
+  EXPECT_FALSE(second.doubted);
+  EXPECT_EQ(line->counters().unexpected_bytes, 22U) << "counted all the same";
+}
+
+TEST_F(LineTest, RtuAsksForLessFirstSoThatTheAnswersCanBeToldApart) {
+  const ProtocolInfo& info = *find_protocol("modbus-rtu");
+  codec = *info.make(default_options(info));
+  station.codec = codec.get();
+  const Read two{{codec->parse_address("hr:0", {})->span.space, 0, 32}};
+  const Bytes question = *from_hex("01 03 00 00 00 02 C4 0B");
+  const Bytes answer = *from_hex("01 03 04 00 64 00 65 7B C7");
+  wire->expect(question).give(answer).give(answer);
+  open();
+  EXPECT_EQ(ask(two).outcome, Outcome::garbled) << "both are here: which one is it?";
+  wire->silence();
+  wire->expect(*from_hex("01 03 00 00 00 01 84 0A")).give(*from_hex("01 03 02 00 64 B9 AF"));
+  wire->expect(question).give(answer).silence();
+  EXPECT_TRUE(ask(two).doubted);
+}
+
+TEST_F(LineTest, EchoThatNobodyAwaitedIsNoForeignAnswer) {
+  // The order to unit 0 comes back on a two-wire line, and nobody answers it.
+  const ProtocolInfo& info = *find_protocol("modbus-rtu");
+  Options options = default_options(info);
+  options["unit"] = std::int64_t{0};
+  codec = *info.make(options);
+  station.codec = codec.get();
+  const Bytes order = *from_hex("00 06 00 01 00 AA 59 A4");
+  const Write write{{codec->parse_address("hr:1", {})->span.space, 16, 16}, word(0xAA)};
+  wire->expect(order).give(order).expect(order);
+  open();
+  EXPECT_TRUE(ask(write).is_ack());
+  EXPECT_TRUE(ask(write).is_ack());
+  EXPECT_FALSE(line->doubt().is_doubted());
+  EXPECT_EQ(line->counters().unexpected_bytes, 0U);
+}
+
+// ---- a channel that never falls silent
+// -----------------------------------------------------------
+
+TEST_F(LineTest, FloodBetweenTwoQuestionsClosesTheChannel) {
+  wire->expect(kEnq).give(kAck).expect(kReadD100).give(word_frame(1));
+  open();
+  EXPECT_TRUE(read("D100").is_data());
+  wire->give(Bytes(65536, 0x55));
+  const Exchange flooded = read("D100");
+  EXPECT_EQ(flooded.outcome, Outcome::link_down);
+  EXPECT_FALSE(flooded.sent);
+  EXPECT_NE(flooded.error.find("without end"), std::string::npos) << flooded.error;
+  EXPECT_FALSE(line->is_open());
+  EXPECT_TRUE(line->never_silent());
+}
+
+TEST_F(LineTest, FloodWhileItListensClosesTheChannel) {
+  wire->expect(kEnq).give(kAck).expect(kReadD100).silence();
+  wire->later(Bytes(1 << 20, 0x55));
+  open();
+  EXPECT_EQ(read("D100").outcome, Outcome::unanswered);
+  const Exchange flooded = read("D100");
+  EXPECT_EQ(flooded.outcome, Outcome::link_down);
+  EXPECT_FALSE(line->is_open());
+  EXPECT_TRUE(line->never_silent());
+}
+
+TEST_F(LineTest, ChannelThatFloodsFromTheStartDoesNotOpen) {
+  wire->give(Bytes(65536, 0x55));
+  const auto opened = run_on(io, line->open());
+  ASSERT_FALSE(opened);
+  EXPECT_EQ(opened.error().code, ErrorCode::link_down);
+  EXPECT_NE(opened.error().text.find("without end"), std::string::npos);
+  EXPECT_TRUE(line->never_silent());
+  wire->expect(kEnq).give(kAck).expect(kReadD100).give(word_frame(1));
+  open();
+  EXPECT_TRUE(line->never_silent()) << "until something was answered";
+  EXPECT_TRUE(read("D100").is_data());
+  EXPECT_FALSE(line->never_silent());
+}
+
 // ---- time
 // ----------------------------------------------------------------------------------------
+
+TEST_F(LineTest, AnswerHasTheTimeOfItsCharactersBesideTheTimeout) {
+  // 11 characters there and 8 back: a slow line is not a slow device.
+  make_line(milliseconds(4));
+  station.enquire = EnquirePolicy::never;
+  station.timeout = milliseconds(5);
+  wire->expect(kReadD100).hang();
+  open();
+  const Exchange exchange = read("D100");
+  EXPECT_EQ(exchange.outcome, Outcome::unanswered);
+  EXPECT_GE(exchange.ended - exchange.began, 19 * milliseconds(4) + station.timeout);
+}
 
 TEST_F(LineTest, OrderWhoseTimeHasPassedIsNotSent) {
   wire->expect(kEnq).give(kAck).expect(kReadD100).give(word_frame(1));

@@ -238,9 +238,10 @@ TEST(AuditReport, RecordsOfACommandBecomeOneLine) {
   EXPECT_EQ(first["frames"], nlohmann::json::parse(R"([{"out":"05"},{"in":"06"}])"));
   EXPECT_EQ(first["acknowledged"], kNow);
   EXPECT_EQ(first["records"], nlohmann::json::parse("[1,2,3]"));
-  EXPECT_EQ(lines[0].text,
-            "2026-09-21T14:13:20.001Z press1 b7e1 by anna: write setpoint D200 = 50: SUCCEEDED, "
-            "ACK, read back 50 | > 05 < 06 | told 2026-09-21T14:13:20.000Z");
+  EXPECT_EQ(
+      lines[0].text,
+      "2026-09-21T14:13:20.001Z press1 b7e1 by \"anna\": write setpoint D200 = 50: SUCCEEDED, "
+      "ACK, read back 50 | > 05 < 06 | told 2026-09-21T14:13:20.000Z");
   EXPECT_EQ(nlohmann::json::parse(lines[1].json)["status"], "REJECTED");
 }
 

@@ -36,12 +36,16 @@ class FakeBroker final : public Broker {
   }
   void publish(Publication publication) override {
     if (!up_) {
-      events_.push_back(DeliveryFailed{publication.id, 0, "disconnected"});
+      if (finds_out) events_.push_back(Lost{"disconnected"});
       return;
     }
     log.push_back(publication);
+    if (fails) {
+      events_.push_back(DeliveryFailed{publication.id, 0, "no more room"});
+      return;
+    }
     most_open = std::max(most_open, open_.size() + 1);
-    if (acknowledges)
+    if (acknowledges || (acknowledges_qos0 && publication.qos == 0))
       take(publication);
     else
       open_.push_back(std::move(publication));
@@ -49,10 +53,15 @@ class FakeBroker final : public Broker {
   void subscribe(Subscription subscription) override {
     filters.insert(subscription.filter);
     order.push_back("subscribe " + subscription.filter);
-    events_.push_back(Subscribed{subscription.filter, true, {}});
+    if (confirms) events_.push_back(Subscribed{subscription.filter, refusal.empty(), refusal});
   }
+  bool is_connected() const override { return up_ || believes; }
   void unsubscribe(const std::string& filter) override { filters.erase(filter); }
   void await_acknowledgements(bool awaited) override { acknowledgements_awaited = awaited; }
+  void hold_messages(bool now_held, std::size_t now_let_in = 0) override {
+    held = now_held;
+    let_in += now_let_in;
+  }
   std::vector<BrokerEvent> take_events() override { return std::exchange(events_, {}); }
 
   // ---- what the test does to it
@@ -75,6 +84,14 @@ class FakeBroker final : public Broker {
     open_.clear();
     events_.push_back(Lost{"connection closed"});
   }
+  /// Gone, and nobody is told.
+  void vanish() {
+    up_ = false;
+    open_.clear();
+  }
+  void answer_subscription(const std::string& filter, const std::string& why_not) {
+    events_.push_back(Subscribed{filter, why_not.empty(), why_not});
+  }
   void send(Message message) { events_.push_back(std::move(message)); }
 
   // ---- what the test sees
@@ -91,7 +108,15 @@ class FakeBroker final : public Broker {
   bool reachable = true;
   bool answers = true;  ///< an unreachable one says so
   bool acknowledges = true;
+  bool acknowledges_qos0 = false;  ///< those, even where it acknowledges nothing
+  bool fails = false;              ///< every publish, without a word from the broker
+  bool finds_out = true;           ///< that the connection is gone, when it is used
+  bool believes = false;           ///< that there is a connection, whatever is so
+  bool confirms = true;            ///< a SUBSCRIBE gets its SUBACK
+  std::string refusal;             ///< what the SUBACK says; empty: granted
   bool acknowledgements_awaited = true;
+  bool held = false;
+  std::size_t let_in = 0;  ///< in spite of being held, in all
   std::uint32_t receive_maximum = 20;
   std::uint32_t maximum_packet = 1 << 28;
 

@@ -131,6 +131,9 @@ TEST(HistoryJson, HoldsRowsAsTheyWere) {
 TEST(StateJson, IsTheContractsExamples) {
   EXPECT_EQ(fxagent::json::agent_online(1790000000000, "9f3c21aa", "0.1.0"),
             R"({"state":"online","since":1790000000000,"boot":"9f3c21aa","version":"0.1.0"})");
+  EXPECT_EQ(
+      fxagent::json::agent_online(7, "9f3c21aa", "0.1.0", "Not authorized"),
+      R"({"state":"online","since":7,"boot":"9f3c21aa","version":"0.1.0","commands":false,"reason":"Not authorized"})");
   EXPECT_EQ(fxagent::json::agent_offline(std::nullopt, "lost", "9f3c21aa"),
             R"({"state":"offline","since":null,"reason":"lost","boot":"9f3c21aa"})");
   EXPECT_EQ(fxagent::json::agent_offline(7, "stopped", "9f3c21aa"),
@@ -232,6 +235,7 @@ TEST(HealthJson, HasEveryCounterByName) {
   health.field.links[0].turnaround_ms.p50 = 1.5;
   health.dropped = {0, 5};
   health.commands[CommandStatus::unknown_outcome] = 2;
+  health.commands[CommandStatus::partial] = 3;
   health.store_state = "memory";
   const json parsed = json::parse(fxagent::json::health(health, test::plant()));
   for (const char* key : {"collected", "recovered", "suppressed", "queued", "in_flight", "stored",
@@ -243,6 +247,7 @@ TEST(HealthJson, HasEveryCounterByName) {
   EXPECT_EQ(parsed["devices"]["press2"]["dropped"], 5);
   EXPECT_EQ(parsed["commands"]["UNKNOWN_OUTCOME"], 2);
   EXPECT_EQ(parsed["commands"]["SUCCEEDED"], 0);
+  EXPECT_EQ(parsed["commands"]["PARTIAL"], 3);
   EXPECT_EQ(parsed["store"]["hours_left"], nullptr);
   EXPECT_TRUE(parsed.contains("clock_synchronised") && parsed.contains("rss_bytes") &&
               parsed.contains("uptime_s"));
@@ -321,6 +326,42 @@ TEST(CommandJson, NullIsNoConditionThatGotLost) {
     ASSERT_TRUE(command.refusal) << key;
     EXPECT_EQ(command.refusal->reason, Reason::bad_value) << key;
   }
+}
+
+TEST(ResultJson, PartialListTellsHowFarItCameAndWhatBecameOfEachTarget) {
+  CommandResult result;
+  result.id = "a";
+  result.op = "write";
+  result.is_list = true;
+  result.status = CommandStatus::partial;
+  result.reason = Reason::shutting_down;
+  result.progress = Progress{1, 2};
+  result.targets.resize(2);
+  result.targets[0].status = CommandStatus::succeeded;
+  result.targets[1].status = CommandStatus::partial;
+  result.targets[1].progress = Progress{32, 100};
+  const json told = json::parse(fxagent::json::result(result, std::nullopt));
+  EXPECT_EQ(told["status"], "PARTIAL");
+  EXPECT_EQ(told["reason"], "shutting_down");
+  EXPECT_EQ(told["done"], 1);
+  EXPECT_EQ(told["of"], 2);
+  EXPECT_FALSE(told["targets"][0].contains("done"));
+  EXPECT_EQ(told["targets"][1]["done"], 32);
+  EXPECT_EQ(told["targets"][1]["of"], 100);
+}
+
+TEST(ResultJson, OneExchangeHasNoProgress) {
+  CommandResult result;
+  result.status = CommandStatus::unknown_outcome;
+  const json told = json::parse(fxagent::json::result(result, std::nullopt));
+  EXPECT_FALSE(told.contains("done") || told.contains("of"));
+}
+
+TEST(RecordedResult, PartialIsPartialAfterARestart) {
+  const CommandResult result =
+      fxagent::json::recorded_result(R"({"id":"a","status":"PARTIAL","plc":"NAK"})");
+  EXPECT_EQ(result.status, CommandStatus::partial);
+  EXPECT_EQ(result.plc, PlcAnswer::nak);
 }
 
 TEST(RecordedResult, DamagedRecordIsAnUnknownOutcomeAndNotPublishedAsItIs) {
@@ -463,6 +504,69 @@ INSTANTIATE_TEST_SUITE_P(
         Refused{"TargetBeforeValue", R"({"id":"a","op":"write","verify":1,"value":1})",
                 Reason::unknown_tag, "", "a"}),
     [](const auto& refused) { return refused.param.name; });
+
+// ---- what is too large
+
+std::string text_of(const CommandResult& result) {
+  return fxagent::json::result(result, std::nullopt);
+}
+
+TEST(JsonCommand, MoreThanSixtyFourTargetsAreTooLargeAndNoneOfThemIsKept) {
+  const auto with = [](int count) {
+    std::string targets;
+    for (int i = 0; i < count; ++i) targets += (i == 0 ? "" : ",") + std::string(R"({"tag":"a"})");
+    return fxagent::json::command(R"({"id":"b7e1","op":"write","targets":[)" + targets + "]}");
+  };
+  EXPECT_FALSE(with(64).refusal && with(64).refusal->reason == Reason::too_large);
+  const Command many = with(65);
+  ASSERT_TRUE(many.refusal);
+  EXPECT_EQ(many.refusal->reason, Reason::too_large);
+  EXPECT_EQ(many.id, "b7e1");
+  EXPECT_TRUE(many.targets.empty());
+  std::string empty = "{}";
+  while (empty.size() < 63000) empty += ",{}";
+  const Command hostile =
+      fxagent::json::command(R"({"id":"x","op":"write","targets":[)" + empty + "]}");
+  EXPECT_TRUE(hostile.targets.empty());
+}
+
+TEST(JsonCommand, PlaceThatNobodyCanMeanIsCutOff) {
+  const Command parsed = fxagent::json::command(R"({"id":"b7e1","op":"read","tag":")" +
+                                                std::string(60000, 'a') + R"("})");
+  EXPECT_LE(parsed.targets.at(0).tag.size(), 128U);
+}
+
+TEST(JsonResult, NoneIsLargerThanSixtyFourKibibytes) {
+  CommandResult list;
+  list.id = "b7e1";
+  list.is_list = true;
+  for (int i = 0; i < 64; ++i) {
+    TargetResult target;
+    target.tag = "t" + std::to_string(i);
+    target.detail = std::string(1000, 'd');
+    target.value = Value(std::string(100, 'v'));
+    list.targets.push_back(target);
+  }
+  const auto without_details = json::parse(text_of(list));
+  EXPECT_TRUE(without_details["targets"][0]["detail"].is_null());
+  EXPECT_EQ(without_details["targets"][63]["value"], std::string(100, 'v'));
+  for (TargetResult& target : list.targets) target.value = Value(std::string(2000, 'v'));
+  const std::string text = text_of(list);
+  EXPECT_LE(text.size(), 65536U);
+  const auto without_values = json::parse(text);
+  EXPECT_TRUE(without_values["targets"][0]["value"].is_null());
+  EXPECT_EQ(without_values["targets"][0]["tag"], "t0");
+  EXPECT_NE(without_values["detail"].get<std::string>().find("64 KiB"), std::string::npos);
+
+  CommandResult again;
+  again.id = "b7e1";
+  again.status = CommandStatus::duplicate;
+  again.detail = std::string(300, 'd');
+  for (TargetResult& target : list.targets) target.value = Value(std::string(700, 'v'));
+  again.first =
+      std::make_shared<const CommandResult>(fxagent::json::recorded_result(text_of(list)));
+  EXPECT_LE(text_of(again).size(), 65536U);
+}
 
 }  // namespace
 }  // namespace fxagent

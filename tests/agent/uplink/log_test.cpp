@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdlib>
+#include <exception>
+
 namespace fxagent {
 namespace {
 
@@ -28,6 +31,43 @@ TEST(Log, WhatIsNoUtf8IsEscapedAndWhatIsStays) {
                                     "31m"}}),
             "x v=\"\\xc2\\x9b31m\"");
   EXPECT_EQ(log::format_line("x", {{"v", "\xC2\xA0"}}), "x v=\xC2\xA0");
+}
+
+TEST(Log, ForeignTextIsCutAndItsLengthTold) {
+  EXPECT_EQ(log::excerpt("short"), "short");
+  EXPECT_EQ(log::excerpt(std::string(128, 'x')), std::string(128, 'x'));
+  EXPECT_EQ(log::excerpt(std::string(65536, 'x')), std::string(128, 'x') + "… (65536 bytes)");
+  // No character is cut in two.
+  EXPECT_EQ(log::excerpt(std::string(127, 'x') + "°°"), std::string(127, 'x') + "… (131 bytes)");
+  EXPECT_EQ(log::excerpt(std::string(200, '\x80')).substr(0, 125), std::string(125, '\x80'));
+}
+
+TEST(Log, NoValueMakesALineOfAnyLength) {
+  const std::string line = log::format_line("x", {{"v", std::string(1 << 20, 'y')}});
+  EXPECT_LT(line.size(), 1100U);
+  EXPECT_TRUE(line.ends_with("… (1048576 bytes)\"")) << line.substr(1000);
+}
+
+// gtest's name for tests of a process that ends.
+TEST(LogDeathTest, LinesBeforeATerminateAreWritten) {
+  const auto end = [] {
+    const log::InBackground background;
+    for (int i = 0; i < 100; ++i) log::error("last_words", {{"n", std::to_string(i)}});
+    std::terminate();
+  };
+  EXPECT_DEATH(end(), "error last_words n=99");
+}
+
+TEST(LogDeathTest, EqualLinesAreCountedAndTheCountIsToldAtTheEnd) {
+  const auto end = [] {
+    {
+      const log::InBackground background;
+      for (int i = 0; i < 100; ++i) log::warn("link", {{"state", "down"}});
+    }
+    std::_Exit(7);
+  };
+  EXPECT_EXIT(end(), ::testing::ExitedWithCode(7),
+              "warning repeated count=95 line=\"link state=down\"");
 }
 
 }  // namespace

@@ -84,12 +84,15 @@ void run(const std::vector<std::string>& arguments, const std::string& log) {
 }
 
 std::uint16_t free_port() {
+  // Bound and never listened on, and open to the end of the process: the system gives the port to
+  // nobody else, and a server that sets SO_REUSEADDR, as mosquitto does, can listen on it.
   const int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  const int on = 1;
   sockaddr_in address = loopback(0);
   socklen_t size = sizeof address;
-  const bool bound = bind(fd, reinterpret_cast<const sockaddr*>(&address), size) == 0 &&
+  const bool bound = setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on) == 0 &&
+                     bind(fd, reinterpret_cast<const sockaddr*>(&address), size) == 0 &&
                      getsockname(fd, reinterpret_cast<sockaddr*>(&address), &size) == 0;
-  close(fd);
   if (!bound) throw std::runtime_error("no free port");
   return ntohs(address.sin_port);
 }
@@ -126,13 +129,16 @@ Mosquitto::Mosquitto(const TemporaryDirectory& directory, const std::string& set
   const char* path = std::getenv("PATH");
   setenv("PATH", (std::string(path == nullptr ? "" : path) + ":/usr/sbin").c_str(), 1);
   pid_ = spawn({"mosquitto", "-c", config}, log);
-  for (int i = 0; i < 500 && !is_listening(port_); ++i) {
+  for (int i = 0; i < 1000; ++i) {
+    if (is_listening(port_)) return;
     if (waitpid(pid_, nullptr, WNOHANG) == pid_) {
       pid_ = 0;
       throw std::runtime_error("mosquitto ended:\n" + content(log));
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
+  kill();
+  throw std::runtime_error("mosquitto does not listen:\n" + content(log));
 }
 
 void Mosquitto::kill() {

@@ -31,7 +31,7 @@ pid_t spawn(const std::vector<std::string>& arguments, const std::string& log);
 /// Runs one to its end. Throws where it fails: without it the test means nothing.
 void run(const std::vector<std::string>& arguments, const std::string& log);
 
-/// A port of 127.0.0.1 that nobody listens on now.
+/// A port of 127.0.0.1 that nobody listens on; the caller's until the process ends.
 std::uint16_t free_port();
 
 /// A certificate authority and what it signed, made by openssl: ca.pem, server.pem/.key for

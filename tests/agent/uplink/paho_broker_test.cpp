@@ -222,6 +222,44 @@ TEST_P(PahoBrokerVersion, LostConnectionIsToldOnceAndTheNextOneWorks) {
   EXPECT_EQ(client.next<Delivered>().id, 2U);
 }
 
+TEST_P(PahoBrokerVersion, BrokerKeepsNoCommandForOneThatWasAway) {
+  const TemporaryDirectory directory;
+  const Mosquitto mosquitto(directory, "allow_anonymous true");
+  Client sender(settings(mosquitto.url()));
+  sender.connect();
+  const MqttConfig config = settings(mosquitto.url(), GetParam());
+  {
+    Client client(config);
+    EXPECT_FALSE(client.connect().session_present);
+    client.subscribe("press1/command");
+    client->disconnect();  // which leaves the subscription to the session, where there is one
+    client.next<Disconnected>();
+  }
+  sender->publish(publication(1, "press1/command", "while away"));
+  sender.next<Delivered>();
+  Client again(config);
+  EXPECT_FALSE(again.connect().session_present);
+  again.subscribe("press1/#");
+  sender->publish(publication(2, "press1/command", "now"));
+  EXPECT_EQ(again.next<Message>().payload, "now");
+}
+
+TEST(PahoBroker, OwnMessagesDoNotComeBackWhereTheyAreNotWanted) {
+  const TemporaryDirectory directory;
+  const Mosquitto mosquitto(directory, "allow_anonymous true");
+  Client other(settings(mosquitto.url()));
+  other.connect();
+  other.subscribe("a/#");
+  Client client(settings(mosquitto.url()));
+  client.connect();
+  client->subscribe({"a/#", true});
+  EXPECT_TRUE(client.next<Subscribed>().granted);
+  client->publish(publication(1, "a/b", "its own"));
+  EXPECT_EQ(other.next<Message>().payload, "its own");
+  other->publish(publication(2, "a/b", "another's"));
+  EXPECT_EQ(client.next<Message>().payload, "another's");
+}
+
 TEST(PahoBroker, PasswordComesFromTheEnvironmentWhereThereIsNoFile) {
   const TemporaryDirectory directory;
   const Mosquitto mosquitto = edge7_only(directory);
@@ -339,6 +377,146 @@ TEST(PahoBroker, RefusedPublishCarriesItsReasonCode) {
   EXPECT_EQ(failed.reason_code, 0x87);
   client->publish(publication(2, "allowed", "x"));
   EXPECT_EQ(client.next<Delivered>().id, 2U);
+}
+
+// ---- a broker that says goodbye, or worse -------------------------------------------------------
+
+/// Listens on a loopback port. A thread of its own serves one client after the other: says `first`
+/// when a client's CONNECT has come to the first of them, and CONNACK to every further one.
+class SpitefulServer final {
+ public:
+  enum class Afterwards : std::uint8_t { closes, stays };
+
+  SpitefulServer(int version, std::string first, Afterwards afterwards)
+      : fd_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)),
+        connack_(version == 5 ? std::string("\x20\x03\x00\x00\x00", 5)
+                              : std::string("\x20\x02\x00\x00", 4)) {
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    socklen_t size = sizeof address;
+    bind(fd_, reinterpret_cast<const sockaddr*>(&address), size);
+    listen(fd_, 5);
+    getsockname(fd_, reinterpret_cast<sockaddr*>(&address), &size);
+    port_ = ntohs(address.sin_port);
+    thread_ =
+        std::thread([this, first = std::move(first), afterwards] { serve(first, afterwards); });
+  }
+  ~SpitefulServer() {
+    shutdown(fd_, SHUT_RDWR);
+    thread_.join();
+    close(fd_);
+  }
+  SpitefulServer(const SpitefulServer&) = delete;
+  SpitefulServer& operator=(const SpitefulServer&) = delete;
+  std::string url() const { return "mqtt://127.0.0.1:" + std::to_string(port_); }
+
+ private:
+  void serve(const std::string& first, Afterwards afterwards) {
+    std::vector<int> clients;
+    for (int client = 0; (client = accept(fd_, nullptr, nullptr)) >= 0;) {
+      char bytes[1000];
+      std::string words = clients.empty() ? connack_ + first : connack_;
+      if (recv(client, bytes, sizeof bytes, 0) > 0)
+        send(client, words.data(), words.size(), MSG_NOSIGNAL);
+      if (clients.empty() && afterwards == Afterwards::closes) shutdown(client, SHUT_WR);
+      clients.push_back(client);
+    }
+    for (const int client : clients) close(client);
+  }
+
+  int fd_;
+  const std::string connack_;
+  std::uint16_t port_ = 0;
+  std::thread thread_;
+};
+
+using Afterwards = SpitefulServer::Afterwards;
+
+std::string disconnect_packet(int code, const std::string& reason) {
+  std::string body(1, static_cast<char>(code));
+  if (!reason.empty()) {
+    const std::string property =
+        std::string("\x1f\x00", 2) + static_cast<char>(reason.size()) + reason;
+    body += static_cast<char>(property.size()) + property;
+  }
+  return std::string("\xe0") + static_cast<char>(body.size()) + body;
+}
+
+/// All that a broker may say in a DISCONNECT (MQTT 5, section 3.14.2.1), and two that it may not.
+constexpr int kDisconnectCodes[] = {0x00, 0x04, 0x81, 0x82, 0x83, 0x87, 0x89, 0x8B, 0x8D, 0x8E,
+                                    0x8F, 0x90, 0x93, 0x94, 0x95, 0x96, 0x97, 0x98, 0x99, 0x9A,
+                                    0x9B, 0x9C, 0x9D, 0x9E, 0x9F, 0xA0, 0xA1, 0xA2, 0xFF};
+
+TEST(PahoBroker, DisconnectOfTheBrokerIsALossAndItsReasonIsTold) {
+  int number = 0;
+  for (const int code : kDisconnectCodes) {
+    const std::string reason = ++number % 2 == 0 ? "for a test" : "";
+    SCOPED_TRACE("code " + std::to_string(code));
+    const SpitefulServer server(5, disconnect_packet(code, reason), Afterwards::stays);
+    Client client(settings(server.url()));
+    client.connect();
+    const std::string text = client.next<Lost>().text;
+    EXPECT_TRUE(text.starts_with("the broker said: ")) << text;
+    EXPECT_GT(text.size(), std::string("the broker said: ").size());
+    EXPECT_EQ(text.ends_with(": for a test"), !reason.empty()) << text;
+    EXPECT_FALSE(client->is_connected());
+  }
+}
+
+TEST(PahoBroker, ConnectionAfterADisconnectWorks) {
+  for (const std::string reason : {"", "for a test"})
+    for (const Afterwards afterwards : {Afterwards::closes, Afterwards::stays}) {
+      const SpitefulServer server(5, disconnect_packet(0x98, reason), afterwards);
+      Client client(settings(server.url()));
+      client.connect();
+      client.next<Lost>();
+      client.connect();
+      EXPECT_TRUE(client->is_connected());
+    }
+}
+
+TEST(PahoBroker, DisconnectWithoutACodeIsALossToo) {
+  const SpitefulServer server(5, std::string("\xe0\x00", 2), Afterwards::stays);
+  Client client(settings(server.url()));
+  client.connect();
+  EXPECT_EQ(client.next<Lost>().text, "the broker said: normal disconnection");
+}
+
+TEST(PahoBroker, LongReasonOfADisconnectIsCutOff) {
+  // 300 characters: lengths of two bytes.
+  const std::string packet =
+      std::string("\xe0\xb2\x02\x98\xaf\x02\x1f\x01\x2c", 9) + std::string(300, 'x');
+  const SpitefulServer server(5, packet, Afterwards::stays);
+  Client client(settings(server.url()));
+  client.connect();
+  EXPECT_EQ(client.next<Lost>().text,
+            "the broker said: Administrative action: " + std::string(128, 'x'));
+}
+
+TEST_P(PahoBrokerVersion, CallThatFindsNoConnectionIsALossToldOnce) {
+  const SpitefulServer server(GetParam(), "", Afterwards::closes);
+  Client client(settings(server.url(), GetParam()));
+  client.connect();
+  for (std::uint64_t id = 1; id <= 5; ++id) client->publish(publication(id, "a", "x"));
+  client.next<Lost>();
+  client->publish(publication(6, "a", "x"));
+  client->subscribe({"a", false});
+  for (const BrokerEvent& event : client->take_events())
+    EXPECT_TRUE(std::holds_alternative<Disconnected>(event)) << event.index();
+}
+
+TEST_P(PahoBrokerVersion, PacketThatIsFarTooLongEndsTheConnectionBeforeItIsRead) {
+  // 250,000,000 bytes to come, of which the beginning is here.
+  const std::string huge = std::string("\x30\x80\xe5\x9a\x77", 5) + std::string(
+                                                                        "\x00\x01"
+                                                                        "a",
+                                                                        3);
+  const SpitefulServer server(GetParam(), huge, Afterwards::stays);
+  Client client(settings(server.url(), GetParam()));
+  client.connect();
+  EXPECT_NE(client.next<Lost>().text.find("a packet of 250000000 bytes"), std::string::npos);
+  client.connect();
 }
 
 // ---- TLS ----------------------------------------------------------------------------------------
@@ -536,6 +714,12 @@ int be_the_victim(const std::string& url) {
 
 }  // namespace
 }  // namespace fxagent
+
+/// Paho ends itself with its last client and begins again with the next one; what a thread of its
+/// own that still runs writes into its trace in between is lost, 124,800 bytes at a time. The agent
+/// keeps its last client until it has the next one: its leaks are looked for without this.
+extern "C" const char* __lsan_default_suppressions();
+extern "C" const char* __lsan_default_suppressions() { return "leak:libpaho-mqtt3as.so"; }
 
 int main(int argc, char** argv) {
   if (const char* url = std::getenv("FXAGENT_TEST_VICTIM")) return fxagent::be_the_victim(url);

@@ -446,7 +446,7 @@ TEST(Publisher, TotalEndsWhenTheResultIsFirstHandedOver) {
   EXPECT_EQ(json::parse(results[0])["t"]["total_ms"], 2000);
 }
 
-TEST(Publisher, ResultGoesToTheResponseTopicTooWithItsCorrelation) {
+TEST(Publisher, ResultGoesToTheResponseTopicTooAndItsCorrelationToBoth) {
   Bench bench;
   bench.online();
   CommandResult result = test::succeeded("a");
@@ -458,10 +458,25 @@ TEST(Publisher, ResultGoesToTheResponseTopicTooWithItsCorrelation) {
   bench.settle();
   ASSERT_EQ(bench.broker.taken.size(), 3U);
   EXPECT_EQ(bench.broker.taken[0].topic, kBase + "/press1/result");
+  EXPECT_EQ(bench.broker.taken[0].correlation, (Bytes{1, 2, 3}));
   EXPECT_EQ(bench.broker.taken[1].topic, "hmi/replies");
   EXPECT_EQ(bench.broker.taken[1].correlation, (Bytes{1, 2, 3}));
   EXPECT_EQ(bench.broker.taken[1].payload, bench.broker.taken[0].payload);
   EXPECT_EQ(bench.broker.taken[2].topic, kBase + "/press1/result");
+}
+
+TEST(Publisher, ResultComesWithoutItsCorrelationWhereTheBrokerDoesNotTakeBoth) {
+  Bench bench;
+  bench.broker.maximum_packet = 2000;
+  bench.online();
+  CommandResult result = test::succeeded("a");
+  result.correlation = Bytes(1900, 7);
+  bench.outbox.push(result);
+  bench.settle();
+  ASSERT_EQ(bench.broker.taken.size(), 1U);
+  EXPECT_EQ(bench.broker.taken[0].topic, kBase + "/press1/result");
+  EXPECT_TRUE(bench.broker.taken[0].correlation.empty());
+  EXPECT_EQ(json::parse(bench.broker.taken[0].payload)["id"], "a");
 }
 
 TEST(Publisher, CommandReachesTheFieldWithItsTimes) {
@@ -528,6 +543,138 @@ TEST(Publisher, CommandDuringTheEndIsAnswered) {
   ASSERT_EQ(results.size(), 1U);
   EXPECT_EQ(json::parse(results[0])["reason"], "shutting_down");
   EXPECT_EQ(json::parse(results[0])["id"], "late");
+}
+
+// ---- floods
+
+CommandResult refused(std::string id) {
+  CommandResult result;
+  result.id = std::move(id);
+  result.status = CommandStatus::rejected;
+  result.reason = Reason::unknown_tag;
+  return result;
+}
+
+Message message(std::size_t number, std::string payload, int qos = 1) {
+  Message made;
+  made.topic = kBase + "/press1/command";
+  made.payload = std::move(payload);
+  made.qos = qos;
+  made.received = kStart;
+  made.received_ms = 1790000000500 + static_cast<std::int64_t>(number);
+  return made;
+}
+
+TEST(PublisherFlood, SamplesGoOutBetweenCommands) {
+  Bench bench;
+  bench.online();
+  for (std::size_t i = 0; i < 1000; ++i) bench.broker.send(message(i, R"({"id":"x","op":"run"})"));
+  bench.outbox.push(test::sample(1));
+  EXPECT_EQ(bench.step(), bench.now) << "it is stepped again at once";
+  EXPECT_EQ(bench.broker.on(kBase + "/press1/data/fast").size(), 1U);
+  EXPECT_LT(bench.commands.size(), 100U);
+  bench.settle();
+  EXPECT_EQ(bench.commands.size(), 1000U);
+}
+
+TEST(PublisherFlood, ResultsLeaveAPartOfTheWindowToSamples) {
+  Bench bench;
+  bench.online();
+  bench.broker.acknowledges = false;
+  for (int i = 0; i < 100; ++i) bench.outbox.push(refused(std::to_string(i)));
+  bench.step();
+  EXPECT_EQ(bench.broker.open(), 15U);
+  bench.outbox.push(test::sample(1));
+  bench.step();
+  EXPECT_EQ(bench.broker.on(kBase + "/press1/data/fast").size(), 1U);
+  while (bench.broker.open() != 0) {
+    bench.broker.acknowledge_next();
+    bench.step();
+  }
+  EXPECT_EQ(bench.broker.on(kBase + "/press1/result").size(), 100U);
+}
+
+TEST(PublisherFlood, WindowOfOneIsSharedInTurn) {
+  Bench bench;
+  bench.broker.receive_maximum = 1;
+  bench.online();
+  bench.broker.acknowledges = false;
+  for (int i = 0; i < 10; ++i) bench.outbox.push(refused(std::to_string(i)));
+  for (std::uint64_t i = 1; i <= 10; ++i) bench.outbox.push(test::sample(i));
+  bench.step();
+  for (int i = 0; i < 10; ++i) {
+    bench.broker.acknowledge_next();
+    bench.step();
+  }
+  const auto samples = bench.broker.on(kBase + "/press1/data/fast").size();
+  const auto results = bench.broker.on(kBase + "/press1/result").size();
+  EXPECT_GE(samples, 4U);
+  EXPECT_GE(results, 4U);
+}
+
+TEST(PublisherFlood, MessagesStayInTheNetworkWhileVerdictsAreMissing) {
+  Bench bench;
+  bench.online();
+  for (std::size_t i = 0; i < 300; ++i) bench.broker.send(message(i, R"({"id":"x","op":"run"})"));
+  bench.settle();
+  ASSERT_EQ(bench.commands.size(), 300U);
+  EXPECT_TRUE(bench.broker.held);
+  for (int i = 0; i < 300; ++i) bench.outbox.command_judged();
+  bench.step();
+  EXPECT_FALSE(bench.broker.held);
+}
+
+TEST(PublisherFlood, FewLargeCommandsAreEnoughToHoldTheOthersBack) {
+  Bench bench;
+  bench.online();
+  Message large = message(1, R"({"id":"x","op":"run","by":")" + std::string(60000, 'x') + R"("})");
+  large.response_topic = std::string(60000, 't');
+  large.correlation = Bytes(65000, 1);
+  for (int i = 0; i < 50; ++i) bench.broker.send(large);
+  bench.settle();
+  EXPECT_TRUE(bench.broker.held);
+}
+
+// Acknowledgements come behind the messages that are held back.
+TEST(PublisherFlood, WaitingResultsHoldMessagesBackAndLetSomeInForWhatComesBehind) {
+  Bench bench;
+  bench.online();
+  bench.broker.acknowledges = false;
+  for (int i = 0; i < 1000; ++i) bench.outbox.push(refused(std::to_string(i)));
+  for (int i = 0; i < 100; ++i) {
+    bench.now += 1ms;
+    bench.step();
+    EXPECT_TRUE(bench.broker.held);
+  }
+  EXPECT_GE(bench.broker.let_in, 100U);
+  EXPECT_LE(bench.broker.let_in, 500U) << "fewer than can be answered";
+  bench.broker.acknowledges = true;
+  bench.broker.acknowledge_all();
+  bench.settle();
+  EXPECT_FALSE(bench.broker.held);
+  EXPECT_EQ(bench.broker.on(kBase + "/press1/result").size(), 1000U) << "none is dropped";
+}
+
+TEST(PublisherFlood, OfQosZeroOnlyAsMuchIsTakenAsCanBeAnswered) {
+  Bench bench;
+  bench.online();
+  for (std::size_t i = 0; i < 5000; ++i)
+    bench.broker.send(message(i, R"({"id":"x","op":"run"})", 0));
+  bench.broker.send(message(5000, R"({"id":"asked","op":"run"})", 1));
+  bench.settle();
+  EXPECT_LT(bench.commands.size(), 300U);
+  EXPECT_EQ(bench.commands.back().id, "asked") << "what the broker waits for is never lost";
+}
+
+TEST(PublisherFlood, NothingIsHeldBackAtTheEnd) {
+  Bench bench;
+  bench.online();
+  for (std::size_t i = 0; i < 300; ++i) bench.broker.send(message(i, R"({"id":"x","op":"run"})"));
+  bench.settle();
+  ASSERT_TRUE(bench.broker.held);
+  bench.made().stop(bench.now);
+  bench.step();
+  EXPECT_FALSE(bench.broker.held);
 }
 
 }  // namespace

@@ -423,6 +423,28 @@ TEST(Store, NumbersOnlySkipForwardAfterACrash) {
   EXPECT_GT(shelf.begin(5), used);
 }
 
+// The file of an earlier run opens in the middle of this one, whose clock began in the past: what
+// it writes of its own low numbers must not hide how far the earlier run had come.
+TEST(Store, NumbersOfAnEarlierRunAreNotSetBackByAFileThatOpensLate) {
+  constexpr std::int64_t kBoot = 5000;
+  Shelf shelf;
+  shelf.open();
+  const std::uint64_t reached = shelf.begin() + Store::kSequenceBlock;
+  shelf.store.reset();
+  const std::string away = shelf.config.path + "-away";
+  std::filesystem::rename(shelf.config.path, away);
+  shelf.block();
+  shelf.open(kBoot);
+  ASSERT_EQ(shelf.begin(kBoot), static_cast<std::uint64_t>(kBoot));
+  shelf.store->upkeep(kStart, kBoot);
+  std::filesystem::remove(shelf.config.path);
+  std::filesystem::rename(away, shelf.config.path);
+  shelf.store->upkeep(kStart + 10s, kBoot + 10000);
+  ASSERT_EQ(shelf.store->state(), "disk");
+  shelf.open(kBoot + 20000);  // after a crash
+  EXPECT_GE(shelf.begin(kBoot + 20000), reached);
+}
+
 TEST(Store, NextBlockOfNumbersIsTakenWhileHalfOfTheLastOneIsLeft) {
   Shelf shelf;
   shelf.open();
@@ -563,7 +585,7 @@ TEST(Store, IdsAreForgottenAfterADayAndNotBeforeTheirDeadline) {
   EXPECT_EQ(found[1].id, std::to_string(day + 3580000));
 }
 
-TEST(Store, MoreIdsThanAreRememberedMakeRoomOldestFirst) {
+TEST(Store, OfTheOldestIdsTheResultsGoAndTheIdsStay) {
   Shelf shelf;
   shelf.open();
   for (std::size_t i = 0; i < kRememberedIds + 5; ++i) {
@@ -574,8 +596,9 @@ TEST(Store, MoreIdsThanAreRememberedMakeRoomOldestFirst) {
   }
   shelf.store->upkeep(kStart + 10h, kNow);
   const auto found = shelf.store->known_ids();
-  ASSERT_EQ(found.size(), kRememberedIds);
-  EXPECT_EQ(found.front().id, "5");
+  EXPECT_EQ(found.size(), kRememberedIds + 5) << "every id is known";
+  EXPECT_EQ(shelf.store->find("a", "4")->result, "");
+  EXPECT_EQ(shelf.store->find("a", "5")->result, "{}");
 }
 
 // Whatever the calendar says: an id that came after 10,000 others is a new one, and what nobody was
@@ -599,8 +622,9 @@ TEST(Store, NewestIdsAreThoseThatCameLast) {
   shelf.open(kNow + kHour);
   shelf.store->upkeep(kStart, kNow + kHour);
   const auto found = shelf.store->known_ids();
-  ASSERT_EQ(found.size(), kRememberedIds);
-  EXPECT_EQ(found.front().id, "2");
+  ASSERT_EQ(found.size(), kRememberedIds + 2);
+  EXPECT_EQ(shelf.store->find("a", "1")->result, "");
+  EXPECT_EQ(shelf.store->find("a", "2")->result, "{}");
   EXPECT_EQ(found.back().id, "y");
   ASSERT_EQ(shelf.store->unsettled().size(), 1U);
   EXPECT_EQ(shelf.store->unsettled()[0].id, "0");  // too many ago, but nobody was told
@@ -625,7 +649,57 @@ TEST(Store, IdIsKeptUntilItsTimeIsOverHoweverManyFollow) {
   EXPECT_EQ(shelf.store->known_ids().size(), kRememberedIds + 1);
   shelf.open(kNow + 3600001);
   shelf.store->upkeep(kStart, kNow + 3600001);
-  EXPECT_EQ(shelf.store->known_ids().size(), kRememberedIds);
+  EXPECT_EQ(shelf.store->known_ids().size(), kRememberedIds + 1);
+  EXPECT_EQ(shelf.store->find("a", "patient")->result, "");
+}
+
+TEST(Store, OrdersCountIntoTheLimitAndTheOldestSamplesMakeRoom) {
+  Shelf shelf;
+  shelf.config.max_bytes = 1 << 20;
+  shelf.open();
+  std::vector<SampleRow> samples = rows(1, 3);
+  for (SampleRow& row : samples) row.json = std::string(250000, 'x');
+  ASSERT_TRUE(shelf.add(samples));
+  for (int i = 0; i < 6; ++i) {
+    JournalEntry order = shelf.arrived(std::to_string(i));
+    order.payload = std::string(65536, 'p');
+    ASSERT_TRUE(shelf.store->journal(std::vector{order}));
+  }
+  EXPECT_GT(shelf.store->bytes(), shelf.store->max_bytes());
+  shelf.store->upkeep(kStart, kNow);
+  EXPECT_LE(shelf.store->bytes(), shelf.store->max_bytes());
+  EXPECT_EQ(shelf.store->rows(), 2U);
+  EXPECT_EQ(shelf.store->take_dropped().at("a"), 1U);
+  const std::uint64_t bytes = shelf.store->bytes();
+  EXPECT_EQ(shelf.open().bytes(), bytes) << "counted anew as they were counted on their way";
+}
+
+TEST(Store, ResultsAboveTheShareOfOrdersGoAndTheIdsStay) {
+  Shelf shelf;
+  shelf.config.max_bytes = 1 << 20;
+  shelf.open();
+  for (int i = 0; i < 30; ++i) {
+    JournalEntry made = shelf.arrived(std::to_string(i), std::string(60000, 'r'));
+    shelf.store->record(made);
+    shelf.store->told("a", made.id, made.arrival);
+  }
+  for (int i = 0; i < 5; ++i) shelf.store->upkeep(kStart + i * 1s, kNow + i * 1000);
+  EXPECT_LE(shelf.store->bytes(), shelf.store->max_bytes() / 2);
+  EXPECT_EQ(shelf.store->known_ids().size(), 30U);
+}
+
+TEST(Store, CommandsThatWereRefusedDoNotFillTheFile) {
+  Shelf shelf;
+  shelf.open();
+  for (std::size_t i = 0; i < 10500; ++i) {
+    JournalEntry made = shelf.arrived(std::to_string(i), "{}");
+    made.refused = true;
+    shelf.store->record(made);
+  }
+  EXPECT_LE(shelf.store->known_ids().size(), 10000U);
+  EXPECT_FALSE(shelf.store->find("a", "0"));
+  EXPECT_TRUE(shelf.store->find("a", "10499"));
+  EXPECT_TRUE(shelf.store->known_ids().front().refused);
 }
 
 TEST(Store, ResultsThatNobodyTakesDoNotFillTheDisk) {
@@ -638,6 +712,19 @@ TEST(Store, ResultsThatNobodyTakesDoNotFillTheDisk) {
   shelf.store->upkeep(kStart, kNow + 20000);
   EXPECT_FALSE(shelf.store->find("a", "2"));
   EXPECT_TRUE(shelf.store->find("a", "3"));
+}
+
+TEST(Store, ResultThatNobodyWasToldIsKeptAsLongAsASample) {
+  Shelf shelf;
+  shelf.config.max_age = std::chrono::hours(48);
+  shelf.open();
+  const std::int64_t hour = 3600000;
+  shelf.store->record(entry("older", "{}", kNow - 49 * hour));
+  shelf.store->record(entry("old", "{}", kNow - 47 * hour));
+  shelf.store->upkeep(kStart, kNow);
+  const auto waiting = shelf.store->unsettled();
+  ASSERT_EQ(waiting.size(), 1U);
+  EXPECT_EQ(waiting[0].id, "old");
 }
 
 // The result of the first one found no disk, and the id was let go: the order that is carried out

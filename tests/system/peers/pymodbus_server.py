@@ -26,7 +26,7 @@ async def main():
     kind, where = sys.argv[1:]
     if kind == "tcp":
         server = ModbusTcpServer(context(), framer=ModbusSocketFramer,
-                                 address=("127.0.0.1", int(where)))
+                                 address=("127.0.0.1", int(where)), allow_reuse_address=True)
     else:
         framer = ModbusRtuFramer if kind == "rtu" else ModbusAsciiFramer
         server = ModbusSerialServer(context(), framer=framer, port=where, baudrate=115200,

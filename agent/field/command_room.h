@@ -1,0 +1,93 @@
+// What all devices of an agent share for their commands: bytes for those that wait for a wire, and
+// room for the ids of which only a fingerprint is kept. Pure: time is an argument. Field thread.
+#pragma once
+
+#include <array>
+#include <boost/multi_index/hashed_index.hpp>
+#include <boost/multi_index/member.hpp>
+#include <boost/multi_index/sequenced_index.hpp>
+#include <boost/multi_index_container.hpp>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string_view>
+#include <unordered_map>
+#include <utility>
+
+#include "agent/messages.h"
+
+namespace fxagent {
+
+/// Fingerprints of command ids whose commands have their results. Two ids with one fingerprint are
+/// taken for one; the key is secret, so that nobody can look for such a pair, and by chance it is
+/// one in 10^14 with 200,000 of them.
+class IdFingerprints final {
+ public:
+  using Key = std::array<std::uint64_t, 2>;  ///< of 128 bits
+  /// With a key of chance.
+  explicit IdFingerprints(std::size_t most = kFingerprints);
+
+  bool has(std::string_view device, std::string_view id, SteadyTime now) const;
+  /// Whether one more may be kept. Lets go of what is old, and where there are as many as there may
+  /// be, of the oldest that is past its deadline.
+  bool make_room(SteadyTime now);
+  void add(std::string_view device, std::string_view id, SteadyTime seen, SteadyTime deadline);
+
+  std::size_t size() const { return all_.size(); }
+
+ private:
+  struct Known {
+    std::uint64_t print = 0;
+    SteadyTime seen{};
+    SteadyTime deadline{};
+  };
+  using All = boost::multi_index_container<
+      Known,
+      boost::multi_index::indexed_by<boost::multi_index::sequenced<>,
+                                     boost::multi_index::hashed_unique<boost::multi_index::member<
+                                         Known, std::uint64_t, &Known::print>>>>;
+
+  std::uint64_t print_of(std::string_view device, std::string_view id) const;
+
+  std::size_t most_;
+  Key key_;
+  All all_;                                           ///< the oldest first
+  SteadyTime earliest_deadline_ = SteadyTime::max();  ///< none is past its own before
+};
+
+/// Shared by the desks of all devices and by each order that has a place here.
+class CommandRoom final : public std::enable_shared_from_this<CommandRoom> {
+ public:
+  /// Of all commands that wait; and what each device may have whatever the others have.
+  static constexpr std::size_t kMostBytes = std::size_t{8} << 20;
+  static constexpr std::size_t kBytesOfADevice = std::size_t{64} << 10;
+
+  /// Bytes for one command, given back when it goes.
+  class Place final {
+   public:
+    Place(std::shared_ptr<CommandRoom> room, std::uint32_t device, std::size_t bytes)
+        : room_(std::move(room)), device_(device), bytes_(bytes) {}
+    ~Place() { room_->give_back(device_, bytes_); }
+    Place(const Place&) = delete;
+    Place& operator=(const Place&) = delete;
+
+   private:
+    const std::shared_ptr<CommandRoom> room_;
+    const std::uint32_t device_;
+    const std::size_t bytes_;
+  };
+
+  /// Null: there is no room.
+  std::shared_ptr<const Place> take(std::uint32_t device, std::size_t bytes);
+  std::size_t bytes() const { return bytes_; }
+
+  IdFingerprints fingerprints;
+
+ private:
+  void give_back(std::uint32_t device, std::size_t bytes);
+
+  std::size_t bytes_ = 0;
+  std::unordered_map<std::uint32_t, std::size_t> by_device_;
+};
+
+}  // namespace fxagent

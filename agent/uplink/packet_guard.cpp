@@ -1,0 +1,45 @@
+// Paho asks for the rest of a packet in one call, recv() or SSL_read(), with its whole length. Both
+// names are defined here and win over the libraries' own, since the program comes first when a
+// shared library looks for a function. Nothing else in the program reads so much at once.
+#include "agent/uplink/packet_guard.h"
+
+#include <dlfcn.h>
+#include <openssl/ssl.h>
+#include <sys/socket.h>
+
+#include <cerrno>
+#include <utility>
+
+namespace fxagent {
+namespace {
+
+thread_local std::size_t refused_bytes = 0;
+
+bool is_refused(std::size_t bytes) noexcept {
+  if (bytes <= kMaxPacketIn) return false;
+  refused_bytes = bytes;
+  errno = EMSGSIZE;
+  return true;
+}
+
+}  // namespace
+
+std::size_t take_refused_packet() noexcept { return std::exchange(refused_bytes, 0); }
+
+}  // namespace fxagent
+
+extern "C" {
+
+ssize_t recv(int fd, void* buffer, std::size_t size, int flags) {
+  if (fxagent::is_refused(size)) return -1;
+  return recvfrom(fd, buffer, size, flags, nullptr, nullptr);
+}
+
+int SSL_read(SSL* connection, void* buffer, int size) {
+  using Read = int (*)(SSL*, void*, int);
+  static const auto openssl_read = reinterpret_cast<Read>(dlsym(RTLD_NEXT, "SSL_read"));
+  if (size > 0 && fxagent::is_refused(static_cast<std::size_t>(size))) return -1;
+  return openssl_read(connection, buffer, size);
+}
+
+}  // extern "C"

@@ -1,0 +1,63 @@
+// A data race on purpose, in a callback that Paho calls: ThreadSanitizer has to report it. Races of
+// the library that nobody here can mend are suppressed (tests/support/tsan.supp), and a suppression
+// that is too broad would hide this one as well. Runs as a test of the TSan build alone, where the
+// report is the pass. Ends with status 0 where the race is not seen.
+#include <chrono>
+#include <cstdio>
+#include <string>
+#include <thread>
+
+#include "agent/config.h"
+#include "agent/uplink/paho_broker.h"
+#include "tests/agent/uplink/mosquitto.h"
+
+namespace fxagent {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+int unguarded = 0;
+
+/// On Paho's thread: what a callback of ours would do that forgot its lock.
+void planted_race() { ++unguarded; }
+
+/// Whether so many events of a kind come; this thread counts, too, as long as it waits.
+template <class Event>
+bool await(PahoBroker& broker, int count) {
+  const auto limit = Clock::now() + std::chrono::seconds(20);
+  while (count > 0 && Clock::now() < limit) {
+    ++unguarded;
+    for (const BrokerEvent& event : broker.take_events())
+      count -= std::holds_alternative<Event>(event) ? 1 : 0;
+    std::this_thread::yield();
+  }
+  return count <= 0;
+}
+
+int run() {
+  const test::TemporaryDirectory directory;
+  const test::Mosquitto mosquitto(directory, "allow_anonymous true");
+  MqttConfig config;
+  config.servers = {mosquitto.url()};
+  config.version = 5;
+  config.client_id = "planted-race";
+  PahoBroker broker(config, std::nullopt, planted_race, 1024);
+  broker.connect(0);
+  bool came = await<Connected>(broker, 1);
+  constexpr int kPublications = 50;
+  for (int id = 1; id <= kPublications; ++id) {
+    Publication publication;
+    publication.id = static_cast<std::uint64_t>(id);
+    publication.topic = "a";
+    broker.publish(publication);
+  }
+  came = came && await<Delivered>(broker, kPublications);
+  if (!came) std::fprintf(stderr, "the broker did not answer\n");
+  std::printf("%d\n", unguarded);
+  return came ? 0 : 1;
+}
+
+}  // namespace
+}  // namespace fxagent
+
+int main() { return fxagent::run(); }

@@ -1,0 +1,261 @@
+// How the publisher notices a loss, comes back, and gets its commands heard.
+#include <gtest/gtest.h>
+
+#include "tests/agent/uplink/publisher_bench.h"
+
+namespace fxagent {
+namespace {
+
+using nlohmann::json;
+using test::kBase;
+using test::seqs;
+using Bench = test::PublisherBench;
+using namespace std::chrono_literals;
+
+const std::string kCommands = "subscribe " + kBase + "/+/command";
+
+json last_state(const Bench& bench) {
+  const std::vector<std::string> states = bench.broker.on(kBase + "/state");
+  return states.empty() ? json() : json::parse(states.back());
+}
+
+/// When the next attempt to connect comes, from now on.
+SteadyTime::duration until_next_connect(Bench& bench) {
+  const std::size_t connects = bench.broker.connects.size();
+  const SteadyTime begin = bench.now;
+  for (int i = 0; i < 5000 && bench.broker.connects.size() == connects; ++i) {
+    bench.now = std::max(bench.step(), bench.now + 1ms);
+    bench.step();
+  }
+  EXPECT_EQ(bench.broker.connects.size(), connects + 1);
+  return bench.now - begin;
+}
+
+// ---- losses -------------------------------------------------------------------------------------
+
+TEST(PublisherConnection, PublishThatFindsNoConnectionIsALoss) {
+  Bench bench;
+  bench.online();
+  bench.broker.vanish();
+  bench.broker.believes = true;
+  bench.outbox.push(test::sample(1));
+  bench.settle();
+  bench.advance(2s);
+  EXPECT_EQ(bench.broker.connects.size(), 2U);
+  EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast/history")),
+            std::vector<std::uint64_t>{1});
+}
+
+TEST(PublisherConnection, ConnectionThatTheLibraryForgotToReportIsFoundGone) {
+  Bench bench;
+  bench.online();
+  bench.broker.vanish();
+  bench.broker.finds_out = false;
+  bench.settle();
+  EXPECT_EQ(bench.broker.connects.size(), 1U) << "its Lost may be on its way";
+  EXPECT_LE(bench.step(), bench.now + 1s);
+  bench.advance(1s);
+  bench.advance(2s);
+  EXPECT_EQ(bench.broker.connects.size(), 2U);
+}
+
+TEST(PublisherConnection, ConnectionThatDiesWithoutAWordIsGivenUpWithin90Seconds) {
+  Bench bench;
+  bench.online();
+  bench.broker.vanish();
+  bench.broker.finds_out = false;
+  bench.broker.believes = true;
+  EXPECT_LE(until_next_connect(bench), 92s) << "health after 60 s, no answer for 30 s";
+}
+
+TEST(PublisherConnection, FailedPublishesAreNoSignOfLife) {
+  Bench bench;
+  bench.online();
+  bench.broker.fails = true;
+  std::uint64_t seq = 0;
+  const auto fail_for = [&](SteadyTime::duration time) {
+    for (const SteadyTime end = bench.now + time; bench.now < end; bench.now += 200ms) {
+      bench.outbox.push(test::sample(++seq));
+      bench.step();
+    }
+  };
+  fail_for(29s);
+  EXPECT_EQ(bench.broker.connects.size(), 1U);
+  fail_for(4s);
+  EXPECT_EQ(bench.broker.connects.size(), 2U);
+}
+
+TEST(PublisherConnection, RefusalsByTheBrokerAreASignOfLife) {
+  Bench bench;
+  bench.online();
+  bench.broker.acknowledges = false;
+  for (std::uint64_t seq = 1; seq <= 100; ++seq) {
+    bench.outbox.push(test::sample(seq, seq % 2));
+    bench.settle();
+    while (bench.broker.open() > 0) bench.broker.refuse_next(0x87);
+    bench.advance(1s);
+  }
+  EXPECT_EQ(bench.broker.connects.size(), 1U);
+}
+
+TEST(PublisherConnection, MessagesOfQos0DoNotHideABrokerThatAcknowledgesNothing) {
+  Bench bench;
+  bench.config.mqtt.qos = 0;
+  bench.online();
+  bench.broker.acknowledges = false;
+  bench.outbox.push(test::offline(0, "timeout"));  // QoS 1
+  bench.settle();
+  ASSERT_EQ(bench.broker.open(), 1U);
+  bench.broker.acknowledges_qos0 = true;
+  for (std::uint64_t seq = 1; seq <= 160; ++seq) {
+    bench.outbox.push(test::sample(seq));
+    bench.step();
+    bench.now += 200ms;
+  }
+  EXPECT_EQ(bench.broker.connects.size(), 2U);
+}
+
+TEST(PublisherConnection, LossInTheMiddleOfConnectingIsAnAttemptThatFailed) {
+  Bench bench;
+  bench.config.mqtt.servers = {"mqtt://one:1883"};
+  bench.broker.reachable = false;
+  bench.broker.answers = false;
+  bench.step();
+  bench.broker.lose();
+  bench.step();
+  bench.broker.reachable = true;
+  EXPECT_LE(until_next_connect(bench), 2s) << "not the 30 s of a library that never answers";
+}
+
+// ---- the next attempt ---------------------------------------------------------------------------
+
+TEST(PublisherConnection, BrokerThatIsBackWithinMinutesIsMetWithinFiveSeconds) {
+  Bench bench;
+  bench.config.mqtt.servers = {"mqtt://one:1883"};
+  bench.online();
+  bench.broker.reachable = false;
+  bench.broker.lose();
+  bench.settle();
+  for (const SteadyTime end = bench.now + 4min; bench.now < end;)
+    EXPECT_LE(until_next_connect(bench), 5s);
+  bench.now += 2min;
+  SteadyTime::duration longest{};
+  for (int i = 0; i < 5; ++i) longest = std::max(longest, until_next_connect(bench));
+  EXPECT_GE(longest, 30s) << "a long outage is no hurry";
+}
+
+TEST(PublisherConnection, BrokerThatThrowsUsOffIsMetEverMoreSlowly) {
+  Bench bench;
+  bench.config.mqtt.servers = {"mqtt://one:1883"};
+  bench.online();
+  // Another agent with this id does the same, so each connection lives as long as its pause.
+  SteadyTime::duration pause{};
+  for (int thrown = 0; thrown < 12; ++thrown) {
+    bench.broker.lose();
+    bench.settle();
+    const SteadyTime::duration next = until_next_connect(bench);
+    EXPECT_GE(next, std::min<SteadyTime::duration>(60s, 1s * (1 << thrown))) << thrown;
+    EXPECT_LE(next, std::min<SteadyTime::duration>(75s, 1250ms * (1 << thrown)) + 10ms) << thrown;
+    pause = next;
+    bench.settle();
+    bench.advance(pause);
+  }
+  bench.advance(150s);  // the other one has gone
+  bench.broker.lose();
+  bench.settle();
+  EXPECT_LE(until_next_connect(bench), 1300ms);
+}
+
+// ---- the subscription to commands ---------------------------------------------------------------
+
+TEST(PublisherConnection, OnlineIsSaidOnceTheSubscriptionIsGranted) {
+  Bench bench;
+  bench.broker.confirms = false;
+  bench.settle();
+  EXPECT_TRUE(bench.broker.on(kBase + "/state").empty());
+  bench.broker.answer_subscription(kBase + "/+/command", "");
+  bench.settle();
+  EXPECT_FALSE(last_state(bench).contains("commands")) << last_state(bench);
+  EXPECT_FALSE(last_state(bench).contains("reason")) << last_state(bench);
+  bench.advance(1h);
+  EXPECT_EQ(std::count(bench.broker.order.begin(), bench.broker.order.end(), kCommands), 1);
+}
+
+TEST(PublisherConnection, RefusedSubscriptionIsInTheStateAndAskedForAgain) {
+  Bench bench;
+  bench.broker.refusal = "Not authorized";
+  bench.settle();
+  EXPECT_EQ(last_state(bench)["state"], "online");
+  EXPECT_EQ(last_state(bench)["commands"], false);
+  EXPECT_EQ(last_state(bench)["reason"], "Not authorized");
+  std::vector<SteadyTime> asked;
+  const auto asks = [&bench] {
+    return std::count(bench.broker.order.begin(), bench.broker.order.end(), kCommands);
+  };
+  for (const SteadyTime end = bench.now + 10min; bench.now < end;) {
+    const auto before = asks();
+    bench.now = std::max(bench.step(), bench.now + 1ms);
+    bench.step();
+    if (asks() > before) asked.push_back(bench.now);
+  }
+  ASSERT_GE(asked.size(), 10U);
+  EXPECT_LE(asked.size(), 20U);
+  for (std::size_t i = 1; i < asked.size(); ++i) {
+    EXPECT_GE(asked[i] - asked[i - 1], 1s);
+    EXPECT_LE(asked[i] - asked[i - 1], 76s);
+  }
+  EXPECT_LE(asked[1] - asked[0], 3s);
+  EXPECT_EQ(bench.broker.on(kBase + "/state").size(), 1U) << "the same is not said again";
+  EXPECT_EQ(bench.broker.connects.size(), 1U);
+  bench.broker.refusal.clear();
+  bench.advance(76s);
+  EXPECT_FALSE(last_state(bench).contains("commands"));
+  EXPECT_FALSE(last_state(bench).contains("reason"));
+  EXPECT_EQ(bench.broker.on(kBase + "/state").size(), 2U);
+  const auto asks_at_last = asks();
+  bench.advance(1h);
+  EXPECT_EQ(asks(), asks_at_last);
+}
+
+TEST(PublisherConnection, UnansweredSubscriptionIsInTheStateAfterASecond) {
+  Bench bench;
+  bench.broker.confirms = false;
+  bench.outbox.push(test::sample(1));
+  bench.settle();
+  EXPECT_LE(bench.step(), bench.now + 1s);
+  bench.advance(1s);
+  EXPECT_EQ(last_state(bench)["commands"], false);
+  EXPECT_EQ(last_state(bench)["reason"], "the broker does not confirm the subscription");
+  EXPECT_EQ(bench.made().samples().acknowledged, 1U) << "samples do not wait for it";
+  bench.advance(5s);
+  EXPECT_EQ(std::count(bench.broker.order.begin(), bench.broker.order.end(), kCommands), 2);
+  bench.broker.answer_subscription(kBase + "/+/command", "");
+  bench.settle();
+  EXPECT_FALSE(last_state(bench).contains("commands"));
+}
+
+TEST(PublisherConnection, DeafnessEndsWithItsConnection) {
+  Bench bench;
+  bench.broker.refusal = "Not authorized";
+  bench.online();
+  bench.broker.refusal.clear();
+  bench.broker.lose();
+  bench.settle();
+  bench.advance(3s);
+  ASSERT_EQ(bench.broker.connects.size(), 2U);
+  EXPECT_EQ(last_state(bench)["state"], "online");
+  EXPECT_FALSE(last_state(bench).contains("commands"));
+}
+
+TEST(PublisherConnection, StopDoesNotWaitForASuback) {
+  Bench bench;
+  bench.broker.confirms = false;
+  bench.step();
+  bench.made().stop(bench.now);
+  bench.settle();
+  EXPECT_EQ(last_state(bench)["reason"], "stopped");
+  EXPECT_TRUE(bench.made().finished());
+}
+
+}  // namespace
+}  // namespace fxagent

@@ -1,0 +1,504 @@
+"""Brokers that say the wrong thing, at the wrong time, or nothing. The same agent is back at work each time.
+
+What a broker can do to a client, by stage. Every line is a case below, on MQTT 5, on 3.1.1, or on both.
+
+before CONNACK      takes the connection and says nothing · closes it at once, or resets it · closes or resets it
+                    after CONNECT · answers in another language · half a CONNACK, and waits or closes · CONNACK
+                    that refuses, each code of 3.1.1 and of 5, and codes that do not exist · each other packet in
+                    place of CONNACK · claims a session that there cannot be · the head of a huge packet
+after CONNACK       a second CONNACK · AUTH · DISCONNECT, each code of 5, with and without reason, socket closed or
+                    left open · DISCONNECT on 3.1.1 · closes, resets · garbage · not a word any more
+after SUBSCRIBE     SUBACK that refuses · without codes, with too many, with another identifier, without a body, with
+                    a code that does not exist · no SUBACK · DISCONNECT, each code · closes, resets
+mid-stream          PUBACK for nothing, twice, for identifier 0, that refuses, without a body · PUBREC in place of PUBACK
+                    · PINGRESP that nobody asked for, or none · UNSUBACK for nothing · SUBSCRIBE and CONNECT to us
+                    · PUBLISH with QoS 3, without a topic, with a topic longer than the packet, with a topic nobody
+                    asked for, with properties longer than the packet · a length of five bytes · packet kinds 0 and 15
+                    · stops reading · no PUBACK ever · a packet of 250 MB · DISCONNECT, each code, with publishes in
+                    flight and with commands under way · closes, resets
+"""
+
+import concurrent.futures
+import json
+import os
+import shutil
+import subprocess
+import tempfile
+import threading
+import time
+import unittest
+
+from plant import BASE, FXAGENT, MEMORY_FACTOR, Broker, PlantTest, Watcher, device, memory_kib, wait_for
+from scripted_broker import (AUTH, CONNACK, CONNECT, DISCONNECT, PINGRESP, PUBACK, PUBCOMP, PUBLISH, PUBREC,
+                             PUBREL, SUBACK, SUBSCRIBE, UNSUBACK, UNSUBSCRIBE, Script, ScriptedBroker, length,
+                             packet, reason_string, text)
+
+BOTH = ("5", "3.1.1")
+COMMAND = f"{BASE}/press1/command"
+RESULT = f"{BASE}/press1/result"
+
+BACK_S = 5.0      # from the last word of a broker to the next CONNECT
+ENDS_S = 10.0     # from SIGTERM to the end
+CONNECT_S = 10.0  # what an attempt may take that nobody answers
+GUARD_S = 30.0    # without an acknowledgement
+SLACK_S = 10.0    # of a busy machine, where the time is not the point
+AT_ONCE = 16      # agents side by side
+
+# MQTT 5, section 3.14.2.1: what a server may say; 0x04 is a client's, 0xFF nobody's.
+DISCONNECTS = (0x00, 0x04, 0x81, 0x82, 0x83, 0x87, 0x89, 0x8B, 0x8D, 0x8E, 0x8F, 0x90, 0x93, 0x94, 0x95, 0x96,
+               0x97, 0x98, 0x99, 0x9A, 0x9B, 0x9C, 0x9D, 0x9E, 0x9F, 0xA0, 0xA1, 0xA2, 0xFF)
+# Section 3.2.2.2, and one that does not exist.
+CONNACKS_5 = (0x80, 0x81, 0x82, 0x83, 0x84, 0x85, 0x86, 0x87, 0x88, 0x89, 0x8A, 0x8C, 0x90, 0x95, 0x97, 0x99,
+              0x9A, 0x9B, 0x9C, 0x9D, 0x9F, 0xEE)
+CONNACKS_311 = (1, 2, 3, 4, 5, 6, 255)
+
+
+class Guest:
+    """One agent with one scripted broker. The line is not there, so commands end as FAILED at once."""
+
+    def __init__(self, scripts, version, keep_alive_s=30):
+        self.directory = tempfile.mkdtemp(prefix="fxagent-hostile-")
+        self.broker = ScriptedBroker(*scripts)
+        path = os.path.join(self.directory, "agent.json")
+        with open(path, "w") as out:
+            json.dump({"agent": {"id": "edge7", "root": "fx/plant-a"},
+                       "mqtt": {"servers": [f"mqtt://127.0.0.1:{self.broker.port}"], "version": version,
+                                "keep_alive_s": keep_alive_s},
+                       "links": [{"name": "line1", "serial": {"path": self.directory + "/none", "baud": 9600}}],
+                       "devices": [device()]}, out)
+        self.log_path = os.path.join(self.directory, "agent.log")
+        with open(self.log_path, "w") as log:
+            self.process = subprocess.Popen([FXAGENT, "run", path], stderr=log, stdout=subprocess.DEVNULL)
+
+    def logged(self):
+        with open(self.log_path) as log:
+            return log.read()
+
+    def obeys(self, patience, first=0):
+        """The connection, of that number or a later one, on which a command gets its result."""
+        asked = set()
+        limit = time.monotonic() + patience
+        while time.monotonic() < limit:
+            for session in self.broker.sessions[first:]:
+                if session.number not in asked and session.published(f"{BASE}/state"):
+                    asked.add(session.number)
+                    session.publish(COMMAND, json.dumps({"id": f"after-{session.number}", "op": "read",
+                                                         "tag": "temp"}))
+                for result in session.published(RESULT):
+                    if b'"after-' in result.payload:
+                        return session
+            with self.broker.changed:
+                self.broker.changed.wait(0.1)
+            if self.process.poll() is not None:
+                raise AssertionError(f"the agent ended with {self.process.returncode}:\n{self.logged()[-6000:]}")
+        raise AssertionError(f"no command was obeyed within {patience} s; "
+                             f"{len(self.broker.sessions)} connections")
+
+    def end(self):
+        """Exit status, and what SIGTERM took."""
+        begin = time.monotonic()
+        if self.process.poll() is None:
+            self.process.terminate()
+        try:
+            status = self.process.wait(3 * ENDS_S)
+        finally:
+            if self.process.poll() is None:
+                self.process.kill()
+                self.process.wait()
+            self.broker.close()
+            shutil.rmtree(self.directory, ignore_errors=True)
+        return status, time.monotonic() - begin
+
+
+def deed(action):
+    """The action, with the moment after it noted in the session."""
+    def do(session, *what):
+        action(session, *what)
+        session.deed = time.monotonic()
+    return do
+
+
+def welcome(*actions):
+    """CONNACK, and then at once the actions."""
+    def do(session, _packet):
+        session.connack()
+        for action in actions:
+            action(session)
+    return deed(do)
+
+
+def on_subscribe(action):
+    return Script(subscribe=deed(lambda session, got: action(session, got)))
+
+
+def in_flight(action):
+    """Nothing is acknowledged; the action follows the third message."""
+    def do(session, _packet):
+        if len(session.of(PUBLISH)) == 3:
+            action(session)
+            session.deed = time.monotonic()
+    return Script(publish=do)
+
+
+def with_commands(action):
+    """Commands come when the agent is online, and the action right behind them."""
+    def do(session, got):
+        session.puback(got.identifier)
+        if got.topic == f"{BASE}/state":
+            for number in range(10):
+                session.publish(COMMAND, json.dumps({"id": f"under-way-{number}", "op": "read", "tag": "temp"}),
+                                qos=1, identifier=100 + number)
+            action(session)
+            session.deed = time.monotonic()
+    return Script(publish=do)
+
+
+def mid_stream(action):
+    """The action when the first message came, which is acknowledged before it."""
+    def do(session, got):
+        if got.qos == 1:
+            session.puback(got.identifier)
+        if len(session.of(PUBLISH)) == 1:
+            action(session, got)
+            session.deed = time.monotonic()
+    return Script(publish=do)
+
+
+class HostileBroker(unittest.TestCase):
+    def run_cases(self, cases):
+        """Each case: name, version, script of the first connection, and what is expected as keywords of one()."""
+        failures = []
+        with concurrent.futures.ThreadPoolExecutor(AT_ONCE) as pool:
+            runs = {pool.submit(self.one, version, script, **expected): f"{name}, MQTT {version}"
+                    for name, version, script, expected in cases}
+            for run in concurrent.futures.as_completed(runs):
+                error = run.exception()
+                if error:
+                    failures.append(f"{runs[run]}: {error}")
+        self.assertFalse(failures, "\n".join(failures))
+
+    def one(self, version, script, back_s=BACK_S, stays=False, says=None, keep_alive_s=30, peak_mib=100):
+        """`stays`: the connection may go on. Otherwise it is over, and the next one comes within `back_s`."""
+        guest = Guest((script, Script()), version, keep_alive_s)
+        try:
+            guest.obeys(back_s + 2 * SLACK_S, first=0 if stays else 1)
+            log = guest.logged()
+            first = guest.broker.sessions[0]
+            if not stays:
+                waited = guest.broker.sessions[1].since - first.deed
+                self.assertLessEqual(waited, back_s, log)
+                self.assertRegex(log, "broker_lost|broker_unreachable")
+            if says:
+                self.assertIn(says, log)
+            peak = memory_kib(guest.process.pid, "VmHWM")
+            self.assertLess(peak, peak_mib * 1024 * MEMORY_FACTOR, "KiB of memory")
+            # Every command that was acknowledged has its one result.
+            taken = {p.identifier - 100 for p in first.of(PUBACK)}
+            for number in taken:
+                wanted = f'"id":"under-way-{number}"'.encode()
+                guest.broker.wait(f"the result of command {number}", lambda: any(
+                    wanted in p.payload and b'"DUPLICATE"' not in p.payload
+                    for s in guest.broker.sessions for p in s.packets if p.kind == PUBLISH and p.topic == RESULT))
+        finally:
+            status, took = guest.end()
+        self.assertEqual(status, 0)
+        self.assertLessEqual(took, ENDS_S)
+
+    # DISCONNECT
+
+    def variants(self, stage, name):
+        """Each code once; with and without reason, socket closed or left open, in turn."""
+        cases = []
+        for number, code in enumerate(DISCONNECTS):
+            for reasoned, closed in (((number & 1) != 0, (number & 2) != 0),) if code not in (
+                    0x8B, 0x8E, 0x98) else ((False, False), (False, True), (True, False), (True, True)):
+                def action(session, code=code, reasoned=reasoned, closed=closed):
+                    session.disconnect(code, reason_string("for a test") if reasoned else None)
+                    if closed:
+                        session.close()
+                # What was sent right before a socket is closed may never be read: the reset overtakes it.
+                says = "broker_lost" if closed else "for a test" if reasoned else "the broker said: "
+                cases.append((f"DISCONNECT {code:#04x} {name}, {'with' if reasoned else 'without'} reason, "
+                              f"{'closed' if closed else 'left open'}", "5", stage(action),
+                              {"says": says}))
+        return cases
+
+    def test_a_disconnect_right_after_connack(self):
+        self.run_cases(self.variants(lambda action: Script(connect=welcome(action)), "after CONNACK"))
+
+    def test_a_disconnect_after_suback(self):
+        def stage(action):
+            def do(session, got):
+                session.suback(got)
+                action(session)
+            return on_subscribe(do)
+        self.run_cases(self.variants(stage, "after SUBACK"))
+
+    def test_a_disconnect_with_publishes_in_flight(self):
+        self.run_cases(self.variants(in_flight, "with publishes in flight"))
+
+    def test_a_disconnect_while_commands_are_under_way(self):
+        self.run_cases(self.variants(with_commands, "with commands under way"))
+
+    # before CONNACK
+
+    def test_what_comes_before_connack(self):
+        cases = []
+        no_answer = {"back_s": CONNECT_S + BACK_S}
+        for version in BOTH:
+            ack = packet(CONNACK, b"\0\0\0" if version == "5" else b"\0\0")
+            for name, script, expected in (
+                    ("says nothing", Script(connect=deed(lambda s, p: None)), no_answer),
+                    ("closes at once", Script(accept=deed(lambda s: s.close())), {}),
+                    ("resets at once", Script(accept=deed(lambda s: s.reset())), {}),
+                    ("closes after CONNECT", Script(connect=deed(lambda s, p: s.close())), {}),
+                    ("resets after CONNECT", Script(connect=deed(lambda s, p: s.reset())), {}),
+                    ("speaks HTTP", Script(connect=deed(lambda s, p: s.send(
+                        b"HTTP/1.1 400 Bad Request\r\nContent-Length: 0\r\n\r\n"))), no_answer),
+                    ("half a CONNACK, and waits", Script(connect=deed(lambda s, p, ack=ack: s.send(ack[:-1]))),
+                     no_answer),
+                    ("half a CONNACK, and closes", Script(connect=deed(lambda s, p, ack=ack: (
+                        s.send(ack[:-1]), s.close()))), {}),
+                    ("CONNACK without a body", Script(connect=deed(lambda s, p: s.send(packet(CONNACK)))),
+                     no_answer),
+                    ("the head of 250 MB", Script(connect=deed(lambda s, p: s.send(
+                        b"\x20" + length(250_000_000) + b"x" * 1000))), no_answer),
+                    ("claims a session", Script(connect=deed(lambda s, p: s.connack(present=1))),
+                     {"stays": True})):
+                cases.append((name, version, script, expected))
+            for kind in (CONNECT, PUBLISH, PUBACK, PUBREC, PUBREL, PUBCOMP, SUBSCRIBE, SUBACK, UNSUBSCRIBE,
+                         UNSUBACK, PINGRESP, DISCONNECT, AUTH):
+                body = text("a") + b"\0x" if kind == PUBLISH else b"" if kind == PINGRESP else b"\0\1\0\0"
+                cases.append((f"packet of kind {kind}", version, Script(connect=deed(
+                    lambda s, p, kind=kind, body=body: s.send(packet(kind, body)))), no_answer))
+            for code in CONNACKS_5 if version == "5" else CONNACKS_311:
+                cases.append((f"CONNACK {code:#04x}", version, Script(connect=deed(
+                    lambda s, p, code=code: s.connack(code))), {"says": "broker_unreachable"}))
+        self.run_cases(cases)
+
+    # after CONNACK
+
+    def test_what_comes_after_connack(self):
+        cases = []
+        for version in BOTH:
+            for name, action, expected in (
+                    ("closes", lambda s: s.close(), {}),
+                    ("resets", lambda s: s.reset(), {}),
+                    ("garbage", lambda s: s.send(b"\xff" * 100), {}),
+                    ("DISCONNECT" if version == "3.1.1" else "DISCONNECT without a code",
+                     lambda s: s.send(packet(DISCONNECT)), {"stays": version == "3.1.1"}),
+                    ("CONNACK again", lambda s: s.connack(), {"stays": True}),
+                    ("CONNACK that refuses after one that did not", lambda s: s.connack(3), {"stays": True}),
+                    ("AUTH", lambda s: s.send(packet(AUTH, b"\x18\0")), {"stays": True})):
+                cases.append((name, version, Script(connect=welcome(action)), expected))
+        self.run_cases(cases)
+
+    def test_a_broker_that_falls_silent_is_left_after_half_a_minute(self):
+        cases = []
+        for version in BOTH:
+            silent = Script(connect=welcome(), subscribe=lambda s, p: None, publish=lambda s, p: None,
+                            ping=lambda s, p: None)
+            guarded = {"back_s": GUARD_S + BACK_S + SLACK_S, "says": "no acknowledgement for 30 s"}
+            cases += [("not a word after CONNACK", version, silent, guarded),
+                      ("stops reading", version, Script(connect=welcome(lambda s: s.stop_reading())), guarded),
+                      ("no PUBACK ever", version, Script(connect=welcome(), publish=lambda s, p: None), guarded),
+                      ("no PINGRESP", version, Script(ping=deed(lambda s, p: None)),
+                       {"back_s": 2 * 5 + BACK_S, "keep_alive_s": 5, "says": "broker_lost"})]
+        self.run_cases(cases)
+
+    # after SUBSCRIBE
+
+    def test_what_comes_after_subscribe(self):
+        cases = []
+        for version in BOTH:
+            for name, action, expected in (
+                    ("closes", lambda s, p: s.close(), {}),
+                    ("resets", lambda s, p: s.reset(), {}),
+                    ("refuses", lambda s, p: s.suback(p, [0x80]), {"stays": True, "says": "subscription_refused"}),
+                    ("grants QoS 0", lambda s, p: s.suback(p, [0]), {"stays": True}),
+                    ("a code that does not exist", lambda s, p: s.suback(p, [0x7F]), {"stays": True}),
+                    ("more codes than filters", lambda s, p: s.suback(p, [1, 0x87, 1]), {"stays": True}),
+                    ("no codes", lambda s, p: s.suback(p, []), {}),
+                    ("another identifier", lambda s, p: s.send(packet(SUBACK, b"\x77\x77\0\1")), {"stays": True}),
+                    ("no body", lambda s, p: s.send(packet(SUBACK)), {}),
+                    ("no answer", lambda s, p: None, {"stays": True}),
+                    ("SUBACK twice", lambda s, p: (s.suback(p), s.suback(p)), {"stays": True})):
+                cases.append((name, version, on_subscribe(action), expected))
+        self.run_cases(cases)
+
+    # mid-stream
+
+    def test_what_comes_in_mid_stream(self):
+        def twice(session, got):
+            session.puback(got.identifier)
+        bad_properties = text(COMMAND) + length(200) + b"x"
+        cases = []
+        for version in BOTH:
+            for name, action in (
+                    ("PUBACK for nothing", lambda s, p: s.puback(0x7777)),
+                    ("PUBACK twice", twice),
+                    ("PUBACK for identifier 0", lambda s, p: s.puback(0)),
+                    ("PUBACK that refuses, for nothing", lambda s, p: s.puback(0x7777, 0x87)),
+                    ("PUBACK without a body", lambda s, p: s.send(packet(PUBACK))),
+                    ("PUBREC for nothing", lambda s, p: s.send(packet(PUBREC, b"\x77\x77"))),
+                    ("PUBREC for what is done", lambda s, p: s.send(packet(PUBREC, p.body[-2:]))),
+                    ("PUBREL for nothing", lambda s, p: s.send(packet(PUBREL, b"\x77\x77", 2))),
+                    ("PUBCOMP for nothing", lambda s, p: s.send(packet(PUBCOMP, b"\x77\x77"))),
+                    ("PINGRESP unasked", lambda s, p: s.send(packet(PINGRESP) * 100)),
+                    ("UNSUBACK for nothing", lambda s, p: s.send(packet(UNSUBACK, b"\x77\x77"))),
+                    ("SUBSCRIBE to us", lambda s, p: s.send(packet(SUBSCRIBE, b"\0\1" + text("#") + b"\1", 2))),
+                    ("CONNECT to us", lambda s, p: s.send(packet(CONNECT, text("MQTT") + b"\4\2\0\x1e\0\0"))),
+                    ("PUBLISH with QoS 3", lambda s, p: s.publish(COMMAND, "{}", qos=3)),
+                    ("PUBLISH without a topic", lambda s, p: s.publish("", "{}")),
+                    ("PUBLISH with no body at all", lambda s, p: s.send(packet(PUBLISH))),
+                    ("PUBLISH with a topic longer than the packet",
+                     lambda s, p: s.send(packet(PUBLISH, b"\xff\xffabc"))),
+                    ("PUBLISH with properties longer than the packet",
+                     lambda s, p: s.send(packet(PUBLISH, bad_properties))),
+                    ("PUBLISH on a topic that nobody asked for", lambda s, p: s.publish("a/b/c", "x" * 1000)),
+                    ("PUBLISH with a topic that is no UTF-8",
+                     lambda s, p: s.send(packet(PUBLISH, text(b"\xff\xfe") + b"\0x"))),
+                    ("a length of five bytes", lambda s, p: s.send(b"\x30\xff\xff\xff\xff\x7f")),
+                    ("packet of kind 0", lambda s, p: s.send(packet(0))),
+                    ("packet of kind 15", lambda s, p: s.send(packet(15))),
+                    ("half a packet, and closes", lambda s, p: (s.send(b"\x30\x50\0\5abc"), s.close())),
+                    ("closes", lambda s, p: s.close()),
+                    ("resets", lambda s, p: s.reset())):
+                cases.append((name, version, mid_stream(action), {"stays": True}))
+            cases += [("closes with publishes in flight", version, in_flight(lambda s: s.close()), {}),
+                      ("resets with commands under way", version, with_commands(lambda s: s.reset()), {})]
+        self.run_cases(cases)
+
+    def test_a_packet_of_250_mb_is_not_read(self):
+        def flood(session, _packet):
+            def pour():
+                if session.send(b"\x30" + length(250_000_000) + text(COMMAND)):
+                    while session.send(bytes(1_000_000)):
+                        pass
+            thread = threading.Thread(target=pour, daemon=True)
+            thread.start()
+        self.run_cases([(f"250 MB to {version}", version, mid_stream(flood),
+                         {"says": "250000000 bytes", "peak_mib": 60}) for version in BOTH])
+
+
+class Deaf(PlantTest):
+    """Commands that the broker does not let through are not a secret: contract, section 3."""
+
+    def last_state(self, guest):
+        states = [p.payload for s in guest.broker.sessions for p in s.published(f"{BASE}/state")]
+        return json.loads(states[-1]) if states else None
+
+    def test_a_refused_or_unanswered_subscription_is_in_the_state_until_it_is_granted(self):
+        answers = {"refused": lambda s, p: s.suback(p, [0x87 if s.version == 5 else 0x80]),
+                   "silent": lambda s, p: None}
+        for version in BOTH:
+            for name, answer in answers.items():
+                with self.subTest(version=version, answer=name):
+                    granted = threading.Event()
+
+                    def subscribe(session, got, answer=answer, granted=granted):
+                        session.suback(got) if granted.is_set() else answer(session, got)
+                    guest = Guest((Script(subscribe=subscribe),), version)
+                    try:
+                        state = wait_for("the state", lambda: self.last_state(guest))
+                        self.assertEqual((state["state"], state["commands"]), ("online", False))
+                        self.assertTrue(state["reason"])
+                        granted.set()
+                        wait_for("commands", lambda: "commands" not in self.last_state(guest))
+                        self.assertNotIn("reason", self.last_state(guest))
+                        self.assertEqual(len(guest.broker.sessions), 1)
+                        self.assertEqual(guest.obeys(SLACK_S).number, 0)
+                    finally:
+                        status, _ = guest.end()
+                    self.assertEqual(status, 0)
+
+
+PLUGIN = next((path for path in (
+    os.path.join(root, "mosquitto_dynamic_security.so")
+    for root, _, names in os.walk("/usr/lib") if "mosquitto_dynamic_security.so" in names)), None)
+
+
+class DynamicSecurity(PlantTest):
+    """mosquitto's own way to throw a client off and to let it in again."""
+
+    def setUp(self):
+        super().setUp()
+        self.assertIsNotNone(PLUGIN, "mosquitto's dynamic security plugin is needed")
+        self.users = os.path.join(self.directory, "dynsec.json")
+        subprocess.run(["mosquitto_ctrl", "dynsec", "init", self.users, "admin", "secret"], check=True,
+                       stdout=subprocess.DEVNULL)
+        self.broker = Broker(self.directory)
+        with open(self.broker.conf, "w") as out:
+            out.write(f"user root\nlistener {self.broker.port} 127.0.0.1\nallow_anonymous false\n"
+                      f"plugin {PLUGIN}\nplugin_opt_config_file {self.users}\n")
+        self.broker.start()
+        self.control("createClient", "edge7", "-p", "right")
+        self.control("createRole", "agent")
+        self.control("addRoleACL", "agent", "publishClientSend", "#", "allow")
+        self.control("addClientRole", "edge7", "agent")
+        self.account = {"username": "edge7", "password_file": os.path.join(self.directory, "password")}
+        with open(self.account["password_file"], "w") as out:
+            out.write("right")
+        os.chmod(out.name, 0o600)
+
+    def control(self, *words):
+        done = subprocess.run(["mosquitto_ctrl", "-h", "127.0.0.1", "-p", str(self.broker.port), "-u", "admin",
+                               "-P", "secret", "dynsec", *words], check=False, capture_output=True, text=True,
+                              timeout=30)
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+
+    def may_publish(self):
+        # Of the same account, so that it can send commands as well.
+        self.control("addRoleACL", "admin", "publishClientSend", "#", "allow")
+
+    def may_subscribe(self):
+        self.control("addRoleACL", "agent", "subscribePattern", "#", "allow")
+
+    def start_guest(self, version):
+        self.may_publish()
+        self.watcher = Watcher(self.broker.port, username="admin", password="secret")
+        self.start_sim()
+        self.start_agent(version=version, mqtt_config=self.account)
+        return self.watcher.wait(f"{BASE}/state", lambda s: s["state"] == "online")
+
+    def disabled_and_enabled(self, version, words):
+        self.may_subscribe()
+        self.start_guest(version)
+        self.data()
+        self.control("disableClient", "edge7")
+        wait_for("the loss", lambda: "broker_lost" in self.agent.logged())
+        # A reset right behind it may overtake the DISCONNECT: then its words are lost.
+        self.assertRegex(self.agent.logged(), words + "|connection closed")
+        wait_for("a refusal", lambda: "broker_unreachable" in self.agent.logged())
+        since = self.watcher.mark()
+        self.control("enableClient", "edge7")
+        enabled = time.monotonic()
+        self.watcher.wait(f"{BASE}/state", lambda s: s["state"] == "online", since)
+        self.assertLessEqual(time.monotonic() - enabled, BACK_S)
+        self.data(since=since)
+        self.assertEqual(self.order(op="read", tag="temp")["status"], "SUCCEEDED")
+
+    def test_a_disabled_client_is_back_when_it_is_enabled_again(self):
+        self.disabled_and_enabled("5", "dministrative action")
+
+    def test_a_disabled_client_is_back_on_3_1_1_too(self):
+        self.disabled_and_enabled("3.1.1", "connection closed")
+
+    def denied_and_allowed(self, version):
+        deaf = self.start_guest(version)
+        self.assertEqual(deaf["commands"], False, deaf)
+        since = self.watcher.mark()
+        self.may_subscribe()
+        heard = self.watcher.wait(f"{BASE}/state", lambda s: s["state"] == "online", since)
+        self.assertNotIn("commands", heard)
+        self.assertEqual(self.order(op="read", tag="temp")["status"], "SUCCEEDED")
+
+    def test_an_agent_that_may_not_subscribe_says_so_until_it_may(self):
+        self.denied_and_allowed("5")
+
+    def test_an_agent_that_may_not_subscribe_says_so_on_3_1_1_too(self):
+        self.denied_and_allowed("3.1.1")
+
+
+if __name__ == "__main__":
+    unittest.main()

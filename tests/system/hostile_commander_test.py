@@ -1,0 +1,177 @@
+"""A commander that means no good: floods, and commands that are as large as they can be. Nobody else
+may be kept waiting by it, and nothing that it does may fill the memory."""
+
+import json
+import os
+import socket
+import struct
+import subprocess
+import sys
+import threading
+import time
+import unittest
+
+from plant import BASE, PATIENCE, PlantTest, memory_kib, wait_for
+from scripted_broker import CONNECT, PUBLISH, length, packet, text
+
+MIB = 1 << 20
+
+
+class Publisher(threading.Thread):
+    """A bare MQTT 5 client that writes packets as fast as the broker reads them, or at a pace."""
+
+    def __init__(self, port):
+        super().__init__(daemon=True)
+        self.socket = socket.create_connection(("127.0.0.1", port), PATIENCE)
+        name = f"hostile-{time.monotonic_ns()}"
+        self.socket.sendall(packet(CONNECT, text("MQTT") + b"\x05\x02\x00\x00\x00" + text(name)))
+        assert self.socket.recv(1) == b"\x20"
+        self.sent = 0
+
+    def publish(self, topic, payload, qos=0, number=1, properties=b""):
+        ident = struct.pack(">H", number) if qos else b""
+        body = text(topic) + ident + length(len(properties)) + properties + payload
+        return packet(PUBLISH, body, qos << 1)
+
+    def flood(self, make, seconds, per_second):
+        """`make(n)` is a packet. In bursts of a hundredth of a second."""
+        reader = threading.Thread(target=self._discard, daemon=True)
+        reader.start()
+        begun = time.monotonic()
+        while time.monotonic() < begun + seconds:
+            due = int((time.monotonic() - begun) * per_second)
+            if due <= self.sent:
+                time.sleep(0.002)
+                continue
+            due = min(due, self.sent + 1000)
+            self.socket.sendall(b"".join(make(n) for n in range(self.sent, due)))
+            self.sent = due
+
+    def _discard(self):
+        try:
+            while self.socket.recv(65536):
+                pass
+        except OSError:
+            pass
+
+    def close(self):
+        self.socket.close()
+
+
+class HostileCommander(PlantTest):
+    def begin(self):
+        self.start(store={"path": os.path.join(self.directory, "store")})
+        self.ready()
+        # Not the commands: the broker would forget what it has for a watcher that is too slow.
+        self.watcher.client.subscribe([(f"{BASE}/+/result", 1), (f"{BASE}/+/data/#", 1)])
+        self.watcher.client.unsubscribe("#")
+        self.most = 0
+        self.stop_watching = threading.Event()
+        watcher = threading.Thread(target=self._watch_memory, daemon=True)
+        watcher.start()
+        self.addCleanup(self.stop_watching.set)
+
+    def _watch_memory(self):
+        pid = self.agent.process.pid
+        while not self.stop_watching.wait(0.1):
+            try:
+                self.most = max(self.most, memory_kib(pid, "VmRSS") * 1024)
+            except (OSError, StopIteration):  # it has ended
+                return
+
+    def gap(self, since):
+        times = [at for at, topic, _, _ in self.watcher.messages[since:]
+                 if topic == f"{BASE}/press1/data/fast"]
+        return max(b - a for a, b in zip(times, times[1:]))
+
+    def assert_lively(self, since, most_mib):
+        self.assertLessEqual(self.gap(since), 2.0)
+        self.assertLessEqual(self.most, most_mib * MIB)
+
+    def ask(self, asked):
+        identity = self.next_id()
+        asked[identity] = time.monotonic()
+        self.watcher.client.publish(f"{BASE}/press1/command", json.dumps(
+            {"id": identity, "op": "read", "address": "D300"}), 1)
+        return identity
+
+    def flood_beside_another(self, qos, seconds, per_second, most_mib):
+        since = self.watcher.mark()
+        # A process of its own: beside it the watcher of this one would be too slow to see.
+        hostile = subprocess.Popen([sys.executable, "-B", __file__, "flood", str(self.broker.port),
+                                    str(qos), str(seconds), str(per_second)],
+                                   stdout=subprocess.PIPE, text=True)
+        asked = {}
+        # The broker's queue may be full: then it, and not the agent, forgets a command. So another
+        # client asks again and again.
+        while hostile.poll() is None:
+            self.ask(asked)
+            time.sleep(0.02)
+        sent = int(hostile.stdout.read())
+        hostile.stdout.close()
+        asked_late = []
+
+        def answered_late():
+            asked_late.append(self.ask(asked))
+            time.sleep(0.1)
+            return {r["id"] for r in self.watcher.payloads(f"{BASE}/press1/result", since)}.intersection(
+                asked_late)
+        wait_for("an answer when the flood is over", answered_late)
+        waits = [at - asked[payload["id"]] for at, topic, payload, _ in self.watcher.messages[since:]
+                 if topic == f"{BASE}/press1/result" and payload["id"] in asked]
+        print(f"asked {len(asked)}, answered {len(waits)}, worst {max(waits, default=0):.2f} s, "
+              f"sent {sent}, gap {self.gap(since):.2f} s, {self.most / MIB:.0f} MiB")
+        self.assertTrue(waits, "another client was never heard")
+        self.assert_lively(since, most_mib)
+
+    def test_flood_of_small_commands_keeps_nobody_waiting(self):
+        self.begin()
+        self.flood_beside_another(1, 10, 45000, 64)
+        answered = [r["id"] for r in self.watcher.payloads(f"{BASE}/press1/result")
+                    if r["status"] != "DUPLICATE"]
+        self.assertEqual(len(answered), len(set(answered)), "one result each")
+
+    def test_commands_of_nothing_but_empty_targets_get_small_results(self):
+        self.begin()
+        targets = b",".join([b"{}"] * 21000)
+        since = self.watcher.mark()
+        hostile = Publisher(self.broker.port)
+        hostile.flood(lambda n: hostile.publish(
+            f"{BASE}/press1/command",
+            b'{"id":"e%d","op":"write","targets":[%s]}' % (n, targets), 1, n + 1), 20, 10)
+        wait_for("the results", lambda: len([
+            r for r in self.watcher.payloads(f"{BASE}/press1/result", since)
+            if r["reason"] == "too_large"]) >= hostile.sent)
+        hostile.close()
+        for _, topic, _, message in self.watcher.messages[since:]:
+            if topic.endswith("/result"):
+                self.assertLess(len(message.payload), 1000)
+        self.assert_lively(since, 100)
+
+    def test_refused_response_topic_is_not_logged_whole(self):
+        self.begin()
+        properties = b"\x08" + text(b"fx/" + b"x" * 60000 + b"/command")
+        hostile = Publisher(self.broker.port)
+        since = self.watcher.mark()
+        hostile.flood(lambda n: hostile.publish(
+            f"{BASE}/press1/command", b'{"id":"l%d","op":"read","tag":"temp"}' % n, 1, n + 1,
+            properties), 1, 50)
+        self.watcher.wait_count(f"{BASE}/press1/result", 1, since=since)
+        hostile.close()
+        for line in self.agent.logged().splitlines():
+            self.assertLess(len(line), 600, line[:200])
+
+
+def flood(port, qos, seconds, per_second):
+    hostile = Publisher(port)
+    hostile.flood(lambda n: hostile.publish(
+        f"{BASE}/press1/command", b'{"id":"f%d-%d","op":"read","tag":"none"}' % (qos, n), qos,
+        n % 65535 + 1), seconds, per_second)
+    print(hostile.sent)
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["flood"]:
+        flood(*map(int, sys.argv[2:]))
+    else:
+        unittest.main()

@@ -1,0 +1,396 @@
+"""An MQTT 3.1.1 and 5 broker on the loopback that says exactly what a test scripts, and nothing else.
+
+Where a script is silent it behaves: it confirms a CONNECT, a SUBSCRIBE, an UNSUBSCRIBE, a QoS 1 PUBLISH and a
+PINGREQ. It routes nothing; what the client published is in `session.packets`, and what it is to hear is sent
+by the test.
+
+    broker = ScriptedBroker(Script(connect=lambda session, packet: session.connack(code=0x88)), Script())
+
+The first connection gets the first script, the next one the second, and so on; the last one is for all that
+follow. A script has one function for each thing that a client can say:
+
+    accept(session)               the TCP connection stands, not a byte was read: before CONNACK
+    connect(session, packet)      CONNECT came: in place of CONNACK, and what is to follow it
+    subscribe(session, packet)    in place of SUBACK
+    publish(session, packet)      in place of PUBACK
+    unsubscribe, ping, disconnect(session, packet)
+    over(session)                 the client has closed
+
+A function that is None stands for the good answer. In mid-stream the test speaks by itself, from its own
+thread: `session = broker.wait_session(...)`, then session.publish(...), session.disconnect(...), session.close().
+"""
+
+import contextlib
+import dataclasses
+import socket
+import struct
+import threading
+import time
+from typing import Callable, Optional
+
+CONNECT, CONNACK, PUBLISH, PUBACK, PUBREC, PUBREL, PUBCOMP, SUBSCRIBE, SUBACK, UNSUBSCRIBE, UNSUBACK, \
+    PINGREQ, PINGRESP, DISCONNECT, AUTH = range(1, 16)
+
+PATIENCE = 30.0
+
+
+def text(words):
+    """A length and UTF-8, or the bytes as they are."""
+    raw = words if isinstance(words, bytes) else words.encode()
+    return struct.pack(">H", len(raw)) + raw
+
+
+def length(value):
+    """A variable byte integer."""
+    out = bytearray()
+    while True:
+        value, digit = divmod(value, 128)
+        out.append(digit | (0x80 if value else 0))
+        if not value:
+            return bytes(out)
+
+
+def packet(kind, body=b"", flags=0):
+    return bytes([kind << 4 | flags]) + length(len(body)) + body
+
+
+def reason_string(words):
+    """The property of that name."""
+    return b"\x1f" + text(words)
+
+
+@dataclasses.dataclass
+class Packet:
+    """What the client sent, taken apart as far as tests ask for it."""
+    kind: int
+    flags: int
+    body: bytes
+    time: float
+    identifier: int = 0
+    topic: str = ""          # PUBLISH
+    payload: bytes = b""
+    qos: int = 0
+    retain: bool = False
+    filters: tuple = ()      # SUBSCRIBE, UNSUBSCRIBE
+    version: int = 0         # CONNECT: 4 or 5
+    client_id: str = ""
+    clean: bool = False
+    keep_alive: int = 0
+
+
+@dataclasses.dataclass
+class Script:
+    accept: Optional[Callable] = None
+    connect: Optional[Callable] = None
+    subscribe: Optional[Callable] = None
+    publish: Optional[Callable] = None
+    unsubscribe: Optional[Callable] = None
+    ping: Optional[Callable] = None
+    disconnect: Optional[Callable] = None
+    over: Optional[Callable] = None
+
+
+class Session:
+    """One connection of a client. Functions: any thread."""
+
+    def __init__(self, broker, connection, number):
+        self.broker = broker
+        self.connection = connection
+        self.number = number
+        self.since = time.monotonic()
+        self.connect = None      # the CONNECT packet
+        self.packets = []        # all that came, in order
+        self.closed = None       # when the client had closed, or we
+        self.version = 0
+        self.reading = threading.Event()
+        self.reading.set()
+        self.writing = threading.Lock()
+
+    # What the broker says. Every function can be called at every stage, right or wrong.
+
+    def send(self, raw):
+        """These bytes. False where the client has gone."""
+        with self.writing:
+            try:
+                self.connection.sendall(raw)
+                return True
+            except OSError:
+                return False
+
+    def connack(self, code=0, properties=b"", present=0):
+        body = bytes([present, code])
+        return self.send(packet(CONNACK, body + self._properties(properties)))
+
+    def suback(self, to, codes=None):
+        """Grants what was asked, or answers with `codes`, as many or as few as there are."""
+        codes = [1] * len(to.filters) if codes is None else codes
+        return self.send(packet(SUBACK, struct.pack(">H", to.identifier) + self._properties()
+                                + bytes(codes)))
+
+    def unsuback(self, to):
+        codes = bytes(len(to.filters)) if self.version == 5 else b""
+        return self.send(packet(UNSUBACK, struct.pack(">H", to.identifier) + self._properties()
+                                + codes))
+
+    def puback(self, identifier, code=None, properties=None):
+        body = struct.pack(">H", identifier)
+        if code is not None:
+            body += bytes([code])
+        if properties is not None:
+            body += self._properties(properties)
+        return self.send(packet(PUBACK, body))
+
+    def publish(self, topic, payload, qos=0, identifier=1, retain=False, properties=b""):
+        raw = payload if isinstance(payload, bytes) else payload.encode()
+        number = struct.pack(">H", identifier) if qos else b""
+        return self.send(packet(PUBLISH, text(topic) + number + self._properties(properties) + raw,
+                                qos << 1 | int(retain)))
+
+    def disconnect(self, code=None, properties=None):
+        """MQTT 5 alone has it from a broker; on 3.1.1 it is one more thing that must not be."""
+        body = b"" if code is None else bytes([code])
+        if properties is not None:
+            body += length(len(properties)) + properties
+        return self.send(packet(DISCONNECT, body))
+
+    def _properties(self, properties=b""):
+        return length(len(properties)) + properties if self.version == 5 else b""
+
+    def stop_reading(self):
+        """From now on what the client sends stays in its socket and ours."""
+        self.reading.clear()
+
+    def go_on_reading(self):
+        self.reading.set()
+
+    def close(self):
+        """The polite end of TCP."""
+        with contextlib.suppress(OSError):
+            self.connection.shutdown(socket.SHUT_RDWR)
+        self.reading.set()
+
+    def reset(self):
+        """The impolite one: RST."""
+        with contextlib.suppress(OSError):
+            self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        self.reading.set()
+        self.close_now()
+
+    def close_now(self):
+        # A thread that waits in recv() keeps the socket alive: it must be woken first.
+        with contextlib.suppress(OSError):
+            self.connection.shutdown(socket.SHUT_RD)
+        with contextlib.suppress(OSError):
+            self.connection.close()
+
+    # What the client said.
+
+    def of(self, kind):
+        with self.broker.changed:
+            return [p for p in self.packets if p.kind == kind]
+
+    def published(self, topic):
+        return [p for p in self.of(PUBLISH) if p.topic == topic]
+
+    def wait(self, what, condition, patience=PATIENCE):
+        """The first true value of condition(self)."""
+        return self.broker.wait(what, lambda: condition(self), patience)
+
+    def wait_published(self, topic, accept=lambda packet: True, patience=PATIENCE):
+        return self.wait(f"a message on {topic}", lambda s: next(
+            (p for p in s.packets if p.kind == PUBLISH and p.topic == topic and accept(p)), None),
+            patience)
+
+    # The thread of the connection.
+
+    def _serve(self, script):
+        try:
+            if script.accept:
+                script.accept(self)
+            while True:
+                got = self._read()
+                if got is None:
+                    break
+                with self.broker.changed:
+                    self.packets.append(got)
+                    if got.kind == CONNECT and self.connect is None:
+                        self.connect = got
+                    self.broker.changed.notify_all()
+                self._answer(script, got)
+        except OSError:
+            pass  # it has gone: whether that is right is for the test to say
+        finally:
+            with self.broker.changed:
+                self.closed = time.monotonic()
+                self.broker.changed.notify_all()
+            with contextlib.suppress(OSError):
+                self.connection.close()
+            if script.over:
+                script.over(self)
+
+    def _answer(self, script, got):
+        if got.kind == CONNECT:
+            script.connect(self, got) if script.connect else self.connack()
+        elif got.kind == SUBSCRIBE:
+            script.subscribe(self, got) if script.subscribe else self.suback(got)
+        elif got.kind == PUBLISH and script.publish:
+            script.publish(self, got)
+        elif got.kind == PUBLISH and got.qos == 1:
+            self.puback(got.identifier)
+        elif got.kind == UNSUBSCRIBE:
+            script.unsubscribe(self, got) if script.unsubscribe else self.unsuback(got)
+        elif got.kind == PINGREQ:
+            script.ping(self, got) if script.ping else self.send(packet(PINGRESP))
+        elif got.kind == DISCONNECT and script.disconnect:
+            script.disconnect(self, got)
+
+    def _read(self):
+        head = self._exactly(1)
+        if head is None:
+            return None
+        size, shift = 0, 0
+        while True:
+            digit = self._exactly(1)
+            if digit is None:
+                return None
+            size |= (digit[0] & 0x7F) << shift
+            shift += 7
+            if not digit[0] & 0x80:
+                break
+        body = self._exactly(size)
+        return None if body is None else self._parse(head[0] >> 4, head[0] & 15, body)
+
+    def _exactly(self, count):
+        out = bytearray()
+        while len(out) < count:
+            self.reading.wait()
+            got = self.connection.recv(count - len(out))
+            if not got:
+                return None
+            out += got
+        return bytes(out)
+
+    def _parse(self, kind, flags, body):
+        out = Packet(kind, flags, body, time.monotonic())
+        at = 0
+
+        def take(count):
+            nonlocal at
+            at += count
+            return body[at - count:at]
+
+        def number():
+            return struct.unpack(">H", take(2))[0]
+
+        def skip_properties():
+            if self.version == 5:
+                size, shift = 0, 0
+                while True:
+                    digit = take(1)[0]
+                    size |= (digit & 0x7F) << shift
+                    shift += 7
+                    if not digit & 0x80:
+                        break
+                take(size)
+
+        if kind == CONNECT:
+            take(number())
+            self.version = out.version = take(1)[0]
+            out.clean = bool(take(1)[0] & 2)
+            out.keep_alive = number()
+            skip_properties()
+            out.client_id = take(number()).decode()
+        elif kind == PUBLISH:
+            out.qos, out.retain = flags >> 1 & 3, bool(flags & 1)
+            out.topic = take(number()).decode()
+            if out.qos:
+                out.identifier = number()
+            skip_properties()
+            out.payload = body[at:]
+        elif kind in (SUBSCRIBE, UNSUBSCRIBE):
+            out.identifier = number()
+            skip_properties()
+            filters = []
+            while at < len(body):
+                filters.append(take(number()).decode())
+                if kind == SUBSCRIBE:
+                    take(1)
+            out.filters = tuple(filters)
+        elif kind in (PUBACK, PUBREC, PUBREL, PUBCOMP):
+            out.identifier = number()
+        return out
+
+
+class ScriptedBroker:
+    """Listens at once, on a port that the system chose; `port` tells it. Every thread ends with close()."""
+
+    def __init__(self, *scripts):
+        self.scripts = scripts or (Script(),)
+        self.sessions = []
+        self.changed = threading.Condition()
+        self.listener = socket.create_server(("127.0.0.1", 0), backlog=64)
+        self.port = self.listener.getsockname()[1]
+        self.open = True
+        self.threads = [threading.Thread(target=self._accept, daemon=True)]
+        self.threads[0].start()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+    def _accept(self):
+        while self.open:
+            try:
+                connection, _ = self.listener.accept()
+            except OSError:
+                return
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            with self.changed:
+                number = len(self.sessions)
+                session = Session(self, connection, number)
+                self.sessions.append(session)
+                self.changed.notify_all()
+            script = self.scripts[min(number, len(self.scripts) - 1)]
+            thread = threading.Thread(target=session._serve, args=(script,), daemon=True)
+            self.threads.append(thread)
+            thread.start()
+
+    def close(self):
+        self.open = False
+        with contextlib.suppress(OSError):
+            self.listener.shutdown(socket.SHUT_RDWR)
+        self.listener.close()
+        for session in list(self.sessions):
+            session.close()
+        for thread in self.threads:
+            thread.join(PATIENCE)
+
+    def wait(self, what, condition, patience=PATIENCE):
+        """The first true value of condition(); looked at whenever something came."""
+        deadline = time.monotonic() + patience
+        with self.changed:
+            while True:
+                value = condition()
+                if value:
+                    return value
+                left = deadline - time.monotonic()
+                if left <= 0:
+                    raise AssertionError("the broker waited in vain for " + what)
+                self.changed.wait(left)
+
+    def wait_session(self, number, patience=PATIENCE):
+        """Connection `number`, counted from 0, once its CONNECT is there."""
+        return self.wait(f"connection {number}", lambda: next(
+            (s for s in self.sessions[number:number + 1] if s.connect), None), patience)
+
+    def wait_online(self, base, from_session=0, patience=PATIENCE):
+        """The first connection, from that number on, on which the client said that it is online."""
+        def online():
+            for session in self.sessions[from_session:]:
+                if any(p.kind == PUBLISH and p.topic == base + "/state" and b'"online"' in p.payload
+                       for p in session.packets):
+                    return session
+            return None
+        return self.wait("a client that is online", online, patience)

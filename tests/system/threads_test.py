@@ -1,0 +1,107 @@
+"""Every thread of the agent at once, for ThreadSanitizer, which sees the whole program only here: field,
+uplink, checkpoints, and the MQTT library's own threads with our callbacks in them, over connections that
+come, go and are refused, with and without TLS. A report fails the test, as any sanitizer's does. In other
+builds it is one more test of the same."""
+
+import os
+import signal
+import threading
+import unittest
+
+from broker_test import certificates
+from plant import BASE, Broker, PlantTest, Watcher, device, free_port, wait_for
+
+TAGS = [{"name": "temp", "address": "D100", "group": "fast"},
+        {"name": "setpoint", "address": "D200", "group": "fast", "access": "read_write"}]
+
+
+class Threads(PlantTest):
+    def devices(self):
+        """Two on links of their own: each link's work meets the others' in the outbox."""
+        return ([device(tags=TAGS), device("press2", "line2", tags=TAGS)],
+                [self.plc(), self.plc("press2")],
+                [self.serial(), self.serial("line2", "press2")])
+
+    def commands(self, count, prefix):
+        """Sends writes and reads to both devices, and waits for the result of each."""
+        since = self.watcher.mark()
+        for number in range(count):
+            for name in ("press1", "press2"):
+                order = ({"op": "write", "tag": "setpoint", "value": number} if number % 2 else
+                         {"op": "read", "tag": "temp"})
+                self.send({"id": f"{prefix}-{number}", **order}, name)
+        for name in ("press1", "press2"):
+            for number in range(count):
+                self.result(f"{prefix}-{number}", name, since)
+
+    def test_samples_commands_and_a_broker_that_comes_and_goes(self):
+        devices, plcs, links = self.devices()
+        self.start(devices, plcs, links,
+                   store={"path": os.path.join(self.directory, "store"), "sync": "always"})
+        self.ready()
+        self.commands(20, "first")
+        for sign in (signal.SIGTERM, signal.SIGKILL):
+            before = self.data()["seq"]
+            self.broker.kill(sign)
+            wait_for("the log", lambda: self.agent.logged().count("broker_lost") >=
+                     (1 if sign == signal.SIGTERM else 2))
+            since = self.watcher.mark()
+            self.broker.start()
+            self.watcher.wait(f"{BASE}/press1/data/fast/history",
+                              lambda m: m["rows"][-1]["seq"] > before, since)
+            self.data(since=since)
+        self.commands(20, "second")
+        self.watcher.wait(f"{BASE}/health")
+
+    def test_commands_until_the_very_end(self):
+        """A stop in the middle of everything."""
+        devices, plcs, links = self.devices()
+        self.start(devices, plcs, links, version="3.1.1",
+                   store={"path": os.path.join(self.directory, "store")})
+        self.ready()
+        stopping = threading.Event()
+
+        def flood():
+            number = 0
+            while not stopping.is_set():
+                number += 1
+                self.send({"id": f"c{number}", "op": "write", "tag": "setpoint", "value": number % 99})
+                stopping.wait(0.01)
+        thread = threading.Thread(target=flood)
+        thread.start()
+        try:
+            self.watcher.wait_count(f"{BASE}/press1/result", 30)
+            self.assertEqual(self.agent.stop(), 0)
+        finally:
+            stopping.set()
+            thread.join()
+        self.watcher.wait(f"{BASE}/state", lambda s: s.get("reason") == "stopped")
+
+    def test_tls_that_is_refused_and_then_works(self):
+        certificates(self.directory)
+        os.chmod(self.directory, 0o755)
+        plain = free_port()
+        here = self.directory
+        self.broker = Broker(here, f"cafile {here}/ca.pem\ncertfile {here}/other.pem\n"
+                                   f"keyfile {here}/other.key\n\nlistener {plain} 127.0.0.1\n")
+        self.broker.start()
+        devices, plcs, links = self.devices()
+        self.start_sim(plcs)
+        self.start_agent(devices, links, mqtt_config={
+            "servers": [f"mqtts://127.0.0.1:{self.broker.port}"],
+            "tls": {"ca_file": os.path.join(here, "ca.pem")}})
+        wait_for("the log", lambda: "broker_unreachable" in self.agent.logged())
+        self.broker.kill()
+        with open(self.broker.conf) as text:
+            settings = text.read()
+        with open(self.broker.conf, "w") as out:
+            out.write(settings.replace("/other.", "/server."))
+        self.broker.start()
+        wait_for("the log", lambda: "broker_connected" in self.agent.logged())
+        self.watcher = Watcher(plain)
+        self.data()
+        self.commands(5, "tls")
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
