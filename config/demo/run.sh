@@ -34,18 +34,34 @@ while [ $# -gt 0 ]; do
   esac
 done
 
+# One line a step, with the seconds since the start: nothing here is to look as if it hung.
+say() { printf '[%3d s] %s\n' "$SECONDS" "$*"; }
+
+say "installing what is missing (docker/packages.txt: build, demo)"
 "$root/docker/install.sh" build demo
-echo "building fxagent and fxsim in $build …"
-# A build directory that is there keeps its options.
+
+# A build directory that is there keeps its options, and gets the simulator if it has none.
 configure() {
-  [ -f "$build/build.ninja" ] ||
-    cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=RelWithDebInfo
+  local options=(-DFXAGENT_SIM=ON)
+  [ -f "$build/CMakeCache.txt" ] || options+=(-G Ninja -DFXAGENT_TESTS=OFF)
+  cmake -S "$root" -B "$build" "${options[@]}"
 }
-if ! log=$({ configure && cmake --build "$build" --target fxagent fxsim; } 2>&1); then
-  echo "$log" >&2
-  echo "the build failed" >&2
-  exit 1
-fi
+# Shows every tenth step of ninja's `[n/m]`; keeps all of it in a file.
+compile() {
+  NINJA_STATUS='[%f/%t] ' cmake --build "$build" --target fxagent fxsim 2>&1 | tee "$1" |
+    while read -r line; do
+      [[ $line =~ ^\[([0-9]+)/([0-9]+)\] ]] || continue
+      n=${BASH_REMATCH[1]} of=${BASH_REMATCH[2]}
+      if ((n % 10 == 0 || n == of)); then say "compiling $n of $of"; fi
+    done
+}
+log=$(mktemp)
+trap 'rm -f "$log"' EXIT
+say "configuring in $build"
+configure >"$log" 2>&1 || { cat "$log"; echo "demo: the configure failed"; exit 1; } >&2
+say "compiling fxagent and fxsim: minutes the first time, seconds later"
+compile "$log" || { cat "$log"; echo "demo: the build failed"; exit 1; } >&2
+rm -f "$log"
 agent=$build/agent/fxagent
 sim=$build/tests/sim/fxsim
 # Debian keeps the broker where only root looks.
@@ -74,7 +90,8 @@ clean_up() {
   rm -rf "$dir"
 }
 trap clean_up EXIT
-trap 'exit 0' INT TERM
+# Ctrl-C is how one without an end is ended.
+trap '[ -z "$seconds" ]; exit' INT TERM
 
 # Says what is wrong, shows the end of every log, and leaves.
 give_up() {
@@ -150,10 +167,11 @@ saw_ack() {
 }
 
 order() {
-  echo "--------- order: $1"
-  mosquitto_pub -p "$port" -q 1 -t "$press/command" -m "$1" || give_up "the order was not published"
+  echo "--------- command: $1"
+  mosquitto_pub -p "$port" -q 1 -t "$press/command" -m "$1" || give_up "the command was not published"
 }
 
+say "starting a broker, a simulated PLC and the agent"
 start_broker
 "$sim" --plc "name=press1,model=FX3U,pty=$dir/press1,baud=9600,plant=demo" >"$dir/sim.ready" 2>"$dir/sim.log" &
 sim_pid=$!
@@ -173,7 +191,6 @@ agent_pid=$!
 start=$SECONDS
 
 echo "broker on 127.0.0.1:$port, PLC on $dir/press1, base topic $base"
-echo "try: mosquitto_sub -p $port -v -t '$base/#'"
 [ -n "$seconds" ] || echo "Ctrl-C ends it"
 
 # Sleeps to the given second after the start, or to the end; gives up when a part has died.
@@ -187,6 +204,13 @@ until_second() {
   done
 }
 
+for _ in $(seq 20); do
+  saw_telemetry && break
+  until_second $((SECONDS - start + 1))
+done
+saw_telemetry || give_up "no telemetry came within 20 s"
+say "the first live values are here"
+
 # A short demo orders early; the results need their time too.
 first=4
 [ -z "$seconds" ] || [ "$seconds" -ge 8 ] || first=$((seconds / 3))
@@ -197,6 +221,13 @@ order '{"id":"demo-2","op":"force_on","address":"M100","by":"demo"}'
 order '{"id":"demo-3","op":"write","tag":"setpoint","value":60,"by":"demo"}'
 
 if [ -z "$seconds" ]; then
+  until_second $((first + 6))
+  cat <<END
+--------- try, in another terminal:
+  mosquitto_sub -p $port -v -t '$base/#'
+  mosquitto_pub -p $port -q 1 -t $press/command -m '{"id":"mine-1","op":"write","tag":"setpoint","value":70}'
+(every command needs an id of its own: an id that was seen before is answered DUPLICATE)
+END
   while true; do until_second $((SECONDS - start + 3600)); done
 fi
 until_second "$seconds"
@@ -205,4 +236,13 @@ missing=
 saw_telemetry || missing="live telemetry with values"
 saw_ack || missing="${missing:+$missing, and }a result with status SUCCEEDED and plc ACK"
 [ -z "$missing" ] || give_up "within $seconds s there was no $missing"
-echo "demo: live telemetry and an acknowledged command were seen"
+say "live telemetry and an acknowledged command were seen"
+cat <<END
+next:
+  $0
+      the same until Ctrl-C, with commands to try
+  $agent plan $root/config/agent.example.json
+      what a line can carry, and how soon a command is through
+  README.md, Install
+      put it on a machine with a PLC
+END

@@ -1,9 +1,10 @@
 #!/bin/bash
 # Speed, beside the bridges that users write by hand (Python: pymodbus and paho-mqtt; Node.js:
 # modbus-serial and mqtt.js), and size and store by themselves, in one run on one machine:
-#   tests/bench/run.sh [--only a,b,c,d,e,f,g,h,i] [--seconds N] [--samples N] [--json FILE]
-# (a) to (d) speed, (e) and (f) many devices, (g) many links, (h) many tags, (i) the store.
-# Installs what is missing, builds in Release, prints a table. BUILD_DIR: where (build-bench).
+#   tests/bench/run.sh [--only a,b,c,d,e,f,g,h,i] [--seconds N] [--samples N] [--json FILE] [--smoke]
+# (a) to (d) speed, (e) and (f) many devices, (g) many links, (h) many tags, (i) the store. --smoke: each
+# once, small and short, which shows that the bench works and measures nothing.
+# Installs what is missing, builds, prints a table. BUILD_DIR: where (build-bench).
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
@@ -11,13 +12,11 @@ cd "$root"
 build=${BUILD_DIR:-$root/build-bench}
 
 docker/install.sh build test
-cmake -G Ninja -S . -B "$build" -DCMAKE_BUILD_TYPE=Release >/dev/null
-ninja -C "$build" fxagent fxsim >/dev/null
+cmake -G Ninja -S . -B "$build" -DFXAGENT_TESTS=OFF -DFXAGENT_SIM=ON >/dev/null
+ninja --quiet -C "$build" fxagent fxsim
 
 node=$build/bench-node
-mkdir -p "$node"
-cp tests/bench/node/* "$node"
-(cd "$node" && npm ci --no-audit --no-fund --loglevel=error >/dev/null)
+tests/npm.sh tests/bench/node "$node"
 
 FXAGENT=$build/agent/fxagent FXSIM=$build/tests/sim/fxsim NODE_BRIDGE=$node \
   PYTHONDONTWRITEBYTECODE=1 /usr/bin/python3 tests/bench/bench.py "$@"

@@ -4,6 +4,7 @@ package and command that they name exists, and works outside a container.
 Called with the project's root; FXAGENT and FXSIM name the programs.
 """
 
+import ast
 import fnmatch
 import json
 import os
@@ -22,12 +23,18 @@ import paho.mqtt.client as mqtt
 import yaml
 
 ROOT = sys.argv.pop(1)
+sys.path.insert(0, os.path.join(ROOT, "tests", "support"))
+from ports import free_port
+
 FXAGENT = os.environ["FXAGENT"]
 FXSIM = os.environ["FXSIM"]
 PATIENCE = 30
 TOPIC = "fx/plant-a/edge7/press1"
 # Debian keeps the broker where only root looks.
 SYSTEM_PATH = os.environ["PATH"] + ":/usr/sbin"
+# What apt and dpkg print is read here: in English.
+os.environ["LC_ALL"] = "C.UTF-8"
+os.environ.pop("LANGUAGE", None)
 
 
 def in_root(*parts):
@@ -45,11 +52,44 @@ def output_of(*arguments, **more):
 
 def packages():
     """section → names, from the one list."""
+    return {section: [name for name, _ in entries] for section, entries in annotated().items()}
+
+
+def annotated():
+    """section → (package, what is found when it is there or None)."""
     out = {}
     for line in text_of("docker", "packages.txt").splitlines():
         match = re.match(r"^([a-z]+):(.*)$", line)
         if match:
-            out.setdefault(match[1], []).extend(match[2].split())
+            out.setdefault(match[1], []).extend(
+                re.fullmatch(r"([^()]+)(?:\(([^()]+)\))?", word).groups() for word in match[2].split())
+    return out
+
+
+def with_all_they_need(names):
+    """The packages and all that apt installs with them, without what is merely recommended."""
+    known = output_of("apt-cache", "depends", "--recurse", "--no-recommends", "--no-suggests",
+                      "--no-conflicts", "--no-breaks", "--no-replaces", "--no-enhances", *names)
+    return {line.split(":")[0] for line in known.splitlines() if line and line[0] not in " <"}
+
+
+def owners_of(paths):
+    """The packages that installed these files; a file of no package is an error."""
+    # A file may be registered under / or under /usr: one is a link to the other.
+    names = {path: {path, os.path.realpath(path), "/usr" + path, path.removeprefix("/usr")} for path in paths}
+    asked = sorted(set().union(*names.values()))
+    found = {}
+    for i in range(0, len(asked), 500):
+        done = subprocess.run(["dpkg", "-S", *asked[i:i + 500]], capture_output=True, text=True)
+        for line in done.stdout.splitlines():
+            owners, _, path = line.rpartition(": ")
+            if not owners.startswith("diversion "):
+                found[path] = owners.split(",")[0].split(":")[0]
+    out = set()
+    for path, candidates in names.items():
+        owner = [found[c] for c in candidates if c in found]
+        assert owner, path + " belongs to no package"
+        out.add(owner[0])
     return out
 
 
@@ -87,12 +127,6 @@ def is_ignored(path):
     parts = path.split("/")
     heads = ["/".join(parts[:i + 1]) for i in range(len(parts))]
     return any(fnmatch.fnmatch(head, pattern) for head in heads for pattern in patterns)
-
-
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def wait_for(what, condition):
@@ -136,16 +170,64 @@ class Packages(unittest.TestCase):
         paths = set(re.findall(r"=> (/\S+)", output_of("ldd", FXAGENT)))
         # What every Debian has, and what sanitizers add to a test build.
         base = {"libc6", "libgcc-s1", "libstdc++6", "libasan8", "libubsan1", "libtsan2"}
-        owners = set()
-        for path in paths:
-            for candidate in (path, os.path.realpath(path), "/usr" + path):
-                found = subprocess.run(["dpkg", "-S", candidate], capture_output=True, text=True)
-                if found.returncode == 0:
-                    owners.add(found.stdout.split(":")[0])
-                    break
-            else:
-                self.fail(path + " belongs to no package")
+        # What libsystemd0 brings with it by its own dependencies.
+        base |= {"libcap2", "libgcrypt20", "libgpg-error0", "liblz4-1", "liblzma5", "libzstd1"}
+        owners = owners_of(paths)
         self.assertEqual(owners - base, set(packages()["run"]))
+
+    def test_the_build_section_is_all_that_the_agent_and_the_simulator_are_built_from(self):
+        build = FXAGENT.removesuffix("/agent/fxagent")
+        used, current = set(), None
+        for line in output_of("ninja", "-C", build, "-t", "deps").splitlines():
+            if line and not line.startswith(" "):
+                current = line.split(":")[0]
+            elif current and re.match(r"(agent|protocol|tests/sim/CMakeFiles/fxsim(_core)?\.dir)/", current):
+                used.add(os.path.normpath(os.path.join(build, line.strip())))
+        for target in ("agent/fxagent", "tests/sim/fxsim"):
+            link = output_of("ninja", "-C", build, "-t", "commands", target).splitlines()[-1]
+            used.update(re.findall(r"(?<= )(/\S+\.(?:so|a)[0-9.]*)(?= |$)", link))
+        system = {path for path in used if path.startswith(("/usr/", "/lib/"))}
+        self.assertGreater(len(system), 500)
+        allowed = with_all_they_need(packages()["build"])
+        self.assertEqual(owners_of(system) - allowed, set())
+
+    def test_every_python_module_that_the_tests_use_is_installed_and_in_the_list(self):
+        found = {what: package for entries in annotated().values() for package, what in entries if what}
+        wanted = {what for what, package in found.items() if package.startswith("python3-")}
+        local = {name.removesuffix(".py") for _, _, files in os.walk(in_root("tests")) for name in files}
+        for directory, _, files in os.walk(in_root("tests")):
+            for name in files:
+                if name.endswith(".py"):
+                    for node in ast.walk(ast.parse(text_of(directory, name))):
+                        modules = ([alias.name for alias in node.names] if isinstance(node, ast.Import)
+                                   else [node.module] if isinstance(node, ast.ImportFrom) else [])
+                        wanted.update(m.split(".")[0] for m in modules if m.split(".")[0] not in local)
+        wanted -= set(sys.stdlib_module_names)
+        self.assertGreater(len(wanted), 3)
+        for module in sorted(wanted):
+            self.assertIn(module, found, "docker/packages.txt names no package for it")
+            done = subprocess.run(["/usr/bin/python3", "-c", "import " + module], capture_output=True,
+                                  text=True)
+            self.assertEqual(done.returncode, 0, f"{found[module]}: {done.stderr[-200:]}")
+
+    def test_what_is_missing_is_named_with_its_package_and_the_cure(self):
+        with tempfile.TemporaryDirectory() as build:
+            def configure(*options):
+                done = subprocess.run(["cmake", "-S", ROOT, "-B", os.path.join(build, "b"), "-G", "Ninja", *options],
+                                      capture_output=True, text=True)
+                return done.returncode, " ".join(done.stderr.split())
+            status, text = configure("-DFXAGENT_TESTS=OFF", "-DCMAKE_DISABLE_FIND_PACKAGE_CLI11=ON")
+            self.assertNotEqual(status, 0)
+            self.assertIn("CLI11 was not found. It is in Debian's package libcli11-dev.", text)
+            self.assertIn("docker/install.sh build", text)
+            status, text = configure("-DFXAGENT_TESTS=ON", "-DCMAKE_DISABLE_FIND_PACKAGE_GTest=ON",
+                                     "-DCMAKE_DISABLE_FIND_PACKAGE_CLI11=OFF")
+            self.assertNotEqual(status, 0)
+            self.assertIn("libgtest-dev", text)
+            self.assertIn("docker/install.sh build test", text)
+            # The same machine builds the agent and the simulator.
+            status, text = configure("-DFXAGENT_TESTS=OFF", "-DFXAGENT_SIM=ON")
+            self.assertEqual((status, text), (0, ""))
 
     def test_what_is_installed_is_not_asked_for(self):
         # Even where nobody may install, and where there is no package system.
@@ -200,6 +282,17 @@ class Scripts(unittest.TestCase):
         self.assertGreater(len(scripts), 5)
         done = subprocess.run(["shellcheck", *scripts], capture_output=True, text=True)
         self.assertEqual(done.returncode, 0, done.stdout)
+
+    def test_where_no_bare_root_can_be_made_it_says_why(self):
+        script = in_root("tests", "deploy", "bare_machine.sh")
+        as_nobody = ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"] if os.getuid() == 0 else []
+        done = subprocess.run([*as_nobody, "bash", "-s", "--", "demo"], stdin=open(script), capture_output=True,
+                              text=True, cwd="/")
+        self.assertEqual((done.returncode, done.stdout), (3, ""), done.stderr)
+        self.assertIn("no bare root can be made here: only root can", done.stderr)
+        done = subprocess.run([script, "everything"], capture_output=True, text=True)
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("usage:", done.stderr)
 
     def test_the_include_graph_names_the_rooms_and_no_forbidden_arrow(self):
         graph = output_of(in_root("tests", "include_graph.sh"))
@@ -381,6 +474,9 @@ class Compose(unittest.TestCase):
             self.assertEqual(service["security_opt"], ["no-new-privileges:true"], name)
             self.assertEqual(service["restart"], "unless-stopped", name)
             self.assertNotIn("privileged", service, name)
+            # A flood from outside fills its own container at most.
+            self.assertRegex(service["mem_limit"], r"^[1-9][0-9]*m$", name)
+            self.assertLessEqual(service["pids_limit"], 64, name)
         for name, secret in plan["secrets"].items():
             self.assertEqual(secret["file"], "./plant/secrets/" + name)
             self.assertIn(name, os.listdir(made))
@@ -554,6 +650,27 @@ class Unit(unittest.TestCase):
             done = subprocess.run(["systemd-analyze", "security", "--offline=true", "--threshold=25",
                                    "--no-pager", path], capture_output=True, text=True)
             self.assertEqual(done.returncode, 0, done.stdout[-400:] + done.stderr)
+
+    def setting(self, name):
+        values = re.findall(rf"^{name}=(.*)$", self.unit(), re.M)
+        self.assertEqual(len(values), 1, name)
+        return values[0]
+
+    def test_what_it_may_take_is_bounded_and_the_same_in_a_container(self):
+        agent = compose()["services"]["fxagent"]
+        self.assertEqual(self.setting("MemoryMax").lower(), agent["mem_limit"])
+        self.assertEqual(int(self.setting("TasksMax")), agent["pids_limit"])
+        self.assertEqual(self.setting("LimitCORE"), "0")
+
+    def test_it_is_started_anew_where_it_stands_still(self):
+        # Only the program's own word says that it is ready, and it is fed by nothing else.
+        self.assertEqual(self.setting("Type"), "notify")
+        self.assertEqual(self.setting("Restart"), "always")
+        within = int(self.setting("WatchdogSec"))
+        # Longer than a slow disk holds a commit up.
+        self.assertGreaterEqual(within, 30)
+        self.assertLessEqual(within, 120)
+        self.assertNotIn("NotifyAccess=all", self.unit())
 
     def test_it_reaches_what_the_agent_needs(self):
         lines = self.unit().splitlines()

@@ -1,0 +1,306 @@
+#!/bin/bash
+# Shows that the README's commands work on a bare Debian 12: makes a root with nothing but apt in it, clones
+# the checkout's last commit into it, and does there by chroot what a new user would:
+#   tests/deploy/bare_machine.sh [demo|tests|install|docker|all]… [-- CTEST ARGUMENTS]
+# demo     config/demo/run.sh, and how long it took to the first live value
+# tests    tests/run.sh, with the ctest arguments; without any the benches too, once and short
+# install  README.md, Install, word for word; then --version, check of the example, and the ACL recipe of
+#          README.md, Who may do what, against the mosquitto that it configures
+# docker   every stage of docker/Dockerfile: with buildah where it is there, else its COPY and RUN lines
+# all      all of them (the default)
+# Each in a root of its own. Carried in is only what package managers need to reach their sources: the
+# machine's own settings and certificates. Only caches are shared: packages, npm's, the compiler's.
+#
+# Needs root, mmdebstrap and the right to mount. Mounts live in a mount namespace and processes in a
+# PID namespace that end with the script, and the roots are removed whatever happens.
+# Exit status: 0 all passed, 1 something failed, 2 wrong usage, 3 such a root cannot be made here.
+# BARE_CACHE: where the caches are (~/.cache/fxagent-bare). CCACHE_DIR: the compiler's, if elsewhere.
+set -euo pipefail
+
+root=$(cd "$(dirname "${BASH_SOURCE[0]:-$0}")/../.." && pwd)
+
+impossible() {
+  echo "bare_machine: no bare root can be made here: $*" >&2
+  exit 3
+}
+
+# --- outside: namespaces, and what is removed when they are gone --------------------------------------
+
+outside() {
+  local want=() mode
+  while [ $# -gt 0 ] && [ "$1" != -- ]; do
+    case $1 in
+      demo | tests | install | docker) want+=("$1") ;;
+      all) want+=(demo tests install docker) ;;
+      -h | --help) sed -n '2,/^set /{/^#/s/^# \{0,1\}//p}' "${BASH_SOURCE[0]}"; exit 0 ;;
+      *) echo "usage: $0 [demo|tests|install|docker|all]… [-- CTEST ARGUMENTS]" >&2; exit 2 ;;
+    esac
+    shift
+  done
+  [ $# -eq 0 ] || shift
+  [ ${#want[@]} -gt 0 ] || want=(demo tests install docker)
+
+  [ "$(id -u)" -eq 0 ] || impossible "only root can"
+  command -v mmdebstrap >/dev/null || impossible "mmdebstrap is not installed (docker/install.sh ci)"
+  unshare --mount --pid --fork mount -t tmpfs none /mnt 2>/dev/null || impossible "mounting is not allowed"
+
+  cache=${BARE_CACHE:-${HOME:-/root}/.cache/fxagent-bare}
+  mkdir -p "$cache/debs/partial" "$cache/npm" "${CCACHE_DIR:=$cache/ccache}"
+  export CCACHE_DIR
+  # What was left by one that was killed: nobody holds its lock.
+  local old
+  while read -r old; do
+    if flock --nonblock "$old" true; then rm -rf --one-file-system "$old"; fi
+  done < <(find /var/tmp -maxdepth 1 -name 'fxagent-bare-*' -mmin +1)
+  work=$(mktemp -d /var/tmp/fxagent-bare-XXXXXX)
+  exec 9<"$work"
+  flock 9
+  child=''
+  trap 'rm -rf --one-file-system "$work" || { sleep 1; rm -rf --one-file-system "$work"; }' EXIT
+  trap '[ -z "$child" ] || kill -KILL "$child" 2>/dev/null; wait; exit 1' INT TERM HUP
+  local status=0
+  setpriv --pdeathsig KILL unshare --mount --pid --fork --kill-child --mount-proc \
+    "${BASH_SOURCE[0]}" --inside "$work" "$cache" "${want[*]}" "$@" &
+  child=$!
+  wait "$child" || status=$?
+  exit "$status"
+}
+
+# --- inside the namespaces ----------------------------------------------------------------------------
+
+# A root with apt and nothing else, from the sources of this machine that are Debian 12's own.
+make_base() {
+  # shellcheck disable=SC2016 # apt's own variables
+  apt-get indextargets --format '$(REPO_URI) $(RELEASE) $(COMPONENT)' 'Created-By: Packages' |
+    awk '$2 ~ /^bookworm(-updates|-security)?$/ { print "deb", $1, $2, $3 }' | sort -u >"$work/sources"
+  [ -s "$work/sources" ] || impossible "apt knows no source of Debian 12 (bookworm); apt-get update?"
+  apt-config dump --format '%F "%v";%n' Acquire |
+    grep -E '^Acquire::(http|https|Check|Retries|ForceIPv)' >"$work/acquire" || true
+  if ! mmdebstrap --quiet --variant=minbase --mode=root --format=directory bookworm "$work/base" \
+    --aptopt="$(cat "$work/acquire")" --dpkgopt=force-unsafe-io "$work/sources" >"$work/mmdebstrap.log" 2>&1; then
+    # Where packages come from is the business of this machine.
+    tail -n 5 "$work/mmdebstrap.log" | sed -E 's#[a-z+]+://[^ ]+#(source)#g' >&2
+    impossible "mmdebstrap failed"
+  fi
+  local base=$work/base file
+  cp "$work/acquire" "$base/etc/apt/apt.conf.d/99carried"
+  # As in the images of Debian: a root that is thrown away needs no fsync for each file.
+  echo force-unsafe-io >"$base/etc/dpkg/dpkg.cfg.d/unsafe-io"
+  for file in /etc/apt/auth.conf /etc/apt/auth.conf.d /etc/resolv.conf /etc/hosts; do
+    [ ! -e "$file" ] || cp -RL "$file" "$base${file%/*}/"
+  done
+  # Certificates of this machine's own: the package ca-certificates takes them in when it comes.
+  mkdir -p "$base/usr/local/share/ca-certificates"
+  find /usr/local/share/ca-certificates -name '*.crt' -exec cp {} "$base/usr/local/share/ca-certificates/" \;
+  local key value
+  for key in registry proxy https-proxy noproxy cafile; do
+    value=$(npm config get "$key" 2>/dev/null) || value=
+    case $value in '' | null | undefined) ;; *) echo "$key=$value" >>"$base/root/.npmrc" ;; esac
+  done
+}
+
+# A fresh root named $1 with the clone in /root/fxagent; what a kernel and an init give is mounted.
+make_root() {
+  r=$work/$1
+  cp -a --reflink=auto "$work/base" "$r"
+  mount -t proc proc "$r/proc"
+  mount -t sysfs -o ro sysfs "$r/sys"
+  mount -t tmpfs -o mode=755 dev "$r/dev"
+  local node
+  for node in null zero full random urandom tty; do cp -a "/dev/$node" "$r/dev/"; done
+  mkdir "$r/dev/pts" "$r/dev/shm"
+  mount -t devpts -o newinstance,gid=5,mode=620,ptmxmode=666 devpts "$r/dev/pts"
+  mount -t tmpfs -o mode=1777 shm "$r/dev/shm"
+  ln -s pts/ptmx "$r/dev/ptmx"
+  ln -s /proc/self/fd "$r/dev/fd"
+  ln -s fd/0 "$r/dev/stdin"; ln -s fd/1 "$r/dev/stdout"; ln -s fd/2 "$r/dev/stderr"
+  mount -t tmpfs -o mode=755 run "$r/run"
+  mkdir -p "$r/root/.npm" "$r/root/.cache/ccache"
+  mount --bind "$cache/debs" "$r/var/cache/apt/archives"
+  mount --bind "$cache/npm" "$r/root/.npm"
+  mount --bind "$CCACHE_DIR" "$r/root/.cache/ccache"
+  git clone --quiet --upload-pack "git -c safe.directory=* upload-pack" "file://$root" "$r/root/fxagent"
+  git -C "$r/root/fxagent" remote remove origin
+}
+
+drop_root() {
+  local process place
+  for process in /proc/[0-9]*; do
+    if [ "$(readlink "$process/root")" = "$r" ]; then kill -KILL "${process#/proc/}" 2>/dev/null || true; fi
+  done
+  # Lazily: what was killed may still be on its way out.
+  for place in proc sys dev run var/cache/apt/archives root/.npm root/.cache/ccache; do
+    if mountpoint -q "$r/$place"; then umount -R --lazy "$r/$place"; fi
+  done
+  rm -rf --one-file-system "$r"
+}
+
+# Runs a command in the present root, in the clone, with the environment of a login and no more. Without
+# a home where the caller has none, and in the caller's locale and time zone.
+in_root() {
+  local name settings=()
+  [ -z "${HOME:-}" ] || settings+=(HOME=/root)
+  for name in http_proxy https_proxy no_proxy LANG LC_ALL TZ; do
+    [ -z "${!name:-}" ] || settings+=("$name=${!name}")
+  done
+  env -i PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin TERM=dumb "${settings[@]}" \
+    chroot "$r" /bin/sh -c 'cd /root/fxagent && exec "$@"' sh "$@" </dev/null
+}
+
+# The code blocks of a section of README.md, one after the other: all, or the $2-th.
+readme_block() {
+  awk -v section="## $1" -v wanted="${2:-0}" '
+    /^## / { inside = ($0 == section) }
+    inside && /^```/ { open = !open; if (open) n++; next }
+    inside && open && (wanted == 0 || n == wanted)' "$root/README.md"
+}
+
+show_demo() {
+  local log=$work/demo.log first
+  in_root config/demo/run.sh --seconds 20 2>&1 | tee "$log"
+  first=$(sed -nE 's/^\[ *([0-9]+) s\] the first live values.*/\1/p' "$log")
+  echo "bare_machine: demo: from the clone to the first live value: $first s"
+  # Printed and not judged: how fast this machine is, is not the clone's doing.
+  [ -n "$first" ]
+}
+
+# The benches find here what they need, too: a compiled agent and the packages.
+show_tests() {
+  in_root tests/run.sh "$@"
+  [ $# -gt 0 ] || in_root env BUILD_DIR=/root/fxagent/build tests/bench/run.sh --smoke
+}
+
+show_install() {
+  local block
+  block=$(readme_block Install 1)
+  [ -n "$block" ] || { echo "bare_machine: README.md has no commands below Install"; return 1; }
+  echo "$block"
+  in_root sh -exc "$block"
+  in_root fxagent --version
+  in_root fxagent check config/agent.example.json
+  show_acl
+}
+
+# The recipe below "Who may do what", word for word; certificates and passwords are the user's own affair.
+show_acl() {
+  in_root docker/install.sh demo
+  in_root sh -exc "jq '.mqtt += {username: \"edge7\"}' config/agent.example.json >agent.json
+    apt-get install --yes --no-install-recommends openssl
+    openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes -days 2 -subj /CN=ca \
+      -keyout /root/ca.key -out /etc/mosquitto/ca.pem
+    openssl req -newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes -subj /CN=localhost \
+      -addext subjectAltName=DNS:localhost,IP:127.0.0.1 -keyout /etc/mosquitto/server.key -out /root/server.csr
+    openssl x509 -req -in /root/server.csr -CA /etc/mosquitto/ca.pem -CAkey /root/ca.key -CAcreateserial -days 2 \
+      -copy_extensions copy -out /etc/mosquitto/server.pem
+    chown mosquitto /etc/mosquitto/server.key
+    install -d -o mosquitto /run/mosquitto" >"$work/acl.log" 2>&1 || { tail -n 20 "$work/acl.log"; return 1; }
+  # mosquitto_passwd asks on a terminal, twice for each of the four users.
+  readme_block "Who may do what" 1 >"$r/root/recipe.sh"
+  in_root tests/deploy/type_passwords.sh /root/recipe.sh secret-of-the-test
+  readme_block "Who may do what" 2 >"$r/etc/mosquitto/conf.d/fxagent.conf"
+  in_root tests/deploy/acl_recipe.sh secret-of-the-test
+}
+
+show_docker() {
+  if command -v buildah >/dev/null; then build_images; else run_stages; fi
+}
+
+# The stages that become images; the others are built for them.
+build_images() {
+  local stage container driver=overlay
+  # What it leaves behind when it is killed goes with the rest.
+  export TMPDIR=$work/images-tmp
+  mkdir -p "$TMPDIR"
+  local buildah=(buildah --root "$work/images" --runroot "$work/images-run")
+  # Each layer as a whole copy where the file system takes no other.
+  "${buildah[@]}" --storage-driver "$driver" info >/dev/null 2>&1 || driver=vfs
+  buildah+=(--storage-driver "$driver")
+  container=$("${buildah[@]}" from scratch)
+  "${buildah[@]}" copy --quiet "$container" "$work/base" / >/dev/null
+  "${buildah[@]}" commit --quiet --rm "$container" bare-base >/dev/null
+  for stage in sim broker agent; do
+    echo "bare_machine: docker: stage $stage, images as $driver"
+    "${buildah[@]}" bud --layers --isolation chroot --format docker --build-arg BASE=localhost/bare-base \
+      --target "$stage" --tag "$stage" --volume "$cache/debs:/var/cache/apt/archives" \
+      --volume "$CCACHE_DIR:/root/.cache/ccache" \
+      --file "$root/docker/Dockerfile" "$root" >"$work/bud.log" 2>&1 || { tail -n 20 "$work/bud.log"; return 1; }
+    # shellcheck disable=SC2046 # a program and its argument
+    "${buildah[@]}" run --isolation chroot "$("${buildah[@]}" from "localhost/$stage")" -- $(first_words "$stage")
+  done
+}
+
+# What shows that the program of an image finds all that it needs.
+first_words() {
+  case $1 in
+    sim) echo fxsim --version ;;
+    broker) echo which mosquitto_passwd ;;
+    agent) echo fxagent --version ;;
+  esac
+}
+
+# The Dockerfile's own lines in roots of their own, as far as FROM, WORKDIR, COPY and RUN go.
+run_stages() {
+  local word rest stage='' directory=/ from source last
+  # The present root with no clone in it.
+  in_stage() { env -i PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin HOME=/root \
+    chroot "$r" /bin/sh -ec "cd $directory; $1" </dev/null; }
+  while read -r word rest; do
+    case $word in
+      FROM)
+        from=${rest%% AS *}; stage=${rest##* AS }; directory=/; r=$work/stage-$stage
+        echo "bare_machine: docker: stage $stage"
+        # shellcheck disable=SC2016 # the Dockerfile's own variable
+        if [ "$from" = '${BASE}' ]; then from=base; else from=stage-$from; directory=/src; fi
+        cp -a --reflink=auto "$work/$from" "$r"
+        cp -a /dev/null /dev/urandom "$r/dev/" 2>/dev/null || true ;;
+      WORKDIR) directory=$rest; mkdir -p "$r$directory" ;;
+      COPY)
+        from=$root
+        case $rest in --from=*) from=${rest%% *}; from=$work/stage-${from#--from=}; rest=${rest#* } ;; esac
+        last=${rest##* }
+        case $last in /*) ;; *) last=$directory/$last ;; esac
+        case $last in */) mkdir -p "$r$last" ;; *) mkdir -p "$r${last%/*}" ;; esac
+        for source in ${rest% *}; do cp -a "$from/$source" "$r$last"; done ;;
+      RUN) in_stage "$rest" ;;
+      ENTRYPOINT)
+        # shellcheck disable=SC2046 # a program and its argument
+        chroot "$r" $(first_words "$stage") ;;
+    esac
+  done < <(sed -e ':a' -e '/\\$/{N;s/\\\n//;ba' -e '}' "$root/docker/Dockerfile" | grep -vE '^(#|$)')
+}
+
+inside() {
+  work=$1 cache=$2
+  local modes=$3 mode began failed=()
+  shift 3
+  began=$SECONDS
+  make_base
+  echo "bare_machine: a bare Debian $(cat "$work/base/etc/debian_version") after $((SECONDS - began)) s," \
+    "$(chroot "$work/base" dpkg-query --show | wc -l) packages"
+  for mode in $modes; do
+    echo
+    echo "bare_machine: $mode"
+    began=$SECONDS
+    # Not in a condition: the steps end at the first that fails.
+    set +e
+    (set -e; [ "$mode" = docker ] || make_root "$mode"; "show_$mode" "$@")
+    local status=$?
+    set -e
+    r=$work/$mode
+    if [ -d "$r" ]; then drop_root; fi
+    if [ $status -eq 0 ]; then
+      echo "bare_machine: $mode passed, $((SECONDS - began)) s"
+    else
+      echo "bare_machine: $mode FAILED, $((SECONDS - began)) s"
+      failed+=("$mode")
+    fi
+  done
+  [ ${#failed[@]} -eq 0 ] || { echo "bare_machine: failed: ${failed[*]}"; exit 1; }
+}
+
+if [ "${1:-}" = --inside ]; then
+  shift
+  inside "$@"
+else
+  outside "$@"
+fi

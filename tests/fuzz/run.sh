@@ -1,0 +1,62 @@
+#!/bin/bash
+# Builds the fuzz targets with clang, ASan and UBSan, and runs each for a while:
+#   tests/fuzz/run.sh [--seconds N] [TARGET...]
+# 20 s each unless said otherwise; the targets are decode, inputs, store and stream. What libFuzzer finds
+# worth keeping goes to BUILD_DIR (build-fuzz) and serves the next run; the corpus here is only read.
+# An input that fails is kept there too, and named. CMAKE_ARGS: more arguments of the configure. The last
+# line counts targets; exit status 0 only if every one passed.
+set -euo pipefail
+
+here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+root=$(cd "$here/../.." && pwd)
+build=${BUILD_DIR:-$root/build-fuzz}
+seconds=20
+targets=()
+while [ $# -gt 0 ]; do
+  case $1 in
+    --seconds)
+      seconds=${2:?--seconds takes a number}
+      shift 2
+      ;;
+    -*)
+      echo "usage: tests/fuzz/run.sh [--seconds N] [decode|inputs|store|stream...]" >&2
+      exit 2
+      ;;
+    *)
+      targets+=("$1")
+      shift
+      ;;
+  esac
+done
+[ ${#targets[@]} -gt 0 ] || targets=(decode inputs store stream)
+
+clang=$(command -v clang++-19 || command -v clang++ || true)
+if [ -z "$clang" ]; then
+  echo "no clang++ here, and libFuzzer comes with it: docker/install.sh ci" >&2
+  exit 1
+fi
+# shellcheck disable=SC2086 # several arguments
+cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=RelWithDebInfo -DCMAKE_CXX_COMPILER="$clang" \
+  -DFXAGENT_FUZZ=ON -DFXAGENT_SANITIZE=address ${CMAKE_ARGS:-}
+cmake --build "$build" --target "${targets[@]/%/_fuzz}"
+
+passed=0 failed=0
+for target in "${targets[@]}"; do
+  kept=$build/fuzz-corpus/$target
+  mkdir -p "$kept"
+  echo "== $target, $seconds s"
+  # The store's files are on a file system: its own words there are none of libFuzzer's.
+  quiet=()
+  if [ "$target" = store ]; then quiet=(-close_fd_mask=2); fi
+  # An input is judged in ms; one that takes 10 s hangs.
+  if "$build/tests/fuzz/${target}_fuzz" -max_total_time="$seconds" -timeout=10 -rss_limit_mb=1024 \
+    -verbosity=0 -print_final_stats=1 -artifact_prefix="$build/fuzz-$target-" "${quiet[@]}" \
+    "$kept" "$here/corpus/$target"; then
+    passed=$((passed + 1))
+  else
+    echo "FAILED $target: the input is in $build/fuzz-$target-*" >&2
+    failed=$((failed + 1))
+  fi
+done
+echo "$passed passed, $failed failed"
+[ "$failed" -eq 0 ]
