@@ -3,7 +3,8 @@
 #   tests/run.sh [ctest arguments, such as -R Agenda or -L field]
 # Installs what is missing first (only then as root). BUILD_DIR: the build directory, `build` in the
 # project unless set. CMAKE_ARGS: more arguments of the configure, such as -DFXAGENT_SANITIZE=address.
-# BUILD_TARGETS: what is built, where not everything is wanted. JOBS: tests at a time, two a core unless set.
+# BUILD_TARGETS: what is built, where not everything is wanted. BUILD_ONLY: set, no test is run. JOBS: tests at
+# a time, three a core unless set.
 # The last lines are ctest's own, and behind them the tests that skipped themselves, by name. The exit
 # status is ctest's.
 set -euo pipefail
@@ -17,10 +18,11 @@ cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=RelWithDebInfo -DFXAGEN
 "$root/tests/npm.sh" "$root/tests/system/peers/node" "$build/npm/peers"
 # shellcheck disable=SC2086 # several targets
 cmake --build "$build" ${BUILD_TARGETS:+--target $BUILD_TARGETS}
+[ -z "${BUILD_ONLY:-}" ] || exit 0
 
 # Most of the time the tests of the whole agent wait; those that measure time run alone.
 status=0
-ctest --test-dir "$build" -j"${JOBS:-$((2 * $(nproc)))}" --output-on-failure --no-tests=error "$@" || status=$?
-# Tests in Python are many to one of ctest's, which does not see one that skipped itself.
+ctest --test-dir "$build" -j"${JOBS:-$((3 * $(nproc)))}" --output-on-failure --no-tests=error "$@" || status=$?
+# Why a test in Python skipped itself; and those that are many to one of ctest's, which does not see it.
 sed -nE "s/^(test_\S+ \([^)]*\)) \.\.\. (skipped .*)/\1: \2/p" "$build/Testing/Temporary/LastTest.log"
 exit $status
