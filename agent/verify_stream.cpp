@@ -118,7 +118,7 @@ class Listener final {
   /// otherwise why not.
   std::string run() {
     using Woken = Connection::Woken;
-    connection_.broker().connect(server_);
+    connection_.broker().connect(server_, kReceiveMaximum);
     deadline_ = now() + kPatience;
     auto woken = Woken::news;
     while (woken == Woken::news && !over_) {
@@ -144,7 +144,7 @@ class Listener final {
     fault_ += (fault_.empty() ? "" : "; ") + servers_.at(server_) + ": " + event.text;
     if (server_ + 1 == servers_.size()) return end(fault_);
     deadline_ = now() + kPatience;
-    connection_.broker().connect(++server_);
+    connection_.broker().connect(++server_, kReceiveMaximum);
   }
   void on(const Subscribed& event) {
     if (!event.granted)

@@ -83,6 +83,11 @@ using BrokerEvent = std::variant<Connected, ConnectFailed, Lost, Disconnected, M
 /// Longest payload that the agent looks at; one more byte tells that there was more.
 inline constexpr std::size_t kMaxMessageBytes = 65536;
 
+/// So many messages a broker may send ahead of our acknowledgements, where nothing speaks against
+/// it. Fewer than the publisher's window, so that each of our results is acknowledged before as
+/// many more came.
+inline constexpr std::uint16_t kReceiveMaximum = 10;
+
 struct Subscription {
   std::string filter;
   /// MQTT 5 No Local: what this client publishes, now or earlier, does not come back. Retained
@@ -96,8 +101,9 @@ class Broker {
   virtual ~Broker() = default;
 
   /// Gives up any earlier connection and asks for one to server `index` of the config.
-  /// Then Connected or ConnectFailed.
-  virtual void connect(std::size_t index) = 0;
+  /// Then Connected or ConnectFailed. `receive_maximum` is told to the broker (MQTT 5, section
+  /// 3.1.2.11.3); 3.1.1 has no such thing.
+  virtual void connect(std::size_t index, std::uint16_t receive_maximum) = 0;
   /// A clean goodbye, so that the broker keeps the last will to itself. Then Disconnected.
   virtual void disconnect() = 0;
   /// Whether the library under it believes that the connection stands. Where it does not, Lost is

@@ -36,9 +36,6 @@ constexpr int kPahoInFlight = 1000;  // above the publisher's window, so that Pa
 constexpr std::size_t kMaxInboxBytes = std::size_t{64} << 20;
 // Of what was published with QoS 0, which nobody repeats and the broker sends without asking.
 constexpr std::size_t kMaxUnaskedBytes = std::size_t{4} << 20;
-// Told to the broker (MQTT 5): so many messages it sends ahead of our acknowledgements. Fewer than
-// the publisher's window, so that each of our results is acknowledged before as many more came.
-constexpr std::uint32_t kReceiveMaximum = 10;
 
 bool is_tls(std::string_view server) { return server.starts_with("mqtts://"); }
 
@@ -295,7 +292,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
   }
 
   void connect(const MqttConfig& config, const std::optional<Will>& will,
-               const std::optional<std::string>& password) {
+               const std::optional<std::string>& password, std::uint16_t receive_maximum) {
     mqtt::connect_options options;
     options.set_mqtt_version(version_);
     if (version_ == MQTTVERSION_5) {
@@ -304,7 +301,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
       mqtt::properties properties;
       properties.add(number_property(Code::SESSION_EXPIRY_INTERVAL, 0));
       properties.add(number_property(Code::MAXIMUM_PACKET_SIZE, kMaxPacketIn));
-      properties.add(number_property(Code::RECEIVE_MAXIMUM, kReceiveMaximum));
+      properties.add(number_property(Code::RECEIVE_MAXIMUM, receive_maximum));
       options.set_properties(std::move(properties));
     } else {
       options.set_clean_session(true);
@@ -612,7 +609,7 @@ void PahoBroker::retire() {
   retired_.push_back({std::move(connection_), std::chrono::steady_clock::now()});
 }
 
-void PahoBroker::connect(std::size_t index) {
+void PahoBroker::connect(std::size_t index, std::uint16_t receive_maximum) {
   const auto over = std::chrono::steady_clock::now() - kCallbacksOver;
   std::erase_if(retired_, [over](const Retired& retired) { return retired.since < over; });
   retire();
@@ -629,7 +626,7 @@ void PahoBroker::connect(std::size_t index) {
   try {
     connection_ = std::make_unique<Connection>(inbox_, number, config_, config_.servers.at(index),
                                                max_payload_);
-    connection_->connect(config_, will_, *password);
+    connection_->connect(config_, will_, *password, receive_maximum);
   } catch (const std::exception& error) {
     inbox_->post(number, ConnectFailed{error.what()});
   }

@@ -37,7 +37,7 @@ class PahoBroker final : public Broker {
 
   /// User name and password are read again at each call: a changed secret needs no restart. Host
   /// name and chain of a TLS server's certificate are always verified.
-  void connect(std::size_t index) override;
+  void connect(std::size_t index, std::uint16_t receive_maximum) override;
   void disconnect() override;
   bool is_connected() const override;
   void publish(Publication publication) override;

@@ -167,6 +167,7 @@ void Publisher::on(const Disconnected&, SteadyTime now) {
 }
 
 void Publisher::on(const Message& event, SteadyTime) {
+  if (event.qos != 0) ++heard_;  // those of QoS 0 come without asking
   const auto index_of = [this](std::string_view name) {
     const auto found = std::find_if(config_.devices.begin(), config_.devices.end(),
                                     [name](const auto& device) { return device.name == name; });
@@ -268,7 +269,7 @@ void Publisher::keep_connected(SteadyTime now) {
   if (link_ == Link::waiting && now >= retry_at_) {
     link_ = Link::connecting;
     connect_deadline_ = now + kConnectPatience;
-    broker_.connect(server_);
+    broker_.connect(server_, receive_maximum_);
   }
   if (link_ == Link::connected && clean_up_until_ && now >= *clean_up_until_) {
     clean_up_until_.reset();
@@ -288,6 +289,7 @@ void Publisher::connection_over(SteadyTime now) {
   ask_again_at_.reset();
   unheard_ = 0;
   deaf_.reset();
+  runs_ahead_ = false;
   auto flights = std::exchange(flights_, {});
   history_flights_ = 0;
   in_flight_samples_ = 0;

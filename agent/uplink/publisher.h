@@ -39,6 +39,8 @@ struct PublisherSettings {
   std::string boot;  ///< 8 hex digits, another at every start
   std::string version;
   std::size_t backlog_bytes = std::size_t{64} << 20;
+  /// Of results that the broker does not have yet. Above it no further command is heard.
+  std::size_t result_bytes = std::size_t{16} << 20;
   std::uint32_t jitter_seed =
       1;  ///< of the retry times, so that a plant does not reconnect at once
 };
@@ -126,6 +128,7 @@ class Publisher final {
   struct ResultFlight {
     std::uint64_t result = 0;
     std::size_t copy = 0;
+    std::uint64_t heard = 0;  ///< messages that had come before it went
   };
   struct LiveRow {
     SampleRow row;
@@ -187,6 +190,8 @@ class Publisher final {
   void subscribe_to_commands(SteadyTime now);
   void keep_subscribed(SteadyTime now);
   void commands_unheard(const std::string& reason, SteadyTime now);
+  void stop_listening(SteadyTime now);
+  void note_lead(std::uint64_t messages);
   bool awaits_first_suback() const { return suback_by_ && !deaf_; }
   void note_acknowledgement(const Flight& flight, SteadyTime now);
   bool is_acknowledged_by_broker(const Flight& flight) const;
@@ -278,6 +283,9 @@ class Publisher final {
   std::optional<SteadyTime> clean_up_until_;  ///< looking for retained topics of unknown devices
   std::size_t window_ = 0;                    ///< publishes that may be unacknowledged
   std::size_t max_packet_ = 0;                ///< bytes the broker takes
+  std::uint16_t receive_maximum_ = kReceiveMaximum;  ///< for the next connection
+  bool runs_ahead_ = false;                          ///< the broker does not keep to it
+  std::uint64_t heard_ = 0;                          ///< messages of QoS 1 that have come
 
   // what is on its way
   std::uint64_t next_id_ = 1;

@@ -3,6 +3,7 @@
 // is granted.
 #include <algorithm>
 #include <type_traits>
+#include <utility>
 
 #include "agent/log.h"
 #include "agent/uplink/publisher.h"
@@ -74,6 +75,13 @@ void Publisher::commands_unheard(const std::string& reason, SteadyTime now) {
   log::error("subscription_refused", {{"filter", base_ + "/+/command"}, {"reason", reason}});
 }
 
+/// More commands come than can be answered, and they cannot be held back: what they would fill is
+/// memory. Whoever looks at the agent's state sees it; it listens again when it has caught up.
+void Publisher::stop_listening(SteadyTime now) {
+  broker_.unsubscribe(base_ + "/+/command");
+  commands_unheard("more commands come than can be answered", now);
+}
+
 // ---- losses that nobody tells -------------------------------------------------------------------
 
 /// Whether a PUBACK is to come; what has QoS 0 is over when it was handed to the socket.
@@ -97,6 +105,14 @@ void Publisher::watch_connection(SteadyTime now) {
       now - *unacknowledged_since_ >= kNoAcknowledgement) {
     broker_.disconnect();
     on(Lost{"no acknowledgement for 30 s"}, now);
+  }
+  if (std::exchange(runs_ahead_, false) && link_ == Link::connected) {
+    receive_maximum_ = 1;
+    broker_.disconnect();
+    on(Lost{"the broker sends more messages ahead of their acknowledgements than was agreed; from "
+            "now on it is asked for one at a time"},
+       now);
+    retry_at_ = now;
   }
   if (link_ != Link::connected || broker_.is_connected()) return down_since_.reset();
   if (!down_since_) down_since_ = now;

@@ -22,12 +22,14 @@ import concurrent.futures
 import json
 import os
 import shutil
+import ssl
 import subprocess
 import tempfile
 import threading
 import time
 import unittest
 
+from broker_test import certificates
 from plant import BASE, FXAGENT, MEMORY_FACTOR, Broker, PlantTest, Watcher, device, memory_kib, wait_for
 from scripted_broker import (AUTH, CONNACK, CONNECT, DISCONNECT, PINGRESP, PUBACK, PUBCOMP, PUBLISH, PUBREC,
                              PUBREL, SUBACK, SUBSCRIBE, UNSUBACK, UNSUBSCRIBE, Script, ScriptedBroker, length,
@@ -56,19 +58,27 @@ CONNACKS_311 = (1, 2, 3, 4, 5, 6, 255)
 class Guest:
     """One agent with one scripted broker. The line is not there, so commands end as FAILED at once."""
 
-    def __init__(self, scripts, version, keep_alive_s=30):
+    def __init__(self, scripts, version, keep_alive_s=30, tls=False):
         self.directory = tempfile.mkdtemp(prefix="fxagent-hostile-")
-        self.broker = ScriptedBroker(*scripts)
+        context, mqtt = self.certified() if tls else (None, {})
+        self.broker = ScriptedBroker(*scripts, tls=context)
+        mqtt["servers"] = [f"mqtt{'s' if tls else ''}://127.0.0.1:{self.broker.port}"]
         path = os.path.join(self.directory, "agent.json")
         with open(path, "w") as out:
             json.dump({"agent": {"id": "edge7", "root": "fx/plant-a"},
-                       "mqtt": {"servers": [f"mqtt://127.0.0.1:{self.broker.port}"], "version": version,
-                                "keep_alive_s": keep_alive_s},
+                       "mqtt": {"version": version, "keep_alive_s": keep_alive_s, **mqtt},
                        "links": [{"name": "line1", "serial": {"path": self.directory + "/none", "baud": 9600}}],
                        "devices": [device()]}, out)
         self.log_path = os.path.join(self.directory, "agent.log")
         with open(self.log_path, "w") as log:
             self.process = subprocess.Popen([FXAGENT, "run", path], stderr=log, stdout=subprocess.DEVNULL)
+
+    def certified(self):
+        """The context of a server with a certificate, and the settings of a client that believes it."""
+        certificates(self.directory)
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        context.load_cert_chain(*(os.path.join(self.directory, f"server.{kind}") for kind in ("pem", "key")))
+        return context, {"tls": {"ca_file": os.path.join(self.directory, "ca.pem")}}
 
     def logged(self):
         with open(self.log_path) as log:
@@ -177,9 +187,10 @@ class HostileBroker(unittest.TestCase):
                     failures.append(f"{runs[run]}: {error}")
         self.assertFalse(failures, "\n".join(failures))
 
-    def one(self, version, script, back_s=BACK_S, stays=False, says=None, keep_alive_s=30, peak_mib=100):
+    def one(self, version, script, back_s=BACK_S, stays=False, says=None, keep_alive_s=30, peak_mib=100,
+            tls=False):
         """`stays`: the connection may go on. Otherwise it is over, and the next one comes within `back_s`."""
-        guest = Guest((script, Script()), version, keep_alive_s)
+        guest = Guest((script, Script()), version, keep_alive_s, tls)
         try:
             guest.obeys(back_s + 2 * SLACK_S, first=0 if stays else 1)
             log = guest.logged()
@@ -379,6 +390,14 @@ class HostileBroker(unittest.TestCase):
             thread.start()
         self.run_cases([(f"250 MB to {version}", version, mid_stream(flood),
                          {"says": "250000000 bytes", "peak_mib": 60}) for version in BOTH])
+
+    def test_a_packet_of_250_mb_is_not_read_over_tls_either(self):
+        def flood(session, _packet):
+            if session.send(b"\x30" + length(250_000_000) + text(COMMAND)):
+                while session.send(bytes(1_000_000)):
+                    pass
+        self.run_cases([(f"250 MB to {version} over TLS", version, mid_stream(flood),
+                         {"says": "250000000 bytes", "peak_mib": 60, "tls": True}) for version in BOTH])
 
 
 class Deaf(PlantTest):

@@ -322,9 +322,11 @@ class Session:
 
 
 class ScriptedBroker:
-    """Listens at once, on a port that the system chose; `port` tells it. Every thread ends with close()."""
+    """Listens at once, on a port that the system chose; `port` tells it. Every thread ends with close().
+    `tls`: the context of an ssl server. A connection of it must not be read and written at once."""
 
-    def __init__(self, *scripts):
+    def __init__(self, *scripts, tls=None):
+        self.tls = tls
         self.scripts = scripts or (Script(),)
         self.sessions = []
         self.changed = threading.Condition()
@@ -347,6 +349,8 @@ class ScriptedBroker:
             except OSError:
                 return
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            if self.tls:
+                connection = self.tls.wrap_socket(connection, server_side=True)
             with self.changed:
                 number = len(self.sessions)
                 session = Session(self, connection, number)

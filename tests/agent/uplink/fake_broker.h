@@ -18,8 +18,9 @@ namespace fxagent::test {
 class FakeBroker final : public Broker {
  public:
   // ---- the port
-  void connect(std::size_t index) override {
+  void connect(std::size_t index, std::uint16_t may_send_ahead) override {
     connects.push_back(index);
+    sends_ahead = may_send_ahead;
     events_.clear();
     open_.clear();
     filters.clear();
@@ -121,6 +122,7 @@ class FakeBroker final : public Broker {
   std::uint32_t maximum_packet = 1 << 28;
 
   std::vector<std::size_t> connects;
+  std::uint16_t sends_ahead = 0;  ///< as it was told with the last connect
   int disconnects = 0;
   std::vector<Publication> log;    ///< everything published, in order
   std::vector<Publication> taken;  ///< what was acknowledged

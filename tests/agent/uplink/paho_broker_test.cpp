@@ -83,11 +83,11 @@ class Client final {
   int connections() const { return connections_; }
 
   Connected connect() {
-    broker_.connect(0);
+    broker_.connect(0, kReceiveMaximum);
     return next<Connected>();
   }
   std::string refusal() {
-    broker_.connect(0);
+    broker_.connect(0, kReceiveMaximum);
     return next<ConnectFailed>().text;
   }
   void subscribe(const std::string& filter) {
@@ -619,7 +619,7 @@ TEST(PahoBroker, EndsInTheMiddleOfAConnect) {
   const SilentServer server;
   for (int i = 0; i < 5; ++i) {
     Client client(settings("mqtt://127.0.0.1:" + std::to_string(server.port())));
-    client->connect(0);
+    client->connect(0, kReceiveMaximum);
     if (i % 2 == 0) server.await();
   }
 }

@@ -42,7 +42,7 @@ int run() {
   config.version = 5;
   config.client_id = "planted-race";
   PahoBroker broker(config, std::nullopt, planted_race, 1024);
-  broker.connect(0);
+  broker.connect(0, kReceiveMaximum);
   bool came = await<Connected>(broker, 1);
   constexpr int kPublications = 50;
   for (int id = 1; id <= kPublications; ++id) {

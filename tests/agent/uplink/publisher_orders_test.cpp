@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
+#include <set>
 
 #include "agent/uplink/audit_report.h"
 #include "agent/uplink/recall.h"
@@ -653,6 +654,95 @@ TEST(PublisherFlood, WaitingResultsHoldMessagesBackAndLetSomeInForWhatComesBehin
   bench.settle();
   EXPECT_FALSE(bench.broker.held);
   EXPECT_EQ(bench.broker.on(kBase + "/press1/result").size(), 1000U) << "none is dropped";
+}
+
+/// So many results wait, 15 are on their way, and before the first is acknowledged so many messages
+/// come.
+void acknowledge_behind(Bench& bench, std::size_t messages) {
+  bench.online();
+  bench.broker.acknowledges = false;
+  for (int i = 0; i < 1000; ++i) bench.outbox.push(refused(std::to_string(i)));
+  bench.step();
+  ASSERT_TRUE(bench.broker.held);
+  for (std::size_t i = 0; i < messages; ++i)
+    bench.broker.send(message(i, R"({"id":"x","op":"run"})"));
+  bench.step();
+  bench.broker.acknowledge_next();
+  bench.step();
+}
+
+TEST(PublisherFlood, BrokerThatSendsFarAheadIsAskedForOneAtATime) {
+  Bench bench;
+  acknowledge_behind(bench, 1000);
+  EXPECT_EQ(bench.broker.disconnects, 1);
+  bench.broker.acknowledges = true;
+  bench.settle();
+  EXPECT_TRUE(bench.broker.up());
+  EXPECT_EQ(bench.broker.sends_ahead, 1);
+  std::set<std::string> told;
+  for (const std::string& payload : bench.broker.on(kBase + "/press1/result"))
+    told.insert(json::parse(payload)["id"]);
+  EXPECT_EQ(told.size(), 1000U) << "no result is lost with the connection";
+  EXPECT_EQ(bench.commands.size(), 1000U) << "nor a command that has come";
+}
+
+TEST(PublisherFlood, SubackIsNotHeldBackWithTheMessages) {
+  Bench bench;
+  bench.broker.confirms = false;
+  bench.broker.acknowledges = false;
+  for (int i = 0; i < 1000; ++i) bench.outbox.push(refused(std::to_string(i)));
+  bench.settle();
+  ASSERT_TRUE(bench.broker.up());
+  EXPECT_FALSE(bench.broker.held);
+  bench.broker.answer_subscription(kBase + "/+/command", "");
+  bench.step();
+  EXPECT_TRUE(bench.broker.held);
+}
+
+TEST(PublisherFlood, BrokerThatKeepsToItsReceiveMaximumKeepsItsConnection) {
+  Bench bench;
+  acknowledge_behind(bench, 2 * kReceiveMaximum);
+  EXPECT_TRUE(bench.broker.up());
+}
+
+TEST(PublisherFlood, ConnectionIsKeptWhereMqttHasNoReceiveMaximum) {
+  Bench bench;
+  bench.config.mqtt.version = 4;
+  acknowledge_behind(bench, 1000);
+  EXPECT_TRUE(bench.broker.up());
+}
+
+TEST(PublisherFlood, OneMessageAtATimeIsTheLeastThatIsAskedFor) {
+  Bench bench;
+  acknowledge_behind(bench, 1000);
+  bench.advance(2s);
+  const std::size_t connects = bench.broker.connects.size();
+  for (std::size_t i = 0; i < 1000; ++i) bench.broker.send(message(i, R"({"id":"x","op":"run"})"));
+  bench.step();
+  bench.broker.acknowledge_next();
+  bench.step();
+  EXPECT_TRUE(bench.broker.up());
+  EXPECT_EQ(bench.broker.connects.size(), connects);
+}
+
+TEST(PublisherFlood, ResultsThatFillTheirRoomEndTheSubscriptionUntilTheyAreOut) {
+  Bench bench;
+  bench.settings.result_bytes = 10000;
+  bench.online();
+  const std::string commands = kBase + "/+/command";
+  const auto state = [&bench] { return json::parse(bench.broker.on(kBase + "/state").back()); };
+  bench.broker.acknowledges = false;
+  for (int i = 0; i < 1000; ++i) bench.outbox.push(refused(std::to_string(i)));
+  bench.step();
+  EXPECT_FALSE(bench.broker.filters.contains(commands));
+  bench.broker.acknowledges = true;
+  bench.broker.acknowledge_all();
+  bench.settle();
+  EXPECT_EQ(state()["reason"], "more commands come than can be answered");
+  bench.advance(2s);
+  EXPECT_TRUE(bench.broker.filters.contains(commands));
+  EXPECT_FALSE(state().contains("reason"));
+  EXPECT_EQ(bench.broker.on(kBase + "/press1/result").size(), 1000U);
 }
 
 TEST(PublisherFlood, OfQosZeroOnlyAsMuchIsTakenAsCanBeAnswered) {
