@@ -83,9 +83,8 @@ using BrokerEvent = std::variant<Connected, ConnectFailed, Lost, Disconnected, M
 /// Longest payload that the agent looks at; one more byte tells that there was more.
 inline constexpr std::size_t kMaxMessageBytes = 65536;
 
-/// So many messages a broker may send ahead of our acknowledgements, where nothing speaks against
-/// it. Fewer than the publisher's window, so that each of our results is acknowledged before as
-/// many more came.
+/// How many messages a broker may send ahead of our acknowledgements. Few, since the PUBACKs of our
+/// own messages come behind them.
 inline constexpr std::uint16_t kReceiveMaximum = 10;
 
 struct Subscription {

@@ -159,7 +159,9 @@ void Publisher::on(const Lost& event, SteadyTime now) {
   if (link_ == Link::connecting) return on(ConnectFailed{event.text}, now);
   if (link_ != Link::connected) return;
   log::warn("broker_lost", {{"server", config_.mqtt.servers.at(server_)}, {"reason", event.text}});
+  receive_maximum_ = kReceiveMaximum;
   connection_over(now);
+  retry_after_loss(now);
 }
 
 void Publisher::on(const Disconnected&, SteadyTime now) {
@@ -289,6 +291,7 @@ void Publisher::connection_over(SteadyTime now) {
   ask_again_at_.reset();
   unheard_ = 0;
   deaf_.reset();
+  paused_ = false;
   runs_ahead_ = false;
   auto flights = std::exchange(flights_, {});
   history_flights_ = 0;
@@ -308,7 +311,6 @@ void Publisher::connection_over(SteadyTime now) {
       copy.due = {};
     }
   }
-  retry_after_loss(now);
 }
 
 void Publisher::tick(SteadyTime now) {

@@ -39,7 +39,8 @@ struct PublisherSettings {
   std::string boot;  ///< 8 hex digits, another at every start
   std::string version;
   std::size_t backlog_bytes = std::size_t{64} << 20;
-  /// Of results that the broker does not have yet. Above it no further command is heard.
+  /// Of results that the broker does not have yet. Above it the agent ends its subscription to
+  /// commands, until half of them are out.
   std::size_t result_bytes = std::size_t{16} << 20;
   std::uint32_t jitter_seed =
       1;  ///< of the retry times, so that a plant does not reconnect at once
@@ -128,7 +129,8 @@ class Publisher final {
   struct ResultFlight {
     std::uint64_t result = 0;
     std::size_t copy = 0;
-    std::uint64_t heard = 0;  ///< messages that had come before it went
+    /// Messages that had come before it went; none: nothing was held back then.
+    std::optional<std::uint64_t> heard{};
   };
   struct LiveRow {
     SampleRow row;
@@ -191,7 +193,8 @@ class Publisher final {
   void keep_subscribed(SteadyTime now);
   void commands_unheard(const std::string& reason, SteadyTime now);
   void stop_listening(SteadyTime now);
-  void note_lead(std::uint64_t messages);
+  void note_lead(const ResultFlight& flight);
+  void connect_anew(SteadyTime now);
   bool awaits_first_suback() const { return suback_by_ && !deaf_; }
   void note_acknowledgement(const Flight& flight, SteadyTime now);
   bool is_acknowledged_by_broker(const Flight& flight) const;
@@ -280,10 +283,11 @@ class Publisher final {
   std::optional<SteadyTime> ask_again_at_;
   int unheard_ = 0;                  ///< refusals and silences of this connection, in a row
   std::optional<std::string> deaf_;  ///< why commands are not heard, as the agent's state says it
+  bool paused_ = false;              ///< they are not heard since too many results wait
   std::optional<SteadyTime> clean_up_until_;  ///< looking for retained topics of unknown devices
   std::size_t window_ = 0;                    ///< publishes that may be unacknowledged
   std::size_t max_packet_ = 0;                ///< bytes the broker takes
-  std::uint16_t receive_maximum_ = kReceiveMaximum;  ///< for the next connection
+  std::uint16_t receive_maximum_ = kReceiveMaximum;  ///< until a connection is lost
   bool runs_ahead_ = false;                          ///< the broker does not keep to it
   std::uint64_t heard_ = 0;                          ///< messages of QoS 1 that have come
 

@@ -27,6 +27,8 @@ constexpr seconds kLastRetryOfShortOutage{4};
 constexpr seconds kLastRetryOfThrown{60};
 constexpr seconds kLibraryForgot{1};  // to tell that the connection is gone
 constexpr seconds kSubackWithin{1};   // until commands count as unheard
+constexpr milliseconds kGoodbye{50};  // what was read before it is still taken
+constexpr seconds kCatchUp{1};        // until it is asked again whether enough results are out
 constexpr int kSilenceIsSlow = 2;     // failures that an unanswered SUBSCRIBE begins with: 4 s
 constexpr seconds kLastSubscribe{60};
 
@@ -41,6 +43,7 @@ void Publisher::on(const Subscribed& event, SteadyTime now) {
       log::error("subscription_refused", {{"filter", event.filter}, {"reason", event.text}});
     return;
   }
+  if (paused_) return;  // the answer to what was taken back meanwhile
   if (!event.granted) return commands_unheard(event.text, now);
   suback_by_.reset();
   ask_again_at_.reset();
@@ -63,7 +66,13 @@ void Publisher::keep_subscribed(SteadyTime now) {
     unheard_ = std::max(unheard_, kSilenceIsSlow);
     commands_unheard("the broker does not confirm the subscription", now);
   }
-  if (ask_again_at_ && now >= *ask_again_at_) subscribe_to_commands(now);
+  if (!ask_again_at_ || now < *ask_again_at_) return;
+  if (paused_ && result_bytes_ > settings_.result_bytes / 2) {
+    ask_again_at_ = now + kCatchUp;
+    return;
+  }
+  paused_ = false;
+  subscribe_to_commands(now);
 }
 
 void Publisher::commands_unheard(const std::string& reason, SteadyTime now) {
@@ -76,10 +85,15 @@ void Publisher::commands_unheard(const std::string& reason, SteadyTime now) {
 }
 
 /// More commands come than can be answered, and they cannot be held back: what they would fill is
-/// memory. Whoever looks at the agent's state sees it; it listens again when it has caught up.
+/// memory. The agent's state says so; it listens again when half of the results are out.
 void Publisher::stop_listening(SteadyTime now) {
+  paused_ = true;
+  suback_by_.reset();
+  ask_again_at_ = now + kCatchUp;
+  deaf_ = "more commands come than can be answered";
+  due_[{Notice::agent_state, 0, {}}] = {};
   broker_.unsubscribe(base_ + "/+/command");
-  commands_unheard("more commands come than can be answered", now);
+  log::error("commands_paused", {{"reason", *deaf_}});
 }
 
 // ---- losses that nobody tells -------------------------------------------------------------------
@@ -106,17 +120,23 @@ void Publisher::watch_connection(SteadyTime now) {
     broker_.disconnect();
     on(Lost{"no acknowledgement for 30 s"}, now);
   }
-  if (std::exchange(runs_ahead_, false) && link_ == Link::connected) {
-    receive_maximum_ = 1;
-    broker_.disconnect();
-    on(Lost{"the broker sends more messages ahead of their acknowledgements than was agreed; from "
-            "now on it is asked for one at a time"},
-       now);
-    retry_at_ = now;
-  }
+  if (runs_ahead_) connect_anew(now);
   if (link_ != Link::connected || broker_.is_connected()) return down_since_.reset();
   if (!down_since_) down_since_ = now;
   if (now - *down_since_ >= kLibraryForgot) on(Lost{"found closed"}, now);
+}
+
+/// Asks the same server for one message at a time. What has come is answered; what the broker had
+/// queued goes with the session, as with every loss.
+void Publisher::connect_anew(SteadyTime now) {
+  log::warn(
+      "broker_sends_too_far_ahead",
+      {{"server", config_.mqtt.servers.at(server_)},
+       {"note", "PUBACKs come late behind messages; connecting anew with Receive Maximum 1"}});
+  receive_maximum_ = 1;
+  broker_.disconnect();
+  connection_over(now);
+  retry_at_ = now + kGoodbye;
 }
 
 /// When keep_connected() has something to do at the latest, while connected.

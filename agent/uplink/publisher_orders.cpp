@@ -25,9 +25,9 @@ constexpr std::size_t kMostResultBytes = std::size_t{8} << 20;
 // Acknowledgements come behind the messages that are held back, so that some of them are let in.
 constexpr milliseconds kLetInEvery{2};
 constexpr std::size_t kLetIn = 8;  // fewer than results that go out meanwhile
-// Messages between a result and its acknowledgement, where all that may be sent ahead is
-// kReceiveMaximum.
-constexpr std::uint64_t kFarAhead = 10 * kReceiveMaximum;
+// Messages between a result and its PUBACK, where kReceiveMaximum may be sent ahead. A broker that
+// is slow with the PUBACK lets some more come meanwhile, of those that are let in.
+constexpr std::uint64_t kFarAhead = 50 * kReceiveMaximum;
 
 std::size_t bytes_of(const Message& message) {
   return sizeof(message) + message.topic.size() + message.payload.size() +
@@ -88,22 +88,22 @@ void Publisher::hold_messages(SteadyTime now) {
   const bool unjudged = incoming_.size() + submitted_.size() >= kMostUnjudged ||
                         incoming_bytes_ + submitted_bytes_ >= kMostUnjudgedBytes;
   const bool unanswered = results_.size() >= kMostResults || result_bytes_ >= kMostResultBytes;
-  // The SUBACK comes the same way.
-  holding_ = link_ == Link::connected && phase_ == Phase::running && !suback_by_ &&
-             (unjudged || unanswered);
-  if (holding_ && result_bytes_ >= settings_.result_bytes && !deaf_) stop_listening(now);
-  const bool acknowledgements_are_due = holding_ && !unjudged && !flights_.empty();
-  if (!acknowledgements_are_due) return broker_.hold_messages(holding_);
+  holding_ = link_ == Link::connected && phase_ == Phase::running && (unjudged || unanswered);
+  if (holding_ && result_bytes_ >= settings_.result_bytes && !paused_) stop_listening(now);
+  // A SUBACK or PUBACKs.
+  const bool answers_are_due = suback_by_ || (!unjudged && !flights_.empty());
+  if (!holding_ || !answers_are_due) return broker_.hold_messages(holding_);
   if (now < let_in_at_) return;
   let_in_at_ = now + kLetInEvery;
   broker_.hold_messages(true, kLetIn);
 }
 
-/// `messages` came between a result and its acknowledgement. A broker that keeps to the Receive
-/// Maximum sends no more than that ahead. mosquitto 2.0.11 sends all that its queue holds, 1,000
-/// messages, once it was full; with a Receive Maximum of 1 it does not.
-void Publisher::note_lead(std::uint64_t messages) {
-  if (holding_ && messages >= kFarAhead && receive_maximum_ > 1 && config_.mqtt.version == 5)
+/// A broker that keeps to the Receive Maximum sends no more than that ahead of a PUBACK. mosquitto
+/// 2.0.11 sends all that its queue holds, 1,000 messages, once it was full; with a Receive Maximum
+/// of 1 it does not.
+void Publisher::note_lead(const ResultFlight& flight) {
+  if (flight.heard && heard_ - *flight.heard >= kFarAhead && receive_maximum_ > 1 &&
+      config_.mqtt.version == 5)
     runs_ahead_ = true;
 }
 
@@ -165,7 +165,7 @@ std::uint64_t Publisher::note_arrival(const Message& event, const Command& comma
 }
 
 void Publisher::delivered(const ResultFlight& flight, SteadyTime) {
-  note_lead(heard_ - flight.heard);
+  note_lead(flight);
   fault_point("result_acknowledged");
   result_copy_done(flight.result, flight.copy, Ended::acknowledged);
 }
@@ -318,7 +318,8 @@ void Publisher::pump_results(SteadyTime now) {
       // echo.
       if (!copy.to_response_topic && !fits(publication)) publication.correlation.clear();
       samples_first_ = result_window() == window_;
-      send(ResultFlight{key, i, heard_}, std::move(publication));
+      send(ResultFlight{key, i, holding_ ? std::optional(heard_) : std::nullopt},
+           std::move(publication));
       ++results_on_their_way;
       fault_point("result_published");
     }

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <ctime>
 #include <functional>
 #include <map>
 #include <random>
@@ -579,14 +580,16 @@ TEST(Plan, AHundredThousandPointsArePlannedInWellUnderASecond) {
     point.address.span.space = fx::id(i % 2 == 0 ? fx::Space::d : fx::Space::m);
     points.push_back(std::move(point));
   }
-  const auto begin = std::chrono::steady_clock::now();
+  const std::clock_t begin = std::clock();
   const Plan plan = make_plan(codec, points, kCost, 0);
-  const auto took = std::chrono::steady_clock::now() - begin;
+  const std::clock_t took = std::clock() - begin;  // of the processor, whoever else wants it
   EXPECT_TRUE(plan.unreachable.empty());
   // 960 bytes of M take 4 reads of up to 254. Any two neighbours among the 8,000 D are somebody's
   // int32, so a read of 127 words shares its last one with the next: 8,000 take 64.
   EXPECT_EQ(plan.reads.size(), 68U);
-  EXPECT_LT(took, 5s);  // sanitizers and coverage included; a plain build needs a twentieth
+  EXPECT_LT(
+      took,
+      5 * CLOCKS_PER_SEC);  // sanitizers and coverage included; a plain build needs a twentieth
 }
 
 // ---- writes -------------------------------------------------------------------------------------

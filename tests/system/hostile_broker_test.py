@@ -55,6 +55,20 @@ CONNACKS_5 = (0x80, 0x81, 0x82, 0x83, 0x84, 0x85, 0x86, 0x87, 0x88, 0x89, 0x8A, 
 CONNACKS_311 = (1, 2, 3, 4, 5, 6, 255)
 
 
+def ask(session):
+    session.publish(COMMAND, json.dumps({"id": f"after-{session.number}", "op": "read", "tag": "temp"}))
+
+
+def asks_itself():
+    """A command on the connection's own thread, when the agent is online."""
+    def do(session, got):
+        if got.qos == 1:
+            session.puback(got.identifier)
+        if got.topic == f"{BASE}/state":
+            ask(session)
+    return Script(publish=do)
+
+
 class Guest:
     """One agent with one scripted broker. The line is not there, so commands end as FAILED at once."""
 
@@ -84,16 +98,16 @@ class Guest:
         with open(self.log_path) as log:
             return log.read()
 
-    def obeys(self, patience, first=0):
-        """The connection, of that number or a later one, on which a command gets its result."""
+    def obeys(self, patience, first=0, asks=True):
+        """The connection, of that number or a later one, on which a command gets its result. `asks`: the
+        command is sent here, and not by the script."""
         asked = set()
         limit = time.monotonic() + patience
         while time.monotonic() < limit:
             for session in self.broker.sessions[first:]:
-                if session.number not in asked and session.published(f"{BASE}/state"):
+                if asks and session.number not in asked and session.published(f"{BASE}/state"):
                     asked.add(session.number)
-                    session.publish(COMMAND, json.dumps({"id": f"after-{session.number}", "op": "read",
-                                                         "tag": "temp"}))
+                    ask(session)
                 for result in session.published(RESULT):
                     if b'"after-' in result.payload:
                         return session
@@ -190,9 +204,9 @@ class HostileBroker(unittest.TestCase):
     def one(self, version, script, back_s=BACK_S, stays=False, says=None, keep_alive_s=30, peak_mib=100,
             tls=False):
         """`stays`: the connection may go on. Otherwise it is over, and the next one comes within `back_s`."""
-        guest = Guest((script, Script()), version, keep_alive_s, tls)
+        guest = Guest((script, asks_itself() if tls else Script()), version, keep_alive_s, tls)
         try:
-            guest.obeys(back_s + 2 * SLACK_S, first=0 if stays else 1)
+            guest.obeys(back_s + 2 * SLACK_S, first=0 if stays else 1, asks=not tls)
             log = guest.logged()
             first = guest.broker.sessions[0]
             if not stays:

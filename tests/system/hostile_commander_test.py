@@ -63,7 +63,8 @@ class HostileCommander(PlantTest):
         self.start(store={"path": os.path.join(self.directory, "store")}, **settings)
         self.ready()
         # Not the commands: the broker would forget what it has for a watcher that is too slow.
-        self.watcher.client.subscribe([(f"{BASE}/+/result", 1), (f"{BASE}/+/data/#", 1)])
+        self.watcher.client.subscribe([(f"{BASE}/+/result", 1), (f"{BASE}/+/data/#", 1),
+                                       (f"{BASE}/state", 1), ("hmi/#", 0)])
         self.watcher.client.unsubscribe("#")
         self.most = 0
         self.stop_watching = threading.Event()
@@ -107,6 +108,7 @@ class HostileCommander(PlantTest):
         while hostile.poll() is None:
             self.ask(asked)
             time.sleep(0.02)
+        over = time.monotonic()
         sent = int(hostile.stdout.read())
         hostile.stdout.close()
         asked_late = []
@@ -117,11 +119,16 @@ class HostileCommander(PlantTest):
             return {r["id"] for r in self.watcher.payloads(f"{BASE}/press1/result", since)}.intersection(
                 asked_late)
         wait_for("an answer when the flood is over", answered_late)
-        waits = [at - asked[payload["id"]] for at, topic, payload, _ in self.watcher.messages[since:]
-                 if topic == f"{BASE}/press1/result" and payload["id"] in asked]
-        print(f"asked {len(asked)}, answered {len(waits)}, worst {max(waits, default=0):.2f} s, "
+        answers = [(at, asked[payload["id"]]) for at, topic, payload, _ in self.watcher.messages[since:]
+                   if topic == f"{BASE}/press1/result" and payload["id"] in asked]
+        waits = [at - asked_at for at, asked_at in answers]
+        meanwhile = sum(at < over for at, _ in answers)
+        print(f"asked {len(asked)}, answered {len(waits)}, {meanwhile} of them meanwhile, worst {max(waits, default=0):.2f} s, "
               f"sent {sent}, gap {self.gap(since):.2f} s, {self.most / MIB:.0f} MiB")
-        self.assertTrue(waits, "another client was never heard")
+        # mosquitto's queue of 1,000 messages is full: which commands come in is by chance.
+        self.assertGreater(meanwhile, len(asked) // 20, "another client was not heard")
+        # Where it pauses it tells so, and that it listens again: each time when half of 16 MiB is out.
+        self.assertLessEqual(len(self.watcher.payloads(f"{BASE}/state", since)), seconds, "told, and not again and again")
         self.assert_lively(since, most_mib)
         # One that was not acknowledged when the connection ended comes again, as it was.
         results = {message.payload for _, topic, _, message in self.watcher.messages
@@ -166,13 +173,21 @@ class HostileCommander(PlantTest):
                       b"\x09" + struct.pack(">H", 60000) + b"c" * 60000)
         since = self.watcher.mark()
         hostile = Publisher(self.broker.port)
-        hostile.flood(lambda n: hostile.publish(
+        flood = threading.Thread(target=hostile.flood, args=(lambda n: hostile.publish(
             f"{BASE}/press1/command", b'{"id":"r%d","op":"read","tag":"temp"}' % n, 1,
-            n % 65535 + 1, properties), 3, 1000)
+            n % 65535 + 1, properties), 3, 1000))
+        flood.start()
         asked = {}
-        wait_for("an answer behind them", lambda: self.ask(asked) and time.sleep(0.1) is None and any(
-            r["id"] in asked for r in self.watcher.payloads(f"{BASE}/press1/result", since)))
+
+        def answers():
+            return [r for r in self.watcher.payloads(f"{BASE}/press1/result", since) if r["id"] in asked]
+        while flood.is_alive():
+            self.ask(asked)
+            time.sleep(0.05)
+        self.assertTrue(answers(), "another client was not heard")
         hostile.close()
+        copies = [topic for _, topic, _, _ in self.watcher.messages[since:] if topic.startswith("hmi/")]
+        self.assertTrue(copies, "no copy went to the response topic")
         self.assert_lively(since, 100)
 
     def test_ten_thousand_reads_that_live_for_an_hour_lock_nobody_out(self):
@@ -184,7 +199,8 @@ class HostileCommander(PlantTest):
                 # Every tenth is refused.
                 self.send({"id": f"b{batch}-{n}", "op": "read", "expires": expires,
                            **({"tag": "none"} if n % 10 == 0 else {"address": "D300"})})
-            self.watcher.wait_count(f"{BASE}/press1/result", 50, since=since)
+            results = self.watcher.wait_count(f"{BASE}/press1/result", 50, since=since)
+            self.assertEqual(sorted({r["status"] for r in results}), ["REJECTED", "SUCCEEDED"])
         self.assert_result(self.order(op="read", address="D300"), "SUCCEEDED", None, "ACK")
         # The oldest are remembered all the same.
         since = self.watcher.mark()

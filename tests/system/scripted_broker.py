@@ -205,6 +205,10 @@ class Session:
 
     def _serve(self, script):
         try:
+            if self.broker.tls:
+                self.connection.settimeout(PATIENCE)
+                self.connection = self.broker.tls.wrap_socket(self.connection, server_side=True)
+                self.connection.settimeout(None)
             if script.accept:
                 script.accept(self)
             while True:
@@ -217,7 +221,7 @@ class Session:
                         self.connect = got
                     self.broker.changed.notify_all()
                 self._answer(script, got)
-        except OSError:
+        except (OSError, ValueError):  # ValueError: an ssl socket that was closed here
             pass  # it has gone: whether that is right is for the test to say
         finally:
             with self.broker.changed:
@@ -349,8 +353,6 @@ class ScriptedBroker:
             except OSError:
                 return
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            if self.tls:
-                connection = self.tls.wrap_socket(connection, server_side=True)
             with self.changed:
                 number = len(self.sessions)
                 session = Session(self, connection, number)
