@@ -107,6 +107,7 @@ void Publisher::stop(SteadyTime now) {
   phase_ = Phase::draining;
   phase_deadline_ = now + kDrainFor;
   if (link_ == Link::connected) broker_.unsubscribe(base_ + "/+/command");
+  if (link_ == Link::leaving) connect(now);  // who was told goodbye is to hear the last word too
   take_outbox(now);  // orders and results that came before any further command
   record_results();
 }
@@ -151,6 +152,7 @@ void Publisher::on(const ConnectFailed& event, SteadyTime now) {
   }
   link_ = Link::waiting;
   starting_ = false;
+  receive_maximum_ = kReceiveMaximum;
   put_away_live();
   retry_after_failure(now);
 }
@@ -165,11 +167,15 @@ void Publisher::on(const Lost& event, SteadyTime now) {
 }
 
 void Publisher::on(const Disconnected&, SteadyTime now) {
+  if (link_ == Link::leaving) retry_at_ = now;
   if (phase_ == Phase::closing) phase_deadline_ = now;
 }
 
 void Publisher::on(const Message& event, SteadyTime) {
-  if (event.qos != 0) ++heard_;  // those of QoS 0 come without asking
+  if (event.qos != 0) {  // those of QoS 0 come without asking
+    ++heard_.messages;
+    heard_.bytes += event.payload.size() + event.response_topic.size() + event.correlation.size();
+  }
   const auto index_of = [this](std::string_view name) {
     const auto found = std::find_if(config_.devices.begin(), config_.devices.end(),
                                     [name](const auto& device) { return device.name == name; });
@@ -268,17 +274,19 @@ void Publisher::keep_connected(SteadyTime now) {
   }
   watch_connection(now);
   keep_subscribed(now);
-  if (link_ == Link::waiting && now >= retry_at_) {
-    link_ = Link::connecting;
-    connect_deadline_ = now + kConnectPatience;
-    broker_.connect(server_, receive_maximum_);
-  }
+  if ((link_ == Link::waiting || link_ == Link::leaving) && now >= retry_at_) connect(now);
   if (link_ == Link::connected && clean_up_until_ && now >= *clean_up_until_) {
     clean_up_until_.reset();
     broker_.unsubscribe(base_ + "/+/state");
     broker_.unsubscribe(base_ + "/+/meta");
     malloc_trim(0);  // what the flood of a new connection took goes back, for the years that follow
   }
+}
+
+void Publisher::connect(SteadyTime now) {
+  link_ = Link::connecting;
+  connect_deadline_ = now + kConnectPatience;
+  broker_.connect(server_, receive_maximum_);
 }
 
 void Publisher::connection_over(SteadyTime now) {
@@ -468,9 +476,10 @@ SteadyTime Publisher::next_wake(SteadyTime now) const {
   SteadyTime wake = next_tick_;
   const auto at = [&wake](SteadyTime time) { wake = std::min(wake, time); };
   if (phase_ != Phase::running) at(phase_deadline_);
-  if (holding_) at(std::max(let_in_at_, now + kHoldAtMost));
+  if (awaits_verdicts_) at(now + kHoldAtMost);
+  if (lets_in_) at(std::max(let_in_at_, now + kHoldAtMost));
   if (unasked_dropped_ != 0) at(drop_logged_at_ + kLogDropsEvery);
-  if (link_ == Link::waiting) at(retry_at_);
+  if (link_ == Link::waiting || link_ == Link::leaving) at(retry_at_);
   if (link_ == Link::connecting) at(connect_deadline_);
   if (clean_up_until_) at(*clean_up_until_);
   if (!live_.empty()) at(live_.front().since + kLiveFor);

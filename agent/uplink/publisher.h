@@ -88,7 +88,8 @@ class Publisher final {
 
   static constexpr std::chrono::seconds kLogDropsEvery{10};
 
-  enum class Link : std::uint8_t { waiting, connecting, connected };
+  /// leaving: goodbye was said to connect anew, and what was read before it still comes.
+  enum class Link : std::uint8_t { waiting, connecting, connected, leaving };
   enum class Phase : std::uint8_t { running, draining, farewell, closing, finished };
 
   // What is published besides samples and results. Lower comes first.
@@ -121,6 +122,12 @@ class Publisher final {
     std::vector<Copy> copies;
   };
 
+  /// Messages of QoS 1 that have come.
+  struct Heard {
+    std::uint64_t messages = 0;
+    std::uint64_t bytes = 0;
+  };
+
   // What an unacknowledged publish was, by its id.
   struct NoticeFlight {
     NoticeKey key;
@@ -129,8 +136,7 @@ class Publisher final {
   struct ResultFlight {
     std::uint64_t result = 0;
     std::size_t copy = 0;
-    /// Messages that had come before it went; none: nothing was held back then.
-    std::optional<std::uint64_t> heard{};
+    std::optional<Heard> heard{};  ///< before it went; none: nothing was held back then
   };
   struct LiveRow {
     SampleRow row;
@@ -193,8 +199,9 @@ class Publisher final {
   void keep_subscribed(SteadyTime now);
   void commands_unheard(const std::string& reason, SteadyTime now);
   void stop_listening(SteadyTime now);
-  void note_lead(const ResultFlight& flight);
+  bool is_far_behind(const Flight& flight) const;
   void connect_anew(SteadyTime now);
+  void connect(SteadyTime now);
   bool awaits_first_suback() const { return suback_by_ && !deaf_; }
   void note_acknowledgement(const Flight& flight, SteadyTime now);
   bool is_acknowledged_by_broker(const Flight& flight) const;
@@ -289,7 +296,7 @@ class Publisher final {
   std::size_t max_packet_ = 0;                ///< bytes the broker takes
   std::uint16_t receive_maximum_ = kReceiveMaximum;  ///< until a connection is lost
   bool runs_ahead_ = false;                          ///< the broker does not keep to it
-  std::uint64_t heard_ = 0;                          ///< messages of QoS 1 that have come
+  Heard heard_;
 
   // what is on its way
   std::uint64_t next_id_ = 1;
@@ -313,9 +320,11 @@ class Publisher final {
   std::size_t incoming_bytes_ = 0;
   std::deque<std::size_t> submitted_;  ///< bytes of commands that the field has not looked at yet
   std::size_t submitted_bytes_ = 0;
-  std::uint64_t judged_ = 0;  ///< Outbox::judged() as it was taken into account
-  bool holding_ = false;      ///< messages stay in the network
-  SteadyTime let_in_at_{};    ///< holding all the same: some are let in then, for what comes behind
+  std::uint64_t judged_ = 0;      ///< Outbox::judged() as it was taken into account
+  bool holding_ = false;          ///< messages stay in the network
+  bool awaits_verdicts_ = false;  ///< until the field has looked at some commands
+  bool lets_in_ = false;          ///< some all the same, for what comes behind them
+  SteadyTime let_in_at_{};  ///< holding all the same: some are let in then, for what comes behind
   std::uint64_t unasked_dropped_ = 0;  ///< commands of QoS 0 that found no room; not logged yet
   SteadyTime drop_logged_at_{};
   bool samples_first_ = false;  ///< whose turn it is, where the window is too small to share

@@ -27,7 +27,7 @@ constexpr seconds kLastRetryOfShortOutage{4};
 constexpr seconds kLastRetryOfThrown{60};
 constexpr seconds kLibraryForgot{1};  // to tell that the connection is gone
 constexpr seconds kSubackWithin{1};   // until commands count as unheard
-constexpr milliseconds kGoodbye{50};  // what was read before it is still taken
+constexpr seconds kGoodbye{2};        // until Disconnected, or else nothing more is waited for
 constexpr seconds kCatchUp{1};        // until it is asked again whether enough results are out
 constexpr int kSilenceIsSlow = 2;     // failures that an unanswered SUBSCRIBE begins with: 4 s
 constexpr seconds kLastSubscribe{60};
@@ -136,6 +136,7 @@ void Publisher::connect_anew(SteadyTime now) {
   receive_maximum_ = 1;
   broker_.disconnect();
   connection_over(now);
+  link_ = Link::leaving;
   retry_at_ = now + kGoodbye;
 }
 

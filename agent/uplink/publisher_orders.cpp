@@ -28,6 +28,7 @@ constexpr std::size_t kLetIn = 8;  // fewer than results that go out meanwhile
 // Messages between a result and its PUBACK, where kReceiveMaximum may be sent ahead. A broker that
 // is slow with the PUBACK lets some more come meanwhile, of those that are let in.
 constexpr std::uint64_t kFarAhead = 50 * kReceiveMaximum;
+constexpr std::uint64_t kFarAheadBytes = std::uint64_t{8} << 20;  // ten of the longest are 2 MiB
 
 std::size_t bytes_of(const Message& message) {
   return sizeof(message) + message.topic.size() + message.payload.size() +
@@ -90,21 +91,27 @@ void Publisher::hold_messages(SteadyTime now) {
   const bool unanswered = results_.size() >= kMostResults || result_bytes_ >= kMostResultBytes;
   holding_ = link_ == Link::connected && phase_ == Phase::running && (unjudged || unanswered);
   if (holding_ && result_bytes_ >= settings_.result_bytes && !paused_) stop_listening(now);
+  runs_ahead_ = holding_ && receive_maximum_ > 1 && config_.mqtt.version == 5 &&
+                std::ranges::any_of(
+                    flights_, [this](const auto& each) { return is_far_behind(each.second); });
   // A SUBACK or PUBACKs.
   const bool answers_are_due = suback_by_ || (!unjudged && !flights_.empty());
-  if (!holding_ || !answers_are_due) return broker_.hold_messages(holding_);
+  awaits_verdicts_ = holding_ && unjudged;
+  lets_in_ = holding_ && answers_are_due;
+  if (!lets_in_) return broker_.hold_messages(holding_);
   if (now < let_in_at_) return;
   let_in_at_ = now + kLetInEvery;
   broker_.hold_messages(true, kLetIn);
 }
 
-/// A broker that keeps to the Receive Maximum sends no more than that ahead of a PUBACK. mosquitto
-/// 2.0.11 sends all that its queue holds, 1,000 messages, once it was full; with a Receive Maximum
-/// of 1 it does not.
-void Publisher::note_lead(const ResultFlight& flight) {
-  if (flight.heard && heard_ - *flight.heard >= kFarAhead && receive_maximum_ > 1 &&
-      config_.mqtt.version == 5)
-    runs_ahead_ = true;
+/// Whether more has come since this result went than a broker sends that keeps to the Receive
+/// Maximum. mosquitto 2.0.11 sends all that its queue holds, 1,000 messages, once it was full; with
+/// a Receive Maximum of 1 it does not.
+bool Publisher::is_far_behind(const Flight& flight) const {
+  const auto* result = std::get_if<ResultFlight>(&flight);
+  return result != nullptr && result->heard &&
+         (heard_.messages - result->heard->messages >= kFarAhead ||
+          heard_.bytes - result->heard->bytes >= kFarAheadBytes);
 }
 
 /// So many results may be on their way at once: a quarter of the window is for states and samples,
@@ -165,7 +172,6 @@ std::uint64_t Publisher::note_arrival(const Message& event, const Command& comma
 }
 
 void Publisher::delivered(const ResultFlight& flight, SteadyTime) {
-  note_lead(flight);
   fault_point("result_acknowledged");
   result_copy_done(flight.result, flight.copy, Ended::acknowledged);
 }

@@ -128,7 +128,7 @@ class HostileCommander(PlantTest):
         # mosquitto's queue of 1,000 messages is full: which commands come in is by chance.
         self.assertGreater(meanwhile, len(asked) // 20, "another client was not heard")
         # Where it pauses it tells so, and that it listens again: each time when half of 16 MiB is out.
-        self.assertLessEqual(len(self.watcher.payloads(f"{BASE}/state", since)), seconds, "told, and not again and again")
+        self.assertLessEqual(len(self.watcher.payloads(f"{BASE}/state", since)), seconds)
         self.assert_lively(since, most_mib)
         # One that was not acknowledged when the connection ended comes again, as it was.
         results = {message.payload for _, topic, _, message in self.watcher.messages
@@ -144,7 +144,7 @@ class HostileCommander(PlantTest):
 
     def test_flood_where_mqtt_has_no_receive_maximum_fills_no_memory(self):
         self.begin(version="3.1.1")
-        self.flood_beside_another(1, 10, 45000, 100)
+        self.flood_beside_another(1, 10, 45000, 64)
 
     def test_flood_that_nobody_repeats_fills_no_memory(self):
         self.begin()
@@ -175,7 +175,7 @@ class HostileCommander(PlantTest):
         hostile = Publisher(self.broker.port)
         flood = threading.Thread(target=hostile.flood, args=(lambda n: hostile.publish(
             f"{BASE}/press1/command", b'{"id":"r%d","op":"read","tag":"temp"}' % n, 1,
-            n % 65535 + 1, properties), 3, 1000))
+            n % 65535 + 1, properties), 5, 300))
         flood.start()
         asked = {}
 

@@ -676,18 +676,19 @@ TEST(PublisherFlood, BrokerThatSendsFarAheadIsAskedForOneAtATime) {
   Bench bench;
   acknowledge_behind(bench, 1000);
   EXPECT_EQ(bench.broker.disconnects, 1);
+  ASSERT_EQ(bench.broker.connects.size(), 1U) << "what was read is taken first";
+  bench.broker.acknowledges = true;
   bench.broker.send(message(1000, R"({"id":"read meanwhile","op":"run"})"));
   bench.settle();
   EXPECT_EQ(bench.commands.size(), 1001U);
   EXPECT_EQ(bench.commands.back().id, "read meanwhile");
-  bench.broker.acknowledges = true;
   bench.advance(1s);
   EXPECT_TRUE(bench.broker.up());
   EXPECT_EQ(bench.broker.sends_ahead, 1);
   EXPECT_EQ(bench.broker.connects, (std::vector<std::size_t>{0, 0})) << "the same server";
   std::set<std::string> told;
-  for (const std::string& payload : bench.broker.on(kBase + "/press1/result"))
-    told.insert(json::parse(payload)["id"]);
+  for (const Publication& taken : bench.broker.taken)
+    if (taken.topic == kBase + "/press1/result") told.insert(json::parse(taken.payload)["id"]);
   EXPECT_EQ(told.size(), 1000U) << "no result is lost with the connection";
 }
 
@@ -698,6 +699,16 @@ TEST(PublisherFlood, OneMessageAtATimeIsTheLeastThatIsAskedFor) {
   acknowledge_behind(bench, 1000);
   EXPECT_TRUE(bench.broker.up());
   EXPECT_EQ(bench.broker.connects.size(), 2U);
+}
+
+TEST(PublisherFlood, StopWhileItConnectsAnewSaysGoodbye) {
+  Bench bench;
+  acknowledge_behind(bench, 1000);
+  bench.broker.acknowledges = true;
+  bench.made().stop(bench.now);
+  bench.settle();
+  EXPECT_TRUE(bench.publisher->finished());
+  EXPECT_EQ(json::parse(bench.broker.on(kBase + "/state").back())["state"], "offline");
 }
 
 TEST(PublisherFlood, NextConnectionAfterALossMaySendAheadAgain) {
@@ -758,19 +769,55 @@ TEST(PublisherFlood, ResultsThatFillTheirRoomEndTheSubscriptionUntilHalfOfThemAr
   EXPECT_FALSE(bench.broker.filters.contains(commands));
   bench.advance(10s);
   EXPECT_FALSE(bench.broker.filters.contains(commands)) << "nobody has taken any";
+  std::size_t out_when_heard = 0;
   while (bench.broker.open() != 0) {
     bench.broker.acknowledge_next();
-    bench.now += 10ms;
+    bench.now += 20ms;
     bench.step();
+    if (out_when_heard == 0 && bench.broker.filters.contains(commands))
+      out_when_heard = bench.broker.taken.size();
   }
+  // They were several times what there is room for.
+  EXPECT_GT(out_when_heard, 800U);
+  EXPECT_LT(out_when_heard, 1000U);
   bench.broker.acknowledges = true;
-  bench.advance(2s);
-  EXPECT_TRUE(bench.broker.filters.contains(commands));
+  bench.settle();
   const auto states = bench.broker.on(kBase + "/state");
   ASSERT_EQ(states.size(), 2U) << "once deaf, once not";
   EXPECT_EQ(json::parse(states[0])["reason"], "more commands come than can be answered");
   EXPECT_FALSE(json::parse(states[1]).contains("reason"));
   EXPECT_EQ(bench.broker.on(kBase + "/press1/result").size(), 1000U);
+}
+
+TEST(PublisherFlood, PauseEndsWithItsConnection) {
+  Bench bench;
+  bench.settings.result_bytes = 100000;
+  bench.online();
+  bench.broker.acknowledges = false;
+  for (int i = 0; i < 1000; ++i) bench.outbox.push(refused(std::to_string(i)));
+  bench.step();
+  ASSERT_FALSE(bench.broker.filters.contains(kBase + "/+/command"));
+  bench.broker.lose();
+  bench.step();
+  bench.broker.acknowledges = true;
+  bench.advance(5s);
+  bench.advance(2s);
+  EXPECT_TRUE(bench.broker.filters.contains(kBase + "/+/command"));
+  EXPECT_FALSE(json::parse(bench.broker.on(kBase + "/state").back()).contains("reason"));
+}
+
+TEST(PublisherFlood, ResultsThatAreRefusedKeepNobodyAwake) {
+  Bench bench;
+  bench.online();
+  bench.broker.acknowledges = false;
+  for (int i = 0; i < 300; ++i) bench.outbox.push(refused(std::to_string(i)));
+  bench.step();
+  while (bench.broker.open() != 0) {
+    bench.broker.refuse_next(0x97);
+    bench.step();
+  }
+  ASSERT_TRUE(bench.broker.held);
+  EXPECT_GT(bench.step() - bench.now, 5ms);
 }
 
 TEST(PublisherFlood, OfQosZeroOnlyAsMuchIsTakenAsCanBeAnswered) {
