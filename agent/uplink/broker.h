@@ -56,6 +56,11 @@ struct Message {
   SteadyTime received{};         ///< when the library handed it over
   std::int64_t received_ms = 0;  ///< the same moment, UTC
 };
+/// What a message takes in memory, roughly.
+inline std::size_t bytes_of(const Message& message) {
+  return sizeof(message) + message.topic.size() + message.payload.size() +
+         message.response_topic.size() + message.correlation.size();
+}
 /// QoS 1: the PUBACK came. QoS 0: handed to the socket.
 struct Delivered {
   std::uint64_t id = 0;

@@ -17,6 +17,7 @@
 #include <system_error>
 #include <utility>
 
+#include "agent/log.h"
 #include "agent/startup.h"
 #include "agent/uplink/packet_guard.h"
 #include "agent/uplink/read_pause.h"
@@ -155,15 +156,14 @@ std::string reason_text(int code) {
   return text != nullptr ? text : "reason " + std::to_string(code);
 }
 
-constexpr std::size_t kMaxForeignText = 128;  // bytes of what a broker says that go into the log
-
 /// What a broker's DISCONNECT says, in words.
 std::string disconnect_text(const mqtt::properties& properties, int code) {
   std::string text = "the broker said: " + (code == 0 ? "normal disconnection" : reason_text(code));
   using Code = mqtt::property::code;
   if (properties.contains(Code::REASON_STRING))
     text +=
-        ": " + mqtt::get<std::string>(properties, Code::REASON_STRING).substr(0, kMaxForeignText);
+        ": " +
+        mqtt::get<std::string>(properties, Code::REASON_STRING).substr(0, log::kMostForeignBytes);
   return text;
 }
 
@@ -227,8 +227,7 @@ class PahoBroker::Inbox final {
       const std::lock_guard lock(mutex_);
       if (connection != connection_) return;
       if (const auto* message = std::get_if<Message>(&event)) {
-        const std::size_t size = sizeof event + message->topic.size() + message->payload.size() +
-                                 message->response_topic.size() + message->correlation.size();
+        const std::size_t size = bytes_of(*message);
         if (bytes_ + size > (message->qos == 0 ? kMaxUnaskedBytes : kMaxInboxBytes)) {
           ++dropped_;
           return;

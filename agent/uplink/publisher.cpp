@@ -174,7 +174,7 @@ void Publisher::on(const Disconnected&, SteadyTime now) {
 void Publisher::on(const Message& event, SteadyTime) {
   if (event.qos != 0) {  // those of QoS 0 come without asking
     ++heard_.messages;
-    heard_.bytes += event.payload.size() + event.response_topic.size() + event.correlation.size();
+    heard_.bytes += bytes_of(event);
   }
   const auto index_of = [this](std::string_view name) {
     const auto found = std::find_if(config_.devices.begin(), config_.devices.end(),
@@ -300,7 +300,6 @@ void Publisher::connection_over(SteadyTime now) {
   unheard_ = 0;
   deaf_.reset();
   paused_ = false;
-  runs_ahead_ = false;
   auto flights = std::exchange(flights_, {});
   history_flights_ = 0;
   in_flight_samples_ = 0;

@@ -200,6 +200,7 @@ class Publisher final {
   void commands_unheard(const std::string& reason, SteadyTime now);
   void stop_listening(SteadyTime now);
   bool is_far_behind(const Flight& flight) const;
+  bool broker_runs_ahead() const;
   void connect_anew(SteadyTime now);
   void connect(SteadyTime now);
   bool awaits_first_suback() const { return suback_by_ && !deaf_; }
@@ -295,7 +296,6 @@ class Publisher final {
   std::size_t window_ = 0;                    ///< publishes that may be unacknowledged
   std::size_t max_packet_ = 0;                ///< bytes the broker takes
   std::uint16_t receive_maximum_ = kReceiveMaximum;  ///< until a connection is lost
-  bool runs_ahead_ = false;                          ///< the broker does not keep to it
   Heard heard_;
 
   // what is on its way

@@ -120,7 +120,7 @@ void Publisher::watch_connection(SteadyTime now) {
     broker_.disconnect();
     on(Lost{"no acknowledgement for 30 s"}, now);
   }
-  if (runs_ahead_) connect_anew(now);
+  if (broker_runs_ahead()) connect_anew(now);
   if (link_ != Link::connected || broker_.is_connected()) return down_since_.reset();
   if (!down_since_) down_since_ = now;
   if (now - *down_since_ >= kLibraryForgot) on(Lost{"found closed"}, now);

@@ -30,11 +30,6 @@ constexpr std::size_t kLetIn = 8;  // fewer than results that go out meanwhile
 constexpr std::uint64_t kFarAhead = 50 * kReceiveMaximum;
 constexpr std::uint64_t kFarAheadBytes = std::uint64_t{8} << 20;  // ten of the longest are 2 MiB
 
-std::size_t bytes_of(const Message& message) {
-  return sizeof(message) + message.topic.size() + message.payload.size() +
-         message.response_topic.size() + message.correlation.size();
-}
-
 }  // namespace
 
 /// Commands are looked at a few at a time. What was published with QoS 0 comes as fast as the
@@ -91,9 +86,6 @@ void Publisher::hold_messages(SteadyTime now) {
   const bool unanswered = results_.size() >= kMostResults || result_bytes_ >= kMostResultBytes;
   holding_ = link_ == Link::connected && phase_ == Phase::running && (unjudged || unanswered);
   if (holding_ && result_bytes_ >= settings_.result_bytes && !paused_) stop_listening(now);
-  runs_ahead_ = holding_ && receive_maximum_ > 1 && config_.mqtt.version == 5 &&
-                std::ranges::any_of(
-                    flights_, [this](const auto& each) { return is_far_behind(each.second); });
   // A SUBACK or PUBACKs.
   const bool answers_are_due = suback_by_ || (!unjudged && !flights_.empty());
   awaits_verdicts_ = holding_ && unjudged;
@@ -112,6 +104,12 @@ bool Publisher::is_far_behind(const Flight& flight) const {
   return result != nullptr && result->heard &&
          (heard_.messages - result->heard->messages >= kFarAhead ||
           heard_.bytes - result->heard->bytes >= kFarAheadBytes);
+}
+
+bool Publisher::broker_runs_ahead() const {
+  return holding_ && receive_maximum_ > 1 && config_.mqtt.version == 5 &&
+         std::ranges::any_of(flights_,
+                             [this](const auto& each) { return is_far_behind(each.second); });
 }
 
 /// So many results may be on their way at once: a quarter of the window is for states and samples,

@@ -381,16 +381,10 @@ TEST(PahoBroker, RefusedPublishCarriesItsReasonCode) {
 
 // ---- a broker that says goodbye, or worse -------------------------------------------------------
 
-/// Listens on a loopback port. A thread of its own serves one client after the other: says `first`
-/// when a client's CONNECT has come to the first of them, and CONNACK to every further one.
-class SpitefulServer final {
+/// A socket that listens on a loopback port of its own.
+class Listener final {
  public:
-  enum class Afterwards : std::uint8_t { closes, stays };
-
-  SpitefulServer(int version, std::string first, Afterwards afterwards)
-      : fd_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)),
-        connack_(version == 5 ? std::string("\x20\x03\x00\x00\x00", 5)
-                              : std::string("\x20\x02\x00\x00", 4)) {
+  Listener() : fd_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
     sockaddr_in address{};
     address.sin_family = AF_INET;
     address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
@@ -399,22 +393,42 @@ class SpitefulServer final {
     listen(fd_, 5);
     getsockname(fd_, reinterpret_cast<sockaddr*>(&address), &size);
     port_ = ntohs(address.sin_port);
+  }
+  ~Listener() { close(fd_); }
+  Listener(const Listener&) = delete;
+  Listener& operator=(const Listener&) = delete;
+  int fd() const { return fd_; }
+  std::string url() const { return "mqtt://127.0.0.1:" + std::to_string(port_); }
+
+ private:
+  int fd_;
+  std::uint16_t port_ = 0;
+};
+
+/// A thread of its own serves one client after the other: says `first`
+/// when a client's CONNECT has come to the first of them, and CONNACK to every further one.
+class SpitefulServer final {
+ public:
+  enum class Afterwards : std::uint8_t { closes, stays };
+
+  SpitefulServer(int version, std::string first, Afterwards afterwards)
+      : connack_(version == 5 ? std::string("\x20\x03\x00\x00\x00", 5)
+                              : std::string("\x20\x02\x00\x00", 4)) {
     thread_ =
         std::thread([this, first = std::move(first), afterwards] { serve(first, afterwards); });
   }
   ~SpitefulServer() {
-    shutdown(fd_, SHUT_RDWR);
+    shutdown(listener_.fd(), SHUT_RDWR);
     thread_.join();
-    close(fd_);
   }
   SpitefulServer(const SpitefulServer&) = delete;
   SpitefulServer& operator=(const SpitefulServer&) = delete;
-  std::string url() const { return "mqtt://127.0.0.1:" + std::to_string(port_); }
+  std::string url() const { return listener_.url(); }
 
  private:
   void serve(const std::string& first, Afterwards afterwards) {
     std::vector<int> clients;
-    for (int client = 0; (client = accept(fd_, nullptr, nullptr)) >= 0;) {
+    for (int client = 0; (client = accept(listener_.fd(), nullptr, nullptr)) >= 0;) {
       char bytes[1000];
       std::string words = clients.empty() ? connack_ + first : connack_;
       if (recv(client, bytes, sizeof bytes, 0) > 0)
@@ -425,9 +439,8 @@ class SpitefulServer final {
     for (const int client : clients) close(client);
   }
 
-  int fd_;
+  const Listener listener_;
   const std::string connack_;
-  std::uint16_t port_ = 0;
   std::thread thread_;
 };
 
@@ -590,37 +603,12 @@ TEST_F(PahoBrokerTls, MutualTlsNeedsTheClientsCertificate) {
 
 // ---- the end of a connection --------------------------------------------------------------------
 
-/// A listener that takes connections and never says a word.
-class SilentServer final {
- public:
-  SilentServer() : fd_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
-    sockaddr_in address{};
-    address.sin_family = AF_INET;
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    socklen_t size = sizeof address;
-    bind(fd_, reinterpret_cast<const sockaddr*>(&address), size);
-    listen(fd_, 5);
-    getsockname(fd_, reinterpret_cast<sockaddr*>(&address), &size);
-    port_ = ntohs(address.sin_port);
-  }
-  ~SilentServer() { close(fd_); }
-  SilentServer(const SilentServer&) = delete;
-  SilentServer& operator=(const SilentServer&) = delete;
-  /// Returns when somebody has connected.
-  void await() const { close(accept(dup(fd_), nullptr, nullptr)); }
-  std::uint16_t port() const { return port_; }
-
- private:
-  int fd_;
-  std::uint16_t port_ = 0;
-};
-
 TEST(PahoBroker, EndsInTheMiddleOfAConnect) {
-  const SilentServer server;
+  const Listener silent;
   for (int i = 0; i < 5; ++i) {
-    Client client(settings("mqtt://127.0.0.1:" + std::to_string(server.port())));
+    Client client(settings(silent.url()));
     client->connect(0, kReceiveMaximum);
-    if (i % 2 == 0) server.await();
+    if (i % 2 == 0) close(accept(silent.fd(), nullptr, nullptr));
   }
 }
 

@@ -566,10 +566,19 @@ Message message(std::size_t number, std::string payload, int qos = 1) {
   return made;
 }
 
+void push_refused(Bench& bench, int results) {
+  for (int i = 0; i < results; ++i) bench.outbox.push(refused(std::to_string(i)));
+}
+
+void send_runs(Bench& bench, std::size_t messages) {
+  for (std::size_t i = 0; i < messages; ++i)
+    bench.broker.send(message(i, R"({"id":"x","op":"run"})"));
+}
+
 TEST(PublisherFlood, SamplesGoOutBetweenCommands) {
   Bench bench;
   bench.online();
-  for (std::size_t i = 0; i < 1000; ++i) bench.broker.send(message(i, R"({"id":"x","op":"run"})"));
+  send_runs(bench, 1000);
   bench.outbox.push(test::sample(1));
   EXPECT_EQ(bench.step(), bench.now) << "it is stepped again at once";
   EXPECT_EQ(bench.broker.on(kBase + "/press1/data/fast").size(), 1U);
@@ -582,7 +591,7 @@ TEST(PublisherFlood, ResultsLeaveAPartOfTheWindowToSamples) {
   Bench bench;
   bench.online();
   bench.broker.acknowledges = false;
-  for (int i = 0; i < 100; ++i) bench.outbox.push(refused(std::to_string(i)));
+  push_refused(bench, 100);
   bench.step();
   EXPECT_EQ(bench.broker.open(), 15U);
   bench.outbox.push(test::sample(1));
@@ -600,7 +609,7 @@ TEST(PublisherFlood, WindowOfOneIsSharedInTurn) {
   bench.broker.receive_maximum = 1;
   bench.online();
   bench.broker.acknowledges = false;
-  for (int i = 0; i < 10; ++i) bench.outbox.push(refused(std::to_string(i)));
+  push_refused(bench, 10);
   for (std::uint64_t i = 1; i <= 10; ++i) bench.outbox.push(test::sample(i));
   bench.step();
   for (int i = 0; i < 10; ++i) {
@@ -616,7 +625,7 @@ TEST(PublisherFlood, WindowOfOneIsSharedInTurn) {
 TEST(PublisherFlood, MessagesStayInTheNetworkWhileVerdictsAreMissing) {
   Bench bench;
   bench.online();
-  for (std::size_t i = 0; i < 300; ++i) bench.broker.send(message(i, R"({"id":"x","op":"run"})"));
+  send_runs(bench, 300);
   bench.settle();
   ASSERT_EQ(bench.commands.size(), 300U);
   EXPECT_TRUE(bench.broker.held);
@@ -641,7 +650,7 @@ TEST(PublisherFlood, WaitingResultsHoldMessagesBackAndLetSomeInForWhatComesBehin
   Bench bench;
   bench.online();
   bench.broker.acknowledges = false;
-  for (int i = 0; i < 1000; ++i) bench.outbox.push(refused(std::to_string(i)));
+  push_refused(bench, 1000);
   for (int i = 0; i < 100; ++i) {
     bench.now += 1ms;
     bench.step();
@@ -660,15 +669,12 @@ TEST(PublisherFlood, WaitingResultsHoldMessagesBackAndLetSomeInForWhatComesBehin
 void acknowledge_behind(Bench& bench, std::size_t messages) {
   bench.settle();
   bench.broker.acknowledges = false;
-  for (int i = 0; i < 1000; ++i) bench.outbox.push(refused(std::to_string(i)));
+  push_refused(bench, 1000);
   bench.step();
   bench.broker.acknowledge_all();
   bench.step();
   ASSERT_TRUE(bench.broker.held);
-  for (std::size_t i = 0; i < messages; ++i)
-    bench.broker.send(message(i, R"({"id":"x","op":"run"})"));
-  bench.step();
-  bench.broker.acknowledge_next();
+  send_runs(bench, messages);
   bench.step();
 }
 
@@ -731,9 +737,9 @@ TEST(PublisherFlood, WhatCameBeforeMessagesWereHeldBackDoesNotCount) {
   Bench bench;
   bench.settle();
   bench.broker.acknowledges = false;
-  for (int i = 0; i < 1000; ++i) bench.outbox.push(refused(std::to_string(i)));
+  push_refused(bench, 1000);
   bench.step();
-  for (std::size_t i = 0; i < 1000; ++i) bench.broker.send(message(i, R"({"id":"x","op":"run"})"));
+  send_runs(bench, 1000);
   bench.step();
   bench.broker.acknowledge_next();
   bench.step();
@@ -751,7 +757,7 @@ TEST(PublisherFlood, SubackComesThroughWhereMessagesAreHeldBack) {
   Bench bench;
   bench.broker.confirms = false;
   bench.broker.acknowledges = false;
-  for (int i = 0; i < 1000; ++i) bench.outbox.push(refused(std::to_string(i)));
+  push_refused(bench, 1000);
   bench.settle();
   ASSERT_TRUE(bench.broker.up());
   EXPECT_TRUE(bench.broker.held);
@@ -764,7 +770,7 @@ TEST(PublisherFlood, ResultsThatFillTheirRoomEndTheSubscriptionUntilHalfOfThemAr
   bench.online();
   const std::string commands = kBase + "/+/command";
   bench.broker.acknowledges = false;
-  for (int i = 0; i < 1000; ++i) bench.outbox.push(refused(std::to_string(i)));
+  push_refused(bench, 1000);
   bench.step();
   EXPECT_FALSE(bench.broker.filters.contains(commands));
   bench.advance(10s);
@@ -794,7 +800,7 @@ TEST(PublisherFlood, PauseEndsWithItsConnection) {
   bench.settings.result_bytes = 100000;
   bench.online();
   bench.broker.acknowledges = false;
-  for (int i = 0; i < 1000; ++i) bench.outbox.push(refused(std::to_string(i)));
+  push_refused(bench, 1000);
   bench.step();
   ASSERT_FALSE(bench.broker.filters.contains(kBase + "/+/command"));
   bench.broker.lose();
@@ -810,7 +816,7 @@ TEST(PublisherFlood, ResultsThatAreRefusedKeepNobodyAwake) {
   Bench bench;
   bench.online();
   bench.broker.acknowledges = false;
-  for (int i = 0; i < 300; ++i) bench.outbox.push(refused(std::to_string(i)));
+  push_refused(bench, 300);
   bench.step();
   while (bench.broker.open() != 0) {
     bench.broker.refuse_next(0x97);
@@ -834,7 +840,7 @@ TEST(PublisherFlood, OfQosZeroOnlyAsMuchIsTakenAsCanBeAnswered) {
 TEST(PublisherFlood, NothingIsHeldBackAtTheEnd) {
   Bench bench;
   bench.online();
-  for (std::size_t i = 0; i < 300; ++i) bench.broker.send(message(i, R"({"id":"x","op":"run"})"));
+  send_runs(bench, 300);
   bench.settle();
   ASSERT_TRUE(bench.broker.held);
   bench.made().stop(bench.now);
