@@ -279,7 +279,15 @@ class HostilePlc(PlantTest):
         return all(value == REGISTERS[{"a": 10, "b": 200}[tag]]
                    for tag, value in message["values"].items())
 
-    def run_modes(self, hostile, modes, allowed_wrong):
+    def assert_wrong_only_before_found(self, samples):
+        """A second answer that comes behind the next question passes for that one's: nobody can tell,
+        and a busy machine may do that to this peer a few times. Once one was seen none passes."""
+        found = next((i for i, m in enumerate(samples) if "bad" in m), len(samples))
+        wrong = [m for m in samples[found:] if not self.is_right(m)]
+        self.assertEqual(wrong, [], f"from {found} on, of {len(samples)}")
+        self.assertLessEqual(found, 10, "found too late")
+
+    def run_modes(self, hostile, modes, answers_twice):
         self.state("press1", "online")
         whole = self.watcher.mark()
         for name, mode in modes:
@@ -291,22 +299,23 @@ class HostilePlc(PlantTest):
                 hostile.mode = Peer.polite
                 last = self.watcher.mark()
                 self.data(lambda m: m["values"] == {"a": 1010, "b": 1200} and "bad" not in m, since=last)
-                wrong = [m for m in self.watcher.payloads(f"{BASE}/press1/data/fast", since)
-                         if not self.is_right(m)]
-                self.assertLessEqual(len(wrong), allowed_wrong.get(name, 0), wrong)
+                samples = self.watcher.payloads(f"{BASE}/press1/data/fast", since)
+                if name == answers_twice:
+                    self.assert_wrong_only_before_found(samples)
+                else:
+                    self.assertEqual([m for m in samples if not self.is_right(m)], [])
         self.assert_neighbours_kept_their_beat(whole)
         self.assert_agent_is_well()
 
     def test_whatever_a_modbus_unit_says_no_value_is_invented(self):
         hostile = self.peer(RtuPeer())
         self.plant(hostile, self.rtu_device)
-        # Before the second answer has ever been seen it may answer one question, and no more.
-        self.run_modes(hostile, RTU_MODES, {"twice, 20 ms apart": 1})
+        self.run_modes(hostile, RTU_MODES, answers_twice="twice, 20 ms apart")
 
     def test_whatever_a_programming_port_says_no_value_is_invented(self):
         hostile = self.peer(PortPeer())
         self.plant(hostile, self.port_device)
-        self.run_modes(hostile, PORT_MODES, {"twice, 20 ms apart": 1})
+        self.run_modes(hostile, PORT_MODES, answers_twice="twice, 20 ms apart")
 
     def test_a_second_answer_behind_each_right_one_makes_values_bad_and_not_wrong(self):
         hostile = self.peer(RtuPeer(mode=lambda q, a: [a, 0.02, a]))
@@ -314,15 +323,14 @@ class HostilePlc(PlantTest):
         since = self.watcher.mark()
         wait_for("many questions", lambda: hostile.questions >= 40)
         samples = self.watcher.payloads(f"{BASE}/press1/data/fast")
-        wrong = [m for m in samples if not self.is_right(m)]
-        self.assertLessEqual(len(wrong), 1, f"{len(wrong)} of {len(samples)}")
+        self.assert_wrong_only_before_found(samples)
         bad = [m for m in samples if "bad" in m]
-        self.assertGreaterEqual(len(bad), len(samples) - 2)
-        self.assertEqual(bad[-1]["bad"]["a"]["why"], "bad_frame")
+        self.assertEqual(samples[-len(bad):], bad, "believed again while it goes on")
+        self.data(lambda m: m.get("bad", {}).get("a", {}).get("why") == "bad_frame", since=since)
         self.assertIn("another master, or answers that come late?", self.agent.logged())
         self.assertEqual(self.agent.logged().count("state=doubted"), 1)
-        state = self.watcher.payloads(f"{BASE}/press1/state")[-1]
-        self.assertEqual((state["state"], state["reason"]), ("degraded", "bad_frame"))
+        self.watcher.wait(f"{BASE}/press1/state",
+                          lambda s: (s["state"], s.get("reason")) == ("degraded", "bad_frame"))
         self.assert_neighbours_kept_their_beat(since)
         hostile.mode = Peer.polite
         self.data(lambda m: m["values"] == {"a": 1010, "b": 1200}, since=self.watcher.mark())
