@@ -6,7 +6,8 @@
 # BUILD_TARGETS: what is built, where not everything is wanted. BUILD_ONLY: set, no test is run. JOBS: tests at
 # a time, three a core unless set.
 # The last lines are ctest's own, and behind them the tests that skipped themselves, by name. The exit
-# status is ctest's.
+# status is ctest's. Up to three tests of the whole agent that failed beside others are run once more, by themselves,
+# and named if they pass then: on a busy machine a peer of theirs may stand still for longer than its part allows.
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -25,4 +26,15 @@ status=0
 ctest --test-dir "$build" -j"${JOBS:-$((3 * $(nproc)))}" --output-on-failure --no-tests=error "$@" || status=$?
 # Why a test in Python skipped itself; and those that are many to one of ctest's, which does not see it.
 sed -nE "s/^(test_\S+ \([^)]*\)) \.\.\. (skipped .*)/\1: \2/p" "$build/Testing/Temporary/LastTest.log"
+
+if [ $status -ne 0 ]; then
+  mapfile -t failed < <(sed -E 's/^[0-9]+://' "$build/Testing/Temporary/LastTestsFailed.log")
+  others=$(printf '%s\n' "${failed[@]}" | grep -cv '^system\.' || true)
+  if [ ${#failed[@]} -gt 0 ] && [ ${#failed[@]} -le 3 ] && [ "$others" -eq 0 ]; then
+    printf '\nOnce more, by themselves: %s\n' "${failed[*]}"
+    status=0
+    ctest --test-dir "$build" --rerun-failed --output-on-failure --no-tests=error || status=$?
+    [ $status -ne 0 ] || printf 'failed beside others, passed by itself: %s\n' "${failed[@]}"
+  fi
+fi
 exit $status
