@@ -12,17 +12,18 @@
 #include <thread>
 #include <utility>
 
+#include "agent/commands/recovery.h"
 #include "agent/field/field.h"
 #include "agent/field/tcp_transport.h"
-#include "agent/log.h"
+#include "agent/log/log.h"
 #include "agent/outbox.h"
-#include "agent/service_manager.h"
-#include "agent/signs_of_life.h"
-#include "agent/uplink/json.h"
+#include "agent/process/service_manager.h"
+#include "agent/process/signs_of_life.h"
+#include "agent/store/first_numbers.h"
+#include "agent/store/store.h"
+#include "agent/uplink/json_payload.h"
 #include "agent/uplink/paho_broker.h"
 #include "agent/uplink/publisher.h"
-#include "agent/uplink/recall.h"
-#include "agent/uplink/store.h"
 
 namespace fxagent {
 namespace {
@@ -97,7 +98,10 @@ void run_agent(const Config& config, StopWatchdog& watchdog) {
   const auto utc_now = [] { return utc_ms(std::chrono::system_clock::now()); };
   const auto store = config.store.path.empty() ? std::unique_ptr<Store>()
                                                : std::make_unique<Store>(config.store, utc_now());
-  Recall known = recall(config, store.get(), utc_now(), std::chrono::steady_clock::now());
+  Recovered known;
+  const std::vector<std::uint64_t> numbers = first_numbers(config, store.get(), utc_now());
+  if (store) known = recover(config, *store, utc_now(), std::chrono::steady_clock::now());
+  known.field.last_seq = numbers;
 
   Outbox outbox(kOutboxMessages);
   for (CommandResult& result : known.untold) {

@@ -1,8 +1,8 @@
 // The composition root: builds the rooms from a config, starts them, stops them in order.
 #pragma once
 
-#include "agent/config.h"
-#include "agent/stop_watchdog.h"
+#include "agent/config/config.h"
+#include "agent/process/stop_watchdog.h"
 
 namespace fxagent {
 

@@ -5,7 +5,7 @@
 #include <chrono>
 #include <span>
 
-#include "agent/config.h"
+#include "agent/config/config.h"
 #include "protocol/plan.h"
 
 namespace fxagent {

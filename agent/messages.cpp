@@ -124,6 +124,18 @@ std::string_view to_string(Reason reason) {
   return "";
 }
 
+std::string_view to_string(PlcAnswer answer) {
+  switch (answer) {
+    case PlcAnswer::none:
+      return "";
+    case PlcAnswer::ack:
+      return "ACK";
+    case PlcAnswer::nak:
+      return "NAK";
+  }
+  return "";
+}
+
 std::string_view to_string(CommandStatus status) {
   switch (status) {
     case CommandStatus::succeeded:

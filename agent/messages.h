@@ -2,6 +2,7 @@
 // Times named _ms are milliseconds UTC since 1970; durations are std::chrono.
 #pragma once
 
+#include <array>
 #include <chrono>
 #include <cstdint>
 #include <memory>
@@ -177,9 +178,15 @@ enum class CommandStatus : std::uint8_t {
   duplicate,
   unknown_outcome
 };
+inline constexpr std::array<CommandStatus, 7> kCommandStatuses{
+    CommandStatus::succeeded,      CommandStatus::failed,  CommandStatus::partial,
+    CommandStatus::rejected,       CommandStatus::expired, CommandStatus::duplicate,
+    CommandStatus::unknown_outcome};
 std::string_view to_string(CommandStatus status);
 
 enum class PlcAnswer : std::uint8_t { none, ack, nak };
+/// The word of the payload; empty for none.
+std::string_view to_string(PlcAnswer answer);
 
 struct Verification {
   /// What was read back, in the command's units; for run/stop "run" or "stop".

@@ -1,9 +1,9 @@
 # Which room may include which, checked on the #include lines themselves: linking alone does not
 # enforce it, since system headers are visible to all.
 #   cmake -DROOT=<the project> -P tests/layers_test.cmake
-# Names every line that breaks a rule as file:line and fails. ARCHITECTURE of the rooms: protocol/
-# knows bytes, agent/field/ knows wires and time, agent/uplink/ knows MQTT and JSON, and only
-# agent/agent.* and the programs (main, one_shot, verify_stream, audit_command) see more than one.
+# Names every line that breaks a rule as file:line and fails. protocol/ knows bytes, agent/field/ knows wires and
+# time, agent/commands/ knows what may be done, agent/store/ knows the disk, agent/uplink/ knows MQTT and payloads,
+# and only agent/cli/ and agent/agent.cpp see all.
 cmake_minimum_required(VERSION 3.25)
 if(NOT IS_DIRECTORY "${ROOT}/protocol" OR NOT IS_DIRECTORY "${ROOT}/agent")
   message(FATAL_ERROR "layers: '${ROOT}' is not the project; call with -DROOT=<the project>")
@@ -27,15 +27,19 @@ set(threads_and_io "^(thread|mutex|shared_mutex|condition_variable|future|stop_t
 forbid("^protocol/" "${threads_and_io}" "protocol/ has no threads, no I/O and no clock")
 forbid("^protocol/" "${not_standard}"
        "protocol/ sees itself, tl/expected.hpp, Boost's small_vector and the standard library")
+forbid("^agent/field/" "^agent/(uplink|store|cli|agent)[/.]" "agent/field/ sees protocol, config and what may be done")
 forbid("^agent/field/" "^nlohmann/" "agent/field/ knows no JSON")
-forbid("^agent/field/" "^agent/uplink/" "agent/field/ and agent/uplink/ meet in agent/agent.cpp only")
-forbid("^agent/uplink/" "^asio" "agent/uplink/ knows no asio")
-forbid("^agent/uplink/" "^agent/field/" "agent/uplink/ and agent/field/ meet in agent/agent.cpp only")
-forbid("^agent/[^/]+$" "^agent/(field|uplink)/"
-       "what both rooms share must not know either of them")
-forbid("^agent/[^/]+$" "^asio" "asio is the field's")
+forbid("^agent/commands/" "^agent/(field|store|uplink|cli|agent)[/.]" "agent/commands/ is pure: it names what it needs as ports")
+forbid("^agent/commands/" "${threads_and_io}" "agent/commands/ has no threads, no I/O and no clock")
+forbid("^agent/store/" "^agent/(field|uplink|cli|agent)[/.]" "agent/store/ sees values, config and the commands' port")
+forbid("^agent/uplink/" "^agent/(field|cli|agent)[/.]" "agent/uplink/ and agent/field/ meet in agent/agent.cpp only")
+forbid("^agent/config/" "^agent/(commands|field|store|uplink|cli|agent)[/.]" "agent/config/ sees protocol and small things")
+forbid("^agent/((log|process)/)?[^/]+$" "^agent/(commands|config|field|store|uplink|cli)/"
+       "what every room uses must not know any of them")
+forbid("." "^asio" "asio is agent/field/'s")
 forbid("." "${mqtt}" "only agent/uplink/paho_broker.cpp knows the MQTT library")
-forbid("." "^spdlog/" "only agent/log.cpp knows the log library")
+forbid("." "^sqlite3" "only agent/store/ knows SQLite")
+forbid("." "^spdlog/" "only agent/log/ knows the log library")
 forbid("^(protocol|agent)/" "^tests/" "the product does not know its tests")
 forbid("^tests/sim/" "^(protocol|agent)/" "the simulator shares no code with what it is to prove wrong")
 
@@ -44,9 +48,13 @@ set(allowed
   "^protocol/[^ ]+ protocol/"
   "^protocol/[^ ]+ tl/expected\\.hpp$"
   "^protocol/point\\.h boost/container/small_vector\\.hpp$"
-  "^agent/(agent\\.(h|cpp)|main\\.cpp|(one_shot|verify_stream)\\.(h|cpp)|audit_command\\.cpp) agent/(field|uplink)/"
+  "^agent/agent\\.(h|cpp) agent/"
+  "^agent/line_time\\.(h|cpp) agent/config/config\\.h$"
+  "^agent/field/[^ ]+ asio"
+  "^tests/[^ ]+ (asio|sqlite3)"
+  "^agent/store/[^ ]+ sqlite3\\.h$"
   "^agent/uplink/paho_broker\\.cpp (mqtt/|MQTT)"
-  "^agent/log\\.cpp spdlog/")
+  "^agent/log/[^ ]+ spdlog/")
 
 # One line for each include: path:line:#include "header"
 execute_process(

@@ -14,8 +14,8 @@
 #include "agent/field/link_worker.h"
 #include "agent/field/serial_transport.h"
 #include "agent/field/tcp_transport.h"
-#include "agent/log.h"
-#include "agent/startup.h"
+#include "agent/log/log.h"
+#include "agent/process/startup.h"
 
 namespace fxagent {
 namespace {

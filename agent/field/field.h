@@ -6,7 +6,7 @@
 #include <memory>
 #include <string>
 
-#include "agent/config.h"
+#include "agent/config/config.h"
 #include "agent/messages.h"
 #include "agent/outbox.h"
 

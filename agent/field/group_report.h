@@ -9,7 +9,7 @@
 #include <variant>
 #include <vector>
 
-#include "agent/config.h"
+#include "agent/config/config.h"
 #include "agent/messages.h"
 
 namespace fxagent {

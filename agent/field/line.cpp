@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "agent/fault_point.h"
+#include "agent/failpoint.h"
 #include "agent/field/stream_io.h"
 
 namespace fxagent {

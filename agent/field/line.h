@@ -11,7 +11,7 @@
 #include <string>
 #include <string_view>
 
-#include "agent/config.h"
+#include "agent/config/config.h"
 #include "agent/field/bus_doubt.h"
 #include "agent/field/percentile_window.h"
 #include "agent/field/transport.h"

@@ -9,9 +9,9 @@
 #include <utility>
 #include <vector>
 
-#include "agent/config.h"
+#include "agent/commands/admission.h"
+#include "agent/config/config.h"
 #include "agent/field/agenda.h"
-#include "agent/field/command_desk.h"
 #include "agent/field/group_report.h"
 #include "agent/field/hole_map.h"
 #include "agent/field/link_worker.h"

@@ -13,9 +13,9 @@
 #include <unordered_map>
 #include <vector>
 
-#include "agent/config.h"
+#include "agent/commands/admission.h"
+#include "agent/config/config.h"
 #include "agent/field/agenda.h"
-#include "agent/field/command_desk.h"
 #include "agent/field/field.h"
 #include "agent/field/group_report.h"
 #include "agent/field/hole_map.h"

@@ -2,11 +2,11 @@
 #include <algorithm>
 #include <utility>
 
-#include "agent/fault_point.h"
+#include "agent/failpoint.h"
 #include "agent/field/link_device.h"
 #include "agent/field/order_run.h"
 #include "agent/line_time.h"
-#include "agent/log.h"
+#include "agent/log/log.h"
 
 namespace fxagent {
 namespace {

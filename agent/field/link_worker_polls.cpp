@@ -4,7 +4,7 @@
 
 #include "agent/field/link_device.h"
 #include "agent/line_time.h"
-#include "agent/log.h"
+#include "agent/log/log.h"
 
 namespace fxagent {
 namespace {

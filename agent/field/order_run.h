@@ -7,8 +7,8 @@
 #include <optional>
 #include <string>
 
-#include "agent/config.h"
-#include "agent/field/command_desk.h"
+#include "agent/commands/admission.h"
+#include "agent/config/config.h"
 #include "agent/field/line.h"
 #include "agent/field/line_sharing.h"
 #include "agent/messages.h"

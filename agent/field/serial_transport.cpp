@@ -13,7 +13,7 @@
 
 #include "agent/field/low_latency.h"
 #include "agent/field/stream_io.h"
-#include "agent/log.h"
+#include "agent/log/log.h"
 
 namespace fxagent {
 namespace {

@@ -4,7 +4,7 @@
 #include <asio/any_io_executor.hpp>
 #include <memory>
 
-#include "agent/config.h"
+#include "agent/config/config.h"
 #include "agent/field/transport.h"
 
 namespace fxagent {

@@ -17,8 +17,8 @@
 #include <system_error>
 #include <utility>
 
-#include "agent/log.h"
-#include "agent/startup.h"
+#include "agent/log/log.h"
+#include "agent/process/startup.h"
 #include "agent/uplink/packet_guard.h"
 #include "agent/uplink/read_pause.h"
 #include "agent/uplink/send_at_once.h"

@@ -5,10 +5,11 @@
 #include <algorithm>
 #include <type_traits>
 
-#include "agent/log.h"
-#include "agent/uplink/process_facts.h"
+#include "agent/commands/recovery.h"
+#include "agent/log/log.h"
+#include "agent/process/process_facts.h"
+#include "agent/store/first_numbers.h"
 #include "agent/uplink/puback.h"
-#include "agent/uplink/recall.h"
 #include "agent/uplink/topics.h"
 
 namespace fxagent {
@@ -233,7 +234,9 @@ void Publisher::failed(const FarewellFlight&, const DeliveryFailed&, SteadyTime 
 void Publisher::take_found_late(SteadyTime now) {
   auto late = store_ == nullptr ? std::nullopt : store_->take_found_late();
   if (!late) return;
-  Recall known = recall(config_, *store_, std::move(*late), utc_ms_(), now);
+  Recovered known =
+      recover(config_, *store_, std::move(late->ids), std::move(late->unsettled), utc_ms_(), now);
+  known.field.last_seq = later_numbers(config_, late->numbers);
   for (CommandResult& result : known.untold) {
     result.received = now;
     take_result(std::move(result));

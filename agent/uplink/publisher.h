@@ -24,14 +24,14 @@
 #include <variant>
 #include <vector>
 
-#include "agent/config.h"
+#include "agent/commands/audit_records.h"
+#include "agent/config/config.h"
 #include "agent/messages.h"
 #include "agent/outbox.h"
-#include "agent/uplink/audit.h"
-#include "agent/uplink/backlog.h"
+#include "agent/store/backlog.h"
+#include "agent/store/store.h"
 #include "agent/uplink/broker.h"
-#include "agent/uplink/json.h"
-#include "agent/uplink/store.h"
+#include "agent/uplink/json_payload.h"
 
 namespace fxagent {
 

@@ -5,7 +5,7 @@
 #include <type_traits>
 #include <utility>
 
-#include "agent/log.h"
+#include "agent/log/log.h"
 #include "agent/uplink/publisher.h"
 
 namespace fxagent {

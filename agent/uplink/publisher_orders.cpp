@@ -2,8 +2,10 @@
 #include <algorithm>
 #include <utility>
 
-#include "agent/fault_point.h"
-#include "agent/log.h"
+#include "agent/commands/parse.h"
+#include "agent/commands/result_text.h"
+#include "agent/failpoint.h"
+#include "agent/log/log.h"
 #include "agent/uplink/puback.h"
 #include "agent/uplink/publisher.h"
 #include "agent/uplink/topics.h"
@@ -121,7 +123,7 @@ std::size_t Publisher::result_window() const {
 void Publisher::take_command(const Message& event, std::uint32_t device) {
   // An empty retained payload only clears the topic. On 3.1.1 its flag does not reach us.
   if (event.payload.empty() && (event.retained || config_.mqtt.version != 5)) return;
-  Command command = json::command(event.payload);
+  Command command = parse_command(event.payload);
   command.device = device;
   command.retained = event.retained;
   command.received = event.received;
@@ -224,7 +226,7 @@ bool Publisher::note_result(const CommandResult& result) {
                           result.status != CommandStatus::duplicate;
   if (!result.recorded.empty()) return remembered;
   JournalEntry entry;
-  entry.result = json::result(result, std::nullopt);
+  entry.result = result_text(result, std::nullopt);
   entry.audit = audit_of(result, entry.result);
   if (!remembered) {
     store_->note(std::move(entry.audit));
@@ -268,7 +270,7 @@ void Publisher::find_first(CommandResult& result) {
     result.detail = "the first result is not in the journal any more; the order is not repeated";
     return;
   }
-  CommandResult first = json::recorded_result(known->result);
+  CommandResult first = recorded_result(known->result);
   first.id = result.id;
   result.plc = first.plc;
   result.first = std::make_shared<const CommandResult>(std::move(first));
@@ -312,7 +314,7 @@ void Publisher::pump_results(SteadyTime now) {
       if (copy.in_flight || copy.done || copy.due.not_before > now) continue;
       if (!has_room() || results_on_their_way >= result_window()) return;
       if (pending.payload.empty())
-        pending.payload = json::result(pending.result, now - pending.result.received);
+        pending.payload = result_text(pending.result, now - pending.result.received);
       copy.in_flight = true;
       Publication publication;
       publication.topic = copy.topic;

@@ -2,8 +2,8 @@
 #include <algorithm>
 #include <utility>
 
-#include "agent/fault_point.h"
-#include "agent/log.h"
+#include "agent/failpoint.h"
+#include "agent/log/log.h"
 #include "agent/uplink/puback.h"
 #include "agent/uplink/publisher.h"
 

@@ -8,9 +8,9 @@ function(write_tree)
   file(REMOVE_RECURSE "${WORK}")
   file(WRITE "${WORK}/protocol/codec.h" "#include <vector>\n#include <tl/expected.hpp>\n#include \"protocol/bytes.h\"\n")
   file(WRITE "${WORK}/agent/agent.cpp" "#include \"agent/field/field.h\"\n#include \"agent/uplink/publisher.h\"\n")
-  file(WRITE "${WORK}/agent/log.cpp" "#include <spdlog/spdlog.h>\n")
+  file(WRITE "${WORK}/agent/log/log.cpp" "#include <spdlog/spdlog.h>\n")
   file(WRITE "${WORK}/agent/field/field.cpp" "#include <asio/post.hpp>\n#include \"protocol/codec.h\"\n")
-  file(WRITE "${WORK}/agent/uplink/json.cpp" "#include <nlohmann/json.hpp>\n#include \"agent/messages.h\"\n")
+  file(WRITE "${WORK}/agent/uplink/json_payload.cpp" "#include <nlohmann/json.hpp>\n#include \"agent/messages.h\"\n")
   file(WRITE "${WORK}/agent/uplink/paho_broker.cpp" "#include <mqtt/async_client.h>\n")
   file(WRITE "${WORK}/tests/sim/main.cpp" "#include <asio/post.hpp>\n#include \"tests/sim/plc.h\"\n")
 endfunction()
@@ -40,24 +40,33 @@ foreach(wrong IN ITEMS
     "protocol/plan.cpp|<mutex>"
     "protocol/plan.cpp|<sys/socket.h>"
     "protocol/plan.cpp|<termios.h>"
-    "protocol/fx/deep.h|\"agent/config.h\""
-    "protocol/plan.cpp|\"../agent/config.h\""
+    "protocol/fx/deep.h|\"agent/config/config.h\""
+    "protocol/plan.cpp|\"../agent/config/config.h\""
     "agent/field/line.cpp|<mqtt/message.h>"
     "agent/field/line.cpp|<nlohmann/json_fwd.hpp>"
-    "agent/field/line.h|\"agent/uplink/json.h\""
-    "agent/uplink/store.cpp|<asio/post.hpp>"
-    "agent/uplink/store.cpp|\"agent/field/field.h\""
-    "agent/uplink/store.cpp|<mqtt/message.h>"
+    "agent/field/line.h|\"agent/uplink/json_payload.h\""
+    "agent/store/store.cpp|<asio/post.hpp>"
+    "agent/store/store.cpp|\"agent/field/field.h\""
+    "agent/store/store.cpp|<mqtt/message.h>"
     "agent/uplink/broker.h|<MQTTAsync.h>"
     "agent/messages.cpp|\"agent/field/field.h\""
-    "agent/config.cpp|\"agent/uplink/json.h\""
-    "agent/config.cpp|\"uplink/json.h\""
-    "agent/main.cpp|<mqtt/message.h>"
-    "agent/main.cpp|<spdlog/spdlog.h>"
+    "agent/log/log.cpp|\"agent/config/config.h\""
+    "agent/commands/admission.h|\"agent/store/store.h\""
+    "agent/commands/admission.h|<mutex>"
+    "agent/commands/admission.cpp|<asio/post.hpp>"
+    "agent/field/line.h|\"agent/store/store.h\""
+    "agent/config/config.h|\"agent/commands/parse.h\""
+    "agent/store/store.cpp|\"agent/uplink/json_payload.h\""
+    "agent/uplink/publisher.cpp|<sqlite3.h>"
+    "agent/uplink/publisher.cpp|\"agent/cli/audit.h\""
+    "agent/config/config.cpp|\"agent/uplink/json_payload.h\""
+    "agent/config/config.cpp|\"uplink/json.h\""
+    "agent/cli/main.cpp|<mqtt/message.h>"
+    "agent/cli/main.cpp|<spdlog/spdlog.h>"
     "agent/outbox.h|\"tests/support/fake.h\""
     "tests/agent/uplink/a_test.cpp|<mqtt/message.h>"
     "tests/sim/plc.cpp|\"protocol/bytes.h\""
-    "tests/sim/plc.cpp|\"agent/config.h\"")
+    "tests/sim/plc.cpp|\"agent/config/config.h\"")
   string(REPLACE "|" ";" parts "${wrong}")
   list(GET parts 0 file)
   list(GET parts 1 header)

@@ -6,14 +6,15 @@
 #include <string>
 #include <string_view>
 
-#include "agent/config.h"
-#include "agent/uplink/json.h"
+#include "agent/commands/parse.h"
+#include "agent/commands/result_text.h"
+#include "agent/config/config.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const std::string_view text(reinterpret_cast<const char*>(data), size);
   (void)fxagent::parse_config(text, [](std::string_view) { return std::nullopt; });
-  (void)fxagent::json::command(text);
-  const auto recorded = fxagent::json::recorded_result(std::string(text));
-  if (!nlohmann::json::accept(fxagent::json::result(recorded, std::nullopt))) std::abort();
+  (void)fxagent::parse_command(text);
+  const auto recorded = fxagent::recorded_result(std::string(text));
+  if (!nlohmann::json::accept(fxagent::result_text(recorded, std::nullopt))) std::abort();
   return 0;
 }

@@ -8,8 +8,8 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "agent/uplink/json.h"
-#include "agent/uplink/store.h"
+#include "agent/commands/result_text.h"
+#include "agent/store/store.h"
 
 namespace {
 
@@ -37,11 +37,11 @@ bool any(const LaneKey&) { return true; }
 void live_with(Store& store) {
   const std::vector<std::string> devices{"press1"};
   store.begin_numbers(devices, kUtc);
-  for (const Store::KnownId& known : store.known_ids()) store.find(known.device, known.id);
+  for (const KnownId& known : store.known_ids()) store.find(known.device, known.id);
   for (const JournalEntry& entry : store.unsettled()) {
-    CommandResult result = json::recorded_result(entry.result);
+    CommandResult result = recorded_result(entry.result);
     result.id = entry.id;
-    if (!nlohmann::json::accept(json::result(result, std::nullopt))) std::abort();
+    if (!nlohmann::json::accept(result_text(result, std::nullopt))) std::abort();
     store.told(entry.device, entry.id, entry.arrival);
   }
   for (int i = 0; i < 4; ++i) {

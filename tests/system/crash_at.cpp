@@ -8,7 +8,7 @@
 #include <cstdlib>
 #include <string>
 
-#include "agent/fault_point.h"
+#include "agent/failpoint.h"
 
 namespace fxagent {
 namespace {

@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "agent/config.h"
+#include "agent/config/config.h"
 
 namespace fxagent::test {
 

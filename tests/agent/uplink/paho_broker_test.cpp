@@ -17,7 +17,6 @@
 #include <stop_token>
 #include <thread>
 
-#include "agent/uplink/json.h"
 #include "agent/uplink/publisher.h"
 #include "tests/agent/uplink/mosquitto.h"
 #include "tests/agent/uplink/plant.h"

@@ -10,9 +10,9 @@
 #include <vector>
 
 #include "agent/uplink/publisher.h"
+#include "tests/agent/store/scratch.h"
 #include "tests/agent/uplink/fake_broker.h"
 #include "tests/agent/uplink/plant.h"
-#include "tests/agent/uplink/scratch.h"
 
 namespace fxagent::test {
 

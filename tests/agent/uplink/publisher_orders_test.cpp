@@ -4,8 +4,8 @@
 #include <fstream>
 #include <set>
 
-#include "agent/uplink/audit_report.h"
-#include "agent/uplink/recall.h"
+#include "agent/cli/audit_report.h"
+#include "agent/commands/recovery.h"
 #include "tests/agent/uplink/publisher_bench.h"
 
 namespace fxagent {
@@ -187,7 +187,7 @@ TEST(PublisherStore, RestartKnowsTheResultsAndSaysWhatNobodyWasTold) {
   Config config = test::plant();
   config.store.path = scratch.path("store");
   Store store(config.store, 1790000001000);
-  const Recall known = recall(config, &store, 1790000001000, kStart);
+  const Recovered known = recover(config, store, 1790000001000, kStart);
   std::set<std::string> ids;
   for (const RememberedId& each : known.field.ids) ids.insert(each.id);
   EXPECT_EQ(ids, (std::set<std::string>{"told", "untold", "left", "read", "rejected"}));
@@ -205,7 +205,7 @@ TEST(PublisherStore, RestartKnowsTheResultsAndSaysWhatNobodyWasTold) {
   EXPECT_EQ(untold, (std::map<std::string, std::string>{
                         {"untold", "SUCCEEDED"}, {"left", "UNKNOWN_OUTCOME"}, {"read", "FAILED"}}));
   // A second start tells the same, as long as nobody has heard it.
-  EXPECT_EQ(recall(config, &store, 1790000001000, kStart).untold.size(), 3U);
+  EXPECT_EQ(recover(config, store, 1790000001000, kStart).untold.size(), 3U);
 }
 
 TEST(PublisherStore, ResultOfAnEarlierRunIsPublishedAsItWas) {
@@ -219,7 +219,7 @@ TEST(PublisherStore, ResultOfAnEarlierRunIsPublishedAsItWas) {
   Bench bench(scratch.path("store"));
   bench.made();
   for (const CommandResult& each :
-       recall(bench.config, bench.store.get(), bench.utc(), bench.now).untold)
+       recover(bench.config, *bench.store, bench.utc(), bench.now).untold)
     bench.outbox.push(each);
   bench.settle();
   const auto results = bench.broker.on(kBase + "/press1/result");
@@ -228,7 +228,7 @@ TEST(PublisherStore, ResultOfAnEarlierRunIsPublishedAsItWas) {
   EXPECT_EQ(json::parse(results[0])["status"], "UNKNOWN_OUTCOME");
   EXPECT_EQ(bench.broker.on("hmi/replies"), results);
   bench.advance(1s);
-  EXPECT_TRUE(recall(bench.config, bench.store.get(), bench.utc(), bench.now).untold.empty());
+  EXPECT_TRUE(recover(bench.config, *bench.store, bench.utc(), bench.now).untold.empty());
   CommandResult again;
   again.id = "left";
   again.status = CommandStatus::duplicate;
@@ -362,7 +362,7 @@ TEST(PublisherAudit, OrderThatACrashLeftBehindGetsItsOutcomeAndItsAcknowledgemen
   }  // no goodbye
   Bench again(scratch.path("store"));
   again.made();
-  Recall known = recall(again.config, again.store.get(), again.utc(), again.now);
+  Recovered known = recover(again.config, *again.store, again.utc(), again.now);
   // A write: the field reads what it was to write, and says.
   EXPECT_TRUE(known.untold.empty());
   ASSERT_EQ(known.field.left_behind.size(), 1U);
@@ -384,7 +384,7 @@ TEST(PublisherAudit, OrderThatACrashLeftBehindGetsItsOutcomeAndItsAcknowledgemen
   EXPECT_NE(lines[0]["acknowledged"], nullptr);
   again.store->close();
   Store store(again.config.store, again.utc());
-  const Recall later = recall(again.config, &store, again.utc(), again.now);
+  const Recovered later = recover(again.config, store, again.utc(), again.now);
   EXPECT_TRUE(later.field.left_behind.empty());
   EXPECT_EQ(json::parse(store.find("press1", later.field.ids.at(0).id)->result)["status"],
             "UNKNOWN_OUTCOME");

@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "agent/uplink/recall.h"
+#include "agent/store/first_numbers.h"
 #include "tests/agent/uplink/publisher_bench.h"
 
 namespace fxagent {
@@ -275,7 +275,7 @@ TEST(PublisherStore, NumbersAreReservedBeforeTheyAreUsed) {
   {
     Bench bench(scratch.path("store"));
     bench.made();
-    seq = recall(bench.config, bench.store.get(), bench.utc(), bench.now).field.last_seq.at(0);
+    seq = first_numbers(bench.config, bench.store.get(), bench.utc()).at(0);
     for (int i = 0; i < 3000; ++i) {
       bench.outbox.push(test::sample(++seq));
       if (i % 100 == 0) bench.settle();
@@ -285,7 +285,7 @@ TEST(PublisherStore, NumbersAreReservedBeforeTheyAreUsed) {
   Config config = test::plant();
   config.store.path = scratch.path("store");
   Store store(config.store, 0);
-  EXPECT_GT(recall(config, &store, 0, kStart).field.last_seq.at(0), seq);
+  EXPECT_GT(first_numbers(config, &store, 0).at(0), seq);
 }
 
 TEST(PublisherStore, RowsOfADeviceThatIsGoneStillArrive) {

@@ -1,0 +1,124 @@
+#include "agent/cli/audit.h"
+
+#include <chrono>
+#include <filesystem>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "agent/cli/audit_report.h"
+#include "agent/messages.h"
+#include "agent/store/store_file.h"
+
+namespace fxagent {
+namespace {
+
+constexpr int kDone = 0;
+constexpr int kBroken = 1;
+constexpr int kWrongQuestion = 2;
+
+int wrong(const std::string& why) {
+  std::cerr << "fxagent audit: " << why << '\n';
+  return kWrongQuestion;
+}
+
+/// "17:0f3a…" as health's records and head; nothing: it is not that.
+std::optional<audit::Head> head_from(const std::string& text) {
+  const std::size_t colon = text.find(':');
+  if (colon == 0 || colon == std::string::npos || colon > 18) return std::nullopt;
+  if (text.find_first_not_of("0123456789") != colon) return std::nullopt;
+  const auto digest = from_hex(text.substr(colon + 1));
+  audit::Head head;
+  if (!digest || digest->size() != head.hash.size()) return std::nullopt;
+  head.records = std::stoull(text.substr(0, colon));
+  std::copy(digest->begin(), digest->end(), head.hash.begin());
+  return head;
+}
+
+int print_verdict(const audit::Verifier& verifier, const audit::Head& head,
+                  const std::vector<audit::Finding>& findings, bool as_json) {
+  const std::string hash = audit::to_text(head.hash);
+  if (as_json) {
+    nlohmann::ordered_json out;
+    out["ok"] = findings.empty();
+    out["records"] = head.records;
+    out["head"] = hash;
+    out["present"] = verifier.records();
+    auto& list = out["findings"] = nlohmann::ordered_json::array();
+    for (const audit::Finding& finding : findings)
+      list.push_back({{"record", finding.record}, {"text", finding.text}});
+    std::cout << out.dump() << '\n';
+  } else {
+    for (const audit::Finding& finding : findings)
+      std::cout << "record " << finding.record << ": " << finding.text << '\n';
+    std::cout << (findings.empty() ? "whole: " : "NOT whole: ") << verifier.records()
+              << " records, head " << head.records << ":" << hash << '\n';
+  }
+  return findings.empty() ? kDone : kBroken;
+}
+
+void name_set_aside(const std::string& directory) {
+  std::error_code fault;
+  for (const auto& entry : std::filesystem::directory_iterator(directory, fault)) {
+    const std::string name = entry.path().filename().string();
+    if (name.find(".corrupt-") == std::string::npos || name.ends_with("-wal") ||
+        name.ends_with("-shm"))
+      continue;
+    std::cerr << "fxagent audit: a damaged file was set aside, with what it held: " << name << '\n';
+  }
+}
+
+}  // namespace
+
+int run_audit(const Config& config, const AuditQuestion& question) {
+  if (config.store.path.empty())
+    return wrong(
+        "there is no audit: it is kept in the store. Set store.path in the config, and every "
+        "command is recorded from then on");
+  std::optional<std::int64_t> since;
+  if (!question.since.empty()) {
+    since = audit::since_from(question.since, utc_ms(std::chrono::system_clock::now()));
+    if (!since)
+      return wrong("--since takes ms UTC, 2026-11-21, 2026-11-21T08:30, or 90s, 30m, 2h, 7d");
+  }
+  std::optional<audit::Head> published;
+  if (!question.head.empty()) {
+    published = head_from(question.head);
+    if (!published)
+      return wrong("--head takes RECORDS:HASH, as audit.records and audit.head in health");
+  }
+  const std::string path = store_file_path(config.store.path);
+  std::error_code fault;
+  if (!std::filesystem::exists(path, fault))
+    return wrong(path + " is not there" + (fault ? ": " + fault.message() : "") +
+                 "; the agent makes it when it runs");
+  sqlite::Database database(path, sqlite::Database::Access::read_only);
+  if (database.is_open()) sqlite3_busy_timeout(database.handle(), 2000);
+  audit::Verifier verifier(published);
+  audit::Report report;
+  audit::Head head;
+  const auto take = [&](audit::Record record) {
+    question.verify ? verifier.add(record) : report.add(record);
+  };
+  if (!database.is_open() || !AuditTrail::read(database, take, head)) {
+    const std::string& why = database.fault().text;
+    const int code = database.fault().code;
+    if (question.verify && (code == SQLITE_CORRUPT || code == SQLITE_NOTADB))
+      return print_verdict(verifier, head,
+                           {{verifier.records() + 1, "the file is damaged: " + why}},
+                           question.as_json);
+    return wrong(path + ": " + why +
+                 (why.starts_with("no such table")
+                      ? "; it is of an older agent, and the audit begins when this one runs"
+                      : ""));
+  }
+  name_set_aside(config.store.path);
+  if (question.verify)
+    return print_verdict(verifier, head, verifier.finish(head), question.as_json);
+  for (const audit::Line& line : report.take())
+    if (!since || line.at_ms >= *since)
+      std::cout << (question.as_json ? line.json : line.text) << '\n';
+  return kDone;
+}
+
+}  // namespace fxagent

@@ -1,0 +1,87 @@
+#include "agent/cli/decode.h"
+
+#include <algorithm>
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+#include "protocol/catalog.h"
+
+namespace fxagent {
+namespace {
+
+constexpr int kGoodFrame = 0;
+constexpr int kBadFrame = 1;
+constexpr int kWrongQuestion = 2;
+
+nlohmann::ordered_json to_json(const Explanation& frame) {
+  nlohmann::ordered_json out;
+  const auto put = [&](const char* key, const auto& value) {
+    if (value) out[key] = *value;
+  };
+  out["ok"] = frame.ok;
+  out["direction"] = frame.direction == Direction::request ? "request" : "reply";
+  out["ambiguous"] = frame.ambiguous;
+  out["operation"] = frame.operation;
+  put("command", frame.command);
+  put("command_set", frame.command_set);
+  put("device", frame.device);
+  put("count", frame.count);
+  if (!frame.values.empty()) out["values"] = frame.values;
+  if (frame.checksum_given || frame.checksum_computed) {
+    auto& sum = out["checksum"] = nlohmann::ordered_json::object();
+    if (frame.checksum_given) sum["given"] = *frame.checksum_given;
+    if (frame.checksum_computed) sum["computed"] = *frame.checksum_computed;
+  }
+  out["error"] = nullptr;
+  put("error", frame.error);
+  return out;
+}
+
+void print(const Explanation& frame) {
+  std::size_t width = 0;
+  for (const auto& [name, meaning] : frame.fields) width = std::max(width, name.size());
+  for (const auto& [name, meaning] : frame.fields)
+    std::cout << name << std::string(width - name.size() + 2, ' ') << meaning << '\n';
+  std::cout << (frame.ok ? "good " : "bad ")
+            << (frame.direction == Direction::request ? "request" : "reply") << ": "
+            << frame.operation;
+  if (frame.device) std::cout << ' ' << *frame.device;
+  if (frame.count) std::cout << " × " << *frame.count;
+  if (frame.ambiguous) std::cout << " (it could be read in the other direction too)";
+  std::cout << '\n';
+  if (frame.error) std::cout << *frame.error << '\n';
+}
+
+}  // namespace
+
+int run_decode(const DecodeQuestion& question) {
+  const ProtocolInfo* protocol = find_protocol(question.protocol);
+  if (protocol == nullptr) {
+    std::cerr << "no protocol " << question.protocol << "; there are:";
+    for (const ProtocolInfo& known : catalog()) std::cerr << ' ' << known.name;
+    std::cerr << '\n';
+    return kWrongQuestion;
+  }
+  std::string text;
+  for (const std::string& part : question.hex) text += part + ' ';
+  const auto frame = from_hex(text);
+  if (!frame) {
+    std::cerr << frame.error().text << '\n';
+    return kWrongQuestion;
+  }
+  Options options = default_options(*protocol);
+  if (!question.model.empty()) options["model"] = question.model;
+  const auto codec = protocol->make(options);
+  if (!codec) {
+    std::cerr << codec.error().text << '\n';
+    return kWrongQuestion;
+  }
+  const Explanation explanation = (*codec)->explain(*frame, question.direction);
+  if (question.as_json)
+    std::cout << to_json(explanation).dump() << '\n';
+  else
+    print(explanation);
+  return explanation.ok ? kGoodFrame : kBadFrame;
+}
+
+}  // namespace fxagent

@@ -1,0 +1,276 @@
+// The command line: run · check · plan · read · write · force-on · force-off · audit · decode ·
+// verify-stream · acl. Nothing else.
+#include <malloc.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <csignal>
+#include <exception>
+#include <functional>
+#include <iostream>
+#include <stdexcept>
+#include <string_view>
+
+#include "agent/agent.h"
+#include "agent/cli/acl.h"
+#include "agent/cli/audit.h"
+#include "agent/cli/decode.h"
+#include "agent/cli/one_shot.h"
+#include "agent/cli/plan.h"
+#include "agent/cli/verify_stream.h"
+#include "agent/config/config.h"
+#include "agent/log/log.h"
+#include "agent/process/startup.h"
+#include "agent/process/stop_watchdog.h"
+
+namespace {
+
+using namespace fxagent;
+
+constexpr int kWrong = 2;
+// Of the stop, of the log, of the field and its name look-ups, of the uplink, of the store and two
+// of the MQTT library.
+constexpr int kThreads = 8;
+constexpr std::size_t kRoomToBegin = std::size_t{16} << 20;
+
+/// The config, or its errors on stderr.
+std::optional<Config> loaded(const std::string& path) {
+  auto config = load_config(path);
+  if (config) return std::move(*config);
+  for (const ConfigError& error : config.error()) std::cerr << to_string(error, path) << '\n';
+  return std::nullopt;
+}
+
+int check(const std::string& path) {
+  const auto config = loaded(path);
+  if (!config) return kWrong;
+  for (const std::string& warning : config->warnings)
+    std::cerr << path << ": warning: " << warning << '\n';
+  for (const auto& findings : {check_files(*config), exposed_secrets(*config)})
+    for (const ConfigError& finding : findings)
+      std::cerr << path << ": warning: " << finding.pointer << ": " << finding.text << '\n';
+  std::size_t tags = 0;
+  for (const DeviceConfig& device : config->devices) tags += device.tags.size();
+  std::cout << path << ": right: " << config->links.size() << " links, " << config->devices.size()
+            << " devices, " << tags << " tags\n";
+  return 0;
+}
+
+/// What reading a large file took goes back, for the years that follow; and the config itself, made
+/// between the parts of the file, moves together.
+Config compacted(Config&& config) {
+  Config compact(std::as_const(config));
+  config = {};
+  malloc_trim(0);
+  return compact;
+}
+
+/// Until the agent runs, a stop ends it where it stands: nothing has been begun yet that needs an
+/// end. As process 1 of a container it would not die of the signal by itself.
+void end_at_once(int) { ::_exit(0); }
+
+void end_at_a_stop_signal() {
+  std::signal(SIGTERM, end_at_once);
+  std::signal(SIGINT, end_at_once);
+}
+
+int run(const std::string& path) {
+  std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGHUP, SIG_IGN);
+  // A file that has reached its limit is a disk that refuses, not the end of the program.
+  std::signal(SIGXFSZ, SIG_IGN);
+  if (const std::string missing = lacks(kThreads, kRoomToBegin); !missing.empty())
+    throw std::runtime_error("cannot begin: " + missing);
+  // Blocked before any thread starts, so that only the watchdog sees them.
+  sigset_t stop_signals;
+  sigemptyset(&stop_signals);
+  sigaddset(&stop_signals, SIGTERM);
+  sigaddset(&stop_signals, SIGINT);
+  pthread_sigmask(SIG_BLOCK, &stop_signals, nullptr);
+  StopWatchdog watchdog(stop_signals);
+  const log::InBackground background;
+  auto read = loaded(path);
+  if (!read) return kWrong;
+  const Config config = compacted(std::move(*read));
+  for (const std::string& warning : config.warnings) log::warn("config", {{"note", warning}});
+  for (const ConfigError& secret : exposed_secrets(config))
+    log::warn("config", {{"note", secret.pointer + ": " + secret.text}});
+  run_agent(config, watchdog);
+  return 0;
+}
+
+int one_shot(const std::string& path, const OneShot& what) {
+  log::set_level(log::Level::error);
+  std::signal(SIGPIPE, SIG_IGN);
+  auto config = loaded(path);
+  return config ? run_one_shot(std::move(*config), what) : kWrong;
+}
+
+/// Adds read, write or a force; `action` is what main() does after parsing.
+void add_one_shot(CLI::App& app, const std::string& name, const std::string& meaning, Op op,
+                  std::string& path, OneShot& what, std::function<int()>& action) {
+  CLI::App* command = app.add_subcommand(name, meaning);
+  command->add_option("CONFIG", path, "Config file")->required();
+  command->add_option("DEVICE", what.device, "Device name in the config")->required();
+  command->add_option("ADDRESS", what.address, "Address (D100, Y17, M0 …) or tag name")->required();
+  if (op == Op::write)
+    command->add_option("VALUE", what.value, "Number, true/false, text or [array]")->required();
+  if (op == Op::read)
+    command->add_option("--count", what.count, "Devices in a row")->check(CLI::Range(1, 4096));
+  if (op == Op::read || op == Op::write)
+    command->add_option("--type", what.type,
+                        "bool int16 uint16 int32 uint32 float32 bcd16 bcd32 string");
+  command->add_flag("--json", what.as_json, "Print JSON");
+  command->callback([&, op] {
+    what.op = op;
+    action = [&] { return one_shot(path, what); };
+  });
+}
+
+void add_verify_stream(CLI::App& app, std::string& path, VerifyStream& what,
+                       std::function<int()>& action) {
+  CLI::App* command =
+      app.add_subcommand("verify-stream", "Listen to the agent's samples and name what is missing");
+  command->add_option("CONFIG", path, "Config file")->required();
+  command
+      ->add_option_function<int>(
+          "--seconds", [&what](int seconds) { what.listen = std::chrono::seconds(seconds); },
+          "How long to listen (60)")
+      ->check(CLI::Range(1, 604800));
+  command->add_option("--username", what.username, "MQTT user in place of the config's");
+  auto* file = command->add_option("--password-file", what.password_file, "File of its password");
+  command->add_option("--password-env", what.password_env, "Variable that holds its password")
+      ->excludes(file);
+  command->add_flag("--json", what.as_json, "Print JSON");
+  command->callback([&] {
+    action = [&] {
+      const auto config = loaded(path);
+      return config ? run_verify_stream(*config, what) : kWrong;
+    };
+  });
+}
+
+void add_audit(CLI::App& app, std::string& path, AuditQuestion& what,
+               std::function<int()>& action) {
+  CLI::App* command =
+      app.add_subcommand("audit", "List every command that was received, and what became of it");
+  command->add_option("CONFIG", path, "Config file")->required();
+  command->add_option("--since", what.since,
+                      "ms UTC, 2026-11-21, 2026-11-21T08:30 (UTC), or 90s 30m 2h 7d");
+  command->add_flag("--json", what.as_json, "Print JSON, one object a command");
+  auto* verify = command->add_flag("--verify", what.verify, "Say whether the records are whole");
+  command->add_option("--head", what.head, "RECORDS:HASH of a health message: is it in the chain?")
+      ->needs(verify);
+  command->callback([&] {
+    action = [&] {
+      const auto config = loaded(path);
+      return config ? run_audit(*config, what) : kWrong;
+    };
+  });
+}
+
+void add_acl(CLI::App& app, std::string& path, AclQuestion& what, std::function<int()>& action) {
+  CLI::App* command = app.add_subcommand("acl", "Print an acl_file for the agent's mosquitto");
+  command->add_option("CONFIG", path, "Config file")->required();
+  command->add_option("--agent", what.agent, "User of the agent (mqtt.username of the config)");
+  command->add_option("--operator", what.operators, "A user who watches and orders; repeatable")
+      ->expected(1)
+      ->take_all();
+  command->add_option("--viewer", what.viewers, "A user who only watches; repeatable")
+      ->expected(1)
+      ->take_all();
+  command->callback([&] {
+    action = [&] {
+      const auto config = loaded(path);
+      return config ? run_acl(*config, what) : kWrong;
+    };
+  });
+}
+
+int dispatch(int argc, char** argv) {
+  CLI::App app("fxagent: MQTT edge agent for Mitsubishi FX PLCs", "fxagent");
+  app.set_version_flag("--version", FXAGENT_VERSION);
+  app.require_subcommand(1);
+  std::function<int()> action;
+  std::string path;
+
+  CLI::App* run_command = app.add_subcommand("run", "Poll, publish, obey commands until SIGTERM");
+  run_command->add_option("CONFIG", path, "Config file")->required();
+  run_command->callback([&] { action = [&] { return run(path); }; });
+
+  CLI::App* check_command = app.add_subcommand("check", "Say whether a config file is right");
+  check_command->add_option("CONFIG", path, "Config file")->required();
+  check_command->callback([&] { action = [&] { return check(path); }; });
+
+  std::vector<std::string> what_ifs;
+  bool plan_as_json = false;
+  CLI::App* plan_command =
+      app.add_subcommand("plan", "Show the reads, their line time and what the line can carry");
+  plan_command->add_option("CONFIG", path, "Config file")->required();
+  plan_command->add_flag("--json", plan_as_json, "Print JSON");
+  plan_command
+      ->add_option("--what-if", what_ifs,
+                   "\"DEVICE FIRST..LAST@MS\": the plan before and after these tags")
+      ->expected(1)
+      ->take_all();
+  plan_command->callback([&] {
+    action = [&] {
+      const auto config = loaded(path);
+      return config ? run_plan(*config, what_ifs, plan_as_json) : kWrong;
+    };
+  });
+
+  OneShot what;
+  add_one_shot(app, "read", "Read a device", Op::read, path, what, action);
+  add_one_shot(app, "write", "Write a device, by the config's rules", Op::write, path, what,
+               action);
+  add_one_shot(app, "force-on", "Force a bit on", Op::force_on, path, what, action);
+  add_one_shot(app, "force-off", "Force a bit off", Op::force_off, path, what, action);
+
+  VerifyStream verify_stream;
+  add_verify_stream(app, path, verify_stream, action);
+
+  AclQuestion acl;
+  add_acl(app, path, acl, action);
+
+  AuditQuestion audit;
+  add_audit(app, path, audit, action);
+
+  DecodeQuestion question;
+  bool as_request = false;
+  bool as_reply = false;
+  CLI::App* decode_command = app.add_subcommand("decode", "Explain a frame field by field");
+  decode_command->add_option("PROTOCOL", question.protocol, "Protocol name in the config")
+      ->required();
+  decode_command->add_option("HEX", question.hex, "The frame in hex")->required();
+  decode_command->add_option("--model", question.model, "FX model that names the devices");
+  auto* request_flag = decode_command->add_flag("--request", as_request, "It is a request");
+  decode_command->add_flag("--reply", as_reply, "It is a reply")->excludes(request_flag);
+  decode_command->add_flag("--json", question.as_json, "Print JSON");
+  decode_command->callback([&] {
+    if (as_request) question.direction = Direction::request;
+    if (as_reply) question.direction = Direction::reply;
+    action = [&] { return run_decode(question); };
+  });
+
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : kWrong;
+  }
+  return action();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc > 1 && std::string_view(argv[1]) == "run") end_at_a_stop_signal();
+  // Paho's threads would each get a heap of their own, for a few hundred bytes at a time.
+  mallopt(M_ARENA_MAX, 1);
+  try {
+    return dispatch(argc, argv);
+  } catch (const std::exception& error) {
+    std::cerr << "fxagent: " << error.what() << '\n';
+    return 1;
+  }
+}

@@ -1,0 +1,197 @@
+#include "agent/cli/one_shot.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "agent/commands/result_text.h"
+#include "agent/field/field.h"
+#include "agent/outbox.h"
+
+namespace fxagent {
+namespace {
+
+constexpr int kDone = 0;
+constexpr int kDeviceFailed = 1;
+constexpr int kWrongQuestion = 2;
+
+Scalar scalar_of(const nlohmann::json& json, const std::string& text) {
+  if (json.is_boolean()) return Scalar(json.get<bool>());
+  if (json.is_number_integer()) return Scalar(json.get<std::int64_t>());
+  if (json.is_number()) return Scalar(json.get<double>());
+  if (json.is_string()) return Scalar(json.get<std::string>());
+  return Scalar(text);
+}
+
+/// `[1,2]`, `true`, `1.5` or `"text"` as JSON; anything else is taken as the text it is.
+Value value_of_text(const std::string& text) {
+  const auto json = nlohmann::json::parse(text, nullptr, false);
+  if (json.is_discarded()) return Value(Scalar(text));
+  if (!json.is_array()) return Value(scalar_of(json, text));
+  Scalars items;
+  for (const auto& item : json) items.push_back(scalar_of(item, item.dump()));
+  return Value::array(std::move(items));
+}
+
+/// Only the device asked and its link remain.
+bool narrow(Config& config, const std::string& name) {
+  const auto device = std::find_if(config.devices.begin(), config.devices.end(),
+                                   [&](const DeviceConfig& d) { return d.name == name; });
+  if (device == config.devices.end()) return false;
+  DeviceConfig only = std::move(*device);
+  config.links = {config.links[only.link]};
+  only.link = 0;
+  config.devices.clear();
+  config.devices.push_back(std::move(only));
+  return true;
+}
+
+Command command_for(const OneShot& what, const DeviceConfig& device, CommandTarget target) {
+  Command command;
+  command.id = "command-line";
+  command.op = what.op;
+  command.op_text = to_string(what.op);
+  command.any_address = true;
+  command.received = std::chrono::steady_clock::now();
+  command.received_ms = utc_ms(std::chrono::system_clock::now());
+  // Standing at the machine, an engineer waits for the answer; the line may be slow to open.
+  command.message_expiry = device.commands.max_expiry;
+  command.expires_ms =
+      command.received_ms + std::chrono::milliseconds(device.commands.max_expiry).count();
+  const bool is_tag = std::any_of(device.tags.begin(), device.tags.end(),
+                                  [&](const TagConfig& t) { return t.name == what.address; });
+  (is_tag ? target.tag : target.address) = what.address;
+  command.targets.push_back(std::move(target));
+  return command;
+}
+
+/// Waits for the field's word; states before it tell whether a device of unknown model has been
+/// asked.
+class Answer final {
+ public:
+  explicit Answer(Outbox& outbox) : outbox_(outbox) {}
+
+  void await_first_contact() {
+    while (!contacted_) take();
+  }
+  CommandResult await_result() {
+    while (!result_) take();
+    return std::move(*result_);
+  }
+
+ private:
+  void take() {
+    outbox_.wait_until(SteadyTime::max());
+    auto batch = outbox_.take();
+    for (const DeviceStatus& status : batch.states)
+      if (status.reason != "starting") contacted_ = true;
+    if (!batch.results.empty()) result_ = std::move(batch.results.front());
+  }
+
+  Outbox& outbox_;
+  bool contacted_ = false;
+  std::optional<CommandResult> result_;
+};
+
+/// To the tenth, which is what a line of any speed lets one see.
+double ms(std::chrono::nanoseconds duration) {
+  return std::round(std::chrono::duration<double, std::milli>(duration).count() * 10) / 10;
+}
+
+int exit_status(const CommandResult& result) {
+  if (result.status == CommandStatus::succeeded) return kDone;
+  return result.status == CommandStatus::rejected ? kWrongQuestion : kDeviceFailed;
+}
+
+void print_read(const CommandResult& result, const std::string& device, bool as_json) {
+  const bool ok = result.status == CommandStatus::succeeded;
+  const TargetResult& target = result.targets.front();
+  nlohmann::ordered_json out;
+  out["ok"] = ok;
+  out["device"] = device;
+  out["address"] = target.address;
+  if (ok) {
+    auto& values = out["values"] = nlohmann::ordered_json::array();
+    for (const Scalar& item : target.value->items)
+      std::visit([&](const auto& v) { values.push_back(v); }, item);
+    out["ms"] = ms(result.wire);
+  } else {
+    out["reason"] = std::string(to_string(result.reason));
+    out["detail"] = result.detail;
+  }
+  if (as_json) {
+    std::cout << out.dump() << '\n';
+  } else if (ok) {
+    std::cout << device << ' ' << target.address << " =";
+    for (const auto& value : out["values"]) std::cout << ' ' << value.dump();
+    std::cout << "  (" << ms(result.wire) << " ms)\n";
+  } else {
+    std::cout << device << ' ' << target.address << ": " << to_string(result.reason) << ": "
+              << result.detail << '\n';
+  }
+}
+
+std::string_view word(PlcAnswer answer) {
+  switch (answer) {
+    case PlcAnswer::ack:
+      return "ACK";
+    case PlcAnswer::nak:
+      return "NAK";
+    default:
+      return "no answer";
+  }
+}
+
+void print_order(const CommandResult& result, const std::string& device, bool as_json) {
+  if (as_json) {
+    std::cout << result_text(result, std::chrono::steady_clock::now() - result.received) << '\n';
+    return;
+  }
+  std::cout << device << ' ' << result.op << ' ' << result.targets.front().address << ": "
+            << to_string(result.status) << ", " << word(result.plc);
+  if (result.progress)
+    std::cout << ", " << result.progress->done << " of " << result.progress->of << " written";
+  if (result.reason != Reason::none) std::cout << ", " << to_string(result.reason);
+  if (!result.detail.empty()) std::cout << ": " << result.detail;
+  std::cout << "  (" << ms(result.wire) << " ms)\n";
+}
+
+}  // namespace
+
+int run_one_shot(Config config, const OneShot& what) {
+  if (!narrow(config, what.device)) {
+    std::cerr << "no device " << what.device << " in the config\n";
+    return kWrongQuestion;
+  }
+  CommandTarget target;
+  target.count = what.count;
+  if (what.value) target.value = value_of_text(*what.value);
+  if (what.type) {
+    const auto type = data_type_from(*what.type);
+    if (!type) {
+      std::cerr << "--type: " << type.error().text << '\n';
+      return kWrongQuestion;
+    }
+    target.type = *type;
+  }
+  const DeviceConfig& device = config.devices.front();
+  Outbox outbox(1);
+  Field field(config, outbox, {}, Polling::off);
+  field.start();
+  Answer answer(outbox);
+  if (device.codec->model().empty() && !device.codec->identify().empty())
+    answer.await_first_contact();
+  field.submit(command_for(what, device, std::move(target)));
+  const CommandResult result = answer.await_result();
+  field.stop();
+  if (what.op == Op::read)
+    print_read(result, what.device, what.as_json);
+  else
+    print_order(result, what.device, what.as_json);
+  return exit_status(result);
+}
+
+}  // namespace fxagent

@@ -1,0 +1,28 @@
+// `fxagent read`, `write`, `force-on`, `force-off`: one command straight to a device, by the same
+// desk and on the same wire discipline as the agent's own, without a broker.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "agent/config/config.h"
+#include "agent/messages.h"
+
+namespace fxagent {
+
+struct OneShot {
+  Op op = Op::read;
+  std::string device;
+  std::string address;               ///< an address, or the name of one of the device's tags
+  std::optional<std::string> value;  ///< op write: a JSON value, or plain text for a string
+  std::optional<std::string> type;   ///< a word of DataType
+  std::uint16_t count = 0;           ///< op read: devices in a row; 0: one
+  bool as_json = false;
+};
+
+/// Carries it out and prints the outcome on stdout. Exit status: 0 done, 1 the device said no or
+/// nothing, 2 the question was wrong.
+int run_one_shot(Config config, const OneShot& what);
+
+}  // namespace fxagent

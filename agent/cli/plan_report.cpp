@@ -1,0 +1,500 @@
+#include "agent/cli/plan_report.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <set>
+#include <utility>
+
+#include "agent/line_time.h"
+#include "protocol/plan.h"
+
+namespace fxagent {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
+
+// Block sizes that are tried beside the configured one and the protocol's own.
+constexpr std::uint32_t kBlockSizes[] = {16, 32, 64};
+constexpr std::int64_t kLongestInterval = 86'400'000;  // as in the config, ms
+
+double ratio(nanoseconds part, nanoseconds whole) {
+  return static_cast<double>(part.count()) / static_cast<double>(whole.count());
+}
+
+nanoseconds part_of(nanoseconds whole, double part) {
+  return nanoseconds(static_cast<std::int64_t>(static_cast<double>(whole.count()) * part));
+}
+
+// ---- one device ---------------------------------------------------------------------------------
+
+/// The codec that tells what may be asked: of the widest model where the real one is not known.
+std::shared_ptr<const Codec> widest(const DeviceConfig& device) {
+  const auto& models = device.protocol->models;
+  if (!device.codec->model().empty() || models.empty()) return device.codec;
+  return device.codec->with_model(models.back());  // the catalogue lists them up to the widest
+}
+
+/// The points of one group and the reads that bring them.
+struct GroupPlan {
+  std::uint32_t group = 0;
+  std::vector<Point> points;
+  Plan plan;
+};
+
+/// A device as the field will poll it.
+struct DevicePlan {
+  std::shared_ptr<const Codec> codec;
+  LineTiming timing;
+  std::vector<GroupPlan> groups;  ///< those with tags
+
+  nanoseconds longest_exchange() const {
+    std::vector<const Plan*> plans;
+    for (const GroupPlan& group : groups) plans.push_back(&group.plan);
+    return longest_poll(*codec, plans, timing);
+  }
+  nanoseconds time_of(const GroupPlan& group) const {
+    nanoseconds total{0};
+    for (const PlannedRead& planned : group.plan.reads)
+      total += exchange_time(*codec, planned.read, timing);
+    return total;
+  }
+};
+
+DevicePlan plan_device(const DeviceConfig& device, nanoseconds char_time) {
+  DevicePlan out;
+  out.codec = widest(device);
+  out.timing = timing_of(device, char_time);
+  for (std::uint32_t g = 0; g < device.groups.size(); ++g) {
+    GroupPlan group;
+    group.group = g;
+    for (const TagConfig& tag : device.tags)
+      if (tag.group == g) group.points.push_back(tag.point);
+    if (group.points.empty()) continue;
+    group.plan = make_plan(*out.codec, group.points, cost_of(device, char_time, device.turnaround),
+                           device.max_block_bytes);
+    out.groups.push_back(std::move(group));
+  }
+  return out;
+}
+
+/// How well an order suits to tell the bound by: words before double words before bits, and of
+/// each first what the config allows. nullopt: such a place is not written by itself.
+std::optional<int> rank_of(const Point& point, bool allowed) {
+  const int second = allowed ? 0 : 1;
+  switch (point.address.unit) {
+    case Unit::word:
+      return 0 + second;
+    case Unit::dword:
+      return 2 + second;
+    case Unit::bit:
+      return 4 + second;
+    default:
+      return std::nullopt;
+  }
+}
+
+/// Line time of the longest order of one place, words with their read-back. nullopt: the device
+/// has no place that the config names and that can be written.
+std::optional<nanoseconds> order_time(const DeviceConfig& device, const DevicePlan& plan) {
+  std::optional<nanoseconds> longest;
+  int best = 0;
+  const auto consider = [&](const Address& address, bool allowed) {
+    Point point;
+    point.address = address;
+    point.type = default_type(address);
+    const auto rank = rank_of(point, allowed);
+    const auto span = span_of(point);
+    if (!rank || !span || (longest && *rank > best)) return;
+    const auto writes = plan_write(*plan.codec, point, Bytes((span->bits + 7) / 8));
+    if (!writes) return;
+    nanoseconds time = write_time(*plan.codec, *writes, plan.timing);
+    if (point.type != DataType::boolean) time += read_time(*plan.codec, device, point, plan.timing);
+    longest = longest && *rank == best ? std::max(*longest, time) : time;
+    best = *rank;
+  };
+  for (const TagConfig& tag : device.tags) consider(tag.point.address, tag.writable);
+  const auto address_at = [&](const Span& span) {
+    return plan.codec->parse_address(plan.codec->name_of(span), std::nullopt);
+  };
+  for (const Span& span : device.commands.allow) {
+    const auto first = address_at(span);
+    if (!first) continue;
+    consider(*first, true);
+    // High numbers may take longer frames than low ones, not the other way round.
+    const std::uint32_t bits = first->span.bits;
+    if (const auto last = address_at({span.space, span.end_bit() - bits, bits}))
+      consider(*last, true);
+  }
+  return longest;
+}
+
+// ---- where the time of a cycle goes -------------------------------------------------------------
+
+/// The bits of a read by what they are there for.
+struct BitUse {
+  std::uint32_t asked = 0;
+  std::uint32_t word_access = 0;  ///< beside an asked bit of a bit device, in the same unit
+};
+
+BitUse bit_use(const PlannedRead& planned, std::span<const Point> points, std::uint32_t unit) {
+  enum class Mark : std::uint8_t { none, word, bit };
+  const Span& read = planned.read.span;
+  std::vector<Mark> marks(read.bits, Mark::none);
+  for (const std::uint32_t index : planned.points) {
+    const Point& point = points[index];
+    const bool is_bits = point.address.unit == Unit::bit || point.address.unit == Unit::bit_group;
+    const Span span = *span_of(point);
+    const std::uint32_t end = std::min(span.end_bit(), read.end_bit());
+    for (std::uint32_t bit = std::max(span.first_bit, read.first_bit); bit < end; ++bit)
+      marks[bit - read.first_bit] = is_bits ? Mark::bit : Mark::word;
+  }
+  BitUse use;
+  for (std::uint32_t at = 0; at < read.bits; at += unit) {
+    const auto first = marks.begin() + at;
+    const auto end = marks.begin() + std::min(at + unit, read.bits);
+    const auto none = static_cast<std::uint32_t>(std::count(first, end, Mark::none));
+    use.asked += static_cast<std::uint32_t>(end - first) - none;
+    if (std::count(first, end, Mark::bit) > 0) use.word_access += none;
+  }
+  return use;
+}
+
+std::uint32_t unit_of(const Codec& codec, const Read& read) {
+  for (const ReadWay& way : codec.read_ways(read.span.space))
+    if (way.way == read.way) return way.unit_bits;
+  return 8;
+}
+
+/// Characters of a reply that grow with what is read.
+std::uint32_t data_chars(const Codec& codec, const Read& read, std::uint32_t unit) {
+  const auto reply_of = [&](std::uint32_t units) {
+    Read other = read;
+    other.span.bits = units * unit;
+    return codec.line_length(other).reply_chars;
+  };
+  // Sixteen units and thirty-two: bits may go eight to a byte.
+  const std::uint32_t envelope = 2 * reply_of(16) - reply_of(32);
+  return codec.line_length(read).reply_chars - envelope;
+}
+
+std::uint32_t chars_of(const LineLength& length) {
+  return length.request_chars + length.reply_chars + length.closing_chars;
+}
+
+ExchangeReport report_exchange(const DevicePlan& device, const PlannedRead& planned,
+                               std::span<const Point> points, LineTimeUse& use) {
+  const Codec& codec = *device.codec;
+  const LineTiming& timing = device.timing;
+  ExchangeReport out;
+  out.address = codec.name_of(planned.read.span);
+  out.bits = planned.read.span.bits;
+  out.chars = chars_of(codec.line_length(planned.read));
+  if (const auto enquiry = codec.resync(); enquiry && timing.enquires_always)
+    out.chars += chars_of(codec.line_length(*enquiry));
+  if (timing.char_time.count() == 0) return out;
+  out.line_time = exchange_time(codec, planned.read, timing);
+  const std::uint32_t unit = unit_of(codec, planned.read);
+  const std::uint32_t data = data_chars(codec, planned.read, unit);
+  const BitUse bits = bit_use(planned, points, unit);
+  const nanoseconds data_time = timing.char_time * data;
+  const nanoseconds asked = part_of(data_time, static_cast<double>(bits.asked) / out.bits);
+  const nanoseconds beside = part_of(data_time, static_cast<double>(bits.word_access) / out.bits);
+  use.asked += asked;
+  use.word_access += beside;
+  use.unasked +=
+      bits.asked + bits.word_access < out.bits ? data_time - asked - beside : nanoseconds(0);
+  use.framing += timing.char_time * (out.chars - data);
+  use.turnaround += *out.line_time - timing.char_time * out.chars;
+  return out;
+}
+
+GroupLoad report_group(const DeviceConfig& device, const DevicePlan& plan, const GroupPlan& group) {
+  GroupLoad out;
+  out.device = device.name;
+  out.group = device.groups[group.group].name;
+  out.interval = device.groups[group.group].interval;
+  for (const PlannedRead& planned : group.plan.reads)
+    out.exchanges.push_back(report_exchange(plan, planned, group.points, out.use));
+  if (plan.timing.char_time.count() > 0) out.line_time = plan.time_of(group);
+  return out;
+}
+
+// ---- one link -----------------------------------------------------------------------------------
+
+std::optional<int> baud_of(const LinkConfig& link) {
+  if (const auto* serial = std::get_if<SerialSettings>(&link.channel)) return serial->baud;
+  const int baud = std::get<TcpSettings>(link.channel).line_baud;
+  return baud > 0 ? std::optional(baud) : std::nullopt;
+}
+
+/// What one device adds to the bound of its link.
+struct BoundShare {
+  nanoseconds longest{0};            ///< exchange that a command may have to wait for
+  std::optional<nanoseconds> order;  ///< of its own
+};
+
+BoundShare share_of(const DeviceConfig& device, const DevicePlan& plan) {
+  return {plan.longest_exchange(), order_time(device, plan)};
+}
+
+/// The bound of an order that finds no other before it: as the link's worker computes it.
+std::optional<nanoseconds> bound_of(const std::vector<BoundShare>& shares) {
+  nanoseconds longest{0};
+  std::optional<nanoseconds> order;
+  for (const BoundShare& share : shares) {
+    longest = std::max(longest, share.longest);
+    if (share.order) order = std::max(order.value_or(nanoseconds(0)), *share.order);
+  }
+  if (!order) return std::nullopt;
+  return longest + *order;
+}
+
+/// The device as it would be with another max_block_bytes.
+DeviceConfig with_blocks(const DeviceConfig& device, std::uint32_t bytes) {
+  DeviceConfig out = device;
+  out.max_block_bytes = bytes;
+  const auto option = out.options.find("max_block_bytes");
+  if (option == out.options.end()) return out;  // the planner alone keeps it
+  option->second = std::int64_t{bytes};
+  if (const auto codec = device.protocol->make(out.options)) out.codec = *codec;
+  return out;
+}
+
+/// What one read of the device's tags could bring at the most, whatever max_block_bytes is now.
+std::uint32_t most_bytes(const DeviceConfig& device) {
+  std::uint32_t most_configurable = 0;
+  for (const OptionSpec& option : device.protocol->options)
+    if (option.key == "max_block_bytes") most_configurable = static_cast<std::uint32_t>(option.max);
+  const auto codec = widest(with_blocks(device, most_configurable));
+  std::set<std::uint16_t> spaces;
+  for (const TagConfig& tag : device.tags) spaces.insert(tag.point.address.span.space);
+  std::uint32_t most = 0;
+  for (const std::uint16_t space : spaces)
+    for (const ReadWay& way : codec->read_ways(space)) most = std::max(most, way.max_bits / 8);
+  return most;
+}
+
+/// `shares` are those of all devices of the link, `own` the place of this one among them.
+void add_block_trade(const DeviceConfig& device, nanoseconds char_time,
+                     const std::vector<BoundShare>& shares, std::size_t own, LinkReport& report) {
+  const std::uint32_t most = most_bytes(device);
+  const std::uint32_t now =
+      device.max_block_bytes == 0 ? most : std::min(device.max_block_bytes, most);
+  std::set<std::uint32_t> sizes{now, most};
+  for (const std::uint32_t size : kBlockSizes)
+    if (size < most) sizes.insert(size);
+  for (const std::uint32_t size : sizes) {
+    const DeviceConfig resized = with_blocks(device, size);
+    const DevicePlan plan = plan_device(resized, char_time);
+    BlockTrade trade;
+    trade.device = device.name;
+    trade.block_bytes = size;
+    trade.configured = size == now;
+    for (const GroupPlan& group : plan.groups) trade.cycle += plan.time_of(group);
+    auto others = shares;
+    others[own] = share_of(resized, plan);
+    trade.command_bound = bound_of(others);
+    report.block_trade.push_back(std::move(trade));
+  }
+}
+
+/// A number that an engineer would write into the config: not below `interval`.
+std::int64_t round_interval(milliseconds interval) {
+  const std::int64_t step = interval.count() >= 100 ? 10 : 1;
+  return (interval.count() + step - 1) / step * step;
+}
+
+/// `asked`: the part of the line that the groups' intervals ask for; `fixed`: what is asked for
+/// beside them.
+void judge_intervals(double asked, double fixed, LinkReport& report) {
+  for (GroupLoad& group : report.groups) {
+    if (group.interval.count() == 0 || fixed >= 1) continue;
+    const double shortest = static_cast<double>(group.interval.count()) * asked / (1 - fixed);
+    group.shortest_interval = milliseconds(static_cast<std::int64_t>(std::ceil(shortest)));
+    if (asked + fixed <= 1) continue;
+    report.warnings.push_back(group.device + "/" + group.group + " asks for " +
+                              std::to_string(group.interval.count()) + " ms; the link carries " +
+                              std::to_string(group.shortest_interval->count()) +
+                              " ms or more: set interval_ms to " +
+                              std::to_string(round_interval(*group.shortest_interval)));
+  }
+}
+
+LinkReport report_link(const Config& config, std::uint32_t index) {
+  const LinkConfig& link = config.links[index];
+  const bool known = link.char_time.count() > 0;
+  LinkReport report;
+  report.name = link.name;
+  report.baud = baud_of(link);
+  std::vector<const DeviceConfig*> devices;
+  std::vector<BoundShare> shares;
+  double asked = 0;
+  double fixed = 0;
+  for (const DeviceConfig& device : config.devices) {
+    if (device.link != index) continue;
+    const DevicePlan plan = plan_device(device, link.char_time);
+    if (plan.codec != device.codec)
+      report.warnings.push_back(device.name + ": model auto, planned as " + plan.codec->model() +
+                                ", the widest");
+    for (const GroupPlan& group : plan.groups) {
+      const GroupLoad& load = report.groups.emplace_back(report_group(device, plan, group));
+      if (load.line_time && load.interval.count() > 0)
+        asked += ratio(*load.line_time, load.interval);
+    }
+    if (const auto question = plan.codec->run_state())
+      fixed += ratio(exchange_time(*plan.codec, *question, plan.timing), kRunStateBeat);
+    devices.push_back(&device);
+    shares.push_back(share_of(device, plan));
+  }
+  if (!known) {
+    report.warnings.emplace_back(
+        "no times: the speed of this line is not known; give line_baud where a serial line is "
+        "behind it");
+    return report;
+  }
+  report.busy_percent = 100 * (asked + fixed);
+  report.command_bound = bound_of(shares);
+  judge_intervals(asked, fixed, report);
+  for (std::size_t i = 0; i < devices.size(); ++i)
+    if (!devices[i]->tags.empty()) add_block_trade(*devices[i], link.char_time, shares, i, report);
+  return report;
+}
+
+// ---- what if ------------------------------------------------------------------------------------
+
+tl::unexpected<Error> refuse(const std::string& what, const std::string& why) {
+  return fail(ErrorCode::bad_request, "\"" + what + "\": " + why);
+}
+
+std::string trimmed(std::string_view text) {
+  const auto first = text.find_first_not_of(' ');
+  if (first == std::string_view::npos) return {};
+  return std::string(text.substr(first, text.find_last_not_of(' ') + 1 - first));
+}
+
+struct WhatIf {
+  std::string device;
+  std::string first;
+  std::string last;
+  milliseconds interval{0};
+};
+
+Result<WhatIf> parse_what_if(const std::string& what) {
+  const std::string text = trimmed(what);
+  const auto blank = text.find(' ');
+  const auto at = text.rfind('@');
+  if (blank == std::string::npos || at == std::string::npos || at < blank)
+    return refuse(what, "write DEVICE FIRST..LAST@MS, as in \"press1 D500..D563@200\"");
+  WhatIf out;
+  out.device = text.substr(0, blank);
+  const std::string number = trimmed(std::string_view(text).substr(at + 1));
+  std::int64_t interval = 0;
+  const char* end = number.data() + number.size();
+  const auto [stop, error] = std::from_chars(number.data(), end, interval);
+  if (error != std::errc{} || stop != end || interval < 0 || interval > kLongestInterval)
+    return refuse(what, "the interval behind @ is 0 to " + std::to_string(kLongestInterval) +
+                            " ms, not \"" + number + "\"");
+  out.interval = milliseconds(interval);
+  const std::string places = text.substr(blank + 1, at - blank - 1);
+  const auto dots = places.find("..");
+  out.first = trimmed(std::string_view(places).substr(0, dots));
+  out.last =
+      dots == std::string::npos ? out.first : trimmed(std::string_view(places).substr(dots + 2));
+  return out;
+}
+
+DeviceConfig* device_named(Config& config, const std::string& name) {
+  const auto found = std::find_if(config.devices.begin(), config.devices.end(),
+                                  [&](const DeviceConfig& d) { return d.name == name; });
+  return found == config.devices.end() ? nullptr : &*found;
+}
+
+std::string names_of(const std::vector<DeviceConfig>& devices) {
+  std::string names;
+  for (const DeviceConfig& device : devices) names += (names.empty() ? "" : ", ") + device.name;
+  return names;
+}
+
+/// One point for each device from the first to the last.
+Result<std::vector<Point>> points_between(const Codec& codec, const WhatIf& asked,
+                                          const std::string& what) {
+  const auto first = codec.parse_address(asked.first, std::nullopt);
+  if (!first) return refuse(what, first.error().text);
+  const auto last = codec.parse_address(asked.last, std::nullopt);
+  if (!last) return refuse(what, last.error().text);
+  const Span from = first->span;
+  const Span to = last->span;
+  const bool alike = from.space == to.space && from.bits == to.bits && first->unit == last->unit;
+  if (!alike || to.first_bit < from.first_bit || (to.first_bit - from.first_bit) % from.bits != 0)
+    return refuse(what, asked.first + " and " + asked.last +
+                            " are no range: both ends lie in one area, the lower one first");
+  const Span whole{from.space, from.first_bit, to.end_bit() - from.first_bit};
+  if (const auto inside = codec.check_range(whole); !inside)
+    return refuse(what, inside.error().text);
+  std::vector<Point> points;
+  for (std::uint32_t bit = from.first_bit; bit < to.end_bit(); bit += from.bits) {
+    Point point;
+    point.address = *first;
+    point.address.span.first_bit = bit;
+    point.address.text = codec.name_of(point.address.span);
+    point.type = default_type(*first);
+    point.order = codec.default_order();
+    points.push_back(std::move(point));
+  }
+  const Plan plan = make_plan(codec, points, LineCost{}, 0);
+  if (!plan.unreachable.empty())
+    return refuse(what, points[plan.unreachable.front()].address.text +
+                            " is out of reach of this device's commands");
+  return points;
+}
+
+/// The device's first group of this interval; a new one where there is none.
+std::uint32_t group_of(DeviceConfig& device, milliseconds interval) {
+  const auto named = [&](const std::string& name) {
+    return std::any_of(device.groups.begin(), device.groups.end(),
+                       [&](const GroupConfig& g) { return g.name == name; });
+  };
+  const auto same = std::find_if(device.groups.begin(), device.groups.end(),
+                                 [&](const GroupConfig& g) { return g.interval == interval; });
+  if (same != device.groups.end()) return static_cast<std::uint32_t>(same - device.groups.begin());
+  GroupConfig group;
+  group.name = named("what-if") ? "what-if-" + std::to_string(interval.count()) : "what-if";
+  group.interval = interval;
+  device.groups.push_back(std::move(group));
+  return static_cast<std::uint32_t>(device.groups.size() - 1);
+}
+
+}  // namespace
+
+std::vector<LinkReport> plan_links(const Config& config) {
+  std::vector<LinkReport> links;
+  for (std::uint32_t i = 0; i < config.links.size(); ++i) links.push_back(report_link(config, i));
+  return links;
+}
+
+Result<void> add_what_if(Config& config, const std::string& what) {
+  const auto asked = parse_what_if(what);
+  if (!asked) return tl::make_unexpected(asked.error());
+  DeviceConfig* device = device_named(config, asked->device);
+  if (device == nullptr)
+    return refuse(
+        what, "there is no device " + asked->device + "; there are " + names_of(config.devices));
+  const auto codec = widest(*device);
+  if (codec->is_broadcast())
+    return refuse(what, device->name + " is a broadcast, and nobody answers one");
+  const auto points = points_between(*codec, *asked, what);
+  if (!points) return tl::make_unexpected(points.error());
+  const std::uint32_t group = group_of(*device, asked->interval);
+  for (const Point& point : *points) {
+    TagConfig tag;
+    tag.name = "what-if";
+    tag.point = point;
+    tag.group = group;
+    device->tags.push_back(std::move(tag));
+  }
+  return {};
+}
+
+}  // namespace fxagent

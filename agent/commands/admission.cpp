@@ -1,0 +1,425 @@
+#include "agent/commands/admission.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <utility>
+
+#include "protocol/plan.h"
+
+namespace fxagent {
+namespace {
+
+using std::chrono::milliseconds;
+
+// An order's own bytes beside those of its command: images and requests, bounded by its values.
+constexpr std::size_t kOrderToCommand = 2;
+
+bool is_write(Op op) { return op == Op::write || op == Op::force_on || op == Op::force_off; }
+bool is_run_order(Op op) { return op == Op::run || op == Op::stop; }
+
+/// Faults that are found before it is asked whether the id is known.
+bool precedes_id(Reason reason) {
+  return reason == Reason::too_large || reason == Reason::bad_json || reason == Reason::missing_id;
+}
+
+bool concerns_place(Reason reason) {
+  return reason == Reason::unknown_tag || reason == Reason::bad_address;
+}
+
+Refusal refuse(Reason reason, std::string detail) { return {reason, std::move(detail)}; }
+
+std::optional<double> number(const Scalar& scalar) {
+  if (const auto* integer = std::get_if<std::int64_t>(&scalar))
+    return static_cast<double>(*integer);
+  if (const auto* real = std::get_if<double>(&scalar)) return *real;
+  return std::nullopt;
+}
+
+/// "1000", "0.5": as short as it can be said.
+std::string to_text(double number) {
+  std::array<char, 32> text{};
+  const auto end = std::to_chars(text.data(), text.data() + text.size(), number).ptr;
+  return {text.data(), end};
+}
+
+/// A refusal where any element of `value` lies outside the tag's min and max.
+std::optional<Refusal> check_limits(const TagConfig& tag, const Value& value) {
+  for (const Scalar& item : value.items) {
+    const auto x = number(item);
+    if (!x) continue;
+    const auto& [min, max, deadband] = tag.limits.get();
+    if (min && *x < *min)
+      return refuse(Reason::out_of_range, "below the tag's min of " + to_text(*min));
+    if (max && *x > *max)
+      return refuse(Reason::out_of_range, "above the tag's max of " + to_text(*max));
+  }
+  return std::nullopt;
+}
+
+bool covered(const std::vector<Span>& allow, const Span& span) {
+  return std::any_of(allow.begin(), allow.end(),
+                     [&](const Span& range) { return range.contains(span); });
+}
+
+std::uint16_t small_count(std::size_t count) {
+  return static_cast<std::uint16_t>(std::clamp<std::size_t>(count, 1, 0xFFFF));
+}
+
+/// How many elements or characters an address without a tag stands for: as many as the value has,
+/// or as the command line asks for.
+void set_extent(const CommandTarget& target, Point& point) {
+  const bool has_value = target.value && !target.value->items.empty();
+  if (point.type == DataType::string) {
+    const auto* text = has_value ? std::get_if<std::string>(&target.value->items[0]) : nullptr;
+    point.length = small_count(text != nullptr ? text->size() : target.count);
+  } else if (has_value && target.value->is_array) {
+    point.is_array = true;
+    point.count = small_count(target.value->items.size());
+  } else if (target.count > 1) {
+    point.is_array = true;
+    point.count = target.count;
+  }
+}
+
+/// When the command stops being fresh. Both expiries were given against the clock at receipt.
+SteadyTime deadline_of(const Command& command, const CommandRules& rules) {
+  SteadyTime deadline = command.received + rules.default_expiry;
+  if (command.expires_ms) {
+    // How long past makes no difference, and could be more than a duration can hold.
+    const auto fresh_from = std::max(*command.expires_ms, command.received_ms - 1);
+    deadline = command.received + milliseconds(fresh_from - command.received_ms);
+  }
+  if (command.message_expiry)
+    deadline = std::min(deadline, command.received + *command.message_expiry);
+  return deadline;
+}
+
+std::optional<Refusal> check_expiry(const Command& command, const CommandRules& rules) {
+  if (!command.expires_ms) return std::nullopt;
+  const auto latest = command.received_ms + milliseconds(rules.max_expiry).count();
+  if (*command.expires_ms <= latest) return std::nullopt;
+  return refuse(Reason::bad_value,
+                "expires is more than max_expiry_s (" + std::to_string(rules.max_expiry.count()) +
+                    " s) ahead of this agent's clock: one of the clocks is wrong");
+}
+
+/// A result as the memory of ids keeps it where there is no journal: where it was to be told is
+/// over with it, and can be 64 KiB of somebody else's making.
+std::shared_ptr<const CommandResult> kept(CommandResult result) {
+  result.response_topic.clear();
+  result.response_topic.shrink_to_fit();
+  result.correlation = {};
+  return std::make_shared<const CommandResult>(std::move(result));
+}
+
+}  // namespace
+
+CommandResult result_of(const Command& command) {
+  CommandResult result;
+  result.device = command.device;
+  result.arrival = command.arrival;
+  result.id = command.id;
+  result.op = command.op_text;
+  result.is_list = command.is_list;
+  result.dry_run = command.dry_run;
+  result.received_ms = command.received_ms;
+  result.received = command.received;
+  result.response_topic = command.response_topic;
+  result.correlation = command.correlation;
+  for (const CommandTarget& target : command.targets) {
+    TargetResult out;
+    out.tag = target.tag;
+    out.address = target.address;
+    out.value = target.value;
+    result.targets.push_back(std::move(out));
+  }
+  return result;
+}
+
+TargetResult result_of(const OrderTarget& target) {
+  TargetResult out;
+  out.tag = target.tag;
+  out.address = target.point.address.text;
+  out.value = target.written;
+  return out;
+}
+
+CommandDesk::Verdict CommandDesk::admit(Command command, const Codec& codec, std::size_t waiting,
+                                        SteadyTime now) {
+  const CommandRules& rules = device_.commands;
+  if (command.targets.size() > kMostTargets) {
+    if (!command.refusal)
+      command.refusal = refuse(Reason::too_large, std::to_string(command.targets.size()) +
+                                                      " targets: a command may have " +
+                                                      std::to_string(kMostTargets));
+    command.targets.clear();  // nor is a result to be as long as they are
+  }
+  CommandResult result = result_of(command);
+  const auto rejected = [&](Refusal why) {
+    result.status = CommandStatus::rejected;
+    result.reason = why.reason;
+    result.detail = std::move(why.detail);
+    return result;
+  };
+
+  // An id that was seen gets no second verdict, whatever is wrong with this message: exactly one
+  // result that is not DUPLICATE is the promise that the others stand on.
+  if (!command.id.empty()) {
+    if (const auto seen = ids_.find(command.id, now)) {
+      result.status = CommandStatus::duplicate;
+      result.reason = Reason::duplicate_id;
+      if (seen->over) result.first_arrival = seen->arrival;
+      if (!seen->arrival)
+        result.detail = "it is over, its result is not kept any more; the order is not repeated";
+      result.first = seen->result;
+      if (result.first) result.plc = result.first->plc;
+      return result;
+    }
+  }
+  const std::optional<Refusal> refusal = command.refusal;
+  if (refusal && precedes_id(refusal->reason) && command.id.empty()) return rejected(*refusal);
+
+  if (refusal && precedes_id(refusal->reason)) {
+    rejected(*refusal);
+    remember_refused(command, result, now);
+    return result;
+  }
+  Order order;
+  order.go_ahead = now;
+  std::optional<Refusal> why;
+  if (command.retained) {
+    why = refuse(Reason::retained, "a retained command is an old one: publish without retain");
+  } else if (refusal && refusal->reason == Reason::bad_op) {
+    why = refusal;
+  } else if (!command.op) {
+    why = refuse(Reason::bad_op, "op is one of write, force_on, force_off, read, run, stop");
+  } else if (command.is_list && *command.op != Op::write) {
+    why = refuse(Reason::bad_op, "targets go with op write only");
+  } else if (is_run_order(*command.op)) {
+    const auto run_order = codec.run_order(*command.op == Op::run);
+    if (!run_order)
+      why = refuse(Reason::bad_op, run_order.error().text);
+    else if (!rules.allow_run_stop)
+      why = refuse(Reason::not_allowed, "allow_run_stop is not set for this device");
+    else
+      order.run_order = *run_order;
+  }
+  order.command = std::move(command);
+  const Command& cmd = order.command;
+  if (!why && !is_run_order(*cmd.op)) why = resolve(codec, order, result.targets);
+  // Every bad_value goes before an out_of_range, wherever it was found.
+  if (!why || why->reason == Reason::out_of_range) {
+    if (refusal)
+      why = refusal;
+    else if (auto wrong_clock = check_expiry(cmd, rules))
+      why = std::move(wrong_clock);
+  }
+
+  order.deadline = now;
+  if (!why) {
+    order.deadline = deadline_of(cmd, rules);
+    if (now > order.deadline) {
+      result.status = CommandStatus::expired;
+      result.reason = Reason::expired;
+      result.detail = "its time had passed on arrival";
+      remember_refused(cmd, result, now);
+      return result;
+    }
+    if (waiting >= rules.queue)
+      why = refuse(Reason::queue_full,
+                   std::to_string(waiting) + " commands are waiting on this device");
+    else if (!(order.place = room_->take(cmd.device, kOrderToCommand * memory_of(cmd))))
+      why = refuse(Reason::queue_full, "the commands that wait take " +
+                                           std::to_string(room_->bytes() >> 20) + " MiB already");
+    else if (!ids_.make_room(now))
+      why =
+          refuse(Reason::queue_full,
+                 "as many ids are remembered as there is room for, and none is past its deadline");
+  }
+  if (why) {
+    rejected(*why);
+    remember_refused(cmd, result, now);
+    return result;
+  }
+  if (cmd.dry_run) {
+    result.status = CommandStatus::succeeded;
+    return result;
+  }
+  ids_.add({cmd.id, cmd.arrival, now, order.deadline}, now);
+  order.verify_words = cmd.verify.value_or(rules.verify);
+  order.verify_bits = cmd.verify.value_or(false);
+  return order;
+}
+
+std::optional<Refusal> CommandDesk::resolve(const Codec& codec, Order& order,
+                                            std::vector<TargetResult>& out) {
+  const Command& command = order.command;
+  if (command.refusal && concerns_place(command.refusal->reason)) return command.refusal;
+  if (command.targets.empty()) return refuse(Reason::unknown_tag, "tag or address is missing");
+  std::optional<Refusal> first;
+  for (std::size_t i = 0; i < command.targets.size(); ++i) {
+    OrderTarget target;
+    const auto why = resolve_target(codec, command, command.targets[i], target);
+    if (!target.point.address.text.empty()) out[i].address = target.point.address.text;
+    if (why) {
+      out[i].reason = why->reason;
+      out[i].detail = why->detail;
+      if (!first) first = why;
+    }
+    if (target.written) out[i].value = target.written;
+    order.targets.push_back(std::move(target));
+  }
+  if (first && command.is_list)
+    for (TargetResult& target : out)
+      if (target.reason == Reason::none) target.detail = "not sent: another target was refused";
+  return first;
+}
+
+std::optional<Refusal> CommandDesk::resolve_target(const Codec& codec, const Command& command,
+                                                   const CommandTarget& target,
+                                                   OrderTarget& out) const {
+  if (auto why = resolve_place(codec, *command.op, target, out)) return why;
+  if (auto why = check_access(codec, command, out)) return why;
+  if (is_write(*command.op)) return check_value(codec, command, target, out);
+  return std::nullopt;
+}
+
+std::optional<Refusal> CommandDesk::resolve_place(const Codec& codec, Op op,
+                                                  const CommandTarget& target,
+                                                  OrderTarget& out) const {
+  out.tag = target.tag;
+  const Reason fault = target.tag.empty() ? Reason::bad_address : Reason::unknown_tag;
+  if (!target.tag.empty()) {
+    const auto tag = std::find_if(device_.tags.begin(), device_.tags.end(),
+                                  [&](const TagConfig& t) { return t.name == target.tag; });
+    if (tag == device_.tags.end())
+      return refuse(fault, "device " + device_.name + " has no tag " + target.tag);
+    out.tag_index = static_cast<std::uint32_t>(tag - device_.tags.begin());
+    out.point = tag->point;
+  } else {
+    if (!target.type && codec.needs_type(target.address))
+      return refuse(fault, target.address + " is a contact and a value: say which by type");
+    const auto address = codec.parse_address(target.address, target.type);
+    if (!address) return refuse(fault, address.error().text);
+    out.point.address = *address;
+    out.point.type = target.type.value_or(default_type(*address));
+    out.point.order = codec.default_order();
+    set_extent(target, out.point);
+  }
+  const auto span = span_of(out.point);
+  if (!span) return refuse(Reason::bad_address, span.error().text);
+  if (const auto inside = codec.check_range(*span); !inside)
+    return refuse(Reason::bad_address, inside.error().text);
+  const Address& place = out.point.address;
+  const bool is_bit = !out.point.is_array &&
+                      (place.unit == Unit::bit || (place.unit == Unit::word_bit && place.writable));
+  if ((op == Op::force_on || op == Op::force_off) && !is_bit)
+    return refuse(Reason::bad_address, out.point.address.text + " is not a single bit device");
+  if (codec.is_broadcast()) {
+    if (op != Op::read) return std::nullopt;
+    return refuse(fault, "nobody answers a broadcast, so nothing can be read");
+  }
+  const Plan plan = make_plan(codec, std::span(&out.point, 1), LineCost{}, device_.max_block_bytes);
+  if (!plan.unreachable.empty())
+    return refuse(Reason::bad_address,
+                  out.point.address.text + " cannot be reached on this model" +
+                      (codec.model().empty() ? " until the model is known" : ""));
+  return std::nullopt;
+}
+
+std::optional<Refusal> CommandDesk::check_access(const Codec& codec, const Command& command,
+                                                 const OrderTarget& target) const {
+  const Span span = *span_of(target.point);
+  const std::string& name = target.point.address.text;
+  const bool allowed = covered(device_.commands.allow, span);
+  if (*command.op == Op::read) {
+    if (target.tag_index || allowed || command.any_address) return std::nullopt;
+    return refuse(Reason::not_allowed, name + " is neither a tag nor in commands.allow");
+  }
+  if (!target.point.address.writable) return refuse(Reason::not_writable, name + " is read only");
+  if (const auto writable = codec.check_write(span); !writable)
+    return refuse(Reason::not_writable, writable.error().text);
+  if (target.tag_index) {
+    if (device_.tags[*target.tag_index].writable) return std::nullopt;
+    return refuse(Reason::not_writable, "the tag's access is read");
+  }
+  if (allowed) return std::nullopt;
+  return refuse(Reason::not_allowed, name + " is not covered by commands.allow");
+}
+
+std::optional<Refusal> CommandDesk::check_value(const Codec& codec, const Command& command,
+                                                const CommandTarget& target,
+                                                OrderTarget& out) const {
+  std::optional<Value> value = target.value;
+  if (*command.op != Op::write) {
+    if (value) return refuse(Reason::bad_value, "value goes with op write only");
+    value = Value(Scalar(*command.op == Op::force_on));
+  }
+  if (!value) return refuse(Reason::bad_value, "value is missing");
+  const auto packed = pack(out.point, *value);
+  if (!packed && packed.error().fault == PackFault::bad_value)
+    return refuse(Reason::bad_value, packed.error().text);
+  if (command.expect) {
+    if (command.is_list) return refuse(Reason::bad_value, "expect goes with a single target");
+    const auto expected = pack(out.point, *command.expect);
+    if (!expected) return refuse(Reason::bad_value, "expect: " + expected.error().text);
+    out.expected = *expected;
+  }
+  if (!packed) return refuse(Reason::out_of_range, packed.error().text);
+  if (out.tag_index)
+    if (auto why = check_limits(device_.tags[*out.tag_index], *value)) return why;
+  const auto requests = plan_write(codec, out.point, *packed);
+  if (!requests) return refuse(Reason::not_writable, requests.error().text);
+  for (const Request& request : *requests)
+    if (const auto frame = codec.encode(request, 0); !frame)
+      return refuse(Reason::bad_address, frame.error().text);
+  out.image = *packed;
+  out.requests = *requests;
+  if (const auto written = unpack(out.point, out.image, span_of(out.point)->first_bit))
+    out.written = *written;
+  return std::nullopt;
+}
+
+void CommandDesk::remember_refused(const Command& command, CommandResult& result, SteadyTime now) {
+  if (command.dry_run) return;
+  result.id_kept = ids_.add_refused({command.id, command.arrival, now, now, true,
+                                     journaling_ == Journaling::on ? nullptr : kept(result)},
+                                    now);
+}
+
+void CommandDesk::finished(const CommandResult& result) {
+  ids_.finish(result.id, journaling_ == Journaling::on ? nullptr : kept(result));
+}
+
+void CommandDesk::restore(RememberedId remembered, SteadyTime now, std::int64_t utc_ms) {
+  // A clock that was set back must not make an id younger than it can be, nor give it more time.
+  const std::int64_t age = std::max<std::int64_t>(utc_ms - remembered.received_ms, 0);
+  const std::int64_t left =
+      std::min(remembered.deadline_ms - utc_ms, remembered.deadline_ms - remembered.received_ms);
+  IdMemory::Entry entry{std::move(remembered.id), remembered.arrival, now - milliseconds(age),
+                        now + milliseconds(left), true};
+  if (remembered.refused)
+    ids_.add_refused(std::move(entry), now);
+  else
+    ids_.add(std::move(entry), now);
+}
+
+std::optional<Order> CommandDesk::left_behind(Command command, const Codec& codec, SteadyTime now) {
+  ids_.add({command.id, command.arrival, std::min(command.received, now),
+            deadline_of(command, device_.commands)},
+           now);
+  std::vector<TargetResult> names = result_of(command).targets;
+  Order order;
+  order.command = std::move(command);
+  order.left_behind = true;
+  order.deadline = order.go_ahead = now;
+  if (codec.is_broadcast() || resolve(codec, order, names)) return std::nullopt;
+  const bool tells = std::none_of(
+      order.targets.begin(), order.targets.end(),
+      [](const OrderTarget& target) { return target.point.type == DataType::boolean; });
+  if (!tells) return std::nullopt;
+  return order;
+}
+
+}  // namespace fxagent

@@ -1,0 +1,108 @@
+// Admits the commands of one device: known, writable, in range, fresh, not seen before. Every
+// command gets one verdict: a result at once, or an order for the wire. Pure: time is an argument.
+// Field thread.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "agent/commands/command_room.h"
+#include "agent/commands/id_memory.h"
+#include "agent/config/config.h"
+#include "agent/messages.h"
+#include "protocol/codec.h"
+
+namespace fxagent {
+
+/// One place that an admitted command reads or writes.
+struct OrderTarget {
+  std::string tag;  ///< as in the command; empty: by address
+  std::optional<std::uint32_t> tag_index;
+  Point point;
+  Bytes image;                    ///< what is to be written; empty for a read
+  std::optional<Value> written;   ///< the same in engineering units, as the raw words say it
+  std::vector<Request> requests;  ///< the writes in their order; empty for a read
+  Bytes expected;                 ///< raw image that `expect` asks for; empty: no expect
+  std::chrono::nanoseconds line_time{0};  ///< of all its exchanges, as far as it is known
+};
+
+/// A command on its way to the wire.
+struct Order {
+  Command command;
+  std::vector<OrderTarget> targets;  ///< empty for run and stop
+  std::optional<Request> run_order;
+  bool verify_words = true;
+  bool verify_bits = false;
+  bool left_behind = false;  ///< by an earlier run: only its outcome is read
+  SteadyTime deadline{};     ///< not sent after this
+  SteadyTime go_ahead{};
+  /// Line time of its own exchanges when each ends well; nullopt: not known.
+  std::optional<std::chrono::nanoseconds> line_time;
+  std::optional<std::chrono::nanoseconds> bound;
+  /// What it takes of the room for waiting commands; shared with copies of the order.
+  std::shared_ptr<const CommandRoom::Place> place{};
+};
+
+class CommandDesk final {
+ public:
+  using Verdict = std::variant<CommandResult, Order>;
+
+  /// `device` outlives the desk. With a journal the first results are there, and not here. `room`
+  /// is shared with the desks of the other devices and with the orders that wait.
+  explicit CommandDesk(const DeviceConfig& device, Journaling journaling = Journaling::off,
+                       std::shared_ptr<CommandRoom> room = std::make_shared<CommandRoom>())
+      : device_(device),
+        journaling_(journaling),
+        room_(std::move(room)),
+        ids_(room_, device.name) {}
+
+  /// The verdict on `command`, by the checks of the contract in their order. `codec` is the
+  /// device's codec of the moment (its model may have been identified), `waiting` the orders
+  /// already queued.
+  Verdict admit(Command command, const Codec& codec, std::size_t waiting, SteadyTime now);
+
+  /// The result of an order that admit() had passed. Every order must come back here exactly once.
+  void finished(const CommandResult& result);
+
+  /// An id of an earlier run is known from now on. `utc_ms` is the calendar time of `now`.
+  void restore(RememberedId remembered, SteadyTime now, std::int64_t utc_ms);
+
+  /// An order that an earlier run had in its journal and did not finish: its id is known, without a
+  /// result so far. What is to be read for its outcome; nothing, where reading does not tell: bits,
+  /// since ladders reset them, and what cannot be found on the device any more.
+  std::optional<Order> left_behind(Command command, const Codec& codec, SteadyTime now);
+
+  std::size_t remembered() const { return ids_.size(); }
+
+ private:
+  /// Notes the id of a command that became no order, where there is room to spare.
+  void remember_refused(const Command& command, CommandResult& result, SteadyTime now);
+  /// Fills order.targets, or says which check failed.
+  std::optional<Refusal> resolve(const Codec& codec, Order& order, std::vector<TargetResult>& out);
+  std::optional<Refusal> resolve_target(const Codec& codec, const Command& command,
+                                        const CommandTarget& target, OrderTarget& out) const;
+  std::optional<Refusal> resolve_place(const Codec& codec, Op op, const CommandTarget& target,
+                                       OrderTarget& out) const;
+  std::optional<Refusal> check_access(const Codec& codec, const Command& command,
+                                      const OrderTarget& target) const;
+  std::optional<Refusal> check_value(const Codec& codec, const Command& command,
+                                     const CommandTarget& target, OrderTarget& out) const;
+
+  const DeviceConfig& device_;
+  const Journaling journaling_;
+  const std::shared_ptr<CommandRoom> room_;
+  IdMemory ids_;
+};
+
+/// The frame of a result for `command`: ids, times, op, topics; status is for the caller to set.
+CommandResult result_of(const Command& command);
+/// A target's name and place, without a verdict.
+TargetResult result_of(const OrderTarget& target);
+
+}  // namespace fxagent

@@ -1,0 +1,104 @@
+#include "agent/commands/audit_records.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "agent/utf8.h"
+
+namespace fxagent::audit {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// Text as it came; what is no UTF-8 is shown as \x and two hex digits.
+std::string printable(std::string_view text) {
+  constexpr std::string_view hex = "0123456789abcdef";
+  std::string out;
+  while (!text.empty()) {
+    const std::size_t length = utf8_length(text);
+    if (length == 0) {
+      const auto byte = static_cast<unsigned char>(text.front());
+      out += {'\\', 'x', hex[byte >> 4], hex[byte & 0x0F]};
+    } else {
+      out += text.substr(0, length);
+    }
+    text.remove_prefix(std::max<std::size_t>(length, 1));
+  }
+  return out;
+}
+
+std::string kept(std::string_view text) { return printable(text.substr(0, kPayloadKept)); }
+
+Json word(std::string_view text) { return text.empty() ? Json(nullptr) : Json(kept(text)); }
+
+Json body_of(const char* kind, std::int64_t now_ms) { return {{"kind", kind}, {"ts", now_ms}}; }
+
+void add_arrival(Json& body, const Arrival& arrival) {
+  body["arrival"] = arrival.number;
+  body["device"] = arrival.device;
+  body["topic"] = kept(arrival.topic);
+  body["received"] = arrival.received_ms;
+  body["retained"] = arrival.retained;
+  body["by"] = word(arrival.by);
+  body["payload"] = kept(arrival.payload);
+  body["payload_bytes"] = arrival.payload_bytes;
+}
+
+/// Without the first result inside a DUPLICATE, which has a line of its own.
+Json outcome_of(std::string_view result_text) {
+  Json outcome = Json::parse(result_text, nullptr, /*allow_exceptions=*/false);
+  if (!outcome.is_object()) return nullptr;
+  outcome.erase("first");
+  if (outcome.dump().size() <= kResultKept) return outcome;
+  for (const char* key : {"value", "verify", "targets"})
+    if (outcome.contains(key)) outcome[key] = nullptr;
+  outcome["cut"] = true;
+  return outcome;
+}
+
+std::string text_of(const Json& body) {
+  return body.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+}  // namespace
+
+std::string answered(const Arrival& arrival, std::string_view result_text, std::int64_t now_ms) {
+  Json body = body_of("answered", now_ms);
+  add_arrival(body, arrival);
+  body["result"] = outcome_of(result_text);
+  return text_of(body);
+}
+
+std::string ordered(const Arrival& arrival, std::string_view id, std::string_view op,
+                    std::int64_t now_ms) {
+  Json body = body_of("ordered", now_ms);
+  add_arrival(body, arrival);
+  body["id"] = id;
+  body["op"] = op;
+  return text_of(body);
+}
+
+std::string result(std::uint64_t arrival, std::string_view device, std::string_view result_text,
+                   const FrameTrace& frames, std::int64_t now_ms) {
+  Json body = body_of("result", now_ms);
+  body["arrival"] = arrival;
+  body["device"] = device;
+  body["result"] = outcome_of(result_text);
+  Json& wire = body["frames"] = Json::array();
+  for (const WireFrame& frame : frames.frames())
+    wire.push_back({{frame.way == WireFrame::Way::out ? "out" : "in", to_hex(frame.bytes)}});
+  body["frames_omitted"] = frames.omitted();
+  return text_of(body);
+}
+
+std::string told(std::uint64_t arrival, std::string_view device, std::string_view id,
+                 bool acknowledged, std::int64_t now_ms) {
+  Json body = body_of("told", now_ms);
+  body["arrival"] = arrival;
+  body["device"] = device;
+  body["id"] = word(id);
+  body["acknowledged"] = acknowledged;
+  return text_of(body);
+}
+
+}  // namespace fxagent::audit

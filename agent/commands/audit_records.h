@@ -1,0 +1,40 @@
+// What the audit keeps of a command: bodies of records, which agent/store/audit_chain.h ties
+// together and explains. Pure functions, any thread.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+#include "agent/messages.h"
+
+namespace fxagent::audit {
+
+/// How a command came. `number` counts the commands of a store, across restarts; from 1.
+struct Arrival {
+  std::uint64_t number = 0;
+  std::string device;
+  std::string topic;
+  std::string payload;  ///< its beginning at least
+  std::size_t payload_bytes = 0;
+  std::string by;  ///< who it says has sent it; nobody checks that here. Empty: nobody
+  bool retained = false;
+  std::int64_t received_ms = 0;
+};
+
+/// So much of a payload is kept, and of `by`.
+inline constexpr std::size_t kPayloadKept = 256;
+/// A result that is longer loses its values: they are the sender's, and may be 64 KiB.
+inline constexpr std::size_t kResultKept = 8192;
+
+// Bodies for seal(). `result_text` is what result_text() made.
+std::string answered(const Arrival& arrival, std::string_view result_text, std::int64_t now_ms);
+std::string ordered(const Arrival& arrival, std::string_view id, std::string_view op,
+                    std::int64_t now_ms);
+std::string result(std::uint64_t arrival, std::string_view device, std::string_view result_text,
+                   const FrameTrace& frames, std::int64_t now_ms);
+std::string told(std::uint64_t arrival, std::string_view device, std::string_view id,
+                 bool acknowledged, std::int64_t now_ms);
+
+}  // namespace fxagent::audit

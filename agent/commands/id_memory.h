@@ -1,0 +1,82 @@
+// The command ids that a device has seen: the promise that no order is carried out twice. It stays
+// in memory whatever becomes of the disk; the results, which only tell, are the journal's to keep.
+//
+// Of the newest ids everything is kept; what they push out is a fingerprint from then on, in room
+// that all devices share. What was refused is kept apart, in the room that the others leave.
+// Pure: time is an argument. Field thread.
+#pragma once
+
+#include <boost/multi_index/hashed_index.hpp>
+#include <boost/multi_index/member.hpp>
+#include <boost/multi_index/ordered_index.hpp>
+#include <boost/multi_index_container.hpp>
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "agent/commands/command_room.h"
+#include "agent/messages.h"
+
+namespace fxagent {
+
+class IdMemory final {
+ public:
+  struct Entry {
+    std::string id;
+    std::uint64_t arrival = 0;  ///< of its command: its age among the others
+    SteadyTime seen{};
+    SteadyTime deadline{};
+    bool over = false;  ///< its command has a result
+    /// That result, where nobody else keeps it.
+    std::shared_ptr<const CommandResult> result{};
+  };
+  /// What is known of an id.
+  struct Seen {
+    bool over = false;
+    std::optional<std::uint64_t> arrival;  ///< nullopt: only the fingerprint is left
+    std::shared_ptr<const CommandResult> result{};
+  };
+
+  /// `room` is shared with the other devices; `device` is this one's name.
+  IdMemory(std::shared_ptr<CommandRoom> room, std::string device)
+      : room_(std::move(room)), device_(std::move(device)) {}
+
+  /// Nothing: the id was never seen, or need not be known any more.
+  std::optional<Seen> find(const std::string& id, SteadyTime now) const;
+  /// Whether one more order may be remembered. Lets go of what is over and older than
+  /// kRememberedFor; where kRememberedIds are held, the oldest that is over becomes a fingerprint,
+  /// or, where there is no room for that, the oldest that is past its deadline goes.
+  bool make_room(SteadyTime now);
+  /// Remembers the id of an order, whether make_room() was asked or not. One that is known stays as
+  /// it is.
+  void add(Entry entry, SteadyTime now);
+  /// The id of a command that was refused, while there is room to spare: the newest of them, and
+  /// none that an order has need of. False: it is not remembered.
+  bool add_refused(Entry entry, SteadyTime now);
+  /// The order has its result. Nothing where the id is not known.
+  void finish(const std::string& id, std::shared_ptr<const CommandResult> result);
+
+  /// Fingerprints not counted.
+  std::size_t size() const { return orders_.size() + refused_.size(); }
+
+ private:
+  using Entries = boost::multi_index_container<
+      Entry, boost::multi_index::indexed_by<
+                 boost::multi_index::ordered_non_unique<
+                     boost::multi_index::member<Entry, std::uint64_t, &Entry::arrival>>,
+                 boost::multi_index::hashed_unique<
+                     boost::multi_index::member<Entry, std::string, &Entry::id>>>>;
+
+  void forget_old(SteadyTime now);
+
+  std::shared_ptr<CommandRoom> room_;
+  std::string device_;
+  Entries orders_;   ///< the oldest first; where arrivals are the same, as they were added
+  Entries refused_;  ///< the same
+};
+
+}  // namespace fxagent

@@ -1,0 +1,72 @@
+// The journal of commands, as the commands need it: what is to be known of them after a restart.
+// The store keeps it on disk. Uplink thread.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "protocol/bytes.h"
+
+namespace fxagent {
+
+/// What the journal says about one id of one device, in this or an earlier run.
+struct JournalEntry {
+  std::string device;
+  std::string id;
+  std::int64_t received_ms = 0;
+  std::int64_t deadline_ms = 0;  ///< remembered at least until then
+  std::string op;
+  std::string response_topic;
+  Bytes correlation;
+  std::string result;         ///< empty: it has none
+  bool told = false;          ///< the broker has the result
+  std::uint64_t arrival = 0;  ///< its number in the audit; 0: it came before there was one
+  std::string payload;        ///< as it came; kept until there is a result
+  bool refused = false;       ///< it became no order: kept while there is room to spare
+  /// A record's body for the audit, written together with this entry; empty: none.
+  std::string audit;
+};
+
+/// In memory, roughly.
+inline std::size_t bytes_of(const JournalEntry& entry) {
+  return sizeof(entry) + entry.response_topic.size() + entry.correlation.size() +
+         entry.result.size() + entry.payload.size();
+}
+
+/// An id whose command has its result.
+struct KnownId {
+  std::string device;
+  std::string id;
+  std::uint64_t arrival = 0;
+  std::int64_t received_ms = 0;
+  std::int64_t deadline_ms = 0;
+  bool refused = false;
+};
+
+class CommandJournal {
+ public:
+  virtual ~CommandJournal() = default;
+
+  /// Writes orders down before they are carried out. False: they are not in the journal yet, and
+  /// will be when the disk takes them.
+  virtual bool journal(std::span<const JournalEntry> orders) = 0;
+  /// Notes the result of an order, or of a command that never became one. The first result stays.
+  virtual void record(JournalEntry entry) = 0;
+  /// The same for several, in one commit.
+  virtual void record(std::vector<JournalEntry> entries) = 0;
+  /// The broker has the result of the command with this number.
+  virtual void told(std::string device, std::string id, std::uint64_t arrival) = 0;
+  /// What the journal has of this id, or will have once the disk takes it.
+  virtual std::optional<JournalEntry> find(const std::string& device, const std::string& id) = 0;
+  /// Of those that are over; oldest first.
+  virtual std::vector<KnownId> known_ids() = 0;
+  /// Of what the broker was not told every order without a result, and of each device the newest
+  /// results; oldest first.
+  virtual std::vector<JournalEntry> unsettled() = 0;
+};
+
+}  // namespace fxagent

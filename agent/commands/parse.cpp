@@ -1,0 +1,316 @@
+#include "agent/commands/parse.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <utility>
+
+#include "agent/config/reader.h"
+#include "agent/json_writer.h"
+
+namespace fxagent {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr std::size_t kMaxCommandBytes = 65536;
+constexpr std::size_t kMaxIdLength = 64;
+constexpr std::size_t kMaxTargets = 64;
+constexpr std::size_t kMaxPlaceLength = 128;  ///< of tag and address; no longer one can be right
+/// The command, `targets`, and of each target itself and its value.
+constexpr std::size_t kMaxStructures = 2 + 2 * kMaxTargets;
+constexpr std::size_t kMaxQuoted = 64;  ///< characters of foreign text that a detail repeats
+constexpr std::size_t kMaxDepth = 3;  ///< root object, `targets`, one target, an array value in it
+
+constexpr std::array<std::string_view, 12> kCommandKeys{"id",     "op",     "tag",     "address",
+                                                        "type",   "value",  "targets", "expires",
+                                                        "expect", "verify", "dry_run", "by"};
+constexpr std::array<std::string_view, 4> kTargetKeys{"tag", "address", "type", "value"};
+
+std::string in_quotes(std::string_view text) {
+  return "'" + std::string(text.substr(0, kMaxQuoted)) + "'";
+}
+
+std::string unknown_key(std::string_view key, std::span<const std::string_view> known) {
+  return "unknown key " + in_quotes(key) + ", " + did_you_mean(key, known);
+}
+
+/// Collects faults and keeps the one that comes first in the contract's order of checks.
+class Faults final {
+ public:
+  void add(Reason reason, std::string detail) {
+    if (!first_ || rank(reason) < rank(first_->reason)) first_ = Refusal{reason, std::move(detail)};
+  }
+  std::optional<Refusal> take() { return std::move(first_); }
+
+ private:
+  /// Reason's enumerators stand in that order; the two target faults share one place.
+  static int rank(Reason reason) {
+    return static_cast<int>(reason == Reason::bad_address ? Reason::unknown_tag : reason);
+  }
+  std::optional<Refusal> first_;
+};
+
+/// What the parser itself does not refuse: a key given twice (which of them counts?) and deep
+/// nests.
+class Watch final {
+ public:
+  bool operator()(Json::parse_event_t event, const Json& parsed) {
+    switch (event) {
+      case Json::parse_event_t::object_start:
+      case Json::parse_event_t::array_start:
+        open_.emplace_back();
+        if (open_.size() > kMaxDepth + 1 && fault_.empty()) fault_ = "nested too deep";
+        break;
+      case Json::parse_event_t::object_end:
+      case Json::parse_event_t::array_end:
+        open_.pop_back();
+        break;
+      case Json::parse_event_t::key:
+        if (!open_.back().insert(parsed.get_ref<const std::string&>()).second && fault_.empty())
+          fault_ = "key " + in_quotes(parsed.get_ref<const std::string&>()) + " is there twice";
+        break;
+      case Json::parse_event_t::value:
+        break;
+    }
+    return true;
+  }
+  const std::string& fault() const { return fault_; }
+
+ private:
+  std::vector<std::set<std::string>> open_;
+  std::string fault_;
+};
+
+/// Objects and arrays in a text, as far as it is JSON.
+std::size_t structures_in(std::string_view text) {
+  std::size_t count = 0;
+  bool in_string = false;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    if (text[i] == '"') in_string = !in_string;
+    if (in_string && text[i] == '\\') ++i;
+    if (!in_string && (text[i] == '{' || text[i] == '[')) ++count;
+  }
+  return count;
+}
+
+std::optional<Scalar> scalar_of(const Json& json) {
+  if (json.is_boolean()) return Scalar(json.get<bool>());
+  if (json.is_number_unsigned() &&
+      json.get<std::uint64_t>() > std::uint64_t{std::numeric_limits<std::int64_t>::max()})
+    return Scalar(json.get<double>());
+  if (json.is_number_integer()) return Scalar(json.get<std::int64_t>());
+  if (json.is_number_float()) return Scalar(json.get<double>());
+  if (json.is_string()) return Scalar(json.get<std::string>());
+  return std::nullopt;
+}
+
+std::optional<Value> value_of(const Json& json) {
+  if (!json.is_array()) {
+    auto scalar = scalar_of(json);
+    if (!scalar) return std::nullopt;
+    return Value(*std::move(scalar));
+  }
+  Scalars items;
+  for (const Json& element : json) {
+    auto scalar = scalar_of(element);
+    if (!scalar) return std::nullopt;
+    items.push_back(*std::move(scalar));
+  }
+  return Value::array(std::move(items));
+}
+
+const Json* find(const Json& object, const char* key) {
+  const auto found = object.find(key);
+  return found == object.end() ? nullptr : &*found;
+}
+
+/// A key of a command: null is as good as absent, since templates fill in every key.
+const Json* given(const Json& object, const char* key) {
+  const Json* value = find(object, key);
+  return value == nullptr || value->is_null() ? nullptr : value;
+}
+
+void read_id(const Json& object, Command& command, Faults& faults) {
+  const Json* id = given(object, "id");
+  if (id == nullptr) return faults.add(Reason::missing_id, "no id");
+  const auto* text = id->get_ptr<const std::string*>();
+  const bool fits =
+      text != nullptr && !text->empty() && text->size() <= kMaxIdLength &&
+      std::all_of(text->begin(), text->end(), [](char c) { return c >= ' ' && c <= '~'; });
+  if (!fits)
+    return faults.add(Reason::missing_id,
+                      "id must be a string of 1 to 64 printable ASCII characters");
+  command.id = *text;
+}
+
+void read_op(const Json& object, Command& command, Faults& faults) {
+  constexpr std::string_view words = "write, force_on, force_off, read, run, stop";
+  const Json* op = given(object, "op");
+  const auto* text = op == nullptr ? nullptr : op->get_ptr<const std::string*>();
+  if (text == nullptr) {
+    return faults.add(Reason::bad_op, std::string(op == nullptr ? "no op" : "op must be a string") +
+                                          "; one of " + std::string(words));
+  }
+  command.op_text = text->substr(0, kMaxQuoted);
+  command.op = op_from(*text);
+  if (!command.op)
+    faults.add(Reason::bad_op, "op " + in_quotes(*text) + " is none of " + std::string(words));
+}
+
+/// `object` holds tag, address, type and value: the command itself, or one of its `targets`.
+CommandTarget read_target(const Json& object, Faults& faults) {
+  CommandTarget target;
+  const Json* tag = given(object, "tag");
+  const Json* address = given(object, "address");
+  const Json* type = given(object, "type");
+  if (tag != nullptr && address != nullptr) {
+    faults.add(Reason::bad_address, "tag and address exclude each other");
+  } else if (tag != nullptr) {
+    if (tag->is_string() && !tag->get_ref<const std::string&>().empty())
+      target.tag = tag->get_ref<const std::string&>().substr(0, kMaxPlaceLength);
+    else
+      faults.add(Reason::unknown_tag, "tag must be a string");
+    if (type != nullptr) faults.add(Reason::bad_address, "type goes with an address only");
+  } else if (address != nullptr) {
+    if (address->is_string() && !address->get_ref<const std::string&>().empty())
+      target.address = address->get_ref<const std::string&>().substr(0, kMaxPlaceLength);
+    else
+      faults.add(Reason::bad_address, "address must be a string");
+    if (type != nullptr) {
+      const auto* word = type->get_ptr<const std::string*>();
+      const auto known =
+          word == nullptr ? Result<DataType>(fail(ErrorCode::bad_request, "type must be a string"))
+                          : data_type_from(*word);
+      if (known)
+        target.type = *known;
+      else
+        faults.add(Reason::bad_address, known.error().text);
+    }
+  } else {
+    faults.add(Reason::unknown_tag, "neither tag nor address");
+  }
+  if (const Json* value = given(object, "value")) {
+    target.value = value_of(*value);
+    if (!target.value)
+      faults.add(Reason::bad_value,
+                 "value must be a number, a boolean, a string or an array of them");
+  }
+  return target;
+}
+
+void read_targets(const Json& object, Command& command, Faults& faults) {
+  const Json* targets = given(object, "targets");
+  const bool has_single =
+      std::any_of(kTargetKeys.begin(), kTargetKeys.end(),
+                  [&](std::string_view key) { return given(object, key.data()) != nullptr; });
+  if (targets == nullptr) {
+    const bool needs_none = command.op == Op::run || command.op == Op::stop;
+    if (has_single || !needs_none) command.targets.push_back(read_target(object, faults));
+    return;
+  }
+  command.is_list = true;
+  if (has_single)
+    faults.add(Reason::bad_address, "targets stands in place of tag, address, type and value");
+  if (!targets->is_array() || targets->empty())
+    return faults.add(Reason::bad_address, "targets must be an array of at least one target");
+  if (targets->size() > kMaxTargets)
+    return faults.add(Reason::too_large, std::to_string(targets->size()) +
+                                             " targets; a command has at most " +
+                                             std::to_string(kMaxTargets));
+  for (const Json& entry : *targets) {
+    if (!entry.is_object()) {
+      faults.add(Reason::bad_address, "every one of targets must be an object");
+      continue;
+    }
+    for (const auto& item : entry.items())
+      if (std::find(kTargetKeys.begin(), kTargetKeys.end(), item.key()) == kTargetKeys.end())
+        faults.add(Reason::bad_json, unknown_key(item.key(), kTargetKeys));
+    command.targets.push_back(read_target(entry, faults));
+  }
+}
+
+/// A key that must be `true` or `false` where it is there.
+std::optional<bool> read_flag(const Json* flag, const char* key, Faults& faults) {
+  if (flag == nullptr) return std::nullopt;
+  if (flag->is_boolean()) return flag->get<bool>();
+  faults.add(Reason::bad_value, std::string(key) + " must be true or false");
+  return std::nullopt;
+}
+
+void read_conditions(const Json& object, Command& command, Faults& faults) {
+  // A condition that got lost on its way (NaN becomes null) must not become an order without one.
+  if (const Json* expires = find(object, "expires")) {
+    // A sender may write 1.79e12; a fraction or a huge number is no time.
+    const double at = expires->is_number() ? expires->get<double>() : -1.0;
+    if (at >= 0 && at <= static_cast<double>(json::kMaxExactInteger) && at == std::floor(at))
+      command.expires_ms = static_cast<std::int64_t>(at);
+    else
+      faults.add(Reason::bad_value, "expires must be milliseconds UTC, a whole number");
+  }
+  if (const Json* expect = find(object, "expect")) {
+    command.expect = value_of(*expect);
+    if (!command.expect)
+      faults.add(Reason::bad_value,
+                 "expect must be a number, a boolean, a string or an array of them");
+    else if (command.is_list)
+      faults.add(Reason::bad_value, "expect goes with a single target");
+  }
+  command.verify = read_flag(given(object, "verify"), "verify", faults);
+  command.dry_run = read_flag(find(object, "dry_run"), "dry_run", faults).value_or(false);
+  if (const Json* by = given(object, "by")) {
+    if (by->is_string())
+      command.by = by->get<std::string>();
+    else
+      faults.add(Reason::bad_value, "by must be a string");
+  }
+}
+
+}  // namespace
+
+Command parse_command(std::string_view payload) {
+  Command command;
+  if (payload.size() > kMaxCommandBytes) {
+    command.refusal = Refusal{Reason::too_large, "more than 65536 bytes"};
+    return command;
+  }
+  Watch watch;
+  // A parser that is watched looks through the whole parent at the end of each object and array:
+  // 21,000 of them took it a second. What has so many is refused, and only its id is looked for.
+  const bool too_many = structures_in(payload) > kMaxStructures;
+  const Json json = too_many ? Json::parse(payload, nullptr, /*allow_exceptions=*/false)
+                             : Json::parse(
+                                   payload.begin(), payload.end(),
+                                   [&watch](int, Json::parse_event_t event, Json& parsed) {
+                                     return watch(event, parsed);
+                                   },
+                                   /*allow_exceptions=*/false);
+  if (json.is_discarded() || !json.is_object()) {
+    command.refusal =
+        Refusal{Reason::bad_json, json.is_discarded() ? "not JSON" : "a command is a JSON object"};
+    return command;
+  }
+  Faults faults;
+  // To the parser it is the end of the text.
+  if (payload.find('\0') != std::string_view::npos)
+    faults.add(Reason::bad_json,
+               "a NUL byte is no JSON: send the text without its terminating zero");
+  if (!watch.fault().empty()) faults.add(Reason::bad_json, watch.fault());
+  if (too_many) faults.add(Reason::bad_json, "more objects and arrays than a command has");
+  if (json.contains("status"))
+    faults.add(Reason::bad_json, "key 'status' belongs to a result: this is no command");
+  for (const auto& item : json.items())
+    if (std::find(kCommandKeys.begin(), kCommandKeys.end(), item.key()) == kCommandKeys.end())
+      faults.add(Reason::bad_json, unknown_key(item.key(), kCommandKeys));
+  read_id(json, command, faults);
+  read_op(json, command, faults);
+  read_targets(json, command, faults);
+  read_conditions(json, command, faults);
+  command.refusal = faults.take();
+  return command;
+}
+
+}  // namespace fxagent

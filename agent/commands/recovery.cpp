@@ -1,0 +1,118 @@
+#include "agent/commands/recovery.h"
+
+#include <algorithm>
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "agent/commands/audit_records.h"
+#include "agent/commands/parse.h"
+#include "agent/commands/result_text.h"
+#include "agent/log/log.h"
+
+namespace fxagent {
+namespace {
+
+CommandResult left_behind(const JournalEntry& entry) {
+  CommandResult result;
+  result.id = entry.id;
+  result.op = entry.op;
+  result.received_ms = entry.received_ms;
+  if (op_from(entry.op) == Op::read) {
+    result.status = CommandStatus::failed;
+    result.reason = Reason::shutting_down;
+    result.detail = "the agent ended before the device was read";
+  } else {
+    result.status = CommandStatus::unknown_outcome;
+    result.detail = kLeftBehind;
+  }
+  return result;
+}
+
+/// A write is judged by the field, which can read what it was to write.
+std::optional<Command> to_be_read(const JournalEntry& entry, std::uint32_t device,
+                                  std::int64_t utc_ms, SteadyTime now) {
+  if (op_from(entry.op) != Op::write || entry.payload.empty()) return std::nullopt;
+  Command command = parse_command(entry.payload);
+  if (command.refusal || command.id != entry.id) return std::nullopt;
+  command.device = device;
+  command.arrival = entry.arrival;
+  command.received_ms = entry.received_ms;
+  command.received =
+      now - std::chrono::milliseconds(std::max<std::int64_t>(utc_ms - entry.received_ms, 0));
+  command.response_topic = entry.response_topic;
+  command.correlation = entry.correlation;
+  return command;
+}
+
+/// By the names of the config; what belongs to other devices stays where it is.
+class Known final {
+ public:
+  Known(const Config& config, CommandJournal& journal, std::int64_t utc_ms)
+      : journal_(journal), utc_ms_(utc_ms) {
+    for (const DeviceConfig& device : config.devices)
+      index_.emplace(device.name, static_cast<std::uint32_t>(index_.size()));
+  }
+
+  void take_ids(std::vector<KnownId> ids, Recovered& found) const {
+    for (KnownId& known : ids)
+      if (const auto device = index_.find(known.device); device != index_.end())
+        found.field.ids.push_back({device->second, std::move(known.id), known.arrival,
+                                   known.received_ms, known.deadline_ms, known.refused});
+  }
+
+  void take_unsettled(std::vector<JournalEntry> entries, SteadyTime now, Recovered& found) const {
+    for (JournalEntry& entry : entries)
+      if (const auto device = index_.find(entry.device); device != index_.end())
+        take(std::move(entry), device->second, now, found);
+  }
+
+ private:
+  void take(JournalEntry entry, std::uint32_t device, SteadyTime now, Recovered& found) const {
+    if (entry.result.empty()) {
+      // A store that opened late: this run has carried out an order of that id itself.
+      const auto known = journal_.find(entry.device, entry.id);
+      if (known && (known->arrival > entry.arrival || !known->result.empty())) return;
+      log::warn("order_left_behind", {{"device", entry.device}, {"id", entry.id}});
+      if (auto command = to_be_read(entry, device, utc_ms_, now))
+        return found.field.left_behind.push_back(std::move(*command));
+      entry.result = result_text(left_behind(entry), std::nullopt);
+      if (entry.arrival != 0)
+        entry.audit = audit::result(entry.arrival, entry.device, entry.result, {}, utc_ms_);
+      journal_.record(entry);
+    }
+    found.field.ids.push_back(
+        {device, entry.id, entry.arrival, entry.received_ms, entry.deadline_ms, entry.refused});
+    CommandResult result = recorded_result(entry.result);
+    result.device = device;
+    result.arrival = entry.arrival;
+    result.id = std::move(entry.id);
+    result.received_ms = entry.received_ms;
+    result.response_topic = std::move(entry.response_topic);
+    result.correlation = std::move(entry.correlation);
+    found.untold.push_back(std::move(result));
+  }
+
+  CommandJournal& journal_;
+  const std::int64_t utc_ms_;
+  std::map<std::string, std::uint32_t> index_;
+};
+
+}  // namespace
+
+Recovered recover(const Config& config, CommandJournal& journal, std::int64_t utc_ms,
+                  SteadyTime now) {
+  return recover(config, journal, journal.known_ids(), journal.unsettled(), utc_ms, now);
+}
+
+Recovered recover(const Config& config, CommandJournal& journal, std::vector<KnownId> ids,
+                  std::vector<JournalEntry> unsettled, std::int64_t utc_ms, SteadyTime now) {
+  Recovered found;
+  const Known known(config, journal, utc_ms);
+  known.take_ids(std::move(ids), found);
+  known.take_unsettled(std::move(unsettled), now, found);
+  return found;
+}
+
+}  // namespace fxagent

@@ -1,0 +1,520 @@
+#include "agent/config/config.h"
+
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <span>
+
+#include "agent/config/device.h"
+#include "agent/config/keys.h"
+#include "agent/config/reader.h"
+#include "agent/config/tree.h"
+
+namespace fxagent {
+namespace {
+
+using std::string_view_literals::operator""sv;
+
+constexpr std::array kVersions{"5"sv, "3.1.1"sv};
+constexpr std::array kSyncs{"offline"sv, "always"sv};
+constexpr std::array kParities{"none"sv, "even"sv, "odd"sv};
+constexpr std::int64_t kMaxExact = std::int64_t{1} << 53;
+
+// ---- agent, mqtt, store -----------------------------------------------------------------------
+
+/// Why `root` cannot stand before the topics; empty where it can.
+std::string_view root_fault(std::string_view root) {
+  if (root.find_first_of("+#") != root.npos) return "must not have the wildcards + and #";
+  if (root.starts_with('/') || root.ends_with('/')) return "must not begin or end with /";
+  if (root.find("//") != root.npos) return "must not have an empty level (//)";
+  if (root.starts_with('$')) return "must not begin with $, which belongs to the broker";
+  if (root.size() > 256) return "must not be longer than 256 bytes";
+  return {};
+}
+
+void read_agent(ConfigReader& reader, const ConfigNode& agent, Config& config) {
+  reader.check_object(agent, config_keys::agent);
+  config.id = reader.name(agent, "id", ConfigReader::required).value_or("");
+  config.root = reader.text(agent, "root").value_or("fx");
+  if (const auto fault = root_fault(config.root); !fault.empty())
+    reader.error(*agent.find("root"), std::string(fault));
+}
+
+/// "mqtt://host:port" with the port filled in, or what is wrong with the address.
+tl::expected<std::string, std::string_view> normal_server(std::string_view server) {
+  std::string out;
+  std::string_view port;
+  if (server.starts_with("mqtt://")) {
+    out = "mqtt://";
+    port = "1883";
+  } else if (server.starts_with("mqtts://")) {
+    out = "mqtts://";
+    port = "8883";
+  } else {
+    return tl::unexpected("must begin with mqtt:// or mqtts://"sv);
+  }
+  server.remove_prefix(out.size());
+  if (server.find('@') != server.npos)
+    return tl::unexpected(
+        "must not carry a user or a password; they go into username and password_file"sv);
+  std::size_t host_end = 0;
+  if (server.starts_with('[')) {
+    host_end = server.find(']');
+    if (host_end == server.npos || host_end == 1 ||
+        server.substr(1, host_end - 1).find_first_not_of("0123456789abcdefABCDEF:.") != server.npos)
+      return tl::unexpected("needs an IPv6 address in brackets, as in mqtt://[::1]:1883"sv);
+    ++host_end;
+  } else {
+    host_end = std::min(server.find(':'), server.size());
+    const std::string_view host = server.substr(0, host_end);
+    if (host.empty()) return tl::unexpected("has no host"sv);
+    const bool good = std::ranges::all_of(host, [](char c) {
+      return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+             c == '.' || c == '-' || c == '_';
+    });
+    if (!good)
+      return tl::unexpected("must be scheme, host and port alone, as in mqtt://broker:1883"sv);
+  }
+  out += server.substr(0, host_end);
+  server.remove_prefix(host_end);
+  if (!server.empty()) {
+    port = server.substr(1);
+    const bool digits =
+        !port.empty() && port.size() <= 5 && port.find_first_not_of("0123456789") == port.npos;
+    const int value = digits ? std::atoi(std::string(port).c_str()) : 0;
+    if (server[0] != ':' || value < 1 || value > 65535)
+      return tl::unexpected("needs a port from 1 to 65535 after the host, or none"sv);
+  }
+  return out + ":" + std::string(port);
+}
+
+void read_tls(ConfigReader& reader, const ConfigNode& node, MqttConfig& mqtt) {
+  reader.check_object(node, config_keys::tls);
+  TlsSettings tls;
+  tls.ca_file = reader.text(node, "ca_file").value_or("");
+  tls.cert_file = reader.text(node, "cert_file").value_or("");
+  tls.key_file = reader.text(node, "key_file").value_or("");
+  if ((node.find("cert_file") == nullptr) != (node.find("key_file") == nullptr))
+    reader.error(node, "cert_file and key_file belong together");
+  const bool encrypted = std::ranges::any_of(
+      mqtt.servers, [](const std::string& server) { return server.starts_with("mqtts://"); });
+  if (!encrypted) reader.warn(node, "has no effect, since no server is mqtts://");
+  mqtt.tls = tls;
+}
+
+/// Whether what goes to the server stays on this machine.
+bool is_loopback(std::string_view server) {
+  server.remove_prefix(server.find("://") + 3);
+  return server.starts_with("127.") || server.starts_with("localhost:") ||
+         server.starts_with("[::1]:");
+}
+
+void read_password(ConfigReader& reader, const ConfigNode& node, MqttConfig& mqtt,
+                   FilePrivacy privacy) {
+  mqtt.password_file = reader.text(node, "password_file").value_or("");
+  mqtt.password_env = reader.text(node, "password_env").value_or("");
+  const bool is_allowed = reader.boolean(node, "allow_plain_secret").value_or(false);
+  if (const auto secret = reader.secret(node, "password")) {
+    const ConfigNode& at = *node.find("password");
+    mqtt.password = secret->value;
+    if (node.find("password_file") != nullptr || node.find("password_env") != nullptr)
+      reader.error(at, "password_file or password_env already says where the password is");
+    else if (secret->in_clear && privacy == FilePrivacy::shared && !is_allowed)
+      reader.error(at,
+                   "a password in clear in a file that others can read: put it into password_file "
+                   "or password_env, or make this file private (chmod 600), or set "
+                   "allow_plain_secret");
+    else if (secret->in_clear && privacy == FilePrivacy::shared)
+      reader.warn(at, "others can read this file, and with it the password");
+  }
+  constexpr std::array sources{"password_file"sv, "password_env"sv, "password"sv};
+  for (const auto key : sources) {
+    const ConfigNode* password = node.find(key);
+    if (password == nullptr) continue;
+    if (mqtt.version == 4 && node.find("username") == nullptr)
+      reader.error(*password, "MQTT 3.1.1 knows no password without a username");
+    for (const std::string& server : mqtt.servers)
+      if (server.starts_with("mqtt://") && !is_loopback(server))
+        reader.warn(*password, "it goes to " + server + " in clear; mqtts:// encrypts it");
+  }
+}
+
+void read_mqtt(ConfigReader& reader, const ConfigNode& node, Config& config, FilePrivacy privacy) {
+  reader.check_object(node, config_keys::mqtt);
+  MqttConfig& mqtt = config.mqtt;
+  if (const ConfigNode* servers = reader.array(node, "servers", ConfigReader::required)) {
+    if (servers->children.empty()) reader.error(*servers, "needs at least one server");
+    for (const ConfigNode& item : servers->children) {
+      const auto text = reader.text(item);
+      if (!text) continue;
+      if (const auto server = normal_server(*text))
+        mqtt.servers.push_back(*server);
+      else
+        reader.error(item, std::string(server.error()));
+    }
+  }
+  mqtt.version = reader.choice(node, "version", kVersions).value_or(0) == 0 ? 5 : 4;
+  mqtt.client_id = reader.text(node, "client_id").value_or("fx-" + config.id);
+  mqtt.username = reader.text(node, "username").value_or("");
+  read_password(reader, node, mqtt, privacy);
+  if (const ConfigNode* tls = reader.object(node, "tls", ConfigReader::optional))
+    read_tls(reader, *tls, mqtt);
+  mqtt.keep_alive = std::chrono::seconds(reader.integer_or(node, "keep_alive_s", {1, 65535}, 30));
+  mqtt.qos = static_cast<int>(reader.integer_or(node, "qos", {0, 2}, 1));
+  if (mqtt.qos == 2)
+    reader.error(
+        *node.find("qos"),
+        "must be 0 or 1; repeats under 1 can be told by their seq, so 2 would only cost time");
+}
+
+void read_store(ConfigReader& reader, const ConfigNode& node, StoreConfig& store) {
+  reader.check_object(node, config_keys::store);
+  store.path = reader.text(node, "path", ConfigReader::required).value_or("");
+  store.max_bytes = static_cast<std::uint64_t>(
+      reader.integer_or(node, "max_bytes", {65536, kMaxExact}, 268435456));
+  store.max_age = std::chrono::hours(reader.integer_or(node, "max_age_h", {1, 87600}, 168));
+  store.sync_always = reader.choice(node, "sync", kSyncs).value_or(0) == 1;
+  store.audit_max_bytes = static_cast<std::uint64_t>(
+      reader.integer_or(node, "audit_max_bytes", {65536, kMaxExact}, 67108864));
+  store.audit_max_age =
+      std::chrono::hours(reader.integer_or(node, "audit_max_age_h", {1, 876000}, 8760));
+}
+
+// ---- links ------------------------------------------------------------------------------------
+
+/// How characters travel on a line; what the file leaves open comes from the protocol on the link.
+struct LineKeys {
+  std::optional<std::int64_t> baud;
+  std::optional<std::int64_t> data_bits;
+  std::optional<std::size_t> parity;  ///< index in kParities, which is the order of Parity
+  std::optional<std::int64_t> stop_bits;
+};
+
+LineKeys read_line(ConfigReader& reader, const ConfigNode& node, std::string_view baud_key) {
+  LineKeys line;
+  line.baud = reader.integer(node, baud_key, {50, 4000000});
+  line.data_bits = reader.integer(node, "data_bits", {7, 8});
+  line.parity = reader.choice(node, "parity", kParities);
+  line.stop_bits = reader.integer(node, "stop_bits", {1, 2});
+  return line;
+}
+
+/// The line's settings once its protocol is known.
+SerialSettings line_settings(const LineKeys& keys, const LineDefaults& defaults) {
+  const auto parity_index =
+      static_cast<std::size_t>(std::ranges::find(kParities, defaults.parity) - kParities.begin());
+  SerialSettings line;
+  line.baud = static_cast<int>(keys.baud.value_or(defaults.baud));
+  line.data_bits = static_cast<int>(keys.data_bits.value_or(defaults.data_bits));
+  line.parity = static_cast<Parity>(keys.parity.value_or(parity_index));
+  line.stop_bits = static_cast<int>(keys.stop_bits.value_or(defaults.stop_bits));
+  return line;
+}
+
+/// One character: start bit, data, parity, stop.
+std::chrono::nanoseconds character_time(const SerialSettings& line) {
+  const int bits = 1 + line.data_bits + (line.parity == Parity::none ? 0 : 1) + line.stop_bits;
+  return std::chrono::nanoseconds((bits * std::int64_t{1'000'000'000} + line.baud / 2) / line.baud);
+}
+
+/// Two links cannot hold one channel; the first one's place is remembered for the text.
+using Channels = std::map<std::string, const ConfigNode*, std::less<>>;
+
+void read_serial(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,
+                 Channels& channels, LinkConfig& config, LineKeys& line) {
+  SerialSettings settings;
+  reader.check_object(node, config_keys::serial);
+  settings.path = reader.text(node, "path", ConfigReader::required).value_or("");
+  line = read_line(reader, node, "baud");
+  if (!settings.path.empty()) {
+    const ConfigNode& path = *node.find("path");
+    const auto [first, fresh] = channels.emplace(settings.path, &path);
+    if (!fresh)
+      reader.error(path, "this port is already used at " + reader.place_of(*first->second));
+  }
+  for (const auto key : {"data_bits"sv, "parity"sv, "stop_bits"sv, "line_baud"sv})
+    if (const ConfigNode* stray = link.find(key))
+      reader.error_at_key(*stray, key == "line_baud" ? "is for tcp links; here it is serial/baud"
+                                                     : "belongs inside \"serial\" here");
+  config.channel = settings;
+}
+
+void read_tcp(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,
+              Channels& channels, LinkConfig& config, LineKeys& line) {
+  TcpSettings settings;
+  reader.check_object(node, config_keys::tcp);
+  settings.host = reader.text(node, "host", ConfigReader::required).value_or("");
+  const auto port = reader.required_integer(node, "port", {1, 65535});
+  settings.port = static_cast<std::uint16_t>(port.value_or(0));
+  if (!settings.host.empty() && settings.host.find_first_of(" /@") != std::string::npos)
+    reader.error(*node.find("host"), "must be a host name or an address alone");
+  if (!settings.host.empty() && port) {
+    const auto [first, fresh] =
+        channels.emplace(settings.host + ":" + std::to_string(settings.port), &node);
+    if (!fresh)
+      reader.warn(node, "the same host and port as " + reader.place_of(*first->second) +
+                            "; a serial server often takes one connection only");
+  }
+  line = read_line(reader, link, "line_baud");
+  settings.line_baud = static_cast<int>(line.baud.value_or(0));
+  if (link.find("line_baud") == nullptr)
+    for (const auto key : {"data_bits"sv, "parity"sv, "stop_bits"sv})
+      if (const ConfigNode* stray = link.find(key))
+        reader.error_at_key(*stray, "means something beside line_baud only");
+  config.channel = settings;
+}
+
+struct Links {
+  NameTable names;
+  std::vector<LineKeys> lines;
+  std::vector<LinkFacts> facts;
+};
+
+void read_links(ConfigReader& reader, const ConfigNode& array, Links& links, Config& config) {
+  Channels ports;
+  Channels hosts;
+  for (const ConfigNode& node : array.children) {
+    LinkConfig& link = config.links.emplace_back();
+    LineKeys& line = links.lines.emplace_back();
+    LinkFacts& facts = links.facts.emplace_back();
+    if (!reader.check_object(node, config_keys::link)) continue;
+    if (const auto name = reader.name(node, "name", ConfigReader::required)) {
+      link.name = *name;
+      links.names.add(reader, *name, *node.find("name"),
+                      static_cast<std::uint32_t>(config.links.size() - 1));
+    }
+    const ConfigNode* serial = reader.object(node, "serial", ConfigReader::optional);
+    const ConfigNode* tcp = reader.object(node, "tcp", ConfigReader::optional);
+    if ((node.find("serial") == nullptr) == (node.find("tcp") == nullptr)) {
+      reader.error(node, "needs either \"serial\" or \"tcp\"");
+      continue;
+    }
+    facts.is_serial = node.find("serial") != nullptr;
+    if (serial != nullptr) read_serial(reader, node, *serial, ports, link, line);
+    if (tcp != nullptr) read_tcp(reader, node, *tcp, hosts, link, line);
+    link.poll_share =
+        static_cast<double>(reader.integer_or(node, "poll_share_percent", {0, 90}, 20)) / 100.0;
+  }
+}
+
+/// Where the link says how many data bits its line has; null where it does not.
+const ConfigNode* data_bits_of(const ConfigNode& link) {
+  const ConfigNode* serial = link.find("serial");
+  return (serial != nullptr ? *serial : link).find("data_bits");
+}
+
+/// Fills in what the links left to the protocol that is spoken on them.
+void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& links,
+                  Config& config) {
+  for (std::size_t i = 0; i < config.links.size(); ++i) {
+    LinkConfig& link = config.links[i];
+    const LinkFacts& facts = links.facts[i];
+    if (facts.first_device == nullptr) reader.warn(array.children[i], "no device uses this link");
+    const LineDefaults defaults = facts.protocol != nullptr ? facts.protocol->line : LineDefaults{};
+    // A protocol that is at home on 8 bits uses the eighth; one that needs 7 is content with 8.
+    if (facts.protocol != nullptr &&
+        links.lines[i].data_bits.value_or(defaults.data_bits) < defaults.data_bits)
+      if (const ConfigNode* bits = data_bits_of(array.children[i]))
+        reader.error(*bits, std::string(facts.protocol->name) + " needs " +
+                                std::to_string(defaults.data_bits) + " data bits");
+    const SerialSettings line = line_settings(links.lines[i], defaults);
+    if (auto* serial = std::get_if<SerialSettings>(&link.channel)) {
+      const std::string path = serial->path;
+      *serial = line;
+      serial->path = path;
+    }
+    if (facts.is_serial || links.lines[i].baud) link.char_time = character_time(line);
+  }
+}
+
+// ---- the whole --------------------------------------------------------------------------------
+
+Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy) {
+  Config config;
+  if (!reader.check_object(top, config_keys::top)) return config;
+  if (const ConfigNode* schema = top.find("$schema"); schema != nullptr) reader.text(*schema);
+  if (const ConfigNode* agent = reader.object(top, "agent", ConfigReader::required))
+    read_agent(reader, *agent, config);
+  if (const ConfigNode* mqtt = reader.object(top, "mqtt", ConfigReader::required))
+    read_mqtt(reader, *mqtt, config, privacy);
+  if (const ConfigNode* store = reader.object(top, "store", ConfigReader::optional))
+    read_store(reader, *store, config.store);
+  else if (top.find("store") == nullptr)
+    reader.warn(top,
+                "no store: samples are lost while the broker is away, and the ids of commands are "
+                "forgotten at a restart");
+  Links links;
+  const ConfigNode* link_array = reader.array(top, "links", ConfigReader::required);
+  if (link_array != nullptr) read_links(reader, *link_array, links, config);
+  if (const ConfigNode* devices = reader.array(top, "devices", ConfigReader::required)) {
+    if (devices->children.empty()) reader.warn(*devices, "no devices: nothing will be read");
+    read_devices(reader, *devices, links.names, links.facts, config);
+  }
+  if (link_array != nullptr) finish_links(reader, *link_array, links, config);
+  return config;
+}
+
+std::optional<std::string> process_environment(std::string_view name) {
+  const char* value = std::getenv(std::string(name).c_str());
+  return value == nullptr ? std::nullopt : std::optional<std::string>(value);
+}
+
+/// Whether the nearest directory of `path` that exists can be written.
+bool can_be_made(std::filesystem::path path) {
+  std::error_code ignored;
+  while (!std::filesystem::exists(path, ignored)) {
+    const auto above = path.parent_path();
+    if (above == path || above.empty()) return above.empty() && ::access(".", W_OK) == 0;
+    path = above;
+  }
+  return std::filesystem::is_directory(path, ignored) && ::access(path.c_str(), W_OK | X_OK) == 0;
+}
+
+FilePrivacy privacy_of(const std::string& path) {
+  struct stat file {};
+  const bool is_own = ::stat(path.c_str(), &file) == 0 && S_ISREG(file.st_mode) &&
+                      (file.st_mode & (S_IRWXG | S_IRWXO)) == 0;
+  return is_own ? FilePrivacy::owner_only : FilePrivacy::shared;
+}
+
+/// Whether a directory on the way to `path` lets nobody pass by this right (S_IXGRP or S_IXOTH).
+bool lies_behind_closed_doors(const std::filesystem::path& path, mode_t right) {
+  std::error_code fault;
+  auto above = std::filesystem::canonical(path, fault).parent_path();
+  struct stat directory {};
+  for (; above.has_relative_path(); above = above.parent_path())
+    if (::stat(above.c_str(), &directory) == 0 && (directory.st_mode & right) == 0) return true;
+  return false;
+}
+
+/// Where containers have their secrets: readable by all, and nobody else is in there.
+constexpr std::string_view kContainerSecrets = "/run/secrets/";
+
+/// Who can read a file that need not; empty: nobody.
+std::string_view readers_beside_owner(const std::string& path) {
+  const auto credentials = process_environment("CREDENTIALS_DIRECTORY");
+  struct stat file {};
+  if ((credentials && path.starts_with(*credentials + "/")) ||
+      path.starts_with(kContainerSecrets) || ::stat(path.c_str(), &file) != 0)
+    return {};
+  if ((file.st_mode & S_IROTH) != 0 && !lies_behind_closed_doors(path, S_IXOTH)) return "everybody";
+  // Who is not its owner may need the group's right.
+  const bool by_group = (file.st_mode & S_IRGRP) != 0 && file.st_uid == ::geteuid();
+  return by_group && !lies_behind_closed_doors(path, S_IXGRP) ? "its group" : "";
+}
+
+}  // namespace
+
+std::string to_string(const ConfigError& error, std::string_view file) {
+  std::string text(file);
+  if (error.line > 0) text += ":" + std::to_string(error.line);
+  text += ": ";
+  if (!error.pointer.empty()) text += error.pointer + ": ";
+  return text + error.text;
+}
+
+tl::expected<Config, std::vector<ConfigError>> parse_config(std::string_view text,
+                                                            const Environment& environment,
+                                                            FilePrivacy privacy) {
+  const auto tree = ConfigTree::parse(text);
+  if (!tree)
+    return tl::unexpected(std::vector{ConfigError{"", tree.error().line, tree.error().text}});
+  ConfigReader reader(*tree, environment);
+  Config config = read_top(reader, tree->root(), privacy);
+  if (reader.failed()) return tl::unexpected(reader.errors());
+  config.warnings = reader.warnings();
+  return config;
+}
+
+tl::expected<Config, std::vector<ConfigError>> parse_config(std::string_view text) {
+  return parse_config(text, process_environment);
+}
+
+tl::expected<Config, std::vector<ConfigError>> load_config(const std::string& path) {
+  const auto unreadable = [](std::string why) {
+    return tl::unexpected(std::vector{ConfigError{"", 0, "cannot be read: " + std::move(why)}});
+  };
+  std::error_code fault;
+  if (std::filesystem::is_directory(path, fault)) return unreadable("it is a directory");
+  std::ifstream file(path, std::ios::binary);
+  if (!file) return unreadable(std::generic_category().message(errno));
+  // One byte over the limit is enough for the parser to refuse it, so an endless file ends here.
+  std::string text;
+  std::array<char, 65536> block{};
+  while (text.size() <= ConfigTree::max_bytes && file) {
+    file.read(block.data(), block.size());
+    text.append(block.data(), static_cast<std::size_t>(file.gcount()));
+  }
+  if (file.bad()) return unreadable("the file could not be read to its end");
+  auto config = parse_config(text, process_environment, privacy_of(path));
+  if (!config) return config;
+
+  const std::filesystem::path directory = std::filesystem::path(path).parent_path();
+  const auto resolve = [&](std::string& name) {
+    if (!name.empty()) name = (directory / name).string();
+  };
+  resolve(config->store.path);
+  resolve(config->mqtt.password_file);
+  if (config->mqtt.tls) {
+    resolve(config->mqtt.tls->ca_file);
+    resolve(config->mqtt.tls->cert_file);
+    resolve(config->mqtt.tls->key_file);
+  }
+  return config;
+}
+
+std::vector<ConfigError> check_files(const Config& config) {
+  std::vector<ConfigError> missing;
+  const auto must_be_readable = [&](std::string pointer, const std::string& path) {
+    if (!path.empty() && ::access(path.c_str(), R_OK) != 0)
+      missing.push_back(
+          {std::move(pointer), 0,
+           shown(path) + " cannot be read: " + std::generic_category().message(errno)});
+  };
+  if (config.mqtt.tls) {
+    must_be_readable("/mqtt/tls/ca_file", config.mqtt.tls->ca_file);
+    must_be_readable("/mqtt/tls/cert_file", config.mqtt.tls->cert_file);
+    must_be_readable("/mqtt/tls/key_file", config.mqtt.tls->key_file);
+  }
+  // Either source of the password will do; the file comes first.
+  const auto& mqtt = config.mqtt;
+  const bool from_environment =
+      !mqtt.password_env.empty() && process_environment(mqtt.password_env).has_value();
+  if (!from_environment) {
+    must_be_readable("/mqtt/password_file", mqtt.password_file);
+    if (mqtt.password_file.empty() && !mqtt.password_env.empty())
+      missing.push_back({"/mqtt/password_env", 0,
+                         "the environment variable " + shown(mqtt.password_env) + " is not set"});
+  }
+  if (!config.store.path.empty() && !can_be_made(config.store.path))
+    missing.push_back({"/store/path", 0, shown(config.store.path) + " cannot be written"});
+  for (std::size_t i = 0; i < config.links.size(); ++i) {
+    const auto* serial = std::get_if<SerialSettings>(&config.links[i].channel);
+    if (serial != nullptr && ::access(serial->path.c_str(), R_OK | W_OK) != 0)
+      missing.push_back(
+          {"/links/" + std::to_string(i) + "/serial/path", 0,
+           shown(serial->path) + " cannot be opened: " + std::generic_category().message(errno)});
+  }
+  return missing;
+}
+
+std::vector<ConfigError> exposed_secrets(const Config& config) {
+  std::vector<ConfigError> exposed;
+  const auto look = [&](std::string pointer, const std::string& path) {
+    const std::string_view who = path.empty() ? std::string_view() : readers_beside_owner(path);
+    if (!who.empty())
+      exposed.push_back({std::move(pointer), 0,
+                         shown(path) + " can be read by " + std::string(who) + "; chmod 600 it"});
+  };
+  if (config.mqtt.tls) look("/mqtt/tls/key_file", config.mqtt.tls->key_file);
+  look("/mqtt/password_file", config.mqtt.password_file);
+  return exposed;
+}
+
+}  // namespace fxagent

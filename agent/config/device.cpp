@@ -1,0 +1,532 @@
+#include "agent/config/device.h"
+
+#include <algorithm>
+#include <array>
+#include <map>
+#include <string>
+#include <utility>
+
+#include "agent/config/keys.h"
+
+namespace fxagent {
+namespace {
+
+using std::string_view_literals::operator""sv;
+
+constexpr std::array kPublish{"always"sv, "on_change"sv};
+constexpr std::array kAccess{"read"sv, "read_write"sv};
+constexpr std::array kEnquire{"open"sv, "always"sv, "never"sv};  // the order of EnquirePolicy
+constexpr std::array kTypes{"bool"sv,    "int16"sv, "uint16"sv, "int32"sv, "uint32"sv,
+                            "float32"sv, "bcd16"sv, "bcd32"sv,  "string"sv};
+constexpr std::array kWordOrders{"low_first"sv, "high_first"sv};
+/// A protocol whose devices may set their byte order lets its tags do so too.
+constexpr std::array kByteOrders{"low_first"sv, "high_first"sv, "ABCD"sv,
+                                 "CDAB"sv,      "BADC"sv,       "DCBA"sv};
+
+constexpr std::string_view kDefaultGroup = "default";
+constexpr std::string_view kAuto = "auto";
+constexpr std::int64_t kDay = 86'400;
+
+const OptionSpec* spec_of(const ProtocolInfo& protocol, std::string_view key) {
+  const auto found = std::ranges::find(protocol.options, key, &OptionSpec::key);
+  return found == protocol.options.end() ? nullptr : &*found;
+}
+
+std::vector<std::string_view> option_keys(const ProtocolInfo& protocol) {
+  std::vector<std::string_view> keys;
+  for (const OptionSpec& spec : protocol.options) keys.push_back(spec.key);
+  return keys;
+}
+
+/// Reads one device. A device whose protocol cannot be told is read on without its codec, so that
+/// the errors of shape in its tags still come out.
+class DeviceReader {
+ public:
+  DeviceReader(ConfigReader& reader, const ConfigNode& node, DeviceConfig& device)
+      : reader_(reader), node_(node), device_(device) {}
+
+  /// False where there is no object to read.
+  bool read_protocol();
+  void read_rest();
+
+ private:
+  void check_foreign_key(const ConfigNode& member);
+  const ConfigNode& culprit(const Options& options, const Error& error) const;
+  std::optional<std::string_view> read_model();
+  void make_codec();
+  void read_groups();
+  void read_tag(const ConfigNode& node);
+  std::uint32_t group_of(const ConfigNode& tag);
+  bool read_place(const ConfigNode& node, TagConfig& tag);
+  void read_shape(const ConfigNode& node, std::optional<DataType> type, Point& point);
+  void check_span(const ConfigNode& node, const TagConfig& tag);
+  void check_exists(const ConfigNode& address, const Span& span);
+  void read_limits(const ConfigNode& node, TagConfig& tag);
+  void read_commands(const ConfigNode& node);
+  void read_allow(const ConfigNode& list);
+
+  ConfigReader& reader_;
+  const ConfigNode& node_;
+  DeviceConfig& device_;
+  /// The device's codec, or for a model that is still to be asked that of the widest one; shared
+  /// with `device_.codec` where they are the same. Null where protocol, model or options are wrong.
+  std::shared_ptr<const Codec> codec_;
+  NameTable groups_;
+  NameTable tags_;
+  std::map<std::uint16_t, std::vector<ReadWay>> ways_;
+};
+
+// ---- protocol and options ---------------------------------------------------------------------
+
+bool DeviceReader::read_protocol() {
+  std::vector<std::string_view> names;
+  for (const ProtocolInfo& info : catalog()) names.push_back(info.name);
+  const ConfigNode* given = node_.find("protocol");
+  if (node_.kind == ConfigNode::Kind::object && given == nullptr)
+    reader_.error(node_, "\"protocol\" is missing: " + one_of(names));
+  if (const auto index = reader_.choice(node_, "protocol", names))
+    device_.protocol = &catalog()[*index];
+
+  // Without a protocol any key that one of them has may be right.
+  std::vector<std::string_view> options;
+  std::vector<std::string_view> foreign;
+  for (const ProtocolInfo& info : catalog()) {
+    const bool own = device_.protocol == nullptr || device_.protocol == &info;
+    for (const auto key : option_keys(info)) (own ? options : foreign).push_back(key);
+  }
+  if (!reader_.check_object(node_, config_keys::device, options, foreign)) return false;
+  for (const ConfigNode& member : node_.children) check_foreign_key(member);
+  return true;
+}
+
+/// A key of other protocols: the error says of which, and what this one has in its place.
+void DeviceReader::check_foreign_key(const ConfigNode& member) {
+  if (device_.protocol == nullptr || spec_of(*device_.protocol, member.key) != nullptr ||
+      std::ranges::find(config_keys::device, member.key) != config_keys::device.end())
+    return;
+  std::vector<std::string_view> owners;
+  for (const ProtocolInfo& info : catalog())
+    if (spec_of(info, member.key) != nullptr) owners.push_back(info.name);
+  if (owners.empty()) return;  // of no protocol; reported as unknown
+  reader_.error_at_key(member, "is for " + one_of(owners) + "; in its place " +
+                                   std::string(device_.protocol->name) + " may have " +
+                                   one_of(option_keys(*device_.protocol)));
+}
+
+/// The key that the codec objects to: with its default there would be no such error. The device
+/// itself where no key alone is the reason.
+const ConfigNode& DeviceReader::culprit(const Options& options, const Error& error) const {
+  const Options defaults = default_options(*device_.protocol);
+  for (const OptionSpec& spec : device_.protocol->options) {
+    const ConfigNode* given = node_.find(spec.key);
+    if (given == nullptr) continue;
+    Options others = options;
+    others.insert_or_assign(std::string(spec.key), defaults.find(spec.key)->second);
+    const auto codec = device_.protocol->make(others);
+    if (codec || codec.error().text != error.text) return *given;
+  }
+  return node_;
+}
+
+/// The device's model, "auto" where none is given; nothing where it is wrong.
+std::optional<std::string_view> DeviceReader::read_model() {
+  const ProtocolInfo& protocol = *device_.protocol;
+  const ConfigNode* given = node_.find("model");
+  if (given == nullptr) return kAuto;
+  if (protocol.models.empty()) {
+    if (const auto word = reader_.text(*given); word && *word != kAuto)
+      reader_.error(*given, std::string(protocol.name) +
+                                " has no models: leave \"model\" out, or set it to auto");
+    return kAuto;
+  }
+  std::vector<std::string_view> models{protocol.models};
+  models.push_back(kAuto);
+  const auto model = reader_.choice(node_, "model", models);
+  return model ? std::optional(models[*model]) : std::nullopt;
+}
+
+void DeviceReader::make_codec() {
+  const ProtocolInfo& protocol = *device_.protocol;
+  Options options = default_options(protocol);
+  for (const OptionSpec& spec : protocol.options) {
+    OptionValue& value = options[std::string(spec.key)];
+    switch (spec.kind) {
+      case OptionSpec::Kind::integer:
+        if (const auto given = reader_.integer(node_, spec.key, {spec.min, spec.max}))
+          value = *given;
+        break;
+      case OptionSpec::Kind::boolean:
+        if (const auto given = reader_.boolean(node_, spec.key)) value = *given;
+        break;
+      case OptionSpec::Kind::choice:
+        if (const auto index = reader_.choice(node_, spec.key, spec.choices))
+          value = std::string(spec.choices[*index]);
+        break;
+    }
+  }
+
+  const auto name = read_model();
+  if (!name) return;
+  options.insert_or_assign("model", std::string(*name));
+
+  auto codec = protocol.make(options);
+  if (!codec) {
+    reader_.error(culprit(options, codec.error()), codec.error().text);
+    return;
+  }
+  device_.codec = *codec;
+  device_.options = options;
+  codec_ = *codec;
+  if (*name == kAuto && !protocol.models.empty()) {
+    // The catalogue lists a protocol's models from the narrowest to the widest.
+    codec_ = device_.codec->with_model(protocol.models.back());
+    const ConfigNode* given = node_.find("model");
+    reader_.warn(given != nullptr ? *given : node_,
+                 "model auto: checked against " + std::string(protocol.models.back()) +
+                     ", the widest; addresses that the real model lacks will be bad");
+  }
+
+  if (const auto found = options.find("enquire"); found != options.end())
+    if (const auto* word = std::get_if<std::string>(&found->second))
+      if (const auto at = std::ranges::find(kEnquire, *word); at != kEnquire.end())
+        device_.enquire = static_cast<EnquirePolicy>(at - kEnquire.begin());
+  if (const auto found = options.find("max_block_bytes"); found != options.end())
+    if (const auto* bytes = std::get_if<std::int64_t>(&found->second))
+      device_.max_block_bytes = static_cast<std::uint32_t>(*bytes);
+}
+
+void DeviceReader::read_rest() {
+  device_.timeout =
+      std::chrono::milliseconds(reader_.integer_or(node_, "timeout_ms", {1, 600000}, 1000));
+  device_.retries = static_cast<int>(reader_.integer_or(node_, "retries", {0, 10}, 2));
+  device_.gap = std::chrono::milliseconds(reader_.integer_or(node_, "gap_ms", {0, 60000}, 0));
+  device_.turnaround =
+      std::chrono::milliseconds(reader_.integer_or(node_, "turnaround_ms", {0, 60000}, 30));
+  device_.echo = reader_.boolean(node_, "echo").value_or(false);
+  if (device_.protocol == nullptr || spec_of(*device_.protocol, "max_block_bytes") == nullptr)
+    device_.max_block_bytes =
+        static_cast<std::uint32_t>(reader_.integer_or(node_, "max_block_bytes", {2, 65535}, 0));
+  if (device_.protocol != nullptr) make_codec();
+  read_groups();
+  if (const ConfigNode* tags = reader_.array(node_, "tags", ConfigReader::optional)) {
+    device_.tags.reserve(tags->children.size());
+    if (codec_ != nullptr && codec_->is_broadcast() && !tags->children.empty())
+      reader_.error(*tags,
+                    "a broadcast is never answered, so it can have no tags; what may be written to "
+                    "all units stands in commands/allow");
+    for (const ConfigNode& tag : tags->children) read_tag(tag);
+  }
+  if (const ConfigNode* commands = reader_.object(node_, "commands", ConfigReader::optional))
+    read_commands(*commands);
+}
+
+// ---- groups -----------------------------------------------------------------------------------
+
+void DeviceReader::read_groups() {
+  const ConfigNode* groups = reader_.array(node_, "groups", ConfigReader::optional);
+  if (groups == nullptr) return;
+  for (const ConfigNode& node : groups->children) {
+    if (!reader_.check_object(node, config_keys::group)) continue;
+    GroupConfig group;
+    group.name = reader_.name(node, "name", ConfigReader::required).value_or("");
+    group.interval =
+        std::chrono::milliseconds(reader_.integer_or(node, "interval_ms", {0, kDay * 1000}, 1000));
+    group.on_change = reader_.choice(node, "publish", kPublish).value_or(0) == 1;
+    group.max_silent =
+        std::chrono::seconds(reader_.integer_or(node, "max_silent_s", {1, kDay}, 60));
+    if (!group.name.empty())
+      groups_.add(reader_, group.name, *node.find("name"),
+                  static_cast<std::uint32_t>(device_.groups.size()));
+    device_.groups.push_back(std::move(group));
+  }
+}
+
+std::uint32_t DeviceReader::group_of(const ConfigNode& tag) {
+  const ConfigNode* node = tag.find("group");
+  const auto given = reader_.name(tag, "group", ConfigReader::optional);
+  if (node != nullptr && !given) return 0;
+  const std::string name = given.value_or(std::string(kDefaultGroup));
+  if (const auto index = groups_.find(name)) return *index;
+  if (name != kDefaultGroup) {
+    reader_.error(*node, "this device has no group \"" + name + "\"; " +
+                             (groups_.names().empty() ? "it has no groups at all"
+                                                      : did_you_mean(name, groups_.names())));
+    return 0;
+  }
+  // Named by no one and used: it comes into being with the first tag.
+  const auto index = static_cast<std::uint32_t>(device_.groups.size());
+  groups_.add(reader_, name, tag, index);
+  GroupConfig group;
+  group.name = name;
+  device_.groups.push_back(std::move(group));
+  return index;
+}
+
+// ---- tags -------------------------------------------------------------------------------------
+
+void DeviceReader::read_tag(const ConfigNode& node) {
+  if (!reader_.check_object(node, config_keys::tag)) return;
+  TagConfig tag;
+  tag.name = reader_.name(node, "name", ConfigReader::required).value_or("");
+  if (!tag.name.get().empty())
+    tags_.add(reader_, tag.name, *node.find("name"),
+              static_cast<std::uint32_t>(device_.tags.size()));
+  tag.group = group_of(node);
+  tag.writable = reader_.choice(node, "access", kAccess).value_or(0) == 1;
+  // A unit may well be empty, and often is in a file that a program has written.
+  if (const ConfigNode* unit = node.find("unit");
+      unit != nullptr && (unit->kind != ConfigNode::Kind::string || !unit->text.empty()))
+    tag.unit = reader_.text(*unit).value_or("");
+  if (read_place(node, tag)) check_span(node, tag);
+  read_limits(node, tag);
+  device_.tags.push_back(std::move(tag));
+}
+
+/// Address, type, shape and units. False where the span of the point cannot be told.
+bool DeviceReader::read_place(const ConfigNode& node, TagConfig& tag) {
+  std::optional<DataType> type;
+  const ConfigNode* given = node.find("type");
+  if (const auto index = reader_.choice(node, "type", kTypes)) {
+    const auto read = data_type_from(kTypes[*index]);
+    if (read) type = *read;
+  }
+  const auto text = reader_.text(node, "address", ConfigReader::required);
+  bool good = text.has_value() && (given == nullptr || type);
+  if (good && codec_ != nullptr) {
+    if (const auto address = codec_->parse_address(*text, type)) {
+      tag.point.address = *address;
+      if (!type) type = default_type(*address);
+    } else {
+      reader_.error(*node.find("address"), address.error().text);
+      good = false;
+    }
+  }
+  read_shape(node, type, tag.point);
+  return type && good && codec_ != nullptr;
+}
+
+/// What the type asks for and forbids; only ranges where the type itself is wrong or not known.
+void DeviceReader::read_shape(const ConfigNode& node, std::optional<DataType> type, Point& point) {
+  if (type) point.type = *type;
+  constexpr ConfigReader::Range kElements{1, 65535};
+  if (const auto count = reader_.integer(node, "count", kElements)) {
+    point.count = static_cast<std::uint16_t>(*count);
+    point.is_array = true;
+  }
+  const ConfigNode* length = node.find("length");
+  point.length = static_cast<std::uint16_t>(reader_.integer_or(node, "length", kElements, 0));
+  if (type == DataType::string && length == nullptr)
+    reader_.error(node, "\"length\" is missing: a string needs its number of characters");
+  if (type && type != DataType::string && length != nullptr)
+    reader_.error_at_key(*length, "is for strings; an array has a \"count\"");
+
+  if (codec_ != nullptr) point.order = codec_->default_order();
+  const bool any_order =
+      device_.protocol == nullptr || spec_of(*device_.protocol, "byte_order") != nullptr;
+  const auto words = any_order ? std::span<const std::string_view>(kByteOrders)
+                               : std::span<const std::string_view>(kWordOrders);
+  if (const auto index = reader_.choice(node, "word_order", words)) {
+    if (const auto order = byte_order_from(words[*index])) point.order = *order;
+    if (type == DataType::boolean)
+      reader_.error_at_key(*node.find("word_order"), "a bool has no words");
+  }
+
+  // Without a number there is nothing to scale; read_limits() says so.
+  if (type == DataType::boolean || type == DataType::string) return;
+  const auto scale = reader_.number(node, "scale");
+  const auto offset = reader_.number(node, "offset");
+  if (!scale && !offset) return;
+  if (const auto set = set_units(point, scale.value_or(1.0), offset.value_or(0.0)); !set)
+    reader_.error(*node.find(scale ? "scale" : "offset"), set.error().text);
+}
+
+/// The point as a whole against the model and, where it may be written, against the rules for that.
+void DeviceReader::check_span(const ConfigNode& node, const TagConfig& tag) {
+  const ConfigNode& address = *node.find("address");
+  const bool text_without_length = tag.point.type == DataType::string && tag.point.length == 0;
+  if (text_without_length) return;  // reported with the length
+  const auto span = span_of(tag.point);
+  if (!span) {
+    const ConfigNode* type = node.find("type");
+    reader_.error(type != nullptr ? *type : address, span.error().text);
+    return;
+  }
+  check_exists(address, *span);
+  if (!tag.writable) return;
+  const ConfigNode& access = *node.find("access");
+  if (!tag.point.address.writable)
+    reader_.error(access, tag.point.address.text + " can only be read");
+  else if (const auto allowed = codec_->check_write(*span); !allowed)
+    reader_.error(access, "cannot be written: " + allowed.error().text);
+}
+
+void DeviceReader::check_exists(const ConfigNode& address, const Span& span) {
+  const auto [entry, fresh] = ways_.try_emplace(span.space);
+  if (fresh) entry->second = codec_->read_ways(span.space);
+  if (const auto exists = codec_->check_range(span); !exists) {
+    reader_.error(address, exists.error().text);
+    return;
+  }
+  const bool reached = std::ranges::any_of(entry->second, [&](const ReadWay& way) {
+    return way.first_bit <= span.first_bit && span.end_bit() <= way.end_bit;
+  });
+  if (!reached)
+    reader_.error(address, "out of reach of this device's commands, from " + codec_->name_of(span) +
+                               " to " + codec_->name_of({span.space, span.end_bit() - 1, 1}));
+}
+
+void DeviceReader::read_limits(const ConfigNode& node, TagConfig& tag) {
+  TagLimits limits;
+  limits.min = reader_.number(node, "min");
+  limits.max = reader_.number(node, "max");
+  limits.deadband = reader_.number(node, "deadband");
+  const bool countable = tag.point.type != DataType::boolean && tag.point.type != DataType::string;
+  for (const auto key : {"scale"sv, "offset"sv, "min"sv, "max"sv, "deadband"sv})
+    if (const ConfigNode* limit = node.find(key); limit != nullptr && !countable)
+      reader_.error_at_key(*limit,
+                           "is for numbers, not for " + std::string(to_string(tag.point.type)));
+  if (limits.min && limits.max && *limits.min > *limits.max)
+    reader_.error(*node.find("min"), "must not be greater than max");
+  if (limits.deadband && *limits.deadband < 0)
+    reader_.error(*node.find("deadband"), "must not be negative");
+  tag.limits = limits;
+}
+
+// ---- commands ---------------------------------------------------------------------------------
+
+void DeviceReader::read_commands(const ConfigNode& node) {
+  if (!reader_.check_object(node, config_keys::commands)) return;
+  CommandRules& rules = device_.commands;
+  if (const ConfigNode* allow = reader_.array(node, "allow", ConfigReader::optional))
+    read_allow(*allow);
+  rules.allow_run_stop = reader_.boolean(node, "allow_run_stop").value_or(false);
+  if (rules.allow_run_stop && codec_ != nullptr && !codec_->run_order(true))
+    reader_.warn(*node.find("allow_run_stop"), "has no effect: this protocol has no run and stop");
+  constexpr ConfigReader::Range kExpiry{1, 7 * kDay};
+  rules.max_expiry = std::chrono::seconds(reader_.integer_or(node, "max_expiry_s", kExpiry, 3600));
+  const auto expiry = reader_.integer(node, "default_expiry_s", kExpiry);
+  // Where only the longest expiry is given, and is short, the default follows it.
+  rules.default_expiry =
+      expiry ? std::chrono::seconds(*expiry) : std::min(rules.default_expiry, rules.max_expiry);
+  if (rules.default_expiry > rules.max_expiry)
+    reader_.error(*node.find("default_expiry_s"),
+                  "must not be longer than max_expiry_s, which is " +
+                      std::to_string(rules.max_expiry.count()));
+  rules.verify = reader_.boolean(node, "verify").value_or(true);
+  rules.queue = static_cast<std::size_t>(reader_.integer_or(node, "queue", {1, 10000}, 64));
+}
+
+/// Each entry becomes a span; then they are sorted and neighbours merged.
+void DeviceReader::read_allow(const ConfigNode& list) {
+  std::vector<Span> spans;
+  for (const ConfigNode& item : list.children) {
+    const auto text = reader_.text(item);
+    if (!text || codec_ == nullptr) continue;
+    if (const auto span = codec_->parse_range(*text))
+      spans.push_back(*span);
+    else
+      reader_.error(item, span.error().text);
+  }
+  std::ranges::sort(spans, [](const Span& a, const Span& b) {
+    return std::pair(a.space, a.first_bit) < std::pair(b.space, b.first_bit);
+  });
+  for (const Span& span : spans) {
+    auto& merged = device_.commands.allow;
+    if (merged.empty() || merged.back().space != span.space ||
+        merged.back().end_bit() < span.first_bit)
+      merged.push_back(span);
+    else
+      merged.back().bits =
+          std::max(merged.back().end_bit(), span.end_bit()) - merged.back().first_bit;
+  }
+}
+
+// ---- devices and their links ------------------------------------------------------------------
+
+/// Finds the device's link and holds it against what else is on it.
+void join_link(ConfigReader& reader, const ConfigNode& node, const NameTable& links,
+               std::vector<LinkFacts>& facts, DeviceConfig& device) {
+  const auto name = reader.name(node, "link", ConfigReader::required);
+  if (!name) return;
+  const ConfigNode& given = *node.find("link");
+  const auto index = links.find(*name);
+  if (!index) {
+    reader.error(given, "there is no link \"" + *name + "\"; " +
+                            (links.names().empty() ? "there are no links at all"
+                                                   : did_you_mean(*name, links.names())));
+    return;
+  }
+  device.link = *index;
+  LinkFacts& link = facts[*index];
+  const ConfigNode* before = link.first_device;
+  if (before == nullptr) link.first_device = &node;
+  if (device.protocol == nullptr) return;
+  const ProtocolInfo& protocol = *device.protocol;
+  if (!(link.is_serial ? protocol.on_serial : protocol.on_tcp))
+    reader.error(given, std::string(protocol.name) + " does not run over a " +
+                            (link.is_serial ? "serial link; it needs one with \"tcp\""
+                                            : "tcp link; it needs one with \"serial\""));
+  if (link.protocol == nullptr) {
+    link.protocol = &protocol;
+  } else if (link.protocol != &protocol) {
+    reader.error(*node.find("protocol"), "one link speaks one protocol, and " +
+                                             reader.place_of(*before) + " has " +
+                                             std::string(link.protocol->name) +
+                                             " on this one; give this device another link");
+  } else if (!protocol.multidrop) {
+    reader.warn(given, "the same PLC answers for this device and for " + reader.place_of(*before) +
+                           ": " + std::string(protocol.name) + " knows no stations");
+  }
+}
+
+}  // namespace
+
+void read_devices(ConfigReader& reader, const ConfigNode& devices, const NameTable& links,
+                  std::vector<LinkFacts>& facts, Config& config) {
+  NameTable names;
+  for (const ConfigNode& node : devices.children) {
+    const auto index = static_cast<std::uint32_t>(config.devices.size());
+    DeviceConfig& device = config.devices.emplace_back();
+    DeviceReader device_reader(reader, node, device);
+    if (!device_reader.read_protocol()) continue;
+    device.name = reader.name(node, "name", ConfigReader::required).value_or("");
+    if (!device.name.empty()) names.add(reader, device.name, *node.find("name"), index);
+    join_link(reader, node, links, facts, device);
+    device_reader.read_rest();
+  }
+}
+
+namespace config_keys {
+namespace {
+
+template <class Keys>
+std::vector<std::string> strings(const Keys& keys) {
+  return {keys.begin(), keys.end()};
+}
+
+}  // namespace
+
+std::vector<ConfigObject> config_objects() {
+  std::vector<ConfigObject> objects{{"", "", strings(top)},
+                                    {"/agent", "", strings(agent)},
+                                    {"/mqtt", "", strings(mqtt)},
+                                    {"/mqtt/tls", "", strings(tls)},
+                                    {"/store", "", strings(store)},
+                                    {"/links/*", "", strings(link)},
+                                    {"/links/*/serial", "", strings(serial)},
+                                    {"/links/*/tcp", "", strings(tcp)}};
+  for (const ProtocolInfo& protocol : catalog()) {
+    const std::string name(protocol.name);
+    auto keys = strings(device);
+    for (const auto key : option_keys(protocol))
+      if (std::ranges::find(keys, key) == keys.end()) keys.emplace_back(key);
+    objects.push_back({"/devices/*", name, std::move(keys)});
+    objects.push_back({"/devices/*/groups/*", name, strings(group)});
+    objects.push_back({"/devices/*/tags/*", name, strings(tag)});
+    objects.push_back({"/devices/*/commands", name, strings(commands)});
+  }
+  return objects;
+}
+
+}  // namespace config_keys
+}  // namespace fxagent

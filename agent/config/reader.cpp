@@ -1,0 +1,390 @@
+#include "agent/config/reader.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <unordered_map>
+#include <utility>
+
+namespace fxagent {
+namespace {
+
+using Kind = ConfigNode::Kind;
+
+/// Longer words are no misspelling of ours, and comparing them would take time for nothing.
+constexpr std::size_t kLongestWord = 64;
+
+bool is_name_start(char c) { return c == '_' || (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z'); }
+bool is_name_part(char c) { return is_name_start(c) || (c >= '0' && c <= '9'); }
+
+std::string found_text(const ConfigNode& node) {
+  switch (node.kind) {
+    case Kind::null:
+      return "null";
+    case Kind::boolean:
+      return node.boolean ? "true" : "false";
+    case Kind::integer:
+      return "the number " + std::to_string(node.integer);
+    case Kind::number:
+      return "the number " + shown(node.text);
+    case Kind::string:
+      return "the string \"" + shown(node.text) + "\"";
+    case Kind::array:
+      return "an array";
+    case Kind::object:
+      return "an object";
+  }
+  return {};
+}
+
+bool has_control(std::string_view text) {
+  return std::ranges::any_of(text, [](char c) { return (c >= 0 && c < 0x20) || c == 0x7F; });
+}
+
+/// Levenshtein.
+std::size_t edit_distance(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    std::size_t diagonal = std::exchange(row[0], i + 1);
+    for (std::size_t j = 0; j < b.size(); ++j) {
+      const std::size_t replaced = diagonal + (a[i] == b[j] ? 0 : 1);
+      diagonal = row[j + 1];
+      row[j + 1] = std::min({replaced, row[j + 1] + 1, row[j] + 1});
+    }
+  }
+  return row[b.size()];
+}
+
+}  // namespace
+
+std::vector<std::string_view> nearest_words(std::string_view word,
+                                            std::span<const std::string_view> words) {
+  std::vector<std::string_view> nearest;
+  if (word.size() >= 3)
+    for (const auto candidate : words)
+      if (candidate.starts_with(word)) nearest.push_back(candidate);
+  if (!nearest.empty()) return nearest;
+  word = word.substr(0, kLongestWord);
+  std::size_t least = 0;
+  for (const auto candidate : words) {
+    const std::size_t distance = edit_distance(word, candidate);
+    if (nearest.empty() || distance < least) {
+      least = distance;
+      nearest.clear();
+    }
+    if (distance == least && nearest.size() < 2) nearest.push_back(candidate);
+  }
+  return nearest;
+}
+
+std::string one_of(std::span<const std::string_view> words) {
+  std::string text;
+  for (std::size_t i = 0; i < words.size(); ++i) {
+    if (i > 0) text += i + 1 == words.size() ? " or " : ", ";
+    text += words[i];
+  }
+  return text;
+}
+
+std::string did_you_mean(std::string_view word, std::span<const std::string_view> words) {
+  const auto nearest = nearest_words(word, words);
+  return nearest.empty() ? std::string() : "did you mean " + one_of(nearest) + "?";
+}
+
+ConfigReader::ConfigReader(const ConfigTree& tree, Environment environment)
+    : tree_(tree), environment_(std::move(environment)) {}
+
+void ConfigReader::error(const ConfigNode& at, std::string text) {
+  errors_.push_back({at.offset, &at, without_secrets(at, std::move(text))});
+}
+
+void ConfigReader::error_at_key(const ConfigNode& at, std::string text) {
+  errors_.push_back({at.key_offset, &at, without_secrets(at, std::move(text))});
+}
+
+void ConfigReader::warn(const ConfigNode& at, std::string text) {
+  warnings_.push_back({at.offset, &at, without_secrets(at, std::move(text))});
+}
+
+std::vector<ConfigError> ConfigReader::errors() const {
+  std::vector<Finding> sorted = errors_;
+  std::ranges::stable_sort(sorted, {}, &Finding::offset);
+  std::vector<ConfigError> list;
+  list.reserve(sorted.size());
+  for (Finding& finding : sorted)
+    list.push_back({pointer_to(*finding.node), tree_.line_of(finding.offset), finding.text});
+  return list;
+}
+
+std::vector<std::string> ConfigReader::warnings() const {
+  std::vector<Finding> sorted = warnings_;
+  std::ranges::stable_sort(sorted, {}, &Finding::offset);
+  std::vector<std::string> list;
+  list.reserve(sorted.size());
+  for (const Finding& finding : sorted)
+    list.push_back(place_of(*finding.node) + ": " + finding.text);
+  return list;
+}
+
+std::string ConfigReader::place_of(const ConfigNode& node) const {
+  return pointer_to(node) + " (line " + std::to_string(tree_.line_of(node.offset)) + ")";
+}
+
+bool ConfigReader::check_object(const ConfigNode& node, std::span<const std::string_view> keys,
+                                std::span<const std::string_view> more,
+                                std::span<const std::string_view> left_to_caller) {
+  if (node.kind != Kind::object) {
+    wrong_kind(node, "an object");
+    return false;
+  }
+  std::unordered_map<std::string_view, const ConfigNode*> seen;
+  for (const ConfigNode& child : node.children) {
+    const auto [first, fresh] = seen.emplace(child.key, &child);
+    if (!fresh) {
+      error_at_key(child, "the key stands here a second time; first in line " +
+                              std::to_string(tree_.line_of(first->second->key_offset)));
+      continue;
+    }
+    if (std::ranges::find(keys, child.key) != keys.end() ||
+        std::ranges::find(more, child.key) != more.end() ||
+        std::ranges::find(left_to_caller, child.key) != left_to_caller.end())
+      continue;
+    std::vector<std::string_view> known(keys.begin(), keys.end());
+    known.insert(known.end(), more.begin(), more.end());
+    error_at_key(child,
+                 "unknown key \"" + shown(child.key) + "\"; " + did_you_mean(child.key, known));
+  }
+  return true;
+}
+
+const ConfigNode* ConfigReader::member(const ConfigNode& parent, std::string_view key,
+                                       Presence presence) {
+  const ConfigNode* node = parent.find(key);
+  if (node == nullptr && presence == Presence::required)
+    error(parent, "\"" + std::string(key) + "\" is missing");
+  return node;
+}
+
+void ConfigReader::wrong_kind(const ConfigNode& node, std::string_view wanted) {
+  error(node, "must be " + std::string(wanted) + ", found " + found_text(node));
+}
+
+const ConfigNode* ConfigReader::object(const ConfigNode& parent, std::string_view key,
+                                       Presence presence) {
+  const ConfigNode* node = member(parent, key, presence);
+  if (node == nullptr || node->kind == Kind::object) return node;
+  wrong_kind(*node, "an object");
+  return nullptr;
+}
+
+const ConfigNode* ConfigReader::array(const ConfigNode& parent, std::string_view key,
+                                      Presence presence) {
+  const ConfigNode* node = member(parent, key, presence);
+  if (node == nullptr || node->kind == Kind::array) return node;
+  wrong_kind(*node, "an array");
+  return nullptr;
+}
+
+std::optional<std::int64_t> ConfigReader::integer(const ConfigNode& parent, std::string_view key,
+                                                  Range range) {
+  const ConfigNode* node = member(parent, key, Presence::optional);
+  if (node == nullptr) return std::nullopt;
+  const std::string wanted =
+      "an integer from " + std::to_string(range.min) + " to " + std::to_string(range.max);
+  // 5.0 is the integer 5 to JSON Schema, so it is here. No range goes beyond what a double counts.
+  constexpr double kExact = 9007199254740992.0;
+  const bool whole = node->kind == Kind::integer ||
+                     (node->kind == Kind::number && std::abs(node->number) <= kExact &&
+                      node->number == std::trunc(node->number));
+  if (!whole) {
+    wrong_kind(*node, wanted);
+    return std::nullopt;
+  }
+  const std::int64_t value =
+      node->kind == Kind::integer ? node->integer : static_cast<std::int64_t>(node->number);
+  if (value < range.min || value > range.max) {
+    wrong_kind(*node, wanted);
+    return std::nullopt;
+  }
+  return value;
+}
+
+std::optional<std::int64_t> ConfigReader::required_integer(const ConfigNode& parent,
+                                                           std::string_view key, Range range) {
+  return member(parent, key, Presence::required) == nullptr ? std::nullopt
+                                                            : integer(parent, key, range);
+}
+
+std::optional<double> ConfigReader::number(const ConfigNode& parent, std::string_view key) {
+  const ConfigNode* node = member(parent, key, Presence::optional);
+  if (node == nullptr) return std::nullopt;
+  if (node->kind == Kind::integer || node->kind == Kind::number) return node->number;
+  wrong_kind(*node, "a number");
+  return std::nullopt;
+}
+
+std::optional<bool> ConfigReader::boolean(const ConfigNode& parent, std::string_view key) {
+  const ConfigNode* node = member(parent, key, Presence::optional);
+  if (node == nullptr) return std::nullopt;
+  if (node->kind == Kind::boolean) return node->boolean;
+  wrong_kind(*node, "true or false");
+  return std::nullopt;
+}
+
+std::optional<std::string> ConfigReader::text(const ConfigNode& node) {
+  if (node.kind != Kind::string) {
+    wrong_kind(node, "a string");
+    return std::nullopt;
+  }
+  std::string fault;
+  const auto expanded = expand(node.text, &fault);
+  if (!expanded) {
+    error(node, fault);
+    return std::nullopt;
+  }
+  if (expanded->empty()) {
+    error(node, "must not be empty" +
+                    std::string(node.text.empty() ? "" : ", \"" + shown(node.text) + "\" is"));
+    return std::nullopt;
+  }
+  if (has_control(*expanded)) {
+    error(node, "must not have control characters");
+    return std::nullopt;
+  }
+  return expanded;
+}
+
+std::optional<std::string> ConfigReader::text(const ConfigNode& parent, std::string_view key,
+                                              Presence presence) {
+  const ConfigNode* node = member(parent, key, presence);
+  return node == nullptr ? std::nullopt : text(*node);
+}
+
+std::optional<ConfigReader::Secret> ConfigReader::secret(const ConfigNode& parent,
+                                                         std::string_view key) {
+  const ConfigNode* node = member(parent, key, Presence::optional);
+  if (node == nullptr) return std::nullopt;
+  if (node->kind != Kind::string) {
+    error(*node, "must be a string");
+    return std::nullopt;
+  }
+  const std::string_view text = node->text;
+  const bool is_variable = text.starts_with("${") && text.find('}') == text.size() - 1;
+  std::string fault;
+  auto value = expand(text, &fault);
+  if (!value)
+    error(*node, is_variable ? fault
+                             : "\"${\" must begin the name of an environment variable that is set; "
+                               "a plain one is written \"$${\"");
+  else if (value->empty())
+    error(*node, "must not be empty");
+  else if (has_control(*value))
+    error(*node, "must not have control characters");
+  else
+    return Secret{*std::move(value), !is_variable};
+  return std::nullopt;
+}
+
+std::optional<std::string> ConfigReader::name(const ConfigNode& parent, std::string_view key,
+                                              Presence presence) {
+  const ConfigNode* node = member(parent, key, presence);
+  if (node == nullptr) return std::nullopt;
+  const auto value = text(*node);
+  if (!value) return std::nullopt;
+  const bool good =
+      value->size() <= 64 && std::ranges::all_of(*value, [](char c) {
+        return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
+      });
+  if (good) return value;
+  error(*node, "a name is 1 to 64 of a-z, 0-9, _ and -, found \"" + shown(node->text) + "\"");
+  return std::nullopt;
+}
+
+std::optional<std::size_t> ConfigReader::choice(const ConfigNode& parent, std::string_view key,
+                                                std::span<const std::string_view> words) {
+  const ConfigNode* node = member(parent, key, Presence::optional);
+  if (node == nullptr) return std::nullopt;
+  const auto value = text(*node);
+  if (!value) return std::nullopt;
+  const auto found = std::ranges::find(words, *value);
+  if (found != words.end()) return static_cast<std::size_t>(found - words.begin());
+  error(*node, "must be " + one_of(words) + ", found \"" + shown(node->text) + "\"; " +
+                   did_you_mean(node->text, words));
+  return std::nullopt;
+}
+
+std::optional<std::string> ConfigReader::expand(std::string_view text, std::string* fault) const {
+  std::string out;
+  while (true) {
+    const std::size_t start = text.find("${");
+    out += text.substr(0, start);
+    if (start == std::string_view::npos) return out;
+    if (start > 0 && text[start - 1] == '$') {  // $${NAME} stands for a plain ${NAME}
+      out += "{";
+      text.remove_prefix(start + 2);
+      continue;
+    }
+    text.remove_prefix(start + 2);
+    const std::size_t end = text.find('}');
+    const std::string_view variable = text.substr(0, end);
+    if (end == std::string_view::npos || variable.empty() || !is_name_start(variable[0]) ||
+        !std::ranges::all_of(variable, is_name_part)) {
+      if (fault != nullptr)
+        *fault =
+            "\"${\" must begin the name of an environment variable, as in ${NAME}; a plain one "
+            "is written \"$${\"";
+      return std::nullopt;
+    }
+    const auto value = environment_(variable);
+    if (!value) {
+      if (fault != nullptr) *fault = "the environment variable " + shown(variable) + " is not set";
+      return std::nullopt;
+    }
+    out += *value;
+    text.remove_prefix(end + 1);
+  }
+}
+
+std::string ConfigReader::without_secrets(const ConfigNode& at, std::string text) const {
+  if (at.kind != Kind::string || at.text.find("${") == std::string::npos) return text;
+  const auto expanded = expand(at.text, nullptr);
+  if (!expanded || expanded->empty() || *expanded == at.text) return text;
+  // A protocol may quote an address in capitals.
+  const auto same = [](char a, char b) {
+    return std::tolower(static_cast<unsigned char>(a)) ==
+           std::tolower(static_cast<unsigned char>(b));
+  };
+  std::string out;
+  auto from = text.cbegin();
+  while (true) {
+    const auto found = std::search(from, text.cend(), expanded->begin(), expanded->end(), same);
+    out.append(from, found);
+    if (found == text.cend()) return out;
+    out += at.text;
+    from = found + static_cast<std::ptrdiff_t>(expanded->size());
+  }
+}
+
+bool NameTable::add(ConfigReader& reader, const std::string& name, const ConfigNode& node,
+                    std::uint32_t index) {
+  const auto [entry, fresh] = entries_.emplace(name, Entry{index, &node});
+  if (!fresh)
+    reader.error(node,
+                 "\"" + name + "\" is already the name at " + reader.place_of(*entry->second.node));
+  return fresh;
+}
+
+std::optional<std::uint32_t> NameTable::find(std::string_view name) const {
+  const auto entry = entries_.find(name);
+  return entry == entries_.end() ? std::nullopt : std::optional(entry->second.index);
+}
+
+std::vector<std::string_view> NameTable::names() const {
+  std::vector<std::string_view> list;
+  list.reserve(entries_.size());
+  for (const auto& [name, entry] : entries_) list.push_back(name);
+  return list;
+}
+
+}  // namespace fxagent

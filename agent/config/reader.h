@@ -1,0 +1,133 @@
+// Reads typed values out of a config tree and collects what is wrong with them.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "agent/config/config.h"
+#include "agent/config/tree.h"
+
+namespace fxagent {
+
+/// The words nearest to `word` by edit distance: one, or a few that are equally near. A word that
+/// is the beginning of others means those ("password": "password_file", "password_env").
+std::vector<std::string_view> nearest_words(std::string_view word,
+                                            std::span<const std::string_view> words);
+
+/// "did you mean `a`?" or "did you mean `a` or `b`?"; empty where there are no words.
+std::string did_you_mean(std::string_view word, std::span<const std::string_view> words);
+
+/// "a, b or c"
+std::string one_of(std::span<const std::string_view> words);
+
+/// Getters return nullopt (or nullptr) where the key is absent, and where its value is wrong: then
+/// they have reported it. So a caller reads on and finds the other errors of the file too. Error
+/// texts show strings as they stand in the file, never what the environment put into them.
+class ConfigReader {
+ public:
+  enum class Presence : std::uint8_t { optional, required };
+  static constexpr auto required = Presence::required;
+  static constexpr auto optional = Presence::optional;
+
+  struct Range {
+    std::int64_t min = 0;
+    std::int64_t max = 0;
+  };
+
+  /// `tree` must outlive the reader.
+  ConfigReader(const ConfigTree& tree, Environment environment);
+
+  void error(const ConfigNode& at, std::string text);
+  /// The same, in the line of the member's key.
+  void error_at_key(const ConfigNode& at, std::string text);
+  void warn(const ConfigNode& at, std::string text);
+
+  bool failed() const { return !errors_.empty(); }
+  /// In the order of the file.
+  std::vector<ConfigError> errors() const;
+  std::vector<std::string> warnings() const;
+
+  /// "/links/0 (line 12)"
+  std::string place_of(const ConfigNode& node) const;
+
+  /// False (and an error) where the node is no object, true otherwise; members that are not among
+  /// `keys` or `more` are errors, as are members given twice. What is wrong with a member of the
+  /// name of one of `left_to_caller` the caller can say better.
+  bool check_object(const ConfigNode& node, std::span<const std::string_view> keys,
+                    std::span<const std::string_view> more = {},
+                    std::span<const std::string_view> left_to_caller = {});
+
+  const ConfigNode* object(const ConfigNode& parent, std::string_view key, Presence presence);
+  const ConfigNode* array(const ConfigNode& parent, std::string_view key, Presence presence);
+
+  std::optional<std::int64_t> integer(const ConfigNode& parent, std::string_view key, Range range);
+  std::int64_t integer_or(const ConfigNode& parent, std::string_view key, Range range,
+                          std::int64_t fallback) {
+    return integer(parent, key, range).value_or(fallback);
+  }
+  /// As integer(), of something that must be there.
+  std::optional<std::int64_t> required_integer(const ConfigNode& parent, std::string_view key,
+                                               Range range);
+  std::optional<double> number(const ConfigNode& parent, std::string_view key);
+  std::optional<bool> boolean(const ConfigNode& parent, std::string_view key);
+  /// A string that is not empty, `${NAME}` replaced.
+  std::optional<std::string> text(const ConfigNode& parent, std::string_view key,
+                                  Presence presence = optional);
+  /// The same for an item of an array.
+  std::optional<std::string> text(const ConfigNode& node);
+  /// A string that no error may quote.
+  struct Secret {
+    std::string value;
+    bool in_clear = false;  ///< it stands in the file, and not just the variable that holds it
+  };
+  std::optional<Secret> secret(const ConfigNode& parent, std::string_view key);
+  /// A string of the form that topics and commands use: [a-z0-9_-]{1,64}.
+  std::optional<std::string> name(const ConfigNode& parent, std::string_view key,
+                                  Presence presence);
+  /// Which of `words` the string is.
+  std::optional<std::size_t> choice(const ConfigNode& parent, std::string_view key,
+                                    std::span<const std::string_view> words);
+
+ private:
+  struct Finding {
+    std::uint32_t offset = 0;
+    const ConfigNode* node = nullptr;
+    std::string text;
+  };
+
+  const ConfigNode* member(const ConfigNode& parent, std::string_view key, Presence presence);
+  void wrong_kind(const ConfigNode& node, std::string_view wanted);
+  /// `text` with every `${NAME}` replaced and `$${` turned into `${`. Faults go to `fault`, which
+  /// may be null.
+  std::optional<std::string> expand(std::string_view text, std::string* fault) const;
+  std::string without_secrets(const ConfigNode& at, std::string text) const;
+
+  const ConfigTree& tree_;
+  Environment environment_;
+  std::vector<Finding> errors_;
+  std::vector<Finding> warnings_;
+};
+
+/// Finds names that are given twice among siblings, and where the first one stands.
+class NameTable {
+ public:
+  /// False, and an error at `node` that names both places, where the name is taken.
+  bool add(ConfigReader& reader, const std::string& name, const ConfigNode& node,
+           std::uint32_t index);
+  std::optional<std::uint32_t> find(std::string_view name) const;
+  std::vector<std::string_view> names() const;
+
+ private:
+  struct Entry {
+    std::uint32_t index = 0;
+    const ConfigNode* node = nullptr;
+  };
+  std::map<std::string, Entry, std::less<>> entries_;
+};
+
+}  // namespace fxagent

@@ -1,0 +1,243 @@
+#include "agent/config/tree.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "agent/utf8.h"
+
+namespace fxagent {
+namespace {
+
+using Json = nlohmann::json;
+
+// The library's own words.
+constexpr std::size_t kMaxFault = 240;
+
+/// Walks the text and leaves behind how far the lexer has come. That is how a SAX event learns its
+/// place, which the library does not tell.
+class TracedIterator {
+ public:
+  using iterator_category = std::input_iterator_tag;
+  using value_type = char;
+  using difference_type = std::ptrdiff_t;
+  using pointer = const char*;
+  using reference = const char&;
+
+  TracedIterator(const char* at, std::size_t* taken) : at_(at), taken_(taken) {}
+  reference operator*() const { return *at_; }
+  TracedIterator& operator++() {
+    ++at_;
+    ++*taken_;
+    return *this;
+  }
+  TracedIterator operator++(int) {
+    TracedIterator before = *this;
+    ++*this;
+    return before;
+  }
+  friend bool operator==(const TracedIterator& a, const TracedIterator& b) {
+    return a.at_ == b.at_;
+  }
+  friend bool operator!=(const TracedIterator& a, const TracedIterator& b) { return !(a == b); }
+
+ private:
+  const char* at_;
+  std::size_t* taken_;  // outlives the parse
+};
+
+/// Builds the tree out of the library's events.
+class TreeBuilder {
+ public:
+  using number_integer_t = Json::number_integer_t;
+  using number_unsigned_t = Json::number_unsigned_t;
+  using number_float_t = Json::number_float_t;
+  using string_t = Json::string_t;
+  using binary_t = Json::binary_t;
+
+  TreeBuilder(ConfigNode& root, const std::size_t& taken) : root_(root), taken_(taken) {}
+
+  bool null() { return add(ConfigNode::Kind::null) != nullptr; }
+  bool boolean(bool value) {
+    ConfigNode* node = add(ConfigNode::Kind::boolean);
+    node->boolean = value;
+    return true;
+  }
+  bool number_integer(number_integer_t value) {
+    ConfigNode* node = add(ConfigNode::Kind::integer);
+    node->integer = value;
+    node->number = static_cast<double>(value);
+    return true;
+  }
+  bool number_unsigned(number_unsigned_t value) {
+    if (std::in_range<std::int64_t>(value)) return number_integer(static_cast<std::int64_t>(value));
+    return number_float(static_cast<double>(value), std::to_string(value));
+  }
+  bool number_float(number_float_t value, const string_t& spelled) {
+    ConfigNode* node = add(ConfigNode::Kind::number);
+    node->number = value;
+    node->text = spelled;
+    return true;
+  }
+  bool string(string_t& value) {
+    ConfigNode* node = add(ConfigNode::Kind::string);
+    node->text = std::move(value);
+    return true;
+  }
+  bool binary(binary_t&) { return false; }  // not in a JSON text
+  bool key(string_t& value) {
+    key_ = std::move(value);
+    key_offset_ = place();
+    return true;
+  }
+  bool start_object(std::size_t) { return open(ConfigNode::Kind::object); }
+  bool start_array(std::size_t) { return open(ConfigNode::Kind::array); }
+  bool end_object() { return close(); }
+  bool end_array() { return close(); }
+  bool parse_error(std::size_t, const std::string&, const Json::exception& fault) {
+    // "[json.exception.parse_error.101] parse error at line 1, column 2: syntax error while …": the
+    // place is worked out by the caller, so only the words behind it are kept.
+    const std::string_view what = fault.what();
+    const std::size_t place_end = what.find(": ");
+    const std::size_t tag_end = what.find("] ");
+    if (place_end != std::string_view::npos)
+      fault_ = what.substr(place_end + 2);
+    else
+      fault_ = tag_end != std::string_view::npos ? what.substr(tag_end + 2) : what;
+    // What was read last may be a password.
+    fault_.resize(std::min(fault_.size(), fault_.find("; last read: ")));
+    return false;
+  }
+
+  const std::string& fault() const { return fault_; }
+
+ private:
+  /// The last byte of the token, or for a number the byte behind it, which the lexer had to see. No
+  /// newline of another line comes before either, since no token spans two.
+  std::uint32_t place() const { return static_cast<std::uint32_t>(taken_ - 1); }
+
+  ConfigNode* add(ConfigNode::Kind kind) {
+    ConfigNode* node = &root_;
+    if (!open_.empty()) {
+      // Open nodes are always the last of their siblings, so growing here moves none of them.
+      node = &open_.back()->children.emplace_back();
+      if (open_.back()->kind == ConfigNode::Kind::object) {
+        node->key = std::move(key_);
+        node->key_offset = key_offset_;
+      }
+    }
+    node->kind = kind;
+    node->offset = place();
+    return node;
+  }
+  bool open(ConfigNode::Kind kind) {
+    if (open_.size() == ConfigTree::max_depth) {
+      fault_ = "more than " + std::to_string(ConfigTree::max_depth) + " levels of brackets";
+      return false;
+    }
+    open_.push_back(add(kind));
+    return true;
+  }
+  bool close() {
+    open_.pop_back();
+    return true;
+  }
+
+  ConfigNode& root_;
+  const std::size_t& taken_;
+  std::vector<ConfigNode*> open_;
+  std::string key_;
+  std::uint32_t key_offset_ = 0;
+  std::string fault_;
+};
+
+void name_parents(ConfigNode& node) {
+  for (ConfigNode& child : node.children) {
+    child.parent = &node;
+    name_parents(child);
+  }
+}
+
+}  // namespace
+
+const ConfigNode* ConfigNode::find(std::string_view name) const {
+  if (kind != Kind::object) return nullptr;
+  const auto found = std::find_if(children.begin(), children.end(),
+                                  [&](const ConfigNode& child) { return child.key == name; });
+  return found == children.end() ? nullptr : &*found;
+}
+
+std::string pointer_to(const ConfigNode& node) {
+  if (node.parent == nullptr) return {};
+  std::string pointer = pointer_to(*node.parent) + "/";
+  if (node.parent->kind == ConfigNode::Kind::array)
+    return pointer + std::to_string(&node - node.parent->children.data());
+  for (const char c : node.key) {
+    if (c == '~')
+      pointer += "~0";
+    else if (c == '/')
+      pointer += "~1";
+    else
+      pointer += c;
+  }
+  return pointer;
+}
+
+tl::expected<ConfigTree, ConfigTree::SyntaxError> ConfigTree::parse(std::string_view text) {
+  if (text.size() > max_bytes)
+    return tl::unexpected(
+        SyntaxError{0, "larger than " + std::to_string(max_bytes >> 20) + " MiB"});
+  ConfigTree tree;
+  tree.root_ = std::make_unique<ConfigNode>();
+  for (std::size_t i = 0; i < text.size(); ++i)
+    if (text[i] == '\n') tree.newlines_.push_back(static_cast<std::uint32_t>(i));
+
+  const auto syntax_error = [&](std::size_t at, const std::string& fault) {
+    const int line = tree.line_of(at);
+    const std::size_t line_start =
+        line == 1 ? 0 : tree.newlines_[static_cast<std::size_t>(line) - 2] + std::size_t{1};
+    return tl::unexpected(SyntaxError{line, "not JSON at line " + std::to_string(line) +
+                                                ", column " + std::to_string(at - line_start + 1) +
+                                                ": " + fault});
+  };
+  // The library takes a zero byte for the end of the text and would overlook what follows.
+  if (const std::size_t zero = text.find('\0'); zero != std::string_view::npos)
+    return syntax_error(zero, "a zero byte");
+
+  std::size_t taken = 0;
+  TreeBuilder builder(*tree.root_, taken);
+  const char* const begin = text.data();
+  if (!Json::sax_parse(TracedIterator(begin, &taken), TracedIterator(begin + text.size(), &taken),
+                       &builder))
+    return syntax_error(taken == 0 ? 0 : taken - 1, shown(builder.fault(), kMaxFault));
+  name_parents(*tree.root_);
+  return tree;
+}
+
+int ConfigTree::line_of(std::size_t offset) const {
+  // A newline belongs to the line that it ends.
+  return 1 + static_cast<int>(std::lower_bound(newlines_.begin(), newlines_.end(), offset) -
+                              newlines_.begin());
+}
+
+std::string shown(std::string_view text, std::size_t most) {
+  std::string out;
+  while (!text.empty()) {
+    const std::size_t length = std::max<std::size_t>(utf8_length(text), 1);
+    if (out.size() + length > most) return out + "...";
+    const unsigned char first = static_cast<unsigned char>(text[0]);
+    if (utf8_length(text) == 0 || first < 0x20 || first == 0x7F) {
+      char escaped[8];
+      std::snprintf(escaped, sizeof escaped, "\\x%02X", static_cast<unsigned>(first));
+      out += escaped;
+    } else {
+      out += text.substr(0, length);
+    }
+    text.remove_prefix(length);
+  }
+  return out;
+}
+
+}  // namespace fxagent

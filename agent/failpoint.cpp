@@ -1,0 +1,7 @@
+#include "agent/failpoint.h"
+
+namespace fxagent {
+
+void fault_point(std::string_view) noexcept {}
+
+}  // namespace fxagent

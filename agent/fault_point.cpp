@@ -1,7 +1,0 @@
-#include "agent/fault_point.h"
-
-namespace fxagent {
-
-void fault_point(std::string_view) noexcept {}
-
-}  // namespace fxagent

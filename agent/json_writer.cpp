@@ -1,0 +1,80 @@
+#include "agent/json_writer.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "agent/utf8.h"
+
+namespace fxagent::json {
+namespace {
+
+void write_scalar(Writer& out, const Scalar& scalar, Precision precision) {
+  if (const auto* flag = std::get_if<bool>(&scalar))
+    out.boolean(*flag);
+  else if (const auto* integer = std::get_if<std::int64_t>(&scalar))
+    out.integer(*integer);
+  else if (const auto* real = std::get_if<double>(&scalar))
+    precision == Precision::single ? out.number(static_cast<float>(*real)) : out.number(*real);
+  else
+    out.string(std::get<std::string>(scalar));
+}
+
+}  // namespace
+
+void Writer::append_text(std::string_view value) {
+  constexpr std::string_view hex = "0123456789abcdef";
+  text_ += '"';
+  while (!value.empty()) {
+    const char c = value.front();
+    const std::size_t length = utf8_length(value);
+    if (length == 0) {
+      text_ += "\xEF\xBF\xBD";
+    } else if (c == '"' || c == '\\') {
+      text_ += '\\';
+      text_ += c;
+    } else if (c == '\n') {
+      text_ += "\\n";
+    } else if (static_cast<unsigned char>(c) < 0x20) {
+      text_ += "\\u00";
+      text_ += hex[static_cast<unsigned char>(c) >> 4];
+      text_ += hex[static_cast<unsigned char>(c) & 0x0F];
+    } else {
+      text_ += value.substr(0, length);
+    }
+    value.remove_prefix(std::max<std::size_t>(length, 1));
+  }
+  text_ += '"';
+}
+
+Precision precision_of(const Point& point) {
+  return point.type == DataType::float32 && !point.scaled() ? Precision::single : Precision::full;
+}
+
+void write_value(Writer& out, const Value& value, Precision precision) {
+  if (value.is_array) {
+    out.begin_array();
+    for (const Scalar& item : value.items) write_scalar(out, item, precision);
+    out.end_array();
+  } else if (value.items.empty()) {
+    out.null();
+  } else {
+    write_scalar(out, value.items.front(), precision);
+  }
+}
+
+void write_optional(Writer& out, const std::optional<Value>& value) {
+  value ? write_value(out, *value) : static_cast<void>(out.null());
+}
+
+std::string escaped(const std::string& text) {
+  const std::string quoted =
+      nlohmann::json(text).dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
+  return quoted.substr(1, quoted.size() - 2);
+}
+
+bool may_stand_inside(std::string_view json) {
+  return !json.starts_with('\xEF') && json.find('\0') == std::string_view::npos &&
+         nlohmann::json::accept(json);
+}
+
+}  // namespace fxagent::json

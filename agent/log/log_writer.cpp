@@ -1,0 +1,92 @@
+#include "agent/log/log_writer.h"
+
+#include <poll.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <thread>
+#include <utility>
+
+#include "agent/process/startup.h"
+
+namespace fxagent::log {
+
+LogWriter::LogWriter(int handle, Callbacks callbacks) : shared_(std::make_shared<Shared>()) {
+  const WithoutSignals quiet;
+  std::thread([shared = shared_, handle, moved = std::move(callbacks)] {
+    run(shared, handle, moved);
+  }).detach();
+}
+
+LogWriter::~LogWriter() {
+  const std::lock_guard lock(shared_->mutex);
+  shared_->over = true;
+  shared_->news.notify_one();
+}
+
+void LogWriter::write(std::string line) {
+  std::unique_lock lock(shared_->mutex);
+  if (shared_->bytes + line.size() > kMostBytes) {
+    ++shared_->dropped;
+    return;
+  }
+  shared_->bytes += line.size();
+  shared_->lines.push_back(std::move(line));
+  const std::uint64_t own = ++shared_->taken;
+  shared_->news.notify_one();
+  if (shared_->behind) return;
+  shared_->behind =
+      !shared_->written.wait_for(lock, kWaitForLine, [&] { return shared_->done >= own; });
+}
+
+bool LogWriter::flush(std::chrono::milliseconds patience) {
+  std::unique_lock lock(shared_->mutex);
+  return shared_->written.wait_for(
+      lock, patience, [&] { return shared_->done == shared_->taken && shared_->dropped == 0; });
+}
+
+void LogWriter::run(const std::shared_ptr<Shared>& shared, int handle, const Callbacks& callbacks) {
+  auto ask_at = std::chrono::steady_clock::now() + kAskEvery;
+  std::unique_lock lock(shared->mutex);
+  while (!shared->over) {
+    if (!shared->lines.empty()) {
+      const std::string line = std::move(shared->lines.front());
+      shared->lines.pop_front();
+      lock.unlock();
+      write_all(handle, line);
+      lock.lock();
+      shared->bytes -= line.size();
+      ++shared->done;
+    } else if (const std::uint64_t count = std::exchange(shared->dropped, 0); count != 0) {
+      lock.unlock();
+      write_all(handle, callbacks.dropped(count));
+      lock.lock();
+    } else if (std::chrono::steady_clock::now() >= ask_at) {
+      ask_at = std::chrono::steady_clock::now() + kAskEvery;
+      lock.unlock();
+      for (const std::string& line : callbacks.due()) write_all(handle, line);
+      lock.lock();
+    } else {
+      shared->behind = false;
+      shared->written.notify_all();
+      shared->news.wait_until(lock, ask_at);
+    }
+  }
+}
+
+/// Whoever reads may be gone for good: then the text is nobody's.
+void LogWriter::write_all(int handle, const std::string& text) {
+  for (std::size_t at = 0; at < text.size();) {
+    const ssize_t count = ::write(handle, text.data() + at, text.size() - at);
+    if (count >= 0) {
+      at += static_cast<std::size_t>(count);
+    } else if (errno == EAGAIN) {  // somebody else has made it non-blocking
+      pollfd room{handle, POLLOUT, 0};
+      ::poll(&room, 1, -1);
+    } else if (errno != EINTR) {
+      return;
+    }
+  }
+}
+
+}  // namespace fxagent::log

@@ -1,0 +1,111 @@
+#include "agent/process/stop_watchdog.h"
+
+#include <poll.h>
+#include <pthread.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <ctime>
+#include <utility>
+
+#include "agent/log/log.h"
+
+namespace fxagent {
+namespace {
+
+// A pipe that says it can be written takes so many bytes at once (POSIX).
+constexpr std::size_t kAtOnce = 512;
+
+/// On stderr, as the log would; nothing where nobody reads it. Not by the log: whoever holds that
+/// may be what does not end.
+void write_last_line(std::string text) {
+  std::timespec now{};
+  clock_gettime(CLOCK_REALTIME, &now);
+  std::tm utc{};
+  gmtime_r(&now.tv_sec, &utc);
+  char stamp[32];
+  std::strftime(stamp, sizeof stamp, "%Y-%m-%dT%H:%M:%S", &utc);
+  const std::string millis = std::to_string(1000 + now.tv_nsec / 1000000).substr(1);
+  text = std::string(stamp) + "." + millis + "Z error " + text;
+  text.resize(std::min(text.size(), kAtOnce - 1));
+  text += '\n';
+  pollfd out{STDERR_FILENO, POLLOUT, 0};
+  if (poll(&out, 1, 0) != 1 || (out.revents & POLLOUT) == 0) return;
+  [[maybe_unused]] const auto written = ::write(STDERR_FILENO, text.data(), text.size());
+}
+
+}  // namespace
+
+StopWatchdog::StopWatchdog(const sigset_t& stop_signals)
+    : thread_([this, stop_signals] { run(stop_signals); }) {}
+
+StopWatchdog::~StopWatchdog() {
+  {
+    const std::lock_guard lock(mutex_);
+    over_ = true;
+  }
+  news_.notify_all();
+  pthread_kill(thread_.native_handle(), SIGTERM);  // it may still wait for one
+  thread_.join();
+}
+
+int StopWatchdog::await_signal() {
+  std::unique_lock lock(mutex_);
+  news_.wait(lock, [this] { return signal_ != 0; });
+  return signal_;
+}
+
+std::optional<int> StopWatchdog::await_signal(std::chrono::nanoseconds patience) {
+  std::unique_lock lock(mutex_);
+  if (!news_.wait_for(lock, patience, [this] { return signal_ != 0; })) return std::nullopt;
+  return signal_;
+}
+
+void StopWatchdog::begin(const char* what) {
+  const std::lock_guard lock(mutex_);
+  begun_ = true;
+  what_ = what;
+}
+
+void StopWatchdog::stage(const char* what, std::function<std::string()> more) {
+  const std::lock_guard lock(mutex_);
+  what_ = what;
+  more_ = std::move(more);
+}
+
+void StopWatchdog::nothing_left_to_lose() {
+  {
+    const std::lock_guard lock(mutex_);
+    freeing_ = true;
+    more_ = {};
+  }
+  news_.notify_all();
+}
+
+void StopWatchdog::run(const sigset_t& stop_signals) {
+  int signal = 0;
+  sigwait(&stop_signals, &signal);
+  const auto asked = std::chrono::steady_clock::now();
+  std::unique_lock lock(mutex_);
+  if (!begun_ && !over_) _exit(0);
+  signal_ = signal;
+  news_.notify_all();
+  const auto ended = [this] { return over_ || freeing_; };
+  if (!news_.wait_until(lock, asked + kPatience, ended)) end_by_force(kEndedByForce);
+  if (over_) return;
+  const auto freed_by = std::min(asked + kPatience, std::chrono::steady_clock::now() + kFreeing);
+  if (!news_.wait_until(lock, freed_by, [this] { return over_; })) end_by_force(0);
+}
+
+void StopWatchdog::end_by_force(int status) {
+  if (status != 0) {
+    const std::string more = more_ ? more_() : std::string();
+    write_last_line(log::format_line(
+        "agent", {{"state", "ended_by_force"},
+                  {"waited_s", std::to_string(kPatience.count())},
+                  {"unfinished", more.empty() ? std::string(what_) : what_ + (": " + more)}}));
+  }
+  _exit(status);
+}
+
+}  // namespace fxagent

@@ -1,0 +1,73 @@
+#include "agent/store/checkpointer.h"
+
+#include "agent/process/startup.h"
+
+namespace fxagent {
+namespace {
+
+// The second pass is short, and most often finds that no commit has come since the first.
+constexpr int kPasses = 2;
+
+}  // namespace
+
+Checkpointer::Checkpointer(sqlite::Database& writer, const std::string& path)
+    : writer_(writer), own_(path), thread_(started()) {
+  // It opens the log now: later other files may have been put in the place of these.
+  const std::lock_guard alone(working_);
+  if (own_.is_open()) own_.number("PRAGMA schema_version");
+  sqlite3_wal_hook(writer_.handle(), committed, this);
+}
+
+std::jthread Checkpointer::started() {
+  const WithoutSignals quiet;
+  return std::jthread([this](std::stop_token stop) { run(stop); });
+}
+
+Checkpointer::~Checkpointer() {
+  sqlite3_wal_hook(writer_.handle(), nullptr, nullptr);
+  thread_.request_stop();
+  thread_.join();
+}
+
+/// SQLite calls this after each commit. What a checkpoint says is nobody's: the pages are safe in
+/// the log, and a later commit asks again.
+int Checkpointer::committed(void* self, sqlite3* writer, const char* schema, int pages) noexcept {
+  auto& checkpointer = *static_cast<Checkpointer*>(self);
+  if (pages < kPages) {
+    checkpointer.home_ = 0;  // the log has begun anew
+  } else if (pages >= kMostPages) {
+    const std::lock_guard alone(checkpointer.working_);
+    sqlite3_wal_checkpoint_v2(writer, schema, SQLITE_CHECKPOINT_PASSIVE, nullptr, nullptr);
+  } else if (pages - checkpointer.home_ >= kPages) {
+    {
+      const std::lock_guard lock(checkpointer.mutex_);
+      checkpointer.due_ = true;
+    }
+    checkpointer.news_.notify_one();
+  }
+  return SQLITE_OK;
+}
+
+void Checkpointer::run(std::stop_token stop) {
+  std::unique_lock lock(mutex_);
+  while (news_.wait(lock, stop, [this] { return due_; })) {
+    due_ = false;
+    lock.unlock();
+    bring_home();
+    lock.lock();
+  }
+}
+
+void Checkpointer::bring_home() {
+  const std::lock_guard alone(working_);
+  if (!own_.is_open()) return;
+  int pages = 0;
+  int home = -1;
+  for (int pass = 0; pass < kPasses && home < pages; ++pass)
+    if (sqlite3_wal_checkpoint_v2(own_.handle(), nullptr, SQLITE_CHECKPOINT_PASSIVE, &pages,
+                                  &home) != SQLITE_OK)
+      return;
+  home_ = home;
+}
+
+}  // namespace fxagent

@@ -1,0 +1,49 @@
+// Brings the write-ahead log of a SQLite file home into the file, on a thread and a connection of
+// its own: that ends in synchronising the disk, milliseconds long and tenths of a second on an SD
+// card, and live samples would wait for it.
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <mutex>
+#include <stop_token>
+#include <string>
+#include <thread>
+
+#include "agent/store/sqlite.h"
+
+namespace fxagent {
+
+class Checkpointer final {
+ public:
+  /// Of the log, in pages of 4 KiB: it is brought home when so many are not. Where that never comes
+  /// to an end, and the log never begins anew, since there is always one commit more, the thread
+  /// that writes brings the rest home and waits; from the second figure on.
+  static constexpr int kPages = 1000;
+  static constexpr int kMostPages = 8000;
+
+  /// Takes the place of the checkpoints at the commits of `writer`, an open database in WAL mode
+  /// that outlives this; `path` is its file. Throws std::system_error where there is no thread.
+  Checkpointer(sqlite::Database& writer, const std::string& path);
+  /// Waits for the end of a checkpoint. The thread of `writer`.
+  ~Checkpointer();
+  Checkpointer(const Checkpointer&) = delete;
+  Checkpointer& operator=(const Checkpointer&) = delete;
+
+ private:
+  std::jthread started();
+  static int committed(void* self, sqlite3* writer, const char* schema, int pages) noexcept;
+  void run(std::stop_token stop);
+  void bring_home();
+
+  sqlite::Database& writer_;
+  sqlite::Database own_;       ///< under working_
+  std::atomic<int> home_ = 0;  ///< pages of the log
+  std::mutex working_;
+  std::mutex mutex_;
+  std::condition_variable_any news_;
+  bool due_ = false;  ///< under mutex_
+  std::jthread thread_;
+};
+
+}  // namespace fxagent

@@ -1,0 +1,30 @@
+#include "agent/store/history.h"
+
+#include "agent/json_writer.h"
+
+namespace fxagent {
+bool is_intact(std::string_view row) { return json::may_stand_inside(row); }
+
+std::string history_text(std::span<const std::string_view> rows) {
+  json::Writer out;
+  out.begin_object().key("history").boolean(true).key("rows").begin_array();
+  for (const std::string_view row : rows) out.raw(row);
+  out.end_array().end_object();
+  return out.take();
+}
+
+bool BatchBuilder::add(std::uint64_t order, std::string_view row) {
+  const std::size_t size = empty() ? kHistoryFrameBytes + row.size() : size_ + 1 + row.size();
+  if (!empty() && size > max_payload_) return false;
+  size_ = size;
+  orders_.push_back(order);
+  rows_.emplace_back(row);
+  return true;
+}
+
+HistoryBatch BatchBuilder::take(const LaneKey& lane) {
+  const std::vector<std::string_view> texts(rows_.begin(), rows_.end());
+  return {lane.first, lane.second, std::move(orders_), history_text(texts)};
+}
+
+}  // namespace fxagent

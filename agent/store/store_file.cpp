@@ -1,0 +1,223 @@
+#include "agent/store/store_file.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <filesystem>
+#include <system_error>
+#include <thread>
+
+namespace fxagent {
+namespace {
+
+using sqlite::Transaction;
+using std::chrono::milliseconds;
+
+constexpr milliseconds kPatience{500};
+constexpr milliseconds kAskAgain{10};
+
+// Step i leads from user_version i to i + 1. `grp` is a group; the order of a lane is that of seq.
+constexpr const char* kSchema[] = {
+    "CREATE TABLE samples(id INTEGER PRIMARY KEY, device TEXT NOT NULL, grp TEXT NOT NULL,"
+    " seq INTEGER NOT NULL, created_ms INTEGER NOT NULL, row TEXT NOT NULL);"
+    "CREATE INDEX samples_by_lane ON samples(device, grp, seq, id);"
+    "CREATE TABLE devices(name TEXT PRIMARY KEY, last_seq INTEGER NOT NULL,"
+    " clean INTEGER NOT NULL) WITHOUT ROWID;"
+    "CREATE TABLE orders(device TEXT NOT NULL, id TEXT NOT NULL, received_ms INTEGER NOT NULL,"
+    " deadline_ms INTEGER NOT NULL, op TEXT NOT NULL, response_topic TEXT NOT NULL,"
+    " correlation BLOB NOT NULL, result TEXT NOT NULL, told INTEGER NOT NULL,"
+    " PRIMARY KEY(device, id)) WITHOUT ROWID;"
+    "CREATE INDEX orders_by_age ON orders(device, received_ms);",
+    // `payload` is the command as it came, until there is a result.
+    "ALTER TABLE orders ADD COLUMN arrival INTEGER NOT NULL DEFAULT 0;"
+    "ALTER TABLE orders ADD COLUMN payload TEXT NOT NULL DEFAULT '';"
+    "CREATE TABLE audit(n INTEGER PRIMARY KEY, text TEXT NOT NULL, hash BLOB NOT NULL);"
+    "CREATE TABLE audit_head(one INTEGER PRIMARY KEY CHECK(one = 1), records INTEGER NOT NULL,"
+    " hash BLOB NOT NULL, arrivals INTEGER NOT NULL, bytes INTEGER NOT NULL);"
+    "INSERT INTO audit_head VALUES(1, 0, zeroblob(32), 0, 0);",
+    // Which ids are the newest is told by the numbers of their commands: a clock can be set back.
+    "DROP INDEX orders_by_age;"
+    "CREATE INDEX orders_by_arrival ON orders(device, arrival DESC, received_ms DESC,"
+    " told);",
+    // What became no order is kept while there is room to spare.
+    ("ALTER TABLE orders ADD COLUMN refused INTEGER NOT NULL DEFAULT 0;"
+     "CREATE INDEX orders_refused ON orders(arrival) WHERE refused = 1;")};
+
+std::string why_not_opened(const std::string& path) {
+  return path + ": " +
+         (errno == ELOOP ? "it is a symbolic link, which is not followed" : std::strerror(errno));
+}
+
+/// Whoever may write in the directory can put a file or a link in the place of the store's. A
+/// sticky one keeps them from that, and of what they made before nothing is taken.
+std::string who_else_may_write(const std::string& directory) {
+  struct stat found {};
+  if (::stat(directory.c_str(), &found) != 0) return directory + ": " + std::strerror(errno);
+  if (!S_ISDIR(found.st_mode)) return {};  // opening a file in it says so
+  if (found.st_uid != ::geteuid() && found.st_uid != 0)
+    return directory + " belongs to user " + std::to_string(found.st_uid) +
+           " and the agent runs as user " + std::to_string(::geteuid()) +
+           ": that user could replace the store's files; chown it to the agent's user";
+  if ((found.st_mode & (S_IWGRP | S_IWOTH)) != 0 && (found.st_mode & S_ISVTX) == 0)
+    return directory + " can be written by " +
+           ((found.st_mode & S_IWOTH) != 0 ? "everybody" : "its group") +
+           ", who could replace the store's files; chmod 700 it";
+  return {};
+}
+
+/// Of an open file; empty: it is a plain one of our own, under one name.
+std::string why_not_ours(int handle, const std::string& path) {
+  struct stat found {};
+  if (::fstat(handle, &found) != 0) return path + ": " + std::strerror(errno);
+  if (!S_ISREG(found.st_mode)) return path + " is not a plain file";
+  if (found.st_uid != ::geteuid())
+    return path + " belongs to user " + std::to_string(found.st_uid) + ", not to the agent's";
+  if (found.st_nlink > 1) return path + " has another name too (a hard link)";
+  return {};
+}
+
+}  // namespace
+
+std::optional<FileIdentity> identity_of(const std::string& path) {
+  struct stat found {};
+  if (::lstat(path.c_str(), &found) != 0) return std::nullopt;
+  return FileIdentity{found.st_dev, found.st_ino};
+}
+
+DirectoryLock::DirectoryLock(const std::string& directory) : path_(directory + "/fxagent.lock") {
+  const std::string& path = path_;
+  handle_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, S_IRUSR | S_IWUSR);
+  if (handle_ < 0) {
+    fault_ = why_not_opened(path);
+    return;
+  }
+  fault_ = why_not_ours(handle_, path);
+  if (!fault_.empty()) return;
+  const auto give_up = std::chrono::steady_clock::now() + kPatience;
+  while (::flock(handle_, LOCK_EX | LOCK_NB) != 0) {
+    if (errno != EWOULDBLOCK || std::chrono::steady_clock::now() >= give_up) {
+      fault_ = errno == EWOULDBLOCK ? directory + " is another agent's"
+                                    : path + ": " + std::strerror(errno);
+      return;
+    }
+    std::this_thread::sleep_for(kAskAgain);
+  }
+  identity_ = identity_of(path);
+}
+
+DirectoryLock::~DirectoryLock() {
+  if (handle_ >= 0) ::close(handle_);
+}
+
+std::string store_file_path(const std::string& directory) {
+  return (std::filesystem::path(directory) / "fxagent.db").string();
+}
+
+std::string make_store_file(const std::string& directory) {
+  std::error_code fault;
+  if (!std::filesystem::exists(directory, fault)) {
+    std::filesystem::create_directories(directory, fault);
+    if (fault) return directory + ": " + fault.message();
+    ::chmod(directory.c_str(), S_IRWXU);
+  }
+  std::string why = who_else_may_write(directory);
+  if (!why.empty()) return why;
+  const std::string file = store_file_path(directory);
+  const int handle =
+      ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, S_IRUSR | S_IWUSR);
+  if (handle < 0) return why_not_opened(file);
+  why = why_not_ours(handle, file);
+  if (why.empty()) ::fchmod(handle, S_IRUSR | S_IWUSR);
+  ::close(handle);
+  return why;
+}
+
+StoreFile::StoreFile(const std::string& path, bool always)
+    : db(path), path_(path), always_(always) {
+  if (!db.is_open()) return;
+  sqlite3_busy_timeout(db.handle(), static_cast<int>(kPatience.count()));
+  usable_ = db.execute("PRAGMA journal_mode = WAL") &&
+            db.execute(always ? "PRAGMA synchronous = FULL" : "PRAGMA synchronous = NORMAL") &&
+            sqlite::migrate(db, kSchema) && sqlite::has_schema(db, kSchema);
+  if (!usable_) return;
+  insert = {db, "INSERT INTO samples VALUES(?, ?, ?, ?, ?, ?)"};
+  remove = {db, "DELETE FROM samples WHERE id = ?"};
+  lane = {db, "SELECT id, row FROM samples WHERE device = ? AND grp = ? ORDER BY seq, id"};
+  oldest = {db,
+            "SELECT id, device, grp, created_ms, length(CAST(row AS BLOB)) FROM samples"
+            " ORDER BY id"};
+  // A row makes room for a later command: the field did not know that id when it took this one. It
+  // had let go of it, or the file opened late.
+  order = {db,
+           "INSERT INTO orders VALUES(?, ?, ?, ?, ?, ?, ?, '', 0, ?, ?, 0)"
+           " ON CONFLICT DO UPDATE SET received_ms = excluded.received_ms,"
+           " deadline_ms = excluded.deadline_ms, op = excluded.op,"
+           " response_topic = excluded.response_topic, correlation = excluded.correlation,"
+           " result = '', told = 0, arrival = excluded.arrival, payload = excluded.payload,"
+           " refused = 0"
+           " WHERE arrival < excluded.arrival"};
+  record = {db,
+            "INSERT INTO orders VALUES(?, ?, ?, ?, ?, ?, ?, ?, 0, ?, '', ?)"
+            " ON CONFLICT DO UPDATE SET"
+            " received_ms = iif(arrival = excluded.arrival, received_ms, excluded.received_ms),"
+            " deadline_ms = max(deadline_ms, excluded.deadline_ms), op = excluded.op,"
+            " response_topic = iif(arrival = excluded.arrival, response_topic,"
+            " excluded.response_topic),"
+            " correlation = iif(arrival = excluded.arrival, correlation, excluded.correlation),"
+            " result = excluded.result, told = 0, arrival = excluded.arrival, payload = '',"
+            " refused = iif(arrival = excluded.arrival, refused, excluded.refused)"
+            " WHERE iif(result = '', arrival <= excluded.arrival, arrival < excluded.arrival)"};
+  told = {db,
+          "UPDATE orders SET told = 1, response_topic = '', correlation = x''"
+          " WHERE device = ? AND id = ? AND arrival = ?"};
+  // A number goes back only to the exact one, from the end of its block.
+  numbers = {db,
+             "INSERT INTO devices VALUES(?, ?, ?) ON CONFLICT DO UPDATE SET last_seq ="
+             " CASE excluded.clean WHEN 1 THEN excluded.last_seq"
+             " ELSE max(last_seq, excluded.last_seq) END, clean = excluded.clean"};
+  // Its texts, and what the file needs beside them: the row's own, and its places in the indexes.
+  const std::string cost =
+      "(200 + length(CAST(device AS BLOB)) + 2 * length(CAST(id AS BLOB))"
+      " + length(CAST(op AS BLOB)) + length(CAST(response_topic AS BLOB)) + length(correlation)"
+      " + length(CAST(result AS BLOB)) + length(CAST(payload AS BLOB)))";
+  order_cost = {db, "SELECT " + cost + ", refused FROM orders WHERE device = ? AND id = ?"};
+  drop_refused = {db,
+                  "DELETE FROM orders WHERE (device, id) IN (SELECT device, id FROM orders"
+                  " WHERE refused = 1 ORDER BY arrival LIMIT ?) RETURNING " +
+                      cost};
+  sum_orders = {db, "SELECT count(*), total(" + cost + "), total(refused) FROM orders"};
+  trail = AuditTrail(db);
+  file_ = identity_of(path);
+  log_ = identity_of(path + "-wal");
+  try {
+    checkpointer_.emplace(db, path);
+  } catch (const std::system_error&) {
+    // Without a thread the checkpoints stay where SQLite has them: at the commits.
+  }
+}
+
+void StoreFile::synchronise(bool full) {
+  if (!always_) db.execute(full ? "PRAGMA synchronous = FULL" : "PRAGMA synchronous = NORMAL");
+}
+
+bool StoreFile::is_in_place() const {
+  return file_ && log_ && identity_of(path_) == file_ && identity_of(path_ + "-wal") == log_;
+}
+
+bool StoreFile::can_write() {
+  // What filled the disk may be the log, where a reader held it back.
+  db.execute("PRAGMA wal_checkpoint(PASSIVE)");
+  Transaction transaction(db);
+  return transaction.begun() &&
+         db.execute(
+             "INSERT INTO samples VALUES(0, '', '', 0, 0, zeroblob(65536));"
+             "DELETE FROM samples WHERE id = 0") &&
+         transaction.commit();
+}
+
+}  // namespace fxagent

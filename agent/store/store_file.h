@@ -1,0 +1,96 @@
+// The open file of the store: its schema, its lock, and its statements, prepared once. What is kept
+// in it and when is store.h's. The store's thread.
+#pragma once
+
+#include <sys/types.h>
+
+#include <optional>
+#include <string>
+
+#include "agent/store/audit_trail.h"
+#include "agent/store/checkpointer.h"
+#include "agent/store/sqlite.h"
+
+namespace fxagent {
+
+/// Which file a name stands for; nothing where it stands for none.
+struct FileIdentity {
+  dev_t device = 0;
+  ino_t number = 0;
+  auto operator<=>(const FileIdentity&) const = default;
+};
+std::optional<FileIdentity> identity_of(const std::string& path);
+
+/// Keeps a second agent away from a directory for as long as it lives, or until the process ends in
+/// whatever way. The database's own lock would keep readers away too.
+class DirectoryLock final {
+ public:
+  /// Waits a moment for a process that is just ending.
+  explicit DirectoryLock(const std::string& directory);
+  ~DirectoryLock();
+  DirectoryLock(const DirectoryLock&) = delete;
+  DirectoryLock& operator=(const DirectoryLock&) = delete;
+
+  /// Empty: it is ours.
+  const std::string& fault() const { return fault_; }
+  /// Whether the lock file is still the one that was locked.
+  bool is_in_place() const { return identity_ && identity_of(path_) == identity_; }
+
+ private:
+  std::string path_;
+  std::optional<FileIdentity> identity_;
+  int handle_ = -1;
+  std::string fault_;
+};
+
+/// "fxagent.db" in `directory`.
+std::string store_file_path(const std::string& directory);
+
+/// Makes the directory (0700) and the file (0600) where they are not there. Empty: done. A
+/// directory in which others could put their own files is refused, and so is a file that is a link,
+/// or not ours.
+std::string make_store_file(const std::string& directory);
+
+class StoreFile final {
+ public:
+  /// `always`: every commit is synchronised with the disk.
+  StoreFile(const std::string& path, bool always);
+
+  /// Whether the schema is there; else db.fault() says why not.
+  bool is_usable() const { return usable_; }
+
+  /// Samples are synchronised with the disk even where orders are not: a power cut loses none that
+  /// counts as stored. With `always` everything is.
+  void synchronise(bool full);
+
+  /// Whether there is room for a message more.
+  bool can_write();
+
+  /// Whether the file and its log are still those that were opened: what is written to others that
+  /// were deleted nobody finds again.
+  bool is_in_place() const;
+
+  sqlite::Database db;
+  sqlite::Statement insert;
+  sqlite::Statement remove;
+  sqlite::Statement lane;
+  sqlite::Statement oldest;
+  sqlite::Statement order;
+  sqlite::Statement record;
+  sqlite::Statement told;
+  sqlite::Statement numbers;
+  sqlite::Statement order_cost;    ///< of one: its bytes, and whether it was refused
+  sqlite::Statement drop_refused;  ///< the oldest of them; their bytes
+  sqlite::Statement sum_orders;    ///< rows, bytes, refused
+  AuditTrail trail;
+
+ private:
+  const std::string path_;
+  const bool always_;
+  std::optional<FileIdentity> file_;
+  std::optional<FileIdentity> log_;
+  bool usable_ = false;
+  std::optional<Checkpointer> checkpointer_;
+};
+
+}  // namespace fxagent

@@ -1,0 +1,227 @@
+#include "agent/uplink/json_payload.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "agent/json_writer.h"
+
+namespace fxagent::json {
+namespace {
+
+/// Whether JSON can say it: there is a value, and no NaN or Inf in it.
+bool is_sayable(const Value& value) {
+  if (!value.is_array && value.items.empty()) return false;
+  return std::all_of(value.items.begin(), value.items.end(), [](const Scalar& item) {
+    const auto* real = std::get_if<double>(&item);
+    return real == nullptr || std::isfinite(*real);
+  });
+}
+
+void write_bad(Writer& out, const TagReading& reading, std::int64_t now_ms, const Point& point) {
+  const bool has_last = reading.bad && reading.last_ms != 0 && is_sayable(reading.value);
+  out.begin_object();
+  out.key("why").string(to_string(reading.bad.value_or(BadReason::bad_value)));
+  out.key("since").integer(reading.bad ? reading.bad_since_ms : now_ms);
+  out.key("last");
+  if (has_last)
+    write_value(out, reading.value, precision_of(point));
+  else
+    out.null();
+  out.key("last_ts");
+  has_last ? out.integer(reading.last_ms) : out.null();
+  out.end_object();
+}
+
+void write_percentiles(Writer& out, std::string_view name, const Percentiles& of) {
+  out.key(name).begin_object();
+  out.key("p50").number(of.p50).key("p99").number(of.p99);
+  out.end_object();
+}
+
+/// FNV-1a, 64 bit, as 16 hex digits.
+std::string fingerprint(std::string_view text) {
+  std::uint64_t hash = 0xCBF29CE484222325;
+  for (const char c : text) {
+    hash ^= static_cast<unsigned char>(c);
+    hash *= 0x100000001B3;
+  }
+  constexpr std::string_view hex = "0123456789abcdef";
+  std::string digits;
+  for (int shift = 60; shift >= 0; shift -= 4) digits += hex[(hash >> shift) & 0x0F];
+  return digits;
+}
+
+}  // namespace
+
+std::string telemetry(const Telemetry& message, const DeviceConfig& device, std::string_view boot,
+                      std::string_view meta_hash) {
+  Writer out;
+  out.begin_object();
+  out.key("ts").integer(message.ts_ms);
+  out.key("seq").integer(message.seq);
+  out.key("boot").string(boot);
+  out.key("meta").string(meta_hash);
+  if (message.span_ms) out.key("span_ms").number(*message.span_ms);
+  if (message.partial) out.key("partial").boolean(true);
+  const auto is_good = [](const TagReading& reading) {
+    return !reading.bad && is_sayable(reading.value);
+  };
+  bool any_bad = false;
+  out.key("values").begin_object();
+  for (const TagReading& reading : message.readings) {
+    const TagConfig& tag = device.tags.at(reading.tag);
+    if (!is_good(reading)) {
+      any_bad = true;
+      continue;
+    }
+    out.key(tag.name.get());
+    write_value(out, reading.value, precision_of(tag.point));
+  }
+  out.end_object();
+  if (any_bad) {
+    out.key("bad").begin_object();
+    for (const TagReading& reading : message.readings) {
+      if (is_good(reading)) continue;
+      const TagConfig& tag = device.tags.at(reading.tag);
+      out.key(tag.name.get());
+      write_bad(out, reading, message.ts_ms, tag.point);
+    }
+    out.end_object();
+  }
+  if (message.written) {
+    out.key("written").begin_array();
+    for (const TagReading& reading : message.readings)
+      out.string(device.tags.at(reading.tag).name.get());
+    out.end_array();
+  }
+  out.end_object();
+  return out.take();
+}
+
+std::string agent_online(std::int64_t since_ms, std::string_view boot, std::string_view version,
+                         const std::optional<std::string>& deaf) {
+  Writer out;
+  out.begin_object().key("state").string("online").key("since").integer(since_ms);
+  out.key("boot").string(boot).key("version").string(version);
+  if (deaf) out.key("commands").boolean(false).key("reason").string(*deaf);
+  out.end_object();
+  return out.take();
+}
+
+std::string agent_offline(std::optional<std::int64_t> since_ms, std::string_view reason,
+                          std::string_view boot) {
+  Writer out;
+  out.begin_object().key("state").string("offline").key("since");
+  since_ms ? out.integer(*since_ms) : out.null();
+  out.key("reason").string(reason).key("boot").string(boot).end_object();
+  return out.take();
+}
+
+std::string device_state(const DeviceStatus& status) {
+  Writer out;
+  out.begin_object().key("state").string(to_string(status.state));
+  out.key("since").integer(status.since_ms).key("reason").word(status.reason);
+  out.key("model").word(status.model).key("run");
+  status.run ? out.boolean(*status.run) : out.null();
+  out.end_object();
+  return out.take();
+}
+
+Meta device_meta(const DeviceConfig& device) {
+  Writer tags;
+  tags.begin_object();
+  for (const TagConfig& tag : device.tags) {
+    const Point& point = tag.point;
+    tags.key(tag.name.get()).begin_object();
+    tags.key("address").string(point.address.text).key("type").string(to_string(point.type));
+    if (point.is_array) tags.key("count").integer(std::int64_t{point.count});
+    if (point.type == DataType::string) tags.key("length").integer(std::int64_t{point.length});
+    tags.key("unit").string(tag.unit.get());
+    tags.key("scale").number(point.scale).key("offset").number(point.offset);
+    tags.key("group").string(device.groups.at(tag.group).name);
+    tags.key("access").string(tag.writable ? "read_write" : "read");
+    const TagLimits& limits = tag.limits;
+    if (limits.min) tags.key("min").number(*limits.min);
+    if (limits.max) tags.key("max").number(*limits.max);
+    if (limits.deadband) tags.key("deadband").number(*limits.deadband);
+    tags.end_object();
+  }
+  tags.end_object();
+  const std::string text = tags.take();
+  Meta meta;
+  meta.hash = fingerprint(text);
+  Writer out;
+  out.begin_object().key("hash").string(meta.hash).key("tags").raw(text).end_object();
+  meta.text = out.take();
+  return meta;
+}
+
+std::string health(const Health& health, const Config& config) {
+  Writer out;
+  out.begin_object();
+  out.key("ts").integer(health.ts_ms);
+  out.key("boot").string(health.boot).key("version").string(health.version);
+  out.key("uptime_s").integer(std::int64_t{health.uptime.count()});
+  const Samples& samples = health.samples;
+  out.key("samples").begin_object();
+  out.key("collected").integer(samples.collected).key("recovered").integer(samples.recovered);
+  out.key("suppressed").integer(samples.suppressed).key("queued").integer(samples.queued);
+  out.key("in_flight").integer(samples.in_flight).key("stored").integer(samples.stored);
+  out.key("acknowledged").integer(samples.acknowledged).key("dropped").integer(samples.dropped);
+  out.key("published").integer(samples.published);
+  out.key("balanced").boolean(samples.balanced());
+  out.end_object();
+  out.key("links").begin_object();
+  for (std::size_t i = 0; i < config.links.size(); ++i) {
+    const LinkHealth link = i < health.field.links.size() ? health.field.links[i] : LinkHealth{};
+    out.key(config.links[i].name).begin_object();
+    out.key("exchanges").integer(link.exchanges).key("timeouts").integer(link.timeouts);
+    out.key("naks").integer(link.naks).key("bad_frames").integer(link.bad_frames);
+    out.key("unexpected_bytes").integer(link.unexpected_bytes);
+    out.key("doubts").integer(link.doubts).key("doubted").boolean(link.doubted);
+    out.key("busy_percent").number(link.busy_percent);
+    out.key("load_percent").number(link.load_percent);
+    write_percentiles(out, "turnaround_ms", link.turnaround_ms);
+    out.end_object();
+  }
+  out.end_object();
+  out.key("devices").begin_object();
+  for (std::size_t i = 0; i < config.devices.size(); ++i) {
+    const DeviceHealth device =
+        i < health.field.devices.size() ? health.field.devices[i] : DeviceHealth{};
+    out.key(config.devices[i].name).begin_object();
+    out.key("polls").integer(device.polls).key("missed").integer(device.missed);
+    write_percentiles(out, "late_ms", device.late_ms);
+    out.key("dropped").integer(i < health.dropped.size() ? health.dropped[i] : std::uint64_t{0});
+    out.key("refused").word(i < health.refused.size() ? health.refused[i] : std::string());
+    out.end_object();
+  }
+  out.end_object();
+  out.key("commands").begin_object();
+  for (const CommandStatus status : kCommandStatuses) {
+    const auto found = health.commands.find(status);
+    out.key(to_string(status))
+        .integer(found == health.commands.end() ? std::uint64_t{0} : found->second);
+  }
+  out.end_object();
+  out.key("store").begin_object();
+  out.key("state").string(health.store_state).key("bytes").integer(health.store_bytes);
+  out.key("hours_left");
+  health.hours_left ? out.number(*health.hours_left) : out.null();
+  out.key("set_aside").word(health.store_set_aside);
+  out.end_object();
+  out.key("audit");
+  if (health.audit_head.empty()) {
+    out.null();
+  } else {
+    out.begin_object().key("records").integer(health.audit_records);
+    out.key("head").string(health.audit_head).end_object();
+  }
+  out.key("clock_synchronised").boolean(health.clock_synchronised);
+  out.key("rss_bytes").integer(health.rss_bytes);
+  out.end_object();
+  return out.take();
+}
+
+}  // namespace fxagent::json

@@ -1,0 +1,79 @@
+// What is published besides results, as JSON: samples, states, meta and health. Pure functions, any
+// thread.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "agent/config/config.h"
+#include "agent/messages.h"
+
+namespace fxagent::json {
+
+/// One message of one group: the payload of …/data/{group}, and a row of its history.
+std::string telemetry(const Telemetry& message, const DeviceConfig& device, std::string_view boot,
+                      std::string_view meta_hash);
+
+/// `deaf`: why no command is heard, where that is so.
+std::string agent_online(std::int64_t since_ms, std::string_view boot, std::string_view version,
+                         const std::optional<std::string>& deaf = std::nullopt);
+/// Without `since_ms` (the last will, written before it is known) "since" is null.
+std::string agent_offline(std::optional<std::int64_t> since_ms, std::string_view reason,
+                          std::string_view boot);
+std::string device_state(const DeviceStatus& status);
+
+struct Meta {
+  std::string hash;  ///< 16 hex digits over the tags' text: equal tags, equal hash
+  std::string text;
+};
+Meta device_meta(const DeviceConfig& device);
+
+struct Samples {
+  std::uint64_t collected = 0;
+  std::uint64_t recovered = 0;
+  std::uint64_t suppressed = 0;
+  std::uint64_t queued = 0;
+  std::uint64_t in_flight = 0;
+  std::uint64_t stored = 0;
+  std::uint64_t acknowledged = 0;
+  std::uint64_t dropped = 0;
+  std::uint64_t published = 0;  ///< sends, repeats included; no part of the balance
+  bool miscounted = false;      ///< the field says that it made other than arrived
+
+  /// Each sample is in exactly one place.
+  bool balanced() const {
+    return !miscounted && collected + recovered ==
+                              suppressed + queued + in_flight + stored + acknowledged + dropped;
+  }
+};
+
+struct Health {
+  std::int64_t ts_ms = 0;
+  std::string boot;
+  std::string version;
+  std::chrono::seconds uptime{0};
+  Samples samples;
+  FieldHealth field;
+  std::vector<std::uint64_t> dropped;  ///< samples, by index in Config::devices
+  /// By the same index: the MQTT reason code, "0x97", for which the broker does not take the
+  /// device's samples now; empty: it takes them.
+  std::vector<std::string> refused;
+  std::map<CommandStatus, std::uint64_t> commands;
+  std::string store_state;      ///< "disk"; "memory" where there is none, or it cannot be written
+  std::string store_set_aside;  ///< name of the damaged file of this run; empty: none
+  std::uint64_t store_bytes = 0;
+  std::uint64_t audit_records = 0;
+  std::string audit_head;            ///< hash of the last of them; empty: there is no audit
+  std::optional<double> hours_left;  ///< until the store is full at the present rate
+  bool clock_synchronised = false;
+  std::uint64_t rss_bytes = 0;
+};
+std::string health(const Health& health, const Config& config);
+
+}  // namespace fxagent::json

@@ -1,0 +1,379 @@
+#include "agent/store/audit_chain.h"
+
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "agent/cli/audit_report.h"
+#include "agent/commands/audit_records.h"
+#include "agent/store/store_file.h"
+#include "tests/agent/store/scratch.h"
+
+namespace fxagent::audit {
+namespace {
+
+constexpr std::int64_t kNow = 1790000000000;
+
+Arrival arrival(std::uint64_t number) {
+  Arrival made;
+  made.number = number;
+  made.device = "press1";
+  made.topic = "fx/plant-a/edge7/press1/command";
+  made.payload = R"({"id":"b7e1"})";
+  made.payload_bytes = made.payload.size();
+  made.by = "anna";
+  made.received_ms = kNow + static_cast<std::int64_t>(number);
+  return made;
+}
+
+const std::string kSucceeded =
+    R"({"id":"b7e1","status":"SUCCEEDED","reason":null,"detail":null,"plc":"ACK","op":"write",)"
+    R"("tag":"setpoint","address":"D200","value":50,"verify":{"read":50,"match":true},)"
+    R"("t":{"received":1790000000001},"attempts":1})";
+
+FrameTrace enquiry() {
+  FrameTrace trace;
+  trace.add(WireFrame::Way::out, Bytes{0x05});
+  trace.add(WireFrame::Way::in, Bytes{0x06});
+  return trace;
+}
+
+struct Chain {
+  std::vector<Record> records;
+  Head head;
+
+  void add(const std::string& body) { records.push_back(seal(head, body)); }
+  std::vector<Finding> findings(std::optional<Head> published = std::nullopt) const {
+    Verifier verifier(published);
+    for (const Record& record : records) verifier.add(record);
+    return verifier.finish(head);
+  }
+};
+
+Chain small_chain() {
+  Chain chain;
+  chain.add(ordered(arrival(1), "b7e1", "write", kNow));
+  chain.add(result(1, "press1", kSucceeded, enquiry(), kNow));
+  chain.add(told(1, "press1", "b7e1", true, kNow));
+  chain.add(answered(arrival(2), R"({"id":"c","status":"REJECTED"})", kNow));
+  chain.add(told(2, "press1", "c", true, kNow));
+  return chain;
+}
+
+TEST(Audit, HashIsSha256) {
+  EXPECT_EQ(to_text(sha256("abc")),  // FIPS 180-2, appendix B.1
+            "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+}
+
+TEST(Audit, EachRecordCarriesTheHashOfTheOneBefore) {
+  const Chain chain = small_chain();
+  std::string before(64, '0');
+  for (const Record& record : chain.records) {
+    const auto said = nlohmann::json::parse(record.text);
+    EXPECT_EQ(said["n"], record.number);
+    EXPECT_EQ(said["prev"], before);
+    before = to_text(sha256(record.text));
+  }
+  EXPECT_EQ(to_text(chain.head.hash), before);
+  EXPECT_TRUE(chain.findings().empty());
+}
+
+TEST(Audit, EverySingleByteThatIsChangedIsFoundInItsRecord) {
+  const Chain whole = small_chain();
+  for (std::size_t i = 0; i < whole.records.size(); ++i) {
+    const auto changed = [&](const Chain& chain, std::size_t place) {
+      const auto findings = chain.findings();
+      ASSERT_EQ(findings.size(), 1U) << i << " at " << place;
+      EXPECT_EQ(findings[0].record, i + 1) << place;
+    };
+    for (std::size_t place = 0; place < whole.records[i].text.size(); ++place) {
+      Chain chain = whole;
+      chain.records[i].text[place] ^= 1;
+      changed(chain, place);
+    }
+    for (std::size_t place = 0; place < 32; ++place) {
+      Chain chain = whole;
+      chain.records[i].hash[place] ^= 0x80;
+      changed(chain, place);
+    }
+  }
+}
+
+TEST(Audit, RecordThatIsEditedWithItsHashIsFoundAtTheNext) {
+  for (std::size_t i = 0; i < 5; ++i) {
+    Chain chain = small_chain();
+    Record& record = chain.records[i];
+    record.text.replace(record.text.find("press1"), 6, "press2");
+    const Digest digest = sha256(record.text);
+    record.hash.assign(digest.begin(), digest.end());
+    const auto findings = chain.findings();
+    ASSERT_EQ(findings.size(), 1U) << i;
+    EXPECT_EQ(findings[0].record, i == 4 ? 5U : i + 2) << findings[0].text;
+  }
+}
+
+TEST(Audit, EachRecordThatIsMissingIsNamed) {
+  for (std::size_t i = 0; i < 5; ++i) {
+    Chain chain = small_chain();
+    chain.records.erase(chain.records.begin() + static_cast<std::ptrdiff_t>(i));
+    const auto findings = chain.findings();
+    ASSERT_EQ(findings.size(), 1U) << i;
+    EXPECT_EQ(findings[0].record, i + 1);
+    EXPECT_NE(findings[0].text.find("missing"), std::string::npos) << findings[0].text;
+  }
+}
+
+TEST(Audit, TailThatWasCutOffIsFoundByTheHead) {
+  Chain chain = small_chain();
+  chain.records.resize(2);
+  const auto findings = chain.findings();
+  ASSERT_EQ(findings.size(), 1U);
+  EXPECT_EQ(findings[0].record, 3U);
+  EXPECT_EQ(findings[0].text, "records 3 to 5 are missing at the end");
+  chain.records.clear();
+  ASSERT_EQ(chain.findings().size(), 1U);
+  EXPECT_EQ(chain.findings()[0].record, 1U);
+}
+
+TEST(Audit, TailThatWasCutOffWithTheHeadIsFoundByThePublishedOne) {
+  Chain chain = small_chain();
+  const Head published = chain.head;
+  chain.records.resize(2);
+  chain.head.records = 2;
+  chain.head.hash = sha256(chain.records[1].text);
+  EXPECT_TRUE(chain.findings().empty());
+  ASSERT_EQ(chain.findings(published).size(), 1U);
+  EXPECT_EQ(chain.findings(published)[0].record, 3U);
+}
+
+TEST(Audit, ChainThatWasMadeAnewIsFoundByThePublishedHead) {
+  const Head published = small_chain().head;
+  Chain forged;
+  for (int i = 0; i < 6; ++i) forged.add(told(1, "press1", "x", true, kNow));
+  EXPECT_TRUE(forged.findings().empty());
+  ASSERT_EQ(forged.findings(published).size(), 1U);
+  EXPECT_EQ(forged.findings(published)[0].record, 5U);
+}
+
+TEST(Audit, HeadPublishedEarlierIsStillInTheChain) {
+  Chain chain = small_chain();
+  const Head published = chain.head;
+  chain.add(told(3, "press1", "d", true, kNow));
+  EXPECT_TRUE(chain.findings(published).empty());
+}
+
+TEST(Audit, RecordsThatChangedPlacesAreFound) {
+  for (std::size_t i = 0; i + 1 < 5; ++i) {
+    Chain chain = small_chain();
+    std::swap(chain.records[i].text, chain.records[i + 1].text);
+    std::swap(chain.records[i].hash, chain.records[i + 1].hash);
+    const auto findings = chain.findings();
+    ASSERT_FALSE(findings.empty()) << i;
+    EXPECT_EQ(findings[0].record, i + 1);
+  }
+}
+
+TEST(Audit, PrunedRecordsAreNotMissing) {
+  Chain chain = small_chain();
+  chain.add(pruned(2, chain.records[1].hash, kNow));
+  chain.records.erase(chain.records.begin(), chain.records.begin() + 2);
+  EXPECT_TRUE(chain.findings().empty());
+  chain.records.erase(chain.records.begin());  // and one more, that nothing speaks of
+  const auto findings = chain.findings();
+  ASSERT_EQ(findings.size(), 1U);
+  EXPECT_EQ(findings[0].record, 3U);
+}
+
+TEST(Audit, PruningThatNamesAnotherHashIsFound) {
+  Chain chain = small_chain();
+  chain.add(pruned(2, chain.records[0].hash, kNow));
+  chain.records.erase(chain.records.begin(), chain.records.begin() + 2);
+  ASSERT_EQ(chain.findings().size(), 1U);
+  EXPECT_EQ(chain.findings()[0].record, 3U);
+}
+
+TEST(Audit, PayloadIsKeptShortAndPrintable) {
+  Arrival bad = arrival(1);
+  bad.payload = "{\xFF\x01" + std::string(1000, 'x');
+  bad.payload_bytes = bad.payload.size();
+  bad.by.clear();
+  const auto said = nlohmann::json::parse(answered(bad, R"({"id":null})", kNow));
+  EXPECT_EQ(said["payload"], "{\\xff\x01" + std::string(253, 'x'));
+  EXPECT_EQ(said["payload_bytes"], 1003);
+  EXPECT_EQ(said["by"], nullptr);
+}
+
+TEST(Audit, LongResultLosesItsValuesAndSaysSo) {
+  const std::string text =
+      R"({"id":"a","status":"REJECTED","value":")" + std::string(60000, 'x') + R"("})";
+  const auto said = nlohmann::json::parse(answered(arrival(1), text, kNow));
+  EXPECT_EQ(said["result"]["status"], "REJECTED");
+  EXPECT_EQ(said["result"]["value"], nullptr);
+  EXPECT_EQ(said["result"]["cut"], true);
+}
+
+TEST(Audit, LongOrderKeepsTheBeginningOfItsFrames) {
+  FrameTrace trace;
+  for (int i = 0; i < 100; ++i) trace.add(WireFrame::Way::out, Bytes(10, 0x30));
+  EXPECT_EQ(trace.frames().size(), FrameTrace::kMostFrames);
+  trace.add(WireFrame::Way::in, {});
+  EXPECT_EQ(trace.omitted(), 36U);
+}
+
+// ---- the report -------------------------------------------------------------------------------
+
+TEST(AuditReport, RecordsOfACommandBecomeOneLine) {
+  Report report;
+  for (const Record& record : small_chain().records) report.add(record);
+  const auto lines = report.take();
+  ASSERT_EQ(lines.size(), 2U);
+  const auto first = nlohmann::json::parse(lines[0].json);
+  EXPECT_EQ(first["arrival"], 1);
+  EXPECT_EQ(first["received"], kNow + 1);
+  EXPECT_EQ(first["topic"], "fx/plant-a/edge7/press1/command");
+  EXPECT_EQ(first["by"], "anna");
+  EXPECT_EQ(first["id"], "b7e1");
+  EXPECT_EQ(first["status"], "SUCCEEDED");
+  EXPECT_EQ(first["plc"], "ACK");
+  EXPECT_EQ(first["verify"]["read"], 50);
+  EXPECT_EQ(first["frames"], nlohmann::json::parse(R"([{"out":"05"},{"in":"06"}])"));
+  EXPECT_EQ(first["acknowledged"], kNow);
+  EXPECT_EQ(first["records"], nlohmann::json::parse("[1,2,3]"));
+  EXPECT_EQ(
+      lines[0].text,
+      "2026-09-21T14:13:20.001Z press1 b7e1 by \"anna\": write setpoint D200 = 50: SUCCEEDED, "
+      "ACK, read back 50 | > 05 < 06 | told 2026-09-21T14:13:20.000Z");
+  EXPECT_EQ(nlohmann::json::parse(lines[1].json)["status"], "REJECTED");
+}
+
+TEST(AuditReport, OrderWithoutAResultAndWhatPruningLeftHaveLinesToo) {
+  Report report;
+  Head head;
+  report.add(seal(head, result(1, "press1", kSucceeded, {}, kNow)));
+  report.add(seal(head, told(9, "press1", "z", false, kNow)));
+  report.add(seal(head, ordered(arrival(10), "open", "write", kNow)));
+  report.add(seal(head, pruned(3, Bytes(32, 0), kNow)));
+  const auto lines = report.take();
+  ASSERT_EQ(lines.size(), 4U);
+  EXPECT_EQ(lines[0].text,
+            "before the records press1 z: (no op): no result is recorded | the "
+            "broker has not acknowledged it");
+  EXPECT_TRUE(nlohmann::json::parse(lines[0].json)["refused_by_broker"]);
+  EXPECT_NE(lines[1].text.find("records up to 3 were let go"), std::string::npos);
+  EXPECT_EQ(nlohmann::json::parse(lines[2].json)["received"], kNow + 1);
+  EXPECT_EQ(nlohmann::json::parse(lines[3].json)["status"], nullptr);
+}
+
+TEST(AuditReport, TextOfASenderMovesNoCursor) {
+  Report report;
+  Head head;
+  Arrival bad = arrival(1);
+  bad.by = "\x1b[2J\n";
+  report.add(seal(head, answered(bad, R"({"id":null,"detail":"\u001b[31m"})", kNow)));
+  const std::string text = report.take().at(0).text;
+  EXPECT_EQ(text.find('\x1b'), std::string::npos) << text;
+  EXPECT_EQ(text.find('\n'), std::string::npos);
+}
+
+TEST(AuditReport, SinceIsATimeOrADuration) {
+  EXPECT_EQ(since_from("1790000000123", kNow), 1790000000123);
+  EXPECT_EQ(since_from("2026-09-21", kNow), 1789948800000);
+  EXPECT_EQ(since_from("2026-09-21T13:33", kNow), 1789997580000);
+  EXPECT_EQ(since_from("2026-09-21T13:33:20Z", kNow), 1789997600000);
+  EXPECT_EQ(since_from("2h", kNow), kNow - 7200000);
+  EXPECT_EQ(since_from("90s", kNow), kNow - 90000);
+  EXPECT_EQ(since_from("7d", kNow), kNow - 604800000);
+  for (const char* wrong : {"", "h", "-2h", "2y", "2026-13-01", "2026-02-30", "yesterday",
+                            "2026-09-21T25:00", "99999999999999999999"})
+    EXPECT_FALSE(since_from(wrong, kNow)) << wrong;
+}
+
+// ---- in the file ------------------------------------------------------------------------------
+
+struct TrailBench {
+  test::Scratch scratch;
+  StoreFile file{(make_store_file(scratch.path("s")), store_file_path(scratch.path("s"))), false};
+
+  TrailBench() { EXPECT_TRUE(file.trail.load()); }
+  void append(int count) {
+    sqlite::Transaction transaction(file.db);
+    file.trail.begin();
+    for (int i = 0; i < count; ++i)
+      EXPECT_TRUE(file.trail.append(told(1, "press1", "b7e1", true, kNow + i)));
+    EXPECT_TRUE(file.trail.end(1) && transaction.commit());
+    file.trail.committed();
+  }
+  void prune(std::uint64_t max_bytes, std::int64_t oldest_ms, std::uint64_t may_age) {
+    sqlite::Transaction transaction(file.db);
+    file.trail.begin();
+    EXPECT_TRUE(file.trail.prune(max_bytes, oldest_ms, may_age, kNow) && file.trail.end(1) &&
+                transaction.commit());
+    file.trail.committed();
+  }
+  std::vector<Finding> findings() {
+    Verifier verifier;
+    Head head;
+    EXPECT_TRUE(AuditTrail::read(
+        file.db, [&](const Record& record) { verifier.add(record); }, head));
+    left = verifier.records();
+    return verifier.finish(head);
+  }
+  std::uint64_t left = 0;
+};
+
+TEST(AuditTrail, RecordsThatWereNotCommittedLeaveNoTrace) {
+  TrailBench bench;
+  bench.append(3);
+  {
+    sqlite::Transaction transaction(bench.file.db);
+    bench.file.trail.begin();
+    EXPECT_TRUE(bench.file.trail.append(told(1, "press1", "lost", true, kNow)));
+  }
+  bench.append(2);
+  EXPECT_TRUE(bench.findings().empty());
+  EXPECT_EQ(bench.left, 5U);
+}
+
+TEST(AuditTrail, PrunesToItsSizeAndStaysWhole) {
+  TrailBench bench;
+  bench.append(1000);
+  const std::uint64_t bytes = bench.file.trail.bytes();
+  bench.prune(bytes, 0, 0);
+  EXPECT_EQ(bench.file.trail.head().records, 1000U);
+  bench.prune(bytes / 2, 0, 0);
+  EXPECT_LE(bench.file.trail.bytes(), bytes / 2 + 500);
+  EXPECT_TRUE(bench.findings().empty());
+  EXPECT_NEAR(static_cast<double>(bench.left), 500.0, 5.0);
+  bench.append(10);
+  bench.prune(1, 0, 0);
+  EXPECT_TRUE(bench.findings().empty());
+  EXPECT_EQ(bench.left, 2U);
+}
+
+TEST(AuditTrail, PrunesWhatIsTooOldAndNothingOfAYoungRun) {
+  TrailBench bench;
+  bench.append(10);
+  bench.prune(1 << 20, kNow + 5, 3);
+  EXPECT_TRUE(bench.findings().empty());
+  EXPECT_EQ(bench.left, 8U);  // 4 to 10, and the record of the pruning
+  bench.prune(1 << 20, kNow + 5, 100);
+  EXPECT_TRUE(bench.findings().empty());
+  EXPECT_EQ(bench.left, 7U);  // 6 to 11, and another
+}
+
+TEST(AuditTrail, ChainGoesOnBehindAHeadThatWasPutBackAndTheBreakIsSeen) {
+  TrailBench bench;
+  bench.append(5);
+  ASSERT_TRUE(bench.file.db.execute("UPDATE audit_head SET records = 2"));
+  ASSERT_TRUE(bench.file.trail.load());
+  bench.append(1);
+  EXPECT_TRUE(bench.findings().empty());  // the hash was left as it was
+  ASSERT_TRUE(bench.file.db.execute("UPDATE audit_head SET hash = zeroblob(32)"));
+  ASSERT_TRUE(bench.file.trail.load());
+  bench.append(1);
+  ASSERT_EQ(bench.findings().size(), 1U);
+  EXPECT_EQ(bench.findings()[0].record, 7U);
+}
+
+}  // namespace
+}  // namespace fxagent::audit

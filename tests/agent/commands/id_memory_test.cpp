@@ -1,0 +1,252 @@
+#include "agent/commands/id_memory.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <chrono>
+#include <random>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace fxagent {
+namespace {
+
+using std::chrono::hours;
+using std::chrono::minutes;
+
+constexpr SteadyTime kStart{hours(1000)};
+
+/// What is promised, in the plainest way: of each id when it may go, and never more than there is
+/// room for.
+struct PlainMemory {
+  struct Known {
+    IdMemory::Entry entry;
+    bool refused = false;
+    bool print = false;  ///< only the fingerprint is left
+  };
+  std::vector<Known> all;  ///< the oldest first
+  std::size_t most_prints = 300;
+
+  Known* find(const std::string& id, SteadyTime now) {
+    for (Known& known : all)
+      if (known.entry.id == id && !is_old(known, now)) return &known;
+    return nullptr;
+  }
+  bool make_room(SteadyTime now) {
+    forget_old(now);
+    if (count(false, false) < kRememberedIds) return true;
+    const bool room = count(false, true) < most_prints || drop_print(now);
+    for (Known& known : all) {
+      if (known.refused || known.print || !known.entry.over) continue;
+      if (room) {
+        known.print = true;
+        return true;
+      }
+      if (now <= known.entry.deadline) continue;
+      all.erase(all.begin() + (&known - all.data()));
+      return true;
+    }
+    return false;
+  }
+  void add(IdMemory::Entry entry) {
+    all.push_back({std::move(entry)});
+    if (count(true, false) + count(false, false) > kRememberedIds) drop_refused();
+  }
+  bool add_refused(IdMemory::Entry entry, SteadyTime now) {
+    forget_old(now);
+    if (count(true, false) + count(false, false) >= kRememberedIds && !drop_refused()) return false;
+    all.push_back({std::move(entry), true});
+    return true;
+  }
+
+ private:
+  static bool is_old(const Known& known, SteadyTime now) {
+    return known.entry.over && now > known.entry.deadline && now - known.entry.seen >= hours(24);
+  }
+  void forget_old(SteadyTime now) {
+    std::erase_if(all, [now](const Known& known) { return is_old(known, now); });
+  }
+  std::size_t count(bool refused, bool print) const {
+    return static_cast<std::size_t>(std::count_if(all.begin(), all.end(), [&](const Known& known) {
+      return known.refused == refused && known.print == print;
+    }));
+  }
+  bool drop_refused() {
+    const auto oldest =
+        std::find_if(all.begin(), all.end(), [](const Known& known) { return known.refused; });
+    if (oldest == all.end()) return false;
+    all.erase(oldest);
+    return true;
+  }
+  bool drop_print(SteadyTime now) {
+    const auto oldest = std::find_if(all.begin(), all.end(), [now](const Known& known) {
+      return known.print && now > known.entry.deadline;
+    });
+    if (oldest == all.end()) return false;
+    all.erase(oldest);
+    return true;
+  }
+};
+
+struct Memory {
+  std::shared_ptr<CommandRoom> room = std::make_shared<CommandRoom>();
+  IdMemory ids{room, "press1"};
+};
+
+TEST(IdMemory, KnowsWhatAPlainListKnows) {
+  int full = 0;
+  int prints = 0;
+  int refused = 0;
+  for (const unsigned seed : {1U, 2U}) {
+    std::minstd_rand random(seed);
+    const auto below = [&](unsigned limit) { return static_cast<int>(random() % limit); };
+    const bool hurry = seed % 2 == 0;  // all within the first minutes: no deadline passes
+    Memory memory;
+    PlainMemory plain;
+    SteadyTime now = kStart;
+    std::uint64_t arrival = 0;
+    const auto add = [&](const std::string& id) {
+      const IdMemory::Entry entry{id, ++arrival, now, now + minutes(10 + below(50)),
+                                  below(50) != 0};
+      memory.ids.add(entry, now);
+      return entry;
+    };
+    while (memory.ids.size() < kRememberedIds - 100)
+      plain.all.push_back({add("early" + std::to_string(memory.ids.size()))});
+    memory.room->fingerprints = IdFingerprints(plain.most_prints);
+    for (std::size_t i = 0; i < plain.most_prints - 50; ++i) {
+      memory.room->fingerprints.add("other", std::to_string(i), now, now + hours(30));
+      plain.all.push_back(
+          {{"other " + std::to_string(i), 0, now, now + hours(30), true}, false, true});
+    }
+    for (int i = 0; i < 500; ++i) {
+      if (!hurry && below(50) == 0) now += minutes(below(700));
+      now += std::chrono::milliseconds(below(hurry ? 100 : 3000));
+      const std::string id = (below(4) == 0 ? "early" : "") + std::to_string(below(600));
+      auto* known = plain.find(id, now);
+      const auto found = memory.ids.find(id, now);
+      ASSERT_EQ(found.has_value(), known != nullptr) << seed << " " << i << " " << id;
+      if (found) {
+        ASSERT_EQ(found->over, known->entry.over) << i;
+        ASSERT_EQ(found->arrival.has_value(), !known->print) << i;
+        prints += known->print;
+        if (below(3) != 0 || known->refused) continue;
+        memory.ids.finish(id, nullptr);
+        known->entry.over = true;
+        continue;
+      }
+      if (below(3) == 0) {
+        const IdMemory::Entry entry{id, ++arrival, now, now, true};
+        const bool kept = plain.add_refused(entry, now);
+        ASSERT_EQ(memory.ids.add_refused(entry, now), kept) << seed << " " << i;
+        refused += !kept;
+        continue;
+      }
+      const bool room = plain.make_room(now);
+      ASSERT_EQ(memory.ids.make_room(now), room) << seed << " " << i;
+      full += !room;
+      if (!room) continue;
+      plain.add(add(id));
+      ASSERT_LE(memory.ids.size(), kRememberedIds);
+    }
+  }
+  EXPECT_GT(full, 50);
+  EXPECT_GT(prints, 0);
+  EXPECT_GT(refused, 50);
+}
+
+TEST(IdMemory, IdThatIsKnownStaysAsItIs) {
+  Memory memory;
+  memory.ids.add({"a", 1, kStart, kStart}, kStart);
+  memory.ids.add({"a", 2, kStart, kStart + hours(1), true}, kStart);
+  EXPECT_EQ(memory.ids.size(), 1U);
+  EXPECT_EQ(memory.ids.find("a", kStart)->arrival, 1U);
+  EXPECT_FALSE(memory.ids.find("a", kStart)->over);
+}
+
+// What an earlier run leaves is not in the order of this one's.
+TEST(IdMemory, DayIsOverWhateverStandsBefore) {
+  Memory memory;
+  memory.ids.add({"runs", 1, kStart, kStart}, kStart);
+  memory.ids.add({"young", 2, kStart, kStart, true}, kStart);
+  memory.ids.add({"old", 3, kStart - hours(23), kStart, true}, kStart);
+  const SteadyTime later = kStart + hours(1);
+  EXPECT_TRUE(memory.ids.find("young", later));
+  EXPECT_FALSE(memory.ids.find("old", later));
+  memory.ids.add({"old", 4, later, later}, later);
+  ASSERT_TRUE(memory.ids.find("old", later));
+  EXPECT_EQ(memory.ids.find("old", later)->arrival, 4U);
+  EXPECT_TRUE(memory.ids.find("runs", later + hours(30)));
+}
+
+// A file that opens late brings ids of earlier commands.
+TEST(IdMemory, EarlierCommandsAreOlderWheneverTheyBecomeKnown) {
+  Memory memory;
+  for (std::uint64_t i = 0; i < 500; ++i)
+    memory.ids.add({"own" + std::to_string(i), 20000 + i, kStart, kStart, true}, kStart);
+  for (std::uint64_t i = 0; i < kRememberedIds; ++i)
+    memory.ids.add({"early" + std::to_string(i), i, kStart - hours(1), kStart, true}, kStart);
+  const SteadyTime later = kStart + minutes(1);
+  EXPECT_TRUE(memory.ids.make_room(later));
+  EXPECT_TRUE(memory.ids.find("own0", later)->arrival);
+  EXPECT_FALSE(memory.ids.find("early500", later)->arrival) << "only its fingerprint is left";
+  EXPECT_TRUE(memory.ids.find("early501", later)->arrival);
+  EXPECT_EQ(memory.ids.size(), kRememberedIds - 1);
+}
+
+// Nobody waits behind a flood of reads whose time is not over for an hour.
+TEST(IdMemory, TwoHundredThousandAreKnownUntilTheirDeadlines) {
+  Memory memory;
+  const std::size_t most = kRememberedIds + kFingerprints;
+  for (std::size_t i = 0; i < most; ++i) {
+    ASSERT_TRUE(memory.ids.make_room(kStart)) << i;
+    memory.ids.add({std::to_string(i), i, kStart, kStart + hours(1), true}, kStart);
+  }
+  EXPECT_FALSE(memory.ids.make_room(kStart + hours(1)));
+  for (std::size_t i = 0; i < most; ++i)
+    ASSERT_TRUE(memory.ids.find(std::to_string(i), kStart + hours(1))) << i;
+  const SteadyTime later = kStart + hours(1) + minutes(1);
+  EXPECT_TRUE(memory.ids.make_room(later));
+  EXPECT_FALSE(memory.ids.find("0", later));
+  EXPECT_TRUE(memory.ids.find("1", later));
+}
+
+TEST(IdMemory, WhatWasRefusedStandsInNobodysWay) {
+  Memory memory;
+  for (std::uint64_t i = 0; i < 3 * kRememberedIds; ++i)
+    EXPECT_TRUE(
+        memory.ids.add_refused({"no" + std::to_string(i), i, kStart, kStart, true}, kStart));
+  EXPECT_EQ(memory.ids.size(), kRememberedIds);
+  EXPECT_FALSE(memory.ids.find("no0", kStart));
+  EXPECT_TRUE(memory.ids.find("no29999", kStart));
+  for (std::uint64_t i = 0; i < kRememberedIds; ++i) {
+    ASSERT_TRUE(memory.ids.make_room(kStart));
+    memory.ids.add({"yes" + std::to_string(i), i, kStart, kStart + hours(1)}, kStart);
+  }
+  EXPECT_EQ(memory.room->fingerprints.size(), 0U);
+  EXPECT_FALSE(memory.ids.add_refused({"no", 1, kStart, kStart, true}, kStart));
+}
+
+TEST(IdMemory, DevicesDoNotShareTheirIds) {
+  Memory memory;
+  IdMemory other(memory.room, "press2");
+  memory.room->fingerprints.add("press1", "a", kStart, kStart);
+  EXPECT_TRUE(memory.ids.find("a", kStart));
+  EXPECT_FALSE(other.find("a", kStart));
+}
+
+TEST(IdMemory, ResultIsKeptWhereItIsGiven) {
+  Memory memory;
+  memory.ids.add({"a", 1, kStart, kStart}, kStart);
+  CommandResult result;
+  result.id = "a";
+  memory.ids.finish("a", std::make_shared<const CommandResult>(result));
+  memory.ids.finish("b", nullptr);
+  EXPECT_TRUE(memory.ids.find("a", kStart)->over);
+  EXPECT_EQ(memory.ids.find("a", kStart)->result->id, "a");
+  EXPECT_FALSE(memory.ids.find("b", kStart));
+}
+
+}  // namespace
+}  // namespace fxagent

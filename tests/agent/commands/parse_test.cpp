@@ -1,0 +1,233 @@
+#include "agent/commands/parse.h"
+
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "tests/agent/uplink/plant.h"
+
+namespace fxagent {
+namespace {
+
+using nlohmann::json;
+
+TEST(ParseCommand, ReadsTheContractsExample) {
+  const Command command = fxagent::parse_command(
+      R"({"id": "b7e1", "op": "write", "tag": "setpoint", "value": 50, "expires": 1790000010000,
+          "expect": 45, "verify": true, "dry_run": false, "by": "anna"})");
+  EXPECT_FALSE(command.refusal) << command.refusal->detail;
+  EXPECT_EQ(command.id, "b7e1");
+  EXPECT_EQ(command.op, Op::write);
+  EXPECT_EQ(command.op_text, "write");
+  ASSERT_EQ(command.targets.size(), 1U);
+  EXPECT_EQ(command.targets[0].tag, "setpoint");
+  EXPECT_EQ(command.targets[0].value, Value(std::int64_t{50}));
+  EXPECT_EQ(command.expires_ms, 1790000010000);
+  EXPECT_EQ(command.expect, Value(std::int64_t{45}));
+  EXPECT_EQ(command.verify, true);
+  EXPECT_FALSE(command.dry_run);
+  EXPECT_EQ(command.by, "anna");
+}
+
+TEST(ParseCommand, ReadsAnAddressWithType) {
+  const Command command = fxagent::parse_command(
+      R"({"id":"1","op":"write","address":"D7","type":"float32","value":[1.5,true,"x"]})");
+  EXPECT_FALSE(command.refusal);
+  EXPECT_EQ(command.targets.at(0).address, "D7");
+  EXPECT_EQ(command.targets.at(0).type, DataType::float32);
+  EXPECT_EQ(command.targets.at(0).value, Value::array({1.5, true, std::string("x")}));
+}
+
+TEST(ParseCommand, ReadsTargets) {
+  const Command command = fxagent::parse_command(
+      R"({"id":"1","op":"write","targets":[{"tag":"a","value":1},{"address":"D1","value":[2]}]})");
+  EXPECT_FALSE(command.refusal);
+  EXPECT_TRUE(command.is_list);
+  ASSERT_EQ(command.targets.size(), 2U);
+  EXPECT_EQ(command.targets[1].address, "D1");
+}
+
+TEST(ParseCommand, NullIsAsGoodAsAbsent) {
+  const std::vector<std::pair<std::string, std::string>> pairs{
+      {R"({"id":"1","op":"write","tag":"a","value":1,"address":null,"type":null,"targets":null,
+           "verify":null,"by":null})",
+       R"({"id":"1","op":"write","tag":"a","value":1})"},
+      {R"({"id":"1","op":"write","tag":null,"value":null,"targets":[
+           {"tag":"a","address":null,"value":1},{"tag":null,"address":"D1","type":null,"value":2}]})",
+       R"({"id":"1","op":"write","targets":[{"tag":"a","value":1},{"address":"D1","value":2}]})"},
+      {R"({"id":"1","op":"run","tag":null,"address":null,"value":null})",
+       R"({"id":"1","op":"run"})"}};
+  for (const auto& [with_nulls, without] : pairs) {
+    const Command filled = fxagent::parse_command(with_nulls);
+    const Command plain = fxagent::parse_command(without);
+    ASSERT_FALSE(filled.refusal) << filled.refusal->detail;
+    ASSERT_EQ(filled.targets.size(), plain.targets.size()) << without;
+    for (std::size_t i = 0; i < plain.targets.size(); ++i) {
+      EXPECT_EQ(filled.targets[i].tag, plain.targets[i].tag);
+      EXPECT_EQ(filled.targets[i].address, plain.targets[i].address);
+      EXPECT_EQ(filled.targets[i].type, plain.targets[i].type);
+      EXPECT_EQ(filled.targets[i].value, plain.targets[i].value);
+    }
+    EXPECT_EQ(filled.is_list, plain.is_list);
+    EXPECT_EQ(filled.expires_ms, plain.expires_ms);
+    EXPECT_EQ(filled.verify, plain.verify);
+    EXPECT_EQ(filled.dry_run, plain.dry_run);
+  }
+}
+
+TEST(ParseCommand, NullIsNoConditionThatGotLost) {
+  for (const std::string key : {"expires", "expect", "dry_run"}) {
+    const Command command = fxagent::parse_command(
+        R"({"id":"1","op":"write","tag":"a","value":1,")" + key + R"(":null})");
+    ASSERT_TRUE(command.refusal) << key;
+    EXPECT_EQ(command.refusal->reason, Reason::bad_value) << key;
+  }
+}
+
+TEST(ParseCommand, NothingFollowsTheCommand) {
+  const std::string order = R"({"id":"1","op":"run"})";
+  for (const char* const more : {"", "{\"id\":\"2\",\"op\":\"stop\"}"}) {
+    const Command command = fxagent::parse_command(order + '\0' + more);
+    EXPECT_EQ(command.id, "1");
+    ASSERT_TRUE(command.refusal);
+    EXPECT_EQ(command.refusal->reason, Reason::bad_json);
+    EXPECT_NE(command.refusal->detail.find("NUL"), std::string::npos);
+  }
+}
+
+TEST(ParseCommand, RunNeedsNoTarget) {
+  const Command command = fxagent::parse_command(R"({"id":"1","op":"run"})");
+  EXPECT_FALSE(command.refusal);
+  EXPECT_TRUE(command.targets.empty());
+}
+
+struct Refused {
+  const char* name;
+  std::string payload;
+  Reason reason;
+  const char* detail_has;
+  const char* id;
+};
+
+class CommandRefusal : public testing::TestWithParam<Refused> {};
+
+TEST_P(CommandRefusal, IsTheFirstInTheOrderOfChecks) {
+  const Command command = fxagent::parse_command(GetParam().payload);
+  ASSERT_TRUE(command.refusal);
+  EXPECT_EQ(to_string(command.refusal->reason), to_string(GetParam().reason));
+  EXPECT_NE(command.refusal->detail.find(GetParam().detail_has), std::string::npos)
+      << command.refusal->detail;
+  EXPECT_EQ(command.id, GetParam().id);
+}
+
+std::string write_with(const std::string& rest) {
+  return R"({"id":"a","op":"write","tag":"t","value":1,)" + rest + "}";
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Json, CommandRefusal,
+    testing::Values(
+        Refused{"TooLarge", std::string(65537, ' '), Reason::too_large, "65536", ""},
+        Refused{"NoJson", "write 50", Reason::bad_json, "not JSON", ""},
+        Refused{"Empty", "", Reason::bad_json, "not JSON", ""},
+        Refused{"Truncated", R"({"id":"a")", Reason::bad_json, "not JSON", ""},
+        Refused{"Nan", R"({"id":"a","op":"write","tag":"t","value":NaN})", Reason::bad_json, "",
+                ""},
+        Refused{"TooLargeANumber", R"({"id":"a","value":1e999})", Reason::bad_json, "", ""},
+        Refused{"BadUtf8", "{\"id\":\"\xFF\"}", Reason::bad_json, "", ""},
+        Refused{"Array", "[1]", Reason::bad_json, "object", ""},
+        Refused{"Deep", write_with(R"("expect":[[[[[1]]]]])"), Reason::bad_json, "deep", "a"},
+        Refused{"VeryDeep", std::string(60000, '['), Reason::bad_json, "", ""},
+        Refused{"UnknownKey", write_with(R"("expirs":1)"), Reason::bad_json, "expires", "a"},
+        Refused{"UnknownKeyInTargets",
+                R"({"id":"a","op":"write","targets":[{"tag":"t","valeu":1}]})", Reason::bad_json,
+                "value", "a"},
+        Refused{"KeyTwice", R"({"id":"a","op":"write","tag":"t","value":1,"value":2})",
+                Reason::bad_json, "twice", "a"},
+        Refused{"Status", write_with(R"("status":"SUCCEEDED")"), Reason::bad_json, "status", "a"},
+        Refused{"StatusOfAnyType", R"({"status":null})", Reason::bad_json, "status", ""},
+        Refused{"NoId", R"({"op":"run"})", Reason::missing_id, "no id", ""},
+        Refused{"NumberAsId", R"({"id":5,"op":"run"})", Reason::missing_id, "string", ""},
+        Refused{"EmptyId", R"({"id":"","op":"run"})", Reason::missing_id, "1 to 64", ""},
+        Refused{"LongId", R"({"op":"run","id":")" + std::string(65, 'x') + "\"}",
+                Reason::missing_id, "1 to 64", ""},
+        Refused{"IdWithControl", R"({"id":"a\u0007","op":"run"})", Reason::missing_id, "ASCII", ""},
+        Refused{"IdNotAscii", R"({"id":"ä","op":"run"})", Reason::missing_id, "ASCII", ""},
+        Refused{"NullAsId", R"({"id":null,"op":"run"})", Reason::missing_id, "no id", ""},
+        Refused{"NoOp", R"({"id":"a","tag":"t"})", Reason::bad_op, "no op", "a"},
+        Refused{"NullAsOp", R"({"id":"a","op":null,"tag":"t"})", Reason::bad_op, "no op", "a"},
+        Refused{"NullAsTarget", R"({"id":"a","op":"read","tag":null})", Reason::unknown_tag,
+                "neither", "a"},
+        Refused{"NullInAnArray", R"({"id":"a","op":"write","tag":"t","value":[1,null]})",
+                Reason::bad_value, "value", "a"},
+        Refused{"NullOfAnUnknownKey", write_with(R"("expirs":null)"), Reason::bad_json, "expires",
+                "a"},
+        Refused{"UnknownOp", R"({"id":"a","op":"Write","tag":"t"})", Reason::bad_op, "'Write'",
+                "a"},
+        Refused{"NumberAsOp", R"({"id":"a","op":1,"tag":"t"})", Reason::bad_op, "string", "a"},
+        Refused{"NoTarget", R"({"id":"a","op":"read"})", Reason::unknown_tag, "neither", "a"},
+        Refused{"NumberAsTag", R"({"id":"a","op":"read","tag":1})", Reason::unknown_tag, "tag",
+                "a"},
+        Refused{"NumberAsAddress", R"({"id":"a","op":"read","address":100})", Reason::bad_address,
+                "address", "a"},
+        Refused{"TagAndAddress", R"({"id":"a","op":"read","tag":"t","address":"D1"})",
+                Reason::bad_address, "exclude", "a"},
+        Refused{"UnknownType", R"({"id":"a","op":"read","address":"D1","type":"int17"})",
+                Reason::bad_address, "", "a"},
+        Refused{"TypeOfATag", R"({"id":"a","op":"read","tag":"t","type":"int16"})",
+                Reason::bad_address, "type", "a"},
+        Refused{"TargetsAndTag", R"({"id":"a","op":"write","tag":"t","targets":[{"tag":"t"}]})",
+                Reason::bad_address, "in place of", "a"},
+        Refused{"NoTargets", R"({"id":"a","op":"write","targets":[]})", Reason::bad_address,
+                "at least one", "a"},
+        Refused{"TargetsOfNumbers", R"({"id":"a","op":"write","targets":[1]})", Reason::bad_address,
+                "object", "a"},
+        Refused{"ObjectAsValue", R"({"id":"a","op":"write","tag":"t","value":{}})",
+                Reason::bad_value, "value", "a"},
+        Refused{"TextAsExpires", write_with(R"("expires":"soon")"), Reason::bad_value, "expires",
+                "a"},
+        Refused{"NegativeExpires", write_with(R"("expires":-1)"), Reason::bad_value, "expires",
+                "a"},
+        Refused{"HugeExpires", write_with(R"("expires":1e300)"), Reason::bad_value, "expires", "a"},
+        Refused{"NullAsExpect", write_with(R"("expect":null)"), Reason::bad_value, "expect", "a"},
+        Refused{"ExpectOfAList",
+                R"({"id":"a","op":"write","targets":[{"tag":"t","value":1}],"expect":1})",
+                Reason::bad_value, "single", "a"},
+        Refused{"TextAsVerify", write_with(R"("verify":"no")"), Reason::bad_value, "verify", "a"},
+        Refused{"TextAsDryRun", write_with(R"("dry_run":"true")"), Reason::bad_value, "dry_run",
+                "a"},
+        Refused{"NumberAsBy", write_with(R"("by":7)"), Reason::bad_value, "by", "a"},
+        Refused{"JsonBeforeId", R"({"id":5,"colour":1})", Reason::bad_json, "colour", ""},
+        Refused{"OpBeforeValue", R"({"id":"a","op":"x","tag":"t","verify":1})", Reason::bad_op, "",
+                "a"},
+        Refused{"TargetBeforeValue", R"({"id":"a","op":"write","verify":1,"value":1})",
+                Reason::unknown_tag, "", "a"}),
+    [](const auto& refused) { return refused.param.name; });
+
+TEST(ParseCommand, MoreThanSixtyFourTargetsAreTooLargeAndNoneOfThemIsKept) {
+  const auto with = [](int count) {
+    std::string targets;
+    for (int i = 0; i < count; ++i) targets += (i == 0 ? "" : ",") + std::string(R"({"tag":"a"})");
+    return fxagent::parse_command(R"({"id":"b7e1","op":"write","targets":[)" + targets + "]}");
+  };
+  EXPECT_FALSE(with(64).refusal && with(64).refusal->reason == Reason::too_large);
+  const Command many = with(65);
+  ASSERT_TRUE(many.refusal);
+  EXPECT_EQ(many.refusal->reason, Reason::too_large);
+  EXPECT_EQ(many.id, "b7e1");
+  EXPECT_TRUE(many.targets.empty());
+  std::string empty = "{}";
+  while (empty.size() < 63000) empty += ",{}";
+  const Command hostile =
+      fxagent::parse_command(R"({"id":"x","op":"write","targets":[)" + empty + "]}");
+  EXPECT_TRUE(hostile.targets.empty());
+}
+
+TEST(ParseCommand, PlaceThatNobodyCanMeanIsCutOff) {
+  const Command parsed = fxagent::parse_command(R"({"id":"b7e1","op":"read","tag":")" +
+                                                std::string(60000, 'a') + R"("})");
+  EXPECT_LE(parsed.targets.at(0).tag.size(), 128U);
+}
+
+}  // namespace
+}  // namespace fxagent

@@ -1,0 +1,158 @@
+#include "agent/commands/result_text.h"
+
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "tests/agent/uplink/plant.h"
+
+namespace fxagent {
+namespace {
+
+using nlohmann::json;
+using namespace std::chrono_literals;
+
+TEST(ResultText, IsTheContractsExample) {
+  CommandResult result = test::succeeded("b7e1");
+  result.targets[0].verify = Verification{Value(std::int64_t{50}), true};
+  result.received_ms = 1790000000000;
+  result.queue = 22100us;
+  result.wire = 38700us;
+  result.bound = 230ms;
+  EXPECT_EQ(json::parse(fxagent::result_text(result, 62ms)), json::parse(R"({
+    "id": "b7e1", "status": "SUCCEEDED", "reason": null, "detail": null, "plc": "ACK",
+    "op": "write", "tag": "setpoint", "address": "D200", "value": 50,
+    "verify": {"read": 50, "match": true},
+    "t": {"received": 1790000000000, "queue_ms": 22.1, "wire_ms": 38.7, "total_ms": 62.0,
+          "bound_ms": 230.0}, "attempts": 1})"));
+}
+
+TEST(ResultText, RefusalOfWhatCouldNotBeReadHasNulls) {
+  CommandResult result;
+  result.reason = Reason::bad_json;
+  result.detail = "not JSON";
+  EXPECT_EQ(json::parse(fxagent::result_text(result, 0ms)), json::parse(R"({
+    "id": null, "status": "REJECTED", "reason": "bad_json", "detail": "not JSON", "plc": null,
+    "op": null, "tag": null, "address": null, "value": null, "verify": null,
+    "t": {"received": 0, "queue_ms": 0, "wire_ms": 0, "total_ms": 0, "bound_ms": null},
+    "attempts": 0})"));
+}
+
+TEST(ResultText, ListHasAStatusForEachTarget) {
+  CommandResult result = test::succeeded("x");
+  result.is_list = true;
+  result.one_frame = true;
+  result.dry_run = true;
+  result.targets.push_back(result.targets[0]);
+  result.targets[1].status = CommandStatus::failed;
+  result.targets[1].reason = Reason::nak;
+  result.targets[1].plc = PlcAnswer::nak;
+  const json parsed = json::parse(fxagent::result_text(result, 0ms));
+  EXPECT_FALSE(parsed.contains("tag"));
+  EXPECT_EQ(parsed["one_frame"], true);
+  EXPECT_EQ(parsed["dry_run"], true);
+  ASSERT_EQ(parsed["targets"].size(), 2U);
+  EXPECT_EQ(parsed["targets"][0]["status"], "SUCCEEDED");
+  EXPECT_EQ(parsed["targets"][1]["reason"], "nak");
+  EXPECT_EQ(parsed["targets"][1]["plc"], "NAK");
+}
+
+TEST(ResultText, DuplicateCarriesTheFirstResult) {
+  CommandResult result;
+  result.id = "x";
+  result.status = CommandStatus::duplicate;
+  result.reason = Reason::duplicate_id;
+  EXPECT_EQ(json::parse(fxagent::result_text(result, 0ms))["first"], nullptr);
+  result.first = std::make_shared<const CommandResult>(test::succeeded("x"));
+  const json first = json::parse(fxagent::result_text(result, 0ms))["first"];
+  EXPECT_EQ(first["status"], "SUCCEEDED");
+  EXPECT_EQ(first["value"], 50);
+}
+
+TEST(ResultText, PartialListTellsHowFarItCameAndWhatBecameOfEachTarget) {
+  CommandResult result;
+  result.id = "a";
+  result.op = "write";
+  result.is_list = true;
+  result.status = CommandStatus::partial;
+  result.reason = Reason::shutting_down;
+  result.progress = Progress{1, 2};
+  result.targets.resize(2);
+  result.targets[0].status = CommandStatus::succeeded;
+  result.targets[1].status = CommandStatus::partial;
+  result.targets[1].progress = Progress{32, 100};
+  const json told = json::parse(fxagent::result_text(result, std::nullopt));
+  EXPECT_EQ(told["status"], "PARTIAL");
+  EXPECT_EQ(told["reason"], "shutting_down");
+  EXPECT_EQ(told["done"], 1);
+  EXPECT_EQ(told["of"], 2);
+  EXPECT_FALSE(told["targets"][0].contains("done"));
+  EXPECT_EQ(told["targets"][1]["done"], 32);
+  EXPECT_EQ(told["targets"][1]["of"], 100);
+}
+
+TEST(ResultText, OneExchangeHasNoProgress) {
+  CommandResult result;
+  result.status = CommandStatus::unknown_outcome;
+  const json told = json::parse(fxagent::result_text(result, std::nullopt));
+  EXPECT_FALSE(told.contains("done") || told.contains("of"));
+}
+
+TEST(RecordedResult, PartialIsPartialAfterARestart) {
+  const CommandResult result =
+      fxagent::recorded_result(R"({"id":"a","status":"PARTIAL","plc":"NAK"})");
+  EXPECT_EQ(result.status, CommandStatus::partial);
+  EXPECT_EQ(result.plc, PlcAnswer::nak);
+}
+
+TEST(RecordedResult, DamagedRecordIsAnUnknownOutcomeAndNotPublishedAsItIs) {
+  using namespace std::string_literals;
+  for (const std::string& text : {""s, "{\"status\":\"SUCC"s, "[1]"s, "\xFF"s,
+                                  "{\"status\":\"SUCCEEDED\"}\0,"s, "\xEF\xBB\xBF{}"s}) {
+    CommandResult result = fxagent::recorded_result(text);
+    result.id = "a";
+    EXPECT_EQ(result.status, CommandStatus::unknown_outcome) << text;
+    const json told = json::parse(fxagent::result_text(result, std::nullopt));
+    EXPECT_EQ(told["id"], "a");
+    EXPECT_EQ(told["status"], "UNKNOWN_OUTCOME");
+    EXPECT_EQ(told["detail"], "the record of the result is damaged");
+  }
+}
+
+std::string text_of(const CommandResult& result) {
+  return fxagent::result_text(result, std::nullopt);
+}
+
+TEST(ResultText, NoneIsLargerThanSixtyFourKibibytes) {
+  CommandResult list;
+  list.id = "b7e1";
+  list.is_list = true;
+  for (int i = 0; i < 64; ++i) {
+    TargetResult target;
+    target.tag = "t" + std::to_string(i);
+    target.detail = std::string(1000, 'd');
+    target.value = Value(std::string(100, 'v'));
+    list.targets.push_back(target);
+  }
+  const auto without_details = json::parse(text_of(list));
+  EXPECT_TRUE(without_details["targets"][0]["detail"].is_null());
+  EXPECT_EQ(without_details["targets"][63]["value"], std::string(100, 'v'));
+  for (TargetResult& target : list.targets) target.value = Value(std::string(2000, 'v'));
+  const std::string text = text_of(list);
+  EXPECT_LE(text.size(), 65536U);
+  const auto without_values = json::parse(text);
+  EXPECT_TRUE(without_values["targets"][0]["value"].is_null());
+  EXPECT_EQ(without_values["targets"][0]["tag"], "t0");
+  EXPECT_NE(without_values["detail"].get<std::string>().find("64 KiB"), std::string::npos);
+
+  CommandResult again;
+  again.id = "b7e1";
+  again.status = CommandStatus::duplicate;
+  again.detail = std::string(300, 'd');
+  for (TargetResult& target : list.targets) target.value = Value(std::string(700, 'v'));
+  again.first = std::make_shared<const CommandResult>(fxagent::recorded_result(text_of(list)));
+  EXPECT_LE(text_of(again).size(), 65536U);
+}
+
+}  // namespace
+}  // namespace fxagent

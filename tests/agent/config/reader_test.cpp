@@ -1,0 +1,138 @@
+#include "agent/config/reader.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+
+#include "tests/agent/config/small_plant.h"
+
+namespace fxagent {
+namespace {
+
+using namespace test;
+using std::string_view_literals::operator""sv;
+using Words = std::vector<std::string_view>;
+
+TEST(NearestWords, OneLetterOffFindsTheWord) {
+  constexpr std::array keys{"interval_ms"sv, "name"sv, "publish"sv, "max_silent_s"sv};
+  EXPECT_EQ(nearest_words("intervall_ms", keys), Words{"interval_ms"});
+  EXPECT_EQ(nearest_words("nmae", keys), Words{"name"});
+  EXPECT_EQ(nearest_words("max_silent", keys), Words{"max_silent_s"});
+}
+
+TEST(NearestWords, BeginningOfSeveralMeansAllOfThem) {
+  constexpr std::array keys{"username"sv, "password_file"sv, "password_env"sv, "passive"sv};
+  EXPECT_EQ(nearest_words("password", keys), (Words{"password_file", "password_env"}));
+}
+
+TEST(NearestWords, EquallyNearOnesAreBothNamed) {
+  constexpr std::array keys{"min"sv, "max"sv, "deadband"sv};
+  EXPECT_EQ(nearest_words("mix", keys), (Words{"min", "max"}));
+}
+
+TEST(NearestWords, NothingIsNearestToNothing) {
+  EXPECT_TRUE(nearest_words("a", {}).empty());
+  EXPECT_EQ(did_you_mean("a", {}), "");
+}
+
+TEST(NearestWords, VeryLongWordCostsNoTime) {
+  constexpr std::array keys{"name"sv};
+  EXPECT_EQ(nearest_words(std::string(10000000, 'x'), keys), Words{"name"});
+}
+
+TEST(ConfigReader, EnvironmentFillsInAnyString) {
+  const auto from = environment({{"HOST", "broker"}, {"LINE", "1"}, {"D", "100"}});
+  auto plant = small_plant();
+  plant["mqtt"]["servers"][0] = "mqtts://${HOST}:9${D}";
+  plant["devices"][0]["link"] = "line${LINE}";
+  plant["devices"][0]["tags"][0]["address"] = "D${D}";
+  plant["devices"][0]["commands"]["allow"][0] = "M${D}-M${D}";
+  const Config config = good(plant.dump(), from);
+  EXPECT_EQ(config.mqtt.servers, std::vector<std::string>{"mqtts://broker:9100"});
+  EXPECT_EQ(config.devices[0].link, 0U);
+  EXPECT_EQ(config.devices[0].tags[0].point.address.text, "D100");
+}
+
+TEST(ConfigReader, MissingVariableIsNamed) {
+  expect_error(changed("/mqtt/username", R"("a${FX_NO_SUCH}b")"), "/mqtt/username",
+               {"FX_NO_SUCH", "not set"});
+}
+
+TEST(ConfigReader, DoubledDollarIsAPlainOne) {
+  const auto from = environment({{"A", "x"}});
+  EXPECT_EQ(good(changed("/mqtt/username", R"("$${A} ${A} $5 $$ ${A}$${")"), from).mqtt.username,
+            "${A} x $5 $$ x${");
+}
+
+TEST(ConfigReader, VariableIsNotExpandedTwice) {
+  const auto from = environment({{"A", "${B}"}});
+  EXPECT_EQ(good(changed("/mqtt/username", R"("${A}")"), from).mqtt.username, "${B}");
+}
+
+TEST(ConfigReader, MalformedVariableIsAnError) {
+  for (const auto* text : {R"("${")", R"("${}")", R"("${1A}")", R"("${A B}")", R"("${A")"})
+    expect_error(changed("/mqtt/username", text), "/mqtt/username", {"environment variable"});
+}
+
+TEST(ConfigReader, VariableThatIsEmptyLeavesAnEmptyString) {
+  expect_error(errors_of(changed("/mqtt/username", R"("${A}")"), environment({{"A", ""}})),
+               "/mqtt/username", {"empty", "${A}"});
+}
+
+TEST(ConfigReader, ErrorsShowTheVariableAndNeverItsValue) {
+  const auto from = environment({{"SECRET", "hunter2"}});
+  for (const auto* pointer :
+       {"/agent/id", "/agent/root", "/mqtt/servers/0", "/mqtt/version", "/store/sync",
+        "/links/0/name", "/links/1/tcp/host", "/devices/0/name", "/devices/0/link",
+        "/devices/0/protocol", "/devices/0/model", "/devices/0/enquire",
+        "/devices/0/tags/0/address", "/devices/0/tags/0/type", "/devices/0/tags/0/group",
+        "/devices/0/tags/0/access", "/devices/0/commands/allow/0"}) {
+    const auto errors = errors_of(changed(pointer, R"("${SECRET}+ #")"), from);
+    ASSERT_FALSE(errors.empty()) << pointer;
+    EXPECT_EQ(listed(errors).find("hunter2"), std::string::npos) << listed(errors);
+    EXPECT_EQ(listed(errors).find("HUNTER2"), std::string::npos) << listed(errors);
+  }
+}
+
+TEST(ConfigReader, ControlCharactersAreRefused) {
+  expect_error(changed("/mqtt/username", R"("a\u0000b")"), "/mqtt/username", {"control"});
+  expect_error(changed("/links/0/serial/path", R"("/dev/tty\n")"), "/links/0/serial/path",
+               {"control"});
+}
+
+TEST(ConfigReader, WrongTypeSaysWhatIsWantedAndWhatWasFound) {
+  struct Case {
+    std::string pointer, value;
+    std::vector<std::string> words;
+  };
+  for (const Case& c : std::vector<Case>{
+           {"/mqtt/keep_alive_s", R"("30")", {"an integer from 1 to 65535", "the string \"30\""}},
+           {"/mqtt/keep_alive_s", "30.5", {"integer", "30.5"}},
+           {"/mqtt/keep_alive_s", "0", {"1 to 65535", "0"}},
+           {"/mqtt/keep_alive_s", "65536", {"1 to 65535", "65536"}},
+           {"/mqtt/keep_alive_s", "18446744073709551615", {"18446744073709551615"}},
+           {"/mqtt/keep_alive_s", "1e300", {"integer", "the number"}},
+           {"/mqtt/keep_alive_s", "null", {"null"}},
+           {"/mqtt/username", "5", {"a string", "the number 5"}},
+           {"/mqtt/username", "\"\"", {"empty"}},
+           {"/mqtt/servers", R"("mqtt://a")", {"an array", "the string"}},
+           {"/devices/0/tags/0", "[]", {"an object", "an array"}},
+           {"/devices/0/echo", "1", {"true or false", "the number 1"}},
+           {"/devices/0/tags/0/scale", "true", {"a number", "true"}},
+           {"/devices/0/commands/allow", "{}", {"an array", "an object"}}}) {
+    expect_error(changed(c.pointer, c.value), c.pointer, c.words);
+  }
+  // These bring others with them.
+  EXPECT_NE(listed(errors_of(changed("/links/0", "7"))).find("/links/0: must be an object"),
+            std::string::npos);
+  EXPECT_NE(listed(errors_of(changed("/agent", "[]"))).find("/agent: must be an object"),
+            std::string::npos);
+}
+
+TEST(ConfigReader, WholeNumberWithAPointIsAnInteger) {
+  EXPECT_EQ(good(changed("/mqtt/keep_alive_s", "30.0")).mqtt.keep_alive.count(), 30);
+  EXPECT_EQ(good(changed("/store/max_bytes", "1e9")).store.max_bytes, 1000000000U);
+}
+
+}  // namespace
+}  // namespace fxagent

@@ -1,0 +1,436 @@
+// Holds config/agent.schema.json, which editors use, to the loader, which decides.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string>
+#include <valijson/adapters/nlohmann_json_adapter.hpp>
+#include <valijson/schema.hpp>
+#include <valijson/schema_parser.hpp>
+#include <valijson/validation_results.hpp>
+#include <valijson/validator.hpp>
+#include <vector>
+
+#include "agent/config/keys.h"
+#include "tests/agent/config/small_plant.h"
+
+namespace fxagent {
+namespace {
+
+using namespace test;
+using nlohmann::json;
+using Adapter = valijson::adapters::NlohmannJsonAdapter;
+
+json read_json(const char* path) {
+  std::ifstream file(path);
+  return json::parse(file);
+}
+
+const json& schema_text() {
+  static const json text = read_json(FXAGENT_CONFIG_DIR "/agent.schema.json");
+  return text;
+}
+
+/// What the schema says: empty where it accepts.
+std::string schema_errors(const json& document) {
+  static const auto schema = [] {
+    auto parsed = std::make_unique<valijson::Schema>();
+    valijson::SchemaParser().populateSchema(Adapter(schema_text()), *parsed);
+    return parsed;
+  }();
+  valijson::Validator validator(valijson::Validator::kStrongTypes);
+  valijson::ValidationResults results;
+  if (validator.validate(*schema, Adapter(document), &results)) return {};
+  std::string text = "refused: ";
+  valijson::ValidationResults::Error error;
+  while (results.popError(error)) {
+    for (const std::string& place : error.context) text += place;
+    text += " " + error.description + "\n";
+  }
+  return text;
+}
+
+struct Snippet {
+  const char* pointer;
+  const char* value;  ///< JSON; null pointer: the member is taken away
+};
+
+json spoiled(const Snippet& snippet) {
+  return json::parse(snippet.value == nullptr ? without(snippet.pointer)
+                                              : changed(snippet.pointer, snippet.value));
+}
+
+std::string told(const Snippet& snippet) {
+  return std::string(snippet.pointer) + " = " + (snippet.value ? snippet.value : "(none)");
+}
+
+TEST(ConfigSchema, SmallPlantAndExamplePassBoth) {
+  EXPECT_EQ(schema_errors(small_plant()), "");
+  const json example = read_json(FXAGENT_CONFIG_DIR "/agent.example.json");
+  EXPECT_EQ(schema_errors(example), "");
+  good(example.dump());
+}
+
+TEST(ConfigSchema, WhatIsRightPassesBoth) {
+  for (const Snippet& snippet : std::vector<Snippet>{
+           {"/$schema", R"("https://example.org/agent.schema.json")"},
+           {"/agent/id", R"("0_-z")"},
+           {"/agent/root", nullptr},
+           {"/agent/root", R"("Werk 1/Ä")"},
+           {"/store", nullptr},
+           {"/mqtt/servers", R"(["mqtts://a.b-c:8883", "mqtt://[::1]:1", "mqtt://10.0.0.1"])"},
+           {"/mqtt/version", R"("3.1.1")"},
+           {"/mqtt/qos", "0"},
+           {"/mqtt/keep_alive_s", "65535"},
+           {"/mqtt/tls", "{}"},
+           {"/mqtt/tls", R"({"cert_file": "a", "key_file": "b"})"},
+           {"/mqtt/password_env", R"("P")"},
+           {"/mqtt", R"({"servers": ["mqtt://a"], "password": "x", "allow_plain_secret": true})"},
+           {"/mqtt/allow_plain_secret", "false"},
+           {"/store/sync", R"("always")"},
+           {"/store/max_bytes", "65536"},
+           {"/links/0/serial",
+            R"({"path": "/dev/a", "baud": 50, "data_bits": 8, "parity": "none", "stop_bits": 2})"},
+           {"/links/1/parity", R"("odd")"},
+           {"/links/1/line_baud", nullptr},
+           {"/links/1/poll_share_percent", "90"},
+           {"/devices", "[]"},
+           {"/devices/0/model", nullptr},
+           {"/devices/0/model", R"("auto")"},
+           {"/devices/0/enquire", R"("never")"},
+           {"/devices/0/command_set", R"("classic")"},
+           {"/devices/0/max_block_bytes", "2"},
+           {"/devices/0/max_block_bytes", "254"},
+           {"/devices/0/echo", "true"},
+           {"/devices/0/timeout_ms", "600000"},
+           {"/devices/0/groups/0/interval_ms", nullptr},
+           {"/devices/0/groups/0/interval_ms", "0"},
+           {"/devices/0/groups/0/publish", R"("on_change")"},
+           {"/devices/0/tags", "[]"},
+           {"/devices/0/tags/0/address", R"("d100.a")"},
+           {"/devices/0/tags/0/address", R"("K4M0")"},
+           {"/devices/0/tags/0/address", R"("TN5")"},
+           {"/devices/0/tags/0/address", R"("T5")"},
+           {"/devices/0/tags/0/unit", R"("")"},
+           {"/devices/0/tags/0/count", "1"},
+           {"/devices/0/tags/0",
+            R"({"name": "t", "address": "D0", "type": "string", "length": 9})"},
+           {"/devices/0/tags/0/scale", "-0.1"},
+           {"/devices/0/tags/0/deadband", "0"},
+           {"/devices/0/tags/0/word_order", R"("high_first")"},
+           {"/devices/0/tags/0/access", R"("read_write")"},
+           {"/devices/0/commands", "{}"},
+           {"/devices/0/commands/allow", R"(["TN0-TN5", "CN200", "y0-y7"])"},
+           {"/devices/0/commands/queue", "10000"}}) {
+    EXPECT_EQ(schema_errors(spoiled(snippet)), "") << told(snippet);
+    const auto errors = errors_of(spoiled(snippet).dump());
+    EXPECT_TRUE(errors.empty()) << told(snippet) << "\n" << listed(errors);
+  }
+}
+
+TEST(ConfigSchema, VariablesInFreeTextPassBoth) {
+  const auto from = environment({{"V", "1"}});
+  for (const Snippet& snippet :
+       std::vector<Snippet>{{"/agent/id", R"("edge${V}")"},
+                            {"/agent/root", R"("${V}/a")"},
+                            {"/mqtt/servers/0", R"("mqtt://${V}")"},
+                            {"/mqtt/username", R"("${V}")"},
+                            {"/store/path", R"("/s/${V}")"},
+                            {"/links/0/serial/path", R"("/dev/tty${V}")"},
+                            {"/links/1/tcp/host", R"("a${V}")"},
+                            {"/devices/0/tags/0/address", R"("D${V}")"},
+                            {"/devices/0/commands/allow/0", R"("M${V}-M5")"}}) {
+    EXPECT_EQ(schema_errors(spoiled(snippet)), "") << told(snippet);
+    const auto errors = errors_of(spoiled(snippet).dump(), from);
+    EXPECT_TRUE(errors.empty()) << told(snippet) << "\n" << listed(errors);
+  }
+}
+
+TEST(ConfigSchema, WhatIsWrongFailsBoth) {
+  for (const Snippet& snippet : std::vector<Snippet>{
+           {"/colour", R"("red")"},
+           {"/$schema", "5"},
+           {"/agent", nullptr},
+           {"/mqtt", nullptr},
+           {"/links", nullptr},
+           {"/devices", nullptr},
+           {"/agent/id", nullptr},
+           {"/agent/id", R"("Edge 7")"},
+           {"/agent/id", R"("")"},
+           {"/agent/root", R"("/a")"},
+           {"/agent/root", R"("a/")"},
+           {"/agent/root", R"("a//b")"},
+           {"/agent/root", R"("a/+")"},
+           {"/agent/root", R"("$SYS")"},
+           {"/agent/name", R"("a")"},
+           {"/mqtt/servers", "[]"},
+           {"/mqtt/servers", R"("mqtt://a")"},
+           {"/mqtt/servers/0", R"("tcp://a")"},
+           {"/mqtt/servers/0", R"("mqtt://u:p@a")"},
+           {"/mqtt/servers/0", R"("mqtt://a/b")"},
+           {"/mqtt/servers/0", R"("mqtt://")"},
+           {"/mqtt/version", R"("4")"},
+           {"/mqtt/version", "5"},
+           {"/mqtt/qos", "2"},
+           {"/mqtt/qos", R"("1")"},
+           {"/mqtt/keep_alive_s", "0"},
+           {"/mqtt/keep_alive_s", "1.5"},
+           {"/mqtt/password", "5"},
+           {"/mqtt/password", R"("")"},
+           {"/mqtt/password", R"("a\nb")"},
+           {"/mqtt/allow_plain_secret", "1"},
+           {"/mqtt", R"({"servers": ["mqtt://a"], "password": "x", "password_env": "P",
+                         "allow_plain_secret": true})"},
+           {"/mqtt", R"({"servers": ["mqtt://a"], "version": "3.1.1", "password": "x",
+                         "allow_plain_secret": true})"},
+           {"/mqtt/username", R"("")"},
+           {"/mqtt/username", R"("a\nb")"},
+           {"/mqtt/tls", R"({"cert_file": "a"})"},
+           {"/mqtt/tls", "null"},
+           {"/store/path", nullptr},
+           {"/store/max_bytes", "65535"},
+           {"/store/max_age_h", "0"},
+           {"/store/sync", R"("never")"},
+           {"/store/audit_max_bytes", "65535"},
+           {"/store/audit_max_age_h", "0"},
+           {"/links/0", R"({"name": "line1"})"},
+           {"/links/0/tcp", R"({"host": "a", "port": 1})"},
+           {"/links/0/line_baud", "9600"},
+           {"/links/0/poll_share_percent", "91"},
+           {"/links/0/parity", R"("even")"},
+           {"/links/0/serial/baud", "49"},
+           {"/links/0/serial/data_bits", "5"},
+           {"/links/0/serial/parity", R"("mark")"},
+           {"/links/0/serial/stop_bits", "3"},
+           {"/links/0/serial/path", R"("")"},
+           {"/links/1", R"({"name": "gw1", "tcp": {"host": "a", "port": 1}, "data_bits": 8})"},
+           {"/links/1/tcp/port", "65536"},
+           {"/links/1/tcp/host", R"("a/b")"},
+           {"/devices/0/protocol", nullptr},
+           {"/devices/0/protocol", R"("mc-3e")"},
+           {"/devices/0/model", R"("FX5U")"},
+           {"/devices/0/station", "1"},
+           {"/devices/0/retries", "-1"},
+           {"/devices/0/timeout_ms", R"("1s")"},
+           {"/devices/0/echo", "0"},
+           {"/devices/0/max_block_bytes", "255"},
+           {"/devices/0/enquire", R"("sometimes")"},
+           {"/devices/0/groups/0/name", nullptr},
+           {"/devices/0/groups/0/publish", R"("changed")"},
+           {"/devices/0/groups/0/interval_ms", "-1"},
+           {"/devices/0/tags/0/name", R"("Temp")"},
+           {"/devices/0/tags/0/address", nullptr},
+           {"/devices/0/tags/0/address", "100"},
+           {"/devices/0/tags/0/address", R"("X8")"},
+           {"/devices/0/tags/0/address", R"("hr:0")"},
+           {"/devices/0/tags/0/address", R"("M0.1")"},
+           {"/devices/0/tags/0/type", R"("float")"},
+           {"/devices/0/tags/0/type", R"("string")"},
+           {"/devices/0/tags/0/length", "5"},
+           {"/devices/0/tags/0/count", "0"},
+           {"/devices/0/tags/0/word_order", R"("BADC")"},
+           {"/devices/0/tags/0/scale", "0"},
+           {"/devices/0/tags/0/scale", R"("0.1")"},
+           {"/devices/0/tags/0/deadband", "-0.5"},
+           {"/devices/0/tags/0/access", R"("write")"},
+           {"/devices/0/tags/1/scale", "2"},
+           {"/devices/0/tags/1/deadband", "2"},
+           {"/devices/0/tags/1/word_order", R"("low_first")"},
+           {"/devices/0/commands/allow/0", R"("T5")"},
+           {"/devices/0/commands/allow/0", R"("K4M0")"},
+           {"/devices/0/commands/allow/0", R"("M0-")"},
+           {"/devices/0/commands/queue", "0"},
+           {"/devices/0/commands/verify", R"("yes")"},
+           {"/devices/0/commands/max_expiry_s", "0"}}) {
+    EXPECT_NE(schema_errors(spoiled(snippet)), "") << told(snippet);
+    EXPECT_FALSE(errors_of(spoiled(snippet).dump()).empty()) << told(snippet);
+  }
+}
+
+TEST(ConfigSchema, WhatOnlyTheLoaderCanFindFailsThere) {
+  for (const Snippet& snippet : std::vector<Snippet>{
+           {"/mqtt/username", R"("${FX_NO_SUCH}")"},
+           {"/mqtt/password", R"("x")"},
+           {"/mqtt/servers/0", R"("mqtt://a:0")"},
+           {"/links/1/name", R"("line1")"},
+           {"/links/2", R"({"name": "l3", "serial": {"path": "/dev/ttyUSB0"}})"},
+           {"/devices/0/link", R"("line2")"},
+           {"/devices/1/name", R"("press1")"},
+           {"/devices/0/groups/1", R"({"name": "fast"})"},
+           {"/devices/0/tags/0/group", R"("fats")"},
+           {"/devices/0/tags/1/name", R"("temp")"},
+           {"/devices/0/tags/0/address", R"("D9000")"},
+           {"/devices/0/tags/0", R"({"name": "t", "address": "D7999", "count": 2})"},
+           {"/devices/0/tags/0", R"({"name": "t", "address": "M0", "type": "int16"})"},
+           {"/devices/0/tags/0", R"({"name": "t", "address": "M0", "deadband": 1})"},
+           {"/devices/0/tags/0", R"({"name": "t", "address": "D0", "min": 2, "max": 1})"},
+           {"/devices/0/tags/0", R"({"name": "t", "address": "D0.F", "access": "read_write"})"},
+           {"/devices/0/tags/0", R"({"name": "t", "address": "M8037", "access": "read_write"})"},
+           {"/devices/0/commands/allow/0", R"("M8034")"},
+           {"/devices/0/commands/allow/0", R"("M9-M0")"},
+           {"/devices/0/commands", R"({"default_expiry_s": 9, "max_expiry_s": 8})"}}) {
+    EXPECT_EQ(schema_errors(spoiled(snippet)), "") << told(snippet);
+    EXPECT_FALSE(errors_of(spoiled(snippet).dump()).empty()) << told(snippet);
+  }
+}
+
+/// The small plant with a Modbus device in place of its last one, spoiled in one place.
+json modbus_plant(const Snippet& snippet) {
+  json plant = small_plant();
+  plant["devices"][1] = json::parse(R"({
+    "name": "mixer", "link": "gw1", "protocol": "modbus-tcp",
+    "tags": [{"name": "level", "address": "hr:100"}],
+    "commands": {"allow": ["co:1-co:7"]}})");
+  plant[json::json_pointer(snippet.pointer)] = json::parse(snippet.value);
+  return plant;
+}
+
+TEST(ConfigSchema, WhatIsRightOnModbusPassesBoth) {
+  for (const Snippet& snippet : std::vector<Snippet>{
+           {"/devices/1/protocol", R"("modbus-rtu")"},
+           {"/devices/1/protocol", R"("modbus-ascii")"},
+           {"/devices/1/model", R"("auto")"},
+           {"/devices/1/unit", "255"},
+           {"/devices/1/max_read", "1"},
+           {"/devices/1/max_gap", "0"},
+           {"/devices/1/byte_order", R"("DCBA")"},
+           {"/devices/1/address_base", "1"},
+           {"/devices/1/allow_read_modify_write", "true"},
+           {"/devices/1/max_block_bytes", "100"},
+           {"/devices/1/echo", "true"},
+           {"/devices/1/tags/0/address", R"("IR:0x1f")"},
+           {"/devices/1/tags/0/address", R"("hr:7.15")"},
+           {"/devices/1/tags/0/address", R"("co:65535")"},
+           {"/devices/1/tags/0/address", R"("di:1")"},
+           {"/devices/1/tags/0/address", R"("40101")"},
+           {"/devices/1/tags/0/address", R"("300001.0")"},
+           {"/devices/1/tags/0/address", R"("00001")"},
+           {"/devices/1/tags/0/word_order", R"("BADC")"},
+           {"/devices/1/tags/0/word_order", R"("low_first")"},
+           {"/devices/1/commands/allow", R"(["hr:1-hr:2", "hr:1-0x20", "40001-40009", "co:3"])"}}) {
+    EXPECT_EQ(schema_errors(modbus_plant(snippet)), "") << told(snippet);
+    const auto errors = errors_of(modbus_plant(snippet).dump());
+    EXPECT_TRUE(errors.empty()) << told(snippet) << "\n" << listed(errors);
+  }
+}
+
+TEST(ConfigSchema, WhatIsWrongOnModbusFailsBoth) {
+  for (const Snippet& snippet :
+       std::vector<Snippet>{{"/devices/1/model", R"("FX3U")"},
+                            {"/devices/1/unit", "256"},
+                            {"/devices/1/unit", R"("1")"},
+                            {"/devices/1/max_read", "126"},
+                            {"/devices/1/max_gap", "-1"},
+                            {"/devices/1/byte_order", R"("low_first")"},
+                            {"/devices/1/address_base", "2"},
+                            {"/devices/1/allow_read_modify_write", "1"},
+                            {"/devices/1/enquire", R"("never")"},
+                            {"/devices/1/station", "1"},
+                            {"/devices/1/tags/0/address", R"("D100")"},
+                            {"/devices/1/tags/0/address", R"("hr100")"},
+                            {"/devices/1/tags/0/address", R"("hr:7.16")"},
+                            {"/devices/1/tags/0/address", R"("co:7.1")"},
+                            {"/devices/1/tags/0/address", R"("20001")"},
+                            {"/devices/1/tags/0/address", R"("4001")"},
+                            {"/devices/1/tags/0/word_order", R"("DACB")"},
+                            {"/devices/1/tags/0/scale", "0"},
+                            {"/devices/1/tags/0/length", "5"},
+                            {"/devices/1/commands/allow/0", R"("M0")"},
+                            {"/devices/1/commands/allow/0", R"("hr:1.3")"},
+                            {"/devices/1/commands/allow/0", R"("hr:1-")"}}) {
+    EXPECT_NE(schema_errors(modbus_plant(snippet)), "") << told(snippet);
+    EXPECT_FALSE(errors_of(modbus_plant(snippet).dump()).empty()) << told(snippet);
+  }
+}
+
+// A variable where a fixed word is wanted: the loader fills it in, an editor marks it.
+TEST(ConfigSchema, VariableInPlaceOfAWordIsTheOneThingOnlyTheSchemaRefuses) {
+  const Snippet snippet{"/devices/0/model", R"("${MODEL}")"};
+  EXPECT_NE(schema_errors(spoiled(snippet)), "");
+  EXPECT_TRUE(errors_of(spoiled(snippet).dump(), environment({{"MODEL", "FX3U"}})).empty());
+}
+
+// ---- the same keys ----------------------------------------------------------------------------
+
+/// Follows a $ref, alone or as the one entry of an allOf.
+const json& followed(const json& node) {
+  if (node.contains("$ref")) {
+    const auto pointer = node["$ref"].get<std::string>().substr(1);
+    return followed(schema_text().at(json::json_pointer(pointer)));
+  }
+  return node;
+}
+
+/// The schema of the object at a place such as "/devices/*/tags/*".
+const json& schema_at(const std::string& place, const std::string& protocol) {
+  const json* node = &schema_text();
+  std::istringstream steps(place);
+  std::string step;
+  while (std::getline(steps, step, '/')) {
+    if (step.empty()) continue;
+    node = &followed(step == "*" ? node->at("items") : node->at("properties").at(step));
+    if (place.starts_with("/devices") && step == "*" && node->contains("allOf") &&
+        node->at("allOf")[0].contains("then") && node->contains("properties") &&
+        node->at("properties").contains("protocol")) {
+      for (const json& branch : node->at("allOf"))
+        if (branch.at("if").at("properties").at("protocol").at("const") == protocol) {
+          node = &followed(branch.at("then"));
+          break;
+        }
+    }
+  }
+  return *node;
+}
+
+TEST(ConfigSchema, HasEveryKeyOfTheLoaderAndNoOther) {
+  for (const auto& object : config_keys::config_objects()) {
+    const json& schema = schema_at(object.place, object.protocol);
+    std::set<std::string> in_schema;
+    for (const auto& [key, value] : schema.at("properties").items()) {
+      in_schema.insert(key);
+      EXPECT_TRUE(followed(value).contains("title") || value.contains("title"))
+          << object.place << "/" << key << " says nothing to its reader";
+    }
+    EXPECT_EQ(in_schema, std::set<std::string>(object.keys.begin(), object.keys.end()))
+        << object.place << " " << object.protocol;
+    EXPECT_EQ(schema.at("additionalProperties"), false) << object.place;
+  }
+}
+
+TEST(ConfigSchema, OptionsHaveTheCataloguesRangesAndDefaults) {
+  for (const ProtocolInfo& protocol : catalog()) {
+    const json& device = schema_at("/devices/*", std::string(protocol.name));
+    for (const OptionSpec& spec : protocol.options) {
+      const json& key = followed(device.at("properties").at(std::string(spec.key)));
+      if (spec.kind == OptionSpec::Kind::integer) {
+        EXPECT_EQ(key.at("minimum"), spec.min) << spec.key;
+        EXPECT_EQ(key.at("maximum"), spec.max) << spec.key;
+        EXPECT_EQ(key.at("default"), std::get<std::int64_t>(spec.fallback)) << spec.key;
+      } else if (spec.kind == OptionSpec::Kind::choice) {
+        EXPECT_EQ(key.at("enum"), json(spec.choices)) << spec.key;
+        EXPECT_EQ(key.at("default"), std::get<std::string_view>(spec.fallback)) << spec.key;
+      } else {
+        EXPECT_EQ(key.at("default"), std::get<bool>(spec.fallback)) << spec.key;
+      }
+    }
+  }
+}
+
+TEST(ConfigSchema, NamesTheModelsAndProtocolsOfTheCatalogue) {
+  std::vector<std::string_view> names;
+  for (const ProtocolInfo& protocol : catalog()) {
+    names.push_back(protocol.name);
+    if (protocol.models.empty()) continue;
+    const json& device = schema_at("/devices/*", std::string(protocol.name));
+    std::vector<std::string_view> models{"auto"};
+    models.insert(models.end(), protocol.models.begin(), protocol.models.end());
+    EXPECT_EQ(followed(device.at("properties").at("model")).at("enum"), json(models));
+  }
+  EXPECT_EQ(schema_text().at("definitions").at("device").at("properties").at("protocol").at("enum"),
+            json(names));
+}
+
+}  // namespace
+}  // namespace fxagent

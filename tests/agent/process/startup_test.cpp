@@ -1,0 +1,51 @@
+#include "agent/process/startup.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <thread>
+
+#include "agent/process/signs_of_life.h"
+
+namespace fxagent {
+namespace {
+
+TEST(Startup, WhatIsThereIsNotLacking) {
+  EXPECT_EQ(lacks(2, 1 << 20), "");
+  EXPECT_EQ(lacks(0, 0), "");
+}
+
+TEST(Startup, MemoryThatCannotBeHadIsNamedWithItsLimit) {
+  const std::string why = lacks(1, std::numeric_limits<std::size_t>::max() / 4);
+  EXPECT_NE(why.find("no memory"), std::string::npos) << why;
+  EXPECT_NE(why.find("ulimit -v"), std::string::npos) << why;
+}
+
+TEST(WithoutSignals, ThreadsTakeNoneAndTheirMakerDoesAsBefore) {
+  sigset_t before;
+  pthread_sigmask(SIG_SETMASK, nullptr, &before);
+  sigset_t inside;
+  {
+    const WithoutSignals quiet;
+    std::thread([&] { pthread_sigmask(SIG_SETMASK, nullptr, &inside); }).join();
+  }
+  sigset_t after;
+  pthread_sigmask(SIG_SETMASK, nullptr, &after);
+  EXPECT_EQ(sigismember(&inside, SIGTERM), 1);
+  EXPECT_EQ(sigismember(&after, SIGTERM), sigismember(&before, SIGTERM));
+}
+
+TEST(SignsOfLife, BothHaveToGoOn) {
+  SignsOfLife progress;
+  EXPECT_EQ(progress.stands_still(), "field and uplink");
+  progress.field_went_on();
+  EXPECT_EQ(progress.stands_still(), "uplink");
+  EXPECT_EQ(progress.stands_still(), "uplink");  // the field's sign is still good
+  progress.uplink_went_on();
+  EXPECT_EQ(progress.stands_still(), "");
+  progress.uplink_went_on();
+  EXPECT_EQ(progress.stands_still(), "field");
+}
+
+}  // namespace
+}  // namespace fxagent

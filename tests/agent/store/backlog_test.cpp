@@ -1,0 +1,136 @@
+#include "agent/store/backlog.h"
+
+#include <gtest/gtest.h>
+
+namespace fxagent {
+namespace {
+
+SampleRow row(std::uint64_t order, std::string device = "a", std::string group = "fast") {
+  return {order, std::move(device), std::move(group), order, std::to_string(order)};
+}
+
+bool any(const LaneKey&) { return true; }
+
+TEST(Backlog, OldestLaneGoesFirstAndKeepsItsOrder) {
+  Backlog backlog(1 << 20);
+  for (const auto& r : {row(3, "b"), row(1, "a", "slow"), row(4), row(2, "a", "slow")})
+    backlog.append(r);
+  const auto first = backlog.next(1000, any);
+  ASSERT_TRUE(first);
+  EXPECT_EQ(first->device, "a");
+  EXPECT_EQ(first->group, "slow");
+  EXPECT_EQ(first->payload, R"({"history":true,"rows":[1,2]})");
+  const auto second = backlog.next(1000, any);
+  ASSERT_TRUE(second);
+  EXPECT_EQ(second->device, "b");
+}
+
+TEST(Backlog, MessageKeepsItsSizeAndALargerRowGoesAlone) {
+  Backlog backlog(1 << 20);
+  for (std::uint64_t order = 10; order < 20; ++order) backlog.append(row(order));
+  const auto two = backlog.next(26 + 2 + 1 + 2, any);
+  ASSERT_TRUE(two);
+  EXPECT_EQ(two->orders.size(), 2U);
+  EXPECT_EQ(two->payload.size(), 26U + 2 + 1 + 2);
+  EXPECT_EQ(backlog.acknowledged(*two), 2U);
+  const auto one = backlog.next(1, any);
+  ASSERT_TRUE(one);
+  EXPECT_EQ(one->orders.size(), 1U);
+}
+
+TEST(Backlog, LaneWaitsForItsBatchAndTakesItBack) {
+  Backlog backlog(1 << 20);
+  backlog.append(row(1));
+  backlog.append(row(2));
+  const auto first = backlog.next(27, any);
+  ASSERT_TRUE(first);
+  EXPECT_FALSE(backlog.next(27, any));
+  backlog.returned(*first);
+  const auto again = backlog.next(1000, any);
+  ASSERT_TRUE(again);
+  EXPECT_EQ(again->orders, (std::vector<std::uint64_t>{1, 2}));
+  EXPECT_EQ(backlog.acknowledged(*again), 2U);
+  EXPECT_EQ(backlog.rows(), 0U);
+  EXPECT_EQ(backlog.bytes(), 0U);
+}
+
+TEST(Backlog, FullBacklogLetsTheOldestGoAndCountsThemByDevice) {
+  const std::size_t room = 3 * (SampleRow::kOverhead + 1);
+  Backlog backlog(room);
+  backlog.append(row(1, "c"));
+  backlog.append(row(2, "d"));
+  for (std::uint64_t order = 3; order < 6; ++order) backlog.append(row(order, "e"));
+  EXPECT_EQ(backlog.rows(), 3U);
+  EXPECT_LE(backlog.bytes(), room);
+  const auto dropped = backlog.take_dropped();
+  EXPECT_EQ(dropped, (std::map<std::string, std::uint64_t>{{"c", 1}, {"d", 1}}));
+  EXPECT_TRUE(backlog.take_dropped().empty());
+}
+
+TEST(Backlog, RowThatMadeRoomOnItsWayIsNotAcknowledgedToo) {
+  Backlog backlog(2 * (SampleRow::kOverhead + 1));
+  backlog.append(row(1));
+  const auto batch = backlog.next(1000, any);
+  ASSERT_TRUE(batch);
+  backlog.append(row(2));
+  backlog.append(row(3));  // 1 makes room
+  EXPECT_EQ(backlog.take_dropped().at("a"), 1U);
+  EXPECT_EQ(backlog.acknowledged(*batch), 0U);
+  EXPECT_EQ(backlog.rows(), 2U);
+}
+
+TEST(Backlog, PausedDeviceIsPassedOver) {
+  Backlog backlog(1 << 20);
+  backlog.append(row(1));
+  backlog.append(row(2, "b"));
+  const auto batch = backlog.next(1000, [](const LaneKey& lane) { return lane.first == "b"; });
+  ASSERT_TRUE(batch);
+  EXPECT_EQ(batch->device, "b");
+  EXPECT_TRUE(backlog.has_waiting("a"));
+  EXPECT_FALSE(backlog.has_waiting("b"));
+}
+
+TEST(Backlog, WhatWaitsCanMoveAndWhatIsOnTheWayStays) {
+  Backlog backlog(1 << 20);
+  for (std::uint64_t order = 1; order < 5; ++order) backlog.append(row(order));
+  const auto batch = backlog.next(26 + 1, any);
+  ASSERT_TRUE(batch);
+  EXPECT_TRUE(backlog.is_on_the_way({"a", "fast"}));
+  const auto moved = backlog.take_waiting();
+  ASSERT_EQ(moved.size(), 3U);
+  EXPECT_EQ(moved.front().order, 2U);
+  EXPECT_EQ(backlog.rows(), 1U);
+  backlog.returned(*batch);
+  EXPECT_EQ(backlog.take_waiting().size(), 1U);
+  EXPECT_EQ(backlog.bytes(), 0U);
+}
+
+TEST(Backlog, NextLooksAtNoMoreLanesThanItMust) {
+  // With thousands of devices behind after an outage each message would cost a walk over all.
+  Backlog backlog(1 << 20);
+  for (std::uint64_t order = 0; order < 2000; ++order)
+    backlog.append(row(order, "d" + std::to_string(order % 1000)));
+  std::size_t looks = 0;
+  const auto counting = [&](const LaneKey&) { return ++looks > 0; };
+  for (std::uint64_t lane = 0; lane < 1000; ++lane) {
+    const auto batch = backlog.next(1000, counting);
+    ASSERT_TRUE(batch);
+    EXPECT_EQ(batch->device, "d" + std::to_string(lane)) << "the oldest first";
+    if (lane % 2 == 0)
+      backlog.acknowledged(*batch);
+    else
+      backlog.returned(*batch);
+    if (lane % 2 != 0) {
+      const auto again = backlog.next(1000, counting);
+      ASSERT_TRUE(again);
+      EXPECT_EQ(again->orders, batch->orders);
+      backlog.acknowledged(*again);
+    }
+  }
+  EXPECT_EQ(looks, 1500U);
+  EXPECT_FALSE(backlog.next(1000, counting));
+  EXPECT_EQ(backlog.rows(), 0U);
+}
+
+}  // namespace
+}  // namespace fxagent

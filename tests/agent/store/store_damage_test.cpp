@@ -1,0 +1,131 @@
+// Files that SQLite opens gladly and that are no store of ours: cut short, or without a table.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "agent/store/sqlite.h"
+#include "agent/store/store.h"
+#include "tests/agent/store/scratch.h"
+
+namespace fxagent {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::int64_t kUtc = 1790000000000;
+
+class StoreDamage : public testing::Test {
+ protected:
+  StoreDamage() { config_.path = scratch_.path("store"); }
+
+  std::string file() const { return config_.path + "/fxagent.db"; }
+  static std::vector<SampleRow> rows(std::uint64_t count) {
+    std::vector<SampleRow> made(count);
+    for (std::uint64_t i = 0; i < count; ++i) {
+      made[i].device = "press1";
+      made[i].group = "fast";
+      made[i].seq = i + 1;
+      made[i].json = "{\"x\":\"" + std::string(300, 'x') + "\"}";
+    }
+    return made;
+  }
+  void make() {
+    Store store(config_, kUtc);
+    auto some = rows(50);
+    ASSERT_TRUE(store.append(some, Store::Hold::no));
+    store.close();
+  }
+  /// The store works, on a fresh file, and the damaged one lies beside it.
+  void expect_a_fresh_one() {
+    Store store(config_, kUtc);
+    EXPECT_TRUE(store.is_writable());
+    EXPECT_EQ(store.rows(), 0U);
+    auto one = rows(1);
+    EXPECT_TRUE(store.append(one, Store::Hold::no));
+    EXPECT_TRUE(fs::exists(file() + ".corrupt-" + std::to_string(kUtc)));
+    store.close();
+  }
+
+  test::Scratch scratch_;
+  StoreConfig config_;
+};
+
+TEST_F(StoreDamage, FileCutShortAnywhereIsSetAside) {
+  make();
+  const auto whole = fs::file_size(file());
+  fs::copy_file(file(), scratch_.path("whole"));
+  for (std::uintmax_t size = 4096; size < whole; size += 4096 + 512) {
+    SCOPED_TRACE(size);
+    fs::remove_all(config_.path);
+    fs::create_directory(config_.path);
+    fs::copy_file(scratch_.path("whole"), file());
+    fs::resize_file(file(), size);
+    expect_a_fresh_one();
+  }
+}
+
+TEST_F(StoreDamage, FileWithoutOneOfTheTablesIsSetAside) {
+  for (const std::string table : {"samples", "devices", "orders"}) {
+    SCOPED_TRACE(table);
+    fs::remove_all(config_.path);
+    make();
+    {
+      sqlite::Database database(file());
+      ASSERT_TRUE(database.execute(("DROP TABLE " + table).c_str()));
+    }
+    expect_a_fresh_one();
+  }
+}
+
+TEST_F(StoreDamage, TableWithAnotherColumnIsSetAsideAndAnIndexMoreIsNot) {
+  make();
+  {
+    sqlite::Database database(file());
+    ASSERT_TRUE(database.execute("CREATE INDEX by_time ON samples(created_ms); ANALYZE"));
+  }
+  {
+    Store store(config_, kUtc);
+    EXPECT_EQ(store.rows(), 50U);
+    store.close();
+  }
+  {
+    sqlite::Database database(file());
+    ASSERT_TRUE(database.execute("ALTER TABLE orders RENAME COLUMN correlation TO colleration"));
+  }
+  expect_a_fresh_one();
+}
+
+TEST_F(StoreDamage, RowThatIsNoJsonIsDroppedAndCountedAndItsNeighboursGoOut) {
+  make();
+  {
+    sqlite::Database database(file());
+    ASSERT_TRUE(
+        database.execute("UPDATE samples SET row = substr(row, 1, 100) WHERE id IN (1, 7);"
+                         "UPDATE samples SET row = x'22FF22' WHERE id = 50"));
+  }
+  Store store(config_, kUtc);
+  EXPECT_EQ(store.rows(), 50U);
+  std::uint64_t delivered = 0;
+  while (const auto batch = store.next(4096, [](const LaneKey&) { return true; })) {
+    EXPECT_TRUE(nlohmann::json::accept(batch->payload));
+    delivered += store.remove(*batch);
+  }
+  EXPECT_EQ(delivered, 47U);
+  EXPECT_EQ(store.rows(), 0U);
+  EXPECT_EQ(store.bytes(), 0U);
+  EXPECT_EQ(store.take_dropped(), (std::map<std::string, std::uint64_t>{{"press1", 3}}));
+  EXPECT_FALSE(store.has_waiting("press1"));
+}
+
+TEST_F(StoreDamage, FileOfAnotherProgramIsSetAside) {
+  fs::create_directory(config_.path);
+  {
+    sqlite::Database database(file());
+    ASSERT_TRUE(database.execute("CREATE TABLE samples(other); PRAGMA user_version = 0"));
+  }
+  expect_a_fresh_one();
+}
+
+}  // namespace
+}  // namespace fxagent

@@ -1,0 +1,171 @@
+// The store's files in a directory that others reach: deleted, replaced, or links before it came.
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <memory>
+
+#include "agent/store/store.h"
+#include "tests/agent/store/scratch.h"
+
+namespace fxagent {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace std::chrono_literals;
+
+constexpr std::int64_t kNow = 1790000000000;
+const SteadyTime kStart{std::chrono::hours(1)};
+
+struct StoreFiles : ::testing::Test {
+  StoreFiles() { config.path = scratch.path("store"); }
+
+  Store& open() {
+    store.reset();
+    store = std::make_unique<Store>(config, kNow);
+    return *store;
+  }
+  bool add(std::uint64_t from, std::uint64_t to) const {
+    std::vector<SampleRow> rows;
+    for (std::uint64_t seq = from; seq <= to; ++seq)
+      rows.push_back({0, "a", "fast", seq, std::to_string(seq)});
+    return store->append(rows, Store::Hold::no);
+  }
+  std::string in_store(const std::string& name) const { return config.path + "/" + name; }
+  /// A store with three rows, whose next minute comes at kStart + 60 s.
+  void begin() {
+    open();
+    store->upkeep(kStart, kNow);
+    ASSERT_TRUE(add(1, 3));
+  }
+  void a_minute_later() const { store->upkeep(kStart + 60s, kNow + 60000); }
+  void expect_noticed_and_usable() {
+    EXPECT_EQ(store->take_dropped()["a"], 3U);
+    ASSERT_EQ(store->state(), "disk");
+    EXPECT_EQ(store->rows(), 0U);
+    ASSERT_TRUE(add(4, 5));
+    EXPECT_EQ(open().rows(), 2U);
+  }
+
+  test::Scratch scratch;
+  StoreConfig config;
+  std::unique_ptr<Store> store;
+};
+
+TEST_F(StoreFiles, DirectoryThatWasDeletedIsNoticedWithinAMinuteAndMadeAnew) {
+  begin();
+  fs::remove_all(config.path);
+  store->upkeep(kStart + 59s, kNow + 59000);
+  EXPECT_EQ(store->rows(), 3U);
+  a_minute_later();
+  expect_noticed_and_usable();
+}
+
+TEST_F(StoreFiles, FileThatWasDeletedIsNoticed) {
+  begin();
+  fs::remove(in_store("fxagent.db"));
+  a_minute_later();
+  expect_noticed_and_usable();
+}
+
+// The file is as it was, and what is written to a log without a name is in no file.
+TEST_F(StoreFiles, LogThatWasDeletedIsNoticed) {
+  begin();
+  fs::remove(in_store("fxagent.db-wal"));
+  a_minute_later();
+  EXPECT_EQ(store->take_dropped()["a"], 3U);
+  ASSERT_EQ(store->state(), "disk");
+  const std::uint64_t found = store->rows();  // what a checkpoint had brought home
+  ASSERT_TRUE(add(4, 5));
+  EXPECT_EQ(open().rows(), found + 2);
+}
+
+TEST_F(StoreFiles, LockThatWasDeletedIsTakenAnew) {
+  begin();
+  fs::remove(in_store("fxagent.lock"));
+  a_minute_later();
+  ASSERT_EQ(store->state(), "disk");
+  const Store second(config, kNow);
+  EXPECT_EQ(second.state(), "memory");
+}
+
+TEST_F(StoreFiles, WhatIsFoundInAReplacedDirectoryIsTaken) {
+  open();
+  ASSERT_TRUE(add(1, 7));
+  store.reset();
+  const std::string other = scratch.path("other");
+  fs::rename(config.path, other);
+  begin();
+  fs::rename(config.path, scratch.path("away"));
+  fs::rename(other, config.path);
+  a_minute_later();
+  EXPECT_EQ(store->state(), "disk");
+  EXPECT_EQ(store->take_dropped()["a"], 3U);
+  EXPECT_EQ(store->rows(), 7U);
+  EXPECT_EQ(store->recovered(), 7U);
+}
+
+TEST_F(StoreFiles, NothingThatIsInItsPlaceIsTouched) {
+  begin();
+  a_minute_later();
+  EXPECT_TRUE(store->take_dropped().empty());
+  EXPECT_EQ(store->rows(), 3U);
+}
+
+TEST_F(StoreFiles, DirectoryThatOthersMayWriteIsRefused) {
+  fs::create_directory(config.path);
+  for (const mode_t mode : {0777U, 0770U, 0707U}) {
+    ASSERT_EQ(::chmod(config.path.c_str(), mode), 0);
+    EXPECT_EQ(open().state(), "memory") << std::oct << mode;
+    EXPECT_FALSE(fs::exists(in_store("fxagent.db")));
+  }
+  EXPECT_NE(make_store_file(config.path).find("chmod 700"), std::string::npos);
+  // Nobody can replace what is in a sticky one.
+  ASSERT_EQ(::chmod(config.path.c_str(), 01777), 0);
+  EXPECT_EQ(open().state(), "disk");
+}
+
+TEST_F(StoreFiles, DirectoryOfSomebodyElseIsRefused) {
+  if (::geteuid() != 0) GTEST_SKIP() << "only root can give a directory away";
+  fs::create_directory(config.path);
+  ASSERT_EQ(::chmod(config.path.c_str(), 0700), 0);
+  ASSERT_EQ(::chown(config.path.c_str(), 65533, 65533), 0);
+  EXPECT_EQ(open().state(), "memory");
+  EXPECT_NE(make_store_file(config.path).find("belongs to user 65533"), std::string::npos);
+}
+
+TEST_F(StoreFiles, LinkIsNotFollowedAndItsVictimStaysAsItIs) {
+  const std::string victim = scratch.path("victim");
+  std::ofstream(victim) << "not a database";
+  ASSERT_EQ(::chmod(victim.c_str(), 0644), 0);
+  fs::create_directory(config.path);
+  ASSERT_EQ(::chmod(config.path.c_str(), 0700), 0);
+  fs::create_symlink(victim, in_store("fxagent.db"));
+  EXPECT_EQ(open().state(), "memory");
+  EXPECT_NE(make_store_file(config.path).find("symbolic link"), std::string::npos);
+  struct stat found {};
+  ASSERT_EQ(::stat(victim.c_str(), &found), 0);
+  EXPECT_EQ(found.st_mode & 0777, 0644U);
+  EXPECT_EQ(found.st_size, 14);
+  // A second name of it is the same in other clothes.
+  fs::remove(in_store("fxagent.db"));
+  fs::create_hard_link(victim, in_store("fxagent.db"));
+  EXPECT_EQ(open().state(), "memory");
+  ASSERT_EQ(::stat(victim.c_str(), &found), 0);
+  EXPECT_EQ(found.st_mode & 0777, 0644U);
+}
+
+TEST_F(StoreFiles, LockThatIsALinkMakesNoFileElsewhere) {
+  const std::string victim = scratch.path("victim");
+  fs::create_directory(config.path);
+  ASSERT_EQ(::chmod(config.path.c_str(), 0700), 0);
+  fs::create_symlink(victim, in_store("fxagent.lock"));
+  EXPECT_EQ(open().state(), "memory");
+  EXPECT_FALSE(fs::exists(victim));
+}
+
+}  // namespace
+}  // namespace fxagent

@@ -1,0 +1,194 @@
+#include "agent/uplink/json_payload.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <nlohmann/json.hpp>
+
+#include "tests/agent/uplink/plant.h"
+
+namespace fxagent {
+namespace {
+
+using nlohmann::json;
+using test::good;
+using namespace std::chrono_literals;
+
+std::string telemetry_text(const Telemetry& message) {
+  return json::parse(fxagent::json::telemetry(message, test::press("press1"), "9f3c21aa", "a41c"))
+      .dump();
+}
+
+/// The text of one value as it stands in the message.
+std::string value_text(std::uint32_t tag, Value value) {
+  Telemetry message = test::sample(1);
+  message.readings = {good(tag, std::move(value))};
+  const std::string text =
+      fxagent::json::telemetry(message, test::press("press1"), "9f3c21aa", "a41c");
+  EXPECT_TRUE(json::accept(text)) << text;
+  const std::string before = "\"values\":{\"" + test::press("press1").tags[tag].name.get() + "\":";
+  const std::size_t at = text.find(before) + before.size();
+  return text.substr(at, text.size() - at - 2);
+}
+
+TEST(TelemetryJson, IsTheContractsExample) {
+  Telemetry message = test::sample(48211);
+  message.ts_ms = 1790000000123;
+  message.span_ms = 149.0;
+  TagReading pressure;
+  pressure.tag = test::pressure;
+  pressure.bad = BadReason::timeout;
+  pressure.value = Value(5.1);
+  pressure.bad_since_ms = 1789999998000;
+  pressure.last_ms = 1789999997000;
+  message.readings = {good(test::temp, Value(23.4)), pressure, good(test::running, Value(true))};
+  EXPECT_EQ(json::parse(telemetry_text(message)), json::parse(R"({
+    "ts": 1790000000123, "seq": 48211, "boot": "9f3c21aa", "meta": "a41c", "span_ms": 149.0,
+    "values": {"temp": 23.4, "running": true},
+    "bad": {"pressure": {"why": "timeout", "since": 1789999998000, "last": 5.1,
+                         "last_ts": 1789999997000}}})"));
+}
+
+TEST(TelemetryJson, BadIsThereOnlyWhenSomethingIsBad) {
+  EXPECT_FALSE(json::parse(telemetry_text(test::sample(1))).contains("bad"));
+}
+
+TEST(TelemetryJson, TagThatWasNeverReadHasNoLast) {
+  Telemetry message = test::sample(1);
+  message.readings[0].bad = BadReason::link_down;
+  message.readings[0].value = Value();
+  message.readings[0].bad_since_ms = 5;
+  const json parsed = json::parse(telemetry_text(message));
+  EXPECT_EQ(parsed["bad"]["temp"],
+            json::parse(R"({"why":"link_down","since":5,"last":null,"last_ts":null})"));
+  EXPECT_TRUE(parsed["values"].is_object() && parsed["values"].empty());
+}
+
+TEST(TelemetryJson, NumbersAreTheShortestThatReadBack) {
+  EXPECT_EQ(value_text(test::temp, Value(23.4)), "23.4");
+  EXPECT_EQ(value_text(test::temp, Value(0.1 + 0.2)), "0.30000000000000004");
+  EXPECT_EQ(value_text(test::temp, Value(1e300)), "1e+300");
+  EXPECT_EQ(value_text(test::temp, Value(-0.5)), "-0.5");
+}
+
+TEST(TelemetryJson, FloatOfThePlcHasNoDigitsThatItNeverHad) {
+  EXPECT_EQ(value_text(test::level, Value(static_cast<double>(5.1F))), "5.1");
+}
+
+TEST(TelemetryJson, IntegersStayIntegersAndLargeOnesBecomeStrings) {
+  EXPECT_EQ(value_text(test::setpoint, Value(std::int64_t{-7})), "-7");
+  EXPECT_EQ(value_text(test::setpoint, Value(std::int64_t{9007199254740992})), "9007199254740992");
+  EXPECT_EQ(value_text(test::setpoint, Value(std::int64_t{9007199254740993})),
+            "\"9007199254740993\"");
+  EXPECT_EQ(value_text(test::setpoint, Value(std::int64_t{-9007199254740993})),
+            "\"-9007199254740993\"");
+}
+
+TEST(TelemetryJson, TextIsEscapedAndAlwaysUtf8) {
+  EXPECT_EQ(value_text(test::label, Value(std::string("a\"b\\c\n\x01°"))),
+            "\"a\\\"b\\\\c\\n\\u0001°\"");
+  EXPECT_EQ(value_text(test::label, Value(std::string("\xC3(\xFF"))),
+            "\"\xEF\xBF\xBD(\xEF\xBF\xBD\"");
+  EXPECT_EQ(value_text(test::label, Value(std::string("\xED\xA0\x80"))),  // a surrogate
+            "\"\xEF\xBF\xBD\xEF\xBF\xBD\xEF\xBF\xBD\"");
+}
+
+TEST(TelemetryJson, ArrayIsOneValue) {
+  EXPECT_EQ(value_text(test::setpoint, Value::array({std::int64_t{1}, true, 2.5})), "[1,true,2.5]");
+  EXPECT_EQ(value_text(test::setpoint, Value::array({})), "[]");
+}
+
+TEST(TelemetryJson, NanIsBadAndNeverANumber) {
+  for (const double value : {std::nan(""), std::numeric_limits<double>::infinity()}) {
+    Telemetry message = test::sample(1);
+    message.readings = {good(test::temp, Value(value)),
+                        good(test::level, Value::array({1.0, value}))};
+    const json parsed = json::parse(telemetry_text(message));
+    EXPECT_TRUE(parsed["values"].empty());
+    EXPECT_EQ(parsed["bad"]["temp"]["why"], "bad_value");
+    EXPECT_EQ(parsed["bad"]["level"]["last"], nullptr);
+  }
+}
+
+TEST(TelemetryJson, WrittenTagIsNamedWhereNothingWasReadBack) {
+  Telemetry message = test::sample(1);
+  message.partial = true;
+  message.readings = {good(test::setpoint, Value(std::int64_t{50}))};
+  EXPECT_FALSE(json::parse(telemetry_text(message)).contains("written"));
+  message.written = true;
+  const json parsed = json::parse(telemetry_text(message));
+  EXPECT_EQ(parsed["partial"], true);
+  EXPECT_EQ(parsed["written"], json::parse(R"(["setpoint"])"));
+}
+
+TEST(StateJson, IsTheContractsExamples) {
+  EXPECT_EQ(fxagent::json::agent_online(1790000000000, "9f3c21aa", "0.1.0"),
+            R"({"state":"online","since":1790000000000,"boot":"9f3c21aa","version":"0.1.0"})");
+  EXPECT_EQ(
+      fxagent::json::agent_online(7, "9f3c21aa", "0.1.0", "Not authorized"),
+      R"({"state":"online","since":7,"boot":"9f3c21aa","version":"0.1.0","commands":false,"reason":"Not authorized"})");
+  EXPECT_EQ(fxagent::json::agent_offline(std::nullopt, "lost", "9f3c21aa"),
+            R"({"state":"offline","since":null,"reason":"lost","boot":"9f3c21aa"})");
+  EXPECT_EQ(fxagent::json::agent_offline(7, "stopped", "9f3c21aa"),
+            R"({"state":"offline","since":7,"reason":"stopped","boot":"9f3c21aa"})");
+  DeviceStatus status;
+  status.state = DeviceStatus::State::online;
+  status.since_ms = 7;
+  status.model = "FX3U";
+  status.run = true;
+  EXPECT_EQ(fxagent::json::device_state(status),
+            R"({"state":"online","since":7,"reason":null,"model":"FX3U","run":true})");
+  EXPECT_EQ(fxagent::json::device_state(test::offline(0, "timeout")),
+            R"({"state":"offline","since":7,"reason":"timeout","model":null,"run":null})");
+}
+
+TEST(MetaJson, DescribesEveryTag) {
+  const fxagent::json::Meta meta = fxagent::json::device_meta(test::press("press1"));
+  const json parsed = json::parse(meta.text);
+  EXPECT_EQ(parsed["hash"], meta.hash);
+  EXPECT_EQ(parsed["tags"]["temp"], json::parse(R"({"address":"D100","type":"int16","unit":"°C",
+      "scale":0.1,"offset":0,"group":"fast","access":"read","deadband":0.5})"));
+  EXPECT_EQ(parsed["tags"]["setpoint"]["access"], "read_write");
+  EXPECT_EQ(parsed["tags"]["setpoint"]["max"], 1000);
+  EXPECT_EQ(parsed["tags"]["label"]["length"], 8);
+}
+
+TEST(MetaJson, HashChangesWithTheTagsAndOnlyThen) {
+  DeviceConfig device = test::press("press1");
+  const std::string hash = fxagent::json::device_meta(device).hash;
+  EXPECT_EQ(fxagent::json::device_meta(test::press("press2")).hash, hash);
+  device.tags[0].point.offset = 1;
+  EXPECT_NE(fxagent::json::device_meta(device).hash, hash);
+}
+
+TEST(HealthJson, HasEveryCounterByName) {
+  fxagent::json::Health health;
+  health.samples.collected = 3;
+  health.samples.acknowledged = 3;
+  health.field = test::counted(0, 0);
+  health.field.links.resize(1);
+  health.field.links[0].exchanges = 9;
+  health.field.links[0].turnaround_ms.p50 = 1.5;
+  health.dropped = {0, 5};
+  health.commands[CommandStatus::unknown_outcome] = 2;
+  health.commands[CommandStatus::partial] = 3;
+  health.store_state = "memory";
+  const json parsed = json::parse(fxagent::json::health(health, test::plant()));
+  for (const char* key : {"collected", "recovered", "suppressed", "queued", "in_flight", "stored",
+                          "acknowledged", "dropped", "published"})
+    EXPECT_TRUE(parsed["samples"].contains(key)) << key;
+  EXPECT_EQ(parsed["links"]["line1"]["exchanges"], 9);
+  EXPECT_EQ(parsed["links"]["line1"]["turnaround_ms"]["p50"], 1.5);
+  EXPECT_EQ(parsed["devices"]["press1"]["polls"], 9);
+  EXPECT_EQ(parsed["devices"]["press2"]["dropped"], 5);
+  EXPECT_EQ(parsed["commands"]["UNKNOWN_OUTCOME"], 2);
+  EXPECT_EQ(parsed["commands"]["SUCCEEDED"], 0);
+  EXPECT_EQ(parsed["commands"]["PARTIAL"], 3);
+  EXPECT_EQ(parsed["store"]["hours_left"], nullptr);
+  EXPECT_TRUE(parsed.contains("clock_synchronised") && parsed.contains("rss_bytes") &&
+              parsed.contains("uptime_s"));
+}
+
+}  // namespace
+}  // namespace fxagent
