@@ -104,7 +104,7 @@ void run_agent(const Config& config, StopWatchdog& watchdog) {
   known.field.last_seq = numbers;
 
   Outbox outbox(kOutboxMessages);
-  for (CommandResult& result : known.untold) {
+  for (CommandResult& result : known.unacknowledged) {
     result.received = std::chrono::steady_clock::now();
     outbox.push(std::move(result));
   }
@@ -115,7 +115,7 @@ void run_agent(const Config& config, StopWatchdog& watchdog) {
       config, settings, outbox, broker,
       [&field](Command command) { field.submit(std::move(command)); }, utc_now, store.get(),
       [&field](std::uint32_t device, std::string id) { field.go_ahead(device, std::move(id)); },
-      [&field](Recollection found) { field.recollect(std::move(found)); });
+      [&field](RestoredState found) { field.restore(std::move(found)); });
 
   log::info("agent", {{"state", "starting"},
                       {"id", config.id},

@@ -2,6 +2,6 @@
 
 namespace fxagent {
 
-void fault_point(std::string_view) noexcept {}
+void failpoint(std::string_view) noexcept {}
 
 }  // namespace fxagent

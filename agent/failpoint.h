@@ -8,6 +8,6 @@ namespace fxagent {
 
 /// Does nothing in the product. A test program that defines it by itself is linked with that
 /// definition instead: this one stands alone in its archive member.
-void fault_point(std::string_view name) noexcept;
+void failpoint(std::string_view name) noexcept;
 
 }  // namespace fxagent

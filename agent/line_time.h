@@ -11,7 +11,7 @@
 namespace fxagent {
 
 /// Whether the PLC runs is asked for so often, where the protocol can tell (CONTRACT: 10 s).
-inline constexpr std::chrono::milliseconds kRunStateBeat{10000};
+inline constexpr std::chrono::milliseconds kRunStateInterval{10000};
 
 /// What `device` and its line add to the characters of an exchange, with the device's own time as
 /// configured. `char_time` as in LinkConfig; 0 leaves only what does not depend on the speed.

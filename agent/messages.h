@@ -135,7 +135,7 @@ struct CommandTarget {
   std::uint16_t count = 0;  ///< the command line's `read` of several devices; 0: one, or the tag's
 };
 
-/// A fault that the parser found. The desk answers with it in its place in the order of checks.
+/// A fault that the parser found. Admission answers with it in its place in the order of checks.
 struct Refusal {
   Reason reason = Reason::bad_json;
   std::string detail;
@@ -143,8 +143,8 @@ struct Refusal {
 
 struct Command {
   std::uint32_t device = 0;
-  std::uint64_t arrival = 0;  ///< its number in the audit; 0: none. Its result bears it too
-  std::string id;             ///< empty: none could be read
+  std::uint64_t number = 0;  ///< its number in the audit; 0: none. Its result bears it too
+  std::string id;            ///< empty: none could be read
   std::optional<Op> op;
   std::string op_text;  ///< as it came, for the result
   std::vector<CommandTarget> targets;
@@ -216,8 +216,8 @@ struct TargetResult {
 
 struct CommandResult {
   std::uint32_t device = 0;
-  std::uint64_t arrival = 0;  ///< of its command
-  std::string id;             ///< empty: null
+  std::uint64_t number = 0;  ///< of its command
+  std::string id;            ///< empty: null
   CommandStatus status = CommandStatus::rejected;
   Reason reason = Reason::none;
   std::string detail;
@@ -244,7 +244,7 @@ struct CommandResult {
   std::string recorded;
 
   /// DUPLICATE only: the first command's arrival, once it has its result.
-  std::optional<std::uint64_t> first_arrival;
+  std::optional<std::uint64_t> first_number;
   /// That result; null where it is the journal's to tell.
   std::shared_ptr<const CommandResult> first;
 
@@ -257,15 +257,15 @@ struct CommandResult {
 /// What it takes in memory, roughly, `first` not counted.
 std::size_t memory_of(const CommandResult& result);
 
-/// On: an order is carried out only when the journal has its OrderNote, and first results are kept
-/// there. Off: there is no journal.
+/// On: an order is carried out only when the journal has its AdmissionNote, and first results are
+/// kept there. Off: there is no journal.
 enum class Journaling : std::uint8_t { off, on };
 
 /// An admitted order for the journal. It is carried out only when the uplink has written it down
 /// and given the go-ahead.
-struct OrderNote {
+struct AdmissionNote {
   std::uint32_t device = 0;
-  std::uint64_t arrival = 0;  ///< of its command
+  std::uint64_t number = 0;  ///< of its command
   std::string id;
   std::string op;
   std::int64_t received_ms = 0;
@@ -286,23 +286,23 @@ inline constexpr std::chrono::hours kRememberedFor{24};
 struct RememberedId {
   std::uint32_t device = 0;
   std::string id;
-  std::uint64_t arrival = 0;  ///< of the command
+  std::uint64_t number = 0;  ///< of the command
   std::int64_t received_ms = 0;
   std::int64_t deadline_ms = 0;  ///< of the command: its id is kept at least until then
   bool refused = false;          ///< it was no order: its id is kept while there is room to spare
 };
 
 /// The word for an order that was under way, or waiting for the wire, when the agent ended.
-inline constexpr std::string_view kLeftBehind =
+inline constexpr std::string_view kInterrupted =
     "the agent ended while the order was under way: it may or may not have been carried out";
 
 /// What the field has to know of earlier runs; empty where nothing is kept.
-struct Recollection {
+struct RestoredState {
   std::vector<std::uint64_t> last_seq;  ///< by index in Config::devices; missing ones: 0
   std::vector<RememberedId> ids;
   /// Writes that were in the journal and have no result, oldest first: what they were to write may
   /// be read, and they are not sent again.
-  std::vector<Command> left_behind;
+  std::vector<Command> interrupted;
 };
 
 // ---- counters -----------------------------------------------------------------------------------

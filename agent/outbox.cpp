@@ -32,7 +32,7 @@ void Outbox::push(Telemetry message) {
   if (wake) changed_.notify_one();
 }
 
-void Outbox::push(OrderNote order) {
+void Outbox::push(AdmissionNote order) {
   push_urgent([&] { waiting_.orders.push_back(std::move(order)); });
 }
 

@@ -18,7 +18,7 @@ class Outbox final {
  public:
   /// What one take() hands over, each list in the order it was pushed.
   struct Batch {
-    std::vector<OrderNote> orders;
+    std::vector<AdmissionNote> orders;
     std::vector<CommandResult> results;
     std::vector<DeviceStatus> states;
     std::vector<Telemetry> telemetry;
@@ -39,7 +39,7 @@ class Outbox final {
   /// Never blocks for longer than a swap of pointers. Orders, results and states are never
   /// dropped. All but telemetry ends a gather().
   void push(Telemetry message);
-  void push(OrderNote order);
+  void push(AdmissionNote order);
   void push(CommandResult result);
   void push(DeviceStatus status);
   void push(FieldHealth health);
@@ -51,8 +51,8 @@ class Outbox final {
 
   /// The field's word that it has looked at one more of the commands that it was handed: it has
   /// answered or admitted it. So the uplink knows how many wait to be looked at.
-  void command_judged() { judged_.fetch_add(1, std::memory_order_release); }
-  std::uint64_t judged() const { return judged_.load(std::memory_order_acquire); }
+  void command_decided() { decided_.fetch_add(1, std::memory_order_release); }
+  std::uint64_t decided() const { return decided_.load(std::memory_order_acquire); }
 
   /// Everything that waits. Uplink thread.
   Batch take();
@@ -71,7 +71,7 @@ class Outbox final {
 
   const std::size_t max_telemetry_;
   std::atomic<bool> backed_up_ = false;
-  std::atomic<std::uint64_t> judged_ = 0;
+  std::atomic<std::uint64_t> decided_ = 0;
   std::mutex mutex_;
   std::condition_variable changed_;
   bool signalled_ = false;

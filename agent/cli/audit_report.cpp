@@ -96,9 +96,9 @@ std::string line_text(const Json& line) {
 }
 
 /// Everything that the records say of one command, in one flat object.
-Json line_of(std::uint64_t arrival, const Json& came, const Json& outcome, const Json& told) {
+Json line_of(std::uint64_t number, const Json& came, const Json& outcome, const Json& told) {
   Json line;
-  line["arrival"] = arrival;
+  line["arrival"] = number;
   for (const char* key : {"received", "device", "topic", "by", "retained"})
     line[key] = at(came, key);
   if (line["device"].is_null()) line["device"] = at(outcome, "device");
@@ -170,8 +170,8 @@ std::optional<std::int64_t> calendar_from(std::string_view text) {
 void Report::add(const Record& record) {
   const Json said = parsed(record.text);
   const std::string kind = text_of(said, "kind");
-  const Json& arrival = at(said, "arrival");
-  if (!arrival.is_number_unsigned()) {
+  const Json& number = at(said, "arrival");
+  if (!number.is_number_unsigned()) {
     Line note;
     note.at_ms = time_at(said, "ts");
     note.json = said.dump(-1, ' ', true, Json::error_handler_t::replace);
@@ -179,7 +179,7 @@ void Report::add(const Record& record) {
     notes_.push_back(std::move(note));
     return;
   }
-  Pieces& pieces = commands_[arrival.get<std::uint64_t>()];
+  Pieces& pieces = commands_[number.get<std::uint64_t>()];
   pieces.records.push_back(record.number);
   if (kind == "answered" || kind == "ordered") pieces.came = record.text;
   if (kind == "answered" || kind == "result") pieces.outcome = record.text;
@@ -188,11 +188,11 @@ void Report::add(const Record& record) {
 
 std::vector<Line> Report::take() {
   std::vector<Line> lines = std::move(notes_);
-  for (const auto& [arrival, pieces] : commands_) {
-    Json json = line_of(arrival, parsed(pieces.came), parsed(pieces.outcome), parsed(pieces.told));
+  for (const auto& [number, pieces] : commands_) {
+    Json json = line_of(number, parsed(pieces.came), parsed(pieces.outcome), parsed(pieces.told));
     json["records"] = pieces.records;
     Line line;
-    line.arrival = arrival;
+    line.number = number;
     line.at_ms = time_at(json, "received");
     line.text = line_text(json);
     line.json = json.dump(-1, ' ', true, Json::error_handler_t::replace);

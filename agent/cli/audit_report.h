@@ -14,7 +14,7 @@ namespace fxagent::audit {
 
 /// One command; or, with `arrival` 0, something that happened to the audit itself.
 struct Line {
-  std::uint64_t arrival = 0;
+  std::uint64_t number = 0;
   std::int64_t at_ms = 0;  ///< when the command came, as far as that is known still
   std::string json;        ///< one object, without a newline
   std::string text;        ///< for people, without a newline

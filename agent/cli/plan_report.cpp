@@ -344,7 +344,7 @@ LinkReport report_link(const Config& config, std::uint32_t index) {
         asked += ratio(*load.line_time, load.interval);
     }
     if (const auto question = plan.codec->run_state())
-      fixed += ratio(exchange_time(*plan.codec, *question, plan.timing), kRunStateBeat);
+      fixed += ratio(exchange_time(*plan.codec, *question, plan.timing), kRunStateInterval);
     devices.push_back(&device);
     shares.push_back(share_of(device, plan));
   }

@@ -153,8 +153,8 @@ void StreamCheck::take_sample(Device& device, std::string_view topic, const Samp
   // The first live sample of all stands in the middle of its boot. A boot that is live later began
   // while we listened.
   if (sample.is_live && !device.boots[boot].whole_from)
-    device.boots[boot].whole_from = stream.judged ? 0 : sample.seq;
-  stream.judged = stream.judged || sample.is_live;
+    device.boots[boot].whole_from = stream.decided ? 0 : sample.seq;
+  stream.decided = stream.decided || sample.is_live;
 
   const auto found = device.topics.find(topic);
   if (found == device.topics.end()) {

@@ -45,7 +45,7 @@ struct DeviceStream {
   std::uint64_t history = 0;   ///< the same, in history messages
   std::uint64_t distinct = 0;  ///< numbers seen
   std::optional<NumberRange> seen;
-  bool judged = false;   ///< a live sample was seen, so that a gap means something
+  bool decided = false;  ///< a live sample was seen, so that a gap means something
   NumberRanges missing;  ///< of what could be judged
   NumberRanges skipped;  ///< left out by a new boot, as `sync: offline` may after a crash
   std::uint64_t repeated = 0;
@@ -58,7 +58,7 @@ struct DeviceStream {
 
   /// Nothing is missing, every number stands for one sample, and who must send has sent.
   bool is_whole() const {
-    return (judged || !expected) && missing.numbers == 0 && differing == 0 && malformed == 0;
+    return (decided || !expected) && missing.numbers == 0 && differing == 0 && malformed == 0;
   }
 };
 

@@ -258,7 +258,7 @@ std::string text_of(const NumberRanges& ranges) {
 void print(const DeviceStream& stream) {
   const auto line = [](const std::string& text) { std::cout << "  " << text << '\n'; };
   std::cout << json::escaped(stream.device) << ": ";
-  if (!stream.judged)
+  if (!stream.decided)
     std::cout << (stream.history == 0 ? "nothing came" : "no live sample came");
   else if (stream.missing.numbers == 0)
     std::cout << "nothing is missing";

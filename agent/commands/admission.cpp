@@ -118,7 +118,7 @@ std::shared_ptr<const CommandResult> kept(CommandResult result) {
 CommandResult result_of(const Command& command) {
   CommandResult result;
   result.device = command.device;
-  result.arrival = command.arrival;
+  result.number = command.number;
   result.id = command.id;
   result.op = command.op_text;
   result.is_list = command.is_list;
@@ -137,7 +137,7 @@ CommandResult result_of(const Command& command) {
   return result;
 }
 
-TargetResult result_of(const OrderTarget& target) {
+TargetResult result_of(const AdmittedTarget& target) {
   TargetResult out;
   out.tag = target.tag;
   out.address = target.point.address.text;
@@ -145,8 +145,8 @@ TargetResult result_of(const OrderTarget& target) {
   return out;
 }
 
-CommandDesk::Verdict CommandDesk::admit(Command command, const Codec& codec, std::size_t waiting,
-                                        SteadyTime now) {
+CommandAdmission::Decision CommandAdmission::admit(Command command, const Codec& codec,
+                                                   std::size_t waiting, SteadyTime now) {
   const CommandRules& rules = device_.commands;
   if (command.targets.size() > kMostTargets) {
     if (!command.refusal)
@@ -169,8 +169,8 @@ CommandDesk::Verdict CommandDesk::admit(Command command, const Codec& codec, std
     if (const auto seen = ids_.find(command.id, now)) {
       result.status = CommandStatus::duplicate;
       result.reason = Reason::duplicate_id;
-      if (seen->over) result.first_arrival = seen->arrival;
-      if (!seen->arrival)
+      if (seen->over) result.first_number = seen->number;
+      if (!seen->number)
         result.detail = "it is over, its result is not kept any more; the order is not repeated";
       result.first = seen->result;
       if (result.first) result.plc = result.first->plc;
@@ -185,8 +185,8 @@ CommandDesk::Verdict CommandDesk::admit(Command command, const Codec& codec, std
     remember_refused(command, result, now);
     return result;
   }
-  Order order;
-  order.go_ahead = now;
+  AdmittedCommand admitted;
+  admitted.go_ahead = now;
   std::optional<Refusal> why;
   if (command.retained) {
     why = refuse(Reason::retained, "a retained command is an old one: publish without retain");
@@ -203,11 +203,11 @@ CommandDesk::Verdict CommandDesk::admit(Command command, const Codec& codec, std
     else if (!rules.allow_run_stop)
       why = refuse(Reason::not_allowed, "allow_run_stop is not set for this device");
     else
-      order.run_order = *run_order;
+      admitted.run_order = *run_order;
   }
-  order.command = std::move(command);
-  const Command& cmd = order.command;
-  if (!why && !is_run_order(*cmd.op)) why = resolve(codec, order, result.targets);
+  admitted.command = std::move(command);
+  const Command& cmd = admitted.command;
+  if (!why && !is_run_order(*cmd.op)) why = resolve(codec, admitted, result.targets);
   // Every bad_value goes before an out_of_range, wherever it was found.
   if (!why || why->reason == Reason::out_of_range) {
     if (refusal)
@@ -216,10 +216,10 @@ CommandDesk::Verdict CommandDesk::admit(Command command, const Codec& codec, std
       why = std::move(wrong_clock);
   }
 
-  order.deadline = now;
+  admitted.deadline = now;
   if (!why) {
-    order.deadline = deadline_of(cmd, rules);
-    if (now > order.deadline) {
+    admitted.deadline = deadline_of(cmd, rules);
+    if (now > admitted.deadline) {
       result.status = CommandStatus::expired;
       result.reason = Reason::expired;
       result.detail = "its time had passed on arrival";
@@ -229,7 +229,7 @@ CommandDesk::Verdict CommandDesk::admit(Command command, const Codec& codec, std
     if (waiting >= rules.queue)
       why = refuse(Reason::queue_full,
                    std::to_string(waiting) + " commands are waiting on this device");
-    else if (!(order.place = room_->take(cmd.device, kOrderToCommand * memory_of(cmd))))
+    else if (!(admitted.place = room_->take(cmd.device, kOrderToCommand * memory_of(cmd))))
       why = refuse(Reason::queue_full, "the commands that wait take " +
                                            std::to_string(room_->bytes() >> 20) + " MiB already");
     else if (!ids_.make_room(now))
@@ -246,20 +246,20 @@ CommandDesk::Verdict CommandDesk::admit(Command command, const Codec& codec, std
     result.status = CommandStatus::succeeded;
     return result;
   }
-  ids_.add({cmd.id, cmd.arrival, now, order.deadline}, now);
-  order.verify_words = cmd.verify.value_or(rules.verify);
-  order.verify_bits = cmd.verify.value_or(false);
-  return order;
+  ids_.add({cmd.id, cmd.number, now, admitted.deadline}, now);
+  admitted.verify_words = cmd.verify.value_or(rules.verify);
+  admitted.verify_bits = cmd.verify.value_or(false);
+  return admitted;
 }
 
-std::optional<Refusal> CommandDesk::resolve(const Codec& codec, Order& order,
-                                            std::vector<TargetResult>& out) {
-  const Command& command = order.command;
+std::optional<Refusal> CommandAdmission::resolve(const Codec& codec, AdmittedCommand& admitted,
+                                                 std::vector<TargetResult>& out) {
+  const Command& command = admitted.command;
   if (command.refusal && concerns_place(command.refusal->reason)) return command.refusal;
   if (command.targets.empty()) return refuse(Reason::unknown_tag, "tag or address is missing");
   std::optional<Refusal> first;
   for (std::size_t i = 0; i < command.targets.size(); ++i) {
-    OrderTarget target;
+    AdmittedTarget target;
     const auto why = resolve_target(codec, command, command.targets[i], target);
     if (!target.point.address.text.empty()) out[i].address = target.point.address.text;
     if (why) {
@@ -268,7 +268,7 @@ std::optional<Refusal> CommandDesk::resolve(const Codec& codec, Order& order,
       if (!first) first = why;
     }
     if (target.written) out[i].value = target.written;
-    order.targets.push_back(std::move(target));
+    admitted.targets.push_back(std::move(target));
   }
   if (first && command.is_list)
     for (TargetResult& target : out)
@@ -276,18 +276,18 @@ std::optional<Refusal> CommandDesk::resolve(const Codec& codec, Order& order,
   return first;
 }
 
-std::optional<Refusal> CommandDesk::resolve_target(const Codec& codec, const Command& command,
-                                                   const CommandTarget& target,
-                                                   OrderTarget& out) const {
+std::optional<Refusal> CommandAdmission::resolve_target(const Codec& codec, const Command& command,
+                                                        const CommandTarget& target,
+                                                        AdmittedTarget& out) const {
   if (auto why = resolve_place(codec, *command.op, target, out)) return why;
   if (auto why = check_access(codec, command, out)) return why;
   if (is_write(*command.op)) return check_value(codec, command, target, out);
   return std::nullopt;
 }
 
-std::optional<Refusal> CommandDesk::resolve_place(const Codec& codec, Op op,
-                                                  const CommandTarget& target,
-                                                  OrderTarget& out) const {
+std::optional<Refusal> CommandAdmission::resolve_place(const Codec& codec, Op op,
+                                                       const CommandTarget& target,
+                                                       AdmittedTarget& out) const {
   out.tag = target.tag;
   const Reason fault = target.tag.empty() ? Reason::bad_address : Reason::unknown_tag;
   if (!target.tag.empty()) {
@@ -328,8 +328,8 @@ std::optional<Refusal> CommandDesk::resolve_place(const Codec& codec, Op op,
   return std::nullopt;
 }
 
-std::optional<Refusal> CommandDesk::check_access(const Codec& codec, const Command& command,
-                                                 const OrderTarget& target) const {
+std::optional<Refusal> CommandAdmission::check_access(const Codec& codec, const Command& command,
+                                                      const AdmittedTarget& target) const {
   const Span span = *span_of(target.point);
   const std::string& name = target.point.address.text;
   const bool allowed = covered(device_.commands.allow, span);
@@ -348,9 +348,9 @@ std::optional<Refusal> CommandDesk::check_access(const Codec& codec, const Comma
   return refuse(Reason::not_allowed, name + " is not covered by commands.allow");
 }
 
-std::optional<Refusal> CommandDesk::check_value(const Codec& codec, const Command& command,
-                                                const CommandTarget& target,
-                                                OrderTarget& out) const {
+std::optional<Refusal> CommandAdmission::check_value(const Codec& codec, const Command& command,
+                                                     const CommandTarget& target,
+                                                     AdmittedTarget& out) const {
   std::optional<Value> value = target.value;
   if (*command.op != Op::write) {
     if (value) return refuse(Reason::bad_value, "value goes with op write only");
@@ -381,23 +381,24 @@ std::optional<Refusal> CommandDesk::check_value(const Codec& codec, const Comman
   return std::nullopt;
 }
 
-void CommandDesk::remember_refused(const Command& command, CommandResult& result, SteadyTime now) {
+void CommandAdmission::remember_refused(const Command& command, CommandResult& result,
+                                        SteadyTime now) {
   if (command.dry_run) return;
-  result.id_kept = ids_.add_refused({command.id, command.arrival, now, now, true,
+  result.id_kept = ids_.add_refused({command.id, command.number, now, now, true,
                                      journaling_ == Journaling::on ? nullptr : kept(result)},
                                     now);
 }
 
-void CommandDesk::finished(const CommandResult& result) {
+void CommandAdmission::finished(const CommandResult& result) {
   ids_.finish(result.id, journaling_ == Journaling::on ? nullptr : kept(result));
 }
 
-void CommandDesk::restore(RememberedId remembered, SteadyTime now, std::int64_t utc_ms) {
+void CommandAdmission::restore(RememberedId remembered, SteadyTime now, std::int64_t utc_ms) {
   // A clock that was set back must not make an id younger than it can be, nor give it more time.
   const std::int64_t age = std::max<std::int64_t>(utc_ms - remembered.received_ms, 0);
   const std::int64_t left =
       std::min(remembered.deadline_ms - utc_ms, remembered.deadline_ms - remembered.received_ms);
-  IdMemory::Entry entry{std::move(remembered.id), remembered.arrival, now - milliseconds(age),
+  IdMemory::Entry entry{std::move(remembered.id), remembered.number, now - milliseconds(age),
                         now + milliseconds(left), true};
   if (remembered.refused)
     ids_.add_refused(std::move(entry), now);
@@ -405,21 +406,22 @@ void CommandDesk::restore(RememberedId remembered, SteadyTime now, std::int64_t 
     ids_.add(std::move(entry), now);
 }
 
-std::optional<Order> CommandDesk::left_behind(Command command, const Codec& codec, SteadyTime now) {
-  ids_.add({command.id, command.arrival, std::min(command.received, now),
+std::optional<AdmittedCommand> CommandAdmission::interrupted(Command command, const Codec& codec,
+                                                             SteadyTime now) {
+  ids_.add({command.id, command.number, std::min(command.received, now),
             deadline_of(command, device_.commands)},
            now);
   std::vector<TargetResult> names = result_of(command).targets;
-  Order order;
-  order.command = std::move(command);
-  order.left_behind = true;
-  order.deadline = order.go_ahead = now;
-  if (codec.is_broadcast() || resolve(codec, order, names)) return std::nullopt;
+  AdmittedCommand admitted;
+  admitted.command = std::move(command);
+  admitted.interrupted = true;
+  admitted.deadline = admitted.go_ahead = now;
+  if (codec.is_broadcast() || resolve(codec, admitted, names)) return std::nullopt;
   const bool tells = std::none_of(
-      order.targets.begin(), order.targets.end(),
-      [](const OrderTarget& target) { return target.point.type == DataType::boolean; });
+      admitted.targets.begin(), admitted.targets.end(),
+      [](const AdmittedTarget& target) { return target.point.type == DataType::boolean; });
   if (!tells) return std::nullopt;
-  return order;
+  return admitted;
 }
 
 }  // namespace fxagent

@@ -21,7 +21,7 @@
 namespace fxagent {
 
 /// One place that an admitted command reads or writes.
-struct OrderTarget {
+struct AdmittedTarget {
   std::string tag;  ///< as in the command; empty: by address
   std::optional<std::uint32_t> tag_index;
   Point point;
@@ -33,13 +33,13 @@ struct OrderTarget {
 };
 
 /// A command on its way to the wire.
-struct Order {
+struct AdmittedCommand {
   Command command;
-  std::vector<OrderTarget> targets;  ///< empty for run and stop
+  std::vector<AdmittedTarget> targets;  ///< empty for run and stop
   std::optional<Request> run_order;
   bool verify_words = true;
   bool verify_bits = false;
-  bool left_behind = false;  ///< by an earlier run: only its outcome is read
+  bool interrupted = false;  ///< by an earlier run: only its outcome is read
   SteadyTime deadline{};     ///< not sent after this
   SteadyTime go_ahead{};
   /// Line time of its own exchanges when each ends well; nullopt: not known.
@@ -49,14 +49,14 @@ struct Order {
   std::shared_ptr<const CommandRoom::Place> place{};
 };
 
-class CommandDesk final {
+class CommandAdmission final {
  public:
-  using Verdict = std::variant<CommandResult, Order>;
+  using Decision = std::variant<CommandResult, AdmittedCommand>;
 
-  /// `device` outlives the desk. With a journal the first results are there, and not here. `room`
+  /// `device` outlives admission. With a journal the first results are there, and not here. `room`
   /// is shared with the desks of the other devices and with the orders that wait.
-  explicit CommandDesk(const DeviceConfig& device, Journaling journaling = Journaling::off,
-                       std::shared_ptr<CommandRoom> room = std::make_shared<CommandRoom>())
+  explicit CommandAdmission(const DeviceConfig& device, Journaling journaling = Journaling::off,
+                            std::shared_ptr<CommandRoom> room = std::make_shared<CommandRoom>())
       : device_(device),
         journaling_(journaling),
         room_(std::move(room)),
@@ -65,7 +65,7 @@ class CommandDesk final {
   /// The verdict on `command`, by the checks of the contract in their order. `codec` is the
   /// device's codec of the moment (its model may have been identified), `waiting` the orders
   /// already queued.
-  Verdict admit(Command command, const Codec& codec, std::size_t waiting, SteadyTime now);
+  Decision admit(Command command, const Codec& codec, std::size_t waiting, SteadyTime now);
 
   /// The result of an order that admit() had passed. Every order must come back here exactly once.
   void finished(const CommandResult& result);
@@ -76,7 +76,7 @@ class CommandDesk final {
   /// An order that an earlier run had in its journal and did not finish: its id is known, without a
   /// result so far. What is to be read for its outcome; nothing, where reading does not tell: bits,
   /// since ladders reset them, and what cannot be found on the device any more.
-  std::optional<Order> left_behind(Command command, const Codec& codec, SteadyTime now);
+  std::optional<AdmittedCommand> interrupted(Command command, const Codec& codec, SteadyTime now);
 
   std::size_t remembered() const { return ids_.size(); }
 
@@ -84,15 +84,16 @@ class CommandDesk final {
   /// Notes the id of a command that became no order, where there is room to spare.
   void remember_refused(const Command& command, CommandResult& result, SteadyTime now);
   /// Fills order.targets, or says which check failed.
-  std::optional<Refusal> resolve(const Codec& codec, Order& order, std::vector<TargetResult>& out);
+  std::optional<Refusal> resolve(const Codec& codec, AdmittedCommand& admitted,
+                                 std::vector<TargetResult>& out);
   std::optional<Refusal> resolve_target(const Codec& codec, const Command& command,
-                                        const CommandTarget& target, OrderTarget& out) const;
+                                        const CommandTarget& target, AdmittedTarget& out) const;
   std::optional<Refusal> resolve_place(const Codec& codec, Op op, const CommandTarget& target,
-                                       OrderTarget& out) const;
+                                       AdmittedTarget& out) const;
   std::optional<Refusal> check_access(const Codec& codec, const Command& command,
-                                      const OrderTarget& target) const;
+                                      const AdmittedTarget& target) const;
   std::optional<Refusal> check_value(const Codec& codec, const Command& command,
-                                     const CommandTarget& target, OrderTarget& out) const;
+                                     const CommandTarget& target, AdmittedTarget& out) const;
 
   const DeviceConfig& device_;
   const Journaling journaling_;
@@ -103,6 +104,6 @@ class CommandDesk final {
 /// The frame of a result for `command`: ids, times, op, topics; status is for the caller to set.
 CommandResult result_of(const Command& command);
 /// A target's name and place, without a verdict.
-TargetResult result_of(const OrderTarget& target);
+TargetResult result_of(const AdmittedTarget& target);
 
 }  // namespace fxagent

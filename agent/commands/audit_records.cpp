@@ -33,15 +33,15 @@ Json word(std::string_view text) { return text.empty() ? Json(nullptr) : Json(ke
 
 Json body_of(const char* kind, std::int64_t now_ms) { return {{"kind", kind}, {"ts", now_ms}}; }
 
-void add_arrival(Json& body, const Arrival& arrival) {
-  body["arrival"] = arrival.number;
-  body["device"] = arrival.device;
-  body["topic"] = kept(arrival.topic);
-  body["received"] = arrival.received_ms;
-  body["retained"] = arrival.retained;
-  body["by"] = word(arrival.by);
-  body["payload"] = kept(arrival.payload);
-  body["payload_bytes"] = arrival.payload_bytes;
+void add_receipt(Json& body, const Receipt& number) {
+  body["arrival"] = number.number;
+  body["device"] = number.device;
+  body["topic"] = kept(number.topic);
+  body["received"] = number.received_ms;
+  body["retained"] = number.retained;
+  body["by"] = word(number.by);
+  body["payload"] = kept(number.payload);
+  body["payload_bytes"] = number.payload_bytes;
 }
 
 /// Without the first result inside a DUPLICATE, which has a line of its own.
@@ -62,26 +62,26 @@ std::string text_of(const Json& body) {
 
 }  // namespace
 
-std::string answered(const Arrival& arrival, std::string_view result_text, std::int64_t now_ms) {
+std::string answered(const Receipt& number, std::string_view result_text, std::int64_t now_ms) {
   Json body = body_of("answered", now_ms);
-  add_arrival(body, arrival);
+  add_receipt(body, number);
   body["result"] = outcome_of(result_text);
   return text_of(body);
 }
 
-std::string ordered(const Arrival& arrival, std::string_view id, std::string_view op,
+std::string ordered(const Receipt& number, std::string_view id, std::string_view op,
                     std::int64_t now_ms) {
   Json body = body_of("ordered", now_ms);
-  add_arrival(body, arrival);
+  add_receipt(body, number);
   body["id"] = id;
   body["op"] = op;
   return text_of(body);
 }
 
-std::string result(std::uint64_t arrival, std::string_view device, std::string_view result_text,
+std::string result(std::uint64_t number, std::string_view device, std::string_view result_text,
                    const FrameTrace& frames, std::int64_t now_ms) {
   Json body = body_of("result", now_ms);
-  body["arrival"] = arrival;
+  body["arrival"] = number;
   body["device"] = device;
   body["result"] = outcome_of(result_text);
   Json& wire = body["frames"] = Json::array();
@@ -91,10 +91,10 @@ std::string result(std::uint64_t arrival, std::string_view device, std::string_v
   return text_of(body);
 }
 
-std::string told(std::uint64_t arrival, std::string_view device, std::string_view id,
+std::string told(std::uint64_t number, std::string_view device, std::string_view id,
                  bool acknowledged, std::int64_t now_ms) {
   Json body = body_of("told", now_ms);
-  body["arrival"] = arrival;
+  body["arrival"] = number;
   body["device"] = device;
   body["id"] = word(id);
   body["acknowledged"] = acknowledged;

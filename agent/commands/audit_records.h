@@ -12,7 +12,7 @@
 namespace fxagent::audit {
 
 /// How a command came. `number` counts the commands of a store, across restarts; from 1.
-struct Arrival {
+struct Receipt {
   std::uint64_t number = 0;
   std::string device;
   std::string topic;
@@ -29,12 +29,12 @@ inline constexpr std::size_t kPayloadKept = 256;
 inline constexpr std::size_t kResultKept = 8192;
 
 // Bodies for seal(). `result_text` is what result_text() made.
-std::string answered(const Arrival& arrival, std::string_view result_text, std::int64_t now_ms);
-std::string ordered(const Arrival& arrival, std::string_view id, std::string_view op,
+std::string answered(const Receipt& number, std::string_view result_text, std::int64_t now_ms);
+std::string ordered(const Receipt& number, std::string_view id, std::string_view op,
                     std::int64_t now_ms);
-std::string result(std::uint64_t arrival, std::string_view device, std::string_view result_text,
+std::string result(std::uint64_t number, std::string_view device, std::string_view result_text,
                    const FrameTrace& frames, std::int64_t now_ms);
-std::string told(std::uint64_t arrival, std::string_view device, std::string_view id,
+std::string told(std::uint64_t number, std::string_view device, std::string_view id,
                  bool acknowledged, std::int64_t now_ms);
 
 }  // namespace fxagent::audit

@@ -22,7 +22,7 @@ std::optional<IdMemory::Seen> IdMemory::find(const std::string& id, SteadyTime n
     const auto& by_id = entries->get<1>();
     const auto found = by_id.find(id);
     if (found != by_id.end() && !is_old(*found, now))
-      return Seen{found->over, found->arrival, found->result};
+      return Seen{found->over, found->number, found->result};
   }
   if (room_->fingerprints.has(device_, id, now)) return Seen{true, std::nullopt, nullptr};
   return std::nullopt;

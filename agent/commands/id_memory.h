@@ -27,7 +27,7 @@ class IdMemory final {
  public:
   struct Entry {
     std::string id;
-    std::uint64_t arrival = 0;  ///< of its command: its age among the others
+    std::uint64_t number = 0;  ///< of its command: its age among the others
     SteadyTime seen{};
     SteadyTime deadline{};
     bool over = false;  ///< its command has a result
@@ -37,7 +37,7 @@ class IdMemory final {
   /// What is known of an id.
   struct Seen {
     bool over = false;
-    std::optional<std::uint64_t> arrival;  ///< nullopt: only the fingerprint is left
+    std::optional<std::uint64_t> number;  ///< nullopt: only the fingerprint is left
     std::shared_ptr<const CommandResult> result{};
   };
 
@@ -67,7 +67,7 @@ class IdMemory final {
   using Entries = boost::multi_index_container<
       Entry, boost::multi_index::indexed_by<
                  boost::multi_index::ordered_non_unique<
-                     boost::multi_index::member<Entry, std::uint64_t, &Entry::arrival>>,
+                     boost::multi_index::member<Entry, std::uint64_t, &Entry::number>>,
                  boost::multi_index::hashed_unique<
                      boost::multi_index::member<Entry, std::string, &Entry::id>>>>;
 

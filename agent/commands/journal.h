@@ -23,8 +23,8 @@ struct JournalEntry {
   std::string response_topic;
   Bytes correlation;
   std::string result;         ///< empty: it has none
-  bool told = false;          ///< the broker has the result
-  std::uint64_t arrival = 0;  ///< its number in the audit; 0: it came before there was one
+  bool acknowledged = false;  ///< the broker has the result
+  std::uint64_t number = 0;   ///< its number in the audit; 0: it came before there was one
   std::string payload;        ///< as it came; kept until there is a result
   bool refused = false;       ///< it became no order: kept while there is room to spare
   /// A record's body for the audit, written together with this entry; empty: none.
@@ -41,7 +41,7 @@ inline std::size_t bytes_of(const JournalEntry& entry) {
 struct KnownId {
   std::string device;
   std::string id;
-  std::uint64_t arrival = 0;
+  std::uint64_t number = 0;
   std::int64_t received_ms = 0;
   std::int64_t deadline_ms = 0;
   bool refused = false;
@@ -59,14 +59,14 @@ class CommandJournal {
   /// The same for several, in one commit.
   virtual void record(std::vector<JournalEntry> entries) = 0;
   /// The broker has the result of the command with this number.
-  virtual void told(std::string device, std::string id, std::uint64_t arrival) = 0;
+  virtual void acknowledge(std::string device, std::string id, std::uint64_t number) = 0;
   /// What the journal has of this id, or will have once the disk takes it.
   virtual std::optional<JournalEntry> find(const std::string& device, const std::string& id) = 0;
   /// Of those that are over; oldest first.
   virtual std::vector<KnownId> known_ids() = 0;
   /// Of what the broker was not told every order without a result, and of each device the newest
   /// results; oldest first.
-  virtual std::vector<JournalEntry> unsettled() = 0;
+  virtual std::vector<JournalEntry> unacknowledged() = 0;
 };
 
 }  // namespace fxagent

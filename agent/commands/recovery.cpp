@@ -14,7 +14,7 @@
 namespace fxagent {
 namespace {
 
-CommandResult left_behind(const JournalEntry& entry) {
+CommandResult interrupted(const JournalEntry& entry) {
   CommandResult result;
   result.id = entry.id;
   result.op = entry.op;
@@ -25,7 +25,7 @@ CommandResult left_behind(const JournalEntry& entry) {
     result.detail = "the agent ended before the device was read";
   } else {
     result.status = CommandStatus::unknown_outcome;
-    result.detail = kLeftBehind;
+    result.detail = kInterrupted;
   }
   return result;
 }
@@ -37,7 +37,7 @@ std::optional<Command> to_be_read(const JournalEntry& entry, std::uint32_t devic
   Command command = parse_command(entry.payload);
   if (command.refusal || command.id != entry.id) return std::nullopt;
   command.device = device;
-  command.arrival = entry.arrival;
+  command.number = entry.number;
   command.received_ms = entry.received_ms;
   command.received =
       now - std::chrono::milliseconds(std::max<std::int64_t>(utc_ms - entry.received_ms, 0));
@@ -58,11 +58,12 @@ class Known final {
   void take_ids(std::vector<KnownId> ids, Recovered& found) const {
     for (KnownId& known : ids)
       if (const auto device = index_.find(known.device); device != index_.end())
-        found.field.ids.push_back({device->second, std::move(known.id), known.arrival,
+        found.field.ids.push_back({device->second, std::move(known.id), known.number,
                                    known.received_ms, known.deadline_ms, known.refused});
   }
 
-  void take_unsettled(std::vector<JournalEntry> entries, SteadyTime now, Recovered& found) const {
+  void take_unacknowledged(std::vector<JournalEntry> entries, SteadyTime now,
+                           Recovered& found) const {
     for (JournalEntry& entry : entries)
       if (const auto device = index_.find(entry.device); device != index_.end())
         take(std::move(entry), device->second, now, found);
@@ -73,25 +74,25 @@ class Known final {
     if (entry.result.empty()) {
       // A store that opened late: this run has carried out an order of that id itself.
       const auto known = journal_.find(entry.device, entry.id);
-      if (known && (known->arrival > entry.arrival || !known->result.empty())) return;
+      if (known && (known->number > entry.number || !known->result.empty())) return;
       log::warn("order_left_behind", {{"device", entry.device}, {"id", entry.id}});
       if (auto command = to_be_read(entry, device, utc_ms_, now))
-        return found.field.left_behind.push_back(std::move(*command));
-      entry.result = result_text(left_behind(entry), std::nullopt);
-      if (entry.arrival != 0)
-        entry.audit = audit::result(entry.arrival, entry.device, entry.result, {}, utc_ms_);
+        return found.field.interrupted.push_back(std::move(*command));
+      entry.result = result_text(interrupted(entry), std::nullopt);
+      if (entry.number != 0)
+        entry.audit = audit::result(entry.number, entry.device, entry.result, {}, utc_ms_);
       journal_.record(entry);
     }
     found.field.ids.push_back(
-        {device, entry.id, entry.arrival, entry.received_ms, entry.deadline_ms, entry.refused});
+        {device, entry.id, entry.number, entry.received_ms, entry.deadline_ms, entry.refused});
     CommandResult result = recorded_result(entry.result);
     result.device = device;
-    result.arrival = entry.arrival;
+    result.number = entry.number;
     result.id = std::move(entry.id);
     result.received_ms = entry.received_ms;
     result.response_topic = std::move(entry.response_topic);
     result.correlation = std::move(entry.correlation);
-    found.untold.push_back(std::move(result));
+    found.unacknowledged.push_back(std::move(result));
   }
 
   CommandJournal& journal_;
@@ -103,15 +104,15 @@ class Known final {
 
 Recovered recover(const Config& config, CommandJournal& journal, std::int64_t utc_ms,
                   SteadyTime now) {
-  return recover(config, journal, journal.known_ids(), journal.unsettled(), utc_ms, now);
+  return recover(config, journal, journal.known_ids(), journal.unacknowledged(), utc_ms, now);
 }
 
 Recovered recover(const Config& config, CommandJournal& journal, std::vector<KnownId> ids,
-                  std::vector<JournalEntry> unsettled, std::int64_t utc_ms, SteadyTime now) {
+                  std::vector<JournalEntry> unacknowledged, std::int64_t utc_ms, SteadyTime now) {
   Recovered found;
   const Known known(config, journal, utc_ms);
   known.take_ids(std::move(ids), found);
-  known.take_unsettled(std::move(unsettled), now, found);
+  known.take_unacknowledged(std::move(unacknowledged), now, found);
   return found;
 }
 

@@ -12,11 +12,11 @@
 namespace fxagent {
 
 struct Recovered {
-  Recollection field;  ///< without the numbers of samples
+  RestoredState field;  ///< without the numbers of samples
   /// To be published: results that the broker had not acknowledged, and the outcome, written into
   /// the journal here, of each order that the end of the agent left without one, but for those in
   /// field.left_behind.
-  std::vector<CommandResult> untold;
+  std::vector<CommandResult> unacknowledged;
 };
 
 /// Before the field and the uplink are started.
@@ -24,6 +24,6 @@ Recovered recover(const Config& config, CommandJournal& journal, std::int64_t ut
                   SteadyTime now);
 /// The same for what a journal had that opened later.
 Recovered recover(const Config& config, CommandJournal& journal, std::vector<KnownId> ids,
-                  std::vector<JournalEntry> unsettled, std::int64_t utc_ms, SteadyTime now);
+                  std::vector<JournalEntry> unacknowledged, std::int64_t utc_ms, SteadyTime now);
 
 }  // namespace fxagent

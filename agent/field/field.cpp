@@ -43,17 +43,16 @@ void report_end(const std::exception_ptr& bug, const std::string& link) {
 
 class Field::Room final {
  public:
-  Room(const Config& config, Outbox& outbox, const Recollection& recollection, Polling polling,
+  Room(const Config& config, Outbox& outbox, const RestoredState& restored, Polling polling,
        Journaling journaling)
       : config_(config), outbox_(outbox), report_timer_(io_) {
     const auto devices = devices_by_link(config);
     const auto room = std::make_shared<CommandRoom>();
     for (std::uint32_t i = 0; i < config.links.size(); ++i)
-      workers_.push_back(
-          std::make_unique<LinkWorker>(io_.get_executor(), config, i, devices[i], outbox,
-                                       transport_for(io_.get_executor(), config.links[i]),
-                                       recollection, polling, journaling, room));
-    take(recollection);
+      workers_.push_back(std::make_unique<LinkWorker>(
+          io_.get_executor(), config, i, devices[i], outbox,
+          transport_for(io_.get_executor(), config.links[i]), restored, polling, journaling, room));
+    take(restored);
   }
 
   void start() {
@@ -73,8 +72,8 @@ class Field::Room final {
     thread_ = std::thread([this] { io_.run(); });
   }
 
-  void recollect(Recollection recollection) {
-    asio::post(io_, [this, moved = std::move(recollection)] {
+  void restore(RestoredState restored) {
+    asio::post(io_, [this, moved = std::move(restored)] {
       for (std::uint32_t i = 0; i < moved.last_seq.size(); ++i)
         workers_[config_.devices[i].link]->number_above(i, moved.last_seq[i]);
       take(moved);
@@ -126,14 +125,14 @@ class Field::Room final {
   void take(Command command) {
     const std::uint32_t link = config_.devices[command.device].link;
     workers_[link]->submit(std::move(command));
-    outbox_.command_judged();
+    outbox_.command_decided();
   }
 
-  void take(const Recollection& recollection) {
-    for (const RememberedId& remembered : recollection.ids)
+  void take(const RestoredState& restored) {
+    for (const RememberedId& remembered : restored.ids)
       workers_[config_.devices[remembered.device].link]->remember(remembered);
-    for (const Command& command : recollection.left_behind)
-      workers_[config_.devices[command.device].link]->take_left_behind(command);
+    for (const Command& command : restored.interrupted)
+      workers_[config_.devices[command.device].link]->take_interrupted(command);
   }
 
   /// A name lookup that nobody waits for any more does not keep the thread.
@@ -170,13 +169,13 @@ class Field::Room final {
   std::thread thread_;
 };
 
-Field::Field(const Config& config, Outbox& outbox, const Recollection& recollection,
-             Polling polling, Journaling journaling)
-    : room_(std::make_unique<Room>(config, outbox, recollection, polling, journaling)) {}
+Field::Field(const Config& config, Outbox& outbox, const RestoredState& restored, Polling polling,
+             Journaling journaling)
+    : room_(std::make_unique<Room>(config, outbox, restored, polling, journaling)) {}
 
 Field::~Field() { stop(); }
 void Field::start() { room_->start(); }
-void Field::recollect(Recollection recollection) { room_->recollect(std::move(recollection)); }
+void Field::restore(RestoredState restored) { room_->restore(std::move(restored)); }
 void Field::submit(Command command) { room_->submit(std::move(command)); }
 void Field::go_ahead(std::uint32_t device, std::string id) {
   room_->go_ahead(device, std::move(id));

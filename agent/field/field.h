@@ -18,8 +18,8 @@ enum class Polling : std::uint8_t { on, off };
 class Field final {
  public:
   /// `config` and `outbox` outlive the field. Nothing runs yet. With a journal each order waits for
-  /// go_ahead(), which answers its OrderNote in the outbox.
-  Field(const Config& config, Outbox& outbox, const Recollection& recollection,
+  /// go_ahead(), which answers its AdmissionNote in the outbox.
+  Field(const Config& config, Outbox& outbox, const RestoredState& restored,
         Polling polling = Polling::on, Journaling journaling = Journaling::off);
   /// Stops, if stop() was not called.
   ~Field();
@@ -28,7 +28,7 @@ class Field final {
   void start();
   /// What earlier runs left, where it is found only now: their ids are known from then on, and
   /// numbers go on above theirs. Any thread.
-  void recollect(Recollection recollection);
+  void restore(RestoredState restored);
   /// Hands a command to the field; exactly one result comes back through the outbox. Any thread.
   void submit(Command command);
   /// The order is in the journal, or there is none to be had. Any thread.

@@ -11,11 +11,11 @@
 
 #include "agent/commands/admission.h"
 #include "agent/config/config.h"
-#include "agent/field/agenda.h"
-#include "agent/field/group_report.h"
 #include "agent/field/hole_map.h"
 #include "agent/field/link_worker.h"
 #include "agent/field/percentile_window.h"
+#include "agent/field/poll_scheduler.h"
+#include "agent/field/report_by_exception.h"
 #include "agent/messages.h"
 #include "protocol/plan.h"
 
@@ -30,8 +30,8 @@ struct LinkWorker::GroupPoll {
       : group(index), report(device, index) {}
 
   std::uint32_t group;
-  GroupReport report;
-  Agenda::GroupId id = 0;
+  ReportByException report;
+  PollScheduler::GroupId id = 0;
   Plan plan;                        ///< its points are report.tags(), in order
   std::uint32_t holes_version = 0;  ///< HoleMap::version() that the plan was made under
   std::chrono::nanoseconds planned_turnaround{0};  ///< the device's own time that it was made with
@@ -68,7 +68,7 @@ struct LinkWorker::Device {
       : config(device_config),
         index(device_index),
         codec(device_config.codec),
-        desk(config, journaling, std::move(room)) {
+        admission(config, journaling, std::move(room)) {
     station.codec = codec.get();
     station.timeout = config.timeout;
     station.gap = config.gap;
@@ -82,14 +82,14 @@ struct LinkWorker::Device {
   const std::uint32_t index;
   std::shared_ptr<const Codec> codec;  ///< the config's, or that of the model found by asking
   Station station;
-  CommandDesk desk;
-  Agenda::DeviceId id = 0;
+  CommandAdmission admission;
+  PollScheduler::DeviceId id = 0;
   HoleMap holes;
   std::chrono::nanoseconds turnaround{0};  ///< its own time: the config's, or as it was measured
   std::chrono::nanoseconds turnaround_sum{0};  ///< of the exchanges counted
   std::uint32_t turnarounds = 0;
   std::vector<std::unique_ptr<GroupPoll>> groups;
-  std::optional<Agenda::GroupId> run_state_group;
+  std::optional<PollScheduler::GroupId> run_state_group;
   bool model_known = false;
   bool model_unclear = false;  ///< was asked, and the answers do not tell
   bool answered_once = false;

@@ -17,8 +17,8 @@ using Clock = std::chrono::steady_clock;
 
 // Opening a serial path costs nothing; a host that is away should not be hammered, nor one that has
 // just come back by all its clients at once.
-constexpr OpeningRules kSerialOpenings{milliseconds(500), milliseconds(2000), milliseconds(0)};
-constexpr OpeningRules kTcpOpenings{milliseconds(500), milliseconds(30000), milliseconds(200)};
+constexpr OpeningRules kSerialReconnects{milliseconds(500), milliseconds(2000), milliseconds(0)};
+constexpr OpeningRules kTcpReconnects{milliseconds(500), milliseconds(30000), milliseconds(200)};
 // Alone on its line a silent device costs nobody anything; beside others it costs them its timeout.
 constexpr BackOff kAlone{milliseconds(500), milliseconds(4000)};
 constexpr BackOff kShared{milliseconds(1000), milliseconds(30000)};
@@ -42,7 +42,7 @@ std::uint64_t jitter_seed(std::uint32_t link) {
 }
 
 OpeningRules opening_rules(const LinkConfig& link) {
-  return std::holds_alternative<SerialSettings>(link.channel) ? kSerialOpenings : kTcpOpenings;
+  return std::holds_alternative<SerialSettings>(link.channel) ? kSerialReconnects : kTcpReconnects;
 }
 
 }  // namespace
@@ -56,18 +56,18 @@ std::vector<std::vector<std::uint32_t>> devices_by_link(const Config& config) {
 
 LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std::uint32_t link,
                        std::span<const std::uint32_t> devices, Outbox& outbox,
-                       std::unique_ptr<Transport> transport, const Recollection& recollection,
+                       std::unique_ptr<Transport> transport, const RestoredState& restored,
                        Polling polling, Journaling journaling, std::shared_ptr<CommandRoom> room)
     : executor_(executor),
       config_(config),
       link_(link),
       outbox_(outbox),
-      line_(executor, std::move(transport), config.links[link].char_time),
-      agenda_(config.links[link].poll_share),
+      bus_(executor, std::move(transport), config.links[link].char_time),
+      scheduler_(config.links[link].poll_share),
       idle_(executor),
       journaling_(journaling),
       room_(std::move(room)),
-      openings_(opening_rules(config.links[link]), jitter_seed(link)),
+      reconnect_policy_(opening_rules(config.links[link]), jitter_seed(link)),
       counting_since_(Clock::now()),
       stop_timer_(executor) {
   const auto now = Clock::now();
@@ -75,13 +75,13 @@ LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std
   for (const std::uint32_t device : devices)
     for (const GroupConfig& group : config.devices[device].groups)
       if (group.interval.count() > 0) spread = std::min(spread, group.interval);
-  const LinkStart start = openings_.start(config.links.size(), spread);
+  const LinkStart start = reconnect_policy_.start(config.links.size(), spread);
   next_open_ = now + start.open_after;
   first_poll_after_ = start.poll_after - start.open_after;
   const BackOff back_off = devices.size() > 1 ? kShared : kAlone;
   for (const std::uint32_t device : devices) {
     add_device(device, back_off, polling);
-    if (device < recollection.last_seq.size()) devices_.back()->seq = recollection.last_seq[device];
+    if (device < restored.last_seq.size()) devices_.back()->seq = restored.last_seq[device];
   }
 }
 
@@ -93,28 +93,28 @@ void LinkWorker::number_above(std::uint32_t index, std::uint64_t seq) {
 
 void LinkWorker::remember(const RememberedId& remembered) {
   if (Device* device = device_of(remembered.device))
-    device->desk.restore(remembered, Clock::now(), now_ms());
+    device->admission.restore(remembered, Clock::now(), now_ms());
 }
 
 void LinkWorker::add_device(std::uint32_t index, BackOff back_off, Polling polling) {
   const DeviceConfig& config = config_.devices[index];
   auto device = std::make_unique<Device>(config, index, journaling_, room_);
-  device->id = agenda_.add_device(config.retries + 1, back_off);
+  device->id = scheduler_.add_device(config.retries + 1, back_off);
   for (std::uint32_t g = 0; polling == Polling::on && g < config.groups.size(); ++g) {
     auto group = std::make_unique<GroupPoll>(config, g);
     if (group->report.tags().empty()) continue;
     // Each group begins when those before it should be through, and meets them there again and
     // again where the intervals are multiples of each other.
     const milliseconds interval = std::max(config.groups[g].interval, milliseconds(1));
-    group->id = agenda_.add_group(device->id, config.groups[g].interval, 1,
-                                  next_open_ + first_poll_after_ % nanoseconds(interval));
+    group->id = scheduler_.add_group(device->id, config.groups[g].interval, 1,
+                                     next_open_ + first_poll_after_ % nanoseconds(interval));
     make_plan(*device, *group);
     first_poll_after_ += group->plan.line_time;
     device->groups.push_back(std::move(group));
   }
   if (device->codec->run_state())
     device->run_state_group =
-        agenda_.add_group(device->id, kRunStateBeat, 1, next_open_, kRunStateWithin);
+        scheduler_.add_group(device->id, kRunStateInterval, 1, next_open_, kRunStateWithin);
   device->status.device = index;
   device->status.since_ms = now_ms();
   device->status.reason = "starting";
@@ -143,26 +143,26 @@ asio::awaitable<void> LinkWorker::run() {
     answer_after_fault(fault);
     if (!stopping_) co_await idle_until(Clock::now() + kAfterFault);
   }
-  line_.close();
+  bus_.close();
   stop_timer_.cancel();
   waiting_.splice(waiting_.end(), unjournaled_);
   for (const Waiting& waiting : waiting_)
-    outbox_.push(unsent(waiting.order, CommandStatus::failed));
+    outbox_.push(unsent(waiting.admitted, CommandStatus::failed));
   waiting_.clear();
   ended_ = true;
 }
 
 void LinkWorker::answer_after_fault(const std::string& what) {
   log::error("link", {{"link", config_.links[link_].name}, {"fault", what}});
-  line_.close();
+  bus_.close();
   polling_ = false;
-  agenda_.commands_are(static_cast<std::uint32_t>(waiting_.size()));
+  scheduler_.commands_are(static_cast<std::uint32_t>(waiting_.size()));
   for (const Waiting& running : running_) {
-    CommandResult result = result_of(running.order.command);
+    CommandResult result = result_of(running.admitted.command);
     result.status = CommandStatus::unknown_outcome;
     result.reason = Reason::link_down;
     result.detail = "a fault in the agent ended the link while the order was under way";
-    running.device->desk.finished(result);
+    running.device->admission.finished(result);
     outbox_.push(std::move(result));
   }
   running_.clear();
@@ -170,8 +170,8 @@ void LinkWorker::answer_after_fault(const std::string& what) {
 
 asio::awaitable<void> LinkWorker::serve() {
   while (!stopping_) {
-    if (!line_.is_open() && was_open_) line_lost(std::string(line_.why_lost()));
-    if (line_.echo_found() && !echo_told_) {
+    if (!bus_.is_open() && was_open_) line_lost(std::string(bus_.why_lost()));
+    if (bus_.echo_found() && !echo_told_) {
       echo_told_ = true;
       log::warn("link", {{"link", config_.links[link_].name},
                          {"echo", "found"},
@@ -181,22 +181,22 @@ asio::awaitable<void> LinkWorker::serve() {
     }
     tell_doubt();
     const auto now = Clock::now();
-    if (!line_.is_open() && now >= next_open_) {
+    if (!bus_.is_open() && now >= next_open_) {
       co_await open_line();
       continue;
     }
-    const Agenda::Job job = agenda_.next(now);
+    const PollScheduler::Job job = scheduler_.next(now);
     switch (job.kind) {
-      case Agenda::Job::Kind::command:
+      case PollScheduler::Job::Kind::command:
         co_await run_command();
         break;
-      case Agenda::Job::Kind::poll:
+      case PollScheduler::Job::Kind::poll:
         polling_ = true;
         co_await run_step(job.poll);
         polling_ = false;
         break;
-      case Agenda::Job::Kind::wait:
-        co_await idle_until(line_.is_open() ? job.until : std::min(job.until, next_open_));
+      case PollScheduler::Job::Kind::wait:
+        co_await idle_until(bus_.is_open() ? job.until : std::min(job.until, next_open_));
         break;
     }
   }
@@ -204,13 +204,13 @@ asio::awaitable<void> LinkWorker::serve() {
 
 void LinkWorker::tell_doubt() {
   const std::string& name = config_.links[link_].name;
-  if (!unexpected_told_ && !line_.last_unexpected().empty()) {
+  if (!unexpected_told_ && !bus_.last_unexpected().empty()) {
     unexpected_told_ = true;
     log::warn("link", {{"link", name},
-                       {"unexpected", line_.last_unexpected()},
+                       {"unexpected", bus_.last_unexpected()},
                        {"note", "bytes that nobody asked for; health counts them from here on"}});
   }
-  const bool doubted = line_.doubt().is_doubted();
+  const bool doubted = bus_.doubt().is_doubted();
   if (doubted == doubt_told_) return;
   const auto now = Clock::now();
   if (doubted && doubt_told_at_ && now - *doubt_told_at_ < kDoubtToldEvery) return;
@@ -219,7 +219,7 @@ void LinkWorker::tell_doubt() {
     doubt_told_at_ = now;
     log::warn("link", {{"link", name},
                        {"state", "doubted"},
-                       {"unexpected", line_.last_unexpected()},
+                       {"unexpected", bus_.last_unexpected()},
                        {"note",
                         "another master, or answers that come late? values are bad_frame, and no "
                         "ACK is believed until some exchanges in a row were clean"}});
@@ -231,12 +231,12 @@ void LinkWorker::tell_doubt() {
 void LinkWorker::stop() {
   stopping_ = true;
   idle_.cancel();
-  if (running_.empty() || polling_) line_.close();
+  if (running_.empty() || polling_) bus_.close();
   stop_timer_.expires_after(kFinishWithin);
   stop_timer_.async_wait([this](const asio::error_code& cancelled) {
     if (cancelled) return;
     over_ = true;
-    line_.close();
+    bus_.close();
   });
 }
 
@@ -246,19 +246,19 @@ asio::awaitable<void> LinkWorker::idle_until(SteadyTime until) {
 }
 
 asio::awaitable<void> LinkWorker::open_line() {
-  const auto opened = co_await line_.open();
+  const auto opened = co_await bus_.open();
   const auto now = Clock::now();
   if (opened) {
     line_up();
     co_return;
   }
-  next_open_ = now + openings_.after_failure();
+  next_open_ = now + reconnect_policy_.after_failure();
   line_lost(opened.error().text);
 }
 
 void LinkWorker::line_up() {
   // A peer that babbles takes every connection: it is back when it has answered.
-  if (!line_.never_silent()) openings_.opened();
+  if (!bus_.never_silent()) reconnect_policy_.opened();
   was_open_ = true;
   unanswered_in_a_row_ = 0;
   log::info("link", {{"link", config_.links[link_].name}, {"state", "up"}});
@@ -266,8 +266,8 @@ void LinkWorker::line_up() {
 
 void LinkWorker::line_lost(const std::string& why) {
   if (was_open_)
-    next_open_ =
-        Clock::now() + (line_.never_silent() ? openings_.after_failure() : openings_.after_loss());
+    next_open_ = Clock::now() + (bus_.never_silent() ? reconnect_policy_.after_failure()
+                                                     : reconnect_policy_.after_loss());
   if (was_open_ || why != why_down_)
     log::warn("link", {{"link", config_.links[link_].name}, {"state", "down"}, {"reason", why}});
   was_open_ = false;
@@ -279,18 +279,18 @@ void LinkWorker::line_lost(const std::string& why) {
 
 void LinkWorker::note_answer(Device& device) {
   unanswered_in_a_row_ = 0;
-  if (!line_.never_silent()) openings_.opened();
+  if (!bus_.never_silent()) reconnect_policy_.opened();
   device.answered_once = true;
-  agenda_.device_answered(device.id);
+  scheduler_.device_answered(device.id);
 }
 
 void LinkWorker::note_unreachable(Device& device) {
   unanswered_in_a_row_ = 0;
-  agenda_.device_unanswered(device.id, Clock::now());
+  scheduler_.device_unanswered(device.id, Clock::now());
 }
 
 void LinkWorker::note_silence(Device& device) {
-  const bool silent = agenda_.device_unanswered(device.id, Clock::now());
+  const bool silent = scheduler_.device_unanswered(device.id, Clock::now());
   if (silent) {
     device.run.reset();
     // Whoever answers next may be another PLC.
@@ -301,7 +301,7 @@ void LinkWorker::note_silence(Device& device) {
   const bool tcp = std::holds_alternative<TcpSettings>(config_.links[link_].channel);
   const int limit = std::max(kDeadPeerAfter, static_cast<int>(devices_.size()) + 1);
   if (tcp && ++unanswered_in_a_row_ >= limit) {
-    line_.close();
+    bus_.close();
     line_lost("nobody answers on this connection");
   }
 }
@@ -311,11 +311,11 @@ void LinkWorker::update_status(Device& device) {
   status.run = device.run;
   status.state = DeviceStatus::State::online;
   status.reason.clear();
-  if (!line_.is_open()) {
+  if (!bus_.is_open()) {
     status.state = DeviceStatus::State::offline;
-    status.reason = line_.never_silent() ? "never_silent" : to_string(BadReason::link_down);
+    status.reason = bus_.never_silent() ? "never_silent" : to_string(BadReason::link_down);
     status.run.reset();
-  } else if (agenda_.is_silent(device.id)) {
+  } else if (scheduler_.is_silent(device.id)) {
     status.state = DeviceStatus::State::offline;
     status.reason = to_string(BadReason::timeout);
   } else if (!device.answered_once) {
@@ -349,26 +349,26 @@ void LinkWorker::update_status(Device& device) {
 
 void LinkWorker::report(FieldHealth& health) {
   const auto now = Clock::now();
-  Line::Counters& line = line_.counters();
+  Bus::Counters& line = bus_.counters();
   LinkHealth& link = health.links[link_];
   link.exchanges = line.exchanges;
   link.timeouts = line.timeouts;
   link.naks = line.naks;
   link.bad_frames = line.bad_frames;
   link.unexpected_bytes = line.unexpected_bytes;
-  link.doubts = line_.doubt().doubts();
-  link.doubted = line_.doubt().is_doubted();
+  link.doubts = bus_.doubt().doubts();
+  link.doubted = bus_.doubt().is_doubted();
   const double elapsed = std::chrono::duration<double>(now - counting_since_).count();
   const double busy = std::chrono::duration<double>(line.busy).count();
-  link.load_percent = 100.0 * agenda_.load();
+  link.load_percent = 100.0 * scheduler_.load();
   link.busy_percent = elapsed > 0 ? 100.0 * busy / elapsed : 0;
   line.busy = {};
   counting_since_ = now;
   link.turnaround_ms = line.turnaround_ms.percentiles();
   for (const auto& device : devices_) {
     DeviceHealth& out = health.devices[device->index];
-    out.polls = agenda_.counters(device->id).polls;
-    out.missed = agenda_.counters(device->id).missed;
+    out.polls = scheduler_.counters(device->id).polls;
+    out.missed = scheduler_.counters(device->id).missed;
     out.late_ms = device->late_ms.percentiles();
     out.collected = device->collected;
     out.suppressed = device->suppressed;

@@ -1,5 +1,5 @@
 // One link: opens it, polls its devices on their beat, carries out their commands. One coroutine;
-// what it does next is the Agenda's to say. Field thread.
+// what it does next is the PollScheduler's to say. Field thread.
 #pragma once
 
 #include <asio/any_io_executor.hpp>
@@ -15,12 +15,12 @@
 
 #include "agent/commands/admission.h"
 #include "agent/config/config.h"
-#include "agent/field/agenda.h"
+#include "agent/field/bus.h"
 #include "agent/field/field.h"
-#include "agent/field/group_report.h"
 #include "agent/field/hole_map.h"
-#include "agent/field/line.h"
-#include "agent/field/openings.h"
+#include "agent/field/poll_scheduler.h"
+#include "agent/field/reconnect_policy.h"
+#include "agent/field/report_by_exception.h"
 #include "agent/messages.h"
 #include "agent/outbox.h"
 #include "protocol/plan.h"
@@ -36,8 +36,8 @@ class LinkWorker final {
   /// its own of devices_by_link().
   LinkWorker(asio::any_io_executor executor, const Config& config, std::uint32_t link,
              std::span<const std::uint32_t> devices, Outbox& outbox,
-             std::unique_ptr<Transport> transport, const Recollection& recollection,
-             Polling polling, Journaling journaling,
+             std::unique_ptr<Transport> transport, const RestoredState& restored, Polling polling,
+             Journaling journaling,
              std::shared_ptr<CommandRoom> room = std::make_shared<CommandRoom>());
   LinkWorker(const LinkWorker&) = delete;
   LinkWorker& operator=(const LinkWorker&) = delete;
@@ -49,7 +49,7 @@ class LinkWorker final {
   void remember(const RememberedId& remembered);
   /// An order of an earlier run without a result. It is not sent again; where a read
   /// can tell what became of it, that read is made.
-  void take_left_behind(Command command);
+  void take_interrupted(Command command);
 
   /// Runs until stop(); then answers what still waits and returns.
   asio::awaitable<void> run();
@@ -74,7 +74,7 @@ class LinkWorker final {
   struct GroupPoll;
   struct Device;
   struct Waiting {
-    Order order;
+    AdmittedCommand admitted;
     Device* device = nullptr;
     std::shared_ptr<const Codec>
         codec;  ///< the one it was planned with; the model may be found later
@@ -102,30 +102,30 @@ class LinkWorker final {
 
   /// The answer to an order that no wire will see any more. `status`: whether it had been admitted
   /// before the end was asked for.
-  static CommandResult unsent(const Order& order, CommandStatus status);
+  static CommandResult unsent(const AdmittedCommand& admitted, CommandStatus status);
   asio::awaitable<void> run_command();
   /// Whether the next waiting command may go between two parts of the one under way: it takes no
   /// longer than `credit`, and touches nothing that a resting one of its device does.
   bool may_go_between(std::chrono::nanoseconds credit) const;
-  void after_write(Device& device, const OrderTarget& target, const TargetResult& outcome);
+  void after_write(Device& device, const AdmittedTarget& target, const TargetResult& outcome);
   void enqueue(Waiting waiting);
   std::optional<std::chrono::nanoseconds> bound_of(const Waiting& command) const;
   void take_line_times(Waiting& waiting) const;
   /// A poll while a command rests. False: it put nothing on the line.
-  asio::awaitable<bool> poll_between(Agenda::PollStep step);
+  asio::awaitable<bool> poll_between(PollScheduler::PollStep step);
   std::chrono::nanoseconds longest_poll() const;
   /// Line time of the enquiries that go before the first exchange with each device of a session.
-  std::chrono::nanoseconds greetings() const;
+  std::chrono::nanoseconds handshakes() const;
 
-  asio::awaitable<void> run_step(Agenda::PollStep step);
-  asio::awaitable<void> read_run_state(Device& device, Agenda::PollStep step);
+  asio::awaitable<void> run_step(PollScheduler::PollStep step);
+  asio::awaitable<void> read_run_state(Device& device, PollScheduler::PollStep step);
   enum class Knowledge : std::uint8_t { known, plan_changed, unanswered };
   /// Asks for the model where the config leaves it open. `failure` says why it went unanswered.
   asio::awaitable<Knowledge> know_model(Device& device, BadReason& failure);
-  void take_reading(Device& device, GroupPoll& group, const Agenda::PollStep& step,
+  void take_reading(Device& device, GroupPoll& group, const PollScheduler::PollStep& step,
                     Exchange exchange);
   /// The device said no to a read. True where the same read is to be offered again.
-  bool take_refusal(Device& device, GroupPoll& group, const Agenda::PollStep& step,
+  bool take_refusal(Device& device, GroupPoll& group, const PollScheduler::PollStep& step,
                     const Exchange& exchange, RefusalMeaning meaning);
   void fail_cycle(Device& device, GroupPoll& group, BadReason why);
   void finish_cycle(Device& device, GroupPoll& group);
@@ -142,8 +142,8 @@ class LinkWorker final {
   const Config& config_;
   const std::uint32_t link_;
   Outbox& outbox_;
-  Line line_;
-  Agenda agenda_;
+  Bus bus_;
+  PollScheduler scheduler_;
   asio::steady_timer idle_;
   std::vector<std::unique_ptr<Device>> devices_;
   std::unordered_map<std::uint32_t, Device*> by_index_;
@@ -159,7 +159,7 @@ class LinkWorker final {
   bool doubt_told_ = false;
   std::optional<SteadyTime> doubt_told_at_;
   int unanswered_in_a_row_ = 0;
-  Openings openings_;
+  ReconnectPolicy reconnect_policy_;
   SteadyTime counting_since_{};
   std::chrono::nanoseconds first_poll_after_{0};  ///< the opening, of the group added next
   bool overloaded_ = false;

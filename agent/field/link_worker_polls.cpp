@@ -60,8 +60,8 @@ void LinkWorker::make_plan(Device& device, GroupPoll& group) {
                                   device.config.max_block_bytes, device.holes.holes());
   group.holes_version = device.holes.version();
   group.planned_turnaround = device.turnaround;
-  group.begin(line_.doubt().findings());
-  agenda_.set_exchanges(group.id, static_cast<std::uint32_t>(group.plan.reads.size()));
+  group.begin(bus_.doubt().findings());
+  scheduler_.set_exchanges(group.id, static_cast<std::uint32_t>(group.plan.reads.size()));
 }
 
 void LinkWorker::refresh_plan(Device& device, GroupPoll& group) {
@@ -86,7 +86,7 @@ void LinkWorker::refresh_plan(Device& device, GroupPoll& group) {
   if (stale) make_plan(device, group);
 }
 
-asio::awaitable<void> LinkWorker::run_step(Agenda::PollStep step) {
+asio::awaitable<void> LinkWorker::run_step(PollScheduler::PollStep step) {
   for (const auto& device : devices_) {
     if (device->run_state_group == step.group) {
       co_await read_run_state(*device, step);
@@ -97,14 +97,14 @@ asio::awaitable<void> LinkWorker::run_step(Agenda::PollStep step) {
       if (step.starts_cycle) {
         const bool free_running = device->config.groups[group->group].interval.count() == 0;
         if (free_running && outbox_.is_backed_up()) {
-          agenda_.abandon_cycle(group->id, Clock::now() + kUplinkRest);
+          scheduler_.abandon_cycle(group->id, Clock::now() + kUplinkRest);
           co_return;
         }
         refresh_plan(*device, *group);
-        group->begin(line_.doubt().findings());
+        group->begin(bus_.doubt().findings());
         device->late_ms.add(step.late);
       }
-      if (!line_.is_open()) {
+      if (!bus_.is_open()) {
         fail_cycle(*device, *group, BadReason::link_down);
         co_return;
       }
@@ -113,22 +113,22 @@ asio::awaitable<void> LinkWorker::run_step(Agenda::PollStep step) {
       if (knowledge == Knowledge::unanswered) fail_cycle(*device, *group, failure);
       if (knowledge != Knowledge::known) co_return;  // under a new plan the cycle is offered again
       if (group->plan.reads.empty()) {
-        agenda_.abandon_cycle(group->id, Clock::now() + kNothingToRead);
+        scheduler_.abandon_cycle(group->id, Clock::now() + kNothingToRead);
         finish_cycle(*device, *group);
         co_return;
       }
       const Read read = group->plan.reads[step.exchange].read;
-      Exchange exchange = co_await line_.exchange(device->station, read);
+      Exchange exchange = co_await bus_.exchange(device->station, read);
       take_reading(*device, *group, step, std::move(exchange));
       co_return;
     }
   }
 }
 
-void LinkWorker::take_reading(Device& device, GroupPoll& group, const Agenda::PollStep& step,
+void LinkWorker::take_reading(Device& device, GroupPoll& group, const PollScheduler::PollStep& step,
                               Exchange exchange) {
   if (stopping_) return;
-  agenda_.step_used(step, exchange.ended - exchange.began);
+  scheduler_.step_used(step, exchange.ended - exchange.began);
   if (exchange.doubted) {  // the device is there; what it says is not believed
     note_answer(device);
     exchange.outcome = Exchange::Outcome::garbled;
@@ -149,7 +149,7 @@ void LinkWorker::take_reading(Device& device, GroupPoll& group, const Agenda::Po
     return;
   }
   // In doubt each exchange takes its silences, and a repeat would not be believed either.
-  bool repeatable = exchange.outcome == Exchange::Outcome::garbled && !line_.doubt().is_doubted();
+  bool repeatable = exchange.outcome == Exchange::Outcome::garbled && !bus_.doubt().is_doubted();
   if (exchange.is_nak()) {
     const Request asked = group.plan.reads[step.exchange].read;
     const auto meaning = device.codec->meaning_of(asked, exchange.reply.device_code);
@@ -161,7 +161,7 @@ void LinkWorker::take_reading(Device& device, GroupPoll& group, const Agenda::Po
     repeatable = take_refusal(device, group, step, exchange, meaning);
   }
   if (repeatable && group.repeats < device.config.retries) {
-    ++group.repeats;  // the agenda offers the same step again, after the commands that wait
+    ++group.repeats;  // the poll scheduler offers the same step again, after the commands that wait
     return;
   }
   group.repeats = 0;
@@ -183,13 +183,13 @@ void LinkWorker::take_reading(Device& device, GroupPoll& group, const Agenda::Po
     if (group.plan.sources[point].first_read == step.exchange)
       group.newer.erase(group.report.tags()[point]);
   group.next_read = step.exchange + 1;
-  if (!agenda_.step_done(step)) return;
+  if (!scheduler_.step_done(step)) return;
   note_load();
   finish_cycle(device, group);
 }
 
 void LinkWorker::note_load() {
-  const double load = agenda_.load();
+  const double load = scheduler_.load();
   if (overloaded_ ? load > kOverloadOver : load <= 1.0) return;
   overloaded_ = !overloaded_;
   const std::string percent = std::to_string(static_cast<int>(100 * load + 0.5));
@@ -203,12 +203,12 @@ void LinkWorker::note_load() {
     log::info("link", {{"link", config_.links[link_].name}, {"load_percent", percent}});
 }
 
-bool LinkWorker::take_refusal(Device& device, GroupPoll& group, const Agenda::PollStep& step,
+bool LinkWorker::take_refusal(Device& device, GroupPoll& group, const PollScheduler::PollStep& step,
                               const Exchange& exchange, RefusalMeaning meaning) {
   note_answer(device);
   switch (meaning) {
     case RefusalMeaning::busy:
-      agenda_.postpone(step, exchange.ended + kBusyPause);
+      scheduler_.postpone(step, exchange.ended + kBusyPause);
       return true;
     case RefusalMeaning::hole: {
       const PlannedRead& planned = group.plan.reads[step.exchange];
@@ -230,14 +230,14 @@ void LinkWorker::fail_cycle(Device& device, GroupPoll& group, BadReason why) {
   for (std::size_t i = 0; i < group.failures.size(); ++i)
     if (i >= group.next_read && group.images[i].empty() && !group.failures[i])
       group.failures[i] = why;
-  agenda_.abandon_cycle(group.id, line_.is_open() ? Clock::now() : next_open_);
+  scheduler_.abandon_cycle(group.id, bus_.is_open() ? Clock::now() : next_open_);
   finish_cycle(device, group);
 }
 
 void LinkWorker::finish_cycle(Device& device, GroupPoll& group) {
   const auto& tags = group.report.tags();
   // Foreign bytes during the cycle: any of its answers may be the wrong one.
-  const bool doubtful = line_.doubt().is_doubted() || line_.doubt().findings() != group.findings;
+  const bool doubtful = bus_.doubt().is_doubted() || bus_.doubt().findings() != group.findings;
   std::vector<TagOutcome> outcomes;
   outcomes.reserve(tags.size());
   for (std::size_t i = 0; i < tags.size(); ++i) {
@@ -291,15 +291,15 @@ void LinkWorker::publish(Device& device, std::uint32_t group, Telemetry message)
   outbox_.push(std::move(message));
 }
 
-asio::awaitable<void> LinkWorker::read_run_state(Device& device, Agenda::PollStep step) {
+asio::awaitable<void> LinkWorker::read_run_state(Device& device, PollScheduler::PollStep step) {
   Knowledge knowledge = Knowledge::unanswered;
   BadReason failure = BadReason::link_down;
-  if (line_.is_open()) knowledge = co_await know_model(device, failure);
+  if (bus_.is_open()) knowledge = co_await know_model(device, failure);
   const auto question = device.codec->run_state();
-  if (knowledge != Knowledge::unanswered && line_.is_open() && question) {
-    const Exchange exchange = co_await line_.exchange(device.station, *question);
+  if (knowledge != Knowledge::unanswered && bus_.is_open() && question) {
+    const Exchange exchange = co_await bus_.exchange(device.station, *question);
     if (stopping_) co_return;
-    agenda_.step_used(step, exchange.ended - exchange.began);
+    scheduler_.step_used(step, exchange.ended - exchange.began);
     if (exchange.has_answer()) note_answer(device);
     if (exchange.outcome == Exchange::Outcome::unanswered) note_silence(device);
     if (exchange.outcome == Exchange::Outcome::link_down) line_lost(exchange.error);
@@ -307,7 +307,7 @@ asio::awaitable<void> LinkWorker::read_run_state(Device& device, Agenda::PollSte
     if (exchange.is_data() && !exchange.doubted)
       device.run = device.codec->run_state_from(exchange.reply.image);
   }
-  agenda_.step_done(step);
+  scheduler_.step_done(step);
   update_status(device);
 }
 
@@ -317,9 +317,9 @@ asio::awaitable<LinkWorker::Knowledge> LinkWorker::know_model(Device& device, Ba
   const std::vector<Request> questions = asking.identify();
   std::vector<Bytes> images;
   for (const Request& question : questions) {
-    const Exchange exchange = co_await line_.exchange(device.station, question);
+    const Exchange exchange = co_await bus_.exchange(device.station, question);
     if (stopping_) co_return Knowledge::unanswered;
-    agenda_.poll_used(exchange.ended - exchange.began);
+    scheduler_.poll_used(exchange.ended - exchange.began);
     if (exchange.doubted) {
       note_answer(device);
       failure = BadReason::bad_frame;

@@ -43,30 +43,30 @@ class Backlog final {
   std::size_t max_bytes() const { return max_bytes_; }
   /// Whether a row of this device waits to be sent.
   bool has_waiting(const std::string& device) const;
-  bool is_on_the_way(const LaneKey& lane) const;
+  bool is_on_the_way(const StreamKey& stream) const;
   /// Rows that had to make room since the last call, by device.
   std::map<std::string, std::uint64_t> take_dropped() { return std::exchange(dropped_, {}); }
 
  private:
-  struct Lane {
+  struct Stream {
     std::set<std::uint64_t> waiting;
     bool on_the_way = false;
     std::optional<std::uint64_t> ready_as;  ///< its key in ready_
   };
-  using Lanes = std::map<LaneKey, Lane>;
+  using Streams = std::map<StreamKey, Stream>;
 
   std::uint64_t remove(const HistoryBatch& batch);
   /// Puts a lane that has changed in its place in ready_.
-  void place(Lanes::value_type& lane);
+  void place(Streams::value_type& stream);
   void erase(std::map<std::uint64_t, SampleRow>::iterator row);
 
   const std::size_t max_bytes_;
   std::size_t bytes_ = 0;
   std::map<std::uint64_t, SampleRow> rows_;  ///< by order: the first is the oldest
-  Lanes lanes_;
+  Streams streams_;
   /// Lanes that could send, by their oldest waiting row: with thousands of lanes next() must not
   /// look at each.
-  std::map<std::uint64_t, Lanes::value_type*> ready_;
+  std::map<std::uint64_t, Streams::value_type*> ready_;
   std::map<std::string, std::uint64_t> dropped_;
 };
 

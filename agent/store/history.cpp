@@ -22,9 +22,9 @@ bool BatchBuilder::add(std::uint64_t order, std::string_view row) {
   return true;
 }
 
-HistoryBatch BatchBuilder::take(const LaneKey& lane) {
+HistoryBatch BatchBuilder::take(const StreamKey& stream) {
   const std::vector<std::string_view> texts(rows_.begin(), rows_.end());
-  return {lane.first, lane.second, std::move(orders_), history_text(texts)};
+  return {stream.first, stream.second, std::move(orders_), history_text(texts)};
 }
 
 }  // namespace fxagent

@@ -42,9 +42,9 @@ std::string history_text(std::span<const std::string_view> rows);
 inline constexpr std::size_t kHistoryFrameBytes = 26;
 
 /// Device and group: the rows of one lane go out oldest first, one message at a time.
-using LaneKey = std::pair<std::string, std::string>;
+using StreamKey = std::pair<std::string, std::string>;
 /// Whether a message of this lane may go out now.
-using MaySend = std::function<bool(const LaneKey& lane)>;
+using MaySend = std::function<bool(const StreamKey& stream)>;
 
 /// Gathers rows of one lane until the next one would make the message too large.
 class BatchBuilder final {
@@ -54,7 +54,7 @@ class BatchBuilder final {
   /// False: it does not fit any more. The first row always does.
   bool add(std::uint64_t order, std::string_view row);
   bool empty() const { return orders_.empty(); }
-  HistoryBatch take(const LaneKey& lane);
+  HistoryBatch take(const StreamKey& stream);
 
  private:
   const std::size_t max_payload_;

@@ -23,15 +23,15 @@ using std::chrono::duration_cast;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-constexpr milliseconds kSettleEvery{200};
-constexpr std::size_t kSettledAtOnce = 500;
+constexpr milliseconds kFlushEvery{200};
+constexpr std::size_t kFlushedAtOnce = 500;
 constexpr std::size_t kRemovedAtOnce = 200;  // about a millisecond, which live samples may wait
 constexpr seconds kCleanUpEvery{60};
 
 /// How many of what waits go at once.
 template <class Waiting>
 std::ptrdiff_t piece_of(const Waiting& waiting) {
-  return static_cast<std::ptrdiff_t>(std::min(waiting.size(), kSettledAtOnce));
+  return static_cast<std::ptrdiff_t>(std::min(waiting.size(), kFlushedAtOnce));
 }
 
 /// The codes after which the file is not to be trusted any more; SQLITE_SCHEMA: a newer program's,
@@ -63,8 +63,8 @@ Store::Store(const StoreConfig& config, std::int64_t utc_ms) : config_(config), 
   recovered_ = rows_;
   first_of_run_ = next_order_;
   // Above those of a file that opens later, unless the clock went back.
-  if (!file_) arrivals_ = static_cast<std::uint64_t>(utc_ms);
-  first_arrival_of_run_ = arrivals_ + 1;
+  if (!file_) receipts_ = static_cast<std::uint64_t>(utc_ms);
+  first_arrival_of_run_ = receipts_ + 1;
   if (writable_)
     log::info("store", {{"state", "disk"},
                         {"path", config_.path},
@@ -120,7 +120,7 @@ void Store::open_late(std::int64_t utc_ms) {
   if (!older.bind(1, to_sql(first_arrival_of_run_)).run()) failed("write");
   FoundLate found;
   found.ids = known_ids();
-  found.unsettled = unsettled();
+  found.unacknowledged = unacknowledged();
   found_late_ = std::move(found);
   if (!file_) return;  // found damaged meanwhile
   Statement known(file_->db, "SELECT name, last_seq FROM devices");
@@ -138,8 +138,8 @@ void Store::look_for_the_files() {
                        {"path", config_.path},
                        {"reason", "its files were deleted or replaced while the agent ran"},
                        {"samples_lost", std::to_string(rows_)}});
-  for (const auto& [key, lane] : lanes_)
-    if (lane.rows > 0) dropped_[key.first] += lane.rows;
+  for (const auto& [key, stream] : streams_)
+    if (stream.rows > 0) dropped_[key.first] += stream.rows;
   file_.reset();
   lock_.reset();
   forget_rows();
@@ -154,7 +154,7 @@ void Store::look_for_the_files() {
 }
 
 void Store::forget_rows() {
-  lanes_.clear();
+  streams_.clear();
   out_.clear();
   removed_.clear();
   rows_ = 0;
@@ -168,15 +168,15 @@ bool Store::load() {
                  "SELECT device, grp, count(*), sum(length(CAST(row AS BLOB))), min(id), max(id)"
                  " FROM samples GROUP BY device, grp");
   while (sums.step() == Statement::Step::row) {
-    Lane& lane = lanes_[{std::string(sums.text(0)), std::string(sums.text(1))}];
-    lane.rows = from_sql(sums.number(2));
-    lane.oldest = from_sql(sums.number(4));
-    rows_ += lane.rows;
-    bytes_ += from_sql(sums.number(3)) + lane.rows * SampleRow::kOverhead;
+    Stream& stream = streams_[{std::string(sums.text(0)), std::string(sums.text(1))}];
+    stream.rows = from_sql(sums.number(2));
+    stream.oldest = from_sql(sums.number(4));
+    rows_ += stream.rows;
+    bytes_ += from_sql(sums.number(3)) + stream.rows * SampleRow::kOverhead;
     next_order_ = std::max(next_order_, from_sql(sums.number(5)) + 1);
   }
   if (!count_orders() || !file_->trail.load()) return false;
-  arrivals_ = std::max(arrivals_, file_->trail.arrivals());
+  receipts_ = std::max(receipts_, file_->trail.arrivals());
   first_audit_of_run_ = file_->trail.head().records + 1;
   return file_->db.fault().code == SQLITE_OK;
 }
@@ -203,8 +203,8 @@ void Store::start_anew(std::string why) {
                        {"samples_lost", std::to_string(rows_)}});
   if (!fault) set_aside_ = std::filesystem::path(aside).filename().string();
   note(audit::begun(set_aside_, utc_ms_));
-  for (const auto& [key, lane] : lanes_)
-    if (lane.rows > 0) dropped_[key.first] += lane.rows;
+  for (const auto& [key, stream] : streams_)
+    if (stream.rows > 0) dropped_[key.first] += stream.rows;
   forget_rows();
   unstamped_ms_ = 0;
 }
@@ -251,15 +251,15 @@ void Store::upkeep(SteadyTime now, std::int64_t utc_ms) {
     }
     write_all_numbers();
     if (writable_ && unstamped_ms_ != 0) restamp();
-    if (!settle()) return;
+    if (!flush()) return;
     last_failure_.clear();
     log::info("store", {{"state", "disk"}, {"rows", std::to_string(rows_)}});
   }
   try_at_.reset();
   if (unstamped_ms_ != 0) restamp();
-  if (!settle_at_ || now >= *settle_at_ || removed_.size() >= kRemovedAtOnce) {
-    settle_at_ = now + kSettleEvery;
-    settle();
+  if (!flush_at_ || now >= *flush_at_ || removed_.size() >= kRemovedAtOnce) {
+    flush_at_ = now + kFlushEvery;
+    flush();
     if (numbers_short_) reserve_numbers();
     shrink_orders();
     drop_excess_rows();
@@ -277,7 +277,7 @@ void Store::upkeep(SteadyTime now, std::int64_t utc_ms) {
 
 void Store::close() {
   if (!writable_) return;
-  settle();
+  flush();
   std::vector<NumberRow> rows;
   for (const auto& [device, numbers] : numbers_) rows.push_back({device, numbers.last});
   write_numbers(rows, true);
@@ -331,13 +331,13 @@ void Store::restamp() {
 
 bool Store::append(std::vector<SampleRow>& rows, Hold hold) {
   if (!writable_ || rows.empty()) return writable_;
-  fault_point("sample_unstored");
+  failpoint("sample_unstored");
   std::uint64_t added = 0;
   std::vector<Victim> gone;
   std::map<std::string, std::uint64_t> last;
   const auto write = [&] {
     Transaction transaction(file_->db);
-    if (!transaction.begun() || !write_settled()) return false;
+    if (!transaction.begun() || !write_pending()) return false;
     std::uint64_t order = next_order_;
     for (const SampleRow& row : rows) {
       added += row.cost();
@@ -366,21 +366,21 @@ bool Store::append(std::vector<SampleRow>& rows, Hold hold) {
     if (config_.sync_always && !writable_) numbers_are_behind();
     return false;
   }
-  settled();
+  flushed();
   for (SampleRow& row : rows) {
     row.order = next_order_++;
-    const LaneKey key{row.device, row.group};
-    Lane& lane = lanes_[key];
-    if (lane.rows == 0) lane.oldest = row.order;
-    ++lane.rows;
+    const StreamKey key{row.device, row.group};
+    Stream& stream = streams_[key];
+    if (stream.rows == 0) stream.oldest = row.order;
+    ++stream.rows;
     ++rows_;
     if (hold == Hold::no) continue;
-    ++lane.out;
+    ++stream.out;
     out_[row.order] = {key, row.cost()};
   }
   bytes_ += added;
   forget(gone);
-  fault_point("sample_stored");
+  failpoint("sample_stored");
   return true;
 }
 
@@ -394,7 +394,7 @@ bool Store::delete_oldest(std::uint64_t excess, std::int64_t older_than_ms,
     if (freed >= excess && oldest.number(3) >= older_than_ms) break;
     Victim victim;
     victim.order = from_sql(oldest.number(0));
-    victim.lane = {std::string(oldest.text(1)), std::string(oldest.text(2))};
+    victim.stream = {std::string(oldest.text(1)), std::string(oldest.text(2))};
     victim.cost = from_sql(oldest.number(4)) + SampleRow::kOverhead;
     freed += victim.cost;
     gone.push_back(std::move(victim));
@@ -409,38 +409,39 @@ bool Store::delete_oldest(std::uint64_t excess, std::int64_t older_than_ms,
 
 void Store::forget(const std::vector<Victim>& gone) {
   for (const Victim& victim : gone) {
-    Lane& lane = lanes_[victim.lane];
-    if (out_.erase(victim.order) > 0) --lane.out;
-    --lane.rows;
-    lane.oldest = victim.order + 1;
+    Stream& stream = streams_[victim.stream];
+    if (out_.erase(victim.order) > 0) --stream.out;
+    --stream.rows;
+    stream.oldest = victim.order + 1;
     --rows_;
     bytes_ -= victim.cost;
-    ++dropped_[victim.lane.first];
+    ++dropped_[victim.stream.first];
   }
 }
 
 std::optional<HistoryBatch> Store::next(std::size_t max_payload, const MaySend& may_send) {
-  auto oldest = lanes_.end();
-  for (auto lane = lanes_.begin(); lane != lanes_.end(); ++lane) {
-    if (lane->second.on_the_way || lane->second.rows <= lane->second.out || !may_send(lane->first))
+  auto oldest = streams_.end();
+  for (auto stream = streams_.begin(); stream != streams_.end(); ++stream) {
+    if (stream->second.on_the_way || stream->second.rows <= stream->second.out ||
+        !may_send(stream->first))
       continue;
-    if (oldest == lanes_.end() || lane->second.oldest < oldest->second.oldest) oldest = lane;
+    if (oldest == streams_.end() || stream->second.oldest < oldest->second.oldest) oldest = stream;
   }
-  if (oldest == lanes_.end() || !file_) return std::nullopt;
-  const LaneKey key = oldest->first;
-  if (writable_) settle();
+  if (oldest == streams_.end() || !file_) return std::nullopt;
+  const StreamKey key = oldest->first;
+  if (writable_) flush();
   if (!file_) return std::nullopt;
 
   BatchBuilder builder(max_payload);
   std::vector<std::uint64_t> costs;
   std::vector<std::uint64_t> damaged;
-  Statement& lane = file_->lane;
-  lane.bind(1, key.first).bind(2, key.second);
-  auto step = lane.step();
-  for (; step == Statement::Step::row; step = lane.step()) {
-    const std::uint64_t order = from_sql(lane.number(0));
+  Statement& stream = file_->stream;
+  stream.bind(1, key.first).bind(2, key.second);
+  auto step = stream.step();
+  for (; step == Statement::Step::row; step = stream.step()) {
+    const std::uint64_t order = from_sql(stream.number(0));
     if (out_.contains(order) || removed_.contains(order)) continue;
-    const std::string_view row = lane.text(1);
+    const std::string_view row = stream.text(1);
     if (!is_intact(row)) {
       out_[order] = {key, row.size() + SampleRow::kOverhead};
       damaged.push_back(order);
@@ -449,24 +450,24 @@ std::optional<HistoryBatch> Store::next(std::size_t max_payload, const MaySend& 
     if (!builder.add(order, row)) break;
     costs.push_back(row.size() + SampleRow::kOverhead);
   }
-  lane.reset();
+  stream.reset();
   if (!damaged.empty()) drop_damaged(key, damaged);
   if (step == Statement::Step::failed) failed("read");
   if (step == Statement::Step::failed || builder.empty()) return std::nullopt;
   HistoryBatch batch = builder.take(key);
   for (std::size_t i = 0; i < batch.orders.size(); ++i) out_[batch.orders[i]] = {key, costs[i]};
-  Lane& taken = lanes_[key];
+  Stream& taken = streams_[key];
   taken.out += batch.orders.size();
   taken.on_the_way = true;
   return batch;
 }
 
-void Store::drop_damaged(const LaneKey& lane, const std::vector<std::uint64_t>& orders) {
-  lanes_[lane].out += orders.size();
-  dropped_[lane.first] += remove(orders);
+void Store::drop_damaged(const StreamKey& stream, const std::vector<std::uint64_t>& orders) {
+  streams_[stream].out += orders.size();
+  dropped_[stream.first] += remove(orders);
   log::error("store", {{"state", "damaged"},
-                       {"device", lane.first},
-                       {"group", lane.second},
+                       {"device", stream.first},
+                       {"group", stream.second},
                        {"rows_dropped", std::to_string(orders.size())}});
 }
 
@@ -475,10 +476,10 @@ std::uint64_t Store::remove(std::span<const std::uint64_t> orders) {
   for (const std::uint64_t order : orders) {
     const auto found = out_.extract(order);
     if (found.empty()) continue;
-    Lane& lane = lanes_[found.mapped().lane];
-    --lane.out;
-    --lane.rows;
-    lane.oldest = std::max(lane.oldest, lane.out == 0 ? order + 1 : lane.oldest);
+    Stream& stream = streams_[found.mapped().stream];
+    --stream.out;
+    --stream.rows;
+    stream.oldest = std::max(stream.oldest, stream.out == 0 ? order + 1 : stream.oldest);
     --rows_;
     bytes_ -= found.mapped().cost;
     removed_.insert(order);
@@ -488,42 +489,42 @@ std::uint64_t Store::remove(std::span<const std::uint64_t> orders) {
 }
 
 std::uint64_t Store::remove(const HistoryBatch& batch) {
-  lanes_[{batch.device, batch.group}].on_the_way = false;
+  streams_[{batch.device, batch.group}].on_the_way = false;
   return remove(batch.orders);
 }
 
 void Store::returned(const HistoryBatch& batch) {
-  lanes_[{batch.device, batch.group}].on_the_way = false;
+  streams_[{batch.device, batch.group}].on_the_way = false;
   for (const std::uint64_t order : batch.orders) release(order);
 }
 
 void Store::release(std::uint64_t order) {
   const auto found = out_.extract(order);
-  if (!found.empty()) --lanes_[found.mapped().lane].out;
+  if (!found.empty()) --streams_[found.mapped().stream].out;
 }
 
 bool Store::has_waiting(const std::string& device) const {
-  for (auto lane = lanes_.lower_bound({device, {}});
-       lane != lanes_.end() && lane->first.first == device; ++lane)
-    if (lane->second.rows > lane->second.out) return true;
+  for (auto stream = streams_.lower_bound({device, {}});
+       stream != streams_.end() && stream->first.first == device; ++stream)
+    if (stream->second.rows > stream->second.out) return true;
   return false;
 }
 
-bool Store::has_waiting(const LaneKey& lane) const {
-  const auto found = lanes_.find(lane);
-  return found != lanes_.end() && found->second.rows > found->second.out;
+bool Store::has_waiting(const StreamKey& stream) const {
+  const auto found = streams_.find(stream);
+  return found != streams_.end() && found->second.rows > found->second.out;
 }
 
-bool Store::is_on_the_way(const LaneKey& lane) const {
-  const auto found = lanes_.find(lane);
-  return found != lanes_.end() && found->second.on_the_way;
+bool Store::is_on_the_way(const StreamKey& stream) const {
+  const auto found = streams_.find(stream);
+  return found != streams_.end() && found->second.on_the_way;
 }
 
-bool Store::settle() {
+bool Store::flush() {
   if (!owes_the_file()) return writable_;
   // Again where a damaged file has made room for a fresh one.
   for (int attempt = 0; attempt < 2 && writable_; ++attempt) {
-    if (settle_all()) return true;
+    if (flush_all()) return true;
     failed("write");
   }
   return false;
@@ -531,16 +532,16 @@ bool Store::settle() {
 
 /// After hours without a disk there may be more than live samples can wait for in one go, or more
 /// than has room.
-bool Store::settle_all() {
-  while (unaudited_.size() > kSettledAtOnce || unrecorded_.size() > kSettledAtOnce)
-    if (!settle_piece()) return false;
+bool Store::flush_all() {
+  while (unaudited_.size() > kFlushedAtOnce || unrecorded_.size() > kFlushedAtOnce)
+    if (!flush_piece()) return false;
   Transaction transaction(file_->db);
-  if (!transaction.begun() || !write_settled() || !commit(transaction)) return false;
-  settled();
+  if (!transaction.begun() || !write_pending() || !commit(transaction)) return false;
+  flushed();
   return true;
 }
 
-bool Store::settle_piece() {
+bool Store::flush_piece() {
   const auto bodies = std::next(unaudited_.begin(), piece_of(unaudited_));
   const auto entries = std::next(unrecorded_.begin(), piece_of(unrecorded_));
   Transaction transaction(file_->db);
@@ -560,24 +561,24 @@ bool Store::settle_piece() {
   return true;
 }
 
-bool Store::write_settled() {
+bool Store::write_pending() {
   begin_changes();
   if (!write_unaudited()) return false;
   for (const std::uint64_t order : removed_)
     if (!file_->remove.bind(1, to_sql(order)).run()) return false;
   for (const JournalEntry& entry : unrecorded_)
     if (!write_entry(entry)) return false;
-  for (const auto& [device, id, arrival] : untold_)
-    if (!change_order(device, id, [&, number = arrival] {
-          return file_->told.bind(1, device).bind(2, id).bind(3, to_sql(number)).run();
+  for (const auto& [device, id, number] : to_acknowledge_)
+    if (!change_order(device, id, [&, number = number] {
+          return file_->acknowledge.bind(1, device).bind(2, id).bind(3, to_sql(number)).run();
         }))
       return false;
   return true;
 }
 
-void Store::settled() {
+void Store::flushed() {
   removed_.clear();
-  untold_.clear();
+  to_acknowledge_.clear();
   unrecorded_.clear();
   unrecorded_bytes_ = 0;
   forgot_results_ = false;
@@ -598,11 +599,11 @@ void Store::drop_rows(std::uint64_t excess, std::int64_t older_than_ms) {
   bool done = false;
   {
     Transaction transaction(file_->db);
-    done = transaction.begun() && write_settled() && delete_oldest(excess, older_than_ms, gone) &&
+    done = transaction.begun() && write_pending() && delete_oldest(excess, older_than_ms, gone) &&
            commit(transaction);
   }
   if (!done) return failed("delete");
-  settled();
+  flushed();
   forget(gone);
 }
 

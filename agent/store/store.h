@@ -66,7 +66,7 @@ class Store final : public CommandJournal {
   void upkeep(SteadyTime now, std::int64_t utc_ms);
 
   /// Whether upkeep() has something to write soon.
-  bool is_unsettled() const { return writable_ && (owes_the_file() || numbers_short_); }
+  bool has_pending() const { return writable_ && (owes_the_file() || numbers_short_); }
   /// The name of the damaged file that was set aside in this run; empty: none was.
   const std::string& set_aside() const { return set_aside_; }
 
@@ -94,8 +94,8 @@ class Store final : public CommandJournal {
   std::uint64_t max_bytes() const { return config_.max_bytes; }
   std::uint64_t recovered() const { return recovered_; }  ///< rows found at the start
   bool has_waiting(const std::string& device) const;
-  bool has_waiting(const LaneKey& lane) const;
-  bool is_on_the_way(const LaneKey& lane) const;
+  bool has_waiting(const StreamKey& stream) const;
+  bool is_on_the_way(const StreamKey& stream) const;
   /// Rows that had to make room, were too old or lay in a damaged file, since the last call.
   std::map<std::string, std::uint64_t> take_dropped() { return std::exchange(dropped_, {}); }
 
@@ -116,15 +116,15 @@ class Store final : public CommandJournal {
   bool journal(std::span<const JournalEntry> orders) override;
   void record(JournalEntry entry) override;
   void record(std::vector<JournalEntry> entries) override;
-  void told(std::string device, std::string id, std::uint64_t arrival) override;
+  void acknowledge(std::string device, std::string id, std::uint64_t number) override;
   std::optional<JournalEntry> find(const std::string& device, const std::string& id) override;
   std::vector<KnownId> known_ids() override;
-  std::vector<JournalEntry> unsettled() override;
+  std::vector<JournalEntry> unacknowledged() override;
 
   /// What earlier runs left in a file that could not be opened at the start of this one.
   struct FoundLate {
     std::vector<KnownId> ids;                      ///< as known_ids()
-    std::vector<JournalEntry> unsettled;           ///< as unsettled()
+    std::vector<JournalEntry> unacknowledged;      ///< as unsettled()
     std::map<std::string, std::uint64_t> numbers;  ///< by device; only those above this run's
   };
   /// Once after such a file has opened: until then none of its ids was known.
@@ -133,21 +133,21 @@ class Store final : public CommandJournal {
   // ---- the audit
 
   /// The number of a command that has just come.
-  std::uint64_t next_arrival() { return ++arrivals_; }
+  std::uint64_t next_command_number() { return ++receipts_; }
   /// A record's body for the audit, written within 200 ms, or once the disk takes it.
   void note(std::string body);
   /// As it is in the file.
   audit::Head audit_head() const { return file_ ? file_->trail.head() : audit::Head{}; }
 
  private:
-  struct Lane {
+  struct Stream {
     std::uint64_t rows = 0;  ///< in the file
     std::uint64_t out = 0;   ///< of these, held or on the way
     bool on_the_way = false;
     std::uint64_t oldest = 0;  ///< no row of it has a lower order
   };
   struct Out {
-    LaneKey lane;
+    StreamKey stream;
     std::uint64_t cost = 0;
   };
   struct Numbers {
@@ -158,10 +158,10 @@ class Store final : public CommandJournal {
     std::string device;
     std::uint64_t last = 0;
   };
-  struct Told {
+  struct Acknowledgement {
     std::string device;
     std::string id;
-    std::uint64_t arrival = 0;
+    std::uint64_t number = 0;
   };
   /// What the file has of orders.
   struct OrderSum {
@@ -171,7 +171,7 @@ class Store final : public CommandJournal {
   };
   struct Victim {
     std::uint64_t order = 0;
-    LaneKey lane;
+    StreamKey stream;
     std::uint64_t cost = 0;
   };
 
@@ -189,7 +189,8 @@ class Store final : public CommandJournal {
   bool load();
   /// Whether settle() has something to write.
   bool owes_the_file() const {
-    return !(removed_.empty() && untold_.empty() && unrecorded_.empty() && unaudited_.empty()) ||
+    return !(removed_.empty() && to_acknowledge_.empty() && unrecorded_.empty() &&
+             unaudited_.empty()) ||
            audit_lost_ != 0;
   }
   void forget_rows();
@@ -200,16 +201,16 @@ class Store final : public CommandJournal {
   /// A single row could not be read. The file can be written all the same, unless it is damaged.
   void unreadable();
   /// Rows that were removed, results that were told and those that found no disk, into the file.
-  bool settle();
+  bool flush();
   /// Within the caller's transaction; settled() after its commit.
-  bool write_settled();
-  void settled();
-  bool settle_piece();
-  bool settle_all();
+  bool write_pending();
+  void flushed();
+  bool flush_piece();
+  bool flush_all();
   /// Deletes the oldest rows, `excess` bytes or what is older, within the caller's transaction.
   bool delete_oldest(std::uint64_t excess, std::int64_t older_than_ms, std::vector<Victim>& gone);
   void forget(const std::vector<Victim>& gone);
-  void drop_damaged(const LaneKey& lane, const std::vector<std::uint64_t>& orders);
+  void drop_damaged(const StreamKey& stream, const std::vector<std::uint64_t>& orders);
   void drop_old_rows();
   /// The oldest rows out of what is above max_bytes, the orders counted.
   void drop_excess_rows();
@@ -253,14 +254,14 @@ class Store final : public CommandJournal {
   std::uint64_t first_of_run_ = 0;  ///< the order of the first row of this run
   std::string set_aside_;
   std::optional<SteadyTime> try_at_;
-  std::optional<SteadyTime> settle_at_;
+  std::optional<SteadyTime> flush_at_;
   std::optional<SteadyTime> clean_up_at_;
 
   std::uint64_t next_order_ = 1;
   std::uint64_t rows_ = 0;
   std::uint64_t bytes_ = 0;
   std::uint64_t recovered_ = 0;
-  std::map<LaneKey, Lane> lanes_;
+  std::map<StreamKey, Stream> streams_;
   std::unordered_map<std::uint64_t, Out> out_;
   OrderSum orders_;                     ///< as committed
   OrderSum orders_changed_;             ///< as the transaction that is open will leave it
@@ -269,15 +270,15 @@ class Store final : public CommandJournal {
   std::map<std::string, std::uint64_t> dropped_;
   Unrecorded unrecorded_;  ///< orders and results that are not in the file
   std::size_t unrecorded_bytes_ = 0;
-  std::vector<Told> untold_;     ///< told, not noted yet
-  bool forgot_results_ = false;  ///< there were too many of them
+  std::vector<Acknowledgement> to_acknowledge_;  ///< told, not noted yet
+  bool forgot_results_ = false;                  ///< there were too many of them
   std::optional<FoundLate> found_late_;
   bool was_open_ = false;              ///< in this run
   bool mending_ = false;               ///< a fresh file is being made in place of a damaged one
   std::deque<std::string> unaudited_;  ///< bodies that are not in the file
   std::size_t unaudited_bytes_ = 0;
   std::uint64_t audit_lost_ = 0;  ///< bodies that found no room there, not told yet
-  std::uint64_t arrivals_ = 0;
+  std::uint64_t receipts_ = 0;
   std::uint64_t first_audit_of_run_ = 0;
   std::optional<SteadyTime> running_since_;
   std::optional<SteadyTime> prune_at_;

@@ -57,8 +57,8 @@ JournalEntry entry_of(Statement& row) {
   const ByteView correlation = row.bytes(6);
   entry.correlation.assign(correlation.begin(), correlation.end());
   entry.result = row.text(7);
-  entry.told = row.number(8) != 0;
-  entry.arrival = from_sql(row.number(9));
+  entry.acknowledged = row.number(8) != 0;
+  entry.number = from_sql(row.number(9));
   entry.payload = row.text(10);
   entry.refused = row.number(11) != 0;
   return entry;
@@ -154,7 +154,7 @@ void Store::shrink_orders() {
 bool Store::journal(std::span<const JournalEntry> orders) {
   if (writable_ && write_orders(orders)) return true;
   for (const JournalEntry& order : orders) keep_unrecorded(order);
-  return writable_ && settle();  // a damaged file has made room for a fresh one
+  return writable_ && flush();  // a damaged file has made room for a fresh one
 }
 
 /// Until the disk takes it. As in the file, a result belongs to the order with its number, and a
@@ -164,8 +164,8 @@ void Store::keep_unrecorded(JournalEntry entry) {
   auto& by_id = unrecorded_.get<1>();
   if (const auto kept = by_id.find(boost::make_tuple(entry.device, entry.id));
       kept != by_id.end()) {
-    if (entry.arrival < kept->arrival + (kept->result.empty() ? 0 : 1)) return;
-    if (entry.arrival == kept->arrival)
+    if (entry.number < kept->number + (kept->result.empty() ? 0 : 1)) return;
+    if (entry.number == kept->number)
       entry.deadline_ms = std::max(entry.deadline_ms, kept->deadline_ms);
     unrecorded_bytes_ -= bytes_of(*kept);
     by_id.erase(kept);
@@ -187,7 +187,7 @@ bool Store::write_order(const JournalEntry& entry) {
   return change_order(entry.device, entry.id,
                       [&] {
                         return bind_entry(file_->order, entry)
-                            .bind(8, to_sql(entry.arrival))
+                            .bind(8, to_sql(entry.number))
                             .bind(9, entry.payload)
                             .run();
                       }) &&
@@ -236,7 +236,7 @@ void Store::record(std::vector<JournalEntry> entries) {
     failed("journal");
   }
   for (JournalEntry& entry : entries) keep_unrecorded(std::move(entry));
-  if (writable_) settle();
+  if (writable_) flush();
 }
 
 bool Store::write_record(const JournalEntry& entry) {
@@ -245,16 +245,16 @@ bool Store::write_record(const JournalEntry& entry) {
                       [&] {
                         return bind_entry(file_->record, entry)
                             .bind(8, entry.result)
-                            .bind(9, to_sql(entry.arrival))
+                            .bind(9, to_sql(entry.number))
                             .bind(10, std::int64_t{entry.refused})
                             .run();
                       }) &&
          write_audit(entry.audit);
 }
 
-void Store::told(std::string device, std::string id, std::uint64_t arrival) {
-  if (untold_.size() < kMostUnrecorded)
-    untold_.push_back({std::move(device), std::move(id), arrival});
+void Store::acknowledge(std::string device, std::string id, std::uint64_t number) {
+  if (to_acknowledge_.size() < kMostUnrecorded)
+    to_acknowledge_.push_back({std::move(device), std::move(id), number});
 }
 
 std::optional<JournalEntry> Store::find(const std::string& device, const std::string& id) {
@@ -283,7 +283,7 @@ std::vector<KnownId> Store::known_ids() {
   return ids;
 }
 
-std::vector<JournalEntry> Store::unsettled() {
+std::vector<JournalEntry> Store::unacknowledged() {
   std::vector<JournalEntry> entries;
   if (!file_) return entries;
   Statement all(file_->db,
@@ -319,11 +319,11 @@ void Store::drop_old_ids() {
       " (SELECT device, id FROM orders WHERE told = 1 AND result = ''"
       " ORDER BY arrival DESC, received_ms DESC LIMIT -1 OFFSET ?2)");
   // A broker that refuses results for good must not fill the disk.
-  Statement untold(file_->db,
-                   "DELETE FROM orders WHERE deadline_ms < ?1 AND (device, id) IN"
-                   " (SELECT device, id FROM (SELECT device, id, row_number() OVER"
-                   " (PARTITION BY device ORDER BY arrival DESC, received_ms DESC) AS place"
-                   " FROM orders WHERE told = 0 AND result <> '') WHERE place > ?2)");
+  Statement unacknowledged(file_->db,
+                           "DELETE FROM orders WHERE deadline_ms < ?1 AND (device, id) IN"
+                           " (SELECT device, id FROM (SELECT device, id, row_number() OVER"
+                           " (PARTITION BY device ORDER BY arrival DESC, received_ms DESC) AS place"
+                           " FROM orders WHERE told = 0 AND result <> '') WHERE place > ?2)");
   std::int64_t changed = 0;
   const auto run = [&](Statement& statement) {
     const bool done = statement.run();
@@ -332,11 +332,12 @@ void Store::drop_old_ids() {
   };
   // With few of them none can be one too many, and all of them need not be looked at.
   const bool few = orders_.rows <= kRememberedIds;
-  const bool done = run(old.bind(1, utc_ms_).bind(2, utc_ms_ - day).bind(3, utc_ms_ - age)) &&
-                    (few || (run(results.bind(1, std::int64_t{kRememberedIds})) &&
-                             run(many.bind(1, utc_ms_).bind(2, std::int64_t{kFingerprints})) &&
-                             run(untold.bind(1, utc_ms_).bind(2, std::int64_t{kRememberedIds})))) &&
-                    (changed == 0 || count_orders());
+  const bool done =
+      run(old.bind(1, utc_ms_).bind(2, utc_ms_ - day).bind(3, utc_ms_ - age)) &&
+      (few || (run(results.bind(1, std::int64_t{kRememberedIds})) &&
+               run(many.bind(1, utc_ms_).bind(2, std::int64_t{kFingerprints})) &&
+               run(unacknowledged.bind(1, utc_ms_).bind(2, std::int64_t{kRememberedIds})))) &&
+      (changed == 0 || count_orders());
   if (!done) failed("delete");
 }
 
@@ -361,7 +362,7 @@ bool Store::write_unaudited() {
 }
 
 bool Store::commit(Transaction& transaction) {
-  if (!file_->trail.end(arrivals_) || !transaction.commit()) return false;
+  if (!file_->trail.end(receipts_) || !transaction.commit()) return false;
   file_->trail.committed();
   orders_ = orders_changed_;
   return true;

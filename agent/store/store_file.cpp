@@ -147,7 +147,7 @@ StoreFile::StoreFile(const std::string& path, bool always)
   if (!usable_) return;
   insert = {db, "INSERT INTO samples VALUES(?, ?, ?, ?, ?, ?)"};
   remove = {db, "DELETE FROM samples WHERE id = ?"};
-  lane = {db, "SELECT id, row FROM samples WHERE device = ? AND grp = ? ORDER BY seq, id"};
+  stream = {db, "SELECT id, row FROM samples WHERE device = ? AND grp = ? ORDER BY seq, id"};
   oldest = {db,
             "SELECT id, device, grp, created_ms, length(CAST(row AS BLOB)) FROM samples"
             " ORDER BY id"};
@@ -172,9 +172,9 @@ StoreFile::StoreFile(const std::string& path, bool always)
             " result = excluded.result, told = 0, arrival = excluded.arrival, payload = '',"
             " refused = iif(arrival = excluded.arrival, refused, excluded.refused)"
             " WHERE iif(result = '', arrival <= excluded.arrival, arrival < excluded.arrival)"};
-  told = {db,
-          "UPDATE orders SET told = 1, response_topic = '', correlation = x''"
-          " WHERE device = ? AND id = ? AND arrival = ?"};
+  acknowledge = {db,
+                 "UPDATE orders SET told = 1, response_topic = '', correlation = x''"
+                 " WHERE device = ? AND id = ? AND arrival = ?"};
   // A number goes back only to the exact one, from the end of its block.
   numbers = {db,
              "INSERT INTO devices VALUES(?, ?, ?) ON CONFLICT DO UPDATE SET last_seq ="

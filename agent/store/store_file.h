@@ -73,11 +73,11 @@ class StoreFile final {
   sqlite::Database db;
   sqlite::Statement insert;
   sqlite::Statement remove;
-  sqlite::Statement lane;
+  sqlite::Statement stream;
   sqlite::Statement oldest;
   sqlite::Statement order;
   sqlite::Statement record;
-  sqlite::Statement told;
+  sqlite::Statement acknowledge;
   sqlite::Statement numbers;
   sqlite::Statement order_cost;    ///< of one: its bytes, and whether it was refused
   sqlite::Statement drop_refused;  ///< the oldest of them; their bytes

@@ -41,7 +41,7 @@ constexpr std::size_t kPacketOverhead = 64;
 
 Publisher::Publisher(const Config& config, PublisherSettings settings, Outbox& outbox,
                      Broker& broker, Submit submit, UtcClock utc_ms, Store* store, GoAhead go_ahead,
-                     Recollect recollect)
+                     Restore restore)
     : config_(config),
       settings_(std::move(settings)),
       base_(config.base_topic()),
@@ -51,7 +51,7 @@ Publisher::Publisher(const Config& config, PublisherSettings settings, Outbox& o
       utc_ms_(std::move(utc_ms)),
       store_(store),
       go_ahead_(std::move(go_ahead)),
-      recollect_(std::move(recollect)),
+      restore_(std::move(restore)),
       jitter_(settings_.jitter_seed),
       backlog_(settings_.backlog_bytes),
       history_bytes_(kHistoryBytes),
@@ -81,15 +81,15 @@ SteadyTime Publisher::step(SteadyTime now) {
   record_results();
   keep_connected(now);
   if (now >= next_tick_) tick(now);
-  spill(now);
+  overflow(now);
   hold_on_disk(now);
-  commit_put_away(now);
+  commit_spool(now);
   // Who sees "online" and orders at once is heard, or is told that nobody listens.
   const bool listens = !awaits_first_suback() || phase_ != Phase::running;
   if (link_ == Link::connected && phase_ <= Phase::draining && listens) pump(now);
   if (std::exchange(handed_over_, false) && !unacknowledged_since_) unacknowledged_since_ = now;
   outbox_.set_backed_up(live_.size() >= kBackedUp);
-  take_judged();
+  take_decided();
   hold_messages(now);
   broker_.await_acknowledgements(acknowledgements_matter());
   const auto failures = std::exchange(unsendable_, {});
@@ -98,7 +98,7 @@ SteadyTime Publisher::step(SteadyTime now) {
     std::visit([&](auto& f) { failed(f, failure, now); }, flight.mapped());
   }
   if (phase_ != Phase::running) wind_up(now);
-  commit_put_away(now);
+  commit_spool(now);
   if (phase_ == Phase::finished) return SteadyTime::max();
   return failures.empty() ? next_wake(now) : now;
 }
@@ -154,7 +154,7 @@ void Publisher::on(const ConnectFailed& event, SteadyTime now) {
   link_ = Link::waiting;
   starting_ = false;
   receive_maximum_ = kReceiveMaximum;
-  put_away_live();
+  spool_live();
   retry_after_failure(now);
 }
 
@@ -234,19 +234,19 @@ void Publisher::failed(const FarewellFlight&, const DeliveryFailed&, SteadyTime 
 void Publisher::take_found_late(SteadyTime now) {
   auto late = store_ == nullptr ? std::nullopt : store_->take_found_late();
   if (!late) return;
-  Recovered known =
-      recover(config_, *store_, std::move(late->ids), std::move(late->unsettled), utc_ms_(), now);
+  Recovered known = recover(config_, *store_, std::move(late->ids), std::move(late->unacknowledged),
+                            utc_ms_(), now);
   known.field.last_seq = later_numbers(config_, late->numbers);
-  for (CommandResult& result : known.untold) {
+  for (CommandResult& result : known.unacknowledged) {
     result.received = now;
     take_result(std::move(result));
   }
-  if (recollect_) recollect_(std::move(known.field));
+  if (restore_) restore_(std::move(known.field));
 }
 
 void Publisher::take_outbox(SteadyTime now) {
   Outbox::Batch batch = outbox_.take();
-  take_orders(std::move(batch.orders));  // first: each waits for its go-ahead
+  take_admitted(std::move(batch.orders));  // first: each waits for its go-ahead
   pushed_ = batch.pushed;
   for (const auto& [device, count] : batch.dropped) drop(config_.devices.at(device).name, count);
   for (CommandResult& result : batch.results) take_result(std::move(result));
@@ -308,11 +308,11 @@ void Publisher::connection_over(SteadyTime now) {
   in_flight_samples_ = 0;
   for (auto& [id, flight] : flights) {
     if (auto* live = std::get_if<LiveFlight>(&flight))
-      put_away(std::move(live->live));
+      spool(std::move(live->live));
     else if (const auto* history = std::get_if<HistoryFlight>(&flight))
       history->on_disk ? store_->returned(history->batch) : backlog_.returned(history->batch);
   }
-  put_away_live();
+  spool_live();
   due_.clear();  // all of it is published again after the next connect
   refused_results_.clear();
   for (auto& [key, pending] : results_) {
@@ -440,7 +440,7 @@ void Publisher::wind_up(SteadyTime now) {
   if (store_ != nullptr) {  // what the broker has not acknowledged is for the next boot
     connection_over(now);
     move_memory_to_disk();
-    write_put_away();
+    write_spool();
     store_->close();
   }
   const json::Samples left = samples();
@@ -451,7 +451,7 @@ void Publisher::wind_up(SteadyTime now) {
 
 bool Publisher::drained() const {
   return incoming_.empty() && flights_.empty() && results_.empty() && due_.empty() &&
-         live_.empty() && put_away_.empty() && backlog_.rows() == 0;
+         live_.empty() && spool_.empty() && backlog_.rows() == 0;
 }
 
 void Publisher::say_farewell(SteadyTime now) {
@@ -478,15 +478,15 @@ SteadyTime Publisher::next_wake(SteadyTime now) const {
   SteadyTime wake = next_tick_;
   const auto at = [&wake](SteadyTime time) { wake = std::min(wake, time); };
   if (phase_ != Phase::running) at(phase_deadline_);
-  if (awaits_verdicts_) at(now + kHoldAtMost);
+  if (awaits_decisions_) at(now + kHoldAtMost);
   if (lets_in_) at(std::max(let_in_at_, now + kHoldAtMost));
   if (unasked_dropped_ != 0) at(drop_logged_at_ + kLogDropsEvery);
   if (link_ == Link::waiting || link_ == Link::leaving) at(retry_at_);
   if (link_ == Link::connecting) at(connect_deadline_);
   if (clean_up_until_) at(*clean_up_until_);
   if (!live_.empty()) at(live_.front().since + kLiveFor);
-  if (!put_away_.empty()) at(commit_at_);
-  if (store_ != nullptr && store_->is_unsettled()) at(now + kCommitWithin);
+  if (!spool_.empty()) at(commit_at_);
+  if (store_ != nullptr && store_->has_pending()) at(now + kCommitWithin);
   if (link_ != Link::connected) return wake;
   // What is due now and found no room goes with the next acknowledgement, which is news.
   const auto later = [&](SteadyTime time) {
@@ -512,8 +512,8 @@ std::string Publisher::device_topic(std::uint32_t device) const {
   return base_ + "/" + config_.devices.at(device).name;
 }
 
-std::string Publisher::data_topic(const LaneKey& lane) const {
-  return base_ + "/" + lane.first + "/data/" + lane.second;
+std::string Publisher::data_topic(const StreamKey& stream) const {
+  return base_ + "/" + stream.first + "/data/" + stream.second;
 }
 
 std::string Publisher::health_text(SteadyTime now) const {

@@ -52,15 +52,15 @@ class Publisher final {
   using Submit = std::function<void(Command)>;
   using GoAhead = std::function<void(std::uint32_t device, std::string id)>;
   using UtcClock = std::function<std::int64_t()>;
-  using Recollect = std::function<void(Recollection)>;
+  using Restore = std::function<void(RestoredState)>;
 
   /// All references outlive the publisher. `submit` is called from step(), for every message on a
   /// command topic of a configured device, and must not block. `store` null: memory alone.
-  /// `go_ahead` is called from step() for each OrderNote, once it is in the journal or cannot be.
-  /// `recollect` is called from step() when a store that was not there at the start has opened.
+  /// `go_ahead` is called from step() for each AdmissionNote, once it is in the journal or cannot
+  /// be. `recollect` is called from step() when a store that was not there at the start has opened.
   Publisher(const Config& config, PublisherSettings settings, Outbox& outbox, Broker& broker,
             Submit submit, UtcClock utc_ms, Store* store = nullptr, GoAhead go_ahead = {},
-            Recollect recollect = {});
+            Restore restore = {});
   ~Publisher();
   Publisher(const Publisher&) = delete;
   Publisher& operator=(const Publisher&) = delete;
@@ -179,9 +179,9 @@ class Publisher final {
   void take_incoming();
   void take_command(const Message& event, std::uint32_t device);
   void submit(Command command, std::size_t payload_bytes);
-  void take_judged();
-  std::uint64_t note_arrival(const Message& event, const Command& command);
-  void take_orders(std::vector<OrderNote> orders);
+  void take_decided();
+  std::uint64_t note_receipt(const Message& event, const Command& command);
+  void take_admitted(std::vector<AdmissionNote> orders);
   void take_result(CommandResult result);
   void find_first(CommandResult& result);
   bool note_result(const CommandResult& result);
@@ -215,7 +215,7 @@ class Publisher final {
   void pump_notices(SteadyTime now);
   void pump_live(SteadyTime now);
   void pump_history(SteadyTime now);
-  void spill(SteadyTime now);
+  void overflow(SteadyTime now);
   void hold_on_disk(SteadyTime now);
   std::optional<HistoryFlight> next_history(SteadyTime now);
   void wind_up(SteadyTime now);
@@ -242,12 +242,12 @@ class Publisher final {
   void pause(const std::string& device, int reason_code, SteadyTime now);
   /// A history message is over, in whatever way.
   void rest_history(const HistoryFlight& flight, SteadyTime now);
-  void put_away(SampleRow row);
-  void put_away(LiveRow live);
-  void put_away_live();
+  void spool(SampleRow row);
+  void spool(LiveRow live);
+  void spool_live();
   /// What was put away goes to the disk, several rows at once; or into memory, at once.
-  void commit_put_away(SteadyTime now);
-  void write_put_away();
+  void commit_spool(SteadyTime now);
+  void write_spool();
   void move_memory_to_disk();
   void count_dropped();
   void drop(const std::string& device, std::uint64_t count);
@@ -257,7 +257,7 @@ class Publisher final {
   SteadyTime::duration back_off(int failures);
   SteadyTime next_wake(SteadyTime now) const;
   std::string device_topic(std::uint32_t device) const;
-  std::string data_topic(const LaneKey& lane) const;
+  std::string data_topic(const StreamKey& stream) const;
   std::string health_text(SteadyTime now) const;
 
   const Config& config_;
@@ -269,7 +269,7 @@ class Publisher final {
   const UtcClock utc_ms_;
   Store* const store_;
   const GoAhead go_ahead_;
-  const Recollect recollect_;
+  const Restore restore_;
   std::minstd_rand jitter_;
 
   // the connection
@@ -320,19 +320,19 @@ class Publisher final {
   std::size_t incoming_bytes_ = 0;
   std::deque<std::size_t> submitted_;  ///< bytes of commands that the field has not looked at yet
   std::size_t submitted_bytes_ = 0;
-  std::uint64_t judged_ = 0;      ///< Outbox::judged() as it was taken into account
-  bool holding_ = false;          ///< messages stay in the network
-  bool awaits_verdicts_ = false;  ///< until the field has looked at some commands
-  bool lets_in_ = false;          ///< some all the same, for what comes behind them
+  std::uint64_t decided_ = 0;      ///< Outbox::judged() as it was taken into account
+  bool holding_ = false;           ///< messages stay in the network
+  bool awaits_decisions_ = false;  ///< until the field has looked at some commands
+  bool lets_in_ = false;           ///< some all the same, for what comes behind them
   SteadyTime let_in_at_{};  ///< holding all the same: some are let in then, for what comes behind
   std::uint64_t unasked_dropped_ = 0;  ///< commands of QoS 0 that found no room; not logged yet
   SteadyTime drop_logged_at_{};
   bool samples_first_ = false;  ///< whose turn it is, where the window is too small to share
-  std::map<std::uint64_t, audit::Arrival>
-      arrivals_;  ///< commands that the field has not judged yet
+  std::map<std::uint64_t, audit::Receipt>
+      receipts_;  ///< commands that the field has not judged yet
   std::uint64_t next_order_ = 1;
   std::deque<LiveRow> live_;
-  std::vector<SampleRow> put_away_;  ///< for the store, at the next commit
+  std::vector<SampleRow> spool_;  ///< for the store, at the next commit
   SteadyTime commit_at_{};
   SteadyTime samples_at_{};  ///< the last step that found some
   SteadyTime gather_until_{};

@@ -29,7 +29,7 @@ json::Samples Publisher::samples() const {
   samples.collected = pushed_ + samples.suppressed;
   const auto on_disk = [](const LiveRow& live) { return live.stored; };
   const auto held = std::count_if(live_.begin(), live_.end(), on_disk);
-  samples.queued = live_.size() - static_cast<std::size_t>(held) + put_away_.size();
+  samples.queued = live_.size() - static_cast<std::size_t>(held) + spool_.size();
   samples.in_flight = in_flight_samples_;
   samples.stored = backlog_.rows();
   if (store_ != nullptr) {
@@ -45,7 +45,7 @@ json::Samples Publisher::samples() const {
 
 void Publisher::delivered(const LiveFlight& flight, SteadyTime) {
   const SampleRow& row = flight.live.row;
-  fault_point("sample_acknowledged");
+  failpoint("sample_acknowledged");
   if (flight.live.stored) {
     acknowledged_ += store_->remove(std::span(&row.order, 1));
   } else {
@@ -57,7 +57,7 @@ void Publisher::delivered(const LiveFlight& flight, SteadyTime) {
 
 void Publisher::delivered(const HistoryFlight& flight, SteadyTime now) {
   rest_history(flight, now);
-  fault_point("history_acknowledged");
+  failpoint("history_acknowledged");
   acknowledged_ +=
       flight.on_disk ? store_->remove(flight.batch) : backlog_.acknowledged(flight.batch);
   pauses_.erase(flight.batch.device);
@@ -74,7 +74,7 @@ void Publisher::failed(LiveFlight& flight, const DeliveryFailed& event, SteadyTi
     return drop(device, flight.live.stored ? store_->remove(std::span(&row.order, 1)) : 1);
   }
   pause(row.device, event.reason_code, now);
-  put_away(std::move(flight.live));
+  spool(std::move(flight.live));
 }
 
 void Publisher::failed(const HistoryFlight& flight, const DeliveryFailed& event, SteadyTime now) {
@@ -120,21 +120,21 @@ void Publisher::take_samples(const std::vector<Telemetry>& messages, SteadyTime 
     if (can_go && may_send(row.device, now))
       live.push_back(std::move(row));
     else
-      put_away(std::move(row));
+      spool(std::move(row));
   }
   const bool stored = config_.store.sync_always && store_ != nullptr && !live.empty() &&
                       store_->append(live, Store::Hold::yes);
   for (SampleRow& row : live) live_.push_back({std::move(row), now, stored});
   if (stored) count_dropped();
-  if (!put_away_.empty() && config_.store.sync_always) commit_at_ = now;
+  if (!spool_.empty() && config_.store.sync_always) commit_at_ = now;
 }
 
 /// Samples that found no room for a second wait as history. Those that would follow within
 /// kCommitWithin go with them: a commit costs the same for all.
-void Publisher::spill(SteadyTime now) {
+void Publisher::overflow(SteadyTime now) {
   if (live_.empty() || live_.front().since + kLiveFor > now) return;
   while (!live_.empty() && live_.front().since + kLiveFor - kCommitWithin <= now) {
-    put_away(std::move(live_.front()));
+    spool(std::move(live_.front()));
     live_.pop_front();
   }
 }
@@ -168,7 +168,7 @@ void Publisher::pump_live(SteadyTime now) {
     LiveRow live = std::move(live_.front());
     live_.pop_front();
     if (!may_send(live.row.device, now)) {
-      put_away(std::move(live));
+      spool(std::move(live));
       continue;
     }
     Publication publication;
@@ -205,12 +205,12 @@ void Publisher::pump_history(SteadyTime now) {
 
 /// Rows in memory are younger than those of the same lane on disk, and wait for them.
 std::optional<Publisher::HistoryFlight> Publisher::next_history(SteadyTime now) {
-  const auto from_disk = [&](const LaneKey& lane) {
-    return may_send(lane.first, now) && !backlog_.is_on_the_way(lane);
+  const auto from_disk = [&](const StreamKey& stream) {
+    return may_send(stream.first, now) && !backlog_.is_on_the_way(stream);
   };
-  const auto from_memory = [&](const LaneKey& lane) {
-    return may_send(lane.first, now) &&
-           (store_ == nullptr || !(store_->has_waiting(lane) || store_->is_on_the_way(lane)));
+  const auto from_memory = [&](const StreamKey& stream) {
+    return may_send(stream.first, now) &&
+           (store_ == nullptr || !(store_->has_waiting(stream) || store_->is_on_the_way(stream)));
   };
   if (store_ != nullptr) {
     auto batch = store_->next(history_bytes_, from_disk);
@@ -244,32 +244,32 @@ void Publisher::pause(const std::string& device, int reason_code, SteadyTime now
        {"again_in_s", std::to_string(std::chrono::ceil<seconds>(pause.until - now).count())}});
 }
 
-void Publisher::put_away_live() {
-  for (LiveRow& live : live_) put_away(std::move(live));
+void Publisher::spool_live() {
+  for (LiveRow& live : live_) spool(std::move(live));
   live_.clear();
 }
 
-void Publisher::put_away(LiveRow live) {
+void Publisher::spool(LiveRow live) {
   if (live.stored)
     store_->release(live.row.order);
   else
-    put_away(std::move(live.row));
+    spool(std::move(live.row));
   commit_at_ = std::min(commit_at_, live.since + kLiveFor);
 }
 
-void Publisher::put_away(SampleRow row) { put_away_.push_back(std::move(row)); }
+void Publisher::spool(SampleRow row) { spool_.push_back(std::move(row)); }
 
-void Publisher::commit_put_away(SteadyTime now) {
-  if (put_away_.empty()) {
+void Publisher::commit_spool(SteadyTime now) {
+  if (spool_.empty()) {
     commit_at_ = now + kCommitWithin;
     return;
   }
   const bool can_wait = store_ != nullptr && store_->is_writable() && phase_ == Phase::running;
-  if (!can_wait || now >= commit_at_) write_put_away();
+  if (!can_wait || now >= commit_at_) write_spool();
 }
 
-void Publisher::write_put_away() {
-  auto rows = std::exchange(put_away_, {});
+void Publisher::write_spool() {
+  auto rows = std::exchange(spool_, {});
   // While older rows are in memory, these wait behind them.
   const bool on_disk =
       store_ != nullptr && backlog_.rows() == 0 && store_->append(rows, Store::Hold::no);

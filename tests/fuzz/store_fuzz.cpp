@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 using namespace fxagent;
 
 constexpr std::int64_t kUtc = 1790000000000;
-const LaneKey kLane{"press1", "fast"};
+const StreamKey kStream{"press1", "fast"};
 
 /// In memory where the system has such a place: a disk would be worn out by this.
 const fs::path& directory() {
@@ -31,18 +31,18 @@ const fs::path& directory() {
   return made;
 }
 
-bool any(const LaneKey&) { return true; }
+bool any(const StreamKey&) { return true; }
 
 /// What the agent does with a store at its start, and a while later.
 void live_with(Store& store) {
   const std::vector<std::string> devices{"press1"};
   store.begin_numbers(devices, kUtc);
   for (const KnownId& known : store.known_ids()) store.find(known.device, known.id);
-  for (const JournalEntry& entry : store.unsettled()) {
+  for (const JournalEntry& entry : store.unacknowledged()) {
     CommandResult result = recorded_result(entry.result);
     result.id = entry.id;
     if (!nlohmann::json::accept(result_text(result, std::nullopt))) std::abort();
-    store.told(entry.device, entry.id, entry.arrival);
+    store.acknowledge(entry.device, entry.id, entry.number);
   }
   for (int i = 0; i < 4; ++i) {
     const auto batch = store.next(4096, any);
@@ -66,8 +66,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     Store store(config, kUtc);
     live_with(store);
     std::vector<SampleRow> rows(1);
-    rows[0].device = kLane.first;
-    rows[0].group = kLane.second;
+    rows[0].device = kStream.first;
+    rows[0].group = kStream.second;
     rows[0].seq = 7;
     rows[0].json = "{\"seq\":7}";
     // The disk is there, so that damage found while writing costs one attempt at most.

@@ -1,4 +1,4 @@
-// fault_point() of the program that dies at one: FXAGENT_CRASH_AT="name" or "name:nth" names it,
+// failpoint() of the program that dies at one: FXAGENT_CRASH_AT="name" or "name:nth" names it,
 // and the kernel ends the process there without another instruction of it. Where
 // FXAGENT_STAND_STILL_AT names the point, the thread that comes there goes no further.
 #include <signal.h>
@@ -30,7 +30,7 @@ struct CrashAt {
 
 }  // namespace
 
-void fault_point(std::string_view name) noexcept {
+void failpoint(std::string_view name) noexcept {
   static const CrashAt wanted;
   static std::atomic<int> passed = 0;
   static const char* const still = std::getenv("FXAGENT_STAND_STILL_AT");

@@ -100,7 +100,7 @@ TEST(StreamCheck, DeviceWithoutALiveSampleIsNotWhole) {
   EXPECT_FALSE(bench.report().is_whole());
   EXPECT_FALSE(bench.report().seen);
   bench.history({1, 2, 9});
-  EXPECT_FALSE(bench.report().judged);
+  EXPECT_FALSE(bench.report().decided);
   EXPECT_EQ(bench.report().missing.numbers, 0U);
   EXPECT_FALSE(bench.report().is_whole());
 }
@@ -285,7 +285,7 @@ TEST(StreamCheck, DevicesAreJudgedEachForItself) {
 
 // ---- random streams against a judge that looks at every number --------------------------------
 
-struct Arrival {
+struct Receipt {
   std::uint64_t seq = 0;
   std::string boot;
   std::int64_t ts = 0;
@@ -295,11 +295,11 @@ struct Arrival {
 };
 
 /// What a device sends over a few boots, what of it arrives, and in which order.
-std::vector<Arrival> random_stream(std::mt19937& random) {
+std::vector<Receipt> random_stream(std::mt19937& random) {
   const auto chance = [&random](int percent) { return static_cast<int>(random() % 100) < percent; };
   const int loss = static_cast<int>(random() % 8);
-  std::vector<Arrival> arrivals;
-  std::vector<Arrival> kept;  // for the history
+  std::vector<Receipt> arrivals;
+  std::vector<Receipt> kept;  // for the history
   std::uint64_t seq = 20 + random() % 20;
   const int boots = 1 + static_cast<int>(random() % 4);
   for (int boot = 0; boot < boots; ++boot) {
@@ -307,7 +307,7 @@ std::vector<Arrival> random_stream(std::mt19937& random) {
     for (int i = static_cast<int>(random() % 40); i > 0; --i) {
       if (chance(8)) away = !away;
       const std::string group = chance(70) ? "fast" : "slow";
-      Arrival made{seq++, "b" + std::to_string(boot),
+      Receipt made{seq++, "b" + std::to_string(boot),
                    0,     static_cast<int>(random() % 3),
                    !away, topic(group)};
       made.ts = 1000 + static_cast<std::int64_t>(made.seq) - (chance(5) ? 50 : 0);
@@ -341,25 +341,25 @@ std::vector<Arrival> random_stream(std::mt19937& random) {
 }
 
 /// The rules read off word by word, in the slowest way there is.
-DeviceStream judged_by_hand(const std::vector<Arrival>& arrivals, BootSkip skip) {
+DeviceStream judged_by_hand(const std::vector<Receipt>& arrivals, BootSkip skip) {
   DeviceStream out;
-  std::map<std::uint64_t, Arrival> first;
+  std::map<std::uint64_t, Receipt> first;
   std::map<std::string, std::uint64_t> whole_from;
   std::set<std::string> boots;
   for (std::size_t i = 0; i < arrivals.size(); ++i) {
-    const Arrival& a = arrivals[i];
+    const Receipt& a = arrivals[i];
     ++(a.live ? out.live : out.history);
     if (const auto known = first.find(a.seq); known != first.end()) {
       ++out.repeated;
-      const Arrival& k = known->second;
+      const Receipt& k = known->second;
       if (k.boot != a.boot || k.ts != a.ts || k.value != a.value) ++out.differing;
       continue;
     }
     first.emplace(a.seq, a);
     if (boots.insert(a.boot).second) out.boots.push_back(a.boot);
-    if (a.live && !whole_from.contains(a.boot)) whole_from[a.boot] = out.judged ? 0 : a.seq;
-    out.judged = out.judged || a.live;
-    const Arrival* highest = nullptr;
+    if (a.live && !whole_from.contains(a.boot)) whole_from[a.boot] = out.decided ? 0 : a.seq;
+    out.decided = out.decided || a.live;
+    const Receipt* highest = nullptr;
     for (const auto& [seq, known] : first)
       if (known.topic == a.topic && seq != a.seq && (highest == nullptr || seq > highest->seq))
         highest = &known;
@@ -373,7 +373,7 @@ DeviceStream judged_by_hand(const std::vector<Arrival>& arrivals, BootSkip skip)
   const auto is_missing = [&](std::uint64_t number) {
     auto above = first.begin();
     while (above->first < number) ++above;
-    const Arrival& under = std::prev(above)->second;
+    const Receipt& under = std::prev(above)->second;
     const auto from = whole_from.find(under.boot);
     if (above->first == number || from == whole_from.end() || under.seq < from->second) return 0;
     if (under.boot == above->second.boot || skip == BootSkip::is_loss) return 1;
@@ -407,10 +407,10 @@ TEST(StreamCheck, AgreesWithAJudgeThatLooksAtEveryNumber) {
   std::uint64_t whole = 0;
   for (int round = 0; round < test::effort(3000); ++round) {
     const BootSkip skip = round % 4 == 0 ? BootSkip::is_loss : BootSkip::allowed;
-    const std::vector<Arrival> arrivals = random_stream(random);
+    const std::vector<Receipt> arrivals = random_stream(random);
     StreamCheck check(kBase, {"press1"}, skip);
     for (std::size_t i = 0; i < arrivals.size();) {
-      const auto text = [](const Arrival& a) {
+      const auto text = [](const Receipt& a) {
         return json{{"seq", a.seq}, {"boot", a.boot}, {"ts", a.ts}, {"values", {{"v", a.value}}}};
       };
       if (arrivals[i].live) {
@@ -430,7 +430,7 @@ TEST(StreamCheck, AgreesWithAJudgeThatLooksAtEveryNumber) {
     ASSERT_EQ(report.history, by_hand.history) << round;
     ASSERT_EQ(report.distinct, by_hand.distinct) << round;
     ASSERT_EQ(report.seen, by_hand.seen) << round;
-    ASSERT_EQ(report.judged, by_hand.judged) << round;
+    ASSERT_EQ(report.decided, by_hand.decided) << round;
     ASSERT_EQ(report.repeated, by_hand.repeated) << round;
     ASSERT_EQ(report.differing, by_hand.differing) << round;
     ASSERT_EQ(report.disordered, by_hand.disordered) << round;

@@ -39,7 +39,7 @@ DeviceConfig press() {
 }
 
 /// A desk, its device, and a clock that moves only by hand.
-class CommandDeskTest : public ::testing::Test {
+class CommandAdmissionTest : public ::testing::Test {
  protected:
   /// A command that is right in every way.
   Command write(std::string id, double value = 50) {
@@ -74,7 +74,7 @@ class CommandDeskTest : public ::testing::Test {
     command.op_text = "force_on";
     return command;
   }
-  Command order(std::string id, Op op) {
+  Command command(std::string id, Op op) {
     Command command = write(std::move(id));
     command.op = op;
     command.op_text = to_string(op);
@@ -82,20 +82,20 @@ class CommandDeskTest : public ::testing::Test {
     return command;
   }
 
-  CommandDesk::Verdict admit(Command command, std::size_t waiting = 0) {
-    return desk.admit(std::move(command), *device.codec, waiting, now);
+  CommandAdmission::Decision decide(Command command, std::size_t waiting = 0) {
+    return admission.admit(std::move(command), *device.codec, waiting, now);
   }
   /// The result of a command that is answered at once; an empty one, and a failure, if it is not.
   CommandResult answered(Command command, std::size_t waiting = 0) {
-    auto verdict = admit(std::move(command), waiting);
-    if (auto* result = std::get_if<CommandResult>(&verdict)) return *result;
+    auto decision = decide(std::move(command), waiting);
+    if (auto* result = std::get_if<CommandResult>(&decision)) return *result;
     ADD_FAILURE() << "admitted";
     return {};
   }
-  Order admitted(Command command) {
-    auto verdict = admit(std::move(command));
-    if (auto* order = std::get_if<Order>(&verdict)) return std::move(*order);
-    const auto& result = std::get<CommandResult>(verdict);
+  AdmittedCommand admit(Command command) {
+    auto decision = decide(std::move(command));
+    if (auto* admitted = std::get_if<AdmittedCommand>(&decision)) return std::move(*admitted);
+    const auto& result = std::get<CommandResult>(decision);
     ADD_FAILURE() << to_string(result.reason) << ": " << result.detail;
     return {};
   }
@@ -104,11 +104,11 @@ class CommandDeskTest : public ::testing::Test {
     result.id = id;
     result.status = status;
     result.plc = PlcAnswer::ack;
-    desk.finished(result);
+    admission.finished(result);
   }
 
   DeviceConfig device = press();
-  CommandDesk desk{device};
+  CommandAdmission admission{device};
   SteadyTime now = kStart;
 };
 
@@ -116,7 +116,7 @@ class CommandDeskTest : public ::testing::Test {
 // -------------------------------------------------------------------------
 
 /// Each check of the contract, in its order, and what runs into it and into no other.
-class CommandDeskFaults : public CommandDeskTest {
+class CommandAdmissionFaults : public CommandAdmissionTest {
  protected:
   using Spoil = std::function<void(Command&)>;
   struct Case {
@@ -144,7 +144,7 @@ class CommandDeskFaults : public CommandDeskTest {
   };
 };
 
-TEST_F(CommandDeskFaults, EachFaultHasItsStatusAndItsReason) {
+TEST_F(CommandAdmissionFaults, EachFaultHasItsStatusAndItsReason) {
   for (const Case& one : cases) {
     Command command = write(std::string(to_string(one.reason)));
     one.spoil(command);
@@ -157,7 +157,7 @@ TEST_F(CommandDeskFaults, EachFaultHasItsStatusAndItsReason) {
   }
 }
 
-TEST_F(CommandDeskFaults, OfTwoFaultsTheFirstInTheOrderOfTheContractWins) {
+TEST_F(CommandAdmissionFaults, OfTwoFaultsTheFirstInTheOrderOfTheContractWins) {
   for (std::size_t i = 0; i < cases.size(); ++i) {
     for (std::size_t j = i + 1; j < cases.size(); ++j) {
       const bool same_part = cases[i].reason == Reason::unknown_tag &&
@@ -173,7 +173,7 @@ TEST_F(CommandDeskFaults, OfTwoFaultsTheFirstInTheOrderOfTheContractWins) {
   }
 }
 
-TEST_F(CommandDeskFaults, EveryFaultComesBeforeAFullQueue) {
+TEST_F(CommandAdmissionFaults, EveryFaultComesBeforeAFullQueue) {
   for (const Case& one : cases) {
     Command command = write(std::string(to_string(one.reason)));
     one.spoil(command);
@@ -181,8 +181,8 @@ TEST_F(CommandDeskFaults, EveryFaultComesBeforeAFullQueue) {
   }
 }
 
-TEST_F(CommandDeskFaults, KnownIdComesBeforeEveryOtherFault) {
-  admitted(write("b7e1"));
+TEST_F(CommandAdmissionFaults, KnownIdComesBeforeEveryOtherFault) {
+  admit(write("b7e1"));
   for (const Case& one : cases) {
     Command command = write("b7e1");
     one.spoil(command);
@@ -190,7 +190,7 @@ TEST_F(CommandDeskFaults, KnownIdComesBeforeEveryOtherFault) {
   }
 }
 
-TEST_F(CommandDeskFaults, WhatTheParserFoundIsToldInItsPlace) {
+TEST_F(CommandAdmissionFaults, WhatTheParserFoundIsToldInItsPlace) {
   for (const Reason found : {Reason::too_large, Reason::bad_json, Reason::missing_id}) {
     for (const Case& one : cases) {
       Command command = write("");
@@ -203,10 +203,10 @@ TEST_F(CommandDeskFaults, WhatTheParserFoundIsToldInItsPlace) {
       EXPECT_TRUE(result.id.empty());
     }
   }
-  EXPECT_EQ(desk.remembered(), 0U) << "no id, nothing to remember";
+  EXPECT_EQ(admission.remembered(), 0U) << "no id, nothing to remember";
 }
 
-TEST_F(CommandDeskFaults, BadValueOfTheParserWaitsForItsTurn) {
+TEST_F(CommandAdmissionFaults, BadValueOfTheParserWaitsForItsTurn) {
   for (const Case& one : cases) {
     Command command = write(std::string("parsed ") + std::string(to_string(one.reason)));
     one.spoil(command);
@@ -217,26 +217,27 @@ TEST_F(CommandDeskFaults, BadValueOfTheParserWaitsForItsTurn) {
   }
 }
 
-TEST_F(CommandDeskTest, RightCommandIsAdmittedWithItsImageAndItsRequests) {
-  const Order order = admitted(write("b7e1", 12.34));
-  ASSERT_EQ(order.targets.size(), 1U);
-  EXPECT_EQ(order.targets[0].image, word(123)) << "the nearest integer of 12.34 / 0.1";
-  EXPECT_EQ(order.targets[0].written, real(12.3)) << "what is really written";
-  EXPECT_EQ(order.targets[0].point.address.text, "D200");
-  ASSERT_EQ(order.targets[0].requests.size(), 1U);
-  const auto frame = device.codec->encode(order.targets[0].requests[0], 0);
+TEST_F(CommandAdmissionTest, RightCommandIsAdmittedWithItsImageAndItsRequests) {
+  const AdmittedCommand admitted = admit(write("b7e1", 12.34));
+  ASSERT_EQ(admitted.targets.size(), 1U);
+  EXPECT_EQ(admitted.targets[0].image, word(123)) << "the nearest integer of 12.34 / 0.1";
+  EXPECT_EQ(admitted.targets[0].written, real(12.3)) << "what is really written";
+  EXPECT_EQ(admitted.targets[0].point.address.text, "D200");
+  ASSERT_EQ(admitted.targets[0].requests.size(), 1U);
+  const auto frame = device.codec->encode(admitted.targets[0].requests[0], 0);
   EXPECT_EQ(to_hex(*frame), to_hex(write_frame(kD200, word(123))));
-  EXPECT_EQ(order.deadline, kStart + seconds(10));
+  EXPECT_EQ(admitted.deadline, kStart + seconds(10));
 }
 
-TEST_F(CommandDeskTest, FullQueueRefuses) {
+TEST_F(CommandAdmissionTest, FullQueueRefuses) {
   const CommandResult result = answered(write("b7e1"), device.commands.queue);
   EXPECT_EQ(result.status, CommandStatus::rejected);
   EXPECT_EQ(result.reason, Reason::queue_full);
-  EXPECT_TRUE(std::holds_alternative<Order>(admit(write("b7e2"), device.commands.queue - 1)));
+  EXPECT_TRUE(
+      std::holds_alternative<AdmittedCommand>(decide(write("b7e2"), device.commands.queue - 1)));
 }
 
-TEST_F(CommandDeskTest, ResultEchoesWhatTheSenderNeeds) {
+TEST_F(CommandAdmissionTest, ResultEchoesWhatTheSenderNeeds) {
   Command command = write("b7e1");
   command.targets[0].tag = "presure";
   command.response_topic = "flows/7";
@@ -254,8 +255,8 @@ TEST_F(CommandDeskTest, ResultEchoesWhatTheSenderNeeds) {
 // ---- ids
 // -----------------------------------------------------------------------------------------
 
-TEST_F(CommandDeskTest, DuplicateOfARunningCommandHasNoFirstResultYet) {
-  admitted(write("b7e1"));
+TEST_F(CommandAdmissionTest, DuplicateOfARunningCommandHasNoFirstResultYet) {
+  admit(write("b7e1"));
   const CommandResult result = answered(write("b7e1", 60));
   EXPECT_EQ(result.status, CommandStatus::duplicate);
   EXPECT_EQ(result.reason, Reason::duplicate_id);
@@ -263,8 +264,8 @@ TEST_F(CommandDeskTest, DuplicateOfARunningCommandHasNoFirstResultYet) {
   EXPECT_EQ(result.plc, PlcAnswer::none);
 }
 
-TEST_F(CommandDeskTest, DuplicateOfAFinishedCommandCarriesItsResult) {
-  admitted(write("b7e1"));
+TEST_F(CommandAdmissionTest, DuplicateOfAFinishedCommandCarriesItsResult) {
+  admit(write("b7e1"));
   finish("b7e1");
   for (int i = 0; i < 3; ++i) {
     const CommandResult result = answered(write("b7e1", 60));
@@ -275,7 +276,7 @@ TEST_F(CommandDeskTest, DuplicateOfAFinishedCommandCarriesItsResult) {
   }
 }
 
-TEST_F(CommandDeskTest, WhereAResultWasToBeToldIsNotRemembered) {
+TEST_F(CommandAdmissionTest, WhereAResultWasToBeToldIsNotRemembered) {
   Command command = write("b7e1");
   command.response_topic = "flows/7";
   command.correlation = Bytes(60000, 1);
@@ -283,84 +284,84 @@ TEST_F(CommandDeskTest, WhereAResultWasToBeToldIsNotRemembered) {
   result.id = "b7e1";
   result.response_topic = command.response_topic;
   result.correlation = command.correlation;
-  admitted(std::move(command));
-  desk.finished(result);
+  admit(std::move(command));
+  admission.finished(result);
   const CommandResult again = answered(write("b7e1"));
   ASSERT_NE(again.first, nullptr);
   EXPECT_TRUE(again.first->response_topic.empty());
   EXPECT_TRUE(again.first->correlation.empty());
 }
 
-TEST_F(CommandDeskTest, WithAJournalOnlyTheIdsAreKeptHere) {
-  CommandDesk beside_journal(device, Journaling::on);
+TEST_F(CommandAdmissionTest, WithAJournalOnlyTheIdsAreKeptHere) {
+  CommandAdmission beside_journal(device, Journaling::on);
   const auto judge = [&](const char* id) {
     return std::get<CommandResult>(beside_journal.admit(write(id), *device.codec, 0, now));
   };
   beside_journal.restore({0, "earlier", 7, kStartMs - 1000, kStartMs + 60000}, now, kStartMs);
   Command own = write("own");
-  own.arrival = 8;
+  own.number = 8;
   beside_journal.admit(own, *device.codec, 0, now);
-  EXPECT_FALSE(judge("own").first_arrival);
+  EXPECT_FALSE(judge("own").first_number);
   CommandResult done;
   done.id = "own";
   beside_journal.finished(done);
   for (const char* id : {"earlier", "own"}) {
     const CommandResult again = judge(id);
     EXPECT_EQ(again.status, CommandStatus::duplicate) << id;
-    EXPECT_EQ(again.first_arrival, id == std::string("own") ? 8U : 7U) << id;
+    EXPECT_EQ(again.first_number, id == std::string("own") ? 8U : 7U) << id;
     EXPECT_EQ(again.first, nullptr) << id;
   }
 }
 
-TEST_F(CommandDeskTest, RestoredIdLivesOutItsDayAndItsDeadline) {
+TEST_F(CommandAdmissionTest, RestoredIdLivesOutItsDayAndItsDeadline) {
   const std::int64_t utc = kStartMs;
   const auto restore = [&](std::string id, std::chrono::hours age, std::chrono::hours deadline_in) {
-    desk.restore({0, std::move(id), 0, utc - milliseconds(age).count(),
-                  utc + milliseconds(deadline_in).count()},
-                 now, utc);
+    admission.restore({0, std::move(id), 0, utc - milliseconds(age).count(),
+                       utc + milliseconds(deadline_in).count()},
+                      now, utc);
   };
   restore("old", std::chrono::hours(23), std::chrono::hours(-22));
   restore("late", std::chrono::hours(23), std::chrono::hours(3));
   restore("old", std::chrono::hours(1), std::chrono::hours(1));  // one is enough
-  EXPECT_EQ(desk.remembered(), 2U);
+  EXPECT_EQ(admission.remembered(), 2U);
   now += std::chrono::hours(2);
-  admitted(write("another"));
-  admitted(write("old"));
+  admit(write("another"));
+  admit(write("old"));
   EXPECT_EQ(answered(write("late")).status, CommandStatus::duplicate);
 }
 
 // Results of an hour that is yet to come do not fill the memory until then.
-TEST_F(CommandDeskTest, RestoredIdHasNoMoreTimeThanItWasGiven) {
+TEST_F(CommandAdmissionTest, RestoredIdHasNoMoreTimeThanItWasGiven) {
   for (std::size_t i = 0; i < kRememberedIds + kFingerprints; ++i) {
     const std::int64_t received_ms = kStartMs + 3600000;
-    desk.restore({0, std::to_string(i), 0, received_ms, received_ms + 10000}, now, kStartMs);
+    admission.restore({0, std::to_string(i), 0, received_ms, received_ms + 10000}, now, kStartMs);
   }
   EXPECT_EQ(answered(write("one more")).reason, Reason::queue_full);
   now += std::chrono::seconds(11);
-  admitted(write("another"));
+  admit(write("another"));
 }
 
-TEST_F(CommandDeskTest, IdOfAnOrderLeftBehindIsKnownWithoutAResult) {
-  const auto order = desk.left_behind(write("left"), *device.codec, now);
-  ASSERT_TRUE(order);
-  EXPECT_TRUE(order->left_behind);
+TEST_F(CommandAdmissionTest, IdOfAnOrderLeftBehindIsKnownWithoutAResult) {
+  const auto admitted = admission.interrupted(write("left"), *device.codec, now);
+  ASSERT_TRUE(admitted);
+  EXPECT_TRUE(admitted->interrupted);
   const CommandResult again = answered(write("left"));
   EXPECT_EQ(again.status, CommandStatus::duplicate);
   EXPECT_EQ(again.first, nullptr);
-  CommandResult result = result_of(order->command);
+  CommandResult result = result_of(admitted->command);
   result.status = CommandStatus::unknown_outcome;
-  desk.finished(result);
+  admission.finished(result);
   ASSERT_NE(answered(write("left")).first, nullptr);
 }
 
-TEST_F(CommandDeskTest, OrderLeftBehindThatReadingDoesNotTellOfIsKnownAllTheSame) {
+TEST_F(CommandAdmissionTest, OrderLeftBehindThatReadingDoesNotTellOfIsKnownAllTheSame) {
   Command gone = write("gone");
   gone.targets[0].tag = "no_such_tag";
-  EXPECT_FALSE(desk.left_behind(gone, *device.codec, now));
+  EXPECT_FALSE(admission.interrupted(gone, *device.codec, now));
   EXPECT_EQ(answered(write("gone")).status, CommandStatus::duplicate);
 }
 
-TEST_F(CommandDeskTest, RejectedAndExpiredIdsAreRememberedToo) {
+TEST_F(CommandAdmissionTest, RejectedAndExpiredIdsAreRememberedToo) {
   Command late = write("late");
   late.expires_ms = kStartMs - 1;
   EXPECT_EQ(answered(late).status, CommandStatus::expired);
@@ -373,7 +374,7 @@ TEST_F(CommandDeskTest, RejectedAndExpiredIdsAreRememberedToo) {
   }
 }
 
-TEST_F(CommandDeskTest, BadJsonWithAReadableIdIsRemembered) {
+TEST_F(CommandAdmissionTest, BadJsonWithAReadableIdIsRemembered) {
   Command broken = write("b7e1");
   broken.refusal = Refusal{Reason::bad_json, "unknown key \"valeu\""};
   const CommandResult result = answered(broken);
@@ -386,7 +387,7 @@ TEST_F(CommandDeskTest, BadJsonWithAReadableIdIsRemembered) {
   EXPECT_EQ(again.first->reason, Reason::bad_json);
 }
 
-TEST_F(CommandDeskTest, DryRunChecksEverythingAndIsNotRemembered) {
+TEST_F(CommandAdmissionTest, DryRunChecksEverythingAndIsNotRemembered) {
   Command dry = write("b7e1");
   dry.dry_run = true;
   const CommandResult result = answered(dry);
@@ -397,140 +398,140 @@ TEST_F(CommandDeskTest, DryRunChecksEverythingAndIsNotRemembered) {
   Command wrong = write("b7e1", 500);
   wrong.dry_run = true;
   EXPECT_EQ(answered(wrong).reason, Reason::out_of_range);
-  EXPECT_EQ(desk.remembered(), 0U);
-  admitted(write("b7e1"));
+  EXPECT_EQ(admission.remembered(), 0U);
+  admit(write("b7e1"));
   EXPECT_EQ(answered(dry).status, CommandStatus::duplicate);
 }
 
-TEST_F(CommandDeskTest, DryRunThatIsBadJsonIsNotRemembered) {
+TEST_F(CommandAdmissionTest, DryRunThatIsBadJsonIsNotRemembered) {
   Command dry = write("b7e1");
   dry.dry_run = true;
   dry.refusal = Refusal{Reason::bad_json, "unknown key \"valeu\""};
   EXPECT_EQ(answered(dry).reason, Reason::bad_json);
-  EXPECT_EQ(desk.remembered(), 0U);
+  EXPECT_EQ(admission.remembered(), 0U);
 }
 
-TEST_F(CommandDeskTest, IdIsForgottenAfterADay) {
-  admitted(write("b7e1"));
+TEST_F(CommandAdmissionTest, IdIsForgottenAfterADay) {
+  admit(write("b7e1"));
   finish("b7e1");
   now += hours(24) - milliseconds(1);
   EXPECT_EQ(answered(write("b7e1")).status, CommandStatus::duplicate);
   now += milliseconds(1);
-  admitted(write("b7e1"));  // without any other command having come
-  EXPECT_EQ(desk.remembered(), 1U);
+  admit(write("b7e1"));  // without any other command having come
+  EXPECT_EQ(admission.remembered(), 1U);
 }
 
-TEST_F(CommandDeskTest, IdIsKeptUntilItsDeadlineEvenAfterADay) {
+TEST_F(CommandAdmissionTest, IdIsKeptUntilItsDeadlineEvenAfterADay) {
   device.commands.max_expiry = hours(48);
   Command lasting = write("b7e1");
   lasting.expires_ms = kStartMs + milliseconds(hours(30)).count();
-  admitted(lasting);
+  admit(lasting);
   finish("b7e1");
   now += hours(29);
-  admitted(write("other"));
+  admit(write("other"));
   EXPECT_EQ(answered(write("b7e1")).status, CommandStatus::duplicate);
 }
 
-TEST_F(CommandDeskTest, IdOfARunningCommandIsNeverForgotten) {
-  admitted(write("b7e1"));
+TEST_F(CommandAdmissionTest, IdOfARunningCommandIsNeverForgotten) {
+  admit(write("b7e1"));
   now += hours(25);
-  admitted(write("other"));
+  admit(write("other"));
   EXPECT_EQ(answered(write("b7e1")).status, CommandStatus::duplicate);
 }
 
 // 10,500 reads whose time is not over for an hour, and half of them refused.
-TEST_F(CommandDeskTest, ManyReadsThatLastAnHourLockNobodyOut) {
+TEST_F(CommandAdmissionTest, ManyReadsThatLastAnHourLockNobodyOut) {
   for (std::size_t i = 0; i < 10500; ++i) {
     const std::string id = "id" + std::to_string(i);
     Command command = read(id, i % 2 == 0 ? "temp" : "nothing");
     command.expires_ms = kStartMs + 3600 * 1000;
-    admit(command);
+    decide(command);
     finish(id);
   }
-  admitted(write("another's"));
+  admit(write("another's"));
   EXPECT_EQ(answered(read("id0", "temp")).status, CommandStatus::duplicate);
 }
 
-TEST_F(CommandDeskTest, OfTenThousandIdsTheOldestIsKnownWithoutItsResult) {
+TEST_F(CommandAdmissionTest, OfTenThousandIdsTheOldestIsKnownWithoutItsResult) {
   for (std::size_t i = 0; i < kRememberedIds + 1; ++i) {
     Command command = write("id" + std::to_string(i));
     command.expires_ms = kStartMs + 60000;
-    ASSERT_TRUE(std::holds_alternative<Order>(admit(command)));
+    ASSERT_TRUE(std::holds_alternative<AdmittedCommand>(decide(command)));
     finish("id" + std::to_string(i));
   }
-  EXPECT_EQ(desk.remembered(), kRememberedIds);
+  EXPECT_EQ(admission.remembered(), kRememberedIds);
   const CommandResult oldest = answered(write("id0"));
   EXPECT_EQ(oldest.status, CommandStatus::duplicate);
   EXPECT_FALSE(oldest.first);
-  EXPECT_FALSE(oldest.first_arrival);
+  EXPECT_FALSE(oldest.first_number);
   EXPECT_NE(oldest.detail.find("not kept"), std::string::npos);
   EXPECT_TRUE(answered(write("id1")).first);
 }
 
-TEST_F(CommandDeskTest, CheckOfAFullMemoryComesAfterTheOthers) {
+TEST_F(CommandAdmissionTest, CheckOfAFullMemoryComesAfterTheOthers) {
   for (std::size_t i = 0; i < kRememberedIds; ++i)
-    ASSERT_TRUE(std::holds_alternative<Order>(admit(write("id" + std::to_string(i)))));
+    ASSERT_TRUE(std::holds_alternative<AdmittedCommand>(decide(write("id" + std::to_string(i)))));
   EXPECT_EQ(answered(write("one more", 500)).reason, Reason::out_of_range);
   EXPECT_EQ(answered(write("one more still")).reason, Reason::queue_full)
       << "all of them are running";
 }
 
-TEST_F(CommandDeskTest, WaitingCommandsAreBoundedInBytesToo) {
-  std::vector<Order> waiting;
+TEST_F(CommandAdmissionTest, WaitingCommandsAreBoundedInBytesToo) {
+  std::vector<AdmittedCommand> waiting;
   Command large = raw("", "D500", numbers({1, 2}));
   large.by = std::string(200000, 'x');
   int taken = 0;
   for (int i = 0; i < 60; ++i) {
     large.id = "large" + std::to_string(i);
-    auto verdict = admit(large);
-    if (auto* order = std::get_if<Order>(&verdict)) {
+    auto decision = decide(large);
+    if (auto* admitted = std::get_if<AdmittedCommand>(&decision)) {
       ++taken;
-      waiting.push_back(std::move(*order));
+      waiting.push_back(std::move(*admitted));
     } else {
-      EXPECT_EQ(std::get<CommandResult>(verdict).reason, Reason::queue_full);
+      EXPECT_EQ(std::get<CommandResult>(decision).reason, Reason::queue_full);
     }
   }
   EXPECT_GT(taken, 10);
   EXPECT_LT(taken, 30);
   Command elsewhere = write("small one of another device");
   elsewhere.device = 1;
-  admitted(elsewhere);
+  admit(elsewhere);
   waiting.clear();
   large.id = "again";
-  admitted(large);
+  admit(large);
 }
 
 // ---- expiry
 // --------------------------------------------------------------------------------------
 
-TEST_F(CommandDeskTest, ExpiryBecomesTimeFromReceipt) {
+TEST_F(CommandAdmissionTest, ExpiryBecomesTimeFromReceipt) {
   Command command = write("b7e1");
   command.expires_ms = kStartMs + 2500;
-  EXPECT_EQ(admitted(command).deadline, kStart + milliseconds(2500));
+  EXPECT_EQ(admit(command).deadline, kStart + milliseconds(2500));
 }
 
-TEST_F(CommandDeskTest, SoonerOfBothExpiriesWins) {
+TEST_F(CommandAdmissionTest, SoonerOfBothExpiriesWins) {
   Command by_message = write("a");
   by_message.expires_ms = kStartMs + 9000;
   by_message.message_expiry = seconds(5);
-  EXPECT_EQ(admitted(by_message).deadline, kStart + seconds(5));
+  EXPECT_EQ(admit(by_message).deadline, kStart + seconds(5));
   Command by_key = write("b");
   by_key.expires_ms = kStartMs + 3000;
   by_key.message_expiry = seconds(5);
-  EXPECT_EQ(admitted(by_key).deadline, kStart + seconds(3));
+  EXPECT_EQ(admit(by_key).deadline, kStart + seconds(3));
   Command by_default = write("c");
   by_default.message_expiry = seconds(500);
-  EXPECT_EQ(admitted(by_default).deadline, kStart + seconds(10));
+  EXPECT_EQ(admit(by_default).deadline, kStart + seconds(10));
 }
 
-TEST_F(CommandDeskTest, CommandThatWaitedTooLongBeforeTheDeskIsExpired) {
+TEST_F(CommandAdmissionTest, CommandThatWaitedTooLongBeforeTheDeskIsExpired) {
   Command command = write("b7e1");
   command.expires_ms = kStartMs + 1000;
   now += milliseconds(1001);
   EXPECT_EQ(answered(command).status, CommandStatus::expired);
 }
 
-TEST_F(CommandDeskTest, ExpiryBeyondTheLongestAllowedTellsOfAWrongClock) {
+TEST_F(CommandAdmissionTest, ExpiryBeyondTheLongestAllowedTellsOfAWrongClock) {
   Command command = write("b7e1");
   command.expires_ms = kStartMs + 3600 * 1000 + 1;
   const CommandResult result = answered(command);
@@ -538,10 +539,10 @@ TEST_F(CommandDeskTest, ExpiryBeyondTheLongestAllowedTellsOfAWrongClock) {
   EXPECT_NE(result.detail.find("clock"), std::string::npos);
   Command longest = write("b7e2");
   longest.expires_ms = kStartMs + 3600 * 1000;
-  admitted(longest);
+  admit(longest);
 }
 
-TEST_F(CommandDeskTest, AbsurdExpiriesAreNeitherFreshNorACrash) {
+TEST_F(CommandAdmissionTest, AbsurdExpiriesAreNeitherFreshNorACrash) {
   constexpr auto kMin = std::numeric_limits<std::int64_t>::min();
   constexpr auto kMax = std::numeric_limits<std::int64_t>::max();
   // -1e13 ms before now is further away than nanoseconds in 64 bits can tell.
@@ -559,18 +560,18 @@ TEST_F(CommandDeskTest, AbsurdExpiriesAreNeitherFreshNorACrash) {
 // ---- places
 // --------------------------------------------------------------------------------------
 
-TEST_F(CommandDeskTest, RawWriteMustBeCoveredWhole) {
-  admitted(raw("one word", "D100", number(5)));
+TEST_F(CommandAdmissionTest, RawWriteMustBeCoveredWhole) {
+  admit(raw("one word", "D100", number(5)));
   const CommandResult half = answered(raw("half", "D100", number(5), DataType::int32));
   EXPECT_EQ(half.reason, Reason::not_allowed) << "int32 at D100 also touches D101";
-  admitted(raw("both", "D500", number(5), DataType::int32));
+  admit(raw("both", "D500", number(5), DataType::int32));
   EXPECT_EQ(answered(raw("array", "D500", numbers({1, 2, 3}))).reason, Reason::not_allowed);
   EXPECT_EQ(answered(raw("none", "D101", number(5))).reason, Reason::not_allowed);
-  admitted(raw("last bit", "M107", flag(true)));
+  admit(raw("last bit", "M107", flag(true)));
   EXPECT_EQ(answered(raw("next bit", "M108", flag(true))).reason, Reason::not_allowed);
 }
 
-TEST_F(CommandDeskTest, AddressIsCheckedBeforeTheAllowList) {
+TEST_F(CommandAdmissionTest, AddressIsCheckedBeforeTheAllowList) {
   EXPECT_EQ(answered(raw("octal", "X8", flag(true))).reason, Reason::bad_address);
   EXPECT_EQ(answered(raw("nonsense", "Q7", number(1))).reason, Reason::bad_address);
   EXPECT_EQ(answered(raw("too far", "D8000000", number(1))).reason, Reason::bad_address);
@@ -578,67 +579,67 @@ TEST_F(CommandDeskTest, AddressIsCheckedBeforeTheAllowList) {
             Reason::bad_address);
 }
 
-TEST_F(CommandDeskTest, TimerNeedsATypeToBeToldApart) {
+TEST_F(CommandAdmissionTest, TimerNeedsATypeToBeToldApart) {
   const CommandResult result = answered(raw("b7e1", "T5", number(1)));
   EXPECT_EQ(result.reason, Reason::bad_address);
   EXPECT_NE(result.detail.find("type"), std::string::npos);
-  EXPECT_EQ(admitted(raw("value", "T5", number(1), DataType::int16)).targets[0].point.address.text,
+  EXPECT_EQ(admit(raw("value", "T5", number(1), DataType::int16)).targets[0].point.address.text,
             "TN5");
   EXPECT_EQ(
-      admitted(raw("contact", "T5", flag(true), DataType::boolean)).targets[0].point.address.text,
+      admit(raw("contact", "T5", flag(true), DataType::boolean)).targets[0].point.address.text,
       "TS5");
 }
 
-TEST_F(CommandDeskTest, ForceIsForSingleBits) {
+TEST_F(CommandAdmissionTest, ForceIsForSingleBits) {
   EXPECT_EQ(answered(force("word", "D100")).reason, Reason::bad_address);
-  const Order order = admitted(force("bit", "M100"));
-  const auto frame = device.codec->encode(order.targets[0].requests.at(0), 0);
+  const AdmittedCommand admitted = admit(force("bit", "M100"));
+  const auto frame = device.codec->encode(admitted.targets[0].requests.at(0), 0);
   EXPECT_EQ(to_hex(*frame), to_hex(force_frame(kForceM100, true)));
   Command with_value = force("value", "M100");
   with_value.targets[0].value = flag(true);
   EXPECT_EQ(answered(with_value).reason, Reason::bad_value);
 }
 
-TEST_F(CommandDeskTest, WriteToABitIsAForce) {
-  const Order order = admitted(raw("b7e1", "M100", flag(false)));
-  const auto frame = device.codec->encode(order.targets[0].requests.at(0), 0);
+TEST_F(CommandAdmissionTest, WriteToABitIsAForce) {
+  const AdmittedCommand admitted = admit(raw("b7e1", "M100", flag(false)));
+  const auto frame = device.codec->encode(admitted.targets[0].requests.at(0), 0);
   EXPECT_EQ(to_hex(*frame), to_hex(force_frame(kForceM100, false)));
 }
 
-TEST_F(CommandDeskTest, BitOfAWordIsReadOnly) {
+TEST_F(CommandAdmissionTest, BitOfAWordIsReadOnly) {
   EXPECT_EQ(answered(raw("b7e1", "D100.F", flag(true))).reason, Reason::not_writable);
 }
 
-TEST_F(CommandDeskTest, RunStopRelaysAreNeverWritten) {
+TEST_F(CommandAdmissionTest, RunStopRelaysAreNeverWritten) {
   device.commands.allow.push_back({fx::id(fx::Space::special_m), 0, 256});
   for (const char* relay : {"M8034", "M8035", "M8036", "M8037", "M8118"})
     EXPECT_EQ(answered(raw(relay, relay, flag(true))).reason, Reason::not_writable) << relay;
-  admitted(raw("M8033", "M8033", flag(true)));
+  admit(raw("M8033", "M8033", flag(true)));
 }
 
-TEST_F(CommandDeskTest, ReadMayReadAnyTagAndOnlyAllowedAddresses) {
-  admitted(read("tag", "temp"));
-  admitted(read("allowed", "", "D100"));
+TEST_F(CommandAdmissionTest, ReadMayReadAnyTagAndOnlyAllowedAddresses) {
+  admit(read("tag", "temp"));
+  admit(read("allowed", "", "D100"));
   EXPECT_EQ(answered(read("raw", "", "D120")).reason, Reason::not_allowed);
   Command from_the_command_line = read("anything", "", "D120");
   from_the_command_line.any_address = true;
-  admitted(from_the_command_line);
+  admit(from_the_command_line);
 }
 
-TEST_F(CommandDeskTest, ReadHasNothingToWrite) {
-  const Order order = admitted(read("b7e1", "temp"));
-  EXPECT_TRUE(order.targets[0].requests.empty());
-  EXPECT_TRUE(order.targets[0].image.empty());
+TEST_F(CommandAdmissionTest, ReadHasNothingToWrite) {
+  const AdmittedCommand admitted = admit(read("b7e1", "temp"));
+  EXPECT_TRUE(admitted.targets[0].requests.empty());
+  EXPECT_TRUE(admitted.targets[0].image.empty());
 }
 
-TEST_F(CommandDeskTest, RunAndStopNeedTheirRule) {
-  EXPECT_EQ(answered(order("a", Op::run)).reason, Reason::not_allowed);
+TEST_F(CommandAdmissionTest, RunAndStopNeedTheirRule) {
+  EXPECT_EQ(answered(command("a", Op::run)).reason, Reason::not_allowed);
   device.commands.allow_run_stop = true;
-  const Order stop = admitted(order("b", Op::stop));
+  const AdmittedCommand stop = admit(command("b", Op::stop));
   ASSERT_TRUE(stop.run_order);
   EXPECT_EQ(to_hex(*device.codec->encode(*stop.run_order, 0)),
             to_hex(force_frame(kForceM8037, true)));
-  const Order run = admitted(order("c", Op::run));
+  const AdmittedCommand run = admit(command("c", Op::run));
   EXPECT_EQ(to_hex(*device.codec->encode(*run.run_order, 0)),
             to_hex(force_frame(kForceM8037, false)));
 }
@@ -646,7 +647,7 @@ TEST_F(CommandDeskTest, RunAndStopNeedTheirRule) {
 // ---- values
 // --------------------------------------------------------------------------------------
 
-TEST_F(CommandDeskTest, ValuesThatDoNotFit) {
+TEST_F(CommandAdmissionTest, ValuesThatDoNotFit) {
   const auto reason = [&](const Command& command) {
     return std::string(to_string(answered(command).reason));
   };
@@ -664,57 +665,57 @@ TEST_F(CommandDeskTest, ValuesThatDoNotFit) {
   EXPECT_EQ(reason(recipe), "bad_value");
 }
 
-TEST_F(CommandDeskTest, LimitsOfATagAreItsOwnAndTold) {
-  admitted(write("least", 0));
-  admitted(write("most", 100));
+TEST_F(CommandAdmissionTest, LimitsOfATagAreItsOwnAndTold) {
+  admit(write("least", 0));
+  admit(write("most", 100));
   const CommandResult result = answered(write("above", 100.1));
   EXPECT_EQ(result.reason, Reason::out_of_range);
   EXPECT_NE(result.detail.find("max of 100"), std::string::npos) << result.detail;
 }
 
-TEST_F(CommandDeskTest, ExpectIsPackedAsTheTagIs) {
+TEST_F(CommandAdmissionTest, ExpectIsPackedAsTheTagIs) {
   Command command = write("b7e1");
   command.expect = real(45);
-  EXPECT_EQ(admitted(command).targets[0].expected, word(450));
+  EXPECT_EQ(admit(command).targets[0].expected, word(450));
   Command wrong = write("b7e2");
   wrong.expect = text("forty-five");
   EXPECT_EQ(answered(wrong).reason, Reason::bad_value);
 }
 
-TEST_F(CommandDeskTest, ExpectThatIsWrongComesBeforeAValueOutOfRange) {
+TEST_F(CommandAdmissionTest, ExpectThatIsWrongComesBeforeAValueOutOfRange) {
   Command command = write("b7e1", 100000);
   command.expect = text("forty-five");
   EXPECT_EQ(answered(command).reason, Reason::bad_value);
 }
 
-TEST_F(CommandDeskTest, VerifyIsTheCommandsThenTheRulesAndBitsOnlyOnDemand) {
-  const Order by_rule = admitted(write("a"));
+TEST_F(CommandAdmissionTest, VerifyIsTheCommandsThenTheRulesAndBitsOnlyOnDemand) {
+  const AdmittedCommand by_rule = admit(write("a"));
   EXPECT_TRUE(by_rule.verify_words);
   EXPECT_FALSE(by_rule.verify_bits);
   Command demanded = raw("b", "M100", flag(true));
   demanded.verify = true;
-  EXPECT_TRUE(admitted(demanded).verify_bits);
+  EXPECT_TRUE(admit(demanded).verify_bits);
   Command waived = write("c");
   waived.verify = false;
-  EXPECT_FALSE(admitted(waived).verify_words);
+  EXPECT_FALSE(admit(waived).verify_words);
   device.commands.verify = false;
-  EXPECT_FALSE(admitted(write("d")).verify_words);
+  EXPECT_FALSE(admit(write("d")).verify_words);
 }
 
 // ---- lists
 // ---------------------------------------------------------------------------------------
 
-TEST_F(CommandDeskTest, ListIsAdmittedWhole) {
+TEST_F(CommandAdmissionTest, ListIsAdmittedWhole) {
   Command list = write("b7e1");
   list.is_list = true;
   list.targets.push_back({"start", "", std::nullopt, flag(true)});
   list.targets.push_back({"", "D100", std::nullopt, number(7)});
-  const Order order = admitted(list);
-  ASSERT_EQ(order.targets.size(), 3U);
-  EXPECT_EQ(order.targets[2].point.address.text, "D100");
+  const AdmittedCommand admitted = admit(list);
+  ASSERT_EQ(admitted.targets.size(), 3U);
+  EXPECT_EQ(admitted.targets[2].point.address.text, "D100");
 }
 
-TEST_F(CommandDeskTest, OneRefusedTargetRefusesTheList) {
+TEST_F(CommandAdmissionTest, OneRefusedTargetRefusesTheList) {
   Command list = write("b7e1");
   list.is_list = true;
   list.targets.push_back({"temp", "", std::nullopt, number(1)});
@@ -729,7 +730,7 @@ TEST_F(CommandDeskTest, OneRefusedTargetRefusesTheList) {
   EXPECT_EQ(result.targets[2].status, CommandStatus::rejected);
 }
 
-TEST_F(CommandDeskTest, ListIsForWritesAndWithoutExpect) {
+TEST_F(CommandAdmissionTest, ListIsForWritesAndWithoutExpect) {
   Command reads = read("a", "temp");
   reads.is_list = true;
   EXPECT_EQ(answered(reads).reason, Reason::bad_op);
@@ -739,17 +740,17 @@ TEST_F(CommandDeskTest, ListIsForWritesAndWithoutExpect) {
   EXPECT_EQ(answered(expecting).reason, Reason::bad_value);
 }
 
-TEST_F(CommandDeskTest, CommandWithoutATargetHasNoPlace) {
+TEST_F(CommandAdmissionTest, CommandWithoutATargetHasNoPlace) {
   Command nowhere = write("b7e1");
   nowhere.targets.clear();
   EXPECT_EQ(answered(nowhere).reason, Reason::unknown_tag);
 }
 
-TEST_F(CommandDeskTest, ListOfMoreTargetsThanACommandMayHaveIsTooLarge) {
+TEST_F(CommandAdmissionTest, ListOfMoreTargetsThanACommandMayHaveIsTooLarge) {
   Command list = write("a");
   list.is_list = true;
   list.targets.assign(kMostTargets, list.targets.front());
-  EXPECT_EQ(admitted(list).targets.size(), kMostTargets);
+  EXPECT_EQ(admit(list).targets.size(), kMostTargets);
   list.id = "b";
   list.targets.push_back(list.targets.front());
   const CommandResult result = answered(list);

@@ -105,10 +105,9 @@ TEST(IdMemory, KnowsWhatAPlainListKnows) {
     Memory memory;
     PlainMemory plain;
     SteadyTime now = kStart;
-    std::uint64_t arrival = 0;
+    std::uint64_t number = 0;
     const auto add = [&](const std::string& id) {
-      const IdMemory::Entry entry{id, ++arrival, now, now + minutes(10 + below(50)),
-                                  below(50) != 0};
+      const IdMemory::Entry entry{id, ++number, now, now + minutes(10 + below(50)), below(50) != 0};
       memory.ids.add(entry, now);
       return entry;
     };
@@ -129,7 +128,7 @@ TEST(IdMemory, KnowsWhatAPlainListKnows) {
       ASSERT_EQ(found.has_value(), known != nullptr) << seed << " " << i << " " << id;
       if (found) {
         ASSERT_EQ(found->over, known->entry.over) << i;
-        ASSERT_EQ(found->arrival.has_value(), !known->print) << i;
+        ASSERT_EQ(found->number.has_value(), !known->print) << i;
         prints += known->print;
         if (below(3) != 0 || known->refused) continue;
         memory.ids.finish(id, nullptr);
@@ -137,7 +136,7 @@ TEST(IdMemory, KnowsWhatAPlainListKnows) {
         continue;
       }
       if (below(3) == 0) {
-        const IdMemory::Entry entry{id, ++arrival, now, now, true};
+        const IdMemory::Entry entry{id, ++number, now, now, true};
         const bool kept = plain.add_refused(entry, now);
         ASSERT_EQ(memory.ids.add_refused(entry, now), kept) << seed << " " << i;
         refused += !kept;
@@ -161,7 +160,7 @@ TEST(IdMemory, IdThatIsKnownStaysAsItIs) {
   memory.ids.add({"a", 1, kStart, kStart}, kStart);
   memory.ids.add({"a", 2, kStart, kStart + hours(1), true}, kStart);
   EXPECT_EQ(memory.ids.size(), 1U);
-  EXPECT_EQ(memory.ids.find("a", kStart)->arrival, 1U);
+  EXPECT_EQ(memory.ids.find("a", kStart)->number, 1U);
   EXPECT_FALSE(memory.ids.find("a", kStart)->over);
 }
 
@@ -176,7 +175,7 @@ TEST(IdMemory, DayIsOverWhateverStandsBefore) {
   EXPECT_FALSE(memory.ids.find("old", later));
   memory.ids.add({"old", 4, later, later}, later);
   ASSERT_TRUE(memory.ids.find("old", later));
-  EXPECT_EQ(memory.ids.find("old", later)->arrival, 4U);
+  EXPECT_EQ(memory.ids.find("old", later)->number, 4U);
   EXPECT_TRUE(memory.ids.find("runs", later + hours(30)));
 }
 
@@ -189,9 +188,9 @@ TEST(IdMemory, EarlierCommandsAreOlderWheneverTheyBecomeKnown) {
     memory.ids.add({"early" + std::to_string(i), i, kStart - hours(1), kStart, true}, kStart);
   const SteadyTime later = kStart + minutes(1);
   EXPECT_TRUE(memory.ids.make_room(later));
-  EXPECT_TRUE(memory.ids.find("own0", later)->arrival);
-  EXPECT_FALSE(memory.ids.find("early500", later)->arrival) << "only its fingerprint is left";
-  EXPECT_TRUE(memory.ids.find("early501", later)->arrival);
+  EXPECT_TRUE(memory.ids.find("own0", later)->number);
+  EXPECT_FALSE(memory.ids.find("early500", later)->number) << "only its fingerprint is left";
+  EXPECT_TRUE(memory.ids.find("early501", later)->number);
   EXPECT_EQ(memory.ids.size(), kRememberedIds - 1);
 }
 

@@ -21,21 +21,20 @@ struct RecoveryTest : ::testing::Test {
   }
 
   /// An order of press1 without a result, as it is in the journal.
-  static JournalEntry order(const std::string& id, std::uint64_t arrival,
-                            std::string payload = {}) {
+  static JournalEntry order(const std::string& id, std::uint64_t number, std::string payload = {}) {
     JournalEntry made;
     made.device = "press1";
     made.id = id;
     made.received_ms = kNow;
     made.deadline_ms = kNow + 10000;
     made.op = "write";
-    made.arrival = arrival;
+    made.number = number;
     made.payload = std::move(payload);
     return made;
   }
 
-  Recovered take_late(std::vector<JournalEntry> unsettled) {
-    return recover(config, *store, {}, std::move(unsettled), kNow, kStart);
+  Recovered take_late(std::vector<JournalEntry> unacknowledged) {
+    return recover(config, *store, {}, std::move(unacknowledged), kNow, kStart);
   }
 
   Config config = test::plant();
@@ -48,10 +47,10 @@ TEST_F(RecoveryTest, OrderIsReadBackByItsOwnPayload) {
   const std::string payload = R"({"id":"mine","op":"write","tag":"setpoint","value":5})";
   ASSERT_TRUE(store->journal(std::vector{order("mine", 1, payload)}));
   const Recovered found = recover(config, *store, kNow, kStart);
-  ASSERT_EQ(found.field.left_behind.size(), 1U);
-  EXPECT_EQ(found.field.left_behind[0].id, "mine");
-  EXPECT_EQ(found.field.left_behind[0].arrival, 1U);
-  EXPECT_TRUE(found.untold.empty());
+  ASSERT_EQ(found.field.interrupted.size(), 1U);
+  EXPECT_EQ(found.field.interrupted[0].id, "mine");
+  EXPECT_EQ(found.field.interrupted[0].number, 1U);
+  EXPECT_TRUE(found.unacknowledged.empty());
 }
 
 // What another command was to write says nothing about this one: a read-back that happens to agree
@@ -60,17 +59,17 @@ TEST_F(RecoveryTest, PayloadOfAnotherCommandIsNotTakenForTheOrder) {
   const std::string payload = R"({"id":"other","op":"write","tag":"setpoint","value":5})";
   ASSERT_TRUE(store->journal(std::vector{order("mine", 1, payload)}));
   const Recovered found = recover(config, *store, kNow, kStart);
-  EXPECT_TRUE(found.field.left_behind.empty());
-  ASSERT_EQ(found.untold.size(), 1U);
-  EXPECT_EQ(found.untold[0].id, "mine");
-  EXPECT_EQ(found.untold[0].status, CommandStatus::unknown_outcome);
+  EXPECT_TRUE(found.field.interrupted.empty());
+  ASSERT_EQ(found.unacknowledged.size(), 1U);
+  EXPECT_EQ(found.unacknowledged[0].id, "mine");
+  EXPECT_EQ(found.unacknowledged[0].status, CommandStatus::unknown_outcome);
 }
 
 TEST_F(RecoveryTest, StoreThatOpensLateLeavesThisRunsNewerOrderAlone) {
   ASSERT_TRUE(store->journal(std::vector{order("again", 9)}));
   const Recovered found = take_late({order("again", 5)});
-  EXPECT_TRUE(found.untold.empty());
-  EXPECT_TRUE(found.field.left_behind.empty());
+  EXPECT_TRUE(found.unacknowledged.empty());
+  EXPECT_TRUE(found.field.interrupted.empty());
   EXPECT_TRUE(found.field.ids.empty());
   EXPECT_EQ(store->find("press1", "again")->result, "");  // it is still under way
 }
@@ -81,15 +80,15 @@ TEST_F(RecoveryTest, StoreThatOpensLateKeepsTheResultThatThisRunHas) {
   done.result = R"({"id":"again","status":"SUCCEEDED"})";
   store->record(done);
   const Recovered found = take_late({order("again", 5)});
-  EXPECT_TRUE(found.untold.empty());
+  EXPECT_TRUE(found.unacknowledged.empty());
   EXPECT_EQ(store->find("press1", "again")->result, done.result);
 }
 
 TEST_F(RecoveryTest, StoreThatOpensLateTellsOfAnOlderOrder) {
   ASSERT_TRUE(store->journal(std::vector{order("old", 5)}));
   const Recovered found = take_late({order("old", 5)});
-  ASSERT_EQ(found.untold.size(), 1U);
-  EXPECT_EQ(found.untold[0].status, CommandStatus::unknown_outcome);
+  ASSERT_EQ(found.unacknowledged.size(), 1U);
+  EXPECT_EQ(found.unacknowledged[0].status, CommandStatus::unknown_outcome);
 }
 
 }  // namespace

@@ -64,11 +64,11 @@ class LinkWorkerTest : public ::testing::Test {
   }
   void start(Polling polling = Polling::on, Journaling journaling = Journaling::off) {
     script();
-    worker = std::make_unique<LinkWorker>(io.get_executor(), config, 0, devices_by_link(config)[0],
-                                          outbox, std::move(transport), recollection, polling,
-                                          journaling);
-    for (const RememberedId& remembered : recollection.ids) worker->remember(remembered);
-    for (const Command& command : recollection.left_behind) worker->take_left_behind(command);
+    worker =
+        std::make_unique<LinkWorker>(io.get_executor(), config, 0, devices_by_link(config)[0],
+                                     outbox, std::move(transport), restored, polling, journaling);
+    for (const RememberedId& remembered : restored.ids) worker->remember(remembered);
+    for (const Command& command : restored.interrupted) worker->take_interrupted(command);
     asio::co_spawn(io, worker->run(), [this](std::exception_ptr bug) {
       ended = true;
       if (bug) std::rethrow_exception(bug);
@@ -85,7 +85,7 @@ class LinkWorkerTest : public ::testing::Test {
     for (auto& message : batch.telemetry) telemetry.push_back(std::move(message));
     for (auto& status : batch.states) states.push_back(std::move(status));
     for (auto& result : batch.results) results.push_back(std::move(result));
-    for (auto& order : batch.orders) orders.push_back(std::move(order));
+    for (auto& admitted : batch.orders) orders.push_back(std::move(admitted));
   }
   void wait(const std::function<bool()>& reached) {
     run_until(io, [&] {
@@ -186,8 +186,8 @@ class LinkWorkerTest : public ::testing::Test {
   std::vector<Telemetry> telemetry;
   std::vector<DeviceStatus> states;
   std::vector<CommandResult> results;
-  std::vector<OrderNote> orders;
-  Recollection recollection{std::vector<std::uint64_t>(8, 100), {}, {}};
+  std::vector<AdmissionNote> orders;
+  RestoredState restored{std::vector<std::uint64_t>(8, 100), {}, {}};
 };
 
 // ---- polls
@@ -654,10 +654,10 @@ TEST_F(LinkWorkerTest, ResultCarriesTheFramesOfItsOrderAndTheMemoryOfIdsDoesNot)
   start();
   wait([&] { return !telemetry.empty(); });
   Command command = write_setpoint("b7e1");
-  command.arrival = 7;
+  command.number = 7;
   worker->submit(command);
   const CommandResult& result = wait_for_result("b7e1");
-  EXPECT_EQ(result.arrival, 7U);
+  EXPECT_EQ(result.number, 7U);
   ASSERT_EQ(result.frames.frames().size(), 2U);
   EXPECT_EQ(result.frames.frames()[0].way, WireFrame::Way::out);
   EXPECT_EQ(result.frames.frames()[0].bytes, write_frame(kD200, word(50)));
@@ -673,12 +673,12 @@ TEST_F(LinkWorkerTest, ResultCarriesTheFramesOfItsOrderAndTheMemoryOfIdsDoesNot)
 
 TEST_F(LinkWorkerTest, OrderThatAnEarlierRunLeftBehindIsReadAndNotSent) {
   add_setpoint();
-  recollection.left_behind = {write_setpoint("left")};
-  recollection.left_behind[0].arrival = 3;
+  restored.interrupted = {write_setpoint("left")};
+  restored.interrupted[0].number = 3;
   start();
   const CommandResult& result = wait_for_result("left");
   EXPECT_EQ(result.status, CommandStatus::unknown_outcome);
-  EXPECT_EQ(result.arrival, 3U);
+  EXPECT_EQ(result.number, 3U);
   const Bytes write = write_frame(kD200, word(50));
   for (const Bytes& sent : wire->written()) EXPECT_NE(sent, write);
   stop();
@@ -686,7 +686,7 @@ TEST_F(LinkWorkerTest, OrderThatAnEarlierRunLeftBehindIsReadAndNotSent) {
 
 TEST_F(LinkWorkerTest, OrderLeftBehindThatStillWaitsAtTheEndIsUnknownAndNotRejected) {
   add_setpoint();
-  recollection.left_behind = {write_setpoint("left")};
+  restored.interrupted = {write_setpoint("left")};
   start();
   stop();
   const CommandResult* result = result_of("left");
@@ -1051,12 +1051,12 @@ TEST_F(LinkWorkerTest, StopAnswersWhatHasNoGoAheadYet) {
 TEST_F(LinkWorkerTest, IdOfAnEarlierRunIsADuplicate) {
   add_setpoint();
   const std::int64_t received_ms = utc_ms(std::chrono::system_clock::now()) - 1000;
-  recollection.ids.push_back({0, "old", 7, received_ms, received_ms});
+  restored.ids.push_back({0, "old", 7, received_ms, received_ms});
   start();
   worker->submit(write_setpoint("old"));
   const CommandResult& again = wait_for_result("old");
   EXPECT_EQ(again.status, CommandStatus::duplicate);
-  EXPECT_EQ(again.first_arrival, 7U);
+  EXPECT_EQ(again.first_number, 7U);
 }
 
 }  // namespace

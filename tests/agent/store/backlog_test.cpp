@@ -9,7 +9,7 @@ SampleRow row(std::uint64_t order, std::string device = "a", std::string group =
   return {order, std::move(device), std::move(group), order, std::to_string(order)};
 }
 
-bool any(const LaneKey&) { return true; }
+bool any(const StreamKey&) { return true; }
 
 TEST(Backlog, OldestLaneGoesFirstAndKeepsItsOrder) {
   Backlog backlog(1 << 20);
@@ -83,7 +83,8 @@ TEST(Backlog, PausedDeviceIsPassedOver) {
   Backlog backlog(1 << 20);
   backlog.append(row(1));
   backlog.append(row(2, "b"));
-  const auto batch = backlog.next(1000, [](const LaneKey& lane) { return lane.first == "b"; });
+  const auto batch =
+      backlog.next(1000, [](const StreamKey& stream) { return stream.first == "b"; });
   ASSERT_TRUE(batch);
   EXPECT_EQ(batch->device, "b");
   EXPECT_TRUE(backlog.has_waiting("a"));
@@ -111,16 +112,16 @@ TEST(Backlog, NextLooksAtNoMoreLanesThanItMust) {
   for (std::uint64_t order = 0; order < 2000; ++order)
     backlog.append(row(order, "d" + std::to_string(order % 1000)));
   std::size_t looks = 0;
-  const auto counting = [&](const LaneKey&) { return ++looks > 0; };
-  for (std::uint64_t lane = 0; lane < 1000; ++lane) {
+  const auto counting = [&](const StreamKey&) { return ++looks > 0; };
+  for (std::uint64_t stream = 0; stream < 1000; ++stream) {
     const auto batch = backlog.next(1000, counting);
     ASSERT_TRUE(batch);
-    EXPECT_EQ(batch->device, "d" + std::to_string(lane)) << "the oldest first";
-    if (lane % 2 == 0)
+    EXPECT_EQ(batch->device, "d" + std::to_string(stream)) << "the oldest first";
+    if (stream % 2 == 0)
       backlog.acknowledged(*batch);
     else
       backlog.returned(*batch);
-    if (lane % 2 != 0) {
+    if (stream % 2 != 0) {
       const auto again = backlog.next(1000, counting);
       ASSERT_TRUE(again);
       EXPECT_EQ(again->orders, batch->orders);

@@ -107,7 +107,7 @@ TEST_F(StoreDamage, RowThatIsNoJsonIsDroppedAndCountedAndItsNeighboursGoOut) {
   Store store(config_, kUtc);
   EXPECT_EQ(store.rows(), 50U);
   std::uint64_t delivered = 0;
-  while (const auto batch = store.next(4096, [](const LaneKey&) { return true; })) {
+  while (const auto batch = store.next(4096, [](const StreamKey&) { return true; })) {
     EXPECT_TRUE(nlohmann::json::accept(batch->payload));
     delivered += store.remove(*batch);
   }

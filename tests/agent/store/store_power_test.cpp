@@ -22,14 +22,14 @@ std::vector<SampleRow> rows(std::uint64_t from, std::uint64_t to) {
   return made;
 }
 
-JournalEntry entry(std::string id, std::uint64_t arrival, std::string result = {}) {
+JournalEntry entry(std::string id, std::uint64_t number, std::string result = {}) {
   JournalEntry made;
   made.device = "a";
   made.id = std::move(id);
   made.received_ms = kNow;
   made.deadline_ms = kNow + 10000;
   made.op = "write";
-  made.arrival = arrival;
+  made.number = number;
   made.result = std::move(result);
   return made;
 }

@@ -29,7 +29,7 @@ std::vector<SampleRow> rows(std::uint64_t from, std::uint64_t to, const std::str
   return made;
 }
 
-bool any(const LaneKey&) { return true; }
+bool any(const StreamKey&) { return true; }
 
 JournalEntry entry(std::string id, std::string result = {}, std::int64_t received_ms = kNow) {
   JournalEntry made;
@@ -70,7 +70,7 @@ struct Shelf {
   /// As the command that has just come.
   JournalEntry arrived(std::string id, std::string result = {}, std::int64_t received_ms = kNow) {
     JournalEntry made = entry(std::move(id), std::move(result), received_ms);
-    made.arrival = store->next_arrival();
+    made.number = store->next_command_number();
     return made;
   }
   /// Everything that waits, message by message, each acknowledged.
@@ -172,7 +172,7 @@ TEST(Store, PausedLaneIsPassedOver) {
   shelf.add(rows(1, 1));
   shelf.add(rows(1, 1, "b"));
   const auto batch =
-      shelf.store->next(65536, [](const LaneKey& lane) { return lane.first == "b"; });
+      shelf.store->next(65536, [](const StreamKey& stream) { return stream.first == "b"; });
   ASSERT_TRUE(batch);
   EXPECT_EQ(batch->device, "b");
   EXPECT_TRUE(shelf.store->is_on_the_way({"b", "fast"}));
@@ -223,8 +223,8 @@ TEST(Store, ClockThatIsSetMakesNothingOlderOrYounger) {
   shelf.store->upkeep(kStart + 30min, kNow + 1800000);
   shelf.store->upkeep(kStart + 60min, kNow + 3600000);
   EXPECT_TRUE(shelf.store->take_dropped().empty());
-  EXPECT_EQ(shelf.store->unsettled().at(0).received_ms, kNow);
-  EXPECT_EQ(shelf.store->unsettled().at(0).deadline_ms, kNow + 10000);
+  EXPECT_EQ(shelf.store->unacknowledged().at(0).received_ms, kNow);
+  EXPECT_EQ(shelf.store->unacknowledged().at(0).deadline_ms, kNow + 10000);
   shelf.store->upkeep(kStart + 62min, kNow + 3720000);
   EXPECT_EQ(shelf.store->take_dropped().at("a"), 2U);
 }
@@ -334,7 +334,7 @@ TEST(Store, OrderWhoseResultWasToldAndLostIsKnownAndOver) {
     const DiskLimit full(1000);
     order.result = "{x}";
     shelf.store->record(order);
-    shelf.store->told("a", "x", order.arrival);
+    shelf.store->acknowledge("a", "x", order.number);
     for (std::size_t i = 0; i < kRememberedIds; ++i) {
       JournalEntry made = shelf.arrived(std::to_string(i), "{}");
       shelf.store->record(std::move(made));
@@ -345,7 +345,7 @@ TEST(Store, OrderWhoseResultWasToldAndLostIsKnownAndOver) {
   shelf.store->upkeep(kStart + 11s, kNow);
   ASSERT_EQ(shelf.store->state(), "disk");
   EXPECT_EQ(shelf.store->find("a", "x")->result, "");
-  for (const JournalEntry& open : shelf.store->unsettled()) EXPECT_NE(open.id, "x");
+  for (const JournalEntry& open : shelf.store->unacknowledged()) EXPECT_NE(open.id, "x");
   const auto ids = shelf.open().known_ids();
   EXPECT_TRUE(
       std::any_of(ids.begin(), ids.end(), [](const auto& known) { return known.id == "x"; }));
@@ -368,7 +368,7 @@ TEST(Store, OrderIsInTheFreshFileThatTookThePlaceOfADamagedOne) {
   order.result = "{1}";
   shelf.store->record(order);
   EXPECT_EQ(shelf.store->find("a", "x")->result, "{1}");
-  EXPECT_EQ(shelf.open().unsettled().at(0).id, "x");
+  EXPECT_EQ(shelf.open().unacknowledged().at(0).id, "x");
 }
 
 TEST(Store, FullDiskKeepsWhatItHasAndTakesMoreWhenThereIsRoom) {
@@ -451,11 +451,11 @@ TEST(Store, NextBlockOfNumbersIsTakenWhileHalfOfTheLastOneIsLeft) {
   shelf.open();
   const std::uint64_t first = shelf.begin();
   shelf.store->used_seq("a", first + Store::kSequenceBlock / 2);
-  EXPECT_FALSE(shelf.store->is_unsettled());
+  EXPECT_FALSE(shelf.store->has_pending());
   shelf.store->used_seq("a", first + Store::kSequenceBlock / 2 + 1);
-  EXPECT_TRUE(shelf.store->is_unsettled());
+  EXPECT_TRUE(shelf.store->has_pending());
   shelf.store->upkeep(kStart, kNow);
-  EXPECT_FALSE(shelf.store->is_unsettled());
+  EXPECT_FALSE(shelf.store->has_pending());
   shelf.open();
   EXPECT_GE(shelf.begin(), first + 3 * Store::kSequenceBlock / 2);
 }
@@ -500,7 +500,7 @@ TEST(Store, JournalRemembersOrdersAndTheirFirstResult) {
   shelf.store->record(entry("one", "{1}"));
   shelf.store->record(entry("one", "{2}"));
   shelf.store->record(entry("three", "{3}", kNow + 1));
-  shelf.store->told("a", "three", 0);
+  shelf.store->acknowledge("a", "three", 0);
   shelf.store->upkeep(kStart, kNow);
   shelf.open();
   const auto ids = shelf.store->known_ids();
@@ -509,11 +509,11 @@ TEST(Store, JournalRemembersOrdersAndTheirFirstResult) {
   EXPECT_EQ(ids[1].id, "three");
   EXPECT_EQ(ids[1].device, "a");
   EXPECT_EQ(ids[1].received_ms, kNow + 1);
-  const auto open = shelf.store->unsettled();
+  const auto open = shelf.store->unacknowledged();
   ASSERT_EQ(open.size(), 2U);
   EXPECT_EQ(open[0].id, "one");
   EXPECT_EQ(open[0].result, "{1}");
-  EXPECT_FALSE(open[0].told);
+  EXPECT_FALSE(open[0].acknowledged);
   EXPECT_EQ(open[1].result, "");
   EXPECT_EQ(open[1].response_topic, "hmi/replies");
   EXPECT_EQ(open[1].correlation, (Bytes{1, 0, 255}));
@@ -521,7 +521,7 @@ TEST(Store, JournalRemembersOrdersAndTheirFirstResult) {
   const auto three = shelf.store->find("a", "three");
   ASSERT_TRUE(three);
   EXPECT_EQ(three->result, "{3}");
-  EXPECT_TRUE(three->told);
+  EXPECT_TRUE(three->acknowledged);
   EXPECT_EQ(three->response_topic, "");  // nobody needs it any more
   EXPECT_EQ(three->correlation, Bytes{});
 }
@@ -531,9 +531,9 @@ TEST(Store, IdThatIsUsedAnewIsAnotherOrder) {
   Shelf shelf;
   shelf.open();
   JournalEntry first = entry("one");
-  first.arrival = 7;
+  first.number = 7;
   JournalEntry again = entry("one", "", kNow + 60000);
-  again.arrival = 8;
+  again.number = 8;
   again.op = "read";
   ASSERT_TRUE(shelf.store->journal(std::vector{first}));
   first.result = "{1}";
@@ -545,24 +545,24 @@ TEST(Store, IdThatIsUsedAnewIsAnotherOrder) {
   const auto found = shelf.store->find("a", "one");
   ASSERT_TRUE(found);
   EXPECT_EQ(found->result, "");
-  EXPECT_FALSE(found->told);
+  EXPECT_FALSE(found->acknowledged);
   EXPECT_EQ(found->op, "read");
   EXPECT_EQ(found->received_ms, kNow + 60000);
   shelf.store->record(first);
-  shelf.store->told("a", "one", 7);  // of the first, and late
+  shelf.store->acknowledge("a", "one", 7);  // of the first, and late
   shelf.store->upkeep(kStart + 1s, kNow);
   EXPECT_EQ(shelf.store->find("a", "one")->result, "");
   again.result = "{2}";
   shelf.store->record(again);
   EXPECT_EQ(shelf.store->find("a", "one")->result, "{2}");
-  EXPECT_FALSE(shelf.store->find("a", "one")->told);
+  EXPECT_FALSE(shelf.store->find("a", "one")->acknowledged);
   JournalEntry refused = entry("one", "{3}", kNow + 120000);  // it never became an order
-  refused.arrival = 9;
+  refused.number = 9;
   shelf.store->record(refused);
   EXPECT_EQ(shelf.store->find("a", "one")->result, "{3}");
-  shelf.store->told("a", "one", 9);
+  shelf.store->acknowledge("a", "one", 9);
   shelf.store->upkeep(kStart + 2s, kNow);
-  EXPECT_TRUE(shelf.store->find("a", "one")->told);
+  EXPECT_TRUE(shelf.store->find("a", "one")->acknowledged);
 }
 
 TEST(Store, IdsAreForgottenAfterADayAndNotBeforeTheirDeadline) {
@@ -573,12 +573,12 @@ TEST(Store, IdsAreForgottenAfterADayAndNotBeforeTheirDeadline) {
   for (const std::int64_t age : {day + 3620000, day + 3580000}) {
     const std::string id = std::to_string(age);
     shelf.store->record(entry(id, "{}", kNow - age));
-    shelf.store->told("a", id, 0);
+    shelf.store->acknowledge("a", id, 0);
   }
   JournalEntry late = entry("late", "{}", kNow - 2 * day);
   late.deadline_ms = kNow + 1;
   shelf.store->record(late);
-  shelf.store->told("a", "late", 0);
+  shelf.store->acknowledge("a", "late", 0);
   shelf.store->upkeep(kStart, kNow);
   const auto found = shelf.store->known_ids();
   ASSERT_EQ(found.size(), 2U);
@@ -592,7 +592,7 @@ TEST(Store, OfTheOldestIdsTheResultsGoAndTheIdsStay) {
   for (std::size_t i = 0; i < kRememberedIds + 5; ++i) {
     const std::int64_t at = kNow - 100000 + static_cast<std::int64_t>(i);
     shelf.store->record(entry(std::to_string(i), "{}", at));
-    shelf.store->told("a", std::to_string(i), 0);
+    shelf.store->acknowledge("a", std::to_string(i), 0);
     if (i % 1000 == 0) shelf.store->upkeep(kStart + std::chrono::seconds(i), kNow - 200000);
   }
   shelf.store->upkeep(kStart + 10h, kNow);
@@ -611,13 +611,13 @@ TEST(Store, NewestIdsAreThoseThatCameLast) {
   for (std::size_t i = 0; i < kRememberedIds; ++i) {
     JournalEntry made = shelf.arrived(std::to_string(i), "{}", kNow + static_cast<std::int64_t>(i));
     shelf.store->record(made);
-    if (i != 0) shelf.store->told("a", made.id, made.arrival);
+    if (i != 0) shelf.store->acknowledge("a", made.id, made.number);
     if (i % 1000 == 0) shelf.store->upkeep(kStart + std::chrono::milliseconds(i), kNow);
   }
   for (const char* id : {"x", "y"}) {  // the clock was set back
     JournalEntry made = shelf.arrived(id, "{}", kNow - kHour);
     shelf.store->record(made);
-    shelf.store->told("a", made.id, made.arrival);
+    shelf.store->acknowledge("a", made.id, made.number);
   }
   shelf.store->upkeep(kStart + 20s, kNow + 20000);
   shelf.open(kNow + kHour);
@@ -627,8 +627,8 @@ TEST(Store, NewestIdsAreThoseThatCameLast) {
   EXPECT_EQ(shelf.store->find("a", "1")->result, "");
   EXPECT_EQ(shelf.store->find("a", "2")->result, "{}");
   EXPECT_EQ(found.back().id, "y");
-  ASSERT_EQ(shelf.store->unsettled().size(), 1U);
-  EXPECT_EQ(shelf.store->unsettled()[0].id, "0");  // too many ago, but nobody was told
+  ASSERT_EQ(shelf.store->unacknowledged().size(), 1U);
+  EXPECT_EQ(shelf.store->unacknowledged()[0].id, "0");  // too many ago, but nobody was told
 }
 
 TEST(Store, IdIsKeptUntilItsTimeIsOverHoweverManyFollow) {
@@ -636,9 +636,9 @@ TEST(Store, IdIsKeptUntilItsTimeIsOverHoweverManyFollow) {
   shelf.open();
   JournalEntry patient = entry("patient", "{}");
   patient.deadline_ms = kNow + 3600000;
-  patient.arrival = shelf.store->next_arrival();
+  patient.number = shelf.store->next_command_number();
   shelf.store->record(patient);
-  shelf.store->told("a", "patient", patient.arrival);
+  shelf.store->acknowledge("a", "patient", patient.number);
   shelf.store->upkeep(kStart, kNow);
   for (std::size_t i = 0; i < kRememberedIds; ++i) {
     JournalEntry made = shelf.arrived(std::to_string(i), "{}", kNow + 1000);
@@ -682,7 +682,7 @@ TEST(Store, ResultsAboveTheShareOfOrdersGoAndTheIdsStay) {
   for (int i = 0; i < 30; ++i) {
     JournalEntry made = shelf.arrived(std::to_string(i), std::string(60000, 'r'));
     shelf.store->record(made);
-    shelf.store->told("a", made.id, made.arrival);
+    shelf.store->acknowledge("a", made.id, made.number);
   }
   for (int i = 0; i < 5; ++i) shelf.store->upkeep(kStart + i * 1s, kNow + i * 1000);
   EXPECT_LE(shelf.store->bytes(), shelf.store->max_bytes() / 2);
@@ -723,7 +723,7 @@ TEST(Store, ResultThatNobodyWasToldIsKeptAsLongAsASample) {
   shelf.store->record(entry("older", "{}", kNow - 49 * hour));
   shelf.store->record(entry("old", "{}", kNow - 47 * hour));
   shelf.store->upkeep(kStart, kNow);
-  const auto waiting = shelf.store->unsettled();
+  const auto waiting = shelf.store->unacknowledged();
   ASSERT_EQ(waiting.size(), 1U);
   EXPECT_EQ(waiting[0].id, "old");
 }
@@ -739,7 +739,7 @@ TEST(Store, OrderTakesThePlaceOfAnEarlierOneWithoutAResult) {
   ASSERT_TRUE(shelf.store->journal(std::vector{anew}));
   order.result = "{1}";
   shelf.store->record(order);
-  EXPECT_EQ(shelf.store->find("a", "x")->arrival, anew.arrival);
+  EXPECT_EQ(shelf.store->find("a", "x")->number, anew.number);
   EXPECT_EQ(shelf.store->find("a", "x")->result, "");
 }
 
@@ -761,13 +761,13 @@ TEST(Store, ResultThatFoundNoDiskIsWrittenLater) {
   shelf.block();
   shelf.open();
   shelf.store->record(entry("one", "{1}"));
-  shelf.store->told("a", "one", 0);
+  shelf.store->acknowledge("a", "one", 0);
   std::filesystem::remove(shelf.config.path);
   shelf.store->upkeep(kStart, kNow);
   shelf.store->upkeep(kStart + 10s, kNow);
   ASSERT_EQ(shelf.store->known_ids().size(), 1U);
   EXPECT_EQ(shelf.store->find("a", "one")->result, "{1}");
-  EXPECT_TRUE(shelf.store->find("a", "one")->told);
+  EXPECT_TRUE(shelf.store->find("a", "one")->acknowledged);
 }
 
 TEST(Store, OrderThatFoundNoDiskIsInTheJournalLater) {
@@ -785,7 +785,7 @@ TEST(Store, OrderThatFoundNoDiskIsInTheJournalLater) {
   std::filesystem::remove(shelf.config.path);
   shelf.store->upkeep(kStart, kNow);
   shelf.store->upkeep(kStart + 10s, kNow);
-  const auto found = shelf.store->unsettled();
+  const auto found = shelf.store->unacknowledged();
   ASSERT_EQ(found.size(), 2U);
   const bool done_first = found[0].id == "done";
   EXPECT_EQ(found[done_first ? 0 : 1].result, "{1}");
@@ -801,9 +801,9 @@ TEST(Store, FileThatOpensBeforeTheClockIsSetKeepsItsOrderAndItsTimes) {
   shelf.open();
   for (const char* id : {"told", "again", "untold"}) {
     JournalEntry made = entry(id, "{earlier}", kNow - 60000);
-    made.arrival = static_cast<std::uint64_t>(kNow);  // as a run that opened its file late counts
+    made.number = static_cast<std::uint64_t>(kNow);  // as a run that opened its file late counts
     shelf.store->record(made);
-    if (made.id != "untold") shelf.store->told("a", id, made.arrival);
+    if (made.id != "untold") shelf.store->acknowledge("a", id, made.number);
   }
   shelf.store->upkeep(kStart, kNow);
   shelf.store.reset();
@@ -858,9 +858,9 @@ TEST(Store, TenThousandOrdersFindRoomUntilThereIsADisk) {
   Shelf shelf;
   shelf.block();
   shelf.open();
-  const auto make = [](std::size_t i, std::uint64_t arrival) {
+  const auto make = [](std::size_t i, std::uint64_t number) {
     JournalEntry made = entry(std::to_string(i), "");
-    made.arrival = arrival;
+    made.number = number;
     return made;
   };
   for (std::size_t i = 0; i < kRememberedIds; ++i) {
@@ -881,10 +881,10 @@ TEST(Store, TenThousandOrdersFindRoomUntilThereIsADisk) {
   shelf.store->upkeep(kStart + 10s, kNow);
   ASSERT_EQ(shelf.store->state(), "disk");
   EXPECT_EQ(shelf.store->known_ids().size(), kRememberedIds - 2);
-  EXPECT_EQ(shelf.store->unsettled().back().id, std::to_string(kRememberedIds));
+  EXPECT_EQ(shelf.store->unacknowledged().back().id, std::to_string(kRememberedIds));
   EXPECT_EQ(shelf.store->find("a", "9999")->result, "{9999}");
   EXPECT_EQ(shelf.store->find("a", "7")->result, "");
-  EXPECT_EQ(shelf.store->find("a", "7")->arrival, 20000U);
+  EXPECT_EQ(shelf.store->find("a", "7")->number, 20000U);
 }
 
 // ---- the audit
@@ -915,16 +915,16 @@ TEST(Store, AuditOfAnOrderIsWrittenWithItsJournal) {
   shelf.open();
   JournalEntry order = entry("one");
   order.audit = told("one");
-  order.arrival = 7;
+  order.number = 7;
   order.payload = "{}";
   ASSERT_TRUE(shelf.store->journal(std::vector{order}));
   EXPECT_EQ(audit_of(shelf).size(), 1U);
-  EXPECT_EQ(shelf.store->unsettled().at(0).arrival, 7U);
-  EXPECT_EQ(shelf.store->unsettled().at(0).payload, "{}");
+  EXPECT_EQ(shelf.store->unacknowledged().at(0).number, 7U);
+  EXPECT_EQ(shelf.store->unacknowledged().at(0).payload, "{}");
   order.result = "{1}";
   shelf.store->record(order);
   EXPECT_EQ(audit_of(shelf).size(), 2U);
-  EXPECT_EQ(shelf.store->unsettled().at(0).payload, "");  // it has done its work
+  EXPECT_EQ(shelf.store->unacknowledged().at(0).payload, "");  // it has done its work
   EXPECT_EQ(shelf.store->audit_head().records, 2U);
 }
 
@@ -933,23 +933,23 @@ TEST(Store, NotesForTheAuditAreWrittenTogether) {
   shelf.open();
   shelf.store->upkeep(kStart, kNow);
   for (const char* id : {"a", "b", "c"}) shelf.store->note(told(id));
-  EXPECT_TRUE(shelf.store->is_unsettled());
+  EXPECT_TRUE(shelf.store->has_pending());
   EXPECT_EQ(shelf.store->audit_head().records, 0U);
   shelf.store->upkeep(kStart + 200ms, kNow + 200);
-  EXPECT_FALSE(shelf.store->is_unsettled());
+  EXPECT_FALSE(shelf.store->has_pending());
   EXPECT_EQ(audit_of(shelf).size(), 3U);
 }
 
 TEST(Store, AuditGoesOnAfterARestartAndCommandsKeepTheirNumbers) {
   Shelf shelf;
   shelf.open();
-  EXPECT_EQ(shelf.store->next_arrival(), 1U);
-  EXPECT_EQ(shelf.store->next_arrival(), 2U);
+  EXPECT_EQ(shelf.store->next_command_number(), 1U);
+  EXPECT_EQ(shelf.store->next_command_number(), 2U);
   shelf.store->note(told("a"));
   shelf.store->close();
   EXPECT_EQ(audit_of(shelf).size(), 1U);  // without an agent, too
   shelf.open();
-  EXPECT_EQ(shelf.store->next_arrival(), 3U);
+  EXPECT_EQ(shelf.store->next_command_number(), 3U);
   shelf.store->note(told("b"));
   shelf.store->upkeep(kStart, kNow);
   EXPECT_EQ(audit_of(shelf).size(), 2U);
@@ -1036,16 +1036,16 @@ TEST(Store, FileOfTheFirstVersionIsTakenOver) {
   const auto known = shelf.store->find("a", shelf.store->known_ids()[0].id);
   EXPECT_EQ(known->result, "{1}");
   EXPECT_EQ(known->correlation, Bytes{1});
-  EXPECT_TRUE(known->told);
-  ASSERT_EQ(shelf.store->unsettled().size(), 1U);
-  JournalEntry result = shelf.store->unsettled()[0];
-  EXPECT_EQ(result.arrival, 0U);
+  EXPECT_TRUE(known->acknowledged);
+  ASSERT_EQ(shelf.store->unacknowledged().size(), 1U);
+  JournalEntry result = shelf.store->unacknowledged()[0];
+  EXPECT_EQ(result.number, 0U);
   EXPECT_EQ(shelf.drain(), "a/fast[5]}");
   result.result = "{2}";
   result.audit = told("open");
   shelf.store->record(result);
   EXPECT_EQ(audit_of(shelf).size(), 1U);
-  EXPECT_EQ(shelf.open().unsettled().at(0).result, "{2}");
+  EXPECT_EQ(shelf.open().unacknowledged().at(0).result, "{2}");
 }
 
 TEST(Migration, StepsRunOnceInTheirOrderAndAFailedOneLeavesNothing) {

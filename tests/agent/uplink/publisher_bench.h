@@ -25,7 +25,7 @@ struct PublisherBench {
   FakeBroker broker;
   std::vector<Command> commands;
   std::vector<std::string> go_aheads;
-  std::vector<Recollection> found_late;
+  std::vector<RestoredState> found_late;
   SteadyTime now = kStart;
   PublisherSettings settings{.boot = "9f3c21aa", .version = "0.1.0"};
   std::unique_ptr<Store> store;  ///< null: none
@@ -43,7 +43,7 @@ struct PublisherBench {
           [this](std::uint32_t device, std::string id) {
             go_aheads.push_back(std::to_string(device) + id);
           },
-          [this](Recollection found) { found_late.push_back(std::move(found)); });
+          [this](RestoredState found) { found_late.push_back(std::move(found)); });
     return *publisher;
   }
   std::int64_t utc() const {
@@ -55,16 +55,16 @@ struct PublisherBench {
     return wake;
   }
   /// Steps until nothing moves any more at this time.
-  void settle() {
+  void flush() {
     for (int i = 0; i < 200; ++i) step();
   }
   void advance(SteadyTime::duration by) {
     now += by;
-    settle();
+    flush();
   }
   /// Connected for so long that the server counts as a good one.
   void online() {
-    settle();
+    flush();
     advance(std::chrono::seconds(20));
     ASSERT_TRUE(broker.up());
     broker.log.clear();

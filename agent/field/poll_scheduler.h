@@ -16,7 +16,7 @@ struct BackOff {
   std::chrono::milliseconds cap{30000};
 };
 
-class Agenda final {
+class PollScheduler final {
  public:
   using DeviceId = std::uint32_t;
   using GroupId = std::uint32_t;
@@ -39,7 +39,7 @@ class Agenda final {
   };
 
   /// `poll_share`: the part of the line that polls keep while commands flood it, 0 … 0.9.
-  explicit Agenda(double poll_share = 0.2) : poll_share_(poll_share) {}
+  explicit PollScheduler(double poll_share = 0.2) : poll_share_(poll_share) {}
 
   /// `unanswered_limit`: so many exchanges in a row without an answer make the device silent.
   DeviceId add_device(int unanswered_limit, BackOff back_off);
@@ -124,7 +124,7 @@ class Agenda final {
     SteadyTime not_before{};            ///< of the running cycle's next step
     std::chrono::nanoseconds used{0};   ///< by the running cycle
     std::chrono::nanoseconds usual{0};  ///< by a whole cycle, smoothed; 0: none has ended
-    double beats_owed = 0;              ///< below 1: what stretched beats have not yet counted
+    double polls_owed = 0;              ///< below 1: what stretched beats have not yet counted
   };
 
   /// The due group that goes first, or none.

@@ -1,4 +1,4 @@
-#include "agent/field/order_run.h"
+#include "agent/field/command_execution.h"
 
 #include <gtest/gtest.h>
 
@@ -35,9 +35,9 @@ const Bytes kStop = force_frame(kForceM8037, true);
 const Bytes kRun = force_frame(kForceM8037, false);
 
 /// One open line with a PLC that has answered its enquiry; orders come from a real desk.
-class OrderRunTest : public ::testing::Test {
+class CommandExecutionTest : public ::testing::Test {
  protected:
-  OrderRunTest() {
+  CommandExecutionTest() {
     const Codec& codec = *device.codec;
     device.tags.push_back(writable(tag(codec, "setpoint", "D200")));
     device.tags.push_back(writable(tag(codec, "start", "M100")));
@@ -47,11 +47,13 @@ class OrderRunTest : public ::testing::Test {
     device.commands.allow_run_stop = true;
     auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
     wire = transport.get();
-    line = std::make_unique<Line>(io.get_executor(), std::move(transport), nanoseconds(0));
+    line = std::make_unique<Bus>(io.get_executor(), std::move(transport), nanoseconds(0));
     station.codec = device.codec.get();
     wire->expect(kEnq).give(kAck);
   }
-  ~OrderRunTest() override { EXPECT_EQ(wire->steps_left(), 0U) << "the script was not played out"; }
+  ~CommandExecutionTest() override {
+    EXPECT_EQ(wire->steps_left(), 0U) << "the script was not played out";
+  }
 
   Command command(Op op, CommandTarget target) {
     Command out;
@@ -68,26 +70,26 @@ class OrderRunTest : public ::testing::Test {
   Command read(std::string tag) {
     return command(Op::read, {std::move(tag), "", std::nullopt, std::nullopt});
   }
-  Command order(Op op) { return command(op, {}); }
+  Command admitted(Op op) { return command(op, {}); }
 
   CommandResult run(Command command) {
-    auto verdict = desk.admit(std::move(command), *device.codec, 0, Clock::now());
-    if (const auto* refused = std::get_if<CommandResult>(&verdict)) {
+    auto decision = admission.admit(std::move(command), *device.codec, 0, Clock::now());
+    if (const auto* refused = std::get_if<CommandResult>(&decision)) {
       ADD_FAILURE() << "refused: " << to_string(refused->reason) << " " << refused->detail;
       return *refused;
     }
-    auto& admitted = std::get<Order>(verdict);
+    auto& admitted = std::get<AdmittedCommand>(decision);
     if (before_sending) before_sending(admitted);
     return run(admitted);
   }
-  CommandResult run_left_behind(Command command) {
-    auto order = desk.left_behind(std::move(command), *device.codec, Clock::now());
-    if (order) return run(*order);
+  CommandResult run_interrupted(Command command) {
+    auto admitted = admission.interrupted(std::move(command), *device.codec, Clock::now());
+    if (admitted) return run(*admitted);
     ADD_FAILURE() << "nothing is to be read";
     return {};
   }
-  CommandResult run(const Order& admitted) {
-    OrderRun order_run(io.get_executor(), *line, station, device, admitted);
+  CommandResult run(const AdmittedCommand& admitted) {
+    CommandExecution order_run(io.get_executor(), *line, station, device, admitted);
     CommandResult result = run_on(io, order_run.run());
     was_answered = order_run.was_answered();
     was_unanswered = order_run.was_unanswered();
@@ -95,12 +97,12 @@ class OrderRunTest : public ::testing::Test {
   }
 
   DeviceConfig device = port_device();
-  CommandDesk desk{device};
+  CommandAdmission admission{device};
   asio::io_context io;
   ScriptedTransport* wire = nullptr;
-  std::unique_ptr<Line> line;
+  std::unique_ptr<Bus> line;
   Station station;
-  std::function<void(Order&)> before_sending;
+  std::function<void(AdmittedCommand&)> before_sending;
   bool was_answered = false;
   bool was_unanswered = false;
 };
@@ -108,7 +110,7 @@ class OrderRunTest : public ::testing::Test {
 // ---- writes of words
 // -----------------------------------------------------------------------------
 
-TEST_F(OrderRunTest, WriteIsVerifiedByReadingBack) {
+TEST_F(CommandExecutionTest, WriteIsVerifiedByReadingBack) {
   wire->expect(kWrite50).give(kAck).expect(kReadBack).give(word_frame(50));
   const CommandResult result = run(write_50());
   EXPECT_EQ(result.status, CommandStatus::succeeded);
@@ -128,7 +130,7 @@ TEST_F(OrderRunTest, WriteIsVerifiedByReadingBack) {
   EXPECT_TRUE(was_answered);
 }
 
-TEST_F(OrderRunTest, WriteWithoutVerifyIsOneExchange) {
+TEST_F(CommandExecutionTest, WriteWithoutVerifyIsOneExchange) {
   wire->expect(kWrite50).give(kAck);
   Command command = write_50();
   command.verify = false;
@@ -137,7 +139,7 @@ TEST_F(OrderRunTest, WriteWithoutVerifyIsOneExchange) {
   EXPECT_FALSE(result.targets[0].verify);
 }
 
-TEST_F(OrderRunTest, OtherValueReadBackIsAMismatch) {
+TEST_F(CommandExecutionTest, OtherValueReadBackIsAMismatch) {
   wire->expect(kWrite50).give(kAck).expect(kReadBack).give(word_frame(49));
   const CommandResult result = run(write_50());
   EXPECT_EQ(result.status, CommandStatus::failed);
@@ -148,7 +150,7 @@ TEST_F(OrderRunTest, OtherValueReadBackIsAMismatch) {
   EXPECT_EQ(result.targets[0].verify->read, number(49));
 }
 
-TEST_F(OrderRunTest, AcknowledgedWriteThatCannotBeReadBackSucceeded) {
+TEST_F(CommandExecutionTest, AcknowledgedWriteThatCannotBeReadBackSucceeded) {
   wire->expect(kWrite50).give(kAck).expect(kReadBack).silence();
   const CommandResult result = run(write_50());
   EXPECT_EQ(result.status, CommandStatus::succeeded);
@@ -157,7 +159,7 @@ TEST_F(OrderRunTest, AcknowledgedWriteThatCannotBeReadBackSucceeded) {
   EXPECT_FALSE(result.detail.empty());
 }
 
-TEST_F(OrderRunTest, RefusedWriteIsSentASecondTime) {
+TEST_F(CommandExecutionTest, RefusedWriteIsSentASecondTime) {
   wire->expect(kWrite50).give(kNak).expect(kWrite50).give(kAck);
   wire->expect(kReadBack).give(word_frame(50));
   const CommandResult result = run(write_50());
@@ -166,7 +168,7 @@ TEST_F(OrderRunTest, RefusedWriteIsSentASecondTime) {
   EXPECT_EQ(result.attempts, 2);
 }
 
-TEST_F(OrderRunTest, WriteRefusedTwiceFailed) {
+TEST_F(CommandExecutionTest, WriteRefusedTwiceFailed) {
   wire->expect(kWrite50).give(kNak).expect(kWrite50).give(kNak);
   const CommandResult result = run(write_50());
   EXPECT_EQ(result.status, CommandStatus::failed);
@@ -177,7 +179,7 @@ TEST_F(OrderRunTest, WriteRefusedTwiceFailed) {
   EXPECT_TRUE(was_answered);
 }
 
-TEST_F(OrderRunTest, SilenceAfterARefusalIsUnknownAndNotRepeated) {
+TEST_F(CommandExecutionTest, SilenceAfterARefusalIsUnknownAndNotRepeated) {
   wire->expect(kWrite50).give(kNak).expect(kWrite50).silence();
   wire->expect(kEnq).silence();
   const CommandResult result = run(write_50());
@@ -186,9 +188,9 @@ TEST_F(OrderRunTest, SilenceAfterARefusalIsUnknownAndNotRepeated) {
   EXPECT_EQ(result.attempts, 2);
 }
 
-TEST_F(OrderRunTest, SecondTryIsInsideTheExpiryOnly) {
-  Order* on_the_wire = nullptr;
-  before_sending = [&](Order& order) { on_the_wire = &order; };
+TEST_F(CommandExecutionTest, SecondTryIsInsideTheExpiryOnly) {
+  AdmittedCommand* on_the_wire = nullptr;
+  before_sending = [&](AdmittedCommand& admitted) { on_the_wire = &admitted; };
   wire->expect(kWrite50);
   wire->call([&] { on_the_wire->deadline = Clock::now() - milliseconds(1); });
   wire->give(kNak);
@@ -198,7 +200,7 @@ TEST_F(OrderRunTest, SecondTryIsInsideTheExpiryOnly) {
   EXPECT_EQ(result.attempts, 1);
 }
 
-TEST_F(OrderRunTest, SilenceIsSettledByReadingBackEqual) {
+TEST_F(CommandExecutionTest, SilenceIsSettledByReadingBackEqual) {
   wire->expect(kWrite50).silence();
   wire->expect(kEnq).give(kAck).expect(kProbe).give(kRunning);
   wire->expect(kReadBack).give(word_frame(50));
@@ -213,7 +215,7 @@ TEST_F(OrderRunTest, SilenceIsSettledByReadingBackEqual) {
   EXPECT_EQ(result.attempts, 1);
 }
 
-TEST_F(OrderRunTest, SilenceAndAnotherValueIsUnknown) {
+TEST_F(CommandExecutionTest, SilenceAndAnotherValueIsUnknown) {
   wire->expect(kWrite50).silence();
   wire->expect(kEnq).give(kAck).expect(kProbe).give(kRunning);
   wire->expect(kReadBack).give(word_frame(49));
@@ -226,7 +228,7 @@ TEST_F(OrderRunTest, SilenceAndAnotherValueIsUnknown) {
   EXPECT_EQ(result.targets[0].verify->read, number(49));
 }
 
-TEST_F(OrderRunTest, SilenceThatLastsIsUnknown) {
+TEST_F(CommandExecutionTest, SilenceThatLastsIsUnknown) {
   wire->expect(kWrite50).silence();
   wire->expect(kEnq).silence();
   const CommandResult result = run(write_50());
@@ -237,7 +239,7 @@ TEST_F(OrderRunTest, SilenceThatLastsIsUnknown) {
   EXPECT_FALSE(was_answered);
 }
 
-TEST_F(OrderRunTest, NonsenseInsteadOfAnAckIsSettledLikeSilence) {
+TEST_F(CommandExecutionTest, NonsenseInsteadOfAnAckIsSettledLikeSilence) {
   wire->expect(kWrite50).give(joined({0x02}, Bytes(600, 0x30)));
   wire->discard_input();
   wire->expect(kEnq).give(kAck).expect(kProbe).give(kRunning);
@@ -250,9 +252,9 @@ TEST_F(OrderRunTest, NonsenseInsteadOfAnAckIsSettledLikeSilence) {
 
 // ---- what an earlier run left behind ---------------------------------------------------------
 
-TEST_F(OrderRunTest, OrderLeftBehindIsReadAndNotSent) {
+TEST_F(CommandExecutionTest, OrderLeftBehindIsReadAndNotSent) {
   wire->expect(kReadBack).give(word_frame(50));
-  const CommandResult result = run_left_behind(write_50());
+  const CommandResult result = run_interrupted(write_50());
   EXPECT_EQ(result.status, CommandStatus::succeeded);
   EXPECT_EQ(result.plc, PlcAnswer::none);
   EXPECT_EQ(result.attempts, 0);
@@ -260,25 +262,25 @@ TEST_F(OrderRunTest, OrderLeftBehindIsReadAndNotSent) {
   EXPECT_TRUE(result.targets[0].verify->match);
 }
 
-TEST_F(OrderRunTest, OrderLeftBehindAndAnotherValueIsUnknown) {
+TEST_F(CommandExecutionTest, OrderLeftBehindAndAnotherValueIsUnknown) {
   wire->expect(kReadBack).give(word_frame(7));
-  const CommandResult result = run_left_behind(write_50());
+  const CommandResult result = run_interrupted(write_50());
   EXPECT_EQ(result.status, CommandStatus::unknown_outcome);
   EXPECT_EQ(result.reason, Reason::none);
-  EXPECT_EQ(result.detail, kLeftBehind);
+  EXPECT_EQ(result.detail, kInterrupted);
   EXPECT_EQ(result.targets.at(0).verify->read, number(7));
   EXPECT_FALSE(result.targets[0].verify->match);
 }
 
-TEST_F(OrderRunTest, OrderLeftBehindThatCannotBeReadIsUnknown) {
+TEST_F(CommandExecutionTest, OrderLeftBehindThatCannotBeReadIsUnknown) {
   wire->expect(kReadBack).silence();
-  const CommandResult result = run_left_behind(write_50());
+  const CommandResult result = run_interrupted(write_50());
   EXPECT_EQ(result.status, CommandStatus::unknown_outcome);
   EXPECT_EQ(result.reason, Reason::none);
   EXPECT_FALSE(result.targets.at(0).verify);
 }
 
-TEST_F(OrderRunTest, LongWriteGoesInSeveralFramesAndIsReadBackWhole) {
+TEST_F(CommandExecutionTest, LongWriteGoesInSeveralFramesAndIsReadBackWhole) {
   // 100 bytes: the port takes 64 in a frame.
   Bytes first(64, 0);
   Bytes rest(36, 0);
@@ -304,14 +306,14 @@ TEST_F(OrderRunTest, LongWriteGoesInSeveralFramesAndIsReadBackWhole) {
 // ---- bits
 // ----------------------------------------------------------------------------------------
 
-TEST_F(OrderRunTest, ForceIsNotVerifiedUnlessAsked) {
+TEST_F(CommandExecutionTest, ForceIsNotVerifiedUnlessAsked) {
   wire->expect(kForceOn).give(kAck);
   const CommandResult result = run(force_on());
   EXPECT_EQ(result.status, CommandStatus::succeeded);
   EXPECT_FALSE(result.targets[0].verify) << "a ladder resets what an operator sets";
 }
 
-TEST_F(OrderRunTest, ForceIsVerifiedWhereTheCommandSaysSo) {
+TEST_F(CommandExecutionTest, ForceIsVerifiedWhereTheCommandSaysSo) {
   wire->expect(kForceOn).give(kAck).expect(kReadM96).give(kM100Off);
   Command command = force_on();
   command.verify = true;
@@ -321,14 +323,14 @@ TEST_F(OrderRunTest, ForceIsVerifiedWhereTheCommandSaysSo) {
   EXPECT_EQ(result.targets[0].verify.value_or(Verification{}).read, flag(false));
 }
 
-TEST_F(OrderRunTest, SilentForceIsSettledByReadingTheBit) {
+TEST_F(CommandExecutionTest, SilentForceIsSettledByReadingTheBit) {
   wire->expect(kForceOn).silence();
   wire->expect(kEnq).give(kAck).expect(kProbe).give(kRunning);
   wire->expect(kReadM96).give(kM100On);
   EXPECT_EQ(run(force_on()).status, CommandStatus::succeeded);
 }
 
-TEST_F(OrderRunTest, SilentForceOfABitThatIsNotSetIsUnknown) {
+TEST_F(CommandExecutionTest, SilentForceOfABitThatIsNotSetIsUnknown) {
   wire->expect(kForceOn).silence();
   wire->expect(kEnq).give(kAck).expect(kProbe).give(kRunning);
   wire->expect(kReadM96).give(kM100Off);
@@ -347,7 +349,7 @@ Bytes words_up_from(unsigned first, unsigned count) {
   return out;
 }
 
-class RecipeTest : public OrderRunTest {
+class RecipeTest : public CommandExecutionTest {
  protected:
   /// D300 … D349 become 1 … 50, in two frames.
   Command recipe() {
@@ -383,8 +385,8 @@ TEST_F(RecipeTest, ArrayWhoseSecondFrameIsRefusedIsPartial) {
 }
 
 TEST_F(RecipeTest, ArrayUnderWayIsFinishedThoughItsTimePasses) {
-  Order* on_the_wire = nullptr;
-  before_sending = [&](Order& order) { on_the_wire = &order; };
+  AdmittedCommand* on_the_wire = nullptr;
+  before_sending = [&](AdmittedCommand& admitted) { on_the_wire = &admitted; };
   wire->expect(first);
   wire->call([&] { on_the_wire->deadline = Clock::now() - milliseconds(1); });
   wire->give(kAck).expect(second).give(kAck);
@@ -403,19 +405,19 @@ TEST_F(RecipeTest, SilenceOnTheSecondFrameIsUnknownAndTellsWhatIsSure) {
   EXPECT_EQ(result.progress, (Progress{32, 50}));
 }
 
-TEST_F(OrderRunTest, CommandThatDoesNotFitIntoItsTimeIsNotBegun) {
-  before_sending = [](Order& order) {
-    order.line_time = seconds(20);
-    order.deadline = Clock::now() + seconds(5);
+TEST_F(CommandExecutionTest, CommandThatDoesNotFitIntoItsTimeIsNotBegun) {
+  before_sending = [](AdmittedCommand& admitted) {
+    admitted.line_time = seconds(20);
+    admitted.deadline = Clock::now() + seconds(5);
   };
   const CommandResult result = run(write_50());
   EXPECT_EQ(result.status, CommandStatus::expired);
   EXPECT_NE(result.detail.find("20000 ms"), std::string::npos) << result.detail;
   EXPECT_TRUE(wire->written().empty());
   wire->expect(kWrite50).give(kAck);
-  before_sending = [](Order& order) {
-    order.line_time = seconds(20);
-    order.deadline = Clock::now() + seconds(60);
+  before_sending = [](AdmittedCommand& admitted) {
+    admitted.line_time = seconds(20);
+    admitted.deadline = Clock::now() + seconds(60);
   };
   Command command = write_50();
   command.id = "b7e2";
@@ -426,7 +428,7 @@ TEST_F(OrderRunTest, CommandThatDoesNotFitIntoItsTimeIsNotBegun) {
 // ---- links that break, devices that are away
 // -----------------------------------------------------
 
-TEST_F(OrderRunTest, LinkLostAfterTheFirstByteIsUnknown) {
+TEST_F(CommandExecutionTest, LinkLostAfterTheFirstByteIsUnknown) {
   wire->expect(kWrite50).hang_up();
   const CommandResult result = run(write_50());
   EXPECT_EQ(result.status, CommandStatus::unknown_outcome);
@@ -434,14 +436,14 @@ TEST_F(OrderRunTest, LinkLostAfterTheFirstByteIsUnknown) {
   EXPECT_EQ(result.attempts, 1);
 }
 
-TEST_F(OrderRunTest, HalfAFrameIsUnknownToo) {
+TEST_F(CommandExecutionTest, HalfAFrameIsUnknownToo) {
   wire->break_write(3);
   const CommandResult result = run(write_50());
   EXPECT_EQ(result.status, CommandStatus::unknown_outcome);
   EXPECT_EQ(result.reason, Reason::link_down);
 }
 
-TEST_F(OrderRunTest, LinkFoundDeadBeforeTheFirstByteIsOpenedAnewOnce) {
+TEST_F(CommandExecutionTest, LinkFoundDeadBeforeTheFirstByteIsOpenedAnewOnce) {
   wire->expect(kWrite50).give(kAck).hang_up();
   wire->expect(kEnq).give(kAck).expect(kWrite50).give(kAck);
   Command first = write_50();
@@ -455,7 +457,7 @@ TEST_F(OrderRunTest, LinkFoundDeadBeforeTheFirstByteIsOpenedAnewOnce) {
   EXPECT_EQ(wire->opened(), 2U);
 }
 
-TEST_F(OrderRunTest, ClosedLinkIsOpenedForTheCommand) {
+TEST_F(CommandExecutionTest, ClosedLinkIsOpenedForTheCommand) {
   wire->expect(kWrite50).give(kAck);
   Command command = write_50();
   command.verify = false;
@@ -464,17 +466,17 @@ TEST_F(OrderRunTest, ClosedLinkIsOpenedForTheCommand) {
   EXPECT_EQ(wire->opened(), 1U);
 }
 
-class OrderRunWithoutLink : public OrderRunTest {
+class CommandExecutionWithoutLink : public CommandExecutionTest {
  protected:
-  OrderRunWithoutLink() {
+  CommandExecutionWithoutLink() {
     wire->discard_input();
     auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
     wire = transport.get();
-    line = std::make_unique<Line>(io.get_executor(), std::move(transport), nanoseconds(0));
+    line = std::make_unique<Bus>(io.get_executor(), std::move(transport), nanoseconds(0));
   }
 };
 
-TEST_F(OrderRunWithoutLink, LinkThatWillNotOpenFailsAfterOneAttempt) {
+TEST_F(CommandExecutionWithoutLink, LinkThatWillNotOpenFailsAfterOneAttempt) {
   wire->refuse_open("no such adapter");
   const CommandResult result = run(write_50());
   EXPECT_EQ(result.status, CommandStatus::failed);
@@ -485,7 +487,7 @@ TEST_F(OrderRunWithoutLink, LinkThatWillNotOpenFailsAfterOneAttempt) {
   EXPECT_EQ(wire->opened(), 1U);
 }
 
-TEST_F(OrderRunWithoutLink, ReadOverALinkThatWillNotOpenWasNeverSent) {
+TEST_F(CommandExecutionWithoutLink, ReadOverALinkThatWillNotOpenWasNeverSent) {
   wire->refuse_open("no such adapter");
   const CommandResult result = run(read("temp"));
   EXPECT_EQ(result.status, CommandStatus::failed);
@@ -493,15 +495,17 @@ TEST_F(OrderRunWithoutLink, ReadOverALinkThatWillNotOpenWasNeverSent) {
   EXPECT_EQ(result.attempts, 0);
 }
 
-TEST_F(OrderRunWithoutLink, ExpiredOrderIsExpiredWhateverTheLink) {
-  before_sending = [](Order& order) { order.deadline = Clock::now() - milliseconds(1); };
+TEST_F(CommandExecutionWithoutLink, ExpiredOrderIsExpiredWhateverTheLink) {
+  before_sending = [](AdmittedCommand& admitted) {
+    admitted.deadline = Clock::now() - milliseconds(1);
+  };
   const CommandResult result = run(write_50());
   EXPECT_EQ(result.status, CommandStatus::expired);
   EXPECT_EQ(result.reason, Reason::expired);
   EXPECT_EQ(wire->opened(), 0U) << "nobody waits for a link that nothing will be sent on";
 }
 
-TEST_F(OrderRunWithoutLink, DeviceThatDoesNotAnswerItsEnquiryIsOffline) {
+TEST_F(CommandExecutionWithoutLink, DeviceThatDoesNotAnswerItsEnquiryIsOffline) {
   wire->expect(kEnq).silence();
   const CommandResult result = run(write_50());
   EXPECT_EQ(result.status, CommandStatus::failed) << "the order itself never left";
@@ -510,10 +514,12 @@ TEST_F(OrderRunWithoutLink, DeviceThatDoesNotAnswerItsEnquiryIsOffline) {
   EXPECT_TRUE(was_unanswered);
 }
 
-TEST_F(OrderRunTest, OrderThatExpiredInTheQueueIsNotSent) {
+TEST_F(CommandExecutionTest, OrderThatExpiredInTheQueueIsNotSent) {
   wire->expect(kForceOn).give(kAck);
   run(force_on());
-  before_sending = [](Order& order) { order.deadline = Clock::now() - milliseconds(1); };
+  before_sending = [](AdmittedCommand& admitted) {
+    admitted.deadline = Clock::now() - milliseconds(1);
+  };
   Command late = write_50();
   late.id = "b7e2";
   const CommandResult result = run(late);
@@ -525,7 +531,7 @@ TEST_F(OrderRunTest, OrderThatExpiredInTheQueueIsNotSent) {
 // ---- expect
 // --------------------------------------------------------------------------------------
 
-TEST_F(OrderRunTest, ExpectedValueIsReadFirst) {
+TEST_F(CommandExecutionTest, ExpectedValueIsReadFirst) {
   wire->expect(kReadBack).give(word_frame(45)).expect(kWrite50).give(kAck);
   wire->expect(kReadBack).give(word_frame(50));
   Command command = write_50();
@@ -533,7 +539,7 @@ TEST_F(OrderRunTest, ExpectedValueIsReadFirst) {
   EXPECT_EQ(run(std::move(command)).status, CommandStatus::succeeded);
 }
 
-TEST_F(OrderRunTest, UnexpectedValueWritesNothing) {
+TEST_F(CommandExecutionTest, UnexpectedValueWritesNothing) {
   wire->expect(kReadBack).give(word_frame(44));
   Command command = write_50();
   command.expect = number(45);
@@ -544,7 +550,7 @@ TEST_F(OrderRunTest, UnexpectedValueWritesNothing) {
   EXPECT_EQ(result.attempts, 0);
 }
 
-TEST_F(OrderRunTest, ExpectThatCannotBeReadFailsAndWritesNothing) {
+TEST_F(CommandExecutionTest, ExpectThatCannotBeReadFailsAndWritesNothing) {
   wire->expect(kReadBack).silence();
   Command command = write_50();
   command.expect = number(45);
@@ -557,7 +563,7 @@ TEST_F(OrderRunTest, ExpectThatCannotBeReadFailsAndWritesNothing) {
 // ---- reads
 // ---------------------------------------------------------------------------------------
 
-TEST_F(OrderRunTest, ReadHasItsValue) {
+TEST_F(CommandExecutionTest, ReadHasItsValue) {
   wire->expect(read_frame(kD100, 2)).give(word_frame(0xFFFE));
   const CommandResult result = run(read("temp"));
   EXPECT_EQ(result.status, CommandStatus::succeeded);
@@ -565,7 +571,7 @@ TEST_F(OrderRunTest, ReadHasItsValue) {
   EXPECT_EQ(result.targets[0].address, "D100");
 }
 
-TEST_F(OrderRunTest, ReadIsRepeatedAfterABadFrameAndAfterANak) {
+TEST_F(CommandExecutionTest, ReadIsRepeatedAfterABadFrameAndAfterANak) {
   Bytes wrong = word_frame(7);
   wrong.back() = wrong.back() == '0' ? '1' : '0';
   wire->expect(read_frame(kD100, 2)).give(wrong);
@@ -574,7 +580,7 @@ TEST_F(OrderRunTest, ReadIsRepeatedAfterABadFrameAndAfterANak) {
   EXPECT_EQ(run(read("temp")).targets[0].value, number(7));
 }
 
-TEST_F(OrderRunTest, ReadThatIsRefusedForGoodFailed) {
+TEST_F(CommandExecutionTest, ReadThatIsRefusedForGoodFailed) {
   for (int i = 0; i <= device.retries; ++i) wire->expect(read_frame(kD100, 2)).give(kNak);
   const CommandResult result = run(read("temp"));
   EXPECT_EQ(result.status, CommandStatus::failed);
@@ -582,21 +588,21 @@ TEST_F(OrderRunTest, ReadThatIsRefusedForGoodFailed) {
   EXPECT_EQ(result.plc, PlcAnswer::nak);
 }
 
-TEST_F(OrderRunTest, SilentReadFailedAndIsNeverUnknown) {
+TEST_F(CommandExecutionTest, SilentReadFailedAndIsNeverUnknown) {
   wire->expect(read_frame(kD100, 2)).silence();
   const CommandResult result = run(read("temp"));
   EXPECT_EQ(result.status, CommandStatus::failed);
   EXPECT_EQ(result.reason, Reason::timeout);
 }
 
-TEST_F(OrderRunTest, LinkLostDuringAReadFailed) {
+TEST_F(CommandExecutionTest, LinkLostDuringAReadFailed) {
   wire->expect(read_frame(kD100, 2)).hang_up();
   const CommandResult result = run(read("temp"));
   EXPECT_EQ(result.status, CommandStatus::failed);
   EXPECT_EQ(result.reason, Reason::link_down);
 }
 
-TEST_F(OrderRunTest, ReadOfWhatIsNoNumberFailed) {
+TEST_F(CommandExecutionTest, ReadOfWhatIsNoNumberFailed) {
   wire->expect(read_frame(kD100, 4)).give(data_frame({0x00, 0x00, 0xC0, 0x7F}));  // NaN
   const CommandResult result = run(read("flow"));
   EXPECT_EQ(result.status, CommandStatus::failed);
@@ -606,9 +612,9 @@ TEST_F(OrderRunTest, ReadOfWhatIsNoNumberFailed) {
 // ---- run and stop
 // --------------------------------------------------------------------------------
 
-TEST_F(OrderRunTest, StopIsVerifiedByTheRunState) {
+TEST_F(CommandExecutionTest, StopIsVerifiedByTheRunState) {
   wire->expect(kStop).give(kAck).expect(kProbe).give(kStopped);
-  const CommandResult result = run(order(Op::stop));
+  const CommandResult result = run(admitted(Op::stop));
   EXPECT_EQ(result.status, CommandStatus::succeeded);
   EXPECT_EQ(result.plc, PlcAnswer::ack);
   ASSERT_TRUE(result.targets.at(0).verify);
@@ -616,54 +622,54 @@ TEST_F(OrderRunTest, StopIsVerifiedByTheRunState) {
   EXPECT_TRUE(result.targets[0].verify->match);
 }
 
-TEST_F(OrderRunTest, RunStateMayTakeAMomentToFollow) {
+TEST_F(CommandExecutionTest, RunStateMayTakeAMomentToFollow) {
   wire->expect(kRun).give(kAck).expect(kProbe).give(kStopped).expect(kProbe).give(kRunning);
-  const CommandResult result = run(order(Op::run));
+  const CommandResult result = run(admitted(Op::run));
   EXPECT_EQ(result.status, CommandStatus::succeeded);
   EXPECT_EQ(result.targets[0].verify.value_or(Verification{}).read, text("run"));
 }
 
-TEST_F(OrderRunTest, StopThatIsRefusedByAStoppedPlcSucceeded) {
+TEST_F(CommandExecutionTest, StopThatIsRefusedByAStoppedPlcSucceeded) {
   wire->expect(kStop).give(kNak).expect(kProbe).give(kStopped);
-  const CommandResult result = run(order(Op::stop));
+  const CommandResult result = run(admitted(Op::stop));
   EXPECT_EQ(result.status, CommandStatus::succeeded);
   EXPECT_EQ(result.plc, PlcAnswer::nak);
   EXPECT_EQ(result.attempts, 1) << "run and stop are never repeated";
 }
 
-TEST_F(OrderRunTest, StopIsNotRepeatedAfterSilence) {
+TEST_F(CommandExecutionTest, StopIsNotRepeatedAfterSilence) {
   wire->expect(kStop).silence();
   wire->expect(kEnq).give(kAck).expect(kProbe).give(kStopped);  // the barrier's read
   wire->expect(kProbe).give(kStopped);
-  const CommandResult result = run(order(Op::stop));
+  const CommandResult result = run(admitted(Op::stop));
   EXPECT_EQ(result.status, CommandStatus::succeeded);
   EXPECT_EQ(result.plc, PlcAnswer::none);
   EXPECT_EQ(result.attempts, 1);
 }
 
-TEST_F(OrderRunTest, StopOverALinkThatBreaksIsSettledByTheNextConnection) {
+TEST_F(CommandExecutionTest, StopOverALinkThatBreaksIsSettledByTheNextConnection) {
   wire->expect(kStop).hang_up();
   wire->expect(kEnq).give(kAck).expect(kProbe).give(kStopped).expect(kProbe).give(kStopped);
-  const CommandResult result = run(order(Op::stop));
+  const CommandResult result = run(admitted(Op::stop));
   EXPECT_EQ(result.status, CommandStatus::succeeded);
   EXPECT_EQ(result.plc, PlcAnswer::none);
 }
 
-TEST_F(OrderRunTest, PlcThatKeepsRunningIsAMismatchThatNamesTheSwitch) {
+TEST_F(CommandExecutionTest, PlcThatKeepsRunningIsAMismatchThatNamesTheSwitch) {
   wire->expect(kStop).give(kAck);
   wire->then([](ByteView) { return kRunning; });
-  const CommandResult result = run(order(Op::stop));
+  const CommandResult result = run(admitted(Op::stop));
   EXPECT_EQ(result.status, CommandStatus::failed);
   EXPECT_EQ(result.reason, Reason::verify_mismatch);
   EXPECT_EQ(result.targets[0].verify.value_or(Verification{}).read, text("run"));
   EXPECT_NE(result.detail.find("switch"), std::string::npos) << result.detail;
 }
 
-TEST_F(OrderRunTest, RunStateIsAskedForTwoSecondsAndNoLonger) {
+TEST_F(CommandExecutionTest, RunStateIsAskedForTwoSecondsAndNoLonger) {
   wire->expect(kStop).give(kAck);
   wire->then([](ByteView) { return kRunning; });
   const auto began = Clock::now();
-  run(order(Op::stop));
+  run(admitted(Op::stop));
   // Every 100 ms, and not again where that would end behind the 2 s; a slow machine asks less
   // often.
   EXPECT_GE(Clock::now() - began, milliseconds(1900));
@@ -673,15 +679,16 @@ TEST_F(OrderRunTest, RunStateIsAskedForTwoSecondsAndNoLonger) {
 // ---- the time it takes
 // ---------------------------------------------------------------------------
 
-TEST_F(OrderRunTest, LineTimeCountsEachReadingOfAnOrder) {
+TEST_F(CommandExecutionTest, LineTimeCountsEachReadingOfAnOrder) {
   const milliseconds character{1};
   const auto planned = [&](std::string id, bool verify, std::optional<Value> expect) {
     Command command = write_50();
     command.id = std::move(id);
     command.verify = verify;
     command.expect = std::move(expect);
-    auto verdict = desk.admit(std::move(command), *device.codec, 0, Clock::now());
-    return OrderRun::line_time(*device.codec, device, character, std::get<Order>(verdict));
+    auto decision = admission.admit(std::move(command), *device.codec, 0, Clock::now());
+    return CommandExecution::line_time(*device.codec, device, character,
+                                       std::get<AdmittedCommand>(decision));
   };
   const nanoseconds write_alone = planned("1", false, std::nullopt);
   EXPECT_EQ(write_alone, (kWrite50.size() + kAck.size()) * character + milliseconds(30));
@@ -701,7 +708,7 @@ TEST_F(OrderRunTest, LineTimeCountsEachReadingOfAnOrder) {
 // ---- lists
 // ---------------------------------------------------------------------------------------
 
-class OrderRunOfAList : public OrderRunTest {
+class CommandExecutionOfAList : public CommandExecutionTest {
  protected:
   Command list() {
     Command out = write_50();
@@ -714,7 +721,7 @@ class OrderRunOfAList : public OrderRunTest {
   const Bytes write_51 = write_frame(kD200, word(51));
 };
 
-TEST_F(OrderRunOfAList, TargetsAreSentInTheirOrder) {
+TEST_F(CommandExecutionOfAList, TargetsAreSentInTheirOrder) {
   wire->expect(kWrite50).give(kAck).expect(kForceOn).give(kAck).expect(write_51).give(kAck);
   const CommandResult result = run(list());
   EXPECT_EQ(result.status, CommandStatus::succeeded);
@@ -725,7 +732,7 @@ TEST_F(OrderRunOfAList, TargetsAreSentInTheirOrder) {
   EXPECT_FALSE(result.one_frame) << "the programming port has no frame for several places";
 }
 
-TEST_F(OrderRunOfAList, StopsAtTheFirstThatDoesNotSucceed) {
+TEST_F(CommandExecutionOfAList, StopsAtTheFirstThatDoesNotSucceed) {
   wire->expect(kWrite50).give(kAck).expect(kForceOn).give(kNak).expect(kForceOn).give(kNak);
   const CommandResult result = run(list());
   EXPECT_EQ(result.status, CommandStatus::partial);
@@ -740,7 +747,7 @@ TEST_F(OrderRunOfAList, StopsAtTheFirstThatDoesNotSucceed) {
   EXPECT_NE(result.targets[2].detail.find("not sent"), std::string::npos);
 }
 
-TEST_F(OrderRunOfAList, UnknownOutcomeStopsItToo) {
+TEST_F(CommandExecutionOfAList, UnknownOutcomeStopsItToo) {
   wire->expect(kWrite50).silence().expect(kEnq).silence();
   const CommandResult result = run(list());
   EXPECT_EQ(result.status, CommandStatus::unknown_outcome);

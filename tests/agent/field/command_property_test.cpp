@@ -13,7 +13,7 @@
 #include <utility>
 #include <vector>
 
-#include "agent/field/order_run.h"
+#include "agent/field/command_execution.h"
 #include "tests/agent/field/fake_port.h"
 #include "tests/agent/field/field_plant.h"
 #include "tests/agent/field/on_io.h"
@@ -52,7 +52,7 @@ struct Scene {
   std::map<int, Fault> faults;  ///< by the number of the exchange
   bool link_opens = true;
   int exchange = 0;
-  Order* order = nullptr;
+  AdmittedCommand* admitted = nullptr;
   bool stopping = false;
   bool over = false;
   std::vector<std::string> ledger;  ///< the writes that the device carried out, as "10C8 3200"
@@ -116,7 +116,7 @@ class LedgerTransport final : public Transport {
                          word(0));
         break;
       case Fault::time_passes:
-        scene_.order->deadline = Clock::now() - milliseconds(1);
+        scene_.admitted->deadline = Clock::now() - milliseconds(1);
         break;
       case Fault::stop:
         scene_.stopping = true;
@@ -154,7 +154,7 @@ class LedgerTransport final : public Transport {
   bool open_ = false;
 };
 
-class SceneSharing final : public LineSharing {
+class SceneSharing final : public BusSharing {
  public:
   explicit SceneSharing(Scene& scene) : scene_(scene) {}
   asio::awaitable<void> give_way(nanoseconds) override {
@@ -183,9 +183,10 @@ class RandomCommands {
           array_of(tag(codec, "a" + std::to_string(i), "D" + std::to_string(200 + 100 * i)), 70)));
     }
     while (orders_.size() < kOrders) {
-      CommandDesk desk(device_);
-      auto verdict = desk.admit(command(), codec, 0, Clock::now());
-      if (auto* order = std::get_if<Order>(&verdict)) orders_.push_back(std::move(*order));
+      CommandAdmission admission(device_);
+      auto decision = admission.admit(command(), codec, 0, Clock::now());
+      if (auto* admitted = std::get_if<AdmittedCommand>(&decision))
+        orders_.push_back(std::move(*admitted));
     }
   }
 
@@ -193,19 +194,19 @@ class RandomCommands {
   void next() {
     scene_ = Scene();
     SceneSharing sharing(scene_);
-    Order order = orders_[static_cast<std::size_t>(between(0, kOrders - 1))];
-    order.deadline = Clock::now() + std::chrono::minutes(1);
-    scene_.order = &order;
-    direct(order);
+    AdmittedCommand admitted = orders_[static_cast<std::size_t>(between(0, kOrders - 1))];
+    admitted.deadline = Clock::now() + std::chrono::minutes(1);
+    scene_.admitted = &admitted;
+    direct(admitted);
     asio::io_context io;
     auto transport = std::make_unique<LedgerTransport>(io.get_executor(), scene_);
-    Line line(io.get_executor(), std::move(transport), nanoseconds(0));
+    Bus line(io.get_executor(), std::move(transport), nanoseconds(0));
     Station station;
     station.codec = device_.codec.get();
-    OrderRun order_run(io.get_executor(), line, station, device_, order, &sharing);
+    CommandExecution order_run(io.get_executor(), line, station, device_, admitted, &sharing);
     const CommandResult result = run_on(io, order_run.run());
     ++counted[result.status];
-    judge(order, result);
+    judge(admitted, result);
   }
 
   std::map<CommandStatus, int> counted;
@@ -252,17 +253,17 @@ class RandomCommands {
   }
 
   /// What happens to this command: mostly one thing, sometimes two, sometimes nothing.
-  void direct(Order& order) {
+  void direct(AdmittedCommand& admitted) {
     const int kinds = static_cast<int>(Fault::count_) - 1;
     for (int i = between(0, 2); i > 0; --i)
       scene_.faults[between(0, 14)] = static_cast<Fault>(between(1, kinds));
     scene_.link_opens = between(0, 49) > 0;
-    if (between(0, 29) == 0) order.deadline = Clock::now() - milliseconds(1);
-    if (between(0, 29) == 0) order.line_time = seconds(3000);
+    if (between(0, 29) == 0) admitted.deadline = Clock::now() - milliseconds(1);
+    if (between(0, 29) == 0) admitted.line_time = seconds(3000);
     if (between(0, 49) == 0) scene_.stopping = true;
   }
 
-  static std::vector<std::string> writes_of(const OrderTarget& target, const Codec& codec) {
+  static std::vector<std::string> writes_of(const AdmittedTarget& target, const Codec& codec) {
     std::vector<std::string> out;
     for (const Request& request : target.requests)
       out.push_back(write_in(codec.encode(request, 0).value_or(Bytes{})));
@@ -272,13 +273,13 @@ class RandomCommands {
     return static_cast<std::uint32_t>((write.size() - 5) / 4);
   }
 
-  void judge(const Order& order, const CommandResult& result) {
+  void judge(const AdmittedCommand& admitted, const CommandResult& result) {
     // The ledger against the order, frame by frame: what was carried out, in which sequence.
     std::size_t at = 0;
     std::uint32_t whole = 0;
     std::string fault;
     std::vector<Progress> carried_out;
-    for (const OrderTarget& target : order.targets) {
+    for (const AdmittedTarget& target : admitted.targets) {
       Progress progress;
       for (const std::string& write : writes_of(target, *device_.codec)) {
         progress.of += words_in(write);
@@ -290,8 +291,8 @@ class RandomCommands {
       carried_out.push_back(progress);
     }
     if (at != scene_.ledger.size()) fault = "a write too many, or out of its order";
-    const auto all = static_cast<std::uint32_t>(order.targets.size());
-    const bool reads = order.command.op == Op::read;
+    const auto all = static_cast<std::uint32_t>(admitted.targets.size());
+    const bool reads = admitted.command.op == Op::read;
     const bool nothing = scene_.ledger.empty();
     const bool mismatch = result.reason == Reason::verify_mismatch;
     switch (result.status) {
@@ -309,10 +310,10 @@ class RandomCommands {
         judge_partial(result, carried_out, whole, fault);
         break;
       case CommandStatus::unknown_outcome:
-        if (result.progress && !order.command.is_list &&
+        if (result.progress && !admitted.command.is_list &&
             result.progress->done > carried_out[0].done)
           fault = "more is said to be done than was";
-        if (result.progress && order.command.is_list && result.progress->done > whole)
+        if (result.progress && admitted.command.is_list && result.progress->done > whole)
           fault = "more targets are said to be done than were";
         break;
       case CommandStatus::duplicate:
@@ -371,12 +372,12 @@ class RandomCommands {
 
   static constexpr int kOrders = 300;  ///< each is carried out often, with other faults
   std::mt19937 random_;
-  std::vector<Order> orders_;
+  std::vector<AdmittedCommand> orders_;
   DeviceConfig device_ = port_device();
   Scene scene_;
 };
 
-TEST(OrderProperty, EveryResultSaysWhatTheDeviceReallyDid) {
+TEST(CommandProperty, EveryResultSaysWhatTheDeviceReallyDid) {
   constexpr int kCommands = effort(20000);
   RandomCommands commands(1);
   for (int i = 0; i < kCommands; ++i) commands.next();

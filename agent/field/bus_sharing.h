@@ -9,9 +9,9 @@
 
 namespace fxagent {
 
-class LineSharing {
+class BusSharing {
  public:
-  virtual ~LineSharing() = default;
+  virtual ~BusSharing() = default;
 
   /// Between two parts of a command that takes long: polls and other commands have their turns.
   /// `used` is the line time of the part that has just ended.

@@ -1,4 +1,4 @@
-#include "agent/field/line.h"
+#include "agent/field/bus.h"
 
 #include <algorithm>
 #include <utility>
@@ -48,11 +48,11 @@ std::string beginning_of(const Bytes& bytes) {
 
 }  // namespace
 
-Line::Line(asio::any_io_executor executor, std::unique_ptr<Transport> transport,
-           nanoseconds char_time)
+Bus::Bus(asio::any_io_executor executor, std::unique_ptr<Transport> transport,
+         nanoseconds char_time)
     : transport_(std::move(transport)), timer_(executor), char_time_(char_time) {}
 
-asio::awaitable<Result<void>> Line::open() {
+asio::awaitable<Result<void>> Bus::open() {
   auto opened = co_await transport_->open(Clock::now() + kOpenTimeout);
   if (!opened) co_return opened;
   ++session_;  // a doubt stays: a serial server hands a late answer to whoever is connected now
@@ -73,16 +73,16 @@ asio::awaitable<Result<void>> Line::open() {
   co_return Result<void>{};
 }
 
-std::string_view Line::why_lost() const {
+std::string_view Bus::why_lost() const {
   return never_silent_ ? kNeverSilent : "the line was lost";
 }
 
-void Line::close_never_silent() {
+void Bus::close_never_silent() {
   transport_->close();
   never_silent_ = true;
 }
 
-asio::awaitable<Exchange> Line::exchange(Station& station, Request request, SteadyTime not_after) {
+asio::awaitable<Exchange> Bus::exchange(Station& station, Request request, SteadyTime not_after) {
   slowest_ = std::max<nanoseconds>(slowest_, station.timeout);
   const Codec& codec = *station.codec;
   Exchange failed;
@@ -90,17 +90,17 @@ asio::awaitable<Exchange> Line::exchange(Station& station, Request request, Stea
   if (!open) co_return failed;
   const bool ready = co_await prepare(station, request, failed);
   if (!ready) {
-    bus_.exchange_was_unclear();
+    bus_doubt_.exchange_was_unclear();
     co_return failed;
   }
-  const std::uint64_t findings = bus_.findings();
-  const bool doubted = bus_.is_doubted();
+  const std::uint64_t findings = bus_doubt_.findings();
+  const bool doubted = bus_doubt_.is_doubted();
   Exchange exchange = co_await send_and_receive(codec, station, std::move(request), not_after);
   co_await judge(codec, findings, doubted, exchange);
   co_return exchange;
 }
 
-bool Line::look(const Codec& codec, Exchange& failed) {
+bool Bus::look(const Codec& codec, Exchange& failed) {
   const auto found = transport_->discard_input();
   std::string why = found ? "" : found.error().text;
   if (found) {
@@ -117,7 +117,7 @@ bool Line::look(const Codec& codec, Exchange& failed) {
   return false;
 }
 
-void Line::note_unexpected(const Codec& codec, ByteView bytes) {
+void Bus::note_unexpected(const Codec& codec, ByteView bytes) {
   if (bytes.empty()) return;
   const auto now = Clock::now();
   last_heard_ = now;
@@ -129,13 +129,13 @@ void Line::note_unexpected(const Codec& codec, ByteView bytes) {
   // An answer that is still owed is expected, and prepare() sees to it. One with a number is told
   // apart by that.
   if (doubt_ != Doubt::none || is_numbered(codec)) return;
-  if (codec.may_pass_for_answer(shown)) bus_.found_foreign(now);
+  if (codec.may_pass_for_answer(shown)) bus_doubt_.found_foreign(now);
 }
 
-asio::awaitable<void> Line::judge(const Codec& codec, std::uint64_t findings, bool doubted,
-                                  Exchange& exchange) {
+asio::awaitable<void> Bus::judge(const Codec& codec, std::uint64_t findings, bool doubted,
+                                 Exchange& exchange) {
   if (!exchange.has_answer()) {
-    if (exchange.sent) bus_.exchange_was_unclear();
+    if (exchange.sent) bus_doubt_.exchange_was_unclear();
     co_return;
   }
   if (codec.is_broadcast() || is_numbered(codec)) {
@@ -143,29 +143,29 @@ asio::awaitable<void> Line::judge(const Codec& codec, std::uint64_t findings, bo
     co_return;
   }
   bool quiet_behind = true;
-  if (doubted && bus_.findings() == findings)
+  if (doubted && bus_doubt_.findings() == findings)
     quiet_behind = co_await drain(codec, quiet_in_doubt());
   const auto make_garbled = [&](std::string why) {
     exchange.outcome = Exchange::Outcome::garbled;
     exchange.error = std::move(why);
     ++counters_.bad_frames;
   };
-  if (bus_.findings() != findings || !quiet_behind) {
-    bus_.exchange_was_unclear();
+  if (bus_doubt_.findings() != findings || !quiet_behind) {
+    bus_doubt_.exchange_was_unclear();
     make_garbled("more than one answer came, or another's: " + last_unexpected_);
   } else if (doubted) {
-    bus_.exchange_was_clean(Clock::now());
+    bus_doubt_.exchange_was_clean(Clock::now());
     exchange.doubted = true;
     if (!exchange.is_data())
       make_garbled("the answer is not believed: foreign bytes were on the line (" +
                    last_unexpected_ + ")");
   }
-  if (!bus_.is_doubted()) never_silent_ = false;
+  if (!bus_doubt_.is_doubted()) never_silent_ = false;
 }
 
-asio::awaitable<bool> Line::prepare(Station& station, const Request& request, Exchange& failed) {
+asio::awaitable<bool> Bus::prepare(Station& station, const Request& request, Exchange& failed) {
   const Codec& codec = *station.codec;
-  const bool bus_doubted = bus_.is_doubted() && !is_numbered(codec);
+  const bool bus_doubted = bus_doubt_.is_doubted() && !is_numbered(codec);
   const bool in_doubt = doubt_ != Doubt::none || bus_doubted;
   const bool may_enquire = station.enquire != EnquirePolicy::never;
   const auto resync = codec.resync();
@@ -175,7 +175,7 @@ asio::awaitable<bool> Line::prepare(Station& station, const Request& request, Ex
     return false;
   };
   if (in_doubt) {
-    station.greeted_in = 0;
+    station.handshake_in = 0;
     const nanoseconds quiet = bus_doubted ? quiet_in_doubt() : quiet_after_silence(station);
     // What was listened to behind the last answer need not be listened to again.
     const bool heard_out = doubt_ == Doubt::none && Clock::now() - last_heard_ >= quiet;
@@ -188,13 +188,13 @@ asio::awaitable<bool> Line::prepare(Station& station, const Request& request, Ex
       co_return false;
     }
   }
-  const bool wanted = station.greeted_in != session_ || station.enquire == EnquirePolicy::always;
+  const bool wanted = station.handshake_in != session_ || station.enquire == EnquirePolicy::always;
   if (resync && may_enquire && wanted) {
     Exchange enquiry =
         co_await send_and_receive(*station.codec, station, *resync, SteadyTime::max());
     const bool answered = enquiry.is_ack() || !station.codec->expects_reply(*resync);
     if (!answered) co_return refuse(std::move(enquiry));
-    station.greeted_in = session_;
+    station.handshake_in = session_;
   }
   // The enquiry's ACK may have been the late one of a write. A read cannot be answered by an ACK,
   // and the device answers in order: once its data is here, nothing older is on the way.
@@ -212,8 +212,8 @@ asio::awaitable<bool> Line::prepare(Station& station, const Request& request, Ex
   co_return true;
 }
 
-asio::awaitable<Exchange> Line::send_and_receive(const Codec& codec, const Station& station,
-                                                 Request request, SteadyTime not_after) {
+asio::awaitable<Exchange> Bus::send_and_receive(const Codec& codec, const Station& station,
+                                                Request request, SteadyTime not_after) {
   Exchange exchange;
   const auto frame = codec.encode(request, ++tag_);
   if (!frame) {
@@ -242,7 +242,7 @@ asio::awaitable<Exchange> Line::send_and_receive(const Codec& codec, const Stati
   const auto trace = [&station](WireFrame::Way way, ByteView bytes) {
     if (station.trace != nullptr) station.trace->add(way, bytes);
   };
-  if (station.trace != nullptr) fault_point("frame_sent");
+  if (station.trace != nullptr) failpoint("frame_sent");
   trace(WireFrame::Way::out, ByteView(*frame).first(std::min(written.sent, frame->size())));
   if (written.error) {
     transport_->close();
@@ -284,7 +284,7 @@ asio::awaitable<Exchange> Line::send_and_receive(const Codec& codec, const Stati
   co_return exchange;
 }
 
-asio::awaitable<void> Line::close_exchange(const Bytes& closing, bool echo, SteadyTime deadline) {
+asio::awaitable<void> Bus::close_exchange(const Bytes& closing, bool echo, SteadyTime deadline) {
   const auto written = co_await transport_->write(closing, deadline);
   last_sent_ = closing;
   if (written.error || !echo) co_return;
@@ -296,8 +296,8 @@ asio::awaitable<void> Line::close_exchange(const Bytes& closing, bool echo, Stea
   }
 }
 
-asio::awaitable<void> Line::receive(const Codec& codec, const Request& request, const Bytes& sent,
-                                    bool echo, SteadyTime deadline, Exchange& exchange) {
+asio::awaitable<void> Bus::receive(const Codec& codec, const Request& request, const Bytes& sent,
+                                   bool echo, SteadyTime deadline, Exchange& exchange) {
   rx_.clear();
   bool echo_due = echo;
   std::uint8_t chunk[kReadChunk];
@@ -342,7 +342,7 @@ asio::awaitable<void> Line::receive(const Codec& codec, const Request& request, 
   }
 }
 
-void Line::note_around_answer(const Codec& codec, const Bytes& sent, const Reply& reply) {
+void Bus::note_around_answer(const Codec& codec, const Bytes& sent, const Reply& reply) {
   Bytes before(rx_.begin(), rx_.begin() + static_cast<std::ptrdiff_t>(reply.began));
   const auto own = std::search(before.begin(), before.end(), sent.begin(), sent.end());
   if (own != before.end()) before.erase(own, own + static_cast<std::ptrdiff_t>(sent.size()));
@@ -354,7 +354,7 @@ void Line::note_around_answer(const Codec& codec, const Bytes& sent, const Reply
   note_unexpected(codec, behind);
 }
 
-void Line::note_doubt(const Codec& codec, const Request& request, const Exchange& exchange) {
+void Bus::note_doubt(const Codec& codec, const Request& request, const Exchange& exchange) {
   Recovery recovery = Recovery::none;
   switch (exchange.outcome) {
     case Exchange::Outcome::answered:
@@ -383,7 +383,7 @@ void Line::note_doubt(const Codec& codec, const Request& request, const Exchange
     doubt_ = Doubt::stale_data;
 }
 
-nanoseconds Line::quiet_after_silence(const Station& station) const {
+nanoseconds Bus::quiet_after_silence(const Station& station) const {
   // Without an enquiry that is answered only silence tells that the late answer is not coming any
   // more: nobody answers the EOT of a computer link.
   const auto resync = station.codec->resync();
@@ -395,12 +395,12 @@ nanoseconds Line::quiet_after_silence(const Station& station) const {
   return std::max(quiet, char_time_ * kQuietCharacters);
 }
 
-nanoseconds Line::quiet_in_doubt() const {
+nanoseconds Bus::quiet_in_doubt() const {
   return std::clamp<nanoseconds>(std::max(slowest_, char_time_ * kQuietCharacters),
                                  kQuietBeforeResync, kLongestQuiet);
 }
 
-asio::awaitable<bool> Line::drain(const Codec& codec, nanoseconds quiet) {
+asio::awaitable<bool> Bus::drain(const Codec& codec, nanoseconds quiet) {
   const auto give_up = Clock::now() + kLongestDrain + quiet;
   std::uint8_t waste[kReadChunk];
   Bytes heard;
@@ -426,7 +426,7 @@ asio::awaitable<bool> Line::drain(const Codec& codec, nanoseconds quiet) {
   co_return open;
 }
 
-asio::awaitable<void> Line::keep_gap(const Codec& codec, milliseconds gap) {
+asio::awaitable<void> Bus::keep_gap(const Codec& codec, milliseconds gap) {
   const nanoseconds quiet = std::max<nanoseconds>(gap, codec.quiet_before(char_time_));
   auto earliest = not_before_;
   if (quiet.count() > 0) earliest = std::max(earliest, last_activity_ + quiet);

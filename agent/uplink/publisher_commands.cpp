@@ -19,8 +19,8 @@ using std::chrono::seconds;
 constexpr std::size_t kPayloadKept = 65536;  // no command is longer
 constexpr std::size_t kCommandsAStep = 32;   // samples and results go out in between
 // What has come and has no verdict yet. Above it messages stay in the network.
-constexpr std::size_t kMostUnjudged = 256;
-constexpr std::size_t kMostUnjudgedBytes = std::size_t{4} << 20;
+constexpr std::size_t kMostUndecided = 256;
+constexpr std::size_t kMostUndecidedBytes = std::size_t{4} << 20;
 // What has a result that the broker does not have yet.
 constexpr std::size_t kMostResults = 200;
 constexpr std::size_t kMostResultBytes = std::size_t{8} << 20;
@@ -38,7 +38,7 @@ constexpr std::uint64_t kFarAheadBytes = std::uint64_t{8} << 20;  // ten of the 
 /// broker can send; where there is no room for it, it is lost, as MQTT allows. With QoS 1 the
 /// broker waits.
 void Publisher::note_incoming(const Message& event, std::uint32_t device) {
-  const bool full = incoming_.size() >= kMostUnjudged || incoming_bytes_ >= kMostUnjudgedBytes ||
+  const bool full = incoming_.size() >= kMostUndecided || incoming_bytes_ >= kMostUndecidedBytes ||
                     results_.size() >= kMostResults || result_bytes_ >= kMostResultBytes;
   if (event.qos == 0 && full) {
     ++unasked_dropped_;
@@ -64,8 +64,8 @@ void Publisher::submit(Command command, std::size_t payload_bytes) {
   submit_(std::move(command));
 }
 
-void Publisher::take_judged() {
-  for (const std::uint64_t judged = outbox_.judged(); judged_ < judged; ++judged_) {
+void Publisher::take_decided() {
+  for (const std::uint64_t decided = outbox_.decided(); decided_ < decided; ++decided_) {
     if (submitted_.empty()) continue;
     submitted_bytes_ -= submitted_.front();
     submitted_.pop_front();
@@ -83,14 +83,14 @@ void Publisher::hold_messages(SteadyTime now) {
                  "broker waits"}});
     drop_logged_at_ = now;
   }
-  const bool unjudged = incoming_.size() + submitted_.size() >= kMostUnjudged ||
-                        incoming_bytes_ + submitted_bytes_ >= kMostUnjudgedBytes;
+  const bool undecided = incoming_.size() + submitted_.size() >= kMostUndecided ||
+                         incoming_bytes_ + submitted_bytes_ >= kMostUndecidedBytes;
   const bool unanswered = results_.size() >= kMostResults || result_bytes_ >= kMostResultBytes;
-  holding_ = link_ == Link::connected && phase_ == Phase::running && (unjudged || unanswered);
+  holding_ = link_ == Link::connected && phase_ == Phase::running && (undecided || unanswered);
   if (holding_ && result_bytes_ >= settings_.result_bytes && !paused_) stop_listening(now);
   // A SUBACK or PUBACKs.
-  const bool answers_are_due = suback_by_ || (!unjudged && !flights_.empty());
-  awaits_verdicts_ = holding_ && unjudged;
+  const bool answers_are_due = suback_by_ || (!undecided && !flights_.empty());
+  awaits_decisions_ = holding_ && undecided;
   lets_in_ = holding_ && answers_are_due;
   if (!lets_in_) return broker_.hold_messages(holding_);
   if (now < let_in_at_) return;
@@ -131,14 +131,14 @@ void Publisher::take_command(const Message& event, std::uint32_t device) {
   command.message_expiry = event.message_expiry;
   command.response_topic = event.response_topic;
   command.correlation = event.correlation;
-  if (store_ != nullptr) command.arrival = note_arrival(event, command);
-  fault_point("command_received");
+  if (store_ != nullptr) command.number = note_receipt(event, command);
+  failpoint("command_received");
   if (phase_ == Phase::running) return submit(std::move(command), event.payload.size());
 
   // The field answers no more.
   CommandResult result;
   result.device = device;
-  result.arrival = command.arrival;
+  result.number = command.number;
   result.id = std::move(command.id);
   result.reason = Reason::shutting_down;
   result.op = std::move(command.op_text);
@@ -152,27 +152,27 @@ void Publisher::take_command(const Message& event, std::uint32_t device) {
   if (known) {
     result.status = CommandStatus::duplicate;
     result.reason = Reason::duplicate_id;
-    if (!known->result.empty()) result.first_arrival = known->arrival;
+    if (!known->result.empty()) result.first_number = known->number;
   }
   take_result(std::move(result));
 }
 
 /// For the audit, and for the journal where the command is admitted.
-std::uint64_t Publisher::note_arrival(const Message& event, const Command& command) {
-  audit::Arrival arrival;
-  arrival.number = store_->next_arrival();
-  arrival.device = config_.devices.at(command.device).name;
-  arrival.topic = event.topic;
-  arrival.payload = event.payload.substr(0, kPayloadKept);
-  arrival.payload_bytes = event.payload.size();
-  arrival.by = command.by;
-  arrival.retained = command.retained;
-  arrival.received_ms = command.received_ms;
-  return arrivals_.emplace(arrival.number, std::move(arrival)).first->first;
+std::uint64_t Publisher::note_receipt(const Message& event, const Command& command) {
+  audit::Receipt number;
+  number.number = store_->next_command_number();
+  number.device = config_.devices.at(command.device).name;
+  number.topic = event.topic;
+  number.payload = event.payload.substr(0, kPayloadKept);
+  number.payload_bytes = event.payload.size();
+  number.by = command.by;
+  number.retained = command.retained;
+  number.received_ms = command.received_ms;
+  return receipts_.emplace(number.number, std::move(number)).first->first;
 }
 
 void Publisher::delivered(const ResultFlight& flight, SteadyTime) {
-  fault_point("result_acknowledged");
+  failpoint("result_acknowledged");
   result_copy_done(flight.result, flight.copy, Ended::acknowledged);
 }
 
@@ -193,10 +193,10 @@ void Publisher::failed(const ResultFlight& flight, const DeliveryFailed& event, 
   refused_results_.insert(flight.result);
 }
 
-void Publisher::take_orders(std::vector<OrderNote> orders) {
+void Publisher::take_admitted(std::vector<AdmissionNote> orders) {
   if (orders.empty()) return;
   std::vector<JournalEntry> entries;
-  for (OrderNote& order : orders) {
+  for (AdmissionNote& order : orders) {
     JournalEntry entry;
     entry.device = config_.devices.at(order.device).name;
     entry.id = order.id;
@@ -205,18 +205,18 @@ void Publisher::take_orders(std::vector<OrderNote> orders) {
     entry.op = std::move(order.op);
     entry.response_topic = std::move(order.response_topic);
     entry.correlation = std::move(order.correlation);
-    entry.arrival = order.arrival;
-    if (auto arrival = arrivals_.extract(order.arrival)) {
-      entry.audit = audit::ordered(arrival.mapped(), entry.id, entry.op, utc_ms_());
-      entry.payload = std::move(arrival.mapped().payload);
+    entry.number = order.number;
+    if (auto number = receipts_.extract(order.number)) {
+      entry.audit = audit::ordered(number.mapped(), entry.id, entry.op, utc_ms_());
+      entry.payload = std::move(number.mapped().payload);
     }
     entries.push_back(std::move(entry));
   }
-  fault_point("order_admitted");
+  failpoint("order_admitted");
   // A disk that refuses does not stop the plant: its state says what is missing.
   if (store_ != nullptr) store_->journal(entries);
-  fault_point("order_journaled");
-  for (OrderNote& order : orders) go_ahead_(order.device, std::move(order.id));
+  failpoint("order_journaled");
+  for (AdmissionNote& order : orders) go_ahead_(order.device, std::move(order.id));
 }
 
 /// Whether the journal knows the id, and with it the result, from now on.
@@ -239,7 +239,7 @@ bool Publisher::note_result(const CommandResult& result) {
   entry.op = result.op;
   entry.response_topic = result.response_topic;
   entry.correlation = result.correlation;
-  entry.arrival = result.arrival;
+  entry.number = result.number;
   entry.refused =
       result.status == CommandStatus::rejected || result.status == CommandStatus::expired;
   to_record_.push_back(std::move(entry));
@@ -249,24 +249,24 @@ bool Publisher::note_result(const CommandResult& result) {
 void Publisher::record_results() {
   if (to_record_.empty()) return;
   store_->record(std::exchange(to_record_, {}));
-  fault_point("result_recorded");
+  failpoint("result_recorded");
 }
 
 /// `text`: the result as JSON.
 std::string Publisher::audit_of(const CommandResult& result, const std::string& text) {
-  if (result.arrival == 0) return {};
-  if (const auto arrival = arrivals_.extract(result.arrival))
-    return audit::answered(arrival.mapped(), text, utc_ms_());
-  return audit::result(result.arrival, config_.devices.at(result.device).name, text, result.frames,
+  if (result.number == 0) return {};
+  if (const auto number = receipts_.extract(result.number))
+    return audit::answered(number.mapped(), text, utc_ms_());
+  return audit::result(result.number, config_.devices.at(result.device).name, text, result.frames,
                        utc_ms_());
 }
 
 /// The first result of a DUPLICATE is in the journal, unless that was lost or set aside.
 void Publisher::find_first(CommandResult& result) {
-  if (!result.first_arrival || result.first || store_ == nullptr) return;
+  if (!result.first_number || result.first || store_ == nullptr) return;
   record_results();
   const auto known = store_->find(config_.devices.at(result.device).name, result.id);
-  if (!known || known->result.empty() || known->arrival != result.first_arrival) {
+  if (!known || known->result.empty() || known->number != result.first_number) {
     result.detail = "the first result is not in the journal any more; the order is not repeated";
     return;
   }
@@ -294,7 +294,7 @@ void Publisher::take_result(CommandResult result) {
       result.response_topic = {};
     }
   }
-  fault_point("result_taken");
+  failpoint("result_taken");
   pending.journaled = note_result(result);
   result.response_topic = {};  // the copy has it
   pending.bytes = sizeof(pending) + memory_of(result) + pending.copies.back().topic.size();
@@ -327,7 +327,7 @@ void Publisher::pump_results(SteadyTime now) {
       send(ResultFlight{key, i, holding_ ? std::optional(heard_) : std::nullopt},
            std::move(publication));
       ++results_on_their_way;
-      fault_point("result_published");
+      failpoint("result_published");
     }
   }
 }
@@ -342,10 +342,9 @@ void Publisher::result_copy_done(std::uint64_t result, std::size_t copy, Ended h
     return;
   const CommandResult& told = found->second.result;
   const std::string& device = config_.devices.at(told.device).name;
-  if (store_ != nullptr && told.arrival != 0)
-    store_->note(
-        audit::told(told.arrival, device, told.id, copies.front().acknowledged, utc_ms_()));
-  if (found->second.journaled) store_->told(device, told.id, told.arrival);
+  if (store_ != nullptr && told.number != 0)
+    store_->note(audit::told(told.number, device, told.id, copies.front().acknowledged, utc_ms_()));
+  if (found->second.journaled) store_->acknowledge(device, told.id, told.number);
   result_bytes_ -= found->second.bytes;
   refused_results_.erase(found->first);
   results_.erase(found);

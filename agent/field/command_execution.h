@@ -9,18 +9,19 @@
 
 #include "agent/commands/admission.h"
 #include "agent/config/config.h"
-#include "agent/field/line.h"
-#include "agent/field/line_sharing.h"
+#include "agent/field/bus.h"
+#include "agent/field/bus_sharing.h"
 #include "agent/messages.h"
 #include "protocol/plan.h"
 
 namespace fxagent {
 
-class OrderRun final {
+class CommandExecution final {
  public:
   /// All arguments outlive run(). `sharing` null: nobody shares the line, nobody stops the command.
-  OrderRun(asio::any_io_executor executor, Line& line, Station& station, const DeviceConfig& device,
-           const Order& order, LineSharing* sharing = nullptr);
+  CommandExecution(asio::any_io_executor executor, Bus& line, Station& station,
+                   const DeviceConfig& device, const AdmittedCommand& admitted,
+                   BusSharing* sharing = nullptr);
 
   /// The result, complete but for its bound. Opens the line once where it is closed.
   asio::awaitable<CommandResult> run();
@@ -34,14 +35,15 @@ class OrderRun final {
 
   /// Line time of all exchanges of `order` when each ends well.
   static std::chrono::nanoseconds line_time(const Codec& codec, const DeviceConfig& device,
-                                            std::chrono::nanoseconds char_time, const Order& order);
+                                            std::chrono::nanoseconds char_time,
+                                            const AdmittedCommand& admitted);
   /// Notes in `order` what its targets and, where the speed of the line is known, its own exchanges
   /// take.
   static void set_line_times(const Codec& codec, const DeviceConfig& device,
-                             std::chrono::nanoseconds char_time, Order& order);
+                             std::chrono::nanoseconds char_time, AdmittedCommand& admitted);
   /// Whether others have their turns in the midst of it: between the targets of a list, and between
   /// the exchanges of an array that takes longer than 2 s.
-  static bool gives_way(const Order& order);
+  static bool gives_way(const AdmittedCommand& admitted);
 
  private:
   struct ReadBack {
@@ -56,34 +58,36 @@ class OrderRun final {
   asio::awaitable<bool> go_on(bool share);
 
   asio::awaitable<Exchange> ask(Request request, SteadyTime not_after);
-  asio::awaitable<ReadBack> read_point(const OrderTarget& target, SteadyTime not_after);
+  asio::awaitable<ReadBack> read_point(const AdmittedTarget& target, SteadyTime not_after);
   asio::awaitable<void> run_targets();
   void conclude_target(TargetResult out);
-  asio::awaitable<void> read_target(const OrderTarget& target, TargetResult& out);
-  asio::awaitable<void> write_target(const OrderTarget& target, TargetResult& out);
-  asio::awaitable<bool> check_expected(const OrderTarget& target, TargetResult& out);
+  asio::awaitable<void> read_target(const AdmittedTarget& target, TargetResult& out);
+  asio::awaitable<void> write_target(const AdmittedTarget& target, TargetResult& out);
+  asio::awaitable<bool> check_expected(const AdmittedTarget& target, TargetResult& out);
   /// Sends `request`, and before it the read that it needs; that read's failure is the order's.
   enum class Try : std::uint8_t { first, second };
   asio::awaitable<Exchange> send(Request request, Try which);
   /// Sends `request`, and a second time only where the first surely had no effect.
   asio::awaitable<Exchange> send_once_or_twice(Request request, bool may_repeat);
   /// Whether `target` shares a place with another of the order: then their sequence matters.
-  bool meets_another(const OrderTarget& target) const;
+  bool meets_another(const AdmittedTarget& target) const;
   /// All targets in one frame, where the protocol has one for them. False: it has not.
   asio::awaitable<bool> write_together();
   /// `frames` of the target's requests were carried out and the rest surely was not.
-  asio::awaitable<void> end_early(const OrderTarget& target, std::size_t frames, TargetResult& out);
+  asio::awaitable<void> end_early(const AdmittedTarget& target, std::size_t frames,
+                                  TargetResult& out);
   /// How an order ended that surely had no effect: refused, never sent, or too late.
   void set_without_effect(TargetResult& out, const Exchange& exchange) const;
   /// What an order's last exchange means for one target; then its verification.
-  asio::awaitable<void> conclude(const OrderTarget& target, Exchange exchange, TargetResult& out);
+  asio::awaitable<void> conclude(const AdmittedTarget& target, Exchange exchange,
+                                 TargetResult& out);
   bool surely_without_effect(const Request& request, const Exchange& exchange) const;
-  asio::awaitable<void> verify(const OrderTarget& target, TargetResult& out);
+  asio::awaitable<void> verify(const AdmittedTarget& target, TargetResult& out);
   /// Reads what the order was to write: the same value counts as carried out.
-  asio::awaitable<void> read_outcome(const OrderTarget& target, std::string succeeded,
+  asio::awaitable<void> read_outcome(const AdmittedTarget& target, std::string succeeded,
                                      TargetResult& out);
-  asio::awaitable<void> settle_left_behind();
-  asio::awaitable<void> settle_unknown(const OrderTarget& target, const Exchange& lost,
+  asio::awaitable<void> settle_interrupted();
+  asio::awaitable<void> settle_unknown(const AdmittedTarget& target, const Exchange& lost,
                                        TargetResult& out);
   asio::awaitable<void> run_or_stop();
   asio::awaitable<std::optional<bool>> await_run_state(bool wanted);
@@ -91,11 +95,11 @@ class OrderRun final {
   void summarise();
 
   asio::steady_timer timer_;
-  Line& line_;
+  Bus& bus_;
   Station& station_;
   const DeviceConfig& device_;
-  const Order& order_;
-  LineSharing* const sharing_;
+  const AdmittedCommand& order_;
+  BusSharing* const sharing_;
   CommandResult result_;
   std::optional<SteadyTime> first_byte_;
   std::optional<SteadyTime> part_began_;  ///< first byte since the line was given to others

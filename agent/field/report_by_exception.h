@@ -17,10 +17,10 @@ namespace fxagent {
 /// What a cycle brought for one tag.
 using TagOutcome = std::variant<Value, BadReason>;
 
-class GroupReport final {
+class ReportByException final {
  public:
   /// `device` outlives the report.
-  GroupReport(const DeviceConfig& device, std::uint32_t group);
+  ReportByException(const DeviceConfig& device, std::uint32_t group);
 
   /// Indices of the group's tags in DeviceConfig::tags, in order. Outcomes are given in this order.
   const std::vector<std::uint32_t>& tags() const { return tags_; }

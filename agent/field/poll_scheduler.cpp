@@ -1,4 +1,4 @@
-#include "agent/field/agenda.h"
+#include "agent/field/poll_scheduler.h"
 
 #include <algorithm>
 
@@ -16,7 +16,7 @@ std::chrono::nanoseconds period(std::chrono::nanoseconds interval) {
 
 }  // namespace
 
-Agenda::DeviceId Agenda::add_device(int unanswered_limit, BackOff back_off) {
+PollScheduler::DeviceId PollScheduler::add_device(int unanswered_limit, BackOff back_off) {
   Device device;
   device.unanswered_limit = unanswered_limit;
   device.back_off = back_off;
@@ -24,9 +24,9 @@ Agenda::DeviceId Agenda::add_device(int unanswered_limit, BackOff back_off) {
   return static_cast<DeviceId>(devices_.size() - 1);
 }
 
-Agenda::GroupId Agenda::add_group(DeviceId device, std::chrono::milliseconds interval,
-                                  std::uint32_t exchanges, SteadyTime first_due,
-                                  std::chrono::milliseconds within) {
+PollScheduler::GroupId PollScheduler::add_group(DeviceId device, std::chrono::milliseconds interval,
+                                                std::uint32_t exchanges, SteadyTime first_due,
+                                                std::chrono::milliseconds within) {
   Group group;
   group.device = device;
   group.interval = interval;
@@ -37,13 +37,13 @@ Agenda::GroupId Agenda::add_group(DeviceId device, std::chrono::milliseconds int
   return static_cast<GroupId>(groups_.size() - 1);
 }
 
-void Agenda::set_exchanges(GroupId id, std::uint32_t exchanges) {
+void PollScheduler::set_exchanges(GroupId id, std::uint32_t exchanges) {
   Group& group = groups_[id];
   group.exchanges = std::max<std::uint32_t>(exchanges, 1);
   group.exchange = 0;
 }
 
-Agenda::Group* Agenda::most_urgent(SteadyTime now) {
+PollScheduler::Group* PollScheduler::most_urgent(SteadyTime now) {
   Group* best = nullptr;
   SteadyTime best_deadline{};
   for (Group& group : groups_) {
@@ -57,7 +57,7 @@ Agenda::Group* Agenda::most_urgent(SteadyTime now) {
   return best;
 }
 
-Agenda::PollStep Agenda::begin_or_continue(Group& group, SteadyTime now) {
+PollScheduler::PollStep PollScheduler::begin_or_continue(Group& group, SteadyTime now) {
   PollStep step;
   step.group = static_cast<GroupId>(&group - groups_.data());
   if (!group.running) {
@@ -71,20 +71,20 @@ Agenda::PollStep Agenda::begin_or_continue(Group& group, SteadyTime now) {
     ++counters.polls;
     if (group.interval.count() > 0) {
       const double stretch = std::max(1.0, load());
-      const std::chrono::nanoseconds beat(
+      const std::chrono::nanoseconds interval(
           static_cast<std::int64_t>(static_cast<double>(group.interval.count()) * stretch));
       // Whole beats that have passed are given up. A stretched beat has no place to keep: there the
       // next one follows at once, or the line would stand idle for the rest of it.
-      const SteadyTime this_beat =
-          stretch > 1.0 ? std::max(group.due, now - beat) : group.due + step.late / beat * beat;
-      const auto passed = static_cast<double>((this_beat - group.due).count()) +
-                          static_cast<double>((beat - group.interval).count());
-      group.beats_owed += passed / static_cast<double>(group.interval.count());
-      const auto missed = static_cast<std::uint64_t>(group.beats_owed);
-      group.beats_owed -= static_cast<double>(missed);
+      const SteadyTime this_due = stretch > 1.0 ? std::max(group.due, now - interval)
+                                                : group.due + step.late / interval * interval;
+      const auto passed = static_cast<double>((this_due - group.due).count()) +
+                          static_cast<double>((interval - group.interval).count());
+      group.polls_owed += passed / static_cast<double>(group.interval.count());
+      const auto missed = static_cast<std::uint64_t>(group.polls_owed);
+      group.polls_owed -= static_cast<double>(missed);
       counters.missed += missed;
-      group.deadline = this_beat + std::min(group.within, beat);
-      group.due = this_beat + beat;
+      group.deadline = this_due + std::min(group.within, interval);
+      group.due = this_due + interval;
     } else {
       group.deadline = now + kPeriodOfFreeRunning;
       group.due = now;
@@ -94,7 +94,7 @@ Agenda::PollStep Agenda::begin_or_continue(Group& group, SteadyTime now) {
   return step;
 }
 
-SteadyTime Agenda::next_wake() const {
+SteadyTime PollScheduler::next_wake() const {
   auto wake = SteadyTime::max();
   for (const Group& group : groups_)
     wake = std::min(wake, std::max(group.running ? group.not_before : group.due,
@@ -102,7 +102,7 @@ SteadyTime Agenda::next_wake() const {
   return wake;
 }
 
-Agenda::Job Agenda::next(SteadyTime now) {
+PollScheduler::Job PollScheduler::next(SteadyTime now) {
   Job job;
   Group* group = most_urgent(now);
   if (commands_ == 0) owed_to_polls_ = {};
@@ -118,7 +118,7 @@ Agenda::Job Agenda::next(SteadyTime now) {
   return job;
 }
 
-bool Agenda::step_done(const PollStep& step) {
+bool PollScheduler::step_done(const PollStep& step) {
   Group& group = groups_[step.group];
   if (!group.running) return true;
   group.exchange = step.exchange + 1;
@@ -131,31 +131,31 @@ bool Agenda::step_done(const PollStep& step) {
   return true;
 }
 
-void Agenda::postpone(const PollStep& step, SteadyTime not_before) {
+void PollScheduler::postpone(const PollStep& step, SteadyTime not_before) {
   groups_[step.group].not_before = not_before;
 }
 
-void Agenda::abandon_cycle(GroupId id, SteadyTime not_before) {
+void PollScheduler::abandon_cycle(GroupId id, SteadyTime not_before) {
   Group& group = groups_[id];
   group.running = false;
   if (group.interval.count() == 0) group.due = std::max(group.due, not_before);
 }
 
-void Agenda::command_used(std::chrono::nanoseconds line_time, SteadyTime now) {
+void PollScheduler::command_used(std::chrono::nanoseconds line_time, SteadyTime now) {
   if (commands_ == 0 || most_urgent(now) == nullptr) return;
   const double factor = poll_share_ / (1.0 - poll_share_);
   owed_to_polls_ += std::chrono::nanoseconds(
       static_cast<std::int64_t>(static_cast<double>(line_time.count()) * factor));
 }
 
-void Agenda::poll_used(std::chrono::nanoseconds line_time) { owed_to_polls_ -= line_time; }
+void PollScheduler::poll_used(std::chrono::nanoseconds line_time) { owed_to_polls_ -= line_time; }
 
-void Agenda::step_used(const PollStep& step, std::chrono::nanoseconds line_time) {
+void PollScheduler::step_used(const PollStep& step, std::chrono::nanoseconds line_time) {
   poll_used(line_time);
   groups_[step.group].used += line_time;
 }
 
-double Agenda::load() const {
+double PollScheduler::load() const {
   double load = 0;
   for (const Group& group : groups_)
     if (group.interval.count() > 0 && !devices_[group.device].silent)
@@ -164,8 +164,8 @@ double Agenda::load() const {
   return load;
 }
 
-std::chrono::nanoseconds Agenda::polls_between(std::chrono::nanoseconds line_time,
-                                               std::chrono::nanoseconds longest_poll) const {
+std::chrono::nanoseconds PollScheduler::polls_between(std::chrono::nanoseconds line_time,
+                                                      std::chrono::nanoseconds longest_poll) const {
   const auto owed_already = std::max(owed_to_polls_, std::chrono::nanoseconds(0));
   if (line_time.count() <= 0 && owed_already.count() == 0) return {};
   const double factor = poll_share_ / (1.0 - poll_share_);
@@ -174,19 +174,20 @@ std::chrono::nanoseconds Agenda::polls_between(std::chrono::nanoseconds line_tim
   return owed_already + std::chrono::nanoseconds(static_cast<std::int64_t>(owed)) + longest_poll;
 }
 
-std::chrono::nanoseconds Agenda::bound(std::chrono::nanoseconds own, std::chrono::nanoseconds ahead,
-                                       std::chrono::nanoseconds longest_poll) const {
+std::chrono::nanoseconds PollScheduler::bound(std::chrono::nanoseconds own,
+                                              std::chrono::nanoseconds ahead,
+                                              std::chrono::nanoseconds longest_poll) const {
   return longest_poll + ahead + polls_between(ahead, longest_poll) + own;
 }
 
-std::chrono::nanoseconds Agenda::bound_giving_way(std::chrono::nanoseconds own,
-                                                  std::chrono::nanoseconds ahead,
-                                                  std::chrono::nanoseconds longest_poll) const {
+std::chrono::nanoseconds PollScheduler::bound_giving_way(
+    std::chrono::nanoseconds own, std::chrono::nanoseconds ahead,
+    std::chrono::nanoseconds longest_poll) const {
   const auto commands = ahead + 2 * own;
   return longest_poll + commands + polls_between(commands, longest_poll);
 }
 
-void Agenda::device_answered(DeviceId id) {
+void PollScheduler::device_answered(DeviceId id) {
   Device& device = devices_[id];
   device.unanswered = 0;
   device.silent = false;
@@ -194,7 +195,7 @@ void Agenda::device_answered(DeviceId id) {
   device.rests_until = {};
 }
 
-bool Agenda::device_unanswered(DeviceId id, SteadyTime now) {
+bool PollScheduler::device_unanswered(DeviceId id, SteadyTime now) {
   Device& device = devices_[id];
   ++device.unanswered;
   if (device.unanswered < device.unanswered_limit) return false;

@@ -1,4 +1,4 @@
-#include "agent/field/openings.h"
+#include "agent/field/reconnect_policy.h"
 
 #include <gtest/gtest.h>
 
@@ -25,50 +25,50 @@ std::size_t most_within(std::vector<nanoseconds> times, nanoseconds window) {
   return most;
 }
 
-TEST(Openings, PausesDoubleToTheirCapAndASuccessEndsThem) {
-  Openings openings(kRules, 1);
+TEST(ReconnectPolicy, PausesDoubleToTheirCapAndASuccessEndsThem) {
+  ReconnectPolicy reconnect_policy(kRules, 1);
   for (int round = 0; round < 2; ++round) {
     for (const int plain : {500, 1000, 2000, 4000, 8000, 16000, 30000, 30000}) {
-      const nanoseconds pause = openings.after_failure();
+      const nanoseconds pause = reconnect_policy.after_failure();
       EXPECT_GE(pause, milliseconds(plain * 8 / 10));
       EXPECT_LE(pause, milliseconds(plain * 12 / 10));
     }
-    openings.opened();
+    reconnect_policy.opened();
   }
 }
 
-TEST(Openings, AThousandLinksThatFailTogetherDoNotComeBackTogether) {
+TEST(ReconnectPolicy, AThousandLinksThatFailTogetherDoNotComeBackTogether) {
   std::vector<nanoseconds> times;
   for (std::uint32_t link = 0; link < kLinks; ++link)
-    times.push_back(Openings(kRules, link).after_failure());
+    times.push_back(ReconnectPolicy(kRules, link).after_failure());
   // 400 to 600 ms: 50 links in 10 ms on average.
   EXPECT_LT(most_within(times, milliseconds(10)), 90U);
 }
 
-TEST(Openings, AThousandLinksThatAreLostTogetherDoNotComeBackTogether) {
+TEST(ReconnectPolicy, AThousandLinksThatAreLostTogetherDoNotComeBackTogether) {
   std::vector<nanoseconds> times;
   for (std::uint32_t link = 0; link < kLinks; ++link)
-    times.push_back(Openings(kRules, link).after_loss());
+    times.push_back(ReconnectPolicy(kRules, link).after_loss());
   EXPECT_LE(*std::max_element(times.begin(), times.end()), milliseconds(200));
   EXPECT_LT(most_within(times, milliseconds(10)), 90U);
 }
 
-TEST(Openings, SerialPortIsTriedAgainAtOnce) {
-  Openings openings(OpeningRules{}, 1);
-  EXPECT_EQ(openings.after_loss(), nanoseconds(0));
+TEST(ReconnectPolicy, SerialPortIsTriedAgainAtOnce) {
+  ReconnectPolicy reconnect_policy(OpeningRules{}, 1);
+  EXPECT_EQ(reconnect_policy.after_loss(), nanoseconds(0));
 }
 
-TEST(Openings, LinkThatIsAloneBeginsAtOnce) {
-  const LinkStart start = Openings(kRules, 1).start(1, milliseconds(1000));
+TEST(ReconnectPolicy, LinkThatIsAloneBeginsAtOnce) {
+  const LinkStart start = ReconnectPolicy(kRules, 1).start(1, milliseconds(1000));
   EXPECT_EQ(start.open_after, nanoseconds(0));
   EXPECT_EQ(start.poll_after, nanoseconds(0));
 }
 
-TEST(Openings, StartsAreSpreadOverThePeriodAndNoLinkIsPolledBeforeItOpens) {
+TEST(ReconnectPolicy, StartsAreSpreadOverThePeriodAndNoLinkIsPolledBeforeItOpens) {
   std::vector<nanoseconds> polls;
   std::vector<nanoseconds> opens;
   for (std::uint32_t link = 0; link < kLinks; ++link) {
-    const LinkStart start = Openings(kRules, link).start(kLinks, milliseconds(500));
+    const LinkStart start = ReconnectPolicy(kRules, link).start(kLinks, milliseconds(500));
     EXPECT_GE(start.poll_after, start.open_after);
     EXPECT_LE(start.poll_after, milliseconds(500));
     polls.push_back(start.poll_after);

@@ -1,4 +1,4 @@
-#include "agent/field/openings.h"
+#include "agent/field/reconnect_policy.h"
 
 #include <algorithm>
 
@@ -18,26 +18,26 @@ nanoseconds part(nanoseconds whole, double share) {
 
 }  // namespace
 
-Openings::Openings(OpeningRules rules, std::uint64_t seed) : rules_(rules) {
+ReconnectPolicy::ReconnectPolicy(OpeningRules rules, std::uint64_t seed) : rules_(rules) {
   // By itself the generator begins near its seed.
   std::seed_seq mixed{seed & 0xFFFFFFFFU, seed >> 32};
   jitter_.seed(mixed);
 }
 
-LinkStart Openings::start(std::size_t links, milliseconds period) {
+LinkStart ReconnectPolicy::start(std::size_t links, milliseconds period) {
   // A link that is alone begins at once.
   const auto others = static_cast<std::int64_t>(links > 0 ? links - 1 : 0);
   const nanoseconds polls = std::min<nanoseconds>(kPollsOfOneLink * others, period);
-  const nanoseconds openings = std::min<nanoseconds>(kOpeningOfOneLink * others, polls);
+  const nanoseconds reconnect_policy = std::min<nanoseconds>(kOpeningOfOneLink * others, polls);
   const double place = std::uniform_real_distribution<double>(0.0, 1.0)(jitter_);
-  return {part(openings, place), part(polls, place)};
+  return {part(reconnect_policy, place), part(polls, place)};
 }
 
-nanoseconds Openings::after_loss() {
+nanoseconds ReconnectPolicy::after_loss() {
   return part(rules_.after_loss, std::uniform_real_distribution<double>(0.0, 1.0)(jitter_));
 }
 
-nanoseconds Openings::after_failure() {
+nanoseconds ReconnectPolicy::after_failure() {
   delay_ = std::clamp(delay_ * 2, rules_.first, rules_.cap);
   return part(delay_,
               std::uniform_real_distribution<double>(1.0 - kJitter, 1.0 + kJitter)(jitter_));

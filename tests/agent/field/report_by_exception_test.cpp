@@ -1,4 +1,4 @@
-#include "agent/field/group_report.h"
+#include "agent/field/report_by_exception.h"
 
 #include <gtest/gtest.h>
 
@@ -44,15 +44,15 @@ std::vector<TagOutcome> good(double temp, bool running = true,
 }
 std::vector<TagOutcome> all(BadReason why) { return {why, why, why}; }
 
-TEST(GroupReport, KnowsTheTagsOfItsGroupInTheirOrder) {
+TEST(ReportByException, KnowsTheTagsOfItsGroupInTheirOrder) {
   const DeviceConfig device = press();
-  EXPECT_EQ(GroupReport(device, 0).tags(), (std::vector<std::uint32_t>{0, 2, 3}));
-  EXPECT_EQ(GroupReport(device, 1).tags(), (std::vector<std::uint32_t>{1}));
+  EXPECT_EQ(ReportByException(device, 0).tags(), (std::vector<std::uint32_t>{0, 2, 3}));
+  EXPECT_EQ(ReportByException(device, 1).tags(), (std::vector<std::uint32_t>{1}));
 }
 
-TEST(GroupReport, PublishAlwaysSaysEveryCycle) {
+TEST(ReportByException, PublishAlwaysSaysEveryCycle) {
   const DeviceConfig device = press();
-  GroupReport report(device, 0);
+  ReportByException report(device, 0);
   for (int i = 0; i < 3; ++i) {
     const auto readings = report.cycle(good(23.4), 1000 + i, kStart);
     ASSERT_TRUE(readings) << i;
@@ -64,9 +64,9 @@ TEST(GroupReport, PublishAlwaysSaysEveryCycle) {
   }
 }
 
-TEST(GroupReport, OnChangeSaysTheFirstCycleAndThenOnlyChanges) {
+TEST(ReportByException, OnChangeSaysTheFirstCycleAndThenOnlyChanges) {
   const DeviceConfig device = press_on_change();
-  GroupReport report(device, 0);
+  ReportByException report(device, 0);
   EXPECT_TRUE(report.cycle(good(23.4), 1, kStart));
   EXPECT_FALSE(report.cycle(good(23.4), 2, kStart));
   EXPECT_TRUE(report.cycle(good(23.5), 3, kStart));
@@ -76,18 +76,18 @@ TEST(GroupReport, OnChangeSaysTheFirstCycleAndThenOnlyChanges) {
   EXPECT_EQ(changed->size(), 3U) << "the whole group is sent";
 }
 
-TEST(GroupReport, OnChangeSpeaksAfterMaxSilent) {
+TEST(ReportByException, OnChangeSpeaksAfterMaxSilent) {
   const DeviceConfig device = press_on_change();
-  GroupReport report(device, 0);
+  ReportByException report(device, 0);
   EXPECT_TRUE(report.cycle(good(23.4), 1, after(seconds(0))));
   EXPECT_FALSE(report.cycle(good(23.4), 2, after(seconds(59))));
   EXPECT_TRUE(report.cycle(good(23.4), 3, after(seconds(60))));
   EXPECT_FALSE(report.cycle(good(23.4), 4, after(seconds(119))));
 }
 
-TEST(GroupReport, DeadbandIsMeasuredFromTheValueLastSent) {
+TEST(ReportByException, DeadbandIsMeasuredFromTheValueLastSent) {
   const DeviceConfig device = press_on_change(0.5);
-  GroupReport report(device, 0);
+  ReportByException report(device, 0);
   EXPECT_TRUE(report.cycle(good(20.0), 1, kStart));
   EXPECT_FALSE(report.cycle(good(20.2), 2, kStart));
   EXPECT_FALSE(report.cycle(good(20.4), 3, kStart));
@@ -96,36 +96,36 @@ TEST(GroupReport, DeadbandIsMeasuredFromTheValueLastSent) {
   EXPECT_TRUE(report.cycle(good(20.1), 6, kStart)) << "down counts as up";
 }
 
-TEST(GroupReport, ChangeOfExactlyOneDeadbandIsSent) {
+TEST(ReportByException, ChangeOfExactlyOneDeadbandIsSent) {
   // In binary 0.3 - 0.2 is a little less than 0.1.
   for (int raw = 1; raw < 2000; ++raw) {
     const DeviceConfig device = press_on_change(0.1);
-    GroupReport report(device, 0);
+    ReportByException report(device, 0);
     const auto value = [](int number) { return static_cast<double>(number) / 10.0; };
     ASSERT_TRUE(report.cycle(good(value(raw)), 1, kStart));
     EXPECT_TRUE(report.cycle(good(value(raw + 1)), 2, kStart)) << value(raw);
   }
 }
 
-TEST(GroupReport, ChangeOfABitIgnoresEveryDeadband) {
+TEST(ReportByException, ChangeOfABitIgnoresEveryDeadband) {
   DeviceConfig device = press_on_change();
   device.tags[2].limits = TagLimits{.deadband = 5.0};
-  GroupReport report(device, 0);
+  ReportByException report(device, 0);
   EXPECT_TRUE(report.cycle(good(1.0, false), 1, kStart));
   EXPECT_TRUE(report.cycle(good(1.0, true), 2, kStart));
 }
 
-TEST(GroupReport, ArrayIsComparedElementByElement) {
+TEST(ReportByException, ArrayIsComparedElementByElement) {
   const DeviceConfig device = press_on_change(10);
-  GroupReport report(device, 0);
+  ReportByException report(device, 0);
   EXPECT_TRUE(report.cycle(good(1.0, true, {100, 200, 300}), 1, kStart));
   EXPECT_FALSE(report.cycle(good(1.0, true, {109, 209, 309}), 2, kStart));
   EXPECT_TRUE(report.cycle(good(1.0, true, {100, 200, 310}), 3, kStart));
 }
 
-TEST(GroupReport, BadTagCarriesSinceAndItsLastGoodValue) {
+TEST(ReportByException, BadTagCarriesSinceAndItsLastGoodValue) {
   const DeviceConfig device = press();
-  GroupReport report(device, 0);
+  ReportByException report(device, 0);
   report.cycle(good(23.4), 1000, kStart);
   report.cycle({BadReason::nak, flag(true), numbers({1, 2, 3})}, 2000, kStart);
   const auto readings =
@@ -140,9 +140,9 @@ TEST(GroupReport, BadTagCarriesSinceAndItsLastGoodValue) {
   EXPECT_EQ(report.first_bad(), BadReason::bad_frame);
 }
 
-TEST(GroupReport, TagThatWasNeverReadHasNoLastValue) {
+TEST(ReportByException, TagThatWasNeverReadHasNoLastValue) {
   const DeviceConfig device = press();
-  GroupReport report(device, 0);
+  ReportByException report(device, 0);
   const auto readings = report.cycle(all(BadReason::unsupported), 1000, kStart);
   ASSERT_TRUE(readings);
   EXPECT_TRUE((*readings)[0].value.items.empty());
@@ -150,9 +150,9 @@ TEST(GroupReport, TagThatWasNeverReadHasNoLastValue) {
   EXPECT_EQ((*readings)[0].bad_since_ms, 1000);
 }
 
-TEST(GroupReport, GoodAgainForgetsThatItWasBad) {
+TEST(ReportByException, GoodAgainForgetsThatItWasBad) {
   const DeviceConfig device = press();
-  GroupReport report(device, 0);
+  ReportByException report(device, 0);
   report.cycle(all(BadReason::nak), 1000, kStart);
   const auto readings = report.cycle(good(23.4), 2000, kStart);
   ASSERT_TRUE(readings);
@@ -163,9 +163,9 @@ TEST(GroupReport, GoodAgainForgetsThatItWasBad) {
   EXPECT_EQ((*again)[0].bad_since_ms, 3000);
 }
 
-TEST(GroupReport, OnChangeSaysWhenATagTurnsBadAndWhenItTurnsGood) {
+TEST(ReportByException, OnChangeSaysWhenATagTurnsBadAndWhenItTurnsGood) {
   const DeviceConfig device = press_on_change(0.5);
-  GroupReport report(device, 0);
+  ReportByException report(device, 0);
   EXPECT_TRUE(report.cycle(good(20.0), 1, kStart));
   EXPECT_TRUE(report.cycle({BadReason::nak, flag(true), numbers({1, 2, 3})}, 2, kStart));
   EXPECT_FALSE(report.cycle({BadReason::nak, flag(true), numbers({1, 2, 3})}, 3, kStart));
@@ -173,10 +173,10 @@ TEST(GroupReport, OnChangeSaysWhenATagTurnsBadAndWhenItTurnsGood) {
   EXPECT_FALSE(report.cycle(good(20.0), 5, kStart));
 }
 
-TEST(GroupReport, SilentDeviceIsToldOnceAndThenEveryMaxSilent) {
+TEST(ReportByException, SilentDeviceIsToldOnceAndThenEveryMaxSilent) {
   DeviceConfig device = press();
   device.groups[0].max_silent = seconds(60);
-  GroupReport report(device, 0);
+  ReportByException report(device, 0);
   EXPECT_TRUE(report.cycle(good(23.4), 1, after(seconds(0))));
   EXPECT_TRUE(report.cycle(all(BadReason::timeout), 2, after(seconds(1))));
   EXPECT_FALSE(report.cycle(all(BadReason::timeout), 3, after(seconds(2))));
@@ -186,39 +186,39 @@ TEST(GroupReport, SilentDeviceIsToldOnceAndThenEveryMaxSilent) {
   EXPECT_TRUE(report.cycle(good(23.4), 7, after(seconds(63))));
 }
 
-TEST(GroupReport, SilentDeviceIsToldPerAttemptWhereAttemptsAreRarer) {
+TEST(ReportByException, SilentDeviceIsToldPerAttemptWhereAttemptsAreRarer) {
   DeviceConfig device = press();
   device.groups[0].max_silent = seconds(10);
-  GroupReport report(device, 0);
+  ReportByException report(device, 0);
   for (int i = 0; i < 5; ++i)
     EXPECT_TRUE(report.cycle(all(BadReason::timeout), i, after(seconds(30 * i)))) << i;
 }
 
-TEST(GroupReport, DeadLinkCountsAsSilence) {
+TEST(ReportByException, DeadLinkCountsAsSilence) {
   const DeviceConfig device = press();
-  GroupReport report(device, 0);
+  ReportByException report(device, 0);
   EXPECT_TRUE(report.cycle(all(BadReason::link_down), 1, kStart));
   EXPECT_FALSE(report.cycle(all(BadReason::link_down), 2, kStart));
 }
 
-TEST(GroupReport, DeviceThatRefusesIsNotSilent) {
+TEST(ReportByException, DeviceThatRefusesIsNotSilent) {
   const DeviceConfig device = press();
-  GroupReport report(device, 0);
+  ReportByException report(device, 0);
   EXPECT_TRUE(report.cycle(all(BadReason::nak), 1, kStart));
   EXPECT_TRUE(report.cycle(all(BadReason::nak), 2, kStart)) << "publish: always, and it answers";
 }
 
-TEST(GroupReport, OneGoodTagMakesACycleWorthTelling) {
+TEST(ReportByException, OneGoodTagMakesACycleWorthTelling) {
   const DeviceConfig device = press();
-  GroupReport report(device, 0);
+  ReportByException report(device, 0);
   const std::vector<TagOutcome> mixed{real(1.0), BadReason::timeout, BadReason::timeout};
   EXPECT_TRUE(report.cycle(mixed, 1, kStart));
   EXPECT_TRUE(report.cycle(mixed, 2, kStart));
 }
 
-TEST(GroupReport, WrittenValueIsGoodAtOnceAndWhatOnChangeComparesWith) {
+TEST(ReportByException, WrittenValueIsGoodAtOnceAndWhatOnChangeComparesWith) {
   const DeviceConfig device = press_on_change(0.5);
-  GroupReport report(device, 0);
+  ReportByException report(device, 0);
   report.cycle({BadReason::nak, flag(true), numbers({1, 2, 3})}, 1000, kStart);
   const TagReading reading = report.written(0, real(50.0), 2000);
   EXPECT_EQ(reading.tag, 0U);
@@ -229,9 +229,9 @@ TEST(GroupReport, WrittenValueIsGoodAtOnceAndWhatOnChangeComparesWith) {
   EXPECT_TRUE(report.cycle(good(50.5), 4000, kStart));
 }
 
-TEST(GroupReport, WriteBeforeTheFirstCycleDoesNotReplaceIt) {
+TEST(ReportByException, WriteBeforeTheFirstCycleDoesNotReplaceIt) {
   const DeviceConfig device = press_on_change();
-  GroupReport report(device, 0);
+  ReportByException report(device, 0);
   report.written(0, real(50.0), 1000);
   EXPECT_TRUE(report.cycle(good(50.0), 2000, kStart));
 }

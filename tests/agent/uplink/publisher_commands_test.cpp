@@ -17,8 +17,8 @@ using test::kStart;
 using Bench = test::PublisherBench;
 using namespace std::chrono_literals;
 
-OrderNote note(std::string id, std::string op = "write") {
-  OrderNote made;
+AdmissionNote note(std::string id, std::string op = "write") {
+  AdmissionNote made;
   made.id = std::move(id);
   made.op = std::move(op);
   made.received_ms = 1790000000000;
@@ -36,7 +36,7 @@ TEST(PublisherStore, GoAheadComesWhenTheOrderIsInTheJournal) {
   bench.outbox.push(note("b"));
   bench.step();
   EXPECT_EQ(bench.go_aheads, (std::vector<std::string>{"0a", "0b"}));
-  const auto known = bench.store->unsettled();
+  const auto known = bench.store->unacknowledged();
   ASSERT_EQ(known.size(), 2U);
   EXPECT_EQ(known[0].device, "press1");
   EXPECT_EQ(known[0].result, "");
@@ -59,7 +59,7 @@ TEST(PublisherStore, KnownIdDuringTheEndIsADuplicate) {
   done.received_ms = 1790000000400;
   bench.outbox.push(note("done"));
   bench.outbox.push(std::move(done));
-  bench.settle();
+  bench.flush();
   bench.broker.log.clear();
   bench.broker.acknowledges = false;
   bench.made().stop(bench.now);
@@ -78,12 +78,12 @@ TEST(PublisherStore, DuplicateBringsItsFirstResultFromTheJournal) {
   const test::Scratch scratch;
   Bench bench(scratch.path("store"));
   bench.online();
-  const auto again = [](std::optional<std::uint64_t> first_arrival) {
+  const auto again = [](std::optional<std::uint64_t> first_number) {
     CommandResult result;
     result.id = "a";
     result.status = CommandStatus::duplicate;
     result.reason = Reason::duplicate_id;
-    result.first_arrival = first_arrival;
+    result.first_number = first_number;
     return result;
   };
   bench.outbox.push(note("a"));
@@ -91,7 +91,7 @@ TEST(PublisherStore, DuplicateBringsItsFirstResultFromTheJournal) {
   bench.outbox.push(test::succeeded("a"));
   bench.outbox.push(again(0));  // and all of it is taken in one step
   bench.outbox.push(again(5));  // the first one of that id was another command
-  bench.settle();
+  bench.flush();
   const auto results = bench.broker.on(kBase + "/press1/result");
   ASSERT_EQ(results.size(), 4U);
   const json running = json::parse(results[0]);
@@ -113,9 +113,9 @@ TEST(PublisherStore, DuplicateWhoseFirstResultIsLostSaysSo) {
   again.id = "nobody's";
   again.status = CommandStatus::duplicate;
   again.reason = Reason::duplicate_id;
-  again.first_arrival = 0;
+  again.first_number = 0;
   bench.outbox.push(again);
-  bench.settle();
+  bench.flush();
   const json told = json::parse(bench.broker.on(kBase + "/press1/result").at(0));
   EXPECT_EQ(told["status"], "DUPLICATE");
   EXPECT_EQ(told["first"], nullptr);
@@ -178,7 +178,7 @@ TEST(PublisherStore, RestartKnowsTheResultsAndSaysWhatNobodyWasTold) {
     CommandResult again = test::succeeded("left");
     again.status = CommandStatus::duplicate;
     bench.outbox.push(again);
-    bench.settle();
+    bench.flush();
     bench.broker.acknowledges = false;
     bench.outbox.push(test::succeeded("untold"));
     bench.advance(1s);
@@ -196,45 +196,46 @@ TEST(PublisherStore, RestartKnowsTheResultsAndSaysWhatNobodyWasTold) {
   then["t"].erase("total_ms");
   now["t"].erase("total_ms");
   EXPECT_EQ(now, then);
-  std::map<std::string, std::string> untold;
-  for (const CommandResult& each : known.untold) {
-    untold[each.id] = to_string(each.status);
+  std::map<std::string, std::string> unacknowledged;
+  for (const CommandResult& each : known.unacknowledged) {
+    unacknowledged[each.id] = to_string(each.status);
     EXPECT_EQ(each.response_topic, "hmi/replies");
     EXPECT_EQ(each.correlation, (Bytes{1, 2}));
   }
-  EXPECT_EQ(untold, (std::map<std::string, std::string>{
-                        {"untold", "SUCCEEDED"}, {"left", "UNKNOWN_OUTCOME"}, {"read", "FAILED"}}));
+  EXPECT_EQ(unacknowledged,
+            (std::map<std::string, std::string>{
+                {"untold", "SUCCEEDED"}, {"left", "UNKNOWN_OUTCOME"}, {"read", "FAILED"}}));
   // A second start tells the same, as long as nobody has heard it.
-  EXPECT_EQ(recover(config, store, 1790000001000, kStart).untold.size(), 3U);
+  EXPECT_EQ(recover(config, store, 1790000001000, kStart).unacknowledged.size(), 3U);
 }
 
 TEST(PublisherStore, ResultOfAnEarlierRunIsPublishedAsItWas) {
   const test::Scratch scratch;
   {
     Bench bench(scratch.path("store"));
-    bench.settle();
+    bench.flush();
     bench.outbox.push(note("left"));
     bench.step();
   }
   Bench bench(scratch.path("store"));
   bench.made();
   for (const CommandResult& each :
-       recover(bench.config, *bench.store, bench.utc(), bench.now).untold)
+       recover(bench.config, *bench.store, bench.utc(), bench.now).unacknowledged)
     bench.outbox.push(each);
-  bench.settle();
+  bench.flush();
   const auto results = bench.broker.on(kBase + "/press1/result");
   ASSERT_EQ(results.size(), 1U);
   EXPECT_EQ(json::parse(results[0])["id"], "left");
   EXPECT_EQ(json::parse(results[0])["status"], "UNKNOWN_OUTCOME");
   EXPECT_EQ(bench.broker.on("hmi/replies"), results);
   bench.advance(1s);
-  EXPECT_TRUE(recover(bench.config, *bench.store, bench.utc(), bench.now).untold.empty());
+  EXPECT_TRUE(recover(bench.config, *bench.store, bench.utc(), bench.now).unacknowledged.empty());
   CommandResult again;
   again.id = "left";
   again.status = CommandStatus::duplicate;
-  again.first_arrival = 0;
+  again.first_number = 0;
   bench.outbox.push(again);
-  bench.settle();
+  bench.flush();
   EXPECT_EQ(json::parse(bench.broker.on(kBase + "/press1/result").back())["first"],
             json::parse(results[0]));
 }
@@ -264,8 +265,8 @@ TEST(PublisherAudit, OrderIsWrittenDownBeforeItsGoAheadAndThenItsFramesAndItsAck
   bench.online();
   bench.command(R"({"id":"a","op":"write","tag":"setpoint","value":50,"by":"anna"})");
   ASSERT_EQ(bench.commands.size(), 1U);
-  OrderNote order = note("a");
-  order.arrival = bench.commands[0].arrival;
+  AdmissionNote order = note("a");
+  order.number = bench.commands[0].number;
   bench.outbox.push(order);
   bench.step();
   ASSERT_EQ(bench.go_aheads.size(), 1U);
@@ -278,7 +279,7 @@ TEST(PublisherAudit, OrderIsWrittenDownBeforeItsGoAheadAndThenItsFramesAndItsAck
   EXPECT_EQ(lines[0]["status"], nullptr);
 
   CommandResult result = test::succeeded("a");
-  result.arrival = order.arrival;
+  result.number = order.number;
   result.frames.add(WireFrame::Way::out, Bytes{5});
   result.frames.add(WireFrame::Way::in, Bytes{6});
   bench.broker.acknowledges = false;
@@ -307,7 +308,7 @@ TEST(PublisherAudit, EveryCommandThatNeverBecameAnOrderHasItsLineToo) {
   for (const std::string& payload : payloads) {
     bench.command(payload);
     CommandResult result;
-    result.arrival = bench.commands.back().arrival;
+    result.number = bench.commands.back().number;
     result.id = bench.commands.back().id;
     result.reason = Reason::bad_json;
     if (bench.commands.size() == 2) {
@@ -338,11 +339,11 @@ TEST(PublisherAudit, ResultThatTheBrokerRefusesForGoodIsNotAcknowledged) {
   bench.command("{}");
   bench.broker.acknowledges = false;
   CommandResult result;
-  result.arrival = bench.commands.at(0).arrival;
+  result.number = bench.commands.at(0).number;
   bench.outbox.push(result);
-  bench.settle();
+  bench.flush();
   bench.broker.refuse_next(0x90);
-  bench.settle();
+  bench.flush();
   bench.advance(200ms);
   const auto lines = audit_lines(scratch.path("store"));
   EXPECT_EQ(lines.at(0)["acknowledged"], nullptr);
@@ -355,8 +356,8 @@ TEST(PublisherAudit, OrderThatACrashLeftBehindGetsItsOutcomeAndItsAcknowledgemen
     Bench bench(scratch.path("store"));
     bench.online();
     bench.command(R"({"id":"left","op":"write","tag":"setpoint","value":50})");
-    OrderNote order = note("left");
-    order.arrival = bench.commands.at(0).arrival;
+    AdmissionNote order = note("left");
+    order.number = bench.commands.at(0).number;
     bench.outbox.push(order);
     bench.step();
   }  // no goodbye
@@ -364,18 +365,18 @@ TEST(PublisherAudit, OrderThatACrashLeftBehindGetsItsOutcomeAndItsAcknowledgemen
   again.made();
   Recovered known = recover(again.config, *again.store, again.utc(), again.now);
   // A write: the field reads what it was to write, and says.
-  EXPECT_TRUE(known.untold.empty());
-  ASSERT_EQ(known.field.left_behind.size(), 1U);
-  const Command& command = known.field.left_behind[0];
+  EXPECT_TRUE(known.unacknowledged.empty());
+  ASSERT_EQ(known.field.interrupted.size(), 1U);
+  const Command& command = known.field.interrupted[0];
   EXPECT_EQ(command.id, "left");
   EXPECT_EQ(command.targets.at(0).value, Value(std::int64_t{50}));
   EXPECT_EQ(command.received_ms, 1790000000000);
   EXPECT_EQ(command.response_topic, "hmi/replies");
   CommandResult result = test::succeeded("left");
   result.status = CommandStatus::unknown_outcome;
-  result.arrival = command.arrival;
+  result.number = command.number;
   again.outbox.push(result);
-  again.settle();
+  again.flush();
   again.advance(1s);
   const auto lines = audit_lines(scratch.path("store"));
   ASSERT_EQ(lines.size(), 1U);
@@ -385,7 +386,7 @@ TEST(PublisherAudit, OrderThatACrashLeftBehindGetsItsOutcomeAndItsAcknowledgemen
   again.store->close();
   Store store(again.config.store, again.utc());
   const Recovered later = recover(again.config, store, again.utc(), again.now);
-  EXPECT_TRUE(later.field.left_behind.empty());
+  EXPECT_TRUE(later.field.interrupted.empty());
   EXPECT_EQ(json::parse(store.find("press1", later.field.ids.at(0).id)->result)["status"],
             "UNKNOWN_OUTCOME");
 }
@@ -396,15 +397,15 @@ TEST(PublisherAudit, HealthPublishesTheHeadOfTheChain) {
   bench.online();
   bench.command("{}");
   CommandResult result;
-  result.arrival = bench.commands.at(0).arrival;
+  result.number = bench.commands.at(0).number;
   bench.outbox.push(result);
-  bench.settle();
+  bench.flush();
   bench.advance(60s);
   const json health = json::parse(bench.broker.on(kBase + "/health").back());
   EXPECT_EQ(health["audit"]["records"], 2);
   EXPECT_EQ(health["audit"]["head"], audit::to_text(bench.store->audit_head().hash));
   Bench without;
-  without.settle();
+  without.flush();
   EXPECT_EQ(json::parse(without.broker.on(kBase + "/health").at(0))["audit"], nullptr);
 }
 
@@ -412,15 +413,15 @@ TEST(Publisher, ResultComesOnceAndAgainUntilItIsAcknowledged) {
   Bench bench;
   bench.online();
   bench.outbox.push(test::succeeded("a"));
-  bench.settle();
+  bench.flush();
   bench.advance(2h);
   EXPECT_EQ(bench.broker.on(kBase + "/press1/result").size(), 1U);
 
   bench.broker.acknowledges = false;
   bench.outbox.push(test::succeeded("b"));
-  bench.settle();
+  bench.flush();
   bench.broker.lose();
-  bench.settle();
+  bench.flush();
   bench.broker.acknowledges = true;
   bench.broker.log.clear();
   bench.advance(2s);
@@ -437,7 +438,7 @@ TEST(Publisher, TotalEndsWhenTheResultIsFirstHandedOver) {
   CommandResult result = test::succeeded("a");
   result.received = bench.now;
   bench.broker.lose();
-  bench.settle();
+  bench.flush();
   bench.outbox.push(result);
   bench.now += 700ms;
   bench.step();
@@ -456,7 +457,7 @@ TEST(Publisher, ResultGoesToTheResponseTopicTooAndItsCorrelationToBoth) {
   bench.outbox.push(result);
   result.response_topic = kBase + "/press2/state";  // would forge a state
   bench.outbox.push(result);
-  bench.settle();
+  bench.flush();
   ASSERT_EQ(bench.broker.taken.size(), 3U);
   EXPECT_EQ(bench.broker.taken[0].topic, kBase + "/press1/result");
   EXPECT_EQ(bench.broker.taken[0].correlation, (Bytes{1, 2, 3}));
@@ -473,7 +474,7 @@ TEST(Publisher, ResultComesWithoutItsCorrelationWhereTheBrokerDoesNotTakeBoth) {
   CommandResult result = test::succeeded("a");
   result.correlation = Bytes(1900, 7);
   bench.outbox.push(result);
-  bench.settle();
+  bench.flush();
   ASSERT_EQ(bench.broker.taken.size(), 1U);
   EXPECT_EQ(bench.broker.taken[0].topic, kBase + "/press1/result");
   EXPECT_TRUE(bench.broker.taken[0].correlation.empty());
@@ -583,7 +584,7 @@ TEST(PublisherFlood, SamplesGoOutBetweenCommands) {
   EXPECT_EQ(bench.step(), bench.now) << "it is stepped again at once";
   EXPECT_EQ(bench.broker.on(kBase + "/press1/data/fast").size(), 1U);
   EXPECT_LT(bench.commands.size(), 100U);
-  bench.settle();
+  bench.flush();
   EXPECT_EQ(bench.commands.size(), 1000U);
 }
 
@@ -626,10 +627,10 @@ TEST(PublisherFlood, MessagesStayInTheNetworkWhileVerdictsAreMissing) {
   Bench bench;
   bench.online();
   send_runs(bench, 300);
-  bench.settle();
+  bench.flush();
   ASSERT_EQ(bench.commands.size(), 300U);
   EXPECT_TRUE(bench.broker.held);
-  for (int i = 0; i < 300; ++i) bench.outbox.command_judged();
+  for (int i = 0; i < 300; ++i) bench.outbox.command_decided();
   bench.step();
   EXPECT_FALSE(bench.broker.held);
 }
@@ -641,7 +642,7 @@ TEST(PublisherFlood, FewLargeCommandsAreEnoughToHoldTheOthersBack) {
   large.response_topic = std::string(60000, 't');
   large.correlation = Bytes(65000, 1);
   for (int i = 0; i < 50; ++i) bench.broker.send(large);
-  bench.settle();
+  bench.flush();
   EXPECT_TRUE(bench.broker.held);
 }
 
@@ -660,14 +661,14 @@ TEST(PublisherFlood, WaitingResultsHoldMessagesBackAndLetSomeInForWhatComesBehin
   EXPECT_LE(bench.broker.let_in, 500U) << "fewer than can be answered";
   bench.broker.acknowledges = true;
   bench.broker.acknowledge_all();
-  bench.settle();
+  bench.flush();
   EXPECT_FALSE(bench.broker.held);
   EXPECT_EQ(bench.broker.on(kBase + "/press1/result").size(), 1000U) << "none is dropped";
 }
 
 /// Results wait while messages are held back, and before the next is acknowledged so many come.
 void acknowledge_behind(Bench& bench, std::size_t messages) {
-  bench.settle();
+  bench.flush();
   bench.broker.acknowledges = false;
   push_refused(bench, 1000);
   bench.step();
@@ -685,7 +686,7 @@ TEST(PublisherFlood, BrokerThatSendsFarAheadIsAskedForOneAtATime) {
   ASSERT_EQ(bench.broker.connects.size(), 1U) << "what was read is taken first";
   bench.broker.acknowledges = true;
   bench.broker.send(message(1000, R"({"id":"read meanwhile","op":"run"})"));
-  bench.settle();
+  bench.flush();
   EXPECT_EQ(bench.commands.size(), 1001U);
   EXPECT_EQ(bench.commands.back().id, "read meanwhile");
   bench.advance(1s);
@@ -712,7 +713,7 @@ TEST(PublisherFlood, StopWhileItConnectsAnewSaysGoodbye) {
   acknowledge_behind(bench, 1000);
   bench.broker.acknowledges = true;
   bench.made().stop(bench.now);
-  bench.settle();
+  bench.flush();
   EXPECT_TRUE(bench.publisher->finished());
   EXPECT_EQ(json::parse(bench.broker.on(kBase + "/state").back())["state"], "offline");
 }
@@ -735,7 +736,7 @@ TEST(PublisherFlood, BrokerThatIsSlowWithItsPubackKeepsItsConnection) {
 
 TEST(PublisherFlood, WhatCameBeforeMessagesWereHeldBackDoesNotCount) {
   Bench bench;
-  bench.settle();
+  bench.flush();
   bench.broker.acknowledges = false;
   push_refused(bench, 1000);
   bench.step();
@@ -758,7 +759,7 @@ TEST(PublisherFlood, SubackComesThroughWhereMessagesAreHeldBack) {
   bench.broker.confirms = false;
   bench.broker.acknowledges = false;
   push_refused(bench, 1000);
-  bench.settle();
+  bench.flush();
   ASSERT_TRUE(bench.broker.up());
   EXPECT_TRUE(bench.broker.held);
   EXPECT_GT(bench.broker.let_in, 0U);
@@ -787,7 +788,7 @@ TEST(PublisherFlood, ResultsThatFillTheirRoomEndTheSubscriptionUntilHalfOfThemAr
   EXPECT_GT(out_when_heard, 800U);
   EXPECT_LT(out_when_heard, 1000U);
   bench.broker.acknowledges = true;
-  bench.settle();
+  bench.flush();
   const auto states = bench.broker.on(kBase + "/state");
   ASSERT_EQ(states.size(), 2U) << "once deaf, once not";
   EXPECT_EQ(json::parse(states[0])["reason"], "more commands come than can be answered");
@@ -832,7 +833,7 @@ TEST(PublisherFlood, OfQosZeroOnlyAsMuchIsTakenAsCanBeAnswered) {
   for (std::size_t i = 0; i < 5000; ++i)
     bench.broker.send(message(i, R"({"id":"x","op":"run"})", 0));
   bench.broker.send(message(5000, R"({"id":"asked","op":"run"})", 1));
-  bench.settle();
+  bench.flush();
   EXPECT_LT(bench.commands.size(), 300U);
   EXPECT_EQ(bench.commands.back().id, "asked") << "what the broker waits for is never lost";
 }
@@ -841,7 +842,7 @@ TEST(PublisherFlood, NothingIsHeldBackAtTheEnd) {
   Bench bench;
   bench.online();
   send_runs(bench, 300);
-  bench.settle();
+  bench.flush();
   ASSERT_TRUE(bench.broker.held);
   bench.made().stop(bench.now);
   bench.step();

@@ -50,12 +50,12 @@ struct Station {
   std::chrono::milliseconds timeout{1000};
   std::chrono::milliseconds gap{0};
   EnquirePolicy enquire = EnquirePolicy::open;
-  bool echo = false;             ///< the line returns what is sent
-  std::uint32_t greeted_in = 0;  ///< Line::session() in which it last answered an enquiry; 0: none
-  FrameTrace* trace = nullptr;   ///< takes every frame of an order; null for polls
+  bool echo = false;               ///< the line returns what is sent
+  std::uint32_t handshake_in = 0;  ///< Bus::session() in which it last answered an enquiry; 0: none
+  FrameTrace* trace = nullptr;     ///< takes every frame of an order; null for polls
 };
 
-class Line final {
+class Bus final {
  public:
   struct Counters {
     std::uint64_t exchanges = 0;
@@ -68,8 +68,8 @@ class Line final {
   };
 
   /// `char_time` 0: speed unknown. The transport is closed.
-  Line(asio::any_io_executor executor, std::unique_ptr<Transport> transport,
-       std::chrono::nanoseconds char_time);
+  Bus(asio::any_io_executor executor, std::unique_ptr<Transport> transport,
+      std::chrono::nanoseconds char_time);
 
   /// Opens the channel and lets what an earlier session left in it run dry. link_down also where
   /// it does not run dry: never_silent().
@@ -98,7 +98,7 @@ class Line final {
   bool echo_found() const { return echoes_in_a_row_ >= kEchoesFound; }
 
   /// Whether foreign answers were heard, and since when too few clean exchanges.
-  const BusDoubt& doubt() const { return bus_; }
+  const BusDoubt& doubt() const { return bus_doubt_; }
   /// The last bytes that nobody asked for, in hex; empty while there were none.
   const std::string& last_unexpected() const { return last_unexpected_; }
   /// The channel was closed because bytes came without end, and no question was answered since.
@@ -153,7 +153,7 @@ class Line final {
   SteadyTime last_activity_{};  ///< last byte in either direction, as far as it can be known
   SteadyTime not_before_{};     ///< a broadcast's turnaround delay
   Bytes rx_;
-  BusDoubt bus_;
+  BusDoubt bus_doubt_;
   Bytes last_sent_;  ///< the last frame or closing: an echo of it is not foreign
   std::string last_unexpected_;
   std::chrono::nanoseconds slowest_{0};  ///< timeout of the slowest station that was asked

@@ -1,4 +1,4 @@
-#include "agent/field/group_report.h"
+#include "agent/field/report_by_exception.h"
 
 #include <algorithm>
 #include <cmath>
@@ -41,7 +41,7 @@ bool apart(const Value& a, const Value& b, std::optional<double> deadband) {
 
 }  // namespace
 
-GroupReport::Kept::Kept(const Value& value) {
+ReportByException::Kept::Kept(const Value& value) {
   if (value.is_array || value.items.size() != 1) {
     kept_ = std::make_unique<const Value>(value);
     return;
@@ -57,7 +57,7 @@ GroupReport::Kept::Kept(const Value& value) {
     kept_ = std::make_unique<const Value>(value);
 }
 
-Value GroupReport::Kept::value() const {
+Value ReportByException::Kept::value() const {
   if (const auto* flag = std::get_if<bool>(&kept_)) return Value(*flag);
   if (const auto* integer = std::get_if<std::int64_t>(&kept_)) return Value(*integer);
   if (const auto* real = std::get_if<double>(&kept_)) return Value(*real);
@@ -65,7 +65,7 @@ Value GroupReport::Kept::value() const {
   return {};
 }
 
-GroupReport::GroupReport(const DeviceConfig& device, std::uint32_t group)
+ReportByException::ReportByException(const DeviceConfig& device, std::uint32_t group)
     : device_(device), group_(device.groups[group]) {
   for (std::uint32_t i = 0; i < device.tags.size(); ++i)
     if (device.tags[i].group == group) tags_.push_back(i);
@@ -75,7 +75,7 @@ GroupReport::GroupReport(const DeviceConfig& device, std::uint32_t group)
 }
 
 /// `fresh`: the good value of this cycle; null where the tag is bad.
-bool GroupReport::differs(std::size_t index, const Value* fresh) const {
+bool ReportByException::differs(std::size_t index, const Value* fresh) const {
   const State& state = states_[index];
   if (!state.was_sent) return true;
   if (state.bad || state.sent_bad) return state.bad != state.sent_bad;
@@ -84,7 +84,7 @@ bool GroupReport::differs(std::size_t index, const Value* fresh) const {
 }
 
 /// `fresh`: the good value; nullopt where the tag is bad.
-TagReading GroupReport::reading(std::size_t index, std::optional<Value> fresh) const {
+TagReading ReportByException::reading(std::size_t index, std::optional<Value> fresh) const {
   const State& state = states_[index];
   TagReading out;
   out.tag = tags_[index];
@@ -97,8 +97,9 @@ TagReading GroupReport::reading(std::size_t index, std::optional<Value> fresh) c
   return out;
 }
 
-std::optional<std::vector<TagReading>> GroupReport::cycle(std::vector<TagOutcome> outcomes,
-                                                          std::int64_t ts_ms, SteadyTime now) {
+std::optional<std::vector<TagReading>> ReportByException::cycle(std::vector<TagOutcome> outcomes,
+                                                                std::int64_t ts_ms,
+                                                                SteadyTime now) {
   bool changed = false;
   bool all_silent = !tags_.empty();
   for (std::size_t i = 0; i < tags_.size(); ++i) {
@@ -137,7 +138,7 @@ std::optional<std::vector<TagReading>> GroupReport::cycle(std::vector<TagOutcome
   return readings;
 }
 
-TagReading GroupReport::written(std::uint32_t tag, Value value, std::int64_t ts_ms) {
+TagReading ReportByException::written(std::uint32_t tag, Value value, std::int64_t ts_ms) {
   const auto index =
       static_cast<std::size_t>(std::find(tags_.begin(), tags_.end(), tag) - tags_.begin());
   State& state = states_[index];
@@ -149,7 +150,7 @@ TagReading GroupReport::written(std::uint32_t tag, Value value, std::int64_t ts_
   return reading(index, std::move(value));
 }
 
-std::optional<BadReason> GroupReport::first_bad() const {
+std::optional<BadReason> ReportByException::first_bad() const {
   for (const State& state : states_)
     if (state.bad) return state.bad;
   return std::nullopt;

@@ -1,4 +1,4 @@
-#include "agent/field/line.h"
+#include "agent/field/bus.h"
 
 #include <gtest/gtest.h>
 
@@ -30,18 +30,18 @@ const Bytes kProbe = read_frame(kM8000, 1);
 const Bytes kProbeAnswer = data_frame({0x01});
 
 /// One line with one PLC on the programming port.
-class LineTest : public ::testing::Test {
+class BusTest : public ::testing::Test {
  protected:
-  LineTest() {
+  BusTest() {
     make_line(nanoseconds(0));
     station.codec = codec.get();
   }
-  ~LineTest() override { EXPECT_EQ(wire->steps_left(), 0U) << "the script was not played out"; }
+  ~BusTest() override { EXPECT_EQ(wire->steps_left(), 0U) << "the script was not played out"; }
 
   void make_line(nanoseconds char_time) {
     auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
     wire = transport.get();
-    line = std::make_unique<Line>(io.get_executor(), std::move(transport), char_time);
+    line = std::make_unique<Bus>(io.get_executor(), std::move(transport), char_time);
   }
   /// One exchange on a bus in doubt: silence, a question that is told apart, silence.
   void script_doubted(const Bytes& question, const Bytes& answer) {
@@ -67,14 +67,14 @@ class LineTest : public ::testing::Test {
   std::shared_ptr<const Codec> codec = port_codec();
   asio::io_context io;
   ScriptedTransport* wire = nullptr;
-  std::unique_ptr<Line> line;
+  std::unique_ptr<Bus> line;
   Station station;
 };
 
 // ---- the plain case
 // ------------------------------------------------------------------------------
 
-TEST_F(LineTest, EnquiresOnceAfterOpeningAndThenJustAsks) {
+TEST_F(BusTest, EnquiresOnceAfterOpeningAndThenJustAsks) {
   wire->expect(kEnq).give(kAck);
   wire->expect(kReadD100).give(word_frame(234));
   wire->expect(kReadD100).give(word_frame(235));
@@ -88,7 +88,7 @@ TEST_F(LineTest, EnquiresOnceAfterOpeningAndThenJustAsks) {
   EXPECT_EQ(read("D100").reply.image, word(235));
 }
 
-TEST_F(LineTest, EnquiresAgainAfterTheNextOpening) {
+TEST_F(BusTest, EnquiresAgainAfterTheNextOpening) {
   wire->expect(kEnq).give(kAck).expect(kReadD100).give(word_frame(1));
   wire->expect(kEnq).give(kAck).expect(kReadD100).give(word_frame(2));
   open();
@@ -98,7 +98,7 @@ TEST_F(LineTest, EnquiresAgainAfterTheNextOpening) {
   EXPECT_TRUE(read("D100").is_data());
 }
 
-TEST_F(LineTest, EnquiresBeforeEachRequestWhereThePolicySaysAlways) {
+TEST_F(BusTest, EnquiresBeforeEachRequestWhereThePolicySaysAlways) {
   station.enquire = EnquirePolicy::always;
   for (unsigned i = 0; i < 2; ++i)
     wire->expect(kEnq).give(kAck).expect(kReadD100).give(word_frame(i));
@@ -107,7 +107,7 @@ TEST_F(LineTest, EnquiresBeforeEachRequestWhereThePolicySaysAlways) {
   EXPECT_TRUE(read("D100").is_data());
 }
 
-TEST_F(LineTest, NeverEnquiresWhereThePolicySaysNever) {
+TEST_F(BusTest, NeverEnquiresWhereThePolicySaysNever) {
   station.enquire = EnquirePolicy::never;
   wire->expect(kReadD100).give(word_frame(1)).expect(kReadD100).give(word_frame(2));
   open();
@@ -115,7 +115,7 @@ TEST_F(LineTest, NeverEnquiresWhereThePolicySaysNever) {
   EXPECT_TRUE(read("D100").is_data());
 }
 
-TEST_F(LineTest, ReplyMayComeInPieces) {
+TEST_F(BusTest, ReplyMayComeInPieces) {
   const Bytes reply = word_frame(0x15AB);
   for (std::size_t cut = 1; cut < reply.size(); ++cut) {
     wire->expect(kReadD100).give({reply.begin(), reply.begin() + static_cast<long>(cut)});
@@ -127,7 +127,7 @@ TEST_F(LineTest, ReplyMayComeInPieces) {
     EXPECT_EQ(read("D100").reply.image, word(0x15AB)) << "cut after " << cut;
 }
 
-TEST_F(LineTest, EchoOfTheRequestIsNoAnswer) {
+TEST_F(BusTest, EchoOfTheRequestIsNoAnswer) {
   wire->expect(kEnq).give(joined(kEnq, kAck));
   wire->expect(kReadD100).give(kReadD100).give(word_frame(7));
   wire->expect(kWriteD200).give(joined(kWriteD200, kAck));
@@ -136,13 +136,13 @@ TEST_F(LineTest, EchoOfTheRequestIsNoAnswer) {
   EXPECT_TRUE(write_d200().is_ack());
 }
 
-TEST_F(LineTest, EchoAloneIsSilence) {
+TEST_F(BusTest, EchoAloneIsSilence) {
   wire->expect(kEnq).give(kAck).expect(kReadD100).give(kReadD100);
   open();
   EXPECT_EQ(read("D100").outcome, Outcome::unanswered);
 }
 
-TEST_F(LineTest, EchoThatTheLineIsSaidToReturnIsTakenOff) {
+TEST_F(BusTest, EchoThatTheLineIsSaidToReturnIsTakenOff) {
   station.echo = true;
   wire->expect(kEnq).give(kEnq).give(kAck);
   wire->expect(kWriteD200).give(Bytes{0x00}).give(kWriteD200).give(kAck);
@@ -154,7 +154,7 @@ TEST_F(LineTest, EchoThatTheLineIsSaidToReturnIsTakenOff) {
   EXPECT_EQ(unanswered.error.find("echo"), std::string::npos);
 }
 
-TEST_F(LineTest, EchoThatDoesNotComeIsNamed) {
+TEST_F(BusTest, EchoThatDoesNotComeIsNamed) {
   station.echo = true;
   station.enquire = EnquirePolicy::never;
   wire->expect(kReadD100).give(word_frame(234)).silence();
@@ -164,7 +164,7 @@ TEST_F(LineTest, EchoThatDoesNotComeIsNamed) {
   EXPECT_NE(answer.error.find("not even the echo"), std::string::npos) << answer.error;
 }
 
-TEST_F(LineTest, EchoThatNobodyToldOfIsFoundByThreeReads) {
+TEST_F(BusTest, EchoThatNobodyToldOfIsFoundByThreeReads) {
   station.enquire = EnquirePolicy::never;
   const Bytes data = word_frame(234);
   for (int i = 0; i < 3; ++i) wire->expect(kReadD100).give(kReadD100).give(data);
@@ -181,14 +181,14 @@ TEST_F(LineTest, EchoThatNobodyToldOfIsFoundByThreeReads) {
   EXPECT_FALSE(line->echo_found());
 }
 
-TEST_F(LineTest, NoiseBeforeTheReplyIsPassedOver) {
+TEST_F(BusTest, NoiseBeforeTheReplyIsPassedOver) {
   wire->expect(kEnq).give({0x00, 0xFF, 0x06});
   wire->expect(kReadD100).give(joined({0xFF, 0x7F, 0x00}, word_frame(7)));
   open();
   EXPECT_EQ(read("D100").reply.image, word(7));
 }
 
-TEST_F(LineTest, NakIsAnAnswer) {
+TEST_F(BusTest, NakIsAnAnswer) {
   wire->expect(kEnq).give(kAck).expect(kWriteD200).give(kNak).expect(kReadD100).give(word_frame(1));
   open();
   const Exchange refused = write_d200();
@@ -200,7 +200,7 @@ TEST_F(LineTest, NakIsAnAnswer) {
 // ---- lines that say nothing, or nonsense
 // ---------------------------------------------------------
 
-TEST_F(LineTest, EnquiryThatNobodyAnswersSendsNothingElse) {
+TEST_F(BusTest, EnquiryThatNobodyAnswersSendsNothingElse) {
   wire->expect(kEnq);
   open();
   const Exchange exchange = write_d200();
@@ -210,7 +210,7 @@ TEST_F(LineTest, EnquiryThatNobodyAnswersSendsNothingElse) {
   EXPECT_EQ(wire->written().size(), 1U);
 }
 
-TEST_F(LineTest, DrainsAndEnquiresAfterASilence) {
+TEST_F(BusTest, DrainsAndEnquiresAfterASilence) {
   wire->expect(kEnq).give(kAck);
   wire->expect(kReadD100).silence();
   wire->silence();  // the drain: quiet
@@ -222,7 +222,7 @@ TEST_F(LineTest, DrainsAndEnquiresAfterASilence) {
   EXPECT_EQ(read("D100").reply.image, word(7));
 }
 
-TEST_F(LineTest, LateReplyIsNotTakenForTheNextAnswer) {
+TEST_F(BusTest, LateReplyIsNotTakenForTheNextAnswer) {
   // Both replies have the same shape: nothing but the order of things tells them apart.
   wire->expect(kEnq).give(kAck);
   wire->expect(kReadD100).silence();
@@ -234,7 +234,7 @@ TEST_F(LineTest, LateReplyIsNotTakenForTheNextAnswer) {
   EXPECT_EQ(read("D200").reply.image, word(2));
 }
 
-TEST_F(LineTest, LateReplyBetweenDrainAndEnquiryIsThrownAway) {
+TEST_F(BusTest, LateReplyBetweenDrainAndEnquiryIsThrownAway) {
   wire->expect(kEnq).give(kAck);
   wire->expect(kReadD100).silence();
   wire->silence().give(joined(word_frame(1), kNak));
@@ -244,7 +244,7 @@ TEST_F(LineTest, LateReplyBetweenDrainAndEnquiryIsThrownAway) {
   EXPECT_EQ(read("D200").reply.image, word(2));
 }
 
-TEST_F(LineTest, LateReplyHasItsTimeWhereNobodyAnswersTheResync) {
+TEST_F(BusTest, LateReplyHasItsTimeWhereNobodyAnswersTheResync) {
   // EOT of a computer link has no answer that would tell what came before it.
   codec = std::make_shared<fx::ComputerLink>(fx::ComputerLink::Settings{});
   station.codec = codec.get();
@@ -262,7 +262,7 @@ TEST_F(LineTest, LateReplyHasItsTimeWhereNobodyAnswersTheResync) {
   EXPECT_GE(second.began - first.ended, station.timeout);
 }
 
-TEST_F(LineTest, LateAckIsNotTakenForTheAckOfTheNextWrite) {
+TEST_F(BusTest, LateAckIsNotTakenForTheAckOfTheNextWrite) {
   // The write's ACK comes so late that it answers the enquiry; the enquiry's own would then answer
   // the next write. The read between them cannot be answered by an ACK, and what comes before its
   // data is older.
@@ -277,7 +277,7 @@ TEST_F(LineTest, LateAckIsNotTakenForTheAckOfTheNextWrite) {
   EXPECT_EQ(write_d200(60).outcome, Outcome::unanswered);
 }
 
-TEST_F(LineTest, LateAckIsNotTakenForAnotherWithoutAnEnquiryEither) {
+TEST_F(BusTest, LateAckIsNotTakenForAnotherWithoutAnEnquiryEither) {
   station.enquire = EnquirePolicy::never;
   wire->expect(kWriteD200).silence();
   wire->silence();
@@ -288,7 +288,7 @@ TEST_F(LineTest, LateAckIsNotTakenForAnotherWithoutAnEnquiryEither) {
   EXPECT_EQ(write_d200(60).outcome, Outcome::unanswered);
 }
 
-TEST_F(LineTest, LateNakIsNotTakenForTheProbesAnswer) {
+TEST_F(BusTest, LateNakIsNotTakenForTheProbesAnswer) {
   station.enquire = EnquirePolicy::never;
   wire->expect(kWriteD200).silence();
   wire->silence();  // the drain
@@ -299,7 +299,7 @@ TEST_F(LineTest, LateNakIsNotTakenForTheProbesAnswer) {
   EXPECT_TRUE(write_d200().is_ack());
 }
 
-TEST_F(LineTest, DeviceThatRefusesTheProbeForeverIsAskedAllTheSame) {
+TEST_F(BusTest, DeviceThatRefusesTheProbeForeverIsAskedAllTheSame) {
   station.enquire = EnquirePolicy::never;
   wire->expect(kWriteD200).silence();
   wire->silence();
@@ -310,7 +310,7 @@ TEST_F(LineTest, DeviceThatRefusesTheProbeForeverIsAskedAllTheSame) {
   EXPECT_TRUE(write_d200().is_ack());
 }
 
-TEST_F(LineTest, LostAckStaysAWorryUntilAReadWasAnswered) {
+TEST_F(BusTest, LostAckStaysAWorryUntilAReadWasAnswered) {
   wire->expect(kEnq).give(kAck);
   wire->expect(kWriteD200).silence();
   wire->expect(kEnq).give(kAck).expect(kProbe).silence();  // no barrier yet
@@ -330,7 +330,7 @@ TEST_F(LineTest, LostAckStaysAWorryUntilAReadWasAnswered) {
   EXPECT_TRUE(write_d200().is_ack());
 }
 
-TEST_F(LineTest, LateAckIsNotTakenForAnotherAfterAReconnection) {
+TEST_F(BusTest, LateAckIsNotTakenForAnotherAfterAReconnection) {
   // A serial server hands what its PLC said last to whoever is connected now.
   wire->expect(kEnq).give(kAck);
   wire->expect(kWriteD200).hang_up();
@@ -344,7 +344,7 @@ TEST_F(LineTest, LateAckIsNotTakenForAnotherAfterAReconnection) {
   EXPECT_EQ(write_d200(60).outcome, Outcome::unanswered);
 }
 
-TEST_F(LineTest, BadSumIsGarbledAndTheLineIsPutInOrder) {
+TEST_F(BusTest, BadSumIsGarbledAndTheLineIsPutInOrder) {
   Bytes wrong = word_frame(7);
   wrong.back() = wrong.back() == '0' ? '1' : '0';
   wire->expect(kEnq).give(kAck).expect(kReadD100).give(wrong);
@@ -356,7 +356,7 @@ TEST_F(LineTest, BadSumIsGarbledAndTheLineIsPutInOrder) {
   EXPECT_EQ(read("D100").reply.image, word(7));
 }
 
-TEST_F(LineTest, BabblingLineEndsTheExchange) {
+TEST_F(BusTest, BabblingLineEndsTheExchange) {
   wire->expect(kEnq).give(kAck).expect(kReadD100);
   for (int i = 0; i < 9; ++i) wire->give(Bytes(512, 0x55));
   open();
@@ -364,7 +364,7 @@ TEST_F(LineTest, BabblingLineEndsTheExchange) {
   wire->discard_input();
 }
 
-TEST_F(LineTest, NoiseAroundAnAnswerIsThrownAwayAndCounted) {
+TEST_F(BusTest, NoiseAroundAnAnswerIsThrownAwayAndCounted) {
   wire->expect(kEnq).give(kAck);
   wire->expect(kReadD100).give(joined(word_frame(1), {0x55, 0x55}));
   wire->hang();  // would hold up whoever listens here
@@ -381,7 +381,7 @@ TEST_F(LineTest, NoiseAroundAnAnswerIsThrownAwayAndCounted) {
   EXPECT_FALSE(line->doubt().is_doubted()) << "no answer is made of these";
 }
 
-TEST_F(LineTest, WhatAnEarlierSessionLeftRunsDryOnOpening) {
+TEST_F(BusTest, WhatAnEarlierSessionLeftRunsDryOnOpening) {
   wire->give(word_frame(99)).give(kAck).silence();
   wire->expect(kEnq).give(kAck).expect(kReadD100).give(word_frame(2));
   open();
@@ -391,7 +391,7 @@ TEST_F(LineTest, WhatAnEarlierSessionLeftRunsDryOnOpening) {
 // ---- answers that nobody asked for
 // ---------------------------------------------------------------
 
-TEST_F(LineTest, SecondAnswerThatComesLaterPutsTheBusInDoubt) {
+TEST_F(BusTest, SecondAnswerThatComesLaterPutsTheBusInDoubt) {
   station.enquire = EnquirePolicy::never;
   wire->expect(kReadD100).give(word_frame(1));
   open();
@@ -406,7 +406,7 @@ TEST_F(LineTest, SecondAnswerThatComesLaterPutsTheBusInDoubt) {
   EXPECT_EQ(line->last_unexpected(), to_hex(word_frame(99)));
 }
 
-TEST_F(LineTest, DoubtEndsWithThreeExchangesThatHadSilenceBeforeAndBehindThem) {
+TEST_F(BusTest, DoubtEndsWithThreeExchangesThatHadSilenceBeforeAndBehindThem) {
   station.enquire = EnquirePolicy::never;
   wire->expect(kReadD100).give(word_frame(1));
   open();
@@ -422,7 +422,7 @@ TEST_F(LineTest, DoubtEndsWithThreeExchangesThatHadSilenceBeforeAndBehindThem) {
   wire->skip();
 }
 
-TEST_F(LineTest, SecondAnswerDuringTheSilenceBehindTheFirstIsFoundAndLastsTheDoubt) {
+TEST_F(BusTest, SecondAnswerDuringTheSilenceBehindTheFirstIsFoundAndLastsTheDoubt) {
   station.enquire = EnquirePolicy::never;
   wire->expect(kReadD100).give(word_frame(1));
   open();
@@ -439,7 +439,7 @@ TEST_F(LineTest, SecondAnswerDuringTheSilenceBehindTheFirstIsFoundAndLastsTheDou
   EXPECT_TRUE(line->doubt().is_doubted());
 }
 
-TEST_F(LineTest, AnswerPastWhichAnOlderOneWasSkippedIsNoAnswer) {
+TEST_F(BusTest, AnswerPastWhichAnOlderOneWasSkippedIsNoAnswer) {
   // Two answers to one question, of which only the second fits: the device is one behind.
   station.enquire = EnquirePolicy::never;
   wire->expect(kWriteD200).give(joined(word_frame(7), kAck));
@@ -448,7 +448,7 @@ TEST_F(LineTest, AnswerPastWhichAnOlderOneWasSkippedIsNoAnswer) {
   EXPECT_TRUE(line->doubt().is_doubted());
 }
 
-TEST_F(LineTest, NakThatLiesBehindAnAckTakesTheAckWithIt) {
+TEST_F(BusTest, NakThatLiesBehindAnAckTakesTheAckWithIt) {
   station.enquire = EnquirePolicy::never;
   wire->expect(kWriteD200).give(joined(kAck, kNak));
   open();
@@ -458,14 +458,14 @@ TEST_F(LineTest, NakThatLiesBehindAnAckTakesTheAckWithIt) {
   EXPECT_EQ(line->counters().bad_frames, 1U);
 }
 
-TEST_F(LineTest, NakThatHasArrivedByTheTimeTheAckWasReadTakesItWithItToo) {
+TEST_F(BusTest, NakThatHasArrivedByTheTimeTheAckWasReadTakesItWithItToo) {
   station.enquire = EnquirePolicy::never;
   wire->expect(kWriteD200).give(kAck).give(kNak);
   open();
   EXPECT_EQ(write_d200().outcome, Outcome::garbled);
 }
 
-TEST_F(LineTest, AckIsNotBelievedOnceAnotherAnswerWasFoundBehindOne) {
+TEST_F(BusTest, AckIsNotBelievedOnceAnotherAnswerWasFoundBehindOne) {
   station.enquire = EnquirePolicy::never;
   wire->expect(kWriteD200).give(kAck);
   open();
@@ -478,7 +478,7 @@ TEST_F(LineTest, AckIsNotBelievedOnceAnotherAnswerWasFoundBehindOne) {
   EXPECT_NE(second.error.find("not believed"), std::string::npos) << second.error;
 }
 
-TEST_F(LineTest, NakIsNotBelievedInDoubtEither) {
+TEST_F(BusTest, NakIsNotBelievedInDoubtEither) {
   // It would promise that nothing was written.
   station.enquire = EnquirePolicy::never;
   wire->expect(kWriteD200).give(kAck);
@@ -489,7 +489,7 @@ TEST_F(LineTest, NakIsNotBelievedInDoubtEither) {
   EXPECT_EQ(write_d200().outcome, Outcome::garbled);
 }
 
-TEST_F(LineTest, InDoubtItListensAsLongAsTheSlowestAnswerMayTake) {
+TEST_F(BusTest, InDoubtItListensAsLongAsTheSlowestAnswerMayTake) {
   station.enquire = EnquirePolicy::never;
   station.timeout = milliseconds(180);
   wire->expect(kReadD100).give(word_frame(1));
@@ -504,7 +504,7 @@ TEST_F(LineTest, InDoubtItListensAsLongAsTheSlowestAnswerMayTake) {
   EXPECT_GE(Clock::now() - second.ended, milliseconds(180));
 }
 
-TEST_F(LineTest, AnswersWithNumbersAreNeverDoubted) {
+TEST_F(BusTest, AnswersWithNumbersAreNeverDoubted) {
   const ProtocolInfo& info = *find_protocol("modbus-tcp");
   codec = *info.make(default_options(info));
   station.codec = codec.get();
@@ -521,7 +521,7 @@ TEST_F(LineTest, AnswersWithNumbersAreNeverDoubted) {
   EXPECT_EQ(line->counters().unexpected_bytes, 22U) << "counted all the same";
 }
 
-TEST_F(LineTest, RtuAsksForLessFirstSoThatTheAnswersCanBeToldApart) {
+TEST_F(BusTest, RtuAsksForLessFirstSoThatTheAnswersCanBeToldApart) {
   const ProtocolInfo& info = *find_protocol("modbus-rtu");
   codec = *info.make(default_options(info));
   station.codec = codec.get();
@@ -537,16 +537,16 @@ TEST_F(LineTest, RtuAsksForLessFirstSoThatTheAnswersCanBeToldApart) {
   EXPECT_TRUE(ask(two).doubted);
 }
 
-TEST_F(LineTest, EchoThatNobodyAwaitedIsNoForeignAnswer) {
+TEST_F(BusTest, EchoThatNobodyAwaitedIsNoForeignAnswer) {
   // The order to unit 0 comes back on a two-wire line, and nobody answers it.
   const ProtocolInfo& info = *find_protocol("modbus-rtu");
   Options options = default_options(info);
   options["unit"] = std::int64_t{0};
   codec = *info.make(options);
   station.codec = codec.get();
-  const Bytes order = *from_hex("00 06 00 01 00 AA 59 A4");
+  const Bytes admitted = *from_hex("00 06 00 01 00 AA 59 A4");
   const Write write{{codec->parse_address("hr:1", {})->span.space, 16, 16}, word(0xAA)};
-  wire->expect(order).give(order).expect(order);
+  wire->expect(admitted).give(admitted).expect(admitted);
   open();
   EXPECT_TRUE(ask(write).is_ack());
   EXPECT_TRUE(ask(write).is_ack());
@@ -557,7 +557,7 @@ TEST_F(LineTest, EchoThatNobodyAwaitedIsNoForeignAnswer) {
 // ---- a channel that never falls silent
 // -----------------------------------------------------------
 
-TEST_F(LineTest, FloodBetweenTwoQuestionsClosesTheChannel) {
+TEST_F(BusTest, FloodBetweenTwoQuestionsClosesTheChannel) {
   wire->expect(kEnq).give(kAck).expect(kReadD100).give(word_frame(1));
   open();
   EXPECT_TRUE(read("D100").is_data());
@@ -570,7 +570,7 @@ TEST_F(LineTest, FloodBetweenTwoQuestionsClosesTheChannel) {
   EXPECT_TRUE(line->never_silent());
 }
 
-TEST_F(LineTest, FloodWhileItListensClosesTheChannel) {
+TEST_F(BusTest, FloodWhileItListensClosesTheChannel) {
   wire->expect(kEnq).give(kAck).expect(kReadD100).silence();
   wire->later(Bytes(1 << 20, 0x55));
   open();
@@ -581,7 +581,7 @@ TEST_F(LineTest, FloodWhileItListensClosesTheChannel) {
   EXPECT_TRUE(line->never_silent());
 }
 
-TEST_F(LineTest, ChannelThatFloodsFromTheStartDoesNotOpen) {
+TEST_F(BusTest, ChannelThatFloodsFromTheStartDoesNotOpen) {
   wire->give(Bytes(65536, 0x55));
   const auto opened = run_on(io, line->open());
   ASSERT_FALSE(opened);
@@ -598,7 +598,7 @@ TEST_F(LineTest, ChannelThatFloodsFromTheStartDoesNotOpen) {
 // ---- time
 // ----------------------------------------------------------------------------------------
 
-TEST_F(LineTest, AnswerHasTheTimeOfItsCharactersBesideTheTimeout) {
+TEST_F(BusTest, AnswerHasTheTimeOfItsCharactersBesideTheTimeout) {
   // 11 characters there and 8 back: a slow line is not a slow device.
   make_line(milliseconds(4));
   station.enquire = EnquirePolicy::never;
@@ -610,7 +610,7 @@ TEST_F(LineTest, AnswerHasTheTimeOfItsCharactersBesideTheTimeout) {
   EXPECT_GE(exchange.ended - exchange.began, 19 * milliseconds(4) + station.timeout);
 }
 
-TEST_F(LineTest, OrderWhoseTimeHasPassedIsNotSent) {
+TEST_F(BusTest, OrderWhoseTimeHasPassedIsNotSent) {
   wire->expect(kEnq).give(kAck).expect(kReadD100).give(word_frame(1));
   open();
   read("D100");
@@ -619,7 +619,7 @@ TEST_F(LineTest, OrderWhoseTimeHasPassedIsNotSent) {
   EXPECT_FALSE(late.sent);
 }
 
-TEST_F(LineTest, TimeIsCheckedAfterEverythingThatPrecedesTheFirstByte) {
+TEST_F(BusTest, TimeIsCheckedAfterEverythingThatPrecedesTheFirstByte) {
   // The enquiry takes its time: what was fresh before it need not be fresh after it.
   SteadyTime not_after = Clock::now() + milliseconds(20);
   wire->expect(kEnq);
@@ -635,7 +635,7 @@ TEST_F(LineTest, TimeIsCheckedAfterEverythingThatPrecedesTheFirstByte) {
   EXPECT_FALSE(late.sent);
 }
 
-TEST_F(LineTest, GapIsKeptBetweenTwoRequests) {
+TEST_F(BusTest, GapIsKeptBetweenTwoRequests) {
   station.gap = milliseconds(15);
   wire->expect(kEnq).give(kAck).expect(kReadD100).give(word_frame(1));
   wire->expect(kReadD100).give(word_frame(2));
@@ -645,7 +645,7 @@ TEST_F(LineTest, GapIsKeptBetweenTwoRequests) {
   EXPECT_GE(second.began - first.ended, milliseconds(15));
 }
 
-TEST_F(LineTest, ReadWaitsForItsDeadlineAndNoLonger) {
+TEST_F(BusTest, ReadWaitsForItsDeadlineAndNoLonger) {
   station.timeout = milliseconds(5);
   wire->expect(kEnq).give(kAck).expect(kReadD100).hang();
   open();
@@ -657,7 +657,7 @@ TEST_F(LineTest, ReadWaitsForItsDeadlineAndNoLonger) {
 // ---- links that break
 // ----------------------------------------------------------------------------
 
-TEST_F(LineTest, LinkLostBeforeTheFirstByteSendsNothing) {
+TEST_F(BusTest, LinkLostBeforeTheFirstByteSendsNothing) {
   wire->expect(kEnq).give(kAck).expect(kReadD100).give(word_frame(1)).hang_up();
   open();
   read("D100");
@@ -668,7 +668,7 @@ TEST_F(LineTest, LinkLostBeforeTheFirstByteSendsNothing) {
   EXPECT_FALSE(exchange.error.empty());
 }
 
-TEST_F(LineTest, WriteThatBreaksBeforeItsFirstByteWasNotSent) {
+TEST_F(BusTest, WriteThatBreaksBeforeItsFirstByteWasNotSent) {
   wire->expect(kEnq).give(kAck).break_write(0);
   open();
   const Exchange exchange = write_d200();
@@ -677,7 +677,7 @@ TEST_F(LineTest, WriteThatBreaksBeforeItsFirstByteWasNotSent) {
   EXPECT_FALSE(line->is_open());
 }
 
-TEST_F(LineTest, WriteThatBreaksAfterOneByteWasSent) {
+TEST_F(BusTest, WriteThatBreaksAfterOneByteWasSent) {
   wire->expect(kEnq).give(kAck).break_write(1);
   open();
   const Exchange exchange = write_d200();
@@ -685,7 +685,7 @@ TEST_F(LineTest, WriteThatBreaksAfterOneByteWasSent) {
   EXPECT_TRUE(exchange.sent);
 }
 
-TEST_F(LineTest, LinkLostWhileWaitingWasSent) {
+TEST_F(BusTest, LinkLostWhileWaitingWasSent) {
   wire->expect(kEnq).give(kAck).expect(kWriteD200).hang_up();
   open();
   const Exchange exchange = write_d200();
@@ -694,7 +694,7 @@ TEST_F(LineTest, LinkLostWhileWaitingWasSent) {
   EXPECT_FALSE(line->is_open());
 }
 
-TEST_F(LineTest, LinkLostDuringTheEnquirySendsNothingElse) {
+TEST_F(BusTest, LinkLostDuringTheEnquirySendsNothingElse) {
   wire->expect(kEnq).hang_up();
   open();
   const Exchange exchange = write_d200();
@@ -702,7 +702,7 @@ TEST_F(LineTest, LinkLostDuringTheEnquirySendsNothingElse) {
   EXPECT_FALSE(exchange.sent);
 }
 
-TEST_F(LineTest, LinkLostDuringTheDrainSendsNothing) {
+TEST_F(BusTest, LinkLostDuringTheDrainSendsNothing) {
   wire->expect(kEnq).give(kAck).expect(kReadD100).silence().hang_up();
   open();
   EXPECT_EQ(read("D100").outcome, Outcome::unanswered);
@@ -711,7 +711,7 @@ TEST_F(LineTest, LinkLostDuringTheDrainSendsNothing) {
   EXPECT_FALSE(exchange.sent);
 }
 
-TEST_F(LineTest, ClosingEndsAWaitingExchange) {
+TEST_F(BusTest, ClosingEndsAWaitingExchange) {
   station.timeout = std::chrono::hours(1);
   wire->expect(kEnq).give(kAck).expect(kReadD100).call(
       [&] { asio::post(io, [&] { line->close(); }); });
@@ -720,7 +720,7 @@ TEST_F(LineTest, ClosingEndsAWaitingExchange) {
   EXPECT_EQ(read("D100").outcome, Outcome::link_down);
 }
 
-TEST_F(LineTest, ChannelThatWillNotOpenSaysWhy) {
+TEST_F(BusTest, ChannelThatWillNotOpenSaysWhy) {
   wire->refuse_open("no such adapter");
   const auto opened = run_on(io, line->open());
   ASSERT_FALSE(opened);
@@ -729,7 +729,7 @@ TEST_F(LineTest, ChannelThatWillNotOpenSaysWhy) {
   EXPECT_FALSE(line->is_open());
 }
 
-TEST_F(LineTest, PeerThatGoesRightAfterOpeningIsAFailureToOpen) {
+TEST_F(BusTest, PeerThatGoesRightAfterOpeningIsAFailureToOpen) {
   wire->hang_up();
   const auto opened = run_on(io, line->open());
   EXPECT_FALSE(opened);
@@ -739,7 +739,7 @@ TEST_F(LineTest, PeerThatGoesRightAfterOpeningIsAFailureToOpen) {
 // ---- what is counted
 // -----------------------------------------------------------------------------
 
-TEST_F(LineTest, EachEndOfAnExchangeIsCounted) {
+TEST_F(BusTest, EachEndOfAnExchangeIsCounted) {
   Bytes wrong = word_frame(7);
   wrong.back() = wrong.back() == '0' ? '1' : '0';
   station.enquire = EnquirePolicy::never;
@@ -753,7 +753,7 @@ TEST_F(LineTest, EachEndOfAnExchangeIsCounted) {
   read("D100");
   read("D100");
   ask(request_for("D100"), Clock::now() - milliseconds(1));
-  const Line::Counters& counters = line->counters();
+  const Bus::Counters& counters = line->counters();
   EXPECT_EQ(counters.exchanges, 4U) << "the one that expired was never sent";
   EXPECT_EQ(counters.naks, 1U);
   EXPECT_EQ(counters.bad_frames, 1U);

@@ -9,14 +9,14 @@
 #include <string>
 #include <vector>
 
-#include "agent/field/agenda.h"
+#include "agent/field/poll_scheduler.h"
 
 namespace fxagent::test {
 namespace {
 
 using std::chrono::milliseconds;
 using std::chrono::nanoseconds;
-using Kind = Agenda::Job::Kind;
+using Kind = PollScheduler::Job::Kind;
 
 const SteadyTime kStart{std::chrono::hours(1000)};
 const SteadyTime kTooLate = kStart + std::chrono::hours(1);
@@ -27,24 +27,26 @@ constexpr BackOff kBackOff{milliseconds(1000), milliseconds(4000)};
 class WithoutPriority {
  public:
   explicit WithoutPriority(double share) : inner_(share) {}
-  Agenda::DeviceId add_device(int limit, BackOff back_off) {
+  PollScheduler::DeviceId add_device(int limit, BackOff back_off) {
     return inner_.add_device(limit, back_off);
   }
-  Agenda::GroupId add_group(Agenda::DeviceId device, milliseconds interval, std::uint32_t exchanges,
-                            SteadyTime due) {
+  PollScheduler::GroupId add_group(PollScheduler::DeviceId device, milliseconds interval,
+                                   std::uint32_t exchanges, SteadyTime due) {
     return inner_.add_group(device, interval, exchanges, due);
   }
   void command_waits() { ++commands_; }
   void command_taken() { --commands_; }
   void command_used(nanoseconds, SteadyTime) {}
   void poll_used(nanoseconds) {}
-  void step_used(const Agenda::PollStep& step, nanoseconds time) { inner_.step_used(step, time); }
-  bool step_done(const Agenda::PollStep& step) {
+  void step_used(const PollScheduler::PollStep& step, nanoseconds time) {
+    inner_.step_used(step, time);
+  }
+  bool step_done(const PollScheduler::PollStep& step) {
     const bool ended = inner_.step_done(step);
     inside_a_cycle_ = !ended;
     return ended;
   }
-  void abandon_cycle(Agenda::GroupId group, SteadyTime not_before) {
+  void abandon_cycle(PollScheduler::GroupId group, SteadyTime not_before) {
     inner_.abandon_cycle(group, not_before);
     inside_a_cycle_ = false;
   }
@@ -56,13 +58,13 @@ class WithoutPriority {
   }
 
  protected:
-  static Agenda::Job command() {
-    Agenda::Job job;
+  static PollScheduler::Job command() {
+    PollScheduler::Job job;
     job.kind = Kind::command;
     return job;
   }
 
-  Agenda inner_;
+  PollScheduler inner_;
   std::uint32_t commands_ = 0;
   bool inside_a_cycle_ = false;
 };
@@ -71,8 +73,8 @@ class WithoutPriority {
 class PollsFirst final : public WithoutPriority {
  public:
   using WithoutPriority::WithoutPriority;
-  Agenda::Job next(SteadyTime now) {
-    const Agenda::Job job = inner_.next(now);
+  PollScheduler::Job next(SteadyTime now) {
+    const PollScheduler::Job job = inner_.next(now);
     return job.kind == Kind::wait && commands_ > 0 ? command() : job;
   }
 };
@@ -81,7 +83,7 @@ class PollsFirst final : public WithoutPriority {
 class WholeCycles final : public WithoutPriority {
  public:
   using WithoutPriority::WithoutPriority;
-  Agenda::Job next(SteadyTime now) {
+  PollScheduler::Job next(SteadyTime now) {
     return commands_ > 0 && !inside_a_cycle_ ? command() : inner_.next(now);
   }
 };
@@ -106,13 +108,13 @@ enum class LineKind : std::uint8_t {
            ///< repeated or given up
 };
 
-/// What a plain reading of the rules makes of the groups: kept apart from the agenda's own.
+/// What a plain reading of the rules makes of the groups: kept apart from the poll scheduler's own.
 struct NaiveGroup {
   nanoseconds interval{0};
   std::uint32_t exchanges = 1;
   SteadyTime first{};
   std::vector<nanoseconds> durations;
-  std::optional<std::int64_t> last_beat;
+  std::optional<std::int64_t> last_due;
   bool running = false;
   SteadyTime deadline{};
   std::int64_t cycles = 0;
@@ -121,15 +123,15 @@ struct NaiveGroup {
   bool due(SteadyTime now) const {
     if (running) return true;
     if (now < first) return false;
-    return !last_beat || beat_at(now) > *last_beat;
+    return !last_due || beat_at(now) > *last_due;
   }
   SteadyTime deadline_at() const {
     if (running) return deadline;
-    return first + (last_beat.value_or(-1) + 2) * interval;
+    return first + (last_due.value_or(-1) + 2) * interval;
   }
   void begin(SteadyTime now) {
-    last_beat = beat_at(now);
-    deadline = first + (*last_beat + 1) * interval;
+    last_due = beat_at(now);
+    deadline = first + (*last_due + 1) * interval;
     running = true;
     ++cycles;
   }
@@ -140,10 +142,10 @@ template <class Subject>
 class RandomLine final {
  public:
   RandomLine(std::uint32_t seed, LineKind kind)
-      : seed_(seed), kind_(kind), random_(seed), share_(between(0, 4) * 0.1), agenda_(share_) {
+      : seed_(seed), kind_(kind), random_(seed), share_(between(0, 4) * 0.1), scheduler_(share_) {
     const int devices = between(1, 3);
     for (int d = 0; d < devices; ++d) {
-      const auto device = agenda_.add_device(3, kBackOff);
+      const auto device = scheduler_.add_device(3, kBackOff);
       for (int g = between(1, 3); g > 0; --g) add_group(device);
     }
   }
@@ -157,7 +159,7 @@ class RandomLine final {
         return found_;
       }
       arrive(now_);
-      const Agenda::Job job = agenda_.next(now_);
+      const PollScheduler::Job job = scheduler_.next(now_);
       if (job.kind == Kind::command) {
         carry_out();
       } else if (job.kind == Kind::poll) {
@@ -171,7 +173,7 @@ class RandomLine final {
   }
 
  private:
-  struct Order {
+  struct AdmittedCommand {
     SteadyTime arrived{};
     nanoseconds planned{0};
     nanoseconds bound{0};
@@ -180,7 +182,7 @@ class RandomLine final {
 
   int between(int low, int high) { return std::uniform_int_distribution<int>(low, high)(random_); }
 
-  void add_group(Agenda::DeviceId device) {
+  void add_group(PollScheduler::DeviceId device) {
     NaiveGroup group;
     const bool free_running = kind_ == LineKind::rough && between(0, 3) == 0;
     group.interval = milliseconds(free_running ? 0 : between(50, 3000));
@@ -189,8 +191,8 @@ class RandomLine final {
     for (std::uint32_t e = 0; e < group.exchanges; ++e)
       group.durations.push_back(milliseconds(between(5, 60)));
     for (const nanoseconds duration : group.durations) longest_ = std::max(longest_, duration);
-    agenda_.add_group(device, std::chrono::duration_cast<milliseconds>(group.interval),
-                      group.exchanges, group.first);
+    scheduler_.add_group(device, std::chrono::duration_cast<milliseconds>(group.interval),
+                         group.exchanges, group.first);
     groups_.push_back(std::move(group));
   }
 
@@ -204,19 +206,20 @@ class RandomLine final {
   /// Everything that arrives up to `until`; bursts and quiet times alternate.
   void arrive(SteadyTime until) {
     while (left_ > 0 && next_arrival_ <= until) {
-      Order order;
-      order.arrived = next_arrival_;
-      order.planned = milliseconds(between(0, 30) == 0 ? between(500, 3000) : between(5, 80));
+      AdmittedCommand admitted;
+      admitted.arrived = next_arrival_;
+      admitted.planned = milliseconds(between(0, 30) == 0 ? between(500, 3000) : between(5, 80));
       nanoseconds ahead = running_;
-      for (const Order& other : waiting_) ahead += other.planned;
+      for (const AdmittedCommand& other : waiting_) ahead += other.planned;
       if (between(0, 9) == 0) {
-        order.parts = between(2, 20);
-        order.planned *= order.parts;
+        admitted.parts = between(2, 20);
+        admitted.planned *= admitted.parts;
       }
-      order.bound = order.parts > 1 ? agenda_.bound_giving_way(order.planned, ahead, longest_)
-                                    : agenda_.bound(order.planned, ahead, longest_);
-      waiting_.push_back(order);
-      agenda_.command_waits();
+      admitted.bound = admitted.parts > 1
+                           ? scheduler_.bound_giving_way(admitted.planned, ahead, longest_)
+                           : scheduler_.bound(admitted.planned, ahead, longest_);
+      waiting_.push_back(admitted);
+      scheduler_.command_waits();
       --left_;
       if (--burst_ < 0) {
         if (between(0, 30) == 0) burst_ = between(5, 25);
@@ -226,39 +229,39 @@ class RandomLine final {
   }
 
   void carry_out() {
-    const Order order = waiting_.front();
+    const AdmittedCommand admitted = waiting_.front();
     waiting_.pop_front();
-    agenda_.command_taken();
+    scheduler_.command_taken();
     ++found_.commands;
-    found_.lists += order.parts > 1;
-    running_ += order.planned;
-    const nanoseconds part = order.planned / order.parts;
+    found_.lists += admitted.parts > 1;
+    running_ += admitted.planned;
+    const nanoseconds part = admitted.planned / admitted.parts;
     credits_.emplace_back(0);
-    for (int done = 1; done <= order.parts; ++done) {
+    for (int done = 1; done <= admitted.parts; ++done) {
       const nanoseconds wire = real(part);
       now_ += wire;
       arrive(now_ - nanoseconds(1));
-      if (done == order.parts) running_ -= order.planned;
-      if (done < order.parts) agenda_.command_waits();
-      agenda_.command_used(wire, now_);
+      if (done == admitted.parts) running_ -= admitted.planned;
+      if (done < admitted.parts) scheduler_.command_waits();
+      scheduler_.command_used(wire, now_);
       credits_.back() += part;
-      if (done < order.parts) give_way();
+      if (done < admitted.parts) give_way();
     }
     credits_.pop_back();
-    const nanoseconds took = now_ - order.arrived;  // queue + wire
+    const nanoseconds took = now_ - admitted.arrived;  // queue + wire
     found_.tightest = std::max(found_.tightest, static_cast<double>(took.count()) /
-                                                    static_cast<double>(order.bound.count()));
-    if (took <= order.bound) return;
+                                                    static_cast<double>(admitted.bound.count()));
+    if (took <= admitted.bound) return;
     ++found_.late_commands;
     found_.example = "seed " + std::to_string(seed_) + ": through after " +
                      std::to_string(took / milliseconds(1)) + " ms, bound " +
-                     std::to_string(order.bound / milliseconds(1)) + " ms";
+                     std::to_string(admitted.bound / milliseconds(1)) + " ms";
   }
 
   /// As the link's worker does between two parts of a command.
   void give_way() {
     while (now_ < kTooLate) {
-      const Agenda::Job job = agenda_.next(now_);
+      const PollScheduler::Job job = scheduler_.next(now_);
       if (job.kind == Kind::poll) {
         poll(job.poll);
         continue;
@@ -269,35 +272,35 @@ class RandomLine final {
       ++found_.went_between;
       carry_out();
     }
-    agenda_.command_taken();
+    scheduler_.command_taken();
   }
 
-  void poll(const Agenda::PollStep& step) {
+  void poll(const PollScheduler::PollStep& step) {
     NaiveGroup& group = groups_[step.group];
     if (kind_ == LineKind::steady) judge(group, step);
     const nanoseconds took = real(group.durations[step.exchange]);
     now_ += took;
     arrive(now_ - nanoseconds(1));
     if (kind_ == LineKind::steady) {
-      agenda_.poll_used(took);
-      if (agenda_.step_done(step)) group.running = false;
+      scheduler_.poll_used(took);
+      if (scheduler_.step_done(step)) group.running = false;
       return;
     }
-    agenda_.step_used(step, took);
+    scheduler_.step_used(step, took);
     const int luck = between(0, 19);
     if (luck == 0)
-      agenda_.abandon_cycle(step.group, now_);
+      scheduler_.abandon_cycle(step.group, now_);
     else if (luck > 1)  // at 1 the answer was garbled: the same step once more
-      agenda_.step_done(step);
+      scheduler_.step_done(step);
   }
 
-  void judge(NaiveGroup& group, const Agenda::PollStep& step) {
+  void judge(NaiveGroup& group, const PollScheduler::PollStep& step) {
     const bool wrong = std::any_of(groups_.begin(), groups_.end(), [&](const NaiveGroup& other) {
       return !group.due(now_) || (other.due(now_) && other.deadline_at() < group.deadline_at());
     });
     found_.wrong_polls += wrong;
     if (!step.starts_cycle) return;
-    found_.bursts += group.last_beat && group.beat_at(now_) <= *group.last_beat;
+    found_.bursts += group.last_due && group.beat_at(now_) <= *group.last_due;
     group.begin(now_);
   }
 
@@ -312,10 +315,10 @@ class RandomLine final {
   const LineKind kind_;
   std::mt19937 random_;
   const double share_;
-  Subject agenda_;
+  Subject scheduler_;
   std::vector<NaiveGroup> groups_;
   nanoseconds longest_{0};  ///< poll exchange
-  std::deque<Order> waiting_;
+  std::deque<AdmittedCommand> waiting_;
   /// What each command under way has had of the line, less what went between its parts.
   std::vector<nanoseconds> credits_;
   nanoseconds running_{0};  ///< planned line time of the commands under way
@@ -326,13 +329,13 @@ class RandomLine final {
   Findings found_;
 };
 
-TEST(AgendaBound, EveryCommandIsInsideItAndEveryPollIsTheRightOne) {
+TEST(PollSchedulerBound, EveryCommandIsInsideItAndEveryPollIsTheRightOne) {
   int commands = 0;
   int lists = 0;
   int went_between = 0;
   double tightest = 0;
   for (std::uint32_t seed = 1; seed <= 100; ++seed) {
-    const Findings found = RandomLine<Agenda>(seed, LineKind::steady).run(200);
+    const Findings found = RandomLine<PollScheduler>(seed, LineKind::steady).run(200);
     commands += found.commands;
     lists += found.lists;
     went_between += found.went_between;
@@ -348,10 +351,10 @@ TEST(AgendaBound, EveryCommandIsInsideItAndEveryPollIsTheRightOne) {
   EXPECT_GT(tightest, 0.9) << "a bound that nothing comes near says little";
 }
 
-TEST(AgendaBound, EveryCommandIsInsideItOnRoughAndOverloadedLines) {
+TEST(PollSchedulerBound, EveryCommandIsInsideItOnRoughAndOverloadedLines) {
   int commands = 0;
   for (std::uint32_t seed = 1; seed <= 100; ++seed) {
-    const Findings found = RandomLine<Agenda>(seed, LineKind::rough).run(200);
+    const Findings found = RandomLine<PollScheduler>(seed, LineKind::rough).run(200);
     commands += found.commands;
     EXPECT_EQ(found.late_commands, 0) << found.example;
   }
@@ -368,12 +371,12 @@ int lines_with_late_commands() {
   return lines;
 }
 
-TEST(AgendaBound, TheCheckFindsAnAgendaThatPutsCommandsBehindPolls) {
-  EXPECT_EQ(lines_with_late_commands<Agenda>(), 0);
+TEST(PollSchedulerBound, TheCheckFindsAnAgendaThatPutsCommandsBehindPolls) {
+  EXPECT_EQ(lines_with_late_commands<PollScheduler>(), 0);
   EXPECT_GT(lines_with_late_commands<PollsFirst>(), 10);
 }
 
-TEST(AgendaBound, TheCheckFindsAnAgendaThatLetsCyclesEndFirst) {
+TEST(PollSchedulerBound, TheCheckFindsAnAgendaThatLetsCyclesEndFirst) {
   EXPECT_GT(lines_with_late_commands<WholeCycles>(), 10);
 }
 

@@ -22,10 +22,10 @@ struct LinkStart {
   std::chrono::nanoseconds poll_after{0};  ///< never before open_after
 };
 
-class Openings final {
+class ReconnectPolicy final {
  public:
   /// Links with different seeds have nothing in common, however near to each other these are.
-  Openings(OpeningRules rules, std::uint64_t seed);
+  ReconnectPolicy(OpeningRules rules, std::uint64_t seed);
 
   /// Somewhere in the time over which the starts of so many links are spread: 10 ms for each one's
   /// polls and 1 ms for its opening, polls within `period` in all.

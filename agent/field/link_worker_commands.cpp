@@ -3,8 +3,8 @@
 #include <utility>
 
 #include "agent/failpoint.h"
+#include "agent/field/command_execution.h"
 #include "agent/field/link_device.h"
-#include "agent/field/order_run.h"
 #include "agent/line_time.h"
 #include "agent/log/log.h"
 
@@ -15,16 +15,16 @@ using std::chrono::milliseconds;
 using std::chrono::nanoseconds;
 using Clock = std::chrono::steady_clock;
 
-OrderNote note_of(const Order& order) {
-  const Command& command = order.command;
-  OrderNote note;
+AdmissionNote note_of(const AdmittedCommand& admitted) {
+  const Command& command = admitted.command;
+  AdmissionNote note;
   note.device = command.device;
-  note.arrival = command.arrival;
+  note.number = command.number;
   note.id = command.id;
   note.op = command.op_text;
   note.received_ms = command.received_ms;
   note.deadline_ms = command.received_ms +
-                     std::chrono::ceil<milliseconds>(order.deadline - command.received).count();
+                     std::chrono::ceil<milliseconds>(admitted.deadline - command.received).count();
   note.response_topic = command.response_topic;
   note.correlation = command.correlation;
   return note;
@@ -41,51 +41,52 @@ void LinkWorker::submit(Command command) {
   Device* device = device_of(command.device);
   if (device == nullptr) return;
   const auto now = Clock::now();
-  auto verdict = device->desk.admit(std::move(command), *device->codec, device->waiting, now);
-  if (auto* result = std::get_if<CommandResult>(&verdict)) {
+  auto decision = device->admission.admit(std::move(command), *device->codec, device->waiting, now);
+  if (auto* result = std::get_if<CommandResult>(&decision)) {
     outbox_.push(std::move(*result));
     return;
   }
   if (stopping_) {
-    CommandResult result = unsent(std::get<Order>(verdict), CommandStatus::rejected);
-    device->desk.finished(result);
+    CommandResult result = unsent(std::get<AdmittedCommand>(decision), CommandStatus::rejected);
+    device->admission.finished(result);
     outbox_.push(std::move(result));
     return;
   }
   Waiting waiting;
-  waiting.order = std::move(std::get<Order>(verdict));
+  waiting.admitted = std::move(std::get<AdmittedCommand>(decision));
   waiting.device = device;
   waiting.codec = device->codec;
   take_line_times(waiting);
   ++device->waiting;
   if (journaling_ == Journaling::off) return enqueue(std::move(waiting));
-  outbox_.push(note_of(waiting.order));
+  outbox_.push(note_of(waiting.admitted));
   unjournaled_.push_back(std::move(waiting));
 }
 
 void LinkWorker::take_line_times(Waiting& waiting) const {
   const nanoseconds char_time = config_.links[link_].char_time;
-  waiting.line_time =
-      OrderRun::line_time(*waiting.codec, waiting.device->config, char_time, waiting.order);
-  OrderRun::set_line_times(*waiting.codec, waiting.device->config, char_time, waiting.order);
+  waiting.line_time = CommandExecution::line_time(*waiting.codec, waiting.device->config, char_time,
+                                                  waiting.admitted);
+  CommandExecution::set_line_times(*waiting.codec, waiting.device->config, char_time,
+                                   waiting.admitted);
 }
 
-void LinkWorker::take_left_behind(Command command) {
+void LinkWorker::take_interrupted(Command command) {
   Device* device = device_of(command.device);
   if (device == nullptr) return;
   Waiting waiting;
   waiting.device = device;
   waiting.codec = device->codec;
-  auto order = device->desk.left_behind(command, *device->codec, Clock::now());
-  if (!order) {
-    waiting.order.command = std::move(command);
-    waiting.order.left_behind = true;
-    CommandResult result = unsent(waiting.order, CommandStatus::unknown_outcome);
-    device->desk.finished(result);
+  auto admitted = device->admission.interrupted(command, *device->codec, Clock::now());
+  if (!admitted) {
+    waiting.admitted.command = std::move(command);
+    waiting.admitted.interrupted = true;
+    CommandResult result = unsent(waiting.admitted, CommandStatus::unknown_outcome);
+    device->admission.finished(result);
     outbox_.push(std::move(result));
     return;
   }
-  waiting.order = std::move(*order);
+  waiting.admitted = std::move(*admitted);
   take_line_times(waiting);
   ++device->waiting;
   enqueue(std::move(waiting));
@@ -94,19 +95,19 @@ void LinkWorker::take_left_behind(Command command) {
 void LinkWorker::go_ahead(std::uint32_t device, const std::string& id) {
   const auto found =
       std::find_if(unjournaled_.begin(), unjournaled_.end(), [&](const Waiting& waiting) {
-        return waiting.device->index == device && waiting.order.command.id == id;
+        return waiting.device->index == device && waiting.admitted.command.id == id;
       });
   if (found == unjournaled_.end()) return;  // answered already: the agent is stopping
   Waiting waiting = std::move(*found);
   unjournaled_.erase(found);
-  waiting.order.go_ahead = Clock::now();
+  waiting.admitted.go_ahead = Clock::now();
   enqueue(std::move(waiting));
 }
 
 void LinkWorker::enqueue(Waiting waiting) {
-  waiting.order.bound = bound_of(waiting);
+  waiting.admitted.bound = bound_of(waiting);
   waiting_.push_back(std::move(waiting));
-  agenda_.command_waits();
+  scheduler_.command_waits();
   idle_.cancel();
 }
 
@@ -125,12 +126,12 @@ nanoseconds LinkWorker::longest_poll() const {
   return longest;
 }
 
-nanoseconds LinkWorker::greetings() const {
+nanoseconds LinkWorker::handshakes() const {
   nanoseconds total{0};
   for (const auto& device : devices_) {
     const auto enquiry = device->codec->resync();
     if (!enquiry || device->config.enquire != EnquirePolicy::open) continue;
-    if (line_.is_open() && device->station.greeted_in == line_.session()) continue;
+    if (bus_.is_open() && device->station.handshake_in == bus_.session()) continue;
     const LineTiming timing = timing_of(device->config, config_.links[link_].char_time);
     total += exchange_time(*device->codec, *enquiry, timing);
   }
@@ -143,16 +144,16 @@ std::optional<nanoseconds> LinkWorker::bound_of(const Waiting& command) const {
   for (const Waiting& running : running_) ahead += running.line_time;
   for (const Waiting& waiting : waiting_) ahead += waiting.line_time;
   const nanoseconds own = command.line_time;
-  return greetings() + (OrderRun::gives_way(command.order)
-                            ? agenda_.bound_giving_way(own, ahead, longest_poll())
-                            : agenda_.bound(own, ahead, longest_poll()));
+  return handshakes() + (CommandExecution::gives_way(command.admitted)
+                             ? scheduler_.bound_giving_way(own, ahead, longest_poll())
+                             : scheduler_.bound(own, ahead, longest_poll()));
 }
 
-CommandResult LinkWorker::unsent(const Order& order, CommandStatus status) {
-  CommandResult result = result_of(order.command);
-  if (order.left_behind) {
+CommandResult LinkWorker::unsent(const AdmittedCommand& admitted, CommandStatus status) {
+  CommandResult result = result_of(admitted.command);
+  if (admitted.interrupted) {
     result.status = CommandStatus::unknown_outcome;
-    result.detail = kLeftBehind;
+    result.detail = kInterrupted;
     return result;
   }
   result.status = status;
@@ -168,7 +169,7 @@ CommandResult LinkWorker::unsent(const Order& order, CommandStatus status) {
 // ---- on the wire --------------------------------------------------------------------------------
 
 /// One command's dealings with the polls and with the commands that wait behind it.
-class LinkWorker::Sharing final : public LineSharing {
+class LinkWorker::Sharing final : public BusSharing {
  public:
   Sharing(LinkWorker& worker, const Waiting& command)
       : worker_(worker), command_(command), outer_(worker.sharing_) {
@@ -184,12 +185,12 @@ class LinkWorker::Sharing final : public LineSharing {
   asio::awaitable<void> give_way(nanoseconds used) override {
     if (!at_a_target_) within_ += used;
     at_a_target_ = false;
-    Agenda& agenda = worker_.agenda_;
-    agenda.command_waits();  // the rest of this one
-    agenda.command_used(used, Clock::now());
+    PollScheduler& scheduler = worker_.scheduler_;
+    scheduler.command_waits();  // the rest of this one
+    scheduler.command_used(used, Clock::now());
     while (!worker_.stopping_) {
-      const Agenda::Job job = agenda.next(Clock::now());
-      if (job.kind == Agenda::Job::Kind::poll) {
+      const PollScheduler::Job job = scheduler.next(Clock::now());
+      if (job.kind == PollScheduler::Job::Kind::poll) {
         const bool on_the_line = co_await worker_.poll_between(job.poll);
         if (!on_the_line) break;
       } else if (worker_.may_go_between(credit())) {
@@ -199,16 +200,16 @@ class LinkWorker::Sharing final : public LineSharing {
         break;
       }
     }
-    agenda.command_taken();
+    scheduler.command_taken();
   }
 
   void concluded(std::size_t target, const TargetResult& outcome) override {
-    const Order& order = command_.order;
-    if (target >= order.targets.size()) return;
-    had_ += order.targets[target].line_time;
+    const AdmittedCommand& admitted = command_.admitted;
+    if (target >= admitted.targets.size()) return;
+    had_ += admitted.targets[target].line_time;
     within_ = {};
     at_a_target_ = true;
-    worker_.after_write(*command_.device, order.targets[target], outcome);
+    worker_.after_write(*command_.device, admitted.targets[target], outcome);
   }
 
   bool is_stopping() const override { return worker_.stopping_; }
@@ -242,32 +243,32 @@ bool LinkWorker::may_go_between(nanoseconds credit) const {
     if (next.device != under_way.device) return false;
     // A STOP may not wait; a RUN may be meant to come after what is being written. And what is
     // read or written twice is meant in its order.
-    if (next.order.run_order) return next.order.command.op != Op::stop;
-    for (const OrderTarget& target : next.order.targets) {
+    if (next.admitted.run_order) return next.admitted.command.op != Op::stop;
+    for (const AdmittedTarget& target : next.admitted.targets) {
       const Span span = *span_of(target.point);
-      for (const OrderTarget& other : under_way.order.targets)
+      for (const AdmittedTarget& other : under_way.admitted.targets)
         if (overlap(span, *span_of(other.point))) return true;
     }
     return false;
   });
 }
 
-asio::awaitable<bool> LinkWorker::poll_between(Agenda::PollStep step) {
+asio::awaitable<bool> LinkWorker::poll_between(PollScheduler::PollStep step) {
   // Where the line is down a poll would not take any of it: the command opens it again.
-  if (!line_.is_open()) co_return false;
-  const std::uint64_t before = line_.counters().exchanges;
+  if (!bus_.is_open()) co_return false;
+  const std::uint64_t before = bus_.counters().exchanges;
   polling_ = true;
   co_await run_step(step);
   polling_ = false;
-  co_return line_.counters().exchanges != before;
+  co_return bus_.counters().exchanges != before;
 }
 
 asio::awaitable<void> LinkWorker::run_command() {
   running_.push_back(std::move(waiting_.front()));
   waiting_.pop_front();
-  agenda_.command_taken();
+  scheduler_.command_taken();
   const Waiting& running = running_.back();
-  const Order& order = running.order;
+  const AdmittedCommand& admitted = running.admitted;
   Device& device = *running.device;
   --device.waiting;
 
@@ -276,26 +277,26 @@ asio::awaitable<void> LinkWorker::run_command() {
   FrameTrace trace;
   station.trace = &trace;
   Sharing sharing(*this, running);
-  OrderRun order_run(executor_, line_, station, device.config, order, &sharing);
+  CommandExecution order_run(executor_, bus_, station, device.config, admitted, &sharing);
   CommandResult result = co_await order_run.run();
-  fault_point("order_answered");
+  failpoint("order_answered");
 
-  device.station.greeted_in = station.greeted_in;
-  if (line_.is_open() && !was_open_) line_up();
-  agenda_.command_used(order_run.used(), Clock::now());
+  device.station.handshake_in = station.handshake_in;
+  if (bus_.is_open() && !was_open_) line_up();
+  scheduler_.command_used(order_run.used(), Clock::now());
   if (order_run.was_answered()) note_answer(device);
   if (order_run.was_unanswered() && !order_run.was_answered()) note_silence(device);
-  result.bound = order.bound;
-  device.desk.finished(result);
-  if (order.run_order && result.status == CommandStatus::succeeded)
-    device.run = order.command.op == Op::run;
+  result.bound = admitted.bound;
+  device.admission.finished(result);
+  if (admitted.run_order && result.status == CommandStatus::succeeded)
+    device.run = admitted.command.op == Op::run;
   result.frames = std::move(trace);
   outbox_.push(std::move(result));
   running_.pop_back();
   update_status(device);
 }
 
-void LinkWorker::after_write(Device& device, const OrderTarget& target,
+void LinkWorker::after_write(Device& device, const AdmittedTarget& target,
                              const TargetResult& outcome) {
   if (!target.tag_index || target.requests.empty()) return;
   const bool read_back = outcome.verify && outcome.verify->read;

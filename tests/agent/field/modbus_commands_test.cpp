@@ -10,8 +10,8 @@
 #include <utility>
 #include <variant>
 
+#include "agent/field/command_execution.h"
 #include "agent/field/link_worker.h"
-#include "agent/field/order_run.h"
 #include "tests/agent/field/fake_modbus.h"
 #include "tests/agent/field/field_plant.h"
 #include "tests/agent/field/on_io.h"
@@ -47,14 +47,14 @@ DeviceConfig device_on(std::string_view protocol, std::shared_ptr<const Codec> c
 }
 
 /// One open line with one device; orders come from a real desk.
-class OrderTest : public ::testing::Test {
+class CommandOnTheBusTest : public ::testing::Test {
  protected:
   void use(std::string_view protocol, std::shared_ptr<const Codec> codec) {
     device = device_on(protocol, std::move(codec));
     station.codec = device.codec.get();
     auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
     wire = transport.get();
-    line = std::make_unique<Line>(io.get_executor(), std::move(transport), nanoseconds(0));
+    line = std::make_unique<Bus>(io.get_executor(), std::move(transport), nanoseconds(0));
   }
   void use_modbus(bool read_modify_write = false) {
     use("modbus-tcp", codec_of("modbus-tcp", {{"allow_read_modify_write", read_modify_write}}));
@@ -62,7 +62,7 @@ class OrderTest : public ::testing::Test {
     device.tags.push_back(writable(tag(*device.codec, "enable", "hr:10.3")));
     device.tags.push_back(writable(tag(*device.codec, "lamp", "co:5")));
   }
-  ~OrderTest() override {
+  ~CommandOnTheBusTest() override {
     if (wire != nullptr) {
       EXPECT_EQ(wire->steps_left(), 0U) << "the script was not played out";
     }
@@ -80,13 +80,14 @@ class OrderTest : public ::testing::Test {
     command.verify = verify;
     command.received = Clock::now();
     command.received_ms = 1790000000000;
-    CommandDesk desk(device);
-    auto verdict = desk.admit(std::move(command), *device.codec, 0, Clock::now());
-    if (const auto* refused = std::get_if<CommandResult>(&verdict)) {
+    CommandAdmission admission(device);
+    auto decision = admission.admit(std::move(command), *device.codec, 0, Clock::now());
+    if (const auto* refused = std::get_if<CommandResult>(&decision)) {
       ADD_FAILURE() << "refused: " << to_string(refused->reason) << " " << refused->detail;
       return *refused;
     }
-    OrderRun order_run(io.get_executor(), *line, station, device, std::get<Order>(verdict));
+    CommandExecution order_run(io.get_executor(), *line, station, device,
+                               std::get<AdmittedCommand>(decision));
     CommandResult result = run_on(io, order_run.run());
     was_answered = order_run.was_answered();
     return result;
@@ -95,12 +96,12 @@ class OrderTest : public ::testing::Test {
   DeviceConfig device;
   asio::io_context io;
   ScriptedTransport* wire = nullptr;
-  std::unique_ptr<Line> line;
+  std::unique_ptr<Bus> line;
   Station station;
   bool was_answered = false;
 };
 
-TEST_F(OrderTest, FunctionThatTheDeviceLacksIsReplacedByAnother) {
+TEST_F(CommandOnTheBusTest, FunctionThatTheDeviceLacksIsReplacedByAnother) {
   use_modbus();
   wire->expect(hex("0001 0000 0006 01 06 000A 0032")).give(hex("0001 0000 0003 01 86 01"));
   wire->expect(hex("0002 0000 0009 01 10 000A 0001 02 0032"))
@@ -110,7 +111,7 @@ TEST_F(OrderTest, FunctionThatTheDeviceLacksIsReplacedByAnother) {
   EXPECT_EQ(result.attempts, 2);
 }
 
-TEST_F(OrderTest, CoilGoesByFifteenWhereFiveIsMissing) {
+TEST_F(CommandOnTheBusTest, CoilGoesByFifteenWhereFiveIsMissing) {
   use_modbus();
   wire->expect(hex("0001 0000 0006 01 05 0005 FF00")).give(hex("0001 0000 0003 01 85 01"));
   wire->expect(hex("0002 0000 0008 01 0F 0005 0001 01 01"))
@@ -118,7 +119,7 @@ TEST_F(OrderTest, CoilGoesByFifteenWhereFiveIsMissing) {
   EXPECT_EQ(write("lamp", flag(true)).status, CommandStatus::succeeded);
 }
 
-TEST_F(OrderTest, BitOfARegisterIsReadChangedAndWrittenWhereThatIsAllowed) {
+TEST_F(CommandOnTheBusTest, BitOfARegisterIsReadChangedAndWrittenWhereThatIsAllowed) {
   use_modbus(true);
   wire->expect(hex("0001 0000 0008 01 16 000A FFF7 0008")).give(hex("0001 0000 0003 01 96 01"));
   wire->expect(hex("0002 0000 0006 01 03 000A 0001")).give(hex("0002 0000 0005 01 03 02 8001"));
@@ -128,7 +129,7 @@ TEST_F(OrderTest, BitOfARegisterIsReadChangedAndWrittenWhereThatIsAllowed) {
   EXPECT_EQ(result.attempts, 2);
 }
 
-TEST_F(OrderTest, BitOfARegisterIsNotReadAndWrittenWhereThatIsNotAllowed) {
+TEST_F(CommandOnTheBusTest, BitOfARegisterIsNotReadAndWrittenWhereThatIsNotAllowed) {
   use_modbus();
   wire->expect(hex("0001 0000 0008 01 16 000A FFF7 0000")).give(hex("0001 0000 0003 01 96 01"));
   const CommandResult result = write("enable", flag(false));
@@ -139,7 +140,7 @@ TEST_F(OrderTest, BitOfARegisterIsNotReadAndWrittenWhereThatIsNotAllowed) {
   EXPECT_EQ(result.attempts, 1);
 }
 
-TEST_F(OrderTest, ReadThatMustComeFirstAndFailsLeavesTheRegisterAlone) {
+TEST_F(CommandOnTheBusTest, ReadThatMustComeFirstAndFailsLeavesTheRegisterAlone) {
   use_modbus(true);
   wire->expect(hex("0001 0000 0008 01 16 000A FFF7 0008")).give(hex("0001 0000 0003 01 96 01"));
   wire->expect(hex("0002 0000 0006 01 03 000A 0001")).give(hex("0002 0000 0003 01 83 02"));
@@ -148,7 +149,7 @@ TEST_F(OrderTest, ReadThatMustComeFirstAndFailsLeavesTheRegisterAlone) {
   EXPECT_EQ(result.attempts, 1);
 }
 
-TEST_F(OrderTest, BusyDeviceIsAskedOnceMore) {
+TEST_F(CommandOnTheBusTest, BusyDeviceIsAskedOnceMore) {
   use_modbus();
   const Bytes again = hex("0002 0000 0006 01 06 000A 0032");
   wire->expect(hex("0001 0000 0006 01 06 000A 0032")).give(hex("0001 0000 0003 01 86 06"));
@@ -158,7 +159,7 @@ TEST_F(OrderTest, BusyDeviceIsAskedOnceMore) {
   EXPECT_EQ(result.attempts, 2);
 }
 
-TEST_F(OrderTest, RefusalThatLeavesTheEffectOpenIsSettledByReadingBack) {
+TEST_F(CommandOnTheBusTest, RefusalThatLeavesTheEffectOpenIsSettledByReadingBack) {
   for (const char* code : {"04", "05", "0B", "7F"}) {
     use_modbus();
     wire->expect(hex("0001 0000 0006 01 06 000A 0032"))
@@ -172,7 +173,7 @@ TEST_F(OrderTest, RefusalThatLeavesTheEffectOpenIsSettledByReadingBack) {
   }
 }
 
-TEST_F(OrderTest, RefusalThatLeavesTheEffectOpenIsUnknownWhereTheValueIsAnother) {
+TEST_F(CommandOnTheBusTest, RefusalThatLeavesTheEffectOpenIsUnknownWhereTheValueIsAnother) {
   use_modbus();
   wire->expect(hex("0001 0000 0006 01 06 000A 0032")).give(hex("0001 0000 0003 01 86 05"));
   wire->expect(hex("0002 0000 0006 01 03 000A 0001")).give(hex("0002 0000 0005 01 03 02 0000"));
@@ -181,7 +182,7 @@ TEST_F(OrderTest, RefusalThatLeavesTheEffectOpenIsUnknownWhereTheValueIsAnother)
   EXPECT_NE(result.detail.find("exception 05"), std::string::npos) << result.detail;
 }
 
-TEST_F(OrderTest, GatewayWithoutAPathToTheUnitHasNotSentIt) {
+TEST_F(CommandOnTheBusTest, GatewayWithoutAPathToTheUnitHasNotSentIt) {
   use_modbus();
   wire->expect(hex("0001 0000 0006 01 06 000A 0032")).give(hex("0001 0000 0003 01 86 0A"));
   const CommandResult result = write("setpoint", number(50));
@@ -189,7 +190,7 @@ TEST_F(OrderTest, GatewayWithoutAPathToTheUnitHasNotSentIt) {
   EXPECT_EQ(result.plc, PlcAnswer::nak);
 }
 
-TEST_F(OrderTest, HeaderOfNonsenseEndsTheConnectionAndTheReadBackOpensAnother) {
+TEST_F(CommandOnTheBusTest, HeaderOfNonsenseEndsTheConnectionAndTheReadBackOpensAnother) {
   use_modbus();
   wire->expect(hex("0001 0000 0006 01 06 000A 0032")).give(hex("0001 0000 0384 01"));
   wire->expect(hex("0002 0000 0006 01 03 000A 0001")).give(hex("0002 0000 0005 01 03 02 0032"));
@@ -198,7 +199,7 @@ TEST_F(OrderTest, HeaderOfNonsenseEndsTheConnectionAndTheReadBackOpensAnother) {
   EXPECT_EQ(wire->opened(), 2U);
 }
 
-TEST_F(OrderTest, LateAnswerOnTcpIsToldByItsNumber) {
+TEST_F(CommandOnTheBusTest, LateAnswerOnTcpIsToldByItsNumber) {
   use_modbus();
   wire->expect(hex("0001 0000 0006 01 06 000A 0032")).silence();
   wire->expect(hex("0002 0000 0006 01 03 000A 0001"))
@@ -207,7 +208,7 @@ TEST_F(OrderTest, LateAnswerOnTcpIsToldByItsNumber) {
   EXPECT_EQ(result.status, CommandStatus::unknown_outcome) << "the PLC holds another value";
 }
 
-TEST_F(OrderTest, NobodyAnswersABroadcast) {
+TEST_F(CommandOnTheBusTest, NobodyAnswersABroadcast) {
   use("modbus-rtu", codec_of("modbus-rtu", {{"unit", std::int64_t{0}}}));
   device.tags.push_back(writable(tag(*device.codec, "setpoint", "hr:1")));
   // Serial Line V1.02: unit 0, function 06.
@@ -221,14 +222,14 @@ TEST_F(OrderTest, NobodyAnswersABroadcast) {
   read.op = Op::read;
   read.targets.push_back({"setpoint", "", std::nullopt, std::nullopt});
   read.received = Clock::now();
-  CommandDesk desk(device);
-  const auto verdict = desk.admit(std::move(read), *device.codec, 0, Clock::now());
-  ASSERT_TRUE(std::holds_alternative<CommandResult>(verdict));
-  EXPECT_EQ(std::get<CommandResult>(verdict).reason, Reason::unknown_tag);
+  CommandAdmission admission(device);
+  const auto decision = admission.admit(std::move(read), *device.codec, 0, Clock::now());
+  ASSERT_TRUE(std::holds_alternative<CommandResult>(decision));
+  EXPECT_EQ(std::get<CommandResult>(decision).reason, Reason::unknown_tag);
 }
 
 // JY992D69901 8.6: three words in one frame; the sum as printed.
-TEST_F(OrderTest, ListGoesInOneFrameWhereTheProtocolHasOne) {
+TEST_F(CommandOnTheBusTest, ListGoesInOneFrameWhereTheProtocolHasOne) {
   use("fx-computer-link",
       codec_of("fx-computer-link", {{"station", std::int64_t{5}}, {"model", std::string("FX2N")}}));
   device.tags.push_back(writable(tag(*device.codec, "a", "D500")));
@@ -275,8 +276,8 @@ class ModbusPolls : public ::testing::Test {
     wire = transport.get();
     wire->then([this](ByteView request) { return peer.answer(request); });
     worker = std::make_unique<LinkWorker>(io.get_executor(), config, 0, devices_by_link(config)[0],
-                                          outbox, std::move(transport), Recollection{}, Polling::on,
-                                          Journaling::off);
+                                          outbox, std::move(transport), RestoredState{},
+                                          Polling::on, Journaling::off);
     asio::co_spawn(io, worker->run(), [this](std::exception_ptr bug) {
       ended = true;
       if (bug) std::rethrow_exception(bug);

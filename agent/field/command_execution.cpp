@@ -1,4 +1,4 @@
-#include "agent/field/order_run.h"
+#include "agent/field/command_execution.h"
 
 #include <algorithm>
 #include <utility>
@@ -50,14 +50,14 @@ std::string nak_text(const Exchange& exchange) {
 constexpr std::string_view kStopped = "the agent is stopping; nothing was sent";
 
 /// What has an end of its own on the device: elements of an array, characters of a string.
-std::uint32_t parts_of(const OrderTarget& target) {
+std::uint32_t parts_of(const AdmittedTarget& target) {
   if (target.point.is_array) return target.point.count;
   if (target.point.type == DataType::string) return target.point.length;
   return static_cast<std::uint32_t>(target.requests.size());
 }
 
 /// How far a target has come whose first `frames` requests were carried out.
-Progress progress_of(const OrderTarget& target, std::size_t frames) {
+Progress progress_of(const AdmittedTarget& target, std::size_t frames) {
   const std::uint32_t of = parts_of(target);
   if (frames >= target.requests.size()) return {of, of};
   if (of == target.requests.size() || of == 0) return {static_cast<std::uint32_t>(frames), of};
@@ -79,12 +79,12 @@ bool was_carried_out(const TargetResult& target) {
          (target.status == CommandStatus::failed && target.reason == Reason::verify_mismatch);
 }
 
-std::string elsewhere_text(const OrderTarget& target, const Value& read) {
+std::string elsewhere_text(const AdmittedTarget& target, const Value& read) {
   return target.point.address.text + " holds another value" + (read.is_array ? "" : " now") +
          ": something else has set it since";
 }
 
-Verification verification(const OrderTarget& target, const Bytes& image) {
+Verification verification(const AdmittedTarget& target, const Bytes& image) {
   Verification out;
   out.match = image == target.image;
   const Span span = *span_of(target.point);
@@ -92,28 +92,29 @@ Verification verification(const OrderTarget& target, const Bytes& image) {
   return out;
 }
 
-bool is_bit(const OrderTarget& target) { return target.point.type == DataType::boolean; }
+bool is_bit(const AdmittedTarget& target) { return target.point.type == DataType::boolean; }
 
-bool wants_verify(const Order& order, const OrderTarget& target) {
-  return is_bit(target) ? order.verify_bits : order.verify_words;
+bool wants_verify(const AdmittedCommand& admitted, const AdmittedTarget& target) {
+  return is_bit(target) ? admitted.verify_bits : admitted.verify_words;
 }
 
 }  // namespace
 
-OrderRun::OrderRun(asio::any_io_executor executor, Line& line, Station& station,
-                   const DeviceConfig& device, const Order& order, LineSharing* sharing)
+CommandExecution::CommandExecution(asio::any_io_executor executor, Bus& line, Station& station,
+                                   const DeviceConfig& device, const AdmittedCommand& admitted,
+                                   BusSharing* sharing)
     : timer_(executor),
-      line_(line),
+      bus_(line),
       station_(station),
       device_(device),
-      order_(order),
+      order_(admitted),
       sharing_(sharing),
-      result_(result_of(order.command)) {}
+      result_(result_of(admitted.command)) {}
 
-asio::awaitable<CommandResult> OrderRun::run() {
+asio::awaitable<CommandResult> CommandExecution::run() {
   result_.targets.clear();
-  if (order_.left_behind) {
-    co_await settle_left_behind();
+  if (order_.interrupted) {
+    co_await settle_interrupted();
   } else if (order_.run_order) {
     result_.targets.emplace_back();
     co_await run_or_stop();
@@ -124,17 +125,17 @@ asio::awaitable<CommandResult> OrderRun::run() {
   co_return std::move(result_);
 }
 
-SteadyTime OrderRun::latest_start() const {
+SteadyTime CommandExecution::latest_start() const {
   if (wrote_) return SteadyTime::max();
   if (first_byte_) return order_.deadline;
   return order_.deadline - order_.line_time.value_or(nanoseconds(0));
 }
 
-nanoseconds OrderRun::used() const {
+nanoseconds CommandExecution::used() const {
   return part_began_ ? last_byte_ - *part_began_ : nanoseconds(0);
 }
 
-asio::awaitable<bool> OrderRun::go_on(bool share) {
+asio::awaitable<bool> CommandExecution::go_on(bool share) {
   if (share && sharing_ != nullptr && !is_stopping()) {
     const nanoseconds used_so_far = used();
     part_began_.reset();
@@ -143,7 +144,7 @@ asio::awaitable<bool> OrderRun::go_on(bool share) {
   co_return !is_stopping();
 }
 
-void OrderRun::set_without_effect(TargetResult& out, const Exchange& exchange) const {
+void CommandExecution::set_without_effect(TargetResult& out, const Exchange& exchange) const {
   if (exchange.is_nak()) {
     out.plc = PlcAnswer::nak;
     set(out, CommandStatus::failed, Reason::nak, nak_text(exchange));
@@ -163,7 +164,7 @@ void OrderRun::set_without_effect(TargetResult& out, const Exchange& exchange) c
   }
 }
 
-asio::awaitable<Exchange> OrderRun::ask(Request request, SteadyTime not_after) {
+asio::awaitable<Exchange> CommandExecution::ask(Request request, SteadyTime not_after) {
   Exchange exchange;
   if (Clock::now() > not_after) {  // nobody waits for a link or an enquiry that nothing will follow
     exchange.outcome = Exchange::Outcome::expired;
@@ -177,15 +178,15 @@ asio::awaitable<Exchange> OrderRun::ask(Request request, SteadyTime not_after) {
       exchange.error = "the agent is stopping";
       co_return exchange;
     }
-    if (!line_.is_open()) {
-      const auto opened = co_await line_.open();
+    if (!bus_.is_open()) {
+      const auto opened = co_await bus_.open();
       if (!opened) {
         exchange.outcome = Exchange::Outcome::link_down;
         exchange.error = opened.error().text;
         co_return exchange;
       }
     }
-    exchange = co_await line_.exchange(station_, request, not_after);
+    exchange = co_await bus_.exchange(station_, request, not_after);
     if (exchange.outcome != Exchange::Outcome::link_down || exchange.sent) break;
   }
   if (exchange.outcome == Exchange::Outcome::link_down && sharing_ != nullptr &&
@@ -204,8 +205,8 @@ asio::awaitable<Exchange> OrderRun::ask(Request request, SteadyTime not_after) {
   co_return exchange;
 }
 
-asio::awaitable<OrderRun::ReadBack> OrderRun::read_point(const OrderTarget& target,
-                                                         SteadyTime not_after) {
+asio::awaitable<CommandExecution::ReadBack> CommandExecution::read_point(
+    const AdmittedTarget& target, SteadyTime not_after) {
   ReadBack out;
   const Plan plan = reads_of(*station_.codec, device_, target.point);
   std::vector<Bytes> images;
@@ -243,12 +244,12 @@ asio::awaitable<OrderRun::ReadBack> OrderRun::read_point(const OrderTarget& targ
   co_return out;
 }
 
-asio::awaitable<void> OrderRun::run_targets() {
+asio::awaitable<void> CommandExecution::run_targets() {
   bool done = false;
   if (order_.command.is_list) done = co_await write_together();
   if (done) co_return;
   bool going = true;
-  for (const OrderTarget& target : order_.targets) {
+  for (const AdmittedTarget& target : order_.targets) {
     TargetResult out = fxagent::result_of(target);
     bool going_on = !is_stopping();
     if (going && going_on && !result_.targets.empty()) going_on = co_await go_on(/*share=*/true);
@@ -266,12 +267,13 @@ asio::awaitable<void> OrderRun::run_targets() {
   }
 }
 
-void OrderRun::conclude_target(TargetResult out) {
+void CommandExecution::conclude_target(TargetResult out) {
   result_.targets.push_back(std::move(out));
   if (sharing_ != nullptr) sharing_->concluded(result_.targets.size() - 1, result_.targets.back());
 }
 
-asio::awaitable<void> OrderRun::read_target(const OrderTarget& target, TargetResult& out) {
+asio::awaitable<void> CommandExecution::read_target(const AdmittedTarget& target,
+                                                    TargetResult& out) {
   ReadBack got = co_await read_point(target, latest_start());
   if (first_byte_) ++result_.attempts;
   if (!got.image) {
@@ -288,7 +290,8 @@ asio::awaitable<void> OrderRun::read_target(const OrderTarget& target, TargetRes
   set(out, CommandStatus::succeeded, Reason::none, "");
 }
 
-asio::awaitable<bool> OrderRun::check_expected(const OrderTarget& target, TargetResult& out) {
+asio::awaitable<bool> CommandExecution::check_expected(const AdmittedTarget& target,
+                                                       TargetResult& out) {
   if (target.expected.empty()) co_return true;
   ReadBack got = co_await read_point(target, latest_start());
   if (!got.image) {
@@ -303,12 +306,12 @@ asio::awaitable<bool> OrderRun::check_expected(const OrderTarget& target, Target
   co_return false;
 }
 
-asio::awaitable<void> OrderRun::pause(milliseconds duration) {
+asio::awaitable<void> CommandExecution::pause(milliseconds duration) {
   timer_.expires_after(duration);
   co_await timer_.async_wait(use_result);
 }
 
-asio::awaitable<Exchange> OrderRun::send(Request request, Try which) {
+asio::awaitable<Exchange> CommandExecution::send(Request request, Try which) {
   // A second try is the contract's only inside the expiry, even of what is under way.
   const auto not_after = [&] { return which == Try::first ? latest_start() : order_.deadline; };
   if (const auto first = station_.codec->read_before(request)) {
@@ -327,7 +330,7 @@ asio::awaitable<Exchange> OrderRun::send(Request request, Try which) {
   co_return exchange;
 }
 
-asio::awaitable<Exchange> OrderRun::send_once_or_twice(Request request, bool may_repeat) {
+asio::awaitable<Exchange> CommandExecution::send_once_or_twice(Request request, bool may_repeat) {
   const Codec& codec = *station_.codec;
   Exchange exchange = co_await send(request, Try::first);
   if (!may_repeat || !exchange.sent || !exchange.is_nak()) co_return exchange;
@@ -346,15 +349,16 @@ asio::awaitable<Exchange> OrderRun::send_once_or_twice(Request request, bool may
   co_return second;
 }
 
-bool OrderRun::surely_without_effect(const Request& request, const Exchange& exchange) const {
+bool CommandExecution::surely_without_effect(const Request& request,
+                                             const Exchange& exchange) const {
   if (!exchange.sent) return true;
   if (!exchange.is_nak()) return false;
   const auto meaning = station_.codec->meaning_of(request, exchange.reply.device_code);
   return meaning != RefusalMeaning::unclear && meaning != RefusalMeaning::unreachable;
 }
 
-asio::awaitable<void> OrderRun::conclude(const OrderTarget& target, Exchange exchange,
-                                         TargetResult& out) {
+asio::awaitable<void> CommandExecution::conclude(const AdmittedTarget& target, Exchange exchange,
+                                                 TargetResult& out) {
   if (!exchange.is_ack()) {
     co_await settle_unknown(target, exchange, out);
   } else if (station_.codec->is_broadcast()) {
@@ -366,7 +370,8 @@ asio::awaitable<void> OrderRun::conclude(const OrderTarget& target, Exchange exc
   }
 }
 
-asio::awaitable<void> OrderRun::write_target(const OrderTarget& target, TargetResult& out) {
+asio::awaitable<void> CommandExecution::write_target(const AdmittedTarget& target,
+                                                     TargetResult& out) {
   const bool as_expected = co_await check_expected(target, out);
   if (!as_expected) co_return;
   bool may_repeat = true;
@@ -393,8 +398,8 @@ asio::awaitable<void> OrderRun::write_target(const OrderTarget& target, TargetRe
     out.progress = progress_of(target, carried_out);
 }
 
-asio::awaitable<void> OrderRun::end_early(const OrderTarget& target, std::size_t frames,
-                                          TargetResult& out) {
+asio::awaitable<void> CommandExecution::end_early(const AdmittedTarget& target, std::size_t frames,
+                                                  TargetResult& out) {
   if (frames == 0) co_return;
   out.status = CommandStatus::partial;
   out.progress = progress_of(target, frames);
@@ -404,18 +409,19 @@ asio::awaitable<void> OrderRun::end_early(const OrderTarget& target, std::size_t
   if (got.image) out.verify = verification(target, *got.image);
 }
 
-bool OrderRun::meets_another(const OrderTarget& target) const {
+bool CommandExecution::meets_another(const AdmittedTarget& target) const {
   const Span span = *span_of(target.point);
-  return std::any_of(order_.targets.begin(), order_.targets.end(), [&](const OrderTarget& other) {
-    const Span there = *span_of(other.point);
-    return &other != &target && there.space == span.space && there.first_bit < span.end_bit() &&
-           span.first_bit < there.end_bit();
-  });
+  return std::any_of(order_.targets.begin(), order_.targets.end(),
+                     [&](const AdmittedTarget& other) {
+                       const Span there = *span_of(other.point);
+                       return &other != &target && there.space == span.space &&
+                              there.first_bit < span.end_bit() && span.first_bit < there.end_bit();
+                     });
 }
 
-asio::awaitable<bool> OrderRun::write_together() {
+asio::awaitable<bool> CommandExecution::write_together() {
   std::vector<Request> requests;
-  for (const OrderTarget& target : order_.targets) {
+  for (const AdmittedTarget& target : order_.targets) {
     if (!target.expected.empty() || target.requests.size() != 1) co_return false;
     if (meets_another(target)) co_return false;
     requests.push_back(target.requests.front());
@@ -426,7 +432,7 @@ asio::awaitable<bool> OrderRun::write_together() {
   result_.one_frame = true;
   const Exchange exchange = co_await send_once_or_twice(*together, true);
   const bool no_effect = !exchange.is_ack() && surely_without_effect(*together, exchange);
-  for (const OrderTarget& target : order_.targets) {
+  for (const AdmittedTarget& target : order_.targets) {
     TargetResult out = fxagent::result_of(target);
     if (no_effect) {
       set_without_effect(out, exchange);
@@ -440,7 +446,7 @@ asio::awaitable<bool> OrderRun::write_together() {
   co_return true;
 }
 
-asio::awaitable<void> OrderRun::verify(const OrderTarget& target, TargetResult& out) {
+asio::awaitable<void> CommandExecution::verify(const AdmittedTarget& target, TargetResult& out) {
   ReadBack got = co_await read_point(target, SteadyTime::max());
   if (!got.image) {
     out.detail = "acknowledged; it could not be read back: " +
@@ -453,8 +459,8 @@ asio::awaitable<void> OrderRun::verify(const OrderTarget& target, TargetResult& 
       elsewhere_text(target, out.verify->read.value_or(Value())));
 }
 
-asio::awaitable<void> OrderRun::settle_unknown(const OrderTarget& target, const Exchange& lost,
-                                               TargetResult& out) {
+asio::awaitable<void> CommandExecution::settle_unknown(const AdmittedTarget& target,
+                                                       const Exchange& lost, TargetResult& out) {
   if (cut_off_)
     set(out, CommandStatus::unknown_outcome, Reason::shutting_down,
         "the agent stopped before the answer came");
@@ -466,26 +472,26 @@ asio::awaitable<void> OrderRun::settle_unknown(const OrderTarget& target, const 
   co_await read_outcome(target, "no answer came, and the value read back is the one ordered", out);
 }
 
-asio::awaitable<void> OrderRun::read_outcome(const OrderTarget& target, std::string succeeded,
-                                             TargetResult& out) {
+asio::awaitable<void> CommandExecution::read_outcome(const AdmittedTarget& target,
+                                                     std::string succeeded, TargetResult& out) {
   ReadBack got = co_await read_point(target, SteadyTime::max());
   if (!got.image) co_return;
   out.verify = verification(target, *got.image);
   if (out.verify->match) set(out, CommandStatus::succeeded, Reason::none, std::move(succeeded));
 }
 
-asio::awaitable<void> OrderRun::settle_left_behind() {
-  for (const OrderTarget& target : order_.targets) {
+asio::awaitable<void> CommandExecution::settle_interrupted() {
+  for (const AdmittedTarget& target : order_.targets) {
     TargetResult out = fxagent::result_of(target);
     if (!result_.targets.empty()) co_await go_on(order_.targets.size() > 1);
-    set(out, CommandStatus::unknown_outcome, Reason::none, std::string(kLeftBehind));
+    set(out, CommandStatus::unknown_outcome, Reason::none, std::string(kInterrupted));
     co_await read_outcome(
         target, "the agent ended while the order was under way; the value is the one ordered", out);
     result_.targets.push_back(std::move(out));
   }
 }
 
-asio::awaitable<std::optional<bool>> OrderRun::await_run_state(bool wanted) {
+asio::awaitable<std::optional<bool>> CommandExecution::await_run_state(bool wanted) {
   std::optional<bool> state;
   const auto question = station_.codec->run_state();
   if (!question) co_return state;
@@ -498,7 +504,7 @@ asio::awaitable<std::optional<bool>> OrderRun::await_run_state(bool wanted) {
   }
 }
 
-asio::awaitable<void> OrderRun::run_or_stop() {
+asio::awaitable<void> CommandExecution::run_or_stop() {
   TargetResult& out = result_.targets.front();
   const bool wanted = order_.command.op == Op::run;
   const Exchange exchange = co_await ask(*order_.run_order, latest_start());
@@ -535,7 +541,7 @@ asio::awaitable<void> OrderRun::run_or_stop() {
   }
 }
 
-void OrderRun::summarise() {
+void CommandExecution::summarise() {
   if (!first_byte_) {
     result_.queue = Clock::now() - order_.go_ahead;
   } else {
@@ -569,49 +575,50 @@ void OrderRun::summarise() {
 namespace {
 
 nanoseconds target_time(const Codec& codec, const DeviceConfig& device, const LineTiming& timing,
-                        const Order& order, const OrderTarget& target) {
+                        const AdmittedCommand& admitted, const AdmittedTarget& target) {
   const bool writes = !target.requests.empty();
   const int readings = (writes ? 0 : 1) + (target.expected.empty() ? 0 : 1) +
-                       (writes && wants_verify(order, target) ? 1 : 0);
+                       (writes && wants_verify(admitted, target) ? 1 : 0);
   return write_time(codec, target.requests, timing) +
          readings * read_time(codec, device, target.point, timing);
 }
 
 /// The order and one question whether it has had its effect.
-nanoseconds run_order_time(const Codec& codec, const LineTiming& timing, const Order& order) {
-  if (!order.run_order) return {};
-  nanoseconds total = exchange_time(codec, *order.run_order, timing);
+nanoseconds run_order_time(const Codec& codec, const LineTiming& timing,
+                           const AdmittedCommand& admitted) {
+  if (!admitted.run_order) return {};
+  nanoseconds total = exchange_time(codec, *admitted.run_order, timing);
   if (const auto question = codec.run_state()) total += exchange_time(codec, *question, timing);
   return total;
 }
 
 }  // namespace
 
-nanoseconds OrderRun::line_time(const Codec& codec, const DeviceConfig& device,
-                                nanoseconds char_time, const Order& order) {
+nanoseconds CommandExecution::line_time(const Codec& codec, const DeviceConfig& device,
+                                        nanoseconds char_time, const AdmittedCommand& admitted) {
   const LineTiming timing = timing_of(device, char_time);
-  nanoseconds total = run_order_time(codec, timing, order);
-  if (order.run_order) total += kRunStateWithin;
-  for (const OrderTarget& target : order.targets)
-    total += target_time(codec, device, timing, order, target);
+  nanoseconds total = run_order_time(codec, timing, admitted);
+  if (admitted.run_order) total += kRunStateWithin;
+  for (const AdmittedTarget& target : admitted.targets)
+    total += target_time(codec, device, timing, admitted, target);
   return total;
 }
 
-void OrderRun::set_line_times(const Codec& codec, const DeviceConfig& device, nanoseconds char_time,
-                              Order& order) {
+void CommandExecution::set_line_times(const Codec& codec, const DeviceConfig& device,
+                                      nanoseconds char_time, AdmittedCommand& admitted) {
   const LineTiming timing = timing_of(device, char_time);
-  nanoseconds total = run_order_time(codec, timing, order);
-  for (OrderTarget& target : order.targets) {
-    target.line_time = target_time(codec, device, timing, order, target);
+  nanoseconds total = run_order_time(codec, timing, admitted);
+  for (AdmittedTarget& target : admitted.targets) {
+    target.line_time = target_time(codec, device, timing, admitted, target);
     total += target.line_time;
   }
-  if (char_time.count() > 0) order.line_time = total;
+  if (char_time.count() > 0) admitted.line_time = total;
 }
 
-bool OrderRun::gives_way(const Order& order) {
-  if (order.targets.size() > 1) return true;
-  return std::any_of(order.targets.begin(), order.targets.end(),
-                     [](const OrderTarget& target) { return target.line_time > kLongArray; });
+bool CommandExecution::gives_way(const AdmittedCommand& admitted) {
+  if (admitted.targets.size() > 1) return true;
+  return std::any_of(admitted.targets.begin(), admitted.targets.end(),
+                     [](const AdmittedTarget& target) { return target.line_time > kLongArray; });
 }
 
 }  // namespace fxagent

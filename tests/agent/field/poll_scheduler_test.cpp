@@ -1,0 +1,439 @@
+#include "agent/field/poll_scheduler.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <optional>
+#include <random>
+#include <vector>
+
+namespace fxagent::test {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
+using Kind = PollScheduler::Job::Kind;
+
+const SteadyTime kStart{std::chrono::hours(1000)};
+constexpr BackOff kBackOff{milliseconds(1000), milliseconds(4000)};
+
+SteadyTime at(int ms) { return kStart + milliseconds(ms); }
+
+/// The group whose poll the poll scheduler offers, carried out at once; nullopt where it offers
+/// none.
+std::optional<PollScheduler::GroupId> poll(PollScheduler& scheduler, SteadyTime now) {
+  const auto job = scheduler.next(now);
+  if (job.kind != Kind::poll) return std::nullopt;
+  scheduler.step_done(job.poll);
+  return job.poll.group;
+}
+
+TEST(PollScheduler, CommandGoesBeforeADuePoll) {
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(3, kBackOff);
+  scheduler.add_group(device, milliseconds(100), 1, at(0));
+  scheduler.command_waits();
+  EXPECT_EQ(scheduler.next(at(50)).kind, Kind::command);
+  scheduler.command_taken();
+  EXPECT_EQ(scheduler.next(at(50)).kind, Kind::poll);
+}
+
+TEST(PollScheduler, NothingToDoIsAWaitWithoutEnd) {
+  PollScheduler scheduler;
+  const auto job = scheduler.next(at(0));
+  EXPECT_EQ(job.kind, Kind::wait);
+  EXPECT_EQ(job.until, SteadyTime::max());
+}
+
+TEST(PollScheduler, WaitsForTheNextBeatOfAnyGroup) {
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(3, kBackOff);
+  scheduler.add_group(device, milliseconds(100), 1, at(70));
+  scheduler.add_group(device, milliseconds(100), 1, at(30));
+  const auto job = scheduler.next(at(0));
+  EXPECT_EQ(job.kind, Kind::wait);
+  EXPECT_EQ(job.until, at(30));
+}
+
+TEST(PollScheduler, EarliestDeadlineGoesFirst) {
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(3, kBackOff);
+  const auto slow = scheduler.add_group(device, milliseconds(1000), 1, at(0));
+  const auto fast = scheduler.add_group(device, milliseconds(100), 1, at(10));
+  EXPECT_EQ(poll(scheduler, at(20)), fast);  // must be done by 110, the other by 1000
+  EXPECT_EQ(poll(scheduler, at(20)), slow);
+  EXPECT_EQ(poll(scheduler, at(20)), std::nullopt);
+}
+
+TEST(PollScheduler, EqualDeadlinesGoInTheOrderOfTheConfig) {
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(3, kBackOff);
+  const auto first = scheduler.add_group(device, milliseconds(100), 1, at(0));
+  const auto second = scheduler.add_group(device, milliseconds(100), 1, at(0));
+  EXPECT_EQ(poll(scheduler, at(0)), first);
+  EXPECT_EQ(poll(scheduler, at(0)), second);
+}
+
+TEST(PollScheduler, LatePollDoesNotMoveTheBeat) {
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(3, kBackOff);
+  scheduler.add_group(device, milliseconds(100), 1, at(0));
+  for (int interval = 0; interval < 50; ++interval) {
+    const int late = interval % 2 == 0 ? 0 : 37;
+    const auto job = scheduler.next(at(interval * 100 + late));
+    ASSERT_EQ(job.kind, Kind::poll) << interval;
+    EXPECT_EQ(job.poll.late, milliseconds(late)) << interval;
+    scheduler.step_done(job.poll);
+    EXPECT_EQ(scheduler.next(at(interval * 100 + late)).until, at(interval * 100 + 100))
+        << interval;
+  }
+  EXPECT_EQ(scheduler.counters(device).missed, 0U);
+  EXPECT_EQ(scheduler.counters(device).polls, 50U);
+}
+
+TEST(PollScheduler, MissedBeatsAreSkippedAndCountedNeverSentInABurst) {
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(3, kBackOff);
+  const auto group = scheduler.add_group(device, milliseconds(100), 1, at(0));
+  EXPECT_EQ(poll(scheduler, at(0)), group);
+  EXPECT_EQ(poll(scheduler, at(730)), group);  // the beat of 100; those of 200 to 700 are gone
+  EXPECT_EQ(poll(scheduler, at(730)), std::nullopt);
+  EXPECT_EQ(scheduler.next(at(730)).until, at(800));
+  EXPECT_EQ(scheduler.counters(device).missed, 6U);
+  EXPECT_EQ(scheduler.counters(device).polls, 2U);
+}
+
+TEST(PollScheduler, IntervalZeroIsAlwaysDueAndLeavesOthersTheirBeat) {
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(3, kBackOff);
+  const auto free = scheduler.add_group(device, milliseconds(0), 1, at(0));
+  const auto fast = scheduler.add_group(device, milliseconds(100), 1, at(0));
+  int of_free = 0;
+  int of_fast = 0;
+  for (int now = 0; now < 1000; now += 10) {
+    const auto group = poll(scheduler, at(now));
+    of_free += group == free;
+    of_fast += group == fast;
+  }
+  EXPECT_EQ(of_fast, 10);
+  EXPECT_EQ(of_free, 90);
+  EXPECT_EQ(scheduler.counters(device).missed, 0U);
+}
+
+TEST(PollScheduler, GivenUpCycleOfIntervalZeroRestsAsLongAsItIsTold) {
+  // Where the link is down a cycle ends without waiting for anything: offered again at once, it
+  // would keep the field thread from ever doing something else.
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(3, kBackOff);
+  const auto free = scheduler.add_group(device, milliseconds(0), 1, at(0));
+  ASSERT_EQ(scheduler.next(at(0)).kind, Kind::poll);
+  scheduler.abandon_cycle(free, at(500));
+  const auto job = scheduler.next(at(0));
+  EXPECT_EQ(job.kind, Kind::wait);
+  EXPECT_EQ(job.until, at(500));
+  EXPECT_EQ(poll(scheduler, at(500)), free);
+}
+
+TEST(PollScheduler, CycleOfSeveralExchangesGivesThemInOrder) {
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(3, kBackOff);
+  scheduler.add_group(device, milliseconds(100), 3, at(0));
+  for (std::uint32_t exchange = 0; exchange < 3; ++exchange) {
+    const auto job = scheduler.next(at(0));
+    ASSERT_EQ(job.kind, Kind::poll);
+    EXPECT_EQ(job.poll.exchange, exchange);
+    EXPECT_EQ(job.poll.starts_cycle, exchange == 0);
+    EXPECT_EQ(scheduler.step_done(job.poll), exchange == 2);
+  }
+  EXPECT_EQ(scheduler.next(at(0)).until, at(100));
+}
+
+TEST(PollScheduler, StepThatIsNotDoneIsOfferedAgain) {
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(3, kBackOff);
+  scheduler.add_group(device, milliseconds(100), 2, at(0));
+  scheduler.step_done(scheduler.next(at(0)).poll);
+  EXPECT_EQ(scheduler.next(at(0)).poll.exchange, 1U);
+  EXPECT_EQ(scheduler.next(at(0)).poll.exchange, 1U);
+}
+
+TEST(PollScheduler, PostponedStepWaitsAndLetsOthersGo) {
+  PollScheduler scheduler;
+  const auto busy = scheduler.add_device(3, kBackOff);
+  const auto group = scheduler.add_group(busy, milliseconds(100), 2, at(0));
+  const auto other =
+      scheduler.add_group(scheduler.add_device(3, kBackOff), milliseconds(1000), 1, at(10));
+  const auto first = scheduler.next(at(0));
+  ASSERT_EQ(first.poll.group, group);
+  scheduler.postpone(first.poll, at(50));
+  EXPECT_EQ(scheduler.next(at(5)).until, at(10));
+  EXPECT_EQ(poll(scheduler, at(20)), other);
+  EXPECT_EQ(scheduler.next(at(20)).until, at(50));
+  const auto again = scheduler.next(at(50));
+  EXPECT_EQ(again.poll.group, group);
+  EXPECT_EQ(again.poll.exchange, 0U);
+  EXPECT_FALSE(again.poll.starts_cycle);
+}
+
+TEST(PollScheduler, CommandGoesBetweenTheExchangesOfACycle) {
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(3, kBackOff);
+  scheduler.add_group(device, milliseconds(100), 2, at(0));
+  scheduler.step_done(scheduler.next(at(0)).poll);
+  scheduler.command_waits();
+  EXPECT_EQ(scheduler.next(at(5)).kind, Kind::command);
+  scheduler.command_taken();
+  EXPECT_EQ(scheduler.next(at(6)).poll.exchange, 1U);
+}
+
+TEST(PollScheduler, AbandonedCycleWaitsForTheNextBeat) {
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(3, kBackOff);
+  const auto group = scheduler.add_group(device, milliseconds(100), 3, at(0));
+  scheduler.step_done(scheduler.next(at(0)).poll);
+  scheduler.abandon_cycle(group, at(10));
+  EXPECT_EQ(scheduler.next(at(10)).until, at(100));
+  const auto job = scheduler.next(at(100));
+  EXPECT_TRUE(job.poll.starts_cycle);
+  EXPECT_EQ(job.poll.exchange, 0U);
+}
+
+TEST(PollScheduler, NewPlanRestartsTheRunningCycle) {
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(3, kBackOff);
+  const auto group = scheduler.add_group(device, milliseconds(100), 4, at(0));
+  scheduler.step_done(scheduler.next(at(0)).poll);
+  scheduler.step_done(scheduler.next(at(0)).poll);
+  scheduler.set_exchanges(group, 1);
+  const auto job = scheduler.next(at(0));
+  ASSERT_EQ(job.kind, Kind::poll);
+  EXPECT_EQ(job.poll.exchange, 0U);
+  EXPECT_TRUE(scheduler.step_done(job.poll));
+}
+
+TEST(PollScheduler, GroupWithoutExchangesIsOneStep) {
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(3, kBackOff);
+  scheduler.add_group(device, milliseconds(100), 0, at(0));
+  const auto job = scheduler.next(at(0));
+  ASSERT_EQ(job.kind, Kind::poll);
+  EXPECT_TRUE(scheduler.step_done(job.poll));
+}
+
+TEST(PollScheduler, BackOffDoublesToItsCapAndAnAnswerEndsIt) {
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(2, kBackOff);
+  scheduler.add_group(device, milliseconds(100), 1, at(0));
+  EXPECT_FALSE(scheduler.device_unanswered(device, at(0)));
+  EXPECT_FALSE(scheduler.is_silent(device));
+  for (const int rest : {1000, 2000, 4000, 4000}) {
+    EXPECT_TRUE(scheduler.device_unanswered(device, at(0)));
+    EXPECT_TRUE(scheduler.is_silent(device));
+    EXPECT_EQ(scheduler.next(at(rest - 1)).kind, Kind::wait) << rest;
+    EXPECT_EQ(scheduler.next(at(0)).until, at(rest));
+  }
+  scheduler.device_answered(device);
+  EXPECT_FALSE(scheduler.is_silent(device));
+  EXPECT_EQ(scheduler.next(at(0)).kind, Kind::poll);
+  EXPECT_FALSE(scheduler.device_unanswered(device, at(0)));
+  EXPECT_TRUE(scheduler.device_unanswered(device, at(0)));
+  EXPECT_EQ(scheduler.next(at(999)).kind, Kind::wait) << "the back-off begins anew";
+}
+
+TEST(PollScheduler, AnswerBetweenTwoSilencesStartsTheCountAnew) {
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(2, kBackOff);
+  for (int i = 0; i < 5; ++i) {
+    EXPECT_FALSE(scheduler.device_unanswered(device, at(i)));
+    scheduler.device_answered(device);
+  }
+}
+
+TEST(PollScheduler, SilentDeviceDoesNotStarveItsNeighbour) {
+  PollScheduler scheduler;
+  const auto silent = scheduler.add_device(1, kBackOff);
+  const auto healthy = scheduler.add_device(1, kBackOff);
+  const auto dead_group = scheduler.add_group(silent, milliseconds(100), 1, at(0));
+  const auto group = scheduler.add_group(healthy, milliseconds(100), 1, at(0));
+  int polls_of_the_dead = 0;
+  int now = 0;
+  while (now < 20000) {
+    const auto job = scheduler.next(at(now));
+    if (job.kind == Kind::wait) {
+      now = static_cast<int>((job.until - kStart) / milliseconds(1));
+      continue;
+    }
+    if (job.poll.group == dead_group) {
+      now += 500;  // its timeout
+      ++polls_of_the_dead;
+      scheduler.device_unanswered(silent, at(now));
+      scheduler.abandon_cycle(dead_group, at(now));
+    } else {
+      ASSERT_EQ(job.poll.group, group);
+      now += 10;
+      scheduler.device_answered(healthy);
+      scheduler.step_done(job.poll);
+    }
+  }
+  EXPECT_LE(polls_of_the_dead, 7);  // after 0, 1, 2, then every 4 s
+  EXPECT_GE(scheduler.counters(healthy).polls, 200U - 6U * 7U);
+}
+
+TEST(PollScheduler, CommandsToASilentDeviceAreOffered) {
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(1, kBackOff);
+  scheduler.device_unanswered(device, at(0));
+  scheduler.command_waits();
+  EXPECT_EQ(scheduler.next(at(0)).kind, Kind::command);
+}
+
+TEST(PollScheduler, DeadlineMayBeNearerThanTheNextBeat) {
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(3, kBackOff);
+  scheduler.add_group(device, milliseconds(100), 1, at(0));
+  const auto seldom = scheduler.add_group(device, milliseconds(10000), 1, at(0), milliseconds(50));
+  EXPECT_EQ(poll(scheduler, at(0)), seldom);
+}
+
+/// Groups on one line, each exchange as long as it is said to be; how many cycles each began.
+struct Share {
+  milliseconds interval;
+  milliseconds exchange;
+  std::uint32_t exchanges = 1;
+};
+std::vector<int> cycles_within(const std::vector<Share>& groups, milliseconds time,
+                               std::uint64_t* missed = nullptr) {
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(3, kBackOff);
+  for (const Share& group : groups)
+    scheduler.add_group(device, group.interval, group.exchanges, kStart);
+  std::vector<int> cycles(groups.size());
+  for (SteadyTime now = kStart; now < kStart + time;) {
+    const auto job = scheduler.next(now);
+    if (job.kind == Kind::wait) {
+      now = job.until;
+      continue;
+    }
+    if (job.poll.starts_cycle) ++cycles[job.poll.group];
+    now += groups[job.poll.group].exchange;
+    scheduler.step_used(job.poll, groups[job.poll.group].exchange);
+    scheduler.step_done(job.poll);
+  }
+  if (missed != nullptr) *missed = scheduler.counters(device).missed;
+  return cycles;
+}
+
+TEST(PollScheduler, OverloadedLineGivesEveryGroupItsShareInProportion) {
+  // 0.8 and 0.5 of the line: 1.3 together, so each is to have 1 / 1.3 of its beats.
+  std::uint64_t missed = 0;
+  const auto cycles = cycles_within(
+      {{milliseconds(100), milliseconds(80), 1}, {milliseconds(1000), milliseconds(50), 10}},
+      milliseconds(130000), &missed);
+  EXPECT_NEAR(cycles[0], 1000, 30);
+  EXPECT_NEAR(cycles[1], 100, 3);
+  EXPECT_NEAR(static_cast<double>(missed), 330, 35) << "1,430 beats, 1,100 cycles";
+}
+
+TEST(PollScheduler, NoGroupStarvesOnAnyOverloadedLine) {
+  std::mt19937 random(11);
+  const auto between = [&](int low, int high) {
+    return std::uniform_int_distribution<int>(low, high)(random);
+  };
+  for (int round = 0; round < 50; ++round) {
+    std::vector<Share> groups;
+    double load = 0;
+    for (int n = between(2, 6); n > 0; --n) {
+      Share group{milliseconds(between(1, 20) * 50), milliseconds(between(5, 60)),
+                  static_cast<std::uint32_t>(between(1, 8))};
+      load += static_cast<double>(group.exchange.count()) * group.exchanges /
+              static_cast<double>(group.interval.count());
+      groups.push_back(group);
+    }
+    const milliseconds time(200000);
+    const auto cycles = cycles_within(groups, time);
+    for (std::size_t i = 0; i < groups.size(); ++i) {
+      const double beats = static_cast<double>(time / groups[i].interval);
+      const double share = beats / std::max(1.0, load);
+      EXPECT_GE(cycles[i], 0.8 * share) << "round " << round << " load " << load;
+      EXPECT_LE(cycles[i], beats + 1);
+    }
+  }
+}
+
+TEST(PollScheduler, LineWithTimeToSpareKeepsEveryBeat) {
+  std::uint64_t missed = 0;
+  const auto cycles = cycles_within(
+      {{milliseconds(100), milliseconds(40), 1}, {milliseconds(200), milliseconds(20), 5}},
+      milliseconds(10000), &missed);
+  EXPECT_EQ(cycles[0], 100);
+  EXPECT_EQ(cycles[1], 50);
+  EXPECT_EQ(missed, 0U);
+}
+
+TEST(PollScheduler, SilentDeviceIsNoLoad) {
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(1, kBackOff);
+  scheduler.add_group(device, milliseconds(100), 1, at(0));
+  const auto job = scheduler.next(at(0));
+  scheduler.step_used(job.poll, milliseconds(50));
+  scheduler.step_done(job.poll);
+  EXPECT_DOUBLE_EQ(scheduler.load(), 0.5);
+  scheduler.device_unanswered(device, at(60));
+  EXPECT_DOUBLE_EQ(scheduler.load(), 0.0);
+}
+
+TEST(PollScheduler, PollsKeepTheirShareUnderAFloodOfCommands) {
+  PollScheduler scheduler(0.2);
+  const auto device = scheduler.add_device(1, kBackOff);
+  scheduler.add_group(device, milliseconds(0), 1, at(0));
+  while (scheduler.commands_waiting() < 3) scheduler.command_waits();
+  nanoseconds of_commands{0};
+  nanoseconds of_polls{0};
+  SteadyTime now = at(0);
+  for (int i = 0; i < 5000; ++i) {
+    const auto job = scheduler.next(now);
+    now += milliseconds(10);
+    if (job.kind == Kind::command) {
+      scheduler.command_taken();
+      scheduler.command_used(milliseconds(10), now);
+      scheduler.command_waits();  // the flood never ends
+      of_commands += milliseconds(10);
+    } else {
+      ASSERT_EQ(job.kind, Kind::poll);
+      scheduler.poll_used(milliseconds(10));
+      scheduler.step_done(job.poll);
+      of_polls += milliseconds(10);
+    }
+  }
+  const double share =
+      static_cast<double>(of_polls.count()) / static_cast<double>((of_polls + of_commands).count());
+  EXPECT_NEAR(share, 0.2, 0.01);
+}
+
+TEST(PollScheduler, NoPollIsOwedForAQuietTime) {
+  // Polls that nobody held up build no claim against a later burst of commands.
+  PollScheduler scheduler(0.2);
+  const auto device = scheduler.add_device(1, kBackOff);
+  scheduler.add_group(device, milliseconds(1000), 1, at(500));
+  scheduler.command_waits();
+  scheduler.next(at(0));
+  scheduler.command_taken();
+  scheduler.command_used(milliseconds(400), at(400));
+  scheduler.command_waits();
+  EXPECT_EQ(scheduler.next(at(600)).kind, Kind::command);
+}
+
+TEST(PollScheduler, WhatIsOwedToPollsIsPartOfTheBound) {
+  PollScheduler scheduler(0.2);
+  const auto device = scheduler.add_device(1, kBackOff);
+  scheduler.add_group(device, milliseconds(0), 1, at(0));
+  scheduler.command_waits();
+  scheduler.command_waits();
+  scheduler.command_taken();
+  scheduler.command_used(milliseconds(10000), at(0));  // 2.5 s belong to the polls now
+  EXPECT_GE(scheduler.bound(milliseconds(0), milliseconds(10), milliseconds(50)),
+            milliseconds(2500));
+}
+
+}  // namespace
+}  // namespace fxagent::test
