@@ -1,6 +1,6 @@
-// The audit trail in the store's file: appends, prunes and reads the records of audit.h. It has no
-// transactions of its own: its records go into those of the store, so that none costs a commit.
-// The store's thread.
+// The audit trail in the store's file: appends, prunes and reads the records of audit_chain.h. It
+// has no transactions of its own: its records go into those of the store, so that none costs a
+// commit. The store's thread.
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,5 @@
 #!/bin/bash
-# On a machine where the recipe of README.md, "Who may do what", was followed: starts its mosquitto and
+# On a machine where the recipe of agent/OPERATIONS.md, "Who may do what", was followed: starts its mosquitto and
 # checks that it lets each user do what is his and nothing else.
 #   acl_recipe.sh PASSWORD
 set -euo pipefail

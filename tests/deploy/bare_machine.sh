@@ -1,11 +1,11 @@
 #!/bin/bash
-# Shows that the README's commands work on a bare Debian 12: makes a root with nothing but apt in it, clones
+# Shows that the commands of the documents work on a bare Debian 12: makes a root with nothing but apt in it, clones
 # the checkout's last commit into it, and does there by chroot what a new user would:
 #   tests/deploy/bare_machine.sh [demo|tests|install|docker|all]… [-- CTEST ARGUMENTS]
 # demo     config/demo/run.sh, and how long it took to the first live value
 # tests    tests/run.sh, with the ctest arguments; without any the benches too, once and short
-# install  README.md, Install, word for word; then --version, check of the example, and the ACL recipe of
-#          README.md, Who may do what, against the mosquitto that it configures
+# install  README.md, Install, word for word; then --version, check of the example, and the recipe of
+#          agent/OPERATIONS.md, Who may do what, against the mosquitto that it configures
 # docker   every stage of docker/Dockerfile: with buildah where it is there, else its COPY and RUN lines
 # all      all of them (the default)
 # Each in a root of its own. Carried in is only what package managers need to reach their sources: the
@@ -147,12 +147,15 @@ in_root() {
     chroot "$r" /bin/sh -c 'cd /root/fxagent && exec "$@"' sh "$@" </dev/null
 }
 
-# The code blocks of a section of README.md, one after the other: all, or the $2-th.
-readme_block() {
-  awk -v section="## $1" -v wanted="${2:-0}" '
+# Of a file's section the code block with this number: code_block FILE SECTION NUMBER
+code_block() {
+  local block
+  block=$(awk -v section="## $2" -v wanted="$3" '
     /^## / { inside = ($0 == section) }
     inside && /^```/ { open = !open; if (open) n++; next }
-    inside && open && (wanted == 0 || n == wanted)' "$root/README.md"
+    inside && open && n == wanted' "$root/$1")
+  [ -n "$block" ] || { echo "bare_machine: $1 has no code block $3 below $2" >&2; return 1; }
+  echo "$block"
 }
 
 show_demo() {
@@ -172,8 +175,7 @@ show_tests() {
 
 show_install() {
   local block
-  block=$(readme_block Install 1)
-  [ -n "$block" ] || { echo "bare_machine: README.md has no commands below Install"; return 1; }
+  block=$(code_block README.md Install 1)
   echo "$block"
   in_root sh -exc "$block"
   in_root fxagent --version
@@ -181,7 +183,8 @@ show_install() {
   show_acl
 }
 
-# The recipe below "Who may do what", word for word; certificates and passwords are the user's own affair.
+# The recipe of agent/OPERATIONS.md, "Who may do what", word for word. Certificates and passwords are made
+# here, since they are the user's own affair.
 show_acl() {
   in_root docker/install.sh demo
   in_root sh -exc "jq '.mqtt += {username: \"edge7\"}' config/agent.example.json >agent.json
@@ -195,9 +198,9 @@ show_acl() {
     chown mosquitto /etc/mosquitto/server.key
     install -d -o mosquitto /run/mosquitto" >"$work/acl.log" 2>&1 || { tail -n 20 "$work/acl.log"; return 1; }
   # mosquitto_passwd asks on a terminal, twice for each of the four users.
-  readme_block "Who may do what" 1 >"$r/root/recipe.sh"
+  code_block agent/OPERATIONS.md "Who may do what" 1 >"$r/root/recipe.sh"
   in_root tests/deploy/type_passwords.sh /root/recipe.sh secret-of-the-test
-  readme_block "Who may do what" 2 >"$r/etc/mosquitto/conf.d/fxagent.conf"
+  code_block agent/OPERATIONS.md "Who may do what" 2 >"$r/etc/mosquitto/conf.d/fxagent.conf"
   in_root tests/deploy/acl_recipe.sh secret-of-the-test
 }
 
