@@ -294,7 +294,7 @@ struct RememberedId {
 
 /// The word for an order that was under way, or waiting for the wire, when the agent ended.
 inline constexpr std::string_view kInterrupted =
-    "the agent ended while the order was under way: it may or may not have been carried out";
+    "the agent ended while the command was under way: it may or may not have been carried out";
 
 /// What the field has to know of earlier runs; empty where nothing is kept.
 struct RestoredState {

@@ -64,22 +64,21 @@ int run_acl(const Config& config, const AclQuestion& what) {
   if (!are_usable(users)) return kWrongQuestion;
 
   const std::string base = config.base_topic();
-  std::cout << "# Access to " << base
-            << ", an acl_file of mosquitto made by `fxagent acl`. Who is\n"
-            << "# not named may nothing; several agents' files can stand one behind the other.\n\n"
-            << "# The agent: it writes what it publishes, and reads the orders for its devices and "
-               "the\n"
-            << "# retained topics that it clears when a device is no longer configured.\n"
-            << "user " << users.agent << '\n';
+  std::cout
+      << "# Access to " << base << ", an acl_file of mosquitto made by `fxagent acl`. A user\n"
+      << "# who is not named here has no access. The files of several agents can be joined.\n\n"
+      << "# The agent writes what it publishes. It reads the commands for its devices, and the\n"
+      << "# retained topics that it clears when a device is no longer configured.\n"
+      << "user " << users.agent << '\n';
   print("write", base, kAgentWrites);
   print("read", base, kAgentReads);
   for (const std::string& name : users.operators) {
-    std::cout << "\n# Watches and orders.\nuser " << name << '\n';
+    std::cout << "\n# Reads everything and sends commands.\nuser " << name << '\n';
     print("read", base, kAgentWrites);
     print("write", base, kOperatorWrites);
   }
   for (const std::string& name : users.viewers) {
-    std::cout << "\n# Watches.\nuser " << name << '\n';
+    std::cout << "\n# Reads everything.\nuser " << name << '\n';
     print("read", base, kAgentWrites);
   }
   return kDone;

@@ -173,7 +173,9 @@ void add_acl(CLI::App& app, std::string& path, AclQuestion& what, std::function<
   CLI::App* command = app.add_subcommand("acl", "Print an acl_file for the agent's mosquitto");
   command->add_option("CONFIG", path, "Config file")->required();
   command->add_option("--agent", what.agent, "User of the agent (mqtt.username of the config)");
-  command->add_option("--operator", what.operators, "A user who watches and orders; repeatable")
+  command
+      ->add_option("--operator", what.operators,
+                   "A user who reads everything and sends commands; repeatable")
       ->expected(1)
       ->take_all();
   command->add_option("--viewer", what.viewers, "A user who only watches; repeatable")

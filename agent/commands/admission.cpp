@@ -137,6 +137,16 @@ CommandResult result_of(const Command& command) {
   return result;
 }
 
+void set_outcome(CommandResult& result, CommandStatus status, Reason reason, std::string detail) {
+  result.status = status;
+  result.reason = reason;
+  result.detail = std::move(detail);
+  for (TargetResult& target : result.targets) {
+    target.status = status;
+    target.reason = reason;
+  }
+}
+
 TargetResult result_of(const AdmittedTarget& target) {
   TargetResult out;
   out.tag = target.tag;
@@ -163,15 +173,14 @@ CommandAdmission::Decision CommandAdmission::admit(Command command, const Codec&
     return result;
   };
 
-  // An id that was seen gets no second verdict, whatever is wrong with this message: exactly one
+  // An id that was seen gets no second decision, whatever is wrong with this message: exactly one
   // result that is not DUPLICATE is the promise that the others stand on.
   if (!command.id.empty()) {
     if (const auto seen = ids_.find(command.id, now)) {
-      result.status = CommandStatus::duplicate;
-      result.reason = Reason::duplicate_id;
+      set_outcome(result, CommandStatus::duplicate, Reason::duplicate_id, {});
       if (seen->over) result.first_number = seen->number;
       if (!seen->number)
-        result.detail = "it is over, its result is not kept any more; the order is not repeated";
+        result.detail = "it is over, its result is not kept any more; the command is not repeated";
       result.first = seen->result;
       if (result.first) result.plc = result.first->plc;
       return result;
@@ -220,9 +229,8 @@ CommandAdmission::Decision CommandAdmission::admit(Command command, const Codec&
   if (!why) {
     admitted.deadline = deadline_of(cmd, rules);
     if (now > admitted.deadline) {
-      result.status = CommandStatus::expired;
-      result.reason = Reason::expired;
-      result.detail = "its time had passed on arrival";
+      set_outcome(result, CommandStatus::expired, Reason::expired,
+                  "its time had passed on arrival");
       remember_refused(cmd, result, now);
       return result;
     }
@@ -243,7 +251,7 @@ CommandAdmission::Decision CommandAdmission::admit(Command command, const Codec&
     return result;
   }
   if (cmd.dry_run) {
-    result.status = CommandStatus::succeeded;
+    set_outcome(result, CommandStatus::succeeded, Reason::none, {});
     return result;
   }
   ids_.add({cmd.id, cmd.number, now, admitted.deadline}, now);

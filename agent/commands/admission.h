@@ -103,7 +103,10 @@ class CommandAdmission final {
 
 /// The frame of a result for `command`: ids, times, op, topics; status is for the caller to set.
 CommandResult result_of(const Command& command);
-/// A target's name and place, without a verdict.
+/// What became of a command as a whole became of each of its targets: sets `status` and `reason` of
+/// all, and `detail` of the command.
+void set_outcome(CommandResult& result, CommandStatus status, Reason reason, std::string detail);
+/// A target's name and place, without an outcome.
 TargetResult result_of(const AdmittedTarget& target);
 
 }  // namespace fxagent

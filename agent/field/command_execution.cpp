@@ -469,7 +469,8 @@ asio::awaitable<void> CommandExecution::settle_unknown(const AdmittedTarget& tar
         lost.is_nak() ? nak_text(lost) : lost.error);
   // A line that was lost tells nothing; one that was closed to put it in order is opened again.
   if (lost.outcome == Exchange::Outcome::link_down) co_return;
-  co_await read_outcome(target, "no answer came, and the value read back is the one ordered", out);
+  co_await read_outcome(
+      target, "no answer came, and the value read back is the one that was to be written", out);
 }
 
 asio::awaitable<void> CommandExecution::read_outcome(const AdmittedTarget& target,
@@ -485,8 +486,10 @@ asio::awaitable<void> CommandExecution::settle_interrupted() {
     TargetResult out = fxagent::result_of(target);
     if (!result_.targets.empty()) co_await go_on(order_.targets.size() > 1);
     set(out, CommandStatus::unknown_outcome, Reason::none, std::string(kInterrupted));
-    co_await read_outcome(
-        target, "the agent ended while the order was under way; the value is the one ordered", out);
+    co_await read_outcome(target,
+                          "the agent ended while the command was under way; the value is the one "
+                          "that was to be written",
+                          out);
     result_.targets.push_back(std::move(out));
   }
 }

@@ -159,9 +159,8 @@ void LinkWorker::answer_after_fault(const std::string& what) {
   scheduler_.commands_are(static_cast<std::uint32_t>(waiting_.size()));
   for (const Waiting& running : running_) {
     CommandResult result = result_of(running.admitted.command);
-    result.status = CommandStatus::unknown_outcome;
-    result.reason = Reason::link_down;
-    result.detail = "a fault in the agent ended the link while the order was under way";
+    set_outcome(result, CommandStatus::unknown_outcome, Reason::link_down,
+                "a fault in the agent ended the link while the command was under way");
     running.device->admission.finished(result);
     outbox_.push(std::move(result));
   }
@@ -176,8 +175,8 @@ asio::awaitable<void> LinkWorker::serve() {
       log::warn("link", {{"link", config_.links[link_].name},
                          {"echo", "found"},
                          {"note",
-                          "set echo for its devices: until three reads have told, an "
-                          "order's echo may look like its answer"}});
+                          "set echo for its devices: before three reads have shown it, the "
+                          "echo of a command may look like its answer"}});
     }
     tell_doubt();
     const auto now = Clock::now();

@@ -151,18 +151,10 @@ std::optional<nanoseconds> LinkWorker::bound_of(const Waiting& command) const {
 
 CommandResult LinkWorker::unsent(const AdmittedCommand& admitted, CommandStatus status) {
   CommandResult result = result_of(admitted.command);
-  if (admitted.interrupted) {
-    result.status = CommandStatus::unknown_outcome;
-    result.detail = kInterrupted;
-    return result;
-  }
-  result.status = status;
-  result.reason = Reason::shutting_down;
-  result.detail = "the agent is stopping; nothing was sent";
-  for (TargetResult& target : result.targets) {
-    target.status = status;
-    target.reason = Reason::shutting_down;
-  }
+  if (admitted.interrupted)
+    set_outcome(result, CommandStatus::unknown_outcome, Reason::none, std::string(kInterrupted));
+  else
+    set_outcome(result, status, Reason::shutting_down, "the agent is stopping; nothing was sent");
   return result;
 }
 

@@ -267,7 +267,7 @@ void Publisher::find_first(CommandResult& result) {
   record_results();
   const auto known = store_->find(config_.devices.at(result.device).name, result.id);
   if (!known || known->result.empty() || known->number != result.first_number) {
-    result.detail = "the first result is not in the journal any more; the order is not repeated";
+    result.detail = "the first result is not in the journal any more; the command is not repeated";
     return;
   }
   CommandResult first = recorded_result(known->result);

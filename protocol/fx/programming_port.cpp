@@ -369,7 +369,7 @@ Result<Bytes> ProgrammingPort::encode(const Request& request, std::uint16_t /*ta
   if (const auto* write = std::get_if<Write>(&request)) return encode_write(*write);
   if (const auto* force = std::get_if<Force>(&request)) return encode_force(*force);
   return fail(ErrorCode::unsupported,
-              "the programming port has no such order; RUN and STOP are forces of M8037");
+              "the programming port has no such request; RUN and STOP are forces of M8037");
 }
 
 Result<std::optional<Reply>> ProgrammingPort::decode(const Request& request, std::uint16_t tag,

@@ -442,7 +442,7 @@ std::shared_ptr<const Codec> Modbus::with_model(std::string_view /*model*/) cons
 std::optional<Request> Modbus::run_state() const { return std::nullopt; }
 std::optional<bool> Modbus::run_state_from(ByteView /*image*/) const { return std::nullopt; }
 Result<Request> Modbus::run_order(bool /*run*/) const {
-  return fail(ErrorCode::unsupported, "Modbus has no order that runs or stops a PLC");
+  return fail(ErrorCode::unsupported, "Modbus has no request that runs or stops a PLC");
 }
 std::string Modbus::run_order_hint() const { return {}; }
 

@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <limits>
+#include <set>
 #include <string>
 #include <utility>
 #include <variant>
@@ -728,6 +729,25 @@ TEST_F(CommandAdmissionTest, OneRefusedTargetRefusesTheList) {
   EXPECT_EQ(result.targets[0].status, CommandStatus::rejected);
   EXPECT_EQ(result.targets[1].reason, Reason::not_writable);
   EXPECT_EQ(result.targets[2].status, CommandStatus::rejected);
+}
+
+// "REJECTED" of a target would promise that nothing was done, inside a result that says otherwise.
+TEST_F(CommandAdmissionTest, WhatBecameOfAListBecameOfEachOfItsTargets) {
+  Command list = write("b7e1");
+  list.is_list = true;
+  list.targets.push_back({"start", "", std::nullopt, flag(true)});
+  const auto statuses = [](const CommandResult& result) {
+    std::set<CommandStatus> all{result.status};
+    for (const TargetResult& target : result.targets) all.insert(target.status);
+    return all;
+  };
+  list.dry_run = true;
+  EXPECT_EQ(statuses(answered(list)), std::set{CommandStatus::succeeded});
+  list.dry_run = false;
+  list.message_expiry = std::chrono::seconds(1);
+  list.received = now - std::chrono::seconds(2);
+  EXPECT_EQ(statuses(answered(list)), std::set{CommandStatus::expired});
+  EXPECT_EQ(statuses(answered(list)), std::set{CommandStatus::duplicate});
 }
 
 TEST_F(CommandAdmissionTest, ListIsForWritesAndWithoutExpect) {

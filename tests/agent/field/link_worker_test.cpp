@@ -684,6 +684,21 @@ TEST_F(LinkWorkerTest, OrderThatAnEarlierRunLeftBehindIsReadAndNotSent) {
   stop();
 }
 
+TEST_F(LinkWorkerTest, EachTargetOfAnInterruptedListIsUnknownToo) {
+  add_setpoint();
+  Command list = write_setpoint("list");
+  list.is_list = true;
+  list.targets.push_back({"", "M100", std::nullopt, Value(Scalar(true))});  // bits are not read
+  restored.interrupted = {list};
+  start();
+  const CommandResult& result = wait_for_result("list");
+  EXPECT_EQ(result.status, CommandStatus::unknown_outcome);
+  ASSERT_EQ(result.targets.size(), 2U);
+  for (const TargetResult& target : result.targets)
+    EXPECT_EQ(target.status, CommandStatus::unknown_outcome);
+  stop();
+}
+
 TEST_F(LinkWorkerTest, OrderLeftBehindThatStillWaitsAtTheEndIsUnknownAndNotRejected) {
   add_setpoint();
   restored.interrupted = {write_setpoint("left")};

@@ -120,7 +120,7 @@ TEST(PublisherStore, DuplicateWhoseFirstResultIsLostSaysSo) {
   EXPECT_EQ(told["status"], "DUPLICATE");
   EXPECT_EQ(told["first"], nullptr);
   EXPECT_EQ(told["detail"],
-            "the first result is not in the journal any more; the order is not repeated");
+            "the first result is not in the journal any more; the command is not repeated");
 }
 
 TEST(PublisherStore, StoreThatOpensLateTellsTheFieldWhatItKnows) {
