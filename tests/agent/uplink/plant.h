@@ -1,4 +1,5 @@
-// A small plant for the uplink's tests: press1 as in the examples of agent/CONTRACT.md, and press2 beside it.
+// A small plant for the uplink's tests: press1 as in the examples of agent/CONTRACT.md, and press2
+// beside it.
 #pragma once
 
 #include <string>
