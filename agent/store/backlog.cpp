@@ -7,9 +7,9 @@ namespace fxagent {
 void Backlog::append(SampleRow row) {
   bytes_ += row.cost();
   auto& stream = *streams_.try_emplace({row.device, row.group}).first;
-  stream.second.waiting.insert(row.order);
+  stream.second.waiting.insert(row.row_id);
   place(stream);
-  rows_.emplace(row.order, std::move(row));
+  rows_.emplace(row.row_id, std::move(row));
   while (bytes_ > max_bytes_ && !rows_.empty()) {
     ++dropped_[rows_.begin()->second.device];
     erase(rows_.begin());
@@ -24,10 +24,10 @@ std::optional<HistoryBatch> Backlog::next(std::size_t max_payload, const MaySend
 
   Streams::value_type& stream = *ready->second;
   BatchBuilder builder(max_payload);
-  for (const std::uint64_t order : stream.second.waiting)
-    if (!builder.add(order, rows_.at(order).json)) break;
+  for (const std::uint64_t row_id : stream.second.waiting)
+    if (!builder.add(row_id, rows_.at(row_id).json)) break;
   HistoryBatch batch = builder.take(stream.first);
-  for (const std::uint64_t order : batch.orders) stream.second.waiting.erase(order);
+  for (const std::uint64_t row_id : batch.row_ids) stream.second.waiting.erase(row_id);
   stream.second.on_the_way = true;
   place(stream);
   return batch;
@@ -36,8 +36,8 @@ std::optional<HistoryBatch> Backlog::next(std::size_t max_payload, const MaySend
 void Backlog::returned(const HistoryBatch& batch) {
   auto& stream = *streams_.try_emplace({batch.device, batch.group}).first;
   stream.second.on_the_way = false;
-  for (const std::uint64_t order : batch.orders)
-    if (rows_.contains(order)) stream.second.waiting.insert(order);
+  for (const std::uint64_t row_id : batch.row_ids)
+    if (rows_.contains(row_id)) stream.second.waiting.insert(row_id);
   place(stream);
 }
 
@@ -70,8 +70,8 @@ std::uint64_t Backlog::remove(const HistoryBatch& batch) {
   stream.second.on_the_way = false;
   place(stream);
   std::uint64_t removed = 0;
-  for (const std::uint64_t order : batch.orders) {
-    const auto row = rows_.find(order);
+  for (const std::uint64_t row_id : batch.row_ids) {
+    const auto row = rows_.find(row_id);
     if (row == rows_.end()) continue;
     erase(row);
     ++removed;

@@ -13,18 +13,18 @@ std::string history_text(std::span<const std::string_view> rows) {
   return out.take();
 }
 
-bool BatchBuilder::add(std::uint64_t order, std::string_view row) {
+bool BatchBuilder::add(std::uint64_t row_id, std::string_view row) {
   const std::size_t size = empty() ? kHistoryFrameBytes + row.size() : size_ + 1 + row.size();
   if (!empty() && size > max_payload_) return false;
   size_ = size;
-  orders_.push_back(order);
+  row_ids_.push_back(row_id);
   rows_.emplace_back(row);
   return true;
 }
 
 HistoryBatch BatchBuilder::take(const StreamKey& stream) {
   const std::vector<std::string_view> texts(rows_.begin(), rows_.end());
-  return {stream.first, stream.second, std::move(orders_), history_text(texts)};
+  return {stream.first, stream.second, std::move(row_ids_), history_text(texts)};
 }
 
 }  // namespace fxagent

@@ -15,7 +15,7 @@ namespace fxagent {
 
 /// One sample as it is published, live or in a history message.
 struct SampleRow {
-  std::uint64_t order = 0;  ///< unique where it is kept; a later sample has the higher number
+  std::uint64_t row_id = 0;  ///< unique where it is kept; a later sample has the higher number
   std::string device;
   std::string group;
   std::uint64_t seq = 0;
@@ -30,7 +30,7 @@ struct SampleRow {
 struct HistoryBatch {
   std::string device;
   std::string group;
-  std::vector<std::uint64_t> orders;
+  std::vector<std::uint64_t> row_ids;
   std::string payload;
 };
 
@@ -52,14 +52,14 @@ class BatchBuilder final {
   explicit BatchBuilder(std::size_t max_payload) : max_payload_(max_payload) {}
 
   /// False: it does not fit any more. The first row always does.
-  bool add(std::uint64_t order, std::string_view row);
-  bool empty() const { return orders_.empty(); }
+  bool add(std::uint64_t row_id, std::string_view row);
+  bool empty() const { return row_ids_.empty(); }
   HistoryBatch take(const StreamKey& stream);
 
  private:
   const std::size_t max_payload_;
   std::size_t size_ = 0;
-  std::vector<std::uint64_t> orders_;
+  std::vector<std::uint64_t> row_ids_;
   std::vector<std::string> rows_;
 };
 

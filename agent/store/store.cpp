@@ -61,7 +61,7 @@ bool is_damage_at_open(int code, const std::string& path) {
 Store::Store(const StoreConfig& config, std::int64_t utc_ms) : config_(config), utc_ms_(utc_ms) {
   open(utc_ms);
   recovered_ = rows_;
-  first_of_run_ = next_order_;
+  first_of_run_ = next_row_id_;
   // Above those of a file that opens later, unless the clock went back.
   if (!file_) receipts_ = static_cast<std::uint64_t>(utc_ms);
   first_arrival_of_run_ = receipts_ + 1;
@@ -113,7 +113,7 @@ void Store::open_late(std::int64_t utc_ms) {
   if (!writable_) return;
   recovered_ += rows_;
   if (is_own) return;
-  first_of_run_ = next_order_;
+  first_of_run_ = next_row_id_;
   // With a clock that began in the past the commands of this run have lower numbers than those of
   // earlier ones. What is settled of these counts as older all the same.
   Statement older(file_->db, "UPDATE orders SET arrival = 0 WHERE told = 1 AND arrival >= ?");
@@ -173,9 +173,9 @@ bool Store::load() {
     stream.oldest = from_sql(sums.number(4));
     rows_ += stream.rows;
     bytes_ += from_sql(sums.number(3)) + stream.rows * SampleRow::kOverhead;
-    next_order_ = std::max(next_order_, from_sql(sums.number(5)) + 1);
+    next_row_id_ = std::max(next_row_id_, from_sql(sums.number(5)) + 1);
   }
-  if (!count_orders() || !file_->trail.load()) return false;
+  if (!measure_journal() || !file_->trail.load()) return false;
   receipts_ = std::max(receipts_, file_->trail.arrivals());
   first_audit_of_run_ = file_->trail.head().records + 1;
   return file_->db.fault().code == SQLITE_OK;
@@ -261,7 +261,7 @@ void Store::upkeep(SteadyTime now, std::int64_t utc_ms) {
     flush_at_ = now + kFlushEvery;
     flush();
     if (numbers_short_) reserve_numbers();
-    shrink_orders();
+    shrink_journal();
     drop_excess_rows();
   }
   if (!clean_up_at_ || now >= *clean_up_at_) {
@@ -309,15 +309,15 @@ void Store::note_clock(SteadyTime now, std::int64_t utc_ms) {
 /// and its time comes over the same network as the broker, after the outage.
 void Store::restamp() {
   Statement samples(file_->db, "UPDATE samples SET created_ms = created_ms + ? WHERE id >= ?");
-  Statement orders(file_->db,
-                   "UPDATE orders SET received_ms = received_ms + ?1,"
-                   " deadline_ms = deadline_ms + ?1 WHERE arrival >= ?2 AND received_ms <= ?3");
+  Statement commands(file_->db,
+                     "UPDATE orders SET received_ms = received_ms + ?1,"
+                     " deadline_ms = deadline_ms + ?1 WHERE arrival >= ?2 AND received_ms <= ?3");
   bool done = false;
   {
     Transaction transaction(file_->db);
     done = transaction.begun() &&
            samples.bind(1, unstamped_ms_).bind(2, to_sql(first_of_run_)).run() &&
-           orders.bind(1, unstamped_ms_)
+           commands.bind(1, unstamped_ms_)
                .bind(2, to_sql(first_arrival_of_run_))
                .bind(3, utc_ms_ - unstamped_ms_)
                .run() &&
@@ -338,11 +338,11 @@ bool Store::append(std::vector<SampleRow>& rows, Hold hold) {
   const auto write = [&] {
     Transaction transaction(file_->db);
     if (!transaction.begun() || !write_pending()) return false;
-    std::uint64_t order = next_order_;
+    std::uint64_t row_id = next_row_id_;
     for (const SampleRow& row : rows) {
       added += row.cost();
       last[row.device] = std::max(last[row.device], row.seq);
-      if (!file_->insert.bind(1, to_sql(order++))
+      if (!file_->insert.bind(1, to_sql(row_id++))
                .bind(2, row.device)
                .bind(3, row.group)
                .bind(4, to_sql(row.seq))
@@ -354,7 +354,7 @@ bool Store::append(std::vector<SampleRow>& rows, Hold hold) {
     if (config_.sync_always)
       for (const auto& [device, seq] : last)
         if (!file_->numbers.bind(1, device).bind(2, to_sql(seq)).bind(3, 0).run()) return false;
-    const std::uint64_t full = bytes_ + added + orders_changed_.bytes;
+    const std::uint64_t full = bytes_ + added + journal_size_changed_.bytes;
     if (full > config_.max_bytes && !delete_oldest(full - config_.max_bytes, 0, gone)) return false;
     return commit(transaction);
   };
@@ -368,15 +368,15 @@ bool Store::append(std::vector<SampleRow>& rows, Hold hold) {
   }
   flushed();
   for (SampleRow& row : rows) {
-    row.order = next_order_++;
+    row.row_id = next_row_id_++;
     const StreamKey key{row.device, row.group};
     Stream& stream = streams_[key];
-    if (stream.rows == 0) stream.oldest = row.order;
+    if (stream.rows == 0) stream.oldest = row.row_id;
     ++stream.rows;
     ++rows_;
     if (hold == Hold::no) continue;
     ++stream.out;
-    out_[row.order] = {key, row.cost()};
+    out_[row.row_id] = {key, row.cost()};
   }
   bytes_ += added;
   forget(gone);
@@ -393,7 +393,7 @@ bool Store::delete_oldest(std::uint64_t excess, std::int64_t older_than_ms,
     // Orders rise with time, so that the first row that is young enough ends the search.
     if (freed >= excess && oldest.number(3) >= older_than_ms) break;
     Victim victim;
-    victim.order = from_sql(oldest.number(0));
+    victim.row_id = from_sql(oldest.number(0));
     victim.stream = {std::string(oldest.text(1)), std::string(oldest.text(2))};
     victim.cost = from_sql(oldest.number(4)) + SampleRow::kOverhead;
     freed += victim.cost;
@@ -403,16 +403,16 @@ bool Store::delete_oldest(std::uint64_t excess, std::int64_t older_than_ms,
   oldest.reset();
   if (step == Statement::Step::failed) return false;
   return std::all_of(gone.begin(), gone.end(), [this](const Victim& victim) {
-    return file_->remove.bind(1, to_sql(victim.order)).run();
+    return file_->remove.bind(1, to_sql(victim.row_id)).run();
   });
 }
 
 void Store::forget(const std::vector<Victim>& gone) {
   for (const Victim& victim : gone) {
     Stream& stream = streams_[victim.stream];
-    if (out_.erase(victim.order) > 0) --stream.out;
+    if (out_.erase(victim.row_id) > 0) --stream.out;
     --stream.rows;
-    stream.oldest = victim.order + 1;
+    stream.oldest = victim.row_id + 1;
     --rows_;
     bytes_ -= victim.cost;
     ++dropped_[victim.stream.first];
@@ -439,15 +439,15 @@ std::optional<HistoryBatch> Store::next(std::size_t max_payload, const MaySend& 
   stream.bind(1, key.first).bind(2, key.second);
   auto step = stream.step();
   for (; step == Statement::Step::row; step = stream.step()) {
-    const std::uint64_t order = from_sql(stream.number(0));
-    if (out_.contains(order) || removed_.contains(order)) continue;
+    const std::uint64_t row_id = from_sql(stream.number(0));
+    if (out_.contains(row_id) || removed_.contains(row_id)) continue;
     const std::string_view row = stream.text(1);
     if (!is_intact(row)) {
-      out_[order] = {key, row.size() + SampleRow::kOverhead};
-      damaged.push_back(order);
+      out_[row_id] = {key, row.size() + SampleRow::kOverhead};
+      damaged.push_back(row_id);
       continue;
     }
-    if (!builder.add(order, row)) break;
+    if (!builder.add(row_id, row)) break;
     costs.push_back(row.size() + SampleRow::kOverhead);
   }
   stream.reset();
@@ -455,34 +455,34 @@ std::optional<HistoryBatch> Store::next(std::size_t max_payload, const MaySend& 
   if (step == Statement::Step::failed) failed("read");
   if (step == Statement::Step::failed || builder.empty()) return std::nullopt;
   HistoryBatch batch = builder.take(key);
-  for (std::size_t i = 0; i < batch.orders.size(); ++i) out_[batch.orders[i]] = {key, costs[i]};
+  for (std::size_t i = 0; i < batch.row_ids.size(); ++i) out_[batch.row_ids[i]] = {key, costs[i]};
   Stream& taken = streams_[key];
-  taken.out += batch.orders.size();
+  taken.out += batch.row_ids.size();
   taken.on_the_way = true;
   return batch;
 }
 
-void Store::drop_damaged(const StreamKey& stream, const std::vector<std::uint64_t>& orders) {
-  streams_[stream].out += orders.size();
-  dropped_[stream.first] += remove(orders);
+void Store::drop_damaged(const StreamKey& stream, const std::vector<std::uint64_t>& row_ids) {
+  streams_[stream].out += row_ids.size();
+  dropped_[stream.first] += remove(row_ids);
   log::error("store", {{"state", "damaged"},
                        {"device", stream.first},
                        {"group", stream.second},
-                       {"rows_dropped", std::to_string(orders.size())}});
+                       {"rows_dropped", std::to_string(row_ids.size())}});
 }
 
-std::uint64_t Store::remove(std::span<const std::uint64_t> orders) {
+std::uint64_t Store::remove(std::span<const std::uint64_t> row_ids) {
   std::uint64_t count = 0;
-  for (const std::uint64_t order : orders) {
-    const auto found = out_.extract(order);
+  for (const std::uint64_t row_id : row_ids) {
+    const auto found = out_.extract(row_id);
     if (found.empty()) continue;
     Stream& stream = streams_[found.mapped().stream];
     --stream.out;
     --stream.rows;
-    stream.oldest = std::max(stream.oldest, stream.out == 0 ? order + 1 : stream.oldest);
+    stream.oldest = std::max(stream.oldest, stream.out == 0 ? row_id + 1 : stream.oldest);
     --rows_;
     bytes_ -= found.mapped().cost;
-    removed_.insert(order);
+    removed_.insert(row_id);
     ++count;
   }
   return count;
@@ -490,16 +490,16 @@ std::uint64_t Store::remove(std::span<const std::uint64_t> orders) {
 
 std::uint64_t Store::remove(const HistoryBatch& batch) {
   streams_[{batch.device, batch.group}].on_the_way = false;
-  return remove(batch.orders);
+  return remove(batch.row_ids);
 }
 
 void Store::returned(const HistoryBatch& batch) {
   streams_[{batch.device, batch.group}].on_the_way = false;
-  for (const std::uint64_t order : batch.orders) release(order);
+  for (const std::uint64_t row_id : batch.row_ids) release(row_id);
 }
 
-void Store::release(std::uint64_t order) {
-  const auto found = out_.extract(order);
+void Store::release(std::uint64_t row_id) {
+  const auto found = out_.extract(row_id);
   if (!found.empty()) --streams_[found.mapped().stream].out;
 }
 
@@ -564,12 +564,12 @@ bool Store::flush_piece() {
 bool Store::write_pending() {
   begin_changes();
   if (!write_unaudited()) return false;
-  for (const std::uint64_t order : removed_)
-    if (!file_->remove.bind(1, to_sql(order)).run()) return false;
+  for (const std::uint64_t row_id : removed_)
+    if (!file_->remove.bind(1, to_sql(row_id)).run()) return false;
   for (const JournalEntry& entry : unrecorded_)
     if (!write_entry(entry)) return false;
   for (const auto& [device, id, number] : to_acknowledge_)
-    if (!change_order(device, id, [&, number = number] {
+    if (!change_command(device, id, [&, number = number] {
           return file_->acknowledge.bind(1, device).bind(2, id).bind(3, to_sql(number)).run();
         }))
       return false;

@@ -81,16 +81,16 @@ class Store final : public CommandJournal {
   std::optional<HistoryBatch> next(std::size_t max_payload, const MaySend& may_send);
   /// The rows are delivered, or will never be. Returns how many were still here: one that had to
   /// make room was counted as dropped already.
-  std::uint64_t remove(std::span<const std::uint64_t> orders);
+  std::uint64_t remove(std::span<const std::uint64_t> row_ids);
   std::uint64_t remove(const HistoryBatch& batch);
   /// The batch did not arrive: its rows wait again.
   void returned(const HistoryBatch& batch);
   /// A held row did not arrive: it waits for a history message.
-  void release(std::uint64_t order);
+  void release(std::uint64_t row_id);
 
   std::uint64_t rows() const { return rows_; }
   /// Of samples, and of what is kept of orders: together they stay below max_bytes().
-  std::uint64_t bytes() const { return bytes_ + orders_.bytes; }
+  std::uint64_t bytes() const { return bytes_ + journal_size_.bytes; }
   std::uint64_t max_bytes() const { return config_.max_bytes; }
   std::uint64_t recovered() const { return recovered_; }  ///< rows found at the start
   bool has_waiting(const std::string& device) const;
@@ -113,7 +113,7 @@ class Store final : public CommandJournal {
 
   // ---- the journal of commands
 
-  bool journal(std::span<const JournalEntry> orders) override;
+  bool journal(std::span<const JournalEntry> entries) override;
   void record(JournalEntry entry) override;
   void record(std::vector<JournalEntry> entries) override;
   void acknowledge(std::string device, std::string id, std::uint64_t number) override;
@@ -164,13 +164,13 @@ class Store final : public CommandJournal {
     std::uint64_t number = 0;
   };
   /// What the file has of orders.
-  struct OrderSum {
+  struct JournalSize {
     std::uint64_t rows = 0;
     std::uint64_t bytes = 0;
     std::uint64_t refused = 0;
   };
   struct Victim {
-    std::uint64_t order = 0;
+    std::uint64_t row_id = 0;
     StreamKey stream;
     std::uint64_t cost = 0;
   };
@@ -210,20 +210,20 @@ class Store final : public CommandJournal {
   /// Deletes the oldest rows, `excess` bytes or what is older, within the caller's transaction.
   bool delete_oldest(std::uint64_t excess, std::int64_t older_than_ms, std::vector<Victim>& gone);
   void forget(const std::vector<Victim>& gone);
-  void drop_damaged(const StreamKey& stream, const std::vector<std::uint64_t>& orders);
+  void drop_damaged(const StreamKey& stream, const std::vector<std::uint64_t>& row_ids);
   void drop_old_rows();
   /// The oldest rows out of what is above max_bytes, the orders counted.
   void drop_excess_rows();
   void drop_rows(std::uint64_t excess, std::int64_t older_than_ms);
   void drop_old_ids();
-  bool count_orders();
+  bool measure_journal();
   /// Carries out a change of one row within the caller's transaction and counts what it does.
-  bool change_order(const std::string& device, const std::string& id,
-                    const std::function<bool()>& change);
+  bool change_command(const std::string& device, const std::string& id,
+                      const std::function<bool()>& change);
   bool make_room_for_refused();
-  void shrink_orders();
-  bool write_orders(std::span<const JournalEntry> orders);
-  bool write_order(const JournalEntry& entry);
+  void shrink_journal();
+  bool write_commands(std::span<const JournalEntry> entries);
+  bool write_command(const JournalEntry& entry);
   bool write_entry(const JournalEntry& entry);
   bool write_record(const JournalEntry& entry);
   void keep_unrecorded(JournalEntry entry);
@@ -257,14 +257,14 @@ class Store final : public CommandJournal {
   std::optional<SteadyTime> flush_at_;
   std::optional<SteadyTime> clean_up_at_;
 
-  std::uint64_t next_order_ = 1;
+  std::uint64_t next_row_id_ = 1;
   std::uint64_t rows_ = 0;
   std::uint64_t bytes_ = 0;
   std::uint64_t recovered_ = 0;
   std::map<StreamKey, Stream> streams_;
   std::unordered_map<std::uint64_t, Out> out_;
-  OrderSum orders_;                     ///< as committed
-  OrderSum orders_changed_;             ///< as the transaction that is open will leave it
+  JournalSize journal_size_;            ///< as committed
+  JournalSize journal_size_changed_;    ///< as the transaction that is open will leave it
   std::uint64_t not_to_be_shrunk_ = 0;  ///< bytes of orders that nothing could be taken from
   std::set<std::uint64_t> removed_;     ///< still in the file
   std::map<std::string, std::uint64_t> dropped_;

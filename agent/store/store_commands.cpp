@@ -21,7 +21,7 @@ constexpr std::size_t kMostUnauditedBytes = std::size_t{8} << 20;
 constexpr std::uint64_t kMostRefused = 10000;  // rows of commands that became no order
 constexpr std::uint64_t kRefusedAtOnce = 200;
 // Of max_bytes, for orders; samples have the rest at least.
-constexpr std::uint64_t kShareOfOrders = 2;
+constexpr std::uint64_t kShareOfJournal = 2;
 constexpr std::int64_t kShrunkAtOnce = 200;
 // The field asks for the first results of all ids that it still knows.
 constexpr std::chrono::hours kLongerThanKnown{1};
@@ -68,25 +68,25 @@ JournalEntry entry_of(Statement& row) {
 
 void Store::begin_changes() {
   file_->trail.begin();
-  orders_changed_ = orders_;
+  journal_size_changed_ = journal_size_;
 }
 
 /// Once at the start, and after what deletes many.
-bool Store::count_orders() {
-  Statement& sum = file_->sum_orders;
+bool Store::measure_journal() {
+  Statement& sum = file_->measure_journal;
   if (sum.step() != Statement::Step::row) return false;
-  orders_.rows = from_sql(sum.number(0));
-  orders_.bytes = from_sql(sum.number(1));
-  orders_.refused = from_sql(sum.number(2));
+  journal_size_.rows = from_sql(sum.number(0));
+  journal_size_.bytes = from_sql(sum.number(1));
+  journal_size_.refused = from_sql(sum.number(2));
   sum.reset();
   return true;
 }
 
-bool Store::change_order(const std::string& device, const std::string& id,
-                         const std::function<bool()>& change) {
-  Statement& cost = file_->order_cost;
+bool Store::change_command(const std::string& device, const std::string& id,
+                           const std::function<bool()>& change) {
+  Statement& cost = file_->command_cost;
   const auto look = [&] {
-    OrderSum found;
+    JournalSize found;
     if (cost.bind(1, device).bind(2, id).step() == Statement::Step::row) {
       found.rows = 1;
       found.bytes = from_sql(cost.number(0));
@@ -95,34 +95,34 @@ bool Store::change_order(const std::string& device, const std::string& id,
     }
     return found;
   };
-  const OrderSum before = look();
+  const JournalSize before = look();
   if (!change()) return false;
-  const OrderSum after = look();
-  orders_changed_.rows += after.rows - before.rows;
-  orders_changed_.bytes += after.bytes - before.bytes;
-  orders_changed_.refused += after.refused - before.refused;
+  const JournalSize after = look();
+  journal_size_changed_.rows += after.rows - before.rows;
+  journal_size_changed_.bytes += after.bytes - before.bytes;
+  journal_size_changed_.refused += after.refused - before.refused;
   return true;
 }
 
 /// The oldest of them go: a flood of commands that are refused must not fill the file.
 bool Store::make_room_for_refused() {
-  if (orders_changed_.refused < kMostRefused) return true;
+  if (journal_size_changed_.refused < kMostRefused) return true;
   Statement& drop = file_->drop_refused;
   drop.bind(1, to_sql(kRefusedAtOnce));
   auto step = drop.step();
   for (; step == Statement::Step::row; step = drop.step()) {
-    --orders_changed_.rows;
-    --orders_changed_.refused;
-    orders_changed_.bytes -= from_sql(drop.number(0));
+    --journal_size_changed_.rows;
+    --journal_size_changed_.refused;
+    journal_size_changed_.bytes -= from_sql(drop.number(0));
   }
   return step == Statement::Step::done;
 }
 
 /// Where orders take more than their share: what was refused goes first, then the results that
 /// were told, the oldest first; their ids stay. The samples beside them make room in append().
-void Store::shrink_orders() {
-  const std::uint64_t most = std::max(config_.max_bytes / kShareOfOrders, not_to_be_shrunk_);
-  if (!writable_ || orders_.bytes <= most) return;
+void Store::shrink_journal() {
+  const std::uint64_t most = std::max(config_.max_bytes / kShareOfJournal, not_to_be_shrunk_);
+  if (!writable_ || journal_size_.bytes <= most) return;
   not_to_be_shrunk_ = 0;
   bool done = false;
   {
@@ -137,11 +137,11 @@ void Store::shrink_orders() {
     auto step = oldest.bind(1, kShrunkAtOnce).step();
     for (; step == Statement::Step::row; step = oldest.step())
       found.emplace_back(oldest.text(0), oldest.text(1));
-    if (found.empty()) not_to_be_shrunk_ = orders_.bytes;
+    if (found.empty()) not_to_be_shrunk_ = journal_size_.bytes;
     done = transaction.begun() && step == Statement::Step::done &&
            std::all_of(found.begin(), found.end(),
                        [&](const auto& row) {
-                         return change_order(row.first, row.second, [&] {
+                         return change_command(row.first, row.second, [&] {
                            return remove.bind(1, row.first).bind(2, row.second).run() &&
                                   clear.bind(1, row.first).bind(2, row.second).run();
                          });
@@ -151,9 +151,9 @@ void Store::shrink_orders() {
   if (!done) failed("shrink");
 }
 
-bool Store::journal(std::span<const JournalEntry> orders) {
-  if (writable_ && write_orders(orders)) return true;
-  for (const JournalEntry& order : orders) keep_unrecorded(order);
+bool Store::journal(std::span<const JournalEntry> entries) {
+  if (writable_ && write_commands(entries)) return true;
+  for (const JournalEntry& entry : entries) keep_unrecorded(entry);
   return writable_ && flush();  // a damaged file has made room for a fresh one
 }
 
@@ -183,28 +183,28 @@ void Store::keep_unrecorded(JournalEntry entry) {
   }
 }
 
-bool Store::write_order(const JournalEntry& entry) {
-  return change_order(entry.device, entry.id,
-                      [&] {
-                        return bind_entry(file_->order, entry)
-                            .bind(8, to_sql(entry.number))
-                            .bind(9, entry.payload)
-                            .run();
-                      }) &&
+bool Store::write_command(const JournalEntry& entry) {
+  return change_command(entry.device, entry.id,
+                        [&] {
+                          return bind_entry(file_->insert_command, entry)
+                              .bind(8, to_sql(entry.number))
+                              .bind(9, entry.payload)
+                              .run();
+                        }) &&
          write_audit(entry.audit);
 }
 
 bool Store::write_entry(const JournalEntry& entry) {
-  return entry.result.empty() ? write_order(entry) : write_record(entry);
+  return entry.result.empty() ? write_command(entry) : write_record(entry);
 }
 
-bool Store::write_orders(std::span<const JournalEntry> orders) {
+bool Store::write_commands(std::span<const JournalEntry> entries) {
   {
     Transaction transaction(file_->db);
     begin_changes();
     const bool written = transaction.begun() &&
-                         std::all_of(orders.begin(), orders.end(),
-                                     [this](const JournalEntry& e) { return write_order(e); });
+                         std::all_of(entries.begin(), entries.end(),
+                                     [this](const JournalEntry& e) { return write_command(e); });
     if (written && commit(transaction)) return true;
   }
   failed("journal");
@@ -220,10 +220,10 @@ void Store::record(JournalEntry entry) {
 void Store::record(std::vector<JournalEntry> entries) {
   if (entries.empty()) return;
   // An order that has found no disk so far goes there with its result.
-  const auto order_waits = [this](const JournalEntry& entry) {
+  const auto command_is_pending = [this](const JournalEntry& entry) {
     return unrecorded_.get<1>().count(boost::make_tuple(entry.device, entry.id)) != 0;
   };
-  if (writable_ && std::none_of(entries.begin(), entries.end(), order_waits)) {
+  if (writable_ && std::none_of(entries.begin(), entries.end(), command_is_pending)) {
     {
       Transaction transaction(file_->db);
       begin_changes();
@@ -241,14 +241,14 @@ void Store::record(std::vector<JournalEntry> entries) {
 
 bool Store::write_record(const JournalEntry& entry) {
   if (entry.refused && !make_room_for_refused()) return false;
-  return change_order(entry.device, entry.id,
-                      [&] {
-                        return bind_entry(file_->record, entry)
-                            .bind(8, entry.result)
-                            .bind(9, to_sql(entry.number))
-                            .bind(10, std::int64_t{entry.refused})
-                            .run();
-                      }) &&
+  return change_command(entry.device, entry.id,
+                        [&] {
+                          return bind_entry(file_->record, entry)
+                              .bind(8, entry.result)
+                              .bind(9, to_sql(entry.number))
+                              .bind(10, std::int64_t{entry.refused})
+                              .run();
+                        }) &&
          write_audit(entry.audit);
 }
 
@@ -331,13 +331,13 @@ void Store::drop_old_ids() {
     return done;
   };
   // With few of them none can be one too many, and all of them need not be looked at.
-  const bool few = orders_.rows <= kRememberedIds;
+  const bool few = journal_size_.rows <= kRememberedIds;
   const bool done =
       run(old.bind(1, utc_ms_).bind(2, utc_ms_ - day).bind(3, utc_ms_ - age)) &&
       (few || (run(results.bind(1, std::int64_t{kRememberedIds})) &&
                run(many.bind(1, utc_ms_).bind(2, std::int64_t{kFingerprints})) &&
                run(unacknowledged.bind(1, utc_ms_).bind(2, std::int64_t{kRememberedIds})))) &&
-      (changed == 0 || count_orders());
+      (changed == 0 || measure_journal());
   if (!done) failed("delete");
 }
 
@@ -364,7 +364,7 @@ bool Store::write_unaudited() {
 bool Store::commit(Transaction& transaction) {
   if (!file_->trail.end(receipts_) || !transaction.commit()) return false;
   file_->trail.committed();
-  orders_ = orders_changed_;
+  journal_size_ = journal_size_changed_;
   return true;
 }
 

@@ -153,14 +153,15 @@ StoreFile::StoreFile(const std::string& path, bool always)
             " ORDER BY id"};
   // A row makes room for a later command: the field did not know that id when it took this one. It
   // had let go of it, or the file opened late.
-  order = {db,
-           "INSERT INTO orders VALUES(?, ?, ?, ?, ?, ?, ?, '', 0, ?, ?, 0)"
-           " ON CONFLICT DO UPDATE SET received_ms = excluded.received_ms,"
-           " deadline_ms = excluded.deadline_ms, op = excluded.op,"
-           " response_topic = excluded.response_topic, correlation = excluded.correlation,"
-           " result = '', told = 0, arrival = excluded.arrival, payload = excluded.payload,"
-           " refused = 0"
-           " WHERE arrival < excluded.arrival"};
+  insert_command = {
+      db,
+      "INSERT INTO orders VALUES(?, ?, ?, ?, ?, ?, ?, '', 0, ?, ?, 0)"
+      " ON CONFLICT DO UPDATE SET received_ms = excluded.received_ms,"
+      " deadline_ms = excluded.deadline_ms, op = excluded.op,"
+      " response_topic = excluded.response_topic, correlation = excluded.correlation,"
+      " result = '', told = 0, arrival = excluded.arrival, payload = excluded.payload,"
+      " refused = 0"
+      " WHERE arrival < excluded.arrival"};
   record = {db,
             "INSERT INTO orders VALUES(?, ?, ?, ?, ?, ?, ?, ?, 0, ?, '', ?)"
             " ON CONFLICT DO UPDATE SET"
@@ -185,12 +186,12 @@ StoreFile::StoreFile(const std::string& path, bool always)
       "(200 + length(CAST(device AS BLOB)) + 2 * length(CAST(id AS BLOB))"
       " + length(CAST(op AS BLOB)) + length(CAST(response_topic AS BLOB)) + length(correlation)"
       " + length(CAST(result AS BLOB)) + length(CAST(payload AS BLOB)))";
-  order_cost = {db, "SELECT " + cost + ", refused FROM orders WHERE device = ? AND id = ?"};
+  command_cost = {db, "SELECT " + cost + ", refused FROM orders WHERE device = ? AND id = ?"};
   drop_refused = {db,
                   "DELETE FROM orders WHERE (device, id) IN (SELECT device, id FROM orders"
                   " WHERE refused = 1 ORDER BY arrival LIMIT ?) RETURNING " +
                       cost};
-  sum_orders = {db, "SELECT count(*), total(" + cost + "), total(refused) FROM orders"};
+  measure_journal = {db, "SELECT count(*), total(" + cost + "), total(refused) FROM orders"};
   trail = AuditTrail(db);
   file_ = identity_of(path);
   log_ = identity_of(path + "-wal");

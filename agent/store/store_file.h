@@ -75,13 +75,13 @@ class StoreFile final {
   sqlite::Statement remove;
   sqlite::Statement stream;
   sqlite::Statement oldest;
-  sqlite::Statement order;
+  sqlite::Statement insert_command;
   sqlite::Statement record;
   sqlite::Statement acknowledge;
   sqlite::Statement numbers;
-  sqlite::Statement order_cost;    ///< of one: its bytes, and whether it was refused
-  sqlite::Statement drop_refused;  ///< the oldest of them; their bytes
-  sqlite::Statement sum_orders;    ///< rows, bytes, refused
+  sqlite::Statement command_cost;     ///< of one: its bytes, and whether it was refused
+  sqlite::Statement drop_refused;     ///< the oldest of them; their bytes
+  sqlite::Statement measure_journal;  ///< rows, bytes, refused
   AuditTrail trail;
 
  private:

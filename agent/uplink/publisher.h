@@ -181,7 +181,7 @@ class Publisher final {
   void submit(Command command, std::size_t payload_bytes);
   void take_decided();
   std::uint64_t note_receipt(const Message& event, const Command& command);
-  void take_admitted(std::vector<AdmissionNote> orders);
+  void take_admitted(std::vector<AdmissionNote> notes);
   void take_result(CommandResult result);
   void find_first(CommandResult& result);
   bool note_result(const CommandResult& result);
@@ -330,7 +330,7 @@ class Publisher final {
   bool samples_first_ = false;  ///< whose turn it is, where the window is too small to share
   std::map<std::uint64_t, audit::Receipt>
       receipts_;  ///< commands that the field has not judged yet
-  std::uint64_t next_order_ = 1;
+  std::uint64_t next_row_id_ = 1;
   std::deque<LiveRow> live_;
   std::vector<SampleRow> spool_;  ///< for the store, at the next commit
   SteadyTime commit_at_{};

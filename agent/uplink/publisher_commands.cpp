@@ -193,20 +193,20 @@ void Publisher::failed(const ResultFlight& flight, const DeliveryFailed& event, 
   refused_results_.insert(flight.result);
 }
 
-void Publisher::take_admitted(std::vector<AdmissionNote> orders) {
-  if (orders.empty()) return;
+void Publisher::take_admitted(std::vector<AdmissionNote> notes) {
+  if (notes.empty()) return;
   std::vector<JournalEntry> entries;
-  for (AdmissionNote& order : orders) {
+  for (AdmissionNote& note : notes) {
     JournalEntry entry;
-    entry.device = config_.devices.at(order.device).name;
-    entry.id = order.id;
-    entry.received_ms = order.received_ms;
-    entry.deadline_ms = order.deadline_ms;
-    entry.op = std::move(order.op);
-    entry.response_topic = std::move(order.response_topic);
-    entry.correlation = std::move(order.correlation);
-    entry.number = order.number;
-    if (auto number = receipts_.extract(order.number)) {
+    entry.device = config_.devices.at(note.device).name;
+    entry.id = note.id;
+    entry.received_ms = note.received_ms;
+    entry.deadline_ms = note.deadline_ms;
+    entry.op = std::move(note.op);
+    entry.response_topic = std::move(note.response_topic);
+    entry.correlation = std::move(note.correlation);
+    entry.number = note.number;
+    if (auto number = receipts_.extract(note.number)) {
       entry.audit = audit::ordered(number.mapped(), entry.id, entry.op, utc_ms_());
       entry.payload = std::move(number.mapped().payload);
     }
@@ -216,7 +216,7 @@ void Publisher::take_admitted(std::vector<AdmissionNote> orders) {
   // A disk that refuses does not stop the plant: its state says what is missing.
   if (store_ != nullptr) store_->journal(entries);
   failpoint("order_journaled");
-  for (AdmissionNote& order : orders) go_ahead_(order.device, std::move(order.id));
+  for (AdmissionNote& note : notes) go_ahead_(note.device, std::move(note.id));
 }
 
 /// Whether the journal knows the id, and with it the result, from now on.

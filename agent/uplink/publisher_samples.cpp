@@ -47,7 +47,7 @@ void Publisher::delivered(const LiveFlight& flight, SteadyTime) {
   const SampleRow& row = flight.live.row;
   failpoint("sample_acknowledged");
   if (flight.live.stored) {
-    acknowledged_ += store_->remove(std::span(&row.order, 1));
+    acknowledged_ += store_->remove(std::span(&row.row_id, 1));
   } else {
     --in_flight_samples_;
     ++acknowledged_;
@@ -71,7 +71,7 @@ void Publisher::failed(LiveFlight& flight, const DeliveryFailed& event, SteadyTi
         "sample_refused",
         {{"device", row.device}, {"code", hex_code(event.reason_code)}, {"reason", event.text}});
     const std::string device = row.device;
-    return drop(device, flight.live.stored ? store_->remove(std::span(&row.order, 1)) : 1);
+    return drop(device, flight.live.stored ? store_->remove(std::span(&row.row_id, 1)) : 1);
   }
   pause(row.device, event.reason_code, now);
   spool(std::move(flight.live));
@@ -80,10 +80,10 @@ void Publisher::failed(LiveFlight& flight, const DeliveryFailed& event, SteadyTi
 void Publisher::failed(const HistoryFlight& flight, const DeliveryFailed& event, SteadyTime now) {
   rest_history(flight, now);
   const HistoryBatch& batch = flight.batch;
-  const bool can_be_cut = event.reason_code == kPacketTooLarge && batch.orders.size() > 1;
+  const bool can_be_cut = event.reason_code == kPacketTooLarge && batch.row_ids.size() > 1;
   if (is_final(event.reason_code) && !can_be_cut) {
     log::warn("history_refused", {{"device", batch.device},
-                                  {"rows", std::to_string(batch.orders.size())},
+                                  {"rows", std::to_string(batch.row_ids.size())},
                                   {"code", hex_code(event.reason_code)},
                                   {"reason", event.text}});
     return drop(batch.device, flight.on_disk ? store_->remove(batch) : backlog_.discard(batch));
@@ -110,7 +110,7 @@ void Publisher::take_samples(const std::vector<Telemetry>& messages, SteadyTime 
   for (const Telemetry& message : messages) {
     const DeviceConfig& device = config_.devices.at(message.device);
     SampleRow row;
-    row.order = next_order_++;
+    row.row_id = next_row_id_++;
     row.device = device.name;
     row.group = device.groups.at(message.group).name;
     row.seq = message.seq;
@@ -156,7 +156,7 @@ void Publisher::hold_on_disk(SteadyTime now) {
   }
   if (!is_time || !store_->append(rows, Store::Hold::yes)) return;
   for (std::size_t i = 0; i < held.size(); ++i) {
-    held[i]->row.order = rows[i].order;
+    held[i]->row.row_id = rows[i].row_id;
     held[i]->stored = true;
     --in_flight_samples_;
   }
@@ -198,7 +198,7 @@ void Publisher::pump_history(SteadyTime now) {
     publication.payload = history->batch.payload;
     publication.qos = config_.mqtt.qos;
     ++history_flights_;
-    published_ += history->batch.orders.size();
+    published_ += history->batch.row_ids.size();
     send(std::move(*history), std::move(publication));
   }
 }
@@ -251,7 +251,7 @@ void Publisher::spool_live() {
 
 void Publisher::spool(LiveRow live) {
   if (live.stored)
-    store_->release(live.row.order);
+    store_->release(live.row.row_id);
   else
     spool(std::move(live.row));
   commit_at_ = std::min(commit_at_, live.since + kLiveFor);

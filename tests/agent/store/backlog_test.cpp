@@ -30,12 +30,12 @@ TEST(Backlog, MessageKeepsItsSizeAndALargerRowGoesAlone) {
   for (std::uint64_t order = 10; order < 20; ++order) backlog.append(row(order));
   const auto two = backlog.next(26 + 2 + 1 + 2, any);
   ASSERT_TRUE(two);
-  EXPECT_EQ(two->orders.size(), 2U);
+  EXPECT_EQ(two->row_ids.size(), 2U);
   EXPECT_EQ(two->payload.size(), 26U + 2 + 1 + 2);
   EXPECT_EQ(backlog.acknowledged(*two), 2U);
   const auto one = backlog.next(1, any);
   ASSERT_TRUE(one);
-  EXPECT_EQ(one->orders.size(), 1U);
+  EXPECT_EQ(one->row_ids.size(), 1U);
 }
 
 TEST(Backlog, LaneWaitsForItsBatchAndTakesItBack) {
@@ -48,7 +48,7 @@ TEST(Backlog, LaneWaitsForItsBatchAndTakesItBack) {
   backlog.returned(*first);
   const auto again = backlog.next(1000, any);
   ASSERT_TRUE(again);
-  EXPECT_EQ(again->orders, (std::vector<std::uint64_t>{1, 2}));
+  EXPECT_EQ(again->row_ids, (std::vector<std::uint64_t>{1, 2}));
   EXPECT_EQ(backlog.acknowledged(*again), 2U);
   EXPECT_EQ(backlog.rows(), 0U);
   EXPECT_EQ(backlog.bytes(), 0U);
@@ -99,7 +99,7 @@ TEST(Backlog, WhatWaitsCanMoveAndWhatIsOnTheWayStays) {
   EXPECT_TRUE(backlog.is_on_the_way({"a", "fast"}));
   const auto moved = backlog.take_waiting();
   ASSERT_EQ(moved.size(), 3U);
-  EXPECT_EQ(moved.front().order, 2U);
+  EXPECT_EQ(moved.front().row_id, 2U);
   EXPECT_EQ(backlog.rows(), 1U);
   backlog.returned(*batch);
   EXPECT_EQ(backlog.take_waiting().size(), 1U);
@@ -124,7 +124,7 @@ TEST(Backlog, NextLooksAtNoMoreLanesThanItMust) {
     if (stream % 2 != 0) {
       const auto again = backlog.next(1000, counting);
       ASSERT_TRUE(again);
-      EXPECT_EQ(again->orders, batch->orders);
+      EXPECT_EQ(again->row_ids, batch->row_ids);
       backlog.acknowledged(*again);
     }
   }

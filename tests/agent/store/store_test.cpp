@@ -78,7 +78,7 @@ struct Shelf {
     std::string all;
     while (const auto batch = store->next(max_payload, any)) {
       all += batch->device + "/" + batch->group + batch->payload.substr(23);
-      EXPECT_EQ(store->remove(*batch), batch->orders.size());
+      EXPECT_EQ(store->remove(*batch), batch->row_ids.size());
     }
     return all;
   }
@@ -154,10 +154,10 @@ TEST(Store, HeldRowsAreNoHistoryUntilTheyAreReleased) {
   ASSERT_TRUE(shelf.store->append(held, Store::Hold::yes));
   EXPECT_FALSE(shelf.store->has_waiting("a"));
   EXPECT_FALSE(shelf.store->next(65536, any));
-  const std::uint64_t first[] = {held[0].order};
+  const std::uint64_t first[] = {held[0].row_id};
   EXPECT_EQ(shelf.store->remove(first), 1U);
   EXPECT_EQ(shelf.store->remove(first), 0U);
-  shelf.store->release(held[2].order);
+  shelf.store->release(held[2].row_id);
   EXPECT_TRUE(shelf.store->has_waiting("a"));
   EXPECT_EQ(shelf.drain(), "a/fast[3]}");
   EXPECT_EQ(shelf.store->rows(), 1U);
@@ -390,7 +390,7 @@ TEST(Store, FullDiskKeepsWhatItHasAndTakesMoreWhenThereIsRoom) {
     EXPECT_EQ(shelf.store->rows(), seq - 1);
     const auto batch = shelf.store->next(4096, any);  // reading goes on
     ASSERT_TRUE(batch);
-    EXPECT_EQ(shelf.store->remove(*batch), batch->orders.size());
+    EXPECT_EQ(shelf.store->remove(*batch), batch->row_ids.size());
     shelf.store->upkeep(now += 10s, kNow);
     EXPECT_EQ(shelf.store->state(), "memory");
   }
