@@ -243,7 +243,7 @@ struct CommandResult {
   /// device, id, status, plc, received_ms and the MQTT 5 properties say something then.
   std::string recorded;
 
-  /// DUPLICATE only: the first command's arrival, once it has its result.
+  /// DUPLICATE only: the number of the first command, once it has its result.
   std::optional<std::uint64_t> first_number;
   /// That result; null where it is the journal's to tell.
   std::shared_ptr<const CommandResult> first;

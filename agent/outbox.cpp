@@ -32,8 +32,8 @@ void Outbox::push(Telemetry message) {
   if (wake) changed_.notify_one();
 }
 
-void Outbox::push(AdmissionNote admitted) {
-  push_urgent([&] { waiting_.admitted.push_back(std::move(admitted)); });
+void Outbox::push(AdmissionNote note) {
+  push_urgent([&] { waiting_.notes.push_back(std::move(note)); });
 }
 
 void Outbox::push(CommandResult result) {

@@ -18,7 +18,7 @@ class Outbox final {
  public:
   /// What one take() hands over, each list in the order it was pushed.
   struct Batch {
-    std::vector<AdmissionNote> admitted;
+    std::vector<AdmissionNote> notes;
     std::vector<CommandResult> results;
     std::vector<DeviceStatus> states;
     std::vector<Telemetry> telemetry;
@@ -39,7 +39,7 @@ class Outbox final {
   /// Never blocks for longer than a swap of pointers. Orders, results and states are never
   /// dropped. All but telemetry ends a gather().
   void push(Telemetry message);
-  void push(AdmissionNote admitted);
+  void push(AdmissionNote note);
   void push(CommandResult result);
   void push(DeviceStatus status);
   void push(FieldHealth health);

@@ -9,7 +9,7 @@ set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 build=${BUILD_DIR:-$root/build-coverage}
-[ $# -gt 0 ] || set -- -L 'unit|field|uplink'
+[ $# -gt 0 ] || set -- -L 'unit|core|store|commands|cli|field|uplink'
 
 cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Debug -DFXAGENT_COVERAGE=ON >/dev/null
 # shellcheck disable=SC2086 # several targets

@@ -1,6 +1,6 @@
 #!/bin/bash
 # Builds everything and runs every test:
-#   tests/run.sh [ctest arguments, such as -R Agenda or -L field]
+#   tests/run.sh [ctest arguments, such as -R PollScheduler or -L field]
 # Installs what is missing first (only then as root). BUILD_DIR: the build directory, `build` in the
 # project unless set. CMAKE_ARGS: more arguments of the configure, such as -DFXAGENT_SANITIZE=address.
 # BUILD_TARGETS: what is built, where not everything is wanted. BUILD_ONLY: set, no test is run. JOBS: tests at

@@ -35,8 +35,8 @@ std::optional<audit::Head> head_from(const std::string& text) {
   return head;
 }
 
-int print_verdict(const audit::Verifier& verifier, const audit::Head& head,
-                  const std::vector<audit::Finding>& findings, bool as_json) {
+int print_findings(const audit::Verifier& verifier, const audit::Head& head,
+                   const std::vector<audit::Finding>& findings, bool as_json) {
   const std::string hash = audit::to_text(head.hash);
   if (as_json) {
     nlohmann::ordered_json out;
@@ -104,9 +104,9 @@ int run_audit(const Config& config, const AuditQuestion& question) {
     const std::string& why = database.fault().text;
     const int code = database.fault().code;
     if (question.verify && (code == SQLITE_CORRUPT || code == SQLITE_NOTADB))
-      return print_verdict(verifier, head,
-                           {{verifier.records() + 1, "the file is damaged: " + why}},
-                           question.as_json);
+      return print_findings(verifier, head,
+                            {{verifier.records() + 1, "the file is damaged: " + why}},
+                            question.as_json);
     return wrong(path + ": " + why +
                  (why.starts_with("no such table")
                       ? "; it is of an older agent, and the audit begins when this one runs"
@@ -114,7 +114,7 @@ int run_audit(const Config& config, const AuditQuestion& question) {
   }
   name_set_aside(config.store.path);
   if (question.verify)
-    return print_verdict(verifier, head, verifier.finish(head), question.as_json);
+    return print_findings(verifier, head, verifier.finish(head), question.as_json);
   for (const audit::Line& line : report.take())
     if (!since || line.at_ms >= *since)
       std::cout << (question.as_json ? line.json : line.text) << '\n';

@@ -12,7 +12,7 @@
 
 namespace fxagent::audit {
 
-/// One command; or, with `arrival` 0, something that happened to the audit itself.
+/// One command; or, with `number` 0, something that happened to the audit itself.
 struct Line {
   std::uint64_t number = 0;
   std::int64_t at_ms = 0;  ///< when the command came, as far as that is known still

@@ -178,7 +178,7 @@ void add_acl(CLI::App& app, std::string& path, AclQuestion& what, std::function<
                    "A user who reads everything and sends commands; repeatable")
       ->expected(1)
       ->take_all();
-  command->add_option("--viewer", what.viewers, "A user who only watches; repeatable")
+  command->add_option("--viewer", what.viewers, "A user who reads everything; repeatable")
       ->expected(1)
       ->take_all();
   command->callback([&] {

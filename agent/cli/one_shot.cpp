@@ -145,7 +145,7 @@ std::string_view word(PlcAnswer answer) {
   }
 }
 
-void print_order(const CommandResult& result, const std::string& device, bool as_json) {
+void print_command(const CommandResult& result, const std::string& device, bool as_json) {
   if (as_json) {
     std::cout << result_text(result, std::chrono::steady_clock::now() - result.received) << '\n';
     return;
@@ -190,7 +190,7 @@ int run_one_shot(Config config, const OneShot& what) {
   if (what.op == Op::read)
     print_read(result, what.device, what.as_json);
   else
-    print_order(result, what.device, what.as_json);
+    print_command(result, what.device, what.as_json);
   return exit_status(result);
 }
 

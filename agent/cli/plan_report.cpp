@@ -97,7 +97,7 @@ std::optional<int> rank_of(const Point& point, bool allowed) {
 
 /// Line time of the longest order of one place, words with their read-back. nullopt: the device
 /// has no place that the config names and that can be written.
-std::optional<nanoseconds> order_time(const DeviceConfig& device, const DevicePlan& plan) {
+std::optional<nanoseconds> command_time(const DeviceConfig& device, const DevicePlan& plan) {
   std::optional<nanoseconds> longest;
   int best = 0;
   const auto consider = [&](const Address& address, bool allowed) {
@@ -236,7 +236,7 @@ struct BoundShare {
 };
 
 BoundShare share_of(const DeviceConfig& device, const DevicePlan& plan) {
-  return {plan.longest_exchange(), order_time(device, plan)};
+  return {plan.longest_exchange(), command_time(device, plan)};
 }
 
 /// The bound of an order that finds no other before it: as the link's worker computes it.

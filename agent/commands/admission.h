@@ -83,7 +83,7 @@ class CommandAdmission final {
  private:
   /// Notes the id of a command that became no order, where there is room to spare.
   void remember_refused(const Command& command, CommandResult& result, SteadyTime now);
-  /// Fills order.targets, or says which check failed.
+  /// Fills admitted.targets, or says which check failed.
   std::optional<Refusal> resolve(const Codec& codec, AdmittedCommand& admitted,
                                  std::vector<TargetResult>& out);
   std::optional<Refusal> resolve_target(const Codec& codec, const Command& command,

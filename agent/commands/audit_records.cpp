@@ -33,15 +33,15 @@ Json word(std::string_view text) { return text.empty() ? Json(nullptr) : Json(ke
 
 Json body_of(const char* kind, std::int64_t now_ms) { return {{"kind", kind}, {"ts", now_ms}}; }
 
-void add_receipt(Json& body, const Receipt& number) {
-  body["arrival"] = number.number;
-  body["device"] = number.device;
-  body["topic"] = kept(number.topic);
-  body["received"] = number.received_ms;
-  body["retained"] = number.retained;
-  body["by"] = word(number.by);
-  body["payload"] = kept(number.payload);
-  body["payload_bytes"] = number.payload_bytes;
+void add_receipt(Json& body, const Receipt& receipt) {
+  body["arrival"] = receipt.number;
+  body["device"] = receipt.device;
+  body["topic"] = kept(receipt.topic);
+  body["received"] = receipt.received_ms;
+  body["retained"] = receipt.retained;
+  body["by"] = word(receipt.by);
+  body["payload"] = kept(receipt.payload);
+  body["payload_bytes"] = receipt.payload_bytes;
 }
 
 /// Without the first result inside a DUPLICATE, which has a line of its own.
@@ -62,17 +62,17 @@ std::string text_of(const Json& body) {
 
 }  // namespace
 
-std::string answered(const Receipt& number, std::string_view result_text, std::int64_t now_ms) {
+std::string answered(const Receipt& receipt, std::string_view result_text, std::int64_t now_ms) {
   Json body = body_of("answered", now_ms);
-  add_receipt(body, number);
+  add_receipt(body, receipt);
   body["result"] = outcome_of(result_text);
   return text_of(body);
 }
 
-std::string ordered(const Receipt& number, std::string_view id, std::string_view op,
+std::string ordered(const Receipt& receipt, std::string_view id, std::string_view op,
                     std::int64_t now_ms) {
   Json body = body_of("ordered", now_ms);
-  add_receipt(body, number);
+  add_receipt(body, receipt);
   body["id"] = id;
   body["op"] = op;
   return text_of(body);

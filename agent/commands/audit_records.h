@@ -29,8 +29,8 @@ inline constexpr std::size_t kPayloadKept = 256;
 inline constexpr std::size_t kResultKept = 8192;
 
 // Bodies for seal(). `result_text` is what result_text() made.
-std::string answered(const Receipt& number, std::string_view result_text, std::int64_t now_ms);
-std::string ordered(const Receipt& number, std::string_view id, std::string_view op,
+std::string answered(const Receipt& receipt, std::string_view result_text, std::int64_t now_ms);
+std::string ordered(const Receipt& receipt, std::string_view id, std::string_view op,
                     std::int64_t now_ms);
 std::string result(std::uint64_t number, std::string_view device, std::string_view result_text,
                    const FrameTrace& frames, std::int64_t now_ms);

@@ -26,7 +26,7 @@ struct JournalEntry {
   bool acknowledged = false;  ///< the broker has the result
   std::uint64_t number = 0;   ///< its number in the audit; 0: it came before there was one
   std::string payload;        ///< as it came; kept until there is a result
-  bool refused = false;       ///< it became no order: kept while there is room to spare
+  bool refused = false;       ///< it was not admitted: kept while there is room to spare
   /// A record's body for the audit, written together with this entry; empty: none.
   std::string audit;
 };

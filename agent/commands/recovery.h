@@ -14,8 +14,8 @@ namespace fxagent {
 struct Recovered {
   RestoredState field;  ///< without the numbers of samples
   /// To be published: results that the broker had not acknowledged, and the outcome, written into
-  /// the journal here, of each order that the end of the agent left without one, but for those in
-  /// field.left_behind.
+  /// the journal here, of each command that the end of the agent left without one, but for those in
+  /// field.interrupted.
   std::vector<CommandResult> unacknowledged;
 };
 

@@ -33,12 +33,12 @@ class CommandExecution final {
   bool was_answered() const { return answered_; }
   bool was_unanswered() const { return unanswered_; }
 
-  /// Line time of all exchanges of `order` when each ends well.
+  /// Line time of all exchanges of `admitted` when each ends well.
   static std::chrono::nanoseconds line_time(const Codec& codec, const DeviceConfig& device,
                                             std::chrono::nanoseconds char_time,
                                             const AdmittedCommand& admitted);
-  /// Notes in `order` what its targets and, where the speed of the line is known, its own exchanges
-  /// take.
+  /// Notes in `admitted` what its targets and, where the speed of the line is known, its own
+  /// exchanges take.
   static void set_line_times(const Codec& codec, const DeviceConfig& device,
                              std::chrono::nanoseconds char_time, AdmittedCommand& admitted);
   /// Whether others have their turns in the midst of it: between the targets of a list, and between

@@ -17,8 +17,8 @@ using Clock = std::chrono::steady_clock;
 
 // Opening a serial path costs nothing; a host that is away should not be hammered, nor one that has
 // just come back by all its clients at once.
-constexpr OpeningRules kSerialReconnects{milliseconds(500), milliseconds(2000), milliseconds(0)};
-constexpr OpeningRules kTcpReconnects{milliseconds(500), milliseconds(30000), milliseconds(200)};
+constexpr ReconnectRules kSerialReconnects{milliseconds(500), milliseconds(2000), milliseconds(0)};
+constexpr ReconnectRules kTcpReconnects{milliseconds(500), milliseconds(30000), milliseconds(200)};
 // Alone on its line a silent device costs nobody anything; beside others it costs them its timeout.
 constexpr BackOff kAlone{milliseconds(500), milliseconds(4000)};
 constexpr BackOff kShared{milliseconds(1000), milliseconds(30000)};
@@ -41,7 +41,7 @@ std::uint64_t jitter_seed(std::uint32_t link) {
          link;
 }
 
-OpeningRules opening_rules(const LinkConfig& link) {
+ReconnectRules opening_rules(const LinkConfig& link) {
   return std::holds_alternative<SerialSettings>(link.channel) ? kSerialReconnects : kTcpReconnects;
 }
 

@@ -18,7 +18,7 @@ nanoseconds part(nanoseconds whole, double share) {
 
 }  // namespace
 
-ReconnectPolicy::ReconnectPolicy(OpeningRules rules, std::uint64_t seed) : rules_(rules) {
+ReconnectPolicy::ReconnectPolicy(ReconnectRules rules, std::uint64_t seed) : rules_(rules) {
   // By itself the generator begins near its seed.
   std::seed_seq mixed{seed & 0xFFFFFFFFU, seed >> 32};
   jitter_.seed(mixed);

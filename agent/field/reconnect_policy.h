@@ -10,7 +10,7 @@
 namespace fxagent {
 
 /// Limits of the times between attempts.
-struct OpeningRules {
+struct ReconnectRules {
   std::chrono::milliseconds first{500};  ///< after the first vain attempt; doubles with each
   std::chrono::milliseconds cap{30000};
   std::chrono::milliseconds after_loss{0};  ///< a channel that was open is tried again within
@@ -25,7 +25,7 @@ struct LinkStart {
 class ReconnectPolicy final {
  public:
   /// Links with different seeds have nothing in common, however near to each other these are.
-  ReconnectPolicy(OpeningRules rules, std::uint64_t seed);
+  ReconnectPolicy(ReconnectRules rules, std::uint64_t seed);
 
   /// Somewhere in the time over which the starts of so many links are spread: 10 ms for each one's
   /// polls and 1 ms for its opening, polls within `period` in all.
@@ -38,7 +38,7 @@ class ReconnectPolicy final {
   void opened() { delay_ = {}; }
 
  private:
-  const OpeningRules rules_;
+  const ReconnectRules rules_;
   std::minstd_rand jitter_;
   std::chrono::milliseconds delay_{0};
 };

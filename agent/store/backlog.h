@@ -20,11 +20,11 @@ class Backlog final {
   /// Holds at most `max_bytes`, what a row costs beside its text included.
   explicit Backlog(std::size_t max_bytes) : max_bytes_(max_bytes) {}
 
-  /// Takes a row in, in its place by `order`, and lets the oldest rows go until all fit.
+  /// Takes a row in, in its place by `row_id`, and lets the oldest rows go until all fit.
   void append(SampleRow row);
 
-  /// The next history message: from the lane whose waiting row is the oldest among those that
-  /// `may_send`, as many rows as fit into `max_payload` bytes, at least one. A lane has one batch
+  /// The next history message: from the stream whose waiting row is the oldest among those that
+  /// `may_send`, as many rows as fit into `max_payload` bytes, at least one. A stream has one batch
   /// on the way at a time, so that its rows arrive in order. Its rows stay here until
   /// acknowledged() or discard(). nullopt: nothing to send.
   std::optional<HistoryBatch> next(std::size_t max_payload, const MaySend& may_send);
@@ -56,7 +56,7 @@ class Backlog final {
   using Streams = std::map<StreamKey, Stream>;
 
   std::uint64_t remove(const HistoryBatch& batch);
-  /// Puts a lane that has changed in its place in ready_.
+  /// Puts a stream that has changed in its place in ready_.
   void place(Streams::value_type& stream);
   void erase(std::map<std::uint64_t, SampleRow>::iterator row);
 
@@ -64,7 +64,7 @@ class Backlog final {
   std::size_t bytes_ = 0;
   std::map<std::uint64_t, SampleRow> rows_;  ///< by order: the first is the oldest
   Streams streams_;
-  /// Lanes that could send, by their oldest waiting row: with thousands of lanes next() must not
+  /// Lanes that could send, by their oldest waiting row: with thousands of streams next() must not
   /// look at each.
   std::map<std::uint64_t, Streams::value_type*> ready_;
   std::map<std::string, std::uint64_t> dropped_;

@@ -41,12 +41,12 @@ std::string history_text(std::span<const std::string_view> rows);
 /// What history_text() adds to its rows and the commas between them.
 inline constexpr std::size_t kHistoryFrameBytes = 26;
 
-/// Device and group: the rows of one lane go out oldest first, one message at a time.
+/// Device and group: the rows of one stream go out oldest first, one message at a time.
 using StreamKey = std::pair<std::string, std::string>;
-/// Whether a message of this lane may go out now.
+/// Whether a message of this stream may go out now.
 using MaySend = std::function<bool(const StreamKey& stream)>;
 
-/// Gathers rows of one lane until the next one would make the message too large.
+/// Gathers rows of one stream until the next one would make the message too large.
 class BatchBuilder final {
  public:
   explicit BatchBuilder(std::size_t max_payload) : max_payload_(max_payload) {}

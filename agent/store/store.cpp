@@ -63,8 +63,8 @@ Store::Store(const StoreConfig& config, std::int64_t utc_ms) : config_(config), 
   recovered_ = rows_;
   first_of_run_ = next_row_id_;
   // Above those of a file that opens later, unless the clock went back.
-  if (!file_) receipts_ = static_cast<std::uint64_t>(utc_ms);
-  first_arrival_of_run_ = receipts_ + 1;
+  if (!file_) last_command_number_ = static_cast<std::uint64_t>(utc_ms);
+  first_command_of_run_ = last_command_number_ + 1;
   if (writable_)
     log::info("store", {{"state", "disk"},
                         {"path", config_.path},
@@ -117,7 +117,7 @@ void Store::open_late(std::int64_t utc_ms) {
   // With a clock that began in the past the commands of this run have lower numbers than those of
   // earlier ones. What is settled of these counts as older all the same.
   Statement older(file_->db, "UPDATE orders SET arrival = 0 WHERE told = 1 AND arrival >= ?");
-  if (!older.bind(1, to_sql(first_arrival_of_run_)).run()) failed("write");
+  if (!older.bind(1, to_sql(first_command_of_run_)).run()) failed("write");
   FoundLate found;
   found.ids = known_ids();
   found.unacknowledged = unacknowledged();
@@ -176,7 +176,7 @@ bool Store::load() {
     next_row_id_ = std::max(next_row_id_, from_sql(sums.number(5)) + 1);
   }
   if (!measure_journal() || !file_->trail.load()) return false;
-  receipts_ = std::max(receipts_, file_->trail.arrivals());
+  last_command_number_ = std::max(last_command_number_, file_->trail.arrivals());
   first_audit_of_run_ = file_->trail.head().records + 1;
   return file_->db.fault().code == SQLITE_OK;
 }
@@ -318,7 +318,7 @@ void Store::restamp() {
     done = transaction.begun() &&
            samples.bind(1, unstamped_ms_).bind(2, to_sql(first_of_run_)).run() &&
            commands.bind(1, unstamped_ms_)
-               .bind(2, to_sql(first_arrival_of_run_))
+               .bind(2, to_sql(first_command_of_run_))
                .bind(3, utc_ms_ - unstamped_ms_)
                .run() &&
            transaction.commit();

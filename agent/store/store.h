@@ -1,4 +1,4 @@
-// The store on disk: samples that were not acknowledged, the journal of orders, the audit trail,
+// The store on disk: samples that were not acknowledged, the journal of commands, the audit trail,
 // and the numbers that each device has reached. One SQLite file, fxagent.db, in a directory of its
 // own. Uplink thread; before that thread is started, the thread that made it.
 //
@@ -73,7 +73,7 @@ class Store final : public CommandJournal {
   // ---- samples
 
   /// All of them in one transaction that is synchronised with the disk, and then the oldest rows
-  /// out until max_bytes holds, the orders counted. Each row gets its `order`. False: none was
+  /// out until max_bytes holds, the orders counted. Each row gets its `row_id`. False: none was
   /// written, and none changed.
   bool append(std::vector<SampleRow>& rows, Hold hold);
   /// The next history message, as Backlog::next() has it. Rows that are damaged are dropped and
@@ -124,7 +124,7 @@ class Store final : public CommandJournal {
   /// What earlier runs left in a file that could not be opened at the start of this one.
   struct FoundLate {
     std::vector<KnownId> ids;                      ///< as known_ids()
-    std::vector<JournalEntry> unacknowledged;      ///< as unsettled()
+    std::vector<JournalEntry> unacknowledged;      ///< as unacknowledged()
     std::map<std::string, std::uint64_t> numbers;  ///< by device; only those above this run's
   };
   /// Once after such a file has opened: until then none of its ids was known.
@@ -133,7 +133,7 @@ class Store final : public CommandJournal {
   // ---- the audit
 
   /// The number of a command that has just come.
-  std::uint64_t next_command_number() { return ++receipts_; }
+  std::uint64_t next_command_number() { return ++last_command_number_; }
   /// A record's body for the audit, written within 200 ms, or once the disk takes it.
   void note(std::string body);
   /// As it is in the file.
@@ -187,7 +187,7 @@ class Store final : public CommandJournal {
 
   void open(std::int64_t utc_ms);
   bool load();
-  /// Whether settle() has something to write.
+  /// Whether flush() has something to write.
   bool owes_the_file() const {
     return !(removed_.empty() && to_acknowledge_.empty() && unrecorded_.empty() &&
              unaudited_.empty()) ||
@@ -202,7 +202,7 @@ class Store final : public CommandJournal {
   void unreadable();
   /// Rows that were removed, results that were told and those that found no disk, into the file.
   bool flush();
-  /// Within the caller's transaction; settled() after its commit.
+  /// Within the caller's transaction; flushed() after its commit.
   bool write_pending();
   void flushed();
   bool flush_piece();
@@ -249,7 +249,7 @@ class Store final : public CommandJournal {
   std::string last_failure_;
   std::int64_t utc_ms_ = 0;             ///< of the last upkeep
   std::optional<SteadyTime> clock_at_;  ///< the same moment
-  std::uint64_t first_arrival_of_run_ = 0;
+  std::uint64_t first_command_of_run_ = 0;
   std::int64_t unstamped_ms_ = 0;   ///< what the clock was set by, not yet told to the file
   std::uint64_t first_of_run_ = 0;  ///< the order of the first row of this run
   std::string set_aside_;
@@ -278,7 +278,7 @@ class Store final : public CommandJournal {
   std::deque<std::string> unaudited_;  ///< bodies that are not in the file
   std::size_t unaudited_bytes_ = 0;
   std::uint64_t audit_lost_ = 0;  ///< bodies that found no room there, not told yet
-  std::uint64_t receipts_ = 0;
+  std::uint64_t last_command_number_ = 0;
   std::uint64_t first_audit_of_run_ = 0;
   std::optional<SteadyTime> running_since_;
   std::optional<SteadyTime> prune_at_;

@@ -362,7 +362,7 @@ bool Store::write_unaudited() {
 }
 
 bool Store::commit(Transaction& transaction) {
-  if (!file_->trail.end(receipts_) || !transaction.commit()) return false;
+  if (!file_->trail.end(last_command_number_) || !transaction.commit()) return false;
   file_->trail.committed();
   journal_size_ = journal_size_changed_;
   return true;

@@ -21,7 +21,8 @@ using std::chrono::milliseconds;
 constexpr milliseconds kPatience{500};
 constexpr milliseconds kAskAgain{10};
 
-// Step i leads from user_version i to i + 1. `grp` is a group; the order of a lane is that of seq.
+// Step i leads from user_version i to i + 1. `grp` is a group; the order of a stream is that of
+// seq.
 constexpr const char* kSchema[] = {
     "CREATE TABLE samples(id INTEGER PRIMARY KEY, device TEXT NOT NULL, grp TEXT NOT NULL,"
     " seq INTEGER NOT NULL, created_ms INTEGER NOT NULL, row TEXT NOT NULL);"

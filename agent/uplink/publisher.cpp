@@ -246,7 +246,7 @@ void Publisher::take_found_late(SteadyTime now) {
 
 void Publisher::take_outbox(SteadyTime now) {
   Outbox::Batch batch = outbox_.take();
-  take_admitted(std::move(batch.admitted));  // first: each waits for its go-ahead
+  take_admitted(std::move(batch.notes));  // first: each waits for its go-ahead
   pushed_ = batch.pushed;
   for (const auto& [device, count] : batch.dropped) drop(config_.devices.at(device).name, count);
   for (CommandResult& result : batch.results) take_result(std::move(result));

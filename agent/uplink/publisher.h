@@ -57,7 +57,7 @@ class Publisher final {
   /// All references outlive the publisher. `submit` is called from step(), for every message on a
   /// command topic of a configured device, and must not block. `store` null: memory alone.
   /// `go_ahead` is called from step() for each AdmissionNote, once it is in the journal or cannot
-  /// be. `recollect` is called from step() when a store that was not there at the start has opened.
+  /// be. `restore` is called from step() when a store that was not there at the start has opened.
   Publisher(const Config& config, PublisherSettings settings, Outbox& outbox, Broker& broker,
             Submit submit, UtcClock utc_ms, Store* store = nullptr, GoAhead go_ahead = {},
             Restore restore = {});
@@ -109,7 +109,7 @@ class Publisher final {
   struct PendingResult {
     CommandResult result;
     std::string payload;     ///< empty until it was first handed to MQTT: total_ms ends there
-    bool journaled = false;  ///< the journal is to know when it was told
+    bool journaled = false;  ///< the journal is to note the acknowledgement
     std::size_t bytes = 0;   ///< that it takes in memory, roughly
     struct Copy {
       std::string topic{};
@@ -320,7 +320,7 @@ class Publisher final {
   std::size_t incoming_bytes_ = 0;
   std::deque<std::size_t> submitted_;  ///< bytes of commands that the field has not looked at yet
   std::size_t submitted_bytes_ = 0;
-  std::uint64_t decided_ = 0;      ///< Outbox::judged() as it was taken into account
+  std::uint64_t decided_ = 0;      ///< Outbox::decided() as it was taken into account
   bool holding_ = false;           ///< messages stay in the network
   bool awaits_decisions_ = false;  ///< until the field has looked at some commands
   bool lets_in_ = false;           ///< some all the same, for what comes behind them
@@ -329,7 +329,7 @@ class Publisher final {
   SteadyTime drop_logged_at_{};
   bool samples_first_ = false;  ///< whose turn it is, where the window is too small to share
   std::map<std::uint64_t, audit::Receipt>
-      receipts_;  ///< commands that the field has not judged yet
+      receipts_;  ///< commands that the field has not decided yet
   std::uint64_t next_row_id_ = 1;
   std::deque<LiveRow> live_;
   std::vector<SampleRow> spool_;  ///< for the store, at the next commit

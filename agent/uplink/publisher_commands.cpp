@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "agent/commands/admission.h"
 #include "agent/commands/parse.h"
 #include "agent/commands/result_text.h"
 #include "agent/failpoint.h"
@@ -136,39 +137,31 @@ void Publisher::take_command(const Message& event, std::uint32_t device) {
   if (phase_ == Phase::running) return submit(std::move(command), event.payload.size());
 
   // The field answers no more.
-  CommandResult result;
-  result.device = device;
-  result.number = command.number;
-  result.id = std::move(command.id);
-  result.reason = Reason::shutting_down;
-  result.op = std::move(command.op_text);
-  result.received = command.received;
-  result.received_ms = command.received_ms;
-  result.response_topic = std::move(command.response_topic);
-  result.correlation = std::move(command.correlation);
+  CommandResult result = result_of(command);
   const auto known = store_ == nullptr || result.id.empty()
                          ? std::nullopt
                          : store_->find(config_.devices[device].name, result.id);
   if (known) {
-    result.status = CommandStatus::duplicate;
-    result.reason = Reason::duplicate_id;
+    set_outcome(result, CommandStatus::duplicate, Reason::duplicate_id, {});
     if (!known->result.empty()) result.first_number = known->number;
+  } else {
+    set_outcome(result, CommandStatus::rejected, Reason::shutting_down, {});
   }
   take_result(std::move(result));
 }
 
 /// For the audit, and for the journal where the command is admitted.
 std::uint64_t Publisher::note_receipt(const Message& event, const Command& command) {
-  audit::Receipt number;
-  number.number = store_->next_command_number();
-  number.device = config_.devices.at(command.device).name;
-  number.topic = event.topic;
-  number.payload = event.payload.substr(0, kPayloadKept);
-  number.payload_bytes = event.payload.size();
-  number.by = command.by;
-  number.retained = command.retained;
-  number.received_ms = command.received_ms;
-  return receipts_.emplace(number.number, std::move(number)).first->first;
+  audit::Receipt receipt;
+  receipt.number = store_->next_command_number();
+  receipt.device = config_.devices.at(command.device).name;
+  receipt.topic = event.topic;
+  receipt.payload = event.payload.substr(0, kPayloadKept);
+  receipt.payload_bytes = event.payload.size();
+  receipt.by = command.by;
+  receipt.retained = command.retained;
+  receipt.received_ms = command.received_ms;
+  return receipts_.emplace(receipt.number, std::move(receipt)).first->first;
 }
 
 void Publisher::delivered(const ResultFlight& flight, SteadyTime) {
@@ -206,9 +199,9 @@ void Publisher::take_admitted(std::vector<AdmissionNote> notes) {
     entry.response_topic = std::move(note.response_topic);
     entry.correlation = std::move(note.correlation);
     entry.number = note.number;
-    if (auto number = receipts_.extract(note.number)) {
-      entry.audit = audit::ordered(number.mapped(), entry.id, entry.op, utc_ms_());
-      entry.payload = std::move(number.mapped().payload);
+    if (auto receipt = receipts_.extract(note.number)) {
+      entry.audit = audit::ordered(receipt.mapped(), entry.id, entry.op, utc_ms_());
+      entry.payload = std::move(receipt.mapped().payload);
     }
     entries.push_back(std::move(entry));
   }
@@ -255,8 +248,8 @@ void Publisher::record_results() {
 /// `text`: the result as JSON.
 std::string Publisher::audit_of(const CommandResult& result, const std::string& text) {
   if (result.number == 0) return {};
-  if (const auto number = receipts_.extract(result.number))
-    return audit::answered(number.mapped(), text, utc_ms_());
+  if (const auto receipt = receipts_.extract(result.number))
+    return audit::answered(receipt.mapped(), text, utc_ms_());
   return audit::result(result.number, config_.devices.at(result.device).name, text, result.frames,
                        utc_ms_());
 }

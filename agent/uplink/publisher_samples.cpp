@@ -140,7 +140,7 @@ void Publisher::overflow(SteadyTime now) {
 }
 
 /// Samples that have been in flight for a second are on disk from then on, and stay in flight;
-/// together, as in spill().
+/// together, as in overflow().
 void Publisher::hold_on_disk(SteadyTime now) {
   if (store_ == nullptr || !store_->is_writable()) return;
   std::vector<SampleRow> rows;

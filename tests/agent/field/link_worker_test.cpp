@@ -85,7 +85,7 @@ class LinkWorkerTest : public ::testing::Test {
     for (auto& message : batch.telemetry) telemetry.push_back(std::move(message));
     for (auto& status : batch.states) states.push_back(std::move(status));
     for (auto& result : batch.results) results.push_back(std::move(result));
-    for (auto& admitted : batch.admitted) orders.push_back(std::move(admitted));
+    for (auto& admitted : batch.notes) orders.push_back(std::move(admitted));
   }
   void wait(const std::function<bool()>& reached) {
     run_until(io, [&] {

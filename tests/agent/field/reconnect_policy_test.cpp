@@ -11,7 +11,7 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::nanoseconds;
 
-constexpr OpeningRules kRules{milliseconds(500), milliseconds(30000), milliseconds(200)};
+constexpr ReconnectRules kRules{milliseconds(500), milliseconds(30000), milliseconds(200)};
 constexpr std::uint32_t kLinks = 1000;
 
 /// The largest number of these times that lie within one `window`.
@@ -54,7 +54,7 @@ TEST(ReconnectPolicy, AThousandLinksThatAreLostTogetherDoNotComeBackTogether) {
 }
 
 TEST(ReconnectPolicy, SerialPortIsTriedAgainAtOnce) {
-  ReconnectPolicy reconnect_policy(OpeningRules{}, 1);
+  ReconnectPolicy reconnect_policy(ReconnectRules{}, 1);
   EXPECT_EQ(reconnect_policy.after_loss(), nanoseconds(0));
 }
 

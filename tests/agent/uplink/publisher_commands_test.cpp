@@ -547,6 +547,22 @@ TEST(Publisher, CommandDuringTheEndIsAnswered) {
   EXPECT_EQ(json::parse(results[0])["id"], "late");
 }
 
+TEST(Publisher, ListDuringTheEndIsAnsweredAsAList) {
+  Bench bench;
+  bench.online();
+  bench.broker.acknowledges = false;
+  bench.made().stop(bench.now);
+  bench.outbox.push(test::sample(1));
+  bench.step();
+  bench.command(R"({"id":"late","op":"write","dry_run":true,"targets":[{"tag":"t","value":1}]})");
+  const auto results = bench.broker.on(kBase + "/press1/result");
+  ASSERT_EQ(results.size(), 1U);
+  const json result = json::parse(results[0]);
+  EXPECT_EQ(result["dry_run"], true);
+  ASSERT_EQ(result["targets"].size(), 1U);
+  EXPECT_EQ(result["targets"][0]["reason"], "shutting_down");
+}
+
 // ---- floods
 
 CommandResult refused(std::string id) {
