@@ -1,9 +1,8 @@
 #include "agent/json_writer.h"
 
-#include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "agent/utf8.h"
+#include "agent/text.h"
 
 namespace fxagent::json {
 namespace {
@@ -22,27 +21,8 @@ void write_scalar(Writer& out, const Scalar& scalar, Precision precision) {
 }  // namespace
 
 void Writer::append_text(std::string_view value) {
-  constexpr std::string_view hex = "0123456789abcdef";
   text_ += '"';
-  while (!value.empty()) {
-    const char c = value.front();
-    const std::size_t length = utf8_length(value);
-    if (length == 0) {
-      text_ += "\xEF\xBF\xBD";
-    } else if (c == '"' || c == '\\') {
-      text_ += '\\';
-      text_ += c;
-    } else if (c == '\n') {
-      text_ += "\\n";
-    } else if (static_cast<unsigned char>(c) < 0x20) {
-      text_ += "\\u00";
-      text_ += hex[static_cast<unsigned char>(c) >> 4];
-      text_ += hex[static_cast<unsigned char>(c) & 0x0F];
-    } else {
-      text_ += value.substr(0, length);
-    }
-    value.remove_prefix(std::max<std::size_t>(length, 1));
-  }
+  append_escaped(text_, value, Escape::json);
   text_ += '"';
 }
 
@@ -64,12 +44,6 @@ void write_value(Writer& out, const Value& value, Precision precision) {
 
 void write_optional(Writer& out, const std::optional<Value>& value) {
   value ? write_value(out, *value) : static_cast<void>(out.null());
-}
-
-std::string escaped(const std::string& text) {
-  const std::string quoted =
-      nlohmann::json(text).dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
-  return quoted.substr(1, quoted.size() - 2);
 }
 
 bool may_stand_inside(std::string_view json) {

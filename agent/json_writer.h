@@ -108,10 +108,6 @@ void write_value(Writer& out, const Value& value, Precision precision = Precisio
 /// Null where there is none.
 void write_optional(Writer& out, const std::optional<Value>& value);
 
-/// Text from outside for a terminal, which it must not steer: as it stands in a JSON string of
-/// ASCII, without the quotes.
-std::string escaped(const std::string& text);
-
 /// Whether the text may be put into another JSON text as it is: it is JSON, without what a parser
 /// passes over (a byte order mark) or takes for the end (a NUL).
 bool may_stand_inside(std::string_view json);

@@ -7,7 +7,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "agent/json_writer.h"
+#include "agent/text.h"
 
 namespace fxagent::audit {
 namespace {
@@ -37,7 +37,7 @@ std::int64_t time_at(const Json& object, const char* key) {
 
 /// For a terminal: a sender's text must not move the cursor.
 std::string plain(const Json& value) {
-  if (value.is_string()) return json::escaped(value.get_ref<const std::string&>());
+  if (value.is_string()) return escaped(value.get_ref<const std::string&>(), Escape::terminal);
   return value.dump(-1, ' ', true, Json::error_handler_t::replace);
 }
 

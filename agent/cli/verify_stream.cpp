@@ -19,8 +19,8 @@
 #include <vector>
 
 #include "agent/cli/stream_check.h"
-#include "agent/json_writer.h"
 #include "agent/log/log.h"
+#include "agent/text.h"
 #include "agent/uplink/paho_broker.h"
 
 namespace fxagent {
@@ -257,7 +257,7 @@ std::string text_of(const NumberRanges& ranges) {
 
 void print(const DeviceStream& stream) {
   const auto line = [](const std::string& text) { std::cout << "  " << text << '\n'; };
-  std::cout << json::escaped(stream.device) << ": ";
+  std::cout << escaped(stream.device, Escape::terminal) << ": ";
   if (!stream.decided)
     std::cout << (stream.history == 0 ? "nothing came" : "no live sample came");
   else if (stream.missing.numbers == 0)
@@ -282,11 +282,11 @@ void print(const DeviceStream& stream) {
   if (stream.ts_backward > 0) line("ts goes backward: " + std::to_string(stream.ts_backward));
   if (stream.malformed > 0)
     line("malformed: " + std::to_string(stream.malformed) +
-         ", the first: " + json::escaped(stream.malformed_why));
+         ", the first: " + escaped(stream.malformed_why, Escape::terminal));
   if (stream.boots.size() > 1) {
     std::string boots;
     for (const std::string& boot : stream.boots)
-      boots += (boots.empty() ? "" : ", ") + json::escaped(boot);
+      boots += (boots.empty() ? "" : ", ") + escaped(boot, Escape::terminal);
     line("boots: " + boots);
   }
 }

@@ -1,33 +1,17 @@
 #include "agent/commands/audit_records.h"
 
-#include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "agent/utf8.h"
+#include "agent/text.h"
 
 namespace fxagent::audit {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// Text as it came; what is no UTF-8 is shown as \x and two hex digits.
-std::string printable(std::string_view text) {
-  constexpr std::string_view hex = "0123456789abcdef";
-  std::string out;
-  while (!text.empty()) {
-    const std::size_t length = utf8_length(text);
-    if (length == 0) {
-      const auto byte = static_cast<unsigned char>(text.front());
-      out += {'\\', 'x', hex[byte >> 4], hex[byte & 0x0F]};
-    } else {
-      out += text.substr(0, length);
-    }
-    text.remove_prefix(std::max<std::size_t>(length, 1));
-  }
-  return out;
+std::string kept(std::string_view text) {
+  return escaped(text.substr(0, kPayloadKept), Escape::record);
 }
-
-std::string kept(std::string_view text) { return printable(text.substr(0, kPayloadKept)); }
 
 Json word(std::string_view text) { return text.empty() ? Json(nullptr) : Json(kept(text)); }
 

@@ -1,12 +1,11 @@
 #include "agent/config/tree.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "agent/utf8.h"
+#include "agent/text.h"
 
 namespace fxagent {
 namespace {
@@ -223,21 +222,7 @@ int ConfigTree::line_of(std::size_t offset) const {
 }
 
 std::string shown(std::string_view text, std::size_t most) {
-  std::string out;
-  while (!text.empty()) {
-    const std::size_t length = std::max<std::size_t>(utf8_length(text), 1);
-    if (out.size() + length > most) return out + "...";
-    const unsigned char first = static_cast<unsigned char>(text[0]);
-    if (utf8_length(text) == 0 || first < 0x20 || first == 0x7F) {
-      char escaped[8];
-      std::snprintf(escaped, sizeof escaped, "\\x%02X", static_cast<unsigned>(first));
-      out += escaped;
-    } else {
-      out += text.substr(0, length);
-    }
-    text.remove_prefix(length);
-  }
-  return out;
+  return escaped(text, Escape::message, most);
 }
 
 }  // namespace fxagent

@@ -14,7 +14,7 @@
 
 #include "agent/log/log_repeats.h"
 #include "agent/log/log_writer.h"
-#include "agent/utf8.h"
+#include "agent/text.h"
 
 namespace fxagent::log {
 namespace {
@@ -132,46 +132,8 @@ void write_and_end() {
   say_why();
 }
 
-/// Bytes of the character that `text` begins with; 0 where it is none that a terminal can be
-/// trusted with: no UTF-8, or a control character, those of U+0080 to U+009F included.
-std::size_t printable_length(std::string_view text) {
-  const auto lead = static_cast<unsigned char>(text.front());
-  if (lead < 0x20 || lead == 0x7F) return 0;
-  const bool is_c1 = lead == 0xC2 && text.size() > 1 && static_cast<unsigned char>(text[1]) < 0xA0;
-  return is_c1 ? 0 : utf8_length(text);
-}
-
-bool is_plain(std::string_view text) {
-  if (text.empty() || text.find_first_of(" \"=\\") != std::string_view::npos) return false;
-  while (!text.empty()) {
-    const std::size_t length = printable_length(text);
-    if (length == 0) return false;
-    text.remove_prefix(length);
-  }
-  return true;
-}
-
-void append_quoted(std::string& line, std::string_view text) {
-  constexpr std::string_view digits = "0123456789abcdef";
-  line += '"';
-  while (!text.empty()) {
-    const char c = text.front();
-    const std::size_t length = printable_length(text);
-    if (length == 0) {
-      const auto byte = static_cast<unsigned char>(c);
-      line += "\\x";
-      line += digits[byte >> 4];
-      line += digits[byte & 0x0F];
-    } else {
-      if (c == '"' || c == '\\') line += '\\';
-      line += text.substr(0, length);
-    }
-    text.remove_prefix(std::max<std::size_t>(length, 1));
-  }
-  line += '"';
-}
-
-/// A character of UTF-8 that would be cut in two is left out.
+/// A character of UTF-8 that would be cut in two is left out. Ours: utfcpp steps back over whole
+/// characters of valid text only.
 std::string shortened(std::string_view text, std::size_t most) {
   if (text.size() <= most) return std::string(text);
   std::size_t length = most;
@@ -196,10 +158,11 @@ std::string format_line(std::string_view event, std::initializer_list<Field> fie
     line += ' ';
     line += key;
     line += '=';
-    if (is_plain(value))
-      line += value;
+    const std::string shown = escaped(value, Escape::log);
+    if (!shown.empty() && shown == value && shown.find_first_of(" =") == std::string::npos)
+      line += shown;
     else
-      append_quoted(line, value);
+      line.append("\"").append(shown).append("\"");
   }
   return line;
 }

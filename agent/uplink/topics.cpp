@@ -1,6 +1,6 @@
 #include "agent/uplink/topics.h"
 
-#include "agent/utf8.h"
+#include "agent/text.h"
 
 namespace fxagent {
 namespace {
@@ -14,14 +14,9 @@ bool starts_with(std::string_view text, std::string_view a, std::string_view b) 
 }  // namespace
 
 bool is_publishable(std::string_view topic) {
-  if (topic.empty() || topic.size() > kMaxTopicBytes || topic.front() == '$') return false;
-  while (!topic.empty()) {
-    const std::size_t length = utf8_length(topic);
-    const char c = topic.front();
-    if (length == 0 || c == '+' || c == '#' || c == '\0') return false;
-    topic.remove_prefix(length);
-  }
-  return true;
+  constexpr std::string_view forbidden("+#\0", 3);
+  return !topic.empty() && topic.size() <= kMaxTopicBytes && topic.front() != '$' &&
+         topic.find_first_of(forbidden) == std::string_view::npos && is_utf8(topic);
 }
 
 std::optional<std::string_view> device_of(std::string_view topic, std::string_view base,
