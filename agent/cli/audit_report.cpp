@@ -3,10 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
-#include <chrono>
-#include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "agent/calendar.h"
 #include "agent/text.h"
 
 namespace fxagent::audit {
@@ -139,32 +138,6 @@ std::optional<std::int64_t> number_from(std::string_view text) {
   return number;
 }
 
-std::optional<std::int64_t> calendar_from(std::string_view text) {
-  if (text.ends_with('Z')) text.remove_suffix(1);
-  int year = 0;
-  unsigned month = 0, day = 0;
-  int hour = 0, minute = 0, second = 0, used = 0;
-  const std::string copy(text);
-  constexpr std::array forms{"%4d-%2u-%2uT%2d:%2d:%2d%n", "%4d-%2u-%2uT%2d:%2d%n", "%4d-%2u-%2u%n"};
-  constexpr std::array fields{6, 5, 3};
-  for (std::size_t i = 0; i < forms.size(); ++i) {
-    hour = minute = second = used = 0;
-    const int got =
-        i == 0   ? std::sscanf(copy.c_str(), forms[0], &year, &month, &day, &hour, &minute, &second,
-                               &used)
-        : i == 1 ? std::sscanf(copy.c_str(), forms[1], &year, &month, &day, &hour, &minute, &used)
-                 : std::sscanf(copy.c_str(), forms[2], &year, &month, &day, &used);
-    if (got != fields[i] || static_cast<std::size_t>(used) != copy.size()) continue;
-    const std::chrono::year_month_day date{std::chrono::year(year), std::chrono::month(month),
-                                           std::chrono::day(day)};
-    if (!date.ok() || hour > 23 || minute > 59 || second > 60) return std::nullopt;
-    const auto time = std::chrono::sys_days(date) + std::chrono::hours(hour) +
-                      std::chrono::minutes(minute) + std::chrono::seconds(second);
-    return std::chrono::duration_cast<std::chrono::milliseconds>(time.time_since_epoch()).count();
-  }
-  return std::nullopt;
-}
-
 }  // namespace
 
 void Report::add(const Record& record) {
@@ -207,7 +180,7 @@ std::vector<Line> Report::take() {
 
 std::optional<std::int64_t> since_from(std::string_view text, std::int64_t now_ms) {
   if (const auto utc_ms = number_from(text)) return utc_ms;
-  if (const auto utc_ms = calendar_from(text)) return utc_ms;
+  if (const auto utc_ms = utc_ms_from(text)) return utc_ms;
   if (text.empty()) return std::nullopt;
   constexpr std::string_view units = "smhd";
   constexpr std::array<std::int64_t, 4> lengths{1000, 60000, 3600000, 86400000};
@@ -216,22 +189,6 @@ std::optional<std::int64_t> since_from(std::string_view text, std::int64_t now_m
   const auto count = number_from(text.substr(0, text.size() - 1));
   if (unit == std::string_view::npos || !count || *count > kMost) return std::nullopt;
   return now_ms - *count * lengths[unit];
-}
-
-std::string utc_text(std::int64_t utc_ms) {
-  using std::chrono::milliseconds;
-  const std::chrono::sys_time<milliseconds> time{milliseconds(utc_ms)};
-  const auto day = std::chrono::floor<std::chrono::days>(time);
-  const std::chrono::year_month_day date(day);
-  const std::chrono::hh_mm_ss clock(time - day);
-  std::array<char, 40> text{};
-  std::snprintf(text.data(), text.size(), "%04d-%02u-%02uT%02d:%02d:%02d.%03dZ",
-                static_cast<int>(date.year()), static_cast<unsigned>(date.month()),
-                static_cast<unsigned>(date.day()), static_cast<int>(clock.hours().count()),
-                static_cast<int>(clock.minutes().count()),
-                static_cast<int>(clock.seconds().count()),
-                static_cast<int>(clock.subseconds().count()));
-  return text.data();
 }
 
 }  // namespace fxagent::audit

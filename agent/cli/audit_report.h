@@ -42,7 +42,4 @@ class Report final {
 /// duration before `now_ms`: "90s", "30m", "2h", "7d". Nothing: it is none of these.
 std::optional<std::int64_t> since_from(std::string_view text, std::int64_t now_ms);
 
-/// "2026-11-21T08:30:15.250Z"
-std::string utc_text(std::int64_t utc_ms);
-
 }  // namespace fxagent::audit

@@ -5,10 +5,11 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <ctime>
 #include <utility>
 
+#include "agent/calendar.h"
 #include "agent/log/log.h"
+#include "agent/messages.h"
 
 namespace fxagent {
 namespace {
@@ -19,14 +20,7 @@ constexpr std::size_t kAtOnce = 512;
 /// On stderr, as the log would; nothing where nobody reads it. Not by the log: whoever holds that
 /// may be what does not end.
 void write_last_line(std::string text) {
-  std::timespec now{};
-  clock_gettime(CLOCK_REALTIME, &now);
-  std::tm utc{};
-  gmtime_r(&now.tv_sec, &utc);
-  char stamp[32];
-  std::strftime(stamp, sizeof stamp, "%Y-%m-%dT%H:%M:%S", &utc);
-  const std::string millis = std::to_string(1000 + now.tv_nsec / 1000000).substr(1);
-  text = std::string(stamp) + "." + millis + "Z error " + text;
+  text = utc_text(utc_ms(std::chrono::system_clock::now())) + " error " + text;
   text.resize(std::min(text.size(), kAtOnce - 1));
   text += '\n';
   pollfd out{STDERR_FILENO, POLLOUT, 0};
