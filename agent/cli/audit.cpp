@@ -37,7 +37,7 @@ std::optional<audit::Head> head_from(const std::string& text) {
 
 int print_findings(const audit::Verifier& verifier, const audit::Head& head,
                    const std::vector<audit::Finding>& findings, bool as_json) {
-  const std::string hash = audit::to_text(head.hash);
+  const std::string hash = to_text(head.hash);
   if (as_json) {
     nlohmann::ordered_json out;
     out["ok"] = findings.empty();

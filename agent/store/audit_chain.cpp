@@ -1,10 +1,7 @@
 #include "agent/store/audit_chain.h"
 
-#include <openssl/evp.h>
-
 #include <algorithm>
 #include <nlohmann/json.hpp>
-#include <stdexcept>
 
 #include "agent/json_writer.h"
 
@@ -33,25 +30,6 @@ bool same(ByteView kept_hash, const Digest& digest) {
 }
 
 }  // namespace
-
-Digest sha256(std::string_view text) {
-  Digest digest{};
-  unsigned int size = 0;
-  if (EVP_Digest(text.data(), text.size(), digest.data(), &size, EVP_sha256(), nullptr) != 1 ||
-      size != digest.size())
-    throw std::runtime_error("libcrypto has no SHA-256");
-  return digest;
-}
-
-std::string to_text(ByteView digest) {
-  constexpr std::string_view hex = "0123456789abcdef";
-  std::string out;
-  for (const std::uint8_t byte : digest) {
-    out += hex[byte >> 4];
-    out += hex[byte & 0x0F];
-  }
-  return out;
-}
 
 Record seal(Head& head, std::string_view body) {
   Record record;

@@ -15,7 +15,6 @@
 //   lost      so many records found no room while the disk refused
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -24,16 +23,10 @@
 #include <vector>
 
 #include "agent/messages.h"
+#include "agent/sha256.h"
 #include "protocol/bytes.h"
 
 namespace fxagent::audit {
-
-using Digest = std::array<std::uint8_t, 32>;
-
-/// By OpenSSL's libcrypto. Throws std::runtime_error where that has no SHA-256.
-Digest sha256(std::string_view text);
-/// 64 hex digits, lower case.
-std::string to_text(ByteView digest);
 
 /// How long the chain is, and the hash of its last record. Kept apart from the records, and
 /// published: with it a tail that was cut off is found.

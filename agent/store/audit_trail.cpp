@@ -12,7 +12,7 @@ using sqlite::to_sql;
 // What a record costs beside its text: number, hash, and the file's own.
 constexpr std::uint64_t kOverhead = 64;
 
-void take_digest(ByteView kept, audit::Digest& digest) {
+void take_digest(ByteView kept, Digest& digest) {
   digest.fill(0);
   std::copy_n(kept.begin(), std::min(kept.size(), digest.size()), digest.begin());
 }

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "agent/json_writer.h"
+#include "agent/sha256.h"
 
 namespace fxagent::json {
 namespace {
@@ -37,19 +38,6 @@ void write_percentiles(Writer& out, std::string_view name, const Percentiles& of
   out.key(name).begin_object();
   out.key("p50").number(of.p50).key("p99").number(of.p99);
   out.end_object();
-}
-
-/// FNV-1a, 64 bit, as 16 hex digits.
-std::string fingerprint(std::string_view text) {
-  std::uint64_t hash = 0xCBF29CE484222325;
-  for (const char c : text) {
-    hash ^= static_cast<unsigned char>(c);
-    hash *= 0x100000001B3;
-  }
-  constexpr std::string_view hex = "0123456789abcdef";
-  std::string digits;
-  for (int shift = 60; shift >= 0; shift -= 4) digits += hex[(hash >> shift) & 0x0F];
-  return digits;
 }
 
 }  // namespace
@@ -150,7 +138,7 @@ Meta device_meta(const DeviceConfig& device) {
   tags.end_object();
   const std::string text = tags.take();
   Meta meta;
-  meta.hash = fingerprint(text);
+  meta.hash = to_text(ByteView(sha256(text)).first(8));
   Writer out;
   out.begin_object().key("hash").string(meta.hash).key("tags").raw(text).end_object();
   meta.text = out.take();

@@ -29,7 +29,7 @@ std::string agent_offline(std::optional<std::int64_t> since_ms, std::string_view
 std::string device_state(const DeviceStatus& status);
 
 struct Meta {
-  std::string hash;  ///< 16 hex digits over the tags' text: equal tags, equal hash
+  std::string hash;  ///< 16 hex digits, the first of the SHA-256 of the tags' text
   std::string text;
 };
 Meta device_meta(const DeviceConfig& device);

@@ -536,7 +536,7 @@ std::string Publisher::health_text(SteadyTime now) const {
   if (store_ != nullptr) {
     health.store_set_aside = store_->set_aside();
     health.audit_records = store_->audit_head().records;
-    health.audit_head = audit::to_text(store_->audit_head().hash);
+    health.audit_head = to_text(store_->audit_head().hash);
   }
   health.store_bytes = backlog_.bytes() + (store_ == nullptr ? 0 : store_->bytes());
   const std::uint64_t room = store_ == nullptr ? backlog_.max_bytes() : store_->max_bytes();

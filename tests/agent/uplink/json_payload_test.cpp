@@ -152,6 +152,8 @@ TEST(MetaJson, DescribesEveryTag) {
   EXPECT_EQ(parsed["tags"]["setpoint"]["access"], "read_write");
   EXPECT_EQ(parsed["tags"]["setpoint"]["max"], 1000);
   EXPECT_EQ(parsed["tags"]["label"]["length"], 8);
+  // By sha256sum, over the tags as they stand in the message.
+  EXPECT_EQ(meta.hash, "1603d6eb262f80b0");
 }
 
 TEST(MetaJson, HashChangesWithTheTagsAndOnlyThen) {

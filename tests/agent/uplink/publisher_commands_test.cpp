@@ -403,7 +403,7 @@ TEST(PublisherAudit, HealthPublishesTheHeadOfTheChain) {
   bench.advance(60s);
   const json health = json::parse(bench.broker.on(kBase + "/health").back());
   EXPECT_EQ(health["audit"]["records"], 2);
-  EXPECT_EQ(health["audit"]["head"], audit::to_text(bench.store->audit_head().hash));
+  EXPECT_EQ(health["audit"]["head"], to_text(bench.store->audit_head().hash));
   Bench without;
   without.flush();
   EXPECT_EQ(json::parse(without.broker.on(kBase + "/health").at(0))["audit"], nullptr);
