@@ -1,8 +1,14 @@
 #include "agent/commands/command_room.h"
 
+#include <openssl/core_names.h>
+#include <openssl/evp.h>
+#include <openssl/params.h>
+
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <random>
+#include <stdexcept>
 #include <string>
 #include <utility>
 
@@ -15,40 +21,19 @@ std::uint64_t chance() {
 }
 
 /// SipHash-2-4 (Aumasson and Bernstein, 2012): a fingerprint that nobody can forge without the key.
+/// Throws std::runtime_error where libcrypto has none.
 std::uint64_t sip_hash(const IdFingerprints::Key& key, std::string_view text) {
-  std::uint64_t v0 = key[0] ^ 0x736f6d6570736575;
-  std::uint64_t v1 = key[1] ^ 0x646f72616e646f6d;
-  std::uint64_t v2 = key[0] ^ 0x6c7967656e657261;
-  std::uint64_t v3 = key[1] ^ 0x7465646279746573;
-  const auto rounds = [&](int count) {
-    for (int i = 0; i < count; ++i) {
-      v0 += v1;
-      v1 = std::rotl(v1, 13) ^ v0;
-      v0 = std::rotl(v0, 32);
-      v2 += v3;
-      v3 = std::rotl(v3, 16) ^ v2;
-      v0 += v3;
-      v3 = std::rotl(v3, 21) ^ v0;
-      v2 += v1;
-      v1 = std::rotl(v1, 17) ^ v2;
-      v2 = std::rotl(v2, 32);
-    }
-  };
-  const auto take = [&](std::uint64_t word) {
-    v3 ^= word;
-    rounds(2);
-    v0 ^= word;
-  };
-  std::uint64_t word = 0;
-  std::size_t at = 0;
-  for (const char c : text) {
-    word |= std::uint64_t{static_cast<unsigned char>(c)} << (8 * (at % 8));
-    if (++at % 8 == 0) take(std::exchange(word, 0));
-  }
-  take(word | std::uint64_t{text.size()} << 56);
-  v2 ^= 0xFF;
-  rounds(4);
-  return v0 ^ v1 ^ v2 ^ v3;
+  std::array<unsigned char, sizeof(std::uint64_t)> print{};
+  std::size_t size = print.size();
+  const std::array params{OSSL_PARAM_construct_size_t(OSSL_MAC_PARAM_SIZE, &size),
+                          OSSL_PARAM_construct_end()};
+  std::size_t written = 0;
+  if (EVP_Q_mac(nullptr, OSSL_MAC_NAME_SIPHASH, nullptr, nullptr, params.data(), key.data(),
+                sizeof key, reinterpret_cast<const unsigned char*>(text.data()), text.size(),
+                print.data(), print.size(), &written) == nullptr ||
+      written != print.size())
+    throw std::runtime_error("libcrypto has no SipHash");
+  return std::bit_cast<std::uint64_t>(print);
 }
 
 }  // namespace
