@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <variant>
 
+#include "protocol/plc.h"
+
 namespace fxagent {
 
 using std::chrono::nanoseconds;
@@ -48,8 +50,8 @@ nanoseconds longest_poll(const Codec& codec, std::span<const Plan* const> plans,
   for (const Plan* plan : plans)
     for (const PlannedRead& planned : plan->reads)
       longest = std::max(longest, exchange_time(codec, planned.read, timing));
-  if (const auto question = codec.run_state())
-    longest = std::max(longest, exchange_time(codec, *question, timing));
+  if (const PlcServices* plc = codec.plc())
+    longest = std::max(longest, exchange_time(codec, plc->run_state(), timing));
   return longest;
 }
 

@@ -1,21 +1,25 @@
-// The port of this room: what a protocol must be able to say about its wire and its devices.
+// What a protocol says about its wire: the bytes of requests and answers, how long they take, and
+// what is to be done where one did not come. The memory behind them is address_space.h, the PLC
+// itself is plc.h; a codec leads to both.
 // A codec is a value: made once per device from its options, const afterwards, no state, no clock.
 #pragma once
 
 #include <chrono>
 #include <cstdint>
-#include <memory>
 #include <optional>
 #include <string>
-#include <string_view>
+#include <utility>
 #include <variant>
 #include <vector>
 
+#include "protocol/address_space.h"
 #include "protocol/bytes.h"
 #include "protocol/point.h"
 #include "protocol/result.h"
 
 namespace fxagent {
+
+class PlcServices;
 
 // ---- requests and replies -------------------------------------------------------------------
 
@@ -23,7 +27,7 @@ namespace fxagent {
 struct Enquire {
   friend bool operator==(const Enquire&, const Enquire&) = default;
 };
-/// Reads `bits` bits of a space by one of the ways the codec offers (ReadWay::way).
+/// Reads `bits` bits of a space by one of the ways that its address space offers (ReadWay::way).
 struct Read {
   Span span;
   std::uint8_t way = 0;
@@ -50,7 +54,7 @@ struct Scatter {
   std::vector<Write> parts;
   friend bool operator==(const Scatter&, const Scatter&) = default;
 };
-/// What a protocol has beside memory access; which of them exist is the codec's to say.
+/// What a protocol has beside memory access: a reset of the line, and services of plc.h.
 struct Control {
   enum class Kind : std::uint8_t { identify, run, stop, reset } kind = Kind::identify;
   friend bool operator==(const Control&, const Control&) = default;
@@ -58,6 +62,7 @@ struct Control {
 
 using Request = std::variant<Enquire, Read, Write, Force, Control, Scatter>;
 
+/// What came back to a request.
 struct Reply {
   enum class Kind : std::uint8_t { ack, nak, data } kind = Kind::ack;
   Bytes image;               ///< data: the image of the request's span (or what identify brought)
@@ -68,23 +73,7 @@ struct Reply {
   std::size_t consumed = 0;  ///< bytes of rx up to the end of the reply; more are not its own
 };
 
-// ---- what the planner needs to know ---------------------------------------------------------
-
-/// One way to read part of a space. A read by it starts at a multiple of `align_bits` from the
-/// space's start, is a multiple of `unit_bits` long, at most `max_bits`, inside [first_bit,
-/// end_bit).
-struct ReadWay {
-  std::uint8_t way = 0;  ///< goes into Read::way
-  std::uint8_t tier =
-      0;  ///< a point takes a way of the lowest tier that reaches it; tiers never mix
-  std::uint32_t first_bit = 0;
-  std::uint32_t end_bit = 0;
-  std::uint32_t align_bits = 8;
-  std::uint32_t unit_bits = 8;
-  std::uint32_t max_bits = 512;
-  std::uint32_t max_gap_bits =
-      0xFFFFFFFF;  ///< bits that nobody asked for, at most so many in a row
-};
+// ---- how long it takes --------------------------------------------------------------------------
 
 /// Characters on the line in each direction for one exchange that ends well.
 struct LineLength {
@@ -95,8 +84,10 @@ struct LineLength {
 
 // ---- a frame explained, for `fxagent decode` --------------------------------------------------
 
+/// Which way a frame went: to the device, or back.
 enum class Direction : std::uint8_t { request, reply };
 
+/// What `fxagent decode` prints of one frame; optional parts are those that this frame has.
 struct Explanation {
   bool ok = false;
   Direction direction = Direction::request;
@@ -116,7 +107,7 @@ struct Explanation {
 
 // ---- what went wrong ---------------------------------------------------------------------------
 
-/// What a device's no tells about the order and about the device.
+/// What a device's no tells about the request and about the device.
 enum class RefusalMeaning : std::uint8_t {
   final,        ///< surely no effect, and a repeat would change nothing
   curable,      ///< surely no effect, and a repeat may succeed
@@ -126,6 +117,7 @@ enum class RefusalMeaning : std::uint8_t {
   unreachable,  ///< a gateway speaks: the unit behind it gave no answer
 };
 
+/// What a line needs before its next request.
 enum class Recovery : std::uint8_t {
   drain,      ///< wait until the line is quiet, then resync()
   none,       ///< answers carry numbers, so a late one cannot be mistaken
@@ -134,45 +126,24 @@ enum class Recovery : std::uint8_t {
 
 // ---- the port ---------------------------------------------------------------------------------
 
+/// The bytes of one device's line. Sources are those of the protocol, in protocol/README.md.
 class Codec {
  public:
   virtual ~Codec() = default;
 
-  // Names and places.
+  // What lies behind the bytes.
 
-  /// Reads an address as the engineer writes it. `type` decides where a name has two meanings
-  /// (T5: contact as bool, else value); without it such a name means the value.
-  /// bad_request: not a name of this protocol, or a number the model lacks; the text says which
-  /// range is right.
-  virtual Result<Address> parse_address(std::string_view text,
-                                        std::optional<DataType> type) const = 0;
-  /// True where `text` needs a type to be told apart in a command (T5, C5).
-  virtual bool needs_type(std::string_view text) const = 0;
-  /// A range for an allow list: "M100-M199" or one device. bad_request as parse_address; the ends
-  /// are of two kinds; T or C without N or S; or it holds what is never written (M8034-M8037,
-  /// M8118).
-  virtual Result<Span> parse_range(std::string_view text) const = 0;
-  /// Whether every device of `span` exists in this model; bad_request names the first that does
-  /// not.
-  virtual Result<void> check_range(const Span& span) const = 0;
-  /// Whether `span` may be written at all and in this shape: bad_request where it would overwrite
-  /// bits beside it (half bytes), or touches what is never written (M8034-M8037, M8118).
-  virtual Result<void> check_write(const Span& span) const = 0;
-
-  // What a point can be, and how it is fetched.
-
-  /// The device's words for `span`'s first device ("D100").
-  virtual std::string name_of(const Span& span) const = 0;
-  /// The space's ways, best first. Empty where this model has no such space.
-  virtual std::vector<ReadWay> read_ways(std::uint16_t space) const = 0;
-  /// The most bits of `span`'s space that one Write may carry.
-  virtual std::uint32_t max_write_bits(std::uint16_t space) const = 0;
-  virtual ByteOrder default_order() const = 0;
+  /// Names, ranges and limits of the memory; valid as long as the codec.
+  virtual const AddressSpace& addresses() const = 0;
+  /// What can be done with the PLC itself; valid as long as the codec. nullptr where the protocol
+  /// has no such services.
+  virtual const PlcServices* plc() const { return nullptr; }
 
   // Bytes.
 
   /// The frame for a request. `tag` numbers the exchange where the protocol has a field for it.
-  /// unsupported: this model or protocol cannot say it. bad_request: out of the limits above.
+  /// unsupported: this model or protocol cannot say it. bad_request: out of the limits of
+  /// addresses().
   virtual Result<Bytes> encode(const Request& request, std::uint16_t tag) const = 0;
   /// nullopt: need more bytes. Sees everything received since the request was sent. bad_frame: what
   /// came cannot become an answer. A refusal is a Reply with Kind::nak, not an error.
@@ -180,33 +151,44 @@ class Codec {
                                               ByteView rx) const = 0;
   /// False where no answer is to be awaited (EOT, a broadcast).
   virtual bool expects_reply(const Request& request) const = 0;
-  virtual LineLength line_length(const Request& request) const = 0;
+  /// True where every device listens and none answers: no tags, and no outcome but `broadcast`.
+  virtual bool is_broadcast() const { return false; }
+  /// Whether bytes that nobody asked for could be an answer, whole or in part, to whatever is
+  /// asked next; or another master's. What no answer can be made of is noise.
+  virtual bool may_pass_for_answer(ByteView bytes) const { return !bytes.empty(); }
   /// One frame explained; without a direction the likelier one is taken.
   virtual Explanation explain(ByteView frame, std::optional<Direction> direction) const = 0;
 
-  // The device itself.
+  // Timing.
 
+  /// Characters of one exchange of `request` that ends well.
+  virtual LineLength line_length(const Request& request) const = 0;
+  /// Silence that the protocol demands before a request (3.5 characters on Modbus RTU, Serial Line
+  /// V1.02, 2.5.1.1); `char_time` is that of one character, 0 where the line's speed is not known.
+  virtual std::chrono::nanoseconds quiet_before(std::chrono::nanoseconds /*char_time*/) const {
+    return {};
+  }
+  /// How long nothing may be asked after `request`, which is not answered (a broadcast).
+  virtual std::chrono::milliseconds pause_after(const Request& /*request*/) const { return {}; }
+
+  // Recovery.
+
+  /// What must be done with the line after an answer that did not come, or was nonsense.
+  virtual Recovery after_silence() const { return Recovery::drain; }
+  virtual Recovery after_nonsense() const { return Recovery::drain; }
   /// What brings the line into a known state, if the protocol has such a thing.
-  virtual std::optional<Request> resync() const = 0;
+  virtual std::optional<Request> resync() const { return std::nullopt; }
   /// A cheap read whose answer no other answer can be taken for; the barrier behind a lost ACK.
-  virtual std::optional<Request> probe() const = 0;
-  /// The reads that tell the model, in order; empty where the protocol has no way to ask.
-  virtual std::vector<Request> identify() const = 0;
-  /// The model's name from the answers of identify() (refused ones are left empty); nullopt where
-  /// they do not tell it.
-  virtual std::optional<std::string> model_from(const std::vector<Bytes>& images) const = 0;
-  /// The configured or identified model; empty while it is unknown.
-  virtual std::string model() const = 0;
-  /// This codec for a model found by asking; never null for a name that model_from() returned.
-  virtual std::shared_ptr<const Codec> with_model(std::string_view model) const = 0;
-  /// Reads whether the PLC runs; nullopt where the protocol cannot tell.
-  virtual std::optional<Request> run_state() const = 0;
-  virtual std::optional<bool> run_state_from(ByteView image) const = 0;
-  /// The order that starts (true) or stops the PLC. unsupported where the protocol has none.
-  virtual Result<Request> run_order(bool run) const = 0;
-  /// For a person whose run or stop failed: the switch position that this protocol needs.
-  virtual std::string run_order_hint() const = 0;
-  /// What a refusal of `request` with this code means.
+  virtual std::optional<Request> probe() const { return std::nullopt; }
+  /// A read of less than `request` reads, whose answer is shorter, so that neither answer can be
+  /// taken for the other's. nullopt: `request` is no read, or its least.
+  virtual std::optional<Request> apart_from(const Request& /*request*/) const {
+    return std::nullopt;
+  }
+
+  // Refusals.
+
+  /// What a refusal of `request` with this code (Reply::device_code) means.
   virtual RefusalMeaning meaning_of(const Request& request, int device_code) const = 0;
   /// Another request with the same effect, where `request` was refused because this device lacks
   /// its function (Modbus 06 → 16); nullopt where there is none.
@@ -214,7 +196,7 @@ class Codec {
     return std::nullopt;
   }
 
-  // What a protocol may have beyond one question at a time on a quiet line.
+  // One request made of others.
 
   /// One request that carries out all of `requests` in one frame (BT, WT); nullopt where none can.
   virtual std::optional<Request> combine(const std::vector<Request>& /*requests*/) const {
@@ -225,26 +207,9 @@ class Codec {
   virtual std::optional<Request> read_before(const Request& /*request*/) const {
     return std::nullopt;
   }
+  /// The request to send once the read of read_before() has brought `image`; `request` itself where
+  /// none was needed.
   virtual Request with_read(const Request& request, ByteView /*image*/) const { return request; }
-  /// Silence that the protocol demands before a request (3.5 characters on Modbus RTU).
-  virtual std::chrono::nanoseconds quiet_before(std::chrono::nanoseconds /*char_time*/) const {
-    return {};
-  }
-  /// How long nothing may be asked after `request`, which is not answered (a broadcast).
-  virtual std::chrono::milliseconds pause_after(const Request& /*request*/) const { return {}; }
-  /// Whether bytes that nobody asked for could be an answer, whole or in part, to whatever is
-  /// asked next; or another master's. What no answer can be made of is noise.
-  virtual bool may_pass_for_answer(ByteView bytes) const { return !bytes.empty(); }
-  /// A read of less than `request` reads, whose answer is shorter, so that neither answer can be
-  /// taken for the other's. nullopt: `request` is no read, or its least.
-  virtual std::optional<Request> apart_from(const Request& /*request*/) const {
-    return std::nullopt;
-  }
-  /// True where every device listens and none answers: no tags, and no outcome but `broadcast`.
-  virtual bool is_broadcast() const { return false; }
-  /// What must be done with the line after an answer that did not come, or was nonsense.
-  virtual Recovery after_silence() const { return Recovery::drain; }
-  virtual Recovery after_nonsense() const { return Recovery::drain; }
 };
 
 }  // namespace fxagent

@@ -236,7 +236,7 @@ std::map<std::pair<std::uint16_t, std::uint8_t>, Bucket> buckets_of(const Codec&
     const ReadWay* taken = nullptr;
     if (span) {
       const auto [known, fresh] = ways_of.try_emplace(span->space);
-      if (fresh) known->second = codec.read_ways(span->space);
+      if (fresh) known->second = codec.addresses().read_ways(span->space);
       for (const ReadWay& way : known->second)
         if (reaches(way, *span) && (taken == nullptr || way.tier < taken->tier)) taken = &way;
     }
@@ -314,7 +314,7 @@ std::optional<Halves> halves_of(const Codec& codec, std::span<const Point> point
                                 const PlannedRead& planned) {
   const Span& span = planned.read.span;
   const Extent whole{span.first_bit, span.end_bit()};
-  const auto ways = codec.read_ways(span.space);
+  const auto ways = codec.addresses().read_ways(span.space);
   const auto way = std::find_if(ways.begin(), ways.end(), [&](const ReadWay& w) {
     return w.way == planned.read.way && w.first_bit <= whole.first && whole.end <= w.end_bit;
   });
@@ -381,7 +381,7 @@ Result<std::vector<Request>> plan_write(const Codec& codec, const Point& point, 
   if (!span) return tl::make_unexpected(span.error());
   if (!point.address.writable)
     return fail(ErrorCode::bad_request, point.address.text + " cannot be written");
-  if (const auto allowed = codec.check_write(*span); !allowed)
+  if (const auto allowed = codec.addresses().check_write(*span); !allowed)
     return tl::make_unexpected(allowed.error());
   if (image.size() != (span->bits + 7) / 8)
     return fail(ErrorCode::bad_request, point.address.text + " takes " +
@@ -392,7 +392,7 @@ Result<std::vector<Request>> plan_write(const Codec& codec, const Point& point, 
     requests.push_back(Force{span->space, span->first_bit, (image[0] & 1) != 0});
     return requests;
   }
-  std::uint32_t step = codec.max_write_bits(span->space);
+  std::uint32_t step = codec.addresses().max_write_bits(span->space);
   if (step == 0)
     return fail(ErrorCode::bad_request, point.address.text + " is not written by this protocol");
   // Elements stay whole where a frame can hold one and it is made of whole bytes.

@@ -10,6 +10,7 @@
 #include "agent/commands/result_text.h"
 #include "agent/field/field.h"
 #include "agent/outbox.h"
+#include "protocol/plc.h"
 
 namespace fxagent {
 namespace {
@@ -182,8 +183,7 @@ int run_one_shot(Config config, const OneShot& what) {
   Field field(config, outbox, {}, Polling::off);
   field.start();
   Answer answer(outbox);
-  if (device.codec->model().empty() && !device.codec->identify().empty())
-    answer.await_first_contact();
+  if (must_ask_model(*device.codec)) answer.await_first_contact();
   field.submit(command_for(what, device, std::move(target)));
   const CommandResult result = answer.await_result();
   field.stop();

@@ -8,6 +8,7 @@
 
 #include "agent/line_time.h"
 #include "protocol/plan.h"
+#include "protocol/plc.h"
 
 namespace fxagent {
 namespace {
@@ -31,9 +32,9 @@ nanoseconds part_of(nanoseconds whole, double part) {
 
 /// The codec that tells what may be asked: of the widest model where the real one is not known.
 std::shared_ptr<const Codec> widest(const DeviceConfig& device) {
-  const auto& models = device.protocol->models;
-  if (!device.codec->model().empty() || models.empty()) return device.codec;
-  return device.codec->with_model(models.back());  // the catalogue lists them up to the widest
+  if (!must_ask_model(*device.codec)) return device.codec;
+  // The catalogue lists them up to the widest.
+  return device.codec->plc()->with_model(device.protocol->models.back());
 }
 
 /// The points of one group and the reads that bring them.
@@ -115,8 +116,9 @@ std::optional<nanoseconds> command_time(const DeviceConfig& device, const Device
     best = *rank;
   };
   for (const TagConfig& tag : device.tags) consider(tag.point.address, tag.writable);
+  const AddressSpace& addresses = plan.codec->addresses();
   const auto address_at = [&](const Span& span) {
-    return plan.codec->parse_address(plan.codec->name_of(span), std::nullopt);
+    return addresses.parse_address(addresses.name_of(span), std::nullopt);
   };
   for (const Span& span : device.commands.allow) {
     const auto first = address_at(span);
@@ -162,7 +164,7 @@ BitUse bit_use(const PlannedRead& planned, std::span<const Point> points, std::u
 }
 
 std::uint32_t unit_of(const Codec& codec, const Read& read) {
-  for (const ReadWay& way : codec.read_ways(read.span.space))
+  for (const ReadWay& way : codec.addresses().read_ways(read.span.space))
     if (way.way == read.way) return way.unit_bits;
   return 8;
 }
@@ -188,7 +190,7 @@ ExchangeReport report_exchange(const DevicePlan& device, const PlannedRead& plan
   const Codec& codec = *device.codec;
   const LineTiming& timing = device.timing;
   ExchangeReport out;
-  out.address = codec.name_of(planned.read.span);
+  out.address = codec.addresses().name_of(planned.read.span);
   out.bits = planned.read.span.bits;
   out.chars = chars_of(codec.line_length(planned.read));
   if (const auto enquiry = codec.resync(); enquiry && timing.enquires_always)
@@ -272,7 +274,8 @@ std::uint32_t most_bytes(const DeviceConfig& device) {
   for (const TagConfig& tag : device.tags) spaces.insert(tag.point.address.span.space);
   std::uint32_t most = 0;
   for (const std::uint16_t space : spaces)
-    for (const ReadWay& way : codec->read_ways(space)) most = std::max(most, way.max_bits / 8);
+    for (const ReadWay& way : codec->addresses().read_ways(space))
+      most = std::max(most, way.max_bits / 8);
   return most;
 }
 
@@ -336,15 +339,15 @@ LinkReport report_link(const Config& config, std::uint32_t index) {
     if (device.link != index) continue;
     const DevicePlan plan = plan_device(device, link.char_time);
     if (plan.codec != device.codec)
-      report.warnings.push_back(device.name + ": model auto, planned as " + plan.codec->model() +
+      report.warnings.push_back(device.name + ": model auto, planned as " + model_of(*plan.codec) +
                                 ", the widest");
     for (const GroupPlan& group : plan.groups) {
       const GroupLoad& load = report.groups.emplace_back(report_group(device, plan, group));
       if (load.line_time && load.interval.count() > 0)
         asked += ratio(*load.line_time, load.interval);
     }
-    if (const auto question = plan.codec->run_state())
-      fixed += ratio(exchange_time(*plan.codec, *question, plan.timing), kRunStateInterval);
+    if (const PlcServices* plc = plan.codec->plc())
+      fixed += ratio(exchange_time(*plan.codec, plc->run_state(), plan.timing), kRunStateInterval);
     devices.push_back(&device);
     shares.push_back(share_of(device, plan));
   }
@@ -420,9 +423,9 @@ std::string names_of(const std::vector<DeviceConfig>& devices) {
 /// One point for each device from the first to the last.
 Result<std::vector<Point>> points_between(const Codec& codec, const WhatIf& asked,
                                           const std::string& what) {
-  const auto first = codec.parse_address(asked.first, std::nullopt);
+  const auto first = codec.addresses().parse_address(asked.first, std::nullopt);
   if (!first) return refuse(what, first.error().text);
-  const auto last = codec.parse_address(asked.last, std::nullopt);
+  const auto last = codec.addresses().parse_address(asked.last, std::nullopt);
   if (!last) return refuse(what, last.error().text);
   const Span from = first->span;
   const Span to = last->span;
@@ -431,16 +434,16 @@ Result<std::vector<Point>> points_between(const Codec& codec, const WhatIf& aske
     return refuse(what, asked.first + " and " + asked.last +
                             " are no range: both ends lie in one area, the lower one first");
   const Span whole{from.space, from.first_bit, to.end_bit() - from.first_bit};
-  if (const auto inside = codec.check_range(whole); !inside)
+  if (const auto inside = codec.addresses().check_range(whole); !inside)
     return refuse(what, inside.error().text);
   std::vector<Point> points;
   for (std::uint32_t bit = from.first_bit; bit < to.end_bit(); bit += from.bits) {
     Point point;
     point.address = *first;
     point.address.span.first_bit = bit;
-    point.address.text = codec.name_of(point.address.span);
+    point.address.text = codec.addresses().name_of(point.address.span);
     point.type = default_type(*first);
-    point.order = codec.default_order();
+    point.order = codec.addresses().default_order();
     points.push_back(std::move(point));
   }
   const Plan plan = make_plan(codec, points, LineCost{}, 0);

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "protocol/plan.h"
+#include "protocol/plc.h"
 
 namespace fxagent {
 namespace {
@@ -16,7 +17,7 @@ using std::chrono::milliseconds;
 constexpr std::size_t kOrderToCommand = 2;
 
 bool is_write(Op op) { return op == Op::write || op == Op::force_on || op == Op::force_off; }
-bool is_run_order(Op op) { return op == Op::run || op == Op::stop; }
+bool is_run_or_stop(Op op) { return op == Op::run || op == Op::stop; }
 
 /// Faults that are found before it is asked whether the id is known.
 bool precedes_id(Reason reason) {
@@ -205,18 +206,18 @@ CommandAdmission::Decision CommandAdmission::admit(Command command, const Codec&
     why = refuse(Reason::bad_op, "op is one of write, force_on, force_off, read, run, stop");
   } else if (command.is_list && *command.op != Op::write) {
     why = refuse(Reason::bad_op, "targets go with op write only");
-  } else if (is_run_order(*command.op)) {
-    const auto run_order = codec.run_order(*command.op == Op::run);
-    if (!run_order)
-      why = refuse(Reason::bad_op, run_order.error().text);
+  } else if (is_run_or_stop(*command.op)) {
+    const PlcServices* plc = codec.plc();
+    if (plc == nullptr)
+      why = refuse(Reason::bad_op, "this protocol has no run and stop");
     else if (!rules.allow_run_stop)
       why = refuse(Reason::not_allowed, "allow_run_stop is not set for this device");
     else
-      admitted.run_order = *run_order;
+      admitted.run_request = plc->run_request(*command.op == Op::run);
   }
   admitted.command = std::move(command);
   const Command& cmd = admitted.command;
-  if (!why && !is_run_order(*cmd.op)) why = resolve(codec, admitted, result.targets);
+  if (!why && !is_run_or_stop(*cmd.op)) why = resolve(codec, admitted, result.targets);
   // Every bad_value goes before an out_of_range, wherever it was found.
   if (!why || why->reason == Reason::out_of_range) {
     if (refusal)
@@ -306,18 +307,18 @@ std::optional<Refusal> CommandAdmission::resolve_place(const Codec& codec, Op op
     out.tag_index = static_cast<std::uint32_t>(tag - device_.tags.begin());
     out.point = tag->point;
   } else {
-    if (!target.type && codec.needs_type(target.address))
+    if (!target.type && codec.addresses().needs_type(target.address))
       return refuse(fault, target.address + " is a contact and a value: say which by type");
-    const auto address = codec.parse_address(target.address, target.type);
+    const auto address = codec.addresses().parse_address(target.address, target.type);
     if (!address) return refuse(fault, address.error().text);
     out.point.address = *address;
     out.point.type = target.type.value_or(default_type(*address));
-    out.point.order = codec.default_order();
+    out.point.order = codec.addresses().default_order();
     set_extent(target, out.point);
   }
   const auto span = span_of(out.point);
   if (!span) return refuse(Reason::bad_address, span.error().text);
-  if (const auto inside = codec.check_range(*span); !inside)
+  if (const auto inside = codec.addresses().check_range(*span); !inside)
     return refuse(Reason::bad_address, inside.error().text);
   const Address& place = out.point.address;
   const bool is_bit = !out.point.is_array &&
@@ -332,7 +333,7 @@ std::optional<Refusal> CommandAdmission::resolve_place(const Codec& codec, Op op
   if (!plan.unreachable.empty())
     return refuse(Reason::bad_address,
                   out.point.address.text + " cannot be reached on this model" +
-                      (codec.model().empty() ? " until the model is known" : ""));
+                      (must_ask_model(codec) ? " until the model is known" : ""));
   return std::nullopt;
 }
 
@@ -346,7 +347,7 @@ std::optional<Refusal> CommandAdmission::check_access(const Codec& codec, const 
     return refuse(Reason::not_allowed, name + " is neither a tag nor in commands.allow");
   }
   if (!target.point.address.writable) return refuse(Reason::not_writable, name + " is read only");
-  if (const auto writable = codec.check_write(span); !writable)
+  if (const auto writable = codec.addresses().check_write(span); !writable)
     return refuse(Reason::not_writable, writable.error().text);
   if (target.tag_index) {
     if (device_.tags[*target.tag_index].writable) return std::nullopt;

@@ -36,7 +36,7 @@ struct AdmittedTarget {
 struct AdmittedCommand {
   Command command;
   std::vector<AdmittedTarget> targets;  ///< empty for run and stop
-  std::optional<Request> run_order;
+  std::optional<Request> run_request;   ///< of run and stop: what switches the PLC
   bool verify_words = true;
   bool verify_bits = false;
   bool interrupted = false;  ///< by an earlier run: only its outcome is read

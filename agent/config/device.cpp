@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "agent/config/keys.h"
+#include "protocol/plc.h"
 
 namespace fxagent {
 namespace {
@@ -177,9 +178,9 @@ void DeviceReader::make_codec() {
   device_.codec = *codec;
   device_.options = options;
   codec_ = *codec;
-  if (*name == kAuto && !protocol.models.empty()) {
+  if (must_ask_model(*codec_)) {
     // The catalogue lists a protocol's models from the narrowest to the widest.
-    codec_ = device_.codec->with_model(protocol.models.back());
+    codec_ = device_.codec->plc()->with_model(protocol.models.back());
     const ConfigNode* given = node_.find("model");
     reader_.warn(given != nullptr ? *given : node_,
                  "model auto: checked against " + std::string(protocol.models.back()) +
@@ -293,7 +294,7 @@ bool DeviceReader::read_place(const ConfigNode& node, TagConfig& tag) {
   const auto text = reader_.text(node, "address", ConfigReader::required);
   bool good = text.has_value() && (given == nullptr || type);
   if (good && codec_ != nullptr) {
-    if (const auto address = codec_->parse_address(*text, type)) {
+    if (const auto address = codec_->addresses().parse_address(*text, type)) {
       tag.point.address = *address;
       if (!type) type = default_type(*address);
     } else {
@@ -320,7 +321,7 @@ void DeviceReader::read_shape(const ConfigNode& node, std::optional<DataType> ty
   if (type && type != DataType::string && length != nullptr)
     reader_.error_at_key(*length, "is for strings; an array has a \"count\"");
 
-  if (codec_ != nullptr) point.order = codec_->default_order();
+  if (codec_ != nullptr) point.order = codec_->addresses().default_order();
   const bool any_order =
       device_.protocol == nullptr || spec_of(*device_.protocol, "byte_order") != nullptr;
   const auto words = any_order ? std::span<const std::string_view>(kByteOrders)
@@ -356,14 +357,14 @@ void DeviceReader::check_span(const ConfigNode& node, const TagConfig& tag) {
   const ConfigNode& access = *node.find("access");
   if (!tag.point.address.writable)
     reader_.error(access, tag.point.address.text + " can only be read");
-  else if (const auto allowed = codec_->check_write(*span); !allowed)
+  else if (const auto allowed = codec_->addresses().check_write(*span); !allowed)
     reader_.error(access, "cannot be written: " + allowed.error().text);
 }
 
 void DeviceReader::check_exists(const ConfigNode& address, const Span& span) {
   const auto [entry, fresh] = ways_.try_emplace(span.space);
-  if (fresh) entry->second = codec_->read_ways(span.space);
-  if (const auto exists = codec_->check_range(span); !exists) {
+  if (fresh) entry->second = codec_->addresses().read_ways(span.space);
+  if (const auto exists = codec_->addresses().check_range(span); !exists) {
     reader_.error(address, exists.error().text);
     return;
   }
@@ -371,8 +372,9 @@ void DeviceReader::check_exists(const ConfigNode& address, const Span& span) {
     return way.first_bit <= span.first_bit && span.end_bit() <= way.end_bit;
   });
   if (!reached)
-    reader_.error(address, "out of reach of this device's commands, from " + codec_->name_of(span) +
-                               " to " + codec_->name_of({span.space, span.end_bit() - 1, 1}));
+    reader_.error(address, "out of reach of this device's commands, from " +
+                               codec_->addresses().name_of(span) + " to " +
+                               codec_->addresses().name_of({span.space, span.end_bit() - 1, 1}));
 }
 
 void DeviceReader::read_limits(const ConfigNode& node, TagConfig& tag) {
@@ -400,7 +402,7 @@ void DeviceReader::read_commands(const ConfigNode& node) {
   if (const ConfigNode* allow = reader_.array(node, "allow", ConfigReader::optional))
     read_allow(*allow);
   rules.allow_run_stop = reader_.boolean(node, "allow_run_stop").value_or(false);
-  if (rules.allow_run_stop && codec_ != nullptr && !codec_->run_order(true))
+  if (rules.allow_run_stop && codec_ != nullptr && codec_->plc() == nullptr)
     reader_.warn(*node.find("allow_run_stop"), "has no effect: this protocol has no run and stop");
   constexpr ConfigReader::Range kExpiry{1, 7 * kDay};
   rules.max_expiry = std::chrono::seconds(reader_.integer_or(node, "max_expiry_s", kExpiry, 3600));
@@ -422,7 +424,7 @@ void DeviceReader::read_allow(const ConfigNode& list) {
   for (const ConfigNode& item : list.children) {
     const auto text = reader_.text(item);
     if (!text || codec_ == nullptr) continue;
-    if (const auto span = codec_->parse_range(*text))
+    if (const auto span = codec_->addresses().parse_range(*text))
       spans.push_back(*span);
     else
       reader_.error(item, span.error().text);

@@ -115,7 +115,7 @@ asio::awaitable<CommandResult> CommandExecution::run() {
   result_.targets.clear();
   if (order_.interrupted) {
     co_await settle_interrupted();
-  } else if (order_.run_order) {
+  } else if (order_.run_request) {
     result_.targets.emplace_back();
     co_await run_or_stop();
   } else {
@@ -494,14 +494,14 @@ asio::awaitable<void> CommandExecution::settle_interrupted() {
   }
 }
 
-asio::awaitable<std::optional<bool>> CommandExecution::await_run_state(bool wanted) {
+asio::awaitable<std::optional<bool>> CommandExecution::await_run_state(const PlcServices& plc,
+                                                                       bool wanted) {
   std::optional<bool> state;
-  const auto question = station_.codec->run_state();
-  if (!question) co_return state;
+  const Request question = plc.run_state();
   const auto give_up = Clock::now() + kRunStateWithin;
   for (;;) {
-    const Exchange exchange = co_await ask(*question, SteadyTime::max());
-    if (exchange.is_data()) state = station_.codec->run_state_from(exchange.reply.image);
+    const Exchange exchange = co_await ask(question, SteadyTime::max());
+    if (exchange.is_data()) state = plc.run_state_from(exchange.reply.image);
     if (state == wanted || cut_off_ || Clock::now() + kRunStateEvery > give_up) co_return state;
     co_await pause(kRunStateEvery);
   }
@@ -509,8 +509,9 @@ asio::awaitable<std::optional<bool>> CommandExecution::await_run_state(bool want
 
 asio::awaitable<void> CommandExecution::run_or_stop() {
   TargetResult& out = result_.targets.front();
+  const PlcServices& plc = *station_.codec->plc();  // which made the request that was admitted
   const bool wanted = order_.command.op == Op::run;
-  const Exchange exchange = co_await ask(*order_.run_order, latest_start());
+  const Exchange exchange = co_await ask(*order_.run_request, latest_start());
   if (exchange.sent) ++result_.attempts;
   if (!exchange.sent) {
     set_without_effect(out, exchange);
@@ -518,14 +519,14 @@ asio::awaitable<void> CommandExecution::run_or_stop() {
   }
   if (exchange.is_ack()) out.plc = PlcAnswer::ack;
   if (exchange.is_nak()) out.plc = PlcAnswer::nak;
-  const auto state = co_await await_run_state(wanted);
+  const auto state = co_await await_run_state(plc, wanted);
   if (state) {
     Verification seen;
     seen.read = Value(Scalar(std::string(*state ? "run" : "stop")));
     seen.match = *state == wanted;
     out.verify = seen;
   }
-  const std::string hint = station_.codec->run_order_hint();
+  const std::string hint = plc.run_hint();
   if (state == wanted) {
     set(out, CommandStatus::succeeded, Reason::none, "");
   } else if (exchange.is_nak()) {
@@ -586,13 +587,12 @@ nanoseconds target_time(const Codec& codec, const DeviceConfig& device, const Li
          readings * read_time(codec, device, target.point, timing);
 }
 
-/// The order and one question whether it has had its effect.
-nanoseconds run_order_time(const Codec& codec, const LineTiming& timing,
-                           const AdmittedCommand& admitted) {
-  if (!admitted.run_order) return {};
-  nanoseconds total = exchange_time(codec, *admitted.run_order, timing);
-  if (const auto question = codec.run_state()) total += exchange_time(codec, *question, timing);
-  return total;
+/// Of run and stop: the request and one question whether it has had its effect.
+nanoseconds run_or_stop_time(const Codec& codec, const LineTiming& timing,
+                             const AdmittedCommand& admitted) {
+  if (!admitted.run_request) return {};
+  return exchange_time(codec, *admitted.run_request, timing) +
+         exchange_time(codec, codec.plc()->run_state(), timing);
 }
 
 }  // namespace
@@ -600,8 +600,8 @@ nanoseconds run_order_time(const Codec& codec, const LineTiming& timing,
 nanoseconds CommandExecution::line_time(const Codec& codec, const DeviceConfig& device,
                                         nanoseconds char_time, const AdmittedCommand& admitted) {
   const LineTiming timing = timing_of(device, char_time);
-  nanoseconds total = run_order_time(codec, timing, admitted);
-  if (admitted.run_order) total += kRunStateWithin;
+  nanoseconds total = run_or_stop_time(codec, timing, admitted);
+  if (admitted.run_request) total += kRunStateWithin;
   for (const AdmittedTarget& target : admitted.targets)
     total += target_time(codec, device, timing, admitted, target);
   return total;
@@ -610,7 +610,7 @@ nanoseconds CommandExecution::line_time(const Codec& codec, const DeviceConfig& 
 void CommandExecution::set_line_times(const Codec& codec, const DeviceConfig& device,
                                       nanoseconds char_time, AdmittedCommand& admitted) {
   const LineTiming timing = timing_of(device, char_time);
-  nanoseconds total = run_order_time(codec, timing, admitted);
+  nanoseconds total = run_or_stop_time(codec, timing, admitted);
   for (AdmittedTarget& target : admitted.targets) {
     target.line_time = target_time(codec, device, timing, admitted, target);
     total += target.line_time;

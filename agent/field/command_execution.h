@@ -13,6 +13,7 @@
 #include "agent/field/bus_sharing.h"
 #include "agent/messages.h"
 #include "protocol/plan.h"
+#include "protocol/plc.h"
 
 namespace fxagent {
 
@@ -90,7 +91,7 @@ class CommandExecution final {
   asio::awaitable<void> settle_unknown(const AdmittedTarget& target, const Exchange& lost,
                                        TargetResult& out);
   asio::awaitable<void> run_or_stop();
-  asio::awaitable<std::optional<bool>> await_run_state(bool wanted);
+  asio::awaitable<std::optional<bool>> await_run_state(const PlcServices& plc, bool wanted);
   asio::awaitable<void> pause(std::chrono::milliseconds duration);
   void summarise();
 

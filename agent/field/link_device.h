@@ -18,6 +18,7 @@
 #include "agent/field/report_by_exception.h"
 #include "agent/messages.h"
 #include "protocol/plan.h"
+#include "protocol/plc.h"
 
 namespace fxagent {
 
@@ -75,7 +76,7 @@ struct LinkWorker::Device {
     station.enquire = config.enquire;
     station.echo = config.echo;
     turnaround = config.turnaround;
-    model_known = !codec->model().empty() || codec->identify().empty();
+    model_known = !must_ask_model(*codec);
   }
 
   const DeviceConfig& config;

@@ -112,13 +112,13 @@ void LinkWorker::add_device(std::uint32_t index, BackOff back_off, Polling polli
     first_poll_after_ += group->plan.line_time;
     device->groups.push_back(std::move(group));
   }
-  if (device->codec->run_state())
+  if (device->codec->plc() != nullptr)
     device->run_state_group =
         scheduler_.add_group(device->id, kRunStateInterval, 1, next_open_, kRunStateWithin);
   device->status.device = index;
   device->status.since_ms = now_ms();
   device->status.reason = "starting";
-  device->status.model = device->codec->model();
+  device->status.model = model_of(*device->codec);
   outbox_.push(device->status);
   by_index_[index] = device.get();
   devices_.push_back(std::move(device));
@@ -293,9 +293,7 @@ void LinkWorker::note_silence(Device& device) {
   if (silent) {
     device.run.reset();
     // Whoever answers next may be another PLC.
-    if (device.config.codec->model().empty() && !device.config.codec->identify().empty()) {
-      device.model_known = false;
-    }
+    if (must_ask_model(*device.config.codec)) device.model_known = false;
   }
   const bool tcp = std::holds_alternative<TcpSettings>(config_.links[link_].channel);
   const int limit = std::max(kDeadPeerAfter, static_cast<int>(devices_.size()) + 1);

@@ -119,7 +119,7 @@ nanoseconds LinkWorker::longest_poll() const {
     for (const auto& group : device->groups) plans.push_back(&group->plan);
     nanoseconds of_device = fxagent::longest_poll(*device->codec, plans, timing);
     if (!device->model_known)  // the questions about the model go as one with the read they precede
-      for (const Request& question : device->config.codec->identify())
+      for (const Request& question : device->config.codec->plc()->identify())
         of_device += exchange_time(*device->codec, question, timing);
     longest = std::max(longest, of_device);
   }
@@ -235,7 +235,7 @@ bool LinkWorker::may_go_between(nanoseconds credit) const {
     if (next.device != under_way.device) return false;
     // A STOP may not wait; a RUN may be meant to come after what is being written. And what is
     // read or written twice is meant in its order.
-    if (next.admitted.run_order) return next.admitted.command.op != Op::stop;
+    if (next.admitted.run_request) return next.admitted.command.op != Op::stop;
     for (const AdmittedTarget& target : next.admitted.targets) {
       const Span span = *span_of(target.point);
       for (const AdmittedTarget& other : under_way.admitted.targets)
@@ -280,7 +280,7 @@ asio::awaitable<void> LinkWorker::run_command() {
   if (order_run.was_unanswered() && !order_run.was_answered()) note_silence(device);
   result.bound = admitted.bound;
   device.admission.finished(result);
-  if (admitted.run_order && result.status == CommandStatus::succeeded)
+  if (admitted.run_request && result.status == CommandStatus::succeeded)
     device.run = admitted.command.op == Op::run;
   result.frames = std::move(trace);
   outbox_.push(std::move(result));

@@ -217,7 +217,7 @@ bool LinkWorker::take_refusal(Device& device, GroupPoll& group, const PollSchedu
       device.holes.refused(planned.read.span, halves, exchange.ended);
       if (!halves)
         log::warn("device", {{"device", device.config.name},
-                             {"refused", device.codec->name_of(planned.read.span)},
+                             {"refused", device.codec->addresses().name_of(planned.read.span)},
                              {"reason", exchange.reply.text}});
       return false;
     }
@@ -295,9 +295,9 @@ asio::awaitable<void> LinkWorker::read_run_state(Device& device, PollScheduler::
   Knowledge knowledge = Knowledge::unanswered;
   BadReason failure = BadReason::link_down;
   if (bus_.is_open()) knowledge = co_await know_model(device, failure);
-  const auto question = device.codec->run_state();
-  if (knowledge != Knowledge::unanswered && bus_.is_open() && question) {
-    const Exchange exchange = co_await bus_.exchange(device.station, *question);
+  if (knowledge != Knowledge::unanswered && bus_.is_open()) {
+    const Request question = device.codec->plc()->run_state();
+    const Exchange exchange = co_await bus_.exchange(device.station, question);
     if (stopping_) co_return;
     scheduler_.step_used(step, exchange.ended - exchange.began);
     if (exchange.has_answer()) note_answer(device);
@@ -305,7 +305,7 @@ asio::awaitable<void> LinkWorker::read_run_state(Device& device, PollScheduler::
     if (exchange.outcome == Exchange::Outcome::link_down) line_lost(exchange.error);
     device.run.reset();
     if (exchange.is_data() && !exchange.doubted)
-      device.run = device.codec->run_state_from(exchange.reply.image);
+      device.run = device.codec->plc()->run_state_from(exchange.reply.image);
   }
   scheduler_.step_done(step);
   update_status(device);
@@ -313,7 +313,7 @@ asio::awaitable<void> LinkWorker::read_run_state(Device& device, PollScheduler::
 
 asio::awaitable<LinkWorker::Knowledge> LinkWorker::know_model(Device& device, BadReason& failure) {
   if (device.model_known) co_return Knowledge::known;
-  const Codec& asking = *device.config.codec;
+  const PlcServices& asking = *device.config.codec->plc();  // else the model would be known
   const std::vector<Request> questions = asking.identify();
   std::vector<Bytes> images;
   for (const Request& question : questions) {
@@ -342,11 +342,11 @@ asio::awaitable<LinkWorker::Knowledge> LinkWorker::know_model(Device& device, Ba
     log::warn("device", {{"device", device.config.name},
                          {"model", "unknown"},
                          {"note", "only what every model has is used; set model in the config"}});
-  } else if (*model != device.codec->model()) {
+  } else if (*model != model_of(*device.codec)) {
     log::info("device", {{"device", device.config.name}, {"model", *model}});
   }
   const std::string now_known = model.value_or("");
-  const bool changed = now_known != device.codec->model();
+  const bool changed = now_known != model_of(*device.codec);
   if (changed) {
     device.codec = model ? asking.with_model(*model) : device.config.codec;
     device.station.codec = device.codec.get();

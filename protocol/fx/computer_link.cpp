@@ -644,7 +644,7 @@ std::shared_ptr<const Codec> ComputerLink::with_model(std::string_view model) co
   return std::make_shared<const ComputerLink>(settings);
 }
 
-std::optional<Request> ComputerLink::run_state() const {
+Request ComputerLink::run_state() const {
   return Read{span_of(Space::special_m, {8000, 8000}), kBitWay};
 }
 
@@ -653,11 +653,11 @@ std::optional<bool> ComputerLink::run_state_from(ByteView image) const {
   return (image[0] & 1) != 0;
 }
 
-Result<Request> ComputerLink::run_order(bool run) const {
-  return Request(Control{run ? Control::Kind::run : Control::Kind::stop});
+Request ComputerLink::run_request(bool run) const {
+  return Control{run ? Control::Kind::run : Control::Kind::stop};
 }
 
-std::string ComputerLink::run_order_hint() const {
+std::string ComputerLink::run_hint() const {
   return "the PLC's RUN/STOP switch (and its RUN terminal) must be at STOP: only a PLC that was "
          "set running over the link can be stopped over it";
 }

@@ -14,10 +14,11 @@
 #include "protocol/catalog.h"
 #include "protocol/codec.h"
 #include "protocol/fx/device.h"
+#include "protocol/plc.h"
 
 namespace fxagent::fx {
 
-class ComputerLink final : public Codec {
+class ComputerLink final : public Codec, public AddressSpace, public PlcServices {
  public:
   /// What D8120 and D8121 of the PLC say, seen from the computer.
   struct Settings {
@@ -38,6 +39,7 @@ class ComputerLink final : public Codec {
   /// From the config's options. bad_request: `format` 2 or 3, `message_wait_ms` not in tens.
   static Result<std::shared_ptr<const Codec>> make(const Options& options);
 
+  // AddressSpace
   Result<Address> parse_address(std::string_view text, std::optional<DataType> type) const override;
   bool needs_type(std::string_view text) const override;
   Result<Span> parse_range(std::string_view text) const override;
@@ -49,6 +51,9 @@ class ComputerLink final : public Codec {
   std::uint32_t max_write_bits(std::uint16_t space) const override;
   ByteOrder default_order() const override;
 
+  // Codec
+  const AddressSpace& addresses() const override { return *this; }
+  const PlcServices* plc() const override { return this; }
   Result<Bytes> encode(const Request& request, std::uint16_t tag) const override;
   Result<std::optional<Reply>> decode(const Request& request, std::uint16_t tag,
                                       ByteView rx) const override;
@@ -59,17 +64,19 @@ class ComputerLink final : public Codec {
 
   std::optional<Request> resync() const override;
   std::optional<Request> probe() const override;
-  std::vector<Request> identify() const override;
-  std::optional<std::string> model_from(const std::vector<Bytes>& images) const override;
-  std::string model() const override;
-  std::shared_ptr<const Codec> with_model(std::string_view model) const override;
-  std::optional<Request> run_state() const override;
-  std::optional<bool> run_state_from(ByteView image) const override;
-  Result<Request> run_order(bool run) const override;
-  std::string run_order_hint() const override;
   RefusalMeaning meaning_of(const Request& request, int device_code) const override;
   /// BT where all are bits and few, WT where all are whole 16-bit words, QT with an R among them.
   std::optional<Request> combine(const std::vector<Request>& requests) const override;
+
+  // PlcServices
+  std::string model() const override;
+  std::vector<Request> identify() const override;
+  std::optional<std::string> model_from(const std::vector<Bytes>& images) const override;
+  std::shared_ptr<const Codec> with_model(std::string_view model) const override;
+  Request run_state() const override;
+  std::optional<bool> run_state_from(ByteView image) const override;
+  Request run_request(bool run) const override;
+  std::string run_hint() const override;
 
  private:
   /// Header, area and what follows them: ENQ station pc command wait area [sum] [CR LF].

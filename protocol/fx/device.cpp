@@ -42,8 +42,8 @@ constexpr std::array<Limits, 7> kLimits = {{
     {0377, 0377, 7679, 8511, 4095, 511, 199, 200, 255, 7999, 32768},  // FX3U
 }};
 
-// Devices that start and stop the PLC or open its program memory. RUN and STOP have orders of their
-// own; a write that reached one of these as a side effect would stop a plant.
+// Devices that start and stop the PLC or open its program memory. RUN and STOP have requests of
+// their own; a write that reached one of these as a side effect would stop a plant.
 constexpr std::array<Numbers, 2> kNeverWritten = {{{8034, 8037}, {8118, 8118}}};
 
 constexpr std::string_view kForms = "X0 Y0 (octal) M0 S0 D0 R0 TN0 TS0 CN0 CS0, T0 C0, D0.F, K4M0";

@@ -14,8 +14,8 @@ constexpr std::uint32_t kFx3Bytes = 254;
 // The longest frame there is: the answer to a read of 254 bytes.
 constexpr std::size_t kLongestFrame = 2 * kFx3Bytes + kEnvelope;
 
-constexpr std::uint32_t kRunBit = 0;      // M8000: on while the PLC runs
-constexpr std::uint32_t kStopOrder = 37;  // M8037: forced STOP
+constexpr std::uint32_t kRunBit = 0;       // M8000: on while the PLC runs
+constexpr std::uint32_t kForcedStop = 37;  // M8037: forced STOP
 
 std::uint8_t way_of(CommandSet set) {
   return set == CommandSet::classic ? ProgrammingPort::kClassicWay : ProgrammingPort::kExtendedWay;
@@ -158,8 +158,9 @@ std::uint32_t word_at(const std::vector<Bytes>& images, std::size_t index) {
   return images[index][0] + images[index][1] * 256U;
 }
 
-bool is_run_order(const Force& force) {
-  return force.space == id(Space::special_m) && force.bit == kStopOrder;
+/// Whether it is a RUN or a STOP.
+bool switches_run(const Force& force) {
+  return force.space == id(Space::special_m) && force.bit == kForcedStop;
 }
 
 tl::unexpected<Error> no_address(const Span& span) {
@@ -347,7 +348,7 @@ Result<Bytes> ProgrammingPort::encode_write(const Write& write) const {
 Result<Bytes> ProgrammingPort::encode_force(const Force& force) const {
   const Span span{force.space, force.bit, 1};
   // RUN and STOP are forces of M8037; check_write() keeps everybody else away from it.
-  if (!is_run_order(force)) {
+  if (!switches_run(force)) {
     if (const auto allowed = fx::check_write(settings_.model, span); !allowed)
       return tl::make_unexpected(allowed.error());
   }
@@ -369,7 +370,7 @@ Result<Bytes> ProgrammingPort::encode(const Request& request, std::uint16_t /*ta
   if (const auto* write = std::get_if<Write>(&request)) return encode_write(*write);
   if (const auto* force = std::get_if<Force>(&request)) return encode_force(*force);
   return fail(ErrorCode::unsupported,
-              "the programming port has no such request; RUN and STOP are forces of M8037");
+              "the programming port has no such command; RUN and STOP are forces of M8037");
 }
 
 Result<std::optional<Reply>> ProgrammingPort::decode(const Request& request, std::uint16_t tag,
@@ -457,7 +458,7 @@ std::shared_ptr<const Codec> ProgrammingPort::with_model(std::string_view model)
   return std::make_shared<const ProgrammingPort>(settings);
 }
 
-std::optional<Request> ProgrammingPort::run_state() const {
+Request ProgrammingPort::run_state() const {
   // Until the model is known only the classic address is; every FX has it.
   const auto allowed = sets();
   const CommandSet set = allowed.empty() ? CommandSet::classic : allowed.front();
@@ -469,11 +470,11 @@ std::optional<bool> ProgrammingPort::run_state_from(ByteView image) const {
   return (image[0] >> kRunBit & 1) != 0;
 }
 
-Result<Request> ProgrammingPort::run_order(bool run) const {
-  return Request(Force{id(Space::special_m), kStopOrder, !run});
+Request ProgrammingPort::run_request(bool run) const {
+  return Force{id(Space::special_m), kForcedStop, !run};
 }
 
-std::string ProgrammingPort::run_order_hint() const {
+std::string ProgrammingPort::run_hint() const {
   return "the PLC's RUN/STOP switch (and its RUN terminal, if one is assigned) must be at RUN";
 }
 
@@ -481,7 +482,7 @@ RefusalMeaning ProgrammingPort::meaning_of(const Request& request, int /*device_
   // A NAK has no reason, so noise on the request looks like any other: a repeat may succeed. Not so
   // for RUN and STOP, where the switch decides and a repeat could come after it was turned.
   const auto* force = std::get_if<Force>(&request);
-  const bool runs_or_stops = force != nullptr && is_run_order(*force);
+  const bool runs_or_stops = force != nullptr && switches_run(*force);
   return runs_or_stops ? RefusalMeaning::final : RefusalMeaning::curable;
 }
 

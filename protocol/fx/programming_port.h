@@ -14,10 +14,11 @@
 #include "protocol/codec.h"
 #include "protocol/fx/device.h"
 #include "protocol/fx/port_map.h"
+#include "protocol/plc.h"
 
 namespace fxagent::fx {
 
-class ProgrammingPort final : public Codec {
+class ProgrammingPort final : public Codec, public AddressSpace, public PlcServices {
  public:
   /// Which commands may be used: `automatic` takes the classic ones wherever they reach.
   enum class Commands : std::uint8_t { automatic, classic, extended };
@@ -35,6 +36,7 @@ class ProgrammingPort final : public Codec {
   /// From the config's options. bad_request: `command_set` extended on a model that has none.
   static Result<std::shared_ptr<const Codec>> make(const Options& options);
 
+  // AddressSpace
   Result<Address> parse_address(std::string_view text, std::optional<DataType> type) const override;
   bool needs_type(std::string_view text) const override;
   Result<Span> parse_range(std::string_view text) const override;
@@ -46,6 +48,9 @@ class ProgrammingPort final : public Codec {
   std::uint32_t max_write_bits(std::uint16_t space) const override;
   ByteOrder default_order() const override;
 
+  // Codec
+  const AddressSpace& addresses() const override { return *this; }
+  const PlcServices* plc() const override { return this; }
   Result<Bytes> encode(const Request& request, std::uint16_t tag) const override;
   Result<std::optional<Reply>> decode(const Request& request, std::uint16_t tag,
                                       ByteView rx) const override;
@@ -56,15 +61,17 @@ class ProgrammingPort final : public Codec {
 
   std::optional<Request> resync() const override;
   std::optional<Request> probe() const override;
+  RefusalMeaning meaning_of(const Request& request, int device_code) const override;
+
+  // PlcServices
+  std::string model() const override;
   std::vector<Request> identify() const override;
   std::optional<std::string> model_from(const std::vector<Bytes>& images) const override;
-  std::string model() const override;
   std::shared_ptr<const Codec> with_model(std::string_view model) const override;
-  std::optional<Request> run_state() const override;
+  Request run_state() const override;
   std::optional<bool> run_state_from(ByteView image) const override;
-  Result<Request> run_order(bool run) const override;
-  std::string run_order_hint() const override;
-  RefusalMeaning meaning_of(const Request& request, int device_code) const override;
+  Request run_request(bool run) const override;
+  std::string run_hint() const override;
 
  private:
   std::uint32_t max_read_bytes(CommandSet set) const;

@@ -427,24 +427,7 @@ Explanation Modbus::explain(ByteView frame, std::optional<Direction> direction) 
   return explain_frame(settings_.framing, frame, direction);
 }
 
-// ---- the device itself --------------------------------------------------------------------------
-
-std::optional<Request> Modbus::resync() const { return std::nullopt; }
-std::optional<Request> Modbus::probe() const { return std::nullopt; }
-std::vector<Request> Modbus::identify() const { return {}; }
-std::optional<std::string> Modbus::model_from(const std::vector<Bytes>& /*images*/) const {
-  return std::nullopt;
-}
-std::string Modbus::model() const { return {}; }
-std::shared_ptr<const Codec> Modbus::with_model(std::string_view /*model*/) const {
-  return nullptr;
-}
-std::optional<Request> Modbus::run_state() const { return std::nullopt; }
-std::optional<bool> Modbus::run_state_from(ByteView /*image*/) const { return std::nullopt; }
-Result<Request> Modbus::run_order(bool /*run*/) const {
-  return fail(ErrorCode::unsupported, "Modbus has no request that runs or stops a PLC");
-}
-std::string Modbus::run_order_hint() const { return {}; }
+// ---- refusals, recovery and pauses --------------------------------------------------------------
 
 RefusalMeaning Modbus::meaning_of(const Request& request, int device_code) const {
   const bool reads = std::holds_alternative<Read>(request);

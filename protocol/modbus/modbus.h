@@ -16,7 +16,7 @@
 
 namespace fxagent::modbus {
 
-class Modbus final : public Codec {
+class Modbus final : public Codec, public AddressSpace {
  public:
   struct Settings {
     Framing framing = Framing::rtu;
@@ -35,6 +35,7 @@ class Modbus final : public Codec {
   static Result<std::shared_ptr<const Codec>> make_ascii(const Options& options);
   static Result<std::shared_ptr<const Codec>> make_tcp(const Options& options);
 
+  // AddressSpace
   /// hr:100 ir:0 co:5 di:7, hr:100.3 (bit 3), hr:0x64; 40101 or 400101, by the count of digits.
   Result<Address> parse_address(std::string_view text, std::optional<DataType> type) const override;
   bool needs_type(std::string_view text) const override;
@@ -48,6 +49,8 @@ class Modbus final : public Codec {
   std::uint32_t max_write_bits(std::uint16_t space) const override;
   ByteOrder default_order() const override;
 
+  // Codec
+  const AddressSpace& addresses() const override { return *this; }
   Result<Bytes> encode(const Request& request, std::uint16_t tag) const override;
   Result<std::optional<Reply>> decode(const Request& request, std::uint16_t tag,
                                       ByteView rx) const override;
@@ -55,16 +58,6 @@ class Modbus final : public Codec {
   LineLength line_length(const Request& request) const override;
   Explanation explain(ByteView frame, std::optional<Direction> direction) const override;
 
-  std::optional<Request> resync() const override;
-  std::optional<Request> probe() const override;
-  std::vector<Request> identify() const override;
-  std::optional<std::string> model_from(const std::vector<Bytes>& images) const override;
-  std::string model() const override;
-  std::shared_ptr<const Codec> with_model(std::string_view model) const override;
-  std::optional<Request> run_state() const override;
-  std::optional<bool> run_state_from(ByteView image) const override;
-  Result<Request> run_order(bool run) const override;
-  std::string run_order_hint() const override;
   RefusalMeaning meaning_of(const Request& request, int device_code) const override;
   /// 06 → 16, 05 → 15, and 22 → reading, changing and writing, where that is allowed.
   std::optional<Request> instead_of(const Request& request, int device_code) const override;

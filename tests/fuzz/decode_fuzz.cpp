@@ -53,7 +53,7 @@ std::vector<std::shared_ptr<const Codec>> every_codec() {
 std::vector<Request> questions(const Codec& codec) {
   std::vector<Request> asked = {Enquire{}};
   for (std::uint16_t space = 0; space < 32; ++space) {
-    for (const ReadWay& way : codec.read_ways(space)) {
+    for (const ReadWay& way : codec.addresses().read_ways(space)) {
       const std::uint32_t bits = way.unit_bits;
       const Span span{space, way.first_bit, bits};
       asked.emplace_back(Read{span, way.way});

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <set>
 
+#include "protocol/plc.h"
+
 namespace fxagent {
 namespace {
 
@@ -45,11 +47,11 @@ TEST(Catalog, TheProgrammingPortIsMadeFromItsOptions) {
   const auto make = find_protocol("fx-programming-port")->make;
   const auto plain = make({{"model", std::string("auto")}});
   ASSERT_TRUE(plain);
-  EXPECT_EQ((*plain)->model(), "");
+  EXPECT_EQ(model_of(**plain), "");
   const auto known =
       make({{"model", std::string("FX2N")}, {"command_set", std::string("classic")}});
   ASSERT_TRUE(known);
-  EXPECT_EQ((*known)->model(), "FX2N");
+  EXPECT_EQ(model_of(**known), "FX2N");
   EXPECT_FALSE(make({{"model", std::string("FX9")}}));
   const auto impossible =
       make({{"model", std::string("FX1S")}, {"command_set", std::string("extended")}});

@@ -6,6 +6,7 @@
 #include <map>
 
 #include "protocol/catalog.h"
+#include "protocol/plc.h"
 #include "tests/protocol/frame_file.h"
 
 namespace fxagent {
@@ -349,7 +350,7 @@ TEST(CodecContract, EveryReadWithinTheLimitsIsSentAndNoneBeyond) {
       const auto codec = codec_of(info, model);
       ASSERT_NE(codec, nullptr);
       for (std::uint16_t space = 0; space < 32; ++space) {
-        for (const ReadWay& way : codec->read_ways(space)) {
+        for (const ReadWay& way : codec->addresses().read_ways(space)) {
           SCOPED_TRACE(std::string(info.name) + " " + model + " space " + std::to_string(space));
           const auto sent = [&](std::uint32_t first, std::uint32_t bits) {
             return codec->encode(Read{{space, first, bits}, way.way}, 1).has_value();
@@ -374,13 +375,34 @@ TEST(CodecContract, AnAnswerIsExplainedAsOne) {
   });
 }
 
+TEST(CodecContract, WhoHasModelsCanBeAskedForItAndWhetherItRuns) {
+  for (const ProtocolInfo& info : catalog()) {
+    SCOPED_TRACE(info.name);
+    const auto codec = codec_of(info, "auto");
+    const PlcServices* plc = codec->plc();
+    ASSERT_EQ(plc != nullptr, !info.models.empty());
+    if (plc == nullptr) continue;
+    EXPECT_TRUE(must_ask_model(*codec));
+    EXPECT_FALSE(must_ask_model(*plc->with_model(info.models.back())));
+    EXPECT_EQ(plc->with_model("none of them"), nullptr);
+    ASSERT_FALSE(plc->identify().empty());
+    for (const Request& question : plc->identify()) EXPECT_TRUE(codec->encode(question, 1));
+    EXPECT_TRUE(codec->encode(plc->run_state(), 1));
+    EXPECT_FALSE(plc->run_hint().empty());
+    const auto known = plc->with_model(info.models.back());
+    for (const bool run : {true, false})
+      EXPECT_TRUE(known->encode(known->plc()->run_request(run), 1)) << run;
+  }
+}
+
 TEST(CodecContract, AnIdentifiedModelIsOneOfTheCatalogue) {
   for (const ProtocolInfo& info : catalog()) {
     const auto codec = codec_of(info, "auto");
     for (const std::string_view model : info.models) {
-      const auto known = codec->with_model(model);
+      ASSERT_NE(codec->plc(), nullptr) << info.name;
+      const auto known = codec->plc()->with_model(model);
       ASSERT_NE(known, nullptr) << model;
-      EXPECT_EQ(known->model(), model);
+      EXPECT_EQ(model_of(*known), model);
     }
   }
 }

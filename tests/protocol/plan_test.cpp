@@ -17,7 +17,7 @@ using fx::Model;
 using fx::ProgrammingPort;
 
 /// A made-up protocol whose ways a test can choose: 10 characters and two for each byte.
-class PaperCodec final : public Codec {
+class PaperCodec final : public Codec, public AddressSpace {
  public:
   explicit PaperCodec(std::vector<ReadWay> ways) : ways_(std::move(ways)) {}
 
@@ -36,6 +36,7 @@ class PaperCodec final : public Codec {
   }
   std::uint32_t max_write_bits(std::uint16_t space) const override { return space == 0 ? 128 : 0; }
   ByteOrder default_order() const override { return ByteOrder::cdab; }
+  const AddressSpace& addresses() const override { return *this; }
   Result<Bytes> encode(const Request&, std::uint16_t) const override { return Bytes{}; }
   Result<std::optional<Reply>> decode(const Request&, std::uint16_t, ByteView) const override {
     return std::optional<Reply>{};
@@ -47,18 +48,6 @@ class PaperCodec final : public Codec {
     return {5, 5 + (read.way == 1 ? read.span.bits : (read.span.bits + 3) / 4), 0};
   }
   Explanation explain(ByteView, std::optional<Direction>) const override { return {}; }
-  std::optional<Request> resync() const override { return std::nullopt; }
-  std::optional<Request> probe() const override { return std::nullopt; }
-  std::vector<Request> identify() const override { return {}; }
-  std::optional<std::string> model_from(const std::vector<Bytes>&) const override {
-    return std::nullopt;
-  }
-  std::string model() const override { return ""; }
-  std::shared_ptr<const Codec> with_model(std::string_view) const override { return nullptr; }
-  std::optional<Request> run_state() const override { return std::nullopt; }
-  std::optional<bool> run_state_from(ByteView) const override { return std::nullopt; }
-  Result<Request> run_order(bool) const override { return fail(ErrorCode::unsupported, "none"); }
-  std::string run_order_hint() const override { return ""; }
   RefusalMeaning meaning_of(const Request&, int) const override { return RefusalMeaning::final; }
 
  private:
@@ -88,7 +77,7 @@ Point bits(std::uint32_t number, std::uint16_t count = 1) {
 Point device(const Codec& codec, std::string_view address, DataType type = DataType::int16,
              std::uint16_t count = 1) {
   Point point;
-  point.address = *codec.parse_address(address, type);
+  point.address = *codec.addresses().parse_address(address, type);
   point.type = type;
   point.count = count;
   point.is_array = count > 1;
@@ -107,7 +96,7 @@ void check(const Plan& plan, const Codec& codec, const std::vector<Point>& point
   for (const PlannedRead& planned : plan.reads) {
     const Span& span = planned.read.span;
     bool allowed = false;
-    for (const ReadWay& w : codec.read_ways(span.space))
+    for (const ReadWay& w : codec.addresses().read_ways(span.space))
       allowed |= w.way == planned.read.way && span.first_bit >= w.first_bit &&
                  span.end_bit() <= w.end_bit && span.first_bit % w.align_bits == 0 &&
                  span.bits % w.unit_bits == 0 && span.bits > 0 && span.bits <= w.max_bits &&
@@ -384,7 +373,7 @@ TEST(Plan, ALongBitArrayComesBackWhole) {
 /// The least line time over every way to share the points out among reads, contiguous or not.
 std::int64_t brute_force(const Codec& codec, const std::vector<Point>& points, const LineCost& cost,
                          const Holes& holes = {}) {
-  const auto ways = codec.read_ways(0);
+  const auto ways = codec.addresses().read_ways(0);
   // What every read brings anyway, since it goes by whole bytes or words, is nobody's gap.
   std::uint32_t grain = 0;
   for (const ReadWay& w : ways) grain = std::gcd(grain, std::gcd(w.align_bits, w.unit_bits));

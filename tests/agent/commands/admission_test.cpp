@@ -35,7 +35,7 @@ DeviceConfig press() {
   device.tags.back().point.length = 4;
   device.tags.push_back(writable(array_of(tag(codec, "recipe", "D210"), 3)));
   for (const char* range : {"D100", "M100-M107", "D500-D501", "TN5", "TS5"})
-    device.commands.allow.push_back(*codec.parse_range(range));
+    device.commands.allow.push_back(*codec.addresses().parse_range(range));
   return device;
 }
 
@@ -637,11 +637,11 @@ TEST_F(CommandAdmissionTest, RunAndStopNeedTheirRule) {
   EXPECT_EQ(answered(command("a", Op::run)).reason, Reason::not_allowed);
   device.commands.allow_run_stop = true;
   const AdmittedCommand stop = admit(command("b", Op::stop));
-  ASSERT_TRUE(stop.run_order);
-  EXPECT_EQ(to_hex(*device.codec->encode(*stop.run_order, 0)),
+  ASSERT_TRUE(stop.run_request);
+  EXPECT_EQ(to_hex(*device.codec->encode(*stop.run_request, 0)),
             to_hex(force_frame(kForceM8037, true)));
   const AdmittedCommand run = admit(command("c", Op::run));
-  EXPECT_EQ(to_hex(*device.codec->encode(*run.run_order, 0)),
+  EXPECT_EQ(to_hex(*device.codec->encode(*run.run_request, 0)),
             to_hex(force_frame(kForceM8037, false)));
 }
 

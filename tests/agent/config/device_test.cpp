@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "protocol/plc.h"
 #include "tests/agent/config/small_plant.h"
 
 namespace fxagent {
@@ -53,7 +54,7 @@ TEST(ConfigDevice, EverythingThatCanBeSetIsSet) {
   EXPECT_TRUE(device.echo);
   EXPECT_EQ(device.max_block_bytes, 32U);
   EXPECT_EQ(device.enquire, EnquirePolicy::always);
-  EXPECT_EQ(device.codec->model(), "FX3G");
+  EXPECT_EQ(model_of(*device.codec), "FX3G");
 }
 
 TEST(ConfigDevice, GapIsAMinuteAtMost) {
@@ -119,7 +120,7 @@ TEST(ConfigDevice, ModelAutoIsCheckedAgainstTheWidestAndSaysSo) {
        {without("/devices/0/model"), changed("/devices/0/model", R"("auto")")}) {
     const auto config = good(text);
     EXPECT_TRUE(warns(config, {"model auto: checked against FX3U, the widest"}));
-    EXPECT_EQ(config.devices[0].codec->model(), "");
+    EXPECT_EQ(model_of(*config.devices[0].codec), "");
   }
   auto plant = small_plant();
   plant["devices"][0].erase("model");
@@ -368,7 +369,7 @@ TEST(ConfigDevice, AllowListIsSortedAndMerged) {
   const auto config = good(
       with_commands(R"({"allow": ["D20-D29", "M100-M199", "D10-D19", "D15", "M300", "D31"]})"));
   const auto& codec = *config.devices[0].codec;
-  const auto span = [&](const char* text) { return *codec.parse_range(text); };
+  const auto span = [&](const char* text) { return *codec.addresses().parse_range(text); };
   EXPECT_EQ(config.devices[0].commands.allow,
             (std::vector<Span>{span("M100-M199"), span("M300"), span("D10-D29"), span("D31")}));
 }

@@ -58,10 +58,10 @@ class BusTest : public ::testing::Test {
   }
   Exchange read(std::string_view address) { return ask(request_for(address)); }
   Exchange write_d200(unsigned value = 50) {
-    return ask(Write{codec->parse_address("D200", {})->span, word(value)});
+    return ask(Write{codec->addresses().parse_address("D200", {})->span, word(value)});
   }
   Request request_for(std::string_view address) const {
-    return Read{codec->parse_address(address, {})->span};
+    return Read{codec->addresses().parse_address(address, {})->span};
   }
 
   std::shared_ptr<const Codec> codec = port_codec();
@@ -249,7 +249,7 @@ TEST_F(BusTest, LateReplyHasItsTimeWhereNobodyAnswersTheResync) {
   codec = std::make_shared<fx::ComputerLink>(fx::ComputerLink::Settings{});
   station.codec = codec.get();
   station.timeout = milliseconds(150);
-  const Read d100{codec->parse_address("D100", {})->span, fx::ComputerLink::kWordWay};
+  const Read d100{codec->addresses().parse_address("D100", {})->span, fx::ComputerLink::kWordWay};
   const Bytes question = *codec->encode(d100, 0);
   const Bytes eot = *codec->encode(*codec->resync(), 0);
   wire->expect(eot).expect(question).silence();
@@ -508,7 +508,7 @@ TEST_F(BusTest, AnswersWithNumbersAreNeverDoubted) {
   const ProtocolInfo& info = *find_protocol("modbus-tcp");
   codec = *info.make(default_options(info));
   station.codec = codec.get();
-  const Read hr0{codec->parse_address("hr:0", {})->span};
+  const Read hr0{codec->addresses().parse_address("hr:0", {})->span};
   const Bytes first = *from_hex("00 01 00 00 00 05 01 03 02 00 64");
   wire->expect(*from_hex("00 01 00 00 00 06 01 03 00 00 00 01")).give(joined(first, first));
   wire->expect(*from_hex("00 02 00 00 00 06 01 03 00 00 00 01"));
@@ -525,7 +525,7 @@ TEST_F(BusTest, RtuAsksForLessFirstSoThatTheAnswersCanBeToldApart) {
   const ProtocolInfo& info = *find_protocol("modbus-rtu");
   codec = *info.make(default_options(info));
   station.codec = codec.get();
-  const Read two{{codec->parse_address("hr:0", {})->span.space, 0, 32}};
+  const Read two{{codec->addresses().parse_address("hr:0", {})->span.space, 0, 32}};
   const Bytes question = *from_hex("01 03 00 00 00 02 C4 0B");
   const Bytes answer = *from_hex("01 03 04 00 64 00 65 7B C7");
   wire->expect(question).give(answer).give(answer);
@@ -545,7 +545,7 @@ TEST_F(BusTest, EchoThatNobodyAwaitedIsNoForeignAnswer) {
   codec = *info.make(options);
   station.codec = codec.get();
   const Bytes admitted = *from_hex("00 06 00 01 00 AA 59 A4");
-  const Write write{{codec->parse_address("hr:1", {})->span.space, 16, 16}, word(0xAA)};
+  const Write write{{codec->addresses().parse_address("hr:1", {})->span.space, 16, 16}, word(0xAA)};
   wire->expect(admitted).give(admitted).expect(admitted);
   open();
   EXPECT_TRUE(ask(write).is_ack());

@@ -25,14 +25,14 @@ inline TagConfig tag(const Codec& codec, std::string name, std::string_view addr
                      std::optional<DataType> type = std::nullopt, std::uint32_t group = 0) {
   TagConfig out;
   out.name = std::move(name);
-  const auto place = codec.parse_address(address, type);
+  const auto place = codec.addresses().parse_address(address, type);
   if (!place) {
     ADD_FAILURE() << address << ": " << place.error().text;
     return out;
   }
   out.point.address = *place;
   out.point.type = type.value_or(default_type(*place));
-  out.point.order = codec.default_order();
+  out.point.order = codec.addresses().default_order();
   out.group = group;
   return out;
 }

@@ -614,7 +614,8 @@ TEST_F(LinkWorkerTest, WrittenValueIsPublishedAtOnce) {
 
 TEST_F(LinkWorkerTest, RefusedWriteAndRawAddressPublishNothing) {
   add_setpoint();
-  config.devices[0].commands.allow.push_back(*config.devices[0].codec->parse_range("D300"));
+  config.devices[0].commands.allow.push_back(
+      *config.devices[0].codec->addresses().parse_range("D300"));
   bool refuses = true;
   script().then([&](ByteView request) {
     const bool is_write = request.size() > 1 && request[1] == '1';

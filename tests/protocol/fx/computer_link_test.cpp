@@ -200,7 +200,8 @@ TEST(ComputerLink, AnUnknownModelIsAskedForNothingThatSomeModelLacks) {
   EXPECT_EQ(ways[0].way, ComputerLink::kBitWay);
   EXPECT_EQ(ways[0].max_bits, 54U);
   EXPECT_EQ(station(Model::unknown).read_ways(id(Space::d))[0].max_bits, 13U * 16);
-  EXPECT_EQ(station(Model::unknown).with_model("FX3U")->read_ways(id(Space::m)).size(), 2U);
+  EXPECT_EQ(station(Model::unknown).with_model("FX3U")->addresses().read_ways(id(Space::m)).size(),
+            2U);
 }
 
 TEST(ComputerLink, ABlockLimitLowersReadsAndWrites) {
@@ -620,21 +621,21 @@ TEST(ComputerLink, AFoundModelKeepsTheOtherSettings) {
   settings.wait_tens = 15;
   const auto found = ComputerLink(settings).with_model("FX1N");
   ASSERT_NE(found, nullptr);
-  EXPECT_EQ(found->model(), "FX1N");
+  EXPECT_EQ(model_of(*found), "FX1N");
   EXPECT_EQ(text_of(*found->encode(*found->resync(), 0)), "\x04");
-  EXPECT_EQ(text_of(*found->encode(*found->run_order(true), 0)).substr(1, 7), "07FFRRF");
-  EXPECT_EQ(found->with_model("FX9"), nullptr);
+  EXPECT_EQ(text_of(*found->encode(found->plc()->run_request(true), 0)).substr(1, 7), "07FFRRF");
+  EXPECT_EQ(found->plc()->with_model("FX9"), nullptr);
 }
 
 TEST(ComputerLink, RunIsM8000AndIsOrderedByRrAndRs) {
-  EXPECT_EQ(sent(station(), *station().run_state()).substr(0, 14), "00FFBR0M800001");
+  EXPECT_EQ(sent(station(), station().run_state()).substr(0, 14), "00FFBR0M800001");
   EXPECT_EQ(station().probe(), station().run_state());
   EXPECT_EQ(station().run_state_from(Bytes{1}), true);
   EXPECT_EQ(station().run_state_from(Bytes{0}), false);
   EXPECT_EQ(station().run_state_from({}), std::nullopt);
-  EXPECT_EQ(sent(station(), *station().run_order(true)), "00FFRR0C0");
-  EXPECT_EQ(sent(station(), *station().run_order(false)), "00FFRS0C1");
-  EXPECT_NE(station().run_order_hint().find("STOP"), std::string::npos);
+  EXPECT_EQ(sent(station(), station().run_request(true)), "00FFRR0C0");
+  EXPECT_EQ(sent(station(), station().run_request(false)), "00FFRS0C1");
+  EXPECT_NE(station().run_hint().find("STOP"), std::string::npos);
 }
 
 TEST(ComputerLink, OnlyAWrongSumIsCuredByARepeatAndNeverForRunAndStop) {
@@ -647,7 +648,7 @@ TEST(ComputerLink, OnlyAWrongSumIsCuredByARepeatAndNeverForRunAndStop) {
     EXPECT_EQ(station().meaning_of(request, 0x18), RefusalMeaning::final);
   }
   for (const bool run : {true, false})
-    EXPECT_EQ(station().meaning_of(*station().run_order(run), 0x02), RefusalMeaning::final);
+    EXPECT_EQ(station().meaning_of(station().run_request(run), 0x02), RefusalMeaning::final);
 }
 
 TEST(ComputerLink, IsMadeFromItsOptions) {

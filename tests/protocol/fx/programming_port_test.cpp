@@ -122,7 +122,7 @@ TEST(ProgrammingPort, AnUnknownModelIsSpokenToInClassicCommandsOnly) {
   ASSERT_FALSE(beyond);
   EXPECT_EQ(beyond.error().code, ErrorCode::unsupported);
   EXPECT_NE(beyond.error().text.find("the model is not known"), std::string::npos);
-  EXPECT_EQ(codec.with_model("FX3U")->read_ways(id(Space::d)).size(), 2U);
+  EXPECT_EQ(codec.with_model("FX3U")->addresses().read_ways(id(Space::d)).size(), 2U);
   EXPECT_TRUE(port(Model::unknown, Commands::extended).read_ways(id(Space::d)).empty());
 }
 
@@ -192,7 +192,7 @@ TEST(ProgrammingPort, MaxBlockBytesComesFromTheOptions) {
                                            {"command_set", std::string("extended")},
                                            {"max_block_bytes", std::int64_t{128}}});
   ASSERT_TRUE(made);
-  EXPECT_EQ((*made)->read_ways(id(Space::d))[0].max_bits, 1024U);
+  EXPECT_EQ((*made)->addresses().read_ways(id(Space::d))[0].max_bits, 1024U);
 }
 
 TEST(ProgrammingPort, WritesThatBreakTheLimitsAreNotSent) {
@@ -501,16 +501,16 @@ TEST(ProgrammingPort, AModelThatCannotBeToldApartStaysUnknown) {
 TEST(ProgrammingPort, AFoundModelKeepsTheOtherSettings) {
   const auto found = port(Model::unknown, Commands::extended, 254).with_model("FX3G");
   ASSERT_NE(found, nullptr);
-  EXPECT_EQ(found->model(), "FX3G");
-  EXPECT_EQ(found->read_ways(id(Space::d))[0].max_bits, 2032U);
+  EXPECT_EQ(model_of(*found), "FX3G");
+  EXPECT_EQ(found->addresses().read_ways(id(Space::d))[0].max_bits, 2032U);
   EXPECT_EQ(port().with_model("FX9"), nullptr);
   for (const std::string_view name : model_names())
-    EXPECT_EQ(port().with_model(name)->model(), name);
+    EXPECT_EQ(model_of(*port().with_model(name)), name);
 }
 
 TEST(ProgrammingPort, RunIsReadFromTheByteOfM8000) {
   const auto frame = [](const ProgrammingPort& codec) {
-    return *codec.encode(*codec.run_state(), 0);
+    return *codec.encode(codec.run_state(), 0);
   };
   EXPECT_EQ(frame(port()), ascii("\x02"
                                  "001E001\x03"
@@ -532,7 +532,7 @@ TEST(ProgrammingPort, RunIsReadFromTheByteOfM8000) {
 
 TEST(ProgrammingPort, StopForcesM8037OnAndRunForcesItOff) {
   const auto frame = [](const ProgrammingPort& codec, bool run) {
-    return *codec.encode(*codec.run_order(run), 0);
+    return *codec.encode(codec.run_request(run), 0);
   };
   const auto fx2n = port(Model::fx2n, Commands::extended);
   const auto fx3u = port(Model::fx3u, Commands::extended);
@@ -547,14 +547,14 @@ TEST(ProgrammingPort, StopForcesM8037OnAndRunForcesItOff) {
   EXPECT_EQ(frame(port(), true), ascii("\x02"
                                        "8250F\x03"
                                        "18"));
-  EXPECT_FALSE(port().run_order_hint().empty());
+  EXPECT_FALSE(port().run_hint().empty());
 }
 
 TEST(ProgrammingPort, ARefusalIsCurableExceptForRunAndStop) {
   EXPECT_EQ(port().meaning_of(kForce, 0), RefusalMeaning::curable);
   EXPECT_EQ(port().meaning_of(Write{span("D0", 2), {1, 2}}, 0), RefusalMeaning::curable);
-  EXPECT_EQ(port().meaning_of(*port().run_order(true), 0), RefusalMeaning::final);
-  EXPECT_EQ(port().meaning_of(*port().run_order(false), 0), RefusalMeaning::final);
+  EXPECT_EQ(port().meaning_of(port().run_request(true), 0), RefusalMeaning::final);
+  EXPECT_EQ(port().meaning_of(port().run_request(false), 0), RefusalMeaning::final);
   EXPECT_EQ(port().meaning_of(kRead, 0), RefusalMeaning::curable);
 }
 

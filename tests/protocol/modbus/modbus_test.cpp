@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "protocol/plan.h"
+#include "protocol/plc.h"
 #include "tests/protocol/frame_file.h"
 
 namespace fxagent::modbus {
@@ -524,14 +525,9 @@ TEST(Modbus, HasNothingThatOnlyAPlcHas) {
   const Modbus codec = unit();
   EXPECT_FALSE(codec.resync());
   EXPECT_FALSE(codec.probe());
-  EXPECT_TRUE(codec.identify().empty());
-  EXPECT_FALSE(codec.model_from({}));
-  EXPECT_TRUE(codec.model().empty());
-  EXPECT_EQ(codec.with_model("FX3U"), nullptr);
-  EXPECT_FALSE(codec.run_state());
-  EXPECT_FALSE(codec.run_state_from(Bytes{1}));
-  EXPECT_FALSE(codec.run_order(true));
-  EXPECT_TRUE(codec.run_order_hint().empty());
+  EXPECT_EQ(codec.plc(), nullptr);
+  EXPECT_EQ(model_of(codec), "");
+  EXPECT_FALSE(must_ask_model(codec));
 }
 
 TEST(Modbus, IsMadeFromItsOptions) {
@@ -540,13 +536,13 @@ TEST(Modbus, IsMadeFromItsOptions) {
   Options options = default_options(*rtu);
   auto made = rtu->make(options);
   ASSERT_TRUE(made);
-  EXPECT_EQ((*made)->default_order(), ByteOrder::abcd);
+  EXPECT_EQ((*made)->addresses().default_order(), ByteOrder::abcd);
   options["byte_order"] = std::string("CDAB");
   options["max_read"] = std::int64_t{10};
   made = rtu->make(options);
   ASSERT_TRUE(made);
-  EXPECT_EQ((*made)->default_order(), ByteOrder::cdab);
-  EXPECT_EQ((*made)->read_ways(kHolding)[0].max_bits, 160U);
+  EXPECT_EQ((*made)->addresses().default_order(), ByteOrder::cdab);
+  EXPECT_EQ((*made)->addresses().read_ways(kHolding)[0].max_bits, 160U);
   options["unit"] = std::int64_t{250};
   EXPECT_NE(rtu->make(options).error().text.find("reserved"), std::string::npos);
   EXPECT_TRUE(find_protocol("modbus-tcp")->make(options));
