@@ -14,135 +14,95 @@ std::vector<std::string_view> fx_models() {
   return {names.begin(), names.end()};
 }
 
+OptionSpec integer(std::string_view key, std::int64_t min, std::int64_t max, std::int64_t fallback,
+                   std::string_view meaning) {
+  return {key, OptionSpec::Kind::integer, min, max, {}, fallback, meaning};
+}
+
+OptionSpec boolean(std::string_view key, bool fallback, std::string_view meaning) {
+  return {key, OptionSpec::Kind::boolean, 0, 0, {}, fallback, meaning};
+}
+
+/// The first word is the default.
+OptionSpec choice(std::string_view key, const std::vector<std::string_view>& words,
+                  std::string_view meaning) {
+  return {key, OptionSpec::Kind::choice, 0, 0, words, words.front(), meaning};
+}
+
 ProtocolInfo programming_port() {
-  using Kind = OptionSpec::Kind;
+  const fx::ProgrammingPort::Settings settings;
   ProtocolInfo info;
   info.name = "fx-programming-port";
   info.summary = "Mitsubishi FX through its programming port (RS-422, 9600 7E1)";
-  info.line = {9600, 7, "even", 1};
   info.models = fx_models();
   info.options = {
-      {"command_set",
-       Kind::choice,
-       0,
-       0,
-       {"auto", "classic", "extended"},
-       std::string_view("auto"),
-       "which commands may be used; auto takes the classic ones wherever they reach"},
-      {"enquire",
-       Kind::choice,
-       0,
-       0,
-       {"open", "always", "never"},
-       std::string_view("open"),
-       "when ENQ is sent: after opening and after an error, before every request, or never"},
-      {"max_block_bytes",
-       Kind::integer,
-       2,
-       254,
-       {},
-       std::int64_t{64},
-       "data bytes of one frame; above 64 only extended reads of an FX3S, FX3G or FX3U follow"},
+      choice("command_set", {"auto", "classic", "extended"},
+             "`auto`: classic commands where they reach, extended ones beyond. FX0N and FX1S have "
+             "the classic set only."),
+      choice("enquire", {"open", "always", "never"},
+             "When ENQ is sent: once the link is open and after an error, before every request, or "
+             "not at all."),
+      integer("max_block_bytes", 2, 254, settings.max_block_bytes,
+              "Data bytes of one frame. More than 64 is used only by extended reads of an FX3S, "
+              "FX3G or FX3U."),
   };
   info.make = &fx::ProgrammingPort::make;
   return info;
 }
 
 ProtocolInfo computer_link() {
-  using Kind = OptionSpec::Kind;
+  const fx::ComputerLink::Settings settings;
   ProtocolInfo info;
   info.name = "fx-computer-link";
   info.summary = "Mitsubishi FX through its computer link (RS-485, stations 0 to 15)";
-  info.line = {9600, 7, "even", 1};
   info.multidrop = true;
   info.models = fx_models();
   info.options = {
-      {"station", Kind::integer, 0, 15, {}, std::int64_t{0}, "station number, D8121 of the PLC"},
-      {"format",
-       Kind::integer,
-       1,
-       4,
-       {},
-       std::int64_t{1},
-       "control procedure 1, or 4, which ends each message with CR LF (D8120)"},
-      {"sum_check", Kind::boolean, 0, 0, {}, true, "whether frames carry a sum (D8120)"},
-      {"message_wait_ms",
-       Kind::integer,
-       0,
-       150,
-       {},
-       std::int64_t{0},
-       "how long the PLC waits before it answers, in tens"},
-      {"acknowledge_data",
-       Kind::boolean,
-       0,
-       0,
-       {},
-       true,
-       "whether data are answered with ACK, as the manual asks"},
-      {"max_block_bytes",
-       Kind::integer,
-       2,
-       128,
-       {},
-       std::int64_t{128},
-       "bytes of device memory in one frame"},
+      integer("station", 0, 15, settings.station, "Station number, D8121 of the PLC."),
+      integer("format", 1, 4, settings.ends_with_cr_lf ? 4 : 1,
+              "Control procedure format 1 or 4, as in D8120. Format 4 ends each message with CR "
+              "LF."),
+      boolean("sum_check", settings.sum_check,
+              "Whether frames carry a sum, as in D8120. Without it noise can pass for a value."),
+      integer("message_wait_ms", 0, 150, settings.wait_tens * 10,
+              "How long the PLC waits before it answers, a multiple of 10; 70 or more with an "
+              "FX-485PC-IF."),
+      boolean("acknowledge_data", settings.acknowledge_data,
+              "Whether the agent answers data with ACK, as the manual asks. `false` saves the line "
+              "time of the ACK, and is right on two-wire adapters that return what is sent."),
+      integer("max_block_bytes", 2, 128, settings.max_block_bytes,
+              "Bytes of device memory in one frame."),
   };
   info.make = &fx::ComputerLink::make;
   return info;
 }
 
 ProtocolInfo modbus_protocol(std::string_view name, std::string_view summary) {
-  using Kind = OptionSpec::Kind;
+  const modbus::Modbus::Settings settings;
   ProtocolInfo info;
   info.name = name;
   info.summary = summary;
   info.multidrop = true;
   info.options = {
-      {"unit",
-       Kind::integer,
-       0,
-       255,
-       {},
-       std::int64_t{1},
-       "unit id; on a serial line 1 to 247, or 0 for a broadcast"},
-      {"max_read",
-       Kind::integer,
-       1,
-       modbus::kMaxReadRegisters,
-       {},
-       std::int64_t{modbus::kMaxReadRegisters},
-       "registers of one read; of coils and inputs 16 for each"},
-      {"max_gap",
-       Kind::integer,
-       0,
-       modbus::kMaxReadRegisters,
-       {},
-       std::int64_t{16},
-       "registers in a row that are read though nobody asked for them; 0: none ever"},
-      {"byte_order",
-       Kind::choice,
-       0,
-       0,
-       {"ABCD", "CDAB", "BADC", "DCBA"},
-       std::string_view("ABCD"),
-       "order of the bytes of 32 bits, unless a tag says otherwise"},
-      {"address_base",
-       Kind::integer,
-       0,
-       1,
-       {},
-       std::int64_t{0},
-       "number of the first coil or register in hr: ir: co: di:"},
-      {"allow_read_modify_write",
-       Kind::boolean,
-       0,
-       0,
-       {},
-       false,
-       "whether a bit of a register may be written by reading the register first, where function "
-       "22 "
-       "is missing"},
+      integer("unit", 0, 255, settings.unit,
+              "Unit id. On a serial line 1 to 247, or 0 for a broadcast: every unit obeys, none "
+              "answers, and such a device has no tags. On TCP 0 is a unit like any other; behind a "
+              "gateway it is the unit on its line."),
+      integer("max_read", 1, modbus::kMaxReadRegisters, settings.max_read,
+              "Registers of the longest read; of coils and discrete inputs 16 for each. Many "
+              "devices take fewer than 125."),
+      integer("max_gap", 0, modbus::kMaxReadRegisters, settings.max_gap,
+              "Registers in a row that may be read although no tag asks for them; of coils and "
+              "discrete inputs 16 for each. 0: never read what nobody asked for."),
+      choice("byte_order", {"ABCD", "CDAB", "BADC", "DCBA"},
+             "Of 32-bit values, A being the most significant byte. `BADC` and `DCBA` swap the "
+             "bytes of 16-bit values, too. Default of `word_order`."),
+      integer("address_base", 0, 1, settings.address_base,
+              "Number of the first one in `hr:` `ir:` `co:` `di:`."),
+      boolean("allow_read_modify_write", settings.allow_read_modify_write,
+              "Whether a bit of a register may be written by reading and writing the whole "
+              "register, where the device lacks function 22. What the device changes in between "
+              "is lost."),
   };
   return info;
 }
@@ -150,7 +110,7 @@ ProtocolInfo modbus_protocol(std::string_view name, std::string_view summary) {
 ProtocolInfo modbus_rtu() {
   ProtocolInfo info =
       modbus_protocol("modbus-rtu", "Modbus RTU, serial or through a serial server");
-  info.line = {9600, 8, "even", 1};
+  info.line.data_bits = 8;
   info.make = &modbus::Modbus::make_rtu;
   return info;
 }
@@ -158,7 +118,6 @@ ProtocolInfo modbus_rtu() {
 ProtocolInfo modbus_ascii() {
   ProtocolInfo info =
       modbus_protocol("modbus-ascii", "Modbus ASCII, serial or through a serial server");
-  info.line = {9600, 7, "even", 1};
   info.make = &modbus::Modbus::make_ascii;
   return info;
 }
@@ -196,7 +155,7 @@ Options default_options(const ProtocolInfo& protocol) {
     else
       value = std::get<std::int64_t>(spec.fallback);
   }
-  options["model"] = std::string("auto");
+  options["model"] = std::string(kAutoModel);
   return options;
 }
 

@@ -23,17 +23,22 @@ struct OptionSpec {
   std::int64_t max = 0;
   std::vector<std::string_view> choices;                        ///< choice: the words
   std::variant<std::int64_t, bool, std::string_view> fallback;  ///< where the key is absent
-  std::string_view meaning;  ///< one line for error texts and the schema
+  std::string_view meaning;  ///< for people: the schema and the README have it
 };
 
 using OptionValue = std::variant<std::int64_t, bool, std::string>;
+/// What `model` is where the device is to be asked.
+inline constexpr std::string_view kAutoModel = "auto";
 /// Every key of the protocol's specs, given or fallen back. `model` is always there ("auto" too).
 using Options = std::map<std::string, OptionValue, std::less<>>;
 
+enum class Parity : std::uint8_t { none, even, odd };
+
+/// How characters travel on a line, where neither protocol nor config says otherwise.
 struct LineDefaults {
   int baud = 9600;
   int data_bits = 7;
-  std::string_view parity = "even";
+  Parity parity = Parity::even;
   int stop_bits = 1;
 };
 

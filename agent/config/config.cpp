@@ -21,11 +21,6 @@ namespace {
 
 using std::string_view_literals::operator""sv;
 
-constexpr std::array kVersions{"5"sv, "3.1.1"sv};
-constexpr std::array kSyncs{"offline"sv, "always"sv};
-constexpr std::array kParities{"none"sv, "even"sv, "odd"sv};
-constexpr std::int64_t kMaxExact = std::int64_t{1} << 53;
-
 // ---- agent, mqtt, store -----------------------------------------------------------------------
 
 /// Why `root` cannot stand before the topics; empty where it can.
@@ -39,9 +34,10 @@ std::string_view root_fault(std::string_view root) {
 }
 
 void read_agent(ConfigReader& reader, const ConfigNode& agent, Config& config) {
-  reader.check_object(agent, config_keys::agent);
-  config.id = reader.name(agent, "id", ConfigReader::required).value_or("");
-  config.root = reader.text(agent, "root").value_or("fx");
+  reader.check_object(agent, config_section("agent"));
+  config.id = reader.name(agent, config_key("agent.id")).value_or("");
+  config.root = reader.text(agent, config_key("agent.root"))
+                    .value_or(std::string(config_key("agent.root").word()));
   if (const auto fault = root_fault(config.root); !fault.empty())
     reader.error(*agent.find("root"), std::string(fault));
 }
@@ -95,11 +91,11 @@ tl::expected<std::string, std::string_view> normal_server(std::string_view serve
 }
 
 void read_tls(ConfigReader& reader, const ConfigNode& node, MqttConfig& mqtt) {
-  reader.check_object(node, config_keys::tls);
+  reader.check_object(node, config_section("mqtt.tls"));
   TlsSettings tls;
-  tls.ca_file = reader.text(node, "ca_file").value_or("");
-  tls.cert_file = reader.text(node, "cert_file").value_or("");
-  tls.key_file = reader.text(node, "key_file").value_or("");
+  tls.ca_file = reader.text(node, config_key("mqtt.tls.ca_file")).value_or("");
+  tls.cert_file = reader.text(node, config_key("mqtt.tls.cert_file")).value_or("");
+  tls.key_file = reader.text(node, config_key("mqtt.tls.key_file")).value_or("");
   if ((node.find("cert_file") == nullptr) != (node.find("key_file") == nullptr))
     reader.error(node, "cert_file and key_file belong together");
   const bool encrypted = std::ranges::any_of(
@@ -117,10 +113,10 @@ bool is_loopback(std::string_view server) {
 
 void read_password(ConfigReader& reader, const ConfigNode& node, MqttConfig& mqtt,
                    FilePrivacy privacy) {
-  mqtt.password_file = reader.text(node, "password_file").value_or("");
-  mqtt.password_env = reader.text(node, "password_env").value_or("");
-  const bool is_allowed = reader.boolean(node, "allow_plain_secret").value_or(false);
-  if (const auto secret = reader.secret(node, "password")) {
+  mqtt.password_file = reader.text(node, config_key("mqtt.password_file")).value_or("");
+  mqtt.password_env = reader.text(node, config_key("mqtt.password_env")).value_or("");
+  const bool is_allowed = reader.boolean(node, config_key("mqtt.allow_plain_secret"));
+  if (const auto secret = reader.secret(node, config_key("mqtt.password"))) {
     const ConfigNode& at = *node.find("password");
     mqtt.password = secret->value;
     if (node.find("password_file") != nullptr || node.find("password_env") != nullptr)
@@ -145,10 +141,17 @@ void read_password(ConfigReader& reader, const ConfigNode& node, MqttConfig& mqt
   }
 }
 
+/// The rule of the table, "fx-{id}", with the id filled in.
+std::string default_client_id(const std::string& id) {
+  std::string text(std::get<ConfigKey::Rule>(config_key("mqtt.client_id").fallback).text);
+  constexpr std::string_view place = "{id}";
+  return text.replace(text.find(place), place.size(), id);
+}
+
 void read_mqtt(ConfigReader& reader, const ConfigNode& node, Config& config, FilePrivacy privacy) {
-  reader.check_object(node, config_keys::mqtt);
+  reader.check_object(node, config_section("mqtt"));
   MqttConfig& mqtt = config.mqtt;
-  if (const ConfigNode* servers = reader.array(node, "servers", ConfigReader::required)) {
+  if (const ConfigNode* servers = reader.array(node, config_key("mqtt.servers"))) {
     if (servers->children.empty()) reader.error(*servers, "needs at least one server");
     for (const ConfigNode& item : servers->children) {
       const auto text = reader.text(item);
@@ -159,31 +162,33 @@ void read_mqtt(ConfigReader& reader, const ConfigNode& node, Config& config, Fil
         reader.error(item, std::string(server.error()));
     }
   }
-  mqtt.version = reader.choice(node, "version", kVersions).value_or(0) == 0 ? 5 : 4;
-  mqtt.client_id = reader.text(node, "client_id").value_or("fx-" + config.id);
-  mqtt.username = reader.text(node, "username").value_or("");
+  mqtt.version = reader.choice_or_default(node, config_key("mqtt.version")) == 0 ? 5 : 4;
+  mqtt.client_id =
+      reader.text(node, config_key("mqtt.client_id")).value_or(default_client_id(config.id));
+  mqtt.username = reader.text(node, config_key("mqtt.username")).value_or("");
   read_password(reader, node, mqtt, privacy);
-  if (const ConfigNode* tls = reader.object(node, "tls", ConfigReader::optional))
+  if (const ConfigNode* tls = reader.object(node, config_key("mqtt.tls")))
     read_tls(reader, *tls, mqtt);
-  mqtt.keep_alive = std::chrono::seconds(reader.integer_or(node, "keep_alive_s", {1, 65535}, 30));
-  mqtt.qos = static_cast<int>(reader.integer_or(node, "qos", {0, 2}, 1));
-  if (mqtt.qos == 2)
+  mqtt.keep_alive = reader.integer_as<std::chrono::seconds>(node, config_key("mqtt.keep_alive_s"));
+  const ConfigNode* qos = node.find("qos");
+  if (qos == nullptr || qos->number != 2)
+    mqtt.qos = reader.integer_as<int>(node, config_key("mqtt.qos"));
+  else
     reader.error(
-        *node.find("qos"),
+        *qos,
         "must be 0 or 1; repeats under 1 can be told by their seq, so 2 would only cost time");
 }
 
 void read_store(ConfigReader& reader, const ConfigNode& node, StoreConfig& store) {
-  reader.check_object(node, config_keys::store);
-  store.path = reader.text(node, "path", ConfigReader::required).value_or("");
-  store.max_bytes = static_cast<std::uint64_t>(
-      reader.integer_or(node, "max_bytes", {65536, kMaxExact}, 268435456));
-  store.max_age = std::chrono::hours(reader.integer_or(node, "max_age_h", {1, 87600}, 168));
-  store.sync_always = reader.choice(node, "sync", kSyncs).value_or(0) == 1;
-  store.audit_max_bytes = static_cast<std::uint64_t>(
-      reader.integer_or(node, "audit_max_bytes", {65536, kMaxExact}, 67108864));
+  reader.check_object(node, config_section("store"));
+  store.path = reader.text(node, config_key("store.path")).value_or("");
+  store.max_bytes = reader.integer_as<std::uint64_t>(node, config_key("store.max_bytes"));
+  store.max_age = reader.integer_as<std::chrono::hours>(node, config_key("store.max_age_h"));
+  store.sync_always = reader.choice_or_default(node, config_key("store.sync")) == 1;
+  store.audit_max_bytes =
+      reader.integer_as<std::uint64_t>(node, config_key("store.audit_max_bytes"));
   store.audit_max_age =
-      std::chrono::hours(reader.integer_or(node, "audit_max_age_h", {1, 876000}, 8760));
+      reader.integer_as<std::chrono::hours>(node, config_key("store.audit_max_age_h"));
 }
 
 // ---- links ------------------------------------------------------------------------------------
@@ -192,27 +197,26 @@ void read_store(ConfigReader& reader, const ConfigNode& node, StoreConfig& store
 struct LineKeys {
   std::optional<std::int64_t> baud;
   std::optional<std::int64_t> data_bits;
-  std::optional<std::size_t> parity;  ///< index in kParities, which is the order of Parity
+  std::optional<Parity> parity;
   std::optional<std::int64_t> stop_bits;
 };
 
-LineKeys read_line(ConfigReader& reader, const ConfigNode& node, std::string_view baud_key) {
+LineKeys read_line(ConfigReader& reader, const ConfigNode& node, const ConfigKey& baud) {
   LineKeys line;
-  line.baud = reader.integer(node, baud_key, {50, 4000000});
-  line.data_bits = reader.integer(node, "data_bits", {7, 8});
-  line.parity = reader.choice(node, "parity", kParities);
-  line.stop_bits = reader.integer(node, "stop_bits", {1, 2});
+  line.baud = reader.integer(node, baud);
+  line.data_bits = reader.integer(node, config_key("links[].serial.data_bits"));
+  if (const auto index = reader.choice(node, config_key("links[].serial.parity")))
+    line.parity = static_cast<Parity>(*index);
+  line.stop_bits = reader.integer(node, config_key("links[].serial.stop_bits"));
   return line;
 }
 
 /// The line's settings once its protocol is known.
 SerialSettings line_settings(const LineKeys& keys, const LineDefaults& defaults) {
-  const auto parity_index =
-      static_cast<std::size_t>(std::ranges::find(kParities, defaults.parity) - kParities.begin());
   SerialSettings line;
   line.baud = static_cast<int>(keys.baud.value_or(defaults.baud));
   line.data_bits = static_cast<int>(keys.data_bits.value_or(defaults.data_bits));
-  line.parity = static_cast<Parity>(keys.parity.value_or(parity_index));
+  line.parity = keys.parity.value_or(defaults.parity);
   line.stop_bits = static_cast<int>(keys.stop_bits.value_or(defaults.stop_bits));
   return line;
 }
@@ -229,9 +233,9 @@ using Channels = std::map<std::string, const ConfigNode*, std::less<>>;
 void read_serial(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,
                  Channels& channels, LinkConfig& config, LineKeys& line) {
   SerialSettings settings;
-  reader.check_object(node, config_keys::serial);
-  settings.path = reader.text(node, "path", ConfigReader::required).value_or("");
-  line = read_line(reader, node, "baud");
+  reader.check_object(node, config_section("links[].serial"));
+  settings.path = reader.text(node, config_key("links[].serial.path")).value_or("");
+  line = read_line(reader, node, config_key("links[].serial.baud"));
   if (!settings.path.empty()) {
     const ConfigNode& path = *node.find("path");
     const auto [first, fresh] = channels.emplace(settings.path, &path);
@@ -248,9 +252,9 @@ void read_serial(ConfigReader& reader, const ConfigNode& link, const ConfigNode&
 void read_tcp(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,
               Channels& channels, LinkConfig& config, LineKeys& line) {
   TcpSettings settings;
-  reader.check_object(node, config_keys::tcp);
-  settings.host = reader.text(node, "host", ConfigReader::required).value_or("");
-  const auto port = reader.required_integer(node, "port", {1, 65535});
+  reader.check_object(node, config_section("links[].tcp"));
+  settings.host = reader.text(node, config_key("links[].tcp.host")).value_or("");
+  const auto port = reader.integer(node, config_key("links[].tcp.port"));
   settings.port = static_cast<std::uint16_t>(port.value_or(0));
   if (!settings.host.empty() && settings.host.find_first_of(" /@") != std::string::npos)
     reader.error(*node.find("host"), "must be a host name or an address alone");
@@ -261,7 +265,7 @@ void read_tcp(ConfigReader& reader, const ConfigNode& link, const ConfigNode& no
       reader.warn(node, "the same host and port as " + reader.place_of(*first->second) +
                             "; a serial server often takes one connection only");
   }
-  line = read_line(reader, link, "line_baud");
+  line = read_line(reader, link, config_key("links[].line_baud"));
   settings.line_baud = static_cast<int>(line.baud.value_or(0));
   if (link.find("line_baud") == nullptr)
     for (const auto key : {"data_bits"sv, "parity"sv, "stop_bits"sv})
@@ -283,14 +287,14 @@ void read_links(ConfigReader& reader, const ConfigNode& array, Links& links, Con
     LinkConfig& link = config.links.emplace_back();
     LineKeys& line = links.lines.emplace_back();
     LinkFacts& facts = links.facts.emplace_back();
-    if (!reader.check_object(node, config_keys::link)) continue;
-    if (const auto name = reader.name(node, "name", ConfigReader::required)) {
+    if (!reader.check_object(node, config_section("links[]"))) continue;
+    if (const auto name = reader.name(node, config_key("links[].name"))) {
       link.name = *name;
       links.names.add(reader, *name, *node.find("name"),
                       static_cast<std::uint32_t>(config.links.size() - 1));
     }
-    const ConfigNode* serial = reader.object(node, "serial", ConfigReader::optional);
-    const ConfigNode* tcp = reader.object(node, "tcp", ConfigReader::optional);
+    const ConfigNode* serial = reader.object(node, config_key("links[].serial"));
+    const ConfigNode* tcp = reader.object(node, config_key("links[].tcp"));
     if ((node.find("serial") == nullptr) == (node.find("tcp") == nullptr)) {
       reader.error(node, "needs either \"serial\" or \"tcp\"");
       continue;
@@ -299,7 +303,7 @@ void read_links(ConfigReader& reader, const ConfigNode& array, Links& links, Con
     if (serial != nullptr) read_serial(reader, node, *serial, ports, link, line);
     if (tcp != nullptr) read_tcp(reader, node, *tcp, hosts, link, line);
     link.poll_share =
-        static_cast<double>(reader.integer_or(node, "poll_share_percent", {0, 90}, 20)) / 100.0;
+        reader.integer_as<double>(node, config_key("links[].poll_share_percent")) / 100.0;
   }
 }
 
@@ -337,22 +341,22 @@ void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& li
 
 Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy) {
   Config config;
-  if (!reader.check_object(top, config_keys::top)) return config;
-  if (const ConfigNode* schema = top.find("$schema"); schema != nullptr) reader.text(*schema);
-  if (const ConfigNode* agent = reader.object(top, "agent", ConfigReader::required))
+  if (!reader.check_object(top, config_section(""))) return config;
+  reader.text(top, config_key("$schema"));
+  if (const ConfigNode* agent = reader.object(top, config_key("agent")))
     read_agent(reader, *agent, config);
-  if (const ConfigNode* mqtt = reader.object(top, "mqtt", ConfigReader::required))
+  if (const ConfigNode* mqtt = reader.object(top, config_key("mqtt")))
     read_mqtt(reader, *mqtt, config, privacy);
-  if (const ConfigNode* store = reader.object(top, "store", ConfigReader::optional))
+  if (const ConfigNode* store = reader.object(top, config_key("store")))
     read_store(reader, *store, config.store);
   else if (top.find("store") == nullptr)
     reader.warn(top,
                 "no store: samples are lost while the broker is away, and the ids of commands are "
                 "forgotten at a restart");
   Links links;
-  const ConfigNode* link_array = reader.array(top, "links", ConfigReader::required);
+  const ConfigNode* link_array = reader.array(top, config_key("links"));
   if (link_array != nullptr) read_links(reader, *link_array, links, config);
-  if (const ConfigNode* devices = reader.array(top, "devices", ConfigReader::required)) {
+  if (const ConfigNode* devices = reader.array(top, config_key("devices"))) {
     if (devices->children.empty()) reader.warn(*devices, "no devices: nothing will be read");
     read_devices(reader, *devices, links.names, links.facts, config);
   }

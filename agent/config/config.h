@@ -14,20 +14,19 @@
 #include <variant>
 #include <vector>
 
+#include "agent/config/keys.h"
 #include "protocol/catalog.h"
 #include "protocol/codec.h"
 #include "protocol/point.h"
 
 namespace fxagent {
 
-enum class Parity : std::uint8_t { none, even, odd };
-
 struct SerialSettings {
   std::string path;
-  int baud = 9600;
-  int data_bits = 7;
-  Parity parity = Parity::even;
-  int stop_bits = 1;
+  int baud = LineDefaults{}.baud;
+  int data_bits = LineDefaults{}.data_bits;
+  Parity parity = LineDefaults{}.parity;
+  int stop_bits = LineDefaults{}.stop_bits;
 };
 
 struct TcpSettings {
@@ -42,14 +41,16 @@ struct LinkConfig {
   /// One character on the wire, start, parity and stop bits counted; 0 where the speed is unknown
   /// (tcp without line_baud).
   std::chrono::nanoseconds char_time{0};
-  double poll_share = 0.2;  ///< of the line, that polls keep while commands flood it; 0 … 0.9
+  /// Of the line, that polls keep while commands flood it; 0 … 0.9
+  double poll_share = static_cast<double>(config_key("links[].poll_share_percent").number()) / 100;
 };
 
 struct GroupConfig {
   std::string name;
-  std::chrono::milliseconds interval{1000};  ///< 0: as fast as the line allows
-  bool on_change = false;
-  std::chrono::seconds max_silent{60};
+  /// 0: as fast as the line allows.
+  std::chrono::milliseconds interval{config_key("devices[].groups[].interval_ms").number()};
+  bool on_change = config_key("devices[].groups[].publish").index() == 1;
+  std::chrono::seconds max_silent{config_key("devices[].groups[].max_silent_s").number()};
 };
 
 /// A text that many tags hold, once in memory: the names and units of 100,000 tags are few.
@@ -74,20 +75,22 @@ struct TagConfig {
   Point point;
   SharedText unit;
   std::uint32_t group = 0;  ///< index in DeviceConfig::groups
-  bool writable = false;    ///< access: read_write
+  bool writable = config_key("devices[].tags[].access").index() == 1;  ///< access: read_write
   boost::flyweight<TagLimits> limits;
 };
 
 struct CommandRules {
   std::vector<Span>
       allow;  ///< sorted, neighbours merged, so that a covered write lies in one of them
-  bool allow_run_stop = false;
-  std::chrono::seconds default_expiry{10};
-  std::chrono::seconds max_expiry{3600};
-  bool verify = true;
-  std::size_t queue = 64;  ///< commands that may wait on this device
+  bool allow_run_stop = config_key("devices[].commands.allow_run_stop").flag();
+  std::chrono::seconds default_expiry{config_key("devices[].commands.default_expiry_s").number()};
+  std::chrono::seconds max_expiry{config_key("devices[].commands.max_expiry_s").number()};
+  bool verify = config_key("devices[].commands.verify").flag();
+  /// Commands that may wait on this device.
+  std::size_t queue = static_cast<std::size_t>(config_key("devices[].commands.queue").number());
 };
 
+/// In the order of the catalogue, whose default is the first.
 enum class EnquirePolicy : std::uint8_t { open, always, never };
 
 struct DeviceConfig {
@@ -96,14 +99,17 @@ struct DeviceConfig {
   const ProtocolInfo* protocol = nullptr;
   /// Shared by this config and the worker that reads the device; const, so any thread.
   std::shared_ptr<const Codec> codec;
-  Options options;                          ///< what the codec was made of
-  std::chrono::milliseconds timeout{1000};  ///< allowed beyond the expected line time
-  int retries = 2;
-  std::chrono::milliseconds gap{0};          ///< silence before a request
-  std::chrono::milliseconds turnaround{30};  ///< the device's own time, for plan and bound
-  bool echo = false;                         ///< the line returns what is sent
-  std::uint32_t max_block_bytes = 0;         ///< 0: the protocol's own limit
-  EnquirePolicy enquire = EnquirePolicy::open;
+  Options options;  ///< what the codec was made of
+  /// Allowed beyond the expected line time.
+  std::chrono::milliseconds timeout{config_key("devices[].timeout_ms").number()};
+  int retries = static_cast<int>(config_key("devices[].retries").number());
+  /// Silence before a request.
+  std::chrono::milliseconds gap{config_key("devices[].gap_ms").number()};
+  /// The device's own time, for plan and bound.
+  std::chrono::milliseconds turnaround{config_key("devices[].turnaround_ms").number()};
+  bool echo = config_key("devices[].echo").flag();  ///< the line returns what is sent
+  std::uint32_t max_block_bytes = 0;                ///< 0: the protocol's own limit
+  EnquirePolicy enquire{};
   std::vector<GroupConfig> groups;
   std::vector<TagConfig> tags;
   CommandRules commands;
@@ -117,24 +123,27 @@ struct TlsSettings {
 
 struct MqttConfig {
   std::vector<std::string> servers;  ///< mqtt://host:port or mqtts://host:port, tried from the top
-  int version = 5;                   ///< 5, or 4 for MQTT 3.1.1
+  /// 5, or 4 for MQTT 3.1.1
+  int version = config_key("mqtt.version").index() == 0 ? 5 : 4;
   std::string client_id;
   std::string username;
   std::string password_file;
   std::string password_env;  ///< name of an environment variable; the file wins where both are set
   std::string password;      ///< the password itself; the two above are empty then
   std::optional<TlsSettings> tls;
-  std::chrono::seconds keep_alive{30};
-  int qos = 1;  ///< of data topics
+  std::chrono::seconds keep_alive{config_key("mqtt.keep_alive_s").number()};
+  /// Of data topics.
+  int qos = static_cast<int>(config_key("mqtt.qos").number());
 };
 
 struct StoreConfig {
   std::string path;  ///< empty: no store
-  std::uint64_t max_bytes = 268435456;
-  std::chrono::hours max_age{168};
-  bool sync_always = false;
-  std::uint64_t audit_max_bytes = 67108864;
-  std::chrono::hours audit_max_age{8760};
+  std::uint64_t max_bytes = static_cast<std::uint64_t>(config_key("store.max_bytes").number());
+  std::chrono::hours max_age{config_key("store.max_age_h").number()};
+  bool sync_always = config_key("store.sync").index() == 1;
+  std::uint64_t audit_max_bytes =
+      static_cast<std::uint64_t>(config_key("store.audit_max_bytes").number());
+  std::chrono::hours audit_max_age{config_key("store.audit_max_age_h").number()};
 };
 
 struct Config {

@@ -14,29 +14,16 @@ namespace {
 
 using std::string_view_literals::operator""sv;
 
-constexpr std::array kPublish{"always"sv, "on_change"sv};
-constexpr std::array kAccess{"read"sv, "read_write"sv};
-constexpr std::array kEnquire{"open"sv, "always"sv, "never"sv};  // the order of EnquirePolicy
-constexpr std::array kTypes{"bool"sv,    "int16"sv, "uint16"sv, "int32"sv, "uint32"sv,
-                            "float32"sv, "bcd16"sv, "bcd32"sv,  "string"sv};
-constexpr std::array kWordOrders{"low_first"sv, "high_first"sv};
-/// A protocol whose devices may set their byte order lets its tags do so too.
-constexpr std::array kByteOrders{"low_first"sv, "high_first"sv, "ABCD"sv,
-                                 "CDAB"sv,      "BADC"sv,       "DCBA"sv};
-
-constexpr std::string_view kDefaultGroup = "default";
-constexpr std::string_view kAuto = "auto";
-constexpr std::int64_t kDay = 86'400;
-
-const OptionSpec* spec_of(const ProtocolInfo& protocol, std::string_view key) {
-  const auto found = std::ranges::find(protocol.options, key, &OptionSpec::key);
-  return found == protocol.options.end() ? nullptr : &*found;
-}
-
 std::vector<std::string_view> option_keys(const ProtocolInfo& protocol) {
   std::vector<std::string_view> keys;
   for (const OptionSpec& spec : protocol.options) keys.push_back(spec.key);
   return keys;
+}
+
+/// Whether devices of every protocol may have the key.
+bool is_common(std::string_view key) {
+  const auto keys = config_section("devices[]");
+  return std::ranges::find(keys, key, &ConfigKey::name) != keys.end();
 }
 
 /// Reads one device. A device whose protocol cannot be told is read on without its codec, so that
@@ -80,13 +67,12 @@ class DeviceReader {
 // ---- protocol and options ---------------------------------------------------------------------
 
 bool DeviceReader::read_protocol() {
-  std::vector<std::string_view> names;
-  for (const ProtocolInfo& info : catalog()) names.push_back(info.name);
-  const ConfigNode* given = node_.find("protocol");
-  if (node_.kind == ConfigNode::Kind::object && given == nullptr)
-    reader_.error(node_, "\"protocol\" is missing: " + one_of(names));
-  if (const auto index = reader_.choice(node_, "protocol", names))
-    device_.protocol = &catalog()[*index];
+  const ConfigKey protocol = protocol_key();
+  if (node_.find(protocol.name) != nullptr) {
+    if (const auto index = reader_.choice(node_, protocol)) device_.protocol = &catalog()[*index];
+  } else if (node_.kind == ConfigNode::Kind::object) {
+    reader_.error(node_, "\"protocol\" is missing: " + one_of(protocol.limits.words));
+  }
 
   // Without a protocol any key that one of them has may be right.
   std::vector<std::string_view> options;
@@ -95,19 +81,19 @@ bool DeviceReader::read_protocol() {
     const bool own = device_.protocol == nullptr || device_.protocol == &info;
     for (const auto key : option_keys(info)) (own ? options : foreign).push_back(key);
   }
-  if (!reader_.check_object(node_, config_keys::device, options, foreign)) return false;
+  if (!reader_.check_object(node_, config_section("devices[]"), options, foreign)) return false;
   for (const ConfigNode& member : node_.children) check_foreign_key(member);
   return true;
 }
 
 /// A key of other protocols: the error says of which, and what this one has in its place.
 void DeviceReader::check_foreign_key(const ConfigNode& member) {
-  if (device_.protocol == nullptr || spec_of(*device_.protocol, member.key) != nullptr ||
-      std::ranges::find(config_keys::device, member.key) != config_keys::device.end())
+  if (device_.protocol == nullptr || option_named(*device_.protocol, member.key) != nullptr ||
+      is_common(member.key))
     return;
   std::vector<std::string_view> owners;
   for (const ProtocolInfo& info : catalog())
-    if (spec_of(info, member.key) != nullptr) owners.push_back(info.name);
+    if (option_named(info, member.key) != nullptr) owners.push_back(info.name);
   if (owners.empty()) return;  // of no protocol; reported as unknown
   reader_.error_at_key(member, "is for " + one_of(owners) + "; in its place " +
                                    std::string(device_.protocol->name) + " may have " +
@@ -129,39 +115,39 @@ const ConfigNode& DeviceReader::culprit(const Options& options, const Error& err
   return node_;
 }
 
-/// The device's model, "auto" where none is given; nothing where it is wrong.
+/// The device's model, auto where none is given; nothing where it is wrong.
 std::optional<std::string_view> DeviceReader::read_model() {
   const ProtocolInfo& protocol = *device_.protocol;
   const ConfigNode* given = node_.find("model");
-  if (given == nullptr) return kAuto;
+  if (given == nullptr) return kAutoModel;
   if (protocol.models.empty()) {
-    if (const auto word = reader_.text(*given); word && *word != kAuto)
+    if (const auto word = reader_.text(*given); word && *word != kAutoModel)
       reader_.error(*given, std::string(protocol.name) +
                                 " has no models: leave \"model\" out, or set it to auto");
-    return kAuto;
+    return kAutoModel;
   }
-  std::vector<std::string_view> models{protocol.models};
-  models.push_back(kAuto);
-  const auto model = reader_.choice(node_, "model", models);
-  return model ? std::optional(models[*model]) : std::nullopt;
+  const ConfigKey key = model_key(protocol);
+  const auto model = reader_.choice(node_, key);
+  return model ? std::optional(key.limits.words[*model]) : std::nullopt;
 }
 
 void DeviceReader::make_codec() {
   const ProtocolInfo& protocol = *device_.protocol;
   Options options = default_options(protocol);
   for (const OptionSpec& spec : protocol.options) {
+    const ConfigKey key = option_key(spec);
     OptionValue& value = options[std::string(spec.key)];
     switch (spec.kind) {
       case OptionSpec::Kind::integer:
-        if (const auto given = reader_.integer(node_, spec.key, {spec.min, spec.max}))
-          value = *given;
+        value = reader_.integer_as<std::int64_t>(node_, key);
         break;
       case OptionSpec::Kind::boolean:
-        if (const auto given = reader_.boolean(node_, spec.key)) value = *given;
+        value = reader_.boolean(node_, key);
         break;
       case OptionSpec::Kind::choice:
-        if (const auto index = reader_.choice(node_, spec.key, spec.choices))
-          value = std::string(spec.choices[*index]);
+        const std::size_t index = reader_.choice_or_default(node_, key);
+        value = std::string(spec.choices[index]);
+        if (spec.key == "enquire") device_.enquire = static_cast<EnquirePolicy>(index);
         break;
     }
   }
@@ -187,10 +173,6 @@ void DeviceReader::make_codec() {
                      ", the widest; addresses that the real model lacks will be bad");
   }
 
-  if (const auto found = options.find("enquire"); found != options.end())
-    if (const auto* word = std::get_if<std::string>(&found->second))
-      if (const auto at = std::ranges::find(kEnquire, *word); at != kEnquire.end())
-        device_.enquire = static_cast<EnquirePolicy>(at - kEnquire.begin());
   if (const auto found = options.find("max_block_bytes"); found != options.end())
     if (const auto* bytes = std::get_if<std::int64_t>(&found->second))
       device_.max_block_bytes = static_cast<std::uint32_t>(*bytes);
@@ -198,18 +180,19 @@ void DeviceReader::make_codec() {
 
 void DeviceReader::read_rest() {
   device_.timeout =
-      std::chrono::milliseconds(reader_.integer_or(node_, "timeout_ms", {1, 600000}, 1000));
-  device_.retries = static_cast<int>(reader_.integer_or(node_, "retries", {0, 10}, 2));
-  device_.gap = std::chrono::milliseconds(reader_.integer_or(node_, "gap_ms", {0, 60000}, 0));
+      reader_.integer_as<std::chrono::milliseconds>(node_, config_key("devices[].timeout_ms"));
+  device_.retries = reader_.integer_as<int>(node_, config_key("devices[].retries"));
+  device_.gap =
+      reader_.integer_as<std::chrono::milliseconds>(node_, config_key("devices[].gap_ms"));
   device_.turnaround =
-      std::chrono::milliseconds(reader_.integer_or(node_, "turnaround_ms", {0, 60000}, 30));
-  device_.echo = reader_.boolean(node_, "echo").value_or(false);
-  if (device_.protocol == nullptr || spec_of(*device_.protocol, "max_block_bytes") == nullptr)
-    device_.max_block_bytes =
-        static_cast<std::uint32_t>(reader_.integer_or(node_, "max_block_bytes", {2, 65535}, 0));
+      reader_.integer_as<std::chrono::milliseconds>(node_, config_key("devices[].turnaround_ms"));
+  device_.echo = reader_.boolean(node_, config_key("devices[].echo"));
+  if (device_.protocol == nullptr || option_named(*device_.protocol, "max_block_bytes") == nullptr)
+    device_.max_block_bytes = static_cast<std::uint32_t>(
+        reader_.integer(node_, config_key("devices[].max_block_bytes")).value_or(0));
   if (device_.protocol != nullptr) make_codec();
   read_groups();
-  if (const ConfigNode* tags = reader_.array(node_, "tags", ConfigReader::optional)) {
+  if (const ConfigNode* tags = reader_.array(node_, config_key("devices[].tags"))) {
     device_.tags.reserve(tags->children.size());
     if (codec_ != nullptr && codec_->is_broadcast() && !tags->children.empty())
       reader_.error(*tags,
@@ -217,24 +200,25 @@ void DeviceReader::read_rest() {
                     "all units stands in commands/allow");
     for (const ConfigNode& tag : tags->children) read_tag(tag);
   }
-  if (const ConfigNode* commands = reader_.object(node_, "commands", ConfigReader::optional))
+  if (const ConfigNode* commands = reader_.object(node_, config_key("devices[].commands")))
     read_commands(*commands);
 }
 
 // ---- groups -----------------------------------------------------------------------------------
 
 void DeviceReader::read_groups() {
-  const ConfigNode* groups = reader_.array(node_, "groups", ConfigReader::optional);
+  const ConfigNode* groups = reader_.array(node_, config_key("devices[].groups"));
   if (groups == nullptr) return;
   for (const ConfigNode& node : groups->children) {
-    if (!reader_.check_object(node, config_keys::group)) continue;
+    if (!reader_.check_object(node, config_section("devices[].groups[]"))) continue;
     GroupConfig group;
-    group.name = reader_.name(node, "name", ConfigReader::required).value_or("");
-    group.interval =
-        std::chrono::milliseconds(reader_.integer_or(node, "interval_ms", {0, kDay * 1000}, 1000));
-    group.on_change = reader_.choice(node, "publish", kPublish).value_or(0) == 1;
-    group.max_silent =
-        std::chrono::seconds(reader_.integer_or(node, "max_silent_s", {1, kDay}, 60));
+    group.name = reader_.name(node, config_key("devices[].groups[].name")).value_or("");
+    group.interval = reader_.integer_as<std::chrono::milliseconds>(
+        node, config_key("devices[].groups[].interval_ms"));
+    group.on_change =
+        reader_.choice_or_default(node, config_key("devices[].groups[].publish")) == 1;
+    group.max_silent = reader_.integer_as<std::chrono::seconds>(
+        node, config_key("devices[].groups[].max_silent_s"));
     if (!group.name.empty())
       groups_.add(reader_, group.name, *node.find("name"),
                   static_cast<std::uint32_t>(device_.groups.size()));
@@ -244,11 +228,12 @@ void DeviceReader::read_groups() {
 
 std::uint32_t DeviceReader::group_of(const ConfigNode& tag) {
   const ConfigNode* node = tag.find("group");
-  const auto given = reader_.name(tag, "group", ConfigReader::optional);
+  const auto given = reader_.name(tag, config_key("devices[].tags[].group"));
   if (node != nullptr && !given) return 0;
-  const std::string name = given.value_or(std::string(kDefaultGroup));
+  const auto default_group = config_key("devices[].tags[].group").word();
+  const std::string name = given.value_or(std::string(default_group));
   if (const auto index = groups_.find(name)) return *index;
-  if (name != kDefaultGroup) {
+  if (name != default_group) {
     reader_.error(*node, "this device has no group \"" + name + "\"; " +
                              (groups_.names().empty() ? "it has no groups at all"
                                                       : did_you_mean(name, groups_.names())));
@@ -266,14 +251,14 @@ std::uint32_t DeviceReader::group_of(const ConfigNode& tag) {
 // ---- tags -------------------------------------------------------------------------------------
 
 void DeviceReader::read_tag(const ConfigNode& node) {
-  if (!reader_.check_object(node, config_keys::tag)) return;
+  if (!reader_.check_object(node, config_section("devices[].tags[]"))) return;
   TagConfig tag;
-  tag.name = reader_.name(node, "name", ConfigReader::required).value_or("");
+  tag.name = reader_.name(node, config_key("devices[].tags[].name")).value_or("");
   if (!tag.name.get().empty())
     tags_.add(reader_, tag.name, *node.find("name"),
               static_cast<std::uint32_t>(device_.tags.size()));
   tag.group = group_of(node);
-  tag.writable = reader_.choice(node, "access", kAccess).value_or(0) == 1;
+  tag.writable = reader_.choice_or_default(node, config_key("devices[].tags[].access")) == 1;
   // A unit may well be empty, and often is in a file that a program has written.
   if (const ConfigNode* unit = node.find("unit");
       unit != nullptr && (unit->kind != ConfigNode::Kind::string || !unit->text.empty()))
@@ -287,11 +272,11 @@ void DeviceReader::read_tag(const ConfigNode& node) {
 bool DeviceReader::read_place(const ConfigNode& node, TagConfig& tag) {
   std::optional<DataType> type;
   const ConfigNode* given = node.find("type");
-  if (const auto index = reader_.choice(node, "type", kTypes)) {
-    const auto read = data_type_from(kTypes[*index]);
+  if (const auto index = reader_.choice(node, config_key("devices[].tags[].type"))) {
+    const auto read = data_type_from(config_keys::kTypes[*index]);
     if (read) type = *read;
   }
-  const auto text = reader_.text(node, "address", ConfigReader::required);
+  const auto text = reader_.text(node, config_key("devices[].tags[].address"));
   bool good = text.has_value() && (given == nullptr || type);
   if (good && codec_ != nullptr) {
     if (const auto address = codec_->addresses().parse_address(*text, type)) {
@@ -309,35 +294,36 @@ bool DeviceReader::read_place(const ConfigNode& node, TagConfig& tag) {
 /// What the type asks for and forbids; only ranges where the type itself is wrong or not known.
 void DeviceReader::read_shape(const ConfigNode& node, std::optional<DataType> type, Point& point) {
   if (type) point.type = *type;
-  constexpr ConfigReader::Range kElements{1, 65535};
-  if (const auto count = reader_.integer(node, "count", kElements)) {
+  if (const auto count = reader_.integer(node, config_key("devices[].tags[].count"))) {
     point.count = static_cast<std::uint16_t>(*count);
     point.is_array = true;
   }
   const ConfigNode* length = node.find("length");
-  point.length = static_cast<std::uint16_t>(reader_.integer_or(node, "length", kElements, 0));
+  point.length = static_cast<std::uint16_t>(
+      reader_.integer(node, config_key("devices[].tags[].length")).value_or(0));
   if (type == DataType::string && length == nullptr)
     reader_.error(node, "\"length\" is missing: a string needs its number of characters");
   if (type && type != DataType::string && length != nullptr)
     reader_.error_at_key(*length, "is for strings; an array has a \"count\"");
 
   if (codec_ != nullptr) point.order = codec_->addresses().default_order();
-  const bool any_order =
-      device_.protocol == nullptr || spec_of(*device_.protocol, "byte_order") != nullptr;
-  const auto words = any_order ? std::span<const std::string_view>(kByteOrders)
-                               : std::span<const std::string_view>(kWordOrders);
-  if (const auto index = reader_.choice(node, "word_order", words)) {
-    if (const auto order = byte_order_from(words[*index])) point.order = *order;
+  const ConfigKey word_order = word_order_key(device_.protocol);
+  if (const auto index = reader_.choice(node, word_order)) {
+    if (const auto order = byte_order_from(word_order.limits.words[*index])) point.order = *order;
     if (type == DataType::boolean)
       reader_.error_at_key(*node.find("word_order"), "a bool has no words");
   }
 
   // Without a number there is nothing to scale; read_limits() says so.
   if (type == DataType::boolean || type == DataType::string) return;
-  const auto scale = reader_.number(node, "scale");
-  const auto offset = reader_.number(node, "offset");
+  constexpr const ConfigKey& scale_key = config_key("devices[].tags[].scale");
+  constexpr const ConfigKey& offset_key = config_key("devices[].tags[].offset");
+  const auto scale = reader_.number(node, scale_key);
+  const auto offset = reader_.number(node, offset_key);
   if (!scale && !offset) return;
-  if (const auto set = set_units(point, scale.value_or(1.0), offset.value_or(0.0)); !set)
+  if (const auto set = set_units(point, scale.value_or(static_cast<double>(scale_key.number())),
+                                 offset.value_or(static_cast<double>(offset_key.number())));
+      !set)
     reader_.error(*node.find(scale ? "scale" : "offset"), set.error().text);
 }
 
@@ -379,9 +365,9 @@ void DeviceReader::check_exists(const ConfigNode& address, const Span& span) {
 
 void DeviceReader::read_limits(const ConfigNode& node, TagConfig& tag) {
   TagLimits limits;
-  limits.min = reader_.number(node, "min");
-  limits.max = reader_.number(node, "max");
-  limits.deadband = reader_.number(node, "deadband");
+  limits.min = reader_.number(node, config_key("devices[].tags[].min"));
+  limits.max = reader_.number(node, config_key("devices[].tags[].max"));
+  limits.deadband = reader_.number(node, config_key("devices[].tags[].deadband"));
   const bool countable = tag.point.type != DataType::boolean && tag.point.type != DataType::string;
   for (const auto key : {"scale"sv, "offset"sv, "min"sv, "max"sv, "deadband"sv})
     if (const ConfigNode* limit = node.find(key); limit != nullptr && !countable)
@@ -397,16 +383,16 @@ void DeviceReader::read_limits(const ConfigNode& node, TagConfig& tag) {
 // ---- commands ---------------------------------------------------------------------------------
 
 void DeviceReader::read_commands(const ConfigNode& node) {
-  if (!reader_.check_object(node, config_keys::commands)) return;
+  if (!reader_.check_object(node, config_section("devices[].commands"))) return;
   CommandRules& rules = device_.commands;
-  if (const ConfigNode* allow = reader_.array(node, "allow", ConfigReader::optional))
+  if (const ConfigNode* allow = reader_.array(node, config_key("devices[].commands.allow")))
     read_allow(*allow);
-  rules.allow_run_stop = reader_.boolean(node, "allow_run_stop").value_or(false);
+  rules.allow_run_stop = reader_.boolean(node, config_key("devices[].commands.allow_run_stop"));
   if (rules.allow_run_stop && codec_ != nullptr && codec_->plc() == nullptr)
     reader_.warn(*node.find("allow_run_stop"), "has no effect: this protocol has no run and stop");
-  constexpr ConfigReader::Range kExpiry{1, 7 * kDay};
-  rules.max_expiry = std::chrono::seconds(reader_.integer_or(node, "max_expiry_s", kExpiry, 3600));
-  const auto expiry = reader_.integer(node, "default_expiry_s", kExpiry);
+  rules.max_expiry =
+      reader_.integer_as<std::chrono::seconds>(node, config_key("devices[].commands.max_expiry_s"));
+  const auto expiry = reader_.integer(node, config_key("devices[].commands.default_expiry_s"));
   // Where only the longest expiry is given, and is short, the default follows it.
   rules.default_expiry =
       expiry ? std::chrono::seconds(*expiry) : std::min(rules.default_expiry, rules.max_expiry);
@@ -414,8 +400,8 @@ void DeviceReader::read_commands(const ConfigNode& node) {
     reader_.error(*node.find("default_expiry_s"),
                   "must not be longer than max_expiry_s, which is " +
                       std::to_string(rules.max_expiry.count()));
-  rules.verify = reader_.boolean(node, "verify").value_or(true);
-  rules.queue = static_cast<std::size_t>(reader_.integer_or(node, "queue", {1, 10000}, 64));
+  rules.verify = reader_.boolean(node, config_key("devices[].commands.verify"));
+  rules.queue = reader_.integer_as<std::size_t>(node, config_key("devices[].commands.queue"));
 }
 
 /// Each entry becomes a span; then they are sorted and neighbours merged.
@@ -448,7 +434,7 @@ void DeviceReader::read_allow(const ConfigNode& list) {
 /// Finds the device's link and holds it against what else is on it.
 void join_link(ConfigReader& reader, const ConfigNode& node, const NameTable& links,
                std::vector<LinkFacts>& facts, DeviceConfig& device) {
-  const auto name = reader.name(node, "link", ConfigReader::required);
+  const auto name = reader.name(node, config_key("devices[].link"));
   if (!name) return;
   const ConfigNode& given = *node.find("link");
   const auto index = links.find(*name);
@@ -491,44 +477,11 @@ void read_devices(ConfigReader& reader, const ConfigNode& devices, const NameTab
     DeviceConfig& device = config.devices.emplace_back();
     DeviceReader device_reader(reader, node, device);
     if (!device_reader.read_protocol()) continue;
-    device.name = reader.name(node, "name", ConfigReader::required).value_or("");
+    device.name = reader.name(node, config_key("devices[].name")).value_or("");
     if (!device.name.empty()) names.add(reader, device.name, *node.find("name"), index);
     join_link(reader, node, links, facts, device);
     device_reader.read_rest();
   }
 }
 
-namespace config_keys {
-namespace {
-
-template <class Keys>
-std::vector<std::string> strings(const Keys& keys) {
-  return {keys.begin(), keys.end()};
-}
-
-}  // namespace
-
-std::vector<ConfigObject> config_objects() {
-  std::vector<ConfigObject> objects{{"", "", strings(top)},
-                                    {"/agent", "", strings(agent)},
-                                    {"/mqtt", "", strings(mqtt)},
-                                    {"/mqtt/tls", "", strings(tls)},
-                                    {"/store", "", strings(store)},
-                                    {"/links/*", "", strings(link)},
-                                    {"/links/*/serial", "", strings(serial)},
-                                    {"/links/*/tcp", "", strings(tcp)}};
-  for (const ProtocolInfo& protocol : catalog()) {
-    const std::string name(protocol.name);
-    auto keys = strings(device);
-    for (const auto key : option_keys(protocol))
-      if (std::ranges::find(keys, key) == keys.end()) keys.emplace_back(key);
-    objects.push_back({"/devices/*", name, std::move(keys)});
-    objects.push_back({"/devices/*/groups/*", name, strings(group)});
-    objects.push_back({"/devices/*/tags/*", name, strings(tag)});
-    objects.push_back({"/devices/*/commands", name, strings(commands)});
-  }
-  return objects;
-}
-
-}  // namespace config_keys
 }  // namespace fxagent

@@ -1,50 +1,303 @@
-// Every key of the config file, in one place: the loader refuses what is not here, and a test holds
-// config/agent.schema.json to it. The keys of a protocol's devices come from the catalogue besides.
+// Every key of the config file, in one table: type, range, default, meaning. The loader checks and
+// fills in by it, and a test holds config/agent.schema.json and config/README.md to it. The keys
+// that the devices of one protocol have come from the catalogue.
 #pragma once
 
+#include <algorithm>
 #include <array>
-#include <string>
+#include <cstdint>
+#include <span>
 #include <string_view>
+#include <variant>
 #include <vector>
 
-namespace fxagent::config_keys {
+#include "protocol/catalog.h"
 
-using std::string_view_literals::operator""sv;
+namespace fxagent {
 
-inline constexpr std::array top{"$schema"sv, "agent"sv, "mqtt"sv,
-                                "store"sv,   "links"sv, "devices"sv};
-inline constexpr std::array agent{"id"sv, "root"sv};
-inline constexpr std::array mqtt{
-    "servers"sv,       "version"sv,      "client_id"sv, "username"sv,
-    "password_file"sv, "password_env"sv, "password"sv,  "allow_plain_secret"sv,
-    "tls"sv,           "keep_alive_s"sv, "qos"sv};
-inline constexpr std::array tls{"ca_file"sv, "cert_file"sv, "key_file"sv};
-inline constexpr std::array store{"path"sv, "max_bytes"sv,       "max_age_h"sv,
-                                  "sync"sv, "audit_max_bytes"sv, "audit_max_age_h"sv};
-inline constexpr std::array link{"name"sv,      "serial"sv, "tcp"sv,       "line_baud"sv,
-                                 "data_bits"sv, "parity"sv, "stop_bits"sv, "poll_share_percent"sv};
-inline constexpr std::array serial{"path"sv, "baud"sv, "data_bits"sv, "parity"sv, "stop_bits"sv};
-inline constexpr std::array tcp{"host"sv, "port"sv};
-/// Of a device of any protocol.
-inline constexpr std::array device{
-    "name"sv,    "link"sv,   "protocol"sv, "model"sv,           "timeout_ms"sv,
-    "retries"sv, "gap_ms"sv, "echo"sv,     "max_block_bytes"sv, "turnaround_ms"sv,
-    "groups"sv,  "tags"sv,   "commands"sv};
-inline constexpr std::array group{"name"sv, "interval_ms"sv, "publish"sv, "max_silent_s"sv};
-inline constexpr std::array tag{"name"sv,       "address"sv,  "type"sv,   "length"sv, "count"sv,
-                                "word_order"sv, "scale"sv,    "offset"sv, "unit"sv,   "min"sv,
-                                "max"sv,        "deadband"sv, "group"sv,  "access"sv};
-inline constexpr std::array commands{"allow"sv,        "allow_run_stop"sv, "default_expiry_s"sv,
-                                     "max_expiry_s"sv, "verify"sv,         "queue"sv};
+struct ConfigKey {
+  enum class Type : std::uint8_t {
+    name,
+    text,
+    path,
+    integer,
+    number,
+    boolean,
+    choice,
+    object,
+    array
+  };
+  struct Limits {
+    std::int64_t min = 0;  ///< integer: inclusive bounds
+    std::int64_t max = 0;
+    std::span<const std::string_view> words{};  ///< choice
 
-/// The keys of one object of the file.
-struct ConfigObject {
-  std::string place;  ///< "/devices/*/tags/*": the pointer, `*` for an array index; empty: the top
-  std::string protocol;  ///< of the device that the object belongs to; empty: of any
-  std::vector<std::string> keys;
+    constexpr Limits() = default;
+    constexpr Limits(std::int64_t least, std::int64_t most) : min(least), max(most) {}
+    constexpr Limits(std::span<const std::string_view> list) : words(list) {}
+    template <std::size_t N>
+    constexpr Limits(const std::array<std::string_view, N>& list) : words(list) {}
+  };
+  struct None {};      ///< where it is absent there is no value
+  struct Required {};  ///< it must be there
+  /// The value comes from elsewhere; `text` says from where.
+  struct Rule {
+    std::string_view text;
+  };
+  using Default = std::variant<None, Required, Rule, std::int64_t, bool, std::string_view>;
+
+  std::string_view section;  ///< path of the object that has the key: "devices[].groups[]"
+  std::string_view name;     ///< "interval_ms"
+  Type type = Type::text;
+  Limits limits{};
+  Default fallback{};
+  std::string_view meaning;  ///< plain text with `code`, for people
+  std::string_view since = "0.1";
+
+  constexpr bool is(std::string_view path) const {
+    if (section.empty()) return path == name;
+    return path.size() == section.size() + 1 + name.size() && path.starts_with(section) &&
+           path[section.size()] == '.' && path.ends_with(name);
+  }
+  constexpr bool is_required() const { return std::holds_alternative<Required>(fallback); }
+  constexpr std::int64_t number() const { return std::get<std::int64_t>(fallback); }
+  constexpr bool flag() const { return std::get<bool>(fallback); }
+  constexpr std::string_view word() const { return std::get<std::string_view>(fallback); }
+  /// Which of the words the default is.
+  constexpr std::size_t index() const {
+    const auto found = std::ranges::find(limits.words, word());
+    return static_cast<std::size_t>(found - limits.words.begin());
+  }
 };
 
-/// Every object that the file can hold; the device object once for each protocol of the catalogue.
-std::vector<ConfigObject> config_objects();
+namespace config_keys {
 
-}  // namespace fxagent::config_keys
+using std::string_view_literals::operator""sv;
+using enum ConfigKey::Type;
+using Required = ConfigKey::Required;
+using None = ConfigKey::None;
+using Rule = ConfigKey::Rule;
+
+inline constexpr std::array kVersions{"5"sv, "3.1.1"sv};
+inline constexpr std::array kSyncs{"offline"sv, "always"sv};
+inline constexpr std::array kParities{"none"sv, "even"sv, "odd"sv};  // the order of Parity
+inline constexpr std::array kPublish{"always"sv, "on_change"sv};
+inline constexpr std::array kAccess{"read"sv, "read_write"sv};
+inline constexpr std::array kTypes{"bool"sv,    "int16"sv, "uint16"sv, "int32"sv, "uint32"sv,
+                                   "float32"sv, "bcd16"sv, "bcd32"sv,  "string"sv};
+/// The first two are for every protocol, see word_order_key().
+inline constexpr std::array kWordOrders{"low_first"sv, "high_first"sv, "ABCD"sv,
+                                        "CDAB"sv,      "BADC"sv,       "DCBA"sv};
+inline constexpr ConfigKey::Limits kBaud{50, 4'000'000};
+inline constexpr ConfigKey::Limits kBits{7, 8};
+inline constexpr ConfigKey::Limits kStopBits{1, 2};
+inline constexpr ConfigKey::Limits kBytes{65536, std::int64_t{1} << 53};
+inline constexpr ConfigKey::Limits kMilliseconds{0, 60000};
+inline constexpr ConfigKey::Limits kElements{1, 65535};
+inline constexpr ConfigKey::Limits kExpiry{1, 604'800};  // a week
+inline constexpr Rule kOfProtocol{"the protocol's"};
+
+// clang-format off
+/// The keys of one section stand together.
+inline constexpr auto kAll = std::to_array<ConfigKey>({
+    {"", "$schema", text, {}, None{}, "Schema for the editor; the agent does not follow it."},
+    {"", "agent", object, {}, Required{}, "Who this agent is."},
+    {"", "mqtt", object, {}, Required{}, "The brokers and the way to them."},
+    {"", "store", object, {}, None{},
+     "Where samples wait while the broker is away, and where ids of commands are remembered. "
+     "Without it samples wait in memory, and both are lost at a restart."},
+    {"", "links", array, {}, Required{},
+     "The lines to the devices: serial ports and TCP connections."},
+    {"", "devices", array, {}, Required{}, "The PLCs and what is read from them."},
+
+    {"agent", "id", name, {}, Required{},
+     "Last level of `{root}/{id}`, under which everything is published."},
+    {"agent", "root", text, {}, "fx",
+     "The levels before the id, at most 256 bytes. No wildcards, no `/` at either end, no empty "
+     "level, no `$` at the beginning."},
+
+    {"mqtt", "servers", array, {}, Required{},
+     "One or more of `mqtt://host[:1883]` and `mqtts://host[:8883]`, IPv6 in brackets. They are "
+     "tried from the top. After the last one the agent waits 1 s, then longer, up to 30 s (4 s in "
+     "the first five minutes of an outage)."},
+    {"mqtt", "version", choice, kVersions, "5", "Version of MQTT."},
+    {"mqtt", "client_id", text, {}, Rule{"fx-{id}"},
+     "Client id. Two clients of one broker must not share it."},
+    {"mqtt", "username", text, {}, None{},
+     "User name. MQTT 3.1.1 needs it where there is a password."},
+    {"mqtt", "password_file", path, {}, None{},
+     "File with the password. It goes before `password_env`."},
+    {"mqtt", "password_env", text, {}, None{},
+     "Name of the environment variable with the password."},
+    {"mqtt", "password", text, {}, None{},
+     "The password itself, or `${NAME}`; not together with `password_file` or `password_env`, "
+     "which are better places."},
+    {"mqtt", "allow_plain_secret", boolean, {}, false,
+     "Allows a `password` in a config file that others can read."},
+    {"mqtt", "tls", object, {}, None{},
+     "Files for `mqtts://` servers; without effect on others. The certificate of the server is "
+     "always checked."},
+    {"mqtt", "keep_alive_s", integer, {1, 65535}, 30, "Keep alive of MQTT, in seconds."},
+    {"mqtt", "qos", integer, {0, 1}, 1,
+     "QoS of the data topics. With 0 a sample that was handed to the socket counts as delivered. 2 "
+     "is refused: repeats under 1 can be told by their sequence number."},
+
+    {"mqtt.tls", "ca_file", path, {}, Rule{"the system's"}, "Certificate authorities, PEM."},
+    {"mqtt.tls", "cert_file", path, {}, None{},
+     "Certificate of this agent, PEM; together with `key_file`."},
+    {"mqtt.tls", "key_file", path, {}, None{},
+     "Private key of this agent, PEM; together with `cert_file`."},
+
+    {"store", "path", path, {}, Required{},
+     "A directory; the agent makes it where it is not there."},
+    {"store", "max_bytes", integer, kBytes, 256 << 20,
+     "Samples and what is kept of commands. When it is full the oldest samples go first."},
+    {"store", "max_age_h", integer, {1, 87600}, 168, "Hours; older samples go."},
+    {"store", "sync", choice, kSyncs, "offline",
+     "`offline`: samples go to disk while the broker does not acknowledge them. `always`: every "
+     "sample is on disk before it is sent."},
+    {"store", "audit_max_bytes", integer, kBytes, 64 << 20,
+     "When it is full the oldest records of commands go first. It does not count for `max_bytes`."},
+    {"store", "audit_max_age_h", integer, {1, 876000}, 8760,
+     "Hours; older records of commands go."},
+
+    {"links[]", "name", name, {}, Required{}, "Name of the link; each has its own."},
+    {"links[]", "serial", object, {}, None{},
+     "A serial port of this machine. A link has either this or `tcp`."},
+    {"links[]", "tcp", object, {}, None{},
+     "A device, or a serial server that passes bytes through."},
+    {"links[]", "line_baud", integer, kBaud, Rule{ "not known"},
+    
+     "Speed of the line behind a serial server, with `tcp` only, for deadlines, `plan` and the "
+     "bound of commands. Nothing is set on the server."},
+    {"links[]", "data_bits", integer, kBits, kOfProtocol,
+     "Of the line behind a serial server, beside `line_baud` only."},
+    {"links[]", "parity", choice, kParities, kOfProtocol,
+     "Of the line behind a serial server, beside `line_baud` only."},
+    {"links[]", "stop_bits", integer, kStopBits, kOfProtocol,
+     "Of the line behind a serial server, beside `line_baud` only."},
+    {"links[]", "poll_share_percent", integer, {0, 90}, 20,
+     "What polls keep of the line while commands flood it, in percent of the line time. Less makes "
+     "commands faster; with 0 commands can stop the polls."},
+
+    {"links[].serial", "path", path, {}, Required{},
+     "The port, best by a name in `/dev/serial/by-id/`. A port can be on one link only."},
+    {"links[].serial", "baud", integer, kBaud, kOfProtocol, "Any speed that the adapter takes."},
+    {"links[].serial", "data_bits", integer, kBits, kOfProtocol,
+     "Data bits of a character; `modbus-rtu` needs 8."},
+    {"links[].serial", "parity", choice, kParities, kOfProtocol, "Parity of a character."},
+    {"links[].serial", "stop_bits", integer, kStopBits, kOfProtocol, "Stop bits of a character."},
+
+    {"links[].tcp", "host", text, {}, Required{}, "Host name or address."},
+    {"links[].tcp", "port", integer, {1, 65535}, Required{},
+     "Modbus TCP is on 502 by custom. Two links to one host and port are allowed, with a warning: "
+     "a serial server often takes one connection only."},
+
+    {"devices[]", "name", name, {}, Required{}, "Name of the device, a level of its topics."},
+    {"devices[]", "link", name, {}, Required{}, "Name of the link that the device is on."},
+    {"devices[]", "protocol", text, {}, Required{}, "The protocol that the device speaks."},
+    {"devices[]", "model", text, {}, kAutoModel, "Model of the PLC."},
+    {"devices[]", "timeout_ms", integer, {1, 600'000}, 1000,
+     "What a reply may take beyond the expected line time."},
+    {"devices[]", "retries", integer, {0, 10}, 2,
+     "How often a read is repeated in the same poll after a bad frame or a refusal that may pass. "
+     "Silence is not repeated; after `retries` + 1 unanswered exchanges in a row the device counts "
+     "as silent."},
+    {"devices[]", "gap_ms", integer, kMilliseconds, 0, "Silence before a request."},
+    {"devices[]", "turnaround_ms", integer, kMilliseconds, 30,
+     "Time that the device takes before it answers, for `plan` and the bound of commands. The "
+     "agent measures it, and plans its reads anew where it is quite different."},
+    {"devices[]", "echo", boolean, {}, false, "The line returns what is sent (two-wire adapters)."},
+    {"devices[]", "max_block_bytes", integer, {2, 65535}, Rule{ "the protocol's limit"},
+     "Longest block of one read, in bytes."},
+    {"devices[]", "groups", array, {}, None{}, "Tags that are read and published together."},
+    {"devices[]", "tags", array, {}, None{}, "What is read from the device."},
+    {"devices[]", "commands", object, {}, None{},
+     "What commands may do besides reading and writing tags."},
+
+    {"devices[].groups[]", "name", name, {}, Required{},
+     "Name of the group, last level of the data topic."},
+    {"devices[].groups[]", "interval_ms", integer, {0, 86'400'000}, 1000,
+     "Poll interval; 0: as fast as the line allows."},
+    {"devices[].groups[]", "publish", choice, kPublish, "always",
+     "`always`: every cycle. `on_change`: when a value differs by at least its `deadband` from the "
+     "one last published."},
+    {"devices[].groups[]", "max_silent_s", integer, {1, 86'400}, 60,
+     "Longest time without a sample although nothing has changed."},
+
+    {"devices[].tags[]", "name", name, {}, Required{},
+     "Name of the tag, its key in `values` and `bad`."},
+    {"devices[].tags[]", "address", text, {}, Required{}, "Where the value is in the device."},
+    {"devices[].tags[]", "type", choice, kTypes, Rule{"by the address"}, "How the value is coded."},
+    {"devices[].tags[]", "count", integer, kElements, Rule{ "one value"},
+     "Number of elements. With it the value is an array, even of one."},
+    {"devices[].tags[]", "length", integer, kElements, None{},
+     "Number of characters; required for a `string`, and for strings only."},
+    {"devices[].tags[]", "word_order", choice, kWordOrders, Rule{
+     "FX: `low_first`; Modbus: `byte_order`"},
+    
+     "Which word of a 32-bit value comes first; `low_first` is `CDAB`, `high_first` is `ABCD`. The "
+     "four letters are for Modbus only. Not for `bool`."},
+    {"devices[].tags[]", "scale", number, {}, 1, "The value is raw × `scale` + `offset`. Not 0."},
+    {"devices[].tags[]", "offset", number, {}, 0, "Added to the scaled value."},
+    {"devices[].tags[]", "unit", text, {}, None{},
+     "Text for people: °C, bar, 1/min. It may be empty."},
+    {"devices[].tags[]", "min", number, {}, None{},
+     "A command with a smaller value is refused (`out_of_range`)."},
+    {"devices[].tags[]", "max", number, {}, None{},
+     "A command with a greater value is refused (`out_of_range`)."},
+    {"devices[].tags[]", "deadband", number, {}, None{},
+     "With `publish: on_change` a smaller difference is no change; where there is none every "
+     "change counts. Not negative."},
+    {"devices[].tags[]", "group", name, {}, "default",
+     "Name of a group. The group `default` need not be listed: it is then one with the defaults of "
+     "groups."},
+    {"devices[].tags[]", "access", choice, kAccess, "read", "Whether commands may write the tag."},
+
+    {"devices[].commands", "allow", array, {}, None{},
+     "Addresses and ranges that commands may touch by raw address. Tags need no entry: each may be "
+     "read, and written with `access: read_write`."},
+    {"devices[].commands", "allow_run_stop", boolean, {}, false,
+     "Whether commands may start and stop the PLC. Without effect on Modbus."},
+    {"devices[].commands", "default_expiry_s", integer, kExpiry, 10,
+     "How long a command without `expires` stays valid, unless `max_expiry_s` is shorter."},
+    {"devices[].commands", "max_expiry_s", integer, kExpiry, 3600,
+     "How far `expires` may be ahead of the clock."},
+    {"devices[].commands", "verify", boolean, {}, true, "Whether a written word is read back."},
+    {"devices[].commands", "queue", integer, {1, 10000}, 64,
+     "Commands that may be pending on this device."},
+});
+// clang-format on
+
+}  // namespace config_keys
+
+/// "mqtt.keep_alive_s"; a path that is not in the table does not compile.
+consteval const ConfigKey& config_key(std::string_view path) {
+  for (const ConfigKey& key : config_keys::kAll)
+    if (key.is(path)) return key;
+  throw "there is no such key";
+}
+
+/// The keys of one object: "" for the top, "devices[].tags[]".
+constexpr std::span<const ConfigKey> config_section(std::string_view section) {
+  const std::span<const ConfigKey> all(config_keys::kAll);
+  const auto of = [&](const ConfigKey& key) { return key.section == section; };
+  const auto first = std::ranges::find_if(all, of);
+  return {first, std::find_if_not(first, all.end(), of)};
+}
+
+/// The protocol's own keys of a device: `model`, and the options of the catalogue. They go before
+/// those of the table that have their names.
+std::vector<ConfigKey> protocol_keys(const ProtocolInfo& protocol);
+ConfigKey option_key(const OptionSpec& option);
+ConfigKey model_key(const ProtocolInfo& protocol);
+/// `protocol`, with the names of the catalogue.
+ConfigKey protocol_key();
+/// `word_order` of the tags: a protocol whose devices may set their byte order lets its tags do so
+/// too. Null: of any protocol.
+ConfigKey word_order_key(const ProtocolInfo* protocol);
+
+/// The option of that name; null where the protocol has none.
+const OptionSpec* option_named(const ProtocolInfo& protocol, std::string_view key);
+
+}  // namespace fxagent

@@ -131,7 +131,7 @@ std::string ConfigReader::place_of(const ConfigNode& node) const {
   return pointer_to(node) + " (line " + std::to_string(tree_.line_of(node.offset)) + ")";
 }
 
-bool ConfigReader::check_object(const ConfigNode& node, std::span<const std::string_view> keys,
+bool ConfigReader::check_object(const ConfigNode& node, std::span<const ConfigKey> keys,
                                 std::span<const std::string_view> more,
                                 std::span<const std::string_view> left_to_caller) {
   if (node.kind != Kind::object) {
@@ -146,11 +146,12 @@ bool ConfigReader::check_object(const ConfigNode& node, std::span<const std::str
                               std::to_string(tree_.line_of(first->second->key_offset)));
       continue;
     }
-    if (std::ranges::find(keys, child.key) != keys.end() ||
+    if (std::ranges::find(keys, child.key, &ConfigKey::name) != keys.end() ||
         std::ranges::find(more, child.key) != more.end() ||
         std::ranges::find(left_to_caller, child.key) != left_to_caller.end())
       continue;
-    std::vector<std::string_view> known(keys.begin(), keys.end());
+    std::vector<std::string_view> known;
+    for (const ConfigKey& key : keys) known.push_back(key.name);
     known.insert(known.end(), more.begin(), more.end());
     error_at_key(child,
                  "unknown key \"" + shown(child.key) + "\"; " + did_you_mean(child.key, known));
@@ -158,11 +159,10 @@ bool ConfigReader::check_object(const ConfigNode& node, std::span<const std::str
   return true;
 }
 
-const ConfigNode* ConfigReader::member(const ConfigNode& parent, std::string_view key,
-                                       Presence presence) {
-  const ConfigNode* node = parent.find(key);
-  if (node == nullptr && presence == Presence::required)
-    error(parent, "\"" + std::string(key) + "\" is missing");
+const ConfigNode* ConfigReader::member(const ConfigNode& parent, const ConfigKey& key) {
+  const ConfigNode* node = parent.find(key.name);
+  if (node == nullptr && key.is_required())
+    error(parent, "\"" + std::string(key.name) + "\" is missing");
   return node;
 }
 
@@ -170,28 +170,25 @@ void ConfigReader::wrong_kind(const ConfigNode& node, std::string_view wanted) {
   error(node, "must be " + std::string(wanted) + ", found " + found_text(node));
 }
 
-const ConfigNode* ConfigReader::object(const ConfigNode& parent, std::string_view key,
-                                       Presence presence) {
-  const ConfigNode* node = member(parent, key, presence);
+const ConfigNode* ConfigReader::object(const ConfigNode& parent, const ConfigKey& key) {
+  const ConfigNode* node = member(parent, key);
   if (node == nullptr || node->kind == Kind::object) return node;
   wrong_kind(*node, "an object");
   return nullptr;
 }
 
-const ConfigNode* ConfigReader::array(const ConfigNode& parent, std::string_view key,
-                                      Presence presence) {
-  const ConfigNode* node = member(parent, key, presence);
+const ConfigNode* ConfigReader::array(const ConfigNode& parent, const ConfigKey& key) {
+  const ConfigNode* node = member(parent, key);
   if (node == nullptr || node->kind == Kind::array) return node;
   wrong_kind(*node, "an array");
   return nullptr;
 }
 
-std::optional<std::int64_t> ConfigReader::integer(const ConfigNode& parent, std::string_view key,
-                                                  Range range) {
-  const ConfigNode* node = member(parent, key, Presence::optional);
+std::optional<std::int64_t> ConfigReader::integer(const ConfigNode& parent, const ConfigKey& key) {
+  const ConfigNode* node = member(parent, key);
   if (node == nullptr) return std::nullopt;
   const std::string wanted =
-      "an integer from " + std::to_string(range.min) + " to " + std::to_string(range.max);
+      "an integer from " + std::to_string(key.limits.min) + " to " + std::to_string(key.limits.max);
   // 5.0 is the integer 5 to JSON Schema, so it is here. No range goes beyond what a double counts.
   constexpr double kExact = 9007199254740992.0;
   const bool whole = node->kind == Kind::integer ||
@@ -203,33 +200,27 @@ std::optional<std::int64_t> ConfigReader::integer(const ConfigNode& parent, std:
   }
   const std::int64_t value =
       node->kind == Kind::integer ? node->integer : static_cast<std::int64_t>(node->number);
-  if (value < range.min || value > range.max) {
+  if (value < key.limits.min || value > key.limits.max) {
     wrong_kind(*node, wanted);
     return std::nullopt;
   }
   return value;
 }
 
-std::optional<std::int64_t> ConfigReader::required_integer(const ConfigNode& parent,
-                                                           std::string_view key, Range range) {
-  return member(parent, key, Presence::required) == nullptr ? std::nullopt
-                                                            : integer(parent, key, range);
-}
-
-std::optional<double> ConfigReader::number(const ConfigNode& parent, std::string_view key) {
-  const ConfigNode* node = member(parent, key, Presence::optional);
+std::optional<double> ConfigReader::number(const ConfigNode& parent, const ConfigKey& key) {
+  const ConfigNode* node = member(parent, key);
   if (node == nullptr) return std::nullopt;
   if (node->kind == Kind::integer || node->kind == Kind::number) return node->number;
   wrong_kind(*node, "a number");
   return std::nullopt;
 }
 
-std::optional<bool> ConfigReader::boolean(const ConfigNode& parent, std::string_view key) {
-  const ConfigNode* node = member(parent, key, Presence::optional);
-  if (node == nullptr) return std::nullopt;
+bool ConfigReader::boolean(const ConfigNode& parent, const ConfigKey& key) {
+  const ConfigNode* node = member(parent, key);
+  if (node == nullptr) return key.flag();
   if (node->kind == Kind::boolean) return node->boolean;
   wrong_kind(*node, "true or false");
-  return std::nullopt;
+  return key.flag();
 }
 
 std::optional<std::string> ConfigReader::text(const ConfigNode& node) {
@@ -255,15 +246,14 @@ std::optional<std::string> ConfigReader::text(const ConfigNode& node) {
   return expanded;
 }
 
-std::optional<std::string> ConfigReader::text(const ConfigNode& parent, std::string_view key,
-                                              Presence presence) {
-  const ConfigNode* node = member(parent, key, presence);
+std::optional<std::string> ConfigReader::text(const ConfigNode& parent, const ConfigKey& key) {
+  const ConfigNode* node = member(parent, key);
   return node == nullptr ? std::nullopt : text(*node);
 }
 
 std::optional<ConfigReader::Secret> ConfigReader::secret(const ConfigNode& parent,
-                                                         std::string_view key) {
-  const ConfigNode* node = member(parent, key, Presence::optional);
+                                                         const ConfigKey& key) {
+  const ConfigNode* node = member(parent, key);
   if (node == nullptr) return std::nullopt;
   if (node->kind != Kind::string) {
     error(*node, "must be a string");
@@ -286,9 +276,8 @@ std::optional<ConfigReader::Secret> ConfigReader::secret(const ConfigNode& paren
   return std::nullopt;
 }
 
-std::optional<std::string> ConfigReader::name(const ConfigNode& parent, std::string_view key,
-                                              Presence presence) {
-  const ConfigNode* node = member(parent, key, presence);
+std::optional<std::string> ConfigReader::name(const ConfigNode& parent, const ConfigKey& key) {
+  const ConfigNode* node = member(parent, key);
   if (node == nullptr) return std::nullopt;
   const auto value = text(*node);
   if (!value) return std::nullopt;
@@ -301,12 +290,12 @@ std::optional<std::string> ConfigReader::name(const ConfigNode& parent, std::str
   return std::nullopt;
 }
 
-std::optional<std::size_t> ConfigReader::choice(const ConfigNode& parent, std::string_view key,
-                                                std::span<const std::string_view> words) {
-  const ConfigNode* node = member(parent, key, Presence::optional);
+std::optional<std::size_t> ConfigReader::choice(const ConfigNode& parent, const ConfigKey& key) {
+  const ConfigNode* node = member(parent, key);
   if (node == nullptr) return std::nullopt;
   const auto value = text(*node);
   if (!value) return std::nullopt;
+  const auto words = key.limits.words;
   const auto found = std::ranges::find(words, *value);
   if (found != words.end()) return static_cast<std::size_t>(found - words.begin());
   error(*node, "must be " + one_of(words) + ", found \"" + shown(node->text) + "\"; " +

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "agent/config/config.h"
+#include "agent/config/keys.h"
 #include "agent/config/tree.h"
 
 namespace fxagent {
@@ -26,19 +27,11 @@ std::string did_you_mean(std::string_view word, std::span<const std::string_view
 std::string one_of(std::span<const std::string_view> words);
 
 /// Getters return nullopt (or nullptr) where the key is absent, and where its value is wrong: then
-/// they have reported it. So a caller reads on and finds the other errors of the file too. Error
+/// they have reported it, as they report that a required key is absent. Ranges, words and defaults
+/// are those of the key. So a caller reads on and finds the other errors of the file too. Error
 /// texts show strings as they stand in the file, never what the environment put into them.
 class ConfigReader {
  public:
-  enum class Presence : std::uint8_t { optional, required };
-  static constexpr auto required = Presence::required;
-  static constexpr auto optional = Presence::optional;
-
-  struct Range {
-    std::int64_t min = 0;
-    std::int64_t max = 0;
-  };
-
   /// `tree` must outlive the reader.
   ConfigReader(const ConfigTree& tree, Environment environment);
 
@@ -58,26 +51,24 @@ class ConfigReader {
   /// False (and an error) where the node is no object, true otherwise; members that are not among
   /// `keys` or `more` are errors, as are members given twice. What is wrong with a member of the
   /// name of one of `left_to_caller` the caller can say better.
-  bool check_object(const ConfigNode& node, std::span<const std::string_view> keys,
+  bool check_object(const ConfigNode& node, std::span<const ConfigKey> keys,
                     std::span<const std::string_view> more = {},
                     std::span<const std::string_view> left_to_caller = {});
 
-  const ConfigNode* object(const ConfigNode& parent, std::string_view key, Presence presence);
-  const ConfigNode* array(const ConfigNode& parent, std::string_view key, Presence presence);
+  const ConfigNode* object(const ConfigNode& parent, const ConfigKey& key);
+  const ConfigNode* array(const ConfigNode& parent, const ConfigKey& key);
 
-  std::optional<std::int64_t> integer(const ConfigNode& parent, std::string_view key, Range range);
-  std::int64_t integer_or(const ConfigNode& parent, std::string_view key, Range range,
-                          std::int64_t fallback) {
-    return integer(parent, key, range).value_or(fallback);
+  std::optional<std::int64_t> integer(const ConfigNode& parent, const ConfigKey& key);
+  /// The default where there is no right value.
+  template <class T>
+  T integer_as(const ConfigNode& parent, const ConfigKey& key) {
+    return static_cast<T>(integer(parent, key).value_or(key.number()));
   }
-  /// As integer(), of something that must be there.
-  std::optional<std::int64_t> required_integer(const ConfigNode& parent, std::string_view key,
-                                               Range range);
-  std::optional<double> number(const ConfigNode& parent, std::string_view key);
-  std::optional<bool> boolean(const ConfigNode& parent, std::string_view key);
+  std::optional<double> number(const ConfigNode& parent, const ConfigKey& key);
+  /// The default where there is no right value.
+  bool boolean(const ConfigNode& parent, const ConfigKey& key);
   /// A string that is not empty, `${NAME}` replaced.
-  std::optional<std::string> text(const ConfigNode& parent, std::string_view key,
-                                  Presence presence = optional);
+  std::optional<std::string> text(const ConfigNode& parent, const ConfigKey& key);
   /// The same for an item of an array.
   std::optional<std::string> text(const ConfigNode& node);
   /// A string that no error may quote.
@@ -85,13 +76,14 @@ class ConfigReader {
     std::string value;
     bool in_clear = false;  ///< it stands in the file, and not just the variable that holds it
   };
-  std::optional<Secret> secret(const ConfigNode& parent, std::string_view key);
+  std::optional<Secret> secret(const ConfigNode& parent, const ConfigKey& key);
   /// A string of the form that topics and commands use: [a-z0-9_-]{1,64}.
-  std::optional<std::string> name(const ConfigNode& parent, std::string_view key,
-                                  Presence presence);
-  /// Which of `words` the string is.
-  std::optional<std::size_t> choice(const ConfigNode& parent, std::string_view key,
-                                    std::span<const std::string_view> words);
+  std::optional<std::string> name(const ConfigNode& parent, const ConfigKey& key);
+  /// Which of the key's words the string is.
+  std::optional<std::size_t> choice(const ConfigNode& parent, const ConfigKey& key);
+  std::size_t choice_or_default(const ConfigNode& parent, const ConfigKey& key) {
+    return choice(parent, key).value_or(key.index());
+  }
 
  private:
   struct Finding {
@@ -100,7 +92,7 @@ class ConfigReader {
     std::string text;
   };
 
-  const ConfigNode* member(const ConfigNode& parent, std::string_view key, Presence presence);
+  const ConfigNode* member(const ConfigNode& parent, const ConfigKey& key);
   void wrong_kind(const ConfigNode& node, std::string_view wanted);
   /// `text` with every `${NAME}` replaced and `$${` turned into `${`. Faults go to `fault`, which
   /// may be null.

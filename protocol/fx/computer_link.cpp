@@ -230,7 +230,7 @@ std::string_view link_model(int code) {
 
 Result<std::shared_ptr<const Codec>> ComputerLink::make(const Options& options) {
   Settings settings;
-  if (const auto* name = option<std::string>(options, "model"); name && *name != "auto") {
+  if (const auto* name = option<std::string>(options, "model"); name && *name != kAutoModel) {
     const auto known = model_named(*name);
     if (!known) return refuse("no model '" + *name + "'");
     settings.model = *known;
@@ -240,13 +240,13 @@ Result<std::shared_ptr<const Codec>> ComputerLink::make(const Options& options) 
     const auto* value = option<std::int64_t>(options, key);
     return static_cast<std::uint32_t>(std::clamp(value ? *value : fallback, least, most));
   };
-  settings.station = number("station", 0, 0, 15);
-  settings.max_block_bytes = number("max_block_bytes", 128, 2, 128);
-  const std::uint32_t format = number("format", 1, 1, 4);
+  settings.station = number("station", settings.station, 0, 15);
+  settings.max_block_bytes = number("max_block_bytes", settings.max_block_bytes, 2, 128);
+  const std::uint32_t format = number("format", settings.ends_with_cr_lf ? 4 : 1, 1, 4);
   if (format != 1 && format != 4)
     return refuse("format is 1 or 4: an FX has no format " + std::to_string(format));
   settings.ends_with_cr_lf = format == 4;
-  const std::uint32_t wait = number("message_wait_ms", 0, 0, 150);
+  const std::uint32_t wait = number("message_wait_ms", settings.wait_tens * 10, 0, 150);
   if (wait % 10 != 0) return refuse("message_wait_ms is a multiple of 10");
   settings.wait_tens = wait / 10;
   if (const auto* flag = option<bool>(options, "sum_check")) settings.sum_check = *flag;

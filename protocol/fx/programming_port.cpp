@@ -195,7 +195,7 @@ Result<std::shared_ptr<const Codec>> ProgrammingPort::make(const Options& option
     const auto* value = found == options.end() ? nullptr : std::get_if<std::string>(&found->second);
     return value ? std::string_view(*value) : std::string_view{};
   };
-  if (const auto model = text("model"); !model.empty() && model != "auto") {
+  if (const auto model = text("model"); !model.empty() && model != kAutoModel) {
     const auto known = model_named(model);
     if (!known) return fail(ErrorCode::bad_request, "no model '" + std::string(model) + "'");
     settings.model = *known;

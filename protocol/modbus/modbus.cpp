@@ -160,10 +160,10 @@ Result<std::shared_ptr<const Codec>> Modbus::make(Framing framing, const Options
     const auto* value = option<std::int64_t>(options, key);
     return static_cast<std::uint32_t>(std::clamp(value ? *value : fallback, least, most));
   };
-  settings.unit = static_cast<std::uint8_t>(number("unit", 1, 0, 255));
-  settings.max_read = number("max_read", kMaxReadRegisters, 1, kMaxReadRegisters);
-  settings.max_gap = number("max_gap", 16, 0, kMaxReadRegisters);
-  settings.address_base = number("address_base", 0, 0, 1);
+  settings.unit = static_cast<std::uint8_t>(number("unit", settings.unit, 0, 255));
+  settings.max_read = number("max_read", settings.max_read, 1, kMaxReadRegisters);
+  settings.max_gap = number("max_gap", settings.max_gap, 0, kMaxReadRegisters);
+  settings.address_base = number("address_base", settings.address_base, 0, 1);
   if (const auto* word = option<std::string>(options, "byte_order")) {
     const auto order = byte_order_from(*word);
     if (!order) return tl::make_unexpected(order.error());

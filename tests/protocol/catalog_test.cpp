@@ -15,7 +15,7 @@ TEST(Catalog, FindsAProtocolByItsNameAndNothingByAnother) {
   ASSERT_NE(info, nullptr);
   EXPECT_EQ(info->line.baud, 9600);
   EXPECT_EQ(info->line.data_bits, 7);
-  EXPECT_EQ(info->line.parity, "even");
+  EXPECT_EQ(info->line.parity, Parity::even);
   EXPECT_FALSE(info->multidrop);
   EXPECT_EQ(info->models.back(), "FX3U");
   EXPECT_EQ(find_protocol("fx-programming"), nullptr);

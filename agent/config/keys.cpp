@@ -1,0 +1,76 @@
+#include "agent/config/keys.h"
+
+#include <map>
+
+namespace fxagent {
+
+const OptionSpec* option_named(const ProtocolInfo& protocol, std::string_view key) {
+  const auto found = std::ranges::find(protocol.options, key, &OptionSpec::key);
+  return found == protocol.options.end() ? nullptr : &*found;
+}
+
+ConfigKey option_key(const OptionSpec& option) {
+  ConfigKey key{.section = "devices[]", .name = option.key, .meaning = option.meaning};
+  switch (option.kind) {
+    case OptionSpec::Kind::integer:
+      key.type = ConfigKey::Type::integer;
+      key.limits = {option.min, option.max};
+      break;
+    case OptionSpec::Kind::boolean:
+      key.type = ConfigKey::Type::boolean;
+      break;
+    case OptionSpec::Kind::choice:
+      key.type = ConfigKey::Type::choice;
+      key.limits = std::span(option.choices);
+      break;
+  }
+  std::visit([&](const auto& value) { key.fallback = value; }, option.fallback);
+  return key;
+}
+
+ConfigKey model_key(const ProtocolInfo& protocol) {
+  static const auto words = [] {
+    std::map<std::string_view, std::vector<std::string_view>> list;
+    for (const ProtocolInfo& info : catalog()) {
+      list[info.name] = info.models;
+      list[info.name].insert(list[info.name].begin(), kAutoModel);
+    }
+    return list;
+  }();
+  ConfigKey key = config_key("devices[].model");
+  key.type = ConfigKey::Type::choice;
+  key.limits = std::span(words.at(protocol.name));
+  key.meaning = protocol.models.empty()
+                    ? "Modbus devices have no models: leave it out, or set `auto`."
+                    : "Model of the PLC. `auto`: the PLC is asked, and `check` holds addresses "
+                      "against the FX3U, the widest. Addresses that the real model lacks are bad "
+                      "then.";
+  return key;
+}
+
+std::vector<ConfigKey> protocol_keys(const ProtocolInfo& protocol) {
+  std::vector<ConfigKey> keys{model_key(protocol)};
+  for (const OptionSpec& option : protocol.options) keys.push_back(option_key(option));
+  return keys;
+}
+
+ConfigKey protocol_key() {
+  static const auto names = [] {
+    std::vector<std::string_view> list;
+    for (const ProtocolInfo& info : catalog()) list.push_back(info.name);
+    return list;
+  }();
+  ConfigKey key = config_key("devices[].protocol");
+  key.type = ConfigKey::Type::choice;
+  key.limits = std::span(names);
+  return key;
+}
+
+ConfigKey word_order_key(const ProtocolInfo* protocol) {
+  ConfigKey key = config_key("devices[].tags[].word_order");
+  if (protocol != nullptr && option_named(*protocol, "byte_order") == nullptr)
+    key.limits = key.limits.words.first(2);
+  return key;
+}
+
+}  // namespace fxagent
