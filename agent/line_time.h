@@ -1,4 +1,4 @@
-// What polls and orders take on their line, by the config: one arithmetic for the plans of the
+// What polls and commands take on their line, by the config: one arithmetic for the plans of the
 // field, for the bound of commands and for `fxagent plan`. Pure; any thread.
 #pragma once
 
@@ -21,13 +21,13 @@ LineTiming timing_of(const DeviceConfig& device, std::chrono::nanoseconds char_t
 LineCost cost_of(const DeviceConfig& device, std::chrono::nanoseconds char_time,
                  std::chrono::nanoseconds turnaround);
 
-/// The reads of `point` by itself, as an order sends them.
+/// The reads of `point` by itself, as a command sends them.
 Plan reads_of(const Codec& codec, const DeviceConfig& device, const Point& point);
 /// Their line time.
 std::chrono::nanoseconds read_time(const Codec& codec, const DeviceConfig& device,
                                    const Point& point, const LineTiming& timing);
 
-/// Line time of orders sent one after the other, each with the read that must come before it.
+/// Line time of commands sent one after the other, each with the read that must come before it.
 std::chrono::nanoseconds write_time(const Codec& codec, std::span<const Request> requests,
                                     const LineTiming& timing);
 

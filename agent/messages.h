@@ -73,7 +73,7 @@ struct WireFrame {
   Bytes bytes;
 };
 
-/// What an order put on the wire and what came back, for the audit. Bounded: of a long one the
+/// What a command put on the wire and what came back, for the audit. Bounded: of a long one the
 /// beginning is kept.
 class FrameTrace final {
  public:
@@ -229,7 +229,7 @@ struct CommandResult {
   std::vector<TargetResult>
       targets;  ///< one, unless is_list; may be empty where none could be read
   bool dry_run = false;
-  int attempts = 0;  ///< how often the order was sent
+  int attempts = 0;  ///< how often the command was sent
 
   std::int64_t received_ms = 0;
   SteadyTime received{};
@@ -251,18 +251,18 @@ struct CommandResult {
   // These three are not in what is remembered.
   std::string response_topic;
   Bytes correlation;
-  FrameTrace frames;  ///< of an order that was carried out
+  FrameTrace frames;  ///< of a command that was carried out
 };
 
 /// What it takes in memory, roughly, `first` not counted.
 std::size_t memory_of(const CommandResult& result);
 
-/// On: an order is carried out only when the journal has its AdmissionNote, and first results are
+/// On: a command is carried out only when the journal has its AdmissionNote, and first results are
 /// kept there. Off: there is no journal.
 enum class Journaling : std::uint8_t { off, on };
 
-/// An admitted order for the journal. It is carried out only when the uplink has written it down
-/// and given the go-ahead.
+/// A command that was admitted, for the journal. It is carried out only when the uplink has written
+/// it down and given the go-ahead.
 struct AdmissionNote {
   std::uint32_t device = 0;
   std::uint64_t number = 0;  ///< of its command
@@ -289,10 +289,10 @@ struct RememberedId {
   std::uint64_t number = 0;  ///< of the command
   std::int64_t received_ms = 0;
   std::int64_t deadline_ms = 0;  ///< of the command: its id is kept at least until then
-  bool refused = false;          ///< it was no order: its id is kept while there is room to spare
+  bool refused = false;  ///< it was not admitted: its id is kept while there is room to spare
 };
 
-/// The word for an order that was under way, or waiting for the wire, when the agent ended.
+/// What is said of a command that was under way, or waiting for the wire, when the agent ended.
 inline constexpr std::string_view kInterrupted =
     "the agent ended while the command was under way: it may or may not have been carried out";
 

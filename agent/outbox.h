@@ -36,7 +36,7 @@ class Outbox final {
   /// Holds at most `max_telemetry` messages; the oldest goes first and is counted.
   explicit Outbox(std::size_t max_telemetry) : max_telemetry_(max_telemetry) {}
 
-  /// Never blocks for longer than a swap of pointers. Orders, results and states are never
+  /// Never blocks for longer than a swap of pointers. Notes, results and states are never
   /// dropped. All but telemetry ends a gather().
   void push(Telemetry message);
   void push(AdmissionNote note);
@@ -45,7 +45,7 @@ class Outbox final {
   void push(FieldHealth health);
 
   /// The uplink's word that samples wait for the broker: groups without an interval rest until they
-  /// are through, where others keep their beat. Uplink thread.
+  /// are through, where others keep their intervals. Uplink thread.
   void set_backed_up(bool backed_up) { backed_up_.store(backed_up, std::memory_order_relaxed); }
   bool is_backed_up() const { return backed_up_.load(std::memory_order_relaxed); }
 

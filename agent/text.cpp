@@ -41,7 +41,7 @@ bool stays(std::uint32_t character, Escape how) {
   if (character < 0x20) return false;
   if (how == Escape::message) return character != 0x7F;
   if (character == '"' || character == '\\') return false;
-  // U+009B begins an order to a terminal, as ESC [ does.
+  // U+009B begins a command to a terminal, as ESC [ does.
   return how != Escape::log || character < 0x7F || character >= 0xA0;
 }
 

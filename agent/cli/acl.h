@@ -15,8 +15,8 @@ struct AclQuestion {
 };
 
 /// Prints an acl_file to stdout. The agent may write what it publishes and read what it obeys, no
-/// more; a viewer reads what the agent writes; an operator also writes orders. Exit status: 0, or 2
-/// where a user name cannot stand in such a file, which stderr tells.
+/// more; a viewer reads what the agent writes; an operator also writes commands. Exit status: 0, or
+/// 2 where a user name cannot stand in such a file, which stderr tells.
 int run_acl(const Config& config, const AclQuestion& what);
 
 }  // namespace fxagent

@@ -1,5 +1,5 @@
 // `fxagent read`, `write`, `force-on`, `force-off`: one command straight to a device, by the same
-// desk and on the same wire discipline as the agent's own, without a broker.
+// admission and on the same bus discipline as the agent's own, without a broker.
 #pragma once
 
 #include <cstdint>

@@ -80,7 +80,7 @@ DevicePlan plan_device(const DeviceConfig& device, nanoseconds char_time) {
   return out;
 }
 
-/// How well an order suits to tell the bound by: words before double words before bits, and of
+/// How well a command suits to show the bound: words before double words before bits, and of
 /// each first what the config allows. nullopt: such a place is not written by itself.
 std::optional<int> rank_of(const Point& point, bool allowed) {
   const int second = allowed ? 0 : 1;
@@ -241,7 +241,7 @@ BoundShare share_of(const DeviceConfig& device, const DevicePlan& plan) {
   return {plan.longest_exchange(), command_time(device, plan)};
 }
 
-/// The bound of an order that finds no other before it: as the link's worker computes it.
+/// The bound of a command that finds no other before it: as the link's worker computes it.
 std::optional<nanoseconds> bound_of(const std::vector<BoundShare>& shares) {
   nanoseconds longest{0};
   std::optional<nanoseconds> order;

@@ -13,7 +13,8 @@ namespace {
 
 using std::chrono::milliseconds;
 
-// An order's own bytes beside those of its command: images and requests, bounded by its values.
+// Bytes of an admitted command beside those of the command as it came: images and requests, bounded
+// by its values.
 constexpr std::size_t kOrderToCommand = 2;
 
 bool is_write(Op op) { return op == Op::write || op == Op::force_on || op == Op::force_off; }

@@ -1,5 +1,5 @@
 // Admits the commands of one device: known, writable, in range, fresh, not seen before. Every
-// command gets one verdict: a result at once, or an order for the wire. Pure: time is an argument.
+// command gets one decision: a result at once, or admission to the wire. Pure: time is an argument.
 // Field thread.
 #pragma once
 
@@ -45,7 +45,7 @@ struct AdmittedCommand {
   /// Line time of its own exchanges when each ends well; nullopt: not known.
   std::optional<std::chrono::nanoseconds> line_time;
   std::optional<std::chrono::nanoseconds> bound;
-  /// What it takes of the room for waiting commands; shared with copies of the order.
+  /// What it takes of the room for waiting commands; shared with copies of the command.
   std::shared_ptr<const CommandRoom::Place> place{};
 };
 
@@ -54,7 +54,7 @@ class CommandAdmission final {
   using Decision = std::variant<CommandResult, AdmittedCommand>;
 
   /// `device` outlives admission. With a journal the first results are there, and not here. `room`
-  /// is shared with the desks of the other devices and with the orders that wait.
+  /// is shared with the admission of the other devices and with the commands that wait.
   explicit CommandAdmission(const DeviceConfig& device, Journaling journaling = Journaling::off,
                             std::shared_ptr<CommandRoom> room = std::make_shared<CommandRoom>())
       : device_(device),
@@ -62,26 +62,26 @@ class CommandAdmission final {
         room_(std::move(room)),
         ids_(room_, device.name) {}
 
-  /// The verdict on `command`, by the checks of the contract in their order. `codec` is the
-  /// device's codec of the moment (its model may have been identified), `waiting` the orders
+  /// The decision on `command`, by the checks of the contract in their order. `codec` is the
+  /// device's codec of the moment (its model may have been identified), `waiting` the commands
   /// already queued.
   Decision admit(Command command, const Codec& codec, std::size_t waiting, SteadyTime now);
 
-  /// The result of an order that admit() had passed. Every order must come back here exactly once.
+  /// The result of a command that admit() let through. Each must come back here exactly once.
   void finished(const CommandResult& result);
 
   /// An id of an earlier run is known from now on. `utc_ms` is the calendar time of `now`.
   void restore(RememberedId remembered, SteadyTime now, std::int64_t utc_ms);
 
-  /// An order that an earlier run had in its journal and did not finish: its id is known, without a
-  /// result so far. What is to be read for its outcome; nothing, where reading does not tell: bits,
-  /// since ladders reset them, and what cannot be found on the device any more.
+  /// A command that an earlier run had in its journal and did not finish: its id is known, without
+  /// a result so far. What is to be read for its outcome; nothing, where reading does not tell:
+  /// bits, since ladders reset them, and what cannot be found on the device any more.
   std::optional<AdmittedCommand> interrupted(Command command, const Codec& codec, SteadyTime now);
 
   std::size_t remembered() const { return ids_.size(); }
 
  private:
-  /// Notes the id of a command that became no order, where there is room to spare.
+  /// Notes the id of a command that was not admitted, where there is room to spare.
   void remember_refused(const Command& command, CommandResult& result, SteadyTime now);
   /// Fills admitted.targets, or says which check failed.
   std::optional<Refusal> resolve(const Codec& codec, AdmittedCommand& admitted,

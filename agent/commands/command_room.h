@@ -55,7 +55,7 @@ class IdFingerprints final {
   SteadyTime earliest_deadline_ = SteadyTime::max();  ///< none is past its own before
 };
 
-/// Shared by the desks of all devices and by each order that has a place here.
+/// Shared by the admission of all devices and by each command that has a place here.
 class CommandRoom final : public std::enable_shared_from_this<CommandRoom> {
  public:
   /// Of all commands that wait; and what each device may have whatever the others have.

@@ -1,5 +1,6 @@
-// The command ids that a device has seen: the promise that no order is carried out twice. It stays
-// in memory whatever becomes of the disk; the results, which only tell, are the journal's to keep.
+// The command ids that a device has seen: the promise that no command is carried out twice. It
+// stays in memory whatever becomes of the disk; the results, which only tell, are the journal's to
+// keep.
 //
 // Of the newest ids everything is kept; what they push out is a fingerprint from then on, in room
 // that all devices share. What was refused is kept apart, in the room that the others leave.
@@ -47,17 +48,17 @@ class IdMemory final {
 
   /// Nothing: the id was never seen, or need not be known any more.
   std::optional<Seen> find(const std::string& id, SteadyTime now) const;
-  /// Whether one more order may be remembered. Lets go of what is over and older than
+  /// Whether one more command may be remembered. Lets go of what is over and older than
   /// kRememberedFor; where kRememberedIds are held, the oldest that is over becomes a fingerprint,
   /// or, where there is no room for that, the oldest that is past its deadline goes.
   bool make_room(SteadyTime now);
-  /// Remembers the id of an order, whether make_room() was asked or not. One that is known stays as
-  /// it is.
+  /// Remembers the id of a command, whether make_room() was asked or not. One that is known stays
+  /// as it is.
   void add(Entry entry, SteadyTime now);
   /// The id of a command that was refused, while there is room to spare: the newest of them, and
-  /// none that an order has need of. False: it is not remembered.
+  /// none that a command has need of. False: it is not remembered.
   bool add_refused(Entry entry, SteadyTime now);
-  /// The order has its result. Nothing where the id is not known.
+  /// The command has its result. Nothing where the id is not known.
   void finish(const std::string& id, std::shared_ptr<const CommandResult> result);
 
   /// Fingerprints not counted.
@@ -75,7 +76,7 @@ class IdMemory final {
 
   std::shared_ptr<CommandRoom> room_;
   std::string device_;
-  Entries orders_;   ///< the oldest first; where arrivals are the same, as they were added
+  Entries orders_;   ///< the oldest first; where numbers are the same, as they were added
   Entries refused_;  ///< the same
 };
 

@@ -51,10 +51,10 @@ class CommandJournal {
  public:
   virtual ~CommandJournal() = default;
 
-  /// Writes orders down before they are carried out. False: they are not in the journal yet, and
+  /// Writes commands down before they are carried out. False: they are not in the journal yet, and
   /// will be when the disk takes them.
   virtual bool journal(std::span<const JournalEntry> orders) = 0;
-  /// Notes the result of an order, or of a command that never became one. The first result stays.
+  /// Notes the result of a command, admitted or not. The first result stays.
   virtual void record(JournalEntry entry) = 0;
   /// The same for several, in one commit.
   virtual void record(std::vector<JournalEntry> entries) = 0;
@@ -64,8 +64,8 @@ class CommandJournal {
   virtual std::optional<JournalEntry> find(const std::string& device, const std::string& id) = 0;
   /// Of those that are over; oldest first.
   virtual std::vector<KnownId> known_ids() = 0;
-  /// Of what the broker was not told every order without a result, and of each device the newest
-  /// results; oldest first.
+  /// Of what the broker has not acknowledged every command without a result, and of each device the
+  /// newest results; oldest first.
   virtual std::vector<JournalEntry> unacknowledged() = 0;
 };
 

@@ -242,7 +242,7 @@ std::optional<bool> read_flag(const Json* flag, const char* key, Faults& faults)
 }
 
 void read_conditions(const Json& object, Command& command, Faults& faults) {
-  // A condition that got lost on its way (NaN becomes null) must not become an order without one.
+  // A condition that got lost on its way (NaN becomes null) must not become a command without one.
   if (const Json* expires = find(object, "expires")) {
     // A sender may write 1.79e12; a fraction or a huge number is no time.
     const double at = expires->is_number() ? expires->get<double>() : -1.0;

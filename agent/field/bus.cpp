@@ -31,7 +31,7 @@ constexpr std::size_t kMaxReceived = 4096;
 constexpr std::size_t kReadChunk = 512;
 constexpr std::string_view kNeverSilent =
     "bytes come without end (another master, noise, or wrong settings?)";
-// How often a probing read that is refused is asked: the first NAK may be an order's late one.
+// How often a probing read that is refused is asked: the first NAK may be a command's late one.
 constexpr int kProbes = 3;
 
 bool answers_by_ack(const Request& request) { return !std::holds_alternative<Read>(request); }

@@ -52,7 +52,7 @@ struct Station {
   EnquirePolicy enquire = EnquirePolicy::open;
   bool echo = false;               ///< the line returns what is sent
   std::uint32_t handshake_in = 0;  ///< Bus::session() in which it last answered an enquiry; 0: none
-  FrameTrace* trace = nullptr;     ///< takes every frame of an order; null for polls
+  FrameTrace* trace = nullptr;     ///< takes every frame of a command; null for polls
 };
 
 class Bus final {
@@ -94,7 +94,7 @@ class Bus final {
                                      SteadyTime not_after = SteadyTime::max());
 
   /// Whether questions come back before their answers on a line that is not said to do so: some
-  /// reads in a row did. Until one does not, an order's echo is not taken for its answer.
+  /// reads in a row did. Until one does not, a command's echo is not taken for its answer.
   bool echo_found() const { return echoes_in_a_row_ >= kEchoesFound; }
 
   /// Whether foreign answers were heard, and since when too few clean exchanges.

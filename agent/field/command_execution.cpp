@@ -317,7 +317,7 @@ asio::awaitable<Exchange> CommandExecution::send(Request request, Try which) {
   if (const auto first = station_.codec->read_before(request)) {
     Exchange reading = co_await ask(*first, not_after());
     if (!reading.is_data()) {
-      reading.sent = false;  // the order itself has not left
+      reading.sent = false;  // the command itself has not left
       co_return reading;
     }
     request = station_.codec->with_read(request, reading.reply.image);

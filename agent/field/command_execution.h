@@ -65,26 +65,26 @@ class CommandExecution final {
   asio::awaitable<void> read_target(const AdmittedTarget& target, TargetResult& out);
   asio::awaitable<void> write_target(const AdmittedTarget& target, TargetResult& out);
   asio::awaitable<bool> check_expected(const AdmittedTarget& target, TargetResult& out);
-  /// Sends `request`, and before it the read that it needs; that read's failure is the order's.
+  /// Sends `request`, and before it the read that it needs; that read's failure is the command's.
   enum class Try : std::uint8_t { first, second };
   asio::awaitable<Exchange> send(Request request, Try which);
   /// Sends `request`, and a second time only where the first surely had no effect.
   asio::awaitable<Exchange> send_once_or_twice(Request request, bool may_repeat);
-  /// Whether `target` shares a place with another of the order: then their sequence matters.
+  /// Whether `target` shares a place with another of the command: then their sequence matters.
   bool meets_another(const AdmittedTarget& target) const;
   /// All targets in one frame, where the protocol has one for them. False: it has not.
   asio::awaitable<bool> write_together();
   /// `frames` of the target's requests were carried out and the rest surely was not.
   asio::awaitable<void> end_early(const AdmittedTarget& target, std::size_t frames,
                                   TargetResult& out);
-  /// How an order ended that surely had no effect: refused, never sent, or too late.
+  /// How a command ended that surely had no effect: refused, never sent, or too late.
   void set_without_effect(TargetResult& out, const Exchange& exchange) const;
-  /// What an order's last exchange means for one target; then its verification.
+  /// What a command's last exchange means for one target; then its verification.
   asio::awaitable<void> conclude(const AdmittedTarget& target, Exchange exchange,
                                  TargetResult& out);
   bool surely_without_effect(const Request& request, const Exchange& exchange) const;
   asio::awaitable<void> verify(const AdmittedTarget& target, TargetResult& out);
-  /// Reads what the order was to write: the same value counts as carried out.
+  /// Reads what the command was to write: the same value counts as carried out.
   asio::awaitable<void> read_outcome(const AdmittedTarget& target, std::string succeeded,
                                      TargetResult& out);
   asio::awaitable<void> settle_interrupted();
@@ -105,7 +105,7 @@ class CommandExecution final {
   std::optional<SteadyTime> first_byte_;
   std::optional<SteadyTime> part_began_;  ///< first byte since the line was given to others
   SteadyTime last_byte_{};
-  bool wrote_ = false;    ///< a byte of an order has left
+  bool wrote_ = false;    ///< a byte of a command has left
   bool cut_off_ = false;  ///< the end came before the answer
   bool answered_ = false;
   bool unanswered_ = false;

@@ -17,8 +17,8 @@ enum class Polling : std::uint8_t { on, off };
 
 class Field final {
  public:
-  /// `config` and `outbox` outlive the field. Nothing runs yet. With a journal each order waits for
-  /// go_ahead(), which answers its AdmissionNote in the outbox.
+  /// `config` and `outbox` outlive the field. Nothing runs yet. With a journal each command waits
+  /// for go_ahead(), which answers its AdmissionNote in the outbox.
   Field(const Config& config, Outbox& outbox, const RestoredState& restored,
         Polling polling = Polling::on, Journaling journaling = Journaling::off);
   /// Stops, if stop() was not called.
@@ -31,7 +31,7 @@ class Field final {
   void restore(RestoredState restored);
   /// Hands a command to the field; exactly one result comes back through the outbox. Any thread.
   void submit(Command command);
-  /// The order is in the journal, or there is none to be had. Any thread.
+  /// The command is in the journal, or there is none to be had. Any thread.
   void go_ahead(std::uint32_t device, std::string id);
   /// Calls `answer` on the field's thread, when its turn comes. Any thread.
   void ask(std::function<void()> answer);

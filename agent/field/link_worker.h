@@ -1,5 +1,5 @@
-// One link: opens it, polls its devices on their beat, carries out their commands. One coroutine;
-// what it does next is the PollScheduler's to say. Field thread.
+// One link: opens it, polls its devices at their intervals, carries out their commands. One
+// coroutine; what it does next is the PollScheduler's to say. Field thread.
 #pragma once
 
 #include <asio/any_io_executor.hpp>
@@ -57,7 +57,7 @@ class LinkWorker final {
   /// A command for a device of this link. Its result, whatever it is, goes to the outbox.
   void submit(Command command);
 
-  /// The uplink's word that this order is in the journal: it waits for the wire from now on.
+  /// The uplink's word that this command is in the journal: it waits for the wire from now on.
   void go_ahead(std::uint32_t device, const std::string& id);
 
   /// Ends run() within 3 s: a poll is cut short, waiting commands are answered FAILED
@@ -100,7 +100,7 @@ class LinkWorker final {
   void tell_doubt();
   void line_lost(const std::string& why);
 
-  /// The answer to an order that no wire will see any more. `status`: whether it had been admitted
+  /// The answer to a command that no wire will see any more. `status`: whether it had been admitted
   /// before the end was asked for.
   static CommandResult unsent(const AdmittedCommand& admitted, CommandStatus status);
   asio::awaitable<void> run_command();
@@ -148,7 +148,7 @@ class LinkWorker final {
   std::vector<std::unique_ptr<Device>> devices_;
   std::unordered_map<std::uint32_t, Device*> by_index_;
   const Journaling journaling_;
-  const std::shared_ptr<CommandRoom> room_;  ///< the desks' and that of orders that wait
+  const std::shared_ptr<CommandRoom> room_;  ///< shared with admission; bytes of commands that wait
   std::list<Waiting> unjournaled_;           ///< admitted; without their go-ahead so far
   std::list<Waiting> waiting_;
   SteadyTime next_open_{};

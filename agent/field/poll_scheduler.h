@@ -26,7 +26,7 @@ class PollScheduler final {
     GroupId group = 0;
     std::uint32_t exchange = 0;
     bool starts_cycle = false;
-    std::chrono::nanoseconds late{0};  ///< starts_cycle: how long after its beat
+    std::chrono::nanoseconds late{0};  ///< starts_cycle: how long after it was due
   };
   struct Job {
     enum class Kind : std::uint8_t { command, poll, wait } kind = Kind::wait;
@@ -35,7 +35,7 @@ class PollScheduler final {
   };
   struct Counters {
     std::uint64_t polls = 0;   ///< cycles begun
-    std::uint64_t missed = 0;  ///< beats skipped because the line or the device was busy or silent
+    std::uint64_t missed = 0;  ///< polls left out because the line or the device was busy or silent
   };
 
   /// `poll_share`: the part of the line that polls keep while commands flood it, 0 … 0.9.
@@ -44,8 +44,8 @@ class PollScheduler final {
   /// `unanswered_limit`: so many exchanges in a row without an answer make the device silent.
   DeviceId add_device(int unanswered_limit, BackOff back_off);
   /// A group polled each `interval` (0: as fast as the line allows), first at `first_due`. A cycle
-  /// of 0 exchanges is one step all the same. `within` is the deadline of a cycle after its beat
-  /// (0: the next beat).
+  /// of 0 exchanges is one step all the same. `within` is the deadline of a cycle after it was due
+  /// (0: when the next one is due).
   GroupId add_group(DeviceId device, std::chrono::milliseconds interval, std::uint32_t exchanges,
                     SteadyTime first_due, std::chrono::milliseconds within = {});
   /// After a new plan: the running cycle, if any, begins anew.
@@ -60,18 +60,18 @@ class PollScheduler final {
 
   /// The job to run now, or until when to wait. Waiting commands come first, save for the polls'
   /// share; then the due group with the earliest deadline whose device is not in back-off. A late
-  /// cycle keeps its beat: missed periods are skipped and counted, never sent in a burst. A cycle
-  /// under way goes on with its next exchange by the same rule. Where the groups ask for more than
-  /// the whole line, the beats of all are stretched by the same factor.
+  /// cycle does not move the later ones: missed intervals are skipped and counted, never sent in a
+  /// burst. A cycle under way goes on with its next exchange by the same rule. Where the groups ask
+  /// for more than the whole line, the intervals of all are stretched by the same factor.
   Job next(SteadyTime now);
 
   /// The step was carried out; the cycle goes on, or has ended: true.
   bool step_done(const PollStep& step);
   /// The same step is to be offered again, but not before then: the device is busy.
   void postpone(const PollStep& step, SteadyTime not_before);
-  /// The rest of the cycle is given up until the next beat. A group without an interval has none
-  /// and rests until `not_before`: what failed without using the line must not be offered again in
-  /// the same breath.
+  /// The rest of the cycle is given up until the next one is due. A group without an interval has
+  /// none and rests until `not_before`: what failed without using the line must not be offered
+  /// again in the same breath.
   void abandon_cycle(GroupId group, SteadyTime not_before);
 
   /// Line time that commands and polls have used; feeds the polls' share.
@@ -124,7 +124,7 @@ class PollScheduler final {
     SteadyTime not_before{};            ///< of the running cycle's next step
     std::chrono::nanoseconds used{0};   ///< by the running cycle
     std::chrono::nanoseconds usual{0};  ///< by a whole cycle, smoothed; 0: none has ended
-    double polls_owed = 0;              ///< below 1: what stretched beats have not yet counted
+    double polls_owed = 0;              ///< below 1: what stretched intervals have not yet counted
   };
 
   /// The due group that goes first, or none.

@@ -1,5 +1,5 @@
-// Which log lines are written: of equal ones the first few of a while; the rest is counted and told
-// in one line when the while is over. Pure: time is an argument. One thread at a time.
+// Which log lines are written: of equal ones the first few of a while; the rest is counted and
+// reported in one line when the while is over. Pure: time is an argument. One thread at a time.
 #pragma once
 
 #include <chrono>

@@ -62,10 +62,10 @@ class Backlog final {
 
   const std::size_t max_bytes_;
   std::size_t bytes_ = 0;
-  std::map<std::uint64_t, SampleRow> rows_;  ///< by order: the first is the oldest
+  std::map<std::uint64_t, SampleRow> rows_;  ///< by row id: the first is the oldest
   Streams streams_;
-  /// Lanes that could send, by their oldest waiting row: with thousands of streams next() must not
-  /// look at each.
+  /// Streams that could send, by their oldest waiting row: with thousands of streams next() must
+  /// not look at each.
   std::map<std::uint64_t, Streams::value_type*> ready_;
   std::map<std::string, std::uint64_t> dropped_;
 };

@@ -1,4 +1,4 @@
-// SQLite's C API behind types that clean up after themselves. Knows no samples and no orders.
+// SQLite's C API behind types that clean up after themselves. Knows no samples and no commands.
 // One thread at a time.
 #pragma once
 

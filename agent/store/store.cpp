@@ -106,7 +106,7 @@ void Store::open(std::int64_t utc_ms) {
 }
 
 /// A file that was not there at the start, or another agent's. What is read of it is read before
-/// this run's own numbers and orders are in it.
+/// this run's own numbers and commands are in it.
 void Store::open_late(std::int64_t utc_ms) {
   const bool is_own = was_open_;  // set aside as damaged, and neither that nor a fresh one worked
   open(utc_ms);
@@ -390,7 +390,7 @@ bool Store::delete_oldest(std::uint64_t excess, std::int64_t older_than_ms,
   Statement& oldest = file_->oldest;
   auto step = oldest.step();
   while (step == Statement::Step::row) {
-    // Orders rise with time, so that the first row that is young enough ends the search.
+    // Row ids rise with time, so that the first row that is young enough ends the search.
     if (freed >= excess && oldest.number(3) >= older_than_ms) break;
     Victim victim;
     victim.row_id = from_sql(oldest.number(0));

@@ -73,7 +73,7 @@ class Store final : public CommandJournal {
   // ---- samples
 
   /// All of them in one transaction that is synchronised with the disk, and then the oldest rows
-  /// out until max_bytes holds, the orders counted. Each row gets its `row_id`. False: none was
+  /// out until max_bytes holds, the commands counted. Each row gets its `row_id`. False: none was
   /// written, and none changed.
   bool append(std::vector<SampleRow>& rows, Hold hold);
   /// The next history message, as Backlog::next() has it. Rows that are damaged are dropped and
@@ -89,7 +89,7 @@ class Store final : public CommandJournal {
   void release(std::uint64_t row_id);
 
   std::uint64_t rows() const { return rows_; }
-  /// Of samples, and of what is kept of orders: together they stay below max_bytes().
+  /// Of samples, and of what is kept of commands: together they stay below max_bytes().
   std::uint64_t bytes() const { return bytes_ + journal_size_.bytes; }
   std::uint64_t max_bytes() const { return config_.max_bytes; }
   std::uint64_t recovered() const { return recovered_; }  ///< rows found at the start
@@ -144,7 +144,7 @@ class Store final : public CommandJournal {
     std::uint64_t rows = 0;  ///< in the file
     std::uint64_t out = 0;   ///< of these, held or on the way
     bool on_the_way = false;
-    std::uint64_t oldest = 0;  ///< no row of it has a lower order
+    std::uint64_t oldest = 0;  ///< no row of it has a lower id
   };
   struct Out {
     StreamKey stream;
@@ -163,7 +163,7 @@ class Store final : public CommandJournal {
     std::string id;
     std::uint64_t number = 0;
   };
-  /// What the file has of orders.
+  /// What the file has of commands.
   struct JournalSize {
     std::uint64_t rows = 0;
     std::uint64_t bytes = 0;
@@ -200,7 +200,8 @@ class Store final : public CommandJournal {
   void failed(std::string_view doing);
   /// A single row could not be read. The file can be written all the same, unless it is damaged.
   void unreadable();
-  /// Rows that were removed, results that were told and those that found no disk, into the file.
+  /// Rows that were removed, results that were acknowledged and those that found no disk, into the
+  /// file.
   bool flush();
   /// Within the caller's transaction; flushed() after its commit.
   bool write_pending();
@@ -212,7 +213,7 @@ class Store final : public CommandJournal {
   void forget(const std::vector<Victim>& gone);
   void drop_damaged(const StreamKey& stream, const std::vector<std::uint64_t>& row_ids);
   void drop_old_rows();
-  /// The oldest rows out of what is above max_bytes, the orders counted.
+  /// The oldest rows out of what is above max_bytes, the commands counted.
   void drop_excess_rows();
   void drop_rows(std::uint64_t excess, std::int64_t older_than_ms);
   void drop_old_ids();
@@ -250,8 +251,8 @@ class Store final : public CommandJournal {
   std::int64_t utc_ms_ = 0;             ///< of the last upkeep
   std::optional<SteadyTime> clock_at_;  ///< the same moment
   std::uint64_t first_command_of_run_ = 0;
-  std::int64_t unstamped_ms_ = 0;   ///< what the clock was set by, not yet told to the file
-  std::uint64_t first_of_run_ = 0;  ///< the order of the first row of this run
+  std::int64_t unstamped_ms_ = 0;   ///< what the clock was set by, not yet written to the file
+  std::uint64_t first_of_run_ = 0;  ///< the id of the first row of this run
   std::string set_aside_;
   std::optional<SteadyTime> try_at_;
   std::optional<SteadyTime> flush_at_;
@@ -265,19 +266,19 @@ class Store final : public CommandJournal {
   std::unordered_map<std::uint64_t, Out> out_;
   JournalSize journal_size_;            ///< as committed
   JournalSize journal_size_changed_;    ///< as the transaction that is open will leave it
-  std::uint64_t not_to_be_shrunk_ = 0;  ///< bytes of orders that nothing could be taken from
+  std::uint64_t not_to_be_shrunk_ = 0;  ///< bytes of commands that nothing could be taken from
   std::set<std::uint64_t> removed_;     ///< still in the file
   std::map<std::string, std::uint64_t> dropped_;
-  Unrecorded unrecorded_;  ///< orders and results that are not in the file
+  Unrecorded unrecorded_;  ///< commands and results that are not in the file
   std::size_t unrecorded_bytes_ = 0;
-  std::vector<Acknowledgement> to_acknowledge_;  ///< told, not noted yet
+  std::vector<Acknowledgement> to_acknowledge_;  ///< by the broker, not noted yet
   bool forgot_results_ = false;                  ///< there were too many of them
   std::optional<FoundLate> found_late_;
   bool was_open_ = false;              ///< in this run
   bool mending_ = false;               ///< a fresh file is being made in place of a damaged one
   std::deque<std::string> unaudited_;  ///< bodies that are not in the file
   std::size_t unaudited_bytes_ = 0;
-  std::uint64_t audit_lost_ = 0;  ///< bodies that found no room there, not told yet
+  std::uint64_t audit_lost_ = 0;  ///< bodies that found no room there, not reported yet
   std::uint64_t last_command_number_ = 0;
   std::uint64_t first_audit_of_run_ = 0;
   std::optional<SteadyTime> running_since_;

@@ -1,4 +1,4 @@
-// What the store keeps of commands: the journal of orders, the memory of ids, and the audit trail.
+// What the store keeps of commands: the journal, the memory of ids, and the audit trail.
 #include <algorithm>
 #include <utility>
 
@@ -15,12 +15,12 @@ using sqlite::Transaction;
 using std::chrono::milliseconds;
 
 constexpr std::size_t kMostUnrecorded = 10000;
-constexpr std::size_t kMostUnaudited = 3 * kMostUnrecorded;  // an order, its result, its PUBACK
+constexpr std::size_t kMostUnaudited = 3 * kMostUnrecorded;  // a command, its result, its PUBACK
 constexpr std::size_t kMostUnrecordedBytes = std::size_t{8} << 20;
 constexpr std::size_t kMostUnauditedBytes = std::size_t{8} << 20;
-constexpr std::uint64_t kMostRefused = 10000;  // rows of commands that became no order
+constexpr std::uint64_t kMostRefused = 10000;  // rows of commands that were not admitted
 constexpr std::uint64_t kRefusedAtOnce = 200;
-// Of max_bytes, for orders; samples have the rest at least.
+// Of max_bytes, for commands; samples have the rest at least.
 constexpr std::uint64_t kShareOfJournal = 2;
 constexpr std::int64_t kShrunkAtOnce = 200;
 // The field asks for the first results of all ids that it still knows.
@@ -28,7 +28,7 @@ constexpr std::chrono::hours kLongerThanKnown{1};
 constexpr std::chrono::hours kAgeAuditEvery{1};
 constexpr std::int64_t kLatestMs = 7258118400000;  // the year 2200: later is damage
 
-/// What an order and its result have in common, the first seven columns.
+/// What a command and its result have in common, the first seven columns.
 Statement& bind_entry(Statement& statement, const JournalEntry& entry) {
   return statement.bind(1, entry.device)
       .bind(2, entry.id)
@@ -118,7 +118,7 @@ bool Store::make_room_for_refused() {
   return step == Statement::Step::done;
 }
 
-/// Where orders take more than their share: what was refused goes first, then the results that
+/// Where commands take more than their share: what was refused goes first, then the results that
 /// were told, the oldest first; their ids stay. The samples beside them make room in append().
 void Store::shrink_journal() {
   const std::uint64_t most = std::max(config_.max_bytes / kShareOfJournal, not_to_be_shrunk_);
@@ -157,7 +157,7 @@ bool Store::journal(std::span<const JournalEntry> entries) {
   return writable_ && flush();  // a damaged file has made room for a fresh one
 }
 
-/// Until the disk takes it. As in the file, a result belongs to the order with its number, and a
+/// Until the disk takes it. As in the file, a result belongs to the command with its number, and a
 /// later command that uses the id anew takes its place.
 void Store::keep_unrecorded(JournalEntry entry) {
   note(std::exchange(entry.audit, {}));
@@ -219,7 +219,7 @@ void Store::record(JournalEntry entry) {
 
 void Store::record(std::vector<JournalEntry> entries) {
   if (entries.empty()) return;
-  // An order that has found no disk so far goes there with its result.
+  // A command that has found no disk so far goes there with its result.
   const auto command_is_pending = [this](const JournalEntry& entry) {
     return unrecorded_.get<1>().count(boost::make_tuple(entry.device, entry.id)) != 0;
   };

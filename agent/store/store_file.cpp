@@ -45,7 +45,7 @@ constexpr const char* kSchema[] = {
     "DROP INDEX orders_by_age;"
     "CREATE INDEX orders_by_arrival ON orders(device, arrival DESC, received_ms DESC,"
     " told);",
-    // What became no order is kept while there is room to spare.
+    // What was not admitted is kept while there is room to spare.
     ("ALTER TABLE orders ADD COLUMN refused INTEGER NOT NULL DEFAULT 0;"
      "CREATE INDEX orders_refused ON orders(arrival) WHERE refused = 1;")};
 

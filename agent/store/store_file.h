@@ -59,8 +59,8 @@ class StoreFile final {
   /// Whether the schema is there; else db.fault() says why not.
   bool is_usable() const { return usable_; }
 
-  /// Samples are synchronised with the disk even where orders are not: a power cut loses none that
-  /// counts as stored. With `always` everything is.
+  /// Samples are synchronised with the disk even where commands are not: a power cut loses none
+  /// that counts as stored. With `always` everything is.
   void synchronise(bool full);
 
   /// Whether there is room for a message more.

@@ -84,7 +84,7 @@ SteadyTime Publisher::step(SteadyTime now) {
   overflow(now);
   hold_on_disk(now);
   commit_spool(now);
-  // Who sees "online" and orders at once is heard, or is told that nobody listens.
+  // Whoever sees "online" and sends a command at once is heard, or is told that nobody listens.
   const bool listens = !awaits_first_suback() || phase_ != Phase::running;
   if (link_ == Link::connected && phase_ <= Phase::draining && listens) pump(now);
   if (std::exchange(handed_over_, false) && !unacknowledged_since_) unacknowledged_since_ = now;
@@ -109,7 +109,7 @@ void Publisher::stop(SteadyTime now) {
   phase_deadline_ = now + kDrainFor;
   if (link_ == Link::connected) broker_.unsubscribe(base_ + "/+/command");
   if (link_ == Link::leaving) connect(now);  // who was told goodbye is to hear the last word too
-  take_outbox(now);  // orders and results that came before any further command
+  take_outbox(now);  // commands and results that came before any further command
   record_results();
 }
 

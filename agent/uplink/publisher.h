@@ -301,7 +301,7 @@ class Publisher final {
   // what is on its way
   std::uint64_t next_id_ = 1;
   std::map<std::uint64_t, Flight> flights_;
-  std::vector<DeliveryFailed> unsendable_;  ///< found by send(); told at the end of the step
+  std::vector<DeliveryFailed> unsendable_;  ///< found by send(); reported at the end of the step
   std::size_t history_flights_ = 0;
   SteadyTime history_rests_until_{};                ///< live samples have the line to themselves
   std::uint64_t in_flight_samples_ = 0;             ///< that are not on disk

@@ -19,7 +19,7 @@ using std::chrono::seconds;
 
 constexpr std::size_t kPayloadKept = 65536;  // no command is longer
 constexpr std::size_t kCommandsAStep = 32;   // samples and results go out in between
-// What has come and has no verdict yet. Above it messages stay in the network.
+// What has come and has no decision yet. Above it messages stay in the network.
 constexpr std::size_t kMostUndecided = 256;
 constexpr std::size_t kMostUndecidedBytes = std::size_t{4} << 20;
 // What has a result that the broker does not have yet.
@@ -73,7 +73,7 @@ void Publisher::take_decided() {
   }
 }
 
-/// So the agent reads no faster than it can answer. What waits for a verdict gets one without the
+/// So the agent reads no faster than it can answer. What waits for a decision gets one without the
 /// broker; what waits for an acknowledgement needs what comes behind the messages.
 void Publisher::hold_messages(SteadyTime now) {
   if (unasked_dropped_ != 0 && now >= drop_logged_at_ + kLogDropsEvery) {
@@ -228,7 +228,7 @@ bool Publisher::note_result(const CommandResult& result) {
   entry.device = config_.devices.at(result.device).name;
   entry.id = result.id;
   entry.received_ms = result.received_ms;
-  entry.deadline_ms = result.received_ms;  // of an order it is there already
+  entry.deadline_ms = result.received_ms;  // of a command it is there already
   entry.op = result.op;
   entry.response_topic = result.response_topic;
   entry.correlation = result.correlation;

@@ -203,7 +203,7 @@ void Publisher::pump_history(SteadyTime now) {
   }
 }
 
-/// Rows in memory are younger than those of the same lane on disk, and wait for them.
+/// Rows in memory are younger than those of the same stream on disk, and wait for them.
 std::optional<Publisher::HistoryFlight> Publisher::next_history(SteadyTime now) {
   const auto from_disk = [&](const StreamKey& stream) {
     return may_send(stream.first, now) && !backlog_.is_on_the_way(stream);

@@ -54,7 +54,7 @@ TEST_F(RecoveryTest, OrderIsReadBackByItsOwnPayload) {
 }
 
 // What another command was to write says nothing about this one: a read-back that happens to agree
-// would make a SUCCEEDED of an order that never left.
+// would make a SUCCEEDED of a command that never left.
 TEST_F(RecoveryTest, PayloadOfAnotherCommandIsNotTakenForTheOrder) {
   const std::string payload = R"({"id":"other","op":"write","tag":"setpoint","value":5})";
   ASSERT_TRUE(store->journal(std::vector{order("mine", 1, payload)}));

@@ -538,7 +538,7 @@ TEST_F(BusTest, RtuAsksForLessFirstSoThatTheAnswersCanBeToldApart) {
 }
 
 TEST_F(BusTest, EchoThatNobodyAwaitedIsNoForeignAnswer) {
-  // The order to unit 0 comes back on a two-wire line, and nobody answers it.
+  // The command to unit 0 comes back on a two-wire line, and nobody answers it.
   const ProtocolInfo& info = *find_protocol("modbus-rtu");
   Options options = default_options(info);
   options["unit"] = std::int64_t{0};

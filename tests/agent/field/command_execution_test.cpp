@@ -34,7 +34,7 @@ const Bytes kStopped = data_frame({0x00});
 const Bytes kStop = force_frame(kForceM8037, true);
 const Bytes kRun = force_frame(kForceM8037, false);
 
-/// One open line with a PLC that has answered its enquiry; orders come from a real desk.
+/// One open line with a PLC that has answered its enquiry; commands come through real admission.
 class CommandExecutionTest : public ::testing::Test {
  protected:
   CommandExecutionTest() {

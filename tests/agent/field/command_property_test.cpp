@@ -274,7 +274,7 @@ class RandomCommands {
   }
 
   void judge(const AdmittedCommand& admitted, const CommandResult& result) {
-    // The ledger against the order, frame by frame: what was carried out, in which sequence.
+    // The ledger against the command, frame by frame: what was carried out, in which sequence.
     std::size_t at = 0;
     std::uint32_t whole = 0;
     std::string fault;

@@ -1030,7 +1030,7 @@ TEST_F(LinkWorkerTest, OrderGoesOutOnlyAfterItsGoAhead) {
   worker->submit(write_setpoint("b", 60));
   Command bad = write_setpoint("bad");
   bad.targets[0].tag = "nothing";
-  worker->submit(bad);  // no order: its result comes at once
+  worker->submit(bad);  // not admitted: its result comes at once
   wait([&] { return orders.size() == 2; });
   EXPECT_EQ(orders[0].id, "a");
   EXPECT_EQ(orders[0].op, "write");

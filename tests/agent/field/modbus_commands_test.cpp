@@ -1,4 +1,4 @@
-// Orders and polls where a protocol has what the programming port lacks: refusals with reasons,
+// Commands and polls where a protocol has what the programming port lacks: refusals with reasons,
 // holes, broadcasts, several writes in one frame. Frames are those of the specifications.
 #include <gtest/gtest.h>
 
@@ -46,7 +46,7 @@ DeviceConfig device_on(std::string_view protocol, std::shared_ptr<const Codec> c
   return device;
 }
 
-/// One open line with one device; orders come from a real desk.
+/// One open line with one device; commands come through real admission.
 class CommandOnTheBusTest : public ::testing::Test {
  protected:
   void use(std::string_view protocol, std::shared_ptr<const Codec> codec) {

@@ -25,7 +25,7 @@ TEST(Log, WhatIsNoUtf8IsEscapedAndWhatIsStays) {
   EXPECT_EQ(log::format_line("x", {{"v", "a\xFFz"}}), "x v=\"a\\xffz\"");
   EXPECT_EQ(log::format_line("x", {{"v", "\xC3"}}), "x v=\"\\xc3\"");
   EXPECT_EQ(log::format_line("x", {{"v", "\xED\xA0\x80"}}), "x v=\"\\xed\\xa0\\x80\"");
-  // U+009B begins an order to a terminal as ESC [ does.
+  // U+009B begins a command to a terminal as ESC [ does.
   EXPECT_EQ(log::format_line("x", {{"v",
                                     "\xC2\x9B"
                                     "31m"}}),

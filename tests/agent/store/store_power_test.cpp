@@ -64,7 +64,7 @@ TEST_F(StorePower, DiskOfTheTestLosesWhatWasNotSynchronised) {
   Store& first = open();
   auto kept = rows(1, 3);
   ASSERT_TRUE(first.append(kept, Store::Hold::no));
-  // With `offline` an order is not synchronised by itself.
+  // With `offline` a command is not synchronised by itself.
   ASSERT_TRUE(first.journal(std::vector{entry("lost", 1)}));
   EXPECT_TRUE(first.find("a", "lost"));
   Store& again = power_cut();

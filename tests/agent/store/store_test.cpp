@@ -130,7 +130,7 @@ TEST(Store, UnacknowledgedRowsAreStillThereAfterACrash) {
   shelf.add(rows(1, 3));
   const auto batch = shelf.store->next(65536, any);
   ASSERT_TRUE(batch);
-  EXPECT_FALSE(shelf.store->next(65536, any));  // one batch of a lane at a time
+  EXPECT_FALSE(shelf.store->next(65536, any));  // one batch of a stream at a time
   EXPECT_EQ(shelf.store->rows(), 3U);
   shelf.open();
   EXPECT_EQ(shelf.drain(), "a/fast[1,2,3]}");
@@ -556,7 +556,7 @@ TEST(Store, IdThatIsUsedAnewIsAnotherOrder) {
   shelf.store->record(again);
   EXPECT_EQ(shelf.store->find("a", "one")->result, "{2}");
   EXPECT_FALSE(shelf.store->find("a", "one")->acknowledged);
-  JournalEntry refused = entry("one", "{3}", kNow + 120000);  // it never became an order
+  JournalEntry refused = entry("one", "{3}", kNow + 120000);  // it was never admitted
   refused.number = 9;
   shelf.store->record(refused);
   EXPECT_EQ(shelf.store->find("a", "one")->result, "{3}");
@@ -728,7 +728,7 @@ TEST(Store, ResultThatNobodyWasToldIsKeptAsLongAsASample) {
   EXPECT_EQ(waiting[0].id, "old");
 }
 
-// The result of the first one found no disk, and the id was let go: the order that is carried out
+// The result of the first one found no disk, and the id was let go: the command that is carried out
 // now is the one that a restart must know of.
 TEST(Store, OrderTakesThePlaceOfAnEarlierOneWithoutAResult) {
   Shelf shelf;
@@ -743,7 +743,7 @@ TEST(Store, OrderTakesThePlaceOfAnEarlierOneWithoutAResult) {
   EXPECT_EQ(shelf.store->find("a", "x")->result, "");
 }
 
-// A clock that is set while an order is under way: its result does not make it old.
+// A clock that is set while a command is under way: its result does not make it old.
 TEST(Store, ResultLeavesTheTimeOfItsOrder) {
   Shelf shelf;
   shelf.open();
@@ -852,7 +852,7 @@ TEST(Store, ClockThatIsSetTwiceWithoutADiskMovesWhatWasThere) {
   EXPECT_EQ(shelf.store->find("a", "last")->received_ms, kNow - 50 * kHour + 2000);
 }
 
-// The disk may be away for a day: an order and its result take one place between them, and an id
+// The disk may be away for a day: a command and its result take one place between them, and an id
 // that is used anew takes its own place again.
 TEST(Store, TenThousandOrdersFindRoomUntilThereIsADisk) {
   Shelf shelf;
