@@ -15,7 +15,7 @@ using std::chrono::milliseconds;
 
 // Bytes of an admitted command beside those of the command as it came: images and requests, bounded
 // by its values.
-constexpr std::size_t kOrderToCommand = 2;
+constexpr std::size_t kAdmittedToCommand = 2;
 
 bool is_write(Op op) { return op == Op::write || op == Op::force_on || op == Op::force_off; }
 bool is_run_or_stop(Op op) { return op == Op::run || op == Op::stop; }
@@ -239,7 +239,7 @@ CommandAdmission::Decision CommandAdmission::admit(Command command, const Codec&
     if (waiting >= rules.queue)
       why = refuse(Reason::queue_full,
                    std::to_string(waiting) + " commands are waiting on this device");
-    else if (!(admitted.place = room_->take(cmd.device, kOrderToCommand * memory_of(cmd))))
+    else if (!(admitted.place = room_->take(cmd.device, kAdmittedToCommand * memory_of(cmd))))
       why = refuse(Reason::queue_full, "the commands that wait take " +
                                            std::to_string(room_->bytes() >> 20) + " MiB already");
     else if (!ids_.make_room(now))

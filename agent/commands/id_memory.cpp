@@ -18,7 +18,7 @@ bool is_old(const IdMemory::Entry& entry, SteadyTime now) {
 }  // namespace
 
 std::optional<IdMemory::Seen> IdMemory::find(const std::string& id, SteadyTime now) const {
-  for (const Entries* entries : {&orders_, &refused_}) {
+  for (const Entries* entries : {&admitted_, &refused_}) {
     const auto& by_id = entries->get<1>();
     const auto found = by_id.find(id);
     if (found != by_id.end() && !is_old(*found, now))
@@ -29,41 +29,41 @@ std::optional<IdMemory::Seen> IdMemory::find(const std::string& id, SteadyTime n
 }
 
 void IdMemory::forget_old(SteadyTime now) {
-  for (auto entry = orders_.begin(); entry != orders_.end();) {
+  for (auto entry = admitted_.begin(); entry != admitted_.end();) {
     if (entry->over && !is_old(*entry, now)) break;
-    entry = entry->over ? orders_.erase(entry) : std::next(entry);
+    entry = entry->over ? admitted_.erase(entry) : std::next(entry);
   }
   while (!refused_.empty() && is_old(*refused_.begin(), now)) refused_.erase(refused_.begin());
 }
 
 bool IdMemory::make_room(SteadyTime now) {
   forget_old(now);
-  if (orders_.size() < kRememberedIds) return true;
+  if (admitted_.size() < kRememberedIds) return true;
   const auto is_over = [](const Entry& entry) { return entry.over; };
   const bool room = room_->fingerprints.make_room(now);
-  const auto oldest = room ? std::find_if(orders_.begin(), orders_.end(), is_over)
-                           : std::find_if(orders_.begin(), orders_.end(),
+  const auto oldest = room ? std::find_if(admitted_.begin(), admitted_.end(), is_over)
+                           : std::find_if(admitted_.begin(), admitted_.end(),
                                           [now](const Entry& e) { return may_go(e, now); });
-  if (oldest == orders_.end()) return false;
+  if (oldest == admitted_.end()) return false;
   if (room) room_->fingerprints.add(device_, oldest->id, oldest->seen, oldest->deadline);
-  orders_.erase(oldest);
+  admitted_.erase(oldest);
   return true;
 }
 
 void IdMemory::add(Entry entry, SteadyTime now) {
-  auto& by_id = orders_.get<1>();
+  auto& by_id = admitted_.get<1>();
   const auto found = by_id.find(entry.id);
   if (found != by_id.end() && is_old(*found, now)) by_id.erase(found);
   refused_.get<1>().erase(entry.id);
-  orders_.insert(std::move(entry));
+  admitted_.insert(std::move(entry));
   // What was refused makes way; what an earlier run leaves may be more than is kept whole.
   while (!refused_.empty() && size() > kRememberedIds) refused_.erase(refused_.begin());
-  while (orders_.size() > kRememberedIds) {
-    const auto oldest =
-        std::find_if(orders_.begin(), orders_.end(), [](const Entry& each) { return each.over; });
-    if (oldest == orders_.end()) break;
+  while (admitted_.size() > kRememberedIds) {
+    const auto oldest = std::find_if(admitted_.begin(), admitted_.end(),
+                                     [](const Entry& each) { return each.over; });
+    if (oldest == admitted_.end()) break;
     room_->fingerprints.add(device_, oldest->id, oldest->seen, oldest->deadline);
-    orders_.erase(oldest);
+    admitted_.erase(oldest);
   }
 }
 
@@ -77,7 +77,7 @@ bool IdMemory::add_refused(Entry entry, SteadyTime now) {
 }
 
 void IdMemory::finish(const std::string& id, std::shared_ptr<const CommandResult> result) {
-  auto& by_id = orders_.get<1>();
+  auto& by_id = admitted_.get<1>();
   const auto found = by_id.find(id);
   if (found == by_id.end()) return;
   by_id.modify(found, [&](Entry& entry) {

@@ -62,7 +62,7 @@ class IdMemory final {
   void finish(const std::string& id, std::shared_ptr<const CommandResult> result);
 
   /// Fingerprints not counted.
-  std::size_t size() const { return orders_.size() + refused_.size(); }
+  std::size_t size() const { return admitted_.size() + refused_.size(); }
 
  private:
   using Entries = boost::multi_index_container<
@@ -76,8 +76,8 @@ class IdMemory final {
 
   std::shared_ptr<CommandRoom> room_;
   std::string device_;
-  Entries orders_;   ///< the oldest first; where numbers are the same, as they were added
-  Entries refused_;  ///< the same
+  Entries admitted_;  ///< the oldest first; where numbers are the same, as they were added
+  Entries refused_;   ///< the same
 };
 
 }  // namespace fxagent

@@ -100,22 +100,22 @@ bool wants_verify(const AdmittedCommand& admitted, const AdmittedTarget& target)
 
 }  // namespace
 
-CommandExecution::CommandExecution(asio::any_io_executor executor, Bus& line, Station& station,
+CommandExecution::CommandExecution(asio::any_io_executor executor, Bus& bus, Station& station,
                                    const DeviceConfig& device, const AdmittedCommand& admitted,
                                    BusSharing* sharing)
     : timer_(executor),
-      bus_(line),
+      bus_(bus),
       station_(station),
       device_(device),
-      order_(admitted),
+      admitted_(admitted),
       sharing_(sharing),
       result_(result_of(admitted.command)) {}
 
 asio::awaitable<CommandResult> CommandExecution::run() {
   result_.targets.clear();
-  if (order_.interrupted) {
+  if (admitted_.interrupted) {
     co_await settle_interrupted();
-  } else if (order_.run_request) {
+  } else if (admitted_.run_request) {
     result_.targets.emplace_back();
     co_await run_or_stop();
   } else {
@@ -127,8 +127,8 @@ asio::awaitable<CommandResult> CommandExecution::run() {
 
 SteadyTime CommandExecution::latest_start() const {
   if (wrote_) return SteadyTime::max();
-  if (first_byte_) return order_.deadline;
-  return order_.deadline - order_.line_time.value_or(nanoseconds(0));
+  if (first_byte_) return admitted_.deadline;
+  return admitted_.deadline - admitted_.line_time.value_or(nanoseconds(0));
 }
 
 nanoseconds CommandExecution::used() const {
@@ -149,11 +149,11 @@ void CommandExecution::set_without_effect(TargetResult& out, const Exchange& exc
     out.plc = PlcAnswer::nak;
     set(out, CommandStatus::failed, Reason::nak, nak_text(exchange));
   } else if (exchange.outcome == Exchange::Outcome::expired) {
-    const auto left = order_.deadline - Clock::now();
+    const auto left = admitted_.deadline - Clock::now();
     std::string detail = "its time had passed before it could be sent";
-    if (left.count() > 0 && order_.line_time)
+    if (left.count() > 0 && admitted_.line_time)
       detail = "it takes " +
-               std::to_string(std::chrono::ceil<milliseconds>(*order_.line_time).count()) +
+               std::to_string(std::chrono::ceil<milliseconds>(*admitted_.line_time).count()) +
                " ms on the line, and " +
                std::to_string(std::chrono::floor<milliseconds>(left).count()) + " ms were left";
     set(out, CommandStatus::expired, Reason::expired, std::move(detail));
@@ -246,10 +246,10 @@ asio::awaitable<CommandExecution::ReadBack> CommandExecution::read_point(
 
 asio::awaitable<void> CommandExecution::run_targets() {
   bool done = false;
-  if (order_.command.is_list) done = co_await write_together();
+  if (admitted_.command.is_list) done = co_await write_together();
   if (done) co_return;
   bool going = true;
-  for (const AdmittedTarget& target : order_.targets) {
+  for (const AdmittedTarget& target : admitted_.targets) {
     TargetResult out = fxagent::result_of(target);
     bool going_on = !is_stopping();
     if (going && going_on && !result_.targets.empty()) going_on = co_await go_on(/*share=*/true);
@@ -313,7 +313,7 @@ asio::awaitable<void> CommandExecution::pause(milliseconds duration) {
 
 asio::awaitable<Exchange> CommandExecution::send(Request request, Try which) {
   // A second try is the contract's only inside the expiry, even of what is under way.
-  const auto not_after = [&] { return which == Try::first ? latest_start() : order_.deadline; };
+  const auto not_after = [&] { return which == Try::first ? latest_start() : admitted_.deadline; };
   if (const auto first = station_.codec->read_before(request)) {
     Exchange reading = co_await ask(*first, not_after());
     if (!reading.is_data()) {
@@ -366,7 +366,7 @@ asio::awaitable<void> CommandExecution::conclude(const AdmittedTarget& target, E
   } else {
     out.plc = PlcAnswer::ack;
     set(out, CommandStatus::succeeded, Reason::none, "");
-    if (wants_verify(order_, target)) co_await verify(target, out);
+    if (wants_verify(admitted_, target)) co_await verify(target, out);
   }
 }
 
@@ -411,7 +411,7 @@ asio::awaitable<void> CommandExecution::end_early(const AdmittedTarget& target, 
 
 bool CommandExecution::meets_another(const AdmittedTarget& target) const {
   const Span span = *span_of(target.point);
-  return std::any_of(order_.targets.begin(), order_.targets.end(),
+  return std::any_of(admitted_.targets.begin(), admitted_.targets.end(),
                      [&](const AdmittedTarget& other) {
                        const Span there = *span_of(other.point);
                        return &other != &target && there.space == span.space &&
@@ -421,7 +421,7 @@ bool CommandExecution::meets_another(const AdmittedTarget& target) const {
 
 asio::awaitable<bool> CommandExecution::write_together() {
   std::vector<Request> requests;
-  for (const AdmittedTarget& target : order_.targets) {
+  for (const AdmittedTarget& target : admitted_.targets) {
     if (!target.expected.empty() || target.requests.size() != 1) co_return false;
     if (meets_another(target)) co_return false;
     requests.push_back(target.requests.front());
@@ -432,7 +432,7 @@ asio::awaitable<bool> CommandExecution::write_together() {
   result_.one_frame = true;
   const Exchange exchange = co_await send_once_or_twice(*together, true);
   const bool no_effect = !exchange.is_ack() && surely_without_effect(*together, exchange);
-  for (const AdmittedTarget& target : order_.targets) {
+  for (const AdmittedTarget& target : admitted_.targets) {
     TargetResult out = fxagent::result_of(target);
     if (no_effect) {
       set_without_effect(out, exchange);
@@ -482,9 +482,9 @@ asio::awaitable<void> CommandExecution::read_outcome(const AdmittedTarget& targe
 }
 
 asio::awaitable<void> CommandExecution::settle_interrupted() {
-  for (const AdmittedTarget& target : order_.targets) {
+  for (const AdmittedTarget& target : admitted_.targets) {
     TargetResult out = fxagent::result_of(target);
-    if (!result_.targets.empty()) co_await go_on(order_.targets.size() > 1);
+    if (!result_.targets.empty()) co_await go_on(admitted_.targets.size() > 1);
     set(out, CommandStatus::unknown_outcome, Reason::none, std::string(kInterrupted));
     co_await read_outcome(target,
                           "the agent ended while the command was under way; the value is the one "
@@ -510,8 +510,8 @@ asio::awaitable<std::optional<bool>> CommandExecution::await_run_state(const Plc
 asio::awaitable<void> CommandExecution::run_or_stop() {
   TargetResult& out = result_.targets.front();
   const PlcServices& plc = *station_.codec->plc();  // which made the request that was admitted
-  const bool wanted = order_.command.op == Op::run;
-  const Exchange exchange = co_await ask(*order_.run_request, latest_start());
+  const bool wanted = admitted_.command.op == Op::run;
+  const Exchange exchange = co_await ask(*admitted_.run_request, latest_start());
   if (exchange.sent) ++result_.attempts;
   if (!exchange.sent) {
     set_without_effect(out, exchange);
@@ -547,9 +547,9 @@ asio::awaitable<void> CommandExecution::run_or_stop() {
 
 void CommandExecution::summarise() {
   if (!first_byte_) {
-    result_.queue = Clock::now() - order_.go_ahead;
+    result_.queue = Clock::now() - admitted_.go_ahead;
   } else {
-    result_.queue = *first_byte_ - order_.go_ahead;
+    result_.queue = *first_byte_ - admitted_.go_ahead;
     result_.wire = last_byte_ - *first_byte_;
   }
   const TargetResult* telling = &result_.targets.back();

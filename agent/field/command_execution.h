@@ -20,7 +20,7 @@ namespace fxagent {
 class CommandExecution final {
  public:
   /// All arguments outlive run(). `sharing` null: nobody shares the line, nobody stops the command.
-  CommandExecution(asio::any_io_executor executor, Bus& line, Station& station,
+  CommandExecution(asio::any_io_executor executor, Bus& bus, Station& station,
                    const DeviceConfig& device, const AdmittedCommand& admitted,
                    BusSharing* sharing = nullptr);
 
@@ -99,7 +99,7 @@ class CommandExecution final {
   Bus& bus_;
   Station& station_;
   const DeviceConfig& device_;
-  const AdmittedCommand& order_;
+  const AdmittedCommand& admitted_;
   BusSharing* const sharing_;
   CommandResult result_;
   std::optional<SteadyTime> first_byte_;

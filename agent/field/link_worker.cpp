@@ -346,22 +346,22 @@ void LinkWorker::update_status(Device& device) {
 
 void LinkWorker::report(FieldHealth& health) {
   const auto now = Clock::now();
-  Bus::Counters& line = bus_.counters();
+  Bus::Counters& counters = bus_.counters();
   LinkHealth& link = health.links[link_];
-  link.exchanges = line.exchanges;
-  link.timeouts = line.timeouts;
-  link.naks = line.naks;
-  link.bad_frames = line.bad_frames;
-  link.unexpected_bytes = line.unexpected_bytes;
+  link.exchanges = counters.exchanges;
+  link.timeouts = counters.timeouts;
+  link.naks = counters.naks;
+  link.bad_frames = counters.bad_frames;
+  link.unexpected_bytes = counters.unexpected_bytes;
   link.doubts = bus_.doubt().doubts();
   link.doubted = bus_.doubt().is_doubted();
   const double elapsed = std::chrono::duration<double>(now - counting_since_).count();
-  const double busy = std::chrono::duration<double>(line.busy).count();
+  const double busy = std::chrono::duration<double>(counters.busy).count();
   link.load_percent = 100.0 * scheduler_.load();
   link.busy_percent = elapsed > 0 ? 100.0 * busy / elapsed : 0;
-  line.busy = {};
+  counters.busy = {};
   counting_since_ = now;
-  link.turnaround_ms = line.turnaround_ms.percentiles();
+  link.turnaround_ms = counters.turnaround_ms.percentiles();
   for (const auto& device : devices_) {
     DeviceHealth& out = health.devices[device->index];
     out.polls = scheduler_.counters(device->id).polls;

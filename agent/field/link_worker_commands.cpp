@@ -269,15 +269,15 @@ asio::awaitable<void> LinkWorker::run_command() {
   FrameTrace trace;
   station.trace = &trace;
   Sharing sharing(*this, running);
-  CommandExecution order_run(executor_, bus_, station, device.config, admitted, &sharing);
-  CommandResult result = co_await order_run.run();
+  CommandExecution execution(executor_, bus_, station, device.config, admitted, &sharing);
+  CommandResult result = co_await execution.run();
   failpoint("order_answered");
 
   device.station.handshake_in = station.handshake_in;
   if (bus_.is_open() && !was_open_) line_up();
-  scheduler_.command_used(order_run.used(), Clock::now());
-  if (order_run.was_answered()) note_answer(device);
-  if (order_run.was_unanswered() && !order_run.was_answered()) note_silence(device);
+  scheduler_.command_used(execution.used(), Clock::now());
+  if (execution.was_answered()) note_answer(device);
+  if (execution.was_unanswered() && !execution.was_answered()) note_silence(device);
   result.bound = admitted.bound;
   device.admission.finished(result);
   if (admitted.run_request && result.status == CommandStatus::succeeded)

@@ -28,9 +28,9 @@ LinkStart ReconnectPolicy::start(std::size_t links, milliseconds period) {
   // A link that is alone begins at once.
   const auto others = static_cast<std::int64_t>(links > 0 ? links - 1 : 0);
   const nanoseconds polls = std::min<nanoseconds>(kPollsOfOneLink * others, period);
-  const nanoseconds reconnect_policy = std::min<nanoseconds>(kOpeningOfOneLink * others, polls);
+  const nanoseconds openings = std::min<nanoseconds>(kOpeningOfOneLink * others, polls);
   const double place = std::uniform_real_distribution<double>(0.0, 1.0)(jitter_);
-  return {part(reconnect_policy, place), part(polls, place)};
+  return {part(openings, place), part(polls, place)};
 }
 
 nanoseconds ReconnectPolicy::after_loss() {

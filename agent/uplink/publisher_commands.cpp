@@ -1,4 +1,4 @@
-// Commands and their results: what of them is noted before what, and until when a result is told.
+// Commands and their results: what of them is noted before what, and until when a result is sent.
 #include <algorithm>
 #include <utility>
 
@@ -333,11 +333,11 @@ void Publisher::result_copy_done(std::uint64_t result, std::size_t copy, Ended h
   copies[copy].acknowledged = how == Ended::acknowledged;
   if (!std::all_of(copies.begin(), copies.end(), [](const auto& each) { return each.done; }))
     return;
-  const CommandResult& told = found->second.result;
-  const std::string& device = config_.devices.at(told.device).name;
-  if (store_ != nullptr && told.number != 0)
-    store_->note(audit::told(told.number, device, told.id, copies.front().acknowledged, utc_ms_()));
-  if (found->second.journaled) store_->acknowledge(device, told.id, told.number);
+  const CommandResult& done = found->second.result;
+  const std::string& device = config_.devices.at(done.device).name;
+  if (store_ != nullptr && done.number != 0)
+    store_->note(audit::told(done.number, device, done.id, copies.front().acknowledged, utc_ms_()));
+  if (found->second.journaled) store_->acknowledge(device, done.id, done.number);
   result_bytes_ -= found->second.bytes;
   refused_results_.erase(found->first);
   results_.erase(found);

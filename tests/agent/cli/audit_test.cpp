@@ -14,7 +14,7 @@ namespace {
 
 constexpr std::int64_t kNow = 1790000000000;
 
-Receipt number(std::uint64_t number) {
+Receipt receipt(std::uint64_t number) {
   Receipt made;
   made.number = number;
   made.device = "press1";
@@ -52,10 +52,10 @@ struct Chain {
 
 Chain small_chain() {
   Chain chain;
-  chain.add(ordered(number(1), "b7e1", "write", kNow));
+  chain.add(ordered(receipt(1), "b7e1", "write", kNow));
   chain.add(result(1, "press1", kSucceeded, enquiry(), kNow));
   chain.add(told(1, "press1", "b7e1", true, kNow));
-  chain.add(answered(number(2), R"({"id":"c","status":"REJECTED"})", kNow));
+  chain.add(answered(receipt(2), R"({"id":"c","status":"REJECTED"})", kNow));
   chain.add(told(2, "press1", "c", true, kNow));
   return chain;
 }
@@ -193,7 +193,7 @@ TEST(Audit, PruningThatNamesAnotherHashIsFound) {
 }
 
 TEST(Audit, PayloadIsKeptShortAndPrintable) {
-  Receipt bad = number(1);
+  Receipt bad = receipt(1);
   bad.payload = "{\xFF\x01" + std::string(1000, 'x');
   bad.payload_bytes = bad.payload.size();
   bad.by.clear();
@@ -206,7 +206,7 @@ TEST(Audit, PayloadIsKeptShortAndPrintable) {
 TEST(Audit, LongResultLosesItsValuesAndSaysSo) {
   const std::string text =
       R"({"id":"a","status":"REJECTED","value":")" + std::string(60000, 'x') + R"("})";
-  const auto said = nlohmann::json::parse(answered(number(1), text, kNow));
+  const auto said = nlohmann::json::parse(answered(receipt(1), text, kNow));
   EXPECT_EQ(said["result"]["status"], "REJECTED");
   EXPECT_EQ(said["result"]["value"], nullptr);
   EXPECT_EQ(said["result"]["cut"], true);
@@ -251,7 +251,7 @@ TEST(AuditReport, OrderWithoutAResultAndWhatPruningLeftHaveLinesToo) {
   Head head;
   report.add(seal(head, result(1, "press1", kSucceeded, {}, kNow)));
   report.add(seal(head, told(9, "press1", "z", false, kNow)));
-  report.add(seal(head, ordered(number(10), "open", "write", kNow)));
+  report.add(seal(head, ordered(receipt(10), "open", "write", kNow)));
   report.add(seal(head, pruned(3, Bytes(32, 0), kNow)));
   const auto lines = report.take();
   ASSERT_EQ(lines.size(), 4U);
@@ -267,7 +267,7 @@ TEST(AuditReport, OrderWithoutAResultAndWhatPruningLeftHaveLinesToo) {
 TEST(AuditReport, TextOfASenderMovesNoCursor) {
   Report report;
   Head head;
-  Receipt bad = number(1);
+  Receipt bad = receipt(1);
   bad.by = "\x1b[2J\n";
   report.add(seal(head, answered(bad, R"({"id":null,"detail":"\u001b[31m"})", kNow)));
   const std::string text = report.take().at(0).text;

@@ -78,14 +78,13 @@ TEST(PollScheduler, LatePollDoesNotMoveTheBeat) {
   PollScheduler scheduler;
   const auto device = scheduler.add_device(3, kBackOff);
   scheduler.add_group(device, milliseconds(100), 1, at(0));
-  for (int interval = 0; interval < 50; ++interval) {
-    const int late = interval % 2 == 0 ? 0 : 37;
-    const auto job = scheduler.next(at(interval * 100 + late));
-    ASSERT_EQ(job.kind, Kind::poll) << interval;
-    EXPECT_EQ(job.poll.late, milliseconds(late)) << interval;
+  for (int cycle = 0; cycle < 50; ++cycle) {
+    const int late = cycle % 2 == 0 ? 0 : 37;
+    const auto job = scheduler.next(at(cycle * 100 + late));
+    ASSERT_EQ(job.kind, Kind::poll) << cycle;
+    EXPECT_EQ(job.poll.late, milliseconds(late)) << cycle;
     scheduler.step_done(job.poll);
-    EXPECT_EQ(scheduler.next(at(interval * 100 + late)).until, at(interval * 100 + 100))
-        << interval;
+    EXPECT_EQ(scheduler.next(at(cycle * 100 + late)).until, at(cycle * 100 + 100)) << cycle;
   }
   EXPECT_EQ(scheduler.counters(device).missed, 0U);
   EXPECT_EQ(scheduler.counters(device).polls, 50U);

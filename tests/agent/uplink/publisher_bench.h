@@ -55,16 +55,16 @@ struct PublisherBench {
     return wake;
   }
   /// Steps until nothing moves any more at this time.
-  void flush() {
+  void settle() {
     for (int i = 0; i < 200; ++i) step();
   }
   void advance(SteadyTime::duration by) {
     now += by;
-    flush();
+    settle();
   }
   /// Connected for so long that the server counts as a good one.
   void online() {
-    flush();
+    settle();
     advance(std::chrono::seconds(20));
     ASSERT_TRUE(broker.up());
     broker.log.clear();

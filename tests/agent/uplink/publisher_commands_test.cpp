@@ -59,7 +59,7 @@ TEST(PublisherStore, KnownIdDuringTheEndIsADuplicate) {
   done.received_ms = 1790000000400;
   bench.outbox.push(note("done"));
   bench.outbox.push(std::move(done));
-  bench.flush();
+  bench.settle();
   bench.broker.log.clear();
   bench.broker.acknowledges = false;
   bench.made().stop(bench.now);
@@ -91,7 +91,7 @@ TEST(PublisherStore, DuplicateBringsItsFirstResultFromTheJournal) {
   bench.outbox.push(test::succeeded("a"));
   bench.outbox.push(again(0));  // and all of it is taken in one step
   bench.outbox.push(again(5));  // the first one of that id was another command
-  bench.flush();
+  bench.settle();
   const auto results = bench.broker.on(kBase + "/press1/result");
   ASSERT_EQ(results.size(), 4U);
   const json running = json::parse(results[0]);
@@ -115,7 +115,7 @@ TEST(PublisherStore, DuplicateWhoseFirstResultIsLostSaysSo) {
   again.reason = Reason::duplicate_id;
   again.first_number = 0;
   bench.outbox.push(again);
-  bench.flush();
+  bench.settle();
   const json told = json::parse(bench.broker.on(kBase + "/press1/result").at(0));
   EXPECT_EQ(told["status"], "DUPLICATE");
   EXPECT_EQ(told["first"], nullptr);
@@ -178,7 +178,7 @@ TEST(PublisherStore, RestartKnowsTheResultsAndSaysWhatNobodyWasTold) {
     CommandResult again = test::succeeded("left");
     again.status = CommandStatus::duplicate;
     bench.outbox.push(again);
-    bench.flush();
+    bench.settle();
     bench.broker.acknowledges = false;
     bench.outbox.push(test::succeeded("untold"));
     bench.advance(1s);
@@ -213,7 +213,7 @@ TEST(PublisherStore, ResultOfAnEarlierRunIsPublishedAsItWas) {
   const test::Scratch scratch;
   {
     Bench bench(scratch.path("store"));
-    bench.flush();
+    bench.settle();
     bench.outbox.push(note("left"));
     bench.step();
   }
@@ -222,7 +222,7 @@ TEST(PublisherStore, ResultOfAnEarlierRunIsPublishedAsItWas) {
   for (const CommandResult& each :
        recover(bench.config, *bench.store, bench.utc(), bench.now).unacknowledged)
     bench.outbox.push(each);
-  bench.flush();
+  bench.settle();
   const auto results = bench.broker.on(kBase + "/press1/result");
   ASSERT_EQ(results.size(), 1U);
   EXPECT_EQ(json::parse(results[0])["id"], "left");
@@ -235,7 +235,7 @@ TEST(PublisherStore, ResultOfAnEarlierRunIsPublishedAsItWas) {
   again.status = CommandStatus::duplicate;
   again.first_number = 0;
   bench.outbox.push(again);
-  bench.flush();
+  bench.settle();
   EXPECT_EQ(json::parse(bench.broker.on(kBase + "/press1/result").back())["first"],
             json::parse(results[0]));
 }
@@ -341,9 +341,9 @@ TEST(PublisherAudit, ResultThatTheBrokerRefusesForGoodIsNotAcknowledged) {
   CommandResult result;
   result.number = bench.commands.at(0).number;
   bench.outbox.push(result);
-  bench.flush();
+  bench.settle();
   bench.broker.refuse_next(0x90);
-  bench.flush();
+  bench.settle();
   bench.advance(200ms);
   const auto lines = audit_lines(scratch.path("store"));
   EXPECT_EQ(lines.at(0)["acknowledged"], nullptr);
@@ -376,7 +376,7 @@ TEST(PublisherAudit, OrderThatACrashLeftBehindGetsItsOutcomeAndItsAcknowledgemen
   result.status = CommandStatus::unknown_outcome;
   result.number = command.number;
   again.outbox.push(result);
-  again.flush();
+  again.settle();
   again.advance(1s);
   const auto lines = audit_lines(scratch.path("store"));
   ASSERT_EQ(lines.size(), 1U);
@@ -399,13 +399,13 @@ TEST(PublisherAudit, HealthPublishesTheHeadOfTheChain) {
   CommandResult result;
   result.number = bench.commands.at(0).number;
   bench.outbox.push(result);
-  bench.flush();
+  bench.settle();
   bench.advance(60s);
   const json health = json::parse(bench.broker.on(kBase + "/health").back());
   EXPECT_EQ(health["audit"]["records"], 2);
   EXPECT_EQ(health["audit"]["head"], to_text(bench.store->audit_head().hash));
   Bench without;
-  without.flush();
+  without.settle();
   EXPECT_EQ(json::parse(without.broker.on(kBase + "/health").at(0))["audit"], nullptr);
 }
 
@@ -413,15 +413,15 @@ TEST(Publisher, ResultComesOnceAndAgainUntilItIsAcknowledged) {
   Bench bench;
   bench.online();
   bench.outbox.push(test::succeeded("a"));
-  bench.flush();
+  bench.settle();
   bench.advance(2h);
   EXPECT_EQ(bench.broker.on(kBase + "/press1/result").size(), 1U);
 
   bench.broker.acknowledges = false;
   bench.outbox.push(test::succeeded("b"));
-  bench.flush();
+  bench.settle();
   bench.broker.lose();
-  bench.flush();
+  bench.settle();
   bench.broker.acknowledges = true;
   bench.broker.log.clear();
   bench.advance(2s);
@@ -438,7 +438,7 @@ TEST(Publisher, TotalEndsWhenTheResultIsFirstHandedOver) {
   CommandResult result = test::succeeded("a");
   result.received = bench.now;
   bench.broker.lose();
-  bench.flush();
+  bench.settle();
   bench.outbox.push(result);
   bench.now += 700ms;
   bench.step();
@@ -457,7 +457,7 @@ TEST(Publisher, ResultGoesToTheResponseTopicTooAndItsCorrelationToBoth) {
   bench.outbox.push(result);
   result.response_topic = kBase + "/press2/state";  // would forge a state
   bench.outbox.push(result);
-  bench.flush();
+  bench.settle();
   ASSERT_EQ(bench.broker.taken.size(), 3U);
   EXPECT_EQ(bench.broker.taken[0].topic, kBase + "/press1/result");
   EXPECT_EQ(bench.broker.taken[0].correlation, (Bytes{1, 2, 3}));
@@ -474,7 +474,7 @@ TEST(Publisher, ResultComesWithoutItsCorrelationWhereTheBrokerDoesNotTakeBoth) {
   CommandResult result = test::succeeded("a");
   result.correlation = Bytes(1900, 7);
   bench.outbox.push(result);
-  bench.flush();
+  bench.settle();
   ASSERT_EQ(bench.broker.taken.size(), 1U);
   EXPECT_EQ(bench.broker.taken[0].topic, kBase + "/press1/result");
   EXPECT_TRUE(bench.broker.taken[0].correlation.empty());
@@ -600,7 +600,7 @@ TEST(PublisherFlood, SamplesGoOutBetweenCommands) {
   EXPECT_EQ(bench.step(), bench.now) << "it is stepped again at once";
   EXPECT_EQ(bench.broker.on(kBase + "/press1/data/fast").size(), 1U);
   EXPECT_LT(bench.commands.size(), 100U);
-  bench.flush();
+  bench.settle();
   EXPECT_EQ(bench.commands.size(), 1000U);
 }
 
@@ -643,7 +643,7 @@ TEST(PublisherFlood, MessagesStayInTheNetworkWhileVerdictsAreMissing) {
   Bench bench;
   bench.online();
   send_runs(bench, 300);
-  bench.flush();
+  bench.settle();
   ASSERT_EQ(bench.commands.size(), 300U);
   EXPECT_TRUE(bench.broker.held);
   for (int i = 0; i < 300; ++i) bench.outbox.command_decided();
@@ -658,7 +658,7 @@ TEST(PublisherFlood, FewLargeCommandsAreEnoughToHoldTheOthersBack) {
   large.response_topic = std::string(60000, 't');
   large.correlation = Bytes(65000, 1);
   for (int i = 0; i < 50; ++i) bench.broker.send(large);
-  bench.flush();
+  bench.settle();
   EXPECT_TRUE(bench.broker.held);
 }
 
@@ -677,14 +677,14 @@ TEST(PublisherFlood, WaitingResultsHoldMessagesBackAndLetSomeInForWhatComesBehin
   EXPECT_LE(bench.broker.let_in, 500U) << "fewer than can be answered";
   bench.broker.acknowledges = true;
   bench.broker.acknowledge_all();
-  bench.flush();
+  bench.settle();
   EXPECT_FALSE(bench.broker.held);
   EXPECT_EQ(bench.broker.on(kBase + "/press1/result").size(), 1000U) << "none is dropped";
 }
 
 /// Results wait while messages are held back, and before the next is acknowledged so many come.
 void acknowledge_behind(Bench& bench, std::size_t messages) {
-  bench.flush();
+  bench.settle();
   bench.broker.acknowledges = false;
   push_refused(bench, 1000);
   bench.step();
@@ -702,7 +702,7 @@ TEST(PublisherFlood, BrokerThatSendsFarAheadIsAskedForOneAtATime) {
   ASSERT_EQ(bench.broker.connects.size(), 1U) << "what was read is taken first";
   bench.broker.acknowledges = true;
   bench.broker.send(message(1000, R"({"id":"read meanwhile","op":"run"})"));
-  bench.flush();
+  bench.settle();
   EXPECT_EQ(bench.commands.size(), 1001U);
   EXPECT_EQ(bench.commands.back().id, "read meanwhile");
   bench.advance(1s);
@@ -729,7 +729,7 @@ TEST(PublisherFlood, StopWhileItConnectsAnewSaysGoodbye) {
   acknowledge_behind(bench, 1000);
   bench.broker.acknowledges = true;
   bench.made().stop(bench.now);
-  bench.flush();
+  bench.settle();
   EXPECT_TRUE(bench.publisher->finished());
   EXPECT_EQ(json::parse(bench.broker.on(kBase + "/state").back())["state"], "offline");
 }
@@ -752,7 +752,7 @@ TEST(PublisherFlood, BrokerThatIsSlowWithItsPubackKeepsItsConnection) {
 
 TEST(PublisherFlood, WhatCameBeforeMessagesWereHeldBackDoesNotCount) {
   Bench bench;
-  bench.flush();
+  bench.settle();
   bench.broker.acknowledges = false;
   push_refused(bench, 1000);
   bench.step();
@@ -775,7 +775,7 @@ TEST(PublisherFlood, SubackComesThroughWhereMessagesAreHeldBack) {
   bench.broker.confirms = false;
   bench.broker.acknowledges = false;
   push_refused(bench, 1000);
-  bench.flush();
+  bench.settle();
   ASSERT_TRUE(bench.broker.up());
   EXPECT_TRUE(bench.broker.held);
   EXPECT_GT(bench.broker.let_in, 0U);
@@ -804,7 +804,7 @@ TEST(PublisherFlood, ResultsThatFillTheirRoomEndTheSubscriptionUntilHalfOfThemAr
   EXPECT_GT(out_when_heard, 800U);
   EXPECT_LT(out_when_heard, 1000U);
   bench.broker.acknowledges = true;
-  bench.flush();
+  bench.settle();
   const auto states = bench.broker.on(kBase + "/state");
   ASSERT_EQ(states.size(), 2U) << "once deaf, once not";
   EXPECT_EQ(json::parse(states[0])["reason"], "more commands come than can be answered");
@@ -849,7 +849,7 @@ TEST(PublisherFlood, OfQosZeroOnlyAsMuchIsTakenAsCanBeAnswered) {
   for (std::size_t i = 0; i < 5000; ++i)
     bench.broker.send(message(i, R"({"id":"x","op":"run"})", 0));
   bench.broker.send(message(5000, R"({"id":"asked","op":"run"})", 1));
-  bench.flush();
+  bench.settle();
   EXPECT_LT(bench.commands.size(), 300U);
   EXPECT_EQ(bench.commands.back().id, "asked") << "what the broker waits for is never lost";
 }
@@ -858,7 +858,7 @@ TEST(PublisherFlood, NothingIsHeldBackAtTheEnd) {
   Bench bench;
   bench.online();
   send_runs(bench, 300);
-  bench.flush();
+  bench.settle();
   ASSERT_TRUE(bench.broker.held);
   bench.made().stop(bench.now);
   bench.step();

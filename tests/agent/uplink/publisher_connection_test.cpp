@@ -39,7 +39,7 @@ TEST(PublisherConnection, PublishThatFindsNoConnectionIsALoss) {
   bench.broker.vanish();
   bench.broker.believes = true;
   bench.outbox.push(test::sample(1));
-  bench.flush();
+  bench.settle();
   bench.advance(2s);
   EXPECT_EQ(bench.broker.connects.size(), 2U);
   EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast/history")),
@@ -51,7 +51,7 @@ TEST(PublisherConnection, ConnectionThatTheLibraryForgotToReportIsFoundGone) {
   bench.online();
   bench.broker.vanish();
   bench.broker.finds_out = false;
-  bench.flush();
+  bench.settle();
   EXPECT_EQ(bench.broker.connects.size(), 1U) << "its Lost may be on its way";
   EXPECT_LE(bench.step(), bench.now + 1s);
   bench.advance(1s);
@@ -91,7 +91,7 @@ TEST(PublisherConnection, RefusalsByTheBrokerAreASignOfLife) {
   bench.broker.acknowledges = false;
   for (std::uint64_t seq = 1; seq <= 100; ++seq) {
     bench.outbox.push(test::sample(seq, seq % 2));
-    bench.flush();
+    bench.settle();
     while (bench.broker.open() > 0) bench.broker.refuse_next(0x87);
     bench.advance(1s);
   }
@@ -104,7 +104,7 @@ TEST(PublisherConnection, MessagesOfQos0DoNotHideABrokerThatAcknowledgesNothing)
   bench.online();
   bench.broker.acknowledges = false;
   bench.outbox.push(test::offline(0, "timeout"));  // QoS 1
-  bench.flush();
+  bench.settle();
   ASSERT_EQ(bench.broker.open(), 1U);
   bench.broker.acknowledges_qos0 = true;
   for (std::uint64_t seq = 1; seq <= 160; ++seq) {
@@ -135,7 +135,7 @@ TEST(PublisherConnection, BrokerThatIsBackWithinMinutesIsMetWithinFiveSeconds) {
   bench.online();
   bench.broker.reachable = false;
   bench.broker.lose();
-  bench.flush();
+  bench.settle();
   for (const SteadyTime end = bench.now + 4min; bench.now < end;)
     EXPECT_LE(until_next_connect(bench), 5s);
   bench.now += 2min;
@@ -152,17 +152,17 @@ TEST(PublisherConnection, BrokerThatThrowsUsOffIsMetEverMoreSlowly) {
   SteadyTime::duration pause{};
   for (int thrown = 0; thrown < 12; ++thrown) {
     bench.broker.lose();
-    bench.flush();
+    bench.settle();
     const SteadyTime::duration next = until_next_connect(bench);
     EXPECT_GE(next, std::min<SteadyTime::duration>(60s, 1s * (1 << thrown))) << thrown;
     EXPECT_LE(next, std::min<SteadyTime::duration>(75s, 1250ms * (1 << thrown)) + 10ms) << thrown;
     pause = next;
-    bench.flush();
+    bench.settle();
     bench.advance(pause);
   }
   bench.advance(150s);  // the other one has gone
   bench.broker.lose();
-  bench.flush();
+  bench.settle();
   EXPECT_LE(until_next_connect(bench), 1300ms);
 }
 
@@ -171,10 +171,10 @@ TEST(PublisherConnection, BrokerThatThrowsUsOffIsMetEverMoreSlowly) {
 TEST(PublisherConnection, OnlineIsSaidOnceTheSubscriptionIsGranted) {
   Bench bench;
   bench.broker.confirms = false;
-  bench.flush();
+  bench.settle();
   EXPECT_TRUE(bench.broker.on(kBase + "/state").empty());
   bench.broker.answer_subscription(kBase + "/+/command", "");
-  bench.flush();
+  bench.settle();
   EXPECT_FALSE(last_state(bench).contains("commands")) << last_state(bench);
   EXPECT_FALSE(last_state(bench).contains("reason")) << last_state(bench);
   bench.advance(1h);
@@ -184,7 +184,7 @@ TEST(PublisherConnection, OnlineIsSaidOnceTheSubscriptionIsGranted) {
 TEST(PublisherConnection, RefusedSubscriptionIsInTheStateAndAskedForAgain) {
   Bench bench;
   bench.broker.refusal = "Not authorized";
-  bench.flush();
+  bench.settle();
   EXPECT_EQ(last_state(bench)["state"], "online");
   EXPECT_EQ(last_state(bench)["commands"], false);
   EXPECT_EQ(last_state(bench)["reason"], "Not authorized");
@@ -221,7 +221,7 @@ TEST(PublisherConnection, UnansweredSubscriptionIsInTheStateAfterASecond) {
   Bench bench;
   bench.broker.confirms = false;
   bench.outbox.push(test::sample(1));
-  bench.flush();
+  bench.settle();
   EXPECT_LE(bench.step(), bench.now + 1s);
   bench.advance(1s);
   EXPECT_EQ(last_state(bench)["commands"], false);
@@ -230,7 +230,7 @@ TEST(PublisherConnection, UnansweredSubscriptionIsInTheStateAfterASecond) {
   bench.advance(5s);
   EXPECT_EQ(std::count(bench.broker.order.begin(), bench.broker.order.end(), kCommands), 2);
   bench.broker.answer_subscription(kBase + "/+/command", "");
-  bench.flush();
+  bench.settle();
   EXPECT_FALSE(last_state(bench).contains("commands"));
 }
 
@@ -240,7 +240,7 @@ TEST(PublisherConnection, DeafnessEndsWithItsConnection) {
   bench.online();
   bench.broker.refusal.clear();
   bench.broker.lose();
-  bench.flush();
+  bench.settle();
   bench.advance(3s);
   ASSERT_EQ(bench.broker.connects.size(), 2U);
   EXPECT_EQ(last_state(bench)["state"], "online");
@@ -252,7 +252,7 @@ TEST(PublisherConnection, StopDoesNotWaitForASuback) {
   bench.broker.confirms = false;
   bench.step();
   bench.made().stop(bench.now);
-  bench.flush();
+  bench.settle();
   EXPECT_EQ(last_state(bench)["reason"], "stopped");
   EXPECT_TRUE(bench.made().finished());
 }

@@ -23,14 +23,14 @@ TEST(PublisherStore, SamplesOfAnOutageOutliveTheProcess) {
     Bench bench(scratch.path("store"));
     bench.broker.reachable = false;
     for (std::uint64_t seq = 1; seq <= 3; ++seq) bench.outbox.push(test::sample(seq));
-    bench.flush();
+    bench.settle();
     EXPECT_EQ(bench.made().samples().queued, 3U);  // gathered for one commit
     bench.advance(200ms);
     EXPECT_EQ(bench.made().samples().stored, 3U);
   }  // no goodbye
   Bench again(scratch.path("store"));
   again.outbox.push(test::sample(4));
-  again.flush();
+  again.settle();
   EXPECT_EQ(seqs(again.broker.on(kBase + "/press1/data/fast/history")),
             (std::vector<std::uint64_t>{1, 2, 3}));
   EXPECT_EQ(seqs(again.broker.on(kBase + "/press1/data/fast")), std::vector<std::uint64_t>{4});
@@ -49,7 +49,7 @@ TEST(PublisherStore, UnacknowledgedForASecondIsOnDiskAndStillInFlight) {
   bench.online();
   bench.broker.acknowledges = false;
   for (std::uint64_t seq = 1; seq <= 20; ++seq) bench.outbox.push(test::sample(seq));
-  bench.flush();
+  bench.settle();
   EXPECT_EQ(bench.made().samples().in_flight, 18U);
   EXPECT_LE(bench.step(), bench.now + 1s);
   bench.advance(1s);
@@ -57,7 +57,7 @@ TEST(PublisherStore, UnacknowledgedForASecondIsOnDiskAndStillInFlight) {
   EXPECT_EQ(bench.made().samples().stored, 20U);
   EXPECT_TRUE(bench.broker.on(kBase + "/press1/data/fast/history").empty());
   bench.broker.acknowledge_all();
-  bench.flush();
+  bench.settle();
   EXPECT_EQ(bench.made().samples().acknowledged, 18U);
   EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast/history")),
             (std::vector<std::uint64_t>{19, 20}));
@@ -96,7 +96,7 @@ TEST(PublisherStore, SampleInFlightWhenTheConnectionGoesIsOnDiskWithinItsSecond)
   bench.online();
   bench.broker.acknowledges = false;
   bench.outbox.push(test::sample(1));
-  bench.flush();
+  bench.settle();
   bench.advance(900ms);
   bench.broker.lose();
   bench.now += 50ms;
@@ -112,7 +112,7 @@ TEST(PublisherStore, DamagedFileIsNamedInHealth) {
   std::filesystem::create_directories(scratch.path("store"));
   std::ofstream(scratch.path("store") + "/fxagent.db") << std::string(8192, 'x');
   Bench bench(scratch.path("store"));
-  bench.flush();
+  bench.settle();
   const json health = json::parse(bench.broker.on(kBase + "/health").at(0));
   const std::string aside = health["store"]["set_aside"];
   EXPECT_TRUE(std::filesystem::exists(scratch.path("store") + "/" + aside)) << aside;
@@ -125,17 +125,17 @@ TEST(PublisherStore, WithAlwaysEverySampleIsOnDiskBeforeItIsSent) {
   bench.online();
   bench.broker.acknowledges = false;
   for (std::uint64_t seq = 1; seq <= 3; ++seq) bench.outbox.push(test::sample(seq));
-  bench.flush();
+  bench.settle();
   EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast")),
             (std::vector<std::uint64_t>{1, 2, 3}));
   EXPECT_EQ(bench.made().samples().stored, 3U);
   bench.broker.acknowledge_next();
-  bench.flush();
+  bench.settle();
   EXPECT_EQ(bench.made().samples().acknowledged, 1U);
   bench.advance(200ms);
   bench.store.reset();  // no goodbye
   Bench again(scratch.path("store"));
-  again.flush();
+  again.settle();
   EXPECT_EQ(seqs(again.broker.on(kBase + "/press1/data/fast/history")),
             (std::vector<std::uint64_t>{2, 3}));
 }
@@ -145,20 +145,20 @@ TEST(PublisherStore, ReconnectInTheMiddleOfTheBacklogLosesAndReordersNothing) {
   Bench bench(scratch.path("store"));
   bench.broker.reachable = false;
   for (std::uint64_t seq = 1; seq <= 900; ++seq) bench.outbox.push(test::sample(seq));
-  bench.flush();
+  bench.settle();
   bench.advance(1s);
   bench.broker.reachable = true;
   bench.broker.acknowledges = false;
   while (!bench.broker.up()) bench.advance(1s);
   for (int i = 0; i < 5; ++i) {
     bench.broker.acknowledge_next();  // the states, and then the first of the history
-    bench.flush();
+    bench.settle();
   }
   ASSERT_LT(bench.made().samples().stored, 900U);
   ASSERT_GT(bench.made().samples().stored, 0U);
   ASSERT_GT(bench.broker.open(), 0U);
   bench.broker.lose();
-  bench.flush();
+  bench.settle();
   bench.broker.acknowledges = true;
   for (int i = 0; i < 40; ++i) bench.advance(1s);
   std::vector<std::string> taken;
@@ -178,17 +178,17 @@ TEST(PublisherStore, HistoryHasAShareOfTheWindowAndLiveTheRest) {
     for (std::uint32_t device = 0; device < 2; ++device)
       for (std::uint32_t group = 0; group < 2; ++group)
         bench.outbox.push(test::sample(seq, device, group));
-  bench.flush();
+  bench.settle();
   bench.advance(1s);
   bench.broker.reachable = true;
   bench.broker.receive_maximum = 8;
   bench.broker.acknowledges = false;
   bench.advance(5s);
   bench.broker.acknowledge_all();
-  bench.flush();
+  bench.settle();
   bench.broker.log.clear();
   bench.outbox.push(test::sample(21));
-  bench.flush();
+  bench.settle();
   EXPECT_LE(bench.broker.open(), 2U);  // one of history and the live one
   EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast")), std::vector<std::uint64_t>{21});
 }
@@ -199,7 +199,7 @@ TEST(PublisherStore, HistoryRestsAsLongAsItsLastMessageTook) {
     Bench bench(on_disk ? scratch.path("store") : std::string());
     bench.broker.reachable = false;
     for (std::uint64_t seq = 1; seq <= 900; ++seq) bench.outbox.push(test::sample(seq));
-    bench.flush();
+    bench.settle();
     bench.advance(1s);
     bench.broker.reachable = true;
     bench.broker.acknowledges = false;
@@ -207,11 +207,11 @@ TEST(PublisherStore, HistoryRestsAsLongAsItsLastMessageTook) {
     const auto messages = [&] {
       return bench.broker.on(kBase + "/press1/data/fast/history").size();
     };
-    bench.flush();
+    bench.settle();
     while (messages() == 0 || bench.broker.open() > 1) {  // the states come first
       ASSERT_GT(bench.broker.open(), 0U);
       bench.broker.acknowledge_next();
-      bench.flush();
+      bench.settle();
     }
     ASSERT_EQ(messages(), 1U);
     bench.advance(10ms);
@@ -238,7 +238,7 @@ TEST(PublisherStore, DiskThatRefusesIsReplacedByMemoryUntilItTakesAgain) {
   Bench bench(scratch.path("store"));
   bench.broker.reachable = false;
   for (std::uint64_t seq = 1; seq <= 3; ++seq) bench.outbox.push(test::sample(seq));
-  bench.flush();
+  bench.settle();
   EXPECT_EQ(bench.store->state(), "memory");
   EXPECT_EQ(bench.made().samples().stored, 3U);
   std::filesystem::remove(scratch.path("store"));
@@ -264,7 +264,7 @@ TEST(PublisherStore, CleanStopLeavesTheRestOnDisk) {
   bench.made().stop(bench.now);
   while (!bench.made().finished()) bench.advance(500ms);
   Bench again(scratch.path("store"));
-  again.flush();
+  again.settle();
   EXPECT_EQ(again.made().samples().recovered, 30U);
   EXPECT_EQ(seqs(again.broker.on(kBase + "/press1/data/fast/history")).size(), 30U);
 }
@@ -278,9 +278,9 @@ TEST(PublisherStore, NumbersAreReservedBeforeTheyAreUsed) {
     seq = first_numbers(bench.config, bench.store.get(), bench.utc()).at(0);
     for (int i = 0; i < 3000; ++i) {
       bench.outbox.push(test::sample(++seq));
-      if (i % 100 == 0) bench.flush();
+      if (i % 100 == 0) bench.settle();
     }
-    bench.flush();
+    bench.settle();
   }
   Config config = test::plant();
   config.store.path = scratch.path("store");
@@ -294,12 +294,12 @@ TEST(PublisherStore, RowsOfADeviceThatIsGoneStillArrive) {
     Bench bench(scratch.path("store"));
     bench.broker.reachable = false;
     bench.outbox.push(test::sample(1, 1));
-    bench.flush();
+    bench.settle();
     bench.advance(1s);
   }
   Bench again(scratch.path("store"));
   again.config.devices.pop_back();
-  again.flush();
+  again.settle();
   EXPECT_EQ(seqs(again.broker.on(kBase + "/press2/data/fast/history")),
             std::vector<std::uint64_t>{1});
 }

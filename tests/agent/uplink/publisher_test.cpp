@@ -19,7 +19,7 @@ using namespace std::chrono_literals;
 TEST(Publisher, ConnectSubscribesThenPublishesEverythingRetained) {
   Bench bench;
   bench.outbox.push(test::offline(0, "timeout"));
-  bench.flush();
+  bench.settle();
   const std::vector<std::string> expected{"subscribe " + kBase + "/+/command",
                                           "subscribe " + kBase + "/+/state",
                                           "subscribe " + kBase + "/+/meta",
@@ -43,7 +43,7 @@ TEST(Publisher, EveryRetainedTopicComesAgainAfterAReconnect) {
   bench.outbox.push(test::offline(1, "timeout"));
   bench.online();
   bench.broker.lose();
-  bench.flush();
+  bench.settle();
   bench.advance(2s);
   EXPECT_EQ(bench.broker.on(kBase + "/state").size(), 1U);
   EXPECT_EQ(bench.broker.on(kBase + "/press1/meta").size(), 1U);
@@ -65,7 +65,7 @@ TEST(Publisher, AcknowledgementWakesNobodyWhoDoesNotWaitForIt) {
   bench.step();
   EXPECT_TRUE(bench.broker.acknowledgements_awaited) << "a result is marked as told";
   bench.broker.acknowledge_all();
-  bench.flush();
+  bench.settle();
   EXPECT_FALSE(bench.broker.acknowledgements_awaited);
   for (std::uint64_t seq = 2; seq < 30; ++seq) bench.outbox.push(test::sample(seq));
   bench.step();
@@ -98,7 +98,7 @@ TEST(Publisher, SampleGoesOutLiveAtTheDataQos) {
   bench.config.mqtt.qos = 0;
   bench.online();
   bench.outbox.push(test::sample(7, 1, 1));
-  bench.flush();
+  bench.settle();
   ASSERT_EQ(bench.broker.taken.size(), 1U);
   const Publication& live = bench.broker.taken[0];
   EXPECT_EQ(live.topic, kBase + "/press2/data/slow");
@@ -114,13 +114,13 @@ TEST(Publisher, WindowIsKeptAndResultsStillFindRoom) {
   bench.online();
   bench.broker.acknowledges = false;
   for (std::uint64_t seq = 1; seq <= 100; ++seq) bench.outbox.push(test::sample(seq));
-  bench.flush();
+  bench.settle();
   EXPECT_EQ(bench.broker.open(), 18U);
   bench.outbox.push(test::succeeded("a"));
-  bench.flush();
+  bench.settle();
   EXPECT_EQ(bench.broker.on(kBase + "/press1/result").size(), 1U);
   for (const char* id : {"b", "c", "d"}) bench.outbox.push(test::succeeded(id));
-  bench.flush();
+  bench.settle();
   EXPECT_EQ(bench.broker.open(), 20U);
   EXPECT_EQ(bench.broker.most_open, 20U);
 }
@@ -130,11 +130,11 @@ TEST(Publisher, SmallerReceiveMaximumIsObeyed) {
   bench.broker.receive_maximum = 3;
   bench.broker.acknowledges = false;
   for (std::uint64_t seq = 1; seq <= 10; ++seq) bench.outbox.push(test::sample(seq));
-  bench.flush();
+  bench.settle();
   for (int i = 0; i < 50; ++i) {
     EXPECT_LE(bench.broker.open(), 3U);
     if (bench.broker.open() > 0) bench.broker.acknowledge_next();
-    bench.flush();
+    bench.settle();
   }
   EXPECT_EQ(bench.broker.most_open, 3U);
   EXPECT_EQ(bench.made().samples().acknowledged, 10U);
@@ -145,18 +145,18 @@ TEST(Publisher, UnacknowledgedSamplesComeAgainAsHistoryBesideLiveOnes) {
   bench.online();
   bench.broker.acknowledges = false;
   for (std::uint64_t seq = 1; seq <= 3; ++seq) bench.outbox.push(test::sample(seq));
-  bench.flush();
+  bench.settle();
   bench.broker.lose();
   bench.outbox.push(test::sample(4));
-  bench.flush();
+  bench.settle();
   EXPECT_EQ(bench.made().samples().stored, 4U);
   bench.broker.acknowledges = true;
   bench.broker.log.clear();
   bench.now += 2s;
   bench.outbox.push(test::sample(5));  // before the reconnect: history too
-  bench.flush();
+  bench.settle();
   bench.outbox.push(test::sample(6));
-  bench.flush();
+  bench.settle();
   EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast/history")),
             (std::vector<std::uint64_t>{1, 2, 3, 4, 5}));
   EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast")), (std::vector<std::uint64_t>{6}));
@@ -173,21 +173,21 @@ TEST(Publisher, RowsLeaveMemoryOnlyAfterTheirAcknowledgement) {
   Bench bench;
   bench.broker.reachable = false;
   for (std::uint64_t seq = 1; seq <= 3; ++seq) bench.outbox.push(test::sample(seq));
-  bench.flush();
+  bench.settle();
   bench.broker.reachable = true;
   bench.advance(40s);
   bench.advance(20s);
   EXPECT_EQ(bench.made().samples().stored, 0U);
   bench.broker.lose();
   bench.outbox.push(test::sample(4));
-  bench.flush();
+  bench.settle();
   bench.broker.acknowledges = false;
   bench.advance(40s);
   EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast/history")),
             (std::vector<std::uint64_t>{1, 2, 3, 4}));
   EXPECT_EQ(bench.made().samples().stored, 1U);
   bench.broker.acknowledge_all();
-  bench.flush();
+  bench.settle();
   EXPECT_EQ(bench.made().samples().stored, 0U);
 }
 
@@ -195,7 +195,7 @@ TEST(Publisher, HistoryMessagesStayBelowTheirLimit) {
   Bench bench;
   bench.broker.reachable = false;
   for (std::uint64_t seq = 1; seq <= 999; ++seq) bench.outbox.push(test::sample(seq));
-  bench.flush();
+  bench.settle();
   bench.broker.reachable = true;
   bench.advance(40s);
   const auto messages = bench.broker.on(kBase + "/press1/data/fast/history");
@@ -209,14 +209,14 @@ TEST(Publisher, SampleThatFindsNoRoomForASecondBecomesHistory) {
   bench.online();
   bench.broker.acknowledges = false;
   for (std::uint64_t seq = 1; seq <= 20; ++seq) bench.outbox.push(test::sample(seq));
-  bench.flush();
+  bench.settle();
   EXPECT_EQ(bench.made().samples().queued, 2U);
   bench.advance(1s);
   EXPECT_EQ(bench.made().samples().queued, 0U);
   EXPECT_EQ(bench.made().samples().stored, 2U);
   bench.broker.acknowledges = true;
   bench.broker.acknowledge_all();
-  bench.flush();
+  bench.settle();
   EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast/history")),
             (std::vector<std::uint64_t>{19, 20}));
 }
@@ -226,7 +226,7 @@ TEST(Publisher, FullBacklogDropsTheOldestAndCountsThem) {
   bench.settings.backlog_bytes = 3000;
   bench.broker.reachable = false;
   for (std::uint64_t seq = 1; seq <= 50; ++seq) bench.outbox.push(test::sample(seq, 1));
-  bench.flush();
+  bench.settle();
   const std::uint64_t dropped = bench.made().samples().dropped;
   EXPECT_GT(dropped, 30U);
   bench.broker.reachable = true;
@@ -249,7 +249,7 @@ TEST(Publisher, BrokerThatAcknowledgesNothingForHalfAMinuteIsLeft) {
   EXPECT_EQ(bench.broker.connects.size(), 1U);
   bench.broker.acknowledges = false;
   bench.outbox.push(test::sample(1));
-  bench.flush();
+  bench.settle();
   bench.advance(29s);
   EXPECT_EQ(bench.broker.connects.size(), 1U);
   EXPECT_LE(bench.step(), bench.now + 1s);
@@ -263,7 +263,7 @@ TEST(Publisher, BrokerThatAcknowledgesNothingForHalfAMinuteIsLeft) {
 
 TEST(Publisher, RetainedTopicsOfUnknownDevicesAreCleared) {
   Bench bench;
-  bench.flush();
+  bench.settle();
   bench.broker.taken.clear();
   const auto retained = [&](const std::string& topic, const std::string& payload) {
     Message message;
@@ -276,7 +276,7 @@ TEST(Publisher, RetainedTopicsOfUnknownDevicesAreCleared) {
   retained(kBase + "/press9/meta", "{}");
   retained(kBase + "/press8/meta", "");  // the clearing of it coming back
   retained(kBase + "/press1/state", "{}");
-  bench.flush();
+  bench.settle();
   ASSERT_EQ(bench.broker.taken.size(), 2U);
   for (const Publication& p : bench.broker.taken) {
     EXPECT_TRUE(p.topic == kBase + "/press9/state" || p.topic == kBase + "/press9/meta");
@@ -291,7 +291,7 @@ TEST(Publisher, RetainedTopicsOfUnknownDevicesAreCleared) {
 TEST(Publisher, ServersAreTriedFromTheTopWithGrowingPauses) {
   Bench bench;
   bench.broker.reachable = false;
-  bench.flush();
+  bench.settle();
   EXPECT_EQ(bench.broker.connects, (std::vector<std::size_t>{0, 1}));
   SteadyTime::duration last{};
   for (int round = 2; round < 9; ++round) {
@@ -312,14 +312,14 @@ TEST(Publisher, ServersAreTriedFromTheTopWithGrowingPauses) {
 TEST(Publisher, StaysOnItsServerUntilThatFailsAndStartsFromTheTopAgain) {
   Bench bench;
   bench.broker.reachable = false;
-  bench.flush();
+  bench.settle();
   bench.broker.reachable = true;
   bench.advance(2s);
   ASSERT_TRUE(bench.broker.up());
   bench.advance(1h);
   const std::size_t connects = bench.broker.connects.size();
   bench.broker.lose();
-  bench.flush();
+  bench.settle();
   bench.advance(2s);
   ASSERT_EQ(bench.broker.connects.size(), connects + 1);
   EXPECT_EQ(bench.broker.connects.back(), 0U);
@@ -327,9 +327,9 @@ TEST(Publisher, StaysOnItsServerUntilThatFailsAndStartsFromTheTopAgain) {
 
 TEST(Publisher, ServerThatDropsUsAtOnceIsNotTriedForEver) {
   Bench bench;
-  bench.flush();
+  bench.settle();
   bench.broker.lose();
-  bench.flush();
+  bench.settle();
   EXPECT_EQ(bench.broker.connects, (std::vector<std::size_t>{0, 1}));
 }
 
@@ -349,9 +349,9 @@ TEST(Publisher, SampleThatNoRepeatCanCureIsDroppedAndCounted) {
   bench.broker.acknowledges = false;
   for (const int code : {0x90, 0x95, 0x99}) {
     bench.outbox.push(test::sample(static_cast<std::uint64_t>(code)));
-    bench.flush();
+    bench.settle();
     bench.broker.refuse_next(code);
-    bench.flush();
+    bench.settle();
   }
   EXPECT_EQ(bench.made().samples().dropped, 3U);
   EXPECT_EQ(bench.broker.open(), 0U);
@@ -364,13 +364,13 @@ TEST(Publisher, RefusedDeviceWaitsAndItsNeighbourDoesNot) {
   for (const int code : {0x87, 0x97}) {
     bench.broker.log.clear();
     bench.outbox.push(test::sample(1, 0));
-    bench.flush();
+    bench.settle();
     bench.broker.refuse_next(code);
-    bench.flush();
+    bench.settle();
     EXPECT_EQ(bench.made().samples().dropped, 0U);
     bench.outbox.push(test::sample(2, 0));
     bench.outbox.push(test::sample(3, 1));
-    bench.flush();
+    bench.settle();
     EXPECT_EQ(seqs(bench.broker.on(kBase + "/press2/data/fast")), std::vector<std::uint64_t>{3});
     EXPECT_TRUE(bench.broker.on(kBase + "/press1/data/fast/history").empty());
     bench.broker.acknowledge_all();
@@ -378,7 +378,7 @@ TEST(Publisher, RefusedDeviceWaitsAndItsNeighbourDoesNot) {
     EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast/history")),
               (std::vector<std::uint64_t>{1, 2}));
     bench.broker.acknowledge_all();
-    bench.flush();
+    bench.settle();
   }
   EXPECT_EQ(bench.made().samples().acknowledged, 6U);
 }
@@ -388,9 +388,9 @@ TEST(Publisher, HealthNamesTheCodeOfARefusalUntilItIsOver) {
   bench.online();
   bench.broker.acknowledges = false;
   bench.outbox.push(test::sample(1, 0));
-  bench.flush();
+  bench.settle();
   bench.broker.refuse_next(0x97);
-  bench.flush();
+  bench.settle();
   const auto refused = [&] {
     bench.advance(60s);
     const json health = json::parse(bench.broker.on(kBase + "/health").back());
@@ -400,7 +400,7 @@ TEST(Publisher, HealthNamesTheCodeOfARefusalUntilItIsOver) {
   EXPECT_EQ(refused(), "0x97");
   bench.broker.acknowledges = true;
   bench.broker.acknowledge_all();
-  bench.flush();
+  bench.settle();
   EXPECT_EQ(refused(), nullptr);
 }
 
@@ -409,7 +409,7 @@ TEST(Publisher, HistoryThatIsTooLargeIsCutInsteadOfDropped) {
   bench.broker.reachable = false;
   bench.broker.maximum_packet = 2000;
   for (std::uint64_t seq = 1; seq <= 100; ++seq) bench.outbox.push(test::sample(seq));
-  bench.flush();
+  bench.settle();
   bench.broker.reachable = true;
   bench.advance(40s);
   EXPECT_EQ(bench.made().samples().acknowledged, 100U);
@@ -422,9 +422,9 @@ TEST(Publisher, RefusedStateComesAgainWithItsNewestValue) {
   bench.online();
   bench.broker.acknowledges = false;
   bench.outbox.push(test::offline(0, "timeout"));
-  bench.flush();
+  bench.settle();
   bench.broker.refuse_next(0x97);
-  bench.flush();
+  bench.settle();
   bench.outbox.push(test::offline(0, "link_down"));
   bench.advance(2s);
   const auto states = bench.broker.on(kBase + "/press1/state");
@@ -441,7 +441,7 @@ TEST(Publisher, HealthComesEveryMinuteAndBalances) {
   bench.outbox.push(test::sample(1));
   bench.outbox.push(test::sample(2));
   bench.outbox.push(test::counted(5, 3));
-  bench.flush();
+  bench.settle();
   bench.advance(60s);
   bench.advance(60s);
   const auto health = bench.broker.on(kBase + "/health");
@@ -460,7 +460,7 @@ TEST(Publisher, StopPublishesWhatWaitsThenSaysStopped) {
   bench.outbox.push(test::sample(1));
   bench.outbox.push(test::succeeded("a"));
   bench.made().stop(bench.now);
-  bench.flush();
+  bench.settle();
   EXPECT_TRUE(bench.made().finished());
   EXPECT_EQ(bench.broker.disconnects, 1);
   ASSERT_EQ(bench.broker.taken.size(), 3U);
@@ -493,9 +493,9 @@ TEST(Publisher, StopEndsInTimeWithABrokerThatDoesNotAnswer) {
 TEST(Publisher, StopWithoutABrokerEndsAtOnce) {
   Bench bench;
   bench.broker.reachable = false;
-  bench.flush();
+  bench.settle();
   bench.made().stop(bench.now);
-  bench.flush();
+  bench.settle();
   EXPECT_TRUE(bench.made().finished());
 }
 

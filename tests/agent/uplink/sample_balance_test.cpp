@@ -18,16 +18,16 @@ constexpr std::int64_t kUtc = 1790000000000;
 
 class SampleBalance : public testing::Test {
  protected:
-  SampleBalance() { flush(); }
+  SampleBalance() { settle(); }
 
-  void flush() {
+  void settle() {
     for (int i = 0; i < 100; ++i) publisher_.step(now_);
   }
   /// The next health tick; what was logged meanwhile.
   std::string tick() {
     testing::internal::CaptureStderr();
     now_ += 60s;
-    flush();
+    settle();
     return testing::internal::GetCapturedStderr();
   }
   json samples() const {
@@ -53,7 +53,7 @@ class SampleBalance : public testing::Test {
 TEST_F(SampleBalance, HoldsThroughALifeOfSamples) {
   for (std::uint64_t seq = 1; seq <= 10; ++seq) outbox_.push(test::sample(seq));
   outbox_.push(test::counted(12, 2));
-  flush();
+  settle();
   const std::string log = tick();
   EXPECT_EQ(log.find("error"), std::string::npos) << log;
   EXPECT_EQ(samples()["balanced"], true);
