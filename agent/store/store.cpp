@@ -568,8 +568,8 @@ bool Store::write_pending() {
     if (!file_->remove.bind(1, to_sql(row_id)).run()) return false;
   for (const JournalEntry& entry : unrecorded_)
     if (!write_entry(entry)) return false;
-  for (const auto& [device, id, number] : to_acknowledge_)
-    if (!change_command(device, id, [&, number = number] {
+  for (const auto& [device, id, command] : to_acknowledge_)
+    if (!change_command(device, id, [&, number = command] {
           return file_->acknowledge.bind(1, device).bind(2, id).bind(3, to_sql(number)).run();
         }))
       return false;
