@@ -108,8 +108,8 @@ void write_value(Writer& out, const Value& value, Precision precision = Precisio
 /// Null where there is none.
 void write_optional(Writer& out, const std::optional<Value>& value);
 
-/// Whether the text may be put into another JSON text as it is: it is JSON, without what a parser
-/// passes over (a byte order mark) or takes for the end (a NUL).
+/// Whether a text that a parser takes for JSON may be put into another one as it is: it has nothing
+/// that the parser passes over (a byte order mark) or takes for the end (a NUL).
 bool may_stand_inside(std::string_view json);
 
 }  // namespace fxagent::json

@@ -18,10 +18,9 @@ using Json = nlohmann::json;
 
 constexpr std::size_t kMaxCommandBytes = 65536;
 constexpr std::size_t kMaxIdLength = 64;
-constexpr std::size_t kMaxTargets = 64;
 constexpr std::size_t kMaxPlaceLength = 128;  ///< of tag and address; no longer one can be right
 /// The command, `targets`, and of each target itself and its value.
-constexpr std::size_t kMaxStructures = 2 + 2 * kMaxTargets;
+constexpr std::size_t kMaxStructures = 2 + 2 * kMostTargets;
 constexpr std::size_t kMaxQuoted = 64;  ///< characters of foreign text that a detail repeats
 constexpr std::size_t kMaxDepth = 3;  ///< root object, `targets`, one target, an array value in it
 
@@ -217,10 +216,10 @@ void read_targets(const Json& object, Command& command, Faults& faults) {
     faults.add(Reason::bad_address, "targets stands in place of tag, address, type and value");
   if (!targets->is_array() || targets->empty())
     return faults.add(Reason::bad_address, "targets must be an array of at least one target");
-  if (targets->size() > kMaxTargets)
+  if (targets->size() > kMostTargets)
     return faults.add(Reason::too_large, std::to_string(targets->size()) +
                                              " targets; a command has at most " +
-                                             std::to_string(kMaxTargets));
+                                             std::to_string(kMostTargets));
   for (const Json& entry : *targets) {
     if (!entry.is_object()) {
       faults.add(Reason::bad_address, "every one of targets must be an object");

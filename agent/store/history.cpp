@@ -1,9 +1,13 @@
 #include "agent/store/history.h"
 
+#include <nlohmann/json.hpp>
+
 #include "agent/json_writer.h"
 
 namespace fxagent {
-bool is_intact(std::string_view row) { return json::may_stand_inside(row); }
+bool is_intact(std::string_view row) {
+  return json::may_stand_inside(row) && nlohmann::json::accept(row);
+}
 
 std::string history_text(std::span<const std::string_view> rows) {
   json::Writer out;
