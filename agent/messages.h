@@ -237,8 +237,6 @@ struct CommandResult {
   std::chrono::nanoseconds wire{0};
   std::optional<std::chrono::nanoseconds> bound;
 
-  /// False: the memory of ids is full and this one is not in it.
-  bool id_kept = true;
   /// A result that an earlier run has given, as it was published (JSON). Of the other fields only
   /// device, id, status, plc, received_ms and the MQTT 5 properties say something then.
   std::string recorded;
@@ -279,6 +277,7 @@ struct AdmissionNote {
 /// So many ids of a device are remembered with their first results, and of all devices so many
 /// without; so long, whichever ends first, and each at least until the deadline of its command.
 inline constexpr std::size_t kRememberedIds = 10000;
+inline constexpr std::size_t kRememberedRefused = 2000;  ///< beside them, of a device
 inline constexpr std::size_t kFingerprints = 200000;
 inline constexpr std::chrono::hours kRememberedFor{24};
 

@@ -391,12 +391,12 @@ std::optional<Refusal> CommandAdmission::check_value(const Codec& codec, const C
   return std::nullopt;
 }
 
-void CommandAdmission::remember_refused(const Command& command, CommandResult& result,
+void CommandAdmission::remember_refused(const Command& command, const CommandResult& result,
                                         SteadyTime now) {
   if (command.dry_run) return;
-  result.id_kept = ids_.add_refused({command.id, command.number, now, now, true,
-                                     journaling_ == Journaling::on ? nullptr : kept(result)},
-                                    now);
+  ids_.add_refused({command.id, command.number, now, now, true,
+                    journaling_ == Journaling::on ? nullptr : kept(result)},
+                   now);
 }
 
 void CommandAdmission::finished(const CommandResult& result) {

@@ -81,8 +81,8 @@ class CommandAdmission final {
   std::size_t remembered() const { return ids_.size(); }
 
  private:
-  /// Notes the id of a command that was not admitted, where there is room to spare.
-  void remember_refused(const Command& command, CommandResult& result, SteadyTime now);
+  /// Remembers the id of a command that was not admitted; nothing of a dry run.
+  void remember_refused(const Command& command, const CommandResult& result, SteadyTime now);
   /// Fills admitted.targets, or says which check failed.
   std::optional<Refusal> resolve(const Codec& codec, AdmittedCommand& admitted,
                                  std::vector<TargetResult>& out);

@@ -57,7 +57,7 @@ void IdMemory::add(Entry entry, SteadyTime now) {
   refused_.get<1>().erase(entry.id);
   admitted_.insert(std::move(entry));
   // What was refused makes way; what an earlier run leaves may be more than is kept whole.
-  while (!refused_.empty() && size() > kRememberedIds) refused_.erase(refused_.begin());
+  while (has_too_many_refused()) refused_.erase(refused_.begin());
   while (admitted_.size() > kRememberedIds) {
     const auto oldest = std::find_if(admitted_.begin(), admitted_.end(),
                                      [](const Entry& each) { return each.over; });
@@ -67,13 +67,15 @@ void IdMemory::add(Entry entry, SteadyTime now) {
   }
 }
 
-bool IdMemory::add_refused(Entry entry, SteadyTime now) {
+bool IdMemory::has_too_many_refused() const {
+  return refused_.size() > kRememberedRefused && size() > kRememberedIds;
+}
+
+void IdMemory::add_refused(Entry entry, SteadyTime now) {
   forget_old(now);
-  while (!refused_.empty() && size() >= kRememberedIds) refused_.erase(refused_.begin());
-  if (size() >= kRememberedIds) return false;
   refused_.get<1>().erase(entry.id);
   refused_.insert(std::move(entry));
-  return true;
+  while (has_too_many_refused()) refused_.erase(refused_.begin());
 }
 
 void IdMemory::finish(const std::string& id, std::shared_ptr<const CommandResult> result) {

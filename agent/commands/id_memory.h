@@ -3,8 +3,8 @@
 // keep.
 //
 // Of the newest ids everything is kept; what they push out is a fingerprint from then on, in room
-// that all devices share. What was refused is kept apart, in the room that the others leave.
-// Pure: time is an argument. Field thread.
+// that all devices share. What was refused is kept apart: the newest kRememberedRefused have room
+// of their own, more of them what the admitted ones leave. Pure: time is an argument. Field thread.
 #pragma once
 
 #include <boost/multi_index/hashed_index.hpp>
@@ -55,9 +55,8 @@ class IdMemory final {
   /// Remembers the id of a command, whether make_room() was asked or not. One that is known stays
   /// as it is.
   void add(Entry entry, SteadyTime now);
-  /// The id of a command that was refused, while there is room to spare: the newest of them, and
-  /// none that a command has need of. False: it is not remembered.
-  bool add_refused(Entry entry, SteadyTime now);
+  /// The id of a command that was refused. The oldest of them make room.
+  void add_refused(Entry entry, SteadyTime now);
   /// The command has its result. Nothing where the id is not known.
   void finish(const std::string& id, std::shared_ptr<const CommandResult> result);
 
@@ -73,6 +72,8 @@ class IdMemory final {
                      boost::multi_index::member<Entry, std::string, &Entry::id>>>>;
 
   void forget_old(SteadyTime now);
+  /// Whether the refused ids take more than is theirs.
+  bool has_too_many_refused() const;
 
   std::shared_ptr<CommandRoom> room_;
   std::string device_;

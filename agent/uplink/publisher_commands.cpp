@@ -215,8 +215,8 @@ void Publisher::take_admitted(std::vector<AdmissionNote> notes) {
 /// Whether the journal knows the id, and with it the result, from now on.
 bool Publisher::note_result(const CommandResult& result) {
   if (store_ == nullptr) return false;
-  const bool remembered = !result.id.empty() && !result.dry_run && result.id_kept &&
-                          result.status != CommandStatus::duplicate;
+  const bool remembered =
+      !result.id.empty() && !result.dry_run && result.status != CommandStatus::duplicate;
   if (!result.recorded.empty()) return remembered;
   JournalEntry entry;
   entry.result = result_text(result, std::nullopt);

@@ -453,6 +453,19 @@ TEST_F(CommandAdmissionTest, ManyReadsThatLastAnHourLockNobodyOut) {
   EXPECT_EQ(answered(read("id0", "temp")).status, CommandStatus::duplicate);
 }
 
+// Else a command that was refused while the queue was full could be carried out by its repeat.
+TEST_F(CommandAdmissionTest, RefusedCommandStaysRefusedWhereTheMemoryIsFull) {
+  for (std::size_t i = 0; i < kRememberedIds; ++i) {
+    decide(write("id" + std::to_string(i)));
+    finish("id" + std::to_string(i));
+  }
+  EXPECT_EQ(answered(write("late", 500)).status, CommandStatus::rejected);
+  const CommandResult repeat = answered(write("late"));
+  EXPECT_EQ(repeat.status, CommandStatus::duplicate);
+  ASSERT_TRUE(repeat.first);
+  EXPECT_EQ(repeat.first->reason, Reason::out_of_range);
+}
+
 TEST_F(CommandAdmissionTest, OfTenThousandIdsTheOldestIsKnownWithoutItsResult) {
   for (std::size_t i = 0; i < kRememberedIds + 1; ++i) {
     Command command = write("id" + std::to_string(i));

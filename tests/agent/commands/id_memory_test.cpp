@@ -27,6 +27,7 @@ struct PlainMemory {
   };
   std::vector<Known> all;  ///< the oldest first
   std::size_t most_prints = 300;
+  int dropped = 0;  ///< refused ids that made room
 
   Known* find(const std::string& id, SteadyTime now) {
     for (Known& known : all)
@@ -51,13 +52,12 @@ struct PlainMemory {
   }
   void add(IdMemory::Entry entry) {
     all.push_back({std::move(entry)});
-    if (count(true, false) + count(false, false) > kRememberedIds) drop_refused();
+    drop_refused();
   }
-  bool add_refused(IdMemory::Entry entry, SteadyTime now) {
+  void add_refused(IdMemory::Entry entry, SteadyTime now) {
     forget_old(now);
-    if (count(true, false) + count(false, false) >= kRememberedIds && !drop_refused()) return false;
     all.push_back({std::move(entry), true});
-    return true;
+    drop_refused();
   }
 
  private:
@@ -72,12 +72,12 @@ struct PlainMemory {
       return known.refused == refused && known.print == print;
     }));
   }
-  bool drop_refused() {
-    const auto oldest =
-        std::find_if(all.begin(), all.end(), [](const Known& known) { return known.refused; });
-    if (oldest == all.end()) return false;
-    all.erase(oldest);
-    return true;
+  void drop_refused() {
+    const std::size_t refused = count(true, false);
+    if (refused <= kRememberedRefused || refused + count(false, false) <= kRememberedIds) return;
+    all.erase(
+        std::find_if(all.begin(), all.end(), [](const Known& known) { return known.refused; }));
+    ++dropped;
   }
   bool drop_print(SteadyTime now) {
     const auto oldest = std::find_if(all.begin(), all.end(), [now](const Known& known) {
@@ -113,16 +113,25 @@ TEST(IdMemory, KnowsWhatAPlainListKnows) {
     };
     while (memory.ids.size() < kRememberedIds - 100)
       plain.all.push_back({add("early" + std::to_string(memory.ids.size()))});
+    for (std::size_t i = 0; i < kRememberedRefused - 100; ++i) {
+      const IdMemory::Entry entry{"no" + std::to_string(i), ++number, now, now, true};
+      memory.ids.add_refused(entry, now);
+      plain.all.push_back({entry, true});
+    }
     memory.room->fingerprints = IdFingerprints(plain.most_prints);
     for (std::size_t i = 0; i < plain.most_prints - 50; ++i) {
       memory.room->fingerprints.add("other", std::to_string(i), now, now + hours(30));
       plain.all.push_back(
           {{"other " + std::to_string(i), 0, now, now + hours(30), true}, false, true});
     }
-    for (int i = 0; i < 500; ++i) {
+    for (int i = 0; i < 1500; ++i) {
       if (!hurry && below(50) == 0) now += minutes(below(700));
       now += std::chrono::milliseconds(below(hurry ? 100 : 3000));
-      const std::string id = (below(4) == 0 ? "early" : "") + std::to_string(below(600));
+      const int kind = below(8);
+      const std::string id = (kind < 2    ? "early"
+                              : kind == 2 ? "no"
+                                          : "") +
+                             std::to_string(below(1800));
       auto* known = plain.find(id, now);
       const auto found = memory.ids.find(id, now);
       ASSERT_EQ(found.has_value(), known != nullptr) << seed << " " << i << " " << id;
@@ -137,9 +146,8 @@ TEST(IdMemory, KnowsWhatAPlainListKnows) {
       }
       if (below(3) == 0) {
         const IdMemory::Entry entry{id, ++number, now, now, true};
-        const bool kept = plain.add_refused(entry, now);
-        ASSERT_EQ(memory.ids.add_refused(entry, now), kept) << seed << " " << i;
-        refused += !kept;
+        plain.add_refused(entry, now);
+        memory.ids.add_refused(entry, now);
         continue;
       }
       const bool room = plain.make_room(now);
@@ -147,8 +155,9 @@ TEST(IdMemory, KnowsWhatAPlainListKnows) {
       full += !room;
       if (!room) continue;
       plain.add(add(id));
-      ASSERT_LE(memory.ids.size(), kRememberedIds);
+      ASSERT_LE(memory.ids.size(), kRememberedIds + kRememberedRefused);
     }
+    refused += plain.dropped;
   }
   EXPECT_GT(full, 50);
   EXPECT_GT(prints, 0);
@@ -211,11 +220,11 @@ TEST(IdMemory, TwoHundredThousandAreKnownUntilTheirDeadlines) {
   EXPECT_TRUE(memory.ids.find("1", later));
 }
 
-TEST(IdMemory, WhatWasRefusedStandsInNobodysWay) {
+// A repeat of a refused command stays refused, however many were carried out.
+TEST(IdMemory, WhatWasRefusedStandsInNobodysWayAndIsRemembered) {
   Memory memory;
   for (std::uint64_t i = 0; i < 3 * kRememberedIds; ++i)
-    EXPECT_TRUE(
-        memory.ids.add_refused({"no" + std::to_string(i), i, kStart, kStart, true}, kStart));
+    memory.ids.add_refused({"no" + std::to_string(i), i, kStart, kStart, true}, kStart);
   EXPECT_EQ(memory.ids.size(), kRememberedIds);
   EXPECT_FALSE(memory.ids.find("no0", kStart));
   EXPECT_TRUE(memory.ids.find("no29999", kStart));
@@ -224,7 +233,11 @@ TEST(IdMemory, WhatWasRefusedStandsInNobodysWay) {
     memory.ids.add({"yes" + std::to_string(i), i, kStart, kStart + hours(1)}, kStart);
   }
   EXPECT_EQ(memory.room->fingerprints.size(), 0U);
-  EXPECT_FALSE(memory.ids.add_refused({"no", 1, kStart, kStart, true}, kStart));
+  EXPECT_EQ(memory.ids.size(), kRememberedIds + kRememberedRefused);
+  EXPECT_FALSE(memory.ids.find("no27999", kStart));
+  EXPECT_TRUE(memory.ids.find("no28000", kStart));
+  memory.ids.add_refused({"no", 30000, kStart, kStart, true}, kStart);
+  EXPECT_TRUE(memory.ids.find("no", kStart));
 }
 
 TEST(IdMemory, DevicesDoNotShareTheirIds) {

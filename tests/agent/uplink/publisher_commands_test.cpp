@@ -172,9 +172,6 @@ TEST(PublisherStore, RestartKnowsTheResultsAndSaysWhatNobodyWasTold) {
     CommandResult dry = test::succeeded("dry");
     dry.dry_run = true;
     bench.outbox.push(dry);
-    CommandResult unkept = test::succeeded("unkept");
-    unkept.id_kept = false;
-    bench.outbox.push(unkept);
     CommandResult again = test::succeeded("left");
     again.status = CommandStatus::duplicate;
     bench.outbox.push(again);
