@@ -11,7 +11,9 @@
 #include <stdexcept>
 #include <thread>
 #include <utility>
+#include <vector>
 
+#include "agent/commands/commands.h"
 #include "agent/commands/recovery.h"
 #include "agent/field/field.h"
 #include "agent/field/tcp_transport.h"
@@ -98,24 +100,19 @@ void run_agent(const Config& config, StopWatchdog& watchdog) {
   const auto utc_now = [] { return utc_ms(std::chrono::system_clock::now()); };
   const auto store = config.store.path.empty() ? std::unique_ptr<Store>()
                                                : std::make_unique<Store>(config.store, utc_now());
-  Recovered known;
-  const std::vector<std::uint64_t> numbers = first_numbers(config, store.get(), utc_now());
-  if (store) known = recover(config, *store, utc_now(), std::chrono::steady_clock::now());
-  known.field.last_seq = numbers;
-
   Outbox outbox(kOutboxMessages);
-  for (CommandResult& result : known.unacknowledged) {
-    result.received = std::chrono::steady_clock::now();
-    outbox.push(std::move(result));
+  Field field(config, outbox, first_numbers(config, store.get(), utc_now()));
+  Commands commands(
+      config, [&field](AdmittedCommand admitted) { field.submit(std::move(admitted)); },
+      store.get());
+  if (store) {
+    const auto now = std::chrono::steady_clock::now();
+    commands.restore(recover(config, *store, utc_now(), now), now, utc_now());
   }
-  Field field(config, outbox, known.field, Polling::on, store ? Journaling::on : Journaling::off);
-  known = {};
   PahoBroker broker(config.mqtt, last_will(config, settings.boot), [&outbox] { outbox.notify(); });
   Publisher publisher(
-      config, settings, outbox, broker,
-      [&field](Command command) { field.submit(std::move(command)); }, utc_now, store.get(),
-      [&field](std::uint32_t device, std::string id) { field.go_ahead(device, std::move(id)); },
-      [&field](RestoredState found) { field.restore(std::move(found)); });
+      config, settings, outbox, broker, commands, utc_now, store.get(),
+      [&field](std::vector<std::uint64_t> last_seq) { field.number_above(std::move(last_seq)); });
 
   log::info("agent", {{"state", "starting"},
                       {"id", config.id},

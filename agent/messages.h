@@ -16,6 +16,8 @@
 
 namespace fxagent {
 
+class Codec;
+
 using SteadyTime = std::chrono::steady_clock::time_point;
 
 /// Milliseconds UTC of a system clock reading.
@@ -61,6 +63,9 @@ struct DeviceStatus {
   std::string reason;  ///< empty: none
   std::string model;   ///< empty: unknown
   std::optional<bool> run;
+  /// What the device's addresses mean now: the config's codec, or that of the model found by
+  /// asking. Null: as it was. Read by both threads, changed by none.
+  std::shared_ptr<const Codec> codec{};
 };
 std::string_view to_string(DeviceStatus::State state);
 
@@ -141,7 +146,17 @@ struct Refusal {
   std::string detail;
 };
 
-struct Command {
+/// What comes with the payload of a message on a command topic.
+struct MessageProperties {
+  bool retained = false;
+  SteadyTime received{};                               ///< when the library handed it over
+  std::int64_t received_ms = 0;                        ///< the same moment, UTC
+  std::optional<std::chrono::seconds> message_expiry;  ///< MQTT 5; counts from `received`
+  std::string response_topic;                          ///< MQTT 5; empty: none
+  Bytes correlation;
+};
+
+struct Command : MessageProperties {
   std::uint32_t device = 0;
   std::uint64_t number = 0;  ///< its number in the audit; 0: none. Its result bears it too
   std::string id;            ///< empty: none could be read
@@ -154,14 +169,7 @@ struct Command {
   std::optional<bool> verify;
   bool dry_run = false;
   std::string by;
-  bool retained = false;
   std::optional<Refusal> refusal;
-
-  SteadyTime received{};
-  std::int64_t received_ms = 0;
-  std::optional<std::chrono::seconds> message_expiry;  ///< MQTT 5; counts from `received`
-  std::string response_topic;                          ///< MQTT 5; empty: none
-  Bytes correlation;
   /// The command line's `read` may read what the allow list does not name.
   bool any_address = false;
 };
@@ -254,55 +262,6 @@ struct CommandResult {
 
 /// What it takes in memory, roughly, `first` not counted.
 std::size_t memory_of(const CommandResult& result);
-
-/// On: a command is carried out only when the journal has its AdmissionNote, and first results are
-/// kept there. Off: there is no journal.
-enum class Journaling : std::uint8_t { off, on };
-
-/// A command that was admitted, for the journal. It is carried out only when the uplink has written
-/// it down and given the go-ahead.
-struct AdmissionNote {
-  std::uint32_t device = 0;
-  std::uint64_t number = 0;  ///< of its command
-  std::string id;
-  std::string op;
-  std::int64_t received_ms = 0;
-  std::int64_t deadline_ms = 0;
-  std::string response_topic;
-  Bytes correlation;
-};
-
-// ---- what earlier runs leave --------------------------------------------------------------------
-
-/// So many ids of a device are remembered with their first results, and of all devices so many
-/// without; so long, whichever ends first, and each at least until the deadline of its command.
-inline constexpr std::size_t kRememberedIds = 10000;
-inline constexpr std::size_t kRememberedRefused = 2000;  ///< beside them, of a device
-inline constexpr std::size_t kFingerprints = 200000;
-inline constexpr std::chrono::hours kRememberedFor{24};
-
-/// An id whose command has its result.
-struct RememberedId {
-  std::uint32_t device = 0;
-  std::string id;
-  std::uint64_t number = 0;  ///< of the command
-  std::int64_t received_ms = 0;
-  std::int64_t deadline_ms = 0;  ///< of the command: its id is kept at least until then
-  bool refused = false;  ///< it was not admitted: its id is kept while there is room to spare
-};
-
-/// What is said of a command that was under way, or waiting for the wire, when the agent ended.
-inline constexpr std::string_view kInterrupted =
-    "the agent ended while the command was under way: it may or may not have been carried out";
-
-/// What the field has to know of earlier runs; empty where nothing is kept.
-struct RestoredState {
-  std::vector<std::uint64_t> last_seq;  ///< by index in Config::devices; missing ones: 0
-  std::vector<RememberedId> ids;
-  /// Writes that were in the journal and have no result, oldest first: what they were to write may
-  /// be read, and they are not sent again.
-  std::vector<Command> interrupted;
-};
 
 // ---- counters -----------------------------------------------------------------------------------
 

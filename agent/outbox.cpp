@@ -32,10 +32,6 @@ void Outbox::push(Telemetry message) {
   if (wake) changed_.notify_one();
 }
 
-void Outbox::push(AdmissionNote note) {
-  push_urgent([&] { waiting_.notes.push_back(std::move(note)); });
-}
-
 void Outbox::push(CommandResult result) {
   push_urgent([&] { waiting_.results.push_back(std::move(result)); });
 }

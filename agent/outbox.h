@@ -18,7 +18,6 @@ class Outbox final {
  public:
   /// What one take() hands over, each list in the order it was pushed.
   struct Batch {
-    std::vector<AdmissionNote> notes;
     std::vector<CommandResult> results;
     std::vector<DeviceStatus> states;
     std::vector<Telemetry> telemetry;
@@ -36,10 +35,9 @@ class Outbox final {
   /// Holds at most `max_telemetry` messages; the oldest goes first and is counted.
   explicit Outbox(std::size_t max_telemetry) : max_telemetry_(max_telemetry) {}
 
-  /// Never blocks for longer than a swap of pointers. Notes, results and states are never
-  /// dropped. All but telemetry ends a gather().
+  /// Never blocks for longer than a swap of pointers. Results and states are never dropped.
+  /// All but telemetry ends a gather().
   void push(Telemetry message);
-  void push(AdmissionNote note);
   void push(CommandResult result);
   void push(DeviceStatus status);
   void push(FieldHealth health);
@@ -49,10 +47,10 @@ class Outbox final {
   void set_backed_up(bool backed_up) { backed_up_.store(backed_up, std::memory_order_relaxed); }
   bool is_backed_up() const { return backed_up_.load(std::memory_order_relaxed); }
 
-  /// The field's word that it has looked at one more of the commands that it was handed: it has
-  /// answered or admitted it. So the uplink knows how many wait to be looked at.
-  void command_decided() { decided_.fetch_add(1, std::memory_order_release); }
-  std::uint64_t decided() const { return decided_.load(std::memory_order_acquire); }
+  /// The field's word that it is to stop: a command that it gets from now on is answered, and not
+  /// sent.
+  void refuse_commands() { refuses_commands_.store(true, std::memory_order_relaxed); }
+  bool refuses_commands() const { return refuses_commands_.load(std::memory_order_relaxed); }
 
   /// Everything that waits. Uplink thread.
   Batch take();
@@ -71,7 +69,7 @@ class Outbox final {
 
   const std::size_t max_telemetry_;
   std::atomic<bool> backed_up_ = false;
-  std::atomic<std::uint64_t> decided_ = 0;
+  std::atomic<bool> refuses_commands_ = false;
   std::mutex mutex_;
   std::condition_variable changed_;
   bool signalled_ = false;

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "agent/commands/admission.h"
 #include "agent/commands/result_text.h"
 #include "agent/field/field.h"
 #include "agent/outbox.h"
@@ -69,14 +70,15 @@ Command command_for(const OneShot& what, const DeviceConfig& device, CommandTarg
   return command;
 }
 
-/// Waits for the field's word; states before it tell whether a device of unknown model has been
-/// asked.
+/// Waits for the field's word; states before it tell what model a device was found to be.
 class Answer final {
  public:
-  explicit Answer(Outbox& outbox) : outbox_(outbox) {}
+  Answer(Outbox& outbox, std::shared_ptr<const Codec> codec)
+      : outbox_(outbox), codec_(std::move(codec)) {}
 
-  void await_first_contact() {
+  std::shared_ptr<const Codec> await_model() {
     while (!contacted_) take();
+    return codec_;
   }
   CommandResult await_result() {
     while (!result_) take();
@@ -87,12 +89,15 @@ class Answer final {
   void take() {
     outbox_.wait_until(SteadyTime::max());
     auto batch = outbox_.take();
-    for (const DeviceStatus& status : batch.states)
+    for (const DeviceStatus& status : batch.states) {
       if (status.reason != "starting") contacted_ = true;
+      if (status.codec) codec_ = status.codec;
+    }
     if (!batch.results.empty()) result_ = std::move(batch.results.front());
   }
 
   Outbox& outbox_;
+  std::shared_ptr<const Codec> codec_;
   bool contacted_ = false;
   std::optional<CommandResult> result_;
 };
@@ -100,6 +105,22 @@ class Answer final {
 /// To the tenth, which is what a line of any speed lets one see.
 double ms(std::chrono::nanoseconds duration) {
   return std::round(std::chrono::duration<double, std::milli>(duration).count() * 10) / 10;
+}
+
+/// Admission and the wire, without a broker and without a journal.
+CommandResult carry_out(const Config& config, Command command) {
+  const DeviceConfig& device = config.devices.front();
+  Outbox outbox(1);
+  Field field(config, outbox, {}, Polling::off);
+  field.start();
+  Answer answer(outbox, device.codec);
+  std::shared_ptr<const Codec> codec = device.codec;
+  if (must_ask_model(*codec)) codec = answer.await_model();
+  CommandAdmission admission(device);
+  auto decision = admission.admit(std::move(command), codec, 0, std::chrono::steady_clock::now());
+  if (auto* result = std::get_if<CommandResult>(&decision)) return std::move(*result);
+  field.submit(std::move(std::get<AdmittedCommand>(decision)));
+  return answer.await_result();
 }
 
 int exit_status(const CommandResult& result) {
@@ -148,7 +169,8 @@ std::string_view word(PlcAnswer answer) {
 
 void print_command(const CommandResult& result, const std::string& device, bool as_json) {
   if (as_json) {
-    std::cout << result_text(result, std::chrono::steady_clock::now() - result.received) << '\n';
+    const auto total = std::chrono::steady_clock::now() - result.received;
+    std::cout << with_total(result_text(result), total) << '\n';
     return;
   }
   std::cout << device << ' ' << result.op << ' ' << result.targets.front().address << ": "
@@ -178,15 +200,8 @@ int run_one_shot(Config config, const OneShot& what) {
     }
     target.type = *type;
   }
-  const DeviceConfig& device = config.devices.front();
-  Outbox outbox(1);
-  Field field(config, outbox, {}, Polling::off);
-  field.start();
-  Answer answer(outbox);
-  if (must_ask_model(*device.codec)) answer.await_first_contact();
-  field.submit(command_for(what, device, std::move(target)));
-  const CommandResult result = answer.await_result();
-  field.stop();
+  const CommandResult result =
+      carry_out(config, command_for(what, config.devices.front(), std::move(target)));
   if (what.op == Op::read)
     print_read(result, what.device, what.as_json);
   else

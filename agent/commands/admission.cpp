@@ -5,6 +5,7 @@
 #include <charconv>
 #include <utility>
 
+#include "agent/commands/result.h"
 #include "protocol/plan.h"
 #include "protocol/plc.h"
 
@@ -112,53 +113,16 @@ std::shared_ptr<const CommandResult> kept(CommandResult result) {
   result.response_topic.clear();
   result.response_topic.shrink_to_fit();
   result.correlation = {};
+  result.frames = {};
   return std::make_shared<const CommandResult>(std::move(result));
 }
 
 }  // namespace
 
-CommandResult result_of(const Command& command) {
-  CommandResult result;
-  result.device = command.device;
-  result.number = command.number;
-  result.id = command.id;
-  result.op = command.op_text;
-  result.is_list = command.is_list;
-  result.dry_run = command.dry_run;
-  result.received_ms = command.received_ms;
-  result.received = command.received;
-  result.response_topic = command.response_topic;
-  result.correlation = command.correlation;
-  for (const CommandTarget& target : command.targets) {
-    TargetResult out;
-    out.tag = target.tag;
-    out.address = target.address;
-    out.value = target.value;
-    result.targets.push_back(std::move(out));
-  }
-  return result;
-}
-
-void set_outcome(CommandResult& result, CommandStatus status, Reason reason, std::string detail) {
-  result.status = status;
-  result.reason = reason;
-  result.detail = std::move(detail);
-  for (TargetResult& target : result.targets) {
-    target.status = status;
-    target.reason = reason;
-  }
-}
-
-TargetResult result_of(const AdmittedTarget& target) {
-  TargetResult out;
-  out.tag = target.tag;
-  out.address = target.point.address.text;
-  out.value = target.written;
-  return out;
-}
-
-CommandAdmission::Decision CommandAdmission::admit(Command command, const Codec& codec,
+CommandAdmission::Decision CommandAdmission::admit(Command command,
+                                                   const std::shared_ptr<const Codec>& device_codec,
                                                    std::size_t waiting, SteadyTime now) {
+  const Codec& codec = *device_codec;
   const CommandRules& rules = device_.commands;
   if (command.targets.size() > kMostTargets) {
     if (!command.refusal)
@@ -188,6 +152,11 @@ CommandAdmission::Decision CommandAdmission::admit(Command command, const Codec&
       return result;
     }
   }
+  if (closed_) {
+    set_outcome(result, CommandStatus::rejected, Reason::shutting_down, {});
+    if (!command.id.empty()) remember_refused(command, result, now);
+    return result;
+  }
   const std::optional<Refusal> refusal = command.refusal;
   if (refusal && precedes_id(refusal->reason) && command.id.empty()) return rejected(*refusal);
 
@@ -197,7 +166,7 @@ CommandAdmission::Decision CommandAdmission::admit(Command command, const Codec&
     return result;
   }
   AdmittedCommand admitted;
-  admitted.go_ahead = now;
+  admitted.codec = device_codec;
   std::optional<Refusal> why;
   if (command.retained) {
     why = refuse(Reason::retained, "a retained command is an old one: publish without retain");
@@ -403,30 +372,31 @@ void CommandAdmission::finished(const CommandResult& result) {
   ids_.finish(result.id, journaling_ == Journaling::on ? nullptr : kept(result));
 }
 
-void CommandAdmission::restore(RememberedId remembered, SteadyTime now, std::int64_t utc_ms) {
+void CommandAdmission::restore(const KnownId& known, SteadyTime now, std::int64_t utc_ms) {
   // A clock that was set back must not make an id younger than it can be, nor give it more time.
-  const std::int64_t age = std::max<std::int64_t>(utc_ms - remembered.received_ms, 0);
+  const std::int64_t age = std::max<std::int64_t>(utc_ms - known.received_ms, 0);
   const std::int64_t left =
-      std::min(remembered.deadline_ms - utc_ms, remembered.deadline_ms - remembered.received_ms);
-  IdMemory::Entry entry{std::move(remembered.id), remembered.number, now - milliseconds(age),
-                        now + milliseconds(left), true};
-  if (remembered.refused)
+      std::min(known.deadline_ms - utc_ms, known.deadline_ms - known.received_ms);
+  IdMemory::Entry entry{known.id, known.number, now - milliseconds(age), now + milliseconds(left),
+                        true};
+  if (known.refused)
     ids_.add_refused(std::move(entry), now);
   else
     ids_.add(std::move(entry), now);
 }
 
-std::optional<AdmittedCommand> CommandAdmission::interrupted(Command command, const Codec& codec,
-                                                             SteadyTime now) {
+std::optional<AdmittedCommand> CommandAdmission::interrupted(
+    Command command, const std::shared_ptr<const Codec>& codec, SteadyTime now) {
   ids_.add({command.id, command.number, std::min(command.received, now),
             deadline_of(command, device_.commands)},
            now);
   std::vector<TargetResult> names = result_of(command).targets;
   AdmittedCommand admitted;
   admitted.command = std::move(command);
+  admitted.codec = codec;
   admitted.interrupted = true;
-  admitted.deadline = admitted.go_ahead = now;
-  if (codec.is_broadcast() || resolve(codec, admitted, names)) return std::nullopt;
+  admitted.deadline = now;
+  if (codec->is_broadcast() || resolve(*codec, admitted, names)) return std::nullopt;
   const bool tells = std::none_of(
       admitted.targets.begin(), admitted.targets.end(),
       [](const AdmittedTarget& target) { return target.point.type == DataType::boolean; });

@@ -1,6 +1,5 @@
 // Admits the commands of one device: known, writable, in range, fresh, not seen before. Every
 // command gets one decision: a result at once, or admission to the wire. Pure: time is an argument.
-// Field thread.
 #pragma once
 
 #include <chrono>
@@ -12,42 +11,18 @@
 #include <variant>
 #include <vector>
 
+#include "agent/commands/admitted_command.h"
 #include "agent/commands/command_room.h"
 #include "agent/commands/id_memory.h"
+#include "agent/commands/journal.h"
 #include "agent/config/config.h"
 #include "agent/messages.h"
 #include "protocol/codec.h"
 
 namespace fxagent {
 
-/// One place that an admitted command reads or writes.
-struct AdmittedTarget {
-  std::string tag;  ///< as in the command; empty: by address
-  std::optional<std::uint32_t> tag_index;
-  Point point;
-  Bytes image;                    ///< what is to be written; empty for a read
-  std::optional<Value> written;   ///< the same in engineering units, as the raw words say it
-  std::vector<Request> requests;  ///< the writes in their order; empty for a read
-  Bytes expected;                 ///< raw image that `expect` asks for; empty: no expect
-  std::chrono::nanoseconds line_time{0};  ///< of all its exchanges, as far as it is known
-};
-
-/// A command on its way to the wire.
-struct AdmittedCommand {
-  Command command;
-  std::vector<AdmittedTarget> targets;  ///< empty for run and stop
-  std::optional<Request> run_request;   ///< of run and stop: what switches the PLC
-  bool verify_words = true;
-  bool verify_bits = false;
-  bool interrupted = false;  ///< by an earlier run: only its outcome is read
-  SteadyTime deadline{};     ///< not sent after this
-  SteadyTime go_ahead{};
-  /// Line time of its own exchanges when each ends well; nullopt: not known.
-  std::optional<std::chrono::nanoseconds> line_time;
-  std::optional<std::chrono::nanoseconds> bound;
-  /// What it takes of the room for waiting commands; shared with copies of the command.
-  std::shared_ptr<const CommandRoom::Place> place{};
-};
+/// On: first results are kept in the journal. Off: there is none.
+enum class Journaling : std::uint8_t { off, on };
 
 class CommandAdmission final {
  public:
@@ -64,19 +39,25 @@ class CommandAdmission final {
 
   /// The decision on `command`, by the checks of the contract in their order. `codec` is the
   /// device's codec of the moment (its model may have been identified), `waiting` the commands
-  /// already queued.
-  Decision admit(Command command, const Codec& codec, std::size_t waiting, SteadyTime now);
+  /// that wait for the wire.
+  Decision admit(Command command, const std::shared_ptr<const Codec>& codec, std::size_t waiting,
+                 SteadyTime now);
 
   /// The result of a command that admit() let through. Each must come back here exactly once.
   void finished(const CommandResult& result);
 
+  /// From now on a command whose id is not known is REJECTED, shutting_down.
+  void close() { closed_ = true; }
+
   /// An id of an earlier run is known from now on. `utc_ms` is the calendar time of `now`.
-  void restore(RememberedId remembered, SteadyTime now, std::int64_t utc_ms);
+  void restore(const KnownId& known, SteadyTime now, std::int64_t utc_ms);
 
   /// A command that an earlier run had in its journal and did not finish: its id is known, without
   /// a result so far. What is to be read for its outcome; nothing, where reading does not tell:
   /// bits, since ladders reset them, and what cannot be found on the device any more.
-  std::optional<AdmittedCommand> interrupted(Command command, const Codec& codec, SteadyTime now);
+  std::optional<AdmittedCommand> interrupted(Command command,
+                                             const std::shared_ptr<const Codec>& codec,
+                                             SteadyTime now);
 
   std::size_t remembered() const { return ids_.size(); }
 
@@ -99,14 +80,7 @@ class CommandAdmission final {
   const Journaling journaling_;
   const std::shared_ptr<CommandRoom> room_;
   IdMemory ids_;
+  bool closed_ = false;
 };
-
-/// The frame of a result for `command`: ids, times, op, topics; status is for the caller to set.
-CommandResult result_of(const Command& command);
-/// What became of a command as a whole became of each of its targets: sets `status` and `reason` of
-/// all, and `detail` of the command.
-void set_outcome(CommandResult& result, CommandStatus status, Reason reason, std::string detail);
-/// A target's name and place, without an outcome.
-TargetResult result_of(const AdmittedTarget& target);
 
 }  // namespace fxagent

@@ -1,5 +1,5 @@
 // What all devices of an agent share for their commands: bytes for those that wait for a wire, and
-// room for the ids of which only a fingerprint is kept. Pure: time is an argument. Field thread.
+// room for the ids of which only a fingerprint is kept. Pure: time is an argument.
 #pragma once
 
 #include <array>
@@ -14,6 +14,7 @@
 #include <unordered_map>
 #include <utility>
 
+#include "agent/commands/journal.h"
 #include "agent/messages.h"
 
 namespace fxagent {

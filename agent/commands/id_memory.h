@@ -4,7 +4,7 @@
 //
 // Of the newest ids everything is kept; what they push out is a fingerprint from then on, in room
 // that all devices share. What was refused is kept apart: the newest kRememberedRefused have room
-// of their own, more of them what the admitted ones leave. Pure: time is an argument. Field thread.
+// of their own, more of them what the admitted ones leave. Pure: time is an argument.
 #pragma once
 
 #include <boost/multi_index/hashed_index.hpp>
@@ -20,6 +20,7 @@
 #include <utility>
 
 #include "agent/commands/command_room.h"
+#include "agent/commands/journal.h"
 #include "agent/messages.h"
 
 namespace fxagent {

@@ -2,6 +2,7 @@
 // The store keeps it on disk. Uplink thread.
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -12,6 +13,13 @@
 #include "protocol/bytes.h"
 
 namespace fxagent {
+
+/// So many ids of a device are remembered with their first results, and of all devices so many
+/// without; so long, whichever ends first, and each at least until the deadline of its command.
+inline constexpr std::size_t kRememberedIds = 10000;
+inline constexpr std::size_t kRememberedRefused = 2000;  ///< beside them, of a device
+inline constexpr std::size_t kFingerprints = 200000;
+inline constexpr std::chrono::hours kRememberedFor{24};
 
 /// What the journal says about one id of one device, in this or an earlier run.
 struct JournalEntry {
@@ -41,19 +49,23 @@ inline std::size_t bytes_of(const JournalEntry& entry) {
 struct KnownId {
   std::string device;
   std::string id;
-  std::uint64_t number = 0;
+  std::uint64_t number = 0;  ///< of the command
   std::int64_t received_ms = 0;
-  std::int64_t deadline_ms = 0;
-  bool refused = false;
+  std::int64_t deadline_ms = 0;  ///< of the command: its id is kept at least until then
+  bool refused = false;          ///< it was not admitted
 };
 
 class CommandJournal {
  public:
   virtual ~CommandJournal() = default;
 
+  /// The number of the next command, in the journal and in the audit: higher than any before.
+  virtual std::uint64_t next_command_number() = 0;
+  /// A record's body for the audit alone.
+  virtual void note(std::string audit) = 0;
   /// Writes commands down before they are carried out. False: they are not in the journal yet, and
   /// will be when the disk takes them.
-  virtual bool journal(std::span<const JournalEntry> orders) = 0;
+  virtual bool journal(std::span<const JournalEntry> commands) = 0;
   /// Notes the result of a command, admitted or not. The first result stays.
   virtual void record(JournalEntry entry) = 0;
   /// The same for several, in one commit.

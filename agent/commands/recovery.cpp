@@ -8,6 +8,7 @@
 
 #include "agent/commands/audit_records.h"
 #include "agent/commands/parse.h"
+#include "agent/commands/result.h"
 #include "agent/commands/result_text.h"
 #include "agent/log/log.h"
 
@@ -24,8 +25,7 @@ CommandResult interrupted(const JournalEntry& entry) {
     result.reason = Reason::shutting_down;
     result.detail = "the agent ended before the device was read";
   } else {
-    result.status = CommandStatus::unknown_outcome;
-    result.detail = kInterrupted;
+    set_interrupted(result);
   }
   return result;
 }
@@ -58,8 +58,7 @@ class Known final {
   void take_ids(std::vector<KnownId> ids, Recovered& found) const {
     for (KnownId& known : ids)
       if (const auto device = index_.find(known.device); device != index_.end())
-        found.field.ids.push_back({device->second, std::move(known.id), known.number,
-                                   known.received_ms, known.deadline_ms, known.refused});
+        found.ids.push_back(std::move(known));
   }
 
   void take_unacknowledged(std::vector<JournalEntry> entries, SteadyTime now,
@@ -77,14 +76,14 @@ class Known final {
       if (known && (known->number > entry.number || !known->result.empty())) return;
       log::warn("order_left_behind", {{"device", entry.device}, {"id", entry.id}});
       if (auto command = to_be_read(entry, device, utc_ms_, now))
-        return found.field.interrupted.push_back(std::move(*command));
-      entry.result = result_text(interrupted(entry), std::nullopt);
+        return found.interrupted.push_back(std::move(*command));
+      entry.result = result_text(interrupted(entry));
       if (entry.number != 0)
         entry.audit = audit::result(entry.number, entry.device, entry.result, {}, utc_ms_);
       journal_.record(entry);
     }
-    found.field.ids.push_back(
-        {device, entry.id, entry.number, entry.received_ms, entry.deadline_ms, entry.refused});
+    found.ids.push_back({entry.device, entry.id, entry.number, entry.received_ms, entry.deadline_ms,
+                         entry.refused});
     CommandResult result = recorded_result(entry.result);
     result.device = device;
     result.number = entry.number;

@@ -1,5 +1,5 @@
-// What earlier runs left of commands: the ids that the field must know, and the results that the
-// broker does not have yet.
+// What earlier runs left of commands: ids that must be known, results that the broker does not have
+// yet, and commands without a result. Pure but for the journal. Uplink thread.
 #pragma once
 
 #include <cstdint>
@@ -11,12 +11,16 @@
 
 namespace fxagent {
 
+/// Of devices of the config only.
 struct Recovered {
-  RestoredState field;  ///< without the numbers of samples
+  std::vector<KnownId> ids;
   /// To be published: results that the broker had not acknowledged, and the outcome, written into
   /// the journal here, of each command that the end of the agent left without one, but for those in
-  /// field.interrupted.
+  /// `interrupted`.
   std::vector<CommandResult> unacknowledged;
+  /// Writes that were in the journal and have no result, oldest first: what they were to write may
+  /// be read, and they are not sent again.
+  std::vector<Command> interrupted;
 };
 
 /// Before the field and the uplink are started.

@@ -39,8 +39,7 @@ void write_target(Writer& out, const TargetResult* target) {
   json::write_optional(out, target ? target->value : std::nullopt);
 }
 
-void write_result(Writer& out, const CommandResult& result,
-                  std::optional<std::chrono::nanoseconds> total) {
+void write_result(Writer& out, const CommandResult& result) {
   if (!result.recorded.empty()) {
     out.raw(result.recorded);
     return;
@@ -71,7 +70,7 @@ void write_result(Writer& out, const CommandResult& result,
   if (result.status == CommandStatus::duplicate) {
     out.key("first");
     if (result.first)
-      write_result(out, *result.first, std::nullopt);
+      write_result(out, *result.first);
     else
       out.null();
   }
@@ -79,8 +78,7 @@ void write_result(Writer& out, const CommandResult& result,
   out.key("received").integer(result.received_ms);
   out.key("queue_ms").milliseconds(result.queue);
   out.key("wire_ms").milliseconds(result.wire);
-  out.key("total_ms");
-  total ? out.milliseconds(*total) : out.null();
+  out.key("total_ms").null();
   out.key("bound_ms");
   result.bound ? out.milliseconds(*result.bound) : out.null();
   out.end_object();
@@ -111,11 +109,10 @@ std::string without_values(std::string_view recorded) {
 
 }  // namespace
 
-std::string result_text(const CommandResult& result,
-                        std::optional<std::chrono::nanoseconds> total) {
-  const auto written = [total](const CommandResult& what) {
+std::string result_text(const CommandResult& result) {
+  const auto written = [](const CommandResult& what) {
     Writer out;
-    write_result(out, what, total);
+    write_result(out, what);
     return out.take();
   };
   std::string text = written(result);
@@ -133,6 +130,17 @@ std::string result_text(const CommandResult& result,
   if (text.size() <= kMaxResultBytes) return text;
   leave_out_values(shorter);
   return written(shorter);
+}
+
+std::string with_total(std::string text, std::chrono::nanoseconds total) {
+  // Inside a string its quotes would be escaped; that of the first result of a DUPLICATE is before.
+  constexpr std::string_view kOpen = R"("total_ms":null)";
+  const auto found = text.rfind(kOpen);
+  if (found == std::string::npos) return text;
+  Writer number;
+  number.milliseconds(total);
+  const std::string_view null = "null";
+  return text.replace(found + kOpen.size() - null.size(), null.size(), number.take());
 }
 
 CommandResult recorded_result(std::string text) {

@@ -3,7 +3,6 @@
 
 #include <chrono>
 #include <cstddef>
-#include <optional>
 #include <string>
 
 #include "agent/messages.h"
@@ -12,9 +11,10 @@ namespace fxagent {
 
 /// No result is larger: the details of its targets are left out first, then the values.
 inline constexpr std::size_t kMaxResultBytes = 65536;
-/// The result of a command, contract section 5. `total` is receipt until now; null where it is not
-/// known any more (the first result inside a DUPLICATE).
-std::string result_text(const CommandResult& result, std::optional<std::chrono::nanoseconds> total);
+/// The result of a command, agent/CONTRACT.md section 5; total_ms is null.
+std::string result_text(const CommandResult& result);
+/// The text of result_text() with its total_ms: from the command's arrival until now.
+std::string with_total(std::string text, std::chrono::nanoseconds total);
 
 /// What result_text() made in an earlier run: `recorded` is the text, status and plc are read from
 /// it. Where the text is no JSON object any more, the outcome is unknown and `recorded` empty.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "agent/commands/result.h"
 #include "agent/field/stream_io.h"
 #include "agent/line_time.h"
 
@@ -547,9 +548,9 @@ asio::awaitable<void> CommandExecution::run_or_stop() {
 
 void CommandExecution::summarise() {
   if (!first_byte_) {
-    result_.queue = Clock::now() - admitted_.go_ahead;
+    result_.queue = Clock::now() - admitted_.queued;
   } else {
-    result_.queue = *first_byte_ - admitted_.go_ahead;
+    result_.queue = *first_byte_ - admitted_.queued;
     result_.wire = last_byte_ - *first_byte_;
   }
   const TargetResult* telling = &result_.targets.back();

@@ -7,7 +7,7 @@
 #include <optional>
 #include <string>
 
-#include "agent/commands/admission.h"
+#include "agent/commands/admitted_command.h"
 #include "agent/config/config.h"
 #include "agent/field/bus.h"
 #include "agent/field/bus_sharing.h"

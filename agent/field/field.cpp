@@ -43,16 +43,14 @@ void report_end(const std::exception_ptr& bug, const std::string& link) {
 
 class Field::Room final {
  public:
-  Room(const Config& config, Outbox& outbox, const RestoredState& restored, Polling polling,
-       Journaling journaling)
+  Room(const Config& config, Outbox& outbox, const std::vector<std::uint64_t>& last_seq,
+       Polling polling)
       : config_(config), outbox_(outbox), report_timer_(io_) {
     const auto devices = devices_by_link(config);
-    const auto room = std::make_shared<CommandRoom>();
     for (std::uint32_t i = 0; i < config.links.size(); ++i)
       workers_.push_back(std::make_unique<LinkWorker>(
           io_.get_executor(), config, i, devices[i], outbox,
-          transport_for(io_.get_executor(), config.links[i]), restored, polling, journaling, room));
-    take(restored);
+          transport_for(io_.get_executor(), config.links[i]), last_seq, polling));
   }
 
   void start() {
@@ -72,30 +70,24 @@ class Field::Room final {
     thread_ = std::thread([this] { io_.run(); });
   }
 
-  void restore(RestoredState restored) {
-    asio::post(io_, [this, moved = std::move(restored)] {
-      for (std::uint32_t i = 0; i < moved.last_seq.size(); ++i)
-        workers_[config_.devices[i].link]->number_above(i, moved.last_seq[i]);
-      take(moved);
+  void number_above(std::vector<std::uint64_t> last_seq) {
+    asio::post(io_, [this, moved = std::move(last_seq)] {
+      for (std::uint32_t i = 0; i < moved.size(); ++i)
+        workers_[config_.devices[i].link]->number_above(i, moved[i]);
     });
   }
 
-  void submit(Command command) {
+  void submit(AdmittedCommand admitted) {
     const std::lock_guard lock(end_);
-    if (over_) return take(std::move(command));
-    asio::post(io_, [this, moved = std::move(command)]() mutable { take(std::move(moved)); });
-  }
-
-  void go_ahead(std::uint32_t device, std::string id) {
-    asio::post(io_, [this, device, moved = std::move(id)] {
-      workers_[config_.devices[device].link]->go_ahead(device, moved);
-    });
+    if (over_) return take(std::move(admitted));
+    asio::post(io_, [this, moved = std::move(admitted)]() mutable { take(std::move(moved)); });
   }
 
   void ask(std::function<void()> answer) { asio::post(io_, std::move(answer)); }
 
   void stop() {
     if (!thread_.joinable()) return;
+    outbox_.refuse_commands();
     asio::post(io_, [this] {
       report_timer_.cancel();
       stopping_ = true;
@@ -122,17 +114,9 @@ class Field::Room final {
   }
 
  private:
-  void take(Command command) {
-    const std::uint32_t link = config_.devices[command.device].link;
-    workers_[link]->submit(std::move(command));
-    outbox_.command_decided();
-  }
-
-  void take(const RestoredState& restored) {
-    for (const RememberedId& remembered : restored.ids)
-      workers_[config_.devices[remembered.device].link]->remember(remembered);
-    for (const Command& command : restored.interrupted)
-      workers_[config_.devices[command.device].link]->take_interrupted(command);
+  void take(AdmittedCommand admitted) {
+    const std::uint32_t link = config_.devices[admitted.command.device].link;
+    workers_[link]->submit(std::move(admitted));
   }
 
   /// A name lookup that nobody waits for any more does not keep the thread.
@@ -169,17 +153,16 @@ class Field::Room final {
   std::thread thread_;
 };
 
-Field::Field(const Config& config, Outbox& outbox, const RestoredState& restored, Polling polling,
-             Journaling journaling)
-    : room_(std::make_unique<Room>(config, outbox, restored, polling, journaling)) {}
+Field::Field(const Config& config, Outbox& outbox, const std::vector<std::uint64_t>& last_seq,
+             Polling polling)
+    : room_(std::make_unique<Room>(config, outbox, last_seq, polling)) {}
 
 Field::~Field() { stop(); }
 void Field::start() { room_->start(); }
-void Field::restore(RestoredState restored) { room_->restore(std::move(restored)); }
-void Field::submit(Command command) { room_->submit(std::move(command)); }
-void Field::go_ahead(std::uint32_t device, std::string id) {
-  room_->go_ahead(device, std::move(id));
+void Field::number_above(std::vector<std::uint64_t> last_seq) {
+  room_->number_above(std::move(last_seq));
 }
+void Field::submit(AdmittedCommand admitted) { room_->submit(std::move(admitted)); }
 void Field::ask(std::function<void()> answer) { room_->ask(std::move(answer)); }
 void Field::stop() { room_->stop(); }
 std::string Field::unfinished() const { return room_->unfinished(); }

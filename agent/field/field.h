@@ -5,7 +5,9 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
+#include "agent/commands/admitted_command.h"
 #include "agent/config/config.h"
 #include "agent/messages.h"
 #include "agent/outbox.h"
@@ -17,22 +19,19 @@ enum class Polling : std::uint8_t { on, off };
 
 class Field final {
  public:
-  /// `config` and `outbox` outlive the field. Nothing runs yet. With a journal each command waits
-  /// for go_ahead(), which answers its AdmissionNote in the outbox.
-  Field(const Config& config, Outbox& outbox, const RestoredState& restored,
-        Polling polling = Polling::on, Journaling journaling = Journaling::off);
+  /// `config` and `outbox` outlive the field. Nothing runs yet. `last_seq`: of each device the
+  /// number of its newest sample; missing ones: 0.
+  Field(const Config& config, Outbox& outbox, const std::vector<std::uint64_t>& last_seq,
+        Polling polling = Polling::on);
   /// Stops, if stop() was not called.
   ~Field();
 
   /// Starts the thread. Throws std::system_error where there is none.
   void start();
-  /// What earlier runs left, where it is found only now: their ids are known from then on, and
-  /// numbers go on above theirs. Any thread.
-  void restore(RestoredState restored);
+  /// Numbers of samples go on above these, by device. Any thread.
+  void number_above(std::vector<std::uint64_t> last_seq);
   /// Hands a command to the field; exactly one result comes back through the outbox. Any thread.
-  void submit(Command command);
-  /// The command is in the journal, or there is none to be had. Any thread.
-  void go_ahead(std::uint32_t device, std::string id);
+  void submit(AdmittedCommand admitted);
   /// Calls `answer` on the field's thread, when its turn comes. Any thread.
   void ask(std::function<void()> answer);
   /// Stops polling, ends the command on each wire within 3 s, answers the waiting ones with FAILED

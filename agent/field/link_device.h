@@ -9,7 +9,6 @@
 #include <utility>
 #include <vector>
 
-#include "agent/commands/admission.h"
 #include "agent/config/config.h"
 #include "agent/field/hole_map.h"
 #include "agent/field/link_worker.h"
@@ -64,12 +63,8 @@ struct LinkWorker::GroupPoll {
 
 /// A device as this worker knows it: its codec of the moment, its plans, its state.
 struct LinkWorker::Device {
-  Device(const DeviceConfig& device_config, std::uint32_t device_index, Journaling journaling,
-         std::shared_ptr<CommandRoom> room)
-      : config(device_config),
-        index(device_index),
-        codec(device_config.codec),
-        admission(config, journaling, std::move(room)) {
+  Device(const DeviceConfig& device_config, std::uint32_t device_index)
+      : config(device_config), index(device_index), codec(device_config.codec) {
     station.codec = codec.get();
     station.timeout = config.timeout;
     station.gap = config.gap;
@@ -83,7 +78,6 @@ struct LinkWorker::Device {
   const std::uint32_t index;
   std::shared_ptr<const Codec> codec;  ///< the config's, or that of the model found by asking
   Station station;
-  CommandAdmission admission;
   PollScheduler::DeviceId id = 0;
   HoleMap holes;
   std::chrono::nanoseconds turnaround{0};  ///< its own time: the config's, or as it was measured
@@ -96,7 +90,6 @@ struct LinkWorker::Device {
   bool answered_once = false;
   std::optional<bool> run;
   std::uint64_t seq = 0;
-  std::size_t waiting = 0;  ///< commands queued
   PercentileWindow late_ms;
   std::uint64_t collected = 0;
   std::uint64_t suppressed = 0;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "agent/commands/result.h"
 #include "agent/field/link_device.h"
 #include "agent/field/stream_io.h"
 #include "agent/line_time.h"
@@ -56,8 +57,8 @@ std::vector<std::vector<std::uint32_t>> devices_by_link(const Config& config) {
 
 LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std::uint32_t link,
                        std::span<const std::uint32_t> devices, Outbox& outbox,
-                       std::unique_ptr<Transport> transport, const RestoredState& restored,
-                       Polling polling, Journaling journaling, std::shared_ptr<CommandRoom> room)
+                       std::unique_ptr<Transport> transport,
+                       std::span<const std::uint64_t> last_seq, Polling polling)
     : executor_(executor),
       config_(config),
       link_(link),
@@ -65,8 +66,6 @@ LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std
       bus_(executor, std::move(transport), config.links[link].char_time),
       scheduler_(config.links[link].poll_share),
       idle_(executor),
-      journaling_(journaling),
-      room_(std::move(room)),
       reconnect_policy_(opening_rules(config.links[link]), jitter_seed(link)),
       counting_since_(Clock::now()),
       stop_timer_(executor) {
@@ -81,7 +80,7 @@ LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std
   const BackOff back_off = devices.size() > 1 ? kShared : kAlone;
   for (const std::uint32_t device : devices) {
     add_device(device, back_off, polling);
-    if (device < restored.last_seq.size()) devices_.back()->seq = restored.last_seq[device];
+    if (device < last_seq.size()) devices_.back()->seq = last_seq[device];
   }
 }
 
@@ -91,14 +90,9 @@ void LinkWorker::number_above(std::uint32_t index, std::uint64_t seq) {
   if (Device* device = device_of(index)) device->seq = std::max(device->seq, seq);
 }
 
-void LinkWorker::remember(const RememberedId& remembered) {
-  if (Device* device = device_of(remembered.device))
-    device->admission.restore(remembered, Clock::now(), now_ms());
-}
-
 void LinkWorker::add_device(std::uint32_t index, BackOff back_off, Polling polling) {
   const DeviceConfig& config = config_.devices[index];
-  auto device = std::make_unique<Device>(config, index, journaling_, room_);
+  auto device = std::make_unique<Device>(config, index);
   device->id = scheduler_.add_device(config.retries + 1, back_off);
   for (std::uint32_t g = 0; polling == Polling::on && g < config.groups.size(); ++g) {
     auto group = std::make_unique<GroupPoll>(config, g);
@@ -119,6 +113,7 @@ void LinkWorker::add_device(std::uint32_t index, BackOff back_off, Polling polli
   device->status.since_ms = now_ms();
   device->status.reason = "starting";
   device->status.model = model_of(*device->codec);
+  device->status.codec = device->codec;
   outbox_.push(device->status);
   by_index_[index] = device.get();
   devices_.push_back(std::move(device));
@@ -145,9 +140,7 @@ asio::awaitable<void> LinkWorker::run() {
   }
   bus_.close();
   stop_timer_.cancel();
-  waiting_.splice(waiting_.end(), unjournaled_);
-  for (const Waiting& waiting : waiting_)
-    outbox_.push(unsent(waiting.admitted, CommandStatus::failed));
+  for (const Waiting& waiting : waiting_) outbox_.push(not_sent(waiting.admitted));
   waiting_.clear();
   ended_ = true;
 }
@@ -161,7 +154,6 @@ void LinkWorker::answer_after_fault(const std::string& what) {
     CommandResult result = result_of(running.admitted.command);
     set_outcome(result, CommandStatus::unknown_outcome, Reason::link_down,
                 "a fault in the agent ended the link while the command was under way");
-    running.device->admission.finished(result);
     outbox_.push(std::move(result));
   }
   running_.clear();
@@ -331,8 +323,9 @@ void LinkWorker::update_status(Device& device) {
   }
   DeviceStatus& old = device.status;
   const bool other_state = status.state != old.state;
+  status.codec = device.codec;
   if (!other_state && status.reason == old.reason && status.model == old.model &&
-      status.run == old.run && old.reason != "starting")
+      status.run == old.run && status.codec == old.codec && old.reason != "starting")
     return;
   if (other_state || old.reason == "starting") {
     status.since_ms = now_ms();

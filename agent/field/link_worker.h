@@ -13,7 +13,7 @@
 #include <unordered_map>
 #include <vector>
 
-#include "agent/commands/admission.h"
+#include "agent/commands/admitted_command.h"
 #include "agent/config/config.h"
 #include "agent/field/bus.h"
 #include "agent/field/field.h"
@@ -33,32 +33,24 @@ std::vector<std::vector<std::uint32_t>> devices_by_link(const Config& config);
 class LinkWorker final {
  public:
   /// `config` and `outbox` outlive the worker; `link` is an index in Config::links, `devices` are
-  /// its own of devices_by_link().
+  /// its own of devices_by_link(), `last_seq` the newest number of each device (missing ones: 0).
   LinkWorker(asio::any_io_executor executor, const Config& config, std::uint32_t link,
              std::span<const std::uint32_t> devices, Outbox& outbox,
-             std::unique_ptr<Transport> transport, const RestoredState& restored, Polling polling,
-             Journaling journaling,
-             std::shared_ptr<CommandRoom> room = std::make_shared<CommandRoom>());
+             std::unique_ptr<Transport> transport, std::span<const std::uint64_t> last_seq,
+             Polling polling);
   LinkWorker(const LinkWorker&) = delete;
   LinkWorker& operator=(const LinkWorker&) = delete;
   ~LinkWorker();
 
   /// The next sample of the device has a higher number than this one.
   void number_above(std::uint32_t device, std::uint64_t seq);
-  /// An id of an earlier run, which is not to be carried out again.
-  void remember(const RememberedId& remembered);
-  /// An order of an earlier run without a result. It is not sent again; where a read
-  /// can tell what became of it, that read is made.
-  void take_interrupted(Command command);
 
   /// Runs until stop(); then answers what still waits and returns.
   asio::awaitable<void> run();
 
-  /// A command for a device of this link. Its result, whatever it is, goes to the outbox.
-  void submit(Command command);
-
-  /// The uplink's word that this command is in the journal: it waits for the wire from now on.
-  void go_ahead(std::uint32_t device, const std::string& id);
+  /// A command for a device of this link waits for the wire from now on. Its result, whatever it
+  /// is, goes to the outbox.
+  void submit(AdmittedCommand admitted);
 
   /// Ends run() within 3 s: a poll is cut short, waiting commands are answered FAILED
   /// shutting_down. Of the command under way nothing more is written; its exchange on the wire and
@@ -76,8 +68,6 @@ class LinkWorker final {
   struct Waiting {
     AdmittedCommand admitted;
     Device* device = nullptr;
-    std::shared_ptr<const Codec>
-        codec;  ///< the one it was planned with; the model may be found later
     std::chrono::nanoseconds line_time{0};
   };
   class Sharing;
@@ -100,9 +90,6 @@ class LinkWorker final {
   void tell_doubt();
   void line_lost(const std::string& why);
 
-  /// The answer to a command that no wire will see any more. `status`: whether it had been admitted
-  /// before the end was asked for.
-  static CommandResult unsent(const AdmittedCommand& admitted, CommandStatus status);
   asio::awaitable<void> run_command();
   /// Whether the next waiting command may go between two parts of the one under way: it takes no
   /// longer than `credit`, and touches nothing that a resting one of its device does.
@@ -147,9 +134,6 @@ class LinkWorker final {
   asio::steady_timer idle_;
   std::vector<std::unique_ptr<Device>> devices_;
   std::unordered_map<std::uint32_t, Device*> by_index_;
-  const Journaling journaling_;
-  const std::shared_ptr<CommandRoom> room_;  ///< shared with admission; bytes of commands that wait
-  std::list<Waiting> unjournaled_;           ///< admitted; without their go-ahead so far
   std::list<Waiting> waiting_;
   SteadyTime next_open_{};
   std::string why_down_ = "not opened yet";

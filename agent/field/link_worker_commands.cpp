@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "agent/commands/result.h"
 #include "agent/failpoint.h"
 #include "agent/field/command_execution.h"
 #include "agent/field/link_device.h"
@@ -15,21 +16,6 @@ using std::chrono::milliseconds;
 using std::chrono::nanoseconds;
 using Clock = std::chrono::steady_clock;
 
-AdmissionNote note_of(const AdmittedCommand& admitted) {
-  const Command& command = admitted.command;
-  AdmissionNote note;
-  note.device = command.device;
-  note.number = command.number;
-  note.id = command.id;
-  note.op = command.op_text;
-  note.received_ms = command.received_ms;
-  note.deadline_ms = command.received_ms +
-                     std::chrono::ceil<milliseconds>(admitted.deadline - command.received).count();
-  note.response_topic = command.response_topic;
-  note.correlation = command.correlation;
-  return note;
-}
-
 bool overlap(const Span& one, const Span& other) {
   return one.space == other.space && one.first_bit < other.end_bit() &&
          other.first_bit < one.end_bit();
@@ -37,71 +23,24 @@ bool overlap(const Span& one, const Span& other) {
 
 }  // namespace
 
-void LinkWorker::submit(Command command) {
-  Device* device = device_of(command.device);
+void LinkWorker::submit(AdmittedCommand admitted) {
+  Device* device = device_of(admitted.command.device);
   if (device == nullptr) return;
-  const auto now = Clock::now();
-  auto decision = device->admission.admit(std::move(command), *device->codec, device->waiting, now);
-  if (auto* result = std::get_if<CommandResult>(&decision)) {
-    outbox_.push(std::move(*result));
-    return;
-  }
-  if (stopping_) {
-    CommandResult result = unsent(std::get<AdmittedCommand>(decision), CommandStatus::rejected);
-    device->admission.finished(result);
-    outbox_.push(std::move(result));
-    return;
-  }
+  if (stopping_) return outbox_.push(not_sent(admitted));
   Waiting waiting;
-  waiting.admitted = std::move(std::get<AdmittedCommand>(decision));
+  waiting.admitted = std::move(admitted);
+  waiting.admitted.queued = Clock::now();
   waiting.device = device;
-  waiting.codec = device->codec;
   take_line_times(waiting);
-  ++device->waiting;
-  if (journaling_ == Journaling::off) return enqueue(std::move(waiting));
-  outbox_.push(note_of(waiting.admitted));
-  unjournaled_.push_back(std::move(waiting));
+  enqueue(std::move(waiting));
 }
 
 void LinkWorker::take_line_times(Waiting& waiting) const {
   const nanoseconds char_time = config_.links[link_].char_time;
-  waiting.line_time = CommandExecution::line_time(*waiting.codec, waiting.device->config, char_time,
-                                                  waiting.admitted);
-  CommandExecution::set_line_times(*waiting.codec, waiting.device->config, char_time,
+  waiting.line_time = CommandExecution::line_time(*waiting.admitted.codec, waiting.device->config,
+                                                  char_time, waiting.admitted);
+  CommandExecution::set_line_times(*waiting.admitted.codec, waiting.device->config, char_time,
                                    waiting.admitted);
-}
-
-void LinkWorker::take_interrupted(Command command) {
-  Device* device = device_of(command.device);
-  if (device == nullptr) return;
-  Waiting waiting;
-  waiting.device = device;
-  waiting.codec = device->codec;
-  auto admitted = device->admission.interrupted(command, *device->codec, Clock::now());
-  if (!admitted) {
-    waiting.admitted.command = std::move(command);
-    waiting.admitted.interrupted = true;
-    CommandResult result = unsent(waiting.admitted, CommandStatus::unknown_outcome);
-    device->admission.finished(result);
-    outbox_.push(std::move(result));
-    return;
-  }
-  waiting.admitted = std::move(*admitted);
-  take_line_times(waiting);
-  ++device->waiting;
-  enqueue(std::move(waiting));
-}
-
-void LinkWorker::go_ahead(std::uint32_t device, const std::string& id) {
-  const auto found =
-      std::find_if(unjournaled_.begin(), unjournaled_.end(), [&](const Waiting& waiting) {
-        return waiting.device->index == device && waiting.admitted.command.id == id;
-      });
-  if (found == unjournaled_.end()) return;  // answered already: the agent is stopping
-  Waiting waiting = std::move(*found);
-  unjournaled_.erase(found);
-  waiting.admitted.go_ahead = Clock::now();
-  enqueue(std::move(waiting));
 }
 
 void LinkWorker::enqueue(Waiting waiting) {
@@ -147,15 +86,6 @@ std::optional<nanoseconds> LinkWorker::bound_of(const Waiting& command) const {
   return handshakes() + (CommandExecution::gives_way(command.admitted)
                              ? scheduler_.bound_giving_way(own, ahead, longest_poll())
                              : scheduler_.bound(own, ahead, longest_poll()));
-}
-
-CommandResult LinkWorker::unsent(const AdmittedCommand& admitted, CommandStatus status) {
-  CommandResult result = result_of(admitted.command);
-  if (admitted.interrupted)
-    set_outcome(result, CommandStatus::unknown_outcome, Reason::none, std::string(kInterrupted));
-  else
-    set_outcome(result, status, Reason::shutting_down, "the agent is stopping; nothing was sent");
-  return result;
 }
 
 // ---- on the wire --------------------------------------------------------------------------------
@@ -262,10 +192,9 @@ asio::awaitable<void> LinkWorker::run_command() {
   const Waiting& running = running_.back();
   const AdmittedCommand& admitted = running.admitted;
   Device& device = *running.device;
-  --device.waiting;
 
   Station station = device.station;
-  station.codec = running.codec.get();
+  station.codec = running.admitted.codec.get();
   FrameTrace trace;
   station.trace = &trace;
   Sharing sharing(*this, running);
@@ -279,7 +208,6 @@ asio::awaitable<void> LinkWorker::run_command() {
   if (execution.was_answered()) note_answer(device);
   if (execution.was_unanswered() && !execution.was_answered()) note_silence(device);
   result.bound = admitted.bound;
-  device.admission.finished(result);
   if (admitted.run_request && result.status == CommandStatus::succeeded)
     device.run = admitted.command.op == Op::run;
   result.frames = std::move(trace);

@@ -133,9 +133,9 @@ class Store final : public CommandJournal {
   // ---- the audit
 
   /// The number of a command that has just come.
-  std::uint64_t next_command_number() { return ++last_command_number_; }
+  std::uint64_t next_command_number() override { return ++last_command_number_; }
   /// A record's body for the audit, written within 200 ms, or once the disk takes it.
-  void note(std::string body);
+  void note(std::string body) override;
   /// As it is in the file.
   audit::Head audit_head() const { return file_ ? file_->trail.head() : audit::Head{}; }
 

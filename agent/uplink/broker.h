@@ -44,17 +44,11 @@ struct Lost {
 };
 /// disconnect() is done.
 struct Disconnected {};
-struct Message {
+struct Message : MessageProperties {
   std::string topic;
   std::string
       payload;  ///< cut off after kMaxMessageBytes + 1, unless the broker was told otherwise
-  bool retained = false;
   int qos = 1;
-  std::string response_topic;  ///< MQTT 5; empty: none
-  Bytes correlation;
-  std::optional<std::chrono::seconds> message_expiry;
-  SteadyTime received{};         ///< when the library handed it over
-  std::int64_t received_ms = 0;  ///< the same moment, UTC
 };
 /// What a message takes in memory, roughly.
 inline std::size_t bytes_of(const Message& message) {

@@ -40,18 +40,17 @@ constexpr std::size_t kPacketOverhead = 64;
 }  // namespace
 
 Publisher::Publisher(const Config& config, PublisherSettings settings, Outbox& outbox,
-                     Broker& broker, Submit submit, UtcClock utc_ms, Store* store, GoAhead go_ahead,
-                     Restore restore)
+                     Broker& broker, Commands& commands, UtcClock utc_ms, Store* store,
+                     NumberAbove number_above)
     : config_(config),
       settings_(std::move(settings)),
       base_(config.base_topic()),
       outbox_(outbox),
       broker_(broker),
-      submit_(std::move(submit)),
+      commands_(commands),
       utc_ms_(std::move(utc_ms)),
       store_(store),
-      go_ahead_(std::move(go_ahead)),
-      restore_(std::move(restore)),
+      number_above_(std::move(number_above)),
       jitter_(settings_.jitter_seed),
       backlog_(settings_.backlog_bytes),
       history_bytes_(kHistoryBytes),
@@ -70,15 +69,15 @@ SteadyTime Publisher::step(SteadyTime now) {
     next_tick_ = now + kTick;
   }
   for (BrokerEvent& event : broker_.take_events()) std::visit([&](auto& e) { on(e, now); }, event);
-  take_incoming();
   if (store_ != nullptr) {
     store_->upkeep(now, utc_ms_());
     count_dropped();
   }
   take_found_late(now);
+  take_incoming(now);
   move_memory_to_disk();
   take_outbox(now);
-  record_results();
+  for (ResultMessage& result : commands_.take_results()) take_result(std::move(result));
   keep_connected(now);
   if (now >= next_tick_) tick(now);
   overflow(now);
@@ -89,7 +88,6 @@ SteadyTime Publisher::step(SteadyTime now) {
   if (link_ == Link::connected && phase_ <= Phase::draining && listens) pump(now);
   if (std::exchange(handed_over_, false) && !unacknowledged_since_) unacknowledged_since_ = now;
   outbox_.set_backed_up(live_.size() >= kBackedUp);
-  take_decided();
   hold_messages(now);
   broker_.await_acknowledgements(acknowledgements_matter());
   const auto failures = std::exchange(unsendable_, {});
@@ -109,8 +107,7 @@ void Publisher::stop(SteadyTime now) {
   phase_deadline_ = now + kDrainFor;
   if (link_ == Link::connected) broker_.unsubscribe(base_ + "/+/command");
   if (link_ == Link::leaving) connect(now);  // who was told goodbye is to hear the last word too
-  take_outbox(now);  // commands and results that came before any further command
-  record_results();
+  commands_.close();
 }
 
 // ---- what the broker says -----------------------------------------------------------------------
@@ -236,22 +233,18 @@ void Publisher::take_found_late(SteadyTime now) {
   if (!late) return;
   Recovered known = recover(config_, *store_, std::move(late->ids), std::move(late->unacknowledged),
                             utc_ms_(), now);
-  known.field.last_seq = later_numbers(config_, late->numbers);
-  for (CommandResult& result : known.unacknowledged) {
-    result.received = now;
-    take_result(std::move(result));
-  }
-  if (restore_) restore_(std::move(known.field));
+  commands_.restore(std::move(known), now, utc_ms_());
+  if (number_above_) number_above_(later_numbers(config_, late->numbers));
 }
 
 void Publisher::take_outbox(SteadyTime now) {
   Outbox::Batch batch = outbox_.take();
-  take_admitted(std::move(batch.notes));  // first: each waits for its go-ahead
   pushed_ = batch.pushed;
   for (const auto& [device, count] : batch.dropped) drop(config_.devices.at(device).name, count);
-  for (CommandResult& result : batch.results) take_result(std::move(result));
+  for (CommandResult& result : batch.results) commands_.finish(std::move(result), utc_ms_());
   for (DeviceStatus& status : batch.states) {
     const std::uint32_t device = status.device;
+    if (status.codec) commands_.set_codec(device, status.codec);
     states_.at(device) = std::move(status);
     if (link_ == Link::connected) due_[{Notice::device_state, device, {}}] = {};
   }
@@ -478,7 +471,6 @@ SteadyTime Publisher::next_wake(SteadyTime now) const {
   SteadyTime wake = next_tick_;
   const auto at = [&wake](SteadyTime time) { wake = std::min(wake, time); };
   if (phase_ != Phase::running) at(phase_deadline_);
-  if (awaits_decisions_) at(now + kHoldAtMost);
   if (lets_in_) at(std::max(let_in_at_, now + kHoldAtMost));
   if (unasked_dropped_ != 0) at(drop_logged_at_ + kLogDropsEvery);
   if (link_ == Link::waiting || link_ == Link::leaving) at(retry_at_);
@@ -531,7 +523,7 @@ std::string Publisher::health_text(SteadyTime now) const {
     health.refused.push_back(paused == pauses_.end() ? std::string()
                                                      : hex_code(paused->second.reason_code));
   }
-  health.commands = commands_;
+  health.commands = commands_.counts();
   health.store_state = store_ == nullptr ? "memory" : store_->state();
   if (store_ != nullptr) {
     health.store_set_aside = store_->set_aside();

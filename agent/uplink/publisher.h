@@ -1,7 +1,8 @@
-// The uplink loop: what the field made goes to the broker, or waits; what the broker brings goes to
-// the field. It owns delivery: nothing is forgotten before its PUBACK, and the number of publishes
-// that are not acknowledged stays below a window of its own, since the MQTT library under it slows
-// to one window a second when its queue grows longer than the broker's receive maximum.
+// The uplink loop: what the field made goes to the broker, or waits; the commands that the broker
+// brings go to Commands. It owns delivery: nothing is forgotten before its PUBACK, and the number
+// of publishes that are not acknowledged stays below a window of its own, since the MQTT library
+// under it slows to one window a second when its queue grows longer than the broker's receive
+// maximum.
 //
 // With a store, a sample that has waited for its PUBACK for a second is on disk, and with
 // `sync: always` each one is before it is sent; the backlog in memory then stands in where the disk
@@ -24,7 +25,7 @@
 #include <variant>
 #include <vector>
 
-#include "agent/commands/audit_records.h"
+#include "agent/commands/commands.h"
 #include "agent/config/config.h"
 #include "agent/messages.h"
 #include "agent/outbox.h"
@@ -49,18 +50,15 @@ struct PublisherSettings {
 /// Uplink thread only. Time is an argument; `utc_ms` tells the calendar time of "now".
 class Publisher final {
  public:
-  using Submit = std::function<void(Command)>;
-  using GoAhead = std::function<void(std::uint32_t device, std::string id)>;
   using UtcClock = std::function<std::int64_t()>;
-  using Restore = std::function<void(RestoredState)>;
+  using NumberAbove = std::function<void(std::vector<std::uint64_t>)>;
 
-  /// All references outlive the publisher. `submit` is called from step(), for every message on a
-  /// command topic of a configured device, and must not block. `store` null: memory alone.
-  /// `go_ahead` is called from step() for each AdmissionNote, once it is in the journal or cannot
-  /// be. `restore` is called from step() when a store that was not there at the start has opened.
+  /// All references outlive the publisher. `store` null: memory alone; else it is the journal of
+  /// `commands` too. `number_above` is called from step() when a store that was not there at the
+  /// start has opened: samples are numbered above these from then on, by device.
   Publisher(const Config& config, PublisherSettings settings, Outbox& outbox, Broker& broker,
-            Submit submit, UtcClock utc_ms, Store* store = nullptr, GoAhead go_ahead = {},
-            Restore restore = {});
+            Commands& commands, UtcClock utc_ms, Store* store = nullptr,
+            NumberAbove number_above = {});
   ~Publisher();
   Publisher(const Publisher&) = delete;
   Publisher& operator=(const Publisher&) = delete;
@@ -107,10 +105,9 @@ class Publisher final {
 
   /// A result on its way to one or two topics.
   struct PendingResult {
-    CommandResult result;
-    std::string payload;     ///< empty until it was first handed to MQTT: total_ms ends there
-    bool journaled = false;  ///< the journal is to note the acknowledgement
-    std::size_t bytes = 0;   ///< that it takes in memory, roughly
+    ResultMessage result;
+    bool handed_over = false;  ///< to MQTT, once: total_ms ends there
+    std::size_t bytes = 0;     ///< that it takes in memory, roughly
     struct Copy {
       std::string topic{};
       bool to_response_topic = false;
@@ -176,18 +173,8 @@ class Publisher final {
   void take_outbox(SteadyTime now);
   void take_samples(const std::vector<Telemetry>& messages, SteadyTime now);
   void note_incoming(const Message& event, std::uint32_t device);
-  void take_incoming();
-  void take_command(const Message& event, std::uint32_t device);
-  void submit(Command command, std::size_t payload_bytes);
-  void take_decided();
-  std::uint64_t note_receipt(const Message& event, const Command& command);
-  void take_admitted(std::vector<AdmissionNote> notes);
-  void take_result(CommandResult result);
-  void find_first(CommandResult& result);
-  bool note_result(const CommandResult& result);
-  /// Before any of them is published: what note_result() has gathered, in one commit.
-  void record_results();
-  std::string audit_of(const CommandResult& result, const std::string& text);
+  void take_incoming(SteadyTime now);
+  void take_result(ResultMessage result);
 
   void keep_connected(SteadyTime now);
   void watch_connection(SteadyTime now);
@@ -265,11 +252,10 @@ class Publisher final {
   const std::string base_;
   Outbox& outbox_;
   Broker& broker_;
-  const Submit submit_;
+  Commands& commands_;
   const UtcClock utc_ms_;
   Store* const store_;
-  const GoAhead go_ahead_;
-  const Restore restore_;
+  const NumberAbove number_above_;
   std::minstd_rand jitter_;
 
   // the connection
@@ -313,23 +299,16 @@ class Publisher final {
   std::uint64_t next_result_ = 1;
   std::map<std::uint64_t, PendingResult> results_;
   std::size_t result_bytes_ = 0;
-  std::vector<JournalEntry> to_record_;
   std::set<std::uint64_t> refused_results_;  ///< that the broker has refused once: they come again
   /// Commands that have come and were not looked at yet, with their devices.
   std::deque<std::pair<Message, std::uint32_t>> incoming_;
   std::size_t incoming_bytes_ = 0;
-  std::deque<std::size_t> submitted_;  ///< bytes of commands that the field has not looked at yet
-  std::size_t submitted_bytes_ = 0;
-  std::uint64_t decided_ = 0;      ///< Outbox::decided() as it was taken into account
-  bool holding_ = false;           ///< messages stay in the network
-  bool awaits_decisions_ = false;  ///< until the field has looked at some commands
-  bool lets_in_ = false;           ///< some all the same, for what comes behind them
+  bool holding_ = false;    ///< messages stay in the network
+  bool lets_in_ = false;    ///< some all the same, for what comes behind them
   SteadyTime let_in_at_{};  ///< holding all the same: some are let in then, for what comes behind
   std::uint64_t unasked_dropped_ = 0;  ///< commands of QoS 0 that found no room; not logged yet
   SteadyTime drop_logged_at_{};
   bool samples_first_ = false;  ///< whose turn it is, where the window is too small to share
-  std::map<std::uint64_t, audit::Receipt>
-      receipts_;  ///< commands that the field has not decided yet
   std::uint64_t next_row_id_ = 1;
   std::deque<LiveRow> live_;
   std::vector<SampleRow> spool_;  ///< for the store, at the next commit
@@ -354,8 +333,7 @@ class Publisher final {
   std::uint64_t dropped_at_tick_ = 0;
   std::uint64_t published_ = 0;
   FieldHealth field_;
-  bool miscounted_ = false;  ///< field_ does not agree with what the outbox has handed over
-  std::map<CommandStatus, std::uint64_t> commands_;
+  bool miscounted_ = false;      ///< field_ does not agree with what the outbox has handed over
   std::uint64_t row_bytes_ = 0;  ///< serialised since the last tick, for hours_left
   std::optional<double> bytes_per_hour_;
 

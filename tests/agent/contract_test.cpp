@@ -19,6 +19,7 @@
 #include <utility>
 #include <vector>
 
+#include "agent/commands/journal.h"
 #include "agent/commands/parse.h"
 #include "agent/commands/result_text.h"
 #include "agent/messages.h"
@@ -309,7 +310,7 @@ TEST(ContractExamples, SamplesOfHealthAreBalanced) {
 }
 
 TEST(ContractExamples, ResultsOfOneTargetHaveTheKeysOfTheProgram) {
-  expect_same_keys("result_ack", result_text(acknowledged("b7e1"), 62ms));
+  expect_same_keys("result_ack", with_total(result_text(acknowledged("b7e1")), 62ms));
   CommandResult rejected;
   rejected.id = "b7e5";
   rejected.reason = Reason::unknown_tag;
@@ -318,7 +319,7 @@ TEST(ContractExamples, ResultsOfOneTargetHaveTheKeysOfTheProgram) {
   rejected.targets.resize(1);
   rejected.targets[0].tag = "setpiont";
   rejected.targets[0].value = Value(std::int64_t{50});
-  expect_same_keys("result_rejected", result_text(rejected, 1ms));
+  expect_same_keys("result_rejected", with_total(result_text(rejected), 1ms));
 }
 
 TEST(ContractExamples, ResultsOfListsHaveTheKeysOfTheProgram) {
@@ -327,7 +328,7 @@ TEST(ContractExamples, ResultsOfListsHaveTheKeysOfTheProgram) {
   second.address = "D201";
   CommandResult whole = list_with(second);
   whole.one_frame = true;
-  expect_same_keys("result_list", result_text(whole, 120ms));
+  expect_same_keys("result_list", with_total(result_text(whole), 120ms));
 
   second.tag = "speed";
   second.status = CommandStatus::failed;
@@ -341,7 +342,7 @@ TEST(ContractExamples, ResultsOfListsHaveTheKeysOfTheProgram) {
   partial.detail = second.detail;
   partial.plc = second.plc;
   partial.progress = Progress{1, 2};
-  expect_same_keys("result_partial", result_text(partial, 155ms));
+  expect_same_keys("result_partial", with_total(result_text(partial), 155ms));
 }
 
 TEST(ContractExamples, DuplicateHasTheKeysOfTheProgram) {
@@ -355,7 +356,7 @@ TEST(ContractExamples, DuplicateHasTheKeysOfTheProgram) {
   again.targets[0].tag = "setpoint";
   again.targets[0].value = Value(std::int64_t{50});
   again.first = std::make_shared<const CommandResult>(acknowledged("b7e1"));
-  expect_same_keys("result_duplicate", result_text(again, 1ms));
+  expect_same_keys("result_duplicate", with_total(result_text(again), 1ms));
 }
 
 // ---- words --------------------------------------------------------------------------------------
@@ -439,6 +440,7 @@ TEST(ContractNumbers, LimitsAreThoseOfTheProgram) {
   EXPECT_EQ(limit_in_document("bytes of a result"), grouped(kMaxResultBytes));
   EXPECT_EQ(limit_in_document("targets of a command"), grouped(kMostTargets));
   EXPECT_EQ(limit_in_document("ids of a device"), grouped(kRememberedIds));
+  EXPECT_EQ(limit_in_document("ids of refused commands"), grouped(kRememberedRefused));
   EXPECT_EQ(limit_in_document("ids of the agent"), grouped(kFingerprints));
   EXPECT_EQ(limit_in_document("hours that an id is remembered"),
             grouped(static_cast<std::uint64_t>(kRememberedFor.count())));

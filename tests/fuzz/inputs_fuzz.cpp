@@ -15,6 +15,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   (void)fxagent::parse_config(text, [](std::string_view) { return std::nullopt; });
   (void)fxagent::parse_command(text);
   const auto recorded = fxagent::recorded_result(std::string(text));
-  if (!nlohmann::json::accept(fxagent::result_text(recorded, std::nullopt))) std::abort();
+  if (!nlohmann::json::accept(fxagent::result_text(recorded))) std::abort();
   return 0;
 }

@@ -10,6 +10,7 @@
 #include <variant>
 #include <vector>
 
+#include "agent/commands/result.h"
 #include "tests/agent/field/field_plant.h"
 #include "tests/agent/field/port_frames.h"
 
@@ -84,7 +85,7 @@ class CommandAdmissionTest : public ::testing::Test {
   }
 
   CommandAdmission::Decision decide(Command command, std::size_t waiting = 0) {
-    return admission.admit(std::move(command), *device.codec, waiting, now);
+    return admission.admit(std::move(command), device.codec, waiting, now);
   }
   /// The result of a command that is answered at once; an empty one, and a failure, if it is not.
   CommandResult answered(Command command, std::size_t waiting = 0) {
@@ -296,12 +297,13 @@ TEST_F(CommandAdmissionTest, WhereAResultWasToBeToldIsNotRemembered) {
 TEST_F(CommandAdmissionTest, WithAJournalOnlyTheIdsAreKeptHere) {
   CommandAdmission beside_journal(device, Journaling::on);
   const auto judge = [&](const char* id) {
-    return std::get<CommandResult>(beside_journal.admit(write(id), *device.codec, 0, now));
+    return std::get<CommandResult>(beside_journal.admit(write(id), device.codec, 0, now));
   };
-  beside_journal.restore({0, "earlier", 7, kStartMs - 1000, kStartMs + 60000}, now, kStartMs);
+  beside_journal.restore({"press1", "earlier", 7, kStartMs - 1000, kStartMs + 60000}, now,
+                         kStartMs);
   Command own = write("own");
   own.number = 8;
-  beside_journal.admit(own, *device.codec, 0, now);
+  beside_journal.admit(own, device.codec, 0, now);
   EXPECT_FALSE(judge("own").first_number);
   CommandResult done;
   done.id = "own";
@@ -317,7 +319,7 @@ TEST_F(CommandAdmissionTest, WithAJournalOnlyTheIdsAreKeptHere) {
 TEST_F(CommandAdmissionTest, RestoredIdLivesOutItsDayAndItsDeadline) {
   const std::int64_t utc = kStartMs;
   const auto restore = [&](std::string id, std::chrono::hours age, std::chrono::hours deadline_in) {
-    admission.restore({0, std::move(id), 0, utc - milliseconds(age).count(),
+    admission.restore({"press1", std::move(id), 0, utc - milliseconds(age).count(),
                        utc + milliseconds(deadline_in).count()},
                       now, utc);
   };
@@ -335,7 +337,8 @@ TEST_F(CommandAdmissionTest, RestoredIdLivesOutItsDayAndItsDeadline) {
 TEST_F(CommandAdmissionTest, RestoredIdHasNoMoreTimeThanItWasGiven) {
   for (std::size_t i = 0; i < kRememberedIds + kFingerprints; ++i) {
     const std::int64_t received_ms = kStartMs + 3600000;
-    admission.restore({0, std::to_string(i), 0, received_ms, received_ms + 10000}, now, kStartMs);
+    admission.restore({"press1", std::to_string(i), 0, received_ms, received_ms + 10000}, now,
+                      kStartMs);
   }
   EXPECT_EQ(answered(write("one more")).reason, Reason::queue_full);
   now += std::chrono::seconds(11);
@@ -343,7 +346,7 @@ TEST_F(CommandAdmissionTest, RestoredIdHasNoMoreTimeThanItWasGiven) {
 }
 
 TEST_F(CommandAdmissionTest, IdOfAnOrderLeftBehindIsKnownWithoutAResult) {
-  const auto admitted = admission.interrupted(write("left"), *device.codec, now);
+  const auto admitted = admission.interrupted(write("left"), device.codec, now);
   ASSERT_TRUE(admitted);
   EXPECT_TRUE(admitted->interrupted);
   const CommandResult again = answered(write("left"));
@@ -358,7 +361,7 @@ TEST_F(CommandAdmissionTest, IdOfAnOrderLeftBehindIsKnownWithoutAResult) {
 TEST_F(CommandAdmissionTest, OrderLeftBehindThatReadingDoesNotTellOfIsKnownAllTheSame) {
   Command gone = write("gone");
   gone.targets[0].tag = "no_such_tag";
-  EXPECT_FALSE(admission.interrupted(gone, *device.codec, now));
+  EXPECT_FALSE(admission.interrupted(gone, device.codec, now));
   EXPECT_EQ(answered(write("gone")).status, CommandStatus::duplicate);
 }
 

@@ -47,9 +47,9 @@ TEST_F(RecoveryTest, OrderIsReadBackByItsOwnPayload) {
   const std::string payload = R"({"id":"mine","op":"write","tag":"setpoint","value":5})";
   ASSERT_TRUE(store->journal(std::vector{order("mine", 1, payload)}));
   const Recovered found = recover(config, *store, kNow, kStart);
-  ASSERT_EQ(found.field.interrupted.size(), 1U);
-  EXPECT_EQ(found.field.interrupted[0].id, "mine");
-  EXPECT_EQ(found.field.interrupted[0].number, 1U);
+  ASSERT_EQ(found.interrupted.size(), 1U);
+  EXPECT_EQ(found.interrupted[0].id, "mine");
+  EXPECT_EQ(found.interrupted[0].number, 1U);
   EXPECT_TRUE(found.unacknowledged.empty());
 }
 
@@ -59,7 +59,7 @@ TEST_F(RecoveryTest, PayloadOfAnotherCommandIsNotTakenForTheOrder) {
   const std::string payload = R"({"id":"other","op":"write","tag":"setpoint","value":5})";
   ASSERT_TRUE(store->journal(std::vector{order("mine", 1, payload)}));
   const Recovered found = recover(config, *store, kNow, kStart);
-  EXPECT_TRUE(found.field.interrupted.empty());
+  EXPECT_TRUE(found.interrupted.empty());
   ASSERT_EQ(found.unacknowledged.size(), 1U);
   EXPECT_EQ(found.unacknowledged[0].id, "mine");
   EXPECT_EQ(found.unacknowledged[0].status, CommandStatus::unknown_outcome);
@@ -69,8 +69,8 @@ TEST_F(RecoveryTest, StoreThatOpensLateLeavesThisRunsNewerOrderAlone) {
   ASSERT_TRUE(store->journal(std::vector{order("again", 9)}));
   const Recovered found = take_late({order("again", 5)});
   EXPECT_TRUE(found.unacknowledged.empty());
-  EXPECT_TRUE(found.field.interrupted.empty());
-  EXPECT_TRUE(found.field.ids.empty());
+  EXPECT_TRUE(found.interrupted.empty());
+  EXPECT_TRUE(found.ids.empty());
   EXPECT_EQ(store->find("press1", "again")->result, "");  // it is still under way
 }
 

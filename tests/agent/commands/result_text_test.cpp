@@ -19,7 +19,7 @@ TEST(ResultText, IsTheContractsExample) {
   result.queue = 22100us;
   result.wire = 38700us;
   result.bound = 230ms;
-  EXPECT_EQ(json::parse(fxagent::result_text(result, 62ms)), json::parse(R"({
+  EXPECT_EQ(json::parse(with_total(fxagent::result_text(result), 62ms)), json::parse(R"({
     "id": "b7e1", "status": "SUCCEEDED", "reason": null, "detail": null, "plc": "ACK",
     "op": "write", "tag": "setpoint", "address": "D200", "value": 50,
     "verify": {"read": 50, "match": true},
@@ -31,7 +31,7 @@ TEST(ResultText, RefusalOfWhatCouldNotBeReadHasNulls) {
   CommandResult result;
   result.reason = Reason::bad_json;
   result.detail = "not JSON";
-  EXPECT_EQ(json::parse(fxagent::result_text(result, 0ms)), json::parse(R"({
+  EXPECT_EQ(json::parse(with_total(fxagent::result_text(result), 0ms)), json::parse(R"({
     "id": null, "status": "REJECTED", "reason": "bad_json", "detail": "not JSON", "plc": null,
     "op": null, "tag": null, "address": null, "value": null, "verify": null,
     "t": {"received": 0, "queue_ms": 0, "wire_ms": 0, "total_ms": 0, "bound_ms": null},
@@ -47,7 +47,7 @@ TEST(ResultText, ListHasAStatusForEachTarget) {
   result.targets[1].status = CommandStatus::failed;
   result.targets[1].reason = Reason::nak;
   result.targets[1].plc = PlcAnswer::nak;
-  const json parsed = json::parse(fxagent::result_text(result, 0ms));
+  const json parsed = json::parse(with_total(fxagent::result_text(result), 0ms));
   EXPECT_FALSE(parsed.contains("tag"));
   EXPECT_EQ(parsed["one_frame"], true);
   EXPECT_EQ(parsed["dry_run"], true);
@@ -62,9 +62,9 @@ TEST(ResultText, DuplicateCarriesTheFirstResult) {
   result.id = "x";
   result.status = CommandStatus::duplicate;
   result.reason = Reason::duplicate_id;
-  EXPECT_EQ(json::parse(fxagent::result_text(result, 0ms))["first"], nullptr);
+  EXPECT_EQ(json::parse(with_total(fxagent::result_text(result), 0ms))["first"], nullptr);
   result.first = std::make_shared<const CommandResult>(test::succeeded("x"));
-  const json first = json::parse(fxagent::result_text(result, 0ms))["first"];
+  const json first = json::parse(with_total(fxagent::result_text(result), 0ms))["first"];
   EXPECT_EQ(first["status"], "SUCCEEDED");
   EXPECT_EQ(first["value"], 50);
 }
@@ -81,7 +81,7 @@ TEST(ResultText, PartialListTellsHowFarItCameAndWhatBecameOfEachTarget) {
   result.targets[0].status = CommandStatus::succeeded;
   result.targets[1].status = CommandStatus::partial;
   result.targets[1].progress = Progress{32, 100};
-  const json told = json::parse(fxagent::result_text(result, std::nullopt));
+  const json told = json::parse(fxagent::result_text(result));
   EXPECT_EQ(told["status"], "PARTIAL");
   EXPECT_EQ(told["reason"], "shutting_down");
   EXPECT_EQ(told["done"], 1);
@@ -94,7 +94,7 @@ TEST(ResultText, PartialListTellsHowFarItCameAndWhatBecameOfEachTarget) {
 TEST(ResultText, OneExchangeHasNoProgress) {
   CommandResult result;
   result.status = CommandStatus::unknown_outcome;
-  const json told = json::parse(fxagent::result_text(result, std::nullopt));
+  const json told = json::parse(fxagent::result_text(result));
   EXPECT_FALSE(told.contains("done") || told.contains("of"));
 }
 
@@ -112,16 +112,14 @@ TEST(RecordedResult, DamagedRecordIsAnUnknownOutcomeAndNotPublishedAsItIs) {
     CommandResult result = fxagent::recorded_result(text);
     result.id = "a";
     EXPECT_EQ(result.status, CommandStatus::unknown_outcome) << text;
-    const json told = json::parse(fxagent::result_text(result, std::nullopt));
+    const json told = json::parse(fxagent::result_text(result));
     EXPECT_EQ(told["id"], "a");
     EXPECT_EQ(told["status"], "UNKNOWN_OUTCOME");
     EXPECT_EQ(told["detail"], "the record of the result is damaged");
   }
 }
 
-std::string text_of(const CommandResult& result) {
-  return fxagent::result_text(result, std::nullopt);
-}
+std::string text_of(const CommandResult& result) { return fxagent::result_text(result); }
 
 TEST(ResultText, NoneIsLargerThanSixtyFourKibibytes) {
   CommandResult list;

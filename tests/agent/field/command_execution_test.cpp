@@ -1,4 +1,5 @@
 #include "agent/field/command_execution.h"
+#include "agent/commands/admission.h"
 
 #include <gtest/gtest.h>
 
@@ -8,6 +9,7 @@
 #include <utility>
 #include <variant>
 
+#include "agent/commands/result.h"
 #include "tests/agent/field/fake_port.h"
 #include "tests/agent/field/field_plant.h"
 #include "tests/agent/field/on_io.h"
@@ -73,7 +75,7 @@ class CommandExecutionTest : public ::testing::Test {
   Command admitted(Op op) { return command(op, {}); }
 
   CommandResult run(Command command) {
-    auto decision = admission.admit(std::move(command), *device.codec, 0, Clock::now());
+    auto decision = admission.admit(std::move(command), device.codec, 0, Clock::now());
     if (const auto* refused = std::get_if<CommandResult>(&decision)) {
       ADD_FAILURE() << "refused: " << to_string(refused->reason) << " " << refused->detail;
       return *refused;
@@ -83,7 +85,7 @@ class CommandExecutionTest : public ::testing::Test {
     return run(admitted);
   }
   CommandResult run_interrupted(Command command) {
-    auto admitted = admission.interrupted(std::move(command), *device.codec, Clock::now());
+    auto admitted = admission.interrupted(std::move(command), device.codec, Clock::now());
     if (admitted) return run(*admitted);
     ADD_FAILURE() << "nothing is to be read";
     return {};
@@ -686,7 +688,7 @@ TEST_F(CommandExecutionTest, LineTimeCountsEachReadingOfAnOrder) {
     command.id = std::move(id);
     command.verify = verify;
     command.expect = std::move(expect);
-    auto decision = admission.admit(std::move(command), *device.codec, 0, Clock::now());
+    auto decision = admission.admit(std::move(command), device.codec, 0, Clock::now());
     return CommandExecution::line_time(*device.codec, device, character,
                                        std::get<AdmittedCommand>(decision));
   };

@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "agent/commands/admission.h"
 #include "agent/field/command_execution.h"
 #include "tests/agent/field/fake_port.h"
 #include "tests/agent/field/field_plant.h"
@@ -184,7 +185,7 @@ class RandomCommands {
     }
     while (orders_.size() < kOrders) {
       CommandAdmission admission(device_);
-      auto decision = admission.admit(command(), codec, 0, Clock::now());
+      auto decision = admission.admit(command(), device_.codec, 0, Clock::now());
       if (auto* admitted = std::get_if<AdmittedCommand>(&decision))
         orders_.push_back(std::move(*admitted));
     }

@@ -10,6 +10,7 @@
 #include <utility>
 #include <variant>
 
+#include "agent/commands/admission.h"
 #include "agent/field/command_execution.h"
 #include "agent/field/link_worker.h"
 #include "tests/agent/field/fake_modbus.h"
@@ -81,7 +82,7 @@ class CommandOnTheBusTest : public ::testing::Test {
     command.received = Clock::now();
     command.received_ms = 1790000000000;
     CommandAdmission admission(device);
-    auto decision = admission.admit(std::move(command), *device.codec, 0, Clock::now());
+    auto decision = admission.admit(std::move(command), device.codec, 0, Clock::now());
     if (const auto* refused = std::get_if<CommandResult>(&decision)) {
       ADD_FAILURE() << "refused: " << to_string(refused->reason) << " " << refused->detail;
       return *refused;
@@ -223,7 +224,7 @@ TEST_F(CommandOnTheBusTest, NobodyAnswersABroadcast) {
   read.targets.push_back({"setpoint", "", std::nullopt, std::nullopt});
   read.received = Clock::now();
   CommandAdmission admission(device);
-  const auto decision = admission.admit(std::move(read), *device.codec, 0, Clock::now());
+  const auto decision = admission.admit(std::move(read), device.codec, 0, Clock::now());
   ASSERT_TRUE(std::holds_alternative<CommandResult>(decision));
   EXPECT_EQ(std::get<CommandResult>(decision).reason, Reason::unknown_tag);
 }
@@ -276,8 +277,8 @@ class ModbusPolls : public ::testing::Test {
     wire = transport.get();
     wire->then([this](ByteView request) { return peer.answer(request); });
     worker = std::make_unique<LinkWorker>(io.get_executor(), config, 0, devices_by_link(config)[0],
-                                          outbox, std::move(transport), RestoredState{},
-                                          Polling::on, Journaling::off);
+                                          outbox, std::move(transport),
+                                          std::vector<std::uint64_t>(), Polling::on);
     asio::co_spawn(io, worker->run(), [this](std::exception_ptr bug) {
       ended = true;
       if (bug) std::rethrow_exception(bug);

@@ -658,16 +658,16 @@ TEST(PahoBroker, CarriesTheWholeUplink) {
   Outbox outbox(100);
   PahoBroker broker(config.mqtt, Will{base + "/state", json::object({{"state", "offline"}}).dump()},
                     [&outbox] { outbox.notify(); });
-  const auto obey = [&outbox](Command command) {
-    CommandResult result = test::succeeded(command.id);
-    result.device = command.device;
-    result.received = command.received;
+  Commands commands(config, [&outbox](AdmittedCommand admitted) {
+    CommandResult result = test::succeeded(admitted.command.id);
+    result.device = admitted.command.device;
+    result.received = admitted.command.received;
     outbox.push(std::move(result));
-  };
+  });
   PublisherSettings described;
   described.boot = "9f3c21aa";
   described.version = "0.1.0";
-  Publisher publisher(config, described, outbox, broker, obey,
+  Publisher publisher(config, described, outbox, broker, commands,
                       [] { return utc_ms(std::chrono::system_clock::now()); });
   std::stop_source stop;
   std::thread thread([&] { run_uplink(publisher, outbox, stop.get_token()); });
@@ -681,9 +681,11 @@ TEST(PahoBroker, CarriesTheWholeUplink) {
   EXPECT_TRUE(next_on(base + "/press2/meta").contains("tags"));
   outbox.push(test::sample(1));
   EXPECT_EQ(next_on(base + "/press1/data/fast")["seq"], 1);
-  observer->publish(publication(1, base + "/press2/command", R"({"id":"c1","op":"run"})"));
+  observer->publish(publication(1, base + "/press2/command",
+                                R"({"id":"c1","op":"write","tag":"setpoint","value":50})"));
   const auto result = next_on(base + "/press2/result");
   EXPECT_EQ(result["id"], "c1");
+  EXPECT_EQ(result["status"], "SUCCEEDED");
   EXPECT_LT(result["t"]["total_ms"], 5000);
   stop.request_stop();
   EXPECT_EQ(next_on(base + "/state")["reason"], "stopped");

@@ -2,21 +2,31 @@
 // beside it.
 #pragma once
 
+#include <memory>
 #include <string>
 
 #include "agent/config/config.h"
 #include "agent/messages.h"
+#include "protocol/fx/programming_port.h"
 
 namespace fxagent::test {
 
 enum PressTag : std::uint32_t { temp, running, pressure, setpoint, level, label };
 
+inline std::shared_ptr<const Codec> codec() {
+  fx::ProgrammingPort::Settings settings;
+  settings.model = fx::Model::fx3u;
+  static const auto made = std::make_shared<const fx::ProgrammingPort>(settings);
+  return made;
+}
+
 inline TagConfig tag(std::string name, std::string address, DataType type,
                      std::uint32_t group = 0) {
   TagConfig made;
   made.name = std::move(name);
-  made.point.address.text = std::move(address);
+  made.point.address = *codec()->addresses().parse_address(address, type);
   made.point.type = type;
+  made.point.order = codec()->addresses().default_order();
   made.group = group;
   return made;
 }
@@ -24,6 +34,7 @@ inline TagConfig tag(std::string name, std::string address, DataType type,
 inline DeviceConfig press(std::string name) {
   DeviceConfig device;
   device.name = std::move(name);
+  device.codec = codec();
   GroupConfig fast;
   fast.name = "fast";
   GroupConfig slow;

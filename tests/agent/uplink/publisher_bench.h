@@ -3,12 +3,15 @@
 
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "agent/commands/commands.h"
+#include "agent/commands/recovery.h"
 #include "agent/uplink/publisher.h"
 #include "tests/agent/store/scratch.h"
 #include "tests/agent/uplink/fake_broker.h"
@@ -23,12 +26,12 @@ struct PublisherBench {
   Config config = plant();
   Outbox outbox{1000};
   FakeBroker broker;
-  std::vector<Command> commands;
-  std::vector<std::string> go_aheads;
-  std::vector<RestoredState> found_late;
+  std::vector<AdmittedCommand> admitted;  ///< what the field got
+  std::vector<std::vector<std::uint64_t>> found_late;
   SteadyTime now = kStart;
   PublisherSettings settings{.boot = "9f3c21aa", .version = "0.1.0"};
   std::unique_ptr<Store> store;  ///< null: none
+  std::unique_ptr<Commands> commands;
   std::unique_ptr<Publisher> publisher;
 
   /// With a store in this directory, opened at the first step.
@@ -36,14 +39,19 @@ struct PublisherBench {
   Publisher& made() {
     if (!publisher && !config.store.path.empty())
       store = std::make_unique<Store>(config.store, utc());
-    if (!publisher)
-      publisher = std::make_unique<Publisher>(
-          config, settings, outbox, broker, [this](Command c) { commands.push_back(std::move(c)); },
-          [this] { return utc(); }, store.get(),
-          [this](std::uint32_t device, std::string id) {
-            go_aheads.push_back(std::to_string(device) + id);
+    if (!publisher) {
+      commands = std::make_unique<Commands>(
+          config,
+          [this](AdmittedCommand a) {
+            if (on_admitted) on_admitted(a);
+            admitted.push_back(std::move(a));
           },
-          [this](RestoredState found) { found_late.push_back(std::move(found)); });
+          store.get());
+      if (store) commands->restore(recover(config, *store, utc(), now), now, utc());
+      publisher = std::make_unique<Publisher>(
+          config, settings, outbox, broker, *commands, [this] { return utc(); }, store.get(),
+          [this](std::vector<std::uint64_t> numbers) { found_late.push_back(std::move(numbers)); });
+    }
     return *publisher;
   }
   std::int64_t utc() const {
@@ -77,9 +85,38 @@ struct PublisherBench {
     message.payload = payload;
     message.received = now;
     message.received_ms = 1790000000500;
+    message.response_topic = response_topic;
+    message.correlation = correlation;
     broker.send(std::move(message));
     step();
   }
+  /// A command that is admitted.
+  void write(const std::string& id) {
+    command(R"({"id":")" + id + R"(","op":"write","tag":"setpoint","value":50})");
+  }
+  /// The field's result of a command that was admitted, or as it would be of one that was not.
+  CommandResult succeeded(const std::string& id) const {
+    CommandResult result = test::succeeded(id);
+    for (const AdmittedCommand& each : admitted)
+      if (each.command.id == id) {
+        result.number = each.command.number;
+        result.received = each.command.received;
+        result.received_ms = each.command.received_ms;
+        result.response_topic = each.command.response_topic;
+        result.correlation = each.command.correlation;
+      }
+    return result;
+  }
+  std::vector<nlohmann::json> results() const {
+    std::vector<nlohmann::json> found;
+    for (const std::string& text : broker.on(kBase + "/press1/result"))
+      found.push_back(nlohmann::json::parse(text));
+    return found;
+  }
+
+  std::function<void(const AdmittedCommand&)> on_admitted;
+  std::string response_topic;  ///< of the commands to come
+  Bytes correlation;
 };
 
 /// The numbers of live and history messages, in their order.

@@ -44,10 +44,11 @@ class SampleBalance : public testing::Test {
   test::FakeBroker broker_;
   SteadyTime now_ = SteadyTime(1h);
   Store store_{config_.store, kUtc};
-  Publisher publisher_{config_,        {.boot = "9f3c21aa", .version = "0.1.0"},
-                       outbox_,        broker_,
-                       [](Command) {}, [] { return kUtc; },
-                       &store_,        [](std::uint32_t, std::string) {}};
+  Commands commands_{config_, [](AdmittedCommand) {}, &store_};
+  Publisher publisher_{config_,   {.boot = "9f3c21aa", .version = "0.1.0"},
+                       outbox_,   broker_,
+                       commands_, [] { return kUtc; },
+                       &store_};
 };
 
 TEST_F(SampleBalance, HoldsThroughALifeOfSamples) {

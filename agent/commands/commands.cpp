@@ -1,0 +1,212 @@
+#include "agent/commands/commands.h"
+
+#include <algorithm>
+#include <chrono>
+#include <utility>
+#include <variant>
+
+#include "agent/commands/parse.h"
+#include "agent/commands/result.h"
+#include "agent/commands/result_text.h"
+#include "agent/failpoint.h"
+
+namespace fxagent {
+namespace {
+
+using std::chrono::milliseconds;
+
+constexpr std::size_t kPayloadKept = 65536;  // no command is longer
+
+bool is_remembered(const CommandResult& result) {
+  return !result.id.empty() && !result.dry_run && result.status != CommandStatus::duplicate;
+}
+
+}  // namespace
+
+Commands::Commands(const Config& config, Submit submit, CommandJournal* journal)
+    : config_(config), submit_(std::move(submit)), journal_(journal) {
+  const auto room = std::make_shared<CommandRoom>();
+  const Journaling journaling = journal == nullptr ? Journaling::off : Journaling::on;
+  devices_.reserve(config.devices.size());
+  for (const DeviceConfig& device : config.devices) devices_.emplace_back(device, journaling, room);
+}
+
+// ---- from the message to the field --------------------------------------------------------------
+
+void Commands::receive(std::uint32_t device, std::string_view topic, std::string_view payload,
+                       MessageProperties properties, SteadyTime now, std::int64_t utc_ms) {
+  Command command = parse_command(payload);
+  static_cast<MessageProperties&>(command) = std::move(properties);
+  command.device = device;
+  std::optional<audit::Receipt> receipt;
+  if (journal_ != nullptr) {
+    command.number = journal_->next_command_number();
+    receipt = receipt_of(command, topic, payload);
+  }
+  failpoint("command_received");
+  Device& to = devices_.at(device);
+  auto decision = to.admission.admit(std::move(command), to.codec, to.waiting(), now);
+  if (auto* result = std::get_if<CommandResult>(&decision))
+    return take_result(std::move(*result), receipt, utc_ms);
+  auto& admitted = std::get<AdmittedCommand>(decision);
+  to.pending.emplace(admitted.command.id, std::move(admitted.place));
+  journal_later(admitted, std::move(receipt), utc_ms);
+  admitted_.push_back(std::move(admitted));
+}
+
+audit::Receipt Commands::receipt_of(const Command& command, std::string_view topic,
+                                    std::string_view payload) const {
+  audit::Receipt receipt;
+  receipt.number = command.number;
+  receipt.device = config_.devices.at(command.device).name;
+  receipt.topic = topic;
+  receipt.payload = payload.substr(0, kPayloadKept);
+  receipt.payload_bytes = payload.size();
+  receipt.by = command.by;
+  receipt.retained = command.retained;
+  receipt.received_ms = command.received_ms;
+  return receipt;
+}
+
+void Commands::journal_later(const AdmittedCommand& admitted, std::optional<audit::Receipt> receipt,
+                             std::int64_t utc_ms) {
+  if (journal_ == nullptr) return;
+  const Command& command = admitted.command;
+  JournalEntry entry;
+  entry.device = config_.devices.at(command.device).name;
+  entry.id = command.id;
+  entry.received_ms = command.received_ms;
+  entry.deadline_ms = command.received_ms +
+                      std::chrono::ceil<milliseconds>(admitted.deadline - command.received).count();
+  entry.op = command.op_text;
+  entry.response_topic = command.response_topic;
+  entry.correlation = command.correlation;
+  entry.number = command.number;
+  if (receipt) {
+    entry.audit = audit::ordered(*receipt, entry.id, entry.op, utc_ms);
+    entry.payload = std::move(receipt->payload);
+  }
+  to_journal_.push_back(std::move(entry));
+}
+
+void Commands::hand_over() {
+  if (admitted_.empty()) return;
+  failpoint("order_admitted");
+  // A disk that refuses does not stop the plant: its state says what is missing.
+  if (journal_ != nullptr) journal_->journal(std::exchange(to_journal_, {}));
+  failpoint("order_journaled");
+  for (AdmittedCommand& admitted : std::exchange(admitted_, {})) submit_(std::move(admitted));
+}
+
+void Commands::restore(Recovered known, SteadyTime now, std::int64_t utc_ms) {
+  for (const KnownId& id : known.ids)
+    for (std::size_t i = 0; i < devices_.size(); ++i)
+      if (config_.devices[i].name == id.device) devices_[i].admission.restore(id, now, utc_ms);
+  for (CommandResult& result : known.unacknowledged) take_result(std::move(result), {}, utc_ms);
+  for (Command& command : known.interrupted) {
+    Device& device = devices_.at(command.device);
+    auto admitted = device.admission.interrupted(command, device.codec, now);
+    if (admitted) {
+      device.pending.emplace(command.id, nullptr);
+      submit_(std::move(*admitted));
+      continue;
+    }
+    CommandResult result = result_of(command);
+    set_interrupted(result);
+    finish(std::move(result), utc_ms);
+  }
+}
+
+void Commands::set_codec(std::uint32_t device, std::shared_ptr<const Codec> codec) {
+  devices_.at(device).codec = std::move(codec);
+}
+
+void Commands::close() {
+  for (Device& device : devices_) device.admission.close();
+}
+
+// ---- from the field to the broker ---------------------------------------------------------------
+
+void Commands::finish(CommandResult result, std::int64_t utc_ms) {
+  Device& device = devices_.at(result.device);
+  device.pending.erase(result.id);
+  device.admission.finished(result);
+  take_result(std::move(result), {}, utc_ms);
+}
+
+void Commands::take_result(CommandResult result, const std::optional<audit::Receipt>& receipt,
+                           std::int64_t utc_ms) {
+  ++counts_[result.status];
+  find_first(result);
+  failpoint("result_taken");
+  ResultMessage message;
+  message.device = result.device;
+  message.number = result.number;
+  message.id = result.id;
+  message.received = result.received;
+  message.recorded = !result.recorded.empty();
+  message.text = result_text(result);
+  message.journaled = journal_ != nullptr && is_remembered(result);
+  message.response_topic = std::move(result.response_topic);
+  message.correlation = std::move(result.correlation);
+  if (journal_ != nullptr && !message.recorded) {
+    JournalEntry entry;
+    entry.device = config_.devices.at(result.device).name;
+    if (receipt)
+      entry.audit = audit::answered(*receipt, message.text, utc_ms);
+    else if (result.number != 0)
+      entry.audit = audit::result(result.number, entry.device, message.text, result.frames, utc_ms);
+    if (message.journaled) {
+      entry.id = result.id;
+      entry.received_ms = result.received_ms;
+      entry.deadline_ms = result.received_ms;  // of a command it is there already
+      entry.op = result.op;
+      entry.response_topic = message.response_topic;
+      entry.correlation = message.correlation;
+      entry.result = message.text;
+      entry.number = result.number;
+      entry.refused =
+          result.status == CommandStatus::rejected || result.status == CommandStatus::expired;
+      to_record_.push_back(std::move(entry));
+    } else {
+      journal_->note(std::move(entry.audit));
+    }
+  }
+  results_.push_back(std::move(message));
+}
+
+/// The first result of a DUPLICATE is in the journal, unless that was lost or set aside.
+void Commands::find_first(CommandResult& result) {
+  if (!result.first_number || result.first || journal_ == nullptr) return;
+  record_results();
+  const auto known = journal_->find(config_.devices.at(result.device).name, result.id);
+  if (!known || known->result.empty() || known->number != result.first_number) {
+    result.detail = "the first result is not in the journal any more; the command is not repeated";
+    return;
+  }
+  CommandResult first = recorded_result(known->result);
+  first.id = result.id;
+  result.plc = first.plc;
+  result.first = std::make_shared<const CommandResult>(std::move(first));
+}
+
+void Commands::record_results() {
+  if (to_record_.empty()) return;
+  journal_->record(std::exchange(to_record_, {}));
+  failpoint("result_recorded");
+}
+
+std::vector<ResultMessage> Commands::take_results() {
+  record_results();
+  return std::exchange(results_, {});
+}
+
+void Commands::note_delivery(const ResultMessage& result, bool acknowledged, std::int64_t utc_ms) {
+  if (journal_ == nullptr) return;
+  const std::string& device = config_.devices.at(result.device).name;
+  if (result.number != 0)
+    journal_->note(audit::told(result.number, device, result.id, acknowledged, utc_ms));
+  if (result.journaled) journal_->acknowledge(device, result.id, result.number);
+}
+
+}  // namespace fxagent

@@ -1,0 +1,113 @@
+// Every command of the agent, from its message to its acknowledged result: parse, admission,
+// journal, audit, result text. The one owner of "exactly one result": nobody else counts, remembers
+// or writes down a command or a result. No threads, no I/O but the journal's, no clock of its own.
+// Uplink thread; the command line has no Commands, it asks CommandAdmission.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <unordered_map>
+#include <vector>
+
+#include "agent/commands/admission.h"
+#include "agent/commands/audit_records.h"
+#include "agent/commands/journal.h"
+#include "agent/commands/recovery.h"
+#include "agent/config/config.h"
+#include "agent/messages.h"
+
+namespace fxagent {
+
+/// A result on its way to the broker.
+struct ResultMessage {
+  std::uint32_t device = 0;
+  std::uint64_t number = 0;  ///< of its command
+  std::string id;
+  std::string text;        ///< JSON; with_total() completes it
+  SteadyTime received{};   ///< of its command
+  bool recorded = false;   ///< of an earlier run: the text is complete
+  bool journaled = false;  ///< the journal is to note the acknowledgement
+  std::string response_topic;
+  Bytes correlation;
+};
+/// In memory, roughly.
+inline std::size_t bytes_of(const ResultMessage& result) {
+  return sizeof(result) + result.text.size() + result.response_topic.size() +
+         result.correlation.size();
+}
+
+class Commands final {
+ public:
+  using Submit = std::function<void(AdmittedCommand)>;
+
+  /// `config` and `journal` outlive it. `submit` hands a command to the field and must not block;
+  /// its result comes back through finish(), exactly once. `journal` null: there is none.
+  Commands(const Config& config, Submit submit, CommandJournal* journal = nullptr);
+
+  /// What earlier runs left. `utc_ms` is the calendar time of `now`.
+  void restore(Recovered known, SteadyTime now, std::int64_t utc_ms);
+
+  /// A message on the command topic of a device: there is one result for it, in take_results() now
+  /// or later. An admitted command goes to the field with hand_over().
+  void receive(std::uint32_t device, std::string_view topic, std::string_view payload,
+               MessageProperties properties, SteadyTime now, std::int64_t utc_ms);
+  /// The commands admitted since the last call: into the journal in one commit, then to the field.
+  void hand_over();
+
+  /// What became of an admitted command.
+  void finish(CommandResult result, std::int64_t utc_ms);
+  /// The device's addresses mean something else now: its model was found.
+  void set_codec(std::uint32_t device, std::shared_ptr<const Codec> codec);
+  /// From now on commands are REJECTED, shutting_down.
+  void close();
+
+  /// Results for the broker, in the order they came to be; they are in the journal by now.
+  std::vector<ResultMessage> take_results();
+  /// The result is over: acknowledged by the broker, or refused for good.
+  void note_delivery(const ResultMessage& result, bool acknowledged, std::int64_t utc_ms);
+
+  /// How often each status was given, since the start.
+  const std::map<CommandStatus, std::uint64_t>& counts() const { return counts_; }
+
+ private:
+  struct Device {
+    Device(const DeviceConfig& config, Journaling journaling, std::shared_ptr<CommandRoom> room)
+        : admission(config, journaling, std::move(room)), codec(config.codec) {}
+
+    CommandAdmission admission;
+    std::shared_ptr<const Codec> codec;
+    /// Commands without a result, by id, and what each takes of the room for them.
+    std::unordered_map<std::string, std::shared_ptr<const CommandRoom::Place>> pending;
+
+    /// Of the pending ones the first is on the wire.
+    std::size_t waiting() const { return pending.empty() ? 0 : pending.size() - 1; }
+  };
+
+  audit::Receipt receipt_of(const Command& command, std::string_view topic,
+                            std::string_view payload) const;
+  void journal_later(const AdmittedCommand& admitted, std::optional<audit::Receipt> receipt,
+                     std::int64_t utc_ms);
+  /// `receipt`: how its command came, where that is not in the audit yet.
+  void take_result(CommandResult result, const std::optional<audit::Receipt>& receipt,
+                   std::int64_t utc_ms);
+  void find_first(CommandResult& result);
+  void record_results();
+
+  const Config& config_;
+  const Submit submit_;
+  CommandJournal* const journal_;
+  std::vector<Device> devices_;  ///< by index in Config::devices
+  std::vector<AdmittedCommand> admitted_;
+  std::vector<JournalEntry> to_journal_;  ///< beside admitted_
+  std::vector<JournalEntry> to_record_;
+  std::vector<ResultMessage> results_;
+  std::map<CommandStatus, std::uint64_t> counts_;
+};
+
+}  // namespace fxagent

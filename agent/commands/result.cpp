@@ -1,0 +1,61 @@
+#include "agent/commands/result.h"
+
+#include <utility>
+
+namespace fxagent {
+
+CommandResult result_of(const Command& command) {
+  CommandResult result;
+  result.device = command.device;
+  result.number = command.number;
+  result.id = command.id;
+  result.op = command.op_text;
+  result.is_list = command.is_list;
+  result.dry_run = command.dry_run;
+  result.received_ms = command.received_ms;
+  result.received = command.received;
+  result.response_topic = command.response_topic;
+  result.correlation = command.correlation;
+  for (const CommandTarget& target : command.targets) {
+    TargetResult out;
+    out.tag = target.tag;
+    out.address = target.address;
+    out.value = target.value;
+    result.targets.push_back(std::move(out));
+  }
+  return result;
+}
+
+void set_outcome(CommandResult& result, CommandStatus status, Reason reason, std::string detail) {
+  result.status = status;
+  result.reason = reason;
+  result.detail = std::move(detail);
+  for (TargetResult& target : result.targets) {
+    target.status = status;
+    target.reason = reason;
+  }
+}
+
+TargetResult result_of(const AdmittedTarget& target) {
+  TargetResult out;
+  out.tag = target.tag;
+  out.address = target.point.address.text;
+  out.value = target.written;
+  return out;
+}
+
+CommandResult not_sent(const AdmittedCommand& admitted) {
+  CommandResult result = result_of(admitted.command);
+  if (admitted.interrupted)
+    set_interrupted(result);
+  else
+    set_outcome(result, CommandStatus::failed, Reason::shutting_down,
+                "the agent is stopping; nothing was sent");
+  return result;
+}
+
+void set_interrupted(CommandResult& result) {
+  set_outcome(result, CommandStatus::unknown_outcome, Reason::none, std::string(kInterrupted));
+}
+
+}  // namespace fxagent

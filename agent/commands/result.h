@@ -1,0 +1,30 @@
+// The results of commands, as far as they can be made without a wire: the one place where a
+// CommandResult begins. Pure functions.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "agent/commands/admitted_command.h"
+#include "agent/messages.h"
+
+namespace fxagent {
+
+/// The frame of a result for `command`: ids, times, op, topics; status is for the caller to set.
+CommandResult result_of(const Command& command);
+/// A target's name and place, without an outcome.
+TargetResult result_of(const AdmittedTarget& target);
+
+/// What became of a command as a whole became of each of its targets: sets `status` and `reason` of
+/// all, and `detail` of the command.
+void set_outcome(CommandResult& result, CommandStatus status, Reason reason, std::string detail);
+/// What is said of a command that was under way, or waiting for the wire, when the agent ended.
+inline constexpr std::string_view kInterrupted =
+    "the agent ended while the command was under way: it may or may not have been carried out";
+/// It was under way, or waiting for the wire, when the agent ended.
+void set_interrupted(CommandResult& result);
+
+/// The answer to an admitted command that no wire will see any more: the agent is stopping.
+CommandResult not_sent(const AdmittedCommand& admitted);
+
+}  // namespace fxagent

@@ -1,0 +1,325 @@
+#include "agent/commands/commands.h"
+
+#include <gtest/gtest.h>
+
+#include <map>
+#include <nlohmann/json.hpp>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "tests/agent/uplink/plant.h"
+
+namespace fxagent {
+namespace {
+
+using nlohmann::json;
+using std::chrono::milliseconds;
+
+constexpr std::int64_t kNow = 1790000000000;
+const SteadyTime kStart{std::chrono::hours(1)};
+
+/// Keeps everything, and what was asked of it in its order.
+class FakeJournal final : public CommandJournal {
+ public:
+  std::uint64_t next_command_number() override { return ++last_number; }
+  void note(std::string audit) override {
+    if (!audit.empty()) audits.push_back(json::parse(audit));
+  }
+  bool journal(std::span<const JournalEntry> commands) override {
+    happened += "journal " + std::to_string(commands.size()) + "; ";
+    for (const JournalEntry& entry : commands) keep(entry);
+    return true;
+  }
+  void record(JournalEntry entry) override { record(std::vector{std::move(entry)}); }
+  void record(std::vector<JournalEntry> given) override {
+    happened += "record " + std::to_string(given.size()) + "; ";
+    for (const JournalEntry& entry : given) keep(entry);
+  }
+  void acknowledge(std::string device, std::string id, std::uint64_t number) override {
+    happened += "acknowledge " + device + " " + id + " " + std::to_string(number) + "; ";
+  }
+  std::optional<JournalEntry> find(const std::string& device, const std::string& id) override {
+    const auto found = entries.find(device + "/" + id);
+    return found == entries.end() ? std::nullopt : std::optional(found->second);
+  }
+  std::vector<KnownId> known_ids() override { return {}; }
+  std::vector<JournalEntry> unacknowledged() override { return {}; }
+
+  void keep(const JournalEntry& entry) {
+    entries[entry.device + "/" + entry.id] = entry;
+    note(entry.audit);
+  }
+
+  std::map<std::string, JournalEntry> entries;
+  std::vector<json> audits;
+  std::string happened;
+  std::uint64_t last_number = 0;
+};
+
+class CommandsTest : public ::testing::Test {
+ protected:
+  /// A message for press1, and what it led to at once.
+  void receive(const std::string& payload, std::uint32_t device = 0) {
+    MessageProperties properties;
+    properties.received = now;
+    properties.received_ms = kNow;
+    commands().receive(device, "any/topic", payload, properties, now, kNow);
+  }
+  void write(const std::string& id) {
+    receive(R"({"id":")" + id + R"(","op":"write","tag":"setpoint","value":50})");
+  }
+  void finish(const std::string& id) {
+    CommandResult result = test::succeeded(id);
+    for (const AdmittedCommand& each : admitted)
+      if (each.command.id == id) result.number = each.command.number;
+    commands().finish(std::move(result), kNow);
+  }
+  std::vector<json> results() {
+    std::vector<json> found;
+    for (const ResultMessage& result : commands().take_results())
+      found.push_back(json::parse(result.text));
+    return found;
+  }
+  Commands& commands() {
+    if (!made)
+      made = std::make_unique<Commands>(
+          config,
+          [this](AdmittedCommand each) {
+            journal.happened += "submit " + each.command.id + "; ";
+            admitted.push_back(std::move(each));
+          },
+          journaling ? &journal : nullptr);
+    return *made;
+  }
+
+  Config config = test::plant();
+  bool journaling = true;
+  FakeJournal journal;
+  std::vector<AdmittedCommand> admitted;
+  std::unique_ptr<Commands> made;
+  SteadyTime now = kStart;
+};
+
+TEST_F(CommandsTest, AreInTheJournalInOneCommitBeforeTheFieldGetsThem) {
+  write("a");
+  receive(R"({"id":"bad","op":"write","tag":"nothing","value":1})");
+  write("b");
+  EXPECT_EQ(journal.happened, "");
+  commands().hand_over();
+  EXPECT_EQ(journal.happened, "journal 2; submit a; submit b; ");
+  commands().hand_over();
+  EXPECT_EQ(journal.happened, "journal 2; submit a; submit b; ") << "once";
+  const JournalEntry& entry = journal.entries.at("press1/a");
+  EXPECT_EQ(entry.op, "write");
+  EXPECT_EQ(entry.number, 1U);
+  EXPECT_EQ(entry.received_ms, kNow);
+  EXPECT_EQ(entry.deadline_ms, kNow + 10000);
+  EXPECT_NE(entry.payload.find("setpoint"), std::string::npos);
+}
+
+TEST_F(CommandsTest, ResultsAreInTheJournalInOneCommitBeforeTheyAreTaken) {
+  write("a");
+  write("b");
+  commands().hand_over();
+  journal.happened.clear();
+  finish("a");
+  finish("b");
+  receive("{}");
+  EXPECT_EQ(journal.happened, "");
+  const auto taken = results();
+  EXPECT_EQ(journal.happened, "record 2; ") << "what has no id is in the audit alone";
+  ASSERT_EQ(taken.size(), 3U);
+  EXPECT_EQ(json::parse(journal.entries.at("press1/b").result), taken[1]);
+  EXPECT_EQ(journal.audits.size(), 5U);
+}
+
+TEST_F(CommandsTest, EachIsCarriedOutOnce) {
+  write("a");
+  write("a");
+  commands().hand_over();
+  write("a");
+  finish("a");
+  write("a");
+  commands().hand_over();
+  EXPECT_EQ(admitted.size(), 1U);
+  const auto taken = results();
+  ASSERT_EQ(taken.size(), 4U);
+  EXPECT_EQ(taken[0]["first"], nullptr) << "still pending";
+  EXPECT_EQ(taken[1]["first"], nullptr);
+  EXPECT_EQ(taken[2]["status"], "SUCCEEDED");
+  EXPECT_EQ(taken[3]["status"], "DUPLICATE");
+  EXPECT_EQ(taken[3]["first"], taken[2]);
+  EXPECT_EQ(taken[3]["plc"], "ACK");
+}
+
+TEST_F(CommandsTest, WithoutAJournalFirstResultsAreRememberedHere) {
+  journaling = false;
+  write("a");
+  commands().hand_over();
+  finish("a");
+  write("a");
+  const auto taken = results();
+  ASSERT_EQ(taken.size(), 2U);
+  EXPECT_EQ(taken[1]["first"], taken[0]);
+  EXPECT_EQ(journal.happened, "submit a; ");
+}
+
+TEST_F(CommandsTest, RefusedOneIsTheFirstOfItsRepeatInTheSameStep) {
+  const std::string bad = R"({"id":"bad","op":"write","tag":"nothing","value":1})";
+  receive(bad);
+  receive(bad);
+  const auto taken = results();
+  ASSERT_EQ(taken.size(), 2U);
+  EXPECT_EQ(taken[1]["first"], taken[0]);
+}
+
+TEST_F(CommandsTest, FirstResultThatIsLostIsSaidToBeLost) {
+  write("a");
+  commands().hand_over();
+  finish("a");
+  EXPECT_EQ(results().size(), 1U);
+  journal.entries.at("press1/a").number = 9;  // another command's
+  write("a");
+  journal.entries.clear();
+  write("a");
+  for (const json& result : results()) {
+    EXPECT_EQ(result["status"], "DUPLICATE");
+    EXPECT_EQ(result["first"], nullptr);
+    EXPECT_EQ(result["detail"],
+              "the first result is not in the journal any more; the command is not repeated");
+  }
+}
+
+TEST_F(CommandsTest, QueueIsPerDeviceAndAnswersWhenFull) {
+  config.devices[0].commands.queue = 3;
+  for (int i = 0; i < 6; ++i) write("c" + std::to_string(i));
+  receive(R"({"id":"c","op":"write","tag":"setpoint","value":50})", 1);
+  commands().hand_over();
+  EXPECT_EQ(admitted.size(), 5U) << "one on the wire, three that wait, and the neighbour's";
+  auto taken = results();
+  ASSERT_EQ(taken.size(), 2U);
+  for (const json& result : taken) EXPECT_EQ(result["reason"], "queue_full");
+  finish("c0");
+  write("next");
+  commands().hand_over();
+  EXPECT_EQ(admitted.size(), 6U);
+}
+
+TEST_F(CommandsTest, IdOfAnEarlierRunIsADuplicate) {
+  Recovered known;
+  known.ids.push_back({"press1", "old", 7, kNow - 1000, kNow - 1000});
+  JournalEntry old;
+  old.device = "press1";
+  old.id = "old";
+  old.number = 7;
+  old.result = R"({"id":"old","status":"SUCCEEDED","plc":"ACK"})";
+  journal.keep(old);
+  commands().restore(std::move(known), now, kNow);
+  write("old");
+  const auto taken = results();
+  ASSERT_EQ(taken.size(), 1U);
+  EXPECT_EQ(taken[0]["status"], "DUPLICATE");
+  EXPECT_EQ(taken[0]["first"], json::parse(old.result));
+}
+
+TEST_F(CommandsTest, InterruptedWriteGoesToTheFieldToBeReadAndIsNotJournaledAgain) {
+  Recovered known;
+  Command left;
+  left.id = "left";
+  left.op = Op::write;
+  left.op_text = "write";
+  left.number = 3;
+  left.targets.push_back({"setpoint", "", std::nullopt, Value(std::int64_t{50})});
+  known.interrupted.push_back(left);
+  commands().restore(std::move(known), now, kNow);
+  ASSERT_EQ(admitted.size(), 1U);
+  EXPECT_TRUE(admitted[0].interrupted);
+  EXPECT_EQ(journal.happened, "submit left; ");
+  write("left");
+  EXPECT_EQ(results().at(0)["status"], "DUPLICATE");
+}
+
+TEST_F(CommandsTest, EachTargetOfAnInterruptedListIsUnknownWhereAReadDoesNotTell) {
+  config.devices[0].tags[test::running].writable = true;
+  Recovered known;
+  Command list;
+  list.id = "list";
+  list.op = Op::write;
+  list.op_text = "write";
+  list.is_list = true;
+  list.targets.push_back({"setpoint", "", std::nullopt, Value(std::int64_t{50})});
+  list.targets.push_back({"running", "", std::nullopt, Value(Scalar(true))});
+  known.interrupted.push_back(list);
+  commands().restore(std::move(known), now, kNow);
+  EXPECT_TRUE(admitted.empty());
+  const auto taken = results();
+  ASSERT_EQ(taken.size(), 1U);
+  EXPECT_EQ(taken[0]["status"], "UNKNOWN_OUTCOME");
+  ASSERT_EQ(taken[0]["targets"].size(), 2U);
+  for (const json& target : taken[0]["targets"]) EXPECT_EQ(target["status"], "UNKNOWN_OUTCOME");
+  write("list");
+  EXPECT_EQ(results().at(0)["status"], "DUPLICATE");
+}
+
+TEST_F(CommandsTest, DeliveryIsNotedForWhatTheJournalHas) {
+  write("a");
+  commands().hand_over();
+  finish("a");
+  receive("{}");
+  const auto taken = commands().take_results();
+  ASSERT_EQ(taken.size(), 2U);
+  journal.happened.clear();
+  journal.audits.clear();
+  for (const ResultMessage& each : taken) commands().note_delivery(each, true, kNow + 5);
+  EXPECT_EQ(journal.happened, "acknowledge press1 a 1; ");
+  ASSERT_EQ(journal.audits.size(), 2U);
+  EXPECT_EQ(journal.audits[1]["acknowledged"], true);
+  EXPECT_EQ(journal.audits[1]["ts"], kNow + 5);
+}
+
+TEST_F(CommandsTest, ResultOfAnEarlierRunIsToldAsItWas) {
+  Recovered known;
+  CommandResult result;
+  result.id = "old";
+  result.status = CommandStatus::succeeded;
+  result.recorded = R"({"id":"old","t":{"total_ms":null}})";
+  known.unacknowledged.push_back(result);
+  commands().restore(std::move(known), now, kNow);
+  const auto taken = commands().take_results();
+  ASSERT_EQ(taken.size(), 1U);
+  EXPECT_EQ(taken[0].text, result.recorded);
+  EXPECT_TRUE(taken[0].recorded);
+  EXPECT_TRUE(taken[0].journaled);
+  EXPECT_EQ(journal.happened, "") << "it is there already";
+}
+
+TEST_F(CommandsTest, NothingIsAdmittedAfterTheEndWasAskedFor) {
+  write("before");
+  commands().hand_over();
+  commands().close();
+  write("before");
+  write("after");
+  receive("no json");
+  commands().hand_over();
+  EXPECT_EQ(admitted.size(), 1U);
+  const auto taken = results();
+  ASSERT_EQ(taken.size(), 3U);
+  EXPECT_EQ(taken[0]["status"], "DUPLICATE");
+  EXPECT_EQ(taken[1]["reason"], "shutting_down");
+  EXPECT_EQ(taken[2]["reason"], "shutting_down");
+  EXPECT_EQ(taken[2]["id"], nullptr);
+}
+
+TEST_F(CommandsTest, EachResultIsCounted) {
+  write("a");
+  write("a");
+  commands().hand_over();
+  finish("a");
+  EXPECT_EQ(commands().counts().at(CommandStatus::succeeded), 1U);
+  EXPECT_EQ(commands().counts().at(CommandStatus::duplicate), 1U);
+}
+
+}  // namespace
+}  // namespace fxagent
