@@ -41,10 +41,6 @@ std::string new_boot_id(std::random_device& random) {
   return text;
 }
 
-Will last_will(const Config& config, const std::string& boot) {
-  return {config.base_topic() + "/state", json::agent_offline(std::nullopt, "lost", boot)};
-}
-
 /// A socket for each of 1,000 links is more than Debian's soft limit of 1,024 leaves room for.
 /// Where the hard limit is too low the links beyond it stay down, and say so one by one; why is
 /// said here, once.
@@ -109,9 +105,11 @@ void run_agent(const Config& config, StopWatchdog& watchdog) {
     const auto now = std::chrono::steady_clock::now();
     commands.restore(recover(config, *store, utc_now(), now), now, utc_now());
   }
-  PahoBroker broker(config.mqtt, last_will(config, settings.boot), [&outbox] { outbox.notify(); });
+  JsonPayload payload(config, settings.boot, settings.version);
+  PahoBroker broker(
+      config.mqtt, [&payload] { return payload.last_will(); }, [&outbox] { outbox.notify(); });
   Publisher publisher(
-      config, settings, outbox, broker, commands, utc_now, store.get(),
+      config, settings, payload, outbox, broker, commands, utc_now, store.get(),
       [&field](std::vector<std::uint64_t> last_seq) { field.number_above(std::move(last_seq)); });
 
   log::info("agent", {{"state", "starting"},

@@ -47,7 +47,7 @@ class Connection final {
       : news_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
         signals_(block_signals()),
         broker_(
-            config, std::nullopt,
+            config, /*make_will=*/{},
             [this] {
               const std::uint64_t one = 1;
               // It fails only where the counter is full, and then there is news anyhow.

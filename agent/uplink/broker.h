@@ -27,6 +27,13 @@ struct Publication {
   Bytes correlation;  ///< MQTT 5 correlation data; empty: none
 };
 
+/// What the broker publishes for us, with QoS 1, when we vanish.
+struct Will {
+  std::string topic;
+  std::string payload;
+  Retain retain = Retain::yes;
+};
+
 /// The connection is up. What the broker can take, where it said so (MQTT 5).
 struct Connected {
   bool session_present = false;

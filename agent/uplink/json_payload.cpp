@@ -213,3 +213,66 @@ std::string health(const Health& health, const Config& config) {
 }
 
 }  // namespace fxagent::json
+
+namespace fxagent {
+
+JsonPayload::JsonPayload(const Config& config, std::string boot, std::string version)
+    : config_(config),
+      base_(config.base_topic()),
+      boot_(std::move(boot)),
+      version_(std::move(version)) {}
+
+Will JsonPayload::last_will() {
+  return {base_ + "/state", json::agent_offline(std::nullopt, "lost", boot_), Retain::yes};
+}
+
+Publication JsonPayload::agent_online(std::int64_t since_ms,
+                                      const std::optional<std::string>& deaf) {
+  return state(base_ + "/state", json::agent_online(since_ms, boot_, version_, deaf));
+}
+
+Publication JsonPayload::agent_offline(std::int64_t since_ms) {
+  return state(base_ + "/state", json::agent_offline(since_ms, "stopped", boot_));
+}
+
+Publication JsonPayload::device_state(const DeviceStatus& status) {
+  return state(device_topic(status.device) + "/state", json::device_state(status));
+}
+
+Publication JsonPayload::device_meta(std::uint32_t device) {
+  return state(device_topic(device) + "/meta", json::device_meta(config_.devices.at(device)).text);
+}
+
+Publication JsonPayload::sample(const SampleRow& row) {
+  return data(data_topic(row.device, row.group), row.json);
+}
+
+Publication JsonPayload::history(const HistoryBatch& batch) {
+  return data(data_topic(batch.device, batch.group) + "/history", batch.payload);
+}
+
+Publication JsonPayload::state(std::string topic, std::string payload) const {
+  Publication made;
+  made.topic = std::move(topic);
+  made.payload = std::move(payload);
+  made.retain = Retain::yes;
+  return made;
+}
+
+Publication JsonPayload::data(std::string topic, std::string payload) const {
+  Publication made;
+  made.topic = std::move(topic);
+  made.payload = std::move(payload);
+  made.qos = config_.mqtt.qos;
+  return made;
+}
+
+std::string JsonPayload::device_topic(std::uint32_t device) const {
+  return base_ + "/" + config_.devices.at(device).name;
+}
+
+std::string JsonPayload::data_topic(const std::string& device, const std::string& group) const {
+  return base_ + "/" + device + "/data/" + group;
+}
+
+}  // namespace fxagent

@@ -1,5 +1,5 @@
-// What is published besides results, as JSON: samples, states, meta and health. Pure functions, any
-// thread.
+// What is published besides results, as JSON: samples, states, meta and health; and the payload
+// format that is made of it, as agent/CONTRACT.md describes it. The functions are pure, any thread.
 #pragma once
 
 #include <chrono>
@@ -13,6 +13,7 @@
 
 #include "agent/config/config.h"
 #include "agent/messages.h"
+#include "agent/uplink/payload.h"
 
 namespace fxagent::json {
 
@@ -77,3 +78,34 @@ struct Health {
 std::string health(const Health& health, const Config& config);
 
 }  // namespace fxagent::json
+
+namespace fxagent {
+
+/// agent/CONTRACT.md: the topics below Config::base_topic(), everything as JSON, states and meta
+/// retained.
+class JsonPayload final : public Payload {
+ public:
+  /// `config` outlives it.
+  JsonPayload(const Config& config, std::string boot, std::string version);
+
+  Will last_will() override;
+  Publication agent_online(std::int64_t since_ms, const std::optional<std::string>& deaf) override;
+  Publication agent_offline(std::int64_t since_ms) override;
+  Publication device_state(const DeviceStatus& status) override;
+  Publication device_meta(std::uint32_t device) override;
+  Publication sample(const SampleRow& row) override;
+  Publication history(const HistoryBatch& batch) override;
+
+ private:
+  Publication state(std::string topic, std::string payload) const;
+  Publication data(std::string topic, std::string payload) const;
+  std::string device_topic(std::uint32_t device) const;
+  std::string data_topic(const std::string& device, const std::string& group) const;
+
+  const Config& config_;
+  const std::string base_;
+  const std::string boot_;
+  const std::string version_;
+};
+
+}  // namespace fxagent

@@ -311,7 +311,9 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
     options.set_max_inflight(kPahoInFlight);
     if (!config.username.empty()) options.set_user_name(config.username);
     if (password) options.set_password(mqtt::binary_ref(*password));
-    if (will) options.set_will_message(mqtt::message(will->topic, will->payload, 1, true));
+    if (will)
+      options.set_will_message(
+          mqtt::message(will->topic, will->payload, 1, will->retain == Retain::yes));
     if (tls_) {
       MQTTAsync_setTraceCallback(note_tls_reason);
       MQTTAsync_setTraceLevel(MQTTASYNC_TRACE_MINIMUM);  // until the outcome is known
@@ -574,10 +576,10 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
 
 // ---- broker -------------------------------------------------------------------------------------
 
-PahoBroker::PahoBroker(const MqttConfig& config, std::optional<Will> will,
-                       std::function<void()> notify, std::size_t max_payload)
+PahoBroker::PahoBroker(const MqttConfig& config, MakeWill make_will, std::function<void()> notify,
+                       std::size_t max_payload)
     : config_(config),
-      will_(std::move(will)),
+      make_will_(std::move(make_will)),
       max_payload_(max_payload),
       inbox_(std::make_shared<Inbox>(std::move(notify))) {
   static std::once_flag once;
@@ -625,7 +627,9 @@ void PahoBroker::connect(std::size_t index, std::uint16_t receive_maximum) {
   try {
     connection_ = std::make_unique<Connection>(inbox_, number, config_, config_.servers.at(index),
                                                max_payload_);
-    connection_->connect(config_, will_, *password, receive_maximum);
+    std::optional<Will> will;
+    if (make_will_) will = make_will_();
+    connection_->connect(config_, will, *password, receive_maximum);
   } catch (const std::exception& error) {
     inbox_->post(number, ConnectFailed{error.what()});
   }

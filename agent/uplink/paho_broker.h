@@ -18,19 +18,16 @@
 
 namespace fxagent {
 
-/// What the broker publishes for us, retained with QoS 1, when we vanish.
-struct Will {
-  std::string topic;
-  std::string payload;
-};
+/// The last will of the connection that is about to be made.
+using MakeWill = std::function<Will()>;
 
 /// Functions: uplink thread. Paho's own threads only put events into the inbox and call `notify`.
 class PahoBroker final : public Broker {
  public:
-  /// `notify` is called on Paho's threads whenever there is news; it must not block or throw, and
-  /// may be called until the destructor returns. A message's payload is cut off one byte behind
-  /// `max_payload`.
-  PahoBroker(const MqttConfig& config, std::optional<Will> will, std::function<void()> notify,
+  /// `make_will` is called from connect(); empty: no last will. `notify` is called on Paho's
+  /// threads whenever there is news; it must not block or throw, and may be called until the
+  /// destructor returns. A message's payload is cut off one byte behind `max_payload`.
+  PahoBroker(const MqttConfig& config, MakeWill make_will, std::function<void()> notify,
              std::size_t max_payload = kMaxMessageBytes);
   /// Waits up to 2 s for a connection that is up to be closed.
   ~PahoBroker() override;
@@ -54,7 +51,7 @@ class PahoBroker final : public Broker {
   void retire();
 
   const MqttConfig config_;
-  const std::optional<Will> will_;
+  const MakeWill make_will_;
   const std::size_t max_payload_;
   /// Shared by this object and every connection: a callback may still be on its way when its
   /// connection has been given up.

@@ -39,12 +39,13 @@ constexpr std::size_t kPacketOverhead = 64;
 
 }  // namespace
 
-Publisher::Publisher(const Config& config, PublisherSettings settings, Outbox& outbox,
-                     Broker& broker, Commands& commands, UtcClock utc_ms, Store* store,
-                     NumberAbove number_above)
+Publisher::Publisher(const Config& config, PublisherSettings settings, Payload& payload,
+                     Outbox& outbox, Broker& broker, Commands& commands, UtcClock utc_ms,
+                     Store* store, NumberAbove number_above)
     : config_(config),
       settings_(std::move(settings)),
       base_(config.base_topic()),
+      payload_(payload),
       outbox_(outbox),
       broker_(broker),
       commands_(commands),
@@ -361,17 +362,13 @@ void Publisher::pump_notices(SteadyTime now) {
     publication.retain = Retain::yes;
     switch (key.notice) {
       case Notice::agent_state:
-        publication.topic = base_ + "/state";
-        publication.payload =
-            json::agent_online(started_ms_, settings_.boot, settings_.version, deaf_);
+        publication = payload_.agent_online(started_ms_, deaf_);
         break;
       case Notice::device_state:
-        publication.topic = device_topic(key.device) + "/state";
-        publication.payload = json::device_state(*states_[key.device]);
+        publication = payload_.device_state(*states_[key.device]);
         break;
       case Notice::device_meta:
-        publication.topic = device_topic(key.device) + "/meta";
-        publication.payload = json::device_meta(config_.devices[key.device]).text;
+        publication = payload_.device_meta(key.device);
         break;
       case Notice::health:
         publication.topic = base_ + "/health";
@@ -450,11 +447,7 @@ bool Publisher::drained() const {
 void Publisher::say_farewell(SteadyTime now) {
   phase_ = Phase::farewell;
   phase_deadline_ = now + kFarewellFor;
-  Publication publication;
-  publication.topic = base_ + "/state";
-  publication.payload = json::agent_offline(utc_ms_(), "stopped", settings_.boot);
-  publication.retain = Retain::yes;
-  send(FarewellFlight{}, std::move(publication));
+  send(FarewellFlight{}, payload_.agent_offline(utc_ms_()));
 }
 
 // ---- small things -------------------------------------------------------------------------------
@@ -502,10 +495,6 @@ SteadyTime Publisher::next_wake(SteadyTime now) const {
 
 std::string Publisher::device_topic(std::uint32_t device) const {
   return base_ + "/" + config_.devices.at(device).name;
-}
-
-std::string Publisher::data_topic(const StreamKey& stream) const {
-  return base_ + "/" + stream.first + "/data/" + stream.second;
 }
 
 std::string Publisher::health_text(SteadyTime now) const {

@@ -33,6 +33,7 @@
 #include "agent/store/store.h"
 #include "agent/uplink/broker.h"
 #include "agent/uplink/json_payload.h"
+#include "agent/uplink/payload.h"
 
 namespace fxagent {
 
@@ -56,8 +57,8 @@ class Publisher final {
   /// All references outlive the publisher. `store` null: memory alone; else it is the journal of
   /// `commands` too. `number_above` is called from step() when a store that was not there at the
   /// start has opened: samples are numbered above these from then on, by device.
-  Publisher(const Config& config, PublisherSettings settings, Outbox& outbox, Broker& broker,
-            Commands& commands, UtcClock utc_ms, Store* store = nullptr,
+  Publisher(const Config& config, PublisherSettings settings, Payload& payload, Outbox& outbox,
+            Broker& broker, Commands& commands, UtcClock utc_ms, Store* store = nullptr,
             NumberAbove number_above = {});
   ~Publisher();
   Publisher(const Publisher&) = delete;
@@ -244,12 +245,12 @@ class Publisher final {
   SteadyTime::duration back_off(int failures);
   SteadyTime next_wake(SteadyTime now) const;
   std::string device_topic(std::uint32_t device) const;
-  std::string data_topic(const StreamKey& stream) const;
   std::string health_text(SteadyTime now) const;
 
   const Config& config_;
   const PublisherSettings settings_;
   const std::string base_;
+  Payload& payload_;
   Outbox& outbox_;
   Broker& broker_;
   Commands& commands_;

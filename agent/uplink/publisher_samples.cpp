@@ -171,10 +171,7 @@ void Publisher::pump_live(SteadyTime now) {
       spool(std::move(live));
       continue;
     }
-    Publication publication;
-    publication.topic = data_topic({live.row.device, live.row.group});
-    publication.payload = live.row.json;
-    publication.qos = config_.mqtt.qos;
+    Publication publication = payload_.sample(live.row);
     if (!live.stored) ++in_flight_samples_;
     ++published_;
     send(LiveFlight{std::move(live)}, std::move(publication));
@@ -193,10 +190,7 @@ void Publisher::pump_history(SteadyTime now) {
   while (live_.empty() && history_flights_ == 0 && flights_.size() < sample_window()) {
     auto history = next_history(now);
     if (!history) return;
-    Publication publication;
-    publication.topic = data_topic({history->batch.device, history->batch.group}) + "/history";
-    publication.payload = history->batch.payload;
-    publication.qos = config_.mqtt.qos;
+    Publication publication = payload_.history(history->batch);
     ++history_flights_;
     published_ += history->batch.row_ids.size();
     send(std::move(*history), std::move(publication));

@@ -192,5 +192,28 @@ TEST(HealthJson, HasEveryCounterByName) {
               parsed.contains("uptime_s"));
 }
 
+TEST(JsonPayload, TopicsAndTheirDeliveryAreTheContracts) {
+  Config config = test::plant();
+  config.mqtt.qos = 0;
+  JsonPayload payload(config, "9f3c21aa", "0.1.0");
+  const auto place = [](const Publication& made) {
+    return made.topic + (made.retain == Retain::yes ? " retained " : " ") +
+           std::to_string(made.qos);
+  };
+  const std::string base = "fx/plant-a/edge7";
+  EXPECT_EQ(place(payload.agent_online(7, std::nullopt)), base + "/state retained 1");
+  EXPECT_EQ(place(payload.agent_offline(7)), base + "/state retained 1");
+  EXPECT_EQ(place(payload.device_state(test::offline(1, "timeout"))),
+            base + "/press2/state retained 1");
+  EXPECT_EQ(place(payload.device_meta(1)), base + "/press2/meta retained 1");
+  EXPECT_EQ(place(payload.sample({1, "press1", "fast", 1, "{}"})), base + "/press1/data/fast 0");
+  EXPECT_EQ(place(payload.history({"press1", "fast", {}, {}})),
+            base + "/press1/data/fast/history 0");
+  const Will will = payload.last_will();
+  EXPECT_EQ(will.topic, base + "/state");
+  EXPECT_EQ(will.payload, fxagent::json::agent_offline(std::nullopt, "lost", "9f3c21aa"));
+  EXPECT_EQ(will.retain, Retain::yes);
+}
+
 }  // namespace
 }  // namespace fxagent

@@ -46,7 +46,7 @@ class Client final {
   explicit Client(MqttConfig config, std::optional<Will> will = Will{"will/topic", "gone"},
                   std::size_t max_payload = kMaxMessageBytes)
       : broker_(
-            config, std::move(will),
+            config, will ? MakeWill([will] { return *will; }) : MakeWill(),
             [this] {
               const std::lock_guard lock(mutex_);
               news_ = true;
@@ -656,8 +656,9 @@ TEST(PahoBroker, CarriesTheWholeUplink) {
   observer.subscribe(base + "/#");
 
   Outbox outbox(100);
-  PahoBroker broker(config.mqtt, Will{base + "/state", json::object({{"state", "offline"}}).dump()},
-                    [&outbox] { outbox.notify(); });
+  JsonPayload payload(config, "9f3c21aa", "0.1.0");
+  PahoBroker broker(
+      config.mqtt, [&payload] { return payload.last_will(); }, [&outbox] { outbox.notify(); });
   Commands commands(config, [&outbox](AdmittedCommand admitted) {
     CommandResult result = test::succeeded(admitted.command.id);
     result.device = admitted.command.device;
@@ -667,7 +668,7 @@ TEST(PahoBroker, CarriesTheWholeUplink) {
   PublisherSettings described;
   described.boot = "9f3c21aa";
   described.version = "0.1.0";
-  Publisher publisher(config, described, outbox, broker, commands,
+  Publisher publisher(config, described, payload, outbox, broker, commands,
                       [] { return utc_ms(std::chrono::system_clock::now()); });
   std::stop_source stop;
   std::thread thread([&] { run_uplink(publisher, outbox, stop.get_token()); });

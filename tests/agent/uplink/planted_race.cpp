@@ -41,7 +41,7 @@ int run() {
   config.servers = {mosquitto.url()};
   config.version = 5;
   config.client_id = "planted-race";
-  PahoBroker broker(config, std::nullopt, planted_race, 1024);
+  PahoBroker broker(config, /*make_will=*/{}, planted_race, 1024);
   broker.connect(0, kReceiveMaximum);
   bool came = await<Connected>(broker, 1);
   constexpr int kPublications = 50;

@@ -31,6 +31,7 @@ struct PublisherBench {
   SteadyTime now = kStart;
   PublisherSettings settings{.boot = "9f3c21aa", .version = "0.1.0"};
   std::unique_ptr<Store> store;  ///< null: none
+  std::unique_ptr<JsonPayload> format;
   std::unique_ptr<Commands> commands;
   std::unique_ptr<Publisher> publisher;
 
@@ -39,6 +40,7 @@ struct PublisherBench {
   Publisher& made() {
     if (!publisher && !config.store.path.empty())
       store = std::make_unique<Store>(config.store, utc());
+    if (!format) format = std::make_unique<JsonPayload>(config, settings.boot, settings.version);
     if (!publisher) {
       commands = std::make_unique<Commands>(
           config,
@@ -49,7 +51,8 @@ struct PublisherBench {
           store.get());
       if (store) commands->restore(recover(config, *store, utc(), now), now, utc());
       publisher = std::make_unique<Publisher>(
-          config, settings, outbox, broker, *commands, [this] { return utc(); }, store.get(),
+          config, settings, *format, outbox, broker, *commands, [this] { return utc(); },
+          store.get(),
           [this](std::vector<std::uint64_t> numbers) { found_late.push_back(std::move(numbers)); });
     }
     return *publisher;

@@ -44,10 +44,15 @@ class SampleBalance : public testing::Test {
   test::FakeBroker broker_;
   SteadyTime now_ = SteadyTime(1h);
   Store store_{config_.store, kUtc};
+  JsonPayload payload_{config_, "9f3c21aa", "0.1.0"};
   Commands commands_{config_, [](AdmittedCommand) {}, &store_};
-  Publisher publisher_{config_,   {.boot = "9f3c21aa", .version = "0.1.0"},
-                       outbox_,   broker_,
-                       commands_, [] { return kUtc; },
+  Publisher publisher_{config_,
+                       {.boot = "9f3c21aa", .version = "0.1.0"},
+                       payload_,
+                       outbox_,
+                       broker_,
+                       commands_,
+                       [] { return kUtc; },
                        &store_};
 };
 
