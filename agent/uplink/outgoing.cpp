@@ -1,0 +1,87 @@
+#include "agent/uplink/outgoing.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "agent/log/log.h"
+#include "agent/uplink/puback.h"
+#include "agent/uplink/topics.h"
+
+namespace fxagent {
+namespace {
+
+// Mosquitto's default receive maximum. The library under us is fast up to the broker's figure and
+// very slow beyond it.
+constexpr std::size_t kMaxWindow = 20;
+// What a PUBLISH needs beside topic, payload and correlation data: header, lengths, packet id.
+constexpr std::size_t kPacketOverhead = 64;
+
+}  // namespace
+
+void Outgoing::begin(const Connected& connected) {
+  window_ = std::clamp<std::size_t>(connected.receive_maximum, 1, kMaxWindow);
+  max_packet_ = connected.maximum_packet;
+}
+
+void Outgoing::forget() {
+  flights_.clear();
+  unanswered_since_.reset();
+}
+
+std::uint64_t Outgoing::send(Sender& sender, Publication publication) {
+  const std::uint64_t id = publication.id = next_id_++;
+  flights_.emplace(id, Flight{&sender, publication.qos != 0});
+  // Either of these would make the broker close the connection, again and again.
+  if (!is_publishable(publication.topic)) {
+    unsendable_.push_back(
+        {id, kTopicNameInvalid, "not a topic: " + log::excerpt(publication.topic)});
+  } else if (!fits(publication)) {
+    unsendable_.push_back({id, kPacketTooLarge, "larger than the broker takes"});
+  } else {
+    handed_over_ = true;
+    broker_.publish(std::move(publication));
+  }
+  return id;
+}
+
+bool Outgoing::fail_unsendable(SteadyTime now) {
+  const auto failures = std::exchange(unsendable_, {});
+  for (const DeliveryFailed& failure : failures) {
+    const auto flight = flights_.extract(failure.id);
+    if (!flight.empty()) flight.mapped().sender->failed(failure, now);
+  }
+  return !failures.empty();
+}
+
+void Outgoing::on(const Delivered& event, SteadyTime now) {
+  const auto flight = flights_.extract(event.id);
+  if (flight.empty()) return;  // of a connection that is gone
+  note_answer(flight.mapped(), now);
+  flight.mapped().sender->delivered(event.id, now);
+}
+
+void Outgoing::on(const DeliveryFailed& event, SteadyTime now) {
+  const auto flight = flights_.extract(event.id);
+  if (flight.empty()) return;
+  if (event.reason_code != 0) note_answer(flight.mapped(), now);
+  flight.mapped().sender->failed(event, now);
+}
+
+/// The broker answers. What it need not answer shows that only where no answer is owed.
+void Outgoing::note_answer(const Flight& flight, SteadyTime now) {
+  const auto owed = [](const auto& other) { return other.second.is_answered; };
+  if (!flight.is_answered && std::ranges::any_of(flights_, owed)) return;
+  unanswered_since_ = flights_.empty() ? std::nullopt : std::optional(now);
+}
+
+void Outgoing::note_sent(SteadyTime now) {
+  if (std::exchange(handed_over_, false) && !unanswered_since_) unanswered_since_ = now;
+}
+
+bool Outgoing::fits(const Publication& publication) const {
+  return publication.topic.size() + publication.payload.size() + publication.correlation.size() +
+             kPacketOverhead <=
+         max_packet_;
+}
+
+}  // namespace fxagent

@@ -1,0 +1,165 @@
+#include "agent/uplink/result_delivery.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "agent/commands/result_text.h"
+#include "agent/failpoint.h"
+#include "agent/log/log.h"
+#include "agent/uplink/puback.h"
+#include "agent/uplink/topics.h"
+
+namespace fxagent {
+namespace {
+
+// What has a result that the broker does not have yet.
+constexpr std::size_t kMostResults = 200;
+constexpr std::size_t kMostResultBytes = std::size_t{8} << 20;
+// Messages between a result and its PUBACK, where kReceiveMaximum may be sent ahead. A broker that
+// is slow with the PUBACK lets some more come meanwhile, of those that are let in. mosquitto 2.0.11
+// sends all that its queue holds, 1,000 messages, once it was full; with a Receive Maximum of 1 it
+// does not.
+constexpr std::uint64_t kFarAhead = 50 * kReceiveMaximum;
+constexpr std::uint64_t kFarAheadBytes = std::uint64_t{8} << 20;  // ten of the longest are 2 MiB
+// A window of fewer cannot be shared.
+constexpr std::size_t kLeastShared = 4;
+
+}  // namespace
+
+ResultDelivery::ResultDelivery(const Config& config, Commands& commands, Outgoing& outgoing,
+                               JitteredBackoff& backoff, UtcClock utc_ms)
+    : config_(config),
+      base_(config.base_topic()),
+      commands_(commands),
+      outgoing_(outgoing),
+      backoff_(backoff),
+      utc_ms_(std::move(utc_ms)) {}
+
+void ResultDelivery::add(ResultMessage result) {
+  const std::string& device = config_.devices.at(result.device).name;
+  Pending pending;
+  pending.copies.push_back({.topic = base_ + "/" + device + "/result"});
+  if (!result.response_topic.empty()) {
+    const std::string fault =
+        response_topic_fault(result.response_topic, config_.root, base_, device);
+    if (fault.empty())
+      pending.copies.push_back({.topic = result.response_topic, .to_response_topic = true});
+    else
+      log::warn(
+          "response_topic_ignored",
+          {{"topic", log::excerpt(result.response_topic)}, {"id", result.id}, {"reason", fault}});
+    result.response_topic = {};  // the copy has it
+  }
+  pending.bytes = sizeof(pending) + bytes_of(result) + pending.copies.back().topic.size();
+  bytes_ += pending.bytes;
+  pending.result = std::move(result);
+  results_.emplace(next_++, std::move(pending));
+}
+
+bool ResultDelivery::is_full() const {
+  return results_.size() >= kMostResults || bytes_ >= kMostResultBytes;
+}
+
+/// So many results may be on their way at once: a quarter of the window is for states and samples,
+/// however many results wait.
+std::size_t ResultDelivery::window() const {
+  const std::size_t whole = outgoing_.window();
+  return whole >= kLeastShared ? whole - whole / 4 : whole;
+}
+
+bool ResultDelivery::pump(SteadyTime now, std::optional<Heard> heard) {
+  bool sent = false;
+  for (const auto& [key, pending] : results_) {
+    for (std::size_t i = 0; i < pending.copies.size(); ++i) {
+      const Copy& copy = pending.copies[i];
+      if (copy.in_flight || copy.done || copy.not_before > now) continue;
+      if (!outgoing_.has_room() || flights_.size() >= window())
+        return sent && outgoing_.window() < kLeastShared;
+      hand_over(key, i, now, heard);
+      sent = true;
+    }
+  }
+  return sent && outgoing_.window() < kLeastShared;
+}
+
+void ResultDelivery::hand_over(std::uint64_t key, std::size_t copy, SteadyTime now,
+                               std::optional<Heard> heard) {
+  Pending& pending = results_.at(key);
+  ResultMessage& result = pending.result;
+  if (!std::exchange(pending.handed_over, true) && !result.recorded)
+    result.text = with_total(std::move(result.text), now - result.received);
+  Copy& to = pending.copies[copy];
+  to.in_flight = true;
+  Publication publication;
+  publication.topic = to.topic;
+  publication.payload = result.text;
+  publication.correlation = result.correlation;
+  // The device's own topic gets the result even where the broker does not take it with its echo.
+  if (!to.to_response_topic && !outgoing_.fits(publication)) publication.correlation.clear();
+  flights_.emplace(outgoing_.send(*this, std::move(publication)), Flight{key, copy, heard});
+  failpoint("result_published");
+}
+
+void ResultDelivery::connection_ended() {
+  flights_.clear();
+  refused_.clear();
+  for (auto& [key, pending] : results_) {
+    for (Copy& copy : pending.copies) {
+      copy.in_flight = false;
+      copy.not_before = {};
+      copy.failures = 0;
+    }
+  }
+}
+
+void ResultDelivery::delivered(std::uint64_t id, SteadyTime) {
+  failpoint("result_acknowledged");
+  copy_done(flights_.extract(id).mapped(), Ended::acknowledged);
+}
+
+void ResultDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
+  const Flight flight = flights_.extract(event.id).mapped();
+  Pending& pending = results_.at(flight.result);
+  Copy& copy = pending.copies[flight.copy];
+  log::warn("publish_refused", {{"what", "result"},
+                                {"topic", log::excerpt(copy.topic)},
+                                {"id", pending.result.id},
+                                {"code", hex_code(event.reason_code)},
+                                {"reason", event.text}});
+  // A response topic is the sender's choice: where the broker refuses it, that is that.
+  if (is_final(event.reason_code) || (copy.to_response_topic && event.reason_code != 0))
+    return copy_done(flight, Ended::refused);
+  copy.in_flight = false;
+  copy.not_before = now + backoff_.after(copy.failures++);
+  refused_.insert(flight.result);
+}
+
+void ResultDelivery::copy_done(const Flight& flight, Ended how) {
+  const auto found = results_.find(flight.result);
+  auto& copies = found->second.copies;
+  copies[flight.copy].done = true;
+  copies[flight.copy].acknowledged = how == Ended::acknowledged;
+  if (!std::ranges::all_of(copies, [](const Copy& each) { return each.done; })) return;
+  commands_.note_delivery(found->second.result, copies.front().acknowledged, utc_ms_());
+  bytes_ -= found->second.bytes;
+  refused_.erase(found->first);
+  results_.erase(found);
+}
+
+bool ResultDelivery::is_far_behind(const Heard& heard) const {
+  return std::ranges::any_of(flights_, [&heard](const auto& each) {
+    const auto& then = each.second.heard;
+    return then && (heard.messages - then->messages >= kFarAhead ||
+                    heard.bytes - then->bytes >= kFarAheadBytes);
+  });
+}
+
+SteadyTime ResultDelivery::next_wake(SteadyTime now) const {
+  SteadyTime wake = SteadyTime::max();
+  for (const std::uint64_t key : refused_)
+    for (const Copy& copy : results_.at(key).copies)
+      if (copy.not_before > now) wake = std::min(wake, copy.not_before);
+  return wake;
+}
+
+}  // namespace fxagent

@@ -1,0 +1,287 @@
+#include "agent/uplink/sample_delivery.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "agent/failpoint.h"
+#include "agent/log/log.h"
+#include "agent/uplink/json_payload.h"
+#include "agent/uplink/puback.h"
+
+namespace fxagent {
+namespace {
+
+using std::chrono::microseconds;
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+constexpr int kGatherShare = 100;  // of its interval, that a sample may wait for others
+constexpr milliseconds kGatherMost{5};
+// After each message history rests for as long as that took, so that half of the time nothing
+// stands in a live sample's way; no longer than this, for the sake of lines that are slow by
+// themselves.
+constexpr milliseconds kLongestRest{100};
+// A quarter of what is allowed: one of 64 KiB holds a live sample up for milliseconds.
+constexpr std::size_t kHistoryBytes = 16384;
+// So many samples behind a full window tell that the broker takes fewer than are made.
+constexpr std::size_t kBackedUp = 4;
+constexpr auto kLiveFor = SampleSpool::kLiveFor;
+constexpr auto kCommitWithin = SampleSpool::kCommitWithin;
+
+}  // namespace
+
+SampleDelivery::SampleDelivery(const Config& config, std::string boot, Payload& payload,
+                               Outgoing& outgoing, JitteredBackoff& backoff, SampleSpool& spool,
+                               Store* store)
+    : config_(config),
+      boot_(std::move(boot)),
+      payload_(payload),
+      outgoing_(outgoing),
+      backoff_(backoff),
+      spool_(spool),
+      store_(store),
+      history_bytes_(kHistoryBytes) {
+  for (const DeviceConfig& device : config.devices)
+    meta_hashes_.push_back(json::device_meta(device).hash);
+}
+
+void SampleDelivery::take(const std::vector<Telemetry>& messages, bool can_go, SteadyTime now) {
+  if (messages.empty()) return;
+  microseconds patience = kGatherMost;  // none at all for groups without an interval
+  for (const Telemetry& message : messages) {
+    const GroupConfig& group = config_.devices.at(message.device).groups.at(message.group);
+    patience = std::min(patience, microseconds(group.interval) / kGatherShare);
+  }
+  gather_until_ = now - samples_at_ < 2 * patience ? now + patience : now;
+  samples_at_ = now;
+  std::vector<SampleRow> live;
+  for (const Telemetry& message : messages) {
+    const DeviceConfig& device = config_.devices.at(message.device);
+    SampleRow row;
+    row.row_id = next_row_id_++;
+    row.device = device.name;
+    row.group = device.groups.at(message.group).name;
+    row.seq = message.seq;
+    row.json = json::telemetry(message, device, boot_, meta_hashes_.at(message.device));
+    row_bytes_ += row.cost();
+    if (store_ != nullptr) store_->used_seq(row.device, row.seq);
+    if (can_go && may_send(row.device, now))
+      live.push_back(std::move(row));
+    else
+      spool_.add(std::move(row));
+  }
+  const bool always = config_.store.sync_always;
+  const bool stored = always && spool_.hold(live);
+  for (SampleRow& row : live) live_.push_back({std::move(row), now, stored});
+  if (spool_.gathered() != 0 && always) spool_.commit_by(now);
+}
+
+void SampleDelivery::settle(SteadyTime now) {
+  overflow(now);
+  hold_on_disk(now);
+}
+
+/// Samples that found no room for a second wait as history. Those that would follow within
+/// kCommitWithin go with them: a commit costs the same for all.
+void SampleDelivery::overflow(SteadyTime now) {
+  if (live_.empty() || live_.front().since + kLiveFor > now) return;
+  while (!live_.empty() && live_.front().since + kLiveFor - kCommitWithin <= now) {
+    spool_.add(std::move(live_.front()));
+    live_.pop_front();
+  }
+}
+
+/// Samples that have been in flight for a second are on disk from then on, and stay in flight;
+/// together, as in overflow().
+void SampleDelivery::hold_on_disk(SteadyTime now) {
+  if (!spool_.can_hold()) return;
+  std::vector<SampleRow> rows;
+  std::vector<LiveRow*> held;
+  bool is_time = false;
+  for (auto& [id, flight] : flights_) {
+    if (!flight.live || flight.live->stored) continue;
+    LiveRow& live = *flight.live;
+    if (live.since + kLiveFor - kCommitWithin > now) continue;
+    is_time = is_time || live.since + kLiveFor <= now;
+    rows.push_back(live.row);
+    held.push_back(&live);
+  }
+  if (!is_time || !spool_.hold(rows)) return;
+  for (std::size_t i = 0; i < held.size(); ++i) {
+    held[i]->row.row_id = rows[i].row_id;
+    held[i]->stored = true;
+    --in_flight_;
+  }
+}
+
+bool SampleDelivery::has_room() const {
+  // Two places stay free, so that a result or a state never waits behind samples.
+  const std::size_t window = outgoing_.window();
+  return outgoing_.size() < (window > 4 ? window - 2 : window);
+}
+
+void SampleDelivery::pump_live(SteadyTime now) {
+  while (!live_.empty() && has_room()) {
+    LiveRow live = std::move(live_.front());
+    live_.pop_front();
+    if (!may_send(live.row.device, now)) {
+      spool_.add(std::move(live));
+      continue;
+    }
+    Publication publication = payload_.sample(live.row);
+    if (!live.stored) ++in_flight_;
+    ++published_;
+    const std::uint64_t id = outgoing_.send(*this, std::move(publication));
+    flights_.emplace(id, Flight{std::move(live), {}, now});
+  }
+}
+
+void SampleDelivery::pump_history(bool rests, SteadyTime now) {
+  // One at a time: a broker that works on several of 64 KiB lets live samples wait for
+  // milliseconds.
+  if (rests && now < history_rests_until_) return;
+  while (live_.empty() && history_flights_ == 0 && has_room()) {
+    auto history = spool_.next(history_bytes_,
+                               [&](const std::string& device) { return may_send(device, now); });
+    if (!history) return;
+    Publication publication = payload_.history(history->batch);
+    ++history_flights_;
+    published_ += history->batch.row_ids.size();
+    const std::uint64_t id = outgoing_.send(*this, std::move(publication));
+    flights_.emplace(id, Flight{std::nullopt, std::move(*history), now});
+  }
+}
+
+void SampleDelivery::rest(SteadyTime since, SteadyTime now) {
+  --history_flights_;
+  history_rests_until_ = now + std::min<SteadyTime::duration>(now - since, kLongestRest);
+}
+
+void SampleDelivery::connection_began() {
+  history_bytes_ = kHistoryBytes;
+  pauses_.clear();
+}
+
+void SampleDelivery::connection_ended() {
+  for (auto& [id, flight] : std::exchange(flights_, {})) {
+    if (flight.live)
+      spool_.add(std::move(*flight.live));
+    else
+      spool_.returned(flight.history);
+  }
+  history_flights_ = 0;
+  in_flight_ = 0;
+  spool_live();
+}
+
+void SampleDelivery::spool_live() {
+  for (LiveRow& live : live_) spool_.add(std::move(live));
+  live_.clear();
+}
+
+// ---- what became of them ------------------------------------------------------------------------
+
+void SampleDelivery::delivered(std::uint64_t id, SteadyTime now) {
+  const Flight flight = std::move(flights_.extract(id).mapped());
+  if (!flight.live) {
+    rest(flight.since, now);
+    failpoint("history_acknowledged");
+    acknowledged_ += spool_.remove(flight.history);
+    pauses_.erase(flight.history.batch.device);
+    return;
+  }
+  failpoint("sample_acknowledged");
+  if (flight.live->stored) {
+    acknowledged_ += spool_.remove(*flight.live);
+  } else {
+    --in_flight_;
+    ++acknowledged_;
+  }
+  pauses_.erase(flight.live->row.device);
+}
+
+void SampleDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
+  Flight flight = std::move(flights_.extract(event.id).mapped());
+  if (flight.live) return live_failed(std::move(*flight.live), event, now);
+  rest(flight.since, now);
+  history_failed(flight.history, event, now);
+}
+
+void SampleDelivery::live_failed(LiveRow live, const DeliveryFailed& event, SteadyTime now) {
+  const SampleRow& row = live.row;
+  if (!live.stored) --in_flight_;
+  if (is_final(event.reason_code)) {
+    log::warn(
+        "sample_refused",
+        {{"device", row.device}, {"code", hex_code(event.reason_code)}, {"reason", event.text}});
+    return spool_.drop(row.device, live.stored ? spool_.remove(live) : 1);
+  }
+  pause(row.device, event.reason_code, now);
+  spool_.add(std::move(live));
+}
+
+void SampleDelivery::history_failed(const HistoryMessage& history, const DeliveryFailed& event,
+                                    SteadyTime now) {
+  const HistoryBatch& batch = history.batch;
+  const bool can_be_cut = event.reason_code == kPacketTooLarge && batch.row_ids.size() > 1;
+  if (is_final(event.reason_code) && !can_be_cut) {
+    log::warn("history_refused", {{"device", batch.device},
+                                  {"rows", std::to_string(batch.row_ids.size())},
+                                  {"code", hex_code(event.reason_code)},
+                                  {"reason", event.text}});
+    return spool_.drop(batch.device, spool_.remove(history));
+  }
+  spool_.returned(history);
+  if (can_be_cut)
+    history_bytes_ = std::min(history_bytes_, batch.payload.size()) / 2;
+  else
+    pause(batch.device, event.reason_code, now);
+}
+
+bool SampleDelivery::may_send(const std::string& device, SteadyTime now) const {
+  const auto found = pauses_.find(device);
+  return found == pauses_.end() || found->second.until <= now;
+}
+
+void SampleDelivery::pause(const std::string& device, int reason_code, SteadyTime now) {
+  Pause& pause = pauses_[device];
+  pause.reason_code = reason_code;
+  if (pause.until > now) return;  // one refusal among several that were on their way
+  pause.until = now + backoff_.after(pause.failures++);
+  log::warn(
+      "samples_refused",
+      {{"device", device},
+       {"code", hex_code(reason_code)},
+       {"again_in_s", std::to_string(std::chrono::ceil<seconds>(pause.until - now).count())}});
+}
+
+std::optional<int> SampleDelivery::refused(const std::string& device) const {
+  const auto found = pauses_.find(device);
+  return found == pauses_.end() ? std::nullopt : std::optional(found->second.reason_code);
+}
+
+bool SampleDelivery::is_backed_up() const { return live_.size() >= kBackedUp; }
+
+SampleDelivery::Counters SampleDelivery::counters() const {
+  const auto on_disk = [](const LiveRow& live) { return live.stored; };
+  const auto held = static_cast<std::size_t>(std::ranges::count_if(live_, on_disk));
+  return {acknowledged_, published_, live_.size() - held, in_flight_};
+}
+
+SteadyTime SampleDelivery::next_wake(SteadyTime now) const {
+  SteadyTime wake = SteadyTime::max();
+  const auto at = [&wake](SteadyTime time) { wake = std::min(wake, time); };
+  const auto later = [&](SteadyTime time) {
+    if (time > now) at(time);
+  };
+  if (!live_.empty()) at(live_.front().since + kLiveFor);
+  if (history_flights_ == 0) later(history_rests_until_);
+  for (const auto& [device, pause] : pauses_)
+    if (spool_.has_waiting(device)) later(pause.until);
+  if (!spool_.can_hold()) return wake;
+  for (const auto& [id, flight] : flights_)
+    if (flight.live && !flight.live->stored) at(flight.live->since + kLiveFor);
+  return wake;
+}
+
+}  // namespace fxagent

@@ -1,0 +1,266 @@
+#include "agent/uplink/session.h"
+
+#include <malloc.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "agent/log/log.h"
+
+namespace fxagent {
+namespace {
+
+using std::chrono::seconds;
+
+constexpr seconds kConnectPatience{30};    // longer than the library's own connect time-out
+constexpr seconds kNoAcknowledgement{30};  // a broker that is silent for so long is given up
+constexpr seconds kSteady{10};             // a connection that lived so long was a good one,
+constexpr int kSteadyPauses = 2;           // and so many times as long as the pause before it
+constexpr seconds kLastRetry{30};
+// A broker that restarts, or lets a user in again, is met within 5 s; one that is away for longer
+// than this is not in such a hurry.
+constexpr std::chrono::minutes kShortOutage{5};
+constexpr seconds kLastRetryOfShortOutage{4};
+// Two agents with one id throw each other off: each stays away ever longer.
+constexpr seconds kLastRetryOfThrown{60};
+constexpr seconds kLibraryForgot{1};  // to tell that the connection is gone
+constexpr seconds kSubackWithin{1};   // until commands count as unheard
+constexpr seconds kGoodbye{2};        // until Disconnected, or else nothing more is waited for
+constexpr seconds kCatchUp{1};        // until it is asked again whether enough results are out
+constexpr int kSilenceIsSlow = 2;     // failures that an unanswered SUBSCRIBE begins with: 4 s
+constexpr seconds kLastSubscribe{60};
+constexpr seconds kCleanUpFor{10};  // how long retained topics of unknown devices are looked for
+
+}  // namespace
+
+Session::Session(const MqttConfig& mqtt, std::string base, Broker& broker, Outgoing& outgoing,
+                 JitteredBackoff& backoff, Listener& listener)
+    : mqtt_(mqtt),
+      base_(std::move(base)),
+      commands_filter_(base_ + "/+/command"),
+      broker_(broker),
+      outgoing_(outgoing),
+      backoff_(backoff),
+      listener_(listener) {}
+
+// ---- the connection -----------------------------------------------------------------------------
+
+void Session::on(const Connected& event, SteadyTime now) {
+  if (link_ != Link::connecting) return;
+  link_ = Link::connected;
+  starting_ = false;
+  connected_at_ = now;
+  last_up_ = now;
+  failed_rounds_ = 0;
+  last_failure_.clear();
+  outgoing_.begin(event);
+  log::info("broker_connected",
+            {{"server", server()}, {"window", std::to_string(outgoing_.window())}});
+  subscribe_to_commands(now);
+  // Our own retained topics are what is looked for here, so No Local would hide them.
+  broker_.subscribe({base_ + "/+/state", /*no_local=*/false});
+  broker_.subscribe({base_ + "/+/meta", /*no_local=*/false});
+  clean_up_until_ = now + kCleanUpFor;
+  listener_.connection_began(now);
+}
+
+void Session::on(const ConnectFailed& event, SteadyTime now) {
+  if (link_ != Link::connecting) return;
+  if (event.text != last_failure_) {  // a repeated one is not news
+    log::warn("broker_unreachable", {{"server", server()}, {"reason", event.text}});
+    last_failure_ = event.text;
+  }
+  link_ = Link::waiting;
+  starting_ = false;
+  receive_maximum_ = kReceiveMaximum;
+  listener_.attempt_failed(now);
+  retry_after_failure(now);
+}
+
+void Session::on(const Lost& event, SteadyTime now) {
+  if (link_ == Link::connecting) return on(ConnectFailed{event.text}, now);
+  if (link_ != Link::connected) return;
+  log::warn("broker_lost", {{"server", server()}, {"reason", event.text}});
+  receive_maximum_ = kReceiveMaximum;
+  end(now);
+  retry_after_loss(now);
+}
+
+void Session::on(const Disconnected&, SteadyTime now) {
+  if (link_ == Link::leaving) retry_at_ = now;
+}
+
+void Session::keep(SteadyTime now, bool may_hear) {
+  if (link_ == Link::connecting && now >= connect_deadline_) {
+    broker_.disconnect();
+    on(ConnectFailed{"no answer"}, now);
+  }
+  watch(now);
+  keep_subscribed(now, may_hear);
+  if ((link_ == Link::waiting || link_ == Link::leaving) && now >= retry_at_) connect(now);
+  if (link_ == Link::connected && clean_up_until_ && now >= *clean_up_until_) {
+    clean_up_until_.reset();
+    broker_.unsubscribe(base_ + "/+/state");
+    broker_.unsubscribe(base_ + "/+/meta");
+    malloc_trim(0);  // what the flood of a new connection took goes back, for the years that follow
+  }
+}
+
+void Session::connect(SteadyTime now) {
+  link_ = Link::connecting;
+  connect_deadline_ = now + kConnectPatience;
+  broker_.connect(server_, receive_maximum_);
+}
+
+void Session::end(SteadyTime now) {
+  link_ = Link::waiting;
+  last_up_ = now;
+  clean_up_until_.reset();
+  down_since_.reset();
+  suback_by_.reset();
+  ask_again_at_.reset();
+  unheard_ = 0;
+  deaf_.reset();
+  paused_ = false;
+  outgoing_.forget();
+  listener_.connection_ended(now);
+}
+
+void Session::connect_anew(SteadyTime now) {
+  log::warn(
+      "broker_sends_too_far_ahead",
+      {{"server", server()},
+       {"note", "PUBACKs come late behind messages; connecting anew with Receive Maximum 1"}});
+  receive_maximum_ = 1;
+  broker_.disconnect();
+  end(now);
+  link_ = Link::leaving;
+  retry_at_ = now + kGoodbye;
+}
+
+void Session::begin_end(SteadyTime now) {
+  if (link_ == Link::connected) broker_.unsubscribe(commands_filter_);
+  if (link_ == Link::leaving) connect(now);
+}
+
+void Session::give_up(SteadyTime now) {
+  if (link_ != Link::connected) broker_.disconnect();
+  end(now);
+}
+
+/// Finds a loss that nobody told. Whatever the library leaves out: a minute passes at most until
+/// health is published, and then the broker answers, or there is none.
+void Session::watch(SteadyTime now) {
+  const auto unanswered_since = outgoing_.unanswered_since();
+  if (link_ == Link::connected && unanswered_since &&
+      now - *unanswered_since >= kNoAcknowledgement) {
+    broker_.disconnect();
+    on(Lost{"no acknowledgement for 30 s"}, now);
+  }
+  if (link_ != Link::connected || broker_.is_connected()) return down_since_.reset();
+  if (!down_since_) down_since_ = now;
+  if (now - *down_since_ >= kLibraryForgot) on(Lost{"found closed"}, now);
+}
+
+SteadyTime Session::next_wake() const {
+  SteadyTime wake = SteadyTime::max();
+  const auto at = [&wake](std::optional<SteadyTime> time) {
+    wake = std::min(wake, time.value_or(wake));
+  };
+  if (link_ == Link::waiting || link_ == Link::leaving) at(retry_at_);
+  if (link_ == Link::connecting) at(connect_deadline_);
+  at(clean_up_until_);
+  if (link_ != Link::connected) return wake;
+  if (const auto since = outgoing_.unanswered_since()) at(*since + kNoAcknowledgement);
+  if (down_since_) at(*down_since_ + kLibraryForgot);
+  at(suback_by_);
+  at(ask_again_at_);
+  return wake;
+}
+
+void Session::retry_after_failure(SteadyTime now) {
+  server_ = (server_ + 1) % mqtt_.servers.size();
+  const bool short_outage = last_up_ && now - *last_up_ < kShortOutage;
+  retry_at_ = server_ != 0
+                  ? now
+                  : now + backoff_.after(failed_rounds_++,
+                                         short_outage ? kLastRetryOfShortOutage : kLastRetry);
+}
+
+void Session::retry_after_loss(SteadyTime now) {
+  const SteadyTime::duration lived = now - connected_at_;
+  if (lived >= kSteady && lived >= kSteadyPauses * last_pause_) {
+    server_ = 0;
+    thrown_rounds_ = 0;
+  } else {
+    server_ = (server_ + 1) % mqtt_.servers.size();
+    if (server_ != 0) {
+      retry_at_ = now;
+      return;
+    }
+  }
+  last_pause_ = backoff_.after(thrown_rounds_++, kLastRetryOfThrown);
+  retry_at_ = now + last_pause_;
+}
+
+// ---- the subscription to commands ---------------------------------------------------------------
+
+void Session::on(const Subscribed& event, SteadyTime now) {
+  if (link_ != Link::connected) return;
+  if (event.filter != commands_filter_) {
+    if (!event.granted)
+      log::error("subscription_refused", {{"filter", event.filter}, {"reason", event.text}});
+    return;
+  }
+  if (paused_) return;  // the answer to what was taken back meanwhile
+  if (!event.granted) return unheard(event.text, now);
+  suback_by_.reset();
+  ask_again_at_.reset();
+  unheard_ = 0;
+  if (!deaf_) return;
+  deaf_.reset();
+  listener_.hearing_changed();
+  log::info("subscription_granted", {{"filter", event.filter}});
+}
+
+void Session::subscribe_to_commands(SteadyTime now) {
+  ask_again_at_.reset();
+  suback_by_ = now + kSubackWithin;
+  broker_.subscribe({commands_filter_, /*no_local=*/true});
+}
+
+void Session::keep_subscribed(SteadyTime now, bool may_hear) {
+  if (link_ != Link::connected) return;
+  if (suback_by_ && now >= *suback_by_) {
+    unheard_ = std::max(unheard_, kSilenceIsSlow);
+    unheard("the broker does not confirm the subscription", now);
+  }
+  if (!ask_again_at_ || now < *ask_again_at_) return;
+  if (paused_ && !may_hear) {
+    ask_again_at_ = now + kCatchUp;
+    return;
+  }
+  paused_ = false;
+  subscribe_to_commands(now);
+}
+
+void Session::unheard(const std::string& reason, SteadyTime now) {
+  suback_by_.reset();
+  ask_again_at_ = now + backoff_.after(unheard_++, kLastSubscribe);
+  if (deaf_ == reason) return;  // a repeated one is not news
+  deaf_ = reason;
+  listener_.hearing_changed();
+  log::error("subscription_refused", {{"filter", commands_filter_}, {"reason", reason}});
+}
+
+void Session::pause_commands(SteadyTime now) {
+  paused_ = true;
+  suback_by_.reset();
+  ask_again_at_ = now + kCatchUp;
+  deaf_ = "more commands come than can be answered";
+  listener_.hearing_changed();
+  broker_.unsubscribe(commands_filter_);
+  log::error("commands_paused", {{"reason", *deaf_}});
+}
+
+}  // namespace fxagent

@@ -1,0 +1,122 @@
+// The session with the broker: connects, notices a loss whoever tells it or not, tries the next
+// server in time and never in haste, and asks for the subscription to commands until it is granted.
+// Uplink thread. Time is an argument.
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "agent/config/config.h"
+#include "agent/messages.h"
+#include "agent/uplink/broker.h"
+#include "agent/uplink/jittered_backoff.h"
+#include "agent/uplink/outgoing.h"
+
+namespace fxagent {
+
+class Session final {
+ public:
+  /// Who must know how it goes.
+  class Listener {
+   public:
+    virtual ~Listener() = default;
+    /// Connected; what is published now goes to this broker.
+    virtual void connection_began(SteadyTime now) = 0;
+    /// What was on its way is to be published again.
+    virtual void connection_ended(SteadyTime now) = 0;
+    virtual void attempt_failed(SteadyTime now) = 0;
+    /// Commands are heard, or not heard, since now: deaf() says why.
+    virtual void hearing_changed() = 0;
+  };
+
+  /// All references outlive it. `base`: of the agent's topics.
+  Session(const MqttConfig& mqtt, std::string base, Broker& broker, Outgoing& outgoing,
+          JitteredBackoff& backoff, Listener& listener);
+
+  void on(const Connected& event, SteadyTime now);
+  void on(const ConnectFailed& event, SteadyTime now);
+  void on(const Lost& event, SteadyTime now);
+  void on(const Disconnected& event, SteadyTime now);
+  void on(const Subscribed& event, SteadyTime now);
+
+  /// What is due. `may_hear`: enough results are out for the subscription to be asked for again,
+  /// where pause_commands() has ended it.
+  void keep(SteadyTime now, bool may_hear);
+  /// When keep() has something to do at the latest.
+  SteadyTime next_wake() const;
+
+  /// More commands come than can be answered, and they cannot be held back: what they would fill is
+  /// memory. deaf() says so until they are heard again.
+  void pause_commands(SteadyTime now);
+  bool is_paused() const { return paused_; }
+  /// Says goodbye and asks the same server for one message at a time. What has come is answered;
+  /// what the broker had queued goes with the session, as with every loss.
+  void connect_anew(SteadyTime now);
+  /// The end: no command is heard any more. A session that was leaving comes back, so that who was
+  /// told goodbye hears the last word too.
+  void begin_end(SteadyTime now);
+  /// Of the end: what is not delivered by now is not delivered.
+  void give_up(SteadyTime now);
+
+  bool is_connected() const { return link_ == Link::connected; }
+  /// Neither connected nor on the way to it.
+  bool is_waiting() const { return link_ == Link::waiting; }
+  /// The first attempt is not over.
+  bool is_starting() const { return starting_; }
+  /// Whether the broker has said, or taken too long to say, that commands are heard.
+  bool awaits_first_suback() const { return suback_by_ && !deaf_; }
+  bool awaits_suback() const { return suback_by_.has_value(); }
+  /// Why commands are not heard; nullopt: they are.
+  const std::optional<std::string>& deaf() const { return deaf_; }
+  /// How many messages the broker may send ahead of acknowledgements: as few as it was asked for.
+  std::uint16_t receive_maximum() const { return receive_maximum_; }
+
+ private:
+  /// leaving: goodbye was said to connect anew, and what was read before it still comes.
+  enum class Link : std::uint8_t { waiting, connecting, connected, leaving };
+
+  void connect(SteadyTime now);
+  void end(SteadyTime now);
+  void watch(SteadyTime now);
+  void keep_subscribed(SteadyTime now, bool may_hear);
+  void subscribe_to_commands(SteadyTime now);
+  void unheard(const std::string& reason, SteadyTime now);
+  void retry_after_failure(SteadyTime now);
+  void retry_after_loss(SteadyTime now);
+  const std::string& server() const { return mqtt_.servers.at(server_); }
+
+  const MqttConfig& mqtt_;
+  const std::string base_;
+  const std::string commands_filter_;
+  Broker& broker_;
+  Outgoing& outgoing_;
+  JitteredBackoff& backoff_;
+  Listener& listener_;
+
+  Link link_ = Link::waiting;
+  bool starting_ = true;
+  std::size_t server_ = 0;
+  int failed_rounds_ = 0;              ///< through all servers, none of which took us
+  int thrown_rounds_ = 0;              ///< through all servers, none of which kept us for long
+  SteadyTime::duration last_pause_{};  ///< between the last loss and the attempt after it
+  std::optional<SteadyTime> last_up_;  ///< when there was a connection
+  SteadyTime retry_at_{};
+  std::string last_failure_;
+  SteadyTime connect_deadline_{};
+  SteadyTime connected_at_{};
+  std::optional<SteadyTime> down_since_;  ///< the library has no connection and has not said so
+  std::uint16_t receive_maximum_ = kReceiveMaximum;  ///< until a connection is lost
+  std::optional<SteadyTime> clean_up_until_;  ///< looking for retained topics of unknown devices
+
+  // the subscription to commands
+  std::optional<SteadyTime> suback_by_;  ///< asked for: until when the answer may take
+  std::optional<SteadyTime> ask_again_at_;
+  int unheard_ = 0;  ///< refusals and silences of this connection, in a row
+  std::optional<std::string> deaf_;
+  bool paused_ = false;  ///< they are not heard since too many results wait
+};
+
+}  // namespace fxagent
