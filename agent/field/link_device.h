@@ -11,6 +11,7 @@
 
 #include "agent/commands/admission.h"
 #include "agent/config/config.h"
+#include "agent/field/device_state.h"
 #include "agent/field/hole_map.h"
 #include "agent/field/link_worker.h"
 #include "agent/field/percentile_window.h"
@@ -18,7 +19,6 @@
 #include "agent/field/report_by_exception.h"
 #include "agent/messages.h"
 #include "protocol/plan.h"
-#include "protocol/plc.h"
 
 namespace fxagent {
 
@@ -69,14 +69,14 @@ struct LinkWorker::Device {
       : config(device_config),
         index(device_index),
         codec(device_config.codec),
-        admission(config, journaling, std::move(room)) {
+        admission(config, journaling, std::move(room)),
+        state(device_index, *device_config.codec, now_ms()) {
     station.codec = codec.get();
     station.timeout = config.timeout;
     station.gap = config.gap;
     station.enquire = config.enquire;
     station.echo = config.echo;
     turnaround = config.turnaround;
-    model_known = !must_ask_model(*codec);
   }
 
   const DeviceConfig& config;
@@ -91,16 +91,12 @@ struct LinkWorker::Device {
   std::uint32_t turnarounds = 0;
   std::vector<std::unique_ptr<GroupPoll>> groups;
   std::optional<PollScheduler::GroupId> run_state_group;
-  bool model_known = false;
-  bool model_unclear = false;  ///< was asked, and the answers do not tell
-  bool answered_once = false;
-  std::optional<bool> run;
   std::uint64_t seq = 0;
   std::size_t waiting = 0;  ///< commands queued
   PercentileWindow late_ms;
   std::uint64_t collected = 0;
   std::uint64_t suppressed = 0;
-  DeviceStatus status;
+  DeviceState state;
 };
 
 }  // namespace fxagent

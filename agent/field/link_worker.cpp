@@ -115,11 +115,7 @@ void LinkWorker::add_device(std::uint32_t index, BackOff back_off, Polling polli
   if (device->codec->plc() != nullptr)
     device->run_state_group =
         scheduler_.add_group(device->id, kRunStateInterval, 1, next_open_, kRunStateWithin);
-  device->status.device = index;
-  device->status.since_ms = now_ms();
-  device->status.reason = "starting";
-  device->status.model = model_of(*device->codec);
-  outbox_.push(device->status);
+  outbox_.push(device->state.told());
   by_index_[index] = device.get();
   devices_.push_back(std::move(device));
 }
@@ -279,7 +275,7 @@ void LinkWorker::line_lost(const std::string& why) {
 void LinkWorker::note_answer(Device& device) {
   unanswered_in_a_row_ = 0;
   if (!bus_.never_silent()) reconnect_policy_.opened();
-  device.answered_once = true;
+  device.state.answered();
   scheduler_.device_answered(device.id);
 }
 
@@ -290,11 +286,7 @@ void LinkWorker::note_unreachable(Device& device) {
 
 void LinkWorker::note_silence(Device& device) {
   const bool silent = scheduler_.device_unanswered(device.id, Clock::now());
-  if (silent) {
-    device.run.reset();
-    // Whoever answers next may be another PLC.
-    if (must_ask_model(*device.config.codec)) device.model_known = false;
-  }
+  if (silent) device.state.fell_silent();
   const bool tcp = std::holds_alternative<TcpSettings>(config_.links[link_].channel);
   const int limit = std::max(kDeadPeerAfter, static_cast<int>(devices_.size()) + 1);
   if (tcp && ++unanswered_in_a_row_ >= limit) {
@@ -304,44 +296,21 @@ void LinkWorker::note_silence(Device& device) {
 }
 
 void LinkWorker::update_status(Device& device) {
-  DeviceStatus status = device.status;
-  status.run = device.run;
-  status.state = DeviceStatus::State::online;
-  status.reason.clear();
-  if (!bus_.is_open()) {
-    status.state = DeviceStatus::State::offline;
-    status.reason = bus_.never_silent() ? "never_silent" : to_string(BadReason::link_down);
-    status.run.reset();
-  } else if (scheduler_.is_silent(device.id)) {
-    status.state = DeviceStatus::State::offline;
-    status.reason = to_string(BadReason::timeout);
-  } else if (!device.answered_once) {
-    return;
-  } else if (device.model_unclear) {
-    status.state = DeviceStatus::State::degraded;
-    status.reason = "model_unknown";
-  } else {
-    for (const auto& group : device.groups) {
-      const auto bad = group->report.first_bad();
-      if (!bad) continue;
-      status.state = DeviceStatus::State::degraded;
-      status.reason = to_string(*bad);
-      break;
-    }
+  DeviceState::Facts facts;
+  facts.bus_open = bus_.is_open();
+  facts.never_silent = bus_.never_silent();
+  facts.silent = scheduler_.is_silent(device.id);
+  for (const auto& group : device.groups) {
+    facts.first_bad = group->report.first_bad();
+    if (facts.first_bad) break;
   }
-  DeviceStatus& old = device.status;
-  const bool other_state = status.state != old.state;
-  if (!other_state && status.reason == old.reason && status.model == old.model &&
-      status.run == old.run && old.reason != "starting")
-    return;
-  if (other_state || old.reason == "starting") {
-    status.since_ms = now_ms();
+  const auto change = device.state.update(facts, now_ms());
+  if (!change) return;
+  if (change->other_state)
     log::info("device", {{"device", device.config.name},
-                         {"state", std::string(to_string(status.state))},
-                         {"reason", status.reason}});
-  }
-  old = status;
-  outbox_.push(status);
+                         {"state", std::string(to_string(change->status.state))},
+                         {"reason", change->status.reason}});
+  outbox_.push(change->status);
 }
 
 void LinkWorker::report(FieldHealth& health) {

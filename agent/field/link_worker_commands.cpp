@@ -7,6 +7,7 @@
 #include "agent/field/link_device.h"
 #include "agent/line_time.h"
 #include "agent/log/log.h"
+#include "protocol/plc.h"
 
 namespace fxagent {
 namespace {
@@ -118,7 +119,8 @@ nanoseconds LinkWorker::longest_poll() const {
     std::vector<const Plan*> plans;
     for (const auto& group : device->groups) plans.push_back(&group->plan);
     nanoseconds of_device = fxagent::longest_poll(*device->codec, plans, timing);
-    if (!device->model_known)  // the questions about the model go as one with the read they precede
+    if (!device->state.is_model_known())  // the questions about the model go as one with the read
+                                          // they precede
       for (const Request& question : device->config.codec->plc()->identify())
         of_device += exchange_time(*device->codec, question, timing);
     longest = std::max(longest, of_device);
@@ -281,7 +283,7 @@ asio::awaitable<void> LinkWorker::run_command() {
   result.bound = admitted.bound;
   device.admission.finished(result);
   if (admitted.run_request && result.status == CommandStatus::succeeded)
-    device.run = admitted.command.op == Op::run;
+    device.state.set_run(admitted.command.op == Op::run);
   result.frames = std::move(trace);
   outbox_.push(std::move(result));
   running_.pop_back();

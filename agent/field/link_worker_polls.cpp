@@ -5,6 +5,7 @@
 #include "agent/field/link_device.h"
 #include "agent/line_time.h"
 #include "agent/log/log.h"
+#include "protocol/plc.h"
 
 namespace fxagent {
 namespace {
@@ -303,16 +304,17 @@ asio::awaitable<void> LinkWorker::read_run_state(Device& device, PollScheduler::
     if (exchange.has_answer()) note_answer(device);
     if (exchange.outcome == Exchange::Outcome::unanswered) note_silence(device);
     if (exchange.outcome == Exchange::Outcome::link_down) line_lost(exchange.error);
-    device.run.reset();
+    std::optional<bool> run;
     if (exchange.is_data() && !exchange.doubted)
-      device.run = device.codec->plc()->run_state_from(exchange.reply.image);
+      run = device.codec->plc()->run_state_from(exchange.reply.image);
+    device.state.set_run(run);
   }
   scheduler_.step_done(step);
   update_status(device);
 }
 
 asio::awaitable<LinkWorker::Knowledge> LinkWorker::know_model(Device& device, BadReason& failure) {
-  if (device.model_known) co_return Knowledge::known;
+  if (device.state.is_model_known()) co_return Knowledge::known;
   const PlcServices& asking = *device.config.codec->plc();  // else the model would be known
   const std::vector<Request> questions = asking.identify();
   std::vector<Bytes> images;
@@ -335,9 +337,8 @@ asio::awaitable<LinkWorker::Knowledge> LinkWorker::know_model(Device& device, Ba
     failure = bad_reason(exchange);
     co_return Knowledge::unanswered;
   }
-  device.model_known = true;
   const auto model = asking.model_from(images);
-  device.model_unclear = !model;
+  device.state.set_model(model);
   if (!model) {
     log::warn("device", {{"device", device.config.name},
                          {"model", "unknown"},
@@ -350,7 +351,6 @@ asio::awaitable<LinkWorker::Knowledge> LinkWorker::know_model(Device& device, Ba
   if (changed) {
     device.codec = model ? asking.with_model(*model) : device.config.codec;
     device.station.codec = device.codec.get();
-    device.status.model = now_known;
     for (const auto& group : device.groups) make_plan(device, *group);
   }
   update_status(device);
