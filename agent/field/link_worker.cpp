@@ -102,14 +102,14 @@ void LinkWorker::add_device(std::uint32_t index, BackOff back_off, Polling polli
   device->id = scheduler_.add_device(config.retries + 1, back_off);
   for (std::uint32_t g = 0; polling == Polling::on && g < config.groups.size(); ++g) {
     auto group = std::make_unique<GroupPoll>(config, g);
-    if (group->report.tags().empty()) continue;
+    if (group->cycle.tags().empty()) continue;
     // Each group begins when those before it should be through, and meets them there again and
     // again where the intervals are multiples of each other.
     const milliseconds interval = std::max(config.groups[g].interval, milliseconds(1));
     group->id = scheduler_.add_group(device->id, config.groups[g].interval, 1,
                                      next_open_ + first_poll_after_ % nanoseconds(interval));
     make_plan(*device, *group);
-    first_poll_after_ += group->plan.line_time;
+    first_poll_after_ += group->cycle.plan().line_time;
     device->groups.push_back(std::move(group));
   }
   if (device->codec->plc() != nullptr)
@@ -301,7 +301,7 @@ void LinkWorker::update_status(Device& device) {
   facts.never_silent = bus_.never_silent();
   facts.silent = scheduler_.is_silent(device.id);
   for (const auto& group : device.groups) {
-    facts.first_bad = group->report.first_bad();
+    facts.first_bad = group->cycle.first_bad();
     if (facts.first_bad) break;
   }
   const auto change = device.state.update(facts, now_ms());

@@ -84,7 +84,6 @@ class LinkWorker final {
 
   void add_device(std::uint32_t index, BackOff back_off, Polling polling);
   Device* device_of(std::uint32_t index);
-  static std::vector<Point> points_of(const Device& device, const GroupPoll& group);
   void make_plan(Device& device, GroupPoll& group);
   /// A new plan where the device was found to have holes, or other times, since the last one.
   void refresh_plan(Device& device, GroupPoll& group);
@@ -129,7 +128,7 @@ class LinkWorker final {
                     const Exchange& exchange, RefusalMeaning meaning);
   void fail_cycle(Device& device, GroupPoll& group, BadReason why);
   void finish_cycle(Device& device, GroupPoll& group);
-  void publish(Device& device, std::uint32_t group, Telemetry message);
+  void publish(Device& device, Telemetry message);
 
   void note_load();
   void note_answer(Device& device);

@@ -117,7 +117,7 @@ nanoseconds LinkWorker::longest_poll() const {
   for (const auto& device : devices_) {
     const LineTiming timing = timing_of(device->config, config_.links[link_].char_time);
     std::vector<const Plan*> plans;
-    for (const auto& group : device->groups) plans.push_back(&group->plan);
+    for (const auto& group : device->groups) plans.push_back(&group->cycle.plan());
     nanoseconds of_device = fxagent::longest_poll(*device->codec, plans, timing);
     if (!device->state.is_model_known())  // the questions about the model go as one with the read
                                           // they precede
@@ -300,15 +300,11 @@ void LinkWorker::after_write(Device& device, const AdmittedTarget& target,
   const Value value = read_back ? *outcome.verify->read : target.written.value_or(Value());
   const TagConfig& tag = device.config.tags[*target.tag_index];
   for (const auto& group : device.groups) {
-    if (group->group != tag.group) continue;
-    group->newer[*target.tag_index] = value;
-    Telemetry message;
-    message.ts_ms = now_ms();
-    message.partial = true;
+    if (group->cycle.group() != tag.group) continue;
+    Telemetry message = group->cycle.written(*target.tag_index, value, now_ms());
     message.written = !read_back;
-    message.readings.push_back(group->report.written(*target.tag_index, value, message.ts_ms));
     ++device.collected;
-    publish(device, tag.group, std::move(message));
+    publish(device, std::move(message));
   }
 }
 
