@@ -1,4 +1,4 @@
-// What a link's worker knows of each of its devices, for the files that the worker is written in.
+// What a link knows of each of its devices: the loop, the polls and the commands share it.
 #pragma once
 
 #include <chrono>
@@ -10,9 +10,9 @@
 
 #include "agent/commands/admission.h"
 #include "agent/config/config.h"
+#include "agent/field/bus.h"
 #include "agent/field/device_state.h"
 #include "agent/field/hole_map.h"
-#include "agent/field/link_worker.h"
 #include "agent/field/measured_turnaround.h"
 #include "agent/field/percentile_window.h"
 #include "agent/field/poll_cycle.h"
@@ -25,7 +25,7 @@ namespace fxagent {
 inline std::int64_t now_ms() { return utc_ms(std::chrono::system_clock::now()); }
 
 /// One group of one device: its cycle, and what its plan was made of.
-struct LinkWorker::GroupPoll {
+struct GroupPoll {
   GroupPoll(const DeviceConfig& device, std::uint32_t index) : cycle(device, index) {}
 
   PollCycle cycle;
@@ -34,10 +34,10 @@ struct LinkWorker::GroupPoll {
   std::chrono::nanoseconds turnaround{0};  ///< the device's own time that it was made with
 };
 
-/// A device as this worker knows it: its codec of the moment, its plans, its state.
-struct LinkWorker::Device {
-  Device(const DeviceConfig& device_config, std::uint32_t device_index, Journaling journaling,
-         std::shared_ptr<CommandRoom> room)
+/// A device as its link knows it: its codec of the moment, its plans, its state.
+struct LinkDevice {
+  LinkDevice(const DeviceConfig& device_config, std::uint32_t device_index, Journaling journaling,
+             std::shared_ptr<CommandRoom> room)
       : config(device_config),
         index(device_index),
         codec(device_config.codec),
@@ -68,5 +68,6 @@ struct LinkWorker::Device {
   std::uint64_t suppressed = 0;
   DeviceState state;
 };
+using LinkDevices = std::vector<std::unique_ptr<LinkDevice>>;
 
 }  // namespace fxagent

@@ -4,7 +4,7 @@
 
 #include "agent/failpoint.h"
 #include "agent/field/command_execution.h"
-#include "agent/field/link_device.h"
+#include "agent/field/link_worker.h"
 #include "agent/line_time.h"
 #include "agent/log/log.h"
 #include "protocol/plc.h"
@@ -47,7 +47,7 @@ void LinkWorker::submit(Command command) {
     outbox_.push(std::move(*result));
     return;
   }
-  if (stopping_) {
+  if (state_.is_stopping()) {
     CommandResult result = unsent(std::get<AdmittedCommand>(decision), CommandStatus::rejected);
     device->admission.finished(result);
     outbox_.push(std::move(result));
@@ -112,22 +112,6 @@ void LinkWorker::enqueue(Waiting waiting) {
   idle_.cancel();
 }
 
-nanoseconds LinkWorker::longest_poll() const {
-  nanoseconds longest{0};
-  for (const auto& device : devices_) {
-    const LineTiming timing = timing_of(device->config, config_.links[link_].char_time);
-    std::vector<const Plan*> plans;
-    for (const auto& group : device->groups) plans.push_back(&group->cycle.plan());
-    nanoseconds of_device = fxagent::longest_poll(*device->codec, plans, timing);
-    if (!device->state.is_model_known())  // the questions about the model go as one with the read
-                                          // they precede
-      for (const Request& question : device->config.codec->plc()->identify())
-        of_device += exchange_time(*device->codec, question, timing);
-    longest = std::max(longest, of_device);
-  }
-  return longest;
-}
-
 nanoseconds LinkWorker::handshakes() const {
   nanoseconds total{0};
   for (const auto& device : devices_) {
@@ -147,8 +131,8 @@ std::optional<nanoseconds> LinkWorker::bound_of(const Waiting& command) const {
   for (const Waiting& waiting : waiting_) ahead += waiting.line_time;
   const nanoseconds own = command.line_time;
   return handshakes() + (CommandExecution::gives_way(command.admitted)
-                             ? scheduler_.bound_giving_way(own, ahead, longest_poll())
-                             : scheduler_.bound(own, ahead, longest_poll()));
+                             ? scheduler_.bound_giving_way(own, ahead, poller_.longest_poll())
+                             : scheduler_.bound(own, ahead, poller_.longest_poll()));
 }
 
 CommandResult LinkWorker::unsent(const AdmittedCommand& admitted, CommandStatus status) {
@@ -182,7 +166,7 @@ class LinkWorker::Sharing final : public BusSharing {
     PollScheduler& scheduler = worker_.scheduler_;
     scheduler.command_waits();  // the rest of this one
     scheduler.command_used(used, Clock::now());
-    while (!worker_.stopping_) {
+    while (!worker_.state_.is_stopping()) {
       const PollScheduler::Job job = scheduler.next(Clock::now());
       if (job.kind == PollScheduler::Job::Kind::poll) {
         const bool on_the_line = co_await worker_.poll_between(job.poll);
@@ -206,7 +190,7 @@ class LinkWorker::Sharing final : public BusSharing {
     worker_.after_write(*command_.device, admitted.targets[target], outcome);
   }
 
-  bool is_stopping() const override { return worker_.stopping_; }
+  bool is_stopping() const override { return worker_.state_.is_stopping(); }
   bool is_over() const override { return worker_.over_; }
 
  private:
@@ -251,9 +235,7 @@ asio::awaitable<bool> LinkWorker::poll_between(PollScheduler::PollStep step) {
   // Where the line is down a poll would not take any of it: the command opens it again.
   if (!bus_.is_open()) co_return false;
   const std::uint64_t before = bus_.counters().exchanges;
-  polling_ = true;
-  co_await run_step(step);
-  polling_ = false;
+  co_await poller_.run(step);
   co_return bus_.counters().exchanges != before;
 }
 
@@ -276,10 +258,10 @@ asio::awaitable<void> LinkWorker::run_command() {
   failpoint("order_answered");
 
   device.station.handshake_in = station.handshake_in;
-  if (bus_.is_open() && !was_open_) line_up();
+  state_.opened();
   scheduler_.command_used(execution.used(), Clock::now());
-  if (execution.was_answered()) note_answer(device);
-  if (execution.was_unanswered() && !execution.was_answered()) note_silence(device);
+  if (execution.was_answered()) state_.answered(device);
+  if (execution.was_unanswered() && !execution.was_answered()) state_.unanswered(device);
   result.bound = admitted.bound;
   device.admission.finished(result);
   if (admitted.run_request && result.status == CommandStatus::succeeded)
@@ -287,7 +269,7 @@ asio::awaitable<void> LinkWorker::run_command() {
   result.frames = std::move(trace);
   outbox_.push(std::move(result));
   running_.pop_back();
-  update_status(device);
+  state_.update(device);
 }
 
 void LinkWorker::after_write(Device& device, const AdmittedTarget& target,
@@ -297,15 +279,9 @@ void LinkWorker::after_write(Device& device, const AdmittedTarget& target,
   const bool whole = outcome.status == CommandStatus::succeeded;
   const bool in_part = outcome.status == CommandStatus::partial && read_back;
   if (!whole && !in_part) return;
-  const Value value = read_back ? *outcome.verify->read : target.written.value_or(Value());
-  const TagConfig& tag = device.config.tags[*target.tag_index];
-  for (const auto& group : device.groups) {
-    if (group->cycle.group() != tag.group) continue;
-    Telemetry message = group->cycle.written(*target.tag_index, value, now_ms());
-    message.written = !read_back;
-    ++device.collected;
-    publish(device, std::move(message));
-  }
+  Value value = read_back ? *outcome.verify->read : target.written.value_or(Value());
+  poller_.publish_written(device, *target.tag_index, std::move(value),
+                          read_back ? Poller::Origin::read_back : Poller::Origin::written);
 }
 
 }  // namespace fxagent
