@@ -4,6 +4,7 @@
 
 #include "agent/failpoint.h"
 #include "agent/field/command_execution.h"
+#include "agent/field/command_line_time.h"
 #include "agent/field/link_worker.h"
 #include "agent/line_time.h"
 #include "agent/log/log.h"
@@ -66,10 +67,9 @@ void LinkWorker::submit(Command command) {
 
 void LinkWorker::take_line_times(Waiting& waiting) const {
   const nanoseconds char_time = config_.links[link_].char_time;
-  waiting.line_time = CommandExecution::line_time(*waiting.codec, waiting.device->config, char_time,
-                                                  waiting.admitted);
-  CommandExecution::set_line_times(*waiting.codec, waiting.device->config, char_time,
-                                   waiting.admitted);
+  waiting.line_time =
+      line_time_of(*waiting.codec, waiting.device->config, char_time, waiting.admitted);
+  set_line_times(*waiting.codec, waiting.device->config, char_time, waiting.admitted);
 }
 
 void LinkWorker::take_interrupted(Command command) {
@@ -130,7 +130,7 @@ std::optional<nanoseconds> LinkWorker::bound_of(const Waiting& command) const {
   for (const Waiting& running : running_) ahead += running.line_time;
   for (const Waiting& waiting : waiting_) ahead += waiting.line_time;
   const nanoseconds own = command.line_time;
-  return handshakes() + (CommandExecution::gives_way(command.admitted)
+  return handshakes() + (gives_way(command.admitted)
                              ? scheduler_.bound_giving_way(own, ahead, poller_.longest_poll())
                              : scheduler_.bound(own, ahead, poller_.longest_poll()));
 }
