@@ -38,6 +38,8 @@ class Raised final {
   bool& flag_;
 };
 
+asio::awaitable<void> nothing() { co_return; }
+
 std::string milliseconds_text(nanoseconds duration) {
   return std::to_string(std::chrono::round<milliseconds>(duration).count());
 }
@@ -119,19 +121,14 @@ nanoseconds Poller::longest_poll() const {
 
 // ---- one step -----------------------------------------------------------------------------------
 
+// No coroutine itself: a poll has one frame less that way.
 asio::awaitable<void> Poller::run(PollScheduler::PollStep step) {
-  const Raised polling(polling_);
   for (const auto& device : devices_) {
-    if (device->run_state_group == step.group) {
-      co_await read_run_state(*device, step);
-      co_return;
-    }
-    for (const auto& group : device->groups) {
-      if (group->id != step.group) continue;
-      co_await read_group(*device, *group, step);
-      co_return;
-    }
+    if (device->run_state_group == step.group) return read_run_state(*device, step);
+    for (const auto& group : device->groups)
+      if (group->id == step.group) return read_group(*device, *group, step);
   }
+  return nothing();
 }
 
 bool Poller::begin_cycle(LinkDevice& device, GroupPoll& group,
@@ -149,6 +146,7 @@ bool Poller::begin_cycle(LinkDevice& device, GroupPoll& group,
 
 asio::awaitable<void> Poller::read_group(LinkDevice& device, GroupPoll& group,
                                          PollScheduler::PollStep step) {
+  const Raised polling(polling_);
   if (step.starts_cycle && !begin_cycle(device, group, step)) co_return;
   if (!bus_.is_open()) {
     fail_cycle(device, group, BadReason::link_down);
@@ -286,6 +284,7 @@ void Poller::publish_written(LinkDevice& device, std::uint32_t tag, Value value,
 // ---- the PLC itself -----------------------------------------------------------------------------
 
 asio::awaitable<void> Poller::read_run_state(LinkDevice& device, PollScheduler::PollStep step) {
+  const Raised polling(polling_);
   Knowledge knowledge = Knowledge::known;
   BadReason failure = BadReason::link_down;
   if (bus_.is_open() && !device.state.is_model_known())
