@@ -36,14 +36,14 @@ LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std
                        std::span<const std::uint32_t> devices, Outbox& outbox,
                        std::unique_ptr<Transport> transport, const RestoredState& restored,
                        Polling polling, Journaling journaling, std::shared_ptr<CommandRoom> room)
-    : executor_(executor),
-      config_(config),
+    : config_(config),
       link_(link),
       outbox_(outbox),
       bus_(executor, std::move(transport), config.links[link].char_time),
       scheduler_(config.links[link].poll_share),
       state_(config, link, bus_, scheduler_, devices_, outbox),
       poller_(config.links[link], bus_, scheduler_, devices_, state_, outbox),
+      commands_(executor, config.links[link], bus_, scheduler_, devices_, state_, poller_, outbox),
       idle_(executor),
       journaling_(journaling),
       room_(std::move(room)),
@@ -105,25 +105,17 @@ asio::awaitable<void> LinkWorker::run() {
   }
   bus_.close();
   stop_timer_.cancel();
-  waiting_.splice(waiting_.end(), unjournaled_);
-  for (const Waiting& waiting : waiting_)
+  std::list<Waiting> unsent_ones = commands_.take_waiting();
+  unsent_ones.splice(unsent_ones.end(), unjournaled_);
+  for (const Waiting& waiting : unsent_ones)
     outbox_.push(unsent(waiting.admitted, CommandStatus::failed));
-  waiting_.clear();
   ended_ = true;
 }
 
 void LinkWorker::answer_after_fault(const std::string& what) {
   log::error("link", {{"link", config_.links[link_].name}, {"fault", what}});
   bus_.close();
-  scheduler_.commands_are(static_cast<std::uint32_t>(waiting_.size()));
-  for (const Waiting& running : running_) {
-    CommandResult result = result_of(running.admitted.command);
-    set_outcome(result, CommandStatus::unknown_outcome, Reason::link_down,
-                "a fault in the agent ended the link while the command was under way");
-    running.device->admission.finished(result);
-    outbox_.push(std::move(result));
-  }
-  running_.clear();
+  commands_.answer_running("a fault in the agent ended the link while the command was under way");
 }
 
 asio::awaitable<void> LinkWorker::serve() {
@@ -137,7 +129,7 @@ asio::awaitable<void> LinkWorker::serve() {
     const PollScheduler::Job job = scheduler_.next(now);
     switch (job.kind) {
       case PollScheduler::Job::Kind::command:
-        co_await run_command();
+        co_await commands_.run_next();
         break;
       case PollScheduler::Job::Kind::poll:
         co_await poller_.run(job.poll);
@@ -152,11 +144,11 @@ asio::awaitable<void> LinkWorker::serve() {
 void LinkWorker::stop() {
   state_.stop();
   idle_.cancel();
-  if (running_.empty() || poller_.is_polling()) bus_.close();
+  if (!commands_.is_running() || poller_.is_polling()) bus_.close();
   stop_timer_.expires_after(kFinishWithin);
   stop_timer_.async_wait([this](const asio::error_code& cancelled) {
     if (cancelled) return;
-    over_ = true;
+    commands_.end();
     bus_.close();
   });
 }

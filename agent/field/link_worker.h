@@ -1,5 +1,5 @@
-// The loop of one link: opens it, lets the Poller poll its devices, carries out their commands. One
-// coroutine; what it does next is the PollScheduler's to say. Field thread.
+// The loop of one link: opens it, lets Poller and LinkCommands do the rest. One coroutine; what it
+// does next is the PollScheduler's to say. Field thread.
 #pragma once
 
 #include <asio/any_io_executor.hpp>
@@ -17,6 +17,7 @@
 #include "agent/config/config.h"
 #include "agent/field/bus.h"
 #include "agent/field/field.h"
+#include "agent/field/link_commands.h"
 #include "agent/field/link_device.h"
 #include "agent/field/link_state.h"
 #include "agent/field/poll_scheduler.h"
@@ -71,14 +72,7 @@ class LinkWorker final {
 
  private:
   using Device = LinkDevice;
-  struct Waiting {
-    AdmittedCommand admitted;
-    Device* device = nullptr;
-    std::shared_ptr<const Codec>
-        codec;  ///< the one it was planned with; the model may be found later
-    std::chrono::nanoseconds line_time{0};
-  };
-  class Sharing;
+  using Waiting = WaitingCommand;
 
   void add_device(std::uint32_t index, BackOff back_off);
   Device* device_of(std::uint32_t index);
@@ -93,20 +87,9 @@ class LinkWorker final {
   /// The answer to a command that no wire will see any more. `status`: whether it had been admitted
   /// before the end was asked for.
   static CommandResult unsent(const AdmittedCommand& admitted, CommandStatus status);
-  asio::awaitable<void> run_command();
-  /// Whether the next waiting command may go between two parts of the one under way: it takes no
-  /// longer than `credit`, and touches nothing that a resting one of its device does.
-  bool may_go_between(std::chrono::nanoseconds credit) const;
-  void after_write(Device& device, const AdmittedTarget& target, const TargetResult& outcome);
   void enqueue(Waiting waiting);
-  std::optional<std::chrono::nanoseconds> bound_of(const Waiting& command) const;
   void take_line_times(Waiting& waiting) const;
-  /// A poll while a command rests. False: it put nothing on the line.
-  asio::awaitable<bool> poll_between(PollScheduler::PollStep step);
-  /// Line time of the enquiries that go before the first exchange with each device of a session.
-  std::chrono::nanoseconds handshakes() const;
 
-  asio::any_io_executor executor_;
   const Config& config_;
   const std::uint32_t link_;
   Outbox& outbox_;
@@ -115,18 +98,14 @@ class LinkWorker final {
   LinkDevices devices_;
   LinkState state_;
   Poller poller_;
+  LinkCommands commands_;
   asio::steady_timer idle_;
   std::unordered_map<std::uint32_t, Device*> by_index_;
   const Journaling journaling_;
   const std::shared_ptr<CommandRoom> room_;  ///< shared with admission; bytes of commands that wait
   std::list<Waiting> unjournaled_;           ///< admitted; without their go-ahead so far
-  std::list<Waiting> waiting_;
   SteadyTime counting_since_{};
-  /// The command under way; behind it the one that goes between two parts of it, and so on.
-  std::list<Waiting> running_;
-  Sharing* sharing_ = nullptr;  ///< of the last of them
   asio::steady_timer stop_timer_;
-  bool over_ = false;  ///< what was under way at the stop has had its time
   std::atomic<bool> ended_ = false;
 };
 

@@ -1,0 +1,220 @@
+#include "agent/field/link_commands.h"
+
+#include <algorithm>
+#include <string>
+#include <utility>
+
+#include "agent/failpoint.h"
+#include "agent/field/bus_sharing.h"
+#include "agent/field/command_execution.h"
+#include "agent/field/command_line_time.h"
+#include "agent/line_time.h"
+
+namespace fxagent {
+namespace {
+
+using std::chrono::nanoseconds;
+using Clock = std::chrono::steady_clock;
+
+bool overlap(const Span& one, const Span& other) {
+  return one.space == other.space && one.first_bit < other.end_bit() &&
+         other.first_bit < one.end_bit();
+}
+
+}  // namespace
+
+LinkCommands::LinkCommands(asio::any_io_executor executor, const LinkConfig& link, Bus& bus,
+                           PollScheduler& scheduler, const LinkDevices& devices, LinkState& state,
+                           Poller& poller, Outbox& outbox)
+    : executor_(std::move(executor)),
+      link_(link),
+      bus_(bus),
+      scheduler_(scheduler),
+      devices_(devices),
+      state_(state),
+      poller_(poller),
+      outbox_(outbox) {}
+
+void LinkCommands::add(WaitingCommand command) {
+  command.admitted.bound = bound_of(command);
+  waiting_.push_back(std::move(command));
+  scheduler_.command_waits();
+}
+
+std::list<WaitingCommand> LinkCommands::take_waiting() { return std::exchange(waiting_, {}); }
+
+void LinkCommands::answer_running(std::string_view why) {
+  scheduler_.commands_are(static_cast<std::uint32_t>(waiting_.size()));
+  for (const WaitingCommand& running : running_) {
+    CommandResult result = result_of(running.admitted.command);
+    set_outcome(result, CommandStatus::unknown_outcome, Reason::link_down, std::string(why));
+    running.device->admission.finished(result);
+    outbox_.push(std::move(result));
+  }
+  running_.clear();
+}
+
+nanoseconds LinkCommands::handshakes() const {
+  nanoseconds total{0};
+  for (const auto& device : devices_) {
+    const auto enquiry = device->codec->resync();
+    if (!enquiry || device->config.enquire != EnquirePolicy::open) continue;
+    if (bus_.is_open() && device->station.handshake_in == bus_.session()) continue;
+    const LineTiming timing = timing_of(device->config, link_.char_time);
+    total += exchange_time(*device->codec, *enquiry, timing);
+  }
+  return total;
+}
+
+std::optional<nanoseconds> LinkCommands::bound_of(const WaitingCommand& command) const {
+  if (link_.char_time.count() == 0) return std::nullopt;
+  nanoseconds ahead{0};
+  for (const WaitingCommand& running : running_) ahead += running.line_time;
+  for (const WaitingCommand& waiting : waiting_) ahead += waiting.line_time;
+  const nanoseconds own = command.line_time;
+  return handshakes() + (gives_way(command.admitted)
+                             ? scheduler_.bound_giving_way(own, ahead, poller_.longest_poll())
+                             : scheduler_.bound(own, ahead, poller_.longest_poll()));
+}
+
+// ---- on the wire --------------------------------------------------------------------------------
+
+/// One command's dealings with the polls and with the commands that wait behind it.
+class LinkCommands::Sharing final : public BusSharing {
+ public:
+  Sharing(LinkCommands& commands, const WaitingCommand& command)
+      : commands_(commands), command_(command), outer_(commands.sharing_) {
+    commands.sharing_ = this;
+  }
+  Sharing(const Sharing&) = delete;
+  Sharing& operator=(const Sharing&) = delete;
+  ~Sharing() override { commands_.sharing_ = outer_; }
+
+  /// The polls have their share as between commands. Commands that wait have as much line time as
+  /// this one has had, in their order: a short one goes after the first target, one as long as
+  /// this one waits for its end. So nobody is put off for longer than his bound says.
+  asio::awaitable<void> give_way(nanoseconds used) override {
+    if (!at_a_target_) within_ += used;
+    at_a_target_ = false;
+    PollScheduler& scheduler = commands_.scheduler_;
+    scheduler.command_waits();  // the rest of this one
+    scheduler.command_used(used, Clock::now());
+    while (!commands_.state_.is_stopping()) {
+      const PollScheduler::Job job = scheduler.next(Clock::now());
+      if (job.kind == PollScheduler::Job::Kind::poll) {
+        const bool on_the_line = co_await commands_.poll_between(job.poll);
+        if (!on_the_line) break;
+      } else if (commands_.may_go_between(credit())) {
+        give(commands_.waiting_.front().line_time);
+        co_await commands_.run_next();
+      } else {
+        break;
+      }
+    }
+    scheduler.command_taken();
+  }
+
+  void concluded(std::size_t target, const TargetResult& outcome) override {
+    const AdmittedCommand& admitted = command_.admitted;
+    if (target >= admitted.targets.size()) return;
+    had_ += admitted.targets[target].line_time;
+    within_ = {};
+    at_a_target_ = true;
+    commands_.after_write(*command_.device, admitted.targets[target], outcome);
+  }
+
+  bool is_stopping() const override { return commands_.state_.is_stopping(); }
+  bool is_over() const override { return commands_.over_; }
+
+ private:
+  /// Line time that others may have now: what this command has had and not yet given, and the one
+  /// that it went between itself.
+  nanoseconds credit() const {
+    const nanoseconds own = had_ + within_ - given_;
+    return outer_ == nullptr ? own : std::min(own, outer_->credit());
+  }
+  void give(nanoseconds line_time) {
+    for (Sharing* each = this; each != nullptr; each = each->outer_) each->given_ += line_time;
+  }
+
+  LinkCommands& commands_;
+  const WaitingCommand& command_;
+  Sharing* const outer_;  ///< of the command that rests while this one is under way
+  // Planned line time, which is what the bound of a command is made of.
+  nanoseconds had_{0};     ///< by the targets that have their outcome
+  nanoseconds within_{0};  ///< by the one that has not
+  nanoseconds given_{0};   ///< to other commands
+  bool at_a_target_ = false;
+};
+
+bool LinkCommands::may_go_between(nanoseconds credit) const {
+  if (waiting_.empty() || waiting_.front().line_time > credit) return false;
+  const WaitingCommand& next = waiting_.front();
+  return std::none_of(running_.begin(), running_.end(), [&next](const WaitingCommand& under_way) {
+    if (next.device != under_way.device) return false;
+    // A STOP may not wait; a RUN may be meant to come after what is being written. And what is
+    // read or written twice is meant in its order.
+    if (next.admitted.run_request) return next.admitted.command.op != Op::stop;
+    for (const AdmittedTarget& target : next.admitted.targets) {
+      const Span span = *span_of(target.point);
+      for (const AdmittedTarget& other : under_way.admitted.targets)
+        if (overlap(span, *span_of(other.point))) return true;
+    }
+    return false;
+  });
+}
+
+asio::awaitable<bool> LinkCommands::poll_between(PollScheduler::PollStep step) {
+  // Where the line is down a poll would not take any of it: the command opens it again.
+  if (!bus_.is_open()) co_return false;
+  const std::uint64_t before = bus_.counters().exchanges;
+  co_await poller_.run(step);
+  co_return bus_.counters().exchanges != before;
+}
+
+asio::awaitable<void> LinkCommands::run_next() {
+  running_.push_back(std::move(waiting_.front()));
+  waiting_.pop_front();
+  scheduler_.command_taken();
+  const WaitingCommand& running = running_.back();
+  const AdmittedCommand& admitted = running.admitted;
+  LinkDevice& device = *running.device;
+  --device.waiting;
+
+  Station station = device.station;
+  station.codec = running.codec.get();
+  FrameTrace trace;
+  station.trace = &trace;
+  Sharing sharing(*this, running);
+  CommandExecution execution(executor_, bus_, station, device.config, admitted, &sharing);
+  CommandResult result = co_await execution.run();
+  failpoint("order_answered");
+
+  device.station.handshake_in = station.handshake_in;
+  state_.opened();
+  scheduler_.command_used(execution.used(), Clock::now());
+  if (execution.was_answered()) state_.answered(device);
+  if (execution.was_unanswered() && !execution.was_answered()) state_.unanswered(device);
+  result.bound = admitted.bound;
+  device.admission.finished(result);
+  if (admitted.run_request && result.status == CommandStatus::succeeded)
+    device.state.set_run(admitted.command.op == Op::run);
+  result.frames = std::move(trace);
+  outbox_.push(std::move(result));
+  running_.pop_back();
+  state_.update(device);
+}
+
+void LinkCommands::after_write(LinkDevice& device, const AdmittedTarget& target,
+                               const TargetResult& outcome) {
+  if (!target.tag_index || target.requests.empty()) return;
+  const bool read_back = outcome.verify && outcome.verify->read;
+  const bool whole = outcome.status == CommandStatus::succeeded;
+  const bool in_part = outcome.status == CommandStatus::partial && read_back;
+  if (!whole && !in_part) return;
+  Value value = read_back ? *outcome.verify->read : target.written.value_or(Value());
+  poller_.publish_written(device, *target.tag_index, std::move(value),
+                          read_back ? Poller::Origin::read_back : Poller::Origin::written);
+}
+
+}  // namespace fxagent
