@@ -4,8 +4,7 @@
 #include <utility>
 
 #include "agent/commands/result.h"
-#include "agent/field/stream_io.h"
-#include "agent/line_time.h"
+#include "agent/field/command_line_time.h"
 
 namespace fxagent {
 namespace {
@@ -14,13 +13,8 @@ using std::chrono::milliseconds;
 using std::chrono::nanoseconds;
 using Clock = std::chrono::steady_clock;
 
-// CONTRACT: RUN and STOP are verified by the RUN state for up to 2 s.
-constexpr milliseconds kRunStateWithin{2000};
+// How often the RUN state is asked for after RUN or STOP.
 constexpr milliseconds kRunStateEvery{100};
-// CONTRACT: an array that takes longer gives way between its frames.
-constexpr milliseconds kLongArray{2000};
-// A device that says it is busy is asked again once it may have finished.
-constexpr milliseconds kBusyPause{100};
 
 Reason reason_of(const Exchange& exchange) {
   switch (exchange.outcome) {
@@ -93,23 +87,15 @@ Verification verification(const AdmittedTarget& target, const Bytes& image) {
   return out;
 }
 
-bool is_bit(const AdmittedTarget& target) { return target.point.type == DataType::boolean; }
-
-bool wants_verify(const AdmittedCommand& admitted, const AdmittedTarget& target) {
-  return is_bit(target) ? admitted.verify_bits : admitted.verify_words;
-}
-
 }  // namespace
 
 CommandExecution::CommandExecution(asio::any_io_executor executor, Bus& bus, Station& station,
                                    const DeviceConfig& device, const AdmittedCommand& admitted,
                                    BusSharing* sharing)
-    : timer_(executor),
-      bus_(bus),
-      station_(station),
-      device_(device),
+    : station_(station),
       admitted_(admitted),
       sharing_(sharing),
+      wire_(executor, bus, station, device, admitted, sharing),
       result_(result_of(admitted.command)) {}
 
 asio::awaitable<CommandResult> CommandExecution::run() {
@@ -126,25 +112,6 @@ asio::awaitable<CommandResult> CommandExecution::run() {
   co_return std::move(result_);
 }
 
-SteadyTime CommandExecution::latest_start() const {
-  if (wrote_) return SteadyTime::max();
-  if (first_byte_) return admitted_.deadline;
-  return admitted_.deadline - admitted_.line_time.value_or(nanoseconds(0));
-}
-
-nanoseconds CommandExecution::used() const {
-  return part_began_ ? last_byte_ - *part_began_ : nanoseconds(0);
-}
-
-asio::awaitable<bool> CommandExecution::go_on(bool share) {
-  if (share && sharing_ != nullptr && !is_stopping()) {
-    const nanoseconds used_so_far = used();
-    part_began_.reset();
-    co_await sharing_->give_way(used_so_far);
-  }
-  co_return !is_stopping();
-}
-
 void CommandExecution::set_without_effect(TargetResult& out, const Exchange& exchange) const {
   if (exchange.is_nak()) {
     out.plc = PlcAnswer::nak;
@@ -158,91 +125,11 @@ void CommandExecution::set_without_effect(TargetResult& out, const Exchange& exc
                " ms on the line, and " +
                std::to_string(std::chrono::floor<milliseconds>(left).count()) + " ms were left";
     set(out, CommandStatus::expired, Reason::expired, std::move(detail));
-  } else if (cut_off_) {
+  } else if (wire_.was_cut_off()) {
     set(out, CommandStatus::failed, Reason::shutting_down, std::string(kStopped));
   } else {
     set(out, CommandStatus::failed, reason_of(exchange), exchange.error);
   }
-}
-
-asio::awaitable<Exchange> CommandExecution::ask(Request request, SteadyTime not_after) {
-  Exchange exchange;
-  if (Clock::now() > not_after) {  // nobody waits for a link or an enquiry that nothing will follow
-    exchange.outcome = Exchange::Outcome::expired;
-    co_return exchange;
-  }
-  // A channel that turns out to be closed before a byte was sent is opened anew, once.
-  for (int attempt = 0; attempt < 2; ++attempt) {
-    if (sharing_ != nullptr && sharing_->is_over()) {
-      cut_off_ = true;
-      exchange.outcome = Exchange::Outcome::link_down;
-      exchange.error = "the agent is stopping";
-      co_return exchange;
-    }
-    if (!bus_.is_open()) {
-      const auto opened = co_await bus_.open();
-      if (!opened) {
-        exchange.outcome = Exchange::Outcome::link_down;
-        exchange.error = opened.error().text;
-        co_return exchange;
-      }
-    }
-    exchange = co_await bus_.exchange(station_, request, not_after);
-    if (exchange.outcome != Exchange::Outcome::link_down || exchange.sent) break;
-  }
-  if (exchange.outcome == Exchange::Outcome::link_down && sharing_ != nullptr &&
-      sharing_->is_over())
-    cut_off_ = true;
-  if (exchange.sent) {
-    if (!first_byte_) first_byte_ = exchange.began;
-    if (!part_began_) part_began_ = exchange.began;
-    last_byte_ = exchange.ended;
-  }
-  const bool by_gateway =
-      exchange.is_nak() && station_.codec->meaning_of(request, exchange.reply.device_code) ==
-                               RefusalMeaning::unreachable;
-  if (exchange.has_answer() && !by_gateway) answered_ = true;
-  if (exchange.outcome == Exchange::Outcome::unanswered) unanswered_ = true;
-  co_return exchange;
-}
-
-asio::awaitable<CommandExecution::ReadBack> CommandExecution::read_point(
-    const AdmittedTarget& target, SteadyTime not_after) {
-  ReadBack out;
-  const Plan plan = reads_of(*station_.codec, device_, target.point);
-  std::vector<Bytes> images;
-  for (const PlannedRead& planned : plan.reads) {
-    if (!images.empty()) {
-      const bool going_on = co_await go_on(target.line_time > kLongArray);
-      if (!going_on && target.requests.empty()) {  // what was written is read back all the same
-        out.last = {};
-        out.last.outcome = Exchange::Outcome::link_down;
-        out.last.error = "the agent is stopping";
-        cut_off_ = true;
-        co_return out;
-      }
-    }
-    for (int attempt = 0; attempt <= device_.retries; ++attempt) {
-      out.last = co_await ask(planned.read, not_after);
-      const bool cured = out.last.is_data();
-      std::optional<RefusalMeaning> refusal;
-      if (out.last.is_nak())
-        refusal = station_.codec->meaning_of(planned.read, out.last.reply.device_code);
-      const bool worth_repeating = out.last.outcome == Exchange::Outcome::garbled ||
-                                   refusal == RefusalMeaning::curable ||
-                                   refusal == RefusalMeaning::busy;
-      if (cured || !worth_repeating) break;
-      if (refusal == RefusalMeaning::busy) co_await pause(kBusyPause);
-    }
-    if (!out.last.is_data()) co_return out;
-    images.push_back(std::move(out.last.reply.image));
-  }
-  auto image = image_of(plan, images, target.point, 0);
-  if (image)
-    out.image = std::move(*image);
-  else
-    out.last.error = image.error().text;
-  co_return out;
 }
 
 asio::awaitable<void> CommandExecution::run_targets() {
@@ -252,8 +139,9 @@ asio::awaitable<void> CommandExecution::run_targets() {
   bool going = true;
   for (const AdmittedTarget& target : admitted_.targets) {
     TargetResult out = fxagent::result_of(target);
-    bool going_on = !is_stopping();
-    if (going && going_on && !result_.targets.empty()) going_on = co_await go_on(/*share=*/true);
+    bool going_on = !wire_.is_stopping();
+    if (going && going_on && !result_.targets.empty())
+      going_on = co_await wire_.go_on(/*share=*/true);
     if (!going) {
       set(out, CommandStatus::failed, Reason::none, "not sent: an earlier target did not succeed");
     } else if (!going_on) {
@@ -275,8 +163,8 @@ void CommandExecution::conclude_target(TargetResult out) {
 
 asio::awaitable<void> CommandExecution::read_target(const AdmittedTarget& target,
                                                     TargetResult& out) {
-  ReadBack got = co_await read_point(target, latest_start());
-  if (first_byte_) ++result_.attempts;
+  CommandExchanges::ReadBack got = co_await wire_.read_point(target, wire_.latest_start());
+  if (wire_.first_byte()) ++result_.attempts;
   if (!got.image) {
     set_without_effect(out, got.last);
     co_return;
@@ -294,7 +182,7 @@ asio::awaitable<void> CommandExecution::read_target(const AdmittedTarget& target
 asio::awaitable<bool> CommandExecution::check_expected(const AdmittedTarget& target,
                                                        TargetResult& out) {
   if (target.expected.empty()) co_return true;
-  ReadBack got = co_await read_point(target, latest_start());
+  CommandExchanges::ReadBack got = co_await wire_.read_point(target, wire_.latest_start());
   if (!got.image) {
     set_without_effect(out, got.last);
     co_return false;
@@ -305,49 +193,6 @@ asio::awaitable<bool> CommandExecution::check_expected(const AdmittedTarget& tar
   set(out, CommandStatus::failed, Reason::expect_mismatch,
       "nothing was written: the value is not the one expected");
   co_return false;
-}
-
-asio::awaitable<void> CommandExecution::pause(milliseconds duration) {
-  timer_.expires_after(duration);
-  co_await timer_.async_wait(use_result);
-}
-
-asio::awaitable<Exchange> CommandExecution::send(Request request, Try which) {
-  // A second try is the contract's only inside the expiry, even of what is under way.
-  const auto not_after = [&] { return which == Try::first ? latest_start() : admitted_.deadline; };
-  if (const auto first = station_.codec->read_before(request)) {
-    Exchange reading = co_await ask(*first, not_after());
-    if (!reading.is_data()) {
-      reading.sent = false;  // the command itself has not left
-      co_return reading;
-    }
-    request = station_.codec->with_read(request, reading.reply.image);
-  }
-  Exchange exchange = co_await ask(std::move(request), not_after());
-  if (exchange.sent) {
-    ++result_.attempts;
-    wrote_ = true;
-  }
-  co_return exchange;
-}
-
-asio::awaitable<Exchange> CommandExecution::send_once_or_twice(Request request, bool may_repeat) {
-  const Codec& codec = *station_.codec;
-  Exchange exchange = co_await send(request, Try::first);
-  if (!may_repeat || !exchange.sent || !exchange.is_nak()) co_return exchange;
-  const int code = exchange.reply.device_code;
-  const RefusalMeaning meaning = codec.meaning_of(request, code);
-  const auto other = codec.instead_of(request, code);
-  if (other)
-    request = *other;
-  else if (meaning != RefusalMeaning::curable && meaning != RefusalMeaning::busy)
-    co_return exchange;
-  if (meaning == RefusalMeaning::busy) co_await pause(kBusyPause);
-  if (is_stopping()) co_return exchange;
-  Exchange second = co_await send(request, Try::second);
-  // Too late for a second try: what the first one brought is the answer.
-  if (second.outcome == Exchange::Outcome::expired) co_return exchange;
-  co_return second;
 }
 
 bool CommandExecution::surely_without_effect(const Request& request,
@@ -367,7 +212,7 @@ asio::awaitable<void> CommandExecution::conclude(const AdmittedTarget& target, E
   } else {
     out.plc = PlcAnswer::ack;
     set(out, CommandStatus::succeeded, Reason::none, "");
-    if (wants_verify(admitted_, target)) co_await verify(target, out);
+    if (is_verified(admitted_, target)) co_await verify(target, out);
   }
 }
 
@@ -379,15 +224,15 @@ asio::awaitable<void> CommandExecution::write_target(const AdmittedTarget& targe
   Exchange exchange;
   std::size_t carried_out = 0;
   for (; carried_out < target.requests.size(); ++carried_out) {
-    bool going_on = !is_stopping();
-    if (carried_out > 0) going_on = co_await go_on(target.line_time > kLongArray);
+    bool going_on = !wire_.is_stopping();
+    if (carried_out > 0) going_on = co_await wire_.go_on(gives_way(target));
     if (!going_on) {
       set(out, CommandStatus::failed, Reason::shutting_down, std::string(kStopped));
       co_return co_await end_early(target, carried_out, out);
     }
-    const int before = result_.attempts;
-    exchange = co_await send_once_or_twice(target.requests[carried_out], may_repeat);
-    if (result_.attempts - before > 1) may_repeat = false;
+    const int before = wire_.writes();
+    exchange = co_await wire_.send_once_or_twice(target.requests[carried_out], may_repeat);
+    if (wire_.writes() - before > 1) may_repeat = false;
     if (exchange.is_ack()) continue;
     if (!surely_without_effect(target.requests[carried_out], exchange)) break;
     set_without_effect(out, exchange);
@@ -406,7 +251,7 @@ asio::awaitable<void> CommandExecution::end_early(const AdmittedTarget& target, 
   out.progress = progress_of(target, frames);
   if (out.reason == Reason::shutting_down)
     out.detail = "the agent is stopping; the rest was not sent";
-  const ReadBack got = co_await read_point(target, SteadyTime::max());
+  const CommandExchanges::ReadBack got = co_await wire_.read_point(target, SteadyTime::max());
   if (got.image) out.verify = verification(target, *got.image);
 }
 
@@ -429,9 +274,9 @@ asio::awaitable<bool> CommandExecution::write_together() {
   }
   const auto together = station_.codec->combine(requests);
   if (!together) co_return false;
-  if (is_stopping()) co_return false;
+  if (wire_.is_stopping()) co_return false;
   result_.one_frame = true;
-  const Exchange exchange = co_await send_once_or_twice(*together, true);
+  const Exchange exchange = co_await wire_.send_once_or_twice(*together, true);
   const bool no_effect = !exchange.is_ack() && surely_without_effect(*together, exchange);
   for (const AdmittedTarget& target : admitted_.targets) {
     TargetResult out = fxagent::result_of(target);
@@ -439,7 +284,7 @@ asio::awaitable<bool> CommandExecution::write_together() {
       set_without_effect(out, exchange);
     } else {
       // All of it was carried out, or nobody knows: only the reading back waits for others.
-      if (!result_.targets.empty()) co_await go_on(/*share=*/true);
+      if (!result_.targets.empty()) co_await wire_.go_on(/*share=*/true);
       co_await conclude(target, exchange, out);
     }
     conclude_target(std::move(out));
@@ -448,7 +293,7 @@ asio::awaitable<bool> CommandExecution::write_together() {
 }
 
 asio::awaitable<void> CommandExecution::verify(const AdmittedTarget& target, TargetResult& out) {
-  ReadBack got = co_await read_point(target, SteadyTime::max());
+  CommandExchanges::ReadBack got = co_await wire_.read_point(target, SteadyTime::max());
   if (!got.image) {
     out.detail = "acknowledged; it could not be read back: " +
                  (got.last.is_nak() ? nak_text(got.last) : got.last.error);
@@ -462,7 +307,7 @@ asio::awaitable<void> CommandExecution::verify(const AdmittedTarget& target, Tar
 
 asio::awaitable<void> CommandExecution::settle_unknown(const AdmittedTarget& target,
                                                        const Exchange& lost, TargetResult& out) {
-  if (cut_off_)
+  if (wire_.was_cut_off())
     set(out, CommandStatus::unknown_outcome, Reason::shutting_down,
         "the agent stopped before the answer came");
   else
@@ -476,7 +321,7 @@ asio::awaitable<void> CommandExecution::settle_unknown(const AdmittedTarget& tar
 
 asio::awaitable<void> CommandExecution::read_outcome(const AdmittedTarget& target,
                                                      std::string succeeded, TargetResult& out) {
-  ReadBack got = co_await read_point(target, SteadyTime::max());
+  CommandExchanges::ReadBack got = co_await wire_.read_point(target, SteadyTime::max());
   if (!got.image) co_return;
   out.verify = verification(target, *got.image);
   if (out.verify->match) set(out, CommandStatus::succeeded, Reason::none, std::move(succeeded));
@@ -485,7 +330,7 @@ asio::awaitable<void> CommandExecution::read_outcome(const AdmittedTarget& targe
 asio::awaitable<void> CommandExecution::settle_interrupted() {
   for (const AdmittedTarget& target : admitted_.targets) {
     TargetResult out = fxagent::result_of(target);
-    if (!result_.targets.empty()) co_await go_on(admitted_.targets.size() > 1);
+    if (!result_.targets.empty()) co_await wire_.go_on(admitted_.targets.size() > 1);
     set(out, CommandStatus::unknown_outcome, Reason::none, std::string(kInterrupted));
     co_await read_outcome(target,
                           "the agent ended while the command was under way; the value is the one "
@@ -499,12 +344,13 @@ asio::awaitable<std::optional<bool>> CommandExecution::await_run_state(const Plc
                                                                        bool wanted) {
   std::optional<bool> state;
   const Request question = plc.run_state();
-  const auto give_up = Clock::now() + kRunStateWithin;
+  const auto give_up = Clock::now() + kRunStateVerifiedWithin;
   for (;;) {
-    const Exchange exchange = co_await ask(question, SteadyTime::max());
+    const Exchange exchange = co_await wire_.ask(question, SteadyTime::max());
     if (exchange.is_data()) state = plc.run_state_from(exchange.reply.image);
-    if (state == wanted || cut_off_ || Clock::now() + kRunStateEvery > give_up) co_return state;
-    co_await pause(kRunStateEvery);
+    if (state == wanted || wire_.was_cut_off() || Clock::now() + kRunStateEvery > give_up)
+      co_return state;
+    co_await wire_.pause(kRunStateEvery);
   }
 }
 
@@ -512,7 +358,7 @@ asio::awaitable<void> CommandExecution::run_or_stop() {
   TargetResult& out = result_.targets.front();
   const PlcServices& plc = *station_.codec->plc();  // which made the request that was admitted
   const bool wanted = admitted_.command.op == Op::run;
-  const Exchange exchange = co_await ask(*admitted_.run_request, latest_start());
+  const Exchange exchange = co_await wire_.ask(*admitted_.run_request, wire_.latest_start());
   if (exchange.sent) ++result_.attempts;
   if (!exchange.sent) {
     set_without_effect(out, exchange);
@@ -538,7 +384,7 @@ asio::awaitable<void> CommandExecution::run_or_stop() {
             hint);
   } else if (exchange.is_ack()) {
     set(out, CommandStatus::succeeded, Reason::none, "acknowledged; the RUN state cannot be read");
-  } else if (cut_off_) {
+  } else if (wire_.was_cut_off()) {
     set(out, CommandStatus::unknown_outcome, Reason::shutting_down,
         "the agent stopped before the answer came");
   } else {
@@ -547,11 +393,12 @@ asio::awaitable<void> CommandExecution::run_or_stop() {
 }
 
 void CommandExecution::summarise() {
-  if (!first_byte_) {
+  result_.attempts += wire_.writes();
+  if (!wire_.first_byte()) {
     result_.queue = Clock::now() - admitted_.queued;
   } else {
-    result_.queue = *first_byte_ - admitted_.queued;
-    result_.wire = last_byte_ - *first_byte_;
+    result_.queue = *wire_.first_byte() - admitted_.queued;
+    result_.wire = wire_.last_byte() - *wire_.first_byte();
   }
   const TargetResult* telling = &result_.targets.back();
   for (const TargetResult& target : result_.targets) {
@@ -575,54 +422,6 @@ void CommandExecution::summarise() {
   if (open || result_.status == CommandStatus::partial)
     result_.progress = Progress{static_cast<std::uint32_t>(done),
                                 static_cast<std::uint32_t>(result_.targets.size())};
-}
-
-namespace {
-
-nanoseconds target_time(const Codec& codec, const DeviceConfig& device, const LineTiming& timing,
-                        const AdmittedCommand& admitted, const AdmittedTarget& target) {
-  const bool writes = !target.requests.empty();
-  const int readings = (writes ? 0 : 1) + (target.expected.empty() ? 0 : 1) +
-                       (writes && wants_verify(admitted, target) ? 1 : 0);
-  return write_time(codec, target.requests, timing) +
-         readings * read_time(codec, device, target.point, timing);
-}
-
-/// Of run and stop: the request and one question whether it has had its effect.
-nanoseconds run_or_stop_time(const Codec& codec, const LineTiming& timing,
-                             const AdmittedCommand& admitted) {
-  if (!admitted.run_request) return {};
-  return exchange_time(codec, *admitted.run_request, timing) +
-         exchange_time(codec, codec.plc()->run_state(), timing);
-}
-
-}  // namespace
-
-nanoseconds CommandExecution::line_time(const Codec& codec, const DeviceConfig& device,
-                                        nanoseconds char_time, const AdmittedCommand& admitted) {
-  const LineTiming timing = timing_of(device, char_time);
-  nanoseconds total = run_or_stop_time(codec, timing, admitted);
-  if (admitted.run_request) total += kRunStateWithin;
-  for (const AdmittedTarget& target : admitted.targets)
-    total += target_time(codec, device, timing, admitted, target);
-  return total;
-}
-
-void CommandExecution::set_line_times(const Codec& codec, const DeviceConfig& device,
-                                      nanoseconds char_time, AdmittedCommand& admitted) {
-  const LineTiming timing = timing_of(device, char_time);
-  nanoseconds total = run_or_stop_time(codec, timing, admitted);
-  for (AdmittedTarget& target : admitted.targets) {
-    target.line_time = target_time(codec, device, timing, admitted, target);
-    total += target.line_time;
-  }
-  if (char_time.count() > 0) admitted.line_time = total;
-}
-
-bool CommandExecution::gives_way(const AdmittedCommand& admitted) {
-  if (admitted.targets.size() > 1) return true;
-  return std::any_of(admitted.targets.begin(), admitted.targets.end(),
-                     [](const AdmittedTarget& target) { return target.line_time > kLongArray; });
 }
 
 }  // namespace fxagent

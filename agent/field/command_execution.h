@@ -1,9 +1,9 @@
 // Carries out one admitted command on the wire: expect, write, verify, and the honest word for how
-// it ended. Field thread.
+// it ended. Field thread. Its functions are the steps of that one act; what goes over the wire is
+// CommandExchanges'.
 #pragma once
 
 #include <asio/awaitable.hpp>
-#include <asio/steady_timer.hpp>
 #include <optional>
 #include <string>
 
@@ -11,8 +11,8 @@
 #include "agent/config/config.h"
 #include "agent/field/bus.h"
 #include "agent/field/bus_sharing.h"
+#include "agent/field/command_exchanges.h"
 #include "agent/messages.h"
-#include "protocol/plan.h"
 #include "protocol/plc.h"
 
 namespace fxagent {
@@ -28,48 +28,18 @@ class CommandExecution final {
   asio::awaitable<CommandResult> run();
 
   /// Line time since the line was last given to others.
-  std::chrono::nanoseconds used() const;
+  std::chrono::nanoseconds used() const { return wire_.used(); }
 
   /// Whether the device has answered anything, or has left something unanswered, during the run.
-  bool was_answered() const { return answered_; }
-  bool was_unanswered() const { return unanswered_; }
-
-  /// Line time of all exchanges of `admitted` when each ends well.
-  static std::chrono::nanoseconds line_time(const Codec& codec, const DeviceConfig& device,
-                                            std::chrono::nanoseconds char_time,
-                                            const AdmittedCommand& admitted);
-  /// Notes in `admitted` what its targets and, where the speed of the line is known, its own
-  /// exchanges take.
-  static void set_line_times(const Codec& codec, const DeviceConfig& device,
-                             std::chrono::nanoseconds char_time, AdmittedCommand& admitted);
-  /// Whether others have their turns in the midst of it: between the targets of a list, and between
-  /// the exchanges of an array that takes longer than 2 s.
-  static bool gives_way(const AdmittedCommand& admitted);
+  bool was_answered() const { return wire_.was_answered(); }
+  bool was_unanswered() const { return wire_.was_unanswered(); }
 
  private:
-  struct ReadBack {
-    std::optional<Bytes> image;  ///< of the whole point; nullopt: it could not be read
-    Exchange last;
-  };
-
-  /// Until when an exchange may begin: a command whose first write has left is finished.
-  SteadyTime latest_start() const;
-  bool is_stopping() const { return sharing_ != nullptr && sharing_->is_stopping(); }
-  /// Gives others their turn where `share` says so. False: the agent is to stop.
-  asio::awaitable<bool> go_on(bool share);
-
-  asio::awaitable<Exchange> ask(Request request, SteadyTime not_after);
-  asio::awaitable<ReadBack> read_point(const AdmittedTarget& target, SteadyTime not_after);
   asio::awaitable<void> run_targets();
   void conclude_target(TargetResult out);
   asio::awaitable<void> read_target(const AdmittedTarget& target, TargetResult& out);
   asio::awaitable<void> write_target(const AdmittedTarget& target, TargetResult& out);
   asio::awaitable<bool> check_expected(const AdmittedTarget& target, TargetResult& out);
-  /// Sends `request`, and before it the read that it needs; that read's failure is the command's.
-  enum class Try : std::uint8_t { first, second };
-  asio::awaitable<Exchange> send(Request request, Try which);
-  /// Sends `request`, and a second time only where the first surely had no effect.
-  asio::awaitable<Exchange> send_once_or_twice(Request request, bool may_repeat);
   /// Whether `target` shares a place with another of the command: then their sequence matters.
   bool meets_another(const AdmittedTarget& target) const;
   /// All targets in one frame, where the protocol has one for them. False: it has not.
@@ -92,23 +62,13 @@ class CommandExecution final {
                                        TargetResult& out);
   asio::awaitable<void> run_or_stop();
   asio::awaitable<std::optional<bool>> await_run_state(const PlcServices& plc, bool wanted);
-  asio::awaitable<void> pause(std::chrono::milliseconds duration);
   void summarise();
 
-  asio::steady_timer timer_;
-  Bus& bus_;
   Station& station_;
-  const DeviceConfig& device_;
   const AdmittedCommand& admitted_;
   BusSharing* const sharing_;
+  CommandExchanges wire_;
   CommandResult result_;
-  std::optional<SteadyTime> first_byte_;
-  std::optional<SteadyTime> part_began_;  ///< first byte since the line was given to others
-  SteadyTime last_byte_{};
-  bool wrote_ = false;    ///< a byte of a command has left
-  bool cut_off_ = false;  ///< the end came before the answer
-  bool answered_ = false;
-  bool unanswered_ = false;
 };
 
 }  // namespace fxagent

@@ -9,7 +9,9 @@
 #include <utility>
 #include <variant>
 
+#include "agent/commands/admission.h"
 #include "agent/commands/result.h"
+#include "agent/field/command_line_time.h"
 #include "tests/agent/field/fake_port.h"
 #include "tests/agent/field/field_plant.h"
 #include "tests/agent/field/on_io.h"
@@ -689,8 +691,7 @@ TEST_F(CommandExecutionTest, LineTimeCountsEachReadingOfAnOrder) {
     command.verify = verify;
     command.expect = std::move(expect);
     auto decision = admission.admit(std::move(command), device.codec, 0, Clock::now());
-    return CommandExecution::line_time(*device.codec, device, character,
-                                       std::get<AdmittedCommand>(decision));
+    return line_time_of(*device.codec, device, character, std::get<AdmittedCommand>(decision));
   };
   const nanoseconds write_alone = planned("1", false, std::nullopt);
   EXPECT_EQ(write_alone, (kWrite50.size() + kAck.size()) * character + milliseconds(30));

@@ -71,6 +71,26 @@ inline DeviceConfig port_device(std::string name = "press1",
   return device;
 }
 
+/// A codec with the defaults of its protocol, and `more`.
+inline std::shared_ptr<const Codec> codec_of(std::string_view protocol, Options more = {}) {
+  const ProtocolInfo& info = *find_protocol(protocol);
+  Options options = default_options(info);
+  for (auto& [key, value] : more) options[key] = value;
+  const auto made = info.make(options);
+  EXPECT_TRUE(made.has_value()) << made.error().text;
+  return *made;
+}
+
+inline DeviceConfig device_on(std::string_view protocol, std::shared_ptr<const Codec> codec,
+                              std::string name = "meter") {
+  DeviceConfig device;
+  device.name = std::move(name);
+  device.protocol = find_protocol(protocol);
+  device.codec = std::move(codec);
+  device.groups.push_back(group("fast", std::chrono::milliseconds(0)));
+  return device;
+}
+
 inline Value number(std::int64_t value) { return Value(Scalar(value)); }
 inline Value real(double value) { return Value(Scalar(value)); }
 inline Value flag(bool value) { return Value(Scalar(value)); }

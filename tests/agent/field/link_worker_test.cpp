@@ -238,15 +238,6 @@ TEST_F(LinkWorkerTest, PollBecomesATelemetryMessage) {
   }
 }
 
-TEST_F(LinkWorkerTest, CycleOfTwoReadsHasASpan) {
-  config.devices[0].tags.push_back(tag(*config.devices[0].codec, "running", "M0"));
-  start();
-  wait([&] { return !telemetry.empty(); });
-  EXPECT_EQ(telemetry[0].readings.size(), 2U);
-  ASSERT_TRUE(telemetry[0].span_ms);
-  EXPECT_GE(*telemetry[0].span_ms, 0.0);
-}
-
 TEST_F(LinkWorkerTest, DeviceThatAnswersIsOnline) {
   plc.set(kM8000, {0x01});
   config.devices[0].groups[0].interval = milliseconds(10);
@@ -256,24 +247,6 @@ TEST_F(LinkWorkerTest, DeviceThatAnswersIsOnline) {
   EXPECT_EQ(state().model, "FX3U");
   EXPECT_EQ(state().run, true);
   EXPECT_GT(state().since_ms, 0);
-}
-
-TEST_F(LinkWorkerTest, ReadThatIsRefusedIsRepeatedInTheSameBeat) {
-  script().expect(kEnq).give(kAck);
-  wire->expect(kReadD100).give(kNak).expect(kReadD100).give(kNak);
-  wire->expect(kReadD100).give(word_frame(7));
-  start();
-  wait([&] { return !telemetry.empty(); });
-  EXPECT_EQ(telemetry[0].readings[0].value, number(7));
-  EXPECT_FALSE(telemetry[0].readings[0].bad);
-}
-
-TEST_F(LinkWorkerTest, ReadThatIsAlwaysRefusedIsBadAndItsDeviceDegraded) {
-  script().then([](ByteView request) { return request.size() == 1 ? kAck : kNak; });
-  start();
-  wait_for_state(State::degraded, "nak");
-  EXPECT_EQ(telemetry.at(0).readings[0].bad, BadReason::nak);
-  EXPECT_FALSE(telemetry[0].span_ms);
 }
 
 TEST_F(LinkWorkerTest, CommandGoesBetweenTheRepeatsOfARead) {
@@ -298,14 +271,6 @@ TEST_F(LinkWorkerTest, BadTagDoesNotTakeItsNeighboursAlong) {
   const Telemetry& message = telemetry.at(0);
   EXPECT_EQ(message.readings[0].bad, BadReason::nak);
   EXPECT_FALSE(message.readings[1].bad);
-}
-
-TEST_F(LinkWorkerTest, ValueThatIsNoNumberIsBadValue) {
-  config.devices[0].tags[0].point.type = DataType::bcd16;
-  plc.set(kD100, word(0x0A00));
-  start();
-  wait_for_state(State::degraded, "bad_value");
-  EXPECT_EQ(telemetry.at(0).readings[0].bad, BadReason::bad_value);
 }
 
 TEST_F(LinkWorkerTest, OnChangeIsSuppressedAndCounted) {
@@ -557,48 +522,6 @@ class LinkWorkerModelTest : public LinkWorkerTest {
     config.devices[0].tags.push_back(tag(*config.devices[0].codec, "far", "D7000"));
   }
 };
-
-TEST_F(LinkWorkerModelTest, ModelIsAskedAndThePlanMadeAnew) {
-  plc.set(kD8001, word(24310));
-  plc.set(kD8101, word(16310));
-  plc.set(kD100, word(1));
-  plc.set(0x4000 + 14000, word(2));
-  start();
-  wait([&] { return !telemetry.empty(); });
-  const Telemetry& first = telemetry[0];
-  ASSERT_EQ(first.readings.size(), 2U);
-  EXPECT_EQ(first.readings[0].value, number(1));
-  EXPECT_EQ(first.readings[1].value, number(2)) << "reached by the extended commands of an FX3U";
-  EXPECT_FALSE(first.readings[1].bad);
-  wait_for_state(State::online, "");
-  EXPECT_EQ(state().model, "FX3U");
-  EXPECT_EQ(plc.count("read 0E02 2"), 1U) << "asked once";
-  EXPECT_GE(plc.count("E00 76B0 2"), 1U);
-}
-
-TEST_F(LinkWorkerModelTest, ModelThatCannotBeToldStaysClassicAndDegraded) {
-  plc.set(kD8001, word(24310));
-  plc.set(kD8101, word(0));
-  start();
-  wait_for_state(State::degraded, "model_unknown");
-  wait([&] { return !telemetry.empty(); });
-  EXPECT_FALSE(telemetry[0].readings[0].bad);
-  EXPECT_EQ(telemetry[0].readings[1].bad, BadReason::unsupported);
-  EXPECT_TRUE(state().model.empty());
-  EXPECT_EQ(plc.count("read 0E02 2"), 1U);
-}
-
-TEST_F(LinkWorkerModelTest, ModelIsAskedAgainAfterASilence) {
-  plc.set(kD8001, word(24310));
-  plc.set(kD8101, word(16310));
-  start();
-  wait_for_state(State::online, "");
-  plc.silent = true;
-  wait_for_state(State::offline, "timeout");
-  plc.silent = false;
-  plc.set(kD8101, word(24310));  // another PLC was plugged in: an FX2N
-  wait([&] { return state().model == "FX2N" && state().state != State::offline; });
-}
 
 // ---- commands
 // ------------------------------------------------------------------------------------

@@ -1,10 +1,8 @@
-// Commands and polls where a protocol has what the programming port lacks: refusals with reasons,
-// holes, broadcasts, several writes in one frame. Frames are those of the specifications.
+// Commands where a protocol has what the programming port lacks: refusals with reasons,
+// broadcasts, several writes in one frame. Frames are those of the specifications.
 #include <gtest/gtest.h>
 
-#include <asio/co_spawn.hpp>
 #include <asio/io_context.hpp>
-#include <functional>
 #include <memory>
 #include <string>
 #include <utility>
@@ -12,8 +10,6 @@
 
 #include "agent/commands/admission.h"
 #include "agent/field/command_execution.h"
-#include "agent/field/link_worker.h"
-#include "tests/agent/field/fake_modbus.h"
 #include "tests/agent/field/field_plant.h"
 #include "tests/agent/field/on_io.h"
 #include "tests/support/scripted_transport.h"
@@ -21,31 +17,10 @@
 namespace fxagent::test {
 namespace {
 
-using std::chrono::milliseconds;
 using std::chrono::nanoseconds;
 using Clock = std::chrono::steady_clock;
-using State = DeviceStatus::State;
 
 Bytes hex(std::string_view text) { return *from_hex(text); }
-
-std::shared_ptr<const Codec> codec_of(std::string_view protocol, Options more = {}) {
-  const ProtocolInfo& info = *find_protocol(protocol);
-  Options options = default_options(info);
-  for (auto& [key, value] : more) options[key] = value;
-  const auto made = info.make(options);
-  EXPECT_TRUE(made.has_value()) << made.error().text;
-  return *made;
-}
-
-DeviceConfig device_on(std::string_view protocol, std::shared_ptr<const Codec> codec,
-                       std::string name = "meter") {
-  DeviceConfig device;
-  device.name = std::move(name);
-  device.protocol = find_protocol(protocol);
-  device.codec = std::move(codec);
-  device.groups.push_back(group("fast", milliseconds(0)));
-  return device;
-}
 
 /// One open line with one device; commands come through real admission.
 class CommandOnTheBusTest : public ::testing::Test {
@@ -252,120 +227,6 @@ TEST_F(CommandOnTheBusTest, ListGoesInOneFrameWhereTheProtocolHasOne) {
   EXPECT_TRUE(result.one_frame);
   EXPECT_EQ(result.attempts, 1);
   EXPECT_EQ(result.targets.size(), 3U);
-}
-
-// ---- polls
-// ----------------------------------------------------------------------------------------
-
-/// One TCP connection with units behind it.
-class ModbusPolls : public ::testing::Test {
- protected:
-  ModbusPolls() { config.links.push_back({"gw", TcpSettings{"127.0.0.1", 502}, nanoseconds(0)}); }
-  ~ModbusPolls() override {
-    if (worker == nullptr) return;
-    worker->stop();
-    run_until(io, [this] { return ended; });
-  }
-  DeviceConfig& add_unit(std::int64_t unit, milliseconds interval = milliseconds(0)) {
-    config.devices.push_back(device_on("modbus-tcp", codec_of("modbus-tcp", {{"unit", unit}}),
-                                       "unit" + std::to_string(unit)));
-    config.devices.back().groups[0].interval = interval;
-    return config.devices.back();
-  }
-  void start() {
-    auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
-    wire = transport.get();
-    wire->then([this](ByteView request) { return peer.answer(request); });
-    worker = std::make_unique<LinkWorker>(io.get_executor(), config, 0, devices_by_link(config)[0],
-                                          outbox, std::move(transport),
-                                          std::vector<std::uint64_t>(), Polling::on);
-    asio::co_spawn(io, worker->run(), [this](std::exception_ptr bug) {
-      ended = true;
-      if (bug) std::rethrow_exception(bug);
-    });
-  }
-  void wait(const std::function<bool()>& reached) {
-    run_until(io, [&] {
-      Outbox::Batch batch = outbox.take();
-      for (auto& message : batch.telemetry) telemetry.push_back(std::move(message));
-      for (auto& status : batch.states) newest[status.device] = status;
-      return reached();
-    });
-  }
-  static std::size_t bad(const Telemetry& message) {
-    return static_cast<std::size_t>(
-        std::count_if(message.readings.begin(), message.readings.end(),
-                      [](const TagReading& reading) { return reading.bad.has_value(); }));
-  }
-
-  asio::io_context io;
-  Config config;
-  Outbox outbox{100000};
-  FakeModbus peer;
-  ScriptedTransport* wire = nullptr;
-  std::unique_ptr<LinkWorker> worker;
-  bool ended = false;
-  std::vector<Telemetry> telemetry;
-  std::map<std::uint32_t, DeviceStatus> newest;
-};
-
-TEST_F(ModbusPolls, BlockWithAHoleIsCutUntilEverythingElseIsRead) {
-  DeviceConfig& meter = add_unit(1);
-  for (int n = 0; n < 32; ++n)
-    meter.tags.push_back(tag(*meter.codec, "r" + std::to_string(n), "hr:" + std::to_string(n)));
-  peer.lacks = {11};
-  start();
-  wait([&] { return telemetry.size() > 10 && bad(telemetry.back()) == 1; });
-  const Telemetry& settled = telemetry.back();
-  EXPECT_EQ(settled.readings[11].bad, BadReason::nak);
-  EXPECT_EQ(newest[0].state, State::degraded);
-  // From now on two reads, and none of them touches the hole.
-  const std::size_t before = peer.asked.size();
-  wait([&] { return peer.asked.size() >= before + 6; });
-  for (std::size_t i = before; i < peer.asked.size(); ++i)
-    EXPECT_TRUE(peer.asked[i] == "1 read 0 11" || peer.asked[i] == "1 read 12 20") << peer.asked[i];
-}
-
-TEST_F(ModbusPolls, DeviceThatGivesFewRegistersAtOnceIsReadInSmallerBlocks) {
-  DeviceConfig& meter = add_unit(1);
-  for (int n = 0; n < 100; ++n)
-    meter.tags.push_back(tag(*meter.codec, "r" + std::to_string(n), "hr:" + std::to_string(n)));
-  peer.longest = 30;
-  start();
-  wait([&] { return !telemetry.empty() && bad(telemetry.back()) == 0; });
-  EXPECT_EQ(newest[0].state, State::online);
-}
-
-TEST_F(ModbusPolls, UnitThatItsGatewayDoesNotReachIsOfflineAndTheConnectionStays) {
-  for (const std::int64_t unit : {1, 2}) {
-    DeviceConfig& meter = add_unit(unit, milliseconds(10));
-    meter.timeout = milliseconds(50);
-    meter.tags.push_back(tag(*meter.codec, "r", "hr:0"));
-  }
-  peer.refuses[2] = 0x0B;
-  start();
-  wait([&] { return newest[1].state == State::offline && newest[1].reason == "timeout"; });
-  const std::size_t seen = telemetry.size();
-  wait([&] { return telemetry.size() > seen + 20; });
-  EXPECT_EQ(newest[0].state, State::online);
-  EXPECT_EQ(wire->opened(), 1U);
-  const auto asked_2 = std::count(peer.asked.begin(), peer.asked.end(), "2 read 0 1");
-  const auto asked_1 = std::count(peer.asked.begin(), peer.asked.end(), "1 read 0 1");
-  EXPECT_LT(asked_2 * 2, asked_1) << "a unit that is not there is left alone for a while";
-  peer.refuses.clear();
-  wait([&] { return newest[1].state == State::online; });
-}
-
-TEST_F(ModbusPolls, BusyUnitIsAskedAgainInTheSameBeat) {
-  DeviceConfig& meter = add_unit(1, milliseconds(3600000));
-  meter.tags.push_back(tag(*meter.codec, "r", "hr:0"));
-  peer.refuses[1] = 0x06;
-  start();
-  wait([&] { return peer.asked.size() == 2; });
-  peer.refuses.clear();
-  wait([&] { return !telemetry.empty(); });
-  EXPECT_EQ(bad(telemetry.front()), 0U);
-  EXPECT_EQ(peer.asked.size(), 3U);
 }
 
 }  // namespace

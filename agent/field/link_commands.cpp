@@ -1,18 +1,19 @@
-// Commands of a link: from their admission to their result, and what they mean for the polls.
+#include "agent/field/link_commands.h"
+
 #include <algorithm>
+#include <string>
 #include <utility>
 
 #include "agent/commands/result.h"
 #include "agent/failpoint.h"
+#include "agent/field/bus_sharing.h"
 #include "agent/field/command_execution.h"
-#include "agent/field/link_device.h"
+#include "agent/field/command_line_time.h"
 #include "agent/line_time.h"
-#include "agent/log/log.h"
 
 namespace fxagent {
 namespace {
 
-using std::chrono::milliseconds;
 using std::chrono::nanoseconds;
 using Clock = std::chrono::steady_clock;
 
@@ -23,83 +24,78 @@ bool overlap(const Span& one, const Span& other) {
 
 }  // namespace
 
-void LinkWorker::submit(AdmittedCommand admitted) {
-  Device* device = device_of(admitted.command.device);
-  if (device == nullptr) return;
-  if (stopping_) return outbox_.push(not_sent(admitted));
-  Waiting waiting;
-  waiting.admitted = std::move(admitted);
-  waiting.admitted.queued = Clock::now();
-  waiting.device = device;
-  take_line_times(waiting);
-  enqueue(std::move(waiting));
-}
+LinkCommands::LinkCommands(asio::any_io_executor executor, const LinkConfig& link, Bus& bus,
+                           PollScheduler& scheduler, const LinkDevices& devices, LinkState& state,
+                           Poller& poller, Outbox& outbox)
+    : executor_(std::move(executor)),
+      link_(link),
+      bus_(bus),
+      scheduler_(scheduler),
+      devices_(devices),
+      state_(state),
+      poller_(poller),
+      outbox_(outbox) {}
 
-void LinkWorker::take_line_times(Waiting& waiting) const {
-  const nanoseconds char_time = config_.links[link_].char_time;
-  waiting.line_time = CommandExecution::line_time(*waiting.admitted.codec, waiting.device->config,
-                                                  char_time, waiting.admitted);
-  CommandExecution::set_line_times(*waiting.admitted.codec, waiting.device->config, char_time,
-                                   waiting.admitted);
-}
-
-void LinkWorker::enqueue(Waiting waiting) {
-  waiting.admitted.bound = bound_of(waiting);
-  waiting_.push_back(std::move(waiting));
+void LinkCommands::add(AdmittedCommand admitted, LinkDevice& device) {
+  WaitingCommand command;
+  command.admitted = std::move(admitted);
+  command.admitted.queued = Clock::now();
+  command.device = &device;
+  command.line_time =
+      line_time_of(*command.admitted.codec, device.config, link_.char_time, command.admitted);
+  set_line_times(*command.admitted.codec, device.config, link_.char_time, command.admitted);
+  command.admitted.bound = bound_of(command);
+  waiting_.push_back(std::move(command));
   scheduler_.command_waits();
-  idle_.cancel();
 }
 
-nanoseconds LinkWorker::longest_poll() const {
-  nanoseconds longest{0};
-  for (const auto& device : devices_) {
-    const LineTiming timing = timing_of(device->config, config_.links[link_].char_time);
-    std::vector<const Plan*> plans;
-    for (const auto& group : device->groups) plans.push_back(&group->plan);
-    nanoseconds of_device = fxagent::longest_poll(*device->codec, plans, timing);
-    if (!device->model_known)  // the questions about the model go as one with the read they precede
-      for (const Request& question : device->config.codec->plc()->identify())
-        of_device += exchange_time(*device->codec, question, timing);
-    longest = std::max(longest, of_device);
+std::list<WaitingCommand> LinkCommands::take_waiting() { return std::exchange(waiting_, {}); }
+
+void LinkCommands::answer_running(std::string_view why) {
+  scheduler_.commands_are(static_cast<std::uint32_t>(waiting_.size()));
+  for (const WaitingCommand& running : running_) {
+    CommandResult result = result_of(running.admitted.command);
+    set_outcome(result, CommandStatus::unknown_outcome, Reason::link_down, std::string(why));
+    outbox_.push(std::move(result));
   }
-  return longest;
+  running_.clear();
 }
 
-nanoseconds LinkWorker::handshakes() const {
+nanoseconds LinkCommands::handshakes() const {
   nanoseconds total{0};
   for (const auto& device : devices_) {
     const auto enquiry = device->codec->resync();
     if (!enquiry || device->config.enquire != EnquirePolicy::open) continue;
     if (bus_.is_open() && device->station.handshake_in == bus_.session()) continue;
-    const LineTiming timing = timing_of(device->config, config_.links[link_].char_time);
+    const LineTiming timing = timing_of(device->config, link_.char_time);
     total += exchange_time(*device->codec, *enquiry, timing);
   }
   return total;
 }
 
-std::optional<nanoseconds> LinkWorker::bound_of(const Waiting& command) const {
-  if (config_.links[link_].char_time.count() == 0) return std::nullopt;
+std::optional<nanoseconds> LinkCommands::bound_of(const WaitingCommand& command) const {
+  if (link_.char_time.count() == 0) return std::nullopt;
   nanoseconds ahead{0};
-  for (const Waiting& running : running_) ahead += running.line_time;
-  for (const Waiting& waiting : waiting_) ahead += waiting.line_time;
+  for (const WaitingCommand& running : running_) ahead += running.line_time;
+  for (const WaitingCommand& waiting : waiting_) ahead += waiting.line_time;
   const nanoseconds own = command.line_time;
-  return handshakes() + (CommandExecution::gives_way(command.admitted)
-                             ? scheduler_.bound_giving_way(own, ahead, longest_poll())
-                             : scheduler_.bound(own, ahead, longest_poll()));
+  return handshakes() + (gives_way(command.admitted)
+                             ? scheduler_.bound_giving_way(own, ahead, poller_.longest_poll())
+                             : scheduler_.bound(own, ahead, poller_.longest_poll()));
 }
 
 // ---- on the wire --------------------------------------------------------------------------------
 
 /// One command's dealings with the polls and with the commands that wait behind it.
-class LinkWorker::Sharing final : public BusSharing {
+class LinkCommands::Sharing final : public BusSharing {
  public:
-  Sharing(LinkWorker& worker, const Waiting& command)
-      : worker_(worker), command_(command), outer_(worker.sharing_) {
-    worker.sharing_ = this;
+  Sharing(LinkCommands& commands, const WaitingCommand& command)
+      : commands_(commands), command_(command), outer_(commands.sharing_) {
+    commands.sharing_ = this;
   }
   Sharing(const Sharing&) = delete;
   Sharing& operator=(const Sharing&) = delete;
-  ~Sharing() override { worker_.sharing_ = outer_; }
+  ~Sharing() override { commands_.sharing_ = outer_; }
 
   /// The polls have their share as between commands. Commands that wait have as much line time as
   /// this one has had, in their order: a short one goes after the first target, one as long as
@@ -107,17 +103,17 @@ class LinkWorker::Sharing final : public BusSharing {
   asio::awaitable<void> give_way(nanoseconds used) override {
     if (!at_a_target_) within_ += used;
     at_a_target_ = false;
-    PollScheduler& scheduler = worker_.scheduler_;
+    PollScheduler& scheduler = commands_.scheduler_;
     scheduler.command_waits();  // the rest of this one
     scheduler.command_used(used, Clock::now());
-    while (!worker_.stopping_) {
+    while (!commands_.state_.is_stopping()) {
       const PollScheduler::Job job = scheduler.next(Clock::now());
       if (job.kind == PollScheduler::Job::Kind::poll) {
-        const bool on_the_line = co_await worker_.poll_between(job.poll);
+        const bool on_the_line = co_await commands_.poll_between(job.poll);
         if (!on_the_line) break;
-      } else if (worker_.may_go_between(credit())) {
-        give(worker_.waiting_.front().line_time);
-        co_await worker_.run_command();
+      } else if (commands_.may_go_between(credit())) {
+        give(commands_.waiting_.front().line_time);
+        co_await commands_.run_next();
       } else {
         break;
       }
@@ -131,11 +127,11 @@ class LinkWorker::Sharing final : public BusSharing {
     had_ += admitted.targets[target].line_time;
     within_ = {};
     at_a_target_ = true;
-    worker_.after_write(*command_.device, admitted.targets[target], outcome);
+    commands_.after_write(*command_.device, admitted.targets[target], outcome);
   }
 
-  bool is_stopping() const override { return worker_.stopping_; }
-  bool is_over() const override { return worker_.over_; }
+  bool is_stopping() const override { return commands_.state_.is_stopping(); }
+  bool is_over() const override { return commands_.over_; }
 
  private:
   /// Line time that others may have now: what this command has had and not yet given, and the one
@@ -148,8 +144,8 @@ class LinkWorker::Sharing final : public BusSharing {
     for (Sharing* each = this; each != nullptr; each = each->outer_) each->given_ += line_time;
   }
 
-  LinkWorker& worker_;
-  const Waiting& command_;
+  LinkCommands& commands_;
+  const WaitingCommand& command_;
   Sharing* const outer_;  ///< of the command that rests while this one is under way
   // Planned line time, which is what the bound of a command is made of.
   nanoseconds had_{0};     ///< by the targets that have their outcome
@@ -158,10 +154,10 @@ class LinkWorker::Sharing final : public BusSharing {
   bool at_a_target_ = false;
 };
 
-bool LinkWorker::may_go_between(nanoseconds credit) const {
+bool LinkCommands::may_go_between(nanoseconds credit) const {
   if (waiting_.empty() || waiting_.front().line_time > credit) return false;
-  const Waiting& next = waiting_.front();
-  return std::none_of(running_.begin(), running_.end(), [&next](const Waiting& under_way) {
+  const WaitingCommand& next = waiting_.front();
+  return std::none_of(running_.begin(), running_.end(), [&next](const WaitingCommand& under_way) {
     if (next.device != under_way.device) return false;
     // A STOP may not wait; a RUN may be meant to come after what is being written. And what is
     // read or written twice is meant in its order.
@@ -175,26 +171,24 @@ bool LinkWorker::may_go_between(nanoseconds credit) const {
   });
 }
 
-asio::awaitable<bool> LinkWorker::poll_between(PollScheduler::PollStep step) {
+asio::awaitable<bool> LinkCommands::poll_between(PollScheduler::PollStep step) {
   // Where the line is down a poll would not take any of it: the command opens it again.
   if (!bus_.is_open()) co_return false;
   const std::uint64_t before = bus_.counters().exchanges;
-  polling_ = true;
-  co_await run_step(step);
-  polling_ = false;
+  co_await poller_.run(step);
   co_return bus_.counters().exchanges != before;
 }
 
-asio::awaitable<void> LinkWorker::run_command() {
+asio::awaitable<void> LinkCommands::run_next() {
   running_.push_back(std::move(waiting_.front()));
   waiting_.pop_front();
   scheduler_.command_taken();
-  const Waiting& running = running_.back();
+  const WaitingCommand& running = running_.back();
   const AdmittedCommand& admitted = running.admitted;
-  Device& device = *running.device;
+  LinkDevice& device = *running.device;
 
   Station station = device.station;
-  station.codec = running.admitted.codec.get();
+  station.codec = admitted.codec.get();
   FrameTrace trace;
   station.trace = &trace;
   Sharing sharing(*this, running);
@@ -203,39 +197,29 @@ asio::awaitable<void> LinkWorker::run_command() {
   failpoint("order_answered");
 
   device.station.handshake_in = station.handshake_in;
-  if (bus_.is_open() && !was_open_) line_up();
+  state_.opened();
   scheduler_.command_used(execution.used(), Clock::now());
-  if (execution.was_answered()) note_answer(device);
-  if (execution.was_unanswered() && !execution.was_answered()) note_silence(device);
+  if (execution.was_answered()) state_.answered(device);
+  if (execution.was_unanswered() && !execution.was_answered()) state_.unanswered(device);
   result.bound = admitted.bound;
   if (admitted.run_request && result.status == CommandStatus::succeeded)
-    device.run = admitted.command.op == Op::run;
+    device.state.set_run(admitted.command.op == Op::run);
   result.frames = std::move(trace);
   outbox_.push(std::move(result));
   running_.pop_back();
-  update_status(device);
+  state_.update(device);
 }
 
-void LinkWorker::after_write(Device& device, const AdmittedTarget& target,
-                             const TargetResult& outcome) {
+void LinkCommands::after_write(LinkDevice& device, const AdmittedTarget& target,
+                               const TargetResult& outcome) {
   if (!target.tag_index || target.requests.empty()) return;
   const bool read_back = outcome.verify && outcome.verify->read;
   const bool whole = outcome.status == CommandStatus::succeeded;
   const bool in_part = outcome.status == CommandStatus::partial && read_back;
   if (!whole && !in_part) return;
-  const Value value = read_back ? *outcome.verify->read : target.written.value_or(Value());
-  const TagConfig& tag = device.config.tags[*target.tag_index];
-  for (const auto& group : device.groups) {
-    if (group->group != tag.group) continue;
-    group->newer[*target.tag_index] = value;
-    Telemetry message;
-    message.ts_ms = now_ms();
-    message.partial = true;
-    message.written = !read_back;
-    message.readings.push_back(group->report.written(*target.tag_index, value, message.ts_ms));
-    ++device.collected;
-    publish(device, tag.group, std::move(message));
-  }
+  Value value = read_back ? *outcome.verify->read : target.written.value_or(Value());
+  poller_.publish_written(device, *target.tag_index, std::move(value),
+                          read_back ? Poller::Origin::read_back : Poller::Origin::written);
 }
 
 }  // namespace fxagent

@@ -1,0 +1,60 @@
+#include "agent/field/device_state.h"
+
+#include <utility>
+
+#include "protocol/plc.h"
+
+namespace fxagent {
+
+DeviceState::DeviceState(std::uint32_t device, const Codec& codec, std::int64_t now_ms)
+    : asks_model_(must_ask_model(codec)), model_known_(!asks_model_), model_(model_of(codec)) {
+  told_.device = device;
+  told_.since_ms = now_ms;
+  told_.reason = "starting";
+  told_.model = model_;
+}
+
+void DeviceState::fell_silent() {
+  run_.reset();
+  if (asks_model_) model_known_ = false;
+}
+
+void DeviceState::set_model(const std::optional<std::string>& model) {
+  model_known_ = true;
+  model_unclear_ = !model;
+  model_ = model.value_or("");
+}
+
+std::optional<DeviceState::Change> DeviceState::update(const Facts& facts, std::int64_t now_ms) {
+  DeviceStatus status = told_;
+  status.model = model_;
+  status.run = run_;
+  status.state = DeviceStatus::State::online;
+  status.reason.clear();
+  if (!facts.bus_open) {
+    status.state = DeviceStatus::State::offline;
+    status.reason = facts.never_silent ? "never_silent" : to_string(BadReason::link_down);
+    status.run.reset();
+  } else if (facts.silent) {
+    status.state = DeviceStatus::State::offline;
+    status.reason = to_string(BadReason::timeout);
+  } else if (!answered_once_) {
+    return std::nullopt;
+  } else if (model_unclear_) {
+    status.state = DeviceStatus::State::degraded;
+    status.reason = "model_unknown";
+  } else if (facts.first_bad) {
+    status.state = DeviceStatus::State::degraded;
+    status.reason = to_string(*facts.first_bad);
+  }
+  const bool other_state = starting_ || status.state != told_.state;
+  if (!other_state && status.reason == told_.reason && status.model == told_.model &&
+      status.run == told_.run)
+    return std::nullopt;
+  if (other_state) status.since_ms = now_ms;
+  starting_ = false;
+  told_ = status;
+  return Change{std::move(status), other_state};
+}
+
+}  // namespace fxagent

@@ -1,0 +1,59 @@
+// The state of one device as its clients see it: offline, degraded or online, since when and why.
+// Pure: facts and time are arguments. Field thread.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "agent/messages.h"
+#include "protocol/codec.h"
+
+namespace fxagent {
+
+class DeviceState final {
+ public:
+  /// What bus, poll scheduler and polls know at this moment.
+  struct Facts {
+    bool bus_open = false;
+    bool never_silent = false;           ///< the bus was closed because it never fell silent
+    bool silent = false;                 ///< too many exchanges in a row had no answer
+    std::optional<BadReason> first_bad;  ///< of its tags, as they were last collected
+  };
+  struct Change {
+    DeviceStatus status;
+    bool other_state = false;  ///< worth a line in the log; else only a detail is new
+  };
+
+  /// `device` is an index in Config::devices, `codec` the config's. Offline, "starting".
+  DeviceState(std::uint32_t device, const Codec& codec, std::int64_t now_ms);
+
+  /// The device has answered something.
+  void answered() { answered_once_ = true; }
+  /// It is silent. Whoever answers next may be another PLC.
+  void fell_silent();
+  /// False where it must be asked for its model before it is asked for anything else.
+  bool is_model_known() const { return model_known_; }
+  /// It was asked; nullopt: the answers do not tell.
+  void set_model(const std::optional<std::string>& model);
+  /// nullopt: RUN or STOP is not known.
+  void set_run(std::optional<bool> run) { run_ = run; }
+
+  /// The state by these facts, where it is not the one that was told last. Before the first answer
+  /// of a device on an open bus there is nothing to tell.
+  std::optional<Change> update(const Facts& facts, std::int64_t now_ms);
+  /// What was told last.
+  const DeviceStatus& told() const { return told_; }
+
+ private:
+  const bool asks_model_;
+  bool model_known_;
+  bool model_unclear_ = false;
+  bool answered_once_ = false;
+  bool starting_ = true;  ///< nothing but "starting" was told
+  std::optional<bool> run_;
+  std::string model_;
+  DeviceStatus told_;
+};
+
+}  // namespace fxagent

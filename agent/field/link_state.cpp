@@ -1,0 +1,158 @@
+#include "agent/field/link_state.h"
+
+#include <algorithm>
+#include <variant>
+
+#include "agent/log/log.h"
+
+namespace fxagent {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
+using Clock = std::chrono::steady_clock;
+
+// Opening a serial path costs nothing; a host that is away should not be hammered, nor one that has
+// just come back by all its clients at once.
+constexpr ReconnectRules kSerialReconnects{milliseconds(500), milliseconds(2000), milliseconds(0)};
+constexpr ReconnectRules kTcpReconnects{milliseconds(500), milliseconds(30000), milliseconds(200)};
+// So many unanswered exchanges in a row on TCP, whoever was asked, mean that the peer is gone.
+constexpr int kDeadPeerAfter = 3;
+// A bus that comes to be doubted again and again is told of so often; each time is counted.
+constexpr std::chrono::seconds kDoubtToldEvery{60};
+
+/// Another one for each link, each start and each machine.
+std::uint64_t jitter_seed(std::uint32_t link) {
+  return static_cast<std::uint64_t>(std::chrono::system_clock::now().time_since_epoch().count()) +
+         link;
+}
+
+ReconnectRules opening_rules(const LinkConfig& link) {
+  return std::holds_alternative<SerialSettings>(link.channel) ? kSerialReconnects : kTcpReconnects;
+}
+
+}  // namespace
+
+LinkState::LinkState(const Config& config, std::uint32_t link, Bus& bus, PollScheduler& scheduler,
+                     const LinkDevices& devices, Outbox& outbox)
+    : config_(config.links[link]),
+      links_(config.links.size()),
+      bus_(bus),
+      scheduler_(scheduler),
+      devices_(devices),
+      outbox_(outbox),
+      reconnect_policy_(opening_rules(config.links[link]), jitter_seed(link)) {}
+
+nanoseconds LinkState::begin(SteadyTime now, milliseconds spread) {
+  const LinkStart start = reconnect_policy_.start(links_, spread);
+  next_open_ = now + start.open_after;
+  return start.poll_after - start.open_after;
+}
+
+void LinkState::opened() {
+  if (!bus_.is_open() || was_open_) return;
+  // A peer that babbles takes every connection: it is back when it has answered.
+  if (!bus_.never_silent()) reconnect_policy_.opened();
+  was_open_ = true;
+  unanswered_in_a_row_ = 0;
+  log::info("link", {{"link", config_.name}, {"state", "up"}});
+}
+
+void LinkState::open_failed(const std::string& why) {
+  next_open_ = Clock::now() + reconnect_policy_.after_failure();
+  lost(why);
+}
+
+void LinkState::lost(const std::string& why) {
+  if (was_open_)
+    next_open_ = Clock::now() + (bus_.never_silent() ? reconnect_policy_.after_failure()
+                                                     : reconnect_policy_.after_loss());
+  if (was_open_ || why != why_down_)
+    log::warn("link", {{"link", config_.name}, {"state", "down"}, {"reason", why}});
+  was_open_ = false;
+  why_down_ = why;
+  for (const auto& device : devices_) update(*device);
+}
+
+void LinkState::look() {
+  if (!bus_.is_open() && was_open_) lost(std::string(bus_.why_lost()));
+  if (bus_.echo_found() && !echo_told_) {
+    echo_told_ = true;
+    log::warn("link", {{"link", config_.name},
+                       {"echo", "found"},
+                       {"note",
+                        "set echo for its devices: before three reads have shown it, the "
+                        "echo of a command may look like its answer"}});
+  }
+  tell_doubt();
+}
+
+void LinkState::tell_doubt() {
+  if (!unexpected_told_ && !bus_.last_unexpected().empty()) {
+    unexpected_told_ = true;
+    log::warn("link", {{"link", config_.name},
+                       {"unexpected", bus_.last_unexpected()},
+                       {"note", "bytes that nobody asked for; health counts them from here on"}});
+  }
+  const bool doubted = bus_.doubt().is_doubted();
+  if (doubted == doubt_told_) return;
+  const auto now = Clock::now();
+  if (doubted && doubt_told_at_ && now - *doubt_told_at_ < kDoubtToldEvery) return;
+  doubt_told_ = doubted;
+  if (doubted) {
+    doubt_told_at_ = now;
+    log::warn("link", {{"link", config_.name},
+                       {"state", "doubted"},
+                       {"unexpected", bus_.last_unexpected()},
+                       {"note",
+                        "another master, or answers that come late? values are bad_frame, and no "
+                        "ACK is believed until some exchanges in a row were clean"}});
+  } else {
+    log::info("link", {{"link", config_.name}, {"state", "believed again"}});
+  }
+}
+
+void LinkState::answered(LinkDevice& device) {
+  unanswered_in_a_row_ = 0;
+  if (!bus_.never_silent()) reconnect_policy_.opened();
+  device.state.answered();
+  scheduler_.device_answered(device.id);
+}
+
+void LinkState::unreachable(LinkDevice& device) {
+  unanswered_in_a_row_ = 0;
+  scheduler_.device_unanswered(device.id, Clock::now());
+}
+
+void LinkState::unanswered(LinkDevice& device) {
+  const bool silent = scheduler_.device_unanswered(device.id, Clock::now());
+  if (silent) device.state.fell_silent();
+  const bool tcp = std::holds_alternative<TcpSettings>(config_.channel);
+  const int limit = std::max(kDeadPeerAfter, static_cast<int>(devices_.size()) + 1);
+  if (tcp && ++unanswered_in_a_row_ >= limit) {
+    bus_.close();
+    lost("nobody answers on this connection");
+  }
+}
+
+void LinkState::update(LinkDevice& device) {
+  DeviceState::Facts facts;
+  facts.bus_open = bus_.is_open();
+  facts.never_silent = bus_.never_silent();
+  facts.silent = scheduler_.is_silent(device.id);
+  for (const auto& group : device.groups) {
+    facts.first_bad = group->cycle.first_bad();
+    if (facts.first_bad) break;
+  }
+  const auto change = device.state.update(facts, now_ms());
+  if (!change) return;
+  if (change->other_state)
+    log::info("device", {{"device", device.config.name},
+                         {"state", std::string(to_string(change->status.state))},
+                         {"reason", change->status.reason}});
+  DeviceStatus status = change->status;
+  status.codec = device.codec;
+  outbox_.push(std::move(status));
+}
+
+}  // namespace fxagent

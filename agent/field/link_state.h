@@ -1,0 +1,78 @@
+// Whether a link is up, when it is opened next, and who answers on it. Tells of it in the log and
+// in the states of the devices. Polls and commands report here how each exchange went. Field
+// thread.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "agent/config/config.h"
+#include "agent/field/bus.h"
+#include "agent/field/link_device.h"
+#include "agent/field/poll_scheduler.h"
+#include "agent/field/reconnect_policy.h"
+#include "agent/messages.h"
+#include "agent/outbox.h"
+
+namespace fxagent {
+
+class LinkState final {
+ public:
+  /// All arguments outlive it. The bus is closed; `devices` may still be filled.
+  LinkState(const Config& config, std::uint32_t link, Bus& bus, PollScheduler& scheduler,
+            const LinkDevices& devices, Outbox& outbox);
+
+  /// When to open for the first time. Returns how long after that the polls begin, spread over
+  /// `spread` with those of the other links.
+  std::chrono::nanoseconds begin(SteadyTime now, std::chrono::milliseconds spread);
+  /// While the bus is closed it is not to be opened before.
+  SteadyTime next_open() const { return next_open_; }
+
+  /// The bus may have been opened: if so, and if that is news, the link is up.
+  void opened();
+  /// It could not be opened.
+  void open_failed(const std::string& why);
+  /// It is closed. The next attempt has its time; every device is offline.
+  void lost(const std::string& why);
+  /// Tells what the bus has noticed by itself: a loss, an echo, bytes that nobody asked for, and
+  /// that it is doubted or believed again.
+  void look();
+
+  /// The device has answered something, if only with a refusal.
+  void answered(LinkDevice& device);
+  /// It has left a question unanswered. Where nobody answers on a TCP connection any more, this
+  /// closes it.
+  void unanswered(LinkDevice& device);
+  /// A gateway answered in its place: the device is silent, the connection is not.
+  void unreachable(LinkDevice& device);
+  /// Tells the state of the device where it is another one now.
+  void update(LinkDevice& device);
+
+  /// The agent is to stop: nothing new begins.
+  void stop() { stopping_ = true; }
+  bool is_stopping() const { return stopping_; }
+
+ private:
+  void tell_doubt();
+
+  const LinkConfig& config_;
+  const std::size_t links_;
+  Bus& bus_;
+  PollScheduler& scheduler_;
+  const LinkDevices& devices_;
+  Outbox& outbox_;
+  ReconnectPolicy reconnect_policy_;
+  SteadyTime next_open_{};
+  std::string why_down_ = "not opened yet";
+  bool was_open_ = false;
+  bool echo_told_ = false;
+  bool unexpected_told_ = false;
+  bool doubt_told_ = false;
+  std::optional<SteadyTime> doubt_told_at_;
+  int unanswered_in_a_row_ = 0;
+  bool stopping_ = false;
+};
+
+}  // namespace fxagent

@@ -1,0 +1,112 @@
+#include "agent/field/poll_cycle.h"
+
+#include <algorithm>
+#include <chrono>
+#include <utility>
+
+namespace fxagent {
+
+PollCycle::PollCycle(const DeviceConfig& device, std::uint32_t group)
+    : device_(device), group_(group), report_(device, group) {}
+
+std::vector<Point> PollCycle::points() const {
+  std::vector<Point> points;
+  points.reserve(tags().size());
+  for (const std::uint32_t tag : tags()) points.push_back(device_.tags[tag].point);
+  return points;
+}
+
+void PollCycle::use(Plan plan, std::uint64_t findings) {
+  plan_ = std::move(plan);
+  begin(findings);
+}
+
+void PollCycle::begin(std::uint64_t findings) {
+  findings_ = findings;
+  images_.assign(plan_.reads.size(), {});
+  failures_.assign(plan_.reads.size(), std::nullopt);
+  newer_.clear();
+  first_reply_.reset();
+  last_reply_ms_ = 0;
+  replies_ = 0;
+  next_read_ = 0;
+  repeats_ = 0;
+}
+
+bool PollCycle::may_repeat() {
+  if (repeats_ >= device_.retries) return false;
+  ++repeats_;
+  return true;
+}
+
+void PollCycle::take(std::uint32_t read, Exchange exchange) {
+  repeats_ = 0;
+  if (exchange.is_data())
+    images_[read] = std::move(exchange.reply.image);
+  else
+    failures_[read] = bad_reason(exchange);
+  if (exchange.has_answer()) {
+    if (!first_reply_) first_reply_ = exchange.ended;
+    last_reply_ = exchange.ended;
+    last_reply_ms_ = exchange.ended_ms;
+    ++replies_;
+  }
+  // What a command wrote before this read is in the read; what it writes after it is newer.
+  // An array cut into several reads keeps the whole that was written in between.
+  for (const std::uint32_t point : plan_.reads[read].points)
+    if (plan_.sources[point].first_read == read) newer_.erase(tags()[point]);
+  next_read_ = read + 1;
+}
+
+void PollCycle::give_up(BadReason why) {
+  for (std::size_t i = next_read_; i < failures_.size(); ++i)
+    if (images_[i].empty() && !failures_[i]) failures_[i] = why;
+}
+
+Telemetry PollCycle::written(std::uint32_t tag, Value value, std::int64_t now_ms) {
+  Telemetry message;
+  message.group = group_;
+  message.ts_ms = now_ms;
+  message.partial = true;
+  newer_[tag] = value;
+  message.readings.push_back(report_.written(tag, std::move(value), now_ms));
+  return message;
+}
+
+TagOutcome PollCycle::outcome_of(std::size_t index, bool doubtful) {
+  const std::uint32_t tag = tags()[index];
+  if (const auto newer = newer_.find(tag); newer != newer_.end()) return newer->second;
+  const PointSource source = plan_.sources[index];
+  if (source.count == 0) {
+    const bool by_device = std::binary_search(plan_.refused.begin(), plan_.refused.end(), index);
+    return by_device ? BadReason::nak : BadReason::unsupported;
+  }
+  for (std::uint32_t read = source.first_read; read < source.first_read + source.count; ++read)
+    if (failures_[read]) return *failures_[read];
+  if (doubtful) return BadReason::bad_frame;
+  auto value = value_of(plan_, images_, device_.tags[tag].point, index);
+  if (!value) return BadReason::bad_value;
+  return std::move(*value);
+}
+
+std::optional<Telemetry> PollCycle::finish(bool doubted, std::uint64_t findings,
+                                           std::int64_t now_ms, SteadyTime now) {
+  const bool doubtful = doubted || findings != findings_;
+  std::vector<TagOutcome> outcomes;
+  outcomes.reserve(tags().size());
+  for (std::size_t i = 0; i < tags().size(); ++i) outcomes.push_back(outcome_of(i, doubtful));
+  newer_.clear();
+
+  Telemetry message;
+  message.group = group_;
+  message.ts_ms = replies_ > 0 ? last_reply_ms_ : now_ms;
+  if (replies_ > 1)
+    message.span_ms =
+        std::chrono::duration<double, std::milli>(last_reply_ - *first_reply_).count();
+  auto readings = report_.cycle(std::move(outcomes), message.ts_ms, now);
+  if (!readings) return std::nullopt;
+  message.readings = std::move(*readings);
+  return message;
+}
+
+}  // namespace fxagent

@@ -1,0 +1,74 @@
+// The running cycle of one group: what its reads have brought so far, and at its end the sample, if
+// there is anything to say. Pure: time is an argument, no I/O. Field thread.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <unordered_map>
+#include <vector>
+
+#include "agent/config/config.h"
+#include "agent/field/exchange.h"
+#include "agent/field/report_by_exception.h"
+#include "agent/messages.h"
+#include "protocol/plan.h"
+
+namespace fxagent {
+
+class PollCycle final {
+ public:
+  /// `device` outlives the cycle; `group` is an index in DeviceConfig::groups.
+  PollCycle(const DeviceConfig& device, std::uint32_t group);
+
+  std::uint32_t group() const { return group_; }
+  /// Indices of the group's tags in DeviceConfig::tags, in order.
+  const std::vector<std::uint32_t>& tags() const { return report_.tags(); }
+  /// The points of tags(), copied: a plant has many tags and seldom a new plan.
+  std::vector<Point> points() const;
+  const Plan& plan() const { return plan_; }
+
+  /// From now on the group is read like this. Its points are points(). What was collected is gone.
+  void use(Plan plan, std::uint64_t findings);
+  /// A new cycle. `findings`: BusDoubt::findings() at this moment.
+  void begin(std::uint64_t findings);
+
+  /// Counts one repeat of the read under way. False: the config allows no further one.
+  bool may_repeat();
+  /// Takes the end of plan().reads[read], which is not repeated any more.
+  void take(std::uint32_t read, Exchange exchange);
+  /// What was not read yet is bad for this reason.
+  void give_up(BadReason why);
+
+  /// A command has just written or read back `tag`, one of tags(): the sample to publish at once.
+  /// Until this cycle has read the tag for itself, it has this value.
+  Telemetry written(std::uint32_t tag, Value value, std::int64_t now_ms);
+
+  /// The sample of the cycle, without device and number; nullopt where the group has nothing new to
+  /// say. Everything is bad_frame where the bus is `doubted`, or where foreign bytes were found
+  /// since begin(): any of the answers may be the wrong one.
+  std::optional<Telemetry> finish(bool doubted, std::uint64_t findings, std::int64_t now_ms,
+                                  SteadyTime now);
+
+  /// The reason of the first bad tag; nullopt where all are good.
+  std::optional<BadReason> first_bad() const { return report_.first_bad(); }
+
+ private:
+  TagOutcome outcome_of(std::size_t index, bool doubtful);
+
+  const DeviceConfig& device_;
+  const std::uint32_t group_;
+  ReportByException report_;
+  Plan plan_;                                       ///< its points are report_.tags(), in order
+  std::vector<Bytes> images_;                       ///< beside plan_.reads
+  std::vector<std::optional<BadReason>> failures_;  ///< beside plan_.reads
+  std::unordered_map<std::uint32_t, Value> newer_;  ///< tag → what a command has written meanwhile
+  std::optional<SteadyTime> first_reply_;
+  SteadyTime last_reply_{};
+  std::int64_t last_reply_ms_ = 0;
+  std::uint32_t replies_ = 0;
+  std::uint64_t findings_ = 0;
+  std::uint32_t next_read_ = 0;
+  int repeats_ = 0;
+};
+
+}  // namespace fxagent

@@ -1,0 +1,352 @@
+#include "agent/field/poller.h"
+
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+#include "agent/line_time.h"
+#include "agent/log/log.h"
+#include "protocol/plc.h"
+
+namespace fxagent {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
+using Clock = std::chrono::steady_clock;
+
+// How long a group without an interval rests where no way of its device's model reaches its tags.
+constexpr milliseconds kNothingToRead{1000};
+// A group without an interval that is faster than the broker looks again so soon.
+constexpr std::chrono::microseconds kUplinkRest{500};
+// An overload is over when the line has a little to spare, so that the log stays quiet at the edge.
+constexpr double kOverloadOver = 0.95;
+// A device that says it is busy is asked again once it may have finished.
+constexpr milliseconds kBusyPause{100};
+// The RUN state is asked for soon after its interval, however busy the groups keep the line.
+constexpr milliseconds kRunStateWithin{2000};
+
+/// The flag is up as long as this lives, whatever ends it.
+class Raised final {
+ public:
+  explicit Raised(bool& flag) : flag_(flag) { flag_ = true; }
+  Raised(const Raised&) = delete;
+  Raised& operator=(const Raised&) = delete;
+  ~Raised() { flag_ = false; }
+
+ private:
+  bool& flag_;
+};
+
+asio::awaitable<void> nothing() { co_return; }
+
+std::string milliseconds_text(nanoseconds duration) {
+  return std::to_string(std::chrono::round<milliseconds>(duration).count());
+}
+
+}  // namespace
+
+Poller::Poller(const LinkConfig& link, Bus& bus, PollScheduler& scheduler,
+               const LinkDevices& devices, LinkState& state, Outbox& outbox)
+    : link_(link),
+      bus_(bus),
+      scheduler_(scheduler),
+      devices_(devices),
+      state_(state),
+      outbox_(outbox) {}
+
+// ---- plans --------------------------------------------------------------------------------------
+
+nanoseconds Poller::add_groups(LinkDevice& device, nanoseconds after) {
+  nanoseconds total{0};
+  for (std::uint32_t g = 0; g < device.config.groups.size(); ++g) {
+    auto group = std::make_unique<GroupPoll>(device.config, g);
+    if (group->cycle.tags().empty()) continue;
+    // Each group begins when those before it should be through, and meets them there again and
+    // again where the intervals are multiples of each other.
+    const milliseconds interval = device.config.groups[g].interval;
+    const nanoseconds begins = (after + total) % nanoseconds(std::max(interval, milliseconds(1)));
+    group->id = scheduler_.add_group(device.id, interval, 1, state_.next_open() + begins);
+    make_plan(device, *group);
+    total += group->cycle.plan().line_time;
+    device.groups.push_back(std::move(group));
+  }
+  return total;
+}
+
+void Poller::add_run_state(LinkDevice& device) {
+  if (device.codec->plc() == nullptr) return;
+  device.run_state_group =
+      scheduler_.add_group(device.id, kRunStateInterval, 1, state_.next_open(), kRunStateWithin);
+}
+
+void Poller::make_plan(LinkDevice& device, GroupPoll& group) {
+  group.turnaround = device.turnaround.value();
+  group.holes_version = device.holes.version();
+  const LineCost cost = cost_of(device.config, link_.char_time, group.turnaround);
+  group.cycle.use(fxagent::make_plan(*device.codec, group.cycle.points(), cost,
+                                     device.config.max_block_bytes, device.holes.holes()),
+                  bus_.doubt().findings());
+  scheduler_.set_exchanges(group.id, static_cast<std::uint32_t>(group.cycle.plan().reads.size()));
+}
+
+void Poller::refresh_plan(LinkDevice& device, GroupPoll& group) {
+  device.holes.retry(Clock::now());
+  bool stale = group.holes_version != device.holes.version();
+  const nanoseconds planned_with = device.turnaround.value();
+  if (device.turnaround.review())
+    log::info("device", {{"device", device.config.name},
+                         {"turnaround_ms", milliseconds_text(device.turnaround.value())},
+                         {"planned_with_ms", milliseconds_text(planned_with)}});
+  // Without a line speed a plan has the fewest exchanges, whatever they take.
+  if (link_.char_time.count() > 0) stale |= group.turnaround != device.turnaround.value();
+  if (stale) make_plan(device, group);
+}
+
+nanoseconds Poller::longest_poll() const {
+  nanoseconds longest{0};
+  for (const auto& device : devices_) {
+    const LineTiming timing = timing_of(device->config, link_.char_time);
+    std::vector<const Plan*> plans;
+    for (const auto& group : device->groups) plans.push_back(&group->cycle.plan());
+    nanoseconds of_device = fxagent::longest_poll(*device->codec, plans, timing);
+    // The questions about the model go as one with the read that they precede.
+    if (!device->state.is_model_known())
+      for (const Request& question : device->config.codec->plc()->identify())
+        of_device += exchange_time(*device->codec, question, timing);
+    longest = std::max(longest, of_device);
+  }
+  return longest;
+}
+
+// ---- one step -----------------------------------------------------------------------------------
+
+// No coroutine itself: a poll has one frame less that way.
+asio::awaitable<void> Poller::run(PollScheduler::PollStep step) {
+  for (const auto& device : devices_) {
+    if (device->run_state_group == step.group) return read_run_state(*device, step);
+    for (const auto& group : device->groups)
+      if (group->id == step.group) return read_group(*device, *group, step);
+  }
+  return nothing();
+}
+
+bool Poller::begin_cycle(LinkDevice& device, GroupPoll& group,
+                         const PollScheduler::PollStep& step) {
+  const bool free_running = device.config.groups[group.cycle.group()].interval.count() == 0;
+  if (free_running && outbox_.is_backed_up()) {
+    scheduler_.abandon_cycle(group.id, Clock::now() + kUplinkRest);
+    return false;
+  }
+  refresh_plan(device, group);
+  group.cycle.begin(bus_.doubt().findings());
+  device.late_ms.add(step.late);
+  return true;
+}
+
+asio::awaitable<void> Poller::read_group(LinkDevice& device, GroupPoll& group,
+                                         PollScheduler::PollStep step) {
+  const Raised polling(polling_);
+  if (step.starts_cycle && !begin_cycle(device, group, step)) co_return;
+  if (!bus_.is_open()) {
+    fail_cycle(device, group, BadReason::link_down);
+    co_return;
+  }
+  if (!device.state.is_model_known()) {
+    BadReason failure = BadReason::timeout;
+    const Knowledge knowledge = co_await ask_model(device, failure);
+    if (knowledge == Knowledge::unanswered) fail_cycle(device, group, failure);
+    if (knowledge != Knowledge::known) co_return;  // under a new plan the cycle is offered again
+  }
+  if (group.cycle.plan().reads.empty()) {
+    scheduler_.abandon_cycle(group.id, Clock::now() + kNothingToRead);
+    finish_cycle(device, group);
+    co_return;
+  }
+  const Read read = group.cycle.plan().reads[step.exchange].read;
+  Exchange exchange = co_await bus_.exchange(device.station, read);
+  take_reading(device, group, step, std::move(exchange));
+}
+
+void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step,
+                          Exchange exchange) {
+  if (state_.is_stopping()) return;
+  scheduler_.step_used(step, exchange.ended - exchange.began);
+  if (exchange.doubted) {  // the device is there; what it says is not believed
+    state_.answered(device);
+    exchange.outcome = Exchange::Outcome::garbled;
+  }
+  if (exchange.is_data()) device.turnaround.add(exchange.turnaround);
+  if (exchange.is_ack() || exchange.is_data()) state_.answered(device);
+  if (exchange.outcome == Exchange::Outcome::unanswered) {
+    state_.unanswered(device);
+    fail_cycle(device, group, BadReason::timeout);
+    return;
+  }
+  if (exchange.outcome == Exchange::Outcome::link_down) {
+    state_.lost(exchange.error);
+    fail_cycle(device, group, BadReason::link_down);
+    return;
+  }
+  const PlannedRead& planned = group.cycle.plan().reads[step.exchange];
+  // In doubt each exchange takes its silences, and a repeat would not be believed either.
+  bool repeatable = exchange.outcome == Exchange::Outcome::garbled && !bus_.doubt().is_doubted();
+  if (exchange.is_nak()) {
+    const auto meaning = device.codec->meaning_of(planned.read, exchange.reply.device_code);
+    if (meaning == RefusalMeaning::unreachable) {
+      state_.unreachable(device);
+      fail_cycle(device, group, BadReason::timeout);
+      return;
+    }
+    repeatable = take_refusal(device, group, step, exchange, meaning);
+  }
+  // The poll scheduler offers the same step again, after the commands that wait.
+  if (repeatable && group.cycle.may_repeat()) return;
+  if (exchange.is_data()) device.holes.read(planned.read.span);
+  group.cycle.take(step.exchange, std::move(exchange));
+  if (!scheduler_.step_done(step)) return;
+  note_load();
+  finish_cycle(device, group);
+}
+
+void Poller::note_load() {
+  const double load = scheduler_.load();
+  if (overloaded_ ? load > kOverloadOver : load <= 1.0) return;
+  overloaded_ = !overloaded_;
+  const std::string percent = std::to_string(static_cast<int>(100 * load + 0.5));
+  if (overloaded_)
+    log::warn("link", {{"link", link_.name},
+                       {"load_percent", percent},
+                       {"note",
+                        "the groups ask for more than the line carries; all are polled "
+                        "less often, in proportion: see fxagent plan"}});
+  else
+    log::info("link", {{"link", link_.name}, {"load_percent", percent}});
+}
+
+bool Poller::take_refusal(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step,
+                          const Exchange& exchange, RefusalMeaning meaning) {
+  state_.answered(device);
+  switch (meaning) {
+    case RefusalMeaning::busy:
+      scheduler_.postpone(step, exchange.ended + kBusyPause);
+      return true;
+    case RefusalMeaning::hole: {
+      const PlannedRead& planned = group.cycle.plan().reads[step.exchange];
+      const auto halves = halves_of(*device.codec, group.cycle.points(), planned);
+      // Plans change between cycles only: this one goes on, and what it does bring is published.
+      device.holes.refused(planned.read.span, halves, exchange.ended);
+      if (!halves)
+        log::warn("device", {{"device", device.config.name},
+                             {"refused", device.codec->addresses().name_of(planned.read.span)},
+                             {"reason", exchange.reply.text}});
+      return false;
+    }
+    default:
+      return meaning == RefusalMeaning::curable;
+  }
+}
+
+void Poller::fail_cycle(LinkDevice& device, GroupPoll& group, BadReason why) {
+  group.cycle.give_up(why);
+  scheduler_.abandon_cycle(group.id, bus_.is_open() ? Clock::now() : state_.next_open());
+  finish_cycle(device, group);
+}
+
+void Poller::finish_cycle(LinkDevice& device, GroupPoll& group) {
+  ++device.collected;
+  auto message = group.cycle.finish(bus_.doubt().is_doubted(), bus_.doubt().findings(), now_ms(),
+                                    Clock::now());
+  if (message)
+    publish(device, std::move(*message));
+  else
+    ++device.suppressed;
+  state_.update(device);
+}
+
+void Poller::publish(LinkDevice& device, Telemetry message) {
+  message.device = device.index;
+  message.seq = ++device.seq;
+  outbox_.push(std::move(message));
+}
+
+void Poller::publish_written(LinkDevice& device, std::uint32_t tag, Value value, Origin origin) {
+  for (const auto& group : device.groups) {
+    if (group->cycle.group() != device.config.tags[tag].group) continue;
+    Telemetry message = group->cycle.written(tag, std::move(value), now_ms());
+    message.written = origin == Origin::written;
+    ++device.collected;
+    publish(device, std::move(message));
+    return;
+  }
+}
+
+// ---- the PLC itself -----------------------------------------------------------------------------
+
+asio::awaitable<void> Poller::read_run_state(LinkDevice& device, PollScheduler::PollStep step) {
+  const Raised polling(polling_);
+  Knowledge knowledge = Knowledge::known;
+  BadReason failure = BadReason::link_down;
+  if (bus_.is_open() && !device.state.is_model_known())
+    knowledge = co_await ask_model(device, failure);
+  if (knowledge != Knowledge::unanswered && bus_.is_open()) {
+    const Request question = device.codec->plc()->run_state();
+    const Exchange exchange = co_await bus_.exchange(device.station, question);
+    if (state_.is_stopping()) co_return;
+    scheduler_.step_used(step, exchange.ended - exchange.began);
+    if (exchange.has_answer()) state_.answered(device);
+    if (exchange.outcome == Exchange::Outcome::unanswered) state_.unanswered(device);
+    if (exchange.outcome == Exchange::Outcome::link_down) state_.lost(exchange.error);
+    std::optional<bool> run;
+    if (exchange.is_data() && !exchange.doubted)
+      run = device.codec->plc()->run_state_from(exchange.reply.image);
+    device.state.set_run(run);
+  }
+  scheduler_.step_done(step);
+  state_.update(device);
+}
+
+asio::awaitable<Poller::Knowledge> Poller::ask_model(LinkDevice& device, BadReason& failure) {
+  const PlcServices& asking = *device.config.codec->plc();  // else the model would be known
+  const std::vector<Request> questions = asking.identify();
+  std::vector<Bytes> images;
+  for (const Request& question : questions) {
+    const Exchange exchange = co_await bus_.exchange(device.station, question);
+    if (state_.is_stopping()) co_return Knowledge::unanswered;
+    scheduler_.poll_used(exchange.ended - exchange.began);
+    if (exchange.doubted) {
+      state_.answered(device);
+      failure = BadReason::bad_frame;
+      co_return Knowledge::unanswered;
+    }
+    if (exchange.has_answer()) {
+      state_.answered(device);
+      images.push_back(exchange.is_data() ? exchange.reply.image : Bytes{});
+      continue;
+    }
+    if (exchange.outcome == Exchange::Outcome::unanswered) state_.unanswered(device);
+    if (exchange.outcome == Exchange::Outcome::link_down) state_.lost(exchange.error);
+    failure = bad_reason(exchange);
+    co_return Knowledge::unanswered;
+  }
+  const auto model = asking.model_from(images);
+  device.state.set_model(model);
+  if (!model) {
+    log::warn("device", {{"device", device.config.name},
+                         {"model", "unknown"},
+                         {"note", "only what every model has is used; set model in the config"}});
+  } else if (*model != model_of(*device.codec)) {
+    log::info("device", {{"device", device.config.name}, {"model", *model}});
+  }
+  const std::string now_known = model.value_or("");
+  const bool changed = now_known != model_of(*device.codec);
+  if (changed) {
+    device.codec = model ? asking.with_model(*model) : device.config.codec;
+    device.station.codec = device.codec.get();
+    for (const auto& group : device.groups) make_plan(device, *group);
+  }
+  state_.update(device);
+  co_return changed ? Knowledge::plan_changed : Knowledge::known;
+}
+
+}  // namespace fxagent

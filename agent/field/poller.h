@@ -1,0 +1,83 @@
+// Polls the devices of one link, exchange by exchange as the PollScheduler offers them: makes the
+// plans of their groups, asks, takes what comes, and publishes what a group has to say at the end
+// of its cycle. Asks for model and RUN state, too. Field thread.
+#pragma once
+
+#include <asio/awaitable.hpp>
+#include <chrono>
+#include <cstdint>
+
+#include "agent/config/config.h"
+#include "agent/field/bus.h"
+#include "agent/field/link_device.h"
+#include "agent/field/link_state.h"
+#include "agent/field/poll_scheduler.h"
+#include "agent/messages.h"
+#include "agent/outbox.h"
+#include "protocol/codec.h"
+
+namespace fxagent {
+
+class Poller final {
+ public:
+  /// All arguments outlive it; `devices` may still be filled.
+  Poller(const LinkConfig& link, Bus& bus, PollScheduler& scheduler, const LinkDevices& devices,
+         LinkState& state, Outbox& outbox);
+  Poller(const Poller&) = delete;
+  Poller& operator=(const Poller&) = delete;
+
+  /// Adds the device's groups, to it and to the scheduler. The first of them begins so long `after`
+  /// the link may be opened, each other one when those before it should be through. Returns the
+  /// line time that one cycle of each takes.
+  std::chrono::nanoseconds add_groups(LinkDevice& device, std::chrono::nanoseconds after);
+  /// Adds the question for the RUN state, where the protocol has one.
+  void add_run_state(LinkDevice& device);
+
+  /// Carries out one step: an exchange, with the questions about the model before it where these
+  /// are due. No exchange where the bus is closed; that ends the cycle.
+  asio::awaitable<void> run(PollScheduler::PollStep step);
+  /// Whether run() is under way.
+  bool is_polling() const { return polling_; }
+
+  /// A command has just changed a tag. Publishes the value at once, where its group is polled.
+  enum class Origin : std::uint8_t { written, read_back };
+  void publish_written(LinkDevice& device, std::uint32_t tag, Value value, Origin origin);
+
+  /// Line time of the longest exchange that run() may put on the wire by the plans of this moment.
+  std::chrono::nanoseconds longest_poll() const;
+
+ private:
+  enum class Knowledge : std::uint8_t { known, plan_changed, unanswered };
+
+  void make_plan(LinkDevice& device, GroupPoll& group);
+  /// A new plan where the device was found to have holes, or other times, since the last one.
+  void refresh_plan(LinkDevice& device, GroupPoll& group);
+  /// Begins the cycle. False: it does not begin now, because the broker is behind.
+  bool begin_cycle(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step);
+
+  asio::awaitable<void> read_group(LinkDevice& device, GroupPoll& group,
+                                   PollScheduler::PollStep step);
+  asio::awaitable<void> read_run_state(LinkDevice& device, PollScheduler::PollStep step);
+  /// Asks for the model, which the config leaves open. `failure` says why it went unanswered.
+  asio::awaitable<Knowledge> ask_model(LinkDevice& device, BadReason& failure);
+  void take_reading(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step,
+                    Exchange exchange);
+  /// The device said no to a read. True where the same read is to be offered again.
+  bool take_refusal(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step,
+                    const Exchange& exchange, RefusalMeaning meaning);
+  void fail_cycle(LinkDevice& device, GroupPoll& group, BadReason why);
+  void finish_cycle(LinkDevice& device, GroupPoll& group);
+  void publish(LinkDevice& device, Telemetry message);
+  void note_load();
+
+  const LinkConfig& link_;
+  Bus& bus_;
+  PollScheduler& scheduler_;
+  const LinkDevices& devices_;
+  LinkState& state_;
+  Outbox& outbox_;
+  bool polling_ = false;
+  bool overloaded_ = false;
+};
+
+}  // namespace fxagent

@@ -1,0 +1,125 @@
+#include "agent/field/device_state.h"
+
+#include <gtest/gtest.h>
+
+#include <optional>
+
+#include "tests/agent/field/field_plant.h"
+
+namespace fxagent::test {
+namespace {
+
+using State = DeviceStatus::State;
+
+DeviceState::Facts bus_is_open() {
+  DeviceState::Facts facts;
+  facts.bus_open = true;
+  return facts;
+}
+
+TEST(DeviceState, StartsOfflineAndHasNothingToTellBeforeTheFirstAnswer) {
+  DeviceState state(7, *port_codec(), 1000);
+  EXPECT_EQ(state.told().device, 7U);
+  EXPECT_EQ(state.told().state, State::offline);
+  EXPECT_EQ(state.told().reason, "starting");
+  EXPECT_EQ(state.told().model, "FX3U");
+  EXPECT_EQ(state.told().since_ms, 1000);
+  EXPECT_FALSE(state.update(bus_is_open(), 1100));
+}
+
+TEST(DeviceState, AnsweredIsOnlineAndToldOnce) {
+  DeviceState state(0, *port_codec(), 1000);
+  state.answered();
+  const auto change = state.update(bus_is_open(), 1100);
+  ASSERT_TRUE(change);
+  EXPECT_TRUE(change->other_state);
+  EXPECT_EQ(change->status.state, State::online);
+  EXPECT_TRUE(change->status.reason.empty());
+  EXPECT_EQ(change->status.since_ms, 1100);
+  EXPECT_FALSE(state.update(bus_is_open(), 1200));
+}
+
+TEST(DeviceState, ClosedBusIsTheFirstNewsEvenWhereNothingEverAnswered) {
+  DeviceState state(0, *port_codec(), 1000);
+  const auto change = state.update({}, 1100);
+  ASSERT_TRUE(change);
+  EXPECT_TRUE(change->other_state) << "offline as before, and no longer starting";
+  EXPECT_EQ(change->status.state, State::offline);
+  EXPECT_EQ(change->status.reason, "link_down");
+  EXPECT_EQ(change->status.since_ms, 1100);
+  EXPECT_FALSE(state.update({}, 1200));
+}
+
+TEST(DeviceState, OtherReasonOfTheSameStateKeepsItsBeginning) {
+  DeviceState state(0, *port_codec(), 1000);
+  state.update({}, 1100);
+  DeviceState::Facts facts;
+  facts.never_silent = true;
+  const auto change = state.update(facts, 1200);
+  ASSERT_TRUE(change);
+  EXPECT_FALSE(change->other_state);
+  EXPECT_EQ(change->status.reason, "never_silent");
+  EXPECT_EQ(change->status.since_ms, 1100);
+}
+
+TEST(DeviceState, ReasonsHaveTheirOrder) {
+  DeviceState state(0, *port_codec(fx::Model::unknown), 1000);
+  state.answered();
+  state.set_model(std::nullopt);
+  DeviceState::Facts facts;
+  facts.silent = true;
+  facts.first_bad = BadReason::nak;
+  EXPECT_EQ(state.update(facts, 1100)->status.reason, "link_down");
+  facts.bus_open = true;
+  EXPECT_EQ(state.update(facts, 1100)->status.reason, "timeout");
+  facts.silent = false;
+  const auto unclear = state.update(facts, 1100);
+  EXPECT_EQ(unclear->status.state, State::degraded);
+  EXPECT_EQ(unclear->status.reason, "model_unknown");
+  state.set_model("FX2N");
+  const auto bad = state.update(facts, 1100);
+  EXPECT_EQ(bad->status.state, State::degraded);
+  EXPECT_EQ(bad->status.reason, "nak");
+  EXPECT_EQ(bad->status.model, "FX2N");
+}
+
+TEST(DeviceState, ModelThatIsFoundWhileTheDeviceIsOnlineIsTold) {
+  // A command was answered first, so the device is online when its model is asked for.
+  DeviceState state(0, *port_codec(fx::Model::unknown), 1000);
+  EXPECT_FALSE(state.is_model_known());
+  state.answered();
+  state.update(bus_is_open(), 1100);
+  state.set_model("FX3U");
+  EXPECT_TRUE(state.is_model_known());
+  const auto change = state.update(bus_is_open(), 1200);
+  ASSERT_TRUE(change);
+  EXPECT_FALSE(change->other_state);
+  EXPECT_EQ(change->status.model, "FX3U");
+}
+
+TEST(DeviceState, SilenceForgetsTheRunStateAndAModelThatWasAsked) {
+  DeviceState asked(0, *port_codec(fx::Model::unknown), 1000);
+  asked.answered();
+  asked.set_model("FX3U");
+  asked.set_run(true);
+  EXPECT_EQ(asked.update(bus_is_open(), 1100)->status.run, true);
+  asked.fell_silent();
+  EXPECT_FALSE(asked.is_model_known());
+  EXPECT_EQ(asked.update(bus_is_open(), 1200)->status.run, std::nullopt);
+
+  DeviceState configured(0, *port_codec(), 1000);
+  configured.fell_silent();
+  EXPECT_TRUE(configured.is_model_known()) << "the config says which";
+}
+
+TEST(DeviceState, RunStateIsNotToldOfAClosedBusAndIsBackAfterwards) {
+  DeviceState state(0, *port_codec(), 1000);
+  state.answered();
+  state.set_run(false);
+  EXPECT_EQ(state.update(bus_is_open(), 1100)->status.run, false);
+  EXPECT_EQ(state.update({}, 1200)->status.run, std::nullopt);
+  EXPECT_EQ(state.update(bus_is_open(), 1300)->status.run, false);
+}
+
+}  // namespace
+}  // namespace fxagent::test

@@ -1,0 +1,199 @@
+#include "agent/field/link_commands.h"
+
+#include <gtest/gtest.h>
+
+#include <asio/io_context.hpp>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "agent/commands/admission.h"
+#include "agent/field/command_line_time.h"
+#include "tests/agent/field/fake_port.h"
+#include "tests/agent/field/field_plant.h"
+#include "tests/agent/field/on_io.h"
+#include "tests/agent/field/port_frames.h"
+#include "tests/support/scripted_transport.h"
+
+namespace fxagent::test {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
+using Clock = std::chrono::steady_clock;
+
+asio::awaitable<bool> ended(asio::awaitable<void> task) {
+  co_await std::move(task);
+  co_return true;
+}
+
+/// One link without its loop, 1 ms a character: a test says when the next command goes.
+class LinkCommandsTest : public ::testing::Test {
+ protected:
+  explicit LinkCommandsTest(nanoseconds char_time = milliseconds(1)) {
+    config.links.push_back({"line1", SerialSettings{}, char_time});
+    DeviceConfig press = port_device();
+    press.groups[0].interval = std::chrono::hours(1);
+    for (int i = 0; i < 4; ++i)
+      press.tags.push_back(
+          writable(tag(*press.codec, "x" + std::to_string(i), "D" + std::to_string(200 + i))));
+    config.devices.push_back(std::move(press));
+    auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
+    wire = transport.get();
+    wire->then([this](ByteView request) { return plc.answer(request); });
+    bus = std::make_unique<Bus>(io.get_executor(), std::move(transport), char_time);
+    state = std::make_unique<LinkState>(config, 0, *bus, scheduler, devices, outbox);
+    poller = std::make_unique<Poller>(config.links[0], *bus, scheduler, devices, *state, outbox);
+    commands = std::make_unique<LinkCommands>(io.get_executor(), config.links[0], *bus, scheduler,
+                                              devices, *state, *poller, outbox);
+    devices.push_back(std::make_unique<LinkDevice>(config.devices[0], 0));
+    devices[0]->id = scheduler.add_device(3, {});
+    poller->add_groups(*devices[0], nanoseconds(0));
+  }
+
+  /// Writes 50, 51 … to x0, x1 …
+  void add(std::string id, std::vector<int> tags) {
+    Command command;
+    command.id = std::move(id);
+    command.op = Op::write;
+    command.op_text = "write";
+    command.verify = false;
+    command.is_list = tags.size() > 1;
+    for (const int i : tags)
+      command.targets.push_back({"x" + std::to_string(i), "", std::nullopt, number(50 + i)});
+    command.received = Clock::now();
+    LinkDevice& device = *devices[0];
+    CommandAdmission admission(device.config);
+    auto decision = admission.admit(std::move(command), device.codec, 0, Clock::now());
+    if (const auto* refused = std::get_if<CommandResult>(&decision)) {
+      ADD_FAILURE() << refused->detail;
+      return;
+    }
+    commands->add(std::get<AdmittedCommand>(std::move(decision)), device);
+  }
+  void run_next() { run_on(io, ended(commands->run_next())); }
+  void collect() {
+    Outbox::Batch batch = outbox.take();
+    for (auto& result : batch.results) results.push_back(std::move(result));
+    for (auto& message : batch.telemetry) telemetry.push_back(std::move(message));
+  }
+
+  Config config;
+  asio::io_context io;
+  Outbox outbox{1000};
+  PollScheduler scheduler;
+  LinkDevices devices;
+  FakePort plc;
+  ScriptedTransport* wire = nullptr;
+  std::unique_ptr<Bus> bus;
+  std::unique_ptr<LinkState> state;
+  std::unique_ptr<Poller> poller;
+  std::unique_ptr<LinkCommands> commands;
+  std::vector<CommandResult> results;
+  std::vector<Telemetry> telemetry;
+};
+
+TEST_F(LinkCommandsTest, CommandsGoInTheirOrderAndTellWhatTheyWrote) {
+  add("a", {0});
+  add("b", {1});
+  EXPECT_EQ(scheduler.commands_waiting(), 2U);
+  EXPECT_FALSE(commands->is_running());
+  run_next();
+  run_next();
+  EXPECT_FALSE(commands->is_running());
+  EXPECT_EQ(scheduler.commands_waiting(), 0U);
+  collect();
+  ASSERT_EQ(results.size(), 2U);
+  EXPECT_EQ(results[0].id, "a");
+  EXPECT_EQ(results[0].status, CommandStatus::succeeded);
+  EXPECT_FALSE(results[0].frames.frames().empty());
+  EXPECT_EQ(results[1].id, "b");
+  ASSERT_EQ(telemetry.size(), 2U);
+  EXPECT_TRUE(telemetry[0].written);
+  EXPECT_EQ(telemetry[0].readings.at(0).value, number(50));
+  EXPECT_EQ(plc.word_at(kD200), 50U);
+}
+
+TEST_F(LinkCommandsTest, BoundCountsWhatIsAhead) {
+  for (const char* id : {"a", "b", "c"}) add(id, {0});
+  const std::list<WaitingCommand> waiting = commands->take_waiting();
+  ASSERT_EQ(waiting.size(), 3U);
+  std::vector<nanoseconds> bounds;
+  for (const WaitingCommand& command : waiting) {
+    ASSERT_TRUE(command.admitted.bound);
+    bounds.push_back(*command.admitted.bound);
+  }
+  const nanoseconds own = waiting.front().line_time;
+  EXPECT_GE(bounds[0], own + poller->longest_poll());
+  EXPECT_GE(bounds[1], bounds[0] + own);
+  EXPECT_GE(bounds[2], bounds[1] + own);
+}
+
+TEST_F(LinkCommandsTest, ShortOneGoesBetweenTheTargetsOfAList) {
+  add("list", {0, 1, 2});
+  add("short", {3});
+  run_next();
+  collect();
+  ASSERT_EQ(results.size(), 2U);
+  EXPECT_EQ(results[0].id, "short");
+  EXPECT_EQ(results[1].id, "list");
+  EXPECT_EQ(scheduler.commands_waiting(), 0U);
+}
+
+TEST_F(LinkCommandsTest, OneThatMeetsAPlaceOfTheListWaitsForItsEnd) {
+  add("list", {0, 1, 2});
+  add("same", {2});
+  run_next();
+  collect();
+  ASSERT_EQ(results.size(), 1U);
+  EXPECT_EQ(results[0].id, "list");
+  EXPECT_EQ(scheduler.commands_waiting(), 1U);
+}
+
+TEST_F(LinkCommandsTest, FaultAnswersTheOneUnderWayAndTheOthersGoOnWaiting) {
+  wire->call([] { throw std::logic_error("a bug"); });
+  add("a", {0});
+  add("b", {1});
+  EXPECT_THROW(run_next(), std::logic_error);
+  EXPECT_TRUE(commands->is_running());
+  commands->answer_running("a bug");
+  EXPECT_FALSE(commands->is_running());
+  EXPECT_EQ(scheduler.commands_waiting(), 1U);
+  collect();
+  ASSERT_EQ(results.size(), 1U);
+  EXPECT_EQ(results[0].id, "a");
+  EXPECT_EQ(results[0].status, CommandStatus::unknown_outcome);
+  EXPECT_EQ(results[0].detail, "a bug");
+  bus->close();
+  run_next();
+  collect();
+  EXPECT_EQ(results.back().id, "b");
+  EXPECT_EQ(results.back().status, CommandStatus::succeeded);
+}
+
+TEST_F(LinkCommandsTest, StopEndsAListAndNothingGoesBetween) {
+  add("list", {0, 1, 2});
+  add("short", {3});
+  state->stop();
+  run_next();
+  collect();
+  ASSERT_EQ(results.size(), 1U);
+  EXPECT_EQ(results[0].reason, Reason::shutting_down);
+  EXPECT_TRUE(plc.asked().empty());
+}
+
+class LineOfUnknownSpeed : public LinkCommandsTest {
+ protected:
+  LineOfUnknownSpeed() : LinkCommandsTest(nanoseconds(0)) {}
+};
+
+TEST_F(LineOfUnknownSpeed, HasNoBound) {
+  add("a", {0});
+  EXPECT_FALSE(commands->take_waiting().front().admitted.bound);
+}
+
+}  // namespace
+}  // namespace fxagent::test

@@ -1,0 +1,138 @@
+#include "agent/field/link_state.h"
+
+#include <gtest/gtest.h>
+
+#include <asio/io_context.hpp>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "tests/agent/field/field_plant.h"
+#include "tests/agent/field/on_io.h"
+#include "tests/support/scripted_transport.h"
+
+namespace fxagent::test {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
+using Clock = std::chrono::steady_clock;
+using State = DeviceStatus::State;
+
+/// One link with one device that needs three unanswered exchanges to be silent.
+class LinkStateTest : public ::testing::Test {
+ protected:
+  void use(std::variant<SerialSettings, TcpSettings> channel) {
+    config.links.push_back({"line1", std::move(channel), nanoseconds(0)});
+    config.devices.push_back(port_device());
+    auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
+    wire = transport.get();
+    bus = std::make_unique<Bus>(io.get_executor(), std::move(transport), nanoseconds(0));
+    devices.push_back(std::make_unique<LinkDevice>(config.devices[0], 0));
+    devices[0]->id = scheduler.add_device(3, {});
+    link = std::make_unique<LinkState>(config, 0, *bus, scheduler, devices, outbox);
+  }
+  void open() {
+    ASSERT_TRUE(run_on(io, bus->open()).has_value());
+    link->opened();
+  }
+  /// What was told of the device since the last call.
+  std::vector<DeviceStatus> told() { return outbox.take().states; }
+  nanoseconds next_open_in() const { return link->next_open() - Clock::now(); }
+
+  asio::io_context io;
+  Config config;
+  Outbox outbox{1000};
+  PollScheduler scheduler;
+  LinkDevices devices;
+  ScriptedTransport* wire = nullptr;
+  std::unique_ptr<Bus> bus;
+  std::unique_ptr<LinkState> link;
+};
+
+TEST_F(LinkStateTest, LinkThatIsAloneOpensAtOnce) {
+  use(SerialSettings{});
+  const auto now = Clock::now();
+  EXPECT_GE(link->begin(now, milliseconds(1000)), nanoseconds(0));
+  EXPECT_LE(link->next_open() - now, milliseconds(20));
+}
+
+TEST_F(LinkStateTest, LossMakesEveryDeviceOfflineAndIsToldOnce) {
+  use(SerialSettings{});
+  open();
+  link->answered(*devices[0]);
+  link->update(*devices[0]);
+  EXPECT_EQ(told().at(0).state, State::online);
+  bus->close();
+  link->look();
+  const auto states = told();
+  ASSERT_EQ(states.size(), 1U);
+  EXPECT_EQ(states[0].state, State::offline);
+  EXPECT_EQ(states[0].reason, "link_down");
+  link->look();
+  EXPECT_TRUE(told().empty());
+}
+
+TEST_F(LinkStateTest, SerialLineThatWasLostIsOpenedAtOnceAndThenEachTimeLater) {
+  use(SerialSettings{});
+  open();
+  bus->close();
+  link->look();
+  EXPECT_LE(next_open_in(), nanoseconds(0));
+  link->open_failed("no such device");
+  const nanoseconds first = next_open_in();
+  EXPECT_GT(first, milliseconds(300));
+  EXPECT_LE(first, milliseconds(600));
+  link->open_failed("no such device");
+  EXPECT_GT(next_open_in(), milliseconds(700));
+  open();
+  bus->close();
+  link->look();
+  link->open_failed("no such device");
+  EXPECT_LE(next_open_in(), milliseconds(600)) << "it was open, so this failure is a first one";
+}
+
+TEST_F(LinkStateTest, TcpPeerThatNeverAnswersIsLeft) {
+  use(TcpSettings{"192.0.2.10", 5551});
+  open();
+  for (int i = 0; i < 2; ++i) link->unanswered(*devices[0]);
+  EXPECT_TRUE(bus->is_open());
+  link->answered(*devices[0]);
+  for (int i = 0; i < 2; ++i) link->unanswered(*devices[0]);
+  EXPECT_TRUE(bus->is_open()) << "an answer starts the count anew";
+  link->unanswered(*devices[0]);
+  EXPECT_FALSE(bus->is_open());
+  EXPECT_EQ(told().at(0).reason, "link_down");
+}
+
+TEST_F(LinkStateTest, SerialLineIsNotClosedBySilence) {
+  use(SerialSettings{});
+  open();
+  for (int i = 0; i < 10; ++i) link->unanswered(*devices[0]);
+  EXPECT_TRUE(bus->is_open());
+  link->update(*devices[0]);
+  EXPECT_EQ(told().at(0).reason, "timeout");
+}
+
+TEST_F(LinkStateTest, GatewayThatAnswersInPlaceOfItsUnitIsThere) {
+  use(TcpSettings{"192.0.2.10", 502});
+  open();
+  for (int i = 0; i < 10; ++i) link->unreachable(*devices[0]);
+  EXPECT_TRUE(bus->is_open());
+  link->update(*devices[0]);
+  EXPECT_EQ(told().at(0).reason, "timeout") << "the unit itself is silent";
+}
+
+TEST_F(LinkStateTest, StateIsToldOnlyWhereItIsAnotherOne) {
+  use(SerialSettings{});
+  open();
+  link->update(*devices[0]);
+  EXPECT_TRUE(told().empty()) << "nothing is known before the first answer";
+  link->answered(*devices[0]);
+  link->update(*devices[0]);
+  link->update(*devices[0]);
+  EXPECT_EQ(told().size(), 1U);
+}
+
+}  // namespace
+}  // namespace fxagent::test

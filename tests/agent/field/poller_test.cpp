@@ -1,0 +1,376 @@
+#include "agent/field/poller.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <asio/io_context.hpp>
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "tests/agent/field/fake_modbus.h"
+#include "tests/agent/field/fake_port.h"
+#include "tests/agent/field/field_plant.h"
+#include "tests/agent/field/on_io.h"
+#include "tests/agent/field/port_frames.h"
+#include "tests/support/scripted_transport.h"
+
+namespace fxagent::test {
+namespace {
+
+using std::chrono::hours;
+using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
+using Clock = std::chrono::steady_clock;
+using State = DeviceStatus::State;
+
+const Bytes kReadD100 = read_frame(kD100, 2);
+
+asio::awaitable<bool> ended(asio::awaitable<void> task) {
+  co_await std::move(task);
+  co_return true;
+}
+
+/// The polls of one link without its loop: a test asks for each step. Nothing is waited for; where
+/// nothing is due, the poll scheduler is told that it is later.
+class PollerTest : public ::testing::Test {
+ protected:
+  /// After the devices are configured and the script is written. The bus is open.
+  void start() {
+    script();
+    bus = std::make_unique<Bus>(io.get_executor(), std::move(transport), config.links[0].char_time);
+    state = std::make_unique<LinkState>(config, 0, *bus, scheduler, devices, outbox);
+    poller = std::make_unique<Poller>(config.links[0], *bus, scheduler, devices, *state, outbox);
+    nanoseconds after = state->begin(now, milliseconds(0));
+    for (std::uint32_t i = 0; i < config.devices.size(); ++i) {
+      devices.push_back(std::make_unique<LinkDevice>(config.devices[i], i));
+      devices[i]->id = scheduler.add_device(config.devices[i].retries + 1, {});
+      after += poller->add_groups(*devices[i], after);
+    }
+    EXPECT_TRUE(run_on(io, bus->open()).has_value());
+    state->opened();
+  }
+  ScriptedTransport& script() {
+    if (wire == nullptr) {
+      transport = std::make_unique<ScriptedTransport>(io.get_executor());
+      wire = transport.get();
+      wire->then([this](ByteView request) { return answer(request); });
+    }
+    return *wire;
+  }
+  virtual Bytes answer(ByteView request) = 0;
+
+  void step() {
+    PollScheduler::Job job = scheduler.next(now);
+    if (job.kind == PollScheduler::Job::Kind::wait) {
+      now = std::max(job.until, Clock::now());
+      job = scheduler.next(now);
+    }
+    if (job.kind == PollScheduler::Job::Kind::poll) run_on(io, ended(poller->run(job.poll)));
+    EXPECT_FALSE(poller->is_polling());
+    Outbox::Batch batch = outbox.take();
+    for (auto& message : batch.telemetry) telemetry.push_back(std::move(message));
+    for (auto& status : batch.states) newest[status.device] = status;
+  }
+  void steps_until(const std::function<bool()>& reached) {
+    for (int i = 0; i < 1000 && !reached(); ++i) step();
+    EXPECT_TRUE(reached());
+  }
+  static std::size_t bad(const Telemetry& message) {
+    return static_cast<std::size_t>(
+        std::count_if(message.readings.begin(), message.readings.end(),
+                      [](const TagReading& reading) { return reading.bad.has_value(); }));
+  }
+
+  asio::io_context io;
+  Config config;
+  Outbox outbox{100000};
+  PollScheduler scheduler;
+  LinkDevices devices;
+  std::unique_ptr<ScriptedTransport> transport;
+  ScriptedTransport* wire = nullptr;
+  std::unique_ptr<Bus> bus;
+  std::unique_ptr<LinkState> state;
+  std::unique_ptr<Poller> poller;
+  SteadyTime now = Clock::now();
+  std::vector<Telemetry> telemetry;
+  std::map<std::uint32_t, DeviceStatus> newest;
+};
+
+// ---- a PLC on the programming port --------------------------------------------------------------
+
+/// D100 in a group without an interval.
+class PortPolls : public PollerTest {
+ protected:
+  explicit PortPolls(fx::Model model = fx::Model::fx3u) {
+    config.links.push_back({"line1", SerialSettings{}, nanoseconds(0)});
+    config.devices.push_back(port_device("press1", port_codec(model)));
+    add_tag("temp", "D100");
+  }
+  void add_tag(std::string name, std::string_view address) {
+    DeviceConfig& device = config.devices[0];
+    device.tags.push_back(tag(*device.codec, std::move(name), address));
+  }
+  Bytes answer(ByteView request) override { return plc.answer(request); }
+
+  FakePort plc;
+};
+
+TEST_F(PortPolls, SamplesAreNumberedAndKnowWhereTheyComeFrom) {
+  plc.set(kD100, word(234));
+  start();
+  devices[0]->seq = 100;
+  steps_until([&] { return telemetry.size() == 2; });
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(telemetry[i].seq, 101 + i);
+    EXPECT_EQ(telemetry[i].device, 0U);
+    EXPECT_EQ(telemetry[i].group, 0U);
+    EXPECT_EQ(telemetry[i].readings.at(0).value, number(234));
+  }
+  EXPECT_EQ(devices[0]->collected, 2U);
+  EXPECT_EQ(newest[0].state, State::online);
+}
+
+TEST_F(PortPolls, EachReadOfACycleIsAStepOfItsOwn) {
+  add_tag("running", "M0");
+  start();
+  step();
+  EXPECT_TRUE(telemetry.empty());
+  step();
+  ASSERT_EQ(telemetry.size(), 1U);
+  EXPECT_EQ(telemetry[0].readings.size(), 2U);
+  ASSERT_TRUE(telemetry[0].span_ms);
+}
+
+TEST_F(PortPolls, ReadThatIsRefusedIsOfferedAgainInTheSameCycle) {
+  script().expect(kEnq).give(kAck);
+  wire->expect(kReadD100).give(kNak).expect(kReadD100).give(kNak);
+  wire->expect(kReadD100).give(word_frame(7));
+  start();
+  step();
+  step();
+  EXPECT_TRUE(telemetry.empty()) << "commands that wait may go between the repeats";
+  step();
+  ASSERT_EQ(telemetry.size(), 1U);
+  EXPECT_EQ(telemetry[0].readings[0].value, number(7));
+  EXPECT_FALSE(telemetry[0].readings[0].bad);
+}
+
+TEST_F(PortPolls, ReadThatIsAlwaysRefusedIsBadAndItsDeviceDegraded) {
+  script().then([](ByteView request) { return request.size() == 1 ? kAck : kNak; });
+  start();
+  steps_until([&] { return !telemetry.empty(); });
+  EXPECT_EQ(wire->written().size(), 4U) << "an enquiry, and the read with both its repeats";
+  EXPECT_EQ(telemetry[0].readings[0].bad, BadReason::nak);
+  EXPECT_EQ(newest[0].state, State::degraded);
+  EXPECT_EQ(newest[0].reason, "nak");
+}
+
+TEST_F(PortPolls, SilenceGivesUpTheRestOfTheCycle) {
+  add_tag("running", "M0");
+  plc.silent = true;
+  config.devices[0].retries = 0;
+  start();
+  step();
+  ASSERT_EQ(telemetry.size(), 1U);
+  for (const TagReading& reading : telemetry[0].readings)
+    EXPECT_EQ(reading.bad, BadReason::timeout);
+  EXPECT_EQ(newest[0].state, State::offline);
+  EXPECT_EQ(newest[0].reason, "timeout");
+}
+
+TEST_F(PortPolls, ClosedBusEndsTheCycleWithoutAnExchange) {
+  start();
+  bus->close();
+  step();
+  ASSERT_EQ(telemetry.size(), 1U);
+  EXPECT_EQ(telemetry[0].readings[0].bad, BadReason::link_down);
+  EXPECT_TRUE(wire->written().empty());
+}
+
+TEST_F(PortPolls, StoppedPollSaysNothing) {
+  script().expect(kEnq).give(kAck).expect(kReadD100).call([this] { state->stop(); });
+  wire->give(word_frame(7));
+  start();
+  step();
+  EXPECT_TRUE(telemetry.empty());
+}
+
+TEST_F(PortPolls, GroupWithoutAnIntervalRestsWhileTheBrokerIsBehind) {
+  start();
+  step();
+  ASSERT_EQ(telemetry.size(), 1U);
+  outbox.set_backed_up(true);
+  const std::size_t asked = plc.asked().size();
+  step();
+  EXPECT_EQ(plc.asked().size(), asked);
+  EXPECT_EQ(scheduler.next(now).kind, PollScheduler::Job::Kind::wait);
+  outbox.set_backed_up(false);
+  steps_until([&] { return telemetry.size() == 2; });
+}
+
+TEST_F(PortPolls, WrittenTagIsPublishedWhereItsGroupIsPolled) {
+  start();
+  poller->publish_written(*devices[0], 0, number(50), Poller::Origin::written);
+  poller->publish_written(*devices[0], 0, number(51), Poller::Origin::read_back);
+  devices[0]->groups.clear();
+  poller->publish_written(*devices[0], 0, number(52), Poller::Origin::written);
+  Outbox::Batch batch = outbox.take();
+  ASSERT_EQ(batch.telemetry.size(), 2U);
+  EXPECT_TRUE(batch.telemetry[0].written);
+  EXPECT_FALSE(batch.telemetry[1].written);
+  for (const Telemetry& message : batch.telemetry) EXPECT_TRUE(message.partial);
+  EXPECT_EQ(batch.telemetry[1].seq, 2U);
+}
+
+TEST_F(PortPolls, RunStateIsAskedAndTold) {
+  config.devices[0].groups[0].interval = hours(1);
+  plc.set(kM8000, {0x01});
+  start();
+  poller->add_run_state(*devices[0]);
+  steps_until([&] { return newest[0].run.has_value(); });
+  EXPECT_EQ(newest[0].run, true);
+  EXPECT_EQ(newest[0].state, State::online);
+}
+
+// ---- a PLC whose model the config leaves open ---------------------------------------------------
+
+class ModelPolls : public PortPolls {
+ protected:
+  ModelPolls() : PortPolls(fx::Model::unknown) {
+    add_tag("far", "D7000");
+    plc.set(kD8001, word(24310));
+    plc.set(kD8101, word(16310));
+    plc.set(kD100, word(1));
+    plc.set(0x4000 + 14000, word(2));
+  }
+};
+
+TEST_F(ModelPolls, ModelIsAskedAndThePlanMadeAnew) {
+  start();
+  steps_until([&] { return !telemetry.empty(); });
+  ASSERT_EQ(telemetry[0].readings.size(), 2U);
+  EXPECT_EQ(telemetry[0].readings[0].value, number(1));
+  EXPECT_EQ(telemetry[0].readings[1].value, number(2)) << "by the extended commands of an FX3U";
+  EXPECT_EQ(bad(telemetry[0]), 0U);
+  EXPECT_EQ(newest[0].model, "FX3U");
+  EXPECT_EQ(plc.count("read 0E02 2"), 1U) << "asked once";
+  EXPECT_GE(plc.count("E00 76B0 2"), 1U);
+}
+
+TEST_F(ModelPolls, ModelThatCannotBeToldStaysClassicAndDegraded) {
+  plc.set(kD8101, word(0));
+  start();
+  steps_until([&] { return telemetry.size() == 3; });
+  EXPECT_FALSE(telemetry[2].readings[0].bad);
+  EXPECT_EQ(telemetry[2].readings[1].bad, BadReason::unsupported);
+  EXPECT_EQ(newest[0].state, State::degraded);
+  EXPECT_EQ(newest[0].reason, "model_unknown");
+  EXPECT_TRUE(newest[0].model.empty());
+  EXPECT_EQ(plc.count("read 0E02 2"), 1U);
+}
+
+TEST_F(ModelPolls, ModelIsAskedAgainAfterASilence) {
+  start();
+  steps_until([&] { return newest[0].model == "FX3U"; });
+  plc.silent = true;
+  steps_until([&] { return newest[0].state == State::offline; });
+  plc.silent = false;
+  plc.set(kD8101, word(24310));  // another PLC was plugged in: an FX2N
+  steps_until([&] { return newest[0].model == "FX2N" && newest[0].state != State::offline; });
+}
+
+// ---- Modbus TCP: refusals with reasons ----------------------------------------------------------
+
+/// One TCP connection with units behind it.
+class ModbusPolls : public PollerTest {
+ protected:
+  ModbusPolls() { config.links.push_back({"gw", TcpSettings{"127.0.0.1", 502}, nanoseconds(0)}); }
+  DeviceConfig& add_unit(std::int64_t unit, milliseconds interval = milliseconds(0)) {
+    config.devices.push_back(device_on("modbus-tcp", codec_of("modbus-tcp", {{"unit", unit}}),
+                                       "unit" + std::to_string(unit)));
+    config.devices.back().groups[0].interval = interval;
+    return config.devices.back();
+  }
+  Bytes answer(ByteView request) override { return peer.answer(request); }
+
+  FakeModbus peer;
+};
+
+TEST_F(ModbusPolls, BlockWithAHoleIsCutUntilEverythingElseIsRead) {
+  DeviceConfig& meter = add_unit(1);
+  for (int n = 0; n < 32; ++n)
+    meter.tags.push_back(tag(*meter.codec, "r" + std::to_string(n), "hr:" + std::to_string(n)));
+  peer.lacks = {11};
+  start();
+  steps_until([&] { return telemetry.size() > 10 && bad(telemetry.back()) == 1; });
+  const Telemetry& settled = telemetry.back();
+  EXPECT_EQ(settled.readings[11].bad, BadReason::nak);
+  EXPECT_EQ(newest[0].state, State::degraded);
+  // From now on two reads, and none of them touches the hole.
+  const std::size_t before = peer.asked.size();
+  steps_until([&] { return peer.asked.size() >= before + 6; });
+  for (std::size_t i = before; i < peer.asked.size(); ++i)
+    EXPECT_TRUE(peer.asked[i] == "1 read 0 11" || peer.asked[i] == "1 read 12 20") << peer.asked[i];
+}
+
+TEST_F(ModbusPolls, DeviceThatGivesFewRegistersAtOnceIsReadInSmallerBlocks) {
+  DeviceConfig& meter = add_unit(1);
+  for (int n = 0; n < 100; ++n)
+    meter.tags.push_back(tag(*meter.codec, "r" + std::to_string(n), "hr:" + std::to_string(n)));
+  peer.longest = 30;
+  start();
+  steps_until([&] { return !telemetry.empty() && bad(telemetry.back()) == 0; });
+  EXPECT_EQ(newest[0].state, State::online);
+}
+
+TEST_F(ModbusPolls, UnitThatItsGatewayDoesNotReachIsOfflineAndTheConnectionStays) {
+  for (const std::int64_t unit : {1, 2}) {
+    DeviceConfig& meter = add_unit(unit, milliseconds(10));
+    meter.timeout = milliseconds(50);
+    meter.tags.push_back(tag(*meter.codec, "r", "hr:0"));
+  }
+  peer.refuses[2] = 0x0B;
+  start();
+  steps_until([&] { return newest[1].state == State::offline && newest[1].reason == "timeout"; });
+  const std::size_t seen = telemetry.size();
+  steps_until([&] { return telemetry.size() > seen + 20; });
+  EXPECT_EQ(newest[0].state, State::online);
+  EXPECT_EQ(wire->opened(), 1U);
+  const auto asked_2 = std::count(peer.asked.begin(), peer.asked.end(), "2 read 0 1");
+  const auto asked_1 = std::count(peer.asked.begin(), peer.asked.end(), "1 read 0 1");
+  EXPECT_LT(asked_2 * 2, asked_1) << "a unit that is not there is left alone for a while";
+  peer.refuses.clear();
+  steps_until([&] { return newest[1].state == State::online; });
+}
+
+TEST_F(ModbusPolls, BusyUnitIsAskedAgainInTheSameBeat) {
+  DeviceConfig& meter = add_unit(1, hours(1));
+  meter.tags.push_back(tag(*meter.codec, "r", "hr:0"));
+  peer.refuses[1] = 0x06;
+  start();
+  steps_until([&] { return peer.asked.size() == 2; });
+  peer.refuses.clear();
+  steps_until([&] { return !telemetry.empty(); });
+  EXPECT_EQ(bad(telemetry.front()), 0U);
+  EXPECT_EQ(peer.asked.size(), 3U);
+}
+
+TEST_F(ModbusPolls, LongestPollIsThatOfTheSlowestPlan) {
+  config.links[0].char_time = std::chrono::microseconds(1042);
+  DeviceConfig& one = add_unit(1, hours(1));
+  one.tags.push_back(tag(*one.codec, "r", "hr:0"));
+  DeviceConfig& many = add_unit(2, hours(1));
+  for (int n = 0; n < 100; ++n)
+    many.tags.push_back(tag(*many.codec, "r" + std::to_string(n), "hr:" + std::to_string(n)));
+  start();
+  const Plan& plan = devices[1]->groups[0]->cycle.plan();
+  ASSERT_EQ(plan.reads.size(), 1U);
+  EXPECT_EQ(poller->longest_poll(), plan.line_time);
+}
+
+}  // namespace
+}  // namespace fxagent::test
