@@ -100,7 +100,7 @@ void run_agent(const Config& config, StopWatchdog& watchdog) {
                                                : std::make_unique<Store>(config.store, utc_now());
   Recovered known;
   const std::vector<std::uint64_t> numbers = first_numbers(config, store.get(), utc_now());
-  if (store) known = recover(config, *store, utc_now(), std::chrono::steady_clock::now());
+  if (store) known = recover(config, store->journal(), utc_now(), std::chrono::steady_clock::now());
   known.field.last_seq = numbers;
 
   Outbox outbox(kOutboxMessages);

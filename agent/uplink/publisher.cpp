@@ -234,8 +234,8 @@ void Publisher::failed(const FarewellFlight&, const DeliveryFailed&, SteadyTime 
 void Publisher::take_found_late(SteadyTime now) {
   auto late = store_ == nullptr ? std::nullopt : store_->take_found_late();
   if (!late) return;
-  Recovered known = recover(config_, *store_, std::move(late->ids), std::move(late->unacknowledged),
-                            utc_ms_(), now);
+  Recovered known = recover(config_, store_->journal(), std::move(late->ids),
+                            std::move(late->unacknowledged), utc_ms_(), now);
   known.field.last_seq = later_numbers(config_, late->numbers);
   for (CommandResult& result : known.unacknowledged) {
     result.received = now;
@@ -310,7 +310,8 @@ void Publisher::connection_over(SteadyTime now) {
     if (auto* live = std::get_if<LiveFlight>(&flight))
       spool(std::move(live->live));
     else if (const auto* history = std::get_if<HistoryFlight>(&flight))
-      history->on_disk ? store_->returned(history->batch) : backlog_.returned(history->batch);
+      history->on_disk ? store_->samples().returned(history->batch)
+                       : backlog_.returned(history->batch);
   }
   spool_live();
   due_.clear();  // all of it is published again after the next connect
@@ -497,7 +498,8 @@ SteadyTime Publisher::next_wake(SteadyTime now) const {
     for (const PendingResult::Copy& copy : results_.at(key).copies) later(copy.due.not_before);
   if (history_flights_ == 0) later(history_rests_until_);
   for (const auto& [device, pause] : pauses_)
-    if (backlog_.has_waiting(device) || (store_ != nullptr && store_->has_waiting(device)))
+    if (backlog_.has_waiting(device) ||
+        (store_ != nullptr && store_->samples().has_waiting(device)))
       later(pause.until);
   if (!flights_.empty()) at(now + kAcknowledgedWithin);
   if (phase_ == Phase::running) at(watch_wake());
@@ -535,8 +537,8 @@ std::string Publisher::health_text(SteadyTime now) const {
   health.store_state = store_ == nullptr ? "memory" : store_->state();
   if (store_ != nullptr) {
     health.store_set_aside = store_->set_aside();
-    health.audit_records = store_->audit_head().records;
-    health.audit_head = to_text(store_->audit_head().hash);
+    health.audit_records = store_->audit().head().records;
+    health.audit_head = to_text(store_->audit().head().hash);
   }
   health.store_bytes = backlog_.bytes() + (store_ == nullptr ? 0 : store_->bytes());
   const std::uint64_t room = store_ == nullptr ? backlog_.max_bytes() : store_->max_bytes();

@@ -140,7 +140,7 @@ void Publisher::take_command(const Message& event, std::uint32_t device) {
   CommandResult result = result_of(command);
   const auto known = store_ == nullptr || result.id.empty()
                          ? std::nullopt
-                         : store_->find(config_.devices[device].name, result.id);
+                         : store_->journal().find(config_.devices[device].name, result.id);
   if (known) {
     set_outcome(result, CommandStatus::duplicate, Reason::duplicate_id, {});
     if (!known->result.empty()) result.first_number = known->number;
@@ -153,7 +153,7 @@ void Publisher::take_command(const Message& event, std::uint32_t device) {
 /// For the audit, and for the journal where the command is admitted.
 std::uint64_t Publisher::note_receipt(const Message& event, const Command& command) {
   audit::Receipt receipt;
-  receipt.number = store_->next_command_number();
+  receipt.number = store_->audit().next_command_number();
   receipt.device = config_.devices.at(command.device).name;
   receipt.topic = event.topic;
   receipt.payload = event.payload.substr(0, kPayloadKept);
@@ -207,7 +207,7 @@ void Publisher::take_admitted(std::vector<AdmissionNote> notes) {
   }
   failpoint("order_admitted");
   // A disk that refuses does not stop the plant: its state says what is missing.
-  if (store_ != nullptr) store_->journal(entries);
+  if (store_ != nullptr) store_->journal().journal(entries);
   failpoint("order_journaled");
   for (AdmissionNote& note : notes) go_ahead_(note.device, std::move(note.id));
 }
@@ -222,7 +222,7 @@ bool Publisher::note_result(const CommandResult& result) {
   entry.result = result_text(result, std::nullopt);
   entry.audit = audit_of(result, entry.result);
   if (!remembered) {
-    store_->note(std::move(entry.audit));
+    store_->audit().note(std::move(entry.audit));
     return false;
   }
   entry.device = config_.devices.at(result.device).name;
@@ -241,7 +241,7 @@ bool Publisher::note_result(const CommandResult& result) {
 
 void Publisher::record_results() {
   if (to_record_.empty()) return;
-  store_->record(std::exchange(to_record_, {}));
+  store_->journal().record(std::exchange(to_record_, {}));
   failpoint("result_recorded");
 }
 
@@ -258,7 +258,7 @@ std::string Publisher::audit_of(const CommandResult& result, const std::string& 
 void Publisher::find_first(CommandResult& result) {
   if (!result.first_number || result.first || store_ == nullptr) return;
   record_results();
-  const auto known = store_->find(config_.devices.at(result.device).name, result.id);
+  const auto known = store_->journal().find(config_.devices.at(result.device).name, result.id);
   if (!known || known->result.empty() || known->number != result.first_number) {
     result.detail = "the first result is not in the journal any more; the command is not repeated";
     return;
@@ -336,8 +336,9 @@ void Publisher::result_copy_done(std::uint64_t result, std::size_t copy, Ended h
   const CommandResult& done = found->second.result;
   const std::string& device = config_.devices.at(done.device).name;
   if (store_ != nullptr && done.number != 0)
-    store_->note(audit::told(done.number, device, done.id, copies.front().acknowledged, utc_ms_()));
-  if (found->second.journaled) store_->acknowledge(device, done.id, done.number);
+    store_->audit().note(
+        audit::told(done.number, device, done.id, copies.front().acknowledged, utc_ms_()));
+  if (found->second.journaled) store_->journal().acknowledge(device, done.id, done.number);
   result_bytes_ -= found->second.bytes;
   refused_results_.erase(found->first);
   results_.erase(found);

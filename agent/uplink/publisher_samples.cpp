@@ -33,8 +33,8 @@ json::Samples Publisher::samples() const {
   samples.in_flight = in_flight_samples_;
   samples.stored = backlog_.rows();
   if (store_ != nullptr) {
-    samples.stored += store_->rows();
-    samples.recovered = store_->recovered();
+    samples.stored += store_->samples().rows();
+    samples.recovered = store_->samples().recovered();
   }
   samples.acknowledged = acknowledged_;
   samples.dropped = dropped_total_;
@@ -47,7 +47,7 @@ void Publisher::delivered(const LiveFlight& flight, SteadyTime) {
   const SampleRow& row = flight.live.row;
   failpoint("sample_acknowledged");
   if (flight.live.stored) {
-    acknowledged_ += store_->remove(std::span(&row.row_id, 1));
+    acknowledged_ += store_->samples().remove(std::span(&row.row_id, 1));
   } else {
     --in_flight_samples_;
     ++acknowledged_;
@@ -59,7 +59,7 @@ void Publisher::delivered(const HistoryFlight& flight, SteadyTime now) {
   rest_history(flight, now);
   failpoint("history_acknowledged");
   acknowledged_ +=
-      flight.on_disk ? store_->remove(flight.batch) : backlog_.acknowledged(flight.batch);
+      flight.on_disk ? store_->samples().remove(flight.batch) : backlog_.acknowledged(flight.batch);
   pauses_.erase(flight.batch.device);
 }
 
@@ -71,7 +71,8 @@ void Publisher::failed(LiveFlight& flight, const DeliveryFailed& event, SteadyTi
         "sample_refused",
         {{"device", row.device}, {"code", hex_code(event.reason_code)}, {"reason", event.text}});
     const std::string device = row.device;
-    return drop(device, flight.live.stored ? store_->remove(std::span(&row.row_id, 1)) : 1);
+    return drop(device,
+                flight.live.stored ? store_->samples().remove(std::span(&row.row_id, 1)) : 1);
   }
   pause(row.device, event.reason_code, now);
   spool(std::move(flight.live));
@@ -86,9 +87,10 @@ void Publisher::failed(const HistoryFlight& flight, const DeliveryFailed& event,
                                   {"rows", std::to_string(batch.row_ids.size())},
                                   {"code", hex_code(event.reason_code)},
                                   {"reason", event.text}});
-    return drop(batch.device, flight.on_disk ? store_->remove(batch) : backlog_.discard(batch));
+    return drop(batch.device,
+                flight.on_disk ? store_->samples().remove(batch) : backlog_.discard(batch));
   }
-  flight.on_disk ? store_->returned(batch) : backlog_.returned(batch);
+  flight.on_disk ? store_->samples().returned(batch) : backlog_.returned(batch);
   if (can_be_cut)
     history_bytes_ = std::min(history_bytes_, batch.payload.size()) / 2;
   else
@@ -116,14 +118,14 @@ void Publisher::take_samples(const std::vector<Telemetry>& messages, SteadyTime 
     row.seq = message.seq;
     row.json = json::telemetry(message, device, settings_.boot, meta_hashes_.at(message.device));
     row_bytes_ += row.cost();
-    if (store_ != nullptr) store_->used_seq(row.device, row.seq);
+    if (store_ != nullptr) store_->numbers().used(row.device, row.seq);
     if (can_go && may_send(row.device, now))
       live.push_back(std::move(row));
     else
       spool(std::move(row));
   }
   const bool stored = config_.store.sync_always && store_ != nullptr && !live.empty() &&
-                      store_->append(live, Store::Hold::yes);
+                      store_->samples().append(live, Store::Hold::yes);
   for (SampleRow& row : live) live_.push_back({std::move(row), now, stored});
   if (stored) count_dropped();
   if (!spool_.empty() && config_.store.sync_always) commit_at_ = now;
@@ -154,7 +156,7 @@ void Publisher::hold_on_disk(SteadyTime now) {
     rows.push_back(live->live.row);
     held.push_back(&live->live);
   }
-  if (!is_time || !store_->append(rows, Store::Hold::yes)) return;
+  if (!is_time || !store_->samples().append(rows, Store::Hold::yes)) return;
   for (std::size_t i = 0; i < held.size(); ++i) {
     held[i]->row.row_id = rows[i].row_id;
     held[i]->stored = true;
@@ -210,10 +212,11 @@ std::optional<Publisher::HistoryFlight> Publisher::next_history(SteadyTime now) 
   };
   const auto from_memory = [&](const StreamKey& stream) {
     return may_send(stream.first, now) &&
-           (store_ == nullptr || !(store_->has_waiting(stream) || store_->is_on_the_way(stream)));
+           (store_ == nullptr ||
+            !(store_->samples().has_waiting(stream) || store_->samples().is_on_the_way(stream)));
   };
   if (store_ != nullptr) {
-    auto batch = store_->next(history_bytes_, from_disk);
+    auto batch = store_->samples().next(history_bytes_, from_disk);
     count_dropped();
     if (batch) return HistoryFlight{std::move(*batch), true, now};
   }
@@ -251,7 +254,7 @@ void Publisher::spool_live() {
 
 void Publisher::spool(LiveRow live) {
   if (live.stored)
-    store_->release(live.row.row_id);
+    store_->samples().release(live.row.row_id);
   else
     spool(std::move(live.row));
   commit_at_ = std::min(commit_at_, live.since + kLiveFor);
@@ -272,7 +275,7 @@ void Publisher::write_spool() {
   auto rows = std::exchange(spool_, {});
   // While older rows are in memory, these wait behind them.
   const bool on_disk =
-      store_ != nullptr && backlog_.rows() == 0 && store_->append(rows, Store::Hold::no);
+      store_ != nullptr && backlog_.rows() == 0 && store_->samples().append(rows, Store::Hold::no);
   if (!on_disk)
     for (SampleRow& row : rows) backlog_.append(std::move(row));
   count_dropped();
@@ -282,7 +285,7 @@ void Publisher::move_memory_to_disk() {
   if (store_ == nullptr || !store_->is_writable() || backlog_.rows() == 0) return;
   auto rows = backlog_.take_waiting();
   if (rows.empty()) return;
-  if (!store_->append(rows, Store::Hold::no))
+  if (!store_->samples().append(rows, Store::Hold::no))
     for (SampleRow& row : rows) backlog_.append(std::move(row));
   count_dropped();
 }
@@ -290,7 +293,7 @@ void Publisher::move_memory_to_disk() {
 void Publisher::count_dropped() {
   for (const auto& [device, count] : backlog_.take_dropped()) drop(device, count);
   if (store_ == nullptr) return;
-  for (const auto& [device, count] : store_->take_dropped()) drop(device, count);
+  for (const auto& [device, count] : store_->samples().take_dropped()) drop(device, count);
 }
 
 void Publisher::drop(const std::string& device, std::uint64_t count) {

@@ -66,7 +66,7 @@ TEST_F(SampleBalance, SampleOutOfNowhereIsAnErrorInLogAndHealth) {
   rows[0].group = "fast";
   rows[0].seq = 1;
   rows[0].json = "{}";
-  ASSERT_TRUE(store_.append(rows, Store::Hold::no));
+  ASSERT_TRUE(store_.samples().append(rows, Store::Hold::no));
   const std::string log = tick();
   EXPECT_NE(log.find("error samples_unbalanced collected=0"), std::string::npos) << log;
   EXPECT_EQ(samples()["balanced"], false);
