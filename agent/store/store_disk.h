@@ -1,6 +1,7 @@
 // The store's file as its parts share it: opens it, sets a damaged one aside, makes the commits,
 // and knows whether the disk takes anything. Every fault of SQLite ends here: the state becomes
-// `memory` and the caller is told false. The store's thread.
+// `memory` and the caller is told false. A few functions above twenty: a commit that finds damage
+// opens a fresh file, so opening, failing and committing belong together. The store's thread.
 #pragma once
 
 #include <cstdint>

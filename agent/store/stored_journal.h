@@ -1,6 +1,6 @@
 // The journal of commands on disk: what CommandJournal promises, with each audit record in the
-// commit of what it tells of, and what the disk refuses kept in memory until it takes it. The
-// store's thread.
+// commit of what it tells of, and what the disk refuses kept in memory until it takes it. A few
+// functions above twenty: seven are CommandJournal's and six StorePart's. The store's thread.
 #pragma once
 
 #include <cstdint>

@@ -52,8 +52,8 @@ class Part final : public StorePart {
   std::size_t written_ = 0;
 };
 
-struct StoreDiskTest : testing::Test {
-  StoreDiskTest() {
+struct StoreDiskParts : testing::Test {
+  StoreDiskParts() {
     config.path = scratch.path("store");
     disk.emplace(config, kNow);
     disk->share_with({&part});
@@ -71,13 +71,13 @@ struct StoreDiskTest : testing::Test {
   Part part;
 };
 
-TEST_F(StoreDiskTest, CommitTellsItsPartsInOrder) {
+TEST_F(StoreDiskParts, CommitTellsItsPartsInOrder) {
   EXPECT_TRUE(disk->commit("test", Sync::as_configured, [&] { part.write(1); }));
   EXPECT_EQ(part.told, "begin end committed ");
   EXPECT_EQ(count(), 1);
 }
 
-TEST_F(StoreDiskTest, WorkThatFailsLeavesNothingAndTheStateIsMemory) {
+TEST_F(StoreDiskParts, WorkThatFailsLeavesNothingAndTheStateIsMemory) {
   const bool done = disk->commit("test", Sync::full, [&] {
     part.write(1);
     disk->database().exec("no SQL");
@@ -92,7 +92,7 @@ TEST_F(StoreDiskTest, WorkThatFailsLeavesNothingAndTheStateIsMemory) {
   EXPECT_TRUE(disk->commit("test", Sync::full, [&] { part.write(1); }));
 }
 
-TEST_F(StoreDiskTest, MuchThatWaitsIsWrittenInPieces) {
+TEST_F(StoreDiskParts, MuchThatWaitsIsWrittenInPieces) {
   for (int i = 0; i < 1200; ++i) part.waiting.push_back(i);
   EXPECT_TRUE(disk->flush());
   EXPECT_TRUE(part.waiting.empty());
@@ -102,7 +102,7 @@ TEST_F(StoreDiskTest, MuchThatWaitsIsWrittenInPieces) {
   EXPECT_EQ(std::count(part.told.begin(), part.told.end(), 'b'), 3);
 }
 
-TEST_F(StoreDiskTest, WhatTheDiskRefusedWaitsOn) {
+TEST_F(StoreDiskParts, WhatTheDiskRefusedWaitsOn) {
   part.waiting = {1, 2};
   const bool done = disk->commit("test", Sync::as_configured, [&] {
     disk->write_pending();
@@ -115,7 +115,7 @@ TEST_F(StoreDiskTest, WhatTheDiskRefusedWaitsOn) {
   EXPECT_EQ(count(), 2);
 }
 
-TEST_F(StoreDiskTest, DamagedFileIsSetAsideOnceAndItsPlaceIsTaken) {
+TEST_F(StoreDiskParts, DamagedFileIsSetAsideOnceAndItsPlaceIsTaken) {
   part.waiting = {7};
   EXPECT_TRUE(disk->commit("test", Sync::as_configured, [&] { part.write(7); }));
   part.told.clear();
@@ -130,14 +130,14 @@ TEST_F(StoreDiskTest, DamagedFileIsSetAsideOnceAndItsPlaceIsTaken) {
   EXPECT_FALSE(disk->is_writable());
 }
 
-TEST_F(StoreDiskTest, SingleRowThatCannotBeReadLeavesTheFileWritable) {
+TEST_F(StoreDiskParts, SingleRowThatCannotBeReadLeavesTheFileWritable) {
   EXPECT_FALSE(disk->read([&] { disk->database().exec("no SQL"); }));
   EXPECT_TRUE(disk->is_writable());
   EXPECT_FALSE(disk->attempt("read", [&] { disk->database().exec("no SQL"); }));
   EXPECT_FALSE(disk->is_writable());
 }
 
-TEST_F(StoreDiskTest, CloseKeepsWhatIsThereAndLetsTheDirectoryGo) {
+TEST_F(StoreDiskParts, CloseKeepsWhatIsThereAndLetsTheDirectoryGo) {
   disk->close();
   EXPECT_EQ(part.told, "kept ");
   EXPECT_FALSE(disk->is_open());
