@@ -100,10 +100,10 @@ void run_agent(const Config& config, StopWatchdog& watchdog) {
   Field field(config, outbox, first_numbers(config, store.get(), utc_now()));
   Commands commands(
       config, [&field](AdmittedCommand admitted) { field.submit(std::move(admitted)); },
-      store.get());
+      store ? &store->journal() : nullptr);
   if (store) {
     const auto now = std::chrono::steady_clock::now();
-    commands.restore(recover(config, *store, utc_now(), now), now, utc_now());
+    commands.restore(recover(config, store->journal(), utc_now(), now), now, utc_now());
   }
   JsonPayload payload(config, settings.boot, settings.version);
   PahoBroker broker(

@@ -32,13 +32,14 @@ forbid("^agent/field/" "^nlohmann/" "agent/field/ knows no JSON")
 forbid("^agent/commands/" "^agent/(field|store|uplink|cli|agent)[/.]" "agent/commands/ is pure: it names what it needs as ports")
 forbid("^agent/commands/" "${threads_and_io}" "agent/commands/ has no threads, no I/O and no clock")
 forbid("^agent/store/" "^agent/(field|uplink|cli|agent)[/.]" "agent/store/ sees values, config and the commands' port")
+forbid("^agent/store/" "^agent/commands/" "of agent/commands/ agent/store/ sees journal.h only")
 forbid("^agent/uplink/" "^agent/(field|cli|agent)[/.]" "agent/uplink/ and agent/field/ meet in agent/agent.cpp only")
 forbid("^agent/config/" "^agent/(commands|field|store|uplink|cli|agent)[/.]" "agent/config/ sees protocol and small things")
 forbid("^agent/((log|process)/)?[^/]+$" "^agent/(commands|config|field|store|uplink|cli)/"
        "what every room uses must not know any of them")
 forbid("." "^asio" "asio is agent/field/'s")
 forbid("." "${mqtt}" "only agent/uplink/paho_broker.cpp knows the MQTT library")
-forbid("." "^sqlite3" "only agent/store/ knows SQLite")
+forbid("." "^(sqlite3|SQLiteCpp/)" "only agent/store/ knows SQLite")
 forbid("." "^spdlog/" "only agent/log/ knows the log library")
 forbid("^(protocol|agent)/" "^tests/" "the product does not know its tests")
 forbid("^tests/sim/" "^(protocol|agent)/" "the simulator shares no code with what it is to prove wrong")
@@ -51,8 +52,9 @@ set(allowed
   "^agent/agent\\.(h|cpp) agent/"
   "^agent/line_time\\.(h|cpp) agent/config/config\\.h$"
   "^agent/field/[^ ]+ asio"
-  "^tests/[^ ]+ (asio|sqlite3)"
-  "^agent/store/[^ ]+ sqlite3\\.h$"
+  "^tests/[^ ]+ (asio|sqlite3|SQLiteCpp/)"
+  "^agent/store/[^ ]+ (sqlite3\\.h|SQLiteCpp/SQLiteCpp\\.h)$"
+  "^agent/store/[^ ]+ agent/commands/journal\\.h$"
   "^agent/uplink/paho_broker\\.cpp (mqtt/|MQTT)"
   "^agent/log/[^ ]+ spdlog/")
 

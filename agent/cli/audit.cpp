@@ -8,6 +8,7 @@
 
 #include "agent/cli/audit_report.h"
 #include "agent/messages.h"
+#include "agent/store/audit_trail.h"
 #include "agent/store/store_file.h"
 
 namespace fxagent {
@@ -92,23 +93,19 @@ int run_audit(const Config& config, const AuditQuestion& question) {
   if (!std::filesystem::exists(path, fault))
     return wrong(path + " is not there" + (fault ? ": " + fault.message() : "") +
                  "; the agent makes it when it runs");
-  sqlite::Database database(path, sqlite::Database::Access::read_only);
-  if (database.is_open()) sqlite3_busy_timeout(database.handle(), 2000);
   audit::Verifier verifier(published);
   audit::Report report;
   audit::Head head;
   const auto take = [&](audit::Record record) {
     question.verify ? verifier.add(record) : report.add(record);
   };
-  if (!database.is_open() || !AuditTrail::read(database, take, head)) {
-    const std::string& why = database.fault().text;
-    const int code = database.fault().code;
-    if (question.verify && (code == SQLITE_CORRUPT || code == SQLITE_NOTADB))
+  if (const auto unread = AuditTrail::read(path, take, head)) {
+    if (question.verify && unread->is_damaged)
       return print_findings(verifier, head,
-                            {{verifier.records() + 1, "the file is damaged: " + why}},
+                            {{verifier.records() + 1, "the file is damaged: " + unread->why}},
                             question.as_json);
-    return wrong(path + ": " + why +
-                 (why.starts_with("no such table")
+    return wrong(path + ": " + unread->why +
+                 (unread->why.starts_with("no such table")
                       ? "; it is of an older agent, and the audit begins when this one runs"
                       : ""));
   }

@@ -1,13 +1,18 @@
 #include "agent/store/audit_trail.h"
 
 #include <algorithm>
+#include <chrono>
+#include <utility>
 
 namespace fxagent {
 namespace {
 
 using sqlite::from_sql;
-using sqlite::Statement;
-using sqlite::to_sql;
+
+constexpr std::size_t kMostWaiting = 30000;  // 10,000 commands, their results and their PUBACKs
+constexpr std::size_t kMostWaitingBytes = std::size_t{8} << 20;
+constexpr std::chrono::hours kAgeEvery{1};
+constexpr int kPatienceMs = 2000;
 
 // What a record costs beside its text: number, hash, and the file's own.
 constexpr std::uint64_t kOverhead = 64;
@@ -19,96 +24,144 @@ void take_digest(ByteView kept, Digest& digest) {
 
 }  // namespace
 
-AuditTrail::AuditTrail(sqlite::Database& database)
-    : database_(&database),
-      insert_(database, "INSERT INTO audit VALUES(?, ?, ?)"),
-      update_(database, "INSERT OR REPLACE INTO audit_head VALUES(1, ?, ?, ?, ?)") {}
+AuditTrail::Statements::Statements(SQLite::Database& database)
+    : insert(database, "INSERT INTO audit VALUES(?, ?, ?)"),
+      update(database, "INSERT OR REPLACE INTO audit_head VALUES(1, ?, ?, ?, ?)") {}
 
-bool AuditTrail::load() {
+void AuditTrail::load(SQLite::Database& database) {
+  sql_.emplace(database);
   kept_ = {};
-  Statement head(*database_, "SELECT records, hash, arrivals, bytes FROM audit_head");
-  if (head.step() == Statement::Step::row) {
-    kept_.head.records = from_sql(head.number(0));
-    take_digest(head.bytes(1), kept_.head.hash);
-    kept_.arrivals = from_sql(head.number(2));
-    kept_.bytes = from_sql(head.number(3));
-  }
-  head.reset();
+  SQLite::Statement head(database, "SELECT records, hash, arrivals, bytes FROM audit_head");
+  sqlite::each(head, [this](const SQLite::Statement& row) {
+    kept_.head.records = from_sql(sqlite::number(row, 0));
+    take_digest(sqlite::bytes(row, 1), kept_.head.hash);
+    kept_.arrivals = from_sql(sqlite::number(row, 2));
+    kept_.bytes = from_sql(sqlite::number(row, 3));
+  });
   // Where somebody has put the head back, the chain goes on behind it and verify finds the break.
-  const auto last = from_sql(database_->number("SELECT max(n) FROM audit"));
+  const auto last = from_sql(database.execAndGet("SELECT max(n) FROM audit").getInt64());
   kept_.head.records = std::max(kept_.head.records, last);
-  return database_->fault().code == SQLITE_OK;
+  last_command_number_ = std::max(last_command_number_, kept_.arrivals);
+  first_of_run_ = kept_.head.records + 1;
 }
 
-bool AuditTrail::append(std::string_view body) {
+void AuditTrail::unload(Rows) {
+  sql_.reset();
+  kept_ = {};
+}
+
+void AuditTrail::note(std::string body) {
+  if (body.empty()) return;
+  if (waiting_.size() >= kMostWaiting || waiting_bytes_ >= kMostWaitingBytes) {
+    ++lost_;
+    return;
+  }
+  waiting_bytes_ += body.size();
+  waiting_.push_back(std::move(body));
+}
+
+void AuditTrail::begin_commit() {
+  next_ = kept_;
+  written_ = 0;
+  is_loss_written_ = false;
+}
+
+void AuditTrail::append(std::string_view body) {
+  if (body.empty()) return;
   const audit::Record record = audit::seal(next_.head, body);
   next_.bytes += record.text.size() + kOverhead;
-  return insert_.bind(1, to_sql(record.number))
-      .bind(2, record.text)
-      .bind(3, ByteView(record.hash))
-      .run();
+  sqlite::run(sql_->insert, record.number, record.text, ByteView(record.hash));
 }
 
-bool AuditTrail::prune(std::uint64_t max_bytes, std::int64_t oldest_ms, std::uint64_t may_age,
-                       std::int64_t now_ms) {
+bool AuditTrail::write_pending(std::size_t at_most) {
+  for (; written_ < std::min(at_most, waiting_.size()); ++written_) append(waiting_[written_]);
+  if (written_ < waiting_.size()) return true;
+  if (lost_ != 0) append(audit::lost(lost_, disk_.utc_ms()));
+  is_loss_written_ = true;
+  return false;
+}
+
+void AuditTrail::end_commit() {
+  if (next_.head.records == kept_.head.records) return;
+  next_.arrivals = std::max(next_.arrivals, last_command_number_);
+  sqlite::run(sql_->update, next_.head.records, ByteView(next_.head.hash), next_.arrivals,
+              next_.bytes);
+}
+
+void AuditTrail::committed() {
+  kept_ = next_;
+  for (; written_ > 0; --written_) {
+    waiting_bytes_ -= waiting_.front().size();
+    waiting_.pop_front();
+  }
+  if (is_loss_written_) lost_ = 0;
+}
+
+void AuditTrail::prune(std::uint64_t max_bytes, std::int64_t oldest_ms, std::uint64_t may_age) {
   const bool full = next_.bytes > max_bytes + max_bytes / 10;
   std::uint64_t freed = 0;
   std::uint64_t up_to = 0;
   Bytes hash;
-  Statement oldest(*database_, "SELECT n, text, hash FROM audit ORDER BY n");
-  auto step = oldest.step();
-  for (; step == Statement::Step::row; step = oldest.step()) {
-    const std::uint64_t number = from_sql(oldest.number(0));
-    if (number >= next_.head.records) break;  // the last one stays, so that the chain has an end
+  SQLite::Statement oldest(disk_.database(), "SELECT n, text, hash FROM audit ORDER BY n");
+  sqlite::each(oldest, [&](const SQLite::Statement& row) {
+    const std::uint64_t number = from_sql(sqlite::number(row, 0));
+    // The last one stays, so that the chain has an end.
+    if (number >= next_.head.records) return false;
+    const std::string_view text = sqlite::text(row, 1);
     const bool too_much = full && next_.bytes > max_bytes + freed;
-    if (!too_much && (number > may_age || audit::time_of(oldest.text(1)) >= oldest_ms)) break;
+    if (!too_much && (number > may_age || audit::time_of(text) >= oldest_ms)) return false;
     up_to = number;
-    hash.assign(oldest.bytes(2).begin(), oldest.bytes(2).end());
-    freed += oldest.text(1).size() + kOverhead;
-  }
-  oldest.reset();
-  if (step == Statement::Step::failed) return false;
-  if (up_to == 0) return true;
-  Statement remove(*database_, "DELETE FROM audit WHERE n <= ?");
-  if (!remove.bind(1, to_sql(up_to)).run()) return false;
+    freed += text.size() + kOverhead;
+    const ByteView kept = sqlite::bytes(row, 2);
+    hash.assign(kept.begin(), kept.end());
+    return true;
+  });
+  if (up_to == 0) return;
+  SQLite::Statement remove(disk_.database(), "DELETE FROM audit WHERE n <= ?");
+  sqlite::run(remove, up_to);
   next_.bytes -= std::min(next_.bytes, freed);
-  return append(audit::pruned(up_to, hash, now_ms));
+  append(audit::pruned(up_to, hash, disk_.utc_ms()));
 }
 
-bool AuditTrail::end(std::uint64_t arrivals) {
-  if (next_.head.records == kept_.head.records) return true;
-  next_.arrivals = std::max(next_.arrivals, arrivals);
-  return update_.bind(1, to_sql(next_.head.records))
-      .bind(2, ByteView(next_.head.hash))
-      .bind(3, to_sql(next_.arrivals))
-      .bind(4, to_sql(next_.bytes))
-      .run();
+void AuditTrail::prune_to_limits(SteadyTime now, SteadyTime running_since) {
+  if (!disk_.is_writable()) return;
+  const bool by_age = !prune_at_ || now >= *prune_at_;
+  if (by_age) prune_at_ = now + kAgeEvery;
+  // A record of this run is not older than the run, whatever the clock was at the time.
+  const bool long_run = now - running_since > config_.audit_max_age;
+  const std::uint64_t may_age = !by_age ? 0 : long_run ? kept_.head.records : first_of_run_ - 1;
+  const std::int64_t oldest_ms =
+      disk_.utc_ms() - std::chrono::milliseconds(config_.audit_max_age).count();
+  disk_.commit("audit", StoreDisk::Sync::as_configured,
+               [&] { prune(config_.audit_max_bytes, oldest_ms, may_age); });
 }
 
-bool AuditTrail::read(sqlite::Database& database, const std::function<void(audit::Record)>& take,
-                      audit::Head& head) {
-  // One transaction: the head belongs to these records, whatever the agent writes meanwhile.
-  if (!database.execute("BEGIN")) return false;
-  database.clear_fault();
+std::optional<AuditTrail::Unread> AuditTrail::read(const std::string& path,
+                                                   const std::function<void(audit::Record)>& take,
+                                                   audit::Head& head) {
   head = {};
-  Statement kept(database, "SELECT records, hash FROM audit_head");
-  if (kept.step() == Statement::Step::row) {
-    head.records = from_sql(kept.number(0));
-    take_digest(kept.bytes(1), head.hash);
-  }
-  kept.reset();
-  Statement all(database, "SELECT n, text, hash FROM audit ORDER BY n");
-  while (all.step() == Statement::Step::row) {
-    audit::Record record;
-    record.number = from_sql(all.number(0));
-    record.text = all.text(1);
-    const ByteView hash = all.bytes(2);
-    record.hash.assign(hash.begin(), hash.end());
-    take(std::move(record));
-  }
-  const bool whole = database.fault().code == SQLITE_OK;
-  database.execute("COMMIT");
-  return whole;
+  const auto fault = sqlite::attempt([&] {
+    SQLite::Database database = sqlite::open(path, sqlite::Access::read_only);
+    database.setBusyTimeout(kPatienceMs);
+    // One transaction: the head belongs to these records, whatever the agent writes meanwhile.
+    const SQLite::Transaction transaction(database);
+    SQLite::Statement kept(database, "SELECT records, hash FROM audit_head");
+    sqlite::each(kept, [&](const SQLite::Statement& row) {
+      head.records = from_sql(sqlite::number(row, 0));
+      take_digest(sqlite::bytes(row, 1), head.hash);
+    });
+    SQLite::Statement all(database, "SELECT n, text, hash FROM audit ORDER BY n");
+    sqlite::each(all, [&](const SQLite::Statement& row) {
+      audit::Record record;
+      record.number = from_sql(sqlite::number(row, 0));
+      record.text = sqlite::text(row, 1);
+      const ByteView hash = sqlite::bytes(row, 2);
+      record.hash.assign(hash.begin(), hash.end());
+      take(std::move(record));
+    });
+  });
+  if (!fault) return std::nullopt;
+  return Unread{fault->text, fault->code == SQLITE_CORRUPT || fault->code == SQLITE_NOTADB};
 }
 
 }  // namespace fxagent

@@ -10,12 +10,13 @@ constexpr int kPasses = 2;
 
 }  // namespace
 
-Checkpointer::Checkpointer(sqlite::Database& writer, const std::string& path)
-    : writer_(writer), own_(path), thread_(started()) {
+Checkpointer::Checkpointer(SQLite::Database& writer, const std::string& path)
+    : writer_(writer), own_(sqlite::open(path)), thread_(started()) {
   // It opens the log now: later other files may have been put in the place of these.
   const std::lock_guard alone(working_);
-  if (own_.is_open()) own_.number("PRAGMA schema_version");
-  sqlite3_wal_hook(writer_.handle(), committed, this);
+  own_.tryExec("PRAGMA schema_version");
+  // SQLiteCpp knows neither this hook nor a checkpoint that says how far it came.
+  sqlite3_wal_hook(writer_.getHandle(), committed, this);
 }
 
 std::jthread Checkpointer::started() {
@@ -24,7 +25,7 @@ std::jthread Checkpointer::started() {
 }
 
 Checkpointer::~Checkpointer() {
-  sqlite3_wal_hook(writer_.handle(), nullptr, nullptr);
+  sqlite3_wal_hook(writer_.getHandle(), nullptr, nullptr);
   thread_.request_stop();
   thread_.join();
 }
@@ -60,11 +61,10 @@ void Checkpointer::run(std::stop_token stop) {
 
 void Checkpointer::bring_home() {
   const std::lock_guard alone(working_);
-  if (!own_.is_open()) return;
   int pages = 0;
   int home = -1;
   for (int pass = 0; pass < kPasses && home < pages; ++pass)
-    if (sqlite3_wal_checkpoint_v2(own_.handle(), nullptr, SQLITE_CHECKPOINT_PASSIVE, &pages,
+    if (sqlite3_wal_checkpoint_v2(own_.getHandle(), nullptr, SQLITE_CHECKPOINT_PASSIVE, &pages,
                                   &home) != SQLITE_OK)
       return;
   home_ = home;

@@ -23,8 +23,9 @@ class Checkpointer final {
   static constexpr int kMostPages = 8000;
 
   /// Takes the place of the checkpoints at the commits of `writer`, an open database in WAL mode
-  /// that outlives this; `path` is its file. Throws std::system_error where there is no thread.
-  Checkpointer(sqlite::Database& writer, const std::string& path);
+  /// that outlives this; `path` is its file. Throws std::system_error where there is no thread,
+  /// and SQLite::Exception where the file does not open a second time.
+  Checkpointer(SQLite::Database& writer, const std::string& path);
   /// Waits for the end of a checkpoint. The thread of `writer`.
   ~Checkpointer();
   Checkpointer(const Checkpointer&) = delete;
@@ -36,8 +37,8 @@ class Checkpointer final {
   void run(std::stop_token stop);
   void bring_home();
 
-  sqlite::Database& writer_;
-  sqlite::Database own_;       ///< under working_
+  SQLite::Database& writer_;
+  SQLite::Database own_;       ///< under working_
   std::atomic<int> home_ = 0;  ///< pages of the log
   std::mutex working_;
   std::mutex mutex_;

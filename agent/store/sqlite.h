@@ -1,126 +1,113 @@
-// SQLite's C API behind types that clean up after themselves. Knows no samples and no commands.
-// One thread at a time.
+// What SQLiteCpp leaves to its user: values of 64 bits without a sign, texts and bytes as they lie
+// in a row, a whole statement in one call, a fault without an exception, and the steps of a schema.
+// All else is SQLiteCpp's: connections, statements, transactions. It throws SQLite::Exception,
+// which never leaves this folder. Knows no samples and no commands. One thread at a time.
 #pragma once
 
+#include <SQLiteCpp/SQLiteCpp.h>
 #include <sqlite3.h>
 
+#include <concepts>
 #include <cstdint>
-#include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 
 #include "protocol/bytes.h"
 
 namespace fxagent::sqlite {
 
-/// What SQLite said last: a primary result code (SQLITE_FULL …) and its text.
+/// What SQLite said: a primary result code (SQLITE_FULL …) and its text.
 struct Fault {
   int code = SQLITE_OK;
   std::string text;
 };
 
-class Database;
+/// Carries out `work`. Nothing: it came to its end; else what SQLite threw.
+template <class Work>
+std::optional<Fault> attempt(Work&& work) {
+  try {
+    work();
+    return std::nullopt;
+  } catch (const SQLite::Exception& thrown) {
+    return Fault{thrown.getErrorCode() & 0xFF, thrown.what()};
+  }
+}
+
+enum class Access : std::uint8_t { read_write, read_only };
+/// Opens the file, and creates it where it may be written. Throws SQLite::Exception.
+SQLite::Database open(const std::string& path, Access access = Access::read_write);
 
 /// SQLite has no unsigned numbers: the same 64 bits.
-inline std::int64_t to_sql(std::uint64_t number) { return static_cast<std::int64_t>(number); }
 inline std::uint64_t from_sql(std::int64_t number) { return static_cast<std::uint64_t>(number); }
 
-/// One prepared statement. It may be invalid, where the database was unusable: then every step
-/// fails. The database outlives it.
-class Statement final {
+// ---- the row that a statement stands on
+
+inline std::int64_t number(const SQLite::Statement& row, int column) {
+  return row.getColumn(column).getInt64();
+}
+/// Valid until the next step. SQLiteCpp's own text would end at a NUL, or be a copy.
+ByteView bytes(const SQLite::Statement& row, int column);
+std::string_view text(const SQLite::Statement& row, int column);
+
+// ---- a statement from its beginning to its end
+
+template <std::integral Number>
+void bind(SQLite::Statement& statement, int position, Number value) {
+  statement.bind(position, static_cast<std::int64_t>(value));
+}
+void bind(SQLite::Statement& statement, int position, const std::string& value);
+void bind(SQLite::Statement& statement, int position, ByteView value);
+
+/// A statement that was left in the middle holds back checkpoints.
+class ResetAtEnd final {
  public:
-  enum class Step : std::uint8_t { row, done, failed };
+  explicit ResetAtEnd(SQLite::Statement& statement) : statement_(statement) {}
+  ~ResetAtEnd() { statement_.tryReset(); }
+  ResetAtEnd(const ResetAtEnd&) = delete;
+  ResetAtEnd& operator=(const ResetAtEnd&) = delete;
 
-  Statement() = default;
-  Statement(Database& database, std::string_view sql);
+ private:
+  SQLite::Statement& statement_;
+};
 
-  /// Parameters by position, from 1; text is copied.
-  Statement& bind(int position, std::int64_t number);
-  Statement& bind(int position, std::string_view text);
-  Statement& bind(int position, ByteView bytes);
-  /// The next row, or the end. A statement that has come to its end begins anew with what is bound.
-  Step step();
-  /// For a statement without rows: whether it was carried out.
-  bool run() { return step() == Step::done; }
-  void reset();
+/// Carries out a statement without rows, with these parameters from the first on. Returns how many
+/// rows it has changed. Throws SQLite::Exception.
+template <class... Values>
+int run(SQLite::Statement& statement, const Values&... values) {
+  const ResetAtEnd reset(statement);
+  int position = 0;
+  (bind(statement, ++position, values), ...);
+  return statement.exec();
+}
 
-  std::int64_t number(int column) const { return sqlite3_column_int64(statement_.get(), column); }
-  /// Valid until the next step.
-  std::string_view text(int column) const;
-  ByteView bytes(int column) const;
-  bool is_null(int column) const {
-    return sqlite3_column_type(statement_.get(), column) == SQLITE_NULL;
+/// Hands each row to `take`, until that returns false (it may return nothing). Throws
+/// SQLite::Exception.
+template <class Take, class... Values>
+void each(SQLite::Statement& statement, Take&& take, const Values&... values) {
+  const ResetAtEnd reset(statement);
+  int position = 0;
+  (bind(statement, ++position, values), ...);
+  while (statement.executeStep()) {
+    if constexpr (std::is_void_v<std::invoke_result_t<Take, const SQLite::Statement&>>)
+      take(std::as_const(statement));
+    else if (!take(std::as_const(statement)))
+      return;
   }
+}
 
- private:
-  struct Finalize {
-    void operator()(sqlite3_stmt* statement) const { sqlite3_finalize(statement); }
-  };
-  void note_bound(int code);
-  Database* database_ = nullptr;
-  std::unique_ptr<sqlite3_stmt, Finalize> statement_;
-  bool bound_ = true;  ///< all that was to be, since the last step
-};
-
-class Database final {
- public:
-  enum class Access : std::uint8_t { read_write, read_only };
-  /// Opens the file, and creates it where it may be written; on failure is_open() is false and
-  /// fault() says why.
-  explicit Database(const std::string& path, Access access = Access::read_write);
-  Database(const Database&) = delete;
-  Database& operator=(const Database&) = delete;
-
-  bool is_open() const { return connection_ != nullptr; }
-  /// Statements without results, one after the other.
-  bool execute(const char* sql);
-  /// The first column of the first row; 0 where there is none.
-  std::int64_t number(const char* sql);
-  /// Rows that the last statement has changed.
-  std::int64_t changes() const { return sqlite3_changes64(connection_.get()); }
-
-  /// The last failure since clear_fault().
-  const Fault& fault() const { return fault_; }
-  void clear_fault() { fault_ = {}; }
-  void note_fault();
-  void set_fault(Fault fault) { fault_ = std::move(fault); }
-  sqlite3* handle() const { return connection_.get(); }
-
- private:
-  struct Close {
-    // v2: a statement that is still there keeps the connection until it goes, too.
-    void operator()(sqlite3* connection) const { sqlite3_close_v2(connection); }
-  };
-  std::unique_ptr<sqlite3, Close> connection_;
-  Fault fault_;
-};
-
-/// All or nothing: what was not committed is rolled back.
-class Transaction final {
- public:
-  explicit Transaction(Database& database);
-  ~Transaction();
-  Transaction(const Transaction&) = delete;
-  Transaction& operator=(const Transaction&) = delete;
-
-  bool begun() const { return open_; }
-  /// False: nothing of it was kept.
-  bool commit();
-
- private:
-  Database& database_;
-  bool open_ = false;
-};
+// ---- the schema
 
 /// Brings the schema from its `user_version` to the newest: step i leads from version i to i + 1,
-/// each in a transaction of its own. False where one failed, or where the file is of a newer
-/// program; then fault() says which.
-bool migrate(Database& database, std::span<const char* const> steps);
+/// each in a transaction of its own. Throws SQLite::Exception where one failed, and with
+/// SQLITE_SCHEMA where the file is of a newer program.
+void migrate(SQLite::Database& database, std::span<const char* const> steps);
 
-/// Whether all that the steps make is there, as they make it; more may be there. Where it is not,
-/// fault() says so, with SQLITE_SCHEMA if it could be read.
-bool has_schema(Database& database, std::span<const char* const> steps);
+/// Makes sure that all that the steps make is there, as they make it; more may be there. Throws
+/// SQLite::Exception, with SQLITE_SCHEMA where something is not as it was made.
+void check_schema(SQLite::Database& database, std::span<const char* const> steps);
 
 }  // namespace fxagent::sqlite

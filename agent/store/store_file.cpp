@@ -15,7 +15,6 @@
 namespace fxagent {
 namespace {
 
-using sqlite::Transaction;
 using std::chrono::milliseconds;
 
 constexpr milliseconds kPatience{500};
@@ -139,87 +138,41 @@ std::string make_store_file(const std::string& directory) {
 }
 
 StoreFile::StoreFile(const std::string& path, bool always)
-    : db(path), path_(path), always_(always) {
-  if (!db.is_open()) return;
-  sqlite3_busy_timeout(db.handle(), static_cast<int>(kPatience.count()));
-  usable_ = db.execute("PRAGMA journal_mode = WAL") &&
-            db.execute(always ? "PRAGMA synchronous = FULL" : "PRAGMA synchronous = NORMAL") &&
-            sqlite::migrate(db, kSchema) && sqlite::has_schema(db, kSchema);
-  if (!usable_) return;
-  insert = {db, "INSERT INTO samples VALUES(?, ?, ?, ?, ?, ?)"};
-  remove = {db, "DELETE FROM samples WHERE id = ?"};
-  stream = {db, "SELECT id, row FROM samples WHERE device = ? AND grp = ? ORDER BY seq, id"};
-  oldest = {db,
-            "SELECT id, device, grp, created_ms, length(CAST(row AS BLOB)) FROM samples"
-            " ORDER BY id"};
-  // A row makes room for a later command: the field did not know that id when it took this one. It
-  // had let go of it, or the file opened late.
-  insert_command = {
-      db,
-      "INSERT INTO orders VALUES(?, ?, ?, ?, ?, ?, ?, '', 0, ?, ?, 0)"
-      " ON CONFLICT DO UPDATE SET received_ms = excluded.received_ms,"
-      " deadline_ms = excluded.deadline_ms, op = excluded.op,"
-      " response_topic = excluded.response_topic, correlation = excluded.correlation,"
-      " result = '', told = 0, arrival = excluded.arrival, payload = excluded.payload,"
-      " refused = 0"
-      " WHERE arrival < excluded.arrival"};
-  record = {db,
-            "INSERT INTO orders VALUES(?, ?, ?, ?, ?, ?, ?, ?, 0, ?, '', ?)"
-            " ON CONFLICT DO UPDATE SET"
-            " received_ms = iif(arrival = excluded.arrival, received_ms, excluded.received_ms),"
-            " deadline_ms = max(deadline_ms, excluded.deadline_ms), op = excluded.op,"
-            " response_topic = iif(arrival = excluded.arrival, response_topic,"
-            " excluded.response_topic),"
-            " correlation = iif(arrival = excluded.arrival, correlation, excluded.correlation),"
-            " result = excluded.result, told = 0, arrival = excluded.arrival, payload = '',"
-            " refused = iif(arrival = excluded.arrival, refused, excluded.refused)"
-            " WHERE iif(result = '', arrival <= excluded.arrival, arrival < excluded.arrival)"};
-  acknowledge = {db,
-                 "UPDATE orders SET told = 1, response_topic = '', correlation = x''"
-                 " WHERE device = ? AND id = ? AND arrival = ?"};
-  // A number goes back only to the exact one, from the end of its block.
-  numbers = {db,
-             "INSERT INTO devices VALUES(?, ?, ?) ON CONFLICT DO UPDATE SET last_seq ="
-             " CASE excluded.clean WHEN 1 THEN excluded.last_seq"
-             " ELSE max(last_seq, excluded.last_seq) END, clean = excluded.clean"};
-  // Its texts, and what the file needs beside them: the row's own, and its places in the indexes.
-  const std::string cost =
-      "(200 + length(CAST(device AS BLOB)) + 2 * length(CAST(id AS BLOB))"
-      " + length(CAST(op AS BLOB)) + length(CAST(response_topic AS BLOB)) + length(correlation)"
-      " + length(CAST(result AS BLOB)) + length(CAST(payload AS BLOB)))";
-  command_cost = {db, "SELECT " + cost + ", refused FROM orders WHERE device = ? AND id = ?"};
-  drop_refused = {db,
-                  "DELETE FROM orders WHERE (device, id) IN (SELECT device, id FROM orders"
-                  " WHERE refused = 1 ORDER BY arrival LIMIT ?) RETURNING " +
-                      cost};
-  measure_journal = {db, "SELECT count(*), total(" + cost + "), total(refused) FROM orders"};
-  trail = AuditTrail(db);
+    : db(sqlite::open(path)), path_(path), always_(always) {
+  db.setBusyTimeout(static_cast<int>(kPatience.count()));
+  db.exec("PRAGMA journal_mode = WAL");
+  db.exec(always ? "PRAGMA synchronous = FULL" : "PRAGMA synchronous = NORMAL");
+  sqlite::migrate(db, kSchema);
+  sqlite::check_schema(db, kSchema);
   file_ = identity_of(path);
   log_ = identity_of(path + "-wal");
   try {
     checkpointer_.emplace(db, path);
   } catch (const std::system_error&) {
     // Without a thread the checkpoints stay where SQLite has them: at the commits.
+  } catch (const SQLite::Exception&) {
+    // The same without a second connection.
   }
 }
 
 void StoreFile::synchronise(bool full) {
-  if (!always_) db.execute(full ? "PRAGMA synchronous = FULL" : "PRAGMA synchronous = NORMAL");
+  if (!always_) db.tryExec(full ? "PRAGMA synchronous = FULL" : "PRAGMA synchronous = NORMAL");
 }
 
 bool StoreFile::is_in_place() const {
   return file_ && log_ && identity_of(path_) == file_ && identity_of(path_ + "-wal") == log_;
 }
 
-bool StoreFile::can_write() {
+std::optional<sqlite::Fault> StoreFile::why_not_writable() {
   // What filled the disk may be the log, where a reader held it back.
-  db.execute("PRAGMA wal_checkpoint(PASSIVE)");
-  Transaction transaction(db);
-  return transaction.begun() &&
-         db.execute(
-             "INSERT INTO samples VALUES(0, '', '', 0, 0, zeroblob(65536));"
-             "DELETE FROM samples WHERE id = 0") &&
-         transaction.commit();
+  db.tryExec("PRAGMA wal_checkpoint(PASSIVE)");
+  return sqlite::attempt([this] {
+    SQLite::Transaction transaction(db, SQLite::TransactionBehavior::IMMEDIATE);
+    db.exec(
+        "INSERT INTO samples VALUES(0, '', '', 0, 0, zeroblob(65536));"
+        "DELETE FROM samples WHERE id = 0");
+    transaction.commit();
+  });
 }
 
 }  // namespace fxagent

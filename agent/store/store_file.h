@@ -1,5 +1,5 @@
-// The open file of the store: its schema, its lock, and its statements, prepared once. What is kept
-// in it and when is store.h's. The store's thread.
+// The store's directory, its lock, and the open file with its schema. What is kept in it and when
+// is said in store.h. The store's thread.
 #pragma once
 
 #include <sys/types.h>
@@ -7,7 +7,6 @@
 #include <optional>
 #include <string>
 
-#include "agent/store/audit_trail.h"
 #include "agent/store/checkpointer.h"
 #include "agent/store/sqlite.h"
 
@@ -53,43 +52,28 @@ std::string make_store_file(const std::string& directory);
 
 class StoreFile final {
  public:
-  /// `always`: every commit is synchronised with the disk.
+  /// Opens the file, or makes it, and brings its schema to the newest. `always`: every commit is
+  /// synchronised with the disk. Throws SQLite::Exception.
   StoreFile(const std::string& path, bool always);
-
-  /// Whether the schema is there; else db.fault() says why not.
-  bool is_usable() const { return usable_; }
 
   /// Samples are synchronised with the disk even where commands are not: a power cut loses none
   /// that counts as stored. With `always` everything is.
   void synchronise(bool full);
 
-  /// Whether there is room for a message more.
-  bool can_write();
+  /// Nothing: there is room for a message more.
+  std::optional<sqlite::Fault> why_not_writable();
 
   /// Whether the file and its log are still those that were opened: what is written to others that
   /// were deleted nobody finds again.
   bool is_in_place() const;
 
-  sqlite::Database db;
-  sqlite::Statement insert;
-  sqlite::Statement remove;
-  sqlite::Statement stream;
-  sqlite::Statement oldest;
-  sqlite::Statement insert_command;
-  sqlite::Statement record;
-  sqlite::Statement acknowledge;
-  sqlite::Statement numbers;
-  sqlite::Statement command_cost;     ///< of one: its bytes, and whether it was refused
-  sqlite::Statement drop_refused;     ///< the oldest of them; their bytes
-  sqlite::Statement measure_journal;  ///< rows, bytes, refused
-  AuditTrail trail;
+  SQLite::Database db;
 
  private:
   const std::string path_;
   const bool always_;
   std::optional<FileIdentity> file_;
   std::optional<FileIdentity> log_;
-  bool usable_ = false;
   std::optional<Checkpointer> checkpointer_;
 };
 

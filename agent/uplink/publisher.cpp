@@ -161,8 +161,8 @@ void Publisher::hearing_changed() { retained_.agent_state_changed(); }
 void Publisher::take_found_late(SteadyTime now) {
   auto late = store_ == nullptr ? std::nullopt : store_->take_found_late();
   if (!late) return;
-  Recovered known = recover(config_, *store_, std::move(late->ids), std::move(late->unacknowledged),
-                            utc_ms_(), now);
+  Recovered known = recover(config_, store_->journal(), std::move(late->ids),
+                            std::move(late->unacknowledged), utc_ms_(), now);
   commands_.restore(std::move(known), now, utc_ms_());
   if (number_above_) number_above_(later_numbers(config_, late->numbers));
 }
@@ -340,8 +340,8 @@ json::Samples Publisher::samples() const {
   samples.in_flight = out.in_flight;
   samples.stored = spool_.backlog().rows();
   if (store_ != nullptr) {
-    samples.stored += store_->rows();
-    samples.recovered = store_->recovered();
+    samples.stored += store_->samples().rows();
+    samples.recovered = store_->samples().recovered();
   }
   samples.acknowledged = out.acknowledged;
   samples.dropped = spool_.dropped();
@@ -367,8 +367,8 @@ std::string Publisher::health_text(SteadyTime now) const {
   health.store_state = store_ == nullptr ? "memory" : store_->state();
   if (store_ != nullptr) {
     health.store_set_aside = store_->set_aside();
-    health.audit_records = store_->audit_head().records;
-    health.audit_head = to_text(store_->audit_head().hash);
+    health.audit_records = store_->audit().head().records;
+    health.audit_head = to_text(store_->audit().head().hash);
   }
   health.store_bytes = spool_.backlog().bytes() + (store_ == nullptr ? 0 : store_->bytes());
   const std::uint64_t room = store_ == nullptr ? spool_.backlog().max_bytes() : store_->max_bytes();

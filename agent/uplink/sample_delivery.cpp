@@ -64,7 +64,7 @@ void SampleDelivery::take(const std::vector<Telemetry>& messages, bool can_go, S
     row.seq = message.seq;
     row.json = json::telemetry(message, device, boot_, meta_hashes_.at(message.device));
     row_bytes_ += row.cost();
-    if (store_ != nullptr) store_->used_seq(row.device, row.seq);
+    if (store_ != nullptr) store_->numbers().used(row.device, row.seq);
     if (can_go && may_send(row.device, now))
       live.push_back(std::move(row));
     else

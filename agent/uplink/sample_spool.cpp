@@ -6,7 +6,7 @@ namespace fxagent {
 
 void SampleSpool::add(LiveRow live) {
   if (live.stored)
-    store_->release(live.row.row_id);
+    store_->samples().release(live.row.row_id);
   else
     add(std::move(live.row));
   commit_by(live.since + kLiveFor);
@@ -24,7 +24,7 @@ void SampleSpool::write() {
   auto rows = std::exchange(spool_, {});
   // While older rows are in memory, these wait behind them.
   const bool on_disk =
-      store_ != nullptr && backlog_.rows() == 0 && store_->append(rows, Store::Hold::no);
+      store_ != nullptr && backlog_.rows() == 0 && store_->samples().append(rows, Store::Hold::no);
   if (!on_disk)
     for (SampleRow& row : rows) backlog_.append(std::move(row));
   count_dropped();
@@ -34,13 +34,14 @@ void SampleSpool::move_memory_to_disk() {
   if (!can_hold() || backlog_.rows() == 0) return;
   auto rows = backlog_.take_waiting();
   if (rows.empty()) return;
-  if (!store_->append(rows, Store::Hold::no))
+  if (!store_->samples().append(rows, Store::Hold::no))
     for (SampleRow& row : rows) backlog_.append(std::move(row));
   count_dropped();
 }
 
 bool SampleSpool::hold(std::vector<SampleRow>& rows) {
-  if (store_ == nullptr || rows.empty() || !store_->append(rows, Store::Hold::yes)) return false;
+  if (store_ == nullptr || rows.empty() || !store_->samples().append(rows, Store::Hold::yes))
+    return false;
   count_dropped();
   return true;
 }
@@ -52,10 +53,11 @@ std::optional<HistoryMessage> SampleSpool::next(
   };
   const auto from_memory = [&](const StreamKey& stream) {
     return may_send(stream.first) &&
-           (store_ == nullptr || !(store_->has_waiting(stream) || store_->is_on_the_way(stream)));
+           (store_ == nullptr ||
+            !(store_->samples().has_waiting(stream) || store_->samples().is_on_the_way(stream)));
   };
   if (store_ != nullptr) {
-    auto batch = store_->next(max_bytes, from_disk);
+    auto batch = store_->samples().next(max_bytes, from_disk);
     count_dropped();
     if (batch) return HistoryMessage{std::move(*batch), true};
   }
@@ -65,15 +67,16 @@ std::optional<HistoryMessage> SampleSpool::next(
 }
 
 void SampleSpool::returned(const HistoryMessage& message) {
-  message.on_disk ? store_->returned(message.batch) : backlog_.returned(message.batch);
+  message.on_disk ? store_->samples().returned(message.batch) : backlog_.returned(message.batch);
 }
 
 std::uint64_t SampleSpool::remove(const HistoryMessage& message) {
-  return message.on_disk ? store_->remove(message.batch) : backlog_.acknowledged(message.batch);
+  return message.on_disk ? store_->samples().remove(message.batch)
+                         : backlog_.acknowledged(message.batch);
 }
 
 std::uint64_t SampleSpool::remove(const LiveRow& live) {
-  return store_->remove(std::span(&live.row.row_id, 1));
+  return store_->samples().remove(std::span(&live.row.row_id, 1));
 }
 
 void SampleSpool::drop(const std::string& device, std::uint64_t count) {
@@ -84,7 +87,7 @@ void SampleSpool::drop(const std::string& device, std::uint64_t count) {
 void SampleSpool::count_dropped() {
   for (const auto& [device, count] : backlog_.take_dropped()) drop(device, count);
   if (store_ == nullptr) return;
-  for (const auto& [device, count] : store_->take_dropped()) drop(device, count);
+  for (const auto& [device, count] : store_->samples().take_dropped()) drop(device, count);
 }
 
 std::uint64_t SampleSpool::dropped(const std::string& device) const {
@@ -93,7 +96,8 @@ std::uint64_t SampleSpool::dropped(const std::string& device) const {
 }
 
 bool SampleSpool::has_waiting(const std::string& device) const {
-  return backlog_.has_waiting(device) || (store_ != nullptr && store_->has_waiting(device));
+  return backlog_.has_waiting(device) ||
+         (store_ != nullptr && store_->samples().has_waiting(device));
 }
 
 }  // namespace fxagent

@@ -10,6 +10,7 @@ function(write_tree)
   file(WRITE "${WORK}/agent/agent.cpp" "#include \"agent/field/field.h\"\n#include \"agent/uplink/publisher.h\"\n")
   file(WRITE "${WORK}/agent/log/log.cpp" "#include <spdlog/spdlog.h>\n")
   file(WRITE "${WORK}/agent/field/field.cpp" "#include <asio/post.hpp>\n#include \"protocol/codec.h\"\n")
+  file(WRITE "${WORK}/agent/store/store.h" "#include <SQLiteCpp/SQLiteCpp.h>\n#include \"agent/commands/journal.h\"\n")
   file(WRITE "${WORK}/agent/uplink/json_payload.cpp" "#include <nlohmann/json.hpp>\n#include \"agent/messages.h\"\n")
   file(WRITE "${WORK}/agent/uplink/paho_broker.cpp" "#include <mqtt/async_client.h>\n")
   file(WRITE "${WORK}/tests/sim/main.cpp" "#include <asio/post.hpp>\n#include \"tests/sim/plc.h\"\n")
@@ -48,6 +49,8 @@ foreach(wrong IN ITEMS
     "agent/store/store.cpp|<asio/post.hpp>"
     "agent/store/store.cpp|\"agent/field/field.h\""
     "agent/store/store.cpp|<mqtt/message.h>"
+    "agent/store/store.cpp|\"agent/commands/parse.h\""
+    "agent/store/store.h|\"agent/commands/journal_text.h\""
     "agent/uplink/broker.h|<MQTTAsync.h>"
     "agent/messages.cpp|\"agent/field/field.h\""
     "agent/log/log.cpp|\"agent/config/config.h\""
@@ -58,6 +61,7 @@ foreach(wrong IN ITEMS
     "agent/config/config.h|\"agent/commands/parse.h\""
     "agent/store/store.cpp|\"agent/uplink/json_payload.h\""
     "agent/uplink/publisher.cpp|<sqlite3.h>"
+    "agent/cli/audit.cpp|<SQLiteCpp/SQLiteCpp.h>"
     "agent/uplink/publisher.cpp|\"agent/cli/audit.h\""
     "agent/config/config.cpp|\"agent/uplink/json_payload.h\""
     "agent/config/config.cpp|\"uplink/json.h\""

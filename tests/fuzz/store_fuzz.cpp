@@ -36,19 +36,21 @@ bool any(const StreamKey&) { return true; }
 /// What the agent does with a store at its start, and a while later.
 void live_with(Store& store) {
   const std::vector<std::string> devices{"press1"};
-  store.begin_numbers(devices, kUtc);
-  for (const KnownId& known : store.known_ids()) store.find(known.device, known.id);
-  for (const JournalEntry& entry : store.unacknowledged()) {
+  store.numbers().begin(devices, kUtc);
+  for (const KnownId& known : store.journal().known_ids())
+    store.journal().find(known.device, known.id);
+  for (const JournalEntry& entry : store.journal().unacknowledged()) {
     CommandResult result = recorded_result(entry.result);
     result.id = entry.id;
     if (!nlohmann::json::accept(result_text(result))) std::abort();
-    store.acknowledge(entry.device, entry.id, entry.number);
+    store.journal().acknowledge(entry.device, entry.id, entry.number);
   }
   for (int i = 0; i < 4; ++i) {
-    const auto batch = store.next(4096, any);
+    const auto batch = store.samples().next(4096, any);
     if (!batch) break;
     if (!nlohmann::json::accept(batch->payload)) std::abort();
-    i % 2 == 0 ? static_cast<void>(store.remove(*batch)) : store.returned(*batch);
+    i % 2 == 0 ? static_cast<void>(store.samples().remove(*batch))
+               : store.samples().returned(*batch);
   }
   store.upkeep(SteadyTime(std::chrono::seconds(1)), kUtc);
 }
@@ -71,7 +73,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     rows[0].seq = 7;
     rows[0].json = "{\"seq\":7}";
     // The disk is there, so that damage found while writing costs one attempt at most.
-    if (!store.append(rows, Store::Hold::no) && !store.append(rows, Store::Hold::no)) std::abort();
+    if (!store.samples().append(rows, Store::Hold::no) &&
+        !store.samples().append(rows, Store::Hold::no))
+      std::abort();
     store.close();
   }
   Store again(config, kUtc);

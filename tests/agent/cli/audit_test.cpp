@@ -6,8 +6,6 @@
 
 #include "agent/cli/audit_report.h"
 #include "agent/commands/audit_records.h"
-#include "agent/store/store_file.h"
-#include "tests/agent/store/scratch.h"
 
 namespace fxagent::audit {
 namespace {
@@ -286,93 +284,6 @@ TEST(AuditReport, SinceIsATimeOrADuration) {
   for (const char* wrong : {"", "h", "-2h", "2y", "2026-13-01", "2026-02-30", "yesterday",
                             "2026-09-21T25:00", "99999999999999999999"})
     EXPECT_FALSE(since_from(wrong, kNow)) << wrong;
-}
-
-// ---- in the file ------------------------------------------------------------------------------
-
-struct TrailBench {
-  test::Scratch scratch;
-  StoreFile file{(make_store_file(scratch.path("s")), store_file_path(scratch.path("s"))), false};
-
-  TrailBench() { EXPECT_TRUE(file.trail.load()); }
-  void append(int count) {
-    sqlite::Transaction transaction(file.db);
-    file.trail.begin();
-    for (int i = 0; i < count; ++i)
-      EXPECT_TRUE(file.trail.append(told(1, "press1", "b7e1", true, kNow + i)));
-    EXPECT_TRUE(file.trail.end(1) && transaction.commit());
-    file.trail.committed();
-  }
-  void prune(std::uint64_t max_bytes, std::int64_t oldest_ms, std::uint64_t may_age) {
-    sqlite::Transaction transaction(file.db);
-    file.trail.begin();
-    EXPECT_TRUE(file.trail.prune(max_bytes, oldest_ms, may_age, kNow) && file.trail.end(1) &&
-                transaction.commit());
-    file.trail.committed();
-  }
-  std::vector<Finding> findings() {
-    Verifier verifier;
-    Head head;
-    EXPECT_TRUE(AuditTrail::read(
-        file.db, [&](const Record& record) { verifier.add(record); }, head));
-    left = verifier.records();
-    return verifier.finish(head);
-  }
-  std::uint64_t left = 0;
-};
-
-TEST(AuditTrail, RecordsThatWereNotCommittedLeaveNoTrace) {
-  TrailBench bench;
-  bench.append(3);
-  {
-    sqlite::Transaction transaction(bench.file.db);
-    bench.file.trail.begin();
-    EXPECT_TRUE(bench.file.trail.append(told(1, "press1", "lost", true, kNow)));
-  }
-  bench.append(2);
-  EXPECT_TRUE(bench.findings().empty());
-  EXPECT_EQ(bench.left, 5U);
-}
-
-TEST(AuditTrail, PrunesToItsSizeAndStaysWhole) {
-  TrailBench bench;
-  bench.append(1000);
-  const std::uint64_t bytes = bench.file.trail.bytes();
-  bench.prune(bytes, 0, 0);
-  EXPECT_EQ(bench.file.trail.head().records, 1000U);
-  bench.prune(bytes / 2, 0, 0);
-  EXPECT_LE(bench.file.trail.bytes(), bytes / 2 + 500);
-  EXPECT_TRUE(bench.findings().empty());
-  EXPECT_NEAR(static_cast<double>(bench.left), 500.0, 5.0);
-  bench.append(10);
-  bench.prune(1, 0, 0);
-  EXPECT_TRUE(bench.findings().empty());
-  EXPECT_EQ(bench.left, 2U);
-}
-
-TEST(AuditTrail, PrunesWhatIsTooOldAndNothingOfAYoungRun) {
-  TrailBench bench;
-  bench.append(10);
-  bench.prune(1 << 20, kNow + 5, 3);
-  EXPECT_TRUE(bench.findings().empty());
-  EXPECT_EQ(bench.left, 8U);  // 4 to 10, and the record of the pruning
-  bench.prune(1 << 20, kNow + 5, 100);
-  EXPECT_TRUE(bench.findings().empty());
-  EXPECT_EQ(bench.left, 7U);  // 6 to 11, and another
-}
-
-TEST(AuditTrail, ChainGoesOnBehindAHeadThatWasPutBackAndTheBreakIsSeen) {
-  TrailBench bench;
-  bench.append(5);
-  ASSERT_TRUE(bench.file.db.execute("UPDATE audit_head SET records = 2"));
-  ASSERT_TRUE(bench.file.trail.load());
-  bench.append(1);
-  EXPECT_TRUE(bench.findings().empty());  // the hash was left as it was
-  ASSERT_TRUE(bench.file.db.execute("UPDATE audit_head SET hash = zeroblob(32)"));
-  ASSERT_TRUE(bench.file.trail.load());
-  bench.append(1);
-  ASSERT_EQ(bench.findings().size(), 1U);
-  EXPECT_EQ(bench.findings()[0].record, 7U);
 }
 
 }  // namespace

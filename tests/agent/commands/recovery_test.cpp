@@ -34,7 +34,7 @@ struct RecoveryTest : ::testing::Test {
   }
 
   Recovered take_late(std::vector<JournalEntry> unacknowledged) {
-    return recover(config, *store, {}, std::move(unacknowledged), kNow, kStart);
+    return recover(config, store->journal(), {}, std::move(unacknowledged), kNow, kStart);
   }
 
   Config config = test::plant();
@@ -45,8 +45,8 @@ struct RecoveryTest : ::testing::Test {
 
 TEST_F(RecoveryTest, OrderIsReadBackByItsOwnPayload) {
   const std::string payload = R"({"id":"mine","op":"write","tag":"setpoint","value":5})";
-  ASSERT_TRUE(store->journal(std::vector{order("mine", 1, payload)}));
-  const Recovered found = recover(config, *store, kNow, kStart);
+  ASSERT_TRUE(store->journal().journal(std::vector{order("mine", 1, payload)}));
+  const Recovered found = recover(config, store->journal(), kNow, kStart);
   ASSERT_EQ(found.interrupted.size(), 1U);
   EXPECT_EQ(found.interrupted[0].id, "mine");
   EXPECT_EQ(found.interrupted[0].number, 1U);
@@ -57,8 +57,8 @@ TEST_F(RecoveryTest, OrderIsReadBackByItsOwnPayload) {
 // would make a SUCCEEDED of a command that never left.
 TEST_F(RecoveryTest, PayloadOfAnotherCommandIsNotTakenForTheOrder) {
   const std::string payload = R"({"id":"other","op":"write","tag":"setpoint","value":5})";
-  ASSERT_TRUE(store->journal(std::vector{order("mine", 1, payload)}));
-  const Recovered found = recover(config, *store, kNow, kStart);
+  ASSERT_TRUE(store->journal().journal(std::vector{order("mine", 1, payload)}));
+  const Recovered found = recover(config, store->journal(), kNow, kStart);
   EXPECT_TRUE(found.interrupted.empty());
   ASSERT_EQ(found.unacknowledged.size(), 1U);
   EXPECT_EQ(found.unacknowledged[0].id, "mine");
@@ -66,26 +66,26 @@ TEST_F(RecoveryTest, PayloadOfAnotherCommandIsNotTakenForTheOrder) {
 }
 
 TEST_F(RecoveryTest, StoreThatOpensLateLeavesThisRunsNewerOrderAlone) {
-  ASSERT_TRUE(store->journal(std::vector{order("again", 9)}));
+  ASSERT_TRUE(store->journal().journal(std::vector{order("again", 9)}));
   const Recovered found = take_late({order("again", 5)});
   EXPECT_TRUE(found.unacknowledged.empty());
   EXPECT_TRUE(found.interrupted.empty());
   EXPECT_TRUE(found.ids.empty());
-  EXPECT_EQ(store->find("press1", "again")->result, "");  // it is still under way
+  EXPECT_EQ(store->journal().find("press1", "again")->result, "");  // it is still under way
 }
 
 // With a clock that began in the past this run's numbers are the lower ones.
 TEST_F(RecoveryTest, StoreThatOpensLateKeepsTheResultThatThisRunHas) {
   JournalEntry done = order("again", 3);
   done.result = R"({"id":"again","status":"SUCCEEDED"})";
-  store->record(done);
+  store->journal().record(done);
   const Recovered found = take_late({order("again", 5)});
   EXPECT_TRUE(found.unacknowledged.empty());
-  EXPECT_EQ(store->find("press1", "again")->result, done.result);
+  EXPECT_EQ(store->journal().find("press1", "again")->result, done.result);
 }
 
 TEST_F(RecoveryTest, StoreThatOpensLateTellsOfAnOlderOrder) {
-  ASSERT_TRUE(store->journal(std::vector{order("old", 5)}));
+  ASSERT_TRUE(store->journal().journal(std::vector{order("old", 5)}));
   const Recovered found = take_late({order("old", 5)});
   ASSERT_EQ(found.unacknowledged.size(), 1U);
   EXPECT_EQ(found.unacknowledged[0].status, CommandStatus::unknown_outcome);

@@ -10,35 +10,33 @@
 namespace fxagent {
 namespace {
 
-using sqlite::Database;
-
 constexpr std::uintmax_t kFrame = 4096 + 24;  // a page in the log, with its header
 
 /// A database in WAL mode that writes one page more than `blob` bytes need with each row.
 struct Ledger {
   test::Scratch scratch;
   std::string path = scratch.path("ledger.db");
-  Database db{path};
+  SQLite::Database db = sqlite::open(path);
   std::optional<Checkpointer> checkpointer;
   std::int64_t rows = 0;
 
   Ledger() {
-    EXPECT_TRUE(
-        db.execute("PRAGMA page_size = 4096; PRAGMA journal_mode = WAL; PRAGMA synchronous = OFF;"
-                   "CREATE TABLE t(id INTEGER PRIMARY KEY, x BLOB)"));
+    EXPECT_NO_THROW(
+        db.exec("PRAGMA page_size = 4096; PRAGMA journal_mode = WAL; PRAGMA synchronous = OFF;"
+                "CREATE TABLE t(id INTEGER PRIMARY KEY, x BLOB)"));
     checkpointer.emplace(db, path);
   }
   /// At least `pages` pages, ten with each commit.
   void write(int pages) {
     for (int i = 0; i < pages; i += 10, ++rows)
-      ASSERT_TRUE(db.execute("INSERT INTO t VALUES(NULL, zeroblob(40960))")) << db.fault().text;
+      ASSERT_NO_THROW(db.exec("INSERT INTO t VALUES(NULL, zeroblob(40960))"));
   }
+  std::int64_t number(const char* sql) { return db.execAndGet(sql).getInt64(); }
   std::uintmax_t log_bytes() const { return std::filesystem::file_size(path + "-wal"); }
   bool is_whole() {
-    return db.number("SELECT count(*) FROM t") == rows &&
-           db.number("SELECT sum(length(x)) FROM t") == rows * 40960 &&
-           db.number("SELECT count(*) FROM pragma_integrity_check WHERE integrity_check = 'ok'") ==
-               1;
+    return number("SELECT count(*) FROM t") == rows &&
+           number("SELECT sum(length(x)) FROM t") == rows * 40960 &&
+           number("SELECT count(*) FROM pragma_integrity_check WHERE integrity_check = 'ok'") == 1;
   }
 };
 
@@ -53,7 +51,7 @@ TEST(Checkpointer, LogIsBroughtHomeBesideTheWriter) {
   Ledger ledger;
   ledger.write(Checkpointer::kPages + 100);
   // SQLite's own checkpoints are a hook at the commits too, and there is only one.
-  EXPECT_EQ(sqlite3_wal_hook(ledger.db.handle(), nullptr, nullptr), &*ledger.checkpointer);
+  EXPECT_EQ(sqlite3_wal_hook(ledger.db.getHandle(), nullptr, nullptr), &*ledger.checkpointer);
   ledger.checkpointer.reset();  // waits for what was under way
   // The log holds pages that were written twice, and at its end some that came meanwhile.
   EXPECT_GE(std::filesystem::file_size(ledger.path),
@@ -66,25 +64,25 @@ TEST(Checkpointer, FilesThatTookThePlaceOfItsOwnAreNotItsBusiness) {
   ledger.write(100);
   for (const char* suffix : {"", "-wal", "-shm"})
     std::filesystem::rename(ledger.path + suffix, ledger.scratch.path("moved.db") + suffix);
-  Database other(ledger.path);
-  ASSERT_TRUE(
-      other.execute("PRAGMA journal_mode = WAL; CREATE TABLE other(x);"
-                    "INSERT INTO other VALUES(zeroblob(2000000))"));
+  SQLite::Database other = sqlite::open(ledger.path);
+  ASSERT_NO_THROW(
+      other.exec("PRAGMA journal_mode = WAL; CREATE TABLE other(x);"
+                 "INSERT INTO other VALUES(zeroblob(2000000))"));
   ledger.write(2 * Checkpointer::kPages);
   ledger.checkpointer.reset();
   EXPECT_TRUE(ledger.is_whole());
-  EXPECT_EQ(other.number("SELECT count(*) FROM other"), 1);
+  EXPECT_EQ(other.execAndGet("SELECT count(*) FROM other").getInt64(), 1);
 }
 
 TEST(Checkpointer, ReaderThatHoldsTheLogBackHoldsNobodyUp) {
   Ledger ledger;
   ledger.write(10);
-  Database reader(ledger.path);
-  ASSERT_TRUE(reader.execute("BEGIN"));
-  ASSERT_EQ(reader.number("SELECT count(*) FROM t"), ledger.rows);
+  SQLite::Database reader = sqlite::open(ledger.path);
+  ASSERT_NO_THROW(reader.exec("BEGIN"));
+  ASSERT_EQ(reader.execAndGet("SELECT count(*) FROM t").getInt64(), ledger.rows);
   ledger.write(2 * Checkpointer::kMostPages);
   EXPECT_GT(ledger.log_bytes(), 2 * Checkpointer::kMostPages * kFrame);
-  ASSERT_TRUE(reader.execute("COMMIT"));
+  ASSERT_NO_THROW(reader.exec("COMMIT"));
   ledger.write(100);
   const std::uintmax_t grown = ledger.log_bytes();
   ledger.write(Checkpointer::kPages);

@@ -33,16 +33,16 @@ class StoreDamage : public testing::Test {
   void make() {
     Store store(config_, kUtc);
     auto some = rows(50);
-    ASSERT_TRUE(store.append(some, Store::Hold::no));
+    ASSERT_TRUE(store.samples().append(some, Store::Hold::no));
     store.close();
   }
   /// The store works, on a fresh file, and the damaged one lies beside it.
   void expect_a_fresh_one() {
     Store store(config_, kUtc);
     EXPECT_TRUE(store.is_writable());
-    EXPECT_EQ(store.rows(), 0U);
+    EXPECT_EQ(store.samples().rows(), 0U);
     auto one = rows(1);
-    EXPECT_TRUE(store.append(one, Store::Hold::no));
+    EXPECT_TRUE(store.samples().append(one, Store::Hold::no));
     EXPECT_TRUE(fs::exists(file() + ".corrupt-" + std::to_string(kUtc)));
     store.close();
   }
@@ -71,8 +71,8 @@ TEST_F(StoreDamage, FileWithoutOneOfTheTablesIsSetAside) {
     fs::remove_all(config_.path);
     make();
     {
-      sqlite::Database database(file());
-      ASSERT_TRUE(database.execute(("DROP TABLE " + table).c_str()));
+      SQLite::Database database = sqlite::open(file());
+      ASSERT_NO_THROW(database.exec("DROP TABLE " + table));
     }
     expect_a_fresh_one();
   }
@@ -81,17 +81,17 @@ TEST_F(StoreDamage, FileWithoutOneOfTheTablesIsSetAside) {
 TEST_F(StoreDamage, TableWithAnotherColumnIsSetAsideAndAnIndexMoreIsNot) {
   make();
   {
-    sqlite::Database database(file());
-    ASSERT_TRUE(database.execute("CREATE INDEX by_time ON samples(created_ms); ANALYZE"));
+    SQLite::Database database = sqlite::open(file());
+    ASSERT_NO_THROW(database.exec("CREATE INDEX by_time ON samples(created_ms); ANALYZE"));
   }
   {
     Store store(config_, kUtc);
-    EXPECT_EQ(store.rows(), 50U);
+    EXPECT_EQ(store.samples().rows(), 50U);
     store.close();
   }
   {
-    sqlite::Database database(file());
-    ASSERT_TRUE(database.execute("ALTER TABLE orders RENAME COLUMN correlation TO colleration"));
+    SQLite::Database database = sqlite::open(file());
+    ASSERT_NO_THROW(database.exec("ALTER TABLE orders RENAME COLUMN correlation TO colleration"));
   }
   expect_a_fresh_one();
 }
@@ -99,30 +99,30 @@ TEST_F(StoreDamage, TableWithAnotherColumnIsSetAsideAndAnIndexMoreIsNot) {
 TEST_F(StoreDamage, RowThatIsNoJsonIsDroppedAndCountedAndItsNeighboursGoOut) {
   make();
   {
-    sqlite::Database database(file());
-    ASSERT_TRUE(
-        database.execute("UPDATE samples SET row = substr(row, 1, 100) WHERE id IN (1, 7);"
-                         "UPDATE samples SET row = x'22FF22' WHERE id = 50"));
+    SQLite::Database database = sqlite::open(file());
+    ASSERT_NO_THROW(
+        database.exec("UPDATE samples SET row = substr(row, 1, 100) WHERE id IN (1, 7);"
+                      "UPDATE samples SET row = x'22FF22' WHERE id = 50"));
   }
   Store store(config_, kUtc);
-  EXPECT_EQ(store.rows(), 50U);
+  EXPECT_EQ(store.samples().rows(), 50U);
   std::uint64_t delivered = 0;
-  while (const auto batch = store.next(4096, [](const StreamKey&) { return true; })) {
+  while (const auto batch = store.samples().next(4096, [](const StreamKey&) { return true; })) {
     EXPECT_TRUE(nlohmann::json::accept(batch->payload));
-    delivered += store.remove(*batch);
+    delivered += store.samples().remove(*batch);
   }
   EXPECT_EQ(delivered, 47U);
-  EXPECT_EQ(store.rows(), 0U);
+  EXPECT_EQ(store.samples().rows(), 0U);
   EXPECT_EQ(store.bytes(), 0U);
-  EXPECT_EQ(store.take_dropped(), (std::map<std::string, std::uint64_t>{{"press1", 3}}));
-  EXPECT_FALSE(store.has_waiting("press1"));
+  EXPECT_EQ(store.samples().take_dropped(), (std::map<std::string, std::uint64_t>{{"press1", 3}}));
+  EXPECT_FALSE(store.samples().has_waiting("press1"));
 }
 
 TEST_F(StoreDamage, FileOfAnotherProgramIsSetAside) {
   fs::create_directory(config_.path);
   {
-    sqlite::Database database(file());
-    ASSERT_TRUE(database.execute("CREATE TABLE samples(other); PRAGMA user_version = 0"));
+    SQLite::Database database = sqlite::open(file());
+    ASSERT_NO_THROW(database.exec("CREATE TABLE samples(other); PRAGMA user_version = 0"));
   }
   expect_a_fresh_one();
 }

@@ -32,7 +32,7 @@ struct StoreFiles : ::testing::Test {
     std::vector<SampleRow> rows;
     for (std::uint64_t seq = from; seq <= to; ++seq)
       rows.push_back({0, "a", "fast", seq, std::to_string(seq)});
-    return store->append(rows, Store::Hold::no);
+    return store->samples().append(rows, Store::Hold::no);
   }
   std::string in_store(const std::string& name) const { return config.path + "/" + name; }
   /// A store with three rows, whose next minute comes at kStart + 60 s.
@@ -43,11 +43,11 @@ struct StoreFiles : ::testing::Test {
   }
   void a_minute_later() const { store->upkeep(kStart + 60s, kNow + 60000); }
   void expect_noticed_and_usable() {
-    EXPECT_EQ(store->take_dropped()["a"], 3U);
+    EXPECT_EQ(store->samples().take_dropped()["a"], 3U);
     ASSERT_EQ(store->state(), "disk");
-    EXPECT_EQ(store->rows(), 0U);
+    EXPECT_EQ(store->samples().rows(), 0U);
     ASSERT_TRUE(add(4, 5));
-    EXPECT_EQ(open().rows(), 2U);
+    EXPECT_EQ(open().samples().rows(), 2U);
   }
 
   test::Scratch scratch;
@@ -59,7 +59,7 @@ TEST_F(StoreFiles, DirectoryThatWasDeletedIsNoticedWithinAMinuteAndMadeAnew) {
   begin();
   fs::remove_all(config.path);
   store->upkeep(kStart + 59s, kNow + 59000);
-  EXPECT_EQ(store->rows(), 3U);
+  EXPECT_EQ(store->samples().rows(), 3U);
   a_minute_later();
   expect_noticed_and_usable();
 }
@@ -76,11 +76,11 @@ TEST_F(StoreFiles, LogThatWasDeletedIsNoticed) {
   begin();
   fs::remove(in_store("fxagent.db-wal"));
   a_minute_later();
-  EXPECT_EQ(store->take_dropped()["a"], 3U);
+  EXPECT_EQ(store->samples().take_dropped()["a"], 3U);
   ASSERT_EQ(store->state(), "disk");
-  const std::uint64_t found = store->rows();  // what a checkpoint had brought home
+  const std::uint64_t found = store->samples().rows();  // what a checkpoint had brought home
   ASSERT_TRUE(add(4, 5));
-  EXPECT_EQ(open().rows(), found + 2);
+  EXPECT_EQ(open().samples().rows(), found + 2);
 }
 
 TEST_F(StoreFiles, LockThatWasDeletedIsTakenAnew) {
@@ -103,16 +103,16 @@ TEST_F(StoreFiles, WhatIsFoundInAReplacedDirectoryIsTaken) {
   fs::rename(other, config.path);
   a_minute_later();
   EXPECT_EQ(store->state(), "disk");
-  EXPECT_EQ(store->take_dropped()["a"], 3U);
-  EXPECT_EQ(store->rows(), 7U);
-  EXPECT_EQ(store->recovered(), 7U);
+  EXPECT_EQ(store->samples().take_dropped()["a"], 3U);
+  EXPECT_EQ(store->samples().rows(), 7U);
+  EXPECT_EQ(store->samples().recovered(), 7U);
 }
 
 TEST_F(StoreFiles, NothingThatIsInItsPlaceIsTouched) {
   begin();
   a_minute_later();
-  EXPECT_TRUE(store->take_dropped().empty());
-  EXPECT_EQ(store->rows(), 3U);
+  EXPECT_TRUE(store->samples().take_dropped().empty());
+  EXPECT_EQ(store->samples().rows(), 3U);
 }
 
 TEST_F(StoreFiles, DirectoryThatOthersMayWriteIsRefused) {

@@ -63,12 +63,12 @@ class StorePower : public ::testing::Test {
 TEST_F(StorePower, DiskOfTheTestLosesWhatWasNotSynchronised) {
   Store& first = open();
   auto kept = rows(1, 3);
-  ASSERT_TRUE(first.append(kept, Store::Hold::no));
+  ASSERT_TRUE(first.samples().append(kept, Store::Hold::no));
   // With `offline` a command is not synchronised by itself.
-  ASSERT_TRUE(first.journal(std::vector{entry("lost", 1)}));
-  EXPECT_TRUE(first.find("a", "lost"));
+  ASSERT_TRUE(first.journal().journal(std::vector{entry("lost", 1)}));
+  EXPECT_TRUE(first.journal().find("a", "lost"));
   Store& again = power_cut();
-  EXPECT_FALSE(again.find("a", "lost"));
+  EXPECT_FALSE(again.journal().find("a", "lost"));
 }
 
 TEST_F(StorePower, SamplesThatCountAsStoredAreThereAfterAPowerCut) {
@@ -76,47 +76,47 @@ TEST_F(StorePower, SamplesThatCountAsStoredAreThereAfterAPowerCut) {
   for (std::uint64_t i = 0; i < 5; ++i) {
     auto batch = rows(10 * i + 1, 10 * i + 10);
     const auto before = disk.syncs("-wal");
-    ASSERT_TRUE(first.append(batch, Store::Hold::no));
+    ASSERT_TRUE(first.samples().append(batch, Store::Hold::no));
     EXPECT_GT(disk.syncs("-wal"), before);
   }
-  EXPECT_EQ(power_cut().rows(), 50U);
+  EXPECT_EQ(power_cut().samples().rows(), 50U);
 }
 
 TEST_F(StorePower, NoSequenceNumberComesTwiceAfterAPowerCut) {
   Store& first = open();
   const std::vector<std::string> devices{"a"};
-  std::uint64_t last = first.begin_numbers(devices, 1000).at(0);
+  std::uint64_t last = first.numbers().begin(devices, 1000).at(0);
   EXPECT_EQ(last, 1000U);
   // Well into the third block, each of which was reserved on the way.
-  for (std::uint64_t i = 0; i < 2 * Store::kSequenceBlock + 500; ++i) {
-    first.used_seq("a", ++last);
+  for (std::uint64_t i = 0; i < 2 * SequenceNumbers::kBlock + 500; ++i) {
+    first.numbers().used("a", ++last);
     first.upkeep(kStart + i * 1ms, kNow + static_cast<std::int64_t>(i));
   }
   // The clock of the next boot stands below every number that was used.
-  EXPECT_GE(power_cut().begin_numbers(devices, 1000).at(0), last);
+  EXPECT_GE(power_cut().numbers().begin(devices, 1000).at(0), last);
 }
 
 TEST_F(StorePower, WithAlwaysEveryOrderAndResultIsThereAfterAPowerCut) {
   config.sync_always = true;
   Store& first = open();
-  ASSERT_TRUE(first.journal(std::vector{entry("waits", 1)}));
-  first.record(entry("done", 2, R"({"status":"SUCCEEDED"})"));
+  ASSERT_TRUE(first.journal().journal(std::vector{entry("waits", 1)}));
+  first.journal().record(entry("done", 2, R"({"status":"SUCCEEDED"})"));
   Store& again = power_cut();
-  ASSERT_TRUE(again.find("a", "waits"));
-  ASSERT_TRUE(again.find("a", "done"));
-  EXPECT_EQ(again.find("a", "done")->result, R"({"status":"SUCCEEDED"})");
+  ASSERT_TRUE(again.journal().find("a", "waits"));
+  ASSERT_TRUE(again.journal().find("a", "done"));
+  EXPECT_EQ(again.journal().find("a", "done")->result, R"({"status":"SUCCEEDED"})");
 }
 
 TEST_F(StorePower, WithAlwaysNumbersGoOnByOneAfterAPowerCut) {
   config.sync_always = true;
   Store& first = open();
   const std::vector<std::string> devices{"a"};
-  ASSERT_EQ(first.begin_numbers(devices, 1000).at(0), 1000U);
+  ASSERT_EQ(first.numbers().begin(devices, 1000).at(0), 1000U);
   auto batch = rows(1001, 1007);
-  ASSERT_TRUE(first.append(batch, Store::Hold::no));
+  ASSERT_TRUE(first.samples().append(batch, Store::Hold::no));
   Store& again = power_cut();
-  EXPECT_EQ(again.rows(), 7U);
-  EXPECT_EQ(again.begin_numbers(devices, 1000).at(0), 1007U);
+  EXPECT_EQ(again.samples().rows(), 7U);
+  EXPECT_EQ(again.numbers().begin(devices, 1000).at(0), 1007U);
 }
 
 }  // namespace

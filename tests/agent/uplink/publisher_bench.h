@@ -48,8 +48,8 @@ struct PublisherBench {
             if (on_admitted) on_admitted(a);
             admitted.push_back(std::move(a));
           },
-          store.get());
-      if (store) commands->restore(recover(config, *store, utc(), now), now, utc());
+          store ? &store->journal() : nullptr);
+      if (store) commands->restore(recover(config, store->journal(), utc(), now), now, utc());
       publisher = std::make_unique<Publisher>(
           config, settings, *format, outbox, broker, *commands, [this] { return utc(); },
           store.get(),

@@ -84,10 +84,10 @@ TEST(PublisherStore, SamplesOfOneFifthOfASecondGoToDiskTogether) {
   EXPECT_EQ(bench.made().samples().stored, 0U);
   bench.now = first + 1s;
   bench.step();
-  EXPECT_EQ(bench.store->rows(), 18U);  // those of the first 200 ms in flight
+  EXPECT_EQ(bench.store->samples().rows(), 18U);  // those of the first 200 ms in flight
   bench.now = first + 1180ms;
   bench.step();
-  EXPECT_EQ(bench.store->rows(), 30U);
+  EXPECT_EQ(bench.store->samples().rows(), 30U);
 }
 
 TEST(PublisherStore, SampleInFlightWhenTheConnectionGoesIsOnDiskWithinItsSecond) {
@@ -101,10 +101,10 @@ TEST(PublisherStore, SampleInFlightWhenTheConnectionGoesIsOnDiskWithinItsSecond)
   bench.broker.lose();
   bench.now += 50ms;
   bench.step();
-  EXPECT_EQ(bench.store->rows(), 0U);  // it may have company
+  EXPECT_EQ(bench.store->samples().rows(), 0U);  // it may have company
   EXPECT_LE(bench.step(), bench.now + 50ms);
   bench.advance(50ms);
-  EXPECT_EQ(bench.store->rows(), 1U);
+  EXPECT_EQ(bench.store->samples().rows(), 1U);
 }
 
 TEST(PublisherStore, DamagedFileIsNamedInHealth) {
@@ -244,7 +244,7 @@ TEST(PublisherStore, DiskThatRefusesIsReplacedByMemoryUntilItTakesAgain) {
   std::filesystem::remove(scratch.path("store"));
   bench.advance(10s);
   EXPECT_EQ(bench.store->state(), "disk");
-  EXPECT_EQ(bench.store->rows(), 3U);
+  EXPECT_EQ(bench.store->samples().rows(), 3U);
   EXPECT_EQ(bench.made().samples().stored, 3U);
   bench.outbox.push(test::sample(4));
   bench.advance(1s);

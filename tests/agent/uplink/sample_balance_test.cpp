@@ -45,7 +45,7 @@ class SampleBalance : public testing::Test {
   SteadyTime now_ = SteadyTime(1h);
   Store store_{config_.store, kUtc};
   JsonPayload payload_{config_, "9f3c21aa", "0.1.0"};
-  Commands commands_{config_, [](AdmittedCommand) {}, &store_};
+  Commands commands_{config_, [](AdmittedCommand) {}, &store_.journal()};
   Publisher publisher_{config_,
                        {.boot = "9f3c21aa", .version = "0.1.0"},
                        payload_,
@@ -72,7 +72,7 @@ TEST_F(SampleBalance, SampleOutOfNowhereIsAnErrorInLogAndHealth) {
   rows[0].group = "fast";
   rows[0].seq = 1;
   rows[0].json = "{}";
-  ASSERT_TRUE(store_.append(rows, Store::Hold::no));
+  ASSERT_TRUE(store_.samples().append(rows, Store::Hold::no));
   const std::string log = tick();
   EXPECT_NE(log.find("error samples_unbalanced collected=0"), std::string::npos) << log;
   EXPECT_EQ(samples()["balanced"], false);

@@ -1,0 +1,265 @@
+#include "agent/store/command_table.h"
+
+#include <algorithm>
+#include <chrono>
+#include <utility>
+
+#include "agent/messages.h"
+
+namespace fxagent {
+namespace {
+
+using sqlite::from_sql;
+using sqlite::number;
+using sqlite::text;
+using std::chrono::milliseconds;
+
+constexpr std::uint64_t kMostRefused = 10000;  // rows of commands that were not admitted
+constexpr std::uint64_t kRefusedAtOnce = 200;
+constexpr std::int64_t kShrunkAtOnce = 200;
+// The field asks for the first results of all ids that it still knows.
+constexpr std::chrono::hours kLongerThanKnown{1};
+constexpr std::int64_t kLatestMs = 7258118400000;  // the year 2200: later is damage
+
+// A row makes room for a later command: the field did not know that id when it took this one. It
+// had let go of it, or the file opened late.
+constexpr const char* kInsert =
+    "INSERT INTO orders VALUES(?, ?, ?, ?, ?, ?, ?, '', 0, ?, ?, 0)"
+    " ON CONFLICT DO UPDATE SET received_ms = excluded.received_ms,"
+    " deadline_ms = excluded.deadline_ms, op = excluded.op,"
+    " response_topic = excluded.response_topic, correlation = excluded.correlation,"
+    " result = '', told = 0, arrival = excluded.arrival, payload = excluded.payload,"
+    " refused = 0"
+    " WHERE arrival < excluded.arrival";
+constexpr const char* kRecord =
+    "INSERT INTO orders VALUES(?, ?, ?, ?, ?, ?, ?, ?, 0, ?, '', ?)"
+    " ON CONFLICT DO UPDATE SET"
+    " received_ms = iif(arrival = excluded.arrival, received_ms, excluded.received_ms),"
+    " deadline_ms = max(deadline_ms, excluded.deadline_ms), op = excluded.op,"
+    " response_topic = iif(arrival = excluded.arrival, response_topic,"
+    " excluded.response_topic),"
+    " correlation = iif(arrival = excluded.arrival, correlation, excluded.correlation),"
+    " result = excluded.result, told = 0, arrival = excluded.arrival, payload = '',"
+    " refused = iif(arrival = excluded.arrival, refused, excluded.refused)"
+    " WHERE iif(result = '', arrival <= excluded.arrival, arrival < excluded.arrival)";
+
+// Its texts, and what the file needs beside them: the row's own, and its places in the indexes.
+constexpr const char* kCost =
+    "(200 + length(CAST(device AS BLOB)) + 2 * length(CAST(id AS BLOB))"
+    " + length(CAST(op AS BLOB)) + length(CAST(response_topic AS BLOB)) + length(correlation)"
+    " + length(CAST(result AS BLOB)) + length(CAST(payload AS BLOB)))";
+
+constexpr const char* kEntry =
+    "SELECT device, id, received_ms, deadline_ms, op, response_topic, correlation, result, told,"
+    " arrival, payload, refused";
+
+std::int64_t moment(std::int64_t utc_ms) { return std::clamp<std::int64_t>(utc_ms, 0, kLatestMs); }
+
+/// The row of a statement which begins with kEntry.
+JournalEntry entry_of(const SQLite::Statement& row) {
+  JournalEntry entry;
+  entry.device = text(row, 0);
+  entry.id = text(row, 1);
+  entry.received_ms = moment(number(row, 2));
+  entry.deadline_ms = moment(number(row, 3));
+  entry.op = text(row, 4);
+  entry.response_topic = text(row, 5);
+  const ByteView correlation = sqlite::bytes(row, 6);
+  entry.correlation.assign(correlation.begin(), correlation.end());
+  entry.result = text(row, 7);
+  entry.acknowledged = number(row, 8) != 0;
+  entry.number = from_sql(number(row, 9));
+  entry.payload = text(row, 10);
+  entry.refused = number(row, 11) != 0;
+  return entry;
+}
+
+}  // namespace
+
+CommandTable::CommandTable(SQLite::Database& database)
+    : database_(database),
+      insert_(database, kInsert),
+      record_(database, kRecord),
+      acknowledge_(database,
+                   "UPDATE orders SET told = 1, response_topic = '', correlation = x''"
+                   " WHERE device = ? AND id = ? AND arrival = ?"),
+      cost_(database,
+            std::string("SELECT ") + kCost + ", refused FROM orders WHERE device = ? AND id = ?"),
+      drop_refused_(database,
+                    std::string("DELETE FROM orders WHERE (device, id) IN (SELECT device, id"
+                                " FROM orders WHERE refused = 1 ORDER BY arrival LIMIT ?)"
+                                " RETURNING ") +
+                        kCost),
+      size_(measure()),
+      changed_(size_) {}
+
+/// Once at the start, and after what deletes many.
+CommandTable::Size CommandTable::measure() {
+  Size size;
+  SQLite::Statement sum(
+      database_, std::string("SELECT count(*), total(") + kCost + "), total(refused) FROM orders");
+  sqlite::each(sum, [&](const SQLite::Statement& row) {
+    size = {from_sql(number(row, 0)), from_sql(number(row, 1)), from_sql(number(row, 2))};
+  });
+  return size;
+}
+
+CommandTable::Size CommandTable::size_of(const std::string& device, const std::string& id) {
+  Size size;
+  const auto take = [&](const SQLite::Statement& row) {
+    size = {1, from_sql(number(row, 0)), number(row, 1) != 0 ? 1U : 0U};
+  };
+  sqlite::each(cost_, take, device, id);
+  return size;
+}
+
+/// Carries out a change of one row and counts what it does.
+void CommandTable::change(const std::string& device, const std::string& id,
+                          const std::function<void()>& work) {
+  const Size before = size_of(device, id);
+  work();
+  const Size after = size_of(device, id);
+  changed_.rows += after.rows - before.rows;
+  changed_.bytes += after.bytes - before.bytes;
+  changed_.refused += after.refused - before.refused;
+}
+
+void CommandTable::insert(const JournalEntry& entry) {
+  change(entry.device, entry.id, [&] {
+    sqlite::run(insert_, entry.device, entry.id, entry.received_ms, entry.deadline_ms, entry.op,
+                entry.response_topic, ByteView(entry.correlation), entry.number, entry.payload);
+  });
+}
+
+void CommandTable::record(const JournalEntry& entry) {
+  if (entry.refused) make_room_for_refused();
+  change(entry.device, entry.id, [&] {
+    sqlite::run(record_, entry.device, entry.id, entry.received_ms, entry.deadline_ms, entry.op,
+                entry.response_topic, ByteView(entry.correlation), entry.result, entry.number,
+                entry.refused);
+  });
+}
+
+/// The oldest of them go: a flood of commands that are refused must not fill the file.
+void CommandTable::make_room_for_refused() {
+  if (changed_.refused < kMostRefused) return;
+  const auto take = [this](const SQLite::Statement& row) {
+    --changed_.rows;
+    --changed_.refused;
+    changed_.bytes -= from_sql(number(row, 0));
+  };
+  sqlite::each(drop_refused_, take, kRefusedAtOnce);
+}
+
+void CommandTable::acknowledge(const std::string& device, const std::string& id,
+                               std::uint64_t command_number) {
+  change(device, id, [&] { sqlite::run(acknowledge_, device, id, command_number); });
+}
+
+std::optional<JournalEntry> CommandTable::find(const std::string& device, const std::string& id) {
+  std::optional<JournalEntry> found;
+  SQLite::Statement one(database_,
+                        std::string(kEntry) + " FROM orders WHERE device = ? AND id = ?");
+  sqlite::each(
+      one, [&](const SQLite::Statement& row) { found = entry_of(row); }, device, id);
+  return found;
+}
+
+std::vector<KnownId> CommandTable::known_ids() {
+  std::vector<KnownId> ids;
+  SQLite::Statement all(database_,
+                        "SELECT device, id, arrival, received_ms, deadline_ms, refused FROM orders"
+                        " WHERE result IS NOT '' OR told IS 1 ORDER BY arrival, received_ms");
+  sqlite::each(all, [&](const SQLite::Statement& row) {
+    ids.push_back({std::string(text(row, 0)), std::string(text(row, 1)), from_sql(number(row, 2)),
+                   moment(number(row, 3)), moment(number(row, 4)), number(row, 5) != 0});
+  });
+  return ids;
+}
+
+std::vector<JournalEntry> CommandTable::unacknowledged() {
+  std::vector<JournalEntry> entries;
+  SQLite::Statement all(
+      database_,
+      std::string(kEntry) +
+          " FROM (SELECT *, row_number() OVER (PARTITION BY device ORDER BY arrival DESC,"
+          " received_ms DESC) AS place FROM orders WHERE told IS NOT 1)"
+          " WHERE result = '' OR place <= ?1 ORDER BY arrival, received_ms");
+  sqlite::each(
+      all, [&](const SQLite::Statement& row) { entries.push_back(entry_of(row)); }, kRememberedIds);
+  return entries;
+}
+
+bool CommandTable::shrink() {
+  SQLite::Statement oldest(
+      database_,
+      "SELECT device, id FROM orders WHERE refused = 1 OR told = 1 AND result <> ''"
+      " ORDER BY refused DESC, arrival LIMIT ?");
+  SQLite::Statement remove(database_,
+                           "DELETE FROM orders WHERE device = ? AND id = ? AND refused = 1");
+  SQLite::Statement clear(database_, "UPDATE orders SET result = '' WHERE device = ? AND id = ?");
+  std::vector<std::pair<std::string, std::string>> found;
+  sqlite::each(
+      oldest, [&](const SQLite::Statement& row) { found.emplace_back(text(row, 0), text(row, 1)); },
+      kShrunkAtOnce);
+  for (const auto& [device, id] : found)
+    change(device, id, [&, of = &device, which = &id] {
+      sqlite::run(remove, *of, *which);
+      sqlite::run(clear, *of, *which);
+    });
+  return !found.empty();
+}
+
+void CommandTable::drop_old(std::int64_t utc_ms, std::int64_t max_age_ms) {
+  const std::int64_t day = milliseconds(kRememberedFor + kLongerThanKnown).count();
+  const std::int64_t age = std::max(day, max_age_ms);
+  // What nobody could be told is kept as long as a sample is.
+  SQLite::Statement old(database_,
+                        "DELETE FROM orders WHERE deadline_ms < ?1"
+                        " AND (told = 1 AND received_ms < ?2 OR received_ms < ?3)");
+  // Of the newest of each device the first results are kept too, of as many more the ids.
+  SQLite::Statement results(
+      database_,
+      "UPDATE orders SET result = '' WHERE told = 1 AND result <> '' AND (device, id) IN"
+      " (SELECT device, id FROM (SELECT device, id, row_number() OVER"
+      " (PARTITION BY device ORDER BY arrival DESC, received_ms DESC) AS place FROM orders)"
+      " WHERE place > ?1)");
+  SQLite::Statement many(
+      database_,
+      "DELETE FROM orders WHERE told = 1 AND result = '' AND deadline_ms < ?1 AND (device, id) IN"
+      " (SELECT device, id FROM orders WHERE told = 1 AND result = ''"
+      " ORDER BY arrival DESC, received_ms DESC LIMIT -1 OFFSET ?2)");
+  // A broker that refuses results for good must not fill the disk.
+  SQLite::Statement unacknowledged(
+      database_,
+      "DELETE FROM orders WHERE deadline_ms < ?1 AND (device, id) IN"
+      " (SELECT device, id FROM (SELECT device, id, row_number() OVER"
+      " (PARTITION BY device ORDER BY arrival DESC, received_ms DESC) AS place"
+      " FROM orders WHERE told = 0 AND result <> '') WHERE place > ?2)");
+  // With few of them none can be one too many, and all of them need not be looked at.
+  const bool few = size_.rows <= kRememberedIds;
+  int changes = sqlite::run(old, utc_ms, utc_ms - day, utc_ms - age);
+  if (!few) {
+    changes += sqlite::run(results, kRememberedIds);
+    changes += sqlite::run(many, utc_ms, kFingerprints);
+    changes += sqlite::run(unacknowledged, utc_ms, kRememberedIds);
+  }
+  if (changes != 0) size_ = measure();
+}
+
+void CommandTable::move_times(std::int64_t by_ms, std::uint64_t from_number,
+                              std::int64_t received_ms) {
+  SQLite::Statement move(
+      database_,
+      "UPDATE orders SET received_ms = received_ms + ?1,"
+      " deadline_ms = deadline_ms + ?1 WHERE arrival >= ?2 AND received_ms <= ?3");
+  sqlite::run(move, by_ms, from_number, received_ms);
+}
+
+void CommandTable::age_acknowledged(std::uint64_t from_number) {
+  SQLite::Statement older(database_,
+                          "UPDATE orders SET arrival = 0 WHERE told = 1 AND arrival >= ?");
+  sqlite::run(older, from_number);
+}
+
+}  // namespace fxagent

@@ -1,0 +1,133 @@
+#include "agent/store/sequence_numbers.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <system_error>
+#include <utility>
+
+namespace fxagent {
+
+using sqlite::from_sql;
+
+void SequenceNumbers::load(SQLite::Database& database) {
+  // A number goes back only to the exact one, from the end of its block.
+  insert_.emplace(database,
+                  "INSERT INTO devices VALUES(?, ?, ?) ON CONFLICT DO UPDATE SET last_seq ="
+                  " CASE excluded.clean WHEN 1 THEN excluded.last_seq"
+                  " ELSE max(last_seq, excluded.last_seq) END, clean = excluded.clean");
+}
+
+std::vector<std::uint64_t> SequenceNumbers::begin(std::span<const std::string> devices,
+                                                  std::int64_t utc_ms) {
+  is_behind_ = ::access(behind_path().c_str(), F_OK) == 0;
+  std::vector<std::uint64_t> begun;
+  std::map<std::string, std::uint64_t> reserved;
+  for (const std::string& device : devices) {
+    // Where nothing is known, the clock is above every number of an earlier boot.
+    std::uint64_t last = from_sql(utc_ms);
+    const auto known = [&](const SQLite::Statement& row) {
+      const std::uint64_t written = from_sql(sqlite::number(row, 0));
+      const bool exact = sqlite::number(row, 1) != 0 || config_.sync_always;
+      if (is_behind_)
+        last = std::max(last, written + kUnknown);
+      else
+        last = exact ? written : std::max(last, written);
+    };
+    if (disk_.is_open())
+      disk_.read([&] {
+        SQLite::Statement one(disk_.database(),
+                              "SELECT last_seq, clean FROM devices WHERE name = ?");
+        sqlite::each(one, known, device);
+      });
+    begun.push_back(last);
+    numbers_[device] = {last, config_.sync_always ? last : last + kBlock};
+    reserved[device] = numbers_[device].reserved;
+  }
+  if (write(reserved, Meaning::reserved)) mark_as_known();
+  return begun;
+}
+
+void SequenceNumbers::used(const std::string& device, std::uint64_t seq) {
+  Numbers& numbers = numbers_[device];
+  numbers.last = std::max(numbers.last, seq);
+  if (config_.sync_always) return refused();  // each sample brings its number to the disk itself
+  if (seq + kBlock / 2 <= numbers.reserved) return;
+  is_short_ = true;  // upkeep() does it for all devices at once, while the other half lasts
+  if (seq >= numbers.reserved) reserve();
+}
+
+void SequenceNumbers::reserve() {
+  is_short_ = false;
+  std::map<std::string, std::uint64_t> reserved;
+  for (auto& [device, numbers] : numbers_) {
+    if (numbers.last + kBlock / 2 <= numbers.reserved) continue;
+    numbers.reserved = numbers.last + kBlock;
+    reserved[device] = numbers.reserved;
+  }
+  write(reserved, Meaning::reserved);
+}
+
+/// Synchronised with the disk: no power cut may bring a number back.
+bool SequenceNumbers::write(const std::map<std::string, std::uint64_t>& numbers, Meaning meaning) {
+  return disk_.commit("numbers", StoreDisk::Sync::full, [&] {
+    for (const auto& [device, number] : numbers)
+      sqlite::run(*insert_, device, number, meaning == Meaning::exact ? 1 : 0);
+  });
+}
+
+void SequenceNumbers::write_all() {
+  std::map<std::string, std::uint64_t> all;
+  for (const auto& [device, numbers] : numbers_)
+    all[device] = config_.sync_always ? numbers.last : numbers.reserved;
+  if (write(all, Meaning::reserved)) mark_as_known();
+}
+
+void SequenceNumbers::write_last() {
+  std::map<std::string, std::uint64_t> last;
+  for (const auto& [device, numbers] : numbers_) last[device] = numbers.last;
+  write(last, Meaning::exact);
+}
+
+void SequenceNumbers::write_with_samples(const std::map<std::string, std::uint64_t>& highest) {
+  if (!config_.sync_always) return;
+  for (const auto& [device, seq] : highest) sqlite::run(*insert_, device, seq, 0);
+}
+
+void SequenceNumbers::refused() {
+  if (config_.sync_always && !disk_.is_writable()) mark_as_behind();
+}
+
+std::map<std::string, std::uint64_t> SequenceNumbers::above_ours() {
+  std::map<std::string, std::uint64_t> above;
+  disk_.read([&] {
+    SQLite::Statement known(disk_.database(), "SELECT name, last_seq FROM devices");
+    sqlite::each(known, [&](const SQLite::Statement& row) {
+      const auto own = numbers_.find(std::string(sqlite::text(row, 0)));
+      const std::uint64_t last = from_sql(sqlite::number(row, 1));
+      if (own != numbers_.end() && last > own->second.last) above[own->first] = last;
+    });
+  });
+  return above;
+}
+
+std::string SequenceNumbers::behind_path() const { return config_.path + "/fxagent.db.behind"; }
+
+/// The disk refuses rows, and the numbers with them; an empty file finds room where it is full.
+void SequenceNumbers::mark_as_behind() {
+  if (std::exchange(is_behind_, true)) return;
+  const int mark = ::open(behind_path().c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
+  if (mark < 0) return;
+  ::fsync(mark);
+  ::close(mark);
+}
+
+void SequenceNumbers::mark_as_known() {
+  if (!std::exchange(is_behind_, false)) return;
+  std::error_code none;
+  std::filesystem::remove(behind_path(), none);
+}
+
+}  // namespace fxagent

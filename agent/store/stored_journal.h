@@ -1,0 +1,85 @@
+// The journal of commands on disk: what CommandJournal promises, with each audit record in the
+// commit of what it tells of, and what the disk refuses kept in memory until it takes it. A few
+// functions above twenty: nine are CommandJournal's and six StorePart's. The store's thread.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "agent/commands/journal.h"
+#include "agent/store/audit_trail.h"
+#include "agent/store/command_table.h"
+#include "agent/store/store_disk.h"
+#include "agent/store/unrecorded_commands.h"
+
+namespace fxagent {
+
+class StoredJournal final : public CommandJournal, public StorePart {
+ public:
+  /// The others outlive it.
+  StoredJournal(const StoreConfig& config, StoreDisk& disk, AuditTrail& audit)
+      : config_(config), disk_(disk), audit_(audit) {}
+
+  std::uint64_t next_command_number() override { return audit_.next_command_number(); }
+  void note(std::string audit) override { audit_.note(std::move(audit)); }
+  bool journal(std::span<const JournalEntry> entries) override;
+  void record(JournalEntry entry) override;
+  void record(std::vector<JournalEntry> entries) override;
+  void acknowledge(std::string device, std::string id, std::uint64_t number) override;
+  std::optional<JournalEntry> find(const std::string& device, const std::string& id) override;
+  std::vector<KnownId> known_ids() override;
+  std::vector<JournalEntry> unacknowledged() override;
+
+  /// What the file has of commands, in bytes, as committed and as the open commit will leave it.
+  std::uint64_t bytes() const { return table_ ? table_->bytes() : 0; }
+  std::uint64_t bytes_in_commit() const { return table_ ? table_->bytes_in_commit() : 0; }
+  /// Where commands take more than their share of max_bytes: refused ones go, then results that
+  /// were acknowledged, the oldest first. Samples make room for the others.
+  void shrink();
+  /// Forgets ids that need not be remembered any more.
+  void drop_old();
+
+  /// Commands of this run have numbers from this one on.
+  void begin_run(std::uint64_t first_number) { first_of_run_ = first_number; }
+  /// What is acknowledged in a file that opened late counts as older than this run's commands.
+  void age_earlier_runs();
+  /// The calendar was set: the times in memory go with it.
+  void move_waiting_times(std::int64_t by_ms) { waiting_.move_times(by_ms); }
+  /// Within a commit: the same for those of this run in the file. Throws SQLite::Exception.
+  void move_stored_times(std::int64_t by_ms);
+
+  void load(SQLite::Database& database) override { table_.emplace(database); }
+  void unload(Rows /*rows*/) override { table_.reset(); }
+  bool has_pending() const override;
+  void begin_commit() override;
+  bool write_pending(std::size_t at_most) override;
+  void committed() override;
+
+ private:
+  struct Acknowledgement {
+    std::string device;
+    std::string id;
+    std::uint64_t number = 0;
+  };
+
+  void write_command(const JournalEntry& entry);
+  void write_result(const JournalEntry& entry);
+  void keep(JournalEntry entry);
+
+  const StoreConfig config_;
+  StoreDisk& disk_;
+  AuditTrail& audit_;
+  std::optional<CommandTable> table_;            ///< of the open file
+  UnrecordedCommands waiting_;                   ///< commands and results that are not in the file
+  std::vector<Acknowledgement> to_acknowledge_;  ///< by the broker, not noted yet
+  std::size_t written_ = 0;                      ///< of those that wait, in the open commit
+  bool is_acknowledged_ = false;                 ///< in the open commit
+  std::uint64_t first_of_run_ = 0;
+  std::uint64_t not_to_be_shrunk_ = 0;  ///< bytes of commands that nothing could be taken from
+};
+
+}  // namespace fxagent

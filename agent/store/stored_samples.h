@@ -1,0 +1,109 @@
+// The samples on disk that the broker has not acknowledged: written, handed out as history
+// messages, and removed. More than twenty functions, since six of them are StorePart's and five
+// only ask sample_streams.h. The store's thread.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <set>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "agent/store/history.h"
+#include "agent/store/sample_streams.h"
+#include "agent/store/sequence_numbers.h"
+#include "agent/store/store_disk.h"
+#include "agent/store/stored_journal.h"
+
+namespace fxagent {
+
+class StoredSamples final : public StorePart {
+ public:
+  /// Whether rows are on their way as live messages, so that no history message may take them yet.
+  enum class Hold : std::uint8_t { no, yes };
+
+  /// The others outlive it.
+  StoredSamples(const StoreConfig& config, StoreDisk& disk, const StoredJournal& journal,
+                SequenceNumbers& numbers)
+      : config_(config), disk_(disk), journal_(journal), numbers_(numbers) {}
+
+  /// All of them in one commit that is synchronised with the disk, and then the oldest rows out
+  /// until max_bytes holds, the commands counted. Each row gets its `row_id`. False: none was
+  /// written, and none changed.
+  bool append(std::vector<SampleRow>& rows, Hold hold);
+  /// The next history message, as Backlog::next() has it. Rows that are damaged are dropped and
+  /// counted: one of them would spoil the whole message.
+  std::optional<HistoryBatch> next(std::size_t max_payload, const MaySend& may_send);
+  /// The rows are delivered, or will never be. Returns how many were still here: one that had to
+  /// make room was counted as dropped already.
+  std::uint64_t remove(std::span<const std::uint64_t> row_ids);
+  std::uint64_t remove(const HistoryBatch& batch);
+  /// The batch did not arrive: its rows wait again.
+  void returned(const HistoryBatch& batch);
+  /// A held row did not arrive: it waits for a history message.
+  void release(std::uint64_t row_id) { streams_.release(row_id); }
+
+  std::uint64_t rows() const override { return streams_.rows(); }
+  std::uint64_t bytes() const { return streams_.bytes(); }
+  std::uint64_t recovered() const { return recovered_; }  ///< rows found when a file opened
+  bool has_waiting(const std::string& device) const { return streams_.has_waiting(device); }
+  bool has_waiting(const StreamKey& stream) const { return streams_.has_waiting(stream); }
+  bool is_on_the_way(const StreamKey& stream) const { return streams_.is_on_the_way(stream); }
+  /// Rows that had to make room, were too old or lay in a damaged file, since the last call.
+  std::map<std::string, std::uint64_t> take_dropped() { return std::exchange(dropped_, {}); }
+
+  /// Rows that were removed and are still in the file.
+  std::size_t removed_waiting() const { return removed_.size(); }
+  /// Lets go what is older than max_age.
+  void drop_old();
+  /// Lets the oldest rows go of what is above max_bytes, the commands counted.
+  void drop_excess();
+
+  /// What the file has now was left by earlier runs.
+  void count_recovered() { recovered_ += streams_.rows(); }
+  /// Rows from now on are this run's.
+  void begin_run() { first_of_run_ = next_row_id_; }
+  /// Within a commit, where the calendar was set: moves the times of this run's rows. Throws
+  /// SQLite::Exception.
+  void move_times(std::int64_t by_ms);
+
+  void load(SQLite::Database& database) override;
+  void unload(Rows rows) override;
+  bool has_pending() const override { return !removed_.empty(); }
+  bool write_pending(std::size_t at_most) override;
+  void begin_commit() override { is_removal_written_ = false; }
+  void committed() override;
+
+ private:
+  struct Statements {
+    explicit Statements(SQLite::Database& database);
+    SQLite::Statement insert;
+    SQLite::Statement remove;
+    SQLite::Statement stream;
+    SQLite::Statement oldest;
+  };
+
+  /// Deletes the oldest rows, `excess` bytes or what is older, within the caller's commit.
+  std::vector<SampleStreams::Row> delete_oldest(std::uint64_t excess, std::int64_t older_than_ms);
+  void forget(const std::vector<SampleStreams::Row>& gone);
+  void drop(std::uint64_t excess, std::int64_t older_than_ms);
+  void drop_damaged(const std::vector<SampleStreams::Row>& damaged);
+
+  const StoreConfig config_;
+  StoreDisk& disk_;
+  const StoredJournal& journal_;
+  SequenceNumbers& numbers_;
+  std::optional<Statements> sql_;
+  SampleStreams streams_;
+  std::set<std::uint64_t> removed_;  ///< still in the file
+  bool is_removal_written_ = false;  ///< in the open commit
+  std::map<std::string, std::uint64_t> dropped_;
+  std::uint64_t next_row_id_ = 1;
+  std::uint64_t first_of_run_ = 0;
+  std::uint64_t recovered_ = 0;
+};
+
+}  // namespace fxagent

@@ -1,0 +1,207 @@
+#include "agent/store/audit_trail.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "agent/commands/audit_records.h"
+#include "tests/agent/store/shelf.h"
+
+namespace fxagent {
+namespace {
+
+using namespace std::chrono_literals;
+using namespace test;
+
+TEST(AuditTrail, AuditOfAnOrderIsWrittenWithItsJournal) {
+  Shelf shelf;
+  shelf.open();
+  JournalEntry order = entry("one");
+  order.audit = told("one");
+  order.number = 7;
+  order.payload = "{}";
+  ASSERT_TRUE(shelf.store->journal().journal(std::vector{order}));
+  EXPECT_EQ(audit_of(shelf).size(), 1U);
+  EXPECT_EQ(shelf.store->journal().unacknowledged().at(0).number, 7U);
+  EXPECT_EQ(shelf.store->journal().unacknowledged().at(0).payload, "{}");
+  order.result = "{1}";
+  shelf.store->journal().record(order);
+  EXPECT_EQ(audit_of(shelf).size(), 2U);
+  EXPECT_EQ(shelf.store->journal().unacknowledged().at(0).payload, "");  // it has done its work
+  EXPECT_EQ(shelf.store->audit().head().records, 2U);
+}
+
+TEST(AuditTrail, NotesForTheAuditAreWrittenTogether) {
+  Shelf shelf;
+  shelf.open();
+  shelf.store->upkeep(kStart, kNow);
+  for (const char* id : {"a", "b", "c"}) shelf.store->audit().note(told(id));
+  EXPECT_TRUE(shelf.store->has_pending());
+  EXPECT_EQ(shelf.store->audit().head().records, 0U);
+  shelf.store->upkeep(kStart + 200ms, kNow + 200);
+  EXPECT_FALSE(shelf.store->has_pending());
+  EXPECT_EQ(audit_of(shelf).size(), 3U);
+}
+
+TEST(AuditTrail, AuditGoesOnAfterARestartAndCommandsKeepTheirNumbers) {
+  Shelf shelf;
+  shelf.open();
+  EXPECT_EQ(shelf.store->audit().next_command_number(), 1U);
+  EXPECT_EQ(shelf.store->audit().next_command_number(), 2U);
+  shelf.store->audit().note(told("a"));
+  shelf.store->close();
+  EXPECT_EQ(audit_of(shelf).size(), 1U);  // without an agent, too
+  shelf.open();
+  EXPECT_EQ(shelf.store->audit().next_command_number(), 3U);
+  shelf.store->audit().note(told("b"));
+  shelf.store->upkeep(kStart, kNow);
+  EXPECT_EQ(audit_of(shelf).size(), 2U);
+}
+
+TEST(AuditTrail, AuditThatFoundNoDiskIsWrittenLaterAndSaysWhatWasLost) {
+  Shelf shelf;
+  shelf.block();
+  shelf.open();
+  JournalEntry order = entry("one");
+  order.audit = told("one");
+  EXPECT_FALSE(shelf.store->journal().journal(std::vector{order}));
+  for (int i = 0; i < 30005; ++i) shelf.store->audit().note(told("x"));
+  std::filesystem::remove(shelf.config.path);
+  shelf.store->upkeep(kStart, kNow);
+  shelf.store->upkeep(kStart + 10s, kNow + 10000);
+  const auto texts = audit_of(shelf);
+  ASSERT_EQ(texts.size(), 30001U);
+  EXPECT_NE(texts.front().find("\"one\""), std::string::npos);
+  EXPECT_NE(texts.back().find("\"kind\":\"lost\",\"ts\":1790000010000,\"records\":6"),
+            std::string::npos)
+      << texts.back();
+}
+
+TEST(AuditTrail, AuditOfAFreshFileNamesTheDamagedOne) {
+  Shelf shelf;
+  std::filesystem::create_directories(shelf.config.path);
+  std::ofstream(shelf.file()) << std::string(8192, 'x');
+  shelf.open();
+  shelf.store->upkeep(kStart, kNow);
+  const auto texts = audit_of(shelf);
+  ASSERT_EQ(texts.size(), 1U);
+  EXPECT_NE(texts[0].find(shelf.store->set_aside()), std::string::npos) << texts[0];
+}
+
+TEST(AuditTrail, AuditIsPrunedToItsSizeAndItsAge) {
+  Shelf shelf;
+  shelf.config.audit_max_bytes = 20000;
+  shelf.config.audit_max_age = 1h;
+  shelf.open();
+  for (int i = 0; i < 500; ++i) shelf.store->audit().note(told("x"));
+  shelf.store->upkeep(kStart, kNow);
+  EXPECT_LT(audit_of(shelf).size(), 150U);
+  EXPECT_GT(audit_of(shelf).size(), 50U);
+  shelf.open(kNow + 7200000);
+  shelf.store->upkeep(kStart, kNow + 7200000);
+  // The last one has to stay, and with it what says that the others were let go.
+  EXPECT_EQ(audit_of(shelf).size(), 2U);
+}
+
+/// A trail in a file of its own, without a store.
+struct TrailBench {
+  Scratch scratch;
+  StoreConfig config = in(scratch.path("s"));
+  StoreDisk disk{config, kNow};
+  AuditTrail trail{config, disk};
+
+  static StoreConfig in(const std::string& directory) {
+    StoreConfig made;
+    made.path = directory;
+    return made;
+  }
+  TrailBench() {
+    disk.share_with({&trail});
+    disk.open();
+    EXPECT_TRUE(disk.is_writable());
+  }
+  ~TrailBench() { disk.close(); }
+  TrailBench(const TrailBench&) = delete;
+  TrailBench& operator=(const TrailBench&) = delete;
+
+  bool commit(const StoreDisk::Work& work) {
+    return disk.commit("audit", StoreDisk::Sync::as_configured, work);
+  }
+  void append(int count) {
+    EXPECT_TRUE(commit([&] {
+      for (int i = 0; i < count; ++i)
+        trail.append(audit::told(1, "press1", "b7e1", true, kNow + i));
+    }));
+  }
+  void prune(std::uint64_t max_bytes, std::int64_t oldest_ms, std::uint64_t may_age) {
+    EXPECT_TRUE(commit([&] { trail.prune(max_bytes, oldest_ms, may_age); }));
+  }
+  std::vector<audit::Finding> findings() {
+    audit::Verifier verifier;
+    audit::Head head;
+    EXPECT_FALSE(AuditTrail::read(
+        store_file_path(config.path), [&](const audit::Record& record) { verifier.add(record); },
+        head));
+    left = verifier.records();
+    return verifier.finish(head);
+  }
+  std::uint64_t left = 0;
+};
+
+TEST(AuditTrail, RecordsThatWereNotCommittedLeaveNoTrace) {
+  TrailBench bench;
+  bench.append(3);
+  EXPECT_FALSE(bench.commit([&] {
+    bench.trail.append(audit::told(1, "press1", "lost", true, kNow));
+    bench.disk.database().exec("no SQL");
+  }));
+  bench.disk.try_to_write();
+  bench.append(2);
+  EXPECT_TRUE(bench.findings().empty());
+  EXPECT_EQ(bench.left, 5U);
+}
+
+TEST(AuditTrail, PrunesToItsSizeAndStaysWhole) {
+  TrailBench bench;
+  bench.append(1000);
+  const std::uint64_t bytes = bench.trail.bytes();
+  bench.prune(bytes, 0, 0);
+  EXPECT_EQ(bench.trail.head().records, 1000U);
+  bench.prune(bytes / 2, 0, 0);
+  EXPECT_LE(bench.trail.bytes(), bytes / 2 + 500);
+  EXPECT_TRUE(bench.findings().empty());
+  EXPECT_NEAR(static_cast<double>(bench.left), 500.0, 5.0);
+  bench.append(10);
+  bench.prune(1, 0, 0);
+  EXPECT_TRUE(bench.findings().empty());
+  EXPECT_EQ(bench.left, 2U);
+}
+
+TEST(AuditTrail, PrunesWhatIsTooOldAndNothingOfAYoungRun) {
+  TrailBench bench;
+  bench.append(10);
+  bench.prune(1 << 20, kNow + 5, 3);
+  EXPECT_TRUE(bench.findings().empty());
+  EXPECT_EQ(bench.left, 8U);  // 4 to 10, and the record of the pruning
+  bench.prune(1 << 20, kNow + 5, 100);
+  EXPECT_TRUE(bench.findings().empty());
+  EXPECT_EQ(bench.left, 7U);  // 6 to 11, and another
+}
+
+TEST(AuditTrail, ChainGoesOnBehindAHeadThatWasPutBackAndTheBreakIsSeen) {
+  TrailBench bench;
+  bench.append(5);
+  ASSERT_NO_THROW(bench.disk.database().exec("UPDATE audit_head SET records = 2"));
+  bench.trail.load(bench.disk.database());
+  bench.append(1);
+  EXPECT_TRUE(bench.findings().empty());  // the hash was left as it was
+  ASSERT_NO_THROW(bench.disk.database().exec("UPDATE audit_head SET hash = zeroblob(32)"));
+  bench.trail.load(bench.disk.database());
+  bench.append(1);
+  ASSERT_EQ(bench.findings().size(), 1U);
+  EXPECT_EQ(bench.findings()[0].record, 7U);
+}
+
+}  // namespace
+}  // namespace fxagent

@@ -1,0 +1,106 @@
+#include "agent/store/sequence_numbers.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "tests/agent/store/shelf.h"
+
+namespace fxagent {
+namespace {
+
+using namespace std::chrono_literals;
+using namespace test;
+
+TEST(SequenceNumbers, NumbersGoOnByOneAfterACleanStop) {
+  Shelf shelf;
+  shelf.open();
+  EXPECT_EQ(shelf.begin(), static_cast<std::uint64_t>(kNow));
+  shelf.store->numbers().used("a", kNow + 5);
+  shelf.store->close();
+  shelf.open();
+  EXPECT_EQ(shelf.begin(kNow + 100000), static_cast<std::uint64_t>(kNow) + 5);
+}
+
+TEST(SequenceNumbers, NumbersOnlySkipForwardAfterACrash) {
+  Shelf shelf;
+  shelf.open();
+  std::uint64_t used = shelf.begin();
+  for (std::uint64_t i = 0; i < 3 * SequenceNumbers::kBlock; ++i)
+    shelf.store->numbers().used("a", ++used);
+  // The clock went back: the numbers do not.
+  shelf.open(5);
+  EXPECT_GT(shelf.begin(5), used);
+}
+
+// The file of an earlier run opens in the middle of this one, whose clock began in the past: what
+// it writes of its own low numbers must not hide how far the earlier run had come.
+TEST(SequenceNumbers, NumbersOfAnEarlierRunAreNotSetBackByAFileThatOpensLate) {
+  constexpr std::int64_t kBoot = 5000;
+  Shelf shelf;
+  shelf.open();
+  const std::uint64_t reached = shelf.begin() + SequenceNumbers::kBlock;
+  shelf.store.reset();
+  const std::string away = shelf.config.path + "-away";
+  std::filesystem::rename(shelf.config.path, away);
+  shelf.block();
+  shelf.open(kBoot);
+  ASSERT_EQ(shelf.begin(kBoot), static_cast<std::uint64_t>(kBoot));
+  shelf.store->upkeep(kStart, kBoot);
+  std::filesystem::remove(shelf.config.path);
+  std::filesystem::rename(away, shelf.config.path);
+  shelf.store->upkeep(kStart + 10s, kBoot + 10000);
+  ASSERT_EQ(shelf.store->state(), "disk");
+  shelf.open(kBoot + 20000);  // after a crash
+  EXPECT_GE(shelf.begin(kBoot + 20000), reached);
+}
+
+TEST(SequenceNumbers, NextBlockOfNumbersIsTakenWhileHalfOfTheLastOneIsLeft) {
+  Shelf shelf;
+  shelf.open();
+  const std::uint64_t first = shelf.begin();
+  shelf.store->numbers().used("a", first + SequenceNumbers::kBlock / 2);
+  EXPECT_FALSE(shelf.store->has_pending());
+  shelf.store->numbers().used("a", first + SequenceNumbers::kBlock / 2 + 1);
+  EXPECT_TRUE(shelf.store->has_pending());
+  shelf.store->upkeep(kStart, kNow);
+  EXPECT_FALSE(shelf.store->has_pending());
+  shelf.open();
+  EXPECT_GE(shelf.begin(), first + 3 * SequenceNumbers::kBlock / 2);
+}
+
+TEST(SequenceNumbers, WithAlwaysNumbersGoOnByOneEvenAfterACrash) {
+  Shelf shelf;
+  shelf.config.sync_always = true;
+  shelf.open();
+  const std::uint64_t last = shelf.begin();
+  for (std::uint64_t seq = last + 1; seq < last + 4; ++seq) {
+    shelf.store->numbers().used("a", seq);
+    ASSERT_TRUE(shelf.add(rows(seq, seq)));
+  }
+  shelf.open();
+  EXPECT_EQ(shelf.begin(kNow + 100000), last + 3);
+}
+
+TEST(SequenceNumbers, WithAlwaysNumbersThatTheDiskRefusedAreNotUsedAgain) {
+  Shelf shelf;
+  shelf.config.sync_always = true;
+  shelf.open();
+  std::uint64_t last = shelf.begin();
+  {
+    const DiskLimit full(200000);
+    do {
+      ++last;
+      shelf.store->numbers().used("a", last);
+    } while (shelf.add(rows(last, last)));
+    for (int i = 0; i < 1000; ++i) shelf.store->numbers().used("a", ++last);
+  }  // and the power goes
+  shelf.open(5);
+  const std::uint64_t next = shelf.begin(5);
+  EXPECT_GT(next, last);
+  shelf.open();  // the mark has done its work
+  EXPECT_EQ(shelf.begin(), next);
+}
+
+}  // namespace
+}  // namespace fxagent

@@ -1,0 +1,129 @@
+// A store in a directory of its own, with what the tests put into it.
+#pragma once
+
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+
+#include <chrono>
+#include <csignal>
+#include <cstdint>
+#include <fstream>
+#include <memory>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "agent/commands/audit_records.h"
+#include "agent/store/store.h"
+#include "tests/agent/store/scratch.h"
+
+namespace fxagent::test {
+
+inline constexpr std::int64_t kNow = 1790000000000;
+inline const SteadyTime kStart{std::chrono::hours(1)};
+
+inline std::vector<SampleRow> rows(std::uint64_t from, std::uint64_t to,
+                                   const std::string& device = "a",
+                                   const std::string& group = "fast") {
+  std::vector<SampleRow> made;
+  for (std::uint64_t seq = from; seq <= to; ++seq)
+    made.push_back({0, device, group, seq, std::to_string(seq)});
+  return made;
+}
+
+inline bool any(const StreamKey&) { return true; }
+
+inline JournalEntry entry(std::string id, std::string result = {},
+                          std::int64_t received_ms = kNow) {
+  JournalEntry made;
+  made.device = "a";
+  made.id = std::move(id);
+  made.received_ms = received_ms;
+  made.deadline_ms = received_ms + 10000;
+  made.op = "write";
+  made.response_topic = "hmi/replies";
+  made.correlation = {1, 0, 255};
+  made.result = std::move(result);
+  return made;
+}
+
+/// A store in a directory of its own, opened as often as wanted.
+struct Shelf {
+  Scratch scratch;
+  StoreConfig config;
+  std::unique_ptr<Store> store;
+
+  Shelf() { config.path = scratch.path("store"); }
+  Store& open(std::int64_t utc_ms = kNow) {
+    store.reset();
+    store = std::make_unique<Store>(config, utc_ms);
+    return *store;
+  }
+  /// A file in its place: nothing can be opened there.
+  void block() const { std::ofstream(config.path) << "a file in its place"; }
+  std::string file() const { return config.path + "/fxagent.db"; }
+  /// The number before the first one of device a in this boot.
+  std::uint64_t begin(std::int64_t utc_ms = kNow) {
+    const std::string device = "a";
+    return store->numbers().begin(std::span(&device, 1), utc_ms).at(0);
+  }
+  bool add(std::vector<SampleRow> made, Store::Hold hold = Store::Hold::no) {
+    return store->samples().append(made, hold);
+  }
+  /// As the command that has just come.
+  JournalEntry arrived(std::string id, std::string result = {}, std::int64_t received_ms = kNow) {
+    JournalEntry made = entry(std::move(id), std::move(result), received_ms);
+    made.number = store->audit().next_command_number();
+    return made;
+  }
+  /// Everything that waits, message by message, each acknowledged.
+  std::string drain(std::size_t max_payload = 65536) {
+    std::string all;
+    while (const auto batch = store->samples().next(max_payload, any)) {
+      all += batch->device + "/" + batch->group + batch->payload.substr(23);
+      EXPECT_EQ(store->samples().remove(*batch), batch->row_ids.size());
+    }
+    return all;
+  }
+};
+
+/// Files of this process end at so many bytes, as on a full disk.
+class DiskLimit final {
+ public:
+  explicit DiskLimit(rlim_t bytes) {
+    std::signal(SIGXFSZ, SIG_IGN);
+    getrlimit(RLIMIT_FSIZE, &before_);
+    rlimit limit = before_;
+    limit.rlim_cur = bytes;
+    setrlimit(RLIMIT_FSIZE, &limit);
+  }
+  ~DiskLimit() { setrlimit(RLIMIT_FSIZE, &before_); }
+  DiskLimit(const DiskLimit&) = delete;
+  DiskLimit& operator=(const DiskLimit&) = delete;
+
+ private:
+  rlimit before_{};
+};
+
+/// The records of the file, as another process reads them; their chain is whole.
+inline std::vector<std::string> audit_of(const Shelf& shelf) {
+  std::vector<std::string> texts;
+  audit::Verifier verifier;
+  audit::Head head;
+  const auto unread = AuditTrail::read(
+      shelf.file(),
+      [&](const audit::Record& record) {
+        verifier.add(record);
+        texts.push_back(record.text);
+      },
+      head);
+  EXPECT_FALSE(unread) << unread->why;
+  for (const audit::Finding& finding : verifier.finish(head))
+    ADD_FAILURE() << finding.record << ": " << finding.text;
+  return texts;
+}
+
+inline std::string told(const std::string& id) { return audit::told(1, "a", id, true, kNow); }
+
+}  // namespace fxagent::test

@@ -1,0 +1,106 @@
+#include "agent/store/store_clock.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "tests/agent/store/shelf.h"
+
+namespace fxagent {
+namespace {
+
+using namespace std::chrono_literals;
+using namespace test;
+
+TEST(StoreClock, ClockThatIsSetMakesNothingOlderOrYounger) {
+  Shelf shelf;
+  shelf.config.max_age = 1h;
+  constexpr std::int64_t kYear = std::int64_t{365} * 24 * 3600 * 1000;
+  shelf.open(kNow - kYear);  // a gateway without a clock of its own
+  shelf.store->upkeep(kStart, kNow - kYear);
+  shelf.add(rows(1, 2));
+  JournalEntry order = shelf.arrived("x", {}, kNow - kYear);
+  ASSERT_TRUE(shelf.store->journal().journal(std::vector{order}));
+  shelf.store->upkeep(kStart + 30min, kNow + 1800000);
+  shelf.store->upkeep(kStart + 60min, kNow + 3600000);
+  EXPECT_TRUE(shelf.store->samples().take_dropped().empty());
+  EXPECT_EQ(shelf.store->journal().unacknowledged().at(0).received_ms, kNow);
+  EXPECT_EQ(shelf.store->journal().unacknowledged().at(0).deadline_ms, kNow + 10000);
+  shelf.store->upkeep(kStart + 62min, kNow + 3720000);
+  EXPECT_EQ(shelf.store->samples().take_dropped().at("a"), 2U);
+}
+
+TEST(StoreClock, ClockThatIsSetLeavesRowsOfEarlierRunsAsTheyAre) {
+  Shelf shelf;
+  shelf.config.max_age = 1h;
+  shelf.open();
+  shelf.add(rows(1, 2));
+  shelf.open(kNow + 1000);
+  shelf.store->upkeep(kStart, kNow + 1000);
+  shelf.add(rows(3, 3));
+  shelf.store->upkeep(kStart + 2min, kNow + 4000000);
+  EXPECT_EQ(shelf.store->samples().take_dropped().at("a"), 2U);
+  EXPECT_EQ(shelf.drain(), "a/fast[3]}");
+}
+
+// A gateway without a clock of its own whose data partition is mounted late: the numbers of its
+// commands begin below those of earlier runs, and the clock is set after the file has opened.
+TEST(StoreClock, FileThatOpensBeforeTheClockIsSetKeepsItsOrderAndItsTimes) {
+  constexpr std::int64_t kBoot = 5000;
+  Shelf shelf;
+  shelf.open();
+  for (const char* id : {"told", "again", "untold"}) {
+    JournalEntry made = entry(id, "{earlier}", kNow - 60000);
+    made.number = static_cast<std::uint64_t>(kNow);  // as a run that opened its file late counts
+    shelf.store->journal().record(made);
+    if (made.id != "untold") shelf.store->journal().acknowledge("a", id, made.number);
+  }
+  shelf.store->upkeep(kStart, kNow);
+  shelf.store.reset();
+  const std::string away = shelf.config.path + "-away";
+  std::filesystem::rename(shelf.config.path, away);
+  shelf.block();
+  shelf.open(kBoot);
+  shelf.store->upkeep(kStart, kBoot);
+  JournalEntry again = shelf.arrived("again", "", kBoot);
+  EXPECT_FALSE(shelf.store->journal().journal(std::vector{again}));
+  std::filesystem::remove(shelf.config.path);
+  std::filesystem::rename(away, shelf.config.path);
+  shelf.store->upkeep(kStart + 10s, kBoot + 10000);
+  ASSERT_EQ(shelf.store->state(), "disk");
+  EXPECT_EQ(shelf.store->journal().find("a", "again")->result, "");  // it is this run's
+  shelf.store->upkeep(kStart + 20s, kNow + 20000);
+  shelf.store->upkeep(kStart + 21s, kNow + 21000);
+  EXPECT_EQ(shelf.store->journal().find("a", "told")->received_ms, kNow - 60000);
+  EXPECT_EQ(shelf.store->journal().find("a", "untold")->received_ms, kNow - 60000);
+  EXPECT_EQ(shelf.store->journal().find("a", "again")->received_ms, kNow);
+  const auto ids = shelf.store->journal().known_ids();
+  ASSERT_EQ(ids.size(), 2U);
+  EXPECT_EQ(ids[0].id, "told");
+}
+
+TEST(StoreClock, ClockThatIsSetTwiceWithoutADiskMovesWhatWasThere) {
+  constexpr std::int64_t kHour = 3600000;
+  Shelf shelf;
+  shelf.block();
+  shelf.open();
+  shelf.store->upkeep(kStart, kNow);
+  const auto journal = [&](const char* id, std::int64_t at) {
+    JournalEntry made = shelf.arrived(id, "", at);
+    shelf.store->journal().journal(std::vector{made});
+  };
+  journal("first", kNow);
+  shelf.store->upkeep(kStart + 1s, kNow + 30 * kHour + 1000);
+  journal("between", kNow + 30 * kHour + 1000);
+  shelf.store->upkeep(kStart + 2s, kNow - 50 * kHour + 2000);
+  journal("last", kNow - 50 * kHour + 2000);
+  std::filesystem::remove(shelf.config.path);
+  shelf.store->upkeep(kStart + 20s, kNow - 50 * kHour + 20000);
+  ASSERT_EQ(shelf.store->state(), "disk");
+  EXPECT_EQ(shelf.store->journal().find("a", "first")->received_ms, kNow - 50 * kHour);
+  EXPECT_EQ(shelf.store->journal().find("a", "between")->received_ms, kNow - 50 * kHour + 1000);
+  EXPECT_EQ(shelf.store->journal().find("a", "last")->received_ms, kNow - 50 * kHour + 2000);
+}
+
+}  // namespace
+}  // namespace fxagent
