@@ -24,10 +24,6 @@ void Writer::append_text(std::string_view value) {
   text_ += '"';
 }
 
-Precision precision_of(const Point& point) {
-  return point.type == DataType::float32 && !point.scaled() ? Precision::single : Precision::full;
-}
-
 void write_value(Writer& out, const Value& value, Precision precision) {
   if (value.is_array) {
     out.begin_array();

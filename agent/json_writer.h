@@ -101,7 +101,6 @@ class Writer final {
 /// How many digits a real number gets: a float32 is written as short as a float can be (5.1, not
 /// 5.099999904632568).
 enum class Precision : std::uint8_t { full, single };
-Precision precision_of(const Point& point);
 
 /// Null where the value is empty.
 void write_value(Writer& out, const Value& value, Precision precision = Precision::full);

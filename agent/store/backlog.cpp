@@ -16,16 +16,26 @@ void Backlog::append(SampleRow row) {
   }
 }
 
-std::optional<HistoryBatch> Backlog::next(std::size_t max_payload, const MaySend& may_send) {
+std::optional<HistoryBatch> Backlog::next(HistoryMessage& message, const MaySend& may_send) {
   const auto ready = std::find_if(ready_.begin(), ready_.end(), [&](const auto& oldest) {
     return may_send(oldest.second->first);
   });
   if (ready == ready_.end()) return std::nullopt;
 
   Streams::value_type& stream = *ready->second;
-  BatchBuilder builder(max_payload);
-  for (const std::uint64_t row_id : stream.second.waiting)
-    if (!builder.add(row_id, rows_.at(row_id).json)) break;
+  BatchBuilder builder(message);
+  std::vector<std::uint64_t> damaged;
+  for (const std::uint64_t row_id : stream.second.waiting) {
+    const SampleRow& row = rows_.at(row_id);
+    const auto added = builder.add(row_id, row.format, row.content);
+    if (added == BatchBuilder::Added::no_room) break;
+    if (added == BatchBuilder::Added::damaged) damaged.push_back(row_id);
+  }
+  for (const std::uint64_t row_id : damaged) {
+    ++dropped_[stream.first.first];
+    erase(rows_.find(row_id));
+  }
+  if (builder.empty()) return std::nullopt;
   HistoryBatch batch = builder.take(stream.first);
   for (const std::uint64_t row_id : batch.row_ids) stream.second.waiting.erase(row_id);
   stream.second.on_the_way = true;

@@ -1,5 +1,5 @@
-// Samples that wait for the broker, as rows of JSON, in memory and bounded in bytes. Oldest out
-// first: to the broker, and over the edge when there is no room. Uplink thread.
+// Samples that wait for the broker, as rows, in memory and bounded in bytes. Oldest out first: to
+// the broker, and over the edge when there is no room. Uplink thread.
 #pragma once
 
 #include <cstddef>
@@ -17,17 +17,17 @@ namespace fxagent {
 
 class Backlog final {
  public:
-  /// Holds at most `max_bytes`, what a row costs beside its text included.
+  /// Holds at most `max_bytes`, what a row costs beside its content included.
   explicit Backlog(std::size_t max_bytes) : max_bytes_(max_bytes) {}
 
   /// Takes a row in, in its place by `row_id`, and lets the oldest rows go until all fit.
   void append(SampleRow row);
 
   /// The next history message: from the stream whose waiting row is the oldest among those that
-  /// `may_send`, as many rows as fit into `max_payload` bytes, at least one. A stream has one batch
-  /// on the way at a time, so that its rows arrive in order. Its rows stay here until
+  /// `may_send`, as many rows as fit into `message`, which is empty, at least one. A stream has one
+  /// batch on the way at a time, so that its rows arrive in order. Its rows stay here until
   /// acknowledged() or discard(). nullopt: nothing to send.
-  std::optional<HistoryBatch> next(std::size_t max_payload, const MaySend& may_send);
+  std::optional<HistoryBatch> next(HistoryMessage& message, const MaySend& may_send);
   /// The batch arrived. Returns how many of its rows were still here: a row that had to make room
   /// meanwhile was counted as dropped already.
   std::uint64_t acknowledged(const HistoryBatch& batch) { return remove(batch); }

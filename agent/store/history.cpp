@@ -5,30 +5,28 @@
 #include "agent/json_writer.h"
 
 namespace fxagent {
-bool is_intact(std::string_view row) {
-  return json::may_stand_inside(row) && nlohmann::json::accept(row);
+
+std::optional<RowFormat> row_format(std::int64_t number) {
+  if (number < 0 || number > static_cast<std::int64_t>(RowFormat::cbor)) return std::nullopt;
+  return static_cast<RowFormat>(number);
 }
 
-std::string history_text(std::span<const std::string_view> rows) {
-  json::Writer out;
-  out.begin_object().key("history").boolean(true).key("rows").begin_array();
-  for (const std::string_view row : rows) out.raw(row);
-  out.end_array().end_object();
-  return out.take();
+bool is_intact(std::string_view json_row) {
+  return json::may_stand_inside(json_row) && nlohmann::json::accept(json_row);
 }
 
-bool BatchBuilder::add(std::uint64_t row_id, std::string_view row) {
-  const std::size_t size = empty() ? kHistoryFrameBytes + row.size() : size_ + 1 + row.size();
-  if (!empty() && size > max_payload_) return false;
-  size_ = size;
+BatchBuilder::Added BatchBuilder::add(std::uint64_t row_id, std::optional<RowFormat> format,
+                                      std::string_view content) {
+  const bool is_json = format == RowFormat::json_text;
+  if (!format || !(is_json ? is_intact(content) : decode_sample(content, record_)))
+    return Added::damaged;
+  if (!(is_json ? message_.add(content) : message_.add(record_))) return Added::no_room;
   row_ids_.push_back(row_id);
-  rows_.emplace_back(row);
-  return true;
+  return Added::yes;
 }
 
 HistoryBatch BatchBuilder::take(const StreamKey& stream) {
-  const std::vector<std::string_view> texts(rows_.begin(), rows_.end());
-  return {stream.first, stream.second, std::move(row_ids_), history_text(texts)};
+  return {stream.first, stream.second, std::move(row_ids_), message_.take()};
 }
 
 }  // namespace fxagent

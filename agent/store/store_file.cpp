@@ -46,7 +46,9 @@ constexpr const char* kSchema[] = {
     " told);",
     // What was not admitted is kept while there is room to spare.
     ("ALTER TABLE orders ADD COLUMN refused INTEGER NOT NULL DEFAULT 0;"
-     "CREATE INDEX orders_refused ON orders(arrival) WHERE refused = 1;")};
+     "CREATE INDEX orders_refused ON orders(arrival) WHERE refused = 1;"),
+    // How `row` is to be read: RowFormat. What is there already is JSON.
+    "ALTER TABLE samples ADD COLUMN format INTEGER NOT NULL DEFAULT 0;"};
 
 std::string why_not_opened(const std::string& path) {
   return path + ": " +
@@ -169,7 +171,7 @@ std::optional<sqlite::Fault> StoreFile::why_not_writable() {
   return sqlite::attempt([this] {
     SQLite::Transaction transaction(db, SQLite::TransactionBehavior::IMMEDIATE);
     db.exec(
-        "INSERT INTO samples VALUES(0, '', '', 0, 0, zeroblob(65536));"
+        "INSERT INTO samples VALUES(0, '', '', 0, 0, zeroblob(65536), 0);"
         "DELETE FROM samples WHERE id = 0");
     transaction.commit();
   });

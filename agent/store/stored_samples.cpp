@@ -8,15 +8,23 @@
 #include "agent/log/log.h"
 
 namespace fxagent {
+namespace {
+
+ByteView as_bytes(std::string_view content) {
+  return {reinterpret_cast<const std::uint8_t*>(content.data()), content.size()};
+}
+
+}  // namespace
 
 using sqlite::from_sql;
 using sqlite::number;
 using sqlite::text;
 
 StoredSamples::Statements::Statements(SQLite::Database& database)
-    : insert(database, "INSERT INTO samples VALUES(?, ?, ?, ?, ?, ?)"),
+    : insert(database, "INSERT INTO samples VALUES(?, ?, ?, ?, ?, ?, ?)"),
       remove(database, "DELETE FROM samples WHERE id = ?"),
-      stream(database, "SELECT id, row FROM samples WHERE device = ? AND grp = ? ORDER BY seq, id"),
+      stream(database,
+             "SELECT id, row, format FROM samples WHERE device = ? AND grp = ? ORDER BY seq, id"),
       oldest(database,
              "SELECT id, device, grp, created_ms, length(CAST(row AS BLOB)) FROM samples"
              " ORDER BY id") {}
@@ -68,7 +76,8 @@ bool StoredSamples::append(std::vector<SampleRow>& rows, Hold hold) {
     for (const SampleRow& row : rows) {
       added += row.cost();
       highest[row.device] = std::max(highest[row.device], row.seq);
-      sqlite::run(sql_->insert, row_id++, row.device, row.group, row.seq, disk_.utc_ms(), row.json);
+      sqlite::run(sql_->insert, row_id++, row.device, row.group, row.seq, disk_.utc_ms(),
+                  as_bytes(row.content), static_cast<std::int64_t>(row.format));
     }
     numbers_.write_with_samples(highest);
     const std::uint64_t full = bytes() + added + journal_.bytes_in_commit();
@@ -113,22 +122,23 @@ void StoredSamples::forget(const std::vector<SampleStreams::Row>& gone) {
   }
 }
 
-std::optional<HistoryBatch> StoredSamples::next(std::size_t max_payload, const MaySend& may_send) {
+std::optional<HistoryBatch> StoredSamples::next(HistoryMessage& message, const MaySend& may_send) {
   const auto key = streams_.oldest_waiting(may_send);
   if (!key) return std::nullopt;
   if (disk_.is_writable()) disk_.flush();
   if (!sql_) return std::nullopt;
 
-  BatchBuilder builder(max_payload);
+  BatchBuilder builder(message);
   std::vector<SampleStreams::Row> taken;
   std::vector<SampleStreams::Row> damaged;
   const auto take = [&](const SQLite::Statement& found) {
     const std::uint64_t row_id = from_sql(number(found, 0));
     if (streams_.is_out(row_id) || removed_.contains(row_id)) return true;
     const std::string_view row = text(found, 1);
-    const bool is_whole = is_intact(row);
-    if (is_whole && !builder.add(row_id, row)) return false;
-    (is_whole ? taken : damaged).push_back({row_id, *key, row.size() + SampleRow::kOverhead});
+    const auto added = builder.add(row_id, row_format(number(found, 2)), row);
+    if (added == BatchBuilder::Added::no_room) return false;
+    (added == BatchBuilder::Added::yes ? taken : damaged)
+        .push_back({row_id, *key, row.size() + SampleRow::kOverhead});
     return true;
   };
   if (!disk_.attempt("read", [&] { sqlite::each(sql_->stream, take, key->first, key->second); }))

@@ -36,7 +36,7 @@ class StoredSamples final : public StorePart {
   bool append(std::vector<SampleRow>& rows, Hold hold);
   /// The next history message, as Backlog::next() has it. Rows that are damaged are dropped and
   /// counted: one of them would spoil the whole message.
-  std::optional<HistoryBatch> next(std::size_t max_payload, const MaySend& may_send);
+  std::optional<HistoryBatch> next(HistoryMessage& message, const MaySend& may_send);
   /// The rows are delivered, or will never be. Returns how many were still here: one that had to
   /// make room was counted as dropped already.
   std::uint64_t remove(std::span<const std::uint64_t> row_ids);

@@ -19,14 +19,18 @@ bool is_sayable(const Value& value) {
   });
 }
 
-void write_bad(Writer& out, const TagReading& reading, std::int64_t now_ms, const Point& point) {
+Precision precision_of(const RecordedReading& reading) {
+  return reading.type == DataType::float32 && !reading.scaled ? Precision::single : Precision::full;
+}
+
+void write_bad(Writer& out, const RecordedReading& reading, std::int64_t now_ms) {
   const bool has_last = reading.bad && reading.last_ms != 0 && is_sayable(reading.value);
   out.begin_object();
   out.key("why").string(to_string(reading.bad.value_or(BadReason::bad_value)));
   out.key("since").integer(reading.bad ? reading.bad_since_ms : now_ms);
   out.key("last");
   if (has_last)
-    write_value(out, reading.value, precision_of(point));
+    write_value(out, reading.value, precision_of(reading));
   else
     out.null();
   out.key("last_ts");
@@ -42,45 +46,41 @@ void write_percentiles(Writer& out, std::string_view name, const Percentiles& of
 
 }  // namespace
 
-std::string telemetry(const Telemetry& message, const DeviceConfig& device, std::string_view boot,
-                      std::string_view meta_hash) {
+std::string sample(const SampleRecord& sample) {
   Writer out;
   out.begin_object();
-  out.key("ts").integer(message.ts_ms);
-  out.key("seq").integer(message.seq);
-  out.key("boot").string(boot);
-  out.key("meta").string(meta_hash);
-  if (message.span_ms) out.key("span_ms").number(*message.span_ms);
-  if (message.partial) out.key("partial").boolean(true);
-  const auto is_good = [](const TagReading& reading) {
+  out.key("ts").integer(sample.ts_ms);
+  out.key("seq").integer(sample.seq);
+  out.key("boot").string(sample.boot);
+  out.key("meta").string(sample.meta);
+  if (sample.span_ms) out.key("span_ms").number(*sample.span_ms);
+  if (sample.partial) out.key("partial").boolean(true);
+  const auto is_good = [](const RecordedReading& reading) {
     return !reading.bad && is_sayable(reading.value);
   };
   bool any_bad = false;
   out.key("values").begin_object();
-  for (const TagReading& reading : message.readings) {
-    const TagConfig& tag = device.tags.at(reading.tag);
+  for (const RecordedReading& reading : sample.readings) {
     if (!is_good(reading)) {
       any_bad = true;
       continue;
     }
-    out.key(tag.name.get());
-    write_value(out, reading.value, precision_of(tag.point));
+    out.key(reading.name);
+    write_value(out, reading.value, precision_of(reading));
   }
   out.end_object();
   if (any_bad) {
     out.key("bad").begin_object();
-    for (const TagReading& reading : message.readings) {
+    for (const RecordedReading& reading : sample.readings) {
       if (is_good(reading)) continue;
-      const TagConfig& tag = device.tags.at(reading.tag);
-      out.key(tag.name.get());
-      write_bad(out, reading, message.ts_ms, tag.point);
+      out.key(reading.name);
+      write_bad(out, reading, sample.ts_ms);
     }
     out.end_object();
   }
-  if (message.written) {
+  if (sample.written) {
     out.key("written").begin_array();
-    for (const TagReading& reading : message.readings)
-      out.string(device.tags.at(reading.tag).name.get());
+    for (const RecordedReading& reading : sample.readings) out.string(reading.name);
     out.end_array();
   }
   out.end_object();
@@ -215,6 +215,34 @@ std::string health(const Health& health, const Config& config) {
 }  // namespace fxagent::json
 
 namespace fxagent {
+namespace {
+
+/// {"history":true,"rows":[…]} of rows as they were published live.
+class JsonHistory final : public HistoryMessage {
+ public:
+  explicit JsonHistory(std::size_t max_bytes) : max_bytes_(max_bytes) {}
+
+  bool add(const SampleRecord& sample) override { return add(json::sample(sample)); }
+  bool add(std::string_view json_row) override {
+    const bool is_first = text_.size() == kBegin.size();
+    if (!is_first && text_.size() + 1 + json_row.size() + kEnd.size() > max_bytes_) return false;
+    if (!is_first) text_ += ',';
+    text_ += json_row;
+    return true;
+  }
+  std::string take() override {
+    text_ += kEnd;
+    return std::move(text_);
+  }
+
+ private:
+  static constexpr std::string_view kBegin = R"({"history":true,"rows":[)";
+  static constexpr std::string_view kEnd = "]}";
+  const std::size_t max_bytes_;
+  std::string text_{kBegin};
+};
+
+}  // namespace
 
 JsonPayload::JsonPayload(const Config& config, std::string boot, std::string version)
     : config_(config),
@@ -243,8 +271,12 @@ Publication JsonPayload::device_meta(std::uint32_t device) {
   return state(device_topic(device) + "/meta", json::device_meta(config_.devices.at(device)).text);
 }
 
-Publication JsonPayload::sample(const SampleRow& row) {
-  return data(data_topic(row.device, row.group), row.json);
+Publication JsonPayload::sample(const StreamKey& stream, const SampleRecord& sample) {
+  return data(data_topic(stream.first, stream.second), json::sample(sample));
+}
+
+std::unique_ptr<HistoryMessage> JsonPayload::begin_history(std::size_t max_bytes) {
+  return std::make_unique<JsonHistory>(max_bytes);
 }
 
 Publication JsonPayload::history(const HistoryBatch& batch) {

@@ -18,8 +18,7 @@
 namespace fxagent::json {
 
 /// One message of one group: the payload of …/data/{group}, and a row of its history.
-std::string telemetry(const Telemetry& message, const DeviceConfig& device, std::string_view boot,
-                      std::string_view meta_hash);
+std::string sample(const SampleRecord& sample);
 
 /// `deaf`: why no command is heard, where that is so.
 std::string agent_online(std::int64_t since_ms, std::string_view boot, std::string_view version,
@@ -93,7 +92,8 @@ class JsonPayload final : public Payload {
   Publication agent_offline(std::int64_t since_ms) override;
   Publication device_state(const DeviceStatus& status) override;
   Publication device_meta(std::uint32_t device) override;
-  Publication sample(const SampleRow& row) override;
+  Publication sample(const StreamKey& stream, const SampleRecord& sample) override;
+  std::unique_ptr<HistoryMessage> begin_history(std::size_t max_bytes) override;
   Publication history(const HistoryBatch& batch) override;
 
  private:

@@ -12,12 +12,15 @@
 // published again until they were Delivered, and all of them anew after each connect.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 
 #include "agent/messages.h"
 #include "agent/store/history.h"
+#include "agent/store/sample_record.h"
 #include "agent/uplink/broker.h"
 
 namespace fxagent {
@@ -31,8 +34,8 @@ class Payload {
   /// What the broker is to publish when the connection ends without a goodbye. Asked for before
   /// each attempt to connect.
   virtual Will last_will() = 0;
-  /// The first message of a connection, and again when `deaf` changes: why no command is heard,
-  /// where that is so. `since_ms`: the start of the agent.
+  /// Before the other states of a connection, and again when `deaf` changes: why no command is
+  /// heard, where that is so. `since_ms`: the start of the agent.
   virtual Publication agent_online(std::int64_t since_ms,
                                    const std::optional<std::string>& deaf) = 0;
   /// The last message before a clean end, at `since_ms`.
@@ -42,7 +45,9 @@ class Payload {
   virtual Publication device_meta(std::uint32_t device) = 0;
 
   /// A sample that was just read.
-  virtual Publication sample(const SampleRow& row) = 0;
+  virtual Publication sample(const StreamKey& stream, const SampleRecord& sample) = 0;
+  /// An empty history message of at most `max_bytes`; HistoryBatch::payload is what it becomes.
+  virtual std::unique_ptr<HistoryMessage> begin_history(std::size_t max_bytes) = 0;
   virtual Publication history(const HistoryBatch& batch) = 0;
 };
 

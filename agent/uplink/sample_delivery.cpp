@@ -5,6 +5,7 @@
 
 #include "agent/failpoint.h"
 #include "agent/log/log.h"
+#include "agent/store/sample_record.h"
 #include "agent/uplink/json_payload.h"
 #include "agent/uplink/puback.h"
 
@@ -62,7 +63,7 @@ void SampleDelivery::take(const std::vector<Telemetry>& messages, bool can_go, S
     row.device = device.name;
     row.group = device.groups.at(message.group).name;
     row.seq = message.seq;
-    row.json = json::telemetry(message, device, boot_, meta_hashes_.at(message.device));
+    row.content = encode_sample(message, device, boot_, meta_hashes_.at(message.device));
     row_bytes_ += row.cost();
     if (store_ != nullptr) store_->numbers().used(row.device, row.seq);
     if (can_go && may_send(row.device, now))
@@ -124,11 +125,11 @@ void SampleDelivery::pump_live(SteadyTime now) {
   while (!live_.empty() && has_room()) {
     LiveRow live = std::move(live_.front());
     live_.pop_front();
-    if (!may_send(live.row.device, now)) {
+    if (!may_send(live.row.device, now) || !decode_sample(live.row.content, record_)) {
       spool_.add(std::move(live));
       continue;
     }
-    Publication publication = payload_.sample(live.row);
+    Publication publication = payload_.sample({live.row.device, live.row.group}, record_);
     if (!live.stored) ++in_flight_;
     ++published_;
     const std::uint64_t id = outgoing_.send(*this, std::move(publication));
@@ -141,7 +142,7 @@ void SampleDelivery::pump_history(bool rests, SteadyTime now) {
   // milliseconds.
   if (rests && now < history_rests_until_) return;
   while (live_.empty() && history_flights_ == 0 && has_room()) {
-    auto history = spool_.next(history_bytes_,
+    auto history = spool_.next(payload_, history_bytes_,
                                [&](const std::string& device) { return may_send(device, now); });
     if (!history) return;
     Publication publication = payload_.history(history->batch);
@@ -220,7 +221,7 @@ void SampleDelivery::live_failed(LiveRow live, const DeliveryFailed& event, Stea
   spool_.add(std::move(live));
 }
 
-void SampleDelivery::history_failed(const HistoryMessage& history, const DeliveryFailed& event,
+void SampleDelivery::history_failed(const OutgoingHistory& history, const DeliveryFailed& event,
                                     SteadyTime now) {
   const HistoryBatch& batch = history.batch;
   const bool can_be_cut = event.reason_code == kPacketTooLarge && batch.row_ids.size() > 1;

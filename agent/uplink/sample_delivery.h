@@ -15,6 +15,7 @@
 
 #include "agent/config/config.h"
 #include "agent/messages.h"
+#include "agent/store/sample_record.h"
 #include "agent/uplink/jittered_backoff.h"
 #include "agent/uplink/outgoing.h"
 #include "agent/uplink/payload.h"
@@ -71,7 +72,7 @@ class SampleDelivery final : public Outgoing::Sender {
  private:
   struct Flight {
     std::optional<LiveRow> live;  ///< else it is history
-    HistoryMessage history;
+    OutgoingHistory history;
     SteadyTime since{};
   };
   /// A device whose samples the broker refuses for the time being.
@@ -84,7 +85,7 @@ class SampleDelivery final : public Outgoing::Sender {
   void overflow(SteadyTime now);
   void hold_on_disk(SteadyTime now);
   void live_failed(LiveRow live, const DeliveryFailed& event, SteadyTime now);
-  void history_failed(const HistoryMessage& history, const DeliveryFailed& event, SteadyTime now);
+  void history_failed(const OutgoingHistory& history, const DeliveryFailed& event, SteadyTime now);
   bool has_room() const;
   bool may_send(const std::string& device, SteadyTime now) const;
   void pause(const std::string& device, int reason_code, SteadyTime now);
@@ -102,6 +103,7 @@ class SampleDelivery final : public Outgoing::Sender {
 
   std::uint64_t next_row_id_ = 1;
   std::deque<LiveRow> live_;
+  SampleRecord record_;                      ///< the live sample that is being sent
   std::map<std::uint64_t, Flight> flights_;  ///< by the id of the publication
   std::size_t history_flights_ = 0;
   std::uint64_t in_flight_ = 0;       ///< live ones that are not on disk

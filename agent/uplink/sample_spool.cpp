@@ -46,8 +46,9 @@ bool SampleSpool::hold(std::vector<SampleRow>& rows) {
   return true;
 }
 
-std::optional<HistoryMessage> SampleSpool::next(
-    std::size_t max_bytes, const std::function<bool(const std::string&)>& may_send) {
+std::optional<OutgoingHistory> SampleSpool::next(
+    Payload& payload, std::size_t max_bytes,
+    const std::function<bool(const std::string&)>& may_send) {
   const auto from_disk = [&](const StreamKey& stream) {
     return may_send(stream.first) && !backlog_.is_on_the_way(stream);
   };
@@ -57,20 +58,21 @@ std::optional<HistoryMessage> SampleSpool::next(
             !(store_->samples().has_waiting(stream) || store_->samples().is_on_the_way(stream)));
   };
   if (store_ != nullptr) {
-    auto batch = store_->samples().next(max_bytes, from_disk);
+    auto batch = store_->samples().next(*payload.begin_history(max_bytes), from_disk);
     count_dropped();
-    if (batch) return HistoryMessage{std::move(*batch), true};
+    if (batch) return OutgoingHistory{std::move(*batch), true};
   }
-  auto batch = backlog_.next(max_bytes, from_memory);
-  if (batch) return HistoryMessage{std::move(*batch), false};
+  auto batch = backlog_.next(*payload.begin_history(max_bytes), from_memory);
+  count_dropped();
+  if (batch) return OutgoingHistory{std::move(*batch), false};
   return std::nullopt;
 }
 
-void SampleSpool::returned(const HistoryMessage& message) {
+void SampleSpool::returned(const OutgoingHistory& message) {
   message.on_disk ? store_->samples().returned(message.batch) : backlog_.returned(message.batch);
 }
 
-std::uint64_t SampleSpool::remove(const HistoryMessage& message) {
+std::uint64_t SampleSpool::remove(const OutgoingHistory& message) {
   return message.on_disk ? store_->samples().remove(message.batch)
                          : backlog_.acknowledged(message.batch);
 }

@@ -18,6 +18,7 @@
 #include "agent/store/backlog.h"
 #include "agent/store/history.h"
 #include "agent/store/store.h"
+#include "agent/uplink/payload.h"
 
 namespace fxagent {
 
@@ -29,7 +30,7 @@ struct LiveRow {
 };
 
 /// One history message, and where its rows are.
-struct HistoryMessage {
+struct OutgoingHistory {
   HistoryBatch batch;
   bool on_disk = false;
 };
@@ -61,11 +62,11 @@ class SampleSpool final {
 
   /// The next history message of a device that `may_send`. Rows in memory are younger than those of
   /// the same stream on disk, and wait for them.
-  std::optional<HistoryMessage> next(std::size_t max_bytes,
-                                     const std::function<bool(const std::string&)>& may_send);
-  void returned(const HistoryMessage& message);
+  std::optional<OutgoingHistory> next(Payload& payload, std::size_t max_bytes,
+                                      const std::function<bool(const std::string&)>& may_send);
+  void returned(const OutgoingHistory& message);
   /// The message is over. Returns how many of its rows were still here.
-  std::uint64_t remove(const HistoryMessage& message);
+  std::uint64_t remove(const OutgoingHistory& message);
   /// A row that was held is over: 1 where it was still here.
   std::uint64_t remove(const LiveRow& live);
 

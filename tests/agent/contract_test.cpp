@@ -27,6 +27,7 @@
 #include "agent/uplink/broker.h"
 #include "agent/uplink/json_payload.h"
 #include "tests/agent/uplink/plant.h"
+#include "tests/agent/uplink/sample_text.h"
 
 namespace fxagent {
 namespace {
@@ -179,7 +180,7 @@ void expect_same_keys(const std::string& name, const std::string& made) {
 // ---- what the program makes ---------------------------------------------------------------------
 
 std::string telemetry_text(const Telemetry& message) {
-  return fxagent::json::telemetry(message, test::press("press1"), kBoot, kMeta);
+  return test::sample_text(message, kBoot, kMeta);
 }
 
 Telemetry sample_message() {
@@ -253,8 +254,10 @@ TEST(ContractExamples, HistoryHasTheKeysOfTheProgram) {
   Telemetry message = test::sample(48101, 0, 1);
   message.readings = {test::good(test::setpoint, Value(std::int64_t{50}))};
   const std::string row = telemetry_text(message);
-  const std::vector<std::string_view> rows{row, row};
-  expect_same_keys("history", history_text(rows));
+  JsonPayload payload(test::plant(), kBoot, "0.1.0");
+  const auto history = payload.begin_history(65536);
+  ASSERT_TRUE(history->add(row) && history->add(row));
+  expect_same_keys("history", history->take());
 }
 
 TEST(ContractExamples, StatesHaveTheKeysOfTheProgram) {

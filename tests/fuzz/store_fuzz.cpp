@@ -10,6 +10,7 @@
 
 #include "agent/commands/result_text.h"
 #include "agent/store/store.h"
+#include "agent/uplink/json_payload.h"
 
 namespace {
 
@@ -18,6 +19,8 @@ using namespace fxagent;
 
 constexpr std::int64_t kUtc = 1790000000000;
 const StreamKey kStream{"press1", "fast"};
+// CBOR of a sample without tags: its time, number 7, boot "b", meta "m", no span, no flags.
+const std::string kRow("\x86\x18\x64\x07\x61\x62\x61\x6D\xF6\x00", 10);
 
 /// In memory where the system has such a place: a disk would be worn out by this.
 const fs::path& directory() {
@@ -45,8 +48,10 @@ void live_with(Store& store) {
     if (!nlohmann::json::accept(result_text(result))) std::abort();
     store.journal().acknowledge(entry.device, entry.id, entry.number);
   }
+  const Config config;
+  JsonPayload payload(config, "9f3c21aa", "0.1.0");
   for (int i = 0; i < 4; ++i) {
-    const auto batch = store.samples().next(4096, any);
+    const auto batch = store.samples().next(*payload.begin_history(4096), any);
     if (!batch) break;
     if (!nlohmann::json::accept(batch->payload)) std::abort();
     i % 2 == 0 ? static_cast<void>(store.samples().remove(*batch))
@@ -71,7 +76,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     rows[0].device = kStream.first;
     rows[0].group = kStream.second;
     rows[0].seq = 7;
-    rows[0].json = "{\"seq\":7}";
+    rows[0].content = kRow;
     // The disk is there, so that damage found while writing costs one attempt at most.
     if (!store.samples().append(rows, Store::Hold::no) &&
         !store.samples().append(rows, Store::Hold::no))

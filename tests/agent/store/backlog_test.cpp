@@ -2,11 +2,14 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/agent/store/json_history.h"
+
 namespace fxagent {
 namespace {
 
 SampleRow row(std::uint64_t order, std::string device = "a", std::string group = "fast") {
-  return {order, std::move(device), std::move(group), order, std::to_string(order)};
+  return {order, std::move(device),     std::move(group),
+          order, std::to_string(order), RowFormat::json_text};
 }
 
 bool any(const StreamKey&) { return true; }
@@ -15,12 +18,12 @@ TEST(Backlog, OldestLaneGoesFirstAndKeepsItsOrder) {
   Backlog backlog(1 << 20);
   for (const auto& r : {row(3, "b"), row(1, "a", "slow"), row(4), row(2, "a", "slow")})
     backlog.append(r);
-  const auto first = backlog.next(1000, any);
+  const auto first = test::next(backlog, 1000, any);
   ASSERT_TRUE(first);
   EXPECT_EQ(first->device, "a");
   EXPECT_EQ(first->group, "slow");
   EXPECT_EQ(first->payload, R"({"history":true,"rows":[1,2]})");
-  const auto second = backlog.next(1000, any);
+  const auto second = test::next(backlog, 1000, any);
   ASSERT_TRUE(second);
   EXPECT_EQ(second->device, "b");
 }
@@ -28,12 +31,12 @@ TEST(Backlog, OldestLaneGoesFirstAndKeepsItsOrder) {
 TEST(Backlog, MessageKeepsItsSizeAndALargerRowGoesAlone) {
   Backlog backlog(1 << 20);
   for (std::uint64_t order = 10; order < 20; ++order) backlog.append(row(order));
-  const auto two = backlog.next(26 + 2 + 1 + 2, any);
+  const auto two = test::next(backlog, 26 + 2 + 1 + 2, any);
   ASSERT_TRUE(two);
   EXPECT_EQ(two->row_ids.size(), 2U);
   EXPECT_EQ(two->payload.size(), 26U + 2 + 1 + 2);
   EXPECT_EQ(backlog.acknowledged(*two), 2U);
-  const auto one = backlog.next(1, any);
+  const auto one = test::next(backlog, 1, any);
   ASSERT_TRUE(one);
   EXPECT_EQ(one->row_ids.size(), 1U);
 }
@@ -42,11 +45,11 @@ TEST(Backlog, LaneWaitsForItsBatchAndTakesItBack) {
   Backlog backlog(1 << 20);
   backlog.append(row(1));
   backlog.append(row(2));
-  const auto first = backlog.next(27, any);
+  const auto first = test::next(backlog, 27, any);
   ASSERT_TRUE(first);
-  EXPECT_FALSE(backlog.next(27, any));
+  EXPECT_FALSE(test::next(backlog, 27, any));
   backlog.returned(*first);
-  const auto again = backlog.next(1000, any);
+  const auto again = test::next(backlog, 1000, any);
   ASSERT_TRUE(again);
   EXPECT_EQ(again->row_ids, (std::vector<std::uint64_t>{1, 2}));
   EXPECT_EQ(backlog.acknowledged(*again), 2U);
@@ -70,7 +73,7 @@ TEST(Backlog, FullBacklogLetsTheOldestGoAndCountsThemByDevice) {
 TEST(Backlog, RowThatMadeRoomOnItsWayIsNotAcknowledgedToo) {
   Backlog backlog(2 * (SampleRow::kOverhead + 1));
   backlog.append(row(1));
-  const auto batch = backlog.next(1000, any);
+  const auto batch = test::next(backlog, 1000, any);
   ASSERT_TRUE(batch);
   backlog.append(row(2));
   backlog.append(row(3));  // 1 makes room
@@ -84,7 +87,7 @@ TEST(Backlog, PausedDeviceIsPassedOver) {
   backlog.append(row(1));
   backlog.append(row(2, "b"));
   const auto batch =
-      backlog.next(1000, [](const StreamKey& stream) { return stream.first == "b"; });
+      test::next(backlog, 1000, [](const StreamKey& stream) { return stream.first == "b"; });
   ASSERT_TRUE(batch);
   EXPECT_EQ(batch->device, "b");
   EXPECT_TRUE(backlog.has_waiting("a"));
@@ -94,7 +97,7 @@ TEST(Backlog, PausedDeviceIsPassedOver) {
 TEST(Backlog, WhatWaitsCanMoveAndWhatIsOnTheWayStays) {
   Backlog backlog(1 << 20);
   for (std::uint64_t order = 1; order < 5; ++order) backlog.append(row(order));
-  const auto batch = backlog.next(26 + 1, any);
+  const auto batch = test::next(backlog, 26 + 1, any);
   ASSERT_TRUE(batch);
   EXPECT_TRUE(backlog.is_on_the_way({"a", "fast"}));
   const auto moved = backlog.take_waiting();
@@ -114,7 +117,7 @@ TEST(Backlog, NextLooksAtNoMoreLanesThanItMust) {
   std::size_t looks = 0;
   const auto counting = [&](const StreamKey&) { return ++looks > 0; };
   for (std::uint64_t stream = 0; stream < 1000; ++stream) {
-    const auto batch = backlog.next(1000, counting);
+    const auto batch = test::next(backlog, 1000, counting);
     ASSERT_TRUE(batch);
     EXPECT_EQ(batch->device, "d" + std::to_string(stream)) << "the oldest first";
     if (stream % 2 == 0)
@@ -122,14 +125,14 @@ TEST(Backlog, NextLooksAtNoMoreLanesThanItMust) {
     else
       backlog.returned(*batch);
     if (stream % 2 != 0) {
-      const auto again = backlog.next(1000, counting);
+      const auto again = test::next(backlog, 1000, counting);
       ASSERT_TRUE(again);
       EXPECT_EQ(again->row_ids, batch->row_ids);
       backlog.acknowledged(*again);
     }
   }
   EXPECT_EQ(looks, 1500U);
-  EXPECT_FALSE(backlog.next(1000, counting));
+  EXPECT_FALSE(test::next(backlog, 1000, counting));
   EXPECT_EQ(backlog.rows(), 0U);
 }
 

@@ -128,6 +128,19 @@ TEST(SampleRecord, BytesAreTheShortestOfRfc8949) {
   }
 }
 
+TEST(SampleRecord, NumbersOfTypesAndReasonsAreThoseInFiles) {
+  // As agent/store/README.md has them.
+  const std::vector<DataType> types{DataType::boolean, DataType::int16,  DataType::uint16,
+                                    DataType::int32,   DataType::uint32, DataType::float32,
+                                    DataType::bcd16,   DataType::bcd32,  DataType::string};
+  const std::vector<BadReason> reasons{BadReason::timeout,     BadReason::nak,
+                                       BadReason::bad_frame,   BadReason::link_down,
+                                       BadReason::unsupported, BadReason::bad_value};
+  for (std::size_t i = 0; i < types.size(); ++i) EXPECT_EQ(static_cast<std::size_t>(types[i]), i);
+  for (std::size_t i = 0; i < reasons.size(); ++i)
+    EXPECT_EQ(static_cast<std::size_t>(reasons[i]), i);
+}
+
 TEST(SampleRecord, EveryValueComesBackAsItWas) {
   using Limits = std::numeric_limits<std::int64_t>;
   const std::vector<Value> values{Value(),

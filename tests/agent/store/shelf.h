@@ -16,6 +16,7 @@
 
 #include "agent/commands/audit_records.h"
 #include "agent/store/store.h"
+#include "tests/agent/store/json_history.h"
 #include "tests/agent/store/scratch.h"
 
 namespace fxagent::test {
@@ -28,7 +29,7 @@ inline std::vector<SampleRow> rows(std::uint64_t from, std::uint64_t to,
                                    const std::string& group = "fast") {
   std::vector<SampleRow> made;
   for (std::uint64_t seq = from; seq <= to; ++seq)
-    made.push_back({0, device, group, seq, std::to_string(seq)});
+    made.push_back({0, device, group, seq, std::to_string(seq), RowFormat::json_text});
   return made;
 }
 
@@ -80,7 +81,7 @@ struct Shelf {
   /// Everything that waits, message by message, each acknowledged.
   std::string drain(std::size_t max_payload = 65536) {
     std::string all;
-    while (const auto batch = store->samples().next(max_payload, any)) {
+    while (const auto batch = test::next(store->samples(), max_payload, any)) {
       all += batch->device + "/" + batch->group + batch->payload.substr(23);
       EXPECT_EQ(store->samples().remove(*batch), batch->row_ids.size());
     }

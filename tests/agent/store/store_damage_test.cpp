@@ -6,6 +6,7 @@
 
 #include "agent/store/sqlite.h"
 #include "agent/store/store.h"
+#include "tests/agent/store/json_history.h"
 #include "tests/agent/store/scratch.h"
 
 namespace fxagent {
@@ -26,7 +27,8 @@ class StoreDamage : public testing::Test {
       made[i].device = "press1";
       made[i].group = "fast";
       made[i].seq = i + 1;
-      made[i].json = "{\"x\":\"" + std::string(300, 'x') + "\"}";
+      made[i].content = "{\"x\":\"" + std::string(300, 'x') + "\"}";
+      made[i].format = RowFormat::json_text;
     }
     return made;
   }
@@ -107,7 +109,8 @@ TEST_F(StoreDamage, RowThatIsNoJsonIsDroppedAndCountedAndItsNeighboursGoOut) {
   Store store(config_, kUtc);
   EXPECT_EQ(store.samples().rows(), 50U);
   std::uint64_t delivered = 0;
-  while (const auto batch = store.samples().next(4096, [](const StreamKey&) { return true; })) {
+  while (const auto batch =
+             test::next(store.samples(), 4096, [](const StreamKey&) { return true; })) {
     EXPECT_TRUE(nlohmann::json::accept(batch->payload));
     delivered += store.samples().remove(*batch);
   }

@@ -18,7 +18,7 @@ const SteadyTime kStart{std::chrono::hours(1)};
 std::vector<SampleRow> rows(std::uint64_t from, std::uint64_t to) {
   std::vector<SampleRow> made;
   for (std::uint64_t seq = from; seq <= to; ++seq)
-    made.push_back({0, "a", "fast", seq, std::to_string(seq)});
+    made.push_back({0, "a", "fast", seq, std::to_string(seq), RowFormat::json_text});
   return made;
 }
 

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/agent/store/json_history.h"
 #include "tests/agent/store/shelf.h"
 
 namespace fxagent {
@@ -39,9 +40,9 @@ TEST(StoredSamples, UnacknowledgedRowsAreStillThereAfterACrash) {
   Shelf shelf;
   shelf.open();
   shelf.add(rows(1, 3));
-  const auto batch = shelf.store->samples().next(65536, any);
+  const auto batch = test::next(shelf.store->samples(), 65536, any);
   ASSERT_TRUE(batch);
-  EXPECT_FALSE(shelf.store->samples().next(65536, any));  // one batch of a stream at a time
+  EXPECT_FALSE(test::next(shelf.store->samples(), 65536, any));  // one batch of a stream at a time
   EXPECT_EQ(shelf.store->samples().rows(), 3U);
   shelf.open();
   EXPECT_EQ(shelf.drain(), "a/fast[1,2,3]}");
@@ -51,7 +52,7 @@ TEST(StoredSamples, ReturnedRowsGoAgainInTheirPlaces) {
   Shelf shelf;
   shelf.open();
   shelf.add(rows(1, 3));
-  const auto batch = shelf.store->samples().next(28, any);
+  const auto batch = test::next(shelf.store->samples(), 28, any);
   ASSERT_TRUE(batch);
   shelf.add(rows(4, 4));
   shelf.store->samples().returned(*batch);
@@ -64,7 +65,7 @@ TEST(StoredSamples, HeldRowsAreNoHistoryUntilTheyAreReleased) {
   auto held = rows(1, 3);
   ASSERT_TRUE(shelf.store->samples().append(held, Store::Hold::yes));
   EXPECT_FALSE(shelf.store->samples().has_waiting("a"));
-  EXPECT_FALSE(shelf.store->samples().next(65536, any));
+  EXPECT_FALSE(test::next(shelf.store->samples(), 65536, any));
   const std::uint64_t first[] = {held[0].row_id};
   EXPECT_EQ(shelf.store->samples().remove(first), 1U);
   EXPECT_EQ(shelf.store->samples().remove(first), 0U);
@@ -82,8 +83,8 @@ TEST(StoredSamples, PausedLaneIsPassedOver) {
   shelf.open();
   shelf.add(rows(1, 1));
   shelf.add(rows(1, 1, "b"));
-  const auto batch = shelf.store->samples().next(
-      65536, [](const StreamKey& stream) { return stream.first == "b"; });
+  const auto batch = test::next(shelf.store->samples(), 65536,
+                                [](const StreamKey& stream) { return stream.first == "b"; });
   ASSERT_TRUE(batch);
   EXPECT_EQ(batch->device, "b");
   EXPECT_TRUE(shelf.store->samples().is_on_the_way({"b", "fast"}));
@@ -98,7 +99,8 @@ TEST(StoredSamples, FullStoreLetsTheOldestGoAndCountsThem) {
   EXPECT_EQ(shelf.store->samples().rows(), 5U);
   EXPECT_EQ(shelf.store->samples().take_dropped(),
             (std::map<std::string, std::uint64_t>{{"b", 2}}));
-  const auto batch = shelf.store->samples().next(27, any);  // row 1 is on its way and makes room
+  const auto batch =
+      test::next(shelf.store->samples(), 27, any);  // row 1 is on its way and makes room
   shelf.add(rows(6, 6));
   EXPECT_EQ(shelf.store->samples().take_dropped().at("a"), 1U);
   EXPECT_EQ(shelf.store->samples().remove(*batch), 0U);
@@ -128,7 +130,7 @@ TEST(StoredSamples, OrdersCountIntoTheLimitAndTheOldestSamplesMakeRoom) {
   shelf.config.max_bytes = 1 << 20;
   shelf.open();
   std::vector<SampleRow> samples = rows(1, 3);
-  for (SampleRow& row : samples) row.json = std::string(250000, 'x');
+  for (SampleRow& row : samples) row.content = std::string(250000, 'x');
   ASSERT_TRUE(shelf.add(samples));
   for (int i = 0; i < 6; ++i) {
     JournalEntry order = shelf.arrived(std::to_string(i));
@@ -161,7 +163,7 @@ TEST(StoredSamples, FullDiskKeepsWhatItHasAndTakesMoreWhenThereIsRoom) {
     } while (shelf.store->state() == "disk");
     EXPECT_GT(seq, 500U);
     EXPECT_EQ(shelf.store->samples().rows(), seq - 1);
-    const auto batch = shelf.store->samples().next(4096, any);  // reading goes on
+    const auto batch = test::next(shelf.store->samples(), 4096, any);  // reading goes on
     ASSERT_TRUE(batch);
     EXPECT_EQ(shelf.store->samples().remove(*batch), batch->row_ids.size());
     shelf.store->upkeep(now += 10s, kNow);

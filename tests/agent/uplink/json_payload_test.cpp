@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/agent/uplink/plant.h"
+#include "tests/agent/uplink/sample_text.h"
 
 namespace fxagent {
 namespace {
@@ -16,16 +17,14 @@ using test::good;
 using namespace std::chrono_literals;
 
 std::string telemetry_text(const Telemetry& message) {
-  return json::parse(fxagent::json::telemetry(message, test::press("press1"), "9f3c21aa", "a41c"))
-      .dump();
+  return json::parse(test::sample_text(message)).dump();
 }
 
 /// The text of one value as it stands in the message.
 std::string value_text(std::uint32_t tag, Value value) {
   Telemetry message = test::sample(1);
   message.readings = {good(tag, std::move(value))};
-  const std::string text =
-      fxagent::json::telemetry(message, test::press("press1"), "9f3c21aa", "a41c");
+  const std::string text = test::sample_text(message);
   EXPECT_TRUE(json::accept(text)) << text;
   const std::string before = "\"values\":{\"" + test::press("press1").tags[tag].name.get() + "\":";
   const std::size_t at = text.find(before) + before.size();
@@ -192,6 +191,42 @@ TEST(HealthJson, HasEveryCounterByName) {
               parsed.contains("uptime_s"));
 }
 
+TEST(JsonPayload, HistoryHoldsRowsAsTheyWere) {
+  const Config config = test::plant();
+  JsonPayload payload(config, "9f3c21aa", "0.1.0");
+  const auto history = payload.begin_history(1000);
+  ASSERT_TRUE(history->add("{\"a\":1}") && history->add("{}"));
+  EXPECT_EQ(history->take(), R"({"history":true,"rows":[{"a":1},{}]})");
+  EXPECT_EQ(payload.begin_history(0)->take(), R"({"history":true,"rows":[]})");
+}
+
+TEST(JsonPayload, HistoryKeepsItsSizeAndALargerRowGoesAlone) {
+  const Config config = test::plant();
+  JsonPayload payload(config, "9f3c21aa", "0.1.0");
+  const auto history = payload.begin_history(26 + 2 + 1 + 2);
+  EXPECT_TRUE(history->add("{}") && history->add("{}"));
+  EXPECT_FALSE(history->add("{}"));
+  EXPECT_EQ(history->take().size(), 26U + 2 + 1 + 2);
+  EXPECT_TRUE(payload.begin_history(1)->add("{}"));
+}
+
+TEST(JsonPayload, HistoryOfARecordIsItsLiveText) {
+  Telemetry message = test::sample(7);
+  message.partial = message.written = true;
+  const std::string row = encode_sample(message, test::press("press1"), "9f3c21aa", "a41c");
+  SampleRecord record;
+  ASSERT_TRUE(decode_sample(row, record));
+  const Config config = test::plant();
+  JsonPayload payload(config, "another", "0.1.0");
+  const auto history = payload.begin_history(1000);
+  ASSERT_TRUE(history->add(record));
+  const Publication live = payload.sample({"press1", "fast"}, record);
+  EXPECT_EQ(history->take(), R"({"history":true,"rows":[)" + live.payload + "]}");
+  EXPECT_EQ(live.payload,
+            R"({"ts":1790000000007,"seq":7,"boot":"9f3c21aa","meta":"a41c","partial":true,)"
+            R"("values":{"temp":23.4},"written":["temp"]})");
+}
+
 TEST(JsonPayload, TopicsAndTheirDeliveryAreTheContracts) {
   Config config = test::plant();
   config.mqtt.qos = 0;
@@ -206,7 +241,7 @@ TEST(JsonPayload, TopicsAndTheirDeliveryAreTheContracts) {
   EXPECT_EQ(place(payload.device_state(test::offline(1, "timeout"))),
             base + "/press2/state retained 1");
   EXPECT_EQ(place(payload.device_meta(1)), base + "/press2/meta retained 1");
-  EXPECT_EQ(place(payload.sample({1, "press1", "fast", 1, "{}"})), base + "/press1/data/fast 0");
+  EXPECT_EQ(place(payload.sample({"press1", "fast"}, {})), base + "/press1/data/fast 0");
   EXPECT_EQ(place(payload.history({"press1", "fast", {}, {}})),
             base + "/press1/data/fast/history 0");
   const Will will = payload.last_will();

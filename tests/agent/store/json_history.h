@@ -1,0 +1,39 @@
+// A history message of rows that are JSON texts, joined as they are; of a record its number.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "agent/store/history.h"
+
+namespace fxagent::test {
+
+class JsonHistory final : public HistoryMessage {
+ public:
+  explicit JsonHistory(std::size_t max_bytes) : max_bytes_(max_bytes) {}
+
+  bool add(const SampleRecord& sample) override { return add(std::to_string(sample.seq)); }
+  bool add(std::string_view json_row) override {
+    std::string longer = text_ + (is_empty_ ? "" : ",") + std::string(json_row);
+    if (!is_empty_ && longer.size() + 2 > max_bytes_) return false;
+    text_ = std::move(longer);
+    is_empty_ = false;
+    return true;
+  }
+  std::string take() override { return text_ + "]}"; }
+
+ private:
+  const std::size_t max_bytes_;
+  bool is_empty_ = true;
+  std::string text_ = R"({"history":true,"rows":[)";
+};
+
+/// The next message of a store or a backlog, of at most so many bytes.
+template <class Rows>
+std::optional<HistoryBatch> next(Rows& rows, std::size_t max_bytes, const MaySend& may_send) {
+  JsonHistory message(max_bytes);
+  return rows.next(message, may_send);
+}
+
+}  // namespace fxagent::test

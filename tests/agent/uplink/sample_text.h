@@ -1,0 +1,22 @@
+// A sample as it is published, by way of the row as which it waits.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <string>
+#include <string_view>
+
+#include "agent/uplink/json_payload.h"
+#include "tests/agent/uplink/plant.h"
+
+namespace fxagent::test {
+
+inline std::string sample_text(const Telemetry& message, std::string_view boot = "9f3c21aa",
+                               std::string_view meta = "a41c") {
+  const std::string row = encode_sample(message, press("press1"), boot, meta);
+  SampleRecord record;
+  EXPECT_TRUE(decode_sample(row, record));
+  return json::sample(record);
+}
+
+}  // namespace fxagent::test
