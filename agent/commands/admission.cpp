@@ -50,7 +50,7 @@ std::optional<Refusal> check_limits(const TagConfig& tag, const Value& value) {
   for (const Scalar& item : value.items) {
     const auto x = number(item);
     if (!x) continue;
-    const auto& [min, max, deadband] = tag.limits.get();
+    const auto& [min, max, deadband] = tag.limits;
     if (min && *x < *min)
       return refuse(Reason::out_of_range, "below the tag's min of " + to_text(*min));
     if (max && *x > *max)

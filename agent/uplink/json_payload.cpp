@@ -63,7 +63,7 @@ std::string telemetry(const Telemetry& message, const DeviceConfig& device, std:
       any_bad = true;
       continue;
     }
-    out.key(tag.name.get());
+    out.key(tag.name);
     write_value(out, reading.value, precision_of(tag.point));
   }
   out.end_object();
@@ -72,15 +72,14 @@ std::string telemetry(const Telemetry& message, const DeviceConfig& device, std:
     for (const TagReading& reading : message.readings) {
       if (is_good(reading)) continue;
       const TagConfig& tag = device.tags.at(reading.tag);
-      out.key(tag.name.get());
+      out.key(tag.name);
       write_bad(out, reading, message.ts_ms, tag.point);
     }
     out.end_object();
   }
   if (message.written) {
     out.key("written").begin_array();
-    for (const TagReading& reading : message.readings)
-      out.string(device.tags.at(reading.tag).name.get());
+    for (const TagReading& reading : message.readings) out.string(device.tags.at(reading.tag).name);
     out.end_array();
   }
   out.end_object();
@@ -121,11 +120,11 @@ Meta device_meta(const DeviceConfig& device) {
   tags.begin_object();
   for (const TagConfig& tag : device.tags) {
     const Point& point = tag.point;
-    tags.key(tag.name.get()).begin_object();
+    tags.key(tag.name).begin_object();
     tags.key("address").string(point.address.text).key("type").string(to_string(point.type));
     if (point.is_array) tags.key("count").integer(std::int64_t{point.count});
     if (point.type == DataType::string) tags.key("length").integer(std::int64_t{point.length});
-    tags.key("unit").string(tag.unit.get());
+    tags.key("unit").string(tag.unit);
     tags.key("scale").number(point.scale).key("offset").number(point.offset);
     tags.key("group").string(device.groups.at(tag.group).name);
     tags.key("access").string(tag.writable ? "read_write" : "read");

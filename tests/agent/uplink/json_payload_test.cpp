@@ -27,7 +27,7 @@ std::string value_text(std::uint32_t tag, Value value) {
   const std::string text =
       fxagent::json::telemetry(message, test::press("press1"), "9f3c21aa", "a41c");
   EXPECT_TRUE(json::accept(text)) << text;
-  const std::string before = "\"values\":{\"" + test::press("press1").tags[tag].name.get() + "\":";
+  const std::string before = "\"values\":{\"" + test::press("press1").tags[tag].name + "\":";
   const std::size_t at = text.find(before) + before.size();
   return text.substr(at, text.size() - at - 2);
 }
