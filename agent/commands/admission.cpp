@@ -73,7 +73,7 @@ std::uint16_t small_count(std::size_t count) {
 void set_extent(const CommandTarget& target, Point& point) {
   const bool has_value = target.value && !target.value->items.empty();
   if (point.type == DataType::string) {
-    const auto* text = has_value ? std::get_if<std::string>(&target.value->items[0]) : nullptr;
+    const auto* text = has_value ? std::get_if<std::string>(target.value->items.data()) : nullptr;
     point.length = small_count(text != nullptr ? text->size() : target.count);
   } else if (has_value && target.value->is_array) {
     point.is_array = true;

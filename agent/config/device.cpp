@@ -16,6 +16,7 @@ using std::string_view_literals::operator""sv;
 
 std::vector<std::string_view> option_keys(const ProtocolInfo& protocol) {
   std::vector<std::string_view> keys;
+  keys.reserve(protocol.options.size());
   for (const OptionSpec& spec : protocol.options) keys.push_back(spec.key);
   return keys;
 }
