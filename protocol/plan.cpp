@@ -389,7 +389,7 @@ Result<std::vector<Request>> plan_write(const Codec& codec, const Point& point, 
                                             std::to_string(image.size()));
   std::vector<Request> requests;
   if (span->bits == 1) {
-    requests.push_back(Force{span->space, span->first_bit, (image[0] & 1) != 0});
+    requests.emplace_back(Force{span->space, span->first_bit, (image[0] & 1) != 0});
     return requests;
   }
   std::uint32_t step = codec.addresses().max_write_bits(span->space);
@@ -400,7 +400,7 @@ Result<std::vector<Request>> plan_write(const Codec& codec, const Point& point, 
   if (element % 8 == 0 && element <= step) step -= step % element;
   for (std::uint32_t done = 0; done < span->bits; done += step) {
     const std::uint32_t bits = std::min(step, span->bits - done);
-    requests.push_back(
+    requests.emplace_back(
         Write{{span->space, span->first_bit + done, bits}, extract_bits(image, done, bits)});
   }
   return requests;

@@ -89,7 +89,7 @@ std::uint32_t reorder16(std::uint32_t v, ByteOrder order) {
 
 /// Digits after the point in the shortest spelling of `number`: 0.05 has 2, 1e-7 has 7, 3 has 0.
 int decimals_of(double number) {
-  std::array<char, 64> text;
+  std::array<char, 64> text{};
   const auto end =
       std::to_chars(text.data(), text.data() + text.size(), number, std::chars_format::scientific)
           .ptr;
@@ -106,7 +106,7 @@ int decimals_of(double number) {
 /// The double whose shortest spelling is that of `number`: 23.4F becomes 23.4,
 /// not 23.399999618530273.
 double widen(float number) {
-  std::array<char, 32> text;
+  std::array<char, 32> text{};
   const auto end = std::to_chars(text.data(), text.data() + text.size(), number).ptr;
   double wide = 0;
   std::from_chars(text.data(), end, wide);
@@ -307,7 +307,7 @@ tl::unexpected<PackError> out_of_range(std::string text) {
 using Packed = tl::expected<void, PackError>;
 
 std::string spelled(double number) {
-  std::array<char, 32> text;
+  std::array<char, 32> text{};
   const auto end = std::to_chars(text.data(), text.data() + text.size(), number).ptr;
   return {text.data(), end};
 }

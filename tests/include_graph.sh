@@ -1,11 +1,91 @@
 #!/bin/bash
-# Prints which room includes which, and in how many lines:
-#   tests/include_graph.sh [ROOT]
-#   agent/field -> protocol  12
-# A room is a directory with sources; what is no header of this project is left out.
+# Draws which folder includes which, as a mermaid diagram between two comments of agent/README.md:
+#   tests/include_graph.sh            writes it there
+#   tests/include_graph.sh --check    fails where what stands there is not what the sources say
+#   tests/include_graph.sh --lines    prints every pair and in how many lines, that of the tests too
+# `values` stands for the files in agent/ itself, without agent.cpp, which connects all, and line_time. An arrow is left out where
+# others lead the same way: a --> c beside a --> b --> c. Two folders that know each other (a <--> b) have their other
+# arrows at the first.
 set -euo pipefail
 
-cd "${1:-$(dirname "${BASH_SOURCE[0]}")/..}"
-grep -rnE --include=*.h --include=*.cpp '^[[:space:]]*#[[:space:]]*include[[:space:]]*"' protocol agent tests |
-  sed -E 's#^([^:]+)/[^/:]+:[0-9]+:[^"]*"([^"]+)/[^/"]+".*#\1 -> \2#' |
-  awk '$1 != $3' | sort | uniq -c | awk '{ printf "%-20s -> %-20s %4d\n", $2, $4, $1 }'
+export LC_ALL=C  # the order of names
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+page=agent/README.md
+first='<!-- includes: tests/include_graph.sh -->' last='<!-- end of includes -->'
+
+# One line for each #include of ours: the two files. Arguments: what grep is to read.
+includes() {
+  grep -rnE --include=*.h --include=*.cpp '^[[:space:]]*#[[:space:]]*include[[:space:]]*"' "$@" |
+    sed -E 's#^([^:]+):[0-9]+:[^"]*"([^"]+)".*#\1 \2#'
+}
+
+# line_time is a node of its own: of the files in agent/ it alone knows the config.
+graph() {
+  echo "$first"
+  echo '```mermaid'
+  echo 'graph LR'
+  includes protocol agent --exclude=agent.cpp --exclude=agent.h |
+    sed -E 's#protocol/[^ ]+#protocol#g; s#agent/line_time\.[a-z]+#line_time#g; s#agent/([a-z_]+)/[^ ]+#\1#g
+            s#agent/[^ ]+#values#g' | awk '$1 != $2' | sort -u |
+    awk '
+      { from[++n] = $1; to[n] = $2; way[$1, $2]; folder[$1]; folder[$2] }
+      # Whether others lead from a to c.
+      function is_led(a, c, b) {
+        for (b in folder) if (name[b] == b && b != a && b != c && (a, b) in way && (b, c) in way) return 1
+        return 0
+      }
+      # As many to a line as the page is wide.
+      function say(arrows) {
+        if (length(text) + length(arrows) > 110) { print text; text = "" }
+        text = text "  " arrows ";"
+      }
+      END {
+        for (b in folder) for (a in folder) for (c in folder) if ((a, b) in way && (b, c) in way) way[a, c]
+        for (a in folder) name[a] = a
+        for (a in folder) for (b in folder) if ((a, b) in way && (b, a) in way && b < name[a]) name[a] = b
+        for (i = 1; i <= n; i++) {
+          a = name[from[i]]; c = name[to[i]]
+          if (a == c && from[i] < to[i]) say(from[i] " <--> " to[i])
+          if (a == c || drawn[a, c]++ || is_led(a, c)) continue
+          if (!(a in line)) nodes[++count] = a
+          line[a] = line[a] (line[a] == "" ? "" : " & ") c
+        }
+        for (i = 1; i <= count; i++) say(nodes[i] " --> " line[nodes[i]])
+        print text
+      }'
+  echo '```'
+  echo "$last"
+}
+
+# The page with the graph in the place of what stands between the comments.
+page_with_graph() {
+  if ! grep -qxF -e "$first" "$page" || ! grep -qxF -e "$last" "$page"; then
+    echo "include_graph: $page has no lines '$first' and '$last'" >&2
+    return 1
+  fi
+  drawn=$(graph)
+  awk -v first="$first" -v last="$last" -v drawn="$drawn" '
+    $0 == first { print drawn; within = 1 }
+    !within { print }
+    $0 == last { within = 0 }' "$page"
+}
+
+case ${1:-} in
+  '')
+    page_with_graph >"$page.new"
+    mv "$page.new" "$page"
+    ;;
+  --check)
+    if ! page_with_graph | diff -u "$page" - >&2; then
+      echo "include_graph: $page does not show what the sources include; call tests/include_graph.sh" >&2
+      exit 1
+    fi
+    ;;
+  --lines)
+    includes protocol agent tests | sed -E 's#/[^/ ]+( |$)#\1#g' | awk '$1 != $2' | sort | uniq -c | awk '{ printf "%-20s -> %-20s %4d\n", $2, $3, $1 }'
+    ;;
+  *)
+    echo "usage: tests/include_graph.sh [--check|--lines]" >&2
+    exit 2
+    ;;
+esac

@@ -51,7 +51,7 @@ std::optional<Refusal> check_limits(const TagConfig& tag, const Value& value) {
   for (const Scalar& item : value.items) {
     const auto x = number(item);
     if (!x) continue;
-    const auto& [min, max, deadband] = tag.limits.get();
+    const auto& [min, max, deadband] = tag.limits;
     if (min && *x < *min)
       return refuse(Reason::out_of_range, "below the tag's min of " + to_text(*min));
     if (max && *x > *max)
@@ -74,7 +74,7 @@ std::uint16_t small_count(std::size_t count) {
 void set_extent(const CommandTarget& target, Point& point) {
   const bool has_value = target.value && !target.value->items.empty();
   if (point.type == DataType::string) {
-    const auto* text = has_value ? std::get_if<std::string>(&target.value->items[0]) : nullptr;
+    const auto* text = has_value ? std::get_if<std::string>(target.value->items.data()) : nullptr;
     point.length = small_count(text != nullptr ? text->size() : target.count);
   } else if (has_value && target.value->is_array) {
     point.is_array = true;

@@ -122,13 +122,13 @@ std::optional<Value> value_of(const Json& json) {
   return Value::array(std::move(items));
 }
 
-const Json* find(const Json& object, const char* key) {
+const Json* find(const Json& object, std::string_view key) {
   const auto found = object.find(key);
   return found == object.end() ? nullptr : &*found;
 }
 
 /// A key of a command: null is as good as absent, since templates fill in every key.
-const Json* given(const Json& object, const char* key) {
+const Json* given(const Json& object, std::string_view key) {
   const Json* value = find(object, key);
   return value == nullptr || value->is_null() ? nullptr : value;
 }
@@ -205,7 +205,7 @@ void read_targets(const Json& object, Command& command, Faults& faults) {
   const Json* targets = given(object, "targets");
   const bool has_single =
       std::any_of(kTargetKeys.begin(), kTargetKeys.end(),
-                  [&](std::string_view key) { return given(object, key.data()) != nullptr; });
+                  [&](std::string_view key) { return given(object, key) != nullptr; });
   if (targets == nullptr) {
     const bool needs_none = command.op == Op::run || command.op == Op::stop;
     if (has_single || !needs_none) command.targets.push_back(read_target(object, faults));

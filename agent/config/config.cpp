@@ -365,7 +365,8 @@ Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy
 }
 
 std::optional<std::string> process_environment(std::string_view name) {
-  const char* value = std::getenv(std::string(name).c_str());
+  // Nobody changes the environment while the agent runs.
+  const char* value = std::getenv(std::string(name).c_str());  // NOLINT(concurrency-mt-unsafe)
   return value == nullptr ? std::nullopt : std::optional<std::string>(value);
 }
 

@@ -1,12 +1,9 @@
 // The config file as plain structs: everything checked, every name resolved, nothing left to parse.
 #pragma once
 
-#include <boost/flyweight.hpp>
-#include <boost/functional/hash.hpp>
 #include <chrono>
 #include <cstdint>
 #include <functional>
-#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -53,9 +50,6 @@ struct GroupConfig {
   std::chrono::seconds max_silent{config_key("devices[].groups[].max_silent_s").number()};
 };
 
-/// A text that many tags hold, once in memory: the names and units of 100,000 tags are few.
-using SharedText = boost::flyweight<std::string>;
-
 /// In engineering units.
 struct TagLimits {
   std::optional<double> min{};
@@ -63,20 +57,14 @@ struct TagLimits {
   std::optional<double> deadband{};
   friend bool operator==(const TagLimits&, const TagLimits&) = default;
 };
-inline std::size_t hash_value(const TagLimits& limits) {
-  std::size_t seed = 0;
-  for (const auto& limit : {limits.min, limits.max, limits.deadband})
-    boost::hash_combine(seed, limit.value_or(std::numeric_limits<double>::max()));
-  return seed;
-}
 
 struct TagConfig {
-  SharedText name;
+  std::string name;
   Point point;
-  SharedText unit;
+  std::string unit;
   std::uint32_t group = 0;  ///< index in DeviceConfig::groups
   bool writable = config_key("devices[].tags[].access").index() == 1;  ///< access: read_write
-  boost::flyweight<TagLimits> limits;
+  TagLimits limits;
 };
 
 struct CommandRules {

@@ -16,6 +16,7 @@ using std::string_view_literals::operator""sv;
 
 std::vector<std::string_view> option_keys(const ProtocolInfo& protocol) {
   std::vector<std::string_view> keys;
+  keys.reserve(protocol.options.size());
   for (const OptionSpec& spec : protocol.options) keys.push_back(spec.key);
   return keys;
 }
@@ -254,7 +255,7 @@ void DeviceReader::read_tag(const ConfigNode& node) {
   if (!reader_.check_object(node, config_section("devices[].tags[]"))) return;
   TagConfig tag;
   tag.name = reader_.name(node, config_key("devices[].tags[].name")).value_or("");
-  if (!tag.name.get().empty())
+  if (!tag.name.empty())
     tags_.add(reader_, tag.name, *node.find("name"),
               static_cast<std::uint32_t>(device_.tags.size()));
   tag.group = group_of(node);

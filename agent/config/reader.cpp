@@ -112,7 +112,7 @@ std::vector<ConfigError> ConfigReader::errors() const {
   std::ranges::stable_sort(sorted, {}, &Finding::offset);
   std::vector<ConfigError> list;
   list.reserve(sorted.size());
-  for (Finding& finding : sorted)
+  for (const Finding& finding : sorted)
     list.push_back({pointer_to(*finding.node), tree_.line_of(finding.offset), finding.text});
   return list;
 }
@@ -229,7 +229,7 @@ std::optional<std::string> ConfigReader::text(const ConfigNode& node) {
     return std::nullopt;
   }
   std::string fault;
-  const auto expanded = expand(node.text, &fault);
+  auto expanded = expand(node.text, &fault);
   if (!expanded) {
     error(node, fault);
     return std::nullopt;
@@ -279,7 +279,7 @@ std::optional<ConfigReader::Secret> ConfigReader::secret(const ConfigNode& paren
 std::optional<std::string> ConfigReader::name(const ConfigNode& parent, const ConfigKey& key) {
   const ConfigNode* node = member(parent, key);
   if (node == nullptr) return std::nullopt;
-  const auto value = text(*node);
+  auto value = text(*node);
   if (!value) return std::nullopt;
   const bool good =
       value->size() <= 64 && std::ranges::all_of(*value, [](char c) {

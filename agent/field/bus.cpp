@@ -56,20 +56,8 @@ asio::awaitable<Result<void>> Bus::open() {
   auto opened = co_await transport_->open(Clock::now() + kOpenTimeout);
   if (!opened) co_return opened;
   ++session_;  // a doubt stays: a serial server hands a late answer to whoever is connected now
-  std::uint8_t waste[kReadChunk];
-  const auto give_up = Clock::now() + kLongestDrain;
-  for (std::size_t total = 0;;) {
-    const auto got = co_await transport_->read_some(waste, Clock::now() + kQuietAfterOpen);
-    if (!got && got.error().code == ErrorCode::timeout) break;
-    if (!got) {
-      transport_->close();
-      co_return tl::unexpected<Error>(got.error());
-    }
-    total += *got;
-    if (total < kMostDrained && Clock::now() < give_up) continue;
-    close_never_silent();
-    co_return fail(ErrorCode::link_down, std::string(kNeverSilent));
-  }
+  const Drained drained = co_await listen_until_quiet(kQuietAfterOpen);
+  if (drained.error) co_return tl::unexpected<Error>(*drained.error);
   co_return Result<void>{};
 }
 
@@ -401,29 +389,32 @@ nanoseconds Bus::quiet_in_doubt() const {
 }
 
 asio::awaitable<bool> Bus::drain(const Codec& codec, nanoseconds quiet) {
+  const Drained drained = co_await listen_until_quiet(quiet);
+  counters_.unexpected_bytes += drained.total - drained.heard.size();
+  note_unexpected(codec, drained.heard);
+  co_return !drained.error;
+}
+
+asio::awaitable<Bus::Drained> Bus::listen_until_quiet(nanoseconds quiet) {
   const auto give_up = Clock::now() + kLongestDrain + quiet;
-  std::uint8_t waste[kReadChunk];
-  Bytes heard;
-  std::size_t total = 0;
-  bool open = true;
-  while (open) {
-    const auto got = co_await transport_->read_some(waste, Clock::now() + quiet);
-    if (!got && got.error().code == ErrorCode::timeout) break;
+  std::uint8_t chunk[kReadChunk];
+  Drained drained;
+  for (;;) {
+    const auto got = co_await transport_->read_some(chunk, Clock::now() + quiet);
+    if (!got && got.error().code == ErrorCode::timeout) co_return drained;
     if (!got) {
       transport_->close();
-      open = false;
-      break;
+      drained.error = got.error();
+      co_return drained;
     }
-    last_heard_ = Clock::now();
-    total += *got;
-    if (heard.size() < kMostJudged) heard.insert(heard.end(), waste, waste + *got);
-    if (total < kMostDrained && Clock::now() < give_up) continue;
+    drained.total += *got;
+    if (drained.heard.size() < kMostJudged)
+      drained.heard.insert(drained.heard.end(), chunk, chunk + *got);
+    if (drained.total < kMostDrained && Clock::now() < give_up) continue;
     close_never_silent();
-    open = false;
+    drained.error = Error{ErrorCode::link_down, std::string(kNeverSilent)};
+    co_return drained;
   }
-  counters_.unexpected_bytes += total - heard.size();
-  note_unexpected(codec, heard);
-  co_return open;
 }
 
 asio::awaitable<void> Bus::keep_gap(const Codec& codec, milliseconds gap) {

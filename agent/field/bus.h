@@ -101,8 +101,16 @@ class Bus final {
   asio::awaitable<void> receive(const Codec& codec, const Request& request, const Bytes& sent,
                                 bool echo, SteadyTime deadline, Exchange& exchange);
   asio::awaitable<void> close_exchange(const Bytes& closing, bool echo, SteadyTime deadline);
-  /// Listens until nothing has come for `quiet`; at most kLongestDrain and kMostDrained bytes.
-  /// False: the channel is closed, by its peer or because it never falls silent.
+  /// What came while a line was to fall quiet.
+  struct Drained {
+    Bytes heard;                   ///< the first bytes of it, as many as are judged
+    std::size_t total = 0;         ///< bytes
+    std::optional<Error> error{};  ///< the channel is closed, by its peer or as never silent
+  };
+  /// Listens until nothing has come for `quiet`; gives up after `quiet` and kLongestDrain, and
+  /// after kMostDrained bytes.
+  asio::awaitable<Drained> listen_until_quiet(std::chrono::nanoseconds quiet);
+  /// The same, and counts and judges what came. False: the channel is closed.
   asio::awaitable<bool> drain(const Codec& codec, std::chrono::nanoseconds quiet);
   std::chrono::nanoseconds quiet_after_silence(const Station& station) const;
   /// As long as the slowest answer on this line may take.

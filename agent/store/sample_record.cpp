@@ -229,7 +229,7 @@ std::string encode_sample(const Telemetry& message, const DeviceConfig& device,
   out.head(Major::whole, (message.partial ? kPartial : 0) | (message.written ? kWritten : 0));
   for (const TagReading& reading : message.readings) {
     const TagConfig& tag = device.tags.at(reading.tag);
-    out.string(Major::text, tag.name.get());
+    out.string(Major::text, tag.name);
     out.head(Major::whole, static_cast<std::uint64_t>(tag.point.type) |
                                (tag.point.scaled() ? kScaled : 0) | (reading.bad ? kBad : 0));
     write_value(out, reading.value);

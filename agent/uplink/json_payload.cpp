@@ -121,11 +121,11 @@ Meta device_meta(const DeviceConfig& device) {
   tags.begin_object();
   for (const TagConfig& tag : device.tags) {
     const Point& point = tag.point;
-    tags.key(tag.name.get()).begin_object();
+    tags.key(tag.name).begin_object();
     tags.key("address").string(point.address.text).key("type").string(to_string(point.type));
     if (point.is_array) tags.key("count").integer(std::int64_t{point.count});
     if (point.type == DataType::string) tags.key("length").integer(std::int64_t{point.length});
-    tags.key("unit").string(tag.unit.get());
+    tags.key("unit").string(tag.unit);
     tags.key("scale").number(point.scale).key("offset").number(point.offset);
     tags.key("group").string(device.groups.at(tag.group).name);
     tags.key("access").string(tag.writable ? "read_write" : "read");

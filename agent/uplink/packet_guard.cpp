@@ -14,6 +14,7 @@ namespace fxagent {
 namespace {
 
 thread_local std::size_t refused_bytes = 0;
+thread_local int last_socket = -1;
 
 bool is_refused(std::size_t bytes) noexcept {
   if (bytes <= kMaxPacketIn) return false;
@@ -26,11 +27,14 @@ bool is_refused(std::size_t bytes) noexcept {
 
 std::size_t take_refused_packet() noexcept { return std::exchange(refused_bytes, 0); }
 
+int last_socket_read() noexcept { return last_socket; }
+
 }  // namespace fxagent
 
 extern "C" {
 
 ssize_t recv(int fd, void* buffer, std::size_t size, int flags) {
+  fxagent::last_socket = fd;
   if (fxagent::is_refused(size)) return -1;
   return recvfrom(fd, buffer, size, flags, nullptr, nullptr);
 }
@@ -38,6 +42,7 @@ ssize_t recv(int fd, void* buffer, std::size_t size, int flags) {
 int SSL_read(SSL* connection, void* buffer, int size) {
   using Read = int (*)(SSL*, void*, int);
   static const auto openssl_read = reinterpret_cast<Read>(dlsym(RTLD_NEXT, "SSL_read"));
+  fxagent::last_socket = SSL_get_fd(connection);
   if (size > 0 && fxagent::is_refused(static_cast<std::size_t>(size))) return -1;
   return openssl_read(connection, buffer, size);
 }

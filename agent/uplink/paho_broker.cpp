@@ -49,16 +49,6 @@ std::string paho_uri(std::string_view server) {
   return std::string(server);
 }
 
-/// The port of a server, which may be left to its scheme.
-std::uint16_t port_of(std::string_view server) {
-  const auto colon = server.rfind(':');
-  int port = 0;
-  for (std::size_t i = colon + 1; i < server.size() && server[i] >= '0' && server[i] <= '9'; ++i)
-    port = port * 10 + (server[i] - '0');
-  if (port == 0) port = is_tls(server) ? 8883 : 1883;
-  return static_cast<std::uint16_t>(port);
-}
-
 /// Paho would fill OpenSSL's tables of ciphers and error texts although most plants have no TLS;
 /// OpenSSL does so by itself when they are needed.
 void leave_openssl_alone() {
@@ -272,7 +262,6 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
         max_payload_(max_payload),
         version_(config.version == 5 ? MQTTVERSION_5 : MQTTVERSION_3_1_1),
         tls_(is_tls(server)),
-        port_(port_of(server)),
         client_(paho_uri(server), config.client_id,
                 mqtt::create_options_builder()
                     .mqtt_version(version_)
@@ -389,8 +378,8 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
         case mqtt::token::CONNECT:
           if (told_connected_.exchange(true)) return;  // Paho says it twice
           end_of_connecting();
-          send_at_once(port_);
-          pause_.find(port_);
+          send_at_once(last_socket_read());
+          pause_.watch(last_socket_read());
           return post(connected_by(token));
         case mqtt::token::PUBLISH:
           return post(Delivered{id_of(token)});
@@ -565,7 +554,6 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
   const std::size_t max_payload_;
   const int version_;
   const bool tls_;
-  const std::uint16_t port_;
   ReadPause pause_;
   std::atomic<std::size_t> let_in_ = 0;  ///< messages until the pause
   std::atomic<bool> told_connected_ = false;

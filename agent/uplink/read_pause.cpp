@@ -1,15 +1,8 @@
 #include "agent/uplink/read_pause.h"
 
-#include <dirent.h>
-#include <netinet/in.h>
 #include <sys/socket.h>
 
 #include <climits>
-#include <cstdlib>
-#include <memory>
-#include <new>
-
-#include "agent/uplink/send_at_once.h"
 
 namespace fxagent {
 namespace {
@@ -25,20 +18,10 @@ std::uint64_t cookie_of(int fd) {
 
 }  // namespace
 
-void ReadPause::find(std::uint16_t port) noexcept {
-  const std::unique_ptr<DIR, int (*)(DIR*)> open_files(opendir("/proc/self/fd"), closedir);
-  if (!open_files) return;
+void ReadPause::watch(int fd) noexcept {
   const std::lock_guard lock(mutex_);
-  sockets_.clear();
-  try {
-    while (const dirent* entry = readdir(open_files.get())) {
-      const int fd = std::atoi(entry->d_name);
-      if (peer_port(fd) != port) continue;
-      if (const std::uint64_t cookie = cookie_of(fd); cookie != 0) sockets_.push_back({fd, cookie});
-    }
-  } catch (const std::bad_alloc&) {
-    // Without memory for a list there is no pause, and the messages are taken as they come.
-  }
+  fd_ = fd;
+  cookie_ = cookie_of(fd);
   if (paused_) apply();
 }
 
@@ -50,15 +33,13 @@ void ReadPause::set(bool paused) noexcept {
 }
 
 void ReadPause::apply() noexcept {
+  if (cookie_ == 0 || cookie_of(fd_) != cookie_) return;
   // The kernel takes half of its buffer in place of what cannot be. With 1 again it tells at once
   // whoever waits, where something has come meanwhile.
   const int least = paused_ ? INT_MAX : 1;
-  for (const Socket& socket : sockets_) {
-    if (cookie_of(socket.fd) != socket.cookie) continue;
-    // The kernel would make room for megabytes, and what the peer sends after them waits behind.
-    if (paused_) setsockopt(socket.fd, SOL_SOCKET, SO_RCVBUF, &kMostHeld, sizeof(kMostHeld));
-    setsockopt(socket.fd, SOL_SOCKET, SO_RCVLOWAT, &least, sizeof(least));
-  }
+  // The kernel would make room for megabytes, and what the peer sends after them waits behind.
+  if (paused_) setsockopt(fd_, SOL_SOCKET, SO_RCVBUF, &kMostHeld, sizeof(kMostHeld));
+  setsockopt(fd_, SOL_SOCKET, SO_RCVLOWAT, &least, sizeof(least));
 }
 
 }  // namespace fxagent

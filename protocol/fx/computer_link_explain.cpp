@@ -98,7 +98,8 @@ void add_values(Explanation& out, std::string_view data, std::uint32_t bits) {
     if (bits != 1)
       out.values.push_back(hex_text(number, static_cast<int>(digits)));
     else
-      for (int bit = 0; bit < 16; ++bit) out.values.push_back((number >> bit & 1) != 0 ? "1" : "0");
+      for (int bit = 0; bit < 16; ++bit)
+        out.values.emplace_back((number >> bit & 1) != 0 ? "1" : "0");
   }
 }
 

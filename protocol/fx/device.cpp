@@ -28,7 +28,8 @@ constexpr std::array<DeviceKind, kSpaces> kKinds = {{
 
 /// The last number of each kind, and the run of 32-bit counters.
 struct Limits {
-  std::uint32_t x, y, m, special, s, t, c, c32_first, c32_last, d;
+  std::uint32_t x = 0, y = 0, m = 0, special = 0, s = 0, t = 0, c = 0;
+  std::uint32_t c32_first = 0, c32_last = 0, d = 0;
   std::uint32_t r = 0;  // how many; none where the model has no extension registers
 };
 

@@ -170,8 +170,8 @@ tl::unexpected<Error> no_address(const Span& span) {
                   "registers R; the computer link reaches them");
 }
 
-const Span& place_of(const Span& span) { return span; }
-const Span& place_of(const Address& address) { return address.span; }
+Span place_of(const Span& span) { return span; }
+Span place_of(const Address& address) { return address.span; }
 
 /// What was parsed, unless this protocol has no address for it.
 template <class T>

@@ -74,7 +74,7 @@ std::vector<std::string> values_of(ByteView image, std::uint32_t bits) {
   std::vector<std::string> values;
   if (bits == 1) {
     for (const std::uint8_t byte : image)
-      for (int bit = 0; bit < 8; ++bit) values.push_back((byte >> bit & 1) != 0 ? "1" : "0");
+      for (int bit = 0; bit < 8; ++bit) values.emplace_back((byte >> bit & 1) != 0 ? "1" : "0");
     return values;
   }
   const std::size_t width = bits / 8;

@@ -310,7 +310,7 @@ Explanation explain_frame(Framing framing, ByteView frame, std::optional<Directi
   if (direction) return explained(*direction);
   Explanation request = explained(Direction::request);
   const bool may_ask = fits;
-  Explanation reply = explained(Direction::reply);
+  const Explanation reply = explained(Direction::reply);
   const bool may_answer = fits;
   request.ambiguous = may_ask && may_answer;
   return may_ask || (!may_answer && is_like_a_request(pdu)) ? request : reply;

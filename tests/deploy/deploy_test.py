@@ -295,11 +295,25 @@ class Scripts(unittest.TestCase):
         self.assertIn("usage:", done.stderr)
 
     def test_the_include_graph_names_the_rooms_and_no_forbidden_arrow(self):
-        graph = output_of(in_root("tests", "include_graph.sh"))
+        graph = output_of(in_root("tests", "include_graph.sh"), "--lines")
         arrows = set(re.findall(r"^(\S+) +-> (\S+) +[1-9][0-9]*$", graph, re.M))
         self.assertEqual(len(arrows), len(graph.splitlines()))
         self.assertIn(("agent/field", "protocol"), arrows)
         self.assertNotIn(("agent/field", "agent/uplink"), arrows)
+
+    def test_the_include_graph_finds_an_arrow_that_the_page_does_not_have(self):
+        directory = tempfile.mkdtemp(prefix="fxagent-deploy-")
+        self.addCleanup(shutil.rmtree, directory)
+        for room in "agent", "protocol":
+            shutil.copytree(in_root(room), os.path.join(directory, room))
+        os.mkdir(os.path.join(directory, "tests"))
+        script = shutil.copy(in_root("tests", "include_graph.sh"), os.path.join(directory, "tests"))
+        output_of(script, "--check")
+        with open(os.path.join(directory, "agent", "config", "tree.cpp"), "a") as source:
+            source.write('#include "agent/commands/parse.h"\n')
+        done = subprocess.run([script, "--check"], capture_output=True, text=True)
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("commands <--> config", done.stderr)
 
 
 class Dockerfile(unittest.TestCase):

@@ -7,6 +7,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <system_error>
 
 #include "agent/commands/result_text.h"
 #include "agent/store/store.h"
@@ -22,16 +23,32 @@ const StreamKey kStream{"press1", "fast"};
 // CBOR of a sample without tags: its time, number 7, boot "b", meta "m", no span, no flags.
 const std::string kRow("\x86\x18\x64\x07\x61\x62\x61\x6D\xF6\x00", 10);
 
-/// In memory where the system has such a place: a disk would be worn out by this.
-const fs::path& directory() {
-  static const fs::path made = [] {
+/// In memory where the system has such a place: a disk would be worn out by this. Removed when the
+/// program ends by itself.
+class Directory final {
+ public:
+  Directory() {
     const fs::path memory = "/dev/shm";
     std::string name = (fs::exists(memory) ? memory : fs::temp_directory_path()) / "fxagent-XXXXXX";
     if (mkdtemp(name.data()) == nullptr) std::abort();
-    std::atexit([] { fs::remove_all(directory()); });
-    return fs::path(name);
-  }();
-  return made;
+    path_ = name;
+  }
+  ~Directory() {
+    std::error_code gone;
+    fs::remove_all(path_, gone);
+  }
+  Directory(const Directory&) = delete;
+  Directory& operator=(const Directory&) = delete;
+
+  const fs::path& path() const { return path_; }
+
+ private:
+  fs::path path_;
+};
+
+const fs::path& directory() {
+  static const Directory made;
+  return made.path();
 }
 
 bool any(const StreamKey&) { return true; }

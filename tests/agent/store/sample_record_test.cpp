@@ -16,7 +16,7 @@ constexpr std::int64_t kNow = 1790000000000;
 
 TagConfig tag(const std::string& name, DataType type, double scale = 1.0) {
   TagConfig made;
-  made.name = SharedText(name);
+  made.name = name;
   made.point.type = type;
   made.point.scale = scale;
   return made;
@@ -70,7 +70,7 @@ void expect_same(const Telemetry& sample, const SampleRecord& record) {
   for (std::size_t i = 0; i < sample.readings.size(); ++i) {
     const TagReading& in = sample.readings[i];
     const RecordedReading& out = record.readings[i];
-    EXPECT_EQ(out.name, plc.tags[in.tag].name.get());
+    EXPECT_EQ(out.name, plc.tags[in.tag].name);
     EXPECT_EQ(out.type, plc.tags[in.tag].point.type);
     EXPECT_EQ(out.scaled, plc.tags[in.tag].point.scaled());
     EXPECT_EQ(out.bad, in.bad);

@@ -26,7 +26,7 @@ std::string value_text(std::uint32_t tag, Value value) {
   message.readings = {good(tag, std::move(value))};
   const std::string text = test::sample_text(message);
   EXPECT_TRUE(json::accept(text)) << text;
-  const std::string before = "\"values\":{\"" + test::press("press1").tags[tag].name.get() + "\":";
+  const std::string before = "\"values\":{\"" + test::press("press1").tags[tag].name + "\":";
   const std::size_t at = text.find(before) + before.size();
   return text.substr(at, text.size() - at - 2);
 }

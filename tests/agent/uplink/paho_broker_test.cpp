@@ -114,20 +114,23 @@ Publication publication(std::uint64_t id, std::string topic, std::string payload
   return made;
 }
 
-/// TCP_NODELAY of this process's connections to `port`: how many have it, and how many have not.
-std::pair<int, int> no_delay_towards(std::uint16_t port) {
-  std::pair<int, int> counts;
+int option(int fd, int level, int name) {
+  int value = -1;
+  socklen_t length = sizeof(value);
+  EXPECT_EQ(getsockopt(fd, level, name, &value, &length), 0);
+  return value;
+}
+
+/// This process's connections to `port`.
+std::vector<int> sockets_towards(std::uint16_t port) {
+  std::vector<int> found;
   for (int fd = 3; fd < 256; ++fd) {
     sockaddr_in peer{};
     socklen_t length = sizeof(peer);
     if (getpeername(fd, reinterpret_cast<sockaddr*>(&peer), &length) != 0) continue;
-    if (peer.sin_family != AF_INET || ntohs(peer.sin_port) != port) continue;
-    int on = 0;
-    length = sizeof(on);
-    EXPECT_EQ(getsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, &length), 0);
-    ++(on != 0 ? counts.first : counts.second);
+    if (peer.sin_family == AF_INET && ntohs(peer.sin_port) == port) found.push_back(fd);
   }
-  return counts;
+  return found;
 }
 
 TEST(PahoBroker, SmallMessagesDoNotWaitForTheAckOfTheOneBefore) {
@@ -135,9 +138,47 @@ TEST(PahoBroker, SmallMessagesDoNotWaitForTheAckOfTheOneBefore) {
   const Mosquitto mosquitto(directory, "allow_anonymous true");
   Client client(settings(mosquitto.url(), 5));
   client.connect();
-  const std::string url = mosquitto.url();
-  const auto port = static_cast<std::uint16_t>(std::stoi(url.substr(url.rfind(':') + 1)));
-  EXPECT_EQ(no_delay_towards(port), std::pair(1, 0));
+  const std::vector<int> sockets = sockets_towards(mosquitto.port());
+  ASSERT_EQ(sockets.size(), 1U);
+  EXPECT_EQ(option(sockets[0], IPPROTO_TCP, TCP_NODELAY), 1);
+}
+
+/// A TCP connection of somebody else in this process, to the broker's own port.
+class OtherConnection final {
+ public:
+  explicit OtherConnection(std::uint16_t port) {
+    sockaddr_in peer{};
+    peer.sin_family = AF_INET;
+    peer.sin_port = htons(port);
+    peer.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    if (connect(fd_, reinterpret_cast<const sockaddr*>(&peer), sizeof(peer)) != 0)
+      throw std::runtime_error("no connection to the broker");
+  }
+  ~OtherConnection() { close(fd_); }
+  OtherConnection(const OtherConnection&) = delete;
+  OtherConnection& operator=(const OtherConnection&) = delete;
+
+  int fd() const { return fd_; }
+
+ private:
+  const int fd_ = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+};
+
+/// Connects a client and lets it hold messages: both set options of its socket, and of no other.
+void expect_others_left_alone(const Mosquitto& mosquitto, const MqttConfig& config) {
+  const OtherConnection other(mosquitto.port());
+  const int room = option(other.fd(), SOL_SOCKET, SO_RCVBUF);
+  Client client(config);
+  client.connect();
+  client->hold_messages(true);
+  const std::vector<int> sockets = sockets_towards(mosquitto.port());
+  EXPECT_EQ(sockets.size(), 2U);
+  for (const int fd : sockets) {
+    const bool is_client = fd != other.fd();
+    EXPECT_EQ(option(fd, IPPROTO_TCP, TCP_NODELAY), is_client ? 1 : 0);
+    EXPECT_EQ(option(fd, SOL_SOCKET, SO_RCVLOWAT) > 1, is_client);
+  }
+  EXPECT_EQ(option(other.fd(), SOL_SOCKET, SO_RCVBUF), room);
 }
 
 class PahoBrokerVersion : public testing::TestWithParam<int> {};
@@ -166,6 +207,12 @@ TEST_P(PahoBrokerVersion, CarriesMessagesBothWays) {
   }
   client->disconnect();
   client.next<Disconnected>();
+}
+
+TEST_P(PahoBrokerVersion, SocketsOfOthersAreLeftAlone) {
+  const TemporaryDirectory directory;
+  const Mosquitto mosquitto(directory, "allow_anonymous true");
+  expect_others_left_alone(mosquitto, settings(mosquitto.url(), GetParam()));
 }
 
 TEST_P(PahoBrokerVersion, Qos0CountsAsDeliveredWhenItIsOnItsWay) {
@@ -567,6 +614,11 @@ TEST_F(PahoBrokerTls, RightAuthorityAndNameConnect) {
     client->publish(publication(1, "a", "x"));
     EXPECT_EQ(client.next<Delivered>().id, 1U);
   }
+}
+
+TEST_F(PahoBrokerTls, SocketsOfOthersAreLeftAlone) {
+  const Mosquitto mosquitto(*directory_, listener());
+  expect_others_left_alone(mosquitto, tls(mosquitto.url("mqtts", "localhost"), "ca.pem"));
 }
 
 TEST_F(PahoBrokerTls, WrongAuthorityReadsAsSuch) {
