@@ -46,7 +46,7 @@ TEST(LineTime, CountsCharactersTurnaroundAndGap) {
             milliseconds(11 + 8 + 30 + 5 + 1 + 1 + 30 + 5));
 }
 
-TEST(LineTime, OfAWriteIsThatOfTheOrderAndItsAnswer) {
+TEST(LineTime, OfAWriteIsThatOfTheCommandAndItsAnswer) {
   const DeviceConfig port = device_of("fx-programming-port");
   // 15 characters ask (STX 1 10C8 02 4 digits ETX sum), ACK answers.
   EXPECT_EQ(write_time(*port.codec, writes_of(port, "D100"), timing_of(port, kCharTime)),

@@ -125,14 +125,14 @@ class BrokerAcl(PlantTest):
         self.addCleanup(user.close)
         return user
 
-    def test_the_agent_works_fully_and_the_operator_can_order(self):
+    def test_the_agent_works_fully_and_the_operator_can_command(self):
         self.start_plant()
         anna = self.anna
         for topic in ("state", "health", "press1/meta", "old/meta", "press1/data/fast"):
             anna.got(f"{BASE}/{topic}")
-        order = {"id": "1", "op": "force_on", "address": "M150"}
+        command = {"id": "1", "op": "force_on", "address": "M150"}
         answer_to = f"{BASE}/press1/result/anna"
-        self.assertEqual(anna.publish(f"{BASE}/press1/command", order,
+        self.assertEqual(anna.publish(f"{BASE}/press1/command", command,
                                       properties=request_properties(answer_to)), 0)
         for topic in (f"{BASE}/press1/result", answer_to):
             self.assertEqual(anna.got(topic)["status"], "SUCCEEDED")
@@ -159,42 +159,42 @@ class BrokerAcl(PlantTest):
         wait_for("the empty payload", lambda: (f"{BASE}/old/state", b"") in anna.received and
                  (f"{BASE}/old/meta", b"") in anna.received)
 
-    def test_a_viewer_sees_everything_but_orders_and_may_not_order(self):
+    def test_a_viewer_sees_everything_but_commands_and_may_not_command(self):
         self.start_plant()
         viktor = self.user("viktor")
         viktor.subscribe(BASE + "/#")
         for topic in ("state", "health", "press1/state", "press1/meta", "press1/data/fast"):
             viktor.got(f"{BASE}/{topic}")
-        order = {"id": "v", "op": "force_on", "address": "M150"}
-        self.assertEqual(viktor.publish(f"{BASE}/press1/command", order), NOT_AUTHORISED)
+        command = {"id": "v", "op": "force_on", "address": "M150"}
+        self.assertEqual(viktor.publish(f"{BASE}/press1/command", command), NOT_AUTHORISED)
         for topic in ("state", "health", "press1/state", "press1/meta", "press1/data/fast",
                       "press1/result", "press1/result/x"):
             self.assertEqual(viktor.publish(f"{BASE}/{topic}"), NOT_AUTHORISED, topic)
-        self.assertEqual(self.anna.publish(f"{BASE}/press1/command", dict(order, id="a")), 0)
+        self.assertEqual(self.anna.publish(f"{BASE}/press1/command", dict(command, id="a")), 0)
         self.assertEqual(viktor.got(f"{BASE}/press1/result")["id"], "a")
         self.assertNotIn(f"{BASE}/press1/command", [topic for topic, _ in viktor.received])
-        self.assertEqual(len(self.sim.orders("press1")), 1)
+        self.assertEqual(len(self.sim.commands("press1")), 1)
 
-    def test_an_operator_orders_and_forges_nothing(self):
+    def test_an_operator_commands_and_forges_nothing(self):
         self.start_plant()
         for topic in ("state", "health", "press1/state", "press1/meta", "press1/data/fast",
                       "press1/data/fast/history", "press1/result", "press1/result/x", "command",
                       "press1/command/x"):
             self.assertEqual(self.anna.publish(f"{BASE}/{topic}"), NOT_AUTHORISED, topic)
 
-    def test_an_agent_neither_orders_nor_reads_what_is_anothers(self):
+    def test_an_agent_neither_commands_nor_reads_what_is_anothers(self):
         self.start_secured()
         other = self.user("edge8")
         other.subscribe("#", BASE + "/+/command", BASE + "/#", "fx/plant-a/edge8/+/command")
         anna = self.user("anna")
         for topic in ("press1/command", "press1/state", "press1/result", "press1/data/fast", "state"):
             self.assertEqual(other.publish(f"{BASE}/{topic}"), NOT_AUTHORISED, topic)
-        # Its own data it may write and not order itself.
+        # Its own data it may write and not command itself.
         self.assertEqual(other.publish("fx/plant-a/edge8/press1/data/fast"), 0)
         self.assertEqual(other.publish("fx/plant-a/edge8/press1/command"), NOT_AUTHORISED)
         self.assertEqual(anna.publish(f"{BASE}/press1/command"), 0)
         self.assertEqual(anna.publish("fx/plant-a/edge8/press1/command"), 0)
-        # The second order can come only after the first would have.
+        # The second command can come only after the first would have.
         other.got("fx/plant-a/edge8/press1/command")
         self.assertEqual({topic for topic, _ in other.received},
                          {"fx/plant-a/edge8/press1/command"})

@@ -35,16 +35,16 @@ class Audit(PlantTest):
         self.start(store={"path": self.store})
         self.ready()
 
-    def give_orders(self):
+    def give_commands(self):
         """One of each kind that the audit has to tell apart; how many they are."""
-        written = self.order(id="w1", op="write", address="D300", value=17, by="anna")
+        written = self.command(id="w1", op="write", address="D300", value=17, by="anna")
         self.assert_result(written, "SUCCEEDED", None, "ACK")
-        self.assert_result(self.order(id="w1", op="write", address="D300", value=18),
+        self.assert_result(self.command(id="w1", op="write", address="D300", value=18),
                            "DUPLICATE", "duplicate_id", "ACK")
-        self.assert_result(self.order(id="no", op="force_on", address="M250"), "REJECTED",
+        self.assert_result(self.command(id="no", op="force_on", address="M250"), "REJECTED",
                            "not_allowed")
         self.sim.fault("press1", "nak", match="force", count=2)
-        self.assert_result(self.order(id="nak", op="force_on", address="M150"), "FAILED", "nak",
+        self.assert_result(self.command(id="nak", op="force_on", address="M150"), "FAILED", "nak",
                            "NAK")
         since = self.watcher.mark()
         self.send(b'{"id":"bad", \xff \x1b[2J' + b"x" * 1000)
@@ -56,7 +56,7 @@ class Audit(PlantTest):
 
     def test_every_command_has_its_line_while_the_agent_runs(self):
         self.start_stored()
-        lines = self.acknowledged(self.give_orders())
+        lines = self.acknowledged(self.give_commands())
         self.assertEqual([line["status"] for line in lines],
                          ["SUCCEEDED", "DUPLICATE", "REJECTED", "FAILED", "REJECTED", "REJECTED"])
         self.assertEqual([line["reason"] for line in lines],
@@ -69,7 +69,7 @@ class Audit(PlantTest):
         self.assertLessEqual(written["received"], written["acknowledged"])
         self.assertIsNone(refused["by"])
         self.assertEqual(refused["frames"], [])
-        # The order, its ACK, the read-back and its data; nothing of the polls between.
+        # The command, its ACK, the read-back and its data; nothing of the polls between.
         ways = [list(frame)[0] for frame in written["frames"]]
         self.assertEqual(ways, ["out", "in"] * (len(ways) // 2))
         answers = [frame["in"] for frame in written["frames"] if "in" in frame]
@@ -97,10 +97,10 @@ class Audit(PlantTest):
 
     def test_it_goes_on_after_a_crash_and_tells_the_outcome(self):
         self.start_stored()
-        self.order(id="before", op="force_on", address="M150")
+        self.command(id="before", op="force_on", address="M150")
         self.sim.fault("press1", "silent", match="force", count=1)
         self.send({"id": "lost", "op": "force_on", "address": "M151"})
-        wait_for("the order on the wire",
+        wait_for("the command on the wire",
                  lambda: self.sim.ask(cmd="stats", plc="press1")["faults"].get("silent"))
         self.agent.stop(signal.SIGKILL)
         self.assertEqual([line["status"] for line in self.lines()], ["SUCCEEDED", None])
@@ -112,7 +112,7 @@ class Audit(PlantTest):
 
     def test_verify_names_what_was_done_to_the_records(self):
         self.start_stored()
-        self.acknowledged(self.give_orders())
+        self.acknowledged(self.give_commands())
         health = self.agent_health()
         status, out, _ = self.audit("--verify", "--json")
         whole = json.loads(out)

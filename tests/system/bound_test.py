@@ -58,9 +58,9 @@ class Bound(PlantTest):
         self.other_client = Watcher(self.broker.port)
         self.stack.callback(self.other_client.close)
 
-    def random_order(self, chance):
+    def random_command(self, chance):
         number = lambda: chance.randint(-32768, 32767)
-        order = chance.choice([
+        command = chance.choice([
             lambda: {"op": "write", "tag": "setpoint", "value": number()},
             lambda: {"op": "write", "tag": "setpoint", "value": number(), "expect": number()},
             lambda: {"op": "write", "address": f"D{chance.randint(700, 799)}", "value": number()},
@@ -78,10 +78,10 @@ class Bound(PlantTest):
                                                 {"tag": "pair", "value": number()},
                                                 {"tag": "button", "value": True}]},
         ])()
-        if order["op"] != "read" and chance.random() < 0.5:
-            order["verify"] = chance.random() < 0.5
-        order["id"] = self.next_id()
-        return order
+        if command["op"] != "read" and chance.random() < 0.5:
+            command["verify"] = chance.random() < 0.5
+        command["id"] = self.next_id()
+        return command
 
     def judge(self, results):
         """Each inside its bound; the median part of it that was used."""
@@ -98,31 +98,31 @@ class Bound(PlantTest):
         self.start_full_line()
         chance = random.Random(300)
         topic = f"{BASE}/press1/result"
-        orders = {}
-        while len(orders) < 300:
-            burst = [self.random_order(chance) for _ in range(chance.choice([1, 1, 1, 2, 4, 8]))]
-            orders.update((order["id"], order) for order in burst)
+        commands = {}
+        while len(commands) < 300:
+            burst = [self.random_command(chance) for _ in range(chance.choice([1, 1, 1, 2, 4, 8]))]
+            commands.update((command["id"], command) for command in burst)
             half = chance.randint(0, len(burst))
 
             def by_the_other(mine=burst[:half]):
-                for order in mine:
-                    self.other_client.publish(f"{BASE}/press1/command", order)
+                for command in mine:
+                    self.other_client.publish(f"{BASE}/press1/command", command)
 
             second = threading.Thread(target=by_the_other)
             second.start()
-            for order in burst[half:]:
-                self.send(order)
+            for command in burst[half:]:
+                self.send(command)
             second.join()
             # The next burst meets the line anywhere in an exchange, and often a queue.
             left = chance.choice([0, 0, 1, 3, 6])
-            wait_for("results", lambda: len(self.watcher.payloads(topic)) >= len(orders) - left)
+            wait_for("results", lambda: len(self.watcher.payloads(topic)) >= len(commands) - left)
             time.sleep(chance.uniform(0, 0.15))
-        wait_for("the last results", lambda: len(self.watcher.payloads(topic)) >= len(orders))
-        self.order(op="read", tag="setpoint")  # what came twice would be here by now
+        wait_for("the last results", lambda: len(self.watcher.payloads(topic)) >= len(commands))
+        self.command(op="read", tag="setpoint")  # what came twice would be here by now
         results = self.watcher.payloads(topic)[:-1]
-        self.assertEqual(sorted(r["id"] for r in results), sorted(orders))
+        self.assertEqual(sorted(r["id"] for r in results), sorted(commands))
         for result in results:
-            expects = "expect" in orders[result["id"]]
+            expects = "expect" in commands[result["id"]]
             self.assertIn((result["status"], result["reason"]), [
                 ("SUCCEEDED", None), ("FAILED", "expect_mismatch")][:1 + expects], result)
         self.judge(results)
@@ -153,9 +153,9 @@ class Bound(PlantTest):
         at = [i for i, d in enumerate(deeds) if d["kind"] == "write"]
         # From the poll that the first of them met on the wire to the last.
         during = deeds[at[0] - 1:at[-1]]
-        of_orders = [d for d in during if d["device"] == "D620"]
-        polls = sum(self.line_ms(d) for d in during if d not in of_orders)
-        whole = polls + sum(self.line_ms(d) for d in of_orders)
+        of_commands = [d for d in during if d["device"] == "D620"]
+        polls = sum(self.line_ms(d) for d in during if d not in of_commands)
+        whole = polls + sum(self.line_ms(d) for d in of_commands)
         print(f"{polls / whole:.3f} of {whole:.0f} ms were the polls'")
         # Turns are whole exchanges, so that one of them may still be owed.
         longest = self.line_ms({"kind": "read", "count": 32})

@@ -161,16 +161,16 @@ class BrokerLife(PlantTest):
         self.state("press1", "online")
         self.sim.fault("press1", "late", match="force", ms=800)
         self.send({"id": "across", "op": "force_on", "address": "M150"})
-        wait_for("the order to be carried out", lambda: self.sim.orders("press1"))
+        wait_for("the command to be carried out", lambda: self.sim.commands("press1"))
         self.broker.kill()
         wait_for("the log", lambda: "broker_lost" in self.agent.logged())
         since = self.watcher.mark()
         self.broker.start()
         self.assert_result(self.result("across", since=since), "SUCCEEDED", None, "ACK")
         # The id is still known to the agent.
-        again = self.order(id="across", op="force_on", address="M150")
+        again = self.command(id="across", op="force_on", address="M150")
         self.assert_result(again, "DUPLICATE", "duplicate_id", "ACK")
-        self.assertEqual(len(self.sim.orders("press1")), 1)
+        self.assertEqual(len(self.sim.commands("press1")), 1)
 
     def test_a_broker_that_hangs_is_given_up_and_polling_goes_on(self):
         self.start(mqtt_config={"keep_alive_s": 2})
@@ -205,7 +205,7 @@ class BrokerLife(PlantTest):
         self.assertEqual(len({m["boot"] for m in numbers}), 1)
         self.assertEqual(self.agent.logged().count("broker_connected"), 1)
 
-    def test_an_order_sent_while_a_3_1_1_agent_is_away_is_never_carried_out(self):
+    def test_a_command_sent_while_a_3_1_1_agent_is_away_is_never_carried_out(self):
         self.start(version="3.1.1")
         self.state("press1", "online")
         # It goes without a word: one that says goodbye takes its subscription back, session or not.
@@ -216,10 +216,10 @@ class BrokerLife(PlantTest):
         since = self.watcher.mark()
         self.agent.start()
         self.state("press1", "online", since)
-        self.assert_result(self.order(op="read", tag="temp"), "SUCCEEDED", None, "ACK")
-        self.assertEqual((self.sim.orders("press1"), self.results("while-away")), ([], []))
+        self.assert_result(self.command(op="read", tag="temp"), "SUCCEEDED", None, "ACK")
+        self.assertEqual((self.sim.commands("press1"), self.results("while-away")), ([], []))
 
-    def test_a_retained_order_from_before_is_refused_on_3_1_1(self):
+    def test_a_retained_command_from_before_is_refused_on_3_1_1(self):
         self.broker = Broker(self.directory)
         self.broker.start()
         self.start_sim()
@@ -227,7 +227,7 @@ class BrokerLife(PlantTest):
         self.send({"id": "old", "op": "force_on", "address": "M150"}, retain=True)
         self.start_agent(version="3.1.1")
         self.assert_result(self.result("old"), "REJECTED", "retained")
-        self.assertEqual(self.sim.orders("press1"), [])
+        self.assertEqual(self.sim.commands("press1"), [])
 
     def test_qos_0_sends_every_sample_once(self):
         self.start(mqtt_config={"qos": 0})
@@ -267,10 +267,10 @@ class BrokerLife(PlantTest):
         self.assertIn("line1", health["links"])
         self.assertIn("press1", health["devices"])
 
-    def test_orders_work_on_either_version(self):
+    def test_commands_work_on_either_version(self):
         self.start(version="3.1.1")
         self.state("press1", "online")
-        self.assert_result(self.order(op="force_on", address="M150"), "SUCCEEDED", None, "ACK")
+        self.assert_result(self.command(op="force_on", address="M150"), "SUCCEEDED", None, "ACK")
 
     def test_a_broker_that_comes_late_is_found_and_the_next_server_is_tried(self):
         self.broker = Broker(self.directory)
@@ -378,13 +378,13 @@ class Secrets(PlantTest):
         self.broker.start()
         wait_for("the log", lambda: "broker_connected" in self.agent.logged())
 
-    def test_orders_and_telemetry_go_over_tls(self):
+    def test_commands_and_telemetry_go_over_tls(self):
         self.tls(listener="plain")
         self.start_tls(ca_file="ca.pem")
         self.watcher = Watcher(self.plain_port)
         self.state("press1", "online")
         self.data()
-        self.assert_result(self.order(op="force_on", address="M150"), "SUCCEEDED", None, "ACK")
+        self.assert_result(self.command(op="force_on", address="M150"), "SUCCEEDED", None, "ACK")
 
     def test_mutual_tls_wants_the_certificate(self):
         self.tls("require_certificate true")

@@ -18,7 +18,7 @@ import time
 
 import chaos_faults
 from chaos_ledger import Ledger
-from chaos_orders import Client, Deeds, Orders, judge_orders
+from chaos_commands import Client, Commands, Deeds, judge_commands
 from chaos_plant import CLOCK_LIBRARY, ChaosAgent, Consumer, Disk, Plant
 from chaos_relay import Relay
 from plant import BASE, FXAGENT, Broker, wait_for
@@ -27,13 +27,13 @@ SETTLE_S = 120  # a silent device and a lost broker are tried every 30 s at the 
 
 
 class Chaos:
-    """One run, from an empty directory to its verdict."""
+    """One run, from an empty directory to its judgement."""
 
     def __init__(self, seed, sync="always", version="5", long=True, lifetime_s=3600, store_bytes=None,
-                 orders_a_second=100):
+                 commands_a_second=100):
         self.seed, self.sync, self.version, self.long = seed, sync, version, long
         self.store_bytes = store_bytes
-        self.orders_a_second = orders_a_second
+        self.commands_a_second = commands_a_second
         self.directory = tempfile.mkdtemp(prefix="fxagent-chaos-")
         os.chmod(self.directory, 0o755)
         self.trace = open(os.path.join(self.directory, "trace.jsonl"), "w")
@@ -41,12 +41,12 @@ class Chaos:
         self.plant = Plant(self.directory, lifetime_s)
         self.disk = Disk(self.directory)
         self.struck = collections.Counter()
-        self.rss = []  # (boot number, s since its start, KiB, orders so far)
+        self.rss = []  # (boot number, s since its start, KiB, commands so far)
         self.boots = 0
         self.clients = []
         self.planned = {}  # lane -> how often it is to act
         self.not_run = {}  # lane -> why this machine cannot have it
-        self.orders = Orders({name: self.plant.places(name) for name in self.plant.PROTOCOLS})
+        self.commands = Commands({name: self.plant.places(name) for name in self.plant.PROTOCOLS})
         self.stack = contextlib.ExitStack()
         self.pending = []  # (when, what heals), in s since the first act could be
         self.begin = time.monotonic()
@@ -85,10 +85,10 @@ class Chaos:
         self.start_agent()
         self.deeds = Deeds(self.plant.sim, self.plant.PROTOCOLS)
         wait_for("every device", self.all_online, SETTLE_S)
-        if self.orders_a_second:
+        if self.commands_a_second:
             topics = {name: f"{BASE}/{name}/command" for name in self.plant.PROTOCOLS}
-            self.clients = [Client(f"client{n}", self.seed, self.broker.port, topics, self.orders,
-                                   self.ledger.clock, self.orders_a_second / 3) for n in range(3)]
+            self.clients = [Client(f"client{n}", self.seed, self.broker.port, topics, self.commands,
+                                   self.ledger.clock, self.commands_a_second / 3) for n in range(3)]
             for client in self.clients:
                 client.start()
 
@@ -347,7 +347,7 @@ class Chaos:
             "wire": sum(wire.values()),
             "disk": self.agent.disk_refusals(),
             "clock": self.ledger.counts["samples by a clock that was set"],
-            "commands sent": sum(self.orders.sent.values()),
+            "commands sent": sum(self.commands.sent.values()),
             "commands carried out": sum(self.deeds.count.values()),
             "results": sum(self.ledger.statuses.values()),
             "samples": self.ledger.counts["samples"],
@@ -356,12 +356,12 @@ class Chaos:
         }
 
     def minimums(self, seconds):
-        """The least that a run must have had for its verdict to mean anything; far below what a machine
+        """The least that a run must have had for its result to mean anything; far below what a machine
         under load still does."""
         least = {"samples": 5 * seconds, "devices with samples": len(self.plant.PROTOCOLS),
                  "health messages": 1 + self.planned.get("kill", 0) // 6}
-        if self.orders_a_second:
-            sent = self.orders_a_second * seconds
+        if self.commands_a_second:
+            sent = self.commands_a_second * seconds
             least.update({"commands sent": sent / 5, "commands carried out": sent / 50,
                           "results": sent / 20})
         for lane, acts in self.planned.items():
@@ -377,7 +377,7 @@ class Chaos:
                 self.ledger.fault(f"too little of {what}: {evidence[what]} seen, {least:.0f} is the least")
 
     def judge(self):
-        judge_orders(self.ledger, self.orders, self.deeds, self.version)
+        judge_commands(self.ledger, self.commands, self.deeds, self.version)
         for device, seq, when in self.ledger.broker_losses():
             if any(-0.5 <= kill - when <= 3.0 for kill in self.ledger.broker_kills):
                 self.ledger.counts["samples that a killed broker lost"] += 1
@@ -403,7 +403,7 @@ class Chaos:
         """Flat within 10 %: of a boot's life after its first minute, without what ids cost that the
         agent has to remember (an id with its result, 1 KiB)."""
         for boot, samples in self.lives():
-            settled = [(rss, orders) for age, rss, orders in samples if age > 60]
+            settled = [(rss, commands) for age, rss, commands in samples if age > 60]
             if len(settled) < 60:
                 continue
             third = len(settled) // 3
@@ -411,12 +411,12 @@ class Chaos:
             after = statistics.median(rss for rss, _ in settled[-third:])
             ids = settled[-1][1] - settled[0][1]
             if after > 1.1 * before + ids:
-                self.ledger.fault(f"boot {boot} grew from {before} to {after} KiB with {ids} orders")
+                self.ledger.fault(f"boot {boot} grew from {before} to {after} KiB with {ids} commands")
 
     def lives(self):
         lives = collections.defaultdict(list)
-        for boot, age, rss, orders in self.rss:
-            lives[boot].append((age, rss, orders))
+        for boot, age, rss, commands in self.rss:
+            lives[boot].append((age, rss, commands))
         return lives.items()
 
     # The report.
@@ -434,9 +434,9 @@ class Chaos:
         table("what the cable did", self.relay.struck)
         table("wire faults that struck", stats)
         table("seen", ledger.counts)
-        table("orders sent", self.orders.sent)
+        table("commands sent", self.commands.sent)
         table("results", ledger.statuses)
-        print(f"\norders carried out: {sum(self.deeds.count.values())}", file=out)
+        print(f"\ncommands carried out: {sum(self.deeds.count.values())}", file=out)
         if ledger.ages:
             print(f"age of values at their ts: median {statistics.median(ledger.ages) * 1000:.0f} ms, "
                   f"most {max(ledger.ages) * 1000:.0f} ms", file=out)
@@ -450,21 +450,21 @@ class Chaos:
             print(f"BROKEN and {ledger.faults_unlisted} more", file=out)
 
     def report_memory(self, out):
-        print("\nresident memory, KiB, of boots that lived for a minute: s old: KiB (orders taken)",
+        print("\nresident memory, KiB, of boots that lived for a minute: s old: KiB (commands taken)",
               file=out)
         for boot, samples in self.lives():
             if samples[-1][0] < 60:
                 continue
             step = max(1, len(samples) // 8)
-            print(f"  boot {boot}: " + "  ".join(f"{age:.0f}: {rss} ({orders})"
-                                                 for age, rss, orders in samples[::step]), file=out)
+            print(f"  boot {boot}: " + "  ".join(f"{age:.0f}: {rss} ({commands})"
+                                                 for age, rss, commands in samples[::step]), file=out)
 
 
 def run_chaos(seed, seconds, pace, sync, version, out, long, without=(), store_bytes=None,
-              orders_a_second=100, kind=Chaos):
+              commands_a_second=100, kind=Chaos):
     """The faults that were found, where an empty list is a pass; and lane -> why it could not run here.
     `without` names lanes that are left out of the plan."""
-    chaos = kind(seed, sync, version, long, seconds + 3 * SETTLE_S, store_bytes, orders_a_second)
+    chaos = kind(seed, sync, version, long, seconds + 3 * SETTLE_S, store_bytes, commands_a_second)
     print(f"seed {seed}, {seconds} s, sync {sync}, MQTT {version}, in {chaos.directory}; disk: "
           f"{chaos.disk.kind()}; clock: {'set' if chaos.with_clock else 'left alone'}",
           file=out, flush=True)
@@ -525,7 +525,7 @@ def main():
     parser.add_argument("--version", choices=["5", "3.1.1"], help="of MQTT; else by the seed")
     parser.add_argument("--without", default="", help="lanes: kill,broker,network,wire,disk,clock")
     parser.add_argument("--store-bytes", type=int, help="a small store, which must drop and count")
-    parser.add_argument("--orders", type=float, default=100, help="a second; 0: none")
+    parser.add_argument("--commands", type=float, default=100, help="a second; 0: none")
     parser.add_argument("--strict", action="store_true",
                         help="exit status 3 where this machine cannot have one of the lanes")
     wanted = parser.parse_args()
@@ -539,7 +539,7 @@ def main():
         version = wanted.version or rng.choice(["5", "5", "3.1.1"])
         faults, not_run = run_chaos(wanted.seed, wanted.minutes * 60, chaos_faults.LONG, sync, version,
                                     sys.stdout, True, wanted.without.split(","), wanted.store_bytes,
-                                    wanted.orders)
+                                    wanted.commands)
     left_out = "".join(f"; {lane} was not run: {why}" for lane, why in not_run.items())
     print("\n" + (f"{len(faults)} checks do not hold" if faults else "every check holds") + left_out)
     return 1 if faults else 3 if not_run and wanted.strict else 0

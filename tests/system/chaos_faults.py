@@ -63,7 +63,7 @@ def plan(seed, seconds, pace, devices):
     lanes = [agent_kills, broker, network, wire, disk, clock]
     acts = [act for lane in lanes for act in
             lane(random.Random(f"{seed}/{lane.__name__}"), seconds, pace, devices)]
-    # Samples and orders that the disk refused are in memory alone: a kill then is another promise.
+    # Samples and commands that the disk refused are in memory alone: a kill then is another promise.
     broken = [(a.at - 1.0, a.at + a.lasts + 12.0) for a in acts if a.lane == "disk"]
     return sorted((a for a in acts if a.lane != "kill" or
                    not any(begin <= a.at <= end for begin, end in broken)), key=lambda a: a.at)

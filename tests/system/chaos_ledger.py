@@ -225,7 +225,7 @@ class Ledger:
             return None
 
     def _rows(self, topic, body):
-        """(device, lane, row) of each sample in a message; the lane is its order's scope."""
+        """(device, lane, row) of each sample in a message; the lane is the scope of its order."""
         parts = topic[len(self.base) + 1:].split("/")
         if body is None or len(parts) < 3 or parts[1] != "data":
             return []
@@ -384,7 +384,7 @@ class Ledger:
 
     def _lost_in_a_kill(self, device, first, last):
         """Whether the kill of its boot came soon after the gap: a sample is due on disk after 1 s,
-        committed within 0.2 s more; the rest is for a busy machine and for orders, and neighbours,
+        committed within 0.2 s more; the rest is for a busy machine and for commands, and neighbours,
         that a faulty line takes long over. A device that was silent makes no samples, so nothing can
         be said of how long before the kill its last one was."""
         stream = self.streams[device]

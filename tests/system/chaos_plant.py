@@ -14,7 +14,7 @@ import time
 import paho.mqtt.client as mqtt
 
 from chaos_ledger import SCAN_S, Ramp
-from chaos_orders import DEMO_PLACES, FX_PLACES, MODBUS_PLACES
+from chaos_commands import DEMO_PLACES, FX_PLACES, MODBUS_PLACES
 from plant import BASE, FXAGENT, PATIENCE, Agent, Sim, memory_kib
 
 # peers/shifted_clock.cpp, built; without it the clock is left alone.
@@ -153,7 +153,7 @@ class Plant:
                  "st0": "fx-computer-link", "st1": "fx-computer-link",
                  "rtu1": "modbus-rtu", "rtu2": "modbus-rtu",
                  "meter1": "modbus-tcp", "meter2": "modbus-tcp"}
-    PLAIN = "press2"  # its memory changes by orders alone, and it may be stopped
+    PLAIN = "press2"  # its memory changes by commands alone, and it may be stopped
 
     def __init__(self, directory, lifetime_s):
         self.directory = directory

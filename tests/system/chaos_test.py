@@ -13,7 +13,7 @@ import chaos_faults
 from chaos import Chaos as Run
 from chaos import run_chaos
 from chaos_ledger import Ledger, Ramp
-from chaos_orders import FX_PLACES, Deeds, Orders, judge_orders
+from chaos_commands import FX_PLACES, Commands, Deeds, judge_commands
 from chaos_plant import Disk, Plant
 from chaos_relay import Tap
 from plant import BASE
@@ -88,7 +88,7 @@ class Checks(unittest.TestCase):
         self.ledger = Ledger(BASE)
         self.ledger.tags["press1", "fast"] = {"a"}
         self.now = int(time.time() * 1000)
-        self.orders = Orders({"press1": FX_PLACES})
+        self.commands = Commands({"press1": FX_PLACES})
         self.deeds = Deeds(None, [])
 
     def row(self, seq, boot="b1", later_ms=0, **more):
@@ -180,121 +180,121 @@ class Checks(unittest.TestCase):
         self.ledger.agent_sent(1, BASE + "/health", json.dumps(body).encode())
         self.faulty(1, "does not add up")
 
-    def order(self, identity, carried_out, *results, kind="change", taken=True):
-        self.orders.begin(kind, "press1", identity)
-        order = self.orders.change("press1", identity)
-        key = ("press1", order["op"], order["address"], order.get("value"))
+    def command(self, identity, carried_out, *results, kind="change", taken=True):
+        self.commands.begin(kind, "press1", identity)
+        command = self.commands.change("press1", identity)
+        key = ("press1", command["op"], command["address"], command.get("value"))
         if taken:
             self.ledger.command_taken(1, f"{BASE}/press1/command",
-                                      json.dumps({"id": identity, **order}).encode())
+                                      json.dumps({"id": identity, **command}).encode())
         for status, reason in results:
             body = {"id": identity, "status": status, "reason": reason, "plc": None,
-                    "op": order["op"], "address": order["address"]}
+                    "op": command["op"], "address": command["address"]}
             self.ledger.consumed(f"{BASE}/press1/result", json.dumps(body).encode(), False)
 
         for _ in range(carried_out):
-            if order["op"] == "write":
+            if command["op"] == "write":
                 self.deeds.count[key] += 1
             else:
                 self.deeds.forced(*key[:3], time.time())
 
     def judged(self, count, word=""):
-        judge_orders(self.ledger, self.orders, self.deeds, "5")
+        judge_commands(self.ledger, self.commands, self.deeds, "5")
         self.faulty(count, word)
 
     def test_honest_results_are_no_faults(self):
-        self.order("1", 1, ("SUCCEEDED", None))
-        self.order("2", 0, ("FAILED", "nak"))
-        self.order("3", 1, ("FAILED", "verify_mismatch"))
-        self.order("4", 0, ("UNKNOWN_OUTCOME", "timeout"))
-        self.order("5", 1, ("UNKNOWN_OUTCOME", "timeout"))
-        self.order("6", 0, ("EXPIRED", "expired"), kind="expired")
-        self.order("7", 0, taken=False)
+        self.command("1", 1, ("SUCCEEDED", None))
+        self.command("2", 0, ("FAILED", "nak"))
+        self.command("3", 1, ("FAILED", "verify_mismatch"))
+        self.command("4", 0, ("UNKNOWN_OUTCOME", "timeout"))
+        self.command("5", 1, ("UNKNOWN_OUTCOME", "timeout"))
+        self.command("6", 0, ("EXPIRED", "expired"), kind="expired")
+        self.command("7", 0, taken=False)
         self.judged(0)
 
     def test_a_bit_that_stood_so_already_is_no_lie(self):
-        self.order("1", 0, ("REJECTED", "queue_full"))
+        self.command("1", 0, ("REJECTED", "queue_full"))
         key = ("press1", "force_on", FX_PLACES["bits"][0].format(FX_PLACES["bits"][1]), None)
-        self.assertEqual(self.orders.keys[key], ["1"])
+        self.assertEqual(self.commands.keys[key], ["1"])
         self.bits_again(1)
-        self.order("2", 0, ("SUCCEEDED", None))
+        self.command("2", 0, ("SUCCEEDED", None))
         self.judged(0)
 
     def bits_again(self, round_):
-        self.orders.numbers["press1"] = round_ * 2 * FX_PLACES["bits"][2]
+        self.commands.numbers["press1"] = round_ * 2 * FX_PLACES["bits"][2]
 
     def test_what_a_bit_becomes_later_is_not_how_it_stood(self):
-        self.order("1", 0, ("SUCCEEDED", None))
+        self.command("1", 0, ("SUCCEEDED", None))
         self.bits_again(1)
-        self.order("2", 1, ("SUCCEEDED", None))
+        self.command("2", 1, ("SUCCEEDED", None))
         self.judged(1, "'1') was carried out 0 times")
 
     def test_a_bit_that_is_set_later_may_have_stood_so_before(self):
         self.bits_again(1)
-        self.order("1", 0, ("SUCCEEDED", None))
+        self.command("1", 0, ("SUCCEEDED", None))
         self.bits_again(2)
-        self.order("2", 1, ("SUCCEEDED", None))
+        self.command("2", 1, ("SUCCEEDED", None))
         self.judged(0)
 
     def test_a_bit_that_was_set_before_does_not_stand_so(self):
-        self.order("1", 1, ("SUCCEEDED", None))
+        self.command("1", 1, ("SUCCEEDED", None))
         self.bits_again(1)
-        self.order("2", 0, ("SUCCEEDED", None))
+        self.command("2", 0, ("SUCCEEDED", None))
         self.judged(1, "'2') was carried out 0 times")
 
     def test_results_that_are_not_true_are_seen(self):
         for identity, times, result in [("1", 0, ("SUCCEEDED", None)), ("2", 1, ("FAILED", "nak")),
                                         ("3", 1, ("REJECTED", "bad_op")),
                                         ("4", 0, ("FAILED", "verify_mismatch"))]:
-            self.order(identity, times, result)
+            self.command(identity, times, result)
         self.judged(4, "and its result is")
 
-    def test_an_order_carried_out_twice_is_seen(self):
-        self.order("1", 2, ("SUCCEEDED", None))
-        judge_orders(self.ledger, self.orders, self.deeds, "5")
+    def test_a_command_carried_out_twice_is_seen(self):
+        self.command("1", 2, ("SUCCEEDED", None))
+        judge_commands(self.ledger, self.commands, self.deeds, "5")
         self.assertIn("was carried out 2 times", self.ledger.faults[0])
 
-    def test_a_repeated_id_is_one_order(self):
-        self.order("1", 1, ("SUCCEEDED", None))
-        self.order("1", 1, kind="repeat")
+    def test_a_repeated_id_is_one_command(self):
+        self.command("1", 1, ("SUCCEEDED", None))
+        self.command("1", 1, kind="repeat")
         self.judged(2, "('press1', '1') (change) was carried out 2 times")
 
-    def test_what_nobody_ordered_is_seen(self):
+    def test_what_nobody_asked_for_is_seen(self):
         self.deeds.count["press1", "write", "D1", 5] += 1
-        self.judged(1, "ordered by []")
+        self.judged(1, "asked for by []")
 
     def test_two_results_and_none_are_seen(self):
-        self.order("1", 1, ("SUCCEEDED", None), ("UNKNOWN_OUTCOME", "timeout"))
-        self.order("2", 1, taken=False)
-        self.order("3", 0)
+        self.command("1", 1, ("SUCCEEDED", None), ("UNKNOWN_OUTCOME", "timeout"))
+        self.command("2", 1, taken=False)
+        self.command("3", 0)
         self.judged(3, "2 different results")
         self.assertIn("was carried out and has no result", self.ledger.faults[1])
         self.assertIn("was taken by the agent", self.ledger.faults[2])
 
     def test_a_command_may_go_down_with_its_connection(self):
-        self.order("1", 0)
+        self.command("1", 0)
         self.ledger.connection_over(1)
         self.judged(0)
 
-    def test_an_order_may_be_lost_that_found_no_journal(self):
+    def test_a_command_may_be_lost_that_found_no_journal(self):
         self.ledger.disk_refuses()
-        self.order("1", 0)
-        self.order("1b", 1)
+        self.command("1", 0)
+        self.command("1b", 1)
         self.ledger.disk_writes()
         self.ledger.connection_over(1)
         self.judged(0)
-        self.order("2", 0)
+        self.command("2", 0)
         self.judged(1, "'2') (change) was taken by the agent and has no result")
 
-    def test_a_disk_that_takes_again_has_the_orders_that_it_refused(self):
+    def test_a_disk_that_takes_again_has_the_commands_that_it_refused(self):
         self.ledger.disk_refuses()
-        self.order("1", 1)
+        self.command("1", 1)
         self.ledger.disk_writes()
         self.judged(2, "was carried out and has no result")
 
     def test_what_must_never_be_done_is_seen(self):
         for kind in ("retained", "expired", "dry"):
-            self.order(kind, 1, ("UNKNOWN_OUTCOME", "timeout"), kind=kind)
+            self.command(kind, 1, ("UNKNOWN_OUTCOME", "timeout"), kind=kind)
         self.judged(3, "was carried out")
 
     def test_the_tap_reads_mqtt_in_pieces_of_any_size(self):

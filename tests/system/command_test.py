@@ -30,7 +30,7 @@ class Commands(PlantTest):
 
     def test_writes_reach_the_plc_and_are_read_back(self):
         self.start_press()
-        result = self.order(op="write", tag="setpoint", value=50)
+        result = self.command(op="write", tag="setpoint", value=50)
         self.assert_result(result, "SUCCEEDED", None, "ACK")
         self.assertEqual(result["verify"], {"read": 50, "match": True})
         self.assertEqual((result["tag"], result["address"], result["value"]), ("setpoint", "D200", 50))
@@ -38,18 +38,18 @@ class Commands(PlantTest):
         self.assertEqual(self.sim.get("press1", "D200"), 50)
         for tag, value in [("speed", 1.5), ("pair", -70000), ("list", [1, 2, 3, 4]),
                            ("text", "hello"), ("scaled", 12.3)]:
-            result = self.order(op="write", tag=tag, value=value)
+            result = self.command(op="write", tag=tag, value=value)
             self.assert_result(result, "SUCCEEDED", None, "ACK")
             self.assertEqual(result["value"], value)
         self.assertEqual(self.sim.get("press1", "D212"), 123)
-        result = self.order(op="write", tag="scaled", value=1.26)
+        result = self.command(op="write", tag="scaled", value=1.26)
         self.assertEqual(result["value"], 1.3)
 
     def test_a_write_to_a_tag_is_published_at_once_and_nothing_older_after_it(self):
         self.start_press(plc={"baud": 9600}, groups=[{"name": "fast", "interval_ms": 100}])
         for value in range(1, 21):
             since = self.watcher.mark()
-            self.assert_result(self.order(op="write", tag="setpoint", value=value), "SUCCEEDED",
+            self.assert_result(self.command(op="write", tag="setpoint", value=value), "SUCCEEDED",
                                None, "ACK")
             self.data(lambda m: m.get("partial") and m["values"] == {"setpoint": value}, since=since)
             self.data(lambda m: not m.get("partial"), since=since)
@@ -59,32 +59,32 @@ class Commands(PlantTest):
 
     def test_forces_set_single_bits_and_leave_their_neighbours(self):
         self.start_press(plc={"memory": {"M103": 1, "M105": 1}})
-        self.assert_result(self.order(op="force_on", address="M104"), "SUCCEEDED", None, "ACK")
-        self.assert_result(self.order(op="force_off", address="M103"), "SUCCEEDED", None, "ACK")
-        self.assert_result(self.order(op="write", address="M106", value=True), "SUCCEEDED", None,
+        self.assert_result(self.command(op="force_on", address="M104"), "SUCCEEDED", None, "ACK")
+        self.assert_result(self.command(op="force_off", address="M103"), "SUCCEEDED", None, "ACK")
+        self.assert_result(self.command(op="write", address="M106", value=True), "SUCCEEDED", None,
                            "ACK")
         self.assertEqual([self.sim.get("press1", f"M{n}") for n in range(102, 108)],
                          [0, 0, 1, 1, 1, 0])
-        kinds = {order["kind"] for order in self.sim.orders("press1")}
+        kinds = {command["kind"] for command in self.sim.commands("press1")}
         self.assertEqual(kinds, {"force_on", "force_off"})
 
     def test_raw_addresses_go_by_the_allow_list(self):
         self.start_press()
-        self.assert_result(self.order(op="write", address="D300", value=7), "SUCCEEDED", None, "ACK")
+        self.assert_result(self.command(op="write", address="D300", value=7), "SUCCEEDED", None, "ACK")
         pair = {"op": "write", "type": "int32", "value": 1}
-        self.assert_result(self.order(address="D398", **pair), "SUCCEEDED", None, "ACK")
-        self.assert_result(self.order(address="D399", **pair), "REJECTED", "not_allowed")
-        self.assert_result(self.order(op="write", address="D200", value=7), "REJECTED", "not_allowed")
-        self.assert_result(self.order(op="force_on", address="M200"), "REJECTED", "not_allowed")
-        self.assert_result(self.order(op="read", address="D500"), "REJECTED", "not_allowed")
-        self.assert_result(self.order(op="force_on", address="M8036"), "REJECTED", "not_writable")
+        self.assert_result(self.command(address="D398", **pair), "SUCCEEDED", None, "ACK")
+        self.assert_result(self.command(address="D399", **pair), "REJECTED", "not_allowed")
+        self.assert_result(self.command(op="write", address="D200", value=7), "REJECTED", "not_allowed")
+        self.assert_result(self.command(op="force_on", address="M200"), "REJECTED", "not_allowed")
+        self.assert_result(self.command(op="read", address="D500"), "REJECTED", "not_allowed")
+        self.assert_result(self.command(op="force_on", address="M8036"), "REJECTED", "not_writable")
 
     def test_reads_bring_the_value(self):
         self.start_press(plc={"memory": {"D100": 321, "D300": 5}})
-        result = self.order(op="read", tag="temp")
+        result = self.command(op="read", tag="temp")
         self.assert_result(result, "SUCCEEDED", None, "ACK")
         self.assertEqual(result["value"], 321)
-        self.assertEqual(self.order(op="read", address="D300")["value"], 5)
+        self.assertEqual(self.command(op="read", address="D300")["value"], 5)
 
     def test_what_is_wrong_is_rejected_by_name_and_nothing_is_sent(self):
         self.start_press()
@@ -111,8 +111,8 @@ class Commands(PlantTest):
             ({"op": "write", "tag": "setpoint", "value": 1, "colour": "red"}, "bad_json"),
             ({"op": "write", "tag": "setpoint", "value": 1, "status": "SUCCEEDED"}, "bad_json"),
         ]
-        for order, reason in table:
-            result = self.order(**order)
+        for command, reason in table:
+            result = self.command(**command)
             self.assert_result(result, "REJECTED", reason)
             self.assertTrue(result["detail"], result)
         for payload, reason in [("{", "bad_json"), ("[]", "bad_json"), ("nonsense", "bad_json"),
@@ -125,7 +125,7 @@ class Commands(PlantTest):
             self.send(payload)
             result = self.watcher.wait(f"{BASE}/press1/result", lambda r: r["id"] is None, since)
             self.assert_result(result, "REJECTED", reason)
-        self.assertEqual(self.sim.orders("press1"), [])
+        self.assertEqual(self.sim.commands("press1"), [])
 
     def test_every_type_can_be_written_at_a_raw_address(self):
         self.start_press()
@@ -140,8 +140,8 @@ class Commands(PlantTest):
             ({"address": "D300", "type": "string", "value": "AbCd"}, "AbCd", [0x6241, 0x6443]),
             ({"address": "D300", "value": [1, 2, 3]}, [1, 2, 3], [1, 2, 3]),
         ]
-        for order, told, memory in table:
-            result = self.order(op="write", **order)
+        for command, told, memory in table:
+            result = self.command(op="write", **command)
             self.assert_result(result, "SUCCEEDED", None, "ACK")
             self.assertEqual((result["value"], result["verify"]), (told, {"read": told, "match": True}))
             self.assertEqual([self.sim.get("press1", f"D{300 + i}") for i in range(len(memory))],
@@ -149,37 +149,37 @@ class Commands(PlantTest):
 
     def test_counters_outputs_inputs_and_nibbles_are_written_where_they_are_allowed(self):
         self.start_press(commands={"allow": ["CN200", "X0-X7", "Y0-Y17", "M100-M131", "S20", "TN5"]})
-        self.assert_result(self.order(op="write", address="CN200", value=-70000), "SUCCEEDED", None,
+        self.assert_result(self.command(op="write", address="CN200", value=-70000), "SUCCEEDED", None,
                            "ACK")
         self.assertEqual(self.sim.ask(cmd="get", plc="press1", device="CN200", signed=True)["values"],
                          [-70000])
         for address in ("X7", "Y17", "S20", "M100"):
-            self.assert_result(self.order(op="force_on", address=address), "SUCCEEDED", None, "ACK")
+            self.assert_result(self.command(op="force_on", address=address), "SUCCEEDED", None, "ACK")
             self.assertEqual(self.sim.get("press1", address), 1)
-        self.assert_result(self.order(op="write", address="TN5", value=50), "SUCCEEDED", None, "ACK")
+        self.assert_result(self.command(op="write", address="TN5", value=50), "SUCCEEDED", None, "ACK")
         self.assertEqual(self.sim.get("press1", "TN5"), 50)
         # M104 to M119 fill two bytes: M0 lies at a byte's beginning, and so does M104.
-        self.assert_result(self.order(op="write", address="K4M104", value=0x1234), "SUCCEEDED", None,
+        self.assert_result(self.command(op="write", address="K4M104", value=0x1234), "SUCCEEDED", None,
                            "ACK")
         self.assertEqual(sum(self.sim.get("press1", f"M{104 + i}") << i for i in range(16)), 0x1234)
         for address in ("K4M105", "K1M104"):
-            self.assert_result(self.order(op="write", address=address, value=1), "REJECTED",
+            self.assert_result(self.command(op="write", address=address, value=1), "REJECTED",
                                "not_writable")
-        self.assert_result(self.order(op="write", address="K4M120", value=1), "REJECTED",
+        self.assert_result(self.command(op="write", address="K4M120", value=1), "REJECTED",
                            "not_allowed")
 
     def test_a_bit_of_a_word_is_never_written(self):
         self.start_press()
         for op in ({"op": "write", "value": True}, {"op": "force_on"}):
-            result = self.order(address="D300.F", **op)
+            result = self.command(address="D300.F", **op)
             self.assertEqual(result["status"], "REJECTED", result)
             self.assertIn(result["reason"], ("not_writable", "bad_address"))
-        self.assertEqual(self.sim.orders("press1"), [])
+        self.assertEqual(self.sim.commands("press1"), [])
 
     def test_an_id_has_1_to_64_printable_characters(self):
         self.start_press()
         for identity in ("x", "y" * 64, "~ !\"#'/\\{}"):
-            self.assert_result(self.order(id=identity, op="read", tag="temp"), "SUCCEEDED", None,
+            self.assert_result(self.command(id=identity, op="read", tag="temp"), "SUCCEEDED", None,
                                "ACK")
         for identity in ("", "z" * 65, "tab\there", "größe", None, 5, ["a"], {"a": 1}, True):
             since = self.watcher.mark()
@@ -187,12 +187,12 @@ class Commands(PlantTest):
             result = self.watcher.wait(f"{BASE}/press1/result", since=since)
             self.assertIsNone(result["id"])
             self.assert_result(result, "REJECTED", "missing_id")
-        self.assertEqual(self.sim.orders("press1"), [])
+        self.assertEqual(self.sim.commands("press1"), [])
 
     def test_the_first_fault_in_the_order_of_checks_is_told(self):
         self.start_press(commands={"allow": ["D300-D309"], "queue": 1})
         past = int(time.time() * 1000) - 60000
-        self.order(id="seen", op="read", tag="temp")
+        self.command(id="seen", op="read", tag="temp")
         ladder = [
             ({"id": "seen", "op": "jump"}, "duplicate_id"),
             ({"op": "jump", "tag": "nothing", "value": "x", "expires": past}, "bad_op"),
@@ -204,23 +204,23 @@ class Commands(PlantTest):
             ({"op": "write", "tag": "setpoint", "value": 5000, "expires": past}, "out_of_range"),
             ({"op": "write", "tag": "setpoint", "value": 5, "expires": past}, "expired"),
         ]
-        for order, reason in ladder:
-            result = self.order(**order)
+        for command, reason in ladder:
+            result = self.command(**command)
             self.assertEqual(result["reason"], reason, result)
-        self.assertEqual(self.sim.orders("press1"), [])
+        self.assertEqual(self.sim.commands("press1"), [])
 
     def test_min_and_max_belong_to_what_is_allowed(self):
         self.start_press()
         for value in (0, 1000):
-            self.assert_result(self.order(op="write", tag="setpoint", value=value), "SUCCEEDED", None,
+            self.assert_result(self.command(op="write", tag="setpoint", value=value), "SUCCEEDED", None,
                                "ACK")
         for value in (-1, 1001):
-            self.assert_result(self.order(op="write", tag="setpoint", value=value), "REJECTED",
+            self.assert_result(self.command(op="write", tag="setpoint", value=value), "REJECTED",
                                "out_of_range")
         # The edges of the type itself, where nothing else is set.
         for value, status in ((32767, "SUCCEEDED"), (-32768, "SUCCEEDED"), (32768, "REJECTED"),
                               (-32769, "REJECTED"), (1e300, "REJECTED")):
-            self.assertEqual(self.order(op="write", address="D300", value=value)["status"], status)
+            self.assertEqual(self.command(op="write", address="D300", value=value)["status"], status)
 
     def test_every_device_of_a_write_must_be_allowed(self):
         self.start_press(commands={"allow": ["D300-D309", "M100-M107", "Y0"]})
@@ -237,8 +237,8 @@ class Commands(PlantTest):
             ({"address": "M108", "value": True}, "not_allowed"),
             ({"address": "Y1", "value": True}, "not_allowed"),
         ]
-        for order, reason in table:
-            result = self.order(op="write", **order)
+        for command, reason in table:
+            result = self.command(op="write", **command)
             self.assertEqual(result["reason"], reason, result)
             self.assertEqual(result["status"], "REJECTED" if reason else "SUCCEEDED")
 
@@ -247,17 +247,17 @@ class Commands(PlantTest):
         self.sim.fault("press1", "silent", match="force")
         now = int(time.time() * 1000)
         self.send({"id": "busy", "op": "force_on", "address": "M150"})
-        order = {"op": "write", "tag": "setpoint", "value": 9}
-        self.send({"id": "message", "expires": now + 60000, **order},
+        command = {"op": "write", "tag": "setpoint", "value": 9}
+        self.send({"id": "message", "expires": now + 60000, **command},
                   properties=request_properties(expiry=1))
-        self.send({"id": "own", "expires": now + 500, **order},
+        self.send({"id": "own", "expires": now + 500, **command},
                   properties=request_properties(expiry=60))
-        self.send({"id": "fresh", "expires": now + 60000, **order},
+        self.send({"id": "fresh", "expires": now + 60000, **command},
                   properties=request_properties(expiry=60))
         self.assert_result(self.result("message"), "EXPIRED", "expired")
         self.assert_result(self.result("own"), "EXPIRED", "expired")
         self.assert_result(self.result("fresh"), "SUCCEEDED", None, "ACK")
-        self.assertEqual(len(self.sim.orders("press1")), 1)
+        self.assertEqual(len(self.sim.commands("press1")), 1)
 
     def test_without_expires_the_default_counts(self):
         self.start_press(timeout_ms=1500, commands={
@@ -266,9 +266,9 @@ class Commands(PlantTest):
         self.send({"id": "busy", "op": "force_on", "address": "M150"})
         self.send({"id": "late", "op": "write", "tag": "setpoint", "value": 9})
         self.assert_result(self.result("late"), "EXPIRED", "expired")
-        self.assertEqual(self.sim.orders("press1"), [])
+        self.assertEqual(self.sim.commands("press1"), [])
         far = int(time.time() * 1000) + 120000
-        self.assert_result(self.order(op="write", tag="setpoint", value=9, expires=far), "REJECTED",
+        self.assert_result(self.command(op="write", tag="setpoint", value=9, expires=far), "REJECTED",
                            "bad_value")
 
     def test_a_retained_publish_to_a_connected_agent_is_refused_too(self):
@@ -276,12 +276,12 @@ class Commands(PlantTest):
         since = self.watcher.mark()
         self.send({"id": "live", "op": "force_on", "address": "M101"}, retain=True)
         self.assert_result(self.result("live", since=since), "REJECTED", "retained")
-        self.assertEqual(self.sim.orders("press1"), [])
+        self.assertEqual(self.sim.commands("press1"), [])
 
     def test_a_result_has_every_word_of_the_contract(self):
         self.start_press()
         before = time.time() * 1000
-        result = self.order(id="b7e1", op="write", tag="setpoint", value=50, expect=0, verify=True,
+        result = self.command(id="b7e1", op="write", tag="setpoint", value=50, expect=0, verify=True,
                             dry_run=False, by="anna", expires=int(before) + 10000)
         self.assertEqual(set(result), {"id", "status", "reason", "detail", "plc", "op", "tag",
                                        "address", "value", "verify", "t", "attempts"})
@@ -296,12 +296,12 @@ class Commands(PlantTest):
     def test_a_value_that_nobody_read_back_is_marked_as_written(self):
         self.start_press()
         since = self.watcher.mark()
-        result = self.order(op="write", tag="setpoint", value=77, verify=False)
+        result = self.command(op="write", tag="setpoint", value=77, verify=False)
         self.assert_result(result, "SUCCEEDED", None, "ACK")
         self.assertIsNone(result["verify"])
         partial = self.data(lambda m: m.get("partial"), since=since)
         self.assertEqual((partial["values"], partial["written"]), ({"setpoint": 77}, ["setpoint"]))
-        self.order(op="write", tag="setpoint", value=78)
+        self.command(op="write", tag="setpoint", value=78)
         partial = self.data(lambda m: m.get("partial") and m["values"]["setpoint"] == 78, since=since)
         self.assertNotIn("written", partial)
         # A sample like any other: no number is missing and none is there twice.
@@ -312,18 +312,18 @@ class Commands(PlantTest):
     def test_raw_addresses_publish_nothing(self):
         self.start_press()
         since = self.watcher.mark()
-        self.order(op="write", address="D300", value=1)
+        self.command(op="write", address="D300", value=1)
         self.data(since=self.watcher.mark())
         self.assertEqual([m for m in self.watcher.payloads(f"{BASE}/press1/data/fast", since)
                           if m.get("partial")], [])
 
-    def test_orders_of_two_devices_have_ids_of_their_own(self):
+    def test_commands_of_two_devices_have_ids_of_their_own(self):
         self.start([device(tags=TAGS), device("press2", "line2", tags=TAGS)],
                    [self.plc(), self.plc("press2")], [self.serial(), self.serial("line2", "press2")])
         self.state("press1", "online")
         self.state("press2", "online")
         for name, value in (("press1", 1), ("press2", 2)):
-            result = self.order(name, id="same", op="write", tag="setpoint", value=value)
+            result = self.command(name, id="same", op="write", tag="setpoint", value=value)
             self.assert_result(result, "SUCCEEDED", None, "ACK")
             self.assertEqual(self.sim.get(name, "D200"), value)
 
@@ -331,7 +331,7 @@ class Commands(PlantTest):
         self.start_press(timeout_ms=1500)
         self.sim.fault("press1", "late", match="force", ms=700)
         self.send({"id": "running", "op": "force_on", "address": "M150"})
-        wait_for("the order to be carried out", lambda: self.sim.orders("press1"))
+        wait_for("the command to be carried out", lambda: self.sim.commands("press1"))
         for number in range(4):
             self.send({"id": f"waiting-{number}", "op": "force_on", "address": "M151"})
         self.result_of_dry_run()
@@ -340,11 +340,11 @@ class Commands(PlantTest):
         for number in range(4):
             (result,) = self.results(f"waiting-{number}")
             self.assert_result(result, "FAILED", "shutting_down")
-        self.assertEqual(len(self.sim.orders("press1")), 1)
+        self.assertEqual(len(self.sim.commands("press1")), 1)
 
     def result_of_dry_run(self):
-        """Once it is there, the agent has taken all orders before it."""
-        self.order(op="write", tag="setpoint", value=1, dry_run=True)
+        """Once it is there, the agent has taken all commands before it."""
+        self.command(op="write", tag="setpoint", value=1, dry_run=True)
 
     def test_nothing_a_client_sends_ends_the_agent(self):
         self.start_press()
@@ -362,23 +362,23 @@ class Commands(PlantTest):
                      '{"id":"m","op":"write","tag":"text","value":"\\u0000\\uD83D"}']
         for payload in payloads:
             self.send(payload)
-        self.assert_result(self.order(op="read", tag="temp"), "SUCCEEDED", None, "ACK")
-        # One result each (an empty payload that is not retained is an order too: a bad one).
+        self.assert_result(self.command(op="read", tag="temp"), "SUCCEEDED", None, "ACK")
+        # One result each (an empty payload that is not retained is a command too: a bad one).
         results = self.watcher.wait_count(f"{BASE}/press1/result", len(payloads) + 1)
         self.assertEqual(len(results), len(payloads) + 1)
         self.assertEqual({r["status"] for r in results}, {"REJECTED", "SUCCEEDED"})
-        self.assertEqual(self.sim.orders("press1"), [])
+        self.assertEqual(self.sim.commands("press1"), [])
 
     def test_time_is_checked_on_arrival_and_against_the_clock(self):
         self.start_press()
         now = int(time.time() * 1000)
-        order = {"op": "write", "tag": "setpoint", "value": 1}
-        self.assert_result(self.order(expires=now - 1000, **order), "EXPIRED", "expired")
-        self.assert_result(self.order(expires=now + 4000 * 1000, **order), "REJECTED", "bad_value")
-        self.assert_result(self.order(expires=now + 60000, **order), "SUCCEEDED", None, "ACK")
-        self.assertEqual(len(self.sim.orders("press1")), 1)
+        command = {"op": "write", "tag": "setpoint", "value": 1}
+        self.assert_result(self.command(expires=now - 1000, **command), "EXPIRED", "expired")
+        self.assert_result(self.command(expires=now + 4000 * 1000, **command), "REJECTED", "bad_value")
+        self.assert_result(self.command(expires=now + 60000, **command), "SUCCEEDED", None, "ACK")
+        self.assertEqual(len(self.sim.commands("press1")), 1)
 
-    def test_an_order_that_waited_too_long_is_not_sent(self):
+    def test_a_command_that_waited_too_long_is_not_sent(self):
         self.start_press()
         self.sim.fault("press1", "late", ms=250, match="write")
         first, second = self.next_id(), self.next_id()
@@ -387,25 +387,25 @@ class Commands(PlantTest):
                    "expires": int(time.time() * 1000) + 60})
         result = self.watcher.wait(f"{BASE}/press1/result", lambda r: r["id"] == second)
         self.assert_result(result, "EXPIRED", "expired")
-        self.assertEqual([o["value"] for o in self.sim.orders("press1")], [1])
+        self.assertEqual([o["value"] for o in self.sim.commands("press1")], [1])
 
-    def test_a_retained_order_is_refused(self):
+    def test_a_retained_command_is_refused(self):
         self.start_press()
-        # Another client's retained order, there before the agent comes back.
+        # Another client's retained command, there before the agent comes back.
         self.agent.stop()
         self.send({"id": "old", "op": "force_on", "address": "M101"}, retain=True)
         since = self.watcher.mark()
         self.agent.start()
         result = self.watcher.wait(f"{BASE}/press1/result", lambda r: r["id"] == "old", since)
         self.assert_result(result, "REJECTED", "retained")
-        # Clearing the topic is no order.
+        # Clearing the topic is no command.
         since = self.watcher.mark()
         self.watcher.publish(f"{BASE}/press1/command", "", retain=True)
-        self.assert_result(self.order(op="read", tag="temp"), "SUCCEEDED", None, "ACK")
+        self.assert_result(self.command(op="read", tag="temp"), "SUCCEEDED", None, "ACK")
         self.assertEqual(len(self.watcher.payloads(f"{BASE}/press1/result", since)), 1)
-        self.assertEqual(self.sim.orders("press1"), [])
+        self.assertEqual(self.sim.commands("press1"), [])
 
-    def test_an_order_sent_while_the_agent_is_away_is_never_carried_out(self):
+    def test_a_command_sent_while_the_agent_is_away_is_never_carried_out(self):
         self.start_press()
         # It goes without a word: one that says goodbye takes its subscription back, session or not.
         since = self.watcher.mark()
@@ -415,15 +415,15 @@ class Commands(PlantTest):
         since = self.watcher.mark()
         self.agent.start()
         self.state("press1", "online", since)
-        self.assert_result(self.order(op="read", tag="temp"), "SUCCEEDED", None, "ACK")
-        self.assertEqual(self.sim.orders("press1"), [])
+        self.assert_result(self.command(op="read", tag="temp"), "SUCCEEDED", None, "ACK")
+        self.assertEqual(self.sim.commands("press1"), [])
         self.assertEqual([r for r in self.watcher.payloads(f"{BASE}/press1/result")
                           if r["id"] == "while-away"], [])
 
     def test_a_repeated_id_is_answered_with_its_first_result(self):
         self.start_press()
-        first = self.order(id="same", op="write", tag="setpoint", value=5)
-        again = self.order(id="same", op="write", tag="setpoint", value=6)
+        first = self.command(id="same", op="write", tag="setpoint", value=5)
+        again = self.command(id="same", op="write", tag="setpoint", value=6)
         self.assert_result(again, "DUPLICATE", "duplicate_id", "ACK")
         self.assertEqual(again["first"]["status"], first["status"])
         self.assertEqual(again["first"]["value"], 5)
@@ -435,76 +435,76 @@ class Commands(PlantTest):
         self.assertIsNone(running["first"])
         self.watcher.wait(f"{BASE}/press1/result",
                           lambda r: r["id"] == "slow" and r["status"] == "SUCCEEDED")
-        self.assertEqual([o["value"] for o in self.sim.orders("press1")], [5, 7])
+        self.assertEqual([o["value"] for o in self.sim.commands("press1")], [5, 7])
 
     def test_expect_guards_the_write(self):
         self.start_press(plc={"memory": {"D200": 45}})
-        order = {"op": "write", "tag": "setpoint"}
-        self.assert_result(self.order(value=50, expect=45, **order), "SUCCEEDED", None, "ACK")
-        self.assert_result(self.order(value=60, expect=45, **order), "FAILED", "expect_mismatch")
+        command = {"op": "write", "tag": "setpoint"}
+        self.assert_result(self.command(value=50, expect=45, **command), "SUCCEEDED", None, "ACK")
+        self.assert_result(self.command(value=60, expect=45, **command), "FAILED", "expect_mismatch")
         self.assertEqual(self.sim.get("press1", "D200"), 50)
 
     def test_dry_run_checks_everything_and_sends_nothing(self):
         self.start_press()
-        result = self.order(id="try", op="write", tag="setpoint", value=5, dry_run=True)
+        result = self.command(id="try", op="write", tag="setpoint", value=5, dry_run=True)
         self.assert_result(result, "SUCCEEDED")
         self.assertTrue(result["dry_run"])
-        self.assertEqual(self.sim.orders("press1"), [])
-        self.assert_result(self.order(op="write", tag="setpoint", value=5000, dry_run=True),
+        self.assertEqual(self.sim.commands("press1"), [])
+        self.assert_result(self.command(op="write", tag="setpoint", value=5000, dry_run=True),
                            "REJECTED", "out_of_range")
-        self.assert_result(self.order(id="try", op="write", tag="setpoint", value=5), "SUCCEEDED",
+        self.assert_result(self.command(id="try", op="write", tag="setpoint", value=5), "SUCCEEDED",
                            None, "ACK")
 
-    def test_bits_are_verified_only_where_the_order_says_so(self):
+    def test_bits_are_verified_only_where_the_command_says_so(self):
         # The demo's ladder resets M100 in the scan after it was set: a pulse that worked. An answer takes
         # several scans, so that a read-back finds it gone.
         self.start_press(plc={"plant": "demo", "turnaround_ms": 100})
-        result = self.order(op="force_on", tag="button")
+        result = self.command(op="force_on", tag="button")
         self.assert_result(result, "SUCCEEDED", None, "ACK")
         self.assertIsNone(result["verify"])
-        result = self.order(op="force_on", tag="button", verify=True)
+        result = self.command(op="force_on", tag="button", verify=True)
         self.assert_result(result, "FAILED", "verify_mismatch", "ACK")
         self.assertEqual(result["verify"], {"read": False, "match": False})
         # Nothing in the ladder drives M150.
-        result = self.order(op="force_on", address="M150", verify=True)
+        result = self.command(op="force_on", address="M150", verify=True)
         self.assert_result(result, "SUCCEEDED", None, "ACK")
         self.assertEqual(result["verify"], {"read": True, "match": True})
 
     def test_a_refusal_is_repeated_once_and_then_told(self):
         self.start_press()
         self.sim.fault("press1", "nak", match="write", count=1)
-        result = self.order(op="write", tag="setpoint", value=5)
+        result = self.command(op="write", tag="setpoint", value=5)
         self.assert_result(result, "SUCCEEDED", None, "ACK")
         self.assertEqual(result["attempts"], 2)
         self.sim.fault("press1", "nak", match="write", count=2)
-        result = self.order(op="write", tag="setpoint", value=6)
+        result = self.command(op="write", tag="setpoint", value=6)
         self.assert_result(result, "FAILED", "nak", "NAK")
         self.assertEqual(result["attempts"], 2)
-        self.assertEqual([o["value"] for o in self.sim.orders("press1")], [5])
+        self.assertEqual([o["value"] for o in self.sim.commands("press1")], [5])
 
     def test_silence_is_settled_by_reading_back(self):
         self.start_press()
         self.sim.fault("press1", "execute_then_silent", match="write")
-        result = self.order(op="write", tag="setpoint", value=5)
+        result = self.command(op="write", tag="setpoint", value=5)
         self.assert_result(result, "SUCCEEDED", None, None)
         self.assertEqual(result["verify"], {"read": 5, "match": True})
         self.sim.fault("press1", "silent", match="write")
-        result = self.order(op="write", tag="setpoint", value=6)
+        result = self.command(op="write", tag="setpoint", value=6)
         self.assert_result(result, "UNKNOWN_OUTCOME", "timeout", None)
         self.assertEqual(result["attempts"], 1)
-        self.assertEqual([o["value"] for o in self.sim.orders("press1")], [5])
+        self.assertEqual([o["value"] for o in self.sim.commands("press1")], [5])
         self.sim.fault("press1", "execute_then_silent", match="force")
-        self.assert_result(self.order(op="force_on", address="M150"), "SUCCEEDED", None, None)
+        self.assert_result(self.command(op="force_on", address="M150"), "SUCCEEDED", None, None)
 
-    def test_a_late_ack_never_answers_the_next_order(self):
+    def test_a_late_ack_never_answers_the_next_command(self):
         self.start_press()
         for number in range(5):
             # Carried out, and acknowledged when the agent has given up.
             self.sim.fault("press1", "late", ms=350, match="write")
-            self.order(op="write", tag="setpoint", value=10 + number)
+            self.command(op="write", tag="setpoint", value=10 + number)
             # Not carried out and not answered: any ACK that counts for it is a lie.
             self.sim.fault("press1", "silent", match="write")
-            result = self.order(op="write", tag="setpoint", value=500 + number)
+            result = self.command(op="write", tag="setpoint", value=500 + number)
             self.assertEqual(result["status"], "UNKNOWN_OUTCOME", result)
             self.assertIsNone(result["plc"])
 
@@ -512,25 +512,25 @@ class Commands(PlantTest):
         self.start_press()
         self.sim.fault("press1", "dead")
         self.state("press1", "offline", self.watcher.mark())
-        result = self.order(op="force_on", address="M150")
+        result = self.command(op="force_on", address="M150")
         self.assert_result(result, "FAILED", "device_offline")
         self.sim.ask(cmd="clear_faults", plc="press1")
         since = self.watcher.mark()
-        wait_for("the press to answer again", lambda: self.order(
+        wait_for("the press to answer again", lambda: self.command(
             op="force_on", address="M150")["status"] == "SUCCEEDED")
         self.state("press1", "online", since)
 
     def test_run_and_stop_are_verified_by_the_plc_state(self):
         rules = {"allow": [], "allow_run_stop": True}
         self.start_press(commands=rules)
-        result = self.order(op="stop")
+        result = self.command(op="stop")
         self.assert_result(result, "SUCCEEDED", None, "ACK")
         self.assertEqual(result["verify"], {"read": "stop", "match": True})
         self.watcher.wait(f"{BASE}/press1/state", lambda s: s["run"] is False)
-        self.assertEqual(self.order(op="run")["verify"], {"read": "run", "match": True})
-        self.order(op="stop")
+        self.assertEqual(self.command(op="run")["verify"], {"read": "run", "match": True})
+        self.command(op="stop")
         self.sim.ask(cmd="switch", plc="press1", position="stop")
-        result = self.order(op="run")
+        result = self.command(op="run")
         self.assert_result(result, "FAILED", "verify_mismatch", "ACK")
         self.assertIn("switch", result["detail"])
 
@@ -538,22 +538,22 @@ class Commands(PlantTest):
         self.start_press()
         targets = [{"tag": "setpoint", "value": 1}, {"tag": "button", "value": True},
                    {"tag": "pair", "value": 3}]
-        result = self.order(op="write", targets=targets)
+        result = self.command(op="write", targets=targets)
         self.assert_result(result, "SUCCEEDED", None, "ACK")
         self.assertEqual([t["status"] for t in result["targets"]], ["SUCCEEDED"] * 3)
-        self.assertEqual(len(self.sim.orders("press1")), 3)
+        self.assertEqual(len(self.sim.commands("press1")), 3)
         targets[1]["value"] = "on"
-        result = self.order(op="write", targets=targets)
+        result = self.command(op="write", targets=targets)
         self.assert_result(result, "REJECTED", "bad_value")
-        self.assertEqual(len(self.sim.orders("press1")), 3)
+        self.assertEqual(len(self.sim.commands("press1")), 3)
         targets[1]["value"] = False
         self.sim.fault("press1", "nak", match="force", count=2)
-        result = self.order(op="write", targets=targets)
+        result = self.command(op="write", targets=targets)
         self.assert_result(result, "PARTIAL", "nak", "NAK")
         self.assertEqual((result["done"], result["of"]), (1, 3))
         self.assertEqual([t["status"] for t in result["targets"]],
                          ["SUCCEEDED", "FAILED", "FAILED"])
-        self.assertEqual(len(self.sim.orders("press1")), 4)
+        self.assertEqual(len(self.sim.commands("press1")), 4)
 
     def test_more_than_may_wait_is_refused(self):
         self.start_press(commands={"allow": ["M100-M199"], "queue": 2})
@@ -570,7 +570,7 @@ class Commands(PlantTest):
     def test_a_response_topic_gets_a_copy_and_both_the_correlation(self):
         self.start_press()
         since = self.watcher.mark()
-        result = self.order(op="read", tag="temp",
+        result = self.command(op="read", tag="temp",
                             properties=request_properties("hmi/7/replies", b"\x01abc"))
         copy = self.watcher.wait("hmi/7/replies", since=since)
         self.assertEqual(copy, result)
@@ -579,33 +579,33 @@ class Commands(PlantTest):
             self.assertEqual(raw[-1].properties.CorrelationData, b"\x01abc", place)
         for bad in ("fx/plant-a/edge7/press1/data/fast", "hmi/command"):
             since = self.watcher.mark()
-            self.order(op="read", tag="temp", properties=request_properties(bad))
+            self.command(op="read", tag="temp", properties=request_properties(bad))
             self.assertEqual([p for p in self.watcher.payloads(bad, since)
                               if isinstance(p, dict) and "status" in p], [])
 
-    def test_every_id_has_one_result_and_every_order_is_sent_as_often_as_it_says(self):
+    def test_every_id_has_one_result_and_every_command_is_sent_as_often_as_it_says(self):
         self.start_press()
         chance = random.Random(7)
-        orders = {}
+        commands = {}
         for number in range(1, 151):  # 0 is what the PLC holds already
             if chance.random() < 0.1:
                 kind = chance.choice(["nak", "silent", "execute_then_silent", "wrong_sum",
                                       "garbage_before", "noise_after", "truncated", "echo"])
                 self.sim.fault("press1", kind, match=chance.choice(["any", "write", "force"]))
             name = f"r{chance.randrange(120)}"
-            order = {"id": name, "op": "write", "tag": "setpoint", "value": number}
-            orders.setdefault(name, []).append(number)
-            self.send(order)
-        sent = sum(len(values) for values in orders.values())
+            command = {"id": name, "op": "write", "tag": "setpoint", "value": number}
+            commands.setdefault(name, []).append(number)
+            self.send(command)
+        sent = sum(len(values) for values in commands.values())
         results = wait_for("a result for each message", lambda: [
             r for r in self.watcher.payloads(f"{BASE}/press1/result")]
             if len(self.watcher.payloads(f"{BASE}/press1/result")) >= sent else None, 90)
         self.assertEqual(len(results), sent)
-        for name in orders:
+        for name in commands:
             own = [r for r in results if r["id"] == name]
             decided = [r for r in own if r["status"] != "DUPLICATE"]
             self.assertEqual(len(decided), 1, own)
-            carried_out = [o for o in self.sim.orders("press1") if o["value"] in orders[name]]
+            carried_out = [o for o in self.sim.commands("press1") if o["value"] in commands[name]]
             self.assertLessEqual(len(carried_out), max(1, decided[0]["attempts"]))
             if decided[0]["status"] == "SUCCEEDED":
                 self.assertGreaterEqual(len(carried_out), 1, decided[0])

@@ -9,9 +9,9 @@ from plant import BASE, PlantTest, Watcher, device, wait_for
 
 CRASHING = os.environ["FXAGENT_CRASHING"]
 
-# Where the agent dies → what is true of an order then. `journaled`: its id is known after the restart,
+# Where the agent dies → what is true of a command then. `journaled`: its id is known after the restart,
 # and its result comes unasked. `executed`: how often the PLC may have carried it out.
-ORDER = {
+COMMAND = {
     "command_received": {"journaled": False, "executed": (0,)},
     "order_admitted": {"journaled": False, "executed": (0,)},
     "order_journaled": {"journaled": True, "executed": (0,)},
@@ -40,13 +40,13 @@ class Crashes(PlantTest):
         self.agent.process = None
         self.agent.log.close()
 
-    def crash_with(self, point, order):
-        """The order is sent to an agent that dies of it and is started again; where that began."""
+    def crash_with(self, point, command):
+        """The command is sent to an agent that dies of it and is started again; where that began."""
         since = self.start_plant(point)
         self.state("press1", "online", since)
-        # Greeted, so that the next frame of an order is the order's own.
+        # Greeted, so that the next frame of a command is the command's own.
         self.data(since=since)
-        self.send(order)
+        self.send(command)
         self.wait_dead()
         since = self.watcher.mark()
         self.agent.start()
@@ -57,39 +57,39 @@ class Crashes(PlantTest):
         """Results that were published for an id and are no DUPLICATE; the same one may come twice."""
         return [r for r in self.results(identity) if r["status"] != "DUPLICATE"]
 
-    def check(self, point, order, verified):
-        promise = ORDER[point]
-        since = self.crash_with(point, order)
+    def check(self, point, command, verified):
+        promise = COMMAND[point]
+        since = self.crash_with(point, command)
         if not promise["journaled"]:
-            again = self.order(**order)
+            again = self.command(**command)
             self.assert_result(again, "SUCCEEDED", None, "ACK")
-            self.assertEqual(len(self.told(order["id"])), 1)
-            self.assertEqual(len(self.sim.orders("press1")), 1)
+            self.assertEqual(len(self.told(command["id"])), 1)
+            self.assertEqual(len(self.sim.commands("press1")), 1)
             return
-        result = self.result(order["id"], since=since,
+        result = self.result(command["id"], since=since,
                              accept=lambda r: r["status"] != "DUPLICATE")
-        orders = len(self.sim.orders("press1"))
-        self.assertIn(orders, promise["executed"])
+        commands = len(self.sim.commands("press1"))
+        self.assertIn(commands, promise["executed"])
         if promise.get("known"):
             self.assert_result(result, "SUCCEEDED", None, "ACK")
-        elif verified and orders == 1:
+        elif verified and commands == 1:
             self.assert_result(result, "SUCCEEDED", None, None)
-            self.assertEqual(result["verify"], {"read": order["value"], "match": True})
+            self.assertEqual(result["verify"], {"read": command["value"], "match": True})
         else:
             self.assert_result(result, "UNKNOWN_OUTCOME")
-        again = self.order(**order)
+        again = self.command(**command)
         self.assert_result(again, "DUPLICATE", "duplicate_id", result["plc"])
         self.assertEqual(again["first"]["status"], result["status"])
-        self.assertEqual({r["status"] for r in self.told(order["id"])}, {result["status"]})
-        self.assertEqual(len(self.sim.orders("press1")), orders, "carried out once more")
+        self.assertEqual({r["status"] for r in self.told(command["id"])}, {result["status"]})
+        self.assertEqual(len(self.sim.commands("press1")), commands, "carried out once more")
         # Once the broker has it, it does not come again.
         self.agent.stop()
         since = self.watcher.mark()
         self.agent.start()
         self.state("press1", "online", since)
-        self.assert_result(self.order(op="read", tag="temp"), "SUCCEEDED", None, "ACK")
+        self.assert_result(self.command(op="read", tag="temp"), "SUCCEEDED", None, "ACK")
         self.assertEqual([r for r in self.watcher.payloads(f"{BASE}/press1/result", since)
-                          if r["id"] == order["id"]], [])
+                          if r["id"] == command["id"]], [])
 
     def test_a_sample_that_was_stored_is_never_lost(self):
         # With `always` a sample is on disk before it is sent, so that every number has to arrive.
@@ -137,18 +137,18 @@ class Crashes(PlantTest):
         return self.sim.ask(cmd="stats", plc="press1")["accepted_reads"]
 
 
-def test_of(point, name, order, verified):
+def test_of(point, name, command, verified):
     def test(self):
-        self.check(point, order, verified)
+        self.check(point, command, verified)
     test.__name__ = f"test_{name}_at_{point}"
     return test
 
 
-for _point in ORDER:
-    for _name, _order, _verified in (
+for _point in COMMAND:
+    for _name, _command, _verified in (
             ("a_force", {"id": "f1", "op": "force_on", "address": "M150"}, False),
             ("a_write", {"id": "w1", "op": "write", "address": "D300", "value": 17}, True)):
-        _test = test_of(_point, _name, _order, _verified)
+        _test = test_of(_point, _name, _command, _verified)
         setattr(Crashes, _test.__name__, _test)
 
 if __name__ == "__main__":

@@ -80,8 +80,8 @@ class Faults(PlantTest):
         self.data(lambda m: "bad" not in m, since=since)
 
     def test_each_fault_alone_has_the_state_and_the_recovery_of_the_contract(self):
-        # Silence in one beat is a miss; retries + 1 of them in a row are an offline device. A refusal or
-        # nonsense is repeated in the same beat, so that fewer than retries + 1 of them are not seen at all.
+        # Silence in one poll interval is a miss; retries + 1 of them in a row are an offline device. A refusal or
+        # nonsense is repeated in the same interval, so that fewer than retries + 1 of them are not seen at all.
         groups = [{"name": "fast", "interval_ms": 100}]
         tags = [{"name": "a", "address": "D10", "group": "fast"}]
         self.start([device(tags=tags, groups=groups, timeout_ms=120)], [self.plc(memory={"D10": 7})])
@@ -148,8 +148,8 @@ class Faults(PlantTest):
         self.start([device(tags=tags, echo=True)],
                    [self.plc(memory={"D100": 5}, faults=[{"kind": "echo", "count": -1}])])
         self.data(lambda m: m["values"] == {"temp": 5, "setpoint": 0})
-        self.assert_result(self.order(op="write", tag="setpoint", value=9), "SUCCEEDED", None, "ACK")
-        self.assert_result(self.order(op="force_on", address="M150"), "SUCCEEDED", None, "ACK")
+        self.assert_result(self.command(op="write", tag="setpoint", value=9), "SUCCEEDED", None, "ACK")
+        self.assert_result(self.command(op="force_on", address="M150"), "SUCCEEDED", None, "ACK")
         self.state("press1", "online")
 
     def test_a_reply_in_pieces_is_one_reply(self):
@@ -225,7 +225,7 @@ class Faults(PlantTest):
         self.state("press1", "offline")
         wait_for("the log", lambda: "No such file" in self.agent.logged())
         self.assertIn("by-id", self.agent.logged())
-        result = self.order(op="force_on", address="M150")
+        result = self.command(op="force_on", address="M150")
         self.assert_result(result, "FAILED", "link_down")
         self.assertEqual(result["attempts"], 0)
         self.agent.stop()
@@ -274,11 +274,11 @@ class OverTcp(PlantTest):
         for connection in accepted:
             connection.close()
 
-    def test_orders_work_over_tcp_and_have_a_bound_where_the_speed_is_known(self):
+    def test_commands_work_over_tcp_and_have_a_bound_where_the_speed_is_known(self):
         port = free_port()
         self.start(plcs=[self.plc(tcp=port)], links=[self.link(port)])
         self.state("press1", "online")
-        result = self.order(op="force_on", address="M150")
+        result = self.command(op="force_on", address="M150")
         self.assert_result(result, "SUCCEEDED", None, "ACK")
         self.assertGreater(result["t"]["bound_ms"], 0)
 

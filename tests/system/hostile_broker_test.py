@@ -509,7 +509,7 @@ class DynamicSecurity(PlantTest):
         self.watcher.wait(f"{BASE}/state", lambda s: s["state"] == "online", since)
         self.assertLessEqual(time.monotonic() - enabled, BACK_S)
         self.data(since=since)
-        self.assertEqual(self.order(op="read", tag="temp")["status"], "SUCCEEDED")
+        self.assertEqual(self.command(op="read", tag="temp")["status"], "SUCCEEDED")
 
     def test_a_disabled_client_is_back_when_it_is_enabled_again(self):
         self.disabled_and_enabled("5", "dministrative action")
@@ -524,7 +524,7 @@ class DynamicSecurity(PlantTest):
         self.may_subscribe()
         heard = self.watcher.wait(f"{BASE}/state", lambda s: s["state"] == "online", since)
         self.assertNotIn("commands", heard)
-        self.assertEqual(self.order(op="read", tag="temp")["status"], "SUCCEEDED")
+        self.assertEqual(self.command(op="read", tag="temp")["status"], "SUCCEEDED")
 
     def test_an_agent_that_may_not_subscribe_says_so_until_it_may(self):
         self.denied_and_allowed("5")

@@ -146,13 +146,13 @@ class Log(PlantTest):
         os.close(writer)
         return reader, since
 
-    def test_a_pipe_that_nobody_reads_holds_up_neither_samples_nor_orders_nor_the_end(self):
+    def test_a_pipe_that_nobody_reads_holds_up_neither_samples_nor_commands_nor_the_end(self):
         _, since = self.start_unread()
         self.state("press1", "online", since)
         # Each makes a line, and together they are more than what may wait for the reader.
         for number in range(2000):
             self.watcher.client.publish(f"{BASE}/nobody{number}/command", "{}", 1)
-        self.assert_result(self.order(op="force_on", address="M150"), "SUCCEEDED", None, "ACK")
+        self.assert_result(self.command(op="force_on", address="M150"), "SUCCEEDED", None, "ACK")
         mark = self.watcher.mark()
         self.data(since=mark)
         begin = time.monotonic()
@@ -166,7 +166,7 @@ class Log(PlantTest):
         self.state("press1", "online", since)
         for number in range(4000):
             self.watcher.client.publish(f"{BASE}/nobody{number}/command", "{}", 1)
-        self.assert_result(self.order(op="force_on", address="M150"), "SUCCEEDED", None, "ACK")
+        self.assert_result(self.command(op="force_on", address="M150"), "SUCCEEDED", None, "ACK")
         os.set_blocking(reader, False)
         text = b""
 
@@ -186,7 +186,7 @@ class Log(PlantTest):
     def test_a_text_of_others_is_cut_and_escaped(self):
         self.start()
         self.ready()
-        self.order(op="force_on", address="M150",
+        self.command(op="force_on", address="M150",
                    properties=request_properties("x" * 60000 + "/command"))
         self.watcher.client.publish(f"{BASE}/{'n' * 60000}/command", "{}", 1)
         wait_for("the line", lambda: "command_ignored" in self.agent.logged())
@@ -207,7 +207,7 @@ class Disk(PlantTest):
         self.assertIsNone(self.agent.process.poll())
         mark = self.watcher.mark()
         self.data(since=max(mark, since))
-        self.assert_result(self.order(op="force_on", address="M150"), "SUCCEEDED", None, "ACK")
+        self.assert_result(self.command(op="force_on", address="M150"), "SUCCEEDED", None, "ACK")
 
 
 class Watchdog(PlantTest):

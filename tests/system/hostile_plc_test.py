@@ -21,7 +21,7 @@ On a question, beside the right answer:                 stage
 Without any question: bytes at full speed from the first moment, or from the first question on.
 
 After each of them: the process lives, no wrong value has good quality once the line has shown that it
-cannot be believed, the neighbours keep their beat, and the polite PLC is read again.
+cannot be believed, the neighbours keep their poll interval, and the polite PLC is read again.
 """
 
 import socket
@@ -164,7 +164,7 @@ class PortPeer(Peer):
             return b"\x06"
         text = question[1:-3].decode()
         if text[0] != "0":
-            return b"\x15"  # this PLC takes no orders
+            return b"\x15"  # this PLC takes no commands
         address, count = int(text[1:5], 16), int(text[5:7], 16)
         memory = {0x01E0: 1}  # M8000
         for number, value in REGISTERS.items():
@@ -343,7 +343,7 @@ class HostilePlc(PlantTest):
         hostile = self.peer(PortPeer(mode=strays))
         self.plant(hostile, self.port_device)
         self.state("press1", "online")
-        results = [self.order(op="force_on", address="M100", expires=int(time.time() * 1000) + 30000)
+        results = [self.command(op="force_on", address="M100", expires=int(time.time() * 1000) + 30000)
                    for _ in range(8)]
         # The first one's NAK comes when its result is out already; nothing before it tells.
         for result in results[1:]:
@@ -357,7 +357,7 @@ class HostilePlc(PlantTest):
         self.plant(hostile, self.port_device)
         self.state("press1", "online")
         for _ in range(4):
-            result = self.order(op="force_on", address="M100",
+            result = self.command(op="force_on", address="M100",
                                 expires=int(time.time() * 1000) + 30000)
             self.assert_result(result, "UNKNOWN_OUTCOME", "bad_frame")
 
@@ -367,7 +367,7 @@ class HostilePlc(PlantTest):
         hostile = self.peer(PortPeer(mode=data))
         self.plant(hostile, self.port_device)
         self.state("press1", "online")
-        result = self.order(op="force_on", address="M100")
+        result = self.command(op="force_on", address="M100")
         self.assert_result(result, "UNKNOWN_OUTCOME", "timeout")
 
     def babble(self, peer, connection):

@@ -66,14 +66,14 @@ class Commands(StopTest):
         self.ready()
 
     def wait_for_writes(self, count):
-        wait_for(f"{count} writes", lambda: len(self.sim.orders("press1")) >= count)
+        wait_for(f"{count} writes", lambda: len(self.sim.commands("press1")) >= count)
 
     def test_a_long_list_leaves_the_polls_their_share_and_lets_others_between(self):
         self.slow_press()
         self.send({"id": "list", "op": "write", "targets": LIST})
         self.wait_for_writes(2)
         since = self.watcher.mark()
-        other = self.order(op="force_on", address="M150")
+        other = self.command(op="force_on", address="M150")
         self.assert_result(other, "SUCCEEDED", None, "ACK")
         self.assertEqual(self.results("list"), [], "the other one did not wait for the list")
         result = self.result("list")
@@ -92,8 +92,8 @@ class Commands(StopTest):
     def test_more_than_64_targets_are_refused(self):
         self.start()
         self.state("press1", "online")
-        self.assert_result(self.order(op="write", targets=LIST + LIST[:1]), "REJECTED", "too_large")
-        self.assertEqual(self.sim.orders("press1"), [])
+        self.assert_result(self.command(op="write", targets=LIST + LIST[:1]), "REJECTED", "too_large")
+        self.assertEqual(self.sim.commands("press1"), [])
 
     def test_a_stop_ends_a_list_between_two_targets_and_tells_which_were_written(self):
         self.slow_press()
@@ -104,7 +104,7 @@ class Commands(StopTest):
         (result,) = self.results("list")
         self.assert_result(result, "PARTIAL", "shutting_down")
         done = result["done"]
-        self.assertEqual((result["of"], len(self.sim.orders("press1"))), (64, done))
+        self.assertEqual((result["of"], len(self.sim.commands("press1"))), (64, done))
         self.assertGreaterEqual(done, 5)
         self.assertEqual([t["status"] for t in result["targets"]],
                          ["SUCCEEDED"] * done + ["FAILED"] * (64 - done))
@@ -149,7 +149,7 @@ class Commands(StopTest):
         self.sim.fault("press1", "silent", count=-1)
         self.send({"id": "a", "op": "force_on", "address": "M150"})
         self.send({"id": "list", "op": "write", "targets": LIST}, "press2")
-        wait_for("the list", lambda: self.sim.orders("press2"))
+        wait_for("the list", lambda: self.sim.commands("press2"))
         self.broker.process.send_signal(signal.SIGSTOP)
         self.stack.callback(self.broker.process.send_signal, signal.SIGCONT)
         self.stopped()

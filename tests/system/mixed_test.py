@@ -88,19 +88,19 @@ class MixedPlant(PlantTest):
         return PORTS + STATIONS + UNITS + METERS
 
     def gaps(self, seconds):
-        """For each device the time stamps of `seconds` worth of beats from now on, as gaps in ms."""
+        """For each device the time stamps of `seconds` worth of polls from now on, as gaps in ms."""
         since = self.watcher.mark()
-        beats = int(seconds * 1000 / INTERVAL_MS)
+        polls = int(seconds * 1000 / INTERVAL_MS)
         living = [name for name in self.everybody() if name not in self.dead]
         out = {}
         for name in living:
-            self.watcher.wait_count(f"{BASE}/{name}/data/fast", beats, since=since, patience=60)
-            stamps = self.stamps(name, since=since)[:beats]
+            self.watcher.wait_count(f"{BASE}/{name}/data/fast", polls, since=since, patience=60)
+            stamps = self.stamps(name, since=since)[:polls]
             out[name] = [b - a for a, b in zip(stamps, stamps[1:])]
         return out
 
     def table(self, title, gaps):
-        print(f"\n{title}: interval {INTERVAL_MS} ms; device, beats, median and largest gap in ms")
+        print(f"\n{title}: interval {INTERVAL_MS} ms; device, polls, median and largest gap in ms")
         for name, values in gaps.items():
             print(f"  {name:5} {len(values):3} {statistics.median(values):6.0f} {max(values):6.0f}")
 
@@ -143,24 +143,24 @@ class MixedPlant(PlantTest):
             self.state(name, "online")
         for name in self.everybody():
             modbus = name in UNITS + METERS
-            written = self.order(name, op="write", tag="setpoint", value=1234)
+            written = self.command(name, op="write", tag="setpoint", value=1234)
             self.assert_result(written, "SUCCEEDED", plc="ACK")
             self.assertEqual(written["verify"], {"read": 1234, "match": True})
             self.assertEqual(self.sim.get(name, "hr:300" if modbus else "D300"), 1234)
-            forced = self.order(name, op="force_on", tag="flag", verify=True)
+            forced = self.command(name, op="force_on", tag="flag", verify=True)
             self.assert_result(forced, "SUCCEEDED", plc="ACK")
             self.assertEqual(self.sim.get(name, "co:5" if modbus else "M50"), 1)
             if modbus:
-                bit = self.order(name, op="write", tag="bit", value=True, verify=True)
+                bit = self.command(name, op="write", tag="bit", value=True, verify=True)
                 self.assert_result(bit, "SUCCEEDED", plc="ACK")
                 self.assertEqual(self.sim.get(name, "hr:300"), 1234 | 8)
-                self.assert_result(self.order(name, op="stop"), "REJECTED", "bad_op")
-        both = self.order("st1", op="write",
+                self.assert_result(self.command(name, op="stop"), "REJECTED", "bad_op")
+        both = self.command("st1", op="write",
                           targets=[{"tag": "setpoint", "value": 7}, {"tag": "speed", "value": 8}])
         self.assertEqual(both["status"], "SUCCEEDED", json.dumps(both))
         self.assertTrue(both["one_frame"])
         self.assertEqual([self.sim.get("st1", d) for d in ("D300", "D310")], [7, 8])
-        one_place = self.order("st1", op="write", targets=[{"tag": "setpoint", "value": 9},
+        one_place = self.command("st1", op="write", targets=[{"tag": "setpoint", "value": 9},
                                                            {"tag": "setpoint", "value": 10}])
         self.assertEqual(one_place["status"], "SUCCEEDED", json.dumps(one_place))
         self.assertFalse(one_place.get("one_frame", False))
@@ -168,18 +168,18 @@ class MixedPlant(PlantTest):
 
     def test_run_and_stop_over_the_computer_link(self):
         self.state("st0", "online")
-        refused = self.order("st0", op="stop")
+        refused = self.command("st0", op="stop")
         self.assert_result(refused, "FAILED", "nak", "NAK")
         self.assertIn("nak 18", refused["detail"])
         self.assertIn("STOP", refused["detail"])
         self.sim.ask(cmd="switch", plc="st0", position="stop")
         wait_for("the PLC to stop", lambda: not self.sim.ask(cmd="stats", plc="st0")["run"])
-        started = self.order("st0", op="run")
+        started = self.command("st0", op="run")
         self.assert_result(started, "SUCCEEDED", plc="ACK")
         self.assertEqual(started["verify"], {"read": "run", "match": True})
-        again = self.order("st0", op="run")
+        again = self.command("st0", op="run")
         self.assert_result(again, "SUCCEEDED", plc="NAK")
-        stopped = self.order("st0", op="stop")
+        stopped = self.command("st0", op="stop")
         self.assert_result(stopped, "SUCCEEDED", plc="ACK")
 
 

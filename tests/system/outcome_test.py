@@ -1,4 +1,4 @@
-"""Orders on lines that fail: one honest result each, and no order carried out twice. CONTRACT section 5."""
+"""Commands on lines that fail: one honest result each, and no command carried out twice. CONTRACT section 5."""
 
 import random
 import time
@@ -19,31 +19,31 @@ class Outcomes(PlantTest):
         self.ready()
 
     def writes(self, name="D200"):
-        return [o["value"] for o in self.sim.orders("press1") if o["device"] == name]
+        return [o["value"] for o in self.sim.commands("press1") if o["device"] == name]
 
     def write(self, value, **more):
-        return self.order(op="write", tag="setpoint", value=value, **more)
+        return self.command(op="write", tag="setpoint", value=value, **more)
 
     def test_a_ladder_that_sets_another_value_is_told_as_verify_mismatch(self):
         # The demo's ladder sets D110 at each scan of 20 ms; the read-back comes after one.
         self.start_press(plc={"plant": "demo", "turnaround_ms": 45})
-        result = self.order(op="write", tag="shadow", value=12345)
+        result = self.command(op="write", tag="shadow", value=12345)
         self.assert_result(result, "FAILED", "verify_mismatch", "ACK")
         self.assertFalse(result["verify"]["match"])
         self.assertNotEqual(result["verify"]["read"], 12345)
         self.assertTrue(result["detail"])
         self.assertEqual((result["attempts"], self.writes("D110")), (1, [12345]))
         # Whoever does not want it verified is told of the ACK alone.
-        result = self.order(op="write", tag="shadow", value=12345, verify=False)
+        result = self.command(op="write", tag="shadow", value=12345, verify=False)
         self.assert_result(result, "SUCCEEDED", None, "ACK")
         self.assertIsNone(result["verify"])
 
-    def test_verify_is_the_orders_word_before_the_configs(self):
+    def test_verify_is_the_commands_word_before_the_configs(self):
         self.start_press(commands={"allow": ["M100-M199"], "verify": False})
         self.assertIsNone(self.write(5)["verify"])
         self.assertEqual(self.write(6, verify=True)["verify"], {"read": 6, "match": True})
-        self.assertIsNone(self.order(op="force_on", address="M150")["verify"])
-        result = self.order(op="force_off", address="M150", verify=True)
+        self.assertIsNone(self.command(op="force_on", address="M150")["verify"])
+        result = self.command(op="force_off", address="M150", verify=True)
         self.assertEqual(result["verify"], {"read": False, "match": True})
 
     def test_a_read_back_that_fails_leaves_the_ack_as_it_is(self):
@@ -71,8 +71,8 @@ class Outcomes(PlantTest):
         for kind, reason, plc in [("nak", "nak", "NAK"), ("silent", "timeout", None),
                                   ("wrong_sum", "bad_frame", None)]:
             self.sim.fault("press1", kind, match="read")
-            self.assert_result(self.order(op="read", tag="temp"), "FAILED", reason, plc)
-        self.assert_result(self.order(op="read", tag="temp"), "SUCCEEDED", None, "ACK")
+            self.assert_result(self.command(op="read", tag="temp"), "FAILED", reason, plc)
+        self.assert_result(self.command(op="read", tag="temp"), "SUCCEEDED", None, "ACK")
 
     def test_each_way_an_answer_can_be_lost(self):
         # Carried out every time, and never a whole answer: the value read back is what settles it.
@@ -96,7 +96,7 @@ class Outcomes(PlantTest):
             self.assertEqual(result["attempts"], 1)
             self.assertEqual(self.writes(), list(range(1, number + 1)))
 
-    def test_a_read_back_settles_a_silent_order_even_where_verify_is_off(self):
+    def test_a_read_back_settles_a_silent_command_even_where_verify_is_off(self):
         self.start_press()
         self.sim.fault("press1", "execute_then_silent", match="write")
         result = self.write(5, verify=False)
@@ -104,12 +104,12 @@ class Outcomes(PlantTest):
         self.assertTrue(result["verify"]["match"])
         self.sim.fault("press1", "silent", match="write")
         self.assert_result(self.write(6, verify=False), "UNKNOWN_OUTCOME", "timeout", None)
-        # The value was there before the order: it is there now, and that is what is told.
+        # The value was there before the command: it is there now, and that is what is told.
         self.sim.fault("press1", "silent", match="write")
         self.assert_result(self.write(5, verify=False), "SUCCEEDED", None, None)
         self.assertEqual(self.writes(), [5])
 
-    def test_a_line_that_breaks_after_the_order_leaves_it_unknown_and_sends_it_once(self):
+    def test_a_line_that_breaks_after_the_command_leaves_it_unknown_and_sends_it_once(self):
         port = free_port()
         self.start([device(tags=TAGS)], [self.plc(tcp=port)],
                    [{"name": "line1", "tcp": {"host": "127.0.0.1", "port": port}}])
@@ -129,8 +129,8 @@ class Outcomes(PlantTest):
         self.data(lambda m: m["values"].get("setpoint") == 6, since=self.watcher.mark())
         self.assertEqual(self.writes(), [6])
 
-    def test_a_refused_order_is_never_repeated_after_its_time(self):
-        # The refusal comes 2.5 s after the order, and the order's time was up after 1.5 s.
+    def test_a_refused_command_is_never_repeated_after_its_time(self):
+        # The refusal comes 2.5 s after the command, and the command's time was up after 1.5 s.
         self.start_press(groups=[{"name": "fast", "interval_ms": 3600000}], timeout_ms=5000)
         self.data()
         self.sim.fault("press1", "late", match="write", ms=2500, count=2)
@@ -144,54 +144,54 @@ class Outcomes(PlantTest):
     def test_run_and_stop_are_sent_once_whatever_the_answer(self):
         self.start_press(commands={"allow": [], "allow_run_stop": True})
         self.sim.fault("press1", "nak", match="force")
-        result = self.order(op="stop")
+        result = self.command(op="stop")
         self.assert_result(result, "FAILED", "nak", "NAK")
         self.assertEqual(result["attempts"], 1)
         self.assertIn("switch", result["detail"])
-        self.assertEqual(self.sim.orders("press1"), [])
+        self.assertEqual(self.sim.commands("press1"), [])
         self.sim.fault("press1", "execute_then_silent", match="force")
-        result = self.order(op="stop")
+        result = self.command(op="stop")
         self.assertEqual((result["status"], result["verify"], result["attempts"]),
                          ("SUCCEEDED", {"read": "stop", "match": True}, 1), result)
         # Refused, and already as it was wanted.
         self.sim.fault("press1", "nak", match="force")
-        result = self.order(op="stop")
+        result = self.command(op="stop")
         self.assert_result(result, "SUCCEEDED", None, "NAK")
-        self.assertEqual(len(self.sim.orders("press1")), 1)
+        self.assertEqual(len(self.sim.commands("press1")), 1)
         self.sim.fault("press1", "silent", match="force")
-        result = self.order(op="run")
+        result = self.command(op="run")
         self.assertEqual((result["status"], result["plc"], result["attempts"]),
                          ("UNKNOWN_OUTCOME", None, 1), result)
 
     def test_run_and_stop_need_to_be_allowed(self):
         self.start_press()
         for op in ("run", "stop"):
-            self.assert_result(self.order(op=op), "REJECTED", "not_allowed")
-        self.assertEqual(self.sim.orders("press1"), [])
+            self.assert_result(self.command(op=op), "REJECTED", "not_allowed")
+        self.assertEqual(self.sim.commands("press1"), [])
 
     def test_a_tcp_port_where_nobody_listens_is_link_down_at_once(self):
         self.start(plcs=[self.plc("other")], links=[
             {"name": "line1", "tcp": {"host": "127.0.0.1", "port": free_port()}}])
         self.assertEqual(self.state("press1", "offline")["reason"], "link_down")
-        result = self.order(op="force_on", address="M150")
+        result = self.command(op="force_on", address="M150")
         self.assert_result(result, "FAILED", "link_down")
         self.assertEqual((result["attempts"], result["t"]["wire_ms"]), (0, 0))
         self.assertIsNone(result["t"]["bound_ms"])
 
-    def test_an_order_goes_out_to_a_device_in_back_off(self):
+    def test_a_command_goes_out_to_a_device_in_back_off(self):
         self.start_press()
         self.sim.fault("press1", "dead")
         self.state("press1", "offline", self.watcher.mark())
         for _ in range(3):
-            result = self.order(op="force_on", address="M150")
+            result = self.command(op="force_on", address="M150")
             self.assert_result(result, "FAILED", "device_offline")
         self.sim.ask(cmd="clear_faults", plc="press1")
-        # The next poll is seconds away by now; the order does not wait for it.
-        result = self.order(op="force_on", address="M150")
+        # The next poll is seconds away by now; the command does not wait for it.
+        result = self.command(op="force_on", address="M150")
         self.assert_result(result, "SUCCEEDED", None, "ACK")
         self.assertLess(result["t"]["total_ms"], 1000)
 
-    def test_two_hundred_orders_on_a_bad_line(self):
+    def test_two_hundred_commands_on_a_bad_line(self):
         self.start_press(timeout_ms=100, commands={
             "allow": ["D300-D399"], "queue": 400, "default_expiry_s": 120})
         chance = random.Random(20)
@@ -204,20 +204,20 @@ class Outcomes(PlantTest):
                 more = {"ms": chance.choice([20, 90, 130])} if kind in ("late", "drop") else {}
                 self.sim.fault("press1", kind, match=chance.choice(["any", "write", "read"]), **more)
             identity = f"r{chance.randrange(160)}"
-            order = {"id": identity, "op": "write", "value": value}
+            command = {"id": identity, "op": "write", "value": value}
             if chance.random() < 0.1:
-                order["expires"] = int(time.time() * 1000) + chance.randrange(-50, 300)
+                command["expires"] = int(time.time() * 1000) + chance.randrange(-50, 300)
             if chance.random() < 0.2:
-                order["verify"] = False
-            order.update({"tag": "setpoint"} if chance.random() < 0.5 else {"address": "D300"})
+                command["verify"] = False
+            command.update({"tag": "setpoint"} if chance.random() < 0.5 else {"address": "D300"})
             sent.setdefault(identity, []).append(value)
-            self.send(order)
+            self.send(command)
         count = sum(len(values) for values in sent.values())
         results = self.watcher.wait_count(f"{BASE}/press1/result", count, patience=120)
         self.sim.ask(cmd="clear_faults", plc="press1")
-        self.order(op="read", tag="temp")
+        self.command(op="read", tag="temp")
         self.assertEqual(len(self.watcher.payloads(f"{BASE}/press1/result")), count + 1)
-        carried_out = [o["value"] for o in self.sim.orders("press1")]
+        carried_out = [o["value"] for o in self.sim.commands("press1")]
         for identity, values in sent.items():
             own = [r for r in results if r["id"] == identity]
             self.assertEqual(len(own), len(values))
@@ -265,14 +265,14 @@ class Latency(PlantTest):
         # E00, 4 digits, 2 digits, frame: 13 characters. 64 bytes back: 132.
         return (13 + 132) * self.CHARACTER_MS + self.TURNAROUND_MS
 
-    def test_an_order_goes_after_the_exchange_on_the_wire(self):
+    def test_a_command_goes_after_the_exchange_on_the_wire(self):
         self.start_busy_line()
         for number in range(12):
-            result = self.order(op="write", tag="setpoint", value=number)
+            result = self.command(op="write", tag="setpoint", value=number)
             self.assert_result(result, "SUCCEEDED", None, "ACK")
             self.assertLess(result["t"]["queue_ms"], self.longest_exchange_ms() + SCHEDULING_MS)
 
-    def test_fifty_orders_keep_their_bound_and_the_polls_go_on(self):
+    def test_fifty_commands_keep_their_bound_and_the_polls_go_on(self):
         self.start_busy_line()
         for number in range(50):
             self.send({"id": f"b{number}", "op": "write", "tag": "setpoint", "value": number})
@@ -280,14 +280,14 @@ class Latency(PlantTest):
         for number, result in enumerate(results):
             self.assert_result(result, "SUCCEEDED", None, "ACK")
             t = result["t"]
-            # Two exchanges for each order so far; a busy machine may wake either side late at each.
+            # Two exchanges for each command so far; a busy machine may wake either side late at each.
             allowed = SCHEDULING_MS + 2 * (number + 1) * WAKING_MS
             self.assertLessEqual(t["queue_ms"] + t["wire_ms"], t["bound_ms"] + allowed, result)
             # Write: 11 + 4 characters and an ACK; read-back: 11 and 8. Twice the PLC's time.
             least = (16 + 19) * self.CHARACTER_MS + 2 * self.TURNAROUND_MS
             self.assertGreater(t["wire_ms"], least - 2)
             self.assertLess(t["wire_ms"], least + 6 * self.CHARACTER_MS + SCHEDULING_MS)
-        # Orders come in their own order, and what they leave of the line is the polls'.
+        # Commands come in an order of their own, and what they leave of the line is the polls'.
         self.assertEqual([r["id"] for r in results], [f"b{number}" for number in range(50)])
         deeds = self.sim.ask(cmd="log", plc="press1", since=0)["log"]
         writes = [d["index"] for d in deeds if d["kind"] == "write"]
@@ -303,7 +303,7 @@ class Latency(PlantTest):
         results = self.watcher.wait_count(f"{BASE}/press1/result", 5)
         bounds = [r["t"]["bound_ms"] for r in results]
         self.assertEqual(bounds, sorted(bounds))
-        # Alone: the longest poll and the order's own two exchanges, and no more than two polls.
+        # Alone: the longest poll and the command's own two exchanges, and no more than two polls.
         own = (16 + 19 + 6) * self.CHARACTER_MS + 2 * self.TURNAROUND_MS
         self.assertGreater(bounds[0], self.longest_exchange_ms() * 0.9)
         self.assertLess(bounds[0], 2 * self.longest_exchange_ms() + own + 2)

@@ -278,7 +278,7 @@ class Sim:
     def fault(self, plc, kind, **more):
         self.ask(cmd="fault", plc=plc, kind=kind, **more)
 
-    def orders(self, plc):
+    def commands(self, plc):
         """What the PLC was told to change: accepted writes and forces, oldest first."""
         entries = self.ask(cmd="log", plc=plc, since=0)["log"]
         return [e for e in entries if e["kind"] in ("write", "force_on", "force_off")]
@@ -456,15 +456,15 @@ class PlantTest(unittest.TestCase):
         self.numbers += 1
         return f"id-{self.numbers}"
 
-    def send(self, order, name="press1", **publish):
-        self.watcher.publish(f"{BASE}/{name}/command", order, **publish)
+    def send(self, command, name="press1", **publish):
+        self.watcher.publish(f"{BASE}/{name}/command", command, **publish)
 
-    def order(self, name="press1", properties=None, **order):
+    def command(self, name="press1", properties=None, **command):
         """Publishes a command and returns its result."""
-        order.setdefault("id", self.next_id())
+        command.setdefault("id", self.next_id())
         since = self.watcher.mark()
-        self.send(order, name, properties=properties)
-        return self.watcher.wait(f"{BASE}/{name}/result", lambda r: r["id"] == order["id"], since)
+        self.send(command, name, properties=properties)
+        return self.watcher.wait(f"{BASE}/{name}/result", lambda r: r["id"] == command["id"], since)
 
     def assert_result(self, result, status, reason=None, plc=None):
         self.assertEqual((result["status"], result["reason"], result["plc"]), (status, reason, plc),

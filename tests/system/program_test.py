@@ -57,7 +57,7 @@ class Programs(PlantTest):
         store = os.path.join(self.directory, "store")
         self.start(store={"path": store})
         self.state("press1", "online")
-        self.order(op="force_on", address="M150")
+        self.command(op="force_on", address="M150")
         self.assertEqual(os.stat(store).st_mode & 0o777, 0o700)
         names = os.listdir(store)
         self.assertIn("fxagent.db-wal", names)
@@ -287,7 +287,7 @@ class Programs(PlantTest):
         small["tags"].append(dict(more, name="more"))
         self.start(devices=[small])
         self.ready()
-        result = self.order(op="write", tag="temp", value=7)
+        result = self.command(op="write", tag="temp", value=7)
         self.assert_result(result, "SUCCEEDED", plc="ACK")
         (link,) = self.plan(self.config(devices=[small]))["links"]
         self.assertAlmostEqual(result["t"]["bound_ms"], link["command_bound_ms"], delta=0.051)
@@ -312,13 +312,13 @@ class Programs(PlantTest):
         self.assertEqual(status, 1)
         self.assertIn("FAILED", out)
 
-    def test_orders_of_the_command_line_keep_the_configs_rules(self):
+    def test_commands_of_the_command_line_keep_the_configs_rules(self):
         tags = [{"name": "temp", "address": "D100", "group": "fast"},
                 {"name": "setpoint", "address": "D200", "group": "fast", "scale": 0.1, "max": 100,
                  "access": "read_write"}]
         self.start_sim([self.plc(memory={"D100": 321})])
         path = self.config(devices=[device(tags=tags)])
-        for order, reason in [(["write", "press1", "temp", "1"], "not_writable"),
+        for command, reason in [(["write", "press1", "temp", "1"], "not_writable"),
                               (["write", "press1", "setpoint", "101"], "out_of_range"),
                               (["write", "press1", "setpoint", "warm"], "bad_value"),
                               (["write", "press1", "D500", "1"], "not_allowed"),
@@ -326,12 +326,12 @@ class Programs(PlantTest):
                               (["force-on", "press1", "M8036"], "not_writable"),
                               (["force-off", "press1", "Y8"], "bad_address"),
                               (["write", "press1", "D300", "1", "--type", "float23"], None)]:
-            status, out, errors = self.run_agent(order[0], path, *order[1:], "--json")
-            self.assertEqual(status, 2, (order, out, errors))
+            status, out, errors = self.run_agent(command[0], path, *command[1:], "--json")
+            self.assertEqual(status, 2, (command, out, errors))
             if reason:
                 result = json.loads(out)
                 self.assertEqual((result["status"], result["reason"]), ("REJECTED", reason))
-        self.assertEqual(self.sim.orders("press1"), [])
+        self.assertEqual(self.sim.commands("press1"), [])
         status, out, _ = self.run_agent("write", path, "press1", "setpoint", "55.5", "--json")
         result = json.loads(out)
         self.assertEqual((status, result["status"], result["plc"], result["verify"]),

@@ -98,7 +98,7 @@ class Scale(PlantTest):
                 for stamps in [self.stamps(name, since=since)[:4]]
                 for a, b in zip(stamps, stamps[1:])]
         print(f"200 ports: the largest gap of {len(gaps)} was {max(gaps)} ms")
-        self.assertLess(max(gaps), 1500, "a beat was missed")
+        self.assertLess(max(gaps), 1500, "a poll was missed")
         self.assertAlmostEqual(statistics.median(gaps), 1000, delta=SCHEDULING_MS)
         since = self.watcher.mark()
         self.sim.stop()

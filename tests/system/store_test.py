@@ -1,4 +1,4 @@
-"""What the store promises: samples, numbers and orders outlive outages, restarts and kill -9.
+"""What the store promises: samples, numbers and commands outlive outages, restarts and kill -9.
 CONTRACT sections 3 to 7."""
 
 import os
@@ -126,9 +126,9 @@ class StoreLife(PlantTest):
     def test_an_id_is_a_duplicate_after_a_restart_and_after_a_crash(self):
         self.start_stored()
         self.state("press1", "online")
-        first = self.order(id="once", op="force_on", address="M150")
+        first = self.command(id="once", op="force_on", address="M150")
         self.assert_result(first, "SUCCEEDED", None, "ACK")
-        refused = self.order(id="never", op="force_on", address="M250")
+        refused = self.command(id="never", op="force_on", address="M250")
         self.assert_result(refused, "REJECTED", "not_allowed")
         for end in (signal.SIGTERM, signal.SIGKILL):
             self.agent.stop(end)
@@ -136,35 +136,35 @@ class StoreLife(PlantTest):
             self.agent.start()
             self.state("press1", "online", since)
             for known in (first, refused):
-                again = self.order(id=known["id"], op="force_on", address="M151")
+                again = self.command(id=known["id"], op="force_on", address="M151")
                 self.assert_result(again, "DUPLICATE", "duplicate_id", known["plc"])
                 then = dict(known, t=dict(known["t"], total_ms=None))
                 self.assertEqual(again["first"], then)
-        self.assertEqual(len(self.sim.orders("press1")), 1)
+        self.assertEqual(len(self.sim.commands("press1")), 1)
         for known in ("once", "never"):
             told = [r for r in self.results(known) if r["status"] != "DUPLICATE"]
             self.assertEqual(len(told), 1, told)
 
-    def test_an_order_on_the_wire_when_the_agent_dies_has_an_unknown_outcome_once(self):
+    def test_a_command_on_the_wire_when_the_agent_dies_has_an_unknown_outcome_once(self):
         self.start_stored(devices=[device(timeout_ms=20000)])
         self.state("press1", "online")
         self.sim.fault("press1", "silent", match="force", count=1)
         self.send({"id": "lost", "op": "force_on", "address": "M150"})
-        wait_for("the order on the wire",
+        wait_for("the command on the wire",
                  lambda: self.sim.ask(cmd="stats", plc="press1")["faults"].get("silent"))
         self.kill()
         since = self.watcher.mark()
         self.agent.start()
         self.assert_result(self.result("lost", since=since), "UNKNOWN_OUTCOME")
         self.state("press1", "online", since)
-        again = self.order(id="lost", op="force_on", address="M150")
+        again = self.command(id="lost", op="force_on", address="M150")
         self.assert_result(again, "DUPLICATE", "duplicate_id")
         self.assertEqual(again["first"]["status"], "UNKNOWN_OUTCOME")
         self.agent.stop()
         since = self.watcher.mark()
         self.agent.start()
         self.state("press1", "online", since)
-        self.assert_result(self.order(op="read", tag="temp"), "SUCCEEDED", None, "ACK")
+        self.assert_result(self.command(op="read", tag="temp"), "SUCCEEDED", None, "ACK")
         told = [r for r in self.results("lost") if r["status"] != "DUPLICATE"]
         self.assertEqual(len(told), 1, told)
 
@@ -173,7 +173,7 @@ class StoreLife(PlantTest):
         self.state("press1", "online")
         self.sim.fault("press1", "late", match="force", ms=800, count=1)
         self.send({"id": "across", "op": "force_on", "address": "M150"})
-        wait_for("the order to be carried out", lambda: self.sim.orders("press1"))
+        wait_for("the command to be carried out", lambda: self.sim.commands("press1"))
         self.broker_away()
         wait_for("the result in the journal", lambda: b"SUCCEEDED" in self.log_of_the_store())
         self.kill()
@@ -198,7 +198,7 @@ class StoreLife(PlantTest):
     def test_the_file_is_a_plain_database_when_the_agent_is_away(self):
         self.start_stored()
         self.state("press1", "online")
-        self.order(id="once", op="force_on", address="M150")
+        self.command(id="once", op="force_on", address="M150")
         self.assertEqual(self.agent.stop(), 0)
         path = os.path.join(self.store["path"], "fxagent.db")
         self.assertEqual(os.stat(path).st_mode & 0o777, 0o600)
@@ -209,10 +209,10 @@ class StoreLife(PlantTest):
 
 
 class Speed(PlantTest):
-    def test_orders_are_as_quick_with_the_journal(self):
+    def test_commands_are_as_quick_with_the_journal(self):
         self.start(store={"path": os.path.join(self.directory, "store"), "sync": "offline"})
         self.ready()
-        queued = sorted(self.order(op="force_on", address="M150")["t"]["queue_ms"]
+        queued = sorted(self.command(op="force_on", address="M150")["t"]["queue_ms"]
                         for _ in range(20))
         journaled = sorted(r["t"]["total_ms"] - r["t"]["queue_ms"] - r["t"]["wire_ms"]
                            for r in self.watcher.payloads(f"{BASE}/press1/result"))

@@ -1,4 +1,4 @@
-"""Telemetry: shapes, types, beats, on_change, bad values. CONTRACT sections 2 to 4."""
+"""Telemetry: shapes, types, poll intervals, on_change, bad values. CONTRACT sections 2 to 4."""
 
 import math
 import random
@@ -88,15 +88,15 @@ class Telemetry(PlantTest):
 
     def test_on_change_speaks_when_a_value_has_moved_by_its_deadband(self):
         groups = [{"name": "fast", "interval_ms": 50, "publish": "on_change", "max_silent_s": 600},
-                  {"name": "beat", "interval_ms": 50}]
+                  {"name": "steady", "interval_ms": 50}]
         tags = [{"name": "a", "address": "D10", "group": "fast", "deadband": 5},
                 {"name": "b", "address": "D11", "group": "fast"},
-                {"name": "c", "address": "D12", "group": "beat"}]
+                {"name": "c", "address": "D12", "group": "steady"}]
         self.start([device(tags=tags, groups=groups)])
         self.data(lambda m: m["values"] == {"a": 0, "b": 0})
         self.sim.set("press1", "D10", 4)
         self.sim.set("press1", "D12", 1)
-        self.data(lambda m: m["values"]["c"] == 1, group="beat")
+        self.data(lambda m: m["values"]["c"] == 1, group="steady")
         self.sim.set("press1", "D10", 5)
         self.data(lambda m: m["values"] == {"a": 5, "b": 0})
         self.sim.set("press1", "D11", 1)
@@ -110,7 +110,7 @@ class Telemetry(PlantTest):
         last = self.data(lambda m: m["seq"] >= first["seq"] + 20)
         stamps = [m["ts"] for m in self.watcher.payloads(f"{BASE}/press1/data/fast")
                   if m["seq"] <= last["seq"]]
-        # Twenty beats of 200 ms: over the whole no drift, and never two in one beat's half.
+        # Twenty intervals of 200 ms: over the whole no drift, and never two polls in half of one.
         self.assertLess(abs((stamps[-1] - stamps[0]) - 200 * (len(stamps) - 1)), 200)
         for earlier, later in zip(stamps, stamps[1:]):
             self.assertGreater(later - earlier, 100)
@@ -257,16 +257,16 @@ class Telemetry(PlantTest):
 
     def test_on_change_compares_arrays_by_element_and_speaks_after_a_long_silence(self):
         groups = [{"name": "fast", "interval_ms": 40, "publish": "on_change", "max_silent_s": 1},
-                  {"name": "beat", "interval_ms": 40}]
+                  {"name": "steady", "interval_ms": 40}]
         tags = [{"name": "a", "address": "D10", "count": 3, "group": "fast", "deadband": 10},
-                {"name": "c", "address": "D20", "group": "beat"}]
+                {"name": "c", "address": "D20", "group": "steady"}]
         self.start([device(tags=tags, groups=groups)], [self.plc(memory={"D10": [100, 200, 300]})])
         first = self.data()
         self.assertEqual(first["values"], {"a": [100, 200, 300]})
         # Each by less than the deadband, together by more: no news. Then one by as much as it.
         self.sim.set("press1", "D10", [109, 209, 309])
         self.sim.set("press1", "D20", 1)
-        self.data(lambda m: m["values"]["c"] == 1, group="beat")
+        self.data(lambda m: m["values"]["c"] == 1, group="steady")
         second = self.data(lambda m: m["seq"] > first["seq"])
         self.assertEqual(second["values"], {"a": [109, 209, 309]})
         self.assertGreaterEqual(second["ts"] - first["ts"], 1000 - 40)
@@ -324,7 +324,7 @@ class Telemetry(PlantTest):
         paused = self.data(since=before)["ts"]
         self.data(lambda m: m["ts"] > paused + 500)
         stamps = [ts for ts in self.stamps(since=before) if paused <= ts <= paused + 500]
-        # 20 beats were missed; of those none is made up for.
+        # 20 polls were missed; of those none is made up for.
         self.assertLessEqual(len(stamps), 500 / 50 + 2, stamps)
 
     def test_a_change_is_seen_at_the_next_beat(self):
@@ -333,7 +333,7 @@ class Telemetry(PlantTest):
         for value in range(1, 6):
             self.sim.set("press1", "D100", value)
             at = time.time() * 1000
-            # One beat, one exchange of 11 and 8 characters, the PLC's 1 ms, and the scheduler.
+            # One interval, one exchange of 11 and 8 characters, the PLC's 1 ms, and the scheduler.
             bound = 100 + 19 * 10 / 9600 * 1000 + 1 + SCHEDULING_MS
             self.assertLess(self.data(lambda m: m["values"]["temp"] == value)["ts"] - at, bound)
 

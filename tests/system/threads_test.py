@@ -27,9 +27,9 @@ class Threads(PlantTest):
         since = self.watcher.mark()
         for number in range(count):
             for name in ("press1", "press2"):
-                order = ({"op": "write", "tag": "setpoint", "value": number} if number % 2 else
+                command = ({"op": "write", "tag": "setpoint", "value": number} if number % 2 else
                          {"op": "read", "tag": "temp"})
-                self.send({"id": f"{prefix}-{number}", **order}, name)
+                self.send({"id": f"{prefix}-{number}", **command}, name)
         for name in ("press1", "press2"):
             for number in range(count):
                 self.result(f"{prefix}-{number}", name, since)

@@ -210,7 +210,7 @@ TEST(Audit, LongResultLosesItsValuesAndSaysSo) {
   EXPECT_EQ(said["result"]["cut"], true);
 }
 
-TEST(Audit, LongOrderKeepsTheBeginningOfItsFrames) {
+TEST(Audit, LongCommandKeepsTheBeginningOfItsFrames) {
   FrameTrace trace;
   for (int i = 0; i < 100; ++i) trace.add(WireFrame::Way::out, Bytes(10, 0x30));
   EXPECT_EQ(trace.frames().size(), FrameTrace::kMostFrames);
@@ -244,7 +244,7 @@ TEST(AuditReport, RecordsOfACommandBecomeOneLine) {
   EXPECT_EQ(nlohmann::json::parse(lines[1].json)["status"], "REJECTED");
 }
 
-TEST(AuditReport, OrderWithoutAResultAndWhatPruningLeftHaveLinesToo) {
+TEST(AuditReport, CommandWithoutAResultAndWhatPruningLeftHaveLinesToo) {
   Report report;
   Head head;
   report.add(seal(head, result(1, "press1", kSucceeded, {}, kNow)));

@@ -118,7 +118,7 @@ TEST(PlanReport, AnEnquiryBeforeEachRequestIsFraming) {
   EXPECT_NEAR(ms(*group.line_time), 21 * 10 / 9.6, 0.001);
 }
 
-TEST(PlanReport, TheBoundIsTheLongestPollAndTheOrderItself) {
+TEST(PlanReport, TheBoundIsTheLongestPollAndTheCommandItself) {
   const auto links = plan_links(config_of(
       kSerial,
       plc(kLarge + R"(,{"name":"s","address":"D500","group":"g","access":"read_write"})")));
@@ -250,7 +250,7 @@ TEST(PlanReport, AGroupWithoutAnIntervalAsksForNothing) {
   Config config = config_of(kSerial, plc(kLarge));
   config.devices[0].groups[0].interval = milliseconds(0);
   const LinkReport link = plan_links(config)[0];
-  EXPECT_LT(*link.busy_percent, 1.0);  // the question for RUN is all that has a beat
+  EXPECT_LT(*link.busy_percent, 1.0);  // the question for RUN is all that has an interval
   EXPECT_FALSE(link.groups[0].shortest_interval);
   EXPECT_TRUE(link.warnings.empty());
 }

@@ -205,7 +205,7 @@ TEST_F(BusTest, EnquiryThatNobodyAnswersSendsNothingElse) {
   open();
   const Exchange exchange = write_d200();
   EXPECT_EQ(exchange.outcome, Outcome::unanswered);
-  EXPECT_FALSE(exchange.sent) << "the order has not left";
+  EXPECT_FALSE(exchange.sent) << "the command has not left";
   EXPECT_FALSE(exchange.error.empty());
   EXPECT_EQ(wire->written().size(), 1U);
 }
@@ -610,7 +610,7 @@ TEST_F(BusTest, AnswerHasTheTimeOfItsCharactersBesideTheTimeout) {
   EXPECT_GE(exchange.ended - exchange.began, 19 * milliseconds(4) + station.timeout);
 }
 
-TEST_F(BusTest, OrderWhoseTimeHasPassedIsNotSent) {
+TEST_F(BusTest, CommandWhoseTimeHasPassedIsNotSent) {
   wire->expect(kEnq).give(kAck).expect(kReadD100).give(word_frame(1));
   open();
   read("D100");

@@ -93,10 +93,10 @@ class CommandExecutionTest : public ::testing::Test {
     return {};
   }
   CommandResult run(const AdmittedCommand& admitted) {
-    CommandExecution order_run(io.get_executor(), *line, station, device, admitted);
-    CommandResult result = run_on(io, order_run.run());
-    was_answered = order_run.was_answered();
-    was_unanswered = order_run.was_unanswered();
+    CommandExecution execution(io.get_executor(), *line, station, device, admitted);
+    CommandResult result = run_on(io, execution.run());
+    was_answered = execution.was_answered();
+    was_unanswered = execution.was_unanswered();
     return result;
   }
 
@@ -256,7 +256,7 @@ TEST_F(CommandExecutionTest, NonsenseInsteadOfAnAckIsSettledLikeSilence) {
 
 // ---- what an earlier run left behind ---------------------------------------------------------
 
-TEST_F(CommandExecutionTest, OrderLeftBehindIsReadAndNotSent) {
+TEST_F(CommandExecutionTest, InterruptedCommandIsReadAndNotSent) {
   wire->expect(kReadBack).give(word_frame(50));
   const CommandResult result = run_interrupted(write_50());
   EXPECT_EQ(result.status, CommandStatus::succeeded);
@@ -266,7 +266,7 @@ TEST_F(CommandExecutionTest, OrderLeftBehindIsReadAndNotSent) {
   EXPECT_TRUE(result.targets[0].verify->match);
 }
 
-TEST_F(CommandExecutionTest, OrderLeftBehindAndAnotherValueIsUnknown) {
+TEST_F(CommandExecutionTest, InterruptedCommandAndAnotherValueIsUnknown) {
   wire->expect(kReadBack).give(word_frame(7));
   const CommandResult result = run_interrupted(write_50());
   EXPECT_EQ(result.status, CommandStatus::unknown_outcome);
@@ -276,7 +276,7 @@ TEST_F(CommandExecutionTest, OrderLeftBehindAndAnotherValueIsUnknown) {
   EXPECT_FALSE(result.targets[0].verify->match);
 }
 
-TEST_F(CommandExecutionTest, OrderLeftBehindThatCannotBeReadIsUnknown) {
+TEST_F(CommandExecutionTest, InterruptedCommandThatCannotBeReadIsUnknown) {
   wire->expect(kReadBack).silence();
   const CommandResult result = run_interrupted(write_50());
   EXPECT_EQ(result.status, CommandStatus::unknown_outcome);
@@ -499,7 +499,7 @@ TEST_F(CommandExecutionWithoutLink, ReadOverALinkThatWillNotOpenWasNeverSent) {
   EXPECT_EQ(result.attempts, 0);
 }
 
-TEST_F(CommandExecutionWithoutLink, ExpiredOrderIsExpiredWhateverTheLink) {
+TEST_F(CommandExecutionWithoutLink, ExpiredCommandIsExpiredWhateverTheLink) {
   before_sending = [](AdmittedCommand& admitted) {
     admitted.deadline = Clock::now() - milliseconds(1);
   };
@@ -512,13 +512,13 @@ TEST_F(CommandExecutionWithoutLink, ExpiredOrderIsExpiredWhateverTheLink) {
 TEST_F(CommandExecutionWithoutLink, DeviceThatDoesNotAnswerItsEnquiryIsOffline) {
   wire->expect(kEnq).silence();
   const CommandResult result = run(write_50());
-  EXPECT_EQ(result.status, CommandStatus::failed) << "the order itself never left";
+  EXPECT_EQ(result.status, CommandStatus::failed) << "the command itself never left";
   EXPECT_EQ(result.reason, Reason::device_offline);
   EXPECT_EQ(result.attempts, 0);
   EXPECT_TRUE(was_unanswered);
 }
 
-TEST_F(CommandExecutionTest, OrderThatExpiredInTheQueueIsNotSent) {
+TEST_F(CommandExecutionTest, CommandThatExpiredInTheQueueIsNotSent) {
   wire->expect(kForceOn).give(kAck);
   run(force_on());
   before_sending = [](AdmittedCommand& admitted) {
@@ -559,7 +559,7 @@ TEST_F(CommandExecutionTest, ExpectThatCannotBeReadFailsAndWritesNothing) {
   Command command = write_50();
   command.expect = number(45);
   const CommandResult result = run(std::move(command));
-  EXPECT_EQ(result.status, CommandStatus::failed) << "nothing was ordered: no unknown outcome";
+  EXPECT_EQ(result.status, CommandStatus::failed) << "nothing was asked for: no unknown outcome";
   EXPECT_EQ(result.reason, Reason::timeout);
   EXPECT_EQ(result.attempts, 0);
 }
@@ -677,13 +677,13 @@ TEST_F(CommandExecutionTest, RunStateIsAskedForTwoSecondsAndNoLonger) {
   // Every 100 ms, and not again where that would end behind the 2 s; a slow machine asks less
   // often.
   EXPECT_GE(Clock::now() - began, milliseconds(1900));
-  EXPECT_LE(wire->written().size(), 2U + 20U) << "the enquiry, the order, and the questions";
+  EXPECT_LE(wire->written().size(), 2U + 20U) << "the enquiry, the command, and the questions";
 }
 
 // ---- the time it takes
 // ---------------------------------------------------------------------------
 
-TEST_F(CommandExecutionTest, LineTimeCountsEachReadingOfAnOrder) {
+TEST_F(CommandExecutionTest, LineTimeCountsEachReadingOfACommand) {
   const milliseconds character{1};
   const auto planned = [&](std::string id, bool verify, std::optional<Value> expect) {
     Command command = write_50();

@@ -183,11 +183,11 @@ class RandomCommands {
       device_.tags.push_back(writable(
           array_of(tag(codec, "a" + std::to_string(i), "D" + std::to_string(200 + 100 * i)), 70)));
     }
-    while (orders_.size() < kOrders) {
+    while (commands_.size() < kCommands) {
       CommandAdmission admission(device_);
       auto decision = admission.admit(command(), device_.codec, 0, Clock::now());
       if (auto* admitted = std::get_if<AdmittedCommand>(&decision))
-        orders_.push_back(std::move(*admitted));
+        commands_.push_back(std::move(*admitted));
     }
   }
 
@@ -195,7 +195,7 @@ class RandomCommands {
   void next() {
     scene_ = Scene();
     SceneSharing sharing(scene_);
-    AdmittedCommand admitted = orders_[static_cast<std::size_t>(between(0, kOrders - 1))];
+    AdmittedCommand admitted = commands_[static_cast<std::size_t>(between(0, kCommands - 1))];
     admitted.deadline = Clock::now() + std::chrono::minutes(1);
     scene_.admitted = &admitted;
     direct(admitted);
@@ -204,8 +204,8 @@ class RandomCommands {
     Bus line(io.get_executor(), std::move(transport), nanoseconds(0));
     Station station;
     station.codec = device_.codec.get();
-    CommandExecution order_run(io.get_executor(), line, station, device_, admitted, &sharing);
-    const CommandResult result = run_on(io, order_run.run());
+    CommandExecution execution(io.get_executor(), line, station, device_, admitted, &sharing);
+    const CommandResult result = run_on(io, execution.run());
     ++counted[result.status];
     judge(admitted, result);
   }
@@ -371,9 +371,9 @@ class RandomCommands {
     return out;
   }
 
-  static constexpr int kOrders = 300;  ///< each is carried out often, with other faults
+  static constexpr int kCommands = 300;  ///< each is carried out often, with other faults
   std::mt19937 random_;
-  std::vector<AdmittedCommand> orders_;
+  std::vector<AdmittedCommand> commands_;
   DeviceConfig device_ = port_device();
   Scene scene_;
 };

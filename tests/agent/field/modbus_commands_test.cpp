@@ -62,10 +62,10 @@ class CommandOnTheBusTest : public ::testing::Test {
       ADD_FAILURE() << "refused: " << to_string(refused->reason) << " " << refused->detail;
       return *refused;
     }
-    CommandExecution order_run(io.get_executor(), *line, station, device,
+    CommandExecution execution(io.get_executor(), *line, station, device,
                                std::get<AdmittedCommand>(decision));
-    CommandResult result = run_on(io, order_run.run());
-    was_answered = order_run.was_answered();
+    CommandResult result = run_on(io, execution.run());
+    was_answered = execution.was_answered();
     return result;
   }
 

@@ -95,7 +95,7 @@ struct Findings {
   int lists = 0;           ///< commands that gave way between their parts
   int went_between = 0;    ///< commands that were carried out between two parts of a list
   int bursts = 0;          ///< a group began two cycles inside one of its periods
-  int starved_groups = 0;  ///< fewer cycles than there were beats that nothing held up
+  int starved_groups = 0;  ///< fewer cycles than there were intervals that nothing held up
   double tightest = 0;     ///< the largest part of its bound that a command has used
   std::string example;
 };
@@ -119,18 +119,18 @@ struct NaiveGroup {
   SteadyTime deadline{};
   std::int64_t cycles = 0;
 
-  std::int64_t beat_at(SteadyTime now) const { return (now - first) / interval; }
+  std::int64_t interval_at(SteadyTime now) const { return (now - first) / interval; }
   bool due(SteadyTime now) const {
     if (running) return true;
     if (now < first) return false;
-    return !last_due || beat_at(now) > *last_due;
+    return !last_due || interval_at(now) > *last_due;
   }
   SteadyTime deadline_at() const {
     if (running) return deadline;
     return first + (last_due.value_or(-1) + 2) * interval;
   }
   void begin(SteadyTime now) {
-    last_due = beat_at(now);
+    last_due = interval_at(now);
     deadline = first + (*last_due + 1) * interval;
     running = true;
     ++cycles;
@@ -300,7 +300,7 @@ class RandomLine final {
     });
     found_.wrong_polls += wrong;
     if (!step.starts_cycle) return;
-    found_.bursts += group.last_due && group.beat_at(now_) <= *group.last_due;
+    found_.bursts += group.last_due && group.interval_at(now_) <= *group.last_due;
     group.begin(now_);
   }
 

@@ -95,7 +95,7 @@ TEST(PollScheduler, MissedBeatsAreSkippedAndCountedNeverSentInABurst) {
   const auto device = scheduler.add_device(3, kBackOff);
   const auto group = scheduler.add_group(device, milliseconds(100), 1, at(0));
   EXPECT_EQ(poll(scheduler, at(0)), group);
-  EXPECT_EQ(poll(scheduler, at(730)), group);  // the beat of 100; those of 200 to 700 are gone
+  EXPECT_EQ(poll(scheduler, at(730)), group);  // the poll of 100; those of 200 to 700 are gone
   EXPECT_EQ(poll(scheduler, at(730)), std::nullopt);
   EXPECT_EQ(scheduler.next(at(730)).until, at(800));
   EXPECT_EQ(scheduler.counters(device).missed, 6U);
@@ -323,14 +323,14 @@ std::vector<int> cycles_within(const std::vector<Share>& groups, milliseconds ti
 }
 
 TEST(PollScheduler, OverloadedLineGivesEveryGroupItsShareInProportion) {
-  // 0.8 and 0.5 of the line: 1.3 together, so each is to have 1 / 1.3 of its beats.
+  // 0.8 and 0.5 of the line: 1.3 together, so each is to have 1 / 1.3 of its polls.
   std::uint64_t missed = 0;
   const auto cycles = cycles_within(
       {{milliseconds(100), milliseconds(80), 1}, {milliseconds(1000), milliseconds(50), 10}},
       milliseconds(130000), &missed);
   EXPECT_NEAR(cycles[0], 1000, 30);
   EXPECT_NEAR(cycles[1], 100, 3);
-  EXPECT_NEAR(static_cast<double>(missed), 330, 35) << "1,430 beats, 1,100 cycles";
+  EXPECT_NEAR(static_cast<double>(missed), 330, 35) << "1,430 intervals, 1,100 cycles";
 }
 
 TEST(PollScheduler, NoGroupStarvesOnAnyOverloadedLine) {
@@ -351,10 +351,10 @@ TEST(PollScheduler, NoGroupStarvesOnAnyOverloadedLine) {
     const milliseconds time(200000);
     const auto cycles = cycles_within(groups, time);
     for (std::size_t i = 0; i < groups.size(); ++i) {
-      const double beats = static_cast<double>(time / groups[i].interval);
-      const double share = beats / std::max(1.0, load);
+      const double intervals = static_cast<double>(time / groups[i].interval);
+      const double share = intervals / std::max(1.0, load);
       EXPECT_GE(cycles[i], 0.8 * share) << "round " << round << " load " << load;
-      EXPECT_LE(cycles[i], beats + 1);
+      EXPECT_LE(cycles[i], intervals + 1);
     }
   }
 }

@@ -1,5 +1,5 @@
 """Commands at a hundred a second, from clients that repeat themselves, come late and write nonsense;
-and what must hold between the orders, their results and what the simulator says it carried out.
+and what must hold between the commands, their results and what the simulator says it carried out.
 """
 
 import collections
@@ -12,8 +12,8 @@ import paho.mqtt.client as mqtt
 
 from plant import PATIENCE, request_properties, wait_for
 
-# Bits and words of each kind of device that only orders touch; each pair of place and value is used
-# once, so that an execution names its order.
+# Bits and words of each kind of device that only commands touch; each pair of place and value is used
+# once, so that an execution names its command.
 FX_PLACES = {"bits": ("M{}", 100, 7000), "words": ("CN{}", 0, 150), "tag": "CN199"}
 DEMO_PLACES = {"bits": ("M{}", 102, 98), "words": ("D{}", 300, 99), "tag": "D399"}
 MODBUS_PLACES = {"bits": ("co:{}", 100, 9900), "words": ("hr:{}", 300, 100), "tag": "hr:900"}
@@ -34,8 +34,8 @@ MALFORMED = [
 ]
 
 
-class Orders:
-    """Every order that was ever sent; hands out places and values. Thread safe."""
+class Commands:
+    """Every command that was ever sent; hands out places and values. Thread safe."""
 
     def __init__(self, places):
         self.places = places  # device -> its places
@@ -85,8 +85,8 @@ class Client:
     KINDS = ["change"] * 60 + ["repeat"] * 20 + ["read"] * 5 + ["expired"] * 4 + ["soon"] * 4 + \
             ["malformed"] * 4 + ["dry"] * 2 + ["retained"]
 
-    def __init__(self, name, seed, port, topics, orders, clock, a_second):
-        self.name, self.topics, self.orders, self.clock = name, topics, orders, clock
+    def __init__(self, name, seed, port, topics, commands, clock, a_second):
+        self.name, self.topics, self.commands, self.clock = name, topics, commands, clock
         self.rng = random.Random(f"{seed}/{name}")
         self.pause = 1 / a_second
         self.numbers = 0
@@ -126,35 +126,35 @@ class Client:
         self.numbers += 1
         identity = f"{self.name}-{self.numbers}"
         if kind == "repeat":
-            again = self.orders.any_recent(self.rng)
+            again = self.commands.any_recent(self.rng)
             if again is None:
                 return
             device, identity = again
-        self.orders.begin(kind, device, identity)
+        self.commands.begin(kind, device, identity)
         if kind == "malformed":
             payload = self.rng.choice(MALFORMED)(identity)
         else:
-            payload = json.dumps(self.order(kind, device, identity)).encode()
+            payload = json.dumps(self.command(kind, device, identity)).encode()
         retain = kind == "retained"
         if retain:
             self.retained_on.add(self.topics[device])
         expiry = request_properties(expiry=1) if kind == "soon" else None
         self.client.publish(self.topics[device], payload, 1, retain, properties=expiry)
 
-    def order(self, kind, device, identity):
+    def command(self, kind, device, identity):
         if kind == "read":
             return {"id": identity, "op": "read", "tag": "a"}
-        order = {"id": identity, **self.orders.change(device, identity)}
+        command = {"id": identity, **self.commands.change(device, identity)}
         now_ms = int((time.time() + self.clock.offset) * 1000)
         if kind == "expired":
-            order["expires"] = 1  # past, however the agent's clock is set
+            command["expires"] = 1  # past, however the agent's clock is set
         elif kind == "dry":
-            order["dry_run"] = True
+            command["dry_run"] = True
         elif kind == "soon":
-            order["expires"] = now_ms + self.rng.choice([20, 200, 1000])
-        if order["op"] == "write" and self.rng.random() < 0.3:
-            order["verify"] = False
-        return order
+            command["expires"] = now_ms + self.rng.choice([20, 200, 1000])
+        if command["op"] == "write" and self.rng.random() < 0.3:
+            command["verify"] = False
+        return command
 
 
 class Deeds:
@@ -180,30 +180,30 @@ class Deeds:
         self.forces[device, place].append((at, kind))
 
     def stood_so(self, device, kind, place, at):
-        """Whether the bit was at that time what an order of this kind makes of it."""
+        """Whether the bit was at that time what a command of this kind makes of it."""
         before = [forced for when, forced in self.forces[device, place] if when < at]
         return kind == (before[-1] if before else "force_off")
 
 
-def judge_orders(ledger, orders, deeds, version):
-    """Everything that must hold between orders, results and deeds; tells the ledger what does not.
-    On MQTT 3.1.1 an agent that is connected cannot tell a retained order, so it may carry it out."""
+def judge_commands(ledger, commands, deeds, version):
+    """Everything that must hold between commands, results and deeds; tells the ledger what does not.
+    On MQTT 3.1.1 an agent that is connected cannot tell a retained command, so it may carry it out."""
     never = {"dry", "expired", "malformed", "read"} | ({"retained"} if version == "5" else set())
     executed = collections.Counter()
     for (device, kind, place, value), times in deeds.count.items():
-        ids = orders.keys.get((device, kind, place, value), [])
+        ids = commands.keys.get((device, kind, place, value), [])
         if times > len(set(ids)):
-            ledger.fault(f"{device}: {kind} {place} {value} was carried out {times} times, ordered by "
+            ledger.fault(f"{device}: {kind} {place} {value} was carried out {times} times, asked for by "
                          f"{ids}")
         if len(ids) == 1:
             executed[device, ids[0]] += times
     shared = set()  # ids of which a message has its place and value in common with another's
-    for (device, *_), ids in orders.keys.items():
+    for (device, *_), ids in commands.keys.items():
         if len(ids) > 1:
             shared.update((device, identity) for identity in ids)
 
     since_start = time.time() - time.monotonic()
-    for key, kind in orders.kinds.items():
+    for key, kind in commands.kinds.items():
         results, times = ledger.results.get(key, []), executed[key]
         words = [(r["status"], r["reason"], r["plc"]) for r in results]
         if times > 1:
