@@ -53,6 +53,8 @@ class CommandExchanges final {
   SteadyTime last_byte() const { return last_byte_; }
   /// Line time since the line was last given to others.
   std::chrono::nanoseconds used() const;
+  /// BusDoubt::findings(): how often what nobody asked for was heard on the bus.
+  std::uint64_t findings() const { return bus_.doubt().findings(); }
   /// Whether the device has answered anything, or has left something unanswered.
   bool was_answered() const { return answered_; }
   bool was_unanswered() const { return unanswered_; }

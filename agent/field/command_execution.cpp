@@ -293,6 +293,7 @@ asio::awaitable<bool> CommandExecution::write_together() {
 }
 
 asio::awaitable<void> CommandExecution::verify(const AdmittedTarget& target, TargetResult& out) {
+  const std::uint64_t findings = wire_.findings();
   CommandExchanges::ReadBack got = co_await wire_.read_point(target, SteadyTime::max());
   if (!got.image) {
     out.detail = "acknowledged; it could not be read back: " +
@@ -301,6 +302,13 @@ asio::awaitable<void> CommandExecution::verify(const AdmittedTarget& target, Tar
   }
   out.verify = verification(target, *got.image);
   if (out.verify->match) co_return;
+  if (wire_.findings() != findings) {
+    // What came behind the ACK may have been the answer to this write, and the ACK a late one.
+    out.plc = PlcAnswer::none;
+    set(out, CommandStatus::unknown_outcome, Reason::bad_frame,
+        "acknowledged, but another answer came behind the ACK, and another value is read back");
+    co_return;
+  }
   set(out, CommandStatus::failed, Reason::verify_mismatch,
       elsewhere_text(target, out.verify->read.value_or(Value())));
 }

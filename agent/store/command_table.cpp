@@ -236,10 +236,14 @@ void CommandTable::drop_old(std::int64_t utc_ms, std::int64_t max_age_ms) {
       " (SELECT device, id FROM (SELECT device, id, row_number() OVER"
       " (PARTITION BY device ORDER BY arrival DESC, received_ms DESC) AS place"
       " FROM orders WHERE told = 0 AND result <> '') WHERE place > ?2)");
-  // With few of them none can be one too many, and all of them need not be looked at.
-  const bool few = size_.rows <= kRememberedIds;
   int changes = sqlite::run(old, utc_ms, utc_ms - day, utc_ms - age);
-  if (!few) {
+  // To find what is one too many all of them are looked at: half a second for 200,000. With few of
+  // them there is none; with very many it waits until they are a tenth more than the last time.
+  trimmed_rows_ = std::min(trimmed_rows_, size_.rows);
+  const bool very_many = size_.rows > 2 * kRememberedIds;
+  if (size_.rows > kRememberedIds &&
+      (!very_many || size_.rows > trimmed_rows_ + trimmed_rows_ / 10)) {
+    trimmed_rows_ = size_.rows;
     changes += sqlite::run(results, kRememberedIds);
     changes += sqlite::run(many, utc_ms, kFingerprints);
     changes += sqlite::run(unacknowledged, utc_ms, kRememberedIds);

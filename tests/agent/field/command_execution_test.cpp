@@ -254,6 +254,23 @@ TEST_F(CommandExecutionTest, NonsenseInsteadOfAnAckIsSettledLikeSilence) {
   EXPECT_EQ(result.attempts, 1);
 }
 
+// The ACK was a late one, and the NAK behind it is the PLC's own word on this write.
+TEST_F(CommandExecutionTest, AckWithAnotherAnswerBehindItAndAnotherValueIsNoVerifyMismatch) {
+  Bytes late_nak_first = kNak;
+  const Bytes read_back = word_frame(45);
+  late_nak_first.insert(late_nak_first.end(), read_back.begin(), read_back.end());
+  wire->expect(kWrite50).give(kAck).expect(kReadBack).give(late_nak_first);
+  FakePort plc;
+  plc.set(kD200, word(45));
+  wire->then([&plc](ByteView request) { return plc.answer(request); });
+  const CommandResult result = run(write_50());
+  EXPECT_EQ(result.status, CommandStatus::unknown_outcome);
+  EXPECT_EQ(result.reason, Reason::bad_frame);
+  EXPECT_EQ(result.plc, PlcAnswer::none);
+  ASSERT_TRUE(result.targets.at(0).verify);
+  EXPECT_EQ(result.targets[0].verify->read, number(45));
+}
+
 // ---- what an earlier run left behind ---------------------------------------------------------
 
 TEST_F(CommandExecutionTest, InterruptedCommandIsReadAndNotSent) {
