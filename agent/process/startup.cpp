@@ -11,30 +11,56 @@
 
 namespace fxagent {
 
-std::string lacks(int threads, std::size_t bytes) {
-  const WithoutSignals quiet;
+namespace {
+
+/// Lets threads end, whatever ends this scope.
+struct Release {
+  std::latch& latch;
+  ~Release() { latch.count_down(); }
+};
+
+/// How many of the threads there were; all of them have ended again.
+std::size_t try_threads(std::size_t threads, std::size_t bytes, std::error_code& no_thread,
+                        int& no_memory) {
   std::latch may_end(1);
   std::vector<std::jthread> started;
-  std::string answer;
+  started.reserve(threads);
+  const Release release{may_end};
   try {
-    for (int i = 0; i < threads; ++i) started.emplace_back([&may_end] { may_end.wait(); });
-    void* room = bytes == 0 ? nullptr
-                            : ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE,
-                                     MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
-    if (room == MAP_FAILED)
-      answer = "no memory for " + std::to_string(bytes >> 20) +
-               " MiB more: " + std::strerror(errno) +
-               "; raise the limit of the address space (LimitAS of the service, ulimit -v)";
-    else if (room != nullptr)
-      ::munmap(room, bytes);
+    while (started.size() < threads) started.emplace_back([&may_end] { may_end.wait(); });
   } catch (const std::system_error& error) {
-    answer = "only " + std::to_string(started.size()) + " of " + std::to_string(threads) +
-             " threads more: " + error.code().message() +
-             "; raise the limit of threads (TasksMax of the service, pids_limit of the container, "
-             "ulimit -u) or of the address space (ulimit -v)";
+    no_thread = error.code();
+    return started.size();
   }
-  may_end.count_down();
-  return answer;
+  void* room = bytes == 0 ? nullptr
+                          : ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE,
+                                   MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+  if (room == MAP_FAILED)
+    no_memory = errno;
+  else if (room != nullptr)
+    ::munmap(room, bytes);
+  return started.size();
+}
+
+}  // namespace
+
+std::string lacks(int threads, std::size_t bytes) {
+  const WithoutSignals quiet;
+  std::error_code no_thread;
+  int no_memory = 0;
+  const std::size_t count =
+      try_threads(static_cast<std::size_t>(threads), bytes, no_thread, no_memory);
+  // The texts only now: while the threads are there, memory for them may be lacking too.
+  if (no_thread)
+    return "only " + std::to_string(count) + " of " + std::to_string(threads) +
+           " threads more: " + no_thread.message() +
+           "; raise the limit of threads (TasksMax of the service, pids_limit of the container, "
+           "ulimit -u) or of the address space (ulimit -v)";
+  if (no_memory != 0)
+    return "no memory for " + std::to_string(bytes >> 20) +
+           " MiB more: " + std::strerror(no_memory) +
+           "; raise the limit of the address space (LimitAS of the service, ulimit -v)";
+  return {};
 }
 
 WithoutSignals::WithoutSignals() {
