@@ -103,7 +103,7 @@ void Commands::restore(Recovered known, SteadyTime now, std::int64_t utc_ms) {
     for (std::size_t i = 0; i < devices_.size(); ++i)
       if (config_.devices[i].name == id.device) devices_[i].admission.restore(id, now, utc_ms);
   for (CommandResult& result : known.unacknowledged) take_result(std::move(result), {}, utc_ms);
-  for (Command& command : known.interrupted) {
+  for (const Command& command : known.interrupted) {
     Device& device = devices_.at(command.device);
     auto admitted = device.admission.interrupted(command, device.codec, now);
     if (admitted) {
