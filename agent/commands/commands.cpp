@@ -99,9 +99,11 @@ void Commands::hand_over() {
 }
 
 void Commands::restore(Recovered known, SteadyTime now, std::int64_t utc_ms) {
+  std::unordered_map<std::string_view, Device*> by_name;
+  for (std::size_t i = 0; i < devices_.size(); ++i) by_name[config_.devices[i].name] = &devices_[i];
   for (const KnownId& id : known.ids)
-    for (std::size_t i = 0; i < devices_.size(); ++i)
-      if (config_.devices[i].name == id.device) devices_[i].admission.restore(id, now, utc_ms);
+    if (const auto device = by_name.find(id.device); device != by_name.end())
+      device->second->admission.restore(id, now, utc_ms);
   for (CommandResult& result : known.unacknowledged) take_result(std::move(result), {}, utc_ms);
   for (const Command& command : known.interrupted) {
     Device& device = devices_.at(command.device);
