@@ -145,13 +145,13 @@ Meta device_meta(const DeviceConfig& device) {
   return meta;
 }
 
-std::string health(const Health& health, const Config& config) {
+std::string health(const AgentStatus& status, const Config& config) {
   Writer out;
   out.begin_object();
-  out.key("ts").integer(health.ts_ms);
-  out.key("boot").string(health.boot).key("version").string(health.version);
-  out.key("uptime_s").integer(std::int64_t{health.uptime.count()});
-  const Samples& samples = health.samples;
+  out.key("ts").integer(status.ts_ms);
+  out.key("boot").string(status.boot).key("version").string(status.version);
+  out.key("uptime_s").integer(std::int64_t{status.uptime.count()});
+  const SampleCounts& samples = status.samples;
   out.key("samples").begin_object();
   out.key("collected").integer(samples.collected).key("recovered").integer(samples.recovered);
   out.key("suppressed").integer(samples.suppressed).key("queued").integer(samples.queued);
@@ -162,7 +162,7 @@ std::string health(const Health& health, const Config& config) {
   out.end_object();
   out.key("links").begin_object();
   for (std::size_t i = 0; i < config.links.size(); ++i) {
-    const LinkHealth link = i < health.field.links.size() ? health.field.links[i] : LinkHealth{};
+    const LinkHealth link = i < status.field.links.size() ? status.field.links[i] : LinkHealth{};
     out.key(config.links[i].name).begin_object();
     out.key("exchanges").integer(link.exchanges).key("timeouts").integer(link.timeouts);
     out.key("naks").integer(link.naks).key("bad_frames").integer(link.bad_frames);
@@ -177,37 +177,37 @@ std::string health(const Health& health, const Config& config) {
   out.key("devices").begin_object();
   for (std::size_t i = 0; i < config.devices.size(); ++i) {
     const DeviceHealth device =
-        i < health.field.devices.size() ? health.field.devices[i] : DeviceHealth{};
+        i < status.field.devices.size() ? status.field.devices[i] : DeviceHealth{};
     out.key(config.devices[i].name).begin_object();
     out.key("polls").integer(device.polls).key("missed").integer(device.missed);
     write_percentiles(out, "late_ms", device.late_ms);
-    out.key("dropped").integer(i < health.dropped.size() ? health.dropped[i] : std::uint64_t{0});
-    out.key("refused").word(i < health.refused.size() ? health.refused[i] : std::string());
+    out.key("dropped").integer(i < status.dropped.size() ? status.dropped[i] : std::uint64_t{0});
+    out.key("refused").word(i < status.refused.size() ? status.refused[i] : std::string());
     out.end_object();
   }
   out.end_object();
   out.key("commands").begin_object();
-  for (const CommandStatus status : kCommandStatuses) {
-    const auto found = health.commands.find(status);
-    out.key(to_string(status))
-        .integer(found == health.commands.end() ? std::uint64_t{0} : found->second);
+  for (const CommandStatus word : kCommandStatuses) {
+    const auto found = status.commands.find(word);
+    out.key(to_string(word))
+        .integer(found == status.commands.end() ? std::uint64_t{0} : found->second);
   }
   out.end_object();
   out.key("store").begin_object();
-  out.key("state").string(health.store_state).key("bytes").integer(health.store_bytes);
+  out.key("state").string(status.store_state).key("bytes").integer(status.store_bytes);
   out.key("hours_left");
-  health.hours_left ? out.number(*health.hours_left) : out.null();
-  out.key("set_aside").word(health.store_set_aside);
+  status.hours_left ? out.number(*status.hours_left) : out.null();
+  out.key("set_aside").word(status.store_set_aside);
   out.end_object();
   out.key("audit");
-  if (health.audit_head.empty()) {
+  if (status.audit_head.empty()) {
     out.null();
   } else {
-    out.begin_object().key("records").integer(health.audit_records);
-    out.key("head").string(health.audit_head).end_object();
+    out.begin_object().key("records").integer(status.audit_records);
+    out.key("head").string(status.audit_head).end_object();
   }
-  out.key("clock_synchronised").boolean(health.clock_synchronised);
-  out.key("rss_bytes").integer(health.rss_bytes);
+  out.key("clock_synchronised").boolean(status.clock_synchronised);
+  out.key("rss_bytes").integer(status.rss_bytes);
   out.end_object();
   return out.take();
 }

@@ -13,6 +13,7 @@
 
 #include "agent/config/config.h"
 #include "agent/messages.h"
+#include "agent/status.h"
 #include "agent/uplink/payload.h"
 
 namespace fxagent::json {
@@ -34,47 +35,8 @@ struct Meta {
 };
 Meta device_meta(const DeviceConfig& device);
 
-struct Samples {
-  std::uint64_t collected = 0;
-  std::uint64_t recovered = 0;
-  std::uint64_t suppressed = 0;
-  std::uint64_t queued = 0;
-  std::uint64_t in_flight = 0;
-  std::uint64_t stored = 0;
-  std::uint64_t acknowledged = 0;
-  std::uint64_t dropped = 0;
-  std::uint64_t published = 0;  ///< sends, repeats included; no part of the balance
-  bool miscounted = false;      ///< the field says that it made other than arrived
-
-  /// Each sample is in exactly one place.
-  bool balanced() const {
-    return !miscounted && collected + recovered ==
-                              suppressed + queued + in_flight + stored + acknowledged + dropped;
-  }
-};
-
-struct Health {
-  std::int64_t ts_ms = 0;
-  std::string boot;
-  std::string version;
-  std::chrono::seconds uptime{0};
-  Samples samples;
-  FieldHealth field;
-  std::vector<std::uint64_t> dropped;  ///< samples, by index in Config::devices
-  /// By the same index: the MQTT reason code, "0x97", for which the broker does not take the
-  /// device's samples now; empty: it takes them.
-  std::vector<std::string> refused;
-  std::map<CommandStatus, std::uint64_t> commands;
-  std::string store_state;      ///< "disk"; "memory" where there is none, or it cannot be written
-  std::string store_set_aside;  ///< name of the damaged file of this run; empty: none
-  std::uint64_t store_bytes = 0;
-  std::uint64_t audit_records = 0;
-  std::string audit_head;            ///< hash of the last of them; empty: there is no audit
-  std::optional<double> hours_left;  ///< until the store is full at the present rate
-  bool clock_synchronised = false;
-  std::uint64_t rss_bytes = 0;
-};
-std::string health(const Health& health, const Config& config);
+/// The payload of …/health: all of AgentStatus that is a number or a word.
+std::string health(const AgentStatus& status, const Config& config);
 
 }  // namespace fxagent::json
 

@@ -8,6 +8,7 @@
 #include "agent/log/log.h"
 #include "agent/process/process_facts.h"
 #include "agent/store/first_numbers.h"
+#include "agent/uplink/json_payload.h"
 #include "agent/uplink/puback.h"
 #include "agent/uplink/topics.h"
 
@@ -45,7 +46,7 @@ Publisher::Publisher(const Config& config, PublisherSettings settings, Payload& 
                  [this](SteadyTime now) {
                    Publication publication;
                    publication.topic = base_ + "/health";
-                   publication.payload = health_text(now);
+                   publication.payload = json::health(status(now), config_);
                    publication.retain = Retain::yes;
                    return publication;
                  }}),
@@ -228,7 +229,7 @@ void Publisher::tick(SteadyTime now) {
                                   {"total", std::to_string(spool_.dropped())}});
     dropped_at_tick_ = spool_.dropped();
   }
-  const json::Samples now_here = samples();
+  const SampleCounts now_here = samples();
   if (!now_here.balanced())
     log::error("samples_unbalanced", {{"collected", std::to_string(now_here.collected)},
                                       {"recovered", std::to_string(now_here.recovered)},
@@ -291,7 +292,7 @@ void Publisher::finish(SteadyTime now) {
     spool_.write();
     store_->close();
   }
-  const json::Samples left = samples();
+  const SampleCounts left = samples();
   log::info("uplink_stopped",
             {{"samples_left", std::to_string(left.queued + left.in_flight + left.stored)},
              {"results_left", std::to_string(results_.size())}});
@@ -331,8 +332,8 @@ SteadyTime Publisher::next_wake(SteadyTime now) const {
   return wake;
 }
 
-json::Samples Publisher::samples() const {
-  json::Samples samples;
+SampleCounts Publisher::samples() const {
+  SampleCounts samples;
   for (const DeviceHealth& device : field_.devices) samples.suppressed += device.suppressed;
   samples.collected = pushed_ + samples.suppressed;
   const SampleDelivery::Counters out = samples_out_.counters();
@@ -350,35 +351,35 @@ json::Samples Publisher::samples() const {
   return samples;
 }
 
-std::string Publisher::health_text(SteadyTime now) const {
-  json::Health health;
-  health.ts_ms = utc_ms_();
-  health.boot = settings_.boot;
-  health.version = settings_.version;
-  health.uptime = std::chrono::duration_cast<seconds>(now - *started_);
-  health.samples = samples();
-  health.field = field_;
+AgentStatus Publisher::status(SteadyTime now) const {
+  AgentStatus status;
+  status.ts_ms = utc_ms_();
+  status.boot = settings_.boot;
+  status.version = settings_.version;
+  status.uptime = std::chrono::duration_cast<seconds>(now - *started_);
+  status.samples = samples();
+  status.field = field_;
   for (const DeviceConfig& device : config_.devices) {
-    health.dropped.push_back(spool_.dropped(device.name));
+    status.dropped.push_back(spool_.dropped(device.name));
     const auto refused = samples_out_.refused(device.name);
-    health.refused.push_back(refused ? hex_code(*refused) : std::string());
+    status.refused.push_back(refused ? hex_code(*refused) : std::string());
   }
-  health.commands = commands_.counts();
-  health.store_state = store_ == nullptr ? "memory" : store_->state();
+  status.commands = commands_.counts();
+  status.store_state = store_ == nullptr ? "memory" : store_->state();
   if (store_ != nullptr) {
-    health.store_set_aside = store_->set_aside();
-    health.audit_records = store_->audit().head().records;
-    health.audit_head = to_text(store_->audit().head().hash);
+    status.store_set_aside = store_->set_aside();
+    status.audit_records = store_->audit().head().records;
+    status.audit_head = to_text(store_->audit().head().hash);
   }
-  health.store_bytes = spool_.backlog().bytes() + (store_ == nullptr ? 0 : store_->bytes());
+  status.store_bytes = spool_.backlog().bytes() + (store_ == nullptr ? 0 : store_->bytes());
   const std::uint64_t room = store_ == nullptr ? spool_.backlog().max_bytes() : store_->max_bytes();
   if (bytes_per_hour_ && *bytes_per_hour_ > 0)
-    health.hours_left =
-        static_cast<double>(room - std::min(room, health.store_bytes)) / *bytes_per_hour_;
+    status.hours_left =
+        static_cast<double>(room - std::min(room, status.store_bytes)) / *bytes_per_hour_;
   const ProcessFacts facts = read_process_facts();
-  health.clock_synchronised = facts.clock_synchronised;
-  health.rss_bytes = facts.rss_bytes;
-  return json::health(health, config_);
+  status.clock_synchronised = facts.clock_synchronised;
+  status.rss_bytes = facts.rss_bytes;
+  return status;
 }
 
 void run_uplink(Publisher& publisher, Outbox& outbox, std::stop_token stop,

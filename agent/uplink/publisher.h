@@ -17,11 +17,11 @@
 #include "agent/config/config.h"
 #include "agent/messages.h"
 #include "agent/outbox.h"
+#include "agent/status.h"
 #include "agent/store/store.h"
 #include "agent/uplink/broker.h"
 #include "agent/uplink/command_intake.h"
 #include "agent/uplink/jittered_backoff.h"
-#include "agent/uplink/json_payload.h"
 #include "agent/uplink/outgoing.h"
 #include "agent/uplink/payload.h"
 #include "agent/uplink/result_delivery.h"
@@ -73,7 +73,7 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
   bool finished() const { return phase_ == Phase::finished; }
 
   /// Where every sample is, as of the last step().
-  json::Samples samples() const;
+  SampleCounts samples() const;
 
  private:
   enum class Phase : std::uint8_t { running, draining, farewell, closing, finished };
@@ -103,7 +103,7 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
   bool drained() const;
   bool acknowledgements_matter() const;
   SteadyTime next_wake(SteadyTime now) const;
-  std::string health_text(SteadyTime now) const;
+  AgentStatus status(SteadyTime now) const;
 
   const Config& config_;
   const PublisherSettings settings_;

@@ -285,7 +285,7 @@ TEST(ContractExamples, MetaHasTheKeysOfTheProgram) {
 TEST(ContractExamples, HealthHasTheKeysOfTheProgram) {
   Config config = test::plant();
   config.devices.pop_back();
-  fxagent::json::Health health;
+  AgentStatus health;
   health.boot = kBoot;
   health.version = "0.1.0";
   health.store_state = "disk";
@@ -297,7 +297,7 @@ TEST(ContractExamples, HealthHasTheKeysOfTheProgram) {
 
 TEST(ContractExamples, SamplesOfHealthAreBalanced) {
   const json health = example("health");
-  fxagent::json::Samples samples;
+  SampleCounts samples;
   const auto number = [&health](const char* key) {
     return health.at("samples").at(key).get<std::uint64_t>();
   };

@@ -164,7 +164,7 @@ TEST(MetaJson, HashChangesWithTheTagsAndOnlyThen) {
 }
 
 TEST(HealthJson, HasEveryCounterByName) {
-  fxagent::json::Health health;
+  AgentStatus health;
   health.samples.collected = 3;
   health.samples.acknowledged = 3;
   health.field = test::counted(0, 0);

@@ -17,6 +17,7 @@
 #include <stop_token>
 #include <thread>
 
+#include "agent/uplink/json_payload.h"
 #include "agent/uplink/publisher.h"
 #include "tests/agent/uplink/mosquitto.h"
 #include "tests/agent/uplink/plant.h"

@@ -93,7 +93,7 @@ TEST_P(PublisherProperty, NothingIsLostWithoutBeingCounted) {
   bench.broker.acknowledge_all();
   for (int i = 0; i < 200; ++i) bench.advance(1s);
 
-  const fxagent::json::Samples samples = bench.made().samples();
+  const SampleCounts samples = bench.made().samples();
   EXPECT_EQ(samples.queued + samples.in_flight + samples.stored, 0U);
   EXPECT_EQ(samples.acknowledged + samples.dropped, seq);
   std::set<std::uint64_t> arrived;

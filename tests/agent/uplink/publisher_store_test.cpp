@@ -36,7 +36,7 @@ TEST(PublisherStore, SamplesOfAnOutageOutliveTheProcess) {
   EXPECT_EQ(seqs(again.broker.on(kBase + "/press1/data/fast/history")),
             (std::vector<std::uint64_t>{1, 2, 3}));
   EXPECT_EQ(seqs(again.broker.on(kBase + "/press1/data/fast")), std::vector<std::uint64_t>{4});
-  const fxagent::json::Samples samples = again.made().samples();
+  const SampleCounts samples = again.made().samples();
   EXPECT_EQ(samples.recovered, 3U);
   EXPECT_EQ(samples.acknowledged, 4U);
   EXPECT_EQ(samples.stored, 0U);

@@ -163,7 +163,7 @@ TEST(Publisher, UnacknowledgedSamplesComeAgainAsHistoryBesideLiveOnes) {
   const json history = json::parse(bench.broker.on(kBase + "/press1/data/fast/history").at(0));
   EXPECT_EQ(history["history"], true);
   EXPECT_TRUE(history["rows"][0].contains("boot") && history["rows"][0].contains("values"));
-  const fxagent::json::Samples samples = bench.made().samples();
+  const SampleCounts samples = bench.made().samples();
   EXPECT_EQ(samples.acknowledged, 6U);
   EXPECT_EQ(samples.stored, 0U);
   EXPECT_EQ(samples.published, 9U);  // three of them twice

@@ -3,6 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "agent/uplink/json_payload.h"
 #include "agent/uplink/publisher.h"
 #include "tests/agent/store/scratch.h"
 #include "tests/agent/uplink/fake_broker.h"
