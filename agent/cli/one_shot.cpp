@@ -108,7 +108,7 @@ double ms(std::chrono::nanoseconds duration) {
 }
 
 /// Admission and the wire, without a broker and without a journal.
-CommandResult carry_out(const Config& config, Command command) {
+CommandResult carry_out(const Config& config, const OneShot& what, CommandTarget target) {
   const DeviceConfig& device = config.devices.front();
   Outbox outbox(1);
   Field field(config, outbox, {}, Polling::off);
@@ -117,7 +117,8 @@ CommandResult carry_out(const Config& config, Command command) {
   std::shared_ptr<const Codec> codec = device.codec;
   if (must_ask_model(*codec)) codec = answer.await_model();
   CommandAdmission admission(device);
-  auto decision = admission.admit(std::move(command), codec, 0, std::chrono::steady_clock::now());
+  auto decision = admission.admit(command_for(what, device, std::move(target)), codec, 0,
+                                  std::chrono::steady_clock::now());
   if (auto* result = std::get_if<CommandResult>(&decision)) return std::move(*result);
   field.submit(std::move(std::get<AdmittedCommand>(decision)));
   return answer.await_result();
@@ -200,8 +201,7 @@ int run_one_shot(Config config, const OneShot& what) {
     }
     target.type = *type;
   }
-  const CommandResult result =
-      carry_out(config, command_for(what, config.devices.front(), std::move(target)));
+  const CommandResult result = carry_out(config, what, std::move(target));
   if (what.op == Op::read)
     print_read(result, what.device, what.as_json);
   else

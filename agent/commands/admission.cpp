@@ -152,11 +152,6 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
       return result;
     }
   }
-  if (closed_) {
-    set_outcome(result, CommandStatus::rejected, Reason::shutting_down, {});
-    if (!command.id.empty()) remember_refused(command, result, now);
-    return result;
-  }
   const std::optional<Refusal> refusal = command.refusal;
   if (refusal && precedes_id(refusal->reason) && command.id.empty()) return rejected(*refusal);
 
@@ -223,6 +218,11 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
   }
   if (cmd.dry_run) {
     set_outcome(result, CommandStatus::succeeded, Reason::none, {});
+    return result;
+  }
+  if (closed_) {
+    set_outcome(result, CommandStatus::rejected, Reason::shutting_down, {});
+    remember_refused(cmd, result, now);
     return result;
   }
   ids_.add({cmd.id, cmd.number, now, admitted.deadline}, now);

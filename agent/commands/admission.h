@@ -46,7 +46,7 @@ class CommandAdmission final {
   /// The result of a command that admit() let through. Each must come back here exactly once.
   void finished(const CommandResult& result);
 
-  /// From now on a command whose id is not known is REJECTED, shutting_down.
+  /// From now on no command is admitted: one that would be is REJECTED, shutting_down.
   void close() { closed_ = true; }
 
   /// An id of an earlier run is known from now on. `utc_ms` is the calendar time of `now`.

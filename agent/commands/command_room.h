@@ -1,4 +1,4 @@
-// What all devices of an agent share for their commands: bytes for those that wait for a wire, and
+// What all devices of an agent share for their commands: bytes for those that are pending, and
 // room for the ids of which only a fingerprint is kept. Pure: time is an argument.
 #pragma once
 
@@ -59,7 +59,7 @@ class IdFingerprints final {
 /// Shared by the admission of all devices and by each command that has a place here.
 class CommandRoom final : public std::enable_shared_from_this<CommandRoom> {
  public:
-  /// Of all commands that wait; and what each device may have whatever the others have.
+  /// Of all pending commands; and what each device may have whatever the others have.
   static constexpr std::size_t kMostBytes = std::size_t{8} << 20;
   static constexpr std::size_t kBytesOfADevice = std::size_t{64} << 10;
 

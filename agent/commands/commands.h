@@ -1,7 +1,8 @@
 // Every command of the agent, from its message to its acknowledged result: parse, admission,
 // journal, audit, result text. The one owner of "exactly one result": nobody else counts, remembers
 // or writes down a command or a result. No threads, no I/O but the journal's, no clock of its own.
-// Uplink thread; the command line has no Commands, it asks CommandAdmission.
+// Uplink thread, and before that has started restore(); the command line asks CommandAdmission
+// itself.
 #pragma once
 
 #include <cstddef>
@@ -64,7 +65,7 @@ class Commands final {
   void finish(CommandResult result, std::int64_t utc_ms);
   /// The device's addresses mean something else now: its model was found.
   void set_codec(std::uint32_t device, std::shared_ptr<const Codec> codec);
-  /// From now on commands are REJECTED, shutting_down.
+  /// From now on no command is admitted: one that would be is REJECTED, shutting_down.
   void close();
 
   /// Results for the broker, in the order they came to be; they are in the journal by now.
@@ -85,7 +86,7 @@ class Commands final {
     /// Commands without a result, by id, and what each takes of the room for them.
     std::unordered_map<std::string, std::shared_ptr<const CommandRoom::Place>> pending;
 
-    /// Of the pending ones the first is on the wire.
+    /// Beside those that wait one may be under way.
     std::size_t waiting() const { return pending.empty() ? 0 : pending.size() - 1; }
   };
 

@@ -110,13 +110,14 @@ std::string without_values(std::string_view recorded) {
 }  // namespace
 
 std::string result_text(const CommandResult& result) {
+  constexpr std::size_t kMost = kMaxResultBytes - 24;  // total_ms is still to come
   const auto written = [](const CommandResult& what) {
     Writer out;
     write_result(out, what);
     return out.take();
   };
   std::string text = written(result);
-  if (text.size() <= kMaxResultBytes || !result.recorded.empty()) return text;
+  if (text.size() <= kMost || !result.recorded.empty()) return text;
   CommandResult shorter = result;
   if (result.first) {
     CommandResult first = *result.first;
@@ -127,7 +128,7 @@ std::string result_text(const CommandResult& result) {
   }
   leave_out_details(shorter);
   text = written(shorter);
-  if (text.size() <= kMaxResultBytes) return text;
+  if (text.size() <= kMost) return text;
   leave_out_values(shorter);
   return written(shorter);
 }

@@ -17,7 +17,7 @@ using std::chrono::milliseconds;
 constexpr std::uint64_t kMostRefused = 10000;  // rows of commands that were not admitted
 constexpr std::uint64_t kRefusedAtOnce = 200;
 constexpr std::int64_t kShrunkAtOnce = 200;
-// The field asks for the first results of all ids that it still knows.
+// Admission asks for the first results of all ids that it still knows.
 constexpr std::chrono::hours kLongerThanKnown{1};
 constexpr std::int64_t kLatestMs = 7258118400000;  // the year 2200: later is damage
 
@@ -116,6 +116,7 @@ CommandTable::Size CommandTable::size_of(const std::string& device, const std::s
 /// Carries out a change of one row and counts what it does.
 void CommandTable::change(const std::string& device, const std::string& id,
                           const std::function<void()>& work) {
+  ++changes_since_trim_;
   const Size before = size_of(device, id);
   work();
   const Size after = size_of(device, id);
@@ -238,12 +239,10 @@ void CommandTable::drop_old(std::int64_t utc_ms, std::int64_t max_age_ms) {
       " FROM orders WHERE told = 0 AND result <> '') WHERE place > ?2)");
   int changes = sqlite::run(old, utc_ms, utc_ms - day, utc_ms - age);
   // To find what is one too many all of them are looked at: half a second for 200,000. With few of
-  // them there is none; with very many it waits until they are a tenth more than the last time.
-  trimmed_rows_ = std::min(trimmed_rows_, size_.rows);
+  // them there is none; with very many it waits until a tenth of them are new.
   const bool very_many = size_.rows > 2 * kRememberedIds;
-  if (size_.rows > kRememberedIds &&
-      (!very_many || size_.rows > trimmed_rows_ + trimmed_rows_ / 10)) {
-    trimmed_rows_ = size_.rows;
+  if (size_.rows > kRememberedIds && (!very_many || changes_since_trim_ > size_.rows / 10)) {
+    changes_since_trim_ = 0;
     changes += sqlite::run(results, kRememberedIds);
     changes += sqlite::run(many, utc_ms, kFingerprints);
     changes += sqlite::run(unacknowledged, utc_ms, kRememberedIds);

@@ -69,8 +69,9 @@ class CommandTable final {
   SQLite::Statement cost_;          ///< of one: its bytes, and whether it was refused
   SQLite::Statement drop_refused_;  ///< the oldest of them; their bytes
   Size size_;                       ///< as committed
-  std::uint64_t trimmed_rows_ = 0;  ///< as they were when what is one too many was last looked for
-  Size changed_;                    ///< as the transaction that is open will leave it
+  /// Since what is one too many was last looked for: commands, results and acknowledgements.
+  std::uint64_t changes_since_trim_ = 0;
+  Size changed_;  ///< as the transaction that is open will leave it
 };
 
 }  // namespace fxagent

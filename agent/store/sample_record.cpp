@@ -182,8 +182,11 @@ bool RowReader::value(Value& value) {
   value.items.clear();
   value.is_array = false;
   if (takes(kNull)) return true;
+  if (rest_.empty()) return false;
+  if (first() >> 5 != static_cast<unsigned>(Major::array))
+    return scalar(value.items.emplace_back());
   std::uint64_t items = 0;
-  if (!count(Major::array, items)) return scalar(value.items.emplace_back());
+  if (!count(Major::array, items)) return false;
   value.is_array = true;
   for (; items > 0; --items)
     if (!scalar(value.items.emplace_back())) return false;

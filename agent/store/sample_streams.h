@@ -26,7 +26,7 @@ class SampleStreams final {
   void found(const StreamKey& stream, std::uint64_t rows, std::uint64_t cost, std::uint64_t oldest);
   /// A new row, and the last one.
   void added(const Row& row);
-  /// The row goes out: nobody else may take it until released() or removed().
+  /// The row goes out: nobody else may take it until release() or remove().
   void take(const Row& row);
   /// A row that is out waits again.
   void release(std::uint64_t row_id);

@@ -24,7 +24,7 @@ class UnrecordedCommands final {
   /// As in the file, a result belongs to the command with its number, and a later command that uses
   /// the id anew takes its place.
   void put(JournalEntry entry);
-  /// Null: it is not here. Until the next put() or take_first().
+  /// Null: it is not here. Until the next put() or drop_first().
   const JournalEntry* find(const std::string& device, const std::string& id) const;
   std::size_t size() const { return entries_.size(); }
   /// In their order.

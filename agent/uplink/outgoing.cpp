@@ -69,8 +69,8 @@ void Outgoing::on(const DeliveryFailed& event, SteadyTime now) {
 
 /// The broker answers. What it need not answer shows that only where no answer is owed.
 void Outgoing::note_answer(const Flight& flight, SteadyTime now) {
-  const auto owed = [](const auto& other) { return other.second.is_answered; };
-  if (!flight.is_answered && std::ranges::any_of(flights_, owed)) return;
+  const auto owed = [](const auto& other) { return other.second.expects_puback; };
+  if (!flight.expects_puback && std::ranges::any_of(flights_, owed)) return;
   unanswered_since_ = flights_.empty() ? std::nullopt : std::optional(now);
 }
 

@@ -56,7 +56,7 @@ class Outgoing final {
  private:
   struct Flight {
     Sender* sender = nullptr;
-    bool is_answered = true;  ///< by a PUBACK; QoS 0 is over when it was handed to the socket
+    bool expects_puback = true;  ///< QoS 0 is over when it was handed to the socket
   };
 
   void note_answer(const Flight& flight, SteadyTime now);

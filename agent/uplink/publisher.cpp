@@ -71,10 +71,10 @@ SteadyTime Publisher::step(SteadyTime now) {
     spool_.count_dropped();
   }
   take_found_late(now);
+  spool_.move_memory_to_disk();
+  take_outbox(now);  // its results make room for commands, and its states say what model they meet
   if (outbox_.refuses_commands()) commands_.close();
   intake_.take_some(now, utc_ms_());
-  spool_.move_memory_to_disk();
-  take_outbox(now);
   take_results();
   if (phase_ == Phase::running) keep_session(now);
   if (now >= next_tick_) tick(now);

@@ -87,7 +87,8 @@ void ResultDelivery::hand_over(std::uint64_t key, std::size_t copy, SteadyTime n
   Pending& pending = results_.at(key);
   ResultMessage& result = pending.result;
   if (!std::exchange(pending.handed_over, true) && !result.recorded)
-    result.text = with_total(std::move(result.text), now - result.received);
+    result.text = with_total(std::move(result.text),
+                             std::max(now - result.received, SteadyTime::duration::zero()));
   Copy& to = pending.copies[copy];
   to.in_flight = true;
   Publication publication;

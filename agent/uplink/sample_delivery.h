@@ -48,7 +48,7 @@ class SampleDelivery final : public Outgoing::Sender {
 
   void connection_began();
   void connection_ended();
-  /// The first attempt to connect has failed: what is live is history.
+  /// An attempt to connect has failed: what is live is history.
   void spool_live();
 
   void delivered(std::uint64_t id, SteadyTime now) override;
@@ -107,7 +107,7 @@ class SampleDelivery final : public Outgoing::Sender {
   std::map<std::uint64_t, Flight> flights_;  ///< by the id of the publication
   std::size_t history_flights_ = 0;
   std::uint64_t in_flight_ = 0;       ///< live ones that are not on disk
-  SteadyTime history_rests_until_{};  ///< live samples have the line to themselves
+  SteadyTime history_rests_until_{};  ///< live samples have the broker to themselves
   std::size_t history_bytes_;         ///< of one message; shrinks where it is too large
   SteadyTime samples_at_{};           ///< the last step that found some
   SteadyTime gather_until_{};

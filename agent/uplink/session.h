@@ -66,12 +66,12 @@ class Session final {
   bool is_waiting() const { return link_ == Link::waiting; }
   /// The first attempt is not over.
   bool is_starting() const { return starting_; }
-  /// Whether the broker has said, or taken too long to say, that commands are heard.
+  /// Neither confirmed nor overdue: nobody knows yet whether commands are heard.
   bool awaits_first_suback() const { return suback_by_ && !deaf_; }
   bool awaits_suback() const { return suback_by_.has_value(); }
   /// Why commands are not heard; nullopt: they are.
   const std::optional<std::string>& deaf() const { return deaf_; }
-  /// How many messages the broker may send ahead of acknowledgements: as few as it was asked for.
+  /// How many messages the broker was told that it may send ahead of acknowledgements.
   std::uint16_t receive_maximum() const { return receive_maximum_; }
 
  private:

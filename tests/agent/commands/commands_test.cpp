@@ -308,7 +308,7 @@ TEST_F(CommandsTest, NothingIsAdmittedAfterTheEndWasAskedFor) {
   ASSERT_EQ(taken.size(), 3U);
   EXPECT_EQ(taken[0]["status"], "DUPLICATE");
   EXPECT_EQ(taken[1]["reason"], "shutting_down");
-  EXPECT_EQ(taken[2]["reason"], "shutting_down");
+  EXPECT_EQ(taken[2]["reason"], "bad_json") << "shutting_down is the last of the checks";
   EXPECT_EQ(taken[2]["id"], nullptr);
 }
 

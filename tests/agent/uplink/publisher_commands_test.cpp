@@ -483,7 +483,7 @@ TEST(Publisher, CommandDuringTheEndIsAnswered) {
   bench.made().stop(bench.now);
   bench.outbox.push(test::sample(1));
   bench.step();
-  bench.command(R"({"id":"late","op":"run"})");
+  bench.write("late");
   EXPECT_TRUE(bench.admitted.empty());
   const auto results = bench.results();
   ASSERT_EQ(results.size(), 1U);
@@ -529,13 +529,28 @@ TEST(Publisher, ListDuringTheEndIsAnsweredAsAList) {
   bench.made().stop(bench.now);
   bench.outbox.push(test::sample(1));
   bench.step();
-  bench.command(R"({"id":"late","op":"write","dry_run":true,"targets":[{"tag":"t","value":1}]})");
-  const auto results = bench.broker.on(kBase + "/press1/result");
-  ASSERT_EQ(results.size(), 1U);
-  const json result = json::parse(results[0]);
-  EXPECT_EQ(result["dry_run"], true);
-  ASSERT_EQ(result["targets"].size(), 1U);
-  EXPECT_EQ(result["targets"][0]["reason"], "shutting_down");
+  const std::string list = R"("op":"write","targets":[{"tag":"setpoint","value":1}])";
+  bench.command(R"({"id":"late",)" + list + "}");
+  bench.command(R"({"id":"dry","dry_run":true,)" + list + "}");
+  const auto results = bench.results();
+  ASSERT_EQ(results.size(), 2U);
+  EXPECT_EQ(results[0]["reason"], "shutting_down");
+  ASSERT_EQ(results[0]["targets"].size(), 1U);
+  EXPECT_EQ(results[0]["targets"][0]["reason"], "shutting_down");
+  EXPECT_EQ(results[1]["dry_run"], true);
+  EXPECT_EQ(results[1]["status"], "SUCCEEDED") << "it would have been admitted";
+}
+
+TEST(PublisherFlood, ResultsOfTheFieldMakeRoomBeforeTheNextCommandsAreLookedAt) {
+  Bench bench;
+  bench.config.devices[0].commands.queue = 1;
+  bench.online();
+  bench.write("a");
+  bench.write("b");
+  bench.outbox.push(bench.succeeded("a"));
+  bench.write("c");
+  bench.settle();
+  EXPECT_EQ(bench.admitted.size(), 3U);
 }
 
 // ---- floods
