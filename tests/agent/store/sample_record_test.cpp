@@ -198,6 +198,8 @@ TEST(SampleRecord, CountsThatCannotBeAreDamageAndCostNoMemory) {
   EXPECT_FALSE(decode_sample("\x89" + head + "\x61\x61\x18\x40\x01", record)) << "no such kind";
   EXPECT_FALSE(decode_sample("\x89" + head + "\x61\x61\x09\x01", record)) << "no such type";
   EXPECT_TRUE(decode_sample("\x89" + head + "\x61\x61\x08\x01", record));
+  EXPECT_FALSE(decode_sample("\x89" + head + "\x61\x61\x08\x9C\x01", record)) << "no such length";
+  EXPECT_FALSE(decode_sample("\x89" + head + "\x61\x61\x08\x99\x01", record)) << "half a length";
 }
 
 TEST(SampleRecord, AnyBytesCanBeRead) {
