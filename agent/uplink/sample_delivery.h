@@ -1,6 +1,7 @@
 // Samples on their way to the broker: live ones at once, and beside them what had to wait, as
 // history. None is forgotten before its acknowledgement; one that waited for a second is on disk
-// too. Uplink thread. Time is an argument.
+// too. Uplink thread. Time is an argument. More than twenty functions: half of them say one word
+// about the state.
 #pragma once
 
 #include <chrono>

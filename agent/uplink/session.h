@@ -1,6 +1,7 @@
 // The session with the broker: connects, notices a loss whoever tells it or not, tries the next
 // server in time and never in haste, and asks for the subscription to commands until it is granted.
-// Uplink thread. Time is an argument.
+// Uplink thread. Time is an argument. More than twenty functions: five take the broker's news, nine
+// say one word about the state.
 #pragma once
 
 #include <chrono>
