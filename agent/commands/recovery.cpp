@@ -55,12 +55,6 @@ class Known final {
       index_.emplace(device.name, static_cast<std::uint32_t>(index_.size()));
   }
 
-  void take_ids(std::vector<KnownId> ids, Recovered& found) const {
-    for (KnownId& known : ids)
-      if (const auto device = index_.find(known.device); device != index_.end())
-        found.ids.push_back(std::move(known));
-  }
-
   void take_unacknowledged(std::vector<JournalEntry> entries, SteadyTime now,
                            Recovered& found) const {
     for (JournalEntry& entry : entries)
@@ -109,8 +103,8 @@ Recovered recover(const Config& config, CommandJournal& journal, std::int64_t ut
 Recovered recover(const Config& config, CommandJournal& journal, std::vector<KnownId> ids,
                   std::vector<JournalEntry> unacknowledged, std::int64_t utc_ms, SteadyTime now) {
   Recovered found;
+  found.ids = std::move(ids);
   const Known known(config, journal, utc_ms);
-  known.take_ids(std::move(ids), found);
   known.take_unacknowledged(std::move(unacknowledged), now, found);
   return found;
 }

@@ -11,9 +11,9 @@
 
 namespace fxagent {
 
-/// Of devices of the config only.
+/// Commands and results are those of devices of the config.
 struct Recovered {
-  std::vector<KnownId> ids;
+  std::vector<KnownId> ids;  ///< of all devices; Commands takes those of its own
   /// To be published: results that the broker had not acknowledged, and the outcome, written into
   /// the journal here, of each command that the end of the agent left without one, but for those in
   /// `interrupted`.

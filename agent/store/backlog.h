@@ -26,13 +26,11 @@ class Backlog final {
   /// The next history message: from the stream whose waiting row is the oldest among those that
   /// `may_send`, as many rows as fit into `message`, which is empty, at least one. A stream has one
   /// batch on the way at a time, so that its rows arrive in order. Its rows stay here until
-  /// acknowledged() or discard(). nullopt: nothing to send.
+  /// remove(). nullopt: nothing to send.
   std::optional<HistoryBatch> next(HistoryMessage& message, const MaySend& may_send);
-  /// The batch arrived. Returns how many of its rows were still here: a row that had to make room
-  /// meanwhile was counted as dropped already.
-  std::uint64_t acknowledged(const HistoryBatch& batch) { return remove(batch); }
-  /// The broker will never take the batch. Returns how many rows went with it.
-  std::uint64_t discard(const HistoryBatch& batch) { return remove(batch); }
+  /// The batch arrived, or the broker will never take it. Returns how many of its rows were still
+  /// here: a row that had to make room meanwhile was counted as dropped already.
+  std::uint64_t remove(const HistoryBatch& batch);
   /// The batch did not arrive: its rows wait again, in their old places.
   void returned(const HistoryBatch& batch);
   /// Every row that is not on the way, oldest first; they are no longer here.
@@ -55,7 +53,6 @@ class Backlog final {
   };
   using Streams = std::map<StreamKey, Stream>;
 
-  std::uint64_t remove(const HistoryBatch& batch);
   /// Puts a stream that has changed in its place in ready_.
   void place(Streams::value_type& stream);
   void erase(std::map<std::uint64_t, SampleRow>::iterator row);

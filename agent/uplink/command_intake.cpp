@@ -50,7 +50,7 @@ void CommandIntake::take_some(SteadyTime now, std::int64_t utc_ms) {
     incoming_.pop_front();
     bytes_ -= bytes_of(message);
     // An empty retained payload only clears the topic. On 3.1.1 its flag does not reach us.
-    if (message.payload.empty() && (message.retained || mqtt_version_ != 5)) continue;
+    if (message.payload.empty() && (message.retained || mqtt_.version != 5)) continue;
     MessageProperties& properties = message;
     commands_.receive(device, message.topic, message.payload, std::move(properties), now, utc_ms);
   }

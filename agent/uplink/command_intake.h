@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "agent/commands/commands.h"
+#include "agent/config/config.h"
 #include "agent/messages.h"
 #include "agent/uplink/broker.h"
 
@@ -21,9 +22,9 @@ struct Heard {
 
 class CommandIntake final {
  public:
-  /// All references outlive it. `mqtt_version`: 5, or 4 for 3.1.1.
-  CommandIntake(Commands& commands, Broker& broker, const int& mqtt_version)
-      : commands_(commands), broker_(broker), mqtt_version_(mqtt_version) {}
+  /// All references outlive it.
+  CommandIntake(Commands& commands, Broker& broker, const MqttConfig& mqtt)
+      : commands_(commands), broker_(broker), mqtt_(mqtt) {}
 
   /// Counts a message, on whatever topic.
   void hear(const Message& message);
@@ -56,7 +57,7 @@ class CommandIntake final {
 
   Commands& commands_;
   Broker& broker_;
-  const int& mqtt_version_;
+  const MqttConfig& mqtt_;
   std::deque<std::pair<Message, std::uint32_t>> incoming_;  ///< not looked at yet
   std::size_t bytes_ = 0;
   Heard heard_;

@@ -53,7 +53,7 @@ Publisher::Publisher(const Config& config, PublisherSettings settings, Payload& 
       results_(config, commands, outgoing_, backoff_, utc_ms_),
       spool_(store, settings_.backlog_bytes),
       samples_out_(config, settings_.boot, payload, outgoing_, backoff_, spool_, store),
-      intake_(commands, broker, config.mqtt.version) {}
+      intake_(commands, broker, config.mqtt) {}
 
 Publisher::~Publisher() = default;
 

@@ -73,8 +73,7 @@ void SampleSpool::returned(const OutgoingHistory& message) {
 }
 
 std::uint64_t SampleSpool::remove(const OutgoingHistory& message) {
-  return message.on_disk ? store_->samples().remove(message.batch)
-                         : backlog_.acknowledged(message.batch);
+  return message.on_disk ? store_->samples().remove(message.batch) : backlog_.remove(message.batch);
 }
 
 std::uint64_t SampleSpool::remove(const LiveRow& live) {

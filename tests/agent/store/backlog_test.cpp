@@ -35,7 +35,7 @@ TEST(Backlog, MessageKeepsItsSizeAndALargerRowGoesAlone) {
   ASSERT_TRUE(two);
   EXPECT_EQ(two->row_ids.size(), 2U);
   EXPECT_EQ(two->payload.size(), 26U + 2 + 1 + 2);
-  EXPECT_EQ(backlog.acknowledged(*two), 2U);
+  EXPECT_EQ(backlog.remove(*two), 2U);
   const auto one = test::next(backlog, 1, any);
   ASSERT_TRUE(one);
   EXPECT_EQ(one->row_ids.size(), 1U);
@@ -52,7 +52,7 @@ TEST(Backlog, LaneWaitsForItsBatchAndTakesItBack) {
   const auto again = test::next(backlog, 1000, any);
   ASSERT_TRUE(again);
   EXPECT_EQ(again->row_ids, (std::vector<std::uint64_t>{1, 2}));
-  EXPECT_EQ(backlog.acknowledged(*again), 2U);
+  EXPECT_EQ(backlog.remove(*again), 2U);
   EXPECT_EQ(backlog.rows(), 0U);
   EXPECT_EQ(backlog.bytes(), 0U);
 }
@@ -78,7 +78,7 @@ TEST(Backlog, RowThatMadeRoomOnItsWayIsNotAcknowledgedToo) {
   backlog.append(row(2));
   backlog.append(row(3));  // 1 makes room
   EXPECT_EQ(backlog.take_dropped().at("a"), 1U);
-  EXPECT_EQ(backlog.acknowledged(*batch), 0U);
+  EXPECT_EQ(backlog.remove(*batch), 0U);
   EXPECT_EQ(backlog.rows(), 2U);
 }
 
@@ -121,14 +121,14 @@ TEST(Backlog, NextLooksAtNoMoreLanesThanItMust) {
     ASSERT_TRUE(batch);
     EXPECT_EQ(batch->device, "d" + std::to_string(stream)) << "the oldest first";
     if (stream % 2 == 0)
-      backlog.acknowledged(*batch);
+      backlog.remove(*batch);
     else
       backlog.returned(*batch);
     if (stream % 2 != 0) {
       const auto again = test::next(backlog, 1000, counting);
       ASSERT_TRUE(again);
       EXPECT_EQ(again->row_ids, batch->row_ids);
-      backlog.acknowledged(*again);
+      backlog.remove(*again);
     }
   }
   EXPECT_EQ(looks, 1500U);
