@@ -1,6 +1,6 @@
 // The last values of each group, for the status: its last whole sample, and each tag that a command
-// has written since. Each as a row (store/sample_record), which takes a tenth of the values it
-// says. Uplink thread; what groups() gives may be read on any.
+// has written since. Each as a row (store/sample_record): 10 to 25 bytes a tag, its name included.
+// Uplink thread; what groups() gives may be read on any.
 #pragma once
 
 #include "agent/config/config.h"
