@@ -1,11 +1,16 @@
-// What is known of the agent at one moment: its counters, as the uplink and the field have them.
-// The publisher makes it; health reads it, and whatever else is to show the agent's state reads it
-// too. Plain data.
+// What is known at one moment: last values, device states, last commands, and the counters of
+// uplink and field. The uplink makes it (uplink/status_source) and publishes it on the status board
+// (status_board.h); health reads it, and whatever else is to show the agent's state reads it too.
+// Nobody changes one that is published.
 #pragma once
 
+#include <algorithm>
 #include <chrono>
+#include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -34,6 +39,50 @@ struct SampleCounts {
   }
 };
 
+/// One tag as the field reported it last: as a subscriber of the broker would know it who missed
+/// nothing.
+struct LastValue {
+  DataType type = DataType::int16;
+  bool scaled = false;                ///< it has a scale or an offset
+  Value value;                        ///< the last good one; empty where it was never read
+  std::optional<std::int64_t> ts_ms;  ///< when `value` was read; nullopt: never
+  std::optional<BadReason> bad;       ///< nullopt: good
+  std::int64_t bad_since_ms = 0;      ///< bad only
+  bool written = false;               ///< a command wrote `value`, and nothing was read back
+
+  /// How long ago `value` was read and reported. With publish: on_change that can be long before
+  /// the last poll: a cycle that has nothing new to say is not reported. At `now_ms` before ts_ms
+  /// (the clock was set) it is 0. nullopt: never read.
+  std::optional<std::chrono::milliseconds> age(std::int64_t now_ms) const {
+    if (!ts_ms) return std::nullopt;
+    return std::chrono::milliseconds(std::max<std::int64_t>(0, now_ms - *ts_ms));
+  }
+};
+
+/// The last values of one group of one device, kept small: decoded when they are asked for. Any
+/// thread.
+class GroupValues {
+ public:
+  virtual ~GroupValues() = default;
+  /// By the tag's name. A tag that is not there was not reported yet.
+  virtual std::map<std::string, LastValue, std::less<>> by_tag() const = 0;
+};
+/// By index in Config::devices, then in DeviceConfig::groups. Null: nothing was reported yet. The
+/// uplink, which replaces it by the next, and each status that has it own it.
+using LastValues = std::vector<std::vector<std::shared_ptr<const GroupValues>>>;
+
+/// What became of one command.
+struct LastCommand {
+  std::uint32_t device = 0;  ///< index in Config::devices
+  std::string id;            ///< empty: none could be read
+  std::string op;            ///< as it came
+  CommandStatus status = CommandStatus::rejected;
+  Reason reason = Reason::none;
+  std::int64_t ts_ms = 0;  ///< when its result was known
+};
+/// So many of the agent are kept, the newest.
+inline constexpr std::size_t kLastCommands = 16;
+
 /// By index in Config::devices, where a list has no other word.
 struct AgentStatus {
   std::int64_t ts_ms = 0;
@@ -41,12 +90,18 @@ struct AgentStatus {
   std::string version;
   std::chrono::seconds uptime{0};
   SampleCounts samples;
-  FieldHealth field;
+  /// Never null. The uplink and each status made since the field counted own it.
+  std::shared_ptr<const FieldHealth> field = std::make_shared<const FieldHealth>();
+  /// Without their codecs. Null: the field has not said yet. The uplink's retained state and each
+  /// status made since the device changed own it.
+  std::vector<std::shared_ptr<const DeviceStatus>> devices;
+  LastValues values;  ///< empty: no reader wants them, or nothing was reported since one does
   std::vector<std::uint64_t> dropped;  ///< samples, by index in Config::devices
   /// By the same index: the MQTT reason code, "0x97", for which the broker does not take the
   /// device's samples now; empty: it takes them.
   std::vector<std::string> refused;
   std::map<CommandStatus, std::uint64_t> commands;
+  std::vector<LastCommand> last_commands;  ///< the newest last, kLastCommands at the most
   std::string store_state;      ///< "disk"; "memory" where there is none, or it cannot be written
   std::string store_set_aside;  ///< name of the damaged file of this run; empty: none
   std::uint64_t store_bytes = 0;

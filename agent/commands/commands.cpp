@@ -139,6 +139,10 @@ void Commands::finish(CommandResult result, std::int64_t utc_ms) {
 void Commands::take_result(CommandResult result, const std::optional<audit::Receipt>& receipt,
                            std::int64_t utc_ms) {
   ++counts_[result.status];
+  if (result.recorded.empty()) {
+    last_.push_back({result.device, result.id, result.op, result.status, result.reason, utc_ms});
+    if (last_.size() > kLastCommands) last_.pop_front();
+  }
   find_first(result);
   failpoint("result_taken");
   ResultMessage message;

@@ -7,6 +7,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <map>
 #include <memory>
@@ -22,6 +23,7 @@
 #include "agent/commands/recovery.h"
 #include "agent/config/config.h"
 #include "agent/messages.h"
+#include "agent/status.h"
 
 namespace fxagent {
 
@@ -75,6 +77,8 @@ class Commands final {
 
   /// How often each status was given, since the start.
   const std::map<CommandStatus, std::uint64_t>& counts() const { return counts_; }
+  /// The newest results of this run, the newest last.
+  const std::deque<LastCommand>& last() const { return last_; }
 
  private:
   struct Device {
@@ -109,6 +113,7 @@ class Commands final {
   std::vector<JournalEntry> to_record_;
   std::vector<ResultMessage> results_;
   std::map<CommandStatus, std::uint64_t> counts_;
+  std::deque<LastCommand> last_;
 };
 
 }  // namespace fxagent

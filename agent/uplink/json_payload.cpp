@@ -162,7 +162,7 @@ std::string health(const AgentStatus& status, const Config& config) {
   out.end_object();
   out.key("links").begin_object();
   for (std::size_t i = 0; i < config.links.size(); ++i) {
-    const LinkHealth link = i < status.field.links.size() ? status.field.links[i] : LinkHealth{};
+    const LinkHealth link = i < status.field->links.size() ? status.field->links[i] : LinkHealth{};
     out.key(config.links[i].name).begin_object();
     out.key("exchanges").integer(link.exchanges).key("timeouts").integer(link.timeouts);
     out.key("naks").integer(link.naks).key("bad_frames").integer(link.bad_frames);
@@ -177,7 +177,7 @@ std::string health(const AgentStatus& status, const Config& config) {
   out.key("devices").begin_object();
   for (std::size_t i = 0; i < config.devices.size(); ++i) {
     const DeviceHealth device =
-        i < status.field.devices.size() ? status.field.devices[i] : DeviceHealth{};
+        i < status.field->devices.size() ? status.field->devices[i] : DeviceHealth{};
     out.key(config.devices[i].name).begin_object();
     out.key("polls").integer(device.polls).key("missed").integer(device.missed);
     write_percentiles(out, "late_ms", device.late_ms);

@@ -6,7 +6,6 @@
 
 #include "agent/commands/recovery.h"
 #include "agent/log/log.h"
-#include "agent/process/process_facts.h"
 #include "agent/store/first_numbers.h"
 #include "agent/uplink/json_payload.h"
 #include "agent/uplink/puback.h"
@@ -46,14 +45,16 @@ Publisher::Publisher(const Config& config, PublisherSettings settings, Payload& 
                  [this](SteadyTime now) {
                    Publication publication;
                    publication.topic = base_ + "/health";
-                   publication.payload = json::health(status(now), config_);
+                   publication.payload = json::health(*status_.at(now), config_);
                    publication.retain = Retain::yes;
                    return publication;
                  }}),
       results_(config, commands, outgoing_, backoff_, utc_ms_),
       spool_(store, settings_.backlog_bytes),
       samples_out_(config, settings_.boot, payload, outgoing_, backoff_, spool_, store),
-      intake_(commands, broker, config.mqtt) {}
+      intake_(commands, broker, config.mqtt),
+      status_({config, commands, retained_, spool_, samples_out_, store},
+              {settings_.boot, settings_.version}, utc_ms_, [this] { outbox_.notify(); }) {}
 
 Publisher::~Publisher() = default;
 
@@ -61,8 +62,8 @@ SteadyTime Publisher::step(SteadyTime now) {
   if (!started_) {
     started_ = now;
     started_ms_ = utc_ms_();
-    last_tick_ = now;
     next_tick_ = now + kTick;
+    status_.start(now);
   }
   for (BrokerEvent& event : broker_.take_events())
     std::visit([&](const auto& e) { on(e, now); }, event);
@@ -78,6 +79,7 @@ SteadyTime Publisher::step(SteadyTime now) {
   take_results();
   if (phase_ == Phase::running) keep_session(now);
   if (now >= next_tick_) tick(now);
+  status_.answer(now);
   samples_out_.settle(now);
   spool_.commit(now, phase_ == Phase::running);
   // Whoever sees "online" and sends a command at once is heard, or is told that nobody listens.
@@ -170,13 +172,12 @@ void Publisher::take_found_late(SteadyTime now) {
 
 void Publisher::take_outbox(SteadyTime now) {
   Outbox::Batch batch = outbox_.take();
-  pushed_ = batch.pushed;
   for (const auto& [device, count] : batch.dropped)
     spool_.drop(config_.devices.at(device).name, count);
   for (CommandResult& result : batch.results) commands_.finish(std::move(result), utc_ms_());
   for (DeviceStatus& status : batch.states) {
     const std::uint32_t device = status.device;
-    if (status.codec) commands_.set_codec(device, status.codec);
+    if (status.codec) commands_.set_codec(device, std::move(status.codec));
     retained_.set(std::move(status));
     if (session_.is_connected()) retained_.device_state_changed(device);
   }
@@ -184,14 +185,7 @@ void Publisher::take_outbox(SteadyTime now) {
   const bool can_go =
       (session_.is_connected() || session_.is_starting()) && phase_ <= Phase::draining;
   samples_out_.take(batch.telemetry, can_go, now);
-  if (!batch.health) return;
-  field_ = std::move(*batch.health);
-  std::uint64_t sent = 0;
-  for (const DeviceHealth& device : field_.devices) sent += device.collected - device.suppressed;
-  miscounted_ = sent != batch.pushed_at_health;
-  if (miscounted_)
-    log::error("samples_miscounted", {{"field", std::to_string(sent)},
-                                      {"outbox", std::to_string(batch.pushed_at_health)}});
+  status_.take(batch);
 }
 
 void Publisher::take_results() {
@@ -220,25 +214,8 @@ void Publisher::hold_messages(SteadyTime now) {
 }
 
 void Publisher::tick(SteadyTime now) {
-  const double hours = std::chrono::duration<double, std::ratio<3600>>(now - last_tick_).count();
-  bytes_per_hour_ = static_cast<double>(samples_out_.take_row_bytes()) / hours;
-  last_tick_ = now;
   next_tick_ = now + kTick;
-  if (spool_.dropped() != dropped_at_tick_) {
-    log::warn("samples_dropped", {{"count", std::to_string(spool_.dropped() - dropped_at_tick_)},
-                                  {"total", std::to_string(spool_.dropped())}});
-    dropped_at_tick_ = spool_.dropped();
-  }
-  const SampleCounts now_here = samples();
-  if (!now_here.balanced())
-    log::error("samples_unbalanced", {{"collected", std::to_string(now_here.collected)},
-                                      {"recovered", std::to_string(now_here.recovered)},
-                                      {"suppressed", std::to_string(now_here.suppressed)},
-                                      {"queued", std::to_string(now_here.queued)},
-                                      {"in_flight", std::to_string(now_here.in_flight)},
-                                      {"stored", std::to_string(now_here.stored)},
-                                      {"acknowledged", std::to_string(now_here.acknowledged)},
-                                      {"dropped", std::to_string(now_here.dropped)}});
+  status_.tick(now);
   if (session_.is_connected()) retained_.health_is_due();
 }
 
@@ -332,55 +309,7 @@ SteadyTime Publisher::next_wake(SteadyTime now) const {
   return wake;
 }
 
-SampleCounts Publisher::samples() const {
-  SampleCounts samples;
-  for (const DeviceHealth& device : field_.devices) samples.suppressed += device.suppressed;
-  samples.collected = pushed_ + samples.suppressed;
-  const SampleDelivery::Counters out = samples_out_.counters();
-  samples.queued = out.queued + spool_.gathered();
-  samples.in_flight = out.in_flight;
-  samples.stored = spool_.backlog().rows();
-  if (store_ != nullptr) {
-    samples.stored += store_->samples().rows();
-    samples.recovered = store_->samples().recovered();
-  }
-  samples.acknowledged = out.acknowledged;
-  samples.dropped = spool_.dropped();
-  samples.published = out.published;
-  samples.miscounted = miscounted_;
-  return samples;
-}
-
-AgentStatus Publisher::status(SteadyTime now) const {
-  AgentStatus status;
-  status.ts_ms = utc_ms_();
-  status.boot = settings_.boot;
-  status.version = settings_.version;
-  status.uptime = std::chrono::duration_cast<seconds>(now - *started_);
-  status.samples = samples();
-  status.field = field_;
-  for (const DeviceConfig& device : config_.devices) {
-    status.dropped.push_back(spool_.dropped(device.name));
-    const auto refused = samples_out_.refused(device.name);
-    status.refused.push_back(refused ? hex_code(*refused) : std::string());
-  }
-  status.commands = commands_.counts();
-  status.store_state = store_ == nullptr ? "memory" : store_->state();
-  if (store_ != nullptr) {
-    status.store_set_aside = store_->set_aside();
-    status.audit_records = store_->audit().head().records;
-    status.audit_head = to_text(store_->audit().head().hash);
-  }
-  status.store_bytes = spool_.backlog().bytes() + (store_ == nullptr ? 0 : store_->bytes());
-  const std::uint64_t room = store_ == nullptr ? spool_.backlog().max_bytes() : store_->max_bytes();
-  if (bytes_per_hour_ && *bytes_per_hour_ > 0)
-    status.hours_left =
-        static_cast<double>(room - std::min(room, status.store_bytes)) / *bytes_per_hour_;
-  const ProcessFacts facts = read_process_facts();
-  status.clock_synchronised = facts.clock_synchronised;
-  status.rss_bytes = facts.rss_bytes;
-  return status;
-}
+SampleCounts Publisher::samples() const { return status_.samples(); }
 
 void run_uplink(Publisher& publisher, Outbox& outbox, std::stop_token stop,
                 const std::function<void()>& stepped) {

@@ -18,6 +18,7 @@
 #include "agent/messages.h"
 #include "agent/outbox.h"
 #include "agent/status.h"
+#include "agent/status_board.h"
 #include "agent/store/store.h"
 #include "agent/uplink/broker.h"
 #include "agent/uplink/command_intake.h"
@@ -29,6 +30,7 @@
 #include "agent/uplink/sample_delivery.h"
 #include "agent/uplink/sample_spool.h"
 #include "agent/uplink/session.h"
+#include "agent/uplink/status_source.h"
 
 namespace fxagent {
 
@@ -74,6 +76,8 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
 
   /// Where every sample is, as of the last step().
   SampleCounts samples() const;
+  /// Where the agent's status is published, as long as the publisher is there.
+  StatusBoard& board() { return status_.board(); }
 
  private:
   enum class Phase : std::uint8_t { running, draining, farewell, closing, finished };
@@ -103,7 +107,6 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
   bool drained() const;
   bool acknowledgements_matter() const;
   SteadyTime next_wake(SteadyTime now) const;
-  AgentStatus status(SteadyTime now) const;
 
   const Config& config_;
   const PublisherSettings settings_;
@@ -124,17 +127,12 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
   SampleSpool spool_;
   SampleDelivery samples_out_;
   CommandIntake intake_;
+  StatusSource status_;
   bool samples_first_ = false;  ///< whose turn it is, where the window is too small to share
 
-  std::uint64_t pushed_ = 0;  ///< samples that the outbox has handed over
-  FieldHealth field_;
-  bool miscounted_ = false;  ///< field_ does not agree with what the outbox has handed over
-  std::uint64_t dropped_at_tick_ = 0;
-  std::optional<double> bytes_per_hour_;
   std::optional<SteadyTime> started_;
   std::int64_t started_ms_ = 0;
   SteadyTime next_tick_{};
-  SteadyTime last_tick_{};
 
   Phase phase_ = Phase::running;
   SteadyTime phase_deadline_{};

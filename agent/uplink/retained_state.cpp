@@ -28,7 +28,7 @@ void RetainedState::connection_began() {
 
 void RetainedState::set(DeviceStatus status) {
   const std::uint32_t device = status.device;
-  states_.at(device) = std::move(status);
+  states_.at(device) = std::make_shared<const DeviceStatus>(std::move(status));
 }
 
 void RetainedState::pump(SteadyTime now) {

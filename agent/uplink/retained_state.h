@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
-#include <optional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -41,6 +41,8 @@ class RetainedState final : public Outgoing::Sender {
 
   /// The newest state of a device; published by device_state_changed().
   void set(DeviceStatus status);
+  /// By device; null where none was set.
+  const std::vector<std::shared_ptr<const DeviceStatus>>& states() const { return states_; }
 
   void pump(SteadyTime now);
   bool empty() const { return due_.empty(); }
@@ -74,7 +76,7 @@ class RetainedState final : public Outgoing::Sender {
   Outgoing& outgoing_;
   JitteredBackoff& backoff_;
   const Source source_;
-  std::vector<std::optional<DeviceStatus>> states_;  ///< by device
+  std::vector<std::shared_ptr<const DeviceStatus>> states_;  ///< by device; others read on
   std::map<Key, Due> due_;
   std::map<std::uint64_t, Flight> flights_;  ///< by the id of the publication
 };

@@ -321,5 +321,37 @@ TEST_F(CommandsTest, EachResultIsCounted) {
   EXPECT_EQ(commands().counts().at(CommandStatus::duplicate), 1U);
 }
 
+TEST_F(CommandsTest, LastOnesAreKnownWithWhatBecameOfThem) {
+  write("a");
+  receive(R"({"id":"b","op":"write","tag":"nowhere","value":1})", 1);
+  commands().hand_over();
+  finish("a");
+  const auto& last = commands().last();
+  ASSERT_EQ(last.size(), 2U);
+  EXPECT_EQ(last[0].device, 1U);
+  EXPECT_EQ(last[0].id, "b");
+  EXPECT_EQ(last[0].op, "write");
+  EXPECT_EQ(last[0].status, CommandStatus::rejected);
+  EXPECT_EQ(last[0].reason, Reason::unknown_tag);
+  EXPECT_EQ(last[0].ts_ms, kNow);
+  EXPECT_EQ(last[1].device, 0U);
+  EXPECT_EQ(last[1].id, "a");
+  EXPECT_EQ(last[1].status, CommandStatus::succeeded);
+  EXPECT_EQ(last[1].reason, Reason::none);
+  for (int i = 0; i < 20; ++i) receive("no json");
+  EXPECT_EQ(last.size(), kLastCommands);
+  EXPECT_EQ(last.front().reason, Reason::bad_json);
+}
+
+TEST_F(CommandsTest, ResultThatAnEarlierRunGaveIsNoLastOne) {
+  Recovered known;
+  CommandResult result;
+  result.id = "old";
+  result.recorded = R"({"id":"old"})";
+  known.unacknowledged.push_back(result);
+  commands().restore(std::move(known), now, kNow);
+  EXPECT_TRUE(commands().last().empty());
+}
+
 }  // namespace
 }  // namespace fxagent

@@ -167,10 +167,11 @@ TEST(HealthJson, HasEveryCounterByName) {
   AgentStatus health;
   health.samples.collected = 3;
   health.samples.acknowledged = 3;
-  health.field = test::counted(0, 0);
-  health.field.links.resize(1);
-  health.field.links[0].exchanges = 9;
-  health.field.links[0].turnaround_ms.p50 = 1.5;
+  FieldHealth field = test::counted(0, 0);
+  field.links.resize(1);
+  field.links[0].exchanges = 9;
+  field.links[0].turnaround_ms.p50 = 1.5;
+  health.field = std::make_shared<const FieldHealth>(std::move(field));
   health.dropped = {0, 5};
   health.commands[CommandStatus::unknown_outcome] = 2;
   health.commands[CommandStatus::partial] = 3;

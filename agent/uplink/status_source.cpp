@@ -1,0 +1,139 @@
+#include "agent/uplink/status_source.h"
+
+#include <algorithm>
+#include <chrono>
+#include <ratio>
+#include <utility>
+
+#include "agent/log/log.h"
+#include "agent/process/process_facts.h"
+#include "agent/uplink/puback.h"
+
+namespace fxagent {
+
+using std::chrono::seconds;
+
+StatusSource::StatusSource(Parts parts, Run run, std::function<std::int64_t()> utc_ms,
+                           std::function<void()> wake)
+    : parts_(parts),
+      run_(std::move(run)),
+      utc_ms_(std::move(utc_ms)),
+      board_(std::move(wake)),
+      last_(parts.config) {}
+
+void StatusSource::start(SteadyTime now) {
+  started_ = now;
+  last_tick_ = now;
+}
+
+void StatusSource::take(Outbox::Batch& batch) {
+  pushed_ = batch.pushed;
+  if (board_.values_wanted())
+    for (const Telemetry& message : batch.telemetry) last_.add(message);
+  if (!batch.health) return;
+  field_ = std::make_shared<const FieldHealth>(std::move(*batch.health));
+  std::uint64_t sent = 0;
+  for (const DeviceHealth& device : field_->devices) sent += device.collected - device.suppressed;
+  miscounted_ = sent != batch.pushed_at_health;
+  if (miscounted_)
+    log::error("samples_miscounted", {{"field", std::to_string(sent)},
+                                      {"outbox", std::to_string(batch.pushed_at_health)}});
+}
+
+void StatusSource::tick(SteadyTime now) {
+  const double hours = std::chrono::duration<double, std::ratio<3600>>(now - last_tick_).count();
+  bytes_per_hour_ = static_cast<double>(parts_.samples.take_row_bytes()) / hours;
+  last_tick_ = now;
+  log_samples();
+  at(now);
+}
+
+void StatusSource::answer(SteadyTime now) {
+  if (board_.is_asked()) at(now);
+}
+
+std::shared_ptr<const AgentStatus> StatusSource::at(SteadyTime now) {
+  if (!published_ || published_at_ != now || board_.is_asked()) {
+    published_ = std::make_shared<const AgentStatus>(make(now));
+    published_at_ = now;
+    board_.publish(published_, now);
+  }
+  return published_;
+}
+
+void StatusSource::log_samples() {
+  if (parts_.spool.dropped() != dropped_at_tick_) {
+    log::warn("samples_dropped",
+              {{"count", std::to_string(parts_.spool.dropped() - dropped_at_tick_)},
+               {"total", std::to_string(parts_.spool.dropped())}});
+    dropped_at_tick_ = parts_.spool.dropped();
+  }
+  const SampleCounts now_here = samples();
+  if (!now_here.balanced())
+    log::error("samples_unbalanced", {{"collected", std::to_string(now_here.collected)},
+                                      {"recovered", std::to_string(now_here.recovered)},
+                                      {"suppressed", std::to_string(now_here.suppressed)},
+                                      {"queued", std::to_string(now_here.queued)},
+                                      {"in_flight", std::to_string(now_here.in_flight)},
+                                      {"stored", std::to_string(now_here.stored)},
+                                      {"acknowledged", std::to_string(now_here.acknowledged)},
+                                      {"dropped", std::to_string(now_here.dropped)}});
+}
+
+SampleCounts StatusSource::samples() const {
+  SampleCounts samples;
+  for (const DeviceHealth& device : field_->devices) samples.suppressed += device.suppressed;
+  samples.collected = pushed_ + samples.suppressed;
+  const SampleDelivery::Counters out = parts_.samples.counters();
+  samples.queued = out.queued + parts_.spool.gathered();
+  samples.in_flight = out.in_flight;
+  samples.stored = parts_.spool.backlog().rows();
+  if (parts_.store != nullptr) {
+    samples.stored += parts_.store->samples().rows();
+    samples.recovered = parts_.store->samples().recovered();
+  }
+  samples.acknowledged = out.acknowledged;
+  samples.dropped = parts_.spool.dropped();
+  samples.published = out.published;
+  samples.miscounted = miscounted_;
+  return samples;
+}
+
+AgentStatus StatusSource::make(SteadyTime now) const {
+  AgentStatus status;
+  status.ts_ms = utc_ms_();
+  status.boot = run_.boot;
+  status.version = run_.version;
+  status.uptime = std::chrono::duration_cast<seconds>(now - started_);
+  status.samples = samples();
+  status.field = field_;
+  status.devices = parts_.retained.states();
+  if (board_.values_wanted()) status.values = last_.groups();
+  for (const DeviceConfig& device : parts_.config.devices) {
+    status.dropped.push_back(parts_.spool.dropped(device.name));
+    const auto refused = parts_.samples.refused(device.name);
+    status.refused.push_back(refused ? hex_code(*refused) : std::string());
+  }
+  status.commands = parts_.commands.counts();
+  const auto& last = parts_.commands.last();
+  status.last_commands.assign(last.begin(), last.end());
+  status.store_state = parts_.store == nullptr ? "memory" : parts_.store->state();
+  if (parts_.store != nullptr) {
+    status.store_set_aside = parts_.store->set_aside();
+    status.audit_records = parts_.store->audit().head().records;
+    status.audit_head = to_text(parts_.store->audit().head().hash);
+  }
+  status.store_bytes =
+      parts_.spool.backlog().bytes() + (parts_.store == nullptr ? 0 : parts_.store->bytes());
+  const std::uint64_t room =
+      parts_.store == nullptr ? parts_.spool.backlog().max_bytes() : parts_.store->max_bytes();
+  if (bytes_per_hour_ && *bytes_per_hour_ > 0)
+    status.hours_left =
+        static_cast<double>(room - std::min(room, status.store_bytes)) / *bytes_per_hour_;
+  const ProcessFacts facts = read_process_facts();
+  status.clock_synchronised = facts.clock_synchronised;
+  status.rss_bytes = facts.rss_bytes;
+  return status;
+}
+
+}  // namespace fxagent

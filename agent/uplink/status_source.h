@@ -1,0 +1,82 @@
+// Makes the agent's status (agent/status.h) of what the parts of the uplink know, and publishes it
+// on the status board: at each tick of health, and when a reader asks. Says in the log where the
+// samples do not add up. Uplink thread, but for what the board lets others do.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "agent/commands/commands.h"
+#include "agent/config/config.h"
+#include "agent/messages.h"
+#include "agent/outbox.h"
+#include "agent/status.h"
+#include "agent/status_board.h"
+#include "agent/store/store.h"
+#include "agent/uplink/last_samples.h"
+#include "agent/uplink/retained_state.h"
+#include "agent/uplink/sample_delivery.h"
+#include "agent/uplink/sample_spool.h"
+
+namespace fxagent {
+
+class StatusSource final {
+ public:
+  /// What it asks; all outlive it.
+  struct Parts {
+    const Config& config;
+    const Commands& commands;
+    const RetainedState& retained;
+    const SampleSpool& spool;
+    SampleDelivery& samples;
+    const Store* store = nullptr;  ///< null: none
+  };
+  struct Run {
+    std::string boot;
+    std::string version;
+  };
+
+  /// `utc_ms` tells the calendar time of "now"; `wake` as in StatusBoard.
+  StatusSource(Parts parts, Run run, std::function<std::int64_t()> utc_ms,
+               std::function<void()> wake);
+
+  /// The agent's time begins.
+  void start(SteadyTime now);
+  /// What the field said of values and counters. Takes `batch.health`; the samples stay.
+  void take(Outbox::Batch& batch);
+  /// The time of health: rates begin anew, what is wrong goes to the log, a status is published.
+  void tick(SteadyTime now);
+  /// Publishes a status where a reader waits for it.
+  void answer(SteadyTime now);
+
+  /// The status of this moment; the published one where that is of this very step.
+  std::shared_ptr<const AgentStatus> at(SteadyTime now);
+  /// Where every sample is.
+  SampleCounts samples() const;
+  StatusBoard& board() { return board_; }
+
+ private:
+  AgentStatus make(SteadyTime now) const;
+  void log_samples();
+
+  const Parts parts_;
+  const Run run_;
+  const std::function<std::int64_t()> utc_ms_;
+  StatusBoard board_;
+  LastSamples last_;
+
+  std::uint64_t pushed_ = 0;  ///< samples that the outbox has handed over
+  std::shared_ptr<const FieldHealth> field_ = std::make_shared<const FieldHealth>();
+  bool miscounted_ = false;  ///< field_ does not agree with what the outbox has handed over
+  std::uint64_t dropped_at_tick_ = 0;
+  std::optional<double> bytes_per_hour_;
+  SteadyTime started_{};
+  SteadyTime last_tick_{};
+  std::shared_ptr<const AgentStatus> published_;
+  SteadyTime published_at_{};
+};
+
+}  // namespace fxagent

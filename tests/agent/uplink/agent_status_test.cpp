@@ -1,0 +1,287 @@
+// What is known of the agent, as a reader on the status board sees it.
+#include <gtest/gtest.h>
+
+#include <stop_token>
+#include <thread>
+
+#include "tests/agent/uplink/publisher_bench.h"
+
+namespace fxagent {
+namespace {
+
+using nlohmann::json;
+using test::kBase;
+using namespace std::chrono_literals;
+
+using Status = std::shared_ptr<const AgentStatus>;
+using Values = std::map<std::string, LastValue, std::less<>>;
+
+struct Bench : test::PublisherBench {
+  using PublisherBench::PublisherBench;
+
+  /// What a reader gets that asks now.
+  Status asked() {
+    now += StatusBoard::kFresh;
+    made().board().read(now, 0ms);
+    step();
+    return made().board().read(now, 0ms);
+  }
+  Values values(const Status& status, std::uint32_t device = 0, std::uint32_t group = 0) const {
+    const auto& known = status->values.at(device).at(group);
+    return known ? known->by_tag() : Values();
+  }
+};
+
+/// A sample of the group "fast": temp is good, running as given.
+Telemetry fast(std::uint64_t seq, std::int64_t ts_ms, double temp, TagReading running) {
+  Telemetry message = test::sample(seq);
+  message.ts_ms = ts_ms;
+  message.readings = {test::good(test::temp, Value(temp)), std::move(running)};
+  return message;
+}
+
+TagReading off() { return test::good(test::running, Value(false)); }
+
+Telemetry written(std::uint64_t seq, std::int64_t ts_ms, double temp) {
+  Telemetry message = test::sample(seq);
+  message.ts_ms = ts_ms;
+  message.partial = true;
+  message.written = true;
+  message.readings = {test::good(test::temp, Value(temp))};
+  return message;
+}
+
+TEST(AgentStatus, IsMadeAtEachTickOfHealthAndWhenAReaderAsks) {
+  Bench bench;
+  bench.online();
+  StatusBoard& board = bench.made().board();
+  bench.advance(60s);
+  const SteadyTime tick = bench.now;
+  const Status first = board.read(tick, 0ms);
+  ASSERT_NE(first, nullptr);
+  EXPECT_EQ(first->ts_ms, bench.utc());
+  bench.advance(5s);
+  EXPECT_EQ(board.read(tick, 0ms), first) << "nobody asked";
+  EXPECT_EQ(board.read(bench.now, 0ms), first);
+  bench.step();
+  const Status second = board.read(bench.now, 0ms);
+  EXPECT_NE(second, first);
+  EXPECT_EQ(second->ts_ms, bench.utc());
+}
+
+TEST(AgentStatus, HealthSaysWhatThePublishedStatusSays) {
+  Bench bench;
+  bench.online();
+  bench.outbox.push(test::sample(1));
+  bench.outbox.push(test::counted(3, 2));
+  bench.advance(60s);
+  const Status status = bench.made().board().read(bench.now, 0ms);
+  EXPECT_EQ(bench.broker.on(kBase + "/health").back(),
+            fxagent::json::health(*status, bench.config));
+  EXPECT_EQ(status->samples.collected, 3U);
+}
+
+TEST(AgentStatus, IsMadeWithoutABrokerToo) {
+  Bench bench;
+  bench.broker.reachable = false;
+  bench.made().board().want_values();
+  bench.outbox.push(fast(1, 1000, 23.5, off()));
+  bench.settle();
+  bench.advance(60s);
+  const Status status = bench.made().board().read(bench.now, 0ms);
+  ASSERT_NE(status, nullptr);
+  EXPECT_EQ(bench.values(status).at("temp").value, Value(23.5));
+}
+
+TEST(AgentStatus, ReaderKeepsItsOwnWhileTheUplinkGoesOn) {
+  Bench bench;
+  bench.online();
+  bench.made().board().want_values();
+  bench.outbox.push(fast(1, 1000, 23.5, off()));
+  bench.outbox.push(test::offline(0, "timeout"));
+  bench.outbox.push(test::counted(1, 0));
+  bench.write("a");
+  bench.outbox.push(bench.succeeded("a"));
+  bench.settle();
+  const Status kept = bench.asked();
+  bench.outbox.push(written(2, 2000, 99));
+  bench.outbox.push(fast(3, 3000, 12.5, off()));
+  bench.outbox.push(test::offline(0, "link_down"));
+  bench.outbox.push(test::counted(10, 7));
+  bench.write("b");
+  bench.outbox.push(bench.succeeded("b"));
+  bench.settle();
+  const Status next = bench.asked();
+  EXPECT_EQ(bench.values(kept).at("temp").value, Value(23.5));
+  EXPECT_EQ(bench.values(next).at("temp").value, Value(12.5));
+  EXPECT_EQ(kept->devices.at(0)->reason, "timeout");
+  EXPECT_EQ(next->devices.at(0)->reason, "link_down");
+  EXPECT_EQ(kept->field->devices.at(0).suppressed, 0U);
+  EXPECT_EQ(next->field->devices.at(0).suppressed, 7U);
+  EXPECT_EQ(kept->last_commands.size(), 1U);
+  EXPECT_EQ(next->last_commands.size(), 2U);
+}
+
+TEST(AgentStatus, ValuesAreKeptOnceAReaderWantsThem) {
+  Bench bench;
+  bench.online();
+  bench.outbox.push(fast(1, 1000, 23.5, off()));
+  bench.settle();
+  EXPECT_TRUE(bench.asked()->values.empty());
+  bench.made().board().want_values();
+  EXPECT_TRUE(bench.asked()->values.empty()) << "nothing was reported since";
+  bench.outbox.push(fast(2, 2000, 24.5, off()));
+  bench.settle();
+  const Status status = bench.asked();
+  EXPECT_EQ(bench.values(status).at("temp").value, Value(24.5));
+  EXPECT_TRUE(bench.values(status, 0, 1).empty()) << "another group";
+  EXPECT_TRUE(bench.values(status, 1).empty()) << "another device";
+}
+
+TEST(AgentStatus, GoodValueIsAsOldAsItsSample) {
+  Bench bench;
+  bench.made().board().want_values();
+  bench.outbox.push(fast(1, bench.utc() - 500, 23.5, off()));
+  bench.settle();
+  const Status status = bench.asked();
+  const LastValue temp = bench.values(status).at("temp");
+  EXPECT_EQ(temp.value, Value(23.5));
+  EXPECT_EQ(temp.bad, std::nullopt);
+  EXPECT_EQ(temp.type, DataType::int16);
+  EXPECT_TRUE(temp.scaled);
+  EXPECT_FALSE(temp.written);
+  EXPECT_EQ(temp.age(status->ts_ms), 500ms + StatusBoard::kFresh);
+}
+
+TEST(AgentStatus, BadValueIsTheLastGoodOneAndSaysSinceWhenAndWhy) {
+  Bench bench;
+  bench.made().board().want_values();
+  TagReading stale = off();
+  stale.bad = BadReason::nak;
+  stale.bad_since_ms = 900;
+  stale.last_ms = 700;
+  TagReading never;
+  never.tag = test::pressure;
+  never.bad = BadReason::unsupported;
+  never.bad_since_ms = 600;
+  Telemetry message = fast(1, 1000, 23.5, stale);
+  message.readings.push_back(never);
+  bench.outbox.push(message);
+  bench.settle();
+  const Values values = bench.values(bench.asked());
+  EXPECT_EQ(values.at("running").value, Value(false));
+  EXPECT_EQ(values.at("running").bad, BadReason::nak);
+  EXPECT_EQ(values.at("running").bad_since_ms, 900);
+  EXPECT_EQ(values.at("running").ts_ms, 700);
+  EXPECT_TRUE(values.at("pressure").value.items.empty());
+  EXPECT_EQ(values.at("pressure").bad, BadReason::unsupported);
+  EXPECT_EQ(values.at("pressure").ts_ms, std::nullopt);
+  EXPECT_EQ(values.at("temp").bad, std::nullopt);
+}
+
+TEST(AgentStatus, PartialSampleChangesItsTagUntilTheNextWholeOne) {
+  Bench bench;
+  bench.made().board().want_values();
+  bench.outbox.push(fast(1, 1000, 23.5, off()));
+  bench.outbox.push(written(2, 2000, 50));
+  bench.outbox.push(written(3, 3000, 60));
+  bench.settle();
+  Values values = bench.values(bench.asked());
+  EXPECT_EQ(values.size(), 2U);
+  EXPECT_EQ(values.at("temp").value, Value(60.0));
+  EXPECT_EQ(values.at("temp").ts_ms, 3000);
+  EXPECT_TRUE(values.at("temp").written);
+  EXPECT_EQ(values.at("running").ts_ms, 1000);
+  bench.outbox.push(fast(4, 4000, 61, off()));
+  bench.settle();
+  values = bench.values(bench.asked());
+  EXPECT_EQ(values.at("temp").value, Value(61.0));
+  EXPECT_EQ(values.at("temp").ts_ms, 4000);
+  EXPECT_FALSE(values.at("temp").written);
+}
+
+TEST(AgentStatus, PartialSampleBeforeAnyWholeOneIsAllThatIsKnown) {
+  Bench bench;
+  bench.made().board().want_values();
+  bench.outbox.push(written(1, 2000, 50));
+  bench.settle();
+  const Values values = bench.values(bench.asked());
+  EXPECT_EQ(values.size(), 1U);
+  EXPECT_EQ(values.at("temp").value, Value(50.0));
+}
+
+TEST(AgentStatus, WhatAnEarlierRunReadIsNoLastValue) {
+  const test::Scratch scratch;
+  {
+    Bench bench(scratch.path("store"));
+    bench.broker.reachable = false;
+    bench.outbox.push(fast(1, 1000, 23.5, off()));
+    bench.settle();
+    bench.made().stop(bench.now);
+    bench.advance(10s);
+  }
+  Bench again(scratch.path("store"));
+  again.made().board().want_values();
+  again.online();
+  const Status status = again.asked();
+  EXPECT_EQ(status->samples.recovered, 1U);
+  EXPECT_TRUE(status->values.empty());
+  again.outbox.push(fast(2, 2000, 24.5, off()));
+  again.settle();
+  EXPECT_EQ(again.values(again.asked()).at("temp").ts_ms, 2000);
+}
+
+TEST(AgentStatus, DeviceIsAsItsRetainedStateAndHasNoCodec) {
+  Bench bench;
+  bench.online();
+  DeviceStatus state = test::offline(1, "timeout", 77);
+  state.codec = test::codec();
+  bench.outbox.push(state);
+  bench.settle();
+  const Status status = bench.asked();
+  EXPECT_EQ(status->devices.at(0), nullptr) << "it has not said yet";
+  ASSERT_NE(status->devices.at(1), nullptr);
+  EXPECT_EQ(status->devices[1]->reason, "timeout");
+  EXPECT_EQ(status->devices[1]->since_ms, 77);
+  EXPECT_EQ(status->devices[1]->codec, nullptr);
+  EXPECT_EQ(status->devices[1], bench.asked()->devices[1]) << "shared, not copied";
+}
+
+// Run with -DFXAGENT_SANITIZE=thread it shows that readers and uplink do not race.
+TEST(AgentStatus, ReadersOnOtherThreadsSeeWholeOnesThatGoForward) {
+  Bench bench;
+  Publisher& publisher = bench.made();
+  StatusBoard& board = publisher.board();
+  board.want_values();
+  bench.outbox.push(fast(1, 1, 1, off()));
+  bench.outbox.push(test::offline(0, "timeout"));
+  std::stop_source stop;
+  std::thread uplink([&] { run_uplink(publisher, bench.outbox, stop.get_token()); });
+  const auto read = [&] {
+    std::int64_t last = 0;
+    // The reader's clock runs ahead, so that it asks each time.
+    for (int i = 0; i < 50; ++i) {
+      const auto soon = std::chrono::steady_clock::now() + 1h;
+      const Status status = board.read(soon, 10s);
+      ASSERT_NE(status, nullptr);
+      const Values values = bench.values(status);
+      const std::int64_t ts_ms = values.at("temp").ts_ms.value();
+      EXPECT_GE(ts_ms, last);
+      EXPECT_EQ(values.at("temp").value, Value(static_cast<double>(ts_ms)));
+      EXPECT_EQ(status->devices.at(0)->reason, "timeout");
+      last = ts_ms;
+    }
+  };
+  std::thread one(read);
+  std::thread two(read);
+  for (std::int64_t seq = 2; seq <= 500; ++seq)
+    bench.outbox.push(fast(static_cast<std::uint64_t>(seq), seq, static_cast<double>(seq), off()));
+  one.join();
+  two.join();
+  stop.request_stop();
+  uplink.join();
+  EXPECT_TRUE(publisher.finished());
+}
+
+}  // namespace
+}  // namespace fxagent
