@@ -63,6 +63,9 @@ class AddressSpace {
 
   /// The space's ways, best first. Empty where this model has no such space.
   virtual std::vector<ReadWay> read_ways(std::uint16_t space) const = 0;
+  /// Bits of the space that no read and no write may lie on both sides of, although all of it
+  /// exists: the devices from there on may lie elsewhere.
+  virtual std::vector<std::uint32_t> borders(std::uint16_t /*space*/) const { return {}; }
   /// Whether `span` may be written at all and in this shape: bad_request where it would overwrite
   /// bits beside it (half bytes), or touches what is never written (M8034-M8037, M8118: they switch
   /// RUN and STOP or open the program memory).

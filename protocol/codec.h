@@ -95,9 +95,10 @@ struct Explanation {
   std::string operation;               ///< read write force_on force_off enquire ack nak data other
   std::optional<std::string> command;  ///< "0", "E00", "BR", "03" …
   std::optional<std::string> command_set;  ///< "classic" or "extended"
-  std::optional<std::string> device;       ///< head device in the manual's words
-  std::optional<std::uint32_t> count;      ///< devices of that kind: words, or bits
-  std::vector<std::string> values;         ///< words as 4 hex digits, bits as 0/1
+  /// Head device in the manual's words; of a scattered write all of them: "M50,S100,Y1".
+  std::optional<std::string> device;
+  std::optional<std::uint32_t> count;  ///< devices of that kind: words, or bits
+  std::vector<std::string> values;     ///< words as 4 hex digits, bits as 0/1
   std::optional<std::string> checksum_given;
   std::optional<std::string> checksum_computed;
   std::optional<std::string> error;  ///< why it is not a good frame

@@ -20,7 +20,7 @@ struct Extent {
   std::uint32_t end = 0;
 };
 
-/// The holes of one space, as bits of it.
+/// The borders and holes of one space, as bits of it.
 struct Forbidden {
   std::vector<std::uint32_t> cuts;
   std::vector<Extent> missing;
@@ -255,6 +255,8 @@ std::map<std::pair<std::uint16_t, std::uint8_t>, Bucket> buckets_of(const Codec&
         bucket.ways.push_back(way);
       }
       bucket.forbidden = forbidden_in(holes, span->space);
+      for (const std::uint32_t at : codec.addresses().borders(span->space))
+        bucket.forbidden.cuts.push_back(at);
     }
     const auto pieces = pieces_of(bucket, points[index], *span);
     if (pieces.empty()) {
@@ -398,10 +400,14 @@ Result<std::vector<Request>> plan_write(const Codec& codec, const Point& point, 
   // Elements stay whole where a frame can hold one and it is made of whole bytes.
   const std::uint32_t element = span->bits / point.count;
   if (element % 8 == 0 && element <= step) step -= step % element;
-  for (std::uint32_t done = 0; done < span->bits; done += step) {
-    const std::uint32_t bits = std::min(step, span->bits - done);
-    requests.emplace_back(
-        Write{{span->space, span->first_bit + done, bits}, extract_bits(image, done, bits)});
+  const auto borders = codec.addresses().borders(span->space);
+  std::uint32_t bits = 0;
+  for (std::uint32_t done = 0; done < span->bits; done += bits) {
+    const std::uint32_t first = span->first_bit + done;
+    bits = std::min(step, span->bits - done);
+    for (const std::uint32_t at : borders)
+      if (first < at) bits = std::min(bits, at - first);
+    requests.emplace_back(Write{{span->space, first, bits}, extract_bits(image, done, bits)});
   }
   return requests;
 }

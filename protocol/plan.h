@@ -80,8 +80,9 @@ struct Plan {
 
 /// The reads of `points` with the least total line time under the codec's limits: exact, by dynamic
 /// programming over each space. A point lies whole in one read wherever one read can hold it; a
-/// longer one (an array) is cut at unit borders and gets consecutive reads. `max_block_bytes`
-/// lowers every way's max_bits (0: leaves it). No read is one that `holes` forbid.
+/// longer one (an array) is cut at unit borders and gets consecutive reads, as does one that lies
+/// across a border of its space (AddressSpace::borders()). `max_block_bytes` lowers every way's
+/// max_bits (0: leaves it). No read is one that `holes` forbid.
 Plan make_plan(const Codec& codec, std::span<const Point> points, const LineCost& cost,
                std::uint32_t max_block_bytes, const Holes& holes = {});
 
@@ -106,9 +107,9 @@ Result<Bytes> image_of(const Plan& plan, std::span<const Bytes> images, const Po
 Result<Value> value_of(const Plan& plan, std::span<const Bytes> images, const Point& point,
                        std::size_t index);
 
-/// The orders that write `image` to the point, in the order they are to be sent: one force for a
-/// bit, one write where a frame can hold it, else several. bad_request: the codec cannot write this
-/// span.
+/// The requests that write `image` to the point, as they are to be sent: one force for a bit, one
+/// write where a frame can hold it and no border lies inside, else several. bad_request: the codec
+/// cannot write this span.
 Result<std::vector<Request>> plan_write(const Codec& codec, const Point& point, ByteView image);
 
 }  // namespace fxagent

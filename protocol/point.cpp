@@ -8,6 +8,8 @@
 #include <limits>
 #include <optional>
 
+#include "protocol/value_range.h"
+
 namespace fxagent {
 namespace {
 
@@ -477,6 +479,42 @@ Result<Span> span_of(const Point& point) {
     return fail(ErrorCode::bad_request, point.address.text + ": the array is too long");
   return Span{point.address.span.space, point.address.span.first_bit,
               static_cast<std::uint32_t>(total)};
+}
+
+std::optional<ValueRange> value_range(const Point& point) {
+  const std::uint32_t bits = element_bits(point);
+  if (bits == 0 || point.type == DataType::boolean || point.type == DataType::string)
+    return std::nullopt;
+  ValueRange range;
+  if (point.type == DataType::float32) {
+    const double most = std::abs(point.scale) * double{std::numeric_limits<float>::max()};
+    range.least = point.offset - most;
+    range.greatest = point.offset + most;
+    return range;
+  }
+  const auto value_of_raw = [&](std::int64_t raw) {
+    const auto value = number_from(point, raw);
+    return value ? as_double(*value) : static_cast<double>(raw) * point.scale + point.offset;
+  };
+  const Limits limits = limits_of(point.type, bits);
+  range.least = value_of_raw(point.scale < 0 ? limits.max : limits.min);
+  range.greatest = value_of_raw(point.scale < 0 ? limits.min : limits.max);
+  range.step = std::abs(point.scale);
+  return range;
+}
+
+std::optional<std::int64_t> values_within(const Point& point, std::optional<double> min,
+                                          std::optional<double> max) {
+  const auto range = value_range(point);
+  if (!range || range->step == 0) return std::nullopt;
+  // Of limits beyond the range the nearest value; a raw number of 32 bits is exact in a double.
+  const double first = std::clamp(min.value_or(range->least), range->least, range->greatest);
+  const double last = std::clamp(max.value_or(range->greatest), range->least, range->greatest);
+  if ((min && *min > range->greatest) || (max && *max < range->least) || first > last) return 0;
+  double low = unscaled(point, first);
+  double high = unscaled(point, last);
+  if (point.scale < 0) std::swap(low, high);
+  return static_cast<std::int64_t>(std::floor(high) - std::ceil(low)) + 1;
 }
 
 // ---- values -------------------------------------------------------------------------------------

@@ -255,6 +255,9 @@ int dispatch(int argc, char** argv) {
     action = [&] { return run_decode(question); };
   });
 
+  // Before the arguments are looked at: what a subcommand lacks must not hide its version.
+  for (CLI::App* command : app.get_subcommands({}))
+    command->set_version_flag("--version", FXAGENT_VERSION);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

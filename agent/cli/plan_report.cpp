@@ -96,7 +96,7 @@ std::optional<int> rank_of(const Point& point, bool allowed) {
   }
 }
 
-/// Line time of the longest order of one place, words with their read-back. nullopt: the device
+/// Line time of the longest command for one place, words with their read-back. nullopt: the device
 /// has no place that the config names and that can be written.
 std::optional<nanoseconds> command_time(const DeviceConfig& device, const DevicePlan& plan) {
   std::optional<nanoseconds> longest;
@@ -233,8 +233,8 @@ std::optional<int> baud_of(const LinkConfig& link) {
 
 /// What one device adds to the bound of its link.
 struct BoundShare {
-  nanoseconds longest{0};            ///< exchange that a command may have to wait for
-  std::optional<nanoseconds> order;  ///< of its own
+  nanoseconds longest{0};              ///< exchange that a command may have to wait for
+  std::optional<nanoseconds> command;  ///< of its own
 };
 
 BoundShare share_of(const DeviceConfig& device, const DevicePlan& plan) {
@@ -244,13 +244,13 @@ BoundShare share_of(const DeviceConfig& device, const DevicePlan& plan) {
 /// The bound of a command that finds no other before it: as the link's worker computes it.
 std::optional<nanoseconds> bound_of(const std::vector<BoundShare>& shares) {
   nanoseconds longest{0};
-  std::optional<nanoseconds> order;
+  std::optional<nanoseconds> command;
   for (const BoundShare& share : shares) {
     longest = std::max(longest, share.longest);
-    if (share.order) order = std::max(order.value_or(nanoseconds(0)), *share.order);
+    if (share.command) command = std::max(command.value_or(nanoseconds(0)), *share.command);
   }
-  if (!order) return std::nullopt;
-  return longest + *order;
+  if (!command) return std::nullopt;
+  return longest + *command;
 }
 
 /// The device as it would be with another max_block_bytes.

@@ -53,8 +53,8 @@ std::string answered(const Receipt& receipt, std::string_view result_text, std::
   return text_of(body);
 }
 
-std::string ordered(const Receipt& receipt, std::string_view id, std::string_view op,
-                    std::int64_t now_ms) {
+std::string admitted(const Receipt& receipt, std::string_view id, std::string_view op,
+                     std::int64_t now_ms) {
   Json body = body_of("ordered", now_ms);
   add_receipt(body, receipt);
   body["id"] = id;
@@ -75,8 +75,8 @@ std::string result(std::uint64_t number, std::string_view device, std::string_vi
   return text_of(body);
 }
 
-std::string told(std::uint64_t number, std::string_view device, std::string_view id,
-                 bool acknowledged, std::int64_t now_ms) {
+std::string delivery(std::uint64_t number, std::string_view device, std::string_view id,
+                     bool acknowledged, std::int64_t now_ms) {
   Json body = body_of("told", now_ms);
   body["arrival"] = number;
   body["device"] = device;

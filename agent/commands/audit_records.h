@@ -30,11 +30,11 @@ inline constexpr std::size_t kResultKept = 8192;
 
 // Bodies for seal(). `result_text` is what result_text() made.
 std::string answered(const Receipt& receipt, std::string_view result_text, std::int64_t now_ms);
-std::string ordered(const Receipt& receipt, std::string_view id, std::string_view op,
-                    std::int64_t now_ms);
+std::string admitted(const Receipt& receipt, std::string_view id, std::string_view op,
+                     std::int64_t now_ms);
 std::string result(std::uint64_t number, std::string_view device, std::string_view result_text,
                    const FrameTrace& frames, std::int64_t now_ms);
-std::string told(std::uint64_t number, std::string_view device, std::string_view id,
-                 bool acknowledged, std::int64_t now_ms);
+std::string delivery(std::uint64_t number, std::string_view device, std::string_view id,
+                     bool acknowledged, std::int64_t now_ms);
 
 }  // namespace fxagent::audit

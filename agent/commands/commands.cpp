@@ -83,7 +83,7 @@ void Commands::journal_later(const AdmittedCommand& admitted, std::optional<audi
   entry.correlation = command.correlation;
   entry.number = command.number;
   if (receipt) {
-    entry.audit = audit::ordered(*receipt, entry.id, entry.op, utc_ms);
+    entry.audit = audit::admitted(*receipt, entry.id, entry.op, utc_ms);
     entry.payload = std::move(receipt->payload);
   }
   to_journal_.push_back(std::move(entry));
@@ -211,7 +211,7 @@ void Commands::note_delivery(const ResultMessage& result, bool acknowledged, std
   if (journal_ == nullptr) return;
   const std::string& device = config_.devices.at(result.device).name;
   if (result.number != 0)
-    journal_->note(audit::told(result.number, device, result.id, acknowledged, utc_ms));
+    journal_->note(audit::delivery(result.number, device, result.id, acknowledged, utc_ms));
   if (result.journaled) journal_->acknowledge(device, result.id, result.number);
 }
 

@@ -65,7 +65,7 @@ class Known final {
  private:
   void take(JournalEntry entry, std::uint32_t device, SteadyTime now, Recovered& found) const {
     if (entry.result.empty()) {
-      // A store that opened late: this run has carried out an order of that id itself.
+      // A store that opened late: this run has carried out a command of that id itself.
       const auto known = journal_.find(entry.device, entry.id);
       if (known && (known->number > entry.number || !known->result.empty())) return;
       log::warn("order_left_behind", {{"device", entry.device}, {"id", entry.id}});

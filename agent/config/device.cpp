@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "agent/config/keys.h"
+#include "agent/config/warnings.h"
 #include "protocol/plc.h"
 
 namespace fxagent {
@@ -220,6 +221,7 @@ void DeviceReader::read_groups() {
         reader_.choice_or_default(node, config_key("devices[].groups[].publish")) == 1;
     group.max_silent = reader_.integer_as<std::chrono::seconds>(
         node, config_key("devices[].groups[].max_silent_s"));
+    warn_of_silence(reader_, node, group);
     if (!group.name.empty())
       groups_.add(reader_, group.name, *node.find("name"),
                   static_cast<std::uint32_t>(device_.groups.size()));
@@ -279,13 +281,14 @@ bool DeviceReader::read_place(const ConfigNode& node, TagConfig& tag) {
   }
   const auto text = reader_.text(node, config_key("devices[].tags[].address"));
   bool good = text.has_value() && (given == nullptr || type);
-  if (good && codec_ != nullptr) {
-    if (const auto address = codec_->addresses().parse_address(*text, type)) {
-      tag.point.address = *address;
-      if (!type) type = default_type(*address);
-    } else {
+  if (text && codec_ != nullptr) {
+    const auto address = codec_->addresses().parse_address(*text, type);
+    if (!address) {
       reader_.error(*node.find("address"), address.error().text);
       good = false;
+    } else if (good) {
+      tag.point.address = *address;
+      if (!type) type = default_type(*address);
     }
   }
   read_shape(node, type, tag.point);
@@ -379,6 +382,7 @@ void DeviceReader::read_limits(const ConfigNode& node, TagConfig& tag) {
   if (limits.deadband && *limits.deadband < 0)
     reader_.error(*node.find("deadband"), "must not be negative");
   tag.limits = limits;
+  warn_of_limits(reader_, node, tag);
 }
 
 // ---- commands ---------------------------------------------------------------------------------
@@ -483,6 +487,7 @@ void read_devices(ConfigReader& reader, const ConfigNode& devices, const NameTab
     join_link(reader, node, links, facts, device);
     device_reader.read_rest();
   }
+  warn_of_equal_stations(reader, devices, config);
 }
 
 }  // namespace fxagent

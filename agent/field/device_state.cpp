@@ -8,10 +8,10 @@ namespace fxagent {
 
 DeviceState::DeviceState(std::uint32_t device, const Codec& codec, std::int64_t now_ms)
     : asks_model_(must_ask_model(codec)), model_known_(!asks_model_), model_(model_of(codec)) {
-  told_.device = device;
-  told_.since_ms = now_ms;
-  told_.reason = "starting";
-  told_.model = model_;
+  reported_.device = device;
+  reported_.since_ms = now_ms;
+  reported_.reason = "starting";
+  reported_.model = model_;
 }
 
 void DeviceState::fell_silent() {
@@ -26,7 +26,7 @@ void DeviceState::set_model(const std::optional<std::string>& model) {
 }
 
 std::optional<DeviceState::Change> DeviceState::update(const Facts& facts, std::int64_t now_ms) {
-  DeviceStatus status = told_;
+  DeviceStatus status = reported_;
   status.model = model_;
   status.run = run_;
   status.state = DeviceStatus::State::online;
@@ -47,13 +47,13 @@ std::optional<DeviceState::Change> DeviceState::update(const Facts& facts, std::
     status.state = DeviceStatus::State::degraded;
     status.reason = to_string(*facts.first_bad);
   }
-  const bool other_state = starting_ || status.state != told_.state;
-  if (!other_state && status.reason == told_.reason && status.model == told_.model &&
-      status.run == told_.run)
+  const bool other_state = starting_ || status.state != reported_.state;
+  if (!other_state && status.reason == reported_.reason && status.model == reported_.model &&
+      status.run == reported_.run)
     return std::nullopt;
   if (other_state) status.since_ms = now_ms;
   starting_ = false;
-  told_ = status;
+  reported_ = status;
   return Change{std::move(status), other_state};
 }
 

@@ -39,21 +39,21 @@ class DeviceState final {
   /// nullopt: RUN or STOP is not known.
   void set_run(std::optional<bool> run) { run_ = run; }
 
-  /// The state by these facts, where it is not the one that was told last. Before the first answer
-  /// of a device on an open bus there is nothing to tell.
+  /// The state by these facts, where it is not the one that was reported last. Before the first
+  /// answer of a device on an open bus there is nothing to report.
   std::optional<Change> update(const Facts& facts, std::int64_t now_ms);
-  /// What was told last.
-  const DeviceStatus& told() const { return told_; }
+  /// What was reported last.
+  const DeviceStatus& reported() const { return reported_; }
 
  private:
   const bool asks_model_;
   bool model_known_;
   bool model_unclear_ = false;
   bool answered_once_ = false;
-  bool starting_ = true;  ///< nothing but "starting" was told
+  bool starting_ = true;  ///< nothing but "starting" was reported
   std::optional<bool> run_;
   std::string model_;
-  DeviceStatus told_;
+  DeviceStatus reported_;
 };
 
 }  // namespace fxagent

@@ -81,7 +81,7 @@ void LinkWorker::add_device(std::uint32_t index, BackOff back_off) {
   const DeviceConfig& config = config_.devices[index];
   auto device = std::make_unique<Device>(config, index);
   device->id = scheduler_.add_device(config.retries + 1, back_off);
-  DeviceStatus status = device->state.told();
+  DeviceStatus status = device->state.reported();
   status.codec = device->codec;
   outbox_.push(std::move(status));
   by_index_[index] = device.get();

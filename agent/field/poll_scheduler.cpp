@@ -73,8 +73,8 @@ PollScheduler::PollStep PollScheduler::begin_or_continue(Group& group, SteadyTim
       const double stretch = std::max(1.0, load());
       const std::chrono::nanoseconds interval(
           static_cast<std::int64_t>(static_cast<double>(group.interval.count()) * stretch));
-      // Whole beats that have passed are given up. A stretched beat has no place to keep: there the
-      // next one follows at once, or the line would stand idle for the rest of it.
+      // Whole poll intervals that have passed are given up. A stretched one has no place to keep:
+      // there the next one follows at once, or the line would stand idle for the rest of it.
       const SteadyTime this_due = stretch > 1.0 ? std::max(group.due, now - interval)
                                                 : group.due + step.late / interval * interval;
       const auto passed = static_cast<double>((this_due - group.due).count()) +

@@ -17,12 +17,18 @@ void Backlog::append(SampleRow row) {
 }
 
 std::optional<HistoryBatch> Backlog::next(HistoryMessage& message, const MaySend& may_send) {
-  const auto ready = std::find_if(ready_.begin(), ready_.end(), [&](const auto& oldest) {
-    return may_send(oldest.second->first);
-  });
-  if (ready == ready_.end()) return std::nullopt;
+  for (;;) {
+    const auto ready = std::find_if(ready_.begin(), ready_.end(), [&](const auto& oldest) {
+      return may_send(oldest.second->first);
+    });
+    if (ready == ready_.end()) return std::nullopt;
+    // Where all of its rows are damaged nothing is left of the stream, and the next one's turn
+    // comes.
+    if (auto batch = next_of(*ready->second, message)) return batch;
+  }
+}
 
-  Streams::value_type& stream = *ready->second;
+std::optional<HistoryBatch> Backlog::next_of(Streams::value_type& stream, HistoryMessage& message) {
   BatchBuilder builder(message);
   std::vector<std::uint64_t> damaged;
   for (const std::uint64_t row_id : stream.second.waiting) {

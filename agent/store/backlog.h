@@ -53,6 +53,8 @@ class Backlog final {
   };
   using Streams = std::map<StreamKey, Stream>;
 
+  /// next() of a stream that waits. nullopt: its rows were damaged, and are dropped.
+  std::optional<HistoryBatch> next_of(Streams::value_type& stream, HistoryMessage& message);
   /// Puts a stream that has changed in its place in ready_.
   void place(Streams::value_type& stream);
   void erase(std::map<std::uint64_t, SampleRow>::iterator row);

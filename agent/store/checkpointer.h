@@ -1,6 +1,6 @@
-// Brings the write-ahead log of a SQLite file home into the file, on a thread and a connection of
-// its own: that ends in synchronising the disk, milliseconds long and tenths of a second on an SD
-// card, and live samples would wait for it.
+// Runs WAL checkpoints of a SQLite file on a thread and a connection of its own: a checkpoint ends
+// in synchronising the disk, milliseconds long and tenths of a second on an SD card, and live
+// samples would wait for it.
 #pragma once
 
 #include <atomic>
@@ -16,9 +16,9 @@ namespace fxagent {
 
 class Checkpointer final {
  public:
-  /// Of the log, in pages of 4 KiB: it is brought home when so many are not. Where that never comes
-  /// to an end, and the log never begins anew, since there is always one commit more, the thread
-  /// that writes brings the rest home and waits; from the second figure on.
+  /// Of the WAL, in pages of 4 KiB: a checkpoint begins when so many are not in the file. Where it
+  /// never comes to an end, and the WAL never begins anew, since there is always one commit more,
+  /// the thread that writes copies the rest and waits; from the second figure on.
   static constexpr int kPages = 1000;
   static constexpr int kMostPages = 8000;
 

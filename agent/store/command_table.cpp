@@ -242,12 +242,12 @@ void CommandTable::drop_old(std::int64_t utc_ms, std::int64_t max_age_ms) {
   // them there is none; with very many it waits until a tenth of them are new.
   const bool very_many = size_.rows > 2 * kRememberedIds;
   if (size_.rows > kRememberedIds && (!very_many || changes_since_trim_ > size_.rows / 10)) {
-    changes_since_trim_ = 0;
     changes += sqlite::run(results, kRememberedIds);
     changes += sqlite::run(many, utc_ms, kFingerprints);
     changes += sqlite::run(unacknowledged, utc_ms, kRememberedIds);
+    changes_since_trim_ = 0;
   }
-  if (changes != 0) size_ = measure();
+  if (changes != 0) changed_ = measure();
 }
 
 void CommandTable::move_times(std::int64_t by_ms, std::uint64_t from_number,

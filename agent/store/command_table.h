@@ -41,8 +41,8 @@ class CommandTable final {
   /// Lets refused commands go, then results that were acknowledged, oldest first, some at a time;
   /// their ids stay. False: there is none.
   bool shrink();
-  /// Lets go what need not be remembered any more. No transaction around it. `max_age_ms`: how long
-  /// what nobody could be told is kept.
+  /// Lets go what need not be remembered any more. `max_age_ms`: how long a result that nobody has
+  /// acknowledged is kept.
   void drop_old(std::int64_t utc_ms, std::int64_t max_age_ms);
 
   /// Moves the times of the commands from this number on that came up to `received_ms`.

@@ -82,7 +82,9 @@ void StoredJournal::shrink() {
 void StoredJournal::drop_old() {
   if (!disk_.is_writable()) return;
   const auto max_age = std::chrono::milliseconds(config_.max_age);
-  disk_.attempt("delete", [&] { table_->drop_old(disk_.utc_ms(), max_age.count()); });
+  // In one commit: a fault in the middle leaves the rows, and what is known of their size.
+  disk_.commit("delete", Sync::as_configured,
+               [&] { table_->drop_old(disk_.utc_ms(), max_age.count()); });
 }
 
 void StoredJournal::age_earlier_runs() {

@@ -123,11 +123,21 @@ void StoredSamples::forget(const std::vector<SampleStreams::Row>& gone) {
 }
 
 std::optional<HistoryBatch> StoredSamples::next(HistoryMessage& message, const MaySend& may_send) {
-  const auto key = streams_.oldest_waiting(may_send);
-  if (!key) return std::nullopt;
-  if (disk_.is_writable()) disk_.flush();
-  if (!sql_) return std::nullopt;
+  bool is_flushed = false;
+  for (;;) {
+    const auto key = streams_.oldest_waiting(may_send);
+    if (!key) return std::nullopt;
+    if (!std::exchange(is_flushed, true) && disk_.is_writable()) disk_.flush();
+    if (!sql_) return std::nullopt;
+    std::size_t dropped = 0;
+    auto batch = next_of(*key, message, dropped);
+    // Where it had damaged rows alone, which are dropped, the next stream's turn comes.
+    if (batch || dropped == 0) return batch;
+  }
+}
 
+std::optional<HistoryBatch> StoredSamples::next_of(const StreamKey& key, HistoryMessage& message,
+                                                   std::size_t& dropped) {
   BatchBuilder builder(message);
   std::vector<SampleStreams::Row> taken;
   std::vector<SampleStreams::Row> damaged;
@@ -138,16 +148,17 @@ std::optional<HistoryBatch> StoredSamples::next(HistoryMessage& message, const M
     const auto added = builder.add(row_id, row_format(number(found, 2)), row);
     if (added == BatchBuilder::Added::no_room) return false;
     (added == BatchBuilder::Added::yes ? taken : damaged)
-        .push_back({row_id, *key, row.size() + SampleRow::kOverhead});
+        .push_back({row_id, key, row.size() + SampleRow::kOverhead});
     return true;
   };
-  if (!disk_.attempt("read", [&] { sqlite::each(sql_->stream, take, key->first, key->second); }))
+  if (!disk_.attempt("read", [&] { sqlite::each(sql_->stream, take, key.first, key.second); }))
     return std::nullopt;
   if (!damaged.empty()) drop_damaged(damaged);
+  dropped = damaged.size();
   if (builder.empty()) return std::nullopt;
   for (const SampleStreams::Row& row : taken) streams_.take(row);
-  streams_.set_on_the_way(*key, true);
-  return builder.take(*key);
+  streams_.set_on_the_way(key, true);
+  return builder.take(key);
 }
 
 void StoredSamples::drop_damaged(const std::vector<SampleStreams::Row>& damaged) {

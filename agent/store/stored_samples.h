@@ -90,6 +90,10 @@ class StoredSamples final : public StorePart {
   std::vector<SampleStreams::Row> delete_oldest(std::uint64_t excess, std::int64_t older_than_ms);
   void forget(const std::vector<SampleStreams::Row>& gone);
   void drop(std::uint64_t excess, std::int64_t older_than_ms);
+  /// next() of one stream. nullopt: it had no row to send, or the file cannot be read; `dropped`
+  /// says how many damaged rows were dropped.
+  std::optional<HistoryBatch> next_of(const StreamKey& key, HistoryMessage& message,
+                                      std::size_t& dropped);
   void drop_damaged(const std::vector<SampleStreams::Row>& damaged);
 
   const StoreConfig config_;

@@ -82,9 +82,8 @@ std::optional<Named> device_in(Model model, std::string_view written) {
   const std::string_view digits = written.substr(letters);
   if (digits.empty() || digits.find_first_not_of("0123456789") != std::string_view::npos)
     return std::nullopt;
-  if (head == "R" && written.size() == 7)
-    return Named{"R" + std::to_string(std::stoul(std::string(digits))), 16};
-  if (head == "T" || head == "C") return std::nullopt;
+  // Extension registers have names of seven characters only: QR, QW and QT reach them.
+  if (head == "T" || head == "C" || (head == "R" && written.size() != 7)) return std::nullopt;
   const auto address = parse_address(model, written, std::nullopt);
   if (!address) return std::nullopt;
   return Named{address->text, address->span.bits};
@@ -202,7 +201,7 @@ class RequestArea final {
         return no(out, "'" + std::string(written) + "' is no device for this command");
       if (!(by_bits ? all_bits(value) : all_hex(value)))
         return no(out, "'" + std::string(value) + "' is no value of " + device->text);
-      if (i == 0) out.device = device->text;
+      out.device = i == 0 ? device->text : *out.device + "," + device->text;
       out.fields.emplace_back(device->text, value);
       out.values.emplace_back(value);
     }

@@ -176,6 +176,24 @@ tl::unexpected<Error> missing(Model model, const std::string& name, std::string_
                 (ranges.empty() ? "no " + std::string(letters) : ranges));
 }
 
+/// A span that begins inside the model's devices and leaves them at device `number`.
+tl::unexpected<Error> leaves(Model model, const Span& span, std::uint32_t number) {
+  const auto space = static_cast<Space>(span.space);
+  const DeviceKind& kind = kind_of(space);
+  const std::string next = device_name(space, number);
+  const std::string both = device_name(span) + "-" +
+                           device_name(space, kind.first_number + (span.end_bit() - 1) / kind.bits);
+  for (std::uint16_t i = 0; i < kSpaces; ++i) {
+    const auto other = static_cast<Space>(i);
+    if (kind_of(other).letters != kind.letters) continue;
+    for (const Numbers& run : numbers_of(model, other))
+      if (run.first <= number && number <= run.last)
+        return refuse(both + " does not exist as one range: " + std::string(model_text(model)) +
+                      " has " + ranges_text(model, kind.letters));
+  }
+  return missing(model, both + ": " + next, kind.letters);
+}
+
 /// bad_request where the span holds a device that is never written.
 Result<void> check_forbidden(const Span& span) {
   for (const Numbers& numbers : kNeverWritten) {
@@ -347,12 +365,13 @@ Result<void> check_range(Model model, const Span& span) {
   std::uint64_t bit = span.first_bit;
   const std::uint64_t end = bit + span.bits;
   while (bit < end) {
-    const std::uint64_t number = kind.first_number + bit / kind.bits;
+    const auto number = static_cast<std::uint32_t>(kind.first_number + bit / kind.bits);
     const auto* run = std::find_if(runs.begin(), runs.end(), [&](const Numbers& candidate) {
       return candidate.first <= number && number <= candidate.last;
     });
     if (run == runs.end())
-      return missing(model, device_name(space, static_cast<std::uint32_t>(number)), kind.letters);
+      return bit == span.first_bit ? missing(model, device_name(space, number), kind.letters)
+                                   : leaves(model, span, number);
     bit = span_of(space, *run).end_bit();
   }
   return {};

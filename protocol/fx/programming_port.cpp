@@ -285,6 +285,16 @@ std::vector<ReadWay> ProgrammingPort::read_ways(std::uint16_t space) const {
   return ways;
 }
 
+std::vector<std::uint32_t> ProgrammingPort::borders(std::uint16_t space) const {
+  // A clone of the FX2N keeps the M of the classic map and those from M1536 on in two places, and
+  // answers a read across the border with wrong bits. A genuine one loses nothing by it: what is
+  // before the border fills three whole frames.
+  const bool has_fx2n_map =
+      map_of(settings_.model, CommandSet::extended).data() == extended_map_fx2n().data();
+  if (space != id(Space::m) || !has_fx2n_map) return {};
+  return {area_of(classic_map(), Space::m)->bits()};
+}
+
 std::uint32_t ProgrammingPort::max_write_bits(std::uint16_t space) const {
   if (space >= kSpaces) return 0;
   const std::uint32_t unit = std::max<std::uint32_t>(kind_of(static_cast<Space>(space)).bits, 8);

@@ -45,6 +45,7 @@ class ProgrammingPort final : public Codec, public AddressSpace, public PlcServi
 
   std::string name_of(const Span& span) const override;
   std::vector<ReadWay> read_ways(std::uint16_t space) const override;
+  std::vector<std::uint32_t> borders(std::uint16_t space) const override;
   std::uint32_t max_write_bits(std::uint16_t space) const override;
   ByteOrder default_order() const override;
 

@@ -501,6 +501,76 @@ TEST(Plan, NoOtherSharingOfThePointsAroundTheHolesTakesLessLineTime) {
   EXPECT_GT(refused, 20U);
 }
 
+// ---- borders ------------------------------------------------------------------------------------
+
+// A clone of the FX2N keeps M1536 and above in another place: it answers a read across that border,
+// with the bits of what lies behind M1535 in its own memory.
+TEST(Plan, NoReadOfAnFx2nGoesAcrossM1536) {
+  const auto plan_for = [](Model model) {
+    const ProgrammingPort codec({model, ProgrammingPort::Commands::extended, 64});
+    std::vector<Point> points;
+    for (const char* name : {"M1530", "M1535", "M1536", "M1540"})
+      points.push_back(device(codec, name, DataType::boolean));
+    return make_plan(codec, points, kCost, 0);
+  };
+  const Plan plan = plan_for(Model::fx2n);
+  ASSERT_EQ(plan.reads.size(), 2U);
+  EXPECT_EQ(plan.reads[0].read.span, (Span{fx::id(fx::Space::m), 1528, 8}));
+  EXPECT_EQ(plan.reads[1].read.span, (Span{fx::id(fx::Space::m), 1536, 8}));
+  EXPECT_EQ(plan.reads[0].points, (std::vector<std::uint32_t>{0, 1}));
+  EXPECT_EQ(plan.reads[1].points, (std::vector<std::uint32_t>{2, 3}));
+  // The map of the FX3 is another one.
+  EXPECT_EQ(plan_for(Model::fx3u).reads.size(), 1U);
+}
+
+TEST(Plan, AllMOfAnFx2nTakeNoMoreReadsForTheBorder) {
+  const ProgrammingPort codec({Model::fx2n, ProgrammingPort::Commands::extended, 64});
+  const std::vector<Point> points = {device(codec, "M0", DataType::boolean, 3072)};
+  EXPECT_EQ(make_plan(codec, points, kCost, 0).reads.size(), 3072U / (64 * 8));
+}
+
+TEST(Plan, APointAcrossM1536IsReadInTwoPartsAndPutTogether) {
+  const ProgrammingPort codec({Model::fx2n});
+  const std::vector<Point> points = {device(codec, "K8M1520", DataType::int32),
+                                     device(codec, "M1534", DataType::boolean, 4)};
+  const Plan plan = make_plan(codec, points, kCost, 0);
+  ASSERT_TRUE(plan.unreachable.empty());
+  ASSERT_TRUE(plan.refused.empty());
+  ASSERT_EQ(plan.reads.size(), 2U);
+  EXPECT_EQ(plan.reads[0].read.span.end_bit(), 1536U);
+  EXPECT_EQ(plan.reads[1].read.span.first_bit, 1536U);
+  const std::vector<Bytes> images = {{0x34, 0x92}, {0x56, 0x78}};
+  EXPECT_EQ(value_of(plan, images, points[0], 0)->items.front(), Scalar(std::int64_t{0x78569234}));
+  EXPECT_EQ(*image_of(plan, images, points[1], 1), Bytes{0b1010});
+}
+
+TEST(Plan, ReadsOfManyBitsAroundM1536TakeTheLeastLineTimeThatTheBorderLeaves) {
+  std::mt19937 random(1536);
+  const auto pick = [&](std::uint32_t least, std::uint32_t most) {
+    return std::uniform_int_distribution<std::uint32_t>(least, most)(random);
+  };
+  const ProgrammingPort codec({Model::fx2n, ProgrammingPort::Commands::extended, 16});
+  const std::uint16_t space = fx::id(fx::Space::m);
+  for (int round = 0; round < 200; ++round) {
+    std::vector<Point> points;
+    std::vector<Point> sides[2];
+    for (std::uint32_t n = pick(1, 7); n > 0; --n) {
+      points.push_back(bits(pick(1400, 1650)));
+      points.back().address.span.space = space;
+      sides[points.back().address.span.first_bit < 1536 ? 0 : 1].push_back(points.back());
+    }
+    const Plan plan = make_plan(codec, points, kCost, 0);
+    for (const PlannedRead& planned : plan.reads) {
+      const Span& span = planned.read.span;
+      EXPECT_FALSE(span.first_bit < 1536 && 1536 < span.end_bit()) << span.first_bit;
+      EXPECT_TRUE(codec.encode(planned.read, 0));
+    }
+    // The two sides have nothing to do with each other.
+    EXPECT_EQ(plan.line_time, make_plan(codec, sides[0], kCost, 0).line_time +
+                                  make_plan(codec, sides[1], kCost, 0).line_time);
+  }
+}
+
 // ---- holes --------------------------------------------------------------------------------------
 
 TEST(Plan, AReadIsCutBetweenElementsNearestToItsMiddle) {
@@ -616,6 +686,17 @@ TEST(PlanWrite, ALongArrayIsSentInFramesThatKeepItsElementsWhole) {
   const ProgrammingPort narrow({Model::fx3u, ProgrammingPort::Commands::automatic, 6});
   const auto pieces = plan_write(narrow, device(codec, "D0", DataType::int32, 3), Bytes(12));
   EXPECT_EQ(pieces->size(), 3U);
+}
+
+TEST(PlanWrite, NoWriteToAnFx2nGoesAcrossM1536) {
+  const ProgrammingPort codec({Model::fx2n});
+  const std::uint16_t m = fx::id(fx::Space::m);
+  const auto requests =
+      plan_write(codec, device(codec, "K8M1520", DataType::int32), Bytes{0x34, 0x92, 0x56, 0x78});
+  ASSERT_TRUE(requests);
+  EXPECT_EQ(*requests, (std::vector<Request>{Write{{m, 1520, 16}, {0x34, 0x92}},
+                                             Write{{m, 1536, 16}, {0x56, 0x78}}}));
+  for (const Request& request : *requests) EXPECT_TRUE(codec.encode(request, 0));
 }
 
 TEST(PlanWrite, WhatCannotBeWrittenIsRefused) {

@@ -403,10 +403,16 @@ class Programs(PlantTest):
             os.remove(self.agent.log_path)
 
     def test_help_and_version_are_everywhere(self):
-        self.assertEqual(self.run_agent("--version")[0], 0)
-        for command in ("run", "check", "read", "write", "force-on", "force-off", "decode"):
-            status, out, _ = self.run_agent(command, "--help")
-            self.assertEqual((status, bool(out)), (0, True))
+        version = self.run_agent("--version")
+        self.assertEqual(version[0], 0)
+        for command in ("run", "check", "plan", "read", "write", "force-on", "force-off", "decode",
+                        "audit", "verify-stream", "acl"):
+            with self.subTest(command):
+                status, out, _ = self.run_agent(command, "--help")
+                self.assertEqual((status, bool(out)), (0, True))
+                self.assertIn("--version", out)
+                self.assertEqual(self.run_agent(command, "--version"), version)
+                self.assertEqual(self.run_agent(command)[0], 2)
         self.assertEqual(self.run_agent()[0], 2)
         self.assertEqual(self.run_agent("fly")[0], 2)
 

@@ -371,6 +371,7 @@ TEST(Config, VersionIsAStringOfTwo) {
 TEST(Config, QosTwoIsRefusedWithAReason) {
   expect_error(changed("/mqtt/qos", "2"), "/mqtt/qos", {"0 or 1", "seq"});
   expect_error(changed("/mqtt/qos", "3"), "/mqtt/qos", {"3"});
+  expect_error(changed("/mqtt/qos", "7"), "/mqtt/qos", {"from 0 to 1, found the number 7"});
 }
 
 TEST(Config, OldMqttTakesNoPasswordWithoutAUser) {

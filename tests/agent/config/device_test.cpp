@@ -274,6 +274,22 @@ TEST(ConfigDevice, UnknownTypeNamesTheNearest) {
                "/devices/0/tags/0/type", {"did you mean string"});
 }
 
+TEST(ConfigDevice, WrongTypeDoesNotHideAWrongAddress) {
+  const auto errors =
+      errors_of(with_tag(R"({"name": "temp", "address": "D9000", "type": "int17"})"));
+  ASSERT_EQ(errors.size(), 2U) << listed(errors);
+  EXPECT_EQ(errors[0].pointer, "/devices/0/tags/0/address");
+  EXPECT_EQ(errors[1].pointer, "/devices/0/tags/0/type");
+  expect_error(with_tag(R"({"name": "temp", "address": "D100", "type": "int17"})"),
+               "/devices/0/tags/0/type", {"int17"});
+}
+
+TEST(ConfigDevice, NumberOverTheEndOfItsRangeSaysSo) {
+  expect_error(with_tag(R"({"name": "temp", "address": "D7999", "type": "int32"})"),
+               "/devices/0/tags/0/address",
+               {"D7999-D8000 does not exist as one range: FX3U has D0-D7999 and D8000-D8511"});
+}
+
 TEST(ConfigDevice, ArrayMustEndInsideTheModel) {
   good(with_tag(R"({"name": "t", "address": "D7990", "count": 10})"));
   expect_error(with_tag(R"({"name": "t", "address": "D7990", "count": 11})"),

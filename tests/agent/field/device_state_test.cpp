@@ -19,11 +19,11 @@ DeviceState::Facts bus_is_open() {
 
 TEST(DeviceState, StartsOfflineAndHasNothingToTellBeforeTheFirstAnswer) {
   DeviceState state(7, *port_codec(), 1000);
-  EXPECT_EQ(state.told().device, 7U);
-  EXPECT_EQ(state.told().state, State::offline);
-  EXPECT_EQ(state.told().reason, "starting");
-  EXPECT_EQ(state.told().model, "FX3U");
-  EXPECT_EQ(state.told().since_ms, 1000);
+  EXPECT_EQ(state.reported().device, 7U);
+  EXPECT_EQ(state.reported().state, State::offline);
+  EXPECT_EQ(state.reported().reason, "starting");
+  EXPECT_EQ(state.reported().model, "FX3U");
+  EXPECT_EQ(state.reported().since_ms, 1000);
   EXPECT_FALSE(state.update(bus_is_open(), 1100));
 }
 

@@ -131,7 +131,7 @@ struct TrailBench {
   void append(int count) {
     EXPECT_TRUE(commit([&] {
       for (int i = 0; i < count; ++i)
-        trail.append(audit::told(1, "press1", "b7e1", true, kNow + i));
+        trail.append(audit::delivery(1, "press1", "b7e1", true, kNow + i));
     }));
   }
   void prune(std::uint64_t max_bytes, std::int64_t oldest_ms, std::uint64_t may_age) {
@@ -153,7 +153,7 @@ TEST(AuditTrail, RecordsThatWereNotCommittedLeaveNoTrace) {
   TrailBench bench;
   bench.append(3);
   EXPECT_FALSE(bench.commit([&] {
-    bench.trail.append(audit::told(1, "press1", "lost", true, kNow));
+    bench.trail.append(audit::delivery(1, "press1", "lost", true, kNow));
     bench.disk.database().exec("no SQL");
   }));
   bench.disk.try_to_write();

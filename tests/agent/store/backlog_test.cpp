@@ -109,6 +109,22 @@ TEST(Backlog, WhatWaitsCanMoveAndWhatIsOnTheWayStays) {
   EXPECT_EQ(backlog.bytes(), 0U);
 }
 
+TEST(Backlog, StreamOfDamagedRowsAloneHoldsNoOtherUp) {
+  Backlog backlog(1 << 20);
+  for (std::uint64_t id = 1; id < 4; ++id) {
+    SampleRow damaged = row(id, id == 3 ? "c" : "a");
+    damaged.content = "{";
+    backlog.append(std::move(damaged));
+  }
+  backlog.append(row(4, "b"));
+  const auto batch = test::next(backlog, 1000, any);
+  ASSERT_TRUE(batch);
+  EXPECT_EQ(batch->payload, R"({"history":true,"rows":[4]})");
+  EXPECT_EQ(backlog.take_dropped(), (std::map<std::string, std::uint64_t>{{"a", 2}, {"c", 1}}));
+  EXPECT_EQ(backlog.rows(), 1U);
+  EXPECT_FALSE(test::next(backlog, 1000, any));
+}
+
 TEST(Backlog, NextLooksAtNoMoreLanesThanItMust) {
   // With thousands of devices behind after an outage each message would cost a walk over all.
   Backlog backlog(1 << 20);

@@ -125,6 +125,6 @@ inline std::vector<std::string> audit_of(const Shelf& shelf) {
   return texts;
 }
 
-inline std::string told(const std::string& id) { return audit::told(1, "a", id, true, kNow); }
+inline std::string told(const std::string& id) { return audit::delivery(1, "a", id, true, kNow); }
 
 }  // namespace fxagent::test

@@ -121,6 +121,28 @@ TEST_F(StoreDamage, RowThatIsNoJsonIsDroppedAndCountedAndItsNeighboursGoOut) {
   EXPECT_FALSE(store.samples().has_waiting("press1"));
 }
 
+TEST_F(StoreDamage, StreamOfDamagedRowsAloneHoldsNoOtherUp) {
+  {
+    Store store(config_, kUtc);
+    auto both = rows(4);
+    both[3].device = "press2";
+    ASSERT_TRUE(store.samples().append(both, Store::Hold::no));
+    store.close();
+  }
+  {
+    SQLite::Database database = sqlite::open(file());
+    ASSERT_NO_THROW(database.exec("UPDATE samples SET row = '{' WHERE device = 'press1'"));
+  }
+  Store store(config_, kUtc);
+  const auto batch = test::next(store.samples(), 4096, [](const StreamKey&) { return true; });
+  ASSERT_TRUE(batch);
+  EXPECT_EQ(batch->device, "press2");
+  EXPECT_EQ(store.samples().take_dropped(), (std::map<std::string, std::uint64_t>{{"press1", 3}}));
+  EXPECT_EQ(store.samples().remove(*batch), 1U);
+  EXPECT_EQ(store.samples().rows(), 0U);
+  EXPECT_EQ(store.bytes(), 0U);
+}
+
 TEST_F(StoreDamage, FileOfAnotherProgramIsSetAside) {
   fs::create_directory(config_.path);
   {

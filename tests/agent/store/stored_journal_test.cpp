@@ -172,6 +172,39 @@ TEST(StoredJournal, OfTheOldestIdsTheResultsGoAndTheIdsStay) {
 
 // Whatever the calendar says: an id that came after 10,000 others is a new one, and what nobody was
 // told is never passed over.
+TEST(StoredJournal, FaultInTheMiddleOfForgettingLeavesTheSizeRight) {
+  Shelf shelf;
+  shelf.open();
+  JournalEntry old = entry("old", "{}", kNow - std::chrono::milliseconds(48h).count());
+  shelf.store->journal().record(old);
+  shelf.store->journal().acknowledge("a", "old", 0);
+  for (std::size_t i = 0; i < kRememberedIds + 5; ++i) {
+    shelf.store->journal().record(entry(std::to_string(i), "{}"));
+    shelf.store->journal().acknowledge("a", std::to_string(i), 0);
+    if (i % 1000 == 0) shelf.store->upkeep(kStart + std::chrono::seconds(i), old.received_ms);
+  }
+  // Nothing waits, and nothing is forgotten yet.
+  shelf.store->upkeep(kStart + std::chrono::seconds(kRememberedIds + 1), old.received_ms);
+  {
+    // The first statement lets "old" go; the second one, on the results, fails.
+    SQLite::Database other = sqlite::open(shelf.file());
+    ASSERT_NO_THROW(
+        other.exec("CREATE TRIGGER fault BEFORE UPDATE ON orders"
+                   " BEGIN SELECT abs(-9223372036854775807 - 1); END"));
+  }
+  shelf.store->upkeep(kStart + 10h, kNow);
+  ASSERT_EQ(shelf.store->state(), "memory");
+  const std::uint64_t bytes = shelf.store->journal().bytes();
+  {
+    SQLite::Database other = sqlite::open(shelf.file());
+    ASSERT_NO_THROW(other.exec("DROP TRIGGER fault"));
+  }
+  EXPECT_EQ(shelf.open().journal().bytes(), bytes);
+  shelf.store->upkeep(kStart + 20h, kNow);
+  EXPECT_FALSE(shelf.store->journal().find("a", "old"));
+  EXPECT_LT(shelf.store->journal().bytes(), bytes);
+}
+
 TEST(StoredJournal, NewestIdsAreThoseThatCameLast) {
   Shelf shelf;
   shelf.open();

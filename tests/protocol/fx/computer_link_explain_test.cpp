@@ -42,7 +42,7 @@ TEST(LinkExplanation, NamesEveryFrameOfTheTranscripts) {
     EXPECT_EQ(out.direction, by_plc ? Direction::reply : Direction::request);
     EXPECT_EQ(out.checksum_given, out.checksum_computed);
     if (e.device != "-" && e.operation != "nak") {
-      EXPECT_EQ(out.device, e.device.substr(0, e.device.find(',')));
+      EXPECT_EQ(out.device, e.device);
     }
     EXPECT_FALSE(
         explain_link_frame(model, e.request, by_plc ? Direction::request : Direction::reply).ok);
@@ -94,9 +94,29 @@ TEST(LinkExplanation, ScatteredDevicesAreAllNamed) {
       "\x05"
       "05FFQT002R0120001234Y000100BCA9");
   EXPECT_TRUE(out.ok);
-  EXPECT_EQ(out.device, "R12000");
+  EXPECT_EQ(out.device, "R12000,Y100");
   EXPECT_EQ(out.count, 2U);
   EXPECT_EQ(field(out, "Y100"), "BCA9");
+}
+
+// JY997D16901 7.7.2: extension registers have names of seven characters only, in QR, QW and QT.
+TEST(LinkExplanation, ExtensionRegistersAreNamedInSevenCharactersOnly) {
+  for (const std::string_view text :
+       {"00FFWR0R000002", "00FFWW0R0000011234", "00FFWT001R00001234"}) {
+    const auto out = summed("\x05" + std::string(text));
+    EXPECT_FALSE(out.ok) << text;
+    EXPECT_NE(out.error.value_or("").find("'R0000' is no device"), std::string::npos)
+        << out.error.value_or("");
+  }
+  const auto read = summed(
+      "\x05"
+      "00FFQR0R00000002");
+  EXPECT_TRUE(read.ok) << read.error.value_or("");
+  EXPECT_EQ(read.device, "R0");
+  EXPECT_FALSE(summed("\x05"
+                      "00FFQR0R03276801")
+                   .ok)
+      << "R32767 is the last one";
 }
 
 TEST(LinkExplanation, DataAreWordsBitsAModelOrAText) {

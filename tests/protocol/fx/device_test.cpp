@@ -237,9 +237,24 @@ TEST(DeviceWrite, StopsAtTheModelsLastDevice) {
   EXPECT_FALSE(may_write({id(Space::y), 8, 8}, Model::fx1s));  // Y16 and Y17 are not there
   EXPECT_FALSE(may_write({id(Space::tc), 0, 1}));
   EXPECT_FALSE(may_write({99, 0, 1}));
-  const auto beyond = check_range(Model::fx3u, {id(Space::d), 7999 * 16, 32});
-  ASSERT_FALSE(beyond);
-  EXPECT_NE(beyond.error().text.find("D8000 does not exist"), std::string::npos);
+}
+
+TEST(DeviceRange, WhatLeavesItsRangeSaysSoOfTheWhole) {
+  const auto why = [](Model model, const Span& span) {
+    const auto inside = check_range(model, span);
+    return inside ? std::string() : inside.error().text;
+  };
+  // There is a D8000, but not behind D7999.
+  EXPECT_EQ(why(Model::fx3u, {id(Space::d), 7999 * 16, 32}),
+            "D7999-D8000 does not exist as one range: FX3U has D0-D7999 and D8000-D8511");
+  EXPECT_EQ(why(Model::fx3u, {id(Space::cn), 198 * 16, 64}),
+            "CN198-CN201 does not exist as one range: FX3U has CN0-CN199 and CN200-CN255");
+  EXPECT_EQ(why(Model::fx3s, {id(Space::d), 2999 * 16, 32}),
+            "D2999-D3000: D3000 does not exist: FX3S has D0-D2999 and D8000-D8511");
+  EXPECT_EQ(why(Model::fx3u, {id(Space::m), 7672, 16}),
+            "M7672-M7687: M7680 does not exist: FX3U has M0-M7679 and M8000-M8511");
+  EXPECT_EQ(why(Model::fx3u, {id(Space::d), 9000 * 16, 16}),
+            "D9000 does not exist: FX3U has D0-D7999 and D8000-D8511");
 }
 
 TEST(DeviceWrite, NeverTouchesWhatStartsOrStopsThePlc) {

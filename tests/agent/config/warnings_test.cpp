@@ -1,0 +1,125 @@
+#include "agent/config/warnings.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "tests/agent/config/small_plant.h"
+
+namespace fxagent {
+namespace {
+
+using namespace test;
+
+/// The warnings that a config has beyond those of the small plant.
+std::vector<std::string> warnings_of(const std::string& text) {
+  const auto config = good(text);
+  const auto usual = good(small_plant().dump(1)).warnings;
+  std::vector<std::string> list;
+  for (const std::string& warning : config.warnings)
+    if (std::find(usual.begin(), usual.end(), warning) == usual.end()) list.push_back(warning);
+  return list;
+}
+
+/// Of a tag at D100 with these keys besides, without its place.
+std::string of_tag(const std::string& keys) {
+  const auto list = warnings_of(with_tag(R"({"name": "temp", "address": "D100", )" + keys + "}"));
+  EXPECT_LE(list.size(), 1U) << keys;
+  if (list.empty()) return "";
+  EXPECT_TRUE(list[0].starts_with("/devices/0/tags/0/")) << list[0];
+  return list[0].substr(list[0].find("): ") + 3);
+}
+
+std::string of_group(const std::string& group) {
+  const auto list = warnings_of(changed("/devices/0/groups/0", group));
+  EXPECT_LE(list.size(), 1U) << group;
+  return list.empty() ? "" : list[0];
+}
+
+// ---- limits -----------------------------------------------------------------------------------
+
+TEST(ConfigWarnings, LimitsInsideWhatTheTypeHoldsAreFine) {
+  for (const char* keys :
+       {R"("min": -32768, "max": 32767)", R"("type": "uint16", "min": 0, "max": 65535)",
+        R"("scale": 0.1, "min": -3276.8, "max": 3276.7)", R"("min": 5)", R"("max": 6)",
+        R"("scale": -0.1, "offset": 7, "min": -3269.7, "max": 3283.8)",
+        R"("type": "bcd16", "min": 0, "max": 9999)", R"("min": 4, "max": 5)",
+        R"("type": "float32", "min": -1e30, "max": 1e30)",
+        R"("type": "int32", "min": -2147483648, "max": 2147483647)"})
+    EXPECT_EQ(of_tag(keys), "") << keys;
+}
+
+TEST(ConfigWarnings, LimitBeyondWhatTheTypeHoldsHasNoEffect) {
+  EXPECT_EQ(of_tag(R"("min": -40000)"),
+            "has no effect: the values of this tag go from -32768 to 32767");
+  EXPECT_EQ(of_tag(R"("max": 40000)"),
+            "has no effect: the values of this tag go from -32768 to 32767");
+  EXPECT_EQ(of_tag(R"("type": "uint16", "scale": 0.1, "min": -1)"),
+            "has no effect: the values of this tag go from 0 to 6553.5");
+  EXPECT_EQ(of_tag(R"("scale": -1, "max": 32769)"),
+            "has no effect: the values of this tag go from -32767 to 32768");
+  EXPECT_EQ(of_tag(R"("type": "bcd16", "max": 10000)"),
+            "has no effect: the values of this tag go from 0 to 9999");
+  EXPECT_NE(of_tag(R"("type": "float32", "max": 1e39)").find("has no effect"), std::string::npos);
+  const auto both = warnings_of(
+      with_tag(R"({"name": "temp", "address": "K2M0", "type": "int16", "min": -1, "max": 256})"));
+  ASSERT_EQ(both.size(), 2U);
+  EXPECT_TRUE(both[0].starts_with("/devices/0/tags/0/max (line ")) << both[0];
+  EXPECT_TRUE(both[1].starts_with("/devices/0/tags/0/min (line ")) << both[1];
+}
+
+TEST(ConfigWarnings, LimitsThatLeaveOneValueOrNoneSaySo) {
+  EXPECT_EQ(of_tag(R"("scale": 10, "min": 1, "max": 9)"),
+            "no value of this tag lies within its limits: they go from -327680 to 327670 in steps "
+            "of 10");
+  EXPECT_EQ(of_tag(R"("scale": 10, "min": 1, "max": 11)"),
+            "only one value of this tag lies within its limits: they go from -327680 to 327670 in "
+            "steps of 10");
+  EXPECT_EQ(of_tag(R"("min": 40000)"),
+            "no value of this tag lies within its limits: they go from -32768 to 32767 in steps "
+            "of 1");
+  EXPECT_EQ(of_tag(R"("max": -40000)"),
+            "no value of this tag lies within its limits: they go from -32768 to 32767 in steps "
+            "of 1");
+  EXPECT_EQ(of_tag(R"("type": "float32", "min": 0.1, "max": 0.2)"), "");
+}
+
+TEST(ConfigWarnings, LimitsOfATagWithErrorsAreLeftAlone) {
+  expect_error(with_tag(R"({"name": "temp", "address": "M0", "type": "int16", "min": -40000})"),
+               "/devices/0/tags/0/type", {"M0"});
+}
+
+// ---- groups -----------------------------------------------------------------------------------
+
+TEST(ConfigWarnings, SilenceShorterThanTheIntervalHasNoEffect) {
+  EXPECT_EQ(of_group(R"({"name": "fast", "interval_ms": 5000, "max_silent_s": 5})"), "");
+  const auto given = of_group(R"({"name": "fast", "interval_ms": 5001, "max_silent_s": 5})");
+  EXPECT_TRUE(given.starts_with("/devices/0/groups/0/max_silent_s (line ")) << given;
+  EXPECT_NE(given.find("shorter than interval_ms: every poll is published"), std::string::npos);
+  const auto fallback =
+      of_group(R"({"name": "fast", "interval_ms": 61000, "publish": "on_change"})");
+  EXPECT_TRUE(fallback.starts_with("/devices/0/groups/0/publish (line ")) << fallback;
+  EXPECT_NE(fallback.find("max_silent_s, which is 60"), std::string::npos) << fallback;
+  EXPECT_EQ(of_group(R"({"name": "fast", "interval_ms": 61000})"), "");
+}
+
+// ---- stations ---------------------------------------------------------------------------------
+
+TEST(ConfigWarnings, TwoDevicesOfOneStationOnALinkAreOnePlc) {
+  auto plant = small_plant();
+  plant["devices"] = nlohmann::json::parse(R"([
+    {"name": "a", "link": "line1", "protocol": "fx-computer-link", "model": "FX3U", "station": 3},
+    {"name": "b", "link": "line1", "protocol": "fx-computer-link", "model": "FX3U", "station": 4},
+    {"name": "c", "link": "line1", "protocol": "fx-computer-link", "model": "FX3U", "station": 3},
+    {"name": "d", "link": "gw1", "protocol": "modbus-tcp"},
+    {"name": "e", "link": "gw1", "protocol": "modbus-tcp"}])");
+  const auto list = warnings_of(plant.dump(1));
+  ASSERT_EQ(list.size(), 2U);
+  EXPECT_TRUE(list[0].starts_with("/devices/2/station (line ")) << list[0];
+  EXPECT_NE(list[0].find("station 3 is that of /devices/0 (line "), std::string::npos) << list[0];
+  EXPECT_TRUE(list[1].starts_with("/devices/4 (line ")) << list[1];
+  EXPECT_NE(list[1].find("is that of /devices/3 (line "), std::string::npos) << list[1];
+}
+
+}  // namespace
+}  // namespace fxagent
