@@ -40,12 +40,14 @@ class DeviceState final {
   void set_run(std::optional<bool> run) { run_ = run; }
 
   /// The state by these facts, where it is not the one that was told last. Before the first answer
-  /// of a device on an open bus there is nothing to tell.
+  /// of a device on an open bus there is nothing to tell; a broadcast has no answer and is online
+  /// there.
   std::optional<Change> update(const Facts& facts, std::int64_t now_ms);
   /// What was told last.
   const DeviceStatus& told() const { return told_; }
 
  private:
+  const bool is_broadcast_;
   const bool asks_model_;
   bool model_known_;
   bool model_unclear_ = false;
