@@ -9,6 +9,11 @@ namespace fxagent {
 
 using std::chrono::nanoseconds;
 
+std::optional<Request> background_question(const Codec& codec, bool has_tags) {
+  if (const PlcServices* plc = codec.plc()) return plc->run_state();
+  return has_tags ? std::nullopt : codec.presence();
+}
+
 LineTiming timing_of(const DeviceConfig& device, nanoseconds char_time) {
   return {char_time, device.gap, device.turnaround, device.enquire == EnquirePolicy::always};
 }
@@ -50,8 +55,8 @@ nanoseconds longest_poll(const Codec& codec, std::span<const Plan* const> plans,
   for (const Plan* plan : plans)
     for (const PlannedRead& planned : plan->reads)
       longest = std::max(longest, exchange_time(codec, planned.read, timing));
-  if (const PlcServices* plc = codec.plc())
-    longest = std::max(longest, exchange_time(codec, plc->run_state(), timing));
+  if (const auto question = background_question(codec, !plans.empty()))
+    longest = std::max(longest, exchange_time(codec, *question, timing));
   return longest;
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <chrono>
+#include <optional>
 #include <span>
 
 #include "agent/config/config.h"
@@ -10,8 +11,12 @@
 
 namespace fxagent {
 
-/// Whether the PLC runs is asked for so often, where the protocol can tell (CONTRACT: 10 s).
-inline constexpr std::chrono::milliseconds kRunStateInterval{10000};
+/// The background_question() is asked so often (CONTRACT: 10 s).
+inline constexpr std::chrono::milliseconds kQuestionInterval{10000};
+
+/// What a device is asked beside the reads of its groups: whether its PLC runs, where the protocol
+/// can tell; else, where it has no tags, whether it is there. nullopt: nothing.
+std::optional<Request> background_question(const Codec& codec, bool has_tags);
 
 /// What `device` and its line add to the characters of an exchange, with the device's own time as
 /// configured. `char_time` as in LinkConfig; 0 leaves only what does not depend on the speed.
@@ -31,8 +36,8 @@ std::chrono::nanoseconds read_time(const Codec& codec, const DeviceConfig& devic
 std::chrono::nanoseconds write_time(const Codec& codec, std::span<const Request> requests,
                                     const LineTiming& timing);
 
-/// The longest exchange that a command may find on the wire: a read of `plans`, or the question
-/// whether the PLC runs.
+/// The longest exchange that a command may find on the wire: a read of `plans` (none: the device
+/// has no tags), or the background_question().
 std::chrono::nanoseconds longest_poll(const Codec& codec, std::span<const Plan* const> plans,
                                       const LineTiming& timing);
 

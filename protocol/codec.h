@@ -181,6 +181,10 @@ class Codec {
   virtual std::optional<Request> resync() const { return std::nullopt; }
   /// A cheap read whose answer no other answer can be taken for; the barrier behind a lost ACK.
   virtual std::optional<Request> probe() const { return std::nullopt; }
+  /// The shortest read that any device behind this codec answers, if only with a refusal: it shows
+  /// that a device is there of which nothing else is read. nullopt: plc() has the question for it,
+  /// or nobody would answer.
+  virtual std::optional<Request> presence() const { return std::nullopt; }
   /// A read of less than `request` reads, whose answer is shorter, so that neither answer can be
   /// taken for the other's. nullopt: `request` is no read, or its least.
   virtual std::optional<Request> apart_from(const Request& /*request*/) const {

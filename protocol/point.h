@@ -32,6 +32,12 @@ struct Span {
   friend bool operator==(const Span&, const Span&) = default;
 };
 
+/// Whether the two have a bit in common.
+inline bool overlap(const Span& one, const Span& other) {
+  return one.space == other.space && one.first_bit < other.end_bit() &&
+         other.first_bit < one.end_bit();
+}
+
 enum class DataType : std::uint8_t {
   boolean,
   int16,

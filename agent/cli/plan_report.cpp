@@ -346,8 +346,8 @@ LinkReport report_link(const Config& config, std::uint32_t index) {
       if (load.line_time && load.interval.count() > 0)
         asked += ratio(*load.line_time, load.interval);
     }
-    if (const PlcServices* plc = plan.codec->plc())
-      fixed += ratio(exchange_time(*plan.codec, plc->run_state(), plan.timing), kRunStateInterval);
+    if (const auto question = background_question(*plan.codec, !device.tags.empty()))
+      fixed += ratio(exchange_time(*plan.codec, *question, plan.timing), kQuestionInterval);
     devices.push_back(&device);
     shares.push_back(share_of(device, plan));
   }

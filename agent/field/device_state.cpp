@@ -7,7 +7,10 @@
 namespace fxagent {
 
 DeviceState::DeviceState(std::uint32_t device, const Codec& codec, std::int64_t now_ms)
-    : asks_model_(must_ask_model(codec)), model_known_(!asks_model_), model_(model_of(codec)) {
+    : is_broadcast_(codec.is_broadcast()),
+      asks_model_(must_ask_model(codec)),
+      model_known_(!asks_model_),
+      model_(model_of(codec)) {
   reported_.device = device;
   reported_.since_ms = now_ms;
   reported_.reason = "starting";
@@ -38,7 +41,7 @@ std::optional<DeviceState::Change> DeviceState::update(const Facts& facts, std::
   } else if (facts.silent) {
     status.state = DeviceStatus::State::offline;
     status.reason = to_string(BadReason::timeout);
-  } else if (!answered_once_) {
+  } else if (!answered_once_ && !is_broadcast_) {
     return std::nullopt;
   } else if (model_unclear_) {
     status.state = DeviceStatus::State::degraded;

@@ -39,13 +39,15 @@ class DeviceState final {
   /// nullopt: RUN or STOP is not known.
   void set_run(std::optional<bool> run) { run_ = run; }
 
-  /// The state by these facts, where it is not the one that was reported last. Before the first
-  /// answer of a device on an open bus there is nothing to report.
+  /// The state by these facts, where it is not the one that was reported last. Before the first answer
+  /// of a device on an open bus there is nothing to report; a broadcast has no answer and is online
+  /// there.
   std::optional<Change> update(const Facts& facts, std::int64_t now_ms);
   /// What was reported last.
   const DeviceStatus& reported() const { return reported_; }
 
  private:
+  const bool is_broadcast_;
   const bool asks_model_;
   bool model_known_;
   bool model_unclear_ = false;

@@ -17,9 +17,31 @@ namespace {
 using std::chrono::nanoseconds;
 using Clock = std::chrono::steady_clock;
 
-bool overlap(const Span& one, const Span& other) {
-  return one.space == other.space && one.first_bit < other.end_bit() &&
-         other.first_bit < one.end_bit();
+/// Why a place has no value after a command that may have written it, until it is read again.
+BadReason bad_after(Reason reason) {
+  switch (reason) {
+    case Reason::nak:
+      return BadReason::nak;
+    case Reason::link_down:
+      return BadReason::link_down;
+    case Reason::bad_frame:
+    case Reason::verify_mismatch:
+      return BadReason::bad_frame;
+    default:
+      return BadReason::timeout;
+  }
+}
+
+/// Whether nothing of the target was carried out, as far as anybody can know.
+bool without_effect(const TargetResult& outcome) {
+  switch (outcome.status) {
+    case CommandStatus::succeeded:
+    case CommandStatus::partial:
+    case CommandStatus::unknown_outcome:
+      return false;
+    default:
+      return outcome.reason != Reason::verify_mismatch;
+  }
 }
 
 }  // namespace
@@ -56,6 +78,9 @@ void LinkCommands::answer_running(std::string_view why) {
   for (const WaitingCommand& running : running_) {
     CommandResult result = result_of(running.admitted.command);
     set_outcome(result, CommandStatus::unknown_outcome, Reason::link_down, std::string(why));
+    for (const AdmittedTarget& target : running.admitted.targets)
+      if (!target.requests.empty())
+        poller_.overwritten(*running.device, *span_of(target.point), nullptr, BadReason::link_down);
     outbox_.push(std::move(result));
   }
   running_.clear();
@@ -195,6 +220,10 @@ asio::awaitable<void> LinkCommands::run_next() {
   CommandExecution execution(executor_, bus_, station, device.config, admitted, &sharing);
   CommandResult result = co_await execution.run();
   failpoint("order_answered");
+  // RUN and STOP may be a force, too. Of M8037 no older value is said than it has left.
+  if (const auto* force =
+          admitted.run_request ? std::get_if<Force>(&*admitted.run_request) : nullptr)
+    poller_.overwritten(device, {force->space, force->bit, 1}, nullptr, BadReason::timeout);
 
   device.station.handshake_in = station.handshake_in;
   state_.opened();
@@ -212,7 +241,12 @@ asio::awaitable<void> LinkCommands::run_next() {
 
 void LinkCommands::after_write(LinkDevice& device, const AdmittedTarget& target,
                                const TargetResult& outcome) {
-  if (!target.tag_index || target.requests.empty()) return;
+  if (target.requests.empty() || without_effect(outcome)) return;
+  const bool as_meant =
+      outcome.status == CommandStatus::succeeded && (!outcome.verify || outcome.verify->match);
+  poller_.overwritten(device, *span_of(target.point), as_meant ? &target.image : nullptr,
+                      bad_after(outcome.reason));
+  if (!target.tag_index) return;
   const bool read_back = outcome.verify && outcome.verify->read;
   const bool whole = outcome.status == CommandStatus::succeeded;
   const bool in_part = outcome.status == CommandStatus::partial && read_back;

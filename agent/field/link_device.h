@@ -56,7 +56,9 @@ struct LinkDevice {
   HoleMap holes;
   MeasuredTurnaround turnaround;
   std::vector<std::unique_ptr<GroupPoll>> groups;
-  std::optional<PollScheduler::GroupId> run_state_group;
+  std::optional<PollScheduler::GroupId> question_group;
+  /// Its groups are not read at once again before, however often it comes and goes.
+  SteadyTime at_once_from{};
   std::uint64_t seq = 0;
   PercentileWindow late_ms;
   std::uint64_t collected = 0;

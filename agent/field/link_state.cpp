@@ -21,6 +21,10 @@ constexpr int kDeadPeerAfter = 3;
 // A bus that comes to be doubted again and again is told of so often; each time is counted.
 constexpr std::chrono::seconds kDoubtToldEvery{60};
 
+// A device that comes and goes has its groups read at once so often: one that is silent to some of
+// its reads and answers others would keep its line from everybody else.
+constexpr std::chrono::seconds kAtOnceEvery{10};
+
 /// Another one for each link, each start and each machine.
 std::uint64_t jitter_seed(std::uint32_t link) {
   return static_cast<std::uint64_t>(std::chrono::system_clock::now().time_since_epoch().count()) +
@@ -56,6 +60,11 @@ void LinkState::opened() {
   was_open_ = true;
   unanswered_in_a_row_ = 0;
   log::info("link", {{"link", config_.name}, {"state", "up"}});
+  SteadyTime from = Clock::now();
+  for (const auto& device : devices_) {
+    if (was_down_) from = scheduler_.read_at_once(device->id, from);
+    if (device->codec->is_broadcast()) update(*device);  // nobody else will tell
+  }
 }
 
 void LinkState::open_failed(const std::string& why) {
@@ -70,6 +79,7 @@ void LinkState::lost(const std::string& why) {
   if (was_open_ || why != why_down_)
     log::warn("link", {{"link", config_.name}, {"state", "down"}, {"reason", why}});
   was_open_ = false;
+  was_down_ = true;
   why_down_ = why;
   for (const auto& device : devices_) update(*device);
 }
@@ -116,7 +126,12 @@ void LinkState::answered(LinkDevice& device) {
   unanswered_in_a_row_ = 0;
   if (!bus_.never_silent()) reconnect_policy_.opened();
   device.state.answered();
+  const bool is_back = scheduler_.is_silent(device.id);
   scheduler_.device_answered(device.id);
+  if (!is_back) return;
+  const SteadyTime from = std::max(Clock::now(), device.at_once_from);
+  device.at_once_from = from + kAtOnceEvery;
+  scheduler_.read_at_once(device.id, from);
 }
 
 void LinkState::unreachable(LinkDevice& device) {

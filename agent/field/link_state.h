@@ -67,6 +67,7 @@ class LinkState final {
   SteadyTime next_open_{};
   std::string why_down_ = "not opened yet";
   bool was_open_ = false;
+  bool was_down_ = false;  ///< not only not yet open
   bool echo_told_ = false;
   bool unexpected_told_ = false;
   bool doubt_told_ = false;

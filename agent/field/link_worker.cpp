@@ -58,7 +58,7 @@ LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std
     add_device(device, back_off);
     Device& added = *devices_.back();
     if (polling == Polling::on) first_poll_after += poller_.add_groups(added, first_poll_after);
-    poller_.add_run_state(added);
+    if (polling == Polling::on || added.codec->plc() != nullptr) poller_.add_question(added);
     if (device < last_seq.size()) added.seq = last_seq[device];
   }
 }

@@ -5,6 +5,17 @@
 #include <utility>
 
 namespace fxagent {
+namespace {
+
+/// Writes into `image`, which lies at `place`, what of `part` (at `written`) lies there too.
+void patch(Bytes& image, const Span& place, const Span& written, const Bytes& part) {
+  const std::uint32_t first = std::max(place.first_bit, written.first_bit);
+  const std::uint32_t bits = std::min(place.end_bit(), written.end_bit()) - first;
+  insert_bits(image, first - place.first_bit, extract_bits(part, first - written.first_bit, bits),
+              bits);
+}
+
+}  // namespace
 
 PollCycle::PollCycle(const DeviceConfig& device, std::uint32_t group)
     : device_(device), group_(group), report_(device, group) {}
@@ -25,6 +36,7 @@ void PollCycle::begin(std::uint64_t findings) {
   findings_ = findings;
   images_.assign(plan_.reads.size(), {});
   failures_.assign(plan_.reads.size(), std::nullopt);
+  ages_.assign(plan_.reads.size(), Age::current);
   newer_.clear();
   first_reply_.reset();
   last_reply_ms_ = 0;
@@ -41,10 +53,7 @@ bool PollCycle::may_repeat() {
 
 void PollCycle::take(std::uint32_t read, Exchange exchange) {
   repeats_ = 0;
-  if (exchange.is_data())
-    images_[read] = std::move(exchange.reply.image);
-  else
-    failures_[read] = bad_reason(exchange);
+  take_image(read, exchange);
   if (exchange.has_answer()) {
     if (!first_reply_) first_reply_ = exchange.ended;
     last_reply_ = exchange.ended;
@@ -53,9 +62,54 @@ void PollCycle::take(std::uint32_t read, Exchange exchange) {
   }
   // What a command wrote before this read is in the read; what it writes after it is newer.
   // An array cut into several reads keeps the whole that was written in between.
-  for (const std::uint32_t point : plan_.reads[read].points)
-    if (plan_.sources[point].first_read == read) newer_.erase(tags()[point]);
-  next_read_ = read + 1;
+  for (const std::uint32_t point : plan_.reads[read].points) {
+    const auto newer = newer_.find(tags()[point]);
+    if (newer == newer_.end()) continue;
+    const bool is_value = std::holds_alternative<Value>(newer->second);
+    const PointSource& source = plan_.sources[point];
+    if (is_value ? source.first_read == read : is_current(source)) newer_.erase(newer);
+  }
+  next_read_ = std::max(next_read_, read + 1);
+}
+
+void PollCycle::take_image(std::uint32_t read, Exchange& exchange) {
+  const bool again = ages_[read] == Age::outdated;
+  if (exchange.is_data())
+    images_[read] = std::move(exchange.reply.image);
+  else if (!again)  // else what no command has touched is good still
+    failures_[read] = bad_reason(exchange);
+  if (again) ages_[read] = exchange.is_data() ? Age::read_again : Age::lost;
+}
+
+bool PollCycle::is_current(const PointSource& source) const {
+  const auto first = ages_.begin() + source.first_read;
+  return std::none_of(first, first + source.count,
+                      [](Age age) { return age == Age::outdated || age == Age::lost; });
+}
+
+void PollCycle::overwritten(const Span& span, const Bytes* image, BadReason why) {
+  for (std::uint32_t read = 0; read < next_read_; ++read) {
+    const Span& place = plan_.reads[read].read.span;
+    if (images_[read].empty() || !overlap(place, span)) continue;
+    if (image != nullptr)
+      patch(images_[read], place, span, *image);
+    else
+      ages_[read] = ages_[read] == Age::current ? Age::outdated : Age::lost;
+  }
+  for (std::size_t i = 0; i < tags().size(); ++i) {
+    const std::uint32_t tag = tags()[i];
+    const auto place = span_of(device_.tags[tag].point);
+    if (!place || !overlap(*place, span)) continue;
+    report_.overwritten(tag);
+    newer_.erase(tag);
+    if (!is_current(plan_.sources[i])) newer_.emplace(tag, why);
+  }
+}
+
+std::optional<std::uint32_t> PollCycle::outdated() const {
+  const auto found = std::find(ages_.begin(), ages_.end(), Age::outdated);
+  if (found == ages_.end()) return std::nullopt;
+  return static_cast<std::uint32_t>(found - ages_.begin());
 }
 
 void PollCycle::give_up(BadReason why) {
@@ -90,7 +144,7 @@ TagOutcome PollCycle::outcome_of(std::size_t index, bool doubtful) {
 }
 
 std::optional<Telemetry> PollCycle::finish(bool doubted, std::uint64_t findings,
-                                           std::int64_t now_ms, SteadyTime now) {
+                                           std::int64_t now_ms, SteadyTime now, SteadyTime next) {
   const bool doubtful = doubted || findings != findings_;
   std::vector<TagOutcome> outcomes;
   outcomes.reserve(tags().size());
@@ -103,7 +157,7 @@ std::optional<Telemetry> PollCycle::finish(bool doubted, std::uint64_t findings,
   if (replies_ > 1)
     message.span_ms =
         std::chrono::duration<double, std::milli>(last_reply_ - *first_reply_).count();
-  auto readings = report_.cycle(std::move(outcomes), message.ts_ms, now);
+  auto readings = report_.cycle(std::move(outcomes), message.ts_ms, now, next);
   if (!readings) return std::nullopt;
   message.readings = std::move(*readings);
   return message;

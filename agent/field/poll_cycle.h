@@ -43,17 +43,35 @@ class PollCycle final {
   /// Until this cycle has read the tag for itself, it has this value.
   Telemetry written(std::uint32_t tag, Value value, std::int64_t now_ms);
 
+  /// A command has just written `span`, or may have: no value that is older is said any more. With
+  /// `image`, which covers the span, it was written like this, and what this cycle has read has it
+  /// from now on. Without, the tags there are bad for the reason `why` until outdated() was read.
+  void overwritten(const Span& span, const Bytes* image, BadReason why);
+  /// The read that is to be repeated before any other, because a command may have changed what it
+  /// brought. Each is repeated once in a cycle, so that no flood of commands keeps it from its end.
+  std::optional<std::uint32_t> outdated() const;
+
   /// The sample of the cycle, without device and number; nullopt where the group has nothing new to
   /// say. Everything is bad_frame where the bus is `doubted`, or where foreign bytes were found
-  /// since begin(): any of the answers may be the wrong one.
+  /// since begin(): any of the answers may be the wrong one. The next cycle is due at `next`.
   std::optional<Telemetry> finish(bool doubted, std::uint64_t findings, std::int64_t now_ms,
-                                  SteadyTime now);
+                                  SteadyTime now, SteadyTime next = {});
 
   /// The reason of the first bad tag; nullopt where all are good.
   std::optional<BadReason> first_bad() const { return report_.first_bad(); }
 
  private:
+  /// What an image is beside what commands have written since.
+  enum class Age : std::uint8_t {
+    current,
+    outdated,    ///< to be read again
+    read_again,  ///< was outdated, and is current
+    lost,        ///< outdated, and not read again in this cycle
+  };
+
   TagOutcome outcome_of(std::size_t index, bool doubtful);
+  void take_image(std::uint32_t read, Exchange& exchange);
+  bool is_current(const PointSource& source) const;
 
   const DeviceConfig& device_;
   const std::uint32_t group_;
@@ -61,7 +79,9 @@ class PollCycle final {
   Plan plan_;                                       ///< its points are report_.tags(), in order
   std::vector<Bytes> images_;                       ///< beside plan_.reads
   std::vector<std::optional<BadReason>> failures_;  ///< beside plan_.reads
-  std::unordered_map<std::uint32_t, Value> newer_;  ///< tag → what a command has written meanwhile
+  std::vector<Age> ages_;                           ///< beside plan_.reads
+  /// Tag → what has become of it by a command, until it is read anew.
+  std::unordered_map<std::uint32_t, TagOutcome> newer_;
   std::optional<SteadyTime> first_reply_;
   SteadyTime last_reply_{};
   std::int64_t last_reply_ms_ = 0;

@@ -7,6 +7,8 @@ namespace {
 
 // A group without an interval takes what is left: its deadline is as far away as a slow group's.
 constexpr std::chrono::seconds kPeriodOfFreeRunning{1};
+// A cycle that goes ahead of its interval has so long, where the interval itself is no shorter.
+constexpr std::chrono::nanoseconds kAtOnceWithin = std::chrono::seconds(1);
 // A cycle's line time is smoothed over about so many cycles.
 constexpr int kSmoothing = 8;
 
@@ -43,13 +45,24 @@ void PollScheduler::set_exchanges(GroupId id, std::uint32_t exchanges) {
   group.exchange = 0;
 }
 
+SteadyTime PollScheduler::begins_at(const Group& group) {
+  if (group.running) return group.not_before;
+  return group.at_once ? std::min(*group.at_once, group.due) : group.due;
+}
+
+SteadyTime PollScheduler::deadline_of(const Group& group) {
+  if (group.running) return group.deadline;
+  const SteadyTime by_interval = group.due + group.within;
+  if (!group.at_once) return by_interval;
+  return std::min(by_interval, *group.at_once + std::min(group.within, kAtOnceWithin));
+}
+
 PollScheduler::Group* PollScheduler::most_urgent(SteadyTime now) {
   Group* best = nullptr;
   SteadyTime best_deadline{};
   for (Group& group : groups_) {
-    if ((group.running ? group.not_before : group.due) > now) continue;
-    if (devices_[group.device].rests_until > now) continue;
-    const SteadyTime deadline = group.running ? group.deadline : group.due + group.within;
+    if (begins_at(group) > now || devices_[group.device].rests_until > now) continue;
+    const SteadyTime deadline = deadline_of(group);
     if (best != nullptr && deadline >= best_deadline) continue;
     best = &group;
     best_deadline = deadline;
@@ -57,38 +70,52 @@ PollScheduler::Group* PollScheduler::most_urgent(SteadyTime now) {
   return best;
 }
 
+/// Before its interval is over, which goes on as it was.
+void PollScheduler::begin_ahead(Group& group, SteadyTime now) {
+  group.deadline = deadline_of(group);
+  // A cycle that would follow at once has been read ahead.
+  if (group.due - now < group.interval / 2) group.due += group.interval;
+}
+
+void PollScheduler::begin_by_interval(Group& group, SteadyTime now) {
+  if (group.interval.count() == 0) {
+    group.deadline = now + kPeriodOfFreeRunning;
+    group.due = now;
+    return;
+  }
+  const double stretch = std::max(1.0, load());
+  const std::chrono::nanoseconds interval(
+      static_cast<std::int64_t>(static_cast<double>(group.interval.count()) * stretch));
+  // Whole poll intervals that have passed are given up. A stretched one has no place to keep:
+  // there the next one follows at once, or the line would stand idle for the rest of it.
+  const SteadyTime this_due = stretch > 1.0 ? std::max(group.due, now - interval)
+                                            : group.due + (now - group.due) / interval * interval;
+  const auto passed = static_cast<double>((this_due - group.due).count()) +
+                      static_cast<double>((interval - group.interval).count());
+  group.polls_owed += passed / static_cast<double>(group.interval.count());
+  const auto missed = static_cast<std::uint64_t>(group.polls_owed);
+  group.polls_owed -= static_cast<double>(missed);
+  devices_[group.device].counters.missed += missed;
+  group.deadline = this_due + std::min(group.within, interval);
+  group.due = this_due + interval;
+}
+
 PollScheduler::PollStep PollScheduler::begin_or_continue(Group& group, SteadyTime now) {
   PollStep step;
   step.group = static_cast<GroupId>(&group - groups_.data());
   if (!group.running) {
-    Counters& counters = devices_[group.device].counters;
     step.starts_cycle = true;
-    step.late = now - group.due;
+    step.late = now - begins_at(group);
+    if (group.due > now)
+      begin_ahead(group, now);
+    else
+      begin_by_interval(group, now);
+    group.at_once.reset();
     group.running = true;
     group.exchange = 0;
     group.not_before = {};
     group.used = {};
-    ++counters.polls;
-    if (group.interval.count() > 0) {
-      const double stretch = std::max(1.0, load());
-      const std::chrono::nanoseconds interval(
-          static_cast<std::int64_t>(static_cast<double>(group.interval.count()) * stretch));
-      // Whole poll intervals that have passed are given up. A stretched one has no place to keep:
-      // there the next one follows at once, or the line would stand idle for the rest of it.
-      const SteadyTime this_due = stretch > 1.0 ? std::max(group.due, now - interval)
-                                                : group.due + step.late / interval * interval;
-      const auto passed = static_cast<double>((this_due - group.due).count()) +
-                          static_cast<double>((interval - group.interval).count());
-      group.polls_owed += passed / static_cast<double>(group.interval.count());
-      const auto missed = static_cast<std::uint64_t>(group.polls_owed);
-      group.polls_owed -= static_cast<double>(missed);
-      counters.missed += missed;
-      group.deadline = this_due + std::min(group.within, interval);
-      group.due = this_due + interval;
-    } else {
-      group.deadline = now + kPeriodOfFreeRunning;
-      group.due = now;
-    }
+    ++devices_[group.device].counters.polls;
   }
   step.exchange = group.exchange;
   return step;
@@ -97,8 +124,7 @@ PollScheduler::PollStep PollScheduler::begin_or_continue(Group& group, SteadyTim
 SteadyTime PollScheduler::next_wake() const {
   auto wake = SteadyTime::max();
   for (const Group& group : groups_)
-    wake = std::min(wake, std::max(group.running ? group.not_before : group.due,
-                                   devices_[group.device].rests_until));
+    wake = std::min(wake, std::max(begins_at(group), devices_[group.device].rests_until));
   return wake;
 }
 
@@ -139,6 +165,15 @@ void PollScheduler::abandon_cycle(GroupId id, SteadyTime not_before) {
   Group& group = groups_[id];
   group.running = false;
   if (group.interval.count() == 0) group.due = std::max(group.due, not_before);
+}
+
+SteadyTime PollScheduler::read_at_once(DeviceId device, SteadyTime from) {
+  for (Group& group : groups_) {
+    if (group.device != device || group.running) continue;
+    group.at_once = from;
+    from += 2 * group.usual;
+  }
+  return from;
 }
 
 void PollScheduler::command_used(std::chrono::nanoseconds line_time, SteadyTime now) {

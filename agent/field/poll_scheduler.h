@@ -4,6 +4,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "agent/messages.h"
@@ -74,6 +75,13 @@ class PollScheduler final {
   /// again in the same breath.
   void abandon_cycle(GroupId group, SteadyTime not_before);
 
+  /// Each group of the device that is not being read is read once at `from` or soon after it,
+  /// whatever its interval, which it keeps. They are spread so that half of the line is left to
+  /// others. Returns where those of another device may follow.
+  SteadyTime read_at_once(DeviceId device, SteadyTime from);
+  /// When the next cycle of the group is due by its interval.
+  SteadyTime next_due(GroupId group) const { return groups_[group].due; }
+
   /// Line time that commands and polls have used; feeds the polls' share.
   void command_used(std::chrono::nanoseconds line_time, SteadyTime now);
   void poll_used(std::chrono::nanoseconds line_time);
@@ -117,8 +125,9 @@ class PollScheduler final {
     std::chrono::nanoseconds interval{0};
     std::chrono::nanoseconds within{0};
     std::uint32_t exchanges = 1;
-    SteadyTime due{};       ///< of the next cycle
-    SteadyTime deadline{};  ///< of the running cycle
+    SteadyTime due{};                   ///< of the next cycle
+    std::optional<SteadyTime> at_once;  ///< of one before it
+    SteadyTime deadline{};              ///< of the running cycle
     bool running = false;
     std::uint32_t exchange = 0;
     SteadyTime not_before{};            ///< of the running cycle's next step
@@ -127,9 +136,13 @@ class PollScheduler final {
     double polls_owed = 0;              ///< below 1: what stretched intervals have not yet counted
   };
 
+  static SteadyTime begins_at(const Group& group);
+  static SteadyTime deadline_of(const Group& group);
   /// The due group that goes first, or none.
   Group* most_urgent(SteadyTime now);
   PollStep begin_or_continue(Group& group, SteadyTime now);
+  void begin_ahead(Group& group, SteadyTime now);
+  void begin_by_interval(Group& group, SteadyTime now);
   /// The most poll time that next() puts before or between commands of `line_time` in all, what is
   /// owed to the polls already included, if the longest poll exchange takes `longest_poll`.
   std::chrono::nanoseconds polls_between(std::chrono::nanoseconds line_time,

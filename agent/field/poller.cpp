@@ -24,7 +24,7 @@ constexpr double kOverloadOver = 0.95;
 // A device that says it is busy is asked again once it may have finished.
 constexpr milliseconds kBusyPause{100};
 // The RUN state is asked for soon after its interval, however busy the groups keep the line.
-constexpr milliseconds kRunStateWithin{2000};
+constexpr milliseconds kQuestionWithin{2000};
 
 /// The flag is up as long as this lives, whatever ends it.
 class Raised final {
@@ -74,10 +74,10 @@ nanoseconds Poller::add_groups(LinkDevice& device, nanoseconds after) {
   return total;
 }
 
-void Poller::add_run_state(LinkDevice& device) {
-  if (device.codec->plc() == nullptr) return;
-  device.run_state_group =
-      scheduler_.add_group(device.id, kRunStateInterval, 1, state_.next_open(), kRunStateWithin);
+void Poller::add_question(LinkDevice& device) {
+  if (!background_question(*device.codec, !device.config.tags.empty())) return;
+  device.question_group =
+      scheduler_.add_group(device.id, kQuestionInterval, 1, state_.next_open(), kQuestionWithin);
 }
 
 void Poller::make_plan(LinkDevice& device, GroupPoll& group) {
@@ -124,7 +124,7 @@ nanoseconds Poller::longest_poll() const {
 // No coroutine itself: a poll has one frame less that way.
 asio::awaitable<void> Poller::run(PollScheduler::PollStep step) {
   for (const auto& device : devices_) {
-    if (device->run_state_group == step.group) return read_run_state(*device, step);
+    if (device->question_group == step.group) return ask_question(*device, step);
     for (const auto& group : device->groups)
       if (group->id == step.group) return read_group(*device, *group, step);
   }
@@ -163,13 +163,15 @@ asio::awaitable<void> Poller::read_group(LinkDevice& device, GroupPoll& group,
     finish_cycle(device, group);
     co_return;
   }
-  const Read read = group.cycle.plan().reads[step.exchange].read;
+  // What a command may have changed goes first; then the same step is offered again.
+  const std::uint32_t index = group.cycle.outdated().value_or(step.exchange);
+  const Read read = group.cycle.plan().reads[index].read;
   Exchange exchange = co_await bus_.exchange(device.station, read);
-  take_reading(device, group, step, std::move(exchange));
+  take_reading(device, group, step, index, std::move(exchange));
 }
 
 void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step,
-                          Exchange exchange) {
+                          std::uint32_t read, Exchange exchange) {
   if (state_.is_stopping()) return;
   scheduler_.step_used(step, exchange.ended - exchange.began);
   if (exchange.doubted) {  // the device is there; what it says is not believed
@@ -188,7 +190,7 @@ void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollSchedu
     fail_cycle(device, group, BadReason::link_down);
     return;
   }
-  const PlannedRead& planned = group.cycle.plan().reads[step.exchange];
+  const PlannedRead& planned = group.cycle.plan().reads[read];
   // In doubt each exchange takes its silences, and a repeat would not be believed either.
   bool repeatable = exchange.outcome == Exchange::Outcome::garbled && !bus_.doubt().is_doubted();
   if (exchange.is_nak()) {
@@ -198,12 +200,14 @@ void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollSchedu
       fail_cycle(device, group, BadReason::timeout);
       return;
     }
-    repeatable = take_refusal(device, group, step, exchange, meaning);
+    repeatable = take_refusal(device, group, step, read, exchange, meaning);
   }
   // The poll scheduler offers the same step again, after the commands that wait.
   if (repeatable && group.cycle.may_repeat()) return;
   if (exchange.is_data()) device.holes.read(planned.read.span);
-  group.cycle.take(step.exchange, std::move(exchange));
+  const bool again = group.cycle.outdated() == read;
+  group.cycle.take(read, std::move(exchange));
+  if (again) return;
   if (!scheduler_.step_done(step)) return;
   note_load();
   finish_cycle(device, group);
@@ -225,14 +229,14 @@ void Poller::note_load() {
 }
 
 bool Poller::take_refusal(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step,
-                          const Exchange& exchange, RefusalMeaning meaning) {
+                          std::uint32_t read, const Exchange& exchange, RefusalMeaning meaning) {
   state_.answered(device);
   switch (meaning) {
     case RefusalMeaning::busy:
       scheduler_.postpone(step, exchange.ended + kBusyPause);
       return true;
     case RefusalMeaning::hole: {
-      const PlannedRead& planned = group.cycle.plan().reads[step.exchange];
+      const PlannedRead& planned = group.cycle.plan().reads[read];
       const auto halves = halves_of(*device.codec, group.cycle.points(), planned);
       // Plans change between cycles only: this one goes on, and what it does bring is published.
       device.holes.refused(planned.read.span, halves, exchange.ended);
@@ -256,7 +260,7 @@ void Poller::fail_cycle(LinkDevice& device, GroupPoll& group, BadReason why) {
 void Poller::finish_cycle(LinkDevice& device, GroupPoll& group) {
   ++device.collected;
   auto message = group.cycle.finish(bus_.doubt().is_doubted(), bus_.doubt().findings(), now_ms(),
-                                    Clock::now());
+                                    Clock::now(), scheduler_.next_due(group.id));
   if (message)
     publish(device, std::move(*message));
   else
@@ -268,6 +272,10 @@ void Poller::publish(LinkDevice& device, Telemetry message) {
   message.device = device.index;
   message.seq = ++device.seq;
   outbox_.push(std::move(message));
+}
+
+void Poller::overwritten(LinkDevice& device, const Span& span, const Bytes* image, BadReason why) {
+  for (const auto& group : device.groups) group->cycle.overwritten(span, image, why);
 }
 
 void Poller::publish_written(LinkDevice& device, std::uint32_t tag, Value value, Origin origin) {
@@ -283,23 +291,28 @@ void Poller::publish_written(LinkDevice& device, std::uint32_t tag, Value value,
 
 // ---- the PLC itself -----------------------------------------------------------------------------
 
-asio::awaitable<void> Poller::read_run_state(LinkDevice& device, PollScheduler::PollStep step) {
+asio::awaitable<void> Poller::ask_question(LinkDevice& device, PollScheduler::PollStep step) {
   const Raised polling(polling_);
   Knowledge knowledge = Knowledge::known;
   BadReason failure = BadReason::link_down;
   if (bus_.is_open() && !device.state.is_model_known())
     knowledge = co_await ask_model(device, failure);
   if (knowledge != Knowledge::unanswered && bus_.is_open()) {
-    const Request question = device.codec->plc()->run_state();
+    const Request question = *background_question(*device.codec, !device.config.tags.empty());
     const Exchange exchange = co_await bus_.exchange(device.station, question);
     if (state_.is_stopping()) co_return;
     scheduler_.step_used(step, exchange.ended - exchange.began);
-    if (exchange.has_answer()) state_.answered(device);
     if (exchange.outcome == Exchange::Outcome::unanswered) state_.unanswered(device);
     if (exchange.outcome == Exchange::Outcome::link_down) state_.lost(exchange.error);
+    const bool by_gateway =
+        exchange.is_nak() && device.codec->meaning_of(question, exchange.reply.device_code) ==
+                                 RefusalMeaning::unreachable;
+    if (by_gateway) state_.unreachable(device);
+    if (exchange.has_answer() && !by_gateway) state_.answered(device);
+    const PlcServices* plc = device.codec->plc();
     std::optional<bool> run;
-    if (exchange.is_data() && !exchange.doubted)
-      run = device.codec->plc()->run_state_from(exchange.reply.image);
+    if (plc != nullptr && exchange.is_data() && !exchange.doubted)
+      run = plc->run_state_from(exchange.reply.image);
     device.state.set_run(run);
   }
   scheduler_.step_done(step);

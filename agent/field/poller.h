@@ -1,6 +1,7 @@
 // Polls the devices of one link, exchange by exchange as the PollScheduler offers them: makes the
 // plans of their groups, asks, takes what comes, and publishes what a group has to say at the end
-// of its cycle. Asks for model and RUN state, too. Field thread.
+// of its cycle. Asks for model and RUN state, too, and a device without tags whether it is
+// there. Field thread.
 #pragma once
 
 #include <asio/awaitable.hpp>
@@ -30,8 +31,8 @@ class Poller final {
   /// the link may be opened, each other one when those before it should be through. Returns the
   /// line time that one cycle of each takes.
   std::chrono::nanoseconds add_groups(LinkDevice& device, std::chrono::nanoseconds after);
-  /// Adds the question for the RUN state, where the protocol has one.
-  void add_run_state(LinkDevice& device);
+  /// Adds the background_question() of the device, where it has one.
+  void add_question(LinkDevice& device);
 
   /// Carries out one step: an exchange, with the questions about the model before it where these
   /// are due. No exchange where the bus is closed; that ends the cycle.
@@ -39,6 +40,9 @@ class Poller final {
   /// Whether run() is under way.
   bool is_polling() const { return polling_; }
 
+  /// A command has written `span`, or may have, as PollCycle::overwritten() has it: from now on no
+  /// group of the device says an older value.
+  void overwritten(LinkDevice& device, const Span& span, const Bytes* image, BadReason why);
   /// A command has just changed a tag. Publishes the value at once, where its group is polled.
   enum class Origin : std::uint8_t { written, read_back };
   void publish_written(LinkDevice& device, std::uint32_t tag, Value value, Origin origin);
@@ -57,14 +61,15 @@ class Poller final {
 
   asio::awaitable<void> read_group(LinkDevice& device, GroupPoll& group,
                                    PollScheduler::PollStep step);
-  asio::awaitable<void> read_run_state(LinkDevice& device, PollScheduler::PollStep step);
+  asio::awaitable<void> ask_question(LinkDevice& device, PollScheduler::PollStep step);
   /// Asks for the model, which the config leaves open. `failure` says why it went unanswered.
   asio::awaitable<Knowledge> ask_model(LinkDevice& device, BadReason& failure);
+  /// The end of plan().reads[read], which is the step's own, or one that was outdated() before it.
   void take_reading(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step,
-                    Exchange exchange);
+                    std::uint32_t read, Exchange exchange);
   /// The device said no to a read. True where the same read is to be offered again.
   bool take_refusal(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step,
-                    const Exchange& exchange, RefusalMeaning meaning);
+                    std::uint32_t read, const Exchange& exchange, RefusalMeaning meaning);
   void fail_cycle(LinkDevice& device, GroupPoll& group, BadReason why);
   void finish_cycle(LinkDevice& device, GroupPoll& group);
   void publish(LinkDevice& device, Telemetry message);

@@ -8,6 +8,9 @@
 namespace fxagent {
 namespace {
 
+// Of its interval a cycle may be late by this part.
+constexpr int kLateShare = 10;
+
 bool is_silence(BadReason reason) {
   return reason == BadReason::timeout || reason == BadReason::link_down;
 }
@@ -98,8 +101,8 @@ TagReading ReportByException::reading(std::size_t index, std::optional<Value> fr
 }
 
 std::optional<std::vector<TagReading>> ReportByException::cycle(std::vector<TagOutcome> outcomes,
-                                                                std::int64_t ts_ms,
-                                                                SteadyTime now) {
+                                                                std::int64_t ts_ms, SteadyTime now,
+                                                                SteadyTime next) {
   bool changed = false;
   bool all_silent = !tags_.empty();
   for (std::size_t i = 0; i < tags_.size(); ++i) {
@@ -119,7 +122,7 @@ std::optional<std::vector<TagReading>> ReportByException::cycle(std::vector<TagO
     changed = changed || differs(i, value);
   }
 
-  const bool long_silent = !last_sent_ || now - *last_sent_ >= group_.max_silent;
+  const bool long_silent = is_long_silent(now, all_silent ? now : next);
   const bool may_hold_back = group_.on_change || all_silent;
   if (may_hold_back && !changed && !long_silent) return std::nullopt;
 
@@ -138,9 +141,25 @@ std::optional<std::vector<TagReading>> ReportByException::cycle(std::vector<TagO
   return readings;
 }
 
+std::size_t ReportByException::index_of(std::uint32_t tag) const {
+  return static_cast<std::size_t>(std::find(tags_.begin(), tags_.end(), tag) - tags_.begin());
+}
+
+bool ReportByException::is_long_silent(SteadyTime now, SteadyTime next) const {
+  if (!last_sent_ || now - *last_sent_ >= group_.max_silent) return true;
+  // The next cycle may be a little late.
+  const SteadyTime by = next > now ? next + (next - now) / kLateShare : now;
+  return by - *last_sent_ >= group_.max_silent;
+}
+
+void ReportByException::overwritten(std::uint32_t tag) {
+  State& state = states_[index_of(tag)];
+  state.value = {};
+  state.value_ms = 0;
+}
+
 TagReading ReportByException::written(std::uint32_t tag, Value value, std::int64_t ts_ms) {
-  const auto index =
-      static_cast<std::size_t>(std::find(tags_.begin(), tags_.end(), tag) - tags_.begin());
+  const std::size_t index = index_of(tag);
   State& state = states_[index];
   state.value = Kept(value);
   state.value_ms = ts_ms;

@@ -27,13 +27,17 @@ class ReportByException final {
 
   /// Takes a cycle's outcomes, one for each of tags(), known at `ts_ms`; nullopt where the group
   /// has nothing new to say: on_change without a change, or a device that is still silent. `now`
-  /// measures max_silent only.
+  /// measures max_silent only, and so does `next`, when the next cycle is due: where that would be
+  /// too late, on_change speaks now. A device that is silent speaks no sooner than max_silent.
   std::optional<std::vector<TagReading>> cycle(std::vector<TagOutcome> outcomes, std::int64_t ts_ms,
-                                               SteadyTime now);
+                                               SteadyTime now, SteadyTime next = {});
 
   /// A command has just written or read back `tag`: the reading to publish at once. on_change
   /// compares with this value from now on.
   TagReading written(std::uint32_t tag, Value value, std::int64_t ts_ms);
+
+  /// A command has written, or may have, where `tag` lies: its last good value is none any more.
+  void overwritten(std::uint32_t tag);
 
   /// How many tags are bad, and the reason of the first; nullopt where none is.
   std::optional<BadReason> first_bad() const;
@@ -58,6 +62,8 @@ class ReportByException final {
     bool was_sent = false;
   };
 
+  std::size_t index_of(std::uint32_t tag) const;
+  bool is_long_silent(SteadyTime now, SteadyTime next) const;
   bool differs(std::size_t index, const Value* fresh) const;
   TagReading reading(std::size_t index, std::optional<Value> fresh) const;
 

@@ -526,6 +526,11 @@ std::optional<Request> Modbus::apart_from(const Request& request) const {
   return shorter;
 }
 
+std::optional<Request> Modbus::presence() const {
+  if (is_broadcast()) return std::nullopt;
+  return Read{{id(Space::holding_register), 0, 16}};
+}
+
 bool Modbus::is_broadcast() const {
   return settings_.framing != Framing::tcp && settings_.unit == 0;
 }

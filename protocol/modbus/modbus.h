@@ -68,6 +68,9 @@ class Modbus final : public Codec, public AddressSpace {
   std::chrono::milliseconds pause_after(const Request& request) const override;
   bool may_pass_for_answer(ByteView bytes) const override;
   std::optional<Request> apart_from(const Request& request) const override;
+  /// One holding register: the function that the plainest devices have. A coil would be a byte
+  /// shorter, and some devices are silent to functions that they lack.
+  std::optional<Request> presence() const override;
   bool is_broadcast() const override;
   Recovery after_silence() const override;
   Recovery after_nonsense() const override;

@@ -79,13 +79,25 @@ TEST(LineTime, LongestPollIsARead) {
   EXPECT_EQ(longest_poll(*device.codec, plans, timing), milliseconds(11 + 8 + 30 + 5));
 }
 
-TEST(LineTime, LongestPollWithoutReadsIsTheQuestionForRun) {
-  // One byte of M8000: 11 characters ask, 6 answer. Modbus has no such question.
+TEST(LineTime, LongestPollWithoutReadsIsTheQuestionForRunOrWhetherTheDeviceIsThere) {
+  // One byte of M8000: 11 characters ask, 6 answer.
   const DeviceConfig port = device_of("fx-programming-port");
   EXPECT_EQ(longest_poll(*port.codec, {}, timing_of(port, kCharTime)),
             milliseconds(11 + 6 + 30 + 5));
+  // Modbus has no RUN state: one register, ":", "01 03 0000 0001", LRC, CR LF and 15 back.
+  const DeviceConfig ascii = device_of("modbus-ascii");
+  EXPECT_EQ(longest_poll(*ascii.codec, {}, timing_of(ascii, kCharTime)),
+            milliseconds(17 + 15 + 30 + 5));
+}
+
+TEST(LineTime, DeviceWithTagsOrWithoutAnAnswerIsNotAskedWhetherItIsThere) {
   const DeviceConfig rtu = device_of("modbus-rtu");
-  EXPECT_EQ(longest_poll(*rtu.codec, {}, timing_of(rtu, kCharTime)), milliseconds(0));
+  EXPECT_TRUE(background_question(*rtu.codec, /*has_tags=*/false));
+  EXPECT_FALSE(background_question(*rtu.codec, /*has_tags=*/true));
+  Options options = default_options(*rtu.protocol);
+  options["unit"] = std::int64_t{0};
+  EXPECT_FALSE(background_question(**rtu.protocol->make(options), /*has_tags=*/false));
+  EXPECT_TRUE(background_question(*device_of("fx-computer-link").codec, /*has_tags=*/true));
 }
 
 }  // namespace

@@ -158,6 +158,16 @@ TEST(PlanReport, WithoutWordsTheBoundIsThatOfAForceWhichIsNotReadBack) {
   EXPECT_FALSE(none[0].command_bound);
 }
 
+TEST(PlanReport, DeviceWithoutTagsIsAskedWhetherItIsThere) {
+  const auto links = plan_links(config_of(
+      kSerial,
+      R"({"name":"p","link":"l","protocol":"modbus-ascii","turnaround_ms":0,"commands":{"allow":["hr:100"]}})"));
+  EXPECT_GT(*links[0].busy_percent, 0.0);
+  // 17 + 15 characters for one register, that another poll may be; then 17 and 17 for the command,
+  // and 17 and 15 to read it back.
+  EXPECT_NEAR(ms(*links[0].command_bound), (32 + 34 + 32) * 10 / 9.6, 0.1);
+}
+
 TEST(PlanReport, SmallerBlocksTakeLongerAndLetCommandsThroughSooner) {
   const std::string tags =
       kLarge + R"(,{"name":"s","address":"D500","group":"g","access":"read_write"})";

@@ -39,6 +39,17 @@ TEST(DeviceState, AnsweredIsOnlineAndToldOnce) {
   EXPECT_FALSE(state.update(bus_is_open(), 1200));
 }
 
+TEST(DeviceState, BroadcastIsOnlineWhileItsBusIsOpen) {
+  DeviceState state(0, *codec_of("modbus-rtu", {{"unit", std::int64_t{0}}}), 1000);
+  const auto open = state.update(bus_is_open(), 1100);
+  ASSERT_TRUE(open);
+  EXPECT_EQ(open->status.state, State::online);
+  EXPECT_EQ(open->status.reason, "");
+  const auto closed = state.update({}, 1200);
+  ASSERT_TRUE(closed);
+  EXPECT_EQ(closed->status.reason, "link_down");
+}
+
 TEST(DeviceState, ClosedBusIsTheFirstNewsEvenWhereNothingEverAnswered) {
   DeviceState state(0, *port_codec(), 1000);
   const auto change = state.update({}, 1100);

@@ -412,6 +412,40 @@ TEST_F(LinkWorkerTest, LostLinkIsOpenedAgainByItself) {
   EXPECT_EQ(state().state, State::online);
 }
 
+TEST_F(LinkWorkerTest, LinkThatComesBackIsReadAtOnceWhateverTheInterval) {
+  config.devices[0].groups[0].interval = std::chrono::hours(1);
+  config.devices[0].groups[1].interval = std::chrono::hours(1);
+  add_setpoint();
+  config.devices[0].tags[1].group = 1;
+  script().refuse_open("no such adapter");
+  start();
+  wait([&] { return telemetry.size() >= 2; });
+  for (const Telemetry& message : telemetry)
+    EXPECT_EQ(message.readings[0].bad, BadReason::link_down);
+  wait([&] { return telemetry.size() >= 4; });
+  ASSERT_EQ(telemetry.size(), 4U);
+  for (std::size_t i = 2; i < 4; ++i) EXPECT_FALSE(telemetry[i].readings[0].bad);
+  EXPECT_EQ(state().state, State::online);
+  EXPECT_EQ(state().reason, "");
+}
+
+TEST_F(LinkWorkerTest, DeviceThatAnswersAgainIsReadAtOnceWhateverTheInterval) {
+  config.devices[0].retries = 0;
+  config.devices[0].groups[0].interval = std::chrono::hours(1);
+  plc.silent = true;
+  add_setpoint();
+  start();
+  wait([&] { return !telemetry.empty(); });
+  EXPECT_EQ(telemetry[0].readings[0].bad, BadReason::timeout);
+  EXPECT_EQ(state().reason, "timeout");
+  plc.silent = false;
+  submit(write_setpoint("b7e1"));
+  wait([&] { return telemetry.size() >= 3; });
+  EXPECT_FALSE(telemetry.back().partial);
+  EXPECT_FALSE(telemetry.back().readings[0].bad);
+  wait_for_state(State::online, "");
+}
+
 TEST_F(LinkWorkerTest, ValuesOfADoubtedBusAreBadFramesUntilItIsBelievedAgain) {
   plc.set(kD100, word(234));
   bool twice = false;
@@ -599,6 +633,121 @@ TEST_F(LinkWorkerTest, PollThatWasUnderWayCarriesTheWrittenValue) {
   EXPECT_EQ(telemetry[0].readings.at(0).value, number(50));
   EXPECT_FALSE(telemetry[1].partial);
   EXPECT_EQ(telemetry[1].readings.at(1).value, number(50)) << "and not the 40 that it read";
+}
+
+/// Tags that show D200 in all shapes, and "clock", which a cycle reads after them.
+class LinkWorkerStaleTest : public LinkWorkerTest {
+ protected:
+  LinkWorkerStaleTest() {
+    DeviceConfig& device = config.devices[0];
+    const Codec& codec = *device.codec;
+    device.retries = 0;
+    device.tags[0] = tag(codec, "clock", "D8010");
+    add_setpoint("D200");
+    device.tags.push_back(tag(codec, "same", "D200"));
+    device.tags.push_back(tag(codec, "wide", "D199", DataType::int32));
+    device.tags.push_back(tag(codec, "bit", "D200.1", DataType::boolean));
+    device.tags.push_back(array_of(tag(codec, "row", "D198"), 4));
+    device.commands.allow.push_back(*codec.addresses().parse_range("D200"));
+    plc.set(kD200, word(40));
+  }
+  Command write_raw(std::string id, std::int64_t value) {
+    Command command = write_setpoint(std::move(id), value);
+    command.targets[0].tag.clear();
+    command.targets[0].address = "D200";
+    return command;
+  }
+  /// Runs while the first cycle has read D200 and not yet the rest.
+  void after_the_first_read(std::function<void()> action) {
+    script().then([this, action = std::move(action)](ByteView request) mutable {
+      const Bytes answer = reply(request);
+      if (plc.count(kReadThem) > 0 && action) std::exchange(action, nullptr)();
+      return answer;
+    });
+  }
+  /// The next write is carried out when the PLC was asked for D200 `reads` times more; nothing
+  /// answers it.
+  void swallow_write(std::size_t reads) { late_after_ = reads; }
+  /// The first message of the whole group.
+  const Telemetry& first_cycle() {
+    const auto whole = [](const Telemetry& message) { return !message.partial; };
+    wait([&] { return std::any_of(telemetry.begin(), telemetry.end(), whole); });
+    const auto found = std::find_if(telemetry.begin(), telemetry.end(), whole);
+    static const Telemetry nothing;
+    return found != telemetry.end() ? *found : nothing;
+  }
+  static void expect_all_show(const Telemetry& message, std::int64_t value) {
+    ASSERT_EQ(message.readings.size(), 6U);
+    for (const TagReading& reading : message.readings) EXPECT_FALSE(reading.bad) << reading.tag;
+    EXPECT_EQ(message.readings.at(1).value, number(value));
+    EXPECT_EQ(message.readings.at(2).value, number(value));
+    EXPECT_EQ(message.readings.at(3).value, number(value << 16));
+    EXPECT_EQ(message.readings.at(4).value, flag((value & 2) != 0));
+    EXPECT_EQ(message.readings.at(5).value, numbers({0, 0, value, 0}));
+  }
+
+  const std::string kReadThem = "read 118C 8";
+
+ private:
+  Bytes reply(ByteView request) {
+    const bool is_write = request.size() > 1 && request[1] == '1';
+    if (is_write && late_after_) return {};
+    const Bytes answer = plc.answer(request);
+    if (late_after_ && plc.asked().back() == "read 1190 2" && --*late_after_ == 0) {
+      plc.set(kD200, word(50));
+      late_after_.reset();
+    }
+    return answer;
+  }
+  std::optional<std::size_t> late_after_;
+};
+
+TEST_F(LinkWorkerStaleTest, CycleUnderWayShowsWhatARawWriteWroteInEveryTagOfThatPlace) {
+  after_the_first_read([&] { submit(write_raw("raw", 50)); });
+  start();
+  expect_all_show(first_cycle(), 50);
+  EXPECT_EQ(plc.count(kReadThem), 1U) << "what was acknowledged need not be read again";
+}
+
+TEST_F(LinkWorkerStaleTest, CycleUnderWayShowsWhatATagsWriteWroteInTheOtherTagsToo) {
+  after_the_first_read([&] { submit(write_setpoint("tag", 50)); });
+  start();
+  expect_all_show(first_cycle(), 50);
+}
+
+TEST_F(LinkWorkerStaleTest, CycleUnderWayShowsTheNewestOfTwoWrites) {
+  after_the_first_read([&] {
+    submit(write_setpoint("tag", 50));
+    submit(write_raw("raw", 51));
+  });
+  start();
+  expect_all_show(first_cycle(), 51);
+}
+
+TEST_F(LinkWorkerStaleTest, CycleUnderWayReadsAnewWhatAWriteWithoutAnAnswerMayHaveChanged) {
+  // What is read back is still the old value, so the outcome is unknown; then it is carried out.
+  swallow_write(1);
+  after_the_first_read([&] { submit(write_raw("lost", 50)); });
+  start();
+  expect_all_show(first_cycle(), 50);
+  EXPECT_EQ(wait_for_result("lost").status, CommandStatus::unknown_outcome);
+}
+
+TEST_F(LinkWorkerStaleTest, LastValueOfABadTagIsNotOlderThanAWrite) {
+  config.devices[0].groups[0].interval = milliseconds(200);
+  start();
+  first_cycle();
+  submit(write_raw("raw", 50));
+  EXPECT_EQ(wait_for_result("raw").status, CommandStatus::succeeded);
+  plc.silent = true;
+  wait([&] { return telemetry.back().readings[0].bad.has_value(); });
+  ASSERT_EQ(telemetry.back().readings.size(), 6U);
+  const Telemetry& silent = telemetry.back();
+  EXPECT_FALSE(silent.readings[0].value.items.empty()) << "nobody wrote there";
+  for (std::size_t i = 1; i < silent.readings.size(); ++i) {
+    EXPECT_TRUE(silent.readings[i].value.items.empty()) << i;
+    EXPECT_EQ(silent.readings[i].last_ms, 0) << i;
+  }
 }
 
 TEST_F(LinkWorkerTest, ResultCarriesTheFramesOfItsOrderAndTheMemoryOfIdsDoesNot) {

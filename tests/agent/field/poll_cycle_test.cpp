@@ -157,6 +157,71 @@ TEST_F(PollCycleTest, ArrayThatIsCutKeepsTheWholeThatWasWrittenBetweenItsReads) 
   EXPECT_EQ(finished(cycle).readings[0].value, numbers({50, 51}));
 }
 
+TEST_F(PollCycleTest, PlaceThatMayHaveBeenWrittenIsBadUntilItIsReadAgain) {
+  PollCycle cycle = begun();
+  cycle.take(0, data(word(7)));
+  cycle.overwritten(*span_of(device.tags[0].point), nullptr, BadReason::timeout);
+  EXPECT_EQ(cycle.outdated(), 0U);
+  cycle.take(0, data(word(8)));
+  EXPECT_FALSE(cycle.outdated());
+  cycle.take(1, data(word(1)));
+  cycle.take(2, data(word(2)));
+  const Telemetry message = finished(cycle);
+  EXPECT_EQ(message.readings[0].value, number(8));
+  EXPECT_EQ(message.readings[2].value, number(2));
+}
+
+TEST_F(PollCycleTest, ReadThatIsNotRepeatedInTimeTakesOnlyTheWrittenTagAlong) {
+  device.tags[1] = tag(*device.codec, "beside", "D101");
+  PollCycle cycle(device, 0);
+  cycle.use(make_plan(*device.codec, cycle.points(), LineCost{}, 4), 0);
+  ASSERT_EQ(cycle.plan().reads.size(), 2U);
+  cycle.take(0, data({7, 0, 9, 0}));
+  cycle.overwritten(*span_of(device.tags[0].point), nullptr, BadReason::nak);
+  cycle.give_up(BadReason::link_down);
+  const Telemetry message = finished(cycle);
+  EXPECT_EQ(message.readings[0].bad, BadReason::nak);
+  EXPECT_TRUE(message.readings[0].value.items.empty()) << "nor is the older value its last one";
+  EXPECT_FALSE(message.readings[1].bad);
+  EXPECT_EQ(message.readings[1].value, number(9));
+  EXPECT_EQ(message.readings[2].bad, BadReason::link_down);
+}
+
+TEST_F(PollCycleTest, FloodOfLostWritesDoesNotKeepACycleFromItsEnd) {
+  PollCycle cycle = begun();
+  cycle.take(0, data(word(7)));
+  cycle.overwritten(*span_of(device.tags[0].point), nullptr, BadReason::timeout);
+  cycle.take(0, data(word(8)));
+  cycle.overwritten(*span_of(device.tags[0].point), nullptr, BadReason::timeout);
+  EXPECT_FALSE(cycle.outdated()) << "once in a cycle";
+  cycle.take(1, data(word(1)));
+  cycle.take(2, data(word(2)));
+  const Telemetry message = finished(cycle);
+  EXPECT_EQ(message.readings[0].bad, BadReason::timeout);
+  EXPECT_FALSE(message.readings[1].bad);
+}
+
+TEST_F(PollCycleTest, ReadAgainThatFailsIsNotRepeatedForEver) {
+  PollCycle cycle = begun();
+  cycle.take(0, data(word(7)));
+  cycle.overwritten(*span_of(device.tags[0].point), nullptr, BadReason::timeout);
+  cycle.take(0, nak());
+  EXPECT_FALSE(cycle.outdated());
+  cycle.take(1, data(word(1)));
+  cycle.take(2, data(word(2)));
+  EXPECT_EQ(finished(cycle).readings[0].bad, BadReason::timeout);
+}
+
+TEST_F(PollCycleTest, HalvesOfAnArrayThatWereReadOnBothSidesOfAWriteAreNotMixed) {
+  device.tags.assign(1, array_of(tag(*device.codec, "recipe", "D100"), 2));
+  PollCycle cycle = begun();
+  cycle.take(0, data(word(1)));
+  const Bytes written{50, 0, 51, 0};
+  cycle.overwritten(*span_of(device.tags[0].point), &written, BadReason::timeout);
+  cycle.take(1, data(word(51)));
+  EXPECT_EQ(finished(cycle).readings[0].value, numbers({50, 51}));
+}
+
 TEST_F(PollCycleTest, ForeignBytesDuringTheCycleMakeAllOfItBad) {
   PollCycle cycle = begun(3);
   cycle.take(0, data(word(1)));

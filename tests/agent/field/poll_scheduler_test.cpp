@@ -294,6 +294,62 @@ TEST(PollScheduler, DeadlineMayBeNearerThanTheNextBeat) {
   EXPECT_EQ(poll(scheduler, at(0)), seldom);
 }
 
+TEST(PollScheduler, GroupsOfADeviceThatIsBackAreReadAtOnceAndKeepTheirBeat) {
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(3, kBackOff);
+  const auto other = scheduler.add_device(3, kBackOff);
+  const auto slow = scheduler.add_group(device, milliseconds(600000), 1, at(0));
+  const auto slower = scheduler.add_group(device, milliseconds(900000), 1, at(0));
+  const auto others = scheduler.add_group(other, milliseconds(600000), 1, at(0));
+  EXPECT_EQ(poll(scheduler, at(0)), slow);
+  EXPECT_EQ(poll(scheduler, at(0)), others);
+  EXPECT_EQ(poll(scheduler, at(0)), slower);
+  scheduler.read_at_once(device, at(60000));
+  EXPECT_EQ(scheduler.next(at(59999)).until, at(60000));
+  EXPECT_EQ(poll(scheduler, at(60000)), slow);
+  EXPECT_EQ(poll(scheduler, at(60000)), slower);
+  EXPECT_EQ(scheduler.next(at(60000)).until, at(600000)) << "nobody else, and the beat stands";
+  EXPECT_EQ(scheduler.counters(device).polls, 4U);
+  EXPECT_EQ(scheduler.counters(device).missed, 0U);
+}
+
+TEST(PollScheduler, GroupThatIsReadAtOnceIsNotReadAgainByABeatRightAfterIt) {
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(3, kBackOff);
+  const auto group = scheduler.add_group(device, milliseconds(1000), 1, at(0));
+  EXPECT_EQ(poll(scheduler, at(0)), group);
+  scheduler.read_at_once(device, at(700));
+  EXPECT_EQ(poll(scheduler, at(700)), group);
+  EXPECT_EQ(scheduler.next(at(700)).until, at(2000));
+}
+
+TEST(PollScheduler, WhatIsReadAtOnceLeavesTheFastGroupsHalfOfTheLine) {
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(3, kBackOff);
+  const auto fast = scheduler.add_group(device, milliseconds(100), 1, kStart);
+  for (int i = 0; i < 50; ++i) scheduler.add_group(device, std::chrono::hours(1), 1, kStart);
+  const auto cycles_until = [&](SteadyTime now, SteadyTime end) {
+    std::vector<int> cycles(51);
+    while (now < end) {
+      const auto job = scheduler.next(now);
+      if (job.kind == Kind::wait) {
+        now = job.until;
+        continue;
+      }
+      ++cycles[job.poll.group];
+      now += milliseconds(40);
+      scheduler.step_used(job.poll, milliseconds(40));
+      scheduler.step_done(job.poll);
+    }
+    return cycles;
+  };
+  cycles_until(at(0), at(10000));
+  scheduler.read_at_once(device, at(10000));
+  const auto cycles = cycles_until(at(10000), at(15000));
+  for (std::size_t i = 1; i < cycles.size(); ++i) EXPECT_EQ(cycles[i], 1) << i;
+  EXPECT_GE(cycles[fast], 40);
+}
+
 /// Groups on one line, each exchange as long as it is said to be; how many cycles each began.
 struct Share {
   milliseconds interval;

@@ -230,7 +230,7 @@ TEST_F(PortPolls, RunStateIsAskedAndTold) {
   config.devices[0].groups[0].interval = hours(1);
   plc.set(kM8000, {0x01});
   start();
-  poller->add_run_state(*devices[0]);
+  poller->add_question(*devices[0]);
   steps_until([&] { return newest[0].run.has_value(); });
   EXPECT_EQ(newest[0].run, true);
   EXPECT_EQ(newest[0].state, State::online);
@@ -357,6 +357,34 @@ TEST_F(ModbusPolls, BusyUnitIsAskedAgainInTheSameBeat) {
   steps_until([&] { return !telemetry.empty(); });
   EXPECT_EQ(bad(telemetry.front()), 0U);
   EXPECT_EQ(peer.asked.size(), 3U);
+}
+
+TEST_F(ModbusPolls, UnitWithoutTagsIsAskedWhetherItIsThere) {
+  add_unit(1).retries = 0;
+  peer.lacks = {0};  // a refusal is an answer
+  start();
+  poller->add_question(*devices[0]);
+  steps_until([&] { return newest[0].state == State::online; });
+  EXPECT_EQ(peer.asked, std::vector<std::string>{"1 read 0 1"});
+  EXPECT_EQ(newest[0].run, std::nullopt);
+  EXPECT_TRUE(telemetry.empty());
+  const auto asked_at = now;
+  step();
+  EXPECT_GE(now - asked_at, std::chrono::seconds(9)) << "every 10 s";
+  EXPECT_EQ(peer.asked.size(), 2U);
+  peer.refuses[1] = 0x0B;  // by its gateway
+  steps_until([&] { return newest[0].state == State::offline; });
+  EXPECT_EQ(newest[0].reason, "timeout");
+}
+
+TEST_F(ModbusPolls, QuestionWhetherAUnitIsThereIsPartOfTheLongestPollAndTheLoad) {
+  config.links[0].char_time = std::chrono::microseconds(1042);
+  add_unit(1);
+  start();
+  poller->add_question(*devices[0]);
+  EXPECT_GT(poller->longest_poll(), milliseconds(0));
+  steps_until([&] { return newest[0].state == State::online; });
+  EXPECT_GT(scheduler.load(), 0.0);
 }
 
 TEST_F(ModbusPolls, LongestPollIsThatOfTheSlowestPlan) {

@@ -85,6 +85,47 @@ TEST(ReportByException, OnChangeSpeaksAfterMaxSilent) {
   EXPECT_FALSE(report.cycle(good(23.4), 4, after(seconds(119))));
 }
 
+TEST(ReportByException, OnChangeSpeaksAtTheBeatBeforeMaxSilentWouldBeExceeded) {
+  const DeviceConfig device = press_on_change();
+  ReportByException report(device, 0);
+  const auto cycle = [&](int at) {
+    return report.cycle(good(23.4), at, after(seconds(at)), after(seconds(at + 25))).has_value();
+  };
+  EXPECT_TRUE(cycle(0));
+  EXPECT_FALSE(cycle(25)) << "the next one is not too late";
+  EXPECT_TRUE(cycle(50)) << "the next one would be 75 s after the last";
+  EXPECT_FALSE(cycle(75));
+  EXPECT_TRUE(cycle(100));
+}
+
+TEST(ReportByException, OnChangeSpeaksABeatEarlyWhereALateOneWouldBeTooLate) {
+  const DeviceConfig device = press_on_change();
+  ReportByException report(device, 0);
+  EXPECT_TRUE(report.cycle(good(23.4), 1, after(seconds(0)), after(seconds(20))));
+  EXPECT_FALSE(report.cycle(good(23.4), 2, after(seconds(20)), after(seconds(40))));
+  EXPECT_TRUE(report.cycle(good(23.4), 3, after(seconds(40)), after(seconds(60))));
+}
+
+TEST(ReportByException, SilentDeviceSpeaksNoSoonerThanMaxSilent) {
+  const DeviceConfig device = press_on_change();
+  ReportByException report(device, 0);
+  EXPECT_TRUE(report.cycle(all(BadReason::timeout), 1, after(seconds(0)), after(seconds(40))));
+  EXPECT_FALSE(report.cycle(all(BadReason::timeout), 2, after(seconds(40)), after(seconds(80))));
+  EXPECT_TRUE(report.cycle(all(BadReason::timeout), 3, after(seconds(80)), after(seconds(120))));
+}
+
+TEST(ReportByException, TagThatACommandMayHaveWrittenHasNoLastValueUntilItIsRead) {
+  const DeviceConfig device = press();
+  ReportByException report(device, 0);
+  report.cycle(good(23.4), 1000, kStart);
+  report.overwritten(0);
+  const auto bad = report.cycle(all(BadReason::timeout), 2000, kStart);
+  ASSERT_TRUE(bad);
+  EXPECT_TRUE((*bad)[0].value.items.empty());
+  EXPECT_EQ((*bad)[0].last_ms, 0);
+  EXPECT_EQ((*bad)[1].value, flag(true)) << "nobody wrote there";
+}
+
 TEST(ReportByException, DeadbandIsMeasuredFromTheValueLastSent) {
   const DeviceConfig device = press_on_change(0.5);
   ReportByException report(device, 0);
