@@ -686,6 +686,19 @@ TEST_F(CommandExecutionTest, PlcThatKeepsRunningIsAMismatchThatNamesTheSwitch) {
   EXPECT_NE(result.detail.find("switch"), std::string::npos) << result.detail;
 }
 
+// The ACK was a late one, and the NAK behind it is the PLC's own word on this STOP.
+TEST_F(CommandExecutionTest, StopWithAnotherAnswerBehindItsAckAndARunningPlcIsNoVerifyMismatch) {
+  wire->expect(kStop).give(kAck).expect(kProbe).give(joined(kNak, kRunning));
+  FakePort plc;
+  plc.set(kM8000, {0x01});
+  wire->then([&plc](ByteView request) { return plc.answer(request); });
+  const CommandResult result = run(admitted(Op::stop));
+  EXPECT_EQ(result.status, CommandStatus::unknown_outcome);
+  EXPECT_EQ(result.reason, Reason::bad_frame);
+  EXPECT_EQ(result.plc, PlcAnswer::none);
+  EXPECT_EQ(result.targets.at(0).verify.value_or(Verification{}).read, text("run"));
+}
+
 TEST_F(CommandExecutionTest, RunStateIsAskedForTwoSecondsAndNoLonger) {
   wire->expect(kStop).give(kAck);
   wire->then([](ByteView) { return kRunning; });
