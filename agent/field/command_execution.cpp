@@ -343,7 +343,7 @@ asio::awaitable<void> CommandExecution::settle_interrupted() {
   for (const AdmittedTarget& target : admitted_.targets) {
     TargetResult out = fxagent::result_of(target);
     if (!result_.targets.empty()) co_await wire_.go_on(admitted_.targets.size() > 1);
-    set(out, CommandStatus::unknown_outcome, Reason::none, std::string(kInterrupted));
+    set(out, CommandStatus::unknown_outcome, Reason::interrupted, std::string(kInterrupted));
     co_await read_outcome(target,
                           "the agent ended while the command was under way; the value is the one "
                           "that was to be written",
