@@ -120,6 +120,8 @@ std::string_view to_string(Reason reason) {
       return "broadcast";
     case Reason::shutting_down:
       return "shutting_down";
+    case Reason::interrupted:
+      return "interrupted";
   }
   return "";
 }

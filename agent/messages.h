@@ -125,6 +125,7 @@ enum class Reason : std::uint8_t {
   verify_mismatch,
   broadcast,
   shutting_down,
+  interrupted,
 };
 /// The word of the payload; empty for none.
 std::string_view to_string(Reason reason);

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "agent/commands/command_room.h"
+#include "agent/commands/command_starts.h"
 #include "agent/messages.h"
 #include "protocol/codec.h"
 
@@ -35,9 +36,10 @@ struct AdmittedCommand {
   std::optional<Request> run_request;   ///< of run and stop: what switches the PLC
   bool verify_words = true;
   bool verify_bits = false;
-  bool interrupted = false;  ///< by an earlier run: only its outcome is read
-  SteadyTime deadline{};     ///< not sent after this
-  SteadyTime queued{};       ///< when the field got it
+  bool interrupted = false;         ///< by an earlier run: only its outcome is read
+  CommandStarts* starts = nullptr;  ///< told before it leaves; null: nobody. Outlives the field
+  SteadyTime deadline{};            ///< not sent after this
+  SteadyTime queued{};              ///< when the field got it
   /// Line time of its own exchanges when each ends well; nullopt: not known.
   std::optional<std::chrono::nanoseconds> line_time;
   std::optional<std::chrono::nanoseconds> bound;

@@ -50,6 +50,7 @@ void Commands::receive(std::uint32_t device, std::string_view topic, std::string
     return take_result(std::move(*result), receipt, utc_ms);
   auto& admitted = std::get<AdmittedCommand>(decision);
   to.pending.emplace(admitted.command.id, std::move(admitted.place));
+  if (journal_ != nullptr) admitted.starts = journal_->starts();
   journal_later(admitted, std::move(receipt), utc_ms);
   admitted_.push_back(std::move(admitted));
 }

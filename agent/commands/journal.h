@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "agent/commands/command_starts.h"
 #include "protocol/bytes.h"
 
 namespace fxagent {
@@ -35,6 +36,8 @@ struct JournalEntry {
   std::uint64_t number = 0;   ///< its number in the audit; 0: it came before there was one
   std::string payload;        ///< as it came; kept until there is a result
   bool refused = false;       ///< it was not admitted: kept while there is room to spare
+  /// Of an earlier run, without a result: it waited when the agent died, and no byte of it left.
+  bool surely_not_sent = false;
   /// A record's body for the audit, written together with this entry; empty: none.
   std::string audit;
 };
@@ -72,6 +75,9 @@ class CommandJournal {
   virtual void record(std::vector<JournalEntry> entries) = 0;
   /// The broker has the result of the command with this number.
   virtual void acknowledge(std::string device, std::string id, std::uint64_t number) = 0;
+  /// Who is told before a command of this journal leaves, while the journal lives; null: nobody,
+  /// and after a crash each may have left.
+  virtual CommandStarts* starts() { return nullptr; }
   /// What the journal has of this id, or will have once the disk takes it.
   virtual std::optional<JournalEntry> find(const std::string& device, const std::string& id) = 0;
   /// Of those that are over; oldest first.

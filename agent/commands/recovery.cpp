@@ -15,25 +15,10 @@
 namespace fxagent {
 namespace {
 
-CommandResult interrupted(const JournalEntry& entry) {
-  CommandResult result;
-  result.id = entry.id;
-  result.op = entry.op;
-  result.received_ms = entry.received_ms;
-  if (op_from(entry.op) == Op::read) {
-    result.status = CommandStatus::failed;
-    result.reason = Reason::shutting_down;
-    result.detail = "the agent ended before the device was read";
-  } else {
-    set_interrupted(result);
-  }
-  return result;
-}
-
-/// A write is judged by the field, which can read what it was to write.
-std::optional<Command> to_be_read(const JournalEntry& entry, std::uint32_t device,
+/// The command as it came; nothing where the journal does not have it.
+std::optional<Command> command_of(const JournalEntry& entry, std::uint32_t device,
                                   std::int64_t utc_ms, SteadyTime now) {
-  if (op_from(entry.op) != Op::write || entry.payload.empty()) return std::nullopt;
+  if (entry.payload.empty()) return std::nullopt;
   Command command = parse_command(entry.payload);
   if (command.refusal || command.id != entry.id) return std::nullopt;
   command.device = device;
@@ -44,6 +29,20 @@ std::optional<Command> to_be_read(const JournalEntry& entry, std::uint32_t devic
   command.response_topic = entry.response_topic;
   command.correlation = entry.correlation;
   return command;
+}
+
+/// The result of a command of which no reading tells what became of it, or need not tell.
+CommandResult interrupted(const JournalEntry& entry, const std::optional<Command>& command) {
+  CommandResult result;
+  if (command) result = result_of(*command);
+  result.id = entry.id;
+  result.op = entry.op;
+  result.received_ms = entry.received_ms;
+  if (entry.surely_not_sent || op_from(entry.op) == Op::read)
+    set_interrupted_unsent(result);
+  else
+    set_interrupted(result);
+  return result;
 }
 
 /// By the names of the config; what belongs to other devices stays where it is.
@@ -68,10 +67,14 @@ class Known final {
       // A store that opened late: this run has carried out a command of that id itself.
       const auto known = journal_.find(entry.device, entry.id);
       if (known && (known->number > entry.number || !known->result.empty())) return;
-      log::warn("order_left_behind", {{"device", entry.device}, {"id", entry.id}});
-      if (auto command = to_be_read(entry, device, utc_ms_, now))
+      log::warn("command_interrupted", {{"device", entry.device},
+                                        {"id", entry.id},
+                                        {"sent", entry.surely_not_sent ? "no" : "perhaps"}});
+      auto command = command_of(entry, device, utc_ms_, now);
+      // What a write was to set is read by the field.
+      if (command && command->op == Op::write && !entry.surely_not_sent)
         return found.interrupted.push_back(std::move(*command));
-      entry.result = result_text(interrupted(entry));
+      entry.result = result_text(interrupted(entry, command));
       if (entry.number != 0)
         entry.audit = audit::result(entry.number, entry.device, entry.result, {}, utc_ms_);
       journal_.record(entry);

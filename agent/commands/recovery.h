@@ -18,8 +18,8 @@ struct Recovered {
   /// the journal here, of each command that the end of the agent left without one, but for those in
   /// `interrupted`.
   std::vector<CommandResult> unacknowledged;
-  /// Writes that were in the journal and have no result, oldest first: what they were to write may
-  /// be read, and they are not sent again.
+  /// Writes of which something may have left, oldest first: what they were to write may be read,
+  /// and they are not sent again.
   std::vector<Command> interrupted;
 };
 

@@ -55,7 +55,14 @@ CommandResult not_sent(const AdmittedCommand& admitted) {
 }
 
 void set_interrupted(CommandResult& result) {
-  set_outcome(result, CommandStatus::unknown_outcome, Reason::none, std::string(kInterrupted));
+  set_outcome(result, CommandStatus::unknown_outcome, Reason::interrupted,
+              std::string(kInterrupted));
+}
+
+void set_interrupted_unsent(CommandResult& result) {
+  set_outcome(result, CommandStatus::failed, Reason::interrupted,
+              op_from(result.op) == Op::read ? "the agent ended before the device was read"
+                                             : "the agent ended before anything was sent");
 }
 
 }  // namespace fxagent

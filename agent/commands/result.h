@@ -18,11 +18,13 @@ TargetResult result_of(const AdmittedTarget& target);
 /// What became of a command as a whole became of each of its targets: sets `status` and `reason` of
 /// all, and `detail` of the command.
 void set_outcome(CommandResult& result, CommandStatus status, Reason reason, std::string detail);
-/// What is said of a command that was under way, or waiting for the wire, when the agent ended.
+/// What is said of a command of which something may have left when the agent ended.
 inline constexpr std::string_view kInterrupted =
     "the agent ended while the command was under way: it may or may not have been carried out";
-/// It was under way, or waiting for the wire, when the agent ended.
+/// UNKNOWN_OUTCOME: something of it may have left when the agent ended.
 void set_interrupted(CommandResult& result);
+/// FAILED: it waited when the agent ended, and nothing of it was sent. A read is always FAILED.
+void set_interrupted_unsent(CommandResult& result);
 
 /// The answer to an admitted command that no wire will see any more: the agent is stopping.
 CommandResult not_sent(const AdmittedCommand& admitted);

@@ -3,6 +3,7 @@
 #include <utility>
 #include <vector>
 
+#include "agent/failpoint.h"
 #include "agent/field/command_line_time.h"
 #include "agent/field/stream_io.h"
 #include "agent/line_time.h"
@@ -49,7 +50,15 @@ asio::awaitable<bool> CommandExchanges::go_on(bool share) {
   co_return !is_stopping();
 }
 
-asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_after) {
+/// From here on a crash leaves open whether it was carried out.
+void CommandExchanges::mark_started() {
+  if (std::exchange(is_started_, true)) return;
+  if (admitted_.starts != nullptr) admitted_.starts->mark(admitted_.command.number);
+  failpoint("command_started");
+}
+
+asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_after,
+                                                Effect effect) {
   Exchange exchange;
   if (Clock::now() > not_after) {  // nobody waits for a link or an enquiry that nothing will follow
     exchange.outcome = Exchange::Outcome::expired;
@@ -71,6 +80,7 @@ asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_
         co_return exchange;
       }
     }
+    if (effect == Effect::change) mark_started();
     exchange = co_await bus_.exchange(station_, request, not_after);
     if (exchange.outcome != Exchange::Outcome::link_down || exchange.sent) break;
   }
@@ -145,7 +155,7 @@ asio::awaitable<Exchange> CommandExchanges::send(Request request, Try which) {
     }
     request = station_.codec->with_read(request, reading.reply.image);
   }
-  Exchange exchange = co_await ask(std::move(request), not_after());
+  Exchange exchange = co_await ask(std::move(request), not_after(), Effect::change);
   if (exchange.sent) ++writes_;
   co_return exchange;
 }

@@ -29,9 +29,13 @@ class CommandExchanges final {
                    const DeviceConfig& device, const AdmittedCommand& admitted,
                    BusSharing* sharing);
 
+  /// Whether the device is to be another afterwards.
+  enum class Effect : std::uint8_t { none, change };
+
   /// One exchange, of which nothing is sent after `not_after`. Opens the line once where it is
-  /// closed.
-  asio::awaitable<Exchange> ask(Request request, SteadyTime not_after);
+  /// closed. Before the first that is to change something the command counts as started.
+  asio::awaitable<Exchange> ask(Request request, SteadyTime not_after,
+                                Effect effect = Effect::none);
   /// All reads of the target's point, repeated as the config says.
   asio::awaitable<ReadBack> read_point(const AdmittedTarget& target, SteadyTime not_after);
   /// Sends a write, and a second time only where the first surely had no effect.
@@ -63,6 +67,7 @@ class CommandExchanges final {
   enum class Try : std::uint8_t { first, second };
   /// Sends `request`, and before it the read that it needs; that read's failure is the command's.
   asio::awaitable<Exchange> send(Request request, Try which);
+  void mark_started();
 
   asio::steady_timer timer_;
   Bus& bus_;
@@ -74,6 +79,7 @@ class CommandExchanges final {
   std::optional<SteadyTime> part_began_;  ///< first byte since the line was given to others
   SteadyTime last_byte_{};
   int writes_ = 0;
+  bool is_started_ = false;
   bool cut_off_ = false;
   bool answered_ = false;
   bool unanswered_ = false;

@@ -79,6 +79,13 @@ std::string elsewhere_text(const AdmittedTarget& target, const Value& read) {
          ": something else has set it since";
 }
 
+/// What came behind the ACK may have been the answer to this command, and the ACK a late one.
+void set_doubtful_ack(TargetResult& out, const std::string& found) {
+  out.plc = PlcAnswer::none;
+  set(out, CommandStatus::unknown_outcome, Reason::bad_frame,
+      "acknowledged, but another answer came behind the ACK, and " + found);
+}
+
 Verification verification(const AdmittedTarget& target, const Bytes& image) {
   Verification out;
   out.match = image == target.image;
@@ -303,10 +310,7 @@ asio::awaitable<void> CommandExecution::verify(const AdmittedTarget& target, Tar
   out.verify = verification(target, *got.image);
   if (out.verify->match) co_return;
   if (wire_.findings() != findings) {
-    // What came behind the ACK may have been the answer to this write, and the ACK a late one.
-    out.plc = PlcAnswer::none;
-    set(out, CommandStatus::unknown_outcome, Reason::bad_frame,
-        "acknowledged, but another answer came behind the ACK, and another value is read back");
+    set_doubtful_ack(out, "another value is read back");
     co_return;
   }
   set(out, CommandStatus::failed, Reason::verify_mismatch,
@@ -339,7 +343,7 @@ asio::awaitable<void> CommandExecution::settle_interrupted() {
   for (const AdmittedTarget& target : admitted_.targets) {
     TargetResult out = fxagent::result_of(target);
     if (!result_.targets.empty()) co_await wire_.go_on(admitted_.targets.size() > 1);
-    set(out, CommandStatus::unknown_outcome, Reason::none, std::string(kInterrupted));
+    set(out, CommandStatus::unknown_outcome, Reason::interrupted, std::string(kInterrupted));
     co_await read_outcome(target,
                           "the agent ended while the command was under way; the value is the one "
                           "that was to be written",
@@ -366,7 +370,8 @@ asio::awaitable<void> CommandExecution::run_or_stop() {
   TargetResult& out = result_.targets.front();
   const PlcServices& plc = *station_.codec->plc();  // which made the request that was admitted
   const bool wanted = admitted_.command.op == Op::run;
-  const Exchange exchange = co_await wire_.ask(*admitted_.run_request, wire_.latest_start());
+  const Exchange exchange = co_await wire_.ask(*admitted_.run_request, wire_.latest_start(),
+                                               CommandExchanges::Effect::change);
   if (exchange.sent) ++result_.attempts;
   if (!exchange.sent) {
     set_without_effect(out, exchange);
@@ -374,6 +379,7 @@ asio::awaitable<void> CommandExecution::run_or_stop() {
   }
   if (exchange.is_ack()) out.plc = PlcAnswer::ack;
   if (exchange.is_nak()) out.plc = PlcAnswer::nak;
+  const std::uint64_t findings = wire_.findings();
   const auto state = co_await await_run_state(plc, wanted);
   if (state) {
     Verification seen;
@@ -386,6 +392,8 @@ asio::awaitable<void> CommandExecution::run_or_stop() {
     set(out, CommandStatus::succeeded, Reason::none, "");
   } else if (exchange.is_nak()) {
     set(out, CommandStatus::failed, Reason::nak, nak_text(exchange) + "; " + hint);
+  } else if (exchange.is_ack() && state && wire_.findings() != findings) {
+    set_doubtful_ack(out, std::string("the PLC is ") + (*state ? "running" : "stopped"));
   } else if (exchange.is_ack() && state) {
     set(out, CommandStatus::failed, Reason::verify_mismatch,
         "acknowledged, and the PLC is still " + std::string(*state ? "running" : "stopped") + "; " +

@@ -23,6 +23,8 @@ Store::Store(const StoreConfig& config, std::int64_t utc_ms)
   samples_.begin_run();
   if (!disk_.is_open()) audit_.count_from(static_cast<std::uint64_t>(utc_ms));
   journal_.begin_run(audit_.last_command_number() + 1);
+  started_.begin_run(audit_.last_command_number() + 1);
+  if (disk_.is_open()) started_.go_on();
   if (is_writable())
     log::info("store", {{"state", "disk"},
                         {"path", config_.path},
@@ -40,6 +42,7 @@ void Store::open_late() {
   disk_.open();
   if (!is_writable()) return;
   samples_.count_recovered();
+  started_.begin_anew(audit_.last_command_number() + 1);
   if (is_own) return;
   samples_.begin_run();
   // With a clock that began in the past the commands of this run have lower numbers than those of
@@ -107,6 +110,7 @@ void Store::close() {
   if (!is_writable()) return;
   disk_.flush();
   numbers_.write_last();
+  started_.close();
   disk_.close();
 }
 

@@ -21,6 +21,7 @@
 #include "agent/messages.h"
 #include "agent/store/audit_trail.h"
 #include "agent/store/sequence_numbers.h"
+#include "agent/store/started_commands.h"
 #include "agent/store/store_clock.h"
 #include "agent/store/store_disk.h"
 #include "agent/store/stored_journal.h"
@@ -85,7 +86,8 @@ class Store final {
   StoreDisk disk_;
   SequenceNumbers numbers_{config_, disk_};
   AuditTrail audit_{config_, disk_};
-  StoredJournal journal_{config_, disk_, audit_};
+  StartedCommands started_{config_.path};
+  StoredJournal journal_{config_, disk_, audit_, started_};
   StoredSamples samples_{config_, disk_, journal_, numbers_};
   StoreClock clock_{disk_, samples_, journal_};
 

@@ -72,7 +72,8 @@ std::string who_else_may_write(const std::string& directory) {
   return {};
 }
 
-/// Of an open file; empty: it is a plain one of our own, under one name.
+}  // namespace
+
 std::string why_not_ours(int handle, const std::string& path) {
   struct stat found {};
   if (::fstat(handle, &found) != 0) return path + ": " + std::strerror(errno);
@@ -82,8 +83,6 @@ std::string why_not_ours(int handle, const std::string& path) {
   if (found.st_nlink > 1) return path + " has another name too (a hard link)";
   return {};
 }
-
-}  // namespace
 
 std::optional<FileIdentity> identity_of(const std::string& path) {
   struct stat found {};

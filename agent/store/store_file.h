@@ -50,6 +50,9 @@ std::string store_file_path(const std::string& directory);
 /// or not ours.
 std::string make_store_file(const std::string& directory);
 
+/// Of an open file; empty: it is a plain one of our own, under one name.
+std::string why_not_ours(int handle, const std::string& path);
+
 class StoreFile final {
  public:
   /// Opens the file, or makes it, and brings its schema to the newest. `always`: every commit is

@@ -67,6 +67,8 @@ std::vector<KnownId> StoredJournal::known_ids() {
 std::vector<JournalEntry> StoredJournal::unacknowledged() {
   std::vector<JournalEntry> entries;
   if (table_) disk_.attempt("read", [&] { entries = table_->unacknowledged(); });
+  for (JournalEntry& entry : entries)
+    entry.surely_not_sent = entry.result.empty() && started_.surely_not_sent(entry.number);
   return entries;
 }
 

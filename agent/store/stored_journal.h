@@ -1,6 +1,6 @@
 // The journal of commands on disk: what CommandJournal promises, with each audit record in the
 // commit of what it tells of, and what the disk refuses kept in memory until it takes it. A few
-// functions above twenty: nine are CommandJournal's and six StorePart's. The store's thread.
+// functions above twenty: ten are CommandJournal's and six StorePart's. The store's thread.
 #pragma once
 
 #include <cstdint>
@@ -13,6 +13,7 @@
 #include "agent/commands/journal.h"
 #include "agent/store/audit_trail.h"
 #include "agent/store/command_table.h"
+#include "agent/store/started_commands.h"
 #include "agent/store/store_disk.h"
 #include "agent/store/unrecorded_commands.h"
 
@@ -21,8 +22,9 @@ namespace fxagent {
 class StoredJournal final : public CommandJournal, public StorePart {
  public:
   /// The others outlive it.
-  StoredJournal(const StoreConfig& config, StoreDisk& disk, AuditTrail& audit)
-      : config_(config), disk_(disk), audit_(audit) {}
+  StoredJournal(const StoreConfig& config, StoreDisk& disk, AuditTrail& audit,
+                StartedCommands& started)
+      : config_(config), disk_(disk), audit_(audit), started_(started) {}
 
   std::uint64_t next_command_number() override { return audit_.next_command_number(); }
   void note(std::string audit) override { audit_.note(std::move(audit)); }
@@ -30,6 +32,7 @@ class StoredJournal final : public CommandJournal, public StorePart {
   void record(JournalEntry entry) override;
   void record(std::vector<JournalEntry> entries) override;
   void acknowledge(std::string device, std::string id, std::uint64_t number) override;
+  CommandStarts* starts() override { return &started_; }
   std::optional<JournalEntry> find(const std::string& device, const std::string& id) override;
   std::vector<KnownId> known_ids() override;
   std::vector<JournalEntry> unacknowledged() override;
@@ -73,6 +76,7 @@ class StoredJournal final : public CommandJournal, public StorePart {
   const StoreConfig config_;
   StoreDisk& disk_;
   AuditTrail& audit_;
+  StartedCommands& started_;
   std::optional<CommandTable> table_;            ///< of the open file
   UnrecordedCommands waiting_;                   ///< commands and results that are not in the file
   std::vector<Acknowledgement> to_acknowledge_;  ///< by the broker, not noted yet

@@ -329,14 +329,19 @@ class Commands(PlantTest):
 
     def test_the_commands_of_a_stopping_agent_are_all_answered(self):
         self.start_press(timeout_ms=1500)
-        self.sim.fault("press1", "late", match="force", ms=700)
+        self.sim.fault("press1", "late", match="force", ms=1200)
         self.send({"id": "running", "op": "force_on", "address": "M150"})
         wait_for("the command to be carried out", lambda: self.sim.commands("press1"))
         for number in range(4):
             self.send({"id": f"waiting-{number}", "op": "force_on", "address": "M151"})
         self.result_of_dry_run()
+        self.agent.process.send_signal(signal.SIGTERM)
+        wait_for("the stop", lambda: "state=stopping" in self.agent.logged())
+        self.send({"id": "late", "op": "force_on", "address": "M152"})
         self.assertEqual(self.agent.stop(), 0)
         self.assertEqual(len(self.results("running")), 1)
+        (result,) = self.results("late")
+        self.assert_result(result, "REJECTED", "shutting_down")
         for number in range(4):
             (result,) = self.results(f"waiting-{number}")
             self.assert_result(result, "FAILED", "shutting_down")

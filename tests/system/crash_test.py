@@ -10,11 +10,13 @@ from plant import BASE, PlantTest, Watcher, device, wait_for
 CRASHING = os.environ["FXAGENT_CRASHING"]
 
 # Where the agent dies → what is true of a command then. `journaled`: its id is known after the restart,
-# and its result comes unasked. `executed`: how often the PLC may have carried it out.
+# and its result comes unasked. `executed`: how often the PLC may have carried it out. `unsent`: the agent
+# knows that nothing of it has left.
 COMMAND = {
     "command_received": {"journaled": False, "executed": (0,)},
     "order_admitted": {"journaled": False, "executed": (0,)},
-    "order_journaled": {"journaled": True, "executed": (0,)},
+    "order_journaled": {"journaled": True, "executed": (0,), "unsent": True},
+    "command_started": {"journaled": True, "executed": (0,)},
     "frame_sent": {"journaled": True, "executed": (0, 1)},
     "order_answered": {"journaled": True, "executed": (1,)},
     "result_taken": {"journaled": True, "executed": (1,)},
@@ -26,7 +28,8 @@ COMMAND = {
 
 class Crashes(PlantTest):
     def start_plant(self, point, sync="offline"):
-        self.start(devices=[device(timeout_ms=1000)],
+        allowed = dict(device()["commands"], allow_run_stop=True)
+        self.start(devices=[device(timeout_ms=1000, commands=allowed)],
                    store={"path": os.path.join(self.directory, "store"), "sync": sync})
         self.ready()
         self.agent.stop()
@@ -75,8 +78,10 @@ class Crashes(PlantTest):
         elif verified and commands == 1:
             self.assert_result(result, "SUCCEEDED", None, None)
             self.assertEqual(result["verify"], {"read": command["value"], "match": True})
+        elif promise.get("unsent"):
+            self.assert_result(result, "FAILED", "interrupted")
         else:
-            self.assert_result(result, "UNKNOWN_OUTCOME")
+            self.assert_result(result, "UNKNOWN_OUTCOME", "interrupted")
         again = self.command(**command)
         self.assert_result(again, "DUPLICATE", "duplicate_id", result["plc"])
         self.assertEqual(again["first"]["status"], result["status"])
@@ -90,6 +95,54 @@ class Crashes(PlantTest):
         self.assert_result(self.command(op="read", tag="temp"), "SUCCEEDED", None, "ACK")
         self.assertEqual([r for r in self.watcher.payloads(f"{BASE}/press1/result", since)
                           if r["id"] == command["id"]], [])
+
+    def test_commands_that_waited_failed_and_not_a_byte_of_them_was_sent(self):
+        self.start(devices=[device(timeout_ms=9000)], store={"path": self.pty("store")})
+        self.ready()
+        self.sim.fault("press1", "late", match="force", ms=8000)
+        self.send({"id": "running", "op": "force_on", "address": "M150"})
+        wait_for("the first to be carried out", lambda: self.sim.commands("press1"))
+        waiting = [{"id": "force", "op": "force_on", "address": "M151"},
+                   {"id": "write", "op": "write", "address": "D300", "value": 17},
+                   {"id": "expect", "op": "write", "address": "D300", "value": 18, "expect": 0},
+                   {"id": "list", "op": "write", "targets": [{"address": "D300", "value": 19},
+                                                             {"address": "M152", "value": True}]},
+                   {"id": "read", "op": "read", "tag": "temp"}]
+        for command in waiting:
+            self.send(command)
+        # Its answer tells that those before it are in the journal and with the field.
+        self.assert_result(self.command(op="force_on", address="M153", dry_run=True), "SUCCEEDED")
+        self.agent.stop(signal.SIGKILL, None)
+        since = self.watcher.mark()
+        self.agent.start()
+        self.assert_result(self.result("running", since=since), "UNKNOWN_OUTCOME", "interrupted")
+        for command in waiting:
+            result = self.result(command["id"], since=since)
+            self.assert_result(result, "FAILED", "interrupted")
+            for target in result.get("targets", []):
+                self.assertEqual((target["status"], target["reason"]), ("FAILED", "interrupted"))
+            again = self.command(**command)
+            self.assert_result(again, "DUPLICATE", "duplicate_id")
+            self.assertEqual(again["first"]["status"], "FAILED")
+        self.assertEqual([e["kind"] for e in self.sim.commands("press1")], ["force_on"])
+        self.assertEqual(self.sim.get("press1", "D300"), 0)
+        self.assertIn("command_interrupted", self.agent.logged())
+
+    def test_a_crash_at_the_read_for_expect_leaves_a_command_that_surely_was_not_sent(self):
+        command = {"id": "e1", "op": "write", "address": "D300", "value": 17, "expect": 0}
+        since = self.crash_with("frame_sent", command)
+        self.assert_result(self.result("e1", since=since), "FAILED", "interrupted")
+        self.assertEqual(self.sim.commands("press1"), [])
+
+    def test_a_crash_before_a_stop_is_sent_leaves_a_plc_that_surely_runs_on(self):
+        for point, wanted in (("order_journaled", "FAILED"), ("command_started", "UNKNOWN_OUTCOME")):
+            with self.subTest(point):
+                if wanted != "FAILED":
+                    self.tearDown()
+                    self.setUp()
+                since = self.crash_with(point, {"id": "s1", "op": "stop"})
+                self.assert_result(self.result("s1", since=since), wanted, "interrupted")
+                self.assertEqual(self.sim.commands("press1"), [])
 
     def test_a_sample_that_was_stored_is_never_lost(self):
         # With `always` a sample is on disk before it is sent, so that every number has to arrive.

@@ -155,7 +155,7 @@ class StoreLife(PlantTest):
         self.kill()
         since = self.watcher.mark()
         self.agent.start()
-        self.assert_result(self.result("lost", since=since), "UNKNOWN_OUTCOME")
+        self.assert_result(self.result("lost", since=since), "UNKNOWN_OUTCOME", "interrupted")
         self.state("press1", "online", since)
         again = self.command(id="lost", op="force_on", address="M150")
         self.assert_result(again, "DUPLICATE", "duplicate_id")

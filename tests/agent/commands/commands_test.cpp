@@ -20,6 +20,10 @@ using std::chrono::milliseconds;
 constexpr std::int64_t kNow = 1790000000000;
 const SteadyTime kStart{std::chrono::hours(1)};
 
+class Starts final : public CommandStarts {
+  void mark(std::uint64_t) override {}
+};
+
 /// Keeps everything, and what was asked of it in its order.
 class FakeJournal final : public CommandJournal {
  public:
@@ -46,6 +50,7 @@ class FakeJournal final : public CommandJournal {
   }
   std::vector<KnownId> known_ids() override { return {}; }
   std::vector<JournalEntry> unacknowledged() override { return {}; }
+  CommandStarts* starts() override { return &started; }
 
   void keep(const JournalEntry& entry) {
     entries[entry.device + "/" + entry.id] = entry;
@@ -56,6 +61,7 @@ class FakeJournal final : public CommandJournal {
   std::vector<json> audits;
   std::string happened;
   std::uint64_t last_number = 0;
+  Starts started;
 };
 
 class CommandsTest : public ::testing::Test {
@@ -241,6 +247,13 @@ TEST_F(CommandsTest, InterruptedWriteGoesToTheFieldToBeReadAndIsNotJournaledAgai
   EXPECT_EQ(results().at(0)["status"], "DUPLICATE");
 }
 
+TEST_F(CommandsTest, FieldIsToldWhoKnowsWhichCommandsHaveStarted) {
+  write("a");
+  commands().hand_over();
+  ASSERT_EQ(admitted.size(), 1U);
+  EXPECT_EQ(admitted[0].starts, &journal.started);
+}
+
 TEST_F(CommandsTest, EachTargetOfAnInterruptedListIsUnknownWhereAReadDoesNotTell) {
   config.devices[0].tags[test::running].writable = true;
   Recovered known;
@@ -258,7 +271,11 @@ TEST_F(CommandsTest, EachTargetOfAnInterruptedListIsUnknownWhereAReadDoesNotTell
   ASSERT_EQ(taken.size(), 1U);
   EXPECT_EQ(taken[0]["status"], "UNKNOWN_OUTCOME");
   ASSERT_EQ(taken[0]["targets"].size(), 2U);
-  for (const json& target : taken[0]["targets"]) EXPECT_EQ(target["status"], "UNKNOWN_OUTCOME");
+  EXPECT_EQ(taken[0]["reason"], "interrupted");
+  for (const json& target : taken[0]["targets"]) {
+    EXPECT_EQ(target["status"], "UNKNOWN_OUTCOME");
+    EXPECT_EQ(target["reason"], "interrupted");
+  }
   write("list");
   EXPECT_EQ(results().at(0)["status"], "DUPLICATE");
 }

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "agent/store/store.h"
 #include "tests/agent/store/scratch.h"
@@ -20,7 +21,7 @@ struct RecoveryTest : ::testing::Test {
     store = std::make_unique<Store>(settings, kNow);
   }
 
-  /// An order of press1 without a result, as it is in the journal.
+  /// A command of press1 without a result, as it is in the journal.
   static JournalEntry order(const std::string& id, std::uint64_t number, std::string payload = {}) {
     JournalEntry made;
     made.device = "press1";
@@ -35,6 +36,18 @@ struct RecoveryTest : ::testing::Test {
 
   Recovered take_late(std::vector<JournalEntry> unacknowledged) {
     return recover(config, store->journal(), {}, std::move(unacknowledged), kNow, kStart);
+  }
+
+  /// Of a command with this `op` and payload, the rest of its JSON object.
+  nlohmann::json result_of_unfinished(const std::string& op, const std::string& rest,
+                                      bool surely_not_sent) {
+    JournalEntry left = order("left", 5, R"({"id":"left","op":")" + op + "\"" + rest + "}");
+    left.op = op;
+    left.surely_not_sent = surely_not_sent;
+    const Recovered found = take_late({left});
+    EXPECT_TRUE(found.interrupted.empty());
+    if (found.unacknowledged.size() != 1) return nullptr;
+    return nlohmann::json::parse(found.unacknowledged[0].recorded);
   }
 
   Config config = test::plant();
@@ -63,6 +76,61 @@ TEST_F(RecoveryTest, PayloadOfAnotherCommandIsNotTakenForTheOrder) {
   ASSERT_EQ(found.unacknowledged.size(), 1U);
   EXPECT_EQ(found.unacknowledged[0].id, "mine");
   EXPECT_EQ(found.unacknowledged[0].status, CommandStatus::unknown_outcome);
+}
+
+TEST_F(RecoveryTest, WriteThatWaitedFailedAtOnceAndIsNotReadBack) {
+  const auto result = result_of_unfinished("write", R"(,"tag":"setpoint","value":5)", true);
+  EXPECT_EQ(result["status"], "FAILED");
+  EXPECT_EQ(result["reason"], "interrupted");
+  EXPECT_EQ(result["detail"], "the agent ended before anything was sent");
+  EXPECT_EQ(result["plc"], nullptr);
+  EXPECT_EQ(result["tag"], "setpoint");
+  EXPECT_EQ(result["value"], 5);
+  const auto kept = store->journal().find("press1", "left");
+  ASSERT_TRUE(kept);
+  EXPECT_EQ(nlohmann::json::parse(kept->result), result);
+}
+
+TEST_F(RecoveryTest, EachTargetOfAListThatWaitedFailed) {
+  const auto result = result_of_unfinished(
+      "write", R"(,"targets":[{"tag":"setpoint","value":5},{"tag":"level","value":1}])", true);
+  EXPECT_EQ(result["status"], "FAILED");
+  ASSERT_EQ(result["targets"].size(), 2U);
+  for (const auto& target : result["targets"]) {
+    EXPECT_EQ(target["status"], "FAILED");
+    EXPECT_EQ(target["reason"], "interrupted");
+  }
+}
+
+TEST_F(RecoveryTest, ForceRunAndStopThatWaitedFailedAndThoseThatMayHaveLeftAreUnknown) {
+  for (const auto& [op, rest] :
+       {std::pair("force_on", R"(,"tag":"running")"), std::pair("force_off", R"(,"tag":"running")"),
+        std::pair("run", ""), std::pair("stop", "")}) {
+    SCOPED_TRACE(op);
+    for (const bool surely_not_sent : {true, false}) {
+      const auto result = result_of_unfinished(op, rest, surely_not_sent);
+      EXPECT_EQ(result["status"], surely_not_sent ? "FAILED" : "UNKNOWN_OUTCOME");
+      EXPECT_EQ(result["reason"], "interrupted");
+      // Another store: the first result of an id stays.
+      settings.path = scratch.path(std::string(op) + (surely_not_sent ? "-again" : "-next"));
+      store = std::make_unique<Store>(settings, kNow);
+    }
+  }
+}
+
+TEST_F(RecoveryTest, ReadFailedWhetherItWaitedOrNot) {
+  const auto result = result_of_unfinished("read", R"(,"tag":"temp")", false);
+  EXPECT_EQ(result["status"], "FAILED");
+  EXPECT_EQ(result["reason"], "interrupted");
+  EXPECT_EQ(result["detail"], "the agent ended before the device was read");
+}
+
+TEST_F(RecoveryTest, CommandOfAnOlderJournalWithoutItsPayloadHasItsResultToo) {
+  JournalEntry left = order("left", 5);
+  left.surely_not_sent = true;
+  const Recovered found = take_late({left});
+  ASSERT_EQ(found.unacknowledged.size(), 1U);
+  EXPECT_EQ(found.unacknowledged[0].status, CommandStatus::failed);
 }
 
 TEST_F(RecoveryTest, StoreThatOpensLateLeavesThisRunsNewerOrderAlone) {

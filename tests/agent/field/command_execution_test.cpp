@@ -271,6 +271,83 @@ TEST_F(CommandExecutionTest, AckWithAnotherAnswerBehindItAndAnotherValueIsNoVeri
   EXPECT_EQ(result.targets[0].verify->read, number(45));
 }
 
+// ---- what a crash would leave ----------------------------------------------------------------
+
+/// Notes which commands are marked, and how many frames the line had seen by then.
+class Marks final : public CommandStarts {
+ public:
+  explicit Marks(const ScriptedTransport& wire) : wire_(wire) {}
+  void mark(std::uint64_t number) override {
+    numbers.push_back(number);
+    frames_before.push_back(wire_.written().size());
+  }
+
+  std::vector<std::uint64_t> numbers;
+  std::vector<std::size_t> frames_before;
+
+ private:
+  const ScriptedTransport& wire_;
+};
+
+class CommandExecutionMarks : public CommandExecutionTest {
+ protected:
+  CommandExecutionMarks() {
+    before_sending = [this](AdmittedCommand& admitted) {
+      admitted.command.number = 7;
+      admitted.starts = &marks;
+    };
+  }
+  void TearDown() override {
+    for (const std::uint64_t number : marks.numbers) EXPECT_EQ(number, 7U);
+  }
+  Marks marks{*wire};
+};
+
+TEST_F(CommandExecutionMarks, WriteIsMarkedOnceBeforeItsFirstByteHoweverOftenItIsSent) {
+  wire->expect(kWrite50).give(kNak).expect(kWrite50).give(kAck);
+  wire->expect(kReadBack).give(word_frame(50));
+  EXPECT_EQ(run(write_50()).status, CommandStatus::succeeded);
+  EXPECT_EQ(marks.frames_before, (std::vector<std::size_t>{0}));
+}
+
+TEST_F(CommandExecutionMarks, ReadForExpectIsNoStart) {
+  wire->expect(kReadBack).give(word_frame(45));
+  wire->expect(kWrite50).give(kAck).expect(kReadBack).give(word_frame(50));
+  Command command = write_50();
+  command.expect = number(45);
+  EXPECT_EQ(run(command).status, CommandStatus::succeeded);
+  EXPECT_EQ(marks.frames_before, (std::vector<std::size_t>{2}))
+      << "behind the enquiry and the read";
+}
+
+TEST_F(CommandExecutionMarks, CommandThatIsNotSentIsNotMarked) {
+  wire->expect(kReadBack).give(word_frame(46));
+  Command command = write_50();
+  command.expect = number(45);
+  EXPECT_EQ(run(command).reason, Reason::expect_mismatch);
+  EXPECT_TRUE(marks.numbers.empty());
+}
+
+TEST_F(CommandExecutionMarks, ReadIsNotMarked) {
+  wire->expect(read_frame(kD100, 2)).give(word_frame(7));
+  EXPECT_EQ(run(read("temp")).status, CommandStatus::succeeded);
+  EXPECT_TRUE(marks.numbers.empty());
+}
+
+TEST_F(CommandExecutionMarks, CommandOfALinkThatDoesNotOpenIsNotMarked) {
+  wire->skip();  // the enquiry
+  wire->skip();  // and its answer
+  wire->refuse_open("no such device");
+  EXPECT_EQ(run(write_50()).reason, Reason::link_down);
+  EXPECT_TRUE(marks.numbers.empty());
+}
+
+TEST_F(CommandExecutionMarks, StopIsMarkedBeforeItLeaves) {
+  wire->expect(kStop).give(kAck).expect(kProbe).give(kStopped);
+  EXPECT_EQ(run(admitted(Op::stop)).status, CommandStatus::succeeded);
+  EXPECT_EQ(marks.frames_before, (std::vector<std::size_t>{0}));
+}
+
 // ---- what an earlier run left behind ---------------------------------------------------------
 
 TEST_F(CommandExecutionTest, InterruptedCommandIsReadAndNotSent) {
@@ -287,7 +364,7 @@ TEST_F(CommandExecutionTest, InterruptedCommandAndAnotherValueIsUnknown) {
   wire->expect(kReadBack).give(word_frame(7));
   const CommandResult result = run_interrupted(write_50());
   EXPECT_EQ(result.status, CommandStatus::unknown_outcome);
-  EXPECT_EQ(result.reason, Reason::none);
+  EXPECT_EQ(result.reason, Reason::interrupted);
   EXPECT_EQ(result.detail, kInterrupted);
   EXPECT_EQ(result.targets.at(0).verify->read, number(7));
   EXPECT_FALSE(result.targets[0].verify->match);
@@ -297,7 +374,7 @@ TEST_F(CommandExecutionTest, InterruptedCommandThatCannotBeReadIsUnknown) {
   wire->expect(kReadBack).silence();
   const CommandResult result = run_interrupted(write_50());
   EXPECT_EQ(result.status, CommandStatus::unknown_outcome);
-  EXPECT_EQ(result.reason, Reason::none);
+  EXPECT_EQ(result.reason, Reason::interrupted);
   EXPECT_FALSE(result.targets.at(0).verify);
 }
 
@@ -684,6 +761,19 @@ TEST_F(CommandExecutionTest, PlcThatKeepsRunningIsAMismatchThatNamesTheSwitch) {
   EXPECT_EQ(result.reason, Reason::verify_mismatch);
   EXPECT_EQ(result.targets[0].verify.value_or(Verification{}).read, text("run"));
   EXPECT_NE(result.detail.find("switch"), std::string::npos) << result.detail;
+}
+
+// The ACK was a late one, and the NAK behind it is the PLC's own word on this STOP.
+TEST_F(CommandExecutionTest, StopWithAnotherAnswerBehindItsAckAndARunningPlcIsNoVerifyMismatch) {
+  wire->expect(kStop).give(kAck).expect(kProbe).give(joined(kNak, kRunning));
+  FakePort plc;
+  plc.set(kM8000, {0x01});
+  wire->then([&plc](ByteView request) { return plc.answer(request); });
+  const CommandResult result = run(admitted(Op::stop));
+  EXPECT_EQ(result.status, CommandStatus::unknown_outcome);
+  EXPECT_EQ(result.reason, Reason::bad_frame);
+  EXPECT_EQ(result.plc, PlcAnswer::none);
+  EXPECT_EQ(result.targets.at(0).verify.value_or(Verification{}).read, text("run"));
 }
 
 TEST_F(CommandExecutionTest, RunStateIsAskedForTwoSecondsAndNoLonger) {

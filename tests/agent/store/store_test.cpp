@@ -24,7 +24,7 @@ TEST(Store, FilesAreTheOwnersAlone) {
     EXPECT_EQ(facts.st_mode & 0777, 0600U) << entry.path();
     ++files;
   }
-  EXPECT_EQ(files, 4U);  // the database, its log and the log's index; the lock
+  EXPECT_EQ(files, 5U);  // the database, its log and the log's index; the lock; the marks
   ASSERT_EQ(::stat(shelf.config.path.c_str(), &facts), 0);
   EXPECT_EQ(facts.st_mode & 0777, 0700U);
 }

@@ -47,6 +47,8 @@ struct PublisherBench {
           config,
           [this](AdmittedCommand a) {
             if (on_admitted) on_admitted(a);
+            // It is on the wire at once.
+            if (a.starts != nullptr && !a.interrupted) a.starts->mark(a.command.number);
             admitted.push_back(std::move(a));
           },
           store ? &store->journal() : nullptr);
