@@ -178,8 +178,11 @@ class Codec {
   virtual Recovery after_nonsense() const { return Recovery::drain; }
   /// What brings the line into a known state, if the protocol has such a thing.
   virtual std::optional<Request> resync() const { return std::nullopt; }
-  /// A cheap read whose answer no other answer can be taken for; the barrier behind a lost ACK.
-  virtual std::optional<Request> probe() const { return std::nullopt; }
+  /// So many probes in a row have answers that can be told apart.
+  static constexpr std::uint32_t kProbes = 16;
+  /// A cheap read whose answer is no ACK; the barrier behind a lost one. Probes of other numbers
+  /// (modulo kProbes) have answers of other lengths.
+  virtual std::optional<Request> probe(std::uint32_t /*number*/) const { return std::nullopt; }
   /// A read of less than `request` reads, whose answer is shorter, so that neither answer can be
   /// taken for the other's. nullopt: `request` is no read, or its least.
   virtual std::optional<Request> apart_from(const Request& /*request*/) const {

@@ -28,6 +28,9 @@ const Bytes kReadD200 = read_frame(kD200, 2);
 const Bytes kWriteD200 = write_frame(kD200, word(50));
 const Bytes kProbe = read_frame(kM8000, 1);
 const Bytes kProbeAnswer = data_frame({0x01});
+// The one that follows a probe that failed.
+const Bytes kNextProbe = read_frame(kM8000, 2);
+const Bytes kNextProbeAnswer = data_frame({0x01, 0x00});
 
 /// One line with one PLC on the programming port.
 class BusTest : public ::testing::Test {
@@ -292,7 +295,7 @@ TEST_F(BusTest, LateNakIsNotTakenForTheProbesAnswer) {
   station.enquire = EnquirePolicy::never;
   wire->expect(kWriteD200).silence();
   wire->silence();  // the drain
-  wire->expect(kProbe).give(kNak).expect(kProbe).give(kProbeAnswer);
+  wire->expect(kProbe).give(kNak).expect(kNextProbe).give(kNextProbeAnswer);
   wire->expect(kWriteD200).give(kAck);
   open();
   EXPECT_EQ(write_d200().outcome, Outcome::unanswered);
@@ -303,7 +306,7 @@ TEST_F(BusTest, DeviceThatRefusesTheProbeForeverIsAskedAllTheSame) {
   station.enquire = EnquirePolicy::never;
   wire->expect(kWriteD200).silence();
   wire->silence();
-  for (int i = 0; i < 3; ++i) wire->expect(kProbe).give(kNak);
+  for (unsigned i = 1; i <= 3; ++i) wire->expect(read_frame(kM8000, i)).give(kNak);
   wire->expect(kWriteD200).give(kAck);
   open();
   EXPECT_EQ(write_d200().outcome, Outcome::unanswered);
@@ -316,8 +319,8 @@ TEST_F(BusTest, LostAckStaysAWorryUntilAReadWasAnswered) {
   wire->expect(kEnq).give(kAck).expect(kProbe).silence();  // no barrier yet
   wire->expect(kEnq)
       .give(kAck)
-      .expect(kProbe)
-      .give(kProbeAnswer)
+      .expect(kNextProbe)
+      .give(kNextProbeAnswer)
       .expect(kReadD100)
       .give(word_frame(1));
   wire->expect(kWriteD200).give(kAck);  // the worry is over
