@@ -64,12 +64,12 @@ class Bus final {
   }
 
   /// One question and its answer. Puts the line in order first where the last exchange left it in
-  /// doubt (listen until no late answer can come, enquire, and after a lost ACK a probing read), and
-  /// enquires as the station's policy says; if that goes unanswered nothing else is sent: unanswered with `sent`
-  /// false. `not_after` is checked just before the first byte.
-  /// While the bus is doubted it listens until nothing has come for as long as the slowest answer
-  /// may take, asks something whose answer can be told apart, asks, and listens again. Then data
-  /// are marked `doubted`, and any other answer is garbled: nothing is known by it.
+  /// doubt (listen until no late answer can come, enquire, and after a lost ACK a probing read),
+  /// and enquires as the station's policy says; if that goes unanswered nothing else is sent:
+  /// unanswered with `sent` false. `not_after` is checked just before the first byte. While the bus
+  /// is doubted it listens until nothing has come for as long as the slowest answer may take, asks
+  /// something whose answer can be told apart, asks, and listens again. Then data are marked
+  /// `doubted`, and any other answer is garbled: nothing is known by it.
   asio::awaitable<Exchange> exchange(Station& station, Request request,
                                      SteadyTime not_after = SteadyTime::max());
 

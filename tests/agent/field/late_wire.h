@@ -6,8 +6,9 @@
 #include <algorithm>
 #include <asio/post.hpp>
 #include <asio/use_awaitable.hpp>
+#include <chrono>
 #include <map>
-#include <optional>
+#include <memory>
 #include <random>
 #include <string>
 #include <utility>
@@ -46,8 +47,8 @@ class PortDialect final : public Dialect {
     if (frame.size() < 9) return out;
     const std::string text(frame.begin() + 1, frame.end() - 3);
     const std::string rest = text.substr(text[0] == 'E' ? 3 : 1);
-    out.kind = text[0] == '0' || text.starts_with("E00") ? Question::Kind::read
-                                                         : Question::Kind::write;
+    out.kind =
+        text[0] == '0' || text.starts_with("E00") ? Question::Kind::read : Question::Kind::write;
     out.units = static_cast<unsigned>(std::stoul(rest.substr(4, 2), nullptr, 16));
     out.words = false;
     return out;
@@ -91,9 +92,7 @@ class LinkDialect final : public Dialect {
   }
 
  private:
-  static std::string head(const Question& question) {
-    return hex_text(question.station, 2) + "FF";
-  }
+  static std::string head(const Question& question) { return hex_text(question.station, 2) + "FF"; }
   Bytes bytes(const std::string& text) const {
     const std::string whole = text + tail_;
     return {whole.begin(), whole.end()};
@@ -161,7 +160,7 @@ class LateWire final {
   SteadyTime now{std::chrono::hours(1)};
   /// At this time the agent is dead.
   SteadyTime killed_at = SteadyTime::max();
-  bool keeps_what_came = false;    ///< a serial server: what came meanwhile awaits the next client
+  bool keeps_what_came = false;  ///< a serial server: what came meanwhile awaits the next client
   bool answers_end_with_it = false;  ///< a connection of its own: its answers are for nobody else
   const Deed& last() const { return last_; }
 
@@ -170,11 +169,11 @@ class LateWire final {
     const Question question = dialect_.understand(frame);
     if (question.kind == Question::Kind::none) return;
     last_ = {};
-    if (one_in(8)) return;  // the question is lost
+    if (one_in(20)) return;  // the question is lost
     last_.value = ++value_;
     last_.refused = question.kind == Question::Kind::write && one_in(6);
     last_.written = question.kind == Question::Kind::write && !last_.refused;
-    if (one_in(10)) return;  // the answer is
+    if (one_in(20)) return;  // the answer is
     const Bytes answer = last_.refused ? dialect_.nak(question)
                          : question.kind == Question::Kind::read
                              ? dialect_.data(question, last_.value)
@@ -182,11 +181,16 @@ class LateWire final {
     SteadyTime& busy_until = busy_until_[question.station];
     busy_until = std::max(busy_until, now + delay(question.station));
     add(busy_until, answer);
-    if (one_in(12)) add(busy_until, answer);  // twice, one right behind the other
+    if (one_in(30)) add(busy_until, answer);  // twice, one right behind the other
     if (one_in(12)) half_of_the_last();
   }
   /// While nothing is asked: an answer of this station that nobody asked for.
-  void disturb(const Question& as_if) { add(now, dialect_.data(as_if, ++value_)); }
+  void disturb(unsigned station) {
+    Question nobodys;
+    nobodys.station = station;
+    nobodys.units = 1;
+    add(now, dialect_.data(nobodys, ++value_));
+  }
 
   /// What has come by `until`; empty: nothing. Time goes on to whichever is first.
   Bytes wait(SteadyTime until) {
@@ -224,8 +228,8 @@ class LateWire final {
     const auto from = [&](std::int64_t least, std::int64_t most) {
       return Duration(std::uniform_int_distribution<std::int64_t>(least, most)(random_));
     };
-    if (one_in(3)) return from(timeout, latest);
-    return one_in(12) ? Duration(latest) : from(1, timeout / 4);
+    if (one_in(6)) return from(timeout, latest);
+    return one_in(20) ? Duration(latest) : from(1, timeout / 4);
   }
   /// The last answer comes in two pieces.
   void half_of_the_last() {
