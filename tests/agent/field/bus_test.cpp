@@ -41,10 +41,10 @@ class BusTest : public ::testing::Test {
   }
   ~BusTest() override { EXPECT_EQ(wire->steps_left(), 0U) << "the script was not played out"; }
 
-  void make_line(nanoseconds char_time) {
+  void make_line(nanoseconds char_time, nanoseconds listening = nanoseconds(0)) {
     auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
     wire = transport.get();
-    line = std::make_unique<Bus>(io.get_executor(), std::move(transport), char_time);
+    line = std::make_unique<Bus>(io.get_executor(), std::move(transport), char_time, listening);
   }
   /// One exchange on a bus in doubt: silence, a question that is told apart, silence.
   void script_doubted(const Bytes& question, const Bytes& answer) {
@@ -389,6 +389,37 @@ TEST_F(BusTest, WhatAnEarlierSessionLeftRunsDryOnOpening) {
   wire->expect(kEnq).give(kAck).expect(kReadD100).give(word_frame(2));
   open();
   EXPECT_EQ(read("D100").reply.image, word(2));
+}
+
+TEST_F(BusTest, ListensBeforeTheFirstQuestionOfEachSession) {
+  make_line(nanoseconds(0), milliseconds(120));
+  station.enquire = EnquirePolicy::never;
+  for (unsigned session = 1; session <= 2; ++session) {
+    wire->later(word_frame(99)).hang();  // the answer to whoever asked before
+    wire->expect(kReadD100).give(word_frame(session));
+    const auto before = Clock::now();
+    open();
+    const Exchange first = read("D100");
+    EXPECT_EQ(first.reply.image, word(session));
+    EXPECT_GE(first.began - before, milliseconds(120));
+    line->close();
+  }
+  EXPECT_FALSE(line->doubt().is_doubted()) << "a dead agent's answer is no sign of another master";
+}
+
+TEST_F(BusTest, TimeThatHasPassedSinceASilenceNeedNotBeListenedToAgain) {
+  station.enquire = EnquirePolicy::never;
+  station.timeout = milliseconds(300);
+  wire->expect(kReadD100).silence();
+  open();
+  const Exchange silent = read("D100");
+  while (Clock::now() < silent.ended + milliseconds(250)) {
+  }
+  wire->hang().expect(kReadD100).give(
+      word_frame(2));  // 100 ms of quiet are listened to all the same
+  const Exchange second = read("D100");
+  EXPECT_GE(second.began - silent.ended, milliseconds(350));
+  EXPECT_LT(second.began - silent.ended, milliseconds(550));
 }
 
 // ---- answers that nobody asked for
