@@ -179,8 +179,11 @@ class Codec {
   virtual Recovery after_nonsense() const { return Recovery::drain; }
   /// What brings the line into a known state, if the protocol has such a thing.
   virtual std::optional<Request> resync() const { return std::nullopt; }
-  /// A cheap read whose answer no other answer can be taken for; the barrier behind a lost ACK.
-  virtual std::optional<Request> probe() const { return std::nullopt; }
+  /// So many probes in a row have answers that can be told apart.
+  static constexpr std::uint32_t kProbes = 16;
+  /// A cheap read whose answer is no ACK; the barrier behind a lost one. Probes of other numbers
+  /// (modulo kProbes) have answers of other lengths.
+  virtual std::optional<Request> probe(std::uint32_t /*number*/) const { return std::nullopt; }
   /// The shortest read that any device behind this codec answers, if only with a refusal: it shows
   /// that a device is there of which nothing else is read. nullopt: plc() has the question for it,
   /// or nobody would answer.

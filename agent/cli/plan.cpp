@@ -68,6 +68,7 @@ Json to_json(const LinkReport& link) {
   out["baud"] = link.baud ? Json(*link.baud) : Json(nullptr);
   out["busy_percent"] = link.busy_percent ? Json(tenth(*link.busy_percent)) : Json(nullptr);
   out["command_bound_ms"] = time_json(link.command_bound);
+  out["listening_ms"] = link.listening.count();
   out["groups"] = Json::array();
   for (const GroupLoad& group : link.groups) out["groups"].push_back(to_json(group));
   out["block_trade"] = Json::array();
@@ -212,6 +213,8 @@ void print_plan(const Reports& links) {
       std::cout << "; a command is through after " << with_unit(link.command_bound)
                 << " at the most";
     std::cout << '\n';
+    if (link.listening.count() > 0)
+      std::cout << "  listens for " << link.listening.count() << " ms before its first question\n";
     if (!link.groups.empty()) {
       print_groups(link);
       print_reads(link);

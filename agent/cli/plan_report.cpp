@@ -331,6 +331,7 @@ LinkReport report_link(const Config& config, std::uint32_t index) {
   LinkReport report;
   report.name = link.name;
   report.baud = baud_of(link);
+  report.listening = link.listening;
   std::vector<const DeviceConfig*> devices;
   std::vector<BoundShare> shares;
   double asked = 0;

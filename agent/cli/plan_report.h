@@ -58,6 +58,8 @@ struct BlockTrade {
 struct LinkReport {
   std::string name;
   std::optional<int> baud;  ///< nullopt: not known
+  /// How long the line listens before the first question of each session, as in LinkConfig.
+  std::chrono::milliseconds listening{0};
   /// What the intervals ask of the line; groups without one take the rest. nullopt: speed not
   /// known.
   std::optional<double> busy_percent;

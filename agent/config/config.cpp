@@ -337,6 +337,16 @@ void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& li
   }
 }
 
+/// How long each link listens before its first question.
+void set_listening(Config& config) {
+  for (const DeviceConfig& device : config.devices) {
+    if (device.codec == nullptr || device.link >= config.links.size()) continue;
+    if (device.codec->after_silence() == Recovery::none) continue;  // answers have numbers
+    auto& listening = config.links[device.link].listening;
+    listening = std::max(listening, std::min(2 * device.timeout, kLongestListening));
+  }
+}
+
 // ---- the whole --------------------------------------------------------------------------------
 
 Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy) {
@@ -361,6 +371,7 @@ Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy
     read_devices(reader, *devices, links.names, links.facts, config);
   }
   if (link_array != nullptr) finish_links(reader, *link_array, links, config);
+  set_listening(config);
   return config;
 }
 

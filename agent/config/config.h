@@ -32,12 +32,18 @@ struct TcpSettings {
   int line_baud = 0;  ///< of the serial line behind it; 0: unknown, or there is none
 };
 
+inline constexpr std::chrono::milliseconds kLongestListening{5000};
+
 struct LinkConfig {
   std::string name;
   std::variant<SerialSettings, TcpSettings> channel;
   /// One character on the wire, start, parity and stop bits counted; 0 where the speed is unknown
   /// (tcp without line_baud).
   std::chrono::nanoseconds char_time{0};
+  /// How long the line listens before the first question of each session, so that no answer to an
+  /// earlier one is taken for its own: as long as the latest answer may take, twice the longest
+  /// timeout_ms of its devices and kLongestListening at most. 0 where answers have numbers.
+  std::chrono::milliseconds listening{0};
   /// Of the line, that polls keep while commands flood it; 0 … 0.9
   double poll_share = static_cast<double>(config_key("links[].poll_share_percent").number()) / 100;
 };

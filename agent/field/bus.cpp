@@ -11,14 +11,12 @@ namespace {
 
 using std::chrono::milliseconds;
 using std::chrono::nanoseconds;
-using Clock = std::chrono::steady_clock;
 
 constexpr milliseconds kOpenTimeout{5000};
-// What an earlier session left in a serial server arrives at once or not at all.
+// What a serial server still holds arrives at once or not at all.
 constexpr milliseconds kQuietAfterOpen{50};
 // GX Works2 and the known firmwares take 200 ms without a character as the end of a frame.
 constexpr milliseconds kQuietBeforeResync{100};
-constexpr milliseconds kQuietWithoutResync{1000};
 constexpr int kQuietCharacters = 20;
 // A line that does not fall quiet for so long, or brings so much meanwhile, is closed.
 constexpr milliseconds kLongestDrain{3000};
@@ -32,7 +30,7 @@ constexpr std::size_t kReadChunk = 512;
 constexpr std::string_view kNeverSilent =
     "bytes come without end (another master, noise, or wrong settings?)";
 // How often a probing read that is refused is asked: the first NAK may be a command's late one.
-constexpr int kProbes = 3;
+constexpr int kProbesInARow = 3;
 
 bool answers_by_ack(const Request& request) { return !std::holds_alternative<Read>(request); }
 
@@ -49,14 +47,19 @@ std::string beginning_of(const Bytes& bytes) {
 }  // namespace
 
 Bus::Bus(asio::any_io_executor executor, std::unique_ptr<Transport> transport,
-         nanoseconds char_time)
-    : transport_(std::move(transport)), timer_(executor), char_time_(char_time) {}
+         nanoseconds char_time, nanoseconds listening)
+    : transport_(std::move(transport)),
+      timer_(executor),
+      char_time_(char_time),
+      listening_(listening) {}
 
 asio::awaitable<Result<void>> Bus::open() {
-  auto opened = co_await transport_->open(Clock::now() + kOpenTimeout);
+  auto opened = co_await transport_->open(now() + kOpenTimeout);
   if (!opened) co_return opened;
-  ++session_;  // a doubt stays: a serial server hands a late answer to whoever is connected now
-  const Drained drained = co_await listen_until_quiet(kQuietAfterOpen);
+  ++session_;
+  // A serial server hands a late answer to whoever is connected now, and a PLC on a serial port
+  // answers whoever has it open. Who asked before, and when, is not known: perhaps just now.
+  const Drained drained = co_await listen(now() + listening_, kQuietAfterOpen);
   if (drained.error) co_return tl::unexpected<Error>(*drained.error);
   co_return Result<void>{};
 }
@@ -101,14 +104,13 @@ bool Bus::look(const Codec& codec, Exchange& failed) {
   if (why.empty()) return true;
   failed.outcome = Exchange::Outcome::link_down;
   failed.error = std::move(why);
-  failed.began = failed.ended = Clock::now();
+  failed.began = failed.ended = now();
   return false;
 }
 
 void Bus::note_unexpected(const Codec& codec, ByteView bytes) {
   if (bytes.empty()) return;
-  const auto now = Clock::now();
-  last_heard_ = now;
+  last_heard_ = now();
   // The line returns what is sent, and nobody has found that out yet, or nobody answers it.
   if (std::equal(bytes.begin(), bytes.end(), last_sent_.begin(), last_sent_.end())) return;
   counters_.unexpected_bytes += bytes.size();
@@ -116,8 +118,8 @@ void Bus::note_unexpected(const Codec& codec, ByteView bytes) {
   last_unexpected_ = beginning_of(Bytes(shown.begin(), shown.end()));
   // An answer that is still owed is expected, and prepare() sees to it. One with a number is told
   // apart by that.
-  if (doubt_ != Doubt::none || is_numbered(codec)) return;
-  if (codec.may_pass_for_answer(shown)) bus_doubt_.found_foreign(now);
+  if (late_.owed() != LateAnswers::Owed::none || is_numbered(codec)) return;
+  if (codec.may_pass_for_answer(shown)) bus_doubt_.found_foreign(last_heard_);
 }
 
 asio::awaitable<void> Bus::judge(const Codec& codec, std::uint64_t findings, bool doubted,
@@ -132,7 +134,7 @@ asio::awaitable<void> Bus::judge(const Codec& codec, std::uint64_t findings, boo
   }
   bool quiet_behind = true;
   if (doubted && bus_doubt_.findings() == findings)
-    quiet_behind = co_await drain(codec, quiet_in_doubt());
+    quiet_behind = co_await drain(codec, now(), quiet_in_doubt());
   const auto make_garbled = [&](std::string why) {
     exchange.outcome = Exchange::Outcome::garbled;
     exchange.error = std::move(why);
@@ -142,7 +144,7 @@ asio::awaitable<void> Bus::judge(const Codec& codec, std::uint64_t findings, boo
     bus_doubt_.exchange_was_unclear();
     make_garbled("more than one answer came, or another's: " + last_unexpected_);
   } else if (doubted) {
-    bus_doubt_.exchange_was_clean(Clock::now());
+    bus_doubt_.exchange_was_clean(now());
     exchange.doubted = true;
     if (!exchange.is_data())
       make_garbled("the answer is not believed: foreign bytes were on the line (" +
@@ -154,7 +156,7 @@ asio::awaitable<void> Bus::judge(const Codec& codec, std::uint64_t findings, boo
 asio::awaitable<bool> Bus::prepare(Station& station, const Request& request, Exchange& failed) {
   const Codec& codec = *station.codec;
   const bool bus_doubted = bus_doubt_.is_doubted() && !is_numbered(codec);
-  const bool in_doubt = doubt_ != Doubt::none || bus_doubted;
+  const bool in_doubt = late_.owed() != LateAnswers::Owed::none || bus_doubted;
   const bool may_enquire = station.enquire != EnquirePolicy::never;
   const auto resync = codec.resync();
   const auto refuse = [&failed](Exchange exchange) {
@@ -164,15 +166,17 @@ asio::awaitable<bool> Bus::prepare(Station& station, const Request& request, Exc
   };
   if (in_doubt) {
     station.handshake_in = 0;
-    const nanoseconds quiet = bus_doubted ? quiet_in_doubt() : quiet_after_silence(station);
+    const nanoseconds quiet =
+        bus_doubted ? quiet_in_doubt()
+                    : std::max<nanoseconds>(kQuietBeforeResync, char_time_ * kQuietCharacters);
     // What was listened to behind the last answer need not be listened to again.
-    const bool heard_out = doubt_ == Doubt::none && Clock::now() - last_heard_ >= quiet;
+    const bool heard_out = late_.owed() == LateAnswers::Owed::none && now() - last_heard_ >= quiet;
     bool still_open = true;
-    if (!heard_out) still_open = co_await drain(codec, quiet);
+    if (!heard_out) still_open = co_await drain(codec, late_answers_until(station), quiet);
     if (!still_open) {
       failed.outcome = Exchange::Outcome::link_down;
       failed.error = why_lost();
-      failed.ended = Clock::now();
+      failed.ended = now();
       co_return false;
     }
   }
@@ -184,20 +188,33 @@ asio::awaitable<bool> Bus::prepare(Station& station, const Request& request, Exc
     if (!answered) co_return refuse(std::move(enquiry));
     station.handshake_in = session_;
   }
-  // The enquiry's ACK may have been the late one of a write. A read cannot be answered by an ACK,
-  // and the device answers in order: once its data is here, nothing older is on the way.
-  auto probe = codec.probe();
-  const bool probes = doubt_ == Doubt::stale_ack || bus_doubted;
-  if (!probe && bus_doubted) probe = codec.apart_from(request);
-  if (probes && probe) {
-    Exchange probing;
-    for (int i = 0; i < kProbes && !probing.is_data(); ++i) {
-      probing = co_await send_and_receive(*station.codec, station, *probe, SteadyTime::max());
-      if (!probing.has_answer()) co_return refuse(std::move(probing));
-    }
+  // The enquiry's ACK may have been the late one of a write.
+  if (late_.owed() == LateAnswers::Owed::acknowledgement || bus_doubted) {
+    Exchange probing = co_await probe(station, request);
+    if (!probing.has_answer()) co_return refuse(std::move(probing));
   }
-  doubt_ = Doubt::none;
+  late_.settled();
   co_return true;
+}
+
+asio::awaitable<Exchange> Bus::probe(const Station& station, const Request& request) {
+  const Codec& codec = *station.codec;
+  // A read cannot be answered by an ACK, and the device answers in order: once its data is here,
+  // nothing older is on the way. The answer of a probe that failed may be, so the next one is of
+  // another length.
+  Exchange probing;
+  for (int i = 0; i < kProbesInARow && !probing.is_data(); ++i) {
+    auto question = codec.probe(late_.probe());
+    if (!question && bus_doubt_.is_doubted()) question = codec.apart_from(request);
+    if (!question) {
+      probing.outcome = Exchange::Outcome::answered;  // nothing to be told apart by
+      co_return probing;
+    }
+    probing = co_await send_and_receive(codec, station, std::move(*question), SteadyTime::max());
+    if (!probing.is_data()) late_.probe_failed();
+    if (!probing.has_answer()) co_return probing;
+  }
+  co_return probing;
 }
 
 asio::awaitable<Exchange> Bus::send_and_receive(const Codec& codec, const Station& station,
@@ -212,7 +229,7 @@ asio::awaitable<Exchange> Bus::send_and_receive(const Codec& codec, const Statio
   co_await keep_gap(codec, station.gap);
   const bool open = look(codec, exchange);
   if (!open) co_return exchange;
-  exchange.began = exchange.ended = Clock::now();
+  exchange.began = exchange.ended = now();
   if (exchange.began > not_after) {
     exchange.outcome = Exchange::Outcome::expired;
     co_return exchange;
@@ -236,8 +253,8 @@ asio::awaitable<Exchange> Bus::send_and_receive(const Codec& codec, const Statio
     transport_->close();
     exchange.outcome = Exchange::Outcome::link_down;
     exchange.error = written.error->text;
-    exchange.ended = Clock::now();
-    note_doubt(codec, request, exchange);
+    exchange.ended = now();
+    note_doubt(station, request, exchange);
     co_return exchange;
   }
   if (codec.expects_reply(request)) {
@@ -249,13 +266,12 @@ asio::awaitable<Exchange> Bus::send_and_receive(const Codec& codec, const Statio
     trace(WireFrame::Way::in, rx_);
   } else {
     // Nobody answers: it is over when the last byte has left the wire, not when the kernel has it.
-    timer_.expires_at(exchange.began + char_time_ * length.request_chars);
-    co_await timer_.async_wait(use_result);
+    co_await wait_until(exchange.began + char_time_ * length.request_chars);
     exchange.outcome = Exchange::Outcome::answered;
     exchange.reply.kind = Reply::Kind::ack;
-    not_before_ = Clock::now() + codec.pause_after(request);
+    not_before_ = now() + codec.pause_after(request);
   }
-  exchange.ended = last_activity_ = Clock::now();
+  exchange.ended = last_activity_ = now();
   if (!exchange.reply.closing.empty()) {
     trace(WireFrame::Way::out, exchange.reply.closing);
     last_activity_ += char_time_ * static_cast<int>(exchange.reply.closing.size());
@@ -264,7 +280,7 @@ asio::awaitable<Exchange> Bus::send_and_receive(const Codec& codec, const Statio
   }
   exchange.ended_ms = utc_ms(std::chrono::system_clock::now());
   counters_.busy += last_activity_ - exchange.began;
-  note_doubt(codec, request, exchange);
+  note_doubt(station, request, exchange);
   if (exchange.has_answer()) {
     exchange.turnaround = std::max(nanoseconds(0), exchange.ended - on_the_wire - line);
     counters_.turnaround_ms.add(exchange.turnaround);
@@ -301,7 +317,7 @@ asio::awaitable<void> Bus::receive(const Codec& codec, const Request& request, c
       co_return;
     }
     rx_.insert(rx_.end(), chunk, chunk + *got);
-    last_heard_ = Clock::now();
+    last_heard_ = now();
     if (echo_due) {
       const auto own = std::search(rx_.begin(), rx_.end(), sent.begin(), sent.end());
       if (own == rx_.end() && rx_.size() <= kMaxReceived) continue;
@@ -342,7 +358,8 @@ void Bus::note_around_answer(const Codec& codec, const Bytes& sent, const Reply&
   note_unexpected(codec, behind);
 }
 
-void Bus::note_doubt(const Codec& codec, const Request& request, const Exchange& exchange) {
+void Bus::note_doubt(const Station& station, const Request& request, const Exchange& exchange) {
+  const Codec& codec = *station.codec;
   Recovery recovery = Recovery::none;
   switch (exchange.outcome) {
     case Exchange::Outcome::answered:
@@ -365,22 +382,17 @@ void Bus::note_doubt(const Codec& codec, const Request& request, const Exchange&
   if (recovery == Recovery::none) return;
   if (recovery == Recovery::reconnect) return transport_->close();
   // A lost ACK stays a worry until a read has been answered, whatever is asked in between.
-  if (answers_by_ack(request) || doubt_ == Doubt::stale_ack)
-    doubt_ = Doubt::stale_ack;
-  else
-    doubt_ = Doubt::stale_data;
+  late_.given_up(
+      answers_by_ack(request) ? LateAnswers::Owed::acknowledgement : LateAnswers::Owed::data,
+      exchange.ended, station.timeout);
 }
 
-nanoseconds Bus::quiet_after_silence(const Station& station) const {
-  // Without an enquiry that is answered only silence tells that the late answer is not coming any
-  // more: nobody answers the EOT of a computer link.
+SteadyTime Bus::late_answers_until(const Station& station) const {
+  // Behind an enquiry's ACK nothing older comes. Nobody answers the EOT of a computer link.
   const auto resync = station.codec->resync();
   const bool is_answered =
       resync && station.codec->expects_reply(*resync) && station.enquire != EnquirePolicy::never;
-  nanoseconds quiet = is_answered
-                          ? kQuietBeforeResync
-                          : std::clamp(station.timeout, kQuietBeforeResync, kQuietWithoutResync);
-  return std::max(quiet, char_time_ * kQuietCharacters);
+  return is_answered || late_.owed() == LateAnswers::Owed::none ? now() : late_.over_at();
 }
 
 nanoseconds Bus::quiet_in_doubt() const {
@@ -388,19 +400,19 @@ nanoseconds Bus::quiet_in_doubt() const {
                                  kQuietBeforeResync, kLongestQuiet);
 }
 
-asio::awaitable<bool> Bus::drain(const Codec& codec, nanoseconds quiet) {
-  const Drained drained = co_await listen_until_quiet(quiet);
+asio::awaitable<bool> Bus::drain(const Codec& codec, SteadyTime until, nanoseconds quiet) {
+  const Drained drained = co_await listen(until, quiet);
   counters_.unexpected_bytes += drained.total - drained.heard.size();
   note_unexpected(codec, drained.heard);
   co_return !drained.error;
 }
 
-asio::awaitable<Bus::Drained> Bus::listen_until_quiet(nanoseconds quiet) {
-  const auto give_up = Clock::now() + kLongestDrain + quiet;
+asio::awaitable<Bus::Drained> Bus::listen(SteadyTime until, nanoseconds quiet) {
+  const auto give_up = std::max(until, now() + quiet) + kLongestDrain;
   std::uint8_t chunk[kReadChunk];
   Drained drained;
   for (;;) {
-    const auto got = co_await transport_->read_some(chunk, Clock::now() + quiet);
+    const auto got = co_await transport_->read_some(chunk, std::max(until, now() + quiet));
     if (!got && got.error().code == ErrorCode::timeout) co_return drained;
     if (!got) {
       transport_->close();
@@ -410,7 +422,7 @@ asio::awaitable<Bus::Drained> Bus::listen_until_quiet(nanoseconds quiet) {
     drained.total += *got;
     if (drained.heard.size() < kMostJudged)
       drained.heard.insert(drained.heard.end(), chunk, chunk + *got);
-    if (drained.total < kMostDrained && Clock::now() < give_up) continue;
+    if (drained.total < kMostDrained && now() < give_up) continue;
     close_never_silent();
     drained.error = Error{ErrorCode::link_down, std::string(kNeverSilent)};
     co_return drained;
@@ -421,8 +433,12 @@ asio::awaitable<void> Bus::keep_gap(const Codec& codec, milliseconds gap) {
   const nanoseconds quiet = std::max<nanoseconds>(gap, codec.quiet_before(char_time_));
   auto earliest = not_before_;
   if (quiet.count() > 0) earliest = std::max(earliest, last_activity_ + quiet);
-  if (Clock::now() >= earliest) co_return;
-  timer_.expires_at(earliest);
+  co_await wait_until(earliest);
+}
+
+asio::awaitable<void> Bus::wait_until(SteadyTime at) {
+  if (now() >= at) co_return;
+  timer_.expires_at(at);
   co_await timer_.async_wait(use_result);
 }
 

@@ -14,6 +14,7 @@
 #include "agent/config/config.h"
 #include "agent/field/bus_doubt.h"
 #include "agent/field/exchange.h"
+#include "agent/field/late_answers.h"
 #include "agent/field/percentile_window.h"
 #include "agent/field/transport.h"
 #include "agent/messages.h"
@@ -44,29 +45,31 @@ class Bus final {
     PercentileWindow turnaround_ms;
   };
 
-  /// `char_time` 0: speed unknown. The transport is closed.
+  /// `char_time` 0: speed unknown. `listening` as in LinkConfig. The transport is closed.
   Bus(asio::any_io_executor executor, std::unique_ptr<Transport> transport,
-      std::chrono::nanoseconds char_time);
+      std::chrono::nanoseconds char_time,
+      std::chrono::nanoseconds listening = std::chrono::nanoseconds{0});
 
-  /// Opens the channel and lets what an earlier session left in it run dry. link_down also where
-  /// it does not run dry: never_silent().
+  /// Opens the channel and listens, so that no answer to an earlier session's question, or to a
+  /// dead agent's, is still on its way when the first one is asked. link_down also where the line
+  /// does not fall quiet: never_silent().
   asio::awaitable<Result<void>> open();
   bool is_open() const { return transport_->is_open(); }
   /// Rises with every open(): what was agreed with a device holds for one session only.
   std::uint32_t session() const { return session_; }
-  /// Ends what is under way, a gap before a request included.
+  /// Ends what is under way, listening and a gap before a request included.
   void close() noexcept {
     timer_.cancel();
     transport_->close();
   }
 
   /// One question and its answer. Puts the line in order first where the last exchange left it in
-  /// doubt (drain until quiet, enquire, and after a lost ACK a probing read), and enquires as the
-  /// station's policy says; if that goes unanswered nothing else is sent: unanswered with `sent`
-  /// false. `not_after` is checked just before the first byte.
-  /// While the bus is doubted it listens until nothing has come for as long as the slowest answer
-  /// may take, asks something whose answer can be told apart, asks, and listens again. Then data
-  /// are marked `doubted`, and any other answer is garbled: nothing is known by it.
+  /// doubt (listen until no late answer can come, enquire, and after a lost ACK a probing read),
+  /// and enquires as the station's policy says; if that goes unanswered nothing else is sent:
+  /// unanswered with `sent` false. `not_after` is checked just before the first byte. While the bus
+  /// is doubted it listens until nothing has come for as long as the slowest answer may take, asks
+  /// something whose answer can be told apart, asks, and listens again. Then data are marked
+  /// `doubted`, and any other answer is garbled: nothing is known by it.
   asio::awaitable<Exchange> exchange(Station& station, Request request,
                                      SteadyTime not_after = SteadyTime::max());
 
@@ -87,14 +90,10 @@ class Bus final {
 
  private:
   static constexpr int kEchoesFound = 3;
-  enum class Doubt : std::uint8_t {
-    none,
-    stale_data,  ///< a late reply to a read may still come
-    stale_ack,   ///< a late ACK or NAK may still come
-  };
-
   /// False when the device did not answer; then `failed` tells how.
   asio::awaitable<bool> prepare(Station& station, const Request& request, Exchange& failed);
+  /// Reads something whose answer no older one can be taken for; then none is on its way.
+  asio::awaitable<Exchange> probe(const Station& station, const Request& request);
   asio::awaitable<Exchange> send_and_receive(const Codec& codec, const Station& station,
                                              Request request, SteadyTime not_after);
   /// `sent` is what left; it is taken off the front of what comes where the line returns it.
@@ -107,12 +106,13 @@ class Bus final {
     std::size_t total = 0;         ///< bytes
     std::optional<Error> error{};  ///< the channel is closed, by its peer or as never silent
   };
-  /// Listens until nothing has come for `quiet`; gives up after `quiet` and kLongestDrain, and
-  /// after kMostDrained bytes.
-  asio::awaitable<Drained> listen_until_quiet(std::chrono::nanoseconds quiet);
+  /// Listens until `until`, and until nothing has come for `quiet`; gives up kLongestDrain later,
+  /// and after kMostDrained bytes.
+  asio::awaitable<Drained> listen(SteadyTime until, std::chrono::nanoseconds quiet);
   /// The same, and counts and judges what came. False: the channel is closed.
-  asio::awaitable<bool> drain(const Codec& codec, std::chrono::nanoseconds quiet);
-  std::chrono::nanoseconds quiet_after_silence(const Station& station) const;
+  asio::awaitable<bool> drain(const Codec& codec, SteadyTime until, std::chrono::nanoseconds quiet);
+  /// Before this time a late answer may still come, and nothing but silence tells that none does.
+  SteadyTime late_answers_until(const Station& station) const;
   /// As long as the slowest answer on this line may take.
   std::chrono::nanoseconds quiet_in_doubt() const;
   void close_never_silent();
@@ -125,13 +125,16 @@ class Bus final {
   /// What the doubt makes of an exchange that began when so many foreign bytes were found.
   asio::awaitable<void> judge(const Codec& codec, std::uint64_t findings, bool doubted,
                               Exchange& exchange);
+  asio::awaitable<void> wait_until(SteadyTime at);
   asio::awaitable<void> keep_gap(const Codec& codec, std::chrono::milliseconds gap);
-  void note_doubt(const Codec& codec, const Request& request, const Exchange& exchange);
+  void note_doubt(const Station& station, const Request& request, const Exchange& exchange);
+  SteadyTime now() const { return transport_->now(); }
 
   std::unique_ptr<Transport> transport_;
   asio::steady_timer timer_;
   const std::chrono::nanoseconds char_time_;
-  Doubt doubt_ = Doubt::none;
+  const std::chrono::nanoseconds listening_;
+  LateAnswers late_;
   std::uint32_t session_ = 0;
   std::uint16_t tag_ = 0;
   int echoes_in_a_row_ = 0;     ///< reads whose question came back

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <asio/awaitable.hpp>
+#include <chrono>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -23,6 +24,9 @@ class Transport {
   };
 
   virtual ~Transport() = default;
+
+  /// The clock of its deadlines.
+  virtual SteadyTime now() const { return std::chrono::steady_clock::now(); }
 
   /// Opens the channel, or says why not: link_down with a text that names the path or host and the
   /// cure. Gives up at `deadline`. An open channel is closed first.

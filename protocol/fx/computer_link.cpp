@@ -624,7 +624,11 @@ Explanation ComputerLink::explain(ByteView frame, std::optional<Direction> direc
 
 std::optional<Request> ComputerLink::resync() const { return Control{Control::Kind::reset}; }
 
-std::optional<Request> ComputerLink::probe() const { return run_state(); }
+std::optional<Request> ComputerLink::probe(std::uint32_t number) const {
+  Read probe = std::get<Read>(run_state());
+  probe.span.bits += (number % kProbes);
+  return probe;
+}
 
 std::vector<Request> ComputerLink::identify() const { return {Control{Control::Kind::identify}}; }
 

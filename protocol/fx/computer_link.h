@@ -63,7 +63,7 @@ class ComputerLink final : public Codec, public AddressSpace, public PlcServices
   Explanation explain(ByteView frame, std::optional<Direction> direction) const override;
 
   std::optional<Request> resync() const override;
-  std::optional<Request> probe() const override;
+  std::optional<Request> probe(std::uint32_t number) const override;
   RefusalMeaning meaning_of(const Request& request, int device_code) const override;
   /// BT where all are bits and few, WT where all are whole 16-bit words, QT with an R among them.
   std::optional<Request> combine(const std::vector<Request>& requests) const override;

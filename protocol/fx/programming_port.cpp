@@ -424,7 +424,11 @@ Explanation ProgrammingPort::explain(ByteView frame, std::optional<Direction> di
 
 std::optional<Request> ProgrammingPort::resync() const { return Enquire{}; }
 
-std::optional<Request> ProgrammingPort::probe() const { return run_state(); }
+std::optional<Request> ProgrammingPort::probe(std::uint32_t number) const {
+  Read probe = std::get<Read>(run_state());
+  probe.span.bits += 8 * (number % std::min(kProbes, settings_.max_block_bytes));
+  return probe;
+}
 
 std::vector<Request> ProgrammingPort::identify() const {
   // Every FX answers the classic read of D8001; what a FX0N, FX1S or FX1N says of D8101 is not

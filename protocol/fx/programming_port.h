@@ -61,7 +61,7 @@ class ProgrammingPort final : public Codec, public AddressSpace, public PlcServi
   Explanation explain(ByteView frame, std::optional<Direction> direction) const override;
 
   std::optional<Request> resync() const override;
-  std::optional<Request> probe() const override;
+  std::optional<Request> probe(std::uint32_t number) const override;
   RefusalMeaning meaning_of(const Request& request, int device_code) const override;
 
   // PlcServices

@@ -9,8 +9,9 @@ WIRE = {
     "wrong_sum": {}, "truncated": {"bytes": [1, 3, 5]}, "garbage_before": {}, "noise_after": {},
     "echo": {}, "split": {"bytes": [1, 4], "ms": [5, 20]}, "drop": {"ms": [50, 500, 1500]},
 }
-# Where replies have no number and no question tells that the line is clear, one that comes later than
-# twice the time-out can pass for a later one; agent/OPERATIONS.md says so.
+# Where replies have no number and no question tells that the line is clear, one that comes more than
+# twice the time-out (500 ms here) after its question can pass for another's; agent/OPERATIONS.md says
+# so.
 SOON = {"ms": [50, 200, 600, 900]}
 # A stopped PLC has no ramp, so only the one without does it.
 WIRE_MORE = {

@@ -278,7 +278,7 @@ class Ledger:
             self.fault(f"{device}: seq {row['seq']} has a ts that no clock had: {row['ts']}")
             return
         ramp = self.ramps.get(device)
-        if ramp is None or any(self._was_just_killed(device, real) for real in reals):
+        if ramp is None:
             return
         for tag in row["values"].keys() & ramp.numbers.keys():
             age = min((ramp.age(tag, row["values"][tag], real) for real in reals), key=abs)
@@ -287,11 +287,6 @@ class Ledger:
             if not -0.1 <= age <= most:
                 self.fault(f"{device}: seq {row['seq']}: {tag} was {age:.3f} s old, {most:.3f} s may "
                            f"be: {json.dumps(row)}")
-
-    def _was_just_killed(self, device, real):
-        """Whether a late answer to the agent that was killed can still be under way. On the lines that
-        are shared here, answers have no number to tell them apart by."""
-        return device in self.on_shared_lines and any(0 <= real - kill <= 2.0 for kill in self.kills)
 
     def _in_order(self, last, where, device, lane, seq, first_only):
         """Live over all groups of a device, and each history topic, rise. At the consumer only what

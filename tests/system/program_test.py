@@ -228,6 +228,8 @@ class Programs(PlantTest):
         self.assertIn(["press1/fast", "100", "19.8", "20", "4.2", "15.6", "0.0", "0.0", "0.0"],
                       lines)
         self.assertIn(["D100", "press1/fast", "2", "bytes", "19", "19.8"], lines)
+        self.assertEqual(link["listening_ms"], 2 * 300)
+        self.assertIn("  listens for 600 ms before its first question\n", out)
         self.assertEqual(self.run_agent("plan", os.path.join(self.directory, "nothing"))[0], 2)
 
     def test_plan_of_100_words_and_64_bits_is_the_least_that_the_port_can_do(self):

@@ -444,6 +444,15 @@ TEST(Config, CharacterTimeCountsStartParityAndStop) {
   EXPECT_EQ(none.links[0].char_time, nanoseconds(10000));
 }
 
+TEST(Config, LineListensForTwiceTheTimeoutOfItsSlowestDevice) {
+  EXPECT_EQ(good(changed("/devices/0/timeout_ms", "300")).links[0].listening,
+            std::chrono::milliseconds(600));
+  EXPECT_EQ(good(changed("/devices/0/timeout_ms", "600000")).links[0].listening, kLongestListening);
+  const Config numbered =
+      good(changed("/devices/1", R"({"name": "meter", "link": "gw1", "protocol": "modbus-tcp"})"));
+  EXPECT_EQ(numbered.links[1].listening.count(), 0) << "its answers have numbers";
+}
+
 TEST(Config, PollsKeepAFifthOfTheLineUnlessTheLinkSaysOtherwise) {
   EXPECT_EQ(good(small_plant().dump()).links[0].poll_share, 0.2);
   EXPECT_EQ(good(changed("/links/0/poll_share_percent", "45")).links[0].poll_share, 0.45);

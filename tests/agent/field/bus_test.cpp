@@ -28,6 +28,9 @@ const Bytes kReadD200 = read_frame(kD200, 2);
 const Bytes kWriteD200 = write_frame(kD200, word(50));
 const Bytes kProbe = read_frame(kM8000, 1);
 const Bytes kProbeAnswer = data_frame({0x01});
+// The one that follows a probe that failed.
+const Bytes kNextProbe = read_frame(kM8000, 2);
+const Bytes kNextProbeAnswer = data_frame({0x01, 0x00});
 
 /// One line with one PLC on the programming port.
 class BusTest : public ::testing::Test {
@@ -38,10 +41,10 @@ class BusTest : public ::testing::Test {
   }
   ~BusTest() override { EXPECT_EQ(wire->steps_left(), 0U) << "the script was not played out"; }
 
-  void make_line(nanoseconds char_time) {
+  void make_line(nanoseconds char_time, nanoseconds listening = nanoseconds(0)) {
     auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
     wire = transport.get();
-    line = std::make_unique<Bus>(io.get_executor(), std::move(transport), char_time);
+    line = std::make_unique<Bus>(io.get_executor(), std::move(transport), char_time, listening);
   }
   /// One exchange on a bus in doubt: silence, a question that is told apart, silence.
   void script_doubted(const Bytes& question, const Bytes& answer) {
@@ -292,7 +295,7 @@ TEST_F(BusTest, LateNakIsNotTakenForTheProbesAnswer) {
   station.enquire = EnquirePolicy::never;
   wire->expect(kWriteD200).silence();
   wire->silence();  // the drain
-  wire->expect(kProbe).give(kNak).expect(kProbe).give(kProbeAnswer);
+  wire->expect(kProbe).give(kNak).expect(kNextProbe).give(kNextProbeAnswer);
   wire->expect(kWriteD200).give(kAck);
   open();
   EXPECT_EQ(write_d200().outcome, Outcome::unanswered);
@@ -303,7 +306,7 @@ TEST_F(BusTest, DeviceThatRefusesTheProbeForeverIsAskedAllTheSame) {
   station.enquire = EnquirePolicy::never;
   wire->expect(kWriteD200).silence();
   wire->silence();
-  for (int i = 0; i < 3; ++i) wire->expect(kProbe).give(kNak);
+  for (unsigned i = 1; i <= 3; ++i) wire->expect(read_frame(kM8000, i)).give(kNak);
   wire->expect(kWriteD200).give(kAck);
   open();
   EXPECT_EQ(write_d200().outcome, Outcome::unanswered);
@@ -316,8 +319,8 @@ TEST_F(BusTest, LostAckStaysAWorryUntilAReadWasAnswered) {
   wire->expect(kEnq).give(kAck).expect(kProbe).silence();  // no barrier yet
   wire->expect(kEnq)
       .give(kAck)
-      .expect(kProbe)
-      .give(kProbeAnswer)
+      .expect(kNextProbe)
+      .give(kNextProbeAnswer)
       .expect(kReadD100)
       .give(word_frame(1));
   wire->expect(kWriteD200).give(kAck);  // the worry is over
@@ -386,6 +389,37 @@ TEST_F(BusTest, WhatAnEarlierSessionLeftRunsDryOnOpening) {
   wire->expect(kEnq).give(kAck).expect(kReadD100).give(word_frame(2));
   open();
   EXPECT_EQ(read("D100").reply.image, word(2));
+}
+
+TEST_F(BusTest, ListensBeforeTheFirstQuestionOfEachSession) {
+  make_line(nanoseconds(0), milliseconds(120));
+  station.enquire = EnquirePolicy::never;
+  for (unsigned session = 1; session <= 2; ++session) {
+    wire->later(word_frame(99)).hang();  // the answer to whoever asked before
+    wire->expect(kReadD100).give(word_frame(session));
+    const auto before = Clock::now();
+    open();
+    const Exchange first = read("D100");
+    EXPECT_EQ(first.reply.image, word(session));
+    EXPECT_GE(first.began - before, milliseconds(120));
+    line->close();
+  }
+  EXPECT_FALSE(line->doubt().is_doubted()) << "a dead agent's answer is no sign of another master";
+}
+
+TEST_F(BusTest, TimeThatHasPassedSinceASilenceNeedNotBeListenedToAgain) {
+  station.enquire = EnquirePolicy::never;
+  station.timeout = milliseconds(300);
+  wire->expect(kReadD100).silence();
+  open();
+  const Exchange silent = read("D100");
+  while (Clock::now() < silent.ended + milliseconds(250)) {
+  }
+  wire->hang().expect(kReadD100).give(
+      word_frame(2));  // 100 ms of quiet are listened to all the same
+  const Exchange second = read("D100");
+  EXPECT_GE(second.began - silent.ended, milliseconds(350));
+  EXPECT_LT(second.began - silent.ended, milliseconds(550));
 }
 
 // ---- answers that nobody asked for

@@ -629,7 +629,7 @@ TEST(ComputerLink, AFoundModelKeepsTheOtherSettings) {
 
 TEST(ComputerLink, RunIsM8000AndIsOrderedByRrAndRs) {
   EXPECT_EQ(sent(station(), station().run_state()).substr(0, 14), "00FFBR0M800001");
-  EXPECT_EQ(station().probe(), station().run_state());
+  EXPECT_EQ(station().probe(0), station().run_state());
   EXPECT_EQ(station().run_state_from(Bytes{1}), true);
   EXPECT_EQ(station().run_state_from(Bytes{0}), false);
   EXPECT_EQ(station().run_state_from({}), std::nullopt);

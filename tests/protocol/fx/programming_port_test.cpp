@@ -524,7 +524,7 @@ TEST(ProgrammingPort, RunIsReadFromTheByteOfM8000) {
   EXPECT_EQ(frame(port(Model::fx3u, Commands::extended)), ascii("\x02"
                                                                 "E008C0001\x03"
                                                                 "E4"));
-  EXPECT_EQ(port().probe(), port().run_state());
+  EXPECT_EQ(port().probe(0), port().run_state());
   EXPECT_EQ(port().run_state_from(Bytes{0x09}), true);
   EXPECT_EQ(port().run_state_from(Bytes{0x0A}), false);
   EXPECT_EQ(port().run_state_from(Bytes{}), std::nullopt);

@@ -524,7 +524,7 @@ TEST(Modbus, ABroadcastIsNotAnsweredAndNotReadFrom) {
 TEST(Modbus, HasNothingThatOnlyAPlcHas) {
   const Modbus codec = unit();
   EXPECT_FALSE(codec.resync());
-  EXPECT_FALSE(codec.probe());
+  EXPECT_FALSE(codec.probe(0));
   EXPECT_EQ(codec.plc(), nullptr);
   EXPECT_EQ(model_of(codec), "");
   EXPECT_FALSE(must_ask_model(codec));
