@@ -40,6 +40,7 @@ struct AgentStatus {
   std::string boot;
   std::string version;
   std::chrono::seconds uptime{0};
+  std::string conflict;  ///< boot of another agent with the same id; empty: there is none
   SampleCounts samples;
   FieldHealth field;
   std::vector<std::uint64_t> dropped;  ///< samples, by index in Config::devices

@@ -70,8 +70,10 @@ class CommandJournal {
   virtual void record(JournalEntry entry) = 0;
   /// The same for several, in one commit.
   virtual void record(std::vector<JournalEntry> entries) = 0;
-  /// The broker has the result of the command with this number.
-  virtual void acknowledge(std::string device, std::string id, std::uint64_t number) = 0;
+  /// The broker has the result of the command with this number. `total_ms`: what stands there in
+  /// the result as it was published; empty: that is not known.
+  virtual void acknowledge(std::string device, std::string id, std::uint64_t number,
+                           std::string total_ms) = 0;
   /// What the journal has of this id, or will have once the disk takes it.
   virtual std::optional<JournalEntry> find(const std::string& device, const std::string& id) = 0;
   /// Of those that are over; oldest first.
