@@ -110,7 +110,8 @@ void run_agent(const Config& config, StopWatchdog& watchdog) {
       config.mqtt, [&payload] { return payload.last_will(); }, [&outbox] { outbox.notify(); });
   Publisher publisher(
       config, settings, payload, outbox, broker, commands, utc_now, store.get(),
-      [&field](std::vector<std::uint64_t> last_seq) { field.number_above(std::move(last_seq)); });
+      [&field](std::vector<std::uint64_t> last_seq) { field.number_above(std::move(last_seq)); },
+      [&field] { field.report(); });
 
   log::info("agent", {{"state", "starting"},
                       {"id", config.id},

@@ -84,6 +84,8 @@ std::string_view to_string(Reason reason) {
       return "duplicate_id";
     case Reason::retained:
       return "retained";
+    case Reason::unknown_device:
+      return "unknown_device";
     case Reason::bad_op:
       return "bad_op";
     case Reason::unknown_tag:
@@ -102,6 +104,8 @@ std::string_view to_string(Reason reason) {
       return "expired";
     case Reason::queue_full:
       return "queue_full";
+    case Reason::conflict:
+      return "conflict";
     case Reason::expect_mismatch:
       return "expect_mismatch";
     case Reason::nak:

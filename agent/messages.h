@@ -107,6 +107,7 @@ enum class Reason : std::uint8_t {
   missing_id,
   duplicate_id,
   retained,
+  unknown_device,
   bad_op,
   unknown_tag,
   bad_address,
@@ -116,6 +117,7 @@ enum class Reason : std::uint8_t {
   out_of_range,
   expired,
   queue_full,
+  conflict,
   expect_mismatch,
   nak,
   timeout,
@@ -244,6 +246,8 @@ struct CommandResult {
   SteadyTime received{};
   std::chrono::nanoseconds queue{0};
   std::chrono::nanoseconds wire{0};
+  /// From its arrival to the hand-over to MQTT; nullopt: that is still to come.
+  std::optional<std::chrono::nanoseconds> total;
   std::optional<std::chrono::nanoseconds> bound;
 
   /// A result that an earlier run has given, as it was published (JSON). Of the other fields only

@@ -89,6 +89,7 @@ struct AgentStatus {
   std::string boot;
   std::string version;
   std::chrono::seconds uptime{0};
+  std::string conflict;  ///< boot of another agent with the same id; empty: there is none
   SampleCounts samples;
   /// Never null. The uplink and each status made since the field counted own it.
   std::shared_ptr<const FieldHealth> field = std::make_shared<const FieldHealth>();

@@ -17,7 +17,7 @@ constexpr int kWrongQuestion = 2;
 // response topics of MQTT 5.
 constexpr std::array<std::string_view, 7> kAgentWrites{
     "state", "health", "+/state", "+/meta", "+/data/#", "+/result", "+/result/#"};
-constexpr std::array<std::string_view, 3> kAgentReads{"+/command", "+/state", "+/meta"};
+constexpr std::array<std::string_view, 4> kAgentReads{"+/command", "state", "+/state", "+/meta"};
 constexpr std::array<std::string_view, 1> kOperatorWrites{"+/command"};
 
 /// Why `name` cannot be a user of an acl_file and of a password_file; empty where it can.
@@ -67,8 +67,11 @@ int run_acl(const Config& config, const AclQuestion& what) {
   std::cout
       << "# Access to " << base << ", an acl_file of mosquitto made by `fxagent acl`. A user\n"
       << "# who is not named here has no access. The files of several agents can be joined.\n\n"
-      << "# The agent writes what it publishes. It reads the commands for its devices, and the\n"
-      << "# retained topics that it clears when a device is no longer configured.\n"
+      << "# The agent writes what it publishes. It reads the commands for its devices, and its "
+         "own\n"
+      << "# states and meta: to put them right where somebody else has written there, to notice "
+         "another\n"
+      << "# agent with its id, and to clear those of devices that are no longer configured.\n"
       << "user " << users.agent << '\n';
   print("write", base, kAgentWrites);
   print("read", base, kAgentReads);

@@ -210,6 +210,9 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
       why =
           refuse(Reason::queue_full,
                  "as many ids are remembered as there is room for, and none is past its deadline");
+    else if (!conflict_.empty())
+      why = refuse(Reason::conflict, "another agent has the id of this one, boot " + conflict_ +
+                                         ": neither carries out commands");
   }
   if (why) {
     rejected(*why);

@@ -46,8 +46,17 @@ class CommandAdmission final {
   /// The result of a command that admit() let through. Each must come back here exactly once.
   void finished(const CommandResult& result);
 
+  /// How long the first result of this id took until it was handed over.
+  void note_total(const std::string& id, std::chrono::nanoseconds total) {
+    ids_.note_total(id, total);
+  }
+
   /// From now on no command is admitted: one that would be is REJECTED, shutting_down.
   void close() { closed_ = true; }
+
+  /// Another agent, of this boot, has the id of ours: a command that would be admitted is REJECTED,
+  /// conflict. Empty: there is none.
+  void set_conflict(std::string other_boot) { conflict_ = std::move(other_boot); }
 
   /// An id of an earlier run is known from now on. `utc_ms` is the calendar time of `now`.
   void restore(const KnownId& known, SteadyTime now, std::int64_t utc_ms);
@@ -81,6 +90,7 @@ class CommandAdmission final {
   const std::shared_ptr<CommandRoom> room_;
   IdMemory ids_;
   bool closed_ = false;
+  std::string conflict_;  ///< boot of another agent with our id
 };
 
 }  // namespace fxagent

@@ -8,6 +8,7 @@
 #include "agent/commands/parse.h"
 #include "agent/commands/result.h"
 #include "agent/commands/result_text.h"
+#include "agent/config/reader.h"
 #include "agent/failpoint.h"
 
 namespace fxagent {
@@ -16,6 +17,20 @@ namespace {
 using std::chrono::milliseconds;
 
 constexpr std::size_t kPayloadKept = 65536;  // no command is longer
+constexpr std::size_t kTotalsKept = 1000;    // more than wait for the journal
+
+/// Why a command for a device that is not in the config is refused: what is wrong with the message
+/// itself goes first, as everywhere.
+Refusal refusal_of_unknown(const Command& command, const Config& config,
+                           const std::string& device) {
+  if (command.refusal && command.refusal->reason < Reason::duplicate_id) return *command.refusal;
+  if (command.retained)
+    return {Reason::retained, "a retained command is an old one: publish without retain"};
+  std::vector<std::string_view> names;
+  for (const DeviceConfig& known : config.devices) names.push_back(known.name);
+  return {Reason::unknown_device,
+          "there is no device " + device + " in the config; " + did_you_mean(device, names)};
+}
 
 bool is_remembered(const CommandResult& result) {
   return !result.id.empty() && !result.dry_run && result.status != CommandStatus::duplicate;
@@ -53,6 +68,24 @@ void Commands::receive(std::uint32_t device, std::string_view topic, std::string
   if (journal_ != nullptr) admitted.starts = journal_->starts();
   journal_later(admitted, std::move(receipt), utc_ms);
   admitted_.push_back(std::move(admitted));
+}
+
+void Commands::refuse_unknown(const std::string& device, std::string_view payload,
+                              MessageProperties properties) {
+  Command command = parse_command(payload);
+  static_cast<MessageProperties&>(command) = std::move(properties);
+  Refusal why = refusal_of_unknown(command, config_, device);
+  CommandResult result = result_of(command);
+  set_outcome(result, CommandStatus::rejected, why.reason, std::move(why.detail));
+  ++counts_[result.status];
+  ResultMessage message;
+  message.unknown_device = device;
+  message.id = result.id;
+  message.received = result.received;
+  message.text = result_text(result);
+  message.response_topic = std::move(result.response_topic);
+  message.correlation = std::move(result.correlation);
+  results_.push_back(std::move(message));
 }
 
 audit::Receipt Commands::receipt_of(const Command& command, std::string_view topic,
@@ -128,6 +161,10 @@ void Commands::close() {
   for (Device& device : devices_) device.admission.close();
 }
 
+void Commands::set_conflict(const std::string& other_boot) {
+  for (Device& device : devices_) device.admission.set_conflict(other_boot);
+}
+
 // ---- from the field to the broker ---------------------------------------------------------------
 
 void Commands::finish(CommandResult result, std::int64_t utc_ms) {
@@ -153,7 +190,8 @@ void Commands::take_result(CommandResult result, const std::optional<audit::Rece
   message.received = result.received;
   message.recorded = !result.recorded.empty();
   message.text = result_text(result);
-  message.journaled = journal_ != nullptr && is_remembered(result);
+  message.is_first = is_remembered(result);
+  message.journaled = journal_ != nullptr && message.is_first;
   message.response_topic = std::move(result.response_topic);
   message.correlation = std::move(result.correlation);
   if (journal_ != nullptr && !message.recorded) {
@@ -191,7 +229,9 @@ void Commands::find_first(CommandResult& result) {
     result.detail = "the first result is not in the journal any more; the command is not repeated";
     return;
   }
-  CommandResult first = recorded_result(known->result);
+  std::string text = known->result;
+  if (const auto total = total_of(known->number)) text = with_total(std::move(text), *total);
+  CommandResult first = recorded_result(std::move(text));
   first.id = result.id;
   result.plc = first.plc;
   result.first = std::make_shared<const CommandResult>(std::move(first));
@@ -208,12 +248,28 @@ std::vector<ResultMessage> Commands::take_results() {
   return std::exchange(results_, {});
 }
 
+void Commands::note_total(const ResultMessage& result) {
+  if (!result.is_first || !result.total) return;
+  if (journal_ == nullptr)
+    return devices_.at(result.device).admission.note_total(result.id, *result.total);
+  totals_.emplace_back(result.number, *result.total);
+  if (totals_.size() > kTotalsKept) totals_.pop_front();
+}
+
+std::optional<std::chrono::nanoseconds> Commands::total_of(std::uint64_t number) const {
+  const auto found =
+      std::ranges::find(totals_, number, [](const auto& each) { return each.first; });
+  return found == totals_.end() ? std::nullopt : std::optional(found->second);
+}
+
 void Commands::note_delivery(const ResultMessage& result, bool acknowledged, std::int64_t utc_ms) {
-  if (journal_ == nullptr) return;
+  if (journal_ == nullptr || !result.unknown_device.empty()) return;
   const std::string& device = config_.devices.at(result.device).name;
   if (result.number != 0)
     journal_->note(audit::delivery(result.number, device, result.id, acknowledged, utc_ms));
-  if (result.journaled) journal_->acknowledge(device, result.id, result.number);
+  if (result.journaled)
+    journal_->acknowledge(device, result.id, result.number,
+                          result.total ? total_text(*result.total) : std::string());
 }
 
 }  // namespace fxagent

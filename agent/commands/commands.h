@@ -5,6 +5,7 @@
 // itself.
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
@@ -15,6 +16,7 @@
 #include <string>
 #include <string_view>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "agent/commands/admission.h"
@@ -30,12 +32,16 @@ namespace fxagent {
 /// A result on its way to the broker.
 struct ResultMessage {
   std::uint32_t device = 0;
-  std::uint64_t number = 0;  ///< of its command
+  std::string unknown_device;  ///< name of one that is not in the config; empty: `device` is
+  std::uint64_t number = 0;    ///< of its command
   std::string id;
   std::string text;        ///< JSON; with_total() completes it
   SteadyTime received{};   ///< of its command
   bool recorded = false;   ///< of an earlier run: the text is complete
+  bool is_first = false;   ///< its id is remembered with it
   bool journaled = false;  ///< the journal is to note the acknowledgement
+  /// Until it was handed over to MQTT; nullopt: it was not, or an earlier run has done so.
+  std::optional<std::chrono::nanoseconds> total;
   std::string response_topic;
   Bytes correlation;
 };
@@ -60,6 +66,10 @@ class Commands final {
   /// or later. An admitted command goes to the field with hand_over().
   void receive(std::uint32_t device, std::string_view topic, std::string_view payload,
                MessageProperties properties, SteadyTime now, std::int64_t utc_ms);
+  /// A message on the command topic of a device that is not in the config. There is one result for
+  /// it, too: REJECTED. Neither it nor its id is remembered.
+  void refuse_unknown(const std::string& device, std::string_view payload,
+                      MessageProperties properties);
   /// The commands admitted since the last call: into the journal in one commit, then to the field.
   void hand_over();
 
@@ -69,9 +79,14 @@ class Commands final {
   void set_codec(std::uint32_t device, std::shared_ptr<const Codec> codec);
   /// From now on no command is admitted: one that would be is REJECTED, shutting_down.
   void close();
+  /// Another agent, of this boot, has the id of ours: one that would be admitted is REJECTED,
+  /// conflict. Empty: there is none.
+  void set_conflict(const std::string& other_boot);
 
   /// Results for the broker, in the order they came to be; they are in the journal by now.
   std::vector<ResultMessage> take_results();
+  /// The result was handed over to MQTT for the first time: `total` is known.
+  void note_total(const ResultMessage& result);
   /// The result is over: acknowledged by the broker, or refused for good.
   void note_delivery(const ResultMessage& result, bool acknowledged, std::int64_t utc_ms);
 
@@ -102,6 +117,7 @@ class Commands final {
   void take_result(CommandResult result, const std::optional<audit::Receipt>& receipt,
                    std::int64_t utc_ms);
   void find_first(CommandResult& result);
+  std::optional<std::chrono::nanoseconds> total_of(std::uint64_t number) const;
   void record_results();
 
   const Config& config_;
@@ -112,6 +128,9 @@ class Commands final {
   std::vector<JournalEntry> to_journal_;  ///< beside admitted_
   std::vector<JournalEntry> to_record_;
   std::vector<ResultMessage> results_;
+  /// The totals of the newest results, by the numbers of their commands: what the journal learns
+  /// with the acknowledgement.
+  std::deque<std::pair<std::uint64_t, std::chrono::nanoseconds>> totals_;
   std::map<CommandStatus, std::uint64_t> counts_;
   std::deque<LastCommand> last_;
 };

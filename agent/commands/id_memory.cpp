@@ -88,4 +88,17 @@ void IdMemory::finish(const std::string& id, std::shared_ptr<const CommandResult
   });
 }
 
+void IdMemory::note_total(const std::string& id, std::chrono::nanoseconds total) {
+  for (Entries* entries : {&admitted_, &refused_}) {
+    auto& by_id = entries->get<1>();
+    const auto found = by_id.find(id);
+    if (found == by_id.end() || !found->result) continue;
+    CommandResult result = *found->result;
+    result.total = total;
+    by_id.modify(found, [&](Entry& entry) {
+      entry.result = std::make_shared<const CommandResult>(std::move(result));
+    });
+  }
+}
+
 }  // namespace fxagent

@@ -60,6 +60,8 @@ class IdMemory final {
   void add_refused(Entry entry, SteadyTime now);
   /// The command has its result. Nothing where the id is not known.
   void finish(const std::string& id, std::shared_ptr<const CommandResult> result);
+  /// The result that is kept of this id, if it is, took so long until it was handed over.
+  void note_total(const std::string& id, std::chrono::nanoseconds total);
 
   /// Fingerprints not counted.
   std::size_t size() const { return admitted_.size() + refused_.size(); }

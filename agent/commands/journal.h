@@ -73,8 +73,10 @@ class CommandJournal {
   virtual void record(JournalEntry entry) = 0;
   /// The same for several, in one commit.
   virtual void record(std::vector<JournalEntry> entries) = 0;
-  /// The broker has the result of the command with this number.
-  virtual void acknowledge(std::string device, std::string id, std::uint64_t number) = 0;
+  /// The broker has the result of the command with this number. `total_ms`: what stands there in
+  /// the result as it was published; empty: that is not known.
+  virtual void acknowledge(std::string device, std::string id, std::uint64_t number,
+                           std::string total_ms) = 0;
   /// Who is told before a command of this journal leaves, while the journal lives; null: nobody,
   /// and after a crash each may have left.
   virtual CommandStarts* starts() { return nullptr; }

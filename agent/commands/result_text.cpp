@@ -78,7 +78,8 @@ void write_result(Writer& out, const CommandResult& result) {
   out.key("received").integer(result.received_ms);
   out.key("queue_ms").milliseconds(result.queue);
   out.key("wire_ms").milliseconds(result.wire);
-  out.key("total_ms").null();
+  out.key("total_ms");
+  result.total ? out.milliseconds(*result.total) : out.null();
   out.key("bound_ms");
   result.bound ? out.milliseconds(*result.bound) : out.null();
   out.end_object();
@@ -133,15 +134,19 @@ std::string result_text(const CommandResult& result) {
   return written(shorter);
 }
 
+std::string total_text(std::chrono::nanoseconds total) {
+  Writer number;
+  number.milliseconds(total);
+  return number.take();
+}
+
 std::string with_total(std::string text, std::chrono::nanoseconds total) {
   // Inside a string its quotes would be escaped; that of the first result of a DUPLICATE is before.
   constexpr std::string_view kOpen = R"("total_ms":null)";
   const auto found = text.rfind(kOpen);
   if (found == std::string::npos) return text;
-  Writer number;
-  number.milliseconds(total);
   const std::string_view null = "null";
-  return text.replace(found + kOpen.size() - null.size(), null.size(), number.take());
+  return text.replace(found + kOpen.size() - null.size(), null.size(), total_text(total));
 }
 
 CommandResult recorded_result(std::string text) {

@@ -11,9 +11,12 @@ namespace fxagent {
 
 /// No result is larger: the details of its targets are left out first, then the values.
 inline constexpr std::size_t kMaxResultBytes = 65536;
-/// The result of a command, agent/CONTRACT.md section 5; total_ms is null.
+/// The result of a command, agent/CONTRACT.md section 5; total_ms is null where it is not known.
 std::string result_text(const CommandResult& result);
-/// The text of result_text() with its total_ms: from the command's arrival until now.
+/// A duration as it stands in a result.
+std::string total_text(std::chrono::nanoseconds total);
+/// The text of result_text() with its total_ms: from the command's arrival until now. One that has
+/// it stays as it is.
 std::string with_total(std::string text, std::chrono::nanoseconds total);
 
 /// What result_text() made in an earlier run: `recorded` is the text, status and plc are read from

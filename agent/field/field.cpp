@@ -83,6 +83,10 @@ class Field::Room final {
     asio::post(io_, [this, moved = std::move(admitted)]() mutable { take(std::move(moved)); });
   }
 
+  void report_soon() {
+    asio::post(io_, [this] { report(); });
+  }
+
   void ask(std::function<void()> answer) { asio::post(io_, std::move(answer)); }
 
   void stop() {
@@ -163,6 +167,7 @@ void Field::number_above(std::vector<std::uint64_t> last_seq) {
   room_->number_above(std::move(last_seq));
 }
 void Field::submit(AdmittedCommand admitted) { room_->submit(std::move(admitted)); }
+void Field::report() { room_->report_soon(); }
 void Field::ask(std::function<void()> answer) { room_->ask(std::move(answer)); }
 void Field::stop() { room_->stop(); }
 std::string Field::unfinished() const { return room_->unfinished(); }

@@ -32,6 +32,9 @@ class Field final {
   void number_above(std::vector<std::uint64_t> last_seq);
   /// Hands a command to the field; exactly one result comes back through the outbox. Any thread.
   void submit(AdmittedCommand admitted);
+  /// Puts the counters of this moment into the outbox soon, beside those that come every 5 s. Any
+  /// thread.
+  void report();
   /// Calls `answer` on the field's thread, when its turn comes. Any thread.
   void ask(std::function<void()> answer);
   /// Stops polling, ends the command on each wire within 3 s, answers the waiting ones with FAILED

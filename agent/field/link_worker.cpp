@@ -21,6 +21,8 @@ constexpr BackOff kShared{milliseconds(1000), milliseconds(30000)};
 constexpr milliseconds kAfterFault{1000};
 // What is on the wire when the agent is to stop has so long, and what is to be read back.
 constexpr milliseconds kFinishWithin{2500};
+// Of busy_percent: health may be asked for at any moment, and a moment says nothing.
+constexpr milliseconds kBusyOver{4500};
 // First polls are spread over the first second, or over the interval where that is shorter.
 constexpr milliseconds kSpread{1000};
 
@@ -182,10 +184,13 @@ void LinkWorker::report(FieldHealth& health) {
   link.doubted = bus_.doubt().is_doubted();
   const double elapsed = std::chrono::duration<double>(now - counting_since_).count();
   const double busy = std::chrono::duration<double>(counters.busy).count();
+  link.busy_percent = busy_percent_.value_or(elapsed > 0 ? 100.0 * busy / elapsed : 0);
+  if (now - counting_since_ >= kBusyOver) {
+    busy_percent_ = link.busy_percent = 100.0 * busy / elapsed;
+    counters.busy = {};
+    counting_since_ = now;
+  }
   link.load_percent = 100.0 * scheduler_.load();
-  link.busy_percent = elapsed > 0 ? 100.0 * busy / elapsed : 0;
-  counters.busy = {};
-  counting_since_ = now;
   link.turnaround_ms = counters.turnaround_ms.percentiles();
   for (const auto& device : devices_) {
     DeviceHealth& out = health.devices[device->index];

@@ -86,6 +86,7 @@ class LinkWorker final {
   asio::steady_timer idle_;
   std::unordered_map<std::uint32_t, Device*> by_index_;
   SteadyTime counting_since_{};
+  std::optional<double> busy_percent_;  ///< of the last whole window
   asio::steady_timer stop_timer_;
   std::atomic<bool> ended_ = false;
 };

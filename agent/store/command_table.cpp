@@ -81,7 +81,9 @@ CommandTable::CommandTable(SQLite::Database& database)
       insert_(database, kInsert),
       record_(database, kRecord),
       acknowledge_(database,
-                   "UPDATE orders SET told = 1, response_topic = '', correlation = x''"
+                   // Inside a string of the result its quotes would be escaped.
+                   "UPDATE orders SET told = 1, response_topic = '', correlation = x'',"
+                   " result = replace(result, '\"total_ms\":null', '\"total_ms\":' || ?)"
                    " WHERE device = ? AND id = ? AND arrival = ?"),
       cost_(database,
             std::string("SELECT ") + kCost + ", refused FROM orders WHERE device = ? AND id = ?"),
@@ -153,8 +155,10 @@ void CommandTable::make_room_for_refused() {
 }
 
 void CommandTable::acknowledge(const std::string& device, const std::string& id,
-                               std::uint64_t command_number) {
-  change(device, id, [&] { sqlite::run(acknowledge_, device, id, command_number); });
+                               std::uint64_t command_number, const std::string& total_ms) {
+  change(device, id, [&] {
+    sqlite::run(acknowledge_, total_ms.empty() ? "null" : total_ms, device, id, command_number);
+  });
 }
 
 std::optional<JournalEntry> CommandTable::find(const std::string& device, const std::string& id) {

@@ -28,7 +28,9 @@ class CommandTable final {
   void insert(const JournalEntry& entry);
   /// A result. The first one of a command stays; of refused commands the oldest make room.
   void record(const JournalEntry& entry);
-  void acknowledge(const std::string& device, const std::string& id, std::uint64_t number);
+  /// `total_ms` goes into the result; empty: it is not known.
+  void acknowledge(const std::string& device, const std::string& id, std::uint64_t number,
+                   const std::string& total_ms);
 
   std::optional<JournalEntry> find(const std::string& device, const std::string& id);
   std::vector<KnownId> known_ids();            // as CommandJournal has it

@@ -46,9 +46,10 @@ void StoredJournal::record(std::vector<JournalEntry> entries) {
   if (disk_.is_writable()) disk_.flush();
 }
 
-void StoredJournal::acknowledge(std::string device, std::string id, std::uint64_t number) {
+void StoredJournal::acknowledge(std::string device, std::string id, std::uint64_t number,
+                                std::string total_ms) {
   if (to_acknowledge_.size() < UnrecordedCommands::kMost)
-    to_acknowledge_.push_back({std::move(device), std::move(id), number});
+    to_acknowledge_.push_back({std::move(device), std::move(id), number, std::move(total_ms)});
 }
 
 std::optional<JournalEntry> StoredJournal::find(const std::string& device, const std::string& id) {
@@ -111,7 +112,8 @@ bool StoredJournal::write_pending(std::size_t at_most) {
     entry->result.empty() ? write_command(*entry) : write_result(*entry);
   if (written_ < waiting_.size()) return true;
   // Each after what it acknowledges.
-  for (const auto& [device, id, number] : to_acknowledge_) table_->acknowledge(device, id, number);
+  for (const auto& [device, id, number, total_ms] : to_acknowledge_)
+    table_->acknowledge(device, id, number, total_ms);
   is_acknowledged_ = true;
   return false;
 }

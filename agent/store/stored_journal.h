@@ -31,7 +31,8 @@ class StoredJournal final : public CommandJournal, public StorePart {
   bool journal(std::span<const JournalEntry> entries) override;
   void record(JournalEntry entry) override;
   void record(std::vector<JournalEntry> entries) override;
-  void acknowledge(std::string device, std::string id, std::uint64_t number) override;
+  void acknowledge(std::string device, std::string id, std::uint64_t number,
+                   std::string total_ms = {}) override;
   CommandStarts* starts() override { return &started_; }
   std::optional<JournalEntry> find(const std::string& device, const std::string& id) override;
   std::vector<KnownId> known_ids() override;
@@ -67,6 +68,7 @@ class StoredJournal final : public CommandJournal, public StorePart {
     std::string device;
     std::string id;
     std::uint64_t number = 0;
+    std::string total_ms;
   };
 
   void write_command(const JournalEntry& entry);

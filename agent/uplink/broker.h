@@ -48,7 +48,10 @@ struct ConnectFailed {
 /// call of ours. Told once. Nothing that was not Delivered will be any more.
 struct Lost {
   std::string text;
+  int reason_code = 0;  ///< of the broker's MQTT 5 DISCONNECT; 0: it sent none
 };
+/// MQTT 5, section 3.14.2.1: another client has come with our client id.
+inline constexpr int kSessionTakenOver = 0x8E;
 /// disconnect() is done.
 struct Disconnected {};
 struct Message : MessageProperties {

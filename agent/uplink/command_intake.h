@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <deque>
-#include <utility>
+#include <string>
 
 #include "agent/commands/commands.h"
 #include "agent/config/config.h"
@@ -31,6 +31,8 @@ class CommandIntake final {
   /// A command for this device. What was published with QoS 0 comes as fast as the broker can send;
   /// where there is no room for it, it is lost, as MQTT allows. With QoS 1 the broker waits.
   void add(Message message, std::uint32_t device, bool results_are_full);
+  /// The same for a device that is not in the config: its commands are refused, in their turn.
+  void add_unknown(Message message, std::string name, bool results_are_full);
   /// The library threw away so many messages of QoS 0.
   void count_dropped(std::uint64_t count) { dropped_ += count; }
   /// Hands some of them to Commands.
@@ -53,12 +55,19 @@ class CommandIntake final {
   SteadyTime next_wake(SteadyTime now) const;
 
  private:
+  struct Incoming {
+    Message message;
+    std::uint32_t device = 0;
+    std::string unknown;  ///< name of a device that is not in the config; empty: `device` is
+  };
+
   bool is_full() const;
+  void put(Incoming incoming, bool results_are_full);
 
   Commands& commands_;
   Broker& broker_;
   const MqttConfig& mqtt_;
-  std::deque<std::pair<Message, std::uint32_t>> incoming_;  ///< not looked at yet
+  std::deque<Incoming> incoming_;  ///< not looked at yet
   std::size_t bytes_ = 0;
   Heard heard_;
   bool holding_ = false;

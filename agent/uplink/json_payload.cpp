@@ -88,11 +88,13 @@ std::string sample(const SampleRecord& sample) {
 }
 
 std::string agent_online(std::int64_t since_ms, std::string_view boot, std::string_view version,
-                         const std::optional<std::string>& deaf) {
+                         const std::optional<std::string>& deaf,
+                         const std::optional<std::string>& conflict) {
   Writer out;
   out.begin_object().key("state").string("online").key("since").integer(since_ms);
   out.key("boot").string(boot).key("version").string(version);
   if (deaf) out.key("commands").boolean(false).key("reason").string(*deaf);
+  if (conflict) out.key("conflict").string(*conflict);
   out.end_object();
   return out.take();
 }
@@ -151,6 +153,7 @@ std::string health(const AgentStatus& status, const Config& config) {
   out.key("ts").integer(status.ts_ms);
   out.key("boot").string(status.boot).key("version").string(status.version);
   out.key("uptime_s").integer(std::int64_t{status.uptime.count()});
+  out.key("conflict").word(status.conflict);
   const SampleCounts& samples = status.samples;
   out.key("samples").begin_object();
   out.key("collected").integer(samples.collected).key("recovered").integer(samples.recovered);
@@ -254,9 +257,9 @@ Will JsonPayload::last_will() {
   return {base_ + "/state", json::agent_offline(std::nullopt, "lost", boot_), Retain::yes};
 }
 
-Publication JsonPayload::agent_online(std::int64_t since_ms,
-                                      const std::optional<std::string>& deaf) {
-  return state(base_ + "/state", json::agent_online(since_ms, boot_, version_, deaf));
+Publication JsonPayload::agent_online(std::int64_t since_ms, const std::optional<std::string>& deaf,
+                                      const std::optional<std::string>& conflict) {
+  return state(base_ + "/state", json::agent_online(since_ms, boot_, version_, deaf, conflict));
 }
 
 Publication JsonPayload::agent_offline(std::int64_t since_ms) {

@@ -15,6 +15,7 @@ namespace {
 
 thread_local std::size_t refused_bytes = 0;
 thread_local int last_socket = -1;
+thread_local std::chrono::steady_clock::time_point closed_at{};
 
 bool is_refused(std::size_t bytes) noexcept {
   if (bytes <= kMaxPacketIn) return false;
@@ -29,6 +30,8 @@ std::size_t take_refused_packet() noexcept { return std::exchange(refused_bytes,
 
 int last_socket_read() noexcept { return last_socket; }
 
+std::chrono::steady_clock::time_point last_closed_by_peer() noexcept { return closed_at; }
+
 }  // namespace fxagent
 
 extern "C" {
@@ -36,7 +39,10 @@ extern "C" {
 ssize_t recv(int fd, void* buffer, std::size_t size, int flags) {
   fxagent::last_socket = fd;
   if (fxagent::is_refused(size)) return -1;
-  return recvfrom(fd, buffer, size, flags, nullptr, nullptr);
+  const ssize_t got = recvfrom(fd, buffer, size, flags, nullptr, nullptr);
+  if ((got == 0 && size != 0) || (got < 0 && errno == ECONNRESET))
+    fxagent::closed_at = std::chrono::steady_clock::now();
+  return got;
 }
 
 int SSL_read(SSL* connection, void* buffer, int size) {

@@ -4,6 +4,7 @@
 // hides.
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 
@@ -21,5 +22,9 @@ std::size_t take_refused_packet() noexcept;
 /// of Paho about a packet it is the socket that brought the packet, since Paho calls back on the
 /// thread that has just read it.
 int last_socket_read() noexcept;
+
+/// When a peer has closed a connection without TLS that this thread read from, for the last time;
+/// the epoch: never.
+std::chrono::steady_clock::time_point last_closed_by_peer() noexcept;
 
 }  // namespace fxagent

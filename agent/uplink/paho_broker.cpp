@@ -272,7 +272,8 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
     client_.set_disconnected_handler(
         [this](const mqtt::properties& properties, mqtt::ReasonCode reason) noexcept {
           try {
-            post_lost(disconnect_text(properties, static_cast<int>(reason)));
+            const int code = static_cast<int>(reason);
+            post_lost(disconnect_text(properties, code), code);
           } catch (...) {
             post_lost("the broker said goodbye");
           }
@@ -315,6 +316,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
       }
       options.set_ssl(tls.finalize());
     }
+    connecting_since_ = std::chrono::steady_clock::now();
     client_.connect(options, nullptr, *this);
   }
 
@@ -351,11 +353,11 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
   void unsubscribe(const std::string& filter) { client_.unsubscribe(filter, nullptr, *this); }
 
   /// The connection is over: told once, whoever notices it first. Any thread.
-  void post_lost(std::string_view text) noexcept {
+  void post_lost(std::string_view text, int reason_code = 0) noexcept {
     if (leaving_) return;  // the goodbye's own end; Disconnected tells it
     if (lost_.exchange(true)) return;
     try {
-      post(Lost{std::string(text)});
+      post(Lost{std::string(text), reason_code});
     } catch (...) {
       lost_ = false;  // nothing can be told without memory; the next failure tells it again
     }
@@ -524,7 +526,13 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
     if (tls_)
       return "no TLS connection and no reason given: is the server up, and is its certificate for "
              "this host name?";
-    return "no answer at this address: " + failure_text(token);
+    if (last_closed_by_peer() < connecting_since_)
+      return "no answer at this address: " + failure_text(token);
+    const std::string closed =
+        "somebody answers at this address and closes the connection without a word";
+    return version_ == MQTTVERSION_5
+               ? closed + "; a broker that does not know MQTT 5 does so: try \"version\": \"3.1.1\""
+               : closed + ": is it an MQTT broker?";
   }
 
   std::string failure_text(const mqtt::token& token) const {
@@ -554,6 +562,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
   const std::size_t max_payload_;
   const int version_;
   const bool tls_;
+  std::chrono::steady_clock::time_point connecting_since_{};  ///< set before Paho can call back
   ReadPause pause_;
   std::atomic<std::size_t> let_in_ = 0;  ///< messages until the pause
   std::atomic<bool> told_connected_ = false;

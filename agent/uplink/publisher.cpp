@@ -19,6 +19,7 @@ using std::chrono::seconds;
 
 constexpr seconds kTick{60};                     // health
 constexpr milliseconds kAcknowledgedWithin{50};  // until one that nothing waits for is noted
+constexpr seconds kCountersWithin{1};            // until health goes out with the older ones
 constexpr seconds kDrainFor{3};
 constexpr seconds kFarewellFor{1};
 
@@ -26,7 +27,7 @@ constexpr seconds kFarewellFor{1};
 
 Publisher::Publisher(const Config& config, PublisherSettings settings, Payload& payload,
                      Outbox& outbox, Broker& broker, Commands& commands, UtcClock utc_ms,
-                     Store* store, NumberAbove number_above)
+                     Store* store, NumberAbove number_above, AskCounters ask_counters)
     : config_(config),
       settings_(std::move(settings)),
       base_(config.base_topic()),
@@ -37,11 +38,12 @@ Publisher::Publisher(const Config& config, PublisherSettings settings, Payload& 
       utc_ms_(std::move(utc_ms)),
       store_(store),
       number_above_(std::move(number_above)),
+      ask_counters_(std::move(ask_counters)),
       backoff_(settings_.jitter_seed),
       outgoing_(broker),
       session_(config.mqtt, base_, broker, outgoing_, backoff_, *this),
       retained_(config, payload, outgoing_, backoff_,
-                {[this] { return payload_.agent_online(started_ms_, session_.deaf()); },
+                {[this] { return payload_.agent_online(started_ms_, session_.deaf(), conflict_); },
                  [this](SteadyTime now) {
                    Publication publication;
                    publication.topic = base_ + "/health";
@@ -54,7 +56,10 @@ Publisher::Publisher(const Config& config, PublisherSettings settings, Payload& 
       samples_out_(config, settings_.boot, payload, outgoing_, backoff_, spool_, store),
       intake_(commands, broker, config.mqtt),
       status_({config, commands, retained_, spool_, samples_out_, store},
-              {settings_.boot, settings_.version}, utc_ms_, [this] { outbox_.notify(); }) {}
+              {settings_.boot, settings_.version}, utc_ms_, [this] { outbox_.notify(); }),
+      identity_(settings_.boot) {
+  for (std::uint32_t i = 0; i < config.devices.size(); ++i) index_[config.devices[i].name] = i;
+}
 
 Publisher::~Publisher() = default;
 
@@ -67,6 +72,7 @@ SteadyTime Publisher::step(SteadyTime now) {
   }
   for (BrokerEvent& event : broker_.take_events())
     std::visit([&](const auto& e) { on(e, now); }, event);
+  follow_conflict(now);
   if (store_ != nullptr) {
     store_->upkeep(now, utc_ms_());
     spool_.count_dropped();
@@ -80,6 +86,10 @@ SteadyTime Publisher::step(SteadyTime now) {
   if (phase_ == Phase::running) keep_session(now);
   if (now >= next_tick_) tick(now);
   status_.answer(now);
+  if (counters_by_ && now >= *counters_by_) {
+    counters_by_.reset();
+    retained_.health_is_due();
+  }
   samples_out_.settle(now);
   spool_.commit(now, phase_ == Phase::running);
   // Whoever sees "online" and sends a command at once is heard, or is told that nobody listens.
@@ -121,35 +131,81 @@ void Publisher::on(const Disconnected& event, SteadyTime now) {
 
 void Publisher::on(const MessagesDropped& event, SteadyTime) { intake_.count_dropped(event.count); }
 
-void Publisher::on(const Message& event, SteadyTime) {
+void Publisher::on(const Message& event, SteadyTime now) {
   intake_.hear(event);
-  const auto index_of = [this](std::string_view name) {
-    const auto found = std::find_if(config_.devices.begin(), config_.devices.end(),
-                                    [name](const auto& device) { return device.name == name; });
-    return static_cast<std::uint32_t>(found - config_.devices.begin());
-  };
-  if (const auto name = device_of(event.topic, base_, "command")) {
-    const std::uint32_t device = index_of(*name);
-    if (device < config_.devices.size())
-      intake_.add(event, device, results_.is_full());
-    else
-      log::warn("command_ignored",
-                {{"topic", log::excerpt(event.topic)}, {"reason", "no such device"}});
-    return;
-  }
-  auto name = device_of(event.topic, base_, "state");
-  if (!name) name = device_of(event.topic, base_, "meta");
-  if (name && !event.payload.empty() && index_of(*name) == config_.devices.size() &&
-      retained_.clear(event.topic))
-    log::info("retained_topic_cleared", {{"topic", log::excerpt(event.topic)}});
+  if (const auto name = device_of(event.topic, base_, "command")) return hear_command(event, *name);
+  if (phase_ == Phase::running) hear_state(event, now);  // the last word is ours
 }
 
-void Publisher::connection_began(SteadyTime) {
+void Publisher::hear_command(const Message& message, std::string_view name) {
+  if (const auto device = index_.find(name); device != index_.end())
+    return intake_.add(message, device->second, results_.is_full());
+  log::warn("command_for_unknown_device", {{"topic", log::excerpt(message.topic)}});
+  if (may_be_a_device(name)) intake_.add_unknown(message, std::string(name), results_.is_full());
+}
+
+void Publisher::hear_state(const Message& message, SteadyTime now) {
+  if (message.topic == base_ + "/state") {
+    identity_.heard(message.payload, now);
+    return retained_.heard_agent_state(message.payload, now);
+  }
+  const auto of_state = device_of(message.topic, base_, "state");
+  const auto name = of_state ? of_state : device_of(message.topic, base_, "meta");
+  if (!name) return;
+  if (const auto device = index_.find(*name); device != index_.end()) {
+    if (conflict_) return;  // two agents would repair each other's words, without end
+    if (of_state)
+      retained_.heard_device_state(device->second, message.payload, now);
+    else
+      retained_.heard_device_meta(device->second, message.payload, now);
+  } else if (session_.looks_for_leftovers() && !message.payload.empty() &&
+             retained_.clear(message.topic)) {
+    log::info("retained_topic_cleared", {{"topic", log::excerpt(message.topic)}});
+  }
+}
+
+void Publisher::follow_conflict(SteadyTime now) {
+  if (phase_ != Phase::running) return;
+  identity_.keep(now);
+  const auto other = identity_.other();
+  if (other == conflict_) return;
+  conflict_ = other;
+  commands_.set_conflict(other.value_or(""));
+  status_.set_conflict(other.value_or(""));
+  if (other)
+    log::error("identity_conflict",
+               {{"other_boot", *other},
+                {"note",
+                 "another agent has the id of this one: commands are refused until it is gone; "
+                 "give each agent its own agent.id and client_id"}});
+  else
+    log::info("identity_conflict", {{"state", "over"}});
+  if (!session_.is_connected()) return;
+  if (other)
+    retained_.agent_state_changed();
+  else
+    retained_.everything_is_due();  // whatever the other one has left there
+  make_health_due(now);
+}
+
+/// Health with the counters of this moment, as far as the field answers.
+void Publisher::make_health_due(SteadyTime now) {
+  if (!ask_counters_) return retained_.health_is_due();
+  if (counters_by_) return;
+  counters_by_ = now + kCountersWithin;
+  ask_counters_();
+}
+
+void Publisher::connection_began(SteadyTime now) {
+  identity_.connection_began(now, session_.steady_after());
   retained_.connection_began();
+  make_health_due(now);
   samples_out_.connection_began();
 }
 
 void Publisher::connection_ended(SteadyTime) {
+  identity_.connection_ended();
+  counters_by_.reset();
   samples_out_.connection_ended();
   retained_.connection_ended();  // all of it is published again after the next connect
   results_.connection_ended();
@@ -185,7 +241,9 @@ void Publisher::take_outbox(SteadyTime now) {
   const bool can_go =
       (session_.is_connected() || session_.is_starting()) && phase_ <= Phase::draining;
   samples_out_.take(batch.telemetry, can_go, now);
+  const bool counted = batch.health.has_value();
   status_.take(batch);
+  if (counted && std::exchange(counters_by_, std::nullopt)) retained_.health_is_due();
 }
 
 void Publisher::take_results() {
@@ -216,7 +274,7 @@ void Publisher::hold_messages(SteadyTime now) {
 void Publisher::tick(SteadyTime now) {
   next_tick_ = now + kTick;
   status_.tick(now);
-  if (session_.is_connected()) retained_.health_is_due();
+  if (session_.is_connected()) make_health_due(now);
 }
 
 // ---- what goes out ------------------------------------------------------------------------------
@@ -296,7 +354,8 @@ bool Publisher::acknowledgements_matter() const {
 SteadyTime Publisher::next_wake(SteadyTime now) const {
   SteadyTime wake = std::min(next_tick_, intake_.next_wake(now));
   const auto at = [&wake](SteadyTime time) { wake = std::min(wake, time); };
-  if (phase_ != Phase::running) at(phase_deadline_);
+  if (counters_by_) at(*counters_by_);
+  at(phase_ == Phase::running ? identity_.next_wake() : phase_deadline_);
   if (phase_ == Phase::running || !session_.is_connected()) at(session_.next_wake());
   if (spool_.gathered() != 0) at(spool_.commit_at());
   if (store_ != nullptr && store_->has_pending()) at(now + SampleSpool::kCommitWithin);

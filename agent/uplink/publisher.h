@@ -11,6 +11,8 @@
 #include <optional>
 #include <stop_token>
 #include <string>
+#include <string_view>
+#include <unordered_map>
 #include <vector>
 
 #include "agent/commands/commands.h"
@@ -22,6 +24,7 @@
 #include "agent/store/store.h"
 #include "agent/uplink/broker.h"
 #include "agent/uplink/command_intake.h"
+#include "agent/uplink/identity_conflict.h"
 #include "agent/uplink/jittered_backoff.h"
 #include "agent/uplink/outgoing.h"
 #include "agent/uplink/payload.h"
@@ -51,13 +54,15 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
  public:
   using UtcClock = std::function<std::int64_t()>;
   using NumberAbove = std::function<void(std::vector<std::uint64_t>)>;
+  using AskCounters = std::function<void()>;
 
   /// All references outlive the publisher. `store` null: memory alone; else it is the journal of
   /// `commands` too. `number_above` is called from step() when a store that was not there at the
-  /// start has opened: samples are numbered above these from then on, by device.
+  /// start has opened: samples are numbered above these from then on, by device. `ask_counters` is
+  /// called before health is published: the field's counters then come through the outbox.
   Publisher(const Config& config, PublisherSettings settings, Payload& payload, Outbox& outbox,
             Broker& broker, Commands& commands, UtcClock utc_ms, Store* store = nullptr,
-            NumberAbove number_above = {});
+            NumberAbove number_above = {}, AskCounters ask_counters = {});
   ~Publisher() override;
   Publisher(const Publisher&) = delete;
   Publisher& operator=(const Publisher&) = delete;
@@ -90,10 +95,16 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
   void connection_began(SteadyTime now) override;
   void connection_ended(SteadyTime now) override;
   void attempt_failed(SteadyTime now) override;
+  void session_taken_over() override { identity_.taken_over(); }
   void hearing_changed() override;
   // Of the last message.
   void delivered(std::uint64_t id, SteadyTime now) override;
   void failed(const DeliveryFailed& event, SteadyTime now) override;
+
+  void hear_command(const Message& message, std::string_view name);
+  void hear_state(const Message& message, SteadyTime now);
+  void follow_conflict(SteadyTime now);
+  void make_health_due(SteadyTime now);
 
   void take_found_late(SteadyTime now);
   void take_outbox(SteadyTime now);
@@ -111,6 +122,7 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
   const Config& config_;
   const PublisherSettings settings_;
   const std::string base_;
+  std::unordered_map<std::string_view, std::uint32_t> index_;  ///< of devices, by name
   Payload& payload_;
   Outbox& outbox_;
   Broker& broker_;
@@ -118,6 +130,7 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
   const UtcClock utc_ms_;
   Store* const store_;
   const NumberAbove number_above_;
+  const AskCounters ask_counters_;
 
   JitteredBackoff backoff_;
   Outgoing outgoing_;
@@ -128,8 +141,12 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
   SampleDelivery samples_out_;
   CommandIntake intake_;
   StatusSource status_;
+  IdentityConflict identity_;
+  std::optional<std::string> conflict_;  ///< as it was published
   bool samples_first_ = false;  ///< whose turn it is, where the window is too small to share
 
+  /// The field's counters were asked for, and health waits for them until then.
+  std::optional<SteadyTime> counters_by_;
   std::optional<SteadyTime> started_;
   std::int64_t started_ms_ = 0;
   SteadyTime next_tick_{};

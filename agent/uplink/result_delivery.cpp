@@ -36,7 +36,8 @@ ResultDelivery::ResultDelivery(const Config& config, Commands& commands, Outgoin
       utc_ms_(std::move(utc_ms)) {}
 
 void ResultDelivery::add(ResultMessage result) {
-  const std::string& device = config_.devices.at(result.device).name;
+  const std::string& device = result.unknown_device.empty() ? config_.devices.at(result.device).name
+                                                            : result.unknown_device;
   Pending pending;
   pending.copies.push_back({.topic = base_ + "/" + device + "/result"});
   if (!result.response_topic.empty()) {
@@ -86,9 +87,11 @@ void ResultDelivery::hand_over(std::uint64_t key, std::size_t copy, SteadyTime n
                                std::optional<Heard> heard) {
   Pending& pending = results_.at(key);
   ResultMessage& result = pending.result;
-  if (!std::exchange(pending.handed_over, true) && !result.recorded)
-    result.text = with_total(std::move(result.text),
-                             std::max(now - result.received, SteadyTime::duration::zero()));
+  if (!std::exchange(pending.handed_over, true) && !result.recorded) {
+    result.total = std::max(now - result.received, SteadyTime::duration::zero());
+    result.text = with_total(std::move(result.text), *result.total);
+    commands_.note_total(result);
+  }
   Copy& to = pending.copies[copy];
   to.in_flight = true;
   Publication publication;
@@ -122,11 +125,12 @@ void ResultDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
   const Flight flight = flights_.extract(event.id).mapped();
   Pending& pending = results_.at(flight.result);
   Copy& copy = pending.copies[flight.copy];
-  log::warn("publish_refused", {{"what", "result"},
-                                {"topic", log::excerpt(copy.topic)},
-                                {"id", pending.result.id},
-                                {"code", hex_code(event.reason_code)},
-                                {"reason", event.text}});
+  log::warn(event.reason_code != 0 ? "publish_refused" : "publish_failed",
+            {{"what", "result"},
+             {"topic", log::excerpt(copy.topic)},
+             {"id", pending.result.id},
+             {"code", hex_code(event.reason_code)},
+             {"reason", event.text}});
   // A response topic is the sender's choice: where the broker refuses it, that is that.
   if (is_final(event.reason_code) || (copy.to_response_topic && event.reason_code != 0))
     return copy_done(flight, Ended::refused);

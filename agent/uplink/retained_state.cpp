@@ -1,12 +1,22 @@
 #include "agent/uplink/retained_state.h"
 
 #include <algorithm>
+#include <chrono>
 #include <utility>
 
 #include "agent/log/log.h"
 #include "agent/uplink/puback.h"
 
 namespace fxagent {
+namespace {
+
+using std::chrono::seconds;
+
+constexpr seconds kRepairEvery{1};
+// Until what was published comes back. Where it does not, what was heard meanwhile counts too.
+constexpr seconds kComesBackWithin{2};
+
+}  // namespace
 
 RetainedState::RetainedState(const Config& config, Payload& payload, Outgoing& outgoing,
                              JitteredBackoff& backoff, Source source)
@@ -18,8 +28,19 @@ RetainedState::RetainedState(const Config& config, Payload& payload, Outgoing& o
 
 void RetainedState::connection_began() {
   due_.clear();
+  everything_is_due();
+}
+
+void RetainedState::connection_ended() {
+  due_.clear();
+  flights_.clear();
+  published_.clear();
+  repairs_.clear();
+  told_.clear();
+}
+
+void RetainedState::everything_is_due() {
   agent_state_changed();
-  health_is_due();
   for (std::uint32_t device = 0; device < states_.size(); ++device) {
     due_[{Item::device_meta, device, {}}];
     if (states_[device]) due_[{Item::device_state, device, {}}];
@@ -31,12 +52,41 @@ void RetainedState::set(DeviceStatus status) {
   states_.at(device) = std::make_shared<const DeviceStatus>(std::move(status));
 }
 
+void RetainedState::heard(const Key& key, std::string_view payload, SteadyTime now) {
+  const auto found = published_.find(key);
+  if (found == published_.end() || due_.contains(key)) return;  // ours is still to come
+  Published& ours = found->second;
+  if (std::hash<std::string_view>{}(payload) == ours.hash) {
+    ours.came_back = true;
+    repairs_.erase(key);
+    return;
+  }
+  // The broker keeps an order on a topic: what comes before ours was there before it.
+  const SteadyTime overwritten = ours.came_back ? now : ours.at + kComesBackWithin;
+  repairs_.try_emplace(key, std::max(overwritten, ours.at + kRepairEvery));
+}
+
 void RetainedState::pump(SteadyTime now) {
+  for (auto next = repairs_.begin(); next != repairs_.end();) {
+    const auto current = next++;
+    if (current->second > now) continue;
+    due_.try_emplace(current->first);
+    if (told_.insert(current->first).second)
+      log::warn("retained_state_overwritten",
+                {{"topic", publication_of(current->first, now).topic},
+                 {"note", "somebody else published there; ours is published again"}});
+    repairs_.erase(current);
+  }
   for (auto next = due_.begin(); next != due_.end() && outgoing_.has_room();) {
     const auto current = next++;
     if (current->second.not_before > now) continue;
     auto taken = due_.extract(current);
-    const std::uint64_t id = outgoing_.send(*this, publication_of(taken.key(), now));
+    Publication publication = publication_of(taken.key(), now);
+    if (taken.key().item <= Item::device_meta) {
+      published_[taken.key()] = {std::hash<std::string_view>{}(publication.payload), now};
+      repairs_.erase(taken.key());
+    }
+    const std::uint64_t id = outgoing_.send(*this, std::move(publication));
     flights_.emplace(id, Flight{std::move(taken.key()), taken.mapped().failures});
   }
 }
@@ -64,7 +114,7 @@ void RetainedState::delivered(std::uint64_t id, SteadyTime) { flights_.erase(id)
 
 void RetainedState::failed(const DeliveryFailed& event, SteadyTime now) {
   const Flight flight = std::move(flights_.extract(event.id).mapped());
-  log::warn("publish_refused",
+  log::warn(event.reason_code != 0 ? "publish_refused" : "publish_failed",
             {{"what", "state"}, {"code", hex_code(event.reason_code)}, {"reason", event.text}});
   if (is_final(event.reason_code)) return;
   due_.insert_or_assign(flight.key,
@@ -75,6 +125,7 @@ SteadyTime RetainedState::next_wake(SteadyTime now) const {
   SteadyTime wake = SteadyTime::max();
   for (const auto& [key, due] : due_)
     if (due.not_before > now) wake = std::min(wake, due.not_before);
+  for (const auto& [key, due] : repairs_) wake = std::min(wake, std::max(due, now));
   return wake;
 }
 

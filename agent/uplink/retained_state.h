@@ -1,13 +1,17 @@
 // What is retained at the broker: the agent's state, health, and state and meta of each device. All
 // of it is published again after each connect, and what the broker refuses for a time comes again
-// with its newest value. Uplink thread. Time is an argument.
+// with its newest value. States and meta that somebody else has overwritten are repaired. Uplink
+// thread. Time is an argument. More than twenty functions: most say one word about one topic.
 #pragma once
 
 #include <cstdint>
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
+#include <set>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "agent/config/config.h"
@@ -30,14 +34,30 @@ class RetainedState final : public Outgoing::Sender {
   RetainedState(const Config& config, Payload& payload, Outgoing& outgoing,
                 JitteredBackoff& backoff, Source source);
 
+  /// All but health, whose counters are to be asked for first.
   void connection_began();
-  void connection_ended() { due_.clear(), flights_.clear(); }
+  void connection_ended();
+  /// The same in a connection that stands: another agent may have written there.
+  void everything_is_due();
   // These count only while there is a connection: everything is due after the next connect.
   void agent_state_changed() { due_[{Item::agent_state, 0, {}}] = {}; }
   void health_is_due() { due_[{Item::health, 0, {}}]; }
   void device_state_changed(std::uint32_t device) { due_[{Item::device_state, device, {}}] = {}; }
   /// Clears a retained topic. False: it is about to be.
   bool clear(const std::string& topic) { return due_.try_emplace({Item::clear, 0, topic}).second; }
+
+  // What was heard on topics of ours. Where it is not what was published there, that is published
+  // again, a second after it was published last at the soonest. What was there before ours came is
+  // no such text: ours comes back behind it.
+  void heard_agent_state(std::string_view payload, SteadyTime now) {
+    heard({Item::agent_state, 0, {}}, payload, now);
+  }
+  void heard_device_state(std::uint32_t device, std::string_view payload, SteadyTime now) {
+    heard({Item::device_state, device, {}}, payload, now);
+  }
+  void heard_device_meta(std::uint32_t device, std::string_view payload, SteadyTime now) {
+    heard({Item::device_meta, device, {}}, payload, now);
+  }
 
   /// The newest state of a device; published by device_state_changed().
   void set(DeviceStatus status);
@@ -70,7 +90,15 @@ class RetainedState final : public Outgoing::Sender {
     int failures = 0;
   };
 
+  /// What was handed over last on a topic.
+  struct Published {
+    std::size_t hash = 0;  ///< of the payload
+    SteadyTime at{};
+    bool came_back = false;  ///< the broker has sent it to us, too
+  };
+
   Publication publication_of(const Key& key, SteadyTime now);
+  void heard(const Key& key, std::string_view payload, SteadyTime now);
 
   Payload& payload_;
   Outgoing& outgoing_;
@@ -79,6 +107,9 @@ class RetainedState final : public Outgoing::Sender {
   std::vector<std::shared_ptr<const DeviceStatus>> states_;  ///< by device; others read on
   std::map<Key, Due> due_;
   std::map<std::uint64_t, Flight> flights_;  ///< by the id of the publication
+  std::map<Key, Published> published_;       ///< in this connection
+  std::map<Key, SteadyTime> repairs_;        ///< when each is due
+  std::set<Key> told_;                       ///< that were overwritten; once in a connection
 };
 
 }  // namespace fxagent

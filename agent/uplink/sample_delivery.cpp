@@ -217,7 +217,7 @@ void SampleDelivery::live_failed(LiveRow live, const DeliveryFailed& event, Stea
         {{"device", row.device}, {"code", hex_code(event.reason_code)}, {"reason", event.text}});
     return spool_.drop(row.device, live.stored ? spool_.remove(live) : 1);
   }
-  pause(row.device, event.reason_code, now);
+  pause(row.device, event, now);
   spool_.add(std::move(live));
 }
 
@@ -236,7 +236,7 @@ void SampleDelivery::history_failed(const OutgoingHistory& history, const Delive
   if (can_be_cut)
     history_bytes_ = std::min(history_bytes_, batch.payload.size()) / 2;
   else
-    pause(batch.device, event.reason_code, now);
+    pause(batch.device, event, now);
 }
 
 bool SampleDelivery::may_send(const std::string& device, SteadyTime now) const {
@@ -244,21 +244,25 @@ bool SampleDelivery::may_send(const std::string& device, SteadyTime now) const {
   return found == pauses_.end() || found->second.until <= now;
 }
 
-void SampleDelivery::pause(const std::string& device, int reason_code, SteadyTime now) {
+void SampleDelivery::pause(const std::string& device, const DeliveryFailed& event, SteadyTime now) {
+  const int reason_code = event.reason_code;
   Pause& pause = pauses_[device];
   pause.reason_code = reason_code;
   if (pause.until > now) return;  // one refusal among several that were on their way
   pause.until = now + backoff_.after(pause.failures++);
-  log::warn(
-      "samples_refused",
-      {{"device", device},
-       {"code", hex_code(reason_code)},
-       {"again_in_s", std::to_string(std::chrono::ceil<seconds>(pause.until - now).count())}});
+  const std::string again = std::to_string(std::chrono::ceil<seconds>(pause.until - now).count());
+  if (reason_code != 0)
+    log::warn("samples_refused",
+              {{"device", device}, {"code", hex_code(reason_code)}, {"again_in_s", again}});
+  else
+    log::warn("samples_not_sent",
+              {{"device", device}, {"reason", event.text}, {"again_in_s", again}});
 }
 
 std::optional<int> SampleDelivery::refused(const std::string& device) const {
   const auto found = pauses_.find(device);
-  return found == pauses_.end() ? std::nullopt : std::optional(found->second.reason_code);
+  const bool refuses = found != pauses_.end() && found->second.reason_code != 0;
+  return refuses ? std::optional(found->second.reason_code) : std::nullopt;
 }
 
 bool SampleDelivery::is_backed_up() const { return live_.size() >= kBackedUp; }

@@ -76,7 +76,8 @@ class SampleDelivery final : public Outgoing::Sender {
     OutgoingHistory history;
     SteadyTime since{};
   };
-  /// A device whose samples the broker refuses for the time being.
+  /// A device whose samples the broker refuses for the time being, or the library does not take
+  /// (reason code 0).
   struct Pause {
     SteadyTime until{};
     int failures = 0;
@@ -89,7 +90,7 @@ class SampleDelivery final : public Outgoing::Sender {
   void history_failed(const OutgoingHistory& history, const DeliveryFailed& event, SteadyTime now);
   bool has_room() const;
   bool may_send(const std::string& device, SteadyTime now) const;
-  void pause(const std::string& device, int reason_code, SteadyTime now);
+  void pause(const std::string& device, const DeliveryFailed& event, SteadyTime now);
   /// A history message is over, in whatever way.
   void rest(SteadyTime since, SteadyTime now);
 

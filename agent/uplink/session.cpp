@@ -15,7 +15,9 @@ using std::chrono::seconds;
 constexpr seconds kConnectPatience{30};    // longer than the library's own connect time-out
 constexpr seconds kNoAcknowledgement{30};  // a broker that is silent for so long is given up
 constexpr seconds kSteady{10};             // a connection that lived so long was a good one,
-constexpr int kSteadyPauses = 2;           // and so many times as long as the pause before it
+// and so many times as long as the pause before it: another agent with our id waits as often as we
+// do, and at most two and a half times as long.
+constexpr int kSteadyPauses = 3;
 constexpr seconds kLastRetry{30};
 // A broker that restarts, or lets a user in again, is met within 5 s; one that is away for longer
 // than this is not in such a hurry.
@@ -29,7 +31,7 @@ constexpr seconds kGoodbye{2};        // until Disconnected, or else nothing mor
 constexpr seconds kCatchUp{1};        // until it is asked again whether enough results are out
 constexpr int kSilenceIsSlow = 2;     // failures that an unanswered SUBSCRIBE begins with: 4 s
 constexpr seconds kLastSubscribe{60};
-constexpr seconds kCleanUpFor{10};  // how long retained topics of unknown devices are looked for
+constexpr seconds kLeftoversFor{10};  // how long retained topics of unknown devices are looked for
 
 }  // namespace
 
@@ -56,11 +58,14 @@ void Session::on(const Connected& event, SteadyTime now) {
   outgoing_.begin(event);
   log::info("broker_connected",
             {{"server", server()}, {"window", std::to_string(outgoing_.window())}});
+  // Our own retained topics are what is looked for here, and another agent may have our client id,
+  // so No Local would hide them. Our own state goes before commands: if another agent is there,
+  // that is known when they come.
+  broker_.subscribe({base_ + "/state", /*no_local=*/false});
   subscribe_to_commands(now);
-  // Our own retained topics are what is looked for here, so No Local would hide them.
   broker_.subscribe({base_ + "/+/state", /*no_local=*/false});
   broker_.subscribe({base_ + "/+/meta", /*no_local=*/false});
-  clean_up_until_ = now + kCleanUpFor;
+  leftovers_until_ = now + kLeftoversFor;
   listener_.connection_began(now);
 }
 
@@ -81,6 +86,7 @@ void Session::on(const Lost& event, SteadyTime now) {
   if (link_ == Link::connecting) return on(ConnectFailed{event.text}, now);
   if (link_ != Link::connected) return;
   log::warn("broker_lost", {{"server", server()}, {"reason", event.text}});
+  if (event.reason_code == kSessionTakenOver) listener_.session_taken_over();
   receive_maximum_ = kReceiveMaximum;
   end(now);
   retry_after_loss(now);
@@ -98,10 +104,8 @@ void Session::keep(SteadyTime now, bool may_hear) {
   watch(now);
   keep_subscribed(now, may_hear);
   if ((link_ == Link::waiting || link_ == Link::leaving) && now >= retry_at_) connect(now);
-  if (link_ == Link::connected && clean_up_until_ && now >= *clean_up_until_) {
-    clean_up_until_.reset();
-    broker_.unsubscribe(base_ + "/+/state");
-    broker_.unsubscribe(base_ + "/+/meta");
+  if (link_ == Link::connected && leftovers_until_ && now >= *leftovers_until_) {
+    leftovers_until_.reset();
     malloc_trim(0);  // what the flood of a new connection took goes back, for the years that follow
   }
 }
@@ -115,7 +119,7 @@ void Session::connect(SteadyTime now) {
 void Session::end(SteadyTime now) {
   link_ = Link::waiting;
   last_up_ = now;
-  clean_up_until_.reset();
+  leftovers_until_.reset();
   down_since_.reset();
   suback_by_.reset();
   ask_again_at_.reset();
@@ -169,7 +173,7 @@ SteadyTime Session::next_wake() const {
   };
   if (link_ == Link::waiting || link_ == Link::leaving) at(retry_at_);
   if (link_ == Link::connecting) at(connect_deadline_);
-  at(clean_up_until_);
+  at(leftovers_until_);
   if (link_ != Link::connected) return wake;
   if (const auto since = outgoing_.unanswered_since()) at(*since + kNoAcknowledgement);
   if (down_since_) at(*down_since_ + kLibraryForgot);
@@ -187,9 +191,12 @@ void Session::retry_after_failure(SteadyTime now) {
                                          short_outage ? kLastRetryOfShortOutage : kLastRetry);
 }
 
+SteadyTime::duration Session::steady_after() const {
+  return std::max<SteadyTime::duration>(kSteady, kSteadyPauses * last_pause_);
+}
+
 void Session::retry_after_loss(SteadyTime now) {
-  const SteadyTime::duration lived = now - connected_at_;
-  if (lived >= kSteady && lived >= kSteadyPauses * last_pause_) {
+  if (now - connected_at_ >= steady_after()) {
     server_ = 0;
     thrown_rounds_ = 0;
   } else {
@@ -208,7 +215,9 @@ void Session::retry_after_loss(SteadyTime now) {
 void Session::on(const Subscribed& event, SteadyTime now) {
   if (link_ != Link::connected) return;
   if (event.filter != commands_filter_) {
-    if (!event.granted)
+    if (event.granted)
+      refused_filters_.erase(event.filter);
+    else if (refused_filters_.insert(event.filter).second)
       log::error("subscription_refused", {{"filter", event.filter}, {"reason", event.text}});
     return;
   }

@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <set>
 #include <string>
 
 #include "agent/config/config.h"
@@ -29,6 +30,8 @@ class Session final {
     /// What was on its way is to be published again.
     virtual void connection_ended(SteadyTime now) = 0;
     virtual void attempt_failed(SteadyTime now) = 0;
+    /// The broker has given our session to another client; connection_ended() follows.
+    virtual void session_taken_over() = 0;
     /// Commands are heard, or not heard, since now: deaf() says why.
     virtual void hearing_changed() = 0;
   };
@@ -65,6 +68,10 @@ class Session final {
   bool is_connected() const { return link_ == Link::connected; }
   /// Neither connected nor on the way to it.
   bool is_waiting() const { return link_ == Link::waiting; }
+  /// Retained topics of devices that are gone are being looked for.
+  bool looks_for_leftovers() const { return leftovers_until_.has_value(); }
+  /// A connection that lives so long is a good one: nobody throws it off.
+  SteadyTime::duration steady_after() const;
   /// The first attempt is not over.
   bool is_starting() const { return starting_; }
   /// Neither confirmed nor overdue: nobody knows yet whether commands are heard.
@@ -110,7 +117,8 @@ class Session final {
   SteadyTime connected_at_{};
   std::optional<SteadyTime> down_since_;  ///< the library has no connection and has not said so
   std::uint16_t receive_maximum_ = kReceiveMaximum;  ///< until a connection is lost
-  std::optional<SteadyTime> clean_up_until_;  ///< looking for retained topics of unknown devices
+  std::optional<SteadyTime> leftovers_until_;  ///< looking for retained topics of unknown devices
+  std::set<std::string> refused_filters_;      ///< of states and meta; told once
 
   // the subscription to commands
   std::optional<SteadyTime> suback_by_;  ///< asked for: until when the answer may take

@@ -105,6 +105,7 @@ AgentStatus StatusSource::make(SteadyTime now) const {
   status.boot = run_.boot;
   status.version = run_.version;
   status.uptime = std::chrono::duration_cast<seconds>(now - started_);
+  status.conflict = conflict_;
   status.samples = samples();
   status.field = field_;
   status.devices = parts_.retained.states();

@@ -8,6 +8,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "agent/commands/commands.h"
 #include "agent/config/config.h"
@@ -47,6 +48,8 @@ class StatusSource final {
   void start(SteadyTime now);
   /// What the field said of values and counters. Takes `batch.health`; the samples stay.
   void take(Outbox::Batch& batch);
+  /// Boot of another agent with the same id; empty: there is none.
+  void set_conflict(std::string other_boot) { conflict_ = std::move(other_boot); }
   /// The time of health: rates begin anew, what is wrong goes to the log, a status is published.
   void tick(SteadyTime now);
   /// Publishes a status where a reader waits for it.
@@ -71,6 +74,7 @@ class StatusSource final {
   std::uint64_t pushed_ = 0;  ///< samples that the outbox has handed over
   std::shared_ptr<const FieldHealth> field_ = std::make_shared<const FieldHealth>();
   bool miscounted_ = false;  ///< field_ does not agree with what the outbox has handed over
+  std::string conflict_;
   std::uint64_t dropped_at_tick_ = 0;
   std::optional<double> bytes_per_hour_;
   SteadyTime started_{};

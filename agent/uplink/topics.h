@@ -15,6 +15,9 @@ bool is_publishable(std::string_view topic);
 std::optional<std::string_view> device_of(std::string_view topic, std::string_view base,
                                           std::string_view leaf);
 
+/// Whether a device can have that name: 1 to 64 characters of a-z, 0-9, _ and -.
+bool may_be_a_device(std::string_view name);
+
 /// What a topic of samples says: "{base}/{device}/data/{group}", or that with "/history" behind it.
 struct DataTopic {
   std::string_view device;

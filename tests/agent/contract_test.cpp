@@ -196,6 +196,7 @@ CommandResult acknowledged(std::string id) {
   result.targets[0].verify = Verification{Value(std::int64_t{50}), true};
   result.received_ms = kNow;
   result.bound = 230ms;
+  result.total = 62ms;
   return result;
 }
 

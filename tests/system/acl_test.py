@@ -159,6 +159,17 @@ class BrokerAcl(PlantTest):
         wait_for("the empty payload", lambda: (f"{BASE}/old/state", b"") in anna.received and
                  (f"{BASE}/old/meta", b"") in anna.received)
 
+    def test_the_agent_hears_its_own_states_and_puts_them_right(self):
+        self.start_plant()
+        forger = self.user("edge7")
+        for topic in (f"{BASE}/state", f"{BASE}/press1/state", f"{BASE}/press1/meta"):
+            self.anna.got(topic)
+            self.assertEqual(forger.publish(topic, {"forged": 1}, retain=True), 0)
+            self.anna.got(topic, lambda p: "forged" in p)
+            wait_for("the repair of " + topic, lambda: [
+                json.loads(p) for t, p in list(self.anna.received) if t == topic and p
+            ][-1].get("forged") is None)
+
     def test_a_viewer_sees_everything_but_commands_and_may_not_command(self):
         self.start_plant()
         viktor = self.user("viktor")

@@ -41,8 +41,10 @@ class FakeJournal final : public CommandJournal {
     happened += "record " + std::to_string(given.size()) + "; ";
     for (const JournalEntry& entry : given) keep(entry);
   }
-  void acknowledge(std::string device, std::string id, std::uint64_t number) override {
+  void acknowledge(std::string device, std::string id, std::uint64_t number,
+                   std::string total_ms) override {
     happened += "acknowledge " + device + " " + id + " " + std::to_string(number) + "; ";
+    totals[device + "/" + id] = std::move(total_ms);
   }
   std::optional<JournalEntry> find(const std::string& device, const std::string& id) override {
     const auto found = entries.find(device + "/" + id);
@@ -58,6 +60,7 @@ class FakeJournal final : public CommandJournal {
   }
 
   std::map<std::string, JournalEntry> entries;
+  std::map<std::string, std::string> totals;
   std::vector<json> audits;
   std::string happened;
   std::uint64_t last_number = 0;

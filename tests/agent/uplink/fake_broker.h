@@ -54,7 +54,9 @@ class FakeBroker final : public Broker {
   void subscribe(Subscription subscription) override {
     filters.insert(subscription.filter);
     order.push_back("subscribe " + subscription.filter);
-    if (confirms) events_.push_back(Subscribed{subscription.filter, refusal.empty(), refusal});
+    const bool of_states = !subscription.filter.ends_with("/command");
+    const std::string why = refuses_states && of_states ? "Not authorized" : refusal;
+    if (confirms) events_.push_back(Subscribed{subscription.filter, why.empty(), why});
   }
   bool is_connected() const override { return up_ || believes; }
   void unsubscribe(const std::string& filter) override { filters.erase(filter); }
@@ -80,10 +82,10 @@ class FakeBroker final : public Broker {
     events_.push_back(DeliveryFailed{open_.front().id, reason_code, "refused"});
     open_.pop_front();
   }
-  void lose() {
+  void lose(int reason_code = 0) {
     up_ = false;
     open_.clear();
-    events_.push_back(Lost{"connection closed"});
+    events_.push_back(Lost{"connection closed", reason_code});
   }
   /// Gone, and nobody is told.
   void vanish() {
@@ -114,6 +116,8 @@ class FakeBroker final : public Broker {
   bool finds_out = true;           ///< that the connection is gone, when it is used
   bool believes = false;           ///< that there is a connection, whatever is so
   bool confirms = true;            ///< a SUBSCRIBE gets its SUBACK
+  bool echoes = false;             ///< what is published comes back where it is subscribed to
+  bool refuses_states = false;     ///< subscriptions to anything but commands
   std::string refusal;             ///< what the SUBACK says; empty: granted
   bool acknowledgements_awaited = true;
   bool held = false;
@@ -135,6 +139,19 @@ class FakeBroker final : public Broker {
     taken.push_back(publication);
     order.push_back(publication.topic);
     events_.push_back(Delivered{publication.id});
+    if (!echoes || !is_subscribed(publication.topic)) return;
+    Message message;
+    message.topic = publication.topic;
+    message.payload = publication.payload;
+    message.retained = publication.retain == Retain::yes;
+    events_.push_back(std::move(message));
+  }
+  /// Filters of the agent end in a level of their own, behind "+" at the most.
+  bool is_subscribed(const std::string& topic) const {
+    const std::size_t leaf = topic.rfind('/');
+    const std::size_t device = topic.rfind('/', leaf - 1);
+    return filters.contains(topic) ||
+           filters.contains(topic.substr(0, device) + "/+" + topic.substr(leaf));
   }
 
   bool up_ = false;

@@ -237,7 +237,7 @@ TEST(JsonPayload, TopicsAndTheirDeliveryAreTheContracts) {
            std::to_string(made.qos);
   };
   const std::string base = "fx/plant-a/edge7";
-  EXPECT_EQ(place(payload.agent_online(7, std::nullopt)), base + "/state retained 1");
+  EXPECT_EQ(place(payload.agent_online(7, std::nullopt, std::nullopt)), base + "/state retained 1");
   EXPECT_EQ(place(payload.agent_offline(7)), base + "/state retained 1");
   EXPECT_EQ(place(payload.device_state(test::offline(1, "timeout"))),
             base + "/press2/state retained 1");

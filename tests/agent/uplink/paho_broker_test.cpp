@@ -516,7 +516,9 @@ TEST(PahoBroker, DisconnectOfTheBrokerIsALossAndItsReasonIsTold) {
     const SpitefulServer server(5, disconnect_packet(code, reason), Afterwards::stays);
     Client client(settings(server.url()));
     client.connect();
-    const std::string text = client.next<Lost>().text;
+    const Lost lost = client.next<Lost>();
+    const std::string& text = lost.text;
+    EXPECT_EQ(lost.reason_code, code);
     EXPECT_TRUE(text.starts_with("the broker said: ")) << text;
     EXPECT_GT(text.size(), std::string("the broker said: ").size());
     EXPECT_EQ(text.ends_with(": for a test"), !reason.empty()) << text;
@@ -534,6 +536,22 @@ TEST(PahoBroker, ConnectionAfterADisconnectWorks) {
       client.connect();
       EXPECT_TRUE(client->is_connected());
     }
+}
+
+TEST_P(PahoBrokerVersion, ServerThatClosesBeforeItsConnackHasAnsweredAllTheSame) {
+  const Listener listener;
+  std::thread server([&listener] {
+    const int client = accept(listener.fd(), nullptr, nullptr);
+    char bytes[1000];
+    recv(client, bytes, sizeof bytes, 0);
+    close(client);
+  });
+  Client client(settings(listener.url(), GetParam()));
+  client->connect(0, kReceiveMaximum);
+  const std::string text = client.next<ConnectFailed>().text;
+  server.join();
+  EXPECT_TRUE(text.starts_with("somebody answers at this address and closes")) << text;
+  EXPECT_EQ(text.find("try \"version\": \"3.1.1\"") != text.npos, GetParam() == 5) << text;
 }
 
 TEST(PahoBroker, DisconnectWithoutACodeIsALossToo) {

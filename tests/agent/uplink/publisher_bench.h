@@ -56,7 +56,8 @@ struct PublisherBench {
       publisher = std::make_unique<Publisher>(
           config, settings, *format, outbox, broker, *commands, [this] { return utc(); },
           store.get(),
-          [this](std::vector<std::uint64_t> numbers) { found_late.push_back(std::move(numbers)); });
+          [this](std::vector<std::uint64_t> numbers) { found_late.push_back(std::move(numbers)); },
+          ask_counters);
     }
     return *publisher;
   }
@@ -121,6 +122,7 @@ struct PublisherBench {
   }
 
   std::function<void(const AdmittedCommand&)> on_admitted;
+  std::function<void()> ask_counters;
   std::string response_topic;  ///< of the commands to come
   Bytes correlation;
 };

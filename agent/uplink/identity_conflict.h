@@ -1,0 +1,50 @@
+// Two agents with one id: whether another one is there, by what is heard on the agent's own state
+// topic and by sessions that were taken over. While it is, neither carries out commands. Uplink
+// thread. Pure: time is an argument.
+//
+// Another agent that lives answers: it puts its own state in the place of ours within a second or
+// so. One that is gone does not, whatever its retained state still says; so a state of an earlier
+// boot of this agent, left by a kill, is no conflict for longer than an answer may take.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "agent/messages.h"
+
+namespace fxagent {
+
+class IdentityConflict final {
+ public:
+  /// `boot`: our own.
+  explicit IdentityConflict(std::string boot) : boot_(std::move(boot)) {}
+
+  /// A text on {base}/state, whoever published it.
+  void heard(std::string_view payload, SteadyTime now);
+  /// The broker says that it has given our session to another client. Many do so without a word:
+  /// then the other's last will stands where our state was, when we are back.
+  void taken_over() { taken_over_ = true; }
+  /// `steady_after`: a connection that lives so long is not taken over any more.
+  void connection_began(SteadyTime now, SteadyTime::duration steady_after);
+  void connection_ended();
+  /// Ends the conflict where the other one was silent for long enough.
+  void keep(SteadyTime now);
+  /// When keep() has something to do at the latest.
+  SteadyTime next_wake() const;
+
+  /// The other's boot, "unknown" where it was never heard; nullopt: nobody else has our id.
+  std::optional<std::string> other() const;
+
+ private:
+  const std::string boot_;
+  std::string other_boot_;   ///< the last that was heard; empty: none
+  bool is_online_ = false;   ///< it said so, and has not gone since
+  bool taken_over_ = false;  ///< it has our client id too
+  bool was_ours_ = false;    ///< our own state has stood on the topic in an earlier connection
+  bool is_ours_ = false;     ///< our own state has come back in this one
+  SteadyTime silent_at_ = SteadyTime::max();
+  SteadyTime steady_at_ = SteadyTime::max();
+};
+
+}  // namespace fxagent
