@@ -188,6 +188,7 @@ void Commands::find_first(CommandResult& result) {
   }
   CommandResult first = recorded_result(known->result);
   first.id = result.id;
+  first.id_is_number = result.id_is_number;
   result.plc = first.plc;
   result.first = std::make_shared<const CommandResult>(std::move(first));
 }

@@ -18,6 +18,7 @@ namespace {
 CommandResult interrupted(const JournalEntry& entry) {
   CommandResult result;
   result.id = entry.id;
+  result.id_is_number = parse_command(entry.payload).id_is_number;
   result.op = entry.op;
   result.received_ms = entry.received_ms;
   if (op_from(entry.op) == Op::read) {

@@ -18,7 +18,7 @@ constexpr milliseconds kLongArray{2000};
 nanoseconds target_time(const Codec& codec, const DeviceConfig& device, const LineTiming& timing,
                         const AdmittedCommand& admitted, const AdmittedTarget& target) {
   const bool writes = !target.requests.empty();
-  const int readings = (writes ? 0 : 1) + (target.expected.empty() ? 0 : 1) +
+  const int readings = (writes ? 0 : 1) + (target.expected ? 1 : 0) +
                        (writes && is_verified(admitted, target) ? 1 : 0);
   return write_time(codec, target.requests, timing) +
          readings * read_time(codec, device, target.point, timing);
