@@ -180,7 +180,7 @@ std::size_t memory_of(const Command& command) {
                       command.correlation.capacity() + memory_of(command.expect);
   for (const CommandTarget& target : command.targets)
     bytes += sizeof(target) + target.tag.capacity() + target.address.capacity() +
-             memory_of(target.value);
+             memory_of(target.value) + (target.fault ? target.fault->detail.capacity() : 0);
   return bytes;
 }
 

@@ -135,18 +135,20 @@ std::string_view to_string(Reason reason);
 /// So many targets a command may have: a longer list would hold its line for minutes.
 inline constexpr std::size_t kMostTargets = 64;
 
+/// A fault that the parser found. Admission answers with it in its place in the order of checks.
+struct Refusal {
+  Reason reason = Reason::bad_json;
+  std::string detail;
+};
+
 struct CommandTarget {
   std::string tag;      ///< empty: by address
   std::string address;  ///< empty: by tag
   std::optional<DataType> type;
   std::optional<Value> value;
-  std::uint16_t count = 0;  ///< the command line's `read` of several devices; 0: one, or the tag's
-};
-
-/// A fault that the parser found. Admission answers with it in its place in the order of checks.
-struct Refusal {
-  Reason reason = Reason::bad_json;
-  std::string detail;
+  /// Of a read by address: elements, or characters of a string; 0: one.
+  std::uint16_t count = 0;
+  std::optional<Refusal> fault{};  ///< what the parser found wrong with this target
 };
 
 /// What comes with the payload of a message on a command topic.
@@ -161,8 +163,9 @@ struct MessageProperties {
 
 struct Command : MessageProperties {
   std::uint32_t device = 0;
-  std::uint64_t number = 0;  ///< its number in the audit; 0: none. Its result bears it too
-  std::string id;            ///< empty: none could be read
+  std::uint64_t number = 0;   ///< its number in the audit; 0: none. Its result bears it too
+  std::string id;             ///< empty: none could be read
+  bool id_is_number = false;  ///< it came as a JSON integer, and `id` is its decimal text
   std::optional<Op> op;
   std::string op_text;  ///< as it came, for the result
   std::vector<CommandTarget> targets;
@@ -227,8 +230,9 @@ struct TargetResult {
 
 struct CommandResult {
   std::uint32_t device = 0;
-  std::uint64_t number = 0;  ///< of its command
-  std::string id;            ///< empty: null
+  std::uint64_t number = 0;   ///< of its command
+  std::string id;             ///< empty: null
+  bool id_is_number = false;  ///< as in the command
   CommandStatus status = CommandStatus::rejected;
   Reason reason = Reason::none;
   std::string detail;

@@ -315,7 +315,7 @@ std::string spelled(double number) {
 }
 
 /// Whether the scalar is of a kind that the point's type takes.
-Packed check_kind(const Point& point, const Scalar& scalar) {
+Packed check_scalar(const Point& point, const Scalar& scalar) {
   const auto* whole = std::get_if<std::int64_t>(&scalar);
   const auto* real = std::get_if<double>(&scalar);
   if (real != nullptr && !std::isfinite(*real)) return bad_value("the value is not finite");
@@ -326,13 +326,30 @@ Packed check_kind(const Point& point, const Scalar& scalar) {
                      (real != nullptr && (*real == 0.0 || *real == 1.0));
     if (!bit) return bad_value(type + " takes true, false, 1 or 0");
   } else if (point.type == DataType::string) {
-    const auto* text = std::get_if<std::string>(&scalar);
-    if (text == nullptr) return bad_value(type + " takes a text");
-    if (!latin1_from_utf8(*text))
-      return bad_value("the text has a character that is not Latin-1, or NUL");
+    if (!std::holds_alternative<std::string>(scalar)) return bad_value(type + " takes a text");
   } else if (whole == nullptr && real == nullptr) {
     return bad_value(type + " takes a number");
   }
+  return {};
+}
+
+/// The same of a whole value, and whether it has as many elements as the point.
+Packed check_shape(const Point& point, const Value& value) {
+  if (value.is_array != point.is_array)
+    return bad_value(point.is_array ? "an array is wanted" : "one value is wanted, not an array");
+  if (value.items.size() != point.count)
+    return bad_value(std::to_string(value.items.size()) + " elements given, " +
+                     std::to_string(point.count) + " wanted");
+  for (const Scalar& scalar : value.items)
+    if (auto kind = check_scalar(point, scalar); !kind) return kind;
+  return {};
+}
+
+/// Whether the device can hold the text's characters, if it is one.
+Packed check_characters(const Scalar& scalar) {
+  const auto* text = std::get_if<std::string>(&scalar);
+  if (text != nullptr && !latin1_from_utf8(*text))
+    return bad_value("the text has a character that is not Latin-1, or NUL");
   return {};
 }
 
@@ -346,6 +363,7 @@ double unscaled(const Point& point, double value) {
 }
 
 double as_double(const Scalar& scalar) {
+  if (const auto* flag = std::get_if<bool>(&scalar)) return *flag ? 1 : 0;
   const auto* whole = std::get_if<std::int64_t>(&scalar);
   return whole != nullptr ? static_cast<double>(*whole) : std::get<double>(scalar);
 }
@@ -541,14 +559,11 @@ Result<Value> unpack(const Point& point, ByteView image, std::uint32_t image_fir
 tl::expected<Bytes, PackError> pack(const Point& point, const Value& value) {
   const auto span = span_of(point);
   if (!span) return bad_value(span.error().text);
-  if (value.is_array != point.is_array)
-    return bad_value(point.is_array ? "an array is wanted" : "one value is wanted, not an array");
-  if (value.items.size() != point.count)
-    return bad_value(std::to_string(value.items.size()) + " elements given, " +
-                     std::to_string(point.count) + " wanted");
+  if (auto shape = check_shape(point, value); !shape)
+    return tl::make_unexpected(std::move(shape.error()));
   for (const Scalar& scalar : value.items)
-    if (auto kind = check_kind(point, scalar); !kind)
-      return tl::make_unexpected(std::move(kind.error()));
+    if (auto characters = check_characters(scalar); !characters)
+      return tl::make_unexpected(std::move(characters.error()));
   Bytes image((span->bits + 7) / 8, 0);
   const std::uint32_t bits = span->bits / point.count;
   std::size_t bit = 0;
@@ -558,6 +573,23 @@ tl::expected<Bytes, PackError> pack(const Point& point, const Value& value) {
     bit += bits;
   }
   return image;
+}
+
+Result<void> check_kind(const Point& point, const Value& value) {
+  if (auto shape = check_shape(point, value); !shape)
+    return fail(ErrorCode::bad_request, std::move(shape.error().text));
+  return {};
+}
+
+bool shows(const Value& shown, const Value& wanted) {
+  const auto same = [](const Scalar& is, const Scalar& should) {
+    if (std::holds_alternative<std::string>(is) || std::holds_alternative<std::string>(should))
+      return is == should;
+    return as_double(is) == as_double(should);
+  };
+  return shown.is_array == wanted.is_array &&
+         std::equal(shown.items.begin(), shown.items.end(), wanted.items.begin(),
+                    wanted.items.end(), same);
 }
 
 Bytes extract_bits(ByteView image, std::uint32_t from_bit, std::uint32_t bits) {

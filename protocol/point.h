@@ -147,6 +147,13 @@ struct PackError {
 };
 tl::expected<Bytes, PackError> pack(const Point& point, const Value& value);
 
+/// Whether `value` is of the kind and has the number of elements that the point takes, whatever its
+/// size. bad_request says what is wanted.
+Result<void> check_kind(const Point& point, const Value& value);
+/// Whether `shown`, a value that unpack() made, is `wanted`, which check_kind() lets through: the
+/// same text, the same number (-0 is 0), true for 1 and false for 0.
+bool shows(const Value& shown, const Value& wanted);
+
 /// Copies `bits` bits of `image`, starting `from_bit` bits in, to a fresh image that starts at bit
 /// 0; bits past the end of `image` read as 0.
 Bytes extract_bits(ByteView image, std::uint32_t from_bit, std::uint32_t bits);

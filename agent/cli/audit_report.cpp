@@ -77,7 +77,7 @@ std::string line_text(const Json& line) {
   const std::int64_t received = time_at(line, "received");
   std::string out = received == 0 ? "before the records" : utc_text(received);
   out += " " + plain(at(line, "device")) + " ";
-  out += at(line, "id").is_string() ? plain(at(line, "id")) : "(no id)";
+  out += at(line, "id").is_null() ? "(no id)" : plain(at(line, "id"));
   // In quotes: a name is the sender's, and must not pass for what stands behind it.
   if (at(line, "by").is_string()) out += " by \"" + plain(at(line, "by")) + "\"";
   out += ": " + (at(line, "op").is_string() ? plain(at(line, "op")) : "(no op)");

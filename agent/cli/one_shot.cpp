@@ -51,6 +51,11 @@ bool narrow(Config& config, const std::string& name) {
   return true;
 }
 
+bool names_tag(const OneShot& what, const DeviceConfig& device) {
+  return std::any_of(device.tags.begin(), device.tags.end(),
+                     [&](const TagConfig& tag) { return tag.name == what.address; });
+}
+
 Command command_for(const OneShot& what, const DeviceConfig& device, CommandTarget target) {
   Command command;
   command.id = "command-line";
@@ -63,9 +68,7 @@ Command command_for(const OneShot& what, const DeviceConfig& device, CommandTarg
   command.message_expiry = device.commands.max_expiry;
   command.expires_ms =
       command.received_ms + std::chrono::milliseconds(device.commands.max_expiry).count();
-  const bool is_tag = std::any_of(device.tags.begin(), device.tags.end(),
-                                  [&](const TagConfig& t) { return t.name == what.address; });
-  (is_tag ? target.tag : target.address) = what.address;
+  (names_tag(what, device) ? target.tag : target.address) = what.address;
   command.targets.push_back(std::move(target));
   return command;
 }
@@ -188,6 +191,11 @@ void print_command(const CommandResult& result, const std::string& device, bool 
 int run_one_shot(Config config, const OneShot& what) {
   if (!narrow(config, what.device)) {
     std::cerr << "no device " << what.device << " in the config\n";
+    return kWrongQuestion;
+  }
+  if ((what.type || what.count > 0) && names_tag(what, config.devices.front())) {
+    std::cerr << (what.type ? "--type" : "--count") << ": " << what.address
+              << " is a tag, the config says its type and count\n";
     return kWrongQuestion;
   }
   CommandTarget target;

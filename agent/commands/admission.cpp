@@ -5,6 +5,7 @@
 #include <charconv>
 #include <utility>
 
+#include "agent/commands/faults.h"
 #include "agent/commands/result.h"
 #include "protocol/plan.h"
 #include "protocol/plc.h"
@@ -46,16 +47,17 @@ std::string to_text(double number) {
   return {text.data(), end};
 }
 
-/// A refusal where any element of `value` lies outside the tag's min and max.
-std::optional<Refusal> check_limits(const TagConfig& tag, const Value& value) {
-  for (const Scalar& item : value.items) {
+/// A refusal where any element of what is to be written lies outside the tag's min and max.
+std::optional<Refusal> check_limits(const TagConfig& tag, const Value& written) {
+  for (const Scalar& item : written.items) {
     const auto x = number(item);
     if (!x) continue;
     const auto& [min, max, deadband] = tag.limits;
+    const std::string what = to_text(*x) + " would be written, ";
     if (min && *x < *min)
-      return refuse(Reason::out_of_range, "below the tag's min of " + to_text(*min));
+      return refuse(Reason::out_of_range, what + "below the tag's min of " + to_text(*min));
     if (max && *x > *max)
-      return refuse(Reason::out_of_range, "above the tag's max of " + to_text(*max));
+      return refuse(Reason::out_of_range, what + "above the tag's max of " + to_text(*max));
   }
   return std::nullopt;
 }
@@ -69,13 +71,19 @@ std::uint16_t small_count(std::size_t count) {
   return static_cast<std::uint16_t>(std::clamp<std::size_t>(count, 1, 0xFFFF));
 }
 
+std::size_t characters_in(std::string_view utf8) {
+  return static_cast<std::size_t>(std::count_if(utf8.begin(), utf8.end(), [](char c) {
+    return (static_cast<unsigned char>(c) & 0xC0) != 0x80;
+  }));
+}
+
 /// How many elements or characters an address without a tag stands for: as many as the value has,
-/// or as the command line asks for.
+/// or as a read asks for.
 void set_extent(const CommandTarget& target, Point& point) {
   const bool has_value = target.value && !target.value->items.empty();
   if (point.type == DataType::string) {
     const auto* text = has_value ? std::get_if<std::string>(target.value->items.data()) : nullptr;
-    point.length = small_count(text != nullptr ? text->size() : target.count);
+    point.length = small_count(text != nullptr ? characters_in(*text) : target.count);
   } else if (has_value && target.value->is_array) {
     point.is_array = true;
     point.count = small_count(target.value->items.size());
@@ -169,8 +177,8 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
     why = refusal;
   } else if (!command.op) {
     why = refuse(Reason::bad_op, "op is one of write, force_on, force_off, read, run, stop");
-  } else if (command.is_list && *command.op != Op::write) {
-    why = refuse(Reason::bad_op, "targets go with op write only");
+  } else if (command.is_list && !is_write(*command.op)) {
+    why = refuse(Reason::bad_op, "targets go with write, force_on and force_off only");
   } else if (is_run_or_stop(*command.op)) {
     const PlcServices* plc = codec.plc();
     if (plc == nullptr)
@@ -183,13 +191,11 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
   admitted.command = std::move(command);
   const Command& cmd = admitted.command;
   if (!why && !is_run_or_stop(*cmd.op)) why = resolve(codec, admitted, result.targets);
-  // Every bad_value goes before an out_of_range, wherever it was found.
-  if (!why || why->reason == Reason::out_of_range) {
-    if (refusal)
-      why = refusal;
-    else if (auto wrong_clock = check_expiry(cmd, rules))
-      why = std::move(wrong_clock);
-  }
+  Faults faults;
+  faults.add(std::move(why));
+  faults.add(refusal);
+  faults.add(check_expiry(cmd, rules));
+  why = faults.first();
 
   admitted.deadline = now;
   if (!why) {
@@ -237,21 +243,24 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
 std::optional<Refusal> CommandAdmission::resolve(const Codec& codec, AdmittedCommand& admitted,
                                                  std::vector<TargetResult>& out) {
   const Command& command = admitted.command;
-  if (command.refusal && concerns_place(command.refusal->reason)) return command.refusal;
-  if (command.targets.empty()) return refuse(Reason::unknown_tag, "tag or address is missing");
-  std::optional<Refusal> first;
+  if (command.targets.empty()) {
+    if (command.refusal && concerns_place(command.refusal->reason)) return command.refusal;
+    return refuse(Reason::unknown_tag, "tag or address is missing");
+  }
+  Faults faults;
   for (std::size_t i = 0; i < command.targets.size(); ++i) {
     AdmittedTarget target;
-    const auto why = resolve_target(codec, command, command.targets[i], target);
+    auto why = resolve_target(codec, command, command.targets[i], target);
     if (!target.point.address.text.empty()) out[i].address = target.point.address.text;
     if (why) {
       out[i].reason = why->reason;
       out[i].detail = why->detail;
-      if (!first) first = why;
+      faults.add(std::move(why));
     }
     if (target.written) out[i].value = target.written;
     admitted.targets.push_back(std::move(target));
   }
+  const std::optional<Refusal>& first = faults.first();
   if (first && command.is_list)
     for (TargetResult& target : out)
       if (target.reason == Reason::none) target.detail = "not sent: another target was refused";
@@ -261,8 +270,10 @@ std::optional<Refusal> CommandAdmission::resolve(const Codec& codec, AdmittedCom
 std::optional<Refusal> CommandAdmission::resolve_target(const Codec& codec, const Command& command,
                                                         const CommandTarget& target,
                                                         AdmittedTarget& out) const {
+  if (target.fault && concerns_place(target.fault->reason)) return target.fault;
   if (auto why = resolve_place(codec, *command.op, target, out)) return why;
   if (auto why = check_access(codec, command, out)) return why;
+  if (target.fault) return target.fault;
   if (is_write(*command.op)) return check_value(codec, command, target, out);
   return std::nullopt;
 }
@@ -344,13 +355,15 @@ std::optional<Refusal> CommandAdmission::check_value(const Codec& codec, const C
     return refuse(Reason::bad_value, packed.error().text);
   if (command.expect) {
     if (command.is_list) return refuse(Reason::bad_value, "expect goes with a single target");
-    const auto expected = pack(out.point, *command.expect);
-    if (!expected) return refuse(Reason::bad_value, "expect: " + expected.error().text);
-    out.expected = *expected;
+    if (const auto kind = check_kind(out.point, *command.expect); !kind)
+      return refuse(Reason::bad_value, "expect: " + kind.error().text);
+    out.expected = command.expect;
   }
   if (!packed) return refuse(Reason::out_of_range, packed.error().text);
+  const auto written = unpack(out.point, *packed, span_of(out.point)->first_bit);
+  if (!written) return refuse(Reason::out_of_range, written.error().text);
   if (out.tag_index)
-    if (auto why = check_limits(device_.tags[*out.tag_index], *value)) return why;
+    if (auto why = check_limits(device_.tags[*out.tag_index], *written)) return why;
   const auto requests = plan_write(codec, out.point, *packed);
   if (!requests) return refuse(Reason::not_writable, requests.error().text);
   for (const Request& request : *requests)
@@ -358,8 +371,7 @@ std::optional<Refusal> CommandAdmission::check_value(const Codec& codec, const C
       return refuse(Reason::bad_address, frame.error().text);
   out.image = *packed;
   out.requests = *requests;
-  if (const auto written = unpack(out.point, out.image, span_of(out.point)->first_bit))
-    out.written = *written;
+  out.written = *written;
   return std::nullopt;
 }
 

@@ -23,7 +23,7 @@ struct AdmittedTarget {
   Bytes image;                    ///< what is to be written; empty for a read
   std::optional<Value> written;   ///< the same in engineering units, as the raw words say it
   std::vector<Request> requests;  ///< the writes in their order; empty for a read
-  Bytes expected;                 ///< raw image that `expect` asks for; empty: no expect
+  std::optional<Value> expected;  ///< what the device must hold before; nullopt: no matter what
   std::chrono::nanoseconds line_time{0};  ///< of all its exchanges, as far as it is known
 };
 

@@ -233,6 +233,7 @@ void Commands::find_first(CommandResult& result) {
   if (const auto total = total_of(known->number)) text = with_total(std::move(text), *total);
   CommandResult first = recorded_result(std::move(text));
   first.id = result.id;
+  first.id_is_number = result.id_is_number;
   result.plc = first.plc;
   result.first = std::make_shared<const CommandResult>(std::move(first));
 }

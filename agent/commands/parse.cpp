@@ -1,14 +1,14 @@
 #include "agent/commands/parse.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <utility>
 
-#include "agent/config/reader.h"
+#include "agent/commands/command_keys.h"
+#include "agent/commands/faults.h"
 #include "agent/json_writer.h"
 
 namespace fxagent {
@@ -21,37 +21,11 @@ constexpr std::size_t kMaxIdLength = 64;
 constexpr std::size_t kMaxPlaceLength = 128;  ///< of tag and address; no longer one can be right
 /// The command, `targets`, and of each target itself and its value.
 constexpr std::size_t kMaxStructures = 2 + 2 * kMostTargets;
-constexpr std::size_t kMaxQuoted = 64;  ///< characters of foreign text that a detail repeats
 constexpr std::size_t kMaxDepth = 3;  ///< root object, `targets`, one target, an array value in it
 
-constexpr std::array<std::string_view, 12> kCommandKeys{"id",     "op",     "tag",     "address",
-                                                        "type",   "value",  "targets", "expires",
-                                                        "expect", "verify", "dry_run", "by"};
-constexpr std::array<std::string_view, 4> kTargetKeys{"tag", "address", "type", "value"};
-
-std::string in_quotes(std::string_view text) {
-  return "'" + std::string(text.substr(0, kMaxQuoted)) + "'";
-}
-
-std::string unknown_key(std::string_view key, std::span<const std::string_view> known) {
-  return "unknown key " + in_quotes(key) + ", " + did_you_mean(key, known);
-}
-
-/// Collects faults and keeps the one that comes first in the contract's order of checks.
-class Faults final {
- public:
-  void add(Reason reason, std::string detail) {
-    if (!first_ || rank(reason) < rank(first_->reason)) first_ = Refusal{reason, std::move(detail)};
-  }
-  std::optional<Refusal> take() { return std::move(first_); }
-
- private:
-  /// Reason's enumerators stand in that order; the two target faults share one place.
-  static int rank(Reason reason) {
-    return static_cast<int>(reason == Reason::bad_address ? Reason::unknown_tag : reason);
-  }
-  std::optional<Refusal> first_;
-};
+constexpr std::size_t kMaxOpKept = 64;       ///< characters of an op that the result repeats
+constexpr std::int64_t kMostElements = 125;  ///< that a read by address asks for
+constexpr std::int64_t kMostCharacters = 2 * kMostElements;
 
 /// What the parser itself does not refuse: a key given twice (which of them counts?) and deep
 /// nests.
@@ -107,16 +81,26 @@ std::optional<Scalar> scalar_of(const Json& json) {
   return std::nullopt;
 }
 
-std::optional<Value> value_of(const Json& json) {
+std::string not_a_scalar(const Json& json, const std::string& what) {
+  if (json.is_null()) return what + " is null";
+  return what + " must be a number, a boolean or a string";
+}
+
+/// The value under `key`; else `fault` says what is wrong with it.
+std::optional<Value> value_of(const Json& json, const std::string& key, std::string& fault) {
   if (!json.is_array()) {
     auto scalar = scalar_of(json);
-    if (!scalar) return std::nullopt;
-    return Value(*std::move(scalar));
+    if (scalar) return Value(*std::move(scalar));
+    fault = not_a_scalar(json, key) + (json.is_null() ? "" : ", or an array of them");
+    return std::nullopt;
   }
   Scalars items;
   for (const Json& element : json) {
     auto scalar = scalar_of(element);
-    if (!scalar) return std::nullopt;
+    if (!scalar) {
+      fault = not_a_scalar(element, "element " + std::to_string(items.size() + 1) + " of " + key);
+      return std::nullopt;
+    }
     items.push_back(*std::move(scalar));
   }
   return Value::array(std::move(items));
@@ -133,16 +117,29 @@ const Json* given(const Json& object, std::string_view key) {
   return value == nullptr || value->is_null() ? nullptr : value;
 }
 
+/// An integer that a double holds exactly.
+bool is_exact_integer(const Json& json) {
+  if (json.is_number_unsigned())
+    return json.get<std::uint64_t>() <= std::uint64_t{json::kMaxExactInteger};
+  return json.is_number_integer() && json.get<std::int64_t>() >= -json::kMaxExactInteger;
+}
+
 void read_id(const Json& object, Command& command, Faults& faults) {
   const Json* id = given(object, "id");
   if (id == nullptr) return faults.add(Reason::missing_id, "no id");
+  if (is_exact_integer(*id)) {
+    command.id = id->dump();
+    command.id_is_number = true;
+    return;
+  }
   const auto* text = id->get_ptr<const std::string*>();
   const bool fits =
       text != nullptr && !text->empty() && text->size() <= kMaxIdLength &&
       std::all_of(text->begin(), text->end(), [](char c) { return c >= ' ' && c <= '~'; });
   if (!fits)
     return faults.add(Reason::missing_id,
-                      "id must be a string of 1 to 64 printable ASCII characters");
+                      "id must be a string of 1 to 64 printable ASCII characters, or an integer "
+                      "from -2^53 to 2^53");
   command.id = *text;
 }
 
@@ -154,82 +151,86 @@ void read_op(const Json& object, Command& command, Faults& faults) {
     return faults.add(Reason::bad_op, std::string(op == nullptr ? "no op" : "op must be a string") +
                                           "; one of " + std::string(words));
   }
-  command.op_text = text->substr(0, kMaxQuoted);
+  command.op_text = text->substr(0, kMaxOpKept);
   command.op = op_from(*text);
   if (!command.op)
     faults.add(Reason::bad_op, "op " + in_quotes(*text) + " is none of " + std::string(words));
 }
 
-/// `object` holds tag, address, type and value: the command itself, or one of its `targets`.
-CommandTarget read_target(const Json& object, Faults& faults) {
-  CommandTarget target;
+void read_type(const Json& type, CommandTarget& target, Faults& faults) {
+  const auto* word = type.get_ptr<const std::string*>();
+  const auto known = word == nullptr
+                         ? Result<DataType>(fail(ErrorCode::bad_request, "type must be a string"))
+                         : data_type_from(*word);
+  if (known)
+    target.type = *known;
+  else
+    faults.add(Reason::bad_address, known.error().text);
+}
+
+/// How many elements, or characters, a read by address is to bring.
+void read_extent(const Json& object, CommandTarget& target, Faults& faults) {
+  for (const auto& [key, most] :
+       {std::pair("count", kMostElements), std::pair("length", kMostCharacters)}) {
+    const Json* extent = given(object, key);
+    if (extent == nullptr) continue;
+    if (is_exact_integer(*extent) && *extent >= 1 && *extent <= most)
+      target.count = extent->get<std::uint16_t>();
+    else
+      faults.add(Reason::bad_value,
+                 std::string(key) + " must be an integer from 1 to " + std::to_string(most));
+  }
+}
+
+void read_place(const Json& object, CommandTarget& target, Faults& faults) {
   const Json* tag = given(object, "tag");
   const Json* address = given(object, "address");
-  const Json* type = given(object, "type");
-  if (tag != nullptr && address != nullptr) {
-    faults.add(Reason::bad_address, "tag and address exclude each other");
-  } else if (tag != nullptr) {
-    if (tag->is_string() && !tag->get_ref<const std::string&>().empty())
-      target.tag = tag->get_ref<const std::string&>().substr(0, kMaxPlaceLength);
-    else
-      faults.add(Reason::unknown_tag, "tag must be a string");
-    if (type != nullptr) faults.add(Reason::bad_address, "type goes with an address only");
-  } else if (address != nullptr) {
-    if (address->is_string() && !address->get_ref<const std::string&>().empty())
-      target.address = address->get_ref<const std::string&>().substr(0, kMaxPlaceLength);
-    else
-      faults.add(Reason::bad_address, "address must be a string");
-    if (type != nullptr) {
-      const auto* word = type->get_ptr<const std::string*>();
-      const auto known =
-          word == nullptr ? Result<DataType>(fail(ErrorCode::bad_request, "type must be a string"))
-                          : data_type_from(*word);
-      if (known)
-        target.type = *known;
-      else
-        faults.add(Reason::bad_address, known.error().text);
-    }
+  if (tag != nullptr && address != nullptr)
+    return faults.add(Reason::bad_address, "tag and address exclude each other");
+  if (tag == nullptr && address == nullptr)
+    return faults.add(Reason::unknown_tag, "neither tag nor address");
+  const auto* name = (tag != nullptr ? tag : address)->get_ptr<const std::string*>();
+  if (name == nullptr || name->empty())
+    return faults.add(tag != nullptr ? Reason::unknown_tag : Reason::bad_address,
+                      std::string(tag != nullptr ? "tag" : "address") + " must be a string");
+  (tag != nullptr ? target.tag : target.address) = name->substr(0, kMaxPlaceLength);
+  if (address == nullptr) return;
+  if (const Json* type = given(object, "type")) read_type(*type, target, faults);
+  read_extent(object, target, faults);
+}
+
+/// `object` is the command itself, or one of its `targets`.
+CommandTarget read_target(const Json& object, Faults& of_command) {
+  CommandTarget target;
+  Faults faults;
+  if (object.is_object()) {
+    read_place(object, target, faults);
+    std::string fault;
+    if (const Json* value = find(object, "value")) target.value = value_of(*value, "value", fault);
+    if (!fault.empty()) faults.add(Reason::bad_value, fault);
   } else {
-    faults.add(Reason::unknown_tag, "neither tag nor address");
+    faults.add(Reason::bad_address, "every one of targets must be an object");
   }
-  if (const Json* value = given(object, "value")) {
-    target.value = value_of(*value);
-    if (!target.value)
-      faults.add(Reason::bad_value,
-                 "value must be a number, a boolean, a string or an array of them");
-  }
+  target.fault = faults.first();
+  of_command.add(target.fault);
   return target;
 }
 
 void read_targets(const Json& object, Command& command, Faults& faults) {
   const Json* targets = given(object, "targets");
-  const bool has_single =
-      std::any_of(kTargetKeys.begin(), kTargetKeys.end(),
-                  [&](std::string_view key) { return given(object, key) != nullptr; });
   if (targets == nullptr) {
-    const bool needs_none = command.op == Op::run || command.op == Op::stop;
-    if (has_single || !needs_none) command.targets.push_back(read_target(object, faults));
+    if (command.op != Op::run && command.op != Op::stop)
+      command.targets.push_back(read_target(object, faults));
     return;
   }
   command.is_list = true;
-  if (has_single)
-    faults.add(Reason::bad_address, "targets stands in place of tag, address, type and value");
   if (!targets->is_array() || targets->empty())
     return faults.add(Reason::bad_address, "targets must be an array of at least one target");
   if (targets->size() > kMostTargets)
     return faults.add(Reason::too_large, std::to_string(targets->size()) +
                                              " targets; a command has at most " +
                                              std::to_string(kMostTargets));
-  for (const Json& entry : *targets) {
-    if (!entry.is_object()) {
-      faults.add(Reason::bad_address, "every one of targets must be an object");
-      continue;
-    }
-    for (const auto& item : entry.items())
-      if (std::find(kTargetKeys.begin(), kTargetKeys.end(), item.key()) == kTargetKeys.end())
-        faults.add(Reason::bad_json, unknown_key(item.key(), kTargetKeys));
-    command.targets.push_back(read_target(entry, faults));
-  }
+  for (const Json& entry : *targets) command.targets.push_back(read_target(entry, faults));
 }
 
 /// A key that must be `true` or `false` where it is there.
@@ -241,8 +242,7 @@ std::optional<bool> read_flag(const Json* flag, const char* key, Faults& faults)
 }
 
 void read_conditions(const Json& object, Command& command, Faults& faults) {
-  // A condition that got lost on its way (NaN becomes null) must not become a command without one.
-  if (const Json* expires = find(object, "expires")) {
+  if (const Json* expires = given(object, "expires")) {
     // A sender may write 1.79e12; a fraction or a huge number is no time.
     const double at = expires->is_number() ? expires->get<double>() : -1.0;
     if (at >= 0 && at <= static_cast<double>(json::kMaxExactInteger) && at == std::floor(at))
@@ -251,15 +251,12 @@ void read_conditions(const Json& object, Command& command, Faults& faults) {
       faults.add(Reason::bad_value, "expires must be milliseconds UTC, a whole number");
   }
   if (const Json* expect = find(object, "expect")) {
-    command.expect = value_of(*expect);
-    if (!command.expect)
-      faults.add(Reason::bad_value,
-                 "expect must be a number, a boolean, a string or an array of them");
-    else if (command.is_list)
-      faults.add(Reason::bad_value, "expect goes with a single target");
+    std::string fault;
+    command.expect = value_of(*expect, "expect", fault);
+    if (!fault.empty()) faults.add(Reason::bad_value, fault);
   }
   command.verify = read_flag(given(object, "verify"), "verify", faults);
-  command.dry_run = read_flag(find(object, "dry_run"), "dry_run", faults).value_or(false);
+  command.dry_run = read_flag(given(object, "dry_run"), "dry_run", faults).value_or(false);
   if (const Json* by = given(object, "by")) {
     if (by->is_string())
       command.by = by->get<std::string>();
@@ -301,14 +298,12 @@ Command parse_command(std::string_view payload) {
   if (too_many) faults.add(Reason::bad_json, "more objects and arrays than a command has");
   if (json.contains("status"))
     faults.add(Reason::bad_json, "key 'status' belongs to a result: this is no command");
-  for (const auto& item : json.items())
-    if (std::find(kCommandKeys.begin(), kCommandKeys.end(), item.key()) == kCommandKeys.end())
-      faults.add(Reason::bad_json, unknown_key(item.key(), kCommandKeys));
   read_id(json, command, faults);
   read_op(json, command, faults);
+  check_keys(json, command.op, faults);
   read_targets(json, command, faults);
   read_conditions(json, command, faults);
-  command.refusal = faults.take();
+  command.refusal = faults.first();
   return command;
 }
 

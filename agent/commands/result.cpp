@@ -9,6 +9,7 @@ CommandResult result_of(const Command& command) {
   result.device = command.device;
   result.number = command.number;
   result.id = command.id;
+  result.id_is_number = command.id_is_number;
   result.op = command.op_text;
   result.is_list = command.is_list;
   result.dry_run = command.dry_run;

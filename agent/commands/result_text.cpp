@@ -45,7 +45,8 @@ void write_result(Writer& out, const CommandResult& result) {
     return;
   }
   out.begin_object();
-  out.key("id").word(result.id);
+  out.key("id");
+  result.id_is_number ? out.raw(result.id) : out.word(result.id);
   write_outcome(out, result.status, result.reason, result.detail, result.plc, result.progress);
   out.key("op").word(result.op);
   if (result.is_list) {

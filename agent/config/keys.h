@@ -243,9 +243,11 @@ inline constexpr auto kAll = std::to_array<ConfigKey>({
     {"devices[].tags[]", "unit", text, {}, None{},
      "Text for people: °C, bar, 1/min. It may be empty."},
     {"devices[].tags[]", "min", number, {}, None{},
-     "A command with a smaller value is refused (`out_of_range`)."},
+     "A command that would write less, after rounding to the raw value, is refused "
+     "(`out_of_range`)."},
     {"devices[].tags[]", "max", number, {}, None{},
-     "A command with a greater value is refused (`out_of_range`)."},
+     "A command that would write more, after rounding to the raw value, is refused "
+     "(`out_of_range`)."},
     {"devices[].tags[]", "deadband", number, {}, None{},
      "With `publish: on_change` a smaller difference is no change; where there is none every "
      "change counts. Not negative."},

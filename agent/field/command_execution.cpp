@@ -5,6 +5,8 @@
 
 #include "agent/commands/result.h"
 #include "agent/field/command_line_time.h"
+#include "protocol/padding.h"
+#include "protocol/plan.h"
 
 namespace fxagent {
 namespace {
@@ -88,7 +90,7 @@ void set_doubtful_ack(TargetResult& out, const std::string& found) {
 
 Verification verification(const AdmittedTarget& target, const Bytes& image) {
   Verification out;
-  out.match = image == target.image;
+  out.match = with_padding_of(target.point, image, target.image) == target.image;
   const Span span = *span_of(target.point);
   if (const auto value = unpack(target.point, image, span.first_bit)) out.read = *value;
   return out;
@@ -186,16 +188,25 @@ asio::awaitable<void> CommandExecution::read_target(const AdmittedTarget& target
   set(out, CommandStatus::succeeded, Reason::none, "");
 }
 
-asio::awaitable<bool> CommandExecution::check_expected(const AdmittedTarget& target,
-                                                       TargetResult& out) {
-  if (target.expected.empty()) co_return true;
+asio::awaitable<bool> CommandExecution::read_first(const AdmittedTarget& target,
+                                                   std::vector<Request>& requests,
+                                                   TargetResult& out) {
+  if (!is_read_first(*admitted_.codec, target)) co_return true;
   CommandExchanges::ReadBack got = co_await wire_.read_point(target, wire_.latest_start());
   if (!got.image) {
     set_without_effect(out, got.last);
     co_return false;
   }
-  if (*got.image == target.expected) co_return true;
-  out.verify = verification(target, *got.image);
+  Verification found = verification(target, *got.image);
+  if (!target.expected || (found.read && shows(*found.read, *target.expected))) {
+    if (has_padding(target.point)) {
+      const auto whole = plan_write(*admitted_.codec, target.point,
+                                    with_padding_of(target.point, target.image, *got.image));
+      if (whole) requests = *whole;
+    }
+    co_return true;
+  }
+  out.verify = std::move(found);
   out.verify->match = false;
   set(out, CommandStatus::failed, Reason::expect_mismatch,
       "nothing was written: the value is not the one expected");
@@ -215,7 +226,9 @@ asio::awaitable<void> CommandExecution::conclude(const AdmittedTarget& target, E
   if (!exchange.is_ack()) {
     co_await settle_unknown(target, exchange, out);
   } else if (station_.codec->is_broadcast()) {
-    set(out, CommandStatus::unknown_outcome, Reason::broadcast, "nobody answers a broadcast");
+    set(out, CommandStatus::unknown_outcome, Reason::broadcast,
+        std::string("nobody answers a broadcast") +
+            (has_padding(target.point) ? "; the other half of the last word was zeroed" : ""));
   } else {
     out.plc = PlcAnswer::ack;
     set(out, CommandStatus::succeeded, Reason::none, "");
@@ -225,12 +238,13 @@ asio::awaitable<void> CommandExecution::conclude(const AdmittedTarget& target, E
 
 asio::awaitable<void> CommandExecution::write_target(const AdmittedTarget& target,
                                                      TargetResult& out) {
-  const bool as_expected = co_await check_expected(target, out);
+  std::vector<Request> requests = target.requests;
+  const bool as_expected = co_await read_first(target, requests, out);
   if (!as_expected) co_return;
   bool may_repeat = true;
   Exchange exchange;
   std::size_t carried_out = 0;
-  for (; carried_out < target.requests.size(); ++carried_out) {
+  for (; carried_out < requests.size(); ++carried_out) {
     bool going_on = !wire_.is_stopping();
     if (carried_out > 0) going_on = co_await wire_.go_on(gives_way(target));
     if (!going_on) {
@@ -238,16 +252,16 @@ asio::awaitable<void> CommandExecution::write_target(const AdmittedTarget& targe
       co_return co_await end_early(target, carried_out, out);
     }
     const int before = wire_.writes();
-    exchange = co_await wire_.send_once_or_twice(target.requests[carried_out], may_repeat);
+    exchange = co_await wire_.send_once_or_twice(requests[carried_out], may_repeat);
     if (wire_.writes() - before > 1) may_repeat = false;
     if (exchange.is_ack()) continue;
-    if (!surely_without_effect(target.requests[carried_out], exchange)) break;
+    if (!surely_without_effect(requests[carried_out], exchange)) break;
     set_without_effect(out, exchange);
     co_return co_await end_early(target, carried_out, out);
   }
   co_await conclude(target, std::move(exchange), out);
-  if (out.status == CommandStatus::unknown_outcome && carried_out < target.requests.size() &&
-      target.requests.size() > 1)
+  if (out.status == CommandStatus::unknown_outcome && carried_out < requests.size() &&
+      requests.size() > 1)
     out.progress = progress_of(target, carried_out);
 }
 
@@ -275,7 +289,7 @@ bool CommandExecution::meets_another(const AdmittedTarget& target) const {
 asio::awaitable<bool> CommandExecution::write_together() {
   std::vector<Request> requests;
   for (const AdmittedTarget& target : admitted_.targets) {
-    if (!target.expected.empty() || target.requests.size() != 1) co_return false;
+    if (target.requests.size() != 1 || is_read_first(*admitted_.codec, target)) co_return false;
     if (meets_another(target)) co_return false;
     requests.push_back(target.requests.front());
   }

@@ -6,6 +6,7 @@
 #include <asio/awaitable.hpp>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "agent/commands/admitted_command.h"
 #include "agent/config/config.h"
@@ -39,7 +40,10 @@ class CommandExecution final {
   void conclude_target(TargetResult out);
   asio::awaitable<void> read_target(const AdmittedTarget& target, TargetResult& out);
   asio::awaitable<void> write_target(const AdmittedTarget& target, TargetResult& out);
-  asio::awaitable<bool> check_expected(const AdmittedTarget& target, TargetResult& out);
+  /// What must be known before the target is written: whether it is as expected, and what
+  /// `requests` must leave as it is. False: nothing may be written, as `out` says.
+  asio::awaitable<bool> read_first(const AdmittedTarget& target, std::vector<Request>& requests,
+                                   TargetResult& out);
   /// Whether `target` shares a place with another of the command: then their sequence matters.
   bool meets_another(const AdmittedTarget& target) const;
   /// All targets in one frame, where the protocol has one for them. False: it has not.

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "agent/line_time.h"
+#include "protocol/padding.h"
 #include "protocol/plan.h"
 #include "protocol/plc.h"
 
@@ -18,7 +19,7 @@ constexpr milliseconds kLongArray{2000};
 nanoseconds target_time(const Codec& codec, const DeviceConfig& device, const LineTiming& timing,
                         const AdmittedCommand& admitted, const AdmittedTarget& target) {
   const bool writes = !target.requests.empty();
-  const int readings = (writes ? 0 : 1) + (target.expected.empty() ? 0 : 1) +
+  const int readings = (writes ? 0 : 1) + (is_read_first(codec, target) ? 1 : 0) +
                        (writes && is_verified(admitted, target) ? 1 : 0);
   return write_time(codec, target.requests, timing) +
          readings * read_time(codec, device, target.point, timing);
@@ -61,6 +62,11 @@ bool gives_way(const AdmittedCommand& admitted) {
   if (admitted.targets.size() > 1) return true;
   return std::any_of(admitted.targets.begin(), admitted.targets.end(),
                      [](const AdmittedTarget& target) { return gives_way(target); });
+}
+
+bool is_read_first(const Codec& codec, const AdmittedTarget& target) {
+  if (target.requests.empty()) return false;
+  return target.expected || (has_padding(target.point) && !codec.is_broadcast());
 }
 
 bool is_verified(const AdmittedCommand& admitted, const AdmittedTarget& target) {

@@ -29,6 +29,9 @@ bool gives_way(const AdmittedTarget& target);
 /// such an array.
 bool gives_way(const AdmittedCommand& admitted);
 
+/// Whether the target is read before it is written: for `expect`, or since its last word is shared
+/// with what is not its own.
+bool is_read_first(const Codec& codec, const AdmittedTarget& target);
 /// Whether the target is read back after its ACK.
 bool is_verified(const AdmittedCommand& admitted, const AdmittedTarget& target);
 

@@ -213,7 +213,7 @@ CommandResult list_with(TargetResult second) {
 TEST(ContractExamples, EachIsThereOnceAndNoBlockIsWithoutAName) {
   const std::set<std::string> wanted = words_of(
       "sample sample_bad history agent_state_online agent_state_offline device_state meta health "
-      "command_write command_force command_list command_run "
+      "command_write command_force command_list command_run command_read command_force_list "
       "result_ack result_rejected result_list result_partial result_duplicate");
   std::set<std::string> found;
   for (const auto& [name, text] : examples()) found.insert(name);
@@ -233,9 +233,9 @@ TEST(ContractExamples, ParserTakesEveryCommand) {
     ++commands;
     const Command command = parse_command(text);
     EXPECT_FALSE(command.refusal) << name << ": " << command.refusal.value_or(Refusal{}).detail;
-    EXPECT_EQ(command.is_list, name == "command_list") << name;
+    EXPECT_EQ(command.is_list, name.ends_with("_list")) << name;
   }
-  EXPECT_EQ(commands, 4U);
+  EXPECT_EQ(commands, 6U);
 }
 
 TEST(ContractExamples, SamplesHaveTheKeysOfTheProgram) {

@@ -118,7 +118,7 @@ class Commands(PlantTest):
         for payload, reason in [("{", "bad_json"), ("[]", "bad_json"), ("nonsense", "bad_json"),
                                 ('{"id":"n","op":"write","tag":"setpoint","value":NaN}', "bad_json"),
                                 ('{"op":"read","tag":"temp"}', "missing_id"),
-                                ('{"id":7,"op":"read","tag":"temp"}', "missing_id"),
+                                ('{"id":7.5,"op":"read","tag":"temp"}', "missing_id"),
                                 ('{"id":"' + "x" * 65 + '","op":"read","tag":"temp"}', "missing_id"),
                                 (str(huge), "too_large"), ("x" * (1 << 20), "too_large")]:
             since = self.watcher.mark()
@@ -181,13 +181,42 @@ class Commands(PlantTest):
         for identity in ("x", "y" * 64, "~ !\"#'/\\{}"):
             self.assert_result(self.command(id=identity, op="read", tag="temp"), "SUCCEEDED", None,
                                "ACK")
-        for identity in ("", "z" * 65, "tab\there", "größe", None, 5, ["a"], {"a": 1}, True):
+        for identity in ("", "z" * 65, "tab\there", "größe", None, 5.5, 2**53 + 1, ["a"], {"a": 1}, True):
             since = self.watcher.mark()
             self.send({"id": identity, "op": "force_on", "address": "M150"})
             result = self.watcher.wait(f"{BASE}/press1/result", since=since)
             self.assertIsNone(result["id"])
             self.assert_result(result, "REJECTED", "missing_id")
         self.assertEqual(self.sim.commands("press1"), [])
+
+    def test_an_integer_is_an_id_and_comes_back_as_one(self):
+        self.start_press()
+        since = self.watcher.mark()
+        self.send({"id": 7, "op": "force_on", "targets": [{"address": "M150"}, {"tag": "button"}]})
+        result = self.watcher.wait(f"{BASE}/press1/result", lambda r: r["id"] == 7, since)
+        self.assert_result(result, "SUCCEEDED", None, "ACK")
+        self.assertEqual([target["status"] for target in result["targets"]], ["SUCCEEDED"] * 2)
+        self.assertEqual((self.sim.get("press1", "M150"), self.sim.get("press1", "M100")), (1, 1))
+        again = self.command(id="7", op="force_on", address="M151")
+        self.assertEqual((again["status"], again["id"], again["first"]["id"]), ("DUPLICATE", "7", 7))
+
+    def test_a_key_that_does_not_go_with_its_op_is_named(self):
+        self.start_press(commands={"allow_run_stop": True})
+        for command, key in [({"op": "stop", "expect": False}, "expect"),
+                             ({"op": "stop", "tag": "nope", "value": 5}, "'"),
+                             ({"op": "run", "address": "D0"}, "address"),
+                             ({"op": "read", "tag": "temp", "verify": True}, "verify")]:
+            result = self.command(**command)
+            self.assert_result(result, "REJECTED", "bad_json")
+            self.assertIn(key, result["detail"])
+        self.assertEqual(self.sim.commands("press1"), [])
+
+    def test_a_read_by_address_has_a_count_or_a_length(self):
+        self.start_press(plc={"memory": {"D300": 0x4241, "D301": 0x4443}})
+        self.assertEqual(self.command(op="read", address="D300", count=2)["value"],
+                         [0x4241, 0x4443])
+        self.assertEqual(self.command(op="read", address="D300", type="string", length=3)["value"],
+                         "ABC")
 
     def test_the_first_fault_in_the_order_of_checks_is_told(self):
         self.start_press(commands={"allow": ["D300-D309"], "queue": 1})

@@ -36,6 +36,10 @@ class Programs(PlantTest):
         self.assertEqual((status, answer["ok"], answer["address"], answer["values"]),
                          (0, True, "D100", [1, 2, 3]))
         self.assertEqual(self.run_agent("read", path, "press1", "temp")[0], 0)
+        for option in (["--type", "int16"], ["--count", "1"]):
+            status, _, err = self.run_agent("read", path, "press1", "temp", *option)
+            self.assertEqual(status, 2)
+            self.assertIn(option[0], err)
         status, out, _ = self.run_agent("force-on", path, "press1", "M150", "--json")
         self.assertEqual((status, json.loads(out)["plc"]), (0, "ACK"))
         self.assertEqual(self.sim.get("press1", "M150"), 1)

@@ -10,6 +10,7 @@
 #include <variant>
 #include <vector>
 
+#include "agent/commands/parse.h"
 #include "agent/commands/result.h"
 #include "tests/agent/field/field_plant.h"
 #include "tests/agent/field/port_frames.h"
@@ -690,13 +691,70 @@ TEST_F(CommandAdmissionTest, LimitsOfATagAreItsOwnAndTold) {
   EXPECT_NE(result.detail.find("max of 100"), std::string::npos) << result.detail;
 }
 
-TEST_F(CommandAdmissionTest, ExpectIsPackedAsTheTagIs) {
+// A raw step of 40: nearest to 100 is 120.
+TEST_F(CommandAdmissionTest, LimitsBindWhatIsReallyWritten) {
+  device.tags.push_back(writable(scaled(tag(*device.codec, "coarse", "D260"), 40)));
+  device.tags.back().limits = TagLimits{.min = -100.0, .max = 100.0};
+  const auto coarse = [&](std::string id, double value, bool dry_run = false) {
+    Command command = write(std::move(id), value);
+    command.targets[0].tag = "coarse";
+    command.dry_run = dry_run;
+    return command;
+  };
+  for (const double value : {100.0, -100.0}) {
+    const CommandResult result = answered(coarse("a" + std::to_string(value), value));
+    EXPECT_EQ(to_string(result.reason), "out_of_range");
+    EXPECT_NE(result.detail.find("120"), std::string::npos) << result.detail;
+    EXPECT_EQ(to_string(answered(coarse("dry", value, true)).reason), "out_of_range");
+  }
+  // What is sent may be beyond where what is written is not.
+  const AdmittedCommand admitted = admit(coarse("b", 99));
+  EXPECT_EQ(admitted.targets[0].written, real(80));
+  Command above = write("c", 100.04);
+  EXPECT_EQ(admit(above).targets[0].written, real(100));
+}
+
+TEST_F(CommandAdmissionTest, ExpectIsKeptAsItCame) {
   Command command = write("b7e1");
   command.expect = real(45);
-  EXPECT_EQ(admit(command).targets[0].expected, word(450));
-  Command wrong = write("b7e2");
-  wrong.expect = text("forty-five");
-  EXPECT_EQ(answered(wrong).reason, Reason::bad_value);
+  EXPECT_EQ(admit(command).targets[0].expected, real(45));
+}
+
+TEST_F(CommandAdmissionTest, ExpectOfTheWrongKindIsRefused) {
+  const auto expecting = [&](std::string name, Value expect) {
+    Command command = write("b7e1 " + name);
+    command.targets[0].tag = name;
+    if (name == "name") command.targets[0].value = text("abc");
+    if (name == "recipe") command.targets[0].value = numbers({1, 2, 3});
+    command.expect = std::move(expect);
+    return answered(command);
+  };
+  for (const auto& [name, expect] :
+       std::vector<std::pair<std::string, Value>>{{"setpoint", text("forty-five")},
+                                                  {"setpoint", numbers({45})},
+                                                  {"setpoint", flag(true)},
+                                                  {"name", number(1)},
+                                                  {"recipe", numbers({1, 2})},
+                                                  {"recipe", number(1)}})
+    EXPECT_EQ(to_string(expecting(name, expect).reason), "bad_value") << name;
+  Command forced = force("on", "M100");
+  forced.expect = text("on");
+  EXPECT_EQ(answered(forced).reason, Reason::bad_value);
+}
+
+// The device is read all the same, and the result tells what it has.
+TEST_F(CommandAdmissionTest, ExpectThatTheTagCannotShowIsNoReasonToRefuse) {
+  for (const double never : {45.04, 1e9, -5000.0}) {
+    Command command = write("number " + std::to_string(never));
+    command.expect = real(never);
+    admit(command);
+  }
+  for (const char* const never : {"longer than the tag", "\xE4\xB8\xAD"}) {
+    Command command = write(std::string("text ") + (never[0] == 'l' ? "a" : "b"));
+    command.targets[0] = {"name", "", std::nullopt, text("abc")};
+    command.expect = text(never);
+    admit(command);
+  }
 }
 
 TEST_F(CommandAdmissionTest, ExpectThatIsWrongComesBeforeAValueOutOfRange) {
@@ -764,6 +822,85 @@ TEST_F(CommandAdmissionTest, WhatBecameOfAListBecameOfEachOfItsTargets) {
   list.received = now - std::chrono::seconds(2);
   EXPECT_EQ(statuses(answered(list)), std::set{CommandStatus::expired});
   EXPECT_EQ(statuses(answered(list)), std::set{CommandStatus::duplicate});
+}
+
+TEST_F(CommandAdmissionTest, ForcesAreListedToo) {
+  Command list = force("b7e1", "M100");
+  list.is_list = true;
+  list.targets.push_back({"start", "", std::nullopt, std::nullopt});
+  const AdmittedCommand admitted = admit(list);
+  ASSERT_EQ(admitted.targets.size(), 2U);
+  EXPECT_EQ(admitted.targets[1].written, flag(true));
+  list.id = "b7e2";
+  list.targets.push_back({"setpoint", "", std::nullopt, std::nullopt});
+  const CommandResult result = answered(list);
+  EXPECT_EQ(result.reason, Reason::bad_address);
+  EXPECT_EQ(result.targets.at(2).reason, Reason::bad_address);
+}
+
+// Checks go by the contract's order over all targets, and not target by target.
+TEST_F(CommandAdmissionTest, OfSeveralFaultyTargetsTheFirstCheckDecides) {
+  Command list = write("b7e1", 500);
+  list.is_list = true;
+  list.targets.push_back({"start", "", std::nullopt, text("on")});
+  list.targets.push_back({"", "D101", std::nullopt, number(1)});
+  list.targets.push_back({"temp", "", std::nullopt, number(1)});
+  list.targets.push_back({"presure", "", std::nullopt, number(1)});
+  list.targets.push_back({"", "Q7", std::nullopt, number(1)});
+  const std::vector<std::string> reasons{"out_of_range", "bad_value",   "not_allowed",
+                                         "not_writable", "unknown_tag", "bad_address"};
+  const std::vector<std::string> of_the_first{"out_of_range", "bad_value",   "not_allowed",
+                                              "not_allowed",  "unknown_tag", "unknown_tag"};
+  for (std::size_t most = 1; most <= list.targets.size(); ++most) {
+    Command command = list;
+    command.id = std::to_string(most);
+    command.targets.resize(most);
+    const CommandResult result = answered(command);
+    EXPECT_EQ(to_string(result.reason), of_the_first[most - 1]);
+    for (std::size_t i = 0; i < most; ++i)
+      EXPECT_EQ(to_string(result.targets.at(i).reason), reasons[i]);
+  }
+}
+
+TEST_F(CommandAdmissionTest, FaultOfAValueIsToldAtItsTarget) {
+  const auto parsed = [&](std::string_view payload) {
+    return answered(stamped(parse_command(payload)));
+  };
+  const CommandResult one = parsed(R"({"id":"1","op":"write","tag":"recipe","value":[1,2,null]})");
+  EXPECT_EQ(one.reason, Reason::bad_value);
+  EXPECT_EQ(one.detail, "element 3 of value is null");
+  const CommandResult list = parsed(
+      R"({"id":"2","op":"write","targets":[{"tag":"setpoint","value":5},{"tag":"start","value":null},
+          {"value":1},{"tag":"setpoint"}]})");
+  EXPECT_EQ(list.reason, Reason::unknown_tag);
+  ASSERT_EQ(list.targets.size(), 4U);
+  EXPECT_EQ(list.targets[0].reason, Reason::none);
+  EXPECT_EQ(list.targets[1].detail, "value is null");
+  EXPECT_EQ(list.targets[2].detail, "neither tag nor address");
+  EXPECT_EQ(list.targets[3].detail, "value is missing");
+}
+
+TEST_F(CommandAdmissionTest, ReadByAddressBringsAsManyAsItsCount) {
+  const auto parsed = [&](std::string_view payload) {
+    return admit(stamped(parse_command(payload))).targets.at(0).point;
+  };
+  const Point two = parsed(R"({"id":"1","op":"read","address":"D500","count":2})");
+  EXPECT_TRUE(two.is_array);
+  EXPECT_EQ(two.count, 2);
+  EXPECT_FALSE(parsed(R"({"id":"2","op":"read","address":"D500","count":1})").is_array);
+  const Point name =
+      parsed(R"({"id":"3","op":"read","address":"D500","type":"string","length":3})");
+  EXPECT_EQ(name.length, 3);
+  EXPECT_FALSE(name.is_array);
+  const CommandResult beyond =
+      answered(stamped(parse_command(R"({"id":"4","op":"read","address":"D500","count":3})")));
+  EXPECT_EQ(beyond.reason, Reason::not_allowed);
+}
+
+TEST_F(CommandAdmissionTest, TextAtAnAddressIsAsLongAsItsCharacters) {
+  const AdmittedCommand admitted =
+      admit(raw("b7e1", "D500", text("\u00E4\u00F6\u00FC"), DataType::string));
+  EXPECT_EQ(admitted.targets[0].point.length, 3) << "characters, not the bytes of UTF-8";
 }
 
 TEST_F(CommandAdmissionTest, ListIsForWritesAndWithoutExpect) {

@@ -50,12 +50,12 @@ TEST(ParseCommand, ReadsTargets) {
 TEST(ParseCommand, NullIsAsGoodAsAbsent) {
   const std::vector<std::pair<std::string, std::string>> pairs{
       {R"({"id":"1","op":"write","tag":"a","value":1,"address":null,"type":null,"targets":null,
-           "verify":null,"by":null})",
+           "verify":null,"by":null,"expires":null,"dry_run":null,"count":null,"length":null})",
        R"({"id":"1","op":"write","tag":"a","value":1})"},
-      {R"({"id":"1","op":"write","tag":null,"value":null,"targets":[
+      {R"({"id":"1","op":"write","tag":null,"type":null,"targets":[
            {"tag":"a","address":null,"value":1},{"tag":null,"address":"D1","type":null,"value":2}]})",
        R"({"id":"1","op":"write","targets":[{"tag":"a","value":1},{"address":"D1","value":2}]})"},
-      {R"({"id":"1","op":"run","tag":null,"address":null,"value":null})",
+      {R"({"id":"1","op":"run","tag":null,"address":null,"targets":null,"verify":null})",
        R"({"id":"1","op":"run"})"}};
   for (const auto& [with_nulls, without] : pairs) {
     const Command filled = fxagent::parse_command(with_nulls);
@@ -75,13 +75,133 @@ TEST(ParseCommand, NullIsAsGoodAsAbsent) {
   }
 }
 
-TEST(ParseCommand, NullIsNoConditionThatGotLost) {
-  for (const std::string key : {"expires", "expect", "dry_run"}) {
-    const Command command = fxagent::parse_command(
-        R"({"id":"1","op":"write","tag":"a","value":1,")" + key + R"(":null})");
-    ASSERT_TRUE(command.refusal) << key;
-    EXPECT_EQ(command.refusal->reason, Reason::bad_value) << key;
+TEST(ParseCommand, NullIsNoConditionOrValueThatGotLost) {
+  const std::vector<std::string> payloads{
+      R"({"id":"1","op":"write","tag":"a","value":1,"expect":null})",
+      R"({"id":"1","op":"write","tag":"a","value":null})",
+      R"({"id":"1","op":"write","targets":[{"tag":"a","value":1},{"tag":"b","value":null}]})",
+      R"({"id":"1","op":"force_on","address":"M1","expect":null})"};
+  for (const std::string& payload : payloads) {
+    const Command command = fxagent::parse_command(payload);
+    ASSERT_TRUE(command.refusal) << payload;
+    EXPECT_EQ(command.refusal->reason, Reason::bad_value) << payload;
+    EXPECT_NE(command.refusal->detail.find("null"), std::string::npos) << command.refusal->detail;
   }
+}
+
+// ---- keys by op ---------------------------------------------------------------------------------
+
+struct ForeignKey {
+  const char* payload;
+  const char* key;
+};
+
+TEST(ParseCommand, KeyThatDoesNotGoWithTheOpIsNamed) {
+  const std::vector<ForeignKey> table{
+      {R"("op":"stop","expect":false)", "expect"},
+      {R"("op":"stop","expect":null)", "expect"},
+      {R"("op":"stop","tag":"nope")", "tag"},
+      {R"("op":"stop","value":5)", "value"},
+      {R"("op":"run","value":null)", "value"},
+      {R"("op":"run","address":"D0")", "address"},
+      {R"("op":"run","verify":true)", "verify"},
+      {R"("op":"run","targets":[{"tag":"t"}])", "targets"},
+      {R"("op":"read","tag":"t","expect":1)", "expect"},
+      {R"("op":"read","tag":"t","value":1)", "value"},
+      {R"("op":"read","tag":"t","verify":true)", "verify"},
+      {R"("op":"read","targets":[{"tag":"t"}])", "targets"},
+      {R"("op":"read","tag":"t","type":"int16")", "type"},
+      {R"("op":"read","tag":"t","count":2)", "count"},
+      {R"("op":"read","tag":"t","length":2)", "length"},
+      {R"("op":"read","address":"D1","type":"string","count":2)", "count"},
+      {R"("op":"read","address":"D1","length":2)", "length"},
+      {R"("op":"read","address":"D1","type":"int16","length":2)", "length"},
+      {R"("op":"write","address":"D1","value":1,"count":1)", "count"},
+      {R"("op":"write","address":"D1","type":"string","value":"a","length":1)", "length"},
+      {R"("op":"force_on","address":"M1","value":true)", "value"},
+      {R"("op":"force_off","targets":[{"address":"M1","value":true}])", "value"},
+      {R"("op":"force_off","targets":[{"address":"M1","value":null}])", "value"},
+      {R"("op":"write","targets":[{"tag":"t","value":1}],"tag":"u")", "tag"},
+      {R"("op":"write","targets":[{"tag":"t","value":1}],"value":1)", "value"},
+      {R"("op":"write","targets":[{"tag":"t","value":1}],"value":null)", "value"},
+      {R"("op":"write","targets":[{"tag":"t","value":1}],"expect":1)", "expect"},
+      {R"("op":"write","targets":[{"tag":"t","value":1,"expect":1}])", "expect"},
+      {R"("op":"write","targets":[{"tag":"t","type":"int16","value":1}])", "type"},
+      {R"("op":"force_on","targets":[{"tag":"t"}],"expect":true)", "expect"}};
+  for (const ForeignKey& row : table) {
+    const Command command =
+        fxagent::parse_command(R"({"id":"a",)" + std::string(row.payload) + "}");
+    EXPECT_EQ(command.id, "a") << row.payload;
+    ASSERT_TRUE(command.refusal) << row.payload;
+    EXPECT_EQ(to_string(command.refusal->reason), "bad_json") << row.payload;
+    EXPECT_NE(command.refusal->detail.find("'" + std::string(row.key) + "'"), std::string::npos)
+        << row.payload << ": " << command.refusal->detail;
+  }
+}
+
+TEST(ParseCommand, EveryKeyGoesWithItsOp) {
+  const std::string all = R"(,"id":"a","expires":1790000010000,"by":"anna","dry_run":true})";
+  for (const char* const payload :
+       {R"({"op":"write","tag":"t","value":1,"expect":2,"verify":true)",
+        R"({"op":"write","address":"D1","type":"int32","value":1,"expect":2,"verify":true)",
+        R"({"op":"write","targets":[{"tag":"t","value":1}],"verify":true)",
+        R"({"op":"force_on","address":"T5","type":"bool","expect":false,"verify":true)",
+        R"({"op":"force_off","targets":[{"tag":"t"},{"address":"M1","type":"bool"}],"verify":true)",
+        R"({"op":"read","tag":"t")", R"({"op":"read","address":"D1","type":"int32","count":125)",
+        R"({"op":"read","address":"D1","type":"string","length":5)", R"({"op":"run")",
+        R"({"op":"stop")"}) {
+    const Command command = fxagent::parse_command(payload + all);
+    EXPECT_FALSE(command.refusal) << payload << ": " << command.refusal.value_or(Refusal{}).detail;
+  }
+}
+
+// Which keys go with an op that is none, nobody can say.
+TEST(ParseCommand, UnknownOpIsNoQuestionOfItsKeys) {
+  for (const char* const payload :
+       {R"({"id":"a","op":"jump","tag":"t","targets":[{"tag":"t","value":1,"type":"int16"}]})",
+        R"({"id":"a","op":"jump","expect":1,"count":7,"length":1})", R"({"id":"a","value":1})",
+        R"({"id":"a","op":null,"value":null})"}) {
+    const Command command = fxagent::parse_command(payload);
+    ASSERT_TRUE(command.refusal) << payload;
+    EXPECT_EQ(to_string(command.refusal->reason), "bad_op") << command.refusal->detail;
+  }
+  const Command unknown = fxagent::parse_command(R"({"id":"a","op":"jump","colour":1})");
+  ASSERT_TRUE(unknown.refusal);
+  EXPECT_EQ(unknown.refusal->reason, Reason::bad_json);
+}
+
+TEST(ParseCommand, ReadByAddressHasACountOrALength) {
+  const auto target = [](const std::string& rest) {
+    const Command command =
+        fxagent::parse_command(R"({"id":"a","op":"read","address":"D1",)" + rest + "}");
+    EXPECT_FALSE(command.refusal) << command.refusal.value_or(Refusal{}).detail;
+    return command.targets.at(0);
+  };
+  EXPECT_EQ(target(R"("count":125)").count, 125);
+  EXPECT_EQ(target(R"("type":"string","length":7)").count, 7);
+  EXPECT_EQ(target(R"("type":"string","length":250)").count, 250);
+  EXPECT_EQ(target(R"("count":null)").count, 0);
+}
+
+TEST(ParseCommand, ForcesAreListedWithoutValues) {
+  const Command command = fxagent::parse_command(
+      R"({"id":"1","op":"force_on","targets":[{"tag":"a"},{"address":"M1"}]})");
+  ASSERT_FALSE(command.refusal) << command.refusal->detail;
+  EXPECT_TRUE(command.is_list);
+  ASSERT_EQ(command.targets.size(), 2U);
+  EXPECT_FALSE(command.targets[1].value);
+}
+
+// ---- ids ----------------------------------------------------------------------------------------
+
+TEST(ParseCommand, IntegerAsIdIsItsDecimalText) {
+  for (const char* const id : {"7", "0", "-7", "9007199254740992", "-9007199254740992"}) {
+    const Command command = fxagent::parse_command(R"({"op":"run","id":)" + std::string(id) + "}");
+    EXPECT_FALSE(command.refusal) << id;
+    EXPECT_EQ(command.id, id);
+    EXPECT_TRUE(command.id_is_number);
+  }
+  EXPECT_FALSE(fxagent::parse_command(R"({"op":"run","id":"7"})").id_is_number);
 }
 
 TEST(ParseCommand, NothingFollowsTheCommand) {
@@ -147,7 +267,13 @@ INSTANTIATE_TEST_SUITE_P(
         Refused{"Status", write_with(R"("status":"SUCCEEDED")"), Reason::bad_json, "status", "a"},
         Refused{"StatusOfAnyType", R"({"status":null})", Reason::bad_json, "status", ""},
         Refused{"NoId", R"({"op":"run"})", Reason::missing_id, "no id", ""},
-        Refused{"NumberAsId", R"({"id":5,"op":"run"})", Reason::missing_id, "string", ""},
+        Refused{"FractionAsId", R"({"id":5.5,"op":"run"})", Reason::missing_id, "integer", ""},
+        Refused{"HugeId", R"({"id":9007199254740993,"op":"run"})", Reason::missing_id, "2^53", ""},
+        Refused{"HugeNegativeId", R"({"id":-9007199254740993,"op":"run"})", Reason::missing_id,
+                "2^53", ""},
+        Refused{"HugestId", R"({"id":18446744073709551615,"op":"run"})", Reason::missing_id, "2^53",
+                ""},
+        Refused{"BoolAsId", R"({"id":true,"op":"run"})", Reason::missing_id, "string", ""},
         Refused{"EmptyId", R"({"id":"","op":"run"})", Reason::missing_id, "1 to 64", ""},
         Refused{"LongId", R"({"op":"run","id":")" + std::string(65, 'x') + "\"}",
                 Reason::missing_id, "1 to 64", ""},
@@ -159,7 +285,9 @@ INSTANTIATE_TEST_SUITE_P(
         Refused{"NullAsTarget", R"({"id":"a","op":"read","tag":null})", Reason::unknown_tag,
                 "neither", "a"},
         Refused{"NullInAnArray", R"({"id":"a","op":"write","tag":"t","value":[1,null]})",
-                Reason::bad_value, "value", "a"},
+                Reason::bad_value, "element 2 of value is null", "a"},
+        Refused{"ListInAList", R"({"id":"a","op":"write","tag":"t","value":[[1]]})",
+                Reason::bad_value, "element 1 of value", "a"},
         Refused{"NullOfAnUnknownKey", write_with(R"("expirs":null)"), Reason::bad_json, "expires",
                 "a"},
         Refused{"UnknownOp", R"({"id":"a","op":"Write","tag":"t"})", Reason::bad_op, "'Write'",
@@ -174,10 +302,17 @@ INSTANTIATE_TEST_SUITE_P(
                 Reason::bad_address, "exclude", "a"},
         Refused{"UnknownType", R"({"id":"a","op":"read","address":"D1","type":"int17"})",
                 Reason::bad_address, "", "a"},
-        Refused{"TypeOfATag", R"({"id":"a","op":"read","tag":"t","type":"int16"})",
-                Reason::bad_address, "type", "a"},
         Refused{"TargetsAndTag", R"({"id":"a","op":"write","tag":"t","targets":[{"tag":"t"}]})",
-                Reason::bad_address, "in place of", "a"},
+                Reason::bad_json, "in place of", "a"},
+        Refused{"NoCount", R"({"id":"a","op":"read","address":"D1","count":0})", Reason::bad_value,
+                "1 to 125", "a"},
+        Refused{"LargeCount", R"({"id":"a","op":"read","address":"D1","count":126})",
+                Reason::bad_value, "1 to 125", "a"},
+        Refused{"TextAsCount", R"({"id":"a","op":"read","address":"D1","count":"2"})",
+                Reason::bad_value, "1 to 125", "a"},
+        Refused{"LargeLength",
+                R"({"id":"a","op":"read","address":"D1","type":"string","length":251})",
+                Reason::bad_value, "1 to 250", "a"},
         Refused{"NoTargets", R"({"id":"a","op":"write","targets":[]})", Reason::bad_address,
                 "at least one", "a"},
         Refused{"TargetsOfNumbers", R"({"id":"a","op":"write","targets":[1]})", Reason::bad_address,
@@ -190,14 +325,11 @@ INSTANTIATE_TEST_SUITE_P(
                 "a"},
         Refused{"HugeExpires", write_with(R"("expires":1e300)"), Reason::bad_value, "expires", "a"},
         Refused{"NullAsExpect", write_with(R"("expect":null)"), Reason::bad_value, "expect", "a"},
-        Refused{"ExpectOfAList",
-                R"({"id":"a","op":"write","targets":[{"tag":"t","value":1}],"expect":1})",
-                Reason::bad_value, "single", "a"},
         Refused{"TextAsVerify", write_with(R"("verify":"no")"), Reason::bad_value, "verify", "a"},
         Refused{"TextAsDryRun", write_with(R"("dry_run":"true")"), Reason::bad_value, "dry_run",
                 "a"},
         Refused{"NumberAsBy", write_with(R"("by":7)"), Reason::bad_value, "by", "a"},
-        Refused{"JsonBeforeId", R"({"id":5,"colour":1})", Reason::bad_json, "colour", ""},
+        Refused{"JsonBeforeId", R"({"id":5.5,"colour":1})", Reason::bad_json, "colour", ""},
         Refused{"OpBeforeValue", R"({"id":"a","op":"x","tag":"t","verify":1})", Reason::bad_op, "",
                 "a"},
         Refused{"TargetBeforeValue", R"({"id":"a","op":"write","verify":1,"value":1})",

@@ -27,6 +27,8 @@ using std::chrono::seconds;
 using Clock = std::chrono::steady_clock;
 
 const Bytes kWrite50 = write_frame(kD200, word(50));
+constexpr unsigned kD250 = 0x11F4;
+constexpr unsigned kD260 = 0x1208;
 const Bytes kReadBack = read_frame(kD200, 2);
 const Bytes kForceOn = force_frame(kForceM100, true);
 const Bytes kReadM96 = read_frame(kM96, 1);
@@ -46,6 +48,9 @@ class CommandExecutionTest : public ::testing::Test {
     device.tags.push_back(writable(tag(codec, "setpoint", "D200")));
     device.tags.push_back(writable(tag(codec, "start", "M100")));
     device.tags.push_back(writable(array_of(tag(codec, "recipe", "D300"), 50)));
+    device.tags.push_back(writable(tag(codec, "name", "D250", DataType::string)));
+    device.tags.back().point.length = 3;
+    device.tags.push_back(writable(tag(codec, "level", "D260", DataType::float32)));
     device.tags.push_back(tag(codec, "temp", "D100"));
     device.tags.push_back(tag(codec, "flow", "D100", DataType::float32));
     device.commands.allow_run_stop = true;
@@ -635,6 +640,57 @@ TEST_F(CommandExecutionTest, ExpectedValueIsReadFirst) {
   Command command = write_50();
   command.expect = number(45);
   EXPECT_EQ(run(std::move(command)).status, CommandStatus::succeeded);
+}
+
+TEST_F(CommandExecutionTest, ExpectedTextIsThatOfItsCharacters) {
+  const Bytes read = read_frame(kD250, 4);
+  wire->expect(read).give(data_frame({'A', 0, 'x', 'y'}));
+  wire->expect(write_frame(kD250, Bytes{'B', 0, 0, 'y'})).give(kAck);
+  wire->expect(read).give(data_frame({'B', 0, 0, 'y'}));
+  Command command = this->command(Op::write, {"name", "", std::nullopt, text("B")});
+  command.expect = text("A");
+  EXPECT_EQ(run(std::move(command)).status, CommandStatus::succeeded);
+}
+
+TEST_F(CommandExecutionTest, MinusZeroIsTheZeroThatIsExpected) {
+  const Bytes read = read_frame(kD260, 4);
+  wire->expect(read).give(data_frame({0, 0, 0, 0x80}));
+  wire->expect(write_frame(kD260, Bytes{0, 0, 0xC0, 0x3F})).give(kAck);
+  wire->expect(read).give(data_frame({0, 0, 0xC0, 0x3F}));
+  Command command = this->command(Op::write, {"level", "", std::nullopt, real(1.5)});
+  command.expect = number(0);
+  EXPECT_EQ(run(std::move(command)).status, CommandStatus::succeeded);
+}
+
+TEST_F(CommandExecutionTest, ValueThatTheTagCannotShowIsNeverThere) {
+  wire->expect(kReadBack).give(word_frame(45));
+  Command command = write_50();
+  command.expect = real(45.4);
+  const CommandResult result = run(std::move(command));
+  EXPECT_EQ(result.status, CommandStatus::failed);
+  EXPECT_EQ(result.reason, Reason::expect_mismatch);
+  EXPECT_EQ(result.targets[0].verify->read, number(45));
+}
+
+// ---- strings of odd length ----------------------------------------------------------------------
+
+TEST_F(CommandExecutionTest, OtherHalfOfTheLastWordStaysAsItIs) {
+  const Bytes read = read_frame(kD250, 4);
+  wire->expect(read).give(data_frame({'A', 'B', 'C', 'y'}));
+  wire->expect(write_frame(kD250, Bytes{'D', 'E', 'F', 'y'})).give(kAck);
+  wire->expect(read).give(
+      data_frame({'D', 'E', 'F', 'z'}));  // changed since, and not this command's
+  const CommandResult result = run(command(Op::write, {"name", "", std::nullopt, text("DEF")}));
+  EXPECT_EQ(result.status, CommandStatus::succeeded);
+  EXPECT_TRUE(result.targets[0].verify->match);
+  EXPECT_EQ(result.attempts, 1);
+}
+
+TEST_F(CommandExecutionTest, WhatCannotBeReadFirstIsNotWritten) {
+  for (int i = 0; i <= device.retries; ++i) wire->expect(read_frame(kD250, 4)).give(kNak);
+  const CommandResult result = run(command(Op::write, {"name", "", std::nullopt, text("DEF")}));
+  EXPECT_EQ(result.status, CommandStatus::failed);
+  EXPECT_EQ(result.reason, Reason::nak);
 }
 
 TEST_F(CommandExecutionTest, UnexpectedValueWritesNothing) {

@@ -69,6 +69,20 @@ TEST_F(CommandLineTime, IsThatOfAllTargets) {
   EXPECT_EQ(time_of(both, milliseconds(1)), both.line_time);
 }
 
+TEST_F(CommandLineTime, CountsTheReadBeforeAStringOfOddLength) {
+  const auto time_of_length = [&](std::uint16_t length, std::string value) {
+    device.tags.push_back(writable(tag(*device.codec, "name", "D400", DataType::string)));
+    device.tags.back().point.length = length;
+    Command command;
+    command.op = Op::write;
+    command.targets.push_back({"name", "", std::nullopt, text(std::move(value))});
+    const nanoseconds time = time_of(admitted(std::move(command)), milliseconds(1));
+    device.tags.pop_back();
+    return time;
+  };
+  EXPECT_GT(time_of_length(3, "abc"), time_of_length(4, "abcd"));
+}
+
 TEST_F(CommandLineTime, IsNotKnownOnALineOfUnknownSpeed) {
   AdmittedCommand read = reading("setpoint");
   set_line_times(*device.codec, device, milliseconds(0), read);

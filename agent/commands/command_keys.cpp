@@ -1,0 +1,147 @@
+#include "agent/commands/command_keys.h"
+
+#include <algorithm>
+#include <array>
+#include <nlohmann/json.hpp>
+
+#include "agent/config/reader.h"
+
+namespace fxagent {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr std::size_t kMaxQuoted = 64;
+
+// Groups of ops that have the same keys.
+constexpr unsigned kWrite = 1;
+constexpr unsigned kForce = 2;
+constexpr unsigned kRead = 4;
+constexpr unsigned kRunStop = 8;
+constexpr unsigned kAny = kWrite | kForce | kRead | kRunStop;
+
+enum class Stands { in_command, beside_one_target, in_target };
+
+struct Key {
+  std::string_view name;
+  unsigned ops;
+  Stands stands;
+};
+constexpr std::array<Key, 14> kKeys{{
+    {"id", kAny, Stands::in_command},
+    {"op", kAny, Stands::in_command},
+    {"expires", kAny, Stands::in_command},
+    {"by", kAny, Stands::in_command},
+    {"dry_run", kAny, Stands::in_command},
+    {"targets", kWrite | kForce, Stands::in_command},
+    {"verify", kWrite | kForce, Stands::in_command},
+    {"expect", kWrite | kForce, Stands::beside_one_target},
+    {"count", kRead, Stands::beside_one_target},
+    {"length", kRead, Stands::beside_one_target},
+    {"tag", kWrite | kForce | kRead, Stands::in_target},
+    {"address", kWrite | kForce | kRead, Stands::in_target},
+    {"type", kWrite | kForce | kRead, Stands::in_target},
+    {"value", kWrite, Stands::in_target},
+}};
+
+unsigned group_of(Op op) {
+  switch (op) {
+    case Op::write:
+      return kWrite;
+    case Op::force_on:
+    case Op::force_off:
+      return kForce;
+    case Op::read:
+      return kRead;
+    case Op::run:
+    case Op::stop:
+      break;
+  }
+  return kRunStop;
+}
+
+const Key* known(std::string_view name) {
+  const auto* key = std::find_if(kKeys.begin(), kKeys.end(),
+                                 [name](const Key& each) { return each.name == name; });
+  return key == kKeys.end() ? nullptr : key;
+}
+
+bool is_absent(std::string_view key, const Json& value) {
+  return value.is_null() && key != "expect" && key != "value";
+}
+
+bool has(const Json& object, const char* key) {
+  const auto found = object.find(key);
+  return found != object.end() && !is_absent(key, *found);
+}
+
+std::string unknown(std::string_view name) {
+  std::array<std::string_view, kKeys.size()> names;
+  std::transform(kKeys.begin(), kKeys.end(), names.begin(),
+                 [](const Key& each) { return each.name; });
+  return "unknown key " + in_quotes(name) + ", " + did_you_mean(name, names);
+}
+
+/// Keys that say more about an address, where there is no address for them.
+void check_address_keys(const Json& target, Faults& faults) {
+  const auto misplaced = [&](const char* key, const char* where) {
+    if (has(target, key))
+      faults.add(Reason::bad_json, "key " + in_quotes(key) + " goes with " + where + " only");
+  };
+  if (!has(target, "address")) {
+    if (!has(target, "tag")) return;  // it is no target at all, and is told so
+    for (const char* key : {"type", "count", "length"}) misplaced(key, "an address");
+    return;
+  }
+  const auto type = target.find("type");
+  if (type != target.end() && *type == "string")
+    misplaced("count", "other types than string, which have a length,");
+  else
+    misplaced("length", "type string");
+}
+
+void check_entry(const Json& entry, std::optional<Op> op, Faults& faults) {
+  for (const auto& item : entry.items()) {
+    const Key* key = known(item.key());
+    if (key == nullptr)
+      faults.add(Reason::bad_json, unknown(item.key()));
+    else if (is_absent(item.key(), item.value()))
+      continue;
+    else if (key->stands != Stands::in_target)
+      faults.add(Reason::bad_json, "key " + in_quotes(item.key()) + " is none of a target's");
+    else if (op && (key->ops & group_of(*op)) == 0)
+      faults.add(Reason::bad_json, "key " + in_quotes(item.key()) + " does not go with op " +
+                                       std::string(to_string(*op)));
+  }
+  if (op) check_address_keys(entry, faults);
+}
+
+}  // namespace
+
+std::string in_quotes(std::string_view foreign) {
+  return "'" + std::string(foreign.substr(0, kMaxQuoted)) + "'";
+}
+
+void check_keys(const Json& command, std::optional<Op> op, Faults& faults) {
+  const bool is_list = has(command, "targets");
+  for (const auto& item : command.items()) {
+    const Key* key = known(item.key());
+    if (key == nullptr)
+      faults.add(Reason::bad_json, unknown(item.key()));
+    else if (!op || is_absent(item.key(), item.value()))
+      continue;
+    else if ((key->ops & group_of(*op)) == 0)
+      faults.add(Reason::bad_json, "key " + in_quotes(item.key()) + " does not go with op " +
+                                       std::string(to_string(*op)));
+    else if (is_list && key->stands != Stands::in_command)
+      faults.add(Reason::bad_json, "key " + in_quotes(item.key()) +
+                                       " does not go with targets, which stand in place of one "
+                                       "target");
+  }
+  if (op) check_address_keys(command, faults);
+  if (!is_list || !command["targets"].is_array()) return;
+  for (const Json& entry : command["targets"])
+    if (entry.is_object()) check_entry(entry, op, faults);
+}
+
+}  // namespace fxagent
