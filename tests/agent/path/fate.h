@@ -56,8 +56,14 @@ class Fate final {
   /// Of a thousand exchanges so many have a fault.
   int faults_in_1000 = 0;
   Fault next_fault() {
-    if (between(1, 1000) > faults_in_1000) return Fault::none;
-    return static_cast<Fault>(between(1, static_cast<int>(Fault::count_) - 1));
+    // What strikes once often strikes again: a refusal that a repeat cures is another story.
+    const bool again = faults_in_1000 > 0 && last_fault_ != Fault::none && one_in(3);
+    if (again) return last_fault_;
+    last_fault_ = Fault::none;
+    if (between(1, 1000) > faults_in_1000) return last_fault_;
+    last_fault_ = one_in(5) ? Fault::refused
+                            : static_cast<Fault>(between(1, static_cast<int>(Fault::count_) - 1));
+    return last_fault_;
   }
 
  private:
@@ -65,6 +71,7 @@ class Fate final {
   bool has_ended_ = false;
   int ends_at_ = 0;
   std::string ended_at_;
+  Fault last_fault_ = Fault::none;
 };
 
 }  // namespace fxagent::test

@@ -146,7 +146,8 @@ void PathJudge::published(std::uint32_t device, const std::string& text) {
     ++counted[status];
     return;
   }
-  Known& known = known_[{device, result["id"].get<std::string>()}];
+  const Json& id = result["id"];  // an integer is the same id as its text
+  Known& known = known_[{device, id.is_string() ? id.get<std::string>() : id.dump()}];
   if (status == "DUPLICATE") {
     ++counted[status];
     known.duplicates.push_back(std::move(result));

@@ -214,8 +214,9 @@ RandomCommands::Target RandomCommands::bit_target(std::uint32_t device) {
 RandomCommands::Target RandomCommands::target(std::uint32_t device) {
   // The values of a scene are not without end.
   const bool room = fresh_ < 25000;
-  switch (fate_.between(0, 11)) {
+  switch (fate_.between(0, 12)) {
     case 0:
+    case 7:
       return room ? array_target(device) : word_target(device);
     case 1:
       return room ? long_target(device) : word_target(device);
@@ -282,7 +283,8 @@ void RandomCommands::switch_plc(SentCommand& sent, Json& command) {
 
 void RandomCommands::add_conditions(SentCommand& sent, Json& command, std::int64_t utc_ms) {
   const bool writes = !sent.targets.empty();
-  if (fate_.one_in(3)) command["expires"] = utc_ms + fate_.between(-20, 2500);
+  if (fate_.one_in(3))
+    command["expires"] = utc_ms + fate_.between(-20, fate_.one_in(2) ? 300 : 2500);
   if (writes && fate_.one_in(2)) command["verify"] = fate_.one_in(2);
   if (fate_.one_in(20)) sent.message_expiry_s = fate_.between(0, 2);
   if (fate_.one_in(25)) sent.dry_run = command["dry_run"] = true;
@@ -393,6 +395,10 @@ SentCommand RandomCommands::next(std::int64_t utc_ms) {
     force(sent, command);
   add_conditions(sent, command, utc_ms);
   if (fate_.one_in(12)) spoil(sent, command);
+  if (kIdsMayBeIntegers && fate_.one_in(6)) {
+    command["id"] = next_id_;
+    sent.id = std::to_string(next_id_);
+  }
   sent.payload = command.dump();
   return sent;
 }
