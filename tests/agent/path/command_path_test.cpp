@@ -158,7 +158,7 @@ class Scene final {
 };
 
 TEST(CommandPath, EveryResultSaysWhatTheDeviceReallyDid) {
-  const int wanted = setting("FXAGENT_COMMANDS", effort(20000));
+  const int wanted = setting("FXAGENT_COMMANDS", effort(10000));
   auto seed = static_cast<std::uint32_t>(setting("FXAGENT_SEED", 1));
   log::set_level(log::Level::error);
   const auto config = parse_config(plant_of_the_path());
