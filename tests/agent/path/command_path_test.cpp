@@ -1,0 +1,189 @@
+// What a result promises, over the whole way of a command: random messages as JSON into Commands
+// with a journal, over the links to devices that keep a ledger of what they really did, and the
+// results as JSON out. Faults strike at any exchange, time passes, the agent stops or dies at any
+// place and starts again.
+//
+//   FXAGENT_COMMANDS=200000 command_path_test     so many commands
+//   FXAGENT_SEED=7 …                              begins with this scene
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cstdlib>
+#include <iostream>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "agent/log/log.h"
+#include "tests/agent/path/agent_life.h"
+#include "tests/agent/path/path_judge.h"
+#include "tests/support/clock_by_hand.h"
+#include "tests/support/effort.h"
+
+namespace fxagent::test {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+constexpr std::array<fxsim::Protocol, kPathDevices> kProtocols{
+    fxsim::Protocol::programming_port, fxsim::Protocol::computer_link, fxsim::Protocol::modbus_tcp,
+    fxsim::Protocol::modbus_rtu};
+
+int setting(const char* name, int otherwise) {
+  const char* given = std::getenv(name);
+  return given == nullptr ? otherwise : std::atoi(given);
+}
+
+/// One plant and some commands, over the lives that its agent has.
+class Scene final {
+ public:
+  Scene(const Config& config, std::uint32_t seed) : config_(config), fate_(seed), journal_(fate_) {
+    for (const fxsim::Protocol protocol : kProtocols) {
+      owned_.push_back(std::make_unique<LedgerDevice>(protocol));
+      devices_.push_back(owned_.back().get());
+    }
+    for (const DeviceConfig& device : config.devices) names_.push_back(device.name);
+    commands_ = std::make_unique<RandomCommands>(
+        fate_, std::vector<const LedgerDevice*>(devices_.begin(), devices_.end()));
+  }
+
+  /// What is wrong; empty: nothing.
+  std::string play() {
+    const int lives = fate_.between(0, 3);
+    constexpr std::array<int, 5> kFaults{0, 10, 60, 200, 400};
+    for (life_ = 0; life_ < lives; ++life_) {
+      fate_.faults_in_1000 = kFaults[static_cast<std::size_t>(fate_.between(0, 4))];
+      live(fate_.one_in(3) ? 0 : fate_.between(1, 150));
+      // What a device still owes the agent that is gone has come before the next one starts.
+      advance_clock(seconds(5));
+    }
+    live_to_the_end();
+    return judge_.verdict(devices_, journal_, names_);
+  }
+
+  int received = 0;
+  const std::map<std::string, int>& counted() const { return judge_.counted; }
+  void tell(const std::string& faults) const {
+    std::cerr << faults;
+    for (std::size_t i = 0; i < devices_.size(); ++i)
+      if (faults.find(names_[i] + ":") != std::string::npos)
+        for (const std::string& line : devices_[i]->story)
+          std::cerr << "  " << names_[i] << " " << line << "\n";
+  }
+
+ private:
+  std::unique_ptr<AgentLife> begin(int ends_at) {
+    fate_.begin_life(ends_at);
+    const Polling polling = fate_.one_in(4) ? Polling::on : Polling::off;
+    return std::make_unique<AgentLife>(
+        config_, journal_, devices_, fate_, polling,
+        [this](std::uint32_t device, const std::string& text) { judge_.published(device, text); });
+  }
+
+  void live(int ends_at) {
+    const auto agent = begin(ends_at);
+    agent->not_acknowledged = fate_.between(0, 5);
+    for (int i = fate_.between(1, 20); i > 0 && !fate_.has_ended(); --i) {
+      send_some(*agent);
+      const int pause = fate_.one_in(4) ? 600 : 60;
+      agent->run_for(milliseconds(fate_.between(0, pause)));
+    }
+    if (ends_at > 0) agent->run_for(seconds(2));
+    if (!fate_.has_ended())
+      agent->stop([&] {
+        if (fate_.one_in(3)) send_some(*agent);
+      });
+    if (fate_.has_ended()) judge_.killed(life_);
+  }
+
+  /// Nothing goes wrong any more, and all is heard to its end.
+  void live_to_the_end() {
+    fate_.faults_in_1000 = fate_.one_in(2) ? 0 : 100;
+    const auto agent = begin(0);
+    for (int i = fate_.between(0, 15); i > 0; --i) {
+      send_some(*agent);
+      agent->run_for(milliseconds(fate_.between(0, 300)));
+    }
+    agent->run_until_idle();
+  }
+
+  void send_some(AgentLife& agent) {
+    for (int i = fate_.one_in(4) ? fate_.between(2, 5) : 1; i > 0 && !fate_.has_ended(); --i) {
+      SentCommand sent = next();
+      sent.life = life_;
+      ++received;
+      judge_.received(sent);
+      agent.receive(sent);
+      if (!sent.id.empty() && !sent.dry_run) earlier_.push_back(std::move(sent));
+    }
+    agent.hand_over();
+  }
+
+  /// A new command, or an id again: with the same message, with another one, with a spoiled one.
+  SentCommand next() {
+    if (earlier_.empty() || !fate_.one_in(6)) return commands_->next(path_utc_ms());
+    SentCommand again =
+        earlier_[static_cast<std::size_t>(fate_.between(0, static_cast<int>(earlier_.size()) - 1))];
+    if (!fate_.one_in(4)) return again;
+    if (fate_.one_in(2)) {
+      again.payload.back() = ',';
+      again.payload += R"("nonsense":1})";
+      again.is_wrong = true;
+      again.targets.clear();
+      again.op.clear();
+      return again;
+    }
+    SentCommand other = commands_->next(path_utc_ms());
+    if (other.id.empty() || other.dry_run || other.op == "run" || other.op == "stop") return other;
+    nlohmann::json payload = nlohmann::json::parse(other.payload);
+    payload["id"] = again.id;
+    other.id = again.id;
+    other.device = again.device == other.device ? again.device : other.device;
+    other.payload = payload.dump();
+    return other;
+  }
+
+  const Config& config_;
+  Fate fate_;
+  LastingJournal journal_;
+  std::vector<std::unique_ptr<LedgerDevice>> owned_;
+  std::vector<LedgerDevice*> devices_;
+  std::vector<std::string> names_;
+  std::unique_ptr<RandomCommands> commands_;
+  PathJudge judge_;
+  std::vector<SentCommand> earlier_;
+  int life_ = 0;
+};
+
+TEST(CommandPath, EveryResultSaysWhatTheDeviceReallyDid) {
+  const int wanted = setting("FXAGENT_COMMANDS", effort(10000));
+  auto seed = static_cast<std::uint32_t>(setting("FXAGENT_SEED", 1));
+  log::set_level(log::Level::error);
+  const auto config = parse_config(plant_of_the_path());
+  ASSERT_TRUE(config) << to_string(config.error().front(), "plant");
+  std::map<std::string, int> counted;
+  int received = 0;
+  int wrong = 0;
+  for (; received < wanted && wrong < 3; ++seed) {
+    Scene scene(*config, seed);
+    const std::string faults = scene.play();
+    received += scene.received;
+    for (const auto& [status, count] : scene.counted()) counted[status] += count;
+    if (faults.empty()) continue;
+    ++wrong;
+    ADD_FAILURE() << "scene " << seed;
+    scene.tell(faults);
+  }
+  std::cout << received << " commands:";
+  for (const auto& [status, count] : counted) std::cout << " " << status << " " << count;
+  std::cout << "\n";
+  // A run that never came to one of these would prove nothing of it.
+  for (const char* status :
+       {"SUCCEEDED", "FAILED", "PARTIAL", "REJECTED", "EXPIRED", "DUPLICATE", "UNKNOWN_OUTCOME"})
+    EXPECT_GE(counted[status], wanted / 400) << status;
+}
+
+}  // namespace
+}  // namespace fxagent::test

@@ -1,0 +1,277 @@
+#include "tests/agent/path/ledger_device.h"
+
+#include <algorithm>
+#include <asio/post.hpp>
+#include <asio/use_awaitable.hpp>
+#include <utility>
+
+#include "agent/field/stream_io.h"
+#include "tests/sim/computer_link.h"
+#include "tests/sim/modbus.h"
+#include "tests/sim/programming_port.h"
+
+namespace fxagent::test {
+namespace {
+
+using std::chrono::milliseconds;
+using Clock = std::chrono::steady_clock;
+
+constexpr unsigned kPresetBits = 400;  // each third of them is on at first
+
+constexpr fxsim::Device kForcedStop{fxsim::Kind::special_m, 37};  // M8037
+
+std::unique_ptr<fxsim::Personality> personality_of(fxsim::Protocol protocol) {
+  if (protocol == fxsim::Protocol::programming_port)
+    return std::make_unique<fxsim::ProgrammingPort>();
+  if (protocol == fxsim::Protocol::computer_link)
+    return std::make_unique<fxsim::ComputerLink>(fxsim::ComputerLinkSettings{});
+  return std::make_unique<fxsim::Modbus>(protocol, fxsim::ModbusSettings{});
+}
+
+const fxsim::Model& model_of(fxsim::Protocol protocol) {
+  return fxsim::is_modbus(protocol) ? fxsim::modbus_model() : *fxsim::find_model("FX3U");
+}
+
+bool is_word(fxsim::Kind kind) {
+  return kind == fxsim::Kind::d || kind == fxsim::Kind::holding_register;
+}
+
+/// What carries a deed out where it comes.
+bool is_done(Fault fault) {
+  return fault != Fault::request_lost && fault != Fault::refused && fault != Fault::broken_before &&
+         fault != Fault::broken_within;
+}
+
+}  // namespace
+
+// ---- the device ---------------------------------------------------------------------------------
+
+LedgerDevice::LedgerDevice(fxsim::Protocol protocol)
+    : personality_(personality_of(protocol)),
+      plc_(model_of(protocol), fxsim::make_plant("none"), Clock::now()) {
+  // Where the switch stands in RUN a computer link may not switch the PLC at all.
+  if (protocol == fxsim::Protocol::computer_link) plc_.set_run_switch(false);
+  const fxsim::Kind kind = fxsim::is_modbus(protocol) ? fxsim::Kind::coil : fxsim::Kind::m;
+  for (unsigned number = 0; number < kPresetBits; number += 3) plc_.preset({kind, number}, 1);
+}
+
+fxsim::Bytes LedgerDevice::carry_out(const fxsim::Frame& frame) {
+  fxsim::Ruling ruling = personality_->execute(frame, plc_);
+  if (ruling.verdict == fxsim::Verdict::ack || ruling.verdict == fxsim::Verdict::data)
+    note(frame, ruling);
+  return std::move(ruling.reply);
+}
+
+void LedgerDevice::note(const fxsim::Frame& frame, const fxsim::Ruling& ruling) {
+  const fxsim::RequestKind kind = personality_->kind(frame);
+  const std::string_view text = fxsim::as_text(frame.bytes);
+  if (kind == fxsim::RequestKind::control) {
+    const std::string_view command = text.substr(5, 2);
+    if (command == "RR") ++switched["run"];
+    if (command == "RS") ++switched["stop"];
+    return;
+  }
+  const bool writes = kind == fxsim::RequestKind::write || kind == fxsim::RequestKind::force_on ||
+                      kind == fxsim::RequestKind::force_off;
+  if (!writes) return;
+  last_.clear();
+  // The simulator names the first device of a list only.
+  if (personality_->protocol() == fxsim::Protocol::computer_link) {
+    const std::string_view command = text.substr(5, 2);
+    if (command == "WT" || command == "BT") return note_list(text.substr(8), command == "BT");
+  }
+  const auto first = fxsim::parse_device(ruling.device);
+  if (!first) return;
+  if (*first == kForcedStop) {
+    ++switched[ruling.values.at(0) != 0 ? "stop" : "run"];
+    return;
+  }
+  for (unsigned i = 0; i < ruling.values.size(); ++i)
+    note_deed({first->kind, first->number + i}, ruling.values[i]);
+}
+
+void LedgerDevice::note_list(std::string_view area, bool bits) {
+  constexpr std::size_t kName = 5;
+  const std::size_t size = bits ? 1 : 4;
+  const auto count = fxsim::parse_upper_hex(area.substr(0, 2)).value_or(0);
+  for (unsigned i = 0; i < count; ++i) {
+    const std::string_view item = area.substr(2 + i * (kName + size), kName + size);
+    const auto device = fxsim::parse_device(item.substr(0, kName));
+    const auto value = fxsim::parse_upper_hex(item.substr(kName));
+    if (!device || !value) continue;
+    if (bits || is_word(device->kind)) {
+      note_deed(*device, *value);
+      continue;
+    }
+    for (unsigned bit = 0; bit < 16; ++bit)  // of a word of bits
+      note_deed({device->kind, device->number + bit}, (*value >> bit) & 1U);
+  }
+}
+
+void LedgerDevice::note_deed(fxsim::Device device, std::uint32_t value) {
+  ++ledger[{!is_word(device.kind), device.number, value}];
+  last_.push_back(device);
+}
+
+void LedgerDevice::overwrite_last() {
+  for (const fxsim::Device device : last_)
+    if (is_word(device.kind)) plc_.preset(device, 0);
+}
+
+std::uint32_t LedgerDevice::word(unsigned number) const {
+  const bool fx = plc_.memory().has({fxsim::Kind::d, number});
+  return plc_.memory().get({fx ? fxsim::Kind::d : fxsim::Kind::holding_register, number});
+}
+
+bool LedgerDevice::bit(unsigned number) const {
+  const bool fx = plc_.memory().has({fxsim::Kind::m, number});
+  return plc_.memory().get({fx ? fxsim::Kind::m : fxsim::Kind::coil, number}) != 0;
+}
+
+// ---- the line -----------------------------------------------------------------------------------
+
+FaultyLine::FaultyLine(asio::any_io_executor executor, LedgerDevice& device, Fate& fate)
+    : executor_(executor),
+      timer_(executor),
+      device_(device),
+      fate_(fate),
+      framer_(device.personality().make_framer()) {}
+
+void FaultyLine::lose() {
+  open_ = false;
+  if (fate_.one_in(3)) opens_from_ = Clock::now() + milliseconds(fate_.between(0, 800));
+}
+
+asio::awaitable<Result<void>> FaultyLine::open(SteadyTime) {
+  co_await asio::post(executor_, asio::use_awaitable);
+  open_ = !fate_.has_ended() && Clock::now() >= opens_from_;
+  if (!open_) co_return fail(ErrorCode::link_down, "the line does not open");
+  // A serial server hands what comes late to whoever is connected now; a TCP connection does not.
+  if (device_.personality().protocol() == fxsim::Protocol::modbus_tcp) {
+    arrivals_.clear();
+    framer_ = device_.personality().make_framer();
+  }
+  co_return Result<void>{};
+}
+
+asio::awaitable<Transport::Written> FaultyLine::write(ByteView bytes, SteadyTime) {
+  co_await asio::post(executor_, asio::use_awaitable);
+  const Error broken{ErrorCode::link_down, "the connection broke"};
+  const Fault fault = fate_.next_fault();
+  if (!open_ || fate_.ends_here("before the first byte") || fault == Fault::broken_before) {
+    lose();
+    co_return Written{0, broken};
+  }
+  const std::size_t part = bytes.size() - 1;
+  if (fate_.ends_here("within the frame") || fault == Fault::broken_within) {
+    hear(bytes.first(part), Fault::none);
+    lose();
+    co_return Written{part, broken};
+  }
+  hear(bytes, fault);
+  if (fate_.ends_here("behind the frame")) lose();
+  if (fault == Fault::broken_after) {
+    arrivals_.clear();
+    lose();
+  }
+  co_return Written{bytes.size(), std::nullopt};
+}
+
+void FaultyLine::hear(ByteView bytes, Fault fault) {
+  std::vector<fxsim::Frame> frames;
+  for (const std::uint8_t byte : bytes) framer_->take(byte, Clock::now(), frames);
+  for (const fxsim::Frame& frame : frames) {
+    if (!frame.whole || !device_.personality().hears(frame)) continue;
+    device_.story.push_back(std::to_string(static_cast<int>(fault)) + ": " +
+                            fxsim::to_hex(frame.bytes).substr(0, 90));
+    answer(frame, fault);
+  }
+}
+
+void FaultyLine::answer(const fxsim::Frame& frame, Fault fault) {
+  if (device_.personality().kind(frame) == fxsim::RequestKind::handshake) {
+    device_.carry_out(frame);
+    return;
+  }
+  Bytes reply = reply_to(frame, fault);
+  if (fault == Fault::overwritten) device_.overwrite_last();
+  spoil(reply, fault);
+  // It answers one after another: what is late holds up what is asked behind it.
+  busy_until_ = std::max(busy_until_, Clock::now()) + milliseconds(fate_.between(2, 15));
+  if (fault == Fault::late) busy_until_ += milliseconds(fate_.between(50, 1500));
+  if (reply.empty()) return;
+  if (fault == Fault::split) {
+    const auto middle = reply.begin() + static_cast<std::ptrdiff_t>(reply.size() / 2);
+    arrivals_.push_back({busy_until_, Bytes(reply.begin(), middle)});
+    busy_until_ += milliseconds(fate_.between(1, 60));
+    reply.erase(reply.begin(), middle);
+  }
+  arrivals_.push_back({busy_until_, std::move(reply)});
+  timer_.cancel();
+}
+
+Bytes FaultyLine::reply_to(const fxsim::Frame& frame, Fault fault) {
+  const bool modbus = fxsim::is_modbus(device_.personality().protocol());
+  if (fault == Fault::unclear && modbus) {
+    if (fate_.one_in(2)) device_.carry_out(frame);
+    constexpr std::uint8_t kUnclear[] = {4, 5, 0x0B};
+    return device_.personality().refusal(frame, kUnclear[fate_.between(0, 2)]);
+  }
+  if (fault == Fault::refused || fault == Fault::unclear) {
+    constexpr std::uint8_t kModbus[] = {1, 2, 3, 6, 7, 8, 0x0A};
+    constexpr std::uint8_t kLink[] = {2, 3, 6, 0x10};
+    return device_.personality().refusal(
+        frame, modbus ? kModbus[fate_.between(0, 6)] : kLink[fate_.between(0, 3)]);
+  }
+  if (!is_done(fault)) return {};
+  Bytes reply = device_.carry_out(frame);
+  if (fault == Fault::answer_lost) reply.clear();
+  return reply;
+}
+
+void FaultyLine::spoil(Bytes& reply, Fault fault) const {
+  const fxsim::Personality& personality = device_.personality();
+  const bool summed = personality.protocol() != fxsim::Protocol::modbus_tcp;
+  if (reply.empty()) return;
+  // Modbus TCP has no check, so that nobody could tell.
+  if (fault == Fault::garbled && summed) personality.spoil(reply, fxsim::Flaw::sum);
+  if (fault == Fault::from_another) personality.spoil(reply, fxsim::Flaw::sender);
+  if (fault == Fault::cut_short) reply.resize(reply.size() / 2);
+  if (fault == Fault::noise) reply.insert(reply.begin(), {0xFF, 0x5A});
+}
+
+asio::awaitable<Result<std::size_t>> FaultyLine::read_some(MutableBytes into, SteadyTime deadline) {
+  co_await asio::post(executor_, asio::use_awaitable);
+  for (;;) {
+    if (!open_) co_return fail(ErrorCode::link_down, "the connection broke");
+    const SteadyTime now = Clock::now();
+    if (!arrivals_.empty() && arrivals_.front().due <= now) {
+      Bytes& bytes = arrivals_.front().bytes;
+      const std::size_t count = std::min(into.size(), bytes.size());
+      std::copy_n(bytes.begin(), count, into.begin());
+      bytes.erase(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(count));
+      if (bytes.empty()) arrivals_.pop_front();
+      co_return count;
+    }
+    if (now >= deadline) co_return fail(ErrorCode::timeout, "no answer");
+    timer_.expires_at(arrivals_.empty() ? deadline : std::min(deadline, arrivals_.front().due));
+    co_await timer_.async_wait(use_result);
+  }
+}
+
+Result<Bytes> FaultyLine::discard_input() {
+  if (!open_) return fail(ErrorCode::link_down, "closed");
+  Bytes out;
+  while (!arrivals_.empty() && arrivals_.front().due <= Clock::now()) {
+    out.insert(out.end(), arrivals_.front().bytes.begin(), arrivals_.front().bytes.end());
+    arrivals_.pop_front();
+  }
+  return out;
+}
+
+void FaultyLine::close() noexcept {
+  open_ = false;
+  timer_.cancel();
+}
+
+}  // namespace fxagent::test

@@ -1,0 +1,56 @@
+// Holds the results of commands, as they were published, against what the devices really did.
+#pragma once
+
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "tests/agent/path/lasting_journal.h"
+#include "tests/agent/path/ledger_device.h"
+#include "tests/agent/path/random_commands.h"
+
+namespace fxagent::test {
+
+class PathJudge final {
+ public:
+  /// A message that the agent has received.
+  void received(const SentCommand& sent);
+  /// A result as it was published.
+  void published(std::uint32_t device, const std::string& text);
+  /// The agent of that life ended without a word.
+  void killed(int life) { killed_.insert(life); }
+
+  /// What is wrong, a line each; empty: nothing.
+  std::string verdict(const std::vector<LedgerDevice*>& devices, const LastingJournal& journal,
+                      const std::vector<std::string>& names);
+  /// What is known of one id, for a failure's message.
+  std::string told(std::uint32_t device, const std::string& id) const;
+
+  std::map<std::string, int> counted;  ///< results by status, each once
+
+ private:
+  using Json = nlohmann::json;
+  using Key = std::pair<std::uint32_t, std::string>;
+  struct Known {
+    std::vector<SentCommand> sent;
+    std::vector<Json> results;  ///< but for DUPLICATE
+    std::vector<Json> duplicates;
+  };
+
+  std::string judge(const Key& key, const Known& known, const LedgerDevice& device,
+                    bool in_journal) const;
+  std::string judge_results(const Known& known) const;
+  bool may_be_lost(const Known& known) const;
+  std::string judge_unreadable() const;
+  std::string judge_ledger(std::uint32_t index, const LedgerDevice& device) const;
+
+  std::map<Key, Known> known_;
+  std::set<int> killed_;
+  std::vector<SentCommand> unreadable_;
+  int without_id_ = 0;  ///< results
+};
+
+}  // namespace fxagent::test

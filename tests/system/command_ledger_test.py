@@ -1,0 +1,327 @@
+"""Random commands to a real agent with a store, faults on the line, clean stops and kills at random
+moments; then every result is held against what the simulated PLCs really did: fxsim's log.
+
+FXAGENT_LEDGER_COMMANDS: how many (300). FXAGENT_LEDGER_SEED: the seed that a failure printed."""
+
+import collections
+import json
+import os
+import random
+import signal
+import threading
+import time
+import unittest
+
+from plant import BASE, PATIENCE, Broker, PlantTest, Watcher, device, wait_for
+
+COMMANDS = int(os.environ.get("FXAGENT_LEDGER_COMMANDS", 300))
+LIVES = max(6, COMMANDS // 60)  # of the agent
+SEED = int(os.environ.get("FXAGENT_LEDGER_SEED", random.SystemRandom().randrange(1 << 30)))
+
+# Each of a fault's kinds, as often as it stands here; what a device that works never does is left out.
+FAULTS = ["nak", "nak", "nak", "wrong_sum", "truncated", "late", "silent", "silent",
+          "execute_then_silent", "execute_then_silent", "split", "drop"]
+PROTOCOLS = {"press1": "fx-programming-port", "oven": "fx-computer-link", "meter": "modbus-tcp"}
+ARRAY = {"press1": 70, "oven": 70, "meter": 200}  # of several frames everywhere
+
+
+def is_fx(name):
+    return name != "meter"
+
+
+def word(name, number):
+    return f"D{number}" if is_fx(name) else f"hr:{number}"
+
+
+def bit(name, number):
+    return f"M{number}" if is_fx(name) else f"co:{number}"
+
+
+def tags(name):
+    more = {"type": "int16", "access": "read_write"}
+    return [{"name": f"w{n}", "address": word(name, 100 + n), **more} for n in range(8)] + [
+        {"name": "list", "address": word(name, 200), "count": ARRAY[name], **more},
+        {"name": "fixed", "address": word(name, 90), "type": "int16"}]
+
+
+class RandomCommands:
+    """Each word that is written has a value, each bit a number, that no other command has: so the log
+    tells whose deed was whose. A command comes with its targets, lists of (place, value)."""
+
+    def __init__(self, chance):
+        self.chance = chance
+        self.value = collections.Counter()
+        self.bits = collections.Counter()
+
+    def fresh(self, name):
+        self.value[name] += 1
+        assert self.value[name] < 32767, "no more values: fewer commands"
+        return self.value[name]
+
+    def word_target(self, name):
+        number, value = self.chance.randrange(8), self.fresh(name)
+        if self.chance.random() < 0.7:
+            return {"tag": f"w{number}", "value": value}, [(word(name, 100 + number), value)]
+        return ({"address": word(name, 1000 + number), "value": value},
+                [(word(name, 1000 + number), value)])
+
+    def bit_target(self, name):
+        self.bits[name] += 1
+        place = bit(name, 100 + self.bits[name])
+        return {"address": place, "value": True}, [(place, 1)]
+
+    def list_target(self, name):
+        values = [self.fresh(name) for _ in range(ARRAY[name])]
+        return ({"tag": "list", "value": values},
+                [(word(name, 200 + i), value) for i, value in enumerate(values)])
+
+    def target(self, name, in_list=False):
+        kinds = [self.word_target] * 6
+        # Of bits that one frame of the computer link sets the log names the first only.
+        if self.bits[name] < 800 and not (in_list and name == "oven"):
+            kinds += [self.bit_target] * 2
+        if self.value[name] < 20000:
+            kinds += [self.list_target] * 2
+        return self.chance.choice(kinds)(name)
+
+    def command(self, name, identity):
+        command = {"id": identity, "op": "write"}
+        kind = self.chance.random()
+        targets = []
+        if kind < 0.1:
+            command.update(op="read", tag=self.chance.choice(["w0", "list", "fixed"]))
+        elif kind < 0.2:
+            command.update(self.chance.choice([
+                {"tag": "nothing", "value": 1}, {"tag": "fixed", "value": 1},
+                {"tag": "w0", "value": 70000}, {"tag": "w0", "value": 1, "extra": 1},
+                {"address": word(name, 5000), "value": 1}, {"tag": "w0"}]))
+        elif kind < 0.4:
+            parts = [self.target(name, True) for _ in range(self.chance.randint(1, 5))]
+            command["targets"] = [part for part, _ in parts]
+            targets = [deeds for _, deeds in parts]
+        else:
+            part, deeds = self.target(name)
+            command.update(part)
+            targets = [deeds]
+        if targets and self.chance.random() < 0.4:
+            command["verify"] = self.chance.random() < 0.5
+        if self.chance.random() < 0.3:
+            command["expires"] = int(time.time() * 1000) + self.chance.randint(-20, 2000)
+        return command, targets, 0.1 <= kind < 0.2
+
+
+class CommandLedger(PlantTest):
+    maxDiff = None
+
+    def test_every_result_says_what_the_plcs_really_did(self):
+        print(f"FXAGENT_LEDGER_SEED={SEED} FXAGENT_LEDGER_COMMANDS={COMMANDS}", flush=True)
+        self.chance = random.Random(SEED)
+        self.sent = {}  # (device, id) → (command, targets, is wrong)
+        self.killed = 0
+        self.start_plant()
+        commands = RandomCommands(self.chance)
+        ends = {COMMANDS * part // LIVES for part in range(1, LIVES)}
+        for number in range(COMMANDS):
+            self.strike()
+            self.send_one(commands, number)
+            if number in ends:
+                self.end_and_start_agent()
+            elif self.chance.random() < 0.3:
+                self.wait_for_a_result(number)
+        self.sim.ask(cmd="clear_faults")
+        self.ask_again()
+        self.judge()
+
+    def start_plant(self):
+        plcs = [self.plc(name, protocol=protocol, **({"tcp": 0} if name == "meter" else {}))
+                for name, protocol in PROTOCOLS.items()]
+        for plc in plcs:
+            if plc["protocol"] == "modbus-tcp":
+                del plc["model"]
+        self.broker_and_sim(plcs)
+        links = [self.serial("line1", "press1"), self.serial("line2", "oven"),
+                 {"name": "line3", "tcp": {"host": "127.0.0.1", "port": self.sim.ports["meter"]}}]
+        devices = []
+        for (name, protocol), link in zip(PROTOCOLS.items(), links):
+            allow = (["M100-M999", "D1000-D1099"] if is_fx(name) else ["co:100-999", "hr:1000-1099"])
+            made = device(name, link["name"], tags(name), [{"name": "default", "interval_ms": 500}],
+                          protocol=protocol, timeout_ms=200, retries=1,
+                          commands={"allow": allow, "default_expiry_s": 60})
+            if not is_fx(name):
+                del made["model"]
+            devices.append(made)
+        self.start_agent(devices, links, store={"path": os.path.join(self.directory, "store")})
+        for name in PROTOCOLS:
+            self.state(name, "online")
+
+    def broker_and_sim(self, plcs):
+        self.broker = Broker(self.directory, "")
+        self.broker.start()
+        self.start_sim(plcs)
+        self.watcher = Watcher(self.broker.port)
+
+    def strike(self):
+        """Every fourth command or so meets a fault, mostly where it writes."""
+        if self.chance.random() > 0.25:
+            return
+        name = self.chance.choice(list(PROTOCOLS))
+        kind = self.chance.choice(FAULTS)
+        if kind == "wrong_sum" and name == "meter":
+            kind = "bad_length"  # there is no sum
+        more = {"ms": self.chance.randint(220, 600)} if kind == "late" else {}
+        if kind == "split":
+            more = {"ms": 20, "bytes": 3}
+        if kind == "drop":
+            more = {"ms": 50}
+        if kind == "nak":  # where a repeat can cure it, it takes two
+            more = {"count": self.chance.choice([1, 2, 2, 3])}
+            if name == "meter":
+                more["code"] = self.chance.choice([2, 3, 4, 6])
+        self.sim.fault(name, kind, match=self.chance.choice(["write", "write", "force", "any"]),
+                       every=self.chance.choice([1, 1, 2, 3]), **more)
+
+    def send_one(self, commands, number):
+        """A new command, or one of the last again."""
+        again = [key for key in self.sent if number - int(key[1][1:]) < 40]
+        if again and self.chance.random() < 0.1:
+            key = self.chance.choice(again)
+            return self.send(self.sent[key][0], key[0])
+        name = self.chance.choice(list(PROTOCOLS))
+        made = commands.command(name, f"c{number}")
+        self.sent[name, made[0]["id"]] = made
+        self.send(made[0], name)
+
+    def wait_for_a_result(self, number):
+        mine = [key for key in self.sent if key[1] == f"c{number}"]
+        for name, identity in mine:
+            wait_for(f"a result of {identity}", lambda: self.results(identity, name))
+
+    def end_and_start_agent(self):
+        """A kill, at a moment that nobody chose, while more commands come; or a clean stop."""
+        if self.chance.random() < 0.25:
+            self.agent.stop()
+        else:
+            timer = threading.Timer(self.chance.random() * 0.1, self.agent.process.kill)
+            timer.start()
+            timer.join()
+            self.assertEqual(self.agent.stop(signal.SIGKILL), -signal.SIGKILL)
+            self.killed += 1
+        since = self.watcher.mark()
+        self.agent.start()
+        self.watcher.wait(f"{BASE}/state", lambda s: s["state"] == "online", since)
+        for name in PROTOCOLS:
+            self.state(name, "online", since)
+
+    def ask_again(self):
+        """Each command once more: one that was carried out is not carried out again, and one that was
+        lost with an agent that was killed has its only result now."""
+        everything = list(self.sent.items())
+        for first in range(0, len(everything), 20):
+            some = everything[first:first + 20]
+            before = {key: len(self.results(key[1], key[0])) for key, _ in some}
+            for (name, _), (command, _, _) in some:
+                self.send(command, name)
+            for key, _ in some:
+                name, identity = key
+                wait_for(f"an answer to {identity} of {name}",
+                         lambda: len(self.results(identity, name)) > before[key], 2 * PATIENCE)
+                wait_for(f"a result of {identity} of {name}", lambda: self.told(name, identity),
+                         2 * PATIENCE)
+
+    def told(self, name, identity):
+        return [r for r in self.results(identity, name) if r["status"] != "DUPLICATE"]
+
+    # What the log says against what the results say.
+
+    def judge(self):
+        ledgers = {name: self.ledger(name) for name in PROTOCOLS}
+        wrong = []
+        counted = collections.Counter()
+        wanted = collections.defaultdict(set)
+        for (name, identity), (command, targets, is_wrong) in self.sent.items():
+            results = self.told(name, identity)
+            outcomes = {json.dumps({k: v for k, v in r.items() if k != "t"}, sort_keys=True)
+                        for r in results}
+            for deeds in targets:
+                wanted[name].update(deeds)
+            why = "two outcomes" if len(outcomes) != 1 else fault_of(
+                results[0], targets, is_wrong, ledgers[name])
+            if why:
+                wrong.append(f"{name}: {why}: {json.dumps(command)[:300]} → "
+                             f"{[json.dumps(r)[:600] for r in results]}")
+            counted[results[0]["status"]] += 1
+            counted["DUPLICATE"] += len(self.results(identity, name)) - len(results)
+        for name, ledger in ledgers.items():
+            wrong += [f"{name}: {deed} was done, and nobody asked for it"
+                      for deed in ledger if deed not in wanted[name]]
+        print(f"{len(self.sent)} commands, {self.killed} kills: {dict(counted)}", flush=True)
+        self.assertEqual(wrong, [])
+        for status in ("SUCCEEDED", "FAILED", "REJECTED", "DUPLICATE"):
+            self.assertGreater(counted[status], 0, status)
+
+    def ledger(self, name):
+        """How often each (place, value) was set."""
+        # Of a list that one frame carried the log has all values, and the first place.
+        place_of = {value: place for (device, _), (_, targets, _) in self.sent.items()
+                    if device == name for deeds in targets for place, value in deeds
+                    if place.startswith("D")}
+        out = collections.Counter()
+        for entry in self.sim.commands(name):
+            prefix = entry["device"].rstrip("0123456789")
+            first = int(entry["device"][len(prefix):])
+            values = entry["value"] if isinstance(entry["value"], list) else [entry["value"]]
+            for i, value in enumerate(values):
+                place = f"{prefix}{first + i}"
+                if name == "oven" and prefix == "D":
+                    place = place_of.get(value, place)
+                out[place, value] += 1
+        return out
+
+
+def done_of(deeds, ledger):
+    """(done, of, whether nothing at all was done)"""
+    done = sum(1 for deed in deeds if ledger[deed])
+    return done, len(deeds), done == 0
+
+
+def fault_of(result, targets, is_wrong, ledger):
+    """What is wrong with a result; None: nothing."""
+    status = result["status"]
+    if any(ledger[deed] > 1 for deeds in targets for deed in deeds):
+        return "carried out twice"
+    if is_wrong and status != "REJECTED":
+        return "no command, and not REJECTED"
+    if not targets:
+        return "of a read" if status in ("PARTIAL", "UNKNOWN_OUTCOME") else None
+    progress = [done_of(deeds, ledger) for deeds in targets]
+    if "targets" not in result:
+        return fault_of_one(result, progress[0])
+    whole = sum(1 for done, of, _ in progress if done == of)
+    if status in ("REJECTED", "EXPIRED", "FAILED") and result["reason"] != "verify_mismatch":
+        return None if all(nothing for _, _, nothing in progress) else f"{status}, and it was done"
+    if status == "SUCCEEDED" and whole < len(targets):
+        return "SUCCEEDED, and not all was done"
+    if status == "PARTIAL" and (result["done"], result["of"]) != (whole, len(targets)):
+        return f"PARTIAL: really {whole} of {len(targets)}"
+    if status == "UNKNOWN_OUTCOME" and result.get("done", 0) > whole:
+        return "UNKNOWN_OUTCOME with more done than was"
+    found = (fault_of_one(target, one) for target, one in zip(result["targets"], progress))
+    return next((why for why in found if why), None)
+
+
+def fault_of_one(result, progress):
+    done, of, nothing = progress
+    status = result["status"]
+    if status == "SUCCEEDED" or result["reason"] == "verify_mismatch":
+        return None if done == of else f"{status}, and not all was done"
+    if status in ("REJECTED", "EXPIRED", "FAILED"):
+        return None if nothing else f"{status}, and it was done"
+    if status == "PARTIAL" and ((result["done"], result["of"]) != (done, of) or not 0 < done < of):
+        return f"PARTIAL: really {done} of {of}"
+    if status == "UNKNOWN_OUTCOME" and result.get("done", 0) > done:
+        return "UNKNOWN_OUTCOME with more done than was"
+    return None
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
