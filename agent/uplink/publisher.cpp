@@ -230,7 +230,11 @@ void Publisher::take_outbox(SteadyTime now) {
   Outbox::Batch batch = outbox_.take();
   for (const auto& [device, count] : batch.dropped)
     spool_.drop(config_.devices.at(device).name, count);
-  for (CommandResult& result : batch.results) commands_.finish(std::move(result), utc_ms_());
+  for (CommandResult& result : batch.results) {
+    const bool may_have_written = result.attempts > 0 && result.op != to_string(Op::read);
+    if (may_have_written) written_.insert(config_.devices.at(result.device).name);
+    commands_.finish(std::move(result), utc_ms_());
+  }
   for (DeviceStatus& status : batch.states) {
     const std::uint32_t device = status.device;
     if (status.codec) commands_.set_codec(device, std::move(status.codec));
@@ -280,7 +284,9 @@ void Publisher::tick(SteadyTime now) {
 // ---- what goes out ------------------------------------------------------------------------------
 
 void Publisher::pump(SteadyTime now) {
-  if (std::exchange(samples_first_, false)) samples_out_.pump_live(now);
+  if (std::exchange(samples_first_, false) || !written_.empty()) samples_out_.pump_live(now);
+  // What was read before a write and finds no room in front of its result is older than it.
+  samples_out_.make_history(std::exchange(written_, {}));
   samples_first_ =
       results_.pump(now, intake_.is_holding() ? std::optional(intake_.heard()) : std::nullopt);
   retained_.pump(now);

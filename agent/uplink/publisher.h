@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <set>
 #include <stop_token>
 #include <string>
 #include <string_view>
@@ -144,6 +145,8 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
   IdentityConflict identity_;
   std::optional<std::string> conflict_;  ///< as it was published
   bool samples_first_ = false;  ///< whose turn it is, where the window is too small to share
+  /// Devices with results, not handed over yet, of commands that may have written.
+  std::set<std::string> written_;
 
   /// The field's counters were asked for, and health waits for them until then.
   std::optional<SteadyTime> counters_by_;

@@ -137,6 +137,15 @@ void SampleDelivery::pump_live(SteadyTime now) {
   }
 }
 
+void SampleDelivery::make_history(const std::set<std::string>& devices) {
+  if (devices.empty()) return;
+  std::erase_if(live_, [&](LiveRow& live) {
+    if (!devices.contains(live.row.device)) return false;
+    spool_.add(std::move(live));
+    return true;
+  });
+}
+
 void SampleDelivery::pump_history(bool rests, SteadyTime now) {
   // One at a time: a broker that works on several of 64 KiB lets live samples wait for
   // milliseconds.

@@ -10,6 +10,7 @@
 #include <deque>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -44,6 +45,8 @@ class SampleDelivery final : public Outgoing::Sender {
   /// beside.
   void settle(SteadyTime now);
   void pump_live(SteadyTime now);
+  /// Samples of these devices that have found no room so far go as history.
+  void make_history(const std::set<std::string>& devices);
   /// `rests`: history leaves half of the time to live samples.
   void pump_history(bool rests, SteadyTime now);
 

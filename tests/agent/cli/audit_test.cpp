@@ -50,11 +50,11 @@ struct Chain {
 
 Chain small_chain() {
   Chain chain;
-  chain.add(ordered(receipt(1), "b7e1", "write", kNow));
+  chain.add(admitted(receipt(1), "b7e1", "write", kNow));
   chain.add(result(1, "press1", kSucceeded, enquiry(), kNow));
-  chain.add(told(1, "press1", "b7e1", true, kNow));
+  chain.add(delivery(1, "press1", "b7e1", true, kNow));
   chain.add(answered(receipt(2), R"({"id":"c","status":"REJECTED"})", kNow));
-  chain.add(told(2, "press1", "c", true, kNow));
+  chain.add(delivery(2, "press1", "c", true, kNow));
   return chain;
 }
 
@@ -147,7 +147,7 @@ TEST(Audit, TailThatWasCutOffWithTheHeadIsFoundByThePublishedOne) {
 TEST(Audit, ChainThatWasMadeAnewIsFoundByThePublishedHead) {
   const Head published = small_chain().head;
   Chain forged;
-  for (int i = 0; i < 6; ++i) forged.add(told(1, "press1", "x", true, kNow));
+  for (int i = 0; i < 6; ++i) forged.add(delivery(1, "press1", "x", true, kNow));
   EXPECT_TRUE(forged.findings().empty());
   ASSERT_EQ(forged.findings(published).size(), 1U);
   EXPECT_EQ(forged.findings(published)[0].record, 5U);
@@ -156,7 +156,7 @@ TEST(Audit, ChainThatWasMadeAnewIsFoundByThePublishedHead) {
 TEST(Audit, HeadPublishedEarlierIsStillInTheChain) {
   Chain chain = small_chain();
   const Head published = chain.head;
-  chain.add(told(3, "press1", "d", true, kNow));
+  chain.add(delivery(3, "press1", "d", true, kNow));
   EXPECT_TRUE(chain.findings(published).empty());
 }
 
@@ -248,8 +248,8 @@ TEST(AuditReport, CommandWithoutAResultAndWhatPruningLeftHaveLinesToo) {
   Report report;
   Head head;
   report.add(seal(head, result(1, "press1", kSucceeded, {}, kNow)));
-  report.add(seal(head, told(9, "press1", "z", false, kNow)));
-  report.add(seal(head, ordered(receipt(10), "open", "write", kNow)));
+  report.add(seal(head, delivery(9, "press1", "z", false, kNow)));
+  report.add(seal(head, admitted(receipt(10), "open", "write", kNow)));
   report.add(seal(head, pruned(3, Bytes(32, 0), kNow)));
   const auto lines = report.take();
   ASSERT_EQ(lines.size(), 4U);

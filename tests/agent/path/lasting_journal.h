@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <map>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <utility>
@@ -15,7 +16,7 @@
 
 namespace fxagent::test {
 
-class LastingJournal final : public CommandJournal {
+class LastingJournal final : public CommandJournal, private CommandStarts {
  public:
   explicit LastingJournal(Fate& fate) : fate_(fate) {}
 
@@ -37,13 +38,14 @@ class LastingJournal final : public CommandJournal {
     for (JournalEntry& entry : given) keep_result(std::move(entry));
     fate_.ends_here("behind the result in the journal");
   }
-  void acknowledge(std::string device, std::string id, std::uint64_t number) override {
+  void acknowledge(std::string device, std::string id, std::uint64_t number, std::string) override {
     if (fate_.ends_here("before the acknowledgement is noted")) return;
     const auto known = entries_.find({device, id});
     if (known != entries_.end() && known->second.number == number)
       known->second.acknowledged = true;
     fate_.ends_here("behind the acknowledgement");
   }
+  CommandStarts* starts() override { return this; }
   std::optional<JournalEntry> find(const std::string& device, const std::string& id) override {
     const auto known = entries_.find({device, id});
     return known == entries_.end() ? std::nullopt : std::optional(known->second);
@@ -59,10 +61,13 @@ class LastingJournal final : public CommandJournal {
   std::vector<JournalEntry> unacknowledged() override {
     std::vector<JournalEntry> out = oldest_first();
     std::erase_if(out, [](const JournalEntry& entry) { return entry.acknowledged; });
+    for (JournalEntry& entry : out)
+      entry.surely_not_sent = entry.result.empty() && !started_.contains(entry.number);
     return out;
   }
 
  private:
+  void mark(std::uint64_t number) override { started_.insert(number); }
   void keep_result(JournalEntry entry) {
     JournalEntry& kept = entries_[{entry.device, entry.id}];
     if (kept.number != entry.number) kept = entry;
@@ -81,6 +86,7 @@ class LastingJournal final : public CommandJournal {
 
   Fate& fate_;
   std::map<std::pair<std::string, std::string>, JournalEntry> entries_;
+  std::set<std::uint64_t> started_;  ///< numbers of the commands that may have left
   std::uint64_t last_number_ = 0;
 };
 

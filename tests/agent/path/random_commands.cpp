@@ -180,7 +180,7 @@ RandomCommands::Target RandomCommands::limited_target(std::uint32_t device) {
   // The nearest raw numbers to the limits lie inside and outside of them.
   constexpr std::array<double, 8> kValues{0.36, 0.5, 50.04, 99.94, 0.34, 0.349, 99.955, 99.97};
   constexpr std::array<unsigned, 8> kRaw{4, 5, 500, 999, 3, 3, 1000, 1000};
-  const auto i = static_cast<std::size_t>(fate_.between(0, kLimitsBindWhatIsWritten ? 7 : 3));
+  const auto i = static_cast<std::size_t>(fate_.between(0, 7));
   return {Json{{"tag", "lim" + std::to_string(number)}, {"value", kValues[i]}},
           {{{Deed{false, number, kRaw[i]}}}}};
 }
@@ -395,7 +395,7 @@ SentCommand RandomCommands::next(std::int64_t utc_ms) {
     force(sent, command);
   add_conditions(sent, command, utc_ms);
   if (fate_.one_in(12)) spoil(sent, command);
-  if (kIdsMayBeIntegers && fate_.one_in(6)) {
+  if (fate_.one_in(6)) {
     command["id"] = next_id_;
     sent.id = std::to_string(next_id_);
   }

@@ -42,11 +42,6 @@ inline constexpr int kPathDevices = 4;
 /// The registers with min 0.34, max 99.97 and a scale of 0.1: raw 4 … 999 may be written.
 inline constexpr unsigned kFirstLimited = 980;
 inline constexpr unsigned kLastLimited = 989;
-/// Whether they are also given what lies inside of min and max and is rounded to a raw number
-/// outside. Off: the agent compares what came, not what it writes.
-inline constexpr bool kLimitsBindWhatIsWritten = false;
-/// Whether ids also come as integers. Off: the agent takes none.
-inline constexpr bool kIdsMayBeIntegers = false;
 
 class RandomCommands final {
  public:

@@ -580,6 +580,40 @@ void send_runs(Bench& bench, std::size_t messages) {
     bench.broker.send(message(i, R"({"id":"x","op":"run"})"));
 }
 
+TEST(Publisher, WhatWasReadBeforeAWriteGoesBeforeItsResult) {
+  Bench bench;
+  bench.online();
+  bench.write("a");
+  bench.outbox.push(test::sample(1));
+  CommandResult result = bench.succeeded("a");
+  result.attempts = 1;
+  bench.outbox.push(std::move(result));
+  bench.step();
+  ASSERT_EQ(bench.broker.log.size(), 2U);
+  EXPECT_EQ(bench.broker.log[0].topic, kBase + "/press1/data/fast");
+  EXPECT_EQ(bench.broker.log[1].topic, kBase + "/press1/result");
+}
+
+TEST(Publisher, WhatWasReadBeforeAWriteAndFindsNoRoomBeforeItsResultIsHistory) {
+  Bench bench;
+  bench.online();
+  bench.write("a");
+  bench.broker.acknowledges = false;
+  for (std::uint64_t i = 1; i <= 30; ++i) bench.outbox.push(test::sample(i));
+  CommandResult result = bench.succeeded("a");
+  result.attempts = 1;
+  bench.outbox.push(std::move(result));
+  bench.step();
+  EXPECT_EQ(bench.results().size(), 1U) << "places stay free for results";
+  const auto before = bench.broker.on(kBase + "/press1/data/fast").size();
+  EXPECT_LT(before, 30U);
+  bench.broker.acknowledges = true;
+  bench.broker.acknowledge_all();
+  bench.settle();
+  EXPECT_EQ(bench.broker.on(kBase + "/press1/data/fast").size(), before);
+  EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast/history")).size(), 30U - before);
+}
+
 TEST(PublisherFlood, SamplesGoOutBetweenCommands) {
   Bench bench;
   bench.online();
