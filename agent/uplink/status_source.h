@@ -49,7 +49,10 @@ class StatusSource final {
   /// What the field said of values and counters. Takes `batch.health`; the samples stay.
   void take(Outbox::Batch& batch);
   /// Boot of another agent with the same id; empty: there is none.
-  void set_conflict(std::string other_boot) { conflict_ = std::move(other_boot); }
+  void set_conflict(std::string other_boot) {
+    conflict_ = std::move(other_boot);
+    published_.reset();
+  }
   /// The time of health: rates begin anew, what is wrong goes to the log, a status is published.
   void tick(SteadyTime now);
   /// Publishes a status where a reader waits for it.

@@ -721,8 +721,9 @@ TEST_F(CommandAdmissionTest, ExpectIsKeptAsItCame) {
 }
 
 TEST_F(CommandAdmissionTest, ExpectOfTheWrongKindIsRefused) {
+  int sent = 0;
   const auto expecting = [&](std::string name, Value expect) {
-    Command command = write("b7e1 " + name);
+    Command command = write("b7e" + std::to_string(++sent));
     command.targets[0].tag = name;
     if (name == "name") command.targets[0].value = text("abc");
     if (name == "recipe") command.targets[0].value = numbers({1, 2, 3});

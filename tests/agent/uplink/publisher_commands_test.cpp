@@ -611,7 +611,7 @@ TEST(Publisher, WhatWasReadBeforeAWriteAndFindsNoRoomBeforeItsResultIsHistory) {
   bench.broker.acknowledge_all();
   bench.settle();
   EXPECT_EQ(bench.broker.on(kBase + "/press1/data/fast").size(), before);
-  EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast/history")).size(), 30U - before);
+  EXPECT_EQ(test::seqs(bench.broker.on(kBase + "/press1/data/fast/history")).size(), 30U - before);
 }
 
 TEST(PublisherFlood, SamplesGoOutBetweenCommands) {

@@ -469,8 +469,8 @@ TEST(Publisher, StopPublishesWhatWaitsThenSaysStopped) {
   EXPECT_TRUE(bench.made().finished());
   EXPECT_EQ(bench.broker.disconnects, 1);
   ASSERT_EQ(bench.broker.taken.size(), 3U);
-  EXPECT_EQ(bench.broker.taken[0].topic, kBase + "/press1/result");
-  EXPECT_EQ(bench.broker.taken[1].topic, kBase + "/press1/data/fast");
+  EXPECT_EQ(bench.broker.taken[0].topic, kBase + "/press1/data/fast");
+  EXPECT_EQ(bench.broker.taken[1].topic, kBase + "/press1/result");
   EXPECT_EQ(bench.broker.taken[2].topic, kBase + "/state");
   const json state = json::parse(bench.broker.taken[2].payload);
   EXPECT_EQ(state["state"], "offline");
