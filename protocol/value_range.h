@@ -1,4 +1,5 @@
-// What values a point can have at all: the range of its type in engineering units. point.cpp has it.
+// What values a point can have at all: the range of its type in engineering units. point.cpp has
+// it.
 #pragma once
 
 #include <cstdint>

@@ -39,9 +39,9 @@ class DeviceState final {
   /// nullopt: RUN or STOP is not known.
   void set_run(std::optional<bool> run) { run_ = run; }
 
-  /// The state by these facts, where it is not the one that was reported last. Before the first answer
-  /// of a device on an open bus there is nothing to report; a broadcast has no answer and is online
-  /// there.
+  /// The state by these facts, where it is not the one that was reported last. Before the first
+  /// answer of a device on an open bus there is nothing to report; a broadcast has no answer and is
+  /// online there.
   std::optional<Change> update(const Facts& facts, std::int64_t now_ms);
   /// What was reported last.
   const DeviceStatus& reported() const { return reported_; }
