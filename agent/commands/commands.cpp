@@ -27,6 +27,7 @@ Refusal refusal_of_unknown(const Command& command, const Config& config,
   if (command.retained)
     return {Reason::retained, "a retained command is an old one: publish without retain"};
   std::vector<std::string_view> names;
+  names.reserve(config.devices.size());
   for (const DeviceConfig& known : config.devices) names.push_back(known.name);
   return {Reason::unknown_device,
           "there is no device " + device + " in the config; " + did_you_mean(device, names)};

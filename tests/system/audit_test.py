@@ -106,7 +106,7 @@ class Audit(PlantTest):
         self.assertEqual([line["status"] for line in self.lines()], ["SUCCEEDED", None])
         since = self.watcher.mark()
         self.agent.start()
-        self.assert_result(self.result("lost", since=since), "UNKNOWN_OUTCOME")
+        self.assert_result(self.result("lost", since=since), "UNKNOWN_OUTCOME", "interrupted")
         self.assertEqual(self.acknowledged(2)[1]["status"], "UNKNOWN_OUTCOME")
         self.assertEqual(self.audit("--verify")[0], 0)
 
