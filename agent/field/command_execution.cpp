@@ -280,9 +280,7 @@ bool CommandExecution::meets_another(const AdmittedTarget& target) const {
   const Span span = *span_of(target.point);
   return std::any_of(admitted_.targets.begin(), admitted_.targets.end(),
                      [&](const AdmittedTarget& other) {
-                       const Span there = *span_of(other.point);
-                       return &other != &target && there.space == span.space &&
-                              there.first_bit < span.end_bit() && span.first_bit < there.end_bit();
+                       return &other != &target && overlap(span, *span_of(other.point));
                      });
 }
 

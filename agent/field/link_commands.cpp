@@ -10,6 +10,7 @@
 #include "agent/field/command_execution.h"
 #include "agent/field/command_line_time.h"
 #include "agent/line_time.h"
+#include "protocol/padding.h"
 
 namespace fxagent {
 namespace {
@@ -222,7 +223,8 @@ asio::awaitable<void> LinkCommands::run_next() {
   failpoint("order_answered");
   // RUN and STOP may be a force, too. Of M8037 no older value is said than it has left.
   if (const auto* force =
-          admitted.run_request ? std::get_if<Force>(&*admitted.run_request) : nullptr)
+          admitted.run_request ? std::get_if<Force>(&*admitted.run_request) : nullptr;
+      force != nullptr && result.attempts > 0)
     poller_.overwritten(device, {force->space, force->bit, 1}, nullptr, BadReason::timeout);
 
   device.station.handshake_in = station.handshake_in;
@@ -242,8 +244,10 @@ asio::awaitable<void> LinkCommands::run_next() {
 void LinkCommands::after_write(LinkDevice& device, const AdmittedTarget& target,
                                const TargetResult& outcome) {
   if (target.requests.empty() || without_effect(outcome)) return;
-  const bool as_meant =
-      outcome.status == CommandStatus::succeeded && (!outcome.verify || outcome.verify->match);
+  // Of a string of odd length the device has kept the byte behind it: its image is not what is
+  // there.
+  const bool as_meant = outcome.status == CommandStatus::succeeded &&
+                        (!outcome.verify || outcome.verify->match) && !has_padding(target.point);
   poller_.overwritten(device, *span_of(target.point), as_meant ? &target.image : nullptr,
                       bad_after(outcome.reason));
   if (!target.tag_index) return;

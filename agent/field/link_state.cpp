@@ -62,7 +62,7 @@ void LinkState::opened() {
   log::info("link", {{"link", config_.name}, {"state", "up"}});
   SteadyTime from = Clock::now();
   for (const auto& device : devices_) {
-    if (was_down_) from = scheduler_.read_at_once(device->id, from);
+    if (was_down_) from = read_at_once(*device, from);
     if (device->codec->is_broadcast()) update(*device);  // nobody else will tell
   }
 }
@@ -129,9 +129,17 @@ void LinkState::answered(LinkDevice& device) {
   const bool is_back = scheduler_.is_silent(device.id);
   scheduler_.device_answered(device.id);
   if (!is_back) return;
-  const SteadyTime from = std::max(Clock::now(), device.at_once_from);
+  read_at_once(device, Clock::now());
+}
+
+/// Every group of the device, from then on; one that comes and goes, or whose link does, would hold
+/// the line with that, or break it once more. Returns when the next device may begin.
+SteadyTime LinkState::read_at_once(LinkDevice& device, SteadyTime from) {
+  const bool is_planned = device.at_once_from - kAtOnceEvery > from;
+  if (is_planned) return from;
+  from = std::max(from, device.at_once_from);
   device.at_once_from = from + kAtOnceEvery;
-  scheduler_.read_at_once(device.id, from);
+  return scheduler_.read_at_once(device.id, from);
 }
 
 void LinkState::unreachable(LinkDevice& device) {

@@ -56,6 +56,7 @@ class LinkState final {
 
  private:
   void tell_doubt();
+  SteadyTime read_at_once(LinkDevice& device, SteadyTime from);
 
   const LinkConfig& config_;
   const std::size_t links_;

@@ -94,7 +94,8 @@ void PollCycle::overwritten(const Span& span, const Bytes* image, BadReason why)
     if (image != nullptr)
       patch(images_[read], place, span, *image);
     else
-      ages_[read] = ages_[read] == Age::current ? Age::outdated : Age::lost;
+      ages_[read] =
+          ages_[read] == Age::current || ages_[read] == Age::outdated ? Age::outdated : Age::lost;
   }
   for (std::size_t i = 0; i < tags().size(); ++i) {
     const std::uint32_t tag = tags()[i];

@@ -170,7 +170,7 @@ void PollScheduler::abandon_cycle(GroupId id, SteadyTime not_before) {
 SteadyTime PollScheduler::read_at_once(DeviceId device, SteadyTime from) {
   for (Group& group : groups_) {
     if (group.device != device || group.running) continue;
-    group.at_once = from;
+    group.at_once = std::min(group.at_once.value_or(from), from);
     from += 2 * group.usual;
   }
   return from;

@@ -92,6 +92,33 @@ TEST_F(LinkStateTest, SerialLineThatWasLostIsOpenedAtOnceAndThenEachTimeLater) {
   EXPECT_LE(next_open_in(), milliseconds(600)) << "it was open, so this failure is a first one";
 }
 
+TEST_F(LinkStateTest, LinkThatComesAndGoesIsReadAtOnceNoMoreThanEveryTenSeconds) {
+  use(SerialSettings{});
+  const auto begin = Clock::now();
+  scheduler.add_group(devices[0]->id, std::chrono::minutes(10), 1, begin + std::chrono::hours(1));
+  open();
+  const auto come_and_go = [&] {
+    bus->close();
+    link->look();
+    open();
+    return scheduler.next(Clock::now());
+  };
+  const PollScheduler::Job back = come_and_go();
+  ASSERT_EQ(back.kind, PollScheduler::Job::Kind::poll);
+  EXPECT_TRUE(scheduler.step_done(back.poll));
+  SteadyTime next{};
+  for (int i = 0; i < 5; ++i) {
+    const PollScheduler::Job job = come_and_go();
+    ASSERT_EQ(job.kind, PollScheduler::Job::Kind::wait);
+    EXPECT_LE(job.until - Clock::now(), std::chrono::seconds(10));
+    if (i > 0) {
+      EXPECT_EQ(job.until, next) << "one is planned, and is not put off";
+    }
+    next = job.until;
+  }
+  EXPECT_GE(next - begin, std::chrono::seconds(10));
+}
+
 TEST_F(LinkStateTest, TcpPeerThatNeverAnswersIsLeft) {
   use(TcpSettings{"192.0.2.10", 5551});
   open();

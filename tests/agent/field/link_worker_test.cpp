@@ -733,6 +733,24 @@ TEST_F(LinkWorkerStaleTest, CycleUnderWayReadsAnewWhatAWriteWithoutAnAnswerMayHa
   EXPECT_EQ(wait_for_result("lost").status, CommandStatus::unknown_outcome);
 }
 
+TEST_F(LinkWorkerStaleTest, CycleUnderWayShowsTheByteBehindATextOfOddLengthAsTheDeviceKeptIt) {
+  plc.set(kD200 + 2, word(0x7900));
+  const Codec& codec = *config.devices[0].codec;
+  config.devices[0].commands.allow.push_back(*codec.addresses().parse_range("D201"));
+  after_the_first_read([&] {
+    Command command = write_raw("text", 0);
+    command.targets[0].type = DataType::string;
+    command.targets[0].value = text("abc");
+    submit(command);
+  });
+  start();
+  const Telemetry& message = first_cycle();
+  EXPECT_EQ(wait_for_result("text").detail, "");
+  ASSERT_EQ(message.readings.size(), 6U);
+  EXPECT_EQ(message.readings[2].value, number(0x6261));
+  EXPECT_EQ(message.readings[5].value, numbers({0, 0, 0x6261, 0x7963}));
+}
+
 TEST_F(LinkWorkerStaleTest, LastValueOfABadTagIsNotOlderThanAWrite) {
   config.devices[0].groups[0].interval = milliseconds(200);
   start();

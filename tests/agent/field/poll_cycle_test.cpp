@@ -201,6 +201,20 @@ TEST_F(PollCycleTest, FloodOfLostWritesDoesNotKeepACycleFromItsEnd) {
   EXPECT_FALSE(message.readings[1].bad);
 }
 
+TEST_F(PollCycleTest, TwoLostWritesInARowStillLeaveOneReadToItsTurn) {
+  PollCycle cycle = begun();
+  cycle.take(0, data(word(7)));
+  cycle.overwritten(*span_of(device.tags[0].point), nullptr, BadReason::timeout);
+  cycle.overwritten(*span_of(device.tags[0].point), nullptr, BadReason::timeout);
+  ASSERT_EQ(cycle.outdated(), 0U);
+  cycle.take(0, data(word(8)));
+  cycle.take(1, data(word(1)));
+  cycle.take(2, data(word(2)));
+  const Telemetry message = finished(cycle);
+  EXPECT_FALSE(message.readings[0].bad);
+  EXPECT_EQ(message.readings[0].value, number(8));
+}
+
 TEST_F(PollCycleTest, ReadAgainThatFailsIsNotRepeatedForEver) {
   PollCycle cycle = begun();
   cycle.take(0, data(word(7)));
