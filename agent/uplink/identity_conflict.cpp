@@ -15,6 +15,7 @@ constexpr seconds kAnswersWithin{5};
 // Until it counts as gone where our own state does not come back, so that nobody can tell when it
 // could have heard it.
 constexpr seconds kUnheardFor{30};
+constexpr std::size_t kMostOthers = 16;
 constexpr std::size_t kLongestState = 4096;
 constexpr std::size_t kLongestBoot = 64;
 
@@ -37,7 +38,7 @@ AgentState agent_state_of(std::string_view payload) {
   found = {word("state"), word("reason"), word("boot")};
   const auto is_plain = [](char c) { return c > ' ' && c <= '~'; };
   if (found.boot.size() > kLongestBoot || !std::ranges::all_of(found.boot, is_plain))
-    found.boot = "unknown";
+    found.boot = IdentityConflict::kUnknown;
   return found;
 }
 
@@ -48,50 +49,56 @@ void IdentityConflict::heard(std::string_view payload, SteadyTime now) {
   if (said.boot.empty()) return;
   if (said.boot == boot_) {
     is_ours_ = is_ours_ || said.state == "online";
-    // Ours has come back: from now on the other one can answer.
-    if (is_online_) silent_at_ = std::min(silent_at_, now + kAnswersWithin);
+    // Ours has come back: from now on the others can answer.
+    for (auto& [boot, silent_at] : online_) silent_at = std::min(silent_at, now + kAnswersWithin);
     return;
   }
   if (said.state == "online") {
     other_boot_ = said.boot;
-    is_online_ = true;
-    silent_at_ = now + kUnheardFor;
+    if (online_.size() >= kMostOthers && !online_.contains(said.boot))
+      online_.erase(online_.begin());
+    online_[said.boot] = now + kUnheardFor;
   } else if (said.state == "offline") {
-    if (was_ours_ && !is_ours_) taken_over_ = true;
+    if (ours_on_.contains(server_) && !is_ours_) taken_over_ = true;
     if (taken_over_) other_boot_ = said.boot;
-    if (said.boot == other_boot_) is_online_ = false;
+    online_.erase(said.boot);
     // "lost" is what the broker says for one that we throw off ourselves.
     if (said.reason == "stopped") taken_over_ = false;
   }
 }
 
-void IdentityConflict::connection_began(SteadyTime now, SteadyTime::duration steady_after) {
-  was_ours_ = was_ours_ || is_ours_;
+void IdentityConflict::connection_began(const std::string& server, SteadyTime now,
+                                        SteadyTime::duration steady_after) {
+  if (is_ours_) ours_on_.insert(server_);
+  server_ = server;
   is_ours_ = false;
   steady_at_ = now + steady_after;
-  silent_at_ = now + kUnheardFor;
+  for (auto& [boot, silent_at] : online_) silent_at = now + kUnheardFor;
 }
 
 void IdentityConflict::connection_ended() {
   steady_at_ = SteadyTime::max();
-  silent_at_ = SteadyTime::max();
+  for (auto& [boot, silent_at] : online_) silent_at = SteadyTime::max();
 }
 
-void IdentityConflict::keep(SteadyTime now) {
-  if (is_online_ && now >= silent_at_) is_online_ = false;
+void IdentityConflict::keep(SteadyTime now, bool messages_held) {
+  if (messages_held)
+    for (auto& [boot, silent_at] : online_) silent_at = std::max(silent_at, now + kAnswersWithin);
+  std::erase_if(online_, [now](const auto& each) { return each.second <= now; });
   if (taken_over_ && now >= steady_at_) taken_over_ = false;
 }
 
 SteadyTime IdentityConflict::next_wake() const {
   SteadyTime wake = SteadyTime::max();
-  if (is_online_) wake = std::min(wake, silent_at_);
+  for (const auto& [boot, silent_at] : online_) wake = std::min(wake, silent_at);
   if (taken_over_) wake = std::min(wake, steady_at_);
   return wake;
 }
 
 std::optional<std::string> IdentityConflict::other() const {
-  if (!is_online_ && !taken_over_) return std::nullopt;
-  return other_boot_.empty() ? "unknown" : other_boot_;
+  if (online_.empty() && !taken_over_) return std::nullopt;
+  if (!online_.empty() && !online_.contains(other_boot_)) return online_.begin()->first;
+  return other_boot_.empty() ? std::string(kUnknown) : other_boot_;
 }
 
 }  // namespace fxagent

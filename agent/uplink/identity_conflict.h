@@ -7,9 +7,13 @@
 // boot of this agent, left by a kill, is no conflict for longer than an answer may take.
 #pragma once
 
+#include <cstddef>
+#include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "agent/messages.h"
 
@@ -17,6 +21,9 @@ namespace fxagent {
 
 class IdentityConflict final {
  public:
+  /// What other() says of an agent that was never heard.
+  static constexpr std::string_view kUnknown = "unknown";
+
   /// `boot`: our own.
   explicit IdentityConflict(std::string boot) : boot_(std::move(boot)) {}
 
@@ -25,11 +32,14 @@ class IdentityConflict final {
   /// The broker says that it has given our session to another client. Many do so without a word:
   /// then the other's last will stands where our state was, when we are back.
   void taken_over() { taken_over_ = true; }
-  /// `steady_after`: a connection that lives so long is not taken over any more.
-  void connection_began(SteadyTime now, SteadyTime::duration steady_after);
+  /// `server`: which one it is, since each has a state of its own on the topic. `steady_after`: a
+  /// connection that lives so long is not taken over any more.
+  void connection_began(const std::string& server, SteadyTime now,
+                        SteadyTime::duration steady_after);
   void connection_ended();
-  /// Ends the conflict where the other one was silent for long enough.
-  void keep(SteadyTime now);
+  /// Ends the conflict where the others were silent for long enough. `messages_held`: answers may
+  /// wait behind what is not let in, so that silence says nothing.
+  void keep(SteadyTime now, bool messages_held);
   /// When keep() has something to do at the latest.
   SteadyTime next_wake() const;
 
@@ -38,12 +48,13 @@ class IdentityConflict final {
 
  private:
   const std::string boot_;
-  std::string other_boot_;   ///< the last that was heard; empty: none
-  bool is_online_ = false;   ///< it said so, and has not gone since
-  bool taken_over_ = false;  ///< it has our client id too
-  bool was_ours_ = false;    ///< our own state has stood on the topic in an earlier connection
-  bool is_ours_ = false;     ///< our own state has come back in this one
-  SteadyTime silent_at_ = SteadyTime::max();
+  /// Boots that said "online" and have not gone since, and when each counts as gone without a word.
+  std::map<std::string, SteadyTime> online_;
+  std::string other_boot_;         ///< the last that was heard; empty: none
+  bool taken_over_ = false;        ///< it has our client id too
+  std::set<std::string> ours_on_;  ///< servers where our own state has stood in other connections
+  std::string server_;             ///< of this connection, or of the last
+  bool is_ours_ = false;           ///< our own state has come back in this one
   SteadyTime steady_at_ = SteadyTime::max();
 };
 

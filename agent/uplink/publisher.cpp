@@ -166,12 +166,16 @@ void Publisher::hear_state(const Message& message, SteadyTime now) {
 
 void Publisher::follow_conflict(SteadyTime now) {
   if (phase_ != Phase::running) return;
-  identity_.keep(now);
+  identity_.keep(now, intake_.is_holding());
   const auto other = identity_.other();
   if (other == conflict_) return;
+  const bool goes_on = other && conflict_ && *conflict_ != IdentityConflict::kUnknown;
   conflict_ = other;
   commands_.set_conflict(other.value_or(""));
   status_.set_conflict(other.value_or(""));
+  // Of a third agent our state tells when it is put right the next time: published at once by each,
+  // they would answer each other without end.
+  if (goes_on) return;
   if (other)
     log::error("identity_conflict",
                {{"other_boot", *other},
@@ -197,7 +201,7 @@ void Publisher::make_health_due(SteadyTime now) {
 }
 
 void Publisher::connection_began(SteadyTime now) {
-  identity_.connection_began(now, session_.steady_after());
+  identity_.connection_began(session_.server(), now, session_.steady_after());
   retained_.connection_began();
   make_health_due(now);
   samples_out_.connection_began();

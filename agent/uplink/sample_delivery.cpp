@@ -139,11 +139,11 @@ void SampleDelivery::pump_live(SteadyTime now) {
 
 void SampleDelivery::make_history(const std::set<std::string>& devices) {
   if (devices.empty()) return;
-  std::erase_if(live_, [&](LiveRow& live) {
-    if (!devices.contains(live.row.device)) return false;
-    spool_.add(std::move(live));
-    return true;
-  });
+  const auto first = std::stable_partition(
+      live_.begin(), live_.end(),
+      [&devices](const LiveRow& live) { return !devices.contains(live.row.device); });
+  for (auto live = first; live != live_.end(); ++live) spool_.add(std::move(*live));
+  live_.erase(first, live_.end());
 }
 
 void SampleDelivery::pump_history(bool rests, SteadyTime now) {

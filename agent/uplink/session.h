@@ -66,6 +66,8 @@ class Session final {
   void give_up(SteadyTime now);
 
   bool is_connected() const { return link_ == Link::connected; }
+  /// The one of the config that it is connected to, or tries.
+  const std::string& server() const { return mqtt_.servers.at(server_); }
   /// Neither connected nor on the way to it.
   bool is_waiting() const { return link_ == Link::waiting; }
   /// Retained topics of devices that are gone are being looked for.
@@ -94,7 +96,6 @@ class Session final {
   void unheard(const std::string& reason, SteadyTime now);
   void retry_after_failure(SteadyTime now);
   void retry_after_loss(SteadyTime now);
-  const std::string& server() const { return mqtt_.servers.at(server_); }
 
   const MqttConfig& mqtt_;
   const std::string base_;

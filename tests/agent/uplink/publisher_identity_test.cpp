@@ -161,6 +161,41 @@ TEST(PublisherIdentity, TwoAgentsSeeEachOtherAsLongAsBothLiveAndNeitherCommands)
   EXPECT_EQ(last_on(twins.b, kState)["reason"], "stopped") << "the last word of the one that left";
 }
 
+TEST(PublisherIdentity, ThreeAgentsDoNotAnswerEachOtherWithoutEnd) {
+  Bench bench;
+  bench.broker.echoes = true;
+  bench.online();
+  for (int i = 0; i < 100; ++i) {
+    hear(bench, kState, R"({"state":"online","boot":"second"})");
+    hear(bench, kState, R"({"state":"online","boot":"third"})");
+    bench.advance(100ms);
+  }
+  EXPECT_LE(bench.broker.on(kState).size(), 13U) << "once a second at the most";
+  hear(bench, kState, R"({"state":"offline","boot":"third","reason":"stopped"})");
+  EXPECT_EQ(result_of(bench, "a")["reason"], "conflict") << "the second one is there still";
+  hear(bench, kState, R"({"state":"offline","boot":"second","reason":"stopped"})");
+  EXPECT_EQ(conflict_of(bench), nullptr);
+}
+
+TEST(PublisherIdentity, WhatStandsOnAServerWhereOursNeverStoodIsNoSessionTakenOver) {
+  Bench bench;
+  bench.config.mqtt.servers = {"mqtt://one:1883", "mqtt://two:1883"};
+  bench.broker.echoes = true;
+  bench.online();
+  bench.broker.reachable = false;
+  bench.broker.lose();
+  const std::size_t tries = bench.broker.connects.size();
+  while (bench.broker.connects.size() == tries) {
+    bench.now += 100ms;
+    bench.step();
+  }
+  bench.broker.reachable = true;  // the next one
+  while (!bench.broker.up()) bench.advance(100ms);
+  ASSERT_EQ(bench.broker.connects.back(), 1U);
+  hear(bench, kState, R"({"state":"offline","boot":"0lder","reason":"lost"})");
+  EXPECT_EQ(conflict_of(bench), nullptr);
+}
+
 TEST(PublisherIdentity, SessionTakenOverIsAConflictUntilAConnectionIsSteady) {
   Bench bench;
   bench.config.mqtt.servers = {"mqtt://one:1883"};
