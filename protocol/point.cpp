@@ -532,7 +532,10 @@ std::optional<std::int64_t> values_within(const Point& point, std::optional<doub
   double low = unscaled(point, first);
   double high = unscaled(point, last);
   if (point.scale < 0) std::swap(low, high);
-  return static_cast<std::int64_t>(std::floor(high) - std::ceil(low)) + 1;
+  const double count = std::floor(high) - std::ceil(low) + 1;
+  constexpr double kExact = 9007199254740992.0;  // 2^53
+  if (!std::isfinite(count) || std::abs(count) > kExact) return std::nullopt;
+  return static_cast<std::int64_t>(count);
 }
 
 // ---- values -------------------------------------------------------------------------------------

@@ -62,9 +62,17 @@ std::optional<Refusal> check_limits(const TagConfig& tag, const Value& written) 
   return std::nullopt;
 }
 
-bool covered(const std::vector<Span>& allow, const Span& span) {
-  return std::any_of(allow.begin(), allow.end(),
-                     [&](const Span& range) { return range.contains(span); });
+/// Whether each place of `span` is in one of the ranges.
+bool covered(const std::vector<Span>& allow, Span span) {
+  while (span.bits > 0) {
+    const auto range = std::ranges::find_if(allow, [&span](const Span& each) {
+      return each.contains({span.space, span.first_bit, 1});
+    });
+    if (range == allow.end()) return false;
+    const std::uint32_t end = std::min(range->end_bit(), span.end_bit());
+    span = {span.space, end, span.end_bit() - end};
+  }
+  return true;
 }
 
 std::uint16_t small_count(std::size_t count) {

@@ -34,10 +34,11 @@ std::optional<Command> command_of(const JournalEntry& entry, std::uint32_t devic
 /// The result of a command of which no reading tells what became of it, or need not tell.
 CommandResult interrupted(const JournalEntry& entry, const std::optional<Command>& command) {
   CommandResult result;
-  if (command)
+  if (command) {
     result = result_of(*command);
-  else
-    result.id_is_number = parse_command(entry.payload).id_is_number;
+  } else if (const Command refused = parse_command(entry.payload); refused.id == entry.id) {
+    result.id_is_number = refused.id_is_number;
+  }
   result.id = entry.id;
   result.op = entry.op;
   result.received_ms = entry.received_ms;

@@ -63,7 +63,7 @@ void set_interrupted(CommandResult& result) {
 void set_interrupted_unsent(CommandResult& result) {
   set_outcome(result, CommandStatus::failed, Reason::interrupted,
               op_from(result.op) == Op::read ? "the agent ended before the device was read"
-                                             : "the agent ended before anything was sent");
+                                             : "the agent ended before anything was written");
 }
 
 }  // namespace fxagent

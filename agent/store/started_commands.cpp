@@ -109,6 +109,7 @@ void StartedCommands::go_on() {
 }
 
 void StartedCommands::begin_anew(std::uint64_t next_number) {
+  earlier_.reset();  // it is of another database
   const int handle = ::open(path_.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
   if (handle >= 0) {
     if (const auto content = read(handle)) remember(*content);

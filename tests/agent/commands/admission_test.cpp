@@ -575,13 +575,17 @@ TEST_F(CommandAdmissionTest, AbsurdExpiriesAreNeitherFreshNorACrash) {
   EXPECT_EQ(answered(never).reason, Reason::bad_value);
 }
 
-// ---- places
-// --------------------------------------------------------------------------------------
+// ---- places -------------------------------------------------------------------------------------
 
 TEST_F(CommandAdmissionTest, RawWriteMustBeCoveredWhole) {
   admit(raw("one word", "D100", number(5)));
   const CommandResult half = answered(raw("half", "D100", number(5), DataType::int32));
   EXPECT_EQ(half.reason, Reason::not_allowed) << "int32 at D100 also touches D101";
+  device.commands.allow.push_back(*device.codec->addresses().parse_range("D102"));
+  EXPECT_EQ(answered(raw("hole", "D100", numbers({1, 2, 3}))).reason, Reason::not_allowed);
+  device.commands.allow.push_back(*device.codec->addresses().parse_range("D101"));
+  admit(raw("ranges that meet", "D100", numbers({1, 2, 3})));
+  device.commands.allow.pop_back();
   admit(raw("both", "D500", number(5), DataType::int32));
   EXPECT_EQ(answered(raw("array", "D500", numbers({1, 2, 3}))).reason, Reason::not_allowed);
   EXPECT_EQ(answered(raw("none", "D101", number(5))).reason, Reason::not_allowed);

@@ -82,7 +82,7 @@ TEST_F(RecoveryTest, WriteThatWaitedFailedAtOnceAndIsNotReadBack) {
   const auto result = result_of_unfinished("write", R"(,"tag":"setpoint","value":5)", true);
   EXPECT_EQ(result["status"], "FAILED");
   EXPECT_EQ(result["reason"], "interrupted");
-  EXPECT_EQ(result["detail"], "the agent ended before anything was sent");
+  EXPECT_EQ(result["detail"], "the agent ended before anything was written");
   EXPECT_EQ(result["plc"], nullptr);
   EXPECT_EQ(result["tag"], "setpoint");
   EXPECT_EQ(result["value"], 5);

@@ -67,7 +67,9 @@ class LastingJournal final : public CommandJournal, private CommandStarts {
   }
 
  private:
-  void mark(std::uint64_t number) override { started_.insert(number); }
+  void mark(std::uint64_t number) override {
+    if (!fate_.has_ended()) started_.insert(number);
+  }
   void keep_result(JournalEntry entry) {
     JournalEntry& kept = entries_[{entry.device, entry.id}];
     if (kept.number != entry.number) kept = entry;
