@@ -198,7 +198,10 @@ void FaultyLine::answer(const fxsim::Frame& frame, Fault fault) {
   spoil(reply, fault);
   // It answers one after another: what is late holds up what is asked behind it.
   busy_until_ = std::max(busy_until_, Clock::now()) + milliseconds(fate_.between(2, 15));
-  if (fault == Fault::late) busy_until_ += milliseconds(fate_.between(50, 1500));
+  if (fault == Fault::late) busy_until_ += milliseconds(fate_.between(50, 350));
+  // No later than config/README.md has it: twice timeout_ms, which is 200 here. Later ones are
+  // what nobody can tell from the answer to the question that is open then.
+  busy_until_ = std::min(busy_until_, Clock::now() + milliseconds(390));
   if (reply.empty()) return;
   if (fault == Fault::split) {
     const auto middle = reply.begin() + static_cast<std::ptrdiff_t>(reply.size() / 2);
