@@ -19,7 +19,7 @@ constexpr ReconnectRules kTcpReconnects{milliseconds(500), milliseconds(30000), 
 // So many unanswered exchanges in a row on TCP, whoever was asked, mean that the peer is gone.
 constexpr int kDeadPeerAfter = 3;
 // A bus that comes to be doubted again and again is told of so often; each time is counted.
-constexpr std::chrono::seconds kDoubtToldEvery{60};
+constexpr std::chrono::seconds kDoubtLoggedEvery{60};
 
 // A device that comes and goes has its groups read at once so often: one that is silent to some of
 // its reads and answers others would keep its line from everybody else.
@@ -86,31 +86,31 @@ void LinkState::lost(const std::string& why) {
 
 void LinkState::look() {
   if (!bus_.is_open() && was_open_) lost(std::string(bus_.why_lost()));
-  if (bus_.echo_found() && !echo_told_) {
-    echo_told_ = true;
+  if (bus_.echo_found() && !echo_logged_) {
+    echo_logged_ = true;
     log::warn("link", {{"link", config_.name},
                        {"echo", "found"},
                        {"note",
                         "set echo for its devices: before three reads have shown it, the "
                         "echo of a command may look like its answer"}});
   }
-  tell_doubt();
+  log_doubt();
 }
 
-void LinkState::tell_doubt() {
-  if (!unexpected_told_ && !bus_.last_unexpected().empty()) {
-    unexpected_told_ = true;
+void LinkState::log_doubt() {
+  if (!unexpected_logged_ && !bus_.last_unexpected().empty()) {
+    unexpected_logged_ = true;
     log::warn("link", {{"link", config_.name},
                        {"unexpected", bus_.last_unexpected()},
                        {"note", "bytes that nobody asked for; health counts them from here on"}});
   }
   const bool doubted = bus_.doubt().is_doubted();
-  if (doubted == doubt_told_) return;
+  if (doubted == doubt_logged_) return;
   const auto now = Clock::now();
-  if (doubted && doubt_told_at_ && now - *doubt_told_at_ < kDoubtToldEvery) return;
-  doubt_told_ = doubted;
+  if (doubted && doubt_logged_at_ && now - *doubt_logged_at_ < kDoubtLoggedEvery) return;
+  doubt_logged_ = doubted;
   if (doubted) {
-    doubt_told_at_ = now;
+    doubt_logged_at_ = now;
     log::warn("link", {{"link", config_.name},
                        {"state", "doubted"},
                        {"unexpected", bus_.last_unexpected()},

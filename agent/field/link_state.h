@@ -55,7 +55,7 @@ class LinkState final {
   bool is_stopping() const { return stopping_; }
 
  private:
-  void tell_doubt();
+  void log_doubt();
   SteadyTime read_at_once(LinkDevice& device, SteadyTime from);
 
   const LinkConfig& config_;
@@ -69,10 +69,10 @@ class LinkState final {
   std::string why_down_ = "not opened yet";
   bool was_open_ = false;
   bool was_down_ = false;  ///< not only not yet open
-  bool echo_told_ = false;
-  bool unexpected_told_ = false;
-  bool doubt_told_ = false;
-  std::optional<SteadyTime> doubt_told_at_;
+  bool echo_logged_ = false;
+  bool unexpected_logged_ = false;
+  bool doubt_logged_ = false;
+  std::optional<SteadyTime> doubt_logged_at_;
   int unanswered_in_a_row_ = 0;
   bool stopping_ = false;
 };

@@ -35,11 +35,11 @@ Checkpointer::~Checkpointer() {
 int Checkpointer::committed(void* self, sqlite3* writer, const char* schema, int pages) noexcept {
   auto& checkpointer = *static_cast<Checkpointer*>(self);
   if (pages < kPages) {
-    checkpointer.home_ = 0;  // the log has begun anew
+    checkpointer.copied_ = 0;  // the log has begun anew
   } else if (pages >= kMostPages) {
     const std::lock_guard alone(checkpointer.working_);
     sqlite3_wal_checkpoint_v2(writer, schema, SQLITE_CHECKPOINT_PASSIVE, nullptr, nullptr);
-  } else if (pages - checkpointer.home_ >= kPages) {
+  } else if (pages - checkpointer.copied_ >= kPages) {
     {
       const std::lock_guard lock(checkpointer.mutex_);
       checkpointer.due_ = true;
@@ -67,7 +67,7 @@ void Checkpointer::bring_home() {
     if (sqlite3_wal_checkpoint_v2(own_.getHandle(), nullptr, SQLITE_CHECKPOINT_PASSIVE, &pages,
                                   &home) != SQLITE_OK)
       return;
-  home_ = home;
+  copied_ = home;
 }
 
 }  // namespace fxagent

@@ -38,8 +38,8 @@ class Checkpointer final {
   void bring_home();
 
   SQLite::Database& writer_;
-  SQLite::Database own_;       ///< under working_
-  std::atomic<int> home_ = 0;  ///< pages of the log
+  SQLite::Database own_;         ///< under working_
+  std::atomic<int> copied_ = 0;  ///< pages of the log that are in the database
   std::mutex working_;
   std::mutex mutex_;
   std::condition_variable_any news_;

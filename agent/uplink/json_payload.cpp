@@ -88,12 +88,12 @@ std::string sample(const SampleRecord& sample) {
 }
 
 std::string agent_online(std::int64_t since_ms, std::string_view boot, std::string_view version,
-                         const std::optional<std::string>& deaf,
+                         const std::optional<std::string>& not_heard_why,
                          const std::optional<std::string>& conflict) {
   Writer out;
   out.begin_object().key("state").string("online").key("since").integer(since_ms);
   out.key("boot").string(boot).key("version").string(version);
-  if (deaf) out.key("commands").boolean(false).key("reason").string(*deaf);
+  if (not_heard_why) out.key("commands").boolean(false).key("reason").string(*not_heard_why);
   if (conflict) out.key("conflict").string(*conflict);
   out.end_object();
   return out.take();
@@ -257,9 +257,11 @@ Will JsonPayload::last_will() {
   return {base_ + "/state", json::agent_offline(std::nullopt, "lost", boot_), Retain::yes};
 }
 
-Publication JsonPayload::agent_online(std::int64_t since_ms, const std::optional<std::string>& deaf,
+Publication JsonPayload::agent_online(std::int64_t since_ms,
+                                      const std::optional<std::string>& not_heard_why,
                                       const std::optional<std::string>& conflict) {
-  return state(base_ + "/state", json::agent_online(since_ms, boot_, version_, deaf, conflict));
+  return state(base_ + "/state",
+               json::agent_online(since_ms, boot_, version_, not_heard_why, conflict));
 }
 
 Publication JsonPayload::agent_offline(std::int64_t since_ms) {

@@ -21,10 +21,10 @@ namespace fxagent::json {
 /// One message of one group: the payload of …/data/{group}, and a row of its history.
 std::string sample(const SampleRecord& sample);
 
-/// `deaf`: why no command is heard, where that is so. `conflict`: the boot of another agent with
-/// our id, where there is one.
+/// `not_heard_why`: why no command is heard, where that is so. `conflict`: the boot of another
+/// agent with our id, where there is one.
 std::string agent_online(std::int64_t since_ms, std::string_view boot, std::string_view version,
-                         const std::optional<std::string>& deaf = std::nullopt,
+                         const std::optional<std::string>& not_heard_why = std::nullopt,
                          const std::optional<std::string>& conflict = std::nullopt);
 /// Without `since_ms` (the last will, written before it is known) "since" is null.
 std::string agent_offline(std::optional<std::int64_t> since_ms, std::string_view reason,
@@ -52,7 +52,7 @@ class JsonPayload final : public Payload {
   JsonPayload(const Config& config, std::string boot, std::string version);
 
   Will last_will() override;
-  Publication agent_online(std::int64_t since_ms, const std::optional<std::string>& deaf,
+  Publication agent_online(std::int64_t since_ms, const std::optional<std::string>& not_heard_why,
                            const std::optional<std::string>& conflict) override;
   Publication agent_offline(std::int64_t since_ms) override;
   Publication device_state(const DeviceStatus& status) override;

@@ -34,10 +34,11 @@ class Payload {
   /// What the broker is to publish when the connection ends without a goodbye. Asked for before
   /// each attempt to connect.
   virtual Will last_will() = 0;
-  /// Before the other states of a connection, and again when one of the last two changes. `deaf`:
-  /// why no command is heard, where that is so. `conflict`: the boot of another agent with our id,
-  /// where there is one. `since_ms`: the start of the agent.
-  virtual Publication agent_online(std::int64_t since_ms, const std::optional<std::string>& deaf,
+  /// Before the other states of a connection, and again when one of the last two changes.
+  /// `not_heard_why`: why no command is heard, where that is so. `conflict`: the boot of another
+  /// agent with our id, where there is one. `since_ms`: the start of the agent.
+  virtual Publication agent_online(std::int64_t since_ms,
+                                   const std::optional<std::string>& not_heard_why,
                                    const std::optional<std::string>& conflict) = 0;
   /// The last message before a clean end, at `since_ms`.
   virtual Publication agent_offline(std::int64_t since_ms) = 0;

@@ -43,7 +43,9 @@ Publisher::Publisher(const Config& config, PublisherSettings settings, Payload& 
       outgoing_(broker),
       session_(config.mqtt, base_, broker, outgoing_, backoff_, *this),
       retained_(config, payload, outgoing_, backoff_,
-                {[this] { return payload_.agent_online(started_ms_, session_.deaf(), conflict_); },
+                {[this] {
+                   return payload_.agent_online(started_ms_, session_.not_heard_why(), conflict_);
+                 },
                  [this](SteadyTime now) {
                    Publication publication;
                    publication.topic = base_ + "/health";
@@ -217,7 +219,7 @@ void Publisher::connection_ended(SteadyTime) {
 
 void Publisher::attempt_failed(SteadyTime) { samples_out_.spool_live(); }
 
-void Publisher::hearing_changed() { retained_.agent_state_changed(); }
+void Publisher::subscription_changed() { retained_.agent_state_changed(); }
 
 // ---- what the field says ------------------------------------------------------------------------
 

@@ -97,7 +97,7 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
   void connection_ended(SteadyTime now) override;
   void attempt_failed(SteadyTime now) override;
   void session_taken_over() override { identity_.taken_over(); }
-  void hearing_changed() override;
+  void subscription_changed() override;
   // Of the last message.
   void delivered(std::uint64_t id, SteadyTime now) override;
   void failed(const DeliveryFailed& event, SteadyTime now) override;

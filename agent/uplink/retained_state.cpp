@@ -36,7 +36,7 @@ void RetainedState::connection_ended() {
   flights_.clear();
   published_.clear();
   repairs_.clear();
-  told_.clear();
+  logged_.clear();
 }
 
 void RetainedState::everything_is_due() {
@@ -71,7 +71,7 @@ void RetainedState::pump(SteadyTime now) {
     const auto current = next++;
     if (current->second > now) continue;
     due_.try_emplace(current->first);
-    if (told_.insert(current->first).second)
+    if (logged_.insert(current->first).second)
       log::warn("retained_state_overwritten",
                 {{"topic", publication_of(current->first, now).topic},
                  {"note", "somebody else published there; ours is published again"}});

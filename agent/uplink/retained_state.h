@@ -109,7 +109,7 @@ class RetainedState final : public Outgoing::Sender {
   std::map<std::uint64_t, Flight> flights_;  ///< by the id of the publication
   std::map<Key, Published> published_;       ///< in this connection
   std::map<Key, SteadyTime> repairs_;        ///< when each is due
-  std::set<Key> told_;                       ///< that were overwritten; once in a connection
+  std::set<Key> logged_;                     ///< that were overwritten; once in a connection
 };
 
 }  // namespace fxagent

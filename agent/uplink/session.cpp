@@ -124,7 +124,7 @@ void Session::end(SteadyTime now) {
   suback_by_.reset();
   ask_again_at_.reset();
   unheard_ = 0;
-  deaf_.reset();
+  not_heard_why_.reset();
   paused_ = false;
   outgoing_.forget();
   listener_.connection_ended(now);
@@ -226,9 +226,9 @@ void Session::on(const Subscribed& event, SteadyTime now) {
   suback_by_.reset();
   ask_again_at_.reset();
   unheard_ = 0;
-  if (!deaf_) return;
-  deaf_.reset();
-  listener_.hearing_changed();
+  if (!not_heard_why_) return;
+  not_heard_why_.reset();
+  listener_.subscription_changed();
   log::info("subscription_granted", {{"filter", event.filter}});
 }
 
@@ -256,9 +256,9 @@ void Session::keep_subscribed(SteadyTime now, bool may_hear) {
 void Session::unheard(const std::string& reason, SteadyTime now) {
   suback_by_.reset();
   ask_again_at_ = now + backoff_.after(unheard_++, kLastSubscribe);
-  if (deaf_ == reason) return;  // a repeated one is not news
-  deaf_ = reason;
-  listener_.hearing_changed();
+  if (not_heard_why_ == reason) return;  // a repeated one is not news
+  not_heard_why_ = reason;
+  listener_.subscription_changed();
   log::error("subscription_refused", {{"filter", commands_filter_}, {"reason", reason}});
 }
 
@@ -266,10 +266,10 @@ void Session::pause_commands(SteadyTime now) {
   paused_ = true;
   suback_by_.reset();
   ask_again_at_ = now + kCatchUp;
-  deaf_ = "more commands come than can be answered";
-  listener_.hearing_changed();
+  not_heard_why_ = "more commands come than can be answered";
+  listener_.subscription_changed();
   broker_.unsubscribe(commands_filter_);
-  log::error("commands_paused", {{"reason", *deaf_}});
+  log::error("commands_paused", {{"reason", *not_heard_why_}});
 }
 
 }  // namespace fxagent

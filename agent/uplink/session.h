@@ -32,8 +32,8 @@ class Session final {
     virtual void attempt_failed(SteadyTime now) = 0;
     /// The broker has given our session to another client; connection_ended() follows.
     virtual void session_taken_over() = 0;
-    /// Commands are heard, or not heard, since now: deaf() says why.
-    virtual void hearing_changed() = 0;
+    /// Commands are heard, or not heard, since now: not_heard_why() says why.
+    virtual void subscription_changed() = 0;
   };
 
   /// All references outlive it. `base`: of the agent's topics.
@@ -53,7 +53,7 @@ class Session final {
   SteadyTime next_wake() const;
 
   /// More commands come than can be answered, and they cannot be held back: what they would fill is
-  /// memory. deaf() says so until they are heard again.
+  /// memory. not_heard_why() says so until they are heard again.
   void pause_commands(SteadyTime now);
   bool is_paused() const { return paused_; }
   /// Says goodbye and asks the same server for one message at a time. What has come is answered;
@@ -77,10 +77,10 @@ class Session final {
   /// The first attempt is not over.
   bool is_starting() const { return starting_; }
   /// Neither confirmed nor overdue: nobody knows yet whether commands are heard.
-  bool awaits_first_suback() const { return suback_by_ && !deaf_; }
+  bool awaits_first_suback() const { return suback_by_ && !not_heard_why_; }
   bool awaits_suback() const { return suback_by_.has_value(); }
   /// Why commands are not heard; nullopt: they are.
-  const std::optional<std::string>& deaf() const { return deaf_; }
+  const std::optional<std::string>& not_heard_why() const { return not_heard_why_; }
   /// How many messages the broker was told that it may send ahead of acknowledgements.
   std::uint16_t receive_maximum() const { return receive_maximum_; }
 
@@ -125,7 +125,7 @@ class Session final {
   std::optional<SteadyTime> suback_by_;  ///< asked for: until when the answer may take
   std::optional<SteadyTime> ask_again_at_;
   int unheard_ = 0;  ///< refusals and silences of this connection, in a row
-  std::optional<std::string> deaf_;
+  std::optional<std::string> not_heard_why_;
   bool paused_ = false;  ///< they are not heard since too many results wait
 };
 

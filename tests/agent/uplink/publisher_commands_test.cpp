@@ -827,7 +827,7 @@ TEST(PublisherFlood, ResultsThatFillTheirRoomEndTheSubscriptionUntilHalfOfThemAr
   bench.broker.acknowledges = true;
   bench.settle();
   const auto states = bench.broker.on(kBase + "/state");
-  ASSERT_EQ(states.size(), 2U) << "once deaf, once not";
+  ASSERT_EQ(states.size(), 2U) << "once not heard, once heard";
   EXPECT_EQ(json::parse(states[0])["reason"], "more commands come than can be answered");
   EXPECT_FALSE(json::parse(states[1]).contains("reason"));
   EXPECT_EQ(bench.broker.on(kBase + "/press1/result").size(), 1000U);
