@@ -4,6 +4,7 @@
 #include <utility>
 #include <vector>
 
+#include "agent/field/poll_grid.h"
 #include "agent/line_time.h"
 #include "agent/log/log.h"
 #include "protocol/plc.h"
@@ -66,7 +67,8 @@ nanoseconds Poller::add_groups(LinkDevice& device, nanoseconds after) {
     // again where the intervals are multiples of each other.
     const milliseconds interval = device.config.groups[g].interval;
     const nanoseconds begins = (after + total) % nanoseconds(std::max(interval, milliseconds(1)));
-    group->id = scheduler_.add_group(device.id, interval, 1, state_.next_open() + begins);
+    group->id = scheduler_.add_group(device.id, interval, 1,
+                                     on_grid(state_.next_open() + begins, interval));
     make_plan(device, *group);
     total += group->cycle.plan().line_time;
     device.groups.push_back(std::move(group));
@@ -77,7 +79,8 @@ nanoseconds Poller::add_groups(LinkDevice& device, nanoseconds after) {
 void Poller::add_question(LinkDevice& device) {
   if (!background_question(*device.codec, !device.config.tags.empty())) return;
   device.question_group =
-      scheduler_.add_group(device.id, kQuestionInterval, 1, state_.next_open(), kQuestionWithin);
+      scheduler_.add_group(device.id, kQuestionInterval, 1,
+                           on_grid(state_.next_open(), kQuestionInterval), kQuestionWithin);
 }
 
 void Poller::make_plan(LinkDevice& device, GroupPoll& group) {
