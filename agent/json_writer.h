@@ -7,6 +7,7 @@
 #include <charconv>
 #include <chrono>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -22,6 +23,10 @@ inline constexpr std::int64_t kMaxExactInteger = std::int64_t{1} << 53;
 
 class Writer final {
  public:
+  Writer() = default;
+  /// For a text of about so many bytes.
+  explicit Writer(std::size_t expected) { text_.reserve(expected); }
+
   Writer& begin_object() { return open('{'); }
   Writer& end_object() { return close('}'); }
   Writer& begin_array() { return open('['); }

@@ -2,6 +2,7 @@
 
 #include <utf8.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -9,6 +10,12 @@ namespace fxagent {
 namespace {
 
 constexpr std::uint32_t kForeign = 0xFFFFFFFF;  // no character
+
+/// Printable ASCII without quotes or backslashes: as names of tags are, nearly always.
+bool is_plain(std::string_view text) {
+  return std::all_of(text.begin(), text.end(),
+                     [](char c) { return c >= 0x20 && c < 0x7F && c != '"' && c != '\\'; });
+}
 
 /// Calls `take` with each character and its bytes, and with each byte that belongs to none, until
 /// it says no. Ours, since utf8::replace_invalid() has one mark for several foreign bytes.
@@ -69,6 +76,10 @@ void append_for(std::string& out, std::uint32_t character, std::string_view byte
 bool is_utf8(std::string_view text) { return utf8::is_valid(text); }
 
 void append_escaped(std::string& out, std::string_view text, Escape how, std::size_t most) {
+  if (text.size() <= most && is_plain(text)) {
+    out += text;
+    return;
+  }
   if (how == Escape::terminal) {
     const std::string quoted =
         nlohmann::json(text).dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);

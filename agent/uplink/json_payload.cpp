@@ -47,7 +47,9 @@ void write_percentiles(Writer& out, std::string_view name, const Percentiles& of
 }  // namespace
 
 std::string sample(const SampleRecord& sample) {
-  Writer out;
+  constexpr std::size_t kHead = 128;
+  constexpr std::size_t kReading = 24;
+  Writer out(kHead + kReading * sample.readings.size());
   out.begin_object();
   out.key("ts").integer(sample.ts_ms);
   out.key("seq").integer(sample.seq);
