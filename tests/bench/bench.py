@@ -2,10 +2,11 @@
 of its size. One run, one machine; prints a table, and writes the same as JSON. run.sh calls it; FXAGENT
 and FXSIM name the programs, NODE_BRIDGE a folder with bridge.js and its node_modules.
 
-    bench.py [--only a,b,c,d,e,f,g,h,i] [--json FILE] [--seconds N] [--smoke]
+    bench.py [--only a,b,c,d,e,f,g,h,i] [--json FILE] [--seconds N] [--share F] [--smoke]
 """
 
 import argparse
+import atexit
 import json
 import os
 import random
@@ -151,6 +152,8 @@ def main():
     parser.add_argument("--seconds", type=float, default=10)
     parser.add_argument("--samples", type=int, default=100000, help="of (i)")
     parser.add_argument("--peers", default=",".join(PEERS))
+    parser.add_argument("--share", type=float,
+                        help="hold the agent to so much of one core (0.25 to 1), by a cgroup: needs root")
     parser.add_argument("--smoke", action="store_true",
                         help="every part once, as small and short as it can be: the figures mean nothing")
     options = parser.parse_args()
@@ -159,8 +162,11 @@ def main():
         sizes = SMOKE
         rig.WARM_UP_S = 0.2
         options.seconds, options.samples = 1, 1000
+    if options.share:
+        Bench.share = rig.CpuShare(options.share)
+        atexit.register(Bench.share.close)
     parts, peers = options.only.split(","), options.peers.split(",")
-    out = {"machine": machine(), "seconds": options.seconds}
+    out = {"machine": machine(), "seconds": options.seconds, "share": options.share}
     print(out["machine"])
     if "a" in parts:
         out["wire"] = wire_efficiency(options.seconds)
