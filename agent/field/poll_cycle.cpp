@@ -128,28 +128,44 @@ Telemetry PollCycle::written(std::uint32_t tag, Value value, std::int64_t now_ms
   return message;
 }
 
-TagOutcome PollCycle::outcome_of(std::size_t index, bool doubtful) {
-  const std::uint32_t tag = tags()[index];
-  if (const auto newer = newer_.find(tag); newer != newer_.end()) return newer->second;
-  const PointSource source = plan_.sources[index];
+/// Why this cycle has nothing for the point.
+std::optional<BadReason> PollCycle::failure_of(const PointSource& source, std::size_t index) const {
   if (source.count == 0) {
     const bool by_device = std::binary_search(plan_.refused.begin(), plan_.refused.end(), index);
     return by_device ? BadReason::nak : BadReason::unsupported;
   }
   for (std::uint32_t read = source.first_read; read < source.first_read + source.count; ++read)
-    if (failures_[read]) return *failures_[read];
-  if (doubtful) return BadReason::bad_frame;
-  auto value = value_of(plan_, images_, device_.tags[tag].point, index);
-  if (!value) return BadReason::bad_value;
-  return std::move(*value);
+    if (failures_[read]) return failures_[read];
+  return std::nullopt;
+}
+
+TagReading PollCycle::reading_of(std::size_t index, bool doubtful) const {
+  TagReading reading;
+  reading.tag = tags()[index];
+  if (const auto newer = newer_.find(reading.tag); newer != newer_.end()) {
+    if (const auto* value = std::get_if<Value>(&newer->second))
+      reading.value = *value;
+    else
+      reading.bad = std::get<BadReason>(newer->second);
+    return reading;
+  }
+  reading.bad = failure_of(plan_.sources[index], index);
+  if (!reading.bad && doubtful) reading.bad = BadReason::bad_frame;
+  if (reading.bad) return reading;
+  auto value = value_of(plan_, images_, device_.tags[reading.tag].point, index);
+  if (value)
+    reading.value = std::move(*value);
+  else
+    reading.bad = BadReason::bad_value;
+  return reading;
 }
 
 std::optional<Telemetry> PollCycle::finish(bool doubted, std::uint64_t findings,
                                            std::int64_t now_ms, SteadyTime now, SteadyTime next) {
   const bool doubtful = doubted || findings != findings_;
-  std::vector<TagOutcome> outcomes;
-  outcomes.reserve(tags().size());
-  for (std::size_t i = 0; i < tags().size(); ++i) outcomes.push_back(outcome_of(i, doubtful));
+  std::vector<TagReading> fresh;
+  fresh.reserve(tags().size());
+  for (std::size_t i = 0; i < tags().size(); ++i) fresh.push_back(reading_of(i, doubtful));
   newer_.clear();
 
   Telemetry message;
@@ -158,7 +174,7 @@ std::optional<Telemetry> PollCycle::finish(bool doubted, std::uint64_t findings,
   if (replies_ > 1)
     message.span_ms =
         std::chrono::duration<double, std::milli>(last_reply_ - *first_reply_).count();
-  auto readings = report_.cycle(std::move(outcomes), message.ts_ms, now, next);
+  auto readings = report_.cycle(std::move(fresh), message.ts_ms, now, next);
   if (!readings) return std::nullopt;
   message.readings = std::move(*readings);
   return message;

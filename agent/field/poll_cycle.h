@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <optional>
 #include <unordered_map>
+#include <variant>
 #include <vector>
 
 #include "agent/config/config.h"
@@ -69,7 +70,10 @@ class PollCycle final {
     lost,        ///< outdated, and not read again in this cycle
   };
 
-  TagOutcome outcome_of(std::size_t index, bool doubtful);
+  using TagOutcome = std::variant<Value, BadReason>;
+
+  TagReading reading_of(std::size_t index, bool doubtful) const;
+  std::optional<BadReason> failure_of(const PointSource& source, std::size_t index) const;
   void take_image(std::uint32_t read, Exchange& exchange);
   bool is_current(const PointSource& source) const;
 

@@ -77,63 +77,50 @@ ReportByException::ReportByException(const DeviceConfig& device, std::uint32_t g
   if (group_.on_change) sent_.resize(tags_.size());
 }
 
-/// `fresh`: the good value of this cycle; null where the tag is bad.
-bool ReportByException::differs(std::size_t index, const Value* fresh) const {
+/// `fresh`: the value of this cycle, where the tag is good.
+bool ReportByException::differs(std::size_t index, const Value& fresh) const {
   const State& state = states_[index];
   if (!state.was_sent) return true;
   if (state.bad || state.sent_bad) return state.bad != state.sent_bad;
   return group_.on_change &&
-         apart(*fresh, sent_[index].value(), device_.tags[tags_[index]].limits.deadband);
+         apart(fresh, sent_[index].value(), device_.tags[tags_[index]].limits.deadband);
 }
 
-/// `fresh`: the good value; nullopt where the tag is bad.
-TagReading ReportByException::reading(std::size_t index, std::optional<Value> fresh) const {
-  const State& state = states_[index];
-  TagReading out;
-  out.tag = tags_[index];
-  out.bad = state.bad;
-  out.value = fresh ? std::move(*fresh) : state.value.value();
-  if (state.bad) {
-    out.bad_since_ms = state.bad_since_ms;
-    out.last_ms = state.value_ms;
-  }
-  return out;
+void ReportByException::add_last_good(TagReading& bad, const State& state) {
+  bad.value = state.value.value();
+  bad.bad_since_ms = state.bad_since_ms;
+  bad.last_ms = state.value_ms;
 }
 
-std::optional<std::vector<TagReading>> ReportByException::cycle(std::vector<TagOutcome> outcomes,
+std::optional<std::vector<TagReading>> ReportByException::cycle(std::vector<TagReading> readings,
                                                                 std::int64_t ts_ms, SteadyTime now,
                                                                 SteadyTime next) {
   bool changed = false;
   bool all_silent = !tags_.empty();
   for (std::size_t i = 0; i < tags_.size(); ++i) {
     State& state = states_[i];
-    const auto* value = std::get_if<Value>(&outcomes[i]);
-    if (value != nullptr) {
-      state.value = Kept(*value);
+    const TagReading& fresh = readings[i];
+    if (!fresh.bad) {
+      state.value = Kept(fresh.value);
       state.value_ms = ts_ms;
-      state.bad.reset();
-      all_silent = false;
-    } else {
-      const BadReason why = std::get<BadReason>(outcomes[i]);
-      if (!state.bad) state.bad_since_ms = ts_ms;
-      state.bad = why;
-      if (!is_silence(why)) all_silent = false;
+    } else if (!state.bad) {
+      state.bad_since_ms = ts_ms;
     }
-    changed = changed || differs(i, value);
+    state.bad = fresh.bad;
+    all_silent = all_silent && fresh.bad && is_silence(*fresh.bad);
+    changed = changed || differs(i, fresh.value);
   }
 
   const bool long_silent = is_long_silent(now, all_silent ? now : next);
   const bool may_hold_back = group_.on_change || all_silent;
   if (may_hold_back && !changed && !long_silent) return std::nullopt;
 
-  std::vector<TagReading> readings;
-  readings.reserve(tags_.size());
   for (std::size_t i = 0; i < tags_.size(); ++i) {
     State& state = states_[i];
-    auto* value = std::get_if<Value>(&outcomes[i]);
-    if (value != nullptr && group_.on_change) sent_[i] = Kept(*value);
-    readings.push_back(
-        reading(i, value != nullptr ? std::optional(std::move(*value)) : std::nullopt));
+    if (state.bad)
+      add_last_good(readings[i], state);
+    else if (group_.on_change)
+      sent_[i] = Kept(readings[i].value);
     state.sent_bad = state.bad;
     state.was_sent = true;
   }
@@ -166,7 +153,10 @@ TagReading ReportByException::written(std::uint32_t tag, Value value, std::int64
   state.bad.reset();
   if (group_.on_change) sent_[index] = Kept(value);
   state.sent_bad.reset();
-  return reading(index, std::move(value));
+  TagReading reading;
+  reading.tag = tag;
+  reading.value = std::move(value);
+  return reading;
 }
 
 std::optional<BadReason> ReportByException::first_bad() const {

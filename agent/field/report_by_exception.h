@@ -14,22 +14,21 @@
 
 namespace fxagent {
 
-/// What a cycle brought for one tag.
-using TagOutcome = std::variant<Value, BadReason>;
-
 class ReportByException final {
  public:
   /// `device` outlives the report.
   ReportByException(const DeviceConfig& device, std::uint32_t group);
 
-  /// Indices of the group's tags in DeviceConfig::tags, in order. Outcomes are given in this order.
+  /// Indices of the group's tags in DeviceConfig::tags, in order.
   const std::vector<std::uint32_t>& tags() const { return tags_; }
 
-  /// Takes a cycle's outcomes, one for each of tags(), known at `ts_ms`; nullopt where the group
-  /// has nothing new to say: on_change without a change, or a device that is still silent. `now`
-  /// measures max_silent only, and so does `next`, when the next cycle is due: where that would be
-  /// too late, on_change speaks now. A device that is silent speaks no sooner than max_silent.
-  std::optional<std::vector<TagReading>> cycle(std::vector<TagOutcome> outcomes, std::int64_t ts_ms,
+  /// Takes what a cycle brought, known at `ts_ms`: a reading for each of tags(), in that order,
+  /// with a good value, or bad without one. Returns them with what bad ones had before; nullopt
+  /// where the group has nothing new to say: on_change without a change, or a device that is still
+  /// silent. `now` measures max_silent only, and so does `next`, when the next cycle is due: where
+  /// that would be too late, on_change speaks now. A device that is silent speaks no sooner than
+  /// max_silent.
+  std::optional<std::vector<TagReading>> cycle(std::vector<TagReading> readings, std::int64_t ts_ms,
                                                SteadyTime now, SteadyTime next = {});
 
   /// A command has just written or read back `tag`: the reading to publish at once. on_change
@@ -64,8 +63,8 @@ class ReportByException final {
 
   std::size_t index_of(std::uint32_t tag) const;
   bool is_long_silent(SteadyTime now, SteadyTime next) const;
-  bool differs(std::size_t index, const Value* fresh) const;
-  TagReading reading(std::size_t index, std::optional<Value> fresh) const;
+  bool differs(std::size_t index, const Value& fresh) const;
+  static void add_last_good(TagReading& bad, const State& state);
 
   const DeviceConfig& device_;
   const GroupConfig& group_;

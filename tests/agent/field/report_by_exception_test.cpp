@@ -4,6 +4,7 @@
 
 #include <optional>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "tests/agent/field/field_plant.h"
@@ -38,11 +39,26 @@ DeviceConfig press_on_change(std::optional<double> deadband = std::nullopt) {
   return device;
 }
 
-std::vector<TagOutcome> good(double temp, bool running = true,
-                             std::initializer_list<std::int64_t> levels = {1, 2, 3}) {
-  return {real(temp), flag(running), numbers(levels)};
+/// What a cycle brought for one tag.
+using Outcome = std::variant<Value, BadReason>;
+
+std::vector<TagReading> brought(const std::vector<Outcome>& outcomes) {
+  constexpr std::uint32_t kTags[] = {0, 2, 3};
+  std::vector<TagReading> readings(outcomes.size());
+  for (std::size_t i = 0; i < outcomes.size(); ++i) {
+    readings[i].tag = kTags[i];
+    if (const auto* value = std::get_if<Value>(&outcomes[i]))
+      readings[i].value = *value;
+    else
+      readings[i].bad = std::get<BadReason>(outcomes[i]);
+  }
+  return readings;
 }
-std::vector<TagOutcome> all(BadReason why) { return {why, why, why}; }
+std::vector<TagReading> good(double temp, bool running = true,
+                             std::initializer_list<std::int64_t> levels = {1, 2, 3}) {
+  return brought({real(temp), flag(running), numbers(levels)});
+}
+std::vector<TagReading> all(BadReason why) { return brought({why, why, why}); }
 
 TEST(ReportByException, KnowsTheTagsOfItsGroupInTheirOrder) {
   const DeviceConfig device = press();
@@ -168,9 +184,9 @@ TEST(ReportByException, BadTagCarriesSinceAndItsLastGoodValue) {
   const DeviceConfig device = press();
   ReportByException report(device, 0);
   report.cycle(good(23.4), 1000, kStart);
-  report.cycle({BadReason::nak, flag(true), numbers({1, 2, 3})}, 2000, kStart);
+  report.cycle(brought({BadReason::nak, flag(true), numbers({1, 2, 3})}), 2000, kStart);
   const auto readings =
-      report.cycle({BadReason::bad_frame, flag(true), numbers({1, 2, 3})}, 3000, kStart);
+      report.cycle(brought({BadReason::bad_frame, flag(true), numbers({1, 2, 3})}), 3000, kStart);
   ASSERT_TRUE(readings);
   const TagReading& temp = (*readings)[0];
   EXPECT_EQ(temp.bad, BadReason::bad_frame);
@@ -208,8 +224,8 @@ TEST(ReportByException, OnChangeSaysWhenATagTurnsBadAndWhenItTurnsGood) {
   const DeviceConfig device = press_on_change(0.5);
   ReportByException report(device, 0);
   EXPECT_TRUE(report.cycle(good(20.0), 1, kStart));
-  EXPECT_TRUE(report.cycle({BadReason::nak, flag(true), numbers({1, 2, 3})}, 2, kStart));
-  EXPECT_FALSE(report.cycle({BadReason::nak, flag(true), numbers({1, 2, 3})}, 3, kStart));
+  EXPECT_TRUE(report.cycle(brought({BadReason::nak, flag(true), numbers({1, 2, 3})}), 2, kStart));
+  EXPECT_FALSE(report.cycle(brought({BadReason::nak, flag(true), numbers({1, 2, 3})}), 3, kStart));
   EXPECT_TRUE(report.cycle(good(20.0), 4, kStart)) << "good again, though with the old value";
   EXPECT_FALSE(report.cycle(good(20.0), 5, kStart));
 }
@@ -252,7 +268,7 @@ TEST(ReportByException, DeviceThatRefusesIsNotSilent) {
 TEST(ReportByException, OneGoodTagMakesACycleWorthTelling) {
   const DeviceConfig device = press();
   ReportByException report(device, 0);
-  const std::vector<TagOutcome> mixed{real(1.0), BadReason::timeout, BadReason::timeout};
+  const auto mixed = brought({real(1.0), BadReason::timeout, BadReason::timeout});
   EXPECT_TRUE(report.cycle(mixed, 1, kStart));
   EXPECT_TRUE(report.cycle(mixed, 2, kStart));
 }
@@ -260,7 +276,7 @@ TEST(ReportByException, OneGoodTagMakesACycleWorthTelling) {
 TEST(ReportByException, WrittenValueIsGoodAtOnceAndWhatOnChangeComparesWith) {
   const DeviceConfig device = press_on_change(0.5);
   ReportByException report(device, 0);
-  report.cycle({BadReason::nak, flag(true), numbers({1, 2, 3})}, 1000, kStart);
+  report.cycle(brought({BadReason::nak, flag(true), numbers({1, 2, 3})}), 1000, kStart);
   const TagReading reading = report.written(0, real(50.0), 2000);
   EXPECT_EQ(reading.tag, 0U);
   EXPECT_EQ(reading.value, real(50.0));
