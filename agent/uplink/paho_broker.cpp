@@ -19,6 +19,7 @@
 
 #include "agent/log/log.h"
 #include "agent/process/startup.h"
+#include "agent/uplink/idle_sleep.h"
 #include "agent/uplink/packet_guard.h"
 #include "agent/uplink/read_pause.h"
 #include "agent/uplink/send_at_once.h"
@@ -382,6 +383,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
           end_of_connecting();
           send_at_once(last_socket_read());
           pause_.watch(last_socket_read());
+          leave_out_idle_sleeps();  // this is the thread that reads
           return post(connected_by(token));
         case mqtt::token::PUBLISH:
           return post(Delivered{id_of(token)});

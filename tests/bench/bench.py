@@ -2,7 +2,7 @@
 of its size. One run, one machine; prints a table, and writes the same as JSON. run.sh calls it; FXAGENT
 and FXSIM name the programs, NODE_BRIDGE a folder with bridge.js and its node_modules.
 
-    bench.py [--only a,b,c,d,e,f,g,h,i] [--json FILE] [--seconds N] [--share F] [--smoke]
+    bench.py [--only a,b,c,d,e,f,g,h,i,j,k] [--json FILE] [--seconds N] [--share F] [--smoke]
 """
 
 import argparse
@@ -14,16 +14,18 @@ import time
 
 import rig
 import scale
+import starting
 import storing
 from probe import Usage, percentiles
 from rig import Bench, device, first_message, machine, show, warm_up
 
 PEERS = ["fxagent", "python", "node"]
 # How much of everything.
-FULL = {"changes": 400, "commands": 300, "devices": (100, 1000), "ports": 1000,
-        "links": [100, 5000, 10000], "tags": [10000, 100000]}
-SMOKE = {"changes": 10, "commands": 10, "devices": (10, 20), "ports": 20, "links": [10, 20, 30],
-         "tags": [1000, 2000]}
+FULL = {"changes": 400, "commands": 300, "devices": (100, 1000), "most_devices": 5000, "ports": 1000,
+        "links": [100, 5000, 10000], "tags": [10000, 100000], "quiet": 200, "starts": 10,
+        "silences": [ms for ms in range(900, 1201, 10) for _ in range(5)]}
+SMOKE = {"changes": 10, "commands": 10, "devices": (10, 20), "most_devices": 30, "ports": 20, "links": [10, 20, 30],
+         "tags": [1000, 2000], "quiet": 3, "starts": 2, "silences": [900, 1050, 1200]}
 
 
 def wire_efficiency(seconds):
@@ -116,21 +118,22 @@ def flat_out(peer, seconds, changes=400):
                 **used}
 
 
-def commands(peer, how, interval_ms, count):
-    """(d) From a published command to its result."""
+def command_times(peer, registers, interval_ms, pauses):
+    """Seconds from a published command to its result, one command after each of the pauses (seconds), and how
+    many had none."""
     with Bench() as bench:
         plc, [(name, port)] = device()
         bench.simulate([plc])
         data = bench.watch(bench.data_topic(peer))
         client = bench.watch("bench/edge/d0/result" if peer == "fxagent" else "bridge/d0/result")
-        bench.peer(peer, [(name, port, 10 if how == "idle" else 1000)], interval_ms)
+        bench.peer(peer, [(name, port, registers)], interval_ms)
         first_message(data)
         data.socket.close()
         warm_up()
-        chance, latencies, lost = random.Random(7), [], 0
-        for number in range(count):
+        latencies, lost = [], 0
+        for number, pause in enumerate(pauses):
             topic, payload = bench.order(peer, f"c{number}", number)
-            time.sleep(chance.uniform(0.002, 0.03))
+            time.sleep(pause)
             sent = time.monotonic()
             client.publish(topic, payload)
             while True:
@@ -142,12 +145,27 @@ def commands(peer, how, interval_ms, count):
                 if json.loads(message[1])["id"] == f"c{number}":
                     latencies.append(message[2] - sent)
                     break
-        return {"peer": peer, "while": how, "result_ms": percentiles(latencies), "lost": lost}
+        return latencies, lost
+
+
+def commands(peer, how, interval_ms, count):
+    """(d) From a published command to its result."""
+    chance = random.Random(7)
+    pauses = [chance.uniform(0.002, 0.03) for _ in range(count)]
+    latencies, lost = command_times(peer, 10 if how == "idle" else 1000, interval_ms, pauses)
+    return {"peer": peer, "while": how, "result_ms": percentiles(latencies), "lost": lost}
+
+
+def quiet(peer, what, interval_ms, pauses_ms):
+    """(j) From a command to its result, after silences."""
+    latencies, lost = command_times(peer, 10, interval_ms, [ms / 1000 for ms in pauses_ms])
+    return {"peer": peer, "after": what, "commands": len(pauses_ms), "result_ms": percentiles(latencies),
+            "above_5_ms": sum(seconds > 0.005 for seconds in latencies), "lost": lost}
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", default="a,b,c,d,e,f,g,h,i")
+    parser.add_argument("--only", default="a,b,c,d,e,f,g,h,i,j,k")
     parser.add_argument("--json")
     parser.add_argument("--seconds", type=float, default=10)
     parser.add_argument("--samples", type=int, default=100000, help="of (i)")
@@ -186,6 +204,8 @@ def main():
     if "e" in parts:
         out["devices"] = [scale.modbus_devices(p, count, options.seconds)
                           for count in sizes["devices"] for p in peers]
+        if "fxagent" in peers:
+            out["devices"].append(scale.modbus_devices("fxagent", sizes["most_devices"], options.seconds))
         show("(e) Modbus TCP devices of 100 registers at 1 s", out["devices"])
     if "f" in parts:
         out["programming_ports"] = [scale.programming_ports(sizes["ports"], baud, options.seconds)
@@ -204,6 +224,15 @@ def main():
              out["store"])
         out["sync"] = [storing.live(sync, options.seconds) for sync in ("offline", "always")]
         show("(i) the store while the broker is there, 500 samples of 100 tags a second", out["sync"])
+    if "j" in parts:
+        out["quiet"] = [quiet(p, "1.05 s", 3000, [1050] * sizes["quiet"]) for p in peers]
+        if "fxagent" in peers:
+            out["quiet"].append(quiet("fxagent", "0.9 to 1.2 s", 3600000, sizes["silences"]))
+        show("(j) command to result, ms, each after a silence; 10 registers at 3 s, and an hour apart",
+             out["quiet"])
+    if "k" in parts:
+        out["start"] = starting.starts(sizes["starts"])
+        show("(k) from the start of the program until a device is asked for the first time, ms", out["start"])
     if options.json:
         with open(options.json, "w") as file:
             json.dump(out, file, indent=1)

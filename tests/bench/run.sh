@@ -1,9 +1,10 @@
 #!/bin/bash
 # Speed, beside the bridges that users write by hand (Python: pymodbus and paho-mqtt; Node.js:
 # modbus-serial and mqtt.js), and size and store by themselves, in one run on one machine:
-#   tests/bench/run.sh [--only a,b,c,d,e,f,g,h,i] [--seconds N] [--samples N] [--json FILE] [--share F] [--smoke]
-# (a) to (d) speed, (e) and (f) many devices, (g) many links, (h) many tags, (i) the store. --smoke: each
-# once, small and short, which shows that the bench works and measures nothing.
+#   tests/bench/run.sh [--only a,b,c,d,e,f,g,h,i,j,k] [--seconds N] [--samples N] [--json FILE] [--share F] [--smoke]
+# (a) to (d) speed, (e) and (f) many devices, (g) many links, (h) many tags, (i) the store, (j) commands after a
+# silence, (k) the start. --smoke: each once, small and short, which shows that the bench works and measures
+# nothing.
 # Installs what is missing, builds, prints a table. BUILD_DIR: where (build-bench).
 set -euo pipefail
 

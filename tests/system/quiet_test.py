@@ -1,0 +1,162 @@
+"""A quiet connection: a command is read at once, however long nothing was said before it. And the thread of
+the MQTT library that reads never spins, whatever becomes of the broker. By itself it polls for 1 s, and
+sleeps 100 ms wherever that brought nothing (agent/uplink/idle_sleep.h)."""
+
+import os
+import signal
+import time
+import unittest
+
+from broker_test import certificates
+from plant import BASE, Broker, PlantTest, Sim, device, wait_for
+from scripted_broker import Script, ScriptedBroker
+
+# From the last word on the connection to the next one.
+SILENCES_MS = range(900, 1200, 10)
+# A command takes a few ms, and after these it would wait for longer than this.
+LATE_MS = 15
+ASLEEP_MS = range(1000, 1090, 10)
+# Commands that the machine's other work may make late.
+BUSY = 3
+
+POLLS = 20  # of a group each 100 ms: 2 s
+MOST_TICKS = 20  # of 10 ms, in that time: a thread that spins has more than 100
+
+
+class QuietConnection(PlantTest):
+    def test_no_silence_makes_a_command_wait(self):
+        # The broker would hold the second of two messages back for 40 ms, too.
+        self.start([device(groups=[{"name": "fast", "interval_ms": 3600000}])],
+                   broker_conf="set_tcp_nodelay true")
+        self.ready()
+        self.command(op="force_on", address="M150")
+        late = []
+        for silence_ms in SILENCES_MS:
+            time.sleep(silence_ms / 1000)
+            sent = time.monotonic()
+            self.assert_result(self.command(op="force_on", address="M150"), "SUCCEEDED", None, "ACK")
+            if time.monotonic() - sent > LATE_MS / 1000:
+                late.append(silence_ms)
+        # A busy machine makes commands late after any silence.
+        asleep = [ms for ms in late if ms in ASLEEP_MS]
+        self.assertLessEqual(len(asleep), BUSY + (len(late) - len(asleep)) // 2, f"late after {late} ms")
+
+
+class Scripted(ScriptedBroker):
+    """As the broker of a PlantTest."""
+
+    def kill(self):
+        self.close()
+
+
+class Reader(PlantTest):
+    """CPU time of the thread that reads, while the agent polls its device so many times."""
+
+    def start_plant(self, **mqtt_config):
+        self.start_sim()
+        # What does not change is not published.
+        self.start_agent([device(groups=[{"name": "fast", "interval_ms": 100, "publish": "on_change"}])],
+                         mqtt_config=mqtt_config)
+
+    def polls(self):
+        return self.sim.ask(cmd="stats", plc="press1")["requests"]["read"]
+
+    def wait_polls(self, count):
+        polls = self.polls()
+        wait_for("polls", lambda: self.polls() >= polls + count)
+
+    def wait_log(self, words, times=1):
+        wait_for("the log", lambda: self.agent.logged().count(words) >= times)
+
+    def ticks(self):
+        """utime and stime of proc(5)."""
+        for number in os.listdir(f"/proc/{self.agent.process.pid}/task"):
+            with open(f"/proc/{self.agent.process.pid}/task/{number}/stat") as stat:
+                name, fields = stat.read().rsplit(")", 1)
+            if name.endswith("(MQTTAsync_rcv"):
+                return int(fields.split()[11]) + int(fields.split()[12])
+        raise AssertionError("no thread reads")
+
+    def assert_waits(self, what):
+        before = self.ticks()
+        self.wait_polls(POLLS)
+        self.assertLessEqual(self.ticks() - before, MOST_TICKS, what)
+
+    def unsent_and_unread(self):
+        """Bytes in the socket of the agent's connection: proc_net_tcp."""
+        with open("/proc/net/tcp") as table:
+            for row in table.read().splitlines()[1:]:
+                _, _, remote, state, queues = row.split()[:5]
+                if state == "01" and int(remote.split(":")[1], 16) == self.broker.port:
+                    return [int(queue, 16) for queue in queues.split(":")]
+        raise AssertionError("no connection")
+
+    def test_it_waits_while_the_broker_is_there_hangs_and_is_gone(self):
+        self.broker = Broker(self.directory)
+        self.broker.start()
+        self.start_plant(keep_alive_s=5)
+        self.wait_log("broker_connected")
+        self.assert_waits("nothing is said")
+        self.broker.process.send_signal(signal.SIGSTOP)
+        self.assert_waits("the broker hangs")
+        self.wait_log("broker_lost")
+        self.assert_waits("the broker takes the next connection and says nothing")
+        self.broker.process.send_signal(signal.SIGCONT)
+        self.broker.kill()
+        self.assert_waits("nobody listens")
+        self.broker.start()
+        self.wait_log("broker_connected", 2)
+        self.assert_waits("nothing is said again")
+
+    def test_it_waits_over_tls(self):
+        certificates(self.directory)
+        os.chmod(self.directory, 0o755)
+        here = self.directory
+        self.broker = Broker(here, f"cafile {here}/ca.pem\ncertfile {here}/server.pem\n"
+                                   f"keyfile {here}/server.key\n")
+        self.broker.start()
+        self.start_plant(servers=[f"mqtts://127.0.0.1:{self.broker.port}"],
+                         tls={"ca_file": os.path.join(here, "ca.pem")})
+        self.wait_log("broker_connected")
+        self.assert_waits("nothing is said")
+        self.broker.kill()
+        self.wait_log("broker_lost")
+        self.assert_waits("nobody listens")
+
+    def test_it_waits_while_the_broker_refuses(self):
+        def refuse(session, _):
+            session.connack(0x87)
+            session.close()
+        self.broker = Scripted(Script(), Script(connect=refuse))
+        self.start_plant()
+        self.broker.wait_online(BASE).close()
+        self.wait_log("Not authorized")
+        self.assert_waits("the broker refuses")
+
+    def test_it_waits_while_the_broker_talks_and_does_not_read(self):
+        # poll() returns at once then: there is something to read, and Paho reads nothing before it has sent.
+        self.broker = Scripted()
+        self.sim = Sim(self.directory, [{"name": "press1", "protocol": "modbus-tcp", "tcp": 0}])
+        self.sim.start()
+        self.start_agent(
+            [{"name": "press1", "link": "line1", "protocol": "modbus-tcp",
+              "groups": [{"name": "fast", "interval_ms": 0}],
+              "tags": [{"name": "block", "address": "hr:0", "count": 125, "group": "fast"}]}],
+            [{"name": "line1", "tcp": {"host": "127.0.0.1", "port": self.sim.ports["press1"]}}],
+            {"qos": 0})
+        session = self.broker.wait_online(BASE)
+        session.stop_reading()
+
+        def full():
+            before = self.unsent_and_unread()[0]
+            self.wait_polls(5)
+            return before > 0 and self.unsent_and_unread()[0] == before
+        wait_for("a full socket", full)
+        session.publish(f"{BASE}/press1/command", "{}")
+        wait_for("an unread command", lambda: self.unsent_and_unread()[1] > 0)
+        self.assert_waits("the broker talks and does not read")
+        self.assertGreater(self.unsent_and_unread()[1], 0)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
