@@ -134,6 +134,18 @@ TEST_F(PortPolls, SamplesAreNumberedAndKnowWhereTheyComeFrom) {
   EXPECT_EQ(newest[0].state, State::online);
 }
 
+TEST_F(PortPolls, GroupsOfWholeSecondsBeginOnTheCommonGrid) {
+  config.devices[0].groups[0].interval = milliseconds(1000);
+  start();
+  for (int cycle = 0; cycle < 3; ++cycle) {
+    const PollScheduler::Job job = scheduler.next(now);
+    ASSERT_EQ(job.kind, PollScheduler::Job::Kind::wait);
+    EXPECT_EQ(job.until.time_since_epoch() % milliseconds(10), nanoseconds(0)) << cycle;
+    step();
+  }
+  EXPECT_EQ(telemetry.size(), 3U);
+}
+
 TEST_F(PortPolls, EachReadOfACycleIsAStepOfItsOwn) {
   add_tag("running", "M0");
   start();
