@@ -118,15 +118,16 @@ def flat_out(peer, seconds, changes=400):
                 **used}
 
 
-def command_times(peer, registers, interval_ms, pauses):
+def command_times(peer, registers, interval_ms, pauses, journal=False):
     """Seconds from a published command to its result, one command after each of the pauses (seconds), and how
-    many had none."""
+    many had none. `journal`: fxagent has a store, and each command is in its journal before it is sent."""
     with Bench() as bench:
         plc, [(name, port)] = device()
         bench.simulate([plc])
         data = bench.watch(bench.data_topic(peer))
         client = bench.watch("bench/edge/d0/result" if peer == "fxagent" else "bridge/d0/result")
-        bench.peer(peer, [(name, port, registers)], interval_ms)
+        more = {"store": {"path": os.path.join(bench.directory, "store")}} if journal else {}
+        bench.peer(peer, [(name, port, registers)], interval_ms, **more)
         first_message(data)
         data.socket.close()
         warm_up()
@@ -148,12 +149,13 @@ def command_times(peer, registers, interval_ms, pauses):
         return latencies, lost
 
 
-def commands(peer, how, interval_ms, count):
+def commands(peer, how, interval_ms, count, journal=False):
     """(d) From a published command to its result."""
     chance = random.Random(7)
     pauses = [chance.uniform(0.002, 0.03) for _ in range(count)]
-    latencies, lost = command_times(peer, 10 if how == "idle" else 1000, interval_ms, pauses)
-    return {"peer": peer, "while": how, "result_ms": percentiles(latencies), "lost": lost}
+    latencies, lost = command_times(peer, 10 if how == "idle" else 1000, interval_ms, pauses, journal)
+    return {"peer": peer, "while": how + (", journal" if journal else ""),
+            "result_ms": percentiles(latencies), "lost": lost}
 
 
 def quiet(peer, what, interval_ms, pauses_ms):
@@ -199,6 +201,9 @@ def main():
         out["commands"] = [commands(p, how, interval, sizes["commands"])
                            for how, interval in (("idle", 3600000), ("polling", 100), ("flat out", 0))
                            for p in peers]
+        if "fxagent" in peers:
+            out["commands"] += [commands("fxagent", how, interval, sizes["commands"], True)
+                                for how, interval in (("polling", 100), ("flat out", 0))]
         show("(d) command to result, ms: idle, polling 1,000 registers at 100 ms, and flat out",
              out["commands"])
     if "e" in parts:

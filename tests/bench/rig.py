@@ -142,13 +142,13 @@ class Bench:
         command = [FXAGENT, "run", path]
         return self.spawn(self.share.command(command) if self.share else command)
 
-    def peer(self, name, devices, interval_ms):
-        """Starts a peer on Modbus TCP devices: [(name, port, registers)]."""
+    def peer(self, name, devices, interval_ms, **more):
+        """Starts a peer on Modbus TCP devices: [(name, port, registers)]; `more` as for agent()."""
         if name == "fxagent":
             links = [{"name": d, "tcp": {"host": "127.0.0.1", "port": port}}
                      for d, port, _ in devices]
             return self.agent(links, [self.modbus(d, count, interval_ms)
-                                      for d, _, count in devices])
+                                      for d, _, count in devices], **more)
         config = json.dumps({"mqtt": self.port, "interval_ms": interval_ms, "devices": [
             {"name": d, "port": port,
              "blocks": [[at, min(125, count - at)] for at in range(0, count, 125)]}
