@@ -336,15 +336,16 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
   bool is_connected() const { return client_.is_connected(); }
   bool is_leaving() const { return leaving_; }
 
-  void publish(const Publication& publication) {
+  void publish(Publication publication) {
     mqtt::properties properties;
     if (version_ == MQTTVERSION_5 && !publication.correlation.empty())
       properties.add({mqtt::property::CORRELATION_DATA,
                       std::string(publication.correlation.begin(), publication.correlation.end())});
     // The id travels as the token's context: the callback may run before this call returns.
-    client_.publish(mqtt::message::create(publication.topic, publication.payload, publication.qos,
-                                          publication.retain == Retain::yes, properties),
-                    reinterpret_cast<void*>(publication.id), *this);
+    client_.publish(
+        mqtt::message::create(std::move(publication.topic), std::move(publication.payload),
+                              publication.qos, publication.retain == Retain::yes, properties),
+        reinterpret_cast<void*>(publication.id), *this);
   }
 
   void subscribe(const Subscription& subscription) {
@@ -655,12 +656,13 @@ void PahoBroker::disconnect() {
 bool PahoBroker::is_connected() const { return connection_ && connection_->is_connected(); }
 
 void PahoBroker::publish(Publication publication) {
+  const std::uint64_t id = publication.id;
   try {
-    if (connection_) connection_->publish(publication);
+    if (connection_) connection_->publish(std::move(publication));
   } catch (const mqtt::exception& error) {
     if (is_disconnected(error.get_return_code()))
       return connection_->post_lost("disconnected when a message was to be published");
-    inbox_->post(connections_, DeliveryFailed{publication.id, 0, error.what()});
+    inbox_->post(connections_, DeliveryFailed{id, 0, error.what()});
   }
 }
 
