@@ -22,7 +22,7 @@ from rig import Bench, device, first_message, machine, show, warm_up
 PEERS = ["fxagent", "python", "node"]
 # How much of everything.
 FULL = {"changes": 400, "commands": 300, "devices": (100, 1000), "most_devices": 5000, "ports": 1000,
-        "links": [100, 5000, 10000], "tags": [10000, 100000], "quiet": 200, "starts": 10,
+        "links": [100, 5000, 10000], "tags": [10000, 100000], "quiet": 100, "starts": 10,
         "silences": [ms for ms in range(900, 1201, 10) for _ in range(5)]}
 SMOKE = {"changes": 10, "commands": 10, "devices": (10, 20), "most_devices": 30, "ports": 20, "links": [10, 20, 30],
          "tags": [1000, 2000], "quiet": 3, "starts": 2, "silences": [900, 1050, 1200]}
