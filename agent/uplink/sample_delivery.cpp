@@ -18,12 +18,17 @@ using std::chrono::seconds;
 
 constexpr int kGatherShare = 100;  // of its interval, that a sample may wait for others
 constexpr milliseconds kGatherMost{5};
-// After each message history rests for as long as that took, so that half of the time nothing
-// stands in a live sample's way; no longer than this, for the sake of lines that are slow by
+// So many history messages, each of another stream, are on their way together: the broker has the
+// next one when it has acknowledged the one before.
+constexpr std::size_t kHistoryFlights = 2;
+// After each of them history rests for half as long as that took, so that live samples and commands
+// find the broker free again and again; no longer than this, for the sake of lines that are slow by
 // themselves.
+constexpr int kRestShare = 2;
 constexpr milliseconds kLongestRest{100};
 // A quarter of what is allowed: one of 64 KiB holds a live sample up for milliseconds.
 constexpr std::size_t kHistoryBytes = 16384;
+constexpr std::size_t kSmallWindow = 4;
 // So many samples behind a full window tell that the broker takes fewer than are made.
 constexpr std::size_t kBackedUp = 4;
 constexpr auto kLiveFor = SampleSpool::kLiveFor;
@@ -115,10 +120,16 @@ void SampleDelivery::hold_on_disk(SteadyTime now) {
   }
 }
 
+/// A small window is for live samples and results.
+bool SampleDelivery::has_room_for_history() const {
+  const std::size_t most = outgoing_.window() > kSmallWindow ? kHistoryFlights : 1;
+  return history_flights_ < most && has_room();
+}
+
 bool SampleDelivery::has_room() const {
   // Two places stay free, so that a result or a state never waits behind samples.
   const std::size_t window = outgoing_.window();
-  return outgoing_.size() < (window > 4 ? window - 2 : window);
+  return outgoing_.size() < (window > kSmallWindow ? window - 2 : window);
 }
 
 void SampleDelivery::pump_live(SteadyTime now) {
@@ -147,10 +158,8 @@ void SampleDelivery::make_history(const std::set<std::string>& devices) {
 }
 
 void SampleDelivery::pump_history(bool rests, SteadyTime now) {
-  // One at a time: a broker that works on several of 64 KiB lets live samples wait for
-  // milliseconds.
   if (rests && now < history_rests_until_) return;
-  while (live_.empty() && history_flights_ == 0 && has_room()) {
+  while (live_.empty() && has_room_for_history()) {
     auto history = spool_.next(payload_, history_bytes_,
                                [&](const std::string& device) { return may_send(device, now); });
     if (!history) return;
@@ -164,7 +173,8 @@ void SampleDelivery::pump_history(bool rests, SteadyTime now) {
 
 void SampleDelivery::rest(SteadyTime since, SteadyTime now) {
   --history_flights_;
-  history_rests_until_ = now + std::min<SteadyTime::duration>(now - since, kLongestRest);
+  history_rests_until_ =
+      now + std::min<SteadyTime::duration>((now - since) / kRestShare, kLongestRest);
 }
 
 void SampleDelivery::connection_began() {
@@ -289,7 +299,7 @@ SteadyTime SampleDelivery::next_wake(SteadyTime now) const {
     if (time > now) at(time);
   };
   if (!live_.empty()) at(live_.front().since + kLiveFor);
-  if (history_flights_ == 0) later(history_rests_until_);
+  if (has_room_for_history()) later(history_rests_until_);
   for (const auto& [device, pause] : pauses_)
     if (spool_.has_waiting(device)) later(pause.until);
   if (!spool_.can_hold()) return wake;

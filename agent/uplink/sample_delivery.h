@@ -92,6 +92,7 @@ class SampleDelivery final : public Outgoing::Sender {
   void live_failed(LiveRow live, const DeliveryFailed& event, SteadyTime now);
   void history_failed(const OutgoingHistory& history, const DeliveryFailed& event, SteadyTime now);
   bool has_room() const;
+  bool has_room_for_history() const;
   bool may_send(const std::string& device, SteadyTime now) const;
   void pause(const std::string& device, const DeliveryFailed& event, SteadyTime now);
   /// A history message is over, in whatever way.
