@@ -258,10 +258,11 @@ asio::awaitable<Exchange> Bus::send_and_receive(const Codec& codec, const Statio
     co_return exchange;
   }
   if (codec.expects_reply(request)) {
-    // The codecs pass over the echo of a read by themselves, so a read tells whether it still
-    // comes.
-    const bool reads = std::holds_alternative<Read>(request);
-    const bool echo = station.echo || (echo_found() && !reads);
+    // The codecs pass over the echo of a read or an enquiry by themselves. So a read tells whether
+    // it still comes, and no enquiry for want of it stands before that read.
+    const bool tells_them_apart =
+        std::holds_alternative<Read>(request) || std::holds_alternative<Enquire>(request);
+    const bool echo = station.echo || (echo_found() && !tells_them_apart);
     co_await receive(codec, request, *frame, echo, deadline, exchange);
     trace(WireFrame::Way::in, rx_);
   } else {

@@ -184,6 +184,20 @@ TEST_F(BusTest, EchoThatNobodyToldOfIsFoundByThreeReads) {
   EXPECT_FALSE(line->echo_found());
 }
 
+TEST_F(BusTest, EchoThatWasFoundAndCeasesMakesNoDeviceSilentForEver) {
+  const Bytes data = word_frame(234);
+  wire->expect(kEnq).give(joined(kEnq, kAck));
+  for (int i = 0; i < 3; ++i) wire->expect(kReadD100).give(kReadD100).give(data);
+  wire->expect(kReadD100).silence();
+  wire->expect(kEnq).give(kAck).expect(kReadD100).give(data);
+  open();
+  for (int i = 0; i < 3; ++i) EXPECT_TRUE(read("D100").is_data());
+  EXPECT_TRUE(line->echo_found());
+  EXPECT_EQ(read("D100").outcome, Outcome::unanswered);
+  EXPECT_TRUE(read("D100").is_data()) << "behind an enquiry that nothing echoes";
+  EXPECT_FALSE(line->echo_found());
+}
+
 TEST_F(BusTest, NoiseBeforeTheReplyIsPassedOver) {
   wire->expect(kEnq).give({0x00, 0xFF, 0x06});
   wire->expect(kReadD100).give(joined({0xFF, 0x7F, 0x00}, word_frame(7)));
