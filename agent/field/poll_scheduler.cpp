@@ -234,6 +234,7 @@ bool PollScheduler::device_unanswered(DeviceId id, SteadyTime now) {
   Device& device = devices_[id];
   ++device.unanswered;
   if (device.unanswered < device.unanswered_limit) return false;
+  if (device.silent && now < device.rests_until) return true;
   device.silent = true;
   const auto doubled = std::max(device.back_off.first, device.delay * 2);
   device.delay = std::min(doubled, device.back_off.cap);

@@ -104,7 +104,8 @@ class PollScheduler final {
 
   void device_answered(DeviceId device);
   /// One more exchange without an answer. True when the device is silent from now on or still: its
-  /// polls rest until the back-off has passed.
+  /// polls rest until the back-off has passed. Commands that find no answer meanwhile make the rest
+  /// no longer.
   bool device_unanswered(DeviceId device, SteadyTime now);
   bool is_silent(DeviceId device) const { return devices_[device].silent; }
 

@@ -225,11 +225,13 @@ TEST(PollScheduler, BackOffDoublesToItsCapAndAnAnswerEndsIt) {
   scheduler.add_group(device, milliseconds(100), 1, at(0));
   EXPECT_FALSE(scheduler.device_unanswered(device, at(0)));
   EXPECT_FALSE(scheduler.is_silent(device));
+  int now = 0;
   for (const int rest : {1000, 2000, 4000, 4000}) {
-    EXPECT_TRUE(scheduler.device_unanswered(device, at(0)));
+    EXPECT_TRUE(scheduler.device_unanswered(device, at(now)));
     EXPECT_TRUE(scheduler.is_silent(device));
-    EXPECT_EQ(scheduler.next(at(rest - 1)).kind, Kind::wait) << rest;
-    EXPECT_EQ(scheduler.next(at(0)).until, at(rest));
+    EXPECT_EQ(scheduler.next(at(now + rest - 1)).kind, Kind::wait) << rest;
+    EXPECT_EQ(scheduler.next(at(now)).until, at(now + rest));
+    now += rest;
   }
   scheduler.device_answered(device);
   EXPECT_FALSE(scheduler.is_silent(device));
@@ -237,6 +239,16 @@ TEST(PollScheduler, BackOffDoublesToItsCapAndAnAnswerEndsIt) {
   EXPECT_FALSE(scheduler.device_unanswered(device, at(0)));
   EXPECT_TRUE(scheduler.device_unanswered(device, at(0)));
   EXPECT_EQ(scheduler.next(at(999)).kind, Kind::wait) << "the back-off begins anew";
+}
+
+TEST(PollScheduler, CommandsWithoutAnAnswerDoNotPutOffTheNextPoll) {
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(1, kBackOff);
+  scheduler.add_group(device, milliseconds(100), 1, at(0));
+  for (int now = 0; now < 1000; now += 300)
+    EXPECT_TRUE(scheduler.device_unanswered(device, at(now))) << now;
+  EXPECT_EQ(scheduler.next(at(999)).until, at(1000));
+  EXPECT_EQ(scheduler.next(at(1000)).kind, Kind::poll) << "or its tags would never turn bad";
 }
 
 TEST(PollScheduler, AnswerBetweenTwoSilencesStartsTheCountAnew) {
