@@ -7,6 +7,7 @@
 //   FXAGENT_SEED=7 …                              begins with this scene
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdlib>
 #include <iostream>
@@ -42,6 +43,7 @@ class Scene final {
   Scene(const Config& config, std::uint32_t seed) : config_(config), fate_(seed), journal_(fate_) {
     for (const fxsim::Protocol protocol : kProtocols) {
       owned_.push_back(std::make_unique<LedgerDevice>(protocol));
+      prepare(*owned_.back(), fate_);
       devices_.push_back(owned_.back().get());
     }
     for (const DeviceConfig& device : config.devices) names_.push_back(device.name);
@@ -65,6 +67,7 @@ class Scene final {
 
   int received = 0;
   const std::map<std::string, int>& counted() const { return judge_.counted; }
+  const std::map<std::string, int>& by_reason() const { return judge_.by_reason; }
   void tell(const std::string& faults) const {
     std::cerr << faults;
     for (std::size_t i = 0; i < devices_.size(); ++i)
@@ -110,9 +113,13 @@ class Scene final {
   }
 
   void send_some(AgentLife& agent) {
+    const bool in_conflict = fate_.one_in(25);
+    agent.set_conflict(in_conflict ? "0badc0de" : "");
     for (int i = fate_.one_in(4) ? fate_.between(2, 5) : 1; i > 0 && !fate_.has_ended(); --i) {
       SentCommand sent = next();
       sent.life = life_;
+      sent.sent_at = std::chrono::steady_clock::now();
+      sent.in_conflict = in_conflict;
       ++received;
       judge_.received(sent);
       agent.receive(sent);
@@ -132,6 +139,8 @@ class Scene final {
       again.payload += R"("nonsense":1})";
       again.is_wrong = true;
       again.targets.clear();
+      again.read.reset();
+      again.expect.reset();
       again.op.clear();
       return again;
     }
@@ -164,6 +173,7 @@ TEST(CommandPath, EveryResultSaysWhatTheDeviceReallyDid) {
   const auto config = parse_config(plant_of_the_path());
   ASSERT_TRUE(config) << to_string(config.error().front(), "plant");
   std::map<std::string, int> counted;
+  std::map<std::string, int> by_reason;
   int received = 0;
   int wrong = 0;
   for (; received < wanted && wrong < 3; ++seed) {
@@ -171,6 +181,7 @@ TEST(CommandPath, EveryResultSaysWhatTheDeviceReallyDid) {
     const std::string faults = scene.play();
     received += scene.received;
     for (const auto& [status, count] : scene.counted()) counted[status] += count;
+    for (const auto& [reason, count] : scene.by_reason()) by_reason[reason] += count;
     if (faults.empty()) continue;
     ++wrong;
     ADD_FAILURE() << "scene " << seed;
@@ -178,11 +189,16 @@ TEST(CommandPath, EveryResultSaysWhatTheDeviceReallyDid) {
   }
   std::cout << received << " commands:";
   for (const auto& [status, count] : counted) std::cout << " " << status << " " << count;
+  std::cout << "\nof which:";
+  for (const auto& [reason, count] : by_reason) std::cout << " " << reason << " " << count << ",";
   std::cout << "\n";
   // A run that never came to one of these would prove nothing of it.
   for (const char* status :
        {"SUCCEEDED", "FAILED", "PARTIAL", "REJECTED", "EXPIRED", "DUPLICATE", "UNKNOWN_OUTCOME"})
     EXPECT_GE(counted[status], wanted / 400) << status;
+  for (const char* reason : {"FAILED interrupted", "UNKNOWN_OUTCOME interrupted",
+                             "REJECTED conflict", "FAILED expect_mismatch"})
+    EXPECT_GE(by_reason[reason], std::max(1, wanted / 200)) << reason;
 }
 
 }  // namespace
