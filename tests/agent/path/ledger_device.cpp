@@ -118,16 +118,18 @@ void LedgerDevice::note_deed(fxsim::Device device, std::uint32_t value) {
   history.push_back({Clock::now(), value});
   last_.push_back(device);
   const auto shared = shared_.find(device.number);
-  if (is_bit || shared == shared_.end()) {
-    ++ledger[{is_bit, device.number, value}];
-    return;
-  }
+  if (is_bit || shared == shared_.end()) return count({is_bit, device.number, value});
   const std::uint32_t others = shared->second;
   if (((value ^ before) & others) != 0)
     faults.push_back("word " + std::to_string(device.number) + ": " + std::to_string(before) +
                      " became " + std::to_string(value) + ", and half of it is another's");
-  ++ledger[{is_bit, device.number, value & ~others}];
+  count({is_bit, device.number, value & ~others});
   set(device, value ^ others, Clock::now());
+}
+
+void LedgerDevice::count(const Deed& deed) {
+  ++ledger[deed];
+  first_done.try_emplace(deed, Clock::now());
 }
 
 void LedgerDevice::set(fxsim::Device device, std::uint32_t value, SteadyTime when) {

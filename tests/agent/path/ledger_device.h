@@ -55,7 +55,8 @@ class LedgerDevice final {
   bool was_running(bool running, TimeSpan when) const;
   const fxsim::Personality& personality() const { return *personality_; }
 
-  std::map<Deed, int> ledger;           ///< how often each was done; of a shared word its own bits
+  std::map<Deed, int> ledger;  ///< how often each was done; of a shared word its own bits
+  std::map<Deed, SteadyTime> first_done;
   std::map<std::string, int> switched;  ///< "run", "stop": how often it was made to
   std::vector<std::string> story;       ///< the frames that came, and what struck them
   std::vector<std::string> faults;      ///< what no command may do
@@ -64,6 +65,7 @@ class LedgerDevice final {
   void note(const fxsim::Frame& frame, const fxsim::Ruling& ruling);
   void note_list(std::string_view area, bool bits);
   void note_deed(fxsim::Device device, std::uint32_t value);
+  void count(const Deed& deed);
   /// Sets a place from outside.
   void set(fxsim::Device device, std::uint32_t value, SteadyTime when);
   fxsim::Device word_device(unsigned number) const;

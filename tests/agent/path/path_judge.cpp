@@ -132,6 +132,15 @@ std::string judge_values(const SentCommand& sent, const Json& result, const Ledg
   return why;
 }
 
+/// Up to the moment before the device began with it.
+TimeSpan before_done(const WantedTarget& target, const LedgerDevice& device, TimeSpan when) {
+  for (const std::vector<Part>& element : target.elements)
+    for (const Part& part : element)
+      if (const auto done = device.first_done.find(part.deed); done != device.first_done.end())
+        when.to = std::min(when.to, done->second - std::chrono::nanoseconds(1));
+  return when;
+}
+
 std::string judge_expect(const SentCommand& sent, const Json& result, const std::vector<Done>& all,
                          const LedgerDevice& device, TimeSpan when) {
   const bool mismatch = result.value("reason", Json()) == "expect_mismatch";
@@ -141,7 +150,9 @@ std::string judge_expect(const SentCommand& sent, const Json& result, const std:
     if (!verify.is_object() || verify["read"].is_null()) return "what was found is not told";
     return verify["read"] == *sent.expect ? "expect_mismatch of what was expected" : "";
   }
-  const bool held = was_shown(sent.targets[0].place, *sent.expect, device, when);
+  const WantedTarget& target = sent.targets[0];
+  const bool held =
+      was_shown(target.place, *sent.expect, device, before_done(target, device, when));
   return is_empty(all) || held ? "" : "it was carried out, and the device never held `expect`";
 }
 
@@ -185,7 +196,9 @@ std::string judge_result(const SentCommand& sent, const Json& result, const Ledg
   if (sent.dry_run || sent.is_wrong || sent.in_conflict)
     return judge_unsent(sent, result, is_empty(all));
   const std::string status = result["status"];
-  if (result.value("reason", Json()) == "conflict") return "there was no other agent";
+  const Json reason = result.value("reason", Json());
+  if (reason == "conflict") return "there was no other agent";
+  if (status == "PARTIAL" && reason == "expired") return "what was under way was not finished";
   if (sent.op == "run" || sent.op == "stop")
     return judge_switch(sent, result, all[0], device, when);
   if (std::string why = judge_values(sent, result, device, when); !why.empty()) return why;
@@ -235,8 +248,10 @@ void PathJudge::published(std::uint32_t device, const std::string& text) {
 void PathJudge::count(const Json& result) {
   ++counted[result["status"]];
   const Json& reason = result["reason"];
-  if (reason.is_string())
-    ++by_reason[result["status"].get<std::string>() + " " + reason.get<std::string>()];
+  if (!reason.is_string()) return;
+  const bool is_read = result["op"] == "read";
+  ++by_reason[result["status"].get<std::string>() + " " + reason.get<std::string>() +
+              (is_read ? " (read)" : "")];
 }
 
 bool PathJudge::may_be_lost(const Known& known) const {

@@ -128,11 +128,11 @@ RandomCommands::Target RandomCommands::float_target(std::uint32_t device) {
 }
 
 RandomCommands::Target RandomCommands::text_target(std::uint32_t device) {
-  constexpr std::array<const char*, 5> kTags{"s0", "s1", "s2", "s3", "sa"};
-  const int which = fate_.between(0, 6);
+  constexpr std::array<const char*, 7> kTags{"s0", "s1", "s2", "s3", "s3", "s3", "sa"};
+  const int which = fate_.between(0, 8);
   Place place{"", Kind::text, 1500, 0, 8};
-  if (which == 6) place = kOddText;
-  if (which < 5) place = tag(device, kTags[static_cast<std::size_t>(which)]);
+  if (which == 8) place = kOddText;
+  if (which < 7) place = tag(device, kTags[static_cast<std::size_t>(which)]);
   if (place.length % 2 != 0 && next_once_[device].last_character + 1 >= kLastCharacters)
     return word_target(device);
   if (place.count == 0) return made_of(device, place, fresh_text(device, place.length, true));
