@@ -363,6 +363,9 @@ std::optional<Refusal> CommandAdmission::check_value(const Codec& codec, const C
     return refuse(Reason::bad_value, packed.error().text);
   if (command.expect) {
     if (command.is_list) return refuse(Reason::bad_value, "expect goes with a single target");
+    if (codec.is_broadcast())
+      return refuse(Reason::bad_value,
+                    "expect: nobody answers a broadcast, so nothing can be compared");
     if (const auto kind = check_kind(out.point, *command.expect); !kind)
       return refuse(Reason::bad_value, "expect: " + kind.error().text);
     out.expected = command.expect;

@@ -782,6 +782,22 @@ TEST_F(CommandAdmissionTest, VerifyIsTheCommandsThenTheRulesAndBitsOnlyOnDemand)
   EXPECT_FALSE(admit(write("d")).verify_words);
 }
 
+TEST_F(CommandAdmissionTest, BroadcastCannotBeExpectedToHoldAValue) {
+  DeviceConfig all = device_on("modbus-rtu", codec_of("modbus-rtu", {{"unit", std::int64_t{0}}}));
+  all.commands.allow.push_back(*all.codec->addresses().parse_range("hr:1"));
+  CommandAdmission of_all{all};
+  Command command = raw("a", "hr:1", number(5));
+  EXPECT_TRUE(std::holds_alternative<AdmittedCommand>(of_all.admit(command, all.codec, 0, now)));
+  command.id = "b";
+  command.expect = number(4);
+  const auto decision = of_all.admit(command, all.codec, 0, now);
+  ASSERT_TRUE(std::holds_alternative<CommandResult>(decision));
+  const auto& result = std::get<CommandResult>(decision);
+  EXPECT_EQ(result.status, CommandStatus::rejected);
+  EXPECT_EQ(result.reason, Reason::bad_value);
+  EXPECT_EQ(result.detail, "expect: nobody answers a broadcast, so nothing can be compared");
+}
+
 // ---- lists
 // ---------------------------------------------------------------------------------------
 
