@@ -140,13 +140,6 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
                                                    std::size_t waiting, SteadyTime now) {
   const Codec& codec = *device_codec;
   const CommandRules& rules = device_.commands;
-  if (command.targets.size() > kMostTargets) {
-    if (!command.refusal)
-      command.refusal = refuse(Reason::too_large, std::to_string(command.targets.size()) +
-                                                      " targets: a command may have " +
-                                                      std::to_string(kMostTargets));
-    command.targets.clear();  // nor is a result to be as long as they are
-  }
   CommandResult result = result_of(command);
   const auto rejected = [&](Refusal why) {
     result.status = CommandStatus::rejected;
@@ -185,8 +178,6 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
     why = refusal;
   } else if (!command.op) {
     why = refuse(Reason::bad_op, "op is one of write, force_on, force_off, read, run, stop");
-  } else if (command.is_list && !is_write(*command.op)) {
-    why = refuse(Reason::bad_op, "targets go with write, force_on and force_off only");
   } else if (is_run_or_stop(*command.op)) {
     const PlcServices* plc = codec.plc();
     if (plc == nullptr)
@@ -278,12 +269,14 @@ std::optional<Refusal> CommandAdmission::resolve(const Codec& codec, AdmittedCom
 std::optional<Refusal> CommandAdmission::resolve_target(const Codec& codec, const Command& command,
                                                         const CommandTarget& target,
                                                         AdmittedTarget& out) const {
-  if (target.fault && concerns_place(target.fault->reason)) return target.fault;
-  if (auto why = resolve_place(codec, *command.op, target, out)) return why;
-  if (auto why = check_access(codec, command, out)) return why;
-  if (target.fault) return target.fault;
-  if (is_write(*command.op)) return check_value(codec, command, target, out);
-  return std::nullopt;
+  Faults faults;
+  faults.add(target.fault);
+  if (auto why = resolve_place(codec, *command.op, target, out))
+    faults.add(std::move(why));
+  else
+    faults.add(check_access(codec, command, out));
+  if (!faults.first() && is_write(*command.op)) return check_value(codec, command, target, out);
+  return faults.first();
 }
 
 std::optional<Refusal> CommandAdmission::resolve_place(const Codec& codec, Op op,
@@ -352,17 +345,13 @@ std::optional<Refusal> CommandAdmission::check_access(const Codec& codec, const 
 std::optional<Refusal> CommandAdmission::check_value(const Codec& codec, const Command& command,
                                                      const CommandTarget& target,
                                                      AdmittedTarget& out) const {
-  std::optional<Value> value = target.value;
-  if (*command.op != Op::write) {
-    if (value) return refuse(Reason::bad_value, "value goes with op write only");
-    value = Value(Scalar(*command.op == Op::force_on));
-  }
+  const std::optional<Value> value =
+      *command.op == Op::write ? target.value : Value(Scalar(*command.op == Op::force_on));
   if (!value) return refuse(Reason::bad_value, "value is missing");
   const auto packed = pack(out.point, *value);
   if (!packed && packed.error().fault == PackFault::bad_value)
     return refuse(Reason::bad_value, packed.error().text);
   if (command.expect) {
-    if (command.is_list) return refuse(Reason::bad_value, "expect goes with a single target");
     if (codec.is_broadcast())
       return refuse(Reason::bad_value,
                     "expect: nobody answers a broadcast, so nothing can be compared");

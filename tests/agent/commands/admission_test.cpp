@@ -617,9 +617,6 @@ TEST_F(CommandAdmissionTest, ForceIsForSingleBits) {
   const AdmittedCommand admitted = admit(force("bit", "M100"));
   const auto frame = device.codec->encode(admitted.targets[0].requests.at(0), 0);
   EXPECT_EQ(to_hex(*frame), to_hex(force_frame(kForceM100, true)));
-  Command with_value = force("value", "M100");
-  with_value.targets[0].value = flag(true);
-  EXPECT_EQ(answered(with_value).reason, Reason::bad_value);
 }
 
 TEST_F(CommandAdmissionTest, WriteToABitIsAForce) {
@@ -924,34 +921,10 @@ TEST_F(CommandAdmissionTest, TextAtAnAddressIsAsLongAsItsCharacters) {
   EXPECT_EQ(admitted.targets[0].point.length, 3) << "characters, not the bytes of UTF-8";
 }
 
-TEST_F(CommandAdmissionTest, ListIsForWritesAndWithoutExpect) {
-  Command reads = read("a", "temp");
-  reads.is_list = true;
-  EXPECT_EQ(answered(reads).reason, Reason::bad_op);
-  Command expecting = write("b");
-  expecting.is_list = true;
-  expecting.expect = real(1);
-  EXPECT_EQ(answered(expecting).reason, Reason::bad_value);
-}
-
 TEST_F(CommandAdmissionTest, CommandWithoutATargetHasNoPlace) {
   Command nowhere = write("b7e1");
   nowhere.targets.clear();
   EXPECT_EQ(answered(nowhere).reason, Reason::unknown_tag);
-}
-
-TEST_F(CommandAdmissionTest, ListOfMoreTargetsThanACommandMayHaveIsTooLarge) {
-  Command list = write("a");
-  list.is_list = true;
-  list.targets.assign(kMostTargets, list.targets.front());
-  EXPECT_EQ(admit(list).targets.size(), kMostTargets);
-  list.id = "b";
-  list.targets.push_back(list.targets.front());
-  const CommandResult result = answered(list);
-  EXPECT_EQ(result.status, CommandStatus::rejected);
-  EXPECT_EQ(result.reason, Reason::too_large);
-  EXPECT_EQ(result.detail, "65 targets: a command may have 64");
-  EXPECT_TRUE(result.targets.empty()) << "a long list does not make a long result";
 }
 
 }  // namespace
