@@ -1,14 +1,13 @@
 #include "agent/commands/admission.h"
 
 #include <algorithm>
-#include <array>
-#include <charconv>
 #include <utility>
 
 #include "agent/commands/faults.h"
 #include "agent/commands/result.h"
 #include "protocol/plan.h"
 #include "protocol/plc.h"
+#include "protocol/value_range.h"
 
 namespace fxagent {
 namespace {
@@ -40,24 +39,17 @@ std::optional<double> number(const Scalar& scalar) {
   return std::nullopt;
 }
 
-/// "1000", "0.5": as short as it can be said.
-std::string to_text(double number) {
-  std::array<char, 32> text{};
-  const auto end = std::to_chars(text.data(), text.data() + text.size(), number).ptr;
-  return {text.data(), end};
-}
-
 /// A refusal where any element of what is to be written lies outside the tag's min and max.
 std::optional<Refusal> check_limits(const TagConfig& tag, const Value& written) {
   for (const Scalar& item : written.items) {
     const auto x = number(item);
     if (!x) continue;
     const auto& [min, max, deadband] = tag.limits;
-    const std::string what = to_text(*x) + " would be written, ";
+    const std::string what = spelled(*x) + " would be written, ";
     if (min && *x < *min)
-      return refuse(Reason::out_of_range, what + "below the tag's min of " + to_text(*min));
+      return refuse(Reason::out_of_range, what + "below the tag's min of " + spelled(*min));
     if (max && *x > *max)
-      return refuse(Reason::out_of_range, what + "above the tag's max of " + to_text(*max));
+      return refuse(Reason::out_of_range, what + "above the tag's max of " + spelled(*max));
   }
   return std::nullopt;
 }
