@@ -41,7 +41,7 @@ DeviceConfig press() {
   return device;
 }
 
-/// A desk, its device, and a clock that moves only by hand.
+/// Admission, its device, and a clock that moves only by hand.
 class CommandAdmissionTest : public ::testing::Test {
  protected:
   /// A command that is right in every way.
@@ -279,7 +279,7 @@ TEST_F(CommandAdmissionTest, DuplicateOfAFinishedCommandCarriesItsResult) {
   }
 }
 
-TEST_F(CommandAdmissionTest, WhereAResultWasToBeToldIsNotRemembered) {
+TEST_F(CommandAdmissionTest, ResponseTopicOfAResultIsNotRemembered) {
   Command command = write("b7e1");
   command.response_topic = "flows/7";
   command.correlation = Bytes(60000, 1);
@@ -346,7 +346,7 @@ TEST_F(CommandAdmissionTest, RestoredIdHasNoMoreTimeThanItWasGiven) {
   admit(write("another"));
 }
 
-TEST_F(CommandAdmissionTest, IdOfAnOrderLeftBehindIsKnownWithoutAResult) {
+TEST_F(CommandAdmissionTest, IdOfAnInterruptedCommandIsKnownWithoutAResult) {
   const auto admitted = admission.interrupted(write("left"), device.codec, now);
   ASSERT_TRUE(admitted);
   EXPECT_TRUE(admitted->interrupted);
@@ -359,7 +359,7 @@ TEST_F(CommandAdmissionTest, IdOfAnOrderLeftBehindIsKnownWithoutAResult) {
   ASSERT_NE(answered(write("left")).first, nullptr);
 }
 
-TEST_F(CommandAdmissionTest, OrderLeftBehindThatReadingDoesNotTellOfIsKnownAllTheSame) {
+TEST_F(CommandAdmissionTest, InterruptedCommandThatReadingDoesNotTellOfIsKnownAllTheSame) {
   Command gone = write("gone");
   gone.targets[0].tag = "no_such_tag";
   EXPECT_FALSE(admission.interrupted(gone, device.codec, now));

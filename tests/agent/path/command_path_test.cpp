@@ -63,13 +63,13 @@ class Scene final {
       advance_clock(seconds(5));
     }
     live_to_the_end();
-    return judge_.verdict(devices_, journal_, names_);
+    return judge_.judge_all(devices_, journal_, names_);
   }
 
   int received = 0;
   const std::map<std::string, int>& counted() const { return judge_.counted; }
   const std::map<std::string, int>& by_reason() const { return judge_.by_reason; }
-  void tell(const std::string& faults) const {
+  void print(const std::string& faults) const {
     std::cerr << faults;
     for (std::size_t i = 0; i < devices_.size(); ++i)
       if (faults.find(names_[i] + ":") != std::string::npos)
@@ -186,7 +186,7 @@ TEST(CommandPath, EveryResultSaysWhatTheDeviceReallyDid) {
     if (faults.empty()) continue;
     ++wrong;
     ADD_FAILURE() << "scene " << seed;
-    scene.tell(faults);
+    scene.print(faults);
   }
   std::cout << received << " commands:";
   for (const auto& [status, count] : counted) std::cout << " " << status << " " << count;

@@ -147,7 +147,7 @@ std::string judge_expect(const SentCommand& sent, const Json& result, const std:
   if (!sent.expect) return mismatch ? "expect_mismatch, and nothing was expected" : "";
   if (mismatch) {
     const Json verify = result.value("verify", Json());
-    if (!verify.is_object() || verify["read"].is_null()) return "what was found is not told";
+    if (!verify.is_object() || verify["read"].is_null()) return "what was found is not said";
     return verify["read"] == *sent.expect ? "expect_mismatch of what was expected" : "";
   }
   const WantedTarget& target = sent.targets[0];
@@ -265,9 +265,9 @@ std::string PathJudge::judge_results(const Known& known) const {
   for (const Json& result : known.results)
     if (without_times(result) != first) return "two outcomes";
   for (const Json& duplicate : known.duplicates) {
-    const Json& told = duplicate["first"];
-    if (!told.is_null() && told["status"] != first["status"])
-      return "DUPLICATE of another outcome than was told";
+    const Json& first_said = duplicate["first"];
+    if (!first_said.is_null() && first_said["status"] != first["status"])
+      return "DUPLICATE of another outcome than was published";
   }
   if (!may_be_lost(known) && known.duplicates.size() + 1 != known.sent.size())
     return "not one result for each message";
@@ -335,20 +335,21 @@ std::string PathJudge::judge_ledger(std::uint32_t index, const LedgerDevice& dev
   return out;
 }
 
-std::string PathJudge::verdict(const std::vector<LedgerDevice*>& devices,
-                               const LastingJournal& journal,
-                               const std::vector<std::string>& names) {
+std::string PathJudge::judge_all(const std::vector<LedgerDevice*>& devices,
+                                 const LastingJournal& journal,
+                                 const std::vector<std::string>& names) {
   std::string out = judge_unreadable();
   for (std::uint32_t i = 0; i < devices.size(); ++i) out += judge_ledger(i, *devices[i]);
   for (const auto& [key, known] : known_) {
     const std::string why =
         judge(key, known, *devices[key.first], journal.has(names[key.first], key.second));
-    if (!why.empty()) out += names[key.first] + ": " + why + "\n" + told(key.first, key.second);
+    if (!why.empty())
+      out += names[key.first] + ": " + why + "\n" + messages_of(key.first, key.second);
   }
   return out;
 }
 
-std::string PathJudge::told(std::uint32_t device, const std::string& id) const {
+std::string PathJudge::messages_of(std::uint32_t device, const std::string& id) const {
   std::string out;
   const Known& known = known_.at({device, id});
   for (const SentCommand& sent : known.sent)

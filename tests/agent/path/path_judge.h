@@ -24,10 +24,10 @@ class PathJudge final {
   void killed(int life) { killed_.insert(life); }
 
   /// What is wrong, a line each; empty: nothing.
-  std::string verdict(const std::vector<LedgerDevice*>& devices, const LastingJournal& journal,
-                      const std::vector<std::string>& names);
+  std::string judge_all(const std::vector<LedgerDevice*>& devices, const LastingJournal& journal,
+                        const std::vector<std::string>& names);
   /// What is known of one id, for a failure's message.
-  std::string told(std::uint32_t device, const std::string& id) const;
+  std::string messages_of(std::uint32_t device, const std::string& id) const;
 
   std::map<std::string, int> counted;    ///< results by status, each once
   std::map<std::string, int> by_reason;  ///< the same by status and reason
