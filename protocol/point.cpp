@@ -95,13 +95,13 @@ int decimals_of(double number) {
   const auto end =
       std::to_chars(text.data(), text.data() + text.size(), number, std::chars_format::scientific)
           .ptr;
-  const std::string_view spelled(text.data(), static_cast<std::size_t>(end - text.data()));
-  const auto e = spelled.find('e');
-  const auto point = spelled.find('.');
+  const std::string_view digits(text.data(), static_cast<std::size_t>(end - text.data()));
+  const auto e = digits.find('e');
+  const auto point = digits.find('.');
   const int mantissa = point == std::string_view::npos ? 0 : static_cast<int>(e - point - 1);
   int exponent = 0;
-  const std::size_t sign = spelled[e + 1] == '+' ? 2 : 1;
-  std::from_chars(spelled.data() + e + sign, spelled.data() + spelled.size(), exponent);
+  const std::size_t sign = digits[e + 1] == '+' ? 2 : 1;
+  std::from_chars(digits.data() + e + sign, digits.data() + digits.size(), exponent);
   return std::max(0, mantissa - exponent);
 }
 
@@ -307,12 +307,6 @@ tl::unexpected<PackError> out_of_range(std::string text) {
 }
 
 using Packed = tl::expected<void, PackError>;
-
-std::string spelled(double number) {
-  std::array<char, 32> text{};
-  const auto end = std::to_chars(text.data(), text.data() + text.size(), number).ptr;
-  return {text.data(), end};
-}
 
 /// Whether the scalar is of a kind that the point's type takes.
 Packed check_scalar(const Point& point, const Scalar& scalar) {
@@ -536,6 +530,12 @@ std::optional<std::int64_t> values_within(const Point& point, std::optional<doub
   constexpr double kExact = 9007199254740992.0;  // 2^53
   if (!std::isfinite(count) || std::abs(count) > kExact) return std::nullopt;
   return static_cast<std::int64_t>(count);
+}
+
+std::string spelled(double number) {
+  std::array<char, 32> text{};
+  const auto end = std::to_chars(text.data(), text.data() + text.size(), number).ptr;
+  return {text.data(), end};
 }
 
 // ---- values -------------------------------------------------------------------------------------

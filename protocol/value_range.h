@@ -1,9 +1,10 @@
-// What values a point can have at all: the range of its type in engineering units. point.cpp has
-// it.
+// What values a point can have at all: the range of its type in engineering units, and how texts
+// about values spell a number. point.cpp has it.
 #pragma once
 
 #include <cstdint>
 #include <optional>
+#include <string>
 
 #include "protocol/point.h"
 
@@ -21,5 +22,8 @@ std::optional<ValueRange> value_range(const Point& point);
 /// value_range() with one step.
 std::optional<std::int64_t> values_within(const Point& point, std::optional<double> min,
                                           std::optional<double> max);
+
+/// "1000", "0.5": as short as it can be said and read back.
+std::string spelled(double number);
 
 }  // namespace fxagent

@@ -1,14 +1,13 @@
 #include "agent/commands/admission.h"
 
 #include <algorithm>
-#include <array>
-#include <charconv>
 #include <utility>
 
 #include "agent/commands/faults.h"
 #include "agent/commands/result.h"
 #include "protocol/plan.h"
 #include "protocol/plc.h"
+#include "protocol/value_range.h"
 
 namespace fxagent {
 namespace {
@@ -40,24 +39,17 @@ std::optional<double> number(const Scalar& scalar) {
   return std::nullopt;
 }
 
-/// "1000", "0.5": as short as it can be said.
-std::string to_text(double number) {
-  std::array<char, 32> text{};
-  const auto end = std::to_chars(text.data(), text.data() + text.size(), number).ptr;
-  return {text.data(), end};
-}
-
 /// A refusal where any element of what is to be written lies outside the tag's min and max.
 std::optional<Refusal> check_limits(const TagConfig& tag, const Value& written) {
   for (const Scalar& item : written.items) {
     const auto x = number(item);
     if (!x) continue;
     const auto& [min, max, deadband] = tag.limits;
-    const std::string what = to_text(*x) + " would be written, ";
+    const std::string what = spelled(*x) + " would be written, ";
     if (min && *x < *min)
-      return refuse(Reason::out_of_range, what + "below the tag's min of " + to_text(*min));
+      return refuse(Reason::out_of_range, what + "below the tag's min of " + spelled(*min));
     if (max && *x > *max)
-      return refuse(Reason::out_of_range, what + "above the tag's max of " + to_text(*max));
+      return refuse(Reason::out_of_range, what + "above the tag's max of " + spelled(*max));
   }
   return std::nullopt;
 }
@@ -140,13 +132,6 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
                                                    std::size_t waiting, SteadyTime now) {
   const Codec& codec = *device_codec;
   const CommandRules& rules = device_.commands;
-  if (command.targets.size() > kMostTargets) {
-    if (!command.refusal)
-      command.refusal = refuse(Reason::too_large, std::to_string(command.targets.size()) +
-                                                      " targets: a command may have " +
-                                                      std::to_string(kMostTargets));
-    command.targets.clear();  // nor is a result to be as long as they are
-  }
   CommandResult result = result_of(command);
   const auto rejected = [&](Refusal why) {
     result.status = CommandStatus::rejected;
@@ -185,8 +170,6 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
     why = refusal;
   } else if (!command.op) {
     why = refuse(Reason::bad_op, "op is one of write, force_on, force_off, read, run, stop");
-  } else if (command.is_list && !is_write(*command.op)) {
-    why = refuse(Reason::bad_op, "targets go with write, force_on and force_off only");
   } else if (is_run_or_stop(*command.op)) {
     const PlcServices* plc = codec.plc();
     if (plc == nullptr)
@@ -278,12 +261,14 @@ std::optional<Refusal> CommandAdmission::resolve(const Codec& codec, AdmittedCom
 std::optional<Refusal> CommandAdmission::resolve_target(const Codec& codec, const Command& command,
                                                         const CommandTarget& target,
                                                         AdmittedTarget& out) const {
-  if (target.fault && concerns_place(target.fault->reason)) return target.fault;
-  if (auto why = resolve_place(codec, *command.op, target, out)) return why;
-  if (auto why = check_access(codec, command, out)) return why;
-  if (target.fault) return target.fault;
-  if (is_write(*command.op)) return check_value(codec, command, target, out);
-  return std::nullopt;
+  Faults faults;
+  faults.add(target.fault);
+  if (auto why = resolve_place(codec, *command.op, target, out))
+    faults.add(std::move(why));
+  else
+    faults.add(check_access(codec, command, out));
+  if (!faults.first() && is_write(*command.op)) return check_value(codec, command, target, out);
+  return faults.first();
 }
 
 std::optional<Refusal> CommandAdmission::resolve_place(const Codec& codec, Op op,
@@ -352,17 +337,16 @@ std::optional<Refusal> CommandAdmission::check_access(const Codec& codec, const 
 std::optional<Refusal> CommandAdmission::check_value(const Codec& codec, const Command& command,
                                                      const CommandTarget& target,
                                                      AdmittedTarget& out) const {
-  std::optional<Value> value = target.value;
-  if (*command.op != Op::write) {
-    if (value) return refuse(Reason::bad_value, "value goes with op write only");
-    value = Value(Scalar(*command.op == Op::force_on));
-  }
+  const std::optional<Value> value =
+      *command.op == Op::write ? target.value : Value(Scalar(*command.op == Op::force_on));
   if (!value) return refuse(Reason::bad_value, "value is missing");
   const auto packed = pack(out.point, *value);
   if (!packed && packed.error().fault == PackFault::bad_value)
     return refuse(Reason::bad_value, packed.error().text);
   if (command.expect) {
-    if (command.is_list) return refuse(Reason::bad_value, "expect goes with a single target");
+    if (codec.is_broadcast())
+      return refuse(Reason::bad_value,
+                    "expect: nobody answers a broadcast, so nothing can be compared");
     if (const auto kind = check_kind(out.point, *command.expect); !kind)
       return refuse(Reason::bad_value, "expect: " + kind.error().text);
     out.expected = command.expect;

@@ -100,20 +100,29 @@ void check_address_keys(const Json& target, Faults& faults) {
     misplaced("length", "type string");
 }
 
-void check_entry(const Json& entry, std::optional<Op> op, Faults& faults) {
-  for (const auto& item : entry.items()) {
+enum class Object { command, command_with_targets, target };
+
+/// Why a key that is known must not stand there; empty: it may.
+std::string why_misplaced(const Key& key, Object object, std::optional<Op> op) {
+  if (object == Object::target && key.stands != Stands::in_target) return "is none of a target's";
+  if (!op) return "";
+  if ((key.ops & group_of(*op)) == 0) return "does not go with op " + std::string(to_string(*op));
+  if (object == Object::command_with_targets && key.stands != Stands::in_command)
+    return "does not go with targets, which stand in place of one target";
+  return "";
+}
+
+void check_object(const Json& json, Object object, std::optional<Op> op, Faults& faults) {
+  for (const auto& item : json.items()) {
     const Key* key = known(item.key());
-    if (key == nullptr)
+    if (key == nullptr) {
       faults.add(Reason::bad_json, unknown(item.key()));
-    else if (is_absent(item.key(), item.value()))
-      continue;
-    else if (key->stands != Stands::in_target)
-      faults.add(Reason::bad_json, "key " + in_quotes(item.key()) + " is none of a target's");
-    else if (op && (key->ops & group_of(*op)) == 0)
-      faults.add(Reason::bad_json, "key " + in_quotes(item.key()) + " does not go with op " +
-                                       std::string(to_string(*op)));
+    } else if (!is_absent(item.key(), item.value())) {
+      const std::string why = why_misplaced(*key, object, op);
+      if (!why.empty()) faults.add(Reason::bad_json, "key " + in_quotes(item.key()) + " " + why);
+    }
   }
-  if (op) check_address_keys(entry, faults);
+  if (op) check_address_keys(json, faults);
 }
 
 }  // namespace
@@ -124,24 +133,10 @@ std::string in_quotes(std::string_view foreign) {
 
 void check_keys(const Json& command, std::optional<Op> op, Faults& faults) {
   const bool is_list = has(command, "targets");
-  for (const auto& item : command.items()) {
-    const Key* key = known(item.key());
-    if (key == nullptr)
-      faults.add(Reason::bad_json, unknown(item.key()));
-    else if (!op || is_absent(item.key(), item.value()))
-      continue;
-    else if ((key->ops & group_of(*op)) == 0)
-      faults.add(Reason::bad_json, "key " + in_quotes(item.key()) + " does not go with op " +
-                                       std::string(to_string(*op)));
-    else if (is_list && key->stands != Stands::in_command)
-      faults.add(Reason::bad_json, "key " + in_quotes(item.key()) +
-                                       " does not go with targets, which stand in place of one "
-                                       "target");
-  }
-  if (op) check_address_keys(command, faults);
+  check_object(command, is_list ? Object::command_with_targets : Object::command, op, faults);
   if (!is_list || !command["targets"].is_array()) return;
   for (const Json& entry : command["targets"])
-    if (entry.is_object()) check_entry(entry, op, faults);
+    if (entry.is_object()) check_object(entry, Object::target, op, faults);
 }
 
 }  // namespace fxagent

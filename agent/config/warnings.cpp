@@ -1,7 +1,5 @@
 #include "agent/config/warnings.h"
 
-#include <array>
-#include <charconv>
 #include <chrono>
 #include <map>
 #include <string>
@@ -15,12 +13,6 @@ namespace fxagent {
 namespace {
 
 using std::string_view_literals::operator""sv;
-
-std::string spelled(double value) {
-  std::array<char, 32> text{};
-  const auto end = std::to_chars(text.data(), text.data() + text.size(), value).ptr;
-  return {text.data(), end};
-}
 
 }  // namespace
 

@@ -66,7 +66,10 @@ Progress progress_of(const AdmittedTarget& target, std::size_t frames) {
     else if (const auto* force = std::get_if<Force>(&target.requests[i]))
       end = std::uint64_t{force->bit} + 1;
   }
-  const std::uint64_t done = (end - span.first_bit) * of / span.bits;
+  const std::uint64_t bits = end - span.first_bit;
+  const bool is_text = target.point.type == DataType::string && !target.point.is_array;
+  // The last word of a text of odd length has one character only: no even share of its bits.
+  const std::uint64_t done = is_text ? bits / 8 : bits * of / span.bits;
   return {static_cast<std::uint32_t>(std::min<std::uint64_t>(done, of)), of};
 }
 

@@ -23,6 +23,10 @@ FAULTS = ["nak", "nak", "nak", "wrong_sum", "truncated", "late", "silent", "sile
           "execute_then_silent", "execute_then_silent", "split", "drop"]
 PROTOCOLS = {"press1": "fx-programming-port", "oven": "fx-computer-link", "meter": "modbus-tcp"}
 ARRAY = {"press1": 70, "oven": 70, "meter": 200}  # of several frames everywhere
+FIXED = 4711  # in the register that nobody writes
+
+# A command and what it means: `targets`, lists of (place, value); `reads`, the places of a read.
+Sent = collections.namedtuple("Sent", "command targets reads is_wrong")
 
 
 def is_fx(name):
@@ -46,7 +50,7 @@ def tags(name):
 
 class RandomCommands:
     """Each word that is written has a value, each bit a number, that no other command has: so the log
-    tells whose deed was whose. A command comes with its targets, lists of (place, value)."""
+    tells whose deed was whose."""
 
     def __init__(self, chance):
         self.chance = chance
@@ -88,8 +92,12 @@ class RandomCommands:
         command = {"id": identity, "op": "write"}
         kind = self.chance.random()
         targets = []
+        reads = []
         if kind < 0.1:
-            command.update(op="read", tag=self.chance.choice(["w0", "list", "fixed"]))
+            tag, first, count = self.chance.choice(
+                [("w0", 100, 1), ("list", 200, ARRAY[name]), ("fixed", 90, 1)])
+            command.update(op="read", tag=tag)
+            reads = [word(name, first + i) for i in range(count)]
         elif kind < 0.2:
             command.update(self.chance.choice([
                 {"tag": "nothing", "value": 1}, {"tag": "fixed", "value": 1},
@@ -107,7 +115,7 @@ class RandomCommands:
             command["verify"] = self.chance.random() < 0.5
         if self.chance.random() < 0.3:
             command["expires"] = int(time.time() * 1000) + self.chance.randint(-20, 2000)
-        return command, targets, 0.1 <= kind < 0.2
+        return Sent(command, targets, reads, 0.1 <= kind < 0.2)
 
 
 class CommandLedger(PlantTest):
@@ -116,7 +124,7 @@ class CommandLedger(PlantTest):
     def test_every_result_says_what_the_plcs_really_did(self):
         print(f"FXAGENT_LEDGER_SEED={SEED} FXAGENT_LEDGER_COMMANDS={COMMANDS}", flush=True)
         self.chance = random.Random(SEED)
-        self.sent = {}  # (device, id) → (command, targets, is wrong)
+        self.sent = {}  # (device, id) → Sent
         self.killed = 0
         self.start_plant()
         commands = RandomCommands(self.chance)
@@ -133,7 +141,8 @@ class CommandLedger(PlantTest):
         self.judge()
 
     def start_plant(self):
-        plcs = [self.plc(name, protocol=protocol, **({"tcp": 0} if name == "meter" else {}))
+        plcs = [self.plc(name, protocol=protocol, memory={word(name, 90): FIXED},
+                         **({"tcp": 0} if name == "meter" else {}))
                 for name, protocol in PROTOCOLS.items()]
         for plc in plcs:
             if plc["protocol"] == "modbus-tcp":
@@ -185,11 +194,11 @@ class CommandLedger(PlantTest):
         again = [key for key in self.sent if number - int(key[1][1:]) < 40]
         if again and self.chance.random() < 0.1:
             key = self.chance.choice(again)
-            return self.send(self.sent[key][0], key[0])
+            return self.send(self.sent[key].command, key[0])
         name = self.chance.choice(list(PROTOCOLS))
         made = commands.command(name, f"c{number}")
-        self.sent[name, made[0]["id"]] = made
-        self.send(made[0], name)
+        self.sent[name, made.command["id"]] = made
+        self.send(made.command, name)
 
     def wait_for_a_result(self, number):
         mine = [key for key in self.sent if key[1] == f"c{number}"]
@@ -219,8 +228,8 @@ class CommandLedger(PlantTest):
         for first in range(0, len(everything), 20):
             some = everything[first:first + 20]
             before = {key: len(self.results(key[1], key[0])) for key, _ in some}
-            for (name, _), (command, _, _) in some:
-                self.send(command, name)
+            for (name, _), sent in some:
+                self.send(sent.command, name)
             for key, _ in some:
                 name, identity = key
                 wait_for(f"an answer to {identity} of {name}",
@@ -235,19 +244,21 @@ class CommandLedger(PlantTest):
 
     def judge(self):
         ledgers = {name: self.ledger(name) for name in PROTOCOLS}
+        held = {name: values_of(name, ledger) for name, ledger in ledgers.items()}
         wrong = []
         counted = collections.Counter()
         wanted = collections.defaultdict(set)
-        for (name, identity), (command, targets, is_wrong) in self.sent.items():
+        for (name, identity), sent in self.sent.items():
             results = self.told(name, identity)
             outcomes = {json.dumps({k: v for k, v in r.items() if k != "t"}, sort_keys=True)
                         for r in results}
-            for deeds in targets:
+            for deeds in sent.targets:
                 wanted[name].update(deeds)
-            why = "two outcomes" if len(outcomes) != 1 else fault_of(
-                results[0], targets, is_wrong, ledgers[name])
+            why = "two outcomes" if len(outcomes) != 1 else (
+                fault_of(results[0], sent, ledgers[name])
+                or fault_of_values(results[0], sent, held[name]))
             if why:
-                wrong.append(f"{name}: {why}: {json.dumps(command)[:300]} → "
+                wrong.append(f"{name}: {why}: {json.dumps(sent.command)[:300]} → "
                              f"{[json.dumps(r)[:600] for r in results]}")
             counted[results[0]["status"]] += 1
             counted["DUPLICATE"] += len(self.results(identity, name)) - len(results)
@@ -256,14 +267,16 @@ class CommandLedger(PlantTest):
                       for deed in ledger if deed not in wanted[name]]
         print(f"{len(self.sent)} commands, {self.killed} kills: {dict(counted)}", flush=True)
         self.assertEqual(wrong, [])
-        for status in ("SUCCEEDED", "FAILED", "REJECTED", "DUPLICATE"):
+        for status in ("FAILED", "REJECTED", "DUPLICATE"):
             self.assertGreater(counted[status], 0, status)
+        # One in ten is refused, and a fault every fourth command or so costs one or a few: 63 of 100.
+        self.assertGreater(counted["SUCCEEDED"], 0.4 * len(self.sent))
 
     def ledger(self, name):
         """How often each (place, value) was set."""
         # Of a list that one frame carried the log has all values, and the first place.
-        place_of = {value: place for (device, _), (_, targets, _) in self.sent.items()
-                    if device == name for deeds in targets for place, value in deeds
+        place_of = {value: place for (device, _), sent in self.sent.items()
+                    if device == name for deeds in sent.targets for place, value in deeds
                     if place.startswith("D")}
         out = collections.Counter()
         for entry in self.sim.commands(name):
@@ -284,12 +297,40 @@ def done_of(deeds, ledger):
     return done, len(deeds), done == 0
 
 
-def fault_of(result, targets, is_wrong, ledger):
+def values_of(name, ledger):
+    """What each place held at some time."""
+    out = collections.defaultdict(lambda: {0}, {word(name, 90): {FIXED}})
+    for place, value in ledger:
+        out[place] = out[place] | {value}
+    return out
+
+
+def fault_of_values(result, sent, held):
+    """Whether it says that a place had a value that was never there; None: no."""
+    parts = result.get("targets") or [result]
+    read = [([place for place, _ in deeds], part["verify"]["read"])
+            for deeds, part in zip(sent.targets, parts) if part["verify"]]
+    if sent.reads and result["status"] == "SUCCEEDED":
+        read.append((sent.reads, result["value"]))
+    for places, value in read:
+        if value is None:
+            continue
+        values = value if isinstance(value, list) else [value]
+        if len(values) != len(places):
+            return "it read another number of places"
+        strange = [place for place, each in zip(places, values) if each not in held[place]]
+        if strange:
+            return f"it read what was never in {strange[0]}"
+    return None
+
+
+def fault_of(result, sent, ledger):
     """What is wrong with a result; None: nothing."""
     status = result["status"]
+    targets = sent.targets
     if any(ledger[deed] > 1 for deeds in targets for deed in deeds):
         return "carried out twice"
-    if is_wrong and status != "REJECTED":
+    if sent.is_wrong and status != "REJECTED":
         return "no command, and not REJECTED"
     if not targets:
         return "of a read" if status in ("PARTIAL", "UNKNOWN_OUTCOME") else None

@@ -41,7 +41,7 @@ DeviceConfig press() {
   return device;
 }
 
-/// A desk, its device, and a clock that moves only by hand.
+/// Admission, its device, and a clock that moves only by hand.
 class CommandAdmissionTest : public ::testing::Test {
  protected:
   /// A command that is right in every way.
@@ -279,7 +279,7 @@ TEST_F(CommandAdmissionTest, DuplicateOfAFinishedCommandCarriesItsResult) {
   }
 }
 
-TEST_F(CommandAdmissionTest, WhereAResultWasToBeToldIsNotRemembered) {
+TEST_F(CommandAdmissionTest, ResponseTopicOfAResultIsNotRemembered) {
   Command command = write("b7e1");
   command.response_topic = "flows/7";
   command.correlation = Bytes(60000, 1);
@@ -346,7 +346,7 @@ TEST_F(CommandAdmissionTest, RestoredIdHasNoMoreTimeThanItWasGiven) {
   admit(write("another"));
 }
 
-TEST_F(CommandAdmissionTest, IdOfAnOrderLeftBehindIsKnownWithoutAResult) {
+TEST_F(CommandAdmissionTest, IdOfAnInterruptedCommandIsKnownWithoutAResult) {
   const auto admitted = admission.interrupted(write("left"), device.codec, now);
   ASSERT_TRUE(admitted);
   EXPECT_TRUE(admitted->interrupted);
@@ -359,7 +359,7 @@ TEST_F(CommandAdmissionTest, IdOfAnOrderLeftBehindIsKnownWithoutAResult) {
   ASSERT_NE(answered(write("left")).first, nullptr);
 }
 
-TEST_F(CommandAdmissionTest, OrderLeftBehindThatReadingDoesNotTellOfIsKnownAllTheSame) {
+TEST_F(CommandAdmissionTest, InterruptedCommandThatReadingDoesNotTellOfIsKnownAllTheSame) {
   Command gone = write("gone");
   gone.targets[0].tag = "no_such_tag";
   EXPECT_FALSE(admission.interrupted(gone, device.codec, now));
@@ -617,9 +617,6 @@ TEST_F(CommandAdmissionTest, ForceIsForSingleBits) {
   const AdmittedCommand admitted = admit(force("bit", "M100"));
   const auto frame = device.codec->encode(admitted.targets[0].requests.at(0), 0);
   EXPECT_EQ(to_hex(*frame), to_hex(force_frame(kForceM100, true)));
-  Command with_value = force("value", "M100");
-  with_value.targets[0].value = flag(true);
-  EXPECT_EQ(answered(with_value).reason, Reason::bad_value);
 }
 
 TEST_F(CommandAdmissionTest, WriteToABitIsAForce) {
@@ -782,6 +779,22 @@ TEST_F(CommandAdmissionTest, VerifyIsTheCommandsThenTheRulesAndBitsOnlyOnDemand)
   EXPECT_FALSE(admit(write("d")).verify_words);
 }
 
+TEST_F(CommandAdmissionTest, BroadcastCannotBeExpectedToHoldAValue) {
+  DeviceConfig all = device_on("modbus-rtu", codec_of("modbus-rtu", {{"unit", std::int64_t{0}}}));
+  all.commands.allow.push_back(*all.codec->addresses().parse_range("hr:1"));
+  CommandAdmission of_all{all};
+  Command command = raw("a", "hr:1", number(5));
+  EXPECT_TRUE(std::holds_alternative<AdmittedCommand>(of_all.admit(command, all.codec, 0, now)));
+  command.id = "b";
+  command.expect = number(4);
+  const auto decision = of_all.admit(command, all.codec, 0, now);
+  ASSERT_TRUE(std::holds_alternative<CommandResult>(decision));
+  const auto& result = std::get<CommandResult>(decision);
+  EXPECT_EQ(result.status, CommandStatus::rejected);
+  EXPECT_EQ(result.reason, Reason::bad_value);
+  EXPECT_EQ(result.detail, "expect: nobody answers a broadcast, so nothing can be compared");
+}
+
 // ---- lists
 // ---------------------------------------------------------------------------------------
 
@@ -908,34 +921,10 @@ TEST_F(CommandAdmissionTest, TextAtAnAddressIsAsLongAsItsCharacters) {
   EXPECT_EQ(admitted.targets[0].point.length, 3) << "characters, not the bytes of UTF-8";
 }
 
-TEST_F(CommandAdmissionTest, ListIsForWritesAndWithoutExpect) {
-  Command reads = read("a", "temp");
-  reads.is_list = true;
-  EXPECT_EQ(answered(reads).reason, Reason::bad_op);
-  Command expecting = write("b");
-  expecting.is_list = true;
-  expecting.expect = real(1);
-  EXPECT_EQ(answered(expecting).reason, Reason::bad_value);
-}
-
 TEST_F(CommandAdmissionTest, CommandWithoutATargetHasNoPlace) {
   Command nowhere = write("b7e1");
   nowhere.targets.clear();
   EXPECT_EQ(answered(nowhere).reason, Reason::unknown_tag);
-}
-
-TEST_F(CommandAdmissionTest, ListOfMoreTargetsThanACommandMayHaveIsTooLarge) {
-  Command list = write("a");
-  list.is_list = true;
-  list.targets.assign(kMostTargets, list.targets.front());
-  EXPECT_EQ(admit(list).targets.size(), kMostTargets);
-  list.id = "b";
-  list.targets.push_back(list.targets.front());
-  const CommandResult result = answered(list);
-  EXPECT_EQ(result.status, CommandStatus::rejected);
-  EXPECT_EQ(result.reason, Reason::too_large);
-  EXPECT_EQ(result.detail, "65 targets: a command may have 64");
-  EXPECT_TRUE(result.targets.empty()) << "a long list does not make a long result";
 }
 
 }  // namespace

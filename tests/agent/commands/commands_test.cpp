@@ -299,7 +299,7 @@ TEST_F(CommandsTest, DeliveryIsNotedForWhatTheJournalHas) {
   EXPECT_EQ(journal.audits[1]["ts"], kNow + 5);
 }
 
-TEST_F(CommandsTest, ResultOfAnEarlierRunIsToldAsItWas) {
+TEST_F(CommandsTest, ResultOfAnEarlierRunIsPublishedAsItWas) {
   Recovered known;
   CommandResult result;
   result.id = "old";

@@ -56,7 +56,7 @@ struct RecoveryTest : ::testing::Test {
   std::unique_ptr<Store> store;
 };
 
-TEST_F(RecoveryTest, OrderIsReadBackByItsOwnPayload) {
+TEST_F(RecoveryTest, InterruptedCommandIsReadBackByItsOwnPayload) {
   const std::string payload = R"({"id":"mine","op":"write","tag":"setpoint","value":5})";
   ASSERT_TRUE(store->journal().journal(std::vector{order("mine", 1, payload)}));
   const Recovered found = recover(config, store->journal(), kNow, kStart);
@@ -68,7 +68,7 @@ TEST_F(RecoveryTest, OrderIsReadBackByItsOwnPayload) {
 
 // What another command was to write says nothing about this one: a read-back that happens to agree
 // would make a SUCCEEDED of a command that never left.
-TEST_F(RecoveryTest, PayloadOfAnotherCommandIsNotTakenForTheOrder) {
+TEST_F(RecoveryTest, PayloadOfAnotherCommandIsNotTakenForTheInterruptedOne) {
   const std::string payload = R"({"id":"other","op":"write","tag":"setpoint","value":5})";
   ASSERT_TRUE(store->journal().journal(std::vector{order("mine", 1, payload)}));
   const Recovered found = recover(config, store->journal(), kNow, kStart);
@@ -133,7 +133,7 @@ TEST_F(RecoveryTest, CommandOfAnOlderJournalWithoutItsPayloadHasItsResultToo) {
   EXPECT_EQ(found.unacknowledged[0].status, CommandStatus::failed);
 }
 
-TEST_F(RecoveryTest, StoreThatOpensLateLeavesThisRunsNewerOrderAlone) {
+TEST_F(RecoveryTest, StoreThatOpensLateLeavesThisRunsNewerCommandAlone) {
   ASSERT_TRUE(store->journal().journal(std::vector{order("again", 9)}));
   const Recovered found = take_late({order("again", 5)});
   EXPECT_TRUE(found.unacknowledged.empty());
@@ -152,7 +152,7 @@ TEST_F(RecoveryTest, StoreThatOpensLateKeepsTheResultThatThisRunHas) {
   EXPECT_EQ(store->journal().find("press1", "again")->result, done.result);
 }
 
-TEST_F(RecoveryTest, StoreThatOpensLateTellsOfAnOlderOrder) {
+TEST_F(RecoveryTest, StoreThatOpensLateTellsOfAnOlderCommand) {
   ASSERT_TRUE(store->journal().journal(std::vector{order("old", 5)}));
   const Recovered found = take_late({order("old", 5)});
   ASSERT_EQ(found.unacknowledged.size(), 1U);

@@ -686,6 +686,23 @@ TEST_F(CommandExecutionTest, OtherHalfOfTheLastWordStaysAsItIs) {
   EXPECT_EQ(result.attempts, 1);
 }
 
+TEST_F(CommandExecutionTest, PartOfALongTextIsToldInWholeCharacters) {
+  device.tags[3].point.length = 71;
+  const auto read = [this] {
+    wire->expect(read_frame(kD250, 8)).give(data_frame(Bytes(8, 'x')));
+    wire->expect(read_frame(kD250 + 8, 64)).give(data_frame(Bytes(64, 'x')));
+  };
+  read();
+  wire->expect(write_frame(kD250, Bytes(64, 'A'))).give(kAck);
+  const Bytes rest = write_frame(kD250 + 64, joined(Bytes(7, 'A'), Bytes{'x'}));
+  wire->expect(rest).give(kNak).expect(rest).give(kNak);
+  read();
+  const CommandResult result =
+      run(command(Op::write, {"name", "", std::nullopt, text(std::string(71, 'A'))}));
+  EXPECT_EQ(result.status, CommandStatus::partial);
+  EXPECT_EQ(result.progress, (Progress{64, 71}));
+}
+
 TEST_F(CommandExecutionTest, WhatCannotBeReadFirstIsNotWritten) {
   for (int i = 0; i <= device.retries; ++i) wire->expect(read_frame(kD250, 4)).give(kNak);
   const CommandResult result = run(command(Op::write, {"name", "", std::nullopt, text("DEF")}));

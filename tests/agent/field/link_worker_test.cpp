@@ -519,7 +519,7 @@ TEST_F(LinkWorkerTest, BugInAPollDoesNotEndTheLink) {
   EXPECT_EQ(telemetry[0].readings[0].value, number(0)) << "the link began anew";
 }
 
-TEST_F(LinkWorkerTest, BugUnderAnOrderAnswersItAndTheNextOnes) {
+TEST_F(LinkWorkerTest, BugUnderACommandAnswersItAndTheNextOnes) {
   add_setpoint();
   config.devices[0].groups[0].interval = std::chrono::hours(1);
   script().expect(kEnq).give(kAck);
@@ -768,7 +768,7 @@ TEST_F(LinkWorkerStaleTest, LastValueOfABadTagIsNotOlderThanAWrite) {
   }
 }
 
-TEST_F(LinkWorkerTest, ResultCarriesTheFramesOfItsOrderAndTheMemoryOfIdsDoesNot) {
+TEST_F(LinkWorkerTest, ResultCarriesTheFramesOfItsCommandAndTheMemoryOfIdsDoesNot) {
   add_setpoint();
   start();
   wait([&] { return !telemetry.empty(); });
@@ -790,7 +790,7 @@ TEST_F(LinkWorkerTest, ResultCarriesTheFramesOfItsOrderAndTheMemoryOfIdsDoesNot)
   stop();
 }
 
-TEST_F(LinkWorkerTest, OrderThatAnEarlierRunLeftBehindIsReadAndNotSent) {
+TEST_F(LinkWorkerTest, InterruptedCommandOfAnEarlierRunIsReadAndNotSent) {
   add_setpoint();
   interrupted = {write_setpoint("left")};
   interrupted[0].number = 3;
@@ -803,7 +803,7 @@ TEST_F(LinkWorkerTest, OrderThatAnEarlierRunLeftBehindIsReadAndNotSent) {
   stop();
 }
 
-TEST_F(LinkWorkerTest, OrderLeftBehindThatStillWaitsAtTheEndIsUnknownAndNotRejected) {
+TEST_F(LinkWorkerTest, InterruptedCommandThatStillWaitsAtTheEndIsUnknownAndNotRejected) {
   add_setpoint();
   interrupted = {write_setpoint("left")};
   start();
@@ -988,7 +988,7 @@ TEST_F(LinkWorkerTest, StopCutsAPollShort) {
   EXPECT_TRUE(telemetry.empty()) << "a poll that was cut short tells nothing about the device";
 }
 
-TEST_F(LinkWorkerTest, StopEndsAWaitForTheNextBeat) {
+TEST_F(LinkWorkerTest, StopEndsAWaitForTheNextPoll) {
   config.devices[0].groups[0].interval = std::chrono::hours(1);
   start();
   wait_for_requests(2);

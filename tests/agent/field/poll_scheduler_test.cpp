@@ -45,7 +45,7 @@ TEST(PollScheduler, NothingToDoIsAWaitWithoutEnd) {
   EXPECT_EQ(job.until, SteadyTime::max());
 }
 
-TEST(PollScheduler, WaitsForTheNextBeatOfAnyGroup) {
+TEST(PollScheduler, WaitsForTheNextPollOfAnyGroup) {
   PollScheduler scheduler;
   const auto device = scheduler.add_device(3, kBackOff);
   scheduler.add_group(device, milliseconds(100), 1, at(70));
@@ -74,7 +74,7 @@ TEST(PollScheduler, EqualDeadlinesGoInTheOrderOfTheConfig) {
   EXPECT_EQ(poll(scheduler, at(0)), second);
 }
 
-TEST(PollScheduler, LatePollDoesNotMoveTheBeat) {
+TEST(PollScheduler, LatePollDoesNotMoveTheNextOnes) {
   PollScheduler scheduler;
   const auto device = scheduler.add_device(3, kBackOff);
   scheduler.add_group(device, milliseconds(100), 1, at(0));
@@ -90,7 +90,7 @@ TEST(PollScheduler, LatePollDoesNotMoveTheBeat) {
   EXPECT_EQ(scheduler.counters(device).polls, 50U);
 }
 
-TEST(PollScheduler, MissedBeatsAreSkippedAndCountedNeverSentInABurst) {
+TEST(PollScheduler, MissedPollsAreSkippedAndCountedNeverSentInABurst) {
   PollScheduler scheduler;
   const auto device = scheduler.add_device(3, kBackOff);
   const auto group = scheduler.add_group(device, milliseconds(100), 1, at(0));
@@ -102,7 +102,7 @@ TEST(PollScheduler, MissedBeatsAreSkippedAndCountedNeverSentInABurst) {
   EXPECT_EQ(scheduler.counters(device).polls, 2U);
 }
 
-TEST(PollScheduler, IntervalZeroIsAlwaysDueAndLeavesOthersTheirBeat) {
+TEST(PollScheduler, IntervalZeroIsAlwaysDueAndLeavesOthersTheirInterval) {
   PollScheduler scheduler;
   const auto device = scheduler.add_device(3, kBackOff);
   const auto free = scheduler.add_group(device, milliseconds(0), 1, at(0));
@@ -185,7 +185,7 @@ TEST(PollScheduler, CommandGoesBetweenTheExchangesOfACycle) {
   EXPECT_EQ(scheduler.next(at(6)).poll.exchange, 1U);
 }
 
-TEST(PollScheduler, AbandonedCycleWaitsForTheNextBeat) {
+TEST(PollScheduler, AbandonedCycleWaitsForTheNextInterval) {
   PollScheduler scheduler;
   const auto device = scheduler.add_device(3, kBackOff);
   const auto group = scheduler.add_group(device, milliseconds(100), 3, at(0));
@@ -298,7 +298,7 @@ TEST(PollScheduler, CommandsToASilentDeviceAreOffered) {
   EXPECT_EQ(scheduler.next(at(0)).kind, Kind::command);
 }
 
-TEST(PollScheduler, DeadlineMayBeNearerThanTheNextBeat) {
+TEST(PollScheduler, DeadlineMayBeNearerThanTheNextInterval) {
   PollScheduler scheduler;
   const auto device = scheduler.add_device(3, kBackOff);
   scheduler.add_group(device, milliseconds(100), 1, at(0));
@@ -306,7 +306,7 @@ TEST(PollScheduler, DeadlineMayBeNearerThanTheNextBeat) {
   EXPECT_EQ(poll(scheduler, at(0)), seldom);
 }
 
-TEST(PollScheduler, GroupsOfADeviceThatIsBackAreReadAtOnceAndKeepTheirBeat) {
+TEST(PollScheduler, GroupsOfADeviceThatIsBackAreReadAtOnceAndKeepTheirPollTimes) {
   PollScheduler scheduler;
   const auto device = scheduler.add_device(3, kBackOff);
   const auto other = scheduler.add_device(3, kBackOff);
@@ -320,12 +320,12 @@ TEST(PollScheduler, GroupsOfADeviceThatIsBackAreReadAtOnceAndKeepTheirBeat) {
   EXPECT_EQ(scheduler.next(at(59999)).until, at(60000));
   EXPECT_EQ(poll(scheduler, at(60000)), slow);
   EXPECT_EQ(poll(scheduler, at(60000)), slower);
-  EXPECT_EQ(scheduler.next(at(60000)).until, at(600000)) << "nobody else, and the beat stands";
+  EXPECT_EQ(scheduler.next(at(60000)).until, at(600000)) << "nobody else, and its poll time stands";
   EXPECT_EQ(scheduler.counters(device).polls, 4U);
   EXPECT_EQ(scheduler.counters(device).missed, 0U);
 }
 
-TEST(PollScheduler, GroupThatIsReadAtOnceIsNotReadAgainByABeatRightAfterIt) {
+TEST(PollScheduler, GroupThatIsReadAtOnceIsNotReadAgainByAPollRightAfterIt) {
   PollScheduler scheduler;
   const auto device = scheduler.add_device(3, kBackOff);
   const auto group = scheduler.add_group(device, milliseconds(1000), 1, at(0));
@@ -427,7 +427,7 @@ TEST(PollScheduler, NoGroupStarvesOnAnyOverloadedLine) {
   }
 }
 
-TEST(PollScheduler, LineWithTimeToSpareKeepsEveryBeat) {
+TEST(PollScheduler, LineWithTimeToSpareKeepsEveryInterval) {
   std::uint64_t missed = 0;
   const auto cycles = cycles_within(
       {{milliseconds(100), milliseconds(40), 1}, {milliseconds(200), milliseconds(20), 5}},

@@ -359,7 +359,7 @@ TEST_F(ModbusPolls, UnitThatItsGatewayDoesNotReachIsOfflineAndTheConnectionStays
   steps_until([&] { return newest[1].state == State::online; });
 }
 
-TEST_F(ModbusPolls, BusyUnitIsAskedAgainInTheSameBeat) {
+TEST_F(ModbusPolls, BusyUnitIsAskedAgainInTheSameCycle) {
   DeviceConfig& meter = add_unit(1, hours(1));
   meter.tags.push_back(tag(*meter.codec, "r", "hr:0"));
   peer.refuses[1] = 0x06;

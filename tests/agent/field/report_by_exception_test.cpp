@@ -101,7 +101,7 @@ TEST(ReportByException, OnChangeSpeaksAfterMaxSilent) {
   EXPECT_FALSE(report.cycle(good(23.4), 4, after(seconds(119))));
 }
 
-TEST(ReportByException, OnChangeSpeaksAtTheBeatBeforeMaxSilentWouldBeExceeded) {
+TEST(ReportByException, OnChangeSpeaksAtTheCycleBeforeMaxSilentWouldBeExceeded) {
   const DeviceConfig device = press_on_change();
   ReportByException report(device, 0);
   const auto cycle = [&](int at) {
@@ -114,7 +114,7 @@ TEST(ReportByException, OnChangeSpeaksAtTheBeatBeforeMaxSilentWouldBeExceeded) {
   EXPECT_TRUE(cycle(100));
 }
 
-TEST(ReportByException, OnChangeSpeaksABeatEarlyWhereALateOneWouldBeTooLate) {
+TEST(ReportByException, OnChangeSpeaksACycleEarlyWhereALateOneWouldBeTooLate) {
   const DeviceConfig device = press_on_change();
   ReportByException report(device, 0);
   EXPECT_TRUE(report.cycle(good(23.4), 1, after(seconds(0)), after(seconds(20))));

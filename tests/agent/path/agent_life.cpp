@@ -16,7 +16,6 @@ namespace {
 using std::chrono::milliseconds;
 using Clock = std::chrono::steady_clock;
 
-constexpr std::int64_t kUtcAtEpoch = 1'790'000'000'000;
 constexpr milliseconds kStep{10};
 // Longer than any command takes with all its timeouts: reaching it is a failure.
 constexpr std::chrono::minutes kLongest{5};
@@ -26,8 +25,8 @@ Fate* g_fate = nullptr;  ///< of the agent that lives, for failpoint()
 }  // namespace
 
 std::int64_t path_utc_ms() {
-  return kUtcAtEpoch +
-         std::chrono::duration_cast<milliseconds>(Clock::now().time_since_epoch()).count();
+  const auto since_epoch = std::chrono::system_clock::now().time_since_epoch();
+  return std::chrono::duration_cast<milliseconds>(since_epoch).count();
 }
 
 AgentLife::AgentLife(const Config& config, LastingJournal& journal,

@@ -37,6 +37,8 @@ class AgentLife final {
   ~AgentLife();
 
   void receive(const SentCommand& sent);
+  /// Empty: nobody has the id of this one.
+  void set_conflict(const std::string& other_boot) { commands_.set_conflict(other_boot); }
   /// Messages that came together: in the journal in one commit.
   void hand_over();
   /// Lets time pass.

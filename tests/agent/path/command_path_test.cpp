@@ -4,9 +4,10 @@
 // place and starts again.
 //
 //   FXAGENT_COMMANDS=200000 command_path_test     so many commands
-//   FXAGENT_SEED=7 …                              begins with this scene
+//   FXAGENT_SEED=7 …                              begins with this scene, and plays it the same
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdlib>
 #include <iostream>
@@ -40,8 +41,10 @@ int setting(const char* name, int otherwise) {
 class Scene final {
  public:
   Scene(const Config& config, std::uint32_t seed) : config_(config), fate_(seed), journal_(fate_) {
+    restart_calendar();  // which links take their jitter from
     for (const fxsim::Protocol protocol : kProtocols) {
       owned_.push_back(std::make_unique<LedgerDevice>(protocol));
+      prepare(*owned_.back(), fate_);
       devices_.push_back(owned_.back().get());
     }
     for (const DeviceConfig& device : config.devices) names_.push_back(device.name);
@@ -60,12 +63,13 @@ class Scene final {
       advance_clock(seconds(5));
     }
     live_to_the_end();
-    return judge_.verdict(devices_, journal_, names_);
+    return judge_.judge_all(devices_, journal_, names_);
   }
 
   int received = 0;
   const std::map<std::string, int>& counted() const { return judge_.counted; }
-  void tell(const std::string& faults) const {
+  const std::map<std::string, int>& by_reason() const { return judge_.by_reason; }
+  void print(const std::string& faults) const {
     std::cerr << faults;
     for (std::size_t i = 0; i < devices_.size(); ++i)
       if (faults.find(names_[i] + ":") != std::string::npos)
@@ -110,9 +114,13 @@ class Scene final {
   }
 
   void send_some(AgentLife& agent) {
+    const bool in_conflict = fate_.one_in(25);
+    agent.set_conflict(in_conflict ? "0badc0de" : "");
     for (int i = fate_.one_in(4) ? fate_.between(2, 5) : 1; i > 0 && !fate_.has_ended(); --i) {
       SentCommand sent = next();
       sent.life = life_;
+      sent.sent_at = std::chrono::steady_clock::now();
+      sent.in_conflict = in_conflict;
       ++received;
       judge_.received(sent);
       agent.receive(sent);
@@ -132,6 +140,8 @@ class Scene final {
       again.payload += R"("nonsense":1})";
       again.is_wrong = true;
       again.targets.clear();
+      again.read.reset();
+      again.expect.reset();
       again.op.clear();
       return again;
     }
@@ -164,6 +174,7 @@ TEST(CommandPath, EveryResultSaysWhatTheDeviceReallyDid) {
   const auto config = parse_config(plant_of_the_path());
   ASSERT_TRUE(config) << to_string(config.error().front(), "plant");
   std::map<std::string, int> counted;
+  std::map<std::string, int> by_reason;
   int received = 0;
   int wrong = 0;
   for (; received < wanted && wrong < 3; ++seed) {
@@ -171,18 +182,25 @@ TEST(CommandPath, EveryResultSaysWhatTheDeviceReallyDid) {
     const std::string faults = scene.play();
     received += scene.received;
     for (const auto& [status, count] : scene.counted()) counted[status] += count;
+    for (const auto& [reason, count] : scene.by_reason()) by_reason[reason] += count;
     if (faults.empty()) continue;
     ++wrong;
     ADD_FAILURE() << "scene " << seed;
-    scene.tell(faults);
+    scene.print(faults);
   }
   std::cout << received << " commands:";
   for (const auto& [status, count] : counted) std::cout << " " << status << " " << count;
+  std::cout << "\nof which:";
+  for (const auto& [reason, count] : by_reason) std::cout << " " << reason << " " << count << ",";
   std::cout << "\n";
+  if (received < wanted) return;  // broken off
   // A run that never came to one of these would prove nothing of it.
   for (const char* status :
        {"SUCCEEDED", "FAILED", "PARTIAL", "REJECTED", "EXPIRED", "DUPLICATE", "UNKNOWN_OUTCOME"})
     EXPECT_GE(counted[status], wanted / 400) << status;
+  for (const char* reason : {"FAILED interrupted", "UNKNOWN_OUTCOME interrupted",
+                             "REJECTED conflict", "FAILED expect_mismatch"})
+    EXPECT_GE(by_reason[reason], std::max(1, wanted / 400)) << reason;
 }
 
 }  // namespace

@@ -16,7 +16,7 @@ namespace {
 using std::chrono::milliseconds;
 using Clock = std::chrono::steady_clock;
 
-constexpr unsigned kPresetBits = 400;  // each third of them is on at first
+constexpr unsigned kPresetBits = 1000;  // each third of them is on at first
 
 constexpr fxsim::Device kForcedStop{fxsim::Kind::special_m, 37};  // M8037
 
@@ -51,14 +51,17 @@ LedgerDevice::LedgerDevice(fxsim::Protocol protocol)
       plc_(model_of(protocol), fxsim::make_plant("none"), Clock::now()) {
   // Where the switch stands in RUN a computer link may not switch the PLC at all.
   if (protocol == fxsim::Protocol::computer_link) plc_.set_run_switch(false);
-  const fxsim::Kind kind = fxsim::is_modbus(protocol) ? fxsim::Kind::coil : fxsim::Kind::m;
-  for (unsigned number = 0; number < kPresetBits; number += 3) plc_.preset({kind, number}, 1);
+  for (unsigned number = 0; number < kPresetBits; number += 3)
+    set(bit_device(number), 1, SteadyTime::min());
+  running_.push_back({SteadyTime::min(), plc_.running() ? 1U : 0U});
 }
 
 fxsim::Bytes LedgerDevice::carry_out(const fxsim::Frame& frame) {
   fxsim::Ruling ruling = personality_->execute(frame, plc_);
   if (ruling.verdict == fxsim::Verdict::ack || ruling.verdict == fxsim::Verdict::data)
     note(frame, ruling);
+  const std::uint32_t running = plc_.running() ? 1 : 0;
+  if (running_.back().value != running) running_.push_back({Clock::now(), running});
   return std::move(ruling.reply);
 }
 
@@ -109,23 +112,76 @@ void LedgerDevice::note_list(std::string_view area, bool bits) {
 }
 
 void LedgerDevice::note_deed(fxsim::Device device, std::uint32_t value) {
-  ++ledger[{!is_word(device.kind), device.number, value}];
+  const bool is_bit = !is_word(device.kind);
+  std::vector<Since>& history = history_[{is_bit, device.number}];
+  const std::uint32_t before = history.empty() ? 0 : history.back().value;
+  history.push_back({Clock::now(), value});
   last_.push_back(device);
+  const auto shared = shared_.find(device.number);
+  if (is_bit || shared == shared_.end()) return count({is_bit, device.number, value});
+  const std::uint32_t others = shared->second;
+  if (((value ^ before) & others) != 0)
+    faults.push_back("word " + std::to_string(device.number) + ": " + std::to_string(before) +
+                     " became " + std::to_string(value) + ", and half of it is another's");
+  count({is_bit, device.number, value & ~others});
+  set(device, value ^ others, Clock::now());
+}
+
+void LedgerDevice::count(const Deed& deed) {
+  ++ledger[deed];
+  first_done.try_emplace(deed, Clock::now());
+}
+
+void LedgerDevice::set(fxsim::Device device, std::uint32_t value, SteadyTime when) {
+  plc_.preset(device, value);
+  history_[{!is_word(device.kind), device.number}].push_back({when, value});
 }
 
 void LedgerDevice::overwrite_last() {
-  for (const fxsim::Device device : last_)
-    if (is_word(device.kind)) plc_.preset(device, 0);
+  for (const fxsim::Device device : last_) {
+    if (!is_word(device.kind)) continue;
+    const auto shared = shared_.find(device.number);
+    set(device, shared == shared_.end() ? 0 : word(device.number) & shared->second, Clock::now());
+  }
+}
+
+void LedgerDevice::preset_word(unsigned number, std::uint32_t value) {
+  set(word_device(number), value, SteadyTime::min());
+}
+
+fxsim::Device LedgerDevice::word_device(unsigned number) const {
+  return {is_fx() ? fxsim::Kind::d : fxsim::Kind::holding_register, number};
+}
+
+fxsim::Device LedgerDevice::bit_device(unsigned number) const {
+  return {is_fx() ? fxsim::Kind::m : fxsim::Kind::coil, number};
 }
 
 std::uint32_t LedgerDevice::word(unsigned number) const {
-  const bool fx = plc_.memory().has({fxsim::Kind::d, number});
-  return plc_.memory().get({fx ? fxsim::Kind::d : fxsim::Kind::holding_register, number});
+  return plc_.memory().get(word_device(number));
 }
 
-bool LedgerDevice::bit(unsigned number) const {
-  const bool fx = plc_.memory().has({fxsim::Kind::m, number});
-  return plc_.memory().get({fx ? fxsim::Kind::m : fxsim::Kind::coil, number}) != 0;
+bool LedgerDevice::bit(unsigned number) const { return plc_.memory().get(bit_device(number)) != 0; }
+
+bool LedgerDevice::had(const std::vector<Since>& history, std::uint32_t value, std::uint32_t mask,
+                       TimeSpan when) {
+  for (std::size_t i = 0; i < history.size(); ++i) {
+    const bool over = i + 1 < history.size() && history[i + 1].when < when.from;
+    if (history[i].when > when.to) break;
+    if (!over && (history[i].value & mask) == value) return true;
+  }
+  return false;
+}
+
+bool LedgerDevice::was(const Deed& deed, std::uint32_t mask, TimeSpan when) const {
+  const auto found = history_.find({deed.is_bit, deed.number});
+  if (found == history_.end()) return deed.value == 0;
+  if (deed.value == 0 && found->second.front().when >= when.from) return true;  // as at the start
+  return had(found->second, deed.value, mask, when);
+}
+
+bool LedgerDevice::was_running(bool running, TimeSpan when) const {
+  return had(running_, running ? 1 : 0, 1, when);
 }
 
 // ---- the line -----------------------------------------------------------------------------------

@@ -9,6 +9,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "agent/field/transport.h"
@@ -26,6 +27,12 @@ struct Deed {
   friend auto operator<=>(const Deed&, const Deed&) = default;
 };
 
+/// From the first moment to the last, both included.
+struct TimeSpan {
+  SteadyTime from;
+  SteadyTime to;
+};
+
 class LedgerDevice final {
  public:
   explicit LedgerDevice(fxsim::Protocol protocol);
@@ -34,22 +41,49 @@ class LedgerDevice final {
   fxsim::Bytes carry_out(const fxsim::Frame& frame);
   /// Something else sets what was written last.
   void overwrite_last();
+  /// Before the first command: what a word holds; that the bits of `mask` are somebody else's, who
+  /// changes them whenever the word was written. A command must leave them as it finds them.
+  void preset_word(unsigned number, std::uint32_t value);
+  void share(unsigned number, std::uint32_t mask) { shared_[number] = mask; }
+
+  bool is_fx() const { return !fxsim::is_modbus(personality_->protocol()); }
   std::uint32_t word(unsigned number) const;
   bool bit(unsigned number) const;
+  /// Whether the place of `deed` had its value, as far as `mask` goes, at some time of `when`.
+  bool was(const Deed& deed, std::uint32_t mask, TimeSpan when) const;
+  /// Whether the PLC was in RUN, or not, at some time of `when`.
+  bool was_running(bool running, TimeSpan when) const;
   const fxsim::Personality& personality() const { return *personality_; }
 
-  std::map<Deed, int> ledger;           ///< how often each was done
+  std::map<Deed, int> ledger;  ///< how often each was done; of a shared word its own bits
+  std::map<Deed, SteadyTime> first_done;
   std::map<std::string, int> switched;  ///< "run", "stop": how often it was made to
   std::vector<std::string> story;       ///< the frames that came, and what struck them
+  std::vector<std::string> faults;      ///< what no command may do
 
  private:
   void note(const fxsim::Frame& frame, const fxsim::Ruling& ruling);
   void note_list(std::string_view area, bool bits);
   void note_deed(fxsim::Device device, std::uint32_t value);
+  void count(const Deed& deed);
+  /// Sets a place from outside.
+  void set(fxsim::Device device, std::uint32_t value, SteadyTime when);
+  fxsim::Device word_device(unsigned number) const;
+  fxsim::Device bit_device(unsigned number) const;
 
   std::unique_ptr<fxsim::Personality> personality_;
   fxsim::Plc plc_;
   std::vector<fxsim::Device> last_;
+  std::map<unsigned, std::uint32_t> shared_;  ///< words, and the bits of them that are not theirs
+  struct Since {
+    SteadyTime when;
+    std::uint32_t value;
+  };
+  static bool had(const std::vector<Since>& history, std::uint32_t value, std::uint32_t mask,
+                  TimeSpan when);
+  /// By kind (bits are true) and number, in their order. What is not in it is 0.
+  std::map<std::pair<bool, unsigned>, std::vector<Since>> history_;
+  std::vector<Since> running_;
 };
 
 /// The channel between the agent and a device. Time on it is that of clock_by_hand.h.

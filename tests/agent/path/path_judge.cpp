@@ -20,17 +20,23 @@ struct Done {
 
 Done done_of(const WantedTarget& target, const LedgerDevice& device) {
   Done out;
-  for (const std::vector<Deed>& element : target.elements) {
+  // Of a text each element is a word of two characters, the last one perhaps of one.
+  const bool is_text = target.place.kind == Kind::text && target.place.count == 0;
+  for (const std::vector<Part>& element : target.elements) {
     bool whole = true;
-    for (const Deed& deed : element) {
-      const auto found = device.ledger.find(deed);
+    for (const Part& part : element) {
+      const auto found = device.ledger.find(part.deed);
       const int times = found == device.ledger.end() ? 0 : found->second;
       whole = whole && times > 0;
       out.nothing = out.nothing && times == 0;
       out.twice = out.twice || times > 1;
     }
-    out.of += target.per_element;
-    if (whole) out.done += target.per_element;
+    out.of += is_text ? 2 : 1;
+    if (whole) out.done += is_text ? 2 : 1;
+  }
+  if (is_text) {
+    out.of = target.place.length;
+    out.done = std::min(out.done, out.of);
   }
   return out;
 }
@@ -48,6 +54,10 @@ std::vector<Done> done_of(const SentCommand& sent, const LedgerDevice& device) {
 }
 
 bool is_mismatch(const Json& result) { return result.value("reason", Json()) == "verify_mismatch"; }
+
+bool is_empty(const std::vector<Done>& all) {
+  return std::all_of(all.begin(), all.end(), [](const Done& done) { return done.nothing; });
+}
 
 std::optional<std::uint32_t> number(const Json& result, const char* key) {
   if (!result.contains(key)) return std::nullopt;
@@ -73,7 +83,7 @@ std::string judge_one(const Json& result, const Done& done) {
 
 std::string judge_list(const Json& result, const std::vector<Done>& all) {
   const std::string status = result["status"];
-  const bool nothing = std::all_of(all.begin(), all.end(), [](const Done& d) { return d.nothing; });
+  const bool nothing = is_empty(all);
   const auto whole = static_cast<std::uint32_t>(
       std::count_if(all.begin(), all.end(), [](const Done& d) { return d.is_whole(); }));
   if (status == "REJECTED" || status == "EXPIRED" || (status == "FAILED" && !is_mismatch(result)))
@@ -95,31 +105,106 @@ std::string judge_list(const Json& result, const std::vector<Done>& all) {
   return "";
 }
 
-/// Whether `result` may be said of `sent`, given what the device did.
-std::string judge_result(const SentCommand& sent, const Json& result, const LedgerDevice& device) {
+/// Values that a result shows: what was read must have been there, what was written is as wanted.
+std::string judge_values(const WantedTarget& target, const Json& result, const std::string& op,
+                         const LedgerDevice& device, TimeSpan when) {
+  const Json verify = result.value("verify", Json());
+  if (verify.is_object() && !verify["read"].is_null() &&
+      !was_shown(target.place, verify["read"], device, when))
+    return "a value was read back that was never there";
+  const bool says_value = result["status"] == "SUCCEEDED" || result["status"] == "PARTIAL";
+  if (op != "write" || !says_value) return "";
+  const auto said = elements_of(target.place, result.value("value", Json()), device);
+  return said == target.elements ? "" : "another value than was to be written";
+}
+
+std::string judge_values(const SentCommand& sent, const Json& result, const LedgerDevice& device,
+                         TimeSpan when) {
+  if (sent.read && result["status"] == "SUCCEEDED")
+    return was_shown(*sent.read, result["value"], device, when) ? ""
+                                                                : "it read what was never there";
+  if (sent.targets.empty()) return "";
+  if (!sent.is_list) return judge_values(sent.targets[0], result, sent.op, device, when);
+  const Json targets = result.value("targets", Json());
+  std::string why;
+  for (std::size_t i = 0; i < targets.size() && why.empty(); ++i)
+    why = judge_values(sent.targets[i], targets[i], sent.op, device, when);
+  return why;
+}
+
+/// Up to the moment before the device began with it.
+TimeSpan before_done(const WantedTarget& target, const LedgerDevice& device, TimeSpan when) {
+  for (const std::vector<Part>& element : target.elements)
+    for (const Part& part : element)
+      if (const auto done = device.first_done.find(part.deed); done != device.first_done.end())
+        when.to = std::min(when.to, done->second - std::chrono::nanoseconds(1));
+  return when;
+}
+
+std::string judge_expect(const SentCommand& sent, const Json& result, const std::vector<Done>& all,
+                         const LedgerDevice& device, TimeSpan when) {
+  const bool mismatch = result.value("reason", Json()) == "expect_mismatch";
+  if (!sent.expect) return mismatch ? "expect_mismatch, and nothing was expected" : "";
+  if (mismatch) {
+    const Json verify = result.value("verify", Json());
+    if (!verify.is_object() || verify["read"].is_null()) return "what was found is not said";
+    return verify["read"] == *sent.expect ? "expect_mismatch of what was expected" : "";
+  }
+  const WantedTarget& target = sent.targets[0];
+  const bool held =
+      was_shown(target.place, *sent.expect, device, before_done(target, device, when));
+  return is_empty(all) || held ? "" : "it was carried out, and the device never held `expect`";
+}
+
+/// A PLC that is in the wanted state already need not be switched; one that was may be switched
+/// back by a hand.
+std::string judge_switch(const SentCommand& sent, const Json& result, const Done& done,
+                         const LedgerDevice& device, TimeSpan when) {
+  const std::string status = result["status"];
+  const bool refused = status != "SUCCEEDED" && status != "UNKNOWN_OUTCOME" && !is_mismatch(result);
+  if (refused && !done.nothing) return status + ", and the PLC was switched";
+  const Json verify = result.value("verify", Json());
+  if (verify.is_object() && !device.was_running(verify["read"] == "run", when))
+    return "the PLC was never in the state that was read";
+  if (status != "SUCCEEDED") return "";
+  if (!device.was_running(sent.op == "run", when)) return "SUCCEEDED, and the PLC never was so";
+  return result["plc"] == "ACK" && done.nothing ? "ACK, and the PLC was never asked" : "";
+}
+
+/// Whether `result` may be said of `sent`, which refused commands too.
+std::string judge_unsent(const SentCommand& sent, const Json& result, bool nothing) {
+  const std::string status = result["status"];
+  const Json reason = result.value("reason", Json());
+  if (sent.is_wrong && status != "REJECTED") return status + " of what is no command";
+  if (!nothing) return "something was carried out";
+  if (sent.in_conflict && status == "SUCCEEDED") return "SUCCEEDED beside another agent";
+  const bool comes_before = sent.is_wrong || reason == "out_of_range" || reason == "queue_full";
+  if (sent.in_conflict && status == "REJECTED" && reason != "conflict" && !comes_before)
+    return "REJECTED beside another agent, and not for that";
+  return status == "SUCCEEDED" || status == "REJECTED" || status == "EXPIRED"
+             ? ""
+             : status + " of what was not to be sent";
+}
+
+/// Whether `result`, which was published at the end of `when`, may be said of `sent`, given what
+/// the device did.
+std::string judge_result(const SentCommand& sent, const Json& result, const LedgerDevice& device,
+                         TimeSpan when) {
   const std::vector<Done> all = done_of(sent, device);
   for (const Done& done : all)
     if (done.twice) return "carried out twice";
+  if (sent.dry_run || sent.is_wrong || sent.in_conflict)
+    return judge_unsent(sent, result, is_empty(all));
   const std::string status = result["status"];
-  if (sent.is_wrong && status != "REJECTED") return status + " of what is no command";
-  const bool nothing = std::all_of(all.begin(), all.end(), [](const Done& d) { return d.nothing; });
-  if (sent.dry_run || sent.is_wrong) {
-    if (!nothing) return "something was carried out";
-    return status == "SUCCEEDED" || status == "REJECTED" || status == "EXPIRED"
-               ? ""
-               : status + " of what was not to be sent";
-  }
-  if (all.empty()) {  // a read
-    if (status == "PARTIAL" || status == "UNKNOWN_OUTCOME") return status + " of a read";
-    return status == "SUCCEEDED" && result["value"].is_null() ? "SUCCEEDED without a value" : "";
-  }
-  if (sent.op == "run" || sent.op == "stop") {
-    // A PLC that is in the wanted state already need not be switched; one that was may be switched
-    // back by a hand.
-    const bool refused =
-        status != "SUCCEEDED" && status != "UNKNOWN_OUTCOME" && !is_mismatch(result);
-    return refused && !nothing ? status + ", and the PLC was switched" : "";
-  }
+  const Json reason = result.value("reason", Json());
+  if (reason == "conflict") return "there was no other agent";
+  if (status == "PARTIAL" && reason == "expired") return "what was under way was not finished";
+  if (sent.op == "run" || sent.op == "stop")
+    return judge_switch(sent, result, all[0], device, when);
+  if (std::string why = judge_values(sent, result, device, when); !why.empty()) return why;
+  if (std::string why = judge_expect(sent, result, all, device, when); !why.empty()) return why;
+  if (sent.read)
+    return status == "PARTIAL" || status == "UNKNOWN_OUTCOME" ? status + " of a read" : "";
   if (sent.is_list) return judge_list(result, all);
   return judge_one(result, all[0]);
 }
@@ -143,18 +228,30 @@ void PathJudge::published(std::uint32_t device, const std::string& text) {
   const std::string status = result["status"];
   if (result["id"].is_null()) {
     ++without_id_;
-    ++counted[status];
+    count(result);
     return;
   }
   const Json& id = result["id"];  // an integer is the same id as its text
   Known& known = known_[{device, id.is_string() ? id.get<std::string>() : id.dump()}];
   if (status == "DUPLICATE") {
-    ++counted[status];
+    count(result);
     known.duplicates.push_back(std::move(result));
     return;
   }
-  if (known.results.empty()) ++counted[status];
+  if (known.results.empty()) {
+    count(result);
+    known.published_at = std::chrono::steady_clock::now();
+  }
   known.results.push_back(std::move(result));
+}
+
+void PathJudge::count(const Json& result) {
+  ++counted[result["status"]];
+  const Json& reason = result["reason"];
+  if (!reason.is_string()) return;
+  const bool is_read = result["op"] == "read";
+  ++by_reason[result["status"].get<std::string>() + " " + reason.get<std::string>() +
+              (is_read ? " (read)" : "")];
 }
 
 bool PathJudge::may_be_lost(const Known& known) const {
@@ -168,9 +265,9 @@ std::string PathJudge::judge_results(const Known& known) const {
   for (const Json& result : known.results)
     if (without_times(result) != first) return "two outcomes";
   for (const Json& duplicate : known.duplicates) {
-    const Json& told = duplicate["first"];
-    if (!told.is_null() && told["status"] != first["status"])
-      return "DUPLICATE of another outcome than was told";
+    const Json& first_said = duplicate["first"];
+    if (!first_said.is_null() && first_said["status"] != first["status"])
+      return "DUPLICATE of another outcome than was published";
   }
   if (!may_be_lost(known) && known.duplicates.size() + 1 != known.sent.size())
     return "not one result for each message";
@@ -192,7 +289,8 @@ std::string PathJudge::judge(const Key& key, const Known& known, const LedgerDev
   // Of several messages with one id one is the command; a crash can make it the second.
   std::string first_why;
   for (std::size_t i = 0; i < known.sent.size(); ++i) {
-    std::string why = judge_result(known.sent[i], known.results[0], device);
+    std::string why = judge_result(known.sent[i], known.results[0], device,
+                                   {known.sent[i].sent_at, known.published_at});
     for (std::size_t j = 0; j < known.sent.size() && why.empty(); ++j)
       if (known.sent[j].payload != known.sent[i].payload)
         for (const Done& done : done_of(known.sent[j], device))
@@ -221,8 +319,10 @@ std::string PathJudge::judge_ledger(std::uint32_t index, const LedgerDevice& dev
     if (key.first == index)
       for (const SentCommand& sent : known.sent)
         for (const WantedTarget& target : sent.targets)
-          for (const auto& element : target.elements) wanted.insert(element.begin(), element.end());
+          for (const auto& element : target.elements)
+            for (const Part& part : element) wanted.insert(part.deed);
   std::string out;
+  for (const std::string& fault : device.faults) out += fault + "\n";
   for (const auto& [deed, times] : device.ledger) {
     const std::string what = std::string(deed.is_bit ? "bit " : "word ") +
                              std::to_string(deed.number) + " = " + std::to_string(deed.value);
@@ -235,20 +335,21 @@ std::string PathJudge::judge_ledger(std::uint32_t index, const LedgerDevice& dev
   return out;
 }
 
-std::string PathJudge::verdict(const std::vector<LedgerDevice*>& devices,
-                               const LastingJournal& journal,
-                               const std::vector<std::string>& names) {
+std::string PathJudge::judge_all(const std::vector<LedgerDevice*>& devices,
+                                 const LastingJournal& journal,
+                                 const std::vector<std::string>& names) {
   std::string out = judge_unreadable();
   for (std::uint32_t i = 0; i < devices.size(); ++i) out += judge_ledger(i, *devices[i]);
   for (const auto& [key, known] : known_) {
     const std::string why =
         judge(key, known, *devices[key.first], journal.has(names[key.first], key.second));
-    if (!why.empty()) out += names[key.first] + ": " + why + "\n" + told(key.first, key.second);
+    if (!why.empty())
+      out += names[key.first] + ": " + why + "\n" + messages_of(key.first, key.second);
   }
   return out;
 }
 
-std::string PathJudge::told(std::uint32_t device, const std::string& id) const {
+std::string PathJudge::messages_of(std::uint32_t device, const std::string& id) const {
   std::string out;
   const Known& known = known_.at({device, id});
   for (const SentCommand& sent : known.sent)

@@ -24,12 +24,13 @@ class PathJudge final {
   void killed(int life) { killed_.insert(life); }
 
   /// What is wrong, a line each; empty: nothing.
-  std::string verdict(const std::vector<LedgerDevice*>& devices, const LastingJournal& journal,
-                      const std::vector<std::string>& names);
+  std::string judge_all(const std::vector<LedgerDevice*>& devices, const LastingJournal& journal,
+                        const std::vector<std::string>& names);
   /// What is known of one id, for a failure's message.
-  std::string told(std::uint32_t device, const std::string& id) const;
+  std::string messages_of(std::uint32_t device, const std::string& id) const;
 
-  std::map<std::string, int> counted;  ///< results by status, each once
+  std::map<std::string, int> counted;    ///< results by status, each once
+  std::map<std::string, int> by_reason;  ///< the same by status and reason
 
  private:
   using Json = nlohmann::json;
@@ -37,12 +38,14 @@ class PathJudge final {
   struct Known {
     std::vector<SentCommand> sent;
     std::vector<Json> results;  ///< but for DUPLICATE
+    SteadyTime published_at{};  ///< the first of them
     std::vector<Json> duplicates;
   };
 
   std::string judge(const Key& key, const Known& known, const LedgerDevice& device,
                     bool in_journal) const;
   std::string judge_results(const Known& known) const;
+  void count(const Json& result);
   bool may_be_lost(const Known& known) const;
   std::string judge_unreadable() const;
   std::string judge_ledger(std::uint32_t index, const LedgerDevice& device) const;

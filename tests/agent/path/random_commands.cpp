@@ -9,168 +9,137 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr std::array<const char*, kPathDevices> kNames{"press", "oven", "meter", "drive"};
-constexpr unsigned kArrayOfFx = 70;       // three frames of the port, two of the link
-constexpr unsigned kArrayOfModbus = 200;  // two frames
-constexpr unsigned kLongs = 40;
-constexpr unsigned kFlags = 16;
-constexpr unsigned kFirstFlag = 16;  // on a byte of its own
+constexpr unsigned kLastCharacters = 188;  // the printable ones of Latin-1, but for the spaces
 
-Json tag(const char* name, const std::string& address) {
-  return {{"name", name}, {"address", address}, {"access", "read_write"}};
-}
-Json tag(const char* name, const std::string& address, const char* type, Json more = {}) {
-  Json made = tag(name, address);
-  made["type"] = type;
-  if (more.is_object()) made.update(more);
-  return made;
-}
-
-Json tags(const std::string& word, const std::string& bit, unsigned array) {
-  const auto at = [&](unsigned number) { return word + std::to_string(number); };
-  const auto flag = [&](unsigned number) { return bit + std::to_string(number); };
-  Json all = Json::array();
-  for (unsigned i = 0; i < 8; ++i)
-    all.push_back(tag(("w" + std::to_string(i)).c_str(), at(100 + i), "int16"));
-  all.push_back(tag("a0", at(200), "int16", {{"count", array}}));
-  all.push_back(tag("a1", at(500), "int16", {{"count", array}}));
-  for (unsigned i = 0; i < 4; ++i)
-    all.push_back(tag(("l" + std::to_string(i)).c_str(), at(800 + 2 * i), "int32"));
-  all.push_back(tag("la", at(820), "int32", {{"count", kLongs}}));
-  all.push_back(tag("f0", at(900), "float32"));
-  all.push_back(tag("s0", at(910), "string", {{"length", 8}}));
-  all.push_back(tag("s1", at(920), "string", {{"length", 100}}));
-  for (unsigned i = kFirstLimited; i <= kLastLimited; ++i)
-    all.push_back(tag(("lim" + std::to_string(i)).c_str(), at(i), "int16",
-                      {{"scale", 0.1}, {"min", 0.34}, {"max", 99.97}}));
-  all.push_back({{"name", "ro"}, {"address", at(990)}, {"type", "int16"}});
-  for (unsigned i = 0; i < 10; ++i)
-    all.push_back(tag(("t" + std::to_string(i)).c_str(), flag(i), "bool"));
-  all.push_back(tag("flags", flag(kFirstFlag), "bool", {{"count", kFlags}}));
-  return all;
-}
-
-Json device(const char* name, const char* protocol, bool fx) {
-  const std::string word = fx ? "D" : "hr:";
-  const std::string bit = fx ? "M" : "co:";
-  const Json allow = fx ? Json{"M100-M999", "D1000-D1999"} : Json{"co:100-999", "hr:1000-1999"};
-  Json made{{"name", name},
-            {"link", name},
-            {"protocol", protocol},
-            {"timeout_ms", 200},
-            {"retries", 1},
-            {"tags", tags(word, bit, fx ? kArrayOfFx : kArrayOfModbus)},
-            {"commands", {{"allow", allow}, {"allow_run_stop", true}, {"queue", 6}}}};
-  if (fx) made["model"] = "FX3U";
-  return made;
-}
+unsigned printable(unsigned number) { return (number % 2 == 0 ? 0x21 : 0xA1) + number / 2; }
 
 }  // namespace
 
-std::string plant_of_the_path() {
-  constexpr std::array<const char*, kPathDevices> kProtocols{
-      "fx-programming-port", "fx-computer-link", "modbus-tcp", "modbus-rtu"};
-  Json links = Json::array();
-  Json devices = Json::array();
-  for (std::size_t i = 0; i < kNames.size(); ++i) {
-    Json link{{"name", kNames[i]}, {"tcp", {{"host", "192.0.2.1"}, {"port", 4000 + i}}}};
-    if (i != 2) link["line_baud"] = 19200;
-    links.push_back(std::move(link));
-    devices.push_back(device(kNames[i], kProtocols[i], i < 2));
-  }
-  return Json{{"agent", {{"id", "edge7"}, {"root", "fx/path"}}},
-              {"mqtt", {{"servers", {"mqtt://127.0.0.1:1883"}}}},
-              {"links", std::move(links)},
-              {"devices", std::move(devices)}}
-      .dump(1);
+RandomCommands::RandomCommands(Fate& fate, std::vector<const LedgerDevice*> devices)
+    : fate_(fate), devices_(std::move(devices)), next_once_(devices_.size()) {
+  for (const LedgerDevice* device : devices_) places_.push_back(places_of(*device));
 }
 
-std::string RandomCommands::word_address(std::uint32_t device, unsigned number) const {
-  return (is_fx(device) ? "D" : "hr:") + std::to_string(number);
+// ---- places and values --------------------------------------------------------------------------
+
+RandomCommands::Json RandomCommands::name_of(std::uint32_t device, const Place& place) const {
+  if (!place.tag.empty()) return {{"tag", place.tag}};
+  constexpr std::array<const char*, 6> kTypes{"", "", "", "int32", "float32", "string"};
+  const bool fx = devices_[device]->is_fx();
+  const char* area = place.kind == Kind::bit ? (fx ? "M" : "co:") : (fx ? "D" : "hr:");
+  Json name{{"address", area + std::to_string(place.number)}};
+  const std::string type = kTypes[static_cast<std::size_t>(place.kind)];
+  if (!type.empty()) name["type"] = type;
+  return name;
 }
-std::string RandomCommands::bit_address(std::uint32_t device, unsigned number) const {
-  return (is_fx(device) ? "M" : "co:") + std::to_string(number);
+
+/// A place in commands.allow that has no tag, as short as its kind.
+Place RandomCommands::raw_place() {
+  switch (fate_.between(0, 7)) {
+    case 0:
+      return {"", Kind::dword, static_cast<unsigned>(1300 + 2 * fate_.between(0, 9))};
+    case 1:
+      return {"", Kind::real, static_cast<unsigned>(1400 + 2 * fate_.between(0, 9))};
+    case 2:
+      return {"", Kind::text, 1500, 0, 8};
+    case 3:
+      return kOddText;
+    case 4:
+      return {"", Kind::bit, static_cast<unsigned>(fate_.between(100, 140))};
+    default:
+      return {"", Kind::word, static_cast<unsigned>(fate_.between(1000, 1049))};
+  }
+}
+
+std::uint32_t RandomCommands::fresh_long() {
+  const std::uint32_t high = fresh();
+  return (high << 16U) + fresh();
+}
+
+/// Two characters tell a number, and where the length is odd the last one alone another.
+std::string RandomCommands::fresh_text(std::uint32_t device, unsigned length, bool next_odd) {
+  std::string text;
+  for (unsigned i = 0; i < length / 2; ++i) {
+    const unsigned number = fresh();
+    text += utf8('0' + number % 64U);
+    text += utf8('0' + number / 64U % 64U);
+  }
+  unsigned& last = next_once_[device].last_character;
+  if (length % 2 != 0) text += utf8(printable(next_odd ? ++last : last));
+  return text;
+}
+
+/// A bit that is not `on` and that no other command sets: what it is already would be read back
+/// whether it was set or not.
+unsigned RandomCommands::next_bit(std::uint32_t device, bool on) {
+  unsigned& next = on ? next_once_[device].on : next_once_[device].off;
+  do {
+    ++next;
+  } while ((next % 3 == 0) == on);
+  return next;
 }
 
 // ---- targets ------------------------------------------------------------------------------------
 
+RandomCommands::Target RandomCommands::made_of(std::uint32_t device, const Place& place,
+                                               Json value) const {
+  Target made;
+  made.json = name_of(device, place);
+  made.wanted = {place, *elements_of(place, value, *devices_[device])};
+  made.json["value"] = std::move(value);
+  return made;
+}
+
 RandomCommands::Target RandomCommands::word_target(std::uint32_t device) {
-  const unsigned value = fresh();
-  const bool raw = fate_.one_in(4);
-  const auto number = static_cast<unsigned>(raw ? fate_.between(1000, 1049) : fate_.between(0, 7));
-  Json json{{"value", value}};
-  if (raw)
-    json["address"] = word_address(device, number);
-  else
-    json["tag"] = "w" + std::to_string(number);
-  return {std::move(json), {{{Deed{false, raw ? number : 100 + number, value}}}}};
+  if (!fate_.one_in(4)) return made_of(device, any_of(device, "w", 8), fresh());
+  const auto number = static_cast<unsigned>(fate_.between(1000, 1049));
+  return made_of(device, {"", Kind::word, number}, fresh());
+}
+
+RandomCommands::Target RandomCommands::tenths_target(std::uint32_t device) {
+  return made_of(device, tag(device, "sc"), fresh() / 10.0);
 }
 
 RandomCommands::Target RandomCommands::array_target(std::uint32_t device) {
-  Target made;
-  const bool raw = fate_.one_in(4);
-  const bool second = fate_.one_in(2);
-  const unsigned first = raw ? 1100 : (second ? 500 : 200);
-  const unsigned full = is_fx(device) ? kArrayOfFx : kArrayOfModbus;
-  const unsigned count = raw ? static_cast<unsigned>(fate_.between(2, 90)) : full;
+  Place place = any_of(device, "a", 2);
+  if (fate_.one_in(4)) place = {"", Kind::word, 1100, static_cast<unsigned>(fate_.between(2, 90))};
   Json values = Json::array();
-  for (unsigned i = 0; i < count; ++i) {
-    values.push_back(fresh());
-    made.wanted.elements.push_back({Deed{false, first + i, fresh_}});
-  }
-  if (raw)
-    made.json["address"] = word_address(device, first);
-  else
-    made.json["tag"] = second ? "a1" : "a0";
-  made.json["value"] = std::move(values);
-  return made;
-}
-
-std::vector<Deed> RandomCommands::long_deeds(std::uint32_t device, unsigned number,
-                                             std::uint32_t value) const {
-  const unsigned low = is_fx(device) ? 0 : 1;  // where the low word stands
-  return {Deed{false, number + low, value & 0xFFFFU}, Deed{false, number + 1 - low, value >> 16U}};
+  for (unsigned i = 0; i < place.count; ++i) values.push_back(fresh());
+  return made_of(device, place, std::move(values));
 }
 
 RandomCommands::Target RandomCommands::long_target(std::uint32_t device) {
-  Target made;
-  const auto next = [&](unsigned number) {
-    const std::uint32_t value = (fresh() << 16U) + fresh();
-    made.wanted.elements.push_back(long_deeds(device, number, value));
-    return value;
-  };
   if (fate_.one_in(3)) {
-    made.json = {{"tag", "la"}, {"value", Json::array()}};
-    for (unsigned i = 0; i < kLongs; ++i) made.json["value"].push_back(next(820 + 2 * i));
-  } else {
-    const auto i = static_cast<unsigned>(fate_.between(0, 3));
-    made.json = {{"tag", "l" + std::to_string(i)}, {"value", next(800 + 2 * i)}};
+    const Place& place = tag(device, "la");
+    Json values = Json::array();
+    for (unsigned i = 0; i < place.count; ++i) values.push_back(fresh_long());
+    return made_of(device, place, std::move(values));
   }
-  return made;
+  if (fate_.one_in(4)) return made_of(device, {"", Kind::dword, 1300}, fresh_long());
+  return made_of(device, any_of(device, "l", 4), fresh_long());
 }
 
 RandomCommands::Target RandomCommands::float_target(std::uint32_t device) {
-  const std::uint32_t bits = ((0x4000U + fresh() % 0x3000U) << 16U) + fresh();
-  return {Json{{"tag", "f0"}, {"value", static_cast<double>(std::bit_cast<float>(bits))}},
-          {{long_deeds(device, 900, bits)}}};
+  std::uint32_t bits = (0x4000U + fresh() % 0x3000U) << 16U;
+  bits += fresh();
+  const Place raw{"", Kind::real, 1400};
+  return made_of(device, fate_.one_in(4) ? raw : tag(device, "f0"),
+                 widened(std::bit_cast<float>(bits)));
 }
 
 RandomCommands::Target RandomCommands::text_target(std::uint32_t device) {
-  Target made;
-  made.wanted.per_element = 2;
-  const bool is_long = fate_.one_in(2);
-  std::string text;
-  for (unsigned i = 0; i < (is_long ? 50U : 4U); ++i) {
-    const unsigned number = fresh();
-    const unsigned first = '0' + number % 64U;
-    const unsigned second = '0' + number / 64U % 64U;
-    text += static_cast<char>(first);
-    text += static_cast<char>(second);
-    const unsigned value = is_fx(device) ? second * 256 + first : first * 256 + second;
-    made.wanted.elements.push_back({Deed{false, (is_long ? 920U : 910U) + i, value}});
-  }
-  made.json = {{"tag", is_long ? "s1" : "s0"}, {"value", text}};
-  return made;
+  constexpr std::array<const char*, 7> kTags{"s0", "s1", "s2", "s3", "s3", "s3", "sa"};
+  const int which = fate_.between(0, 8);
+  Place place{"", Kind::text, 1500, 0, 8};
+  if (which == 8) place = kOddText;
+  if (which < 7) place = tag(device, kTags[static_cast<std::size_t>(which)]);
+  if (place.length % 2 != 0 && next_once_[device].last_character + 1 >= kLastCharacters)
+    return word_target(device);
+  if (place.count == 0) return made_of(device, place, fresh_text(device, place.length, true));
+  Json values = Json::array();
+  for (unsigned i = 0; i < place.count; ++i)
+    values.push_back(fresh_text(device, place.length, /*next_odd=*/i == 0));
+  return made_of(device, place, std::move(values));
 }
 
 RandomCommands::Target RandomCommands::limited_target(std::uint32_t device) {
@@ -179,42 +148,36 @@ RandomCommands::Target RandomCommands::limited_target(std::uint32_t device) {
   const unsigned number = once.limited++;
   // The nearest raw numbers to the limits lie inside and outside of them.
   constexpr std::array<double, 8> kValues{0.36, 0.5, 50.04, 99.94, 0.34, 0.349, 99.955, 99.97};
-  constexpr std::array<unsigned, 8> kRaw{4, 5, 500, 999, 3, 3, 1000, 1000};
+  constexpr std::array<double, 8> kRounded{0.4, 0.5, 50.0, 99.9, 0.3, 0.3, 100.0, 100.0};
   const auto i = static_cast<std::size_t>(fate_.between(0, 7));
-  return {Json{{"tag", "lim" + std::to_string(number)}, {"value", kValues[i]}},
-          {{{Deed{false, number, kRaw[i]}}}}};
+  Target made = made_of(device, tag(device, "lim" + std::to_string(number)), kRounded[i]);
+  made.json["value"] = kValues[i];
+  return made;
 }
 
 RandomCommands::Target RandomCommands::bit_target(std::uint32_t device) {
   Once& once = next_once_[device];
-  Target made;
   if (!once.flags && fate_.one_in(4)) {
     once.flags = true;
-    made.json = {{"tag", "flags"}, {"value", Json::array()}};
-    for (unsigned i = 0; i < kFlags; ++i) {
-      const bool on = !devices_[device]->bit(kFirstFlag + i);
-      made.json["value"].push_back(on);
-      made.wanted.elements.push_back({Deed{true, kFirstFlag + i, on ? 1U : 0U}});
-    }
-    return made;
+    const Place& place = tag(device, "flags");
+    Json values = shown(place, *devices_[device]);
+    for (Json& each : values) each = !each.get<bool>();
+    return made_of(device, place, std::move(values));
   }
-  const bool by_tag = once.flag < 10 && fate_.one_in(3);
-  const unsigned number = by_tag ? once.flag++ : once.bit++;
-  // What it is already would be read back whether it was set or not.
-  const bool on = !devices_[device]->bit(number);
-  made.json["value"] = on;
-  if (by_tag)
-    made.json["tag"] = "t" + std::to_string(number);
-  else
-    made.json["address"] = bit_address(device, number);
-  made.wanted.elements.push_back({Deed{true, number, on ? 1U : 0U}});
-  return made;
+  return force_target(device, fate_.one_in(2));
+}
+
+RandomCommands::Target RandomCommands::force_target(std::uint32_t device, bool on) {
+  unsigned& flag = next_once_[device].flag;
+  if (flag < 10 && devices_[device]->bit(flag) != on && fate_.one_in(3))
+    return made_of(device, tag(device, "t" + std::to_string(flag++)), on);
+  return made_of(device, {"", Kind::bit, next_bit(device, on)}, on);
 }
 
 RandomCommands::Target RandomCommands::target(std::uint32_t device) {
   // The values of a scene are not without end.
   const bool room = fresh_ < 25000;
-  switch (fate_.between(0, 12)) {
+  switch (fate_.between(0, 14)) {
     case 0:
     case 7:
       return room ? array_target(device) : word_target(device);
@@ -223,13 +186,16 @@ RandomCommands::Target RandomCommands::target(std::uint32_t device) {
     case 2:
       return float_target(device);
     case 3:
+    case 8:
       // Two characters tell so many numbers apart.
-      return fresh_ < 4000 ? text_target(device) : word_target(device);
+      return fresh_ < 3900 ? text_target(device) : word_target(device);
     case 4:
       return limited_target(device);
     case 5:
     case 6:
       return bit_target(device);
+    case 9:
+      return tenths_target(device);
     default:
       return word_target(device);
   }
@@ -255,19 +221,36 @@ void RandomCommands::write(SentCommand& sent, Json& command) {
 }
 
 void RandomCommands::force(SentCommand& sent, Json& command) {
-  const unsigned bit = next_once_[sent.device].bit++;
-  const bool on = !devices_[sent.device]->bit(bit);
+  const bool on = fate_.one_in(2);
   sent.op = command["op"] = on ? "force_on" : "force_off";
-  command["address"] = bit_address(sent.device, bit);
-  sent.targets.push_back({{{Deed{true, bit, on ? 1U : 0U}}}});
+  sent.is_list = fate_.one_in(2);
+  if (sent.is_list) command["targets"] = Json::array();
+  for (int i = sent.is_list ? fate_.between(1, 8) : 1; i > 0; --i) {
+    Target one = force_target(sent.device, on);
+    one.json.erase("value");
+    if (sent.is_list)
+      command["targets"].push_back(std::move(one.json));
+    else
+      command.update(one.json);
+    sent.targets.push_back(std::move(one.wanted));
+  }
 }
 
 void RandomCommands::read(SentCommand& sent, Json& command) {
-  constexpr std::array<const char*, 7> kTags{"w0", "a0", "la", "s1", "ro", "t0", "flags"};
-  if (fate_.one_in(3))
-    command["address"] = word_address(sent.device, 1000);
-  else
-    command["tag"] = kTags[static_cast<std::size_t>(fate_.between(0, 6))];
+  const std::vector<Place>& tags = places_[sent.device];
+  Place place = tags[static_cast<std::size_t>(fate_.between(0, static_cast<int>(tags.size()) - 1))];
+  if (fate_.one_in(20)) place = {"ro", Kind::word, 990};
+  if (fate_.one_in(3)) {
+    place = raw_place();
+    if (place.kind == Kind::text)
+      place.length = static_cast<unsigned>(fate_.between(1, 250));
+    else if (fate_.one_in(2))
+      place.count = static_cast<unsigned>(fate_.between(2, 125));
+  }
+  command.update(name_of(sent.device, place));
+  if (place.tag.empty() && place.kind == Kind::text) command["length"] = place.length;
+  if (place.tag.empty() && place.count > 0) command["count"] = place.count;
+  sent.read = std::move(place);
 }
 
 void RandomCommands::switch_plc(SentCommand& sent, Json& command) {
@@ -278,7 +261,7 @@ void RandomCommands::switch_plc(SentCommand& sent, Json& command) {
     return read(sent, command);
   }
   used = true;
-  if (!is_fx(sent.device)) sent.is_wrong = true;
+  if (!devices_[sent.device]->is_fx()) sent.is_wrong = true;
 }
 
 void RandomCommands::add_conditions(SentCommand& sent, Json& command, std::int64_t utc_ms) {
@@ -289,34 +272,54 @@ void RandomCommands::add_conditions(SentCommand& sent, Json& command, std::int64
   if (fate_.one_in(20)) sent.message_expiry_s = fate_.between(0, 2);
   if (fate_.one_in(25)) sent.dry_run = command["dry_run"] = true;
   if (fate_.one_in(4)) command["by"] = "anna";
-  const bool one_word = writes && !sent.is_list && sent.targets[0].elements.size() == 1 &&
-                        sent.targets[0].elements[0].size() == 1 && !command.contains("targets");
-  if (!one_word || !fate_.one_in(4)) return;
-  const Deed& deed = sent.targets[0].elements[0][0];
-  const bool limited = deed.number >= kFirstLimited && deed.number <= kLastLimited;
-  if (limited && !deed.is_bit) return;
-  const LedgerDevice& device = *devices_[sent.device];
-  if (deed.is_bit)
-    command["expect"] = fate_.one_in(4) != device.bit(deed.number);
-  else
-    command["expect"] = fate_.one_in(4) ? 7U : device.word(deed.number);
+  if (writes && !sent.is_list && fate_.one_in(4)) add_expect(sent, command);
+}
+
+RandomCommands::Json RandomCommands::another(const Place& place, Json value) {
+  if (value.is_array()) {
+    Json& one =
+        value[static_cast<std::size_t>(fate_.between(0, static_cast<int>(place.count) - 1))];
+    one = another(place, one);
+    return value;
+  }
+  if (place.kind == Kind::bit) return !value.get<bool>();
+  if (place.kind == Kind::text) {
+    const auto text = value.get<std::string>();
+    return fate_.one_in(2) ? text + "+" : text.substr(0, text.find_first_of("0123456789AB"));
+  }
+  const auto number = value.get<double>();
+  // 2^60 is no number of a device; a hundredth of a tenth and a half of a whole are never shown.
+  constexpr std::array<double, 4> kApart{1, -1, 0.01, 1152921504606846976.0};
+  return number + kApart[static_cast<std::size_t>(fate_.between(0, 3))];
+}
+
+void RandomCommands::add_expect(SentCommand& sent, Json& command) {
+  const Place& place = sent.targets[0].place;
+  Json expect = shown(place, *devices_[sent.device]);
+  if (fate_.one_in(4)) expect = another(place, std::move(expect));
+  if (expect == 0 && fate_.one_in(2)) expect = -0.0;
+  sent.expect = expect;
+  command["expect"] = std::move(expect);
 }
 
 void RandomCommands::spoil(SentCommand& sent, Json& command) {
   sent.is_wrong = true;
   sent.targets.clear();
   sent.is_list = false;
-  for (const char* key : {"tag", "address", "type", "value", "targets", "expect"})
+  sent.read.reset();
+  sent.expect.reset();
+  for (const char* key :
+       {"tag", "address", "type", "value", "targets", "expect", "count", "length", "verify"})
     command.erase(key);
   command["op"] = sent.op = "write";
   command["value"] = fresh();
   const Json right{{"tag", "w0"}, {"value", fresh()}};
-  switch (fate_.between(0, 12)) {
+  switch (fate_.between(0, 17)) {
     case 0:
       command["tag"] = "nothing";
       break;
     case 1:
-      command["address"] = word_address(sent.device, 100);  // a tag's, but not in allow
+      command.update(name_of(sent.device, {"", Kind::word, 100}));  // a tag's, not in allow
       break;
     case 2:
       command["tag"] = "ro";
@@ -355,6 +358,21 @@ void RandomCommands::spoil(SentCommand& sent, Json& command) {
       for (int i = 0; i < 65; ++i) command["targets"].push_back(right);
       break;
     }
+    case 12:
+      command.update({{"tag", "w1"}, {"expect", nullptr}});
+      break;
+    case 13:
+      command.update({{"tag", "w1"}, {"count", 2}});
+      break;
+    case 14:
+      command.update({{"tag", "t0"}, {"op", "force_on"}});
+      break;
+    case 15:
+      command.update({{"tag", "w1"}, {"op", "stop"}});
+      break;
+    case 16:
+      command.update({{"tag", "s2"}, {"value", "nine char"}});
+      break;
     default:
       command["tag"] = "w1";
       sent.retained = true;

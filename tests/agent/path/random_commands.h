@@ -11,13 +11,14 @@
 
 #include "tests/agent/path/fate.h"
 #include "tests/agent/path/ledger_device.h"
+#include "tests/agent/path/plant.h"
 
 namespace fxagent::test {
 
 /// What one target of a command is to do.
 struct WantedTarget {
-  std::vector<std::vector<Deed>> elements;  ///< those of an array, or one; of a string its words
-  std::uint32_t per_element = 1;            ///< elements of the contract in each: characters
+  Place place;
+  Elements elements;
 };
 
 /// A message on a command topic, and what it means.
@@ -31,22 +32,17 @@ struct SentCommand {
   bool retained = false;
   std::optional<int> message_expiry_s;
   bool is_list = false;
-  std::vector<WantedTarget> targets;  ///< of a write or force
-  int life = 0;                       ///< of the agent that it was sent to
+  std::vector<WantedTarget> targets;     ///< of a write or force
+  std::optional<Place> read;             ///< of a read
+  std::optional<nlohmann::json> expect;  ///< what the target must hold
+  int life = 0;                          ///< of the agent that it was sent to
+  SteadyTime sent_at{};
+  bool in_conflict = false;  ///< another agent had the same id at that time
 };
-
-/// The config of a plant with a device on each of four lines: programming port, computer link,
-/// Modbus TCP and Modbus RTU.
-std::string plant_of_the_path();
-inline constexpr int kPathDevices = 4;
-/// The registers with min 0.34, max 99.97 and a scale of 0.1: raw 4 … 999 may be written.
-inline constexpr unsigned kFirstLimited = 980;
-inline constexpr unsigned kLastLimited = 989;
 
 class RandomCommands final {
  public:
-  RandomCommands(Fate& fate, std::vector<const LedgerDevice*> devices)
-      : fate_(fate), devices_(std::move(devices)), next_once_(devices_.size()) {}
+  RandomCommands(Fate& fate, std::vector<const LedgerDevice*> devices);
 
   /// The next command for any device; `utc_ms` is now.
   SentCommand next(std::int64_t utc_ms);
@@ -58,10 +54,17 @@ class RandomCommands final {
     WantedTarget wanted;
   };
 
-  bool is_fx(std::uint32_t device) const { return device < 2; }
-  std::string word_address(std::uint32_t device, unsigned number) const;
-  std::string bit_address(std::uint32_t device, unsigned number) const;
+  const Place& tag(std::uint32_t device, std::string_view name) const {
+    return place_of(places_[device], name);
+  }
+  /// A tag of so many whose names are `stem` and a number.
+  const Place& any_of(std::uint32_t device, const std::string& stem, int many) {
+    return tag(device, stem + std::to_string(fate_.between(0, many - 1)));
+  }
   unsigned fresh() { return ++fresh_; }
+  std::uint32_t fresh_long();
+  std::string fresh_text(std::uint32_t device, unsigned length, bool next_odd);
+  unsigned next_bit(std::uint32_t device, bool on);
 
   void write(SentCommand& sent, Json& command);
   void force(SentCommand& sent, Json& command);
@@ -70,22 +73,32 @@ class RandomCommands final {
   void spoil(SentCommand& sent, Json& command);
   void make_unreadable(SentCommand& sent);
   void add_conditions(SentCommand& sent, Json& command, std::int64_t utc_ms);
+  void add_expect(SentCommand& sent, Json& command);
+  /// A value that the place does not have, by one element, or never shows.
+  Json another(const Place& place, Json value);
+  Place raw_place();
+  Json name_of(std::uint32_t device, const Place& place) const;
+  Target made_of(std::uint32_t device, const Place& place, Json value) const;
   Target target(std::uint32_t device);
   Target word_target(std::uint32_t device);
+  Target tenths_target(std::uint32_t device);
   Target array_target(std::uint32_t device);
   Target long_target(std::uint32_t device);
   Target float_target(std::uint32_t device);
   Target text_target(std::uint32_t device);
   Target limited_target(std::uint32_t device);
   Target bit_target(std::uint32_t device);
-  std::vector<Deed> long_deeds(std::uint32_t device, unsigned number, std::uint32_t value) const;
+  Target force_target(std::uint32_t device, bool on);
 
   Fate& fate_;
   std::vector<const LedgerDevice*> devices_;
+  std::vector<std::vector<Place>> places_;  ///< by device
   unsigned fresh_ = 0;
   /// What can be used once in a scene, by device.
   struct Once {
-    unsigned bit = 100;
+    unsigned off = 100;  ///< the next bits that may be on at first, and those that are off
+    unsigned on = 100;
+    unsigned last_character = 0;  ///< of a text of odd length
     unsigned limited = kFirstLimited;
     unsigned flag = 0;
     bool flags = false;

@@ -14,19 +14,19 @@ namespace {
 using namespace std::chrono_literals;
 using namespace test;
 
-TEST(AuditTrail, AuditOfAnOrderIsWrittenWithItsJournal) {
+TEST(AuditTrail, AuditOfACommandIsWrittenWithItsJournal) {
   Shelf shelf;
   shelf.open();
-  JournalEntry order = entry("one");
-  order.audit = told("one");
-  order.number = 7;
-  order.payload = "{}";
-  ASSERT_TRUE(shelf.store->journal().journal(std::vector{order}));
+  JournalEntry command = entry("one");
+  command.audit = told("one");
+  command.number = 7;
+  command.payload = "{}";
+  ASSERT_TRUE(shelf.store->journal().journal(std::vector{command}));
   EXPECT_EQ(audit_of(shelf).size(), 1U);
   EXPECT_EQ(shelf.store->journal().unacknowledged().at(0).number, 7U);
   EXPECT_EQ(shelf.store->journal().unacknowledged().at(0).payload, "{}");
-  order.result = "{1}";
-  shelf.store->journal().record(order);
+  command.result = "{1}";
+  shelf.store->journal().record(command);
   EXPECT_EQ(audit_of(shelf).size(), 2U);
   EXPECT_EQ(shelf.store->journal().unacknowledged().at(0).payload, "");  // it has done its work
   EXPECT_EQ(shelf.store->audit().head().records, 2U);
@@ -63,9 +63,9 @@ TEST(AuditTrail, AuditThatFoundNoDiskIsWrittenLaterAndSaysWhatWasLost) {
   Shelf shelf;
   shelf.block();
   shelf.open();
-  JournalEntry order = entry("one");
-  order.audit = told("one");
-  EXPECT_FALSE(shelf.store->journal().journal(std::vector{order}));
+  JournalEntry command = entry("one");
+  command.audit = told("one");
+  EXPECT_FALSE(shelf.store->journal().journal(std::vector{command}));
   for (int i = 0; i < 30005; ++i) shelf.store->audit().note(told("x"));
   std::filesystem::remove(shelf.config.path);
   shelf.store->upkeep(kStart, kNow);

@@ -7,14 +7,14 @@
 namespace fxagent {
 namespace {
 
-SampleRow row(std::uint64_t order, std::string device = "a", std::string group = "fast") {
-  return {order, std::move(device),     std::move(group),
-          order, std::to_string(order), RowFormat::json_text};
+SampleRow row(std::uint64_t number, std::string device = "a", std::string group = "fast") {
+  return {number, std::move(device),      std::move(group),
+          number, std::to_string(number), RowFormat::json_text};
 }
 
 bool any(const StreamKey&) { return true; }
 
-TEST(Backlog, OldestLaneGoesFirstAndKeepsItsOrder) {
+TEST(Backlog, OldestStreamGoesFirstAndKeepsItsSequence) {
   Backlog backlog(1 << 20);
   for (const auto& r : {row(3, "b"), row(1, "a", "slow"), row(4), row(2, "a", "slow")})
     backlog.append(r);
@@ -30,7 +30,7 @@ TEST(Backlog, OldestLaneGoesFirstAndKeepsItsOrder) {
 
 TEST(Backlog, MessageKeepsItsSizeAndALargerRowGoesAlone) {
   Backlog backlog(1 << 20);
-  for (std::uint64_t order = 10; order < 20; ++order) backlog.append(row(order));
+  for (std::uint64_t number = 10; number < 20; ++number) backlog.append(row(number));
   const auto two = test::next(backlog, 26 + 2 + 1 + 2, any);
   ASSERT_TRUE(two);
   EXPECT_EQ(two->row_ids.size(), 2U);
@@ -62,7 +62,7 @@ TEST(Backlog, FullBacklogLetsTheOldestGoAndCountsThemByDevice) {
   Backlog backlog(room);
   backlog.append(row(1, "c"));
   backlog.append(row(2, "d"));
-  for (std::uint64_t order = 3; order < 6; ++order) backlog.append(row(order, "e"));
+  for (std::uint64_t number = 3; number < 6; ++number) backlog.append(row(number, "e"));
   EXPECT_EQ(backlog.rows(), 3U);
   EXPECT_LE(backlog.bytes(), room);
   const auto dropped = backlog.take_dropped();
@@ -96,7 +96,7 @@ TEST(Backlog, PausedDeviceIsPassedOver) {
 
 TEST(Backlog, WhatWaitsCanMoveAndWhatIsOnTheWayStays) {
   Backlog backlog(1 << 20);
-  for (std::uint64_t order = 1; order < 5; ++order) backlog.append(row(order));
+  for (std::uint64_t number = 1; number < 5; ++number) backlog.append(row(number));
   const auto batch = test::next(backlog, 26 + 1, any);
   ASSERT_TRUE(batch);
   EXPECT_TRUE(backlog.is_on_the_way({"a", "fast"}));
@@ -128,8 +128,8 @@ TEST(Backlog, StreamOfDamagedRowsAloneHoldsNoOtherUp) {
 TEST(Backlog, NextLooksAtNoMoreLanesThanItMust) {
   // With thousands of devices behind after an outage each message would cost a walk over all.
   Backlog backlog(1 << 20);
-  for (std::uint64_t order = 0; order < 2000; ++order)
-    backlog.append(row(order, "d" + std::to_string(order % 1000)));
+  for (std::uint64_t number = 0; number < 2000; ++number)
+    backlog.append(row(number, "d" + std::to_string(number % 1000)));
   std::size_t looks = 0;
   const auto counting = [&](const StreamKey&) { return ++looks > 0; };
   for (std::uint64_t stream = 0; stream < 1000; ++stream) {

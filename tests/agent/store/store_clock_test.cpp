@@ -19,8 +19,8 @@ TEST(StoreClock, ClockThatIsSetMakesNothingOlderOrYounger) {
   shelf.open(kNow - kYear);  // a gateway without a clock of its own
   shelf.store->upkeep(kStart, kNow - kYear);
   shelf.add(rows(1, 2));
-  JournalEntry order = shelf.arrived("x", {}, kNow - kYear);
-  ASSERT_TRUE(shelf.store->journal().journal(std::vector{order}));
+  JournalEntry command = shelf.arrived("x", {}, kNow - kYear);
+  ASSERT_TRUE(shelf.store->journal().journal(std::vector{command}));
   shelf.store->upkeep(kStart + 30min, kNow + 1800000);
   shelf.store->upkeep(kStart + 60min, kNow + 3600000);
   EXPECT_TRUE(shelf.store->samples().take_dropped().empty());

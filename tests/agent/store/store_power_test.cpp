@@ -96,7 +96,7 @@ TEST_F(StorePower, NoSequenceNumberComesTwiceAfterAPowerCut) {
   EXPECT_GE(power_cut().numbers().begin(devices, 1000).at(0), last);
 }
 
-TEST_F(StorePower, WithAlwaysEveryOrderAndResultIsThereAfterAPowerCut) {
+TEST_F(StorePower, WithAlwaysEveryCommandAndResultIsThereAfterAPowerCut) {
   config.sync_always = true;
   Store& first = open();
   ASSERT_TRUE(first.journal().journal(std::vector{entry("waits", 1)}));

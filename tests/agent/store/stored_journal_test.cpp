@@ -14,17 +14,17 @@ using namespace std::chrono_literals;
 using namespace test;
 
 // Its result was told and then had to make room for newer ones. Nobody is told another one.
-TEST(StoredJournal, OrderWhoseResultWasToldAndLostIsKnownAndOver) {
+TEST(StoredJournal, CommandWhoseResultWasPublishedAndLostIsKnownAndOver) {
   Shelf shelf;
   shelf.open();
-  JournalEntry order = shelf.arrived("x");
-  ASSERT_TRUE(shelf.store->journal().journal(std::vector{order}));
+  JournalEntry command = shelf.arrived("x");
+  ASSERT_TRUE(shelf.store->journal().journal(std::vector{command}));
   shelf.store->upkeep(kStart, kNow);
   {
     const DiskLimit full(1000);
-    order.result = "{x}";
-    shelf.store->journal().record(order);
-    shelf.store->journal().acknowledge("a", "x", order.number);
+    command.result = "{x}";
+    shelf.store->journal().record(command);
+    shelf.store->journal().acknowledge("a", "x", command.number);
     for (std::size_t i = 0; i < kRememberedIds; ++i) {
       JournalEntry made = shelf.arrived(std::to_string(i), "{}");
       shelf.store->journal().record(std::move(made));
@@ -41,7 +41,7 @@ TEST(StoredJournal, OrderWhoseResultWasToldAndLostIsKnownAndOver) {
       std::any_of(ids.begin(), ids.end(), [](const auto& known) { return known.id == "x"; }));
 }
 
-TEST(StoredJournal, OrderIsInTheFreshFileThatTookThePlaceOfADamagedOne) {
+TEST(StoredJournal, CommandIsInTheFreshFileThatTookThePlaceOfADamagedOne) {
   Shelf shelf;
   shelf.open();
   JournalEntry early = entry("early");
@@ -51,17 +51,17 @@ TEST(StoredJournal, OrderIsInTheFreshFileThatTookThePlaceOfADamagedOne) {
     SQLite::Database other = sqlite::open(shelf.file());
     ASSERT_NO_THROW(other.exec("INSERT INTO audit VALUES(2, '', x'')"));  // in the next one's place
   }
-  JournalEntry order = entry("x");
-  order.audit = R"({"x":1})";
-  EXPECT_TRUE(shelf.store->journal().journal(std::vector{order}));
+  JournalEntry command = entry("x");
+  command.audit = R"({"x":1})";
+  EXPECT_TRUE(shelf.store->journal().journal(std::vector{command}));
   EXPECT_NE(shelf.store->set_aside(), "");
-  order.result = "{1}";
-  shelf.store->journal().record(order);
+  command.result = "{1}";
+  shelf.store->journal().record(command);
   EXPECT_EQ(shelf.store->journal().find("a", "x")->result, "{1}");
   EXPECT_EQ(shelf.open().journal().unacknowledged().at(0).id, "x");
 }
 
-TEST(StoredJournal, JournalRemembersOrdersAndTheirFirstResult) {
+TEST(StoredJournal, JournalRemembersCommandsAndTheirFirstResult) {
   Shelf shelf;
   shelf.open();
   ASSERT_TRUE(shelf.store->journal().journal(std::vector{entry("one"), entry("two")}));
@@ -95,7 +95,7 @@ TEST(StoredJournal, JournalRemembersOrdersAndTheirFirstResult) {
 }
 
 // The field forgets the oldest of 10,000 ids at once, and the file once a minute.
-TEST(StoredJournal, IdThatIsUsedAnewIsAnotherOrder) {
+TEST(StoredJournal, IdThatIsUsedAnewIsAnotherCommand) {
   Shelf shelf;
   shelf.open();
   JournalEntry first = entry("one");
@@ -170,8 +170,6 @@ TEST(StoredJournal, OfTheOldestIdsTheResultsGoAndTheIdsStay) {
   EXPECT_EQ(shelf.store->journal().find("a", "5")->result, "{}");
 }
 
-// Whatever the calendar says: an id that came after 10,000 others is a new one, and what nobody was
-// told is never passed over.
 TEST(StoredJournal, FaultInTheMiddleOfForgettingLeavesTheSizeRight) {
   Shelf shelf;
   shelf.open();
@@ -205,6 +203,8 @@ TEST(StoredJournal, FaultInTheMiddleOfForgettingLeavesTheSizeRight) {
   EXPECT_LT(shelf.store->journal().bytes(), bytes);
 }
 
+// Whatever the calendar says: an id that came after 10,000 others is a new one, and a result that
+// is not acknowledged is never passed over.
 TEST(StoredJournal, NewestIdsAreThoseThatCameLast) {
   Shelf shelf;
   shelf.open();
@@ -230,7 +230,7 @@ TEST(StoredJournal, NewestIdsAreThoseThatCameLast) {
   EXPECT_EQ(found.back().id, "y");
   ASSERT_EQ(shelf.store->journal().unacknowledged().size(), 1U);
   EXPECT_EQ(shelf.store->journal().unacknowledged()[0].id,
-            "0");  // too many ago, but nobody was told
+            "0");  // too many ago, but not acknowledged
 }
 
 TEST(StoredJournal, IdIsKeptUntilItsTimeIsOverHoweverManyFollow) {
@@ -256,7 +256,7 @@ TEST(StoredJournal, IdIsKeptUntilItsTimeIsOverHoweverManyFollow) {
   EXPECT_EQ(shelf.store->journal().find("a", "patient")->result, "");
 }
 
-TEST(StoredJournal, ResultsAboveTheShareOfOrdersGoAndTheIdsStay) {
+TEST(StoredJournal, ResultsAboveTheShareOfCommandsGoAndTheIdsStay) {
   Shelf shelf;
   shelf.config.max_bytes = 1 << 20;
   shelf.open();
@@ -296,7 +296,7 @@ TEST(StoredJournal, ResultsThatNobodyTakesDoNotFillTheDisk) {
   EXPECT_TRUE(shelf.store->journal().find("a", "3"));
 }
 
-TEST(StoredJournal, ResultThatNobodyWasToldIsKeptAsLongAsASample) {
+TEST(StoredJournal, ResultThatIsNotAcknowledgedIsKeptAsLongAsASample) {
   Shelf shelf;
   shelf.config.max_age = std::chrono::hours(48);
   shelf.open();
@@ -311,28 +311,28 @@ TEST(StoredJournal, ResultThatNobodyWasToldIsKeptAsLongAsASample) {
 
 // The result of the first one found no disk, and the id was let go: the command that is carried out
 // now is the one that a restart must know of.
-TEST(StoredJournal, OrderTakesThePlaceOfAnEarlierOneWithoutAResult) {
+TEST(StoredJournal, CommandTakesThePlaceOfAnEarlierOneWithoutAResult) {
   Shelf shelf;
   shelf.open();
-  JournalEntry order = shelf.arrived("x");
-  ASSERT_TRUE(shelf.store->journal().journal(std::vector{order}));
+  JournalEntry command = shelf.arrived("x");
+  ASSERT_TRUE(shelf.store->journal().journal(std::vector{command}));
   JournalEntry anew = shelf.arrived("x");
   ASSERT_TRUE(shelf.store->journal().journal(std::vector{anew}));
-  order.result = "{1}";
-  shelf.store->journal().record(order);
+  command.result = "{1}";
+  shelf.store->journal().record(command);
   EXPECT_EQ(shelf.store->journal().find("a", "x")->number, anew.number);
   EXPECT_EQ(shelf.store->journal().find("a", "x")->result, "");
 }
 
 // A clock that is set while a command is under way: its result does not make it old.
-TEST(StoredJournal, ResultLeavesTheTimeOfItsOrder) {
+TEST(StoredJournal, ResultLeavesTheTimeOfItsCommand) {
   Shelf shelf;
   shelf.open();
-  JournalEntry order = shelf.arrived("x");
-  ASSERT_TRUE(shelf.store->journal().journal(std::vector{order}));
-  order.result = "{}";
-  order.received_ms = order.deadline_ms = 5000;
-  shelf.store->journal().record(order);
+  JournalEntry command = shelf.arrived("x");
+  ASSERT_TRUE(shelf.store->journal().journal(std::vector{command}));
+  command.result = "{}";
+  command.received_ms = command.deadline_ms = 5000;
+  shelf.store->journal().record(command);
   EXPECT_EQ(shelf.store->journal().find("a", "x")->received_ms, kNow);
   EXPECT_EQ(shelf.store->journal().find("a", "x")->deadline_ms, kNow + 10000);
 }
@@ -351,12 +351,12 @@ TEST(StoredJournal, ResultThatFoundNoDiskIsWrittenLater) {
   EXPECT_TRUE(shelf.store->journal().find("a", "one")->acknowledged);
 }
 
-TEST(StoredJournal, OrderThatFoundNoDiskIsInTheJournalLater) {
+TEST(StoredJournal, CommandThatFoundNoDiskIsInTheJournalLater) {
   Shelf shelf;
   shelf.block();
   shelf.open();
-  const std::vector<JournalEntry> orders{entry("waits", ""), entry("done", "")};
-  EXPECT_FALSE(shelf.store->journal().journal(orders));
+  const std::vector<JournalEntry> commands{entry("waits", ""), entry("done", "")};
+  EXPECT_FALSE(shelf.store->journal().journal(commands));
   shelf.store->journal().record(entry("done", "{1}"));
   shelf.store->journal().record(entry("done", "{2}"));  // the first one stays, as in the file
   EXPECT_EQ(shelf.store->journal().find("a", "waits")->result, "");
@@ -376,7 +376,7 @@ TEST(StoredJournal, OrderThatFoundNoDiskIsInTheJournalLater) {
 
 // The disk may be away for a day: a command and its result take one place between them, and an id
 // that is used anew takes its own place again.
-TEST(StoredJournal, TenThousandOrdersFindRoomUntilThereIsADisk) {
+TEST(StoredJournal, TenThousandCommandsFindRoomUntilThereIsADisk) {
   Shelf shelf;
   shelf.block();
   shelf.open();

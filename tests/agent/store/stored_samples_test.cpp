@@ -28,7 +28,7 @@ TEST(StoredSamples, RowsOutliveTheProcessAndGoOldestFirst) {
   EXPECT_EQ(shelf.open().samples().recovered(), 0U);
 }
 
-TEST(StoredSamples, NumbersDecideTheOrderOfALane) {
+TEST(StoredSamples, NumbersDecideTheSequenceOfAStream) {
   Shelf shelf;
   shelf.open();
   shelf.add(rows(3, 4));
@@ -125,7 +125,7 @@ TEST(StoredSamples, RowsThatAreTooOldGo) {
   EXPECT_EQ(shelf.drain(), "a/fast[3]}");
 }
 
-TEST(StoredSamples, OrdersCountIntoTheLimitAndTheOldestSamplesMakeRoom) {
+TEST(StoredSamples, CommandsCountIntoTheLimitAndTheOldestSamplesMakeRoom) {
   Shelf shelf;
   shelf.config.max_bytes = 1 << 20;
   shelf.open();

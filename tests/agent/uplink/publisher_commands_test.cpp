@@ -121,7 +121,7 @@ TEST(PublisherStore, StoreThatOpensLateTellsWhatItKnows) {
   EXPECT_EQ(bench.results().at(2)["status"], "DUPLICATE");
 }
 
-TEST(PublisherStore, RestartKnowsTheResultsAndSaysWhatNobodyWasTold) {
+TEST(PublisherStore, RestartKnowsTheResultsAndPublishesWhatWasNotAcknowledged) {
   const test::Scratch scratch;
   std::string first;
   {

@@ -51,7 +51,7 @@ TEST(Topics, ResponseTopicElsewhereOrBelowTheOwnResultIsTaken) {
   EXPECT_EQ(fault_of("fx/plant-ab/x"), "");
 }
 
-TEST(Topics, ResponseTopicThatCouldForgeOrOrderIsRefused) {
+TEST(Topics, ResponseTopicThatCouldForgeOrCommandIsRefused) {
   for (const std::string_view bad :
        {"a/+", "#", "$share/x", "other/command", "command", "fx/plant-a/edge7/press1/command",
         "fx/plant-a/edge7/press1/state", "fx/plant-a/edge7/press1/result",
