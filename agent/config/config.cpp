@@ -283,6 +283,7 @@ struct Links {
 void read_links(ConfigReader& reader, const ConfigNode& array, Links& links, Config& config) {
   Channels ports;
   Channels hosts;
+  config.links.reserve(array.children.size());
   for (const ConfigNode& node : array.children) {
     LinkConfig& link = config.links.emplace_back();
     LineKeys& line = links.lines.emplace_back();

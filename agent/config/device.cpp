@@ -45,6 +45,7 @@ class DeviceReader {
   std::optional<std::string_view> read_model();
   void make_codec();
   void read_groups();
+  void read_tags();
   void read_tag(const ConfigNode& node);
   std::uint32_t group_of(const ConfigNode& tag);
   bool read_place(const ConfigNode& node, TagConfig& tag);
@@ -61,8 +62,10 @@ class DeviceReader {
   /// The device's codec, or for a model that is still to be asked that of the widest one; shared
   /// with `device_.codec` where they are the same. Null where protocol, model or options are wrong.
   std::shared_ptr<const Codec> codec_;
-  NameTable groups_;
-  NameTable tags_;
+  std::vector<ConfigNode> group_nodes_;
+  std::vector<ConfigNode> tag_nodes_;
+  NameTable groups_;  ///< of group_nodes_, or for the default group of tag_nodes_
+  NameTable tags_;    ///< of tag_nodes_
   std::map<std::uint16_t, std::vector<ReadWay>> ways_;
 };
 
@@ -194,14 +197,7 @@ void DeviceReader::read_rest() {
         reader_.integer(node_, config_key("devices[].max_block_bytes")).value_or(0));
   if (device_.protocol != nullptr) make_codec();
   read_groups();
-  if (const ConfigNode* tags = reader_.array(node_, config_key("devices[].tags"))) {
-    device_.tags.reserve(tags->children.size());
-    if (codec_ != nullptr && codec_->is_broadcast() && !tags->children.empty())
-      reader_.error(*tags,
-                    "a broadcast is never answered, so it can have no tags; what may be written to "
-                    "all units stands in commands/allow");
-    for (const ConfigNode& tag : tags->children) read_tag(tag);
-  }
+  read_tags();
   if (const ConfigNode* commands = reader_.object(node_, config_key("devices[].commands")))
     read_commands(*commands);
 }
@@ -209,9 +205,8 @@ void DeviceReader::read_rest() {
 // ---- groups -----------------------------------------------------------------------------------
 
 void DeviceReader::read_groups() {
-  const ConfigNode* groups = reader_.array(node_, config_key("devices[].groups"));
-  if (groups == nullptr) return;
-  for (const ConfigNode& node : groups->children) {
+  group_nodes_ = reader_.items(node_, config_key("devices[].groups"));
+  for (const ConfigNode& node : group_nodes_) {
     if (!reader_.check_object(node, config_section("devices[].groups[]"))) continue;
     GroupConfig group;
     group.name = reader_.name(node, config_key("devices[].groups[].name")).value_or("");
@@ -252,6 +247,16 @@ std::uint32_t DeviceReader::group_of(const ConfigNode& tag) {
 }
 
 // ---- tags -------------------------------------------------------------------------------------
+
+void DeviceReader::read_tags() {
+  tag_nodes_ = reader_.items(node_, config_key("devices[].tags"));
+  if (codec_ != nullptr && codec_->is_broadcast() && !tag_nodes_.empty())
+    reader_.error(*node_.find("tags"),
+                  "a broadcast is never answered, so it can have no tags; what may be written to "
+                  "all units stands in commands/allow");
+  device_.tags.reserve(tag_nodes_.size());
+  for (const ConfigNode& tag : tag_nodes_) read_tag(tag);
+}
 
 void DeviceReader::read_tag(const ConfigNode& node) {
   if (!reader_.check_object(node, config_section("devices[].tags[]"))) return;
@@ -477,6 +482,7 @@ void join_link(ConfigReader& reader, const ConfigNode& node, const NameTable& li
 void read_devices(ConfigReader& reader, const ConfigNode& devices, const NameTable& links,
                   std::vector<LinkFacts>& facts, Config& config) {
   NameTable names;
+  config.devices.reserve(devices.children.size());
   for (const ConfigNode& node : devices.children) {
     const auto index = static_cast<std::uint32_t>(config.devices.size());
     DeviceConfig& device = config.devices.emplace_back();
