@@ -80,10 +80,11 @@ int run(const std::string& path) {
   pthread_sigmask(SIG_BLOCK, &stop_signals, nullptr);
   StopWatchdog watchdog(stop_signals);
   const log::InBackground background;
-  const auto config = loaded(path);
+  auto config = loaded(path);
   if (!config) return kWrong;
   malloc_trim(0);  // what reading a large file took goes back, for the years that follow
-  for (const std::string& warning : config->warnings) log::warn("config", {{"note", warning}});
+  for (const std::string& warning : std::exchange(config->warnings, {}))
+    log::warn("config", {{"note", warning}});
   for (const ConfigError& secret : exposed_secrets(*config))
     log::warn("config", {{"note", secret.pointer + ": " + secret.text}});
   run_agent(*config, watchdog);
