@@ -428,6 +428,11 @@ std::string_view readers_beside_owner(const std::string& path) {
 
 }  // namespace
 
+const std::shared_ptr<const TagUnits>& no_units() {
+  static const auto none = std::make_shared<const TagUnits>();
+  return none;
+}
+
 std::string to_string(const ConfigError& error, std::string_view file) {
   std::string text(file);
   if (error.line > 0) text += ":" + std::to_string(error.line);

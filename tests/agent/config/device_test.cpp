@@ -203,10 +203,10 @@ TEST(ConfigDevice, TagTakesWhatIsGiven) {
   EXPECT_EQ(tag.point.order, ByteOrder::abcd);
   EXPECT_EQ(tag.point.scale, 0.5);
   EXPECT_EQ(tag.point.offset, -1.0);
-  EXPECT_EQ(tag.unit, "°C");
-  EXPECT_EQ(tag.limits.min, 0.0);
-  EXPECT_EQ(tag.limits.max, 10.5);
-  EXPECT_EQ(tag.limits.deadband, 0.25);
+  EXPECT_EQ(tag.units->unit, "°C");
+  EXPECT_EQ(tag.units->limits.min, 0.0);
+  EXPECT_EQ(tag.units->limits.max, 10.5);
+  EXPECT_EQ(tag.units->limits.deadband, 0.25);
   EXPECT_TRUE(tag.writable);
 }
 
