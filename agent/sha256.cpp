@@ -1,17 +1,18 @@
 #include "agent/sha256.h"
 
-#include <openssl/evp.h>
-
-#include <stdexcept>
+// By libcrypto's old interface: the new one loads its providers first, which take 2 MiB of memory.
+#define OPENSSL_SUPPRESS_DEPRECATED
+#include <openssl/sha.h>
 
 namespace fxagent {
 
 Digest sha256(std::string_view text) {
   Digest digest{};
-  unsigned int size = 0;
-  if (EVP_Digest(text.data(), text.size(), digest.data(), &size, EVP_sha256(), nullptr) != 1 ||
-      size != digest.size())
-    throw std::runtime_error("libcrypto has no SHA-256");
+  static_assert(digest.size() == SHA256_DIGEST_LENGTH);
+  SHA256_CTX state;
+  SHA256_Init(&state);
+  SHA256_Update(&state, text.data(), text.size());
+  SHA256_Final(digest.data(), &state);
   return digest;
 }
 

@@ -12,7 +12,6 @@ namespace fxagent {
 
 using Digest = std::array<std::uint8_t, 32>;
 
-/// Throws std::runtime_error where libcrypto has no SHA-256.
 Digest sha256(std::string_view text);
 /// Two hex digits a byte, lower case. Ours: libcrypto's OPENSSL_buf2hexstr_ex() writes capitals.
 std::string to_text(ByteView digest);

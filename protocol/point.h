@@ -16,6 +16,7 @@
 
 #include "protocol/bytes.h"
 #include "protocol/result.h"
+#include "protocol/short_text.h"
 
 namespace fxagent {
 
@@ -75,7 +76,7 @@ enum class Unit : std::uint8_t {
 
 /// A device address as its protocol understands it. `span` covers one element.
 struct Address {
-  std::string text;  ///< canonical spelling: "D200", "Y17", "K4M0", "TN5"
+  ShortText text;  ///< canonical spelling: "D200", "Y17", "K4M0", "TN5"
   Span span;
   Unit unit = Unit::word;
   bool writable =

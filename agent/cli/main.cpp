@@ -56,15 +56,6 @@ int check(const std::string& path) {
   return 0;
 }
 
-/// What reading a large file took goes back, for the years that follow; and the config itself, made
-/// between the parts of the file, moves together.
-Config compacted(Config&& config) {
-  Config compact(std::as_const(config));
-  config = {};
-  malloc_trim(0);
-  return compact;
-}
-
 /// Until the agent runs, a stop ends it where it stands: nothing has been begun yet that needs an
 /// end. As process 1 of a container it would not die of the signal by itself.
 void end_at_once(int) { ::_exit(0); }
@@ -89,13 +80,14 @@ int run(const std::string& path) {
   pthread_sigmask(SIG_BLOCK, &stop_signals, nullptr);
   StopWatchdog watchdog(stop_signals);
   const log::InBackground background;
-  auto read = loaded(path);
-  if (!read) return kWrong;
-  const Config config = compacted(std::move(*read));
-  for (const std::string& warning : config.warnings) log::warn("config", {{"note", warning}});
-  for (const ConfigError& secret : exposed_secrets(config))
+  auto config = loaded(path);
+  if (!config) return kWrong;
+  malloc_trim(0);  // what reading a large file took goes back, for the years that follow
+  for (const std::string& warning : std::exchange(config->warnings, {}))
+    log::warn("config", {{"note", warning}});
+  for (const ConfigError& secret : exposed_secrets(*config))
     log::warn("config", {{"note", secret.pointer + ": " + secret.text}});
-  run_agent(config, watchdog);
+  run_agent(*config, watchdog);
   return 0;
 }
 

@@ -257,10 +257,11 @@ std::optional<nanoseconds> bound_of(const std::vector<BoundShare>& shares) {
 DeviceConfig with_blocks(const DeviceConfig& device, std::uint32_t bytes) {
   DeviceConfig out = device;
   out.max_block_bytes = bytes;
-  const auto option = out.options.find("max_block_bytes");
-  if (option == out.options.end()) return out;  // the planner alone keeps it
+  Options options = *device.options;
+  const auto option = options.find("max_block_bytes");
+  if (option == options.end()) return out;  // the planner alone keeps it
   option->second = std::int64_t{bytes};
-  if (const auto codec = device.protocol->make(out.options)) out.codec = *codec;
+  if (const auto codec = device.protocol->make(options)) out.codec = *codec;
   return out;
 }
 

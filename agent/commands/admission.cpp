@@ -44,7 +44,7 @@ std::optional<Refusal> check_limits(const TagConfig& tag, const Value& written) 
   for (const Scalar& item : written.items) {
     const auto x = number(item);
     if (!x) continue;
-    const auto& [min, max, deadband] = tag.limits;
+    const auto& [min, max, deadband] = tag.units->limits;
     const std::string what = spelled(*x) + " would be written, ";
     if (min && *x < *min)
       return refuse(Reason::out_of_range, what + "below the tag's min of " + spelled(*min));
@@ -317,7 +317,7 @@ std::optional<Refusal> CommandAdmission::resolve_place(const Codec& codec, Op op
 std::optional<Refusal> CommandAdmission::check_access(const Codec& codec, const Command& command,
                                                       const AdmittedTarget& target) const {
   const Span span = *span_of(target.point);
-  const std::string& name = target.point.address.text;
+  const std::string name(target.point.address.text);
   const bool allowed = covered(device_.commands.allow, span);
   if (*command.op == Op::read) {
     if (target.tag_index || allowed || command.any_address) return std::nullopt;

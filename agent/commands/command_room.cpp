@@ -48,6 +48,7 @@ std::uint64_t IdFingerprints::print_of(std::string_view device, std::string_view
 }
 
 bool IdFingerprints::has(std::string_view device, std::string_view id, SteadyTime now) const {
+  if (all_.empty()) return false;
   const auto& by_print = all_.get<1>();
   const auto found = by_print.find(print_of(device, id));
   return found != by_print.end() && !(now > found->deadline && now - found->seen >= kRememberedFor);

@@ -283,6 +283,7 @@ struct Links {
 void read_links(ConfigReader& reader, const ConfigNode& array, Links& links, Config& config) {
   Channels ports;
   Channels hosts;
+  config.links.reserve(array.children.size());
   for (const ConfigNode& node : array.children) {
     LinkConfig& link = config.links.emplace_back();
     LineKeys& line = links.lines.emplace_back();
@@ -426,6 +427,11 @@ std::string_view readers_beside_owner(const std::string& path) {
 }
 
 }  // namespace
+
+const std::shared_ptr<const TagUnits>& no_units() {
+  static const auto none = std::make_shared<const TagUnits>();
+  return none;
+}
 
 std::string to_string(const ConfigError& error, std::string_view file) {
   std::string text(file);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <chrono>
+#include <compare>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -15,6 +16,7 @@
 #include "protocol/catalog.h"
 #include "protocol/codec.h"
 #include "protocol/point.h"
+#include "protocol/short_text.h"
 
 namespace fxagent {
 
@@ -61,16 +63,26 @@ struct TagLimits {
   std::optional<double> min{};
   std::optional<double> max{};
   std::optional<double> deadband{};
-  friend bool operator==(const TagLimits&, const TagLimits&) = default;
+  friend auto operator<=>(const TagLimits&, const TagLimits&) = default;
 };
 
+/// What a tag's value means beside its number. Few differ in a plant, however many tags it has.
+struct TagUnits {
+  std::string unit{};
+  TagLimits limits{};
+  friend auto operator<=>(const TagUnits&, const TagUnits&) = default;
+};
+/// Neither unit nor limits: the same one for all.
+const std::shared_ptr<const TagUnits>& no_units();
+
+/// A config may have 100,000 of them: what most leave out is not in here.
 struct TagConfig {
-  std::string name;
+  ShortText name;
   Point point;
-  std::string unit;
   std::uint32_t group = 0;  ///< index in DeviceConfig::groups
   bool writable = config_key("devices[].tags[].access").index() == 1;  ///< access: read_write
-  TagLimits limits;
+  /// Shared by the tags that have the same; never null.
+  std::shared_ptr<const TagUnits> units = no_units();
 };
 
 struct CommandRules {
@@ -91,9 +103,9 @@ struct DeviceConfig {
   std::string name;
   std::uint32_t link = 0;  ///< index in Config::links
   const ProtocolInfo* protocol = nullptr;
-  /// Shared by this config and the worker that reads the device; const, so any thread.
+  /// Shared by this config, the workers, and the devices of the same options; const, so any thread.
   std::shared_ptr<const Codec> codec;
-  Options options;  ///< what the codec was made of
+  std::shared_ptr<const Options> options;  ///< what the codec was made of, shared like it
   /// Allowed beyond the expected line time.
   std::chrono::milliseconds timeout{config_key("devices[].timeout_ms").number()};
   int retries = static_cast<int>(config_key("devices[].retries").number());

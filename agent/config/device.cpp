@@ -28,12 +28,42 @@ bool is_common(std::string_view key) {
   return std::ranges::find(keys, key, &ConfigKey::name) != keys.end();
 }
 
+/// What devices and tags share, each made once: a large plant has few kinds of either.
+class SharedParts {
+ public:
+  struct Protocol {
+    std::shared_ptr<const Codec> codec;
+    std::shared_ptr<const Options> options;
+  };
+
+  Result<Protocol> protocol_of(const ProtocolInfo& info, Options options) {
+    const std::pair kind(&info, std::move(options));
+    if (const auto known = protocols_.find(kind); known != protocols_.end()) return known->second;
+    auto codec = info.make(kind.second);
+    if (!codec) return tl::unexpected(codec.error());
+    return protocols_.emplace(kind, Protocol{*codec, std::make_shared<const Options>(kind.second)})
+        .first->second;
+  }
+
+  std::shared_ptr<const TagUnits> units_of(TagUnits units) {
+    if (units == TagUnits{}) return no_units();
+    auto& known = units_[units];
+    if (known == nullptr) known = std::make_shared<const TagUnits>(std::move(units));
+    return known;
+  }
+
+ private:
+  std::map<std::pair<const ProtocolInfo*, Options>, Protocol> protocols_;
+  std::map<TagUnits, std::shared_ptr<const TagUnits>> units_;
+};
+
 /// Reads one device. A device whose protocol cannot be told is read on without its codec, so that
 /// the errors of shape in its tags still come out.
 class DeviceReader {
  public:
-  DeviceReader(ConfigReader& reader, const ConfigNode& node, DeviceConfig& device)
-      : reader_(reader), node_(node), device_(device) {}
+  DeviceReader(ConfigReader& reader, const ConfigNode& node, SharedParts& shared,
+               DeviceConfig& device)
+      : reader_(reader), node_(node), shared_(shared), device_(device) {}
 
   /// False where there is no object to read.
   bool read_protocol();
@@ -45,24 +75,28 @@ class DeviceReader {
   std::optional<std::string_view> read_model();
   void make_codec();
   void read_groups();
+  void read_tags();
   void read_tag(const ConfigNode& node);
   std::uint32_t group_of(const ConfigNode& tag);
   bool read_place(const ConfigNode& node, TagConfig& tag);
   void read_shape(const ConfigNode& node, std::optional<DataType> type, Point& point);
   void check_span(const ConfigNode& node, const TagConfig& tag);
   void check_exists(const ConfigNode& address, const Span& span);
-  void read_limits(const ConfigNode& node, TagConfig& tag);
+  TagLimits read_limits(const ConfigNode& node, DataType type);
   void read_commands(const ConfigNode& node);
   void read_allow(const ConfigNode& list);
 
   ConfigReader& reader_;
   const ConfigNode& node_;
+  SharedParts& shared_;
   DeviceConfig& device_;
   /// The device's codec, or for a model that is still to be asked that of the widest one; shared
   /// with `device_.codec` where they are the same. Null where protocol, model or options are wrong.
   std::shared_ptr<const Codec> codec_;
-  NameTable groups_;
-  NameTable tags_;
+  std::vector<ConfigNode> group_nodes_;
+  std::vector<ConfigNode> tag_nodes_;
+  NameTable groups_;  ///< of group_nodes_, or for the default group of tag_nodes_
+  NameTable tags_;    ///< of tag_nodes_
   std::map<std::uint16_t, std::vector<ReadWay>> ways_;
 };
 
@@ -158,14 +192,14 @@ void DeviceReader::make_codec() {
   if (!name) return;
   options.insert_or_assign("model", std::string(*name));
 
-  auto codec = protocol.make(options);
-  if (!codec) {
-    reader_.error(culprit(options, codec.error()), codec.error().text);
+  const auto made = shared_.protocol_of(protocol, options);
+  if (!made) {
+    reader_.error(culprit(options, made.error()), made.error().text);
     return;
   }
-  device_.codec = *codec;
-  device_.options = options;
-  codec_ = *codec;
+  device_.codec = made->codec;
+  device_.options = made->options;
+  codec_ = made->codec;
   if (must_ask_model(*codec_)) {
     // The catalogue lists a protocol's models from the narrowest to the widest.
     codec_ = device_.codec->plc()->with_model(protocol.models.back());
@@ -194,14 +228,7 @@ void DeviceReader::read_rest() {
         reader_.integer(node_, config_key("devices[].max_block_bytes")).value_or(0));
   if (device_.protocol != nullptr) make_codec();
   read_groups();
-  if (const ConfigNode* tags = reader_.array(node_, config_key("devices[].tags"))) {
-    device_.tags.reserve(tags->children.size());
-    if (codec_ != nullptr && codec_->is_broadcast() && !tags->children.empty())
-      reader_.error(*tags,
-                    "a broadcast is never answered, so it can have no tags; what may be written to "
-                    "all units stands in commands/allow");
-    for (const ConfigNode& tag : tags->children) read_tag(tag);
-  }
+  read_tags();
   if (const ConfigNode* commands = reader_.object(node_, config_key("devices[].commands")))
     read_commands(*commands);
 }
@@ -209,9 +236,8 @@ void DeviceReader::read_rest() {
 // ---- groups -----------------------------------------------------------------------------------
 
 void DeviceReader::read_groups() {
-  const ConfigNode* groups = reader_.array(node_, config_key("devices[].groups"));
-  if (groups == nullptr) return;
-  for (const ConfigNode& node : groups->children) {
+  group_nodes_ = reader_.items(node_, config_key("devices[].groups"));
+  for (const ConfigNode& node : group_nodes_) {
     if (!reader_.check_object(node, config_section("devices[].groups[]"))) continue;
     GroupConfig group;
     group.name = reader_.name(node, config_key("devices[].groups[].name")).value_or("");
@@ -253,21 +279,34 @@ std::uint32_t DeviceReader::group_of(const ConfigNode& tag) {
 
 // ---- tags -------------------------------------------------------------------------------------
 
+void DeviceReader::read_tags() {
+  tag_nodes_ = reader_.items(node_, config_key("devices[].tags"));
+  if (codec_ != nullptr && codec_->is_broadcast() && !tag_nodes_.empty())
+    reader_.error(*node_.find("tags"),
+                  "a broadcast is never answered, so it can have no tags; what may be written to "
+                  "all units stands in commands/allow");
+  device_.tags.reserve(tag_nodes_.size());
+  for (const ConfigNode& tag : tag_nodes_) read_tag(tag);
+}
+
 void DeviceReader::read_tag(const ConfigNode& node) {
   if (!reader_.check_object(node, config_section("devices[].tags[]"))) return;
   TagConfig tag;
-  tag.name = reader_.name(node, config_key("devices[].tags[].name")).value_or("");
-  if (!tag.name.empty())
-    tags_.add(reader_, tag.name, *node.find("name"),
-              static_cast<std::uint32_t>(device_.tags.size()));
+  if (const auto name = reader_.name(node, config_key("devices[].tags[].name"))) {
+    tag.name = *name;
+    tags_.add(reader_, *name, *node.find("name"), static_cast<std::uint32_t>(device_.tags.size()));
+  }
   tag.group = group_of(node);
   tag.writable = reader_.choice_or_default(node, config_key("devices[].tags[].access")) == 1;
+  TagUnits units;
   // A unit may well be empty, and often is in a file that a program has written.
   if (const ConfigNode* unit = node.find("unit");
       unit != nullptr && (unit->kind != ConfigNode::Kind::string || !unit->text.empty()))
-    tag.unit = reader_.text(*unit).value_or("");
+    units.unit = reader_.text(*unit).value_or("");
   if (read_place(node, tag)) check_span(node, tag);
-  read_limits(node, tag);
+  units.limits = read_limits(node, tag.point.type);
+  tag.units = shared_.units_of(std::move(units));
+  warn_of_limits(reader_, node, tag);
   device_.tags.push_back(std::move(tag));
 }
 
@@ -367,22 +406,20 @@ void DeviceReader::check_exists(const ConfigNode& address, const Span& span) {
                                codec_->addresses().name_of({span.space, span.end_bit() - 1, 1}));
 }
 
-void DeviceReader::read_limits(const ConfigNode& node, TagConfig& tag) {
+TagLimits DeviceReader::read_limits(const ConfigNode& node, DataType type) {
   TagLimits limits;
   limits.min = reader_.number(node, config_key("devices[].tags[].min"));
   limits.max = reader_.number(node, config_key("devices[].tags[].max"));
   limits.deadband = reader_.number(node, config_key("devices[].tags[].deadband"));
-  const bool countable = tag.point.type != DataType::boolean && tag.point.type != DataType::string;
+  const bool countable = type != DataType::boolean && type != DataType::string;
   for (const auto key : {"scale"sv, "offset"sv, "min"sv, "max"sv, "deadband"sv})
     if (const ConfigNode* limit = node.find(key); limit != nullptr && !countable)
-      reader_.error_at_key(*limit,
-                           "is for numbers, not for " + std::string(to_string(tag.point.type)));
+      reader_.error_at_key(*limit, "is for numbers, not for " + std::string(to_string(type)));
   if (limits.min && limits.max && *limits.min > *limits.max)
     reader_.error(*node.find("min"), "must not be greater than max");
   if (limits.deadband && *limits.deadband < 0)
     reader_.error(*node.find("deadband"), "must not be negative");
-  tag.limits = limits;
-  warn_of_limits(reader_, node, tag);
+  return limits;
 }
 
 // ---- commands ---------------------------------------------------------------------------------
@@ -477,10 +514,12 @@ void join_link(ConfigReader& reader, const ConfigNode& node, const NameTable& li
 void read_devices(ConfigReader& reader, const ConfigNode& devices, const NameTable& links,
                   std::vector<LinkFacts>& facts, Config& config) {
   NameTable names;
+  SharedParts shared;
+  config.devices.reserve(devices.children.size());
   for (const ConfigNode& node : devices.children) {
     const auto index = static_cast<std::uint32_t>(config.devices.size());
     DeviceConfig& device = config.devices.emplace_back();
-    DeviceReader device_reader(reader, node, device);
+    DeviceReader device_reader(reader, node, shared, device);
     if (!device_reader.read_protocol()) continue;
     device.name = reader.name(node, config_key("devices[].name")).value_or("");
     if (!device.name.empty()) names.add(reader, device.name, *node.find("name"), index);

@@ -96,15 +96,15 @@ ConfigReader::ConfigReader(const ConfigTree& tree, Environment environment)
     : tree_(tree), environment_(std::move(environment)) {}
 
 void ConfigReader::error(const ConfigNode& at, std::string text) {
-  errors_.push_back({at.offset, &at, without_secrets(at, std::move(text))});
+  errors_.push_back({at.offset, pointer_to(at), without_secrets(at, std::move(text))});
 }
 
 void ConfigReader::error_at_key(const ConfigNode& at, std::string text) {
-  errors_.push_back({at.key_offset, &at, without_secrets(at, std::move(text))});
+  errors_.push_back({at.key_offset, pointer_to(at), without_secrets(at, std::move(text))});
 }
 
 void ConfigReader::warn(const ConfigNode& at, std::string text) {
-  warnings_.push_back({at.offset, &at, without_secrets(at, std::move(text))});
+  warnings_.push_back({at.offset, pointer_to(at), without_secrets(at, std::move(text))});
 }
 
 std::vector<ConfigError> ConfigReader::errors() const {
@@ -113,7 +113,7 @@ std::vector<ConfigError> ConfigReader::errors() const {
   std::vector<ConfigError> list;
   list.reserve(sorted.size());
   for (const Finding& finding : sorted)
-    list.push_back({pointer_to(*finding.node), tree_.line_of(finding.offset), finding.text});
+    list.push_back({finding.pointer, tree_.line_of(finding.offset), finding.text});
   return list;
 }
 
@@ -123,12 +123,16 @@ std::vector<std::string> ConfigReader::warnings() const {
   std::vector<std::string> list;
   list.reserve(sorted.size());
   for (const Finding& finding : sorted)
-    list.push_back(place_of(*finding.node) + ": " + finding.text);
+    list.push_back(place_of(finding.pointer, finding.offset) + ": " + finding.text);
   return list;
 }
 
 std::string ConfigReader::place_of(const ConfigNode& node) const {
-  return pointer_to(node) + " (line " + std::to_string(tree_.line_of(node.offset)) + ")";
+  return place_of(pointer_to(node), node.offset);
+}
+
+std::string ConfigReader::place_of(const std::string& pointer, std::uint32_t offset) const {
+  return pointer + " (line " + std::to_string(tree_.line_of(offset)) + ")";
 }
 
 bool ConfigReader::check_object(const ConfigNode& node, std::span<const ConfigKey> keys,
@@ -182,6 +186,11 @@ const ConfigNode* ConfigReader::array(const ConfigNode& parent, const ConfigKey&
   if (node == nullptr || node->kind == Kind::array) return node;
   wrong_kind(*node, "an array");
   return nullptr;
+}
+
+std::vector<ConfigNode> ConfigReader::items(const ConfigNode& parent, const ConfigKey& key) {
+  const ConfigNode* node = array(parent, key);
+  return node == nullptr ? std::vector<ConfigNode>() : tree_.items_of(*node);
 }
 
 std::optional<std::int64_t> ConfigReader::integer(const ConfigNode& parent, const ConfigKey& key) {

@@ -57,6 +57,9 @@ class ConfigReader {
 
   const ConfigNode* object(const ConfigNode& parent, const ConfigKey& key);
   const ConfigNode* array(const ConfigNode& parent, const ConfigKey& key);
+  /// The items of an array that the tree has folded; none where the key is absent or wrong. They
+  /// must outlive what is kept of them.
+  std::vector<ConfigNode> items(const ConfigNode& parent, const ConfigKey& key);
 
   std::optional<std::int64_t> integer(const ConfigNode& parent, const ConfigKey& key);
   /// The default where there is no right value.
@@ -88,10 +91,11 @@ class ConfigReader {
  private:
   struct Finding {
     std::uint32_t offset = 0;
-    const ConfigNode* node = nullptr;
+    std::string pointer;
     std::string text;
   };
 
+  std::string place_of(const std::string& pointer, std::uint32_t offset) const;
   const ConfigNode* member(const ConfigNode& parent, const ConfigKey& key);
   void wrong_kind(const ConfigNode& node, std::string_view wanted);
   /// `text` with every `${NAME}` replaced and `$${` turned into `${`. Faults go to `fault`, which

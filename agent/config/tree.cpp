@@ -14,6 +14,8 @@ using Json = nlohmann::json;
 
 // The library's own words.
 constexpr std::size_t kMaxFault = 240;
+// No array lies so deep.
+constexpr std::size_t kUnfolded = ConfigTree::max_depth;
 
 /// Walks the text and leaves behind how far the lexer has come. That is how a SAX event learns its
 /// place, which the library does not tell.
@@ -47,7 +49,7 @@ class TracedIterator {
   std::size_t* taken_;  // outlives the parse
 };
 
-/// Builds the tree out of the library's events.
+/// Builds the tree out of the library's events. Arrays within `folded_depth` brackets stay folded.
 class TreeBuilder {
  public:
   using number_integer_t = Json::number_integer_t;
@@ -56,15 +58,21 @@ class TreeBuilder {
   using string_t = Json::string_t;
   using binary_t = Json::binary_t;
 
-  TreeBuilder(ConfigNode& root, const std::size_t& taken) : root_(root), taken_(taken) {}
+  TreeBuilder(ConfigNode& root, const std::size_t& taken, std::size_t folded_depth)
+      : root_(root), taken_(taken), folded_depth_(folded_depth) {}
 
-  bool null() { return add(ConfigNode::Kind::null) != nullptr; }
+  bool null() {
+    if (is_folding()) return true;
+    add(ConfigNode::Kind::null);
+    return true;
+  }
   bool boolean(bool value) {
-    ConfigNode* node = add(ConfigNode::Kind::boolean);
-    node->boolean = value;
+    if (is_folding()) return true;
+    add(ConfigNode::Kind::boolean)->boolean = value;
     return true;
   }
   bool number_integer(number_integer_t value) {
+    if (is_folding()) return true;
     ConfigNode* node = add(ConfigNode::Kind::integer);
     node->integer = value;
     node->number = static_cast<double>(value);
@@ -75,18 +83,20 @@ class TreeBuilder {
     return number_float(static_cast<double>(value), std::to_string(value));
   }
   bool number_float(number_float_t value, const string_t& spelled) {
+    if (is_folding()) return true;
     ConfigNode* node = add(ConfigNode::Kind::number);
     node->number = value;
     node->text = spelled;
     return true;
   }
   bool string(string_t& value) {
-    ConfigNode* node = add(ConfigNode::Kind::string);
-    node->text = std::move(value);
+    if (is_folding()) return true;
+    add(ConfigNode::Kind::string)->text = std::move(value);
     return true;
   }
   bool binary(binary_t&) { return false; }  // not in a JSON text
   bool key(string_t& value) {
+    if (is_folding()) return true;
     key_ = std::move(value);
     key_offset_ = place();
     return true;
@@ -117,6 +127,8 @@ class TreeBuilder {
   /// newline of another line comes before either, since no token spans two.
   std::uint32_t place() const { return static_cast<std::uint32_t>(taken_ - 1); }
 
+  bool is_folding() const { return in_folded_ > 0; }
+
   ConfigNode* add(ConfigNode::Kind kind) {
     ConfigNode* node = &root_;
     if (!open_.empty()) {
@@ -125,6 +137,8 @@ class TreeBuilder {
       if (open_.back()->kind == ConfigNode::Kind::object) {
         node->key = std::move(key_);
         node->key_offset = key_offset_;
+      } else {
+        node->index = static_cast<std::uint32_t>(open_.back()->children.size() - 1);
       }
     }
     node->kind = kind;
@@ -132,21 +146,38 @@ class TreeBuilder {
     return node;
   }
   bool open(ConfigNode::Kind kind) {
-    if (open_.size() == ConfigTree::max_depth) {
+    if (open_.size() + in_folded_ == ConfigTree::max_depth) {
       fault_ = "more than " + std::to_string(ConfigTree::max_depth) + " levels of brackets";
       return false;
     }
-    open_.push_back(add(kind));
+    if (is_folding()) {
+      ++in_folded_;
+      return true;
+    }
+    ConfigNode* const node = add(kind);
+    if (kind == ConfigNode::Kind::array && open_.size() == folded_depth_) {
+      folded_ = node;
+      in_folded_ = 1;
+      return true;
+    }
+    open_.push_back(node);
     return true;
   }
   bool close() {
-    open_.pop_back();
+    if (!is_folding()) {
+      open_.pop_back();
+    } else if (--in_folded_ == 0) {
+      folded_->end = static_cast<std::uint32_t>(taken_);
+    }
     return true;
   }
 
   ConfigNode& root_;
   const std::size_t& taken_;
+  const std::size_t folded_depth_;
   std::vector<ConfigNode*> open_;
+  ConfigNode* folded_ = nullptr;  ///< the last folded array
+  std::size_t in_folded_ = 0;     ///< brackets that are open there, its own included
   std::string key_;
   std::uint32_t key_offset_ = 0;
   std::string fault_;
@@ -171,8 +202,7 @@ const ConfigNode* ConfigNode::find(std::string_view name) const {
 std::string pointer_to(const ConfigNode& node) {
   if (node.parent == nullptr) return {};
   std::string pointer = pointer_to(*node.parent) + "/";
-  if (node.parent->kind == ConfigNode::Kind::array)
-    return pointer + std::to_string(&node - node.parent->children.data());
+  if (node.parent->kind == ConfigNode::Kind::array) return pointer + std::to_string(node.index);
   for (const char c : node.key) {
     if (c == '~')
       pointer += "~0";
@@ -188,7 +218,7 @@ tl::expected<ConfigTree, ConfigTree::SyntaxError> ConfigTree::parse(std::string_
   if (text.size() > max_bytes)
     return tl::unexpected(
         SyntaxError{0, "larger than " + std::to_string(max_bytes >> 20) + " MiB"});
-  ConfigTree tree;
+  ConfigTree tree(text);
   tree.root_ = std::make_unique<ConfigNode>();
   for (std::size_t i = 0; i < text.size(); ++i)
     if (text[i] == '\n') tree.newlines_.push_back(static_cast<std::uint32_t>(i));
@@ -206,13 +236,27 @@ tl::expected<ConfigTree, ConfigTree::SyntaxError> ConfigTree::parse(std::string_
     return syntax_error(zero, "a zero byte");
 
   std::size_t taken = 0;
-  TreeBuilder builder(*tree.root_, taken);
+  TreeBuilder builder(*tree.root_, taken, folded_depth);
   const char* const begin = text.data();
   if (!Json::sax_parse(TracedIterator(begin, &taken), TracedIterator(begin + text.size(), &taken),
                        &builder))
     return syntax_error(taken == 0 ? 0 : taken - 1, shown(builder.fault(), kMaxFault));
   name_parents(*tree.root_);
   return tree;
+}
+
+std::vector<ConfigNode> ConfigTree::items_of(const ConfigNode& folded) const {
+  ConfigNode array;
+  std::size_t taken = folded.offset;
+  TreeBuilder builder(array, taken, kUnfolded);
+  const char* const begin = text_.data();
+  Json::sax_parse(TracedIterator(begin + folded.offset, &taken),
+                  TracedIterator(begin + folded.end, &taken), &builder);
+  for (ConfigNode& item : array.children) {
+    item.parent = &folded;
+    name_parents(item);
+  }
+  return std::move(array.children);
 }
 
 int ConfigTree::line_of(std::size_t offset) const {

@@ -18,11 +18,11 @@ using std::string_view_literals::operator""sv;
 
 void warn_of_limits(ConfigReader& reader, const ConfigNode& node, const TagConfig& tag) {
   const auto range = value_range(tag.point);
-  const ConfigNode* min = tag.limits.min ? node.find("min") : nullptr;
-  const ConfigNode* max = tag.limits.max ? node.find("max") : nullptr;
+  const ConfigNode* min = tag.units->limits.min ? node.find("min") : nullptr;
+  const ConfigNode* max = tag.units->limits.max ? node.find("max") : nullptr;
   if (!range || (min == nullptr && max == nullptr)) return;
   const std::string values = "go from " + spelled(range->least) + " to " + spelled(range->greatest);
-  const auto within = values_within(tag.point, tag.limits.min, tag.limits.max);
+  const auto within = values_within(tag.point, tag.units->limits.min, tag.units->limits.max);
   if (within && *within < 2) {
     reader.warn(min != nullptr ? *min : *max,
                 std::string(*within == 0 ? "no value" : "only one value") +
@@ -31,8 +31,8 @@ void warn_of_limits(ConfigReader& reader, const ConfigNode& node, const TagConfi
     return;
   }
   const std::string text = "has no effect: the values of this tag " + values;
-  if (min != nullptr && *tag.limits.min < range->least) reader.warn(*min, text);
-  if (max != nullptr && *tag.limits.max > range->greatest) reader.warn(*max, text);
+  if (min != nullptr && *tag.units->limits.min < range->least) reader.warn(*min, text);
+  if (max != nullptr && *tag.units->limits.max > range->greatest) reader.warn(*max, text);
 }
 
 void warn_of_silence(ConfigReader& reader, const ConfigNode& node, const GroupConfig& group) {
@@ -50,10 +50,11 @@ void warn_of_equal_stations(ConfigReader& reader, const ConfigNode& devices, con
   std::map<std::pair<std::uint32_t, std::int64_t>, const ConfigNode*> first;
   for (std::size_t i = 0; i < config.devices.size(); ++i) {
     const DeviceConfig& device = config.devices[i];
+    if (device.options == nullptr) continue;
     const ConfigNode& node = devices.children[i];
     for (const auto key : {"station"sv, "unit"sv}) {
-      const auto option = device.options.find(key);
-      if (option == device.options.end()) continue;
+      const auto option = device.options->find(key);
+      if (option == device.options->end()) continue;
       const auto number = std::get<std::int64_t>(option->second);
       const auto [entry, fresh] = first.emplace(std::pair(device.link, number), &node);
       if (fresh) continue;

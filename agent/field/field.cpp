@@ -59,12 +59,11 @@ class Field::Room final {
         }))
       start_looking_up(io_.get_executor());
     for (std::size_t i = 0; i < workers_.size(); ++i)
-      asio::co_spawn(io_, workers_[i]->run(),
-                     [this, name = config_.links[i].name](std::exception_ptr bug) {
-                       report_end(bug, name);
-                       ++ended_;
-                       leave_if_over();
-                     });
+      asio::co_spawn(io_, workers_[i]->run(), [this, i](std::exception_ptr bug) {
+        report_end(bug, config_.links[i].name);
+        ++ended_;
+        leave_if_over();
+      });
     report_later();
     const WithoutSignals quiet;
     thread_ = std::thread([this] { io_.run(); });

@@ -49,8 +49,7 @@ LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std
       poller_(config.links[link], bus_, scheduler_, devices_, state_, outbox),
       commands_(executor, config.links[link], bus_, scheduler_, devices_, state_, poller_, outbox),
       idle_(executor),
-      counting_since_(Clock::now()),
-      stop_timer_(executor) {
+      counting_since_(Clock::now()) {
   milliseconds spread = kSpread;
   for (const std::uint32_t device : devices)
     for (const GroupConfig& group : config.devices[device].groups)
@@ -87,13 +86,13 @@ void LinkWorker::add_device(std::uint32_t index, BackOff back_off) {
   DeviceStatus status = device->state.reported();
   status.codec = device->codec;
   outbox_.push(std::move(status));
-  by_index_[index] = device.get();
   devices_.push_back(std::move(device));
 }
 
 LinkWorker::Device* LinkWorker::device_of(std::uint32_t index) {
-  const auto found = by_index_.find(index);
-  return found == by_index_.end() ? nullptr : found->second;
+  const auto found =
+      std::ranges::find(devices_, index, [](const auto& device) { return device->index; });
+  return found == devices_.end() ? nullptr : found->get();
 }
 
 // ---- the loop -----------------------------------------------------------------------------------
@@ -111,7 +110,7 @@ asio::awaitable<void> LinkWorker::run() {
     if (!state_.is_stopping()) co_await idle_until(Clock::now() + kAfterFault);
   }
   bus_.close();
-  stop_timer_.cancel();
+  stop_timer_.reset();
   for (const WaitingCommand& waiting : commands_.take_waiting())
     outbox_.push(not_sent(waiting.admitted));
   ended_ = true;
@@ -150,8 +149,8 @@ void LinkWorker::stop() {
   state_.stop();
   idle_.cancel();
   if (!commands_.is_running() || poller_.is_polling()) bus_.close();
-  stop_timer_.expires_after(kFinishWithin);
-  stop_timer_.async_wait([this](const asio::error_code& cancelled) {
+  stop_timer_ = std::make_unique<asio::steady_timer>(idle_.get_executor(), kFinishWithin);
+  stop_timer_->async_wait([this](const asio::error_code& cancelled) {
     if (cancelled) return;
     commands_.end();
     bus_.close();

@@ -9,7 +9,6 @@
 #include <memory>
 #include <optional>
 #include <span>
-#include <unordered_map>
 #include <vector>
 
 #include "agent/commands/admitted_command.h"
@@ -84,10 +83,9 @@ class LinkWorker final {
   Poller poller_;
   LinkCommands commands_;
   asio::steady_timer idle_;
-  std::unordered_map<std::uint32_t, Device*> by_index_;
   SteadyTime counting_since_{};
-  std::optional<double> busy_percent_;  ///< of the last whole window
-  asio::steady_timer stop_timer_;
+  std::optional<double> busy_percent_;              ///< of the last whole window
+  std::unique_ptr<asio::steady_timer> stop_timer_;  ///< once it is to stop
   std::atomic<bool> ended_ = false;
 };
 

@@ -83,7 +83,7 @@ bool ReportByException::differs(std::size_t index, const Value& fresh) const {
   if (!state.was_sent) return true;
   if (state.bad || state.sent_bad) return state.bad != state.sent_bad;
   return group_.on_change &&
-         apart(fresh, sent_[index].value(), device_.tags[tags_[index]].limits.deadband);
+         apart(fresh, sent_[index].value(), device_.tags[tags_[index]].units->limits.deadband);
 }
 
 void ReportByException::add_last_good(TagReading& bad, const State& state) {

@@ -46,7 +46,6 @@ class TcpTransport final : public Transport {
   TcpTransport(asio::any_io_executor executor, TcpSettings settings)
       : settings_(std::move(settings)),
         name_(settings_.host + ":" + std::to_string(settings_.port)),
-        executor_(executor),
         socket_(executor),
         deadline_(executor, socket_) {}
 
@@ -58,7 +57,7 @@ class TcpTransport final : public Transport {
       const tcp::endpoint endpoint(address, settings_.port);
       co_return co_await connect(endpoint, at);
     }
-    const auto lookup = std::make_shared<Lookup>(executor_);
+    const auto lookup = std::make_shared<Lookup>(socket_.get_executor());
     lookup_ = lookup;
     lookup->over.expires_at(at);
     lookup->resolver.async_resolve(
@@ -150,7 +149,6 @@ class TcpTransport final : public Transport {
 
   const TcpSettings settings_;
   const std::string name_;
-  const asio::any_io_executor executor_;
   std::shared_ptr<Lookup> lookup_;  ///< under way
   tcp::socket socket_;
   Deadline<tcp::socket> deadline_;

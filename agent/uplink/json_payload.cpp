@@ -129,11 +129,11 @@ Meta device_meta(const DeviceConfig& device) {
     tags.key("address").string(point.address.text).key("type").string(to_string(point.type));
     if (point.is_array) tags.key("count").integer(std::int64_t{point.count});
     if (point.type == DataType::string) tags.key("length").integer(std::int64_t{point.length});
-    tags.key("unit").string(tag.unit);
+    tags.key("unit").string(tag.units->unit);
     tags.key("scale").number(point.scale).key("offset").number(point.offset);
     tags.key("group").string(device.groups.at(tag.group).name);
     tags.key("access").string(tag.writable ? "read_write" : "read");
-    const TagLimits& limits = tag.limits;
+    const TagLimits& limits = tag.units->limits;
     if (limits.min) tags.key("min").number(*limits.min);
     if (limits.max) tags.key("max").number(*limits.max);
     if (limits.deadband) tags.key("deadband").number(*limits.deadband);

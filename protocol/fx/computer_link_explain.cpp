@@ -86,7 +86,7 @@ std::optional<Named> device_in(Model model, std::string_view written) {
   if (head == "T" || head == "C" || (head == "R" && written.size() != 7)) return std::nullopt;
   const auto address = parse_address(model, written, std::nullopt);
   if (!address) return std::nullopt;
-  return Named{address->text, address->span.bits};
+  return Named{std::string(address->text), address->span.bits};
 }
 
 /// Numbers of `digits` each as devices of `bits`: a word of a bit device is its 16 points.

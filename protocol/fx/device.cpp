@@ -308,7 +308,7 @@ Result<Address> parse_address(Model model, std::string_view text, std::optional<
     address.unit = Unit::word_bit;
     address.writable = false;
     address.span = {id(space), address.span.first_bit + *parts.word_bit, 1};
-    address.text += std::string(".") + "0123456789ABCDEF"[*parts.word_bit];
+    address.text = address.text + "." + "0123456789ABCDEF"[*parts.word_bit];
   }
   return address;
 }

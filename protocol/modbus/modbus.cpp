@@ -195,8 +195,8 @@ Result<Address> Modbus::parse_address(std::string_view text,
   if (!place) return tl::make_unexpected(place.error());
   Address address;
   address.span = span_of_place(*place);
-  address.text = modbus::name_of(place->space, place->number, settings_.address_base);
-  if (place->bit) address.text += "." + std::to_string(*place->bit);
+  const std::string name = modbus::name_of(place->space, place->number, settings_.address_base);
+  address.text = place->bit ? name + "." + std::to_string(*place->bit) : name;
   address.unit = place->bit ? Unit::word_bit : width_of(place->space) == 1 ? Unit::bit : Unit::word;
   address.writable = place->space == Space::coil || place->space == Space::holding_register;
   return address;

@@ -110,7 +110,8 @@ class Control:
 
 
 class Usage:
-    """CPU time of a process since this was made, and its memory and threads now."""
+    """CPU time of a process since this was made, its memory and threads now, and the most memory that it
+    ever held."""
 
     def __init__(self, pid):
         self.pid = pid
@@ -127,8 +128,11 @@ class Usage:
         cpu = (self._ticks() - self.ticks) / os.sysconf("SC_CLK_TCK") / seconds
         with open(f"/proc/{self.pid}/status") as status:
             facts = dict(line.split(":", 1) for line in status if ":" in line)
-        return {"cpu_percent": round(100 * cpu, 1),
-                "rss_mib": round(int(facts["VmRSS"].split()[0]) / 1024, 1),
+
+        def mib(fact):
+            return round(int(facts[fact].split()[0]) / 1024, 1)
+
+        return {"cpu_percent": round(100 * cpu, 1), "rss_mib": mib("VmRSS"), "peak_mib": mib("VmHWM"),
                 "threads": int(facts["Threads"])}
 
 

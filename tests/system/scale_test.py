@@ -7,7 +7,7 @@ import statistics
 import subprocess
 import unittest
 
-from plant import BASE, FXAGENT, SCHEDULING_MS, PlantTest, device, free_port, wait_for
+from plant import BASE, FXAGENT, SCHEDULING_MS, PlantTest, device, free_port, text_of, wait_for
 
 
 class Scale(PlantTest):
@@ -18,7 +18,7 @@ class Scale(PlantTest):
             json.dump({
                 "agent": {"id": "edge7", "root": "fx"},
                 "mqtt": {"servers": ["mqtt://127.0.0.1:1"]},
-                "links": [{"name": f"l{i}", "tcp": {"host": f"host{i}", "port": 502},
+                "links": [{"name": f"l{i}", "tcp": {"host": "127.0.0.1", "port": i + 1},
                            "line_baud": 9600} for i in range(devices)],
                 "devices": [{"name": f"d{i}", "link": f"l{i}", "protocol": protocol,
                              "groups": [{"name": "g", "interval_ms": 1000}],
@@ -49,6 +49,21 @@ class Scale(PlantTest):
                 print(f"{protocol} {command}: 10,000 tags {few:.2f} s, 100,000 tags {many:.2f} s")
                 # In proportion it would be 10; where each looks at all, 100.
                 self.assertLess(many / few, 15)
+
+    def test_the_start_takes_no_more_memory_than_the_work(self):
+        path = self.config_of(100, "modbus-tcp", "hr:")
+        log = os.path.join(self.directory, "scale.log")
+        with open(log, "w") as out:
+            child = subprocess.Popen([FXAGENT, "run", path], stderr=out)
+        self.stack.callback(child.wait)
+        self.stack.callback(child.kill)
+        wait_for("every link to be made", lambda: text_of(log).count("state=down") >= 100)
+        with open(f"/proc/{child.pid}/status") as status:
+            facts = dict(line.split(":", 1) for line in status if ":" in line)
+        peak, now = (int(facts[fact].split()[0]) for fact in ("VmHWM", "VmRSS"))
+        print(f"100,000 tags: {now >> 10} MiB, {peak >> 10} MiB at the most")
+        # With a tree of the whole file it was 2.4.
+        self.assertLess(peak / now, 1.5)
 
     def test_too_few_open_files_are_told_and_the_agent_works_on(self):
         port = free_port()

@@ -31,7 +31,8 @@ DeviceConfig press() {
   const Codec& codec = *device.codec;
   device.tags.push_back(tag(codec, "temp", "D120"));
   device.tags.push_back(writable(scaled(tag(codec, "setpoint", "D200"), 0.1)));
-  device.tags.back().limits = TagLimits{.min = 0.0, .max = 100.0};
+  device.tags.back().units =
+      std::make_shared<const TagUnits>(TagUnits{.limits = {.min = 0.0, .max = 100.0}});
   device.tags.push_back(writable(tag(codec, "start", "M50")));
   device.tags.push_back(writable(tag(codec, "name", "D250", DataType::string)));
   device.tags.back().point.length = 4;
@@ -695,7 +696,8 @@ TEST_F(CommandAdmissionTest, LimitsOfATagAreItsOwnAndTold) {
 // A raw step of 40: nearest to 100 is 120.
 TEST_F(CommandAdmissionTest, LimitsBindWhatIsReallyWritten) {
   device.tags.push_back(writable(scaled(tag(*device.codec, "coarse", "D260"), 40)));
-  device.tags.back().limits = TagLimits{.min = -100.0, .max = 100.0};
+  device.tags.back().units =
+      std::make_shared<const TagUnits>(TagUnits{.limits = {.min = -100.0, .max = 100.0}});
   const auto coarse = [&](std::string id, double value, bool dry_run = false) {
     Command command = write(std::move(id), value);
     command.targets[0].tag = "coarse";

@@ -203,11 +203,37 @@ TEST(ConfigDevice, TagTakesWhatIsGiven) {
   EXPECT_EQ(tag.point.order, ByteOrder::abcd);
   EXPECT_EQ(tag.point.scale, 0.5);
   EXPECT_EQ(tag.point.offset, -1.0);
-  EXPECT_EQ(tag.unit, "°C");
-  EXPECT_EQ(tag.limits.min, 0.0);
-  EXPECT_EQ(tag.limits.max, 10.5);
-  EXPECT_EQ(tag.limits.deadband, 0.25);
+  EXPECT_EQ(tag.units->unit, "°C");
+  EXPECT_EQ(tag.units->limits.min, 0.0);
+  EXPECT_EQ(tag.units->limits.max, 10.5);
+  EXPECT_EQ(tag.units->limits.deadband, 0.25);
   EXPECT_TRUE(tag.writable);
+}
+
+TEST(ConfigDevice, TagsAndDevicesShareWhatTheyHaveInCommon) {
+  // A config may have 100,000 tags: what is added here is added so often.
+  EXPECT_LE(sizeof(TagConfig), 96U);
+  auto plant = small_plant();
+  auto& devices = plant["devices"];
+  devices[0]["tags"] = nlohmann::json::parse(R"([
+    {"name": "a", "address": "D1", "unit": "bar", "max": 10},
+    {"name": "b", "address": "D2", "unit": "bar", "max": 10},
+    {"name": "c", "address": "D3", "unit": "bar", "max": 11},
+    {"name": "d", "address": "D4"}])");
+  devices[1] = devices[0];
+  devices[1].update({{"name", "press2"}, {"link", "gw1"}});
+  devices.push_back(devices[1]);
+  devices[2].update({{"name", "press3"}, {"model", "FX2N"}});
+  const auto config = good(plant.dump());
+  const auto& tags = config.devices[0].tags;
+  EXPECT_EQ(tags[0].units, tags[1].units);
+  EXPECT_EQ(tags[0].units, config.devices[1].tags[0].units);
+  EXPECT_EQ(tags[2].units->limits.max, 11.0);
+  EXPECT_EQ(tags[3].units, no_units());
+  EXPECT_EQ(config.devices[0].codec, config.devices[1].codec);
+  EXPECT_EQ(config.devices[0].options, config.devices[1].options);
+  EXPECT_EQ(std::get<std::string>(config.devices[2].options->at("model")), "FX2N");
+  EXPECT_NE(config.devices[2].codec, config.devices[1].codec);
 }
 
 TEST(ConfigDevice, TypeDefaultsToWhatTheAddressIs) {

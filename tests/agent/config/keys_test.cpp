@@ -363,12 +363,12 @@ TEST(ConfigKeys, OptionsGivenWithTheirDefaultsChangeNothing) {
     json plant = small_plant();
     json& device = plant["devices"][1];
     device = {{"name", "mixer"}, {"link", "gw1"}, {"protocol", protocol.name}};
-    const Options absent = good(plant.dump()).devices[1].options;
+    const Options absent = *good(plant.dump()).devices[1].options;
     for (const ConfigKey& key : protocol_keys(protocol))
       device.update(expected_in_schema(key).contains("default")
                         ? json{{std::string(key.name), expected_in_schema(key)["default"]}}
                         : json::object());
-    EXPECT_EQ(good(plant.dump()).devices[1].options, absent) << protocol.name;
+    EXPECT_EQ(*good(plant.dump()).devices[1].options, absent) << protocol.name;
     EXPECT_EQ(absent, default_options(protocol)) << protocol.name;
   }
 }

@@ -67,6 +67,58 @@ TEST(ConfigTree, PointersSurviveAMove) {
   EXPECT_EQ(pointer_to(moved.root().find("a")->children[1]), "/a/1");
 }
 
+TEST(ConfigTree, ArraysInItemsOfAnArrayAreReadWhenTheyAreAskedFor) {
+  const auto tree = parsed(
+      "{\"devices\": [{},\n"
+      "  {\"tags\": [\n"                                     // 2
+      "    {\"a\": [1, [\"]\"]]},\n"                         // 3
+      "    \"x\", 2.5, null, true,\n"                        // 4
+      "    7\n"                                              // 5: the lexer has read the newline
+      "  ], \"groups\": [], \"more\": {\"allow\": [8]}},\n"  // 6
+      "  {\"tags\": 5}]}");                                  // 7
+  const auto& devices = tree.root().find("devices")->children;
+  ASSERT_EQ(devices.size(), 3U);
+  const ConfigNode& tags = *devices[1].find("tags");
+  EXPECT_EQ(tags.kind, Kind::array);
+  EXPECT_TRUE(tags.children.empty());
+  EXPECT_EQ(tree.line_of(tags.offset), 2);
+  EXPECT_TRUE(tree.items_of(*devices[1].find("groups")).empty());
+  EXPECT_EQ(devices[1].find("more")->find("allow")->children.size(), 1U);
+  EXPECT_EQ(devices[2].find("tags")->integer, 5);
+
+  const auto items = tree.items_of(tags);
+  ASSERT_EQ(items.size(), 6U);
+  const ConfigNode& deep = items[0].find("a")->children[1].children[0];
+  EXPECT_EQ(deep.text, "]");
+  EXPECT_EQ(pointer_to(deep), "/devices/1/tags/0/a/1/0");
+  EXPECT_EQ(tree.line_of(deep.offset), 3);
+  EXPECT_EQ(tree.line_of(items[0].find("a")->key_offset), 3);
+  EXPECT_EQ(items[1].text, "x");
+  EXPECT_EQ(items[2].number, 2.5);
+  EXPECT_EQ(items[3].kind, Kind::null);
+  EXPECT_TRUE(items[4].boolean);
+  EXPECT_EQ(items[5].integer, 7);
+  EXPECT_EQ(tree.line_of(items[5].offset), 5);
+  EXPECT_EQ(pointer_to(items[5]), "/devices/1/tags/5");
+}
+
+TEST(ConfigTree, FaultInAFoldedArrayIsFoundAtOnce) {
+  const auto at_depth = [](std::string_view what) {
+    return R"({"devices": [{"tags": [)" + std::string(what) + "]}]}";
+  };
+  for (const std::string_view fault : {"{]", "1 2", "tru", "1e999", "\"\xFF\""}) {
+    const std::string text = at_depth(fault);
+    EXPECT_FALSE(ConfigTree::parse(text)) << fault;
+  }
+  // Four brackets are around it.
+  const std::string full = at_depth(std::string(28, '[') + std::string(28, ']'));
+  EXPECT_TRUE(ConfigTree::parse(full));
+  const std::string over = at_depth(std::string(29, '[') + std::string(29, ']'));
+  const auto tree = ConfigTree::parse(over);
+  ASSERT_FALSE(tree);
+  EXPECT_NE(tree.error().text.find("32 levels"), std::string::npos) << tree.error().text;
+}
+
 TEST(ConfigTree, ValuesKeepTheirKinds) {
   const auto tree = parsed(
       R"([null, false, -9223372036854775808, 9223372036854775808, 1e3, "a\u00e9\"", [], {}])");

@@ -35,7 +35,8 @@ DeviceConfig press_on_change(std::optional<double> deadband = std::nullopt) {
   DeviceConfig device = press();
   device.groups[0].on_change = true;
   device.groups[0].max_silent = seconds(60);
-  device.tags[0].limits = device.tags[3].limits = TagLimits{.deadband = deadband};
+  device.tags[0].units = device.tags[3].units =
+      std::make_shared<const TagUnits>(TagUnits{.limits = {.deadband = deadband}});
   return device;
 }
 
@@ -166,7 +167,7 @@ TEST(ReportByException, ChangeOfExactlyOneDeadbandIsSent) {
 
 TEST(ReportByException, ChangeOfABitIgnoresEveryDeadband) {
   DeviceConfig device = press_on_change();
-  device.tags[2].limits = TagLimits{.deadband = 5.0};
+  device.tags[2].units = std::make_shared<const TagUnits>(TagUnits{.limits = {.deadband = 5.0}});
   ReportByException report(device, 0);
   EXPECT_TRUE(report.cycle(good(1.0, false), 1, kStart));
   EXPECT_TRUE(report.cycle(good(1.0, true), 2, kStart));

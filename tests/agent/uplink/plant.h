@@ -41,12 +41,12 @@ inline DeviceConfig press(std::string name) {
   slow.name = "slow";
   device.groups = {fast, slow};
   TagConfig temperature = tag("temp", "D100", DataType::int16);
-  temperature.unit = "°C";
   temperature.point.scale = 0.1;
-  temperature.limits = TagLimits{.deadband = 0.5};
+  temperature.units =
+      std::make_shared<const TagUnits>(TagUnits{.unit = "°C", .limits = {.deadband = 0.5}});
   TagConfig set = tag("setpoint", "D200", DataType::int16, 1);
   set.writable = true;
-  set.limits = TagLimits{.min = 0, .max = 1000};
+  set.units = std::make_shared<const TagUnits>(TagUnits{.limits = {.min = 0, .max = 1000}});
   device.tags = {temperature,
                  tag("running", "M0", DataType::boolean),
                  tag("pressure", "D101", DataType::int16),

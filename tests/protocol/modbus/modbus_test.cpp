@@ -595,7 +595,7 @@ TEST(Modbus, EveryPlanIsSendableBringsEveryPointAndKeepsToGapAndLength) {
     for (std::size_t i = 0; i < points.size(); ++i) {
       ASSERT_EQ(plan.sources[i].count, 1U);
       const Span& read = plan.reads[plan.sources[i].first_read].read.span;
-      EXPECT_TRUE(read.contains(*span_of(points[i]))) << points[i].address.text;
+      EXPECT_TRUE(read.contains(*span_of(points[i]))) << std::string_view(points[i].address.text);
     }
     for (const PlannedRead& planned : plan.reads) {
       const Span& span = planned.read.span;
