@@ -46,9 +46,9 @@ class AddressSpace {
                                         std::optional<DataType> type) const = 0;
   /// True where `text` needs a type to be told apart in a command (T5, C5).
   virtual bool needs_type(std::string_view text) const = 0;
-  /// A range for an allow list: "M100-M199" or one device. bad_request as parse_address; the ends
-  /// are of two kinds; T or C without N or S; or it holds what is never written (M8034-M8037,
-  /// M8118).
+  /// A range for an allow list: "M100-M199", "M100..M199" or one device. bad_request as
+  /// parse_address; the ends are of two kinds; T or C without N or S; or it holds what is never
+  /// written (M8034-M8037, M8118).
   virtual Result<Span> parse_range(std::string_view text) const = 0;
   /// The device's words for `span`'s first device ("D100"). Any span has a name, also one that this
   /// model lacks.

@@ -9,9 +9,8 @@
 namespace fxagent {
 namespace {
 
-std::vector<std::string_view> fx_models() {
-  const auto names = fx::model_names();
-  return {names.begin(), names.end()};
+std::vector<std::string_view> names(std::span<const std::string_view> list) {
+  return {list.begin(), list.end()};
 }
 
 OptionSpec integer(std::string_view key, std::int64_t min, std::int64_t max, std::int64_t fallback,
@@ -34,7 +33,8 @@ ProtocolInfo programming_port() {
   ProtocolInfo info;
   info.name = "fx-programming-port";
   info.summary = "Mitsubishi FX through its programming port (RS-422, 9600 7E1)";
-  info.models = fx_models();
+  info.models = names(fx::model_names());
+  info.kin = names(fx::kin_names());
   info.options = {
       choice("command_set", {"auto", "classic", "extended"},
              "`auto`: classic commands where they reach, extended ones beyond. FX0N and FX1S have "
@@ -56,7 +56,8 @@ ProtocolInfo computer_link() {
   info.name = "fx-computer-link";
   info.summary = "Mitsubishi FX through its computer link (RS-485, stations 0 to 15)";
   info.multidrop = true;
-  info.models = fx_models();
+  info.models = names(fx::model_names());
+  info.kin = names(fx::kin_names());
   info.options = {
       integer("station", 0, 15, settings.station, "Station number, D8121 of the PLC."),
       integer("format", 1, 4, settings.ends_with_cr_lf ? 4 : 1,

@@ -50,6 +50,7 @@ struct ProtocolInfo {
   bool on_tcp = true;
   bool multidrop = false;  ///< frames carry a station or unit, so devices can share a line
   std::vector<std::string_view> models;  ///< what `model` may be, besides auto; empty: it has none
+  std::vector<std::string_view> kin;     ///< further names of them, which `model` may be too
   std::vector<OptionSpec> options;
   Result<std::shared_ptr<const Codec>> (*make)(const Options&) = nullptr;
 };

@@ -617,4 +617,11 @@ void insert_bits(Bytes& image, std::uint32_t to_bit, ByteView part, std::uint32_
   }
 }
 
+RangeEnds range_ends(std::string_view text) {
+  for (const std::string_view between : {"..", "-"})
+    if (const auto at = text.find(between); at != text.npos)
+      return {text.substr(0, at), text.substr(at + between.size())};
+  return {text, std::nullopt};
+}
+
 }  // namespace fxagent

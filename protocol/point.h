@@ -9,6 +9,7 @@
 
 #include <boost/container/small_vector.hpp>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <variant>
@@ -161,5 +162,13 @@ Bytes extract_bits(ByteView image, std::uint32_t from_bit, std::uint32_t bits);
 /// Overwrites `bits` bits of `image` from `to_bit` on with the first ones of `part`. `image` holds
 /// them all.
 void insert_bits(Bytes& image, std::uint32_t to_bit, ByteView part, std::uint32_t bits);
+
+/// The ends of a range as they are written, "M100-M199" or "M100..M199"; of a text that is none,
+/// all of it and no last one.
+struct RangeEnds {
+  std::string_view first;
+  std::optional<std::string_view> last;
+};
+RangeEnds range_ends(std::string_view text);
 
 }  // namespace fxagent

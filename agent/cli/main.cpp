@@ -4,12 +4,15 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <csignal>
 #include <exception>
 #include <functional>
 #include <iostream>
 #include <stdexcept>
+#include <string>
 #include <string_view>
+#include <vector>
 
 #include "agent/agent.h"
 #include "agent/cli/acl.h"
@@ -19,6 +22,7 @@
 #include "agent/cli/plan.h"
 #include "agent/cli/verify_stream.h"
 #include "agent/config/config.h"
+#include "agent/config/reader.h"
 #include "agent/log/log.h"
 #include "agent/process/startup.h"
 #include "agent/process/stop_watchdog.h"
@@ -181,6 +185,17 @@ void add_acl(CLI::App& app, std::string& path, AclQuestion& what, std::function<
   });
 }
 
+/// The error text where the first argument is meant as a subcommand and is none; else empty.
+std::string misspelt_subcommand(const CLI::App& app, int argc, char** argv) {
+  const std::string_view said = argc > 1 ? argv[1] : "";
+  if (said.empty() || said.starts_with('-')) return {};
+  std::vector<std::string> names;
+  for (const CLI::App* command : app.get_subcommands({})) names.push_back(command->get_name());
+  if (std::ranges::find(names, said) != names.end()) return {};
+  const std::vector<std::string_view> words(names.begin(), names.end());
+  return "there is no subcommand " + shown(said) + "; " + did_you_mean(said, words);
+}
+
 int dispatch(int argc, char** argv) {
   CLI::App app("fxagent: MQTT edge agent for Mitsubishi FX PLCs", "fxagent");
   app.set_version_flag("--version", FXAGENT_VERSION);
@@ -250,6 +265,10 @@ int dispatch(int argc, char** argv) {
   // Before the arguments are looked at: what a subcommand lacks must not hide its version.
   for (CLI::App* command : app.get_subcommands({}))
     command->set_version_flag("--version", FXAGENT_VERSION);
+  if (const std::string fault = misspelt_subcommand(app, argc, argv); !fault.empty()) {
+    std::cerr << fault << "\nRun with --help for more information.\n";
+    return kWrong;
+  }
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

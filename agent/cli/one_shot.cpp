@@ -5,10 +5,13 @@
 #include <cmath>
 #include <iostream>
 #include <nlohmann/json.hpp>
+#include <string_view>
 #include <utility>
+#include <vector>
 
 #include "agent/commands/admission.h"
 #include "agent/commands/result_text.h"
+#include "agent/config/reader.h"
 #include "agent/field/field.h"
 #include "agent/outbox.h"
 #include "protocol/plc.h"
@@ -51,6 +54,20 @@ bool narrow(Config& config, const std::string& name) {
   return true;
 }
 
+/// Whether a text that names no tag is meant as one: an address has a digit after at most two
+/// letters, or a colon.
+bool is_meant_as_tag(std::string_view text) {
+  constexpr std::size_t kLettersOfAddress = 2;
+  return text.find(':') == text.npos && text.find_first_of("0123456789") > kLettersOfAddress;
+}
+
+std::vector<std::string_view> tag_names(const DeviceConfig& device) {
+  std::vector<std::string_view> names;
+  names.reserve(device.tags.size());
+  for (const TagConfig& tag : device.tags) names.push_back(tag.name);
+  return names;
+}
+
 bool names_tag(const OneShot& what, const DeviceConfig& device) {
   return std::any_of(device.tags.begin(), device.tags.end(),
                      [&](const TagConfig& tag) { return tag.name == what.address; });
@@ -68,7 +85,8 @@ Command command_for(const OneShot& what, const DeviceConfig& device, CommandTarg
   command.message_expiry = device.commands.max_expiry;
   command.expires_ms =
       command.received_ms + std::chrono::milliseconds(device.commands.max_expiry).count();
-  (names_tag(what, device) ? target.tag : target.address) = what.address;
+  const bool is_tag = names_tag(what, device) || is_meant_as_tag(what.address);
+  (is_tag ? target.tag : target.address) = what.address;
   command.targets.push_back(std::move(target));
   return command;
 }
@@ -118,11 +136,16 @@ CommandResult carry_out(const Config& config, const OneShot& what, CommandTarget
   field.start();
   Answer answer(outbox, device.codec);
   std::shared_ptr<const Codec> codec = device.codec;
-  if (must_ask_model(*codec)) codec = answer.await_model();
+  Command command = command_for(what, device, std::move(target));
+  const bool is_unknown = !command.targets.front().tag.empty() && !names_tag(what, device);
+  if (must_ask_model(*codec) && !is_unknown) codec = answer.await_model();
   CommandAdmission admission(device);
-  auto decision = admission.admit(command_for(what, device, std::move(target)), codec, 0,
-                                  std::chrono::steady_clock::now());
-  if (auto* result = std::get_if<CommandResult>(&decision)) return std::move(*result);
+  auto decision = admission.admit(std::move(command), codec, 0, std::chrono::steady_clock::now());
+  if (auto* result = std::get_if<CommandResult>(&decision)) {
+    if (is_unknown && !device.tags.empty())
+      result->detail += "; " + did_you_mean(what.address, tag_names(device));
+    return std::move(*result);
+  }
   field.submit(std::move(std::get<AdmittedCommand>(decision)));
   return answer.await_result();
 }
@@ -178,19 +201,25 @@ void print_command(const CommandResult& result, const std::string& device, bool 
     return;
   }
   std::cout << device << ' ' << result.op << ' ' << result.targets.front().address << ": "
-            << to_string(result.status) << ", " << word(result.plc);
+            << to_string(result.status);
+  const bool was_sent = result.status != CommandStatus::rejected;
+  if (was_sent) std::cout << ", " << word(result.plc);
   if (result.progress)
     std::cout << ", " << result.progress->done << " of " << result.progress->of << " written";
   if (result.reason != Reason::none) std::cout << ", " << to_string(result.reason);
   if (!result.detail.empty()) std::cout << ": " << result.detail;
-  std::cout << "  (" << ms(result.wire) << " ms)\n";
+  if (was_sent) std::cout << "  (" << ms(result.wire) << " ms)";
+  std::cout << '\n';
 }
 
 }  // namespace
 
 int run_one_shot(Config config, const OneShot& what) {
   if (!narrow(config, what.device)) {
-    std::cerr << "no device " << what.device << " in the config\n";
+    std::vector<std::string_view> names;
+    for (const DeviceConfig& device : config.devices) names.push_back(device.name);
+    std::cerr << "no device " << what.device << " in the config"
+              << (names.empty() ? "" : "; " + did_you_mean(what.device, names)) << '\n';
     return kWrongQuestion;
   }
   if ((what.type || what.count > 0) && names_tag(what, config.devices.front())) {

@@ -403,10 +403,9 @@ Result<WhatIf> parse_what_if(const std::string& what) {
                             " ms, not \"" + number + "\"");
   out.interval = milliseconds(interval);
   const std::string places = text.substr(blank + 1, at - blank - 1);
-  const auto dots = places.find("..");
-  out.first = trimmed(std::string_view(places).substr(0, dots));
-  out.last =
-      dots == std::string::npos ? out.first : trimmed(std::string_view(places).substr(dots + 2));
+  const RangeEnds ends = range_ends(places);
+  out.first = trimmed(ends.first);
+  out.last = trimmed(ends.last.value_or(ends.first));
   return out;
 }
 

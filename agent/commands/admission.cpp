@@ -328,7 +328,10 @@ std::optional<Refusal> CommandAdmission::check_access(const Codec& codec, const 
     return refuse(Reason::not_writable, writable.error().text);
   if (target.tag_index) {
     if (device_.tags[*target.tag_index].writable) return std::nullopt;
-    return refuse(Reason::not_writable, "the tag's access is read");
+    return refuse(
+        Reason::not_writable,
+        "the tag's access is read; \"access\": \"read_write\" in the config lets commands "
+        "write it");
   }
   if (allowed) return std::nullopt;
   return refuse(Reason::not_allowed, name + " is not covered by commands.allow");

@@ -57,6 +57,11 @@ class SharedParts {
   std::map<TagUnits, std::shared_ptr<const TagUnits>> units_;
 };
 
+/// FX5U, FX5UC, FX5UJ or FX5S, in any case.
+bool is_fx5(std::string_view model) {
+  return model.size() >= 3 && (model.starts_with("FX5") || model.starts_with("fx5"));
+}
+
 /// Reads one device. A device whose protocol cannot be told is read on without its codec, so that
 /// the errors of shape in its tags still come out.
 class DeviceReader {
@@ -161,6 +166,12 @@ std::optional<std::string_view> DeviceReader::read_model() {
       reader_.error(*given, std::string(protocol.name) +
                                 " has no models: leave \"model\" out, or set it to auto");
     return kAutoModel;
+  }
+  if (given->kind == ConfigNode::Kind::string && is_fx5(given->text)) {
+    reader_.error(*given, std::string(protocol.name) +
+                              " does not reach an FX5; it speaks Modbus too, once its parameters "
+                              "say so: protocol modbus-tcp or modbus-rtu, without \"model\"");
+    return std::nullopt;
   }
   const ConfigKey key = model_key(protocol);
   const auto model = reader_.choice(node_, key);

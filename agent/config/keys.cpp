@@ -32,8 +32,10 @@ ConfigKey model_key(const ProtocolInfo& protocol) {
   static const auto words = [] {
     std::map<std::string_view, std::vector<std::string_view>> list;
     for (const ProtocolInfo& info : catalog()) {
-      list[info.name] = info.models;
-      list[info.name].insert(list[info.name].begin(), kAutoModel);
+      std::vector<std::string_view>& names = list[info.name];
+      names.push_back(kAutoModel);
+      names.insert(names.end(), info.models.begin(), info.models.end());
+      names.insert(names.end(), info.kin.begin(), info.kin.end());
     }
     return list;
   }();
@@ -44,7 +46,8 @@ ConfigKey model_key(const ProtocolInfo& protocol) {
                     ? "Modbus devices have no models: leave it out, or set `auto`."
                     : "Model of the PLC. `auto`: the PLC is asked, and `check` holds addresses "
                       "against the FX3U, the widest. Addresses that the real model lacks are bad "
-                      "then.";
+                      "then. An `FX1NC`, `FX2NC`, `FX3GC`, `FX3GE` or `FX3UC` counts as the model "
+                      "without the last letter.";
   return key;
 }
 

@@ -1,6 +1,7 @@
 #include "agent/config/reader.h"
 
 #include <algorithm>
+#include <array>
 #include <cctype>
 #include <cmath>
 #include <unordered_map>
@@ -56,11 +57,87 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
   return row[b.size()];
 }
 
+char lower(char c) { return static_cast<char>(std::tolower(static_cast<unsigned char>(c))); }
+
+bool equal_but_for_case(std::string_view a, std::string_view b) {
+  return std::ranges::equal(a, b, {}, lower, lower);
+}
+
+/// What people write, and the word of ours that they mean by it. By its letters alone it would be
+/// another one, or none.
+constexpr std::array<std::pair<std::string_view, std::string_view>, 25> kMeanings{{
+    {"rw", "read_write"},
+    {"r/w", "read_write"},
+    {"readwrite", "read_write"},
+    {"read-write", "read_write"},
+    {"write", "read_write"},
+    {"ro", "read"},
+    {"r", "read"},
+    {"readonly", "read"},
+    {"read_only", "read"},
+    {"bit", "bool"},
+    {"word", "uint16"},
+    {"dword", "uint32"},
+    {"int", "int16"},
+    {"dint", "int32"},
+    {"real", "float32"},
+    {"single", "float32"},
+    {"4", "3.1.1"},
+    {"rtu", "modbus-rtu"},
+    {"ascii", "modbus-ascii"},
+    {"tcp", "modbus-tcp"},
+    {"host", "servers"},
+    {"port", "servers"},
+    {"broker", "servers"},
+    {"url", "servers"},
+    {"interval", "interval_ms"},
+}};
+
+/// Whether `word` says `candidate` in another way: another case, its first letter alone, or a word
+/// of the table.
+bool means(std::string_view word, std::string_view candidate) {
+  if (word.empty() || candidate.empty()) return false;
+  const bool in_table = std::ranges::any_of(
+      kMeanings, [&](const auto& each) { return equal_but_for_case(word, each.first); });
+  if (in_table)
+    return std::ranges::any_of(kMeanings, [&](const auto& each) {
+      return equal_but_for_case(word, each.first) && candidate == each.second;
+    });
+  if (word.size() == 1) return lower(word[0]) == lower(candidate[0]);
+  return equal_but_for_case(word, candidate);
+}
+
+/// "devices[]" of "devices[].tags[]".
+std::string_view first_level(std::string_view section) {
+  return section.substr(0, section.find('.'));
+}
+
+/// Where a key is at home that `section` lacks, in words; empty: nowhere near, or in too many
+/// places to name.
+std::string home_of(std::string_view key, std::string_view section) {
+  std::vector<std::string_view> homes;
+  for (const ConfigKey& known : config_keys::kAll) {
+    const bool is_near = section.empty() || known.section.empty() ||
+                         first_level(known.section) == first_level(section);
+    if (known.name == key && is_near) homes.push_back(known.section);
+  }
+  constexpr std::size_t kMost = 2;
+  if (homes.empty() || homes.size() > kMost) return {};
+  if (homes.front().empty()) return "it belongs at the top level";
+  std::string text = "it belongs inside " + one_of(homes);
+  if (section == "devices[].tags[]" && homes.front() == "devices[].groups[]")
+    text += ", to the group that the tag names";
+  return text;
+}
+
 }  // namespace
 
 std::vector<std::string_view> nearest_words(std::string_view word,
                                             std::span<const std::string_view> words) {
   std::vector<std::string_view> nearest;
+  for (const auto candidate : words)
+    if (means(word, candidate)) nearest.push_back(candidate);
+  if (!nearest.empty()) return nearest;
   if (word.size() >= 3)
     for (const auto candidate : words)
       if (candidate.starts_with(word)) nearest.push_back(candidate);
@@ -157,8 +234,9 @@ bool ConfigReader::check_object(const ConfigNode& node, std::span<const ConfigKe
     std::vector<std::string_view> known;
     for (const ConfigKey& key : keys) known.push_back(key.name);
     known.insert(known.end(), more.begin(), more.end());
-    error_at_key(child,
-                 "unknown key \"" + shown(child.key) + "\"; " + did_you_mean(child.key, known));
+    const std::string home = home_of(child.key, keys.front().section);
+    error_at_key(child, "unknown key \"" + shown(child.key) + "\"; " +
+                            (home.empty() ? did_you_mean(child.key, known) : home));
   }
   return true;
 }

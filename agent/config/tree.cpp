@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "agent/config/syntax_fault.h"
 #include "agent/text.h"
 
 namespace fxagent {
@@ -239,8 +240,11 @@ tl::expected<ConfigTree, ConfigTree::SyntaxError> ConfigTree::parse(std::string_
   TreeBuilder builder(*tree.root_, taken, folded_depth);
   const char* const begin = text.data();
   if (!Json::sax_parse(TracedIterator(begin, &taken), TracedIterator(begin + text.size(), &taken),
-                       &builder))
-    return syntax_error(taken == 0 ? 0 : taken - 1, shown(builder.fault(), kMaxFault));
+                       &builder)) {
+    const std::size_t read = taken == 0 ? 0 : taken - 1;
+    if (const auto known = syntax_fault(text, read)) return syntax_error(known->at, known->text);
+    return syntax_error(read, shown(builder.fault(), kMaxFault));
+  }
   name_parents(*tree.root_);
   return tree;
 }

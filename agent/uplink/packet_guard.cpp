@@ -10,6 +10,8 @@
 #include <cerrno>
 #include <utility>
 
+#include "agent/uplink/connect_faults.h"
+
 namespace fxagent {
 namespace {
 
@@ -40,6 +42,8 @@ ssize_t recv(int fd, void* buffer, std::size_t size, int flags) {
   fxagent::last_socket = fd;
   if (fxagent::is_refused(size)) return -1;
   const ssize_t got = recvfrom(fd, buffer, size, flags, nullptr, nullptr);
+  fxagent::note_received(got > 0 ? *static_cast<const unsigned char*>(buffer) : -1,
+                         got < 0 ? errno : 0);
   if ((got == 0 && size != 0) || (got < 0 && errno == ECONNRESET))
     fxagent::closed_at = std::chrono::steady_clock::now();
   return got;

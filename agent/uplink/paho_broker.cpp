@@ -1,7 +1,9 @@
 #include "agent/uplink/paho_broker.h"
 
 #include <mqtt/async_client.h>
+#include <netdb.h>
 #include <openssl/err.h>
+#include <openssl/x509_vfy.h>
 #include <unistd.h>
 
 #include <array>
@@ -19,6 +21,7 @@
 
 #include "agent/log/log.h"
 #include "agent/process/startup.h"
+#include "agent/uplink/connect_faults.h"
 #include "agent/uplink/idle_sleep.h"
 #include "agent/uplink/packet_guard.h"
 #include "agent/uplink/read_pause.h"
@@ -154,6 +157,11 @@ std::string reason_text(int code) {
 /// What a broker's DISCONNECT says, in words.
 std::string disconnect_text(const mqtt::properties& properties, int code) {
   std::string text = "the broker said: " + (code == 0 ? "normal disconnection" : reason_text(code));
+  if (code == kSessionTakenOver)
+    text +=
+        " (another client has connected with this agent's client id: give each its own agent.id, "
+        "or "
+        "mqtt.client_id)";
   using Code = mqtt::property::code;
   if (properties.contains(Code::REASON_STRING))
     text +=
@@ -183,6 +191,50 @@ std::string_view connack_text(int code) {
     default:
       return "";
   }
+}
+
+constexpr std::string_view kAccessCure =
+    ": its access rules leave out this agent's user; fxagent acl prints those that it needs";
+
+/// What helps against the refusal of a topic.
+std::string_view cure_of_access(int code) {
+  return code == MQTTREASONCODE_NOT_AUTHORIZED ? kAccessCure : std::string_view();
+}
+
+/// What helps against the refusal of a CONNECT, of MQTT 5 or 3.1.1; empty: nobody can know.
+std::string_view cure_of_refusal(int code, const MqttConfig& config) {
+  switch (code) {
+    case 1:
+      return ": set mqtt.version to 3.1.1 or 5";
+    case MQTTREASONCODE_UNSUPPORTED_PROTOCOL_VERSION:
+      return ": set mqtt.version to 3.1.1";
+    case 2:
+    case MQTTREASONCODE_CLIENT_IDENTIFIER_NOT_VALID:
+      return ": set mqtt.client_id to one that the broker takes";
+    case 4:
+    case 5:
+    case MQTTREASONCODE_BAD_USER_NAME_OR_PASSWORD:
+    case MQTTREASONCODE_NOT_AUTHORIZED:
+      return config.username.empty()
+                 ? ": the broker wants a user: set mqtt.username and password_file"
+                 : ": the broker does not take mqtt.username with this password: compare both with "
+                   "the broker's password file";
+    default:
+      return {};
+  }
+}
+
+/// Why no certificate of the server was taken, and what to do.
+std::string distrust(long code, const MqttConfig& config) {
+  std::string text =
+      std::string("TLS: certificate verify failed: ") + X509_verify_cert_error_string(code);
+  if (code == X509_V_ERR_CERT_HAS_EXPIRED || code == X509_V_ERR_CERT_NOT_YET_VALID)
+    return text + ": renew it, or set this machine's clock";
+  const bool own = config.tls && !config.tls->ca_file.empty();
+  return text +
+         (own ? ": mqtt.tls.ca_file " + config.tls->ca_file +
+                    " is not the authority that signed the server's certificate"
+              : ": set mqtt.tls.ca_file to the authority that signed the server's certificate");
 }
 
 mqtt::property number_property(mqtt::property::code code, std::uint32_t value) {
@@ -264,6 +316,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
              const std::string& server, std::size_t max_payload)
       : inbox_(std::move(inbox)),
         number_(number),
+        config_(config),
         max_payload_(max_payload),
         version_(config.version == 5 ? MQTTVERSION_5 : MQTTVERSION_3_1_1),
         tls_(is_tls(server)),
@@ -470,10 +523,12 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
 
   /// On the thread that found it closed.
   static std::string why_closed() {
-    const std::size_t refused = take_refused_packet();
-    return refused == 0 ? "connection closed"
-                        : "the broker sent a packet of " + std::to_string(refused) + " bytes, " +
-                              std::to_string(kMaxPacketIn) + " are the most that is read";
+    if (const std::size_t refused = take_refused_packet(); refused != 0)
+      return "the broker sent a packet of " + std::to_string(refused) + " bytes, " +
+             std::to_string(kMaxPacketIn) + " are the most that is read";
+    return "connection closed: the broker was stopped, the network failed, or another client has "
+           "come "
+           "with this agent's client id (each needs its own agent.id, or mqtt.client_id)";
   }
 
   Connected connected_by(const mqtt::token& token) const {
@@ -504,7 +559,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
     if (event.granted)
       event.text.clear();
     else if (code >= 0x80 && code <= 0xFF)
-      event.text = reason_text(code);
+      event.text = reason_text(code).append(cure_of_access(code));
     else
       event.text = "a SUBACK that does not fit what was asked";
     return event;
@@ -527,15 +582,48 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
   }
 
   std::string connect_failure(const mqtt::token& token) const {
-    if (const int reason = refusal_of(token)) return reason_text(reason);
-    const std::string_view refusal = connack_text(token.get_return_code());
-    if (!refusal.empty()) return std::string(refusal);
-    if (tls_ && !tls_reason.empty()) return "TLS: " + tls_reason;
-    if (tls_)
-      return "no TLS connection and no reason given: is the server up, and is its certificate for "
-             "this host name?";
-    if (last_closed_by_peer() < connecting_since_)
-      return "no answer at this address: " + failure_text(token);
+    if (const int reason = refusal_of(token))
+      return reason_text(reason).append(cure_of_refusal(reason, config_));
+    const int code = token.get_return_code();
+    const std::string_view refusal = connack_text(code);
+    if (!refusal.empty()) return std::string(refusal).append(cure_of_refusal(code, config_));
+    const ConnectFaults faults = connect_faults(connecting_since_);
+    if (faults.lookup != 0)
+      return std::string("the host name is not known (") + gai_strerror(faults.lookup) +
+             "): is it spelt as it should be, and does this machine's name server know it?";
+    if (faults.socket == ECONNREFUSED)
+      return "nothing listens on this port (connection refused): is the broker running, and is "
+             "this "
+             "its port?";
+    if (faults.socket != 0)
+      return std::string("no way to this address (") + std::strerror(faults.socket) +
+             "): is the network up, and the address as it should be?";
+    return tls_ ? tls_failure(faults) : plain_failure(faults);
+  }
+
+  std::string tls_failure(const ConnectFaults& faults) const {
+    if (faults.certificate != X509_V_OK) return distrust(faults.certificate, config_);
+    if (faults.handshake_cut)
+      return "the server ends the TLS handshake, as a port without TLS does: try mqtt://, or the "
+             "port that has TLS";
+    if (!tls_reason.empty())
+      return "TLS: " + tls_reason +
+             (tls_reason.find("certificate required") == std::string::npos
+                  ? ""
+                  : ": set mqtt.tls.cert_file and key_file");
+    if (faults.is_encrypted)
+      return "TLS: the server's certificate is not for this host name: connect by a name that is "
+             "in "
+             "it, or have it issued for this one";
+    return kNoAnswer;
+  }
+
+  std::string plain_failure(const ConnectFaults& faults) const {
+    if (last_closed_by_peer() < connecting_since_ && !faults.speaks_tls) return kNoAnswer;
+    if (faults.speaks_tls || faults.was_reset)
+      return "the server cuts the connection off before a word of MQTT, as a port with TLS does: "
+             "try "
+             "mqtts://, or the port without TLS";
     const std::string closed =
         "somebody answers at this address and closes the connection without a word";
     return version_ == MQTTVERSION_5
@@ -544,7 +632,8 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
   }
 
   std::string failure_text(const mqtt::token& token) const {
-    if (const int reason = refusal_of(token)) return reason_text(reason);
+    if (const int reason = refusal_of(token))
+      return reason_text(reason).append(cure_of_access(reason));
     const std::string text = mqtt::exception::error_str(token.get_return_code());
     return text.empty() ? "code " + std::to_string(token.get_return_code()) : text;
   }
@@ -552,9 +641,13 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
   std::string subscribe_failure(const mqtt::token& token) const {
     // The only code for it that MQTT 3.1.1 has, section 3.9.3; Paho has no words for it.
     if (version_ != MQTTVERSION_5 && token.get_return_code() == 0x80)
-      return "refused by the broker";
+      return std::string("refused by the broker").append(kAccessCure);
     return failure_text(token);
   }
+
+  static constexpr const char* kNoAnswer =
+      "no answer from this address: is it the broker's, and does every firewall let the port "
+      "through?";
 
   static std::uint64_t id_of(const mqtt::token& token) {
     return reinterpret_cast<std::uint64_t>(token.get_user_context());
@@ -567,6 +660,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
 
   const std::shared_ptr<Inbox> inbox_;
   const std::uint64_t number_;
+  const MqttConfig& config_;  ///< the broker's, which outlives its connections
   const std::size_t max_payload_;
   const int version_;
   const bool tls_;

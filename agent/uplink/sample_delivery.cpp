@@ -271,8 +271,10 @@ void SampleDelivery::pause(const std::string& device, const DeliveryFailed& even
   pause.until = now + backoff_.after(pause.failures++);
   const std::string again = std::to_string(std::chrono::ceil<seconds>(pause.until - now).count());
   if (reason_code != 0)
-    log::warn("samples_refused",
-              {{"device", device}, {"code", hex_code(reason_code)}, {"again_in_s", again}});
+    log::warn("samples_refused", {{"device", device},
+                                  {"code", hex_code(reason_code)},
+                                  {"reason", event.text},
+                                  {"again_in_s", again}});
   else
     log::warn("samples_not_sent",
               {{"device", device}, {"reason", event.text}, {"again_in_s", again}});

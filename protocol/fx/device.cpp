@@ -8,6 +8,11 @@ namespace {
 constexpr std::array<std::string_view, 7> kModelNames = {"FX0N", "FX1S", "FX1N", "FX2N",
                                                          "FX3S", "FX3G", "FX3U"};
 
+// Compact forms of other models and the one with Ethernet, in the order of kKin.
+constexpr std::array<std::string_view, 5> kKinNames = {"FX1NC", "FX2NC", "FX3GC", "FX3GE", "FX3UC"};
+constexpr std::array<Model, kKinNames.size()> kKin = {Model::fx1n, Model::fx2n, Model::fx3g,
+                                                      Model::fx3g, Model::fx3u};
+
 constexpr std::array<DeviceKind, kSpaces> kKinds = {{
     {"X", Unit::bit, 1, 0, true},
     {"Y", Unit::bit, 1, 0, true},
@@ -210,6 +215,8 @@ Result<void> check_forbidden(const Span& span) {
 
 std::span<const std::string_view> model_names() { return kModelNames; }
 
+std::span<const std::string_view> kin_names() { return kKinNames; }
+
 std::string_view to_string(Model model) {
   return model == Model::unknown ? std::string_view{}
                                  : kModelNames[static_cast<std::size_t>(model) - 1];
@@ -217,8 +224,10 @@ std::string_view to_string(Model model) {
 
 std::optional<Model> model_named(std::string_view name) {
   const auto found = std::find(kModelNames.begin(), kModelNames.end(), name);
-  if (found == kModelNames.end()) return std::nullopt;
-  return static_cast<Model>(found - kModelNames.begin() + 1);
+  if (found != kModelNames.end()) return static_cast<Model>(found - kModelNames.begin() + 1);
+  const auto kin = std::find(kKinNames.begin(), kKinNames.end(), name);
+  if (kin == kKinNames.end()) return std::nullopt;
+  return kKin[static_cast<std::size_t>(kin - kKinNames.begin())];
 }
 
 const DeviceKind& kind_of(Space space) { return kKinds[id(space)]; }
@@ -319,13 +328,10 @@ bool needs_type(std::string_view text) {
 }
 
 Result<Span> parse_range(Model model, std::string_view text) {
-  const auto dash = text.find('-');
-  const std::string_view first_text = text.substr(0, dash);
-  const std::string_view last_text =
-      dash == std::string_view::npos ? first_text : text.substr(dash + 1);
+  const RangeEnds ends = range_ends(text);
   Numbers numbers;
   std::optional<Space> space;
-  for (const std::string_view end : {first_text, last_text}) {
+  for (const std::string_view end : {ends.first, ends.last.value_or(ends.first)}) {
     const auto parts = take_apart(end);
     if (!parts) return tl::make_unexpected(parts.error());
     if (parts->group != 0 || parts->word_bit)

@@ -18,11 +18,14 @@ namespace fxagent::fx {
 
 enum class Model : std::uint8_t { unknown, fx0n, fx1s, fx1n, fx2n, fx3s, fx3g, fx3u };
 
-/// The seven names the config may use, in the order of the enumeration.
+/// The seven models, in the order of the enumeration.
 std::span<const std::string_view> model_names();
+/// Further names the config may use: FX3UC and others, which have the memory of the model without
+/// the last letter.
+std::span<const std::string_view> kin_names();
 /// "FX3U"; empty for unknown.
 std::string_view to_string(Model model);
-/// nullopt where `name` is none of model_names().
+/// nullopt where `name` is none of model_names() and kin_names().
 std::optional<Model> model_named(std::string_view name);
 
 /// The spaces of an FX. M8000 up and D8000 up are memory of their own, and CN200-CN255 are 32 bits
@@ -85,7 +88,7 @@ std::string device_name(const Span& span);
 Result<Address> parse_address(Model model, std::string_view text, std::optional<DataType> type);
 /// True for T5 and C5, which name a contact and a value.
 bool needs_type(std::string_view text);
-/// "M100-M199", "Y0-Y7" or one device, for an allow list. bad_request: as parse_address; the ends
+/// "M100-M199", "Y0..Y7" or one device, for an allow list. bad_request: as parse_address; the ends
 /// are of two kinds; T or C without N or S; or the range holds a device that is never written.
 Result<Span> parse_range(Model model, std::string_view text);
 /// Whether the model has every device of `span`; bad_request names the first that it lacks.

@@ -205,12 +205,12 @@ Result<Address> Modbus::parse_address(std::string_view text,
 bool Modbus::needs_type(std::string_view /*text*/) const { return false; }
 
 Result<Span> Modbus::parse_range(std::string_view text) const {
-  const auto dash = text.find('-');
-  const auto first = parse_place(text.substr(0, dash), settings_.address_base);
+  const RangeEnds ends = range_ends(text);
+  const auto first = parse_place(ends.first, settings_.address_base);
   if (!first) return tl::make_unexpected(first.error());
   auto last = first;
-  if (dash != std::string_view::npos) {
-    std::string end(text.substr(dash + 1));
+  if (ends.last) {
+    std::string end(*ends.last);
     // "hr:100-119": the second end may leave out the table of the first one.
     if (text.find(':') != std::string_view::npos && end.find(':') == std::string::npos) {
       if (end.size() >= 5 && std::all_of(end.begin(), end.end(), is_digit))

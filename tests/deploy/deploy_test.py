@@ -227,6 +227,19 @@ class Packages(unittest.TestCase):
             status, text = configure("-DFXAGENT_TESTS=OFF", "-DFXAGENT_SIM=ON")
             self.assertEqual((status, text), (0, ""))
 
+    def test_the_demo_has_its_simulator_after_an_install_in_the_same_clone(self):
+        with open(in_root("README.md")) as text:
+            install = re.search(r"^cmake -S \. -B build (.*)$", text.read(), re.M).group(1).split()
+        with tempfile.TemporaryDirectory() as directory:
+            build = os.path.join(directory, "b")
+            subprocess.run(["cmake", "-S", ROOT, "-B", build, *install], check=True, capture_output=True)
+            knows = ["ninja", "-C", build, "-t", "query", "fxsim"]
+            self.assertNotEqual(subprocess.run(knows, capture_output=True).returncode, 0)
+            configure = r'. <(sed -n "/^configure() {/,/^}/p" "$root/config/demo/run.sh"); configure'
+            subprocess.run(["bash", "-euc", configure], check=True, capture_output=True,
+                           env={**os.environ, "root": ROOT, "build": build})
+            self.assertEqual(subprocess.run(knows, capture_output=True).returncode, 0)
+
     def test_what_is_installed_is_not_asked_for(self):
         # Even where nobody may install, and where there is no package system.
         with tempfile.TemporaryDirectory() as empty:

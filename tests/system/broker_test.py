@@ -2,9 +2,14 @@
 
 import json
 import os
+import re
 import signal
+import socket
 import subprocess
+import threading
 import unittest
+
+import paho.mqtt.client as mqtt
 
 from plant import BASE, Broker, PlantTest, Watcher, device, free_port, text_of, wait_for
 
@@ -394,6 +399,82 @@ class Secrets(PlantTest):
         self.agent.stop()
         self.start_tls(ca_file="ca.pem", cert_file="edge7.pem", key_file="edge7.key")
         wait_for("the log", lambda: "broker_connected" in self.agent.logged())
+
+    def told(self, event, **mqtt_config):
+        """The reason of the first such event of an agent with this section `mqtt`."""
+        if mqtt_config.get("tls"):
+            mqtt_config["tls"] = {key: os.path.join(self.directory, name)
+                                  for key, name in mqtt_config["tls"].items()}
+        self.start_agent(mqtt_config=mqtt_config)
+        before = len(self.agent.logged())
+        if event == "broker_lost":
+            wait_for("the log", lambda: "broker_connected" in self.agent.logged()[before:])
+            other = mqtt.Client("fx-edge7", protocol=mqtt.MQTTv5)
+            other.connect("127.0.0.1", int(mqtt_config["servers"][0].rpartition(":")[2]))
+            other.loop_start()
+            self.addCleanup(other.loop_stop)
+        found = wait_for("the log", lambda: re.search(rf"{event} .*reason=(.*)",
+                                                      self.agent.logged()[before:]))
+        self.agent.stop()
+        return found[1]
+
+    def closing(self):
+        """The port of a server that reads what comes and closes without a word."""
+        server = socket.create_server(("127.0.0.1", 0))
+        self.addCleanup(server.close)
+
+        def serve():
+            while True:
+                try:
+                    client, _ = server.accept()
+                except OSError:
+                    return
+                with client:
+                    client.recv(65536)
+        threading.Thread(target=serve, daemon=True).start()
+        return server.getsockname()[1]
+
+    def test_each_way_not_to_get_through_has_its_own_text_with_the_cure(self):
+        users, rules = self.password_file(), os.path.join(self.directory, "acl")
+        with open(rules, "w") as out:
+            # The last will is held against the rules with the CONNECT.
+            out.write(f"topic read #\ntopic readwrite {BASE}/state\n")
+        os.chmod(rules, 0o644)
+        secret = os.path.join(self.directory, "secret")
+        with open(secret, "w") as out:
+            out.write("left\n")
+        plain, closed = free_port(), free_port()
+        self.tls(f"listener {plain} 127.0.0.1")
+        guarded = Broker(self.directory, f"password_file {users}")
+        ruled = Broker(self.directory, f"acl_file {rules}")
+        for broker in (guarded, ruled):
+            broker.start()
+            self.stack.callback(broker.kill)
+        tls = self.broker.port
+        cases = [
+            ("broker_unreachable", f"mqtt://127.0.0.1:{closed}", {}, "nothing listens on this port"),
+            ("broker_unreachable", "mqtt://no-such-host.invalid", {}, "the host name is not known"),
+            ("broker_unreachable", f"mqtt://127.0.0.1:{tls}", {}, "try mqtts://"),
+            ("broker_unreachable", f"mqtts://127.0.0.1:{plain}", {"tls": {"ca_file": "ca.pem"}}, "try mqtt://"),
+            ("broker_unreachable", f"mqtt://127.0.0.1:{self.closing()}", {}, "without a word"),
+            ("broker_unreachable", f"mqtt://127.0.0.1:{guarded.port}",
+             {"username": "edge7", "password_file": secret}, "compare both with the broker's password file"),
+            ("broker_unreachable", f"mqtt://127.0.0.1:{guarded.port}", {},
+             "set mqtt.username and password_file"),
+            ("publish_refused", f"mqtt://127.0.0.1:{ruled.port}", {}, "fxagent acl prints"),
+            ("broker_unreachable", f"mqtts://127.0.0.1:{tls}", {"tls": {"ca_file": "other.pem"}},
+             "is not the authority that signed"),
+            ("broker_unreachable", f"mqtts://127.0.0.1:{tls}", {}, "set mqtt.tls.ca_file"),
+            ("broker_unreachable", f"mqtts://localhost:{tls}", {"tls": {"ca_file": "ca.pem"}},
+             "is not for this host name"),
+            ("broker_lost", f"mqtt://127.0.0.1:{plain}", {}, "each needs its own agent.id, or mqtt.client_id"),
+        ]
+        reasons = []
+        for event, server, settings, cure in cases:
+            with self.subTest(server=server, settings=settings):
+                reasons.append(self.told(event, servers=[server], **settings))
+                self.assertIn(cure, reasons[-1])
+        self.assertEqual(len(set(reasons)), len(cases), "\n".join(reasons))
 
 
 if __name__ == "__main__":

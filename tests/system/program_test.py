@@ -359,6 +359,34 @@ class Programs(PlantTest):
         self.assertEqual(status, 0)
         self.assertIn("ACK", out)
 
+    def test_a_refused_command_is_told_without_an_answer_that_nobody_waited_for(self):
+        path = self.config()
+        status, out, _ = self.run_agent("write", path, "press1", "temp", "1")
+        self.assertEqual((status, out),
+                         (2, "press1 write D100: REJECTED, not_writable: the tag's access is read; "
+                             "\"access\": \"read_write\" in the config lets commands write it\n"))
+
+    def test_a_misspelt_name_is_told_with_the_nearest(self):
+        path = self.config()
+        for command in (["read", path, "press1", "tepm"], ["write", path, "press1", "tepm", "1"]):
+            status, out, _ = self.run_agent(*command)
+            self.assertEqual(status, 2)
+            self.assertIn("unknown_tag: device press1 has no tag tepm; did you mean temp?", out)
+            self.assertNotIn("FX device", out)
+        status, out, _ = self.run_agent("read", path, "press1", "tepm", "--json")
+        self.assertEqual((status, json.loads(out)["reason"]), (2, "unknown_tag"))
+        status, out, _ = self.run_agent("read", path, "press1", "Q100")
+        self.assertIn("'Q100' is not an FX device", out)
+        status, _, errors = self.run_agent("read", path, "pres1", "temp")
+        self.assertEqual((status, errors),
+                         (2, "no device pres1 in the config; did you mean press1?\n"))
+
+    def test_a_misspelt_subcommand_is_told_with_the_nearest(self):
+        for said, meant in [("runn", "run"), ("chekc", "check"), ("force_on", "force-on")]:
+            status, out, errors = self.run_agent(said, "agent.json")
+            self.assertEqual((status, out), (2, ""))
+            self.assertIn(f"there is no subcommand {said}; did you mean {meant}?", errors)
+
     def test_decode_knows_the_frames_of_the_captures(self):
         table = [
             ("05", [], {"operation": "enquire", "direction": "request"}),

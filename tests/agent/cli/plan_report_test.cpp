@@ -273,7 +273,7 @@ TEST(PlanReport, AWhatIfJoinsTheGroupOfItsInterval) {
   EXPECT_EQ(config.devices[0].tags.back().point.address.text, "D563");
   ASSERT_TRUE(add_what_if(config, " p  M500 @ 200 "));
   EXPECT_EQ(config.devices[0].groups.back().name, "what-if");
-  ASSERT_TRUE(add_what_if(config, "p X0..X17@300"));
+  ASSERT_TRUE(add_what_if(config, "p X0-X17@300"));
   EXPECT_EQ(config.devices[0].groups.back().name, "what-if-300");
   EXPECT_EQ(config.devices[0].tags.back().point.address.text, "X17");
   EXPECT_EQ(config.devices[0].tags.size(), 2U + 64U + 1U + 16U);

@@ -111,8 +111,40 @@ TEST(ConfigDevice, UnknownProtocolDoesNotHideErrorsOfShape) {
 }
 
 TEST(ConfigDevice, UnknownModelNamesTheNearest) {
-  expect_error(changed("/devices/0/model", R"("FX3UC")"), "/devices/0/model",
-               {"FX3G", "did you mean FX3U?"});
+  expect_error(changed("/devices/0/model", R"("FX3A")"), "/devices/0/model",
+               {"FX3G", "did you mean FX3S or FX3G"});
+  expect_error(changed("/devices/0/model", R"("fx3u")"), "/devices/0/model",
+               {"did you mean FX3U?"});
+}
+
+TEST(ConfigDevice, ModelCountsAsItsKin) {
+  for (const auto& [name, kin] : {std::pair("FX1NC", "FX1N"),
+                                  {"FX2NC", "FX2N"},
+                                  {"FX3GC", "FX3G"},
+                                  {"FX3GE", "FX3G"},
+                                  {"FX3UC", "FX3U"}})
+    for (const auto* protocol : {"fx-programming-port", "fx-computer-link"}) {
+      auto plant = small_plant();
+      plant["devices"][0]["protocol"] = protocol;
+      plant["devices"][0]["model"] = name;
+      EXPECT_EQ(model_of(*good(plant.dump()).devices[0].codec), kin);
+    }
+}
+
+TEST(ConfigDevice, ModelOfAnotherSeriesIsSentToItsProtocol) {
+  for (const auto* model : {R"("FX5U")", R"("FX5UC")", R"("fx5s")"})
+    expect_error(changed("/devices/0/model", model), "/devices/0/model",
+                 {"fx-programming-port does not reach an FX5", "modbus-tcp or modbus-rtu"});
+}
+
+TEST(ConfigDevice, RangeIsWrittenWithADashOrWithTwoDots) {
+  const auto allow = [](const char* range) {
+    return good(changed("/devices/0/commands/allow", "[\"" + std::string(range) + "\"]"))
+        .devices[0]
+        .commands.allow;
+  };
+  EXPECT_EQ(allow("M100..M199"), allow("M100-M199"));
+  EXPECT_EQ(allow("M100-M199").at(0).bits, 100U);
 }
 
 TEST(ConfigDevice, ModelAutoIsCheckedAgainstTheWidestAndSaysSo) {

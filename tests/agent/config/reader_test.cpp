@@ -30,6 +30,47 @@ TEST(NearestWords, EquallyNearOnesAreBothNamed) {
   EXPECT_EQ(nearest_words("mix", keys), (Words{"min", "max"}));
 }
 
+TEST(NearestWords, MeaningGoesBeforeLetters) {
+  const auto parities = config_key("links[].serial.parity").limits.words;
+  for (const auto& [said, meant] :
+       {std::pair("E"sv, "even"sv), {"e", "even"}, {"N", "none"}, {"O", "odd"}, {"Even", "even"}})
+    EXPECT_EQ(nearest_words(said, parities), Words{meant}) << said;
+  const auto access = config_key("devices[].tags[].access").limits.words;
+  for (const auto& [said, meant] : {std::pair("rw"sv, "read_write"sv),
+                                    {"RW", "read_write"},
+                                    {"readwrite", "read_write"},
+                                    {"ro", "read"},
+                                    {"r", "read"},
+                                    {"readonly", "read"}})
+    EXPECT_EQ(nearest_words(said, access), Words{meant}) << said;
+  const auto types = config_key("devices[].tags[].type").limits.words;
+  EXPECT_EQ(nearest_words("real", types), Words{"float32"});
+  EXPECT_EQ(nearest_words("WORD", types), Words{"uint16"});
+}
+
+TEST(ConfigReader, KeyInTheWrongPlaceIsSentHome) {
+  struct Case {
+    std::string pointer;
+    std::string value;
+    std::string home;
+  };
+  for (const Case& c :
+       {Case{"/groups", "[]", "it belongs inside devices[]"},
+        Case{"/tags", "[]", "it belongs inside devices[]"},
+        Case{"/servers", "[]", "it belongs inside mqtt"},
+        Case{"/mqtt/store", "{}", "it belongs at the top level"},
+        Case{"/mqtt/ca_file", R"("x")", "it belongs inside mqtt.tls"},
+        Case{"/mqtt/port", "1883", "did you mean servers?"},
+        Case{"/links/0/baud", "9600", "it belongs inside links[].serial"},
+        Case{"/devices/0/interval_ms", "5", "it belongs inside devices[].groups[]"},
+        Case{"/devices/0/groups/0/tags", "[]", "it belongs inside devices[]"},
+        Case{"/devices/0/tags/0/interval_ms", "5",
+             "it belongs inside devices[].groups[], to the group that the tag names"},
+        Case{"/devices/0/tags/0/intervall_ms", "5", "did you mean"},
+        Case{"/devices/0/tags/0/link", R"("line1")", "it belongs inside devices[]"}})
+    expect_error(changed(c.pointer, c.value), c.pointer, {"unknown key", c.home});
+}
+
 TEST(NearestWords, NothingIsNearestToNothing) {
   EXPECT_TRUE(nearest_words("a", {}).empty());
   EXPECT_EQ(did_you_mean("a", {}), "");

@@ -160,7 +160,7 @@ TEST(ConfigTree, SyntaxErrorNamesLineAndColumnInWords) {
                         {"{\"a\": 1e999}", 1, "number overflow"},
                         {"\"\xFF\"", 1, "UTF-8"},
                         {"\"a\nb\"", 1, "line 1"},
-                        {"nan", 1, "line 1, column 2"}}) {
+                        {"nan", 1, "line 1, column 1"}}) {
     const auto tree = ConfigTree::parse(c.text);
     ASSERT_FALSE(tree) << c.text;
     EXPECT_EQ(tree.error().line, c.line) << tree.error().text;

@@ -422,6 +422,7 @@ TEST(PahoBroker, RefusedPublishCarriesItsReasonCode) {
   const auto failed = client.next<DeliveryFailed>();
   EXPECT_EQ(failed.id, 1U);
   EXPECT_EQ(failed.reason_code, 0x87);
+  EXPECT_NE(failed.text.find("fxagent acl prints"), std::string::npos) << failed.text;
   client->publish(publication(2, "allowed", "x"));
   EXPECT_EQ(client.next<Delivered>().id, 2U);
 }
@@ -554,6 +555,70 @@ TEST_P(PahoBrokerVersion, ServerThatClosesBeforeItsConnackHasAnsweredAllTheSame)
   EXPECT_EQ(text.find("try \"version\": \"3.1.1\"") != text.npos, GetParam() == 5) << text;
 }
 
+TEST(PahoBroker, ServerThatAnswersWithATlsAlertIsSaidToSpeakTls) {
+  const Listener listener;
+  std::thread server([&listener] {
+    const int client = accept(listener.fd(), nullptr, nullptr);
+    char bytes[1000];
+    recv(client, bytes, sizeof bytes, 0);
+    constexpr char alert[] = {0x15, 0x03, 0x01, 0x00, 0x02, 0x02, 0x46};
+    send(client, alert, sizeof alert, MSG_NOSIGNAL);
+    close(client);
+  });
+  const std::string text = Client(settings(listener.url())).refusal();
+  server.join();
+  EXPECT_NE(text.find("try mqtts://"), std::string::npos) << text;
+}
+
+TEST_P(PahoBrokerVersion, EveryWayNotToGetThroughHasATextOfItsOwn) {
+  const auto refusal = [](const std::string& server) {
+    return Client(settings(server, GetParam())).refusal();
+  };
+  const std::string port = std::to_string(test::free_port());
+  EXPECT_TRUE(refusal("mqtt://127.0.0.1:" + port).starts_with("nothing listens on this port"));
+  EXPECT_TRUE(refusal("mqtts://127.0.0.1:" + port).starts_with("nothing listens on this port"));
+  const std::string unknown = refusal("mqtt://no-such-host.invalid:1883");
+  EXPECT_TRUE(unknown.starts_with("the host name is not known (")) << unknown;
+  // The facts of one attempt are not taken for those of the next.
+  EXPECT_TRUE(refusal("mqtt://127.0.0.1:" + port).starts_with("nothing listens on this port"));
+}
+
+TEST_P(PahoBrokerVersion, WrongPasswordAndMissingUserNameTheKeysToSet) {
+  const TemporaryDirectory directory;
+  const Mosquitto mosquitto = edge7_only(directory);
+  MqttConfig config = settings(mosquitto.url(), GetParam());
+  const std::string nobody = Client(config).refusal();
+  EXPECT_NE(nobody.find("set mqtt.username and password_file"), std::string::npos) << nobody;
+  config.username = "edge7";
+  config.password = "left";
+  const std::string text = Client(config).refusal();
+  EXPECT_NE(text.find("does not take mqtt.username with this password"), std::string::npos) << text;
+}
+
+TEST(PahoBroker, SessionTakenOverNamesTheClientId) {
+  const SpitefulServer server(5, disconnect_packet(kSessionTakenOver, ""), Afterwards::closes);
+  Client client(settings(server.url()));
+  client.connect();
+  const Lost lost = client.next<Lost>();
+  EXPECT_NE(lost.text.find("Session taken over (another client has connected"), std::string::npos)
+      << lost.text;
+}
+
+// As Debian's mosquitto does when it gives the session to another client.
+TEST_P(PahoBrokerVersion, CloseWithoutAWordNamesTheClientIdToo) {
+  const TemporaryDirectory directory;
+  const Mosquitto mosquitto(directory, "allow_anonymous true");
+  const MqttConfig config = settings(mosquitto.url(), GetParam());
+  Client first(config);
+  first.connect();
+  Client second(config);
+  second.connect();
+  const Lost lost = first.next<Lost>();
+  EXPECT_NE(lost.text.find("another client has come with this agent's client id"),
+            std::string::npos)
+      << lost.text;
+}
+
 TEST(PahoBroker, DisconnectWithoutACodeIsALossToo) {
   const SpitefulServer server(5, std::string("\xe0\x00", 2), Afterwards::stays);
   Client client(settings(server.url()));
@@ -645,12 +710,32 @@ TEST_F(PahoBrokerTls, WrongAuthorityReadsAsSuch) {
   const std::string text =
       Client(tls(mosquitto.url("mqtts", "localhost"), "other-ca.pem")).refusal();
   EXPECT_NE(text.find("certificate verify failed"), std::string::npos) << text;
+  EXPECT_NE(text.find("mqtt.tls.ca_file " + file("other-ca.pem") + " is not the authority"),
+            std::string::npos)
+      << text;
+  const std::string by_system = Client(settings(mosquitto.url("mqtts", "localhost"))).refusal();
+  EXPECT_NE(by_system.find("set mqtt.tls.ca_file to the authority"), std::string::npos)
+      << by_system;
+}
+
+TEST_F(PahoBrokerTls, PortOfTheOtherKindIsSaidWithTheSchemeToTry) {
+  const Mosquitto encrypted(*directory_, listener());
+  for (const int version : {4, 5}) {
+    const std::string text =
+        Client(settings(encrypted.url("mqtt", "localhost"), version)).refusal();
+    EXPECT_NE(text.find("try mqtts://"), std::string::npos) << text;
+  }
+  const Mosquitto plain(*directory_, "allow_anonymous true");
+  const std::string text = Client(tls(plain.url("mqtts", "localhost"), "ca.pem")).refusal();
+  EXPECT_NE(text.find("try mqtt://"), std::string::npos) << text;
 }
 
 TEST_F(PahoBrokerTls, CertificateOfAnotherHostIsRefused) {
   const Mosquitto mosquitto(*directory_, listener());
   const std::string text = Client(tls(mosquitto.url("mqtts", "127.0.0.1"), "ca.pem")).refusal();
-  EXPECT_NE(text.find("host name"), std::string::npos) << text;
+  EXPECT_NE(text.find("is not for this host name: connect by a name that is in it"),
+            std::string::npos)
+      << text;
 }
 
 TEST_F(PahoBrokerTls, MissingFileIsNamed) {

@@ -206,6 +206,8 @@ TEST(Modbus, RangesOfTheAllowList) {
   const Modbus codec = unit();
   EXPECT_EQ(*codec.parse_range("hr:100-hr:119"), (Span{kHolding, 1600, 320}));
   EXPECT_EQ(*codec.parse_range("hr:100-119"), (Span{kHolding, 1600, 320}));
+  EXPECT_EQ(*codec.parse_range("hr:100..hr:119"), (Span{kHolding, 1600, 320}));
+  EXPECT_EQ(*codec.parse_range("hr:100..119"), (Span{kHolding, 1600, 320}));
   EXPECT_EQ(*codec.parse_range("co:7"), (Span{kCoil, 7, 1}));
   EXPECT_EQ(*codec.parse_range("40101-40102"), (Span{kHolding, 1600, 32}));
   for (const auto& [text, why] :

@@ -1,0 +1,88 @@
+// The three names are defined here and win over the libraries' own, since the program comes first
+// when a shared library looks for a function.
+#include "agent/uplink/connect_faults.h"
+
+#include <dlfcn.h>
+#include <netdb.h>
+#include <openssl/err.h>
+#include <openssl/ssl.h>
+#include <sys/socket.h>
+
+#include <cerrno>
+
+namespace fxagent {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+// A record of TLS that tells a fault begins with it; no packet that a broker sends does.
+constexpr int kTlsAlert = 0x15;
+
+thread_local ConnectFaults faults;
+thread_local Clock::time_point noted_at{};
+
+/// What belongs to an earlier attempt ends with the first call of the next one.
+void begin_anew() noexcept {
+  faults = {};
+  noted_at = Clock::now();
+}
+
+void note_handshake(SSL* connection, int outcome) noexcept {
+  if (outcome == 1) {
+    faults.is_encrypted = true;
+    return;
+  }
+  const int fault = SSL_get_error(connection, outcome);
+  if (fault == SSL_ERROR_WANT_READ || fault == SSL_ERROR_WANT_WRITE) return;
+  faults.certificate = SSL_get_verify_result(connection);
+  const unsigned long code = ERR_peek_error();
+  const int reason = ERR_GET_LIB(code) == ERR_LIB_SSL ? ERR_GET_REASON(code) : 0;
+  faults.handshake_cut = fault == SSL_ERROR_SYSCALL ||
+                         reason == SSL_R_UNEXPECTED_EOF_WHILE_READING ||
+                         reason == SSL_R_WRONG_VERSION_NUMBER;
+}
+
+}  // namespace
+
+ConnectFaults connect_faults(Clock::time_point begin) noexcept {
+  return noted_at < begin ? ConnectFaults{} : faults;
+}
+
+void note_received(int first_byte, int error) noexcept {
+  if (error == ECONNRESET) faults.was_reset = true;
+  if (first_byte == kTlsAlert) faults.speaks_tls = true;
+}
+
+}  // namespace fxagent
+
+extern "C" {
+
+int getaddrinfo(const char* host, const char* service, const addrinfo* hints, addrinfo** found) {
+  using LookUp = int (*)(const char*, const char*, const addrinfo*, addrinfo**);
+  static const auto look_up = reinterpret_cast<LookUp>(dlsym(RTLD_NEXT, "getaddrinfo"));
+  const int fault = look_up(host, service, hints, found);
+  fxagent::begin_anew();
+  fxagent::faults.lookup = fault;
+  return fault;
+}
+
+int getsockopt(int fd, int level, int name, void* value, socklen_t* size) noexcept {
+  using Ask = int (*)(int, int, int, void*, socklen_t*);
+  static const auto ask = reinterpret_cast<Ask>(dlsym(RTLD_NEXT, "getsockopt"));
+  const int outcome = ask(fd, level, name, value, size);
+  if (level == SOL_SOCKET && name == SO_ERROR && outcome == 0) {
+    fxagent::begin_anew();
+    fxagent::faults.socket = *static_cast<const int*>(value);
+  }
+  return outcome;
+}
+
+int SSL_connect(SSL* connection) {
+  using Connect = int (*)(SSL*);
+  static const auto openssl_connect = reinterpret_cast<Connect>(dlsym(RTLD_NEXT, "SSL_connect"));
+  const int outcome = openssl_connect(connection);
+  fxagent::note_handshake(connection, outcome);
+  return outcome;
+}
+
+}  // extern "C"
