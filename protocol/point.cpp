@@ -242,6 +242,12 @@ std::size_t character_at(std::size_t i, ByteOrder order) {
   return order == ByteOrder::abcd ? i ^ 1U : i;
 }
 
+std::string hex_text(std::uint32_t raw, int digits) {
+  Bytes text;
+  append_hex(text, raw, digits);
+  return {text.begin(), text.end()};
+}
+
 // ---- reading ----------------------------------------------------------------------------------
 
 Result<Scalar> number_from(const Point& point, std::int64_t raw) {
@@ -256,7 +262,8 @@ Result<Scalar> float_from(const Point& point, std::uint32_t raw) {
   float number = 0;
   std::memcpy(&number, &raw, sizeof number);
   if (!std::isfinite(number))
-    return fail(ErrorCode::bad_request, std::isnan(number) ? "NaN" : "Inf");
+    return fail(ErrorCode::bad_request,
+                hex_text(raw, 8) + (std::isnan(number) ? " is NaN" : " is infinite"));
   double value = widen(number);
   if (point.scaled())
     value = to_decimals(value * point.scale + point.offset, decimals_of(value) + point.decimals);
@@ -283,12 +290,9 @@ Result<Scalar> element_from(const Point& point, ByteView image, std::size_t bit,
   if (point.type == DataType::float32) return float_from(point, raw);
   if (point.type == DataType::bcd16 || point.type == DataType::bcd32) {
     const auto number = from_bcd(raw);
-    if (!number) {
-      Bytes digits;
-      append_hex(digits, raw, static_cast<int>(bits / 4));
+    if (!number)
       return fail(ErrorCode::bad_request,
-                  std::string(digits.begin(), digits.end()) + " is not BCD");
-    }
+                  hex_text(raw, static_cast<int>(bits / 4)) + " is not BCD");
     return number_from(point, *number);
   }
   std::int64_t number = raw;

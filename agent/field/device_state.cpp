@@ -1,10 +1,17 @@
 #include "agent/field/device_state.h"
 
+#include <cstdlib>
 #include <utility>
 
 #include "protocol/plc.h"
 
 namespace fxagent {
+namespace {
+
+// How long a device stays degraded after a bad value. By a clock that may be set.
+constexpr std::int64_t kBadValueMs = 10'000;
+
+}  // namespace
 
 DeviceState::DeviceState(std::uint32_t device, const Codec& codec, std::int64_t now_ms)
     : is_broadcast_(codec.is_broadcast()),
@@ -29,6 +36,8 @@ void DeviceState::set_model(const std::optional<std::string>& model) {
 }
 
 std::optional<DeviceState::Change> DeviceState::update(const Facts& facts, std::int64_t now_ms) {
+  if (facts.first_bad == BadReason::bad_value) bad_value_ms_ = now_ms;
+  const bool had_bad_value = bad_value_ms_ && std::abs(now_ms - *bad_value_ms_) < kBadValueMs;
   DeviceStatus status = reported_;
   status.model = model_;
   status.run = run_;
@@ -46,9 +55,9 @@ std::optional<DeviceState::Change> DeviceState::update(const Facts& facts, std::
   } else if (model_unclear_) {
     status.state = DeviceStatus::State::degraded;
     status.reason = "model_unknown";
-  } else if (facts.first_bad) {
+  } else if (facts.first_bad || had_bad_value) {
     status.state = DeviceStatus::State::degraded;
-    status.reason = to_string(*facts.first_bad);
+    status.reason = to_string(facts.first_bad.value_or(BadReason::bad_value));
   }
   const bool other_state = starting_ || status.state != reported_.state;
   if (!other_state && status.reason == reported_.reason && status.model == reported_.model &&

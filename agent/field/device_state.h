@@ -39,9 +39,10 @@ class DeviceState final {
   /// nullopt: RUN or STOP is not known.
   void set_run(std::optional<bool> run) { run_ = run; }
 
-  /// The state by these facts, where it is not the one that was reported last. Before the first
-  /// answer of a device on an open bus there is nothing to report; a broadcast has no answer and is
-  /// online there.
+  /// The state by these facts; one that is degraded by a bad_value stays so for 10 s after it,
+  /// since such a place can be a value in one poll and none in the next. Nothing where it is the
+  /// one that was reported last. Before the first answer of a device on an open bus there is
+  /// nothing to report; a broadcast has no answer and is online there.
   std::optional<Change> update(const Facts& facts, std::int64_t now_ms);
   /// What was reported last.
   const DeviceStatus& reported() const { return reported_; }
@@ -52,7 +53,8 @@ class DeviceState final {
   bool model_known_;
   bool model_unclear_ = false;
   bool answered_once_ = false;
-  bool starting_ = true;  ///< nothing but "starting" was reported
+  std::optional<std::int64_t> bad_value_ms_;  ///< when a tag was found to hold none of its values
+  bool starting_ = true;                      ///< nothing but "starting" was reported
   std::optional<bool> run_;
   std::string model_;
   DeviceStatus reported_;

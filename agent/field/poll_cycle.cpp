@@ -7,6 +7,9 @@
 namespace fxagent {
 namespace {
 
+// A place that is a value now and none the next moment is told once.
+constexpr std::chrono::minutes kValueAgain{1};
+
 /// Writes into `image`, which lies at `place`, what of `part` (at `written`) lies there too.
 void patch(Bytes& image, const Span& place, const Span& written, const Bytes& part) {
   const std::uint32_t first = std::max(place.first_bit, written.first_bit);
@@ -160,12 +163,24 @@ TagReading PollCycle::reading_of(std::size_t index, bool doubtful) const {
   return reading;
 }
 
+void PollCycle::note_no_value(std::size_t index, SteadyTime now) {
+  const std::uint32_t tag = tags()[index];
+  const auto [last, fresh] = no_value_at_.try_emplace(tag, now);
+  const auto since = now - std::exchange(last->second, now);
+  if (!fresh && since < kValueAgain) return;
+  const auto value = value_of(plan_, images_, device_.tags[tag].point, index);
+  if (!value) no_values_.push_back({tag, value.error().text});
+}
+
 std::optional<Telemetry> PollCycle::finish(bool doubted, std::uint64_t findings,
                                            std::int64_t now_ms, SteadyTime now, SteadyTime next) {
   const bool doubtful = doubted || findings != findings_;
   std::vector<TagReading> fresh;
   fresh.reserve(tags().size());
-  for (std::size_t i = 0; i < tags().size(); ++i) fresh.push_back(reading_of(i, doubtful));
+  for (std::size_t i = 0; i < tags().size(); ++i) {
+    fresh.push_back(reading_of(i, doubtful));
+    if (fresh.back().bad == BadReason::bad_value) note_no_value(i, now);
+  }
   newer_.clear();
 
   Telemetry message;

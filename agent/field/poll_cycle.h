@@ -4,7 +4,9 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <unordered_map>
+#include <utility>
 #include <variant>
 #include <vector>
 
@@ -58,6 +60,14 @@ class PollCycle final {
   std::optional<Telemetry> finish(bool doubted, std::uint64_t findings, std::int64_t now_ms,
                                   SteadyTime now, SteadyTime next = {});
 
+  /// A tag whose bytes in the device are no value of its type.
+  struct NoValue {
+    std::uint32_t tag = 0;
+    std::string why;  ///< with the raw value
+  };
+  /// What finish() has found of them: each once, and again where it was a value for a minute.
+  std::vector<NoValue> take_no_values() { return std::exchange(no_values_, {}); }
+
   /// The reason of the first bad tag; nullopt where all are good.
   std::optional<BadReason> first_bad() const { return report_.first_bad(); }
 
@@ -73,6 +83,7 @@ class PollCycle final {
   using TagOutcome = std::variant<Value, BadReason>;
 
   TagReading reading_of(std::size_t index, bool doubtful) const;
+  void note_no_value(std::size_t index, SteadyTime now);
   std::optional<BadReason> failure_of(const PointSource& source, std::size_t index) const;
   void take_image(std::uint32_t read, Exchange& exchange);
   bool is_current(const PointSource& source) const;
@@ -86,6 +97,8 @@ class PollCycle final {
   std::vector<Age> ages_;                           ///< beside plan_.reads
   /// Tag → what has become of it by a command, until it is read anew.
   std::unordered_map<std::uint32_t, TagOutcome> newer_;
+  std::unordered_map<std::uint32_t, SteadyTime> no_value_at_;  ///< tag → when it was none last
+  std::vector<NoValue> no_values_;
   std::optional<SteadyTime> first_reply_;
   SteadyTime last_reply_{};
   std::int64_t last_reply_ms_ = 0;

@@ -264,6 +264,14 @@ void Poller::finish_cycle(LinkDevice& device, GroupPoll& group) {
   ++device.collected;
   auto message = group.cycle.finish(bus_.doubt().is_doubted(), bus_.doubt().findings(), now_ms(),
                                     Clock::now(), scheduler_.next_due(group.id));
+  for (const PollCycle::NoValue& none : group.cycle.take_no_values()) {
+    const TagConfig& tag = device.config.tags[none.tag];
+    log::warn("tag", {{"device", device.config.name},
+                      {"tag", tag.name},
+                      {"address", tag.point.address.text},
+                      {"reason", none.why},
+                      {"note", "is this its address, and the type that the device has there?"}});
+  }
   if (message)
     publish(device, std::move(*message));
   else

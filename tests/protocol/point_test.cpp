@@ -222,9 +222,9 @@ TEST(Unpack, WhatIsNoNumberIsAnError) {
     }
     return value ? "" : value.error().text;
   };
-  EXPECT_EQ(why(word_point(DataType::float32), "00 00 C0 7F"), "NaN");
-  EXPECT_EQ(why(word_point(DataType::float32), "00 00 80 7F"), "Inf");
-  EXPECT_EQ(why(word_point(DataType::float32), "00 00 80 FF"), "Inf");
+  EXPECT_EQ(why(word_point(DataType::float32), "00 00 C0 7F"), "7FC00000 is NaN");
+  EXPECT_EQ(why(word_point(DataType::float32), "00 00 80 7F"), "7F800000 is infinite");
+  EXPECT_EQ(why(word_point(DataType::float32), "00 00 80 FF"), "FF800000 is infinite");
   EXPECT_EQ(why(word_point(DataType::bcd16), "3A 12"), "123A is not BCD");
   EXPECT_EQ(why(word_point(DataType::bcd32), "78 56 34 F2"), "F2345678 is not BCD");
   EXPECT_EQ(why(group_point(2, DataType::bcd16), "A1"), "A1 is not BCD");

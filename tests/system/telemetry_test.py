@@ -85,6 +85,10 @@ class Telemetry(PlantTest):
         self.sim.set("press1", "D12", words_of_float(1.5))
         self.assertEqual(self.data(lambda m: m["values"].get("real") == 1.5)["values"]["bcd"], 7)
         self.state("press1", "online")
+        lines = [line for line in self.agent.logged().splitlines() if " tag device=press1" in line]
+        self.assertEqual(len(lines), 2, "each is told once, whatever the number of polls")
+        self.assertIn('tag=bcd address=D10 reason="00AB is not BCD"', lines[0])
+        self.assertIn('tag=real address=D12 reason="7FC00000 is NaN"', lines[1])
 
     def test_on_change_speaks_when_a_value_has_moved_by_its_deadband(self):
         groups = [{"name": "fast", "interval_ms": 50, "publish": "on_change", "max_silent_s": 600},

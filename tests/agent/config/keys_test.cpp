@@ -301,6 +301,28 @@ TEST(ConfigKeys, ReadmeHasTheirTables) {
   EXPECT_EQ(found, tables());
 }
 
+TEST(ConfigKeys, ReadmeHasTheSmallestFileOfEachProtocol) {
+  std::ifstream file(FXAGENT_CONFIG_DIR "/README.md");
+  std::string line;
+  while (std::getline(file, line) && line != "## The smallest file for each protocol") continue;
+  std::vector<std::string_view> protocols;
+  std::string text;
+  bool inside = false;
+  while (std::getline(file, line) && !line.starts_with("## ")) {
+    if (inside && line == "```") {
+      const Config config = good(text);
+      EXPECT_TRUE(config.warnings.empty()) << config.warnings.front();
+      ASSERT_EQ(config.devices.size(), 1U) << text;
+      EXPECT_FALSE(config.devices[0].tags.empty());
+      protocols.push_back(config.devices[0].protocol->name);
+    }
+    if (inside) text += line + "\n";
+    if (line.starts_with("```")) inside = line == "```json";
+    if (line == "```json") text.clear();
+  }
+  EXPECT_TRUE(std::ranges::equal(protocols, protocol_key().limits.words));
+}
+
 // ---- the loader -------------------------------------------------------------------------------
 
 /// What an absent key comes to must be what the same key comes to when its default is given.

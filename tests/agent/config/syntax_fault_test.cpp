@@ -2,7 +2,8 @@
 
 #include <gtest/gtest.h>
 
-#include <array>
+#include <initializer_list>
+#include <string_view>
 
 #include "agent/config/tree.h"
 #include "tests/agent/config/small_plant.h"
@@ -17,54 +18,53 @@ struct Case {
   std::string_view says;  ///< place, what is wrong and the cure
 };
 
-TEST(SyntaxFault, WhatPeopleGetWrongIsNamedWhereTheyWroteIt) {
-  for (const Case& c : {
-           Case{"{\n  \"a\": 1, // the first\n  \"b\": 2\n}", "line 2, column 11: a comment"},
-           Case{"{\n  /* both */ \"a\": 1}", "line 2, column 3: a comment"},
-           Case{"# agent\n{}", "line 1, column 1: a comment"},
-           Case{"{\n  \"a\": 1\n  \"b\": 2}", "line 2, column 9: a comma is missing here"},
-           Case{"{\"a\": [1, 2]\n\n \"b\": 2}", "line 1, column 13: a comma is missing here"},
-           Case{"[{\"a\": 1}\n {\"a\": 2}]", "line 1, column 10: a comma is missing here"},
-           Case{"[\"a\"\n\"b\"]", "line 1, column 5: a comma is missing here"},
-           Case{"[true false]", "line 1, column 6: a comma is missing here"},
-           Case{"{\"a\": 1,\n}", "line 2, column 1: a comma stands before this }: take"},
-           Case{"[1,]", "column 4: a comma stands before this ]: take"},
-           Case{"[,1]", "column 2: nothing stands before this comma: take"},
-           Case{"[1,,2]", "column 4: nothing stands before this comma: take"},
-           Case{"{\"a\": , \"b\": 1}", "column 7: a value is missing before this comma"},
-           Case{"{\"a\": }", "column 7: a value is missing before this }"},
-           Case{"{\"a\"}", "column 5: a colon and a value are missing here"},
-           Case{"{\"a\", 1}", "column 5: a colon and a value are missing here"},
-           Case{"{\"a\" 1}", "column 5: a colon is missing here"},
-           Case{"{'a': 1}", "column 2: a single quote: JSON has double quotes (\") alone"},
-           Case{"{a: 1}", "column 2: the key lacks its quotes: write it as \"key\""},
-           Case{"{1: 1}", "column 2: a key stands in double quotes"},
-           Case{"{\"a\": edge7}", "column 7: a word that is none of JSON's"},
-           Case{"{\"a\": True}", "column 7: a word that is none of JSON's"},
-           Case{"{\"a\": \"b,\n \"c\": 1}", "column 7: the string that begins here has no closing"},
-           Case{"{\"a\": [1, 2}", "column 12: a ] is missing before this }"},
-           Case{"[{\"a\": 1]", "column 9: a } is missing before this ]"},
-           Case{"{}\n{}", "line 2, column 1: more text behind the end"},
-           Case{"\xEF\xBB\xBF{\"a\": 1,}", "a comma stands before this }"},
-       }) {
+void expect_told(std::initializer_list<Case> cases) {
+  for (const Case& c : cases) {
     const auto tree = ConfigTree::parse(c.text);
     ASSERT_FALSE(tree) << c.text;
     EXPECT_NE(tree.error().text.find(c.says), std::string::npos) << tree.error().text;
   }
 }
 
+TEST(SyntaxFault, WhatPeopleGetWrongIsNamedWhereTheyWroteIt) {
+  expect_told({
+      Case{"{\n  \"a\": 1, // the first\n  \"b\": 2\n}", "line 2, column 11: a comment"},
+      Case{"{\n  /* both */ \"a\": 1}", "line 2, column 3: a comment"},
+      Case{"# agent\n{}", "line 1, column 1: a comment"},
+      Case{"{\n  \"a\": 1\n  \"b\": 2}", "line 2, column 9: a comma is missing here"},
+      Case{"{\"a\": [1, 2]\n\n \"b\": 2}", "line 1, column 13: a comma is missing here"},
+      Case{"[{\"a\": 1}\n {\"a\": 2}]", "line 1, column 10: a comma is missing here"},
+      Case{"[\"a\"\n\"b\"]", "line 1, column 5: a comma is missing here"},
+      Case{"[true false]", "line 1, column 6: a comma is missing here"},
+      Case{"{\"a\": 1,\n}", "line 2, column 1: a comma stands before this }: take"},
+      Case{"[1,]", "column 4: a comma stands before this ]: take"},
+      Case{"[,1]", "column 2: nothing stands before this comma: take"},
+      Case{"[1,,2]", "column 4: nothing stands before this comma: take"},
+      Case{"{\"a\": , \"b\": 1}", "column 7: a value is missing before this comma"},
+      Case{"{\"a\": }", "column 7: a value is missing before this }"},
+      Case{"{\"a\"}", "column 5: a colon and a value are missing here"},
+      Case{"{\"a\", 1}", "column 5: a colon and a value are missing here"},
+      Case{"{\"a\" 1}", "column 5: a colon is missing here"},
+      Case{"{'a': 1}", "column 2: a single quote: JSON has double quotes (\") alone"},
+      Case{"{a: 1}", "column 2: the key lacks its quotes: write it as \"key\""},
+      Case{"{1: 1}", "column 2: a key stands in double quotes"},
+      Case{"{\"a\": edge7}", "column 7: a word that is none of JSON's"},
+      Case{"{\"a\": True}", "column 7: a word that is none of JSON's"},
+      Case{"{\"a\": \"b,\n \"c\": 1}", "column 7: the string that begins here has no closing"},
+      Case{"{\"a\": [1, 2}", "column 12: a ] is missing before this }"},
+      Case{"[{\"a\": 1]", "column 9: a } is missing before this ]"},
+      Case{"{}\n{}", "line 2, column 1: more text behind the end"},
+      Case{"\xEF\xBB\xBF{\"a\": 1,}", "a comma stands before this }"},
+  });
+}
+
 TEST(SyntaxFault, WhatItDoesNotKnowKeepsTheParsersWords) {
-  for (const Case& c : {
-           Case{"{\"a\": 01}", "column 9: "},  // read as 0, then another number
-           Case{"{\"a\": 1e999, // ten\n \"b\": 2}",
-                "overflow"},  // what follows is not its business
-           Case{"[\"\\x\" // \n]", "column 4: "},
-           Case{"{\"a\": {", "unexpected end of input"},
-       }) {
-    const auto tree = ConfigTree::parse(c.text);
-    ASSERT_FALSE(tree) << c.text;
-    EXPECT_NE(tree.error().text.find(c.says), std::string::npos) << tree.error().text;
-  }
+  expect_told({
+      Case{"{\"a\": 01}", "column 9: "},                      // read as 0, then another number
+      Case{"{\"a\": 1e999, // ten\n \"b\": 2}", "overflow"},  // what follows is not its business
+      Case{"[\"\\x\" // \n]", "column 4: "},
+      Case{"{\"a\": {", "unexpected end of input"},
+  });
 }
 
 // One change at a time, all over a text: the fault is never found behind what the parser refused,

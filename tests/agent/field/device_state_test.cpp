@@ -39,6 +39,37 @@ TEST(DeviceState, AnsweredIsOnlineAndToldOnce) {
   EXPECT_FALSE(state.update(bus_is_open(), 1200));
 }
 
+TEST(DeviceState, ValueThatComesAndGoesDoesNotFlap) {
+  DeviceState state(0, *port_codec(), 1000);
+  state.answered();
+  auto bad = bus_is_open();
+  bad.first_bad = BadReason::bad_value;
+  const auto first = state.update(bad, 2000);
+  ASSERT_TRUE(first);
+  EXPECT_EQ(first->status.state, State::degraded);
+  EXPECT_EQ(first->status.reason, "bad_value");
+  for (std::int64_t ms = 3000; ms < 60'000; ms += 2000) {
+    EXPECT_FALSE(state.update(bus_is_open(), ms)) << ms;
+    EXPECT_FALSE(state.update(bad, ms + 1000)) << ms;
+  }
+  EXPECT_FALSE(state.update(bus_is_open(), 69'999));
+  const auto good = state.update(bus_is_open(), 70'000);
+  ASSERT_TRUE(good);
+  EXPECT_EQ(good->status.state, State::online);
+  EXPECT_EQ(good->status.since_ms, 70'000);
+}
+
+TEST(DeviceState, OtherReasonsEndWithTheirTag) {
+  DeviceState state(0, *port_codec(), 1000);
+  state.answered();
+  auto bad = bus_is_open();
+  bad.first_bad = BadReason::nak;
+  EXPECT_TRUE(state.update(bad, 2000));
+  const auto good = state.update(bus_is_open(), 2100);
+  ASSERT_TRUE(good);
+  EXPECT_EQ(good->status.state, State::online);
+}
+
 TEST(DeviceState, BroadcastIsOnlineWhileItsBusIsOpen) {
   DeviceState state(0, *codec_of("modbus-rtu", {{"unit", std::int64_t{0}}}), 1000);
   const auto open = state.update(bus_is_open(), 1100);

@@ -12,6 +12,7 @@ namespace fxagent::test {
 namespace {
 
 using std::chrono::milliseconds;
+using std::chrono::seconds;
 
 /// D100, D200 and D300 of one group, each in a read of its own.
 class PollCycleTest : public ::testing::Test {
@@ -285,6 +286,29 @@ TEST_F(PollCycleTest, ValueThatIsNoNumberIsBadValue) {
   PollCycle cycle = begun();
   for (std::uint32_t read = 0; read < 3; ++read) cycle.take(read, data(word(0x0A00)));
   EXPECT_EQ(finished(cycle).readings[0].bad, BadReason::bad_value);
+}
+
+TEST_F(PollCycleTest, ValueThatIsNoneIsToldOnceWithWhatIsThere) {
+  device.tags[0].point.type = DataType::bcd16;
+  PollCycle cycle = begun();
+  const auto told_after = [&](std::uint16_t raw, seconds pause) {
+    now += pause;
+    cycle.begin(0);
+    for (std::uint32_t read = 0; read < 3; ++read) cycle.take(read, data(word(raw)));
+    cycle.finish(false, 0, 5000, now);
+    return cycle.take_no_values();
+  };
+  const auto told = told_after(0x0A00, seconds(0));
+  ASSERT_EQ(told.size(), 1U);
+  EXPECT_EQ(told[0].tag, 0U);
+  EXPECT_NE(told[0].why.find("0A00 is not BCD"), std::string::npos) << told[0].why;
+  for (int poll = 0; poll < 100; ++poll) {
+    EXPECT_TRUE(told_after(0x0A00, seconds(1)).empty());
+    EXPECT_TRUE(told_after(0x0100, seconds(1)).empty());
+  }
+  EXPECT_TRUE(told_after(0x0100, seconds(60)).empty());
+  EXPECT_EQ(told_after(0x0A01, seconds(1)).size(), 1U)
+      << "after a minute of values it is news again";
 }
 
 TEST_F(PollCycleTest, GroupThatHasNothingNewToSayHasNoSample) {
