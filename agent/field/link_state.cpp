@@ -147,8 +147,8 @@ void LinkState::unreachable(LinkDevice& device) {
   scheduler_.device_unanswered(device.id, Clock::now());
 }
 
-void LinkState::unanswered(LinkDevice& device) {
-  const bool silent = scheduler_.device_unanswered(device.id, Clock::now());
+void LinkState::unanswered(LinkDevice& device, PollScheduler::AskedBy by) {
+  const bool silent = scheduler_.device_unanswered(device.id, Clock::now(), by);
   if (silent) device.state.fell_silent();
   const bool tcp = std::holds_alternative<TcpSettings>(config_.channel);
   const int limit = std::max(kDeadPeerAfter, static_cast<int>(devices_.size()) + 1);

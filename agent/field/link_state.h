@@ -44,7 +44,7 @@ class LinkState final {
   void answered(LinkDevice& device);
   /// It has left a question unanswered. Where nobody answers on a TCP connection any more, this
   /// closes it.
-  void unanswered(LinkDevice& device);
+  void unanswered(LinkDevice& device, PollScheduler::AskedBy by = PollScheduler::AskedBy::poll);
   /// A gateway answered in its place: the device is silent, the connection is not.
   void unreachable(LinkDevice& device);
   /// Tells the state of the device where it is another one now.

@@ -230,11 +230,11 @@ void PollScheduler::device_answered(DeviceId id) {
   device.rests_until = {};
 }
 
-bool PollScheduler::device_unanswered(DeviceId id, SteadyTime now) {
+bool PollScheduler::device_unanswered(DeviceId id, SteadyTime now, AskedBy by) {
   Device& device = devices_[id];
   ++device.unanswered;
   if (device.unanswered < device.unanswered_limit) return false;
-  if (device.silent && now < device.rests_until) return true;
+  if (device.silent && by == AskedBy::command) return true;
   device.silent = true;
   const auto doubled = std::max(device.back_off.first, device.delay * 2);
   device.delay = std::min(doubled, device.back_off.cap);

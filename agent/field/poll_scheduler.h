@@ -103,10 +103,11 @@ class PollScheduler final {
                                             std::chrono::nanoseconds longest_poll) const;
 
   void device_answered(DeviceId device);
+  enum class AskedBy : std::uint8_t { poll, command };
   /// One more exchange without an answer. True when the device is silent from now on or still: its
-  /// polls rest until the back-off has passed. Commands that find no answer meanwhile make the rest
-  /// no longer.
-  bool device_unanswered(DeviceId device, SteadyTime now);
+  /// polls rest until the back-off has passed. Commands begin a rest and never make one longer: a
+  /// stream of them would keep the polls from finding that the tags are bad.
+  bool device_unanswered(DeviceId device, SteadyTime now, AskedBy by = AskedBy::poll);
   bool is_silent(DeviceId device) const { return devices_[device].silent; }
 
   const Counters& counters(DeviceId device) const { return devices_[device].counters; }

@@ -267,8 +267,8 @@ void Poller::finish_cycle(LinkDevice& device, GroupPoll& group) {
   for (const PollCycle::NoValue& none : group.cycle.take_no_values()) {
     const TagConfig& tag = device.config.tags[none.tag];
     log::warn("tag", {{"device", device.config.name},
-                      {"tag", tag.name},
-                      {"address", tag.point.address.text},
+                      {"tag", std::string(tag.name)},
+                      {"address", std::string(tag.point.address.text)},
                       {"reason", none.why},
                       {"note", "is this its address, and the type that the device has there?"}});
   }

@@ -173,8 +173,8 @@ void SampleDelivery::pump_history(bool rests, SteadyTime now) {
 
 void SampleDelivery::rest(SteadyTime since, SteadyTime now) {
   --history_flights_;
-  history_rests_until_ =
-      now + std::min<SteadyTime::duration>((now - since) / kRestShare, kLongestRest);
+  const auto rest = std::min<SteadyTime::duration>((now - since) / kRestShare, kLongestRest);
+  history_rests_until_ = std::max(history_rests_until_, now + rest);
 }
 
 void SampleDelivery::connection_began() {
@@ -207,7 +207,7 @@ void SampleDelivery::delivered(std::uint64_t id, SteadyTime now) {
     rest(flight.since, now);
     failpoint("history_acknowledged");
     acknowledged_ += spool_.remove(flight.history);
-    pauses_.erase(flight.history.batch.device);
+    taken(flight.history.batch.device, flight.since);
     return;
   }
   failpoint("sample_acknowledged");
@@ -217,7 +217,7 @@ void SampleDelivery::delivered(std::uint64_t id, SteadyTime now) {
     --in_flight_;
     ++acknowledged_;
   }
-  pauses_.erase(flight.live->row.device);
+  taken(flight.live->row.device, flight.since);
 }
 
 void SampleDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
@@ -253,9 +253,15 @@ void SampleDelivery::history_failed(const OutgoingHistory& history, const Delive
   }
   spool_.returned(history);
   if (can_be_cut)
-    history_bytes_ = std::min(history_bytes_, batch.payload.size()) / 2;
+    history_bytes_ = std::min(history_bytes_, batch.payload.size() / 2);
   else
     pause(batch.device, event, now);
+}
+
+/// The broker has taken what was sent `since`. What left before a refusal does not end its pause.
+void SampleDelivery::taken(const std::string& device, SteadyTime since) {
+  const auto found = pauses_.find(device);
+  if (found != pauses_.end() && found->second.since < since) pauses_.erase(found);
 }
 
 bool SampleDelivery::may_send(const std::string& device, SteadyTime now) const {
@@ -268,6 +274,7 @@ void SampleDelivery::pause(const std::string& device, const DeliveryFailed& even
   Pause& pause = pauses_[device];
   pause.reason_code = reason_code;
   if (pause.until > now) return;  // one refusal among several that were on their way
+  pause.since = now;
   pause.until = now + backoff_.after(pause.failures++);
   const std::string again = std::to_string(std::chrono::ceil<seconds>(pause.until - now).count());
   if (reason_code != 0)

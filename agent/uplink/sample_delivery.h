@@ -47,7 +47,7 @@ class SampleDelivery final : public Outgoing::Sender {
   void pump_live(SteadyTime now);
   /// Samples of these devices that have found no room so far go as history.
   void make_history(const std::set<std::string>& devices);
-  /// `rests`: history leaves half of the time to live samples.
+  /// `rests`: history rests after each message.
   void pump_history(bool rests, SteadyTime now);
 
   void connection_began();
@@ -82,6 +82,7 @@ class SampleDelivery final : public Outgoing::Sender {
   /// A device whose samples the broker refuses for the time being, or the library does not take
   /// (reason code 0).
   struct Pause {
+    SteadyTime since{};  ///< of the last refusal
     SteadyTime until{};
     int failures = 0;
     int reason_code = 0;
@@ -95,6 +96,7 @@ class SampleDelivery final : public Outgoing::Sender {
   bool has_room_for_history() const;
   bool may_send(const std::string& device, SteadyTime now) const;
   void pause(const std::string& device, const DeliveryFailed& event, SteadyTime now);
+  void taken(const std::string& device, SteadyTime since);
   /// A history message is over, in whatever way.
   void rest(SteadyTime since, SteadyTime now);
 

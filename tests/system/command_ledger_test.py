@@ -312,6 +312,11 @@ def fault_of_values(result, sent, held):
             for deeds, part in zip(sent.targets, parts) if part["verify"]]
     if sent.reads and result["status"] == "SUCCEEDED":
         read.append((sent.reads, result["value"]))
+    for deeds, part in zip(sent.targets, parts):
+        back = part["verify"]["read"] if part["verify"] else None
+        if part["status"] == "SUCCEEDED" and back is not None and (
+                back if isinstance(back, list) else [back]) != [value for _, value in deeds]:
+            return "SUCCEEDED, and another value was read back"
     for places, value in read:
         if value is None:
             continue

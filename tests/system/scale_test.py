@@ -14,11 +14,12 @@ class Scale(PlantTest):
     def config_of(self, devices, protocol, address):
         """A file with so many devices of 1,000 tags each."""
         path = os.path.join(self.directory, f"{devices}.json")
+        closed = free_port()
         with open(path, "w") as out:
             json.dump({
                 "agent": {"id": "edge7", "root": "fx"},
                 "mqtt": {"servers": ["mqtt://127.0.0.1:1"]},
-                "links": [{"name": f"l{i}", "tcp": {"host": "127.0.0.1", "port": i + 1},
+                "links": [{"name": f"l{i}", "tcp": {"host": f"127.1.0.{i + 1}", "port": closed},
                            "line_baud": 9600} for i in range(devices)],
                 "devices": [{"name": f"d{i}", "link": f"l{i}", "protocol": protocol,
                              "groups": [{"name": "g", "interval_ms": 1000}],

@@ -41,7 +41,9 @@ int setting(const char* name, int otherwise) {
 class Scene final {
  public:
   Scene(const Config& config, std::uint32_t seed) : config_(config), fate_(seed), journal_(fate_) {
-    restart_calendar();  // which links take their jitter from
+    // The same each time: polls take their moments from the one, links their jitter from the other.
+    advance_clock(seconds(1) - std::chrono::steady_clock::now().time_since_epoch() % seconds(1));
+    restart_calendar();
     for (const fxsim::Protocol protocol : kProtocols) {
       owned_.push_back(std::make_unique<LedgerDevice>(protocol));
       prepare(*owned_.back(), fate_);

@@ -112,6 +112,13 @@ std::string judge_values(const WantedTarget& target, const Json& result, const s
   if (verify.is_object() && !verify["read"].is_null() &&
       !was_shown(target.place, verify["read"], device, when))
     return "a value was read back that was never there";
+  if (op == "write" && verify.is_object() && !verify["read"].is_null() &&
+      result.value("reason", Json()) != "expect_mismatch") {
+    const bool same = elements_of(target.place, verify["read"], device) == target.elements;
+    if (verify["match"] != same) return "`match` is not what was read back";
+    if (result["status"] == "SUCCEEDED" && !same) return "SUCCEEDED, and another value was read";
+    if (is_mismatch(result) && same) return "verify_mismatch, and what was written was read";
+  }
   const bool says_value = result["status"] == "SUCCEEDED" || result["status"] == "PARTIAL";
   if (op != "write" || !says_value) return "";
   const auto said = elements_of(target.place, result.value("value", Json()), device);

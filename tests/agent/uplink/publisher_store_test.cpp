@@ -252,37 +252,93 @@ TEST(PublisherStore, HistoryHasAShareOfTheWindowAndLiveTheRest) {
   EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast")), std::vector<std::uint64_t>{21});
 }
 
+/// Streams of history, 900 rows each, behind a broker that acknowledges nothing by itself: all that
+/// is on its way is history.
+class Streams final {
+ public:
+  explicit Streams(std::uint32_t streams, int window = 20) : bench_(scratch_.path("store")) {
+    bench_.broker.reachable = false;
+    for (std::uint64_t seq = 1; seq <= 900; ++seq)
+      for (std::uint32_t stream = 0; stream < streams; ++stream)
+        bench_.outbox.push(test::sample(seq, stream / 2, stream % 2));
+    bench_.settle();
+    bench_.advance(1s);
+    bench_.broker.reachable = true;
+    bench_.broker.receive_maximum = static_cast<std::uint16_t>(window);
+    bench_.broker.acknowledges = false;
+    while (!bench_.broker.up()) bench_.advance(100ms);
+    bench_.settle();
+    while (sent().empty() || bench_.broker.open() > sent().size()) {  // the states come first
+      if (bench_.broker.open() == 0) throw std::runtime_error("no history comes");
+      bench_.broker.acknowledge_next();
+      bench_.settle();
+    }
+  }
+
+  Bench& operator*() { return bench_; }
+  Bench* operator->() { return &bench_; }
+  /// Every history message so far.
+  std::vector<Publication> sent() const {
+    std::vector<Publication> out;
+    for (const Publication& p : bench_.broker.log)
+      if (p.topic.ends_with("/history")) out.push_back(p);
+    return out;
+  }
+
+ private:
+  test::Scratch scratch_;
+  Bench bench_;
+};
+
 TEST(PublisherStore, TwoStreamsOfHistoryAreOnTheirWayAtATimeAndOneWhereTheWindowIsSmall) {
   for (const int window : {20, 5, 4, 2}) {
-    const test::Scratch scratch;
-    Bench bench(scratch.path("store"));
-    bench.broker.reachable = false;
-    for (std::uint64_t seq = 1; seq <= 900; ++seq)
-      for (std::uint32_t stream = 0; stream < 4; ++stream)
-        bench.outbox.push(test::sample(seq, stream / 2, stream % 2));
-    bench.settle();
-    bench.advance(1s);
-    bench.broker.reachable = true;
-    bench.broker.receive_maximum = static_cast<std::uint16_t>(window);
-    bench.broker.acknowledges = false;
-    while (!bench.broker.up()) bench.advance(100ms);
-    const auto streams = [&] {
-      std::multiset<std::string> topics;
-      for (const Publication& p : bench.broker.log)
-        if (p.topic.ends_with("/history")) topics.insert(p.topic);
-      return topics;
-    };
-    bench.settle();
-    while (streams().empty() || bench.broker.open() > streams().size()) {  // the states come first
-      ASSERT_GT(bench.broker.open(), 0U);
-      bench.broker.acknowledge_next();
-      bench.settle();
-    }
-    bench.advance(500ms);
-    const auto sent = streams();
-    EXPECT_EQ(sent.size(), window > 4 ? 2U : 1U) << window;
-    EXPECT_EQ(std::set(sent.begin(), sent.end()).size(), sent.size()) << "each of another stream";
+    Streams streams(4, window);
+    streams->advance(500ms);
+    const auto sent = streams.sent();
+    ASSERT_EQ(sent.size(), window > 4 ? 2U : 1U) << window;
+    EXPECT_NE(sent.front().topic, window > 4 ? sent.back().topic : "");
   }
+}
+
+TEST(PublisherStore, ShortMessageDoesNotCutTheRestOfALongOneShort) {
+  Streams streams(2);
+  const auto acknowledge_after = [&](std::chrono::milliseconds time) {
+    streams->advance(time);
+    streams->broker.acknowledge_next();
+    streams->step();
+  };
+  acknowledge_after(100ms);  // of two that left together; the rest is 50 ms
+  streams->advance(50ms);
+  ASSERT_EQ(streams.sent().size(), 3U);
+  acknowledge_after(10ms);  // the second one took 160 ms, the rest is 80 ms
+  acknowledge_after(2ms);   // the third one took 12 ms
+  streams->advance(77ms);
+  EXPECT_EQ(streams.sent().size(), 3U);
+  streams->advance(1ms);
+  EXPECT_EQ(streams.sent().size(), 5U);
+}
+
+TEST(PublisherStore, TwoMessagesTooLargeHalveTheirSizeOnce) {
+  Streams streams(2);
+  const std::size_t first = streams.sent().front().payload.size();
+  streams->broker.refuse_next(0x95);
+  streams->broker.refuse_next(0x95);
+  streams->settle();
+  streams->advance(100ms);
+  ASSERT_EQ(streams.sent().size(), 4U);
+  EXPECT_GT(streams.sent().back().payload.size(), first / 3);
+  EXPECT_LE(streams.sent().back().payload.size(), first / 2);
+}
+
+TEST(PublisherStore, StreamThatIsTakenDoesNotEndThePauseOfOneThatIsRefused) {
+  Streams streams(2);
+  streams->advance(10ms);
+  streams->broker.refuse_next(0x87);
+  streams->settle();
+  streams->broker.acknowledge_next();
+  streams->settle();
+  streams->advance(400ms);
+  EXPECT_EQ(streams.sent().size(), 2U) << "both are of one device";
 }
 
 TEST(PublisherStore, HistoryRestsHalfAsLongAsItsLastMessageTook) {
