@@ -10,11 +10,8 @@
 #include "protocol/value_range.h"
 
 namespace fxagent {
-namespace {
 
 using std::string_view_literals::operator""sv;
-
-}  // namespace
 
 void warn_of_limits(ConfigReader& reader, const ConfigNode& node, const TagConfig& tag) {
   const auto range = value_range(tag.point);

@@ -160,8 +160,7 @@ std::string disconnect_text(const mqtt::properties& properties, int code) {
   if (code == kSessionTakenOver)
     text +=
         " (another client has connected with this agent's client id: give each its own agent.id, "
-        "or "
-        "mqtt.client_id)";
+        "or mqtt.client_id)";
   using Code = mqtt::property::code;
   if (properties.contains(Code::REASON_STRING))
     text +=
@@ -527,8 +526,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
       return "the broker sent a packet of " + std::to_string(refused) + " bytes, " +
              std::to_string(kMaxPacketIn) + " are the most that is read";
     return "connection closed: the broker was stopped, the network failed, or another client has "
-           "come "
-           "with this agent's client id (each needs its own agent.id, or mqtt.client_id)";
+           "come with this agent's client id (each needs its own agent.id, or mqtt.client_id)";
   }
 
   Connected connected_by(const mqtt::token& token) const {
@@ -593,8 +591,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
              "): is it spelt as it should be, and does this machine's name server know it?";
     if (faults.socket == ECONNREFUSED)
       return "nothing listens on this port (connection refused): is the broker running, and is "
-             "this "
-             "its port?";
+             "this its port?";
     if (faults.socket != 0)
       return std::string("no way to this address (") + std::strerror(faults.socket) +
              "): is the network up, and the address as it should be?";
@@ -613,8 +610,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
                   : ": set mqtt.tls.cert_file and key_file");
     if (faults.is_encrypted)
       return "TLS: the server's certificate is not for this host name: connect by a name that is "
-             "in "
-             "it, or have it issued for this one";
+             "in it, or have it issued for this one";
     return kNoAnswer;
   }
 
@@ -622,8 +618,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
     if (last_closed_by_peer() < connecting_since_ && !faults.speaks_tls) return kNoAnswer;
     if (faults.speaks_tls || faults.was_reset)
       return "the server cuts the connection off before a word of MQTT, as a port with TLS does: "
-             "try "
-             "mqtts://, or the port without TLS";
+             "try mqtts://, or the port without TLS";
     const std::string closed =
         "somebody answers at this address and closes the connection without a word";
     return version_ == MQTTVERSION_5

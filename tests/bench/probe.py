@@ -2,6 +2,7 @@
 same for every peer, the simulator's control socket, and a process's CPU time and memory.
 """
 
+import contextlib
 import json
 import os
 import select
@@ -110,13 +111,25 @@ class Control:
 
 
 class Usage:
-    """CPU time of a process since this was made, its memory and threads now, and the most memory that it
+    """CPU time and context switches of a process since this was made, its memory and threads now, and the most memory that it
     ever held."""
 
     def __init__(self, pid):
         self.pid = pid
         self.began = time.monotonic()
         self.ticks = self._ticks()
+        self.switched = self._switches()
+
+    def _switches(self):
+        total = 0
+        for task in os.listdir(f"/proc/{self.pid}/task"):
+            with contextlib.suppress(FileNotFoundError), open(f"/proc/{self.pid}/task/{task}/status") as status:
+                total += sum(int(line.split()[1]) for line in status if "ctxt_switches" in line)
+        return total
+
+    def switches(self):
+        """Context switches of its threads."""
+        return self._switches() - self.switched
 
     def _ticks(self):
         with open(f"/proc/{self.pid}/stat") as stat:

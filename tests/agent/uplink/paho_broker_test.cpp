@@ -453,6 +453,17 @@ class Listener final {
   std::uint16_t port_ = 0;
 };
 
+/// A thread that takes one client, says `answer` to its first packet and closes the connection.
+std::thread answer_first_packet(const Listener& listener, std::string_view answer) {
+  return std::thread([&listener, answer] {
+    const int client = accept(listener.fd(), nullptr, nullptr);
+    char bytes[1000];
+    recv(client, bytes, sizeof bytes, 0);
+    if (!answer.empty()) send(client, answer.data(), answer.size(), MSG_NOSIGNAL);
+    close(client);
+  });
+}
+
 /// A thread of its own serves one client after the other: says `first`
 /// when a client's CONNECT has come to the first of them, and CONNACK to every further one.
 class SpitefulServer final {
@@ -541,12 +552,7 @@ TEST(PahoBroker, ConnectionAfterADisconnectWorks) {
 
 TEST_P(PahoBrokerVersion, ServerThatClosesBeforeItsConnackHasAnsweredAllTheSame) {
   const Listener listener;
-  std::thread server([&listener] {
-    const int client = accept(listener.fd(), nullptr, nullptr);
-    char bytes[1000];
-    recv(client, bytes, sizeof bytes, 0);
-    close(client);
-  });
+  std::thread server = answer_first_packet(listener, "");
   Client client(settings(listener.url(), GetParam()));
   client->connect(0, kReceiveMaximum);
   const std::string text = client.next<ConnectFailed>().text;
@@ -557,14 +563,7 @@ TEST_P(PahoBrokerVersion, ServerThatClosesBeforeItsConnackHasAnsweredAllTheSame)
 
 TEST(PahoBroker, ServerThatAnswersWithATlsAlertIsSaidToSpeakTls) {
   const Listener listener;
-  std::thread server([&listener] {
-    const int client = accept(listener.fd(), nullptr, nullptr);
-    char bytes[1000];
-    recv(client, bytes, sizeof bytes, 0);
-    constexpr char alert[] = {0x15, 0x03, 0x01, 0x00, 0x02, 0x02, 0x46};
-    send(client, alert, sizeof alert, MSG_NOSIGNAL);
-    close(client);
-  });
+  std::thread server = answer_first_packet(listener, {"\x15\x03\x01\x00\x02\x02\x46", 7});
   const std::string text = Client(settings(listener.url())).refusal();
   server.join();
   EXPECT_NE(text.find("try mqtts://"), std::string::npos) << text;
