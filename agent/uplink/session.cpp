@@ -25,11 +25,12 @@ constexpr std::chrono::minutes kShortOutage{5};
 constexpr seconds kLastRetryOfShortOutage{4};
 // Two agents with one id throw each other off: each stays away ever longer.
 constexpr seconds kLastRetryOfThrown{60};
-constexpr seconds kLibraryForgot{1};  // to tell that the connection is gone
-constexpr seconds kSubackWithin{1};   // until commands count as unheard
-constexpr seconds kGoodbye{2};        // until Disconnected, or else nothing more is waited for
-constexpr seconds kCatchUp{1};        // until it is asked again whether enough results are out
-constexpr int kSilenceIsSlow = 2;     // failures that an unanswered SUBSCRIBE begins with: 4 s
+constexpr std::chrono::milliseconds kBetweenLooks{100};  // whether the connection is still there
+constexpr seconds kLibraryForgot{1};                     // to tell that the connection is gone
+constexpr seconds kSubackWithin{1};                      // until commands count as unheard
+constexpr seconds kGoodbye{2};     // until Disconnected, or else nothing more is waited for
+constexpr seconds kCatchUp{1};     // until it is asked again whether enough results are out
+constexpr int kSilenceIsSlow = 2;  // failures that an unanswered SUBSCRIBE begins with: 4 s
 constexpr seconds kLastSubscribe{60};
 constexpr seconds kLeftoversFor{10};  // how long retained topics of unknown devices are looked for
 
@@ -161,7 +162,11 @@ void Session::watch(SteadyTime now) {
     broker_.disconnect();
     on(Lost{"no acknowledgement for 30 s"}, now);
   }
-  if (link_ != Link::connected || broker_.is_connected()) return down_since_.reset();
+  if (link_ != Link::connected) return down_since_.reset();
+  // The library takes a lock to answer, for which its threads wait.
+  if (!down_since_ && now < look_again_) return;
+  look_again_ = now + kBetweenLooks;
+  if (broker_.is_connected()) return down_since_.reset();
   if (!down_since_) down_since_ = now;
   if (now - *down_since_ >= kLibraryForgot) on(Lost{"found closed"}, now);
 }

@@ -116,6 +116,7 @@ class Session final {
   std::string last_failure_;
   SteadyTime connect_deadline_{};
   SteadyTime connected_at_{};
+  SteadyTime look_again_{};               ///< whether the connection is still there
   std::optional<SteadyTime> down_since_;  ///< the library has no connection and has not said so
   std::uint16_t receive_maximum_ = kReceiveMaximum;  ///< until a connection is lost
   std::optional<SteadyTime> leftovers_until_;  ///< looking for retained topics of unknown devices

@@ -58,7 +58,10 @@ class FakeBroker final : public Broker {
     const std::string why = refuses_states && of_states ? "Not authorized" : refusal;
     if (confirms) events_.push_back(Subscribed{subscription.filter, why.empty(), why});
   }
-  bool is_connected() const override { return up_ || believes; }
+  bool is_connected() const override {
+    ++looks;
+    return up_ || believes;
+  }
   void unsubscribe(const std::string& filter) override { filters.erase(filter); }
   void await_acknowledgements(bool awaited) override { acknowledgements_awaited = awaited; }
   void hold_messages(bool now_held, std::size_t now_let_in = 0) override {
@@ -66,6 +69,8 @@ class FakeBroker final : public Broker {
     let_in += now_let_in;
   }
   std::vector<BrokerEvent> take_events() override { return std::exchange(events_, {}); }
+
+  mutable int looks = 0;  ///< how often it was asked whether it is connected
 
   // ---- what the test does to it
   void acknowledge_next() {

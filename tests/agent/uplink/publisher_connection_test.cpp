@@ -51,12 +51,25 @@ TEST(PublisherConnection, ConnectionThatTheLibraryForgotToReportIsFoundGone) {
   bench.online();
   bench.broker.vanish();
   bench.broker.finds_out = false;
-  bench.settle();
+  bench.advance(200ms);
   EXPECT_EQ(bench.broker.connects.size(), 1U) << "its Lost may be on its way";
   EXPECT_LE(bench.step(), bench.now + 1s);
   bench.advance(1s);
   bench.advance(2s);
   EXPECT_EQ(bench.broker.connects.size(), 2U);
+}
+
+TEST(PublisherConnection, LibraryIsNotAskedAtEachStepWhetherItIsConnected) {
+  Bench bench;
+  bench.online();
+  bench.broker.looks = 0;
+  const SteadyTime end = bench.now + 1s;
+  for (std::uint64_t seq = 1; bench.now < end; bench.now += 1ms) {
+    bench.outbox.push(test::sample(seq++));
+    bench.step();
+  }
+  EXPECT_GT(bench.broker.looks, 5);
+  EXPECT_LE(bench.broker.looks, 11);
 }
 
 TEST(PublisherConnection, ConnectionThatDiesWithoutAWordIsGivenUpWithin90Seconds) {
