@@ -1,6 +1,9 @@
 #include "agent/field/poll_scheduler.h"
 
 #include <algorithm>
+#include <utility>
+
+#include "agent/field/poll_grid.h"
 
 namespace fxagent {
 namespace {
@@ -98,6 +101,10 @@ void PollScheduler::begin_by_interval(Group& group, SteadyTime now) {
   devices_[group.device].counters.missed += missed;
   group.deadline = this_due + std::min(group.within, interval);
   group.due = this_due + interval;
+  if (stretch > 1.0)
+    group.off_grid = true;
+  else if (std::exchange(group.off_grid, false))
+    group.due = on_grid(group.due, std::chrono::duration_cast<std::chrono::milliseconds>(interval));
 }
 
 PollScheduler::PollStep PollScheduler::begin_or_continue(Group& group, SteadyTime now) {

@@ -136,6 +136,7 @@ class PollScheduler final {
     std::chrono::nanoseconds used{0};   ///< by the running cycle
     std::chrono::nanoseconds usual{0};  ///< by a whole cycle, smoothed; 0: none has ended
     double polls_owed = 0;              ///< below 1: what stretched intervals have not yet counted
+    bool off_grid = false;              ///< stretched intervals have taken it off the common grid
   };
 
   static SteadyTime begins_at(const Group& group);

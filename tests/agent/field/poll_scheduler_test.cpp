@@ -7,6 +7,8 @@
 #include <random>
 #include <vector>
 
+#include "agent/field/poll_grid.h"
+
 namespace fxagent::test {
 namespace {
 
@@ -440,6 +442,33 @@ TEST(PollScheduler, LineWithTimeToSpareKeepsEveryInterval) {
   EXPECT_EQ(cycles[0], 100);
   EXPECT_EQ(cycles[1], 50);
   EXPECT_EQ(missed, 0U);
+}
+
+TEST(PollScheduler, GroupIsBackOnTheGridWhenAnOverloadIsOver) {
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(3, kBackOff);
+  const auto group = scheduler.add_group(device, milliseconds(200), 1, at(0));
+  std::vector<SteadyTime> begun;
+  for (SteadyTime now = at(0); now < at(20000);) {
+    const auto job = scheduler.next(now);
+    if (job.kind == Kind::wait) {
+      now = job.until;
+      continue;
+    }
+    begun.push_back(now);
+    // Longer than its interval at first, and of an odd length.
+    const milliseconds exchange(now < at(6000) ? 303 : 41);
+    now += exchange;
+    scheduler.step_used(job.poll, exchange);
+    scheduler.step_done(job.poll);
+  }
+  const milliseconds grid = grid_of(milliseconds(200));
+  EXPECT_NE(begun[3].time_since_epoch() % grid, nanoseconds(0)) << "an overload has no grid";
+  for (std::size_t i = begun.size() - 10; i < begun.size(); ++i) {
+    EXPECT_EQ(begun[i] - begun[i - 1], milliseconds(200));
+    EXPECT_EQ(begun[i].time_since_epoch() % grid, nanoseconds(0));
+  }
+  EXPECT_EQ(scheduler.next_due(group).time_since_epoch() % grid, nanoseconds(0));
 }
 
 TEST(PollScheduler, SilentDeviceIsNoLoad) {
