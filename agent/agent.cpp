@@ -21,6 +21,7 @@
 #include "agent/outbox.h"
 #include "agent/process/service_manager.h"
 #include "agent/process/signs_of_life.h"
+#include "agent/reload.h"
 #include "agent/store/first_numbers.h"
 #include "agent/store/store.h"
 #include "agent/uplink/json_payload.h"
@@ -83,8 +84,10 @@ int wait_for_stop(StopWatchdog& watchdog, SignsOfLife& signs, const std::functio
 
 }  // namespace
 
-void run_agent(const Config& config, StopWatchdog& watchdog) {
+// `config` is the uplink's own from here on: a reload makes it the next one.
+void run_agent(Config config, const std::string& path, StopWatchdog& watchdog) {
   raise_file_limit(config.links.size());
+  auto in_force = std::make_shared<const Config>(config);
   std::random_device random;
   PublisherSettings settings;
   settings.boot = new_boot_id(random);
@@ -122,6 +125,7 @@ void run_agent(const Config& config, StopWatchdog& watchdog) {
   watchdog.begin("the start");
   field.start();
   SignsOfLife signs;
+  Reload reload(path, std::move(in_force), field, outbox, publisher);
   std::jthread uplink([&](std::stop_token stop) {
     run_uplink(publisher, outbox, stop, [&signs] { signs.uplink_went_on(); });
   });
@@ -134,6 +138,8 @@ void run_agent(const Config& config, StopWatchdog& watchdog) {
   watchdog.stage("the log: nobody reads it");
   service_manager::tell_stopping();
   log::info("agent", {{"state", "stopping"}, {"signal", std::to_string(signal)}});
+  watchdog.stage("the config file that is being read");
+  reload.stop();
   watchdog.stage("links", [&field] { return field.unfinished(); });
   field.stop();
   watchdog.stage("the uplink: the store's disk or the broker");

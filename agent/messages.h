@@ -305,6 +305,9 @@ struct DeviceHealth {
 struct FieldHealth {
   std::vector<LinkHealth> links;      ///< by index in Config::links
   std::vector<DeviceHealth> devices;  ///< by index in Config::devices
+  // Of devices that a reload has ended, in sum: what they counted is no part of `devices` any more.
+  std::uint64_t ended_collected = 0;
+  std::uint64_t ended_suppressed = 0;
 };
 
 }  // namespace fxagent

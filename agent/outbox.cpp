@@ -47,6 +47,10 @@ void Outbox::push(FieldHealth health) {
   });
 }
 
+void Outbox::ask(Call call) {
+  push_urgent([&] { waiting_.calls.push_back(std::move(call)); });
+}
+
 void Outbox::notify() {
   push_urgent([] {});
 }

@@ -5,6 +5,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <map>
 #include <mutex>
 #include <optional>
@@ -30,6 +31,7 @@ class Outbox final {
     /// The same count at the moment `health` was pushed: what the field's own counters must agree
     /// with.
     std::uint64_t pushed_at_health = 0;
+    std::vector<std::function<void(SteadyTime now)>> calls;  ///< once the rest is taken in
   };
 
   /// Holds at most `max_telemetry` messages; the oldest goes first and is counted.
@@ -51,6 +53,11 @@ class Outbox final {
   /// sent.
   void refuse_commands() { refuses_commands_.store(true, std::memory_order_relaxed); }
   bool refuses_commands() const { return refuses_commands_.load(std::memory_order_relaxed); }
+
+  /// Has the uplink call this at a time of its own, after it has taken what was pushed before. Any
+  /// thread; where the uplink has ended nobody calls it.
+  using Call = std::function<void(SteadyTime now)>;
+  void ask(Call call);
 
   /// Everything that waits. Uplink thread.
   Batch take();

@@ -19,6 +19,8 @@
 
 namespace fxagent {
 
+struct Config;
+
 /// Where every sample is.
 struct SampleCounts {
   std::uint64_t collected = 0;
@@ -73,9 +75,9 @@ using LastValues = std::vector<std::vector<std::shared_ptr<const GroupValues>>>;
 
 /// What became of one command.
 struct LastCommand {
-  std::uint32_t device = 0;  ///< index in Config::devices
-  std::string id;            ///< empty: none could be read
-  std::string op;            ///< as it came
+  std::string device;  ///< its name; it may be in no config any more
+  std::string id;      ///< empty: none could be read
+  std::string op;      ///< as it came
   CommandStatus status = CommandStatus::rejected;
   Reason reason = Reason::none;
   std::int64_t ts_ms = 0;  ///< when its result was known
@@ -83,8 +85,25 @@ struct LastCommand {
 /// So many of the agent are kept, the newest.
 inline constexpr std::size_t kLastCommands = 16;
 
-/// By index in Config::devices, where a list has no other word.
+/// Which config is in force, and what became of the last reload.
+struct ConfigStatus {
+  struct Reload {
+    std::string state;  ///< "applied", "unchanged" or "rejected"
+    std::int64_t ts_ms = 0;
+    std::vector<std::string> errors;  ///< rejected: the first of them, as the log has them
+    std::size_t errors_in_all = 0;
+  };
+  std::string hash;  ///< of its text, as Config has it
+  std::int64_t since_ms = 0;
+  std::optional<Reload> last_reload;  ///< nullopt: there was none
+};
+
+/// By index in Config::devices, where a list has no other word: of `config`, which a reload
+/// replaces.
 struct AgentStatus {
+  /// Never null where the uplink has made it. The uplink and each status made under it own it.
+  std::shared_ptr<const Config> config;
+  ConfigStatus config_status;
   std::int64_t ts_ms = 0;
   std::string boot;
   std::string version;

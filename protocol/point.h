@@ -82,6 +82,7 @@ struct Address {
   Unit unit = Unit::word;
   bool writable =
       true;  ///< false where the device kind cannot be written (D100.F, input registers)
+  friend bool operator==(const Address&, const Address&) = default;
 };
 
 /// What a tag is where its config names no type: bool for bits, int16 for words and K1-K4, int32
@@ -102,6 +103,7 @@ struct Point {
   double offset = 0.0;
 
   bool scaled() const { return scale != 1.0 || offset != 0.0; }
+  friend bool operator==(const Point&, const Point&) = default;
 };
 
 /// Stores scale and offset, and works out `decimals`, so that 234 × 0.1 reads 23.4 and not

@@ -40,8 +40,13 @@ class ShortText final {
   }
   bool empty() const { return bytes_.back() == 0; }
 
-  template <std::convertible_to<std::string_view> Text>
-  friend bool operator==(const ShortText& a, const Text& b) {
+  friend bool operator==(const ShortText& a, const ShortText& b) {
+    return std::string_view(a) == std::string_view(b);
+  }
+  template <class Text>
+  requires(std::convertible_to<const Text&, std::string_view> &&
+           !std::same_as<Text, ShortText>) friend bool
+  operator==(const ShortText& a, const Text& b) {
     return std::string_view(a) == std::string_view(b);
   }
   friend std::string operator+(const ShortText& a, std::string_view b) {

@@ -3,7 +3,7 @@
 #   tests/include_graph.sh            writes it there
 #   tests/include_graph.sh --check    fails where what stands there is not what the sources say
 #   tests/include_graph.sh --lines    prints every pair and in how many lines, that of the tests too
-# `values` stands for the files in agent/ itself, without agent.cpp, which connects all, and line_time. An arrow is left out where
+# `values` stands for the files in agent/ itself, without agent.cpp and reload.cpp, which connect all, and line_time. An arrow is left out where
 # others lead the same way: a --> c beside a --> b --> c. Two folders that know each other (a <--> b) have their other
 # arrows at the first.
 set -euo pipefail
@@ -24,7 +24,7 @@ graph() {
   echo "$first"
   echo '```mermaid'
   echo 'graph LR'
-  includes protocol agent --exclude=agent.cpp --exclude=agent.h |
+  includes protocol agent --exclude=agent.cpp --exclude=agent.h --exclude=reload.cpp --exclude=reload.h |
     sed -E 's#protocol/[^ ]+#protocol#g; s#agent/line_time\.[a-z]+#line_time#g; s#agent/([a-z_]+)/[^ ]+#\1#g
             s#agent/[^ ]+#values#g' | awk '$1 != $2' | sort -u |
     awk '

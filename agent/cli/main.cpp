@@ -32,9 +32,9 @@ namespace {
 using namespace fxagent;
 
 constexpr int kWrong = 2;
-// Of the stop, of the log, of the field and its name look-ups, of the uplink, of the store and two
-// of the MQTT library.
-constexpr int kThreads = 8;
+// Of the stop, of the log, of the field and its name look-ups, of the uplink, of the reload, of the
+// store and two of the MQTT library.
+constexpr int kThreads = 9;
 constexpr std::size_t kRoomToBegin = std::size_t{16} << 20;
 
 /// The config, or its errors on stderr.
@@ -76,12 +76,17 @@ int run(const std::string& path) {
   std::signal(SIGXFSZ, SIG_IGN);
   if (const std::string missing = lacks(kThreads, kRoomToBegin); !missing.empty())
     throw std::runtime_error("cannot begin: " + missing);
-  // Blocked before any thread starts, so that only the watchdog sees them.
+  // Blocked before any thread starts, so that only the watchdog sees them, and the reload SIGHUP.
   sigset_t stop_signals;
   sigemptyset(&stop_signals);
   sigaddset(&stop_signals, SIGTERM);
   sigaddset(&stop_signals, SIGINT);
   pthread_sigmask(SIG_BLOCK, &stop_signals, nullptr);
+  sigset_t reload_signal;
+  sigemptyset(&reload_signal);
+  sigaddset(&reload_signal, SIGHUP);
+  pthread_sigmask(SIG_BLOCK, &reload_signal, nullptr);
+  std::signal(SIGHUP, SIG_DFL);  // one that is ignored would not wait either
   StopWatchdog watchdog(stop_signals);
   const log::InBackground background;
   auto config = loaded(path);
@@ -91,7 +96,7 @@ int run(const std::string& path) {
     log::warn("config", {{"note", warning}});
   for (const ConfigError& secret : exposed_secrets(*config))
     log::warn("config", {{"note", secret.pointer + ": " + secret.text}});
-  run_agent(*config, watchdog);
+  run_agent(std::move(*config), path, watchdog);
   return 0;
 }
 

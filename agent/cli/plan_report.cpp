@@ -415,7 +415,7 @@ DeviceConfig* device_named(Config& config, const std::string& name) {
   return found == config.devices.end() ? nullptr : &*found;
 }
 
-std::string names_of(const std::vector<DeviceConfig>& devices) {
+std::string names_of(const SharedList<DeviceConfig>& devices) {
   std::string names;
   for (const DeviceConfig& device : devices) names += (names.empty() ? "" : ", ") + device.name;
   return names;

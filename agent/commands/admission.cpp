@@ -131,7 +131,7 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
                                                    const std::shared_ptr<const Codec>& device_codec,
                                                    std::size_t waiting, SteadyTime now) {
   const Codec& codec = *device_codec;
-  const CommandRules& rules = device_.commands;
+  const CommandRules& rules = device_->commands;
   CommandResult result = result_of(command);
   const auto rejected = [&](Refusal why) {
     result.status = CommandStatus::rejected;
@@ -221,7 +221,7 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
     return result;
   }
   if (closed_) {
-    set_outcome(result, CommandStatus::rejected, Reason::shutting_down, {});
+    set_outcome(result, CommandStatus::rejected, Reason::shutting_down, why_closed_);
     remember_refused(cmd, result, now);
     return result;
   }
@@ -277,11 +277,11 @@ std::optional<Refusal> CommandAdmission::resolve_place(const Codec& codec, Op op
   out.tag = target.tag;
   const Reason fault = target.tag.empty() ? Reason::bad_address : Reason::unknown_tag;
   if (!target.tag.empty()) {
-    const auto tag = std::find_if(device_.tags.begin(), device_.tags.end(),
+    const auto tag = std::find_if(device_->tags.begin(), device_->tags.end(),
                                   [&](const TagConfig& t) { return t.name == target.tag; });
-    if (tag == device_.tags.end())
-      return refuse(fault, "device " + device_.name + " has no tag " + target.tag);
-    out.tag_index = static_cast<std::uint32_t>(tag - device_.tags.begin());
+    if (tag == device_->tags.end())
+      return refuse(fault, "device " + device_->name + " has no tag " + target.tag);
+    out.tag_index = static_cast<std::uint32_t>(tag - device_->tags.begin());
     out.point = tag->point;
   } else {
     if (!target.type && codec.addresses().needs_type(target.address))
@@ -306,7 +306,8 @@ std::optional<Refusal> CommandAdmission::resolve_place(const Codec& codec, Op op
     if (op != Op::read) return std::nullopt;
     return refuse(fault, "nobody answers a broadcast, so nothing can be read");
   }
-  const Plan plan = make_plan(codec, std::span(&out.point, 1), LineCost{}, device_.max_block_bytes);
+  const Plan plan =
+      make_plan(codec, std::span(&out.point, 1), LineCost{}, device_->max_block_bytes);
   if (!plan.unreachable.empty())
     return refuse(Reason::bad_address,
                   out.point.address.text + " cannot be reached on this model" +
@@ -318,7 +319,7 @@ std::optional<Refusal> CommandAdmission::check_access(const Codec& codec, const 
                                                       const AdmittedTarget& target) const {
   const Span span = *span_of(target.point);
   const std::string name(target.point.address.text);
-  const bool allowed = covered(device_.commands.allow, span);
+  const bool allowed = covered(device_->commands.allow, span);
   if (*command.op == Op::read) {
     if (target.tag_index || allowed || command.any_address) return std::nullopt;
     return refuse(Reason::not_allowed, name + " is neither a tag nor in commands.allow");
@@ -327,7 +328,7 @@ std::optional<Refusal> CommandAdmission::check_access(const Codec& codec, const 
   if (const auto writable = codec.addresses().check_write(span); !writable)
     return refuse(Reason::not_writable, writable.error().text);
   if (target.tag_index) {
-    if (device_.tags[*target.tag_index].writable) return std::nullopt;
+    if (device_->tags[*target.tag_index].writable) return std::nullopt;
     return refuse(
         Reason::not_writable,
         "the tag's access is read; \"access\": \"read_write\" in the config lets commands "
@@ -358,7 +359,7 @@ std::optional<Refusal> CommandAdmission::check_value(const Codec& codec, const C
   const auto written = unpack(out.point, *packed, span_of(out.point)->first_bit);
   if (!written) return refuse(Reason::out_of_range, written.error().text);
   if (out.tag_index)
-    if (auto why = check_limits(device_.tags[*out.tag_index], *written)) return why;
+    if (auto why = check_limits(device_->tags[*out.tag_index], *written)) return why;
   const auto requests = plan_write(codec, out.point, *packed);
   if (!requests) return refuse(Reason::not_writable, requests.error().text);
   for (const Request& request : *requests)
@@ -398,7 +399,7 @@ void CommandAdmission::restore(const KnownId& known, SteadyTime now, std::int64_
 std::optional<AdmittedCommand> CommandAdmission::interrupted(
     Command command, const std::shared_ptr<const Codec>& codec, SteadyTime now) {
   ids_.add({command.id, command.number, std::min(command.received, now),
-            deadline_of(command, device_.commands)},
+            deadline_of(command, device_->commands)},
            now);
   std::vector<TargetResult> names = result_of(command).targets;
   AdmittedCommand admitted;

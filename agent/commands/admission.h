@@ -28,11 +28,12 @@ class CommandAdmission final {
  public:
   using Decision = std::variant<CommandResult, AdmittedCommand>;
 
-  /// `device` outlives admission. With a journal the first results are there, and not here. `room`
-  /// is shared with the admission of the other devices and with the commands that wait.
+  /// `device` outlives admission, or its use(). With a journal the first results are there, and not
+  /// here. `room` is shared with the admission of the other devices and with the commands that
+  /// wait.
   explicit CommandAdmission(const DeviceConfig& device, Journaling journaling = Journaling::off,
                             std::shared_ptr<CommandRoom> room = std::make_shared<CommandRoom>())
-      : device_(device),
+      : device_(&device),
         journaling_(journaling),
         room_(std::move(room)),
         ids_(room_, device.name) {}
@@ -51,8 +52,18 @@ class CommandAdmission final {
     ids_.note_total(id, total);
   }
 
-  /// From now on no command is admitted: one that would be is REJECTED, shutting_down.
-  void close() { closed_ = true; }
+  /// From now on no command is admitted: one that would be is REJECTED, shutting_down. `why` is for
+  /// people.
+  void close(std::string why = {}) {
+    closed_ = true;
+    why_closed_ = std::move(why);
+  }
+  /// From now on the device is another one of the same name: it admits, and knows the ids of
+  /// before.
+  void use(const DeviceConfig& device) {
+    device_ = &device;
+    closed_ = false;
+  }
 
   /// Another agent, of this boot, has the id of ours: a command that would be admitted is REJECTED,
   /// conflict. Empty: there is none.
@@ -85,11 +96,12 @@ class CommandAdmission final {
   std::optional<Refusal> check_value(const Codec& codec, const Command& command,
                                      const CommandTarget& target, AdmittedTarget& out) const;
 
-  const DeviceConfig& device_;
+  const DeviceConfig* device_;  ///< never null
   const Journaling journaling_;
   const std::shared_ptr<CommandRoom> room_;
   IdMemory ids_;
   bool closed_ = false;
+  std::string why_closed_;
   std::string conflict_;  ///< boot of another agent with our id
 };
 

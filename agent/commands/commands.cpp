@@ -28,7 +28,8 @@ Refusal refusal_of_unknown(const Command& command, const Config& config,
     return {Reason::retained, "a retained command is an old one: publish without retain"};
   std::vector<std::string_view> names;
   names.reserve(config.devices.size());
-  for (const DeviceConfig& known : config.devices) names.push_back(known.name);
+  for (const DeviceConfig& known : config.devices)
+    if (!known.is_vacant()) names.push_back(known.name);
   return {Reason::unknown_device,
           "there is no device " + device + " in the config; " + did_you_mean(device, names)};
 }
@@ -41,10 +42,62 @@ bool is_remembered(const CommandResult& result) {
 
 Commands::Commands(const Config& config, Submit submit, CommandJournal* journal)
     : config_(config), submit_(std::move(submit)), journal_(journal) {
-  const auto room = std::make_shared<CommandRoom>();
-  const Journaling journaling = journal == nullptr ? Journaling::off : Journaling::on;
-  devices_.reserve(config.devices.size());
-  for (const DeviceConfig& device : config.devices) devices_.emplace_back(device, journaling, room);
+  devices_.resize(config.devices.size());
+  for (std::uint32_t i = 0; i < devices_.size(); ++i)
+    if (!config.devices[i].is_vacant()) open(i);
+  list_names();
+}
+
+void Commands::open(std::uint32_t index) {
+  const Journaling journaling = journal_ == nullptr ? Journaling::off : Journaling::on;
+  auto& device = devices_[index];
+  device = std::make_unique<Device>(config_.devices[index], journaling, room_);
+  device->admission.set_conflict(conflict_);
+  if (closed_) device->admission.close();
+}
+
+void Commands::list_names() {
+  index_.clear();
+  for (std::uint32_t i = 0; i < devices_.size(); ++i)
+    if (devices_[i]) index_[devices_[i]->name] = i;
+}
+
+std::optional<std::uint32_t> Commands::device_named(std::string_view name) const {
+  const auto found = index_.find(name);
+  return found == index_.end() ? std::nullopt : std::optional(found->second);
+}
+
+// ---- a changed config ---------------------------------------------------------------------------
+
+void Commands::begin_change(const ConfigChange& change) {
+  for (const std::uint32_t index : change.devices_end)
+    device_at(index).admission.close("the config of the device is being changed");
+}
+
+std::vector<std::string> Commands::change(const ConfigChange& change) {
+  for (const std::uint32_t index : change.devices_end) {
+    std::string name = name_of(index);
+    departed_[std::move(name)] = std::move(devices_[index]);
+  }
+  devices_.resize(config_.devices.size());
+  std::vector<std::string> not_known;
+  for (const std::uint32_t index : change.devices_begin) {
+    const DeviceConfig& config = config_.devices[index];
+    auto known = departed_.extract(config.name);
+    if (known.empty()) {
+      not_known.push_back(config.name);
+      open(index);
+      continue;
+    }
+    devices_[index] = std::move(known.mapped());
+    Device& device = device_at(index);
+    device.admission.use(config);
+    device.codec = config.codec;
+    device.admission.set_conflict(conflict_);
+    if (closed_) device.admission.close();
+  }
+  list_names();
+  return not_known;
 }
 
 // ---- from the message to the field --------------------------------------------------------------
@@ -60,7 +113,7 @@ void Commands::receive(std::uint32_t device, std::string_view topic, std::string
     receipt = receipt_of(command, topic, payload);
   }
   failpoint("command_received");
-  Device& to = devices_.at(device);
+  Device& to = device_at(device);
   auto decision = to.admission.admit(std::move(command), to.codec, to.waiting(), now);
   if (auto* result = std::get_if<CommandResult>(&decision))
     return take_result(std::move(*result), receipt, utc_ms);
@@ -80,7 +133,7 @@ void Commands::refuse_unknown(const std::string& device, std::string_view payloa
   set_outcome(result, CommandStatus::rejected, why.reason, std::move(why.detail));
   ++counts_[result.status];
   ResultMessage message;
-  message.unknown_device = device;
+  message.device = device;
   message.id = result.id;
   message.received = result.received;
   message.text = result_text(result);
@@ -93,7 +146,7 @@ audit::Receipt Commands::receipt_of(const Command& command, std::string_view top
                                     std::string_view payload) const {
   audit::Receipt receipt;
   receipt.number = command.number;
-  receipt.device = config_.devices.at(command.device).name;
+  receipt.device = name_of(command.device);
   receipt.topic = topic;
   receipt.payload = payload.substr(0, kPayloadKept);
   receipt.payload_bytes = payload.size();
@@ -108,7 +161,7 @@ void Commands::journal_later(const AdmittedCommand& admitted, std::optional<audi
   if (journal_ == nullptr) return;
   const Command& command = admitted.command;
   JournalEntry entry;
-  entry.device = config_.devices.at(command.device).name;
+  entry.device = name_of(command.device);
   entry.id = command.id;
   entry.received_ms = command.received_ms;
   entry.deadline_ms = command.received_ms +
@@ -134,14 +187,12 @@ void Commands::hand_over() {
 }
 
 void Commands::restore(Recovered known, SteadyTime now, std::int64_t utc_ms) {
-  std::unordered_map<std::string_view, Device*> by_name;
-  for (std::size_t i = 0; i < devices_.size(); ++i) by_name[config_.devices[i].name] = &devices_[i];
   for (const KnownId& id : known.ids)
-    if (const auto device = by_name.find(id.device); device != by_name.end())
-      device->second->admission.restore(id, now, utc_ms);
+    if (const auto index = device_named(id.device))
+      device_at(*index).admission.restore(id, now, utc_ms);
   for (CommandResult& result : known.unacknowledged) take_result(std::move(result), {}, utc_ms);
   for (const Command& command : known.interrupted) {
-    Device& device = devices_.at(command.device);
+    Device& device = device_at(command.device);
     auto admitted = device.admission.interrupted(command, device.codec, now);
     if (admitted) {
       device.pending.emplace(command.id, nullptr);
@@ -155,21 +206,25 @@ void Commands::restore(Recovered known, SteadyTime now, std::int64_t utc_ms) {
 }
 
 void Commands::set_codec(std::uint32_t device, std::shared_ptr<const Codec> codec) {
-  devices_.at(device).codec = std::move(codec);
+  device_at(device).codec = std::move(codec);
 }
 
 void Commands::close() {
-  for (Device& device : devices_) device.admission.close();
+  closed_ = true;
+  for (const auto& device : devices_)
+    if (device) device->admission.close();
 }
 
 void Commands::set_conflict(const std::string& other_boot) {
-  for (Device& device : devices_) device.admission.set_conflict(other_boot);
+  conflict_ = other_boot;
+  for (const auto& device : devices_)
+    if (device) device->admission.set_conflict(other_boot);
 }
 
 // ---- from the field to the broker ---------------------------------------------------------------
 
 void Commands::finish(CommandResult result, std::int64_t utc_ms) {
-  Device& device = devices_.at(result.device);
+  Device& device = device_at(result.device);
   device.pending.erase(result.id);
   device.admission.finished(result);
   take_result(std::move(result), {}, utc_ms);
@@ -179,13 +234,14 @@ void Commands::take_result(CommandResult result, const std::optional<audit::Rece
                            std::int64_t utc_ms) {
   ++counts_[result.status];
   if (result.recorded.empty()) {
-    last_.push_back({result.device, result.id, result.op, result.status, result.reason, utc_ms});
+    last_.push_back(
+        {name_of(result.device), result.id, result.op, result.status, result.reason, utc_ms});
     if (last_.size() > kLastCommands) last_.pop_front();
   }
   find_first(result);
   failpoint("result_taken");
   ResultMessage message;
-  message.device = result.device;
+  message.device = name_of(result.device);
   message.number = result.number;
   message.id = result.id;
   message.received = result.received;
@@ -197,7 +253,7 @@ void Commands::take_result(CommandResult result, const std::optional<audit::Rece
   message.correlation = std::move(result.correlation);
   if (journal_ != nullptr && !message.recorded) {
     JournalEntry entry;
-    entry.device = config_.devices.at(result.device).name;
+    entry.device = message.device;
     if (receipt)
       entry.audit = audit::answered(*receipt, message.text, utc_ms);
     else if (result.number != 0)
@@ -225,7 +281,7 @@ void Commands::take_result(CommandResult result, const std::optional<audit::Rece
 void Commands::find_first(CommandResult& result) {
   if (!result.first_number || result.first || journal_ == nullptr) return;
   record_results();
-  const auto known = journal_->find(config_.devices.at(result.device).name, result.id);
+  const auto known = journal_->find(name_of(result.device), result.id);
   if (!known || known->result.empty() || known->number != result.first_number) {
     result.detail = "the first result is not in the journal any more; the command is not repeated";
     return;
@@ -252,8 +308,12 @@ std::vector<ResultMessage> Commands::take_results() {
 
 void Commands::note_total(const ResultMessage& result) {
   if (!result.is_first || !result.total) return;
-  if (journal_ == nullptr)
-    return devices_.at(result.device).admission.note_total(result.id, *result.total);
+  if (journal_ == nullptr) {
+    // Of a device that is in the config no more nobody asks for it.
+    if (const auto index = device_named(result.device))
+      device_at(*index).admission.note_total(result.id, *result.total);
+    return;
+  }
   totals_.emplace_back(result.number, *result.total);
   if (totals_.size() > kTotalsKept) totals_.pop_front();
 }
@@ -265,12 +325,11 @@ std::optional<std::chrono::nanoseconds> Commands::total_of(std::uint64_t number)
 }
 
 void Commands::note_delivery(const ResultMessage& result, bool acknowledged, std::int64_t utc_ms) {
-  if (journal_ == nullptr || !result.unknown_device.empty()) return;
-  const std::string& device = config_.devices.at(result.device).name;
+  if (journal_ == nullptr) return;
   if (result.number != 0)
-    journal_->note(audit::delivery(result.number, device, result.id, acknowledged, utc_ms));
+    journal_->note(audit::delivery(result.number, result.device, result.id, acknowledged, utc_ms));
   if (result.journaled)
-    journal_->acknowledge(device, result.id, result.number,
+    journal_->acknowledge(result.device, result.id, result.number,
                           result.total ? total_text(*result.total) : std::string());
 }
 

@@ -24,6 +24,7 @@
 #include "agent/commands/journal.h"
 #include "agent/commands/recovery.h"
 #include "agent/config/config.h"
+#include "agent/config/config_difference.h"
 #include "agent/messages.h"
 #include "agent/status.h"
 
@@ -31,9 +32,8 @@ namespace fxagent {
 
 /// A result on its way to the broker.
 struct ResultMessage {
-  std::uint32_t device = 0;
-  std::string unknown_device;  ///< name of one that is not in the config; empty: `device` is
-  std::uint64_t number = 0;    ///< of its command
+  std::string device;        ///< its name; it may be in no config any more
+  std::uint64_t number = 0;  ///< of its command
   std::string id;
   std::string text;        ///< JSON; with_total() completes it
   SteadyTime received{};   ///< of its command
@@ -47,7 +47,7 @@ struct ResultMessage {
 };
 /// In memory, roughly.
 inline std::size_t bytes_of(const ResultMessage& result) {
-  return sizeof(result) + result.text.size() + result.response_topic.size() +
+  return sizeof(result) + result.device.size() + result.text.size() + result.response_topic.size() +
          result.correlation.size();
 }
 
@@ -55,9 +55,20 @@ class Commands final {
  public:
   using Submit = std::function<void(AdmittedCommand)>;
 
-  /// `config` and `journal` outlive it. `submit` hands a command to the field and must not block;
+  /// `config` and `journal` outlive it. The config may become another one, where that is told by
+  /// begin_change() and change(). `submit` hands a command to the field and must not block;
   /// its result comes back through finish(), exactly once. `journal` null: there is none.
   Commands(const Config& config, Submit submit, CommandJournal* journal = nullptr);
+
+  /// The index of a device by its name; nothing where there is none.
+  std::optional<std::uint32_t> device_named(std::string_view name) const;
+
+  /// What ends in the change admits nothing from now on: REJECTED, shutting_down.
+  void begin_change(const ConfigChange& change);
+  /// The config is that of the change from now on, and no admitted command of what ends in it is
+  /// without its result. The devices that begin in it admit. Returns the names of those that this
+  /// run has not known before: what earlier runs left of them is to be restored.
+  std::vector<std::string> change(const ConfigChange& change);
 
   /// What earlier runs left. `utc_ms` is the calendar time of `now`.
   void restore(Recovered known, SteadyTime now, std::int64_t utc_ms);
@@ -98,8 +109,9 @@ class Commands final {
  private:
   struct Device {
     Device(const DeviceConfig& config, Journaling journaling, std::shared_ptr<CommandRoom> room)
-        : admission(config, journaling, std::move(room)), codec(config.codec) {}
+        : name(config.name), admission(config, journaling, std::move(room)), codec(config.codec) {}
 
+    const std::string name;
     CommandAdmission admission;
     std::shared_ptr<const Codec> codec;
     /// Commands without a result, by id, and what each takes of the room for them.
@@ -108,6 +120,11 @@ class Commands final {
     /// Beside those that wait one may be under way.
     std::size_t waiting() const { return pending.empty() ? 0 : pending.size() - 1; }
   };
+
+  Device& device_at(std::uint32_t index) { return *devices_.at(index); }
+  const std::string& name_of(std::uint32_t index) const { return devices_.at(index)->name; }
+  void open(std::uint32_t index);
+  void list_names();
 
   audit::Receipt receipt_of(const Command& command, std::string_view topic,
                             std::string_view payload) const;
@@ -123,7 +140,14 @@ class Commands final {
   const Config& config_;
   const Submit submit_;
   CommandJournal* const journal_;
-  std::vector<Device> devices_;  ///< by index in Config::devices
+  const std::shared_ptr<CommandRoom> room_ = std::make_shared<CommandRoom>();
+  std::vector<std::unique_ptr<Device>> devices_;  ///< by index in Config::devices; null: vacant
+  std::unordered_map<std::string_view, std::uint32_t> index_;  ///< of them, by name
+  /// Devices that are in the config no more, by name: their ids are known for as long as the
+  /// contract says, should they come back.
+  std::map<std::string, std::unique_ptr<Device>, std::less<>> departed_;
+  bool closed_ = false;
+  std::string conflict_;
   std::vector<AdmittedCommand> admitted_;
   std::vector<JournalEntry> to_journal_;  ///< beside admitted_
   std::vector<JournalEntry> to_record_;

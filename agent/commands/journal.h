@@ -87,6 +87,17 @@ class CommandJournal {
   /// Of what the broker has not acknowledged every command without a result, and of each device the
   /// newest results; oldest first.
   virtual std::vector<JournalEntry> unacknowledged() = 0;
+  // The same of one device, which joins in the middle of a run.
+  virtual std::vector<KnownId> known_ids_of(const std::string& device) {
+    auto ids = known_ids();
+    std::erase_if(ids, [&device](const KnownId& each) { return each.device != device; });
+    return ids;
+  }
+  virtual std::vector<JournalEntry> unacknowledged_of(const std::string& device) {
+    auto entries = unacknowledged();
+    std::erase_if(entries, [&device](const JournalEntry& each) { return each.device != device; });
+    return entries;
+  }
 };
 
 }  // namespace fxagent

@@ -1,6 +1,7 @@
 #include "agent/commands/recovery.h"
 
 #include <algorithm>
+#include <iterator>
 #include <map>
 #include <optional>
 #include <string>
@@ -54,8 +55,8 @@ class Known final {
  public:
   Known(const Config& config, CommandJournal& journal, std::int64_t utc_ms)
       : journal_(journal), utc_ms_(utc_ms) {
-    for (const DeviceConfig& device : config.devices)
-      index_.emplace(device.name, static_cast<std::uint32_t>(index_.size()));
+    for (std::uint32_t i = 0; i < config.devices.size(); ++i)
+      if (!config.devices[i].is_vacant()) index_.emplace(config.devices[i].name, i);
   }
 
   void take_unacknowledged(std::vector<JournalEntry> entries, SteadyTime now,
@@ -105,6 +106,17 @@ class Known final {
 Recovered recover(const Config& config, CommandJournal& journal, std::int64_t utc_ms,
                   SteadyTime now) {
   return recover(config, journal, journal.known_ids(), journal.unacknowledged(), utc_ms, now);
+}
+
+Recovered recover_of(const std::vector<std::string>& devices, const Config& config,
+                     CommandJournal& journal, std::int64_t utc_ms, SteadyTime now) {
+  std::vector<KnownId> ids;
+  std::vector<JournalEntry> unacknowledged;
+  for (const std::string& device : devices) {
+    std::ranges::move(journal.known_ids_of(device), std::back_inserter(ids));
+    std::ranges::move(journal.unacknowledged_of(device), std::back_inserter(unacknowledged));
+  }
+  return recover(config, journal, std::move(ids), std::move(unacknowledged), utc_ms, now);
 }
 
 Recovered recover(const Config& config, CommandJournal& journal, std::vector<KnownId> ids,

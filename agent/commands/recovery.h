@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "agent/commands/journal.h"
@@ -26,6 +27,9 @@ struct Recovered {
 /// Before the field and the uplink are started.
 Recovered recover(const Config& config, CommandJournal& journal, std::int64_t utc_ms,
                   SteadyTime now);
+/// The same of these devices alone, which this run did not know so far. Uplink thread.
+Recovered recover_of(const std::vector<std::string>& devices, const Config& config,
+                     CommandJournal& journal, std::int64_t utc_ms, SteadyTime now);
 /// The same for what a journal had that opened later.
 Recovered recover(const Config& config, CommandJournal& journal, std::vector<KnownId> ids,
                   std::vector<JournalEntry> unacknowledged, std::int64_t utc_ms, SteadyTime now);

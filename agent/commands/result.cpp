@@ -45,13 +45,12 @@ TargetResult result_of(const AdmittedTarget& target) {
   return out;
 }
 
-CommandResult not_sent(const AdmittedCommand& admitted) {
+CommandResult not_sent(const AdmittedCommand& admitted, std::string_view why) {
   CommandResult result = result_of(admitted.command);
   if (admitted.interrupted)
     set_interrupted(result);
   else
-    set_outcome(result, CommandStatus::failed, Reason::shutting_down,
-                "the agent is stopping; nothing was sent");
+    set_outcome(result, CommandStatus::failed, Reason::shutting_down, std::string(why));
   return result;
 }
 

@@ -26,7 +26,11 @@ void set_interrupted(CommandResult& result);
 /// FAILED: it waited when the agent ended, and nothing of it was sent. A read is always FAILED.
 void set_interrupted_unsent(CommandResult& result);
 
-/// The answer to an admitted command that no wire will see any more: the agent is stopping.
-CommandResult not_sent(const AdmittedCommand& admitted);
+/// Why no wire will see an admitted command any more.
+inline constexpr std::string_view kStopping = "the agent is stopping; nothing was sent";
+inline constexpr std::string_view kReconfigured =
+    "the config of the device was changed while the command waited; nothing was sent";
+/// The answer to it.
+CommandResult not_sent(const AdmittedCommand& admitted, std::string_view why = kStopping);
 
 }  // namespace fxagent

@@ -10,16 +10,20 @@
 #include <fstream>
 #include <map>
 #include <span>
+#include <tuple>
 
 #include "agent/config/device.h"
 #include "agent/config/keys.h"
 #include "agent/config/reader.h"
 #include "agent/config/tree.h"
+#include "agent/sha256.h"
 
 namespace fxagent {
 namespace {
 
 using std::string_view_literals::operator""sv;
+
+constexpr std::size_t kHashBytes = 8;
 
 // ---- agent, mqtt, store -----------------------------------------------------------------------
 
@@ -433,6 +437,22 @@ const std::shared_ptr<const TagUnits>& no_units() {
   return none;
 }
 
+bool operator==(const TagConfig& a, const TagConfig& b) {
+  return a.name == b.name && a.point == b.point && a.group == b.group && a.writable == b.writable &&
+         (a.units == b.units || *a.units == *b.units);
+}
+
+bool operator==(const DeviceConfig& a, const DeviceConfig& b) {
+  const auto settings = [](const DeviceConfig& device) {
+    return std::tie(device.name, device.link, device.protocol, device.timeout, device.retries,
+                    device.gap, device.turnaround, device.echo, device.max_block_bytes,
+                    device.enquire, device.groups, device.commands, device.tags);
+  };
+  const bool same_codec =
+      a.options == b.options || (a.options && b.options && *a.options == *b.options);
+  return settings(a) == settings(b) && same_codec;
+}
+
 std::string to_string(const ConfigError& error, std::string_view file) {
   std::string text(file);
   if (error.line > 0) text += ":" + std::to_string(error.line);
@@ -451,6 +471,7 @@ tl::expected<Config, std::vector<ConfigError>> parse_config(std::string_view tex
   Config config = read_top(reader, tree->root(), privacy);
   if (reader.failed()) return tl::unexpected(reader.errors());
   config.warnings = reader.warnings();
+  config.hash = to_text(ByteView(sha256(text)).first(kHashBytes));
   return config;
 }
 

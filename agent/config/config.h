@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "agent/config/keys.h"
+#include "agent/config/shared_list.h"
 #include "protocol/catalog.h"
 #include "protocol/codec.h"
 #include "protocol/point.h"
@@ -26,18 +27,20 @@ struct SerialSettings {
   int data_bits = LineDefaults{}.data_bits;
   Parity parity = LineDefaults{}.parity;
   int stop_bits = LineDefaults{}.stop_bits;
+  friend bool operator==(const SerialSettings&, const SerialSettings&) = default;
 };
 
 struct TcpSettings {
   std::string host;
   std::uint16_t port = 0;
   int line_baud = 0;  ///< of the serial line behind it; 0: unknown, or there is none
+  friend bool operator==(const TcpSettings&, const TcpSettings&) = default;
 };
 
 inline constexpr std::chrono::milliseconds kLongestListening{5000};
 
 struct LinkConfig {
-  std::string name;
+  std::string name;  ///< empty: a vacant place, see Config
   std::variant<SerialSettings, TcpSettings> channel;
   /// One character on the wire, start, parity and stop bits counted; 0 where the speed is unknown
   /// (tcp without line_baud).
@@ -48,6 +51,9 @@ struct LinkConfig {
   std::chrono::milliseconds listening{0};
   /// Of the line, that polls keep while commands flood it; 0 … 0.9
   double poll_share = static_cast<double>(config_key("links[].poll_share_percent").number()) / 100;
+
+  bool is_vacant() const { return name.empty(); }
+  friend bool operator==(const LinkConfig&, const LinkConfig&) = default;
 };
 
 struct GroupConfig {
@@ -56,6 +62,7 @@ struct GroupConfig {
   std::chrono::milliseconds interval{config_key("devices[].groups[].interval_ms").number()};
   bool on_change = config_key("devices[].groups[].publish").index() == 1;
   std::chrono::seconds max_silent{config_key("devices[].groups[].max_silent_s").number()};
+  friend bool operator==(const GroupConfig&, const GroupConfig&) = default;
 };
 
 /// In engineering units.
@@ -83,6 +90,7 @@ struct TagConfig {
   bool writable = config_key("devices[].tags[].access").index() == 1;  ///< access: read_write
   /// Shared by the tags that have the same; never null.
   std::shared_ptr<const TagUnits> units = no_units();
+  friend bool operator==(const TagConfig& a, const TagConfig& b);
 };
 
 struct CommandRules {
@@ -94,13 +102,14 @@ struct CommandRules {
   bool verify = config_key("devices[].commands.verify").flag();
   /// Commands that may wait on this device.
   std::size_t queue = static_cast<std::size_t>(config_key("devices[].commands.queue").number());
+  friend bool operator==(const CommandRules&, const CommandRules&) = default;
 };
 
 /// In the order of the catalogue, whose default is the first.
 enum class EnquirePolicy : std::uint8_t { open, always, never };
 
 struct DeviceConfig {
-  std::string name;
+  std::string name;        ///< empty: a vacant place, see Config
   std::uint32_t link = 0;  ///< index in Config::links
   const ProtocolInfo* protocol = nullptr;
   /// Shared by this config, the workers, and the devices of the same options; const, so any thread.
@@ -119,12 +128,17 @@ struct DeviceConfig {
   std::vector<GroupConfig> groups;
   std::vector<TagConfig> tags;
   CommandRules commands;
+
+  bool is_vacant() const { return name.empty(); }
+  /// Whether the two say the same; codecs are equal where they are made of the same options.
+  friend bool operator==(const DeviceConfig& a, const DeviceConfig& b);
 };
 
 struct TlsSettings {
   std::string ca_file;
   std::string cert_file;
   std::string key_file;
+  friend bool operator==(const TlsSettings&, const TlsSettings&) = default;
 };
 
 struct MqttConfig {
@@ -140,6 +154,7 @@ struct MqttConfig {
   std::chrono::seconds keep_alive{config_key("mqtt.keep_alive_s").number()};
   /// Of data topics.
   int qos = static_cast<int>(config_key("mqtt.qos").number());
+  friend bool operator==(const MqttConfig&, const MqttConfig&) = default;
 };
 
 struct StoreConfig {
@@ -150,16 +165,22 @@ struct StoreConfig {
   std::uint64_t audit_max_bytes =
       static_cast<std::uint64_t>(config_key("store.audit_max_bytes").number());
   std::chrono::hours audit_max_age{config_key("store.audit_max_age_h").number()};
+  friend bool operator==(const StoreConfig&, const StoreConfig&) = default;
 };
 
+/// As a file says it, or as it is in force in a running agent, which a reload has changed: there a
+/// link or device that did not change keeps its index, and where one was taken out its place is
+/// vacant until another one takes it (config_difference.h).
 struct Config {
   std::string id;
   std::string root;
   MqttConfig mqtt;
   StoreConfig store;
   std::vector<LinkConfig> links;
-  std::vector<DeviceConfig> devices;
+  /// A reload shares those that did not change with the config before it.
+  SharedList<DeviceConfig> devices;
   std::vector<std::string> warnings;  ///< what is allowed and still worth a word
+  std::string hash;                   ///< of the text: the first 16 digits of its SHA-256
 
   /// "{root}/{id}"
   std::string base_topic() const { return root + "/" + id; }

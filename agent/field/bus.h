@@ -57,6 +57,9 @@ class Bus final {
   bool is_open() const { return transport_->is_open(); }
   /// Rises with every open(): what was agreed with a device holds for one session only.
   std::uint32_t session() const { return session_; }
+  /// How long it listens before the first question, from the next open() on.
+  void set_listening(std::chrono::nanoseconds listening) { listening_ = listening; }
+
   /// Ends what is under way, listening and a gap before a request included.
   void close() noexcept {
     timer_.cancel();
@@ -133,7 +136,7 @@ class Bus final {
   std::unique_ptr<Transport> transport_;
   asio::steady_timer timer_;
   const std::chrono::nanoseconds char_time_;
-  const std::chrono::nanoseconds listening_;
+  std::chrono::nanoseconds listening_;
   LateAnswers late_;
   std::uint32_t session_ = 0;
   std::uint16_t tag_ = 0;

@@ -6,11 +6,14 @@
 #include <asio/io_context.hpp>
 #include <asio/post.hpp>
 #include <asio/steady_timer.hpp>
+#include <deque>
+#include <map>
 #include <mutex>
 #include <thread>
 #include <utility>
 #include <vector>
 
+#include "agent/commands/result.h"
 #include "agent/field/link_worker.h"
 #include "agent/field/serial_transport.h"
 #include "agent/field/tcp_transport.h"
@@ -45,25 +48,19 @@ class Field::Room final {
  public:
   Room(const Config& config, Outbox& outbox, const std::vector<std::uint64_t>& last_seq,
        Polling polling)
-      : config_(config), outbox_(outbox), report_timer_(io_) {
-    const auto devices = devices_by_link(config);
-    for (std::uint32_t i = 0; i < config.links.size(); ++i)
-      workers_.push_back(std::make_unique<LinkWorker>(
-          io_.get_executor(), config, i, devices[i], outbox,
-          transport_for(io_.get_executor(), config.links[i]), last_seq, polling));
+      : config_(std::make_shared<const Config>(config)),
+        outbox_(outbox),
+        polling_(polling),
+        report_timer_(io_) {
+    const auto devices = devices_by_link(*config_);
+    places_.resize(config_->links.size());
+    for (std::uint32_t i = 0; i < config_->links.size(); ++i)
+      if (!config_->links[i].is_vacant()) make_worker(i, devices[i], last_seq);
   }
 
   void start() {
-    if (std::any_of(config_.links.begin(), config_.links.end(), [](const LinkConfig& link) {
-          return std::holds_alternative<TcpSettings>(link.channel);
-        }))
-      start_looking_up(io_.get_executor());
-    for (std::size_t i = 0; i < workers_.size(); ++i)
-      asio::co_spawn(io_, workers_[i]->run(), [this, i](std::exception_ptr bug) {
-        report_end(bug, config_.links[i].name);
-        ++ended_;
-        leave_if_over();
-      });
+    for (std::uint32_t i = 0; i < places_.size(); ++i)
+      if (places_[i].worker) spawn(i);
     report_later();
     const WithoutSignals quiet;
     thread_ = std::thread([this] { io_.run(); });
@@ -71,8 +68,26 @@ class Field::Room final {
 
   void number_above(std::vector<std::uint64_t> last_seq) {
     asio::post(io_, [this, moved = std::move(last_seq)] {
-      for (std::uint32_t i = 0; i < moved.size(); ++i)
-        workers_[config_.devices[i].link]->number_above(i, moved[i]);
+      for (std::uint32_t i = 0; i < moved.size() && i < config_->devices.size(); ++i) {
+        const DeviceConfig& device = config_->devices[i];
+        std::uint64_t& known = last_numbers_[device.name];
+        known = std::max(known, moved[i]);
+        if (LinkWorker* worker = worker_of(device)) worker->number_above(i, moved[i]);
+      }
+    });
+  }
+
+  void end(std::shared_ptr<const ConfigChange> change, Done done) {
+    asio::post(io_, [this, change = std::move(change), done = std::move(done)]() mutable {
+      if (!stopping_) end_now(*change, std::move(done));
+    });
+  }
+
+  void begin(std::shared_ptr<const ConfigChange> change, std::vector<std::uint64_t> last_seq,
+             Done done) {
+    asio::post(io_, [this, change = std::move(change), last_seq = std::move(last_seq),
+                     done = std::move(done)]() mutable {
+      if (!stopping_) begin_now(change, std::move(last_seq), std::move(done));
     });
   }
 
@@ -94,7 +109,8 @@ class Field::Room final {
     asio::post(io_, [this] {
       report_timer_.cancel();
       stopping_ = true;
-      for (const auto& worker : workers_) worker->stop();
+      for (const Place& place : places_)
+        if (place.worker) place.worker->stop();
       leave_if_over();
     });
     thread_.join();
@@ -107,31 +123,179 @@ class Field::Room final {
 
   std::string unfinished() const {
     constexpr int kNamed = 3;
+    const std::lock_guard lock(places_mutex_);
     std::string names;
     int count = 0;
-    for (std::size_t i = 0; i < workers_.size(); ++i)
-      if (!workers_[i]->has_ended() && ++count <= kNamed)
-        names += (names.empty() ? "" : " ") + config_.links[i].name;
+    for (const Place& place : places_)
+      if (place.worker && !place.worker->has_ended() && ++count <= kNamed)
+        names += (names.empty() ? "" : " ") + place.name;
     if (count > kNamed) names += " and " + std::to_string(count - kNamed) + " more";
     return names;
   }
 
  private:
+  /// Of a link, by index in Config::links.
+  struct Place {
+    std::string name;
+    std::unique_ptr<LinkWorker> worker;  ///< null: vacant, or its link has ended
+    bool runs = false;                   ///< its coroutine is not over
+    bool ends = false;                   ///< by a changed config
+  };
+  /// A device of a change that has not begun, and its link with it where that has not either; or a
+  /// link without devices. One begins each time round, so that the plans of many do not hold up the
+  /// polls of others.
+  struct ToBegin {
+    std::uint32_t link = 0;
+    std::vector<std::uint32_t> devices;
+  };
+
+  void make_worker(std::uint32_t link, const std::vector<std::uint32_t>& devices,
+                   const std::vector<std::uint64_t>& last_seq) {
+    auto worker = std::make_unique<LinkWorker>(
+        io_.get_executor(), *config_, link, devices, outbox_,
+        transport_for(io_.get_executor(), config_->links[link]), last_seq, polling_);
+    const std::lock_guard lock(places_mutex_);
+    places_[link].name = config_->links[link].name;
+    places_[link].worker = std::move(worker);
+  }
+
+  void spawn(std::uint32_t link) {
+    const bool looks_up = std::holds_alternative<TcpSettings>(config_->links[link].channel);
+    if (looks_up && !std::exchange(looks_up_, true)) start_looking_up(io_.get_executor());
+    places_[link].runs = true;
+    ++running_;
+    asio::co_spawn(io_, places_[link].worker->run(), [this, link](std::exception_ptr bug) {
+      report_end(bug, places_[link].name);
+      places_[link].runs = false;
+      --running_;
+      // Its frame may still be there.
+      if (places_[link].ends) asio::post(io_, [this, link] { link_left(link); });
+      leave_if_over();
+    });
+  }
+
+  LinkWorker* worker_of(const DeviceConfig& device) {
+    return device.is_vacant() ? nullptr : places_[device.link].worker.get();
+  }
+
   void take(AdmittedCommand admitted) {
-    const std::uint32_t link = config_.devices[admitted.command.device].link;
-    workers_[link]->submit(std::move(admitted));
+    const std::uint32_t device = admitted.command.device;
+    begin_for(device);
+    LinkWorker* worker =
+        device < config_->devices.size() ? worker_of(config_->devices[device]) : nullptr;
+    if (worker == nullptr) return outbox_.push(not_sent(admitted, kReconfigured));
+    worker->submit(std::move(admitted));
+  }
+
+  // ---- a changed config
+
+  void end_now(const ConfigChange& change, Done done) {
+    end_done_ = std::move(done);
+    still_to_leave_ = 1;
+    std::vector<std::vector<std::uint32_t>> leaving(places_.size());
+    for (const std::uint32_t device : change.devices_end)
+      leaving[config_->devices[device].link].push_back(device);
+    for (const std::uint32_t link : change.links_end) {
+      leaving[link].clear();
+      if (!places_[link].worker) continue;
+      ++still_to_leave_;
+      places_[link].ends = true;
+      places_[link].worker->stop(kReconfigured);
+      if (!places_[link].runs) link_left(link);
+    }
+    for (std::uint32_t link = 0; link < leaving.size(); ++link) {
+      if (leaving[link].empty()) continue;
+      ++still_to_leave_;
+      places_[link].worker->remove(leaving[link], [this](const auto& gone) { left(gone); });
+    }
+    left({});
+  }
+
+  void link_left(std::uint32_t link) {
+    if (stopping_) return;  // its worker is asked for its counters until the end
+    const auto gone = places_[link].worker->departed();
+    {
+      const std::lock_guard lock(places_mutex_);
+      places_[link] = {};
+    }
+    left(gone);
+  }
+
+  void left(const std::vector<DepartedDevice>& gone) {
+    for (const DepartedDevice& device : gone) {
+      last_numbers_[config_->devices[device.index].name] = device.seq;
+      ended_collected_ += device.collected;
+      ended_suppressed_ += device.suppressed;
+    }
+    if (--still_to_leave_ > 0 || stopping_) return;
+    report();
+    std::exchange(end_done_, {})();
+  }
+
+  void begin_now(const std::shared_ptr<const ConfigChange>& next,
+                 std::vector<std::uint64_t> last_seq, Done done) {
+    const ConfigChange& change = *next;
+    config_ = {next, &change.config};
+    {
+      const std::lock_guard lock(places_mutex_);
+      places_.resize(config_->links.size());
+    }
+    for (const std::uint32_t link : change.links_adjusted)
+      if (places_[link].worker) places_[link].worker->adjust(config_->links[link]);
+    last_seq.resize(config_->devices.size());
+    for (const std::uint32_t device : change.devices_begin) {
+      const auto known = last_numbers_.find(config_->devices[device].name);
+      if (known != last_numbers_.end()) last_seq[device] = known->second;
+    }
+    last_seq_ = std::move(last_seq);
+    std::vector<std::vector<std::uint32_t>> joining(places_.size());
+    for (const std::uint32_t device : change.devices_begin)
+      joining[config_->devices[device].link].push_back(device);
+    for (const std::uint32_t link : change.links_begin)
+      if (joining[link].empty()) to_begin_.push_back({link, {}});
+    for (std::uint32_t link = 0; link < joining.size(); ++link)
+      for (const std::uint32_t device : joining[link]) to_begin_.push_back({link, {device}});
+    begin_done_ = std::move(done);
+    begin_next();
+  }
+
+  void begin_next() {
+    if (stopping_) return to_begin_.clear();
+    if (to_begin_.empty()) return std::exchange(begin_done_, {})();
+    begin_one(to_begin_.begin());
+    asio::post(io_, [this] { begin_next(); });
+  }
+
+  void begin_one(std::deque<ToBegin>::iterator which) {
+    const ToBegin next = std::move(*which);
+    to_begin_.erase(which);
+    if (LinkWorker* worker = places_[next.link].worker.get())
+      return worker->add(*config_, next.devices, last_seq_);
+    make_worker(next.link, next.devices, last_seq_);
+    spawn(next.link);
+  }
+
+  /// A command has come for the device: it begins now.
+  void begin_for(std::uint32_t device) {
+    const auto which = std::ranges::find_if(to_begin_, [device](const ToBegin& each) {
+      return std::ranges::find(each.devices, device) != each.devices.end();
+    });
+    if (which != to_begin_.end() && !stopping_) begin_one(which);
   }
 
   /// A name lookup that nobody waits for any more does not keep the thread.
   void leave_if_over() {
-    if (stopping_ && ended_ == workers_.size()) io_.stop();
+    if (stopping_ && running_ == 0) io_.stop();
   }
 
   void report() {
     FieldHealth health;
-    health.links.resize(config_.links.size());
-    health.devices.resize(config_.devices.size());
-    for (const auto& worker : workers_) worker->report(health);
+    health.links.resize(config_->links.size());
+    health.devices.resize(config_->devices.size());
+    for (const Place& place : places_)
+      if (place.worker) place.worker->report(health);
+    health.ended_collected = ended_collected_;
+    health.ended_suppressed = ended_suppressed_;
     outbox_.push(std::move(health));
   }
 
@@ -144,13 +308,29 @@ class Field::Room final {
     });
   }
 
-  const Config& config_;
+  /// This field and, after a reload, the change that it came with own it.
+  std::shared_ptr<const Config> config_;
   Outbox& outbox_;
+  const Polling polling_;
   asio::io_context io_{1};
   asio::steady_timer report_timer_;
-  std::vector<std::unique_ptr<LinkWorker>> workers_;
+  /// Changed on the field's thread, which alone reads it without places_mutex_.
+  std::vector<Place> places_;
+  mutable std::mutex places_mutex_;
+  bool looks_up_ = false;  ///< there is a thread for name look-ups
   bool stopping_ = false;
-  std::size_t ended_ = 0;  ///< workers whose coroutine is over
+  std::size_t running_ = 0;  ///< workers whose coroutine is not over
+
+  // a changed config
+  std::size_t still_to_leave_ = 0;
+  Done end_done_;
+  std::deque<ToBegin> to_begin_;
+  std::vector<std::uint64_t> last_seq_;  ///< of those that begin
+  Done begin_done_;
+  std::map<std::string, std::uint64_t> last_numbers_;  ///< by name, of devices that have ended
+  std::uint64_t ended_collected_ = 0;
+  std::uint64_t ended_suppressed_ = 0;
+
   std::mutex end_;
   bool over_ = false;  ///< the field's thread has ended: who submits is answered at once
   std::thread thread_;
@@ -167,6 +347,13 @@ void Field::number_above(std::vector<std::uint64_t> last_seq) {
 }
 void Field::submit(AdmittedCommand admitted) { room_->submit(std::move(admitted)); }
 void Field::report() { room_->report_soon(); }
+void Field::end(std::shared_ptr<const ConfigChange> change, Done done) {
+  room_->end(std::move(change), std::move(done));
+}
+void Field::begin(std::shared_ptr<const ConfigChange> change, std::vector<std::uint64_t> last_seq,
+                  Done done) {
+  room_->begin(std::move(change), std::move(last_seq), std::move(done));
+}
 void Field::ask(std::function<void()> answer) { room_->ask(std::move(answer)); }
 void Field::stop() { room_->stop(); }
 std::string Field::unfinished() const { return room_->unfinished(); }

@@ -74,6 +74,17 @@ void LinkCommands::add(AdmittedCommand admitted, LinkDevice& device) {
 
 std::list<WaitingCommand> LinkCommands::take_waiting() { return std::exchange(waiting_, {}); }
 
+std::list<WaitingCommand> LinkCommands::take_waiting(const LinkDevice& device) {
+  std::list<WaitingCommand> taken;
+  for (auto next = waiting_.begin(); next != waiting_.end();) {
+    const auto current = next++;
+    if (current->device != &device) continue;
+    taken.splice(taken.end(), waiting_, current);
+    scheduler_.command_taken();
+  }
+  return taken;
+}
+
 void LinkCommands::answer_running(std::string_view why) {
   scheduler_.commands_are(static_cast<std::uint32_t>(waiting_.size()));
   for (const WaitingCommand& running : running_) {
@@ -132,7 +143,7 @@ class LinkCommands::Sharing final : public BusSharing {
     PollScheduler& scheduler = commands_.scheduler_;
     scheduler.command_waits();  // the rest of this one
     scheduler.command_used(used, Clock::now());
-    while (!commands_.state_.is_stopping()) {
+    while (!is_stopping()) {
       const PollScheduler::Job job = scheduler.next(Clock::now());
       if (job.kind == PollScheduler::Job::Kind::poll) {
         const bool on_the_line = co_await commands_.poll_between(job.poll);
@@ -156,8 +167,13 @@ class LinkCommands::Sharing final : public BusSharing {
     commands_.after_write(*command_.device, admitted.targets[target], outcome);
   }
 
-  bool is_stopping() const override { return commands_.state_.is_stopping(); }
-  bool is_over() const override { return commands_.over_; }
+  bool is_stopping() const override {
+    return commands_.state_.is_stopping() || command_.device->leaves_by.has_value();
+  }
+  bool is_over() const override {
+    const auto& leaves_by = command_.device->leaves_by;
+    return commands_.over_ || (leaves_by && Clock::now() >= *leaves_by);
+  }
 
  private:
   /// Line time that others may have now: what this command has had and not yet given, and the one

@@ -51,6 +51,8 @@ class LinkCommands final {
   void answer_running(std::string_view why);
   /// Takes all that wait off the queue.
   std::list<WaitingCommand> take_waiting();
+  /// Takes those of the device off it.
+  std::list<WaitingCommand> take_waiting(const LinkDevice& device);
 
  private:
   class Sharing;

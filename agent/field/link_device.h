@@ -49,7 +49,10 @@ struct LinkDevice {
   }
 
   const DeviceConfig& config;
-  const std::uint32_t index;
+  const std::uint32_t index;  ///< in Config::devices
+  /// It leaves the link: nothing of it begins any more, what is under way ends, and nothing at all
+  /// goes out after this time.
+  std::optional<SteadyTime> leaves_by{};
   std::shared_ptr<const Codec> codec;  ///< the config's, or that of the model found by asking
   Station station;
   PollScheduler::DeviceId id = 0;

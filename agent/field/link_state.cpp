@@ -37,15 +37,15 @@ ReconnectRules opening_rules(const LinkConfig& link) {
 
 }  // namespace
 
-LinkState::LinkState(const Config& config, std::uint32_t link, Bus& bus, PollScheduler& scheduler,
-                     const LinkDevices& devices, Outbox& outbox)
-    : config_(config.links[link]),
-      links_(config.links.size()),
+LinkState::LinkState(const LinkConfig& link, std::uint32_t number, std::size_t links, Bus& bus,
+                     PollScheduler& scheduler, const LinkDevices& devices, Outbox& outbox)
+    : config_(link),
+      links_(links),
       bus_(bus),
       scheduler_(scheduler),
       devices_(devices),
       outbox_(outbox),
-      reconnect_policy_(opening_rules(config.links[link]), jitter_seed(link)) {}
+      reconnect_policy_(opening_rules(link), jitter_seed(number)) {}
 
 nanoseconds LinkState::begin(SteadyTime now, milliseconds spread) {
   const LinkStart start = reconnect_policy_.start(links_, spread);

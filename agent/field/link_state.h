@@ -20,9 +20,10 @@ namespace fxagent {
 
 class LinkState final {
  public:
-  /// All arguments outlive it. The bus is closed; `devices` may still be filled.
-  LinkState(const Config& config, std::uint32_t link, Bus& bus, PollScheduler& scheduler,
-            const LinkDevices& devices, Outbox& outbox);
+  /// All references outlive it. `number` is the link's own among `links`. The bus is closed;
+  /// `devices` may still be filled.
+  LinkState(const LinkConfig& link, std::uint32_t number, std::size_t links, Bus& bus,
+            PollScheduler& scheduler, const LinkDevices& devices, Outbox& outbox);
 
   /// When to open for the first time. Returns how long after that the polls begin, spread over
   /// `spread` with those of the other links.

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "agent/commands/result.h"
+#include "agent/field/raised.h"
 #include "agent/field/stream_io.h"
 #include "agent/log/log.h"
 
@@ -26,12 +27,16 @@ constexpr milliseconds kBusyOver{4500};
 // First polls are spread over the first second, or over the interval where that is shorter.
 constexpr milliseconds kSpread{1000};
 
+DepartedDevice departed(const LinkDevice& device) {
+  return {device.index, device.seq, device.collected, device.suppressed};
+}
+
 }  // namespace
 
 std::vector<std::vector<std::uint32_t>> devices_by_link(const Config& config) {
   std::vector<std::vector<std::uint32_t>> out(config.links.size());
   for (std::uint32_t i = 0; i < config.devices.size(); ++i)
-    out[config.devices[i].link].push_back(i);
+    if (!config.devices[i].is_vacant()) out[config.devices[i].link].push_back(i);
   return out;
 }
 
@@ -39,30 +44,24 @@ LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std
                        std::span<const std::uint32_t> devices, Outbox& outbox,
                        std::unique_ptr<Transport> transport,
                        std::span<const std::uint64_t> last_seq, Polling polling)
-    : config_(config),
+    : config_(config.links[link]),
       link_(link),
+      polling_(polling),
       outbox_(outbox),
-      bus_(executor, std::move(transport), config.links[link].char_time,
-           config.links[link].listening),
-      scheduler_(config.links[link].poll_share),
-      state_(config, link, bus_, scheduler_, devices_, outbox),
-      poller_(config.links[link], bus_, scheduler_, devices_, state_, outbox),
-      commands_(executor, config.links[link], bus_, scheduler_, devices_, state_, poller_, outbox),
+      bus_(executor, std::move(transport), config_.char_time, config_.listening),
+      scheduler_(config_.poll_share),
+      state_(config_, link, config.links.size(), bus_, scheduler_, devices_, outbox),
+      poller_(config_, bus_, scheduler_, devices_, state_, outbox),
+      commands_(executor, config_, bus_, scheduler_, devices_, state_, poller_, outbox),
       idle_(executor),
       counting_since_(Clock::now()) {
   milliseconds spread = kSpread;
   for (const std::uint32_t device : devices)
     for (const GroupConfig& group : config.devices[device].groups)
       if (group.interval.count() > 0) spread = std::min(spread, group.interval);
-  nanoseconds first_poll_after = state_.begin(Clock::now(), spread);
-  const BackOff back_off = devices.size() > 1 ? kShared : kAlone;
-  for (const std::uint32_t device : devices) {
-    add_device(device, back_off);
-    Device& added = *devices_.back();
-    if (polling == Polling::on) first_poll_after += poller_.add_groups(added, first_poll_after);
-    if (polling == Polling::on || added.codec->plc() != nullptr) poller_.add_question(added);
-    if (device < last_seq.size()) added.seq = last_seq[device];
-  }
+  polls_begun_ = state_.begin(Clock::now(), spread);
+  for (const std::uint32_t device : devices) begin_polls(add_device(config, device, last_seq));
+  set_back_offs();
 }
 
 LinkWorker::~LinkWorker() = default;
@@ -73,20 +72,88 @@ void LinkWorker::number_above(std::uint32_t index, std::uint64_t seq) {
 
 void LinkWorker::submit(AdmittedCommand admitted) {
   Device* device = device_of(admitted.command.device);
-  if (device == nullptr) return;
-  if (state_.is_stopping()) return outbox_.push(not_sent(admitted));
+  if (device == nullptr) return outbox_.push(not_sent(admitted, kReconfigured));
+  if (state_.is_stopping()) return outbox_.push(not_sent(admitted, why_stopped_));
+  if (device->leaves_by) return outbox_.push(not_sent(admitted, kReconfigured));
   commands_.add(std::move(admitted), *device);
   idle_.cancel();
 }
 
-void LinkWorker::add_device(std::uint32_t index, BackOff back_off) {
-  const DeviceConfig& config = config_.devices[index];
-  auto device = std::make_unique<Device>(config, index);
-  device->id = scheduler_.add_device(config.retries + 1, back_off);
+LinkWorker::Device& LinkWorker::add_device(const Config& config, std::uint32_t index,
+                                           std::span<const std::uint64_t> last_seq) {
+  auto device = std::make_unique<Device>(config.devices[index], index);
+  device->id = scheduler_.add_device(device->config.retries + 1, {});
+  if (index < last_seq.size()) device->seq = last_seq[index];
   DeviceStatus status = device->state.reported();
   status.codec = device->codec;
   outbox_.push(std::move(status));
-  devices_.push_back(std::move(device));
+  return *devices_.emplace_back(std::move(device));
+}
+
+/// Each device behind those that began before it.
+void LinkWorker::begin_polls(Device& device) {
+  if (polling_ == Polling::on) polls_begun_ += poller_.add_groups(device, polls_begun_);
+  if (polling_ == Polling::on || device.codec->plc() != nullptr) poller_.add_question(device);
+}
+
+void LinkWorker::set_back_offs() {
+  const BackOff back_off = devices_.size() > 1 ? kShared : kAlone;
+  for (const auto& device : devices_) scheduler_.set_back_off(device->id, back_off);
+}
+
+// ---- a changed config ---------------------------------------------------------------------------
+
+void LinkWorker::add(const Config& config, std::span<const std::uint32_t> devices,
+                     std::span<const std::uint64_t> last_seq) {
+  for (const std::uint32_t index : devices) {
+    Device& device = add_device(config, index, last_seq);
+    begin_polls(device);
+    state_.update(device);
+  }
+  set_back_offs();
+  idle_.cancel();
+}
+
+void LinkWorker::remove(std::span<const std::uint32_t> devices,
+                        std::function<void(const std::vector<DepartedDevice>&)> left) {
+  for (const std::uint32_t index : devices) {
+    Device* device = device_of(index);
+    if (device == nullptr) continue;
+    device->leaves_by = Clock::now() + kFinishWithin;
+    for (const WaitingCommand& waiting : commands_.take_waiting(*device))
+      outbox_.push(not_sent(waiting.admitted, kReconfigured));
+  }
+  leaves_.push_back({{devices.begin(), devices.end()}, std::move(left)});
+  if (!on_the_wire_) let_leave();
+}
+
+void LinkWorker::let_leave() {
+  for (const Leave& leave : std::exchange(leaves_, {})) {
+    std::vector<DepartedDevice> gone;
+    for (const std::uint32_t index : leave.devices) {
+      const auto found =
+          std::ranges::find(devices_, index, [](const auto& device) { return device->index; });
+      if (found == devices_.end()) continue;
+      gone.push_back(fxagent::departed(**found));
+      scheduler_.remove_device((*found)->id);
+      devices_.erase(found);
+    }
+    set_back_offs();
+    leave.left(gone);
+  }
+}
+
+void LinkWorker::adjust(const LinkConfig& link) {
+  config_.poll_share = link.poll_share;
+  config_.listening = link.listening;
+  scheduler_.set_poll_share(link.poll_share);
+  bus_.set_listening(link.listening);
+}
+
+std::vector<DepartedDevice> LinkWorker::departed() const {
+  std::vector<DepartedDevice> gone;
+  for (const auto& device : devices_) gone.push_back(fxagent::departed(*device));
+  return gone;
 }
 
 LinkWorker::Device* LinkWorker::device_of(std::uint32_t index) {
@@ -112,18 +179,20 @@ asio::awaitable<void> LinkWorker::run() {
   bus_.close();
   stop_timer_.reset();
   for (const WaitingCommand& waiting : commands_.take_waiting())
-    outbox_.push(not_sent(waiting.admitted));
+    outbox_.push(not_sent(waiting.admitted, why_stopped_));
+  let_leave();
   ended_ = true;
 }
 
 void LinkWorker::answer_after_fault(const std::string& what) {
-  log::error("link", {{"link", config_.links[link_].name}, {"fault", what}});
+  log::error("link", {{"link", config_.name}, {"fault", what}});
   bus_.close();
   commands_.answer_running("a fault in the agent ended the link while the command was under way");
 }
 
 asio::awaitable<void> LinkWorker::serve() {
   while (!state_.is_stopping()) {
+    let_leave();
     state_.look();
     const auto now = Clock::now();
     if (!bus_.is_open() && now >= state_.next_open()) {
@@ -132,12 +201,16 @@ asio::awaitable<void> LinkWorker::serve() {
     }
     const PollScheduler::Job job = scheduler_.next(now);
     switch (job.kind) {
-      case PollScheduler::Job::Kind::command:
+      case PollScheduler::Job::Kind::command: {
+        const Raised on_the_wire(on_the_wire_);
         co_await commands_.run_next();
         break;
-      case PollScheduler::Job::Kind::poll:
+      }
+      case PollScheduler::Job::Kind::poll: {
+        const Raised on_the_wire(on_the_wire_);
         co_await poller_.run(job.poll);
         break;
+      }
       case PollScheduler::Job::Kind::wait:
         co_await idle_until(bus_.is_open() ? job.until : std::min(job.until, state_.next_open()));
         break;
@@ -145,7 +218,9 @@ asio::awaitable<void> LinkWorker::serve() {
   }
 }
 
-void LinkWorker::stop() {
+void LinkWorker::stop(std::string_view why) {
+  if (state_.is_stopping()) return;
+  why_stopped_ = why;
   state_.stop();
   idle_.cancel();
   if (!commands_.is_running() || poller_.is_polling()) bus_.close();

@@ -19,14 +19,25 @@ std::chrono::nanoseconds period(std::chrono::nanoseconds interval) {
   return interval.count() > 0 ? interval : std::chrono::nanoseconds(kPeriodOfFreeRunning);
 }
 
+/// At the first vacant place, or behind the last. Returns where.
+template <class T>
+std::size_t put(std::vector<T>& list, const T& element) {
+  const auto vacant = std::ranges::find_if(list, [](const T& each) { return each.gone; });
+  const auto place = static_cast<std::size_t>(vacant - list.begin());
+  if (vacant == list.end())
+    list.push_back(element);
+  else
+    *vacant = element;
+  return place;
+}
+
 }  // namespace
 
 PollScheduler::DeviceId PollScheduler::add_device(int unanswered_limit, BackOff back_off) {
   Device device;
   device.unanswered_limit = unanswered_limit;
   device.back_off = back_off;
-  devices_.push_back(device);
-  return static_cast<DeviceId>(devices_.size() - 1);
+  return static_cast<DeviceId>(put(devices_, device));
 }
 
 PollScheduler::GroupId PollScheduler::add_group(DeviceId device, std::chrono::milliseconds interval,
@@ -38,8 +49,13 @@ PollScheduler::GroupId PollScheduler::add_group(DeviceId device, std::chrono::mi
   group.within = within.count() > 0 ? within : period(interval);
   group.exchanges = std::max<std::uint32_t>(exchanges, 1);
   group.due = first_due;
-  groups_.push_back(group);
-  return static_cast<GroupId>(groups_.size() - 1);
+  return static_cast<GroupId>(put(groups_, group));
+}
+
+void PollScheduler::remove_device(DeviceId id) {
+  devices_[id].gone = true;
+  for (Group& group : groups_)
+    if (group.device == id) group.gone = true;
 }
 
 void PollScheduler::set_exchanges(GroupId id, std::uint32_t exchanges) {
@@ -64,7 +80,7 @@ PollScheduler::Group* PollScheduler::most_urgent(SteadyTime now) {
   Group* best = nullptr;
   SteadyTime best_deadline{};
   for (Group& group : groups_) {
-    if (begins_at(group) > now || devices_[group.device].rests_until > now) continue;
+    if (group.gone || begins_at(group) > now || devices_[group.device].rests_until > now) continue;
     const SteadyTime deadline = deadline_of(group);
     if (best != nullptr && deadline >= best_deadline) continue;
     best = &group;
@@ -131,7 +147,8 @@ PollScheduler::PollStep PollScheduler::begin_or_continue(Group& group, SteadyTim
 SteadyTime PollScheduler::next_wake() const {
   auto wake = SteadyTime::max();
   for (const Group& group : groups_)
-    wake = std::min(wake, std::max(begins_at(group), devices_[group.device].rests_until));
+    if (!group.gone)
+      wake = std::min(wake, std::max(begins_at(group), devices_[group.device].rests_until));
   return wake;
 }
 
@@ -176,7 +193,7 @@ void PollScheduler::abandon_cycle(GroupId id, SteadyTime not_before) {
 
 SteadyTime PollScheduler::read_at_once(DeviceId device, SteadyTime from) {
   for (Group& group : groups_) {
-    if (group.device != device || group.running) continue;
+    if (group.device != device || group.gone || group.running) continue;
     group.at_once = std::min(group.at_once.value_or(from), from);
     from += 2 * group.usual;
   }
@@ -200,7 +217,7 @@ void PollScheduler::step_used(const PollStep& step, std::chrono::nanoseconds lin
 double PollScheduler::load() const {
   double load = 0;
   for (const Group& group : groups_)
-    if (group.interval.count() > 0 && !devices_[group.device].silent)
+    if (!group.gone && group.interval.count() > 0 && !devices_[group.device].silent)
       load +=
           static_cast<double>(group.usual.count()) / static_cast<double>(group.interval.count());
   return load;

@@ -49,6 +49,11 @@ class PollScheduler final {
   /// (0: when the next one is due).
   GroupId add_group(DeviceId device, std::chrono::milliseconds interval, std::uint32_t exchanges,
                     SteadyTime first_due, std::chrono::milliseconds within = {});
+  /// The device and its groups are gone; others may have their ids from now on. None of its steps
+  /// is under way.
+  void remove_device(DeviceId device);
+  void set_back_off(DeviceId device, BackOff back_off) { devices_[device].back_off = back_off; }
+  void set_poll_share(double share) { poll_share_ = share; }
   /// After a new plan: the running cycle, if any, begins anew.
   void set_exchanges(GroupId group, std::uint32_t exchanges);
 
@@ -116,6 +121,7 @@ class PollScheduler final {
   struct Device {
     int unanswered_limit = 1;
     BackOff back_off;
+    bool gone = false;  ///< remove_device(): the place is vacant
     int unanswered = 0;
     bool silent = false;
     std::chrono::milliseconds delay{0};
@@ -124,6 +130,7 @@ class PollScheduler final {
   };
   struct Group {
     DeviceId device = 0;
+    bool gone = false;  ///< remove_device(): the place is vacant
     std::chrono::nanoseconds interval{0};
     std::chrono::nanoseconds within{0};
     std::uint32_t exchanges = 1;

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "agent/field/poll_grid.h"
+#include "agent/field/raised.h"
 #include "agent/line_time.h"
 #include "agent/log/log.h"
 #include "protocol/plc.h"
@@ -27,18 +28,6 @@ constexpr milliseconds kBusyPause{100};
 // The RUN state is asked for soon after its interval, however busy the groups keep the line.
 constexpr milliseconds kQuestionWithin{2000};
 
-/// The flag is up as long as this lives, whatever ends it.
-class Raised final {
- public:
-  explicit Raised(bool& flag) : flag_(flag) { flag_ = true; }
-  Raised(const Raised&) = delete;
-  Raised& operator=(const Raised&) = delete;
-  ~Raised() { flag_ = false; }
-
- private:
-  bool& flag_;
-};
-
 asio::awaitable<void> nothing() { co_return; }
 
 std::string milliseconds_text(nanoseconds duration) {
@@ -60,6 +49,7 @@ Poller::Poller(const LinkConfig& link, Bus& bus, PollScheduler& scheduler,
 
 nanoseconds Poller::add_groups(LinkDevice& device, nanoseconds after) {
   nanoseconds total{0};
+  const SteadyTime from = first_time();
   for (std::uint32_t g = 0; g < device.config.groups.size(); ++g) {
     auto group = std::make_unique<GroupPoll>(device.config, g);
     if (group->cycle.tags().empty()) continue;
@@ -67,8 +57,7 @@ nanoseconds Poller::add_groups(LinkDevice& device, nanoseconds after) {
     // again where the intervals are multiples of each other.
     const milliseconds interval = device.config.groups[g].interval;
     const nanoseconds begins = (after + total) % nanoseconds(std::max(interval, milliseconds(1)));
-    group->id = scheduler_.add_group(device.id, interval, 1,
-                                     on_grid(state_.next_open() + begins, interval));
+    group->id = scheduler_.add_group(device.id, interval, 1, on_grid(from + begins, interval));
     make_plan(device, *group);
     total += group->cycle.plan().line_time;
     device.groups.push_back(std::move(group));
@@ -78,10 +67,12 @@ nanoseconds Poller::add_groups(LinkDevice& device, nanoseconds after) {
 
 void Poller::add_question(LinkDevice& device) {
   if (!background_question(*device.codec, !device.config.tags.empty())) return;
-  device.question_group =
-      scheduler_.add_group(device.id, kQuestionInterval, 1,
-                           on_grid(state_.next_open(), kQuestionInterval), kQuestionWithin);
+  device.question_group = scheduler_.add_group(
+      device.id, kQuestionInterval, 1, on_grid(first_time(), kQuestionInterval), kQuestionWithin);
 }
+
+/// A link that has been open for a while has no other first time than now.
+SteadyTime Poller::first_time() const { return std::max(Clock::now(), state_.next_open()); }
 
 void Poller::make_plan(LinkDevice& device, GroupPoll& group) {
   group.turnaround = device.turnaround.value();

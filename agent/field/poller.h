@@ -28,8 +28,8 @@ class Poller final {
   Poller& operator=(const Poller&) = delete;
 
   /// Adds the device's groups, to it and to the scheduler. The first of them begins so long `after`
-  /// the link may be opened, each other one when those before it should be through. Returns the
-  /// line time that one cycle of each takes.
+  /// the link may be opened, or after now; each other one when those before it should be through.
+  /// Returns the line time that one cycle of each takes.
   std::chrono::nanoseconds add_groups(LinkDevice& device, std::chrono::nanoseconds after);
   /// Adds the background_question() of the device, where it has one.
   void add_question(LinkDevice& device);
@@ -53,6 +53,7 @@ class Poller final {
  private:
   enum class Knowledge : std::uint8_t { known, plan_changed, unanswered };
 
+  SteadyTime first_time() const;
   void make_plan(LinkDevice& device, GroupPoll& group);
   /// A new plan where the device was found to have holes, or other times, since the last one.
   void refresh_plan(LinkDevice& device, GroupPoll& group);

@@ -170,28 +170,38 @@ std::optional<JournalEntry> CommandTable::find(const std::string& device, const 
   return found;
 }
 
-std::vector<KnownId> CommandTable::known_ids() {
+std::vector<KnownId> CommandTable::known_ids(const std::string& device) {
   std::vector<KnownId> ids;
-  SQLite::Statement all(database_,
-                        "SELECT device, id, arrival, received_ms, deadline_ms, refused FROM orders"
-                        " WHERE result IS NOT '' OR told IS 1 ORDER BY arrival, received_ms");
-  sqlite::each(all, [&](const SQLite::Statement& row) {
+  const auto take = [&](const SQLite::Statement& row) {
     ids.push_back({std::string(text(row, 0)), std::string(text(row, 1)), from_sql(number(row, 2)),
                    moment(number(row, 3)), moment(number(row, 4)), number(row, 5) != 0});
-  });
+  };
+  // Of one device the key finds them without a look at the others.
+  SQLite::Statement wanted(
+      database_, std::string("SELECT device, id, arrival, received_ms, deadline_ms, refused"
+                             " FROM orders WHERE (result IS NOT '' OR told IS 1)") +
+                     (device.empty() ? "" : " AND device = ?1") + " ORDER BY arrival, received_ms");
+  if (device.empty())
+    sqlite::each(wanted, take);
+  else
+    sqlite::each(wanted, take, device);
   return ids;
 }
 
-std::vector<JournalEntry> CommandTable::unacknowledged() {
+std::vector<JournalEntry> CommandTable::unacknowledged(const std::string& device) {
   std::vector<JournalEntry> entries;
+  const auto take = [&](const SQLite::Statement& row) { entries.push_back(entry_of(row)); };
   SQLite::Statement all(
       database_,
       std::string(kEntry) +
           " FROM (SELECT *, row_number() OVER (PARTITION BY device ORDER BY arrival DESC,"
-          " received_ms DESC) AS place FROM orders WHERE told IS NOT 1)"
-          " WHERE result = '' OR place <= ?1 ORDER BY arrival, received_ms");
-  sqlite::each(
-      all, [&](const SQLite::Statement& row) { entries.push_back(entry_of(row)); }, kRememberedIds);
+          " received_ms DESC) AS place FROM orders WHERE told IS NOT 1" +
+          (device.empty() ? "" : " AND device = ?2") +
+          ") WHERE result = '' OR place <= ?1 ORDER BY arrival, received_ms");
+  if (device.empty())
+    sqlite::each(all, take, kRememberedIds);
+  else
+    sqlite::each(all, take, kRememberedIds, device);
   return entries;
 }
 

@@ -33,8 +33,9 @@ class CommandTable final {
                    const std::string& total_ms);
 
   std::optional<JournalEntry> find(const std::string& device, const std::string& id);
-  std::vector<KnownId> known_ids();            // as CommandJournal has it
-  std::vector<JournalEntry> unacknowledged();  // the same
+  // As CommandJournal has them; `device` empty: of all.
+  std::vector<KnownId> known_ids(const std::string& device = {});
+  std::vector<JournalEntry> unacknowledged(const std::string& device = {});
 
   /// What the rows take, as it was committed.
   std::uint64_t bytes() const { return size_.bytes; }

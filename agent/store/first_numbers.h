@@ -18,4 +18,9 @@ std::vector<std::uint64_t> first_numbers(const Config& config, Store* store, std
 std::vector<std::uint64_t> later_numbers(const Config& config,
                                          const std::map<std::string, std::uint64_t>& found);
 
+/// The same for devices that begin later in the run, by their names. Of one that was there before
+/// the field knows better.
+std::vector<std::uint64_t> numbers_to_join(const std::vector<std::string>& devices, Store* store,
+                                           std::int64_t utc_ms);
+
 }  // namespace fxagent

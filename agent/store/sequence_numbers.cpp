@@ -23,9 +23,29 @@ void SequenceNumbers::load(SQLite::Database& database) {
 std::vector<std::uint64_t> SequenceNumbers::begin(std::span<const std::string> devices,
                                                   std::int64_t utc_ms) {
   is_behind_ = ::access(behind_path().c_str(), F_OK) == 0;
-  std::vector<std::uint64_t> begun;
   std::map<std::string, std::uint64_t> reserved;
+  auto begun = add(devices, utc_ms, reserved);
+  if (write(reserved, Meaning::reserved)) mark_as_known();
+  return begun;
+}
+
+std::vector<std::uint64_t> SequenceNumbers::join(std::span<const std::string> devices,
+                                                 std::int64_t utc_ms) {
+  std::map<std::string, std::uint64_t> reserved;
+  auto begun = add(devices, utc_ms, reserved);
+  if (!reserved.empty()) write(reserved, Meaning::reserved);
+  return begun;
+}
+
+std::vector<std::uint64_t> SequenceNumbers::add(std::span<const std::string> devices,
+                                                std::int64_t utc_ms,
+                                                std::map<std::string, std::uint64_t>& reserved) {
+  std::vector<std::uint64_t> begun;
   for (const std::string& device : devices) {
+    if (const auto known = numbers_.find(device); known != numbers_.end()) {
+      begun.push_back(known->second.last);
+      continue;
+    }
     // Where nothing is known, the clock is above every number of an earlier boot.
     std::uint64_t last = from_sql(utc_ms);
     const auto known = [&](const SQLite::Statement& row) {
@@ -46,7 +66,6 @@ std::vector<std::uint64_t> SequenceNumbers::begin(std::span<const std::string> d
     numbers_[device] = {last, config_.sync_always ? last : last + kBlock};
     reserved[device] = numbers_[device].reserved;
   }
-  if (write(reserved, Meaning::reserved)) mark_as_known();
   return begun;
 }
 

@@ -27,6 +27,9 @@ class SequenceNumbers final : public StorePart {
   /// stop, and with `sync: always`, the last one used; after a crash, and where the disk refused,
   /// one above all that may have been used. Once, at the start.
   std::vector<std::uint64_t> begin(std::span<const std::string> devices, std::int64_t utc_ms);
+  /// The same for devices that join in the middle of it. Of one that was there before in this boot
+  /// it is the last number used.
+  std::vector<std::uint64_t> join(std::span<const std::string> devices, std::int64_t utc_ms);
   /// To be called before a sample with this number leaves the agent.
   void used(const std::string& device, std::uint64_t seq);
 
@@ -57,6 +60,8 @@ class SequenceNumbers final : public StorePart {
   /// What a number in the file says: that its block ends there, or that it was the last one used.
   enum class Meaning : std::uint8_t { reserved, exact };
 
+  std::vector<std::uint64_t> add(std::span<const std::string> devices, std::int64_t utc_ms,
+                                 std::map<std::string, std::uint64_t>& reserved);
   bool write(const std::map<std::string, std::uint64_t>& numbers, Meaning meaning);
   std::string behind_path() const;
   void mark_as_behind();

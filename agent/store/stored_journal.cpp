@@ -59,15 +59,19 @@ std::optional<JournalEntry> StoredJournal::find(const std::string& device, const
   return found;
 }
 
-std::vector<KnownId> StoredJournal::known_ids() {
+std::vector<KnownId> StoredJournal::known_ids() { return known_ids_of({}); }
+
+std::vector<JournalEntry> StoredJournal::unacknowledged() { return unacknowledged_of({}); }
+
+std::vector<KnownId> StoredJournal::known_ids_of(const std::string& device) {
   std::vector<KnownId> ids;
-  if (table_) disk_.attempt("read", [&] { ids = table_->known_ids(); });
+  if (table_) disk_.attempt("read", [&] { ids = table_->known_ids(device); });
   return ids;
 }
 
-std::vector<JournalEntry> StoredJournal::unacknowledged() {
+std::vector<JournalEntry> StoredJournal::unacknowledged_of(const std::string& device) {
   std::vector<JournalEntry> entries;
-  if (table_) disk_.attempt("read", [&] { entries = table_->unacknowledged(); });
+  if (table_) disk_.attempt("read", [&] { entries = table_->unacknowledged(device); });
   for (JournalEntry& entry : entries)
     entry.surely_not_sent = entry.result.empty() && started_.surely_not_sent(entry.number);
   return entries;

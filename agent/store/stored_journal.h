@@ -37,6 +37,8 @@ class StoredJournal final : public CommandJournal, public StorePart {
   std::optional<JournalEntry> find(const std::string& device, const std::string& id) override;
   std::vector<KnownId> known_ids() override;
   std::vector<JournalEntry> unacknowledged() override;
+  std::vector<KnownId> known_ids_of(const std::string& device) override;
+  std::vector<JournalEntry> unacknowledged_of(const std::string& device) override;
 
   /// What the file has of commands, in bytes, as committed and as the open commit will leave it.
   std::uint64_t bytes() const { return table_ ? table_->bytes() : 0; }

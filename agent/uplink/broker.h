@@ -11,6 +11,7 @@
 #include <variant>
 #include <vector>
 
+#include "agent/config/config.h"
 #include "agent/messages.h"
 #include "protocol/bytes.h"
 
@@ -107,6 +108,9 @@ struct Subscription {
 class Broker {
  public:
   virtual ~Broker() = default;
+
+  /// Servers, names and secrets are these from the next connect() on.
+  virtual void use(const MqttConfig& mqtt) = 0;
 
   /// Gives up any earlier connection and asks for one to server `index` of the config.
   /// Then Connected or ConnectFailed. `receive_maximum` is told to the broker (MQTT 5, section

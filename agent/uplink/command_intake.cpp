@@ -36,35 +36,28 @@ bool CommandIntake::is_full() const {
   return incoming_.size() >= kMostWaiting || bytes_ >= kMostWaitingBytes;
 }
 
-void CommandIntake::add(Message message, std::uint32_t device, bool results_are_full) {
-  put({std::move(message), device, {}}, results_are_full);
-}
-
-void CommandIntake::add_unknown(Message message, std::string name, bool results_are_full) {
-  put({std::move(message), 0, std::move(name)}, results_are_full);
-}
-
-void CommandIntake::put(Incoming incoming, bool results_are_full) {
-  if (incoming.message.qos == 0 && (is_full() || results_are_full)) {
+void CommandIntake::add(Message message, std::string device, bool results_are_full) {
+  if (message.qos == 0 && (is_full() || results_are_full)) {
     ++dropped_;
     return;
   }
-  bytes_ += bytes_of(incoming.message);
-  incoming_.push_back(std::move(incoming));
+  bytes_ += bytes_of(message);
+  incoming_.push_back({std::move(message), std::move(device)});
 }
 
 void CommandIntake::take_some(SteadyTime now, std::int64_t utc_ms) {
   for (std::size_t i = 0; i < kCommandsAStep && !incoming_.empty(); ++i) {
-    auto [message, device, unknown] = std::move(incoming_.front());
+    auto [message, name] = std::move(incoming_.front());
     incoming_.pop_front();
     bytes_ -= bytes_of(message);
     // An empty retained payload only clears the topic. On 3.1.1 its flag does not reach us.
     if (message.payload.empty() && (message.retained || mqtt_.version != 5)) continue;
     MessageProperties& properties = message;
-    if (unknown.empty())
-      commands_.receive(device, message.topic, message.payload, std::move(properties), now, utc_ms);
+    if (const auto device = commands_.device_named(name))
+      commands_.receive(*device, message.topic, message.payload, std::move(properties), now,
+                        utc_ms);
     else
-      commands_.refuse_unknown(unknown, message.payload, std::move(properties));
+      commands_.refuse_unknown(name, message.payload, std::move(properties));
   }
   commands_.hand_over();
 }

@@ -28,11 +28,10 @@ class CommandIntake final {
 
   /// Counts a message, on whatever topic.
   void hear(const Message& message);
-  /// A command for this device. What was published with QoS 0 comes as fast as the broker can send;
+  /// A command for the device of this name; where there is none when its turn comes it is refused.
+  /// What was published with QoS 0 comes as fast as the broker can send;
   /// where there is no room for it, it is lost, as MQTT allows. With QoS 1 the broker waits.
-  void add(Message message, std::uint32_t device, bool results_are_full);
-  /// The same for a device that is not in the config: its commands are refused, in their turn.
-  void add_unknown(Message message, std::string name, bool results_are_full);
+  void add(Message message, std::string device, bool results_are_full);
   /// The library threw away so many messages of QoS 0.
   void count_dropped(std::uint64_t count) { dropped_ += count; }
   /// Hands some of them to Commands.
@@ -57,12 +56,10 @@ class CommandIntake final {
  private:
   struct Incoming {
     Message message;
-    std::uint32_t device = 0;
-    std::string unknown;  ///< name of a device that is not in the config; empty: `device` is
+    std::string device;  ///< its name
   };
 
   bool is_full() const;
-  void put(Incoming incoming, bool results_are_full);
 
   Commands& commands_;
   Broker& broker_;

@@ -44,6 +44,23 @@ void write_percentiles(Writer& out, std::string_view name, const Percentiles& of
   out.end_object();
 }
 
+void write_config_status(Writer& out, const ConfigStatus& status) {
+  out.key("config").begin_object();
+  out.key("hash").string(status.hash).key("since").integer(status.since_ms);
+  out.key("last_reload");
+  if (const auto& reload = status.last_reload) {
+    out.begin_object().key("state").string(reload->state).key("ts").integer(reload->ts_ms);
+    out.key("errors").begin_array();
+    for (const std::string& error : reload->errors) out.string(error);
+    out.end_array();
+    out.key("errors_in_all").integer(std::uint64_t{reload->errors_in_all});
+    out.end_object();
+  } else {
+    out.null();
+  }
+  out.end_object();
+}
+
 }  // namespace
 
 std::string sample(const SampleRecord& sample) {
@@ -156,6 +173,7 @@ std::string health(const AgentStatus& status, const Config& config) {
   out.key("boot").string(status.boot).key("version").string(status.version);
   out.key("uptime_s").integer(std::int64_t{status.uptime.count()});
   out.key("conflict").word(status.conflict);
+  write_config_status(out, status.config_status);
   const SampleCounts& samples = status.samples;
   out.key("samples").begin_object();
   out.key("collected").integer(samples.collected).key("recovered").integer(samples.recovered);
@@ -167,6 +185,7 @@ std::string health(const AgentStatus& status, const Config& config) {
   out.end_object();
   out.key("links").begin_object();
   for (std::size_t i = 0; i < config.links.size(); ++i) {
+    if (config.links[i].is_vacant()) continue;
     const LinkHealth link = i < status.field->links.size() ? status.field->links[i] : LinkHealth{};
     out.key(config.links[i].name).begin_object();
     out.key("exchanges").integer(link.exchanges).key("timeouts").integer(link.timeouts);
@@ -181,6 +200,7 @@ std::string health(const AgentStatus& status, const Config& config) {
   out.end_object();
   out.key("devices").begin_object();
   for (std::size_t i = 0; i < config.devices.size(); ++i) {
+    if (config.devices[i].is_vacant()) continue;
     const DeviceHealth device =
         i < status.field->devices.size() ? status.field->devices[i] : DeviceHealth{};
     out.key(config.devices[i].name).begin_object();

@@ -61,6 +61,14 @@ class RecordedValues final : public GroupValues {
 
 }  // namespace
 
+void LastSamples::change(const ConfigChange& change) {
+  if (groups_.empty()) return;
+  for (const std::uint32_t device : change.devices_end) groups_.at(device).clear();
+  groups_.resize(config_.devices.size());
+  for (const std::uint32_t device : change.devices_begin)
+    groups_.at(device).resize(config_.devices[device].groups.size());
+}
+
 void LastSamples::add(const Telemetry& message) {
   if (groups_.empty())
     for (const DeviceConfig& each : config_.devices) groups_.emplace_back(each.groups.size());

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "agent/config/config.h"
+#include "agent/config/config_difference.h"
 #include "agent/messages.h"
 #include "agent/status.h"
 
@@ -15,6 +16,8 @@ class LastSamples final {
   explicit LastSamples(const Config& config) : config_(config) {}
 
   void add(const Telemetry& message);
+  /// The config is that of the change from now on.
+  void change(const ConfigChange& change);
   /// Empty until the first add().
   const LastValues& groups() const { return groups_; }
 

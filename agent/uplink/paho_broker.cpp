@@ -655,7 +655,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
 
   const std::shared_ptr<Inbox> inbox_;
   const std::uint64_t number_;
-  const MqttConfig& config_;  ///< the broker's, which outlives its connections
+  const MqttConfig config_;  ///< its own: Paho's threads read it while the next one is another
   const std::size_t max_payload_;
   const int version_;
   const bool tls_;

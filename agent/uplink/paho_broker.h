@@ -32,6 +32,7 @@ class PahoBroker final : public Broker {
   /// Waits up to 2 s for a connection that is up to be closed.
   ~PahoBroker() override;
 
+  void use(const MqttConfig& mqtt) override { config_ = mqtt; }
   /// User name and password are read again at each call: a changed secret needs no restart. Host
   /// name and chain of a TLS server's certificate are always verified.
   void connect(std::size_t index, std::uint16_t receive_maximum) override;
@@ -50,7 +51,7 @@ class PahoBroker final : public Broker {
 
   void retire();
 
-  const MqttConfig config_;
+  MqttConfig config_;
   const MakeWill make_will_;
   const std::size_t max_payload_;
   /// Shared by this object and every connection: a callback may still be on its way when its

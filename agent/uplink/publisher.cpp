@@ -25,9 +25,9 @@ constexpr seconds kFarewellFor{1};
 
 }  // namespace
 
-Publisher::Publisher(const Config& config, PublisherSettings settings, Payload& payload,
-                     Outbox& outbox, Broker& broker, Commands& commands, UtcClock utc_ms,
-                     Store* store, NumberAbove number_above, AskCounters ask_counters)
+Publisher::Publisher(Config& config, PublisherSettings settings, Payload& payload, Outbox& outbox,
+                     Broker& broker, Commands& commands, UtcClock utc_ms, Store* store,
+                     NumberAbove number_above, AskCounters ask_counters)
     : config_(config),
       settings_(std::move(settings)),
       base_(config.base_topic()),
@@ -59,9 +59,7 @@ Publisher::Publisher(const Config& config, PublisherSettings settings, Payload& 
       intake_(commands, broker, config.mqtt),
       status_({config, commands, retained_, spool_, samples_out_, store},
               {settings_.boot, settings_.version}, utc_ms_, [this] { outbox_.notify(); }),
-      identity_(settings_.boot) {
-  for (std::uint32_t i = 0; i < config.devices.size(); ++i) index_[config.devices[i].name] = i;
-}
+      identity_(settings_.boot) {}
 
 Publisher::~Publisher() = default;
 
@@ -82,6 +80,7 @@ SteadyTime Publisher::step(SteadyTime now) {
   take_found_late(now);
   spool_.move_memory_to_disk();
   take_outbox(now);  // its results make room for commands, and its states say what model they meet
+  recover_joined(now);
   if (outbox_.refuses_commands()) commands_.close();
   intake_.take_some(now, utc_ms_());
   take_results();
@@ -140,10 +139,10 @@ void Publisher::on(const Message& event, SteadyTime now) {
 }
 
 void Publisher::hear_command(const Message& message, std::string_view name) {
-  if (const auto device = index_.find(name); device != index_.end())
-    return intake_.add(message, device->second, results_.is_full());
-  log::warn("command_for_unknown_device", {{"topic", log::excerpt(message.topic)}});
-  if (may_be_a_device(name)) intake_.add_unknown(message, std::string(name), results_.is_full());
+  const bool is_known = commands_.device_named(name).has_value();
+  if (!is_known) log::warn("command_for_unknown_device", {{"topic", log::excerpt(message.topic)}});
+  if (is_known || may_be_a_device(name))
+    intake_.add(message, std::string(name), results_.is_full());
 }
 
 void Publisher::hear_state(const Message& message, SteadyTime now) {
@@ -154,12 +153,12 @@ void Publisher::hear_state(const Message& message, SteadyTime now) {
   const auto of_state = device_of(message.topic, base_, "state");
   const auto name = of_state ? of_state : device_of(message.topic, base_, "meta");
   if (!name) return;
-  if (const auto device = index_.find(*name); device != index_.end()) {
+  if (const auto device = commands_.device_named(*name)) {
     if (conflict_) return;  // two agents would repair each other's words, without end
     if (of_state)
-      retained_.heard_device_state(device->second, message.payload, now);
+      retained_.heard_device_state(*device, message.payload, now);
     else
-      retained_.heard_device_meta(device->second, message.payload, now);
+      retained_.heard_device_meta(*device, message.payload, now);
   } else if (session_.looks_for_leftovers() && !message.payload.empty() &&
              retained_.clear(message.topic)) {
     log::info("retained_topic_cleared", {{"topic", log::excerpt(message.topic)}});
@@ -221,6 +220,52 @@ void Publisher::attempt_failed(SteadyTime) { samples_out_.spool_live(); }
 
 void Publisher::subscription_changed() { retained_.agent_state_changed(); }
 
+// ---- a changed config ---------------------------------------------------------------------------
+
+std::optional<std::vector<std::uint64_t>> Publisher::change(const ConfigChange& change,
+                                                            SteadyTime now) {
+  if (phase_ != Phase::running) return std::nullopt;
+  std::set<std::string> gone;
+  for (const std::uint32_t device : change.devices_end)
+    gone.insert(std::as_const(config_).devices[device].name);
+  config_ = change.config;
+  std::vector<std::string> begin;
+  for (const std::uint32_t device : change.devices_begin) {
+    begin.push_back(change.config.devices[device].name);
+    gone.erase(begin.back());
+  }
+  joined_ = commands_.change(change);
+  retained_.change(change, {gone.begin(), gone.end()}, session_.is_connected());
+  samples_out_.change(change);
+  status_.change(change);
+  if (change.mqtt) leave_old_settings(now);
+  const auto last = numbers_to_join(begin, store_, utc_ms_());
+  std::vector<std::uint64_t> by_index(change.config.devices.size());
+  for (std::size_t i = 0; i < begin.size(); ++i) by_index[change.devices_begin[i]] = last[i];
+  return by_index;
+}
+
+/// What earlier runs left of devices that were in no config of this one so far.
+void Publisher::recover_joined(SteadyTime now) {
+  const auto joined = std::exchange(joined_, {});
+  if (joined.empty() || store_ == nullptr) return;
+  commands_.restore(recover_of(joined, config_, store_->journal(), utc_ms_(), now), now, utc_ms_());
+}
+
+/// Whoever watches a broker that is left for another one must not see us online for ever.
+void Publisher::leave_old_settings(SteadyTime now) {
+  broker_.use(config_.mqtt);
+  session_.settings_changed();
+  if (!session_.is_connected()) return session_.begin_anew(now);
+  goodbye_by_ = now + kFarewellFor;
+  outgoing_.send(*this, payload_.agent_offline(utc_ms_()));
+}
+
+void Publisher::set_config_status(ConfigStatus status, SteadyTime now) {
+  status_.set_config_status(std::move(status));
+  if (session_.is_connected() && phase_ == Phase::running) make_health_due(now);
+}
+
 // ---- what the field says ------------------------------------------------------------------------
 
 void Publisher::take_found_late(SteadyTime now) {
@@ -235,10 +280,10 @@ void Publisher::take_found_late(SteadyTime now) {
 void Publisher::take_outbox(SteadyTime now) {
   Outbox::Batch batch = outbox_.take();
   for (const auto& [device, count] : batch.dropped)
-    spool_.drop(config_.devices.at(device).name, count);
+    spool_.drop(std::as_const(config_).devices.at(device).name, count);
   for (CommandResult& result : batch.results) {
     const bool may_have_written = result.attempts > 0 && result.op != to_string(Op::read);
-    if (may_have_written) written_.insert(config_.devices.at(result.device).name);
+    if (may_have_written) written_.insert(std::as_const(config_).devices.at(result.device).name);
     commands_.finish(std::move(result), utc_ms_());
   }
   for (DeviceStatus& status : batch.states) {
@@ -254,6 +299,7 @@ void Publisher::take_outbox(SteadyTime now) {
   const bool counted = batch.health.has_value();
   status_.take(batch);
   if (counted && std::exchange(counters_by_, std::nullopt)) retained_.health_is_due();
+  for (const Outbox::Call& call : batch.calls) call(now);
 }
 
 void Publisher::take_results() {
@@ -267,6 +313,10 @@ void Publisher::keep_session(SteadyTime now) {
                           config_.mqtt.version == 5 && session_.is_connected() &&
                           results_.is_far_behind(intake_.heard());
   if (runs_ahead) session_.connect_anew(now);
+  if (goodbye_by_ && (now >= *goodbye_by_ || !session_.is_connected())) {
+    goodbye_by_.reset();
+    session_.begin_anew(now);
+  }
   session_.keep(now, results_.bytes() <= settings_.result_bytes / 2);
 }
 
@@ -345,9 +395,12 @@ void Publisher::finish(SteadyTime now) {
              {"results_left", std::to_string(results_.size())}});
 }
 
-void Publisher::delivered(std::uint64_t, SteadyTime now) { phase_deadline_ = now; }
+void Publisher::delivered(std::uint64_t, SteadyTime now) {
+  phase_deadline_ = now;
+  if (goodbye_by_) goodbye_by_ = now;
+}
 
-void Publisher::failed(const DeliveryFailed&, SteadyTime now) { phase_deadline_ = now; }
+void Publisher::failed(const DeliveryFailed& event, SteadyTime now) { delivered(event.id, now); }
 
 bool Publisher::drained() const {
   return intake_.empty() && outgoing_.empty() && results_.empty() && retained_.empty() &&
@@ -367,6 +420,7 @@ SteadyTime Publisher::next_wake(SteadyTime now) const {
   SteadyTime wake = std::min(next_tick_, intake_.next_wake(now));
   const auto at = [&wake](SteadyTime time) { wake = std::min(wake, time); };
   if (counters_by_) at(*counters_by_);
+  if (goodbye_by_) at(*goodbye_by_);
   at(phase_ == Phase::running ? identity_.next_wake() : phase_deadline_);
   if (phase_ == Phase::running || !session_.is_connected()) at(session_.next_wake());
   if (spool_.gathered() != 0) at(spool_.commit_at());

@@ -13,11 +13,11 @@
 #include <stop_token>
 #include <string>
 #include <string_view>
-#include <unordered_map>
 #include <vector>
 
 #include "agent/commands/commands.h"
 #include "agent/config/config.h"
+#include "agent/config/config_difference.h"
 #include "agent/messages.h"
 #include "agent/outbox.h"
 #include "agent/status.h"
@@ -57,11 +57,13 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
   using NumberAbove = std::function<void(std::vector<std::uint64_t>)>;
   using AskCounters = std::function<void()>;
 
-  /// All references outlive the publisher. `store` null: memory alone; else it is the journal of
-  /// `commands` too. `number_above` is called from step() when a store that was not there at the
-  /// start has opened: samples are numbered above these from then on, by device. `ask_counters` is
-  /// called before health is published: the field's counters then come through the outbox.
-  Publisher(const Config& config, PublisherSettings settings, Payload& payload, Outbox& outbox,
+  /// All references outlive the publisher. `config` is the one that `payload` and `commands` were
+  /// made with, and the uplink's own: change() makes it the next one. `store` null: memory alone;
+  /// else it is the journal of `commands` too. `number_above` is called from step() when a store
+  /// that was not there at the start has opened: samples are numbered above these from then on, by
+  /// device. `ask_counters` is called before health is published: the field's counters then come
+  /// through the outbox.
+  Publisher(Config& config, PublisherSettings settings, Payload& payload, Outbox& outbox,
             Broker& broker, Commands& commands, UtcClock utc_ms, Store* store = nullptr,
             NumberAbove number_above = {}, AskCounters ask_counters = {});
   ~Publisher() override;
@@ -79,6 +81,17 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
   /// state goes to offline and the connection is closed. step() does the work until finished().
   void stop(SteadyTime now);
   bool finished() const { return phase_ == Phase::finished; }
+
+  // A changed config, in two calls of Outbox::ask().
+  /// Commands for what ends in the change are refused from now on. Then the field's end().
+  void begin_change(const ConfigChange& change) { commands_.begin_change(change); }
+  /// After end(), whose last words the outbox has handed over: from now on the config is that of
+  /// the change. Returns the number of the last sample of each device that begins, as far as the
+  /// store knows it, by index in Config::devices, for the field's begin(), which is to be called
+  /// before anything else is done here. Nothing: the agent is stopping, and there is no new config.
+  std::optional<std::vector<std::uint64_t>> change(const ConfigChange& change, SteadyTime now);
+  /// What health says of the config.
+  void set_config_status(ConfigStatus status, SteadyTime now);
 
   /// Where every sample is, as of the last step().
   SampleCounts samples() const;
@@ -108,6 +121,8 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
   void make_health_due(SteadyTime now);
 
   void take_found_late(SteadyTime now);
+  void recover_joined(SteadyTime now);
+  void leave_old_settings(SteadyTime now);
   void take_outbox(SteadyTime now);
   void take_results();
   void keep_session(SteadyTime now);
@@ -120,10 +135,9 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
   bool acknowledgements_matter() const;
   SteadyTime next_wake(SteadyTime now) const;
 
-  const Config& config_;
+  Config& config_;
   const PublisherSettings settings_;
   const std::string base_;
-  std::unordered_map<std::string_view, std::uint32_t> index_;  ///< of devices, by name
   Payload& payload_;
   Outbox& outbox_;
   Broker& broker_;
@@ -147,6 +161,10 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
   bool samples_first_ = false;  ///< whose turn it is, where the window is too small to share
   /// Devices with results, not handed over yet, of commands that may have written.
   std::set<std::string> written_;
+
+  std::vector<std::string> joined_;  ///< devices whose earlier runs are to be looked up
+  /// The settings of MQTT are others: until then the broker has time to take our last word.
+  std::optional<SteadyTime> goodbye_by_;
 
   /// The field's counters were asked for, and health waits for them until then.
   std::optional<SteadyTime> counters_by_;

@@ -36,8 +36,7 @@ ResultDelivery::ResultDelivery(const Config& config, Commands& commands, Outgoin
       utc_ms_(std::move(utc_ms)) {}
 
 void ResultDelivery::add(ResultMessage result) {
-  const std::string& device = result.unknown_device.empty() ? config_.devices.at(result.device).name
-                                                            : result.unknown_device;
+  const std::string& device = result.device;
   Pending pending;
   pending.copies.push_back({.topic = base_ + "/" + device + "/result"});
   if (!result.response_topic.empty()) {

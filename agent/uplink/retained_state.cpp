@@ -20,7 +20,8 @@ constexpr seconds kComesBackWithin{2};
 
 RetainedState::RetainedState(const Config& config, Payload& payload, Outgoing& outgoing,
                              JitteredBackoff& backoff, Source source)
-    : payload_(payload),
+    : config_(config),
+      payload_(payload),
       outgoing_(outgoing),
       backoff_(backoff),
       source_(std::move(source)),
@@ -42,9 +43,44 @@ void RetainedState::connection_ended() {
 void RetainedState::everything_is_due() {
   agent_state_changed();
   for (std::uint32_t device = 0; device < states_.size(); ++device) {
+    if (config_.devices[device].is_vacant()) continue;
     due_[{Item::device_meta, device, {}}];
     if (states_[device]) due_[{Item::device_state, device, {}}];
   }
+}
+
+void RetainedState::change(const ConfigChange& change, const std::vector<std::string>& gone,
+                           bool is_connected) {
+  for (const std::uint32_t device : change.devices_end) forget(device);
+  states_.resize(config_.devices.size());
+  const std::string base = config_.base_topic() + "/";
+  for (const std::uint32_t device : change.devices_begin) {
+    // One that comes back: its topics are not to be cleared any more.
+    for (const char* topic : {"/state", "/meta"}) {
+      const std::string back = base + config_.devices[device].name + topic;
+      due_.erase({Item::clear, 0, back});
+      std::erase_if(flights_, [&](const auto& each) { return is_of(each.second.key, back); });
+    }
+    if (is_connected) due_[{Item::device_meta, device, {}}];
+  }
+  if (!is_connected) return;  // after the next connect they are found
+  for (const std::string& name : gone)
+    for (const char* topic : {"/state", "/meta"}) clear(base + name + topic);
+}
+
+/// Nothing refers to this index any more.
+void RetainedState::forget(std::uint32_t device) {
+  const auto is_its_own = [device](const Key& key) {
+    return key.device == device &&
+           (key.item == Item::device_state || key.item == Item::device_meta);
+  };
+  const auto entry = [&](const auto& each) { return is_its_own(each.first); };
+  std::erase_if(due_, entry);
+  std::erase_if(published_, entry);
+  std::erase_if(repairs_, entry);
+  std::erase_if(logged_, is_its_own);
+  std::erase_if(flights_, [&](const auto& each) { return is_its_own(each.second.key); });
+  states_.at(device).reset();
 }
 
 void RetainedState::set(DeviceStatus status) {
@@ -113,7 +149,9 @@ Publication RetainedState::publication_of(const Key& key, SteadyTime now) {
 void RetainedState::delivered(std::uint64_t id, SteadyTime) { flights_.erase(id); }
 
 void RetainedState::failed(const DeliveryFailed& event, SteadyTime now) {
-  const Flight flight = std::move(flights_.extract(event.id).mapped());
+  auto found = flights_.extract(event.id);
+  if (found.empty()) return;  // of a device that is no more
+  const Flight flight = std::move(found.mapped());
   log::warn(event.reason_code != 0 ? "publish_refused" : "publish_failed",
             {{"what", "state"}, {"code", hex_code(event.reason_code)}, {"reason", event.text}});
   if (is_final(event.reason_code)) return;

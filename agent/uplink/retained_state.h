@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "agent/config/config.h"
+#include "agent/config/config_difference.h"
 #include "agent/messages.h"
 #include "agent/uplink/jittered_backoff.h"
 #include "agent/uplink/outgoing.h"
@@ -59,6 +60,11 @@ class RetainedState final : public Outgoing::Sender {
     heard({Item::device_meta, device, {}}, payload, now);
   }
 
+  /// The config is that of the change from now on. Of what ends in it nothing more is published;
+  /// what begins in it has its meta published, where there is a connection, and its state once the
+  /// field has told it. `gone`: names of devices that are no more, whose topics are cleared.
+  void change(const ConfigChange& change, const std::vector<std::string>& gone, bool is_connected);
+
   /// The newest state of a device; published by device_state_changed().
   void set(DeviceStatus status);
   /// By device; null where none was set.
@@ -97,9 +103,14 @@ class RetainedState final : public Outgoing::Sender {
     bool came_back = false;  ///< the broker has sent it to us, too
   };
 
+  void forget(std::uint32_t device);
+  bool is_of(const Key& key, const std::string& topic) const {
+    return key.item == Item::clear && key.topic == topic;
+  }
   Publication publication_of(const Key& key, SteadyTime now);
   void heard(const Key& key, std::string_view payload, SteadyTime now);
 
+  const Config& config_;
   Payload& payload_;
   Outgoing& outgoing_;
   JitteredBackoff& backoff_;

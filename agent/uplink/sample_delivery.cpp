@@ -46,9 +46,19 @@ SampleDelivery::SampleDelivery(const Config& config, std::string boot, Payload& 
       backoff_(backoff),
       spool_(spool),
       store_(store),
-      history_bytes_(kHistoryBytes) {
-  for (const DeviceConfig& device : config.devices)
-    meta_hashes_.push_back(json::device_meta(device).hash);
+      meta_hashes_(config.devices.size()),
+      history_bytes_(kHistoryBytes) {}
+
+void SampleDelivery::change(const ConfigChange& change) {
+  for (const std::uint32_t device : change.devices_end) meta_hashes_.at(device).clear();
+  meta_hashes_.resize(config_.devices.size());
+}
+
+/// With the first sample of each device: to make those of many at once would take its time.
+const std::string& SampleDelivery::meta_hash(std::uint32_t device) {
+  std::string& hash = meta_hashes_.at(device);
+  if (hash.empty()) hash = json::device_meta(config_.devices.at(device)).hash;
+  return hash;
 }
 
 void SampleDelivery::take(const std::vector<Telemetry>& messages, bool can_go, SteadyTime now) {
@@ -68,7 +78,7 @@ void SampleDelivery::take(const std::vector<Telemetry>& messages, bool can_go, S
     row.device = device.name;
     row.group = device.groups.at(message.group).name;
     row.seq = message.seq;
-    row.content = encode_sample(message, device, boot_, meta_hashes_.at(message.device));
+    row.content = encode_sample(message, device, boot_, meta_hash(message.device));
     row_bytes_ += row.cost();
     if (store_ != nullptr) store_->numbers().used(row.device, row.seq);
     if (can_go && may_send(row.device, now))

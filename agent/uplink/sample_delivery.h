@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "agent/config/config.h"
+#include "agent/config/config_difference.h"
 #include "agent/messages.h"
 #include "agent/store/sample_record.h"
 #include "agent/uplink/jittered_backoff.h"
@@ -37,6 +38,9 @@ class SampleDelivery final : public Outgoing::Sender {
   /// All references outlive it. `store` null: there is none.
   SampleDelivery(const Config& config, std::string boot, Payload& payload, Outgoing& outgoing,
                  JitteredBackoff& backoff, SampleSpool& spool, Store* store);
+
+  /// The config is that of the change from now on.
+  void change(const ConfigChange& change);
 
   /// What the field made. `can_go`: there is a connection, or the first one is being made; else the
   /// samples are history.
@@ -88,6 +92,7 @@ class SampleDelivery final : public Outgoing::Sender {
     int reason_code = 0;
   };
 
+  const std::string& meta_hash(std::uint32_t device);
   void overflow(SteadyTime now);
   void hold_on_disk(SteadyTime now);
   void live_failed(LiveRow live, const DeliveryFailed& event, SteadyTime now);
@@ -107,7 +112,7 @@ class SampleDelivery final : public Outgoing::Sender {
   JitteredBackoff& backoff_;
   SampleSpool& spool_;
   Store* const store_;
-  std::vector<std::string> meta_hashes_;  ///< by device
+  std::vector<std::string> meta_hashes_;  ///< by device; empty: not asked for yet
 
   std::uint64_t next_row_id_ = 1;
   std::deque<LiveRow> live_;

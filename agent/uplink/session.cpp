@@ -143,6 +143,24 @@ void Session::connect_anew(SteadyTime now) {
   retry_at_ = now + kGoodbye;
 }
 
+void Session::begin_anew(SteadyTime now) {
+  const bool was_connected = link_ == Link::connected;
+  server_ = 0;
+  failed_rounds_ = 0;
+  thrown_rounds_ = 0;
+  last_failure_.clear();
+  refused_filters_.clear();
+  receive_maximum_ = kReceiveMaximum;
+  if (was_connected) {
+    broker_.disconnect();
+    end(now);
+  }
+  if (link_ == Link::connecting) listener_.attempt_failed(now);
+  // Nobody is told goodbye who has not answered yet: connect() gives that attempt up.
+  link_ = was_connected ? Link::leaving : Link::waiting;
+  retry_at_ = was_connected ? now + kGoodbye : now;
+}
+
 void Session::begin_end(SteadyTime now) {
   if (link_ == Link::connected) broker_.unsubscribe(commands_filter_);
   if (link_ == Link::leaving) connect(now);

@@ -59,6 +59,10 @@ class Session final {
   /// Says goodbye and asks the same server for one message at a time. What has come is answered;
   /// what the broker had queued goes with the session, as with every loss.
   void connect_anew(SteadyTime now);
+  /// The settings that it was made with are others now, and begin_anew() follows.
+  void settings_changed() { server_ = 0; }
+  /// Begins with the first server. A connection is ended with a goodbye.
+  void begin_anew(SteadyTime now);
   /// The end: no command is heard any more. A session that was leaving comes back, so that who was
   /// told goodbye hears the last word too.
   void begin_end(SteadyTime now);

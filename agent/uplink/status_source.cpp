@@ -16,10 +16,17 @@ using std::chrono::seconds;
 StatusSource::StatusSource(Parts parts, Run run, std::function<std::int64_t()> utc_ms,
                            std::function<void()> wake)
     : parts_(parts),
+      config_(std::make_shared<const Config>(parts.config)),
       run_(std::move(run)),
       utc_ms_(std::move(utc_ms)),
       board_(std::move(wake)),
       last_(parts.config) {}
+
+void StatusSource::change(const ConfigChange& change) {
+  config_ = std::make_shared<const Config>(parts_.config);
+  last_.change(change);
+  published_.reset();
+}
 
 void StatusSource::start(SteadyTime now) {
   started_ = now;
@@ -34,6 +41,7 @@ void StatusSource::take(Outbox::Batch& batch) {
   field_ = std::make_shared<const FieldHealth>(std::move(*batch.health));
   std::uint64_t sent = 0;
   for (const DeviceHealth& device : field_->devices) sent += device.collected - device.suppressed;
+  sent += field_->ended_collected - field_->ended_suppressed;
   miscounted_ = sent != batch.pushed_at_health;
   if (miscounted_)
     log::error("samples_miscounted", {{"field", std::to_string(sent)},
@@ -83,6 +91,7 @@ void StatusSource::log_samples() {
 SampleCounts StatusSource::samples() const {
   SampleCounts samples;
   for (const DeviceHealth& device : field_->devices) samples.suppressed += device.suppressed;
+  samples.suppressed += field_->ended_suppressed;
   samples.collected = pushed_ + samples.suppressed;
   const SampleDelivery::Counters out = parts_.samples.counters();
   samples.queued = out.queued + parts_.spool.gathered();
@@ -101,6 +110,8 @@ SampleCounts StatusSource::samples() const {
 
 AgentStatus StatusSource::make(SteadyTime now) const {
   AgentStatus status;
+  status.config = config_;
+  status.config_status = config_status_;
   status.ts_ms = utc_ms_();
   status.boot = run_.boot;
   status.version = run_.version;

@@ -12,6 +12,7 @@
 
 #include "agent/commands/commands.h"
 #include "agent/config/config.h"
+#include "agent/config/config_difference.h"
 #include "agent/messages.h"
 #include "agent/outbox.h"
 #include "agent/status.h"
@@ -44,6 +45,13 @@ class StatusSource final {
   StatusSource(Parts parts, Run run, std::function<std::int64_t()> utc_ms,
                std::function<void()> wake);
 
+  /// The config is that of the change from now on.
+  void change(const ConfigChange& change);
+  void set_config_status(ConfigStatus status) {
+    config_status_ = std::move(status);
+    published_.reset();
+  }
+
   /// The agent's time begins.
   void start(SteadyTime now);
   /// What the field said of values and counters. Takes `batch.health`; the samples stay.
@@ -69,6 +77,9 @@ class StatusSource final {
   void log_samples();
 
   const Parts parts_;
+  /// Shared with each status made under it.
+  std::shared_ptr<const Config> config_;
+  ConfigStatus config_status_;
   const Run run_;
   const std::function<std::int64_t()> utc_ms_;
   StatusBoard board_;

@@ -64,5 +64,18 @@ TEST(Outbox, OnlyTelemetryGathers) {
   EXPECT_EQ(batch.results.size(), 1U);
 }
 
+TEST(Outbox, CallsComeWithWhatWasPushedBeforeThem) {
+  Outbox outbox(10);
+  int called = 0;
+  outbox.push(CommandResult{});
+  outbox.ask([&](SteadyTime) { ++called; });
+  const Outbox::Batch batch = outbox.take();
+  EXPECT_EQ(batch.results.size(), 1U);
+  ASSERT_EQ(batch.calls.size(), 1U);
+  batch.calls[0]({});
+  EXPECT_EQ(called, 1);
+  EXPECT_TRUE(outbox.take().calls.empty());
+}
+
 }  // namespace
 }  // namespace fxagent

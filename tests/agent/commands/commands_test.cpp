@@ -348,13 +348,13 @@ TEST_F(CommandsTest, LastOnesAreKnownWithWhatBecameOfThem) {
   finish("a");
   const auto& last = commands().last();
   ASSERT_EQ(last.size(), 2U);
-  EXPECT_EQ(last[0].device, 1U);
+  EXPECT_EQ(last[0].device, "press2");
   EXPECT_EQ(last[0].id, "b");
   EXPECT_EQ(last[0].op, "write");
   EXPECT_EQ(last[0].status, CommandStatus::rejected);
   EXPECT_EQ(last[0].reason, Reason::unknown_tag);
   EXPECT_EQ(last[0].ts_ms, kNow);
-  EXPECT_EQ(last[1].device, 0U);
+  EXPECT_EQ(last[1].device, "press1");
   EXPECT_EQ(last[1].id, "a");
   EXPECT_EQ(last[1].status, CommandStatus::succeeded);
   EXPECT_EQ(last[1].reason, Reason::none);
@@ -371,6 +371,122 @@ TEST_F(CommandsTest, ResultThatAnEarlierRunGaveIsNoLastOne) {
   known.unacknowledged.push_back(result);
   commands().restore(std::move(known), now, kNow);
   EXPECT_TRUE(commands().last().empty());
+}
+
+// ---- a changed config ---------------------------------------------------------------------------
+
+class CommandsChangeTest : public CommandsTest {
+ protected:
+  /// As the publisher does it: begins, and later makes the config the next one.
+  void begin_change(Config wanted) {
+    change = change_between(config, std::move(wanted));
+    commands().begin_change(change);
+  }
+  std::vector<std::string> end_change() {
+    config = change.config;
+    return commands().change(change);
+  }
+  ConfigChange change;
+};
+
+TEST_F(CommandsChangeTest, DeviceOfTheSameNameKnowsItsIdsAndObeysItsNewRules) {
+  write("a");
+  commands().hand_over();
+  finish("a");
+  results();
+  Config wanted = config;
+  wanted.devices[0].tags[test::setpoint].writable = false;
+  begin_change(std::move(wanted));
+  write("b");
+  EXPECT_EQ(results().at(0)["reason"], "shutting_down");
+  EXPECT_TRUE(end_change().empty());
+  write("a");
+  write("b");
+  write("c");
+  const auto after = results();
+  ASSERT_EQ(after.size(), 3U);
+  EXPECT_EQ(after[0]["status"], "DUPLICATE");
+  EXPECT_EQ(after[0]["first"]["status"], "SUCCEEDED");
+  EXPECT_EQ(after[1]["status"], "DUPLICATE") << "each id has one result";
+  EXPECT_EQ(after[2]["reason"], "not_writable");
+}
+
+TEST_F(CommandsChangeTest, NeighbourOfADeviceThatChangesIsNotConcerned) {
+  commands();
+  Config wanted = config;
+  wanted.devices[1].retries = 7;
+  begin_change(std::move(wanted));
+  write("a");
+  commands().hand_over();
+  EXPECT_EQ(admitted.size(), 1U);
+  end_change();
+  finish("a");
+  EXPECT_EQ(results().at(0)["status"], "SUCCEEDED");
+}
+
+TEST_F(CommandsChangeTest, DeviceThatComesBackKnowsTheIdsOfBefore) {
+  for (const bool with_journal : {true, false}) {
+    made.reset();
+    admitted.clear();
+    config = test::plant();
+    journaling = with_journal;
+    write("a");
+    commands().hand_over();
+    finish("a");
+    results();
+    const Config both = config;
+    Config one = config;
+    one.devices = {both.devices[1]};
+    begin_change(std::move(one));
+    EXPECT_TRUE(end_change().empty());
+    EXPECT_FALSE(commands().device_named("press1"));
+    EXPECT_EQ(commands().device_named("press2"), 1U);
+    begin_change(both);
+    EXPECT_TRUE(end_change().empty()) << "this run has known it";
+    write("a");
+    EXPECT_EQ(results().at(0)["status"], "DUPLICATE");
+  }
+}
+
+TEST_F(CommandsChangeTest, DeviceThatIsNewIsNamedSoThatEarlierRunsAreAsked) {
+  commands();
+  Config wanted = config;
+  wanted.devices.push_back(test::press("oven"));
+  begin_change(std::move(wanted));
+  EXPECT_EQ(end_change(), std::vector<std::string>{"oven"});
+  receive(R"({"id":"a","op":"write","tag":"setpoint","value":50})", 2);
+  commands().hand_over();
+  ASSERT_EQ(admitted.size(), 1U);
+  EXPECT_EQ(admitted[0].command.device, 2U);
+}
+
+TEST_F(CommandsChangeTest, ResultOfADeviceThatIsGoneIsStillAcknowledged) {
+  write("a");
+  commands().hand_over();
+  Config wanted = config;
+  wanted.devices = {config.devices[1]};
+  begin_change(std::move(wanted));
+  finish("a");
+  auto left = commands().take_results();
+  end_change();
+  ASSERT_EQ(left.size(), 1U);
+  EXPECT_EQ(left[0].device, "press1");
+  commands().note_total(left[0]);
+  commands().note_delivery(left[0], true, kNow);
+  EXPECT_NE(journal.happened.find("acknowledge press1 a"), std::string::npos);
+}
+
+TEST_F(CommandsChangeTest, DeviceThatBeginsWhileAnotherAgentHasOurIdRefusesToo) {
+  commands().set_conflict("deadbeef");
+  Config wanted = config;
+  wanted.devices[0].retries = 7;
+  wanted.devices.push_back(test::press("oven"));
+  begin_change(std::move(wanted));
+  end_change();
+  for (const std::uint32_t device : {0U, 2U}) {
+    receive(R"({"id":"a","op":"write","tag":"setpoint","value":50})", device);
+    EXPECT_EQ(results().at(0)["reason"], "conflict");
+  }
 }
 
 }  // namespace

@@ -2,9 +2,13 @@
 
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <map>
+#include <memory>
+#include <random>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "agent/commands/admission.h"
@@ -88,6 +92,147 @@ TEST(Field, FieldThatNeverStartedMayGo) {
   Outbox outbox(1000);
   const Field field(config, outbox, {});
   EXPECT_EQ(outbox.take().states.size(), 2U) << "each device says that it is starting";
+}
+
+/// A field and what the uplink does with it. Its lines are not there, so that each poll is a sample
+/// that says so.
+class FieldChangeTest : public ::testing::Test {
+ protected:
+  FieldChangeTest() {
+    now = plant();
+    for (DeviceConfig& device : now.devices) {
+      device.groups[0].interval = milliseconds(5);
+      device.groups[0].max_silent = std::chrono::seconds(0);  // each attempt is told
+    }
+    field = std::make_unique<Field>(now, outbox, std::vector<std::uint64_t>{100, 100});
+    field->start();
+  }
+  void take() {
+    Outbox::Batch batch = outbox.take();
+    for (const Telemetry& message : batch.telemetry)
+      seqs[now.devices.at(message.device).name].push_back(message.seq);
+    for (const CommandResult& result : batch.results) ++results[result.id];
+    if (batch.health) {
+      health = *batch.health;
+      std::uint64_t reported = health.ended_collected - health.ended_suppressed;
+      for (const DeviceHealth& device : health.devices)
+        reported += device.collected - device.suppressed;
+      EXPECT_EQ(reported, batch.pushed_at_health);
+    }
+    for (const Outbox::Call& call : batch.calls) call(Clock::now());
+  }
+  void wait(const std::function<bool()>& reached) {
+    const auto give_up = Clock::now() + std::chrono::seconds(20);
+    while (!reached() && Clock::now() < give_up) {
+      outbox.wait_until(Clock::now() + milliseconds(20));
+      take();
+    }
+    EXPECT_TRUE(reached());
+  }
+  void send(std::uint32_t device) {
+    const std::string id = "c" + std::to_string(sent++);
+    field->submit(write_setpoint(now, device, id));
+  }
+  void change_to(Config wanted) {
+    const auto change =
+        std::make_shared<const ConfigChange>(change_between(now, std::move(wanted)));
+    bool done = false;
+    const auto call = [&] { outbox.ask([&](SteadyTime) { done = true; }); };
+    for (std::uint32_t i = 0; i < now.devices.size(); ++i)
+      if (!std::as_const(now).devices[i].is_vacant()) send(i);
+    field->end(change, call);
+    wait([&] { return done; });
+    now = change->config;
+    done = false;
+    // Without a store numbers begin at the clock: of no interest for a device that was there.
+    const std::vector<std::uint64_t> clock(now.devices.size(), 1790000000000);
+    field->begin(change, clock, call);
+    for (std::uint32_t i = 0; i < now.devices.size(); ++i)
+      if (!std::as_const(now).devices[i].is_vacant()) send(i);
+    wait([&] { return done; });
+  }
+  void expect_no_gaps() {
+    for (const auto& [name, list] : seqs)
+      for (std::size_t i = 1; i < list.size(); ++i) ASSERT_EQ(list[i], list[i - 1] + 1) << name;
+  }
+  void stop() {
+    field->stop();
+    take();
+    EXPECT_EQ(results.size(), static_cast<std::size_t>(sent));
+    for (const auto& [id, count] : results) EXPECT_EQ(count, 1) << id;
+    expect_no_gaps();
+  }
+
+  Config now;
+  Outbox outbox{100000};
+  std::unique_ptr<Field> field;
+  std::map<std::string, std::vector<std::uint64_t>> seqs;
+  std::map<std::string, int> results;
+  FieldHealth health;
+  int sent = 0;
+};
+
+TEST_F(FieldChangeTest, LinkBeginsAnewAndItsDeviceGoesOnCounting) {
+  wait([&] { return seqs["line1"].size() > 3 && seqs["line2"].size() > 3; });
+  Config wanted = now;
+  std::get<SerialSettings>(wanted.links[1].channel).path = "/dev/ttyNone1";
+  change_to(std::move(wanted));
+  const std::size_t so_far = seqs["line2"].size();
+  wait([&] { return seqs["line2"].size() > so_far + 3; });
+  EXPECT_GT(health.ended_collected, 0U);
+  stop();
+}
+
+TEST_F(FieldChangeTest, DeviceThatWasTakenOutGoesOnCountingWhenItComesBack) {
+  wait([&] { return seqs["line2"].size() > 3; });
+  const Config both = now;
+  Config one = now;
+  one.devices.pop_back();
+  one.links.pop_back();
+  change_to(std::move(one));
+  EXPECT_EQ(now.devices.size(), 1U);
+  const std::size_t so_far = seqs["line2"].size();
+  wait([&, others = seqs["line1"].size()] { return seqs["line1"].size() > others + 10; });
+  EXPECT_EQ(seqs["line2"].size(), so_far);
+  change_to(both);
+  wait([&] { return seqs["line2"].size() > so_far + 3; });
+  stop();
+}
+
+TEST_F(FieldChangeTest, ManyChangesInQuickSuccessionLoseNothing) {
+  std::mt19937 random(3);
+  const Config both = now;
+  for (int i = 0; i < 60; ++i) {
+    Config wanted = both;
+    const auto which = random() % 2;
+    switch (random() % 4) {
+      case 0:
+        std::get<SerialSettings>(wanted.links[which].channel).path =
+            "/dev/ttyNone" + std::to_string(random() % 3);
+        break;
+      case 1:
+        wanted.devices[which].timeout = milliseconds(500 + random() % 3);
+        break;
+      case 2:
+        wanted.devices.pop_back();
+        break;
+      default:
+        wanted.devices.push_back(wanted.devices[0]);
+        wanted.devices.back().name = "third";
+    }
+    change_to(std::move(wanted));
+  }
+  stop();
+}
+
+TEST_F(FieldChangeTest, StopInTheMiddleOfAChangeLosesNothing) {
+  Config wanted = now;
+  std::get<SerialSettings>(wanted.links[1].channel).path = "/dev/ttyNone1";
+  const auto change = std::make_shared<const ConfigChange>(change_between(now, std::move(wanted)));
+  for (int i = 0; i < 20; ++i) send(static_cast<std::uint32_t>(i % 2));
+  field->end(change, [] {});
+  for (int i = 0; i < 20; ++i) send(static_cast<std::uint32_t>(i % 2));
+  stop();
 }
 
 }  // namespace

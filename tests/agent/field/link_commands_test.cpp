@@ -45,7 +45,7 @@ class LinkCommandsTest : public ::testing::Test {
     wire = transport.get();
     wire->then([this](ByteView request) { return plc.answer(request); });
     bus = std::make_unique<Bus>(io.get_executor(), std::move(transport), char_time);
-    state = std::make_unique<LinkState>(config, 0, *bus, scheduler, devices, outbox);
+    state = std::make_unique<LinkState>(config.links[0], 0, 1, *bus, scheduler, devices, outbox);
     poller = std::make_unique<Poller>(config.links[0], *bus, scheduler, devices, *state, outbox);
     commands = std::make_unique<LinkCommands>(io.get_executor(), config.links[0], *bus, scheduler,
                                               devices, *state, *poller, outbox);

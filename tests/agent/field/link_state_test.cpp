@@ -30,7 +30,7 @@ class LinkStateTest : public ::testing::Test {
     bus = std::make_unique<Bus>(io.get_executor(), std::move(transport), nanoseconds(0));
     devices.push_back(std::make_unique<LinkDevice>(config.devices[0], 0));
     devices[0]->id = scheduler.add_device(3, {});
-    link = std::make_unique<LinkState>(config, 0, *bus, scheduler, devices, outbox);
+    link = std::make_unique<LinkState>(config.links[0], 0, 1, *bus, scheduler, devices, outbox);
   }
   void open() {
     ASSERT_TRUE(run_on(io, bus->open()).has_value());

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <asio/co_spawn.hpp>
 #include <asio/io_context.hpp>
 #include <asio/post.hpp>
@@ -1105,6 +1106,134 @@ TEST_F(LinkWorkerTest, GapBeforeARequestDoesNotHoldTheStop) {
   EXPECT_LT(Clock::now() - began, std::chrono::seconds(10));
   ASSERT_NE(result_of("a"), nullptr);
   EXPECT_EQ(result_of("a")->status, CommandStatus::failed);
+}
+
+// ---- a changed config ---------------------------------------------------------------------------
+
+/// press1 and press2 on one link.
+class LinkWorkerChangeTest : public LinkWorkerTest {
+ protected:
+  LinkWorkerChangeTest() {
+    config.devices.push_back(port_device("press2"));
+    config.devices[1].tags.push_back(writable(tag(*config.devices[1].codec, "setpoint", "D200")));
+    for (DeviceConfig& device : config.devices) device.groups[0].interval = milliseconds(2);
+  }
+  void remove(std::uint32_t device) {
+    const std::array<std::uint32_t, 1> leaving{device};
+    worker->remove(leaving, [this](const std::vector<DepartedDevice>& gone) {
+      collect();
+      left.insert(left.end(), gone.begin(), gone.end());
+    });
+  }
+  void add(std::uint32_t device, std::uint64_t seq) {
+    const std::array<std::uint32_t, 1> joining{device};
+    worker->add(config, joining, std::vector<std::uint64_t>{0, seq});
+  }
+  std::vector<DepartedDevice> left;
+  bool removed = false;
+};
+
+TEST_F(LinkWorkerChangeTest, DeviceLeavesAndComesBackWhileItsNeighbourIsPolled) {
+  start();
+  wait([&] { return of_device(0).size() >= 5 && of_device(1).size() >= 5; });
+  remove(1);
+  wait([&] { return !left.empty(); });
+  ASSERT_EQ(left.size(), 1U);
+  EXPECT_EQ(left[0].index, 1U);
+  EXPECT_EQ(left[0].seq, of_device(1).back().seq) << "all that it made is in the outbox";
+  EXPECT_EQ(left[0].collected, left[0].suppressed + of_device(1).size());
+  const std::size_t of_gone = of_device(1).size();
+  const std::size_t of_neighbour = of_device(0).size();
+  wait([&] { return of_device(0).size() >= of_neighbour + 10; });
+  EXPECT_EQ(of_device(1).size(), of_gone);
+
+  states.clear();
+  add(1, left[0].seq);
+  wait([&] { return of_device(1).size() >= of_gone + 5; });
+  EXPECT_EQ(of_device(1)[of_gone].seq, left[0].seq + 1) << "its numbers go on";
+  wait_for_state(State::online, "", 1);
+  for (std::size_t i = 1; i < of_device(0).size(); ++i)
+    EXPECT_EQ(of_device(0)[i].seq, of_device(0)[i - 1].seq + 1);
+  EXPECT_EQ(wire->opened(), 1U) << "its connection stands";
+  FieldHealth health;
+  health.links.resize(1);
+  health.devices.resize(2);
+  worker->report(health);
+  EXPECT_LT(health.devices[1].missed, 50U) << "it is not late by what it was not there";
+}
+
+TEST_F(LinkWorkerChangeTest, CommandsThatWaitAreAnsweredAndThoseOfTheNeighbourGoOn) {
+  start();
+  wait([&] { return !of_device(0).empty() && !of_device(1).empty(); });
+  submit(write_setpoint("a", 50, 1));
+  submit(write_setpoint("b", 51, 1));
+  remove(1);
+  submit(write_setpoint("c", 52, 1));  // admitted before, and later here
+  wait([&] { return !left.empty(); });
+  for (const char* id : {"a", "b", "c"}) {
+    ASSERT_NE(result_of(id), nullptr) << id;
+    EXPECT_EQ(result_of(id)->status, CommandStatus::failed) << id;
+    EXPECT_EQ(result_of(id)->reason, Reason::shutting_down) << id;
+    EXPECT_NE(result_of(id)->detail.find("config"), std::string::npos) << result_of(id)->detail;
+  }
+  submit(write_setpoint("d", 53, 1));  // nobody is there
+  wait([&] { return result_of("d") != nullptr; });
+  EXPECT_EQ(result_of("d")->reason, Reason::shutting_down);
+}
+
+TEST_F(LinkWorkerChangeTest, CommandOnTheWireEndsBeforeItsDeviceHasLeft) {
+  const Bytes write = write_frame(kD200, word(77));
+  script().then([&](ByteView request) {
+    if (Bytes(request.begin(), request.end()) == write) {
+      remove(1);
+      EXPECT_TRUE(left.empty());
+    }
+    return plc.answer(request);
+  });
+  start();
+  wait([&] { return !of_device(1).empty(); });
+  submit(write_setpoint("a", 77, 1));
+  wait([&] { return !left.empty(); });
+  ASSERT_NE(result_of("a"), nullptr) << "its result came before";
+  EXPECT_EQ(result_of("a")->status, CommandStatus::succeeded);
+}
+
+TEST_F(LinkWorkerChangeTest, ListStopsAfterTheTargetThatIsOnTheWire) {
+  start_list([this] { remove(0); }, 3);
+  wait([&] { return !left.empty(); });
+  ASSERT_NE(result_of("list"), nullptr);
+  EXPECT_EQ(result_of("list")->status, CommandStatus::partial);
+  EXPECT_EQ(result_of("list")->reason, Reason::shutting_down);
+  EXPECT_EQ(result_of("list")->progress, (Progress{3, 8}));
+  const std::size_t so_far = of_device(1).size();
+  wait([&] { return of_device(1).size() > so_far + 3; });
+}
+
+TEST_F(LinkWorkerChangeTest, DeviceLeavesAtOnceWhereTheLineIsDown) {
+  config.links[0].channel = TcpSettings{"192.0.2.10", 5551};
+  script().refuse_open("away").refuse_open("away");
+  start();
+  wait([&] { return !telemetry.empty(); });
+  remove(0);
+  remove(1);
+  wait([&] { return left.size() == 2; });
+  const std::size_t so_far = telemetry.size();
+  wait([&] { return wire->opened() >= 2; });
+  EXPECT_EQ(telemetry.size(), so_far);
+}
+
+TEST_F(LinkWorkerChangeTest, StopInTheMiddleAnswersWhoWaitsForTheLeave) {
+  script().then([&](ByteView request) {
+    if (left.empty() && !removed && of_device(1).size() > 2) {
+      removed = true;
+      remove(1);
+      asio::post(io, [this] { worker->stop(); });
+    }
+    return plc.answer(request);
+  });
+  start();
+  wait([&] { return ended; });
+  EXPECT_EQ(left.size(), 1U);
 }
 
 }  // namespace

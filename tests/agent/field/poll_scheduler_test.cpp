@@ -536,5 +536,30 @@ TEST(PollScheduler, WhatIsOwedToPollsIsPartOfTheBound) {
             milliseconds(2500));
 }
 
+TEST(PollScheduler, DeviceThatIsRemovedIsPolledNoMoreAndItsPlacesServeAnother) {
+  PollScheduler scheduler;
+  const auto stays = scheduler.add_device(3, kBackOff);
+  const auto goes = scheduler.add_device(3, kBackOff);
+  const auto kept = scheduler.add_group(stays, milliseconds(100), 1, at(0));
+  const auto old = scheduler.add_group(goes, milliseconds(100), 3, at(0));
+  EXPECT_EQ(poll(scheduler, at(0)), kept);
+  EXPECT_EQ(poll(scheduler, at(0)), old) << "its cycle is under way";
+  scheduler.remove_device(goes);
+  EXPECT_FALSE(poll(scheduler, at(50)));
+  EXPECT_EQ(scheduler.next(at(50)).until, at(100));
+  EXPECT_EQ(poll(scheduler, at(100)), kept);
+  scheduler.read_at_once(goes, at(110));
+  EXPECT_FALSE(poll(scheduler, at(110)));
+
+  const auto next = scheduler.add_device(3, kBackOff);
+  EXPECT_EQ(next, goes);
+  const auto fresh = scheduler.add_group(next, milliseconds(100), 1, at(150));
+  EXPECT_EQ(fresh, old);
+  EXPECT_EQ(scheduler.counters(next).polls, 0U);
+  EXPECT_EQ(poll(scheduler, at(150)), fresh);
+  EXPECT_EQ(poll(scheduler, at(200)), kept) << "it has kept its interval";
+  EXPECT_EQ(scheduler.counters(stays).missed, 0U);
+}
+
 }  // namespace
 }  // namespace fxagent::test

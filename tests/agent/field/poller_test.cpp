@@ -42,7 +42,7 @@ class PollerTest : public ::testing::Test {
   void start() {
     script();
     bus = std::make_unique<Bus>(io.get_executor(), std::move(transport), config.links[0].char_time);
-    state = std::make_unique<LinkState>(config, 0, *bus, scheduler, devices, outbox);
+    state = std::make_unique<LinkState>(config.links[0], 0, 1, *bus, scheduler, devices, outbox);
     poller = std::make_unique<Poller>(config.links[0], *bus, scheduler, devices, *state, outbox);
     nanoseconds after = state->begin(now, milliseconds(0));
     for (std::uint32_t i = 0; i < config.devices.size(); ++i) {

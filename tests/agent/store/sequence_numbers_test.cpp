@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <string>
+#include <vector>
 
 #include "tests/agent/store/shelf.h"
 
@@ -20,6 +22,24 @@ TEST(SequenceNumbers, NumbersGoOnByOneAfterACleanStop) {
   shelf.store->close();
   shelf.open();
   EXPECT_EQ(shelf.begin(kNow + 100000), static_cast<std::uint64_t>(kNow) + 5);
+}
+
+TEST(SequenceNumbers, DeviceThatJoinsLaterGoesOnWhereItsLastRunOrThisOneHasLeftIt) {
+  Shelf shelf;
+  shelf.open();
+  const std::vector<std::string> both{"a", "b"};
+  shelf.store->numbers().begin(both, kNow);
+  shelf.store->numbers().used("b", kNow + 9);
+  shelf.store->close();
+  shelf.open();
+  shelf.begin(kNow + 100000);
+  EXPECT_EQ(shelf.store->numbers().join(std::vector<std::string>{"b", "c"}, kNow + 200000),
+            (std::vector<std::uint64_t>{kNow + 9, kNow + 200000}));
+  shelf.store->numbers().used("b", kNow + 12);
+  EXPECT_EQ(shelf.store->numbers().join(std::vector<std::string>{"b"}, kNow + 300000),
+            std::vector<std::uint64_t>{kNow + 12});
+  shelf.open(kNow + 400000);  // after a crash
+  EXPECT_GT(shelf.store->numbers().begin(both, kNow)[1], std::uint64_t{kNow} + 12);
 }
 
 TEST(SequenceNumbers, NumbersOnlySkipForwardAfterACrash) {

@@ -18,6 +18,7 @@ namespace fxagent::test {
 class FakeBroker final : public Broker {
  public:
   // ---- the port
+  void use(const MqttConfig& mqtt) override { used.push_back(mqtt); }
   void connect(std::size_t index, std::uint16_t may_send_ahead) override {
     connects.push_back(index);
     sends_ahead = may_send_ahead;
@@ -133,6 +134,7 @@ class FakeBroker final : public Broker {
   std::vector<std::size_t> connects;
   std::uint16_t sends_ahead = 0;  ///< as it was told with the last connect
   int disconnects = 0;
+  std::vector<MqttConfig> used;
   std::vector<Publication> log;    ///< everything published, in order
   std::vector<Publication> taken;  ///< what was acknowledged
   std::vector<std::string> order;  ///< subscribes, and topics of acknowledged publishes

@@ -502,9 +502,9 @@ TEST(Publisher, CommandIsRefusedOnceTheFieldIsToStop) {
 
 TEST(Publisher, CommandIsJudgedByTheModelThatTheFieldHasFound) {
   Bench bench;
+  bench.config.devices[0].commands.allow = {*test::codec()->addresses().parse_range("D5000")};
   bench.online();
   const std::string far = R"("op":"read","address":"D5000"})";
-  bench.config.devices[0].commands.allow = {*test::codec()->addresses().parse_range("D5000")};
   bench.command(R"({"id":"a",)" + far);
   fx::ProgrammingPort::Settings small;
   small.model = fx::Model::fx1s;

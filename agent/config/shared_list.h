@@ -1,0 +1,109 @@
+// A list whose elements several copies of it share: a copy takes a pointer for each. An element
+// that is changed through one of them becomes that one's own before.
+#pragma once
+
+#include <cstddef>
+#include <initializer_list>
+#include <iterator>
+#include <memory>
+#include <utility>
+#include <vector>
+
+namespace fxagent {
+
+/// Copies may be read on several threads. What is not const makes elements its own, so a list that
+/// others read at the same time is to be const. References stay good as long as one copy has the
+/// element.
+template <class T>
+class SharedList final {
+  // Owned by each copy of the list that has this element.
+  using Elements = std::vector<std::shared_ptr<T>>;
+
+ public:
+  using value_type = T;
+  /// A forward iterator over the elements themselves.
+  template <class Element, class Base>
+  class Iterator {
+   public:
+    using iterator_category = std::forward_iterator_tag;
+    using value_type = T;
+    using difference_type = std::ptrdiff_t;
+    using pointer = Element*;
+    using reference = Element&;
+
+    Iterator() = default;
+    explicit Iterator(Base base) : base_(base) {}
+    Element& operator*() const { return **base_; }
+    Element* operator->() const { return base_->get(); }
+    Iterator& operator++() {
+      ++base_;
+      return *this;
+    }
+    Iterator operator++(int) { return Iterator(base_++); }
+    friend bool operator==(const Iterator&, const Iterator&) = default;
+
+   private:
+    Base base_{};
+  };
+  using iterator = Iterator<T, typename Elements::iterator>;
+  using const_iterator = Iterator<const T, typename Elements::const_iterator>;
+
+  SharedList() = default;
+  SharedList(std::initializer_list<T> list) {
+    for (const T& each : list) push_back(each);
+  }
+
+  std::size_t size() const { return elements_.size(); }
+  bool empty() const { return elements_.empty(); }
+  const T& operator[](std::size_t i) const { return *elements_[i]; }
+  const T& at(std::size_t i) const { return *elements_.at(i); }
+  const T& front() const { return *elements_.front(); }
+  const T& back() const { return *elements_.back(); }
+  const_iterator begin() const { return const_iterator(elements_.begin()); }
+  const_iterator end() const { return const_iterator(elements_.end()); }
+  /// Whether both lists have the very same element there.
+  bool shares(const SharedList& other, std::size_t i) const {
+    return i < size() && i < other.size() && elements_[i] == other.elements_[i];
+  }
+
+  T& operator[](std::size_t i) { return own(elements_[i]); }
+  T& at(std::size_t i) { return own(elements_.at(i)); }
+  T& front() { return own(elements_.front()); }
+  T& back() { return own(elements_.back()); }
+  iterator begin() {
+    own_all();
+    return iterator(elements_.begin());
+  }
+  iterator end() {
+    own_all();
+    return iterator(elements_.end());
+  }
+
+  void reserve(std::size_t size) { elements_.reserve(size); }
+  void push_back(T element) { elements_.push_back(std::make_shared<T>(std::move(element))); }
+  T& emplace_back() { return *elements_.emplace_back(std::make_shared<T>()); }
+  void pop_back() { elements_.pop_back(); }
+  void clear() { elements_.clear(); }
+  void resize(std::size_t size, const T& like = T()) {
+    const T value = like;
+    while (elements_.size() > size) pop_back();
+    while (elements_.size() < size) push_back(value);
+  }
+  /// The element of `other`, shared with it, at the place `i` of this list.
+  void share(std::size_t i, const SharedList& other, std::size_t of_other) {
+    elements_.at(i) = other.elements_.at(of_other);
+  }
+
+ private:
+  static T& own(std::shared_ptr<T>& element) {
+    if (element.use_count() > 1) element = std::make_shared<T>(*element);
+    return *element;
+  }
+  void own_all() {
+    for (auto& element : elements_) own(element);
+  }
+
+  Elements elements_;
+};
+
+}  // namespace fxagent

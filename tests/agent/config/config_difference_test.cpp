@@ -1,0 +1,250 @@
+#include "agent/config/config_difference.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <random>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "tests/agent/config/small_plant.h"
+
+namespace fxagent {
+namespace {
+
+using namespace test;
+using nlohmann::json;
+using Indices = std::vector<std::uint32_t>;
+
+Config running() { return good(small_plant().dump()); }
+
+/// From the small plant to the same with another value at `pointer`.
+ConfigChange after_change(const std::string& pointer, const std::string& value) {
+  return change_between(running(), good(changed(pointer, value)));
+}
+
+json device(const std::string& name, const std::string& link) {
+  return {{"name", name},
+          {"link", link},
+          {"protocol", "fx-programming-port"},
+          {"model", "FX3U"},
+          {"tags", {{{"name", "level"}, {"address", "D7"}}}}};
+}
+
+TEST(ConfigDifference, SameTextChangesNothingAndSharesEveryDevice) {
+  const Config before = running();
+  const ConfigChange change = change_between(before, running());
+  EXPECT_TRUE(change.empty());
+  EXPECT_EQ(to_string(change, before), "nothing");
+  for (std::size_t i = 0; i < before.devices.size(); ++i)
+    EXPECT_TRUE(change.config.devices.shares(before.devices, i)) << i;
+}
+
+TEST(ConfigDifference, TextThatMeansTheSameChangesNothingButTheHash) {
+  const Config before = running();
+  json plant = small_plant();
+  plant["devices"][0]["timeout_ms"] = config_key("devices[].timeout_ms").number();
+  const ConfigChange change = change_between(before, good(plant.dump(2)));
+  EXPECT_TRUE(change.empty());
+  EXPECT_NE(change.config.hash, before.hash);
+}
+
+TEST(ConfigDifference, ChangedDeviceBeginsAnewAtItsPlaceAndItsLinkGoesOn) {
+  for (const auto& [pointer, value] :
+       std::map<std::string, std::string>{{"/devices/0/groups/0/interval_ms", "300"},
+                                          {"/devices/0/tags/0/address", "\"D101\""},
+                                          {"/devices/0/tags/0/unit", "\"bar\""},
+                                          {"/devices/0/tags/0/max", "7"},
+                                          {"/devices/0/retries", "1"},
+                                          {"/devices/0/model", "\"FX2N\""},
+                                          {"/devices/0/enquire", "\"never\""},
+                                          {"/devices/0/commands/allow", "[\"M100\"]"}}) {
+    const ConfigChange change = after_change(pointer, value);
+    EXPECT_EQ(change.devices_end, Indices{0}) << pointer;
+    EXPECT_EQ(change.devices_begin, Indices{0}) << pointer;
+    EXPECT_TRUE(change.links_end.empty() && change.links_begin.empty()) << pointer;
+    EXPECT_EQ(to_string(change, running()), "changed: 1 (press1)") << pointer;
+  }
+}
+
+TEST(ConfigDifference, LinkThatListensForAnotherTimeIsAdjustedWhileItIsOpen) {
+  const ConfigChange change = after_change("/devices/0/timeout_ms", "900");
+  EXPECT_EQ(change.devices_end, Indices{0});
+  EXPECT_EQ(change.links_adjusted, Indices{0});
+  const ConfigChange share = after_change("/links/1/poll_share_percent", "50");
+  EXPECT_EQ(share.links_adjusted, Indices{1});
+  EXPECT_TRUE(share.devices_end.empty());
+}
+
+TEST(ConfigDifference, ChangedLinkBeginsAnewWithAllItsDevices) {
+  const ConfigChange change = after_change("/links/0/serial/path", "\"/dev/ttyUSB1\"");
+  EXPECT_EQ(change.links_end, Indices{0});
+  EXPECT_EQ(change.links_begin, Indices{0});
+  EXPECT_EQ(change.devices_end, Indices{0});
+  EXPECT_EQ(change.devices_begin, Indices{0});
+  EXPECT_EQ(change.config.devices[0].link, 0U);
+}
+
+TEST(ConfigDifference, PlaceOfWhatIsTakenOutIsVacantAndTheOthersKeepTheirs) {
+  const Config before = running();
+  json plant = small_plant();
+  plant["devices"].erase(0);
+  plant["links"].erase(0);
+  const ConfigChange change = change_between(before, good(plant.dump()));
+  EXPECT_EQ(change.links_end, Indices{0});
+  EXPECT_EQ(change.devices_end, Indices{0});
+  EXPECT_TRUE(change.devices_begin.empty());
+  ASSERT_EQ(change.config.devices.size(), 2U);
+  EXPECT_TRUE(change.config.devices[0].is_vacant());
+  EXPECT_TRUE(change.config.links[0].is_vacant());
+  EXPECT_TRUE(change.config.devices.shares(before.devices, 1));
+  EXPECT_EQ(change.config.devices[1].link, 1U) << "though it is the first link of its file";
+  EXPECT_EQ(to_string(change, before), "gone: 1 (press1), links ended: 1");
+}
+
+TEST(ConfigDifference, NewDeviceTakesTheFirstVacantPlace) {
+  const Config before = running();
+  json plant = small_plant();
+  plant["devices"].erase(0);
+  plant["devices"].push_back(device("oven", "line1"));
+  plant["devices"].push_back(device("saw", "line1"));
+  const ConfigChange change = change_between(before, good(plant.dump()));
+  EXPECT_EQ(change.devices_end, Indices{0});
+  EXPECT_EQ(change.devices_begin, (Indices{0, 2}));
+  EXPECT_EQ(change.config.devices[0].name, "oven");
+  EXPECT_EQ(change.config.devices[1].name, "mixer");
+  EXPECT_EQ(change.config.devices[2].name, "saw");
+  EXPECT_EQ(to_string(change, before), "new: 2 (oven saw), gone: 1 (press1)");
+}
+
+TEST(ConfigDifference, DeviceThatMovesToAnotherLinkBeginsAnew) {
+  const ConfigChange change = after_change("/devices/1/link", "\"line1\"");
+  EXPECT_EQ(change.devices_end, Indices{1});
+  EXPECT_EQ(change.devices_begin, Indices{1});
+  EXPECT_EQ(change.config.devices[1].link, 0U);
+}
+
+TEST(ConfigDifference, OtherOrderInTheFileIsNoChange) {
+  const Config before = running();
+  json plant = small_plant();
+  std::swap(plant["devices"][0], plant["devices"][1]);
+  std::swap(plant["links"][0], plant["links"][1]);
+  EXPECT_TRUE(change_between(before, good(plant.dump())).empty());
+}
+
+TEST(ConfigDifference, OtherBrokerIsAChangeOfMqttAlone) {
+  const ConfigChange change = after_change("/mqtt/servers/0", "\"mqtt://127.0.0.2\"");
+  EXPECT_TRUE(change.mqtt);
+  EXPECT_TRUE(change.devices_end.empty());
+  EXPECT_EQ(to_string(change, running()), "mqtt");
+}
+
+TEST(ConfigDifference, IdentityAndStoreNeedARestartAndAreNamed) {
+  for (const auto& [pointer, value] :
+       std::map<std::string, std::string>{{"/agent/id", "\"edge8\""},
+                                          {"/agent/root", "\"fx/plant-b\""},
+                                          {"/store/path", "\"/tmp\""},
+                                          {"/store/max_bytes", "1048576"},
+                                          {"/store/max_age_h", "5"},
+                                          {"/store/sync", "\"always\""},
+                                          {"/store/audit_max_bytes", "1048576"},
+                                          {"/store/audit_max_age_h", "9"}}) {
+    // The client id is made of the agent's, and would be another finding.
+    const auto errors = needs_restart(running(), good(changed(pointer, value)));
+    expect_error(errors, pointer, {"restart", "in force is"});
+  }
+  EXPECT_TRUE(needs_restart(running(), running()).empty());
+}
+
+/// What a key of the file is to a reload. A key that is not here was forgotten.
+TEST(ConfigDifference, EachKeyIsEitherTakenOverOrNeedsARestart) {
+  const std::set<std::string> sections_taken_over{
+      "mqtt",      "mqtt.tls",           "links[]",          "links[].serial",    "links[].tcp",
+      "devices[]", "devices[].groups[]", "devices[].tags[]", "devices[].commands"};
+  const std::set<std::string> restart{"agent.id",
+                                      "agent.root",
+                                      "store.path",
+                                      "store.max_bytes",
+                                      "store.max_age_h",
+                                      "store.sync",
+                                      "store.audit_max_bytes",
+                                      "store.audit_max_age_h"};
+  for (const ConfigKey& key : config_keys::kAll) {
+    const std::string section(key.section);
+    if (section.empty()) continue;
+    EXPECT_TRUE(sections_taken_over.contains(section) ||
+                restart.contains(section + "." + std::string(key.name)))
+        << section << "." << key.name
+        << ": compare it in config_difference.cpp, or let needs_restart() name it";
+  }
+}
+
+/// A plant at random: some of a few names on some of a few links.
+json random_plant(std::mt19937& random) {
+  const auto chance = [&random](int of) {
+    return std::uniform_int_distribution(0, of - 1)(random);
+  };
+  json plant = small_plant();
+  plant["links"] = json::array();
+  plant["devices"] = json::array();
+  std::vector<std::string> links;
+  for (const char* name : {"a", "b", "c", "d"}) {
+    if (chance(3) == 0) continue;
+    links.emplace_back(name);
+    plant["links"].push_back({{"name", name},
+                              {"tcp", {{"host", "192.0.2.1"}, {"port", 1000 + chance(2)}}},
+                              {"poll_share_percent", 10 + chance(2)}});
+  }
+  std::shuffle(plant["links"].begin(), plant["links"].end(), random);
+  for (int i = 0; i < 8 && !links.empty(); ++i) {
+    if (chance(3) == 0) continue;
+    json made = device("p" + std::to_string(i),
+                       links[static_cast<std::size_t>(chance(static_cast<int>(links.size())))]);
+    made["timeout_ms"] = 500 + chance(2);
+    plant["devices"].push_back(made);
+  }
+  std::shuffle(plant["devices"].begin(), plant["devices"].end(), random);
+  return plant;
+}
+
+TEST(ConfigDifference, WhateverChangesNothingThatGoesOnMovesAndNothingIsForgotten) {
+  std::mt19937 random(7);
+  Config now = good(random_plant(random).dump());
+  for (int round = 0; round < 500; ++round) {
+    const Config wanted = good(random_plant(random).dump());
+    const ConfigChange change = change_between(now, wanted);
+    const Config& next = change.config;
+    const std::set<std::uint32_t> ends(change.devices_end.begin(), change.devices_end.end());
+    const std::set<std::uint32_t> begins(change.devices_begin.begin(), change.devices_begin.end());
+    for (std::uint32_t i = 0; i < now.devices.size(); ++i)
+      if (!std::as_const(now).devices[i].is_vacant() && !ends.contains(i)) {
+        ASSERT_TRUE(next.devices.shares(now.devices, i)) << round;
+        const std::uint32_t link = next.devices[i].link;
+        ASSERT_EQ(now.links[link].channel, next.links[link].channel) << round;
+      }
+    std::set<std::string> names;
+    for (std::uint32_t i = 0; i < next.devices.size(); ++i) {
+      if (next.devices[i].is_vacant()) continue;
+      ASSERT_TRUE(names.insert(next.devices[i].name).second) << round;
+      ASSERT_FALSE(next.links[next.devices[i].link].is_vacant()) << round;
+      const bool was = i < now.devices.size() && !std::as_const(now).devices[i].is_vacant();
+      ASSERT_TRUE(begins.contains(i) || (was && !ends.contains(i))) << round;
+    }
+    // It says what the file says.
+    ASSERT_EQ(names.size(), wanted.devices.size()) << round;
+    for (const DeviceConfig& each : wanted.devices) {
+      const auto found = std::ranges::find(next.devices, each.name, &DeviceConfig::name);
+      ASSERT_NE(found, next.devices.end()) << round;
+      ASSERT_EQ(found->timeout, each.timeout) << round;
+      ASSERT_EQ(next.links[found->link].name, wanted.links[each.link].name) << round;
+      ASSERT_EQ(next.links[found->link], wanted.links[each.link]) << round;
+    }
+    now = next;
+  }
+}
+
+}  // namespace
+}  // namespace fxagent
