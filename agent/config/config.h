@@ -152,11 +152,19 @@ struct StoreConfig {
   std::chrono::hours audit_max_age{config_key("store.audit_max_age_h").number()};
 };
 
+/// Where metrics are served.
+struct MetricsConfig {
+  std::string address;     ///< IPv4 or IPv6, without brackets; empty: at `unix_path`
+  std::uint16_t port = 0;  ///< 0: any that is free
+  std::string unix_path;   ///< absolute
+};
+
 struct Config {
   std::string id;
   std::string root;
   MqttConfig mqtt;
   StoreConfig store;
+  std::optional<MetricsConfig> metrics;  ///< nullopt: none are served
   std::vector<LinkConfig> links;
   std::vector<DeviceConfig> devices;
   std::vector<std::string> warnings;  ///< what is allowed and still worth a word

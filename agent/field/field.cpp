@@ -131,6 +131,7 @@ class Field::Room final {
     FieldHealth health;
     health.links.resize(config_.links.size());
     health.devices.resize(config_.devices.size());
+    if (config_.metrics) health.durations.resize(config_.links.size());
     for (const auto& worker : workers_) worker->report(health);
     outbox_.push(std::move(health));
   }
