@@ -18,6 +18,7 @@
 #include "agent/field/field.h"
 #include "agent/field/tcp_transport.h"
 #include "agent/log/log.h"
+#include "agent/metrics/metrics_server.h"
 #include "agent/outbox.h"
 #include "agent/process/service_manager.h"
 #include "agent/process/signs_of_life.h"
@@ -84,7 +85,7 @@ int wait_for_stop(StopWatchdog& watchdog, SignsOfLife& signs, const std::functio
 }  // namespace
 
 void run_agent(const Config& config, StopWatchdog& watchdog) {
-  raise_file_limit(config.links.size());
+  raise_file_limit(config.links.size() + (config.metrics ? MetricsServer::kMostFiles : 0));
   std::random_device random;
   PublisherSettings settings;
   settings.boot = new_boot_id(random);
@@ -125,6 +126,8 @@ void run_agent(const Config& config, StopWatchdog& watchdog) {
   std::jthread uplink([&](std::stop_token stop) {
     run_uplink(publisher, outbox, stop, [&signs] { signs.uplink_went_on(); });
   });
+  auto metrics = config.metrics ? std::make_unique<MetricsServer>(config, publisher.board())
+                                : std::unique_ptr<MetricsServer>();
   service_manager::tell_ready();
 
   const int signal = wait_for_stop(watchdog, signs, [&] {
@@ -134,6 +137,8 @@ void run_agent(const Config& config, StopWatchdog& watchdog) {
   watchdog.stage("the log: nobody reads it");
   service_manager::tell_stopping();
   log::info("agent", {{"state", "stopping"}, {"signal", std::to_string(signal)}});
+  watchdog.stage("metrics");
+  metrics.reset();
   watchdog.stage("links", [&field] { return field.unfinished(); });
   field.stop();
   watchdog.stage("the uplink: the store's disk or the broker");
