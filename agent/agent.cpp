@@ -18,6 +18,7 @@
 #include "agent/field/field.h"
 #include "agent/field/tcp_transport.h"
 #include "agent/log/log.h"
+#include "agent/metrics/metrics_server.h"
 #include "agent/outbox.h"
 #include "agent/process/service_manager.h"
 #include "agent/process/signs_of_life.h"
@@ -86,7 +87,8 @@ int wait_for_stop(StopWatchdog& watchdog, SignsOfLife& signs, const std::functio
 
 // `config` is the uplink's own from here on: a reload makes it the next one.
 void run_agent(Config config, const std::string& path, StopWatchdog& watchdog) {
-  raise_file_limit(config.links.size());
+  raise_file_limit(config.links.size() + (config.metrics ? MetricsServer::kMostFiles : 0));
+  const auto served_at = config.metrics;
   auto in_force = std::make_shared<const Config>(config);
   std::random_device random;
   PublisherSettings settings;
@@ -129,6 +131,8 @@ void run_agent(Config config, const std::string& path, StopWatchdog& watchdog) {
   std::jthread uplink([&](std::stop_token stop) {
     run_uplink(publisher, outbox, stop, [&signs] { signs.uplink_went_on(); });
   });
+  auto metrics = served_at ? std::make_unique<MetricsServer>(*served_at, publisher.board())
+                           : std::unique_ptr<MetricsServer>();
   service_manager::tell_ready();
 
   const int signal = wait_for_stop(watchdog, signs, [&] {
@@ -140,6 +144,8 @@ void run_agent(Config config, const std::string& path, StopWatchdog& watchdog) {
   log::info("agent", {{"state", "stopping"}, {"signal", std::to_string(signal)}});
   watchdog.stage("the config file that is being read");
   reload.stop();
+  watchdog.stage("metrics");
+  metrics.reset();
   watchdog.stage("links", [&field] { return field.unfinished(); });
   field.stop();
   watchdog.stage("the uplink: the store's disk or the broker");

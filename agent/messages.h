@@ -11,6 +11,7 @@
 #include <string_view>
 #include <vector>
 
+#include "agent/duration_histogram.h"
 #include "protocol/bytes.h"
 #include "protocol/point.h"
 
@@ -281,6 +282,7 @@ struct Percentiles {
 };
 
 struct LinkHealth {
+  bool open = false;  ///< at this moment
   std::uint64_t exchanges = 0;
   std::uint64_t timeouts = 0;
   std::uint64_t naks = 0;
@@ -301,10 +303,17 @@ struct DeviceHealth {
   std::uint64_t suppressed = 0;  ///< on_change found nothing to say
 };
 
+/// Of one link since the start, for metrics.
+struct LinkDurations {
+  DurationHistogram turnaround;  ///< the devices' own time, of each exchange that was answered
+  DurationHistogram lateness;    ///< how late each poll cycle began
+};
+
 /// What the field counted, sent to the uplink at every health tick.
 struct FieldHealth {
-  std::vector<LinkHealth> links;      ///< by index in Config::links
-  std::vector<DeviceHealth> devices;  ///< by index in Config::devices
+  std::vector<LinkHealth> links;         ///< by index in Config::links
+  std::vector<DeviceHealth> devices;     ///< by index in Config::devices
+  std::vector<LinkDurations> durations;  ///< as links; empty: the config asks for no metrics
   // Of devices that a reload has ended, in sum: what they counted is no part of `devices` any more.
   std::uint64_t ended_collected = 0;
   std::uint64_t ended_suppressed = 0;

@@ -15,6 +15,7 @@
 #include <string>
 #include <vector>
 
+#include "agent/duration_histogram.h"
 #include "agent/messages.h"
 
 namespace fxagent {
@@ -85,6 +86,14 @@ struct LastCommand {
 /// So many of the agent are kept, the newest.
 inline constexpr std::size_t kLastCommands = 16;
 
+/// How it stands with the broker.
+struct BrokerStatus {
+  std::string server;  ///< that it is connected to, or tries
+  bool connected = false;
+  bool subscribed = false;      ///< commands are heard
+  std::string not_heard_why{};  ///< connected, and commands are not heard; empty: not known yet
+};
+
 /// Which config is in force, and what became of the last reload.
 struct ConfigStatus {
   struct Reload {
@@ -105,6 +114,9 @@ struct AgentStatus {
   std::shared_ptr<const Config> config;
   ConfigStatus config_status;
   std::int64_t ts_ms = 0;
+  SteadyTime made_at{};                   ///< the same moment
+  std::optional<SteadyTime> field_heard;  ///< when the field last told `field`
+  BrokerStatus broker;
   std::string boot;
   std::string version;
   std::chrono::seconds uptime{0};
@@ -121,6 +133,8 @@ struct AgentStatus {
   /// device's samples now; empty: it takes them.
   std::vector<std::string> refused;
   std::map<CommandStatus, std::uint64_t> commands;
+  /// From the arrival of each command that was carried out to the hand-over of its result to MQTT.
+  DurationHistogram command_durations;
   std::vector<LastCommand> last_commands;  ///< the newest last, kLastCommands at the most
   std::string store_state;      ///< "disk"; "memory" where there is none, or it cannot be written
   std::string store_set_aside;  ///< name of the damaged file of this run; empty: none

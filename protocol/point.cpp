@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "protocol/value_range.h"
+#include "protocol/wrong_kind.h"
 
 namespace fxagent {
 namespace {
@@ -322,11 +323,13 @@ Packed check_scalar(const Point& point, const Scalar& scalar) {
     const bool bit = std::holds_alternative<bool>(scalar) ||
                      (whole != nullptr && (*whole == 0 || *whole == 1)) ||
                      (real != nullptr && (*real == 0.0 || *real == 1.0));
-    if (!bit) return bad_value(type + " takes true, false, 1 or 0");
+    if (!bit)
+      return bad_value(type + " takes true, false, 1 or 0" + instead_of(scalar, point.type));
   } else if (point.type == DataType::string) {
-    if (!std::holds_alternative<std::string>(scalar)) return bad_value(type + " takes a text");
+    if (!std::holds_alternative<std::string>(scalar))
+      return bad_value(type + " takes a text" + instead_of(scalar, point.type));
   } else if (whole == nullptr && real == nullptr) {
-    return bad_value(type + " takes a number");
+    return bad_value(type + " takes a number" + instead_of(scalar, point.type));
   }
   return {};
 }

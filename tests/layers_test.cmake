@@ -35,8 +35,13 @@ forbid("^agent/store/" "^agent/(field|uplink|cli|agent)[/.]" "agent/store/ sees 
 forbid("^agent/store/" "^agent/commands/" "of agent/commands/ agent/store/ sees the ports journal.h and command_starts.h only")
 forbid("^agent/uplink/" "^agent/(field|cli|agent)[/.]" "agent/uplink/ and agent/field/ meet in agent/agent.cpp only")
 forbid("^agent/config/" "^agent/(commands|field|store|uplink|cli|agent)[/.]" "agent/config/ sees protocol and small things")
-forbid("^agent/((log|process)/)?[^/]+$" "^agent/(commands|config|field|store|uplink|cli)/"
+forbid("^agent/((log|process)/)?[^/]+$" "^agent/(commands|config|field|metrics|store|uplink|cli)/"
        "what every room uses must not know any of them")
+forbid("^agent/metrics/" "^agent/(commands|field|store|uplink|cli|agent)[/.]"
+       "agent/metrics/ sees the status, config and the log")
+forbid("^agent/[a-z_]+/" "^agent/metrics/" "nothing but agent/agent.cpp sees agent/metrics/")
+forbid("." "^microhttpd\\.h" "only agent/metrics/http_library.h knows the HTTP library")
+forbid("." "^prometheus/" "only agent/metrics/exposition.cpp knows Prometheus' library")
 forbid("." "^asio" "asio is agent/field/'s")
 forbid("." "${mqtt}" "only agent/uplink/paho_broker.cpp knows the MQTT library")
 forbid("." "^(sqlite3|SQLiteCpp/)" "only agent/store/ knows SQLite")
@@ -56,6 +61,9 @@ set(allowed
   "^agent/store/[^ ]+ (sqlite3\\.h|SQLiteCpp/SQLiteCpp\\.h)$"
   "^agent/store/[^ ]+ agent/commands/(journal|command_starts)\\.h$"
   "^agent/uplink/paho_broker\\.cpp (mqtt/|MQTT)"
+  "^agent/metrics/[^ ]+ agent/metrics/"
+  "^agent/metrics/http_library\\.h microhttpd\\.h$"
+  "^agent/metrics/exposition\\.cpp prometheus/"
   "^agent/log/[^ ]+ spdlog/")
 
 # One line for each include: path:line:#include "header"

@@ -17,6 +17,7 @@ build=${BUILD_DIR:-$root/build}
 # shellcheck disable=SC2086 # several arguments
 cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=RelWithDebInfo -DFXAGENT_TESTS=ON ${CMAKE_ARGS:-}
 "$root/tests/npm.sh" "$root/tests/system/peers/node" "$build/npm/peers"
+"$root/tests/npm.sh" "$root/tests/system/peers/node-red" "$build/npm/node-red"
 # shellcheck disable=SC2086 # several targets
 cmake --build "$build" ${BUILD_TARGETS:+--target $BUILD_TARGETS}
 [ -z "${BUILD_ONLY:-}" ] || exit 0

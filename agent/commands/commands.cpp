@@ -245,6 +245,7 @@ void Commands::take_result(CommandResult result, const std::optional<audit::Rece
   message.number = result.number;
   message.id = result.id;
   message.received = result.received;
+  message.sent = result.attempts > 0;
   message.recorded = !result.recorded.empty();
   message.text = result_text(result);
   message.is_first = is_remembered(result);

@@ -37,6 +37,7 @@ struct ResultMessage {
   std::string id;
   std::string text;        ///< JSON; with_total() completes it
   SteadyTime received{};   ///< of its command
+  bool sent = false;       ///< to its device
   bool recorded = false;   ///< of an earlier run: the text is complete
   bool is_first = false;   ///< its id is remembered with it
   bool journaled = false;  ///< the journal is to note the acknowledgement

@@ -237,7 +237,8 @@ void read_targets(const Json& object, Command& command, Faults& faults) {
 std::optional<bool> read_flag(const Json* flag, const char* key, Faults& faults) {
   if (flag == nullptr) return std::nullopt;
   if (flag->is_boolean()) return flag->get<bool>();
-  faults.add(Reason::bad_value, std::string(key) + " must be true or false");
+  faults.add(Reason::bad_value, std::string(key) + " must be true or false" +
+                                    (flag->is_string() ? ", without quotes" : ""));
   return std::nullopt;
 }
 
@@ -248,7 +249,9 @@ void read_conditions(const Json& object, Command& command, Faults& faults) {
     if (at >= 0 && at <= static_cast<double>(json::kMaxExactInteger) && at == std::floor(at))
       command.expires_ms = static_cast<std::int64_t>(at);
     else
-      faults.add(Reason::bad_value, "expires must be milliseconds UTC, a whole number");
+      faults.add(Reason::bad_value,
+                 std::string("expires must be milliseconds UTC, a whole number") +
+                     (expires->is_string() ? ", without quotes" : ""));
   }
   if (const Json* expect = find(object, "expect")) {
     std::string fault;

@@ -14,6 +14,7 @@
 
 #include "agent/config/device.h"
 #include "agent/config/keys.h"
+#include "agent/config/metrics.h"
 #include "agent/config/reader.h"
 #include "agent/config/tree.h"
 #include "agent/sha256.h"
@@ -368,6 +369,8 @@ Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy
     reader.warn(top,
                 "no store: samples are lost while the broker is away, and the ids of commands are "
                 "forgotten at a restart");
+  if (const ConfigNode* metrics = reader.object(top, config_key("metrics")))
+    config.metrics = read_metrics(reader, *metrics);
   Links links;
   const ConfigNode* link_array = reader.array(top, config_key("links"));
   if (link_array != nullptr) read_links(reader, *link_array, links, config);

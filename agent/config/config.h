@@ -168,6 +168,14 @@ struct StoreConfig {
   friend bool operator==(const StoreConfig&, const StoreConfig&) = default;
 };
 
+/// Where metrics are served.
+struct MetricsConfig {
+  std::string address;     ///< IPv4 or IPv6, without brackets; empty: at `unix_path`
+  std::uint16_t port = 0;  ///< 0: any that is free
+  std::string unix_path;   ///< absolute
+  friend bool operator==(const MetricsConfig&, const MetricsConfig&) = default;
+};
+
 /// As a file says it, or as it is in force in a running agent, which a reload has changed: there a
 /// link or device that did not change keeps its index, and where one was taken out its place is
 /// vacant until another one takes it (config_difference.h).
@@ -176,6 +184,7 @@ struct Config {
   std::string root;
   MqttConfig mqtt;
   StoreConfig store;
+  std::optional<MetricsConfig> metrics;  ///< nullopt: none are served
   std::vector<LinkConfig> links;
   /// A reload shares those that did not change with the config before it.
   SharedList<DeviceConfig> devices;

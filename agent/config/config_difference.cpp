@@ -151,6 +151,8 @@ std::vector<ConfigError> needs_restart(const Config& running, const Config& want
             std::to_string(is.audit_max_bytes));
   must_stay("/store/audit_max_age_h", is.audit_max_age == next.audit_max_age,
             std::to_string(is.audit_max_age.count()));
+  must_stay("/metrics/listen", running.metrics == wanted.metrics,
+            running.metrics ? "the address of the start" : "no metrics");
   return errors;
 }
 

@@ -106,6 +106,8 @@ inline constexpr auto kAll = std::to_array<ConfigKey>({
     {"", "store", object, {}, None{},
      "Where samples wait while the broker is away, and where ids of commands are remembered. "
      "Without it samples wait in memory, and both are lost at a restart."},
+    {"", "metrics", object, {}, None{},
+     "Where Prometheus and probes ask how the agent is. Without it nobody can."},
     {"", "links", array, {}, Required{},
      "The lines to the devices: serial ports and TCP connections."},
     {"", "devices", array, {}, Required{}, "The PLCs and what is read from them."},
@@ -160,6 +162,11 @@ inline constexpr auto kAll = std::to_array<ConfigKey>({
      "When it is full the oldest records of commands go first. It does not count for `max_bytes`."},
     {"store", "audit_max_age_h", integer, {1, 876000}, 8760,
      "Hours; older records of commands go."},
+
+    {"metrics", "listen", text, {}, Required{},
+     "`127.0.0.1:9464`, `[::1]:9464` or `unix:/run/fxagent/metrics`. There are `/metrics`, "
+     "`/healthz` and `/readyz`, without password and without TLS. Port 0: one that is free, which "
+     "the log names."},
 
     {"links[]", "name", name, {}, Required{}, "Name of the link; each has its own."},
     {"links[]", "serial", object, {}, None{},

@@ -285,6 +285,7 @@ asio::awaitable<Exchange> Bus::send_and_receive(const Codec& codec, const Statio
   if (exchange.has_answer()) {
     exchange.turnaround = std::max(nanoseconds(0), exchange.ended - on_the_wire - line);
     counters_.turnaround_ms.add(exchange.turnaround);
+    if (counters_.durations) counters_.durations->turnaround.add(exchange.turnaround);
   }
   co_return exchange;
 }

@@ -43,6 +43,7 @@ class Bus final {
     std::uint64_t unexpected_bytes = 0;  ///< that came when no answer, or no more of it, was due
     std::chrono::nanoseconds busy{0};
     PercentileWindow turnaround_ms;
+    std::unique_ptr<LinkDurations> durations;  ///< null: the config asks for no metrics
   };
 
   /// `char_time` 0: speed unknown. `listening` as in LinkConfig. The transport is closed.

@@ -55,6 +55,7 @@ LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std
       commands_(executor, config_, bus_, scheduler_, devices_, state_, poller_, outbox),
       idle_(executor),
       counting_since_(Clock::now()) {
+  if (config.metrics) bus_.counters().durations = std::make_unique<LinkDurations>();
   milliseconds spread = kSpread;
   for (const std::uint32_t device : devices)
     for (const GroupConfig& group : config.devices[device].groups)
@@ -249,6 +250,7 @@ void LinkWorker::report(FieldHealth& health) {
   const auto now = Clock::now();
   Bus::Counters& counters = bus_.counters();
   LinkHealth& link = health.links[link_];
+  link.open = bus_.is_open();
   link.exchanges = counters.exchanges;
   link.timeouts = counters.timeouts;
   link.naks = counters.naks;
@@ -266,6 +268,7 @@ void LinkWorker::report(FieldHealth& health) {
   }
   link.load_percent = 100.0 * scheduler_.load();
   link.turnaround_ms = counters.turnaround_ms.percentiles();
+  if (counters.durations) health.durations[link_] = *counters.durations;
   for (const auto& device : devices_) {
     DeviceHealth& out = health.devices[device->index];
     out.polls = scheduler_.counters(device->id).polls;

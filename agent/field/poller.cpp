@@ -135,6 +135,7 @@ bool Poller::begin_cycle(LinkDevice& device, GroupPoll& group,
   refresh_plan(device, group);
   group.cycle.begin(bus_.doubt().findings());
   device.late_ms.add(step.late);
+  if (const auto& durations = bus_.counters().durations) durations->lateness.add(step.late);
   return true;
 }
 

@@ -57,7 +57,7 @@ Publisher::Publisher(Config& config, PublisherSettings settings, Payload& payloa
       spool_(store, settings_.backlog_bytes),
       samples_out_(config, settings_.boot, payload, outgoing_, backoff_, spool_, store),
       intake_(commands, broker, config.mqtt),
-      status_({config, commands, retained_, spool_, samples_out_, store},
+      status_({config, commands, retained_, spool_, session_, results_, samples_out_, store},
               {settings_.boot, settings_.version}, utc_ms_, [this] { outbox_.notify(); }),
       identity_(settings_.boot) {}
 
@@ -297,7 +297,7 @@ void Publisher::take_outbox(SteadyTime now) {
       (session_.is_connected() || session_.is_starting()) && phase_ <= Phase::draining;
   samples_out_.take(batch.telemetry, can_go, now);
   const bool counted = batch.health.has_value();
-  status_.take(batch);
+  status_.take(batch, now);
   if (counted && std::exchange(counters_by_, std::nullopt)) retained_.health_is_due();
   for (const Outbox::Call& call : batch.calls) call(now);
 }

@@ -88,6 +88,7 @@ void ResultDelivery::hand_over(std::uint64_t key, std::size_t copy, SteadyTime n
   ResultMessage& result = pending.result;
   if (!std::exchange(pending.handed_over, true) && !result.recorded) {
     result.total = std::max(now - result.received, SteadyTime::duration::zero());
+    if (result.sent) durations_.add(*result.total);
     result.text = with_total(std::move(result.text), *result.total);
     commands_.note_total(result);
   }

@@ -42,6 +42,8 @@ class ResultDelivery final : public Outgoing::Sender {
   /// Whether more has come since some result went than a broker sends that keeps to the Receive
   /// Maximum.
   bool is_far_behind(const Heard& heard) const;
+  /// Of the commands that were carried out: from arrival to the hand-over of the result to MQTT.
+  const DurationHistogram& durations() const { return durations_; }
   bool empty() const { return results_.empty(); }
   std::size_t size() const { return results_.size(); }
   std::size_t bytes() const { return bytes_; }  ///< in memory, roughly
@@ -88,6 +90,7 @@ class ResultDelivery final : public Outgoing::Sender {
   std::map<std::uint64_t, Pending> results_;  ///< the oldest first
   std::map<std::uint64_t, Flight> flights_;   ///< by the id of the publication
   std::size_t bytes_ = 0;
+  DurationHistogram durations_;
   std::set<std::uint64_t> refused_;  ///< that the broker has refused once: they come again
 };
 

@@ -33,11 +33,12 @@ void StatusSource::start(SteadyTime now) {
   last_tick_ = now;
 }
 
-void StatusSource::take(Outbox::Batch& batch) {
+void StatusSource::take(Outbox::Batch& batch, SteadyTime now) {
   pushed_ = batch.pushed;
   if (board_.values_wanted())
     for (const Telemetry& message : batch.telemetry) last_.add(message);
   if (!batch.health) return;
+  field_heard_ = now;
   field_ = std::make_shared<const FieldHealth>(std::move(*batch.health));
   std::uint64_t sent = 0;
   for (const DeviceHealth& device : field_->devices) sent += device.collected - device.suppressed;
@@ -108,11 +109,26 @@ SampleCounts StatusSource::samples() const {
   return samples;
 }
 
+BrokerStatus StatusSource::broker() const {
+  const Session& session = parts_.session;
+  BrokerStatus status;
+  status.server = session.server();
+  status.connected = session.is_connected();
+  status.not_heard_why = session.not_heard_why().value_or("");
+  status.subscribed =
+      status.connected && !session.not_heard_why() && !session.awaits_first_suback();
+  return status;
+}
+
 AgentStatus StatusSource::make(SteadyTime now) const {
   AgentStatus status;
   status.config = config_;
   status.config_status = config_status_;
   status.ts_ms = utc_ms_();
+  status.made_at = now;
+  status.field_heard = field_heard_;
+  status.broker = broker();
+  status.command_durations = parts_.results.durations();
   status.boot = run_.boot;
   status.version = run_.version;
   status.uptime = std::chrono::duration_cast<seconds>(now - started_);

@@ -19,9 +19,11 @@
 #include "agent/status_board.h"
 #include "agent/store/store.h"
 #include "agent/uplink/last_samples.h"
+#include "agent/uplink/result_delivery.h"
 #include "agent/uplink/retained_state.h"
 #include "agent/uplink/sample_delivery.h"
 #include "agent/uplink/sample_spool.h"
+#include "agent/uplink/session.h"
 
 namespace fxagent {
 
@@ -33,6 +35,8 @@ class StatusSource final {
     const Commands& commands;
     const RetainedState& retained;
     const SampleSpool& spool;
+    const Session& session;
+    const ResultDelivery& results;
     SampleDelivery& samples;
     const Store* store = nullptr;  ///< null: none
   };
@@ -55,7 +59,7 @@ class StatusSource final {
   /// The agent's time begins.
   void start(SteadyTime now);
   /// What the field said of values and counters. Takes `batch.health`; the samples stay.
-  void take(Outbox::Batch& batch);
+  void take(Outbox::Batch& batch, SteadyTime now);
   /// Boot of another agent with the same id; empty: there is none.
   void set_conflict(std::string other_boot) {
     conflict_ = std::move(other_boot);
@@ -73,6 +77,7 @@ class StatusSource final {
   StatusBoard& board() { return board_; }
 
  private:
+  BrokerStatus broker() const;
   AgentStatus make(SteadyTime now) const;
   void log_samples();
 
@@ -87,6 +92,7 @@ class StatusSource final {
 
   std::uint64_t pushed_ = 0;  ///< samples that the outbox has handed over
   std::shared_ptr<const FieldHealth> field_ = std::make_shared<const FieldHealth>();
+  std::optional<SteadyTime> field_heard_;
   bool miscounted_ = false;  ///< field_ does not agree with what the outbox has handed over
   std::string conflict_;
   std::uint64_t dropped_at_tick_ = 0;

@@ -2,7 +2,7 @@
 # The whole thing on this machine, without hardware:
 #   config/demo/run.sh [--seconds N]
 # Installs what is missing (only then as root), builds the agent and the simulator, and starts
-#   mosquitto  a broker on a free port of the loopback, with a configuration of its own,
+#   mosquitto  a broker on port 1883 of the loopback, or another one that is free, with a configuration of its own,
 #   fxsim      an FX3U with an oven and a conveyor on a pseudo terminal, paced at 9600 baud,
 #   fxagent    with agent.json of this directory.
 # What the agent publishes is shown as it comes, one message a line. After some seconds three
@@ -115,11 +115,13 @@ await() {
 
 is_open() { (exec 3<>"/dev/tcp/127.0.0.1/$1") 2>/dev/null; }
 
+# 1883 first: there clients look for a broker, such as the flow in config/node-red.
 # A port that nobody listens on may be taken before the broker binds it: then it exits, and the next
 # is tried.
 start_broker() {
-  for _ in $(seq 20); do
+  for try in $(seq 20); do
     port=$((20000 + RANDOM % 20000))
+    [ "$try" -gt 1 ] || port=1883
     is_open "$port" && continue
     printf 'listener %s 127.0.0.1\nallow_anonymous true\npersistence false\n' "$port" >"$dir/broker.conf"
     "$broker" -c "$dir/broker.conf" >"$dir/broker.log" 2>&1 &
@@ -227,6 +229,7 @@ if [ -z "$seconds" ]; then
   mosquitto_sub -p $port -v -t '$base/#'
   mosquitto_pub -p $port -q 1 -t $press/command -m '{"id":"mine-1","op":"write","tag":"setpoint","value":70}'
 (every command needs an id of its own: an id that was seen before is answered DUPLICATE)
+or import config/node-red/flows.json into Node-RED: values, a trend, alarms and a set-point
 END
   while true; do until_second $((SECONDS - start + 3600)); done
 fi

@@ -388,6 +388,45 @@ TEST(Pack, AValueOfTheWrongKindIsABadValue) {
     EXPECT_EQ(fault(point, value), PackFault::bad_value) << to_string(point.type);
 }
 
+// What forms and flows send: a number that became a text, and the other way round.
+TEST(Pack, AWrongKindSaysWhatToSendInstead) {
+  Point bit;
+  bit.address = {"M0", {2, 0, 1}, Unit::bit, true};
+  bit.type = DataType::boolean;
+  Point label = word_point(DataType::string);
+  label.length = 5;
+  const Point word = word_point(DataType::int16);
+  struct Case {
+    Point point;
+    Value value;
+    std::string error;
+  };
+  const std::string long_text(33, '5');
+  for (const Case& each :
+       {Case{word, text("50"), R"(int16 takes a number: send the number 50, not the text "50")"},
+        Case{word, text(" -2.5 "),
+             R"(int16 takes a number: send the number -2.5, not the text " -2.5 ")"},
+        Case{word, text("fifty"), R"(int16 takes a number, not the text "fifty")"},
+        Case{word, text("23,5"), R"(int16 takes a number, not the text "23,5")"},
+        Case{word, text("inf"), R"(int16 takes a number, not the text "inf")"},
+        Case{word, text(""), R"(int16 takes a number, not the text "")"},
+        Case{word, text(long_text.c_str()), "int16 takes a number, not a text"},
+        Case{word, text("5\n"), "int16 takes a number, not a text"},
+        Case{word, flag(true), "int16 takes a number: send 1, not true"},
+        Case{bit, text("true"),
+             R"(bool takes true, false, 1 or 0: send true without quotes, not the text "true")"},
+        Case{bit, text("1"),
+             R"(bool takes true, false, 1 or 0: send the number 1, not the text "1")"},
+        Case{bit, whole(2), "bool takes true, false, 1 or 0"},
+        Case{label, whole(5), R"(string takes a text: send "5" in quotes, not a number)"},
+        Case{label, real(2.5), R"(string takes a text: send "2.5" in quotes, not a number)"},
+        Case{label, flag(true), "string takes a text: send it in quotes"}}) {
+    const auto packed = pack(each.point, each.value);
+    ASSERT_FALSE(packed.has_value());
+    EXPECT_EQ(packed.error().text, each.error);
+  }
+}
+
 TEST(Pack, AWrongKindAnywhereComesBeforeARangeAnywhere) {
   EXPECT_EQ(fault(word_point(DataType::int16, 2),
                   Value::array({Scalar(std::int64_t{99999}), Scalar(std::string("x"))})),

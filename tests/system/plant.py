@@ -397,23 +397,24 @@ class PlantTest(unittest.TestCase):
         return {"name": name, "serial": {"path": self.pty(plc), "baud": baud}}
 
     def start(self, devices=None, plcs=None, links=None, broker_conf="", mqtt_config=None,
-              version="5", store=None):
+              version="5", store=None, **sections):
         self.broker = Broker(self.directory, broker_conf)
         self.broker.start()
         self.start_sim(plcs)
         self.watcher = Watcher(self.broker.port)
-        self.start_agent(devices, links, mqtt_config, version, store)
+        self.start_agent(devices, links, mqtt_config, version, store, **sections)
 
     def start_sim(self, plcs=None):
         self.sim = Sim(self.directory, plcs or [self.plc()])
         self.sim.start()
 
-    def start_agent(self, devices=None, links=None, mqtt_config=None, version="5", store=None):
+    def start_agent(self, devices=None, links=None, mqtt_config=None, version="5", store=None, **sections):
         config = {
             "agent": {"id": "edge7", "root": "fx/plant-a"},
             "mqtt": {"servers": [f"mqtt://127.0.0.1:{self.broker.port}"], "version": version},
             "links": links or [self.serial()],
             "devices": devices or [device()],
+            **sections,
         }
         if store:
             config["store"] = store

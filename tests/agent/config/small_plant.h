@@ -19,6 +19,7 @@ inline nlohmann::json small_plant() {
     "agent": {"id": "edge7", "root": "fx/plant-a"},
     "mqtt": {"servers": ["mqtt://127.0.0.1:1883"]},
     "store": {"path": "/var/lib/fxagent"},
+    "metrics": {"listen": "127.0.0.1:9464"},
     "links": [
       {"name": "line1", "serial": {"path": "/dev/ttyUSB0"}},
       {"name": "gw1", "tcp": {"host": "192.0.2.10", "port": 5551}, "line_baud": 9600}

@@ -10,6 +10,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <numeric>
 #include <string>
 #include <utility>
 #include <vector>
@@ -292,6 +293,24 @@ TEST_F(LinkWorkerTest, OnChangeIsSuppressedAndCounted) {
   EXPECT_GE(health.links[0].exchanges, 20U);
   EXPECT_EQ(health.links[0].timeouts, 0U);
   EXPECT_GT(health.links[0].busy_percent, 0.0);
+}
+
+std::uint64_t total(const DurationHistogram& histogram) {
+  return std::accumulate(histogram.counts().begin(), histogram.counts().end(), std::uint64_t{0});
+}
+
+TEST_F(LinkWorkerTest, DurationsAreCountedWhereTheConfigAsksForMetrics) {
+  config.metrics.emplace();
+  start();
+  wait([&] { return plc.count("read 10C8 2") >= 20; });
+  FieldHealth health;
+  health.links.resize(1);
+  health.devices.resize(1);
+  health.durations.resize(1);
+  worker->report(health);
+  EXPECT_TRUE(health.links[0].open);
+  EXPECT_EQ(total(health.durations[0].turnaround), health.links[0].exchanges);
+  EXPECT_GE(total(health.durations[0].lateness), 20U);
 }
 
 // ---- silence, and links that are down

@@ -247,6 +247,55 @@ TEST(AgentStatus, DeviceIsAsItsRetainedStateAndHasNoCodec) {
   EXPECT_EQ(status->devices[1], bench.asked()->devices[1]) << "shared, not copied";
 }
 
+TEST(AgentStatus, SaysHowItStandsWithTheBroker) {
+  Bench bench;
+  bench.broker.confirms = false;
+  bench.broker.reachable = false;
+  bench.settle();
+  EXPECT_FALSE(bench.asked()->broker.connected);
+  EXPECT_EQ(bench.asked()->broker.server.substr(0, 7), "mqtt://");
+  bench.broker.reachable = true;
+  bench.advance(40s);
+  ASSERT_TRUE(bench.broker.up());
+  const BrokerStatus silent = bench.asked()->broker;
+  EXPECT_TRUE(silent.connected);
+  EXPECT_FALSE(silent.subscribed);
+  EXPECT_FALSE(silent.not_heard_why.empty());
+  bench.broker.confirms = true;
+  bench.advance(60s);
+  const BrokerStatus heard = bench.asked()->broker;
+  EXPECT_TRUE(heard.subscribed);
+  EXPECT_EQ(heard.not_heard_why, "");
+}
+
+TEST(AgentStatus, SaysWhenTheFieldHasToldItsCounters) {
+  Bench bench;
+  bench.online();
+  EXPECT_FALSE(bench.asked()->field_heard);
+  bench.outbox.push(test::counted(0, 0));
+  bench.settle();
+  const SteadyTime told = bench.now;
+  bench.advance(3s);
+  const Status status = bench.asked();
+  EXPECT_EQ(status->field_heard, told);
+  EXPECT_EQ(status->made_at, bench.now);
+}
+
+TEST(AgentStatus, CountsHowLongCommandsTookThatWereSent) {
+  Bench bench;
+  bench.online();
+  bench.write("a");
+  bench.now += 40ms;
+  bench.outbox.push(bench.succeeded("a"));
+  bench.settle();
+  bench.write("a");
+  bench.command(R"({"id":"b","op":"write","tag":"no_such_tag","value":50})");
+  bench.settle();
+  const DurationHistogram counted = bench.asked()->command_durations;
+  EXPECT_EQ(counted.sum(), 40ms);
+  EXPECT_EQ(counted.counts()[5], 1U) << "above 25 and up to 50 ms";
+}
+
 // Run with -DFXAGENT_SANITIZE=thread it shows that readers and uplink do not race.
 TEST(AgentStatus, ReadersOnOtherThreadsSeeWholeOnesThatGoForward) {
   Bench bench;

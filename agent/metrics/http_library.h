@@ -1,0 +1,27 @@
+// libmicrohttpd, loaded when it is first needed. Linked, it brings GnuTLS and eight libraries more
+// into every process: an agent that serves no metrics has none of them. Any thread.
+#pragma once
+
+#include <microhttpd.h>
+
+namespace fxagent {
+
+/// The functions of the library that are used, by their names there without MHD_.
+struct HttpLibrary {
+  decltype(&MHD_start_daemon) start_daemon;
+  decltype(&MHD_stop_daemon) stop_daemon;
+  decltype(&MHD_run) run;
+  decltype(&MHD_get_timeout) get_timeout;
+  decltype(&MHD_get_daemon_info) get_daemon_info;
+  decltype(&MHD_get_connection_info) get_connection_info;
+  decltype(&MHD_create_response_from_buffer_with_free_callback_cls) create_response;
+  decltype(&MHD_add_response_header) add_response_header;
+  decltype(&MHD_queue_response) queue_response;
+  decltype(&MHD_destroy_response) destroy_response;
+};
+
+/// Null where it is not installed, or not the one that this program was made with. Once loaded it
+/// stays.
+const HttpLibrary* http_library();
+
+}  // namespace fxagent

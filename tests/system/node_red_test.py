@@ -1,0 +1,172 @@
+"""The flow of config/node-red in a real Node-RED 4 with the dashboard's nodes, beside the agent of the demo.
+Only the broker's port is another one. Its functions show what they know in the flow's context, which the
+admin interface of Node-RED tells.
+"""
+
+import contextlib
+import http.client
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+
+from plant import BASE, PATIENCE, Agent, Broker, PlantTest, Sim, Watcher, free_port, text_of, wait_for
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+CONFIG = os.path.join(HERE, "..", "..", "config")
+MODULES = os.path.join(os.environ["NODE_RED"], "node_modules")
+TAB = "fxagent0flow0001"
+SET_60 = "fxagent0inject01"
+SETTINGS = """module.exports = {
+  uiHost: "127.0.0.1", uiPort: %d, flowFile: "flows.json", credentialSecret: false, mqttReconnectTime: 500,
+  debugMaxLength: 100000, telemetry: { enabled: false }, editorTheme: { tours: false },
+  externalModules: { autoInstall: false, palette: { allowInstall: false } },
+  logging: { console: { level: "info", metrics: false, audit: false } },
+};
+"""
+
+
+class NodeRed(PlantTest):
+    def start_demo(self):
+        """What config/demo/run.sh starts; the PLC's memory is the test's, and the fast group is faster, so
+        that an outage of seconds has a history."""
+        self.broker = Broker(self.directory)
+        self.broker.start()
+        self.sim = Sim(self.directory, [self.plc()])
+        self.sim.start()
+        self.watcher = Watcher(self.broker.port)
+        with open(os.path.join(CONFIG, "demo", "agent.json")) as text:
+            config = json.loads(text.read().replace("${DEMO_PORT}", str(self.broker.port))
+                                .replace("${DEMO_STORE}", os.path.join(self.directory, "store"))
+                                .replace("${DEMO_SERIAL}", self.pty("press1")))
+        config["devices"][0]["groups"][0]["interval_ms"] = 50
+        config["devices"][0]["timeout_ms"] = 300
+        self.metrics = free_port()
+        config["metrics"] = {"listen": f"127.0.0.1:{self.metrics}"}
+        self.agent = Agent(self.directory, config)
+        self.agent.start()
+
+    def start_node_red(self):
+        user = os.path.join(self.directory, "node-red")
+        os.mkdir(user)
+        os.symlink(MODULES, os.path.join(user, "node_modules"))
+        shutil.copy(os.path.join(MODULES, "..", "package.json"), user)
+        with open(os.path.join(CONFIG, "node-red", "flows.json")) as shipped:
+            flows = shipped.read()
+        self.assertEqual(flows.count('"port": "1883"'), 1, "the demo's")
+        with open(os.path.join(user, "flows.json"), "w") as out:
+            out.write(flows.replace('"port": "1883"', f'"port": "{self.broker.port}"'))
+        self.port = free_port()
+        with open(os.path.join(user, "settings.js"), "w") as out:
+            out.write(SETTINGS % self.port)
+        log = self.stack.enter_context(open(os.path.join(self.directory, "node-red.log"), "w"))
+        child = subprocess.Popen(["node", os.path.join(MODULES, "node-red", "red.js"), "-u", user],
+                                 stdout=log, stderr=log, cwd=user, env={**os.environ, "HOME": user})
+
+        def end():
+            child.terminate()
+            child.wait(PATIENCE)
+        self.stack.callback(end)
+
+        def is_there():
+            self.assertIsNone(child.poll(), text_of(log.name))
+            with contextlib.suppress(OSError, http.client.HTTPException):
+                return self.ask("GET", "/flows")[0] == 200
+        wait_for("Node-RED", is_there, 60)
+        self.said = lambda: text_of(log.name)
+
+    def ask(self, method, path, body=None):
+        with contextlib.closing(http.client.HTTPConnection("127.0.0.1", self.port, timeout=PATIENCE)) as connection:
+            connection.request(method, path, json.dumps(body) if body is not None else None,
+                               {"Content-Type": "application/json"})
+            response = connection.getresponse()
+            return response.status, response.read().decode()
+
+    def context(self, key):
+        """What the flow keeps under this name; None: nothing yet."""
+        status, text = self.ask("GET", f"/context/flow/{TAB}/{key}")
+        self.assertEqual(status, 200, text)
+        answer = json.loads(text)
+        if answer.get("format") == "undefined":
+            return None
+        return answer["msg"] if answer["format"].startswith("string") else json.loads(answer["msg"])
+
+    def tag(self, name):
+        return ((self.context("tags") or {}).get("press1") or {}).get(name)
+
+    def test_the_flow_shows_values_alarms_results_and_history(self):
+        if not os.path.isdir(os.path.join(MODULES, "node-red")):
+            self.skipTest("Node-RED is not there: tests/run.sh fetches it from npm's registry")
+        self.start_demo()
+        self.start_node_red()
+        # Nothing of the flow is unknown, and nothing of it fails.
+        wait_for("a value", lambda: self.tag("zone1"))
+        self.assertNotIn("Waiting for missing types", self.said())
+
+        self.sim.set("press1", "D100", 234)
+        wait_for("the value that was set", lambda: self.tag("zone1")["value"] == 23.4)
+
+        # Two set-points, by the button and by a value as the dashboard's field sends it; each has one result.
+        self.assertEqual(self.ask("POST", "/inject/" + SET_60)[0], 200)
+        wait_for("the result", lambda: self.context("last_result") == "set-point 60: SUCCEEDED, read back 60")
+        self.assertEqual(self.sim.get("press1", "D200"), 600)
+        self.ask("POST", "/inject/" + SET_60, {"__user_inject_props__": [{"p": "payload", "v": "160", "vt": "str"}]})
+        refused = wait_for("the refusal", lambda: (self.context("last_result") or "").startswith("set-point 160: ")
+                           and self.context("last_result"))
+        self.assertRegex(refused, r"REJECTED \(out_of_range: .*\)")
+        results = [r for r in self.watcher.payloads(f"{BASE}/press1/result")]
+        self.assertEqual([r["status"] for r in results], ["SUCCEEDED", "REJECTED"])
+        self.assertEqual(self.context("pending"), {})
+
+        # The broker stands still until more waits than the window of 20 that is on its way: that is history
+        # then, beside live samples. The flow has all in one sequence.
+        mark = self.watcher.mark()
+        self.broker.process.send_signal(signal.SIGSTOP)
+        try:
+            wait_for("a backlog", lambda: self.stored() > 50)
+        finally:
+            self.broker.process.send_signal(signal.SIGCONT)
+        last = self.watcher.wait(f"{BASE}/press1/data/fast/history", since=mark)["rows"][-1]["seq"]
+        seqs = wait_for("the history", lambda: self.seqs_after(last))
+        self.assertEqual(seqs, list(range(seqs[0], seqs[0] + len(seqs))))
+        self.assertIn(last, seqs)
+
+        # Offline, and back.
+        self.assertEqual(self.context("alarms"), {})
+        self.sim.stop()
+        wait_for("the alarm", lambda: (self.context("alarms") or {}).get("press1", "").startswith("press1 is offline"))
+        self.sim.start()
+        wait_for("its end", lambda: self.context("alarms") == {})
+        self.agent.stop()
+        wait_for("the agent's alarm", lambda: self.context("alarms") == {"agent": "the agent is offline: stopped"})
+        for trouble in ("[error]", "TypeError", "ReferenceError"):
+            self.assertNotIn(trouble, self.said())
+
+    def stored(self):
+        """Samples in the agent's store."""
+        with contextlib.closing(http.client.HTTPConnection("127.0.0.1", self.metrics, timeout=PATIENCE)) as connection:
+            connection.request("GET", "/metrics")
+            text = connection.getresponse().read().decode()
+        return int(re.search(r'^fxagent_samples_waiting\{place="stored"\} (\d+)$', text, re.M)[1])
+
+    def seqs_after(self, last):
+        """Every number that the flow has, once it has this one and a newer one."""
+        seqs = [row["seq"] for row in (self.context("rows") or {}).get("press1", [])]
+        return seqs if last in seqs and seqs[-1] > last else None
+
+
+class TextForNumber(PlantTest):
+    """What forms and flows send by mistake is answered with what to send instead."""
+
+    def test_a_number_that_came_as_text_is_told_what_to_send(self):
+        self.start(devices=None)
+        self.ready()
+        for number, value in ((1, "50"), (2, "1")):
+            result = self.command(id=number, op="write", address="D300", value=value, dry_run=True)
+            self.assert_result(result, "REJECTED", "bad_value")
+            self.assertEqual(result["id"], number)
+            self.assertEqual(result["detail"],
+                             f'int16 takes a number: send the number {value}, not the text "{value}"')
+        self.assert_result(self.command(id=3, op="write", address="D300", value=50), "SUCCEEDED", plc="ACK")
