@@ -9,6 +9,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
+#include <string>
 #include <string_view>
 
 namespace fxagent::service_manager {
@@ -33,8 +34,9 @@ std::optional<std::uint64_t> number(std::string_view text) {
 void tell(std::string_view state) {
   const std::string_view path = variable("NOTIFY_SOCKET");
   sockaddr_un address{};
-  if ((!path.starts_with('/') && !path.starts_with('@')) || path.size() >= sizeof address.sun_path)
-    return;
+  // 107 bytes at the most, as systemd's own library has it: of those 108 one is for the end.
+  const bool is_name = path.size() > 1 && (path.front() == '/' || path.front() == '@');
+  if (!is_name || path.size() >= sizeof address.sun_path) return;
   address.sun_family = AF_UNIX;
   std::ranges::copy(path, address.sun_path);
   if (path.front() == '@') address.sun_path[0] = '\0';
@@ -46,11 +48,34 @@ void tell(std::string_view state) {
   ::close(out);
 }
 
+/// A byte of UTF-8 that does not begin a character.
+bool is_inside_character(char byte) { return (static_cast<unsigned char>(byte) & 0xC0) == 0x80; }
+
 }  // namespace
 
+bool is_there() { return !variable("NOTIFY_SOCKET").empty(); }
+
 void tell_ready() { tell("READY=1"); }
+
+void tell_reloading() {
+  const auto now = std::chrono::steady_clock::now().time_since_epoch();  // CLOCK_MONOTONIC
+  const auto now_us = std::chrono::duration_cast<std::chrono::microseconds>(now).count();
+  tell("RELOADING=1\nMONOTONIC_USEC=" + std::to_string(now_us));
+}
+
 void tell_stopping() { tell("STOPPING=1"); }
 void tell_alive() { tell("WATCHDOG=1"); }
+
+void tell_status(std::string_view line) {
+  std::string text(line.substr(0, kMostStatusBytes));
+  // No character is cut in two: systemd ignores what is not UTF-8.
+  while (text.size() < line.size() && !text.empty() && is_inside_character(line[text.size()]))
+    text.pop_back();
+  // A second line would be another message to it.
+  std::ranges::replace_if(
+      text, [](unsigned char c) { return c < ' ' || c == 0x7F; }, ' ');
+  tell("STATUS=" + text);
+}
 
 // sd_watchdog_enabled(3).
 std::optional<std::chrono::nanoseconds> watchdog_interval() {

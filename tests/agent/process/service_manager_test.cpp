@@ -5,9 +5,14 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
+#include <cerrno>
 #include <chrono>
+#include <cstddef>
 #include <cstdlib>
+#include <cstring>
+#include <ctime>
 #include <optional>
 #include <string>
 
@@ -28,9 +33,10 @@ class Variable {
   const char* name_;
 };
 
-/// The service manager's end. It has an abstract name, which the kernel gives it.
+/// The service manager's end.
 class Inbox {
  public:
+  /// It has an abstract name, which the kernel gives it.
   Inbox() : socket_(::socket(AF_UNIX, SOCK_DGRAM | SOCK_NONBLOCK, 0)) {
     sockaddr_un address{};
     address.sun_family = AF_UNIX;
@@ -39,13 +45,27 @@ class Inbox {
     ::getsockname(socket_, reinterpret_cast<sockaddr*>(&address), &size);
     name_ = "@" + std::string(&address.sun_path[1], size - sizeof(sa_family_t) - 1);
   }
+  /// A path, or an abstract name with @ before it; at most 108 bytes.
+  explicit Inbox(const std::string& name)
+      : socket_(::socket(AF_UNIX, SOCK_DGRAM | SOCK_NONBLOCK, 0)), name_(name) {
+    sockaddr_un address{};
+    address.sun_family = AF_UNIX;
+    std::copy(name.begin(), name.end(), address.sun_path);
+    if (name.front() == '@') address.sun_path[0] = '\0';
+    const auto size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + name.size());
+    if (::bind(socket_, reinterpret_cast<sockaddr*>(&address), size) != 0)
+      ADD_FAILURE() << name << ": " << std::strerror(errno);
+  }
   Inbox(const Inbox&) = delete;
   Inbox& operator=(const Inbox&) = delete;
-  ~Inbox() { ::close(socket_); }
+  ~Inbox() {
+    ::close(socket_);
+    if (name_.front() == '/') ::unlink(name_.c_str());
+  }
 
   const std::string& name() const { return name_; }
   std::string next() {
-    std::array<char, 64> text{};
+    std::array<char, 4096> text{};
     const auto size = ::recv(socket_, text.data(), text.size(), 0);
     return size < 0 ? std::string() : std::string(text.data(), static_cast<std::size_t>(size));
   }
@@ -67,9 +87,65 @@ TEST(ServiceManager, IsToldOnItsSocket) {
   EXPECT_EQ(inbox.next(), "");
 }
 
+TEST(ServiceManager, IsToldByPathAndByAbstractNameOfUpTo107Bytes) {
+  const std::string directory = "/tmp/fxagent-" + std::to_string(::getpid()) + "-";
+  for (const std::string& begin : {directory, "@" + directory}) {
+    for (const std::size_t length : {std::size_t{60}, std::size_t{107}}) {
+      Inbox inbox(begin + std::string(length - begin.size(), 'n'));
+      const Variable socket("NOTIFY_SOCKET", inbox.name());
+      EXPECT_TRUE(service_manager::is_there());
+      service_manager::tell_ready();
+      EXPECT_EQ(inbox.next(), "READY=1") << inbox.name().size() << " bytes";
+    }
+    // The kernel would take it; systemd's own library does not.
+    Inbox inbox(begin + std::string(108 - begin.size(), 'n'));
+    const Variable socket("NOTIFY_SOCKET", inbox.name());
+    service_manager::tell_ready();
+    EXPECT_EQ(inbox.next(), "");
+  }
+}
+
+TEST(ServiceManager, AReloadIsToldWithTheTime) {
+  Inbox inbox;
+  const Variable socket("NOTIFY_SOCKET", inbox.name());
+  const auto monotonic_us = [] {
+    timespec now{};
+    ::clock_gettime(CLOCK_MONOTONIC, &now);
+    return now.tv_sec * 1'000'000 + now.tv_nsec / 1000;
+  };
+  const auto before = monotonic_us();
+  service_manager::tell_reloading();
+  const auto after = monotonic_us();
+  const std::string told = inbox.next();
+  const std::string begin = "RELOADING=1\nMONOTONIC_USEC=";
+  ASSERT_TRUE(told.starts_with(begin)) << told;
+  const auto at = std::stoll(told.substr(begin.size()));
+  EXPECT_LE(before, at);
+  EXPECT_GE(after, at);
+}
+
+TEST(ServiceManager, AStatusIsOneLineOfWholeCharacters) {
+  Inbox inbox;
+  const Variable socket("NOTIFY_SOCKET", inbox.name());
+  service_manager::tell_status("2 of 3 links up; 21 °C");
+  EXPECT_EQ(inbox.next(), "STATUS=2 of 3 links up; 21 °C");
+  service_manager::tell_status("up\nREADY=1\r\t\x7F.");
+  EXPECT_EQ(inbox.next(), "STATUS=up READY=1   .");
+  const std::string most(service_manager::kMostStatusBytes, 'x');
+  service_manager::tell_status(most);
+  EXPECT_EQ(inbox.next(), "STATUS=" + most);
+  service_manager::tell_status(most + "y");
+  EXPECT_EQ(inbox.next(), "STATUS=" + most);
+  service_manager::tell_status(most.substr(1) + "°C");
+  EXPECT_EQ(inbox.next(), "STATUS=" + most.substr(1));
+}
+
 TEST(ServiceManager, WithoutASocketNothingHappens) {
+  ::unsetenv("NOTIFY_SOCKET");  // of whoever runs the test
+  EXPECT_FALSE(service_manager::is_there());
+
   for (const std::string& name : {std::string(), std::string("relative"), std::string("/no/such"),
-                                  "/" + std::string(300, 'x')}) {
+                                  std::string("@"), "/" + std::string(300, 'x')}) {
     const Variable socket("NOTIFY_SOCKET", name);
     service_manager::tell_ready();
   }
