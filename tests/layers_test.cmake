@@ -40,7 +40,6 @@ forbid("^agent/((log|process)/)?[^/]+$" "^agent/(commands|config|field|store|upl
 forbid("." "^asio" "asio is agent/field/'s")
 forbid("." "${mqtt}" "only agent/uplink/paho_broker.cpp knows the MQTT library")
 forbid("." "^(sqlite3|SQLiteCpp/)" "only agent/store/ knows SQLite")
-forbid("." "^spdlog/" "only agent/log/ knows the log library")
 forbid("^(protocol|agent)/" "^tests/" "the product does not know its tests")
 forbid("^tests/sim/" "^(protocol|agent)/" "the simulator shares no code with what it is to prove wrong")
 
@@ -55,8 +54,7 @@ set(allowed
   "^tests/[^ ]+ (asio|sqlite3|SQLiteCpp/)"
   "^agent/store/[^ ]+ (sqlite3\\.h|SQLiteCpp/SQLiteCpp\\.h)$"
   "^agent/store/[^ ]+ agent/commands/(journal|command_starts)\\.h$"
-  "^agent/uplink/paho_broker\\.cpp (mqtt/|MQTT)"
-  "^agent/log/[^ ]+ spdlog/")
+  "^agent/uplink/paho_broker\\.cpp (mqtt/|MQTT)")
 
 # One line for each include: path:line:#include "header"
 execute_process(
