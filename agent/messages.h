@@ -281,6 +281,7 @@ struct Percentiles {
 };
 
 struct LinkHealth {
+  bool up = false;  ///< its port or connection is open
   std::uint64_t exchanges = 0;
   std::uint64_t timeouts = 0;
   std::uint64_t naks = 0;

@@ -5,8 +5,10 @@
 #include <asio/detached.hpp>
 #include <asio/io_context.hpp>
 #include <asio/post.hpp>
+#include <asio/signal_set.hpp>
 #include <asio/steady_timer.hpp>
 #include <mutex>
+#include <optional>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -86,6 +88,15 @@ class Field::Room final {
     asio::post(io_, [this] { report(); });
   }
 
+  void trace(const std::vector<std::uint32_t>& links) {
+    for (const std::uint32_t link : links) workers_.at(link)->trace(true);
+  }
+
+  void switch_traces_at(int signal) {
+    trace_switch_.emplace(io_, signal);
+    await_trace_switch();
+  }
+
   void ask(std::function<void()> answer) { asio::post(io_, std::move(answer)); }
 
   void stop() {
@@ -93,6 +104,8 @@ class Field::Room final {
     outbox_.refuse_commands();
     asio::post(io_, [this] {
       report_timer_.cancel();
+      asio::error_code ignored;
+      if (trace_switch_) trace_switch_->cancel(ignored);
       stopping_ = true;
       for (const auto& worker : workers_) worker->stop();
       leave_if_over();
@@ -122,6 +135,17 @@ class Field::Room final {
     workers_[link]->submit(std::move(admitted));
   }
 
+  void await_trace_switch() {
+    trace_switch_->async_wait([this](const asio::error_code& cancelled, int) {
+      if (cancelled) return;
+      const bool on =
+          std::ranges::none_of(workers_, [](const auto& worker) { return worker->is_traced(); });
+      for (const auto& worker : workers_) worker->trace(on);
+      log::info("trace", {{"links", "all"}, {"state", on ? "on" : "off"}});
+      await_trace_switch();
+    });
+  }
+
   /// A name lookup that nobody waits for any more does not keep the thread.
   void leave_if_over() {
     if (stopping_ && ended_ == workers_.size()) io_.stop();
@@ -148,6 +172,7 @@ class Field::Room final {
   Outbox& outbox_;
   asio::io_context io_{1};
   asio::steady_timer report_timer_;
+  std::optional<asio::signal_set> trace_switch_;
   std::vector<std::unique_ptr<LinkWorker>> workers_;
   bool stopping_ = false;
   std::size_t ended_ = 0;  ///< workers whose coroutine is over
@@ -161,6 +186,8 @@ Field::Field(const Config& config, Outbox& outbox, const std::vector<std::uint64
     : room_(std::make_unique<Room>(config, outbox, last_seq, polling)) {}
 
 Field::~Field() { stop(); }
+void Field::trace(const std::vector<std::uint32_t>& links) { room_->trace(links); }
+void Field::switch_traces_at(int signal) { room_->switch_traces_at(signal); }
 void Field::start() { room_->start(); }
 void Field::number_above(std::vector<std::uint64_t> last_seq) {
   room_->number_above(std::move(last_seq));

@@ -170,10 +170,15 @@ asio::awaitable<void> LinkWorker::open_line() {
     state_.open_failed(opened.error().text);
 }
 
+void LinkWorker::trace(bool on) {
+  bus_.trace_to(on ? std::make_unique<WireTrace>(config_.links[link_].name) : nullptr);
+}
+
 void LinkWorker::report(FieldHealth& health) {
   const auto now = Clock::now();
   Bus::Counters& counters = bus_.counters();
   LinkHealth& link = health.links[link_];
+  link.up = bus_.is_open();
   link.exchanges = counters.exchanges;
   link.timeouts = counters.timeouts;
   link.naks = counters.naks;
