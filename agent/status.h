@@ -83,6 +83,16 @@ struct LastCommand {
 /// So many of the agent are kept, the newest.
 inline constexpr std::size_t kLastCommands = 16;
 
+/// The connection to the broker.
+struct BrokerStatus {
+  bool connected = false;
+  std::string server;         ///< of the config: that it is connected to, or tries
+  std::int64_t since_ms = 0;  ///< when it was connected or lost; before the first time the start
+  std::string why;            ///< not connected: why; empty: it is being tried
+  /// Connected: why commands are not heard; empty: they are.
+  std::string unheard_why;
+};
+
 /// By index in Config::devices, where a list has no other word.
 struct AgentStatus {
   std::int64_t ts_ms = 0;
@@ -90,6 +100,7 @@ struct AgentStatus {
   std::string version;
   std::chrono::seconds uptime{0};
   std::string conflict;  ///< boot of another agent with the same id; empty: there is none
+  BrokerStatus broker;
   SampleCounts samples;
   /// Never null. The uplink and each status made since the field counted own it.
   std::shared_ptr<const FieldHealth> field = std::make_shared<const FieldHealth>();

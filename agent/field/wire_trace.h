@@ -34,7 +34,7 @@ class WireTrace final {
   void unasked(ByteView bytes) const;
 
  private:
-  /// `note` stands before what the frame means; `explains`: whether it is told.
+  /// Whether it is told what the bytes mean, behind `note`.
   enum class Explained : std::uint8_t { yes, no };
   void show(WireFrame::Way way, ByteView bytes, std::chrono::nanoseconds after, std::string note,
             Explained explained) const;

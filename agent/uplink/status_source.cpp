@@ -99,6 +99,19 @@ SampleCounts StatusSource::samples() const {
   return samples;
 }
 
+BrokerStatus StatusSource::broker(SteadyTime now) const {
+  const Session& session = parts_.session;
+  const SteadyTime since = std::max(session.since(), started_);
+  BrokerStatus broker;
+  broker.connected = session.is_connected();
+  broker.server = session.server();
+  broker.since_ms =
+      utc_ms_() - std::chrono::duration_cast<std::chrono::milliseconds>(now - since).count();
+  broker.why = session.why_not_connected();
+  broker.unheard_why = session.not_heard_why().value_or("");
+  return broker;
+}
+
 AgentStatus StatusSource::make(SteadyTime now) const {
   AgentStatus status;
   status.ts_ms = utc_ms_();
@@ -106,6 +119,7 @@ AgentStatus StatusSource::make(SteadyTime now) const {
   status.version = run_.version;
   status.uptime = std::chrono::duration_cast<seconds>(now - started_);
   status.conflict = conflict_;
+  status.broker = broker(now);
   status.samples = samples();
   status.field = field_;
   status.devices = parts_.retained.states();

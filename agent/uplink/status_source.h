@@ -21,6 +21,7 @@
 #include "agent/uplink/retained_state.h"
 #include "agent/uplink/sample_delivery.h"
 #include "agent/uplink/sample_spool.h"
+#include "agent/uplink/session.h"
 
 namespace fxagent {
 
@@ -30,6 +31,7 @@ class StatusSource final {
   struct Parts {
     const Config& config;
     const Commands& commands;
+    const Session& session;
     const RetainedState& retained;
     const SampleSpool& spool;
     SampleDelivery& samples;
@@ -66,6 +68,7 @@ class StatusSource final {
 
  private:
   AgentStatus make(SteadyTime now) const;
+  BrokerStatus broker(SteadyTime now) const;
   void log_samples();
 
   const Parts parts_;
