@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <csignal>
 #include <cstdio>
 #include <functional>
 #include <memory>
@@ -21,6 +22,7 @@
 #include "agent/metrics/metrics_server.h"
 #include "agent/outbox.h"
 #include "agent/process/service_manager.h"
+#include "agent/process/service_reports.h"
 #include "agent/process/signs_of_life.h"
 #include "agent/reload.h"
 #include "agent/store/first_numbers.h"
@@ -28,12 +30,15 @@
 #include "agent/uplink/json_payload.h"
 #include "agent/uplink/paho_broker.h"
 #include "agent/uplink/publisher.h"
+#include "agent/uplink/status_line.h"
 
 namespace fxagent {
 namespace {
 
 // Far more than waits in a healthy agent; the uplink empties it at every step.
 constexpr std::size_t kOutboxMessages = 65536;
+// A status is made at once, unless the uplink stands still.
+constexpr std::chrono::milliseconds kStatusWithin{500};
 constexpr std::size_t kMostBacklogBytes = std::size_t{64} << 20;
 
 /// 8 hex digits, another at every start.
@@ -65,28 +70,28 @@ void raise_file_limit(std::size_t links) {
                         "service, ulimits of a container, ulimit -Hn in a shell)"}});
 }
 
-/// The signal that ends the agent. Meanwhile the watchdog of the service manager is fed, as long as
-/// field and uplink answer what `ask` asks them.
-int wait_for_stop(StopWatchdog& watchdog, SignsOfLife& signs, const std::function<void()>& ask) {
-  const auto interval = service_manager::watchdog_interval();
-  if (!interval) return watchdog.await_signal();
-  std::string stood_still;
+/// The signal that ends the agent. Meanwhile the service manager is told how it is.
+int wait_for_stop(StopWatchdog& watchdog, ServiceReports& reports) {
   while (true) {
-    ask();
-    if (const auto signal = watchdog.await_signal(*interval)) return *signal;
-    const std::string stands_still = signs.stands_still();
-    if (stands_still.empty())
-      service_manager::tell_alive();
-    else if (stands_still != stood_still)
-      log::error("watchdog", {{"stands_still", stands_still}});
-    stood_still = stands_still;
+    const auto next = reports.next();
+    if (!next) return watchdog.await_signal();
+    const auto now = std::chrono::steady_clock::now();
+    if (const auto signal = watchdog.await_signal(*next - now)) return *signal;
+    reports.tell(std::chrono::steady_clock::now());
   }
+}
+
+/// The status of this moment in one line; empty: there is none yet.
+std::string current_status(StatusBoard& board) {
+  const auto status = board.read(std::chrono::steady_clock::now(), kStatusWithin);
+  return status ? status_line(*status) : std::string();
 }
 
 }  // namespace
 
 // `config` is the uplink's own from here on: a reload makes it the next one.
-void run_agent(Config config, const std::string& path, StopWatchdog& watchdog) {
+void run_agent(Config config, const std::string& path, StopWatchdog& watchdog,
+               const std::vector<std::uint32_t>& traced) {
   raise_file_limit(config.links.size() + (config.metrics ? MetricsServer::kMostFiles : 0));
   const auto served_at = config.metrics;
   auto in_force = std::make_shared<const Config>(config);
@@ -125,6 +130,8 @@ void run_agent(Config config, const std::string& path, StopWatchdog& watchdog) {
                       {"links", std::to_string(config.links.size())},
                       {"devices", std::to_string(config.devices.size())}});
   watchdog.begin("the start");
+  field.trace(traced);
+  field.switch_traces_at(SIGUSR1);
   field.start();
   SignsOfLife signs;
   Reload reload(path, std::move(in_force), field, outbox, publisher);
@@ -135,12 +142,16 @@ void run_agent(Config config, const std::string& path, StopWatchdog& watchdog) {
                            : std::unique_ptr<MetricsServer>();
   service_manager::tell_ready();
 
-  const int signal = wait_for_stop(watchdog, signs, [&] {
+  const auto ask = [&] {
     field.ask([&signs] { signs.field_went_on(); });
     outbox.notify();
-  });
+  };
+  ServiceReports reports(signs, {ask, [&] { return current_status(publisher.board()); }},
+                         std::chrono::steady_clock::now());
+  const int signal = wait_for_stop(watchdog, reports);
   watchdog.stage("the log: nobody reads it");
   service_manager::tell_stopping();
+  service_manager::tell_status("stopping");
   log::info("agent", {{"state", "stopping"}, {"signal", std::to_string(signal)}});
   watchdog.stage("the config file that is being read");
   reload.stop();
@@ -154,6 +165,7 @@ void run_agent(Config config, const std::string& path, StopWatchdog& watchdog) {
   uplink.join();
   watchdog.stage("the log: nobody reads it");
   log::info("agent", {{"state", "stopped"}});
+  service_manager::tell_status("stopped");
   // A name lookup, a driver or the MQTT library may take its time to let go.
   watchdog.nothing_left_to_lose();
 }

@@ -88,10 +88,12 @@ inline constexpr std::size_t kLastCommands = 16;
 
 /// How it stands with the broker.
 struct BrokerStatus {
-  std::string server;  ///< that it is connected to, or tries
+  std::string server{};  ///< that it is connected to, or tries
   bool connected = false;
   bool subscribed = false;      ///< commands are heard
   std::string not_heard_why{};  ///< connected, and commands are not heard; empty: not known yet
+  std::int64_t since_ms = 0;    ///< when it was connected or lost; before the first time the start
+  std::string why{};            ///< not connected: why; empty: it is being tried
 };
 
 /// Which config is in force, and what became of the last reload.

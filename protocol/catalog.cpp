@@ -1,6 +1,7 @@
 #include "protocol/catalog.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "protocol/fx/computer_link.h"
 #include "protocol/fx/programming_port.h"
@@ -28,10 +29,20 @@ OptionSpec choice(std::string_view key, const std::vector<std::string_view>& wor
   return {key, OptionSpec::Kind::choice, 0, 0, words, words.front(), meaning};
 }
 
+/// Of both FX protocols: what is older goes to 19200 baud.
+void set_speeds(ProtocolInfo& info, std::vector<int> speeds) {
+  info.speeds = std::move(speeds);
+  info.most_speed = 19200;
+  info.fast_models = {"FX3S", "FX3G", "FX3U"};
+}
+
 ProtocolInfo programming_port() {
   const fx::ProgrammingPort::Settings settings;
   ProtocolInfo info;
   info.name = "fx-programming-port";
+  info.one_line = true;
+  // Those of its commands A1 to A5; it begins with 9600.
+  set_speeds(info, {9600, 19200, 38400, 57600, 115200});
   info.summary = "Mitsubishi FX through its programming port (RS-422, 9600 7E1)";
   info.models = names(fx::model_names());
   info.kin = names(fx::kin_names());
@@ -54,6 +65,8 @@ ProtocolInfo computer_link() {
   const fx::ComputerLink::Settings settings;
   ProtocolInfo info;
   info.name = "fx-computer-link";
+  // D8120, bits 4 to 7; JY997D16901 has 38400 of the FX3.
+  set_speeds(info, {300, 600, 1200, 2400, 4800, 9600, 19200, 38400});
   info.summary = "Mitsubishi FX through its computer link (RS-485, stations 0 to 15)";
   info.multidrop = true;
   info.models = names(fx::model_names());

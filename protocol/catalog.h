@@ -46,6 +46,10 @@ struct ProtocolInfo {
   std::string_view name;     ///< "fx-programming-port"
   std::string_view summary;  ///< one line for --help
   LineDefaults line;
+  bool one_line = false;    ///< no other data bits, parity and stop bits are known of it
+  std::vector<int> speeds;  ///< baud that its documents know; empty: any
+  int most_speed = 0;       ///< of them, of all models but the fast ones; 0: models do not matter
+  std::vector<std::string_view> fast_models;
   bool on_serial = true;
   bool on_tcp = true;
   bool multidrop = false;  ///< frames carry a station or unit, so devices can share a line

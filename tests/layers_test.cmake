@@ -45,7 +45,6 @@ forbid("." "^prometheus/" "only agent/metrics/exposition.cpp knows Prometheus' l
 forbid("." "^asio" "asio is agent/field/'s")
 forbid("." "${mqtt}" "only agent/uplink/paho_broker.cpp knows the MQTT library")
 forbid("." "^(sqlite3|SQLiteCpp/)" "only agent/store/ knows SQLite")
-forbid("." "^spdlog/" "only agent/log/ knows the log library")
 forbid("^(protocol|agent)/" "^tests/" "the product does not know its tests")
 forbid("^tests/sim/" "^(protocol|agent)/" "the simulator shares no code with what it is to prove wrong")
 
@@ -63,8 +62,7 @@ set(allowed
   "^agent/uplink/paho_broker\\.cpp (mqtt/|MQTT)"
   "^agent/metrics/[^ ]+ agent/metrics/"
   "^agent/metrics/http_library\\.h microhttpd\\.h$"
-  "^agent/metrics/exposition\\.cpp prometheus/"
-  "^agent/log/[^ ]+ spdlog/")
+  "^agent/metrics/exposition\\.cpp prometheus/")
 
 # One line for each include: path:line:#include "header"
 execute_process(

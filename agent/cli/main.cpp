@@ -20,6 +20,7 @@
 #include "agent/cli/decode.h"
 #include "agent/cli/one_shot.h"
 #include "agent/cli/plan.h"
+#include "agent/cli/plan_report.h"
 #include "agent/cli/verify_stream.h"
 #include "agent/config/config.h"
 #include "agent/config/reader.h"
@@ -53,6 +54,8 @@ int check(const std::string& path) {
   for (const auto& findings : {check_files(*config), exposed_secrets(*config)})
     for (const ConfigError& finding : findings)
       std::cerr << path << ": warning: " << finding.pointer << ": " << finding.text << '\n';
+  for (const std::string& overload : overloads(*config))
+    std::cerr << path << ": warning: link " << overload << '\n';
   std::size_t tags = 0;
   for (const DeviceConfig& device : config->devices) tags += device.tags.size();
   std::cout << path << ": right: " << config->links.size() << " links, " << config->devices.size()
@@ -69,8 +72,38 @@ void end_at_a_stop_signal() {
   std::signal(SIGINT, end_at_once);
 }
 
-int run(const std::string& path) {
+/// How `run` logs, and what it shows.
+struct RunCall {
+  std::string path;
+  std::string log_level = "info";
+  std::string log_format = "text";
+  std::vector<std::string> traced;  ///< links by name
+};
+
+/// The links to be traced, by index in Config::links; nullopt, and the reason on stderr, where one
+/// is not there.
+std::optional<std::vector<std::uint32_t>> traced_links(const Config& config, const RunCall& call) {
+  std::vector<std::string_view> names;
+  for (const LinkConfig& link : config.links) names.push_back(link.name);
+  std::vector<std::uint32_t> links;
+  for (const std::string& name : call.traced) {
+    const auto found = std::ranges::find(names, name);
+    if (found == names.end()) {
+      log::say(log::Level::error, "config",
+               "--trace: there is no link " + shown(name) +
+                   (names.empty() ? "" : "; " + did_you_mean(name, names)));
+      return std::nullopt;
+    }
+    links.push_back(static_cast<std::uint32_t>(found - names.begin()));
+  }
+  return links;
+}
+
+int run(const RunCall& call) {
+  log::set_level(*log::level_from(call.log_level));
+  log::set_format(*log::format_from(call.log_format));
   std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGUSR1, SIG_IGN);  // until the field takes it for its traces
   std::signal(SIGHUP, SIG_IGN);
   // A file that has reached its limit is a disk that refuses, not the end of the program.
   std::signal(SIGXFSZ, SIG_IGN);
@@ -89,15 +122,43 @@ int run(const std::string& path) {
   std::signal(SIGHUP, SIG_DFL);  // one that is ignored would not wait either
   StopWatchdog watchdog(stop_signals);
   const log::InBackground background;
-  auto config = loaded(path);
-  if (!config) return kWrong;
+  auto config = load_config(call.path);
+  if (!config) {
+    for (const ConfigError& error : config.error())
+      log::say(log::Level::error, "config", to_string(error, call.path));
+    return kWrong;
+  }
+  const auto traced = traced_links(*config, call);
+  if (!traced) return kWrong;
   malloc_trim(0);  // what reading a large file took goes back, for the years that follow
   for (const std::string& warning : std::exchange(config->warnings, {}))
     log::warn("config", {{"note", warning}});
   for (const ConfigError& secret : exposed_secrets(*config))
     log::warn("config", {{"note", secret.pointer + ": " + secret.text}});
-  run_agent(std::move(*config), path, watchdog);
+  try {
+    run_agent(std::move(*config), call.path, watchdog, *traced);
+  } catch (const std::exception& error) {
+    log::say(log::Level::error, "agent", std::string("fxagent: ") + error.what());
+    return 1;
+  }
   return 0;
+}
+
+void add_run(CLI::App& app, RunCall& call, std::function<int()>& action) {
+  CLI::App* command = app.add_subcommand("run", "Poll, publish, obey commands until SIGTERM");
+  command->add_option("CONFIG", call.path, "Config file")->required();
+  command->add_option("--log-level", call.log_level, "error, warn, info or debug (info)")
+      ->check(CLI::IsMember({"error", "warn", "info", "debug"}))
+      ->envname("FXAGENT_LOG_LEVEL");
+  command->add_option("--log-format", call.log_format, "text or json (text)")
+      ->check(CLI::IsMember({"text", "json"}))
+      ->envname("FXAGENT_LOG_FORMAT");
+  command
+      ->add_option("--trace", call.traced,
+                   "Log every frame of this link and what it means; repeatable")
+      ->expected(1)
+      ->take_all();
+  command->callback([&] { action = [&] { return run(call); }; });
 }
 
 int one_shot(const std::string& path, const OneShot& what) {
@@ -122,6 +183,7 @@ void add_one_shot(CLI::App& app, const std::string& name, const std::string& mea
     command->add_option("--type", what.type,
                         "bool int16 uint16 int32 uint32 float32 bcd16 bcd32 string");
   command->add_flag("--json", what.as_json, "Print JSON");
+  command->add_flag("--trace", what.trace, "Log every frame of the link and what it means");
   command->callback([&, op] {
     what.op = op;
     action = [&] { return one_shot(path, what); };
@@ -208,9 +270,8 @@ int dispatch(int argc, char** argv) {
   std::function<int()> action;
   std::string path;
 
-  CLI::App* run_command = app.add_subcommand("run", "Poll, publish, obey commands until SIGTERM");
-  run_command->add_option("CONFIG", path, "Config file")->required();
-  run_command->callback([&] { action = [&] { return run(path); }; });
+  RunCall run_call;
+  add_run(app, run_call, action);
 
   CLI::App* check_command = app.add_subcommand("check", "Say whether a config file is right");
   check_command->add_option("CONFIG", path, "Config file")->required();

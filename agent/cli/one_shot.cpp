@@ -133,6 +133,7 @@ CommandResult carry_out(const Config& config, const OneShot& what, CommandTarget
   const DeviceConfig& device = config.devices.front();
   Outbox outbox(1);
   Field field(config, outbox, {}, Polling::off);
+  if (what.trace) field.trace({0});
   field.start();
   Answer answer(outbox, device.codec);
   std::shared_ptr<const Codec> codec = device.codec;

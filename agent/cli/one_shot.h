@@ -18,6 +18,7 @@ struct OneShot {
   std::optional<std::string> value;  ///< op write: a JSON value, or plain text for a string
   std::optional<std::string> type;   ///< a word of DataType
   std::uint16_t count = 0;           ///< op read: devices in a row; 0: one
+  bool trace = false;                ///< log every frame of its link
   bool as_json = false;
 };
 

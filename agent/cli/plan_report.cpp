@@ -367,6 +367,27 @@ LinkReport report_link(const Config& config, std::uint32_t index) {
   return report;
 }
 
+/// What its groups ask of one link, and nothing else of it.
+struct LinkLoad {
+  LinkReport report;  ///< of the groups their names, intervals and line times; no exchanges
+  double asked = 0;
+  double fixed = 0;
+};
+
+void add_load(const DeviceConfig& device, nanoseconds char_time, LinkLoad& load) {
+  const DevicePlan plan = plan_device(device, char_time);
+  for (const GroupPlan& group : plan.groups) {
+    GroupLoad& of_group = load.report.groups.emplace_back();
+    of_group.device = device.name;
+    of_group.group = device.groups[group.group].name;
+    of_group.interval = device.groups[group.group].interval;
+    of_group.line_time = plan.time_of(group);
+    if (of_group.interval.count() > 0) load.asked += ratio(*of_group.line_time, of_group.interval);
+  }
+  if (const auto question = background_question(*plan.codec, !device.tags.empty()))
+    load.fixed += ratio(exchange_time(*plan.codec, *question, plan.timing), kQuestionInterval);
+}
+
 // ---- what if ------------------------------------------------------------------------------------
 
 tl::unexpected<Error> refuse(const std::string& what, const std::string& why) {
@@ -471,6 +492,20 @@ std::uint32_t group_of(DeviceConfig& device, milliseconds interval) {
 }
 
 }  // namespace
+
+std::vector<std::string> overloads(const Config& config) {
+  std::vector<LinkLoad> loads(config.links.size());
+  for (const DeviceConfig& device : config.devices)
+    if (const nanoseconds char_time = config.links[device.link].char_time; char_time.count() > 0)
+      add_load(device, char_time, loads[device.link]);
+  std::vector<std::string> found;
+  for (std::size_t i = 0; i < loads.size(); ++i) {
+    judge_intervals(loads[i].asked, loads[i].fixed, loads[i].report);
+    for (const std::string& warning : loads[i].report.warnings)
+      found.push_back(config.links[i].name + ": " + warning);
+  }
+  return found;
+}
 
 std::vector<LinkReport> plan_links(const Config& config) {
   std::vector<LinkReport> links;

@@ -75,6 +75,11 @@ struct LinkReport {
 /// One report for each link of the config. A device whose model is open counts as the widest.
 std::vector<LinkReport> plan_links(const Config& config);
 
+/// "line1: press1/fast asks for 250 ms; …": of each group whose link is asked for more than it
+/// carries the interval that would fit, if all groups of the link kept their proportions. As in the
+/// warnings of plan_links(), which takes longer.
+std::vector<std::string> overloads(const Config& config);
+
 /// Adds the tags of "DEVICE FIRST..LAST@MS" (or "DEVICE ADDRESS@MS") to the device's first group
 /// of that interval, or to a new one named what-if. bad_request names what is wrong with it, an
 /// address in the words of its codec.

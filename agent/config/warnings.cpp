@@ -1,17 +1,49 @@
 #include "agent/config/warnings.h"
 
+#include <algorithm>
 #include <chrono>
 #include <map>
+#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <variant>
+#include <vector>
 
+#include "protocol/plc.h"
 #include "protocol/value_range.h"
 
 namespace fxagent {
 
 using std::string_view_literals::operator""sv;
+
+namespace {
+
+bool knows(const ProtocolInfo& protocol, int speed) {
+  return protocol.speeds.empty() ||
+         std::ranges::find(protocol.speeds, speed) != protocol.speeds.end();
+}
+
+/// `at`: where the speed stands, or the link.
+void warn_of_protocol(ConfigReader& reader, const ConfigNode& link, const ConfigNode& at,
+                      const SerialSettings& line, const ProtocolInfo& protocol) {
+  if (!knows(protocol, line.baud)) {
+    std::string speeds;
+    for (const int speed : protocol.speeds)
+      speeds += (speeds.empty() ? "" : ", ") + std::to_string(speed);
+    reader.warn(at, std::to_string(line.baud) + " baud is not known of " +
+                        std::string(protocol.name) + ", whose speeds are " + speeds);
+  }
+  const LineDefaults& only = protocol.line;
+  const bool differs = line.data_bits != only.data_bits || line.parity != only.parity ||
+                       line.stop_bits != only.stop_bits;
+  if (protocol.one_line && differs)
+    reader.warn(link, "a line of " + std::string(protocol.name) +
+                          " has 7 data bits, even parity and 1 stop bit; nothing else is known of "
+                          "an FX");
+}
+
+}  // namespace
 
 void warn_of_limits(ConfigReader& reader, const ConfigNode& node, const TagConfig& tag) {
   const auto range = value_range(tag.point);
@@ -41,6 +73,31 @@ void warn_of_silence(ConfigReader& reader, const ConfigNode& node, const GroupCo
                 "has no effect: max_silent_s, which is " +
                     std::to_string(group.max_silent.count()) +
                     " where it is not given, is shorter than interval_ms; every poll is published");
+}
+
+void warn_of_lines(ConfigReader& reader, const ConfigNode& links,
+                   std::span<const SerialSettings> lines, const Config& config) {
+  std::vector<bool> judged(lines.size());
+  for (const DeviceConfig& device : config.devices) {
+    if (device.link >= lines.size() || device.protocol == nullptr || device.codec == nullptr)
+      continue;
+    const SerialSettings& line = lines[device.link];
+    if (line.baud == 0) continue;
+    const ConfigNode& link = links.children[device.link];
+    const ConfigNode* serial = link.find("serial");
+    const ConfigNode* speed = serial != nullptr ? serial->find("baud") : link.find("line_baud");
+    const ConfigNode& at = speed != nullptr ? *speed : link;
+    const ProtocolInfo& protocol = *device.protocol;
+    if (!judged[device.link]) warn_of_protocol(reader, link, at, line, protocol);
+    judged[device.link] = true;
+    const std::string model = model_of(*device.codec);
+    const bool is_fast =
+        model.empty() || protocol.most_speed == 0 ||
+        std::ranges::find(protocol.fast_models, model) != protocol.fast_models.end();
+    if (!is_fast && line.baud > protocol.most_speed && knows(protocol, line.baud))
+      reader.warn(at, device.name + " is an " + model + ", which goes to " +
+                          std::to_string(protocol.most_speed) + " baud at the most");
+  }
 }
 
 void warn_of_equal_stations(ConfigReader& reader, const ConfigNode& devices, const Config& config) {

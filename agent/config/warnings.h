@@ -2,6 +2,8 @@
 // station. Each goes to the reader as a warning, with its place.
 #pragma once
 
+#include <span>
+
 #include "agent/config/config.h"
 #include "agent/config/reader.h"
 
@@ -13,6 +15,12 @@ void warn_of_limits(ConfigReader& reader, const ConfigNode& node, const TagConfi
 
 /// A `max_silent_s` below the poll interval of the group at `node`: then every poll is published.
 void warn_of_silence(ConfigReader& reader, const ConfigNode& node, const GroupConfig& group);
+
+/// Speeds and characters that neither the documents of the protocol on a line know nor those of the
+/// models. `links` is the array that `config.links` was read from, `lines` are their settings; with
+/// 0 baud: not known.
+void warn_of_lines(ConfigReader& reader, const ConfigNode& links,
+                   std::span<const SerialSettings> lines, const Config& config);
 
 /// Devices of one station, or unit, on one link. `devices` is the array that `config.devices` was
 /// read from.

@@ -24,6 +24,8 @@ constexpr std::size_t kMostDrained = Transport::kMostDiscarded;
 constexpr milliseconds kLongestQuiet{5000};
 // So much of what nobody asked for is looked at: more than the longest frame of a serial line.
 constexpr std::size_t kMostJudged = 1024;
+// And so much is kept of it to be shown, for the years that follow.
+constexpr std::size_t kMostKept = 64;
 // No protocol here has longer frames; beyond it the line babbles.
 constexpr std::size_t kMaxReceived = 4096;
 constexpr std::size_t kReadChunk = 512;
@@ -60,6 +62,8 @@ asio::awaitable<Result<void>> Bus::open() {
   // A serial server hands a late answer to whoever is connected now, and a PLC on a serial port
   // answers whoever has it open. Who asked before, and when, is not known: perhaps just now.
   const Drained drained = co_await listen(now() + listening_, kQuietAfterOpen);
+  if (trace_ && !drained.heard.empty()) trace_->unasked(drained.heard);
+  if (drained.error && never_silent_) keep_unexpected(drained.heard);
   if (drained.error) co_return tl::unexpected<Error>(*drained.error);
   co_return Result<void>{};
 }
@@ -76,6 +80,7 @@ void Bus::close_never_silent() {
 asio::awaitable<Exchange> Bus::exchange(Station& station, Request request, SteadyTime not_after) {
   slowest_ = std::max<nanoseconds>(slowest_, station.timeout);
   const Codec& codec = *station.codec;
+  if (trace_) trace_->speak_to(station.device, station.codec);
   Exchange failed;
   const bool open = is_numbered(codec) || look(codec, failed);
   if (!open) co_return failed;
@@ -110,16 +115,22 @@ bool Bus::look(const Codec& codec, Exchange& failed) {
 
 void Bus::note_unexpected(const Codec& codec, ByteView bytes) {
   if (bytes.empty()) return;
+  if (trace_) trace_->unasked(bytes.first(std::min(bytes.size(), kMostJudged)));
   last_heard_ = now();
   // The line returns what is sent, and nobody has found that out yet, or nobody answers it.
   if (std::equal(bytes.begin(), bytes.end(), last_sent_.begin(), last_sent_.end())) return;
   counters_.unexpected_bytes += bytes.size();
   const ByteView shown = bytes.first(std::min(bytes.size(), kMostJudged));
-  last_unexpected_ = beginning_of(Bytes(shown.begin(), shown.end()));
+  keep_unexpected(shown);
   // An answer that is still owed is expected, and prepare() sees to it. One with a number is told
   // apart by that.
   if (late_.owed() != LateAnswers::Owed::none || is_numbered(codec)) return;
   if (codec.may_pass_for_answer(shown)) bus_doubt_.found_foreign(last_heard_);
+}
+
+void Bus::keep_unexpected(ByteView bytes) {
+  const ByteView kept = bytes.first(std::min(bytes.size(), kMostKept));
+  last_unexpected_.assign(kept.begin(), kept.end());
 }
 
 asio::awaitable<void> Bus::judge(const Codec& codec, std::uint64_t findings, bool doubted,
@@ -142,13 +153,13 @@ asio::awaitable<void> Bus::judge(const Codec& codec, std::uint64_t findings, boo
   };
   if (bus_doubt_.findings() != findings || !quiet_behind) {
     bus_doubt_.exchange_was_unclear();
-    make_garbled("more than one answer came, or another's: " + last_unexpected_);
+    make_garbled("more than one answer came, or another's: " + beginning_of(last_unexpected_));
   } else if (doubted) {
     bus_doubt_.exchange_was_clean(now());
     exchange.doubted = true;
     if (!exchange.is_data())
       make_garbled("the answer is not believed: foreign bytes were on the line (" +
-                   last_unexpected_ + ")");
+                   beginning_of(last_unexpected_) + ")");
   }
   if (!bus_doubt_.is_doubted()) never_silent_ = false;
 }
@@ -248,7 +259,9 @@ asio::awaitable<Exchange> Bus::send_and_receive(const Codec& codec, const Statio
     if (station.trace != nullptr) station.trace->add(way, bytes);
   };
   if (station.trace != nullptr) failpoint("frame_sent");
-  trace(WireFrame::Way::out, ByteView(*frame).first(std::min(written.sent, frame->size())));
+  const ByteView left = ByteView(*frame).first(std::min(written.sent, frame->size()));
+  trace(WireFrame::Way::out, left);
+  if (trace_) trace_->out(left);
   if (written.error) {
     transport_->close();
     exchange.outcome = Exchange::Outcome::link_down;
@@ -265,6 +278,7 @@ asio::awaitable<Exchange> Bus::send_and_receive(const Codec& codec, const Statio
     const bool echo = station.echo || (echo_found() && !tells_them_apart);
     co_await receive(codec, request, *frame, echo, deadline, exchange);
     trace(WireFrame::Way::in, rx_);
+    note_heard(*frame, deadline, exchange);
   } else {
     // Nobody answers: it is over when the last byte has left the wire, not when the kernel has it.
     co_await wait_until(exchange.began + char_time_ * length.request_chars);
@@ -275,6 +289,7 @@ asio::awaitable<Exchange> Bus::send_and_receive(const Codec& codec, const Statio
   exchange.ended = last_activity_ = now();
   if (!exchange.reply.closing.empty()) {
     trace(WireFrame::Way::out, exchange.reply.closing);
+    if (trace_) trace_->out(exchange.reply.closing);
     last_activity_ += char_time_ * static_cast<int>(exchange.reply.closing.size());
     co_await close_exchange(exchange.reply.closing, station.echo || echo_found(),
                             last_activity_ + station.timeout);
@@ -288,6 +303,23 @@ asio::awaitable<Exchange> Bus::send_and_receive(const Codec& codec, const Statio
     if (counters_.durations) counters_.durations->turnaround.add(exchange.turnaround);
   }
   co_return exchange;
+}
+
+void Bus::note_heard(const Bytes& frame, SteadyTime deadline, Exchange& exchange) const {
+  const bool answered = exchange.has_answer();
+  if (!answered && !rx_.empty()) {
+    exchange.heard = rx_;
+    exchange.asked = frame;
+  }
+  if (!trace_) return;
+  if (answered) {
+    const std::size_t size = exchange.reply.consumed - exchange.reply.began;
+    trace_->answer(ByteView(rx_).subspan(exchange.reply.began, size), now() - exchange.began);
+  } else if (exchange.outcome == Exchange::Outcome::unanswered) {
+    trace_->no_answer(rx_, deadline - exchange.began, {});
+  } else {
+    trace_->no_answer(rx_, now() - exchange.began, exchange.error);
+  }
 }
 
 asio::awaitable<void> Bus::close_exchange(const Bytes& closing, bool echo, SteadyTime deadline) {

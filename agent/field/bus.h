@@ -10,6 +10,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "agent/config/config.h"
 #include "agent/field/bus_doubt.h"
@@ -17,6 +18,7 @@
 #include "agent/field/late_answers.h"
 #include "agent/field/percentile_window.h"
 #include "agent/field/transport.h"
+#include "agent/field/wire_trace.h"
 #include "agent/messages.h"
 #include "protocol/codec.h"
 
@@ -24,7 +26,9 @@ namespace fxagent {
 
 /// What the line must know of the device it speaks to. Lives as long as the await.
 struct Station {
-  const Codec* codec = nullptr;
+  /// Of the device, or of the command that is carried out; a trace keeps it while it explains.
+  std::shared_ptr<const Codec> codec;
+  std::string_view device;  ///< its name; empty: not known
   std::chrono::milliseconds timeout{1000};
   std::chrono::milliseconds gap{0};
   EnquirePolicy enquire = EnquirePolicy::open;
@@ -83,12 +87,16 @@ class Bus final {
 
   /// Whether foreign answers were heard, and since when too few clean exchanges.
   const BusDoubt& doubt() const { return bus_doubt_; }
-  /// The last bytes that nobody asked for, in hex; empty while there were none.
-  const std::string& last_unexpected() const { return last_unexpected_; }
+  /// The last bytes that nobody asked for, the first ones of them; empty while there were none.
+  const Bytes& last_unexpected() const { return last_unexpected_; }
   /// The channel was closed because bytes came without end, and no question was answered since.
   bool never_silent() const { return never_silent_; }
   /// For a person: what became of a channel that is not open any more.
   std::string_view why_lost() const;
+
+  /// From now on each frame is shown; null: none is.
+  void trace_to(std::unique_ptr<WireTrace> trace) { trace_ = std::move(trace); }
+  bool is_traced() const { return trace_ != nullptr; }
 
   Counters& counters() { return counters_; }
 
@@ -124,6 +132,10 @@ class Bus final {
   bool look(const Codec& codec, Exchange& failed);
   /// Bytes that are no part of an answer: counted, and a reason to doubt the bus.
   void note_unexpected(const Codec& codec, ByteView bytes);
+  /// For last_unexpected().
+  void keep_unexpected(ByteView bytes);
+  /// What an exchange brought goes to the trace, and what it brought in place of an answer into it.
+  void note_heard(const Bytes& frame, SteadyTime deadline, Exchange& exchange) const;
   /// What came before and behind an answer.
   void note_around_answer(const Codec& codec, const Bytes& sent, const Reply& reply);
   /// What the doubt makes of an exchange that began when so many foreign bytes were found.
@@ -147,10 +159,11 @@ class Bus final {
   Bytes rx_;
   BusDoubt bus_doubt_;
   Bytes last_sent_;  ///< the last frame or closing: an echo of it is not foreign
-  std::string last_unexpected_;
+  Bytes last_unexpected_;
   std::chrono::nanoseconds slowest_{0};  ///< timeout of the slowest station that was asked
   SteadyTime last_heard_{};
   bool never_silent_ = false;
+  std::unique_ptr<WireTrace> trace_;  ///< null: the link is not traced
   Counters counters_;
 };
 

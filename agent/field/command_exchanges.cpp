@@ -5,6 +5,7 @@
 
 #include "agent/failpoint.h"
 #include "agent/field/command_line_time.h"
+#include "agent/field/foreign_bytes.h"
 #include "agent/field/stream_io.h"
 #include "agent/line_time.h"
 #include "protocol/plan.h"
@@ -87,6 +88,11 @@ asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_
   if (exchange.outcome == Exchange::Outcome::link_down && sharing_ != nullptr &&
       sharing_->is_over())
     cut_off_ = true;
+  if (!exchange.heard.empty()) {
+    const auto guess = looks_like(device_, *station_.codec, exchange.asked, exchange.heard);
+    if (guess.cause != ForeignBytes::Cause::unknown)
+      exchange.error += "; it looks like " + guess.text;
+  }
   if (exchange.sent) {
     if (!first_byte_) first_byte_ = exchange.began;
     if (!part_began_) part_began_ = exchange.began;

@@ -27,6 +27,8 @@ struct Exchange {
   SteadyTime ended{};                      ///< last byte of the reply, or when it was given up
   std::int64_t ended_ms = 0;               ///< the same, UTC
   std::chrono::nanoseconds turnaround{0};  ///< answered: all that was not characters on the wire
+  Bytes heard;  ///< unanswered or garbled: what came in place of an answer
+  Bytes asked;  ///< where something was heard: the frame that it came to
 
   bool has_answer() const { return outcome == Outcome::answered; }
   bool is_ack() const { return has_answer() && reply.kind == Reply::Kind::ack; }

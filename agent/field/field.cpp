@@ -5,10 +5,12 @@
 #include <asio/detached.hpp>
 #include <asio/io_context.hpp>
 #include <asio/post.hpp>
+#include <asio/signal_set.hpp>
 #include <asio/steady_timer.hpp>
 #include <deque>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -101,6 +103,18 @@ class Field::Room final {
     asio::post(io_, [this] { report(); });
   }
 
+  void trace(const std::vector<std::uint32_t>& links) {
+    for (const std::uint32_t link : links) {
+      traced_.insert(config_->links[link].name);
+      places_.at(link).worker->trace(true);
+    }
+  }
+
+  void switch_traces_at(int signal) {
+    trace_switch_.emplace(io_, signal);
+    await_trace_switch();
+  }
+
   void ask(std::function<void()> answer) { asio::post(io_, std::move(answer)); }
 
   void stop() {
@@ -108,6 +122,8 @@ class Field::Room final {
     outbox_.refuse_commands();
     asio::post(io_, [this] {
       report_timer_.cancel();
+      asio::error_code ignored;
+      if (trace_switch_) trace_switch_->cancel(ignored);
       stopping_ = true;
       for (const Place& place : places_)
         if (place.worker) place.worker->stop();
@@ -154,8 +170,10 @@ class Field::Room final {
     auto worker = std::make_unique<LinkWorker>(
         io_.get_executor(), *config_, link, devices, outbox_,
         transport_for(io_.get_executor(), config_->links[link]), last_seq, polling_);
+    const std::string& name = config_->links[link].name;
+    if (traces_all_ || traced_.contains(name)) worker->trace(true);
     const std::lock_guard lock(places_mutex_);
-    places_[link].name = config_->links[link].name;
+    places_[link].name = name;
     places_[link].worker = std::move(worker);
   }
 
@@ -283,6 +301,19 @@ class Field::Room final {
     if (which != to_begin_.end() && !stopping_) begin_one(which);
   }
 
+  void await_trace_switch() {
+    trace_switch_->async_wait([this](const asio::error_code& cancelled, int) {
+      if (cancelled) return;
+      traces_all_ = std::ranges::none_of(
+          places_, [](const Place& place) { return place.worker && place.worker->is_traced(); });
+      traced_.clear();
+      for (const Place& place : places_)
+        if (place.worker) place.worker->trace(traces_all_);
+      log::info("trace", {{"links", "all"}, {"state", traces_all_ ? "on" : "off"}});
+      await_trace_switch();
+    });
+  }
+
   /// A name lookup that nobody waits for any more does not keep the thread.
   void leave_if_over() {
     if (stopping_ && running_ == 0) io_.stop();
@@ -319,6 +350,9 @@ class Field::Room final {
   std::vector<Place> places_;
   mutable std::mutex places_mutex_;
   bool looks_up_ = false;  ///< there is a thread for name look-ups
+  std::optional<asio::signal_set> trace_switch_;
+  std::set<std::string> traced_;  ///< links that are traced from their beginning, by name
+  bool traces_all_ = false;       ///< so are all
   bool stopping_ = false;
   std::size_t running_ = 0;  ///< workers whose coroutine is not over
 
@@ -342,6 +376,8 @@ Field::Field(const Config& config, Outbox& outbox, const std::vector<std::uint64
     : room_(std::make_unique<Room>(config, outbox, last_seq, polling)) {}
 
 Field::~Field() { stop(); }
+void Field::trace(const std::vector<std::uint32_t>& links) { room_->trace(links); }
+void Field::switch_traces_at(int signal) { room_->switch_traces_at(signal); }
 void Field::start() { room_->start(); }
 void Field::number_above(std::vector<std::uint64_t> last_seq) {
   room_->number_above(std::move(last_seq));

@@ -29,6 +29,11 @@ class Field final {
   /// Stops, if stop() was not called.
   ~Field();
 
+  /// Before start(): each frame of these links, by index in Config::links, is logged.
+  void trace(const std::vector<std::uint32_t>& links);
+  /// Before start(): this signal switches the traces of all links, off where one is traced, else
+  /// on. Its handler is asio's from then on.
+  void switch_traces_at(int signal);
   /// Starts the thread. Throws std::system_error where there is none.
   void start();
   /// Numbers of samples go on above these, by device. Any thread.

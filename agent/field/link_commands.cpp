@@ -230,7 +230,7 @@ asio::awaitable<void> LinkCommands::run_next() {
   LinkDevice& device = *running.device;
 
   Station station = device.station;
-  station.codec = admitted.codec.get();
+  station.codec = admitted.codec;
   FrameTrace trace;
   station.trace = &trace;
   Sharing sharing(*this, running);

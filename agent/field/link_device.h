@@ -1,6 +1,7 @@
 // What a link knows of each of its devices: the loop, the polls and the commands share it.
 #pragma once
 
+#include <bitset>
 #include <chrono>
 #include <cstdint>
 #include <memory>
@@ -11,6 +12,7 @@
 #include "agent/config/config.h"
 #include "agent/field/bus.h"
 #include "agent/field/device_state.h"
+#include "agent/field/foreign_bytes.h"
 #include "agent/field/hole_map.h"
 #include "agent/field/measured_turnaround.h"
 #include "agent/field/percentile_window.h"
@@ -41,7 +43,8 @@ struct LinkDevice {
         codec(device_config.codec),
         turnaround(device_config.turnaround),
         state(device_index, *device_config.codec, now_ms()) {
-    station.codec = codec.get();
+    station.codec = codec;
+    station.device = config.name;
     station.timeout = config.timeout;
     station.gap = config.gap;
     station.enquire = config.enquire;
@@ -66,6 +69,10 @@ struct LinkDevice {
   PercentileWindow late_ms;
   std::uint64_t collected = 0;
   std::uint64_t suppressed = 0;
+  /// When what is no answer is looked at again, and which of its causes were told since when.
+  SteadyTime foreign_bytes_from{};
+  SteadyTime foreign_told_since{};
+  std::bitset<ForeignBytes::kCauses> foreign_told;
   DeviceState state;
 };
 using LinkDevices = std::vector<std::unique_ptr<LinkDevice>>;

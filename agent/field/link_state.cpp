@@ -21,6 +21,10 @@ constexpr int kDeadPeerAfter = 3;
 // A bus that comes to be doubted again and again is told of so often; each time is counted.
 constexpr std::chrono::seconds kDoubtLoggedEvery{60};
 
+// What is no answer is looked at so often, and told again so much later.
+constexpr std::chrono::seconds kForeignBytesEvery{10};
+constexpr std::chrono::hours kForeignBytesToldEvery{24};
+
 // A device that comes and goes has its groups read at once so often: one that is silent to some of
 // its reads and answers others would keep its line from everybody else.
 constexpr std::chrono::seconds kAtOnceEvery{10};
@@ -97,12 +101,21 @@ void LinkState::look() {
   log_doubt();
 }
 
+std::string LinkState::what_nobody_asked_for() const {
+  if (devices_.empty()) return {};
+  const LinkDevice& device = *devices_.front();
+  const ForeignBytes guess =
+      looks_like(device.config, *device.codec, ByteView(), bus_.last_unexpected());
+  return guess.cause == ForeignBytes::Cause::unknown ? "" : "; they look like " + guess.text;
+}
+
 void LinkState::log_doubt() {
   if (!unexpected_logged_ && !bus_.last_unexpected().empty()) {
     unexpected_logged_ = true;
     log::warn("link", {{"link", config_.name},
-                       {"unexpected", bus_.last_unexpected()},
-                       {"note", "bytes that nobody asked for; health counts them from here on"}});
+                       {"unexpected", first_bytes(bus_.last_unexpected())},
+                       {"note", "bytes that nobody asked for; health counts them from here on" +
+                                    what_nobody_asked_for()}});
   }
   const bool doubted = bus_.doubt().is_doubted();
   if (doubted == doubt_logged_) return;
@@ -113,13 +126,32 @@ void LinkState::log_doubt() {
     doubt_logged_at_ = now;
     log::warn("link", {{"link", config_.name},
                        {"state", "doubted"},
-                       {"unexpected", bus_.last_unexpected()},
+                       {"unexpected", first_bytes(bus_.last_unexpected())},
                        {"note",
                         "another master, or answers that come late? values are bad_frame, and no "
                         "ACK is believed until some exchanges in a row were clean"}});
   } else {
     log::info("link", {{"link", config_.name}, {"state", "believed again"}});
   }
+}
+
+void LinkState::heard_foreign(LinkDevice& device, const Exchange& exchange) {
+  const auto now = Clock::now();
+  if (exchange.heard.empty() || now < device.foreign_bytes_from) return;
+  device.foreign_bytes_from = now + kForeignBytesEvery;
+  if (now - device.foreign_told_since >= kForeignBytesToldEvery) {
+    device.foreign_told.reset();
+    device.foreign_told_since = now;
+  }
+  const ForeignBytes guess =
+      looks_like(device.config, *device.codec, exchange.asked, exchange.heard);
+  const auto cause = static_cast<std::size_t>(guess.cause);
+  if (device.foreign_told.test(cause)) return;
+  device.foreign_told.set(cause);
+  log::warn("device", {{"device", device.config.name},
+                       {"heard", first_bytes(exchange.heard)},
+                       {"reason", exchange.error},
+                       {"looks_like", guess.text}});
 }
 
 void LinkState::answered(LinkDevice& device) {

@@ -46,6 +46,9 @@ class LinkState final {
   /// It has left a question unanswered. Where nobody answers on a TCP connection any more, this
   /// closes it.
   void unanswered(LinkDevice& device, PollScheduler::AskedBy by = PollScheduler::AskedBy::poll);
+  /// Bytes came in place of the answer of an exchange: the log shows the first of them and what
+  /// they look like, once a day for each device and cause.
+  void heard_foreign(LinkDevice& device, const Exchange& exchange);
   /// A gateway answered in its place: the device is silent, the connection is not.
   void unreachable(LinkDevice& device);
   /// Tells the state of the device where it is another one now.
@@ -57,6 +60,8 @@ class LinkState final {
 
  private:
   void log_doubt();
+  /// What they look like; empty: nothing is known.
+  std::string what_nobody_asked_for() const;
   SteadyTime read_at_once(LinkDevice& device, SteadyTime from);
 
   const LinkConfig& config_;

@@ -246,6 +246,10 @@ asio::awaitable<void> LinkWorker::open_line() {
     state_.open_failed(opened.error().text);
 }
 
+void LinkWorker::trace(bool on) {
+  bus_.trace_to(on ? std::make_unique<WireTrace>(config_.name) : nullptr);
+}
+
 void LinkWorker::report(FieldHealth& health) {
   const auto now = Clock::now();
   Bus::Counters& counters = bus_.counters();

@@ -84,6 +84,10 @@ class LinkWorker final {
   /// Whether run() has ended. Any thread.
   bool has_ended() const { return ended_; }
 
+  /// Whether each frame of the link is logged.
+  void trace(bool on);
+  bool is_traced() const { return bus_.is_traced(); }
+
   /// Adds this link's and its devices' counters.
   void report(FieldHealth& health);
 

@@ -168,6 +168,7 @@ asio::awaitable<void> Poller::read_group(LinkDevice& device, GroupPoll& group,
 void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step,
                           std::uint32_t read, Exchange exchange) {
   if (state_.is_stopping()) return;
+  state_.heard_foreign(device, exchange);
   scheduler_.step_used(step, exchange.ended - exchange.began);
   if (exchange.doubted) {  // the device is there; what it says is not believed
     state_.answered(device);
@@ -304,6 +305,7 @@ asio::awaitable<void> Poller::ask_question(LinkDevice& device, PollScheduler::Po
     const Request question = *background_question(*device.codec, !device.config.tags.empty());
     const Exchange exchange = co_await bus_.exchange(device.station, question);
     if (state_.is_stopping()) co_return;
+    state_.heard_foreign(device, exchange);
     scheduler_.step_used(step, exchange.ended - exchange.began);
     if (exchange.outcome == Exchange::Outcome::unanswered) state_.unanswered(device);
     if (exchange.outcome == Exchange::Outcome::link_down) state_.lost(exchange.error);
@@ -329,6 +331,7 @@ asio::awaitable<Poller::Knowledge> Poller::ask_model(LinkDevice& device, BadReas
   for (const Request& question : questions) {
     const Exchange exchange = co_await bus_.exchange(device.station, question);
     if (state_.is_stopping()) co_return Knowledge::unanswered;
+    state_.heard_foreign(device, exchange);
     scheduler_.poll_used(exchange.ended - exchange.began);
     if (exchange.doubted) {
       state_.answered(device);
@@ -358,7 +361,7 @@ asio::awaitable<Poller::Knowledge> Poller::ask_model(LinkDevice& device, BadReas
   const bool changed = now_known != model_of(*device.codec);
   if (changed) {
     device.codec = model ? asking.with_model(*model) : device.config.codec;
-    device.station.codec = device.codec.get();
+    device.station.codec = device.codec;
     for (const auto& group : device.groups) make_plan(device, *group);
   }
   state_.update(device);

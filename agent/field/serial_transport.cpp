@@ -14,6 +14,7 @@
 #include "agent/field/low_latency.h"
 #include "agent/field/stream_io.h"
 #include "agent/log/log.h"
+#include "agent/process/port_access.h"
 
 namespace fxagent {
 namespace {
@@ -26,23 +27,6 @@ constexpr int kModemRts = 0x004;
 constexpr int kGoodTimerMs = 2;
 
 std::string reason(int number) { return std::system_category().message(number); }
-
-/// What the engineer can do about it.
-std::string cure(int number) {
-  switch (number) {
-    case ENOENT:
-    case ENODEV:
-    case ENXIO:
-      return " (is the adapter plugged in? a path under /dev/serial/by-id survives replugging)";
-    case EACCES:
-      return " (the user needs read and write access: usually the group dialout)";
-    case EBUSY:
-    case EWOULDBLOCK:
-      return " (in use by another program: GX Works, another agent?)";
-    default:
-      return "";
-  }
-}
 
 tcflag_t data_bits_flag(int bits) { return bits == 7 ? CS7 : CS8; }
 
@@ -77,6 +61,7 @@ class SerialTransport final : public Transport {
       co_return fail(ErrorCode::link_down, settings_.path + ": " + error.message());
     }
     stream_.non_blocking(true, error);
+    fault_ = 0;
     co_return Result<void>{};
   }
 
@@ -116,9 +101,14 @@ class SerialTransport final : public Transport {
   }
 
  private:
-  tl::unexpected<Error> failed(std::string_view what, int number) const {
+  tl::unexpected<Error> failed(std::string_view what, int number) {
+    // Who has it is looked for once while it stays so: that takes its time, and others poll.
+    if (number != fault_) {
+      fault_ = number;
+      cure_ = port_cure(settings_.path, number);
+    }
     return fail(ErrorCode::link_down,
-                settings_.path + " " + std::string(what) + ": " + reason(number) + cure(number));
+                settings_.path + " " + std::string(what) + ": " + reason(number) + cure_);
   }
 
   /// Exclusive, raw, at the speed and parity asked for, DTR and RTS raised.
@@ -179,6 +169,8 @@ class SerialTransport final : public Transport {
   asio::posix::stream_descriptor stream_;
   Deadline<asio::posix::stream_descriptor> deadline_;
   bool told_of_pty_ = false;
+  int fault_ = 0;     ///< errno of the last failure, 0 while it is open
+  std::string cure_;  ///< of that
 };
 
 }  // namespace

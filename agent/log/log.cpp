@@ -1,17 +1,17 @@
 #include "agent/log/log.h"
 
-#include <spdlog/pattern_formatter.h>
-#include <spdlog/sinks/sink.h>
-#include <spdlog/spdlog.h>
 #include <unistd.h>
 
-#include <algorithm>
+#include <atomic>
 #include <cstdio>
 #include <exception>
 #include <memory>
 #include <mutex>
-#include <vector>
+#include <span>
 
+#include "agent/calendar.h"
+#include "agent/json_writer.h"
+#include "agent/log/journal_stream.h"
 #include "agent/log/log_repeats.h"
 #include "agent/log/log_writer.h"
 #include "agent/text.h"
@@ -20,116 +20,40 @@ namespace fxagent::log {
 namespace {
 
 using std::chrono::steady_clock;
+using std::chrono::system_clock;
 
 constexpr std::size_t kMostValueBytes = 1024;
 constexpr std::chrono::seconds kGoodbye{1};
 
-/// Where lines end: at stderr, directly or by way of the writer.
-class StderrSink final : public spdlog::sinks::sink {
- public:
-  void log(const spdlog::details::log_msg& message) override {
-    std::unique_lock lock(mutex_);
-    const std::string text(message.payload.data(), message.payload.size());
-    if (writer_ && !repeats_.take(steady_clock::now(), message.level, text)) return;
-    const std::string line = line_of(message);
-    if (!writer_) {
-      std::fwrite(line.data(), 1, line.size(), stderr);
-      return;
-    }
-    const std::shared_ptr<LogWriter> writer = writer_;
-    lock.unlock();
-    writer->write(line);
-  }
-  void flush() override {}
-  void set_pattern(const std::string& pattern) override {
-    set_formatter(std::make_unique<spdlog::pattern_formatter>(pattern));
-  }
-  void set_formatter(std::unique_ptr<spdlog::formatter> formatter) override {
-    const std::lock_guard lock(mutex_);
-    formatter_ = std::move(formatter);
-  }
+std::atomic<Level> least_level = Level::info;
+std::atomic<Format> line_format = Format::text;
+std::atomic<bool> is_journal = false;
 
-  void begin() {
-    const auto writer = std::make_shared<LogWriter>(
-        STDERR_FILENO, LogWriter::Callbacks{[this](std::uint64_t count) { return dropped(count); },
-                                            [this] { return told(steady_clock::now()); }});
-    const std::lock_guard lock(mutex_);
-    writer_ = writer;
-  }
-
-  void end() {
-    std::shared_ptr<LogWriter> writer;
-    std::vector<std::string> rest = told(steady_clock::time_point::max());
-    {
-      const std::lock_guard lock(mutex_);
-      writer = writer_;
-    }
-    if (!writer) return;
-    for (std::string& line : rest) writer->write(std::move(line));
-    // Nobody reads: lines that follow would stand where these do.
-    if (!writer->flush(kGoodbye)) return;
-    const std::lock_guard lock(mutex_);
-    writer_.reset();
-  }
-
- private:
-  /// Under mutex_.
-  std::string line_of(const spdlog::details::log_msg& message) {
-    spdlog::memory_buf_t line;
-    formatter_->format(message, line);
-    return {line.data(), line.size()};
-  }
-
-  std::string line_now(spdlog::level::level_enum level, const std::string& text) {
-    return line_of({spdlog::string_view_t("fxagent"), level, spdlog::string_view_t(text)});
-  }
-
-  std::string dropped(std::uint64_t count) {
-    const std::lock_guard lock(mutex_);
-    return line_now(spdlog::level::warn,
-                    format_line("log_lines_dropped", {{"count", std::to_string(count)}}));
-  }
-
-  /// The equal lines that were counted in whiles which are over now.
-  std::vector<std::string> told(LogRepeats::Time now) {
-    const std::lock_guard lock(mutex_);
-    std::vector<std::string> lines;
-    for (const LogRepeats::Repeated& repeated : repeats_.over(now))
-      lines.push_back(line_now(static_cast<spdlog::level::level_enum>(repeated.level),
-                               format_line("repeated", {{"count", std::to_string(repeated.count)},
-                                                        {"line", repeated.text}})));
-    return lines;
-  }
-
-  std::mutex mutex_;
-  std::unique_ptr<spdlog::formatter> formatter_;
-  LogRepeats repeats_;
-  std::shared_ptr<LogWriter> writer_;  ///< shared with those who write through it at this moment
+/// How a level is called, and the priority that the journal knows it by (sd-daemon(3)).
+struct Words {
+  std::string_view level;
+  std::string_view priority;
 };
+constexpr Words kTrace{"trace", "<7>"};
 
-/// The one sink of the process: every room writes to the same stderr, so lines must not mix. It is
-/// never destroyed: the writer's thread may outlive everything.
-StderrSink& sink() {
-  static StderrSink& instance = *new StderrSink;
-  return instance;
+Words words_of(Level level) {
+  switch (level) {
+    case Level::debug:
+      return {"debug", "<7>"};
+    case Level::info:
+      return {"info", "<6>"};
+    case Level::warn:
+      return {"warning", "<4>"};
+    case Level::error:
+      break;
+  }
+  return {"error", "<3>"};
 }
 
-spdlog::logger& logger() {
-  static spdlog::logger& instance = [&]() -> spdlog::logger& {
-    const std::shared_ptr<StderrSink> shared(&sink(), [](StderrSink*) {});
-    auto* made = new spdlog::logger("fxagent", shared);
-    made->set_formatter(std::make_unique<spdlog::pattern_formatter>(
-        "%Y-%m-%dT%H:%M:%S.%eZ %l %v", spdlog::pattern_time_type::utc));
-    return *made;
-  }();
-  return instance;
-}
+bool is_json() { return line_format.load(std::memory_order_relaxed) == Format::json; }
 
-std::terminate_handler say_why = nullptr;
-
-void write_and_end() {
-  sink().end();
-  say_why();
+std::string_view priority(const Words& words) {
+  return is_journal.load(std::memory_order_relaxed) ? words.priority : std::string_view();
 }
 
 /// A character of UTF-8 that would be cut in two is left out. Ours: utfcpp steps back over whole
@@ -141,64 +65,227 @@ std::string shortened(std::string_view text, std::size_t most) {
   return std::string(text.substr(0, length)) + "… (" + std::to_string(text.size()) + " bytes)";
 }
 
-void write(spdlog::level::level_enum level, std::string_view event,
-           std::initializer_list<Field> fields) {
-  if (!logger().should_log(level)) return;
-  logger().log(level, spdlog::string_view_t(format_line(event, fields)));
+std::string text_body(std::string_view event, std::span<const Field> fields, std::size_t most) {
+  std::string body(event);
+  for (const auto& [key, given] : fields) {
+    const std::string value = shortened(given, most);
+    body += ' ';
+    body += key;
+    body += '=';
+    const std::string shown = escaped(value, Escape::log);
+    if (!shown.empty() && shown == value && shown.find_first_of(" =") == std::string::npos)
+      body += shown;
+    else
+      body.append("\"").append(shown).append("\"");
+  }
+  return body;
+}
+
+/// Members of an object, without its braces.
+std::string json_body(std::string_view event, std::span<const Field> fields, std::size_t most) {
+  json::Writer out;
+  out.key("event").string(event).key("fields").begin_object();
+  for (const auto& [key, value] : fields) out.key(key).string(shortened(value, most));
+  out.end_object();
+  return out.take();
+}
+
+std::string body_of(std::string_view event, std::span<const Field> fields, std::size_t most) {
+  return is_json() ? json_body(event, fields, most) : text_body(event, fields, most);
+}
+
+std::string whole_line(const Words& words, system_clock::time_point at, std::string_view body) {
+  const std::string time = utc_text(
+      std::chrono::duration_cast<std::chrono::milliseconds>(at.time_since_epoch()).count());
+  std::string line(priority(words));
+  if (is_json())
+    line.append(R"({"ts":")")
+        .append(time)
+        .append(R"(","level":")")
+        .append(words.level)
+        .append(R"(",)");
+  else
+    line.append(time).append(" ").append(words.level).append(" ");
+  line += body;
+  if (is_json()) line += '}';
+  return line;
+}
+
+/// The line of what was counted of equal ones.
+std::string repeated_body(std::uint64_t count, const std::string& body) {
+  const std::string number = std::to_string(count);
+  if (!is_json()) return format_line("repeated", {{"count", number}, {"line", body}});
+  json::Writer out;
+  out.key("event").string("repeated").key("fields").begin_object();
+  out.key("count").string(number).key("line").raw("{" + body + "}").end_object();
+  return out.take();
+}
+
+/// Where lines end: at stderr, directly or by way of the writer.
+class Stderr final {
+ public:
+  void write(Level level, const std::string& body) {
+    std::unique_lock lock(mutex_);
+    if (writer_ && !repeats_.take(steady_clock::now(), static_cast<int>(level), body)) return;
+    const std::shared_ptr<LogWriter> writer = writer_;
+    lock.unlock();
+    put(writer, line_now(level, body));
+  }
+
+  void say(Level level, std::string_view text) {
+    put(writer(), std::string(priority(words_of(level))).append(text) + '\n');
+  }
+
+  void trace(system_clock::time_point at, std::size_t bytes, std::function<std::string()> make) {
+    auto line = [at, moved = std::move(make)] { return whole_line(kTrace, at, moved()) + '\n'; };
+    if (const std::shared_ptr<LogWriter> to = writer())
+      to->write_later(bytes, std::move(line));
+    else
+      put(nullptr, line());
+  }
+
+  void begin() {
+    is_journal = is_journal_stream(STDERR_FILENO);
+    const auto writer = std::make_shared<LogWriter>(
+        STDERR_FILENO, LogWriter::Callbacks{[](std::uint64_t count) { return dropped(count); },
+                                            [this] { return told(steady_clock::now()); }});
+    const std::lock_guard lock(mutex_);
+    writer_ = writer;
+  }
+
+  void end() {
+    std::vector<std::string> rest = told(steady_clock::time_point::max());
+    const std::shared_ptr<LogWriter> last = writer();
+    if (!last) return;
+    for (std::string& line : rest) last->write(std::move(line));
+    // Nobody reads: lines that follow would stand where these do.
+    if (!last->flush(kGoodbye)) return;
+    const std::lock_guard lock(mutex_);
+    writer_.reset();
+  }
+
+ private:
+  static std::string line_now(Level level, const std::string& body) {
+    return whole_line(words_of(level), system_clock::now(), body) + '\n';
+  }
+
+  static void put(const std::shared_ptr<LogWriter>& writer, std::string line) {
+    if (writer)
+      writer->write(std::move(line));
+    else
+      std::fwrite(line.data(), 1, line.size(), stderr);
+  }
+
+  static std::string dropped(std::uint64_t count) {
+    const Field field{"count", std::to_string(count)};
+    return line_now(Level::warn,
+                    body_of("log_lines_dropped", std::span(&field, 1), kMostValueBytes));
+  }
+
+  std::shared_ptr<LogWriter> writer() {
+    const std::lock_guard lock(mutex_);
+    return writer_;
+  }
+
+  /// The equal lines that were counted in whiles which are over now.
+  std::vector<std::string> told(LogRepeats::Time now) {
+    const std::lock_guard lock(mutex_);
+    std::vector<std::string> lines;
+    for (const LogRepeats::Repeated& repeated : repeats_.over(now))
+      lines.push_back(line_now(static_cast<Level>(repeated.level),
+                               repeated_body(repeated.count, repeated.text)));
+    return lines;
+  }
+
+  std::mutex mutex_;
+  LogRepeats repeats_;
+  std::shared_ptr<LogWriter> writer_;  ///< shared with those who write through it at this moment
+};
+
+/// The one of the process: every room writes to the same stderr, so lines must not mix. It is never
+/// destroyed: the writer's thread may outlive everything.
+Stderr& out() {
+  static Stderr& instance = *new Stderr;
+  return instance;
+}
+
+std::terminate_handler say_why = nullptr;
+
+void write_and_end() {
+  out().end();
+  say_why();
+}
+
+bool is_written(Level level) { return level >= least_level.load(std::memory_order_relaxed); }
+
+void write(Level level, std::string_view event, std::initializer_list<Field> fields) {
+  if (is_written(level))
+    out().write(level, body_of(event, {fields.begin(), fields.size()}, kMostValueBytes));
 }
 
 }  // namespace
 
+std::optional<Level> level_from(std::string_view word) {
+  if (word == "error") return Level::error;
+  if (word == "warn") return Level::warn;
+  if (word == "info") return Level::info;
+  if (word == "debug") return Level::debug;
+  return std::nullopt;
+}
+
+std::optional<Format> format_from(std::string_view word) {
+  if (word == "text") return Format::text;
+  if (word == "json") return Format::json;
+  return std::nullopt;
+}
+
 std::string excerpt(std::string_view foreign) { return shortened(foreign, kMostForeignBytes); }
 
+void set_level(Level level) { least_level = level; }
+void set_format(Format format) { line_format = format; }
+
 std::string format_line(std::string_view event, std::initializer_list<Field> fields) {
-  std::string line(event);
-  for (const auto& [key, given] : fields) {
-    const std::string value = shortened(given, kMostValueBytes);
-    line += ' ';
-    line += key;
-    line += '=';
-    const std::string shown = escaped(value, Escape::log);
-    if (!shown.empty() && shown == value && shown.find_first_of(" =") == std::string::npos)
-      line += shown;
-    else
-      line.append("\"").append(shown).append("\"");
-  }
-  return line;
+  return text_body(event, {fields.begin(), fields.size()}, kMostValueBytes);
+}
+
+std::string line(Level level, std::string_view event, std::initializer_list<Field> fields) {
+  return whole_line(words_of(level), system_clock::now(),
+                    body_of(event, {fields.begin(), fields.size()}, kMostValueBytes));
 }
 
 InBackground::InBackground() {
-  logger();
-  sink().begin();
+  out().begin();
   if (say_why == nullptr) say_why = std::set_terminate(write_and_end);
 }
 
-InBackground::~InBackground() { sink().end(); }
-
-void set_level(Level level) {
-  switch (level) {
-    case Level::debug:
-      return logger().set_level(spdlog::level::debug);
-    case Level::info:
-      return logger().set_level(spdlog::level::info);
-    case Level::warn:
-      return logger().set_level(spdlog::level::warn);
-    case Level::error:
-      return logger().set_level(spdlog::level::err);
-  }
-}
+InBackground::~InBackground() { out().end(); }
 
 void debug(std::string_view event, std::initializer_list<Field> fields) {
-  write(spdlog::level::debug, event, fields);
+  write(Level::debug, event, fields);
 }
 void info(std::string_view event, std::initializer_list<Field> fields) {
-  write(spdlog::level::info, event, fields);
+  write(Level::info, event, fields);
 }
 void warn(std::string_view event, std::initializer_list<Field> fields) {
-  write(spdlog::level::warn, event, fields);
+  write(Level::warn, event, fields);
 }
 void error(std::string_view event, std::initializer_list<Field> fields) {
-  write(spdlog::level::err, event, fields);
+  write(Level::error, event, fields);
+}
+
+void say(Level level, std::string_view event, std::string_view text) {
+  if (is_json())
+    write(level, event, {{"note", std::string(text)}});
+  else
+    out().say(level, text);
+}
+
+void trace(system_clock::time_point at, std::size_t bytes, std::function<std::string()> make) {
+  out().trace(at, bytes, std::move(make));
+}
+
+std::string body(std::string_view event, const Fields& fields) {
+  return body_of(event, fields, std::string_view::npos);
 }
 
 }  // namespace fxagent::log

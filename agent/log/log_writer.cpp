@@ -25,18 +25,30 @@ LogWriter::~LogWriter() {
 }
 
 void LogWriter::write(std::string line) {
+  const std::size_t bytes = line.size();
   std::unique_lock lock(shared_->mutex);
-  if (shared_->bytes + line.size() > kMostBytes) {
-    ++shared_->dropped;
-    return;
-  }
-  shared_->bytes += line.size();
-  shared_->lines.push_back(std::move(line));
-  const std::uint64_t own = ++shared_->taken;
-  shared_->news.notify_one();
+  if (!take({std::move(line), {}, bytes}, kMostBytes)) return;
+  const std::uint64_t own = shared_->taken;
   if (shared_->behind) return;
   shared_->behind =
       !shared_->written.wait_for(lock, kWaitForLine, [&] { return shared_->done >= own; });
+}
+
+void LogWriter::write_later(std::size_t bytes, std::function<std::string()> make) {
+  const std::lock_guard lock(shared_->mutex);
+  take({{}, std::move(make), bytes}, kMostBytes / 2);
+}
+
+bool LogWriter::take(Line line, std::size_t room) {
+  if (shared_->bytes + line.bytes > room) {
+    ++shared_->dropped;
+    return false;
+  }
+  shared_->bytes += line.bytes;
+  shared_->lines.push_back(std::move(line));
+  ++shared_->taken;
+  shared_->news.notify_one();
+  return true;
 }
 
 bool LogWriter::flush(std::chrono::milliseconds patience) {
@@ -50,12 +62,12 @@ void LogWriter::run(const std::shared_ptr<Shared>& shared, int handle, const Cal
   std::unique_lock lock(shared->mutex);
   while (!shared->over) {
     if (!shared->lines.empty()) {
-      const std::string line = std::move(shared->lines.front());
+      const Line line = std::move(shared->lines.front());
       shared->lines.pop_front();
       lock.unlock();
-      write_all(handle, line);
+      write_all(handle, line.make ? line.make() : line.text);
       lock.lock();
-      shared->bytes -= line.size();
+      shared->bytes -= line.bytes;
       ++shared->done;
     } else if (const std::uint64_t count = std::exchange(shared->dropped, 0); count != 0) {
       lock.unlock();

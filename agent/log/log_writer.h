@@ -1,7 +1,5 @@
 // Writes log lines to a file descriptor, on a thread of its own: a pipe that nobody reads, a
 // terminal that was stopped or a slow disk holds up nobody who logs.
-//
-// spdlog's own asynchronous logger waits for such a pipe when it ends, for ever.
 #pragma once
 
 #include <chrono>
@@ -42,16 +40,25 @@ class LogWriter final {
 
   /// A whole line with its end. Any thread but the writer's.
   void write(std::string line);
+  /// A line that `make` makes, with its end, on the writer's thread, when its turn comes. It is
+  /// taken for `bytes` long and not waited for; where the queue is half full it is dropped. Any
+  /// thread but the writer's.
+  void write_later(std::size_t bytes, std::function<std::string()> make);
   /// Waits until all is written, at most so long. False: it was not.
   bool flush(std::chrono::milliseconds patience);
 
  private:
+  struct Line {
+    std::string text;
+    std::function<std::string()> make;  ///< empty: `text` is the line
+    std::size_t bytes = 0;              ///< as it counts for kMostBytes
+  };
   /// Belongs to the writer and to its thread, which may outlive it.
   struct Shared {
     std::mutex mutex;
     std::condition_variable news;     ///< for the thread
     std::condition_variable written;  ///< for those who wait
-    std::deque<std::string> lines;
+    std::deque<Line> lines;
     std::size_t bytes = 0;
     std::uint64_t dropped = 0;
     std::uint64_t taken = 0;  ///< lines ever put into the queue
@@ -59,6 +66,8 @@ class LogWriter final {
     bool behind = false;      ///< a line was waited for in vain, and the queue is not empty since
     bool over = false;
   };
+  /// False: there is no room for it, and it is counted. Under the mutex.
+  bool take(Line line, std::size_t room);
   static void run(const std::shared_ptr<Shared>& shared, int handle, const Callbacks& callbacks);
   static void write_all(int handle, const std::string& text);
 

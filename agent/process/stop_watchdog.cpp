@@ -7,9 +7,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "agent/calendar.h"
 #include "agent/log/log.h"
-#include "agent/messages.h"
 
 namespace fxagent {
 namespace {
@@ -20,7 +18,6 @@ constexpr std::size_t kAtOnce = 512;
 /// On stderr, as the log would; nothing where nobody reads it. Not by the log: whoever holds that
 /// may be what does not end.
 void write_last_line(std::string text) {
-  text = utc_text(utc_ms(std::chrono::system_clock::now())) + " error " + text;
   text.resize(std::min(text.size(), kAtOnce - 1));
   text += '\n';
   pollfd out{STDERR_FILENO, POLLOUT, 0};
@@ -94,10 +91,11 @@ void StopWatchdog::run(const sigset_t& stop_signals) {
 void StopWatchdog::end_by_force(int status) {
   if (status != 0) {
     const std::string more = more_ ? more_() : std::string();
-    write_last_line(log::format_line(
-        "agent", {{"state", "ended_by_force"},
-                  {"waited_s", std::to_string(kPatience.count())},
-                  {"unfinished", more.empty() ? std::string(what_) : what_ + (": " + more)}}));
+    write_last_line(
+        log::line(log::Level::error, "agent",
+                  {{"state", "ended_by_force"},
+                   {"waited_s", std::to_string(kPatience.count())},
+                   {"unfinished", more.empty() ? std::string(what_) : what_ + (": " + more)}}));
   }
   _exit(status);
 }

@@ -57,7 +57,7 @@ Publisher::Publisher(Config& config, PublisherSettings settings, Payload& payloa
       spool_(store, settings_.backlog_bytes),
       samples_out_(config, settings_.boot, payload, outgoing_, backoff_, spool_, store),
       intake_(commands, broker, config.mqtt),
-      status_({config, commands, retained_, spool_, session_, results_, samples_out_, store},
+      status_({config, commands, session_, retained_, spool_, results_, samples_out_, store},
               {settings_.boot, settings_.version}, utc_ms_, [this] { outbox_.notify(); }),
       identity_(settings_.boot) {}
 

@@ -56,6 +56,7 @@ void Session::on(const Connected& event, SteadyTime now) {
   last_up_ = now;
   failed_rounds_ = 0;
   last_failure_.clear();
+  why_not_connected_.clear();
   outgoing_.begin(event);
   log::info("broker_connected",
             {{"server", server()}, {"window", std::to_string(outgoing_.window())}});
@@ -76,6 +77,7 @@ void Session::on(const ConnectFailed& event, SteadyTime now) {
     log::warn("broker_unreachable", {{"server", server()}, {"reason", event.text}});
     last_failure_ = event.text;
   }
+  why_not_connected_ = event.text;
   link_ = Link::waiting;
   starting_ = false;
   receive_maximum_ = kReceiveMaximum;
@@ -87,6 +89,7 @@ void Session::on(const Lost& event, SteadyTime now) {
   if (link_ == Link::connecting) return on(ConnectFailed{event.text}, now);
   if (link_ != Link::connected) return;
   log::warn("broker_lost", {{"server", server()}, {"reason", event.text}});
+  why_not_connected_ = event.text;
   if (event.reason_code == kSessionTakenOver) listener_.session_taken_over();
   receive_maximum_ = kReceiveMaximum;
   end(now);
@@ -120,6 +123,7 @@ void Session::connect(SteadyTime now) {
 void Session::end(SteadyTime now) {
   link_ = Link::waiting;
   last_up_ = now;
+  lost_at_ = now;
   leftovers_until_.reset();
   down_since_.reset();
   suback_by_.reset();

@@ -70,6 +70,11 @@ class Session final {
   void give_up(SteadyTime now);
 
   bool is_connected() const { return link_ == Link::connected; }
+  /// Since when it is as it is: connected, or without a connection; the clock's beginning where
+  /// there was none yet.
+  SteadyTime since() const { return is_connected() ? connected_at_ : lost_at_; }
+  /// The last failure, or why the connection was lost; empty: it is connected, or was never tried.
+  const std::string& why_not_connected() const { return why_not_connected_; }
   /// The one of the config that it is connected to, or tries.
   const std::string& server() const { return mqtt_.servers.at(server_); }
   /// Neither connected nor on the way to it.
@@ -118,6 +123,8 @@ class Session final {
   std::optional<SteadyTime> last_up_;  ///< when there was a connection
   SteadyTime retry_at_{};
   std::string last_failure_;
+  std::string why_not_connected_;
+  SteadyTime lost_at_{};
   SteadyTime connect_deadline_{};
   SteadyTime connected_at_{};
   SteadyTime look_again_{};               ///< whether the connection is still there

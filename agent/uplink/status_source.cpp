@@ -109,14 +109,18 @@ SampleCounts StatusSource::samples() const {
   return samples;
 }
 
-BrokerStatus StatusSource::broker() const {
+BrokerStatus StatusSource::broker(SteadyTime now) const {
   const Session& session = parts_.session;
+  const SteadyTime since = std::max(session.since(), started_);
   BrokerStatus status;
   status.server = session.server();
   status.connected = session.is_connected();
   status.not_heard_why = session.not_heard_why().value_or("");
   status.subscribed =
       status.connected && !session.not_heard_why() && !session.awaits_first_suback();
+  status.since_ms =
+      utc_ms_() - std::chrono::duration_cast<std::chrono::milliseconds>(now - since).count();
+  status.why = session.why_not_connected();
   return status;
 }
 
@@ -127,12 +131,12 @@ AgentStatus StatusSource::make(SteadyTime now) const {
   status.ts_ms = utc_ms_();
   status.made_at = now;
   status.field_heard = field_heard_;
-  status.broker = broker();
   status.command_durations = parts_.results.durations();
   status.boot = run_.boot;
   status.version = run_.version;
   status.uptime = std::chrono::duration_cast<seconds>(now - started_);
   status.conflict = conflict_;
+  status.broker = broker(now);
   status.samples = samples();
   status.field = field_;
   status.devices = parts_.retained.states();

@@ -33,9 +33,9 @@ class StatusSource final {
   struct Parts {
     const Config& config;
     const Commands& commands;
+    const Session& session;
     const RetainedState& retained;
     const SampleSpool& spool;
-    const Session& session;
     const ResultDelivery& results;
     SampleDelivery& samples;
     const Store* store = nullptr;  ///< null: none
@@ -77,8 +77,8 @@ class StatusSource final {
   StatusBoard& board() { return board_; }
 
  private:
-  BrokerStatus broker() const;
   AgentStatus make(SteadyTime now) const;
+  BrokerStatus broker(SteadyTime now) const;
   void log_samples();
 
   const Parts parts_;

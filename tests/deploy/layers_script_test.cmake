@@ -8,7 +8,7 @@ function(write_tree)
   file(REMOVE_RECURSE "${WORK}")
   file(WRITE "${WORK}/protocol/codec.h" "#include <vector>\n#include <tl/expected.hpp>\n#include \"protocol/bytes.h\"\n")
   file(WRITE "${WORK}/agent/agent.cpp" "#include \"agent/field/field.h\"\n#include \"agent/uplink/publisher.h\"\n")
-  file(WRITE "${WORK}/agent/log/log.cpp" "#include <spdlog/spdlog.h>\n")
+  file(WRITE "${WORK}/agent/log/log.cpp" "#include \"agent/text.h\"\n")
   file(WRITE "${WORK}/agent/field/field.cpp" "#include <asio/post.hpp>\n#include \"protocol/codec.h\"\n")
   file(WRITE "${WORK}/agent/store/store.h" "#include <SQLiteCpp/SQLiteCpp.h>\n#include \"agent/commands/journal.h\"\n")
   file(WRITE "${WORK}/agent/uplink/json_payload.cpp" "#include <nlohmann/json.hpp>\n#include \"agent/messages.h\"\n")
@@ -36,7 +36,6 @@ foreach(wrong IN ITEMS
     "protocol/plan.cpp|<asio/steady_timer.hpp>"
     "protocol/plan.cpp|<mqtt/message.h>"
     "protocol/plan.cpp|<nlohmann/json.hpp>"
-    "protocol/plan.cpp|<spdlog/spdlog.h>"
     "protocol/plan.cpp|<thread>"
     "protocol/plan.cpp|<mutex>"
     "protocol/plan.cpp|<sys/socket.h>"
@@ -66,7 +65,6 @@ foreach(wrong IN ITEMS
     "agent/config/config.cpp|\"agent/uplink/json_payload.h\""
     "agent/config/config.cpp|\"uplink/json.h\""
     "agent/cli/main.cpp|<mqtt/message.h>"
-    "agent/cli/main.cpp|<spdlog/spdlog.h>"
     "agent/outbox.h|\"tests/support/fake.h\""
     "tests/agent/uplink/a_test.cpp|<mqtt/message.h>"
     "tests/sim/plc.cpp|\"protocol/bytes.h\""

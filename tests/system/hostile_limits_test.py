@@ -213,39 +213,55 @@ class Disk(PlantTest):
 class Watchdog(PlantTest):
     """systemd is told that the agent lives only while both of its threads do."""
 
-    def start_watched(self, point):
+    def start_watched(self, point, abstract=False):
         self.start(devices=[device(timeout_ms=1000)])
         self.ready()
         self.agent.stop()
+        self.statuses = []
         self.inbox = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self.addCleanup(self.inbox.close)
         path = os.path.join(self.directory, "notify.sock")
-        self.inbox.bind(path)
+        self.inbox.bind("\0" + path if abstract else path)
         since = self.watcher.mark()
-        self.agent.start(CRASHING, {"NOTIFY_SOCKET": path, "WATCHDOG_USEC": "1200000",
-                                    "FXAGENT_STAND_STILL_AT": point})
+        self.agent.start(CRASHING, {"NOTIFY_SOCKET": "@" + path if abstract else path,
+                                    "WATCHDOG_USEC": "1200000", "FXAGENT_STAND_STILL_AT": point})
         self.assertEqual(self.told(30), "READY=1")
         self.state("press1", "online", since)
 
     def told(self, patience):
-        self.inbox.settimeout(patience)
-        try:
-            return self.inbox.recv(4096).decode()
-        except TimeoutError:
-            return None
+        """The next that is told beside the status, which is collected."""
+        deadline = time.monotonic() + patience
+        while (left := deadline - time.monotonic()) > 0:
+            self.inbox.settimeout(left)
+            try:
+                text = self.inbox.recv(4096).decode()
+            except TimeoutError:
+                return None
+            if not text.startswith("STATUS="):
+                return text
+            self.statuses.append(text.removeprefix("STATUS="))
+        return None
 
     def fed(self, count):
         for _ in range(count):
             self.assertEqual(self.told(30), "WATCHDOG=1")
 
     def test_it_is_fed_while_all_goes_well_and_a_stop_is_told(self):
-        self.start_watched("")
+        self.start_watched("", abstract=True)
         self.fed(5)
+        wait_for("a status", lambda: self.told(1) and self.statuses[1:])
+        self.assertRegex(self.statuses[-1],
+                         r"^links 1 of 1 up, devices 1 of 1 online; broker connected; "
+                         r"\d samples? waits?; 0 commands$")
         self.agent.process.terminate()
         last = [self.told(30)]
         while last[-1] == "WATCHDOG=1":
             last.append(self.told(30))
         self.assertEqual(last[-1], "STOPPING=1")
+        self.assertEqual(self.agent.process.wait(STOP_S), 0)
+        self.agent.process = None
+        self.told(1)
+        self.assertEqual(self.statuses[-2:], ["stopping", "stopped"])
 
     def check_standstill(self, point, who):
         self.start_watched(point)
@@ -255,6 +271,7 @@ class Watchdog(PlantTest):
         while self.told(0.01):  # what was fed before
             pass
         self.assertIsNone(self.told(3), "it was fed by a thread that stands still")
+        self.assertEqual(self.statuses[-1], f"{who} stands still: the agent is to be started again")
         self.agent.process.kill()
         self.agent.process.wait()
         self.agent.process = None

@@ -292,8 +292,9 @@ class Sim:
 
 
 class Agent:
-    def __init__(self, directory, config):
+    def __init__(self, directory, config, arguments=()):
         self.directory = directory
+        self.arguments = arguments  # of `run`, behind the config
         self.path = os.path.join(directory, "agent.json")
         self.write(config)
         self.log_path = os.path.join(directory, "agent.log")
@@ -307,7 +308,8 @@ class Agent:
 
     def start(self, program=FXAGENT, environment=None, **more):
         self.log = open(self.log_path, "a")
-        self.process = subprocess.Popen([program, "run", self.path], stderr=self.log,
+        self.process = subprocess.Popen([program, "run", self.path, *self.arguments],
+                                        stderr=self.log,
                                         stdout=subprocess.DEVNULL,
                                         env=dict(os.environ, **(environment or {})), **more)
 
@@ -397,18 +399,19 @@ class PlantTest(unittest.TestCase):
         return {"name": name, "serial": {"path": self.pty(plc), "baud": baud}}
 
     def start(self, devices=None, plcs=None, links=None, broker_conf="", mqtt_config=None,
-              version="5", store=None, **sections):
+              version="5", store=None, arguments=(), **sections):
         self.broker = Broker(self.directory, broker_conf)
         self.broker.start()
         self.start_sim(plcs)
         self.watcher = Watcher(self.broker.port)
-        self.start_agent(devices, links, mqtt_config, version, store, **sections)
+        self.start_agent(devices, links, mqtt_config, version, store, arguments, **sections)
 
     def start_sim(self, plcs=None):
         self.sim = Sim(self.directory, plcs or [self.plc()])
         self.sim.start()
 
-    def start_agent(self, devices=None, links=None, mqtt_config=None, version="5", store=None, **sections):
+    def start_agent(self, devices=None, links=None, mqtt_config=None, version="5", store=None,
+                    arguments=(), **sections):
         config = {
             "agent": {"id": "edge7", "root": "fx/plant-a"},
             "mqtt": {"servers": [f"mqtt://127.0.0.1:{self.broker.port}"], "version": version},
@@ -419,7 +422,7 @@ class PlantTest(unittest.TestCase):
         if store:
             config["store"] = store
         config["mqtt"].update(mqtt_config or {})
-        self.agent = Agent(self.directory, config)
+        self.agent = Agent(self.directory, config, arguments)
         self.agent.start()
 
     # What tests ask for most.

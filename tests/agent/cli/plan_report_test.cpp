@@ -317,5 +317,43 @@ TEST(PlanReport, AWrongWhatIfIsNamedAndChangesNothing) {
   EXPECT_NE(far.error().text.find("D1024 is out of reach"), std::string::npos) << far.error().text;
 }
 
+TEST(PlanReport, OverloadsAreTheWarningsOfThePlanAboutIntervals) {
+  const auto device = [](const std::string& name, const std::string& interval) {
+    return R"({"name":")" + name +
+           R"(","link":"l","protocol":"fx-computer-link","model":"FX3U","station":)" +
+           (name == "p" ? "0" : "1") + R"(,"groups":[{"name":"g","interval_ms":)" + interval +
+           R"(}],"tags":[)" + kLarge + "]}";
+  };
+  const Config fits = config_of(kSerial, device("p", "5000") + "," + device("q", "5000"));
+  EXPECT_TRUE(overloads(fits).empty());
+  const Config config = config_of(kSerial, device("p", "500") + "," + device("q", "1000"));
+  std::vector<std::string> planned;
+  for (const LinkReport& link : plan_links(config))
+    for (const std::string& warning : link.warnings) planned.push_back(link.name + ": " + warning);
+  EXPECT_EQ(overloads(config), planned);
+  ASSERT_EQ(planned.size(), 2U);
+  EXPECT_TRUE(planned[0].starts_with("l: p/g asks for 500 ms; the link carries ")) << planned[0];
+  EXPECT_NE(planned[1].find(": set interval_ms to "), std::string::npos) << planned[1];
+}
+
+TEST(PlanReport, IntervalsThatOverloadsNamesFit) {
+  const auto interval_in = [](const std::string& text) { return text.substr(text.rfind(' ') + 1); };
+  const auto config = [](const std::string& interval) {
+    std::string device = plc(kLarge);
+    device.replace(device.find(R"("interval_ms":1000)"), 18, R"("interval_ms":)" + interval);
+    return config_of(kSerial, device);
+  };
+  const auto found = overloads(config("100"));
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_TRUE(overloads(config(interval_in(found[0]))).empty()) << found[0];
+}
+
+TEST(PlanReport, LinkWhoseSpeedIsNotKnownIsNotOverloaded) {
+  const std::string tcp = R"({"name":"l","tcp":{"host":"192.0.2.1","port":5551}})";
+  std::string device = plc(kLarge);
+  device.replace(device.find(R"("interval_ms":1000)"), 18, R"("interval_ms":1)");
+  EXPECT_TRUE(overloads(config_of(tcp, device)).empty());
+}
+
 }  // namespace
 }  // namespace fxagent

@@ -6,6 +6,7 @@
 #include <fstream>
 
 #include "tests/agent/config/small_plant.h"
+#include "tests/support/other_program.h"
 
 namespace fxagent {
 namespace {
@@ -173,6 +174,24 @@ TEST_F(ConfigFiles, PasswordVariableStandsInForTheFile) {
   const auto missing = check_files(good(plant.dump()));
   ::unsetenv("FXAGENT_TEST_PASSWORD");
   EXPECT_TRUE(missing.empty()) << listed(missing);
+}
+
+TEST_F(ConfigFiles, PortThatAnotherProgramHasIsNamedWithIt) {
+  const std::string path = write("ttyUSB0", "");
+  Config config;
+  LinkConfig link;
+  SerialSettings serial;
+  serial.path = path;
+  link.channel = serial;
+  config.links.push_back(link);
+  EXPECT_TRUE(check_files(config).empty());
+  const OtherProgram other(path);
+  const auto found = check_files(config);
+  ASSERT_EQ(pointers(found), std::vector<std::string>{"/links/0/serial/path"});
+  EXPECT_NE(found[0].text.find("is in use by another program: config_test, pid " +
+                               std::to_string(other.pid())),
+            std::string::npos)
+      << found[0].text;
 }
 
 }  // namespace

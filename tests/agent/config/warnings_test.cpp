@@ -121,5 +121,66 @@ TEST(ConfigWarnings, TwoDevicesOfOneStationOnALinkAreOnePlc) {
   EXPECT_NE(list[1].find("is that of /devices/3 (line "), std::string::npos) << list[1];
 }
 
+// ---- lines ------------------------------------------------------------------------------------
+
+/// Of the first device's line, set like this, where the device speaks this protocol.
+std::vector<std::string> of_line(const std::string& serial, const std::string& protocol,
+                                 const std::string& model) {
+  return warnings_of(
+      R"({"agent":{"id":"edge7","root":"fx"},"mqtt":{"servers":["mqtt://127.0.0.1:1"]},)"
+      R"("store":{"path":"/tmp"},"links":[{"name":"line1","serial":{"path":"/dev/x",)" +
+      serial + R"(}}],"devices":[{"name":"press1","link":"line1","protocol":")" + protocol + "\"" +
+      model + R"(,"tags":[{"name":"t","address":")" +
+      (protocol.starts_with("fx-") ? "D1" : "hr:1") + R"("}]}]})");
+}
+
+TEST(ConfigWarnings, SpeedsThatADocumentKnowsAreFine) {
+  for (const char* baud : {"9600", "19200"})
+    for (const char* model : {"FX1S", "FX2N", "FX3U"})
+      for (const char* protocol : {"fx-programming-port", "fx-computer-link"})
+        EXPECT_TRUE(of_line(R"("baud":)" + std::string(baud), protocol,
+                            R"(,"model":")" + std::string(model) + "\"")
+                        .empty())
+            << baud << model << protocol;
+  EXPECT_TRUE(of_line(R"("baud":115200)", "fx-programming-port", R"(,"model":"FX3UC")").empty());
+  EXPECT_TRUE(of_line(R"("baud":38400)", "fx-computer-link", R"(,"model":"FX3G")").empty());
+  EXPECT_TRUE(of_line(R"("baud":300)", "fx-computer-link", R"(,"model":"FX2N")").empty());
+  EXPECT_TRUE(of_line(R"("baud":14400)", "modbus-rtu", "").empty());
+}
+
+TEST(ConfigWarnings, SpeedThatNoDocumentOfTheProtocolKnowsIsToldWithThoseItDoes) {
+  auto found = of_line(R"("baud":4800)", "fx-programming-port", R"(,"model":"FX2N")");
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_NE(found[0].find("/links/0/serial/baud"), std::string::npos) << found[0];
+  EXPECT_NE(found[0].find("4800 baud is not known of fx-programming-port, whose speeds are 9600, "
+                          "19200, 38400, 57600, 115200"),
+            std::string::npos)
+      << found[0];
+  found = of_line(R"("baud":115200)", "fx-computer-link", R"(,"model":"FX3U")");
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_NE(found[0].find("19200, 38400"), std::string::npos) << found[0];
+}
+
+TEST(ConfigWarnings, SpeedThatTheModelDoesNotReachIsTold) {
+  for (const char* protocol : {"fx-programming-port", "fx-computer-link"}) {
+    const auto found = of_line(R"("baud":38400)", protocol, R"(,"model":"FX2N")");
+    ASSERT_EQ(found.size(), 1U) << protocol;
+    EXPECT_NE(found[0].find("press1 is an FX2N, which goes to 19200 baud at the most"),
+              std::string::npos)
+        << found[0];
+  }
+}
+
+TEST(ConfigWarnings, ProgrammingPortThatIsNot7E1IsTold) {
+  for (const char* serial :
+       {R"("data_bits":8,"parity":"none")", R"("parity":"odd")", R"("stop_bits":2)"}) {
+    const auto found = of_line(serial, "fx-programming-port", R"(,"model":"FX2N")");
+    ASSERT_EQ(found.size(), 1U) << serial;
+    EXPECT_NE(found[0].find("7 data bits, even parity and 1 stop bit"), std::string::npos)
+        << found[0];
+    EXPECT_TRUE(of_line(serial, "fx-computer-link", R"(,"model":"FX2N")").empty());
+  }
+}
+
 }  // namespace
 }  // namespace fxagent

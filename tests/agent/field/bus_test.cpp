@@ -37,7 +37,7 @@ class BusTest : public ::testing::Test {
  protected:
   BusTest() {
     make_line(nanoseconds(0));
-    station.codec = codec.get();
+    station.codec = codec;
   }
   ~BusTest() override { EXPECT_EQ(wire->steps_left(), 0U) << "the script was not played out"; }
 
@@ -264,7 +264,7 @@ TEST_F(BusTest, LateReplyBetweenDrainAndEnquiryIsThrownAway) {
 TEST_F(BusTest, LateReplyHasItsTimeWhereNobodyAnswersTheResync) {
   // EOT of a computer link has no answer that would tell what came before it.
   codec = std::make_shared<fx::ComputerLink>(fx::ComputerLink::Settings{});
-  station.codec = codec.get();
+  station.codec = codec;
   station.timeout = milliseconds(150);
   const Read d100{codec->addresses().parse_address("D100", {})->span, fx::ComputerLink::kWordWay};
   const Bytes question = *codec->encode(d100, 0);
@@ -394,7 +394,7 @@ TEST_F(BusTest, NoiseAroundAnAnswerIsThrownAwayAndCounted) {
   EXPECT_EQ(second.reply.image, word(2));
   EXPECT_FALSE(second.doubted);
   EXPECT_EQ(line->counters().unexpected_bytes, 2U);
-  EXPECT_EQ(line->last_unexpected(), "55 55");
+  EXPECT_EQ(to_hex(line->last_unexpected()), "55 55");
   EXPECT_FALSE(line->doubt().is_doubted()) << "no answer is made of these";
 }
 
@@ -451,7 +451,7 @@ TEST_F(BusTest, SecondAnswerThatComesLaterPutsTheBusInDoubt) {
   EXPECT_TRUE(second.doubted) << "it may be right, and is not to be believed";
   EXPECT_TRUE(line->doubt().is_doubted());
   EXPECT_EQ(line->counters().unexpected_bytes, 8U);
-  EXPECT_EQ(line->last_unexpected(), to_hex(word_frame(99)));
+  EXPECT_EQ(line->last_unexpected(), word_frame(99));
 }
 
 TEST_F(BusTest, DoubtEndsWithThreeExchangesThatHadSilenceBeforeAndBehindThem) {
@@ -555,7 +555,7 @@ TEST_F(BusTest, InDoubtItListensAsLongAsTheSlowestAnswerMayTake) {
 TEST_F(BusTest, AnswersWithNumbersAreNeverDoubted) {
   const ProtocolInfo& info = *find_protocol("modbus-tcp");
   codec = *info.make(default_options(info));
-  station.codec = codec.get();
+  station.codec = codec;
   const Read hr0{codec->addresses().parse_address("hr:0", {})->span};
   const Bytes first = *from_hex("00 01 00 00 00 05 01 03 02 00 64");
   wire->expect(*from_hex("00 01 00 00 00 06 01 03 00 00 00 01")).give(joined(first, first));
@@ -572,7 +572,7 @@ TEST_F(BusTest, AnswersWithNumbersAreNeverDoubted) {
 TEST_F(BusTest, RtuAsksForLessFirstSoThatTheAnswersCanBeToldApart) {
   const ProtocolInfo& info = *find_protocol("modbus-rtu");
   codec = *info.make(default_options(info));
-  station.codec = codec.get();
+  station.codec = codec;
   const Read two{{codec->addresses().parse_address("hr:0", {})->span.space, 0, 32}};
   const Bytes question = *from_hex("01 03 00 00 00 02 C4 0B");
   const Bytes answer = *from_hex("01 03 04 00 64 00 65 7B C7");
@@ -591,7 +591,7 @@ TEST_F(BusTest, EchoThatNobodyAwaitedIsNoForeignAnswer) {
   Options options = default_options(info);
   options["unit"] = std::int64_t{0};
   codec = *info.make(options);
-  station.codec = codec.get();
+  station.codec = codec;
   const Bytes admitted = *from_hex("00 06 00 01 00 AA 59 A4");
   const Write write{{codec->addresses().parse_address("hr:1", {})->span.space, 16, 16}, word(0xAA)};
   wire->expect(admitted).give(admitted).expect(admitted);

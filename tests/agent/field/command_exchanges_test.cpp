@@ -4,6 +4,7 @@
 
 #include <asio/io_context.hpp>
 #include <memory>
+#include <string>
 #include <utility>
 
 #include "protocol/plan.h"
@@ -48,7 +49,7 @@ class CommandExchangesTest : public ::testing::Test {
     auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
     wire = transport.get();
     bus = std::make_unique<Bus>(io.get_executor(), std::move(transport), nanoseconds(0));
-    station.codec = device.codec.get();
+    station.codec = device.codec;
     station.enquire = EnquirePolicy::never;
     target.point = tag(*device.codec, "setpoint", "D200").point;
     admitted.deadline = Clock::now() + std::chrono::hours(1);
@@ -74,6 +75,23 @@ class CommandExchangesTest : public ::testing::Test {
   Others others;
   std::unique_ptr<CommandExchanges> exchanges;
 };
+
+TEST_F(CommandExchangesTest, BytesThatAreNoAnswerAreToldWithWhatTheyLookLike) {
+  // The line returns the question, and nobody answers it.
+  wire->expect(kWrite50).give(kWrite50).silence();
+  const Exchange exchange = send(false);
+  EXPECT_EQ(exchange.outcome, Exchange::Outcome::unanswered);
+  EXPECT_NE(exchange.error.find("; it looks like the question itself, which the line returns"),
+            std::string::npos)
+      << exchange.error;
+}
+
+TEST_F(CommandExchangesTest, OfBytesThatLookLikeNothingNothingIsClaimed) {
+  wire->expect(kWrite50).give({0x07}).silence();
+  const Exchange exchange = send(false);
+  EXPECT_FALSE(exchange.has_answer());
+  EXPECT_EQ(exchange.error.find("looks like"), std::string::npos) << exchange.error;
+}
 
 TEST_F(CommandExchangesTest, ClosedLineIsOpenedAndTheWriteLeavesOnce) {
   wire->expect(kWrite50).give(kAck);

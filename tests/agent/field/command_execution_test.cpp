@@ -57,7 +57,7 @@ class CommandExecutionTest : public ::testing::Test {
     auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
     wire = transport.get();
     line = std::make_unique<Bus>(io.get_executor(), std::move(transport), nanoseconds(0));
-    station.codec = device.codec.get();
+    station.codec = device.codec;
     wire->expect(kEnq).give(kAck);
   }
   ~CommandExecutionTest() override {

@@ -203,7 +203,7 @@ class RandomCommands {
     auto transport = std::make_unique<LedgerTransport>(io.get_executor(), scene_);
     Bus line(io.get_executor(), std::move(transport), nanoseconds(0));
     Station station;
-    station.codec = device_.codec.get();
+    station.codec = device_.codec;
     CommandExecution execution(io.get_executor(), line, station, device_, admitted, &sharing);
     const CommandResult result = run_on(io, execution.run());
     ++counted[result.status];

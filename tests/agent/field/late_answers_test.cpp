@@ -145,7 +145,7 @@ class Agents final {
   /// Whether the answer is not believed, or is the question's own.
   bool ask() {
     Device& device = devices_[pick()];
-    device.station.codec = device.codec.get();
+    device.station.codec = device.codec;
     const bool writes = wire_->one_in(3);
     const std::string place =
         modbus_ ? (wire_->one_in(2) ? "hr:100" : "hr:200") : (wire_->one_in(2) ? "D100" : "D200");

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <asio/io_context.hpp>
 #include <memory>
 #include <utility>
@@ -90,6 +91,45 @@ TEST_F(LinkStateTest, SerialLineThatWasLostIsOpenedAtOnceAndThenEachTimeLater) {
   link->look();
   link->open_failed("no such device");
   EXPECT_LE(next_open_in(), milliseconds(600)) << "it was open, so this failure is a first one";
+}
+
+TEST_F(LinkStateTest, GarbageIsToldOnceForEachDeviceAndCauseWithItsFirstBytes) {
+  use(SerialSettings{});
+  const auto told_of = [&](const Bytes& heard) {
+    Exchange exchange;
+    exchange.outcome = Exchange::Outcome::garbled;
+    exchange.error = "no STX";
+    exchange.heard = heard;
+    devices[0]->foreign_bytes_from = {};  // a while has passed
+    testing::internal::CaptureStderr();
+    link->heard_foreign(*devices[0], exchange);
+    return testing::internal::GetCapturedStderr();
+  };
+  // STX and digits of 7 bits with even parity.
+  const Bytes parity{0x82, 0x33, 0xB4, 0xB1, 0xB2, 0xC3, 0x44, 0x41, 0x42,
+                     0x03, 0x44, 0xB7, 0x82, 0x33, 0xB4, 0xB1, 0xB2, 0xC3};
+  const std::string first = told_of(parity);
+  EXPECT_NE(
+      first.find("warning device device=press1 heard=\"82 33 B4 B1 B2 C3 44 41 42 03 44 B7 82 "
+                 "33 B4 B1 … (18 bytes)\" reason=\"no STX\" looks_like=\"7 bits with even "
+                 "parity in bit 7: "),
+      std::string::npos)
+      << first;
+  EXPECT_EQ(told_of(parity), "") << "the same cause";
+  EXPECT_NE(told_of({0xFF, 0x00, 0x13, 0x99}), "");
+  EXPECT_EQ(told_of({}), "") << "silence is no garbage";
+}
+
+TEST_F(LinkStateTest, GarbageIsLookedAtOnceInAWhile) {
+  use(SerialSettings{});
+  Exchange exchange;
+  exchange.heard = {0x82, 0x33, 0xB4, 0xB1};
+  testing::internal::CaptureStderr();
+  link->heard_foreign(*devices[0], exchange);
+  exchange.heard = {0xFF, 0x00, 0x13, 0x99};  // another cause, at once
+  link->heard_foreign(*devices[0], exchange);
+  const std::string log = testing::internal::GetCapturedStderr();
+  EXPECT_EQ(std::ranges::count(log, '\n'), 1) << log;
 }
 
 TEST_F(LinkStateTest, LinkThatComesAndGoesIsReadAtOnceNoMoreThanEveryTenSeconds) {

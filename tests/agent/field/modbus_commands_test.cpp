@@ -27,7 +27,7 @@ class CommandOnTheBusTest : public ::testing::Test {
  protected:
   void use(std::string_view protocol, std::shared_ptr<const Codec> codec) {
     device = device_on(protocol, std::move(codec));
-    station.codec = device.codec.get();
+    station.codec = device.codec;
     auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
     wire = transport.get();
     line = std::make_unique<Bus>(io.get_executor(), std::move(transport), nanoseconds(0));

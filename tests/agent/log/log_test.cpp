@@ -1,9 +1,14 @@
 #include "agent/log/log.h"
 
 #include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
+#include <chrono>
 #include <cstdlib>
 #include <exception>
+#include <optional>
+#include <string>
 
 namespace fxagent {
 namespace {
@@ -68,6 +73,90 @@ TEST(LogDeathTest, EqualLinesAreCountedAndTheCountIsToldAtTheEnd) {
   };
   EXPECT_EXIT(end(), ::testing::ExitedWithCode(7),
               "warning repeated count=95 line=\"link state=down\"");
+}
+
+/// What stderr is like in a child that ends with status 7 behind `what`.
+template <class What>
+void in_background_and_end(What what) {
+  {
+    const log::InBackground background;
+    what();
+  }
+  std::_Exit(7);
+}
+
+TEST(LogDeathTest, LinesInJsonAreObjectsWithEscapedStrings) {
+  const auto end = [] {
+    log::set_format(log::Format::json);
+    in_background_and_end([] {
+      log::warn("link", {{"link", "line1"}, {"reason", "a \"b\"\nc \xFF \xC2\xB0"}});
+      log::say(log::Level::error, "config", "agent.json:3: \"x\"");
+    });
+  };
+  EXPECT_EXIT(end(), ::testing::ExitedWithCode(7),
+              R"re(^\{"ts":"20[0-9-]+T[0-9:.]+Z","level":"warning","event":"link","fields":)re"
+              R"re(\{"link":"line1","reason":"a \\"b\\"\\nc � °"\}\}
+\{"ts":"[^"]+","level":"error","event":"config","fields":\{"note":"agent.json:3: \\"x\\""\}\}
+$)re");
+}
+
+TEST(LogDeathTest, EqualLinesInJsonAreCountedInJson) {
+  const auto end = [] {
+    log::set_format(log::Format::json);
+    in_background_and_end([] {
+      for (int i = 0; i < 7; ++i) log::info("link", {{"state", "up"}});
+    });
+  };
+  EXPECT_EXIT(end(), ::testing::ExitedWithCode(7),
+              R"re("event":"repeated","fields":\{"count":"2","line":)re"
+              R"re(\{"event":"link","fields":\{"state":"up"\}\}\}\})re");
+}
+
+TEST(LogDeathTest, InTheJournalEachLineHasItsPriorityAndElsewhereNone) {
+  const auto end = [](bool is_journal) {
+    struct stat file {};
+    ::fstat(STDERR_FILENO, &file);
+    const std::string inode = std::to_string(file.st_ino + (is_journal ? 0 : 1));
+    ::setenv("JOURNAL_STREAM", (std::to_string(file.st_dev) + ":" + inode).c_str(), 1);
+    log::set_level(log::Level::debug);
+    in_background_and_end([] {
+      log::debug("a");
+      log::info("b");
+      log::warn("c");
+      log::error("d");
+      log::say(log::Level::error, "e", "cannot begin");
+      log::trace(std::chrono::system_clock::time_point(), 10, [] {
+        return log::body("f", {{"x", "1"}});
+      });
+    });
+  };
+  EXPECT_EXIT(end(true), ::testing::ExitedWithCode(7),
+              "^<7>2.*Z debug a\n<6>2.*Z info b\n<4>2.*Z warning c\n<3>2.*Z error d\n"
+              "<3>cannot begin\n<7>1970-01-01T00:00:00.000Z trace f x=1\n$");
+  EXPECT_EXIT(end(false), ::testing::ExitedWithCode(7),
+              "^2.*Z debug a\n2.*Z info b\n2.*Z warning c\n2.*Z error d\n"
+              "cannot begin\n1970-01-01T00:00:00.000Z trace f x=1\n$");
+}
+
+TEST(LogDeathTest, WhatIsBelowTheLevelIsNotWrittenAndTracesAre) {
+  const auto end = [] {
+    log::set_level(log::Level::error);
+    in_background_and_end([] {
+      log::warn("no");
+      for (int i = 0; i < 20; ++i)
+        log::trace(std::chrono::system_clock::now(), 10, [] { return log::body("frame", {}); });
+      log::error("yes");
+    });
+  };
+  EXPECT_EXIT(end(), ::testing::ExitedWithCode(7),
+              "^([^\n]* trace frame\n){20}[^\n]* error yes\n$");
+}
+
+TEST(Log, WordsOfLevelsAndFormats) {
+  EXPECT_EQ(log::level_from("warn"), log::Level::warn);
+  EXPECT_EQ(log::level_from("loud"), std::nullopt);
+  EXPECT_EQ(log::format_from("json"), log::Format::json);
+  EXPECT_EQ(log::format_from("xml"), std::nullopt);
 }
 
 }  // namespace

@@ -4,7 +4,10 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
+#include <chrono>
 #include <string>
+#include <thread>
 
 #include "agent/log/log_repeats.h"
 
@@ -70,6 +73,47 @@ TEST(LogWriter, PipeThatNobodyReadsHoldsUpNobodyAndWhatWasDroppedIsTold) {
   std::string end = all.substr(all.find("dropped "));
   if (end.find('\n') == std::string::npos) end += pipe.read_until("\n");
   EXPECT_EQ(end.substr(0, end.find('\n')), "dropped " + std::to_string(1000 - lines));
+}
+
+TEST(LogWriter, LinesThatAreMadeLaterComeInTheirOrderAndFromItsThread) {
+  const Pipe pipe;
+  LogWriter writer(pipe.ends[1], told());
+  const auto here = std::this_thread::get_id();
+  std::atomic<bool> elsewhere = true;
+  std::string expected;
+  for (int i = 0; i < 50; ++i) {
+    const std::string number = std::to_string(i);
+    writer.write("line " + number + "\n");
+    writer.write_later(10, [&elsewhere, here, number] {
+      if (std::this_thread::get_id() == here) elsewhere = false;
+      return "made " + number + "\n";
+    });
+    expected += "line " + number + "\nmade " + number + "\n";
+  }
+  EXPECT_TRUE(writer.flush(10s));
+  EXPECT_TRUE(elsewhere);
+  EXPECT_EQ(pipe.read_until("made 49\n"), expected);
+}
+
+// Nobody reads; the pipe holds 64 KiB.
+TEST(LogWriter, LinesThatAreMadeLaterLeaveHalfOfTheRoomAndAreNotWaitedFor) {
+  const Pipe pipe;
+  LogWriter writer(pipe.ends[1], told());
+  const std::string text = std::string(1023, 'm') + "\n";
+  const auto begin = std::chrono::steady_clock::now();
+  for (int i = 0; i < 1000; ++i) writer.write_later(1024, [text] { return text; });
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, 5s);
+  const std::size_t room = LogWriter::kMostBytes / 2 / 1024;
+  for (std::size_t i = 0; i < room; ++i) writer.write(std::string(1023, 'x') + "\n");
+  const std::string all = pipe.read_until("dropped ");
+  const auto count = [&all](const std::string& line) {
+    std::size_t lines = 0;
+    for (auto at = all.find(line); at != all.npos; at = all.find(line, at + 1)) ++lines;
+    return lines;
+  };
+  EXPECT_EQ(count("x\n"), room) << "no other line was dropped for them";
+  EXPECT_GE(count("m\n"), room);
+  EXPECT_LE(count("m\n"), room + 70);
 }
 
 TEST(LogWriter, EndsWhileItsThreadStandsInAWrite) {

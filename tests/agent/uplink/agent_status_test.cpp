@@ -69,6 +69,44 @@ TEST(AgentStatus, IsMadeAtEachTickOfHealthAndWhenAReaderAsks) {
   EXPECT_EQ(second->ts_ms, bench.utc());
 }
 
+TEST(AgentStatus, TellsWhetherTheBrokerIsThereWhyNotAndSinceWhen) {
+  Bench bench;
+  bench.broker.reachable = false;
+  bench.broker.answers = false;
+  const std::int64_t start = bench.utc();
+  bench.step();
+  BrokerStatus broker = bench.asked()->broker;
+  EXPECT_FALSE(broker.connected);
+  EXPECT_EQ(broker.since_ms, start);
+  EXPECT_EQ(broker.why, "") << "it is being tried";
+  EXPECT_EQ(broker.server, bench.config.mqtt.servers.front());
+  bench.broker.answers = true;
+  bench.advance(60s);  // the first attempt is given up, and another one refused
+  bench.advance(60s);
+  EXPECT_EQ(bench.asked()->broker.why, "connection refused");
+  EXPECT_EQ(bench.asked()->broker.since_ms, start) << "it was never connected";
+}
+
+TEST(AgentStatus, TellsSinceWhenTheBrokerIsConnectedOrLost) {
+  Bench bench;
+  bench.online();
+  const std::int64_t connected = bench.utc();
+  bench.advance(20s);
+  BrokerStatus broker = bench.asked()->broker;
+  EXPECT_TRUE(broker.connected);
+  EXPECT_LE(broker.since_ms, connected);
+  EXPECT_EQ(broker.why, "");
+  bench.broker.reachable = false;
+  bench.broker.lose();
+  bench.step();
+  const std::int64_t lost = bench.utc();
+  broker = bench.asked()->broker;
+  EXPECT_FALSE(broker.connected);
+  EXPECT_EQ(broker.since_ms, lost);
+  EXPECT_TRUE(broker.why == "connection closed" || broker.why == "connection refused")
+      << broker.why;
+}
+
 TEST(AgentStatus, HealthSaysWhatThePublishedStatusSays) {
   Bench bench;
   bench.online();

@@ -1,0 +1,226 @@
+#include "agent/field/foreign_bytes.h"
+
+#include <algorithm>
+#include <bit>
+#include <optional>
+#include <string_view>
+
+#include "protocol/catalog.h"
+#include "protocol/explanation.h"
+
+namespace fxagent {
+namespace {
+
+using Cause = ForeignBytes::Cause;
+
+constexpr std::size_t kShown = 16;
+constexpr std::uint8_t kStx = 0x02;
+// What a few bytes look like is chance.
+constexpr std::size_t kFewBytes = 3;
+
+template <class Is>
+std::size_t count(ByteView bytes, Is is) {
+  return static_cast<std::size_t>(std::ranges::count_if(bytes, is));
+}
+template <class Is>
+bool all(ByteView bytes, Is is) {
+  return std::ranges::all_of(bytes, is);
+}
+
+bool is_even(std::uint8_t byte) { return std::popcount(byte) % 2 == 0; }
+
+/// Of the characters that protocols of text use: their control characters and printable ASCII.
+bool is_text(std::uint8_t byte) {
+  constexpr std::string_view controls = "\x02\x03\x04\x05\x06\x0A\x0C\x0D\x15";
+  return (byte >= ' ' && byte < 0x7F) || controls.find(static_cast<char>(byte)) != controls.npos;
+}
+
+/// FX frames and Modbus ASCII travel as characters of 7 bits.
+bool speaks_text(const ProtocolInfo& protocol) { return protocol.line.data_bits == 7; }
+
+std::string quoted(const Explanation& frame) { return "\"" + summary(frame) + "\""; }
+
+/// " of station 3", where the frame says whose it is.
+std::string whose(const Explanation& frame) {
+  for (const auto& [name, meaning] : frame.fields)
+    if (name == "station" || name == "unit") return " of " + name + " " + meaning;
+  return {};
+}
+
+// ---- frames -------------------------------------------------------------------------------------
+
+const bool* flag_of(const DeviceConfig& device, std::string_view key) {
+  if (device.options == nullptr) return nullptr;
+  const auto option = device.options->find(key);
+  return option == device.options->end() ? nullptr : std::get_if<bool>(&option->second);
+}
+
+bool is_format_4(const DeviceConfig& device) {
+  if (device.options == nullptr) return false;
+  const auto option = device.options->find("format");
+  const auto* number =
+      option == device.options->end() ? nullptr : std::get_if<std::int64_t>(&option->second);
+  return number != nullptr && *number == 4;
+}
+
+/// A computer link whose D8120 is not what the config says; `frame` is good by itself.
+std::optional<ForeignBytes> other_settings(const DeviceConfig& device, const Explanation& frame,
+                                           ByteView heard) {
+  const bool* has_sums = flag_of(device, "sum_check");
+  if (has_sums == nullptr) return std::nullopt;
+  const bool ends_with_cr_lf = heard.size() > 1 && heard[heard.size() - 2] == '\r';
+  if (ends_with_cr_lf != is_format_4(device))
+    return ForeignBytes{Cause::other_settings,
+                        ends_with_cr_lf ? "a frame of format 4, with CR LF behind it: set format "
+                                          "to 4, or D8120 of the PLC to format 1"
+                                        : "a frame of format 1, without CR LF: set format to 1, or "
+                                          "D8120 of the PLC to format 4"};
+  const bool may_have_sum = frame.operation == "data" || frame.direction == Direction::request;
+  if (may_have_sum && frame.checksum_given.has_value() != *has_sums)
+    return ForeignBytes{Cause::other_settings,
+                        *has_sums ? "a frame without a sum: set sum_check to false, or the sum "
+                                    "check in D8120 of the PLC"
+                                  : "a frame with a sum: set sum_check to true, or no sum check in "
+                                    "D8120 of the PLC"};
+  return std::nullopt;
+}
+
+std::optional<ForeignBytes> own_frame(const DeviceConfig& device, const Codec& codec,
+                                      ByteView heard) {
+  const Explanation frame = codec.explain(heard, std::nullopt);
+  if (!frame.ok) return std::nullopt;
+  if (auto other = other_settings(device, frame, heard)) return other;
+  if (frame.direction == Direction::request && !frame.ambiguous)
+    return ForeignBytes{Cause::another_master,
+                        "a question" + whose(frame) + ", " + quoted(frame) +
+                            ": another master asks on this line; a line has one"};
+  return ForeignBytes{Cause::another_master,
+                      "a good answer" + whose(frame) + ", " + quoted(frame) +
+                          ", not to this question: another station, another master, or an answer "
+                          "that came late (timeout_ms)"};
+}
+
+std::optional<ForeignBytes> frame_of_another(const DeviceConfig& device, ByteView heard) {
+  for (const ProtocolInfo& other : catalog()) {
+    if (device.protocol == nullptr || other.name == device.protocol->name) continue;
+    const auto codec = other.make(default_options(other));
+    if (!codec) continue;
+    const Explanation frame = (*codec)->explain(heard, std::nullopt);
+    if (frame.ok)
+      return ForeignBytes{Cause::other_protocol, "a good frame of " + std::string(other.name) +
+                                                     whose(frame) + ", " + quoted(frame) +
+                                                     ": set protocol, or give each its own line"};
+  }
+  return std::nullopt;
+}
+
+/// The beginning of what was cut or garbled.
+std::optional<ForeignBytes> beginning_of_another(const DeviceConfig& device, ByteView heard) {
+  if (device.protocol == nullptr || heard.size() <= kFewBytes) return std::nullopt;
+  const ByteView behind = heard.subspan(1);
+  const bool is_ascii =
+      heard[0] == ':' && all(behind, [](std::uint8_t byte) {
+        return hex_digit(byte) >= 0 || byte == '\r' || byte == '\n' || byte == ':';
+      });
+  if (is_ascii && device.protocol->name != "modbus-ascii")
+    return ForeignBytes{Cause::other_protocol,
+                        "Modbus ASCII, a colon and hex digits: set protocol to modbus-ascii"};
+  const bool is_fx = heard[0] == kStx && all(behind, is_text);
+  if (is_fx && !device.protocol->name.starts_with("fx-"))
+    return ForeignBytes{Cause::other_protocol,
+                        "a frame of an FX PLC, STX and text: set protocol to fx-programming-port "
+                        "or fx-computer-link"};
+  return std::nullopt;
+}
+
+// ---- characters ---------------------------------------------------------------------------------
+
+/// A line without parity hears the parity bit of the other side as bit 7.
+std::optional<ForeignBytes> parity_in_bit_7(ByteView heard) {
+  const bool has_bit_7 = std::ranges::any_of(heard, [](std::uint8_t b) { return b > 0x7F; });
+  const bool is_text_below = all(heard, [](std::uint8_t b) { return is_text(b & 0x7F); });
+  const bool even = all(heard, is_even);
+  const bool odd = std::ranges::none_of(heard, is_even);
+  if (!has_bit_7 || !is_text_below || (!even && !odd)) return std::nullopt;
+  return ForeignBytes{Cause::parity, std::string("7 bits with ") + (even ? "even" : "odd") +
+                                         " parity in bit 7: set data_bits to 7 and parity to " +
+                                         (even ? "even" : "odd") +
+                                         ", here or in the serial server"};
+}
+
+/// A line with parity brings a character whose parity is wrong as 00.
+std::optional<ForeignBytes> zeros_among_text(ByteView heard) {
+  const std::size_t zeros = count(heard, [](std::uint8_t b) { return b == 0; });
+  const std::size_t good = count(heard, [](std::uint8_t b) { return is_text(b); });
+  if (zeros == 0 || good == 0 || zeros + good != heard.size() || 4 * good < heard.size())
+    return std::nullopt;
+  return ForeignBytes{Cause::parity,
+                      "text with 00 for each character of wrong parity: set parity and data_bits "
+                      "as the device has them (8 bits without parity?)"};
+}
+
+/// As a device that is slower than the line is heard: each of its bits counts several times.
+std::optional<ForeignBytes> bits_in_groups(ByteView heard) {
+  if (heard.size() < kFewBytes) return std::nullopt;
+  if (all(heard, [](std::uint8_t b) { return b == 0; }))
+    return ForeignBytes{Cause::speed,
+                        "characters with errors alone, which come as 00: compare baud with the "
+                        "device's, then the parity (odd?)"};
+  const auto in_fours = [](std::uint8_t b) {
+    return b == 0 || b == 0x78 || b == 0x80 || b == 0xF8;
+  };
+  const auto in_pairs = [](std::uint8_t b) {
+    return (b & 1) == 0 && ((b >> 1 ^ b >> 2) & 1) == 0 && ((b >> 3 ^ b >> 4) & 1) == 0 &&
+           ((b >> 5 ^ b >> 6) & 1) == 0;
+  };
+  const bool fours = all(heard, in_fours);
+  if (!fours && !all(heard, in_pairs)) return std::nullopt;
+  return ForeignBytes{Cause::speed, std::string("bits that come in ") +
+                                        (fours ? "fours" : "pairs") +
+                                        ": the device is slower, set baud to " +
+                                        (fours ? "a quarter" : "half") + " of what it is"};
+}
+
+std::optional<ForeignBytes> no_text(ByteView heard) {
+  const std::size_t foreign = count(heard, [](std::uint8_t b) { return !is_text(b); });
+  if (heard.size() < kFewBytes || 3 * foreign < heard.size()) return std::nullopt;
+  return ForeignBytes{Cause::speed,
+                      "no text, which this protocol is: compare baud with the device's, then "
+                      "data_bits and parity; or another protocol"};
+}
+
+}  // namespace
+
+ForeignBytes looks_like(const DeviceConfig& device, const Codec& codec, ByteView asked,
+                        ByteView heard) {
+  ForeignBytes unknown{Cause::unknown,
+                       "nothing that is known: noise, where it is rare; else compare baud, "
+                       "data_bits and parity of line and device, and look for another master"};
+  if (heard.empty()) return unknown;
+  const bool returned = !asked.empty() && heard.size() >= asked.size() &&
+                        std::equal(asked.begin(), asked.end(), heard.begin());
+  if (returned)
+    return {Cause::echo,
+            "the question itself, which the line returns (a two-wire adapter?): set "
+            "echo for its devices"};
+  if (auto frame = own_frame(device, codec, heard)) return *std::move(frame);
+  if (auto other = frame_of_another(device, heard)) return *std::move(other);
+  const bool is_text_line = device.protocol == nullptr || speaks_text(*device.protocol);
+  if (is_text_line) {
+    if (auto parity = parity_in_bit_7(heard)) return *std::move(parity);
+    if (auto parity = zeros_among_text(heard)) return *std::move(parity);
+  }
+  if (auto speed = bits_in_groups(heard)) return *std::move(speed);
+  if (auto other = beginning_of_another(device, heard)) return *std::move(other);
+  if (is_text_line)
+    if (auto speed = no_text(heard)) return *std::move(speed);
+  return unknown;
+}
+
+std::string first_bytes(ByteView heard) {
+  std::string text = to_hex(heard.first(std::min(heard.size(), kShown)));
+  if (heard.size() > kShown) text += " … (" + std::to_string(heard.size()) + " bytes)";
+  return text;
+}
+
+}  // namespace fxagent

@@ -1,0 +1,172 @@
+#include "agent/process/port_access.h"
+
+#include <dirent.h>
+#include <grp.h>
+#include <pwd.h>
+#include <sys/stat.h>
+#include <sys/sysmacros.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <charconv>
+#include <climits>
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+#include <memory>
+#include <string_view>
+#include <vector>
+
+namespace fxagent {
+namespace {
+
+// Of all processes so many open files are looked at.
+constexpr int kMostFiles = 5000;
+
+struct CloseDirectory {
+  void operator()(DIR* directory) const { ::closedir(directory); }
+};
+using Directory = std::unique_ptr<DIR, CloseDirectory>;
+
+Directory open_directory(const std::string& path) { return Directory(::opendir(path.c_str())); }
+
+/// The next entry that is a number; nullopt: there are no more.
+std::optional<int> next_number(DIR* directory) {
+  // Nobody else reads this stream.
+  while (const dirent* entry = ::readdir(directory)) {  // NOLINT(concurrency-mt-unsafe)
+    const std::string_view name = entry->d_name;
+    int number = 0;
+    const auto [end, fault] = std::from_chars(name.data(), name.data() + name.size(), number);
+    if (fault == std::errc() && end == name.data() + name.size()) return number;
+  }
+  return std::nullopt;
+}
+
+std::string link_target(const std::string& path) {
+  std::array<char, PATH_MAX> target{};
+  const auto length = ::readlink(path.c_str(), target.data(), target.size());
+  return length < 0 ? std::string() : std::string(target.data(), static_cast<std::size_t>(length));
+}
+
+std::string program_of(int pid) {
+  std::ifstream file("/proc/" + std::to_string(pid) + "/comm");
+  std::string name;
+  std::getline(file, name);
+  return name;
+}
+
+/// By the files that processes have open; of those of other users only root sees them.
+std::optional<int> holder_by_files(const std::string& real_path) {
+  const Directory processes = open_directory("/proc");
+  int files = 0;
+  while (const auto pid = processes ? next_number(processes.get()) : std::nullopt) {
+    if (*pid == ::getpid()) continue;
+    const std::string of_process = "/proc/" + std::to_string(*pid) + "/fd";
+    const Directory open_files = open_directory(of_process);
+    while (const auto file = open_files ? next_number(open_files.get()) : std::nullopt) {
+      if (++files > kMostFiles) return std::nullopt;
+      if (link_target(of_process + "/" + std::to_string(*file)) == real_path) return *pid;
+    }
+  }
+  return std::nullopt;
+}
+
+/// By the locks on it, which everybody may see: "1: FLOCK  ADVISORY  WRITE 4711 00:06:123 0 EOF".
+std::optional<int> holder_by_lock(const struct stat& file) {
+  std::array<char, 64> wanted{};
+  std::snprintf(wanted.data(), wanted.size(), "%02x:%02x:%lu", major(file.st_dev),
+                minor(file.st_dev), static_cast<unsigned long>(file.st_ino));
+  std::ifstream locks("/proc/locks");
+  std::string number;
+  std::string kind;
+  std::string advice;
+  std::string access;
+  std::string place;
+  std::string rest;
+  int pid = 0;
+  while (locks >> number >> kind >> advice >> access >> pid >> place && std::getline(locks, rest))
+    if (place == wanted.data() && pid > 0 && pid != ::getpid()) return pid;
+  return std::nullopt;
+}
+
+std::string group_name(gid_t group) {
+  std::array<char, 4096> room{};
+  struct group entry {};
+  struct group* found = nullptr;
+  ::getgrgid_r(group, &entry, room.data(), room.size(), &found);
+  return found != nullptr ? found->gr_name : std::to_string(group);
+}
+
+std::string user_name() {
+  std::array<char, 4096> room{};
+  passwd entry{};
+  passwd* found = nullptr;
+  ::getpwuid_r(::geteuid(), &entry, room.data(), room.size(), &found);
+  return found != nullptr ? found->pw_name : "USER";
+}
+
+bool is_in(gid_t group) {
+  if (::getegid() == group) return true;
+  std::vector<gid_t> groups(static_cast<std::size_t>(std::max(0, ::getgroups(0, nullptr))));
+  const int count = ::getgroups(static_cast<int>(groups.size()), groups.data());
+  groups.resize(static_cast<std::size_t>(std::max(0, count)));
+  return std::ranges::find(groups, group) != groups.end();
+}
+
+std::string no_permission(const std::string& path) {
+  struct stat file {};
+  constexpr mode_t kGroupMay = S_IRGRP | S_IWGRP;
+  if (::stat(path.c_str(), &file) != 0) return " (a directory on the way to it lets nobody pass)";
+  const std::string group = group_name(file.st_gid);
+  if ((file.st_mode & kGroupMay) != kGroupMay || file.st_gid == 0)
+    return " (its group may not open it: a udev rule can give it one, GROUP=\"dialout\", "
+           "MODE=\"0660\")";
+  if (is_in(file.st_gid))
+    return " (the group " + group + " may open it, and this user is in it: what else refuses?)";
+  return " (it belongs to the group " + group + ": usermod -aG " + group + " " + user_name() +
+         ", then log in again; for a service SupplementaryGroups=" + group +
+         ", for a container --group-add " + std::to_string(file.st_gid) + ")";
+}
+
+std::string in_use(const std::string& path) {
+  if (const auto holder = port_holder(path))
+    return " (another program has it: " + holder->program + ", pid " + std::to_string(holder->pid) +
+           ")";
+  return " (another program has it, as GX Works or another agent: as root, fuser -v " + path +
+         " names it)";
+}
+
+}  // namespace
+
+std::optional<PortHolder> port_holder(const std::string& path) {
+  struct stat file {};
+  std::array<char, PATH_MAX> real{};
+  if (::stat(path.c_str(), &file) != 0 || ::realpath(path.c_str(), real.data()) == nullptr)
+    return std::nullopt;
+  auto pid = holder_by_lock(file);
+  if (!pid) pid = holder_by_files(real.data());
+  if (!pid) return std::nullopt;
+  return PortHolder{*pid, program_of(*pid)};
+}
+
+std::string port_cure(const std::string& path, int error) {
+  switch (error) {
+    case ENOENT:
+    case ENODEV:
+    case ENXIO:
+      return " (is the adapter plugged in? a path under /dev/serial/by-id survives replugging)";
+    case EACCES:
+      return no_permission(path);
+    case EPERM:
+      return " (the unit or the container does not let it be used: DeviceAllow, --device)";
+    case EBUSY:
+    case EWOULDBLOCK:
+      return in_use(path);
+    default:
+      return {};
+  }
+}
+
+}  // namespace fxagent

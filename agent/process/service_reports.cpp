@@ -1,0 +1,55 @@
+#include "agent/process/service_reports.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "agent/log/log.h"
+#include "agent/process/service_manager.h"
+
+namespace fxagent {
+
+ServiceReports::ServiceReports(SignsOfLife& signs, Sources sources, Time now)
+    : signs_(signs),
+      sources_(std::move(sources)),
+      feed_every_(service_manager::watchdog_interval()) {
+  if (feed_every_) {
+    feed_at_ = now + *feed_every_;
+    sources_.ask();
+  }
+  if (service_manager::is_there()) status_at_ = now;
+}
+
+std::optional<ServiceReports::Time> ServiceReports::next() const {
+  if (feed_at_ && status_at_) return std::min(*feed_at_, *status_at_);
+  return feed_at_ ? feed_at_ : status_at_;
+}
+
+void ServiceReports::tell(Time now) {
+  if (feed_at_ && now >= *feed_at_) feed(now);
+  if (status_at_ && now >= *status_at_) tell_status(now);
+}
+
+void ServiceReports::feed(Time now) {
+  feed_at_ = now + *feed_every_;
+  const std::string stands_still = signs_.stands_still();
+  if (stands_still.empty()) {
+    service_manager::tell_alive();
+  } else if (stands_still != stands_still_) {
+    log::error("watchdog", {{"stands_still", stands_still}});
+    status_at_ = now;
+  }
+  stands_still_ = stands_still;
+  sources_.ask();
+}
+
+void ServiceReports::tell_status(Time now) {
+  status_at_ = now + kStatusEvery;
+  std::string status = stands_still_.empty()
+                           ? sources_.status()
+                           : stands_still_ + " stands still: the agent is to be started again";
+  if (status.empty() || status == status_) return;
+  service_manager::tell_status(status);
+  status_ = std::move(status);
+}
+
+}  // namespace fxagent

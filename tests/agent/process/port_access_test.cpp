@@ -1,0 +1,94 @@
+#include "agent/process/port_access.h"
+
+#include <fcntl.h>
+#include <grp.h>
+#include <gtest/gtest.h>
+#include <stdlib.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <filesystem>
+#include <string>
+
+#include "tests/support/other_program.h"
+
+namespace fxagent {
+namespace {
+
+namespace fs = std::filesystem;
+using test::OtherProgram;
+
+/// A file in a directory of its own: what a port is to a user, and to who holds it.
+class PortAccess : public testing::Test {
+ protected:
+  PortAccess() {
+    std::string path = (fs::temp_directory_path() / "fxagent-port-XXXXXX").string();
+    directory_ = ::mkdtemp(path.data());
+    port = (directory_ / "ttyUSB0").string();
+    ::close(::open(port.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0660));
+  }
+  ~PortAccess() override { fs::remove_all(directory_); }
+
+  const fs::path& directory() const { return directory_; }
+  std::string port;
+
+ private:
+  fs::path directory_;
+};
+
+TEST_F(PortAccess, WhoHasItOpenIsFoundByWhateverNameItWasOpened) {
+  EXPECT_FALSE(port_holder(port));
+  const int own = ::open(port.c_str(), O_RDWR | O_CLOEXEC);
+  EXPECT_FALSE(port_holder(port)) << "this process does not count";
+  ::close(own);
+  const std::string by_id = (directory() / "by-id").string();
+  fs::create_symlink("ttyUSB0", by_id);
+  const OtherProgram other(by_id);
+  for (const std::string& name : {port, by_id}) {
+    const auto holder = port_holder(name);
+    ASSERT_TRUE(holder) << name;
+    EXPECT_EQ(holder->pid, other.pid());
+    EXPECT_TRUE(holder->program.starts_with("core_test")) << holder->program;
+  }
+  EXPECT_EQ(port_cure(port, EBUSY), " (another program has it: " + port_holder(port)->program +
+                                        ", pid " + std::to_string(other.pid()) + ")");
+  EXPECT_EQ(port_cure(port, EWOULDBLOCK), port_cure(port, EBUSY));
+}
+
+TEST_F(PortAccess, WhoHasLockedItIsFoundByTheLock) {
+  const OtherProgram other(port, OtherProgram::Holds::locked);
+  const auto holder = port_holder(port);
+  ASSERT_TRUE(holder);
+  EXPECT_EQ(holder->pid, other.pid());
+}
+
+TEST_F(PortAccess, WhoCannotBeSeenCanBeLookedFor) {
+  EXPECT_EQ(port_cure(port, EBUSY),
+            " (another program has it, as GX Works or another agent: as root, fuser -v " + port +
+                " names it)");
+}
+
+TEST_F(PortAccess, NoPermissionNamesTheGroupToJoin) {
+  // A group of Debian that no test runs in.
+  const struct group* lp = ::getgrnam("lp");
+  if (lp == nullptr || ::chown(port.c_str(), static_cast<uid_t>(-1), lp->gr_gid) != 0)
+    GTEST_SKIP() << "only root can give a file to another group";
+  ASSERT_EQ(::chmod(port.c_str(), 0660), 0);
+  const std::string cure = port_cure(port, EACCES);
+  EXPECT_TRUE(cure.starts_with(" (it belongs to the group lp: usermod -aG lp ")) << cure;
+  EXPECT_NE(cure.find("SupplementaryGroups=lp"), std::string::npos) << cure;
+  EXPECT_NE(cure.find("--group-add " + std::to_string(lp->gr_gid) + ")"), std::string::npos)
+      << cure;
+  ASSERT_EQ(::chmod(port.c_str(), 0600), 0);
+  EXPECT_NE(port_cure(port, EACCES).find("udev rule"), std::string::npos);
+}
+
+TEST_F(PortAccess, AllElseHasItsOwnCureOrNone) {
+  EXPECT_NE(port_cure("/dev/none", ENOENT).find("plugged in"), std::string::npos);
+  EXPECT_NE(port_cure(port, EPERM).find("DeviceAllow"), std::string::npos);
+  EXPECT_EQ(port_cure(port, EIO), "");
+}
+
+}  // namespace
+}  // namespace fxagent

@@ -1,0 +1,53 @@
+// Another process that has a file open.
+#pragma once
+
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <sys/file.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <cstdint>
+#include <string>
+
+namespace fxagent::test {
+
+/// It has the name of this one, and ends with this.
+class OtherProgram {
+ public:
+  enum class Holds : std::uint8_t { open, locked };
+  explicit OtherProgram(const std::string& path, Holds holds = Holds::open) {
+    std::array<int, 2> ready{};
+    std::array<int, 2> end{};
+    EXPECT_EQ(::pipe(ready.data()), 0);
+    EXPECT_EQ(::pipe(end.data()), 0);
+    pid_ = ::fork();
+    if (pid_ == 0) {
+      const int file = ::open(path.c_str(), O_RDWR | O_NOCTTY);
+      if (holds == Holds::locked) ::flock(file, LOCK_EX);
+      ::close(end[1]);
+      char one = '.';
+      [[maybe_unused]] auto done = ::write(ready[1], &one, 1);
+      done = ::read(end[0], &one, 1);  // until the other end is closed
+      ::_exit(0);
+    }
+    char one = 0;
+    EXPECT_EQ(::read(ready[0], &one, 1), 1);
+    for (const int file : {ready[0], ready[1], end[0]}) ::close(file);
+    end_ = end[1];
+  }
+  OtherProgram(const OtherProgram&) = delete;
+  OtherProgram& operator=(const OtherProgram&) = delete;
+  ~OtherProgram() {
+    ::close(end_);
+    ::waitpid(pid_, nullptr, 0);
+  }
+  int pid() const { return pid_; }
+
+ private:
+  pid_t pid_ = -1;
+  int end_ = -1;
+};
+
+}  // namespace fxagent::test

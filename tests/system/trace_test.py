@@ -1,0 +1,232 @@
+"""What is on the wire, as the log shows it: `run --trace LINK`, SIGUSR1, `read --trace`. And the log itself:
+levels, JSON, priorities of the journal."""
+
+import contextlib
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import threading
+import unittest
+
+from plant import FXAGENT, PATIENCE, Broker, PlantTest, device, wait_for
+
+# D100 of an FX3U, two bytes, by the classic command.
+QUESTION = "02 30 31 30 43 38 30 32 03 37 31"
+LINE = re.compile(r"^(\S+Z) trace frame (.*)$")
+FIELD = re.compile(r'(\w+)=("(?:[^"\\]|\\.)*"|\S+)')
+
+
+class TracedTest(PlantTest):
+    def frames(self):
+        """The frames that were shown, as dicts; `at` is their time."""
+        found = []
+        for line in self.agent.logged().splitlines():
+            if shown := LINE.match(line):
+                fields = {key: value.strip('"') for key, value in FIELD.findall(shown[2])}
+                found.append({"at": shown[1], **fields})
+        return found
+
+    def shown(self, what, accept):
+        return wait_for(what, lambda: next((f for f in self.frames() if accept(f)), None))
+
+
+class Trace(TracedTest):
+    def test_polls_refusals_bad_frames_and_silence_are_explained(self):
+        self.start(plcs=[self.plc(memory={"D100": 234})],
+                   devices=[device(tags=[{"name": "temp", "address": "D100", "group": "fast"}])],
+                   arguments=["--trace", "line1"])
+        self.data()
+        asked = self.shown("a question", lambda f: f["way"] == "out" and f["says"] == "read D100 × 1")
+        self.assertEqual((asked["link"], asked["device"], asked["bytes"]),
+                         ("line1", "press1", QUESTION))
+        told = self.shown("its answer", lambda f: f["way"] == "in" and f["says"] == "data 00EA")
+        self.assertTrue(told["bytes"].startswith("02 45 41 30 30 03 "), told)
+        self.assertGreaterEqual(float(told["after_ms"]), 1)  # turnaround_ms of the simulator
+        for kind, what in (("nak", lambda f: f["says"] == "nak" and f["bytes"] == "15"),
+                           ("wrong_sum", lambda f: "sum" in f["says"] and f["bytes"].startswith("02 45")),
+                           ("silent", lambda f: re.match(r"nothing came within 3\d\d ms$", f["says"]))):
+            self.sim.fault("press1", kind, match="read", count=-1)
+            self.shown(kind, lambda f, accept=what: f["way"] == "in" and accept(f))
+            self.sim.ask(cmd="clear_faults")
+        # The times are those of the wire: an answer is never shown as earlier than its question.
+        times = [f["at"] for f in self.frames()]
+        self.assertEqual(times, sorted(times))
+
+    def test_a_signal_switches_the_traces_of_all_links(self):
+        self.start()
+        self.ready()
+        self.assertEqual(self.frames(), [])
+        self.agent.process.send_signal(signal.SIGUSR1)
+        self.shown("a frame", lambda f: f["link"] == "line1")
+        self.assertIn("info trace links=all state=on", self.agent.logged())
+        self.agent.process.send_signal(signal.SIGUSR1)
+        wait_for("the end", lambda: "info trace links=all state=off" in self.agent.logged())
+        ended = self.agent.logged().index("state=off")
+        mark = self.watcher.mark()
+        self.command(op="force_on", address="M150")
+        self.data(since=mark)
+        self.assertNotIn("trace frame", self.agent.logged()[ended:])
+
+    def test_a_reader_of_the_log_that_stops_loses_traces_and_no_poll(self):
+        reader, writer = os.pipe()
+        self.addCleanup(os.close, reader)
+        self.start(devices=[device(groups=[{"name": "fast", "interval_ms": 0}])])
+        self.ready()
+        self.agent.stop()
+        mark = self.watcher.mark()
+        self.agent.process = subprocess.Popen([FXAGENT, "run", self.agent.path, "--trace", "line1"],
+                                              stderr=writer, stdout=subprocess.DEVNULL)
+        os.close(writer)
+        # Each poll shows two frames of some 200 bytes: more than pipe and log hold together.
+        self.watcher.wait_count("fx/plant-a/edge7/press1/data/fast", 1000, since=mark)
+        os.set_blocking(reader, False)
+        text = b""
+
+        def counted():
+            nonlocal text
+            try:
+                text += os.read(reader, 1 << 20)
+            except BlockingIOError:
+                pass
+            return re.search(rb"log_lines_dropped count=(\d+)", text)
+        self.assertGreater(int(wait_for("the count", counted)[1]), 100)
+        self.assertIn(b"broker_connected", text)
+        os.set_blocking(reader, True)
+        self.agent.process.terminate()
+        while os.read(reader, 1 << 20):
+            pass
+        self.assertEqual(self.agent.process.wait(PATIENCE), 0)
+        self.agent.process = None
+
+    def config(self):
+        path = os.path.join(self.directory, "c.json")
+        with open(path, "w") as out:
+            json.dump({"agent": {"id": "edge7", "root": "fx"},
+                       "mqtt": {"servers": ["mqtt://127.0.0.1:1"]},
+                       "links": [self.serial()], "devices": [device()]}, out)
+        return path
+
+    def test_one_shots_show_their_frames(self):
+        self.start_sim([self.plc(memory={"D100": 234})])
+        path = self.config()
+        done = subprocess.run([FXAGENT, "read", path, "press1", "D100", "--trace"],
+                              capture_output=True, text=True, timeout=PATIENCE)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("press1 D100 = 234", done.stdout)
+        self.assertIn("says=enquire", done.stderr)
+        self.assertIn(f'way=out bytes="{QUESTION}" says="read D100 × 1"', done.stderr)
+        self.assertIn('says="data 00EA"', done.stderr)
+
+    def test_a_link_that_is_not_there_is_named_with_the_nearest(self):
+        done = subprocess.run([FXAGENT, "run", self.config(), "--trace", "lin1"],
+                              capture_output=True, text=True, timeout=PATIENCE)
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("--trace: there is no link lin1; did you mean line1?", done.stderr)
+
+
+class Garbage(PlantTest):
+    """A serial server that is set to 8N1, and a PLC of 7E1 behind it: the parity bit comes as bit 7."""
+
+    WORD = "82 41 42 b1 35 03 c5 c3"  # a reply of one word
+
+    def serve(self):
+        listener = socket.create_server(("127.0.0.1", 0))
+        self.addCleanup(listener.close)
+        self.asked = 0
+
+        def talk(peer):
+            with contextlib.suppress(OSError), peer:
+                while asked := peer.recv(64):
+                    self.asked += 1
+                    peer.sendall(b"\x06" if asked == b"\x05" else bytes.fromhex(self.WORD))
+
+        def accept():
+            with contextlib.suppress(OSError):
+                while True:
+                    threading.Thread(target=talk, args=(listener.accept()[0],), daemon=True).start()
+        threading.Thread(target=accept, daemon=True).start()
+        return {"name": "line1", "tcp": {"host": "127.0.0.1", "port": listener.getsockname()[1]},
+                "line_baud": 9600}
+
+    def test_its_first_bytes_and_what_they_look_like_are_told_once(self):
+        link = self.serve()
+        self.broker = Broker(self.directory)
+        self.broker.start()
+        self.start_agent(links=[link], devices=[device(timeout_ms=100, retries=0)])
+        wait_for("some polls", lambda: self.asked > 12)
+        lines = [line for line in self.agent.logged().splitlines() if "looks_like" in line]
+        self.assertEqual(len(lines), 1, lines)
+        self.assertIn(f'heard="{self.WORD.upper()}"', lines[0])
+        self.assertIn("7 bits with even parity in bit 7: set data_bits to 7", lines[0])
+        self.agent.stop()
+        done = subprocess.run([FXAGENT, "read", self.agent.path, "press1", "D100"],
+                              capture_output=True, text=True, timeout=PATIENCE)
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("it looks like 7 bits with even parity in bit 7", done.stdout)
+
+
+class Log(PlantTest):
+    def test_in_json_every_line_is_an_object(self):
+        self.start(arguments=["--log-format", "json", "--trace", "line1"])
+        self.data()
+        self.agent.stop()
+        lines = [json.loads(line) for line in self.agent.logged().splitlines()]
+        for line in lines:
+            self.assertEqual(sorted(line), ["event", "fields", "level", "ts"])
+            self.assertRegex(line["ts"], r"^20\d\d-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z$")
+        up = next(line for line in lines if line["event"] == "link")
+        self.assertEqual((up["level"], up["fields"]), ("info", {"link": "line1", "state": "up"}))
+        self.assertIn("read D100 × 1", [line["fields"].get("says") for line in lines
+                                        if line["event"] == "frame" and line["level"] == "trace"])
+
+    def run_agent(self, config, *arguments, **environment):
+        path = os.path.join(self.directory, "c.json")
+        with open(path, "w") as out:
+            json.dump(config, out)
+        return subprocess.run([FXAGENT, "run", path, *arguments], capture_output=True, text=True,
+                              timeout=PATIENCE, env=dict(os.environ, **environment))
+
+    def test_a_wrong_config_is_told_in_the_format_that_was_asked_for(self):
+        done = self.run_agent({"agent": {}})
+        self.assertEqual(done.returncode, 2)
+        self.assertRegex(done.stderr, r"(?m)^\S+c\.json:\d+: /agent: ")
+        done = self.run_agent({"agent": {}}, FXAGENT_LOG_FORMAT="json")
+        self.assertEqual(done.returncode, 2)
+        first = json.loads(done.stderr.splitlines()[0])
+        self.assertEqual((first["level"], first["event"]), ("error", "config"))
+        self.assertIn("c.json:", first["fields"]["note"])
+
+    def test_a_level_leaves_out_what_is_below_it(self):
+        self.start(arguments=["--log-level", "error"])
+        self.data()
+        self.agent.stop()
+        self.assertEqual(self.agent.logged(), "")
+        self.agent.arguments = []
+        self.agent.start(environment={"FXAGENT_LOG_LEVEL": "debug"})
+        wait_for("debug", lambda: " debug serial " in self.agent.logged())
+
+    def test_a_level_that_is_none_is_refused(self):
+        for given in ({"arguments": ["--log-level", "loud"]}, {"FXAGENT_LOG_LEVEL": "loud"}):
+            done = self.run_agent({}, *given.pop("arguments", []), **given)
+            self.assertEqual(done.returncode, 2)
+            self.assertIn("loud", done.stderr)
+
+    def test_lines_in_the_journal_begin_with_their_priority(self):
+        self.start()
+        self.ready()
+        self.agent.stop()
+        before = len(self.agent.logged())
+        file = os.stat(self.agent.log_path)
+        self.agent.start(environment={"JOURNAL_STREAM": f"{file.st_dev}:{file.st_ino}"})
+        wait_for("lines", lambda: "state=up" in self.agent.logged()[before:])
+        self.agent.stop()
+        for line in self.agent.logged()[before:].splitlines():
+            self.assertRegex(line, r"^<[3467]>20")
+        self.assertRegex(self.agent.logged(), r"(?m)^<6>\S+ info link link=line1 state=up$")
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
