@@ -43,7 +43,8 @@ std::string quoted(const Explanation& frame) { return "\"" + summary(frame) + "\
 /// " of station 3", where the frame says whose it is.
 std::string whose(const Explanation& frame) {
   for (const auto& [name, meaning] : frame.fields)
-    if (name == "station" || name == "unit") return " of " + name + " " + meaning;
+    if (name == "station" || name == "unit")
+      return std::string(" of ").append(name).append(" ").append(meaning);
   return {};
 }
 

@@ -67,7 +67,7 @@ std::optional<int> holder_by_files(const std::string& real_path) {
     const Directory open_files = open_directory(of_process);
     while (const auto file = open_files ? next_number(open_files.get()) : std::nullopt) {
       if (++files > kMostFiles) return std::nullopt;
-      if (link_target(of_process + "/" + std::to_string(*file)) == real_path) return *pid;
+      if (link_target(of_process + "/" + std::to_string(*file)) == real_path) return pid;
     }
   }
   return std::nullopt;
