@@ -17,6 +17,7 @@
 #include "agent/agent.h"
 #include "agent/cli/acl.h"
 #include "agent/cli/audit.h"
+#include "agent/cli/command_pages.h"
 #include "agent/cli/decode.h"
 #include "agent/cli/one_shot.h"
 #include "agent/cli/plan.h"
@@ -331,6 +332,7 @@ int dispatch(int argc, char** argv) {
   // Before the arguments are looked at: what a subcommand lacks must not hide its version.
   for (CLI::App* command : app.get_subcommands({}))
     command->set_version_flag("--version", FXAGENT_VERSION);
+  if (const auto status = write_command_pages(app, argc, argv, FXAGENT_VERSION)) return *status;
   if (const std::string fault = misspelt_subcommand(app, argc, argv); !fault.empty()) {
     std::cerr << fault << "\nRun with --help for more information.\n";
     return kWrong;

@@ -238,12 +238,25 @@ std::chrono::nanoseconds character_time(const SerialSettings& line) {
 /// Two links cannot hold one channel; the first one's place is remembered for the text.
 using Channels = std::map<std::string, const ConfigNode*, std::less<>>;
 
+Rs485 read_rs485(ConfigReader& reader, const ConfigNode& node) {
+  Rs485 direction;
+  reader.check_object(node, config_section("links[].serial.rs485"));
+  direction.rts_on_send = reader.boolean(node, config_key("links[].serial.rs485.rts_on_send"));
+  direction.delay_before = std::chrono::milliseconds(
+      reader.integer_as<int>(node, config_key("links[].serial.rs485.delay_before_ms")));
+  direction.delay_after = std::chrono::milliseconds(
+      reader.integer_as<int>(node, config_key("links[].serial.rs485.delay_after_ms")));
+  return direction;
+}
+
 void read_serial(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,
                  Channels& channels, LinkConfig& config, LineKeys& line) {
   SerialSettings settings;
   reader.check_object(node, config_section("links[].serial"));
   settings.path = reader.text(node, config_key("links[].serial.path")).value_or("");
   line = read_line(reader, node, config_key("links[].serial.baud"));
+  if (const ConfigNode* rs485 = reader.object(node, config_key("links[].serial.rs485")))
+    settings.rs485 = read_rs485(reader, *rs485);
   if (!settings.path.empty()) {
     const ConfigNode& path = *node.find("path");
     const auto [first, fresh] = channels.emplace(settings.path, &path);
@@ -341,9 +354,10 @@ void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& li
                                 std::to_string(defaults.data_bits) + " data bits");
     const SerialSettings line = line_settings(links.lines[i], defaults);
     if (auto* serial = std::get_if<SerialSettings>(&link.channel)) {
-      const std::string path = serial->path;
-      *serial = line;
-      serial->path = path;
+      SerialSettings whole = line;
+      whole.path = serial->path;
+      whole.rs485 = serial->rs485;
+      *serial = std::move(whole);
     }
     if (!facts.is_serial && !links.lines[i].baud) continue;
     link.char_time = character_time(line);

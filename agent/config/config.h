@@ -21,12 +21,23 @@
 
 namespace fxagent {
 
+/// How the kernel switches a two-wire port between sending and listening, by its RTS line.
+struct Rs485 {
+  /// RTS is high while the port sends and low else; false: the other way round.
+  bool rts_on_send = config_key("links[].serial.rs485.rts_on_send").flag();
+  std::chrono::milliseconds delay_before{
+      config_key("links[].serial.rs485.delay_before_ms").number()};
+  std::chrono::milliseconds delay_after{config_key("links[].serial.rs485.delay_after_ms").number()};
+  friend bool operator==(const Rs485&, const Rs485&) = default;
+};
+
 struct SerialSettings {
   std::string path;
   int baud = LineDefaults{}.baud;
   int data_bits = LineDefaults{}.data_bits;
   Parity parity = LineDefaults{}.parity;
   int stop_bits = LineDefaults{}.stop_bits;
+  std::optional<Rs485> rs485{};  ///< nothing: the direction is the adapter's own affair
   friend bool operator==(const SerialSettings&, const SerialSettings&) = default;
 };
 

@@ -194,6 +194,16 @@ inline constexpr auto kAll = std::to_array<ConfigKey>({
      "Data bits of a character; `modbus-rtu` needs 8."},
     {"links[].serial", "parity", choice, kParities, kOfProtocol, "Parity of a character."},
     {"links[].serial", "stop_bits", integer, kStopBits, kOfProtocol, "Stop bits of a character."},
+    {"links[].serial", "rs485", object, {}, None{},
+     "The kernel switches the direction of a two-wire port by its RTS line. Leave it out where the "
+     "adapter does so itself, as most do."},
+
+    {"links[].serial.rs485", "rts_on_send", boolean, {}, true,
+     "RTS is raised while the port sends. `false`: it is lowered then, and raised else."},
+    {"links[].serial.rs485", "delay_before_ms", integer, {0, 100}, 0,
+     "From the switch of RTS to the first character."},
+    {"links[].serial.rs485", "delay_after_ms", integer, {0, 100}, 0,
+     "From the last character to the switch back."},
 
     {"links[].tcp", "host", text, {}, Required{}, "Host name or address."},
     {"links[].tcp", "port", integer, {1, 65535}, Required{},

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "agent/field/low_latency.h"
+#include "agent/field/rs485.h"
 #include "agent/field/stream_io.h"
 #include "agent/log/log.h"
 #include "agent/process/port_access.h"
@@ -111,7 +112,8 @@ class SerialTransport final : public Transport {
                 settings_.path + " " + std::string(what) + ": " + reason(number) + cure_);
   }
 
-  /// Exclusive, raw, at the speed and parity asked for, DTR and RTS raised.
+  /// Exclusive, raw, at the speed and parity asked for, DTR and RTS raised or RTS left to the
+  /// kernel.
   Result<void> set_up(int fd) {
     if (flock(fd, LOCK_EX | LOCK_NB) != 0) return failed("is locked", errno);
     termios2 line{};
@@ -144,8 +146,13 @@ class SerialTransport final : public Transport {
                   {{"path", settings_.path}, {"note", "a pty keeps neither data bits nor parity"}});
     }
 
-    const int lines = kModemDtr | kModemRts;
-    ioctl(fd, TIOCMBIS, &lines);  // a pty has none; SC-09 converters take their power from them
+    if (settings_.rs485)
+      if (const std::string fault = switch_direction(fd, *settings_.rs485); !fault.empty())
+        return fail(ErrorCode::link_down, settings_.path + " " + fault);
+    // A pty has none; SC-09 converters take their power from them. As the direction RTS is the
+    // kernel's.
+    const int lines = settings_.rs485 ? kModemDtr : kModemDtr | kModemRts;
+    ioctl(fd, TIOCMBIS, &lines);
     set_low_latency(fd);
     ioctl(fd, TCFLSH, TCIOFLUSH);
     return {};

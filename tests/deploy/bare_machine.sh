@@ -1,11 +1,12 @@
 #!/bin/bash
 # Shows that the commands of the documents work on a bare Debian 12: makes a root with nothing but apt in it, clones
 # the checkout's last commit into it, and does there by chroot what a new user would:
-#   tests/deploy/bare_machine.sh [demo|tests|install|docker|all]… [-- CTEST ARGUMENTS]
+#   tests/deploy/bare_machine.sh [demo|tests|package|docker|all]… [-- CTEST ARGUMENTS]
 # demo     config/demo/run.sh, and how long it took to the first live value
 # tests    tests/run.sh, with the ctest arguments; without any the benches too, once and short
-# install  README.md, Install, word for word; then --version, check of the example, and the recipe of
-#          agent/OPERATIONS.md, Who may do what, against the mosquitto that it configures
+# package  README.md, Install, word for word, which makes the package and installs it; then --version, check of the
+#          example, the recipe of agent/OPERATIONS.md, Who may do what, against the mosquitto that it configures,
+#          lintian, systemd-analyze, and tests/deploy/package_trial.py: upgrade, remove, purge, a signed repository
 # docker   every stage of docker/Dockerfile: with buildah where it is there, else its COPY and RUN lines
 # all      all of them (the default)
 # Each in a root of its own. Carried in is only what package managers need to reach their sources: the
@@ -30,15 +31,15 @@ outside() {
   local want=() mode
   while [ $# -gt 0 ] && [ "$1" != -- ]; do
     case $1 in
-      demo | tests | install | docker) want+=("$1") ;;
-      all) want+=(demo tests install docker) ;;
+      demo | tests | package | docker) want+=("$1") ;;
+      all) want+=(demo tests package docker) ;;
       -h | --help) sed -n '2,/^set /{/^#/s/^# \{0,1\}//p}' "${BASH_SOURCE[0]}"; exit 0 ;;
-      *) echo "usage: $0 [demo|tests|install|docker|all]… [-- CTEST ARGUMENTS]" >&2; exit 2 ;;
+      *) echo "usage: $0 [demo|tests|package|docker|all]… [-- CTEST ARGUMENTS]" >&2; exit 2 ;;
     esac
     shift
   done
   [ $# -eq 0 ] || shift
-  [ ${#want[@]} -gt 0 ] || want=(demo tests install docker)
+  [ ${#want[@]} -gt 0 ] || want=(demo tests package docker)
 
   [ "$(id -u)" -eq 0 ] || impossible "only root can"
   command -v mmdebstrap >/dev/null || impossible "mmdebstrap is not installed (docker/install.sh ci)"
@@ -68,53 +69,15 @@ outside() {
 
 # --- inside the namespaces ----------------------------------------------------------------------------
 
-# A root with apt and nothing else, from the sources of this machine that are Debian 12's own.
-make_base() {
-  # shellcheck disable=SC2016 # apt's own variables
-  apt-get indextargets --format '$(REPO_URI) $(RELEASE) $(COMPONENT)' 'Created-By: Packages' |
-    awk '$2 ~ /^bookworm(-updates|-security)?$/ { print "deb", $1, $2, $3 }' | sort -u >"$work/sources"
-  [ -s "$work/sources" ] || impossible "apt knows no source of Debian 12 (bookworm); apt-get update?"
-  apt-config dump --format '%F "%v";%n' Acquire |
-    grep -E '^Acquire::(http|https|Check|Retries|ForceIPv)' >"$work/acquire" || true
-  if ! mmdebstrap --quiet --variant=minbase --mode=root --format=directory bookworm "$work/base" \
-    --aptopt="$(cat "$work/acquire")" --dpkgopt=force-unsafe-io "$work/sources" >"$work/mmdebstrap.log" 2>&1; then
-    # Where packages come from is the business of this machine.
-    tail -n 5 "$work/mmdebstrap.log" | sed -E 's#[a-z+]+://[^ ]+#(source)#g' >&2
-    impossible "mmdebstrap failed"
-  fi
-  local base=$work/base file
-  cp "$work/acquire" "$base/etc/apt/apt.conf.d/99carried"
-  # As in the images of Debian: a root that is thrown away needs no fsync for each file.
-  echo force-unsafe-io >"$base/etc/dpkg/dpkg.cfg.d/unsafe-io"
-  for file in /etc/apt/auth.conf /etc/apt/auth.conf.d /etc/resolv.conf /etc/hosts; do
-    [ ! -e "$file" ] || cp -RL "$file" "$base${file%/*}/"
-  done
-  # Certificates of this machine's own: the package ca-certificates takes them in when it comes.
-  mkdir -p "$base/usr/local/share/ca-certificates"
-  find /usr/local/share/ca-certificates -name '*.crt' -exec cp {} "$base/usr/local/share/ca-certificates/" \;
-  local key value
-  for key in registry proxy https-proxy noproxy cafile; do
-    value=$(npm config get "$key" 2>/dev/null) || value=
-    case $value in '' | null | undefined) ;; *) echo "$key=$value" >>"$base/root/.npmrc" ;; esac
-  done
-}
+# make_base and mount_kernel
+# shellcheck source=tests/deploy/bare_root.sh
+[ "${1:-}" != --inside ] || . "$root/tests/deploy/bare_root.sh"
 
 # A fresh root named $1 with the clone in /root/fxagent; what a kernel and an init give is mounted.
 make_root() {
   r=$work/$1
   cp -a --reflink=auto "$work/base" "$r"
-  mount -t proc proc "$r/proc"
-  mount -t sysfs -o ro sysfs "$r/sys"
-  mount -t tmpfs -o mode=755 dev "$r/dev"
-  local node
-  for node in null zero full random urandom tty; do cp -a "/dev/$node" "$r/dev/"; done
-  mkdir "$r/dev/pts" "$r/dev/shm"
-  mount -t devpts -o newinstance,gid=5,mode=620,ptmxmode=666 devpts "$r/dev/pts"
-  mount -t tmpfs -o mode=1777 shm "$r/dev/shm"
-  ln -s pts/ptmx "$r/dev/ptmx"
-  ln -s /proc/self/fd "$r/dev/fd"
-  ln -s fd/0 "$r/dev/stdin"; ln -s fd/1 "$r/dev/stdout"; ln -s fd/2 "$r/dev/stderr"
-  mount -t tmpfs -o mode=755 run "$r/run"
+  mount_kernel
   mkdir -p "$r/root/.npm" "$r/root/.cache/ccache"
   mount --bind "$cache/debs" "$r/var/cache/apt/archives"
   mount --bind "$cache/npm" "$r/root/.npm"
@@ -173,7 +136,7 @@ show_tests() {
   [ $# -gt 0 ] || in_root env BUILD_DIR=/root/fxagent/build tests/bench/run.sh --smoke
 }
 
-show_install() {
+show_package() {
   local block
   block=$(code_block README.md Install 1)
   echo "$block"
@@ -181,6 +144,11 @@ show_install() {
   in_root fxagent --version
   in_root fxagent check config/agent.example.json
   show_acl
+  in_root docker/install.sh repository proof
+  in_root sh -exc 'lintian --fail-on error,warning --tag-display-limit 0 build/fxagent_*.deb
+    systemd-analyze verify --man=no /lib/systemd/system/fxagent.service
+    systemd-analyze security --offline=true --threshold=25 --no-pager /lib/systemd/system/fxagent.service | tail -n 1'
+  in_root sh -c 'python3 -B tests/deploy/package_trial.py build/fxagent_*.deb'
 }
 
 # The recipe of agent/OPERATIONS.md, "Who may do what", word for word. Certificates and passwords are made
@@ -263,7 +231,8 @@ run_stages() {
         last=${rest##* }
         case $last in /*) ;; *) last=$directory/$last ;; esac
         case $last in */) mkdir -p "$r$last" ;; *) mkdir -p "$r${last%/*}" ;; esac
-        for source in ${rest% *}; do cp -a "$from/$source" "$r$last"; done ;;
+        # shellcheck disable=SC2086 # a pattern
+        for source in ${rest% *}; do cp -a "$from"/$source "$r$last"; done ;;
       RUN) in_stage "$rest" ;;
       ENTRYPOINT)
         # shellcheck disable=SC2046 # a program and its argument
@@ -277,6 +246,7 @@ inside() {
   local modes=$3 mode began failed=()
   shift 3
   began=$SECONDS
+  # shellcheck disable=SC2119 # its arguments are others
   make_base
   echo "bare_machine: a bare Debian $(cat "$work/base/etc/debian_version") after $((SECONDS - began)) s," \
     "$(chroot "$work/base" dpkg-query --show | wc -l) packages"

@@ -6,6 +6,7 @@ Called with the project's root; FXAGENT and FXSIM name the programs.
 
 import ast
 import fnmatch
+import hashlib
 import json
 import os
 import re
@@ -116,8 +117,14 @@ def of_stage(stage, word):
     return [rest for other, rest in instructions(stage) if other == word]
 
 
-def compose():
-    return yaml.safe_load(text_of("docker", "compose.yaml"))
+def compose(name="compose.yaml"):
+    """One of the plants, with what its services take from another file."""
+    plan = yaml.safe_load(text_of("docker", name))
+    for service in plan["services"].values():
+        base = service.pop("extends", None)
+        if base:
+            service.update({**compose(base["file"])["services"][base["service"]], **service})
+    return plan
 
 
 def is_ignored(path):
@@ -229,8 +236,9 @@ class Packages(unittest.TestCase):
             self.assertEqual((status, text), (0, ""))
 
     def test_the_demo_has_its_simulator_after_an_install_in_the_same_clone(self):
-        with open(in_root("README.md")) as text:
-            install = re.search(r"^cmake -S \. -B build (.*)$", text.read(), re.M).group(1).split()
+        # As docker/package.sh configures it, too.
+        install = re.search(r"^cmake -S \. -B build (.*)$", text_of("agent", "OPERATIONS.md"), re.M)[1].split()
+        self.assertIn(" ".join(install), text_of("debian", "rules"))
         with tempfile.TemporaryDirectory() as directory:
             build = os.path.join(directory, "b")
             subprocess.run(["cmake", "-S", ROOT, "-B", build, *install], check=True, capture_output=True)
@@ -281,6 +289,63 @@ class Packages(unittest.TestCase):
             self.assertIn("no section 'nothing'", done.stderr)
 
 
+class Package(unittest.TestCase):
+    """debian/: what can be said of it without making the package; tests/deploy/bare_machine.sh package makes it."""
+
+    def test_it_is_built_from_the_one_list(self):
+        control = text_of("debian", "control")
+        needs = re.search(r"^Build-Depends: ((?:.*,\n)*.*)$", control, re.M)[1]
+        needs = {word.split()[0] for word in needs.split(",")}
+        # The compiler is of every build; the rest is of a clone and not of a package.
+        apart = {"g++", "ccache", "git", "ca-certificates"}
+        self.assertEqual(needs - {"debhelper-compat"}, set(packages()["build"]) - apart)
+
+    def test_its_version_is_that_of_the_project(self):
+        project = re.search(r"^project\(fxagent VERSION ([0-9.]+)", text_of("CMakeLists.txt"), re.M)[1]
+        newest = re.match(r"fxagent \((\S+)\) ", text_of("debian", "changelog"))[1]
+        self.assertEqual(newest, project + "-1")
+        self.assertEqual(output_of(FXAGENT, "--version").strip(), project)
+
+    def test_the_config_that_it_installs_is_right_polls_nothing_and_stays_as_it_is(self):
+        self.assertIn("debian/agent.json etc/fxagent\n", text_of("debian", "fxagent.install"))
+        config = json.loads(text_of("debian", "agent.json"))
+        self.assertEqual((config["links"], config["devices"]), ([], []))
+        self.assertEqual(config["store"]["path"], "/var/lib/fxagent")
+        schema = config["$schema"].removeprefix("file:///")
+        self.assertIn("config/agent.schema.json " + os.path.dirname(schema), text_of("debian", "fxagent.install"))
+        output_of(FXAGENT, "check", in_root("debian", "agent.json"))
+        # Every plant changes this file. If a new version changed it too, each upgrade would stop and ask which of
+        # the two to keep, and one without a terminal would fail.
+        digest = hashlib.sha256(text_of("debian", "agent.json").encode()).hexdigest()
+        self.assertEqual(digest, "290bcfd7f0fea791c2ea885991b58a24e12a938ddca8a73dbab1dfdb777523d8")
+
+    def test_man_pages_and_completion_are_those_of_the_command_line(self):
+        with tempfile.TemporaryDirectory() as pages:
+            output_of(FXAGENT, "--help-pages", pages)
+            subcommands = re.findall(r"^  ([a-z-]+)  ", output_of(FXAGENT, "--help").split("Subcommands:")[1], re.M)
+            self.assertIn("verify-stream", subcommands)
+            self.assertEqual(set(os.listdir(pages)), {"fxagent.1", "fxagent.bash"} |
+                             {f"fxagent-{name}.1" for name in subcommands})
+
+            def offered(*words):
+                script = (f". {pages}/fxagent.bash; COMP_WORDS=(fxagent {' '.join(words)});"
+                          f"COMP_CWORD={len(words)}; _fxagent; printf '%s\\n' \"${{COMPREPLY[@]}}\"")
+                return output_of("bash", "-c", script).split()
+            self.assertEqual(set(offered("''")), {*subcommands, "-h", "--help", "--version"})
+            self.assertEqual(offered("verify-s"), ["verify-stream"])
+            for name in subcommands:
+                with open(os.path.join(pages, f"fxagent-{name}.1")) as file:
+                    page = file.read()
+                options = re.findall(r"(?<!\S)--[a-z-]+", output_of(FXAGENT, name, "--help").split("Options:")[1])
+                self.assertIn("--version", options)
+                for option in options:
+                    self.assertIn("\\fB" + option.replace("-", "\\-"), page, name)
+                self.assertLessEqual(set(options), set(offered(name, "--")), name)
+            # Where a file belongs bash offers files.
+            self.assertEqual(offered("read", "''"), [])
+            self.assertEqual(offered("verify-stream", "--password-file", "--"), [])
+
+
 class Scripts(unittest.TestCase):
     def test_no_shell_script_is_doubtful(self):
         scripts = []
@@ -292,7 +357,7 @@ class Scripts(unittest.TestCase):
                     scripts.append(path)
                     self.assertTrue(os.access(path, os.X_OK), path + " is not executable")
         self.assertGreater(len(scripts), 5)
-        done = subprocess.run(["shellcheck", *scripts], capture_output=True, text=True)
+        done = subprocess.run(["shellcheck", "-x", *scripts], capture_output=True, text=True, cwd=ROOT)
         self.assertEqual(done.returncode, 0, done.stdout)
 
     def test_where_no_bare_root_can_be_made_it_says_why(self):
@@ -364,8 +429,9 @@ class Dockerfile(unittest.TestCase):
         for section in re.findall(r"install\.sh (\w+)", " ".join(of_stage(None, "RUN"))):
             self.assertIn(section, packages())
         self.assertFalse([p for p in packages()["run"] if p.endswith("-dev")])
-        # Packages come from the one list alone.
+        # Packages come from the one list alone, but for our own.
         self.assertNotRegex(text_of("docker", "Dockerfile"), r"apt-get|apt install|dpkg -i")
+        self.assertEqual(re.findall(r"dpkg --install (\S+)", text_of("docker", "Dockerfile")), ["/opt/fxagent_*.deb"])
 
     def test_its_builds_configure_here_and_know_their_targets_and_programs(self):
         for stage in ("build", "build-sim"):
@@ -376,11 +442,16 @@ class Dockerfile(unittest.TestCase):
                                stdout=subprocess.DEVNULL)
                 target = re.search(r"cmake --build build --target (\w+)", runs)[1]
                 plan = output_of("ninja", "-C", build, "-n", target)
-                # The last thing that is made is the program that is stripped and copied.
-                program = re.search(r"strip build/(\S+)", runs)[1]
+                # The last thing that is made is the program.
+                program = {"fxagent": "agent/fxagent", "fxsim": "tests/sim/fxsim"}[target]
                 self.assertIn(program, plan.strip().splitlines()[-1])
                 copies = " ".join(of_stage(None, "COPY"))
-                self.assertIn(f"--from={stage} /src/build/{program} /usr/local/bin/{target}", copies)
+                if stage == "build":  # the package is made of the same build
+                    self.assertTrue(runs.endswith("docker/package.sh"), runs)
+                    self.assertIn("--from=build /src/build/fxagent_*.deb /opt/", copies)
+                else:
+                    self.assertIn("strip build/" + program, runs)
+                    self.assertIn(f"--from={stage} /src/build/{program} /usr/local/bin/{target}", copies)
         self.assertIn("-DFXAGENT_TESTS=OFF", " ".join(of_stage("build", "RUN")))
 
     def test_the_build_copies_all_that_it_compiles(self):
@@ -406,12 +477,10 @@ class Dockerfile(unittest.TestCase):
     def test_the_commands_are_in_the_image_and_the_agent_takes_them(self):
         for stage in ("agent", "sim", "broker"):
             entry = json.loads(of_stage(stage, "ENTRYPOINT")[0])
-            self.assertIn(f"/usr/local/bin/{entry[0]}", " ".join(of_stage(stage, "COPY")))
+            if stage != "agent":  # which has it from the package
+                self.assertIn(f"/usr/local/bin/{entry[0]}", " ".join(of_stage(stage, "COPY")))
         command = json.loads(of_stage("agent", "CMD")[0])
         self.assertEqual(command, ["run", "/etc/fxagent/agent.json"])
-        # The file that the image has there is right.
-        self.assertIn("config/agent.example.json /etc/fxagent/agent.json", of_stage("agent", "COPY"))
-        output_of(FXAGENT, "check", in_root("config", "agent.example.json"))
         self.assertEqual(json.loads(of_stage("agent", "CMD")[0])[1],
                          json.loads(re.search(r"CMD (\[.*\])", of_stage("agent", "HEALTHCHECK")[0])[1])[2])
 
@@ -476,7 +545,11 @@ class HealthCheck(unittest.TestCase):
 
 class Compose(unittest.TestCase):
     def test_every_file_and_secret_that_is_mounted_is_there(self):
-        plan = compose()
+        for name in ("compose.yaml", "compose.serial.yaml"):
+            with self.subTest(name):
+                self.check_plan(compose(name))
+
+    def check_plan(self, plan):
         made = self.make_secrets()
         for name, service in plan["services"].items():
             for volume in service.get("volumes", []):
@@ -492,9 +565,10 @@ class Compose(unittest.TestCase):
                 self.assertEqual(port, "127.0.0.1:1883:1883")
             for other in service.get("depends_on", []):
                 self.assertIn(other, plan["services"])
-            network = service.get("network_mode")
-            if network:
-                self.assertIn(network.removeprefix("service:"), plan["services"])
+            # In another's network it would not outlive the other's restart.
+            self.assertNotIn("network_mode", service, name)
+            for network in service.get("networks", []):
+                self.assertIn(network, {"default", *plan.get("networks", {})})
             self.assertIs(service["read_only"], True, name)
             self.assertEqual(service["cap_drop"], ["ALL"], name)
             self.assertEqual(service["security_opt"], ["no-new-privileges:true"], name)
@@ -515,6 +589,28 @@ class Compose(unittest.TestCase):
         script = os.path.join(copy, "secrets.sh")
         output_of(script)
         return os.path.join(copy, "secrets")
+
+    def test_the_rules_of_the_broker_are_those_that_the_agent_prints(self):
+        environment = {**os.environ, **compose()["services"]["fxagent"]["environment"]}
+        for name in ("agent.json", "agent.serial.json"):
+            self.assertEqual(text_of("docker", "plant", "mosquitto.acl"),
+                             output_of(FXAGENT, "acl", in_root("docker", "plant", name), "--operator", "operator",
+                                       env=environment))
+
+    def test_the_plant_with_a_serial_port_has_its_path_and_group(self):
+        agent = compose("compose.serial.yaml")["services"]["fxagent"]
+        outside, inside = agent["devices"][0].rsplit(":", 1)
+        config = json.loads(text_of("docker", "plant", "agent.serial.json"))
+        self.assertEqual(config["links"][0]["serial"]["path"], inside)
+        self.assertTrue(outside.startswith("${SERIAL_PORT:?"), outside)
+        self.assertTrue(agent["group_add"][0].startswith("${SERIAL_GROUP:?"))
+        self.assertIn("./plant/agent.serial.json:/etc/fxagent/agent.json:ro", agent["volumes"])
+        simulated = json.loads(text_of("docker", "plant", "agent.json"))
+        simulated["links"] = config["links"]
+        self.assertEqual(config, simulated)
+        first = compose()["services"]["fxagent"]
+        for key in ("mem_limit", "pids_limit", "environment", "secrets"):
+            self.assertEqual(agent[key], first[key])
 
     def test_secrets_are_random_kept_and_closed_to_others(self):
         first, second = self.make_secrets(), self.make_secrets()
@@ -592,14 +688,19 @@ class Compose(unittest.TestCase):
         sim_port = free_port()
         command = services["fxsim"]["command"]
         self.assertEqual(command, json.loads(of_stage("sim", "CMD")[0]))
-        start([FXSIM, *(a.replace("tcp=5551", f"tcp={sim_port}") for a in command)])
+        # Another address than fxsim's own default, and of this machine alone.
+        here = "127.0.0.2"
+        start([FXSIM, *(a.replace("tcp=5551", f"tcp={sim_port}").replace("0.0.0.0", here) for a in command)])
 
         self.assertIn("./plant/agent.json:/etc/fxagent/agent.json:ro", services["fxagent"]["volumes"])
         self.assertIn("state:/var/lib/fxagent", services["fxagent"]["volumes"])
-        self.assertEqual(services["fxagent"]["network_mode"], "service:fxsim")
+        # The simulator is heard where the agent is, and not where the broker is.
+        self.assertEqual(services["fxsim"]["networks"], ["field"])
+        self.assertEqual(services["fxagent"]["networks"], ["default", "field"])
+        self.assertNotIn("networks", services["broker"])
         self.assertEqual(services["fxagent"]["secrets"], ["edge7"])
         plant = Replacing(text_of("docker", "plant", "agent.json"))
-        plant.put('"host": "127.0.0.1", "port": 5551', f'"host": "127.0.0.1", "port": {sim_port}')
+        plant.put('"host": "fxsim", "port": 5551', f'"host": "{here}", "port": {sim_port}')
         with open(place["agent.json"], "w") as out:
             out.write(plant.text)
         inside = services["fxagent"]["environment"]
@@ -666,11 +767,12 @@ class Unit(unittest.TestCase):
         with tempfile.TemporaryDirectory() as directory:
             path = os.path.join(directory, "fxagent.service")
             # systemd wants the program to be there.
-            text = Replacing(self.unit()).put("ExecStart=/usr/local/bin/fxagent ",
+            text = Replacing(self.unit()).put("ExecStart=/usr/bin/fxagent ",
                                               f"ExecStart={shutil.which('true')} ").text
             with open(path, "w") as out:
                 out.write(text)
-            done = subprocess.run(["systemd-analyze", "verify", path], capture_output=True, text=True)
+            # The man page comes with the package.
+            done = subprocess.run(["systemd-analyze", "verify", "--man=no", path], capture_output=True, text=True)
             self.assertEqual((done.returncode, done.stdout + done.stderr), (0, ""))
             # Tenths of systemd's points from 0 to 10. What is left is the network and serial ports.
             done = subprocess.run(["systemd-analyze", "security", "--offline=true", "--threshold=25",
@@ -700,11 +802,21 @@ class Unit(unittest.TestCase):
 
     def test_it_reaches_what_the_agent_needs(self):
         lines = self.unit().splitlines()
-        for wish in ("DynamicUser=yes", "ProtectSystem=strict", "SupplementaryGroups=dialout",
+        for wish in ("User=fxagent", "ProtectSystem=strict", "SupplementaryGroups=dialout",
                      "NoNewPrivileges=yes", "StateDirectory=fxagent", "RestartPreventExitStatus=2",
-                     "DeviceAllow=char-ttyUSB rw", "DeviceAllow=char-ttyACM rw",
-                     "DeviceAllow=char-ttyS rw"):
+                     "PrivateTmp=yes", "ProtectHome=yes", "RestrictSUIDSGID=yes", "RemoveIPC=yes"):
             self.assertIn(wish, lines)
+        patterns = re.findall(r"^DeviceAllow=char-(\S+) rw$", self.unit(), re.M)
+        self.assertEqual(len(patterns), self.unit().count("DeviceAllow="))
+        # As Linux lists them in /proc/devices, and what has nothing to do with a serial port.
+        for name in ("ttyS", "ttyUSB", "ttyACM", "ttyAMA", "ttyAP", "ttyMAX", "ttymxc", "ttyO", "OMAP-SERIAL", "rfcomm",
+                     "ttySC", "ttyPS", "ttyLP", "ttySTM", "ttyTHS", "ttyXRUSB", "ttyr"):
+            self.assertTrue(any(fnmatch.fnmatchcase(name, pattern) for pattern in patterns), name)
+        for name in ("mem", "tty", "ttyprintk", "vcs", "input", "hidraw", "ptm", "pts", "spidev", "gpiochip"):
+            self.assertFalse(any(fnmatch.fnmatchcase(name, pattern) for pattern in patterns), name)
+        # The driver of an adapter may come with the adapter, after the names were looked up: its number is enough.
+        for number in ("166", "188", "216"):
+            self.assertIn(number, patterns)
         # The agent asks the kernel whether the clock is synchronised.
         self.assertIn("SystemCallFilter=adjtimex clock_adjtime", lines)
         self.assertNotIn("ProtectClock=yes", lines)

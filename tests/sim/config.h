@@ -25,7 +25,8 @@ class ConfigError final : public std::runtime_error {
 /// What all stations of a line share.
 struct LineSettings {
   std::string pty;                   // path of the link to it; empty: a TCP listener instead
-  std::uint16_t tcp = 0;             // port on 127.0.0.1, 0: any free one
+  std::uint16_t tcp = 0;             // port, 0: any free one
+  std::string listen = "127.0.0.1";  // address of the TCP listener
   unsigned baud = 9600;              // 0: as fast as it goes
   unsigned bits_per_character = 10;  // start, data, parity and stop
   bool gateway = false;              // a request that no station answers gets nobody_there()

@@ -66,7 +66,7 @@ void Line::open_pty() {
 }
 
 void Line::open_tcp() {
-  const asio::ip::tcp::endpoint here(asio::ip::address_v4::loopback(), port_);
+  const asio::ip::tcp::endpoint here(asio::ip::make_address(settings_.listen), port_);
   acceptor_.emplace(io_, here, true);
   port_ = acceptor_->local_endpoint().port();
   asio::co_spawn(io_, accept(), asio::detached);

@@ -43,6 +43,9 @@ int main(int argc, char** argv) {
                  "(or tcp=PORT, 0 for any free one)")
       ->expected(1)
       ->take_all();
+  std::string listen = "127.0.0.1";
+  app.add_option("--listen", listen, "Address of the TCP listeners (127.0.0.1); 0.0.0.0: all")
+      ->check(CLI::ValidIPV4);
   app.add_option("--control", options.control, "Unix socket that takes one JSON object a line");
   app.add_option("--log", options.log, "File that gets one JSON object for each request");
   auto* limit = app.add_option("--seconds", seconds, "Stop after this many seconds")
@@ -53,7 +56,8 @@ int main(int argc, char** argv) {
     return app.exit(error) == 0 ? 0 : 2;
   }
   try {
-    const auto plcs = load(config, forms);
+    auto plcs = load(config, forms);
+    for (auto& plc : plcs) plc.line.listen = listen;
     if (limit->count() > 0)
       options.lifetime = std::chrono::duration_cast<std::chrono::milliseconds>(
           std::chrono::duration<double>(seconds));

@@ -434,6 +434,24 @@ TEST(Config, SerialLineTakesWhatIsGiven) {
   EXPECT_EQ(serial.stop_bits, 2);
 }
 
+TEST(Config, DirectionOfASerialPortIsKeptBesideTheProtocolsDefaults) {
+  EXPECT_FALSE(
+      std::get<SerialSettings>(good(small_plant().dump()).links[0].channel).rs485.has_value());
+  const Config config = good(changed("/links/0/serial", R"({"path": "/dev/ttymxc1",
+      "rs485": {"rts_on_send": false, "delay_before_ms": 1, "delay_after_ms": 2}})"));
+  const auto& serial = std::get<SerialSettings>(config.links[0].channel);
+  EXPECT_EQ(serial.path, "/dev/ttymxc1");
+  EXPECT_EQ(serial.data_bits, 7);
+  ASSERT_TRUE(serial.rs485);
+  EXPECT_FALSE(serial.rs485->rts_on_send);
+  EXPECT_EQ(serial.rs485->delay_before.count(), 1);
+  EXPECT_EQ(serial.rs485->delay_after.count(), 2);
+  expect_error(changed("/links/0/serial/rs485", R"({"rts_on_sent": true})"),
+               "/links/0/serial/rs485/rts_on_sent", {"rts_on_send"});
+  expect_error(changed("/links/0/serial/rs485", R"({"delay_after_ms": 101})"),
+               "/links/0/serial/rs485/delay_after_ms", {"100"});
+}
+
 TEST(Config, CharacterTimeCountsStartParityAndStop) {
   EXPECT_EQ(good(small_plant().dump()).links[0].char_time, nanoseconds(1041667));  // 10 bits, 9600
   const Config odd = good(changed("/links/0/serial", R"({"path": "/dev/ttyS1", "baud": 1000000,

@@ -344,6 +344,13 @@ TEST(ConfigKeys, AbsentKeysHaveTheirDefaults) {
   EXPECT_EQ(config.store.audit_max_bytes,
             static_cast<std::uint64_t>(number(config_key("store.audit_max_bytes"))));
   EXPECT_EQ(config.store.audit_max_age.count(), number(config_key("store.audit_max_age_h")));
+  const Config two_wire = good(changed("/links/0/serial/rs485", "{}"));
+  const Rs485 direction = std::get<SerialSettings>(two_wire.links[0].channel).rs485.value();
+  EXPECT_EQ(direction.rts_on_send, config_key("links[].serial.rs485.rts_on_send").flag());
+  EXPECT_EQ(direction.delay_before.count(),
+            number(config_key("links[].serial.rs485.delay_before_ms")));
+  EXPECT_EQ(direction.delay_after.count(),
+            number(config_key("links[].serial.rs485.delay_after_ms")));
   EXPECT_DOUBLE_EQ(config.links[0].poll_share * 100,
                    static_cast<double>(number(config_key("links[].poll_share_percent"))));
   const DeviceConfig& device = config.devices[0];

@@ -121,6 +121,21 @@ TEST_F(SerialTransportTest, PathThatIsNoPortIsLinkDown) {
       << opened.error().text;
 }
 
+TEST_F(SerialTransportTest, PortThatCannotSwitchTheDirectionIsLinkDownAndNamed) {
+  const Pty pty;
+  SerialSettings settings;
+  settings.path = pty.path();
+  settings.rs485 = Rs485{};
+  const auto transport = make_serial_transport(io.get_executor(), settings);
+  const auto opened = open(*transport);
+  ASSERT_FALSE(opened);
+  EXPECT_EQ(opened.error().code, ErrorCode::link_down);
+  EXPECT_TRUE(opened.error().text.starts_with(pty.path() + " cannot switch"))
+      << opened.error().text;
+  EXPECT_FALSE(transport->is_open());
+  EXPECT_TRUE(open(*port(pty.path()))) << "free again";
+}
+
 TEST_F(SerialTransportTest, PortOfAnotherProgramIsLeftAlone) {
   const Pty pty;
   const int other = ::open(pty.path().c_str(), O_RDWR | O_NOCTTY);

@@ -1,0 +1,31 @@
+#!/bin/sh
+# Makes the Debian package of this tree, fxagent_VERSION_ARCHITECTURE.deb, in the build directory:
+#   docker/package.sh
+# Installs what is missing first (only then as root). BUILD_DIR: the build directory, `build` in the project unless
+# set; a build that is there is used as it is. The last line names the package.
+# HOST_ARCH: the architecture that it is for, with what docker/cross.sh provides.
+set -eu
+
+root=$(cd "$(dirname "$0")/.." && pwd)
+architecture=${HOST_ARCH:-$(dpkg --print-architecture)}
+FXAGENT_BUILD_DIR=${BUILD_DIR:-$root/build}
+# As dpkg-buildpackage says it: nothing of this needs root.
+DEB_RULES_REQUIRES_ROOT=no
+export FXAGENT_BUILD_DIR DEB_RULES_REQUIRES_ROOT
+
+[ -n "${HOST_ARCH:-}" ] || "$root/docker/install.sh" build package
+cd "$root"
+mkdir -p "$FXAGENT_BUILD_DIR"
+rm -f "$FXAGENT_BUILD_DIR/fxagent_"*"_$architecture.deb"
+# What debhelper lays out, and its marks of steps that need not be done again. Its own `clean` would go through the whole
+# tree for backup copies.
+tidy() { rm -rf debian/fxagent debian/pages debian/.debhelper debian/files debian/debhelper-build-stamp debian/*.substvars debian/*.debhelper debian/*.debhelper.log; }
+tidy
+# What it prints is long, and of interest only where it fails.
+log=$FXAGENT_BUILD_DIR/package.log
+if ! dpkg-architecture --host-arch "$architecture" --command "debian/rules binary" >"$log" 2>&1; then
+  tail -n 40 "$log" >&2
+  exit 1
+fi
+tidy
+ls "$FXAGENT_BUILD_DIR/fxagent_"*"_$architecture.deb"

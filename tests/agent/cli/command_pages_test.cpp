@@ -1,0 +1,87 @@
+#include "agent/cli/command_pages.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <set>
+#include <string>
+
+namespace fxagent::test {
+namespace {
+
+/// A command line of two subcommands, with an option of each kind.
+class CommandPagesTest : public ::testing::Test {
+ protected:
+  CommandPagesTest() {
+    app.set_version_flag("--version", "9");
+    CLI::App* read = app.add_subcommand("read-it", "Read a device");
+    read->add_option("CONFIG", text, "Config file")->required();
+    read->add_option("--count", count, "Devices in a row")->check(CLI::Range(1, 9));
+    read->add_flag("-j,--json", flag, ".json \\ printed");
+    app.add_subcommand("stop", "Stop it");
+  }
+  static bool has(const std::string& page, const std::string& part) {
+    return page.find(part) != std::string::npos;
+  }
+
+  CLI::App app{"tool: does it", "tool"};
+  std::string text;
+  int count = 0;
+  bool flag = false;
+};
+
+TEST_F(CommandPagesTest, PageOfTheProgramNamesItsSubcommands) {
+  const std::string page = man_page(app, nullptr, "1.2");
+  EXPECT_TRUE(page.starts_with(".TH TOOL 1 \"\" \"tool 1.2\"")) << page;
+  EXPECT_TRUE(has(page, ".SH NAME\ntool \\- does it\n")) << page;
+  EXPECT_TRUE(has(page, ".TP\n\\fBread\\-it\\fR\nRead a device\n")) << page;
+  EXPECT_TRUE(has(page, ".TP\n\\fB\\-\\-version\\fR\n")) << page;
+  EXPECT_TRUE(has(page, ".BR tool\\-read\\-it (1),\n.BR tool\\-stop (1)\n")) << page;
+}
+
+TEST_F(CommandPagesTest, PageOfASubcommandHasEachArgumentAndOption) {
+  const std::string page = man_page(app, app.get_subcommand("read-it"), "1.2");
+  EXPECT_TRUE(has(page, ".TH TOOL\\-READ\\-IT 1")) << page;
+  EXPECT_TRUE(has(page, "tool\\-read\\-it \\- Read a device\n")) << page;
+  EXPECT_TRUE(has(page, ".B tool read\\-it\n[\\fIOPTIONS\\fR]\n.I CONFIG\n")) << page;
+  EXPECT_TRUE(has(page, ".SH ARGUMENTS\n.TP\n\\fICONFIG\\fR\nConfig file\n")) << page;
+  EXPECT_TRUE(has(page, "\\fB\\-\\-count\\fR \\fIINT\\fR\nDevices in a row (INT in [1 \\- 9])\n"))
+      << page;
+  EXPECT_TRUE(has(page, "\\fB\\-j\\fR, \\fB\\-\\-json\\fR\n\\&.json \\e printed\n")) << page;
+}
+
+TEST_F(CommandPagesTest, CompletionKnowsSubcommandsOptionsAndWhichTakeAValue) {
+  const std::string script = bash_completion(app);
+  EXPECT_TRUE(has(script, "words='read-it stop -h --help --version'")) << script;
+  EXPECT_TRUE(has(script, "read-it) words='-h --help --count -j --json' valued='--count' ;;"))
+      << script;
+  EXPECT_TRUE(has(script, "complete -o default -F _fxagent tool\n")) << script;
+}
+
+TEST_F(CommandPagesTest, EachPageIsAFile) {
+  const auto directory =
+      std::filesystem::temp_directory_path() / ("fxagent-pages-" + std::to_string(::getpid()));
+  std::filesystem::create_directory(directory);
+  const std::string place = directory.string();
+  const char* const asked[] = {"tool", "--help-pages", place.c_str()};
+  EXPECT_EQ(write_command_pages(app, 3, asked, "1"), 0);
+  std::set<std::string> names;
+  for (const auto& entry : std::filesystem::directory_iterator(directory))
+    names.insert(entry.path().filename().string());
+  EXPECT_EQ(names, (std::set<std::string>{"tool.1", "tool-read-it.1", "tool-stop.1", "tool.bash"}));
+  std::filesystem::remove_all(directory);
+  EXPECT_EQ(write_command_pages(app, 3, asked, "1"), 1) << "the directory is gone";
+}
+
+TEST_F(CommandPagesTest, OnlyItsOwnQuestionIsAnswered) {
+  const char* const others[] = {"tool", "stop"};
+  EXPECT_FALSE(write_command_pages(app, 2, others, "1"));
+  EXPECT_FALSE(write_command_pages(app, 1, others, "1"));
+  const char* const wrong[] = {"tool", "--help-pages"};
+  EXPECT_EQ(write_command_pages(app, 2, wrong, "1"), 2);
+}
+
+}  // namespace
+}  // namespace fxagent::test
