@@ -1,5 +1,5 @@
-// The command line: run · check · plan · read · write · force-on · force-off · audit · decode ·
-// verify-stream · acl. Nothing else.
+// The command line: run · check · config · plan · read · write · force-on · force-off · audit ·
+// decode · verify-stream · acl. Nothing else.
 #include <malloc.h>
 #include <unistd.h>
 
@@ -22,6 +22,7 @@
 #include "agent/cli/plan.h"
 #include "agent/cli/verify_stream.h"
 #include "agent/config/config.h"
+#include "agent/config/expand.h"
 #include "agent/config/reader.h"
 #include "agent/log/log.h"
 #include "agent/process/startup.h"
@@ -37,11 +38,15 @@ constexpr int kWrong = 2;
 constexpr int kThreads = 8;
 constexpr std::size_t kRoomToBegin = std::size_t{16} << 20;
 
+void print(const std::vector<ConfigError>& errors, const std::string& path) {
+  for (const ConfigError& error : errors) std::cerr << to_string(error, path) << '\n';
+}
+
 /// The config, or its errors on stderr.
 std::optional<Config> loaded(const std::string& path) {
   auto config = load_config(path);
   if (config) return std::move(*config);
-  for (const ConfigError& error : config.error()) std::cerr << to_string(error, path) << '\n';
+  print(config.error(), path);
   return std::nullopt;
 }
 
@@ -58,6 +63,17 @@ int check(const std::string& path) {
   std::cout << path << ": right: " << config->links.size() << " links, " << config->devices.size()
             << " devices, " << tags << " tags\n";
   return 0;
+}
+
+/// Prints the config with every device written out.
+int expand(const std::string& path) {
+  const auto text = expanded_config(path);
+  if (text) {
+    std::cout << *text;
+    return 0;
+  }
+  print(text.error(), path);
+  return kWrong;
 }
 
 /// Until the agent runs, a stop ends it where it stands: nothing has been begun yet that needs an
@@ -210,6 +226,13 @@ int dispatch(int argc, char** argv) {
   CLI::App* check_command = app.add_subcommand("check", "Say whether a config file is right");
   check_command->add_option("CONFIG", path, "Config file")->required();
   check_command->callback([&] { action = [&] { return check(path); }; });
+
+  CLI::App* config_command = app.add_subcommand("config", "Print a config file in another form");
+  config_command->add_option("CONFIG", path, "Config file")->required();
+  config_command->add_flag("--expand")
+      ->description("Every device written out, without templates")
+      ->required();
+  config_command->callback([&] { action = [&] { return expand(path); }; });
 
   std::vector<std::string> what_ifs;
   bool plan_as_json = false;
