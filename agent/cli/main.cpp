@@ -1,5 +1,5 @@
 // The command line: run · check · config · plan · read · write · force-on · force-off · audit ·
-// decode · verify-stream · acl. Nothing else.
+// decode · verify-stream · acl · import · export. Nothing else.
 #include <malloc.h>
 #include <unistd.h>
 
@@ -18,6 +18,7 @@
 #include "agent/cli/acl.h"
 #include "agent/cli/audit.h"
 #include "agent/cli/decode.h"
+#include "agent/cli/import.h"
 #include "agent/cli/one_shot.h"
 #include "agent/cli/plan.h"
 #include "agent/cli/verify_stream.h"
@@ -201,6 +202,27 @@ void add_acl(CLI::App& app, std::string& path, AclQuestion& what, std::function<
   });
 }
 
+void add_import(CLI::App& app, ImportQuestion& what, std::function<int()>& action) {
+  CLI::App* command =
+      app.add_subcommand("import", "Make a config of another program's tags or device comments");
+  command->add_option("FORMAT", what.format, import_format_names())->required();
+  command->add_option("FILE", what.path, "The file")->required();
+  command->add_option("--device", what.options.device, "Name of the device");
+  command->add_option("--protocol", what.options.protocol, "Protocol of the device");
+  command->add_option("--model", what.options.model, "Model of the PLC");
+  command->add_option("--port", what.options.port, "/dev/ttyUSB0 or host:port");
+  command->callback([&] { action = [&] { return run_import(what); }; });
+}
+
+void add_export(CLI::App& app, std::string& path, std::function<int()>& action) {
+  CLI::App* command = app.add_subcommand("export", "Print the tags of a config for a spreadsheet");
+  command->add_option("CONFIG", path, "Config file")->required();
+  command->add_flag("--csv")
+      ->description("As CSV, which `import csv` makes the same config of")
+      ->required();
+  command->callback([&] { action = [&] { return loaded(path) ? run_export(path) : kWrong; }; });
+}
+
 /// The error text where the first argument is meant as a subcommand and is none; else empty.
 std::string misspelt_subcommand(const CLI::App& app, int argc, char** argv) {
   const std::string_view said = argc > 1 ? argv[1] : "";
@@ -267,6 +289,10 @@ int dispatch(int argc, char** argv) {
 
   AuditQuestion audit;
   add_audit(app, path, audit, action);
+
+  ImportQuestion import_question;
+  add_import(app, import_question, action);
+  add_export(app, path, action);
 
   DecodeQuestion question;
   bool as_request = false;

@@ -34,7 +34,7 @@ std::optional<std::size_t> number_in(std::string_view digits) {
 }
 
 std::string padded(std::size_t number, std::size_t width) {
-  std::string text = std::to_string(number);
+  const std::string text = std::to_string(number);
   return text.size() < width ? std::string(width - text.size(), '0') + text : text;
 }
 
@@ -166,6 +166,7 @@ Templates::Template* Templates::template_of(const ConfigNode& node, const Config
     return found->second.lists.node().kind == Kind::object ? &found->second : nullptr;
   }
   std::vector<std::string_view> names;
+  names.reserve(templates_.size());
   for (const auto& [known, ignored] : templates_) names.push_back(known);
   reader_.error(given,
                 "there is no template \"" + *name + "\"; " +
