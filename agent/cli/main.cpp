@@ -1,5 +1,5 @@
 // The command line: run · check · config · plan · read · write · force-on · force-off · audit ·
-// decode · verify-stream · acl · import · export. Nothing else.
+// decode · verify-stream · acl · import · export · init. Nothing else.
 #include <malloc.h>
 #include <unistd.h>
 
@@ -19,6 +19,7 @@
 #include "agent/cli/audit.h"
 #include "agent/cli/decode.h"
 #include "agent/cli/import.h"
+#include "agent/cli/init.h"
 #include "agent/cli/one_shot.h"
 #include "agent/cli/plan.h"
 #include "agent/cli/verify_stream.h"
@@ -223,6 +224,33 @@ void add_export(CLI::App& app, std::string& path, std::function<int()>& action) 
   command->callback([&] { action = [&] { return loaded(path) ? run_export(path) : kWrong; }; });
 }
 
+void add_init(CLI::App& app, InitQuestion& what, std::function<int()>& action) {
+  CLI::App* command = app.add_subcommand(
+      "init", "Write a config, its broker's access rules, a unit drop-in and a Node-RED flow");
+  command->add_option("DIRECTORY", what.directory, "Where to write them (.)");
+  command->add_option("--id", what.answers.id, "Name of this agent (edge1)");
+  command->add_option("--broker", what.answers.broker, "mqtt://host or mqtts://host");
+  command->add_option("--user", what.answers.user, "The agent's user at the broker (the id)");
+  command->add_option("--password-file", what.answers.password_file,
+                      "File of its password (what systemd hands to the unit)");
+  command->add_option("--operator", what.answers.operator_name,
+                      "The user of Node-RED, who may send commands (nodered)");
+  command->add_option("--protocol", what.answers.protocol, "Protocol of the device");
+  command->add_option("--port", what.answers.port, "/dev/ttyUSB0 or host:port");
+  command->add_option("--model", what.answers.model, "Model of the PLC (auto)");
+  command->add_option("--unit", what.answers.unit, "Unit of Modbus, station of a computer link");
+  command->add_option("--device", what.answers.device, "Name of the device (plc1)");
+  command->add_option("--read", what.answers.read, "ADDRESS or NAME=ADDRESS to read; repeatable")
+      ->expected(1)
+      ->take_all();
+  command
+      ->add_option("--write", what.answers.write, "The same, which may be written too; repeatable")
+      ->expected(1)
+      ->take_all();
+  command->add_flag("--force", what.force, "Overwrite what is there");
+  command->callback([&] { action = [&] { return run_init(what); }; });
+}
+
 /// The error text where the first argument is meant as a subcommand and is none; else empty.
 std::string misspelt_subcommand(const CLI::App& app, int argc, char** argv) {
   const std::string_view said = argc > 1 ? argv[1] : "";
@@ -293,6 +321,9 @@ int dispatch(int argc, char** argv) {
   ImportQuestion import_question;
   add_import(app, import_question, action);
   add_export(app, path, action);
+
+  InitQuestion init;
+  add_init(app, init, action);
 
   DecodeQuestion question;
   bool as_request = false;
