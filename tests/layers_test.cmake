@@ -35,7 +35,10 @@ forbid("^agent/store/" "^agent/(field|uplink|cli|agent)[/.]" "agent/store/ sees 
 forbid("^agent/store/" "^agent/commands/" "of agent/commands/ agent/store/ sees the ports journal.h and command_starts.h only")
 forbid("^agent/uplink/" "^agent/(field|cli|agent)[/.]" "agent/uplink/ and agent/field/ meet in agent/agent.cpp only")
 forbid("^agent/config/" "^agent/(commands|field|store|uplink|cli|agent)[/.]" "agent/config/ sees protocol and small things")
-forbid("^agent/((log|process)/)?[^/]+$" "^agent/(commands|config|field|metrics|store|uplink|cli)/"
+forbid("^agent/import/" "^agent/(commands|field|metrics|store|uplink|log|process|cli|agent)[/.]" "agent/import/ sees protocol and config")
+forbid("^agent/import/" "^(fstream|iostream|filesystem|thread|mutex|ctime)$" "agent/import/ has no files, no threads and no clock")
+forbid("^agent/(config|commands|field|metrics|store|uplink)/" "^agent/import/" "only agent/cli/ sees agent/import/")
+forbid("^agent/((log|process)/)?[^/]+$" "^agent/(commands|config|field|import|metrics|store|uplink|cli)/"
        "what every room uses must not know any of them")
 forbid("^agent/metrics/" "^agent/(commands|field|store|uplink|cli|agent)[/.]"
        "agent/metrics/ sees the status, config and the log")

@@ -4,6 +4,7 @@
 #include <array>
 #include <iostream>
 #include <set>
+#include <sstream>
 #include <string_view>
 
 namespace fxagent {
@@ -30,61 +31,74 @@ std::string_view user_fault(std::string_view name) {
   return {};
 }
 
-/// False, and a word on stderr, where a name cannot be used or stands for two roles.
-bool are_usable(const AclQuestion& what) {
+/// What is wrong with the names: each that cannot be used or stands for two roles; empty: nothing.
+std::string faults_of(const AclQuestion& what) {
   std::set<std::string_view> taken;
-  const auto is_usable = [&taken](std::string_view name) {
+  std::string faults;
+  const auto look_at = [&](std::string_view name) {
     std::string_view fault = user_fault(name);
     if (fault.empty() && !taken.insert(name).second) fault = "is named twice";
-    if (!fault.empty()) std::cerr << "acl: the user \"" << name << "\" " << fault << '\n';
-    return fault.empty();
+    if (fault.empty()) return;
+    if (!faults.empty()) faults += '\n';
+    faults += "the user \"" + std::string(name) + "\" " + std::string(fault);
   };
-  bool usable = is_usable(what.agent);
-  for (const std::string& name : what.operators) usable = is_usable(name) && usable;
-  for (const std::string& name : what.viewers) usable = is_usable(name) && usable;
-  return usable;
+  look_at(what.agent);
+  for (const std::string& name : what.operators) look_at(name);
+  for (const std::string& name : what.viewers) look_at(name);
+  return faults;
 }
 
 template <class Topics>
-void print(std::string_view access, const std::string& base, const Topics& topics) {
+void add(std::string& out, std::string_view access, const std::string& base, const Topics& topics) {
   for (const std::string_view topic : topics)
-    std::cout << "topic " << access << ' ' << base << '/' << topic << '\n';
+    out += "topic " + std::string(access) + " " + base + "/" + std::string(topic) + "\n";
 }
 
 }  // namespace
 
-int run_acl(const Config& config, const AclQuestion& what) {
+tl::expected<std::string, std::string> acl_text(const Config& config, const AclQuestion& what) {
   AclQuestion users = what;
   if (users.agent.empty()) users.agent = config.mqtt.username;
-  if (users.agent.empty()) {
-    std::cerr << "acl: mqtt.username is not set: give the agent's user with --agent (with "
-                 "use_identity_as_username it is the common name of its certificate)\n";
-    return kWrongQuestion;
-  }
-  if (!are_usable(users)) return kWrongQuestion;
+  if (users.agent.empty())
+    return tl::unexpected(
+        std::string("mqtt.username is not set: give the agent's user with --agent (with "
+                    "use_identity_as_username it is the common name of its certificate)"));
+  if (const std::string faults = faults_of(users); !faults.empty()) return tl::unexpected(faults);
 
   const std::string base = config.base_topic();
-  std::cout
-      << "# Access to " << base << ", an acl_file of mosquitto made by `fxagent acl`. A user\n"
-      << "# who is not named here has no access. The files of several agents can be joined.\n\n"
-      << "# The agent writes what it publishes. It reads the commands for its devices, and its "
-         "own\n"
-      << "# states and meta: to put them right where somebody else has written there, to notice "
-         "another\n"
-      << "# agent with its id, and to clear those of devices that are no longer configured.\n"
-      << "user " << users.agent << '\n';
-  print("write", base, kAgentWrites);
-  print("read", base, kAgentReads);
+  std::string out =
+      "# Access to " + base + ", an acl_file of mosquitto made by `fxagent acl`. A user\n" +
+      "# who is not named here has no access. The files of several agents can be joined.\n\n"
+      "# The agent writes what it publishes. It reads the commands for its devices, and its own\n"
+      "# states and meta: to put them right where somebody else has written there, to notice "
+      "another\n"
+      "# agent with its id, and to clear those of devices that are no longer configured.\n"
+      "user " +
+      users.agent + "\n";
+  add(out, "write", base, kAgentWrites);
+  add(out, "read", base, kAgentReads);
   for (const std::string& name : users.operators) {
-    std::cout << "\n# Reads everything and sends commands.\nuser " << name << '\n';
-    print("read", base, kAgentWrites);
-    print("write", base, kOperatorWrites);
+    out += "\n# Reads everything and sends commands.\nuser " + name + "\n";
+    add(out, "read", base, kAgentWrites);
+    add(out, "write", base, kOperatorWrites);
   }
   for (const std::string& name : users.viewers) {
-    std::cout << "\n# Reads everything.\nuser " << name << '\n';
-    print("read", base, kAgentWrites);
+    out += "\n# Reads everything.\nuser " + name + "\n";
+    add(out, "read", base, kAgentWrites);
   }
-  return kDone;
+  return out;
+}
+
+int run_acl(const Config& config, const AclQuestion& what) {
+  const auto text = acl_text(config, what);
+  if (text) {
+    std::cout << *text;
+    return kDone;
+  }
+  // One fault a line.
+  std::istringstream faults(text.error());
+  for (std::string fault; std::getline(faults, fault);) std::cerr << "acl: " << fault << '\n';
+  return kWrongQuestion;
 }
 
 }  // namespace fxagent

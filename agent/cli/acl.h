@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <tl/expected.hpp>
 #include <vector>
 
 #include "agent/config/config.h"
@@ -14,9 +15,12 @@ struct AclQuestion {
   std::vector<std::string> viewers;
 };
 
-/// Prints an acl_file to stdout. The agent may write what it publishes and read what it obeys, no
-/// more; a viewer reads what the agent writes; an operator also writes commands. Exit status: 0, or
-/// 2 where a user name cannot stand in such a file, which stderr tells.
+/// An acl_file. The agent may write what it publishes and read what it obeys, no
+/// more; a viewer reads what the agent writes; an operator also writes commands. The error
+/// names a user that cannot stand in such a file.
+tl::expected<std::string, std::string> acl_text(const Config& config, const AclQuestion& what);
+
+/// Prints it. Exit status: 0, or 2 where there is an error, which stderr tells.
 int run_acl(const Config& config, const AclQuestion& what);
 
 }  // namespace fxagent

@@ -1,5 +1,5 @@
-// The command line: run · check · plan · read · write · force-on · force-off · audit · decode ·
-// verify-stream · acl. Nothing else.
+// The command line: run · check · config · plan · read · write · force-on · force-off · audit ·
+// decode · verify-stream · acl · import · export · init. Nothing else.
 #include <malloc.h>
 #include <unistd.h>
 
@@ -19,11 +19,14 @@
 #include "agent/cli/audit.h"
 #include "agent/cli/command_pages.h"
 #include "agent/cli/decode.h"
+#include "agent/cli/import.h"
+#include "agent/cli/init.h"
 #include "agent/cli/one_shot.h"
 #include "agent/cli/plan.h"
 #include "agent/cli/plan_report.h"
 #include "agent/cli/verify_stream.h"
 #include "agent/config/config.h"
+#include "agent/config/expand.h"
 #include "agent/config/reader.h"
 #include "agent/log/log.h"
 #include "agent/process/startup.h"
@@ -39,11 +42,15 @@ constexpr int kWrong = 2;
 constexpr int kThreads = 9;
 constexpr std::size_t kRoomToBegin = std::size_t{16} << 20;
 
+void print(const std::vector<ConfigError>& errors, const std::string& path) {
+  for (const ConfigError& error : errors) std::cerr << to_string(error, path) << '\n';
+}
+
 /// The config, or its errors on stderr.
 std::optional<Config> loaded(const std::string& path) {
   auto config = load_config(path);
   if (config) return std::move(*config);
-  for (const ConfigError& error : config.error()) std::cerr << to_string(error, path) << '\n';
+  print(config.error(), path);
   return std::nullopt;
 }
 
@@ -62,6 +69,17 @@ int check(const std::string& path) {
   std::cout << path << ": right: " << config->links.size() << " links, " << config->devices.size()
             << " devices, " << tags << " tags\n";
   return 0;
+}
+
+/// Prints the config with every device written out.
+int expand(const std::string& path) {
+  const auto text = expanded_config(path);
+  if (text) {
+    std::cout << *text;
+    return 0;
+  }
+  print(text.error(), path);
+  return kWrong;
 }
 
 /// Until the agent runs, a stop ends it where it stands: nothing has been begun yet that needs an
@@ -253,6 +271,54 @@ void add_acl(CLI::App& app, std::string& path, AclQuestion& what, std::function<
   });
 }
 
+void add_import(CLI::App& app, ImportQuestion& what, std::function<int()>& action) {
+  CLI::App* command =
+      app.add_subcommand("import", "Make a config of another program's tags or device comments");
+  command->add_option("FORMAT", what.format, import_format_names())->required();
+  command->add_option("FILE", what.path, "The file")->required();
+  command->add_option("--device", what.options.device, "Name of the device");
+  command->add_option("--protocol", what.options.protocol, "Protocol of the device");
+  command->add_option("--model", what.options.model, "Model of the PLC");
+  command->add_option("--port", what.options.port, "/dev/ttyUSB0 or host:port");
+  command->callback([&] { action = [&] { return run_import(what); }; });
+}
+
+void add_export(CLI::App& app, std::string& path, std::function<int()>& action) {
+  CLI::App* command = app.add_subcommand("export", "Print the tags of a config for a spreadsheet");
+  command->add_option("CONFIG", path, "Config file")->required();
+  command->add_flag("--csv")
+      ->description("As CSV, which `import csv` makes the same config of")
+      ->required();
+  command->callback([&] { action = [&] { return loaded(path) ? run_export(path) : kWrong; }; });
+}
+
+void add_init(CLI::App& app, InitQuestion& what, std::function<int()>& action) {
+  CLI::App* command = app.add_subcommand(
+      "init", "Write a config, its broker's access rules, a unit drop-in and a Node-RED flow");
+  command->add_option("DIRECTORY", what.directory, "Where to write them (.)");
+  command->add_option("--id", what.answers.id, "Name of this agent (edge1)");
+  command->add_option("--broker", what.answers.broker, "mqtt://host or mqtts://host");
+  command->add_option("--user", what.answers.user, "The agent's user at the broker (the id)");
+  command->add_option("--password-file", what.answers.password_file,
+                      "File of its password (what systemd hands to the unit)");
+  command->add_option("--operator", what.answers.operator_name,
+                      "The user of Node-RED, who may send commands (nodered)");
+  command->add_option("--protocol", what.answers.protocol, "Protocol of the device");
+  command->add_option("--port", what.answers.port, "/dev/ttyUSB0 or host:port");
+  command->add_option("--model", what.answers.model, "Model of the PLC (auto)");
+  command->add_option("--unit", what.answers.unit, "Unit of Modbus, station of a computer link");
+  command->add_option("--device", what.answers.device, "Name of the device (plc1)");
+  command->add_option("--read", what.answers.read, "ADDRESS or NAME=ADDRESS to read; repeatable")
+      ->expected(1)
+      ->take_all();
+  command
+      ->add_option("--write", what.answers.write, "The same, which may be written too; repeatable")
+      ->expected(1)
+      ->take_all();
+  command->add_flag("--force", what.force, "Overwrite what is there");
+  command->callback([&] { action = [&] { return run_init(what); }; });
+}
+
 /// The error text where the first argument is meant as a subcommand and is none; else empty.
 std::string misspelt_subcommand(const CLI::App& app, int argc, char** argv) {
   const std::string_view said = argc > 1 ? argv[1] : "";
@@ -277,6 +343,13 @@ int dispatch(int argc, char** argv) {
   CLI::App* check_command = app.add_subcommand("check", "Say whether a config file is right");
   check_command->add_option("CONFIG", path, "Config file")->required();
   check_command->callback([&] { action = [&] { return check(path); }; });
+
+  CLI::App* config_command = app.add_subcommand("config", "Print a config file in another form");
+  config_command->add_option("CONFIG", path, "Config file")->required();
+  config_command->add_flag("--expand")
+      ->description("Every device written out, without templates")
+      ->required();
+  config_command->callback([&] { action = [&] { return expand(path); }; });
 
   std::vector<std::string> what_ifs;
   bool plan_as_json = false;
@@ -311,6 +384,13 @@ int dispatch(int argc, char** argv) {
 
   AuditQuestion audit;
   add_audit(app, path, audit, action);
+
+  ImportQuestion import_question;
+  add_import(app, import_question, action);
+  add_export(app, path, action);
+
+  InitQuestion init;
+  add_init(app, init, action);
 
   DecodeQuestion question;
   bool as_request = false;

@@ -399,17 +399,11 @@ Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy
   if (link_array != nullptr) read_links(reader, *link_array, links, config);
   if (const ConfigNode* devices = reader.array(top, config_key("devices"))) {
     if (devices->children.empty()) reader.warn(*devices, "no devices: nothing will be read");
-    read_devices(reader, *devices, links.names, links.facts, config);
+    read_devices(reader, top, *devices, links.names, links.facts, config);
   }
   if (link_array != nullptr) finish_links(reader, *link_array, links, config);
   set_listening(config);
   return config;
-}
-
-std::optional<std::string> process_environment(std::string_view name) {
-  // Nobody changes the environment while the agent runs.
-  const char* value = std::getenv(std::string(name).c_str());  // NOLINT(concurrency-mt-unsafe)
-  return value == nullptr ? std::nullopt : std::optional<std::string>(value);
 }
 
 /// Whether the nearest directory of `path` that exists can be written.
@@ -474,6 +468,12 @@ std::string why_no_port(const std::string& path) {
 
 }  // namespace
 
+std::optional<std::string> process_environment(std::string_view name) {
+  // Nobody changes the environment while the agent runs.
+  const char* value = std::getenv(std::string(name).c_str());  // NOLINT(concurrency-mt-unsafe)
+  return value == nullptr ? std::nullopt : std::optional<std::string>(value);
+}
+
 const std::shared_ptr<const TagUnits>& no_units() {
   static const auto none = std::make_shared<const TagUnits>();
   return none;
@@ -521,7 +521,7 @@ tl::expected<Config, std::vector<ConfigError>> parse_config(std::string_view tex
   return parse_config(text, process_environment);
 }
 
-tl::expected<Config, std::vector<ConfigError>> load_config(const std::string& path) {
+tl::expected<std::string, std::vector<ConfigError>> read_config_file(const std::string& path) {
   const auto unreadable = [](std::string why) {
     return tl::unexpected(std::vector{ConfigError{"", 0, "cannot be read: " + std::move(why)}});
   };
@@ -537,7 +537,13 @@ tl::expected<Config, std::vector<ConfigError>> load_config(const std::string& pa
     text.append(block.data(), static_cast<std::size_t>(file.gcount()));
   }
   if (file.bad()) return unreadable("the file could not be read to its end");
-  auto config = parse_config(text, process_environment, privacy_of(path));
+  return text;
+}
+
+tl::expected<Config, std::vector<ConfigError>> load_config(const std::string& path) {
+  auto text = read_config_file(path);
+  if (!text) return tl::unexpected(std::move(text.error()));
+  auto config = parse_config(*text, process_environment, privacy_of(path));
   if (!config) return config;
 
   const std::filesystem::path directory = std::filesystem::path(path).parent_path();

@@ -218,9 +218,15 @@ std::string to_string(const ConfigError& error, std::string_view file);
 /// Where `${NAME}` comes from: the value of a variable, nullopt where it is not set.
 using Environment = std::function<std::optional<std::string>(std::string_view name)>;
 
+/// The environment of the process.
+std::optional<std::string> process_environment(std::string_view name);
+
 /// Whether others than its owner can read the config file: then no password may stand in it, unless
 /// `allow_plain_secret` is set.
 enum class FilePrivacy : std::uint8_t { shared, owner_only };
+
+/// What stands in the file, up to a little more than a config may have.
+tl::expected<std::string, std::vector<ConfigError>> read_config_file(const std::string& path);
 
 /// Reads and checks a config file; every error at once, in the order of the file. `${NAME}` in a
 /// string is taken from the environment of the process; `$${NAME}` stands for a plain `${NAME}`.

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "agent/config/keys.h"
+#include "agent/config/templates.h"
 #include "agent/config/warnings.h"
 #include "protocol/plc.h"
 
@@ -66,9 +67,8 @@ bool is_fx5(std::string_view model) {
 /// the errors of shape in its tags still come out.
 class DeviceReader {
  public:
-  DeviceReader(ConfigReader& reader, const ConfigNode& node, SharedParts& shared,
-               DeviceConfig& device)
-      : reader_(reader), node_(node), shared_(shared), device_(device) {}
+  DeviceReader(ConfigReader& reader, DeviceEntry& entry, SharedParts& shared, DeviceConfig& device)
+      : reader_(reader), entry_(entry), node_(entry.members()), shared_(shared), device_(device) {}
 
   /// False where there is no object to read.
   bool read_protocol();
@@ -92,16 +92,15 @@ class DeviceReader {
   void read_allow(const ConfigNode& list);
 
   ConfigReader& reader_;
-  const ConfigNode& node_;
+  DeviceEntry& entry_;
+  const ConfigNode& node_;  ///< the entry's members
   SharedParts& shared_;
   DeviceConfig& device_;
   /// The device's codec, or for a model that is still to be asked that of the widest one; shared
   /// with `device_.codec` where they are the same. Null where protocol, model or options are wrong.
   std::shared_ptr<const Codec> codec_;
-  std::vector<ConfigNode> group_nodes_;
-  std::vector<ConfigNode> tag_nodes_;
-  NameTable groups_;  ///< of group_nodes_, or for the default group of tag_nodes_
-  NameTable tags_;    ///< of tag_nodes_
+  NameTable groups_;
+  NameTable tags_;
   std::map<std::uint16_t, std::vector<ReadWay>> ways_;
 };
 
@@ -247,8 +246,8 @@ void DeviceReader::read_rest() {
 // ---- groups -----------------------------------------------------------------------------------
 
 void DeviceReader::read_groups() {
-  group_nodes_ = reader_.items(node_, config_key("devices[].groups"));
-  for (const ConfigNode& node : group_nodes_) {
+  for (const ConfigNode* group_node : entry_.groups(reader_)) {
+    const ConfigNode& node = *group_node;
     if (!reader_.check_object(node, config_section("devices[].groups[]"))) continue;
     GroupConfig group;
     group.name = reader_.name(node, config_key("devices[].groups[].name")).value_or("");
@@ -291,13 +290,13 @@ std::uint32_t DeviceReader::group_of(const ConfigNode& tag) {
 // ---- tags -------------------------------------------------------------------------------------
 
 void DeviceReader::read_tags() {
-  tag_nodes_ = reader_.items(node_, config_key("devices[].tags"));
-  if (codec_ != nullptr && codec_->is_broadcast() && !tag_nodes_.empty())
+  const auto nodes = entry_.tags(reader_);
+  if (codec_ != nullptr && codec_->is_broadcast() && !nodes.empty())
     reader_.error(*node_.find("tags"),
                   "a broadcast is never answered, so it can have no tags; what may be written to "
                   "all units stands in commands/allow");
-  device_.tags.reserve(tag_nodes_.size());
-  for (const ConfigNode& tag : tag_nodes_) read_tag(tag);
+  device_.tags.reserve(nodes.size());
+  for (const ConfigNode* tag : nodes) read_tag(*tag);
 }
 
 void DeviceReader::read_tag(const ConfigNode& node) {
@@ -485,8 +484,9 @@ void DeviceReader::read_allow(const ConfigNode& list) {
 // ---- devices and their links ------------------------------------------------------------------
 
 /// Finds the device's link and holds it against what else is on it.
-void join_link(ConfigReader& reader, const ConfigNode& node, const NameTable& links,
+void join_link(ConfigReader& reader, const DeviceEntry& entry, const NameTable& links,
                std::vector<LinkFacts>& facts, DeviceConfig& device) {
+  const ConfigNode& node = entry.members();
   const auto name = reader.name(node, config_key("devices[].link"));
   if (!name) return;
   const ConfigNode& given = *node.find("link");
@@ -500,7 +500,7 @@ void join_link(ConfigReader& reader, const ConfigNode& node, const NameTable& li
   device.link = *index;
   LinkFacts& link = facts[*index];
   const ConfigNode* before = link.first_device;
-  if (before == nullptr) link.first_device = &node;
+  if (before == nullptr) link.first_device = &entry.node();
   if (device.protocol == nullptr) return;
   const ProtocolInfo& protocol = *device.protocol;
   if (!(link.is_serial ? protocol.on_serial : protocol.on_tcp))
@@ -522,22 +522,37 @@ void join_link(ConfigReader& reader, const ConfigNode& node, const NameTable& li
 
 }  // namespace
 
-void read_devices(ConfigReader& reader, const ConfigNode& devices, const NameTable& links,
-                  std::vector<LinkFacts>& facts, Config& config) {
+void read_devices(ConfigReader& reader, const ConfigNode& top, const ConfigNode& devices,
+                  const NameTable& links, std::vector<LinkFacts>& facts, Config& config) {
   NameTable names;
+  StationTable stations;
   SharedParts shared;
+  Templates templates(reader, top);
   config.devices.reserve(devices.children.size());
-  for (const ConfigNode& node : devices.children) {
+  const auto read = [&](DeviceEntry& entry) {
     const auto index = static_cast<std::uint32_t>(config.devices.size());
     DeviceConfig& device = config.devices.emplace_back();
-    DeviceReader device_reader(reader, node, shared, device);
-    if (!device_reader.read_protocol()) continue;
-    device.name = reader.name(node, config_key("devices[].name")).value_or("");
-    if (!device.name.empty()) names.add(reader, device.name, *node.find("name"), index);
-    join_link(reader, node, links, facts, device);
+    DeviceReader device_reader(reader, entry, shared, device);
+    if (!device_reader.read_protocol()) return;
+    device.name = reader.name(entry.members(), config_key("devices[].name")).value_or("");
+    const ConfigNode* name = entry.node().find("name");
+    if (!device.name.empty())
+      names.add(reader, device.name, name != nullptr ? *name : entry.node(), index);
+    join_link(reader, entry, links, facts, device);
     device_reader.read_rest();
+    stations.add(reader, entry, device);
+  };
+  for (const ConfigNode& node : devices.children) {
+    const auto entry = templates.entry(node);
+    if (entry == nullptr) continue;
+    for (std::size_t i = 0; i < entry->count(); ++i) {
+      const DeviceOrigin origin = entry->origin(i);
+      reader.set_origin(entry->is_made() ? &origin : nullptr);
+      read(*entry);
+    }
+    reader.set_origin(nullptr);
   }
-  warn_of_equal_stations(reader, devices, config);
+  templates.warn_of_unused();
 }
 
 }  // namespace fxagent

@@ -18,9 +18,10 @@ struct LinkFacts {
   const ConfigNode* first_device = nullptr;
 };
 
-/// Reads the array `devices` into `config.devices`, and notes in `facts` which protocol each link
-/// speaks. What is wrong goes to the reader; a device with errors is left half filled.
-void read_devices(ConfigReader& reader, const ConfigNode& devices, const NameTable& links,
-                  std::vector<LinkFacts>& facts, Config& config);
+/// Reads `devices`, and the `templates` of the file, into `config.devices`, and notes in `facts`
+/// which protocol each link speaks. What is wrong goes to the reader; a device with errors is left
+/// half filled.
+void read_devices(ConfigReader& reader, const ConfigNode& top, const ConfigNode& devices,
+                  const NameTable& links, std::vector<LinkFacts>& facts, Config& config);
 
 }  // namespace fxagent

@@ -25,7 +25,8 @@ struct ConfigKey {
     boolean,
     choice,
     object,
-    array
+    array,
+    numbers  ///< a range, or a list of numbers or names
   };
   struct Limits {
     std::int64_t min = 0;  ///< integer: inclusive bounds
@@ -110,6 +111,8 @@ inline constexpr auto kAll = std::to_array<ConfigKey>({
      "Where Prometheus and probes ask how the agent is. Without it nobody can."},
     {"", "links", array, {}, Required{},
      "The lines to the devices: serial ports and TCP connections."},
+    {"", "templates", object, {}, None{},
+     "Devices that are written once: a name for each, and keys of a device."},
     {"", "devices", array, {}, Required{}, "The PLCs and what is read from them."},
 
     {"agent", "id", name, {}, Required{},
@@ -211,6 +214,12 @@ inline constexpr auto kAll = std::to_array<ConfigKey>({
      "a serial server often takes one connection only."},
 
     {"devices[]", "name", name, {}, Required{}, "Name of the device, a level of its topics."},
+    {"devices[]", "template", name, {}, None{},
+     "Name of one of the `templates`. Its keys count where the device does not have them; groups "
+     "and tags of the device are added to its own, or replace those of the same name."},
+    {"devices[]", "n", numbers, {}, Rule{"one device"},
+     "Many devices of one entry: `\"1-40\"`, `\"01-12,15\"`, or a list of numbers or names. Each of "
+     "them in turn replaces `{n}` in every string of the device and its template."},
     {"devices[]", "link", name, {}, Required{}, "Name of the link that the device is on."},
     {"devices[]", "protocol", text, {}, Required{}, "The protocol that the device speaks."},
     {"devices[]", "model", text, {}, kAutoModel, "Model of the PLC."},

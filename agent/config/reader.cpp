@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <charconv>
 #include <cmath>
+#include <system_error>
 #include <unordered_map>
 #include <utility>
 
@@ -36,6 +38,18 @@ std::string found_text(const ConfigNode& node) {
       return "an object";
   }
   return {};
+}
+
+/// What the key `n` of a device replaces.
+constexpr std::string_view kPlaceOfN = "{n}";
+
+/// Where the first one stands, from `from` on; npos: nowhere.
+std::size_t place_of_n(std::string_view text, std::size_t from = 0) {
+  while ((from = text.find(kPlaceOfN, from)) != std::string_view::npos) {
+    if (from == 0 || text[from - 1] != '$') return from;
+    from += kPlaceOfN.size();
+  }
+  return from;
 }
 
 bool has_control(std::string_view text) {
@@ -169,38 +183,63 @@ std::string did_you_mean(std::string_view word, std::span<const std::string_view
   return nearest.empty() ? std::string() : "did you mean " + one_of(nearest) + "?";
 }
 
+bool is_name(std::string_view text) {
+  return !text.empty() && text.size() <= 64 && std::ranges::all_of(text, [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
+  });
+}
+
+bool has_place_of_n(std::string_view text) { return place_of_n(text) != std::string_view::npos; }
+
+std::string with_n(std::string_view text, std::string_view n) {
+  std::string out;
+  std::size_t from = 0;
+  for (std::size_t at = 0; (at = place_of_n(text, from)) != std::string_view::npos;
+       from = at + kPlaceOfN.size())
+    out.append(text.substr(from, at - from)).append(n);
+  return out.append(text.substr(from));
+}
+
+std::optional<std::int64_t> number_of_n(std::string_view n) {
+  std::int64_t number = 0;
+  const auto [end, fault] = std::from_chars(n.data(), n.data() + n.size(), number);
+  const bool is_number = !n.empty() && fault == std::errc() && end == n.data() + n.size();
+  return is_number ? std::optional(number) : std::nullopt;
+}
+
 ConfigReader::ConfigReader(const ConfigTree& tree, Environment environment)
     : tree_(tree), environment_(std::move(environment)) {}
 
+void ConfigReader::set_origin(const DeviceOrigin* origin) {
+  origin_ = origin;
+  ++device_;
+}
+
 void ConfigReader::error(const ConfigNode& at, std::string text) {
-  errors_.push_back({at.offset, pointer_to(at), without_secrets(at, std::move(text))});
+  errors_.add(at.offset, at, without_secrets(at, std::move(text)), origin_, device_);
 }
 
 void ConfigReader::error_at_key(const ConfigNode& at, std::string text) {
-  errors_.push_back({at.key_offset, pointer_to(at), without_secrets(at, std::move(text))});
+  errors_.add(at.key_offset, at, without_secrets(at, std::move(text)), origin_, device_);
 }
 
 void ConfigReader::warn(const ConfigNode& at, std::string text) {
-  warnings_.push_back({at.offset, pointer_to(at), without_secrets(at, std::move(text))});
+  warnings_.add(at.offset, at, without_secrets(at, std::move(text)), origin_, device_);
 }
 
 std::vector<ConfigError> ConfigReader::errors() const {
-  std::vector<Finding> sorted = errors_;
-  std::ranges::stable_sort(sorted, {}, &Finding::offset);
   std::vector<ConfigError> list;
-  list.reserve(sorted.size());
-  for (const Finding& finding : sorted)
-    list.push_back({finding.pointer, tree_.line_of(finding.offset), finding.text});
+  for (const Findings::Finding& finding : errors_.in_order())
+    list.push_back(
+        {finding.pointer, tree_.line_of(finding.offset), Findings::text_of(finding, tree_)});
   return list;
 }
 
 std::vector<std::string> ConfigReader::warnings() const {
-  std::vector<Finding> sorted = warnings_;
-  std::ranges::stable_sort(sorted, {}, &Finding::offset);
   std::vector<std::string> list;
-  list.reserve(sorted.size());
-  for (const Finding& finding : sorted)
-    list.push_back(place_of(finding.pointer, finding.offset) + ": " + finding.text);
+  for (const Findings::Finding& finding : warnings_.in_order())
+    list.push_back(place_of(finding.pointer, finding.offset) + ": " +
+                   Findings::text_of(finding, tree_));
   return list;
 }
 
@@ -278,15 +317,15 @@ std::optional<std::int64_t> ConfigReader::integer(const ConfigNode& parent, cons
       "an integer from " + std::to_string(key.limits.min) + " to " + std::to_string(key.limits.max);
   // 5.0 is the integer 5 to JSON Schema, so it is here. No range goes beyond what a double counts.
   constexpr double kExact = 9007199254740992.0;
+  const auto number = number_in(*node);
   const bool whole = node->kind == Kind::integer ||
-                     (node->kind == Kind::number && std::abs(node->number) <= kExact &&
-                      node->number == std::trunc(node->number));
+                     (number && std::abs(*number) <= kExact && *number == std::trunc(*number));
   if (!whole) {
     wrong_kind(*node, wanted);
     return std::nullopt;
   }
   const std::int64_t value =
-      node->kind == Kind::integer ? node->integer : static_cast<std::int64_t>(node->number);
+      node->kind == Kind::integer ? node->integer : static_cast<std::int64_t>(*number);
   if (value < key.limits.min || value > key.limits.max) {
     wrong_kind(*node, wanted);
     return std::nullopt;
@@ -297,7 +336,7 @@ std::optional<std::int64_t> ConfigReader::integer(const ConfigNode& parent, cons
 std::optional<double> ConfigReader::number(const ConfigNode& parent, const ConfigKey& key) {
   const ConfigNode* node = member(parent, key);
   if (node == nullptr) return std::nullopt;
-  if (node->kind == Kind::integer || node->kind == Kind::number) return node->number;
+  if (const auto value = number_in(*node)) return value;
   wrong_kind(*node, "a number");
   return std::nullopt;
 }
@@ -315,8 +354,12 @@ std::optional<std::string> ConfigReader::text(const ConfigNode& node) {
     wrong_kind(node, "a string");
     return std::nullopt;
   }
+  if (origin_ != nullptr && origin_->n.empty() && has_place_of_n(node.text)) {
+    error(node, "{n} stands here, and the device has no \"n\" to say what it is");
+    return std::nullopt;
+  }
   std::string fault;
-  auto expanded = expand(node.text, &fault);
+  auto expanded = expand(spelled(node), &fault);
   if (!expanded) {
     error(node, fault);
     return std::nullopt;
@@ -368,11 +411,7 @@ std::optional<std::string> ConfigReader::name(const ConfigNode& parent, const Co
   if (node == nullptr) return std::nullopt;
   auto value = text(*node);
   if (!value) return std::nullopt;
-  const bool good =
-      value->size() <= 64 && std::ranges::all_of(*value, [](char c) {
-        return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
-      });
-  if (good) return value;
+  if (is_name(*value)) return value;
   error(*node, "a name is 1 to 64 of a-z, 0-9, _ and -, found \"" + shown(node->text) + "\"");
   return std::nullopt;
 }
@@ -388,6 +427,23 @@ std::optional<std::size_t> ConfigReader::choice(const ConfigNode& parent, const 
   error(*node, "must be " + one_of(words) + ", found \"" + shown(node->text) + "\"; " +
                    did_you_mean(node->text, words));
   return std::nullopt;
+}
+
+std::string ConfigReader::spelled(const ConfigNode& node) const {
+  return origin_ != nullptr && !origin_->n.empty() ? with_n(node.text, origin_->n) : node.text;
+}
+
+std::string ConfigReader::replaced(const ConfigNode& node) const {
+  if (node.kind != Kind::string) return {};
+  return expand(spelled(node), nullptr).value_or("");
+}
+
+std::optional<double> ConfigReader::number_in(const ConfigNode& node) const {
+  if (node.kind == Kind::integer || node.kind == Kind::number) return node.number;
+  if (node.kind != Kind::string || node.text != kPlaceOfN || origin_ == nullptr)
+    return std::nullopt;
+  const auto number = number_of_n(origin_->n);
+  return number ? std::optional(static_cast<double>(*number)) : std::nullopt;
 }
 
 std::optional<std::string> ConfigReader::expand(std::string_view text, std::string* fault) const {
@@ -424,8 +480,9 @@ std::optional<std::string> ConfigReader::expand(std::string_view text, std::stri
 
 std::string ConfigReader::without_secrets(const ConfigNode& at, std::string text) const {
   if (at.kind != Kind::string || at.text.find("${") == std::string::npos) return text;
-  const auto expanded = expand(at.text, nullptr);
-  if (!expanded || expanded->empty() || *expanded == at.text) return text;
+  const std::string in_file = spelled(at);
+  const auto expanded = expand(in_file, nullptr);
+  if (!expanded || expanded->empty() || *expanded == in_file) return text;
   // A protocol may quote an address in capitals.
   const auto same = [](char a, char b) {
     return std::tolower(static_cast<unsigned char>(a)) ==
@@ -437,7 +494,7 @@ std::string ConfigReader::without_secrets(const ConfigNode& at, std::string text
     const auto found = std::search(from, text.cend(), expanded->begin(), expanded->end(), same);
     out.append(from, found);
     if (found == text.cend()) return out;
-    out += at.text;
+    out += in_file;
     from = found + static_cast<std::ptrdiff_t>(expanded->size());
   }
 }

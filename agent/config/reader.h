@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "agent/config/config.h"
+#include "agent/config/findings.h"
 #include "agent/config/keys.h"
 #include "agent/config/tree.h"
 
@@ -27,6 +28,17 @@ std::string did_you_mean(std::string_view word, std::span<const std::string_view
 /// "a, b or c"
 std::string one_of(std::span<const std::string_view> words);
 
+/// Of the form that topics and commands use: [a-z0-9_-]{1,64}.
+bool is_name(std::string_view text);
+
+/// Whether `{n}` stands in the text: what a device's key `n` replaces. Behind a `$` it is the
+/// environment variable `n`.
+bool has_place_of_n(std::string_view text);
+/// `text` with every such `{n}` replaced.
+std::string with_n(std::string_view text, std::string_view n);
+/// The number that `n` is, "07" being 7; nullopt where it is none.
+std::optional<std::int64_t> number_of_n(std::string_view n);
+
 /// Getters return nullopt (or nullptr) where the key is absent, and where its value is wrong: then
 /// they have reported it, as they report that a required key is absent. Ranges, words and defaults
 /// are those of the key. So a caller reads on and finds the other errors of the file too. Error
@@ -35,6 +47,11 @@ class ConfigReader {
  public:
   /// `tree` must outlive the reader.
   ConfigReader(const ConfigTree& tree, Environment environment);
+
+  /// What is read from here on belongs to one of the devices that an entry or a template stands
+  /// for: its `{n}` is replaced, before any `${NAME}` is, and errors name both places. Null: to
+  /// none. It must stay where it is until the next call.
+  void set_origin(const DeviceOrigin* origin);
 
   void error(const ConfigNode& at, std::string text);
   /// The same, in the line of the member's key.
@@ -45,6 +62,10 @@ class ConfigReader {
   /// In the order of the file.
   std::vector<ConfigError> errors() const;
   std::vector<std::string> warnings() const;
+
+  /// A string with `{n}` and `${NAME}` replaced; empty where it is none or has a fault, which is
+  /// not reported.
+  std::string replaced(const ConfigNode& node) const;
 
   /// "/links/0 (line 12)"
   std::string place_of(const ConfigNode& node) const;
@@ -90,12 +111,6 @@ class ConfigReader {
   }
 
  private:
-  struct Finding {
-    std::uint32_t offset = 0;
-    std::string pointer;
-    std::string text;
-  };
-
   std::string place_of(const std::string& pointer, std::uint32_t offset) const;
   const ConfigNode* member(const ConfigNode& parent, const ConfigKey& key);
   void wrong_kind(const ConfigNode& node, std::string_view wanted);
@@ -103,11 +118,17 @@ class ConfigReader {
   /// may be null.
   std::optional<std::string> expand(std::string_view text, std::string* fault) const;
   std::string without_secrets(const ConfigNode& at, std::string text) const;
+  /// A string as it stands in the file, but for `{n}`.
+  std::string spelled(const ConfigNode& node) const;
+  /// The node's number: `{n}` alone is one where `n` is.
+  std::optional<double> number_in(const ConfigNode& node) const;
 
   const ConfigTree& tree_;
   Environment environment_;
-  std::vector<Finding> errors_;
-  std::vector<Finding> warnings_;
+  Findings errors_;
+  Findings warnings_;
+  const DeviceOrigin* origin_ = nullptr;
+  std::uint32_t device_ = 0;  ///< calls of set_origin()
 };
 
 /// Finds names that are given twice among siblings, and where the first one stands.

@@ -215,7 +215,8 @@ std::string pointer_to(const ConfigNode& node) {
   return pointer;
 }
 
-tl::expected<ConfigTree, ConfigTree::SyntaxError> ConfigTree::parse(std::string_view text) {
+tl::expected<ConfigTree, ConfigTree::SyntaxError> ConfigTree::parse(std::string_view text,
+                                                                    Folding folding) {
   if (text.size() > max_bytes)
     return tl::unexpected(
         SyntaxError{0, "larger than " + std::to_string(max_bytes >> 20) + " MiB"});
@@ -237,7 +238,7 @@ tl::expected<ConfigTree, ConfigTree::SyntaxError> ConfigTree::parse(std::string_
     return syntax_error(zero, "a zero byte");
 
   std::size_t taken = 0;
-  TreeBuilder builder(*tree.root_, taken, folded_depth);
+  TreeBuilder builder(*tree.root_, taken, folding == Folding::tags ? folded_depth : kUnfolded);
   const char* const begin = text.data();
   if (!Json::sax_parse(TracedIterator(begin, &taken), TracedIterator(begin + text.size(), &taken),
                        &builder)) {

@@ -52,8 +52,11 @@ class ConfigTree {
   /// Brackets around a folded array.
   static constexpr std::size_t folded_depth = 3;
 
+  enum class Folding : std::uint8_t { tags, none };
+
   /// A text over the limits is an error too. The text must outlive the tree.
-  static tl::expected<ConfigTree, SyntaxError> parse(std::string_view text);
+  static tl::expected<ConfigTree, SyntaxError> parse(std::string_view text,
+                                                     Folding folding = Folding::tags);
 
   const ConfigNode& root() const { return *root_; }
   /// The items of a folded array of this tree, which is their parent.

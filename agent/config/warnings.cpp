@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <map>
 #include <span>
 #include <string>
 #include <string_view>
@@ -100,24 +99,19 @@ void warn_of_lines(ConfigReader& reader, const ConfigNode& links,
   }
 }
 
-void warn_of_equal_stations(ConfigReader& reader, const ConfigNode& devices, const Config& config) {
-  std::map<std::pair<std::uint32_t, std::int64_t>, const ConfigNode*> first;
-  for (std::size_t i = 0; i < config.devices.size(); ++i) {
-    const DeviceConfig& device = config.devices[i];
-    if (device.options == nullptr) continue;
-    const ConfigNode& node = devices.children[i];
-    for (const auto key : {"station"sv, "unit"sv}) {
-      const auto option = device.options->find(key);
-      if (option == device.options->end()) continue;
-      const auto number = std::get<std::int64_t>(option->second);
-      const auto [entry, fresh] = first.emplace(std::pair(device.link, number), &node);
-      if (fresh) continue;
-      const ConfigNode* given = node.find(key);
-      reader.warn(given != nullptr ? *given : node,
-                  std::string(key) + " " + std::to_string(number) + " is that of " +
-                      reader.place_of(*entry->second) + " on the same link: one and the same " +
-                      "answers for both");
-    }
+void StationTable::add(ConfigReader& reader, const DeviceEntry& entry, const DeviceConfig& device) {
+  if (device.options == nullptr) return;
+  for (const auto key : {"station"sv, "unit"sv}) {
+    const auto option = device.options->find(key);
+    if (option == device.options->end()) continue;
+    const auto number = std::get<std::int64_t>(option->second);
+    const auto [first, fresh] = first_.emplace(std::pair(device.link, number), &entry.node());
+    if (fresh) continue;
+    const ConfigNode* given = entry.in_file(key);
+    reader.warn(given != nullptr ? *given : entry.node(),
+                std::string(key) + " " + std::to_string(number) + " is that of " +
+                    reader.place_of(*first->second) + " on the same link: one and the same " +
+                    "answers for both");
   }
 }
 

@@ -2,10 +2,14 @@
 // station. Each goes to the reader as a warning, with its place.
 #pragma once
 
+#include <cstdint>
+#include <map>
 #include <span>
+#include <utility>
 
 #include "agent/config/config.h"
 #include "agent/config/reader.h"
+#include "agent/config/templates.h"
 
 namespace fxagent {
 
@@ -22,8 +26,15 @@ void warn_of_silence(ConfigReader& reader, const ConfigNode& node, const GroupCo
 void warn_of_lines(ConfigReader& reader, const ConfigNode& links,
                    std::span<const SerialSettings> lines, const Config& config);
 
-/// Devices of one station, or unit, on one link. `devices` is the array that `config.devices` was
-/// read from.
-void warn_of_equal_stations(ConfigReader& reader, const ConfigNode& devices, const Config& config);
+/// Finds devices of one station, or unit, on one link.
+class StationTable {
+ public:
+  /// Warns where a device before has the station of this one.
+  void add(ConfigReader& reader, const DeviceEntry& entry, const DeviceConfig& device);
+
+ private:
+  /// By link and number: the entry of the first.
+  std::map<std::pair<std::uint32_t, std::int64_t>, const ConfigNode*> first_;
+};
 
 }  // namespace fxagent

@@ -1,7 +1,7 @@
 #!/bin/bash
 # Builds the fuzz targets with clang, ASan and UBSan, and runs each for a while:
 #   tests/fuzz/run.sh [--seconds N] [TARGET...]
-# 20 s each unless said otherwise; the targets are decode, inputs, store and stream. What libFuzzer finds
+# 20 s each unless said otherwise; the targets are decode, import, inputs, store and stream. What libFuzzer finds
 # worth keeping goes to BUILD_DIR (build-fuzz) and serves the next run; the corpus here is only read.
 # An input that fails is kept there too, and named. CMAKE_ARGS: more arguments of the configure. The last
 # line counts targets; exit status 0 only if every one passed.
@@ -19,7 +19,7 @@ while [ $# -gt 0 ]; do
       shift 2
       ;;
     -*)
-      echo "usage: tests/fuzz/run.sh [--seconds N] [decode|inputs|store|stream...]" >&2
+      echo "usage: tests/fuzz/run.sh [--seconds N] [decode|import|inputs|store|stream...]" >&2
       exit 2
       ;;
     *)
@@ -28,7 +28,7 @@ while [ $# -gt 0 ]; do
       ;;
   esac
 done
-[ ${#targets[@]} -gt 0 ] || targets=(decode inputs store stream)
+[ ${#targets[@]} -gt 0 ] || targets=(decode import inputs store stream)
 
 clang=$(command -v clang++-19 || command -v clang++ || true)
 if [ -z "$clang" ]; then

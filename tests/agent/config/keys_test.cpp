@@ -115,6 +115,7 @@ json schema_at(std::string_view section, const ProtocolInfo& protocol) {
     node = resolved(node.at("properties").at(step));
     if (items) node = resolved(node.at("items"));
     if (step != "devices") continue;
+    node = resolved(node.at("else"));  // what is no template's and makes one device
     for (const json& branch : json(node.at("allOf")))
       if (branch.at("if").at("properties").at("protocol").at("const") == protocol.name)
         node = resolved(branch.at("then"));
@@ -154,6 +155,8 @@ json expected_in_schema(const ConfigKey& key) {
     case Type::array:
       out["type"] = "array";
       break;
+    case Type::numbers:
+      break;  // a string or an array
   }
   std::visit(Overload{[](ConfigKey::None) {}, [](ConfigKey::Required) {}, [](ConfigKey::Rule) {},
                       [&](const auto& value) { out["default"] = value; }},
@@ -180,6 +183,35 @@ void expect_same(const ConfigKey& key, const json& node) {
   EXPECT_EQ(said, expected_in_schema(key)) << place;
 }
 
+/// A key that makes a device another shape in the schema: all its strings may have a `{n}`.
+bool is_of_many(const ConfigKey& key) {
+  return key.is("devices[].template") || key.is("devices[].n");
+}
+
+TEST(ConfigKeys, SchemaOfManyDevicesHasTheKeysOfAllProtocols) {
+  const json& definitions = schema().at("definitions");
+  const auto names_in = [&](const char* definition) {
+    std::set<std::string> names;
+    for (const auto& [name, value] : definitions.at(definition).at("properties").items())
+      names.insert(name);
+    EXPECT_EQ(definitions.at(definition).at("additionalProperties"), false);
+    return names;
+  };
+  const auto names_of = [](const char* section) {
+    std::set<std::string> names;
+    for (const ProtocolInfo& protocol : catalog())
+      for (const ConfigKey& key : keys_of(section, protocol)) names.emplace(key.name);
+    return names;
+  };
+  EXPECT_EQ(names_in("many_devices"), names_of("devices[]"));
+  EXPECT_EQ(names_in("many_groups"), names_of("devices[].groups[]"));
+  EXPECT_EQ(names_in("many_tags"), names_of("devices[].tags[]"));
+  EXPECT_EQ(names_in("many_commands"), names_of("devices[].commands"));
+  for (const ConfigKey& key : config_section("devices[]"))
+    if (is_of_many(key))
+      expect_same(key, definitions.at("many_devices").at("properties").at(std::string(key.name)));
+}
+
 TEST(ConfigKeys, SchemaSaysTheSame) {
   for (const ProtocolInfo& protocol : catalog())
     for (const std::string& section : sections()) {
@@ -189,6 +221,7 @@ TEST(ConfigKeys, SchemaSaysTheSame) {
       std::set<std::string> known;
       std::set<std::string> required;
       for (const ConfigKey& key : keys_of(section, protocol)) {
+        if (is_of_many(key)) continue;
         const std::string name(key.name);
         known.insert(name);
         if (key.is_required()) required.insert(name);
@@ -241,6 +274,8 @@ std::string range_of(const ConfigKey& key) {
       return "object";
     case Type::array:
       return "array";
+    case Type::numbers:
+      return "range or list";
   }
   return {};
 }

@@ -360,5 +360,64 @@ TEST(ConfigSchema, VariableInPlaceOfAWordIsTheOneThingOnlyTheSchemaRefuses) {
   EXPECT_TRUE(errors_of(spoiled(snippet).dump(), environment({{"MODEL", "FX3U"}})).empty());
 }
 
+/// The small plant with a template and two entries of it, spoiled in one place.
+json many_plant(const Snippet& snippet) {
+  json plant = small_plant();
+  plant["templates"] = json::parse(R"({"meter": {
+    "protocol": "modbus-tcp", "link": "gw1", "timeout_ms": 300,
+    "groups": [{"name": "g{n}", "interval_ms": "{n}"}],
+    "tags": [{"name": "t{n}", "address": "hr:{n}", "group": "g{n}", "scale": "{n}"}],
+    "commands": {"allow": ["hr:{n}"], "queue": "{n}"}}})");
+  plant["devices"] = json::parse(R"([
+    {"template": "meter", "name": "m{n}", "n": "1-3", "unit": "{n}"},
+    {"template": "meter", "name": "m{n}", "n": [4, "5"], "unit": "{n}",
+     "tags": [{"name": "own", "address": "co:1"}]}])");
+  if (snippet.value != nullptr)
+    plant[json::json_pointer(snippet.pointer)] = json::parse(snippet.value);
+  return plant;
+}
+
+TEST(ConfigSchema, WhatIsRightInTemplatesPassesBoth) {
+  for (const Snippet& snippet : std::vector<Snippet>{
+           {"", nullptr},
+           {"/templates/unused", R"({"model": "FX3U"})"},
+           {"/devices/0/n", R"("01-02,07")"},
+           {"/devices/0/timeout_ms", "500"},
+           {"/templates/meter/tags/0/type", R"("int32")"},
+           {"/templates/meter/byte_order", R"("DCBA")"},
+           {"/devices/2",
+            R"({"name": "p{n}", "n": ["a", "b"], "link": "line1", "protocol": "fx-computer-link",
+                "model": "FX3U", "tags": [{"name": "t", "address": "D0"}]})"}}) {
+    EXPECT_EQ(schema_errors(many_plant(snippet)), "") << told(snippet);
+    const auto errors = errors_of(many_plant(snippet).dump());
+    EXPECT_TRUE(errors.empty()) << told(snippet) << "\n" << listed(errors);
+  }
+}
+
+TEST(ConfigSchema, WhatIsWrongInTemplatesFailsBoth) {
+  for (const Snippet& snippet :
+       std::vector<Snippet>{{"/templates", "[]"},
+                            {"/templates/A", "{}"},
+                            {"/templates/meter/template", R"("meter")"},
+                            {"/templates/meter/n", R"("1-2")"},
+                            {"/templates/meter/colour", "1"},
+                            {"/templates/meter/protocol", R"("mc")"},
+                            {"/templates/meter/timeout_ms", R"("x")"},
+                            {"/templates/meter/tags/0/colour", "1"},
+                            {"/templates/meter/tags/0/type", R"("float")"},
+                            {"/templates/meter/groups/0/publish", R"("x")"},
+                            {"/templates/meter/commands/queue", "0"},
+                            {"/devices/0/n", "5"},
+                            {"/devices/0/n", R"("a-b")"},
+                            {"/devices/0/n", "[]"},
+                            {"/devices/0/n", "[1.5]"},
+                            {"/devices/0/colour", "1"},
+                            {"/devices/0/template", "5"},
+                            {"/devices/0/unit", "256"}}) {
+    EXPECT_NE(schema_errors(many_plant(snippet)), "") << told(snippet);
+    EXPECT_FALSE(errors_of(many_plant(snippet).dump()).empty()) << told(snippet);
+  }
+}
+
 }  // namespace
 }  // namespace fxagent

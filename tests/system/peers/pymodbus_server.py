@@ -1,7 +1,8 @@
-"""A Modbus server by pymodbus (Debian's 3.0): pymodbus_server.py tcp PORT | rtu TTY | ascii TTY.
+"""A Modbus server by pymodbus (Debian's 3.0): pymodbus_server.py tcp PORT | rtu TTY | ascii TTY [UNITS].
 
 Unit 1; holding and input registers 0 to 99 hold 1000 and 2000 + their number, every third coil and
-every fifth discrete input is on. Prints "ready" when it serves.
+every fifth discrete input is on. Units beyond the first have 100 more than the one before in each
+register. Prints "ready" when it serves.
 """
 
 import asyncio
@@ -12,24 +13,29 @@ from pymodbus.server.async_io import ModbusSerialServer, ModbusTcpServer
 from pymodbus.transaction import ModbusAsciiFramer, ModbusRtuFramer, ModbusSocketFramer
 
 
-def context():
+def unit(number):
     block = ModbusSequentialDataBlock
-    unit = ModbusSlaveContext(
+    more = 100 * (number - 1)
+    return ModbusSlaveContext(
         co=block(0, [n % 3 == 0 for n in range(100)]),
         di=block(0, [n % 5 == 0 for n in range(100)]),
-        hr=block(0, [1000 + n for n in range(100)]),
-        ir=block(0, [2000 + n for n in range(100)]), zero_mode=True)
-    return ModbusServerContext(slaves={1: unit}, single=False)
+        hr=block(0, [1000 + more + n for n in range(100)]),
+        ir=block(0, [2000 + more + n for n in range(100)]), zero_mode=True)
+
+
+def context(units):
+    return ModbusServerContext(slaves={n: unit(n) for n in range(1, units + 1)}, single=False)
 
 
 async def main():
-    kind, where = sys.argv[1:]
+    kind, where = sys.argv[1:3]
+    served = context(int(sys.argv[3]) if len(sys.argv) > 3 else 1)
     if kind == "tcp":
-        server = ModbusTcpServer(context(), framer=ModbusSocketFramer,
+        server = ModbusTcpServer(served, framer=ModbusSocketFramer,
                                  address=("127.0.0.1", int(where)), allow_reuse_address=True)
     else:
         framer = ModbusRtuFramer if kind == "rtu" else ModbusAsciiFramer
-        server = ModbusSerialServer(context(), framer=framer, port=where, baudrate=115200,
+        server = ModbusSerialServer(served, framer=framer, port=where, baudrate=115200,
                                     bytesize=8, parity="N", stopbits=1, timeout=0.05)
         await server.start()
     print("ready", flush=True)

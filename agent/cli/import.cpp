@@ -1,0 +1,108 @@
+#include "agent/cli/import.h"
+
+#include <algorithm>
+#include <iostream>
+#include <string_view>
+#include <vector>
+
+#include "agent/config/config.h"
+#include "agent/config/reader.h"
+#include "agent/import/formats.h"
+#include "agent/import/tag_csv.h"
+#include "agent/import/text_encoding.h"
+#include "agent/text.h"
+#include "protocol/catalog.h"
+
+namespace fxagent {
+namespace {
+
+constexpr int kDone = 0;
+constexpr int kNothing = 1;
+constexpr int kWrong = 2;
+
+int wrong(const std::string& text) {
+  std::cerr << "import: " << text << '\n';
+  return kWrong;
+}
+
+std::string place(const std::string& path, int line) {
+  return line > 0 ? path + ":" + std::to_string(line) : path;
+}
+
+/// What the options cannot be; empty where they can.
+std::string fault_of(const ImportOptions& options) {
+  if (!options.protocol.empty() && find_protocol(options.protocol) == nullptr) {
+    std::vector<std::string_view> names;
+    for (const ProtocolInfo& info : catalog()) names.push_back(info.name);
+    return "there is no protocol " + shown(options.protocol) + "; " +
+           did_you_mean(options.protocol, names);
+  }
+  if (!options.port.empty() && !LinkTable::is_serial(options.port))
+    return "--port must be a serial port such as /dev/ttyUSB0, or host:port";
+  if (!options.device.empty() && !is_name(options.device))
+    return "--device: a name is 1 to 64 of a-z, 0-9, _ and -";
+  return {};
+}
+
+/// The format of that name, or for auto the one that the bytes are surely of.
+const ImportFormat* format_of(const std::string& name, const std::string& bytes) {
+  for (const ImportFormat& format : import_formats()) {
+    if (name != "auto") {
+      if (format.name == name) return &format;
+      continue;
+    }
+    const auto text = to_utf8(bytes, format.legacy);
+    if (text && format.is_it(*text)) return &format;
+  }
+  return nullptr;
+}
+
+}  // namespace
+
+std::string import_format_names() {
+  std::string names = "auto";
+  for (const ImportFormat& format : import_formats()) names += " " + std::string(format.name);
+  return names;
+}
+
+int run_import(const ImportQuestion& what) {
+  std::vector<std::string_view> names{"auto"};
+  for (const ImportFormat& format : import_formats()) names.push_back(format.name);
+  if (std::ranges::find(names, what.format) == names.end())
+    return wrong("there is no format " + shown(what.format) + "; " +
+                 did_you_mean(what.format, names));
+  if (const std::string fault = fault_of(what.options); !fault.empty()) return wrong(fault);
+  const auto bytes = read_config_file(what.path);
+  if (!bytes) return wrong(to_string(bytes.error().front(), what.path));
+  const ImportFormat* format = format_of(what.format, *bytes);
+  if (format == nullptr)
+    return wrong(what.path + ": is surely of no known format; name it: " + one_of(names));
+  const auto text = to_utf8(*bytes, format->legacy);
+  if (!text) return wrong(what.path + ": " + text.error());
+  auto imported = format->read(*text, what.options);
+  if (!imported)
+    return wrong(place(what.path, imported.error().line) + ": " + imported.error().text);
+
+  const ImportOutcome outcome = finish(*std::move(imported));
+  for (const ImportNote& note : outcome.notes)
+    std::cerr << place(what.path, note.line) << ": " << escaped(note.text, Escape::message) << '\n';
+  if (outcome.config.empty()) {
+    std::cerr << what.path << ": nothing could be carried over\n";
+    return kNothing;
+  }
+  std::cerr << what.path << ": " << outcome.tags << " tags carried over\n";
+  std::cout << outcome.config;
+  return kDone;
+}
+
+int run_export(const std::string& path) {
+  const auto text = read_config_file(path);
+  if (!text) {
+    std::cerr << to_string(text.error().front(), path) << '\n';
+    return kWrong;
+  }
+  std::cout << export_csv(*text);
+  return kDone;
+}
+
+}  // namespace fxagent

@@ -1,0 +1,122 @@
+#include "agent/cli/init.h"
+
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <sstream>
+
+#include "agent/config/reader.h"
+
+namespace fxagent {
+namespace {
+
+constexpr int kDone = 0;
+constexpr int kNotWritten = 1;
+constexpr int kWrong = 2;
+
+int wrong(const std::string& text, int status = kWrong) {
+  std::istringstream lines(text);
+  for (std::string line; std::getline(lines, line);) std::cerr << "init: " << line << '\n';
+  return status;
+}
+
+/// What must be given and is not, as flags.
+std::string missing(const InitAnswers& answers) {
+  std::string flags;
+  const auto need = [&](const char* flag, bool is_there) {
+    if (!is_there) flags += std::string(flags.empty() ? "" : " ") + flag;
+  };
+  need("--broker", !answers.broker.empty());
+  need("--protocol", !answers.protocol.empty());
+  need("--port", !answers.port.empty());
+  need("--read", !answers.read.empty() || !answers.write.empty());
+  return flags;
+}
+
+/// The answer, or `usual` where there is none.
+std::string ask(const std::string& question, const std::string& usual) {
+  std::cerr << question;
+  if (!usual.empty()) std::cerr << " [" << usual << "]";
+  std::cerr << ": " << std::flush;
+  std::string answer;
+  std::getline(std::cin, answer);
+  const auto first = answer.find_first_not_of(" \t");
+  if (first == answer.npos) return usual;
+  return answer.substr(first, answer.find_last_not_of(" \t") - first + 1);
+}
+
+std::vector<std::string> ask_list(const std::string& question, const std::string& usual) {
+  std::istringstream words(ask(question, usual));
+  std::vector<std::string> list;
+  for (std::string word; words >> word;) list.push_back(word);
+  return list;
+}
+
+void ask_protocol(InitAnswers& answers) {
+  std::vector<std::string_view> names;
+  for (const ProtocolInfo& info : catalog()) {
+    std::cerr << "  " << info.name << "  " << info.summary << '\n';
+    names.push_back(info.name);
+  }
+  while (find_protocol(answers.protocol) == nullptr && std::cin) {
+    if (!answers.protocol.empty())
+      std::cerr << "There is no such protocol; " << did_you_mean(answers.protocol, names) << '\n';
+    answers.protocol = ask("Protocol", std::string(names.front()));
+  }
+}
+
+/// Asks for what the call leaves open.
+void ask_for(InitAnswers& answers) {
+  answers.id = ask("Name of this agent", answers.id);
+  if (answers.broker.empty()) answers.broker = ask("Broker", "mqtt://127.0.0.1:1883");
+  if (find_protocol(answers.protocol) == nullptr) ask_protocol(answers);
+  const ProtocolInfo* protocol = find_protocol(answers.protocol);
+  if (protocol == nullptr) return;
+  if (answers.port.empty())
+    answers.port = ask("Port: a serial one, or host:port",
+                       protocol->on_serial ? "/dev/ttyUSB0" : "192.0.2.1:502");
+  if (answers.read.empty())
+    answers.read = ask_list("Addresses to read, with blanks between them",
+                            std::string(example_address(*protocol)));
+  if (answers.write.empty())
+    answers.write = ask_list("Addresses that may be written, too (none)", "");
+}
+
+}  // namespace
+
+int run_init(InitQuestion what) {
+  namespace fs = std::filesystem;
+  if (!missing(what.answers).empty()) {
+    if (::isatty(STDIN_FILENO) == 0)
+      return wrong("not on a terminal, so nobody can be asked; missing: " + missing(what.answers));
+    ask_for(what.answers);
+    if (const std::string flags = missing(what.answers); !flags.empty())
+      return wrong("missing: " + flags);
+  }
+  std::error_code fault;
+  fs::path directory = fs::absolute(what.directory, fault).lexically_normal();
+  if (!directory.has_filename()) directory = directory.parent_path();  // "." ends with a slash
+  const auto files = init_files(what.answers, directory.string());
+  if (!files) return wrong(files.error());
+  for (const InitFile& file : *files)
+    if (fs::exists(directory / file.name, fault) && !what.force)
+      return wrong((directory / file.name).string() + " is there already; --force overwrites",
+                   kNotWritten);
+  fs::create_directories(directory, fault);
+  for (const InitFile& file : *files) {
+    std::ofstream out(directory / file.name, std::ios::binary | std::ios::trunc);
+    out << file.text << std::flush;
+    if (!out) return wrong((directory / file.name).string() + " cannot be written", kNotWritten);
+    std::cout << "wrote " << (directory / file.name).string() << '\n';
+  }
+  const std::string config = (directory / files->front().name).string();
+  std::cout << "\nThe password of " << what.answers.id
+            << " at the broker goes into /etc/fxagent/mqtt_password (mode 600).\n"
+            << "Next: fxagent check " << config << '\n'
+            << "      fxagent plan " << config << '\n';
+  return kDone;
+}
+
+}  // namespace fxagent

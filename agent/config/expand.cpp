@@ -1,0 +1,107 @@
+#include "agent/config/expand.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "agent/config/keys.h"
+#include "agent/config/pretty.h"
+#include "agent/config/templates.h"
+
+namespace fxagent {
+namespace {
+
+using Kind = ConfigNode::Kind;
+
+bool is_number(const ConfigKey& key) {
+  return key.type == ConfigKey::Type::integer || key.type == ConfigKey::Type::number;
+}
+
+/// Whether the key of that section takes a number, on devices of some protocol.
+bool takes_number(std::string_view section, std::string_view name) {
+  const auto takes = [&](const ConfigKey& key) { return key.name == name && is_number(key); };
+  if (std::ranges::any_of(config_section(section), takes)) return true;
+  return section == "devices[]" && std::ranges::any_of(catalog(), [&](const ProtocolInfo& info) {
+           return std::ranges::any_of(protocol_keys(info), takes);
+         });
+}
+
+/// Puts `n` into every string below the node, which is an object of that section or a list of such.
+void put_n(ConfigNode& node, const std::string& section, const std::string& n) {
+  for (ConfigNode& child : node.children) {
+    const bool is_item = node.kind == Kind::array;
+    const auto number = number_of_n(n);
+    if (child.kind == Kind::string && child.text == "{n}" && number && !is_item &&
+        takes_number(section, child.key)) {
+      child.kind = Kind::integer;
+      child.integer = *number;
+    } else if (child.kind == Kind::string) {
+      child.text = with_n(child.text, n);
+    } else if (child.kind == Kind::array || child.kind == Kind::object) {
+      put_n(child,
+            is_item ? section : section + "." + child.key + (child.kind == Kind::array ? "[]" : ""),
+            n);
+    }
+  }
+}
+
+/// Device `i` of the entry.
+ConfigNode written_out(ConfigReader& reader, DeviceEntry& entry, std::size_t i) {
+  const DeviceOrigin origin = entry.origin(i);
+  reader.set_origin(entry.is_made() ? &origin : nullptr);
+  ConfigNode device = entry.members();
+  std::erase_if(device.children, [](const ConfigNode& member) {
+    return member.key == "template" || member.key == "n";
+  });
+  const auto fill = [](ConfigNode& list, const std::vector<const ConfigNode*>& items) {
+    for (const ConfigNode* item : items) list.children.push_back(*item);
+  };
+  for (ConfigNode& member : device.children) {
+    if (member.key == "groups") fill(member, entry.groups(reader));
+    if (member.key == "tags") fill(member, entry.tags(reader));
+  }
+  if (!origin.n.empty()) put_n(device, "devices[]", origin.n);
+  reader.set_origin(nullptr);
+  return device;
+}
+
+}  // namespace
+
+std::string expanded_config(std::string_view text, const Environment& environment) {
+  const auto tree = ConfigTree::parse(text);
+  if (!tree) return {};
+  ConfigReader reader(*tree, environment);
+  const ConfigNode& top = tree->root();
+  Templates templates(reader, top);
+  std::string out = "{";
+  for (const ConfigNode& member : top.children) {
+    if (member.key == "templates") continue;
+    out += out.size() == 1 ? "\n  " : ",\n  ";
+    append_json_string(out, member.key);
+    out += ": ";
+    if (member.key != "devices") {
+      append_pretty(out, member, 1);
+      continue;
+    }
+    out += '[';
+    bool is_first = true;
+    for (const ConfigNode& node : member.children) {
+      const auto entry = templates.entry(node);
+      for (std::size_t i = 0; entry != nullptr && i < entry->count(); ++i) {
+        out += is_first ? "\n    " : ",\n    ";
+        is_first = false;
+        append_pretty(out, written_out(reader, *entry, i), 2);
+      }
+    }
+    out += is_first ? "]" : "\n  ]";
+  }
+  return out + "\n}\n";
+}
+
+tl::expected<std::string, std::vector<ConfigError>> expanded_config(const std::string& path) {
+  if (const auto config = load_config(path); !config) return tl::unexpected(config.error());
+  const auto text = read_config_file(path);
+  if (!text) return tl::unexpected(text.error());
+  return expanded_config(*text, process_environment);
+}
+
+}  // namespace fxagent

@@ -1,0 +1,63 @@
+#include "agent/config/findings.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace fxagent {
+namespace {
+
+std::string place(const ConfigNode& node, const ConfigTree& tree) {
+  return pointer_to(node) + " (line " + std::to_string(tree.line_of(node.offset)) + ")";
+}
+
+}  // namespace
+
+void Findings::add(std::uint32_t offset, const ConfigNode& at, std::string text,
+                   const DeviceOrigin* origin, std::uint32_t device) {
+  if (origin == nullptr) {
+    list_.push_back({offset, pointer_to(at), std::move(text)});
+    return;
+  }
+  auto known = by_entry_.try_emplace({offset, origin->entry}, list_.size()).first;
+  if (known->second == list_.size()) {
+    const auto [same, fresh] = by_text_.try_emplace({offset, text}, list_.size());
+    if (!fresh) known->second = same->second;
+  }
+  if (known->second < list_.size()) {
+    Finding& first = list_[known->second];
+    if (first.device != device) {
+      first.device = device;
+      ++first.more;
+      return;
+    }
+    // A second fault of one device at one place; what other devices have there is counted above.
+    if (first.more > 0) return;
+  }
+  list_.push_back({offset, pointer_to(at), std::move(text), *origin, device});
+}
+
+std::vector<Findings::Finding> Findings::in_order() const {
+  std::vector<Finding> sorted = list_;
+  std::ranges::stable_sort(sorted, {}, &Finding::offset);
+  return sorted;
+}
+
+std::string Findings::text_of(const Finding& finding, const ConfigTree& tree) {
+  const DeviceOrigin& origin = finding.origin;
+  if (origin.entry == nullptr) return finding.text;
+  std::string text = finding.text + "; ";
+  const bool is_in_template =
+      origin.base != nullptr && (finding.pointer + "/").starts_with(pointer_to(*origin.base) + "/");
+  if (is_in_template)
+    text += "for the device at " + place(*origin.entry, tree);
+  else if (origin.base != nullptr)
+    text += "its template is at " + place(*origin.base, tree);
+  if (!origin.n.empty())
+    text += (origin.base != nullptr ? ", {n} being " : "{n} being ") + shown(origin.n);
+  if (finding.more > 0)
+    text +=
+        ", and for " + std::to_string(finding.more) + (finding.more == 1 ? " other" : " others");
+  return text;
+}
+
+}  // namespace fxagent

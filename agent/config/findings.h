@@ -1,0 +1,54 @@
+// What is wrong with a config file, or deserves a look, in the order of the file. Where one place
+// of it stands for many devices, it is said once, with how many have it.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "agent/config/tree.h"
+
+namespace fxagent {
+
+/// Of a device that has a template, or whose entry stands for many.
+struct DeviceOrigin {
+  const ConfigNode* entry = nullptr;  ///< in `devices`
+  const ConfigNode* base = nullptr;   ///< its template; null: none
+  std::string n;                      ///< what `{n}` stands for; empty: the entry has no `n`
+};
+
+class Findings {
+ public:
+  struct Finding {
+    std::uint32_t offset = 0;
+    std::string pointer;
+    std::string text;
+    DeviceOrigin origin{};  ///< of the first device that has it; no entry: it is in no such device
+    std::uint32_t device = 0;  ///< the last device that has it
+    std::uint32_t more = 0;    ///< devices beside the first
+  };
+
+  /// `origin`: null outside of such devices. `device` counts the devices that were made.
+  void add(std::uint32_t offset, const ConfigNode& at, std::string text, const DeviceOrigin* origin,
+           std::uint32_t device);
+
+  bool empty() const { return list_.empty(); }
+  /// Sorted by their place; the order of those at one place is that of add().
+  std::vector<Finding> in_order() const;
+  /// The text, and for which devices: the device's place and that of its template, whichever is
+  /// not that of the finding itself.
+  static std::string text_of(const Finding& finding, const ConfigTree& tree);
+
+ private:
+  std::vector<Finding> list_;
+  /// Indices in list_ of what was first found at an offset: by the entry it was found for, and by
+  /// its text.
+  std::map<std::pair<std::uint32_t, const ConfigNode*>, std::size_t> by_entry_;
+  std::map<std::pair<std::uint32_t, std::string>, std::size_t> by_text_;
+};
+
+}  // namespace fxagent

@@ -1,0 +1,264 @@
+#include "agent/config/templates.h"
+
+#include <algorithm>
+#include <charconv>
+#include <memory>
+#include <unordered_map>
+#include <unordered_set>
+#include <utility>
+
+#include "agent/config/keys.h"
+
+namespace fxagent {
+namespace {
+
+using Kind = ConfigNode::Kind;
+
+/// Of a device beside its groups and tags, for the limit.
+constexpr std::size_t kBytesOfDevice = 256;
+constexpr std::size_t kLongestNumber = 9;
+constexpr std::string_view kWanted =
+    "must be a range such as \"1-40\" or \"1-8,12\", or a list of numbers or names";
+
+std::string too_many() {
+  return "makes more than " + std::to_string(Templates::max_devices) + " devices";
+}
+
+/// Digits alone, few enough for a number.
+std::optional<std::size_t> number_in(std::string_view digits) {
+  std::size_t number = 0;
+  if (digits.empty() || digits.size() > kLongestNumber) return std::nullopt;
+  const auto [end, fault] = std::from_chars(digits.data(), digits.data() + digits.size(), number);
+  const bool good = fault == std::errc() && end == digits.data() + digits.size();
+  return good ? std::optional(number) : std::nullopt;
+}
+
+std::string padded(std::size_t number, std::size_t width) {
+  const std::string text = std::to_string(number);
+  return text.size() < width ? std::string(width - text.size(), '0') + text : text;
+}
+
+/// Groups or tags of both; see DeviceEntry.
+std::vector<const ConfigNode*> added(ConfigReader& reader, const std::vector<ConfigNode>& base,
+                                     const std::vector<ConfigNode>& own) {
+  const auto name_of = [&](const ConfigNode& item) {
+    const ConfigNode* name = item.find("name");
+    return name == nullptr ? std::string() : reader.replaced(*name);
+  };
+  std::vector<const ConfigNode*> list;
+  list.reserve(base.size() + own.size());
+  std::unordered_map<std::string, const ConfigNode*> replacing;
+  if (!base.empty())
+    for (const ConfigNode& item : own)
+      if (std::string name = name_of(item); !name.empty())
+        replacing.emplace(std::move(name), &item);
+  std::unordered_set<const ConfigNode*> placed;
+  for (const ConfigNode& item : base) {
+    const auto found = replacing.empty() ? replacing.end() : replacing.find(name_of(item));
+    list.push_back(found == replacing.end() ? &item : found->second);
+    if (found == replacing.end()) continue;
+    placed.insert(found->second);
+    replacing.erase(found);
+  }
+  for (const ConfigNode& item : own)
+    if (!placed.contains(&item)) list.push_back(&item);
+  return list;
+}
+
+/// The size of a folded array of that name.
+std::size_t size_of(const ConfigNode& node, std::string_view key) {
+  const ConfigNode* list = node.find(key);
+  return list == nullptr || list->end == 0 ? 0 : list->end - list->offset;
+}
+
+}  // namespace
+
+tl::expected<std::vector<std::string>, std::string> numbers_of_range(std::string_view text) {
+  const std::string wanted = std::string(kWanted) + ", found \"" + shown(text) + "\"";
+  std::vector<std::string> list;
+  while (true) {
+    const std::string_view part = text.substr(0, text.find(','));
+    const std::string_view first = part.substr(0, part.find('-'));
+    const std::string_view last =
+        first.size() < part.size() ? part.substr(first.size() + 1) : first;
+    const auto from = number_in(first);
+    const auto to = number_in(last);
+    if (!from || !to) return tl::unexpected(wanted);
+    if (*from > *to) return tl::unexpected("the range " + std::string(part) + " goes backwards");
+    if (*to - *from >= Templates::max_devices - list.size()) return tl::unexpected(too_many());
+    const std::size_t width = first.front() == '0' ? first.size() : 0;
+    for (std::size_t n = *from; n <= *to; ++n) list.push_back(padded(n, width));
+    if (part.size() == text.size()) return list;
+    text.remove_prefix(part.size() + 1);
+  }
+}
+
+// ---- one entry --------------------------------------------------------------------------------
+
+const std::vector<ConfigNode>& DeviceLists::groups(ConfigReader& reader) {
+  if (!groups_) groups_ = reader.items(*node_, config_key("devices[].groups"));
+  return *groups_;
+}
+
+const std::vector<ConfigNode>& DeviceLists::tags(ConfigReader& reader) {
+  if (!tags_) tags_ = reader.items(*node_, config_key("devices[].tags"));
+  return *tags_;
+}
+
+std::size_t DeviceLists::size() const {
+  return size_of(*node_, "groups") + size_of(*node_, "tags");
+}
+
+DeviceEntry::DeviceEntry(const ConfigNode& node, DeviceLists* base, std::vector<std::string> n)
+    : own_(node), base_(base), n_(std::move(n)), members_(node) {
+  if (base_ == nullptr) return;
+  for (const ConfigNode& member : base_->node().children)
+    if (node.find(member.key) == nullptr) members_.children.push_back(member);
+}
+
+DeviceOrigin DeviceEntry::origin(std::size_t i) const {
+  return {&node(), base_ == nullptr ? nullptr : &base_->node(), n_.empty() ? "" : n_[i]};
+}
+
+const ConfigNode* DeviceEntry::in_file(std::string_view key) const {
+  const ConfigNode* own = node().find(key);
+  return own != nullptr || base_ == nullptr ? own : base_->node().find(key);
+}
+
+std::vector<const ConfigNode*> DeviceEntry::groups(ConfigReader& reader) {
+  static const std::vector<ConfigNode> none;
+  return added(reader, base_ == nullptr ? none : base_->groups(reader), own_.groups(reader));
+}
+
+std::vector<const ConfigNode*> DeviceEntry::tags(ConfigReader& reader) {
+  static const std::vector<ConfigNode> none;
+  return added(reader, base_ == nullptr ? none : base_->tags(reader), own_.tags(reader));
+}
+
+// ---- templates --------------------------------------------------------------------------------
+
+Templates::Templates(ConfigReader& reader, const ConfigNode& top) : reader_(reader) {
+  const ConfigNode* list = reader.object(top, config_key("templates"));
+  if (list == nullptr) return;
+  for (const ConfigNode& node : list->children) {
+    const auto [entry, fresh] = templates_.try_emplace(node.key, Template{DeviceLists(node)});
+    if (!fresh) {
+      reader.error_at_key(node, "the template stands here a second time; first at " +
+                                    reader.place_of(entry->second.lists.node()));
+      continue;
+    }
+    if (!is_name(node.key))
+      reader.error_at_key(
+          node, "a name is 1 to 64 of a-z, 0-9, _ and -, found \"" + shown(node.key) + "\"");
+    if (const ConfigNode* nested = node.find("template"))
+      reader.error_at_key(*nested, "a template cannot be made of another one");
+    if (const ConfigNode* n = node.find("n"))
+      reader.error_at_key(*n, "belongs to the device that uses the template");
+    if (node.kind != Kind::object) reader.error(node, "must be an object with keys of a device");
+  }
+}
+
+Templates::Template* Templates::template_of(const ConfigNode& node, const ConfigNode& given) {
+  const auto name = reader_.name(node, config_key("devices[].template"));
+  if (!name) return nullptr;
+  if (const auto found = templates_.find(*name); found != templates_.end()) {
+    found->second.is_used = true;
+    return found->second.lists.node().kind == Kind::object ? &found->second : nullptr;
+  }
+  std::vector<std::string_view> names;
+  names.reserve(templates_.size());
+  for (const auto& [known, ignored] : templates_) names.push_back(known);
+  reader_.error(given,
+                "there is no template \"" + *name + "\"; " +
+                    (names.empty() ? "there are no templates at all" : did_you_mean(*name, names)));
+  return nullptr;
+}
+
+std::optional<std::vector<std::string>> Templates::read_n(const ConfigNode& given,
+                                                          const ConfigNode& node) {
+  if (given.kind == Kind::string) {
+    const auto text = reader_.text(given);
+    if (!text) return std::nullopt;
+    auto list = numbers_of_range(*text);
+    if (list) return *std::move(list);
+    reader_.error(given, list.error());
+    return std::nullopt;
+  }
+  if (given.kind != Kind::array) {
+    reader_.error(given, std::string(kWanted));
+    return std::nullopt;
+  }
+  std::vector<std::string> list;
+  bool good = true;
+  for (const ConfigNode& item : reader_.items(node, config_key("devices[].n"))) {
+    const std::string text =
+        item.kind == Kind::integer ? std::to_string(item.integer) : reader_.replaced(item);
+    if (!is_name(text)) {
+      reader_.error(item, "must be an integer or a name of a-z, 0-9, _ and -");
+      good = false;
+    }
+    list.push_back(text);
+  }
+  if (list.size() > max_devices) {
+    reader_.error(given, too_many());
+    good = false;
+  }
+  if (list.empty()) {
+    reader_.error(given, "needs at least one number or name");
+    good = false;
+  }
+  return good ? std::optional(std::move(list)) : std::nullopt;
+}
+
+/// No file makes more devices and tags than one could that has them written out.
+bool Templates::has_room(const ConfigNode& node, const Template* base, std::size_t count) {
+  const std::uint64_t each =
+      kBytesOfDevice + DeviceLists(node).size() + (base == nullptr ? 0 : base->lists.size());
+  bytes_ += each * count;
+  if (bytes_ <= ConfigTree::max_bytes) return true;
+  if (bytes_ - each * count <= ConfigTree::max_bytes)
+    reader_.error(node, "written out, the devices up to this one would be larger than " +
+                            std::to_string(ConfigTree::max_bytes >> 20) + " MiB");
+  return false;
+}
+
+bool Templates::can_have_names(const DeviceEntry& entry) {
+  const ConfigNode* name = entry.in_file("name");
+  if (entry.count() < 2 || name == nullptr || name->kind != Kind::string ||
+      has_place_of_n(name->text))
+    return true;
+  reader_.error(*name, "{n} must stand in the name: " + std::to_string(entry.count()) +
+                           " devices are made of the entry at " + reader_.place_of(entry.node()));
+  return false;
+}
+
+std::unique_ptr<DeviceEntry> Templates::entry(const ConfigNode& node) {
+  Template* base = nullptr;
+  std::vector<std::string> n;
+  const ConfigNode* name = node.find("template");
+  if (name != nullptr && (base = template_of(node, *name)) == nullptr) return nullptr;
+  if (const ConfigNode* given = node.find("n")) {
+    auto list = read_n(*given, node);
+    if (!list) return nullptr;
+    n = *std::move(list);
+  }
+  if ((base != nullptr || !n.empty()) && !has_room(node, base, std::max<std::size_t>(1, n.size())))
+    return nullptr;
+  auto made =
+      std::make_unique<DeviceEntry>(node, base == nullptr ? nullptr : &base->lists, std::move(n));
+  return can_have_names(*made) ? std::move(made) : nullptr;
+}
+
+void Templates::warn_of_unused() {
+  std::vector<std::string_view> options;
+  for (const ProtocolInfo& protocol : catalog())
+    for (const OptionSpec& option : protocol.options) options.push_back(option.key);
+  for (const auto& [name, known] : templates_) {
+    if (known.is_used) continue;
+    const ConfigNode& node = known.lists.node();
+    if (node.kind == Kind::object) reader_.check_object(node, config_section("devices[]"), options);
+    reader_.warn(node, "no device uses this template");
+  }
+}
+
+}  // namespace fxagent

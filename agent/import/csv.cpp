@@ -1,0 +1,120 @@
+#include "agent/import/csv.h"
+
+#include <csv.h>
+
+#include <algorithm>
+#include <cctype>
+
+namespace fxagent {
+namespace {
+
+std::string_view trimmed(std::string_view text) {
+  const auto first = text.find_first_not_of(" \t\r\n");
+  if (first == text.npos) return {};
+  return text.substr(first, text.find_last_not_of(" \t\r\n") - first + 1);
+}
+
+bool equal_but_for_case(std::string_view a, std::string_view b) {
+  return std::ranges::equal(
+      a, b, {}, [](unsigned char c) { return std::tolower(c); },
+      [](unsigned char c) { return std::tolower(c); });
+}
+
+/// libcsv's parser with the rows that it has read so far.
+class RowReader {
+ public:
+  explicit RowReader(char delimiter) {
+    // Quotes must stand at the ends of a cell, and nothing between unquoted delimiters is no text.
+    csv_init(&parser_, CSV_STRICT | CSV_STRICT_FINI | CSV_EMPTY_IS_NULL);
+    csv_set_delim(&parser_, static_cast<unsigned char>(delimiter));
+  }
+  RowReader(const RowReader&) = delete;
+  RowReader& operator=(const RowReader&) = delete;
+  ~RowReader() { csv_free(&parser_); }
+
+  /// One line with its end; false where it cannot be.
+  bool take(std::string_view line) {
+    ++line_;
+    if (row_.cells.empty()) first_line_ = line_;
+    return csv_parse(&parser_, line.data(), line.size(), on_cell, on_row, this) == line.size();
+  }
+  bool end() { return csv_fini(&parser_, on_cell, on_row, this) == 0; }
+  int line() const { return line_; }
+  std::vector<CsvRow> rows() { return std::move(rows_); }
+
+ private:
+  static void on_cell(void* text, std::size_t size, void* self) {
+    auto& reader = *static_cast<RowReader*>(self);
+    auto& cells = reader.row_.cells;
+    if (cells.empty()) reader.row_.line = reader.first_line_;
+    if (text == nullptr)
+      cells.emplace_back();
+    else
+      cells.emplace_back(std::string(static_cast<const char*>(text), size));
+  }
+  static void on_row(int, void* self) {
+    auto& reader = *static_cast<RowReader*>(self);
+    const bool is_blank = std::ranges::all_of(
+        reader.row_.cells, [](const auto& cell) { return !cell || trimmed(*cell).empty(); });
+    if (!is_blank) reader.rows_.push_back(std::move(reader.row_));
+    reader.row_ = {};
+  }
+
+  csv_parser parser_{};
+  int line_ = 0;
+  int first_line_ = 1;  ///< of the row that is being read
+  CsvRow row_;
+  std::vector<CsvRow> rows_;
+};
+
+}  // namespace
+
+std::string_view CsvRow::at(std::size_t column) const {
+  return column < cells.size() && cells[column] ? trimmed(*cells[column]) : std::string_view();
+}
+
+tl::expected<std::vector<CsvRow>, CsvFault> read_csv(std::string_view text, char delimiter) {
+  RowReader reader(delimiter);
+  while (!text.empty()) {
+    const std::string_view line = text.substr(0, text.find('\n')).size() == text.size()
+                                      ? text
+                                      : text.substr(0, text.find('\n') + 1);
+    if (!reader.take(line))
+      return tl::unexpected(CsvFault{reader.line(), "a quote stands inside a cell"});
+    text.remove_prefix(line.size());
+  }
+  if (!reader.end()) return tl::unexpected(CsvFault{reader.line(), "the file ends inside quotes"});
+  return reader.rows();
+}
+
+char csv_delimiter(std::string_view text) {
+  constexpr std::size_t kHead = 4096;
+  const std::string_view head = text.substr(0, kHead);
+  const auto count = [&](char c) { return std::ranges::count(head, c); };
+  const char best = count('\t') > count(',') ? '\t' : ',';
+  return count(';') > count(best) ? ';' : best;
+}
+
+std::string csv_cell(const std::optional<std::string>& value) {
+  if (!value) return {};
+  if (!value->empty() && value->find_first_of(",;\t\"\r\n") == std::string::npos &&
+      trimmed(*value).size() == value->size())
+    return *value;
+  std::string out = "\"";
+  for (const char c : *value) {
+    if (c == '"') out += '"';
+    out += c;
+  }
+  return out + "\"";
+}
+
+std::vector<std::size_t> csv_columns(const CsvRow& head,
+                                     const std::vector<std::string_view>& names) {
+  std::vector<std::size_t> columns(names.size(), std::string::npos);
+  for (std::size_t name = 0; name < names.size(); ++name)
+    for (std::size_t i = 0; i < head.cells.size() && columns[name] == std::string::npos; ++i)
+      if (equal_but_for_case(head.at(i), names[name])) columns[name] = i;
+  return columns;
+}
+
+}  // namespace fxagent

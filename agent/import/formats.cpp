@@ -1,0 +1,23 @@
+#include "agent/import/formats.h"
+
+#include <array>
+
+namespace fxagent {
+
+std::span<const ImportFormat> import_formats() {
+  static constexpr std::array kFormats{
+      ImportFormat{"gx", "Device comments of GX Developer, GX Works2 or GX Works3 (CSV)", "CP932",
+                   is_gx_comments, import_gx_comments},
+      ImportFormat{"kepware", "Tags of KEPServerEX (CSV)", "WINDOWS-1252", is_kepware,
+                   import_kepware},
+      ImportFormat{"neuron", "Nodes of Neuron (JSON)", "WINDOWS-1252", is_neuron, import_neuron},
+      ImportFormat{"thingsboard", "modbus.json of the ThingsBoard gateway", "WINDOWS-1252",
+                   is_thingsboard, import_thingsboard},
+      ImportFormat{"telegraf", "inputs.modbus of Telegraf (TOML)", "WINDOWS-1252", is_telegraf,
+                   import_telegraf},
+      ImportFormat{"csv", "Tags, as export --csv writes them", "WINDOWS-1252", is_tag_csv,
+                   import_tag_csv}};
+  return kFormats;
+}
+
+}  // namespace fxagent

@@ -1,0 +1,110 @@
+// Device comments as GX Developer, GX Works2 and GX Works3 write them: a head with the device, then
+// label and comment, or a comment for each language. GX Developer writes Shift-JIS and commas, the
+// others UTF-16 and tabs; lines with the project's name may stand before the head.
+#include <algorithm>
+#include <array>
+#include <string>
+
+#include "agent/import/csv.h"
+#include "agent/import/formats.h"
+
+namespace fxagent {
+namespace {
+
+using std::string_view_literals::operator""sv;
+
+constexpr std::array kDevice{"Device Name"sv, "Device"sv,   "Device No."sv, "デバイス名"sv,
+                             "デバイス"sv,    "软元件名"sv, "软元件"sv};
+constexpr std::array kLabel{"Label"sv, "Alias"sv, "ラベル"sv, "別名"sv, "エイリアス"sv};
+
+template <class List>
+bool is_one_of(std::string_view cell, const List& list) {
+  return std::ranges::find(list, cell) != list.end();
+}
+
+/// "X0", "CN200", "D100.F": letters, then digits of any base.
+bool is_device(std::string_view cell) {
+  std::size_t letters = 0;
+  while (letters < cell.size() && cell[letters] >= 'A' && cell[letters] <= 'Z') ++letters;
+  const auto is_digit = [](char c) {
+    return (c >= '0' && c <= '9') || (c >= 'A' && c <= 'F') || c == '.';
+  };
+  return letters >= 1 && letters <= 3 && letters < cell.size() && cell[letters] >= '0' &&
+         cell[letters] <= '9' && std::ranges::all_of(cell.substr(letters), is_digit);
+}
+
+bool is_head(const CsvRow& row) { return is_one_of(row.at(0), kDevice); }
+
+/// What is told of a device: the comment, else the label. Comments stand in the columns that are no
+/// labels.
+std::string_view comment_of(const CsvRow& row, const CsvRow* head) {
+  std::string_view label;
+  for (std::size_t i = 1; i < row.cells.size(); ++i) {
+    const std::string_view cell = row.at(i);
+    if (cell.empty()) continue;
+    if (head == nullptr || !is_one_of(head->at(i), kLabel)) return cell;
+    if (label.empty()) label = cell;
+  }
+  return label;
+}
+
+std::string lower(std::string_view text) {
+  std::string out;
+  for (const char c : text)
+    out += c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c == '.' ? '_' : c;
+  return out;
+}
+
+}  // namespace
+
+bool is_gx_comments(std::string_view text) {
+  const auto rows = read_csv(text, csv_delimiter(text));
+  return rows && std::ranges::any_of(*rows, is_head);
+}
+
+ImportResult import_gx_comments(std::string_view text, const ImportOptions& options) {
+  const auto rows = read_csv(text, csv_delimiter(text));
+  if (!rows) return tl::unexpected(ImportFault{rows.error().line, rows.error().text});
+  const auto head = std::ranges::find_if(*rows, is_head);
+  auto row = head == rows->end() ? rows->begin() : head + 1;
+
+  Imported out;
+  LinkTable links(out);
+  ImportedDevice device;
+  device.name = options.device.empty() ? "plc1" : options.device;
+  const std::string protocol = options.protocol.empty() ? "fx-programming-port" : options.protocol;
+  device.keys.text("name", device.name);
+  device.keys.text("link",
+                   links.to(options.port.empty() ? placeholder_port(protocol) : options.port));
+  device.keys.text("protocol", protocol);
+  if (!options.model.empty()) device.keys.text("model", options.model);
+
+  NameMaker names;
+  std::size_t without_comment = 0;
+  for (; row != rows->end(); ++row) {
+    const std::string_view address = row->at(0);
+    if (!is_device(address)) {
+      if (head != rows->end() && !address.empty())
+        out.note(row->line, "left out: \"" + std::string(address) + "\" is no device");
+      continue;
+    }
+    const std::string_view comment = comment_of(*row, head == rows->end() ? nullptr : &*head);
+    if (comment.empty()) {
+      ++without_comment;
+      continue;
+    }
+    ImportedTag tag{row->line, {}};
+    tag.keys.text("name", names.make(comment, lower(address), row->line, out.notes));
+    tag.keys.literal("address", address);
+    device.tags.push_back(std::move(tag));
+  }
+  if (head == rows->end() && device.tags.empty())
+    return tl::unexpected(ImportFault{0, "has no device comments"});
+  if (without_comment > 0)
+    out.note(0, "left out: " + std::to_string(without_comment) + " devices without a comment");
+  if (options.port.empty()) out.note(0, "the link is a placeholder: give it the right port");
+  out.devices.push_back(std::move(device));
+  return out;
+}
+
+}  // namespace fxagent

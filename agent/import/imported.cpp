@@ -1,0 +1,260 @@
+#include "agent/import/imported.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <ranges>
+
+#include "agent/config/config.h"
+#include "agent/config/pretty.h"
+#include "agent/text.h"
+#include "protocol/catalog.h"
+
+namespace fxagent {
+namespace {
+
+constexpr std::size_t kLongestName = 64;
+constexpr std::int64_t kLongestInterval = 86'400'000;
+constexpr std::int64_t kModbusAddresses = 65536;
+
+std::string quoted(std::string_view text) { return "\"" + escaped(text, Escape::json) + "\""; }
+
+template <class List, class Dump>
+std::string joined(const List& list, Dump dump) {
+  std::string text = "[";
+  for (const auto& item : list) {
+    if (text.size() > 1) text += ',';
+    text += dump(item);
+  }
+  return text + "]";
+}
+
+std::string dump_device(const ImportedDevice& device) {
+  JsonObject out = device.keys;
+  const auto dump = [](const JsonObject& object) { return object.dump(); };
+  if (!device.groups.empty()) out.raw("groups", joined(device.groups, dump));
+  if (!device.tags.empty())
+    out.raw("tags", joined(device.tags, [](const ImportedTag& tag) { return tag.keys.dump(); }));
+  return out.dump();
+}
+
+std::string dump_config(const Imported& imported) {
+  JsonObject out = imported.sections;
+  if (!out.has("agent")) out.raw("agent", R"({"id":"edge1"})");
+  if (!out.has("mqtt")) out.raw("mqtt", R"({"servers":["mqtt://127.0.0.1:1883"]})");
+  out.raw("links", joined(imported.links, [](const JsonObject& link) { return link.dump(); }));
+  out.raw("devices", joined(imported.devices, dump_device));
+  return out.dump();
+}
+
+/// Device and tag that an error is in: "/devices/0/tags/3/address".
+std::optional<std::pair<std::size_t, std::size_t>> tag_of(std::string_view pointer) {
+  const auto number_after = [&](std::string_view prefix) -> std::optional<std::size_t> {
+    if (!pointer.starts_with(prefix)) return std::nullopt;
+    pointer.remove_prefix(prefix.size());
+    std::size_t number = 0;
+    const auto [end, fault] =
+        std::from_chars(pointer.data(), pointer.data() + pointer.size(), number);
+    if (fault != std::errc()) return std::nullopt;
+    pointer.remove_prefix(static_cast<std::size_t>(end - pointer.data()));
+    return number;
+  };
+  const auto device = number_after("/devices/");
+  const auto tag = number_after("/tags/");
+  return device && tag ? std::optional(std::pair(*device, *tag)) : std::nullopt;
+}
+
+/// Takes out the tags that have errors, or of a tag the access; false where there is none to take
+/// out.
+bool drop_refused(Imported& imported, const std::vector<ConfigError>& errors) {
+  std::map<std::pair<std::size_t, std::size_t>, std::vector<const ConfigError*>> refused;
+  for (const ConfigError& error : errors) {
+    const auto place = tag_of(error.pointer);
+    // Not those that stand in the keys of a device.
+    if (place && place->second < imported.devices[place->first].tags.size())
+      refused[*place].push_back(&error);
+  }
+  for (const auto& [place, reasons] : std::views::reverse(refused)) {
+    auto& tags = imported.devices[place.first].tags;
+    const auto tag = tags.begin() + static_cast<std::ptrdiff_t>(place.second);
+    const std::string text = std::string(tag->keys.json_of("name")) + ": " + reasons.front()->text;
+    const bool is_access = std::ranges::all_of(
+        reasons, [](const ConfigError* error) { return error->pointer.ends_with("/access"); });
+    if (is_access) {
+      imported.note(tag->line, "not carried over: the access of " + text);
+      tag->keys.erase("access");
+    } else {
+      imported.note(tag->line, "left out: " + text);
+      tags.erase(tag);
+    }
+  }
+  return !refused.empty();
+}
+
+}  // namespace
+
+void JsonObject::text(std::string_view key, std::string_view value) { raw(key, quoted(value)); }
+
+void JsonObject::literal(std::string_view key, std::string_view value) {
+  std::string spelled;
+  for (std::size_t i = 0; i < value.size(); ++i) {
+    if (value.substr(i).starts_with("${")) spelled += '$';
+    spelled += value[i];
+  }
+  text(key, spelled);
+}
+
+void JsonObject::integer(std::string_view key, std::int64_t value) {
+  raw(key, std::to_string(value));
+}
+
+void JsonObject::number(std::string_view key, double value) {
+  std::array<char, 40> digits{};
+  const auto end = std::to_chars(digits.data(), digits.data() + digits.size(), value).ptr;
+  raw(key, std::string(digits.data(), end));
+}
+
+void JsonObject::raw(std::string_view key, std::string json) {
+  members_.emplace_back(key, std::move(json));
+}
+
+bool JsonObject::has(std::string_view key) const {
+  return std::ranges::any_of(members_, [&](const auto& member) { return member.first == key; });
+}
+
+std::string_view JsonObject::json_of(std::string_view key) const {
+  const auto found =
+      std::ranges::find_if(members_, [&](const auto& member) { return member.first == key; });
+  return found == members_.end() ? std::string_view() : std::string_view(found->second);
+}
+
+void JsonObject::erase(std::string_view key) {
+  std::erase_if(members_, [&](const auto& member) { return member.first == key; });
+}
+
+std::string JsonObject::dump() const {
+  std::string out = "{";
+  for (const auto& [key, json] : members_) {
+    if (out.size() > 1) out += ',';
+    out += quoted(key) + ":" + json;
+  }
+  return out + "}";
+}
+
+std::string NameMaker::make(std::string_view wanted, std::string_view fallback, int line,
+                            std::vector<ImportNote>& notes) {
+  std::string name;
+  bool is_whole = true;
+  for (const char c : wanted) {
+    const bool is_digit = c >= '0' && c <= '9';
+    if ((c >= 'a' && c <= 'z') || is_digit || c == '-' || c == '_') {
+      name += c;
+    } else if (c >= 'A' && c <= 'Z') {
+      name += static_cast<char>(c - 'A' + 'a');
+    } else {
+      is_whole = is_whole && static_cast<unsigned char>(c) < 0x80;
+      if (!name.empty() && name.back() != '_') name += '_';
+    }
+  }
+  while (!name.empty() && name.back() == '_' && !wanted.ends_with('_')) name.pop_back();
+  if (name.empty()) name = fallback;
+  const bool is_cut = name.size() > kLongestName;
+  name.resize(std::min(name.size(), kLongestName));
+  const std::string plain = name;
+  int& next = next_.try_emplace(plain, 2).first->second;
+  while (!taken_.insert(name).second) {
+    const std::string suffix = "_" + std::to_string(next++);
+    name = plain.substr(0, kLongestName - suffix.size()) + suffix;
+  }
+  if (!is_whole || is_cut || name != plain)
+    notes.push_back({line, "\"" + std::string(wanted) + "\" is named " + name + ": " +
+                               (name != plain ? "the name was taken"
+                                : is_cut      ? "a name has 64 characters at the most"
+                                              : "a name has a-z, 0-9, _ and - only")});
+  return name;
+}
+
+std::string IntervalGroups::at(std::int64_t interval_ms) {
+  interval_ms = std::clamp<std::int64_t>(interval_ms, 0, kLongestInterval);
+  const std::string name = "every_" + std::to_string(interval_ms) + "_ms";
+  if (known_.insert(interval_ms).second) {
+    JsonObject group;
+    group.text("name", name);
+    group.integer("interval_ms", interval_ms);
+    device_.groups.push_back(std::move(group));
+  }
+  return name;
+}
+
+std::optional<bool> LinkTable::is_serial(std::string_view port) {
+  if (port.starts_with('/')) return true;
+  const std::size_t colon = port.rfind(':');
+  if (colon == port.npos || colon == 0 || colon + 1 == port.size()) return std::nullopt;
+  int number = 0;
+  const auto digits = port.substr(colon + 1);
+  const auto [end, fault] = std::from_chars(digits.data(), digits.data() + digits.size(), number);
+  const bool good = fault == std::errc() && end == digits.data() + digits.size() && number > 0 &&
+                    number < kModbusAddresses;
+  return good ? std::optional(false) : std::nullopt;
+}
+
+std::string LinkTable::to(const std::string& port, const JsonObject& settings) {
+  const auto [known, fresh] = names_.try_emplace(port, "line" + std::to_string(names_.size() + 1));
+  if (!fresh) return known->second;
+  JsonObject link;
+  link.text("name", known->second);
+  if (is_serial(port).value_or(true)) {
+    JsonObject serial = settings;
+    serial.literal("path", port);
+    link.raw("serial", serial.dump());
+  } else {
+    std::string host = port.substr(0, port.rfind(':'));
+    if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);
+    JsonObject tcp;
+    tcp.literal("host", host);
+    tcp.raw("port", port.substr(port.rfind(':') + 1));
+    link.raw("tcp", tcp.dump());
+  }
+  imported_.links.push_back(std::move(link));
+  return known->second;
+}
+
+std::string modbus_address(char table, std::int64_t number) {
+  if (number < 0 || number >= kModbusAddresses) return {};
+  const std::string_view name = table == '0'   ? "co:"
+                                : table == '1' ? "di:"
+                                : table == '3' ? "ir:"
+                                : table == '4' ? "hr:"
+                                               : "";
+  return name.empty() ? std::string() : std::string(name) + std::to_string(number);
+}
+
+std::string placeholder_port(std::string_view protocol) {
+  const ProtocolInfo* info = find_protocol(protocol);
+  return info != nullptr && !info->on_serial ? "192.0.2.1:502" : "/dev/ttyUSB0";
+}
+
+ImportOutcome finish(Imported imported) {
+  ImportOutcome outcome;
+  while (true) {
+    std::erase_if(imported.devices, [](const ImportedDevice& device) {
+      return device.tags.empty() && !device.may_be_empty;
+    });
+    const std::string text = dump_config(imported);
+    const auto config = parse_config(text);
+    if (config) {
+      for (const DeviceConfig& device : config->devices) outcome.tags += device.tags.size();
+      if (outcome.tags > 0 || !imported.sections.empty()) outcome.config = pretty_text(text);
+      break;
+    }
+    if (drop_refused(imported, config.error())) continue;
+    for (const ConfigError& error : config.error())
+      imported.note(0, error.pointer + ": " + error.text);
+    break;
+  }
+  std::ranges::stable_sort(imported.notes, {}, &ImportNote::line);
+  outcome.notes = std::move(imported.notes);
+  return outcome;
+}
+
+}  // namespace fxagent

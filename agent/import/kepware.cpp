@@ -1,0 +1,241 @@
+// The tags of a device as KEPServerEX exports them (CSV). Groups of tags are parts of the name, and
+// what belongs to channel and device (port, station, byte order) is not in the file.
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <map>
+#include <optional>
+#include <string>
+
+#include "agent/import/csv.h"
+#include "agent/import/formats.h"
+
+namespace fxagent {
+namespace {
+
+enum Column : std::size_t {
+  tag_name,
+  address,
+  data_type,
+  client_access,
+  scan_rate,
+  scaling,
+  raw_low,
+  raw_high,
+  scaled_low,
+  scaled_high,
+  clamp_low,
+  clamp_high,
+  eng_units,
+  description,
+  negate_value
+};
+
+/// In the order of Column.
+std::vector<std::string_view> column_names() {
+  return {"Tag Name",  "Address",    "Data Type", "Client Access", "Scan Rate",
+          "Scaling",   "Raw Low",    "Raw High",  "Scaled Low",    "Scaled High",
+          "Clamp Low", "Clamp High", "Eng Units", "Description",   "Negate Value"};
+}
+
+constexpr std::array<std::pair<std::string_view, std::string_view>, 11> kTypes{{
+    {"boolean", "bool"},
+    {"short", "int16"},
+    {"word", "uint16"},
+    {"long", "int32"},
+    {"dword", "uint32"},
+    {"float", "float32"},
+    {"bcd", "bcd16"},
+    {"lbcd", "bcd32"},
+    {"string", "string"},
+    {"default", ""},
+    {"", ""},
+}};
+
+std::string lower(std::string_view text) {
+  std::string out(text);
+  std::ranges::transform(out, out.begin(), [](char c) {
+    return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  });
+  return out;
+}
+
+bool is_digit(char c) { return c >= '0' && c <= '9'; }
+
+template <class Number>
+std::optional<Number> number_in(std::string_view text) {
+  Number number{};
+  const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), number);
+  const bool good = !text.empty() && fault == std::errc() && end == text.data() + text.size();
+  return good ? std::optional(number) : std::nullopt;
+}
+
+/// An address in Kepware's spelling, in ours.
+struct Place {
+  std::string address;
+  std::optional<std::int64_t> count{};   ///< "400001 [10]"
+  std::optional<std::int64_t> length{};  ///< "400001.20H"
+  std::string word_order{};              ///< of a string
+};
+
+/// "400001" and "400001.3" are the same in a config; "400001.20H" is a string of 20 characters, the
+/// first in the high byte, and L the other way round.
+Place place_of(std::string_view text, bool is_string) {
+  Place place;
+  if (const std::size_t bracket = text.find('['); bracket != text.npos && text.ends_with(']')) {
+    place.count = number_in<std::int64_t>(text.substr(bracket + 1, text.size() - bracket - 2));
+    text = text.substr(0, bracket);
+    while (text.ends_with(' ')) text.remove_suffix(1);
+  }
+  const std::size_t dot = text.find('.');
+  if (is_string && dot != text.npos) {
+    std::string_view length = text.substr(dot + 1);
+    if (length.ends_with('H') || length.ends_with('L')) {
+      place.word_order = length.ends_with('H') ? "high_first" : "low_first";
+      length.remove_suffix(1);
+    }
+    place.length = number_in<std::int64_t>(length);
+    text = text.substr(0, dot);
+  }
+  place.address = text;
+  return place;
+}
+
+/// Reads one row after the other into the tags of a device.
+class TagReader {
+ public:
+  TagReader(Imported& out, ImportedDevice& device, std::vector<std::size_t> columns)
+      : out_(out), device_(device), groups_(device), columns_(std::move(columns)) {}
+
+  void take(const CsvRow& row);
+
+ private:
+  std::string_view cell(const CsvRow& row, Column column) const {
+    return columns_[column] == std::string::npos ? std::string_view() : row.at(columns_[column]);
+  }
+  void leave_out(const CsvRow& row, const std::string& why) {
+    out_.note(row.line, "left out: " + why);
+  }
+  bool add_scaling(const CsvRow& row, ImportedTag& tag);
+
+  Imported& out_;
+  ImportedDevice& device_;
+  IntervalGroups groups_;
+  NameMaker names_;
+  std::vector<std::size_t> columns_;
+};
+
+/// False where values would come out wrong.
+bool TagReader::add_scaling(const CsvRow& row, ImportedTag& tag) {
+  const std::string mode = lower(cell(row, scaling));
+  const bool is_negated = cell(row, negate_value) == "1";
+  double scale = 1;
+  double offset = 0;
+  if (mode == "linear") {
+    const auto from = number_in<double>(cell(row, raw_low));
+    const auto to = number_in<double>(cell(row, raw_high));
+    const auto low = number_in<double>(cell(row, scaled_low));
+    const auto high = number_in<double>(cell(row, scaled_high));
+    if (!from || !to || !low || !high || *from == *to || *low == *high) {
+      leave_out(row, "its linear scaling has no range");
+      return false;
+    }
+    scale = (*high - *low) / (*to - *from);
+    offset = *low - *from * scale;
+    if (cell(row, clamp_low) == "1" || cell(row, clamp_high) == "1")
+      out_.note(row.line, "not carried over: clamping, which a config does not have");
+  } else if (!mode.empty() && mode != "none") {
+    leave_out(row, "scaling \"" + mode + "\" is none that a config has");
+    return false;
+  }
+  if (is_negated && mode == "linear") {
+    scale = -scale;
+    offset = -offset;
+  }
+  if (scale != 1) tag.keys.number("scale", scale);
+  if (offset != 0) tag.keys.number("offset", offset);
+  return true;
+}
+
+void TagReader::take(const CsvRow& row) {
+  const std::string_view name = cell(row, tag_name);
+  std::string type = lower(cell(row, data_type));
+  const bool is_array = type.ends_with(" array");
+  if (is_array) type.resize(type.size() - 6);
+  const auto known = std::ranges::find(kTypes, type, [](const auto& pair) { return pair.first; });
+  if (known == kTypes.end())
+    return leave_out(row, "a config has no type \"" + std::string(cell(row, data_type)) + "\"");
+  const Place place = place_of(cell(row, address), type == "string");
+  if (place.address.empty()) return leave_out(row, "it has no address");
+
+  ImportedTag tag{row.line, {}};
+  const auto before = out_.notes.size();
+  tag.keys.literal("address", place.address);
+  if (!known->second.empty()) tag.keys.text("type", known->second);
+  if (place.count) tag.keys.integer("count", *place.count);
+  if (is_array && !place.count) return leave_out(row, "its array has no length");
+  if (place.length) tag.keys.integer("length", *place.length);
+  if (!place.word_order.empty()) tag.keys.text("word_order", place.word_order);
+  if (!add_scaling(row, tag)) return out_.notes.resize(before + 1);
+  const std::string rights = lower(cell(row, client_access));
+  if (rights == "r/w" || rights == "rw" || rights == "wo" || rights == "w")
+    tag.keys.text("access", "read_write");
+  if (rights == "wo" || rights == "w")
+    out_.note(row.line, "not carried over: write only; a tag can always be read");
+  if (const auto rate = number_in<std::int64_t>(cell(row, scan_rate)))
+    tag.keys.text("group", groups_.at(*rate));
+  if (!cell(row, eng_units).empty()) tag.keys.literal("unit", cell(row, eng_units));
+  if (!cell(row, description).empty())
+    out_.note(row.line,
+              "not carried over: the description \"" + std::string(cell(row, description)) + "\"");
+  tag.keys.text("name", names_.make(name, "tag", row.line, out_.notes));
+  device_.tags.push_back(std::move(tag));
+}
+
+bool begins_with_digit(std::string_view text) { return !text.empty() && is_digit(text.front()); }
+
+}  // namespace
+
+bool is_kepware(std::string_view text) {
+  return text.starts_with("Tag Name,Address,") || text.starts_with("Tag Name;Address;") ||
+         text.starts_with("\"Tag Name\",");
+}
+
+ImportResult import_kepware(std::string_view text, const ImportOptions& options) {
+  const auto rows = read_csv(text, csv_delimiter(text));
+  if (!rows) return tl::unexpected(ImportFault{rows.error().line, rows.error().text});
+  if (rows->empty()) return tl::unexpected(ImportFault{0, "has no rows"});
+  const auto columns = csv_columns(rows->front(), column_names());
+  if (columns[tag_name] == std::string::npos || columns[address] == std::string::npos)
+    return tl::unexpected(
+        ImportFault{rows->front().line, "has no columns \"Tag Name\" and \"Address\""});
+
+  const auto numeric = std::ranges::count_if(rows->begin() + 1, rows->end(), [&](const auto& row) {
+    return begins_with_digit(row.at(columns[address]));
+  });
+  const bool is_modbus = 2 * static_cast<std::size_t>(numeric) > rows->size() - 1;
+  const std::string protocol = !options.protocol.empty() ? options.protocol
+                               : is_modbus               ? "modbus-tcp"
+                                                         : "fx-programming-port";
+  Imported out;
+  LinkTable links(out);
+  ImportedDevice device;
+  device.name = options.device.empty() ? "device1" : options.device;
+  device.keys.text("name", device.name);
+  device.keys.text("link",
+                   links.to(options.port.empty() ? placeholder_port(protocol) : options.port));
+  device.keys.text("protocol", protocol);
+  if (!options.model.empty()) device.keys.text("model", options.model);
+  TagReader reader(out, device, columns);
+  for (auto row = rows->begin() + 1; row != rows->end(); ++row) reader.take(*row);
+  if (options.port.empty()) out.note(0, "the link is a placeholder: give it the right port");
+  if (is_modbus)
+    out.note(0,
+             "unit and byte order of the device are not in the file: check \"unit\" and "
+             "\"byte_order\"");
+  out.devices.push_back(std::move(device));
+  return out;
+}
+
+}  // namespace fxagent

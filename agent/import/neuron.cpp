@@ -1,0 +1,305 @@
+// Neuron's JSON: a list of nodes with plugin, params, groups and tags; or the same in four lists
+// (nodes, groups, tags, settings) that name their driver; or one template. Addresses are
+// SLAVE!ADDRESS with .BIT, #ENDIAN or .LENGTH behind it, and the numbers of types those of its API.
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <map>
+#include <string>
+
+#include "agent/import/formats.h"
+#include "agent/import/json_source.h"
+
+namespace fxagent {
+namespace {
+
+constexpr std::int64_t kString = 13;
+constexpr std::int64_t kWrite = 2;  // bit of the attribute
+
+/// By the number of the type; empty: none that a config has.
+std::string_view type_of(std::int64_t number) {
+  switch (number) {
+    case 3:
+      return "int16";
+    case 4:
+    case 16:  // WORD
+      return "uint16";
+    case 5:
+      return "int32";
+    case 6:
+    case 17:  // DWORD
+      return "uint32";
+    case 9:
+      return "float32";
+    case 11:  // BIT
+    case 12:
+      return "bool";
+    case kString:
+      return "string";
+    default:
+      return {};
+  }
+}
+
+/// By what stands behind the #, ABCD being 1,2,3,4; empty: unknown.
+std::string_view order_of(std::string_view endian) {
+  if (endian == "LL" || endian == "L") return "ABCD";
+  if (endian == "LB" || endian == "B") return "BADC";
+  if (endian == "BL") return "CDAB";
+  if (endian == "BB") return "DCBA";
+  return {};
+}
+
+/// The plugin's protocol; empty: none of ours.
+std::string_view protocol_of(std::string_view plugin) {
+  std::string name;
+  for (const char c : plugin)
+    if (c != ' ' && c != '-' && c != '_')
+      name += c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  if (name.starts_with("modbusrtu")) return "modbus-rtu";
+  if (name.starts_with("modbusascii")) return "modbus-ascii";
+  if (name.starts_with("modbus")) return "modbus-tcp";
+  if (name.starts_with("mitsubishifx")) return "fx-programming-port";
+  return {};
+}
+
+struct Place {
+  std::int64_t unit = -1;  ///< -1: the protocol has none
+  std::string address;
+  std::string_view order{};
+  std::int64_t length = 0;
+};
+
+/// nullopt where it is not SLAVE!ADDRESS.
+std::optional<Place> modbus_place(std::string_view text, bool is_string) {
+  const std::size_t mark = text.find('!');
+  const std::string_view unit = text.substr(0, mark);
+  Place place;
+  const auto [end, fault] = std::from_chars(unit.data(), unit.data() + unit.size(), place.unit);
+  if (mark == text.npos || fault != std::errc() || end != unit.data() + unit.size())
+    return std::nullopt;
+  text.remove_prefix(mark + 1);
+  if (const std::size_t hash = text.find('#'); hash != text.npos) {
+    place.order = order_of(text.substr(hash + 1));
+    if (place.order.empty()) return std::nullopt;
+    text = text.substr(0, hash);
+  }
+  const std::size_t dot = text.find('.');
+  if (is_string && dot != text.npos) {
+    const std::string_view length = text.substr(dot + 1);
+    const auto number = std::from_chars(length.data(), length.data() + length.size(), place.length);
+    const std::string_view rest(
+        number.ptr, static_cast<std::size_t>(length.data() + length.size() - number.ptr));
+    if (number.ec != std::errc() || (!rest.empty() && rest != "H" && rest != "L"))
+      return std::nullopt;
+    place.order = rest == "H" ? "high_first" : "low_first";
+    text = text.substr(0, dot);
+  }
+  // Always from 1, and with one digit for the table.
+  place.address = text;
+  return place;
+}
+
+/// One driver with its groups, wherever they stood.
+struct Driver {
+  const ConfigNode* node = nullptr;
+  std::string_view name;
+  std::string_view plugin;
+  const ConfigNode* params = nullptr;
+  struct Group {
+    const ConfigNode* node = nullptr;
+    std::string_view name;
+    std::optional<std::int64_t> interval;
+    std::vector<const ConfigNode*> tags;
+  };
+  std::vector<Group> groups;
+};
+
+std::string_view first_text(const ConfigNode& node, std::string_view one, std::string_view other) {
+  const std::string_view text = text_at(node, one);
+  return text.empty() ? text_at(node, other) : text;
+}
+
+Driver::Group group_of(const ConfigNode& node) {
+  Driver::Group group{&node, first_text(node, "group", "name"), integer_at(node, "interval"), {}};
+  for (const ConfigNode& tag : children_at(node, "tags")) group.tags.push_back(&tag);
+  return group;
+}
+
+Driver driver_of(const ConfigNode& node) {
+  Driver driver{&node, text_at(node, "name"), text_at(node, "plugin"), node.find("params"), {}};
+  for (const ConfigNode& group : children_at(node, "groups"))
+    driver.groups.push_back(group_of(group));
+  return driver;
+}
+
+std::vector<Driver> drivers_of(const ConfigNode& top) {
+  if (top.find("nodes") == nullptr) return {driver_of(top)};
+  std::vector<Driver> drivers;
+  for (const ConfigNode& node : children_at(top, "nodes")) drivers.push_back(driver_of(node));
+  const auto named = [&](std::string_view name) {
+    return std::ranges::find(drivers, name, &Driver::name);
+  };
+  for (const ConfigNode& node : children_at(top, "groups"))
+    if (const auto driver = named(text_at(node, "driver")); driver != drivers.end())
+      driver->groups.push_back(group_of(node));
+  for (const ConfigNode& node : children_at(top, "tags")) {
+    const auto driver = named(text_at(node, "driver"));
+    if (driver == drivers.end()) continue;
+    const auto group =
+        std::ranges::find(driver->groups, text_at(node, "group"), &Driver::Group::name);
+    if (group == driver->groups.end()) continue;
+    for (const ConfigNode& tag : children_at(node, "tags")) group->tags.push_back(&tag);
+  }
+  for (const ConfigNode& node : children_at(top, "settings"))
+    if (const auto driver = named(text_at(node, "node")); driver != drivers.end())
+      driver->params = node.find("params");
+  return drivers;
+}
+
+class NeuronReader {
+ public:
+  NeuronReader(const ConfigTree& tree, const ImportOptions& options)
+      : tree_(tree), options_(options) {}
+
+  Imported read();
+
+ private:
+  int line_of(const ConfigNode& node) const { return tree_.line_of(node.offset); }
+  std::string port_of(const Driver& driver, std::string_view protocol);
+  void read_driver(const Driver& driver);
+  ImportedDevice& device_of(const Driver& driver, std::string_view protocol, std::int64_t unit);
+  void read_tag(const Driver& driver, const Driver::Group& group, const ConfigNode& node,
+                std::string_view protocol);
+
+  const ConfigTree& tree_;
+  const ImportOptions& options_;
+  Imported out_;
+  LinkTable links_{out_};
+  NameMaker device_names_;
+  std::map<std::int64_t, std::size_t> units_;  ///< of this driver: index in out_.devices
+  std::map<std::size_t, NameMaker> tag_names_;
+  std::map<std::pair<std::size_t, std::string_view>, std::string> groups_;
+  std::map<std::size_t, NameMaker> group_names_;
+};
+
+std::string NeuronReader::port_of(const Driver& driver, std::string_view protocol) {
+  if (!options_.port.empty()) return options_.port;
+  if (driver.params != nullptr) {
+    const std::string_view device = text_at(*driver.params, "device");
+    const std::string_view host = text_at(*driver.params, "host");
+    const auto port = integer_at(*driver.params, "port");
+    if (device.starts_with('/')) return std::string(device);
+    if (!host.empty() && port) return std::string(host) + ":" + std::to_string(*port);
+  }
+  out_.note(line_of(*driver.node), "the link is a placeholder: give it the right port");
+  return placeholder_port(protocol);
+}
+
+ImportedDevice& NeuronReader::device_of(const Driver& driver, std::string_view protocol,
+                                        std::int64_t unit) {
+  const auto [known, fresh] = units_.try_emplace(unit, out_.devices.size());
+  if (!fresh) return out_.devices[known->second];
+  std::string wanted = options_.device.empty() ? std::string(driver.name) : options_.device;
+  if (units_.size() > 1) wanted += "_" + std::to_string(unit);
+  ImportedDevice device;
+  device.name = device_names_.make(wanted, "device", line_of(*driver.node), out_.notes);
+  device.keys.text("name", device.name);
+  device.keys.text("link", links_.to(port_of(driver, protocol)));
+  device.keys.text("protocol", protocol);
+  if (unit >= 0) device.keys.integer("unit", unit);
+  if (!options_.model.empty()) device.keys.text("model", options_.model);
+  if (const auto timeout =
+          driver.params == nullptr ? std::nullopt : integer_at(*driver.params, "timeout");
+      timeout && *timeout > 0)
+    device.keys.integer("timeout_ms", *timeout);
+  out_.devices.push_back(std::move(device));
+  return out_.devices.back();
+}
+
+void NeuronReader::read_tag(const Driver& driver, const Driver::Group& group,
+                            const ConfigNode& node, std::string_view protocol) {
+  const int line = line_of(node);
+  const std::string_view name = text_at(node, "name");
+  const auto number = integer_at(node, "type").value_or(0);
+  const std::string_view type = type_of(number);
+  if (type.empty())
+    return out_.note(line, "left out: " + std::string(name) + " has the type " +
+                               std::to_string(number) + ", which a config does not have");
+  const std::string_view address = text_at(node, "address");
+  std::optional<Place> place;
+  if (protocol.starts_with("modbus"))
+    place = modbus_place(address, number == kString);
+  else
+    place = Place{-1, std::string(address), {}, 0};
+  if (!place)
+    return out_.note(line, "left out: " + std::string(name) + " has the address \"" +
+                               std::string(address) + "\", which is none for a config");
+  ImportedDevice& device = device_of(driver, protocol, place->unit);
+  const std::size_t index = units_.at(place->unit);
+  const auto [known, fresh] = groups_.try_emplace({index, group.name});
+  if (fresh) {
+    known->second = group_names_[index].make(group.name, "group", line, out_.notes);
+    JsonObject made;
+    made.text("name", known->second);
+    if (group.interval) made.integer("interval_ms", *group.interval);
+    device.groups.push_back(std::move(made));
+  }
+  ImportedTag tag{line, {}};
+  tag.keys.text("name", tag_names_[index].make(name, "tag", line, out_.notes));
+  tag.keys.literal("address", place->address);
+  tag.keys.text("type", type);
+  if (place->length > 0) tag.keys.integer("length", place->length);
+  if (!place->order.empty() && type != "bool") tag.keys.text("word_order", place->order);
+  if (const auto decimal = number_at(node, "decimal"); decimal && *decimal != 0 && *decimal != 1)
+    tag.keys.number("scale", *decimal);
+  if (const auto bias = number_at(node, "bias"); bias && *bias != 0)
+    tag.keys.number("offset", *bias);
+  if ((integer_at(node, "attribute").value_or(0) & kWrite) != 0)
+    tag.keys.text("access", "read_write");
+  if (const std::string_view text = text_at(node, "description"); !text.empty())
+    out_.note(line, "not carried over: the description \"" + std::string(text) + "\"");
+  tag.keys.text("group", known->second);
+  device.tags.push_back(std::move(tag));
+}
+
+void NeuronReader::read_driver(const Driver& driver) {
+  const std::string protocol =
+      options_.protocol.empty() ? std::string(protocol_of(driver.plugin)) : options_.protocol;
+  if (protocol.empty()) {
+    if (!driver.groups.empty())
+      out_.note(line_of(*driver.node), "left out: the node " + std::string(driver.name) +
+                                           ", whose plugin \"" + std::string(driver.plugin) +
+                                           "\" speaks no protocol of ours");
+    return;
+  }
+  units_.clear();
+  for (const Driver::Group& group : driver.groups)
+    for (const ConfigNode* tag : group.tags) read_tag(driver, group, *tag, protocol);
+}
+
+Imported NeuronReader::read() {
+  for (const Driver& driver : drivers_of(tree_.root())) read_driver(driver);
+  return std::move(out_);
+}
+
+}  // namespace
+
+bool is_neuron(std::string_view text) {
+  const auto tree = json_source(text);
+  if (!tree) return false;
+  const ConfigNode& top = tree->root();
+  if (top.find("plugin") != nullptr && top.find("groups") != nullptr) return true;
+  const auto& nodes = children_at(top, "nodes");
+  return !nodes.empty() && nodes.front().find("plugin") != nullptr;
+}
+
+ImportResult import_neuron(std::string_view text, const ImportOptions& options) {
+  const auto tree = json_source(text);
+  if (!tree) return tl::unexpected(tree.error());
+  if (tree->root().find("nodes") == nullptr && tree->root().find("groups") == nullptr)
+    return tl::unexpected(ImportFault{0, "has neither \"nodes\" nor \"groups\""});
+  return NeuronReader(*tree, options).read();
+}
+
+}  // namespace fxagent

@@ -1,0 +1,253 @@
+#include "agent/import/tag_csv.h"
+
+#include <algorithm>
+#include <charconv>
+#include <map>
+#include <set>
+
+#include "agent/config/keys.h"
+#include "agent/config/pretty.h"
+#include "agent/config/tree.h"
+#include "agent/import/csv.h"
+#include "agent/import/formats.h"
+#include "agent/import/json_source.h"
+
+namespace fxagent {
+namespace {
+
+using Kind = ConfigNode::Kind;
+using std::string_view_literals::operator""sv;
+
+constexpr std::string_view kDeviceColumn = "device";
+constexpr std::string_view kDeviceRow = "#device";
+constexpr std::string_view kLinkRow = "#link";
+
+std::span<const ConfigKey> tag_keys() { return config_section("devices[].tags[]"); }
+
+bool is_number(const ConfigKey& key) {
+  return key.type == ConfigKey::Type::integer || key.type == ConfigKey::Type::number;
+}
+
+std::string json_of(const ConfigNode& node) {
+  std::string out;
+  append_pretty(out, node, 0);
+  // One line, so that a row stays one: no string has a line end in it, they have escapes.
+  std::string line;
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    if (out[i] != '\n') {
+      line += out[i];
+      continue;
+    }
+    while (i + 1 < out.size() && out[i + 1] == ' ') ++i;
+  }
+  return line;
+}
+
+/// What stands in a cell for a tag's key; nullopt: the tag does not have it.
+std::optional<std::string> cell_of(const ConfigNode& tag, const ConfigKey& key) {
+  const ConfigNode* node = tag.find(key.name);
+  if (node == nullptr) return std::nullopt;
+  return node->kind == Kind::string ? node->text : json_of(*node);
+}
+
+/// Whether rows can hold the tag: no `{n}` in the place of a number.
+bool fits_a_row(const ConfigNode& tag) {
+  return std::ranges::all_of(tag_keys(), [&](const ConfigKey& key) {
+    const ConfigNode* node = tag.find(key.name);
+    return node == nullptr || is_number(key) == (node->kind != Kind::string);
+  });
+}
+
+void add_row(std::string& out, std::string_view name, const ConfigNode& node) {
+  out += "#" + std::string(name) + "," + csv_cell(json_of(node)) + "\n";
+}
+
+/// Names of entries whose tags stand in rows: such as no other has.
+std::set<std::string_view> names_for_rows(const ConfigNode& devices) {
+  std::map<std::string_view, int> times;
+  for (const ConfigNode& device : devices.children) ++times[text_at(device, "name")];
+  std::set<std::string_view> names;
+  for (const auto& [name, count] : times)
+    if (count == 1 && !name.empty() && !name.starts_with('#')) names.insert(name);
+  return names;
+}
+
+void add_tags(std::string& out, const ConfigNode& device) {
+  for (const ConfigNode& tag : children_at(device, "tags")) {
+    out += csv_cell(std::string(text_at(device, "name")));
+    for (const ConfigKey& key : tag_keys()) out += "," + csv_cell(cell_of(tag, key));
+    out += "\n";
+  }
+}
+
+// ---- import -----------------------------------------------------------------------------------
+
+bool is_json_number(const std::string& text) {
+  const auto tree = ConfigTree::parse(text);
+  return tree && (tree->root().kind == Kind::integer || tree->root().kind == Kind::number);
+}
+
+class TagCsvReader {
+ public:
+  explicit TagCsvReader(const ImportOptions& options) : options_(options) {}
+
+  ImportResult read(const std::vector<CsvRow>& rows);
+
+ private:
+  void take_section(const CsvRow& row);
+  void take_tag(const CsvRow& row);
+  ImportedDevice& device_of(const std::string& name);
+
+  const ImportOptions& options_;
+  Imported out_;
+  LinkTable links_{out_};
+  std::vector<std::size_t> columns_;                      ///< by tag_keys(), then the device's
+  bool is_whole_ = false;                                 ///< a row says what each device is
+  std::size_t group_ = 0;                                 ///< which of them is the tag's group
+  std::map<std::string, std::size_t> devices_;            ///< by name: index in out_.devices
+  std::set<std::pair<std::string, std::string>> groups_;  ///< made for devices without a row
+};
+
+/// A row that begins with a #.
+void TagCsvReader::take_section(const CsvRow& row) {
+  const std::string json = row.cells.size() > 1 && row.cells[1] ? *row.cells[1] : std::string();
+  const auto tree = json_source(json);
+  if (!tree) {
+    out_.note(row.line, "left out: " + tree.error().text);
+    return;
+  }
+  if (row.at(0) == kLinkRow || row.at(0) == kDeviceRow) {
+    JsonObject object;
+    for (const ConfigNode& member : tree->root().children) object.raw(member.key, json_of(member));
+    if (row.at(0) == kLinkRow) {
+      out_.links.push_back(std::move(object));
+      return;
+    }
+    const std::string name(text_at(tree->root(), "name"));
+    if (children_at(tree->root(), "tags").empty()) devices_.try_emplace(name, out_.devices.size());
+    ImportedDevice device{name, std::move(object)};
+    device.may_be_empty = true;
+    is_whole_ = true;
+    out_.devices.push_back(std::move(device));
+    return;
+  }
+  out_.sections.raw(row.at(0).substr(1), json);
+}
+
+/// Of a file without a row for it: by what the caller says.
+ImportedDevice& TagCsvReader::device_of(const std::string& name) {
+  const auto [known, fresh] = devices_.try_emplace(name, out_.devices.size());
+  if (!fresh) {
+    out_.devices[known->second].keys.erase("tags");  // an empty list, which has one now
+    return out_.devices[known->second];
+  }
+  const std::string protocol =
+      options_.protocol.empty() ? "fx-programming-port" : options_.protocol;
+  ImportedDevice device{name, {}};
+  device.keys.text("name", name);
+  device.keys.text("link",
+                   links_.to(options_.port.empty() ? placeholder_port(protocol) : options_.port));
+  device.keys.text("protocol", protocol);
+  if (!options_.model.empty()) device.keys.text("model", options_.model);
+  if (options_.port.empty()) out_.note(0, "the link is a placeholder: give it the right port");
+  out_.devices.push_back(std::move(device));
+  return out_.devices.back();
+}
+
+void TagCsvReader::take_tag(const CsvRow& row) {
+  const auto keys = tag_keys();
+  ImportedTag tag{row.line, {}};
+  for (std::size_t i = 0; i < keys.size(); ++i) {
+    const std::size_t column = columns_[i];
+    if (column >= row.cells.size() || !row.cells[column]) continue;
+    const std::string& cell = *row.cells[column];
+    if (!is_number(keys[i])) {
+      // A spreadsheet does not tell an empty text from none.
+      if (!cell.empty() || keys[i].name == "unit") tag.keys.text(keys[i].name, cell);
+    } else if (is_json_number(std::string(row.at(column)))) {
+      tag.keys.raw(keys[i].name, std::string(row.at(column)));
+    } else if (!row.at(column).empty()) {
+      return out_.note(row.line, "left out: " + std::string(keys[i].name) +
+                                     " must be a number, "
+                                     "found \"" +
+                                     cell + "\"");
+    }
+  }
+  std::string name(columns_.back() == std::string::npos ? ""sv : row.at(columns_.back()));
+  if (name.empty()) name = options_.device.empty() ? "device1" : options_.device;
+  if (is_whole_ && !devices_.contains(name))
+    return out_.note(row.line, "left out: there is no device " + name + " with its tags in rows");
+  ImportedDevice& device = device_of(name);
+  // A file of tags alone has their groups by name only.
+  const std::size_t group_column = columns_[group_];
+  const std::string group(group_column == std::string::npos ? ""sv : row.at(group_column));
+  if (!device.may_be_empty && !group.empty() && groups_.emplace(name, group).second) {
+    JsonObject made;
+    made.text("name", group);
+    device.groups.push_back(std::move(made));
+  }
+  device.tags.push_back(std::move(tag));
+}
+
+ImportResult TagCsvReader::read(const std::vector<CsvRow>& rows) {
+  std::vector<std::string_view> names;
+  for (const ConfigKey& key : tag_keys()) names.push_back(key.name);
+  group_ = static_cast<std::size_t>(std::ranges::find(names, "group"sv) - names.begin());
+  names.push_back(kDeviceColumn);
+  columns_ = csv_columns(rows.front(), names);
+  for (std::size_t i = 0; i < rows.front().cells.size(); ++i)
+    if (std::ranges::find(columns_, i) == columns_.end() && !rows.front().at(i).empty())
+      out_.note(rows.front().line, "left out: the column \"" + std::string(rows.front().at(i)) +
+                                       "\", which is no key of a tag");
+  for (const CsvRow& row : rows)
+    if (row.at(0).starts_with('#')) take_section(row);
+  for (std::size_t i = 1; i < rows.size(); ++i)
+    if (!rows[i].at(0).starts_with('#')) take_tag(rows[i]);
+  return std::move(out_);
+}
+
+}  // namespace
+
+std::string export_csv(std::string_view text) {
+  const auto tree = json_source(text);
+  if (!tree) return {};
+  const ConfigNode& top = tree->root();
+  std::string out(kDeviceColumn);
+  for (const ConfigKey& key : tag_keys()) out += "," + std::string(key.name);
+  out += "\n";
+  const ConfigNode* devices = top.find("devices");
+  std::string sections;
+  for (const ConfigNode& member : top.children)
+    if (member.key != "links" && member.key != "devices") add_row(sections, member.key, member);
+  for (const ConfigNode& link : children_at(top, "links")) add_row(sections, "link", link);
+  const auto names = names_for_rows(*devices);
+  for (const ConfigNode& node : devices->children) {
+    const auto& tags = children_at(node, "tags");
+    const bool in_rows = names.contains(text_at(node, "name")) && !tags.empty() &&
+                         std::ranges::all_of(tags, fits_a_row);
+    ConfigNode device = node;
+    if (in_rows) {
+      add_tags(out, node);
+      std::erase_if(device.children, [](const ConfigNode& key) { return key.key == "tags"; });
+    }
+    add_row(sections, "device", device);
+  }
+  return out + sections;
+}
+
+bool is_tag_csv(std::string_view text) {
+  const auto rows = read_csv(text, csv_delimiter(text));
+  if (!rows || rows->empty()) return false;
+  const auto columns = csv_columns(rows->front(), {"name"sv, "address"sv});
+  return std::ranges::find(columns, std::string::npos) == columns.end();
+}
+
+ImportResult import_tag_csv(std::string_view text, const ImportOptions& options) {
+  const auto rows = read_csv(text, csv_delimiter(text));
+  if (!rows) return tl::unexpected(ImportFault{rows.error().line, rows.error().text});
+  if (!is_tag_csv(text))
+    return tl::unexpected(ImportFault{0, "has no columns \"name\" and \"address\""});
+  return TagCsvReader(options).read(*rows);
+}
+
+}  // namespace fxagent

@@ -1,0 +1,280 @@
+// Telegraf's inputs.modbus in its three styles: `register` (lists for each kind of register),
+// `request` and `metric` (fields with a unit of their own).
+#include <toml++/toml.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <map>
+#include <optional>
+#include <string>
+
+#include "agent/import/formats.h"
+
+namespace fxagent {
+namespace {
+
+using std::string_view_literals::operator""sv;
+
+constexpr std::int64_t kDefaultInterval = 10'000;  // of Telegraf's agent
+constexpr char kOwnRegister = ' ';                 // each field names its table
+
+int line_of(const toml::node& node) { return static_cast<int>(node.source().begin.line); }
+
+std::string_view text_at(const toml::table& table, std::string_view key) {
+  return table[key].value_or(""sv);
+}
+std::optional<std::int64_t> integer_at(const toml::table& table, std::string_view key) {
+  return table[key].value<std::int64_t>();
+}
+
+/// "1s", "250ms", "1m30s" in ms; nullopt: none that Telegraf knows.
+std::optional<std::int64_t> milliseconds(std::string_view text) {
+  constexpr std::array<std::pair<std::string_view, double>, 5> kUnits{
+      {{"ms", 1}, {"us", 1e-3}, {"s", 1e3}, {"m", 60e3}, {"h", 3600e3}}};
+  double sum = 0;
+  if (text.empty()) return std::nullopt;
+  while (!text.empty()) {
+    double number = 0;
+    const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), number);
+    if (fault != std::errc()) return std::nullopt;
+    text.remove_prefix(static_cast<std::size_t>(end - text.data()));
+    const auto unit = std::ranges::find_if(
+        kUnits, [&](const auto& known) { return text.starts_with(known.first); });
+    if (unit == kUnits.end()) return std::nullopt;
+    sum += number * unit->second;
+    text.remove_prefix(unit->first.size());
+  }
+  return static_cast<std::int64_t>(sum);
+}
+
+/// The config's type; empty: it has none. FIXED and its kin are as wide as their addresses.
+std::string_view type_of(std::string_view name, std::size_t registers, bool is_register_style) {
+  if (name == "INT16" || name == "INT32" || name == "UINT16" || name == "UINT32") {
+    if (name == "INT16") return "int16";
+    if (name == "UINT16") return "uint16";
+    return name == "INT32" ? "int32" : "uint32";
+  }
+  if (name == "FLOAT32-IEEE" || (name == "FLOAT32" && !is_register_style)) return "float32";
+  if (registers > 2) return {};
+  if (name == "FIXED") return registers == 2 ? "int32" : "int16";
+  if (name == "UFIXED" || name == "FLOAT32") return registers == 2 ? "uint32" : "uint16";
+  if (name == "BIT") return "bool";
+  return {};
+}
+
+char table_of(std::string_view name) {
+  if (name == "coil" || name == "coils") return '0';
+  if (name == "discrete" || name == "discrete_inputs") return '1';
+  if (name == "input" || name == "input_registers") return '3';
+  return name.empty() || name == "holding" || name == "holding_registers" ? '4' : '?';
+}
+
+/// "AB" and "BA" are of one register.
+std::string_view order_of(std::string_view name) {
+  if (name == "BA") return "BADC";
+  return name == "AB" ? ""sv : name;
+}
+
+class TelegrafReader {
+ public:
+  explicit TelegrafReader(const ImportOptions& options) : options_(options) {}
+
+  Imported read(const toml::table& top);
+
+ private:
+  struct Field {
+    char table = '?';
+    std::string_view order{};
+    bool is_register_style = false;
+  };
+
+  void read_plugin(const toml::table& plugin, std::int64_t interval);
+  std::string link_of(const toml::table& plugin, std::string& protocol);
+  ImportedDevice& device_of(std::int64_t unit, int line);
+  void read_fields(const toml::table& owner, std::string_view key, std::int64_t unit, Field field);
+  void read_field(const toml::table& node, std::int64_t unit, Field field);
+
+  const ImportOptions& options_;
+  Imported out_;
+  LinkTable links_{out_};
+  NameMaker device_names_;
+  // Of the plugin that is read:
+  std::string name_;
+  std::string link_;
+  std::string protocol_;
+  std::optional<std::int64_t> timeout_;
+  std::int64_t interval_ = kDefaultInterval;
+  std::string group_;                          ///< name of the one group that each device has
+  std::map<std::int64_t, std::size_t> units_;  ///< index in out_.devices
+  std::map<std::int64_t, NameMaker> tag_names_;
+};
+
+/// Also the protocol, which the transmission mode decides.
+std::string TelegrafReader::link_of(const toml::table& plugin, std::string& protocol) {
+  std::string_view controller = text_at(plugin, "controller");
+  std::string mode(text_at(plugin, "transmission_mode"));
+  const bool is_tcp = controller.starts_with("tcp://");
+  if (mode.empty()) mode = is_tcp || controller.empty() ? "TCP" : "RTU";
+  protocol = mode.starts_with("RTU")     ? "modbus-rtu"
+             : mode.starts_with("ASCII") ? "modbus-ascii"
+                                         : "modbus-tcp";
+  if (!options_.protocol.empty()) protocol = options_.protocol;
+  if (!options_.port.empty()) return links_.to(options_.port);
+  if (is_tcp) {
+    std::string port(controller.substr("tcp://"sv.size()));
+    if (!LinkTable::is_serial(port)) port += ":502";
+    if (LinkTable::is_serial(port) == false) return links_.to(port);
+  }
+  if (controller.starts_with("file://")) controller.remove_prefix("file://"sv.size());
+  if (controller.starts_with('/')) {
+    JsonObject serial;
+    if (const auto baud = integer_at(plugin, "baud_rate")) serial.integer("baud", *baud);
+    if (const auto bits = integer_at(plugin, "data_bits")) serial.integer("data_bits", *bits);
+    const std::string_view parity = text_at(plugin, "parity");
+    if (parity == "N" || parity == "E" || parity == "O")
+      serial.text("parity", parity == "N" ? "none" : parity == "E" ? "even" : "odd");
+    if (const auto bits = integer_at(plugin, "stop_bits")) serial.integer("stop_bits", *bits);
+    return links_.to(std::string(controller), serial);
+  }
+  out_.note(line_of(plugin), "the link is a placeholder: give it the right port");
+  return links_.to(placeholder_port(protocol));
+}
+
+ImportedDevice& TelegrafReader::device_of(std::int64_t unit, int line) {
+  const auto [known, fresh] = units_.try_emplace(unit, out_.devices.size());
+  if (!fresh) return out_.devices[known->second];
+  const std::string wanted = units_.size() > 1 ? name_ + "_" + std::to_string(unit) : name_;
+  ImportedDevice device;
+  device.name = device_names_.make(wanted, "device", line, out_.notes);
+  device.keys.text("name", device.name);
+  device.keys.text("link", link_);
+  device.keys.text("protocol", protocol_);
+  device.keys.integer("unit", unit);
+  if (timeout_ && *timeout_ > 0) device.keys.integer("timeout_ms", *timeout_);
+  group_ = IntervalGroups(device).at(interval_);
+  out_.devices.push_back(std::move(device));
+  return out_.devices.back();
+}
+
+void TelegrafReader::read_field(const toml::table& node, std::int64_t unit, Field field) {
+  const int line = line_of(node);
+  const std::string name(text_at(node, "name"));
+  if (node["omit"].value_or(false)) return;
+  const auto leave_out = [&](const std::string& why) {
+    out_.note(line, "left out: " + name + ": " + why);
+  };
+  std::vector<std::int64_t> addresses;
+  if (const toml::array* list = node["address"].as_array())
+    for (const toml::node& item : *list) addresses.push_back(item.value_or(std::int64_t{-1}));
+  else
+    addresses.push_back(integer_at(node, "address").value_or(-1));
+  for (std::size_t i = 1; i < addresses.size(); ++i)
+    if (addresses[i] != addresses[i - 1] + 1) return leave_out("its addresses are not in a row");
+  std::string address =
+      addresses.empty() ? std::string() : modbus_address(field.table, addresses[0]);
+  if (address.empty()) return leave_out("it has no address of Modbus");
+
+  ImportedTag tag{line, {}};
+  const bool is_bit = field.table == '0' || field.table == '1';
+  const std::string_view spelled = text_at(node, field.is_register_style ? "data_type" : "type");
+  const std::string_view type =
+      is_bit ? "bool" : type_of(spelled, addresses.size(), field.is_register_style);
+  if (type.empty()) return leave_out("a config has no type \"" + std::string(spelled) + "\"");
+  if (type == "bool" && !is_bit)
+    address += "." + std::to_string(integer_at(node, "bit").value_or(0));
+  ImportedDevice& device = device_of(unit, line);
+  tag.keys.text("name", tag_names_[unit].make(name, "tag", line, out_.notes));
+  tag.keys.literal("address", address);
+  if (!is_bit) tag.keys.text("type", type);
+  const std::string_view order =
+      field.is_register_style ? order_of(text_at(node, "byte_order")) : order_of(field.order);
+  if (!order.empty() && type != "bool") tag.keys.text("word_order", order);
+  const auto scale = node["scale"].value<double>();
+  if (scale && *scale != 0 && *scale != 1 && type != "bool") tag.keys.number("scale", *scale);
+  if (const std::string_view measurement = text_at(node, "measurement"); !measurement.empty())
+    out_.note(line, "not carried over: the measurement \"" + std::string(measurement) + "\"");
+  tag.keys.text("group", group_);
+  device.tags.push_back(std::move(tag));
+}
+
+void TelegrafReader::read_fields(const toml::table& owner, std::string_view key, std::int64_t unit,
+                                 Field field) {
+  const toml::array* list = owner[key].as_array();
+  if (list == nullptr) return;
+  for (const toml::node& item : *list) {
+    const toml::table* node = item.as_table();
+    if (node == nullptr) continue;
+    Field own = field;
+    if (own.table == kOwnRegister) own.table = table_of(text_at(*node, "register"));
+    read_field(*node, unit, own);
+  }
+}
+
+void TelegrafReader::read_plugin(const toml::table& plugin, std::int64_t interval) {
+  units_.clear();
+  tag_names_.clear();
+  name_ = options_.device.empty() ? std::string(text_at(plugin, "name")) : options_.device;
+  link_ = link_of(plugin, protocol_);
+  timeout_ = milliseconds(text_at(plugin, "timeout"));
+  interval_ = milliseconds(text_at(plugin, "interval")).value_or(interval);
+  const auto unit = integer_at(plugin, "slave_id").value_or(1);
+  for (const auto list :
+       {"discrete_inputs"sv, "coils"sv, "holding_registers"sv, "input_registers"sv})
+    read_fields(plugin, list, unit, {table_of(list), {}, true});
+  for (const auto style : {"request"sv, "metric"sv}) {
+    const toml::array* requests = plugin[style].as_array();
+    if (requests == nullptr) continue;
+    for (const toml::node& item : *requests) {
+      const toml::table* request = item.as_table();
+      if (request == nullptr) continue;
+      const char table = style == "metric" ? kOwnRegister : table_of(text_at(*request, "register"));
+      read_fields(*request, "fields", integer_at(*request, "slave_id").value_or(0),
+                  {table, text_at(*request, "byte_order"), false});
+      if (request->contains("tags"))
+        out_.note(line_of(*request), "not carried over: the tags of the request");
+    }
+  }
+}
+
+Imported TelegrafReader::read(const toml::table& top) {
+  const auto interval =
+      milliseconds(top["agent"]["interval"].value_or(""sv)).value_or(kDefaultInterval);
+  const toml::array* plugins = top["inputs"]["modbus"].as_array();
+  for (const toml::node& item : *plugins)
+    if (const toml::table* plugin = item.as_table()) read_plugin(*plugin, interval);
+  if (const toml::table* inputs = top["inputs"].as_table())
+    for (const auto& [name, node] : *inputs)
+      if (name != "modbus")
+        out_.note(line_of(node),
+                  "left out: inputs." + std::string(name.str()) + ", which is no Modbus");
+  return std::move(out_);
+}
+
+/// The text as TOML, or where it is none.
+tl::expected<toml::table, ImportFault> parsed(std::string_view text) {
+  try {
+    return toml::parse(text);
+  } catch (const toml::parse_error& error) {
+    return tl::unexpected(
+        ImportFault{static_cast<int>(error.source().begin.line), std::string(error.description())});
+  }
+}
+
+}  // namespace
+
+bool is_telegraf(std::string_view text) {
+  if (text.find("inputs.modbus") == text.npos) return false;
+  const auto top = parsed(text);
+  return top && (*top)["inputs"]["modbus"].is_array();
+}
+
+ImportResult import_telegraf(std::string_view text, const ImportOptions& options) {
+  const auto top = parsed(text);
+  if (!top) return tl::unexpected(top.error());
+  if (!(*top)["inputs"]["modbus"].is_array())
+    return tl::unexpected(ImportFault{0, "has no [[inputs.modbus]]"});
+  return TelegrafReader(options).read(*top);
+}
+
+}  // namespace fxagent

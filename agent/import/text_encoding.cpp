@@ -1,0 +1,83 @@
+#include "agent/import/text_encoding.h"
+
+#include <iconv.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+
+#include "agent/text.h"
+
+namespace fxagent {
+namespace {
+
+/// Of iconv; not to be copied.
+class Converter {
+ public:
+  explicit Converter(const char* from) : handle_(iconv_open("UTF-8", from)) {}
+  Converter(const Converter&) = delete;
+  Converter& operator=(const Converter&) = delete;
+  ~Converter() {
+    if (is_open()) iconv_close(handle_);
+  }
+
+  bool is_open() const { return handle_ != reinterpret_cast<iconv_t>(-1); }
+
+  /// False where the bytes are not of the encoding.
+  bool convert(std::string_view bytes, std::string& out) {
+    std::string copy(bytes);  // iconv() wants what it does not change to be changeable
+    char* in = copy.data();
+    std::size_t in_left = copy.size();
+    std::array<char, 4096> block{};
+    while (in_left > 0) {
+      char* to = block.data();
+      std::size_t room = block.size();
+      const std::size_t done = iconv(handle_, &in, &in_left, &to, &room);
+      out.append(block.data(), block.size() - room);
+      if (done == static_cast<std::size_t>(-1) && errno != E2BIG) return false;
+    }
+    return true;
+  }
+
+ private:
+  iconv_t handle_;
+};
+
+/// Whether every second byte of the beginning is mostly zero, from `first` on.
+bool has_zeros_at(std::string_view bytes, std::size_t first) {
+  const std::string_view head = bytes.substr(0, 256);
+  std::size_t zeros = 0;
+  for (std::size_t i = first; i < head.size(); i += 2) zeros += head[i] == '\0' ? 1U : 0U;
+  return head.size() >= 4 && zeros * 4 > head.size() / 2;
+}
+
+}  // namespace
+
+tl::expected<std::string, std::string> to_utf8(std::string_view bytes, const char* legacy) {
+  using std::string_view_literals::operator""sv;
+  if (bytes.starts_with("\xEF\xBB\xBF")) bytes.remove_prefix(3);
+  const char* encoding = legacy;
+  if (bytes.starts_with("\xFF\xFE"sv)) {
+    encoding = "UTF-16LE";
+    bytes.remove_prefix(2);
+  } else if (bytes.starts_with("\xFE\xFF"sv)) {
+    encoding = "UTF-16BE";
+    bytes.remove_prefix(2);
+  } else if (has_zeros_at(bytes, 1)) {
+    encoding = "UTF-16LE";
+  } else if (has_zeros_at(bytes, 0)) {
+    encoding = "UTF-16BE";
+  } else if (is_utf8(bytes)) {
+    return std::string(bytes);
+  }
+  Converter converter(encoding);
+  if (!converter.is_open())
+    return tl::unexpected("the C library of this machine cannot convert " + std::string(encoding) +
+                          ": convert the file to UTF-8");
+  std::string out;
+  if (!converter.convert(bytes, out) || !is_utf8(out))
+    return tl::unexpected("is neither UTF-8 nor " + std::string(encoding));
+  return out;
+}
+
+}  // namespace fxagent

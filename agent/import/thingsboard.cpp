@@ -1,0 +1,221 @@
+// modbus.json of the ThingsBoard gateway: slaves of `master` with attributes and timeseries, which
+// are read, and attributeUpdates and rpc, which write.
+#include <array>
+#include <map>
+#include <set>
+#include <string>
+#include <tuple>
+
+#include "agent/import/formats.h"
+#include "agent/import/json_source.h"
+
+namespace fxagent {
+namespace {
+
+using std::string_view_literals::operator""sv;
+
+/// The function that reads: the first digit of the table.
+char table_of(std::int64_t function) {
+  switch (function) {
+    case 1:
+    case 5:
+    case 15:
+      return '0';
+    case 2:
+      return '1';
+    case 3:
+    case 6:
+    case 16:
+      return '4';
+    case 4:
+      return '3';
+    default:
+      return '?';
+  }
+}
+
+bool writes(std::int64_t function) {
+  return function == 5 || function == 6 || function == 15 || function == 16;
+}
+
+/// "16int", "int16" or "int"; empty: none that a config has.
+std::string_view type_of(std::string_view type, std::int64_t registers) {
+  if (type == "16int" || type == "int16") return "int16";
+  if (type == "16uint" || type == "uint16") return "uint16";
+  if (type == "32int" || type == "int32") return "int32";
+  if (type == "32uint" || type == "uint32") return "uint32";
+  if (type == "32float" || type == "float32" || type == "float") return "float32";
+  if (type == "string") return "string";
+  if (type == "bit" || type == "bits") return "bool";
+  if ((type == "int" || type == "long" || type == "integer") && registers <= 2)
+    return registers == 2 ? "int32" : "int16";
+  return {};
+}
+
+std::int64_t registers_of(std::string_view type) {
+  return type == "int32" || type == "uint32" || type == "float32" ? 2 : 1;
+}
+
+class ThingsboardReader {
+ public:
+  ThingsboardReader(const ConfigTree& tree, const ImportOptions& options)
+      : tree_(tree), options_(options) {}
+
+  Imported read();
+
+ private:
+  int line_of(const ConfigNode& node) const { return tree_.line_of(node.offset); }
+  void read_slave(const ConfigNode& slave);
+  std::string link_of(const ConfigNode& slave, std::string_view protocol);
+  void read_tag(const ConfigNode& node, std::int64_t interval, ImportedDevice& device,
+                IntervalGroups& groups, NameMaker& names);
+
+  const ConfigTree& tree_;
+  const ImportOptions& options_;
+  Imported out_;
+  LinkTable links_{out_};
+  NameMaker device_names_;
+  /// Of this slave: what attributeUpdates and rpc may write, by table and address.
+  std::set<std::pair<char, std::int64_t>> written_;
+};
+
+std::string ThingsboardReader::link_of(const ConfigNode& slave, std::string_view protocol) {
+  if (!options_.port.empty()) return links_.to(options_.port);
+  // On a serial line the port is a path, and nothing else is a string there.
+  if (const std::string_view path = text_at(slave, "port"); path.starts_with('/')) {
+    JsonObject serial;
+    if (const auto baud = integer_at(slave, "baudrate")) serial.integer("baud", *baud);
+    if (const auto bits = integer_at(slave, "bytesize")) serial.integer("data_bits", *bits);
+    const std::string_view parity = text_at(slave, "parity");
+    if (parity == "N" || parity == "E" || parity == "O")
+      serial.text("parity", parity == "N" ? "none" : parity == "E" ? "even" : "odd");
+    if (const auto bits = integer_at(slave, "stopbits")) serial.integer("stop_bits", *bits);
+    return links_.to(std::string(path), serial);
+  }
+  const std::string_view host = text_at(slave, "host");
+  const auto port = integer_at(slave, "port");
+  if (!host.empty() && port) return links_.to(std::string(host) + ":" + std::to_string(*port));
+  out_.note(line_of(slave), "the link is a placeholder: give it the right port");
+  return links_.to(placeholder_port(protocol));
+}
+
+void ThingsboardReader::read_tag(const ConfigNode& node, std::int64_t interval,
+                                 ImportedDevice& device, IntervalGroups& groups, NameMaker& names) {
+  const int line = line_of(node);
+  const std::string_view name = text_at(node, "tag");
+  const auto leave_out = [&](const std::string& why) {
+    out_.note(line, "left out: " + std::string(name) + ": " + why);
+  };
+  const auto registers = integer_at(node, "objectsCount").value_or(1);
+  const auto function = integer_at(node, "functionCode").value_or(0);
+  const auto number = integer_at(node, "address").value_or(-1);
+  const std::string_view spelled = text_at(node, "type");
+  const std::string_view type = type_of(spelled, registers);
+  if (type.empty()) return leave_out("a config has no type \"" + std::string(spelled) + "\"");
+  const char table = table_of(function);
+  std::string address = modbus_address(table, number);
+  if (address.empty() || writes(function))
+    return leave_out("no function that reads, or no address");
+  const bool is_bit = table == '0' || table == '1';
+  ImportedTag tag{line, {}};
+  tag.keys.text("name", names.make(name, "tag", line, out_.notes));
+  if (type == "bool" && !is_bit) {
+    if (registers != 1) return leave_out("bits of more than one register");
+    address += "." + std::to_string(integer_at(node, "bit").value_or(0));
+  }
+  tag.keys.literal("address", address);
+  if (!is_bit) tag.keys.text("type", type);
+  const std::int64_t size = is_bit ? 1 : registers_of(type);
+  if (type == "string")
+    tag.keys.integer("length", 2 * registers);
+  else if (registers > size)
+    tag.keys.integer("count", registers / size);
+  const auto divider = number_at(node, "divider");
+  const auto factor = number_at(node, "multiplier");
+  if (divider && *divider != 0 && *divider != 1)
+    tag.keys.number("scale", 1 / *divider);
+  else if (factor && *factor != 0 && *factor != 1)
+    tag.keys.number("scale", *factor);
+  tag.keys.text("group", groups.at(interval));
+  if (written_.contains({table, number})) tag.keys.text("access", "read_write");
+  device.tags.push_back(std::move(tag));
+}
+
+void ThingsboardReader::read_slave(const ConfigNode& slave) {
+  const std::string_view kind = text_at(slave, "type");
+  const std::string_view method = text_at(slave, "method");
+  std::string protocol = options_.protocol;
+  if (protocol.empty())
+    protocol = method == "rtu" ? "modbus-rtu" : method == "ascii" ? "modbus-ascii" : "modbus-tcp";
+  if (kind == "udp" || kind == "tls")
+    return out_.note(line_of(slave), "left out: the slave " +
+                                         std::string(text_at(slave, "deviceName")) + " over " +
+                                         std::string(kind));
+  ImportedDevice device;
+  device.name = device_names_.make(
+      options_.device.empty() ? text_at(slave, "deviceName") : std::string_view(options_.device),
+      "device", line_of(slave), out_.notes);
+  device.keys.text("name", device.name);
+  device.keys.text("link", link_of(slave, protocol));
+  device.keys.text("protocol", protocol);
+  device.keys.integer("unit", integer_at(slave, "unitId").value_or(1));
+  // The gateway takes both for LITTLE where they are not given.
+  const bool bytes_swapped = text_at(slave, "byteOrder") != "BIG";
+  const bool words_swapped = text_at(slave, "wordOrder") != "BIG";
+  if (bytes_swapped || words_swapped)
+    device.keys.text("byte_order", bytes_swapped ? (words_swapped ? "DCBA" : "BADC") : "CDAB");
+
+  written_.clear();
+  for (const auto list : {"attributeUpdates"sv, "rpc"sv})
+    for (const ConfigNode& node : children_at(slave, list)) {
+      const auto function = integer_at(node, "functionCode").value_or(0);
+      if (writes(function))
+        written_.emplace(table_of(function), integer_at(node, "address").value_or(-1));
+    }
+  NameMaker names;
+  IntervalGroups groups(device);
+  const auto interval = integer_at(slave, "pollPeriod").value_or(5000);
+  for (const auto list : {"attributes"sv, "timeseries"sv})
+    for (const ConfigNode& node : children_at(slave, list))
+      read_tag(node, interval, device, groups, names);
+  std::set<std::pair<char, std::int64_t>> read;
+  for (const auto list : {"attributes"sv, "timeseries"sv})
+    for (const ConfigNode& node : children_at(slave, list))
+      read.emplace(table_of(integer_at(node, "functionCode").value_or(0)),
+                   integer_at(node, "address").value_or(-1));
+  for (const auto list : {"attributeUpdates"sv, "rpc"sv})
+    for (const ConfigNode& node : children_at(slave, list)) {
+      const std::pair place(table_of(integer_at(node, "functionCode").value_or(0)),
+                            integer_at(node, "address").value_or(-1));
+      if (!read.contains(place))
+        out_.note(line_of(node), "left out: " + std::string(text_at(node, "tag")) + " of " +
+                                     std::string(list) + " belongs to nothing that is read");
+    }
+  out_.devices.push_back(std::move(device));
+}
+
+Imported ThingsboardReader::read() {
+  const ConfigNode* master = tree_.root().find("master");
+  for (const ConfigNode& slave : children_at(*master, "slaves")) read_slave(slave);
+  if (const ConfigNode* slave = tree_.root().find("slave"))
+    out_.note(line_of(*slave), "left out: \"slave\", the gateway's own Modbus server");
+  return std::move(out_);
+}
+
+}  // namespace
+
+bool is_thingsboard(std::string_view text) {
+  const auto tree = json_source(text);
+  const ConfigNode* master = tree ? tree->root().find("master") : nullptr;
+  return master != nullptr && master->find("slaves") != nullptr;
+}
+
+ImportResult import_thingsboard(std::string_view text, const ImportOptions& options) {
+  const auto tree = json_source(text);
+  if (!tree) return tl::unexpected(tree.error());
+  if (tree->root().find("master") == nullptr)
+    return tl::unexpected(ImportFault{0, "has no \"master\""});
+  return ThingsboardReader(*tree, options).read();
+}
+
+}  // namespace fxagent

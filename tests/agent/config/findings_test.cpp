@@ -1,0 +1,80 @@
+#include "agent/config/findings.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+namespace fxagent {
+namespace {
+
+/// A template on line 1, two entries on lines 2 and 3.
+class FindingsTest : public testing::Test {
+ protected:
+  ConfigTree tree_ = *ConfigTree::parse(
+      "{\"templates\": {\"m\": {\"unit\": 1}}, \"devices\": [\n{\"name\": \"a\"},\n{\"name\": "
+      "\"b\"}]}");
+  const ConfigNode& base_ = *tree_.root().find("templates")->find("m");
+  const ConfigNode& unit_ = *base_.find("unit");
+  const ConfigNode& first_ = tree_.root().find("devices")->children[0];
+  const ConfigNode& second_ = tree_.root().find("devices")->children[1];
+  Findings findings_;
+
+  std::vector<std::string> texts() const {
+    std::vector<std::string> list;
+    for (const auto& finding : findings_.in_order())
+      list.push_back(Findings::text_of(finding, tree_));
+    return list;
+  }
+};
+
+using Texts = std::vector<std::string>;
+
+TEST_F(FindingsTest, OutsideOfManyDevicesEachStandsForItself) {
+  findings_.add(second_.offset, second_, "late", nullptr, 0);
+  findings_.add(first_.offset, first_, "same", nullptr, 0);
+  findings_.add(first_.offset, first_, "same", nullptr, 0);
+  EXPECT_EQ(texts(), (Texts{"same", "same", "late"}));
+}
+
+TEST_F(FindingsTest, OnePlaceOfManyDevicesIsSaidOnce) {
+  for (std::uint32_t device = 1; device <= 3; ++device) {
+    const DeviceOrigin origin{&first_, &base_, std::to_string(device)};
+    findings_.add(unit_.offset, unit_, "wrong " + std::to_string(device), &origin, device);
+  }
+  EXPECT_EQ(texts(), (Texts{"wrong 1; for the device at /devices/0 (line 2), {n} being 1, and for "
+                            "2 others"}));
+}
+
+TEST_F(FindingsTest, EntriesShareATextAndNotAnother) {
+  const DeviceOrigin one{&first_, &base_, ""};
+  const DeviceOrigin two{&second_, &base_, ""};
+  findings_.add(unit_.offset, unit_, "same", &one, 1);
+  findings_.add(unit_.offset, unit_, "same", &two, 2);
+  EXPECT_EQ(texts(), (Texts{"same; for the device at /devices/0 (line 2), and for 1 other"}));
+  findings_ = {};
+  findings_.add(unit_.offset, unit_, "one", &one, 1);
+  findings_.add(unit_.offset, unit_, "other", &two, 2);
+  EXPECT_EQ(texts().size(), 2U);
+}
+
+TEST_F(FindingsTest, TwoFaultsOfOneDeviceAtOnePlaceAreBothSaid) {
+  const DeviceOrigin one{&first_, &base_, "1"};
+  const DeviceOrigin two{&first_, &base_, "2"};
+  findings_.add(unit_.offset, unit_, "a", &one, 1);
+  findings_.add(unit_.offset, unit_, "b", &one, 1);
+  findings_.add(unit_.offset, unit_, "a", &two, 2);
+  findings_.add(unit_.offset, unit_, "b", &two, 2);
+  EXPECT_EQ(texts().size(), 2U);
+}
+
+TEST_F(FindingsTest, TheOtherPlaceIsNamed) {
+  const DeviceOrigin with_base{&first_, &base_, ""};
+  findings_.add(first_.offset, first_, "a", &with_base, 1);
+  const DeviceOrigin without{&second_, nullptr, "7"};
+  findings_.add(second_.offset, second_, "b", &without, 2);
+  EXPECT_EQ(texts(), (Texts{"a; its template is at /templates/m (line 1)", "b; {n} being 7"}));
+}
+
+}  // namespace
+}  // namespace fxagent

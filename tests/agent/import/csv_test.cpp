@@ -1,0 +1,74 @@
+#include "agent/import/csv.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+namespace fxagent {
+namespace {
+
+std::vector<CsvRow> rows(std::string_view text, char delimiter = ',') {
+  auto list = read_csv(text, delimiter);
+  EXPECT_TRUE(list) << (list ? "" : list.error().text);
+  return list ? *list : std::vector<CsvRow>{};
+}
+
+TEST(Csv, CellsAndLines) {
+  const auto list = rows("a,b,c\r\n\r\n1,\"two, \"\"too\"\"\",3\n");
+  ASSERT_EQ(list.size(), 2U);
+  EXPECT_EQ(list[0].line, 1);
+  EXPECT_EQ(list[1].line, 3);
+  EXPECT_EQ(list[1].at(1), "two, \"too\"");
+  EXPECT_EQ(list[1].at(7), "");
+}
+
+TEST(Csv, ARowThatGoesOverLinesHasTheLineOfItsBeginning) {
+  const auto list = rows("a,\"b\nc\",d\ne,f\n");
+  ASSERT_EQ(list.size(), 2U);
+  EXPECT_EQ(list[0].line, 1);
+  EXPECT_EQ(list[0].at(1), "b\nc");
+  EXPECT_EQ(list[1].line, 3);
+}
+
+TEST(Csv, AnEmptyTextIsToldFromNothing) {
+  const auto list = rows("a,,\"\"\n");
+  ASSERT_EQ(list.at(0).cells.size(), 3U);
+  EXPECT_FALSE(list[0].cells[1].has_value());
+  EXPECT_EQ(list[0].cells[2], "");
+}
+
+TEST(Csv, TheLastLineNeedsNoEnd) { EXPECT_EQ(rows("a,b").at(0).at(1), "b"); }
+
+TEST(Csv, BrokenQuotesAreTold) {
+  const auto inside = read_csv("a,b\nc,\"d\"e\n", ',');
+  ASSERT_FALSE(inside);
+  EXPECT_EQ(inside.error().line, 2);
+  const auto open = read_csv("a,\"b\nc", ',');
+  ASSERT_FALSE(open);
+  EXPECT_NE(open.error().text.find("ends inside quotes"), std::string::npos);
+}
+
+TEST(Csv, TheDelimiterIsWhatTheFileHasMostOf) {
+  EXPECT_EQ(csv_delimiter("a,b\nc,d\n"), ',');
+  EXPECT_EQ(csv_delimiter("a\tb,c\td\n"), '\t');
+  EXPECT_EQ(csv_delimiter("a;b;c\n1,5;2;3\n"), ';');
+  EXPECT_EQ(csv_delimiter(""), ',');
+}
+
+TEST(Csv, CellsComeBackAsTheyWere) {
+  for (const std::string text : {"", "a", " a ", "a,b", "\"", "a\nb", "x;y", "°C", "\t"}) {
+    const auto list = rows("first," + csv_cell(text) + "\n");
+    ASSERT_EQ(list.size(), 1U) << text;
+    EXPECT_EQ(list[0].cells.at(1), text);
+  }
+  EXPECT_EQ(csv_cell(std::nullopt), "");
+}
+
+TEST(Csv, ColumnsAreFoundWhateverTheirCase) {
+  const auto list = rows("Name, Address ,x\n");
+  const auto columns = csv_columns(list.at(0), {"address", "name", "type"});
+  EXPECT_EQ(columns, (std::vector<std::size_t>{1, 0, std::string::npos}));
+}
+
+}  // namespace
+}  // namespace fxagent

@@ -1,0 +1,33 @@
+// Each format is told from all others by what the file begins with.
+#include "agent/import/formats.h"
+
+#include <gtest/gtest.h>
+
+#include <map>
+#include <string>
+
+namespace fxagent {
+namespace {
+
+TEST(ImportFormats, EachTextIsOfOneAlone) {
+  const std::map<std::string_view, const char*> texts{
+      {"gx", "Device Name\tComment\nD0\tspeed\n"},
+      {"kepware", "Tag Name,Address,Data Type\na,400001,Word\n"},
+      {"neuron", R"({"nodes": [{"name": "a", "plugin": "Modbus TCP"}]})"},
+      {"thingsboard", R"({"master": {"slaves": []}})"},
+      {"telegraf", "[[inputs.modbus]]\nname = \"a\"\n"},
+      {"csv", "device,name,address\nd,t,D0\n"}};
+  ASSERT_EQ(texts.size(), import_formats().size());
+  for (const auto& [name, text] : texts)
+    for (const ImportFormat& format : import_formats())
+      EXPECT_EQ(format.is_it(text), format.name == name) << name << " as " << format.name;
+}
+
+TEST(ImportFormats, WhatIsNothingIsOfNone) {
+  for (const char* text : {"", "{}", "[]", "hello", "a,b\n1,2\n", "\"", "[x"})
+    for (const ImportFormat& format : import_formats())
+      EXPECT_FALSE(format.is_it(text)) << text << " as " << format.name;
+}
+
+}  // namespace
+}  // namespace fxagent

@@ -1,0 +1,85 @@
+// Device comments in the shapes of GX Developer, GX Works2 and GX Works3.
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "agent/import/text_encoding.h"
+#include "tests/agent/import/outcome.h"
+
+namespace fxagent {
+namespace {
+
+using namespace test;
+
+TEST(GxComments, GxDeveloperHasCommasAndLabels) {
+  const Made made = made_of(
+      "Device,Label,Comment\r\n"
+      "X0,START,Start button\r\n"
+      "X1,STOPB,\r\n"
+      "D100,,\"Oil temperature, tank 1\"\r\n",
+      import_gx_comments, {"press1", "", "FX3U", "/dev/ttyUSB3"});
+  ASSERT_EQ(made.config["devices"].size(), 1U) << all_of(made.notes);
+  const auto& device = made.config["devices"][0];
+  EXPECT_EQ(device["name"], "press1");
+  EXPECT_EQ(device["model"], "FX3U");
+  EXPECT_EQ(device["protocol"], "fx-programming-port");
+  EXPECT_EQ(made.config["links"][0]["serial"]["path"], "/dev/ttyUSB3");
+  EXPECT_EQ(device["tags"].dump(),
+            R"([{"address":"X0","name":"start_button"},{"address":"X1","name":"stopb"},)"
+            R"({"address":"D100","name":"oil_temperature_tank_1"}])");
+  EXPECT_TRUE(made.notes.empty()) << all_of(made.notes);
+}
+
+TEST(GxComments, GxWorks2HasTabsAndATitle) {
+  const Made made = made_of(
+      "\"Press line\"\r\n\"COMMENT\"\r\n\"Device Name\"\t\"Comment\"\r\n"
+      "\"M0\"\t\"running\"\r\n\"M1\"\t\"\"\r\n\"TN5\"\t\"fill time\"\r\n",
+      import_gx_comments);
+  ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
+  EXPECT_EQ(made.config["devices"][0]["tags"].size(), 2U);
+  EXPECT_EQ(notes_with(made, {"0: left out: 1 devices without a comment"}), 1);
+  EXPECT_EQ(notes_with(made, {"the link is a placeholder"}), 1);
+}
+
+TEST(GxComments, GxWorks3HasAColumnForEachLanguage) {
+  const Made made = made_of(
+      "\"Device Name\"\t\"Japanese/日本語\"\t\"English(Display Target)\"\r\n"
+      "\"D0\"\t\"\"\t\"speed\"\r\n\"D1\"\t\"圧力\"\t\"pressure\"\r\n",
+      import_gx_comments);
+  ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
+  EXPECT_EQ(made.config["devices"][0]["tags"][0]["name"], "speed");
+  EXPECT_EQ(made.config["devices"][0]["tags"][1]["name"], "d1");
+  EXPECT_EQ(notes_with(made, {"3: ", "圧力", "is named d1"}), 1);
+}
+
+TEST(GxComments, ShiftJisHead) {
+  // デバイス名,コメント / D5,温度
+  const std::string bytes =
+      "\x83\x66\x83\x6F\x83\x43\x83\x58\x96\xBC,\x83\x52\x83\x81\x83\x93\x83\x67\r\n"
+      "D5,\x89\xB7\x93\x78\r\n";
+  const auto text = to_utf8(bytes, "CP932");
+  ASSERT_TRUE(text);
+  EXPECT_TRUE(is_gx_comments(*text));
+  const Made made = made_of(*text, import_gx_comments);
+  EXPECT_EQ(made.config["devices"][0]["tags"][0]["address"], "D5");
+  EXPECT_EQ(notes_with(made, {"2: ", "温度"}), 1);
+}
+
+TEST(GxComments, DevicesThatAConfigLacksAreNamedWithTheirLine) {
+  const Made made = made_of("Device Name,Comment\nP10,subroutine\nX8,wrong\nD0,right\n???,x\n",
+                            import_gx_comments);
+  EXPECT_EQ(made.config["devices"][0]["tags"].size(), 1U);
+  EXPECT_EQ(notes_with(made, {"2: left out", "P10"}), 1) << all_of(made.notes);
+  EXPECT_EQ(notes_with(made, {"3: left out", "X8"}), 1);
+  EXPECT_EQ(notes_with(made, {"5: left out", "???", "is no device"}), 1);
+}
+
+TEST(GxComments, AFileWithoutAHeadHasDevicesAtLeast) {
+  EXPECT_EQ(made_of("D0,speed\n", import_gx_comments).config["devices"][0]["tags"].size(), 1U);
+  const auto none = import_gx_comments("a,b\nc,d\n", {});
+  ASSERT_FALSE(none);
+  EXPECT_EQ(none.error().text, "has no device comments");
+}
+
+}  // namespace
+}  // namespace fxagent

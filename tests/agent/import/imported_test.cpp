@@ -1,0 +1,133 @@
+#include "agent/import/imported.h"
+
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+namespace fxagent {
+namespace {
+
+using nlohmann::json;
+
+TEST(JsonObject, IsJsonWhateverComesIn) {
+  JsonObject object;
+  object.text("a\"b", "c\n\xFF");
+  object.number("n", 0.1);
+  object.integer("i", -5);
+  const json out = json::parse(object.dump());
+  EXPECT_EQ(out["n"], 0.1);
+  EXPECT_EQ(out["i"], -5);
+  EXPECT_TRUE(object.has("n"));
+  object.erase("n");
+  EXPECT_FALSE(object.has("n"));
+}
+
+TEST(JsonObject, ATextOfOthersIsNoVariable) {
+  JsonObject object;
+  object.literal("a", "${HOME} $ {x} $${b}");
+  EXPECT_EQ(json::parse(object.dump())["a"], "$${HOME} $ {x} $$${b}");
+}
+
+TEST(NameMaker, MakesNames) {
+  NameMaker names;
+  std::vector<ImportNote> notes;
+  EXPECT_EQ(names.make("Motor Start", "d0", 1, notes), "motor_start");
+  EXPECT_EQ(names.make("Line1.Temp[3]", "d0", 1, notes), "line1_temp_3");
+  EXPECT_EQ(names.make("a-b_c", "d0", 1, notes), "a-b_c");
+  EXPECT_TRUE(notes.empty());
+}
+
+TEST(NameMaker, TellsWhatIsLost) {
+  NameMaker names;
+  std::vector<ImportNote> notes;
+  EXPECT_EQ(names.make("温度", "d100", 7, notes), "d100");
+  ASSERT_EQ(notes.size(), 1U);
+  EXPECT_EQ(notes[0].line, 7);
+  EXPECT_EQ(notes[0].text, "\"温度\" is named d100: a name has a-z, 0-9, _ and - only");
+  EXPECT_EQ(names.make("Temp °C", "d1", 8, notes), "temp_c");
+  EXPECT_EQ(names.make("temp_c", "d1", 9, notes), "temp_c_2");
+  EXPECT_EQ(names.make("TEMP_C", "d1", 9, notes), "temp_c_3");
+  EXPECT_NE(notes.back().text.find("the name was taken"), std::string::npos);
+  EXPECT_EQ(names.make(std::string(70, 'x'), "d1", 9, notes).size(), 64U);
+  EXPECT_EQ(names.make(std::string(70, 'x'), "d1", 9, notes).size(), 64U);
+}
+
+TEST(LinkTable, OneLinkForOnePort) {
+  Imported out;
+  LinkTable links(out);
+  EXPECT_EQ(links.to("192.0.2.1:502"), "line1");
+  EXPECT_EQ(links.to("/dev/ttyUSB0"), "line2");
+  EXPECT_EQ(links.to("192.0.2.1:502"), "line1");
+  EXPECT_EQ(links.to("[::1]:502"), "line3");
+  ASSERT_EQ(out.links.size(), 3U);
+  EXPECT_EQ(json::parse(out.links[0].dump())["tcp"]["port"], 502);
+  EXPECT_EQ(json::parse(out.links[2].dump())["tcp"]["host"], "::1");
+}
+
+TEST(LinkTable, WhatAPortIs) {
+  EXPECT_EQ(LinkTable::is_serial("/dev/ttyS0"), true);
+  EXPECT_EQ(LinkTable::is_serial("a:1"), false);
+  for (const char* port : {"", "a", "a:", ":1", "a:0", "a:65536", "a:x", "COM1"})
+    EXPECT_EQ(LinkTable::is_serial(port), std::nullopt) << port;
+}
+
+TEST(ModbusAddress, NamesTheTable) {
+  EXPECT_EQ(modbus_address('0', 5), "co:5");
+  EXPECT_EQ(modbus_address('1', 0), "di:0");
+  EXPECT_EQ(modbus_address('3', 65535), "ir:65535");
+  EXPECT_EQ(modbus_address('4', 1), "hr:1");
+  EXPECT_EQ(modbus_address('4', 65536), "");
+  EXPECT_EQ(modbus_address('4', -1), "");
+  EXPECT_EQ(modbus_address('2', 1), "");
+}
+
+ImportedTag tag(int line, const char* name, const char* address) {
+  ImportedTag made{line, {}};
+  made.keys.text("name", name);
+  made.keys.text("address", address);
+  return made;
+}
+
+Imported press(std::vector<ImportedTag> tags) {
+  Imported out;
+  ImportedDevice device{"press", {}};
+  device.keys.text("name", "press");
+  device.keys.text("link", LinkTable(out).to("/dev/ttyUSB0"));
+  device.keys.text("protocol", "fx-programming-port");
+  device.tags = std::move(tags);
+  out.devices.push_back(std::move(device));
+  return out;
+}
+
+TEST(FinishedImport, LeavesOutWhatTheConfigDoesNotTakeAndSaysWhy) {
+  const auto outcome = finish(press({tag(2, "a", "D0"), tag(3, "b", "X8"), tag(4, "c", "M0"),
+                                     tag(5, "d", "P0"), tag(6, "a", "D1")}));
+  EXPECT_EQ(outcome.tags, 2U);
+  ASSERT_EQ(outcome.notes.size(), 3U);
+  EXPECT_EQ(outcome.notes[0].line, 3);
+  EXPECT_TRUE(outcome.notes[0].text.starts_with("left out: \"b\": ")) << outcome.notes[0].text;
+  EXPECT_NE(outcome.notes[0].text.find("X8"), std::string::npos);
+  EXPECT_EQ(outcome.notes[2].line, 6);
+  const json config = json::parse(outcome.config);
+  EXPECT_EQ(config["devices"][0]["tags"].size(), 2U);
+}
+
+TEST(FinishedImport, ATagThatCanOnlyBeReadStaysWithoutItsAccess) {
+  ImportedTag bit = tag(2, "bit", "D0.3");
+  bit.keys.text("access", "read_write");
+  const auto outcome = finish(press({bit}));
+  EXPECT_EQ(outcome.tags, 1U);
+  ASSERT_EQ(outcome.notes.size(), 1U);
+  EXPECT_TRUE(outcome.notes[0].text.starts_with("not carried over: the access of \"bit\": "))
+      << outcome.notes[0].text;
+}
+
+TEST(FinishedImport, IsNothingWhereNoTagIsLeft) {
+  const auto outcome = finish(press({tag(2, "a", "X8")}));
+  EXPECT_EQ(outcome.config, "");
+  EXPECT_EQ(outcome.notes.size(), 1U);
+}
+
+}  // namespace
+}  // namespace fxagent

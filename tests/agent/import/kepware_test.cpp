@@ -1,0 +1,89 @@
+// The tag CSV of KEPServerEX.
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "tests/agent/import/outcome.h"
+
+namespace fxagent {
+namespace {
+
+using namespace test;
+using nlohmann::json;
+
+constexpr const char* kHead =
+    "Tag Name,Address,Data Type,Respect Data Type,Client Access,Scan Rate,Scaling,Raw Low,Raw High,"
+    "Scaled Low,Scaled High,Scaled Data Type,Clamp Low,Clamp High,Eng Units,Description,"
+    "Negate Value\n";
+
+Made made(const std::string& rows, const ImportOptions& options = {"d", "", "", "h:502"}) {
+  return made_of(kHead + rows, import_kepware, options);
+}
+
+TEST(Kepware, ModbusTags) {
+  const Made out = made(
+      "\"Tank.Level\",\"400101\",Word,1,RO,1000,Linear,0,1000,0,10,Double,0,0,\"m\",\"\",0\n"
+      "\"Pump\",\"000005\",Boolean,1,R/W,100,,,,,,,,,,\"\",\n"
+      "\"Flow\",\"300007\",Float,1,RO,1000,,,,,,,,,,\"\",\n"
+      "\"Alarm\",\"400103.4\",Boolean,1,RO,1000,,,,,,,,,,\"\",\n"
+      "\"Block\",\"400110 [4]\",Short Array,1,RO,1000,,,,,,,,,,\"\",\n"
+      "\"Text\",\"400200.20H\",String,1,RO,1000,,,,,,,,,,\"\",\n");
+  ASSERT_FALSE(out.config.is_null()) << all_of(out.notes);
+  const json& device = out.config["devices"][0];
+  EXPECT_EQ(device["protocol"], "modbus-tcp");
+  EXPECT_EQ(device["groups"], json::parse(R"([{"name":"every_1000_ms","interval_ms":1000},
+                                              {"name":"every_100_ms","interval_ms":100}])"));
+  EXPECT_EQ(device["tags"], json::parse(R"([
+    {"name":"tank_level","address":"400101","type":"uint16","scale":0.01,"unit":"m","group":"every_1000_ms"},
+    {"name":"pump","address":"000005","type":"bool","access":"read_write","group":"every_100_ms"},
+    {"name":"flow","address":"300007","type":"float32","group":"every_1000_ms"},
+    {"name":"alarm","address":"400103.4","type":"bool","group":"every_1000_ms"},
+    {"name":"block","address":"400110","type":"int16","count":4,"group":"every_1000_ms"},
+    {"name":"text","address":"400200","type":"string","length":20,"word_order":"high_first","group":"every_1000_ms"}
+  ])"));
+  EXPECT_EQ(notes_with(out, {"byte order"}), 1);
+}
+
+TEST(Kepware, FxTags) {
+  const Made out = made(
+      "\"Start\",\"X017\",Boolean,1,RO,100,,,,,,,,,,\"\",\n"
+      "\"Speed\",\"D0100\",Short,1,R/W,100,Linear,0,100,20,120,Double,0,0,\"\",\"\",1\n",
+      {"plc", "", "FX3U", "/dev/ttyUSB0"});
+  ASSERT_FALSE(out.config.is_null()) << all_of(out.notes);
+  const json& device = out.config["devices"][0];
+  EXPECT_EQ(device["protocol"], "fx-programming-port");
+  EXPECT_EQ(device["tags"][1]["scale"], -1);
+  EXPECT_EQ(device["tags"][1]["offset"], -20);
+}
+
+TEST(Kepware, WhatCannotBeCarriedOverIsTold) {
+  const Made out = made(
+      "\"A\",\"400001\",Double,1,RO,100,,,,,,,,,,\"\",\n"
+      "\"B\",\"400002\",Word,1,RO,100,Square Root,0,1,0,1,Double,0,0,\"\",\"\",0\n"
+      "\"C\",\"400003\",Word,1,WO,100,Linear,0,1,0,2,Double,1,0,\"\",\"the pump\",0\n"
+      "\"D\",\"H400004\",Word,1,RO,100,,,,,,,,,,\"\",\n"
+      "\"E\",\"400005\",Word,1,RO,100,Linear,0,0,0,2,Double,1,0,\"\",\"\",0\n");
+  EXPECT_EQ(out.config["devices"][0]["tags"].size(), 1U) << all_of(out.notes);
+  EXPECT_EQ(notes_with(out, {"2: left out", "Double"}), 1);
+  EXPECT_EQ(notes_with(out, {"3: left out", "square root"}), 1);
+  EXPECT_EQ(notes_with(out, {"4: not carried over", "write only"}), 1);
+  EXPECT_EQ(notes_with(out, {"4: not carried over", "clamping"}), 1);
+  EXPECT_EQ(notes_with(out, {"4: not carried over", "the pump"}), 1);
+  EXPECT_EQ(notes_with(out, {"5: left out", "h400004"}), 1) << all_of(out.notes);
+  EXPECT_EQ(notes_with(out, {"6: left out", "no range"}), 1);
+}
+
+TEST(Kepware, IsToldByItsHead) {
+  EXPECT_TRUE(is_kepware(kHead));
+  EXPECT_FALSE(is_kepware("a,b\n"));
+  EXPECT_FALSE(import_kepware("a,b\n", {}));
+  EXPECT_FALSE(import_kepware("", {}));
+}
+
+TEST(Kepware, SemicolonsAndFewColumns) {
+  const Made out = made_of("Tag Name;Address\nT;400001\n", import_kepware, {"d", "", "", "h:502"});
+  EXPECT_EQ(out.config["devices"][0]["tags"][0]["name"], "t");
+}
+
+}  // namespace
+}  // namespace fxagent

@@ -1,0 +1,98 @@
+// Neuron's JSON, in its three shapes.
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "tests/agent/import/outcome.h"
+
+namespace fxagent {
+namespace {
+
+using namespace test;
+using nlohmann::json;
+
+constexpr const char* kTags = R"([
+  {"name": "Temp", "address": "1!400001", "type": 3, "attribute": 1, "decimal": 0.1, "precision": 0},
+  {"name": "Power", "address": "1!300010#BL", "type": 9, "attribute": 3},
+  {"name": "On", "address": "1!000004", "type": 11, "attribute": 3},
+  {"name": "Bit", "address": "1!400003.15", "type": 11, "attribute": 1},
+  {"name": "Text", "address": "1!400020.10H", "type": 13, "attribute": 1},
+  {"name": "Other", "address": "2!400001", "type": 4, "attribute": 1, "description": "second unit"},
+  {"name": "Big", "address": "1!400040", "type": 10, "attribute": 1},
+  {"name": "Wrong", "address": "400040", "type": 3, "attribute": 1}])";
+
+TEST(Neuron, NodesWithGroupsAndTags) {
+  const Made made = made_of(R"({"nodes": [
+      {"name": "mqtt", "plugin": "MQTT", "groups": []},
+      {"name": "Line 1", "plugin": "Modbus TCP",
+       "params": {"host": "192.0.2.7", "port": 502, "timeout": 3000},
+       "groups": [{"group": "fast", "interval": 500, "tags": )" +
+                                std::string(kTags) + "}]}]}",
+                            import_neuron);
+  ASSERT_EQ(made.config["devices"].size(), 2U) << all_of(made.notes);
+  EXPECT_EQ(made.config["links"],
+            json::parse(R"([{"name":"line1","tcp":{"host":"192.0.2.7","port":502}}])"));
+  const json& first = made.config["devices"][0];
+  EXPECT_EQ(first["name"], "line_1");
+  EXPECT_EQ(first["unit"], 1);
+  EXPECT_EQ(first["timeout_ms"], 3000);
+  EXPECT_EQ(first["groups"], json::parse(R"([{"name":"fast","interval_ms":500}])"));
+  EXPECT_EQ(first["tags"], json::parse(R"([
+    {"name":"temp","address":"400001","type":"int16","scale":0.1,"group":"fast"},
+    {"name":"power","address":"300010","type":"float32","word_order":"CDAB","group":"fast"},
+    {"name":"on","address":"000004","type":"bool","access":"read_write","group":"fast"},
+    {"name":"bit","address":"400003.15","type":"bool","group":"fast"},
+    {"name":"text","address":"400020","type":"string","length":10,"word_order":"high_first","group":"fast"}
+  ])"))
+      << all_of(made.notes);
+  EXPECT_EQ(made.config["devices"][1]["name"], "line_1_2");
+  EXPECT_EQ(made.config["devices"][1]["unit"], 2);
+  EXPECT_EQ(notes_with(made, {"not carried over: the access of \"power\""}), 1);
+  EXPECT_EQ(notes_with(made, {"left out: Big has the type 10"}), 1);
+  EXPECT_EQ(notes_with(made, {"left out: Wrong has the address \"400040\""}), 1);
+  EXPECT_EQ(notes_with(made, {"not carried over: the description \"second unit\""}), 1);
+}
+
+TEST(Neuron, ListsThatNameTheirDriver) {
+  const Made made = made_of(R"({
+    "nodes": [{"name": "rtu", "plugin": "Modbus RTU"}],
+    "groups": [{"driver": "rtu", "group": "g", "interval": 2000}],
+    "tags": [{"driver": "rtu", "group": "g",
+              "tags": [{"name": "t", "address": "3!40001", "type": 4, "attribute": 1}]}],
+    "settings": [{"node": "rtu", "params": {"device": "/dev/ttyS1", "timeout": 1000}}]})",
+                            import_neuron);
+  ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
+  EXPECT_EQ(made.config["devices"][0]["protocol"], "modbus-rtu");
+  EXPECT_EQ(made.config["devices"][0]["unit"], 3);
+  EXPECT_EQ(made.config["links"][0]["serial"]["path"], "/dev/ttyS1");
+}
+
+TEST(Neuron, ATemplate) {
+  const Made made = made_of(R"({"name": "rtu template", "plugin": "Modbus RTU", "groups": [
+      {"name": "group1", "interval": 2000, "tags": [
+        {"name": "tag1", "type": 4, "address": "1!400001", "attribute": 1}]}]})",
+                            import_neuron, {"meter", "", "", "/dev/ttyUSB0"});
+  ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
+  EXPECT_EQ(made.config["devices"][0]["name"], "meter");
+}
+
+TEST(Neuron, AnotherProtocolIsTold) {
+  const Made made = made_of(R"({"nodes": [{"name": "s7", "plugin": "Siemens S7 ISOTCP", "groups": [
+      {"group": "g", "interval": 100, "tags": [{"name": "t", "address": "DB1.1", "type": 3}]}]}]})",
+                            import_neuron);
+  EXPECT_TRUE(made.config.is_null());
+  EXPECT_EQ(notes_with(made, {"left out: the node s7", "Siemens S7 ISOTCP"}), 1);
+}
+
+TEST(Neuron, IsToldFromOtherJson) {
+  EXPECT_TRUE(is_neuron(R"({"nodes": [{"name": "a", "plugin": "b"}]})"));
+  EXPECT_FALSE(is_neuron(R"({"nodes": []})"));
+  EXPECT_FALSE(is_neuron("{"));
+  EXPECT_FALSE(import_neuron("{}", {}));
+  const auto broken = import_neuron("{\n,", {});
+  ASSERT_FALSE(broken);
+  EXPECT_EQ(broken.error().line, 2);
+}
+
+}  // namespace
+}  // namespace fxagent

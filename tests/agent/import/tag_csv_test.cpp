@@ -1,0 +1,152 @@
+// Tags as CSV and back: the same config.
+#include "agent/import/tag_csv.h"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <set>
+#include <sstream>
+#include <string>
+
+#include "agent/config/keys.h"
+#include "tests/agent/config/small_plant.h"
+#include "tests/agent/import/outcome.h"
+
+namespace fxagent {
+namespace {
+
+using namespace test;
+using nlohmann::json;
+
+std::string text_of(const std::string& path) {
+  std::ifstream file(path);
+  std::stringstream text;
+  text << file.rdbuf();
+  EXPECT_FALSE(text.str().empty()) << path;
+  return text.str();
+}
+
+/// The config that comes back, as JSON.
+json back(const std::string& config) {
+  auto imported = import_tag_csv(export_csv(config), {});
+  EXPECT_TRUE(imported) << (imported ? "" : imported.error().text);
+  if (!imported) return {};
+  EXPECT_TRUE(imported->notes.empty()) << imported->notes.front().text;
+  const ImportOutcome outcome = finish(*std::move(imported));
+  EXPECT_TRUE(outcome.notes.empty()) << outcome.notes.front().text;
+  return json::parse(outcome.config.empty() ? "null" : outcome.config);
+}
+
+/// A device whose tags have every key there is.
+json every_key() {
+  json plant = small_plant();
+  plant["devices"][0]["tags"] = json::parse(R"([
+    {"name": "all", "address": "D100", "type": "int32", "count": 2, "word_order": "high_first",
+     "scale": 0.25, "offset": -1.5, "unit": "\"°C\", ;x", "min": -10, "max": 1e3, "deadband": 0.125,
+     "group": "fast", "access": "read_write"},
+    {"name": "text", "address": "D200", "type": "string", "length": 9, "unit": ""},
+    {"name": "bit", "address": "M0", "type": "bool", "unit": " $${X} "},
+    {"name": "plain", "address": "X17"}])");
+  return plant;
+}
+
+TEST(TagCsv, EveryKeyHasAColumnAndComesBack) {
+  const json plant = every_key();
+  std::set<std::string> seen;
+  for (const json& tag : plant["devices"][0]["tags"])
+    for (const auto& [key, value] : tag.items()) seen.insert(key);
+  for (const ConfigKey& key : config_section("devices[].tags[]"))
+    EXPECT_TRUE(seen.contains(std::string(key.name))) << key.name << " is not tried here";
+  EXPECT_EQ(back(plant.dump()), plant);
+}
+
+TEST(TagCsv, TheConfigsOfTheProjectComeBack) {
+  const json example = json::parse(text_of(FXAGENT_CONFIG_DIR "/agent.example.json"));
+  EXPECT_EQ(back(example.dump()), example);
+}
+
+TEST(TagCsv, EmptyListsAndDevicesWithoutTagsComeBack) {
+  json plant = small_plant();
+  plant["devices"][1]["tags"] = json::array();
+  plant["devices"][1]["groups"] = json::array();
+  EXPECT_EQ(back(plant.dump()), plant);
+  plant["devices"] = json::array();
+  EXPECT_EQ(back(plant.dump()), plant);
+}
+
+TEST(TagCsv, TemplatesComeBack) {
+  const json plant = json::parse(R"({
+    "agent": {"id": "edge7"}, "mqtt": {"servers": ["mqtt://127.0.0.1:1883"]},
+    "links": [{"name": "l1", "tcp": {"host": "192.0.2.1", "port": 502}}],
+    "templates": {"meter": {"protocol": "modbus-tcp", "link": "l1", "tags": [
+      {"name": "t", "address": "hr:{n}", "min": "{n}"}]}},
+    "devices": [
+      {"template": "meter", "name": "m{n}", "n": "1-3", "unit": "{n}",
+       "tags": [{"name": "own", "address": "hr:9", "max": "{n}"}]},
+      {"template": "meter", "name": "m{n}", "n": [4, 5], "unit": "{n}",
+       "tags": [{"name": "own", "address": "hr:9"}]},
+      {"template": "meter", "name": "single", "unit": 9, "n": "7",
+       "tags": [{"name": "own", "address": "hr:8"}]}]})");
+  EXPECT_EQ(back(plant.dump()), plant);
+}
+
+TEST(TagCsv, IsATableWithTheDeviceFirst) {
+  json plant = small_plant();
+  const std::string csv = export_csv(plant.dump());
+  EXPECT_TRUE(csv.starts_with(
+      "device,name,address,type,count,length,word_order,scale,offset,unit,min,max,deadband,group,"
+      "access\npress1,temp,D100,,,,,,,,,,,fast,\npress1,running,M0,bool,,,,,,,,,,,\n#agent,"))
+      << csv;
+}
+
+TEST(TagCsv, NumbersStayAsTheyAreSpelled) {
+  const std::string csv = export_csv(
+      R"({"agent":{"id":"e"},"mqtt":{"servers":["mqtt://a"]},"links":[{"name":"l","serial":{"path":"/d"}}],
+          "devices":[{"name":"d","link":"l","protocol":"modbus-rtu","tags":[
+            {"name":"t","address":"hr:0","scale":0.10}]}]})");
+  EXPECT_NE(csv.find(",0.10,"), std::string::npos) << csv;
+}
+
+TEST(TagCsv, RowsMayBeChangedAndAdded) {
+  std::string csv = export_csv(small_plant().dump());
+  csv.replace(csv.find("D100"), 4, "D111");
+  csv.insert(csv.find("#agent"), "mixer,new,D5,,,,,,,,,,,,\n");
+  const Made made = made_of(csv, import_tag_csv);
+  EXPECT_EQ(made.config["devices"][0]["tags"][0]["address"], "D111");
+  EXPECT_EQ(made.config["devices"][1]["tags"][0]["name"], "new");
+}
+
+TEST(TagCsv, ATableOfTagsAloneMakesADevice) {
+  const Made made = made_of("name;address;scale;group;colour\na;hr:1;0.5;slow;red\nb;xx;;;\n",
+                            import_tag_csv, {"meter", "modbus-rtu", "", "/dev/ttyUSB0"});
+  ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
+  const json& device = made.config["devices"][0];
+  EXPECT_EQ(device["name"], "meter");
+  EXPECT_EQ(device["groups"], json::parse(R"([{"name": "slow"}])"));
+  EXPECT_EQ(device["tags"],
+            json::parse(R"([{"name":"a","address":"hr:1","scale":0.5,"group":"slow"}])"));
+  EXPECT_EQ(notes_with(made, {"1: left out: the column \"colour\""}), 1);
+  EXPECT_EQ(notes_with(made, {"3: left out", "xx"}), 1) << all_of(made.notes);
+}
+
+TEST(TagCsv, ARowOfADeviceThatIsNotThereIsTold) {
+  std::string csv = export_csv(small_plant().dump());
+  csv.insert(csv.find("#agent"), "mixre,new,D5,,,,,,,,,,,,\n");
+  const Made made = made_of(csv, import_tag_csv);
+  EXPECT_EQ(notes_with(made, {"4: left out: there is no device mixre"}), 1) << all_of(made.notes);
+  EXPECT_EQ(made.config, small_plant());
+}
+
+TEST(TagCsv, WhatIsNoNumberIsTold) {
+  const Made made = made_of("device,name,address,scale\nd,a,D0,x\nd,b,D1,2\n", import_tag_csv);
+  EXPECT_EQ(made.config["devices"][0]["tags"].size(), 1U);
+  EXPECT_EQ(notes_with(made, {"2: left out: scale must be a number, found \"x\""}), 1);
+}
+
+TEST(TagCsv, BrokenJsonIsTold) {
+  const Made made = made_of("device,name,address\nd,a,D0\n#store,{\n", import_tag_csv);
+  EXPECT_EQ(notes_with(made, {"3: left out", "not JSON"}), 1);
+}
+
+}  // namespace
+}  // namespace fxagent

@@ -1,0 +1,68 @@
+// modbus.json of the ThingsBoard gateway.
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "tests/agent/import/outcome.h"
+
+namespace fxagent {
+namespace {
+
+using namespace test;
+using nlohmann::json;
+
+TEST(Thingsboard, ASlaveOverTcp) {
+  const Made made = made_of(R"({"master": {"slaves": [{
+    "host": "127.0.0.1", "port": 5021, "type": "tcp", "method": "socket", "unitId": 3,
+    "deviceName": "Demo Device", "byteOrder": "BIG", "wordOrder": "LITTLE", "pollPeriod": 1000,
+    "attributes": [{"tag": "power", "type": "16int", "functionCode": 3, "objectsCount": 1, "address": 2, "divider": 10}],
+    "timeseries": [
+      {"tag": "energy", "type": "32uint", "functionCode": 4, "objectsCount": 2, "address": 10, "multiplier": 0.001},
+      {"tag": "relay", "type": "bits", "address": 1, "objectsCount": 1, "functionCode": 1},
+      {"tag": "name", "type": "string", "address": 30, "objectsCount": 4, "functionCode": 3},
+      {"tag": "words", "type": "16uint", "address": 40, "objectsCount": 3, "functionCode": 3},
+      {"tag": "big", "type": "64int", "address": 50, "objectsCount": 4, "functionCode": 3}],
+    "attributeUpdates": [{"tag": "relay", "type": "bits", "address": 1, "objectsCount": 1, "functionCode": 5}],
+    "rpc": [{"tag": "reset", "type": "bits", "address": 9, "objectsCount": 1, "functionCode": 5}]}]},
+    "slave": {"type": "tcp"}})",
+                            import_thingsboard);
+  ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
+  const json& device = made.config["devices"][0];
+  EXPECT_EQ(device["name"], "demo_device");
+  EXPECT_EQ(device["protocol"], "modbus-tcp");
+  EXPECT_EQ(device["unit"], 3);
+  EXPECT_EQ(device["byte_order"], "CDAB");
+  EXPECT_EQ(device["tags"], json::parse(R"([
+    {"name":"power","address":"hr:2","type":"int16","scale":0.1,"group":"every_1000_ms"},
+    {"name":"energy","address":"ir:10","type":"uint32","scale":0.001,"group":"every_1000_ms"},
+    {"name":"relay","address":"co:1","group":"every_1000_ms","access":"read_write"},
+    {"name":"name","address":"hr:30","type":"string","length":8,"group":"every_1000_ms"},
+    {"name":"words","address":"hr:40","type":"uint16","count":3,"group":"every_1000_ms"}
+  ])"));
+  EXPECT_EQ(notes_with(made, {"left out: big", "64int"}), 1) << all_of(made.notes);
+  EXPECT_EQ(notes_with(made, {"left out: reset of rpc belongs to nothing that is read"}), 1);
+  EXPECT_EQ(notes_with(made, {"left out: \"slave\""}), 1);
+}
+
+TEST(Thingsboard, SlavesOnOneSerialLine) {
+  const Made made = made_of(R"({"master": {"slaves": [
+    {"type": "serial", "method": "rtu", "port": "/dev/ttyUSB0", "baudrate": 19200, "stopbits": 1, "bytesize": 8,
+     "parity": "N", "unitId": 1, "deviceName": "a",
+     "timeseries": [{"tag": "t", "type": "16int", "functionCode": 3, "objectsCount": 1, "address": 0}]},
+    {"type": "serial", "method": "rtu", "port": "/dev/ttyUSB0", "unitId": 2, "deviceName": "b",
+     "timeseries": [{"tag": "t", "type": "16int", "functionCode": 3, "objectsCount": 1, "address": 0}]}]}})",
+                            import_thingsboard);
+  ASSERT_EQ(made.config["devices"].size(), 2U) << all_of(made.notes);
+  EXPECT_EQ(made.config["links"], json::parse(R"([{"name":"line1","serial":{"baud":19200,
+      "data_bits":8,"parity":"none","stop_bits":1,"path":"/dev/ttyUSB0"}}])"));
+  EXPECT_EQ(made.config["devices"][0]["byte_order"], "DCBA");
+}
+
+TEST(Thingsboard, IsToldFromOtherJson) {
+  EXPECT_TRUE(is_thingsboard(R"({"master": {"slaves": []}})"));
+  EXPECT_FALSE(is_thingsboard(R"({"nodes": []})"));
+  EXPECT_FALSE(import_thingsboard("{}", {}));
+}
+
+}  // namespace
+}  // namespace fxagent

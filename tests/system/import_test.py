@@ -1,0 +1,90 @@
+"""`import` and `export` as programs: formats found by themselves, what is told, and the exit status."""
+
+import glob
+import json
+import os
+import re
+import subprocess
+import tempfile
+import unittest
+
+from plant import FXAGENT
+
+ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
+
+
+class Import(unittest.TestCase):
+    def setUp(self):
+        self.directory = tempfile.TemporaryDirectory(prefix="fxagent-import-")
+        self.addCleanup(self.directory.cleanup)
+
+    def file(self, name, content):
+        path = os.path.join(self.directory.name, name)
+        with open(path, "wb") as out:
+            out.write(content if isinstance(content, bytes) else content.encode())
+        return path
+
+    def run_agent(self, *arguments, env=None):
+        done = subprocess.run([FXAGENT, *arguments], capture_output=True, text=True, timeout=60, check=False,
+                              env={**os.environ, **(env or {})})
+        return done.returncode, done.stdout, done.stderr
+
+    def imported(self, *arguments):
+        """The config, which passes check, and what was told."""
+        status, out, err = self.run_agent("import", *arguments)
+        self.assertEqual(status, 0, err)
+        self.assertEqual(self.run_agent("check", self.file("made.json", out))[0], 0, out)
+        return json.loads(out), err
+
+    def test_formats_are_found_by_themselves(self):
+        gx = "\"デバイス名\"\t\"コメント\"\r\n\"D100\"\t\"温度\"\r\n\"M0\"\t\"running\"\r\n\"P1\"\t\"sub\"\r\n"
+        for encoding in ("utf-16", "cp932", "utf-8"):
+            path = self.file("comment.csv", gx.encode(encoding))
+            config, err = self.imported("auto", path, "--device", "press1", "--model", "FX3U")
+            self.assertEqual([t["name"] for t in config["devices"][0]["tags"]], ["d100", "running"], encoding)
+            self.assertIn(f"{path}:2: \"温度\" is named d100", err)
+            self.assertIn(f"{path}:4: left out: ", err)
+            self.assertIn("2 tags carried over", err)
+        kepware = ("Tag Name,Address,Data Type,Client Access,Scan Rate,Eng Units\n"
+                   "\"T1\",\"400001\",Word,R/W,1000,\"°C\"\n").encode("cp1252")
+        config, _ = self.imported("auto", self.file("k.csv", kepware), "--port", "192.0.2.9:502")
+        self.assertEqual(config["devices"][0]["tags"][0]["unit"], "°C")
+        config, _ = self.imported("auto", self.file("t.conf", "[[inputs.modbus]]\nname='a'\n"
+                                                    "controller='tcp://h:502'\ncoils=[{name='c',address=[1]}]\n"))
+        self.assertEqual(config["devices"][0]["tags"][0]["address"], "co:1")
+
+    def test_exit_status(self):
+        nothing = self.file("n.csv", "Device Name,Comment\nP0,sub\n")
+        status, out, err = self.run_agent("import", "gx", nothing)
+        self.assertEqual((status, out), (1, ""))
+        self.assertIn("nothing could be carried over", err)
+        for arguments in (["gxx", nothing], ["gx", "/nowhere"], ["neuron", nothing], ["auto", self.file("x", "x")],
+                          ["gx", nothing, "--protocol", "modbus-rtx"], ["gx", nothing, "--port", "COM1"],
+                          ["gx", nothing, "--device", "A b"], ["gx"]):
+            status, out, err = self.run_agent("import", *arguments)
+            self.assertEqual((status, out), (2, ""), arguments)
+            self.assertNotEqual(err, "", arguments)
+
+    def test_export_and_back_is_the_same_for_every_config_of_the_project(self):
+        paths = [path for folder in ("config", "docker", "tests")
+                 for path in glob.glob(os.path.join(ROOT, folder, "**", "agent*.json"), recursive=True)
+                 if "schema" not in path]
+        self.assertGreater(len(paths), 2)
+        for path in paths:
+            with open(path) as text:
+                variables = {name: "1883" for name in re.findall(r"\$\{(\w+)\}", text.read())}
+            variables["PLANT_BROKER"] = "mqtt://127.0.0.1"
+            status, csv, err = self.run_agent("export", "--csv", path, env=variables)
+            self.assertEqual(status, 0, err)
+            status, out, err = self.run_agent("import", "csv", self.file("e.csv", csv), env=variables)
+            self.assertEqual(status, 0, err)
+            with open(path) as before:
+                self.assertEqual(json.loads(out), json.load(before), path)
+
+    def test_a_wrong_config_is_not_exported(self):
+        self.assertEqual(self.run_agent("export", "--csv", self.file("w.json", "{}"))[0], 2)
+        self.assertEqual(self.run_agent("export", self.file("w.json", "{}"))[0], 2)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

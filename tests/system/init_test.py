@@ -1,0 +1,109 @@
+"""`init`: what it writes fits each other, with a broker that holds to its access rules; what it asks and refuses."""
+
+import json
+import os
+import subprocess
+import unittest
+
+import paho.mqtt.client as mqtt
+
+from plant import FXAGENT, Agent, Broker, PlantTest, Watcher
+
+
+class Init(PlantTest):
+    def run_init(self, *arguments, **more):
+        return subprocess.run([FXAGENT, "init", *arguments], capture_output=True, text=True, timeout=30,
+                              check=False, stdin=subprocess.DEVNULL, **more)
+
+    def place(self, name="plant"):
+        return os.path.join(self.directory, name)
+
+    def test_the_files_work_together(self):
+        place = self.place()
+        os.chmod(self.directory, 0o755)  # mosquitto reads its files as a user of its own
+        secret = os.path.join(self.directory, "secret")
+        with open(secret, "w") as out:
+            out.write("pw")
+        self.broker = Broker(self.directory, f"password_file {self.directory}/users\n"
+                                             f"acl_file {place}/fxagent.acl")
+        done = self.run_init(place, "--id", "edge7", "--broker", f"mqtt://127.0.0.1:{self.broker.port}",
+                             "--protocol", "fx-programming-port", "--model", "FX3U",
+                             "--port", self.pty("press1"), "--read", "temp=D100", "--write", "D200",
+                             "--password-file", secret)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual(sorted(os.listdir(place)),
+                         ["agent.json", "fxagent.acl", "fxagent.service.d.conf", "node-red-flow.json"])
+        passwords = os.path.join(self.directory, "users")
+        for user in ("edge7", "nodered"):
+            subprocess.run(["mosquitto_passwd", *([] if os.path.exists(passwords) else ["-c"]), "-b", passwords,
+                            user, "pw"], check=True, capture_output=True)
+        os.chmod(passwords, 0o644)
+        self.start_sim([self.plc(memory={"D100": 23})])
+        self.broker.start()
+        with open(os.path.join(place, "agent.json")) as config:
+            made = json.load(config)
+        made["store"]["path"] = os.path.join(self.directory, "store")
+        self.agent = Agent(self.directory, made)
+        self.agent.start()
+        self.watcher = Watcher(self.broker.port, username="nodered", password="pw")
+        with open(os.path.join(place, "node-red-flow.json")) as flow:
+            nodes = json.load(flow)
+        topics = {node["name"]: node["topic"] for node in nodes if node["type"].startswith("mqtt ")}
+        base = "fx/edge7/plc1"
+        for name, topic in (("samples", f"{base}/data/fast"), ("states", f"{base}/state"),
+                            ("results", f"{base}/result"), ("send", f"{base}/command")):
+            self.assertTrue(mqtt.topic_matches_sub(topics[name], topic), topics[name])
+        heard = self.watcher.wait(f"{base}/data/fast", lambda sample: "bad" not in sample)
+        self.assertEqual(heard["values"], {"temp": 23, "d200": 0})
+        self.watcher.client.publish(topics["send"], json.dumps({"id": "1", "op": "write", "tag": "d200", "value": 5}), 1)
+        self.assertEqual(self.watcher.wait(f"{base}/result")["status"], "SUCCEEDED")
+        self.assertEqual(self.sim.get("press1", "D200"), 5)
+
+    def test_nothing_is_overwritten_without_force(self):
+        answers = ["--broker", "mqtt://127.0.0.1", "--protocol", "modbus-tcp", "--port", "192.0.2.1:502",
+                   "--read", "hr:0"]
+        self.assertEqual(self.run_init(self.place(), *answers).returncode, 0)
+        path = os.path.join(self.place(), "fxagent.acl")
+        with open(path, "w") as out:
+            out.write("mine")
+        done = self.run_init(self.place(), *answers)
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("--force", done.stderr)
+        with open(path) as kept:
+            self.assertEqual(kept.read(), "mine")
+        self.assertEqual(self.run_init(self.place(), *answers, "--force").returncode, 0)
+
+    def test_without_a_terminal_what_is_missing_is_named(self):
+        done = self.run_init(self.place(), "--broker", "mqtt://a")
+        self.assertEqual((done.returncode, done.stdout), (2, ""))
+        self.assertIn("missing: --protocol --port --read", done.stderr)
+        self.assertFalse(os.path.exists(self.place()))
+        done = self.run_init(self.place(), "--broker", "mqtt://a", "--protocol", "modbus-rtu", "--port", "COM1",
+                             "--read", "hr:0")
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("--port", done.stderr)
+
+    def test_on_a_terminal_it_asks(self):
+        ours, theirs = os.openpty()
+        self.stack.callback(os.close, ours)
+        child = subprocess.Popen([FXAGENT, "init", self.place(), "--broker", "mqtt://a"], stdin=theirs,
+                                 stdout=subprocess.DEVNULL, stderr=theirs)
+        os.close(theirs)
+        said = b""
+        for question, answer in ((b"Name of this agent", b"edge9"), (b"Protocol", b"modbus-xyz"),
+                                 (b"Protocol", b"modbus-rtu"), (b"Port", b""), (b"Addresses to read", b"a=hr:1 hr:2"),
+                                 (b"may be written", b"")):
+            while question not in said.rsplit(b"\n", 1)[-1] or not said.endswith(b": "):
+                said += os.read(ours, 4096)
+            os.write(ours, answer + b"\n")
+            said = b""
+        self.assertEqual(child.wait(timeout=30), 0)
+        with open(os.path.join(self.place(), "agent.json")) as config:
+            made = json.load(config)
+        self.assertEqual(made["agent"]["id"], "edge9")
+        self.assertEqual(made["links"][0]["serial"]["path"], "/dev/ttyUSB0")
+        self.assertEqual([tag["name"] for tag in made["devices"][0]["tags"]], ["a", "hr_2"])
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
