@@ -156,22 +156,28 @@ TEST(ConfigDifference, IdentityAndStoreNeedARestartAndAreNamed) {
     const auto errors = needs_restart(running(), good(changed(pointer, value)));
     expect_error(errors, pointer, {"restart", "in force is"});
   }
+  expect_error(
+      needs_restart(running(), good(changed("/metrics", R"({"listen": "127.0.0.1:9464"})"))),
+      "/metrics/listen", {"restart", "no metrics"});
   EXPECT_TRUE(needs_restart(running(), running()).empty());
 }
 
 /// What a key of the file is to a reload. A key that is not here was forgotten.
 TEST(ConfigDifference, EachKeyIsEitherTakenOverOrNeedsARestart) {
-  const std::set<std::string> sections_taken_over{
-      "mqtt",      "mqtt.tls",           "links[]",          "links[].serial",    "links[].tcp",
-      "devices[]", "devices[].groups[]", "devices[].tags[]", "devices[].commands"};
-  const std::set<std::string> restart{"agent.id",
-                                      "agent.root",
-                                      "store.path",
-                                      "store.max_bytes",
-                                      "store.max_age_h",
-                                      "store.sync",
-                                      "store.audit_max_bytes",
-                                      "store.audit_max_age_h"};
+  const std::set<std::string> sections_taken_over{"mqtt",
+                                                  "mqtt.tls",
+                                                  "links[]",
+                                                  "links[].serial",
+                                                  "links[].serial.rs485",
+                                                  "links[].tcp",
+                                                  "devices[]",
+                                                  "devices[].groups[]",
+                                                  "devices[].tags[]",
+                                                  "devices[].commands"};
+  const std::set<std::string> restart{
+      "metrics.listen",       "agent.id",        "agent.root", "store.path",
+      "store.max_bytes",      "store.max_age_h", "store.sync", "store.audit_max_bytes",
+      "store.audit_max_age_h"};
   for (const ConfigKey& key : config_keys::kAll) {
     const std::string section(key.section);
     if (section.empty()) continue;

@@ -140,9 +140,9 @@ void AgentLife::publish_results() {
   if (fate_.has_ended()) return;
   for (ResultMessage& message : commands_.take_results()) {
     if (fate_.ends_here("before the result is published")) return;
-    publish_(message.device, message.recorded
-                                 ? message.text
-                                 : with_total(message.text, Clock::now() - message.received));
+    publish_(commands_.device_named(message.device).value(),
+             message.recorded ? message.text
+                              : with_total(message.text, Clock::now() - message.received));
     if (fate_.ends_here("behind the published result")) return;
     if (fate_.between(1, 10) <= not_acknowledged) continue;
     in_flight_.push_back({std::move(message), Clock::now() + milliseconds(fate_.between(1, 200))});
