@@ -103,6 +103,7 @@ struct RunCall {
 /// is not there.
 std::optional<std::vector<std::uint32_t>> traced_links(const Config& config, const RunCall& call) {
   std::vector<std::string_view> names;
+  names.reserve(config.links.size());
   for (const LinkConfig& link : config.links) names.push_back(link.name);
   std::vector<std::uint32_t> links;
   for (const std::string& name : call.traced) {
