@@ -98,11 +98,11 @@ std::string drop_in_text(const InitAnswers& answers, const std::string& director
       "#   systemctl daemon-reload\n"
       "[Service]\n"
       "ExecStart=\n"
-      "ExecStart=/usr/local/bin/fxagent run " +
+      "ExecStart=/usr/bin/fxagent run " +
       directory + "/" + std::string(kConfig) + "\n";
-  const bool is_known = std::ranges::any_of(
-      std::array{"/dev/ttyUSB"sv, "/dev/ttyACM"sv, "/dev/ttyS"sv, "/dev/serial/"sv},
-      [&](std::string_view start) { return answers.port.starts_with(start); });
+  const bool is_known =
+      std::ranges::any_of(std::array{"/dev/tty"sv, "/dev/rfcomm"sv, "/dev/serial/"sv},
+                          [&](std::string_view start) { return answers.port.starts_with(start); });
   if (LinkTable::is_serial(answers.port) == false)
     text +=
         "# No serial port in this plant.\n"

@@ -92,8 +92,8 @@ TEST(InitFiles, UnitAndStationGoWhereTheProtocolHasThem) {
 TEST(InitFiles, TheDropInKnowsThePort) {
   InitAnswers answers = answers_for(*find_protocol("modbus-rtu"));
   EXPECT_EQ(made(answers).at("fxagent.service.d.conf").find("DeviceAllow"), std::string::npos);
-  answers.port = "/dev/ttyAMA0";
-  EXPECT_NE(made(answers).at("fxagent.service.d.conf").find("DeviceAllow=/dev/ttyAMA0 rw\n"),
+  answers.port = "/dev/moxa0";
+  EXPECT_NE(made(answers).at("fxagent.service.d.conf").find("DeviceAllow=/dev/moxa0 rw\n"),
             std::string::npos);
   answers.port = "192.0.2.1:4001";
   EXPECT_NE(made(answers).at("fxagent.service.d.conf").find("PrivateDevices=yes\n"),
