@@ -176,15 +176,14 @@ class Reload(ReloadTest):
         before = time.monotonic_ns() // 1000
         self.reload(config)
         words = told("READY=1")
-        self.assertEqual(words[0], "RELOADING=1")
-        moment = int(words[1].removeprefix("MONOTONIC_USEC="))
+        at = words.index("RELOADING=1")  # before it the status of the start may come
+        moment = int(words[at + 1].removeprefix("MONOTONIC_USEC="))
         self.assertLessEqual(before, moment)
         self.assertLess(moment, time.monotonic_ns() // 1000)
         self.assertTrue(any(w.startswith("STATUS=") and "applied" in w for w in words), words)
         config["devices"][0]["retries"] = "many"
         self.reload(config)
-        status = next(w for w in told("READY=1") if w.startswith("STATUS="))
-        self.assertIn("rejected", status)
+        status = next(w for w in told("READY=1") if w.startswith("STATUS=") and "rejected" in w)
         self.assertIn("/devices/0/retries", status)
 
     def test_what_needs_a_restart_is_named_and_nothing_else_is_changed(self):

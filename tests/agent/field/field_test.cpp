@@ -110,7 +110,7 @@ class FieldChangeTest : public ::testing::Test {
   void take() {
     Outbox::Batch batch = outbox.take();
     for (const Telemetry& message : batch.telemetry)
-      seqs[now.devices.at(message.device).name].push_back(message.seq);
+      seqs[std::as_const(now).devices.at(message.device).name].push_back(message.seq);
     for (const CommandResult& result : batch.results) ++results[result.id];
     if (batch.health) {
       health = *batch.health;
@@ -192,7 +192,8 @@ TEST_F(FieldChangeTest, DeviceThatWasTakenOutGoesOnCountingWhenItComesBack) {
   change_to(std::move(one));
   EXPECT_EQ(now.devices.size(), 1U);
   const std::size_t so_far = seqs["line2"].size();
-  wait([&, others = seqs["line1"].size()] { return seqs["line1"].size() > others + 10; });
+  // Once or twice: a device that does not answer is asked ever less often.
+  wait([&, others = seqs["line1"].size()] { return seqs["line1"].size() > others + 1; });
   EXPECT_EQ(seqs["line2"].size(), so_far);
   change_to(both);
   wait([&] { return seqs["line2"].size() > so_far + 3; });
