@@ -153,7 +153,6 @@ void run_agent(Config config, const std::string& path, StopWatchdog& watchdog,
   service_manager::tell_stopping();
   service_manager::tell_status("stopping");
   log::info("agent", {{"state", "stopping"}, {"signal", std::to_string(signal)}});
-  watchdog.stage("the config file that is being read");
   reload.stop();
   watchdog.stage("metrics");
   metrics.reset();

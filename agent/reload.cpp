@@ -71,14 +71,15 @@ Reload::Reload(std::string path, std::shared_ptr<const Config> running, Field& f
   thread_ = std::thread([this] { run(); });
 }
 
-Reload::~Reload() { stop(); }
+Reload::~Reload() {
+  stop();
+  thread_.join();
+}
 
 void Reload::stop() {
-  if (!thread_.joinable()) return;
-  stopping_ = true;
+  if (stopping_.exchange(true)) return;
   turn_->end();
   pthread_kill(thread_.native_handle(), SIGHUP);
-  thread_.join();
 }
 
 void Reload::run() {
@@ -95,7 +96,13 @@ void Reload::run() {
 void Reload::reload() {
   service_manager::tell_reloading();
   log::info("config", {{"state", "reading"}, {"file", path_}});
-  if (auto change = wanted()) {
+  std::optional<ConfigChange> change;
+  try {
+    change = wanted();
+  } catch (const std::exception& error) {  // memory, for one
+    reject({{"", 0, std::string("cannot be taken over: ") + error.what()}});
+  }
+  if (change) {
     if (!change->empty()) {
       apply(std::move(*change));
     } else {

@@ -26,11 +26,12 @@ class Reload final {
   /// uplink may not run yet.
   Reload(std::string path, std::shared_ptr<const Config> running, Field& field, Outbox& outbox,
          Publisher& publisher);
-  /// Stops, if stop() was not called.
+  /// Stops, if stop() was not called, and waits for the end of its thread: where a file that does
+  /// not answer is being read, for as long as that takes.
   ~Reload();
 
-  /// A reload that is under way goes no further than field and uplink take it by themselves; a file
-  /// is read to its end. Before the field is stopped.
+  /// A reload that is under way goes no further than field and uplink take it by themselves. Before
+  /// the field is stopped; waits for nothing.
   void stop();
 
  private:

@@ -61,6 +61,8 @@ class SharedList final {
   const T& back() const { return *elements_.back(); }
   const_iterator begin() const { return const_iterator(elements_.begin()); }
   const_iterator end() const { return const_iterator(elements_.end()); }
+  /// The element itself, for one who needs it longer than this list has it, and owns it beside it.
+  std::shared_ptr<const T> shared(std::size_t i) const { return elements_.at(i); }
   /// Whether both lists have the very same element there.
   bool shares(const SharedList& other, std::size_t i) const {
     return i < size() && i < other.size() && elements_[i] == other.elements_[i];
@@ -84,10 +86,9 @@ class SharedList final {
   T& emplace_back() { return *elements_.emplace_back(std::make_shared<T>()); }
   void pop_back() { elements_.pop_back(); }
   void clear() { elements_.clear(); }
-  void resize(std::size_t size, const T& like = T()) {
-    const T value = like;
+  void resize(std::size_t size, T like = T()) {
     while (elements_.size() > size) pop_back();
-    while (elements_.size() < size) push_back(value);
+    while (elements_.size() < size) push_back(like);
   }
   /// The element of `other`, shared with it, at the place `i` of this list.
   void share(std::size_t i, const SharedList& other, std::size_t of_other) {

@@ -287,10 +287,22 @@ class Field::Room final {
   void begin_one(std::deque<ToBegin>::iterator which) {
     const ToBegin next = std::move(*which);
     to_begin_.erase(which);
-    if (LinkWorker* worker = places_[next.link].worker.get())
-      return worker->add(*config_, next.devices, last_seq_);
-    make_worker(next.link, next.devices, last_seq_);
-    spawn(next.link);
+    // A store that has opened since may know more.
+    for (const std::uint32_t device : next.devices)
+      last_seq_[device] = std::max(last_seq_[device], last_numbers_[config_->devices[device].name]);
+    try {
+      if (LinkWorker* worker = places_[next.link].worker.get())
+        return worker->add(*config_, next.devices, last_seq_);
+      make_worker(next.link, next.devices, last_seq_);
+      spawn(next.link);
+    } catch (const std::exception& error) {  // no thread for name look-ups, or no memory
+      log::error("link", {{"link", config_->links[next.link].name},
+                          {"state", "not begun"},
+                          {"reason", error.what()},
+                          {"note", "its commands are refused until the agent is started again"}});
+      const std::lock_guard lock(places_mutex_);
+      if (!places_[next.link].runs) places_[next.link].worker.reset();
+    }
   }
 
   /// A command has come for the device: it begins now.

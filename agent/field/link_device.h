@@ -37,12 +37,18 @@ struct GroupPoll {
 
 /// A device as its link knows it: its codec of the moment, its plans, its state.
 struct LinkDevice {
+  /// `device_config` outlives it.
   LinkDevice(const DeviceConfig& device_config, std::uint32_t device_index)
-      : config(device_config),
+      : LinkDevice(
+            std::shared_ptr<const DeviceConfig>(std::shared_ptr<const void>(), &device_config),
+            device_index) {}
+  LinkDevice(std::shared_ptr<const DeviceConfig> device_config, std::uint32_t device_index)
+      : owned(std::move(device_config)),
+        config(*owned),
         index(device_index),
-        codec(device_config.codec),
-        turnaround(device_config.turnaround),
-        state(device_index, *device_config.codec, now_ms()) {
+        codec(config.codec),
+        turnaround(config.turnaround),
+        state(device_index, *config.codec, now_ms()) {
     station.codec = codec;
     station.device = config.name;
     station.timeout = config.timeout;
@@ -51,6 +57,8 @@ struct LinkDevice {
     station.echo = config.echo;
   }
 
+  /// The configs that have this device and this one own it.
+  const std::shared_ptr<const DeviceConfig> owned;
   const DeviceConfig& config;
   const std::uint32_t index;  ///< in Config::devices
   /// It leaves the link: nothing of it begins any more, what is under way ends, and nothing at all

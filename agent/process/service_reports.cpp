@@ -47,8 +47,10 @@ void ServiceReports::tell_status(Time now) {
   std::string status = stands_still_.empty()
                            ? sources_.status()
                            : stands_still_ + " stands still: the agent is to be started again";
-  if (status.empty() || status == status_) return;
+  // Others have told something else in between: what a reload brought, for one.
+  if (status.empty() || (status == status_ && now < told_at_ + kSameStatusEvery)) return;
   service_manager::tell_status(status);
+  told_at_ = now;
   status_ = std::move(status);
 }
 

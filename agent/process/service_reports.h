@@ -16,6 +16,8 @@ class ServiceReports final {
   using Time = std::chrono::steady_clock::time_point;
   /// The status is looked at so often, and told where it is another one.
   static constexpr std::chrono::seconds kStatusEvery{10};
+  /// And so often where it is the same.
+  static constexpr std::chrono::seconds kSameStatusEvery{60};
 
   struct Sources {
     /// Asks field and uplink for a sign of life; does not wait for them.
@@ -44,6 +46,7 @@ class ServiceReports final {
   std::optional<Time> status_at_;  ///< nothing: nobody is told of it
   std::string stands_still_;       ///< as it was told; empty: nobody
   std::string status_;             ///< as it was told
+  Time told_at_{};                 ///< when
 };
 
 }  // namespace fxagent

@@ -86,8 +86,8 @@ class Verifier final {
   std::uint64_t first_ = 0;
   std::string first_prev_;
   std::uint64_t last_ = 0;
-  Bytes last_hash_;     ///< as it is kept beside the record
-  Digest last_digest_;  ///< of its text
+  Bytes last_hash_;       ///< as it is kept beside the record
+  Digest last_digest_{};  ///< of its text
   std::uint64_t pruned_up_to_ = 0;
   std::string pruned_hash_;
   std::vector<Finding> findings_;

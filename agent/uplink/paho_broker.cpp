@@ -163,9 +163,7 @@ std::string disconnect_text(const mqtt::properties& properties, int code) {
         "or mqtt.client_id)";
   using Code = mqtt::property::code;
   if (properties.contains(Code::REASON_STRING))
-    text +=
-        ": " +
-        mqtt::get<std::string>(properties, Code::REASON_STRING).substr(0, log::kMostForeignBytes);
+    text += ": " + log::excerpt(mqtt::get<std::string>(properties, Code::REASON_STRING));
   return text;
 }
 

@@ -111,6 +111,7 @@ void Publisher::stop(SteadyTime now) {
   if (phase_ != Phase::running) return;
   phase_ = Phase::draining;
   phase_deadline_ = now + kDrainFor;
+  goodbye_by_.reset();
   session_.begin_end(now);
   commands_.close();
 }
@@ -135,7 +136,8 @@ void Publisher::on(const MessagesDropped& event, SteadyTime) { intake_.count_dro
 void Publisher::on(const Message& event, SteadyTime now) {
   intake_.hear(event);
   if (const auto name = device_of(event.topic, base_, "command")) return hear_command(event, *name);
-  if (phase_ == Phase::running) hear_state(event, now);  // the last word is ours
+  // The last word is ours, and so is the goodbye to a broker that is left for another one.
+  if (phase_ == Phase::running && !goodbye_by_) hear_state(event, now);
 }
 
 void Publisher::hear_command(const Message& message, std::string_view name) {
@@ -224,6 +226,7 @@ void Publisher::subscription_changed() { retained_.agent_state_changed(); }
 
 std::optional<std::vector<std::uint64_t>> Publisher::change(const ConfigChange& change,
                                                             SteadyTime now) {
+  changing_ = false;
   if (phase_ != Phase::running) return std::nullopt;
   std::set<std::string> gone;
   for (const std::uint32_t device : change.devices_end)
@@ -269,7 +272,8 @@ void Publisher::set_config_status(ConfigStatus status, SteadyTime now) {
 // ---- what the field says ------------------------------------------------------------------------
 
 void Publisher::take_found_late(SteadyTime now) {
-  auto late = store_ == nullptr ? std::nullopt : store_->take_found_late();
+  // Not in the middle of a change: what is read back for a device that ends would come too late.
+  auto late = store_ == nullptr || changing_ ? std::nullopt : store_->take_found_late();
   if (!late) return;
   Recovered known = recover(config_, store_->journal(), std::move(late->ids),
                             std::move(late->unacknowledged), utc_ms_(), now);
@@ -345,7 +349,7 @@ void Publisher::pump(SteadyTime now) {
   samples_out_.make_history(std::exchange(written_, {}));
   samples_first_ =
       results_.pump(now, intake_.is_holding() ? std::optional(intake_.heard()) : std::nullopt);
-  retained_.pump(now);
+  if (!goodbye_by_) retained_.pump(now);
   samples_out_.pump_live(now);
   // What is on disk is safe there and does not hold up the end.
   const bool running = phase_ == Phase::running;
@@ -396,7 +400,7 @@ void Publisher::finish(SteadyTime now) {
 }
 
 void Publisher::delivered(std::uint64_t, SteadyTime now) {
-  phase_deadline_ = now;
+  if (phase_ == Phase::farewell) phase_deadline_ = now;
   if (goodbye_by_) goodbye_by_ = now;
 }
 

@@ -84,7 +84,10 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
 
   // A changed config, in two calls of Outbox::ask().
   /// Commands for what ends in the change are refused from now on. Then the field's end().
-  void begin_change(const ConfigChange& change) { commands_.begin_change(change); }
+  void begin_change(const ConfigChange& change) {
+    changing_ = true;
+    commands_.begin_change(change);
+  }
   /// After end(), whose last words the outbox has handed over: from now on the config is that of
   /// the change. Returns the number of the last sample of each device that begins, as far as the
   /// store knows it, by index in Config::devices, for the field's begin(), which is to be called
@@ -165,6 +168,7 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
   std::vector<std::string> joined_;  ///< devices whose earlier runs are to be looked up
   /// The settings of MQTT are others: until then the broker has time to take our last word.
   std::optional<SteadyTime> goodbye_by_;
+  bool changing_ = false;  ///< between begin_change() and change()
 
   /// The field's counters were asked for, and health waits for them until then.
   std::optional<SteadyTime> counters_by_;

@@ -77,8 +77,11 @@ TEST_F(ServiceReportsTest, StatusIsToldAtOnceThenWhereItIsAnotherOneEveryTenSeco
   status = "line2 down";
   EXPECT_EQ(told_until(39s), Texts{});
   EXPECT_EQ(told_until(40s), Texts{"STATUS=line2 down"});
+  // A reload has told what it brought in between.
+  EXPECT_EQ(told_until(99s), Texts{});
+  EXPECT_EQ(told_until(100s), Texts{"STATUS=line2 down"});
   status = "";  // not known
-  EXPECT_EQ(told_until(90s), Texts{});
+  EXPECT_EQ(told_until(190s), Texts{});
 }
 
 TEST_F(ServiceReportsTest, WatchdogIsFedFourTimesInItsTime) {
@@ -95,14 +98,16 @@ TEST_F(ServiceReportsTest, AThreadThatStandsStillFeedsNobodyAndIsNamed) {
     *stuck = false;
     // What was answered before it stood still counts once more.
     EXPECT_LE(fed(told_until(75s)), 1U);
-    const Texts told = told_until(300s);
+    Texts told = told_until(300s);
     EXPECT_EQ(fed(told), 0U);
+    EXPECT_LE(told.size(), 5U) << "once a minute";
+    told.erase(std::ranges::unique(told).begin(), told.end());
     EXPECT_EQ(told, Texts{std::string("STATUS=") + (stuck == &field ? "field" : "uplink") +
                           " stands still: the agent is to be started again"});
     *stuck = true;
     const Texts after = told_until(420s);
     EXPECT_GE(fed(after), 6U) << "it goes on again";
-    EXPECT_EQ(std::ranges::count(after, "STATUS=all is well"), 1);
+    EXPECT_GE(std::ranges::count(after, "STATUS=all is well"), 1);
   }
 }
 

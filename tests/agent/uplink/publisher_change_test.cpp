@@ -196,6 +196,33 @@ TEST_F(PublisherChange, OtherBrokerGetsWhatTheOldOneDidNotAcknowledge) {
   EXPECT_EQ(json::parse(broker.on(kBase + "/state").back())["state"], "online");
 }
 
+// A broker sends us our own goodbye before it acknowledges it: that is nobody else's.
+TEST_F(PublisherChange, GoodbyeToTheOldBrokerIsNotRepaired) {
+  broker.echoes = true;
+  online();
+  broker.acknowledges = false;
+  Config wanted = config;
+  wanted.mqtt.servers = {"mqtt://three:1883"};
+  change_to(std::move(wanted));
+  for (int i = 0; i < 5; ++i) step();
+  EXPECT_EQ(json::parse(broker.on(kBase + "/state").back())["state"], "offline");
+  broker.acknowledges = true;
+  advance(1s);
+  EXPECT_EQ(broker.disconnects, 1);
+}
+
+TEST_F(PublisherChange, StopBehindAGoodbyeStillSendsWhatWaits) {
+  online();
+  broker.acknowledges = false;
+  Config wanted = config;
+  wanted.mqtt.servers = {"mqtt://three:1883"};
+  change_to(std::move(wanted));
+  step();
+  publisher->stop(now);
+  broker.acknowledges = true;
+  EXPECT_GT(step(), now) << "it would spin";
+}
+
 TEST_F(PublisherChange, OtherBrokerIsTriedAtOnceWhereTheOldOneIsAway) {
   broker.reachable = false;
   settle();
