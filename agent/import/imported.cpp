@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <cmath>
 #include <ranges>
 
 #include "agent/config/config.h"
@@ -16,6 +17,7 @@ namespace {
 constexpr std::size_t kLongestName = 64;
 constexpr std::int64_t kLongestInterval = 86'400'000;
 constexpr std::int64_t kModbusAddresses = 65536;
+constexpr int kPorts = 65536;
 
 std::string quoted(std::string_view text) { return "\"" + escaped(text, Escape::json) + "\""; }
 
@@ -64,6 +66,18 @@ std::optional<std::pair<std::size_t, std::size_t>> tag_of(std::string_view point
   return device && tag ? std::optional(std::pair(*device, *tag)) : std::nullopt;
 }
 
+/// Of "host:port"; nullopt: it is none.
+std::optional<int> port_number(std::string_view port) {
+  const std::size_t colon = port.rfind(':');
+  if (colon == port.npos || colon == 0) return std::nullopt;
+  int number = 0;
+  const auto digits = port.substr(colon + 1);
+  const auto [end, fault] = std::from_chars(digits.data(), digits.data() + digits.size(), number);
+  const bool good =
+      fault == std::errc() && end == digits.data() + digits.size() && number > 0 && number < kPorts;
+  return good ? std::optional(number) : std::nullopt;
+}
+
 /// Takes out the tags that have errors, or of a tag the access; false where there is none to take
 /// out.
 bool drop_refused(Imported& imported, const std::vector<ConfigError>& errors) {
@@ -109,6 +123,7 @@ void JsonObject::integer(std::string_view key, std::int64_t value) {
 }
 
 void JsonObject::number(std::string_view key, double value) {
+  if (!std::isfinite(value)) return raw(key, "null");
   std::array<char, 40> digits{};
   const auto end = std::to_chars(digits.data(), digits.data() + digits.size(), value).ptr;
   raw(key, std::string(digits.data(), end));
@@ -188,14 +203,7 @@ std::string IntervalGroups::at(std::int64_t interval_ms) {
 
 std::optional<bool> LinkTable::is_serial(std::string_view port) {
   if (port.starts_with('/')) return true;
-  const std::size_t colon = port.rfind(':');
-  if (colon == port.npos || colon == 0 || colon + 1 == port.size()) return std::nullopt;
-  int number = 0;
-  const auto digits = port.substr(colon + 1);
-  const auto [end, fault] = std::from_chars(digits.data(), digits.data() + digits.size(), number);
-  const bool good = fault == std::errc() && end == digits.data() + digits.size() && number > 0 &&
-                    number < kModbusAddresses;
-  return good ? std::optional(false) : std::nullopt;
+  return port_number(port) ? std::optional(false) : std::nullopt;
 }
 
 std::string LinkTable::to(const std::string& port, const JsonObject& settings) {
@@ -212,7 +220,7 @@ std::string LinkTable::to(const std::string& port, const JsonObject& settings) {
     if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);
     JsonObject tcp;
     tcp.literal("host", host);
-    tcp.raw("port", port.substr(port.rfind(':') + 1));
+    tcp.integer("port", port_number(port).value_or(0));
     link.raw("tcp", tcp.dump());
   }
   imported_.links.push_back(std::move(link));

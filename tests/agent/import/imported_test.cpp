@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -21,6 +22,13 @@ TEST(JsonObject, IsJsonWhateverComesIn) {
   EXPECT_TRUE(object.has("n"));
   object.erase("n");
   EXPECT_FALSE(object.has("n"));
+}
+
+TEST(JsonObject, ANumberThatIsNoneIsNull) {
+  JsonObject object;
+  object.number("a", std::numeric_limits<double>::infinity());
+  object.number("b", std::numeric_limits<double>::quiet_NaN());
+  EXPECT_EQ(object.dump(), R"({"a":null,"b":null})");
 }
 
 TEST(JsonObject, ATextOfOthersIsNoVariable) {
@@ -60,9 +68,11 @@ TEST(LinkTable, OneLinkForOnePort) {
   EXPECT_EQ(links.to("/dev/ttyUSB0"), "line2");
   EXPECT_EQ(links.to("192.0.2.1:502"), "line1");
   EXPECT_EQ(links.to("[::1]:502"), "line3");
-  ASSERT_EQ(out.links.size(), 3U);
+  links.to("192.0.2.2:0502");
+  ASSERT_EQ(out.links.size(), 4U);
   EXPECT_EQ(json::parse(out.links[0].dump())["tcp"]["port"], 502);
   EXPECT_EQ(json::parse(out.links[2].dump())["tcp"]["host"], "::1");
+  EXPECT_EQ(json::parse(out.links[3].dump())["tcp"]["port"], 502);
 }
 
 TEST(LinkTable, WhatAPortIs) {
