@@ -136,7 +136,8 @@ struct ImportOutcome {
 };
 
 /// Makes the config. Tags that the config does not take are left out, with a note; a device that
-/// has none then, too.
+/// has none then, too. So are settings of a serial line, times and, with any other key that is
+/// wrong, devices, but not where `sections` came with them: that was a whole config.
 ImportOutcome finish(Imported imported);
 
 }  // namespace fxagent

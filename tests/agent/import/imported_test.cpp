@@ -133,6 +133,44 @@ TEST(FinishedImport, ATagThatCanOnlyBeReadStaysWithoutItsAccess) {
       << outcome.notes[0].text;
 }
 
+TEST(FinishedImport, AnOddNumberOfALinkOrDeviceCostsNoOther) {
+  Imported out;
+  LinkTable links(out);
+  JsonObject serial;
+  serial.integer("baud", 0);
+  serial.text("parity", "even");
+  const std::string line = links.to("/dev/ttyUSB0", serial);
+  for (const int unit : {3, 300}) {
+    ImportedDevice device{"unit" + std::to_string(unit), {}};
+    device.keys.text("name", device.name);
+    device.keys.text("link", line);
+    device.keys.text("protocol", "modbus-rtu");
+    device.keys.integer("unit", unit);
+    device.keys.integer("timeout_ms", 99'999'999);
+    JsonObject group;
+    group.text("name", "g");
+    group.integer("interval_ms", 99'999'999);
+    device.groups.push_back(group);
+    device.tags.push_back(tag(2, "a", "hr:0"));
+    out.devices.push_back(std::move(device));
+  }
+  const auto outcome = finish(std::move(out));
+  std::string notes;
+  for (const ImportNote& note : outcome.notes) notes += note.text + "\n";
+  ASSERT_EQ(outcome.tags, 1U) << notes;
+  const json config = json::parse(outcome.config);
+  EXPECT_EQ(config["links"][0]["serial"],
+            json::parse(R"({"path": "/dev/ttyUSB0", "parity": "even"})"));
+  ASSERT_EQ(config["devices"].size(), 1U);
+  EXPECT_EQ(config["devices"][0]["unit"], 3);
+  EXPECT_FALSE(config["devices"][0].contains("timeout_ms"));
+  EXPECT_FALSE(config["devices"][0]["groups"][0].contains("interval_ms"));
+  for (const char* what :
+       {"not carried over: baud of line1: ", "left out: the device unit300: unit ",
+        "not carried over: timeout_ms of unit3: ", "not carried over: interval_ms of unit3: "})
+    EXPECT_NE(notes.find(what), std::string::npos) << what << "\n" << notes;
+}
+
 TEST(FinishedImport, IsNothingWhereNoTagIsLeft) {
   const auto outcome = finish(press({tag(2, "a", "X8")}));
   EXPECT_EQ(outcome.config, "");
