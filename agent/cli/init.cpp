@@ -5,12 +5,16 @@
 #include <filesystem>
 #include <fstream>
 #include <iostream>
+#include <iterator>
 #include <sstream>
 
+#include "agent/config/config.h"
 #include "agent/config/reader.h"
 
 namespace fxagent {
 namespace {
+
+namespace fs = std::filesystem;
 
 constexpr int kDone = 0;
 constexpr int kNotWritten = 1;
@@ -84,10 +88,44 @@ void ask_for(InitAnswers& answers) {
     answers.write = ask_list("Addresses that may be written, too (none)", "");
 }
 
+/// The config that the package brings, or one like it: neither links nor devices.
+bool is_of_no_plant(const fs::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  const std::string text{std::istreambuf_iterator<char>(in), {}};
+  const auto config = parse_config(text);
+  return config && config->links.empty() && config->devices.empty();
+}
+
+/// The first of the files that is there; empty: none.
+fs::path in_the_way(const fs::path& directory) {
+  std::error_code fault;
+  const auto names = init_file_names();
+  for (const std::string& name : names) {
+    const fs::path path = directory / name;
+    const bool is_config = name == names.front();
+    if (fs::exists(path, fault) && !(is_config && is_of_no_plant(path))) return path;
+  }
+  return {};
+}
+
+/// Whatever the umask: the service reads them as a user of its own, and no secret is in them.
+bool write_file(const fs::path& path, const std::string& text) {
+  constexpr auto kForAll = static_cast<fs::perms>(0644);
+  std::ofstream out(path, std::ios::binary | std::ios::trunc);
+  out << text << std::flush;
+  std::error_code fault;
+  if (out) fs::permissions(path, kForAll, fault);
+  return out && !fault;
+}
+
 }  // namespace
 
 int run_init(InitQuestion what) {
-  namespace fs = std::filesystem;
+  std::error_code fault;
+  fs::path directory = fs::absolute(what.directory, fault).lexically_normal();
+  if (!directory.has_filename()) directory = directory.parent_path();  // "." ends with a slash
+  if (const fs::path path = in_the_way(directory); !path.empty() && !what.force)
+    return wrong(path.string() + " is there already; --force overwrites", kNotWritten);
   if (!missing(what.answers).empty()) {
     if (::isatty(STDIN_FILENO) == 0)
       return wrong("not on a terminal, so nobody can be asked; missing: " + missing(what.answers));
@@ -95,20 +133,13 @@ int run_init(InitQuestion what) {
     if (const std::string flags = missing(what.answers); !flags.empty())
       return wrong("missing: " + flags);
   }
-  std::error_code fault;
-  fs::path directory = fs::absolute(what.directory, fault).lexically_normal();
-  if (!directory.has_filename()) directory = directory.parent_path();  // "." ends with a slash
   const auto files = init_files(what.answers, directory.string());
   if (!files) return wrong(files.error());
-  for (const InitFile& file : *files)
-    if (fs::exists(directory / file.name, fault) && !what.force)
-      return wrong((directory / file.name).string() + " is there already; --force overwrites",
-                   kNotWritten);
-  fs::create_directories(directory, fault);
+  if (fs::create_directories(directory, fault))
+    fs::permissions(directory, static_cast<fs::perms>(0755), fault);
   for (const InitFile& file : *files) {
-    std::ofstream out(directory / file.name, std::ios::binary | std::ios::trunc);
-    out << file.text << std::flush;
-    if (!out) return wrong((directory / file.name).string() + " cannot be written", kNotWritten);
+    if (!write_file(directory / file.name, file.text))
+      return wrong((directory / file.name).string() + " cannot be written", kNotWritten);
     std::cout << "wrote " << (directory / file.name).string() << '\n';
   }
   const std::string config = (directory / files->front().name).string();

@@ -17,6 +17,8 @@ using std::string_view_literals::operator""sv;
 constexpr std::string_view kConfig = "agent.json";
 constexpr std::string_view kAcl = "fxagent.acl";
 constexpr std::string_view kDropIn = "fxagent.service.d.conf";
+/// Where the unit's user can read it, who sees no home directory.
+constexpr std::string_view kPlace = "/etc/fxagent";
 constexpr std::string_view kFlow = "node-red-flow.json";
 
 std::string list_of(const std::vector<JsonObject>& items) {
@@ -90,16 +92,19 @@ std::string config_text(const InitAnswers& answers) {
 // ---- unit drop-in -----------------------------------------------------------------------------
 
 std::string drop_in_text(const InitAnswers& answers, const std::string& directory) {
+  const std::string config = "/" + std::string(kConfig);
+  const std::string place = std::string(kPlace) + config;
   std::string text =
-      "# What this plant adds to fxagent.service. Put it where systemd looks for it:\n"
-      "#   install -D -m 644 " +
-      std::string(kDropIn) +
-      " /etc/systemd/system/fxagent.service.d/plant.conf\n"
-      "#   systemctl daemon-reload\n"
-      "[Service]\n"
-      "ExecStart=\n"
-      "ExecStart=/usr/bin/fxagent run " +
-      directory + "/" + std::string(kConfig) + "\n";
+      "# What this plant adds to fxagent.service. Put it where systemd looks for it:\n";
+  if (directory != kPlace)
+    text += "#   install -D -m 644 " + directory + config + " " + place + "\n";
+  text += "#   install -D -m 644 " + directory + "/" + std::string(kDropIn) +
+          " /etc/systemd/system/fxagent.service.d/plant.conf\n"
+          "#   systemctl daemon-reload\n"
+          "[Service]\n"
+          "ExecStart=\n"
+          "ExecStart=/usr/bin/fxagent run " +
+          place + "\n";
   const bool is_known =
       std::ranges::any_of(std::array{"/dev/tty"sv, "/dev/rfcomm"sv, "/dev/serial/"sv},
                           [&](std::string_view start) { return answers.port.starts_with(start); });

@@ -16,6 +16,10 @@ using Kind = ConfigNode::Kind;
 
 /// Of a device beside its groups and tags, for the limit.
 constexpr std::size_t kBytesOfDevice = 256;
+/// Of one address that its commands may touch.
+constexpr std::size_t kBytesOfAllowed = 16;
+/// Of `{n}`, which is at least as long in the file.
+constexpr std::size_t kBytesOfPlace = 3;
 constexpr std::size_t kLongestNumber = 9;
 constexpr std::string_view kWanted =
     "must be a range such as \"1-40\" or \"1-8,12\", or a list of numbers or names";
@@ -107,6 +111,12 @@ const std::vector<ConfigNode>& DeviceLists::tags(ConfigReader& reader) {
 
 std::size_t DeviceLists::size() const {
   return size_of(*node_, "groups") + size_of(*node_, "tags");
+}
+
+std::size_t DeviceLists::allowed_size() const {
+  const ConfigNode* commands = node_->find("commands");
+  const ConfigNode* allow = commands == nullptr ? nullptr : commands->find("allow");
+  return allow == nullptr ? 0 : kBytesOfAllowed * allow->children.size();
 }
 
 DeviceEntry::DeviceEntry(const ConfigNode& node, DeviceLists* base, std::vector<std::string> n)
@@ -211,9 +221,17 @@ std::optional<std::vector<std::string>> Templates::read_n(const ConfigNode& give
 }
 
 /// No file makes more devices and tags than one could that has them written out.
-bool Templates::has_room(const ConfigNode& node, const Template* base, std::size_t count) {
-  const std::uint64_t each =
-      kBytesOfDevice + DeviceLists(node).size() + (base == nullptr ? 0 : base->lists.size());
+bool Templates::has_room(const ConfigNode& node, const Template* base,
+                         const std::vector<std::string>& n) {
+  const DeviceLists own(node);
+  const DeviceLists* lists = base == nullptr ? nullptr : &base->lists;
+  std::uint64_t longest = kBytesOfPlace;
+  for (const std::string& name : n) longest = std::max<std::uint64_t>(longest, name.size());
+  // As if they were places of n from end to end.
+  const std::uint64_t written = (own.size() + (lists == nullptr ? 0 : lists->size())) * longest;
+  const std::uint64_t allowed = own.allowed_size() + (lists == nullptr ? 0 : lists->allowed_size());
+  const std::uint64_t each = kBytesOfDevice + written / kBytesOfPlace + allowed;
+  const std::uint64_t count = std::max<std::size_t>(1, n.size());
   bytes_ += each * count;
   if (bytes_ <= ConfigTree::max_bytes) return true;
   if (bytes_ - each * count <= ConfigTree::max_bytes)
@@ -242,8 +260,7 @@ std::unique_ptr<DeviceEntry> Templates::entry(const ConfigNode& node) {
     if (!list) return nullptr;
     n = *std::move(list);
   }
-  if ((base != nullptr || !n.empty()) && !has_room(node, base, std::max<std::size_t>(1, n.size())))
-    return nullptr;
+  if ((base != nullptr || !n.empty()) && !has_room(node, base, n)) return nullptr;
   auto made =
       std::make_unique<DeviceEntry>(node, base == nullptr ? nullptr : &base->lists, std::move(n));
   return can_have_names(*made) ? std::move(made) : nullptr;

@@ -32,6 +32,8 @@ class DeviceLists {
   const std::vector<ConfigNode>& tags(ConfigReader& reader);
   /// Bytes that both take in the file.
   std::size_t size() const;
+  /// Bytes that the addresses of `commands.allow` take in a device.
+  std::size_t allowed_size() const;
 
  private:
   const ConfigNode* node_;
@@ -97,7 +99,7 @@ class Templates final {
 
   Template* template_of(const ConfigNode& node, const ConfigNode& given);
   std::optional<std::vector<std::string>> read_n(const ConfigNode& given, const ConfigNode& node);
-  bool has_room(const ConfigNode& node, const Template* base, std::size_t count);
+  bool has_room(const ConfigNode& node, const Template* base, const std::vector<std::string>& n);
   bool can_have_names(const DeviceEntry& entry);
 
   ConfigReader& reader_;

@@ -3,7 +3,9 @@
 #include <csv.h>
 
 #include <algorithm>
+#include <array>
 #include <cctype>
+#include <utility>
 
 namespace fxagent {
 namespace {
@@ -88,11 +90,41 @@ tl::expected<std::vector<CsvRow>, CsvFault> read_csv(std::string_view text, char
 }
 
 char csv_delimiter(std::string_view text) {
-  constexpr std::size_t kHead = 4096;
-  const std::string_view head = text.substr(0, kHead);
-  const auto count = [&](char c) { return std::ranges::count(head, c); };
-  const char best = count('\t') > count(',') ? '\t' : ',';
-  return count(';') > count(best) ? ';' : best;
+  constexpr std::size_t kMostLines = 200;
+  struct Count {
+    char delimiter;
+    std::size_t lines = 0;
+    std::size_t cells = 0;
+    std::size_t in_line = 0;
+  };
+  std::array<Count, 3> counts{{{','}, {'\t'}, {';'}}};
+  bool in_quotes = false;
+  bool begins_cell = true;
+  std::size_t closed = text.npos;  // where the last quotes end
+  std::size_t lines = 0;
+  for (std::size_t i = 0; i < text.size() && lines < kMostLines; ++i) {
+    const char c = text[i];
+    // Two quotes in a cell that has quotes close it and open it again.
+    if (c == '"' && (in_quotes || begins_cell || closed + 1 == i)) {
+      if (in_quotes) closed = i;
+      in_quotes = !in_quotes;
+    }
+    if (in_quotes) continue;
+    const auto count = std::ranges::find(counts, c, &Count::delimiter);
+    if (count != counts.end()) ++count->in_line;
+    begins_cell = count != counts.end() || c == '\n' || (begins_cell && c == ' ');
+    if (c != '\n' && i + 1 < text.size()) continue;
+    ++lines;
+    for (Count& each : counts) {
+      each.lines += each.in_line > 0 ? 1 : 0;
+      each.cells += std::exchange(each.in_line, 0);
+    }
+  }
+  // The head has no delimiter but its own, so that one stands in more lines than what comments
+  // have.
+  return std::ranges::max(counts, {},
+                          [](const Count& each) { return std::pair(each.lines, each.cells); })
+      .delimiter;
 }
 
 std::string csv_cell(const std::optional<std::string>& value) {

@@ -27,7 +27,7 @@ struct CsvFault {
 /// Every row that is not blank. `delimiter`: a comma, a semicolon or a tab.
 tl::expected<std::vector<CsvRow>, CsvFault> read_csv(std::string_view text, char delimiter);
 
-/// The one of tab, semicolon and comma that the first lines have most of.
+/// The one of tab, semicolon and comma that most of the first lines have outside of quotes.
 char csv_delimiter(std::string_view text);
 
 /// A cell for a row with commas; nullopt: an empty one, "" in quotes for an empty text.

@@ -33,7 +33,11 @@ bool is_device(std::string_view cell) {
          cell[letters] <= '9' && std::ranges::all_of(cell.substr(letters), is_digit);
 }
 
-bool is_head(const CsvRow& row) { return is_one_of(row.at(0), kDevice); }
+/// A column of addresses is that of another format.
+bool is_head(const CsvRow& row) {
+  return is_one_of(row.at(0), kDevice) &&
+         csv_columns(row, {"address"sv}).front() == std::string::npos;
+}
 
 /// What is told of a device: the comment, else the label. Comments stand in the columns that are no
 /// labels.

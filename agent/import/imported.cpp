@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <cmath>
 #include <ranges>
 
 #include "agent/config/config.h"
 #include "agent/config/pretty.h"
+#include "agent/import/json_source.h"
 #include "agent/text.h"
 #include "protocol/catalog.h"
 
@@ -16,6 +18,7 @@ namespace {
 constexpr std::size_t kLongestName = 64;
 constexpr std::int64_t kLongestInterval = 86'400'000;
 constexpr std::int64_t kModbusAddresses = 65536;
+constexpr int kPorts = 65536;
 
 std::string quoted(std::string_view text) { return "\"" + escaped(text, Escape::json) + "\""; }
 
@@ -47,21 +50,40 @@ std::string dump_config(const Imported& imported) {
   return out.dump();
 }
 
+/// Takes "PREFIX3" off a pointer and returns the 3; nullopt: it does not begin so.
+std::optional<std::size_t> take_index(std::string_view& pointer, std::string_view prefix) {
+  if (!pointer.starts_with(prefix)) return std::nullopt;
+  const std::string_view digits = pointer.substr(prefix.size());
+  std::size_t number = 0;
+  const auto [end, fault] = std::from_chars(digits.data(), digits.data() + digits.size(), number);
+  if (fault != std::errc()) return std::nullopt;
+  pointer = digits.substr(static_cast<std::size_t>(end - digits.data()));
+  return number;
+}
+
 /// Device and tag that an error is in: "/devices/0/tags/3/address".
 std::optional<std::pair<std::size_t, std::size_t>> tag_of(std::string_view pointer) {
-  const auto number_after = [&](std::string_view prefix) -> std::optional<std::size_t> {
-    if (!pointer.starts_with(prefix)) return std::nullopt;
-    pointer.remove_prefix(prefix.size());
-    std::size_t number = 0;
-    const auto [end, fault] =
-        std::from_chars(pointer.data(), pointer.data() + pointer.size(), number);
-    if (fault != std::errc()) return std::nullopt;
-    pointer.remove_prefix(static_cast<std::size_t>(end - pointer.data()));
-    return number;
-  };
-  const auto device = number_after("/devices/");
-  const auto tag = number_after("/tags/");
+  const auto device = take_index(pointer, "/devices/");
+  const auto tag = take_index(pointer, "/tags/");
   return device && tag ? std::optional(std::pair(*device, *tag)) : std::nullopt;
+}
+
+/// "timeout_ms" of "/timeout_ms"; empty where it is no key of the object itself.
+std::string_view key_in(std::string_view pointer) {
+  const std::string_view key = pointer.starts_with('/') ? pointer.substr(1) : std::string_view();
+  return key.find('/') == key.npos ? key : std::string_view();
+}
+
+/// Of "host:port"; nullopt: it is none.
+std::optional<int> port_number(std::string_view port) {
+  const std::size_t colon = port.rfind(':');
+  if (colon == port.npos || colon == 0) return std::nullopt;
+  int number = 0;
+  const auto digits = port.substr(colon + 1);
+  const auto [end, fault] = std::from_chars(digits.data(), digits.data() + digits.size(), number);
+  const bool good =
+      fault == std::errc() && end == digits.data() + digits.size() && number > 0 && number < kPorts;
+  return good ? std::optional(number) : std::nullopt;
 }
 
 /// Takes out the tags that have errors, or of a tag the access; false where there is none to take
@@ -91,6 +113,70 @@ bool drop_refused(Imported& imported, const std::vector<ConfigError>& errors) {
   return !refused.empty();
 }
 
+std::string name_of(const JsonObject& object) {
+  const std::string_view json = object.json_of("name");
+  return std::string(json.size() < 2 ? json : json.substr(1, json.size() - 2));
+}
+
+/// Takes out what is wrong in a link's `serial`, but for the port.
+bool drop_of_link(Imported& imported, const ConfigError& error, std::string_view pointer,
+                  std::size_t index) {
+  constexpr std::string_view kSerial = "/serial";
+  if (index >= imported.links.size() || !pointer.starts_with(kSerial)) return false;
+  JsonObject& link = imported.links[index];
+  const std::string_view key = key_in(pointer.substr(kSerial.size()));
+  const auto tree = json_source(link.json_of("serial"));
+  if (!tree || key == "path" || tree->root().find(key) == nullptr) return false;
+  JsonObject rest;
+  for (const ConfigNode& member : tree->root().children) {
+    if (member.key == key) continue;
+    if (member.kind == ConfigNode::Kind::string)
+      rest.text(member.key, member.text);
+    else
+      rest.integer(member.key, member.integer);
+  }
+  link.erase("serial");
+  link.raw("serial", rest.dump());
+  imported.note(
+      0, "not carried over: " + std::string(key) + " of " + name_of(link) + ": " + error.text);
+  return true;
+}
+
+/// Takes out a time that a device or group may not have, or the device where its values would be
+/// others without the key.
+bool drop_of_device(Imported& imported, const ConfigError& error, std::string_view pointer,
+                    std::size_t index) {
+  if (index >= imported.devices.size()) return false;
+  ImportedDevice& device = imported.devices[index];
+  const auto group = take_index(pointer, "/groups/");
+  if (group && *group >= device.groups.size()) return false;
+  JsonObject& object = group ? device.groups[*group] : device.keys;
+  const std::string key(key_in(pointer));
+  if (!object.has(key)) return false;
+  if (key == "timeout_ms" || key == "interval_ms") {
+    object.erase(key);
+    imported.note(0, "not carried over: " + key + " of " + device.name + ": " + error.text);
+    return true;
+  }
+  imported.note(0, "left out: the device " + device.name + ": " + key + " " + error.text);
+  imported.devices.erase(imported.devices.begin() + static_cast<std::ptrdiff_t>(index));
+  return true;
+}
+
+/// The same for links and devices of other programs: one odd number does not cost the whole file.
+/// One at a time, since what is left out moves the rest.
+bool drop_one_setting(Imported& imported, const std::vector<ConfigError>& errors) {
+  // Of a config that was exported whole nothing but tags is left out.
+  if (!imported.sections.empty()) return false;
+  return std::ranges::any_of(errors, [&](const ConfigError& error) {
+    std::string_view pointer = error.pointer;
+    if (const auto link = take_index(pointer, "/links/"))
+      return drop_of_link(imported, error, pointer, *link);
+    const auto device = take_index(pointer, "/devices/");
+    return device && drop_of_device(imported, error, pointer, *device);
+  });
+}
+
 }  // namespace
 
 void JsonObject::text(std::string_view key, std::string_view value) { raw(key, quoted(value)); }
@@ -109,6 +195,7 @@ void JsonObject::integer(std::string_view key, std::int64_t value) {
 }
 
 void JsonObject::number(std::string_view key, double value) {
+  if (!std::isfinite(value)) return raw(key, "null");
   std::array<char, 40> digits{};
   const auto end = std::to_chars(digits.data(), digits.data() + digits.size(), value).ptr;
   raw(key, std::string(digits.data(), end));
@@ -188,14 +275,7 @@ std::string IntervalGroups::at(std::int64_t interval_ms) {
 
 std::optional<bool> LinkTable::is_serial(std::string_view port) {
   if (port.starts_with('/')) return true;
-  const std::size_t colon = port.rfind(':');
-  if (colon == port.npos || colon == 0 || colon + 1 == port.size()) return std::nullopt;
-  int number = 0;
-  const auto digits = port.substr(colon + 1);
-  const auto [end, fault] = std::from_chars(digits.data(), digits.data() + digits.size(), number);
-  const bool good = fault == std::errc() && end == digits.data() + digits.size() && number > 0 &&
-                    number < kModbusAddresses;
-  return good ? std::optional(false) : std::nullopt;
+  return port_number(port) ? std::optional(false) : std::nullopt;
 }
 
 std::string LinkTable::to(const std::string& port, const JsonObject& settings) {
@@ -212,7 +292,7 @@ std::string LinkTable::to(const std::string& port, const JsonObject& settings) {
     if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);
     JsonObject tcp;
     tcp.literal("host", host);
-    tcp.raw("port", port.substr(port.rfind(':') + 1));
+    tcp.integer("port", port_number(port).value_or(0));
     link.raw("tcp", tcp.dump());
   }
   imported_.links.push_back(std::move(link));
@@ -248,6 +328,7 @@ ImportOutcome finish(Imported imported) {
       break;
     }
     if (drop_refused(imported, config.error())) continue;
+    if (drop_one_setting(imported, config.error())) continue;
     for (const ConfigError& error : config.error())
       imported.note(0, error.pointer + ": " + error.text);
     break;

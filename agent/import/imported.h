@@ -22,7 +22,8 @@ class JsonObject {
   /// A text of others, which stands for itself: `${` in it begins no variable.
   void literal(std::string_view key, std::string_view value);
   void integer(std::string_view key, std::int64_t value);
-  /// The shortest text that reads back as the same number.
+  /// The shortest text that reads back as the same number; null where it is infinite or none, which
+  /// a config does not take.
   void number(std::string_view key, double value);
   /// `json` must be JSON.
   void raw(std::string_view key, std::string json);
@@ -135,7 +136,8 @@ struct ImportOutcome {
 };
 
 /// Makes the config. Tags that the config does not take are left out, with a note; a device that
-/// has none then, too.
+/// has none then, too. So are settings of a serial line, times and, with any other key that is
+/// wrong, devices, but not where `sections` came with them: that was a whole config.
 ImportOutcome finish(Imported imported);
 
 }  // namespace fxagent

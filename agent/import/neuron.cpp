@@ -50,6 +50,19 @@ std::string_view order_of(std::string_view endian) {
   return {};
 }
 
+/// By the number of the node's `endianess`; empty: unknown.
+std::string_view order_of(std::int64_t code) {
+  constexpr std::array<std::string_view, 5> kOrders{"", "ABCD", "BADC", "DCBA", "CDAB"};
+  return code > 0 && code < std::ssize(kOrders) ? kOrders[static_cast<std::size_t>(code)] : "";
+}
+
+/// By the number of `baud`; 0: unknown.
+std::int64_t baud_of(std::int64_t code) {
+  constexpr std::array<int, 13> kBauds{115200, 57600, 38400, 19200, 9600, 4800, 2400,
+                                       1800,   1200,  600,   300,   200,  150};
+  return code >= 0 && code < std::ssize(kBauds) ? kBauds[static_cast<std::size_t>(code)] : 0;
+}
+
 /// The plugin's protocol; empty: none of ours.
 std::string_view protocol_of(std::string_view plugin) {
   std::string name;
@@ -92,7 +105,7 @@ std::optional<Place> modbus_place(std::string_view text, bool is_string) {
         number.ptr, static_cast<std::size_t>(length.data() + length.size() - number.ptr));
     if (number.ec != std::errc() || (!rest.empty() && rest != "H" && rest != "L"))
       return std::nullopt;
-    place.order = rest == "H" ? "high_first" : "low_first";
+    place.order = rest == "L" ? "low_first" : "high_first";
     text = text.substr(0, dot);
   }
   // Always from 1, and with one digit for the table.
@@ -167,6 +180,8 @@ class NeuronReader {
  private:
   int line_of(const ConfigNode& node) const { return tree_.line_of(node.offset); }
   std::string port_of(const Driver& driver, std::string_view protocol);
+  JsonObject serial_of(const Driver& driver, std::string_view protocol);
+  void read_params(const Driver& driver);
   void read_driver(const Driver& driver);
   ImportedDevice& device_of(const Driver& driver, std::string_view protocol, std::int64_t unit);
   void read_tag(const Driver& driver, const Driver::Group& group, const ConfigNode& node,
@@ -177,7 +192,10 @@ class NeuronReader {
   Imported out_;
   LinkTable links_{out_};
   NameMaker device_names_;
-  std::map<std::int64_t, std::size_t> units_;  ///< of this driver: index in out_.devices
+  // Of the driver that is read:
+  std::string link_;                           ///< empty: not made yet
+  std::string_view order_{};                   ///< of tags of two registers that name none
+  std::map<std::int64_t, std::size_t> units_;  ///< index in out_.devices
   std::map<std::size_t, NameMaker> tag_names_;
   std::map<std::pair<std::size_t, std::string_view>, std::string> groups_;
   std::map<std::size_t, NameMaker> group_names_;
@@ -186,14 +204,59 @@ class NeuronReader {
 std::string NeuronReader::port_of(const Driver& driver, std::string_view protocol) {
   if (!options_.port.empty()) return options_.port;
   if (driver.params != nullptr) {
+    const bool is_ethernet = integer_at(*driver.params, "link") == 1;
     const std::string_view device = text_at(*driver.params, "device");
     const std::string_view host = text_at(*driver.params, "host");
     const auto port = integer_at(*driver.params, "port");
-    if (device.starts_with('/')) return std::string(device);
-    if (!host.empty() && port) return std::string(host) + ":" + std::to_string(*port);
+    if (!is_ethernet && device.starts_with('/')) return std::string(device);
+    if (integer_at(*driver.params, "connection_mode") == 1)
+      out_.note(line_of(*driver.node),
+                "not carried over: the device connects to Neuron; an agent connects to the device");
+    else if (!host.empty() && port)
+      return std::string(host) + ":" + std::to_string(*port);
   }
   out_.note(line_of(*driver.node), "the link is a placeholder: give it the right port");
   return placeholder_port(protocol);
+}
+
+/// The codes of a serial line. What a node of Modbus does not name is 9600 8N1.
+JsonObject NeuronReader::serial_of(const Driver& driver, std::string_view protocol) {
+  JsonObject serial;
+  if (driver.params == nullptr) return serial;
+  const auto code_of = [&](std::string_view key,
+                           std::int64_t usual) -> std::optional<std::int64_t> {
+    const auto code = integer_at(*driver.params, key);
+    return code || !protocol.starts_with("modbus") ? code : std::optional(usual);
+  };
+  const auto tell = [&](std::string_view key, std::int64_t code) {
+    out_.note(line_of(*driver.node), "not carried over: " + std::string(key) + " " +
+                                         std::to_string(code) + ", which has no meaning here");
+  };
+  if (const auto code = code_of("baud", 4)) {
+    if (const auto baud = baud_of(*code); baud > 0)
+      serial.integer("baud", baud);
+    else
+      tell("baud", *code);
+  }
+  if (const auto code = code_of("data", 3)) {
+    if (*code >= 0 && *code <= 3)
+      serial.integer("data_bits", *code + 5);
+    else
+      tell("data", *code);
+  }
+  if (const auto code = code_of("parity", 0)) {
+    if (*code >= 0 && *code <= 2)
+      serial.text("parity", *code == 0 ? "none" : *code == 1 ? "odd" : "even");
+    else
+      tell("parity", *code);
+  }
+  if (const auto code = code_of("stop", 0)) {
+    if (*code == 0 || *code == 1)
+      serial.integer("stop_bits", *code + 1);
+    else
+      tell("stop", *code);
+  }
+  return serial;
 }
 
 ImportedDevice& NeuronReader::device_of(const Driver& driver, std::string_view protocol,
@@ -205,7 +268,12 @@ ImportedDevice& NeuronReader::device_of(const Driver& driver, std::string_view p
   ImportedDevice device;
   device.name = device_names_.make(wanted, "device", line_of(*driver.node), out_.notes);
   device.keys.text("name", device.name);
-  device.keys.text("link", links_.to(port_of(driver, protocol)));
+  if (link_.empty()) {
+    const std::string port = port_of(driver, protocol);
+    const bool is_serial = LinkTable::is_serial(port).value_or(true);
+    link_ = links_.to(port, is_serial ? serial_of(driver, protocol) : JsonObject());
+  }
+  device.keys.text("link", link_);
   device.keys.text("protocol", protocol);
   if (unit >= 0) device.keys.integer("unit", unit);
   if (!options_.model.empty()) device.keys.text("model", options_.model);
@@ -250,6 +318,8 @@ void NeuronReader::read_tag(const Driver& driver, const Driver::Group& group,
   tag.keys.literal("address", place->address);
   tag.keys.text("type", type);
   if (place->length > 0) tag.keys.integer("length", place->length);
+  if (place->order.empty() && (type == "int32" || type == "uint32" || type == "float32"))
+    place->order = order_;
   if (!place->order.empty() && type != "bool") tag.keys.text("word_order", place->order);
   if (const auto decimal = number_at(node, "decimal"); decimal && *decimal != 0 && *decimal != 1)
     tag.keys.number("scale", *decimal);
@@ -263,6 +333,19 @@ void NeuronReader::read_tag(const Driver& driver, const Driver::Group& group,
   device.tags.push_back(std::move(tag));
 }
 
+/// What the node says of all its tags.
+void NeuronReader::read_params(const Driver& driver) {
+  if (const auto code = integer_at(*driver.params, "endianess")) {
+    order_ = order_of(*code);
+    if (order_.empty())
+      out_.note(line_of(*driver.node), "not carried over: endianess " + std::to_string(*code) +
+                                           ", which has no meaning here");
+  }
+  if (integer_at(*driver.params, "address_base") == 0)
+    out_.note(line_of(*driver.node),
+              "its addresses count from 0, and here from 1: add 1 to each (400000 is 400001)");
+}
+
 void NeuronReader::read_driver(const Driver& driver) {
   const std::string protocol =
       options_.protocol.empty() ? std::string(protocol_of(driver.plugin)) : options_.protocol;
@@ -274,6 +357,9 @@ void NeuronReader::read_driver(const Driver& driver) {
     return;
   }
   units_.clear();
+  link_.clear();
+  order_ = {};
+  if (driver.params != nullptr && protocol.starts_with("modbus")) read_params(driver);
   for (const Driver::Group& group : driver.groups)
     for (const ConfigNode* tag : group.tags) read_tag(driver, group, *tag, protocol);
 }

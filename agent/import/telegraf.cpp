@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <cmath>
 #include <map>
 #include <optional>
 #include <string>
@@ -32,6 +33,7 @@ std::optional<std::int64_t> integer_at(const toml::table& table, std::string_vie
 std::optional<std::int64_t> milliseconds(std::string_view text) {
   constexpr std::array<std::pair<std::string_view, double>, 5> kUnits{
       {{"ms", 1}, {"us", 1e-3}, {"s", 1e3}, {"m", 60e3}, {"h", 3600e3}}};
+  constexpr double kLongest = 1e15;  // ms, far beyond any interval
   double sum = 0;
   if (text.empty()) return std::nullopt;
   while (!text.empty()) {
@@ -45,7 +47,8 @@ std::optional<std::int64_t> milliseconds(std::string_view text) {
     sum += number * unit->second;
     text.remove_prefix(unit->first.size());
   }
-  return static_cast<std::int64_t>(sum);
+  if (std::isnan(sum)) return std::nullopt;
+  return static_cast<std::int64_t>(std::clamp(sum, 0.0, kLongest));
 }
 
 /// The config's type; empty: it has none. FIXED and its kin are as wide as their addresses.
@@ -115,7 +118,7 @@ std::string TelegrafReader::link_of(const toml::table& plugin, std::string& prot
   std::string_view controller = text_at(plugin, "controller");
   std::string mode(text_at(plugin, "transmission_mode"));
   const bool is_tcp = controller.starts_with("tcp://");
-  if (mode.empty()) mode = is_tcp || controller.empty() ? "TCP" : "RTU";
+  if (mode.empty() || mode == "auto") mode = is_tcp || controller.empty() ? "TCP" : "RTU";
   protocol = mode.starts_with("RTU")     ? "modbus-rtu"
              : mode.starts_with("ASCII") ? "modbus-ascii"
                                          : "modbus-tcp";

@@ -38,22 +38,45 @@ bool writes(std::int64_t function) {
   return function == 5 || function == 6 || function == 15 || function == 16;
 }
 
-/// "16int", "int16" or "int"; empty: none that a config has.
+std::string lower(std::string_view text) {
+  std::string out(text);
+  for (char& c : out) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  return out;
+}
+
+/// "16int", "int16" or "int", in lower case; empty: none that a config has.
 std::string_view type_of(std::string_view type, std::int64_t registers) {
   if (type == "16int" || type == "int16") return "int16";
   if (type == "16uint" || type == "uint16") return "uint16";
   if (type == "32int" || type == "int32") return "int32";
   if (type == "32uint" || type == "uint32") return "uint32";
-  if (type == "32float" || type == "float32" || type == "float") return "float32";
+  if (type == "32float" || type == "float32") return "float32";
   if (type == "string") return "string";
   if (type == "bit" || type == "bits") return "bool";
-  if ((type == "int" || type == "long" || type == "integer") && registers <= 2)
+  // Those without a width are as wide as their registers.
+  if ((type == "float" || type == "double") && registers == 2) return "float32";
+  if (registers != 1 && registers != 2) return {};
+  if (type == "int" || type == "long" || type == "integer")
     return registers == 2 ? "int32" : "int16";
+  if (type == "uint") return registers == 2 ? "uint32" : "uint16";
   return {};
 }
 
 std::int64_t registers_of(std::string_view type) {
   return type == "int32" || type == "uint32" || type == "float32" ? 2 : 1;
+}
+
+/// byteOrder and wordOrder, which win over those of `slave` where the tag has its own. The gateway
+/// takes both for LITTLE where they are given nowhere.
+std::string_view order_of(const ConfigNode& slave, const ConfigNode* tag) {
+  const auto is_swapped = [&](std::string_view key) {
+    const std::string_view own = tag == nullptr ? ""sv : text_at(*tag, key);
+    const std::string_view spelled = own.empty() ? text_at(slave, key) : own;
+    return spelled.empty() || lower(spelled) == "little";
+  };
+  const bool words = is_swapped("wordOrder");
+  if (is_swapped("byteOrder")) return words ? "DCBA" : "BADC";
+  return words ? "CDAB" : "ABCD";
 }
 
 class ThingsboardReader {
@@ -67,7 +90,7 @@ class ThingsboardReader {
   int line_of(const ConfigNode& node) const { return tree_.line_of(node.offset); }
   void read_slave(const ConfigNode& slave);
   std::string link_of(const ConfigNode& slave, std::string_view protocol);
-  void read_tag(const ConfigNode& node, std::int64_t interval, ImportedDevice& device,
+  void read_tag(const ConfigNode& slave, const ConfigNode& node, ImportedDevice& device,
                 IntervalGroups& groups, NameMaker& names);
 
   const ConfigTree& tree_;
@@ -83,13 +106,16 @@ std::string ThingsboardReader::link_of(const ConfigNode& slave, std::string_view
   if (!options_.port.empty()) return links_.to(options_.port);
   // On a serial line the port is a path, and nothing else is a string there.
   if (const std::string_view path = text_at(slave, "port"); path.starts_with('/')) {
+    // What is not given is what the gateway takes it for.
     JsonObject serial;
-    if (const auto baud = integer_at(slave, "baudrate")) serial.integer("baud", *baud);
-    if (const auto bits = integer_at(slave, "bytesize")) serial.integer("data_bits", *bits);
-    const std::string_view parity = text_at(slave, "parity");
-    if (parity == "N" || parity == "E" || parity == "O")
-      serial.text("parity", parity == "N" ? "none" : parity == "E" ? "even" : "odd");
-    if (const auto bits = integer_at(slave, "stopbits")) serial.integer("stop_bits", *bits);
+    serial.integer("baud", integer_at(slave, "baudrate").value_or(19200));
+    serial.integer("data_bits", integer_at(slave, "bytesize").value_or(8));
+    const std::string parity = lower(text_at(slave, "parity"));
+    if (parity.empty() || parity == "n" || parity == "e" || parity == "o")
+      serial.text("parity", parity == "e" ? "even" : parity == "o" ? "odd" : "none");
+    else
+      out_.note(line_of(slave), "not carried over: the parity \"" + parity + "\"");
+    serial.integer("stop_bits", integer_at(slave, "stopbits").value_or(1));
     return links_.to(std::string(path), serial);
   }
   const std::string_view host = text_at(slave, "host");
@@ -99,7 +125,7 @@ std::string ThingsboardReader::link_of(const ConfigNode& slave, std::string_view
   return links_.to(placeholder_port(protocol));
 }
 
-void ThingsboardReader::read_tag(const ConfigNode& node, std::int64_t interval,
+void ThingsboardReader::read_tag(const ConfigNode& slave, const ConfigNode& node,
                                  ImportedDevice& device, IntervalGroups& groups, NameMaker& names) {
   const int line = line_of(node);
   const std::string_view name = text_at(node, "tag");
@@ -109,9 +135,11 @@ void ThingsboardReader::read_tag(const ConfigNode& node, std::int64_t interval,
   const auto registers = integer_at(node, "objectsCount").value_or(1);
   const auto function = integer_at(node, "functionCode").value_or(0);
   const auto number = integer_at(node, "address").value_or(-1);
-  const std::string_view spelled = text_at(node, "type");
+  const std::string spelled = lower(text_at(node, "type"));
   const std::string_view type = type_of(spelled, registers);
-  if (type.empty()) return leave_out("a config has no type \"" + std::string(spelled) + "\"");
+  if (type.empty())
+    return leave_out("a config has no type \"" + spelled + "\" of " + std::to_string(registers) +
+                     " registers");
   const char table = table_of(function);
   std::string address = modbus_address(table, number);
   if (address.empty() || writes(function))
@@ -125,32 +153,40 @@ void ThingsboardReader::read_tag(const ConfigNode& node, std::int64_t interval,
   }
   tag.keys.literal("address", address);
   if (!is_bit) tag.keys.text("type", type);
-  const std::int64_t size = is_bit ? 1 : registers_of(type);
-  if (type == "string")
+  if (type == "string") {
     tag.keys.integer("length", 2 * registers);
-  else if (registers > size)
-    tag.keys.integer("count", registers / size);
-  const auto divider = number_at(node, "divider");
-  const auto factor = number_at(node, "multiplier");
-  if (divider && *divider != 0 && *divider != 1)
-    tag.keys.number("scale", 1 / *divider);
-  else if (factor && *factor != 0 && *factor != 1)
-    tag.keys.number("scale", *factor);
-  tag.keys.text("group", groups.at(interval));
+    tag.keys.text("word_order", "high_first");  // whatever the order
+  } else if (is_bit && registers > 1) {
+    tag.keys.integer("count", registers);
+  } else if (!is_bit && registers > registers_of(type)) {
+    out_.note(line, "not carried over: objectsCount " + std::to_string(registers) + " of " +
+                        std::string(name) + ": " + spelled + " is one value");
+  }
+  if (const std::string_view order = order_of(slave, &node);
+      !is_bit && type != "bool" && type != "string" && order != order_of(slave, nullptr))
+    tag.keys.text("word_order", order);
+  const auto factor_of = [&](std::string_view key) {
+    const auto value = number_at(node, key);
+    return value && *value != 0 ? *value : 1;
+  };
+  if (const double scale = factor_of("multiplier") / factor_of("divider");
+      scale != 1 && !is_bit && type != "bool" && type != "string")
+    tag.keys.number("scale", scale);
+  tag.keys.text("group", groups.at(integer_at(slave, "pollPeriod").value_or(5000)));
   if (written_.contains({table, number})) tag.keys.text("access", "read_write");
   device.tags.push_back(std::move(tag));
 }
 
 void ThingsboardReader::read_slave(const ConfigNode& slave) {
-  const std::string_view kind = text_at(slave, "type");
-  const std::string_view method = text_at(slave, "method");
+  const std::string kind = lower(text_at(slave, "type"));
+  const std::string method = lower(text_at(slave, "method"));
   std::string protocol = options_.protocol;
   if (protocol.empty())
     protocol = method == "rtu" ? "modbus-rtu" : method == "ascii" ? "modbus-ascii" : "modbus-tcp";
   if (kind == "udp" || kind == "tls")
-    return out_.note(line_of(slave), "left out: the slave " +
-                                         std::string(text_at(slave, "deviceName")) + " over " +
-                                         std::string(kind));
+    return out_.note(
+        line_of(slave),
+        "left out: the slave " + std::string(text_at(slave, "deviceName")) + " over " + kind);
   ImportedDevice device;
   device.name = device_names_.make(
       options_.device.empty() ? text_at(slave, "deviceName") : std::string_view(options_.device),
@@ -159,11 +195,8 @@ void ThingsboardReader::read_slave(const ConfigNode& slave) {
   device.keys.text("link", link_of(slave, protocol));
   device.keys.text("protocol", protocol);
   device.keys.integer("unit", integer_at(slave, "unitId").value_or(1));
-  // The gateway takes both for LITTLE where they are not given.
-  const bool bytes_swapped = text_at(slave, "byteOrder") != "BIG";
-  const bool words_swapped = text_at(slave, "wordOrder") != "BIG";
-  if (bytes_swapped || words_swapped)
-    device.keys.text("byte_order", bytes_swapped ? (words_swapped ? "DCBA" : "BADC") : "CDAB");
+  if (const std::string_view order = order_of(slave, nullptr); order != "ABCD")
+    device.keys.text("byte_order", order);
 
   written_.clear();
   for (const auto list : {"attributeUpdates"sv, "rpc"sv})
@@ -174,10 +207,9 @@ void ThingsboardReader::read_slave(const ConfigNode& slave) {
     }
   NameMaker names;
   IntervalGroups groups(device);
-  const auto interval = integer_at(slave, "pollPeriod").value_or(5000);
   for (const auto list : {"attributes"sv, "timeseries"sv})
     for (const ConfigNode& node : children_at(slave, list))
-      read_tag(node, interval, device, groups, names);
+      read_tag(slave, node, device, groups, names);
   std::set<std::pair<char, std::int64_t>> read;
   for (const auto list : {"attributes"sv, "timeseries"sv})
     for (const ConfigNode& node : children_at(slave, list))

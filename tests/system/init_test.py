@@ -73,6 +73,22 @@ class Init(PlantTest):
             self.assertEqual(kept.read(), "mine")
         self.assertEqual(self.run_init(self.place(), *answers, "--force").returncode, 0)
 
+    def test_the_packages_config_is_replaced_and_all_can_be_read(self):
+        os.mkdir(self.place())
+        path = os.path.join(self.place(), "agent.json")
+        with open(path, "w") as out:
+            json.dump({"agent": {"id": "unnamed"}, "mqtt": {"servers": ["mqtt://127.0.0.1:1883"]},
+                       "links": [], "devices": []}, out)
+        done = self.run_init(self.place(), "--broker", "mqtt://127.0.0.1", "--protocol", "modbus-tcp",
+                             "--port", "192.0.2.1:502", "--read", "hr:0", umask=0o077)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        for name in os.listdir(self.place()):
+            self.assertEqual(os.stat(os.path.join(self.place(), name)).st_mode & 0o777, 0o644, name)
+        # Now it is one of a plant, which is told before anything is asked.
+        done = self.run_init(self.place())
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("agent.json is there already", done.stderr)
+
     def test_without_a_terminal_what_is_missing_is_named(self):
         done = self.run_init(self.place(), "--broker", "mqtt://a")
         self.assertEqual((done.returncode, done.stdout), (2, ""))

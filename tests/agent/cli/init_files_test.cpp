@@ -100,6 +100,20 @@ TEST(InitFiles, TheDropInKnowsThePort) {
             std::string::npos);
 }
 
+TEST(InitFiles, TheUnitReadsItsConfigWhereItsUserCan) {
+  const InitAnswers answers = answers_for(*find_protocol("modbus-rtu"));
+  const auto files = init_files(answers, "/home/anna/plant");
+  ASSERT_TRUE(files);
+  const std::string& text = files->at(2).text;
+  EXPECT_NE(text.find("ExecStart=/usr/bin/fxagent run /etc/fxagent/agent.json\n"), text.npos)
+      << text;
+  EXPECT_NE(
+      text.find("#   install -D -m 644 /home/anna/plant/agent.json /etc/fxagent/agent.json\n"),
+      text.npos)
+      << text;
+  EXPECT_EQ(made(answers).at("fxagent.service.d.conf").find("agent.json /etc"), text.npos);
+}
+
 TEST(InitFiles, WithoutASetPointTheFlowSendsNothing) {
   InitAnswers answers = answers_for(*find_protocol("fx-programming-port"));
   answers.write.clear();

@@ -310,6 +310,29 @@ TEST(Templates, TooManyAreRefused) {
   expect_error(plant.dump(), "/devices/0", {"would be larger than 64 MiB"});
 }
 
+TEST(Templates, AllowedAddressesCountAmongTheBytes) {
+  json plant = meters();
+  json& allow = plant["templates"]["meter"]["commands"]["allow"];
+  for (int coil = 0; coil < 65536; coil += 2) allow.push_back("co:" + std::to_string(coil));
+  plant["devices"][0]["n"] = "1-10000";
+  plant["devices"][0].erase("unit");
+  expect_error(plant.dump(), "/devices/0", {"would be larger than 64 MiB"});
+}
+
+TEST(Templates, PlacesOfNCountAsLongAsTheNamesAre) {
+  json plant = meters();
+  plant["templates"]["meter"].erase("commands");
+  std::string places;
+  for (int i = 0; i < 1000; ++i) places += "{n}";
+  plant["templates"]["meter"]["tags"][0]["unit"] = places;
+  plant["devices"][0].erase("unit");
+  json names = json::array();
+  for (int i = 1000; i < 2200; ++i) names.push_back(std::string(60, 'x') + std::to_string(i));
+  plant["devices"][0]["n"] = names;
+  plant["devices"][0]["name"] = "{n}";
+  expect_error(plant.dump(), "/devices/0", {"would be larger than 64 MiB"});
+}
+
 TEST(Templates, TheNameNeedsN) {
   expect_error(with("/devices/0/name", R"("meter")"), "/devices/0/name",
                {"{n} must stand in the name: 40 devices are made of the entry at /devices/0"});

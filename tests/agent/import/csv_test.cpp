@@ -55,6 +55,17 @@ TEST(Csv, TheDelimiterIsWhatTheFileHasMostOf) {
   EXPECT_EQ(csv_delimiter(""), ',');
 }
 
+TEST(Csv, WhatStandsInQuotesOrInCommentsIsNoDelimiter) {
+  EXPECT_EQ(csv_delimiter("\"Device Name\"\t\"Comment\"\n\"D0\"\t\"a, b, c, d\"\n"), '\t');
+  EXPECT_EQ(csv_delimiter("Device Name\tComment\nD0\ta, b, c, d\nD1\te, f, g, h\n"), '\t');
+  EXPECT_EQ(csv_delimiter("Press 5, hall 2\nDevice Name\tComment\nD0\tspeed\n"), '\t');
+  EXPECT_EQ(
+      csv_delimiter("device;name\nd;a\n#device;\"{\"\"a\"\": 1, \"\"b\"\": 2,\n\"\"c\"\": 3}\"\n"),
+      ';');
+  EXPECT_EQ(csv_delimiter("Name,Text\nD0,a; b; c; d\n"), ',');
+  EXPECT_EQ(csv_delimiter("Name;Text\nD0; \"a, \"\"b\"\", c, d\"\nD1;5\" pipe\n"), ';');
+}
+
 TEST(Csv, CellsComeBackAsTheyWere) {
   for (const std::string text : {"", "a", " a ", "a,b", "\"", "a\nb", "x;y", "°C", "\t"}) {
     const auto list = rows("first," + csv_cell(text) + "\n");

@@ -23,6 +23,20 @@ TEST(ImportFormats, EachTextIsOfOneAlone) {
       EXPECT_EQ(format.is_it(text), format.name == name) << name << " as " << format.name;
 }
 
+/// As `import auto` does.
+std::string_view found(std::string_view text) {
+  for (const ImportFormat& format : import_formats())
+    if (format.is_it(text)) return format.name;
+  return "";
+}
+
+TEST(ImportFormats, AWordOfAnotherFormatInACellChangesNothing) {
+  EXPECT_EQ(found("Device,Name,Address\npress1,speed,D0\n"), "csv");
+  EXPECT_EQ(found("name,address\nDevice,D0\n"), "csv");
+  EXPECT_EQ(found("Tag Name,Address,Data Type\nDevice,400001,Word\n"), "kepware");
+  EXPECT_FALSE(is_gx_comments("Device,Name,Address\npress1,speed,D0\n"));
+}
+
 TEST(ImportFormats, WhatIsNothingIsOfNone) {
   for (const char* text : {"", "{}", "[]", "hello", "a,b\n1,2\n", "\"", "[x"})
     for (const ImportFormat& format : import_formats())

@@ -52,6 +52,17 @@ TEST(GxComments, GxWorks3HasAColumnForEachLanguage) {
   EXPECT_EQ(notes_with(made, {"3: ", "圧力", "is named d1"}), 1);
 }
 
+TEST(GxComments, CommasInQuotedCommentsAreNoDelimiters) {
+  std::string text = "\"Device Name\"\t\"Comment\"\r\n";
+  for (int i = 0; i < 20; ++i)
+    text += "\"D" + std::to_string(i) + "\"\t\"pump, valve, tank " + std::to_string(i) + "\"\r\n";
+  EXPECT_TRUE(is_gx_comments(text));
+  const Made made = made_of(text, import_gx_comments);
+  ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
+  EXPECT_EQ(made.config["devices"][0]["tags"].size(), 20U);
+  EXPECT_EQ(made.config["devices"][0]["tags"][3]["name"], "pump_valve_tank_3");
+}
+
 TEST(GxComments, ShiftJisHead) {
   // デバイス名,コメント / D5,温度
   const std::string bytes =

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -21,6 +22,13 @@ TEST(JsonObject, IsJsonWhateverComesIn) {
   EXPECT_TRUE(object.has("n"));
   object.erase("n");
   EXPECT_FALSE(object.has("n"));
+}
+
+TEST(JsonObject, ANumberThatIsNoneIsNull) {
+  JsonObject object;
+  object.number("a", std::numeric_limits<double>::infinity());
+  object.number("b", std::numeric_limits<double>::quiet_NaN());
+  EXPECT_EQ(object.dump(), R"({"a":null,"b":null})");
 }
 
 TEST(JsonObject, ATextOfOthersIsNoVariable) {
@@ -60,9 +68,11 @@ TEST(LinkTable, OneLinkForOnePort) {
   EXPECT_EQ(links.to("/dev/ttyUSB0"), "line2");
   EXPECT_EQ(links.to("192.0.2.1:502"), "line1");
   EXPECT_EQ(links.to("[::1]:502"), "line3");
-  ASSERT_EQ(out.links.size(), 3U);
+  links.to("192.0.2.2:0502");
+  ASSERT_EQ(out.links.size(), 4U);
   EXPECT_EQ(json::parse(out.links[0].dump())["tcp"]["port"], 502);
   EXPECT_EQ(json::parse(out.links[2].dump())["tcp"]["host"], "::1");
+  EXPECT_EQ(json::parse(out.links[3].dump())["tcp"]["port"], 502);
 }
 
 TEST(LinkTable, WhatAPortIs) {
@@ -121,6 +131,44 @@ TEST(FinishedImport, ATagThatCanOnlyBeReadStaysWithoutItsAccess) {
   ASSERT_EQ(outcome.notes.size(), 1U);
   EXPECT_TRUE(outcome.notes[0].text.starts_with("not carried over: the access of \"bit\": "))
       << outcome.notes[0].text;
+}
+
+TEST(FinishedImport, AnOddNumberOfALinkOrDeviceCostsNoOther) {
+  Imported out;
+  LinkTable links(out);
+  JsonObject serial;
+  serial.integer("baud", 0);
+  serial.text("parity", "even");
+  const std::string line = links.to("/dev/ttyUSB0", serial);
+  for (const int unit : {3, 300}) {
+    ImportedDevice device{"unit" + std::to_string(unit), {}};
+    device.keys.text("name", device.name);
+    device.keys.text("link", line);
+    device.keys.text("protocol", "modbus-rtu");
+    device.keys.integer("unit", unit);
+    device.keys.integer("timeout_ms", 99'999'999);
+    JsonObject group;
+    group.text("name", "g");
+    group.integer("interval_ms", 99'999'999);
+    device.groups.push_back(group);
+    device.tags.push_back(tag(2, "a", "hr:0"));
+    out.devices.push_back(std::move(device));
+  }
+  const auto outcome = finish(std::move(out));
+  std::string notes;
+  for (const ImportNote& note : outcome.notes) notes += note.text + "\n";
+  ASSERT_EQ(outcome.tags, 1U) << notes;
+  const json config = json::parse(outcome.config);
+  EXPECT_EQ(config["links"][0]["serial"],
+            json::parse(R"({"path": "/dev/ttyUSB0", "parity": "even"})"));
+  ASSERT_EQ(config["devices"].size(), 1U);
+  EXPECT_EQ(config["devices"][0]["unit"], 3);
+  EXPECT_FALSE(config["devices"][0].contains("timeout_ms"));
+  EXPECT_FALSE(config["devices"][0]["groups"][0].contains("interval_ms"));
+  for (const char* what :
+       {"not carried over: baud of line1: ", "left out: the device unit300: unit ",
+        "not carried over: timeout_ms of unit3: ", "not carried over: interval_ms of unit3: "})
+    EXPECT_NE(notes.find(what), std::string::npos) << what << "\n" << notes;
 }
 
 TEST(FinishedImport, IsNothingWhereNoTagIsLeft) {

@@ -76,6 +76,71 @@ TEST(Neuron, ATemplate) {
   EXPECT_EQ(made.config["devices"][0]["name"], "meter");
 }
 
+/// A node of Modbus RTU with these params and one tag of each kind.
+std::string rtu_with(const std::string& params) {
+  return R"({"nodes": [{"name": "rtu", "plugin": "Modbus RTU", "params": {)" + params + R"(},
+    "groups": [{"group": "g", "interval": 1000, "tags": [
+      {"name": "word", "address": "1!400001", "type": 4},
+      {"name": "long", "address": "1!400002", "type": 5},
+      {"name": "real", "address": "1!400004#BB", "type": 9},
+      {"name": "text", "address": "1!400020.10", "type": 13},
+      {"name": "low", "address": "1!400030.10L", "type": 13}]}]}]})";
+}
+
+TEST(Neuron, AStringHasItsHighByteFirstUnlessItSaysL) {
+  const Made made = made_of(rtu_with(""), import_neuron);
+  ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
+  const json& tags = made.config["devices"][0]["tags"];
+  EXPECT_EQ(tags[3]["word_order"], "high_first");
+  EXPECT_EQ(tags[4]["word_order"], "low_first");
+}
+
+TEST(Neuron, TheNodesByteOrderIsThatOfTagsWithoutOne) {
+  const std::vector<const char*> orders{"ABCD", "BADC", "DCBA", "CDAB"};
+  for (std::size_t code = 1; code <= orders.size(); ++code) {
+    const Made made = made_of(rtu_with("\"endianess\": " + std::to_string(code)), import_neuron);
+    ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
+    const json& device = made.config["devices"][0];
+    EXPECT_FALSE(device.contains("byte_order"));
+    EXPECT_FALSE(device["tags"][0].contains("word_order"));
+    EXPECT_EQ(device["tags"][1]["word_order"], orders[code - 1]);
+    EXPECT_EQ(device["tags"][2]["word_order"], "DCBA");
+    EXPECT_EQ(device["tags"][3]["word_order"], "high_first");
+  }
+  const Made made = made_of(rtu_with("\"endianess\": 7"), import_neuron);
+  EXPECT_EQ(notes_with(made, {"not carried over: endianess 7"}), 1) << all_of(made.notes);
+}
+
+TEST(Neuron, TheSerialLineIsWhatItsCodesMean) {
+  const auto serial_of = [](const std::string& params) {
+    const Made made = made_of(rtu_with("\"device\": \"/dev/ttyS1\"" + params), import_neuron);
+    return made.config.is_null() ? json() : made.config["links"][0]["serial"];
+  };
+  EXPECT_EQ(serial_of(""), json::parse(R"({"path": "/dev/ttyS1", "baud": 9600, "data_bits": 8,
+      "parity": "none", "stop_bits": 1})"));
+  EXPECT_EQ(serial_of(R"(, "baud": 0, "parity": 2, "stop": 1, "data": 3)"),
+            json::parse(R"({"path": "/dev/ttyS1", "baud": 115200, "data_bits": 8,
+      "parity": "even", "stop_bits": 2})"));
+  EXPECT_EQ(serial_of(R"(, "baud": 3, "parity": 1)")["baud"], 19200);
+  EXPECT_EQ(serial_of(R"(, "baud": 3, "parity": 1)")["parity"], "odd");
+  const Made made =
+      made_of(rtu_with(R"("device": "/dev/ttyS1", "baud": 99, "parity": 3)"), import_neuron);
+  EXPECT_EQ(notes_with(made, {"not carried over: baud 99"}), 1) << all_of(made.notes);
+  EXPECT_EQ(notes_with(made, {"not carried over: parity 3"}), 1) << all_of(made.notes);
+  EXPECT_FALSE(made.config["links"][0]["serial"].contains("baud"));
+}
+
+TEST(Neuron, WhereItWaitsForTheDeviceTheLinkIsAPlaceholder) {
+  const Made made = made_of(R"({"nodes": [{"name": "n", "plugin": "Modbus TCP",
+       "params": {"host": "0.0.0.0", "port": 5000, "connection_mode": 1, "address_base": 0},
+       "groups": [{"group": "g", "tags": [{"name": "t", "address": "1!400001", "type": 4}]}]}]})",
+                            import_neuron);
+  ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
+  EXPECT_EQ(made.config["links"][0]["tcp"]["host"], "192.0.2.1");
+  EXPECT_EQ(notes_with(made, {"the device connects to Neuron"}), 1) << all_of(made.notes);
+  EXPECT_EQ(notes_with(made, {"its addresses count from 0"}), 1) << all_of(made.notes);
+}
+
 TEST(Neuron, AnotherProtocolIsTold) {
   const Made made = made_of(R"({"nodes": [{"name": "s7", "plugin": "Siemens S7 ISOTCP", "groups": [
       {"group": "g", "interval": 100, "tags": [{"name": "t", "address": "DB1.1", "type": 3}]}]}]})",

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "agent/config/keys.h"
+#include "agent/import/csv.h"
 #include "tests/agent/config/small_plant.h"
 #include "tests/agent/import/outcome.h"
 
@@ -127,6 +128,18 @@ TEST(TagCsv, ATableOfTagsAloneMakesADevice) {
             json::parse(R"([{"name":"a","address":"hr:1","scale":0.5,"group":"slow"}])"));
   EXPECT_EQ(notes_with(made, {"1: left out: the column \"colour\""}), 1);
   EXPECT_EQ(notes_with(made, {"3: left out", "xx"}), 1) << all_of(made.notes);
+}
+
+TEST(TagCsv, ASpreadsheetMaySaveItWithSemicolons) {
+  const auto rows = read_csv(export_csv(small_plant().dump()), ',');
+  ASSERT_TRUE(rows);
+  std::string text;
+  for (const CsvRow& row : *rows) {
+    for (std::size_t i = 0; i < row.cells.size(); ++i)
+      text += (i > 0 ? ";" : "") + csv_cell(row.cells[i]);
+    text += "\r\n";
+  }
+  EXPECT_EQ(made_of(text, import_tag_csv).config, small_plant());
 }
 
 TEST(TagCsv, ARowOfADeviceThatIsNotThereIsTold) {

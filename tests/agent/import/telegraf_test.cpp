@@ -111,6 +111,42 @@ TEST(Telegraf, StyleOfMetrics) {
   EXPECT_EQ(made.config["devices"][0]["tags"][1]["address"], "ir:3");
 }
 
+TEST(Telegraf, ModeAutoIsWhatTheControllerTakes) {
+  const auto protocol_of = [](const std::string& controller) {
+    const Made made = made_of(
+        "[[inputs.modbus]]\n  name = \"m\"\n  transmission_mode = \"auto\"\n"
+        "  controller = \"" +
+            controller +
+            "\"\n"
+            "  holding_registers = [{name=\"a\", data_type=\"INT16\", address=[0]}]\n",
+        import_telegraf);
+    return made.config.is_null() ? json() : made.config["devices"][0]["protocol"];
+  };
+  EXPECT_EQ(protocol_of("file:///dev/ttyUSB0"), "modbus-rtu");
+  EXPECT_EQ(protocol_of("tcp://192.0.2.1:502"), "modbus-tcp");
+}
+
+TEST(Telegraf, NumbersBeyondAllMeasureCostOneTagAtMost) {
+  const Made made = made_of(R"(
+[[inputs.modbus]]
+  name = "m"
+  interval = "1e300h"
+  timeout = "nanh"
+  controller = "tcp://192.0.2.1:0502"
+  holding_registers = [
+    {name="a", data_type="INT16", address=[0]},
+    {name="b", data_type="INT16", address=[1], scale=inf},
+    {name="c", data_type="INT16", address=[2], scale=nan}]
+)",
+                            import_telegraf);
+  ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
+  EXPECT_EQ(made.config["links"][0]["tcp"]["port"], 502);
+  EXPECT_EQ(made.config["devices"][0]["tags"].size(), 1U);
+  EXPECT_EQ(made.config["devices"][0]["groups"][0]["interval_ms"], 86'400'000);
+  EXPECT_EQ(notes_with(made, {"left out: \"b\""}), 1) << all_of(made.notes);
+  EXPECT_EQ(notes_with(made, {"left out: \"c\""}), 1) << all_of(made.notes);
+}
+
 TEST(Telegraf, BrokenTextHasItsLine) {
   const auto broken = import_telegraf("[[inputs.modbus]]\nname = \n", {});
   ASSERT_FALSE(broken);

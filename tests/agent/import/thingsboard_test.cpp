@@ -36,8 +36,8 @@ TEST(Thingsboard, ASlaveOverTcp) {
     {"name":"power","address":"hr:2","type":"int16","scale":0.1,"group":"every_1000_ms"},
     {"name":"energy","address":"ir:10","type":"uint32","scale":0.001,"group":"every_1000_ms"},
     {"name":"relay","address":"co:1","group":"every_1000_ms","access":"read_write"},
-    {"name":"name","address":"hr:30","type":"string","length":8,"group":"every_1000_ms"},
-    {"name":"words","address":"hr:40","type":"uint16","count":3,"group":"every_1000_ms"}
+    {"name":"name","address":"hr:30","type":"string","length":8,"word_order":"high_first","group":"every_1000_ms"},
+    {"name":"words","address":"hr:40","type":"uint16","group":"every_1000_ms"}
   ])"));
   EXPECT_EQ(notes_with(made, {"left out: big", "64int"}), 1) << all_of(made.notes);
   EXPECT_EQ(notes_with(made, {"left out: reset of rpc belongs to nothing that is read"}), 1);
@@ -56,6 +56,64 @@ TEST(Thingsboard, SlavesOnOneSerialLine) {
   EXPECT_EQ(made.config["links"], json::parse(R"([{"name":"line1","serial":{"baud":19200,
       "data_bits":8,"parity":"none","stop_bits":1,"path":"/dev/ttyUSB0"}}])"));
   EXPECT_EQ(made.config["devices"][0]["byte_order"], "DCBA");
+}
+
+TEST(Thingsboard, ASerialLineIsWhatTheGatewayTakesItFor) {
+  const Made made = made_of(R"({"master": {"slaves": [
+    {"type": "serial", "method": "rtu", "port": "/dev/ttyUSB0", "unitId": 1, "deviceName": "a",
+     "timeseries": [{"tag": "t", "type": "16int", "functionCode": 3, "address": 0}]}]}})",
+                            import_thingsboard);
+  ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
+  EXPECT_EQ(made.config["links"], json::parse(R"([{"name":"line1","serial":{"baud":19200,
+      "data_bits":8,"parity":"none","stop_bits":1,"path":"/dev/ttyUSB0"}}])"));
+}
+
+/// What becomes of these timeseries of a slave.
+Made series(const std::string& list) {
+  return made_of(R"({"master": {"slaves": [{"host": "192.0.2.7", "port": 502, "type": "TCP",
+    "method": "Socket", "deviceName": "a", "byteOrder": "big", "wordOrder": "Big",
+    "timeseries": [)" +
+                     list + "]}]}}",
+                 import_thingsboard);
+}
+
+TEST(Thingsboard, TheOrderOfATagWins) {
+  const Made made = series(R"(
+    {"tag": "a", "type": "32INT", "functionCode": 3, "objectsCount": 2, "address": 0},
+    {"tag": "b", "type": "32int", "functionCode": 3, "objectsCount": 2, "address": 2, "wordOrder": "little"},
+    {"tag": "c", "type": "32int", "functionCode": 3, "objectsCount": 2, "address": 4,
+     "byteOrder": "LITTLE", "wordOrder": "LITTLE"},
+    {"tag": "d", "type": "16int", "functionCode": 3, "address": 6, "byteOrder": "LITTLE"})");
+  ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
+  EXPECT_FALSE(made.config["devices"][0].contains("byte_order"));
+  const json& tags = made.config["devices"][0]["tags"];
+  ASSERT_EQ(tags.size(), 4U) << all_of(made.notes);
+  EXPECT_FALSE(tags[0].contains("word_order"));
+  EXPECT_EQ(tags[1]["word_order"], "CDAB");
+  EXPECT_EQ(tags[2]["word_order"], "DCBA");
+  EXPECT_EQ(tags[3]["word_order"], "BADC");
+}
+
+TEST(Thingsboard, AWidthOfItsOwnIsOneValue) {
+  const Made made = series(R"(
+    {"tag": "a", "type": "16int", "functionCode": 3, "objectsCount": 2, "address": 0},
+    {"tag": "b", "type": "32int", "functionCode": 3, "objectsCount": 4, "address": 2},
+    {"tag": "c", "type": "float", "functionCode": 3, "objectsCount": 4, "address": 6},
+    {"tag": "d", "type": "float", "functionCode": 3, "objectsCount": 2, "address": 10},
+    {"tag": "e", "type": "16int", "functionCode": 3, "address": 12})");
+  ASSERT_EQ(made.config["devices"][0]["tags"].size(), 4U) << all_of(made.notes);
+  for (const json& tag : made.config["devices"][0]["tags"]) EXPECT_FALSE(tag.contains("count"));
+  EXPECT_EQ(notes_with(made, {"a: ", "one value"}), 1) << all_of(made.notes);
+  EXPECT_EQ(notes_with(made, {"b: ", "one value"}), 1) << all_of(made.notes);
+  EXPECT_EQ(notes_with(made, {"left out: c", "float", "4 registers"}), 1) << all_of(made.notes);
+  EXPECT_EQ(made.notes.size(), 3U) << all_of(made.notes);
+}
+
+TEST(Thingsboard, DividerAndMultiplierBothApply) {
+  const Made made = series(R"({"tag": "a", "type": "16int", "functionCode": 3, "address": 0,
+    "divider": 10, "multiplier": 5})");
+  ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
+  EXPECT_EQ(made.config["devices"][0]["tags"][0]["scale"], 0.5);
 }
 
 TEST(Thingsboard, IsToldFromOtherJson) {
