@@ -779,6 +779,18 @@ class Unit(unittest.TestCase):
                                    "--no-pager", path], capture_output=True, text=True)
             self.assertEqual(done.returncode, 0, done.stdout[-400:] + done.stderr)
 
+    def test_a_reload_needs_no_program_that_a_small_machine_lacks(self):
+        # systemd leaves $MAINPID in a longer word to the shell, which has it from its environment.
+        shell, option, script = shlex.split(self.setting("ExecReload"))
+        self.assertIn(owners_of([shell]), ({"dash"}, {"bash"}))
+        self.assertEqual(option, "-c")
+        with tempfile.TemporaryDirectory() as empty:
+            agent = subprocess.Popen(["sleep", str(PATIENCE)])
+            self.addCleanup(agent.wait)
+            self.addCleanup(agent.kill)
+            subprocess.run([shell, option, script], check=True, env={"PATH": empty, "MAINPID": str(agent.pid)})
+            self.assertEqual(agent.wait(PATIENCE), -signal.SIGHUP)
+
     def setting(self, name):
         values = re.findall(rf"^{name}=(.*)$", self.unit(), re.M)
         self.assertEqual(len(values), 1, name)
