@@ -371,6 +371,50 @@ class Scripts(unittest.TestCase):
         self.assertEqual(done.returncode, 2)
         self.assertIn("usage:", done.stderr)
 
+    def test_a_registry_that_does_not_answer_is_asked_once_an_hour(self):
+        directory = tempfile.mkdtemp(prefix="fxagent-deploy-")
+        self.addCleanup(shutil.rmtree, directory)
+        folder, target = os.path.join(directory, "tests", "some"), os.path.join(directory, "build")
+        calls = os.path.join(directory, "calls")
+        os.makedirs(folder)
+        lock = os.path.join(folder, "package-lock.json")
+        with open(lock, "w") as out:
+            out.write("{}")
+
+        def npm(status):
+            fake = os.path.join(directory, "npm")
+            with open(fake, "w") as out:
+                out.write(f"#!/bin/sh\necho \"$@\" >>{calls}\nmkdir -p node_modules\n"
+                          f"echo 'error network http://a.example/x'\nexit {status}\n")
+            os.chmod(fake, 0o755)
+
+        def call():
+            """How often npm was called until now, what the script said, and whether packages are there."""
+            done = subprocess.run([in_root("tests", "npm.sh"), folder, target], capture_output=True, text=True,
+                                  env={**os.environ, "PATH": directory + ":" + os.environ["PATH"]})
+            self.assertEqual((done.returncode, done.stdout), (0, ""), done.stderr)
+            with open(calls) as file:
+                lines = file.read().splitlines()
+            self.assertIn("--fetch-timeout=20000 --fetch-retries=1 ", lines[-1])
+            return len(lines), done.stderr, os.path.isdir(os.path.join(target, "node_modules"))
+        npm(1)
+        named = "tests: the packages of some could not be had from npm; what needs them is skipped:\n"
+        self.assertEqual(call(), (1, named + "error network (source)\n", False))
+        count, said, there = call()
+        self.assertEqual((count, there), (1, False))
+        self.assertTrue(said.startswith(named + "not tried again"), said)
+        # Another lock file is another question, and an hour passes.
+        with open(lock, "w") as out:
+            out.write("{ }")
+        self.assertEqual(call()[0], 2)
+        npm(0)
+        self.assertEqual(call()[0], 2)
+        missed = os.path.join(target, "missed-lock.json")
+        os.utime(missed, (time.time() - 3660,) * 2)
+        self.assertEqual(call(), (3, "", True))
+        self.assertFalse(os.path.exists(missed))
+        self.assertEqual(call(), (3, "", True))
+
     def test_the_include_graph_names_the_rooms_and_no_forbidden_arrow(self):
         graph = output_of(in_root("tests", "include_graph.sh"), "--lines")
         arrows = set(re.findall(r"^(\S+) +-> (\S+) +[1-9][0-9]*$", graph, re.M))
@@ -778,6 +822,18 @@ class Unit(unittest.TestCase):
             done = subprocess.run(["systemd-analyze", "security", "--offline=true", "--threshold=25",
                                    "--no-pager", path], capture_output=True, text=True)
             self.assertEqual(done.returncode, 0, done.stdout[-400:] + done.stderr)
+
+    def test_a_reload_needs_no_program_that_a_small_machine_lacks(self):
+        # systemd leaves $MAINPID in a longer word to the shell, which has it from its environment.
+        shell, option, script = shlex.split(self.setting("ExecReload"))
+        self.assertIn(owners_of([shell]), ({"dash"}, {"bash"}))
+        self.assertEqual(option, "-c")
+        with tempfile.TemporaryDirectory() as empty:
+            agent = subprocess.Popen(["sleep", str(PATIENCE)])
+            self.addCleanup(agent.wait)
+            self.addCleanup(agent.kill)
+            subprocess.run([shell, option, script], check=True, env={"PATH": empty, "MAINPID": str(agent.pid)})
+            self.assertEqual(agent.wait(PATIENCE), -signal.SIGHUP)
 
     def setting(self, name):
         values = re.findall(rf"^{name}=(.*)$", self.unit(), re.M)

@@ -220,22 +220,62 @@ def a_store_under_a_dynamic_user_comes_along(new):
     before = rows()
     apt("remove", "fxagent")
     assert os.path.exists(CONFIG) and rows() == before and not os.path.exists("/usr/bin/fxagent")
-    # As systemd lays it out.
+    # As systemd lays it out; and below it what a store.path of its own would be, and a link out of it.
     os.makedirs(os.path.dirname(PRIVATE), mode=0o700, exist_ok=True)
     shutil.move(STORE, PRIVATE)
-    for path in (PRIVATE, *glob.glob(PRIVATE + "/*")):
+    deep = "/edge7/deep/fxagent.db"
+    write(PRIVATE + deep, "")
+    os.symlink("/etc/hostname", PRIVATE + "/edge7/link")
+    outside = owner_of("/etc/hostname")
+    for path in (PRIVATE, *glob.glob(PRIVATE + "/**", recursive=True)):
         os.lchown(path, 61184, 61184)
     os.symlink("private/fxagent", STORE)
     # A unit by hand goes before the package's, and runs on that store.
     write(BY_HAND, "[Service]\nDynamicUser=yes\n")
     said = apt("install", new)
     assert "was installed by hand" in said and os.path.islink(STORE), said
+    # No systemd runs here: of the command that is printed this is what is left.
+    assert f"systemctl stop fxagent && rm {BY_HAND} && systemctl daemon-reload && dpkg-reconfigure fxagent" in said, said
     os.remove(BY_HAND)
     run("dpkg-reconfigure", "--frontend=noninteractive", "fxagent")
-    assert not os.path.islink(STORE) and owner_of(STORE) == "fxagent"
-    assert rows() == before and not os.path.exists(PRIVATE)
+    assert not os.path.islink(STORE) and not os.path.exists(PRIVATE)
+    for path in (STORE, STORE + "/edge7", STORE + "/edge7/deep", STORE + deep, STORE + "/edge7/link"):
+        assert owner_of(path) == "fxagent", path
+    assert owner_of("/etc/hostname") == outside
+    assert rows() == before
     as_service(lambda: len(rows()) > len(before))
     assert rows()[:len(before)] == before
+
+
+def what_was_interrupted_on_the_way_is_gone_on_with():
+    """The link was gone, and the store not yet in its place; the user of some files was changed, and not of all."""
+    before = rows()
+    shutil.move(STORE, PRIVATE)
+    os.chown(PRIVATE, 61184, 61184)
+    os.chown(PRIVATE + "/edge7", 61184, 61184)
+    run("dpkg-reconfigure", "--frontend=noninteractive", "fxagent")
+    assert not os.path.exists(PRIVATE)
+    assert (owner_of(STORE), owner_of(STORE + "/edge7"), rows()) == ("fxagent", "fxagent", before)
+
+
+def a_purge_keeps_what_an_installation_by_hand_uses(config):
+    write(BY_HAND, "[Service]\n")
+    before = rows()
+    said = apt("purge", "fxagent")
+    assert "are kept for it" in said, said
+    assert (text_of(CONFIG), text_of(PASSWORD), rows()) == (config, "secret\n", before)
+    assert sorted(os.listdir("/etc/fxagent")) == ["agent.json", "mqtt_password"]
+    os.remove(BY_HAND)
+
+
+def a_purge_empties_a_mounted_store():
+    run("mount", "-t", "tmpfs", "store", STORE)
+    write(STORE + "/edge7/fxagent.db", "")
+    apt("purge", "fxagent")
+    assert os.listdir(STORE) == [] and not os.path.exists("/etc/fxagent")
+    run("umount", STORE)
+    os.rmdir(STORE)
+    assert left_over() == [], left_over()
 
 
 def a_config_by_hand_is_kept_by_the_first_installation(new, config):
@@ -308,15 +348,17 @@ def main(package):
         config = an_upgrade_loses_nothing(old, new, registers)
         step("upgrade with a changed config and a store")
         a_store_under_a_dynamic_user_comes_along(new)
+        what_was_interrupted_on_the_way_is_gone_on_with()
         step("removal, and a store of a dynamic user")
-        purge_leaves_nothing()
+        a_purge_keeps_what_an_installation_by_hand_uses(config)
+        step("purge beside an installation by hand")
         a_config_by_hand_is_kept_by_the_first_installation(new, config)
         purge_leaves_nothing()
         step("a config by hand")
         a_signed_repository_serves_it([old, new], directory)
         step("a signed repository")
-        purge_leaves_nothing()
-        step("purge")
+        a_purge_empties_a_mounted_store()
+        step("purge with a mounted store")
 
 
 main(sys.argv[1])
