@@ -9,6 +9,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <condition_variable>
 #include <cstdlib>
 #include <deque>
@@ -632,8 +633,10 @@ TEST(PahoBroker, LongReasonOfADisconnectIsCutOff) {
   const SpitefulServer server(5, packet, Afterwards::stays);
   Client client(settings(server.url()));
   client.connect();
-  EXPECT_EQ(client.next<Lost>().text,
-            "the broker said: Administrative action: " + std::string(128, 'x'));
+  const std::string text = client.next<Lost>().text;
+  EXPECT_TRUE(text.starts_with("the broker said: Administrative action: xxx")) << text;
+  EXPECT_TRUE(text.ends_with("x… (300 bytes)")) << text;
+  EXPECT_LE(std::ranges::count(text, 'x'), 128);
 }
 
 TEST_P(PahoBrokerVersion, CallThatFindsNoConnectionIsALossToldOnce) {
