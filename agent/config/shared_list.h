@@ -86,8 +86,8 @@ class SharedList final {
   T& emplace_back() { return *elements_.emplace_back(std::make_shared<T>()); }
   void pop_back() { elements_.pop_back(); }
   void clear() { elements_.clear(); }
-  void resize(std::size_t size, T like = T()) {
-    while (elements_.size() > size) pop_back();
+  void resize(std::size_t size, const T& like = T()) {
+    if (elements_.size() > size) elements_.resize(size);
     while (elements_.size() < size) push_back(like);
   }
   /// The element of `other`, shared with it, at the place `i` of this list.
