@@ -254,10 +254,15 @@ Imported TelegrafReader::read(const toml::table& top) {
   return std::move(out_);
 }
 
-/// The text as TOML, or where it is none.
+/// The text as TOML, or where it is none. What is not ASCII is read as `?`: nothing that is carried
+/// over has it, and toml++ 3.3 meets undefined behaviour (TOML_UNREACHABLE in is_whitespace())
+/// where such a character stands outside of strings and comments.
 tl::expected<toml::table, ImportFault> parsed(std::string_view text) {
+  std::string ascii(text);
+  for (char& each : ascii)
+    if ((static_cast<unsigned char>(each) & 0x80U) != 0) each = '?';
   try {
-    return toml::parse(text);
+    return toml::parse(ascii);
   } catch (const toml::parse_error& error) {
     return tl::unexpected(
         ImportFault{static_cast<int>(error.source().begin.line), std::string(error.description())});
