@@ -346,12 +346,13 @@ void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& li
     const LinkFacts& facts = links.facts[i];
     if (facts.first_device == nullptr) reader.warn(array.children[i], "no device uses this link");
     const LineDefaults defaults = facts.protocol != nullptr ? facts.protocol->line : LineDefaults{};
+    const int own_least = facts.protocol != nullptr ? facts.protocol->least_data_bits : 0;
+    const int least = own_least != 0 ? own_least : defaults.data_bits;
     // A protocol that is at home on 8 bits uses the eighth; one that needs 7 is content with 8.
-    if (facts.protocol != nullptr &&
-        links.lines[i].data_bits.value_or(defaults.data_bits) < defaults.data_bits)
+    if (facts.protocol != nullptr && links.lines[i].data_bits.value_or(defaults.data_bits) < least)
       if (const ConfigNode* bits = data_bits_of(array.children[i]))
-        reader.error(*bits, std::string(facts.protocol->name) + " needs " +
-                                std::to_string(defaults.data_bits) + " data bits");
+        reader.error(*bits, std::string(facts.protocol->name) + " needs " + std::to_string(least) +
+                                " data bits");
     const SerialSettings line = line_settings(links.lines[i], defaults);
     if (auto* serial = std::get_if<SerialSettings>(&link.channel)) {
       SerialSettings whole = line;
@@ -370,7 +371,8 @@ void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& li
 void set_listening(Config& config) {
   for (const DeviceConfig& device : config.devices) {
     if (device.codec == nullptr || device.link >= config.links.size()) continue;
-    if (device.codec->after_silence() == Recovery::none) continue;  // answers have numbers
+    // Answers have numbers, or end with the connection that they were asked on.
+    if (device.codec->after_silence() != Recovery::drain) continue;
     auto& listening = config.links[device.link].listening;
     listening = std::max(listening, std::min(2 * device.timeout, kLongestListening));
   }
