@@ -5,6 +5,7 @@
 
 #include "protocol/fx/computer_link.h"
 #include "protocol/fx/programming_port.h"
+#include "protocol/mc/one_e.h"
 #include "protocol/modbus/modbus.h"
 
 namespace fxagent {
@@ -29,6 +30,17 @@ OptionSpec choice(std::string_view key, const std::vector<std::string_view>& wor
   return {key, OptionSpec::Kind::choice, 0, 0, words, words.front(), meaning};
 }
 
+/// Of both FX protocols.
+void set_models(ProtocolInfo& info) {
+  info.models = names(fx::model_names());
+  info.kin = names(fx::kin_names());
+  info.model_meaning =
+      "Model of the PLC. `auto`: the PLC is asked, and `check` holds addresses against the FX3U, "
+      "the "
+      "widest. Addresses that the real model lacks are bad then. An `FX1NC`, `FX2NC`, `FX3GC`, "
+      "`FX3GE` or `FX3UC` counts as the model without the last letter.";
+}
+
 /// Of both FX protocols: what is older goes to 19200 baud.
 void set_speeds(ProtocolInfo& info, std::vector<int> speeds) {
   info.speeds = std::move(speeds);
@@ -44,8 +56,7 @@ ProtocolInfo programming_port() {
   // Those of its commands A1 to A5; it begins with 9600.
   set_speeds(info, {9600, 19200, 38400, 57600, 115200});
   info.summary = "Mitsubishi FX through its programming port (RS-422, 9600 7E1)";
-  info.models = names(fx::model_names());
-  info.kin = names(fx::kin_names());
+  set_models(info);
   info.options = {
       choice("command_set", {"auto", "classic", "extended"},
              "`auto`: classic commands where they reach, extended ones beyond. FX0N and FX1S have "
@@ -69,8 +80,7 @@ ProtocolInfo computer_link() {
   set_speeds(info, {300, 600, 1200, 2400, 4800, 9600, 19200, 38400});
   info.summary = "Mitsubishi FX through its computer link (RS-485, stations 0 to 15)";
   info.multidrop = true;
-  info.models = names(fx::model_names());
-  info.kin = names(fx::kin_names());
+  set_models(info);
   info.options = {
       integer("station", 0, 15, settings.station, "Station number, D8121 of the PLC."),
       integer("format", 1, 4, settings.ends_with_cr_lf ? 4 : 1,
@@ -97,6 +107,7 @@ ProtocolInfo modbus_protocol(std::string_view name, std::string_view summary) {
   info.name = name;
   info.summary = summary;
   info.multidrop = true;
+  info.model_meaning = "Modbus devices have no models: leave it out, or set `auto`.";
   info.options = {
       integer("unit", 0, 255, settings.unit,
               "Unit id. On a serial line 1 to 247, or 0 for a broadcast: every unit obeys, none "
@@ -143,11 +154,49 @@ ProtocolInfo modbus_tcp() {
   return info;
 }
 
+ProtocolInfo mc_1e() {
+  const mc::OneE::Settings settings;
+  ProtocolInfo info;
+  info.name = "mc-1e";
+  info.summary = "Mitsubishi FX3 and E71 modules over Ethernet (MC protocol, 1E frames)";
+  info.on_serial = false;
+  info.on_udp = true;
+  info.multidrop = true;
+  info.models = names(mc::one_e_model_names());
+  info.kin = names(mc::one_e_kin_names());
+  info.model_meaning =
+      "Model of the PLC. `auto`: an FX3 is asked, and `check` holds addresses against the FX3U, "
+      "the "
+      "widest. Until it has answered X, Y, M8000 up, D8000 up and CN200 up are not read. `Q` and "
+      "`L` "
+      "stand for an E71 module, which cannot be asked: X and Y are hexadecimal there. An `FX3GC`, "
+      "`FX3GE` or `FX3UC` counts as the model without the last letter.";
+  info.options = {
+      choice("code", {"binary", "ascii"},
+             "Communication data code, as it is set in the PLC's Ethernet settings."),
+      integer("pc", 0, 255, settings.pc,
+              "PC number. 255 is the PLC that was connected to; others are stations of a network "
+              "behind it."),
+      integer("monitoring_timer_ms", 250, 60000, settings.monitoring_timer * 250,
+              "How long the Ethernet module waits for its PLC before it answers with an error, a "
+              "multiple of 250."),
+  };
+  info.silent_hint =
+      "\"Communication Data Code\" of the PLC's Ethernet settings must be `code`, the open setting "
+      "of this port \"MC Protocol\" (FX3U-ENET: \"Procedure exist (MC)\"), and the PLC one that "
+      "knows 1E frames (an FX5U needs mc-3e)";
+  info.closed_hint =
+      "each open setting takes one connection: is another program (a panel, GX Works2) using this "
+      "port? Give the agent an open setting of its own";
+  info.make = &mc::OneE::make;
+  return info;
+}
+
 }  // namespace
 
 std::span<const ProtocolInfo> catalog() {
-  static const std::vector<ProtocolInfo> protocols = {programming_port(), computer_link(),
-                                                      modbus_rtu(), modbus_ascii(), modbus_tcp()};
+  static const std::vector<ProtocolInfo> protocols = {
+      programming_port(), computer_link(), modbus_rtu(), modbus_ascii(), modbus_tcp(), mc_1e()};
   return protocols;
 }
 

@@ -56,6 +56,7 @@ struct ProtocolInfo {
   bool multidrop = false;  ///< frames carry a station or unit, so devices can share a line
   std::vector<std::string_view> models;  ///< what `model` may be, besides auto; empty: it has none
   std::vector<std::string_view> kin;     ///< further names of them, which `model` may be too
+  std::string_view model_meaning;        ///< of the key `model`, as OptionSpec::meaning
   std::vector<OptionSpec> options;
   /// For a person: which settings to look at where a connection stands and nothing was ever
   /// answered over it, and where the device closes it before its first answer. Empty: nothing is
