@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 
+#include "protocol/mc/one_e_codes.h"
 #include "protocol/mc/one_e_frame.h"
 
 namespace fxagent::mc {
@@ -10,7 +11,6 @@ namespace fxagent::mc {
 using one_e::chars;
 using one_e::code;
 using one_e::Command;
-using one_e::DataCode;
 
 namespace {
 
@@ -24,23 +24,6 @@ constexpr std::uint32_t kRandomBits = 80;
 constexpr std::uint32_t kRandomWords = 10;
 
 constexpr std::uint32_t kMonitoringUnitMs = 250;
-
-// Of the answer to 15, JY997D45801 7.6.3.
-constexpr int kFx3u = 0xF3;
-constexpr int kFx3g = 0xF4;
-
-// End codes, JY997D45801 9.3.2, and abnormal codes behind 5B.
-constexpr int kCommandUnknown = 0x50;
-constexpr int kNoAscii = 0x54;
-constexpr int kWriteInRun = 0x55;
-constexpr int kNoDevice = 0x56;
-constexpr int kTooMany = 0x57;
-constexpr int kNoHead = 0x58;
-constexpr int kPcSilent = 0x60;
-constexpr int kPcNumber = 0x10;
-constexpr int kNoRemote = 0x18;
-/// Of a Reply: the end code, and the abnormal code above it.
-constexpr int device_code(int end_code, int abnormal_code) { return end_code | abnormal_code << 8; }
 
 tl::unexpected<Error> refuse(std::string text) {
   return fail(ErrorCode::bad_request, std::move(text));
@@ -111,18 +94,18 @@ std::optional<Command> carrier_of(const std::vector<Write>& parts) {
 /// Bytes of data in the binary form of the answer that ends well.
 std::size_t data_bytes(const Request& request) {
   if (const auto* read = std::get_if<Read>(&request))
-    return read->way == OneE::kBitWay ? one_e::bytes_of_bits(read->span.bits) : read->span.bits / 8;
+    return read->way == kBitWay ? one_e::bytes_of_bits(read->span.bits) : read->span.bits / 8;
   const auto* control = std::get_if<Control>(&request);
   return control != nullptr && control->kind == Control::Kind::identify ? 2 : 0;
 }
 
 /// Which of the usual mistakes an answer shows that begins with this byte.
-std::string_view likely_mistake(DataCode data_code, std::uint8_t first) {
+std::string_view likely_mistake(Code data_code, std::uint8_t first) {
   if (first == 0xD0 || first == 0xD4 || first == 'D')
     return ": that is an answer of 3E or 4E frames";
-  if (data_code == DataCode::binary && (first == '8' || first == '9'))
+  if (data_code == Code::binary && (first == '8' || first == '9'))
     return ": it is in ASCII; `code` must be the communication data code that is set in the PLC";
-  if (data_code == DataCode::ascii && first >= one_e::kAnswer)
+  if (data_code == Code::ascii && first >= one_e::kAnswer)
     return ": it is in binary; `code` must be the communication data code that is set in the PLC";
   return "";
 }
@@ -135,68 +118,6 @@ const T* option(const Options& options, std::string_view key) {
 
 }  // namespace
 
-// ---- what the codes mean ------------------------------------------------------------------------
-
-std::string_view one_e::model_coded(int model_code) {
-  if (model_code == kFx3u) return to_string(Model::fx3u);
-  return model_code == kFx3g ? to_string(Model::fx3g) : std::string_view{};
-}
-
-std::string one_e::refusal(int end_code, std::optional<int> abnormal_code) {
-  const auto words = [&]() -> std::string_view {
-    switch (end_code) {
-      case kCommandUnknown:
-        return "the PLC does not know this command";
-      case kNoAscii:
-        return "the PLC is set to ASCII and cannot read this: `code` must be the communication "
-               "data code that is set in the PLC";
-      case kWriteInRun:
-        return "writing is not permitted while the PLC runs: \"Enable online change\" in its "
-               "Ethernet settings";
-      case kNoDevice:
-        return "no such device";
-      case kTooMany:
-        return "too many points, or beyond the last device";
-      case kNoHead:
-        return "no such device number, or not one that this command can begin with";
-      case kPcSilent:
-        return "the PLC gave its Ethernet module no answer within the monitoring timer";
-      case one_e::kWithReason:
-        if (abnormal_code == kPcNumber) return "no PLC has this PC number (`pc`)";
-        if (abnormal_code == kNoRemote) return "remote RUN or STOP is not possible";
-        return "the Ethernet module cannot reach the PLC";
-      default:
-        return "a reason that the manual does not know";
-    }
-  };
-  std::string text = hex_text(static_cast<std::uint32_t>(end_code));
-  if (abnormal_code) text += " " + hex_text(static_cast<std::uint32_t>(*abnormal_code));
-  return text.append(": ").append(words());
-}
-
-RefusalMeaning OneE::meaning_of(const Request& request, int device_code) const {
-  const bool reads = std::holds_alternative<Read>(request);
-  switch (device_code & 0xFF) {
-    case kCommandUnknown:
-    case kNoAscii:
-    case kWriteInRun:
-      return RefusalMeaning::final;
-    case kNoDevice:
-    case kTooMany:
-    case kNoHead:
-      return reads ? RefusalMeaning::hole : RefusalMeaning::final;
-    case one_e::kWithReason: {
-      const int abnormal = device_code >> 8;
-      if (!reads && (abnormal == kPcNumber || abnormal == kNoRemote)) return RefusalMeaning::final;
-      return reads ? RefusalMeaning::unreachable : RefusalMeaning::unclear;
-    }
-    case kPcSilent:
-      return reads ? RefusalMeaning::unreachable : RefusalMeaning::unclear;
-    default:
-      return reads ? RefusalMeaning::final : RefusalMeaning::unclear;
-  }
-}
-
 Result<std::shared_ptr<const Codec>> OneE::make(const Options& options) {
   Settings settings;
   if (const auto* name = option<std::string>(options, "model"); name && *name != kAutoModel) {
@@ -206,7 +127,7 @@ Result<std::shared_ptr<const Codec>> OneE::make(const Options& options) {
     settings.model = *known;
   }
   if (const auto* word = option<std::string>(options, "code"))
-    settings.code = *word == "ascii" ? DataCode::ascii : DataCode::binary;
+    settings.code = *word == "ascii" ? Code::ascii : Code::binary;
   const auto number = [&](std::string_view key, std::int64_t fallback, std::int64_t least,
                           std::int64_t most) {
     const auto* value = option<std::int64_t>(options, key);
@@ -215,7 +136,7 @@ Result<std::shared_ptr<const Codec>> OneE::make(const Options& options) {
   settings.pc = static_cast<std::uint8_t>(number("pc", settings.pc, 0, 255));
   const std::uint32_t timer = number("monitoring_timer_ms", settings.monitoring_timer * 250,
                                      kMonitoringUnitMs, 0xFFFF * kMonitoringUnitMs);
-  if (timer % kMonitoringUnitMs != 0) return refuse("monitoring_timer_ms is a multiple of 250");
+  if (timer % kMonitoringUnitMs != 0) return refuse("monitoring_timer_ms goes in steps of 250");
   settings.monitoring_timer = static_cast<std::uint16_t>(timer / kMonitoringUnitMs);
   return std::make_shared<const OneE>(settings);
 }
@@ -425,7 +346,7 @@ Result<std::optional<Reply>> OneE::reply_in(const Request& request, std::uint8_t
                                             ByteView frame) const {
   const std::string_view mistake = likely_mistake(settings_.code, frame[0]);
   std::optional<Bytes> binary = Bytes(frame.begin(), frame.end());
-  if (settings_.code == DataCode::ascii) binary = one_e::from_ascii(frame);
+  if (settings_.code == Code::ascii) binary = one_e::from_ascii(frame);
   if (!binary) return garbled("an answer that is not all hex digits" + std::string(mistake));
   const Bytes& bytes = *binary;
   if (bytes.empty()) return std::optional<Reply>{};
@@ -450,7 +371,7 @@ Result<std::optional<Reply>> OneE::reply_in(const Request& request, std::uint8_t
   if (end_code != 0) {
     const auto abnormal = length > one_e::kAnswerHead ? std::optional<int>(bytes[2]) : std::nullopt;
     reply.kind = Reply::Kind::nak;
-    reply.device_code = device_code(end_code, abnormal.value_or(0));
+    reply.device_code = one_e::device_code(end_code, abnormal.value_or(0));
     reply.text = "nak " + one_e::refusal(end_code, abnormal);
     return std::optional<Reply>(std::move(reply));
   }
@@ -474,7 +395,7 @@ Result<std::optional<Reply>> OneE::decode(const Request& request, std::uint16_t 
                                           ByteView rx) const {
   const auto sent = encode(request, tag);
   if (!sent) return tl::make_unexpected(sent.error());
-  const bool in_ascii = settings_.code == DataCode::ascii;
+  const bool in_ascii = settings_.code == Code::ascii;
   const std::uint8_t command =
       in_ascii ? (*one_e::from_ascii(ByteView(*sent).first(2)))[0] : (*sent)[0];
   std::size_t at = 0;
@@ -506,7 +427,7 @@ bool OneE::may_pass_for_answer(ByteView bytes) const {
             (command >= code(Command::run) && command <= code(Command::loop_back)));
   };
   for (std::size_t at = 0; at < bytes.size(); ++at) {
-    if (settings_.code == DataCode::binary) {
+    if (settings_.code == Code::binary) {
       if (is_answer(bytes[at])) return true;
       continue;
     }
@@ -526,6 +447,10 @@ LineLength OneE::line_length(const Request& request) const {
   return length;
 }
 
+std::chrono::milliseconds OneE::gives_up_after() const {
+  return std::chrono::milliseconds(settings_.monitoring_timer * kMonitoringUnitMs);
+}
+
 Explanation OneE::explain(ByteView frame, std::optional<Direction> direction) const {
   return one_e::explain_frame(settings_.model, frame, direction);
 }
@@ -540,6 +465,10 @@ std::optional<Request> OneE::apart_from(const Request& request) const {
   Read shorter = *read;
   shorter.span.bits -= less;
   return shorter;
+}
+
+RefusalMeaning OneE::meaning_of(const Request& request, int device_code) const {
+  return one_e::meaning_of(device_code, std::holds_alternative<Read>(request));
 }
 
 std::optional<Request> OneE::combine(const std::vector<Request>& requests) const {

@@ -16,31 +16,22 @@
 #include "protocol/catalog.h"
 #include "protocol/codec.h"
 #include "protocol/mc/device.h"
+#include "protocol/mc/dialect.h"
 #include "protocol/plc.h"
 
 namespace fxagent::mc {
 
-namespace one_e {
-
-/// "Communication data code" of the Ethernet settings: bytes as they are, or two digits for each.
-enum class DataCode : std::uint8_t { binary, ascii };
-
-}  // namespace one_e
-
+/// Read::way: kBitWay is 00, half a byte for each bit; kWordWay is 01.
 class OneE final : public Codec, public AddressSpace, public PlcServices {
  public:
   struct Settings {
     /// unknown_fx3, FX3, Q or L.
     Model model = Model::unknown_fx3;
-    one_e::DataCode code = one_e::DataCode::binary;
+    Code code = Code::binary;
     std::uint8_t pc = 0xFF;  ///< PC number; FF is the station that was connected to
     /// Of the module, between it and the PLC: in 250 ms, 1 or more. 0 would wait for ever.
     std::uint16_t monitoring_timer = 16;
   };
-  /// Read::way of the two units: 00 brings half a byte for each bit, 01 two bytes for each word.
-  static constexpr std::uint8_t kBitWay = 0;
-  static constexpr std::uint8_t kWordWay = 1;
-
   explicit OneE(const Settings& settings) : settings_(settings) {}
   /// From the config's options. bad_request: `monitoring_timer_ms` not in steps of 250, or a model
   /// without 1E.
@@ -67,6 +58,7 @@ class OneE final : public Codec, public AddressSpace, public PlcServices {
   bool expects_reply(const Request& /*request*/) const override { return true; }
   bool may_pass_for_answer(ByteView bytes) const override;
   LineLength line_length(const Request& request) const override;
+  std::chrono::milliseconds gives_up_after() const override;
   Explanation explain(ByteView frame, std::optional<Direction> direction) const override;
   Recovery after_silence() const override { return Recovery::reconnect; }
   Recovery after_nonsense() const override { return Recovery::reconnect; }
@@ -101,12 +93,6 @@ class OneE final : public Codec, public AddressSpace, public PlcServices {
 };
 
 namespace one_e {
-
-/// "FX3U" for the first byte of the answer to 15; empty where none of the catalogue answers so.
-std::string_view model_coded(int code);
-/// "57: too many points, or beyond the last device", for the end code of a refusal and, behind 5B,
-/// its abnormal code.
-std::string refusal(int end_code, std::optional<int> abnormal_code);
 
 /// `fxagent decode`: one frame in words; tells binary from ASCII by itself. Devices are those of
 /// `model`. Any bytes are allowed; what is wrong with them is in the error of the explanation.

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "protocol/mc/one_e.h"
+#include "protocol/mc/one_e_codes.h"
 #include "protocol/mc/one_e_frame.h"
 
 namespace fxagent::mc {
@@ -12,7 +13,6 @@ namespace {
 
 using one_e::code;
 using one_e::Command;
-using one_e::DataCode;
 
 /// How the rest of a frame is made up.
 enum class Shape : std::uint8_t { bits, words, bit_items, word_items, nothing, model, text };
@@ -59,7 +59,7 @@ Explanation& wrong(Explanation& out, std::string why) {
 /// the device code stands before the number.
 class Reader final {
  public:
-  Reader(DataCode data_code, ByteView bytes) : data_code_(data_code), rest_(bytes) {}
+  Reader(Code data_code, ByteView bytes) : data_code_(data_code), rest_(bytes) {}
 
   std::size_t left() const { return rest_.size(); }
   ByteView take(std::size_t bytes) {
@@ -71,12 +71,12 @@ class Reader final {
     const ByteView taken = take(bytes);
     std::uint32_t value = 0;
     for (std::size_t i = 0; i < taken.size(); ++i)
-      value = value << 8 | (data_code_ == DataCode::ascii ? taken[i] : taken[taken.size() - 1 - i]);
+      value = value << 8 | (data_code_ == Code::ascii ? taken[i] : taken[taken.size() - 1 - i]);
     return value;
   }
   /// Code and number of a device.
   std::pair<std::uint16_t, std::uint32_t> device() {
-    if (data_code_ == DataCode::ascii) {
+    if (data_code_ == Code::ascii) {
       const std::uint32_t device_code = number(2);
       return {static_cast<std::uint16_t>(device_code), number(4)};
     }
@@ -85,7 +85,7 @@ class Reader final {
   }
 
  private:
-  DataCode data_code_;
+  Code data_code_;
   ByteView rest_;
 };
 
@@ -130,7 +130,7 @@ void add_words(Explanation& out, ByteView image, const Place* place) {
 /// What follows the head of a request.
 class RequestBody final {
  public:
-  RequestBody(Model model, DataCode data_code, const Known& what, Reader& in, Explanation& out)
+  RequestBody(Model model, Code data_code, const Known& what, Reader& in, Explanation& out)
       : model_(model), data_code_(data_code), what_(what), in_(in), out_(out) {}
 
   void explain() {
@@ -244,13 +244,13 @@ class RequestBody final {
   }
 
   Model model_;
-  DataCode data_code_;
+  Code data_code_;
   const Known& what_;
   Reader& in_;
   Explanation& out_;
 };
 
-void explain_answer(DataCode data_code, const Known& what, Reader& in, Explanation& out) {
+void explain_answer(Code data_code, const Known& what, Reader& in, Explanation& out) {
   if (in.left() == 0) {
     wrong(out, "the answer is cut short");
     return;
@@ -304,7 +304,7 @@ Explanation one_e::explain_frame(Model model, ByteView frame, std::optional<Dire
   if (frame.empty()) return wrong(out, "no bytes");
   // No command and no answer begins with the code of a digit.
   const bool in_ascii = hex_digit(frame[0]) >= 0;
-  const DataCode data_code = in_ascii ? DataCode::ascii : DataCode::binary;
+  const Code data_code = in_ascii ? Code::ascii : Code::binary;
   const auto binary =
       in_ascii ? from_ascii(frame) : std::optional(Bytes(frame.begin(), frame.end()));
   out.fields.emplace_back("data code", in_ascii ? "ASCII" : "binary");

@@ -3,15 +3,15 @@
 namespace fxagent::mc::one_e {
 
 void Writer::number(std::uint32_t value, std::size_t bytes) {
-  if (data_code_ == DataCode::ascii) return append_hex(frame_, value, static_cast<int>(2 * bytes));
+  if (data_code_ == Code::ascii) return append_hex(frame_, value, static_cast<int>(2 * bytes));
   for (std::size_t i = 0; i < bytes; ++i, value >>= 8)
     frame_.push_back(static_cast<std::uint8_t>(value & 0xFF));
 }
 
 void Writer::device(std::uint16_t device_code, std::uint32_t number_of_device) {
-  if (data_code_ == DataCode::ascii) number(device_code, 2);
+  if (data_code_ == Code::ascii) number(device_code, 2);
   number(number_of_device, 4);
-  if (data_code_ == DataCode::binary) number(device_code, 2);
+  if (data_code_ == Code::binary) number(device_code, 2);
 }
 
 void Writer::bits(ByteView image, std::size_t count) {
@@ -49,9 +49,9 @@ std::optional<Bytes> image_of_bits(ByteView data, std::size_t count) {
   return image;
 }
 
-Bytes image_of_words(DataCode data_code, ByteView data) {
+Bytes image_of_words(Code data_code, ByteView data) {
   Bytes image(data.begin(), data.end());
-  if (data_code == DataCode::ascii)
+  if (data_code == Code::ascii)
     for (std::size_t at = 0; at + 2 <= image.size(); at += 2) std::swap(image[at], image[at + 1]);
   return image;
 }

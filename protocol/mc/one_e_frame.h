@@ -1,13 +1,12 @@
 // The parts of a 1E frame in both data codes; for the codec's own files.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
 
 #include "protocol/bytes.h"
-#include "protocol/mc/one_e.h"
+#include "protocol/mc/dialect.h"
 
 namespace fxagent::mc::one_e {
 
@@ -29,16 +28,14 @@ constexpr std::uint8_t code(Command command) { return static_cast<std::uint8_t>(
 inline constexpr std::uint8_t kAnswer = 0x80;
 /// Command and end code.
 inline constexpr std::size_t kAnswerHead = 2;
-/// The end code behind which an abnormal code and 00 follow.
-inline constexpr std::uint8_t kWithReason = 0x5B;
 /// Command, PC number, monitoring timer.
 inline constexpr std::size_t kRequestHead = 4;
 /// Device number and code.
 inline constexpr std::size_t kDevice = 6;
 
 /// Bytes of the frame's binary form as many characters as the data code has for them.
-constexpr std::size_t chars(DataCode data_code, std::size_t bytes) {
-  return data_code == DataCode::ascii ? 2 * bytes : bytes;
+constexpr std::size_t chars(Code data_code, std::size_t bytes) {
+  return data_code == Code::ascii ? 2 * bytes : bytes;
 }
 /// Two bits of an answer or a request in a byte.
 constexpr std::size_t bytes_of_bits(std::size_t bits) { return (bits + 1) / 2; }
@@ -46,7 +43,7 @@ constexpr std::size_t bytes_of_bits(std::size_t bits) { return (bits + 1) / 2; }
 /// A frame under construction.
 class Writer final {
  public:
-  Writer(DataCode data_code, std::size_t bytes) : data_code_(data_code) {
+  Writer(Code data_code, std::size_t bytes) : data_code_(data_code) {
     frame_.reserve(chars(data_code, bytes));
   }
   /// Low byte first in binary, high digit first in ASCII.
@@ -59,7 +56,7 @@ class Writer final {
   Bytes take() { return std::move(frame_); }
 
  private:
-  DataCode data_code_;
+  Code data_code_;
   Bytes frame_;
 };
 
@@ -69,6 +66,6 @@ std::optional<Bytes> from_ascii(ByteView frame);
 /// The image of `count` bits; nullopt where a half byte is neither 0 nor 1. `data` is long enough.
 std::optional<Bytes> image_of_bits(ByteView data, std::size_t count);
 /// The image of whole words, which in ASCII come high byte first.
-Bytes image_of_words(DataCode data_code, ByteView data);
+Bytes image_of_words(Code data_code, ByteView data);
 
 }  // namespace fxagent::mc::one_e

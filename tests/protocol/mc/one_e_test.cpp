@@ -11,11 +11,10 @@
 namespace fxagent::mc {
 namespace {
 
-using one_e::DataCode;
 using test::hex;
 using Settings = OneE::Settings;
 
-OneE plc(Model model = Model::fx3u, DataCode code = DataCode::binary) {
+OneE plc(Model model = Model::fx3u, Code code = Code::binary) {
   Settings settings;
   settings.model = model;
   settings.code = code;
@@ -24,7 +23,7 @@ OneE plc(Model model = Model::fx3u, DataCode code = DataCode::binary) {
 }
 
 const OneE kBinary = plc();
-const OneE kAscii = plc(Model::fx3u, DataCode::ascii);
+const OneE kAscii = plc(Model::fx3u, Code::ascii);
 
 Bytes text(std::string_view characters) { return {characters.begin(), characters.end()}; }
 
@@ -49,7 +48,7 @@ OneE codec_of(const test::Exchange& e) {
   std::istringstream words(e.command_set);
   std::string word;
   std::getline(words, word, '.');
-  settings.code = word == "ascii" ? DataCode::ascii : DataCode::binary;
+  settings.code = word == "ascii" ? Code::ascii : Code::binary;
   std::getline(words, word, '.');
   settings.monitoring_timer = static_cast<std::uint16_t>(std::stoul(word) / 250);
   std::getline(words, word, '.');
@@ -84,7 +83,7 @@ std::optional<Request> request_of(const test::Exchange& e) {
   const bool in_words = what != "read_bits" && (what != "write" || e.image.size() >= 2 * e.bytes);
   place.bits = in_words ? e.bytes * 16 : e.bytes;
   if (what == "write") return Write{place, e.image};
-  return Read{place, in_words ? OneE::kWordWay : OneE::kBitWay};
+  return Read{place, in_words ? kWordWay : kBitWay};
 }
 
 TEST(OneE, SpeaksEveryFrameOfTheTranscripts) {
@@ -132,12 +131,11 @@ TEST(OneE, UnderstandsEveryAnswerOfTheTranscripts) {
 // ---- names and limits ---------------------------------------------------------------------------
 
 TEST(OneE, OctalIsThatOfAnFx3AndHexadecimalThatOfAnE71) {
-  EXPECT_EQ(sent(plc(), Read{span("X17", 1), OneE::kBitWay}),
-            "00 FF 0A 00 0F 00 00 00 20 58 01 00");
-  EXPECT_EQ(sent(plc(Model::q), Read{span("X1F", 1, Model::q), OneE::kBitWay}),
+  EXPECT_EQ(sent(plc(), Read{span("X17", 1), kBitWay}), "00 FF 0A 00 0F 00 00 00 20 58 01 00");
+  EXPECT_EQ(sent(plc(Model::q), Read{span("X1F", 1, Model::q), kBitWay}),
             "00 FF 0A 00 1F 00 00 00 20 58 01 00");
   EXPECT_FALSE(plc().parse_address("X8", std::nullopt));
-  EXPECT_EQ(sent(plc(Model::l), Read{span("W1A", 2, Model::l), OneE::kWordWay}),
+  EXPECT_EQ(sent(plc(Model::l), Read{span("W1A", 2, Model::l), kWordWay}),
             "01 FF 0A 00 1A 00 00 00 20 57 02 00");
   EXPECT_EQ(sent(plc(Model::q), Force{id(Space::b), 0xFF, true}),
             "02 FF 0A 00 FF 00 00 00 20 42 01 00 10");
@@ -146,14 +144,11 @@ TEST(OneE, OctalIsThatOfAnFx3AndHexadecimalThatOfAnE71) {
 }
 
 TEST(OneE, SpecialDevicesAndLongCountersOfAnFx3HaveTheNumbersThatTheyAreCalledBy) {
-  EXPECT_EQ(sent(plc(), Read{span("M8000", 1), OneE::kBitWay}),
-            "00 FF 0A 00 40 1F 00 00 20 4D 01 00");
-  EXPECT_EQ(sent(plc(), Read{span("D8511", 1), OneE::kWordWay}),
-            "01 FF 0A 00 3F 21 00 00 20 44 01 00");
-  EXPECT_EQ(sent(plc(), Read{span("CN200", 1), OneE::kWordWay}),
-            "01 FF 0A 00 C8 00 00 00 4E 43 02 00");
+  EXPECT_EQ(sent(plc(), Read{span("M8000", 1), kBitWay}), "00 FF 0A 00 40 1F 00 00 20 4D 01 00");
+  EXPECT_EQ(sent(plc(), Read{span("D8511", 1), kWordWay}), "01 FF 0A 00 3F 21 00 00 20 44 01 00");
+  EXPECT_EQ(sent(plc(), Read{span("CN200", 1), kWordWay}), "01 FF 0A 00 C8 00 00 00 4E 43 02 00");
   // On a Q M8000 is an M like any other, and CN200 has 16 bits.
-  EXPECT_EQ(sent(plc(Model::q), Read{span("M8000", 1, Model::q), OneE::kBitWay}),
+  EXPECT_EQ(sent(plc(Model::q), Read{span("M8000", 1, Model::q), kBitWay}),
             "00 FF 0A 00 40 1F 00 00 20 4D 01 00");
   EXPECT_EQ(plc(Model::q).parse_address("CN200", std::nullopt)->unit, Unit::word);
 }
@@ -187,28 +182,27 @@ TEST(OneE, ReadsAreAsLongAsTheManualAllows) {
       if (way.way == id) bits = std::max(bits, way.max_bits);
     return bits;
   };
-  EXPECT_EQ(most(Space::m, OneE::kBitWay), 256U);
-  EXPECT_EQ(most(Space::m, OneE::kWordWay), 512U);
-  EXPECT_EQ(most(Space::ts, OneE::kBitWay), 256U);
-  EXPECT_EQ(most(Space::ts, OneE::kWordWay), 0U);
-  EXPECT_EQ(most(Space::d, OneE::kWordWay), 64U * 16);
-  EXPECT_EQ(most(Space::d, OneE::kBitWay), 0U);
-  EXPECT_EQ(most(Space::cn32, OneE::kWordWay), 32U * 32);
+  EXPECT_EQ(most(Space::m, kBitWay), 256U);
+  EXPECT_EQ(most(Space::m, kWordWay), 512U);
+  EXPECT_EQ(most(Space::ts, kBitWay), 256U);
+  EXPECT_EQ(most(Space::ts, kWordWay), 0U);
+  EXPECT_EQ(most(Space::d, kWordWay), 64U * 16);
+  EXPECT_EQ(most(Space::d, kBitWay), 0U);
+  EXPECT_EQ(most(Space::cn32, kWordWay), 32U * 32);
   // 256 points are written 00.
-  EXPECT_EQ(sent(plc(), Read{span("M0", 256), OneE::kBitWay}),
-            "00 FF 0A 00 00 00 00 00 20 4D 00 00");
+  EXPECT_EQ(sent(plc(), Read{span("M0", 256), kBitWay}), "00 FF 0A 00 00 00 00 00 20 4D 00 00");
 }
 
 TEST(OneE, WordsOfBitsBeginAtAMultipleOf16) {
   const auto goes = [](std::uint32_t first, std::uint32_t bits) {
-    return plc().encode(Read{{id(Space::m), first, bits}, OneE::kWordWay}, 0).has_value();
+    return plc().encode(Read{{id(Space::m), first, bits}, kWordWay}, 0).has_value();
   };
   EXPECT_TRUE(goes(16, 32));
   EXPECT_FALSE(goes(8, 16));
   EXPECT_FALSE(goes(0, 8));
   EXPECT_TRUE(goes(7664, 16));
   EXPECT_FALSE(goes(7664, 32));
-  EXPECT_TRUE(plc().encode(Read{span("M8", 16), OneE::kBitWay}, 0));
+  EXPECT_TRUE(plc().encode(Read{span("M8", 16), kBitWay}, 0));
 }
 
 TEST(OneE, WritesAreAsLongAsTheManualAllows) {
@@ -278,7 +272,7 @@ TEST(OneE, APlanReadsBitsByWhatTakesFewerExchanges) {
   }
   const Plan plan = make_plan(plc(), points, {{}, std::chrono::milliseconds(10)}, 0);
   ASSERT_EQ(plan.reads.size(), 1U);
-  EXPECT_EQ(plan.reads[0].read.way, OneE::kWordWay);
+  EXPECT_EQ(plan.reads[0].read.way, kWordWay);
 }
 
 // ---- a model that is not known yet --------------------------------------------------------------
@@ -291,7 +285,7 @@ TEST(OneE, AnUnknownModelIsAskedForNothingThatAnotherSeriesHasElsewhere) {
     EXPECT_FALSE(plc().read_ways(id(space)).empty());
     EXPECT_FALSE(unknown.with_model("FX3G")->addresses().read_ways(id(space)).empty());
   }
-  const auto x = unknown.encode(Read{span("X0", 1), OneE::kBitWay}, 0);
+  const auto x = unknown.encode(Read{span("X0", 1), kBitWay}, 0);
   ASSERT_FALSE(x);
   EXPECT_EQ(x.error().code, ErrorCode::unsupported);
   EXPECT_NE(x.error().text.find("once the model is known"), std::string::npos);
@@ -299,9 +293,9 @@ TEST(OneE, AnUnknownModelIsAskedForNothingThatAnotherSeriesHasElsewhere) {
   ASSERT_FALSE(y);
   EXPECT_EQ(y.error().code, ErrorCode::unsupported);
   // What only an FX3U has is left out as well, and the rest is read.
-  EXPECT_TRUE(unknown.encode(Read{span("R23999", 1), OneE::kWordWay}, 0));
-  EXPECT_FALSE(unknown.encode(Read{span("R24000", 1), OneE::kWordWay}, 0));
-  EXPECT_TRUE(unknown.encode(Read{span("M0", 1), OneE::kBitWay}, 0));
+  EXPECT_TRUE(unknown.encode(Read{span("R23999", 1), kWordWay}, 0));
+  EXPECT_FALSE(unknown.encode(Read{span("R24000", 1), kWordWay}, 0));
+  EXPECT_TRUE(unknown.encode(Read{span("M0", 1), kBitWay}, 0));
   // Its names are those of an FX3U, for a config must be written.
   EXPECT_TRUE(unknown.parse_address("X377", std::nullopt));
   EXPECT_FALSE(unknown.run_state_from(Bytes{1}).has_value());
@@ -341,8 +335,8 @@ TEST(OneE, RunIsM8000OfAnFx3AndNotToldByAnE71) {
 
 // ---- what comes back ----------------------------------------------------------------------------
 
-const Read kWords{{id(Space::d), 0, 32}, OneE::kWordWay};  // D0, D1
-const Read kBits{{id(Space::m), 0, 5}, OneE::kBitWay};     // M0 to M4
+const Read kWords{{id(Space::d), 0, 32}, kWordWay};  // D0, D1
+const Read kBits{{id(Space::m), 0, 5}, kBitWay};     // M0 to M4
 const Force kForce{id(Space::y), 0, true};
 const Bytes kImage{0x34, 0x12, 0xCD, 0xAB};
 
@@ -409,7 +403,7 @@ TEST(OneE, AnAnswerToAnotherCommandIsNeverTaken) {
             "an answer that begins with 83 where 81 is due");
 }
 
-TEST(OneE, AnAnswerOfAnotherFrameKindOrDataCodeNamesTheSetting) {
+TEST(OneE, AnAnswerOfAnotherFrameKindOrCodeNamesTheSetting) {
   expect_says(bad_frame(kBinary, kWords, hex("D0 00 00 FF FF 03 00 02 00 00 00")),
               "an answer of 3E or 4E frames");
   expect_says(bad_frame(kAscii, kWords, text("D00000FF03FF00")), "an answer of 3E or 4E frames");
@@ -468,14 +462,15 @@ TEST(OneE, ASilenceEndsTheConnectionForNoAnswerHasANumber) {
   EXPECT_EQ(plc().after_silence(), Recovery::reconnect);
   EXPECT_EQ(plc().after_nonsense(), Recovery::reconnect);
   EXPECT_EQ(plc().resync(), std::nullopt);
+  EXPECT_EQ(plc().gives_up_after(), std::chrono::milliseconds(2500));
   EXPECT_TRUE(plc().expects_reply(kForce));
 }
 
 TEST(OneE, AQuestionThatIsToldApartIsShorter) {
-  EXPECT_EQ(plc().apart_from(kWords), Request(Read({{id(Space::d), 0, 16}, OneE::kWordWay})));
-  EXPECT_EQ(plc().apart_from(kBits), Request(Read({{id(Space::m), 0, 3}, OneE::kBitWay})));
-  EXPECT_EQ(plc().apart_from(Read{{id(Space::m), 0, 2}, OneE::kBitWay}), std::nullopt);
-  EXPECT_EQ(plc().apart_from(Read{span("CN200", 1), OneE::kWordWay}), std::nullopt);
+  EXPECT_EQ(plc().apart_from(kWords), Request(Read({{id(Space::d), 0, 16}, kWordWay})));
+  EXPECT_EQ(plc().apart_from(kBits), Request(Read({{id(Space::m), 0, 3}, kBitWay})));
+  EXPECT_EQ(plc().apart_from(Read{{id(Space::m), 0, 2}, kBitWay}), std::nullopt);
+  EXPECT_EQ(plc().apart_from(Read{span("CN200", 1), kWordWay}), std::nullopt);
   EXPECT_EQ(plc().apart_from(kForce), std::nullopt);
 }
 
@@ -506,7 +501,7 @@ TEST(OneE, IsMadeFromItsOptions) {
   EXPECT_EQ(model_of(**plain), "");
   EXPECT_EQ(to_hex(*(*plain)->encode(Control{Control::Kind::stop}, 0)), "14 FF 10 00");
   EXPECT_EQ(OneE::make({{"monitoring_timer_ms", std::int64_t{1100}}}).error().text,
-            "monitoring_timer_ms is a multiple of 250");
+            "monitoring_timer_ms goes in steps of 250");
   EXPECT_EQ(OneE::make({{"model", std::string("FX5U")}}).error().text,
             "model 'FX5U' has no 1E frames");
   EXPECT_FALSE(OneE::make({{"model", std::string("FX1N")}}));
