@@ -370,7 +370,11 @@ void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& li
 void set_listening(Config& config) {
   for (const DeviceConfig& device : config.devices) {
     if (device.codec == nullptr || device.link >= config.links.size()) continue;
-    if (device.codec->after_silence() == Recovery::none) continue;  // answers have numbers
+    const Recovery recovery = device.codec->after_silence();
+    if (recovery == Recovery::none) continue;  // answers have numbers
+    // What a protocol reconnects for: nothing that is older comes over a new connection.
+    const bool is_tcp = std::holds_alternative<TcpSettings>(config.links[device.link].channel);
+    if (recovery == Recovery::reconnect && is_tcp) continue;
     auto& listening = config.links[device.link].listening;
     listening = std::max(listening, std::min(2 * device.timeout, kLongestListening));
   }
