@@ -23,7 +23,7 @@ using State = DeviceStatus::State;
 /// One link with one device that needs three unanswered exchanges to be silent.
 class LinkStateTest : public ::testing::Test {
  protected:
-  void use(std::variant<SerialSettings, TcpSettings> channel) {
+  void use(decltype(LinkConfig::channel) channel) {
     config.links.push_back({"line1", std::move(channel), nanoseconds(0)});
     config.devices.push_back(port_device());
     auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
