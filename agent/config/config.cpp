@@ -390,12 +390,13 @@ void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& li
     const LinkFacts& facts = links.facts[i];
     if (facts.first_device == nullptr) reader.warn(array.children[i], "no device uses this link");
     const LineDefaults defaults = facts.protocol != nullptr ? facts.protocol->line : LineDefaults{};
+    const int own_least = facts.protocol != nullptr ? facts.protocol->least_data_bits : 0;
+    const int least = own_least != 0 ? own_least : defaults.data_bits;
     // A protocol that is at home on 8 bits uses the eighth; one that needs 7 is content with 8.
-    if (facts.protocol != nullptr &&
-        links.lines[i].data_bits.value_or(defaults.data_bits) < defaults.data_bits)
+    if (facts.protocol != nullptr && links.lines[i].data_bits.value_or(defaults.data_bits) < least)
       if (const ConfigNode* bits = data_bits_of(array.children[i]))
-        reader.error(*bits, std::string(facts.protocol->name) + " needs " +
-                                std::to_string(defaults.data_bits) + " data bits");
+        reader.error(*bits, std::string(facts.protocol->name) + " needs " + std::to_string(least) +
+                                " data bits");
     const SerialSettings line = line_settings(links.lines[i], defaults);
     if (auto* serial = std::get_if<SerialSettings>(&link.channel)) {
       SerialSettings whole = line;
@@ -415,10 +416,12 @@ void set_listening(Config& config) {
   for (const DeviceConfig& device : config.devices) {
     if (device.codec == nullptr || device.link >= config.links.size()) continue;
     LinkConfig& link = config.links[device.link];
-    const bool has_numbers = device.codec->after_silence() == Recovery::none;
-    // No answer to another port comes to this one.
+    const Recovery recovery = device.codec->after_silence();
+    // Answers have numbers, or go to the connection or port that they were asked from.
     const auto* udp = std::get_if<UdpSettings>(&link.channel);
-    if (udp != nullptr ? udp->local_port == 0 : has_numbers) continue;
+    const bool is_another_port = udp != nullptr && udp->local_port == 0;
+    if (recovery == Recovery::none || is_another_port) continue;
+    if (udp == nullptr && recovery == Recovery::reconnect) continue;
     auto& listening = link.listening;
     listening = std::max(listening, std::min(2 * device.timeout, kLongestListening));
   }

@@ -65,8 +65,8 @@ struct LinkConfig {
   std::chrono::nanoseconds char_time{0};
   /// How long the line listens before the first question of each session, so that no answer to an
   /// earlier one is taken for its own: as long as the latest answer may take, twice the longest
-  /// timeout_ms of its devices and kLongestListening at most. 0 where answers have numbers, and on
-  /// UDP, unless the agent's own port is always the same: then all are listened for.
+  /// timeout_ms of its devices and kLongestListening at most. 0 where answers have numbers, or
+  /// go to another connection, or to another port of UDP.
   std::chrono::milliseconds listening{0};
   /// Of the line, that polls keep while commands flood it; 0 … 0.9
   double poll_share = static_cast<double>(config_key("links[].poll_share_percent").number()) / 100;

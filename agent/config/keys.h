@@ -233,7 +233,8 @@ inline constexpr auto kAll = std::to_array<ConfigKey>({
     {"devices[]", "protocol", text, {}, Required{}, "The protocol that the device speaks."},
     {"devices[]", "model", text, {}, kAutoModel, "Model of the PLC."},
     {"devices[]", "timeout_ms", integer, {1, 600'000}, 1000,
-     "What a reply may take beyond the expected line time."},
+     "What a reply may take beyond the expected line time. Where the protocol has a monitoring timer "
+     "and this key is not given, that timer is added."},
     {"devices[]", "retries", integer, {0, 10}, 2,
      "How often a read is repeated in the same poll after a bad frame or a refusal that may pass. "
      "Silence is not repeated; after `retries` + 1 unanswered exchanges in a row the device counts "

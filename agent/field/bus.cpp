@@ -1,6 +1,7 @@
 #include "agent/field/bus.h"
 
 #include <algorithm>
+#include <random>
 #include <utility>
 
 #include "agent/failpoint.h"
@@ -61,6 +62,9 @@ asio::awaitable<Result<void>> Bus::open() {
   answered_ = closed_unanswered_ = false;
   auto opened = co_await transport_->open(now() + kOpenTimeout);
   if (!opened) co_return opened;
+  // To a port that is always the same, answers to a dead agent may come: its numbers are others.
+  if (session_ == 0 && transport_->has_datagrams() && !transport_->can_renew())
+    tag_ = static_cast<std::uint16_t>(std::random_device()());
   ++session_;
   // Answers to another port do not come to this one.
   if (transport_->can_renew()) co_return Result<void>{};

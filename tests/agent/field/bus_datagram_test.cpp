@@ -3,6 +3,7 @@
 
 #include <asio/io_context.hpp>
 #include <memory>
+#include <set>
 #include <string>
 #include <utility>
 
@@ -110,6 +111,19 @@ TEST_F(NumberedDatagrams, TwoAnswersInOneDatagramAreNone) {
   open();
   EXPECT_EQ(read("hr:0").outcome, Outcome::garbled);
   EXPECT_EQ(read("hr:0").outcome, Outcome::garbled);
+}
+
+TEST_F(DatagramBus, FixedPortDoesNotBeginWithTheNumbersOfADeadAgent) {
+  std::set<Bytes> first;
+  for (int agent = 0; agent < 8; ++agent) {
+    use("modbus-tcp", Port::fixed);
+    wire->then([](ByteView) { return Bytes(); });
+    open();
+    read("hr:0");
+    const Bytes& asked = wire->written().at(0);
+    first.insert({asked.begin(), asked.begin() + 2});
+  }
+  EXPECT_GT(first.size(), 4U);
 }
 
 TEST_F(NumberedDatagrams, NonsenseLeavesThePortOpenAndTheNextQuestionGoesAtOnce) {
