@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "protocol/address_space.h"
+#include "protocol/codec.h"
 #include "protocol/mc/device.h"
 
 namespace fxagent::mc {
@@ -24,16 +24,20 @@ struct Dialect {
   Series series() const { return series_of(model); }
 };
 
-/// Read::way: 0401 by bits, 0401 by words, and 0403 by double words, which 32-bit devices need.
+/// Read::way: 0401 by bits, 0401 by words, and 0403 by double words, which 32-bit devices need; as
+/// parts of a Gather words and double words of 0403, and blocks of 0406.
 inline constexpr std::uint8_t kBitWay = 0;
 inline constexpr std::uint8_t kWordWay = 1;
 inline constexpr std::uint8_t kDwordWay = 2;
-/// Added to a way after the PLC has refused a command: the device codes of Q and L although the
-/// model is an iQ-R; no block commands.
+inline constexpr std::uint8_t kRandomWay = 3;
+inline constexpr std::uint8_t kBlockWay = 4;
+/// GatherCommand::gather: 0403 and 0406.
+inline constexpr std::uint8_t kRandomRead = 1;
+inline constexpr std::uint8_t kBlockRead = 2;
+/// Added to a way after an iQ-R has refused its own device codes: those of Q and L.
 inline constexpr std::uint8_t kPlainCodes = 0x80;
-inline constexpr std::uint8_t kNoBlocks = 0x40;
 constexpr std::uint8_t plain_way(std::uint8_t way) {
-  return way & static_cast<std::uint8_t>(~(kPlainCodes | kNoBlocks));
+  return way & static_cast<std::uint8_t>(~kPlainCodes);
 }
 /// Whether requests of this way have the 2-byte codes and 4-byte numbers of iQ-R.
 bool has_long_codes(const Dialect& dialect, std::uint8_t way);
@@ -49,11 +53,18 @@ struct Limits {
 };
 Limits limits_of(const Dialect& dialect, bool long_codes);
 
+/// The way that a read goes by, where it is one within all its limits. bad_request: it is not;
+/// unsupported: this model has no such way.
+Result<ReadWay> way_of(const Dialect& dialect, const Read& read);
+
+/// Whether this code and series have a name for the kind.
+bool has_name(const Dialect& dialect, Space space);
 /// Contacts and coils of timers and counters are reached bit by bit only.
 bool is_contact(Space space);
 
-/// AddressSpace::read_ways() and max_write_bits().
+/// AddressSpace::read_ways(), gathers() and max_write_bits().
 std::vector<ReadWay> read_ways(const Dialect& dialect, std::uint16_t space);
+std::vector<GatherCommand> gathers(const Dialect& dialect);
 std::uint32_t max_write_bits(const Dialect& dialect, std::uint16_t space);
 
 }  // namespace fxagent::mc

@@ -5,7 +5,6 @@
 #include "protocol/mc/body.h"
 #include "protocol/mc/end_code.h"
 #include "protocol/mc/message.h"
-#include "protocol/mc/random_access.h"
 
 namespace fxagent::mc {
 namespace {
@@ -142,6 +141,8 @@ std::string Mc::name_of(const Span& span) const { return device_name(settings_.m
 std::vector<ReadWay> Mc::read_ways(std::uint16_t space) const {
   return mc::read_ways(dialect_, space);
 }
+
+std::vector<GatherCommand> Mc::gathers() const { return mc::gathers(dialect_); }
 
 std::uint32_t Mc::max_write_bits(std::uint16_t space) const {
   return mc::max_write_bits(dialect_, space);
@@ -325,27 +326,17 @@ RefusalMeaning Mc::meaning_of(const Request& request, int device_code) const {
 }
 
 std::optional<Request> Mc::instead_of(const Request& request, int device_code) const {
-  if (!is_unknown_command(static_cast<std::uint16_t>(device_code))) return std::nullopt;
+  const bool has_other = dialect_.series() == Series::iq_r &&
+                         is_unknown_command(static_cast<std::uint16_t>(device_code));
+  if (!has_other) return std::nullopt;
   Request other = request;
-  const auto change = [&](std::uint8_t& way, std::uint8_t flag) {
-    if ((way & flag) != 0) return false;
-    way |= flag;
-    return true;
-  };
-  if (auto* gather = std::get_if<Gather>(&other)) {
-    bool changed = false;
-    const std::uint8_t flag = goes_by_blocks(dialect_, *gather) ? kNoBlocks : kPlainCodes;
-    for (Read& part : gather->parts) changed |= change(part.way, flag);
-    return changed && encode_message(dialect_, other) ? std::optional(other) : std::nullopt;
-  }
-  if (dialect_.series() != Series::iq_r) return std::nullopt;
-  bool changed = false;
-  if (auto* read = std::get_if<Read>(&other)) changed = change(read->way, kPlainCodes);
-  if (auto* write = std::get_if<Write>(&other)) changed = change(write->way, kPlainCodes);
-  if (auto* force = std::get_if<Force>(&other)) changed = change(force->way, kPlainCodes);
+  if (auto* read = std::get_if<Read>(&other)) read->way |= kPlainCodes;
+  if (auto* write = std::get_if<Write>(&other)) write->way |= kPlainCodes;
+  if (auto* force = std::get_if<Force>(&other)) force->way |= kPlainCodes;
   if (auto* scatter = std::get_if<Scatter>(&other))
-    for (Write& part : scatter->parts) changed |= change(part.way, kPlainCodes);
-  return changed && encode_message(dialect_, other) ? std::optional(other) : std::nullopt;
+    for (Write& part : scatter->parts) part.way |= kPlainCodes;
+  if (other == request || !encode_message(dialect_, other)) return std::nullopt;
+  return other;
 }
 
 std::optional<Request> Mc::combine(const std::vector<Request>& requests) const {

@@ -51,6 +51,7 @@ class Mc final : public Codec, public AddressSpace, public PlcServices {
 
   std::string name_of(const Span& span) const override;
   std::vector<ReadWay> read_ways(std::uint16_t space) const override;
+  std::vector<GatherCommand> gathers() const override;
   std::uint32_t max_write_bits(std::uint16_t space) const override;
   ByteOrder default_order() const override;
 
@@ -71,7 +72,7 @@ class Mc final : public Codec, public AddressSpace, public PlcServices {
   std::optional<Request> probe(std::uint32_t number) const override;
   std::optional<Request> apart_from(const Request& request) const override;
   RefusalMeaning meaning_of(const Request& request, int device_code) const override;
-  /// The codes of Q and L in place of those of iQ-R; 0403 in place of 0406.
+  /// The codes of Q and L in place of those of iQ-R.
   std::optional<Request> instead_of(const Request& request, int device_code) const override;
   std::optional<Request> combine(const std::vector<Request>& requests) const override;
 

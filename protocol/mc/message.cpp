@@ -18,28 +18,30 @@ tl::unexpected<Error> refuse(std::string text) {
 
 std::uint32_t width_of(std::uint16_t space) { return kind_of(static_cast<Space>(space)).bits; }
 
+/// A read of 32-bit devices as the random read that it is, one part for each; a read that is part
+/// of a Gather as its only one.
+Gather parts_of(const Read& read, const ReadWay& by) {
+  if (by.gather != 0) return {{{read.span, read.way, by.gather}}};
+  const std::uint32_t unit_bits = by.unit_bits;
+  Gather gather;
+  const auto way = static_cast<std::uint8_t>(kRandomWay | (read.way & kPlainCodes));
+  for (std::uint32_t done = 0; done < read.span.bits; done += unit_bits)
+    gather.parts.push_back(
+        {{read.span.space, read.span.first_bit + done, unit_bits}, way, kRandomRead});
+  return gather;
+}
+
 Result<Bytes> encode_read(const Dialect& dialect, const Read& read) {
-  const Span& span = read.span;
-  const std::uint8_t wanted = plain_way(read.way);
-  for (const ReadWay& way : read_ways(dialect, span.space)) {
-    if (way.way != wanted || span.bits > way.end_bit || span.first_bit > way.end_bit - span.bits)
-      continue;
-    if (span.first_bit % way.align_bits != 0 || span.bits % way.unit_bits != 0 || span.bits == 0 ||
-        span.bits > way.max_bits)
-      return refuse("read of " + std::to_string(span.bits) + " bits from " +
-                    device_name(dialect.model, span) + ": at most " + std::to_string(way.max_bits) +
-                    ", in steps of " + std::to_string(way.unit_bits));
-    if (wanted == kDwordWay) return encode_gather(dialect, {{read}});
-    Body body(dialect, has_long_codes(dialect, read.way), id(Command::read),
-              wanted == kBitWay ? kBits : kWords);
-    if (const auto named = body.device(span.space, span.first_bit); !named)
-      return tl::make_unexpected(named.error());
-    body.number(span.bits / way.unit_bits, 2);
-    return body.take();
-  }
-  return fail(ErrorCode::unsupported, device_name(dialect.model, span) + ": " +
-                                          std::to_string(span.bits) +
-                                          " bits are not read in this way on this model");
+  const auto way = way_of(dialect, read);
+  if (!way) return tl::make_unexpected(way.error());
+  if (way->gather != 0 || way->way == kDwordWay)
+    return encode_gather(dialect, parts_of(read, *way));
+  Body body(dialect, has_long_codes(dialect, read.way), id(Command::read),
+            way->way == kBitWay ? kBits : kWords);
+  if (const auto named = body.device(read.span.space, read.span.first_bit); !named)
+    return tl::make_unexpected(named.error());
+  body.number(read.span.bits / way->unit_bits, 2);
+  return body.take();
 }
 
 Result<Bytes> encode_write(const Dialect& dialect, const Write& write) {
@@ -98,17 +100,6 @@ Result<Bytes> encode_control(const Dialect& dialect, Control::Kind kind) {
 std::size_t read_size(Code code, const Read& read) {
   if (plain_way(read.way) != kBitWay) return wire_size(code, read.span.bits / 8);
   return code == Code::ascii ? read.span.bits : (read.span.bits + 1) / 2;
-}
-
-std::optional<Request> gathered(const Dialect& dialect, const std::vector<Request>& requests) {
-  Gather gather;
-  for (const Request& request : requests) {
-    const auto* read = std::get_if<Read>(&request);
-    if (read == nullptr) return std::nullopt;
-    gather.parts.push_back(*read);
-  }
-  if (!encode_gather(dialect, gather)) return std::nullopt;
-  return Request(std::move(gather));
 }
 
 std::optional<Request> scattered(const Dialect& dialect, const std::vector<Request>& requests) {
@@ -200,7 +191,9 @@ std::size_t answer_size(const Dialect& dialect, const Request& request) {
 Result<Bytes> decode_answer(const Dialect& dialect, const Request& request, ByteView data) {
   if (const auto* read = std::get_if<Read>(&request)) {
     if (plain_way(read->way) == kBitWay) return bits_in(dialect.code, data, read->span.bits);
-    return image_in(dialect.code, data, plain_way(read->way) == kDwordWay ? 4 : 2);
+    const auto space = static_cast<Space>(read->span.space);
+    const bool pairs = plain_way(read->way) == kRandomWay && read->span.bits == 32;
+    return image_in(dialect.code, data, pairs || kind_of(space).bits == 32 ? 4 : 2);
   }
   if (const auto* gather = std::get_if<Gather>(&request))
     return decode_gather(dialect, *gather, data);
@@ -214,8 +207,15 @@ Result<Bytes> decode_answer(const Dialect& dialect, const Request& request, Byte
 
 std::optional<Request> combined(const Dialect& dialect, const std::vector<Request>& requests) {
   if (requests.size() < 2) return std::nullopt;
-  if (std::holds_alternative<Read>(requests.front())) return gathered(dialect, requests);
-  return scattered(dialect, requests);
+  if (!std::holds_alternative<Read>(requests.front())) return scattered(dialect, requests);
+  std::vector<Read> reads;
+  for (const Request& request : requests) {
+    const auto* read = std::get_if<Read>(&request);
+    if (read == nullptr) return std::nullopt;
+    reads.push_back(*read);
+  }
+  auto gather = gathered(dialect, reads);
+  return gather ? std::optional<Request>(std::move(*gather)) : std::nullopt;
 }
 
 }  // namespace fxagent::mc

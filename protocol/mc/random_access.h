@@ -8,14 +8,13 @@
 
 namespace fxagent::mc {
 
-/// By 0403 or, where that is shorter and this PLC has it, by 0406. Bits are read as words of 16.
-/// unsupported: no frame carries these reads.
+/// By 0403 or 0406, as its parts say. bad_request: out of the limits, or parts of both.
 Result<Bytes> encode_gather(const Dialect& dialect, const Gather& gather);
 std::size_t gather_size(const Dialect& dialect, const Gather& gather);
 /// The image of codec.h: part by part.
 Result<Bytes> decode_gather(const Dialect& dialect, const Gather& gather, ByteView data);
-/// Whether it goes by 0406.
-bool goes_by_blocks(const Dialect& dialect, const Gather& gather);
+/// One Gather of reads by any way; nullopt where no frame carries them.
+std::optional<Gather> gathered(const Dialect& dialect, const std::vector<Read>& reads);
 
 /// By 1402: bits alone, or words and double words. unsupported: no frame carries these writes.
 Result<Bytes> encode_scatter(const Dialect& dialect, const Scatter& scatter);
