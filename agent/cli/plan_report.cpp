@@ -225,7 +225,8 @@ GroupLoad report_group(const DeviceConfig& device, const DevicePlan& plan, const
 
 std::optional<int> baud_of(const LinkConfig& link) {
   if (const auto* serial = std::get_if<SerialSettings>(&link.channel)) return serial->baud;
-  const int baud = std::get<TcpSettings>(link.channel).line_baud;
+  const auto* tcp = std::get_if<TcpSettings>(&link.channel);
+  const int baud = tcp != nullptr ? tcp->line_baud : 0;
   return baud > 0 ? std::optional(baud) : std::nullopt;
 }
 

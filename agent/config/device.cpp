@@ -502,6 +502,41 @@ void DeviceReader::read_allow(const ConfigNode& list) {
 
 // ---- devices and their links ------------------------------------------------------------------
 
+using Channel = LinkFacts::Channel;
+constexpr std::array kChannels{std::pair(Channel::serial, "serial"sv),
+                               std::pair(Channel::tcp, "tcp"sv), std::pair(Channel::udp, "udp"sv)};
+
+bool runs_on(const ProtocolInfo& protocol, Channel channel) {
+  switch (channel) {
+    case Channel::serial:
+      return protocol.on_serial;
+    case Channel::tcp:
+      return protocol.on_tcp;
+    case Channel::udp:
+      return protocol.on_udp;
+    case Channel::none:
+      break;
+  }
+  return true;  // that link has its own error
+}
+
+/// What to do where the protocol does not run over the channel of its link.
+std::string why_not_on(const ProtocolInfo& protocol, Channel channel) {
+  std::string given;
+  std::string needed;
+  for (const auto& [each, word] : kChannels) {
+    if (each == channel) given = word;
+    if (runs_on(protocol, each))
+      needed.append(needed.empty() ? "\"" : " or \"").append(word).append("\"");
+  }
+  std::string others;
+  for (const ProtocolInfo& other : catalog())
+    if (channel == Channel::udp && other.on_udp)
+      others.append(others.empty() ? "; over udp run " : ", ").append(other.name);
+  return std::string(protocol.name) + " does not run over a " + given +
+         " link; it needs one with " + needed + others;
+}
+
 /// Finds the device's link and holds it against what else is on it.
 void join_link(ConfigReader& reader, const DeviceEntry& entry, const NameTable& links,
                std::vector<LinkFacts>& facts, DeviceConfig& device) {
@@ -522,10 +557,7 @@ void join_link(ConfigReader& reader, const DeviceEntry& entry, const NameTable& 
   if (before == nullptr) link.first_device = &entry.node();
   if (device.protocol == nullptr) return;
   const ProtocolInfo& protocol = *device.protocol;
-  if (!(link.is_serial ? protocol.on_serial : protocol.on_tcp))
-    reader.error(given, std::string(protocol.name) + " does not run over a " +
-                            (link.is_serial ? "serial link; it needs one with \"tcp\""
-                                            : "tcp link; it needs one with \"serial\""));
+  if (!runs_on(protocol, link.channel)) reader.error(given, why_not_on(protocol, link.channel));
   if (link.protocol == nullptr) {
     link.protocol = &protocol;
   } else if (link.protocol != &protocol) {

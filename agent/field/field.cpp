@@ -16,9 +16,11 @@
 #include <vector>
 
 #include "agent/commands/result.h"
+#include "agent/field/host_lookup.h"
 #include "agent/field/link_worker.h"
 #include "agent/field/serial_transport.h"
 #include "agent/field/tcp_transport.h"
+#include "agent/field/udp_transport.h"
 #include "agent/log/log.h"
 #include "agent/process/startup.h"
 
@@ -31,6 +33,8 @@ std::unique_ptr<Transport> transport_for(const asio::any_io_executor& executor,
                                          const LinkConfig& link) {
   if (const auto* serial = std::get_if<SerialSettings>(&link.channel))
     return make_serial_transport(executor, *serial);
+  if (const auto* udp = std::get_if<UdpSettings>(&link.channel))
+    return make_udp_transport(executor, *udp);
   return make_tcp_transport(executor, std::get<TcpSettings>(link.channel));
 }
 
@@ -178,7 +182,7 @@ class Field::Room final {
   }
 
   void spawn(std::uint32_t link) {
-    const bool looks_up = std::holds_alternative<TcpSettings>(config_->links[link].channel);
+    const bool looks_up = !std::holds_alternative<SerialSettings>(config_->links[link].channel);
     if (looks_up && !std::exchange(looks_up_, true)) start_looking_up(io_.get_executor());
     places_[link].runs = true;
     ++running_;
@@ -260,12 +264,8 @@ class Field::Room final {
     }
     for (const std::uint32_t link : change.links_adjusted)
       if (places_[link].worker) places_[link].worker->adjust(config_->links[link]);
-    last_seq.resize(config_->devices.size());
-    for (const std::uint32_t device : change.devices_begin) {
-      const auto known = last_numbers_.find(config_->devices[device].name);
-      if (known != last_numbers_.end()) last_seq[device] = known->second;
-    }
     last_seq_ = std::move(last_seq);
+    last_seq_.resize(config_->devices.size());
     std::vector<std::vector<std::uint32_t>> joining(places_.size());
     for (const std::uint32_t device : change.devices_begin)
       joining[config_->devices[device].link].push_back(device);
@@ -287,9 +287,11 @@ class Field::Room final {
   void begin_one(std::deque<ToBegin>::iterator which) {
     const ToBegin next = std::move(*which);
     to_begin_.erase(which);
-    // A store that has opened since may know more.
-    for (const std::uint32_t device : next.devices)
-      last_seq_[device] = std::max(last_seq_[device], last_numbers_[config_->devices[device].name]);
+    // Of a name that has ended in this run, or of which a store has told since, that is the number.
+    for (const std::uint32_t device : next.devices) {
+      const auto known = last_numbers_.find(config_->devices[device].name);
+      if (known != last_numbers_.end()) last_seq_[device] = known->second;
+    }
     try {
       if (LinkWorker* worker = places_[next.link].worker.get())
         return worker->add(*config_, next.devices, last_seq_);

@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include "agent/commands/result.h"
 #include "protocol/plan.h"
 #include "tests/agent/field/field_plant.h"
 #include "tests/agent/field/on_io.h"
@@ -32,7 +33,7 @@ class Others final : public BusSharing {
     co_return;
   }
   void concluded(std::size_t, const TargetResult&) override {}
-  bool is_stopping() const override { return stopping; }
+  std::string_view why_stopping() const override { return stopping ? kStopping : ""; }
   bool is_over() const override { return over; }
 
   int turns = 0;
@@ -169,6 +170,35 @@ TEST_F(CommandExchangesTest, StopLetsNobodyHaveATurnAndItsEndCutsOff) {
   EXPECT_EQ(send().outcome, Exchange::Outcome::link_down);
   EXPECT_TRUE(exchanges->was_cut_off());
   EXPECT_TRUE(wire->written().empty());
+}
+
+/// The same, of a protocol that knows what to look at.
+class HintingExchangesTest : public CommandExchangesTest {
+ protected:
+  HintingExchangesTest() {
+    hinting.silent_hint = "is it switched on?";
+    hinting.closed_hint = "is another program using this connection?";
+    device.protocol = &hinting;
+  }
+  ProtocolInfo hinting = *find_protocol("fx-programming-port");
+};
+
+TEST_F(HintingExchangesTest, DeviceThatHasNeverAnsweredIsToldWithWhatToLookAt) {
+  wire->hang_up();  // while it listens
+  const std::string closed = send().error;
+  EXPECT_NE(closed.find("; is another program"), std::string::npos) << closed;
+  wire->silence().expect(kWrite50).silence();
+  const std::string silent = send().error;
+  EXPECT_NE(silent.find("; is it switched on?"), std::string::npos) << silent;
+}
+
+TEST_F(HintingExchangesTest, DeviceThatHasAnsweredHasTheRightSettings) {
+  wire->silence().expect(kWrite50).give(kAck);
+  wire->expect(kWrite50).silence();
+  EXPECT_TRUE(send().is_ack());
+  const std::string silent = send().error;
+  EXPECT_FALSE(silent.empty());
+  EXPECT_EQ(silent.find("; is it"), std::string::npos) << silent;
 }
 
 }  // namespace
