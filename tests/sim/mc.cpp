@@ -46,9 +46,11 @@ std::uint32_t number_at(ByteView frame, std::size_t at, unsigned size, McCode co
   return in.number(size);
 }
 
+/// Nothing where the frame ends before: two flaws of one reply may leave too little of it.
 void put_number(Bytes& frame, std::size_t at, std::uint32_t value, unsigned size, McCode code) {
   Bytes field;
   append_mc(field, code, value, size);
+  if (at + field.size() > frame.size()) return;
   std::ranges::copy(field, frame.begin() + static_cast<std::ptrdiff_t>(at));
 }
 

@@ -224,9 +224,9 @@ class Cpu final {
     for (const auto& access : request_.accesses) {
       const auto head = head_of(access);
       if (bits()) {
-        std::vector<std::uint32_t> points;
+        std::vector<std::uint32_t> points(access.points);
         for (unsigned i = 0; i < access.points; ++i)
-          points.push_back(memory.get({head.kind, head.number + i}));
+          points[i] = memory.get({head.kind, head.number + i});
         append_mc_points(outcome.data, code_, points);
       } else if (access.is_double) {
         append_mc(outcome.data, code_, double_at(memory, head), 4);

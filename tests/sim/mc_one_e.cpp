@@ -260,9 +260,9 @@ Bytes data_of(const Request& request, const DeviceMemory& memory, McCode code) {
   Bytes data;
   const auto head = *request.head.device;
   if (request.command.bits) {
-    std::vector<std::uint32_t> points;
+    std::vector<std::uint32_t> points(request.points);
     for (unsigned i = 0; i < request.points; ++i)
-      points.push_back(memory.get({head.kind, head.number + i}));
+      points[i] = memory.get({head.kind, head.number + i});
     if (code == McCode::ascii && points.size() % 2 != 0) points.push_back(0);
     append_mc_points(data, code, points);
   } else if (head.kind == Kind::c_value32) {

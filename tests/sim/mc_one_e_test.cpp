@@ -160,8 +160,13 @@ TEST(McOneEDamage, NoBytesBringItDown) {
     auto plc = make_plc();
     McSettings settings;
     settings.code = row.code;
-    for (int i = 0; i < 500; ++i)
-      replies_of(McOneE(settings), plc, damaged(mc_bytes(row.request, row.code), random));
+    const McOneE station(settings);
+    for (int i = 0; i < 500; ++i) {
+      replies_of(station, plc, damaged(mc_bytes(row.request, row.code), random));
+      auto reply = mc_bytes(row.answer, row.code);
+      for (const auto flaw : {Flaw::shorter, Flaw::shorter, Flaw::end_code, Flaw::header})
+        station.spoil(reply, flaw);
+    }
   }
 }
 

@@ -416,7 +416,7 @@ void McSerial::spoil(Bytes& reply, Flaw flaw) const {
       length_off = 2;
       break;
     case Flaw::end_code:
-      if (binary) {
+      if (binary && text.size() >= kBinaryRouteSize + 4) {
         const auto at = static_cast<std::ptrdiff_t>(kBinaryRouteSize + 2);
         Bytes field;
         append_mc(field, McCode::binary, kStrangeEndCode, 2);

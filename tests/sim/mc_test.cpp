@@ -363,11 +363,18 @@ TEST_F(McPlc, CounterPlantCountsInDAndTakesNoMemory) {
 
 TEST(McDamage, NoBytesBringItDown) {
   std::mt19937 random(1);
+  constexpr std::array kFlaws = {Flaw::sender, Flaw::transaction,  Flaw::length,
+                                 Flaw::header, Flaw::length_short, Flaw::length_long,
+                                 Flaw::longer, Flaw::shorter,      Flaw::end_code};
   for (const auto& row : kMcRows) {
     auto plc = make_plc(row.model);
     const McEthernet station(row.protocol, settings_of(row.model, row.code));
-    for (int i = 0; i < 200; ++i)
+    for (int i = 0; i < 200; ++i) {
       replies_of(station, plc, damaged(mc_bytes(row.request, row.code), random));
+      auto reply = mc_bytes(row.answer, row.code);
+      for (int flaws = 0; flaws < 4; ++flaws)
+        station.spoil(reply, kFlaws[random() % kFlaws.size()]);
+    }
   }
 }
 

@@ -109,9 +109,9 @@ Answer Station::schedule(const Frame& frame, Bytes reply, const Treatment& treat
     add(std::move(reply));
   }
   add(treatment.after);
-  if (treatment.twice) {
+  if (treatment.twice && !answer.pieces.empty()) {
     const auto once = answer.pieces.size();
-    for (std::size_t i = 0; i < once; ++i) answer.pieces.push_back(Answer::Piece(answer.pieces[i]));
+    for (std::size_t i = 0; i < once; ++i) answer.pieces.emplace_back(answer.pieces[i]);
     answer.pieces[once].pause = *treatment.twice;
   }
   return answer;
