@@ -28,7 +28,7 @@ while [ $# -gt 0 ]; do
       ;;
   esac
 done
-[ ${#targets[@]} -gt 0 ] || targets=(decode inputs store stream)
+[ ${#targets[@]} -gt 0 ] || targets=(decode import inputs store stream)
 
 clang=$(command -v clang++-19 || command -v clang++ || true)
 if [ -z "$clang" ]; then
