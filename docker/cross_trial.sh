@@ -47,7 +47,8 @@ jq --argjson port "$sim_port" --arg store "$dir/store" ".links[0].tcp = {host: \
   | .mqtt = {servers: [\"mqtt://127.0.0.1:$port\"]}" docker/plant/agent.json >"$dir/agent.json"
 fxagent check "$dir/agent.json"
 fxagent read "$dir/agent.json" press1 D100
-fxagent run "$dir/agent.json" 2>"$dir/agent.log" &
+# By itself, so that the child is the agent and not a shell that waits for it.
+"$emulator" /usr/bin/fxagent run "$dir/agent.json" 2>"$dir/agent.log" &
 agent=$!
 children+=("$agent")
 base=fx/plant-a/edge7
