@@ -52,10 +52,16 @@ struct ProtocolInfo {
   std::vector<std::string_view> fast_models;
   bool on_serial = true;
   bool on_tcp = true;
+  bool on_udp = false;     ///< a datagram holds one whole frame
   bool multidrop = false;  ///< frames carry a station or unit, so devices can share a line
   std::vector<std::string_view> models;  ///< what `model` may be, besides auto; empty: it has none
   std::vector<std::string_view> kin;     ///< further names of them, which `model` may be too
   std::vector<OptionSpec> options;
+  /// For a person: which settings to look at where a connection stands and nothing was ever
+  /// answered over it, and where the device closes it before its first answer. Empty: nothing is
+  /// known that would help.
+  std::string_view silent_hint;
+  std::string_view closed_hint;
   Result<std::shared_ptr<const Codec>> (*make)(const Options&) = nullptr;
 };
 

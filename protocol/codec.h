@@ -54,13 +54,19 @@ struct Scatter {
   std::vector<Write> parts;
   friend bool operator==(const Scatter&, const Scatter&) = default;
 };
+/// Several reads that one frame carries from scattered places. The image of its reply is that of
+/// one part behind the other, in their order, each beginning with a whole byte.
+struct Gather {
+  std::vector<Read> parts;
+  friend bool operator==(const Gather&, const Gather&) = default;
+};
 /// What a protocol has beside memory access: a reset of the line, and services of plc.h.
 struct Control {
   enum class Kind : std::uint8_t { identify, run, stop, reset } kind = Kind::identify;
   friend bool operator==(const Control&, const Control&) = default;
 };
 
-using Request = std::variant<Enquire, Read, Write, Force, Control, Scatter>;
+using Request = std::variant<Enquire, Read, Write, Force, Control, Scatter, Gather>;
 
 /// What came back to a request.
 struct Reply {
@@ -206,7 +212,8 @@ class Codec {
 
   // One request made of others.
 
-  /// One request that carries out all of `requests` in one frame (BT, WT); nullopt where none can.
+  /// One request that carries out all of `requests` in one frame: a Scatter of writes and forces
+  /// (BT, WT), a Gather of reads; nullopt where none can.
   virtual std::optional<Request> combine(const std::vector<Request>& /*requests*/) const {
     return std::nullopt;
   }
