@@ -52,6 +52,7 @@ struct DevicePlan {
 
   nanoseconds longest_exchange() const {
     std::vector<const Plan*> plans;
+    plans.reserve(groups.size());
     for (const GroupPlan& group : groups) plans.push_back(&group.plan);
     return longest_poll(*codec, plans, timing);
   }
@@ -508,6 +509,7 @@ std::vector<std::string> overloads(const Config& config) {
 
 std::vector<LinkReport> plan_links(const Config& config) {
   std::vector<LinkReport> links;
+  links.reserve(config.links.size());
   for (std::uint32_t i = 0; i < config.links.size(); ++i) links.push_back(report_link(config, i));
   return links;
 }
