@@ -13,6 +13,14 @@
 
 namespace fxagent {
 
+/// A command that reads several places by one frame (random read, blocks): what a Gather of one
+/// frame may hold. Its parts are reads by the ways that name it, of any spaces.
+struct GatherCommand {
+  std::uint8_t gather = 1;  ///< ReadWay::gather of these ways; above 0
+  std::uint32_t max_parts = 1;
+  std::uint32_t max_bits = 0xFFFFFFFF;  ///< of all parts together
+};
+
 /// One way to read part of a space. A read by it starts at a multiple of `align_bits` from the
 /// space's start, is a multiple of `unit_bits` long, at most `max_bits`, inside [first_bit,
 /// end_bit). All lengths are in bits of the image.
@@ -27,6 +35,11 @@ struct ReadWay {
   std::uint32_t max_bits = 512;
   std::uint32_t max_gap_bits =
       0xFFFFFFFF;  ///< bits that nobody asked for, at most so many in a row
+  /// 0: a read by this way is an exchange of its own. Else it is sent in a Gather, by the
+  /// GatherCommand of this number, if need be as its only part; the limits above are those of one
+  /// part. Random read of words and double words: unit_bits 16, max_bits 32; blocks: as many as a
+  /// block may have. Such a way has a number `way` of its own, too.
+  std::uint8_t gather = 0;
 };
 
 /// The devices that a codec reaches, cut into spaces (point.h). Got from Codec::addresses() and
@@ -63,6 +76,9 @@ class AddressSpace {
 
   /// The space's ways, best first. Empty where this model has no such space.
   virtual std::vector<ReadWay> read_ways(std::uint16_t space) const = 0;
+  /// The commands that read several places by one frame. Empty where the protocol or this model has
+  /// none; then no way names one, and the planner does not look for what could go together.
+  virtual std::vector<GatherCommand> gathers() const { return {}; }
   /// Bits of the space that no read and no write may lie on both sides of, although all of it
   /// exists: the devices from there on may lie elsewhere.
   virtual std::vector<std::uint32_t> borders(std::uint16_t /*space*/) const { return {}; }

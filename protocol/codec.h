@@ -31,6 +31,7 @@ struct Enquire {
 struct Read {
   Span span;
   std::uint8_t way = 0;
+  std::uint8_t gather = 0;  ///< ReadWay::gather of that way: not 0 only in a part of a Gather
   friend bool operator==(const Read&, const Read&) = default;
 };
 /// Overwrites whole units of a space; `image` covers exactly `span`. `way` 0 is the codec's first
@@ -54,8 +55,9 @@ struct Scatter {
   std::vector<Write> parts;
   friend bool operator==(const Scatter&, const Scatter&) = default;
 };
-/// Several reads that one frame carries from scattered places. The image of its reply is that of
-/// one part behind the other, in their order, each beginning with a whole byte.
+/// Several reads that one frame carries from scattered places, at least one: all by the same
+/// GatherCommand, in any order. The image of its reply is that of one part behind the other, in the
+/// order of the parts, each beginning with a whole byte.
 struct Gather {
   std::vector<Read> parts;
   friend bool operator==(const Gather&, const Gather&) = default;
@@ -168,13 +170,17 @@ class Codec {
 
   // Timing.
 
-  /// Characters of one exchange of `request` that ends well.
+  /// Characters of one exchange of `request` that ends well. What a part adds to a Gather depends
+  /// on that part alone, not on the others: so the planner reckons.
   virtual LineLength line_length(const Request& request) const = 0;
   /// Silence that the protocol demands before a request (3.5 characters on Modbus RTU, Serial Line
   /// V1.02, 2.5.1.1); `char_time` is that of one character, 0 where the line's speed is not known.
   virtual std::chrono::nanoseconds quiet_before(std::chrono::nanoseconds /*char_time*/) const {
     return {};
   }
+  /// After how long the device itself gives a request up, and answers with the reason: who waits
+  /// less than that hears neither. 0 where it has no such time.
+  virtual std::chrono::milliseconds gives_up_after() const { return {}; }
   /// How long nothing may be asked after `request`, which is not answered (a broadcast).
   virtual std::chrono::milliseconds pause_after(const Request& /*request*/) const { return {}; }
 
@@ -202,7 +208,9 @@ class Codec {
 
   // Refusals.
 
-  /// What a refusal of `request` with this code (Reply::device_code) means.
+  /// What a refusal of `request` with this code (Reply::device_code) means. Of a Gather `hole`: one
+  /// of its parts, or too many of them; `final`: this device lacks the command, and its places are
+  /// read one by one from then on.
   virtual RefusalMeaning meaning_of(const Request& request, int device_code) const = 0;
   /// Another request with the same effect, where `request` was refused because this device lacks
   /// its function (Modbus 06 → 16); nullopt where there is none.

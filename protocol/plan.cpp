@@ -1,215 +1,15 @@
 #include "protocol/plan.h"
 
 #include <algorithm>
-#include <limits>
 #include <map>
-#include <numeric>
 #include <optional>
 #include <utility>
 
+#include "protocol/cheapest_reads.h"
+#include "protocol/gathering.h"
+
 namespace fxagent {
 namespace {
-
-std::uint32_t round_up(std::uint32_t value, std::uint32_t step) {
-  return (value + step - 1) / step * step;
-}
-
-/// What one read would have to bring, and what it would be: [first, end) in bits of the space.
-struct Extent {
-  std::uint32_t first = 0;
-  std::uint32_t end = 0;
-};
-
-/// The borders and holes of one space, as bits of it.
-struct Forbidden {
-  std::vector<std::uint32_t> cuts;
-  std::vector<Extent> missing;
-
-  bool holds(const Extent& read) const {
-    return std::any_of(cuts.begin(), cuts.end(),
-                       [&](std::uint32_t at) { return read.first < at && at < read.end; }) ||
-           std::any_of(missing.begin(), missing.end(), [&](const Extent& hole) {
-             return read.first <= hole.first && hole.end <= read.end;
-           });
-  }
-};
-
-Forbidden forbidden_in(const Holes& holes, std::uint16_t space) {
-  Forbidden out;
-  for (const Holes::Cut& cut : holes.cuts)
-    if (cut.space == space) out.cuts.push_back(cut.at);
-  for (const Span& span : holes.missing)
-    if (span.space == space) out.missing.push_back({span.first_bit, span.end_bit()});
-  return out;
-}
-
-/// The shortest read by `way` that covers `wanted`; nullopt where the way does not reach it or may
-/// not carry so much.
-std::optional<Extent> fit(const ReadWay& way, const Extent& wanted) {
-  if (wanted.first < way.first_bit || wanted.end > way.end_bit) return std::nullopt;
-  std::uint32_t first = wanted.first - wanted.first % way.align_bits;
-  if (first < way.first_bit) return std::nullopt;
-  std::uint32_t bits = round_up(wanted.end - first, way.unit_bits);
-  // A unit that would stick out behind the last device is filled from before the first one instead.
-  while (bits > way.end_bit - first) {
-    const std::uint32_t back = round_up(bits - (way.end_bit - first), way.align_bits);
-    if (back > first - way.first_bit) return std::nullopt;
-    first -= back;
-    bits = round_up(wanted.end - first, way.unit_bits);
-  }
-  if (bits > way.max_bits) return std::nullopt;
-  return Extent{first, first + bits};
-}
-
-bool reaches(const ReadWay& way, const Span& span) {
-  ReadWay unlimited = way;
-  unlimited.max_bits = std::numeric_limits<std::uint32_t>::max();
-  return fit(unlimited, {span.first_bit, span.end_bit()}).has_value();
-}
-
-bool one_read_holds(const std::vector<ReadWay>& ways, const Forbidden& forbidden,
-                    const Extent& wanted) {
-  return std::any_of(ways.begin(), ways.end(), [&](const ReadWay& way) {
-    const auto read = fit(way, wanted);
-    return read && !forbidden.holds(*read);
-  });
-}
-
-/// Everything that is read from one space by ways of one tier. Points are merged inside it only.
-struct Bucket {
-  std::vector<ReadWay> ways;
-  Forbidden forbidden;
-  std::vector<std::uint32_t> points;  // indices in the caller's list
-  std::vector<Span> spans;            // theirs, in the same order
-  std::vector<Extent> pieces;         // what must lie whole in one read
-};
-
-/// The point's pieces: itself where one read can hold it, else its elements, else its units. Empty
-/// where some of it cannot be read at all.
-std::vector<Extent> pieces_of(const Bucket& bucket, const Point& point, const Span& span) {
-  const auto held = [&](const Extent& piece) {
-    return one_read_holds(bucket.ways, bucket.forbidden, piece);
-  };
-  const Extent whole{span.first_bit, span.end_bit()};
-  if (held(whole)) return {whole};
-  const std::uint32_t element = span.bits / point.count;
-  for (const std::uint32_t step : {element, bucket.ways.front().unit_bits}) {
-    std::vector<Extent> pieces;
-    for (std::uint32_t at = whole.first; at < whole.end; at += step)
-      pieces.push_back({at, std::min(at + step, whole.end)});
-    if (std::all_of(pieces.begin(), pieces.end(), held)) return pieces;
-  }
-  return {};
-}
-
-/// Sorts the pieces, widens them to what every way reads anyway, and drops those that lie inside
-/// another: afterwards both their starts and their ends rise.
-void reduce(Bucket& bucket) {
-  std::uint32_t grain = 0;
-  for (const ReadWay& way : bucket.ways)
-    grain = std::gcd(grain, std::gcd(way.align_bits, way.unit_bits));
-  for (Extent& piece : bucket.pieces) {
-    piece.first -= piece.first % grain;
-    piece.end = round_up(piece.end, grain);
-  }
-  std::sort(bucket.pieces.begin(), bucket.pieces.end(), [](const Extent& a, const Extent& b) {
-    return a.first != b.first ? a.first < b.first : a.end > b.end;
-  });
-  std::vector<Extent> kept;
-  for (const Extent& piece : bucket.pieces)
-    if (kept.empty() || piece.end > kept.back().end) kept.push_back(piece);
-  bucket.pieces = std::move(kept);
-}
-
-/// The price of reads by one way, by their length.
-class Price final {
- public:
-  Price(const Codec& codec, const LineCost& cost, const ReadWay& way, std::uint16_t space)
-      : codec_(codec),
-        cost_(cost),
-        way_(way),
-        space_(space),
-        known_(way.max_bits / way.unit_bits + 1) {}
-
-  std::int64_t of(const Extent& extent) {
-    const std::uint32_t bits = extent.end - extent.first;
-    std::optional<std::int64_t>& price = known_[bits / way_.unit_bits];
-    if (!price)
-      price = cost_.of(codec_.line_length(Read{{space_, extent.first, bits}, way_.way})).count();
-    return *price;
-  }
-
- private:
-  const Codec& codec_;
-  const LineCost& cost_;
-  const ReadWay& way_;
-  std::uint16_t space_;
-  std::vector<std::optional<std::int64_t>> known_;
-};
-
-/// For each piece the first one that a read may begin with if it is to bring both: nobody asks for
-/// more than the way's gap in between.
-std::vector<std::size_t> first_partners(const std::vector<Extent>& pieces, std::uint32_t max_gap) {
-  std::vector<std::size_t> first(pieces.size(), 0);
-  for (std::size_t i = 1; i < pieces.size(); ++i) {
-    const std::uint32_t end = pieces[i - 1].end;
-    const bool apart = pieces[i].first > end && pieces[i].first - end > max_gap;
-    first[i] = apart ? i : first[i - 1];
-  }
-  return first;
-}
-
-struct Choice {
-  std::int64_t cost = std::numeric_limits<std::int64_t>::max();  // of all reads up to this piece
-  std::size_t first = 0;  // the piece that the last read begins with
-  std::uint8_t way = 0;   // index in Bucket::ways
-  Extent extent;
-};
-
-/// The cheapest reads for the bucket's pieces.
-///
-/// Only runs of neighbours in start order need to be tried. Take any set of reads, without those
-/// inside another, so that starts and ends both rise, and give each piece to the last read that
-/// begins at or before it: that read ends no earlier than the one which brought the piece, so it
-/// covers it too; and what a read is given this way is a run.
-std::vector<Read> cheapest_reads(const Codec& codec, const LineCost& cost, std::uint16_t space,
-                                 const Bucket& bucket) {
-  const auto& pieces = bucket.pieces;
-  std::vector<Choice> best(pieces.size() + 1);
-  best[0].cost = 0;
-  std::vector<Price> prices;
-  std::vector<std::vector<std::size_t>> partners;
-  for (const ReadWay& way : bucket.ways) {
-    prices.emplace_back(codec, cost, way, space);
-    partners.push_back(first_partners(pieces, way.max_gap_bits));
-  }
-  for (std::size_t last = 0; last < pieces.size(); ++last) {
-    Choice& choice = best[last + 1];
-    for (std::size_t w = 0; w < bucket.ways.size(); ++w) {
-      // Back from the last piece until a read cannot hold them all; then none that begins earlier
-      // can.
-      for (std::size_t first = last + 1; first-- > partners[w][last];) {
-        const auto extent = fit(bucket.ways[w], {pieces[first].first, pieces[last].end});
-        if (!extent) break;
-        if (bucket.forbidden.holds(*extent)) continue;
-        if (best[first].cost == std::numeric_limits<std::int64_t>::max()) continue;
-        const std::int64_t total = best[first].cost + prices[w].of(*extent);
-        // Of equals the one with fewer reads.
-        if (total < choice.cost || (total == choice.cost && first < choice.first))
-          choice = {total, first, static_cast<std::uint8_t>(w), *extent};
-      }
-    }
-  }
-  std::vector<Read> reads;
-  for (std::size_t end = pieces.size(); end > 0; end = best[end].first) {
-    const Choice& choice = best[end];
-    reads.push_back({{space, choice.extent.first, choice.extent.end - choice.extent.first},
-                     bucket.ways[choice.way].way});
-  }
-  std::sort(reads.begin(), reads.end(),
-            [](const Read& a, const Read& b) { return a.span.first_bit < b.span.first_bit; });
-  return reads;
-}
 
 /// The reads that bring `span`: the last one that holds its first bit, and on until its last bit.
 PointSource source_of(const std::vector<Read>& reads, const Span& span) {
@@ -223,42 +23,97 @@ PointSource source_of(const std::vector<Read>& reads, const Span& span) {
   return {static_cast<std::uint32_t>(first), static_cast<std::uint32_t>(last - first + 1)};
 }
 
+/// What is to be read, by space and tier, and the commands that may read several places at once.
+struct Wanted {
+  std::vector<Bucket> buckets;
+  std::vector<GatherCommand> commands;
+};
+
+/// A device as its holes leave it: its ways and its commands.
+class DeviceWays final {
+ public:
+  DeviceWays(const Codec& codec, std::uint32_t max_block_bytes, const Holes& holes)
+      : addresses_(codec.addresses()), max_block_bytes_(max_block_bytes), holes_(holes) {
+    for (GatherCommand command : addresses_.gathers()) {
+      for (const Holes::GatherLimit& limit : holes.gather_limits)
+        if (limit.gather == command.gather)
+          command.max_parts = std::min(command.max_parts, limit.parts);
+      if (command.max_parts > 0) commands_.push_back(command);
+    }
+  }
+
+  /// Empty where the model has no such space.
+  const std::vector<ReadWay>& all(std::uint16_t space) {
+    const auto [known, fresh] = ways_.try_emplace(space);
+    if (fresh) known->second = addresses_.read_ways(space);
+    return known->second;
+  }
+
+  Bucket bucket(std::uint16_t space, std::uint8_t tier) {
+    Bucket out;
+    out.space = space;
+    for (ReadWay way : all(space)) {
+      const GatherCommand* command = command_of(way);
+      if (way.tier != tier || (way.gather != 0 && command == nullptr)) continue;
+      if (max_block_bytes_ != 0) way.max_bits = std::min(way.max_bits, max_block_bytes_ * 8);
+      for (const Holes::Limit& limit : holes_.limits)
+        if (limit.space == space) way.max_bits = std::min(way.max_bits, limit.bits);
+      way.max_bits = std::max(way.max_bits / way.unit_bits * way.unit_bits, way.unit_bits);
+      out.ways.push_back(way);
+    }
+    out.forbidden = forbidden_in(holes_, space);
+    for (const std::uint32_t at : addresses_.borders(space)) out.forbidden.cuts.push_back(at);
+    return out;
+  }
+
+  /// Those that `buckets` have ways for, none with more in one frame than a block may have.
+  std::vector<GatherCommand> commands_for(const std::vector<Bucket>& buckets) const {
+    std::vector<GatherCommand> out;
+    for (GatherCommand command : commands_) {
+      std::uint32_t largest = 0;
+      for (const Bucket& bucket : buckets)
+        for (const ReadWay& way : bucket.ways)
+          if (way.gather == command.gather) largest = std::max(largest, way.max_bits);
+      if (max_block_bytes_ != 0)
+        command.max_bits = std::min(command.max_bits, std::max(max_block_bytes_ * 8, largest));
+      if (largest > 0) out.push_back(command);
+    }
+    return out;
+  }
+
+ private:
+  const GatherCommand* command_of(const ReadWay& way) const {
+    const auto found = std::find_if(commands_.begin(), commands_.end(), [&](const auto& command) {
+      return command.gather == way.gather;
+    });
+    return found == commands_.end() ? nullptr : &*found;
+  }
+
+  const AddressSpace& addresses_;
+  const std::uint32_t max_block_bytes_;
+  const Holes& holes_;
+  std::vector<GatherCommand> commands_;
+  std::map<std::uint16_t, std::vector<ReadWay>> ways_;
+};
+
 /// Sorts the points into buckets; those that no way reaches go to the plan's list.
-std::map<std::pair<std::uint16_t, std::uint8_t>, Bucket> buckets_of(const Codec& codec,
-                                                                    std::span<const Point> points,
-                                                                    std::uint32_t max_block_bytes,
-                                                                    const Holes& holes,
-                                                                    Plan& plan) {
-  std::map<std::uint16_t, std::vector<ReadWay>> ways_of;
+std::vector<Bucket> buckets_of(DeviceWays& device, std::span<const Point> points, Plan& plan) {
   std::map<std::pair<std::uint16_t, std::uint8_t>, Bucket> buckets;
   for (std::uint32_t index = 0; index < points.size(); ++index) {
     const auto span = span_of(points[index]);
     const ReadWay* taken = nullptr;
-    if (span) {
-      const auto [known, fresh] = ways_of.try_emplace(span->space);
-      if (fresh) known->second = codec.addresses().read_ways(span->space);
-      for (const ReadWay& way : known->second)
+    if (span)
+      for (const ReadWay& way : device.all(span->space))
         if (reaches(way, *span) && (taken == nullptr || way.tier < taken->tier)) taken = &way;
-    }
     if (taken == nullptr) {
       plan.unreachable.push_back(index);
       continue;
     }
-    Bucket& bucket = buckets[{span->space, taken->tier}];
-    if (bucket.ways.empty()) {
-      for (ReadWay way : ways_of[span->space]) {
-        if (way.tier != taken->tier) continue;
-        if (max_block_bytes != 0) way.max_bits = std::min(way.max_bits, max_block_bytes * 8);
-        for (const Holes::Limit& limit : holes.limits)
-          if (limit.space == span->space) way.max_bits = std::min(way.max_bits, limit.bits);
-        way.max_bits = std::max(way.max_bits / way.unit_bits * way.unit_bits, way.unit_bits);
-        bucket.ways.push_back(way);
-      }
-      bucket.forbidden = forbidden_in(holes, span->space);
-      for (const std::uint32_t at : codec.addresses().borders(span->space))
-        bucket.forbidden.cuts.push_back(at);
-    }
-    const auto pieces = pieces_of(bucket, points[index], *span);
+    const auto [place, fresh] = buckets.try_emplace({span->space, taken->tier});
+    Bucket& bucket = place->second;
+    if (fresh) bucket = device.bucket(span->space, taken->tier);
+    const auto pieces =
+        bucket.ways.empty() ? std::vector<Extent>{} : pieces_of(bucket, points[index], *span);
     if (pieces.empty()) {
       plan.refused.push_back(index);
       continue;
@@ -267,7 +122,44 @@ std::map<std::pair<std::uint16_t, std::uint8_t>, Bucket> buckets_of(const Codec&
     bucket.spans.push_back(*span);
     bucket.pieces.insert(bucket.pieces.end(), pieces.begin(), pieces.end());
   }
-  return buckets;
+  std::vector<Bucket> filled;
+  for (auto& [key, bucket] : buckets) {
+    if (bucket.pieces.empty()) continue;
+    reduce(bucket);
+    filled.push_back(std::move(bucket));
+  }
+  return filled;
+}
+
+/// The reads of each bucket by itself.
+Gathering each_by_itself(const Codec& codec, const LineCost& cost,
+                         const std::vector<Bucket>& buckets) {
+  Gathering out;
+  for (const Bucket& bucket : buckets) {
+    ReadSearch search(codec, cost, bucket);
+    search.run({}, {0});
+    std::uint32_t counted = 0;
+    out.reads.push_back(search.reads(counted));
+  }
+  return out;
+}
+
+/// Each Gather where its first read would be.
+std::vector<PlannedExchange> in_order(std::uint32_t reads,
+                                      std::vector<std::vector<std::uint32_t>> together) {
+  std::vector<PlannedExchange> out;
+  if (together.empty()) return out;
+  std::vector<bool> gathered(reads);
+  for (auto& parts : together) {
+    for (const std::uint32_t read : parts) gathered[read] = true;
+    out.push_back({std::move(parts)});
+  }
+  for (std::uint32_t read = 0; read < reads; ++read)
+    if (!gathered[read]) out.push_back({{read}});
+  std::sort(out.begin(), out.end(), [](const PlannedExchange& a, const PlannedExchange& b) {
+    return a.reads.front() < b.reads.front();
+  });
+  return out;
 }
 
 }  // namespace
@@ -292,24 +184,51 @@ Plan make_plan(const Codec& codec, std::span<const Point> points, const LineCost
                std::uint32_t max_block_bytes, const Holes& holes) {
   Plan plan;
   plan.sources.resize(points.size());
-  auto buckets = buckets_of(codec, points, max_block_bytes, holes, plan);
-  for (auto& [key, bucket] : buckets) {
-    reduce(bucket);
-    const auto reads = cheapest_reads(codec, cost, key.first, bucket);
+  DeviceWays device(codec, max_block_bytes, holes);
+  const auto buckets = buckets_of(device, points, plan);
+  const auto commands = device.commands_for(buckets);
+  Gathering best = commands.empty() ? each_by_itself(codec, cost, buckets)
+                                    : cheapest_exchanges(codec, cost, buckets, commands, holes);
+  for (std::size_t b = 0; b < buckets.size(); ++b) {
+    const Bucket& bucket = buckets[b];
     const auto offset = static_cast<std::uint32_t>(plan.reads.size());
-    for (const Read& read : reads) {
-      plan.reads.push_back({read, {}});
-      plan.line_time += cost.of(codec.line_length(read));
-    }
+    for (const Read& read : best.reads[b]) plan.reads.push_back({read, {}});
     for (std::size_t i = 0; i < bucket.points.size(); ++i) {
-      PointSource source = source_of(reads, bucket.spans[i]);
+      PointSource source = source_of(best.reads[b], bucket.spans[i]);
       source.first_read += offset;
       plan.sources[bucket.points[i]] = source;
       for (std::uint32_t r = 0; r < source.count; ++r)
         plan.reads[source.first_read + r].points.push_back(bucket.points[i]);
     }
   }
+  plan.exchanges =
+      in_order(static_cast<std::uint32_t>(plan.reads.size()), std::move(best.together));
+  for (std::uint32_t e = 0; e < plan.exchange_count(); ++e)
+    plan.line_time += cost.of(codec.line_length(plan.request(plan.reads_in(e))));
   return plan;
+}
+
+Request Plan::request(const ReadIndices& which) const {
+  if (const Read& only = reads[which[0]].read; which.size() == 1 && only.gather == 0) return only;
+  Gather gather;
+  gather.parts.reserve(which.size());
+  for (std::size_t i = 0; i < which.size(); ++i) gather.parts.push_back(reads[which[i]].read);
+  return gather;
+}
+
+void Plan::share_out(const ReadIndices& which, Bytes image, std::span<Bytes> images) const {
+  if (which.size() == 1) {
+    images[which[0]] = std::move(image);
+    return;
+  }
+  std::size_t at = 0;
+  for (std::size_t i = 0; i < which.size(); ++i) {
+    const std::size_t bytes = (std::size_t{reads[which[i]].read.span.bits} + 7) / 8;
+    const std::size_t end = std::min(at + bytes, image.size());
+    images[which[i]].assign(image.begin() + static_cast<std::ptrdiff_t>(at),
+                            image.begin() + static_cast<std::ptrdiff_t>(end));
+    at = end;
+  }
 }
 
 std::optional<Halves> halves_of(const Codec& codec, std::span<const Point> points,

@@ -62,27 +62,72 @@ struct Holes {
     std::uint32_t bits = 0;
     friend bool operator==(const Limit&, const Limit&) = default;
   };
+  /// No Gather by the command may have more parts; 0: the device lacks it.
+  struct GatherLimit {
+    std::uint8_t gather = 0;
+    std::uint32_t parts = 0;
+    friend bool operator==(const GatherLimit&, const GatherLimit&) = default;
+  };
   std::vector<Cut> cuts;
   std::vector<Limit> limits;
   std::vector<Span> missing;  ///< no read may hold the whole of one of these
+  std::vector<GatherLimit> gather_limits;
+  /// A Gather that touches one of these holds such parts only, and at most `most_suspects`: one of
+  /// them was refused and took others with it.
+  std::vector<Span> suspects;
+  std::uint32_t most_suspects = 1;
 
   /// Whether a read of `span` is known to be refused.
   bool forbid(const Span& span) const;
 };
 
+/// Reads of a plan that one exchange brings, by their index in Plan::reads. Valid as long as it.
+class ReadIndices final {
+ public:
+  explicit ReadIndices(std::uint32_t only) : only_(only) {}
+  explicit ReadIndices(std::span<const std::uint32_t> several) : several_(several) {}
+  std::size_t size() const { return several_.empty() ? 1 : several_.size(); }
+  std::uint32_t operator[](std::size_t i) const { return several_.empty() ? only_ : several_[i]; }
+
+ private:
+  std::uint32_t only_ = 0;
+  std::span<const std::uint32_t> several_;  ///< empty: `only_`
+};
+
+/// One exchange of a plan: a read by itself, or the parts of a Gather.
+struct PlannedExchange {
+  std::vector<std::uint32_t> reads;  ///< indices in Plan::reads, rising; never empty
+};
+
 struct Plan {
   std::vector<PlannedRead> reads;
+  /// What is sent, in order. Empty where nothing goes together: then each read is an exchange.
+  std::vector<PlannedExchange> exchanges;
   std::vector<PointSource> sources;        ///< one for each point given, in their order
   std::vector<std::uint32_t> unreachable;  ///< points that no way of this model reaches
   std::vector<std::uint32_t> refused;      ///< points that the device's holes leave no read for
-  std::chrono::nanoseconds line_time{0};   ///< all reads, by the cost given
+  std::chrono::nanoseconds line_time{0};   ///< all exchanges, by the cost given
+
+  std::uint32_t exchange_count() const {
+    return static_cast<std::uint32_t>(exchanges.empty() ? reads.size() : exchanges.size());
+  }
+  /// The reads of an exchange below exchange_count().
+  ReadIndices reads_in(std::uint32_t exchange) const {
+    return exchanges.empty() ? ReadIndices(exchange) : ReadIndices(exchanges[exchange].reads);
+  }
+  /// What brings these reads: those of an exchange, or any one of them by itself.
+  Request request(const ReadIndices& which) const;
+  /// Gives each of these reads its own out of the image that answered request(); `images` has one
+  /// for each of `reads`.
+  void share_out(const ReadIndices& which, Bytes image, std::span<Bytes> images) const;
 };
 
 /// The reads of `points` with the least total line time under the codec's limits: exact, by dynamic
-/// programming over each space. A point lies whole in one read wherever one read can hold it; a
-/// longer one (an array) is cut at unit borders and gets consecutive reads, as does one that lies
-/// across a border of its space (AddressSpace::borders()). `max_block_bytes` lowers every way's
-/// max_bits (0: leaves it). No read is one that `holes` forbid.
+/// programming over each space. Where the protocol can read several places by one frame, what is
+/// best sent so is (gathering.h: how exact that is). A point lies whole in one read wherever one
+/// read can hold it; a longer one (an array) is cut at unit borders and gets consecutive reads, as
+/// does one that lies across a border of its space (AddressSpace::borders()). `max_block_bytes`
+/// lowers every way's max_bits (0: leaves it). No read is one that `holes` forbid.
 Plan make_plan(const Codec& codec, std::span<const Point> points, const LineCost& cost,
                std::uint32_t max_block_bytes, const Holes& holes = {});
 

@@ -1,0 +1,187 @@
+#include "protocol/cheapest_reads.h"
+
+#include <algorithm>
+#include <numeric>
+#include <utility>
+
+namespace fxagent {
+namespace {
+
+std::uint32_t round_up(std::uint32_t value, std::uint32_t step) {
+  return (value + step - 1) / step * step;
+}
+
+bool one_read_holds(const std::vector<ReadWay>& ways, const Forbidden& forbidden,
+                    const Extent& wanted) {
+  return std::any_of(ways.begin(), ways.end(), [&](const ReadWay& way) {
+    const auto read = fit(way, wanted);
+    return read && !forbidden.holds(*read);
+  });
+}
+
+/// For each piece the first one that a read may begin with if it is to bring both: nobody asks for
+/// more than the way's gap in between.
+std::vector<std::size_t> first_partners(const std::vector<Extent>& pieces, std::uint32_t max_gap) {
+  std::vector<std::size_t> first(pieces.size(), 0);
+  for (std::size_t i = 1; i < pieces.size(); ++i) {
+    const std::uint32_t end = pieces[i - 1].end;
+    const bool apart = pieces[i].first > end && pieces[i].first - end > max_gap;
+    first[i] = apart ? i : first[i - 1];
+  }
+  return first;
+}
+
+}  // namespace
+
+bool Forbidden::holds(const Extent& read) const {
+  return std::any_of(cuts.begin(), cuts.end(),
+                     [&](std::uint32_t at) { return read.first < at && at < read.end; }) ||
+         std::any_of(missing.begin(), missing.end(), [&](const Extent& hole) {
+           return read.first <= hole.first && hole.end <= read.end;
+         });
+}
+
+Forbidden forbidden_in(const Holes& holes, std::uint16_t space) {
+  Forbidden out;
+  for (const Holes::Cut& cut : holes.cuts)
+    if (cut.space == space) out.cuts.push_back(cut.at);
+  for (const Span& span : holes.missing)
+    if (span.space == space) out.missing.push_back({span.first_bit, span.end_bit()});
+  return out;
+}
+
+std::optional<Extent> fit(const ReadWay& way, const Extent& wanted) {
+  if (wanted.first < way.first_bit || wanted.end > way.end_bit) return std::nullopt;
+  std::uint32_t first = wanted.first - wanted.first % way.align_bits;
+  if (first < way.first_bit) return std::nullopt;
+  std::uint32_t bits = round_up(wanted.end - first, way.unit_bits);
+  // A unit that would stick out behind the last device is filled from before the first one instead.
+  while (bits > way.end_bit - first) {
+    const std::uint32_t back = round_up(bits - (way.end_bit - first), way.align_bits);
+    if (back > first - way.first_bit) return std::nullopt;
+    first -= back;
+    bits = round_up(wanted.end - first, way.unit_bits);
+  }
+  if (bits > way.max_bits) return std::nullopt;
+  return Extent{first, first + bits};
+}
+
+bool reaches(const ReadWay& way, const Span& span) {
+  ReadWay unlimited = way;
+  unlimited.max_bits = std::numeric_limits<std::uint32_t>::max();
+  return fit(unlimited, {span.first_bit, span.end_bit()}).has_value();
+}
+
+std::vector<Extent> pieces_of(const Bucket& bucket, const Point& point, const Span& span) {
+  const auto held = [&](const Extent& piece) {
+    return one_read_holds(bucket.ways, bucket.forbidden, piece);
+  };
+  const Extent whole{span.first_bit, span.end_bit()};
+  if (held(whole)) return {whole};
+  const std::uint32_t element = span.bits / point.count;
+  for (const std::uint32_t step : {element, bucket.ways.front().unit_bits}) {
+    std::vector<Extent> pieces;
+    for (std::uint32_t at = whole.first; at < whole.end; at += step)
+      pieces.push_back({at, std::min(at + step, whole.end)});
+    if (std::all_of(pieces.begin(), pieces.end(), held)) return pieces;
+  }
+  return {};
+}
+
+void reduce(Bucket& bucket) {
+  std::uint32_t grain = 0;
+  for (const ReadWay& way : bucket.ways)
+    grain = std::gcd(grain, std::gcd(way.align_bits, way.unit_bits));
+  for (Extent& piece : bucket.pieces) {
+    piece.first -= piece.first % grain;
+    piece.end = round_up(piece.end, grain);
+  }
+  std::sort(bucket.pieces.begin(), bucket.pieces.end(), [](const Extent& a, const Extent& b) {
+    return a.first != b.first ? a.first < b.first : a.end > b.end;
+  });
+  std::vector<Extent> kept;
+  for (const Extent& piece : bucket.pieces)
+    if (kept.empty() || piece.end > kept.back().end) kept.push_back(piece);
+  bucket.pieces = std::move(kept);
+}
+
+ReadSearch::ReadSearch(const Codec& codec, const LineCost& cost, const Bucket& bucket)
+    : codec_(codec), cost_(cost), bucket_(bucket) {
+  prices_.resize(bucket.ways.size());
+  for (const ReadWay& way : bucket.ways)
+    partners_.push_back(first_partners(bucket.pieces, way.max_gap_bits));
+}
+
+Read ReadSearch::read_by(std::uint8_t way, const Extent& extent) const {
+  const ReadWay& by = bucket_.ways[way];
+  return {{bucket_.space, extent.first, extent.end - extent.first}, by.way, by.gather};
+}
+
+/// Of a read that goes by itself all of its exchange; of a part what its characters add.
+Cost ReadSearch::price_of(std::size_t way, const Extent& extent) {
+  const ReadWay& by = bucket_.ways[way];
+  std::vector<Cost>& known = prices_[way];
+  if (known.empty()) known.assign(by.max_bits / by.unit_bits + 1, kImpossible);
+  Cost& price = known[(extent.end - extent.first) / by.unit_bits];
+  if (price != kImpossible) return price;
+  const Read read = read_by(static_cast<std::uint8_t>(way), extent);
+  if (by.gather == 0) return price = cost_.of(codec_.line_length(read)).count();
+  const std::uint32_t one = chars_of(codec_.line_length(Gather{{read}}));
+  const std::uint32_t two = chars_of(codec_.line_length(Gather{{read, read}}));
+  return price = (cost_.per_char * (two - one)).count();
+}
+
+void ReadSearch::try_way(std::size_t way, const PartPrice& part, bool counts, std::size_t last) {
+  const std::size_t step = counts ? 1 : 0;
+  // Back from the last piece until a read cannot hold them all; then none that begins earlier can.
+  for (std::size_t first = last + 1; first-- > partners_[way][last];) {
+    const auto extent =
+        fit(bucket_.ways[way], {bucket_.pieces[first].first, bucket_.pieces[last].end});
+    if (!extent) break;
+    if (bucket_.forbidden.holds(*extent)) continue;
+    const Cost own = price_of(way, *extent) + part.each +
+                     part.each_bit * static_cast<Cost>(extent->end - extent->first);
+    for (std::size_t n = step; n < counts_; ++n) {
+      const Cost before = best_[first * counts_ + n - step].cost;
+      if (before == kImpossible) continue;
+      const Cost total = before + own;
+      Choice& choice = best_[(last + 1) * counts_ + n];
+      // Of equals the one with fewer reads.
+      if (total < choice.cost || (total == choice.cost && first < choice.first))
+        choice = {total, static_cast<std::uint32_t>(first), static_cast<std::uint8_t>(way),
+                  *extent};
+    }
+  }
+}
+
+std::vector<Cost> ReadSearch::run(const Terms& terms, const std::vector<Cost>& before) {
+  counts_ = before.size();
+  best_.assign((pieces() + 1) * counts_, {});
+  for (std::size_t n = 0; n < counts_; ++n) best_[n].cost = before[n];
+  for (std::size_t last = 0; last < pieces(); ++last)
+    for (std::size_t w = 0; w < bucket_.ways.size(); ++w) {
+      const std::uint8_t gather = bucket_.ways[w].gather;
+      PartPrice part;
+      if (gather != 0 && gather < terms.parts.size()) part = terms.parts[gather];
+      if (gather == 0 || part.open) try_way(w, part, gather != 0 && gather == terms.counted, last);
+    }
+  std::vector<Cost> after;
+  for (std::size_t n = 0; n < counts_; ++n) after.push_back(best_[pieces() * counts_ + n].cost);
+  return after;
+}
+
+std::vector<Read> ReadSearch::reads(std::uint32_t& counted) const {
+  // What was counted is found by going back the way that the costs came.
+  std::vector<Read> reads;
+  for (std::size_t end = pieces(); end > 0;) {
+    const Choice& choice = best_[end * counts_ + counted];
+    reads.push_back(read_by(choice.way, choice.extent));
+    if (counts_ > 1 && reads.back().gather != 0) --counted;
+    end = choice.first;
+  }
+  std::sort(reads.begin(), reads.end(),
+            [](const Read& a, const Read& b) { return a.span.first_bit < b.span.first_bit; });
+  return reads;
+}
+
+}  // namespace fxagent

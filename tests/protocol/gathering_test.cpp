@@ -1,0 +1,433 @@
+#include "protocol/gathering.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <ctime>
+#include <functional>
+#include <limits>
+#include <random>
+#include <string>
+
+#include "protocol/plan.h"
+#include "tests/protocol/gathering_codec.h"
+
+namespace fxagent::test {
+namespace {
+
+using namespace std::chrono_literals;
+
+const LineCost kCost{1ms, 30ms};
+const LineCost kNoSpeed{0ns, 2ms};
+
+Point point(const Codec& codec, const std::string& address, std::uint16_t count = 1) {
+  Point out;
+  out.address = *codec.addresses().parse_address(address, std::nullopt);
+  out.type = default_type(out.address);
+  out.count = count;
+  out.is_array = count > 1;
+  return out;
+}
+
+std::vector<Point> points_at(const Codec& codec, const std::vector<std::string>& addresses) {
+  std::vector<Point> out;
+  for (const std::string& address : addresses) out.push_back(point(codec, address));
+  return out;
+}
+
+/// What every plan must keep: the limits of its ways and commands, each read sent once, whole
+/// values, and the line time that it names.
+void check(const Plan& plan, const Codec& codec, const std::vector<Point>& points,
+           const LineCost& cost) {
+  std::chrono::nanoseconds time{0};
+  std::vector<int> sent(plan.reads.size());
+  for (std::uint32_t e = 0; e < plan.exchange_count(); ++e) {
+    const ReadIndices which = plan.reads_in(e);
+    for (std::size_t i = 0; i < which.size(); ++i) ++sent[which[i]];
+    const Request request = plan.request(which);
+    time += cost.of(codec.line_length(request));
+    const auto* gather = std::get_if<Gather>(&request);
+    if (gather == nullptr) continue;
+    std::uint32_t bits = 0;
+    for (const Read& part : gather->parts) {
+      EXPECT_EQ(part.gather, gather->parts.front().gather);
+      bits += part.span.bits;
+    }
+    for (const GatherCommand& command : codec.addresses().gathers())
+      if (command.gather == gather->parts.front().gather) {
+        EXPECT_LE(gather->parts.size(), command.max_parts);
+        EXPECT_LE(bits, command.max_bits);
+      }
+  }
+  EXPECT_EQ(sent, std::vector<int>(plan.reads.size(), 1));
+  EXPECT_EQ(plan.line_time, time);
+  for (const PlannedRead& planned : plan.reads) {
+    const Span& span = planned.read.span;
+    const auto ways = codec.addresses().read_ways(span.space);
+    EXPECT_TRUE(std::any_of(ways.begin(), ways.end(),
+                            [&](const ReadWay& way) {
+                              return way.way == planned.read.way &&
+                                     way.gather == planned.read.gather &&
+                                     span.first_bit % way.align_bits == 0 &&
+                                     span.bits % way.unit_bits == 0 && span.bits <= way.max_bits &&
+                                     span.end_bit() <= way.end_bit;
+                            }))
+        << span.first_bit << "+" << span.bits;
+    EXPECT_FALSE(planned.points.empty());
+  }
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const PointSource& source = plan.sources[i];
+    if (source.count == 0) continue;
+    std::uint32_t covered = span_of(points[i])->first_bit;
+    for (std::uint32_t r = source.first_read; r < source.first_read + source.count; ++r)
+      if (plan.reads[r].read.span.first_bit <= covered)
+        covered = std::max(covered, plan.reads[r].read.span.end_bit());
+    EXPECT_GE(covered, span_of(points[i])->end_bit());
+  }
+}
+
+// ---- examples -----------------------------------------------------------------------------------
+
+TEST(Gathering, ScatteredWordsAndBitsAreOneExchange) {
+  const GatheringCodec codec = gathering_codec();
+  const auto points = points_at(codec, {"W1", "W900", "W3000", "B5", "B2000"});
+  for (const LineCost& cost : {kCost, kNoSpeed, LineCost{}}) {
+    const Plan plan = make_plan(codec, points, cost, 0);
+    check(plan, codec, points, cost);
+    EXPECT_EQ(plan.reads.size(), 5U);
+    ASSERT_EQ(plan.exchange_count(), 1U);
+    EXPECT_EQ(std::get<Gather>(plan.request(plan.reads_in(0))).parts.size(), 5U);
+  }
+}
+
+TEST(Gathering, WhatLiesTogetherIsReadAsABlockBesideIt) {
+  const GatheringCodec codec = gathering_codec();
+  std::vector<Point> points = points_at(codec, {"W1000", "W2000", "W3000", "B5"});
+  points.push_back(point(codec, "W10", 60));
+  const Plan plan = make_plan(codec, points, kCost, 0);
+  check(plan, codec, points, kCost);
+  ASSERT_EQ(plan.exchange_count(), 1U) << "blocks take it all";
+  EXPECT_EQ(plan.reads.front().read.gather, 2);
+
+  GatheringCodec without_blocks = codec;
+  without_blocks.commands.pop_back();
+  const Plan two = make_plan(without_blocks, points, kCost, 0);
+  check(two, without_blocks, points, kCost);
+  ASSERT_EQ(two.exchange_count(), 2U);
+  EXPECT_EQ(two.reads_in(0).size(), 1U) << "in the order of what they read";
+  EXPECT_EQ(two.reads_in(1).size(), 4U);
+}
+
+TEST(Gathering, OneReadIsNotSentAsAGather) {
+  const GatheringCodec codec = gathering_codec();
+  for (const LineCost& cost : {kCost, kNoSpeed, LineCost{}}) {
+    const auto points = points_at(codec, {"W7", "W8"});
+    const Plan plan = make_plan(codec, points, cost, 0);
+    EXPECT_TRUE(plan.exchanges.empty());
+    ASSERT_EQ(plan.reads.size(), 1U);
+    EXPECT_EQ(plan.reads[0].read.gather, 0);
+  }
+}
+
+TEST(Gathering, WhatHasNoOtherWayGoesInAGatherOfOnePart) {
+  GatheringCodec codec = gathering_codec();
+  codec.ways[1] = {word_way(1, 2, 1)};
+  const auto points = points_at(codec, {"V7"});
+  const Plan plan = make_plan(codec, points, kCost, 0);
+  check(plan, codec, points, kCost);
+  ASSERT_EQ(plan.exchange_count(), 1U);
+  EXPECT_EQ(std::get<Gather>(plan.request(plan.reads_in(0))).parts.size(), 1U);
+  EXPECT_EQ(std::get<Gather>(plan.request(ReadIndices(0))).parts.size(), 1U);
+  Holes lacks;
+  lacks.gather_limits.push_back({1, 0});
+  EXPECT_EQ(make_plan(codec, points, kCost, 0, lacks).refused, std::vector<std::uint32_t>{0});
+}
+
+TEST(Gathering, ADeviceThatLacksTheCommandIsReadOneByOne) {
+  const GatheringCodec codec = gathering_codec();
+  const auto points = points_at(codec, {"W1", "W900", "W3000"});
+  Holes holes;
+  holes.gather_limits = {{1, 0}};
+  EXPECT_EQ(make_plan(codec, points, kCost, 0, holes).reads.front().read.gather, 2);
+  holes.gather_limits.push_back({2, 0});
+  const Plan plan = make_plan(codec, points, kCost, 0, holes);
+  EXPECT_TRUE(plan.exchanges.empty());
+  EXPECT_EQ(plan.reads.size(), 3U);
+  holes.gather_limits = {{1, 2}, {2, 0}};
+  const Plan pairs = make_plan(codec, points, kNoSpeed, 0, holes);
+  ASSERT_EQ(pairs.exchange_count(), 2U);
+  EXPECT_LE(pairs.reads_in(0).size(), 2U);
+}
+
+TEST(Gathering, SuspectsGoWithEachOther) {
+  GatheringCodec codec = gathering_codec();
+  codec.commands = {{1, 24}};
+  std::vector<Point> points;
+  for (int n = 0; n < 12; ++n) points.push_back(point(codec, "W" + std::to_string(200 * n)));
+  Holes holes;
+  for (std::uint32_t n = 0; n < 6; ++n) holes.suspects.push_back({0, 200 * n * 16, 16});
+  holes.most_suspects = 3;
+  const Plan plan = make_plan(codec, points, kCost, 0, holes);
+  check(plan, codec, points, kCost);
+  ASSERT_EQ(plan.exchange_count(), 3U);
+  for (std::uint32_t e = 0; e < 3; ++e) {
+    const ReadIndices which = plan.reads_in(e);
+    const bool suspect = which[0] < 6;
+    EXPECT_EQ(which.size(), suspect ? 3U : 6U);
+    for (std::size_t i = 0; i < which.size(); ++i) EXPECT_EQ(which[i] < 6, suspect);
+  }
+}
+
+TEST(Gathering, MaxBlockBytesLowersWhatOneFrameBrings) {
+  GatheringCodec codec = gathering_codec();
+  codec.commands = {{1, 24}};
+  std::vector<Point> points;
+  for (int n = 0; n < 12; ++n) points.push_back(point(codec, "W" + std::to_string(200 * n)));
+  EXPECT_EQ(make_plan(codec, points, kCost, 0).exchange_count(), 1U);
+  const Plan plan = make_plan(codec, points, kCost, 8);
+  EXPECT_EQ(plan.exchange_count(), 3U);
+}
+
+TEST(Gathering, EachReadGetsItsOwnOutOfTheImage) {
+  const GatheringCodec codec = gathering_codec();
+  const auto points = points_at(codec, {"W1", "W900", "W901", "B37"});
+  const Plan plan = make_plan(codec, points, kCost, 0);
+  ASSERT_EQ(plan.exchange_count(), 1U);
+  std::vector<Bytes> images(plan.reads.size());
+  plan.share_out(plan.reads_in(0), {1, 0, 2, 0, 3, 0, 0x20, 0}, images);
+  for (std::uint32_t i = 0; i < 3; ++i)
+    EXPECT_EQ(value_of(plan, images, points[i], i), Value(Scalar(std::int64_t{i + 1})));
+  EXPECT_EQ(value_of(plan, images, points[3], 3), Value(Scalar(true)));
+  plan.share_out(plan.reads_in(0), {1, 0, 2}, images);  // shorter than asked for
+  EXPECT_FALSE(value_of(plan, images, points[1], 1));
+}
+
+// ---- exactness ----------------------------------------------------------------------------------
+
+/// The least line time over every way to share the points out among reads, and those among frames.
+class EveryPlan {
+ public:
+  EveryPlan(const Codec& codec, const std::vector<Point>& points, const LineCost& cost)
+      : codec_(codec), cost_(cost), all_((1U << points.size()) - 1) {
+    for (const Point& each : points) {
+      Span span = *span_of(each);
+      const std::uint32_t end = (span.end_bit() + 15) / 16 * 16;
+      span.first_bit -= span.first_bit % 16;
+      span.bits = end - span.first_bit;
+      spans_.push_back(span);
+    }
+  }
+
+  std::int64_t least() {
+    std::vector<std::int64_t> alone(all_ + 1, kNever);
+    for (std::uint32_t set = 1; set <= all_; ++set) {
+      for (const Read& read : reads_of(set, 0))
+        alone[set] = std::min(alone[set], cost_.of(codec_.line_length(read)).count());
+      for (const GatherCommand& command : codec_.addresses().gathers()) {
+        Gather gather;
+        best_ = kNever;
+        cover(set, command, gather, 0);
+        alone[set] = std::min(alone[set], best_);
+      }
+    }
+    std::vector<std::int64_t> least(all_ + 1, kNever);
+    least[0] = 0;
+    for (std::uint32_t set = 1; set <= all_; ++set)
+      for (std::uint32_t part = set; part != 0; part = (part - 1) & set)
+        if (alone[part] != kNever && least[set & ~part] != kNever)
+          least[set] = std::min(least[set], least[set & ~part] + alone[part]);
+    return least[all_];
+  }
+
+ private:
+  static constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
+
+  /// One frame that brings the whole set, with what `gather` has already.
+  void cover(std::uint32_t set, const GatherCommand& command, Gather& gather, std::uint32_t bits) {
+    if (bits > command.max_bits || gather.parts.size() > command.max_parts) return;
+    if (set == 0) {
+      best_ = std::min(best_, cost_.of(codec_.line_length(gather)).count());
+      return;
+    }
+    const std::uint32_t lowest = set & (~set + 1);
+    const std::uint32_t others = set & ~lowest;
+    for (std::uint32_t more = others;; more = (more - 1) & others) {
+      for (const Read& part : reads_of(lowest | more, command.gather)) {
+        gather.parts.push_back(part);
+        cover(others & ~more, command, gather, bits + part.span.bits);
+        gather.parts.pop_back();
+      }
+      if (more == 0) break;
+    }
+  }
+
+  /// The shortest reads that bring all of the set by ways of the command.
+  std::vector<Read> reads_of(std::uint32_t set, std::uint8_t gather) const {
+    Span whole;
+    bool first = true;
+    for (std::size_t i = 0; i < spans_.size(); ++i) {
+      if ((set >> i & 1) == 0) continue;
+      if (!first && spans_[i].space != whole.space) return {};
+      const std::uint32_t end =
+          first ? spans_[i].end_bit() : std::max(whole.end_bit(), spans_[i].end_bit());
+      whole.first_bit =
+          first ? spans_[i].first_bit : std::min(whole.first_bit, spans_[i].first_bit);
+      whole.space = spans_[i].space;
+      whole.bits = end - whole.first_bit;
+      first = false;
+    }
+    std::vector<Read> out;
+    for (const ReadWay& way : codec_.addresses().read_ways(whole.space)) {
+      const std::uint32_t bits = (whole.bits + way.unit_bits - 1) / way.unit_bits * way.unit_bits;
+      if (way.gather == gather && bits <= way.max_bits)
+        out.push_back({{whole.space, whole.first_bit, bits}, way.way, gather});
+    }
+    return out;
+  }
+
+  const Codec& codec_;
+  const LineCost cost_;
+  const std::uint32_t all_;
+  std::vector<Span> spans_;
+  std::int64_t best_ = kNever;
+};
+
+class GatheringPlans : public ::testing::Test {
+ protected:
+  std::uint32_t pick(std::uint32_t least, std::uint32_t most) {
+    return std::uniform_int_distribution<std::uint32_t>(least, most)(random);
+  }
+  GatheringCodec any_codec() {
+    GatheringCodec codec;
+    for (std::uint16_t space = 0; space < 2; ++space) {
+      codec.ways[space] = {word_way(0, pick(3, 64)), word_way(1, pick(1, 2), 1)};
+      if (pick(0, 9) == 0) codec.ways[space].erase(codec.ways[space].begin());
+    }
+    codec.commands = {{1, 100}};
+    codec.prices = {{1, {pick(5, 40), pick(1, 12)}}, {2, {pick(5, 40), pick(1, 16)}}};
+    return codec;
+  }
+  std::vector<Point> any_points(const Codec& codec) {
+    std::vector<Point> points;
+    for (std::uint32_t n = pick(1, 7); n > 0; --n) {
+      const char* letter = pick(0, 2) == 0 ? "V" : "W";
+      points.push_back(point(codec, letter + std::to_string(pick(0, 60)),
+                             static_cast<std::uint16_t>(pick(1, 8) == 1 ? 2 : 1)));
+      if (points.back().count == 2 && codec.addresses().read_ways(0).front().max_bits < 32)
+        points.back().count = 1;
+    }
+    return points;
+  }
+  LineCost any_cost() { return {1ms, std::chrono::milliseconds(pick(0, 40))}; }
+
+  std::mt19937 random{20261123};
+};
+
+/// Whether some point is longer than every way: it is cut, which the comparison does not try.
+bool is_cut(const Plan& plan) {
+  return std::any_of(plan.sources.begin(), plan.sources.end(),
+                     [](const PointSource& source) { return source.count > 1; });
+}
+
+TEST_F(GatheringPlans, NoOtherMixOfBatchAndRandomReadsTakesLessLineTime) {
+  std::size_t mixed = 0;
+  for (int round = 0; round < 400; ++round) {
+    const GatheringCodec codec = any_codec();
+    const auto points = any_points(codec);
+    const LineCost cost = any_cost();
+    const Plan plan = make_plan(codec, points, cost, 0);
+    check(plan, codec, points, cost);
+    if (is_cut(plan)) continue;
+    ASSERT_EQ(plan.line_time.count(), EveryPlan(codec, points, cost).least()) << round;
+    const auto parts = std::count_if(plan.reads.begin(), plan.reads.end(),
+                                     [](const PlannedRead& read) { return read.read.gather != 0; });
+    mixed += parts > 0 && static_cast<std::size_t>(parts) < plan.reads.size() ? 1U : 0U;
+  }
+  EXPECT_GT(mixed, 20U);
+}
+
+TEST_F(GatheringPlans, NorWhereAFrameHoldsFewParts) {
+  std::size_t several = 0;
+  for (int round = 0; round < 400; ++round) {
+    GatheringCodec codec = any_codec();
+    codec.commands = {{1, pick(1, 4)}};
+    const auto points = any_points(codec);
+    const LineCost cost = any_cost();
+    const Plan plan = make_plan(codec, points, cost, 0);
+    check(plan, codec, points, cost);
+    if (is_cut(plan)) continue;
+    ASSERT_EQ(plan.line_time.count(), EveryPlan(codec, points, cost).least()) << round;
+    several += plan.exchange_count() > 1 && !plan.exchanges.empty() ? 1U : 0U;
+  }
+  EXPECT_GT(several, 50U);
+}
+
+TEST_F(GatheringPlans, NorWhereThereAreTwoCommandsWithRoom) {
+  std::size_t blocks = 0;
+  for (int round = 0; round < 400; ++round) {
+    GatheringCodec codec = any_codec();
+    for (auto& [space, ways] : codec.ways) ways.push_back(word_way(2, pick(2, 20), 2));
+    codec.commands = {{1, 100}, {2, 100}};
+    const auto points = any_points(codec);
+    const LineCost cost = any_cost();
+    const Plan plan = make_plan(codec, points, cost, 0);
+    check(plan, codec, points, cost);
+    if (is_cut(plan)) continue;
+    ASSERT_EQ(plan.line_time.count(), EveryPlan(codec, points, cost).least()) << round;
+    const bool any =
+        std::any_of(plan.reads.begin(), plan.reads.end(),
+                    [](const PlannedRead& planned) { return planned.read.gather == 2; });
+    blocks += any ? 1U : 0U;
+  }
+  EXPECT_GT(blocks, 20U);
+}
+
+TEST_F(GatheringPlans, WhereTheSizeOfAFrameCountsToFewTakeMore) {
+  int worse = 0;
+  for (int round = 0; round < 400; ++round) {
+    GatheringCodec codec = any_codec();
+    for (auto& [space, ways] : codec.ways) ways.push_back(word_way(2, 4, 2));
+    codec.commands = {{1, pick(2, 6)}, {2, pick(2, 6), pick(4, 8) * 16}};
+    const auto points = any_points(codec);
+    const LineCost cost = any_cost();
+    const Plan plan = make_plan(codec, points, cost, 0);
+    check(plan, codec, points, cost);
+    if (is_cut(plan)) continue;
+    const std::int64_t least = EveryPlan(codec, points, cost).least();
+    ASSERT_GE(plan.line_time.count(), least) << round;
+    const std::chrono::nanoseconds frames =
+        2 * cost.per_exchange + cost.per_char * (codec.prices[1].fixed + codec.prices[2].fixed);
+    ASSERT_LE(plan.line_time.count(), least + frames.count()) << round;
+    worse += plan.line_time.count() > least ? 1 : 0;
+  }
+  RecordProperty("worse", worse);
+  EXPECT_LT(worse, 20);
+}
+
+// ---- large plans --------------------------------------------------------------------------------
+
+TEST_F(GatheringPlans, ManyPartsFillTheirFrames) {
+  GatheringCodec codec = gathering_codec();
+  codec.commands = {{1, 24}};
+  std::vector<Point> points;
+  for (int n = 0; n < 240; ++n) points.push_back(point(codec, "W" + std::to_string(16 * n)));
+  const LineCost cost{1ms, 100ms};
+  const Plan plan = make_plan(codec, points, cost, 0);
+  check(plan, codec, points, cost);
+  // A read of 64 words brings four of them for 238 ms, a frame 24 of them for 354 ms.
+  EXPECT_EQ(plan.exchange_count(), 10U);
+}
+
+TEST_F(GatheringPlans, AHundredThousandPointsArePlannedInWellUnderASecond) {
+  const GatheringCodec codec = gathering_codec();
+  std::vector<Point> points;
+  for (int i = 0; i < 100000; ++i)
+    points.push_back(point(codec, (i % 2 == 0 ? "W" : "V") + std::to_string(random() % 3999)));
+  const std::clock_t begin = std::clock();
+  const Plan plan = make_plan(codec, points, kCost, 0);
+  EXPECT_LT(std::clock() - begin, 5 * CLOCKS_PER_SEC);  // of a sanitizer; a plain build: a tenth
+  EXPECT_TRUE(plan.unreachable.empty());
+}
+
+}  // namespace
+}  // namespace fxagent::test
