@@ -137,6 +137,7 @@ void ReadSearch::try_way(std::size_t way, const PartPrice& part, bool counts, st
   for (std::size_t first = last + 1; first-- > partners_[way][last];) {
     const auto extent =
         fit(bucket_.ways[way], {bucket_.pieces[first].first, bucket_.pieces[last].end});
+    ++tried_;
     if (!extent) break;
     if (bucket_.forbidden.holds(*extent)) continue;
     const Cost own = price_of(way, *extent) + part.each +
