@@ -79,6 +79,8 @@ class CommandAdmission final {
                                              const std::shared_ptr<const Codec>& codec,
                                              SteadyTime now);
 
+  /// Whether no id of the device needs to be known any more.
+  bool has_forgotten(SteadyTime now) { return ids_.is_empty(now); }
   std::size_t remembered() const { return ids_.size(); }
 
  private:

@@ -67,6 +67,12 @@ std::optional<std::uint32_t> Commands::device_named(std::string_view name) const
   return found == index_.end() ? std::nullopt : std::optional(found->second);
 }
 
+Commands::Device* Commands::known_device(const std::string& name) {
+  if (const auto index = device_named(name)) return &device_at(*index);
+  const auto departed = departed_.find(name);
+  return departed == departed_.end() ? nullptr : departed->second.get();
+}
+
 // ---- a changed config ---------------------------------------------------------------------------
 
 void Commands::begin_change(const ConfigChange& change) {
@@ -74,7 +80,8 @@ void Commands::begin_change(const ConfigChange& change) {
     device_at(index).admission.close("the config of the device is being changed");
 }
 
-std::vector<std::string> Commands::change(const ConfigChange& change) {
+std::vector<std::string> Commands::change(const ConfigChange& change, SteadyTime now) {
+  std::erase_if(departed_, [now](auto& each) { return each.second->admission.has_forgotten(now); });
   for (const std::uint32_t index : change.devices_end) {
     std::string name = name_of(index);
     departed_[std::move(name)] = std::move(devices_[index]);
@@ -188,8 +195,7 @@ void Commands::hand_over() {
 
 void Commands::restore(Recovered known, SteadyTime now, std::int64_t utc_ms) {
   for (const KnownId& id : known.ids)
-    if (const auto index = device_named(id.device))
-      device_at(*index).admission.restore(id, now, utc_ms);
+    if (Device* device = known_device(id.device)) device->admission.restore(id, now, utc_ms);
   for (CommandResult& result : known.unacknowledged) take_result(std::move(result), {}, utc_ms);
   for (const Command& command : known.interrupted) {
     Device& device = device_at(command.device);

@@ -69,7 +69,7 @@ class Commands final {
   /// The config is that of the change from now on, and no admitted command of what ends in it is
   /// without its result. The devices that begin in it admit. Returns the names of those that this
   /// run has not known before: what earlier runs left of them is to be restored.
-  std::vector<std::string> change(const ConfigChange& change);
+  std::vector<std::string> change(const ConfigChange& change, SteadyTime now);
 
   /// What earlier runs left. `utc_ms` is the calendar time of `now`.
   void restore(Recovered known, SteadyTime now, std::int64_t utc_ms);
@@ -122,6 +122,8 @@ class Commands final {
     std::size_t waiting() const { return pending.empty() ? 0 : pending.size() - 1; }
   };
 
+  /// Of a device that is in the config, or was; nullptr: it never was in this run.
+  Device* known_device(const std::string& name);
   Device& device_at(std::uint32_t index) { return *devices_.at(index); }
   const std::string& name_of(std::uint32_t index) const { return devices_.at(index)->name; }
   void open(std::uint32_t index);

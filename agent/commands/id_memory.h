@@ -62,6 +62,12 @@ class IdMemory final {
   /// The result that is kept of this id, if it is, took so long until it was handed over.
   void note_total(const std::string& id, std::chrono::nanoseconds total);
 
+  /// Whether no id is left, once what is over and older than kRememberedFor has gone. Fingerprints
+  /// are the room's.
+  bool is_empty(SteadyTime now) {
+    forget_old(now);
+    return size() == 0;
+  }
   /// Fingerprints not counted.
   std::size_t size() const { return admitted_.size() + refused_.size(); }
 

@@ -50,7 +50,8 @@ CommandResult not_sent(const AdmittedCommand& admitted, std::string_view why) {
   if (admitted.interrupted)
     set_interrupted(result);
   else
-    set_outcome(result, CommandStatus::failed, Reason::shutting_down, std::string(why));
+    set_outcome(result, CommandStatus::failed, Reason::shutting_down,
+                std::string(why) + "; nothing was sent");
   return result;
 }
 

@@ -27,10 +27,9 @@ void set_interrupted(CommandResult& result);
 void set_interrupted_unsent(CommandResult& result);
 
 /// Why no wire will see an admitted command any more.
-inline constexpr std::string_view kStopping = "the agent is stopping; nothing was sent";
-inline constexpr std::string_view kReconfigured =
-    "the config of the device was changed while the command waited; nothing was sent";
-/// The answer to it.
+inline constexpr std::string_view kStopping = "the agent is stopping";
+inline constexpr std::string_view kReconfigured = "the config of the device was changed";
+/// The answer to it: nothing was sent.
 CommandResult not_sent(const AdmittedCommand& admitted, std::string_view why = kStopping);
 
 }  // namespace fxagent

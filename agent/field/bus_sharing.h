@@ -4,6 +4,7 @@
 #include <asio/awaitable.hpp>
 #include <chrono>
 #include <cstddef>
+#include <string_view>
 
 #include "agent/messages.h"
 
@@ -20,8 +21,10 @@ class BusSharing {
   /// A target has its outcome, while others still wait.
   virtual void concluded(std::size_t target, const TargetResult& outcome) = 0;
 
-  /// The agent is to stop: nothing more is written, what was written may still be read back.
-  virtual bool is_stopping() const = 0;
+  /// Why nothing more is to be written, as "the agent is stopping"; what was written may still be
+  /// read back. Empty: it may.
+  virtual std::string_view why_stopping() const = 0;
+  bool is_stopping() const { return !why_stopping().empty(); }
   /// Nothing at all goes out any more.
   virtual bool is_over() const = 0;
 };

@@ -70,7 +70,7 @@ asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_
     if (sharing_ != nullptr && sharing_->is_over()) {
       cut_off_ = true;
       exchange.outcome = Exchange::Outcome::link_down;
-      exchange.error = "the agent is stopping";
+      exchange.error = sharing_->why_stopping();
       co_return exchange;
     }
     if (!bus_.is_open()) {
@@ -117,7 +117,7 @@ asio::awaitable<CommandExchanges::ReadBack> CommandExchanges::read_point(
       if (!going_on && target.requests.empty()) {  // what was written is read back all the same
         out.last = {};
         out.last.outcome = Exchange::Outcome::link_down;
-        out.last.error = "the agent is stopping";
+        out.last.error = sharing_->why_stopping();
         cut_off_ = true;
         co_return out;
       }

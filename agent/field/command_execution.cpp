@@ -44,8 +44,6 @@ std::string nak_text(const Exchange& exchange) {
   return exchange.reply.text.empty() ? "nak: the protocol gives no reason" : exchange.reply.text;
 }
 
-constexpr std::string_view kStopped = "the agent is stopping; nothing was sent";
-
 /// What has an end of its own on the device: elements of an array, characters of a string.
 std::uint32_t parts_of(const AdmittedTarget& target) {
   if (target.point.is_array) return target.point.count;
@@ -138,10 +136,14 @@ void CommandExecution::set_without_effect(TargetResult& out, const Exchange& exc
                std::to_string(std::chrono::floor<milliseconds>(left).count()) + " ms were left";
     set(out, CommandStatus::expired, Reason::expired, std::move(detail));
   } else if (wire_.was_cut_off()) {
-    set(out, CommandStatus::failed, Reason::shutting_down, std::string(kStopped));
+    set(out, CommandStatus::failed, Reason::shutting_down, nothing_sent());
   } else {
     set(out, CommandStatus::failed, reason_of(exchange), exchange.error);
   }
+}
+
+std::string CommandExecution::nothing_sent() const {
+  return std::string(sharing_->why_stopping()) + "; nothing was sent";
 }
 
 asio::awaitable<void> CommandExecution::run_targets() {
@@ -157,7 +159,7 @@ asio::awaitable<void> CommandExecution::run_targets() {
     if (!going) {
       set(out, CommandStatus::failed, Reason::none, "not sent: an earlier target did not succeed");
     } else if (!going_on) {
-      set(out, CommandStatus::failed, Reason::shutting_down, std::string(kStopped));
+      set(out, CommandStatus::failed, Reason::shutting_down, nothing_sent());
     } else if (target.requests.empty()) {
       co_await read_target(target, out);
     } else {
@@ -251,7 +253,7 @@ asio::awaitable<void> CommandExecution::write_target(const AdmittedTarget& targe
     bool going_on = !wire_.is_stopping();
     if (carried_out > 0) going_on = co_await wire_.go_on(gives_way(target));
     if (!going_on) {
-      set(out, CommandStatus::failed, Reason::shutting_down, std::string(kStopped));
+      set(out, CommandStatus::failed, Reason::shutting_down, nothing_sent());
       co_return co_await end_early(target, carried_out, out);
     }
     const int before = wire_.writes();
@@ -274,7 +276,7 @@ asio::awaitable<void> CommandExecution::end_early(const AdmittedTarget& target, 
   out.status = CommandStatus::partial;
   out.progress = progress_of(target, frames);
   if (out.reason == Reason::shutting_down)
-    out.detail = "the agent is stopping; the rest was not sent";
+    out.detail = std::string(sharing_->why_stopping()) + "; the rest was not sent";
   const CommandExchanges::ReadBack got = co_await wire_.read_point(target, SteadyTime::max());
   if (got.image) out.verify = verification(target, *got.image);
 }

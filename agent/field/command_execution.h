@@ -53,6 +53,8 @@ class CommandExecution final {
                                   TargetResult& out);
   /// How a command ended that surely had no effect: refused, never sent, or too late.
   void set_without_effect(TargetResult& out, const Exchange& exchange) const;
+  /// For people: the agent or the device stops. Only where there is a sharing_.
+  std::string nothing_sent() const;
   /// What a command's last exchange means for one target; then its verification.
   asio::awaitable<void> conclude(const AdmittedTarget& target, Exchange exchange,
                                  TargetResult& out);

@@ -260,12 +260,8 @@ class Field::Room final {
     }
     for (const std::uint32_t link : change.links_adjusted)
       if (places_[link].worker) places_[link].worker->adjust(config_->links[link]);
-    last_seq.resize(config_->devices.size());
-    for (const std::uint32_t device : change.devices_begin) {
-      const auto known = last_numbers_.find(config_->devices[device].name);
-      if (known != last_numbers_.end()) last_seq[device] = known->second;
-    }
     last_seq_ = std::move(last_seq);
+    last_seq_.resize(config_->devices.size());
     std::vector<std::vector<std::uint32_t>> joining(places_.size());
     for (const std::uint32_t device : change.devices_begin)
       joining[config_->devices[device].link].push_back(device);
@@ -287,9 +283,11 @@ class Field::Room final {
   void begin_one(std::deque<ToBegin>::iterator which) {
     const ToBegin next = std::move(*which);
     to_begin_.erase(which);
-    // A store that has opened since may know more.
-    for (const std::uint32_t device : next.devices)
-      last_seq_[device] = std::max(last_seq_[device], last_numbers_[config_->devices[device].name]);
+    // Of a name that has ended in this run, or of which a store has told since, that is the number.
+    for (const std::uint32_t device : next.devices) {
+      const auto known = last_numbers_.find(config_->devices[device].name);
+      if (known != last_numbers_.end()) last_seq_[device] = known->second;
+    }
     try {
       if (LinkWorker* worker = places_[next.link].worker.get())
         return worker->add(*config_, next.devices, last_seq_);

@@ -167,8 +167,8 @@ class LinkCommands::Sharing final : public BusSharing {
     commands_.after_write(*command_.device, admitted.targets[target], outcome);
   }
 
-  bool is_stopping() const override {
-    return commands_.state_.is_stopping() || command_.device->leaves_by.has_value();
+  std::string_view why_stopping() const override {
+    return command_.device->leaves_by ? kReconfigured : commands_.state_.why_stopping();
   }
   bool is_over() const override {
     const auto& leaves_by = command_.device->leaves_by;

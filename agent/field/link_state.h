@@ -54,9 +54,10 @@ class LinkState final {
   /// Tells the state of the device where it is another one now.
   void update(LinkDevice& device);
 
-  /// The agent is to stop: nothing new begins.
-  void stop() { stopping_ = true; }
-  bool is_stopping() const { return stopping_; }
+  /// The agent, or this link, is to stop: nothing new begins. `why` is for people, and a constant.
+  void stop(std::string_view why) { why_stopping_ = why; }
+  bool is_stopping() const { return !why_stopping_.empty(); }
+  std::string_view why_stopping() const { return why_stopping_; }
 
  private:
   void log_doubt();
@@ -80,7 +81,7 @@ class LinkState final {
   bool doubt_logged_ = false;
   std::optional<SteadyTime> doubt_logged_at_;
   int unanswered_in_a_row_ = 0;
-  bool stopping_ = false;
+  std::string_view why_stopping_;  ///< empty: it is not
 };
 
 }  // namespace fxagent

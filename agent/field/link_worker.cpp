@@ -74,7 +74,7 @@ void LinkWorker::number_above(std::uint32_t index, std::uint64_t seq) {
 void LinkWorker::submit(AdmittedCommand admitted) {
   Device* device = device_of(admitted.command.device);
   if (device == nullptr) return outbox_.push(not_sent(admitted, kReconfigured));
-  if (state_.is_stopping()) return outbox_.push(not_sent(admitted, why_stopped_));
+  if (state_.is_stopping()) return outbox_.push(not_sent(admitted, state_.why_stopping()));
   if (device->leaves_by) return outbox_.push(not_sent(admitted, kReconfigured));
   commands_.add(std::move(admitted), *device);
   idle_.cancel();
@@ -180,7 +180,7 @@ asio::awaitable<void> LinkWorker::run() {
   bus_.close();
   stop_timer_.reset();
   for (const WaitingCommand& waiting : commands_.take_waiting())
-    outbox_.push(not_sent(waiting.admitted, why_stopped_));
+    outbox_.push(not_sent(waiting.admitted, state_.why_stopping()));
   let_leave();
   ended_ = true;
 }
@@ -221,8 +221,7 @@ asio::awaitable<void> LinkWorker::serve() {
 
 void LinkWorker::stop(std::string_view why) {
   if (state_.is_stopping()) return;
-  why_stopped_ = why;
-  state_.stop();
+  state_.stop(why);
   idle_.cancel();
   if (!commands_.is_running() || poller_.is_polling()) bus_.close();
   stop_timer_ = std::make_unique<asio::steady_timer>(idle_.get_executor(), kFinishWithin);

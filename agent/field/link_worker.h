@@ -128,7 +128,6 @@ class LinkWorker final {
   SteadyTime counting_since_{};
   std::optional<double> busy_percent_;              ///< of the last whole window
   std::unique_ptr<asio::steady_timer> stop_timer_;  ///< once it is to stop
-  std::string_view why_stopped_ = kStopping;
   bool on_the_wire_ = false;  ///< a command or a poll is under way: no device may leave now
   std::vector<Leave> leaves_;
   std::atomic<bool> ended_ = false;

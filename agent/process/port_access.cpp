@@ -16,6 +16,7 @@
 #include <cstdlib>
 #include <fstream>
 #include <memory>
+#include <sstream>
 #include <string_view>
 #include <vector>
 
@@ -79,32 +80,49 @@ std::optional<int> holder_by_lock(const struct stat& file) {
   std::snprintf(wanted.data(), wanted.size(), "%02x:%02x:%lu", major(file.st_dev),
                 minor(file.st_dev), static_cast<unsigned long>(file.st_ino));
   std::ifstream locks("/proc/locks");
-  std::string number;
-  std::string kind;
-  std::string advice;
-  std::string access;
-  std::string place;
-  std::string rest;
-  int pid = 0;
-  while (locks >> number >> kind >> advice >> access >> pid >> place && std::getline(locks, rest))
+  std::string line;
+  while (std::getline(locks, line)) {
+    std::istringstream words(line);
+    std::string number;
+    std::string kind;
+    std::string advice;
+    std::string access;
+    std::string place;
+    int pid = 0;
+    words >> number >> kind;
+    if (kind == "->") continue;  // who waits for the lock above
+    words >> advice >> access >> pid >> place;
     if (place == wanted.data() && pid > 0 && pid != ::getpid()) return pid;
+  }
   return std::nullopt;
 }
 
+struct CloseFile {
+  void operator()(std::FILE* file) const { std::fclose(file); }
+};
+using File = std::unique_ptr<std::FILE, CloseFile>;
+
+// Names are looked up in the files of this machine alone. Directory services would be asked on a
+// thread that polls, and may take long to answer; the groups of ports are local ones.
+
 std::string group_name(gid_t group) {
+  const File file(std::fopen("/etc/group", "re"));
   std::array<char, 4096> room{};
   struct group entry {};
   struct group* found = nullptr;
-  ::getgrgid_r(group, &entry, room.data(), room.size(), &found);
-  return found != nullptr ? found->gr_name : std::to_string(group);
+  while (file && ::fgetgrent_r(file.get(), &entry, room.data(), room.size(), &found) == 0)
+    if (entry.gr_gid == group) return entry.gr_name;
+  return std::to_string(group);
 }
 
 std::string user_name() {
+  const File file(std::fopen("/etc/passwd", "re"));
   std::array<char, 4096> room{};
   passwd entry{};
   passwd* found = nullptr;
-  ::getpwuid_r(::geteuid(), &entry, room.data(), room.size(), &found);
-  return found != nullptr ? found->pw_name : "USER";
+  while (file && ::fgetpwent_r(file.get(), &entry, room.data(), room.size(), &found) == 0)
+    if (entry.pw_uid == ::geteuid()) return entry.pw_name;
+  return "USER";
 }
 
 bool is_in(gid_t group) {

@@ -237,7 +237,7 @@ std::optional<std::vector<std::uint64_t>> Publisher::change(const ConfigChange& 
     begin.push_back(change.config.devices[device].name);
     gone.erase(begin.back());
   }
-  joined_ = commands_.change(change);
+  joined_ = commands_.change(change, now);
   retained_.change(change, {gone.begin(), gone.end()}, session_.is_connected());
   samples_out_.change(change);
   status_.change(change);

@@ -384,7 +384,7 @@ class CommandsChangeTest : public CommandsTest {
   }
   std::vector<std::string> end_change() {
     config = change.config;
-    return commands().change(change);
+    return commands().change(change, now);
   }
   ConfigChange change;
 };
@@ -446,6 +446,43 @@ TEST_F(CommandsChangeTest, DeviceThatComesBackKnowsTheIdsOfBefore) {
     write("a");
     EXPECT_EQ(results().at(0)["status"], "DUPLICATE");
   }
+}
+
+TEST_F(CommandsChangeTest, DeviceThatIsGoneIsForgottenWithItsLastId) {
+  write("a");
+  commands().hand_over();
+  finish("a");
+  results();
+  const Config both = config;
+  Config one = config;
+  one.devices = {both.devices[1]};
+  for (const auto& [later, is_known] :
+       {std::pair(std::chrono::hours(23), true), std::pair(std::chrono::hours(2), false)}) {
+    begin_change(one);
+    end_change();
+    now += later;
+    begin_change(both);
+    EXPECT_EQ(end_change().empty(), is_known) << "else earlier runs are asked: " << later.count();
+  }
+}
+
+TEST_F(CommandsChangeTest, IdThatIsFoundLateIsKnownToADeviceThatIsGone) {
+  write("a");
+  commands().hand_over();
+  finish("a");
+  results();
+  const Config both = config;
+  Config one = config;
+  one.devices = {both.devices[1]};
+  begin_change(one);
+  end_change();
+  Recovered late;
+  late.ids.push_back({"press1", "old", 7, kNow - 1000, kNow - 1000});
+  commands().restore(std::move(late), now, kNow);
+  begin_change(both);
+  end_change();
+  write("old");
+  EXPECT_EQ(results().at(0)["status"], "DUPLICATE");
 }
 
 TEST_F(CommandsChangeTest, DeviceThatIsNewIsNamedSoThatEarlierRunsAreAsked) {

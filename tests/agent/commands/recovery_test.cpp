@@ -6,8 +6,8 @@
 #include <nlohmann/json.hpp>
 
 #include "agent/store/store.h"
-#include "tests/agent/store/scratch.h"
 #include "tests/agent/uplink/plant.h"
+#include "tests/support/scratch.h"
 
 namespace fxagent {
 namespace {

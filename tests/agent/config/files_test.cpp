@@ -7,6 +7,7 @@
 
 #include "tests/agent/config/small_plant.h"
 #include "tests/support/other_program.h"
+#include "tests/support/scratch.h"
 
 namespace fxagent {
 namespace {
@@ -17,19 +18,12 @@ namespace fs = std::filesystem;
 /// A directory of its own for each test, gone afterwards.
 class ConfigFiles : public testing::Test {
  protected:
-  ConfigFiles() {
-    std::string path = (fs::temp_directory_path() / "fxagent-config-XXXXXX").string();
-    directory_ = ::mkdtemp(path.data());
-  }
-  ~ConfigFiles() override { fs::remove_all(directory_); }
-
   std::string write(const std::string& name, std::string_view text) const {
-    const std::string path = (directory_ / name).string();
-    std::ofstream(path) << text;
-    return path;
+    return scratch_.write(name, text);
   }
 
-  fs::path directory_;
+  const Scratch scratch_;
+  const fs::path& directory_ = scratch_.directory();
 };
 
 std::vector<std::string> pointers(const std::vector<ConfigError>& errors) {

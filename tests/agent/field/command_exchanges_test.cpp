@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include "agent/commands/result.h"
 #include "protocol/plan.h"
 #include "tests/agent/field/field_plant.h"
 #include "tests/agent/field/on_io.h"
@@ -32,7 +33,7 @@ class Others final : public BusSharing {
     co_return;
   }
   void concluded(std::size_t, const TargetResult&) override {}
-  bool is_stopping() const override { return stopping; }
+  std::string_view why_stopping() const override { return stopping ? kStopping : ""; }
   bool is_over() const override { return over; }
 
   int turns = 0;

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "agent/commands/admission.h"
+#include "agent/commands/result.h"
 #include "agent/field/command_execution.h"
 #include "tests/agent/field/fake_port.h"
 #include "tests/agent/field/field_plant.h"
@@ -163,7 +164,7 @@ class SceneSharing final : public BusSharing {
     co_return;
   }
   void concluded(std::size_t, const TargetResult&) override {}
-  bool is_stopping() const override { return scene_.stopping; }
+  std::string_view why_stopping() const override { return scene_.stopping ? kStopping : ""; }
   bool is_over() const override { return scene_.over; }
 
   int turns = 0;

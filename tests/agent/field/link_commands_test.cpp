@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "agent/commands/admission.h"
+#include "agent/commands/result.h"
 #include "agent/field/command_line_time.h"
 #include "tests/agent/field/fake_port.h"
 #include "tests/agent/field/field_plant.h"
@@ -177,7 +178,7 @@ TEST_F(LinkCommandsTest, FaultAnswersTheOneUnderWayAndTheOthersGoOnWaiting) {
 TEST_F(LinkCommandsTest, StopEndsAListAndNothingGoesBetween) {
   add("list", {0, 1, 2});
   add("short", {3});
-  state->stop();
+  state->stop(kStopping);
   run_next();
   collect();
   ASSERT_EQ(results.size(), 1U);

@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "agent/commands/result.h"
 #include "tests/agent/field/fake_modbus.h"
 #include "tests/agent/field/fake_port.h"
 #include "tests/agent/field/field_plant.h"
@@ -204,7 +205,7 @@ TEST_F(PortPolls, ClosedBusEndsTheCycleWithoutAnExchange) {
 }
 
 TEST_F(PortPolls, StoppedPollSaysNothing) {
-  script().expect(kEnq).give(kAck).expect(kReadD100).call([this] { state->stop(); });
+  script().expect(kEnq).give(kAck).expect(kReadD100).call([this] { state->stop(kStopping); });
   wire->give(word_frame(7));
   start();
   step();

@@ -3,12 +3,11 @@
 
 #include <gtest/gtest.h>
 
-#include <cstdlib>
-#include <filesystem>
 #include <string>
 #include <vector>
 
 #include "tests/agent/metrics/http_client.h"
+#include "tests/support/scratch.h"
 
 namespace fxagent {
 namespace {
@@ -19,11 +18,8 @@ using namespace std::chrono_literals;
 class HttpServerTest : public testing::Test {
  protected:
   void SetUp() override {
-    std::string pattern = "/tmp/fxagent-http-XXXXXX";
-    ASSERT_NE(::mkdtemp(pattern.data()), nullptr);
-    directory_ = pattern;
     MetricsConfig config;
-    config.unix_path = directory_ / "http";
+    config.unix_path = scratch_.path("http");
     path_ = config.unix_path;
     auto socket = ListeningSocket::open(config);
     ASSERT_TRUE(socket.has_value()) << socket.error().text;
@@ -34,10 +30,7 @@ class HttpServerTest : public testing::Test {
     ASSERT_TRUE(server.has_value()) << server.error().text;
     server_ = std::move(*server);
   }
-  void TearDown() override {
-    server_.reset();
-    std::filesystem::remove_all(directory_);
-  }
+  void TearDown() override { server_.reset(); }
 
   /// Lets the server do all that is due. The library does one step of a connection at a time.
   void run() {
@@ -52,7 +45,7 @@ class HttpServerTest : public testing::Test {
     return made;
   }
 
-  std::filesystem::path directory_;
+  const Scratch scratch_;
   std::string path_;
   SteadyTime now_{1h};
   std::shared_ptr<const std::string> body_ = std::make_shared<const std::string>("the body\n");

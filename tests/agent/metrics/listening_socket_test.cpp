@@ -4,10 +4,11 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <string>
+
+#include "tests/support/scratch.h"
 
 namespace fxagent {
 namespace {
@@ -21,15 +22,9 @@ MetricsConfig tcp(const std::string& address, std::uint16_t port) {
 
 class UnixSocket : public testing::Test {
  protected:
-  void SetUp() override {
-    std::string pattern = "/tmp/fxagent-metrics-XXXXXX";
-    ASSERT_NE(::mkdtemp(pattern.data()), nullptr);
-    directory_ = pattern;
-    config_.unix_path = directory_ / "metrics";
-  }
-  void TearDown() override { std::filesystem::remove_all(directory_); }
+  void SetUp() override { config_.unix_path = scratch_.path("metrics"); }
 
-  std::filesystem::path directory_;
+  const test::Scratch scratch_;
   MetricsConfig config_;
 };
 
@@ -92,7 +87,7 @@ TEST_F(UnixSocket, FileThatIsNoSocketIsLeftAlone) {
 }
 
 TEST_F(UnixSocket, DirectoryThatIsNotThereIsSaidWithTheCure) {
-  config_.unix_path = directory_ / "none" / "metrics";
+  config_.unix_path = scratch_.path("none/metrics");
   const auto made = ListeningSocket::open(config_);
   ASSERT_FALSE(made.has_value());
   EXPECT_NE(made.error().text.find("make the directory"), std::string::npos) << made.error().text;

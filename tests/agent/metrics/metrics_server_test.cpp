@@ -3,14 +3,13 @@
 
 #include <gtest/gtest.h>
 
-#include <cstdlib>
-#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <thread>
 
 #include "tests/agent/metrics/http_client.h"
 #include "tests/agent/metrics/made_up_status.h"
+#include "tests/support/scratch.h"
 
 namespace fxagent {
 namespace {
@@ -22,13 +21,7 @@ using Clock = std::chrono::steady_clock;
 
 class MetricsServerTest : public testing::Test {
  protected:
-  void SetUp() override {
-    std::string pattern = "/tmp/fxagent-metrics-XXXXXX";
-    ASSERT_NE(::mkdtemp(pattern.data()), nullptr);
-    directory_ = pattern;
-    config_.unix_path = directory_ / "metrics";
-  }
-  void TearDown() override { std::filesystem::remove_all(directory_); }
+  void SetUp() override { config_.unix_path = scratch_.path("metrics"); }
 
   void publish(AgentStatus status) {
     const auto now = Clock::now();
@@ -53,7 +46,7 @@ class MetricsServerTest : public testing::Test {
     return HttpClient(config_.unix_path);
   }
 
-  std::filesystem::path directory_;
+  const Scratch scratch_;
   MetricsConfig config_;
   StatusBoard board_{[] {}};
 };

@@ -3,7 +3,6 @@
 #include <fcntl.h>
 #include <grp.h>
 #include <gtest/gtest.h>
-#include <stdlib.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -12,6 +11,7 @@
 #include <string>
 
 #include "tests/support/other_program.h"
+#include "tests/support/scratch.h"
 
 namespace fxagent {
 namespace {
@@ -22,19 +22,15 @@ using test::OtherProgram;
 /// A file in a directory of its own: what a port is to a user, and to who holds it.
 class PortAccess : public testing::Test {
  protected:
-  PortAccess() {
-    std::string path = (fs::temp_directory_path() / "fxagent-port-XXXXXX").string();
-    directory_ = ::mkdtemp(path.data());
-    port = (directory_ / "ttyUSB0").string();
-    ::close(::open(port.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0660));
-  }
-  ~PortAccess() override { fs::remove_all(directory_); }
+  PortAccess() { ::close(::open(port.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0660)); }
 
-  const fs::path& directory() const { return directory_; }
-  std::string port;
+  const fs::path& directory() const { return scratch_.directory(); }
 
  private:
-  fs::path directory_;
+  const test::Scratch scratch_;
+
+ protected:
+  const std::string port = scratch_.path("ttyUSB0");
 };
 
 TEST_F(PortAccess, WhoHasItOpenIsFoundByWhateverNameItWasOpened) {

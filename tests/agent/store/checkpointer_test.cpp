@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <optional>
 
-#include "tests/agent/store/scratch.h"
+#include "tests/support/scratch.h"
 
 namespace fxagent {
 namespace {

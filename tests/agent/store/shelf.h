@@ -17,7 +17,7 @@
 #include "agent/commands/audit_records.h"
 #include "agent/store/store.h"
 #include "tests/agent/store/json_history.h"
-#include "tests/agent/store/scratch.h"
+#include "tests/support/scratch.h"
 
 namespace fxagent::test {
 

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/agent/store/scratch.h"
+#include "tests/support/scratch.h"
 
 namespace fxagent {
 namespace {

@@ -7,7 +7,7 @@
 #include "agent/store/sqlite.h"
 #include "agent/store/store.h"
 #include "tests/agent/store/json_history.h"
-#include "tests/agent/store/scratch.h"
+#include "tests/support/scratch.h"
 
 namespace fxagent {
 namespace {

@@ -9,7 +9,7 @@
 #include <memory>
 
 #include "agent/store/store.h"
-#include "tests/agent/store/scratch.h"
+#include "tests/support/scratch.h"
 
 namespace fxagent {
 namespace {

@@ -5,7 +5,7 @@
 
 #include "agent/store/store.h"
 #include "tests/agent/store/power_cut.h"
-#include "tests/agent/store/scratch.h"
+#include "tests/support/scratch.h"
 
 namespace fxagent {
 namespace {

@@ -45,22 +45,6 @@ std::string content(const std::string& path) {
 
 }  // namespace
 
-TemporaryDirectory::TemporaryDirectory() {
-  std::string pattern = std::filesystem::temp_directory_path() / "fxagent-uplink-XXXXXX";
-  if (mkdtemp(pattern.data()) == nullptr) throw std::runtime_error("no temporary directory");
-  path_ = pattern;
-}
-
-TemporaryDirectory::~TemporaryDirectory() {
-  std::error_code ignored;
-  std::filesystem::remove_all(path_, ignored);
-}
-
-std::string TemporaryDirectory::write(const std::string& name, const std::string& text) const {
-  std::ofstream(path(name), std::ios::binary) << text;
-  return path(name);
-}
-
 pid_t spawn(const std::vector<std::string>& arguments, const std::string& log) {
   std::vector<char*> argv;
   for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
@@ -97,7 +81,7 @@ std::uint16_t free_port() {
   return ntohs(address.sin_port);
 }
 
-void make_certificates(const TemporaryDirectory& directory, const std::string& prefix,
+void make_certificates(const Scratch& directory, const std::string& prefix,
                        const std::string& server_names) {
   const std::string log = directory.path("openssl.log");
   const auto file = [&](const std::string& name) { return directory.path(prefix + name); };
@@ -118,8 +102,7 @@ void make_certificates(const TemporaryDirectory& directory, const std::string& p
   }
 }
 
-Mosquitto::Mosquitto(const TemporaryDirectory& directory, const std::string& settings,
-                     std::uint16_t port)
+Mosquitto::Mosquitto(const Scratch& directory, const std::string& settings, std::uint16_t port)
     : port_(port) {
   // Started as root it would become another user, who may not read this directory.
   const std::string config = directory.write(

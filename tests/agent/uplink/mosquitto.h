@@ -8,23 +8,9 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/scratch.h"
+
 namespace fxagent::test {
-
-/// A directory that is removed with all it holds.
-class TemporaryDirectory final {
- public:
-  TemporaryDirectory();
-  ~TemporaryDirectory();
-  TemporaryDirectory(const TemporaryDirectory&) = delete;
-  TemporaryDirectory& operator=(const TemporaryDirectory&) = delete;
-
-  std::string path(const std::string& name) const { return path_ + "/" + name; }
-  /// Writes a file and returns its path.
-  std::string write(const std::string& name, const std::string& text) const;
-
- private:
-  std::string path_;
-};
 
 /// Starts a program (found by PATH) with no shell in between; its output goes to `log`.
 pid_t spawn(const std::vector<std::string>& arguments, const std::string& log);
@@ -37,13 +23,13 @@ std::uint16_t free_port();
 /// A certificate authority and what it signed, made by openssl: ca.pem, server.pem/.key for
 /// `server_names` ("DNS:localhost,IP:127.0.0.1"), client.pem/.key; all names with `prefix` in
 /// front.
-void make_certificates(const TemporaryDirectory& directory, const std::string& prefix,
+void make_certificates(const Scratch& directory, const std::string& prefix,
                        const std::string& server_names);
 
 class Mosquitto final {
  public:
   /// `settings` are lines of mosquitto.conf that follow its listener. Returns when it listens.
-  Mosquitto(const TemporaryDirectory& directory, const std::string& settings,
+  Mosquitto(const Scratch& directory, const std::string& settings,
             std::uint16_t port = free_port());
   ~Mosquitto() { kill(); }
   Mosquitto(const Mosquitto&) = delete;

@@ -29,7 +29,7 @@ namespace {
 using namespace std::chrono_literals;
 using nlohmann::json;
 using test::Mosquitto;
-using test::TemporaryDirectory;
+using test::Scratch;
 
 constexpr auto kLimit = 20s;
 
@@ -136,7 +136,7 @@ std::vector<int> sockets_towards(std::uint16_t port) {
 }
 
 TEST(PahoBroker, SmallMessagesDoNotWaitForTheAckOfTheOneBefore) {
-  const TemporaryDirectory directory;
+  const Scratch directory;
   const Mosquitto mosquitto(directory, "allow_anonymous true");
   Client client(settings(mosquitto.url(), 5));
   client.connect();
@@ -187,7 +187,7 @@ class PahoBrokerVersion : public testing::TestWithParam<int> {};
 INSTANTIATE_TEST_SUITE_P(Mqtt, PahoBrokerVersion, testing::Values(4, 5));
 
 TEST_P(PahoBrokerVersion, CarriesMessagesBothWays) {
-  const TemporaryDirectory directory;
+  const Scratch directory;
   const Mosquitto mosquitto(directory, "allow_anonymous true");
   Client client(settings(mosquitto.url(), GetParam()));
   const Connected connected = client.connect();
@@ -212,13 +212,13 @@ TEST_P(PahoBrokerVersion, CarriesMessagesBothWays) {
 }
 
 TEST_P(PahoBrokerVersion, SocketsOfOthersAreLeftAlone) {
-  const TemporaryDirectory directory;
+  const Scratch directory;
   const Mosquitto mosquitto(directory, "allow_anonymous true");
   expect_others_left_alone(mosquitto, settings(mosquitto.url(), GetParam()));
 }
 
 TEST_P(PahoBrokerVersion, Qos0CountsAsDeliveredWhenItIsOnItsWay) {
-  const TemporaryDirectory directory;
+  const Scratch directory;
   const Mosquitto mosquitto(directory, "allow_anonymous true");
   Client client(settings(mosquitto.url(), GetParam()));
   client.connect();
@@ -229,14 +229,14 @@ TEST_P(PahoBrokerVersion, Qos0CountsAsDeliveredWhenItIsOnItsWay) {
 }
 
 /// A broker for edge7, whose password is "right", and nobody else.
-Mosquitto edge7_only(const TemporaryDirectory& directory) {
+Mosquitto edge7_only(const Scratch& directory) {
   const std::string users = directory.path("users");
   test::run({"mosquitto_passwd", "-b", "-c", users, "edge7", "right"}, directory.path("log"));
   return Mosquitto(directory, "allow_anonymous false\npassword_file " + users);
 }
 
 TEST_P(PahoBrokerVersion, WrongPasswordIsSaidAndTheFileIsReadAgain) {
-  const TemporaryDirectory directory;
+  const Scratch directory;
   const Mosquitto mosquitto = edge7_only(directory);
   MqttConfig config = settings(mosquitto.url(), GetParam());
   config.username = "edge7";
@@ -254,7 +254,7 @@ TEST_P(PahoBrokerVersion, WrongPasswordIsSaidAndTheFileIsReadAgain) {
 }
 
 TEST_P(PahoBrokerVersion, LostConnectionIsToldOnceAndTheNextOneWorks) {
-  const TemporaryDirectory directory;
+  const Scratch directory;
   const std::uint16_t port = test::free_port();
   auto mosquitto = std::make_unique<Mosquitto>(directory, "allow_anonymous true", port);
   Client client(settings(mosquitto->url(), GetParam()));
@@ -271,7 +271,7 @@ TEST_P(PahoBrokerVersion, LostConnectionIsToldOnceAndTheNextOneWorks) {
 }
 
 TEST_P(PahoBrokerVersion, BrokerKeepsNoCommandForOneThatWasAway) {
-  const TemporaryDirectory directory;
+  const Scratch directory;
   const Mosquitto mosquitto(directory, "allow_anonymous true");
   Client sender(settings(mosquitto.url()));
   sender.connect();
@@ -293,7 +293,7 @@ TEST_P(PahoBrokerVersion, BrokerKeepsNoCommandForOneThatWasAway) {
 }
 
 TEST(PahoBroker, OwnMessagesDoNotComeBackWhereTheyAreNotWanted) {
-  const TemporaryDirectory directory;
+  const Scratch directory;
   const Mosquitto mosquitto(directory, "allow_anonymous true");
   Client other(settings(mosquitto.url()));
   other.connect();
@@ -309,7 +309,7 @@ TEST(PahoBroker, OwnMessagesDoNotComeBackWhereTheyAreNotWanted) {
 }
 
 TEST(PahoBroker, PasswordComesFromTheEnvironmentWhereThereIsNoFile) {
-  const TemporaryDirectory directory;
+  const Scratch directory;
   const Mosquitto mosquitto = edge7_only(directory);
   MqttConfig config = settings(mosquitto.url());
   config.username = "edge7";
@@ -320,7 +320,7 @@ TEST(PahoBroker, PasswordComesFromTheEnvironmentWhereThereIsNoFile) {
 }
 
 TEST(PahoBroker, PasswordOfTheConfigItselfIsUsed) {
-  const TemporaryDirectory directory;
+  const Scratch directory;
   const Mosquitto mosquitto = edge7_only(directory);
   MqttConfig config = settings(mosquitto.url());
   config.username = "edge7";
@@ -345,7 +345,7 @@ TEST(PahoBroker, MissingSecretIsSaidWithoutAskingTheBroker) {
 }
 
 TEST(PahoBroker, PropertiesOfMqtt5AndTheRetainFlagArrive) {
-  const TemporaryDirectory directory;
+  const Scratch directory;
   const Mosquitto mosquitto(directory, "allow_anonymous true");
   Client client(settings(mosquitto.url()));
   client.connect();
@@ -392,7 +392,7 @@ TEST(PahoBroker, PropertiesOfMqtt5AndTheRetainFlagArrive) {
 }
 
 TEST(PahoBroker, PayloadIsCutOffBehindItsLimit) {
-  const TemporaryDirectory directory;
+  const Scratch directory;
   const Mosquitto mosquitto(directory, "allow_anonymous true");
   Client client(settings(mosquitto.url()));
   client.connect();
@@ -402,7 +402,7 @@ TEST(PahoBroker, PayloadIsCutOffBehindItsLimit) {
 }
 
 TEST(PahoBroker, LongerPayloadsArriveWhereTheyAreAskedFor) {
-  const TemporaryDirectory directory;
+  const Scratch directory;
   const Mosquitto mosquitto(directory, "allow_anonymous true");
   Client client(settings(mosquitto.url()), std::nullopt, 150000);
   client.connect();
@@ -414,7 +414,7 @@ TEST(PahoBroker, LongerPayloadsArriveWhereTheyAreAskedFor) {
 }
 
 TEST(PahoBroker, RefusedPublishCarriesItsReasonCode) {
-  const TemporaryDirectory directory;
+  const Scratch directory;
   const std::string acl = directory.write("acl", "topic read #\ntopic write allowed\n");
   const Mosquitto mosquitto(directory, "allow_anonymous true\nacl_file " + acl);
   Client client(settings(mosquitto.url()));
@@ -584,7 +584,7 @@ TEST_P(PahoBrokerVersion, EveryWayNotToGetThroughHasATextOfItsOwn) {
 }
 
 TEST_P(PahoBrokerVersion, WrongPasswordAndMissingUserNameTheKeysToSet) {
-  const TemporaryDirectory directory;
+  const Scratch directory;
   const Mosquitto mosquitto = edge7_only(directory);
   MqttConfig config = settings(mosquitto.url(), GetParam());
   const std::string nobody = Client(config).refusal();
@@ -606,7 +606,7 @@ TEST(PahoBroker, SessionTakenOverNamesTheClientId) {
 
 // As Debian's mosquitto does when it gives the session to another client.
 TEST_P(PahoBrokerVersion, CloseWithoutAWordNamesTheClientIdToo) {
-  const TemporaryDirectory directory;
+  const Scratch directory;
   const Mosquitto mosquitto(directory, "allow_anonymous true");
   const MqttConfig config = settings(mosquitto.url(), GetParam());
   Client first(config);
@@ -669,7 +669,7 @@ TEST_P(PahoBrokerVersion, PacketThatIsFarTooLongEndsTheConnectionBeforeItIsRead)
 class PahoBrokerTls : public testing::Test {
  protected:
   static void SetUpTestSuite() {
-    directory_ = std::make_unique<TemporaryDirectory>();
+    directory_ = std::make_unique<Scratch>();
     test::make_certificates(*directory_, "", "DNS:localhost");
     test::make_certificates(*directory_, "other-", "DNS:localhost");
   }
@@ -686,9 +686,9 @@ class PahoBrokerTls : public testing::Test {
     return config;
   }
 
-  static std::unique_ptr<TemporaryDirectory> directory_;
+  static std::unique_ptr<Scratch> directory_;
 };
-std::unique_ptr<TemporaryDirectory> PahoBrokerTls::directory_;
+std::unique_ptr<Scratch> PahoBrokerTls::directory_;
 
 TEST_F(PahoBrokerTls, RightAuthorityAndNameConnect) {
   const Mosquitto mosquitto(*directory_, listener());
@@ -770,7 +770,7 @@ TEST(PahoBroker, EndsInTheMiddleOfAConnect) {
 }
 
 TEST(PahoBroker, EndsWithPublishesOnTheirWay) {
-  const TemporaryDirectory directory;
+  const Scratch directory;
   const Mosquitto mosquitto(directory, "allow_anonymous true");
   for (int i = 0; i < 5; ++i) {
     Client client(settings(mosquitto.url()));
@@ -781,7 +781,7 @@ TEST(PahoBroker, EndsWithPublishesOnTheirWay) {
 }
 
 TEST(PahoBroker, WillIsSaidForOneThatVanishedAndNotForOneThatLeft) {
-  const TemporaryDirectory directory;
+  const Scratch directory;
   const Mosquitto mosquitto(directory, "allow_anonymous true");
   Client observer(settings(mosquitto.url()));
   observer.connect();
@@ -804,7 +804,7 @@ TEST(PahoBroker, WillIsSaidForOneThatVanishedAndNotForOneThatLeft) {
 }
 
 TEST(PahoBroker, CarriesTheWholeUplink) {
-  const TemporaryDirectory directory;
+  const Scratch directory;
   const Mosquitto mosquitto(directory, "allow_anonymous true");
   Config config = test::plant();
   config.mqtt = settings(mosquitto.url());

@@ -35,7 +35,7 @@ bool await(PahoBroker& broker, int count) {
 }
 
 int run() {
-  const test::TemporaryDirectory directory;
+  const test::Scratch directory;
   const test::Mosquitto mosquitto(directory, "allow_anonymous true");
   MqttConfig config;
   config.servers = {mosquitto.url()};

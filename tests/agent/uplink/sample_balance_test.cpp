@@ -5,9 +5,9 @@
 
 #include "agent/uplink/json_payload.h"
 #include "agent/uplink/publisher.h"
-#include "tests/agent/store/scratch.h"
 #include "tests/agent/uplink/fake_broker.h"
 #include "tests/agent/uplink/plant.h"
+#include "tests/support/scratch.h"
 
 namespace fxagent {
 namespace {

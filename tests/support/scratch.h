@@ -4,8 +4,10 @@
 #include <stdlib.h>
 
 #include <filesystem>
+#include <fstream>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <system_error>
 
 namespace fxagent::test {
@@ -24,7 +26,13 @@ class Scratch final {
   Scratch(const Scratch&) = delete;
   Scratch& operator=(const Scratch&) = delete;
 
+  const std::filesystem::path& directory() const { return directory_; }
   std::string path(const std::string& name) const { return (directory_ / name).string(); }
+  /// Writes a file and returns its path.
+  std::string write(const std::string& name, std::string_view text) const {
+    std::ofstream(path(name), std::ios::binary) << text;
+    return path(name);
+  }
 
  private:
   std::filesystem::path directory_;
