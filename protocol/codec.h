@@ -178,6 +178,9 @@ class Codec {
   virtual std::chrono::nanoseconds quiet_before(std::chrono::nanoseconds /*char_time*/) const {
     return {};
   }
+  /// After how long the device itself gives a request up, and answers with the reason: who waits
+  /// less than that hears neither. 0 where it has no such time.
+  virtual std::chrono::milliseconds gives_up_after() const { return {}; }
   /// How long nothing may be asked after `request`, which is not answered (a broadcast).
   virtual std::chrono::milliseconds pause_after(const Request& /*request*/) const { return {}; }
 

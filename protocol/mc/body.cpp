@@ -1,0 +1,136 @@
+#include "protocol/mc/body.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+
+namespace fxagent::mc {
+namespace {
+
+tl::unexpected<Error> garbled(std::string text) {
+  return fail(ErrorCode::bad_frame, std::move(text));
+}
+
+constexpr std::uint32_t kLongCodes = 2;  // the bit of a subcommand
+
+}  // namespace
+
+std::optional<std::uint32_t> number_at(Code code, ByteView wire, std::size_t at,
+                                       std::size_t bytes) {
+  std::uint32_t value = 0;
+  if (code == Code::binary) {
+    for (std::size_t i = bytes; i > 0; --i) value = value << 8 | wire[at + i - 1];
+    return value;
+  }
+  for (std::size_t i = 0; i < 2 * bytes; ++i) {
+    const int digit = hex_digit(wire[at + i]);
+    if (digit < 0) return std::nullopt;
+    value = value << 4 | static_cast<std::uint32_t>(digit);
+  }
+  return value;
+}
+
+void append_number(Code code, Bytes& out, std::uint32_t value, std::size_t bytes) {
+  if (code == Code::ascii) return append_hex(out, value, static_cast<int>(2 * bytes));
+  for (std::size_t i = 0; i < bytes; ++i, value >>= 8)
+    out.push_back(static_cast<std::uint8_t>(value));
+}
+
+void append_image(Code code, Bytes& out, ByteView image, std::size_t value_bytes) {
+  if (code == Code::binary) {
+    out.insert(out.end(), image.begin(), image.end());
+    return;
+  }
+  for (std::size_t at = 0; at + value_bytes <= image.size(); at += value_bytes)
+    append_number(code, out, *number_at(Code::binary, image, at, value_bytes), value_bytes);
+}
+
+Result<Bytes> image_in(Code code, ByteView wire, std::size_t value_bytes) {
+  if (code == Code::binary) return Bytes(wire.begin(), wire.end());
+  Bytes image;
+  image.reserve(wire.size() / 2);
+  for (std::size_t at = 0; at + 2 * value_bytes <= wire.size(); at += 2 * value_bytes) {
+    const auto value = number_at(code, wire, at, value_bytes);
+    if (!value)
+      return garbled("data " + to_hex(wire.subspan(at, 2 * value_bytes)) + " are not hex digits");
+    append_number(Code::binary, image, *value, value_bytes);
+  }
+  return image;
+}
+
+void append_bits(Code code, Bytes& out, ByteView image, std::uint32_t bits) {
+  const auto bit = [&](std::uint32_t i) { return i < bits && (image[i / 8] >> (i % 8) & 1) != 0; };
+  if (code == Code::ascii) {
+    for (std::uint32_t i = 0; i < bits; ++i) out.push_back(bit(i) ? '1' : '0');
+    return;
+  }
+  for (std::uint32_t i = 0; i < bits; i += 2)
+    out.push_back(static_cast<std::uint8_t>((bit(i) ? 0x10 : 0) | (bit(i + 1) ? 1 : 0)));
+}
+
+Result<Bytes> bits_in(Code code, ByteView wire, std::uint32_t bits) {
+  Bytes image((bits + 7) / 8);
+  for (std::uint32_t i = 0; i < bits; ++i) {
+    const std::uint8_t byte = code == Code::ascii ? wire[i] : wire[i / 2];
+    const int value = code == Code::ascii ? byte - '0' : (i % 2 == 0 ? byte >> 4 : byte & 0x0F);
+    if (value != 0 && value != 1)
+      return garbled("data " + to_hex(ByteView(&byte, 1)) + " where bits are 0 and 1");
+    if (value == 1) image[i / 8] |= static_cast<std::uint8_t>(1U << (i % 8));
+  }
+  return image;
+}
+
+Body::Body(const Dialect& dialect, bool long_codes, std::uint32_t command, std::uint32_t subcommand)
+    : dialect_(dialect), long_codes_(long_codes) {
+  number(command, 2);
+  number(subcommand | (long_codes ? kLongCodes : 0), 2);
+}
+
+Result<void> Body::device(std::uint16_t space_id, std::uint32_t bit) {
+  const auto space = static_cast<Space>(space_id);
+  const DeviceKind& kind = kind_of(space);
+  const std::uint32_t number = kind.first_number + bit / kind.bits;
+  if (dialect_.code == Code::binary) {
+    append_number(Code::binary, out_, number, long_codes_ ? 4 : 3);
+    append_number(Code::binary, out_, kind.binary, long_codes_ ? 2 : 1);
+    return {};
+  }
+  if (auto why = why_not_named(dialect_, space, number); !why.empty())
+    return fail(ErrorCode::unsupported, std::move(why));
+  if (!long_codes_ && kind.ascii.empty())
+    return fail(ErrorCode::unsupported, std::string(kind.letters) + " has no short name");
+  std::string name(long_codes_ ? kind.letters : kind.ascii);
+  name.resize(long_codes_ ? 4 : 2, '*');
+  std::array<char, 16> digits{};
+  const auto end = std::to_chars(digits.data(), digits.data() + digits.size(), number,
+                                 static_cast<int>(base_of(dialect_.model, space)))
+                       .ptr;
+  const auto used = static_cast<std::size_t>(end - digits.data());
+  const std::size_t room = long_codes_ ? 8 : 6;
+  name.append(room - std::min(room, used), '0');
+  for (std::size_t i = 0; i < used; ++i)
+    name.push_back(digits[i] >= 'a' ? static_cast<char>(digits[i] - 'a' + 'A') : digits[i]);
+  out_.insert(out_.end(), name.begin(), name.end());
+  return {};
+}
+
+std::size_t device_size(Code code, bool long_codes) {
+  if (code == Code::ascii) return long_codes ? 12 : 8;
+  return long_codes ? 6 : 4;
+}
+
+std::string why_not_named(const Dialect& dialect, Space space, std::uint32_t number) {
+  if (dialect.code == Code::binary) return {};
+  const std::string name = device_name(dialect.model, space, number);
+  const std::string cure = dialect.serial ? ": use mc-4c with format 5" : ": use `code` binary";
+  const bool octal = base_of(dialect.model, space) == 8;
+  if (octal && number > 7)
+    return name +
+           ": whether an FX5 takes the digits of X and Y as octal in ASCII code is not known" +
+           cure;
+  if (kind_of(space).ascii.empty() && dialect.series() != Series::iq_r)
+    return name + " has no certain name in ASCII code on this model" + cure;
+  return {};
+}
+
+}  // namespace fxagent::mc

@@ -1,0 +1,572 @@
+#include "protocol/mc/device.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+
+namespace fxagent::mc {
+namespace {
+
+constexpr std::array<std::string_view, 6> kNames = {"FX5U", "FX5UJ", "FX5S", "Q", "L", "iQ-R"};
+constexpr std::array<std::string_view, 1> kKinNames = {"FX5UC"};
+constexpr std::array<std::string_view, 4> kOneENames = {"FX3U", "FX3G", "Q", "L"};
+constexpr std::array<std::string_view, 3> kOneEKinNames = {"FX3GC", "FX3GE", "FX3UC"};
+
+struct Named {
+  std::string_view name;
+  Model model;
+};
+// The name of a model stands before those of its kin.
+constexpr std::array<Named, 12> kModels = {{{"FX3U", Model::fx3u},
+                                            {"FX3UC", Model::fx3u},
+                                            {"FX3G", Model::fx3g},
+                                            {"FX3GC", Model::fx3g},
+                                            {"FX3GE", Model::fx3g},
+                                            {"FX5U", Model::fx5u},
+                                            {"FX5UC", Model::fx5u},
+                                            {"FX5UJ", Model::fx5uj},
+                                            {"FX5S", Model::fx5s},
+                                            {"Q", Model::q},
+                                            {"L", Model::l},
+                                            {"iQ-R", Model::iq_r}}};
+
+constexpr auto kDec = Numbering::decimal;
+constexpr auto kHex = Numbering::hexadecimal;
+constexpr auto kOct = Numbering::octal_on_fx;
+constexpr std::uint32_t kSpecial = 8000;
+constexpr std::uint32_t kLong = 200;
+
+// SH-080008 for 3E and C frames, JY997D45801 for 1E; 98 of S as measured on PLCs.
+constexpr std::array<DeviceKind, kSpaces> kKinds = {{
+    {"X", 0x9C, "X*", 0x5820, kOct, 1, 0},
+    {"Y", 0x9D, "Y*", 0x5920, kOct, 1, 0},
+    {"DX", 0xA2, "DX", 0, kHex, 1, 0},
+    {"DY", 0xA3, "DY", 0, kHex, 1, 0},
+    {"M", 0x90, "M*", 0x4D20, kDec, 1, 0},
+    {"M", 0x90, "M*", 0x4D20, kDec, 1, kSpecial},
+    {"L", 0x92, "L*", 0, kDec, 1, 0},
+    {"F", 0x93, "F*", 0x4620, kDec, 1, 0},
+    {"V", 0x94, "V*", 0, kDec, 1, 0},
+    {"B", 0xA0, "B*", 0x4220, kHex, 1, 0},
+    {"SB", 0xA1, "SB", 0, kHex, 1, 0},
+    {"S", 0x98, "S*", 0x5320, kDec, 1, 0},
+    {"SM", 0x91, "SM", 0, kDec, 1, 0},
+    {"TS", 0xC1, "TS", 0x5453, kDec, 1, 0},
+    {"TC", 0xC0, "TC", 0x5443, kDec, 1, 0},
+    {"TN", 0xC2, "TN", 0x544E, kDec, 16, 0},
+    {"STS", 0xC7, "SS", 0, kDec, 1, 0},
+    {"STC", 0xC6, "SC", 0, kDec, 1, 0},
+    {"STN", 0xC8, "SN", 0, kDec, 16, 0},
+    {"CS", 0xC4, "CS", 0x4353, kDec, 1, 0},
+    {"CC", 0xC3, "CC", 0x4343, kDec, 1, 0},
+    {"CN", 0xC5, "CN", 0x434E, kDec, 16, 0},
+    {"CN", 0xC5, "CN", 0x434E, kDec, 32, kLong},
+    {"LCS", 0x55, "", 0, kDec, 1, 0},
+    {"LCC", 0x54, "", 0, kDec, 1, 0},
+    {"LCN", 0x56, "", 0, kDec, 32, 0},
+    {"LTN", 0x52, "", 0, kDec, 32, 0},
+    {"LSTN", 0x5A, "", 0, kDec, 32, 0},
+    {"D", 0xA8, "D*", 0x4420, kDec, 16, 0},
+    {"D", 0xA8, "D*", 0x4420, kDec, 16, kSpecial},
+    {"W", 0xB4, "W*", 0x5720, kHex, 16, 0},
+    {"SW", 0xB5, "SW", 0, kHex, 16, 0},
+    {"SD", 0xA9, "SD", 0, kDec, 16, 0},
+    {"R", 0xAF, "R*", 0x5220, kDec, 16, 0},
+    {"ZR", 0xB0, "ZR", 0, kDec, 16, 0},
+    {"RD", 0x2C, "", 0, kDec, 16, 0},
+    {"Z", 0xCC, "Z*", 0, kDec, 16, 0},
+    {"LZ", 0x62, "", 0, kDec, 32, 0},
+}};
+
+/// How many devices there are, those before the first number of the space included.
+struct Counts {
+  std::uint32_t fx3u = 0, fx3g = 0, iq_f = 0, q_l = 0, iq_r = 0;
+};
+// FX3: the tables of JY997D45801 and JY997D18101. The others from product knowledge, unverified; of
+// an iQ-R the 10117632 words that its device memory can have, if all are of one kind.
+constexpr std::array<Counts, kSpaces> kCounts = {{
+    {0400, 0200, 02000, 0x2000, 0x3000},    // X
+    {0400, 0200, 02000, 0x2000, 0x3000},    // Y
+    {0, 0, 0, 0x2000, 0x3000},              // DX
+    {0, 0, 0, 0x2000, 0x3000},              // DY
+    {7680, 7680, 32768, 61440, 161882112},  // M
+    {8512, 8512, 0, 0, 0},                  // M8000
+    {0, 0, 32768, 32768, 32768},            // L
+    {0, 0, 32768, 32768, 32768},            // F
+    {0, 0, 0, 32768, 32768},                // V
+    {0, 0, 0x8000, 0xF000, 0x9A62000},      // B
+    {0, 0, 0x8000, 0x8000, 0x9A62000},      // SB
+    {4096, 4096, 4096, 8192, 16384},        // S
+    {0, 0, 10000, 2048, 4096},              // SM
+    {512, 320, 1024, 32768, 8993440},       // TS
+    {512, 320, 1024, 32768, 8993440},       // TC
+    {512, 320, 1024, 32768, 8993440},       // TN
+    {0, 0, 1024, 32768, 8993440},           // STS
+    {0, 0, 1024, 32768, 8993440},           // STC
+    {0, 0, 1024, 32768, 8993440},           // STN
+    {256, 256, 1024, 32768, 8993440},       // CS
+    {256, 256, 1024, 32768, 8993440},       // CC
+    {200, 200, 1024, 32768, 8993440},       // CN
+    {256, 256, 0, 0, 0},                    // CN200
+    {0, 0, 1024, 0, 4761120},               // LCS
+    {0, 0, 1024, 0, 4761120},               // LCC
+    {0, 0, 1024, 0, 4761120},               // LCN
+    {0, 0, 0, 0, 2529408},                  // LTN
+    {0, 0, 0, 0, 2529408},                  // LSTN
+    {8000, 8000, 8000, 4184064, 10117632},  // D
+    {8512, 8512, 0, 0, 0},                  // D8000
+    {0, 0, 0x8000, 4184064, 10117632},      // W
+    {0, 0, 0x8000, 0x8000, 10117632},       // SW
+    {0, 0, 12000, 2048, 4096},              // SD
+    {32768, 24000, 32768, 32768, 32768},    // R
+    {0, 0, 0, 4184064, 10027008},           // ZR
+    {0, 0, 0, 0, 524288},                   // RD
+    {0, 0, 24, 20, 24},                     // Z
+    {0, 0, 12, 0, 12},                      // LZ
+}};
+
+// Devices that start and stop an FX, switch off its outputs or open its program memory.
+struct NeverWritten {
+  Space space;
+  Numbers numbers;
+};
+constexpr std::array<NeverWritten, 3> kNeverWritten = {{{Space::special_m, {8034, 8037}},
+                                                        {Space::special_m, {8118, 8118}},
+                                                        {Space::sm, {8034, 8037}}}};
+
+constexpr std::string_view kForms =
+    "X0 Y0 M0 L0 F0 V0 B0 S0 SM0 SB0 D0 W0 R0 ZR0 SD0 SW0 Z0, TN0 STN0 CN0 LCN0 LTN0 LSTN0 LZ0, "
+    "contacts TS0 STS0 CS0, coils TC0 STC0 CC0, T0 C0, D0.F, K4M0";
+
+tl::unexpected<Error> refuse(std::string text) {
+  return fail(ErrorCode::bad_request, std::move(text));
+}
+
+std::string upper(std::string_view text) {
+  std::string out(text);
+  for (char& c : out)
+    if (c >= 'a' && c <= 'z') c = static_cast<char>(c - 'a' + 'A');
+  return out;
+}
+
+std::string digits_of(std::uint32_t number, std::uint32_t base) {
+  std::array<char, 16> text{};
+  const auto end =
+      std::to_chars(text.data(), text.data() + text.size(), number, static_cast<int>(base)).ptr;
+  return upper(std::string_view(text.data(), static_cast<std::size_t>(end - text.data())));
+}
+
+std::string_view model_text(Model model) {
+  if (model == Model::unknown_fx3) return "the widest model (FX3U)";
+  return model == Model::unknown ? "the widest model" : to_string(model);
+}
+
+/// "M0-M7679 and M8000-M8511": every device of these letters.
+std::string ranges_text(Model model, std::string_view letters) {
+  std::string text;
+  for (std::uint16_t i = 0; i < kSpaces; ++i) {
+    const auto space = static_cast<Space>(i);
+    if (kind_of(space).letters != letters) continue;
+    const auto numbers = numbers_of(model, space);
+    if (!numbers) continue;
+    if (!text.empty()) text += " and ";
+    text +=
+        device_name(model, space, numbers->first) + "-" + device_name(model, space, numbers->last);
+  }
+  return text;
+}
+
+tl::unexpected<Error> missing(Model model, const std::string& name, std::string_view letters) {
+  const std::string ranges = ranges_text(model, letters);
+  return refuse(name + " does not exist: " + std::string(model_text(model)) + " has " +
+                (ranges.empty() ? "no " + std::string(letters) : ranges));
+}
+
+/// Names without the letter that tells contact, coil and value apart.
+constexpr std::array<std::string_view, 6> kBare = {"T", "C", "ST", "LC", "LT", "LST"};
+constexpr std::size_t kWithContact = 4;  // of them, those whose contact can be read
+
+bool is_bare(std::string_view letters) {
+  return std::find(kBare.begin(), kBare.end(), letters) != kBare.end();
+}
+
+bool has_contact(std::string_view letters) {
+  const auto end = kBare.begin() + kWithContact;
+  return std::find(kBare.begin(), end, letters) != end;
+}
+
+Numbering numbering_of(std::string_view letters) {
+  for (const DeviceKind& kind : kKinds)
+    if (kind.letters == letters) return kind.numbering;
+  return Numbering::decimal;
+}
+
+/// A name taken apart: letters, digits, and what stands around them. Nothing is checked against a
+/// model.
+struct Parts {
+  std::string name;     ///< as it was given, in upper case
+  int group = 0;        ///< K1-K8; 0: none
+  std::string letters;  ///< of a kind, or of kBare
+  std::string digits;
+  std::optional<std::uint32_t> word_bit;
+};
+
+bool all_digits(std::string_view digits, Numbering numbering) {
+  return !digits.empty() && std::all_of(digits.begin(), digits.end(), [&](char c) {
+    return numbering == Numbering::decimal ? c >= '0' && c <= '9'
+                                           : hex_digit(static_cast<std::uint8_t>(c)) >= 0;
+  });
+}
+
+/// The longest letters that a device has and behind which only digits stand: "SB1F" is not an S.
+std::size_t letters_in(std::string_view rest) {
+  std::size_t longest = 0;
+  const auto look = [&](std::string_view letters) {
+    if (rest.starts_with(letters) && all_digits(rest.substr(letters.size()), numbering_of(letters)))
+      longest = std::max(longest, letters.size());
+  };
+  for (const DeviceKind& kind : kKinds) look(kind.letters);
+  for (const std::string_view letters : kBare) look(letters);
+  return longest;
+}
+
+bool has_word_bits(std::string_view letters) {
+  constexpr std::array<std::string_view, 7> kWords = {"D", "W", "R", "ZR", "SD", "SW", "RD"};
+  return std::find(kWords.begin(), kWords.end(), letters) != kWords.end();
+}
+
+Result<Parts> take_apart(std::string_view text) {
+  Parts parts;
+  parts.name = upper(text);
+  std::string_view rest = parts.name;
+  if (rest.size() >= 3 && rest[0] == 'K' && rest[1] >= '0' && rest[1] <= '9') {
+    parts.group = rest[1] - '0';
+    if (parts.group < 1 || parts.group > 8 || (rest[2] >= '0' && rest[2] <= '9'))
+      return refuse(parts.name +
+                    ": a group is K1 to K8 (4 to 32 bits) and a bit device, as in K4M0");
+    rest.remove_prefix(2);
+  }
+  if (const auto dot = rest.find('.'); dot != std::string_view::npos) {
+    const std::string_view bit = rest.substr(dot + 1);
+    const int value = bit.size() == 1 ? hex_digit(static_cast<std::uint8_t>(bit[0])) : -1;
+    rest = rest.substr(0, dot);
+    if (value < 0 || parts.group != 0 || !has_word_bits(rest.substr(0, letters_in(rest))))
+      return refuse("'" + parts.name + "': a bit of a word is D100.0 to D100.F");
+    parts.word_bit = static_cast<std::uint32_t>(value);
+  }
+  const std::size_t letters = letters_in(rest);
+  if (letters == 0)
+    return refuse("'" + parts.name + "' is not a device of the MC protocol; the forms are " +
+                  std::string(kForms));
+  parts.letters = rest.substr(0, letters);
+  parts.digits = rest.substr(letters);
+  return parts;
+}
+
+/// A number that is not octal, and its neighbours that are: "after Y17 comes Y20".
+std::string not_octal(Model model, const Parts& parts) {
+  const auto bad = parts.digits.find_first_not_of("01234567");
+  std::uint32_t before = 0;
+  for (std::size_t i = 0; i < parts.digits.size() && i < 8; ++i)
+    before = before * 8 + (i < bad ? static_cast<std::uint32_t>(parts.digits[i] - '0') : 7);
+  return parts.name + " does not exist: " + parts.letters + " of " +
+         std::string(model_text(model)) + " is numbered in octal, after " + parts.letters +
+         digits_of(before, 8) + " comes " + parts.letters + digits_of(before + 1, 8);
+}
+
+Result<std::uint32_t> number_in(Model model, const Parts& parts) {
+  std::string_view digits = parts.digits;
+  while (digits.size() > 1 && digits.front() == '0') digits.remove_prefix(1);
+  std::uint32_t base = 10;
+  const Numbering numbering = numbering_of(parts.letters);
+  if (numbering != Numbering::decimal) base = 16;
+  if (numbering == Numbering::octal_on_fx) {
+    const Series series = series_of(model);
+    if (series == Series::fx3 || series == Series::iq_f) base = 8;
+    // Both bases agree on the first eight; beyond them a guess would read other inputs.
+    if (series == Series::unknown && (digits.size() > 1 || digits > "7"))
+      return refuse(parts.name +
+                    ": X and Y are numbered in octal on an FX5 and in hexadecimal on "
+                    "others, so `model` must be set for those above " +
+                    parts.letters + "7");
+    if (base == 8 && digits.find_first_not_of("01234567") != std::string_view::npos)
+      return refuse(not_octal(model, parts));
+  }
+  std::uint32_t number = 0;
+  const auto [end, error] =
+      std::from_chars(digits.data(), digits.data() + digits.size(), number, static_cast<int>(base));
+  if (error != std::errc{} || end != digits.data() + digits.size() || number > 0x0FFFFFFF)
+    return refuse(parts.name + ": the number is too large");
+  return number;
+}
+
+/// The space of complete letters. Of the M, D and CN of an FX3 the number decides.
+Space space_of(Model model, std::string_view letters, std::uint32_t number) {
+  std::optional<Space> found;
+  for (std::uint16_t i = 0; i < kSpaces; ++i) {
+    const auto space = static_cast<Space>(i);
+    const DeviceKind& kind = kind_of(space);
+    if (kind.letters != letters) continue;
+    if (!found || (series_of(model) == Series::fx3 && number >= kind.first_number)) found = space;
+  }
+  return *found;
+}
+
+bool is_groupable(Space space) {
+  switch (space) {
+    case Space::x:
+    case Space::y:
+    case Space::m:
+    case Space::special_m:
+    case Space::l:
+    case Space::f:
+    case Space::v:
+    case Space::b:
+    case Space::s:
+    case Space::sm:
+    case Space::sb:
+      return true;
+    default:
+      return false;
+  }
+}
+
+Unit unit_of(const DeviceKind& kind) {
+  if (kind.bits == 1) return Unit::bit;
+  return kind.bits == 16 ? Unit::word : Unit::dword;
+}
+
+Result<void> check_forbidden(const Span& span) {
+  for (const NeverWritten& never : kNeverWritten)
+    if (overlap(span, span_of(never.space, never.numbers)))
+      return refuse(
+          "M8034-M8037, M8118 and SM8034-SM8037 are never written by address; RUN and STOP go by "
+          "run and stop");
+  return {};
+}
+
+std::uint32_t count_of(Model model, Space space) {
+  const Counts& counts = kCounts[id(space)];
+  switch (model) {
+    case Model::unknown:
+      return kind_of(space).first_number != 0 ? 0
+                                              : std::max({counts.iq_f, counts.q_l, counts.iq_r});
+    case Model::unknown_fx3:
+    case Model::fx3u:
+      return counts.fx3u;
+    case Model::fx3g:
+      return counts.fx3g;
+    case Model::fx5u:
+    case Model::fx5uj:
+    case Model::fx5s:
+      return counts.iq_f;
+    case Model::q:
+    case Model::l:
+      return counts.q_l;
+    case Model::iq_r:
+      break;
+  }
+  return counts.iq_r;
+}
+
+template <class Is>
+std::optional<Space> first_space(Is is) {
+  for (std::uint16_t i = 0; i < kSpaces; ++i)
+    if (is(kKinds[i])) return static_cast<Space>(i);
+  return std::nullopt;
+}
+
+}  // namespace
+
+Series series_of(Model model) {
+  switch (model) {
+    case Model::unknown:
+      break;
+    case Model::unknown_fx3:
+    case Model::fx3u:
+    case Model::fx3g:
+      return Series::fx3;
+    case Model::fx5u:
+    case Model::fx5uj:
+    case Model::fx5s:
+      return Series::iq_f;
+    case Model::q:
+    case Model::l:
+      return Series::q_l;
+    case Model::iq_r:
+      return Series::iq_r;
+  }
+  return Series::unknown;
+}
+
+std::span<const std::string_view> model_names() { return kNames; }
+std::span<const std::string_view> kin_names() { return kKinNames; }
+std::span<const std::string_view> one_e_model_names() { return kOneENames; }
+std::span<const std::string_view> one_e_kin_names() { return kOneEKinNames; }
+
+std::string_view to_string(Model model) {
+  for (const Named& known : kModels)
+    if (known.model == model) return known.name;
+  return {};
+}
+
+std::optional<Model> model_named(std::string_view name) {
+  for (const Named& known : kModels)
+    if (known.name == name) return known.model;
+  return std::nullopt;
+}
+
+const DeviceKind& kind_of(Space space) { return kKinds[id(space)]; }
+
+std::optional<Space> space_coded(std::uint8_t binary) {
+  return first_space([&](const DeviceKind& kind) { return kind.binary == binary; });
+}
+
+std::optional<Space> space_coded(std::string_view ascii) {
+  return first_space([&](const DeviceKind& kind) {
+    // Two characters, or the letters filled up to four with asterisks.
+    if (ascii.size() == 2) return kind.ascii == ascii;
+    return ascii.size() == 4 && ascii.starts_with(kind.letters) &&
+           ascii.find_first_not_of('*', kind.letters.size()) == std::string_view::npos;
+  });
+}
+
+std::optional<Space> space_coded_1e(std::uint16_t one_e) {
+  return first_space([&](const DeviceKind& kind) { return one_e != 0 && kind.one_e == one_e; });
+}
+
+std::uint32_t base_of(Model model, Space space) {
+  const Numbering numbering = kind_of(space).numbering;
+  if (numbering == Numbering::decimal) return 10;
+  const Series series = series_of(model);
+  const bool fx = series == Series::fx3 || series == Series::iq_f;
+  return numbering == Numbering::octal_on_fx && fx ? 8 : 16;
+}
+
+std::optional<Numbers> numbers_of(Model model, Space space) {
+  const std::uint32_t count = count_of(model, space);
+  const std::uint32_t first = kind_of(space).first_number;
+  if (count <= first) return std::nullopt;
+  return Numbers{first, count - 1};
+}
+
+Span span_of(Space space, Numbers numbers) {
+  const DeviceKind& kind = kind_of(space);
+  return {id(space), (numbers.first - kind.first_number) * kind.bits,
+          (numbers.last - numbers.first + 1) * kind.bits};
+}
+
+std::string device_name(Model model, Space space, std::uint32_t number) {
+  return std::string(kind_of(space).letters) + digits_of(number, base_of(model, space));
+}
+
+std::string device_name(Model model, const Span& span) {
+  if (span.space >= kSpaces) return "space " + std::to_string(span.space);
+  const auto space = static_cast<Space>(span.space);
+  const DeviceKind& kind = kind_of(space);
+  return device_name(model, space, kind.first_number + span.first_bit / kind.bits);
+}
+
+Result<Address> parse_address(Model model, std::string_view text, std::optional<DataType> type) {
+  auto taken = take_apart(text);
+  if (!taken) return tl::make_unexpected(taken.error());
+  Parts& parts = *taken;
+  const auto number = number_in(model, parts);
+  if (!number) return tl::make_unexpected(number.error());
+  if (is_bare(parts.letters)) {
+    const bool contact = type == DataType::boolean;
+    if (contact && !has_contact(parts.letters))
+      return refuse(parts.name + ": the contact of a long timer cannot be read by this protocol");
+    parts.letters += contact ? 'S' : 'N';
+  }
+  const Space space = space_of(model, parts.letters, *number);
+  const DeviceKind& kind = kind_of(space);
+
+  Address address;
+  address.text = device_name(model, space, *number);
+  address.unit = unit_of(kind);
+  Numbers numbers{*number, *number};
+  if (parts.group != 0) {
+    if (!is_groupable(space))
+      return refuse(parts.name + ": a group is made of X, Y, M, L, F, V, B, S, SM or SB");
+    numbers.last += static_cast<std::uint32_t>(parts.group) * 4 - 1;
+    address.unit = Unit::bit_group;
+    address.text = "K" + std::to_string(parts.group) + address.text;
+  }
+  address.span = span_of(space, numbers);
+  if (const auto present = check_range(model, address.span); !present)
+    return tl::make_unexpected(present.error());
+  if (parts.word_bit) {
+    address.unit = Unit::word_bit;
+    address.writable = false;
+    address.span = {id(space), address.span.first_bit + *parts.word_bit, 1};
+    address.text = address.text + "." + "0123456789ABCDEF"[*parts.word_bit];
+  }
+  return address;
+}
+
+bool needs_type(std::string_view text) {
+  const auto parts = take_apart(text);
+  return parts && parts->group == 0 && has_contact(parts->letters);
+}
+
+Result<Span> parse_range(Model model, std::string_view text) {
+  const RangeEnds ends = range_ends(text);
+  Numbers numbers;
+  std::optional<Space> space;
+  for (const std::string_view end : {ends.first, ends.last.value_or(ends.first)}) {
+    const auto parts = take_apart(end);
+    if (!parts) return tl::make_unexpected(parts.error());
+    if (parts->group != 0 || parts->word_bit)
+      return refuse(upper(text) + ": a range goes from one plain device to another, as M100-M199");
+    if (is_bare(parts->letters))
+      return refuse(upper(text) + " is ambiguous: write " + parts->letters + "N for the values" +
+                    (has_contact(parts->letters) ? ", " + parts->letters + "S for the contacts"
+                                                 : std::string()));
+    const auto number = number_in(model, *parts);
+    if (!number) return tl::make_unexpected(number.error());
+    const Space found = space_of(model, parts->letters, *number);
+    if (space && *space != found) return refuse(upper(text) + ": both ends must be of one kind");
+    if (!space) numbers.first = *number;
+    numbers.last = *number;
+    space = found;
+  }
+  if (numbers.last < numbers.first)
+    return refuse(upper(text) + ": the range ends before it begins");
+  const Span span = span_of(*space, numbers);
+  if (const auto present = check_range(model, span); !present)
+    return tl::make_unexpected(present.error());
+  if (const auto allowed = check_forbidden(span); !allowed)
+    return tl::make_unexpected(allowed.error());
+  return span;
+}
+
+Result<void> check_range(Model model, const Span& span) {
+  if (span.space >= kSpaces) return refuse("space " + std::to_string(span.space) + " is no device");
+  const auto space = static_cast<Space>(span.space);
+  const DeviceKind& kind = kind_of(space);
+  const auto numbers = numbers_of(model, space);
+  if (!numbers) return missing(model, device_name(model, span), kind.letters);
+  if (span.bits == 0) return {};
+  const std::uint64_t last_bit = std::uint64_t{span.first_bit} + span.bits - 1;
+  if (kind.first_number + last_bit / kind.bits <= numbers->last) return {};
+  const std::uint32_t first = kind.first_number + span.first_bit / kind.bits;
+  if (first > numbers->last) return missing(model, device_name(model, space, first), kind.letters);
+  const auto last = static_cast<std::uint32_t>(kind.first_number + last_bit / kind.bits);
+  return missing(model,
+                 device_name(model, span) + "-" + device_name(model, space, last) + ": " +
+                     device_name(model, space, numbers->last + 1),
+                 kind.letters);
+}
+
+Result<void> check_write(Model model, const Span& span) {
+  if (span.bits == 0) return refuse("a write of nothing");
+  if (auto allowed = check_forbidden(span); !allowed) return allowed;
+  if (auto present = check_range(model, span); !present) return present;
+  const DeviceKind& kind = kind_of(static_cast<Space>(span.space));
+  if (span.first_bit % kind.bits != 0 || span.bits % kind.bits != 0)
+    return refuse(device_name(model, span) + ": only whole words are written");
+  return {};
+}
+
+}  // namespace fxagent::mc

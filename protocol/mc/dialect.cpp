@@ -1,0 +1,144 @@
+#include "protocol/mc/dialect.h"
+
+#include <algorithm>
+
+namespace fxagent::mc {
+namespace {
+
+// The bus takes no longer answers than 4096 bytes, and words bring the same bits in fewer.
+constexpr std::uint32_t kSerialBits = 3584;
+
+constexpr std::uint32_t kRandom = 192;
+constexpr std::uint32_t kRandomCost = 1920;
+constexpr std::uint32_t kRandomBits = 188;
+
+Limits series_limits(Series series, Code code) {
+  const bool ascii = code == Code::ascii;
+  switch (series) {
+    case Series::iq_f:
+      return {ascii ? 480U : 960U, ascii ? 1792U : 3584U, kRandom, kRandomCost, kRandomBits, 120};
+    case Series::q_l:
+      return {960, ascii ? 3584U : 7168U, kRandom, kRandomCost, kRandomBits, 0};
+    case Series::iq_r:
+      return {960, ascii ? 3584U : 7168U, kRandom, kRandomCost, kRandomBits, 120};
+    case Series::fx3:
+    case Series::unknown:
+      break;
+  }
+  return {ascii ? 480U : 960U, ascii ? 1792U : 3584U, kRandom, kRandomCost, kRandomBits, 0};
+}
+
+}  // namespace
+
+bool has_long_codes(const Dialect& dialect, std::uint8_t way) {
+  return dialect.series() == Series::iq_r && (way & kPlainCodes) == 0;
+}
+
+Limits limits_of(const Dialect& dialect, bool long_codes) {
+  Limits limits = series_limits(dialect.series(), dialect.code);
+  if (long_codes) {
+    limits.random /= 2;
+    limits.random_cost /= 2;
+    limits.random_bits /= 2;
+    limits.blocks /= 2;
+  }
+  if (dialect.serial) {
+    limits.bits = std::min(limits.bits, kSerialBits);
+    limits.blocks = 0;
+  }
+  return limits;
+}
+
+bool is_contact(Space space) {
+  switch (space) {
+    case Space::ts:
+    case Space::tc:
+    case Space::sts:
+    case Space::stc:
+    case Space::cs:
+    case Space::cc:
+    case Space::lcs:
+    case Space::lcc:
+      return true;
+    default:
+      return false;
+  }
+}
+
+std::vector<ReadWay> read_ways(const Dialect& dialect, std::uint16_t space_id) {
+  std::vector<ReadWay> ways;
+  if (space_id >= kSpaces) return ways;
+  const auto space = static_cast<Space>(space_id);
+  const auto numbers = numbers_of(dialect.model, space);
+  if (!numbers) return ways;
+  const std::uint32_t bits = kind_of(space).bits;
+  const Span run = span_of(space, *numbers);
+  const Limits limits = limits_of(dialect, has_long_codes(dialect, 0));
+  const auto add = [&](std::uint8_t id, std::uint32_t align, std::uint32_t unit,
+                       std::uint32_t points, std::uint8_t gather = 0) {
+    if (run.bits < unit) return;
+    ReadWay way;
+    way.way = id;
+    way.end_bit = run.end_bit();
+    way.align_bits = align;
+    way.unit_bits = unit;
+    const std::uint32_t block = dialect.max_block_bytes * 8;
+    way.max_bits = std::max(std::min(points * unit, block) / unit * unit, unit);
+    way.gather = gather;
+    ways.push_back(way);
+  };
+  if (bits == 32) {
+    add(kDwordWay, 32, 32, limits.random);
+    add(kRandomWay, 32, 32, 1, kRandomRead);
+    return ways;
+  }
+  // Bits come first, which never stick out behind the last one: where both ways cost the same, the
+  // PLC's parameters may have fewer devices than its series.
+  if (bits == 1) add(kBitWay, 1, 1, limits.bits);
+  if (is_contact(space)) return ways;
+  add(kWordWay, bits, 16, limits.words);
+  add(kRandomWay, bits, 16, 2, kRandomRead);
+  if (limits.blocks != 0) add(kBlockWay, bits, 16, limits.words, kBlockRead);
+  return ways;
+}
+
+std::vector<GatherCommand> gathers(const Dialect& dialect) {
+  const Limits limits = limits_of(dialect, has_long_codes(dialect, 0));
+  const std::uint32_t block = std::max<std::uint32_t>(dialect.max_block_bytes * 8, 32);
+  std::vector<GatherCommand> commands{{kRandomRead, limits.random, block}};
+  if (limits.blocks != 0)
+    commands.push_back({kBlockRead, limits.blocks, std::min(limits.words * 16, block)});
+  return commands;
+}
+
+Result<ReadWay> way_of(const Dialect& dialect, const Read& read) {
+  const Span& span = read.span;
+  const std::string name = device_name(dialect.model, span);
+  for (const ReadWay& way : read_ways(dialect, span.space)) {
+    if (way.way != plain_way(read.way) || span.bits > way.end_bit ||
+        span.first_bit > way.end_bit - span.bits)
+      continue;
+    if (span.first_bit % way.align_bits == 0 && span.bits % way.unit_bits == 0 && span.bits != 0 &&
+        span.bits <= way.max_bits)
+      return way;
+    return fail(ErrorCode::bad_request, "read of " + std::to_string(span.bits) + " bits from " +
+                                            name + ": at most " + std::to_string(way.max_bits) +
+                                            ", in steps of " + std::to_string(way.unit_bits));
+  }
+  return fail(ErrorCode::unsupported, name + ": " + std::to_string(span.bits) +
+                                          " bits are not read in this way on this model");
+}
+
+std::uint32_t max_write_bits(const Dialect& dialect, std::uint16_t space_id) {
+  if (space_id >= kSpaces) return 0;
+  const std::uint32_t bits = kind_of(static_cast<Space>(space_id)).bits;
+  const Limits limits = limits_of(dialect, has_long_codes(dialect, 0));
+  // Of bits as many whole bytes as fit: a rest that is no whole word must fit, too.
+  const std::uint32_t unit = std::max<std::uint32_t>(bits, 8);
+  const std::uint32_t most = bits == 1    ? limits.bits
+                             : bits == 16 ? limits.words * bits
+                                          : limits.random_cost / 14 * bits;
+  return std::max(std::min(most, dialect.max_block_bytes * 8) / unit * unit, unit);
+}
+
+}  // namespace fxagent::mc

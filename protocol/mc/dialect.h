@@ -1,0 +1,68 @@
+// How much one request of 3E, 4E, 3C and 4C carries, in which code, and by which ways memory is
+// read: what differs between the series.
+// Sources: SH-080008, JY997D56001; limits of random access as measured on PLCs: protocol/README.md.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "protocol/codec.h"
+#include "protocol/mc/device.h"
+
+namespace fxagent::mc {
+
+/// The "communication data code" of a port.
+enum class Code : std::uint8_t { binary, ascii };
+
+struct Dialect {
+  Model model = Model::unknown;
+  Code code = Code::binary;
+  bool serial = false;  ///< C frames
+  /// Bytes of device memory in one frame, at most.
+  std::uint32_t max_block_bytes = 1920;
+
+  Series series() const { return series_of(model); }
+};
+
+/// Read::way: 0401 by bits, 0401 by words, and 0403 by double words, which 32-bit devices need; as
+/// parts of a Gather words and double words of 0403, and blocks of 0406.
+inline constexpr std::uint8_t kBitWay = 0;
+inline constexpr std::uint8_t kWordWay = 1;
+inline constexpr std::uint8_t kDwordWay = 2;
+inline constexpr std::uint8_t kRandomWay = 3;
+inline constexpr std::uint8_t kBlockWay = 4;
+/// GatherCommand::gather: 0403 and 0406.
+inline constexpr std::uint8_t kRandomRead = 1;
+inline constexpr std::uint8_t kBlockRead = 2;
+/// Added to a way after an iQ-R has refused its own device codes: those of Q and L.
+inline constexpr std::uint8_t kPlainCodes = 0x80;
+constexpr std::uint8_t plain_way(std::uint8_t way) {
+  return way & static_cast<std::uint8_t>(~kPlainCodes);
+}
+/// Whether requests of this way have the 2-byte codes and 4-byte numbers of iQ-R.
+bool has_long_codes(const Dialect& dialect, std::uint8_t way);
+
+/// The most of one request.
+struct Limits {
+  std::uint32_t words = 0;        ///< of 0401 and 1401, words of bit devices too
+  std::uint32_t bits = 0;         ///< of 0401 and 1401
+  std::uint32_t random = 0;       ///< words and double words of 0403
+  std::uint32_t random_cost = 0;  ///< of 1402: 12 for a word, 14 for a double word
+  std::uint32_t random_bits = 0;  ///< of 1402
+  std::uint32_t blocks = 0;       ///< of 0406; 0: the PLC lacks it, or may
+};
+Limits limits_of(const Dialect& dialect, bool long_codes);
+
+/// The way that a read goes by, where it is one within all its limits. bad_request: it is not;
+/// unsupported: this model has no such way.
+Result<ReadWay> way_of(const Dialect& dialect, const Read& read);
+
+/// Contacts and coils of timers and counters are reached bit by bit only.
+bool is_contact(Space space);
+
+/// AddressSpace::read_ways(), gathers() and max_write_bits().
+std::vector<ReadWay> read_ways(const Dialect& dialect, std::uint16_t space);
+std::vector<GatherCommand> gathers(const Dialect& dialect);
+std::uint32_t max_write_bits(const Dialect& dialect, std::uint16_t space);
+
+}  // namespace fxagent::mc

@@ -1,0 +1,142 @@
+#include "protocol/mc/end_code.h"
+
+#include <algorithm>
+#include <array>
+#include <optional>
+#include <string_view>
+
+#include "protocol/bytes.h"
+
+namespace fxagent::mc {
+namespace {
+
+/// What follows from a code. Whatever it is, nothing was carried out.
+enum class Class : std::uint8_t {
+  final,
+  hole,  ///< a place or a count that this PLC lacks: fewer may do
+  line,  ///< noise, and worth a second try
+  busy,
+  route,  ///< the way to the station is not there
+};
+
+struct EndCode {
+  std::uint16_t code;
+  Class what;
+  std::string_view text;
+};
+
+constexpr std::string_view kOnlineChange =
+    "writing while the PLC runs is not allowed: in GX Works3 set Enable/Disable Online Change of "
+    "the "
+    "Ethernet port to Enable All (SLMP)";
+constexpr std::string_view kTooMany = "too many points in one request";
+constexpr std::string_view kPassword =
+    "a remote password locks this port; take the port out of it in GX Works3 (Remote Password)";
+
+constexpr std::array<EndCode, 42> kCodes = {{
+    {0x0050, Class::final, "the frame is not known: protocol mc-1e, mc-3e or mc-4e?"},
+    {0x0055, Class::final, kOnlineChange},
+    {0x4013, Class::final, "not possible in this state of the CPU"},
+    {0x4030, Class::hole, "the device cannot be reached in this way"},
+    {0x4031, Class::hole, "beyond the last device of the PLC's parameters"},
+    {0x4043, Class::final, "wrong content of the request"},
+    {0x4080, Class::final, "wrong content of the request"},
+    {0x413E, Class::final, "the CPU does not have what was asked for"},
+    {0x414A, Class::final, "the CPU does not have what was asked for"},
+    {0x7151, Class::final, "wrong format of the request"},
+    {0x7155, Class::final, "no monitor is registered"},
+    {0x7164, Class::final, "wrong content of the request"},
+    {0x7167, Class::final,
+     "writing while the PLC runs is not allowed: set Online Change of the serial module to Enable"},
+    {0x7E40, Class::final, "the command is not known to this PLC: is `model` right?"},
+    {0x7E41, Class::hole, kTooMany},
+    {0x7E42, Class::hole, kTooMany},
+    {0x7E43, Class::hole, "no such device"},
+    {0x7E4F, Class::hole, "beyond the last device"},
+    {0x7F20, Class::final, "characters that cannot be converted: is `format` that of the port?"},
+    {0x7F21, Class::final, "the header is wrong: is `format` that of the port?"},
+    {0x7F22, Class::final, "command or device not known: is `model` right?"},
+    {0x7F23, Class::final, "ETX or CR LF is not where it belongs: is `format` that of the port?"},
+    {0x7F24, Class::line, "the PLC found a wrong sum: is `sum_check` that of the port?"},
+    {0x7F67, Class::line, "characters came too fast for the PLC (overrun)"},
+    {0x7F69, Class::line, "the PLC found wrong parity"},
+    {0x7F6A, Class::busy, "the receive buffer of the PLC is full"},
+    {0xC050, Class::final,
+     "ASCII data that cannot be converted: is `code` the port's Communication Data Code?"},
+    {0xC051, Class::hole, kTooMany},
+    {0xC052, Class::hole, kTooMany},
+    {0xC053, Class::hole, kTooMany},
+    {0xC054, Class::hole, kTooMany},
+    {0xC056, Class::hole, "beyond the last device"},
+    {0xC058, Class::final, "the length of the request does not fit its content"},
+    {0xC059, Class::final, "command or subcommand not known to this PLC: is `model` right?"},
+    {0xC05B, Class::hole, "the CPU cannot reach this device"},
+    {0xC05C, Class::final, "the request is not possible for this device"},
+    {0xC05D, Class::final, "no monitor is registered"},
+    {0xC05F, Class::final,
+     "not possible for the station asked: are network, pc, module_io and module_station right?"},
+    {0xC060, Class::final, "bits that are neither 0 nor 1"},
+    {0xC061, Class::final,
+     "the length of the request does not fit its content, or its subcommand is not known: is "
+     "`model` right?"},
+    {0xC06F, Class::final, "binary where ASCII is set, or the other way: is `code` right?"},
+    {0x4A00, Class::route, "no way to this station: are network and pc right?"},
+}};
+
+const EndCode* find(std::uint16_t code) {
+  const auto* found = std::find_if(kCodes.begin(), kCodes.end(),
+                                   [&](const EndCode& known) { return known.code == code; });
+  return found == kCodes.end() ? nullptr : found;
+}
+
+bool is_route(std::uint16_t code) { return (code & 0xFF00) == 0x4A00; }
+bool is_from_cpu(std::uint16_t code) { return (code & 0xF000) == 0x4000; }
+bool is_password(std::uint16_t code) { return 0xC200 <= code && code <= 0xC204; }
+
+std::optional<Class> class_of(std::uint16_t code) {
+  if (const EndCode* known = find(code)) return known->what;
+  if (is_route(code)) return Class::route;
+  if (is_from_cpu(code) || is_password(code)) return Class::final;
+  return std::nullopt;
+}
+
+std::string_view words_of(std::uint16_t code) {
+  if (const EndCode* known = find(code)) return known->text;
+  if (is_route(code)) return find(0x4A00)->text;
+  if (is_password(code)) return kPassword;
+  if (is_from_cpu(code)) return "refused by the CPU; the error codes of its manual have the reason";
+  return "a reason that is not known here; the error codes of the PLC's manual have it";
+}
+
+}  // namespace
+
+std::string end_code_text(std::uint16_t code) {
+  Bytes digits;
+  append_hex(digits, code, 4);
+  return "end code " + std::string(digits.begin(), digits.end()) + ": " +
+         std::string(words_of(code));
+}
+
+RefusalMeaning meaning_of_end_code(std::uint16_t code, bool reads, bool runs_or_stops) {
+  const auto what = class_of(code);
+  if (!what) return reads ? RefusalMeaning::final : RefusalMeaning::unclear;
+  switch (*what) {
+    case Class::hole:
+      return reads ? RefusalMeaning::hole : RefusalMeaning::final;
+    case Class::line:
+      return runs_or_stops ? RefusalMeaning::final : RefusalMeaning::curable;
+    case Class::busy:
+      return runs_or_stops ? RefusalMeaning::final : RefusalMeaning::busy;
+    case Class::route:
+      return reads ? RefusalMeaning::unreachable : RefusalMeaning::final;
+    case Class::final:
+      break;
+  }
+  return RefusalMeaning::final;
+}
+
+bool is_unknown_command(std::uint16_t code) {
+  return code == 0xC059 || code == 0xC061 || code == 0x7E40 || code == 0x7F22;
+}
+
+}  // namespace fxagent::mc

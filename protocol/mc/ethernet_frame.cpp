@@ -1,0 +1,160 @@
+#include "protocol/mc/ethernet_frame.h"
+
+#include <array>
+
+#include "protocol/mc/body.h"
+
+namespace fxagent::mc {
+namespace {
+
+// Bytes of the header, the length included: subheader, (serial and reserved,) route, length.
+constexpr std::size_t kHeader3E = 9;
+constexpr std::size_t kHeader4E = 13;
+constexpr std::size_t kSerial = 2;
+constexpr std::size_t kTimer = 2;
+constexpr std::size_t kEndCode = 2;
+// No frame is longer; a header that says so is none.
+constexpr std::size_t kLongest = 8192;
+
+constexpr std::size_t header_size(bool numbered) { return numbered ? kHeader4E : kHeader3E; }
+
+std::string hex_of(std::uint32_t value, int digits) {
+  Bytes out;
+  append_hex(out, value, digits);
+  return {out.begin(), out.end()};
+}
+
+struct Subheader {
+  std::array<std::uint8_t, 2> bytes;
+  bool request;
+  bool numbered;
+};
+constexpr std::array<Subheader, 4> kSubheaders = {{{{0x50, 0}, true, false},
+                                                   {{0xD0, 0}, false, false},
+                                                   {{0x54, 0}, true, true},
+                                                   {{0xD4, 0}, false, true}}};
+
+/// The subheader at the start of `bytes` if it is in this code; they are at least four.
+const Subheader* subheader_in(Code code, ByteView bytes) {
+  std::array<std::uint8_t, 2> found{bytes[0], bytes[1]};
+  if (code == Code::ascii) {
+    for (std::size_t i = 0; i < 2; ++i) {
+      const auto value = number_at(Code::ascii, bytes, 2 * i, 1);
+      if (!value) return nullptr;
+      found[i] = static_cast<std::uint8_t>(*value);
+    }
+  }
+  for (const Subheader& known : kSubheaders)
+    if (known.bytes == found) return &known;
+  return nullptr;
+}
+
+EthernetFrame wrong(ByteView rx, std::string error) {
+  EthernetFrame frame;
+  frame.state = EthernetFrame::State::wrong;
+  frame.end = rx.size();
+  frame.error = std::move(error);
+  return frame;
+}
+
+/// What stands at the start in place of the subheader that belongs there.
+std::string why_foreign(bool numbered, Code code, ByteView bytes) {
+  const std::string ours = numbered ? "4E" : "3E";
+  const Subheader* same_code = subheader_in(code, bytes);
+  if (same_code != nullptr)
+    return std::string("a ") + (same_code->numbered ? "4E" : "3E") + " frame, where " + ours +
+           " was expected: the protocol is mc-" + (same_code->numbered ? "4e" : "3e");
+  if (bytes.size() >= 4) {
+    const bool ascii = code == Code::ascii;
+    if (subheader_in(ascii ? Code::binary : Code::ascii, bytes) != nullptr)
+      return std::string("an answer in ") + (ascii ? "binary" : "ASCII") +
+             " code: set `code` to that, it is the port's Communication Data Code";
+  }
+  // 1E takes 50 for a command that it lacks: 50 + 80h, end code 50.
+  const auto first = number_at(code, bytes, 0, 1);
+  const auto second = number_at(code, bytes, wire_size(code, 1), 1);
+  if (first && second && (*first == 0xD0 || *first == 0xD4) && *second == 0x50)
+    return "an answer in a 1E frame: this port takes mc-1e";
+  return "subheader " + to_hex(bytes.first(std::min<std::size_t>(bytes.size(), 4))) +
+         " is not one of " + ours;
+}
+
+}  // namespace
+
+std::string to_string(const Route& route) {
+  return "network " + std::to_string(route.network) + ", PC " + hex_of(route.pc, 2) +
+         ", module I/O " + hex_of(route.module_io, 4) + ", station " +
+         hex_of(route.module_station, 2);
+}
+
+Bytes ethernet_request(const EthernetSettings& settings, std::uint16_t serial, ByteView message) {
+  Bytes frame;
+  const Code code = settings.code;
+  frame.reserve(wire_size(code, header_size(settings.numbered) + kTimer) + message.size());
+  // The subheader stands as it is written, in both codes.
+  append_number(code, frame, settings.numbered ? 0x54 : 0x50, 1);
+  append_number(code, frame, 0, 1);
+  if (settings.numbered) {
+    append_number(code, frame, serial, kSerial);
+    append_number(code, frame, 0, 2);
+  }
+  append_number(code, frame, settings.route.network, 1);
+  append_number(code, frame, settings.route.pc, 1);
+  append_number(code, frame, settings.route.module_io, 2);
+  append_number(code, frame, settings.route.module_station, 1);
+  append_number(code, frame, static_cast<std::uint32_t>(wire_size(code, kTimer) + message.size()),
+                2);
+  append_number(code, frame, settings.timer, kTimer);
+  frame.insert(frame.end(), message.begin(), message.end());
+  return frame;
+}
+
+std::size_t ethernet_answer_length(const EthernetSettings& settings, std::size_t data) {
+  return wire_size(settings.code, header_size(settings.numbered) + kEndCode) + data;
+}
+
+EthernetFrame ethernet_frame(bool numbered, Code code, ByteView rx, std::size_t at) {
+  const ByteView bytes = rx.subspan(at);
+  // Four bytes tell ASCII from binary; a 1E answer in binary has but two.
+  if (bytes.size() < wire_size(code, 2)) return {};
+  const Subheader* subheader =
+      code == Code::binary || bytes.size() >= 4 ? subheader_in(code, bytes) : nullptr;
+  if (subheader == nullptr && code == Code::binary && bytes.size() < 4 && bytes[1] != 0x50)
+    return {};  // two more may tell what it is
+  if (subheader == nullptr || subheader->numbered != numbered)
+    return wrong(rx, why_foreign(numbered, code, bytes));
+  const std::size_t header = wire_size(code, header_size(numbered));
+  if (bytes.size() < header) return {};
+  std::size_t field = wire_size(code, 2);
+  bool readable = true;
+  const auto next = [&](std::size_t size) {
+    const auto value = number_at(code, bytes, field, size);
+    field += wire_size(code, size);
+    readable &= value.has_value();
+    return value.value_or(0);
+  };
+  EthernetFrame frame;
+  frame.is_request = subheader->request;
+  if (numbered) {
+    frame.serial = static_cast<std::uint16_t>(next(kSerial));
+    next(2);
+  }
+  frame.route.network = static_cast<std::uint8_t>(next(1));
+  frame.route.pc = static_cast<std::uint8_t>(next(1));
+  frame.route.module_io = static_cast<std::uint16_t>(next(2));
+  frame.route.module_station = static_cast<std::uint8_t>(next(1));
+  const std::size_t length = next(2);
+  if (!readable)
+    return wrong(rx, "the header " + to_hex(bytes.first(header)) + " is no hex digits");
+  if (length < wire_size(code, kEndCode) || length > wire_size(code, kLongest))
+    return wrong(rx, "length " + std::to_string(length) +
+                         " in the header: " + std::to_string(wire_size(code, kEndCode)) + " to " +
+                         std::to_string(wire_size(code, kLongest)) + " are possible");
+  if (bytes.size() < header + length) return frame;
+  frame.state = EthernetFrame::State::good;
+  frame.content = bytes.subspan(header, length);
+  frame.end = at + header + length;
+  return frame;
+}
+
+}  // namespace fxagent::mc

@@ -1,0 +1,397 @@
+#include "protocol/mc/mc.h"
+
+#include <algorithm>
+
+#include "protocol/mc/body.h"
+#include "protocol/mc/end_code.h"
+#include "protocol/mc/message.h"
+
+namespace fxagent::mc {
+namespace {
+
+// Sizes in bytes of binary code.
+constexpr std::size_t kEndCode = 2;
+constexpr std::size_t kErrorRoute = 5;  // before the command of the error information
+constexpr std::size_t kCommand = 2;
+constexpr std::size_t kErrorInformation = kErrorRoute + 2 * kCommand;
+constexpr std::uint32_t kTimerStep = 250;  // ms
+// Nothing that answers is longer, and the bus listens to no more.
+constexpr std::size_t kMostSearched = 8192;
+
+constexpr std::uint32_t kRunState = 203;  // SD203: state of the CPU in its low half byte
+constexpr std::uint8_t kStepRun = 1;      // 0 RUN, 1 STEP-RUN, 2 STOP, 3 PAUSE
+constexpr std::uint32_t kAlwaysOn = 400;  // SM400, which all of these series have
+
+tl::unexpected<Error> refuse(std::string text) {
+  return fail(ErrorCode::bad_request, std::move(text));
+}
+
+tl::unexpected<Error> garbled(std::string text) {
+  return fail(ErrorCode::bad_frame, std::move(text));
+}
+
+template <class T>
+const T* option(const Options& options, std::string_view key) {
+  const auto found = options.find(key);
+  return found == options.end() ? nullptr : std::get_if<T>(&found->second);
+}
+
+Reply refusal(std::uint16_t code) {
+  Reply reply;
+  reply.kind = Reply::Kind::nak;
+  reply.device_code = code;
+  reply.text = end_code_text(code);
+  return reply;
+}
+
+bool brings_data(const Request& request) {
+  const auto* control = std::get_if<Control>(&request);
+  return std::holds_alternative<Read>(request) || std::holds_alternative<Gather>(request) ||
+         (control != nullptr && control->kind == Control::Kind::identify);
+}
+
+}  // namespace
+
+Mc::Mc(const Settings& settings)
+    : settings_(settings),
+      serial_{settings.frame == Frame::c4, settings.format, settings.sum_check, settings.station,
+              settings.route} {
+  ethernet_ = {settings.frame == Frame::e4, settings.code, settings.route, settings.timer};
+  const bool serial = is_serial(settings.frame);
+  dialect_ = {settings.model, serial ? serial_.code() : settings.code, serial,
+              settings.max_block_bytes};
+}
+
+Result<std::shared_ptr<const Codec>> Mc::make(Frame frame, const Options& options) {
+  Settings settings;
+  settings.frame = frame;
+  if (const auto* name = option<std::string>(options, "model"); name && *name != kAutoModel) {
+    const auto known = model_named(*name);
+    if (!known || series_of(*known) == Series::fx3)
+      return refuse("no model '" + *name + "' with this frame" +
+                    (known ? "; an FX3 speaks mc-1e" : ""));
+    settings.model = *known;
+  }
+  const auto number = [&](std::string_view key, std::int64_t fallback, std::int64_t least,
+                          std::int64_t most) {
+    const auto* value = option<std::int64_t>(options, key);
+    return static_cast<std::uint32_t>(std::clamp(value ? *value : fallback, least, most));
+  };
+  Route& route = settings.route;
+  route.network = static_cast<std::uint8_t>(number("network", route.network, 0, 0xFF));
+  route.pc = static_cast<std::uint8_t>(number("pc", route.pc, 0, 0xFF));
+  route.module_io = static_cast<std::uint16_t>(number("module_io", route.module_io, 0, 0xFFFF));
+  route.module_station =
+      static_cast<std::uint8_t>(number("module_station", route.module_station, 0, 0xFF));
+  settings.station = static_cast<std::uint8_t>(number("station", settings.station, 0, 31));
+  settings.format = number("format", settings.format, 1, frame == Frame::c4 ? 5 : 4);
+  settings.max_block_bytes =
+      number("max_block_bytes", settings.max_block_bytes, 2, settings.max_block_bytes);
+  const std::uint32_t timer =
+      number("monitoring_timer_ms", settings.timer * kTimerStep, kTimerStep, 60000);
+  if (timer % kTimerStep != 0) return refuse("monitoring_timer_ms goes in steps of 250");
+  settings.timer = timer / kTimerStep;
+  if (const auto* flag = option<bool>(options, "sum_check")) settings.sum_check = *flag;
+  if (const auto* word = option<std::string>(options, "code"))
+    settings.code = *word == "ascii" ? Code::ascii : Code::binary;
+  return std::make_shared<const Mc>(settings);
+}
+
+Result<std::shared_ptr<const Codec>> Mc::make_3e(const Options& options) {
+  return make(Frame::e3, options);
+}
+Result<std::shared_ptr<const Codec>> Mc::make_4e(const Options& options) {
+  return make(Frame::e4, options);
+}
+Result<std::shared_ptr<const Codec>> Mc::make_3c(const Options& options) {
+  return make(Frame::c3, options);
+}
+Result<std::shared_ptr<const Codec>> Mc::make_4c(const Options& options) {
+  return make(Frame::c4, options);
+}
+
+// ---- names and places ---------------------------------------------------------------------------
+
+Result<Address> Mc::parse_address(std::string_view text, std::optional<DataType> type) const {
+  auto address = mc::parse_address(settings_.model, text, type);
+  if (!address) return address;
+  const auto space = static_cast<Space>(address->span.space);
+  const std::uint32_t number = address->span.first_bit / kind_of(space).bits;
+  if (auto why = why_not_named(dialect_, space, number); !why.empty())
+    return refuse(std::move(why));
+  return address;
+}
+
+bool Mc::needs_type(std::string_view text) const { return mc::needs_type(text); }
+
+Result<Span> Mc::parse_range(std::string_view text) const {
+  return mc::parse_range(settings_.model, text);
+}
+
+Result<void> Mc::check_range(const Span& span) const {
+  return mc::check_range(settings_.model, span);
+}
+
+Result<void> Mc::check_write(const Span& span) const {
+  return mc::check_write(settings_.model, span);
+}
+
+std::string Mc::name_of(const Span& span) const { return device_name(settings_.model, span); }
+
+std::vector<ReadWay> Mc::read_ways(std::uint16_t space) const {
+  return mc::read_ways(dialect_, space);
+}
+
+std::vector<GatherCommand> Mc::gathers() const { return mc::gathers(dialect_); }
+
+std::uint32_t Mc::max_write_bits(std::uint16_t space) const {
+  return mc::max_write_bits(dialect_, space);
+}
+
+ByteOrder Mc::default_order() const { return ByteOrder::cdab; }
+
+// ---- frames -------------------------------------------------------------------------------------
+
+Result<Bytes> Mc::encode(const Request& request, std::uint16_t tag) const {
+  const auto message = encode_message(dialect_, request);
+  if (!message) return tl::make_unexpected(message.error());
+  if (is_serial(settings_.frame))
+    return serial_request(serial_, static_cast<std::uint8_t>(tag), *message);
+  return ethernet_request(ethernet_, tag, *message);
+}
+
+Result<std::optional<Reply>> Mc::decode(const Request& request, std::uint16_t tag,
+                                        ByteView rx) const {
+  const auto message = encode_message(dialect_, request);
+  if (!message) return tl::make_unexpected(message.error());
+  if (is_serial(settings_.frame)) return decode_serial(request, tag, rx);
+  return decode_ethernet(request, *message, tag, rx);
+}
+
+Result<std::optional<Reply>> Mc::decode_ethernet(const Request& request, ByteView message,
+                                                 std::uint16_t tag, ByteView rx) const {
+  for (std::size_t at = 0; at < rx.size();) {
+    const EthernetFrame frame = ethernet_frame(ethernet_.numbered, ethernet_.code, rx, at);
+    if (frame.state == EthernetFrame::State::incomplete) break;
+    if (frame.state == EthernetFrame::State::wrong) return garbled(frame.error);
+    const std::size_t began = at;
+    at = frame.end;
+    // The request come back, or an answer that was too late for its question.
+    if (frame.is_request || (ethernet_.numbered && frame.serial != tag)) continue;
+    if (frame.route != settings_.route)
+      return garbled("an answer for " + to_string(frame.route) + ", where " +
+                     to_string(settings_.route) + " was asked");
+    auto reply = reply_in(request, message, frame.content);
+    if (!reply) return tl::make_unexpected(reply.error());
+    reply->began = began;
+    reply->consumed = frame.end;
+    return std::optional<Reply>(std::move(*reply));
+  }
+  return std::optional<Reply>{};
+}
+
+Result<Reply> Mc::reply_in(const Request& request, ByteView message, ByteView content) const {
+  const Code code = ethernet_.code;
+  const std::size_t head = wire_size(code, kEndCode);
+  const auto end_code = number_at(code, content, 0, kEndCode);
+  if (!end_code)
+    return garbled("end code " + to_hex(content.first(head)) + " is not four hex digits");
+  const ByteView rest = content.subspan(head);
+  if (*end_code == 0) return data_reply(request, rest);
+  // Which station refused may differ from the one asked; which command it refused may not.
+  if (rest.size() >= wire_size(code, kErrorInformation)) {
+    const std::size_t at = wire_size(code, kErrorRoute);
+    const auto refused = number_at(code, rest, at, kCommand);
+    const auto asked = number_at(code, message, 0, kCommand);
+    if (refused != asked)
+      return garbled(
+          end_code_text(static_cast<std::uint16_t>(*end_code)) +
+          ", for another command: " + to_hex(rest.subspan(at, wire_size(code, kCommand))));
+  }
+  return refusal(static_cast<std::uint16_t>(*end_code));
+}
+
+Result<Reply> Mc::data_reply(const Request& request, ByteView data) const {
+  const std::size_t expected = answer_size(dialect_, request);
+  if (data.size() != expected)
+    return garbled(std::to_string(data.size()) + " characters of data given, " +
+                   std::to_string(expected) + " expected");
+  Reply reply;
+  if (!brings_data(request)) return reply;
+  auto image = decode_answer(dialect_, request, data);
+  if (!image) return tl::make_unexpected(image.error());
+  reply.kind = Reply::Kind::data;
+  reply.image = std::move(*image);
+  return reply;
+}
+
+Result<std::optional<Reply>> Mc::decode_serial(const Request& request, std::uint16_t tag,
+                                               ByteView rx) const {
+  const std::size_t size = answer_size(dialect_, request);
+  const SerialAnswer answer = serial_answer(serial_, static_cast<std::uint8_t>(tag), size, rx);
+  Result<Reply> reply;
+  switch (answer.state) {
+    case SerialAnswer::State::incomplete:
+      if (rx.size() > kMostSearched)
+        return garbled(std::to_string(rx.size()) + " bytes without an answer");
+      return std::optional<Reply>{};
+    case SerialAnswer::State::wrong:
+      return garbled(answer.error);
+    case SerialAnswer::State::refused:
+      reply = refusal(answer.end_code);
+      break;
+    case SerialAnswer::State::data:
+    case SerialAnswer::State::done:
+      reply = data_reply(request, answer.data);
+      break;
+  }
+  if (!reply) return tl::make_unexpected(reply.error());
+  reply->began = answer.began;
+  reply->consumed = answer.end;
+  return std::optional<Reply>(std::move(*reply));
+}
+
+bool Mc::expects_reply(const Request& /*request*/) const { return true; }
+
+bool Mc::may_pass_for_answer(ByteView bytes) const {
+  if (is_serial(settings_.frame)) return may_be_serial_answer(serial_, bytes);
+  if (ethernet_.numbered) return !bytes.empty();
+  // The subheader of an answer, as far as it has come.
+  Bytes subheader;
+  append_number(ethernet_.code, subheader, 0xD0, 1);
+  append_number(ethernet_.code, subheader, 0, 1);
+  for (std::size_t at = 0; at < bytes.size(); ++at) {
+    const std::size_t size = std::min(subheader.size(), bytes.size() - at);
+    if (std::equal(subheader.begin(), subheader.begin() + static_cast<std::ptrdiff_t>(size),
+                   bytes.begin() + static_cast<std::ptrdiff_t>(at)))
+      return true;
+  }
+  return false;
+}
+
+LineLength Mc::line_length(const Request& request) const {
+  LineLength length;
+  const auto frame = encode(request, 0);
+  if (!frame) return length;
+  const std::size_t data = answer_size(dialect_, request);
+  length.request_chars = static_cast<std::uint32_t>(frame->size());
+  length.reply_chars = static_cast<std::uint32_t>(is_serial(settings_.frame)
+                                                      ? serial_answer_length(serial_, data)
+                                                      : ethernet_answer_length(ethernet_, data));
+  return length;
+}
+
+Explanation Mc::explain(ByteView frame, std::optional<Direction> direction) const {
+  return explain_frame(settings_.frame, settings_.model, frame, direction);
+}
+
+// ---- time, recovery and refusals ----------------------------------------------------------------
+
+std::chrono::milliseconds Mc::gives_up_after() const {
+  return std::chrono::milliseconds(is_serial(settings_.frame) ? 0 : settings_.timer * kTimerStep);
+}
+
+Recovery Mc::after_silence() const {
+  if (is_serial(settings_.frame)) return Recovery::drain;
+  // A late answer in a 3E frame would pass for that to the next question.
+  return ethernet_.numbered ? Recovery::none : Recovery::reconnect;
+}
+
+Recovery Mc::after_nonsense() const {
+  return is_serial(settings_.frame) ? Recovery::drain : Recovery::reconnect;
+}
+
+std::optional<Request> Mc::probe(std::uint32_t number) const {
+  // Two more bits are another byte in binary code.
+  return Read{{id(Space::sm), kAlwaysOn, 1 + 2 * (number % kProbes)}, kBitWay};
+}
+
+std::optional<Request> Mc::apart_from(const Request& request) const {
+  const auto* read = std::get_if<Read>(&request);
+  if (read == nullptr) return std::nullopt;
+  const std::uint8_t way = plain_way(read->way);
+  const std::uint32_t less = way == kBitWay ? 2 : (way == kWordWay ? 16 : 32);
+  if (read->span.bits <= less) return std::nullopt;
+  Read shorter = *read;
+  shorter.span.bits -= less;
+  return shorter;
+}
+
+RefusalMeaning Mc::meaning_of(const Request& request, int device_code) const {
+  const auto* control = std::get_if<Control>(&request);
+  const bool runs_or_stops = control != nullptr && control->kind != Control::Kind::identify;
+  const bool reads =
+      std::holds_alternative<Read>(request) || std::holds_alternative<Gather>(request);
+  return meaning_of_end_code(static_cast<std::uint16_t>(device_code), reads, runs_or_stops);
+}
+
+std::optional<Request> Mc::instead_of(const Request& request, int device_code) const {
+  const bool has_other = dialect_.series() == Series::iq_r &&
+                         is_unknown_command(static_cast<std::uint16_t>(device_code));
+  if (!has_other) return std::nullopt;
+  Request other = request;
+  if (auto* read = std::get_if<Read>(&other)) read->way |= kPlainCodes;
+  if (auto* write = std::get_if<Write>(&other)) write->way |= kPlainCodes;
+  if (auto* force = std::get_if<Force>(&other)) force->way |= kPlainCodes;
+  if (auto* scatter = std::get_if<Scatter>(&other))
+    for (Write& part : scatter->parts) part.way |= kPlainCodes;
+  if (other == request || !encode_message(dialect_, other)) return std::nullopt;
+  return other;
+}
+
+std::optional<Request> Mc::combine(const std::vector<Request>& requests) const {
+  return combined(dialect_, requests);
+}
+
+// ---- the PLC itself -----------------------------------------------------------------------------
+
+std::string_view model_of_type(std::string_view name) {
+  const auto digit = [&](std::size_t at) {
+    return at < name.size() && name[at] >= '0' && name[at] <= '9';
+  };
+  for (const std::string_view fx5 : {"FX5UJ", "FX5U", "FX5S"})
+    if (name.starts_with(fx5)) return fx5;
+  if (name.starts_with('R') && digit(1)) return "iQ-R";
+  if (name.starts_with('Q') && (digit(1) || name.starts_with("QS"))) return "Q";
+  if (!name.starts_with('L') || !digit(1)) return {};
+  // L04HCPU to L32HCPU are iQ-L, whose ports are those of an iQ-R.
+  std::size_t at = 1;
+  while (digit(at)) ++at;
+  return name.substr(at).starts_with("HCPU") ? "iQ-R" : "L";
+}
+
+std::string Mc::model() const { return std::string(to_string(settings_.model)); }
+
+std::vector<Request> Mc::identify() const { return {Control{Control::Kind::identify}}; }
+
+std::optional<std::string> Mc::model_from(const std::vector<Bytes>& images) const {
+  if (images.empty() || images[0].size() < kTypeName) return std::nullopt;
+  const std::string name(images[0].begin(), images[0].begin() + kTypeName);
+  const std::string_view model = model_of_type(name);
+  return model.empty() ? std::nullopt : std::optional(std::string(model));
+}
+
+std::shared_ptr<const Codec> Mc::with_model(std::string_view model) const {
+  const auto known = model_named(model);
+  if (!known || series_of(*known) == Series::fx3) return nullptr;
+  Settings settings = settings_;
+  settings.model = *known;
+  return std::make_shared<const Mc>(settings);
+}
+
+Request Mc::run_state() const { return Read{span_of(Space::sd, {kRunState, kRunState}), kWordWay}; }
+
+std::optional<bool> Mc::run_state_from(ByteView image) const {
+  if (image.empty()) return std::nullopt;
+  return (image[0] & 0x0F) <= kStepRun;
+}
+
+Request Mc::run_request(bool run) const {
+  return Control{run ? Control::Kind::run : Control::Kind::stop};
+}
+
+std::string Mc::run_hint() const {
+  return "the PLC's RUN/STOP switch must be at RUN: at STOP it takes the request and stays stopped";
+}
+
+}  // namespace fxagent::mc

@@ -1,0 +1,114 @@
+// MC protocol (SLMP) of FX5, Q, L and iQ-R: 3E and 4E frames on Ethernet, 3C and 4C on serial
+// lines. Sources: SH-080008 (MELSEC Communication Protocol), JY997D56001 (FX5), and frames captured
+// from PLCs. What they say and where they disagree is in protocol/README.md.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "protocol/catalog.h"
+#include "protocol/codec.h"
+#include "protocol/mc/dialect.h"
+#include "protocol/mc/ethernet_frame.h"
+#include "protocol/mc/serial_frame.h"
+#include "protocol/plc.h"
+
+namespace fxagent::mc {
+
+enum class Frame : std::uint8_t { e3, e4, c3, c4 };
+constexpr bool is_serial(Frame frame) { return frame == Frame::c3 || frame == Frame::c4; }
+
+class Mc final : public Codec, public AddressSpace, public PlcServices {
+ public:
+  struct Settings {
+    Frame frame = Frame::e3;
+    Model model = Model::unknown;
+    Code code = Code::binary;  ///< of 3E and 4E
+    Route route;
+    std::uint32_t timer = 16;              ///< of 3E and 4E: monitoring timer in units of 250 ms
+    std::uint8_t station = 0;              ///< of 3C and 4C
+    std::uint32_t format = 1;              ///< of 3C and 4C
+    bool sum_check = true;                 ///< of 3C and 4C
+    std::uint32_t max_block_bytes = 1920;  ///< 960 words
+  };
+
+  explicit Mc(const Settings& settings);
+  /// From the config's options. bad_request: `monitoring_timer_ms` not in steps of 250.
+  static Result<std::shared_ptr<const Codec>> make_3e(const Options& options);
+  static Result<std::shared_ptr<const Codec>> make_4e(const Options& options);
+  static Result<std::shared_ptr<const Codec>> make_3c(const Options& options);
+  static Result<std::shared_ptr<const Codec>> make_4c(const Options& options);
+
+  // AddressSpace
+  Result<Address> parse_address(std::string_view text, std::optional<DataType> type) const override;
+  bool needs_type(std::string_view text) const override;
+  Result<Span> parse_range(std::string_view text) const override;
+  Result<void> check_range(const Span& span) const override;
+  Result<void> check_write(const Span& span) const override;
+
+  std::string name_of(const Span& span) const override;
+  std::vector<ReadWay> read_ways(std::uint16_t space) const override;
+  std::vector<GatherCommand> gathers() const override;
+  std::uint32_t max_write_bits(std::uint16_t space) const override;
+  ByteOrder default_order() const override;
+
+  // Codec
+  const AddressSpace& addresses() const override { return *this; }
+  const PlcServices* plc() const override { return this; }
+  Result<Bytes> encode(const Request& request, std::uint16_t tag) const override;
+  Result<std::optional<Reply>> decode(const Request& request, std::uint16_t tag,
+                                      ByteView rx) const override;
+  bool expects_reply(const Request& request) const override;
+  bool may_pass_for_answer(ByteView bytes) const override;
+  LineLength line_length(const Request& request) const override;
+  Explanation explain(ByteView frame, std::optional<Direction> direction) const override;
+
+  std::chrono::milliseconds gives_up_after() const override;
+  Recovery after_silence() const override;
+  Recovery after_nonsense() const override;
+  std::optional<Request> probe(std::uint32_t number) const override;
+  std::optional<Request> apart_from(const Request& request) const override;
+  RefusalMeaning meaning_of(const Request& request, int device_code) const override;
+  /// The codes of Q and L in place of those of iQ-R.
+  std::optional<Request> instead_of(const Request& request, int device_code) const override;
+  std::optional<Request> combine(const std::vector<Request>& requests) const override;
+
+  // PlcServices
+  std::string model() const override;
+  std::vector<Request> identify() const override;
+  std::optional<std::string> model_from(const std::vector<Bytes>& images) const override;
+  std::shared_ptr<const Codec> with_model(std::string_view model) const override;
+  Request run_state() const override;
+  std::optional<bool> run_state_from(ByteView image) const override;
+  Request run_request(bool run) const override;
+  std::string run_hint() const override;
+
+ private:
+  static Result<std::shared_ptr<const Codec>> make(Frame frame, const Options& options);
+  Result<std::optional<Reply>> decode_ethernet(const Request& request, ByteView message,
+                                               std::uint16_t tag, ByteView rx) const;
+  Result<std::optional<Reply>> decode_serial(const Request& request, std::uint16_t tag,
+                                             ByteView rx) const;
+  /// What stands behind the length of a frame that answers this request.
+  Result<Reply> reply_in(const Request& request, ByteView message, ByteView content) const;
+  Result<Reply> data_reply(const Request& request, ByteView data) const;
+
+  Settings settings_;
+  Dialect dialect_;
+  EthernetSettings ethernet_;
+  SerialSettings serial_;
+};
+
+/// The model behind the type name that 0101 brings ("FX5U-32MT/ES", "R08CPU"); empty where it is
+/// none of the catalogue.
+std::string_view model_of_type(std::string_view type_name);
+
+/// `fxagent decode`: one frame in words, in whichever code and format it is. Devices are those of
+/// `model`. Any bytes are allowed; what is wrong with them is in the error of the explanation.
+Explanation explain_frame(Frame frame, Model model, ByteView bytes,
+                          std::optional<Direction> direction);
+
+}  // namespace fxagent::mc

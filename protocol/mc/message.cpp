@@ -1,0 +1,221 @@
+#include "protocol/mc/message.h"
+
+#include <algorithm>
+
+#include "protocol/mc/body.h"
+#include "protocol/mc/random_access.h"
+
+namespace fxagent::mc {
+namespace {
+
+constexpr std::uint32_t kWords = 0;  // subcommands
+constexpr std::uint32_t kBits = 1;
+constexpr std::size_t kModelCode = 2;
+
+tl::unexpected<Error> refuse(std::string text) {
+  return fail(ErrorCode::bad_request, std::move(text));
+}
+
+std::uint32_t width_of(std::uint16_t space) { return kind_of(static_cast<Space>(space)).bits; }
+
+/// A read of 32-bit devices as the random read that it is, one part for each; a read that is part
+/// of a Gather as its only one.
+Gather parts_of(const Read& read, const ReadWay& by) {
+  if (by.gather != 0) return {{{read.span, read.way, by.gather}}};
+  const std::uint32_t unit_bits = by.unit_bits;
+  Gather gather;
+  const auto way = static_cast<std::uint8_t>(kRandomWay | (read.way & kPlainCodes));
+  for (std::uint32_t done = 0; done < read.span.bits; done += unit_bits)
+    gather.parts.push_back(
+        {{read.span.space, read.span.first_bit + done, unit_bits}, way, kRandomRead});
+  return gather;
+}
+
+Result<Bytes> encode_read(const Dialect& dialect, const Read& read) {
+  const auto way = way_of(dialect, read);
+  if (!way) return tl::make_unexpected(way.error());
+  if (way->gather != 0 || way->way == kDwordWay)
+    return encode_gather(dialect, parts_of(read, *way));
+  Body body(dialect, has_long_codes(dialect, read.way), id(Command::read),
+            way->way == kBitWay ? kBits : kWords);
+  if (const auto named = body.device(read.span.space, read.span.first_bit); !named)
+    return tl::make_unexpected(named.error());
+  body.number(read.span.bits / way->unit_bits, 2);
+  return body.take();
+}
+
+Result<Bytes> encode_write(const Dialect& dialect, const Write& write) {
+  const Span& span = write.span;
+  if (const auto allowed = check_write(dialect.model, span); !allowed)
+    return tl::make_unexpected(allowed.error());
+  const bool long_codes = has_long_codes(dialect, write.way);
+  const std::uint32_t width = width_of(span.space);
+  if (write.image.size() != (span.bits + 7) / 8)
+    return refuse("write of " + std::to_string(span.bits) + " bits with " +
+                  std::to_string(write.image.size()) + " bytes to " +
+                  device_name(dialect.model, span));
+  if (width == 32) return encode_scatter(dialect, {{write}});
+  const Limits limits = limits_of(dialect, long_codes);
+  const bool by_bits =
+      width == 1 && (span.bits % 16 != 0 || is_contact(static_cast<Space>(span.space)));
+  const std::uint32_t unit = by_bits ? 1 : 16;
+  const std::uint32_t points = span.bits / unit;
+  const std::uint32_t most = by_bits ? limits.bits : limits.words;
+  if (points > most)
+    return refuse("write of " + std::to_string(points) + " points to " +
+                  device_name(dialect.model, span) + ": at most " + std::to_string(most));
+  Body body(dialect, long_codes, id(Command::write), by_bits ? kBits : kWords);
+  if (const auto named = body.device(span.space, span.first_bit); !named)
+    return tl::make_unexpected(named.error());
+  body.number(points, 2);
+  if (by_bits)
+    append_bits(dialect.code, body.bytes(), write.image, span.bits);
+  else
+    append_image(dialect.code, body.bytes(), write.image, 2);
+  return body.take();
+}
+
+Result<Bytes> encode_control(const Dialect& dialect, Control::Kind kind) {
+  switch (kind) {
+    case Control::Kind::identify:
+      return Body(dialect, false, id(Command::type_name), 0).take();
+    case Control::Kind::run: {
+      Body body(dialect, false, id(Command::remote_run), 0);
+      body.number(1, 2);  // not where another station has stopped it
+      body.number(0, 1);  // no device is cleared
+      body.number(0, 1);
+      return body.take();
+    }
+    case Control::Kind::stop: {
+      Body body(dialect, false, id(Command::remote_stop), 0);
+      body.number(1, 2);
+      return body.take();
+    }
+    case Control::Kind::reset:
+      break;
+  }
+  return fail(ErrorCode::unsupported, "the MC protocol has no reset of the line");
+}
+
+std::size_t read_size(Code code, const Read& read) {
+  if (plain_way(read.way) != kBitWay) return wire_size(code, read.span.bits / 8);
+  return code == Code::ascii ? read.span.bits : (read.span.bits + 1) / 2;
+}
+
+std::optional<Request> scattered(const Dialect& dialect, const std::vector<Request>& requests) {
+  Scatter scatter;
+  for (const Request& request : requests) {
+    if (const auto* write = std::get_if<Write>(&request))
+      scatter.parts.push_back(*write);
+    else if (const auto* force = std::get_if<Force>(&request))
+      scatter.parts.push_back(write_of(*force));
+    else
+      return std::nullopt;
+  }
+  if (!encode_scatter(dialect, scatter)) return std::nullopt;
+  return Request(std::move(scatter));
+}
+
+}  // namespace
+
+std::string_view command_name(std::uint16_t command) {
+  switch (command) {
+    case 0x0101:
+      return "read type name";
+    case 0x0401:
+      return "batch read";
+    case 0x0403:
+      return "random read";
+    case 0x0406:
+      return "block read";
+    case 0x0613:
+      return "buffer memory read";
+    case 0x0619:
+      return "loopback test";
+    case 0x0801:
+      return "register monitor data";
+    case 0x0802:
+      return "monitor";
+    case 0x1001:
+      return "remote RUN";
+    case 0x1002:
+      return "remote STOP";
+    case 0x1003:
+      return "remote PAUSE";
+    case 0x1005:
+      return "remote latch clear";
+    case 0x1006:
+      return "remote RESET";
+    case 0x1401:
+      return "batch write";
+    case 0x1402:
+      return "random write";
+    case 0x1406:
+      return "block write";
+    case 0x1617:
+      return "clear error";
+    case 0x1630:
+      return "remote password unlock";
+    case 0x1631:
+      return "remote password lock";
+    default:
+      return {};
+  }
+}
+
+Result<Bytes> encode_message(const Dialect& dialect, const Request& request) {
+  if (const auto* read = std::get_if<Read>(&request)) return encode_read(dialect, *read);
+  if (const auto* write = std::get_if<Write>(&request)) return encode_write(dialect, *write);
+  if (const auto* gather = std::get_if<Gather>(&request)) return encode_gather(dialect, *gather);
+  if (const auto* scatter = std::get_if<Scatter>(&request))
+    return encode_scatter(dialect, *scatter);
+  if (const auto* force = std::get_if<Force>(&request)) {
+    if (force->space < kSpaces && width_of(force->space) != 1)
+      return refuse(device_name(dialect.model, {force->space, force->bit, 1}) +
+                    " is a word: only bits are forced");
+    return encode_write(dialect, write_of(*force));
+  }
+  if (const auto* control = std::get_if<Control>(&request))
+    return encode_control(dialect, control->kind);
+  return fail(ErrorCode::unsupported, "the MC protocol has no enquiry of its own");
+}
+
+std::size_t answer_size(const Dialect& dialect, const Request& request) {
+  if (const auto* read = std::get_if<Read>(&request)) return read_size(dialect.code, *read);
+  if (const auto* gather = std::get_if<Gather>(&request)) return gather_size(dialect, *gather);
+  const auto* control = std::get_if<Control>(&request);
+  if (control == nullptr || control->kind != Control::Kind::identify) return 0;
+  return kTypeName + wire_size(dialect.code, kModelCode);  // text is text in binary code, too
+}
+
+Result<Bytes> decode_answer(const Dialect& dialect, const Request& request, ByteView data) {
+  if (const auto* read = std::get_if<Read>(&request)) {
+    if (plain_way(read->way) == kBitWay) return bits_in(dialect.code, data, read->span.bits);
+    const auto space = static_cast<Space>(read->span.space);
+    const bool pairs = plain_way(read->way) == kRandomWay && read->span.bits == 32;
+    return image_in(dialect.code, data, pairs || kind_of(space).bits == 32 ? 4 : 2);
+  }
+  if (const auto* gather = std::get_if<Gather>(&request))
+    return decode_gather(dialect, *gather, data);
+  if (data.empty()) return Bytes{};
+  Bytes image(data.begin(), data.begin() + kTypeName);
+  const auto code = image_in(dialect.code, data.subspan(kTypeName), kModelCode);
+  if (!code) return code;
+  image.insert(image.end(), code->begin(), code->end());
+  return image;
+}
+
+std::optional<Request> combined(const Dialect& dialect, const std::vector<Request>& requests) {
+  if (requests.size() < 2) return std::nullopt;
+  if (!std::holds_alternative<Read>(requests.front())) return scattered(dialect, requests);
+  std::vector<Read> reads;
+  for (const Request& request : requests) {
+    const auto* read = std::get_if<Read>(&request);
+    if (read == nullptr) return std::nullopt;
+    reads.push_back(*read);
+  }
+  auto gather = gathered(dialect, reads);
+  return gather ? std::optional<Request>(std::move(*gather)) : std::nullopt;
+}
+
+}  // namespace fxagent::mc

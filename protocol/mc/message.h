@@ -1,0 +1,44 @@
+// Requests and answers of 3E, 4E, 3C and 4C without their frame: command, subcommand and data, in
+// binary or ASCII code.
+// Source: SH-080008, chapters 8 to 11; protocol/README.md has the layout.
+#pragma once
+
+#include <cstdint>
+
+#include "protocol/codec.h"
+#include "protocol/mc/dialect.h"
+
+namespace fxagent::mc {
+
+enum class Command : std::uint16_t {
+  type_name = 0x0101,
+  read = 0x0401,
+  random_read = 0x0403,
+  block_read = 0x0406,
+  remote_run = 0x1001,
+  remote_stop = 0x1002,
+  write = 0x1401,
+  random_write = 0x1402,
+  block_write = 0x1406,
+};
+constexpr std::uint16_t id(Command command) { return static_cast<std::uint16_t>(command); }
+/// "batch read"; empty for what is not known.
+std::string_view command_name(std::uint16_t command);
+
+/// Command, subcommand and data of a request. bad_request: out of the limits; unsupported: this
+/// protocol, model or code cannot say it.
+Result<Bytes> encode_message(const Dialect& dialect, const Request& request);
+
+/// Length on the wire of the data that answer `request` when it is done. `request` is one that
+/// encode_message() takes.
+std::size_t answer_size(const Dialect& dialect, const Request& request);
+/// The image in those data, which have that length. bad_frame: not digits, or no bits.
+Result<Bytes> decode_answer(const Dialect& dialect, const Request& request, ByteView data);
+
+/// What combine() makes of `requests`; nullopt where one frame cannot carry them.
+std::optional<Request> combined(const Dialect& dialect, const std::vector<Request>& requests);
+
+/// Bytes of the type name in the image of Control::identify; two more are the model code.
+inline constexpr std::size_t kTypeName = 16;
+
+}  // namespace fxagent::mc

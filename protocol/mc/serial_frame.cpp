@@ -1,0 +1,412 @@
+#include "protocol/mc/serial_frame.h"
+
+#include <algorithm>
+#include <string_view>
+
+#include "protocol/mc/body.h"
+
+namespace fxagent::mc {
+namespace {
+
+constexpr std::uint8_t k3C = 0xF9;
+constexpr std::uint8_t k4C = 0xF8;
+constexpr std::size_t kBlock = 2;
+constexpr std::size_t kSum = 2;
+constexpr std::size_t kCode = 4;  // digits of an end code
+constexpr std::size_t kEnd = 2;   // CR LF
+constexpr std::string_view kDone = "QACK";
+constexpr std::string_view kRefused = "QNAK";
+// Format 5: length, the answer's mark FFFF, end code.
+constexpr std::size_t kLength = 2;
+constexpr std::size_t kMark = 2;
+constexpr std::size_t kEndCode = 2;
+
+std::string hex_of(std::uint32_t value, int digits) {
+  Bytes out;
+  append_hex(out, value, digits);
+  return {out.begin(), out.end()};
+}
+
+SerialAnswer garbled(std::string error) {
+  SerialAnswer answer;
+  answer.state = SerialAnswer::State::wrong;
+  answer.error = std::move(error);
+  return answer;
+}
+
+/// Block number, frame id and route: all that stands between the control character and what an
+/// answer says.
+Bytes head_of(const SerialSettings& settings, std::uint8_t block) {
+  Bytes head;
+  if (settings.format == 2) append_hex(head, block, 2);
+  const Bytes header = serial_header(settings);
+  head.insert(head.end(), header.begin(), header.end());
+  return head;
+}
+
+std::size_t head_size(const SerialSettings& settings) {
+  return serial_header(settings).size() + (settings.format == 2 ? kBlock : 0);
+}
+
+std::size_t tail_size(const SerialSettings& settings) { return settings.format == 4 ? kEnd : 0; }
+
+std::size_t sum_size(const SerialSettings& settings) { return settings.sum_check ? kSum : 0; }
+
+void append_doubled(Bytes& out, ByteView bytes) {
+  for (const std::uint8_t byte : bytes) {
+    out.push_back(byte);
+    if (byte == kDle) out.push_back(kDle);
+  }
+}
+
+Bytes binary_request(const SerialSettings& settings, ByteView message) {
+  Bytes content;
+  const Bytes header = serial_header(settings);
+  append_number(Code::binary, content, static_cast<std::uint32_t>(header.size() + message.size()),
+                kLength);
+  content.insert(content.end(), header.begin(), header.end());
+  content.insert(content.end(), message.begin(), message.end());
+  Bytes frame{kDle, kStx};
+  append_doubled(frame, content);
+  frame.insert(frame.end(), {kDle, kEtx});
+  if (settings.sum_check) append_hex(frame, serial_sum(content), 2);
+  return frame;
+}
+
+/// Empty: the two characters are the sum of `bytes`.
+std::string why_wrong_sum(ByteView given, ByteView bytes) {
+  const auto sum = number_at(Code::ascii, given, 0, 1);
+  if (!sum) return "sum " + to_hex(given) + " is not two hex digits";
+  const std::uint8_t computed = serial_sum(bytes);
+  if (*sum == computed) return {};
+  return "sum " + hex_of(*sum, 2) + " given, " + hex_of(computed, 2) + " computed";
+}
+
+/// Looks through what came for an answer in format 1 to 4.
+class AsciiSearch final {
+ public:
+  AsciiSearch(const SerialSettings& settings, std::uint8_t block, std::size_t data, ByteView rx)
+      : settings_(settings), head_(head_of(settings, block)), data_(data), rx_(rx) {}
+
+  SerialAnswer run() {
+    // A PLC never sends ENQ: it is the echo of the request, and what came before it is older. In
+    // format 3 requests begin with STX, and are told by what follows their head.
+    if (!is_3())
+      for (std::size_t i = rx_.size(); i > 0 && at_ == 0; --i)
+        if (rx_[i - 1] == kEnq) at_ = i;
+    while (at_ < rx_.size()) {
+      const std::uint8_t first = rx_[at_];
+      const bool begins = first == kStx || (!is_3() && (first == kAck || first == kNak));
+      if (!begins) {
+        ++at_;
+        continue;
+      }
+      if (first == kStx && begins_anew()) continue;
+      const auto answer = judge(first);
+      if (answer) return *answer;
+    }
+    return {};
+  }
+
+ private:
+  using State = SerialAnswer::State;
+  bool is_3() const { return settings_.format == 3; }
+  std::size_t left() const { return rx_.size() - at_; }
+
+  /// A frame that another STX cuts off begins there.
+  bool begins_anew() {
+    const auto from = rx_.begin() + static_cast<std::ptrdiff_t>(at_) + 1;
+    const auto etx = std::find(from, rx_.end(), kEtx);
+    const auto again = std::find(from, etx, kStx);
+    if (again == etx) return false;
+    at_ = static_cast<std::size_t>(again - rx_.begin());
+    return true;
+  }
+
+  bool is_ours() const {
+    return std::equal(head_.begin(), head_.end(),
+                      rx_.begin() + static_cast<std::ptrdiff_t>(at_) + 1,
+                      [](std::uint8_t a, std::uint8_t b) {
+                        return a == b || (hex_digit(a) >= 0 && hex_digit(a) == hex_digit(b));
+                      });
+  }
+
+  /// nullopt: what began here is none, and `at_` is behind it. Incomplete: more must come.
+  std::optional<SerialAnswer> judge(std::uint8_t first) {
+    if (left() < 1 + head_.size()) return SerialAnswer{};
+    const bool ours = is_ours();
+    if (first == kStx) {
+      if (!ours) return pass_frame();
+      return is_3() ? judge_3() : (data_ == 0 ? pass_frame() : data_from(0));
+    }
+    if (!ours || (first == kAck && data_ != 0)) {
+      ++at_;
+      return std::nullopt;
+    }
+    return first == kAck ? finish(State::done, 1 + head_.size(), 0)
+                         : refused_at(1 + head_.size(), 0);
+  }
+
+  std::optional<SerialAnswer> judge_3() {
+    const std::size_t word = 1 + head_.size();
+    if (left() < word + kDone.size()) return SerialAnswer{};
+    const ByteView said = rx_.subspan(at_ + word, kDone.size());
+    const auto says = [&](std::string_view text) {
+      return std::equal(said.begin(), said.end(), text.begin());
+    };
+    if (says(kRefused)) return refused_at(word + kRefused.size(), 1);
+    if (!says(kDone)) return pass_frame();  // the request itself, come back
+    const std::size_t behind = word + kDone.size();
+    if (left() <= behind) return SerialAnswer{};
+    const bool has_data = rx_[at_ + behind] != kEtx;
+    if (has_data != (data_ != 0)) return pass_frame();
+    return has_data ? data_from(kDone.size()) : finish(State::done, behind, 1);
+  }
+
+  /// `size` characters and an ETX, if any, then CR LF: the whole of an answer without data.
+  std::optional<SerialAnswer> finish(State state, std::size_t size, std::size_t etx,
+                                     std::uint16_t code = 0) {
+    const std::size_t whole = size + etx + tail_size(settings_);
+    if (left() < whole) return SerialAnswer{};
+    if (etx != 0 && rx_[at_ + size] != kEtx) return garbled("ETX is missing behind the answer");
+    if (!has_tail(whole)) return no_tail();
+    SerialAnswer answer;
+    answer.state = state;
+    answer.end_code = code;
+    answer.began = at_;
+    answer.end = at_ + whole;
+    return answer;
+  }
+
+  std::optional<SerialAnswer> refused_at(std::size_t size, std::size_t etx) {
+    if (left() < size + kCode) return SerialAnswer{};
+    const auto code = number_at(Code::ascii, rx_, at_ + size, 2);
+    if (!code)
+      return garbled("refused with the code " + to_hex(rx_.subspan(at_ + size, kCode)) +
+                     ", which is not four hex digits");
+    return finish(State::refused, size + kCode, etx, static_cast<std::uint16_t>(*code));
+  }
+
+  /// `word` characters stand between the head and the data.
+  std::optional<SerialAnswer> data_from(std::size_t word) {
+    const std::size_t begin = 1 + head_.size() + word;
+    const std::size_t etx = begin + data_;
+    const std::size_t whole = etx + 1 + sum_size(settings_) + tail_size(settings_);
+    const ByteView frame = rx_.subspan(at_, std::min(whole, left()));
+    const auto found = static_cast<std::size_t>(
+        std::find(frame.begin() + static_cast<std::ptrdiff_t>(std::min(begin, frame.size())),
+                  frame.end(), kEtx) -
+        frame.begin());
+    if (found < etx && found < frame.size())
+      return garbled(std::to_string(found - begin) + " data characters given, " +
+                     std::to_string(data_) + " expected");
+    if (found != etx && frame.size() > etx)
+      return garbled("more data characters given, " + std::to_string(data_) + " expected");
+    if (frame.size() < whole) return SerialAnswer{};
+    if (settings_.sum_check)
+      if (auto why = why_wrong_sum(frame.subspan(etx + 1, kSum), frame.subspan(1, etx));
+          !why.empty())
+        return garbled(std::move(why));
+    if (!has_tail(whole)) return no_tail();
+    SerialAnswer answer;
+    answer.state = State::data;
+    answer.data.assign(frame.begin() + static_cast<std::ptrdiff_t>(begin),
+                       frame.begin() + static_cast<std::ptrdiff_t>(etx));
+    answer.began = at_;
+    answer.end = at_ + whole;
+    return answer;
+  }
+
+  /// Past a frame with STX that is not for us, or incomplete where its end has not come.
+  std::optional<SerialAnswer> pass_frame() {
+    const auto begin = rx_.begin() + static_cast<std::ptrdiff_t>(at_);
+    const auto etx = std::find(begin, rx_.end(), kEtx);
+    if (etx == rx_.end()) return SerialAnswer{};
+    const std::string_view content(reinterpret_cast<const char*>(&*begin) + 1,
+                                   static_cast<std::size_t>(etx - begin) - 1);
+    // QACK without data and QNAK have no sum.
+    const std::size_t word = head_.size();
+    const bool plain =
+        is_3() && content.size() >= word &&
+        (content.substr(word) == kDone || content.substr(word).starts_with(kRefused));
+    const std::size_t end =
+        static_cast<std::size_t>(etx - rx_.begin()) + 1 + (plain ? 0 : sum_size(settings_));
+    if (end > rx_.size()) return SerialAnswer{};
+    at_ = end;
+    return std::nullopt;
+  }
+
+  bool has_tail(std::size_t whole) const {
+    return tail_size(settings_) == 0 ||
+           (rx_[at_ + whole - 2] == kCr && rx_[at_ + whole - 1] == kLf);
+  }
+  static SerialAnswer no_tail() {
+    return garbled("CR LF is missing behind the answer: format 4 ends with it");
+  }
+
+  const SerialSettings& settings_;
+  Bytes head_;
+  std::size_t data_;
+  ByteView rx_;
+  std::size_t at_ = 0;
+};
+
+/// What a whole frame of format 5 is. nullopt: not the answer to this request.
+std::optional<SerialAnswer> binary_answer(const SerialSettings& settings, std::size_t data,
+                                          ByteView content) {
+  const Bytes header = serial_header(settings);
+  const std::size_t least = kLength + header.size() + kMark + kEndCode;
+  if (content.size() < kLength + header.size() ||
+      !std::equal(header.begin(), header.end(), content.begin() + kLength))
+    return std::nullopt;
+  const std::size_t length = *number_at(Code::binary, content, 0, kLength);
+  if (length != content.size() - kLength)
+    return garbled("length " + std::to_string(length) + " given, " +
+                   std::to_string(content.size() - kLength) + " bytes came");
+  const std::size_t mark = kLength + header.size();
+  if (content.size() < mark + kMark || content[mark] != 0xFF || content[mark + 1] != 0xFF)
+    return std::nullopt;  // a request, come back
+  if (content.size() < least) return garbled("an answer without end code");
+  const auto code =
+      static_cast<std::uint16_t>(*number_at(Code::binary, content, mark + kMark, kEndCode));
+  const ByteView rest = content.subspan(least);
+  SerialAnswer answer;
+  answer.end_code = code;
+  if (code != 0) {
+    answer.state = SerialAnswer::State::refused;
+    return answer;
+  }
+  if ((rest.empty()) != (data == 0)) return std::nullopt;  // late, to a request of the other kind
+  if (rest.size() != data)
+    return garbled(std::to_string(rest.size()) + " bytes of data given, " + std::to_string(data) +
+                   " expected");
+  answer.state = data == 0 ? SerialAnswer::State::done : SerialAnswer::State::data;
+  answer.data.assign(rest.begin(), rest.end());
+  return answer;
+}
+
+SerialAnswer binary_search(const SerialSettings& settings, std::size_t data, ByteView rx) {
+  std::size_t at = 0;
+  while (at + 1 < rx.size()) {
+    if (rx[at] != kDle || rx[at + 1] != kStx) {
+      ++at;
+      continue;
+    }
+    const Undoubled frame = undoubled(rx, at);
+    if (frame.state == Undoubled::State::incomplete) return {};
+    if (frame.state == Undoubled::State::wrong) {
+      at = frame.end;
+      continue;
+    }
+    const std::size_t end = frame.end + sum_size(settings);
+    if (rx.size() < end) return {};
+    if (settings.sum_check)
+      if (auto why = why_wrong_sum(rx.subspan(frame.end, kSum), frame.content); !why.empty())
+        return garbled(std::move(why));
+    if (auto answer = binary_answer(settings, data, frame.content)) {
+      answer->began = at;
+      answer->end = end;
+      return *answer;
+    }
+    at = end;
+  }
+  return {};
+}
+
+}  // namespace
+
+std::uint8_t serial_sum(ByteView bytes) {
+  std::uint32_t sum = 0;
+  for (const std::uint8_t byte : bytes) sum += byte;
+  return static_cast<std::uint8_t>(sum);
+}
+
+Bytes serial_header(const SerialSettings& settings) {
+  Bytes header;
+  const Code code = settings.code();
+  append_number(code, header, settings.is_4c ? k4C : k3C, 1);
+  append_number(code, header, settings.station, 1);
+  append_number(code, header, settings.route.network, 1);
+  append_number(code, header, settings.route.pc, 1);
+  if (settings.is_4c) {
+    append_number(code, header, settings.route.module_io, 2);
+    append_number(code, header, settings.route.module_station, 1);
+  }
+  append_number(code, header, 0, 1);  // self-station: 0 but on m:n links
+  return header;
+}
+
+Bytes serial_request(const SerialSettings& settings, std::uint8_t block, ByteView message) {
+  if (settings.format == 5) return binary_request(settings, message);
+  Bytes frame{settings.format == 3 ? kStx : kEnq};
+  const Bytes head = head_of(settings, block);
+  frame.reserve(1 + head.size() + message.size() + 5);
+  frame.insert(frame.end(), head.begin(), head.end());
+  frame.insert(frame.end(), message.begin(), message.end());
+  if (settings.format == 3) frame.push_back(kEtx);
+  if (settings.sum_check) append_hex(frame, serial_sum(ByteView(frame).subspan(1)), 2);
+  if (settings.format == 4) frame.insert(frame.end(), {kCr, kLf});
+  return frame;
+}
+
+std::size_t serial_answer_length(const SerialSettings& settings, std::size_t data) {
+  const std::size_t sum = sum_size(settings);
+  if (settings.format == 5) {
+    Bytes content;
+    const Bytes header = serial_header(settings);
+    append_number(Code::binary, content,
+                  static_cast<std::uint32_t>(header.size() + kMark + kEndCode + data), kLength);
+    content.insert(content.end(), header.begin(), header.end());
+    Bytes doubled;
+    append_doubled(doubled, content);
+    return 2 + doubled.size() + kMark + kEndCode + data + 2 + sum;
+  }
+  const std::size_t said = settings.format == 3 ? kDone.size() : 0;
+  const std::size_t etx = settings.format == 3 || data != 0 ? 1 : 0;
+  return 1 + head_size(settings) + said + data + etx + (data != 0 ? sum : 0) + tail_size(settings);
+}
+
+SerialAnswer serial_answer(const SerialSettings& settings, std::uint8_t block, std::size_t data,
+                           ByteView rx) {
+  if (settings.format == 5) return binary_search(settings, data, rx);
+  return AsciiSearch(settings, block, data, rx).run();
+}
+
+bool may_be_serial_answer(const SerialSettings& settings, ByteView bytes) {
+  for (std::size_t at = 0; at < bytes.size(); ++at) {
+    const ByteView rest = bytes.subspan(at + 1);
+    if (settings.format == 5) {
+      if (bytes[at] == kDle && (rest.empty() || rest[0] == kStx)) return true;
+      continue;
+    }
+    if (bytes[at] != kStx && bytes[at] != kAck && bytes[at] != kNak && bytes[at] != kEnq) continue;
+    // Digits follow, as far as they have come.
+    const ByteView head = rest.first(std::min(rest.size(), head_size(settings)));
+    if (std::all_of(head.begin(), head.end(), [](std::uint8_t c) { return hex_digit(c) >= 0; }))
+      return true;
+  }
+  return false;
+}
+
+Undoubled undoubled(ByteView rx, std::size_t at) {
+  Undoubled frame;
+  for (std::size_t i = at + 2; i < rx.size(); ++i) {
+    if (rx[i] != kDle) {
+      frame.content.push_back(rx[i]);
+      continue;
+    }
+    if (i + 1 == rx.size()) return frame;
+    if (rx[i + 1] == kDle) {
+      frame.content.push_back(kDle);
+      ++i;
+      continue;
+    }
+    const bool ends = rx[i + 1] == kEtx;
+    frame.state = ends ? Undoubled::State::good : Undoubled::State::wrong;
+    frame.end = ends ? i + 2 : i;
+    return frame;
+  }
+  return frame;
+}
+
+}  // namespace fxagent::mc

@@ -1,0 +1,302 @@
+#include "protocol/mc/device.h"
+
+#include <gtest/gtest.h>
+
+namespace fxagent::mc {
+namespace {
+
+Address address(Model model, std::string_view text, std::optional<DataType> type = {}) {
+  const auto parsed = parse_address(model, text, type);
+  EXPECT_TRUE(parsed.has_value()) << text << ": " << (parsed ? "" : parsed.error().text);
+  return parsed.value_or(Address{});
+}
+
+std::string refusal(Model model, std::string_view text, std::optional<DataType> type = {}) {
+  const auto parsed = parse_address(model, text, type);
+  EXPECT_FALSE(parsed.has_value()) << text;
+  if (parsed) return {};
+  EXPECT_EQ(parsed.error().code, ErrorCode::bad_request);
+  return parsed.error().text;
+}
+
+void expect_says(const std::string& text, std::string_view part) {
+  EXPECT_NE(text.find(part), std::string::npos) << text;
+}
+
+constexpr Model kAll[] = {Model::unknown, Model::unknown_fx3, Model::fx3u, Model::fx3g,
+                          Model::fx5u,    Model::fx5uj,       Model::fx5s, Model::q,
+                          Model::l,       Model::iq_r};
+
+TEST(McDevice, NamesBecomePlacesInTheirSpace) {
+  struct Case {
+    Model model;
+    const char* text;
+    const char* canonical;
+    Span span;
+    Unit unit;
+  };
+  const Case cases[] = {
+      {Model::fx5u, "X17", "X17", {id(Space::x), 15, 1}, Unit::bit},
+      {Model::q, "X17", "X17", {id(Space::x), 0x17, 1}, Unit::bit},
+      {Model::fx5u, "Y100", "Y100", {id(Space::y), 64, 1}, Unit::bit},
+      {Model::iq_r, "Y1F", "Y1F", {id(Space::y), 31, 1}, Unit::bit},
+      {Model::iq_r, "y0a0", "YA0", {id(Space::y), 0xA0, 1}, Unit::bit},
+      {Model::unknown, "X7", "X7", {id(Space::x), 7, 1}, Unit::bit},
+      {Model::l, "DX1F", "DX1F", {id(Space::dx), 31, 1}, Unit::bit},
+      {Model::fx5u, "M32767", "M32767", {id(Space::m), 32767, 1}, Unit::bit},
+      {Model::fx5u, "M8000", "M8000", {id(Space::m), 8000, 1}, Unit::bit},
+      {Model::fx3u, "M8000", "M8000", {id(Space::special_m), 0, 1}, Unit::bit},
+      {Model::fx3u, "D8010", "D8010", {id(Space::special_d), 160, 16}, Unit::word},
+      {Model::fx5u, "L100", "L100", {id(Space::l), 100, 1}, Unit::bit},
+      {Model::fx5u, "F7", "F7", {id(Space::f), 7, 1}, Unit::bit},
+      {Model::q, "V7", "V7", {id(Space::v), 7, 1}, Unit::bit},
+      {Model::fx5u, "BF", "BF", {id(Space::b), 15, 1}, Unit::bit},
+      {Model::q, "BB0", "BB0", {id(Space::b), 0xB0, 1}, Unit::bit},
+      {Model::fx5u, "SB1F", "SB1F", {id(Space::sb), 31, 1}, Unit::bit},
+      {Model::fx5u, "S10", "S10", {id(Space::s), 10, 1}, Unit::bit},
+      {Model::fx5u, "SM400", "SM400", {id(Space::sm), 400, 1}, Unit::bit},
+      {Model::fx5u, "SD203", "SD203", {id(Space::sd), 203 * 16, 16}, Unit::word},
+      {Model::fx5u, "D7999", "D7999", {id(Space::d), 7999 * 16, 16}, Unit::word},
+      {Model::fx5u, "W1FF", "W1FF", {id(Space::w), 0x1FF * 16, 16}, Unit::word},
+      {Model::q, "SWFF", "SWFF", {id(Space::sw), 0xFF * 16, 16}, Unit::word},
+      {Model::fx5u, "R100", "R100", {id(Space::r), 1600, 16}, Unit::word},
+      {Model::q, "ZR100000", "ZR100000", {id(Space::zr), 1600000, 16}, Unit::word},
+      {Model::q, "Z19", "Z19", {id(Space::z), 19 * 16, 16}, Unit::word},
+      {Model::iq_r, "RD5", "RD5", {id(Space::rd), 80, 16}, Unit::word},
+      {Model::q, "TS5", "TS5", {id(Space::ts), 5, 1}, Unit::bit},
+      {Model::q, "TC5", "TC5", {id(Space::tc), 5, 1}, Unit::bit},
+      {Model::q, "TN5", "TN5", {id(Space::tn), 80, 16}, Unit::word},
+      {Model::fx5u, "STS5", "STS5", {id(Space::sts), 5, 1}, Unit::bit},
+      {Model::fx5u, "STC5", "STC5", {id(Space::stc), 5, 1}, Unit::bit},
+      {Model::fx5u, "STN5", "STN5", {id(Space::stn), 80, 16}, Unit::word},
+      {Model::fx5u, "CS5", "CS5", {id(Space::cs), 5, 1}, Unit::bit},
+      {Model::fx5u, "CC5", "CC5", {id(Space::cc), 5, 1}, Unit::bit},
+      {Model::fx5u, "CN200", "CN200", {id(Space::cn), 3200, 16}, Unit::word},
+      {Model::fx3u, "CN199", "CN199", {id(Space::cn), 199 * 16, 16}, Unit::word},
+      {Model::fx3u, "CN200", "CN200", {id(Space::cn32), 0, 32}, Unit::dword},
+      {Model::fx3u, "CN255", "CN255", {id(Space::cn32), 55 * 32, 32}, Unit::dword},
+      {Model::fx3u, "CS255", "CS255", {id(Space::cs), 255, 1}, Unit::bit},
+      {Model::fx5u, "LCS5", "LCS5", {id(Space::lcs), 5, 1}, Unit::bit},
+      {Model::fx5u, "LCN5", "LCN5", {id(Space::lcn), 160, 32}, Unit::dword},
+      {Model::iq_r, "LTN5", "LTN5", {id(Space::ltn), 160, 32}, Unit::dword},
+      {Model::iq_r, "LSTN5", "LSTN5", {id(Space::lstn), 160, 32}, Unit::dword},
+      {Model::fx5u, "LZ1", "LZ1", {id(Space::lz), 32, 32}, Unit::dword},
+      {Model::fx5u, "D100.F", "D100.F", {id(Space::d), 1615, 1}, Unit::word_bit},
+      {Model::q, "W1F.a", "W1F.A", {id(Space::w), 31 * 16 + 10, 1}, Unit::word_bit},
+      {Model::q, "ZR1.0", "ZR1.0", {id(Space::zr), 16, 1}, Unit::word_bit},
+      {Model::fx5u, "SD0.1", "SD0.1", {id(Space::sd), 1, 1}, Unit::word_bit},
+      {Model::fx5u, "K4M0", "K4M0", {id(Space::m), 0, 16}, Unit::bit_group},
+      {Model::fx5u, "K1Y10", "K1Y10", {id(Space::y), 8, 4}, Unit::bit_group},
+      {Model::q, "k2y10", "K2Y10", {id(Space::y), 16, 8}, Unit::bit_group},
+      {Model::q, "K8BF0", "K8BF0", {id(Space::b), 0xF0, 32}, Unit::bit_group},
+      {Model::fx3u, "K8M8000", "K8M8000", {id(Space::special_m), 0, 32}, Unit::bit_group},
+  };
+  for (const Case& c : cases) {
+    const Address a = address(c.model, c.text);
+    EXPECT_EQ(a.text, c.canonical);
+    EXPECT_EQ(a.span, c.span) << c.text;
+    EXPECT_EQ(a.unit, c.unit) << c.text;
+    EXPECT_EQ(a.writable, c.unit != Unit::word_bit) << c.text;
+    EXPECT_EQ(device_name(c.model, a.span).substr(0, 1), a.unit == Unit::bit_group
+                                                             ? std::string(1, c.canonical[2])
+                                                             : std::string(1, c.canonical[0]));
+  }
+}
+
+TEST(McDevice, TimersAndCountersAreTheContactAsBoolAndTheValueOtherwise) {
+  EXPECT_EQ(address(Model::fx5u, "T5", DataType::boolean).text, "TS5");
+  EXPECT_EQ(address(Model::fx5u, "T5", DataType::int16).text, "TN5");
+  EXPECT_EQ(address(Model::fx5u, "ST5", DataType::boolean).text, "STS5");
+  EXPECT_EQ(address(Model::fx5u, "st5").text, "STN5");
+  EXPECT_EQ(address(Model::q, "C5").text, "CN5");
+  EXPECT_EQ(address(Model::fx5u, "LC5").text, "LCN5");
+  EXPECT_EQ(address(Model::fx5u, "LC5", DataType::boolean).text, "LCS5");
+  EXPECT_EQ(address(Model::iq_r, "LT5").text, "LTN5");
+  expect_says(refusal(Model::iq_r, "LST5", DataType::boolean), "contact of a long timer");
+  for (const char* text : {"T5", "c005", "ST0", "LC1"}) EXPECT_TRUE(needs_type(text)) << text;
+  for (const char* text : {"TN5", "TS5", "D5", "LT5", "K4M0", "Q5", ""})
+    EXPECT_FALSE(needs_type(text)) << text;
+}
+
+TEST(McDevice, XAndYAreOctalOnFxHexadecimalElsewhereAndUnknownUntilTheModelIs) {
+  EXPECT_EQ(refusal(Model::fx5u, "X8"),
+            "X8 does not exist: X of FX5U is numbered in octal, after X7 comes X10");
+  EXPECT_EQ(refusal(Model::fx3u, "Y1F"),
+            "Y1F does not exist: Y of FX3U is numbered in octal, after Y17 comes Y20");
+  EXPECT_EQ(base_of(Model::fx5s, Space::x), 8U);
+  EXPECT_EQ(base_of(Model::fx5s, Space::b), 16U);
+  EXPECT_EQ(base_of(Model::q, Space::y), 16U);
+  EXPECT_EQ(base_of(Model::q, Space::zr), 10U);
+  for (const char* text : {"X8", "X10", "Y1F", "K4X10"})
+    expect_says(refusal(Model::unknown, text), "`model` must be set");
+  EXPECT_EQ(address(Model::unknown, "Y007").text, "Y7");
+  EXPECT_EQ(address(Model::unknown_fx3, "X17").span.first_bit, 15U);
+}
+
+TEST(McDevice, NonsenseIsRefusedWithTheFormsThatExist) {
+  for (const char* text : {"", "Q5", "100", "D1OO", " D1", "D1 ", "-1", "D", "D-1", "M1F", "LTS5"})
+    expect_says(refusal(Model::fx5u, text), "the forms are");
+  expect_says(refusal(Model::q, "D12345678901"), "too large");
+  for (const char* text : {"D100.G", "D100.", "D100.10", "M100.1", "K4D100.1", "TN5.0"})
+    expect_says(refusal(Model::fx5u, text), "D100.0 to D100.F");
+  for (const char* text : {"K0M0", "K9M0", "K10M0"})
+    expect_says(refusal(Model::fx5u, text), "K1 to K8");
+  for (const char* text : {"K4D0", "K4TS0", "K4CN0", "K4T0"})
+    expect_says(refusal(Model::fx5u, text), "a group is made of");
+}
+
+TEST(McDevice, EachModelHasItsLastDeviceAndNotTheNext) {
+  struct Case {
+    Model model;
+    const char* last;
+    const char* beyond;
+  };
+  const Case cases[] = {
+      {Model::fx3u, "X377", "X400"},          {Model::fx3g, "Y177", "Y200"},
+      {Model::fx3u, "M7679", "M7680"},        {Model::fx3u, "M8511", "M8512"},
+      {Model::fx3u, "D7999", "D8512"},        {Model::fx3u, "T511", "T512"},
+      {Model::fx3g, "T319", "T320"},          {Model::fx3u, "CN255", "CN256"},
+      {Model::fx3u, "R32767", "R32768"},      {Model::fx3g, "R23999", "R24000"},
+      {Model::fx3u, "S4095", "S4096"},        {Model::fx5u, "D7999", "D8000"},
+      {Model::fx5u, "X1777", "X2000"},        {Model::fx5uj, "SD11999", "SD12000"},
+      {Model::fx5s, "M32767", "M32768"},      {Model::fx5u, "LC1023", "LC1024"},
+      {Model::q, "X1FFF", "X2000"},           {Model::l, "SM2047", "SM2048"},
+      {Model::iq_r, "Y2FFF", "Y3000"},        {Model::iq_r, "ZR10027007", "ZR10027008"},
+      {Model::unknown, "SD11999", "SD12000"}, {Model::fx5u, "K4M32752", "K4M32756"},
+  };
+  for (const Case& c : cases) {
+    address(c.model, c.last);
+    expect_says(refusal(c.model, c.beyond), "does not exist");
+  }
+}
+
+TEST(McDevice, ARefusalNamesTheModelAndItsRanges) {
+  EXPECT_EQ(refusal(Model::fx3u, "M7680"),
+            "M7680 does not exist: FX3U has M0-M7679 and M8000-M8511");
+  EXPECT_EQ(refusal(Model::fx5u, "D8000"), "D8000 does not exist: FX5U has D0-D7999");
+  EXPECT_EQ(refusal(Model::fx5u, "ZR0"), "ZR0 does not exist: FX5U has no ZR");
+  EXPECT_EQ(refusal(Model::fx3u, "LZ0"), "LZ0 does not exist: FX3U has no LZ");
+  expect_says(refusal(Model::unknown, "SD12000"), "the widest model has SD0-SD11999");
+}
+
+TEST(McDevice, EveryDeviceIsReadBackFromItsOwnName) {
+  for (const Model model : kAll) {
+    for (std::uint16_t i = 0; i < kSpaces; ++i) {
+      const auto space = static_cast<Space>(i);
+      const auto numbers = numbers_of(model, space);
+      if (!numbers) continue;
+      const std::uint32_t step = (numbers->last - numbers->first) / 500 + 1;
+      for (std::uint32_t n = numbers->first; n <= numbers->last; n += step) {
+        const std::string name = device_name(model, space, n);
+        const auto parsed = parse_address(model, name, std::nullopt);
+        if (!parsed && model == Model::unknown && (space == Space::x || space == Space::y)) break;
+        ASSERT_TRUE(parsed) << name << " " << parsed.error().text;
+        ASSERT_EQ(parsed->span, span_of(space, {n, n})) << name;
+        ASSERT_EQ(device_name(model, parsed->span), parsed->text);
+      }
+    }
+  }
+}
+
+TEST(McDevice, CodesAreThoseOfTheManuals) {
+  struct Case {
+    Space space;
+    int binary;
+    const char* ascii;
+    const char* long_ascii;
+    int one_e;
+  };
+  const Case cases[] = {
+      {Space::x, 0x9C, "X*", "X***", 0x5820}, {Space::d, 0xA8, "D*", "D***", 0x4420},
+      {Space::w, 0xB4, "W*", "W***", 0x5720}, {Space::zr, 0xB0, "ZR", "ZR**", 0},
+      {Space::stc, 0xC6, "SC", "STC*", 0},    {Space::tn, 0xC2, "TN", "TN**", 0x544E},
+      {Space::lstn, 0x5A, "", "LSTN", 0},     {Space::lz, 0x62, "", "LZ**", 0},
+      {Space::s, 0x98, "S*", "S***", 0x5320}, {Space::cs, 0xC4, "CS", "CS**", 0x4353},
+  };
+  for (const Case& c : cases) {
+    EXPECT_EQ(kind_of(c.space).binary, c.binary);
+    EXPECT_EQ(kind_of(c.space).ascii, c.ascii);
+    EXPECT_EQ(kind_of(c.space).one_e, c.one_e);
+    EXPECT_EQ(space_coded(static_cast<std::uint8_t>(c.binary)), c.space);
+    EXPECT_EQ(space_coded(std::string_view(c.long_ascii)), c.space);
+    if (*c.ascii != '\0') {
+      EXPECT_EQ(space_coded(std::string_view(c.ascii)), c.space);
+    }
+    if (c.one_e != 0) {
+      EXPECT_EQ(space_coded_1e(static_cast<std::uint16_t>(c.one_e)), c.space);
+    }
+  }
+  EXPECT_EQ(space_coded(std::uint8_t{0x87}), std::nullopt);
+  for (const char* none : {"", "Q*", "D", "D**", "ST**", "D*10"})
+    EXPECT_EQ(space_coded(std::string_view(none)), std::nullopt) << none;
+  EXPECT_EQ(space_coded_1e(0), std::nullopt);
+}
+
+TEST(McDevice, ModelNamesAreKnownByTheirExactSpelling) {
+  for (const auto names : {model_names(), one_e_model_names()})
+    for (const std::string_view name : names) {
+      ASSERT_TRUE(model_named(name)) << name;
+      EXPECT_EQ(to_string(*model_named(name)), name);
+    }
+  for (const auto names : {kin_names(), one_e_kin_names()})
+    for (const std::string_view name : names) EXPECT_TRUE(model_named(name)) << name;
+  EXPECT_EQ(to_string(*model_named("FX5UC")), "FX5U");
+  EXPECT_EQ(to_string(*model_named("FX3UC")), "FX3U");
+  EXPECT_EQ(model_named("auto"), std::nullopt);
+  EXPECT_EQ(to_string(Model::unknown), "");
+  EXPECT_EQ(to_string(Model::unknown_fx3), "");
+  EXPECT_EQ(series_of(Model::fx5uj), Series::iq_f);
+  EXPECT_EQ(series_of(Model::l), Series::q_l);
+}
+
+TEST(McDeviceRange, CoversBothEndsAndSaysWhatIsWrong) {
+  EXPECT_EQ(parse_range(Model::fx5u, "M100-M199"), (Span{id(Space::m), 100, 100}));
+  EXPECT_EQ(parse_range(Model::fx5u, "Y0..Y17"), (Span{id(Space::y), 0, 16}));
+  EXPECT_EQ(parse_range(Model::q, "W0-W1F"), (Span{id(Space::w), 0, 32 * 16}));
+  EXPECT_EQ(parse_range(Model::fx3u, "CN200-CN210"), (Span{id(Space::cn32), 0, 352}));
+  EXPECT_EQ(parse_range(Model::iq_r, "LTN5"), (Span{id(Space::ltn), 160, 32}));
+  const auto refused = [](std::string_view text, Model model = Model::fx5u) {
+    const auto parsed = parse_range(model, text);
+    EXPECT_FALSE(parsed.has_value()) << text;
+    return parsed ? std::string() : parsed.error().text;
+  };
+  expect_says(refused("M100-D199"), "one kind");
+  expect_says(refused("M7000-M8010", Model::fx3u), "one kind");
+  expect_says(refused("M199-M100"), "ends before it begins");
+  expect_says(refused("T0-T9"), "TN for the values, TS for the contacts");
+  expect_says(refused("LT0", Model::iq_r), "LTN for the values");
+  expect_says(refused("K4M0-K4M16"), "plain device");
+  expect_says(refused("D0.1"), "plain device");
+  expect_says(refused("M100-"), "the forms are");
+  expect_says(refused("D0-D8000"), "does not exist");
+  expect_says(refused("M8030-M8040", Model::fx3u), "never written");
+  expect_says(refused("SM8037"), "never written");
+}
+
+TEST(McDeviceRange, SpansThatRunPastTheLastDeviceAreNamed) {
+  EXPECT_TRUE(check_range(Model::fx5u, {id(Space::d), 7999 * 16, 16}));
+  const auto past = check_range(Model::fx5u, {id(Space::d), 7999 * 16, 32});
+  ASSERT_FALSE(past);
+  EXPECT_EQ(past.error().text, "D7999-D8000: D8000 does not exist: FX5U has D0-D7999");
+  EXPECT_FALSE(check_range(Model::fx5u, {id(Space::d), 8000 * 16, 16}));
+  EXPECT_FALSE(check_range(Model::fx5u, {id(Space::zr), 0, 16}));
+  EXPECT_FALSE(check_range(Model::fx5u, {kSpaces, 0, 1}));
+  EXPECT_FALSE(check_range(Model::iq_r, {id(Space::d), 0xFFFFFFF0, 0xFFFFFFFF}));
+  EXPECT_EQ(device_name(Model::q, {99, 0, 1}), "space 99");
+}
+
+TEST(McDeviceWrite, AnyBitsOfABitDeviceAndWholeDevicesOfOthers) {
+  EXPECT_TRUE(check_write(Model::fx5u, {id(Space::m), 3, 5}));
+  EXPECT_TRUE(check_write(Model::fx5u, {id(Space::d), 16, 32}));
+  EXPECT_TRUE(check_write(Model::fx5u, {id(Space::lcn), 32, 32}));
+  EXPECT_FALSE(check_write(Model::fx5u, {id(Space::d), 3, 1}));
+  EXPECT_FALSE(check_write(Model::fx5u, {id(Space::lcn), 16, 16}));
+  EXPECT_FALSE(check_write(Model::fx5u, {id(Space::m), 3, 0}));
+  EXPECT_FALSE(check_write(Model::fx3u, {id(Space::special_m), 30, 5}));
+  EXPECT_FALSE(check_write(Model::fx5u, {id(Space::sm), 8034, 1}));
+  EXPECT_TRUE(check_write(Model::fx5u, {id(Space::m), 8034, 1}));
+  EXPECT_FALSE(check_write(Model::fx5u, {id(Space::m), 32760, 16}));
+}
+
+}  // namespace
+}  // namespace fxagent::mc
