@@ -21,7 +21,10 @@ struct Extent {
 struct Forbidden {
   std::vector<std::uint32_t> cuts;
   std::vector<Extent> missing;
+  std::vector<Extent> apart;  // no part of a Gather touches them
 
+  /// Whether a read by `way` may not be this one.
+  bool forbids(const ReadWay& way, const Extent& read) const;
   bool holds(const Extent& read) const;
 };
 Forbidden forbidden_in(const Holes& holes, std::uint16_t space);

@@ -220,10 +220,14 @@ class GatherSearch final {
     std::vector<std::uint32_t> suspects;
     for (std::uint32_t i = 0; i < all.size(); ++i)
       if (all[i].gather == command.gather) (is_suspect(all[i]) ? suspects : good).push_back(i);
-    GatherCommand fewer = command;
-    fewer.max_parts = std::min(command.max_parts, std::max(holes_.most_suspects, 1U));
-    pack(command, all, std::move(good), together);
-    pack(fewer, all, std::move(suspects), together);
+    const auto at_most = [&](std::uint32_t parts) {
+      GatherCommand fewer = command;
+      fewer.max_parts = std::min(command.max_parts, std::max(parts, 1U));
+      return fewer;
+    };
+    pack(holes_.suspects.empty() ? command : at_most(holes_.most_others), all, std::move(good),
+         together);
+    pack(at_most(holes_.most_suspects), all, std::move(suspects), together);
   }
 
   static void pack(const GatherCommand& command, const std::vector<Read>& all,
