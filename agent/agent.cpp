@@ -17,7 +17,7 @@
 #include "agent/commands/commands.h"
 #include "agent/commands/recovery.h"
 #include "agent/field/field.h"
-#include "agent/field/tcp_transport.h"
+#include "agent/field/host_lookup.h"
 #include "agent/log/log.h"
 #include "agent/metrics/metrics_server.h"
 #include "agent/outbox.h"

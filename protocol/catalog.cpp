@@ -5,7 +5,10 @@
 
 #include "protocol/fx/computer_link.h"
 #include "protocol/fx/programming_port.h"
+#include "protocol/mc/mc.h"
+#include "protocol/mc/one_e.h"
 #include "protocol/modbus/modbus.h"
+#include "protocol/plc.h"
 
 namespace fxagent {
 namespace {
@@ -143,12 +146,187 @@ ProtocolInfo modbus_tcp() {
   return info;
 }
 
+ProtocolInfo mc_1e() {
+  const mc::OneE::Settings settings;
+  ProtocolInfo info;
+  info.name = "mc-1e";
+  info.summary = "Mitsubishi FX3 and E71 modules over Ethernet (MC protocol, 1E frames)";
+  info.on_serial = false;
+  info.on_udp = true;
+  info.multidrop = true;
+  info.models = names(mc::one_e_model_names());
+  info.kin = names(mc::one_e_kin_names());
+  info.model_meaning =
+      "Model of the PLC. `auto`: an FX3 is asked, and `check` holds addresses against the FX3U, "
+      "the "
+      "widest. Until it has answered X, Y, M8000 up, D8000 up and CN200 up are not read. `Q` and "
+      "`L` "
+      "stand for an E71 module, which cannot be asked: X and Y are hexadecimal there. An `FX3GC`, "
+      "`FX3GE` or `FX3UC` counts as the model without the last letter.";
+  info.options = {
+      choice("code", {"binary", "ascii"},
+             "Communication data code, as it is set in the PLC's Ethernet settings."),
+      integer("pc", 0, 255, settings.pc,
+              "PC number. 255 is the PLC that was connected to; others are stations of a network "
+              "behind it."),
+      integer(
+          "monitoring_timer_ms", 250, 60000, settings.monitoring_timer * 250,
+          "How long the Ethernet module waits for its PLC before it answers with an error, in "
+          "steps of 250. `timeout_ms` should be longer; where it is not given it is 1000 more."),
+  };
+  info.silent_hint =
+      "\"Communication Data Code\" of the PLC's Ethernet settings must be `code`, the open setting "
+      "of this port \"MC Protocol\" (FX3U-ENET: \"Procedure exist (MC)\"), and the PLC one that "
+      "knows 1E frames (an FX5U needs mc-3e)";
+  info.closed_hint =
+      "each open setting takes one connection: is another program (a panel, GX Works2) using this "
+      "port? Give the agent an open setting of its own";
+  info.make = &mc::OneE::make;
+  return info;
+}
+
+/// What all MC protocols have but 1E.
+ProtocolInfo mc_protocol(std::string_view name, std::string_view summary) {
+  const mc::Mc::Settings settings;
+  ProtocolInfo info;
+  info.name = name;
+  info.summary = summary;
+  info.multidrop = true;
+  info.models = names(mc::model_names());
+  info.kin = names(mc::kin_names());
+  info.last_is_widest = false;
+  info.model_meaning =
+      "Model of the PLC. `auto`: the PLC is asked; built-in ports of Q and L do not tell. Until it "
+      "is "
+      "known, and in `check`, addresses are held against what any model has, and X and Y above 7 "
+      "have no name: they are octal on an FX5 and hexadecimal elsewhere. An `FX5UC` counts as "
+      "`FX5U`, an iQ-L as `iQ-R`.";
+  info.options = {
+      integer("network", 0, 255, settings.route.network,
+              "Network number of the PLC; 0 is the PLC that is connected."),
+      integer("pc", 0, 255, settings.route.pc,
+              "PC number (station) of the PLC in that network; 255 is the PLC that is connected."),
+  };
+  return info;
+}
+
+void add_module(ProtocolInfo& info) {
+  const mc::Route route;
+  info.options.push_back(
+      integer("module_io", 0, 65535, route.module_io,
+              "Module I/O number of the CPU or module meant; 1023 (03FFh) is the CPU of the "
+              "station, 992 to 995 are CPUs 1 to 4."));
+  info.options.push_back(integer("module_station", 0, 255, route.module_station,
+                                 "Station number behind that module (multidrop); 0: none."));
+}
+
+ProtocolInfo mc_ethernet(std::string_view name, std::string_view summary) {
+  const mc::Mc::Settings settings;
+  ProtocolInfo info = mc_protocol(name, summary);
+  info.on_serial = false;
+  info.on_udp = true;
+  add_module(info);
+  info.options.insert(
+      info.options.begin(),
+      choice(
+          "code", {"binary", "ascii"},
+          "Communication Data Code of the port, as in its parameters. In ASCII X and Y of an FX5 "
+          "above 7 cannot be read: their digits are not known for sure."));
+  info.options.push_back(integer(
+      "monitoring_timer_ms", 250, 60000, settings.timer * 250,
+      "How long the PLC may try to reach the station meant before it answers with an error, in "
+      "steps of 250. `timeout_ms` should be longer; where it is not given it is 1000 more."));
+  info.options.push_back(integer("max_block_bytes", 2, settings.max_block_bytes,
+                                 settings.max_block_bytes, "Bytes of device memory in one frame."));
+  info.silent_hint =
+      "in GX Works3 look at the Ethernet port: is there an SLMP Connection Module (or MC protocol "
+      "entry) with this port number and protocol (TCP or UDP), and is Communication Data Code that "
+      "of `code`? An FX3 speaks mc-1e; built-in ports of Q and L know mc-3e alone";
+  info.closed_hint =
+      "each SLMP Connection Module in the parameters serves one connection: does another program "
+      "hold it? Add an entry with a port of its own for the agent";
+  return info;
+}
+
+ProtocolInfo mc_3e() {
+  ProtocolInfo info = mc_ethernet("mc-3e", "MC protocol (SLMP) in 3E frames: FX5, Q, L, iQ-R");
+  info.make = &mc::Mc::make_3e;
+  return info;
+}
+
+ProtocolInfo mc_4e() {
+  ProtocolInfo info =
+      mc_ethernet("mc-4e", "MC protocol (SLMP) in 4E frames, whose answers have numbers");
+  info.make = &mc::Mc::make_4e;
+  return info;
+}
+
+ProtocolInfo mc_serial(std::string_view name, std::string_view summary, std::int64_t formats) {
+  constexpr std::int64_t kBlock = 512;
+  const mc::Mc::Settings settings;
+  ProtocolInfo info = mc_protocol(name, summary);
+  info.line.data_bits = 8;
+  info.least_data_bits = 7;
+  info.options.insert(info.options.begin(),
+                      integer("station", 0, 31, settings.station,
+                              "Station number, as in the parameters of the serial port."));
+  info.options.push_back(
+      integer("format", 1, formats, settings.format,
+              formats == 5 ? "Message pattern, as in the parameters: 1 to 4 are ASCII, 5 is binary "
+                             "and needs 8 data bits."
+                           : "Message pattern, as in the parameters; all are ASCII."));
+  info.options.push_back(boolean("sum_check", settings.sum_check,
+                                 "Whether frames carry a sum, as in the parameters. Without it "
+                                 "noise can pass for a value."));
+  info.options.push_back(integer("max_block_bytes", 2, settings.max_block_bytes, kBlock,
+                                 "Bytes of device memory in one frame. More is a little faster, "
+                                 "and commands wait longer."));
+  info.silent_hint =
+      "are protocol (MC Protocol), message pattern, station, sum check, speed and parity those of "
+      "the serial port in the PLC's parameters?";
+  return info;
+}
+
+ProtocolInfo mc_3c() {
+  ProtocolInfo info =
+      mc_serial("mc-3c", "MC protocol in 3C frames: serial ports of FX5, Q, L, iQ-R", 4);
+  info.make = &mc::Mc::make_3c;
+  return info;
+}
+
+ProtocolInfo mc_4c() {
+  ProtocolInfo info =
+      mc_serial("mc-4c", "MC protocol in 4C frames: serial ports of FX5, Q, L, iQ-R", 5);
+  add_module(info);
+  info.make = &mc::Mc::make_4c;
+  return info;
+}
+
 }  // namespace
 
 std::span<const ProtocolInfo> catalog() {
-  static const std::vector<ProtocolInfo> protocols = {programming_port(), computer_link(),
-                                                      modbus_rtu(), modbus_ascii(), modbus_tcp()};
+  static const std::vector<ProtocolInfo> protocols = {programming_port(),
+                                                      computer_link(),
+                                                      modbus_rtu(),
+                                                      modbus_ascii(),
+                                                      modbus_tcp(),
+                                                      mc_1e(),
+                                                      mc_3e(),
+                                                      mc_4e(),
+                                                      mc_3c(),
+                                                      mc_4c()};
   return protocols;
+}
+
+std::shared_ptr<const Codec> widest_of(const ProtocolInfo& protocol,
+                                       const std::shared_ptr<const Codec>& codec) {
+  if (!must_ask_model(*codec) || !protocol.last_is_widest) return codec;
+  return codec->plc()->with_model(protocol.models.back());
+}
+
+std::string widest_name(const ProtocolInfo& protocol) {
+  return protocol.last_is_widest ? std::string(protocol.models.back()) + ", the widest"
+                                 : "what any model has";
 }
 
 const ProtocolInfo* find_protocol(std::string_view name) {

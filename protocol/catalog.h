@@ -52,10 +52,15 @@ struct ProtocolInfo {
   std::vector<std::string_view> fast_models;
   bool on_serial = true;
   bool on_tcp = true;
-  bool on_udp = false;     ///< a datagram holds one whole frame
-  bool multidrop = false;  ///< frames carry a station or unit, so devices can share a line
+  bool on_udp = false;      ///< a datagram holds one whole frame
+  bool multidrop = false;   ///< frames carry a station or unit, so devices can share a line
+  int least_data_bits = 0;  ///< of a line; 0: those of `line`
   std::vector<std::string_view> models;  ///< what `model` may be, besides auto; empty: it has none
-  std::vector<std::string_view> kin;     ///< further names of them, which `model` may be too
+  /// Whether the last of them has all devices of the others. Else addresses are held against the
+  /// codec that knows no model, until the PLC has told its own.
+  bool last_is_widest = true;
+  std::string_view model_meaning;     ///< for people, where it is not that of the FX
+  std::vector<std::string_view> kin;  ///< further names of them, which `model` may be too
   std::vector<OptionSpec> options;
   /// For a person: which settings to look at where a connection stands and nothing was ever
   /// answered over it, and where the device closes it before its first answer. Empty: nothing is
@@ -67,6 +72,12 @@ struct ProtocolInfo {
 
 /// Every protocol, in the order of the README.
 std::span<const ProtocolInfo> catalog();
+/// What addresses are held against: `codec` itself, or the widest model where it must ask for its
+/// own.
+std::shared_ptr<const Codec> widest_of(const ProtocolInfo& protocol,
+                                       const std::shared_ptr<const Codec>& codec);
+/// The name of that model for a person: "FX3U, the widest".
+std::string widest_name(const ProtocolInfo& protocol);
 /// nullptr where there is none of that name.
 const ProtocolInfo* find_protocol(std::string_view name);
 /// Every option as it is where the config says nothing; `model` is "auto".

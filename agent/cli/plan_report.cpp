@@ -32,9 +32,7 @@ nanoseconds part_of(nanoseconds whole, double part) {
 
 /// The codec that tells what may be asked: of the widest model where the real one is not known.
 std::shared_ptr<const Codec> widest(const DeviceConfig& device) {
-  if (!must_ask_model(*device.codec)) return device.codec;
-  // The catalogue lists them up to the widest.
-  return device.codec->plc()->with_model(device.protocol->models.back());
+  return widest_of(*device.protocol, device.codec);
 }
 
 /// The points of one group and the reads that bring them.
@@ -244,7 +242,8 @@ GroupLoad report_group(const DeviceConfig& device, const DevicePlan& plan, const
 
 std::optional<int> baud_of(const LinkConfig& link) {
   if (const auto* serial = std::get_if<SerialSettings>(&link.channel)) return serial->baud;
-  const int baud = std::get<TcpSettings>(link.channel).line_baud;
+  const auto* tcp = std::get_if<TcpSettings>(&link.channel);
+  const int baud = tcp != nullptr ? tcp->line_baud : 0;
   return baud > 0 ? std::optional(baud) : std::nullopt;
 }
 
@@ -357,9 +356,9 @@ LinkReport report_link(const Config& config, std::uint32_t index) {
   for (const DeviceConfig& device : config.devices) {
     if (device.link != index) continue;
     const DevicePlan plan = plan_device(device, link.char_time);
-    if (plan.codec != device.codec)
-      report.warnings.push_back(device.name + ": model auto, planned as " + model_of(*plan.codec) +
-                                ", the widest");
+    if (must_ask_model(*device.codec))
+      report.warnings.push_back(device.name + ": model auto, planned as " +
+                                widest_name(*device.protocol));
     for (const GroupPlan& group : plan.groups) {
       const GroupLoad& load = report.groups.emplace_back(report_group(device, plan, group));
       if (load.line_time && load.interval.count() > 0)

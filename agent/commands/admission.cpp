@@ -178,6 +178,9 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
       why = refuse(Reason::not_allowed, "allow_run_stop is not set for this device");
     else
       admitted.run_request = plc->run_request(*command.op == Op::run);
+    if (admitted.run_request)
+      if (const auto frame = codec.encode(*admitted.run_request, 0); !frame)
+        why = refuse(Reason::bad_op, frame.error().text);
   }
   admitted.command = std::move(command);
   const Command& cmd = admitted.command;

@@ -270,28 +270,67 @@ void read_serial(ConfigReader& reader, const ConfigNode& link, const ConfigNode&
   config.channel = settings;
 }
 
+/// `host` of a `tcp` or `udp` at `node`.
+std::string read_host(ConfigReader& reader, const ConfigNode& node, const ConfigKey& key) {
+  std::string host = reader.text(node, key).value_or("");
+  if (!host.empty() && host.find_first_of(" /@") != std::string::npos)
+    reader.error(*node.find("host"), "must be a host name or an address alone");
+  return host;
+}
+
+/// Warns where another link goes to the same place.
+void warn_of_second(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,
+                    const std::string& place, Channels& channels) {
+  const auto [first, fresh] = channels.emplace(place, &link);
+  if (fresh) return;
+  const auto called = [](const ConfigNode& each) {
+    const ConfigNode* name = each.find("name");
+    return name != nullptr ? "\"" + std::string(name->text) + "\"" : std::string("a link");
+  };
+  reader.warn(node, called(link) + " goes to the same host and port as " + called(*first->second) +
+                        " at " + reader.place_of(*first->second) +
+                        "; many devices and serial servers serve one connection only: put the "
+                        "devices of both on one link");
+}
+
 void read_tcp(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,
               Channels& channels, LinkConfig& config, LineKeys& line) {
   TcpSettings settings;
   reader.check_object(node, config_section("links[].tcp"));
-  settings.host = reader.text(node, config_key("links[].tcp.host")).value_or("");
+  settings.host = read_host(reader, node, config_key("links[].tcp.host"));
   const auto port = reader.integer(node, config_key("links[].tcp.port"));
   settings.port = static_cast<std::uint16_t>(port.value_or(0));
-  if (!settings.host.empty() && settings.host.find_first_of(" /@") != std::string::npos)
-    reader.error(*node.find("host"), "must be a host name or an address alone");
-  if (!settings.host.empty() && port) {
-    const auto [first, fresh] =
-        channels.emplace(settings.host + ":" + std::to_string(settings.port), &node);
-    if (!fresh)
-      reader.warn(node, "the same host and port as " + reader.place_of(*first->second) +
-                            "; a serial server often takes one connection only");
-  }
+  if (!settings.host.empty() && port)
+    warn_of_second(reader, link, node, "tcp " + settings.host + ":" + std::to_string(settings.port),
+                   channels);
   line = read_line(reader, link, config_key("links[].line_baud"));
   settings.line_baud = static_cast<int>(line.baud.value_or(0));
   if (link.find("line_baud") == nullptr)
     for (const auto key : {"data_bits"sv, "parity"sv, "stop_bits"sv})
       if (const ConfigNode* stray = link.find(key))
         reader.error_at_key(*stray, "means something beside line_baud only");
+  config.channel = settings;
+}
+
+void read_udp(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,
+              Channels& channels, LinkConfig& config) {
+  UdpSettings settings;
+  reader.check_object(node, config_section("links[].udp"));
+  settings.host = read_host(reader, node, config_key("links[].udp.host"));
+  const auto port = reader.integer(node, config_key("links[].udp.port"));
+  settings.port = static_cast<std::uint16_t>(port.value_or(0));
+  if (!settings.host.empty() && port)
+    warn_of_second(reader, link, node, "udp " + settings.host + ":" + std::to_string(settings.port),
+                   channels);
+  if (const auto own = reader.integer(node, config_key("links[].udp.local_port"))) {
+    settings.local_port = static_cast<std::uint16_t>(*own);
+    const ConfigNode& at = *node.find("local_port");
+    const auto [first, fresh] = channels.emplace("own " + std::to_string(*own), &at);
+    if (!fresh) reader.error(at, "this port is already used at " + reader.place_of(*first->second));
+  }
+  for (const auto key : {"line_baud"sv, "data_bits"sv, "parity"sv, "stop_bits"sv})
+    if (const ConfigNode* stray = link.find(key))
+      reader.error_at_key(*stray, "is for serial and tcp links; UDP has no line behind it");
   config.channel = settings;
 }
 
@@ -317,13 +356,18 @@ void read_links(ConfigReader& reader, const ConfigNode& array, Links& links, Con
     }
     const ConfigNode* serial = reader.object(node, config_key("links[].serial"));
     const ConfigNode* tcp = reader.object(node, config_key("links[].tcp"));
-    if ((node.find("serial") == nullptr) == (node.find("tcp") == nullptr)) {
-      reader.error(node, "needs either \"serial\" or \"tcp\"");
+    const ConfigNode* udp = reader.object(node, config_key("links[].udp"));
+    const bool has_serial = node.find("serial") != nullptr;
+    const bool has_tcp = node.find("tcp") != nullptr;
+    if (has_serial + has_tcp + (node.find("udp") != nullptr) != 1) {
+      reader.error(node, "needs either \"serial\", \"tcp\" or \"udp\"");
       continue;
     }
-    facts.is_serial = node.find("serial") != nullptr;
+    using Channel = LinkFacts::Channel;
+    facts.channel = has_serial ? Channel::serial : has_tcp ? Channel::tcp : Channel::udp;
     if (serial != nullptr) read_serial(reader, node, *serial, ports, link, line);
     if (tcp != nullptr) read_tcp(reader, node, *tcp, hosts, link, line);
+    if (udp != nullptr) read_udp(reader, node, *udp, hosts, link);
     link.poll_share =
         reader.integer_as<double>(node, config_key("links[].poll_share_percent")) / 100.0;
   }
@@ -346,12 +390,13 @@ void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& li
     const LinkFacts& facts = links.facts[i];
     if (facts.first_device == nullptr) reader.warn(array.children[i], "no device uses this link");
     const LineDefaults defaults = facts.protocol != nullptr ? facts.protocol->line : LineDefaults{};
+    const int own_least = facts.protocol != nullptr ? facts.protocol->least_data_bits : 0;
+    const int least = own_least != 0 ? own_least : defaults.data_bits;
     // A protocol that is at home on 8 bits uses the eighth; one that needs 7 is content with 8.
-    if (facts.protocol != nullptr &&
-        links.lines[i].data_bits.value_or(defaults.data_bits) < defaults.data_bits)
+    if (facts.protocol != nullptr && links.lines[i].data_bits.value_or(defaults.data_bits) < least)
       if (const ConfigNode* bits = data_bits_of(array.children[i]))
-        reader.error(*bits, std::string(facts.protocol->name) + " needs " +
-                                std::to_string(defaults.data_bits) + " data bits");
+        reader.error(*bits, std::string(facts.protocol->name) + " needs " + std::to_string(least) +
+                                " data bits");
     const SerialSettings line = line_settings(links.lines[i], defaults);
     if (auto* serial = std::get_if<SerialSettings>(&link.channel)) {
       SerialSettings whole = line;
@@ -359,7 +404,7 @@ void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& li
       whole.rs485 = serial->rs485;
       *serial = std::move(whole);
     }
-    if (!facts.is_serial && !links.lines[i].baud) continue;
+    if (facts.channel != LinkFacts::Channel::serial && !links.lines[i].baud) continue;
     link.char_time = character_time(line);
     lines[i] = line;
   }
@@ -370,8 +415,14 @@ void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& li
 void set_listening(Config& config) {
   for (const DeviceConfig& device : config.devices) {
     if (device.codec == nullptr || device.link >= config.links.size()) continue;
-    if (device.codec->after_silence() == Recovery::none) continue;  // answers have numbers
-    auto& listening = config.links[device.link].listening;
+    LinkConfig& link = config.links[device.link];
+    const Recovery recovery = device.codec->after_silence();
+    // Answers have numbers, or go to the connection or port that they were asked from.
+    const auto* udp = std::get_if<UdpSettings>(&link.channel);
+    const bool is_another_port = udp != nullptr && udp->local_port == 0;
+    if (recovery == Recovery::none || is_another_port) continue;
+    if (udp == nullptr && recovery == Recovery::reconnect) continue;
+    auto& listening = link.listening;
     listening = std::max(listening, std::min(2 * device.timeout, kLongestListening));
   }
 }

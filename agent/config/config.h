@@ -48,17 +48,25 @@ struct TcpSettings {
   friend bool operator==(const TcpSettings&, const TcpSettings&) = default;
 };
 
+struct UdpSettings {
+  std::string host;
+  std::uint16_t port = 0;
+  std::uint16_t local_port = 0;  ///< that the agent asks from; 0: any that is free
+  friend bool operator==(const UdpSettings&, const UdpSettings&) = default;
+};
+
 inline constexpr std::chrono::milliseconds kLongestListening{5000};
 
 struct LinkConfig {
   std::string name;  ///< empty: a vacant place, see Config
-  std::variant<SerialSettings, TcpSettings> channel;
+  std::variant<SerialSettings, TcpSettings, UdpSettings> channel;
   /// One character on the wire, start, parity and stop bits counted; 0 where the speed is unknown
-  /// (tcp without line_baud).
+  /// (tcp without line_baud, udp).
   std::chrono::nanoseconds char_time{0};
   /// How long the line listens before the first question of each session, so that no answer to an
   /// earlier one is taken for its own: as long as the latest answer may take, twice the longest
-  /// timeout_ms of its devices and kLongestListening at most. 0 where answers have numbers.
+  /// timeout_ms of its devices and kLongestListening at most. 0 where answers have numbers, or
+  /// go to another connection, or to another port of UDP.
   std::chrono::milliseconds listening{0};
   /// Of the line, that polls keep while commands flood it; 0 … 0.9
   double poll_share = static_cast<double>(config_key("links[].poll_share_percent").number()) / 100;

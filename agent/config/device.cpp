@@ -63,6 +63,10 @@ bool is_fx5(std::string_view model) {
   return model.size() >= 3 && (model.starts_with("FX5") || model.starts_with("fx5"));
 }
 
+bool knows_fx5(const ProtocolInfo& protocol) {
+  return std::ranges::any_of(protocol.models, is_fx5);
+}
+
 /// Reads one device. A device whose protocol cannot be told is read on without its codec, so that
 /// the errors of shape in its tags still come out.
 class DeviceReader {
@@ -79,6 +83,8 @@ class DeviceReader {
   const ConfigNode& culprit(const Options& options, const Error& error) const;
   std::optional<std::string_view> read_model();
   void make_codec();
+  /// Sees to it that who waits for the device waits longer than the device does itself.
+  void outlast_device();
   void read_groups();
   void read_tags();
   void read_tag(const ConfigNode& node);
@@ -166,10 +172,13 @@ std::optional<std::string_view> DeviceReader::read_model() {
                                 " has no models: leave \"model\" out, or set it to auto");
     return kAutoModel;
   }
-  if (given->kind == ConfigNode::Kind::string && is_fx5(given->text)) {
-    reader_.error(*given, std::string(protocol.name) +
-                              " does not reach an FX5; it speaks Modbus too, once its parameters "
-                              "say so: protocol modbus-tcp or modbus-rtu, without \"model\"");
+  if (given->kind == ConfigNode::Kind::string && is_fx5(given->text) && !knows_fx5(protocol)) {
+    std::vector<std::string_view> others;
+    for (const ProtocolInfo& info : catalog())
+      if (knows_fx5(info)) others.push_back(info.name);
+    reader_.error(*given, std::string(protocol.name) + " does not reach an FX5; " + one_of(others) +
+                              " does, as its parameters say, and so do modbus-tcp or modbus-rtu, "
+                              "without \"model\"");
     return std::nullopt;
   }
   const ConfigKey key = model_key(protocol);
@@ -209,14 +218,12 @@ void DeviceReader::make_codec() {
   }
   device_.codec = made->codec;
   device_.options = made->options;
-  codec_ = made->codec;
-  if (must_ask_model(*codec_)) {
-    // The catalogue lists a protocol's models from the narrowest to the widest.
-    codec_ = device_.codec->plc()->with_model(protocol.models.back());
+  codec_ = widest_of(protocol, made->codec);
+  if (must_ask_model(*device_.codec)) {
     const ConfigNode* given = node_.find("model");
     reader_.warn(given != nullptr ? *given : node_,
-                 "model auto: checked against " + std::string(protocol.models.back()) +
-                     ", the widest; addresses that the real model lacks will be bad");
+                 "model auto: checked against " + widest_name(protocol) +
+                     "; addresses that the real model lacks will be bad");
   }
 
   if (const auto found = options.find("max_block_bytes"); found != options.end())
@@ -237,10 +244,22 @@ void DeviceReader::read_rest() {
     device_.max_block_bytes = static_cast<std::uint32_t>(
         reader_.integer(node_, config_key("devices[].max_block_bytes")).value_or(0));
   if (device_.protocol != nullptr) make_codec();
+  if (device_.codec != nullptr) outlast_device();
   read_groups();
   read_tags();
   if (const ConfigNode* commands = reader_.object(node_, config_key("devices[].commands")))
     read_commands(*commands);
+}
+
+void DeviceReader::outlast_device() {
+  const auto own = device_.codec->gives_up_after();
+  const ConfigNode* given = node_.find("timeout_ms");
+  if (given == nullptr)
+    device_.timeout += own;
+  else if (device_.timeout <= own)
+    reader_.warn(*given, "timeout_ms is not longer than the " + std::to_string(own.count()) +
+                             " ms after which the device itself gives up and says why: that is "
+                             "not heard then; make the one longer or the other shorter");
 }
 
 // ---- groups -----------------------------------------------------------------------------------
@@ -483,6 +502,41 @@ void DeviceReader::read_allow(const ConfigNode& list) {
 
 // ---- devices and their links ------------------------------------------------------------------
 
+using Channel = LinkFacts::Channel;
+constexpr std::array kChannels{std::pair(Channel::serial, "serial"sv),
+                               std::pair(Channel::tcp, "tcp"sv), std::pair(Channel::udp, "udp"sv)};
+
+bool runs_on(const ProtocolInfo& protocol, Channel channel) {
+  switch (channel) {
+    case Channel::serial:
+      return protocol.on_serial;
+    case Channel::tcp:
+      return protocol.on_tcp;
+    case Channel::udp:
+      return protocol.on_udp;
+    case Channel::none:
+      break;
+  }
+  return true;  // that link has its own error
+}
+
+/// What to do where the protocol does not run over the channel of its link.
+std::string why_not_on(const ProtocolInfo& protocol, Channel channel) {
+  std::string given;
+  std::string needed;
+  for (const auto& [each, word] : kChannels) {
+    if (each == channel) given = word;
+    if (runs_on(protocol, each))
+      needed.append(needed.empty() ? "\"" : " or \"").append(word).append("\"");
+  }
+  std::string others;
+  for (const ProtocolInfo& other : catalog())
+    if (channel == Channel::udp && other.on_udp)
+      others.append(others.empty() ? "; over udp run " : ", ").append(other.name);
+  return std::string(protocol.name) + " does not run over a " + given +
+         " link; it needs one with " + needed + others;
+}
+
 /// Finds the device's link and holds it against what else is on it.
 void join_link(ConfigReader& reader, const DeviceEntry& entry, const NameTable& links,
                std::vector<LinkFacts>& facts, DeviceConfig& device) {
@@ -503,10 +557,7 @@ void join_link(ConfigReader& reader, const DeviceEntry& entry, const NameTable& 
   if (before == nullptr) link.first_device = &entry.node();
   if (device.protocol == nullptr) return;
   const ProtocolInfo& protocol = *device.protocol;
-  if (!(link.is_serial ? protocol.on_serial : protocol.on_tcp))
-    reader.error(given, std::string(protocol.name) + " does not run over a " +
-                            (link.is_serial ? "serial link; it needs one with \"tcp\""
-                                            : "tcp link; it needs one with \"serial\""));
+  if (!runs_on(protocol, link.channel)) reader.error(given, why_not_on(protocol, link.channel));
   if (link.protocol == nullptr) {
     link.protocol = &protocol;
   } else if (link.protocol != &protocol) {

@@ -12,7 +12,8 @@ namespace fxagent {
 
 /// What a device needs to know of the links before it: one for each of the config's links.
 struct LinkFacts {
-  bool is_serial = false;
+  /// Which of the ways to a device it is.
+  enum class Channel : std::uint8_t { none, serial, tcp, udp } channel = Channel::none;
   /// Of the first device on the link, whose protocol is that of all; null while there is none.
   const ProtocolInfo* protocol = nullptr;
   const ConfigNode* first_device = nullptr;

@@ -48,6 +48,7 @@ ConfigKey model_key(const ProtocolInfo& protocol) {
                       "against the FX3U, the widest. Addresses that the real model lacks are bad "
                       "then. An `FX1NC`, `FX2NC`, `FX3GC`, `FX3GE` or `FX3UC` counts as the model "
                       "without the last letter.";
+  if (!protocol.model_meaning.empty()) key.meaning = protocol.model_meaning;
   return key;
 }
 

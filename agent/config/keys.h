@@ -110,7 +110,7 @@ inline constexpr auto kAll = std::to_array<ConfigKey>({
     {"", "metrics", object, {}, None{},
      "Where Prometheus and probes ask how the agent is. Without it nobody can."},
     {"", "links", array, {}, Required{},
-     "The lines to the devices: serial ports and TCP connections."},
+     "The lines to the devices: serial ports, TCP connections and UDP ports."},
     {"", "templates", object, {}, None{},
      "Devices that are written once: a name for each, and keys of a device."},
     {"", "devices", array, {}, Required{}, "The PLCs and what is read from them."},
@@ -173,9 +173,11 @@ inline constexpr auto kAll = std::to_array<ConfigKey>({
 
     {"links[]", "name", name, {}, Required{}, "Name of the link; each has its own."},
     {"links[]", "serial", object, {}, None{},
-     "A serial port of this machine. A link has either this or `tcp`."},
+     "A serial port of this machine. A link has one of `serial`, `tcp` and `udp`."},
     {"links[]", "tcp", object, {}, None{},
      "A device, or a serial server that passes bytes through."},
+    {"links[]", "udp", object, {}, None{},
+     "A device that takes and gives one frame in each datagram."},
     {"links[]", "line_baud", integer, kBaud, Rule{ "not known"},
     
      "Speed of the line behind a serial server, with `tcp` only, for deadlines, `plan` and the "
@@ -211,7 +213,14 @@ inline constexpr auto kAll = std::to_array<ConfigKey>({
     {"links[].tcp", "host", text, {}, Required{}, "Host name or address."},
     {"links[].tcp", "port", integer, {1, 65535}, Required{},
      "Modbus TCP is on 502 by custom. Two links to one host and port are allowed, with a warning: "
-     "a serial server often takes one connection only."},
+     "many take one connection only."},
+
+    {"links[].udp", "host", text, {}, Required{}, "Host name or address."},
+    {"links[].udp", "port", integer, {1, 65535}, Required{},
+     "UDP port of the device, as it is set there."},
+    {"links[].udp", "local_port", integer, {1, 65535}, Rule{"any that is free"},
+     "Port that the agent asks from. Some devices answer one port alone, which is set in them (open "
+     "settings: port of the other side): it must be this one."},
 
     {"devices[]", "name", name, {}, Required{}, "Name of the device, a level of its topics."},
     {"devices[]", "template", name, {}, None{},
@@ -224,7 +233,8 @@ inline constexpr auto kAll = std::to_array<ConfigKey>({
     {"devices[]", "protocol", text, {}, Required{}, "The protocol that the device speaks."},
     {"devices[]", "model", text, {}, kAutoModel, "Model of the PLC."},
     {"devices[]", "timeout_ms", integer, {1, 600'000}, 1000,
-     "What a reply may take beyond the expected line time."},
+     "What a reply may take beyond the expected line time. Where the protocol has a monitoring timer "
+     "and this key is not given, that timer is added."},
     {"devices[]", "retries", integer, {0, 10}, 2,
      "How often a read is repeated in the same poll after a bad frame or a refusal that may pass. "
      "Silence is not repeated; after `retries` + 1 unanswered exchanges in a row the device counts "

@@ -1,6 +1,7 @@
 #include "agent/field/bus.h"
 
 #include <algorithm>
+#include <random>
 #include <utility>
 
 #include "agent/failpoint.h"
@@ -15,6 +16,8 @@ using std::chrono::nanoseconds;
 constexpr milliseconds kOpenTimeout{5000};
 // What a serial server still holds arrives at once or not at all.
 constexpr milliseconds kQuietAfterOpen{50};
+// What a network brings twice comes twice within this time, nearly always.
+constexpr milliseconds kQuietBetweenDatagrams{10};
 // GX Works2 and the known firmwares take 200 ms without a character as the end of a frame.
 constexpr milliseconds kQuietBeforeResync{100};
 constexpr int kQuietCharacters = 20;
@@ -56,20 +59,31 @@ Bus::Bus(asio::any_io_executor executor, std::unique_ptr<Transport> transport,
       listening_(listening) {}
 
 asio::awaitable<Result<void>> Bus::open() {
+  answered_ = closed_unanswered_ = false;
   auto opened = co_await transport_->open(now() + kOpenTimeout);
   if (!opened) co_return opened;
+  // To a port that is always the same, answers to a dead agent may come: its numbers are others.
+  if (session_ == 0 && transport_->has_datagrams() && !transport_->can_renew())
+    tag_ = static_cast<std::uint16_t>(std::random_device()());
   ++session_;
+  // Answers to another port do not come to this one.
+  if (transport_->can_renew()) co_return Result<void>{};
   // A serial server hands a late answer to whoever is connected now, and a PLC on a serial port
   // answers whoever has it open. Who asked before, and when, is not known: perhaps just now.
   const Drained drained = co_await listen(now() + listening_, kQuietAfterOpen);
   if (trace_ && !drained.heard.empty()) trace_->unasked(drained.heard);
   if (drained.error && never_silent_) keep_unexpected(drained.heard);
+  if (drained.error && !never_silent_) note_lost();
   if (drained.error) co_return tl::unexpected<Error>(*drained.error);
   co_return Result<void>{};
 }
 
 std::string_view Bus::why_lost() const {
   return never_silent_ ? kNeverSilent : "the line was lost";
+}
+
+bool Bus::tells_answers_apart(const Codec& codec) const {
+  return is_numbered(codec) || transport_->can_renew();
 }
 
 void Bus::close_never_silent() {
@@ -82,7 +96,7 @@ asio::awaitable<Exchange> Bus::exchange(Station& station, Request request, Stead
   const Codec& codec = *station.codec;
   if (trace_) trace_->speak_to(station.device, station.codec);
   Exchange failed;
-  const bool open = is_numbered(codec) || look(codec, failed);
+  const bool open = tells_answers_apart(codec) || look(codec, failed);
   if (!open) co_return failed;
   const bool ready = co_await prepare(station, request, failed);
   if (!ready) {
@@ -99,6 +113,7 @@ asio::awaitable<Exchange> Bus::exchange(Station& station, Request request, Stead
 bool Bus::look(const Codec& codec, Exchange& failed) {
   const auto found = transport_->discard_input();
   std::string why = found ? "" : found.error().text;
+  if (!found) note_lost();
   if (found) {
     note_unexpected(codec, *found);
     if (found->size() >= kMostDrained) {
@@ -113,6 +128,21 @@ bool Bus::look(const Codec& codec, Exchange& failed) {
   return false;
 }
 
+bool Bus::renew_port(const Codec& codec, Exchange& failed) {
+  if (is_numbered(codec)) return true;
+  const auto renewed = transport_->renew();
+  if (renewed) return true;
+  failed.outcome = Exchange::Outcome::link_down;
+  failed.error = renewed.error().text;
+  failed.began = failed.ended = now();
+  return false;
+}
+
+void Bus::give_up_datagram(const Codec& codec) {
+  note_unexpected(codec, rx_);
+  rx_.clear();
+}
+
 void Bus::note_unexpected(const Codec& codec, ByteView bytes) {
   if (bytes.empty()) return;
   if (trace_) trace_->unasked(bytes.first(std::min(bytes.size(), kMostJudged)));
@@ -124,7 +154,7 @@ void Bus::note_unexpected(const Codec& codec, ByteView bytes) {
   keep_unexpected(shown);
   // An answer that is still owed is expected, and prepare() sees to it. One with a number is told
   // apart by that.
-  if (late_.owed() != LateAnswers::Owed::none || is_numbered(codec)) return;
+  if (late_.owed() != LateAnswers::Owed::none || tells_answers_apart(codec)) return;
   if (codec.may_pass_for_answer(shown)) bus_doubt_.found_foreign(last_heard_);
 }
 
@@ -139,7 +169,7 @@ asio::awaitable<void> Bus::judge(const Codec& codec, std::uint64_t findings, boo
     if (exchange.sent) bus_doubt_.exchange_was_unclear();
     co_return;
   }
-  if (codec.is_broadcast() || is_numbered(codec)) {
+  if (codec.is_broadcast() || tells_answers_apart(codec)) {
     never_silent_ = false;
     co_return;
   }
@@ -166,7 +196,7 @@ asio::awaitable<void> Bus::judge(const Codec& codec, std::uint64_t findings, boo
 
 asio::awaitable<bool> Bus::prepare(Station& station, const Request& request, Exchange& failed) {
   const Codec& codec = *station.codec;
-  const bool bus_doubted = bus_doubt_.is_doubted() && !is_numbered(codec);
+  const bool bus_doubted = bus_doubt_.is_doubted() && !tells_answers_apart(codec);
   const bool in_doubt = late_.owed() != LateAnswers::Owed::none || bus_doubted;
   const bool may_enquire = station.enquire != EnquirePolicy::never;
   const auto resync = codec.resync();
@@ -238,7 +268,7 @@ asio::awaitable<Exchange> Bus::send_and_receive(const Codec& codec, const Statio
     co_return exchange;
   }
   co_await keep_gap(codec, station.gap);
-  const bool open = look(codec, exchange);
+  const bool open = look(codec, exchange) && renew_port(codec, exchange);
   if (!open) co_return exchange;
   exchange.began = exchange.ended = now();
   if (exchange.began > not_after) {
@@ -264,6 +294,7 @@ asio::awaitable<Exchange> Bus::send_and_receive(const Codec& codec, const Statio
   if (trace_) trace_->out(left);
   if (written.error) {
     transport_->close();
+    note_lost();
     exchange.outcome = Exchange::Outcome::link_down;
     exchange.error = written.error->text;
     exchange.ended = now();
@@ -294,6 +325,7 @@ asio::awaitable<Exchange> Bus::send_and_receive(const Codec& codec, const Statio
                             last_activity_ + station.timeout);
   }
   exchange.ended_ms = utc_ms(std::chrono::system_clock::now());
+  if (exchange.has_answer() && codec.expects_reply(request)) answered_ = ever_answered_ = true;
   counters_.busy += last_activity_ - exchange.began;
   note_doubt(station, request, exchange);
   if (exchange.has_answer()) {
@@ -337,6 +369,8 @@ asio::awaitable<void> Bus::receive(const Codec& codec, const Request& request, c
                                    bool echo, SteadyTime deadline, Exchange& exchange) {
   rx_.clear();
   bool echo_due = echo;
+  const bool datagrams = transport_->has_datagrams();
+  bool goes_on = false;  // the datagram has more than was read
   std::uint8_t chunk[kReadChunk];
   for (;;) {
     const auto got = co_await transport_->read_some(chunk, deadline);
@@ -346,11 +380,17 @@ asio::awaitable<void> Bus::receive(const Codec& codec, const Request& request, c
       if (silent && !rx_.empty()) exchange.error += "; what came is none: " + beginning_of(rx_);
       if (echo_due && silent) exchange.error += "; not even the echo of the request came back";
       exchange.outcome = silent ? Exchange::Outcome::unanswered : Exchange::Outcome::link_down;
-      if (!silent) transport_->close();
+      if (silent) co_return;
+      transport_->close();
+      note_lost();
       co_return;
     }
+    // What one datagram lacks the next one does not bring.
+    if (datagrams && !goes_on) give_up_datagram(codec);
     rx_.insert(rx_.end(), chunk, chunk + *got);
     last_heard_ = now();
+    goes_on = transport_->has_rest();
+    if (goes_on && rx_.size() <= kMaxReceived) continue;
     if (echo_due) {
       const auto own = std::search(rx_.begin(), rx_.end(), sent.begin(), sent.end());
       if (own == rx_.end() && rx_.size() <= kMaxReceived) continue;
@@ -362,6 +402,12 @@ asio::awaitable<void> Bus::receive(const Codec& codec, const Request& request, c
     if (!decoded || rx_.size() > kMaxReceived) {
       exchange.outcome = Exchange::Outcome::garbled;
       exchange.error = decoded ? "no end of frame on a babbling line" : decoded.error().text;
+      co_return;
+    }
+    const bool alone = *decoded && (*decoded)->began == 0 && (*decoded)->consumed == rx_.size();
+    if (datagrams && *decoded && !alone) {
+      exchange.outcome = Exchange::Outcome::garbled;
+      exchange.error = "a datagram with more in it than one answer";
       co_return;
     }
     if (*decoded) {
@@ -386,7 +432,8 @@ void Bus::note_around_answer(const Codec& codec, const Bytes& sent, const Reply&
   note_unexpected(codec, before);
   // What has arrived by now costs no time; a NAK behind an ACK must not wait for the next question.
   Bytes behind(rx_.begin() + static_cast<std::ptrdiff_t>(reply.consumed), rx_.end());
-  const auto more = is_numbered(codec) ? Result<Bytes>(Bytes{}) : transport_->discard_input();
+  const auto more =
+      tells_answers_apart(codec) ? Result<Bytes>(Bytes{}) : transport_->discard_input();
   if (more) behind.insert(behind.end(), more->begin(), more->end());
   note_unexpected(codec, behind);
 }
@@ -413,7 +460,9 @@ void Bus::note_doubt(const Station& station, const Request& request, const Excha
       return;
   }
   if (recovery == Recovery::none) return;
-  if (recovery == Recovery::reconnect) return transport_->close();
+  const bool datagrams = transport_->has_datagrams();
+  if (recovery == Recovery::reconnect && !datagrams) return transport_->close();
+  if (datagrams && is_numbered(codec)) return;
   // A lost ACK stays a worry until a read has been answered, whatever is asked in between.
   late_.given_up(
       answers_by_ack(request) ? LateAnswers::Owed::acknowledgement : LateAnswers::Owed::data,
@@ -449,6 +498,7 @@ asio::awaitable<Bus::Drained> Bus::listen(SteadyTime until, nanoseconds quiet) {
     if (!got && got.error().code == ErrorCode::timeout) co_return drained;
     if (!got) {
       transport_->close();
+      note_lost();
       drained.error = got.error();
       co_return drained;
     }
@@ -463,7 +513,9 @@ asio::awaitable<Bus::Drained> Bus::listen(SteadyTime until, nanoseconds quiet) {
 }
 
 asio::awaitable<void> Bus::keep_gap(const Codec& codec, milliseconds gap) {
-  const nanoseconds quiet = std::max<nanoseconds>(gap, codec.quiet_before(char_time_));
+  nanoseconds quiet = std::max<nanoseconds>(gap, codec.quiet_before(char_time_));
+  if (transport_->has_datagrams() && !is_numbered(codec))
+    quiet = std::max<nanoseconds>(quiet, kQuietBetweenDatagrams);
   auto earliest = not_before_;
   if (quiet.count() > 0) earliest = std::max(earliest, last_activity_ + quiet);
   co_await wait_until(earliest);

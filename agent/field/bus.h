@@ -1,5 +1,7 @@
-// The discipline of one wire: one question at a time, and no late answer taken for a new one.
-// Everything that touches the channel goes through here. Field thread.
+// The discipline of one wire: one question at a time, and no late answer taken for a new one. On
+// UDP each datagram is judged by itself; where answers have no numbers a question is asked from a
+// port of its own, or, where the port is fixed, the wire is treated as a serial one. Everything
+// that touches the channel goes through here. Field thread.
 #pragma once
 
 #include <asio/awaitable.hpp>
@@ -91,6 +93,13 @@ class Bus final {
   const Bytes& last_unexpected() const { return last_unexpected_; }
   /// The channel was closed because bytes came without end, and no question was answered since.
   bool never_silent() const { return never_silent_; }
+  /// Whether the channel is UDP.
+  bool has_datagrams() const { return transport_->has_datagrams(); }
+  /// The channel was closed, not by the agent, before anything was answered over it.
+  bool closed_unanswered() const { return closed_unanswered_; }
+  /// Whether anything was answered in the session, open or not any more; or in any.
+  bool was_answered() const { return answered_; }
+  bool was_ever_answered() const { return ever_answered_; }
   /// For a person: what became of a channel that is not open any more.
   std::string_view why_lost() const;
 
@@ -128,6 +137,15 @@ class Bus final {
   /// As long as the slowest answer on this line may take.
   std::chrono::nanoseconds quiet_in_doubt() const;
   void close_never_silent();
+  /// What was open is closed, not by the agent.
+  void note_lost() { closed_unanswered_ = !answered_; }
+  /// No late answer is taken for that of a new question: they carry numbers, or each question has a
+  /// port of its own.
+  bool tells_answers_apart(const Codec& codec) const;
+  /// The port for the next question. False: there is none; `failed` says why.
+  bool renew_port(const Codec& codec, Exchange& failed);
+  /// A new datagram has come: the one before it was no answer.
+  void give_up_datagram(const Codec& codec);
   /// Takes what has arrived without waiting. False: the channel is closed; `failed` says why.
   bool look(const Codec& codec, Exchange& failed);
   /// Bytes that are no part of an answer: counted, and a reason to doubt the bus.
@@ -163,6 +181,9 @@ class Bus final {
   std::chrono::nanoseconds slowest_{0};  ///< timeout of the slowest station that was asked
   SteadyTime last_heard_{};
   bool never_silent_ = false;
+  bool answered_ = false;  ///< in this session
+  bool ever_answered_ = false;
+  bool closed_unanswered_ = false;
   std::unique_ptr<WireTrace> trace_;  ///< null: the link is not traced
   Counters counters_;
 };

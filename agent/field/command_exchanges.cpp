@@ -58,6 +58,18 @@ void CommandExchanges::mark_started() {
   failpoint("command_started");
 }
 
+std::string_view CommandExchanges::hint(const Exchange& exchange) const {
+  if (device_.protocol == nullptr || bus_.was_ever_answered()) return {};
+  const bool is_silent = exchange.outcome == Exchange::Outcome::unanswered;
+  if (is_silent && exchange.heard.empty()) return device_.protocol->silent_hint;
+  const bool is_closed = bus_.closed_unanswered() && !bus_.has_datagrams();
+  return is_closed ? device_.protocol->closed_hint : std::string_view();
+}
+
+void CommandExchanges::add_hint(Exchange& exchange) const {
+  if (const auto text = hint(exchange); !text.empty()) exchange.error.append("; ").append(text);
+}
+
 asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_after,
                                                 Effect effect) {
   Exchange exchange;
@@ -78,6 +90,7 @@ asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_
       if (!opened) {
         exchange.outcome = Exchange::Outcome::link_down;
         exchange.error = opened.error().text;
+        add_hint(exchange);
         co_return exchange;
       }
     }
@@ -88,6 +101,7 @@ asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_
   if (exchange.outcome == Exchange::Outcome::link_down && sharing_ != nullptr &&
       sharing_->is_over())
     cut_off_ = true;
+  add_hint(exchange);
   if (!exchange.heard.empty()) {
     const auto guess = looks_like(device_, *station_.codec, exchange.asked, exchange.heard);
     if (guess.cause != ForeignBytes::Cause::unknown)

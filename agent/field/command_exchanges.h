@@ -7,6 +7,7 @@
 #include <asio/steady_timer.hpp>
 #include <chrono>
 #include <optional>
+#include <string_view>
 
 #include "agent/commands/admitted_command.h"
 #include "agent/config/config.h"
@@ -68,6 +69,9 @@ class CommandExchanges final {
   /// Sends `request`, and before it the read that it needs; that read's failure is the command's.
   asio::awaitable<Exchange> send(Request request, Try which);
   void mark_started();
+  /// Which settings to look at where nobody has ever answered; empty: nothing is known.
+  std::string_view hint(const Exchange& exchange) const;
+  void add_hint(Exchange& exchange) const;
 
   asio::steady_timer timer_;
   Bus& bus_;

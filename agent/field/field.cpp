@@ -16,9 +16,11 @@
 #include <vector>
 
 #include "agent/commands/result.h"
+#include "agent/field/host_lookup.h"
 #include "agent/field/link_worker.h"
 #include "agent/field/serial_transport.h"
 #include "agent/field/tcp_transport.h"
+#include "agent/field/udp_transport.h"
 #include "agent/log/log.h"
 #include "agent/process/startup.h"
 
@@ -31,6 +33,8 @@ std::unique_ptr<Transport> transport_for(const asio::any_io_executor& executor,
                                          const LinkConfig& link) {
   if (const auto* serial = std::get_if<SerialSettings>(&link.channel))
     return make_serial_transport(executor, *serial);
+  if (const auto* udp = std::get_if<UdpSettings>(&link.channel))
+    return make_udp_transport(executor, *udp);
   return make_tcp_transport(executor, std::get<TcpSettings>(link.channel));
 }
 
@@ -178,7 +182,7 @@ class Field::Room final {
   }
 
   void spawn(std::uint32_t link) {
-    const bool looks_up = std::holds_alternative<TcpSettings>(config_->links[link].channel);
+    const bool looks_up = !std::holds_alternative<SerialSettings>(config_->links[link].channel);
     if (looks_up && !std::exchange(looks_up_, true)) start_looking_up(io_.get_executor());
     places_[link].runs = true;
     ++running_;

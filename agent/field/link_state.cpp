@@ -1,6 +1,7 @@
 #include "agent/field/link_state.h"
 
 #include <algorithm>
+#include <utility>
 #include <variant>
 
 #include "agent/log/log.h"
@@ -16,7 +17,11 @@ using Clock = std::chrono::steady_clock;
 // just come back by all its clients at once.
 constexpr ReconnectRules kSerialReconnects{milliseconds(500), milliseconds(2000), milliseconds(0)};
 constexpr ReconnectRules kTcpReconnects{milliseconds(500), milliseconds(30000), milliseconds(200)};
-// So many unanswered exchanges in a row on TCP, whoever was asked, mean that the peer is gone.
+// Where a peer takes each connection and closes it without an answer, it has no place for another
+// one: it is asked for it no sooner.
+constexpr milliseconds kAfterRefusal{1000};
+// So many unanswered exchanges in a row on TCP and UDP, whoever was asked, mean that the peer is
+// gone, or that its name has another address now.
 constexpr int kDeadPeerAfter = 3;
 // A bus that comes to be doubted again and again is told of so often; each time is counted.
 constexpr std::chrono::seconds kDoubtLoggedEvery{60};
@@ -35,8 +40,12 @@ std::uint64_t jitter_seed(std::uint32_t link) {
          link;
 }
 
+bool is_serial(const LinkConfig& link) {
+  return std::holds_alternative<SerialSettings>(link.channel);
+}
+
 ReconnectRules opening_rules(const LinkConfig& link) {
-  return std::holds_alternative<SerialSettings>(link.channel) ? kSerialReconnects : kTcpReconnects;
+  return is_serial(link) ? kSerialReconnects : kTcpReconnects;
 }
 
 }  // namespace
@@ -59,11 +68,12 @@ nanoseconds LinkState::begin(SteadyTime now, milliseconds spread) {
 
 void LinkState::opened() {
   if (!bus_.is_open() || was_open_) return;
-  // A peer that babbles takes every connection: it is back when it has answered.
-  if (!bus_.never_silent()) reconnect_policy_.opened();
+  // A peer that babbles, or closes what it takes, takes every connection: it is back when it has
+  // answered.
+  if (!bus_.never_silent() && !was_refused_) reconnect_policy_.opened();
   was_open_ = true;
   unanswered_in_a_row_ = 0;
-  log::info("link", {{"link", config_.name}, {"state", "up"}});
+  if (!is_vain_) tell_up();
   SteadyTime from = Clock::now();
   for (const auto& device : devices_) {
     if (was_down_) from = read_at_once(*device, from);
@@ -71,20 +81,66 @@ void LinkState::opened() {
   }
 }
 
+void LinkState::tell_up() {
+  is_told_up_ = true;
+  log::info("link", {{"link", config_.name}, {"state", "up"}});
+}
+
+bool LinkState::is_asked() const {
+  return std::ranges::any_of(devices_,
+                             [](const auto& device) { return !device->codec->is_broadcast(); });
+}
+
+bool LinkState::is_refused() const {
+  return !is_serial(config_) && bus_.closed_unanswered() && is_asked();
+}
+
+std::string_view LinkState::hint(std::string_view ProtocolInfo::*which) const {
+  const ProtocolInfo* protocol = devices_.empty() ? nullptr : devices_.front()->config.protocol;
+  return protocol != nullptr ? protocol->*which : std::string_view();
+}
+
+/// What to look at where nobody has ever answered; empty: somebody has, or it was said before.
+std::string_view LinkState::hint_for_silence() {
+  if (bus_.was_ever_answered() || std::exchange(silence_hinted_, true)) return {};
+  return hint(&ProtocolInfo::silent_hint);
+}
+
 void LinkState::open_failed(const std::string& why) {
-  next_open_ = Clock::now() + reconnect_policy_.after_failure();
+  next_open_ = Clock::now() +
+               reconnect_policy_.after_failure(is_refused() ? kAfterRefusal : milliseconds(0));
   lost(why);
 }
 
 void LinkState::lost(const std::string& why) {
-  if (was_open_)
+  was_refused_ = is_refused();
+  if (was_open_ && was_refused_)
+    next_open_ = Clock::now() + reconnect_policy_.after_failure(kAfterRefusal);
+  else if (was_open_)
     next_open_ = Clock::now() + (bus_.never_silent() ? reconnect_policy_.after_failure()
                                                      : reconnect_policy_.after_loss());
-  if (was_open_ || why != why_down_)
-    log::warn("link", {{"link", config_.name}, {"state", "down"}, {"reason", why}});
-  was_open_ = false;
+  const bool is_closed = was_refused_ && !bus_.has_datagrams();
+  if (is_closed)
+    go_down(why + " before its first answer", hint(&ProtocolInfo::closed_hint));
+  else
+    go_down(why, {});
+}
+
+void LinkState::go_down(std::string why, std::string_view note) {
+  if (is_told_up_ || why != why_down_) {
+    if (note.empty())
+      log::warn("link", {{"link", config_.name}, {"state", "down"}, {"reason", why}});
+    else
+      log::warn("link", {{"link", config_.name},
+                         {"state", "down"},
+                         {"reason", why},
+                         {"note", std::string(note)}});
+  }
+  is_vain_ =
+      !is_serial(config_) && (was_refused_ || (was_open_ && !bus_.was_answered() && is_asked()));
+  is_told_up_ = was_open_ = false;
   was_down_ = true;
-  why_down_ = why;
+  why_down_ = std::move(why);
   for (const auto& device : devices_) update(*device);
 }
 
@@ -156,6 +212,7 @@ void LinkState::heard_foreign(LinkDevice& device, const Exchange& exchange) {
 
 void LinkState::answered(LinkDevice& device) {
   unanswered_in_a_row_ = 0;
+  if (std::exchange(is_vain_, false) && was_open_) tell_up();
   if (!bus_.never_silent()) reconnect_policy_.opened();
   device.state.answered();
   const bool is_back = scheduler_.is_silent(device.id);
@@ -182,12 +239,14 @@ void LinkState::unreachable(LinkDevice& device) {
 void LinkState::unanswered(LinkDevice& device, PollScheduler::AskedBy by) {
   const bool silent = scheduler_.device_unanswered(device.id, Clock::now(), by);
   if (silent) device.state.fell_silent();
-  const bool tcp = std::holds_alternative<TcpSettings>(config_.channel);
   const int limit = std::max(kDeadPeerAfter, static_cast<int>(devices_.size()) + 1);
-  if (tcp && ++unanswered_in_a_row_ >= limit) {
-    bus_.close();
-    lost("nobody answers on this connection");
-  }
+  if (is_serial(config_) || ++unanswered_in_a_row_ < limit) return;
+  bus_.close();
+  was_refused_ = false;
+  next_open_ = Clock::now() + reconnect_policy_.after_loss();
+  go_down(bus_.has_datagrams() ? "nobody answers on this UDP port"
+                               : "nobody answers on this connection",
+          hint_for_silence());
 }
 
 void LinkState::update(LinkDevice& device) {
@@ -201,10 +260,18 @@ void LinkState::update(LinkDevice& device) {
   }
   const auto change = device.state.update(facts, now_ms());
   if (!change) return;
-  if (change->other_state)
-    log::info("device", {{"device", device.config.name},
-                         {"state", std::string(to_string(change->status.state))},
-                         {"reason", change->status.reason}});
+  if (change->other_state) {
+    const std::string state(to_string(change->status.state));
+    const std::string& reason = change->status.reason;
+    const bool is_silent = facts.bus_open && facts.silent;
+    const std::string note(is_silent ? hint_for_silence() : std::string_view());
+    if (note.empty())
+      log::info("device", {{"device", device.config.name}, {"state", state}, {"reason", reason}});
+    else
+      log::info(
+          "device",
+          {{"device", device.config.name}, {"state", state}, {"reason", reason}, {"note", note}});
+  }
   DeviceStatus status = change->status;
   status.codec = device.codec;
   outbox_.push(std::move(status));

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 
 #include "agent/config/config.h"
 #include "agent/field/bus.h"
@@ -35,7 +36,8 @@ class LinkState final {
   void opened();
   /// It could not be opened.
   void open_failed(const std::string& why);
-  /// It is closed. The next attempt has its time; every device is offline.
+  /// It is closed. The next attempt has its time, that of a vain one where the peer closed it
+  /// before its first answer; every device is offline.
   void lost(const std::string& why);
   /// Tells what the bus has noticed by itself: a loss, an echo, bytes that nobody asked for, and
   /// that it is doubted or believed again.
@@ -43,8 +45,8 @@ class LinkState final {
 
   /// The device has answered something, if only with a refusal.
   void answered(LinkDevice& device);
-  /// It has left a question unanswered. Where nobody answers on a TCP connection any more, this
-  /// closes it.
+  /// It has left a question unanswered. Where nobody answers on a TCP connection or UDP port any
+  /// more, this closes it.
   void unanswered(LinkDevice& device, PollScheduler::AskedBy by = PollScheduler::AskedBy::poll);
   /// Bytes came in place of the answer of an exchange: the log shows the first of them and what
   /// they look like, once a day for each device and cause.
@@ -60,6 +62,14 @@ class LinkState final {
   std::string_view why_stopping() const { return why_stopping_; }
 
  private:
+  /// Closed by its peer, or refused, before anybody answered: no better than one that did not open.
+  bool is_refused() const;
+  /// Whether any of its devices ever answers.
+  bool is_asked() const;
+  std::string_view hint(std::string_view ProtocolInfo::*which) const;
+  void tell_up();
+  std::string_view hint_for_silence();
+  void go_down(std::string why, std::string_view note);
   void log_doubt();
   /// What they look like; empty: nothing is known.
   std::string what_nobody_asked_for() const;
@@ -76,6 +86,11 @@ class LinkState final {
   std::string why_down_ = "not opened yet";
   bool was_open_ = false;
   bool was_down_ = false;  ///< not only not yet open
+  /// The log says so. After a session without an answer the next one is up when it has one.
+  bool is_told_up_ = false;
+  bool is_vain_ = false;      ///< the session before had no answer
+  bool was_refused_ = false;  ///< and it was its peer who ended it
+  bool silence_hinted_ = false;
   bool echo_logged_ = false;
   bool unexpected_logged_ = false;
   bool doubt_logged_ = false;

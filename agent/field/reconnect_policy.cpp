@@ -37,8 +37,8 @@ nanoseconds ReconnectPolicy::after_loss() {
   return part(rules_.after_loss, std::uniform_real_distribution<double>(0.0, 1.0)(jitter_));
 }
 
-nanoseconds ReconnectPolicy::after_failure() {
-  delay_ = std::clamp(delay_ * 2, rules_.first, rules_.cap);
+nanoseconds ReconnectPolicy::after_failure(milliseconds least) {
+  delay_ = std::clamp(std::max(delay_ * 2, least), rules_.first, rules_.cap);
   return part(delay_,
               std::uniform_real_distribution<double>(1.0 - kJitter, 1.0 + kJitter)(jitter_));
 }

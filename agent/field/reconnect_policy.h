@@ -32,8 +32,10 @@ class ReconnectPolicy final {
   LinkStart start(std::size_t links, std::chrono::milliseconds period);
   /// How long to wait after an open channel was lost.
   std::chrono::nanoseconds after_loss();
-  /// How long to wait after a vain attempt: doubling from `first` to `cap`, a fifth more or less.
-  std::chrono::nanoseconds after_failure();
+  /// How long to wait after a vain attempt: doubling from `first`, or from `least` where that is
+  /// more, to `cap`, a fifth more or less.
+  std::chrono::nanoseconds after_failure(
+      std::chrono::milliseconds least = std::chrono::milliseconds{0});
   /// The channel is open: the next failure is a first one.
   void opened() { delay_ = {}; }
 

@@ -26,7 +26,9 @@ asio::awaitable<Result<std::size_t>> read_some(Stream& stream, Deadline<Stream>&
   if (!error && count > 0) co_return count;
   if (error == asio::error::operation_aborted && deadline.passed())
     co_return fail(ErrorCode::timeout, "no answer on " + name);
-  co_return fail(ErrorCode::link_down, name + ": " + (error ? error.message() : "closed"));
+  const bool by_peer = !error || error == asio::error::eof;
+  co_return fail(ErrorCode::link_down,
+                 name + ": " + (by_peer ? "the peer closed the connection" : error.message()));
 }
 
 /// As Transport::write. The stream is in non-blocking mode.

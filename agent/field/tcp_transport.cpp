@@ -1,15 +1,13 @@
 #include "agent/field/tcp_transport.h"
 
 #include <netinet/tcp.h>
-#include <sys/resource.h>
 #include <sys/socket.h>
 
 #include <asio/ip/tcp.hpp>
-#include <asio/steady_timer.hpp>
 #include <cerrno>
-#include <memory>
 #include <utility>
 
+#include "agent/field/host_lookup.h"
 #include "agent/field/stream_io.h"
 
 namespace fxagent {
@@ -22,25 +20,6 @@ constexpr int kKeepAliveIdleSeconds = 10;
 constexpr int kKeepAliveIntervalSeconds = 3;
 constexpr int kKeepAliveProbes = 3;
 
-/// The kernel gives the lowest number that is free. Links that took every one would keep the broker
-/// and the store from coming back.
-bool takes_from_others(int fd) {
-  rlimit limit{};
-  return getrlimit(RLIMIT_NOFILE, &limit) == 0 &&
-         static_cast<rlim_t>(fd) + kFilesNotForLinks >= limit.rlim_cur;
-}
-
-/// A name lookup that nobody need wait for: the system's takes as long as it likes and cannot be
-/// cancelled. Owned by who waits for it and by the lookup itself, whichever lasts longer.
-struct Lookup {
-  explicit Lookup(const asio::any_io_executor& executor) : resolver(executor), over(executor) {}
-  tcp::resolver resolver;
-  asio::steady_timer over;  ///< cancelled when the answer is here, or when nobody wants it any more
-  bool answered = false;
-  asio::error_code error;
-  tcp::resolver::results_type found;
-};
-
 class TcpTransport final : public Transport {
  public:
   TcpTransport(asio::any_io_executor executor, TcpSettings settings)
@@ -51,34 +30,11 @@ class TcpTransport final : public Transport {
 
   asio::awaitable<Result<void>> open(SteadyTime at) override {
     close();
-    asio::error_code not_numeric;
-    const auto address = asio::ip::make_address(settings_.host, not_numeric);
-    if (!not_numeric) {
-      const tcp::endpoint endpoint(address, settings_.port);
-      co_return co_await connect(endpoint, at);
-    }
-    const auto lookup = std::make_shared<Lookup>(socket_.get_executor());
-    lookup_ = lookup;
-    lookup->over.expires_at(at);
-    lookup->resolver.async_resolve(
-        settings_.host, std::to_string(settings_.port),
-        [lookup](const asio::error_code& error, tcp::resolver::results_type found) {
-          lookup->answered = true;
-          lookup->error = error;
-          lookup->found = std::move(found);
-          lookup->over.cancel();
-        });
-    co_await lookup->over.async_wait(use_result);
-    lookup_.reset();
-    if (!lookup->answered)
-      co_return fail(ErrorCode::link_down, name_ + ": the lookup of the name has no answer");
-    if (lookup->error)
-      co_return fail(ErrorCode::link_down,
-                     name_ + ": the name is not found: " + lookup->error.message());
-    Result<void> outcome = fail(ErrorCode::link_down, name_ + ": the name has no address");
-    for (const auto& entry : lookup->found) {
-      const tcp::endpoint endpoint = entry.endpoint();
-      outcome = co_await connect(endpoint, at);
+    const auto found = co_await lookup_.find(socket_.get_executor(), settings_.host, name_, at);
+    if (!found) co_return tl::unexpected<Error>(found.error());
+    Result<void> outcome;
+    for (const asio::ip::address& address : *found) {
+      outcome = co_await connect({address, settings_.port}, at);
       if (outcome) break;
     }
     co_return outcome;
@@ -113,7 +69,7 @@ class TcpTransport final : public Transport {
   }
 
   void close() noexcept override {
-    if (lookup_) lookup_->over.cancel();
+    lookup_.cancel();
     deadline_.cancel();
     asio::error_code ignored;
     if (socket_.is_open()) socket_.close(ignored);
@@ -149,19 +105,12 @@ class TcpTransport final : public Transport {
 
   const TcpSettings settings_;
   const std::string name_;
-  std::shared_ptr<Lookup> lookup_;  ///< under way
+  HostLookup lookup_;
   tcp::socket socket_;
   Deadline<tcp::socket> deadline_;
 };
 
 }  // namespace
-
-void start_looking_up(const asio::any_io_executor& executor) {
-  tcp::resolver resolver(executor);
-  resolver.async_resolve("127.0.0.1", "0",
-                         tcp::resolver::numeric_host | tcp::resolver::numeric_service,
-                         [](const asio::error_code&, const tcp::resolver::results_type&) {});
-}
 
 std::unique_ptr<Transport> make_tcp_transport(asio::any_io_executor executor,
                                               TcpSettings settings) {

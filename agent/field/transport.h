@@ -48,6 +48,17 @@ class Transport {
   virtual Result<Bytes> discard_input() = 0;
   static constexpr std::size_t kMostDiscarded = 65536;
 
+  /// Whether what is written and read is datagrams: each a whole frame or none at all, never a part
+  /// of one whose rest may follow.
+  virtual bool has_datagrams() const { return false; }
+  /// Whether the last read_some() left a part of its datagram, which the next one brings.
+  virtual bool has_rest() const { return false; }
+  /// Whether renew() does anything.
+  virtual bool can_renew() const { return false; }
+  /// From now on nothing is read that answers what was written before: a datagram socket takes
+  /// another port. The channel is open before and after it; link_down where it is not afterwards.
+  virtual Result<void> renew() { return {}; }
+
   /// Ends waiting reads and writes with link_down.
   virtual void close() noexcept = 0;
 };

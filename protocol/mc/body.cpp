@@ -128,7 +128,7 @@ std::string why_not_named(const Dialect& dialect, Space space, std::uint32_t num
     return name +
            ": whether an FX5 takes the digits of X and Y as octal in ASCII code is not known" +
            cure;
-  if (kind_of(space).ascii.empty() && dialect.series() != Series::iq_r)
+  if (!has_name(dialect, space))
     return name + " has no certain name in ASCII code on this model" + cure;
   return {};
 }

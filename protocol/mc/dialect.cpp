@@ -49,6 +49,11 @@ Limits limits_of(const Dialect& dialect, bool long_codes) {
   return limits;
 }
 
+bool has_name(const Dialect& dialect, Space space) {
+  return dialect.code == Code::binary || dialect.series() == Series::iq_r ||
+         !kind_of(space).ascii.empty();
+}
+
 bool is_contact(Space space) {
   switch (space) {
     case Space::ts:
@@ -70,7 +75,7 @@ std::vector<ReadWay> read_ways(const Dialect& dialect, std::uint16_t space_id) {
   if (space_id >= kSpaces) return ways;
   const auto space = static_cast<Space>(space_id);
   const auto numbers = numbers_of(dialect.model, space);
-  if (!numbers) return ways;
+  if (!numbers || !has_name(dialect, space)) return ways;
   const std::uint32_t bits = kind_of(space).bits;
   const Span run = span_of(space, *numbers);
   const Limits limits = limits_of(dialect, has_long_codes(dialect, 0));

@@ -57,6 +57,8 @@ Limits limits_of(const Dialect& dialect, bool long_codes);
 /// unsupported: this model has no such way.
 Result<ReadWay> way_of(const Dialect& dialect, const Read& read);
 
+/// Whether this code and series have a name for the kind.
+bool has_name(const Dialect& dialect, Space space);
 /// Contacts and coils of timers and counters are reached bit by bit only.
 bool is_contact(Space space);
 

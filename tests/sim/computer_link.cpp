@@ -486,9 +486,9 @@ Ruling ComputerLink::execute(const Frame& frame, Plc& plc) const {
   return answer(std::move(ruling));
 }
 
-Bytes ComputerLink::refusal(const Frame& frame, std::optional<std::uint8_t> code) const {
+Bytes ComputerLink::refusal(const Frame& frame, std::optional<std::uint16_t> code) const {
   if (as_text(frame.bytes).substr(1, 2) == kAllStations) return {};
-  return nak(code.value_or(kAreaError), {}).reply;
+  return nak(static_cast<std::uint8_t>(code.value_or(kAreaError)), {}).reply;
 }
 
 void ComputerLink::spoil(Bytes& reply, Flaw flaw) const {

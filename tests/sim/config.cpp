@@ -8,6 +8,9 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "tests/sim/json_keys.h"
+#include "tests/sim/mc_one_e.h"
+#include "tests/sim/mc_serial.h"
 #include "tests/sim/memory.h"
 #include "tests/sim/plant.h"
 #include "tests/sim/programming_port.h"
@@ -16,61 +19,6 @@ namespace fxsim {
 namespace {
 
 using nlohmann::json;
-
-[[noreturn]] void fail(const std::string& where, const std::string& what) {
-  throw ConfigError(where + ": " + what);
-}
-
-using Keys = std::vector<std::string_view>;
-
-void expect_keys(const json& object, const Keys& known, const std::string& where) {
-  if (!object.is_object()) fail(where, "an object is expected");
-  for (const auto& [key, value] : object.items()) {
-    if (std::ranges::find(known, key) != known.end()) continue;
-    std::string all;
-    for (const auto name : known) all.append(all.empty() ? "" : " ").append(name);
-    fail(where + "/" + key, "unknown key; known are: " + all);
-  }
-}
-
-std::int64_t number(const json& object, const char* key, std::int64_t fallback, std::int64_t least,
-                    std::int64_t most, const std::string& where) {
-  const auto found = object.find(key);
-  if (found == object.end()) return fallback;
-  const auto range = std::to_string(least) + " to " + std::to_string(most);
-  if (!found->is_number_integer())
-    fail(where + "/" + key, "an integer from " + range + " is expected");
-  const auto value = found->get<std::int64_t>();
-  if (value < least || value > most)
-    fail(where + "/" + key, std::to_string(value) + " is not in " + range);
-  return value;
-}
-
-std::chrono::milliseconds duration(const json& object, const char* key, int fallback,
-                                   const std::string& where) {
-  return std::chrono::milliseconds(number(object, key, fallback, 0, 3'600'000, where));
-}
-
-std::string text(const json& object, const char* key, std::string fallback,
-                 const std::string& where) {
-  const auto found = object.find(key);
-  if (found == object.end()) return fallback;
-  if (!found->is_string()) fail(where + "/" + key, "a text is expected");
-  return found->get<std::string>();
-}
-
-bool flag(const json& object, const char* key, bool fallback, const std::string& where) {
-  const auto found = object.find(key);
-  if (found == object.end()) return fallback;
-  if (!found->is_boolean()) fail(where + "/" + key, "true or false is expected");
-  return found->get<bool>();
-}
-
-std::string required(const json& object, const char* key, const std::string& where) {
-  auto value = text(object, key, "", where);
-  if (value.empty()) fail(where + "/" + key, "is missing");
-  return value;
-}
 
 /// What a protocol's line is like where nothing else is said.
 struct UsualLine {
@@ -85,7 +33,13 @@ UsualLine usual_line(Protocol protocol) {
     case Protocol::modbus_rtu:
       return {9600, 8, "even", 5};
     case Protocol::modbus_tcp:
+    case Protocol::mc_1e:
+    case Protocol::mc_3e:
+    case Protocol::mc_4e:
       return {0, 8, "none", 0};
+    case Protocol::mc_3c:
+    case Protocol::mc_4c:
+      return {9600, 8, "even", 5};
     default:
       return {9600, 7, "even", 5};
   }
@@ -94,13 +48,20 @@ UsualLine usual_line(Protocol protocol) {
 LineSettings parse_line(const json& plc, Protocol protocol, const std::string& where) {
   const auto usual = usual_line(protocol);
   LineSettings line;
+  const bool ethernet = protocol == Protocol::modbus_tcp || is_mc_ethernet(protocol);
+  const std::string name(protocol_name(protocol));
   line.pty = text(plc, "pty", "", where);
-  if (plc.contains("pty") == plc.contains("tcp"))
-    fail(where, "exactly one of \"pty\" (a path) and \"tcp\" (a port) is expected");
+  if (plc.contains("pty") + plc.contains("tcp") + plc.contains("udp") != 1)
+    fail(where, is_mc_ethernet(protocol)
+                    ? "exactly one of \"tcp\" and \"udp\" (a port) is expected"
+                    : "exactly one of \"pty\" (a path) and \"tcp\" (a port) is expected");
   if (plc.contains("pty") && line.pty.empty()) fail(where + "/pty", "a path is expected");
-  if (protocol == Protocol::modbus_tcp && plc.contains("pty"))
-    fail(where + "/pty", "modbus-tcp needs \"tcp\"");
+  if (ethernet && plc.contains("pty")) fail(where + "/pty", name + " needs \"tcp\"");
   line.tcp = static_cast<std::uint16_t>(number(plc, "tcp", 0, 0, 65535, where));
+  if (plc.contains("udp"))
+    line.udp = static_cast<std::uint16_t>(number(plc, "udp", 0, 0, 65535, where));
+  line.udp_peer_port = static_cast<std::uint16_t>(number(plc, "udp_peer_port", 0, 0, 65535, where));
+  if (line.udp_peer_port != 0 && !line.udp) fail(where + "/udp_peer_port", "needs \"udp\"");
   line.baud = static_cast<unsigned>(number(plc, "baud", usual.baud, 0, 1'000'000, where));
   const auto data_bits = number(plc, "data_bits", usual.data_bits, 7, 8, where);
   const auto stop_bits = number(plc, "stop_bits", 1, 1, 2, where);
@@ -112,6 +73,7 @@ LineSettings parse_line(const json& plc, Protocol protocol, const std::string& w
   line.bits_per_character =
       static_cast<unsigned>(1 + data_bits + (parity == "none" ? 0 : 1) + stop_bits);
   line.gateway = flag(plc, "gateway", false, where);
+  line.connections = static_cast<unsigned>(number(plc, "connections", 0, 0, 1000, where));
   return line;
 }
 
@@ -140,16 +102,60 @@ const json& array_at(const json& object, const char* key, const std::string& whe
 }
 
 /// "hr:100-hr:119", or one device alone.
-ModbusSettings::Hole parse_hole(const json& value, const std::string& where) {
-  if (!value.is_string()) fail(where, "a text is expected, as hr:100-hr:119");
+Hole parse_hole(const Model& model, const json& value, const std::string& where) {
+  if (!value.is_string()) fail(where, "a text is expected, as hr:100-hr:119 or D100-D119");
   const auto span = value.get<std::string>();
   const auto dash = std::min(span.find('-'), span.size());
-  const auto first = parse_device_of(modbus_model(), span.substr(0, dash), where);
+  const auto first = parse_device_of(model, span.substr(0, dash), where);
   const auto last =
-      dash == span.size() ? first : parse_device_of(modbus_model(), span.substr(dash + 1), where);
+      dash == span.size() ? first : parse_device_of(model, span.substr(dash + 1), where);
   if (first.kind != last.kind || first.number > last.number)
-    fail(where, "'" + span + "' has no first and last device of one table");
+    fail(where, "'" + span + "' has no first and last device of one row");
   return {first.kind, {first.number, last.number}};
+}
+
+std::vector<Hole> parse_holes(const json& plc, const Model& model, const std::string& where) {
+  std::vector<Hole> found;
+  if (!plc.contains("holes")) return found;
+  const auto& holes = array_at(plc, "holes", where);
+  for (std::size_t i = 0; i < holes.size(); ++i)
+    found.push_back(parse_hole(model, holes[i], where + "/holes/" + std::to_string(i)));
+  return found;
+}
+
+/// One of two words, the first where nothing is said. Is it the second?
+bool is_second_of(const json& plc, const char* key, const char* first, const char* second,
+                  const std::string& where) {
+  const auto word = text(plc, key, first, where);
+  if (word != first && word != second)
+    fail(where + "/" + key, std::string(first) + " or " + second + " is expected, not " + word);
+  return word == second;
+}
+
+McSettings parse_mc(const json& plc, Protocol protocol, const Model& model,
+                    const std::string& where) {
+  McSettings mc;
+  mc.family = model.family;
+  if (is_second_of(plc, "code", "binary", "ascii", where)) mc.code = McCode::ascii;
+  const auto natural = [&](const char* key, unsigned fallback, int most) {
+    return static_cast<unsigned>(number(plc, key, fallback, 0, most, where));
+  };
+  mc.route.network = natural("network", mc.route.network, 255);
+  mc.route.pc = natural("pc", mc.route.pc, 255);
+  mc.route.module_io = natural("module_io", mc.route.module_io, 65535);
+  mc.route.module_station = natural("module_station", mc.route.module_station, 255);
+  mc.refuses_foreign = !is_second_of(plc, "wrong_route", "refuse", "silent", where);
+  mc.cpu.write_in_run = flag(plc, "write_in_run", true, where);
+  mc.cpu.holes = parse_holes(plc, model, where);
+  mc.cpu.type_name = text(plc, "type_name", "", where);
+  if (mc.cpu.type_name.size() > 16) fail(where + "/type_name", "16 characters at most");
+  if (!is_mc_serial(protocol)) return mc;
+  mc.station = natural("station", 0, 31);
+  mc.format = natural("format", 4, 5);
+  if (mc.format == 0 || (mc.format == 5 && protocol == Protocol::mc_3c))
+    fail(where + "/format", "1 to 4, and of mc-4c 5, is expected");
+  mc.sum_check = flag(plc, "sum_check", true, where);
+  return mc;
 }
 
 ModbusSettings parse_modbus(const json& plc, Protocol protocol, const std::string& where) {
@@ -159,11 +165,7 @@ ModbusSettings parse_modbus(const json& plc, Protocol protocol, const std::strin
       static_cast<std::uint8_t>(number(plc, "unit", 1, tcp ? 0 : 1, tcp ? 255 : 247, where));
   modbus.max_read = static_cast<unsigned>(number(plc, "max_read", 125, 1, 125, where));
   modbus.max_read_code = static_cast<std::uint8_t>(number(plc, "max_read_code", 3, 1, 255, where));
-  if (plc.contains("holes")) {
-    const auto& holes = array_at(plc, "holes", where);
-    for (std::size_t i = 0; i < holes.size(); ++i)
-      modbus.holes.push_back(parse_hole(holes[i], where + "/holes/" + std::to_string(i)));
-  }
+  modbus.holes = parse_holes(plc, modbus_model(), where);
   if (plc.contains("missing_functions")) {
     for (const auto& code : array_at(plc, "missing_functions", where)) {
       if (!code.is_number_unsigned() || code.get<unsigned>() > 127)
@@ -203,8 +205,29 @@ Keys keys_of(Protocol protocol) {
     add({"model"});
   }
   if (protocol == Protocol::modbus_tcp) add({"gateway"});
-  if (protocol == Protocol::computer_link) add({"station", "format", "sum_check"});
+  if (protocol == Protocol::computer_link || is_mc_serial(protocol))
+    add({"station", "format", "sum_check"});
+  if (is_mc_ethernet(protocol)) add({"udp", "udp_peer_port", "connections", "code"});
+  if (is_mc_ethernet(protocol) || is_mc_serial(protocol))
+    add({"pc", "wrong_route", "write_in_run", "holes"});
+  if ((is_mc_ethernet(protocol) && protocol != Protocol::mc_1e) || is_mc_serial(protocol))
+    add({"network", "module_io", "module_station", "type_name"});
   return keys;
+}
+
+/// The model of a PLC that speaks `protocol`, by name; the usual one where none is given.
+const Model& parse_model(const json& plc, Protocol protocol, const std::string& where) {
+  if (is_modbus(protocol)) return modbus_model();
+  const bool mc =
+      is_mc_serial(protocol) || (is_mc_ethernet(protocol) && protocol != Protocol::mc_1e);
+  const auto name = text(plc, "model", mc ? "FX5U" : "FX3U", where);
+  const auto* model = mc ? find_mc_model(name) : find_model(name);
+  if (model == nullptr)
+    fail(where + "/model",
+         "no model " + name + "; known are: " + (mc ? mc_model_names() : model_names()));
+  if (protocol == Protocol::mc_1e && !model->name.starts_with("FX3"))
+    fail(where + "/model", "mc-1e is for FX3G FX3S FX3U");
+  return *model;
 }
 
 PlcConfig parse_plc(const json& object, const std::string& where) {
@@ -217,18 +240,18 @@ PlcConfig parse_plc(const json& object, const std::string& where) {
     fail(where + "/protocol", "no protocol " + protocol + "; known are: " + protocol_names());
   plc.protocol = *found;
   expect_keys(object, keys_of(plc.protocol), where);
-  const auto model = text(object, "model", "FX3U", where);
-  plc.model = is_modbus(plc.protocol) ? &modbus_model() : find_model(model);
-  if (plc.model == nullptr)
-    fail(where + "/model", "no model " + model + "; known are: " + model_names());
+  plc.model = &parse_model(object, plc.protocol, where);
   plc.line = parse_line(object, plc.protocol, where);
   plc.response = parse_response(object, plc.protocol, where);
-  plc.computer_link = parse_computer_link(object, where);
-  plc.modbus = parse_modbus(object, plc.protocol, where);
+  if (plc.protocol == Protocol::computer_link)
+    plc.computer_link = parse_computer_link(object, where);
+  if (is_modbus(plc.protocol)) plc.modbus = parse_modbus(object, plc.protocol, where);
+  if (is_mc_ethernet(plc.protocol) || is_mc_serial(plc.protocol))
+    plc.mc = parse_mc(object, plc.protocol, *plc.model, where);
   plc.plant = text(object, "plant", "none", where);
   if (!make_plant(plc.plant))
     fail(where + "/plant", "no plant " + plc.plant + "; known are: " + std::string(kPlantNames));
-  if (plc.plant == "demo" && is_modbus(plc.protocol))
+  if (plc.plant == "demo" && plc.model->family != Family::fx && plc.model->family != Family::iq_f)
     fail(where + "/plant", "the demo plant needs the devices of an FX");
   plc.run = flag(object, "run", true, where);
   plc.run_switch = flag(object, "run_switch", true, where);
@@ -251,6 +274,16 @@ std::string conflict(const PlcConfig& plc, const PlcConfig& other) {
   if (plc.line.bits_per_character != other.line.bits_per_character)
     return "must have its data_bits, parity and stop_bits";
   if (plc.line.gateway != other.line.gateway) return "must have its gateway";
+  if (plc.protocol == Protocol::mc_1e) return "but 1E has no addresses";
+  if (is_mc_ethernet(plc.protocol)) {
+    if (plc.mc.code != other.mc.code) return "must have its code";
+    return plc.mc.route == other.mc.route ? "must have a network or pc of its own" : "";
+  }
+  if (is_mc_serial(plc.protocol)) {
+    if (plc.mc.format != other.mc.format) return "must have its format";
+    if (plc.mc.sum_check != other.mc.sum_check) return "must have its sum_check";
+    return plc.mc.station == other.mc.station ? "must have a station of its own" : "";
+  }
   if (is_modbus(plc.protocol))
     return plc.modbus.unit == other.modbus.unit ? "must have a unit of its own" : "";
   if (plc.computer_link.format != other.computer_link.format) return "must have its format";
@@ -283,8 +316,9 @@ json repetition(json entry, std::size_t n) {
     if (found != entry.end() && found->is_number_unsigned())
       *found = found->get<std::uint64_t>() + n;
   };
-  if (entry.contains("tcp")) {
-    if (entry["tcp"] != 0) advance("tcp");
+  if (entry.contains("tcp") || entry.contains("udp")) {
+    for (const auto* key : {"tcp", "udp"})
+      if (entry.contains(key) && entry[key] != 0) advance(key);
   } else if (!own_wire) {
     advance("station");
     advance("unit");
@@ -294,52 +328,20 @@ json repetition(json entry, std::size_t n) {
 
 /// Takes over the line of the PLC named in "with"; what is said here too stays, to be compared.
 void join_line(json& entry, const json& host) {
-  for (const auto* key : {"protocol", "pty", "tcp", "baud", "data_bits", "parity", "stop_bits",
-                          "gateway", "format", "sum_check"})
+  for (const auto* key :
+       {"protocol", "pty", "tcp", "udp", "udp_peer_port", "connections", "baud", "data_bits",
+        "parity", "stop_bits", "gateway", "format", "sum_check", "code"})
     if (!entry.contains(key) && host.contains(key)) entry[key] = host[key];
 }
 
 }  // namespace
 
-namespace {
-
-bool knows_fault(Protocol protocol, FaultKind kind) {
-  switch (kind) {
-    case FaultKind::wrong_sum:
-      return protocol != Protocol::modbus_tcp;
-    case FaultKind::exception:
-    case FaultKind::wrong_unit:
-      return is_modbus(protocol);
-    case FaultKind::wrong_station:
-      return protocol == Protocol::computer_link;
-    case FaultKind::wrong_id:
-    case FaultKind::bad_length:
-      return protocol == Protocol::modbus_tcp;
-    default:
-      return true;
-  }
-}
-
-/// "code": 2, or as the manuals of the computer link write it "18": two hex digits.
-std::optional<std::uint8_t> parse_code(const json& fault, const std::string& where) {
-  const auto found = fault.find("code");
-  if (found == fault.end()) return std::nullopt;
-  if (!found->is_string())
-    return static_cast<std::uint8_t>(number(fault, "code", 0, 0, 255, where));
-  const auto hex = found->get<std::string>();
-  const auto code = parse_upper_hex(hex);
-  if (hex.size() != 2 || !code) fail(where + "/code", "two hex digits are expected");
-  return static_cast<std::uint8_t>(*code);
-}
-
-}  // namespace
-
 Device parse_device_of(const Model& model, std::string_view name, const std::string& where) {
-  const auto device = parse_device(name);
+  const auto device = parse_device(name, model.family);
   if (!device)
     fail(where, "'" + std::string(name) +
-                    "' is no device; write X17 Y0 (octal) M0 S0 D0 R0 TN0 TS0 TC0 CN0 CS0 CC0, or "
-                    "co:0 di:0 hr:0 ir:0");
+                    "' is no device; write X17 Y0 (octal on FX) M0 S0 D0 R0 TN0 TS0 TC0 CN0 CS0 "
+                    "CC0, or co:0 di:0 hr:0 ir:0");
   if (!DeviceMemory(model).has(*device))
     fail(where, std::string(model.name) + " has no " + std::string(name));
   return *device;
@@ -357,62 +359,6 @@ std::uint32_t parse_value(const json& value, Device device, const std::string& w
   return static_cast<std::uint32_t>(number & most);
 }
 
-Fault parse_fault(const json& object, Protocol protocol, const std::string& where) {
-  expect_keys(
-      object,
-      {"kind", "match", "count", "every", "probability", "seed", "ms", "bytes", "hex", "code"},
-      where);
-  Fault fault;
-  const auto kind_name = required(object, "kind", where);
-  const auto kind = find_fault(kind_name);
-  if (!kind) fail(where + "/kind", "no fault " + kind_name + "; known are: " + fault_names());
-  fault.kind = *kind;
-  if (!knows_fault(protocol, fault.kind))
-    fail(where + "/kind", kind_name + " means nothing for " + std::string(protocol_name(protocol)));
-  const auto match_name = text(object, "match", "any", where);
-  const auto match = find_match(match_name);
-  if (!match)
-    fail(where + "/match", "no match " + match_name + "; known are: " + std::string(kMatchNames));
-  fault.match = *match;
-  const bool dead = fault.kind == FaultKind::dead;
-  fault.count = static_cast<int>(number(object, "count", dead ? -1 : 1, -1, 1'000'000'000, where));
-  if (fault.count == 0) fail(where + "/count", "0 would never strike; -1 strikes for ever");
-  fault.every = static_cast<int>(number(object, "every", 1, 1, 1'000'000'000, where));
-  if (const auto found = object.find("probability"); found != object.end()) {
-    if (!found->is_number()) fail(where + "/probability", "a number from 0 to 1 is expected");
-    fault.probability = found->get<double>();
-    if (fault.probability < 0 || fault.probability > 1)
-      fail(where + "/probability", "a number from 0 to 1 is expected");
-  }
-  fault.seed = static_cast<std::uint32_t>(
-      number(object, "seed", 1, 0, std::numeric_limits<std::uint32_t>::max(), where));
-
-  const auto only = [&](const char* key, std::initializer_list<FaultKind> kinds) {
-    if (object.contains(key) && std::ranges::find(kinds, fault.kind) == kinds.end())
-      fail(where + "/" + key, "means nothing for " + kind_name);
-  };
-  only("ms", {FaultKind::late, FaultKind::split, FaultKind::drop});
-  only("bytes", {FaultKind::truncated, FaultKind::split});
-  only("hex", {FaultKind::garbage_before, FaultKind::noise_after});
-  only("code", {FaultKind::nak, FaultKind::exception});
-  if (object.contains("code") && protocol == Protocol::programming_port)
-    fail(where + "/code", "the NAK of the programming port has none");
-  fault.code = parse_code(object, where);
-  int usual_ms = 0;
-  if (fault.kind == FaultKind::late) usual_ms = 500;
-  if (fault.kind == FaultKind::split) usual_ms = 20;
-  if (fault.kind == FaultKind::drop) usual_ms = 100;
-  fault.delay = duration(object, "ms", usual_ms, where);
-  fault.bytes = static_cast<std::size_t>(
-      number(object, "bytes", fault.kind == FaultKind::split ? 4 : 0, 0, 65535, where));
-  const auto hex =
-      text(object, "hex", fault.kind == FaultKind::noise_after ? "03" : "7F 00 55", where);
-  const auto other = from_hex(hex);
-  if (!other || other->empty()) fail(where + "/hex", "'" + hex + "' is no hex");
-  fault.other = *other;
-  return fault;
-}
-
 std::vector<PlcConfig> parse_config(const json& root) {
   expect_keys(root, {"plcs"}, "");
   const auto found = root.find("plcs");
@@ -422,8 +368,8 @@ std::vector<PlcConfig> parse_config(const json& root) {
   std::vector<json> entries;                 // what each of plcs was read from
   std::map<std::string, std::size_t> names;  // index in plcs
   std::map<std::string, std::size_t> paths;  // index of the first PLC on the line
-  std::map<std::uint16_t, std::size_t> ports;
-  std::map<std::size_t, std::vector<std::size_t>> lines;  // PLCs on the line of the first
+  std::map<std::pair<bool, std::uint16_t>, std::size_t> ports;  // UDP or not, and the number
+  std::map<std::size_t, std::vector<std::size_t>> lines;        // PLCs on the line of the first
 
   const auto take = [&](json entry, const std::string& where) {
     std::optional<std::size_t> host;
@@ -440,18 +386,25 @@ std::vector<PlcConfig> parse_config(const json& root) {
     plc.line_of = index;
     if (host) {
       plc.line_of = plcs[*host].line_of;
-      if (plc.line.pty != plcs[*host].line.pty || plc.line.tcp != plcs[*host].line.tcp)
+      const auto& line = plcs[*host].line;
+      if (plc.line.pty != line.pty || plc.line.tcp != line.tcp || plc.line.udp != line.udp)
         fail(where + "/with", "says another line than pty or tcp");
     } else if (!plc.line.pty.empty()) {
       plc.line_of = paths.try_emplace(plc.line.pty, index).first->second;
-    } else if (plc.line.tcp != 0) {
-      plc.line_of = ports.try_emplace(plc.line.tcp, index).first->second;
+    } else if (const auto port = plc.line.udp.value_or(plc.line.tcp); port != 0) {
+      const std::pair key(plc.line.udp.has_value(), port);
+      plc.line_of = ports.try_emplace(key, index).first->second;
     }
     auto& neighbours = lines[plc.line_of];
     for (const auto neighbour : neighbours) {
       const auto& other = plcs[neighbour];
       const auto what = conflict(plc, other);
       if (!what.empty()) fail(where, plc.name + " is on the line of " + other.name + ", " + what);
+    }
+    // A route that nobody has is refused by the first of the line.
+    if (!neighbours.empty()) {
+      plc.mc.refuses_foreign = is_mc_serial(plc.protocol) && plc.mc.refuses_foreign;
+      plcs[plc.line_of].mc.neighbours.push_back(plc.mc.route);
     }
     neighbours.push_back(index);
     plcs.push_back(std::move(plc));
@@ -474,6 +427,9 @@ std::vector<PlcConfig> parse_config(const json& root) {
 
 std::unique_ptr<Personality> make_personality(const PlcConfig& plc) {
   if (is_modbus(plc.protocol)) return std::make_unique<Modbus>(plc.protocol, plc.modbus);
+  if (plc.protocol == Protocol::mc_1e) return std::make_unique<McOneE>(plc.mc);
+  if (is_mc_ethernet(plc.protocol)) return std::make_unique<McEthernet>(plc.protocol, plc.mc);
+  if (is_mc_serial(plc.protocol)) return std::make_unique<McSerial>(plc.protocol, plc.mc);
   if (plc.protocol == Protocol::computer_link)
     return std::make_unique<ComputerLink>(plc.computer_link);
   return std::make_unique<ProgrammingPort>();

@@ -11,6 +11,7 @@
 
 #include "tests/sim/computer_link.h"
 #include "tests/sim/fault.h"
+#include "tests/sim/mc.h"
 #include "tests/sim/modbus.h"
 #include "tests/sim/model.h"
 
@@ -26,6 +27,9 @@ class ConfigError final : public std::runtime_error {
 struct LineSettings {
   std::string pty;                   // path of the link to it; empty: a TCP listener instead
   std::uint16_t tcp = 0;             // port, 0: any free one
+  std::optional<std::uint16_t> udp;  // a port for datagrams in the place of a TCP listener
+  std::uint16_t udp_peer_port = 0;   // the only one that is heard; 0: all
+  unsigned connections = 0;          // TCP: more at a time are closed at once; 0: no limit
   std::string listen = "127.0.0.1";  // address of the TCP listener
   unsigned baud = 9600;              // 0: as fast as it goes
   unsigned bits_per_character = 10;  // start, data, parity and stop
@@ -48,6 +52,7 @@ struct PlcConfig {
   ResponseTime response;
   ComputerLinkSettings computer_link;
   ModbusSettings modbus;
+  McSettings mc;
   std::string plant = "none";
   bool run = true;
   bool run_switch = true;

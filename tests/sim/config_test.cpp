@@ -146,6 +146,26 @@ TEST(Config, ErrorsOfAProtocolNameTheKey) {
                "/plcs/0/faults/0/code:"},
            Row{"modbus-rtu", R"({"faults": [{"kind": "late", "match": "reads"}]})",
                "/plcs/0/faults/0/match:"},
+           Row{"mc-3e", R"({"model": "FX3U"})", "/plcs/0/model:"},
+           Row{"mc-1e", R"({"model": "FX5U"})", "/plcs/0/model:"},
+           Row{"mc-1e", R"({"model": "FX2N"})", "/plcs/0/model:"},
+           Row{"mc-3e", R"({"code": "hex"})", "/plcs/0/code:"},
+           Row{"mc-3e", R"({"pc": 256})", "/plcs/0/pc:"},
+           Row{"mc-3e", R"({"format": 1})", "/plcs/0/format:"},
+           Row{"mc-3e", R"({"udp": 5000})", "/plcs/0:"},
+           Row{"mc-3e", R"({"udp_peer_port": 5000})", "/plcs/0/udp_peer_port:"},
+           Row{"mc-3e", R"({"wrong_route": "lost"})", "/plcs/0/wrong_route:"},
+           Row{"mc-3e", R"({"memory": {"X8": 1}})", "/plcs/0/memory/X8:"},
+           Row{"mc-3e", R"({"model": "Q", "plant": "demo"})", "/plcs/0/plant:"},
+           Row{"mc-3c", R"({"format": 5})", "/plcs/0/format:"},
+           Row{"mc-4c", R"({"format": 0})", "/plcs/0/format:"},
+           Row{"mc-4c", R"({"code": "ascii"})", "/plcs/0/code:"},
+           Row{"modbus-tcp", R"({"udp": 5000})", "/plcs/0/udp:"},
+           Row{"mc-3e", R"({"faults": [{"kind": "wrong_id"}]})", "/plcs/0/faults/0/kind:"},
+           Row{"mc-1e", R"({"faults": [{"kind": "wrong_station"}]})", "/plcs/0/faults/0/kind:"},
+           Row{"mc-3c", R"({"faults": [{"kind": "bad_length"}]})", "/plcs/0/faults/0/kind:"},
+           Row{"modbus-tcp", R"({"faults": [{"kind": "longer"}]})", "/plcs/0/faults/0/kind:"},
+           Row{"mc-3e", R"({"faults": [{"kind": "nak", "code": "56"}]})", "/plcs/0/faults/0/code:"},
        }) {
     json plc = {{"name", "p"}, {"tcp", 0}, {"protocol", row.protocol}};
     plc.update(json::parse(row.more));
@@ -191,6 +211,59 @@ TEST(Config, KeysOfComputerLinkAndModbusArrive) {
   EXPECT_EQ(plcs[2].line.baud, 0U);
   EXPECT_EQ(plcs[2].response.turnaround, milliseconds(0));
   EXPECT_TRUE(plcs[2].line.gateway);
+}
+
+TEST(Config, KeysOfTheMcProtocolArrive) {
+  const auto plcs = parse_config(json::parse(R"({"plcs": [
+    {"name": "e", "protocol": "mc-3e", "tcp": 0},
+    {"name": "u", "protocol": "mc-4e", "model": "iQ-R", "udp": 0, "udp_peer_port": 5002,
+     "code": "ascii", "network": 1, "pc": 2, "module_io": 992, "module_station": 3,
+     "wrong_route": "silent", "write_in_run": false, "holes": ["X10-X1F"], "type_name": "R08CPU",
+     "memory": {"X1F": true, "LTN5": 70000},
+     "faults": [{"kind": "nak", "code": "C056"}, {"kind": "wrong_id"}, {"kind": "from_elsewhere"}]},
+    {"name": "a", "protocol": "mc-1e", "tcp": 0, "connections": 1,
+     "faults": [{"kind": "nak", "code": "5B12"}, {"kind": "nak", "code": "56"}]},
+    {"name": "s", "protocol": "mc-4c", "tcp": 0, "station": 31, "format": 5,
+     "sum_check": false}]})"));
+  EXPECT_EQ(plcs[0].model->name, "FX5U");
+  EXPECT_EQ(plcs[0].mc.family, Family::iq_f);
+  EXPECT_EQ(plcs[0].mc.code, McCode::binary);
+  EXPECT_EQ(plcs[0].line.connections, 0U);
+  EXPECT_EQ(plcs[0].line.baud, 0U);
+  EXPECT_EQ(plcs[1].line.udp, 0);
+  EXPECT_EQ(plcs[1].line.udp_peer_port, 5002);
+  EXPECT_EQ(plcs[1].mc.code, McCode::ascii);
+  EXPECT_EQ(plcs[1].mc.route, (McRoute{1, 2, 992, 3}));
+  EXPECT_FALSE(plcs[1].mc.refuses_foreign);
+  EXPECT_FALSE(plcs[1].mc.cpu.write_in_run);
+  EXPECT_EQ(plcs[1].mc.cpu.holes.at(0).kind, Kind::hex_x);
+  EXPECT_EQ(plcs[1].mc.cpu.holes.at(0).range.last, 0x1FU);
+  EXPECT_EQ(plcs[1].mc.cpu.type_name, "R08CPU");
+  EXPECT_EQ(plcs[1].memory.at(1).first, (Device{Kind::hex_x, 0x1F}));
+  EXPECT_EQ(plcs[1].faults.at(0).code, 0xC056);
+  EXPECT_EQ(plcs[2].model->name, "FX3U");
+  EXPECT_EQ(plcs[2].line.connections, 1U);
+  EXPECT_EQ(plcs[2].faults.at(0).code, 0x5B12);
+  EXPECT_EQ(plcs[2].faults.at(1).code, 0x56);
+  EXPECT_EQ(plcs[3].line.baud, 9600U);
+  EXPECT_EQ(plcs[3].line.bits_per_character, 11U);
+  EXPECT_EQ(plcs[3].mc.station, 31U);
+  EXPECT_EQ(plcs[3].mc.format, 5U);
+  EXPECT_FALSE(plcs[3].mc.sum_check);
+}
+
+TEST(Config, McStationsOfOnePortDifferInTheirRoute) {
+  constexpr auto kFirst = R"({"name": "p", "protocol": "mc-3e", "udp": 5000})";
+  EXPECT_EQ(error_of_two(kFirst, R"({"name": "q", "protocol": "mc-3e", "udp": 5000})"),
+            "/plcs/1: q is on the line of p, must have a network or pc of its own");
+  EXPECT_EQ(error_of_two(kFirst, R"({"name": "q", "protocol": "mc-3e", "tcp": 5000})"), "no error");
+  const auto plcs = parse_config(json::parse(R"({"plcs": [
+    {"name": "p", "protocol": "mc-3e", "udp": 0},
+    {"name": "q", "with": "p", "network": 1, "pc": 2}]})"));
+  EXPECT_EQ(plcs[1].line_of, 0U);
+  EXPECT_TRUE(plcs[0].mc.refuses_foreign);
+  EXPECT_EQ(plcs[0].mc.neighbours.size(), 1U);
+  EXPECT_FALSE(plcs[1].mc.refuses_foreign);
 }
 
 TEST(Config, StationsOfALineAgreeAndDiffer) {

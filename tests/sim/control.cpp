@@ -84,6 +84,12 @@ json stats(Station& station) {
           {"accepted_writes", stats.accepted_writes},
           {"bytes_in", stats.bytes_in},
           {"bytes_out", stats.bytes_out},
+          {"commands", stats.commands},
+          {"most_read", stats.most_read},
+          {"most_written", stats.most_written},
+          {"overlaps", stats.overlaps},
+          {"turned_away", stats.turned_away},
+          {"strangers", stats.strangers},
           {"run", station.plc().running()}};
 }
 

@@ -24,6 +24,16 @@ constexpr std::array<std::string_view, kFaultKinds> kNames = {
     "wrong_unit",
     "wrong_id",
     "bad_length",
+    "length_short",
+    "length_long",
+    "longer",
+    "shorter",
+    "end_code_with_data",
+    "wrong_header",
+    "twice",
+    "overtaken",
+    "coalesced",
+    "from_elsewhere",
 };
 
 bool matches(FaultMatch match, RequestKind request) {
@@ -105,6 +115,36 @@ void apply(const Fault& fault, Treatment& treatment) {
       break;
     case FaultKind::bad_length:
       treatment.flaws.push_back(Flaw::length);
+      break;
+    case FaultKind::length_short:
+      treatment.flaws.push_back(Flaw::length_short);
+      break;
+    case FaultKind::length_long:
+      treatment.flaws.push_back(Flaw::length_long);
+      break;
+    case FaultKind::longer:
+      treatment.flaws.push_back(Flaw::longer);
+      break;
+    case FaultKind::shorter:
+      treatment.flaws.push_back(Flaw::shorter);
+      break;
+    case FaultKind::end_code_with_data:
+      treatment.flaws.push_back(Flaw::end_code);
+      break;
+    case FaultKind::wrong_header:
+      treatment.flaws.push_back(Flaw::header);
+      break;
+    case FaultKind::twice:
+      treatment.twice = fault.delay;
+      break;
+    case FaultKind::overtaken:
+      treatment.overtaken = fault.delay;
+      break;
+    case FaultKind::coalesced:
+      treatment.coalesced = true;
+      break;
+    case FaultKind::from_elsewhere:
+      treatment.from_elsewhere = true;
       break;
   }
 }

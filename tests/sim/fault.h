@@ -33,8 +33,18 @@ enum class FaultKind : std::uint8_t {
   wrong_unit,           // wrong_station, as Modbus calls it
   wrong_id,             // carried out, reply carries the transaction before
   bad_length,           // carried out, the reply's own length is nonsense
+  length_short,         // carried out, the reply's own length is one word too small
+  length_long,          // carried out, the reply's own length is one word too great
+  longer,               // carried out, one word of data too many, and a length that says so
+  shorter,              // carried out, one word of data too few, and a length that says so
+  end_code_with_data,   // carried out, the reply's end code is that of an error
+  wrong_header,         // carried out, reply as of another frame or command
+  twice,                // carried out, the reply comes twice
+  overtaken,            // carried out, answered late; what comes meanwhile is answered first
+  coalesced,            // carried out, the reply comes together with the next one
+  from_elsewhere,       // carried out, the datagram comes from another port
 };
-inline constexpr std::size_t kFaultKinds = 18;
+inline constexpr std::size_t kFaultKinds = 28;
 std::string_view fault_name(FaultKind kind);
 std::optional<FaultKind> find_fault(std::string_view name);
 std::string fault_names();
@@ -50,10 +60,11 @@ struct Fault {
   int every = 1;  // strikes only each n-th request that matches
   double probability = 1.0;
   std::uint32_t seed = 1;
-  std::chrono::milliseconds delay{0};  // late: of the answer; split: between pieces; drop: outage
+  // late, overtaken: of the answer; split: between pieces; twice: between the two; drop: outage
+  std::chrono::milliseconds delay{0};
   std::size_t bytes = 0;  // truncated: bytes that still come, 0 = half; split: size of a piece
   Bytes other{};          // garbage_before and noise_after: what is sent
-  std::optional<std::uint8_t> code{};  // nak and exception; none: the protocol's usual one
+  std::optional<std::uint16_t> code{};  // nak and exception; none: the protocol's usual one
 };
 
 /// What the faults that struck make of one exchange. Several add up.
@@ -67,13 +78,17 @@ struct Treatment {
   bool execute = true;
   Reply reply = Reply::as_ruled;
   bool stop_plc = false;
-  std::optional<std::uint8_t> code;  // of the refusal
+  std::optional<std::uint16_t> code;  // of the refusal
   std::vector<Flaw> flaws;
   bool echo = false;
   bool dead = false;
   std::optional<std::size_t> truncated_to;
   std::optional<Cut> split;
   std::optional<std::chrono::milliseconds> drop;  // length of the outage
+  std::optional<std::chrono::milliseconds> twice;
+  std::optional<std::chrono::milliseconds> overtaken;
+  bool coalesced = false;
+  bool from_elsewhere = false;
   std::chrono::milliseconds delay{0};
   Bytes before;
   Bytes after;

@@ -22,13 +22,13 @@ struct MemoryRun {
   std::vector<std::uint32_t> values;
 };
 
-inline std::vector<MemoryRun> memory_runs(std::string_view notation) {
+inline std::vector<MemoryRun> memory_runs(std::string_view notation, Family family = Family::fx) {
   std::vector<MemoryRun> runs;
   std::istringstream stream{std::string(notation)};
   for (std::string run; std::getline(stream, run, ';');) {
     const auto equals = run.find('=');
     const auto name = run.find_first_not_of(' ');
-    MemoryRun found{parse_device(run.substr(name, equals - name)).value(), {}};
+    MemoryRun found{parse_device(run.substr(name, equals - name), family).value(), {}};
     std::istringstream values(run.substr(equals + 1));
     for (std::string value; values >> value;)
       found.values.push_back(static_cast<std::uint32_t>(std::stoul(value, nullptr, 16)));
@@ -38,14 +38,14 @@ inline std::vector<MemoryRun> memory_runs(std::string_view notation) {
 }
 
 inline void preset(Plc& plc, std::string_view notation) {
-  for (const auto& [device, values] : memory_runs(notation))
+  for (const auto& [device, values] : memory_runs(notation, plc.memory().model().family))
     for (unsigned i = 0; i < values.size(); ++i)
       plc.preset({device.kind, device.number + i}, values[i]);
 }
 
 /// The opposite of every value, so that nothing is right by being left alone.
 inline void preset_opposite(Plc& plc, std::string_view notation) {
-  for (const auto& [device, values] : memory_runs(notation))
+  for (const auto& [device, values] : memory_runs(notation, plc.memory().model().family))
     for (unsigned i = 0; i < values.size(); ++i)
       plc.preset({device.kind, device.number + i}, ~values[i]);
 }
@@ -53,7 +53,7 @@ inline void preset_opposite(Plc& plc, std::string_view notation) {
 /// Which of the devices in `notation` do not hold what it says; empty: none.
 inline std::string differences(const Plc& plc, std::string_view notation) {
   std::ostringstream text;
-  for (const auto& [device, values] : memory_runs(notation))
+  for (const auto& [device, values] : memory_runs(notation, plc.memory().model().family))
     for (unsigned i = 0; i < values.size(); ++i) {
       const Device one{device.kind, device.number + i};
       if (plc.memory().get(one) != values[i])

@@ -1,6 +1,7 @@
 #include "tests/sim/line.h"
 
 #include <fcntl.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -24,6 +25,9 @@ constexpr std::size_t kMaxWaiting = 1024;
 constexpr std::size_t kTcpChunk = 8;
 constexpr std::size_t kPtyChunk = 1;
 constexpr std::chrono::milliseconds kReopenPause{100};
+constexpr std::size_t kMaxDatagram = 65'536;
+// Clients that take a new port for every question are forgotten again.
+constexpr std::size_t kMaxPeers = 256;
 
 }  // namespace
 
@@ -35,13 +39,19 @@ Line::Line(asio::io_context& io, LineSettings settings)
                           : 1'000'000'000LL * settings_.bits_per_character / settings_.baud) {}
 
 void Line::attach(Station& station, const ResponseTime& response) {
-  seats_.push_back(std::make_unique<Seat>(Seat{
-      station, response, std::minstd_rand(response.seed), {}, false, asio::steady_timer(io_), {}}));
+  seats_.push_back(std::make_unique<Seat>(Seat{.station = station,
+                                               .response = response,
+                                               .jitter = std::minstd_rand(response.seed),
+                                               .waiting = {},
+                                               .pace = asio::steady_timer(io_),
+                                               .sent_until = {}}));
 }
 
 void Line::open() {
-  port_ = settings_.tcp;
-  if (settings_.pty.empty()) {
+  port_ = settings_.udp.value_or(settings_.tcp);
+  if (settings_.udp) {
+    open_udp();
+  } else if (settings_.pty.empty()) {
     open_tcp();
   } else {
     open_pty();
@@ -53,6 +63,8 @@ void Line::close() {
   disconnect();
   pty_.reset();
   acceptor_.reset();
+  udp_.reset();
+  elsewhere_.reset();
   for (const auto& seat : seats_) seat->pace.cancel();
 }
 
@@ -70,6 +82,15 @@ void Line::open_tcp() {
   acceptor_.emplace(io_, here, true);
   port_ = acceptor_->local_endpoint().port();
   asio::co_spawn(io_, accept(), asio::detached);
+}
+
+void Line::open_udp() {
+  using asio::ip::udp;
+  const auto address = asio::ip::make_address(settings_.listen);
+  udp_.emplace(io_, udp::endpoint(address, port_));
+  port_ = udp_->local_endpoint().port();
+  if (!elsewhere_) elsewhere_.emplace(io_, udp::endpoint(address, 0));
+  asio::co_spawn(io_, receive_datagrams(), asio::detached);
 }
 
 void Line::add_session(int fd) {
@@ -95,10 +116,61 @@ asio::awaitable<void> Line::accept() {
     asio::error_code error;
     auto socket = co_await acceptor_->async_accept(redirect_error(use_awaitable, error));
     if (error) co_return;
+    if (is_full()) {
+      seats_.front()->station.count_turned_away();
+      continue;  // the socket goes, and with it the connection
+    }
     socket.set_option(asio::ip::tcp::no_delay(true), error);
     const int fd = socket.release(error);
     if (!error) add_session(fd);
   }
+}
+
+/// Are all connections there that may be? One whose client has hung up is none, even if that is not
+/// read yet.
+bool Line::is_full() const {
+  const auto lives = [](const SessionPtr& session) {
+    std::uint8_t byte = 0;
+    return session->stream.is_open() &&
+           ::recv(session->stream.native_handle(), &byte, 1, MSG_PEEK | MSG_DONTWAIT) != 0;
+  };
+  return settings_.connections != 0 &&
+         static_cast<std::size_t>(std::ranges::count_if(sessions_, lives)) >= settings_.connections;
+}
+
+asio::awaitable<void> Line::receive_datagrams() {
+  Bytes buffer(kMaxDatagram);
+  for (;;) {
+    asio::error_code error;
+    asio::ip::udp::endpoint from;
+    const auto size = co_await udp_->async_receive_from(asio::buffer(buffer), from,
+                                                        redirect_error(use_awaitable, error));
+    if (error) co_return;
+    if (settings_.udp_peer_port != 0 && from.port() != settings_.udp_peer_port) {
+      seats_.front()->station.count_stranger();
+      continue;
+    }
+    distribute(session_of(from), frame_of(ByteView(buffer).first(size)));
+  }
+}
+
+Line::SessionPtr Line::session_of(const asio::ip::udp::endpoint& peer) {
+  const auto known = std::ranges::find(sessions_, peer, [](const auto& s) { return *s->peer; });
+  if (known != sessions_.end()) return *known;
+  if (sessions_.size() >= kMaxPeers) sessions_.erase(sessions_.begin());
+  return sessions_.emplace_back(
+      std::make_shared<Session>(Session{asio::posix::stream_descriptor(io_), {}, peer, {}}));
+}
+
+/// One datagram is one frame; what is less or more is none.
+Frame Line::frame_of(ByteView datagram) const {
+  const auto now = Clock::now();
+  std::vector<Frame> frames;
+  const auto framer = seats_.front()->station.personality().make_framer();
+  for (const auto byte : datagram) framer->take(byte, now, frames);
+  if (frames.size() == 1 && frames[0].whole && frames[0].bytes.size() == datagram.size())
+    return std::move(frames[0]);
+  return {Bytes(datagram.begin(), datagram.end()), false, now};
 }
 
 asio::awaitable<void> Line::receive(SessionPtr session) {
@@ -131,6 +203,7 @@ void Line::distribute(const SessionPtr& from, const Frame& frame) {
     heard = true;
     if (seat->waiting.size() >= kMaxWaiting) continue;
     seat->waiting.push_back({from, frame});
+    if (frame.whole && (seat->answering || seat->overtaken > 0)) seat->station.count_overlap();
     if (seat->answering) continue;
     seat->answering = true;
     asio::co_spawn(io_, respond(*seat), asio::detached);
@@ -156,13 +229,39 @@ asio::awaitable<void> Line::respond(Seat& seat) {
       answer_for_nobody(*request.from, request.frame);
     const auto outage = answer.hang_up;
     const auto first = std::max(start, request.frame.complete + answer.wait);
-    co_await send(seat, request.from, std::move(answer), first);
+    if (answer.overtaken) {
+      const auto when = first + *answer.overtaken;
+      ++seat.overtaken;
+      asio::co_spawn(io_, send_later(seat, request.from, std::move(answer), when), asio::detached);
+    } else {
+      co_await send(seat, request.from, std::move(answer), first);
+    }
     if (outage) co_await hang_up(seat, *outage);
   }
   seat.answering = false;
 }
 
+asio::awaitable<void> Line::send_later(Seat& seat, SessionPtr to, Answer answer, TimePoint when) {
+  asio::steady_timer timer(io_, when);
+  asio::error_code error;
+  co_await timer.async_wait(redirect_error(use_awaitable, error));
+  if (error || closed_) co_return;
+  --seat.overtaken;
+  for (const auto& piece : answer.pieces)
+    seat.station.count_sent(put(*to, piece.bytes, answer.from_elsewhere));
+}
+
 asio::awaitable<void> Line::send(Seat& seat, SessionPtr to, Answer answer, TimePoint start) {
+  if (answer.coalesced) {
+    for (const auto& piece : answer.pieces)
+      to->kept_back.insert(to->kept_back.end(), piece.bytes.begin(), piece.bytes.end());
+    co_return;
+  }
+  if (!answer.pieces.empty() && !to->kept_back.empty()) {
+    auto& bytes = answer.pieces.front().bytes;
+    bytes.insert(bytes.begin(), to->kept_back.begin(), to->kept_back.end());
+    to->kept_back.clear();
+  }
   const auto chunk = pty_ ? kPtyChunk : kTcpChunk;
   auto when = start;
   for (const auto& piece : answer.pieces) {
@@ -175,7 +274,7 @@ asio::awaitable<void> Line::send(Seat& seat, SessionPtr to, Answer answer, TimeP
       if (paced) when += character_time_ * static_cast<std::int64_t>(part.size());
       if (when > Clock::now()) co_await until(seat, when);
       if (closed_ || seat.station.faults().dead()) co_return;
-      seat.station.count_sent(put(*to, part));
+      seat.station.count_sent(put(*to, part, answer.from_elsewhere));
     }
   }
   seat.sent_until = when;
@@ -188,7 +287,10 @@ void Line::answer_for_nobody(Session& to, const Frame& frame) {
 asio::awaitable<void> Line::hang_up(Seat& seat, std::chrono::milliseconds outage) {
   disconnect();
   pty_.reset();
-  if (outage.count() > 0) acceptor_.reset();
+  if (outage.count() > 0) {
+    acceptor_.reset();
+    udp_.reset();
+  }
   auto when = Clock::now() + outage;
   for (bool open = false; !open;) {
     if (when > Clock::now()) co_await until(seat, when);
@@ -200,7 +302,9 @@ asio::awaitable<void> Line::hang_up(Seat& seat, std::chrono::milliseconds outage
 
 bool Line::reopen() {
   try {
-    if (settings_.pty.empty()) {
+    if (settings_.udp) {
+      if (!udp_) open_udp();
+    } else if (settings_.pty.empty()) {
       if (!acceptor_) open_tcp();
     } else if (!pty_) {
       open_pty();
@@ -219,7 +323,14 @@ asio::awaitable<void> Line::until(Seat& seat, TimePoint when) {
 
 /// How many bytes went out. A full buffer means that nobody reads: the rest is lost, as on a serial
 /// line. Any other error is the end of the connection, which receive() sees too.
-std::size_t Line::put(Session& session, ByteView bytes) {
+std::size_t Line::put(Session& session, ByteView bytes, bool from_elsewhere) {
+  if (session.peer) {
+    auto& socket = from_elsewhere ? elsewhere_ : udp_;
+    asio::error_code error;
+    return socket
+               ? socket->send_to(asio::buffer(bytes.data(), bytes.size()), *session.peer, 0, error)
+               : 0;
+  }
   if (!session.stream.is_open()) return 0;
   const auto written = ::write(session.stream.native_handle(), bytes.data(), bytes.size());
   return written > 0 ? static_cast<std::size_t>(written) : 0;

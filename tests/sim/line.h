@@ -1,10 +1,11 @@
-// One wire: a pseudo terminal or a TCP listener, the time its characters take, and the stations on
-// it. Bytes travel here and nothing is understood.
+// One wire: a pseudo terminal, a TCP listener or a port for datagrams, the time its characters
+// take, and the stations on it. Bytes travel here and nothing is understood.
 #pragma once
 
 #include <asio/awaitable.hpp>
 #include <asio/io_context.hpp>
 #include <asio/ip/tcp.hpp>
+#include <asio/ip/udp.hpp>
 #include <asio/posix/stream_descriptor.hpp>
 #include <asio/steady_timer.hpp>
 #include <deque>
@@ -31,13 +32,15 @@ class Line final {
   /// Opens and starts to serve. Throws std::system_error.
   void open();
   void close();
-  /// The port of a TCP line, once open.
+  /// The port of a TCP or UDP line, once open.
   std::uint16_t port() const { return port_; }
 
  private:
   struct Session {
     asio::posix::stream_descriptor stream;
     std::unique_ptr<Framer> framer;
+    std::optional<asio::ip::udp::endpoint> peer{};  // whom datagrams go to, without a stream
+    Bytes kept_back{};                              // goes out ahead of the next answer
   };
   using SessionPtr = std::shared_ptr<Session>;  // owners: sessions_, its receive(), its requests
   struct Waiting {
@@ -51,6 +54,7 @@ class Line final {
     std::minstd_rand jitter;
     std::deque<Waiting> waiting;
     bool answering = false;  // respond() runs
+    unsigned overtaken = 0;  // answers that others may overtake
     asio::steady_timer pace;
     TimePoint sent_until;  // its own answers are on the wire until then
   };
@@ -59,16 +63,22 @@ class Line final {
   void open_tcp();
   void add_session(int fd);
   asio::awaitable<void> watch_pty(SessionPtr watch);
+  void open_udp();
+  bool is_full() const;
   asio::awaitable<void> accept();
+  asio::awaitable<void> receive_datagrams();
+  SessionPtr session_of(const asio::ip::udp::endpoint& peer);
+  Frame frame_of(ByteView datagram) const;
   asio::awaitable<void> receive(SessionPtr session);
   void distribute(const SessionPtr& from, const Frame& frame);
   asio::awaitable<void> respond(Seat& seat);
   asio::awaitable<void> send(Seat& seat, SessionPtr to, Answer answer, TimePoint start);
+  asio::awaitable<void> send_later(Seat& seat, SessionPtr to, Answer answer, TimePoint when);
   void answer_for_nobody(Session& to, const Frame& frame);
   asio::awaitable<void> hang_up(Seat& seat, std::chrono::milliseconds outage);
   bool reopen();
   asio::awaitable<void> until(Seat& seat, TimePoint when);
-  std::size_t put(Session& session, ByteView bytes);
+  std::size_t put(Session& session, ByteView bytes, bool from_elsewhere = false);
   void disconnect();
 
   asio::io_context& io_;
@@ -77,6 +87,8 @@ class Line final {
   std::vector<std::unique_ptr<Seat>> seats_;
   std::optional<Pty> pty_;
   std::optional<asio::ip::tcp::acceptor> acceptor_;
+  std::optional<asio::ip::udp::socket> udp_;
+  std::optional<asio::ip::udp::socket> elsewhere_;  // another port of the same address
   std::uint16_t port_ = 0;
   std::vector<SessionPtr> sessions_;
   TimePoint received_until_;  // the wire towards the stations is busy until then

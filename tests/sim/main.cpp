@@ -31,7 +31,8 @@ std::vector<fxsim::PlcConfig> load(const std::string& file, const std::vector<st
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app{"Simulated Mitsubishi FX PLCs on pseudo terminals and TCP ports"};
+  CLI::App app{
+      "Simulated Mitsubishi PLCs and Modbus devices on pseudo terminals, TCP and UDP ports"};
   app.set_version_flag("--version", std::string("fxsim ") + FXSIM_VERSION);
   std::string config;
   std::vector<std::string> forms;
@@ -40,11 +41,11 @@ int main(int argc, char** argv) {
   app.add_option("--config", config, "JSON file with the PLCs");
   app.add_option("--plc", forms,
                  "One more PLC: name=p1,model=FX3U,pty=/tmp/p1,baud=9600,plant=demo "
-                 "(or tcp=PORT, 0 for any free one)")
+                 "(or tcp=PORT or udp=PORT, 0 for any free one)")
       ->expected(1)
       ->take_all();
   std::string listen = "127.0.0.1";
-  app.add_option("--listen", listen, "Address of the TCP listeners (127.0.0.1); 0.0.0.0: all")
+  app.add_option("--listen", listen, "Address of the TCP and UDP ports (127.0.0.1); 0.0.0.0: all")
       ->check(CLI::ValidIPV4);
   app.add_option("--control", options.control, "Unix socket that takes one JSON object a line");
   app.add_option("--log", options.log, "File that gets one JSON object for each request");

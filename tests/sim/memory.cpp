@@ -11,8 +11,7 @@ bool DeviceMemory::has(Device device) const {
 }
 
 std::uint32_t DeviceMemory::get(Device device) const {
-  if (ramp_ && (device.kind == Kind::holding_register || device.kind == Kind::input_register))
-    return static_cast<std::uint16_t>(*ramp_ + device.number);
+  if (ramp_ && shows_ramp(device.kind)) return static_cast<std::uint16_t>(*ramp_ + device.number);
   const auto bits = width(device.kind);
   if (bits == 1)
     return (std::uint32_t{stored(device.kind, device.number / 8)} >> (device.number % 8)) & 1U;
@@ -59,6 +58,16 @@ void DeviceMemory::set_byte(Kind kind, std::size_t offset, std::uint8_t value) {
     const Device device{kind, static_cast<unsigned>(offset * 8 + bit)};
     if (has(device)) set(device, std::uint32_t{value} >> bit);
   }
+}
+
+void DeviceMemory::clear(bool latched) {
+  for (std::size_t kind = 0; kind < kKinds; ++kind)
+    if (latched || kind != static_cast<std::size_t>(Kind::l)) rows_[kind].clear();
+}
+
+bool DeviceMemory::shows_ramp(Kind kind) const {
+  if (kind == Kind::d) return model_->family != Family::fx;
+  return kind == Kind::holding_register || kind == Kind::input_register;
 }
 
 std::uint8_t DeviceMemory::stored(Kind kind, std::size_t offset) const {

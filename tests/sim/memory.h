@@ -31,8 +31,11 @@ class DeviceMemory final {
   std::uint8_t byte(Kind kind, std::size_t offset) const;
   void set_byte(Kind kind, std::size_t offset, std::uint8_t value);
 
-  /// From now on get() finds `base` + n modulo 65536 in Modbus register n, holding and input,
-  /// whatever is set.
+  /// All devices become 0, but for L unless `latched`.
+  void clear(bool latched);
+
+  /// From now on get() finds `base` + n modulo 65536 in Modbus register n, holding and input, and
+  /// in D n of iQ-F, Q, L and iQ-R, whatever is set.
   void show_ramp(std::uint16_t base) { ramp_ = base; }
 
   const Model& model() const { return *model_; }
@@ -42,6 +45,7 @@ class DeviceMemory final {
   using Page = std::array<std::uint8_t, kPageSize>;
   using Row = std::vector<std::unique_ptr<Page>>;  // null or missing: all 0
 
+  bool shows_ramp(Kind kind) const;
   std::uint8_t stored(Kind kind, std::size_t offset) const;
   void store(Kind kind, std::size_t offset, std::uint8_t value);
 

@@ -247,12 +247,14 @@ Ruling Modbus::carry_out(ByteView pdu, Plc& plc) const {
   return ruling;
 }
 
-Bytes Modbus::refusal(const Frame& frame, std::optional<std::uint8_t> code) const {
+Bytes Modbus::refusal(const Frame& frame, std::optional<std::uint16_t> code) const {
   const auto request = unwrap_modbus(protocol_, frame.bytes);
   if (is_broadcast(request.unit)) return {};
-  return wrap_modbus(protocol_,
-                     {request.unit, exception(request.pdu.front(), code.value_or(kDeviceFailure))},
-                     frame.bytes);
+  return wrap_modbus(
+      protocol_,
+      {request.unit,
+       exception(request.pdu.front(), static_cast<std::uint8_t>(code.value_or(kDeviceFailure)))},
+      frame.bytes);
 }
 
 void Modbus::spoil(Bytes& reply, Flaw flaw) const { spoil_modbus(protocol_, reply, flaw); }

@@ -8,10 +8,7 @@
 namespace fxsim {
 
 struct ModbusSettings {
-  struct Hole {
-    Kind kind;
-    Range range;
-  };
+  using Hole = fxsim::Hole;
   std::uint8_t unit = 1;
   std::vector<Hole> holes{};                  // a request that touches one gets exception 02
   unsigned max_read = 125;                    // registers of one read
@@ -29,7 +26,7 @@ class Modbus final : public Personality {
   bool hears(const Frame& frame) const override;
   RequestKind kind(const Frame& frame) const override;
   Ruling execute(const Frame& frame, Plc& plc) const override;
-  Bytes refusal(const Frame& frame, std::optional<std::uint8_t> code) const override;
+  Bytes refusal(const Frame& frame, std::optional<std::uint16_t> code) const override;
   void spoil(Bytes& reply, Flaw flaw) const override;
   Bytes nobody_there(const Frame& frame) const override;
 

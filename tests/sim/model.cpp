@@ -14,25 +14,59 @@ struct Prefix {
   int radix;
 };
 
-// Two letters before one, so that "TN5" is not looked for under a one-letter name.
-constexpr std::array kPrefixes = {
-    Prefix{"TS", Kind::t_contact, 10},
-    Prefix{"TC", Kind::t_coil, 10},
-    Prefix{"TN", Kind::t_value, 10},
-    Prefix{"CS", Kind::c_contact, 10},
-    Prefix{"CC", Kind::c_coil, 10},
-    Prefix{"CN", Kind::c_value, 10},
-    Prefix{"X", Kind::x, 8},
-    Prefix{"Y", Kind::y, 8},
-    Prefix{"M", Kind::m, 10},
-    Prefix{"S", Kind::s, 10},
-    Prefix{"D", Kind::d, 10},
-    Prefix{"R", Kind::r, 10},
-    Prefix{"co:", Kind::coil, 10},
-    Prefix{"di:", Kind::discrete_input, 10},
-    Prefix{"hr:", Kind::holding_register, 10},
-    Prefix{"ir:", Kind::input_register, 10},
-};
+// The longer before the shorter, so that "TN5" is not looked for under a one-letter name.
+constexpr auto kPrefixes = std::to_array<Prefix>({
+    {"LSTS", Kind::lst_contact, 10},
+    {"LSTC", Kind::lst_coil, 10},
+    {"LSTN", Kind::lst_value, 10},
+    {"co:", Kind::coil, 10},
+    {"di:", Kind::discrete_input, 10},
+    {"hr:", Kind::holding_register, 10},
+    {"ir:", Kind::input_register, 10},
+    {"STS", Kind::st_contact, 10},
+    {"STC", Kind::st_coil, 10},
+    {"STN", Kind::st_value, 10},
+    {"LTS", Kind::lt_contact, 10},
+    {"LTC", Kind::lt_coil, 10},
+    {"LTN", Kind::lt_value, 10},
+    {"LCS", Kind::lc_contact, 10},
+    {"LCC", Kind::lc_coil, 10},
+    {"LCN", Kind::lc_value, 10},
+    {"TS", Kind::t_contact, 10},
+    {"TC", Kind::t_coil, 10},
+    {"TN", Kind::t_value, 10},
+    {"CS", Kind::c_contact, 10},
+    {"CC", Kind::c_coil, 10},
+    {"CN", Kind::c_value, 10},
+    {"LZ", Kind::lz, 10},
+    {"ZR", Kind::zr, 10},
+    {"RD", Kind::rd, 10},
+    {"SB", Kind::sb, 16},
+    {"SW", Kind::sw, 16},
+    {"SM", Kind::sm, 10},
+    {"SD", Kind::sd, 10},
+    {"X", Kind::x, 8},
+    {"Y", Kind::y, 8},
+    {"X", Kind::hex_x, 16},
+    {"Y", Kind::hex_y, 16},
+    {"M", Kind::m, 10},
+    {"S", Kind::s, 10},
+    {"D", Kind::d, 10},
+    {"R", Kind::r, 10},
+    {"L", Kind::l, 10},
+    {"F", Kind::f, 10},
+    {"V", Kind::v, 10},
+    {"B", Kind::b, 16},
+    {"W", Kind::w, 16},
+    {"Z", Kind::z, 10},
+});
+
+/// Whether X and Y of this kind are not the ones of the family.
+bool counts_otherwise(Kind kind, Family family) {
+  const bool hex = family == Family::q_l || family == Family::iq_r;
+  if (kind == Kind::x || kind == Kind::y) return hex;
+  return (kind == Kind::hex_x || kind == Kind::hex_y) && !hex;
+}
 
 struct Sizes {
   unsigned x, y, m, special, s, t, d;  // how many, counted from 0
@@ -42,7 +76,7 @@ struct Sizes {
 Model make_model(std::string_view name, ExtendedSet extended, std::uint16_t type_word,
                  std::uint16_t extended_type_word, Sizes sizes, Range counters16,
                  Range counters32) {
-  Model model{name, extended, type_word, extended_type_word, {}};
+  Model model{name, extended, type_word, extended_type_word, {}, Family::fx};
   const auto put = [&model](Kind kind, std::vector<Range> ranges) {
     model.ranges[static_cast<std::size_t>(kind)] = std::move(ranges);
   };
@@ -96,8 +130,19 @@ unsigned width(Kind kind) {
     case Kind::r:
     case Kind::holding_register:
     case Kind::input_register:
+    case Kind::w:
+    case Kind::sw:
+    case Kind::sd:
+    case Kind::z:
+    case Kind::zr:
+    case Kind::rd:
+    case Kind::st_value:
       return 16;
     case Kind::c_value32:
+    case Kind::lt_value:
+    case Kind::lst_value:
+    case Kind::lc_value:
+    case Kind::lz:
       return 32;
     default:
       return 1;
@@ -112,7 +157,7 @@ const Model* find_model(std::string_view name) {
 
 const Model& modbus_model() {
   static const Model model = [] {
-    Model made{"Modbus", ExtendedSet::none, 0, 0, {}};
+    Model made{"Modbus", ExtendedSet::none, 0, 0, {}, Family::modbus};
     for (const auto kind :
          {Kind::coil, Kind::discrete_input, Kind::holding_register, Kind::input_register})
       made.ranges[static_cast<std::size_t>(kind)] = {{0, 0xFFFF}};
@@ -130,14 +175,15 @@ std::string model_names() {
   return names;
 }
 
-std::optional<Device> parse_device(std::string_view text) {
+std::optional<Device> parse_device(std::string_view text, Family family) {
   for (const auto& prefix : kPrefixes) {
-    if (!text.starts_with(prefix.text)) continue;
+    if (!text.starts_with(prefix.text) || counts_otherwise(prefix.kind, family)) continue;
     const auto digits = text.substr(prefix.text.size());
     unsigned number = 0;
     const auto* end = digits.data() + digits.size();
     const auto [rest, error] = std::from_chars(digits.data(), end, number, prefix.radix);
     if (digits.empty() || error != std::errc{} || rest != end) return std::nullopt;
+    if (family != Family::fx) return Device{prefix.kind, number};
     if (prefix.kind == Kind::c_value && number >= kFirst32BitCounter)
       return Device{Kind::c_value32, number - kFirst32BitCounter};
     if (prefix.kind == Kind::m && number >= kSpecialBase)

@@ -1,4 +1,4 @@
-// The simulated FX models: which devices each one has, and how a device is named.
+// The simulated models: which devices each one has, and how a device is named.
 // A Modbus device counts as a model too: four rows of 65,536.
 // Source: MELSEC FX programming manuals' device tables; FX0N, FX1S and FX3S are from general
 // product knowledge. Nothing here was checked against a genuine PLC.
@@ -36,8 +36,36 @@ enum class Kind : std::uint8_t {
   discrete_input,
   holding_register,
   input_register,
+  // Of iQ-F, Q, L and iQ-R alone.
+  hex_x,  // X and Y where they are counted in hexadecimal
+  hex_y,
+  l,
+  f,
+  v,
+  b,
+  w,
+  sb,
+  sw,
+  sm,
+  sd,
+  z,
+  zr,
+  rd,
+  st_contact,
+  st_coil,
+  st_value,
+  lt_contact,
+  lt_coil,
+  lt_value,
+  lst_contact,
+  lst_coil,
+  lst_value,
+  lc_contact,
+  lc_coil,
+  lc_value,
+  lz,
 };
-inline constexpr std::size_t kKinds = 19;
+inline constexpr std::size_t kKinds = 46;
 
 /// Bits in one device of the kind: 1, 16 or 32.
 unsigned width(Kind kind);
@@ -47,8 +75,17 @@ struct Range {
   unsigned last;  // inclusive
 };
 
+/// Devices of a row that answer as if they were not there.
+struct Hole {
+  Kind kind;
+  Range range;
+};
+
 /// What the E commands (E00, E10, E7, E8) address on a model.
 enum class ExtendedSet : std::uint8_t { none, fx1n_fx2n, fx3 };
+
+/// What belongs together in naming its devices and in answering the MC protocol.
+enum class Family : std::uint8_t { fx, modbus, iq_f, q_l, iq_r };
 
 struct Model {
   std::string_view name;
@@ -56,14 +93,20 @@ struct Model {
   std::uint16_t type_word;           // D8001: type and version
   std::uint16_t extended_type_word;  // D8101
   std::array<std::vector<Range>, kKinds> ranges;
+  Family family = Family::fx;
+  std::string_view type_name{};  // what 0101 answers
+  std::uint16_t type_code = 0;
 
   const std::vector<Range>& of(Kind kind) const { return ranges[static_cast<std::size_t>(kind)]; }
 };
 
-/// Null for a name that is not simulated.
+/// An FX model; null for a name that is not simulated.
 const Model* find_model(std::string_view name);
 /// "FX0N FX1S ...", for error texts.
 std::string model_names();
+/// A model whose own ports speak 3E, 4E, 3C and 4C; null for a name that is not simulated.
+const Model* find_mc_model(std::string_view name);
+std::string mc_model_names();
 /// What every Modbus device has.
 const Model& modbus_model();
 
@@ -76,8 +119,10 @@ struct Device {
 
 /// "X17" (octal), "M8013", "TN5", "TS5", "TC5" (coil), "CN200", "CS0", "CC0", "S20", "D100", "R0";
 /// of a Modbus device "co:0", "di:0", "hr:0" and "ir:0", addresses as on the wire.
+/// The families count differently: X, Y in octal on fx and iq_f, else in hexadecimal; M8000, D8000
+/// and CN200 are rows of their own on fx alone.
 /// Nothing if it is no device name; whether a model has the device is not asked here.
-std::optional<Device> parse_device(std::string_view text);
+std::optional<Device> parse_device(std::string_view text, Family family = Family::fx);
 std::string device_name(Device device);
 
 }  // namespace fxsim

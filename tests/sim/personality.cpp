@@ -6,8 +6,17 @@
 namespace fxsim {
 namespace {
 
-constexpr std::array<std::string_view, 5> kProtocols = {
-    "fx-programming-port", "fx-computer-link", "modbus-rtu", "modbus-ascii", "modbus-tcp",
+constexpr std::array<std::string_view, 10> kProtocols = {
+    "fx-programming-port",
+    "fx-computer-link",
+    "modbus-rtu",
+    "modbus-ascii",
+    "modbus-tcp",
+    "mc-1e",
+    "mc-3e",
+    "mc-4e",
+    "mc-3c",
+    "mc-4c",
 };
 
 }  // namespace
@@ -31,6 +40,14 @@ std::string protocol_names() {
 bool is_modbus(Protocol protocol) {
   return protocol == Protocol::modbus_rtu || protocol == Protocol::modbus_ascii ||
          protocol == Protocol::modbus_tcp;
+}
+
+bool is_mc_ethernet(Protocol protocol) {
+  return protocol == Protocol::mc_1e || protocol == Protocol::mc_3e || protocol == Protocol::mc_4e;
+}
+
+bool is_mc_serial(Protocol protocol) {
+  return protocol == Protocol::mc_3c || protocol == Protocol::mc_4c;
 }
 
 void add_stray(std::uint8_t byte, TimePoint when, std::vector<Frame>& out) {

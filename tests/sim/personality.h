@@ -20,11 +20,20 @@ enum class Protocol : std::uint8_t {
   modbus_rtu,
   modbus_ascii,
   modbus_tcp,
+  mc_1e,
+  mc_3e,
+  mc_4e,
+  mc_3c,
+  mc_4c,
 };
 std::string_view protocol_name(Protocol protocol);
 std::optional<Protocol> find_protocol(std::string_view name);
 std::string protocol_names();
 bool is_modbus(Protocol protocol);
+/// 1E, 3E or 4E.
+bool is_mc_ethernet(Protocol protocol);
+/// 3C or 4C.
+bool is_mc_serial(Protocol protocol);
 
 enum class RequestKind : std::uint8_t {
   read,
@@ -71,10 +80,22 @@ struct Ruling {
   unsigned count = 0;                   // devices of that kind
   std::vector<std::uint32_t> values{};  // written, raw; empty where a write cuts through a device
   std::chrono::milliseconds wait{0};    // the answer leaves no sooner after the end of the request
+  unsigned points = 0;                  // asked for, in the request's own unit; MC only
 };
 
 /// What can be wrong with a reply that is otherwise as it should be.
-enum class Flaw : std::uint8_t { sum, sender, transaction, length };
+enum class Flaw : std::uint8_t {
+  sum,
+  sender,
+  transaction,
+  length,        // FFFF in the length field
+  length_short,  // one word less than there is
+  length_long,   // one word more
+  longer,        // one word of data more, and a length that says so
+  shorter,
+  end_code,  // of an error, ahead of the data
+  header,    // of another kind of answer
+};
 
 class Personality {
  public:
@@ -87,12 +108,14 @@ class Personality {
   virtual RequestKind kind(const Frame& frame) const = 0;
   virtual Ruling execute(const Frame& frame, Plc& plc) const = 0;
   /// The answer of a station that refuses `frame` with `code`, or with what it usually says.
-  virtual Bytes refusal(const Frame& frame, std::optional<std::uint8_t> code) const = 0;
+  virtual Bytes refusal(const Frame& frame, std::optional<std::uint16_t> code) const = 0;
   /// Puts the flaw into a reply; all else stays right. A reply without a sum gets another byte for
   /// a wrong one; what a protocol does not have is left alone.
   virtual void spoil(Bytes& reply, Flaw flaw) const = 0;
   /// What a gateway answers in the place of a station that does not.
   virtual Bytes nobody_there(const Frame&) const { return {}; }
+  /// The command by its number, for counting; empty where a protocol's kinds tell enough.
+  virtual std::string command(const Frame&) const { return {}; }
 };
 
 }  // namespace fxsim

@@ -27,6 +27,7 @@ class CounterPlant final : public Plant {
  private:
   void show(DeviceMemory& memory) const {
     memory.show_ramp(static_cast<std::uint16_t>(scans_));
+    if (memory.model().family != Family::fx) return;
     for (const auto& range : memory.model().of(Kind::d))
       for (auto n = range.first; n <= range.last; ++n)
         memory.set({Kind::d, n}, static_cast<std::uint32_t>(scans_ + n));
@@ -46,8 +47,10 @@ class DemoPlant final : public Plant {
     memory.set(kZone1, 200);
     memory.set(kZone2, 200);
     memory.set(kMotor, 200);
-    // A model without C200 counts its parts in C235, the first 32-bit counter of the small ones.
+    // A model without C200 counts its parts in C235, the first 32-bit counter of the small ones; an
+    // FX5 in LC0.
     if (!memory.has(parts_)) parts_ = {Kind::c_value32, 35};
+    if (!memory.has(parts_)) parts_ = {Kind::lc_value, 0};
   }
 
   void scan(DeviceMemory& memory, std::int64_t scans) override {

@@ -88,6 +88,13 @@ TEST(DemoPlant, IsTheSameHoweverOftenItIsAsked) {
       EXPECT_EQ(once.memory().get({kind, n}), often.memory().get({kind, n}));
 }
 
+TEST(DemoPlant, RunsOnAnFx5WithItsPartsInALongCounter) {
+  Plc plc(*find_mc_model("FX5U"), make_plant("demo"), TimePoint{});
+  plc.advance(TimePoint(seconds(30)));
+  EXPECT_GT(plc.memory().get({Kind::lc_value, 0}), 0U);
+  EXPECT_EQ(plc.memory().get({Kind::y, 0}), 1U);
+}
+
 TEST(CounterPlant, EveryRegisterRisesByOneAScan) {
   auto plc = make_plc("FX2N", "counter");
   EXPECT_EQ(plc.memory().get({Kind::d, 7999}), 7999U);

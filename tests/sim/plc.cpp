@@ -16,6 +16,12 @@ constexpr Device kExtendedType{Kind::special_d, 101};  // D8101
 constexpr Device kMemoryType{Kind::special_d, 3};      // D8003: 10h, built-in memory
 constexpr Device kScanNow{Kind::special_d, 10};        // D8010 to D8012: scan time in 0.1 ms
 
+// Of iQ-F, Q, L and iQ-R. SM8000 and SM8001 are on iQ-F what M8000 and M8001 are on FX3.
+constexpr Device kAlwaysOn{Kind::sm, 400};
+constexpr Device kRunMonitorOfIqF{Kind::sm, 8000};
+constexpr Device kStopMonitorOfIqF{Kind::sm, 8001};
+constexpr Device kOperatingState{Kind::sd, 203};  // low digit: 0 RUN, 2 STOP, 3 PAUSE
+
 }  // namespace
 
 Plc::Plc(const Model& model, std::unique_ptr<Plant> plant, TimePoint start)
@@ -23,6 +29,7 @@ Plc::Plc(const Model& model, std::unique_ptr<Plant> plant, TimePoint start)
       plant_(std::move(plant)),
       start_(start),
       has_system_(memory_.has(kRunMonitor)),
+      has_mc_system_(memory_.has(kOperatingState)),
       type_word_(model.type_word),
       extended_type_word_(model.extended_type_word) {
   if (has_system_) {
@@ -52,6 +59,12 @@ void Plc::set_run_switch(bool run) {
   enter(running_ && run);
 }
 
+void Plc::pause() {
+  enter(false);
+  paused_ = true;
+  refresh_system();
+}
+
 bool Plc::force_run() {
   if (run_switch_ || running_) return false;
   for (const auto relay : {kForcedRunMode, kForcedRun}) memory_.set(relay, 1);
@@ -66,6 +79,11 @@ bool Plc::force_stop() {
   memory_.set(kForcedStop, 1);
   enter(false);
   return true;
+}
+
+void Plc::clear(bool latched) {
+  memory_.clear(latched);
+  refresh_system();
 }
 
 void Plc::preset(Device device, std::uint32_t value) {
@@ -113,11 +131,20 @@ void Plc::command_run_state(Device device, bool on) {
 void Plc::enter(bool run) {
   running_ = run;
   run_forced_ = false;
+  paused_ = false;
   if (!run && has_system_) memory_.set(kGlobalSignal, 0);
   refresh_system();
 }
 
 void Plc::refresh_system() {
+  if (has_mc_system_) {
+    memory_.set(kAlwaysOn, 1);
+    memory_.set(kOperatingState, running_ ? 0 : paused_ ? 3 : 2);
+    if (memory_.has(kRunMonitorOfIqF)) {
+      memory_.set(kRunMonitorOfIqF, running_ ? 1 : 0);
+      memory_.set(kStopMonitorOfIqF, running_ ? 0 : 1);
+    }
+  }
   if (!has_system_) return;
   memory_.set(kRunMonitor, running_ ? 1 : 0);
   memory_.set(kStopMonitor, running_ ? 0 : 1);

@@ -22,12 +22,17 @@ class Plc final {
   void advance(TimePoint now);
 
   void set_running(bool run);
+  /// Remote PAUSE of the MC protocol: STOP, but for what SD203 says.
+  void pause();
   /// The hardware switch: in STOP it keeps the PLC stopped whatever a port orders.
   void set_run_switch(bool run);
   /// The remote orders of the computer link. RUN takes only where the switch keeps a stopped PLC in
   /// STOP, and holds until STOP, which takes only then. False: refused.
   bool force_run();
   bool force_stop();
+
+  /// Every device becomes 0; the latch relays L only where `latched`.
+  void clear(bool latched);
 
   /// Puts a value in as its maker would: D8001 and D8101 change too. Precondition: memory().has().
   void preset(Device device, std::uint32_t value);
@@ -52,7 +57,9 @@ class Plc final {
   bool running_ = true;
   bool run_switch_ = true;
   bool run_forced_ = false;
-  bool has_system_;  // the relays and registers from 8000 on
+  bool paused_ = false;
+  bool has_system_;     // the relays and registers from 8000 on
+  bool has_mc_system_;  // SM and SD
   std::uint16_t type_word_;
   std::uint16_t extended_type_word_;
 };

@@ -361,7 +361,7 @@ Ruling ProgrammingPort::execute(const Frame& frame, Plc& plc) const {
   return access(command, set, plc);
 }
 
-Bytes ProgrammingPort::refusal(const Frame&, std::optional<std::uint8_t>) const { return {kNak}; }
+Bytes ProgrammingPort::refusal(const Frame&, std::optional<std::uint16_t>) const { return {kNak}; }
 
 void ProgrammingPort::spoil(Bytes& reply, Flaw flaw) const {
   if (reply.empty() || flaw != Flaw::sum) return;

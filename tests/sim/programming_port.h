@@ -18,7 +18,7 @@ class ProgrammingPort final : public Personality {
   bool hears(const Frame&) const override { return true; }  // it has no addresses
   RequestKind kind(const Frame& frame) const override;
   Ruling execute(const Frame& frame, Plc& plc) const override;
-  Bytes refusal(const Frame& frame, std::optional<std::uint8_t> code) const override;
+  Bytes refusal(const Frame& frame, std::optional<std::uint16_t> code) const override;
   void spoil(Bytes& reply, Flaw flaw) const override;
 };
 

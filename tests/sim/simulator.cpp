@@ -77,7 +77,7 @@ class Simulator::Parts final {
     for (const auto& place : places_) {
       nlohmann::ordered_json plc = {{"name", place.station->name()}};
       if (place.pty.empty()) {
-        plc["tcp"] = place.line->port();
+        plc[place.udp ? "udp" : "tcp"] = place.line->port();
       } else {
         plc["pty"] = place.pty;
       }
@@ -114,6 +114,7 @@ class Simulator::Parts final {
     std::unique_ptr<Line> own_line;  // null where an earlier PLC's line is shared
     Line* line;
     std::string pty;
+    bool udp;
   };
 
   void add(const PlcConfig& config, std::size_t questions_kept) {
@@ -136,7 +137,8 @@ class Simulator::Parts final {
     if (config.line_of == places_.size()) own_line = std::make_unique<Line>(io_, config.line);
     auto* line = own_line ? own_line.get() : places_[config.line_of].line;
     line->attach(*station, config.response);
-    places_.push_back({std::move(station), std::move(own_line), line, config.line.pty});
+    places_.push_back({std::move(station), std::move(own_line), line, config.line.pty,
+                       config.line.udp.has_value()});
   }
 
   void open_control() {

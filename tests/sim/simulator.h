@@ -28,7 +28,8 @@ class Simulator final {
   Simulator(const Simulator&) = delete;
   Simulator& operator=(const Simulator&) = delete;
 
-  /// {"ready":true,"plcs":[{"name":...,"pty":...} or {"name":...,"tcp":...}]}
+  /// {"ready":true,"plcs":[{"name":...,"pty":...} or {"name":...,"tcp":...}]}, a
+  /// port of UDP as "udp".
   std::string ready_line() const;
   /// Serves until stop(), "quit", the end of the lifetime or a signal; then removes what it made.
   void run();

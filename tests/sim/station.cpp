@@ -34,6 +34,8 @@ Answer Station::answer(const Frame& frame, TimePoint now) {
   const auto kind = personality_->kind(frame);
   stats_.bytes_in += frame.bytes.size();
   ++stats_.requests[static_cast<std::size_t>(kind)];
+  if (auto command = personality_->command(frame); !command.empty())
+    ++stats_.commands[std::move(command)];
 
   plc_.advance(now);
   const auto treatment = frame.whole ? faults_.treat(kind) : Treatment{};
@@ -64,6 +66,8 @@ void Station::remember(RequestKind kind, const Ruling& ruling, std::int64_t unix
   const bool order = is_order(kind);
   if (order) ++stats_.accepted_writes;
   if (kind == RequestKind::read) ++stats_.accepted_reads;
+  auto& most = order ? stats_.most_written : stats_.most_read;
+  if (order || kind == RequestKind::read) most = std::max(most, ruling.points);
   auto& deeds = order ? orders_ : questions_;
   deeds.push_back({next_index_++, unix_ms, kind, ruling.device, ruling.count, ruling.values});
   if (deeds.size() > (order ? kOrdersKept : questions_kept_)) deeds.pop_front();
@@ -72,6 +76,9 @@ void Station::remember(RequestKind kind, const Ruling& ruling, std::int64_t unix
 Answer Station::schedule(const Frame& frame, Bytes reply, const Treatment& treatment) const {
   Answer answer;
   answer.hang_up = treatment.drop;
+  answer.overtaken = treatment.overtaken;
+  answer.coalesced = treatment.coalesced;
+  answer.from_elsewhere = treatment.from_elsewhere;
   if (treatment.dead) return answer;
   if (treatment.echo) answer.pieces.push_back({{}, frame.bytes, false});
   if (reply.empty()) return answer;
@@ -102,6 +109,11 @@ Answer Station::schedule(const Frame& frame, Bytes reply, const Treatment& treat
     add(std::move(reply));
   }
   add(treatment.after);
+  if (treatment.twice && !answer.pieces.empty()) {
+    const auto once = answer.pieces.size();
+    for (std::size_t i = 0; i < once; ++i) answer.pieces.emplace_back(answer.pieces[i]);
+    answer.pieces[once].pause = *treatment.twice;
+  }
   return answer;
 }
 

@@ -5,6 +5,7 @@
 #include <array>
 #include <deque>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -24,7 +25,10 @@ struct Answer {
   };
   std::chrono::milliseconds wait{0};  // the first piece starts no sooner after the request
   std::vector<Piece> pieces;
-  std::optional<std::chrono::milliseconds> hang_up;  // then the connection goes, for this long
+  std::optional<std::chrono::milliseconds> hang_up;    // then the connection goes, for this long
+  std::optional<std::chrono::milliseconds> overtaken;  // all of it so late, and others go ahead
+  bool coalesced = false;                              // kept back for the next answer
+  bool from_elsewhere = false;                         // a datagram from another port
 };
 
 /// One request that was carried out.
@@ -57,6 +61,12 @@ struct Stats {
   std::uint64_t accepted_writes = 0;  // writes and forces that were carried out
   std::uint64_t bytes_in = 0;
   std::uint64_t bytes_out = 0;
+  std::map<std::string, std::uint64_t> commands{};  // requests by the number of their command
+  unsigned most_read = 0;                           // points of one request
+  unsigned most_written = 0;
+  std::uint64_t overlaps = 0;     // requests that came before an earlier one was answered
+  std::uint64_t turned_away = 0;  // connections that were one too many
+  std::uint64_t strangers = 0;    // datagrams from another port than the one allowed
 };
 
 class Station final {
@@ -81,6 +91,9 @@ class Station final {
   Answer answer(const Frame& frame, TimePoint now);
 
   void count_sent(std::size_t bytes) { stats_.bytes_out += bytes; }
+  void count_overlap() { ++stats_.overlaps; }
+  void count_turned_away() { ++stats_.turned_away; }
+  void count_stranger() { ++stats_.strangers; }
 
   /// Deeds from index `since` on, oldest first: the last 100,000 writes and forces and the last
   /// questions_kept others are kept.

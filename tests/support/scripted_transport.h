@@ -23,6 +23,15 @@ class ScriptedTransport final : public Transport {
 
   explicit ScriptedTransport(asio::any_io_executor executor);
 
+  /// From now on each give() is a datagram.
+  enum class Port : std::uint8_t { fixed, renewed };
+  void be_udp(Port port) {
+    is_udp_ = true;
+    renews_ = port == Port::renewed;
+  }
+  /// How often renew() was called.
+  std::size_t renewed() const { return renewed_; }
+
   // The script, in the order in which it is played.
 
   /// The next write must be exactly these bytes; another one fails the test.
@@ -58,6 +67,13 @@ class ScriptedTransport final : public Transport {
   asio::awaitable<Written> write(ByteView bytes, SteadyTime deadline) override;
   asio::awaitable<Result<std::size_t>> read_some(MutableBytes into, SteadyTime deadline) override;
   Result<Bytes> discard_input() override;
+  bool has_datagrams() const override { return is_udp_; }
+  bool has_rest() const override { return is_udp_ && !arrived_.empty(); }
+  bool can_renew() const override { return renews_; }
+  Result<void> renew() override {
+    if (renews_) ++renewed_;
+    return {};
+  }
   void close() noexcept override;
 
  private:
@@ -92,6 +108,9 @@ class ScriptedTransport final : public Transport {
   Bytes arrived_;
   bool open_ = false;
   std::size_t opened_ = 0;
+  bool is_udp_ = false;
+  bool renews_ = false;
+  std::size_t renewed_ = 0;
 };
 
 }  // namespace fxagent::test

@@ -257,7 +257,7 @@ class Sim:
         if not line:
             raise AssertionError("fxsim did not start:\n" + text_of(self.log_path))
         ready = json.loads(line)
-        self.ports = {plc["name"]: plc.get("tcp") for plc in ready["plcs"]}
+        self.ports = {plc["name"]: plc.get("tcp", plc.get("udp")) for plc in ready["plcs"]}
 
     def ask(self, **question):
         with socket.socket(socket.AF_UNIX) as connection:
@@ -391,7 +391,7 @@ class PlantTest(unittest.TestCase):
     def plc(self, name="press1", **more):
         out = {"name": name, "model": "FX3U", "pty": self.pty(name), "baud": 0, "turnaround_ms": 1}
         out.update(more)
-        if "tcp" in out:
+        if "tcp" in out or "udp" in out:
             del out["pty"]
         return out
 

@@ -169,6 +169,7 @@ TEST(ConfigDifference, EachKeyIsEitherTakenOverOrNeedsARestart) {
                                                   "links[].serial",
                                                   "links[].serial.rs485",
                                                   "links[].tcp",
+                                                  "links[].udp",
                                                   "devices[]",
                                                   "devices[].groups[]",
                                                   "devices[].tags[]",

@@ -469,6 +469,9 @@ TEST(Config, LineListensForTwiceTheTimeoutOfItsSlowestDevice) {
   const Config numbered =
       good(changed("/devices/1", R"({"name": "meter", "link": "gw1", "protocol": "modbus-tcp"})"));
   EXPECT_EQ(numbered.links[1].listening.count(), 0) << "its answers have numbers";
+  const Config anew =
+      good(changed("/devices/1", R"({"name": "press2", "link": "gw1", "protocol": "mc-1e"})"));
+  EXPECT_EQ(anew.links[1].listening.count(), 0) << "a new connection brings nothing old";
 }
 
 TEST(Config, PollsKeepAFifthOfTheLineUnlessTheLinkSaysOtherwise) {
@@ -503,8 +506,9 @@ TEST(Config, LineSettingsOutOfRangeAreRefused) {
   expect_error(changed("/links/1/tcp/host", R"("http://a/")"), "/links/1/tcp/host", {"host name"});
 }
 
-TEST(Config, LinkIsEitherSerialOrTcp) {
+TEST(Config, LinkIsEitherSerialOrTcpOrUdp) {
   expect_error(changed("/links/0/tcp", R"({"host": "b", "port": 1})"), "/links/0", {"either"});
+  expect_error(changed("/links/1/udp", R"({"host": "b", "port": 1})"), "/links/1", {"\"udp\""});
   expect_error(without("/links/0/serial"), "/links/0", {"either"});
 }
 
@@ -532,7 +536,59 @@ TEST(Config, TwoLinksOnOnePortAreAnErrorThatNamesBoth) {
 TEST(Config, TwoLinksToOneServerAreAWarning) {
   EXPECT_TRUE(warns(
       good(changed("/links/2", R"({"name": "gw2", "tcp": {"host": "192.0.2.10", "port": 5551}})")),
-      {"/links/2/tcp", "/links/1/tcp"}));
+      {"/links/2/tcp", "\"gw2\"", "\"gw1\" at /links/1 (line ", "put the devices of both"}));
+}
+
+/// The small plant with these links besides its own.
+std::string with_links(const std::vector<std::string>& links) {
+  auto plant = small_plant();
+  for (const std::string& link : links) plant["links"].push_back(nlohmann::json::parse(link));
+  return plant.dump();
+}
+
+TEST(Config, UdpLinkHasAPlaceAndPerhapsAPortOfItsOwn) {
+  const Config config =
+      good(with_links({R"({"name": "u1", "udp": {"host": "192.0.2.10", "port": 5007}})",
+                       R"({"name": "u2", "udp": {"host": "a", "port": 1, "local_port": 65535}})"}));
+  EXPECT_EQ(std::get<UdpSettings>(config.links[2].channel), (UdpSettings{"192.0.2.10", 5007, 0}));
+  EXPECT_EQ(std::get<UdpSettings>(config.links[3].channel), (UdpSettings{"a", 1, 65535}));
+  EXPECT_EQ(config.links[2].char_time.count(), 0);
+}
+
+TEST(Config, UdpLinkThatCannotBeIsAnError) {
+  const auto udp = [](const std::string& inside, const std::string& beside = "") {
+    return with_links({R"({"name": "u1", "udp": {)" + inside + "}" + beside + "}"});
+  };
+  expect_error(udp(R"("host": "a", "port": 0)"), "/links/2/udp/port", {"1 to 65535"});
+  expect_error(udp(R"("host": "a/b", "port": 1)"), "/links/2/udp/host", {"host name"});
+  expect_error(udp(R"("host": "a", "port": 1, "local_port": 0)"), "/links/2/udp/local_port",
+               {"1 to 65535"});
+  expect_error(udp(R"("host": "a", "port": 1)", R"(, "line_baud": 9600)"), "/links/2/line_baud",
+               {"UDP"});
+}
+
+TEST(Config, TwoLinksToOneUdpPortAreAWarningAndFromOnePortAnError) {
+  const std::string first = R"({"name": "u1", "udp": {"host": "a", "port": 1, "local_port": 5}})";
+  EXPECT_TRUE(
+      warns(good(with_links({first, R"({"name": "u2", "udp": {"host": "a", "port": 1}})"})),
+            {"/links/3/udp", "\"u2\"", "\"u1\" at /links/2 (line ", "put the devices of both"}));
+  EXPECT_FALSE(warns(good(with_links({R"({"name": "u2", "udp": {"host": "192.0.2.10",
+                                          "port": 5551}})"})),
+                     {"same host"}))
+      << "gw1 is there by TCP";
+  expect_error(
+      with_links({first, R"({"name": "u2", "udp": {"host": "b", "port": 1, "local_port": 5}})"}),
+      "/links/3/udp/local_port", {"already used", "/links/2/udp/local_port (line "});
+}
+
+TEST(Config, ProtocolThatHasNoDatagramsIsToldWhatItNeeds) {
+  auto plant = small_plant();
+  plant["links"].push_back({{"name", "u1"}, {"udp", {{"host", "a"}, {"port", 502}}}});
+  plant["devices"].push_back({{"name", "m"}, {"link", "u1"}, {"protocol", "modbus-tcp"}});
+  expect_error(plant.dump(), "/devices/2/link",
+               {"modbus-tcp does not run over a udp link; it needs one with \"tcp\""});
+  plant["devices"][2]["protocol"] = "modbus-rtu";
+  expect_error(plant.dump(), "/devices/2/link", {"\"serial\" or \"tcp\""});
 }
 
 TEST(Config, LinkWithoutADeviceIsAWarning) {

@@ -300,7 +300,8 @@ constexpr std::string_view kHead = "| key | type, range | default | meaning |\n|
 /// One table for each section; sections of objects without a table of their own stand in that of
 /// their parent, and after the table of devices those of the protocols.
 std::string tables() {
-  const std::set<std::string_view> within{"mqtt.tls", "links[].serial", "links[].tcp"};
+  const std::set<std::string_view> within{"mqtt.tls", "links[].serial", "links[].tcp",
+                                          "links[].udp"};
   std::string out;
   for (const std::string& section : sections()) {
     if (within.contains(section)) continue;

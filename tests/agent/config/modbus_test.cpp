@@ -206,7 +206,7 @@ TEST(ConfigModbus, ThereIsNoModelAndNoRunAndStop) {
 
 TEST(ConfigModbus, KeysOfOtherProtocolsNameThemAndTheirOwnInTheirPlace) {
   expect_modbus_error("/devices/0/station", "1", "/devices/0/station",
-                      {"is for fx-computer-link; ", "modbus-rtu may have unit, "});
+                      {"is for fx-computer-link", "modbus-rtu may have unit, "});
   expect_modbus_error("/devices/2/enquire", R"("never")", "/devices/2/enquire",
                       {"is for fx-programming-port; ", "modbus-tcp may have unit, "});
   json plant = modbus_plant();

@@ -172,5 +172,34 @@ TEST_F(CommandExchangesTest, StopLetsNobodyHaveATurnAndItsEndCutsOff) {
   EXPECT_TRUE(wire->written().empty());
 }
 
+/// The same, of a protocol that knows what to look at.
+class HintingExchangesTest : public CommandExchangesTest {
+ protected:
+  HintingExchangesTest() {
+    hinting.silent_hint = "is it switched on?";
+    hinting.closed_hint = "is another program using this connection?";
+    device.protocol = &hinting;
+  }
+  ProtocolInfo hinting = *find_protocol("fx-programming-port");
+};
+
+TEST_F(HintingExchangesTest, DeviceThatHasNeverAnsweredIsToldWithWhatToLookAt) {
+  wire->hang_up();  // while it listens
+  const std::string closed = send().error;
+  EXPECT_NE(closed.find("; is another program"), std::string::npos) << closed;
+  wire->silence().expect(kWrite50).silence();
+  const std::string silent = send().error;
+  EXPECT_NE(silent.find("; is it switched on?"), std::string::npos) << silent;
+}
+
+TEST_F(HintingExchangesTest, DeviceThatHasAnsweredHasTheRightSettings) {
+  wire->silence().expect(kWrite50).give(kAck);
+  wire->expect(kWrite50).silence();
+  EXPECT_TRUE(send().is_ack());
+  const std::string silent = send().error;
+  EXPECT_FALSE(silent.empty());
+  EXPECT_EQ(silent.find("; is it"), std::string::npos) << silent;
+}
+
 }  // namespace
 }  // namespace fxagent::test

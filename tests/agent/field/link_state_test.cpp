@@ -4,12 +4,14 @@
 
 #include <algorithm>
 #include <asio/io_context.hpp>
+#include <functional>
 #include <memory>
 #include <utility>
 #include <vector>
 
 #include "tests/agent/field/field_plant.h"
 #include "tests/agent/field/on_io.h"
+#include "tests/agent/field/port_frames.h"
 #include "tests/support/scripted_transport.h"
 
 namespace fxagent::test {
@@ -23,11 +25,17 @@ using State = DeviceStatus::State;
 /// One link with one device that needs three unanswered exchanges to be silent.
 class LinkStateTest : public ::testing::Test {
  protected:
-  void use(std::variant<SerialSettings, TcpSettings> channel) {
+  void use(decltype(LinkConfig::channel) channel) {
     config.links.push_back({"line1", std::move(channel), nanoseconds(0)});
     config.devices.push_back(port_device());
+    hinting = *config.devices[0].protocol;
+    hinting.silent_hint = "is it switched on?";
+    hinting.closed_hint = "is another program using this connection?";
+    config.devices[0].protocol = &hinting;
     auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
     wire = transport.get();
+    if (std::holds_alternative<UdpSettings>(config.links[0].channel))
+      wire->be_udp(ScriptedTransport::Port::renewed);
     bus = std::make_unique<Bus>(io.get_executor(), std::move(transport), nanoseconds(0));
     devices.push_back(std::make_unique<LinkDevice>(config.devices[0], 0));
     devices[0]->id = scheduler.add_device(3, {});
@@ -41,6 +49,28 @@ class LinkStateTest : public ::testing::Test {
   std::vector<DeviceStatus> told() { return outbox.take().states; }
   nanoseconds next_open_in() const { return link->next_open() - Clock::now(); }
 
+  /// What the log says of `action`.
+  static std::string logged(const std::function<void()>& action) {
+    testing::internal::CaptureStderr();
+    action();
+    return testing::internal::GetCapturedStderr();
+  }
+  /// Opens the link as the worker does, and asks where that is worth while.
+  void try_it(Bytes answer = {}) {
+    if (!answer.empty()) wire->expect(kReadD100).give(std::move(answer));
+    const auto opened = run_on(io, bus->open());
+    if (!opened) return link->open_failed(opened.error().text);
+    link->opened();
+    Station& station = devices[0]->station;
+    station.enquire = EnquirePolicy::never;
+    const Request read{Read{station.codec->addresses().parse_address("D100", {})->span}};
+    const Exchange exchange = run_on(io, bus->exchange(station, read));
+    if (exchange.has_answer()) link->answered(*devices[0]);
+    if (exchange.outcome == Exchange::Outcome::link_down) link->lost(exchange.error);
+  }
+
+  const Bytes kReadD100 = read_frame(kD100, 2);
+  ProtocolInfo hinting;
   asio::io_context io;
   Config config;
   Outbox outbox{1000};
@@ -170,6 +200,109 @@ TEST_F(LinkStateTest, TcpPeerThatNeverAnswersIsLeft) {
   link->unanswered(*devices[0]);
   EXPECT_FALSE(bus->is_open());
   EXPECT_EQ(told().at(0).reason, "link_down");
+}
+
+TEST_F(LinkStateTest, PeerThatClosesBeforeItsFirstAnswerIsTriedEverMoreSeldomAndToldOnce) {
+  use(TcpSettings{"192.0.2.10", 5551});
+  for (int i = 0; i < 2; ++i) wire->hang_up();  // while it listens
+  for (int i = 0; i < 3; ++i) wire->silence().expect(kReadD100).hang_up();
+  std::string log;
+  nanoseconds before{0};
+  for (int i = 0; i < 5; ++i) {
+    log += logged([&] { try_it(); });
+    EXPECT_FALSE(bus->is_open());
+    const nanoseconds wait = next_open_in();
+    EXPECT_GT(wait, std::max<nanoseconds>(milliseconds(700), before)) << "attempt " << i;
+    before = wait;
+  }
+  EXPECT_GT(before, std::chrono::seconds(10));
+  const std::string_view told =
+      "reason=\"the scripted peer has gone before its first answer\" note=\"is another program "
+      "using this connection?\"";
+  ASSERT_NE(log.find(told), std::string::npos) << log;
+  EXPECT_EQ(log.find(told), log.rfind(told)) << log;
+  EXPECT_EQ(log.find("state=up"), std::string::npos) << log;
+}
+
+TEST_F(LinkStateTest, ConnectionThatFollowsAVainOneIsUpOnceItHasAnswered) {
+  use(TcpSettings{"192.0.2.10", 5551});
+  wire->silence().expect(kReadD100).hang_up();
+  EXPECT_NE(logged([&] { try_it(); }).find("state=up"), std::string::npos)
+      << "nothing is known yet";
+  wire->silence();
+  const std::string log = logged([&] { try_it(word_frame(1)); });
+  EXPECT_NE(log.find("state=up"), std::string::npos) << log;
+  EXPECT_TRUE(bus->is_open());
+  bus->close();
+  link->look();
+  EXPECT_LE(next_open_in(), milliseconds(200)) << "it had answered";
+  link->open_failed("refused");
+  EXPECT_LE(next_open_in(), milliseconds(600)) << "the first failure";
+}
+
+TEST_F(LinkStateTest, BroadcastLinkIsUpWithoutAnAnswer) {
+  use(TcpSettings{"192.0.2.10", 5551});
+  devices[0]->codec = codec_of("modbus-rtu", {{"unit", std::int64_t{0}}});
+  wire->hang_up();
+  try_it();
+  EXPECT_LE(next_open_in(), milliseconds(600));
+}
+
+TEST_F(LinkStateTest, ConnectionOverWhichNothingWasEverAnsweredIsToldWithWhatToLookAt) {
+  use(TcpSettings{"192.0.2.10", 5551});
+  std::string log;
+  for (int session = 0; session < 3; ++session) {
+    open();
+    log += logged([&] {
+      for (int i = 0; i < 3; ++i) link->unanswered(*devices[0]);
+    });
+    EXPECT_LE(next_open_in(), milliseconds(200)) << "it was not the peer who closed it";
+  }
+  const std::string_view told =
+      "reason=\"nobody answers on this connection\" note=\"is it switched on?\"";
+  ASSERT_NE(log.find(told), std::string::npos) << log;
+  EXPECT_EQ(log.find("nobody answers"), log.rfind("nobody answers")) << log;
+}
+
+TEST_F(LinkStateTest, SilentDeviceIsToldWithWhatToLookAtUnlessTheLinkHasEverAnswered) {
+  use(SerialSettings{});
+  open();
+  const auto fall_silent = [&] {
+    return logged([&] {
+      for (int i = 0; i < 3; ++i) link->unanswered(*devices[0]);
+      link->update(*devices[0]);
+    });
+  };
+  const std::string first = fall_silent();
+  EXPECT_NE(first.find("state=offline reason=timeout note=\"is it switched on?\""),
+            std::string::npos)
+      << first;
+  link->answered(*devices[0]);
+  link->update(*devices[0]);
+  EXPECT_EQ(fall_silent().find("note"), std::string::npos) << "it was said";
+}
+
+TEST_F(LinkStateTest, UdpPortWhereNobodyAnswersIsLeft) {
+  use(UdpSettings{"192.0.2.10", 5007, 0});
+  open();
+  const std::string log = logged([&] {
+    for (int i = 0; i < 3; ++i) link->unanswered(*devices[0]);
+  });
+  EXPECT_FALSE(bus->is_open());
+  EXPECT_NE(log.find("reason=\"nobody answers on this UDP port\" note="), std::string::npos) << log;
+  EXPECT_EQ(told().at(0).reason, "link_down");
+}
+
+TEST_F(LinkStateTest, UdpPortWhereNobodyListensIsTriedEverMoreSeldomAndToldOnce) {
+  use(UdpSettings{"192.0.2.10", 5007, 0});
+  std::string log;
+  for (int i = 0; i < 4; ++i) {
+    wire->expect(kReadD100).hang_up();
+    log += logged([&] { try_it(); });
+  }
+  EXPECT_GT(next_open_in(), std::chrono::seconds(5));
+  EXPECT_EQ(log.find("state=down"), log.rfind("state=down")) << log;
+  EXPECT_EQ(log.find("another program"), std::string::npos) << "UDP has no connections: " << log;
 }
 
 TEST_F(LinkStateTest, SerialLineIsNotClosedBySilence) {

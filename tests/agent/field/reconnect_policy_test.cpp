@@ -37,6 +37,13 @@ TEST(ReconnectPolicy, PausesDoubleToTheirCapAndASuccessEndsThem) {
   }
 }
 
+TEST(ReconnectPolicy, PauseMayHaveALeast) {
+  ReconnectPolicy reconnect_policy(kRules, 1);
+  EXPECT_GE(reconnect_policy.after_failure(milliseconds(1000)), milliseconds(800));
+  EXPECT_GE(reconnect_policy.after_failure(milliseconds(1000)), milliseconds(1600)) << "it doubles";
+  EXPECT_LE(reconnect_policy.after_failure(std::chrono::minutes(5)), milliseconds(36000));
+}
+
 TEST(ReconnectPolicy, AThousandLinksThatFailTogetherDoNotComeBackTogether) {
   std::vector<nanoseconds> times;
   for (std::uint32_t link = 0; link < kLinks; ++link)

@@ -12,6 +12,7 @@
 #include <memory>
 #include <string>
 
+#include "agent/field/host_lookup.h"
 #include "tests/agent/field/on_io.h"
 
 namespace fxagent::test {

@@ -1,0 +1,227 @@
+#include "tests/sim/mc_serial.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/sim/mc_frames.h"
+
+namespace fxsim {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+Plc make_plc(std::string_view model) {
+  return {*find_mc_model(model), make_plant("none"), TimePoint{}};
+}
+
+McSettings settings_of(std::string_view model, unsigned format) {
+  McSettings settings;
+  settings.family = find_mc_model(model)->family;
+  settings.format = format;
+  return settings;
+}
+
+McCode code_of(unsigned format) { return format == 5 ? McCode::binary : McCode::ascii; }
+
+class McLine : public testing::Test {
+ protected:
+  void use(unsigned format, Protocol protocol = Protocol::mc_4c) {
+    settings_ = settings_of("FX5U", format);
+    protocol_ = protocol;
+  }
+  void SetUp() override { use(4); }
+
+  std::string asked(std::string_view request, TimePoint when = TimePoint{}) {
+    const McSerial station(protocol_, settings_);
+    const auto code = code_of(settings_.format);
+    const auto reply =
+        replies_of(station, *station.make_framer(), plc_, mc_bytes(request, code), when);
+    if (code == McCode::binary) return to_hex(reply);
+    std::string text(as_text(reply));
+    constexpr std::string_view kMeant = "\x05\x02\x03\x06\x15\r\n";
+    for (auto& character : text)
+      if (const auto at = kMeant.find(character); at != std::string_view::npos)
+        character = "<>|+-rn"[at];
+    return text;
+  }
+
+  McSettings settings_;
+  Protocol protocol_ = Protocol::mc_4c;
+  Plc plc_ = make_plc("FX5U");
+};
+
+TEST(McSerialFrames, OfTheTableAreAnswered) {
+  for (const auto& row : kMcSerialRows) {
+    SCOPED_TRACE(row.request);
+    auto plc = make_plc(row.model);
+    preset_opposite(plc, row.after);
+    preset(plc, row.before);
+    const McSerial station(row.protocol, settings_of(row.model, row.format));
+    const auto code = code_of(row.format);
+    EXPECT_EQ(to_hex(replies_of(station, plc, mc_bytes(row.request, code))),
+              to_hex(mc_bytes(row.answer, code)));
+    EXPECT_EQ(differences(plc, row.after), "");
+  }
+}
+
+TEST(McSerialFrames, NoiseAndHalfAFrameAheadChangeNothing) {
+  for (const auto& row : kMcSerialRows) {
+    SCOPED_TRACE(row.request);
+    const McSerial station(row.protocol, settings_of(row.model, row.format));
+    const auto code = code_of(row.format);
+    const auto request = mc_bytes(row.request, code);
+    for (const std::size_t half : {1U, 5U, 9U}) {
+      auto plc = make_plc(row.model);
+      preset(plc, row.before);
+      auto bytes = from_hex("00 7F 55").value();
+      bytes.insert(bytes.end(), request.begin(), request.begin() + static_cast<long>(half));
+      bytes.insert(bytes.end(), request.begin(), request.end());
+      EXPECT_EQ(to_hex(replies_of(station, plc, bytes)), to_hex(mc_bytes(row.answer, code)));
+    }
+  }
+}
+
+TEST_F(McLine, AWrongSumIsRefusedAndTheOtherStationIsSilent) {
+  EXPECT_EQ(asked("<F80000FF03FF000004010000M*000100000258rn"), ">F80000FF03FF000000000000|FCrn");
+  EXPECT_EQ(asked("<F80000FF03FF000004010000M*000100000259rn"), "-F80000FF03FF00007F24rn");
+  EXPECT_EQ(asked("<F80100FF03FF000004010000M*000100000259rn"), "");
+  EXPECT_EQ(asked("<F80001FF03FF000004010000M*000100000259rn"), "-F80001FF03FF00007F21rn");
+  EXPECT_EQ(asked("<F80000FF03FF000004010000M*000100000258rr"), "-F80000FF03FF00007F23rn");
+}
+
+TEST_F(McLine, WithoutSumCheckThereIsNoneInBothDirections) {
+  settings_.sum_check = false;
+  EXPECT_EQ(asked("<F80000FF03FF000004010000M*0001000002rn"), ">F80000FF03FF000000000000|rn");
+  EXPECT_EQ(asked("<F80000FF03FF000004010000M*000100000258rn"), "-F80000FF03FF00007F22rn");
+  use(1);
+  settings_.sum_check = false;
+  EXPECT_EQ(asked("<F80000FF03FF000004010000M*0001000002"), ">F80000FF03FF000000000000|");
+  EXPECT_EQ(asked("<F80000FF03FF000014010001M*000100000211"), "+F80000FF03FF0000");
+  use(3);
+  settings_.sum_check = false;
+  EXPECT_EQ(asked(">F80000FF03FF000004010000M*0001000002|"), ">F80000FF03FF0000QACK00030000|");
+  use(5);
+  settings_.sum_check = false;
+  EXPECT_EQ(asked("10 02 12 00 F8 00 00 FF FF 03 00 00 01 04 00 00 64 00 00 90 02 00 10 03"),
+            "10 02 10 10 00 F8 00 00 FF FF 03 00 00 FF FF 00 00 03 00 00 00 10 03");
+}
+
+TEST_F(McLine, RefusalsHaveTheirFormats) {
+  use(2);
+  EXPECT_EQ(asked("<7AF80000FF03FF000004010000M*0001000002D1"), "-7AF80000FF03FF00007F24");
+  use(3);
+  EXPECT_EQ(asked(">F80000FF03FF000004010000M*0001000002|5C"), ">F80000FF03FF0000QNAK7F24|");
+  use(5);
+  EXPECT_EQ(asked("10 02 12 00 F8 00 00 FF FF 03 00 00 01 04 00 00 64 00 00 90 02 00 10 03 30 37"),
+            "10 02 0C 00 F8 00 00 FF FF 03 00 00 FF FF 24 7F 10 03 41 36");
+  EXPECT_EQ(asked("10 02 13 00 F8 00 00 FF FF 03 00 00 01 04 00 00 64 00 00 90 02 00 10 03 30 37"),
+            "10 02 0C 00 F8 00 00 FF FF 03 00 00 FF FF 22 7F 10 03 41 34");
+}
+
+TEST_F(McLine, Format1EndsWhereItsCommandSays) {
+  use(1, Protocol::mc_3c);
+  settings_.sum_check = false;
+  preset(plc_, "D0=1 2");
+  EXPECT_EQ(asked("<F90000FF0004030000"
+                  "0100"
+                  "D*000000"),
+            ">F90000FF000001|");
+  EXPECT_EQ(asked("<F90000FF0014060000"
+                  "0100"
+                  "D*0000000002AAAABBBB"),
+            "+F90000FF00");
+  EXPECT_EQ(differences(plc_, "D0=AAAA BBBB"), "");
+  EXPECT_EQ(asked("<F90000FF0014020001"
+                  "01"
+                  "M*00000001"),
+            "+F90000FF00");
+  EXPECT_EQ(asked("<F90000FF0010010000"
+                  "0001"
+                  "00"
+                  "00"),
+            "+F90000FF00");
+  EXPECT_EQ(asked("<F90000FF0006190000"
+                  "0003"
+                  "ABC"),
+            ">F90000FF000003ABC|");
+  EXPECT_EQ(asked("<F90000FF0008010000"), "-F90000FF007E40");
+}
+
+TEST_F(McLine, HalfAFrameIsForgotten) {
+  use(1, Protocol::mc_3c);
+  settings_.sum_check = false;
+  const McSerial station(protocol_, settings_);
+  const auto framer = station.make_framer();
+  const auto half = mc_bytes("<F90000FF0004010000", McCode::ascii);
+  const auto rest = mc_bytes("D*0000000001", McCode::ascii);
+  EXPECT_EQ(replies_of(station, *framer, plc_, half, TimePoint{}).size(), 0U);
+  EXPECT_NE(replies_of(station, *framer, plc_, rest, TimePoint{} + milliseconds(500)).size(), 0U);
+  EXPECT_EQ(replies_of(station, *framer, plc_, half, TimePoint{} + seconds(2)).size(), 0U);
+  EXPECT_EQ(replies_of(station, *framer, plc_, rest, TimePoint{} + seconds(5)).size(), 0U);
+}
+
+TEST_F(McLine, EndCodesAreThoseOfASerialPort) {
+  settings_.sum_check = false;
+  const auto code = [this](const std::string& message) {
+    return asked("<F80000FF03FF0000" + message + "rn").substr(17, 4);
+  };
+  EXPECT_EQ(code("04010000D*0080000001"), "7E4F");
+  EXPECT_EQ(code("04010000Q*0000000001"), "7E43");
+  EXPECT_EQ(code("04010000D*00000003C1"), "7E42");
+  EXPECT_EQ(code("0403000000C1" +
+                 [] {
+                   std::string devices;
+                   for (int i = 0; i < 193; ++i) devices += "D*000000";
+                   return devices;
+                 }()),
+            "7E41");
+  EXPECT_EQ(code("04010000D*0000000G01"), "7F20");
+  settings_.cpu.write_in_run = false;
+  EXPECT_EQ(code("14010000D*00000000011234"), "7167");
+}
+
+TEST_F(McLine, FlawsKeepTheSumRight) {
+  const auto spoiled = [this](Flaw flaw, std::string_view frame) {
+    const auto code = code_of(settings_.format);
+    auto reply = mc_bytes(frame, code);
+    McSerial(protocol_, settings_).spoil(reply, flaw);
+    if (code == McCode::binary) return to_hex(reply);
+    std::string text(as_text(reply));
+    constexpr std::string_view kMeant = "\x05\x02\x03\x06\x15\r\n";
+    for (auto& character : text)
+      if (const auto at = kMeant.find(character); at != std::string_view::npos)
+        character = "<>|+-rn"[at];
+    return text;
+  };
+  constexpr std::string_view kData = ">F80000FF03FF000012340002|08rn";
+  EXPECT_EQ(spoiled(Flaw::sum, kData), ">F80000FF03FF000012340002|00rn");
+  EXPECT_EQ(spoiled(Flaw::sender, kData), ">F80100FF03FF000012340002|09rn");
+  EXPECT_EQ(spoiled(Flaw::longer, kData), ">F80000FF03FF0000123400021234|D2rn");
+  EXPECT_EQ(spoiled(Flaw::shorter, kData), ">F80000FF03FF00001234|46rn");
+  EXPECT_EQ(spoiled(Flaw::header, kData), ">F90000FF03FF000012340002|09rn");
+  EXPECT_EQ(spoiled(Flaw::sender, "+F80000FF03FF0000rn"), "+F80100FF03FF0000rn");
+  use(5);
+  constexpr std::string_view kDone = "10 02 0C 00 F8 00 00 FF FF 03 00 00 FF FF 00 00 10 03 30 33";
+  EXPECT_EQ(spoiled(Flaw::length_long, kDone),
+            "10 02 0E 00 F8 00 00 FF FF 03 00 00 FF FF 00 00 10 03 30 35");
+  EXPECT_EQ(spoiled(Flaw::end_code, kDone),
+            "10 02 0C 00 F8 00 00 FF FF 03 00 00 FF FF 40 7E 10 03 43 31");
+}
+
+TEST(McSerialDamage, NoBytesBringItDown) {
+  std::mt19937 random(1);
+  for (const auto& row : kMcSerialRows) {
+    auto plc = make_plc(row.model);
+    const McSerial station(row.protocol, settings_of(row.model, row.format));
+    for (int i = 0; i < 500; ++i) {
+      replies_of(station, plc, damaged(mc_bytes(row.request, code_of(row.format)), random));
+      auto reply = mc_bytes(row.answer, code_of(row.format));
+      for (const auto flaw : {Flaw::sum, Flaw::sender, Flaw::length, Flaw::longer, Flaw::shorter,
+                              Flaw::end_code, Flaw::header})
+        station.spoil(reply, flaw);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace fxsim
