@@ -81,11 +81,12 @@ TEST(McPlan, OverASerialLineNoOtherMixTakesLessLineTime) {
   std::size_t mixed = 0;
   std::size_t alone = 0;
   for (int round = 0; round < 60; ++round) {
+    const std::uint32_t far = round % 3 == 0 ? 4 : 80;
     const Mc codec = plc(round % 2 == 0 ? Frame::c3 : Frame::c4);
     const LineCost cost{std::chrono::nanoseconds(1041667), std::chrono::milliseconds(pick(0, 40))};
     std::vector<Point> points;
     for (std::uint32_t n = pick(2, 6); n > 0; --n)
-      points.push_back(point(codec, (pick(0, 3) == 0 ? "M" : "D") + std::to_string(pick(0, 80))));
+      points.push_back(point(codec, (pick(0, 3) == 0 ? "M" : "D") + std::to_string(pick(0, far))));
     const Plan plan = make_plan(codec, points, cost, 0);
     ASSERT_EQ(plan.line_time.count(), EveryPlan(codec, points, cost).least()) << round;
     for (std::uint32_t e = 0; e < plan.exchange_count(); ++e) {
