@@ -157,7 +157,7 @@ class McOverUdp(PlantTest):
                 self.assertNotIn(value, written, results[identity])
         self.assertGreater(statuses.count("SUCCEEDED"), 3, statuses)
         for what, times in self.network.counts.items():
-            self.assertGreater(times, 10, what)
+            self.assertGreater(times, 3, what)
 
     def test_4e_that_is_lost_doubled_late_and_forged(self):
         self.check("mc-4e", 4)
