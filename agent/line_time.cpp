@@ -23,14 +23,25 @@ LineCost cost_of(const DeviceConfig& device, nanoseconds char_time, nanoseconds 
 }
 
 Plan reads_of(const Codec& codec, const DeviceConfig& device, const Point& point) {
-  return make_plan(codec, std::span(&point, 1), LineCost{}, device.max_block_bytes);
+  // A device may lack the commands that read several places at once: only polls find that out.
+  Holes unknown;
+  for (const GatherCommand& command : codec.addresses().gathers())
+    unknown.gather_limits.push_back({command.gather, 0});
+  const std::span only(&point, 1);
+  Plan plan = make_plan(codec, only, LineCost{}, device.max_block_bytes, unknown);
+  if (!plan.reads.empty() || unknown.gather_limits.empty()) return plan;
+  return make_plan(codec, only, LineCost{}, device.max_block_bytes);
 }
 
 nanoseconds read_time(const Codec& codec, const DeviceConfig& device, const Point& point,
                       const LineTiming& timing) {
+  return poll_time(codec, reads_of(codec, device, point), timing);
+}
+
+nanoseconds poll_time(const Codec& codec, const Plan& plan, const LineTiming& timing) {
   nanoseconds total{0};
-  for (const PlannedRead& planned : reads_of(codec, device, point).reads)
-    total += exchange_time(codec, planned.read, timing);
+  for (std::uint32_t e = 0; e < plan.exchange_count(); ++e)
+    total += exchange_time(codec, plan.request(plan.reads_in(e)), timing);
   return total;
 }
 
@@ -53,8 +64,8 @@ nanoseconds longest_poll(const Codec& codec, std::span<const Plan* const> plans,
                          const LineTiming& timing) {
   nanoseconds longest{0};
   for (const Plan* plan : plans)
-    for (const PlannedRead& planned : plan->reads)
-      longest = std::max(longest, exchange_time(codec, planned.read, timing));
+    for (std::uint32_t e = 0; e < plan->exchange_count(); ++e)
+      longest = std::max(longest, exchange_time(codec, plan->request(plan->reads_in(e)), timing));
   if (const auto question = background_question(codec, !plans.empty()))
     longest = std::max(longest, exchange_time(codec, *question, timing));
   return longest;

@@ -26,7 +26,10 @@ LineTiming timing_of(const DeviceConfig& device, std::chrono::nanoseconds char_t
 LineCost cost_of(const DeviceConfig& device, std::chrono::nanoseconds char_time,
                  std::chrono::nanoseconds turnaround);
 
-/// The reads of `point` by itself, as a command sends them.
+/// Line time of all exchanges of a plan.
+std::chrono::nanoseconds poll_time(const Codec& codec, const Plan& plan, const LineTiming& timing);
+
+/// The reads of `point` by itself, as a command sends them: each by itself where any way allows it.
 Plan reads_of(const Codec& codec, const DeviceConfig& device, const Point& point);
 /// Their line time.
 std::chrono::nanoseconds read_time(const Codec& codec, const DeviceConfig& device,
@@ -36,7 +39,7 @@ std::chrono::nanoseconds read_time(const Codec& codec, const DeviceConfig& devic
 std::chrono::nanoseconds write_time(const Codec& codec, std::span<const Request> requests,
                                     const LineTiming& timing);
 
-/// The longest exchange that a command may find on the wire: a read of `plans` (none: the device
+/// The longest exchange that a command may find on the wire: one of `plans` (none: the device
 /// has no tags), or the background_question().
 std::chrono::nanoseconds longest_poll(const Codec& codec, std::span<const Plan* const> plans,
                                       const LineTiming& timing);

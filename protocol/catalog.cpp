@@ -6,6 +6,7 @@
 #include "protocol/fx/computer_link.h"
 #include "protocol/fx/programming_port.h"
 #include "protocol/mc/mc.h"
+#include "protocol/mc/one_e.h"
 #include "protocol/modbus/modbus.h"
 #include "protocol/plc.h"
 
@@ -145,6 +146,45 @@ ProtocolInfo modbus_tcp() {
   return info;
 }
 
+ProtocolInfo mc_1e() {
+  const mc::OneE::Settings settings;
+  ProtocolInfo info;
+  info.name = "mc-1e";
+  info.summary = "Mitsubishi FX3 and E71 modules over Ethernet (MC protocol, 1E frames)";
+  info.on_serial = false;
+  info.on_udp = true;
+  info.multidrop = true;
+  info.models = names(mc::one_e_model_names());
+  info.kin = names(mc::one_e_kin_names());
+  info.model_meaning =
+      "Model of the PLC. `auto`: an FX3 is asked, and `check` holds addresses against the FX3U, "
+      "the "
+      "widest. Until it has answered X, Y, M8000 up, D8000 up and CN200 up are not read. `Q` and "
+      "`L` "
+      "stand for an E71 module, which cannot be asked: X and Y are hexadecimal there. An `FX3GC`, "
+      "`FX3GE` or `FX3UC` counts as the model without the last letter.";
+  info.options = {
+      choice("code", {"binary", "ascii"},
+             "Communication data code, as it is set in the PLC's Ethernet settings."),
+      integer("pc", 0, 255, settings.pc,
+              "PC number. 255 is the PLC that was connected to; others are stations of a network "
+              "behind it."),
+      integer(
+          "monitoring_timer_ms", 250, 60000, settings.monitoring_timer * 250,
+          "How long the Ethernet module waits for its PLC before it answers with an error, in "
+          "steps of 250. `timeout_ms` should be longer; where it is not given it is 1000 more."),
+  };
+  info.silent_hint =
+      "\"Communication Data Code\" of the PLC's Ethernet settings must be `code`, the open setting "
+      "of this port \"MC Protocol\" (FX3U-ENET: \"Procedure exist (MC)\"), and the PLC one that "
+      "knows 1E frames (an FX5U needs mc-3e)";
+  info.closed_hint =
+      "each open setting takes one connection: is another program (a panel, GX Works2) using this "
+      "port? Give the agent an open setting of its own";
+  info.make = &mc::OneE::make;
+  return info;
+}
+
 /// What all MC protocols have but 1E.
 ProtocolInfo mc_protocol(std::string_view name, std::string_view summary) {
   const mc::Mc::Settings settings;
@@ -270,6 +310,7 @@ std::span<const ProtocolInfo> catalog() {
                                                       modbus_rtu(),
                                                       modbus_ascii(),
                                                       modbus_tcp(),
+                                                      mc_1e(),
                                                       mc_3e(),
                                                       mc_4e(),
                                                       mc_3c(),

@@ -15,7 +15,7 @@ bool one_read_holds(const std::vector<ReadWay>& ways, const Forbidden& forbidden
                     const Extent& wanted) {
   return std::any_of(ways.begin(), ways.end(), [&](const ReadWay& way) {
     const auto read = fit(way, wanted);
-    return read && !forbidden.holds(*read);
+    return read && !forbidden.forbids(way, *read);
   });
 }
 
@@ -33,6 +33,13 @@ std::vector<std::size_t> first_partners(const std::vector<Extent>& pieces, std::
 
 }  // namespace
 
+bool Forbidden::forbids(const ReadWay& way, const Extent& read) const {
+  if (holds(read)) return true;
+  return way.gather != 0 && std::any_of(apart.begin(), apart.end(), [&](const Extent& place) {
+           return read.first < place.end && place.first < read.end;
+         });
+}
+
 bool Forbidden::holds(const Extent& read) const {
   return std::any_of(cuts.begin(), cuts.end(),
                      [&](std::uint32_t at) { return read.first < at && at < read.end; }) ||
@@ -47,6 +54,8 @@ Forbidden forbidden_in(const Holes& holes, std::uint16_t space) {
     if (cut.space == space) out.cuts.push_back(cut.at);
   for (const Span& span : holes.missing)
     if (span.space == space) out.missing.push_back({span.first_bit, span.end_bit()});
+  for (const Span& span : holes.apart)
+    if (span.space == space) out.apart.push_back({span.first_bit, span.end_bit()});
   return out;
 }
 
@@ -137,8 +146,9 @@ void ReadSearch::try_way(std::size_t way, const PartPrice& part, bool counts, st
   for (std::size_t first = last + 1; first-- > partners_[way][last];) {
     const auto extent =
         fit(bucket_.ways[way], {bucket_.pieces[first].first, bucket_.pieces[last].end});
+    ++tried_;
     if (!extent) break;
-    if (bucket_.forbidden.holds(*extent)) continue;
+    if (bucket_.forbidden.forbids(bucket_.ways[way], *extent)) continue;
     const Cost own = price_of(way, *extent) + part.each +
                      part.each_bit * static_cast<Cost>(extent->end - extent->first);
     for (std::size_t n = step; n < counts_; ++n) {

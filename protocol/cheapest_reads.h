@@ -21,7 +21,10 @@ struct Extent {
 struct Forbidden {
   std::vector<std::uint32_t> cuts;
   std::vector<Extent> missing;
+  std::vector<Extent> apart;  // no part of a Gather touches them
 
+  /// Whether a read by `way` may not be this one.
+  bool forbids(const ReadWay& way, const Extent& read) const;
   bool holds(const Extent& read) const;
 };
 Forbidden forbidden_in(const Holes& holes, std::uint16_t space);
@@ -83,6 +86,8 @@ class ReadSearch final {
   /// `counted` becomes that of the buckets before. Only where run() said that it is possible.
   std::vector<Read> reads(std::uint32_t& counted) const;
 
+  /// Reads that all runs together have weighed: what they took of the processor.
+  std::size_t tried() const { return tried_; }
   std::size_t pieces() const { return bucket_.pieces.size(); }
 
  private:
@@ -103,7 +108,8 @@ class ReadSearch final {
   std::vector<std::vector<Cost>> prices_;  ///< by way and length; kImpossible: not known yet
   std::vector<std::vector<std::size_t>> partners_;  ///< by way and piece: the first in one read
   std::size_t counts_ = 1;                          ///< columns of best_
-  std::vector<Choice> best_;                        ///< by pieces done and parts counted
+  std::size_t tried_ = 0;
+  std::vector<Choice> best_;  ///< by pieces done and parts counted
 };
 
 /// Characters in both directions.

@@ -70,6 +70,11 @@ struct Control {
 
 using Request = std::variant<Enquire, Read, Write, Force, Control, Scatter, Gather>;
 
+/// Whether it is answered by data alone, never by an ACK.
+inline bool is_read(const Request& request) {
+  return std::holds_alternative<Read>(request) || std::holds_alternative<Gather>(request);
+}
+
 /// What came back to a request.
 struct Reply {
   enum class Kind : std::uint8_t { ack, nak, data } kind = Kind::ack;

@@ -10,12 +10,19 @@ namespace {
 // Exact counting of parts takes time in proportion to this; more is searched by prices.
 constexpr std::size_t kMostCounted = 100'000;
 // How often the price of a part is changed to make it fill its frames better.
-constexpr int kPriceSteps = 8;
+constexpr int kPriceSteps = 6;
+// A large plan is not worth more than this many tried reads beside the first searches.
+constexpr std::size_t kMostTried = 100'000;
+// Nobody looks further where less than this part of the line time could be gained.
+constexpr Cost kWorthwhile = 256;
+constexpr std::uint32_t kAnySize = GatherCommand{}.max_bits;
 
-/// Cheaper in exchanges before cheaper in characters, where the time says nothing about these.
+/// Without a speed of the line: an exchange costs more than all characters do.
+constexpr Cost kExchange = Cost{1} << 30;
+constexpr Cost kAllCharacters = Cost{1} << 24;
 LineCost with_chars(const LineCost& cost) {
   if (cost.per_char.count() > 0) return cost;
-  return {std::chrono::nanoseconds(1), std::chrono::nanoseconds(1 << 30)};
+  return {std::chrono::nanoseconds(1), std::chrono::nanoseconds(kExchange)};
 }
 
 class GatherSearch final {
@@ -25,85 +32,129 @@ class GatherSearch final {
       : codec_(codec),
         cost_(with_chars(cost)),
         speed_known_(cost.per_char.count() > 0),
-        commands_(commands),
         holes_(holes) {
     searches_.reserve(buckets.size());
     for (const Bucket& bucket : buckets) {
       searches_.emplace_back(codec_, cost_, bucket);
       pieces_ += bucket.pieces.size();
     }
+    for (const GatherCommand& command : commands)
+      commands_.push_back({command, around_parts(command, buckets)});
   }
 
   Gathering best() {
-    const auto alone = search({});
-    const bool one_exchange = alone && alone->exchanges <= 1;
-    if (one_exchange && !speed_known_) return std::move(best_);
-    for (std::uint32_t which = 1; which < 1U << commands_.size(); ++which) {
-      std::vector<const GatherCommand*> open;
+    search({});
+    if (!speed_known_ && least_ / kExchange <= 1) return std::move(best_);
+    // All commands first: what they cannot better none of them can.
+    for (std::uint32_t which = (1U << commands_.size()) - 1; which > 0; --which) {
+      if (!best_.together.empty() && is_enough()) break;
+      std::vector<const Command*> open;
       for (std::size_t i = 0; i < commands_.size(); ++i)
         if ((which >> i & 1) != 0) open.push_back(&commands_[i]);
-      search_with(open);
+      if (!search_with(open) && open.size() == commands_.size()) break;
     }
     return std::move(best_);
   }
 
  private:
+  struct Command : GatherCommand {
+    Cost around_parts = 0;  ///< what one of its frames takes beside its parts
+  };
   /// What a search came to.
   struct Found {
-    std::size_t exchanges = 0;
+    Cost least = 0;  ///< no plan on these terms costs less than this
     std::size_t gathers = 0;
-    Cost around_parts = 0;  ///< what a Gather takes beside its parts, where there is one
   };
 
-  void search_with(const std::vector<const GatherCommand*>& open) {
-    const auto priced = [&](double by_parts, double by_bits, Cost around) {
-      Terms terms;
-      for (const GatherCommand* command : open) {
-        if (terms.parts.size() <= command->gather) terms.parts.resize(command->gather + 1U);
-        const auto share = [&](double part, std::uint32_t most) {
-          return static_cast<Cost>(part * static_cast<double>(around) / most);
-        };
-        terms.parts[command->gather] = {true, share(by_parts, command->max_parts),
-                                        share(by_bits, command->max_bits)};
+  Cost around_parts(const GatherCommand& command, const std::vector<Bucket>& buckets) const {
+    for (const Bucket& bucket : buckets)
+      for (const ReadWay& way : bucket.ways) {
+        if (way.gather != command.gather) continue;
+        const std::uint32_t first = (way.first_bit + way.align_bits - 1) / way.align_bits;
+        const Read part{{bucket.space, first * way.align_bits, way.unit_bits}, way.way, way.gather};
+        const LineLength one = codec_.line_length(Gather{{part}});
+        const LineLength two = codec_.line_length(Gather{{part, part}});
+        return (cost_.of(one) - cost_.per_char * (chars_of(two) - chars_of(one))).count();
       }
-      return terms;
-    };
-    const auto free = search(priced(0, 0, 0));
-    // In one frame of each command: nothing is better. Else what a frame takes beside its parts is
-    // shared by what fills it.
-    if (!free || free->gathers <= open.size()) return;
-    const Cost around = free->around_parts;
-    search(priced(0.5, 0.5, around));
-    search(priced(0, 1, around));
-    const auto fair = search(priced(1, 0, around));
-    if (open.size() > 1 || !fair) return;
-    if (pieces_ * pieces_ * free->gathers * open.front()->max_parts <= kMostCounted)
-      count(*open.front(), free->gathers - 1);
-    else if (fair->gathers > 1)
-      fill(fair->gathers - 1, [&](double parts) { return priced(parts, 0, around); });
+    return 0;
   }
 
-  /// Looks for the price of a part that leaves just `gathers` of them.
-  template <typename Priced>
-  void fill(std::size_t gathers, const Priced& priced) {
-    double low = 1;
-    double high = 2;
-    for (int i = 0; i < kPriceSteps; ++i, high *= 2) {
-      const auto found = search(priced(high));
-      if (!found) return;
-      if (found->gathers <= gathers) break;
-      low = high;
+  /// Whether so much was tried that what was found has to do.
+  bool is_enough() const {
+    std::size_t tried = 0;
+    for (const ReadSearch& bucket : searches_) tried += bucket.tried();
+    return tried > kMostTried;
+  }
+
+  /// Whether a plan that costs `least` or more could be much better than the best so far.
+  bool may_gain(Cost least) const {
+    if (least_ == kImpossible) return true;
+    if (speed_known_) return least_ - least > least / kWorthwhile;
+    return least_ / kExchange > (least + kExchange - kAllCharacters) / kExchange;
+  }
+
+  /// A part costs its share of what its frame takes beside its parts: by the number of parts that
+  /// the frame holds, by its bits, or by some of both.
+  static Terms priced(const std::vector<const Command*>& open, double by_parts, double by_bits) {
+    Terms terms;
+    for (const Command* command : open) {
+      if (terms.parts.size() <= command->gather) terms.parts.resize(command->gather + 1U);
+      const auto around = static_cast<double>(command->around_parts);
+      const bool any_size = command->max_bits == kAnySize;
+      const double each = (any_size ? by_parts + by_bits : by_parts) * around / command->max_parts;
+      const double each_bit = (any_size ? 0 : by_bits) * around / command->max_bits;
+      terms.parts[command->gather] = {true, static_cast<Cost>(each), static_cast<Cost>(each_bit)};
     }
-    for (int i = 0; i < kPriceSteps; ++i) {
+    return terms;
+  }
+
+  /// False where nothing could be gained by these commands, nor by fewer of them.
+  bool search_with(const std::vector<const Command*>& open) {
+    const auto free = search(priced(open, 0, 0));
+    if (!free || free->gathers == 0) return false;
+    Cost least_frame = kImpossible;
+    for (const Command* command : open) least_frame = std::min(least_frame, command->around_parts);
+    if (!may_gain(free->least + least_frame)) return false;
+    // In one frame of each command: nothing is better. Else what a frame takes beside its parts is
+    // shared by what fills it, and that is less than any frames take.
+    if (free->gathers <= open.size()) return true;
+    const auto fair = search(priced(open, 1, 0));
+    if (!fair || !may_gain(fair->least)) return true;
+    for (const double by_parts : {0.5, 0.0}) {
+      if (is_enough()) return true;
+      const auto found = search(priced(open, by_parts, 1 - by_parts));
+      if (found && !may_gain(found->least)) return true;
+    }
+    if (open.size() > 1 || is_enough()) return true;
+    if (pieces_ * pieces_ * free->gathers * open.front()->max_parts <= kMostCounted)
+      count(*open.front(), free->gathers - 1);
+    else if (fair->gathers > 0)
+      fill(open, fair->gathers);
+    return true;
+  }
+
+  /// Looks for prices of a part, by its share, that leave just `gathers` of them, and one fewer.
+  void fill(const std::vector<const Command*>& open, std::size_t gathers) {
+    narrow(open, gathers, 0, 1);
+    double high = 2;
+    for (int i = 0; i < kPriceSteps && !is_enough(); ++i, high *= 2)
+      if (const auto found = search(priced(open, high, 0)); !found || found->gathers < gathers)
+        break;
+    if (gathers > 1) narrow(open, gathers - 1, high / 2, high);
+  }
+  /// At `low` a part costs so little that there are more, at `high` there are not.
+  void narrow(const std::vector<const Command*>& open, std::size_t gathers, double low,
+              double high) {
+    for (int i = 0; i < kPriceSteps && !is_enough(); ++i) {
       const double middle = (low + high) / 2;
-      const auto found = search(priced(middle));
+      const auto found = search(priced(open, middle, 0));
       if (!found) return;
       (found->gathers <= gathers ? high : low) = middle;
     }
   }
 
   /// The best with 1, 2 … `most` frames of the command, by counting their parts.
-  void count(const GatherCommand& command, std::size_t most) {
+  void count(const Command& command, std::size_t most) {
     Terms terms;
     terms.parts.resize(command.gather + 1U);
     terms.parts[command.gather].open = true;
@@ -120,46 +171,40 @@ class GatherSearch final {
 
   /// nullopt: not everything can be read like this.
   std::optional<Found> search(const Terms& terms) {
-    for (ReadSearch& bucket : searches_)
-      if (bucket.run(terms, {0}).front() == kImpossible) return std::nullopt;
-    return consider(0);
+    Found found;
+    for (ReadSearch& bucket : searches_) {
+      const Cost cost = bucket.run(terms, {0}).front();
+      if (cost == kImpossible) return std::nullopt;
+      found.least += cost;
+    }
+    found.gathers = consider(0);
+    return found;
   }
 
-  /// Weighs what the last run of the searches came to, with so many parts counted.
-  Found consider(std::uint32_t counted) {
+  /// Weighs what the last run of the searches came to, with so many parts counted. Returns the
+  /// number of its gathers.
+  std::size_t consider(std::uint32_t counted) {
     Gathering found;
     found.reads.resize(searches_.size());
     for (std::size_t i = searches_.size(); i-- > 0;) found.reads[i] = searches_[i].reads(counted);
     std::vector<Read> all;
     for (const auto& of_bucket : found.reads)
       all.insert(all.end(), of_bucket.begin(), of_bucket.end());
-    Found about;
     Cost total = 0;
-    for (const Read& read : all) {
-      if (read.gather != 0) continue;
-      total += cost_.of(codec_.line_length(read)).count();
-      ++about.exchanges;
-    }
-    for (const GatherCommand& command : commands_) share_out(command, all, found.together);
+    for (const Read& read : all)
+      if (read.gather == 0) total += cost_.of(codec_.line_length(read)).count();
+    for (const Command& command : commands_) share_out(command, all, found.together);
     for (const auto& parts : found.together) {
       Gather gather;
       for (const std::uint32_t part : parts) gather.parts.push_back(all[part]);
       total += cost_.of(codec_.line_length(gather)).count();
     }
-    about.gathers = found.together.size();
-    about.exchanges += about.gathers;
-    if (about.gathers > 0) about.around_parts = around(all[found.together.front().front()]);
+    const std::size_t gathers = found.together.size();
     if (total < least_) {
       least_ = total;
       best_ = std::move(found);
     }
-    return about;
-  }
-
-  Cost around(const Read& part) const {
-    const LineLength one = codec_.line_length(Gather{{part}});
-    const LineLength two = codec_.line_length(Gather{{part, part}});
-    return (cost_.of(one) - cost_.per_char * (chars_of(two) - chars_of(one))).count();
+    return gathers;
   }
 
   bool is_suspect(const Read& read) const {
@@ -175,10 +220,14 @@ class GatherSearch final {
     std::vector<std::uint32_t> suspects;
     for (std::uint32_t i = 0; i < all.size(); ++i)
       if (all[i].gather == command.gather) (is_suspect(all[i]) ? suspects : good).push_back(i);
-    GatherCommand fewer = command;
-    fewer.max_parts = std::min(command.max_parts, std::max(holes_.most_suspects, 1U));
-    pack(command, all, std::move(good), together);
-    pack(fewer, all, std::move(suspects), together);
+    const auto at_most = [&](std::uint32_t parts) {
+      GatherCommand fewer = command;
+      fewer.max_parts = std::min(command.max_parts, std::max(parts, 1U));
+      return fewer;
+    };
+    pack(holes_.suspects.empty() ? command : at_most(holes_.most_others), all, std::move(good),
+         together);
+    pack(at_most(holes_.most_suspects), all, std::move(suspects), together);
   }
 
   static void pack(const GatherCommand& command, const std::vector<Read>& all,
@@ -214,8 +263,8 @@ class GatherSearch final {
   const Codec& codec_;
   const LineCost cost_;
   const bool speed_known_;
-  const std::vector<GatherCommand>& commands_;
   const Holes& holes_;
+  std::vector<Command> commands_;
   std::vector<ReadSearch> searches_;
   std::size_t pieces_ = 0;
   Gathering best_;

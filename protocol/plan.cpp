@@ -23,6 +23,8 @@ PointSource source_of(const std::vector<Read>& reads, const Span& span) {
   return {static_cast<std::uint32_t>(first), static_cast<std::uint32_t>(last - first + 1)};
 }
 
+constexpr std::uint32_t kAnySize = GatherCommand{}.max_bits;
+
 /// What is to be read, by space and tier, and the commands that may read several places at once.
 struct Wanted {
   std::vector<Bucket> buckets;
@@ -76,6 +78,8 @@ class DeviceWays final {
           if (way.gather == command.gather) largest = std::max(largest, way.max_bits);
       if (max_block_bytes_ != 0)
         command.max_bits = std::min(command.max_bits, std::max(max_block_bytes_ * 8, largest));
+      // A limit that no number of parts can reach is none.
+      if (command.max_bits / command.max_parts >= largest) command.max_bits = kAnySize;
       if (largest > 0) out.push_back(command);
     }
     return out;

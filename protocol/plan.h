@@ -72,10 +72,12 @@ struct Holes {
   std::vector<Limit> limits;
   std::vector<Span> missing;  ///< no read may hold the whole of one of these
   std::vector<GatherLimit> gather_limits;
+  std::vector<Span> apart;  ///< no Gather may touch one of these
   /// A Gather that touches one of these holds such parts only, and at most `most_suspects`: one of
-  /// them was refused and took others with it.
+  /// them may be refused and take others with it.
   std::vector<Span> suspects;
   std::uint32_t most_suspects = 1;
+  std::uint32_t most_others = 0xFFFFFFFF;  ///< parts of any other Gather while there are suspects
 
   /// Whether a read of `span` is known to be refused.
   bool forbid(const Span& span) const;

@@ -34,6 +34,16 @@ Json time_json(const std::optional<nanoseconds>& duration) {
   return duration ? Json(ms(*duration)) : Json(nullptr);
 }
 
+Json to_json(const ExchangeReport& exchange) {
+  Json out{{"address", exchange.addresses.front()},
+           {"bytes", exchange.bytes()},
+           {"bits", exchange.bits},
+           {"chars", exchange.chars},
+           {"line_ms", time_json(exchange.line_time)}};
+  if (exchange.gathered) out["addresses"] = exchange.addresses;
+  return out;
+}
+
 Json to_json(const GroupLoad& group) {
   Json out;
   out["device"] = group.device;
@@ -54,11 +64,7 @@ Json to_json(const GroupLoad& group) {
   }
   out["exchanges"] = Json::array();
   for (const ExchangeReport& exchange : group.exchanges)
-    out["exchanges"].push_back({{"address", exchange.address},
-                                {"bytes", exchange.bytes()},
-                                {"bits", exchange.bits},
-                                {"chars", exchange.chars},
-                                {"line_ms", time_json(exchange.line_time)}});
+    out["exchanges"].push_back(to_json(exchange));
   return out;
 }
 
@@ -161,11 +167,22 @@ void print_groups(const LinkReport& link) {
   print_table(rows, 1);
 }
 
+/// "D100", or of places that go by one frame "4 places: D100, D205, M16 …".
+std::string places_text(const ExchangeReport& exchange) {
+  constexpr std::size_t kShown = 4;
+  const auto& all = exchange.addresses;
+  if (!exchange.gathered) return all.front();
+  std::string text = counted(static_cast<std::uint32_t>(all.size()), "place") + ": ";
+  for (std::size_t i = 0; i < std::min(kShown, all.size()); ++i)
+    text += (i > 0 ? ", " : "") + all[i];
+  return text + (all.size() > kShown ? " ..." : "");
+}
+
 void print_reads(const LinkReport& link) {
   std::vector<Row> rows{{"read", "of", "size", "characters", "line ms"}};
   for (const GroupLoad& group : link.groups)
     for (const ExchangeReport& exchange : group.exchanges)
-      rows.push_back({exchange.address, group.device + "/" + group.group, size_text(exchange),
+      rows.push_back({places_text(exchange), group.device + "/" + group.group, size_text(exchange),
                       std::to_string(exchange.chars), time_text(exchange.line_time)});
   print_table(rows, 2);
 }

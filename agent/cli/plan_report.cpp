@@ -50,14 +50,12 @@ struct DevicePlan {
 
   nanoseconds longest_exchange() const {
     std::vector<const Plan*> plans;
+    plans.reserve(groups.size());
     for (const GroupPlan& group : groups) plans.push_back(&group.plan);
     return longest_poll(*codec, plans, timing);
   }
   nanoseconds time_of(const GroupPlan& group) const {
-    nanoseconds total{0};
-    for (const PlannedRead& planned : group.plan.reads)
-      total += exchange_time(*codec, planned.read, timing);
-    return total;
+    return poll_time(*codec, group.plan, timing);
   }
 };
 
@@ -152,11 +150,10 @@ BitUse bit_use(const PlannedRead& planned, std::span<const Point> points, std::u
   }
   BitUse use;
   for (std::uint32_t at = 0; at < read.bits; at += unit) {
-    const auto first = marks.begin() + at;
-    const auto end = marks.begin() + std::min(at + unit, read.bits);
-    const auto none = static_cast<std::uint32_t>(std::count(first, end, Mark::none));
-    use.asked += static_cast<std::uint32_t>(end - first) - none;
-    if (std::count(first, end, Mark::bit) > 0) use.word_access += none;
+    const auto part = std::span(marks).subspan(at, std::min(unit, read.bits - at));
+    const auto none = static_cast<std::uint32_t>(std::ranges::count(part, Mark::none));
+    use.asked += static_cast<std::uint32_t>(part.size()) - none;
+    if (std::ranges::count(part, Mark::bit) > 0) use.word_access += none;
   }
   return use;
 }
@@ -167,44 +164,63 @@ std::uint32_t unit_of(const Codec& codec, const Read& read) {
   return 8;
 }
 
-/// Characters of a reply that grow with what is read.
+/// Characters of a reply that grow with what is read; of a part of a Gather all that it adds.
 std::uint32_t data_chars(const Codec& codec, const Read& read, std::uint32_t unit) {
-  const auto reply_of = [&](std::uint32_t units) {
+  const auto reply_of = [&](const Request& request) {
+    return codec.line_length(request).reply_chars;
+  };
+  if (read.gather != 0) return reply_of(Gather{{read, read}}) - reply_of(Gather{{read}});
+  const auto reply_of_units = [&](std::uint32_t units) {
     Read other = read;
     other.span.bits = units * unit;
-    return codec.line_length(other).reply_chars;
+    return reply_of(other);
   };
   // Sixteen units and thirty-two: bits may go eight to a byte.
-  const std::uint32_t envelope = 2 * reply_of(16) - reply_of(32);
-  return codec.line_length(read).reply_chars - envelope;
+  const std::uint32_t envelope = 2 * reply_of_units(16) - reply_of_units(32);
+  return reply_of(read) - envelope;
 }
 
 std::uint32_t chars_of(const LineLength& length) {
   return length.request_chars + length.reply_chars + length.closing_chars;
 }
 
-ExchangeReport report_exchange(const DevicePlan& device, const PlannedRead& planned,
-                               std::span<const Point> points, LineTimeUse& use) {
-  const Codec& codec = *device.codec;
-  const LineTiming& timing = device.timing;
-  ExchangeReport out;
-  out.address = codec.addresses().name_of(planned.read.span);
-  out.bits = planned.read.span.bits;
-  out.chars = chars_of(codec.line_length(planned.read));
-  if (const auto enquiry = codec.resync(); enquiry && timing.enquires_always)
-    out.chars += chars_of(codec.line_length(*enquiry));
-  if (timing.char_time.count() == 0) return out;
-  out.line_time = exchange_time(codec, planned.read, timing);
-  const std::uint32_t unit = unit_of(codec, planned.read);
-  const std::uint32_t data = data_chars(codec, planned.read, unit);
+/// Shares the characters of one read's data out. Returns how many they are.
+std::uint32_t add_use(const DevicePlan& device, const PlannedRead& planned,
+                      std::span<const Point> points, LineTimeUse& use) {
+  const std::uint32_t unit = unit_of(*device.codec, planned.read);
+  const std::uint32_t data = data_chars(*device.codec, planned.read, unit);
+  const std::uint32_t of_read = planned.read.span.bits;
   const BitUse bits = bit_use(planned, points, unit);
-  const nanoseconds data_time = timing.char_time * data;
-  const nanoseconds asked = part_of(data_time, static_cast<double>(bits.asked) / out.bits);
-  const nanoseconds beside = part_of(data_time, static_cast<double>(bits.word_access) / out.bits);
+  const nanoseconds data_time = device.timing.char_time * data;
+  const nanoseconds asked = part_of(data_time, static_cast<double>(bits.asked) / of_read);
+  const nanoseconds beside = part_of(data_time, static_cast<double>(bits.word_access) / of_read);
   use.asked += asked;
   use.word_access += beside;
   use.unasked +=
-      bits.asked + bits.word_access < out.bits ? data_time - asked - beside : nanoseconds(0);
+      bits.asked + bits.word_access < of_read ? data_time - asked - beside : nanoseconds(0);
+  return data;
+}
+
+ExchangeReport report_exchange(const DevicePlan& device, const Plan& plan, const ReadIndices& which,
+                               std::span<const Point> points, LineTimeUse& use) {
+  const Codec& codec = *device.codec;
+  const LineTiming& timing = device.timing;
+  const Request request = plan.request(which);
+  ExchangeReport out;
+  out.gathered = std::holds_alternative<Gather>(request);
+  for (std::size_t i = 0; i < which.size(); ++i) {
+    const Span& span = plan.reads[which[i]].read.span;
+    out.addresses.push_back(codec.addresses().name_of(span));
+    out.bits += span.bits;
+  }
+  out.chars = chars_of(codec.line_length(request));
+  if (const auto enquiry = codec.resync(); enquiry && timing.enquires_always)
+    out.chars += chars_of(codec.line_length(*enquiry));
+  if (timing.char_time.count() == 0) return out;
+  out.line_time = exchange_time(codec, request, timing);
+  std::uint32_t data = 0;
+  for (std::size_t i = 0; i < which.size(); ++i)
+    data += add_use(device, plan.reads[which[i]], points, use);
   use.framing += timing.char_time * (out.chars - data);
   use.turnaround += *out.line_time - timing.char_time * out.chars;
   return out;
@@ -215,8 +231,9 @@ GroupLoad report_group(const DeviceConfig& device, const DevicePlan& plan, const
   out.device = device.name;
   out.group = device.groups[group.group].name;
   out.interval = device.groups[group.group].interval;
-  for (const PlannedRead& planned : group.plan.reads)
-    out.exchanges.push_back(report_exchange(plan, planned, group.points, out.use));
+  for (std::uint32_t e = 0; e < group.plan.exchange_count(); ++e)
+    out.exchanges.push_back(
+        report_exchange(plan, group.plan, group.plan.reads_in(e), group.points, out.use));
   if (plan.timing.char_time.count() > 0) out.line_time = plan.time_of(group);
   return out;
 }
@@ -508,6 +525,7 @@ std::vector<std::string> overloads(const Config& config) {
 
 std::vector<LinkReport> plan_links(const Config& config) {
   std::vector<LinkReport> links;
+  links.reserve(config.links.size());
   for (std::uint32_t i = 0; i < config.links.size(); ++i) links.push_back(report_link(config, i));
   return links;
 }

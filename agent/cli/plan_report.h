@@ -14,8 +14,10 @@ namespace fxagent {
 
 /// One exchange of a group's cycle.
 struct ExchangeReport {
-  std::string address;  ///< of its first device
-  std::uint32_t bits = 0;
+  /// Of the first device of each place that it reads: one, or those that go by one frame.
+  std::vector<std::string> addresses;
+  bool gathered = false;    ///< by a command for several places
+  std::uint32_t bits = 0;   ///< of all places
   std::uint32_t chars = 0;  ///< on the line in both directions, an enquiry before it included
   /// Its characters, turnaround, gap and rest; nullopt: the line's speed is not known.
   std::optional<std::chrono::nanoseconds> line_time;

@@ -37,7 +37,7 @@ constexpr std::string_view kNeverSilent =
 // How often a probing read that is refused is asked: the first NAK may be a command's late one.
 constexpr int kProbesInARow = 3;
 
-bool answers_by_ack(const Request& request) { return !std::holds_alternative<Read>(request); }
+bool answers_by_ack(const Request& request) { return !is_read(request); }
 
 /// Its answers carry numbers: none is taken for another, however late or often it comes.
 bool is_numbered(const Codec& codec) { return codec.after_silence() == Recovery::none; }
@@ -304,8 +304,7 @@ asio::awaitable<Exchange> Bus::send_and_receive(const Codec& codec, const Statio
   if (codec.expects_reply(request)) {
     // The codecs pass over the echo of a read or an enquiry by themselves. So a read tells whether
     // it still comes, and no enquiry for want of it stands before that read.
-    const bool tells_them_apart =
-        std::holds_alternative<Read>(request) || std::holds_alternative<Enquire>(request);
+    const bool tells_them_apart = is_read(request) || std::holds_alternative<Enquire>(request);
     const bool echo = station.echo || (echo_found() && !tells_them_apart);
     co_await receive(codec, request, *frame, echo, deadline, exchange);
     trace(WireFrame::Way::in, rx_);
@@ -413,7 +412,7 @@ asio::awaitable<void> Bus::receive(const Codec& codec, const Request& request, c
     }
     if (*decoded) {
       // No answer to a read begins with the question, so what does is an echo.
-      if (std::holds_alternative<Read>(request) && !echo) {
+      if (is_read(request) && !echo) {
         const bool echoed =
             rx_.size() > sent.size() && std::equal(sent.begin(), sent.end(), rx_.begin());
         echoes_in_a_row_ = echoed ? std::min(echoes_in_a_row_ + 1, kEchoesFound) : 0;

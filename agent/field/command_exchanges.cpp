@@ -124,9 +124,11 @@ asio::awaitable<CommandExchanges::ReadBack> CommandExchanges::read_point(
     const AdmittedTarget& target, SteadyTime not_after) {
   ReadBack out;
   const Plan plan = reads_of(*station_.codec, device_, target.point);
-  std::vector<Bytes> images;
-  for (const PlannedRead& planned : plan.reads) {
-    if (!images.empty()) {
+  std::vector<Bytes> images(plan.reads.size());
+  for (std::uint32_t e = 0; e < plan.exchange_count(); ++e) {
+    const ReadIndices reads = plan.reads_in(e);
+    const Request request = plan.request(reads);
+    if (e > 0) {
       const bool going_on = co_await go_on(gives_way(target));
       if (!going_on && target.requests.empty()) {  // what was written is read back all the same
         out.last = {};
@@ -137,11 +139,11 @@ asio::awaitable<CommandExchanges::ReadBack> CommandExchanges::read_point(
       }
     }
     for (int attempt = 0; attempt <= device_.retries; ++attempt) {
-      out.last = co_await ask(planned.read, not_after);
+      out.last = co_await ask(request, not_after);
       const bool cured = out.last.is_data();
       std::optional<RefusalMeaning> refusal;
       if (out.last.is_nak())
-        refusal = station_.codec->meaning_of(planned.read, out.last.reply.device_code);
+        refusal = station_.codec->meaning_of(request, out.last.reply.device_code);
       const bool worth_repeating = out.last.outcome == Exchange::Outcome::garbled ||
                                    refusal == RefusalMeaning::curable ||
                                    refusal == RefusalMeaning::busy;
@@ -149,7 +151,7 @@ asio::awaitable<CommandExchanges::ReadBack> CommandExchanges::read_point(
       if (refusal == RefusalMeaning::busy) co_await pause(kBusyPause);
     }
     if (!out.last.is_data()) co_return out;
-    images.push_back(std::move(out.last.reply.image));
+    plan.share_out(reads, std::move(out.last.reply.image), images);
   }
   auto image = image_of(plan, images, target.point, 0);
   if (image)

@@ -1,6 +1,7 @@
 #include "agent/field/hole_map.h"
 
 #include <algorithm>
+#include <limits>
 
 namespace fxagent {
 namespace {
@@ -10,6 +11,7 @@ using std::chrono::seconds;
 // A device that was starting is asked again soon, one that lacks a register seldom.
 constexpr seconds kFirstRetry{10};
 constexpr seconds kLongestRetry{600};
+constexpr std::uint32_t kAny = std::numeric_limits<std::uint32_t>::max();
 
 }  // namespace
 
@@ -24,7 +26,18 @@ void HoleMap::explained(const Span& span) {
   std::erase_if(borders_, [&](const Border& border) { return border.reason.contains(span); });
 }
 
-void HoleMap::refused(const Span& read, const std::optional<Halves>& halves, SteadyTime now) {
+void HoleMap::refused(const Span& read, const std::optional<Halves>& halves, SteadyTime now,
+                      Company company) {
+  if (std::erase_if(holes_.suspects, [&](const Span& span) { return overlap(span, read); }) > 0)
+    refused_gather_ = 0;  // this one it was, or one of these
+  company_ = company;
+  if (halves && company == Company::possible) {
+    // Whatever goes together with one of them might be refused for it.
+    if (holes_.suspects.empty()) holes_.most_suspects = holes_.most_others = kAny;
+    const Span right{read.space, halves->right_first, read.end_bit() - halves->right_first};
+    holes_.suspects.push_back({read.space, read.first_bit, halves->left_end - read.first_bit});
+    holes_.suspects.push_back(right);
+  }
   if (halves) {
     Border border;
     border.cut = {read.space, halves->right_first};
@@ -41,7 +54,71 @@ void HoleMap::refused(const Span& read, const std::optional<Halves>& halves, Ste
   changed();
 }
 
+void HoleMap::refused_together(const Gather& gather) {
+  if (gather.parts.size() == 1) {
+    const Span& span = gather.parts.front().span;
+    std::erase_if(holes_.suspects, [&](const Span& suspect) { return overlap(suspect, span); });
+    refused_gather_ = 0;  // this one it was
+    holes_.apart.push_back(span);
+    return changed();
+  }
+  const auto half = static_cast<std::uint32_t>((gather.parts.size() + 1) / 2);
+  if (holes_.suspects.empty()) {
+    holes_.most_suspects = holes_.most_others = kAny;
+    refused_gather_ = gather.parts.front().gather;
+  }
+  holes_.most_suspects = std::min(holes_.most_suspects, half);
+  for (const Read& part : gather.parts) {
+    if (std::find(holes_.suspects.begin(), holes_.suspects.end(), part.span) !=
+        holes_.suspects.end())
+      continue;
+    // Or what was believed to be good is too much at once.
+    holes_.most_others = std::min(holes_.most_others, half);
+    holes_.suspects.push_back(part.span);
+  }
+  changed();
+}
+
+void HoleMap::read_together(std::size_t parts) {
+  if (!holes_.suspects.empty())
+    holes_.most_others = std::max(holes_.most_others, static_cast<std::uint32_t>(parts));
+}
+
+bool HoleMap::lacks(std::uint8_t gather, SteadyTime now) {
+  holes_.suspects.clear();
+  refused_gather_ = 0;
+  limit_parts(gather, 0);
+  commands_retry_at_ = now + kLongestRetry;
+  changed();
+  if (std::find(lacking_.begin(), lacking_.end(), gather) != lacking_.end()) return false;
+  lacking_.push_back(gather);
+  return true;
+}
+
+void HoleMap::retry_commands(SteadyTime now) {
+  if (lacking_.empty() || now < commands_retry_at_) return;
+  const auto retried =
+      std::erase_if(holes_.gather_limits, [](const auto& limit) { return limit.parts == 0; });
+  if (retried > 0) changed();
+}
+
+void HoleMap::limit_parts(std::uint8_t gather, std::uint32_t parts) {
+  std::erase_if(holes_.gather_limits, [&](const auto& limit) { return limit.gather == gather; });
+  holes_.gather_limits.push_back({gather, parts});
+}
+
+/// What was read is above suspicion. The last one gone without a hole: there were too many of them.
+void HoleMap::cleared(const Span& read) {
+  if (std::erase_if(holes_.suspects, [&](const Span& span) { return read.contains(span); }) == 0)
+    return;
+  if (!holes_.suspects.empty()) return;
+  if (refused_gather_ != 0) limit_parts(refused_gather_, holes_.most_suspects);
+  refused_gather_ = 0;
+  changed();
+}
+
 void HoleMap::read(const Span& read) {
+  if (!holes_.suspects.empty()) cleared(read);
   const bool back = std::erase(asked_again_, read) > 0;
   // Whatever was tried inside of what can be read as a whole was tried in vain.
   const auto needless =
@@ -79,6 +156,7 @@ void HoleMap::learn_limit(std::uint16_t space, std::uint32_t bits) {
 }
 
 void HoleMap::retry(SteadyTime now) {
+  retry_commands(now);
   if (holes_.missing.empty() || now < retry_at_) return;
   retry_after_ = std::min(retry_after_ * 2, kLongestRetry);
   retry_at_ = now + retry_after_;
@@ -90,6 +168,7 @@ void HoleMap::retry(SteadyTime now) {
       borders_.push_back(border);
     }
     asked_again_.push_back(span);
+    if (company_ == Company::possible) holes_.apart.push_back(span);
   }
   holes_.missing.clear();
   changed();

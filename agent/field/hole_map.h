@@ -1,6 +1,6 @@
 // What one device refuses to give although its documents allow it: registers that are not there,
-// blocks that are too long. Each refused read is halved until what is left tells which. Pure: time
-// is an argument. Field thread.
+// blocks that are too long, commands for several places at once. Each refused read is halved until
+// what is left tells which. Pure: time is an argument. Field thread.
 #pragma once
 
 #include <cstdint>
@@ -19,16 +19,29 @@ class HoleMap final {
   /// Rises whenever holes() changes.
   std::uint32_t version() const { return version_; }
 
+  /// Whether the device's codec may put what is tried by itself into a Gather with others.
+  enum class Company : std::uint8_t { none, possible };
   /// The device refused to be read like this. With `halves` both are tried by themselves from now
   /// on; without them it is missing, and left out until a retry.
-  void refused(const Span& read, const std::optional<Halves>& halves, SteadyTime now);
+  void refused(const Span& read, const std::optional<Halves>& halves, SteadyTime now,
+               Company company = Company::none);
+  /// The device refused these reads in one Gather: from now on they go in halves, apart from
+  /// others. Where all of them can be read, there were too many. One that was the only part is read
+  /// by another way from now on.
+  void refused_together(const Gather& gather);
+  /// A Gather of so many parts was answered; read() says which.
+  void read_together(std::size_t parts);
+  /// The device does not know the command: no Gather by it until a retry. True where it was not
+  /// found to lack it before.
+  bool lacks(std::uint8_t gather, SteadyTime now);
 
   /// The device was read like this. Where both halves of a refused read are good, either what lies
   /// between them is missing, or, with nothing between, the whole was too long.
   void read(const Span& read);
 
   /// What is missing may be there by now (a new program, another device): where the time has come,
-  /// each is asked for again, apart from its neighbours so that they stay good whatever comes.
+  /// each is asked for again, apart from its neighbours so that they stay good whatever comes. So
+  /// are commands that it did not know, or not then (a password, a wrong setting).
   void retry(SteadyTime now);
 
  private:
@@ -45,7 +58,16 @@ class HoleMap final {
   void explained(const Span& span);
   void learn_limit(std::uint16_t space, std::uint32_t bits);
 
+  void limit_parts(std::uint8_t gather, std::uint32_t parts);
+  void retry_commands(SteadyTime now);
+  void cleared(const Span& read);
+
   std::vector<Border> borders_;
+  Company company_ = Company::none;
+  /// The command that was refused with the suspects; 0: they are none, or of a hole that was found.
+  std::uint8_t refused_gather_ = 0;
+  std::vector<std::uint8_t> lacking_;  ///< commands that it lacked at some time
+  SteadyTime commands_retry_at_{};
   std::vector<Span> asked_again_;  ///< missing ones under retry
   Holes holes_;
   std::uint32_t version_ = 0;

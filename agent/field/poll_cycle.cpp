@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <span>
 #include <utility>
 
 namespace fxagent {
@@ -44,7 +45,6 @@ void PollCycle::begin(std::uint64_t findings) {
   first_reply_.reset();
   last_reply_ms_ = 0;
   replies_ = 0;
-  next_read_ = 0;
   repeats_ = 0;
 }
 
@@ -54,17 +54,21 @@ bool PollCycle::may_repeat() {
   return true;
 }
 
-void PollCycle::take(std::uint32_t read, Exchange exchange) {
+void PollCycle::take(const ReadIndices& reads, Exchange exchange) {
   repeats_ = 0;
-  take_image(read, exchange);
+  take_images(reads, exchange);
   if (exchange.has_answer()) {
     if (!first_reply_) first_reply_ = exchange.ended;
     last_reply_ = exchange.ended;
     last_reply_ms_ = exchange.ended_ms;
     ++replies_;
   }
-  // What a command wrote before this read is in the read; what it writes after it is newer.
-  // An array cut into several reads keeps the whole that was written in between.
+  for (std::size_t i = 0; i < reads.size(); ++i) forget_older(reads[i]);
+}
+
+/// What a command wrote before this read is in the read; what it writes after it is newer. An array
+/// cut into several reads keeps the whole that was written in between.
+void PollCycle::forget_older(std::uint32_t read) {
   for (const std::uint32_t point : plan_.reads[read].points) {
     const auto newer = newer_.find(tags()[point]);
     if (newer == newer_.end()) continue;
@@ -72,26 +76,26 @@ void PollCycle::take(std::uint32_t read, Exchange exchange) {
     const PointSource& source = plan_.sources[point];
     if (is_value ? source.first_read == read : is_current(source)) newer_.erase(newer);
   }
-  next_read_ = std::max(next_read_, read + 1);
 }
 
-void PollCycle::take_image(std::uint32_t read, Exchange& exchange) {
-  const bool again = ages_[read] == Age::outdated;
-  if (exchange.is_data())
-    images_[read] = std::move(exchange.reply.image);
-  else if (!again)  // else what no command has touched is good still
-    failures_[read] = bad_reason(exchange);
-  if (again) ages_[read] = exchange.is_data() ? Age::read_again : Age::lost;
+void PollCycle::take_images(const ReadIndices& reads, Exchange& exchange) {
+  if (exchange.is_data()) plan_.share_out(reads, std::move(exchange.reply.image), images_);
+  for (std::size_t i = 0; i < reads.size(); ++i) {
+    const std::uint32_t read = reads[i];
+    const bool again = ages_[read] == Age::outdated;
+    if (!exchange.is_data() && !again)  // else what no command has touched is good still
+      failures_[read] = bad_reason(exchange);
+    if (again) ages_[read] = exchange.is_data() ? Age::read_again : Age::lost;
+  }
 }
 
 bool PollCycle::is_current(const PointSource& source) const {
-  const auto first = ages_.begin() + source.first_read;
-  return std::none_of(first, first + source.count,
-                      [](Age age) { return age == Age::outdated || age == Age::lost; });
+  return std::ranges::none_of(std::span(ages_).subspan(source.first_read, source.count),
+                              [](Age age) { return age == Age::outdated || age == Age::lost; });
 }
 
 void PollCycle::overwritten(const Span& span, const Bytes* image, BadReason why) {
-  for (std::uint32_t read = 0; read < next_read_; ++read) {
+  for (std::uint32_t read = 0; read < plan_.reads.size(); ++read) {
     const Span& place = plan_.reads[read].read.span;
     if (images_[read].empty() || !overlap(place, span)) continue;
     if (image != nullptr)
@@ -117,7 +121,7 @@ std::optional<std::uint32_t> PollCycle::outdated() const {
 }
 
 void PollCycle::give_up(BadReason why) {
-  for (std::size_t i = next_read_; i < failures_.size(); ++i)
+  for (std::size_t i = 0; i < failures_.size(); ++i)
     if (images_[i].empty() && !failures_[i]) failures_[i] = why;
 }
 

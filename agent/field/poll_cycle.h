@@ -37,8 +37,10 @@ class PollCycle final {
 
   /// Counts one repeat of the read under way. False: the config allows no further one.
   bool may_repeat();
-  /// Takes the end of plan().reads[read], which is not repeated any more.
-  void take(std::uint32_t read, Exchange exchange);
+  /// Takes the end of the exchange that was to bring these reads of plan(), by plan().request();
+  /// it is not repeated any more.
+  void take(const ReadIndices& reads, Exchange exchange);
+  void take(std::uint32_t read, Exchange exchange) { take(ReadIndices(read), std::move(exchange)); }
   /// What was not read yet is bad for this reason.
   void give_up(BadReason why);
 
@@ -85,7 +87,8 @@ class PollCycle final {
   TagReading reading_of(std::size_t index, bool doubtful) const;
   void note_no_value(std::size_t index, SteadyTime now);
   std::optional<BadReason> failure_of(const PointSource& source, std::size_t index) const;
-  void take_image(std::uint32_t read, Exchange& exchange);
+  void take_images(const ReadIndices& reads, Exchange& exchange);
+  void forget_older(std::uint32_t read);
   bool is_current(const PointSource& source) const;
 
   const DeviceConfig& device_;
@@ -104,7 +107,6 @@ class PollCycle final {
   std::int64_t last_reply_ms_ = 0;
   std::uint32_t replies_ = 0;
   std::uint64_t findings_ = 0;
-  std::uint32_t next_read_ = 0;
   int repeats_ = 0;
 };
 

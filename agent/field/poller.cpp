@@ -81,7 +81,7 @@ void Poller::make_plan(LinkDevice& device, GroupPoll& group) {
   group.cycle.use(fxagent::make_plan(*device.codec, group.cycle.points(), cost,
                                      device.config.max_block_bytes, device.holes.holes()),
                   bus_.doubt().findings());
-  scheduler_.set_exchanges(group.id, static_cast<std::uint32_t>(group.cycle.plan().reads.size()));
+  scheduler_.set_exchanges(group.id, group.cycle.plan().exchange_count());
 }
 
 void Poller::refresh_plan(LinkDevice& device, GroupPoll& group) {
@@ -159,14 +159,16 @@ asio::awaitable<void> Poller::read_group(LinkDevice& device, GroupPoll& group,
     co_return;
   }
   // What a command may have changed goes first; then the same step is offered again.
-  const std::uint32_t index = group.cycle.outdated().value_or(step.exchange);
-  const Read read = group.cycle.plan().reads[index].read;
-  Exchange exchange = co_await bus_.exchange(device.station, read);
-  take_reading(device, group, step, index, std::move(exchange));
+  const Plan& plan = group.cycle.plan();
+  const auto outdated = group.cycle.outdated();
+  const ReadIndices reads = outdated ? ReadIndices(*outdated) : plan.reads_in(step.exchange);
+  const Asked asked{reads, plan.request(reads), outdated.has_value()};
+  Exchange exchange = co_await bus_.exchange(device.station, asked.request);
+  take_reading(device, group, step, asked, std::move(exchange));
 }
 
 void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step,
-                          std::uint32_t read, Exchange exchange) {
+                          const Asked& asked, Exchange exchange) {
   if (state_.is_stopping()) return;
   state_.heard_foreign(device, exchange);
   scheduler_.step_used(step, exchange.ended - exchange.began);
@@ -186,24 +188,28 @@ void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollSchedu
     fail_cycle(device, group, BadReason::link_down);
     return;
   }
-  const PlannedRead& planned = group.cycle.plan().reads[read];
   // In doubt each exchange takes its silences, and a repeat would not be believed either.
   bool repeatable = exchange.outcome == Exchange::Outcome::garbled && !bus_.doubt().is_doubted();
   if (exchange.is_nak()) {
-    const auto meaning = device.codec->meaning_of(planned.read, exchange.reply.device_code);
+    const auto meaning = device.codec->meaning_of(asked.request, exchange.reply.device_code);
     if (meaning == RefusalMeaning::unreachable) {
       state_.unreachable(device);
       fail_cycle(device, group, BadReason::timeout);
       return;
     }
-    repeatable = take_refusal(device, group, step, read, exchange, meaning);
+    const auto* gather = std::get_if<Gather>(&asked.request);
+    if (meaning == RefusalMeaning::final && gather != nullptr)
+      return give_up_command(device, *gather, exchange);
+    repeatable = take_refusal(device, group, step, asked, exchange, meaning);
   }
   // The poll scheduler offers the same step again, after the commands that wait.
   if (repeatable && group.cycle.may_repeat()) return;
-  if (exchange.is_data()) device.holes.read(planned.read.span);
-  const bool again = group.cycle.outdated() == read;
-  group.cycle.take(read, std::move(exchange));
-  if (again) return;
+  if (exchange.is_data() && asked.reads.size() > 1) device.holes.read_together(asked.reads.size());
+  if (exchange.is_data())
+    for (std::size_t i = 0; i < asked.reads.size(); ++i)
+      device.holes.read(group.cycle.plan().reads[asked.reads[i]].read.span);
+  group.cycle.take(asked.reads, std::move(exchange));
+  if (asked.again) return;
   if (!scheduler_.step_done(step)) return;
   note_load();
   finish_cycle(device, group);
@@ -225,26 +231,51 @@ void Poller::note_load() {
 }
 
 bool Poller::take_refusal(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step,
-                          std::uint32_t read, const Exchange& exchange, RefusalMeaning meaning) {
+                          const Asked& asked, const Exchange& exchange, RefusalMeaning meaning) {
   state_.answered(device);
   switch (meaning) {
     case RefusalMeaning::busy:
       scheduler_.postpone(step, exchange.ended + kBusyPause);
       return true;
-    case RefusalMeaning::hole: {
-      const PlannedRead& planned = group.cycle.plan().reads[read];
-      const auto halves = halves_of(*device.codec, group.cycle.points(), planned);
-      // Plans change between cycles only: this one goes on, and what it does bring is published.
-      device.holes.refused(planned.read.span, halves, exchange.ended);
-      if (!halves)
-        log::warn("device", {{"device", device.config.name},
-                             {"refused", device.codec->addresses().name_of(planned.read.span)},
-                             {"reason", exchange.reply.text}});
+    case RefusalMeaning::hole:
+      take_hole(device, group, asked, exchange);
       return false;
-    }
     default:
       return meaning == RefusalMeaning::curable;
   }
+}
+
+void Poller::take_hole(LinkDevice& device, GroupPoll& group, const Asked& asked,
+                       const Exchange& exchange) {
+  const AddressSpace& addresses = device.codec->addresses();
+  const PlannedRead& planned = group.cycle.plan().reads[asked.reads[0]];
+  // Plans change between cycles only: this one goes on, and what it does bring is published.
+  if (const auto* gather = std::get_if<Gather>(&asked.request)) {
+    const auto ways = addresses.read_ways(planned.read.span.space);
+    const bool other_way =
+        std::any_of(ways.begin(), ways.end(), [](const ReadWay& way) { return way.gather == 0; });
+    if (gather->parts.size() > 1 || other_way) return device.holes.refused_together(*gather);
+  }
+  const auto halves = halves_of(*device.codec, group.cycle.points(), planned);
+  device.holes.refused(
+      planned.read.span, halves, exchange.ended,
+      addresses.gathers().empty() ? HoleMap::Company::none : HoleMap::Company::possible);
+  if (!halves)
+    log::warn("device", {{"device", device.config.name},
+                         {"refused", addresses.name_of(planned.read.span)},
+                         {"reason", exchange.reply.text}});
+}
+
+void Poller::give_up_command(LinkDevice& device, const Gather& gather, const Exchange& exchange) {
+  state_.answered(device);
+  if (device.holes.lacks(gather.parts.front().gather, exchange.ended))
+    log::info("device",
+              {{"device", device.config.name},
+               {"refused", "a read of several places in one frame"},
+               {"reason", exchange.reply.text},
+               {"note", "this device lacks the command: its places are read without it"}});
+  // The running cycles begin anew, and nothing in them is bad for the want of a command.
+  for (const auto& group : device.groups) make_plan(device, *group);
 }
 
 void Poller::fail_cycle(LinkDevice& device, GroupPoll& group, BadReason why) {

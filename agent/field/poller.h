@@ -65,12 +65,21 @@ class Poller final {
   asio::awaitable<void> ask_question(LinkDevice& device, PollScheduler::PollStep step);
   /// Asks for the model, which the config leaves open. `failure` says why it went unanswered.
   asio::awaitable<Knowledge> ask_model(LinkDevice& device, BadReason& failure);
-  /// The end of plan().reads[read], which is the step's own, or one that was outdated() before it.
+  /// What a step asks for: the reads of its own exchange, or one that was outdated() before it.
+  struct Asked {
+    ReadIndices reads;
+    Request request;
+    bool again = false;  ///< the step is offered once more
+  };
   void take_reading(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step,
-                    std::uint32_t read, Exchange exchange);
-  /// The device said no to a read. True where the same read is to be offered again.
+                    const Asked& asked, Exchange exchange);
+  /// The device said no to these reads. True where the same are to be offered again.
   bool take_refusal(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step,
-                    std::uint32_t read, const Exchange& exchange, RefusalMeaning meaning);
+                    const Asked& asked, const Exchange& exchange, RefusalMeaning meaning);
+  void take_hole(LinkDevice& device, GroupPoll& group, const Asked& asked,
+                 const Exchange& exchange);
+  /// The device lacks a command for several places: all its groups get plans without it.
+  void give_up_command(LinkDevice& device, const Gather& gather, const Exchange& exchange);
   void fail_cycle(LinkDevice& device, GroupPoll& group, BadReason why);
   void finish_cycle(LinkDevice& device, GroupPoll& group);
   void publish(LinkDevice& device, Telemetry message);

@@ -9,7 +9,8 @@ namespace {
 
 constexpr std::array<std::string_view, 6> kNames = {"FX5U", "FX5UJ", "FX5S", "Q", "L", "iQ-R"};
 constexpr std::array<std::string_view, 1> kKinNames = {"FX5UC"};
-constexpr std::array<std::string_view, 4> kOneENames = {"FX3U", "FX3G", "Q", "L"};
+// The widest that can be asked for its model is the last one.
+constexpr std::array<std::string_view, 4> kOneENames = {"Q", "L", "FX3G", "FX3U"};
 constexpr std::array<std::string_view, 3> kOneEKinNames = {"FX3GC", "FX3GE", "FX3UC"};
 
 struct Named {

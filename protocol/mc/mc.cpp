@@ -307,6 +307,10 @@ std::optional<Request> Mc::probe(std::uint32_t number) const {
 }
 
 std::optional<Request> Mc::apart_from(const Request& request) const {
+  if (const auto* gather = std::get_if<Gather>(&request); gather != nullptr) {
+    if (gather->parts.size() < 2) return std::nullopt;
+    return Gather{{gather->parts.front()}};
+  }
   const auto* read = std::get_if<Read>(&request);
   if (read == nullptr) return std::nullopt;
   const std::uint8_t way = plain_way(read->way);

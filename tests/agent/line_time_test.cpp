@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/protocol/gathering_codec.h"
+
 namespace fxagent {
 namespace {
 
@@ -77,6 +79,23 @@ TEST(LineTime, LongestPollIsARead) {
   const Plan word = reads_of(*device.codec, device, point_of(device, "D100"));
   const Plan* plans[] = {&word};
   EXPECT_EQ(longest_poll(*device.codec, plans, timing), milliseconds(11 + 8 + 30 + 5));
+}
+
+TEST(LineTime, ACommandReadsEachPlaceByItselfWhereAnyWayAllowsIt) {
+  // No batch read brings the words W of this one.
+  auto codec = std::make_shared<test::GatheringCodec>(test::gathering_codec());
+  codec->ways[0] = {test::word_way(1, 2, 1)};
+  DeviceConfig device = device_of("modbus-ascii");
+  device.codec = codec;
+  const LineTiming timing = timing_of(device, kCharTime);
+  const Plan alone = reads_of(*codec, device, point_of(device, "V100"));
+  EXPECT_TRUE(alone.exchanges.empty());
+  const Plan gathered = reads_of(*codec, device, point_of(device, "W100"));
+  ASSERT_EQ(gathered.exchange_count(), 1U);
+  EXPECT_TRUE(std::holds_alternative<Gather>(gathered.request(gathered.reads_in(0))));
+  EXPECT_EQ(poll_time(*codec, gathered, timing), milliseconds(14 + 6 + 4 + 30 + 5));
+  EXPECT_EQ(read_time(*codec, device, point_of(device, "W100"), timing),
+            milliseconds(14 + 6 + 4 + 30 + 5));
 }
 
 TEST(LineTime, LongestPollWithoutReadsIsTheQuestionForRunOrWhetherTheDeviceIsThere) {

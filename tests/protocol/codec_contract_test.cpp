@@ -6,6 +6,7 @@
 #include <map>
 
 #include "protocol/catalog.h"
+#include "protocol/mc/device.h"
 #include "protocol/plc.h"
 #include "tests/protocol/frame_file.h"
 
@@ -142,6 +143,43 @@ std::vector<Sample> modbus_samples(std::string_view framing) {
   return all;
 }
 
+/// The frames are those of tests/frames/mc_1e.txt. They have no length and no sum: a stale answer
+/// is never told from another one, so the connection that might bring one is given up.
+std::vector<Sample> mc_1e_samples() {
+  const std::uint16_t d = mc::id(mc::Space::d);
+  const std::uint16_t m = mc::id(mc::Space::m);
+  const std::uint16_t counters = mc::id(mc::Space::cn32);
+  std::vector<Sample> all = {
+      {"read of two words", "FX3U", Read{{d, 350 * 16, 32}, 1}, hex("81 00 AB 56 0F 17"), {}, {}},
+      {"read of two 32-bit counters",
+       "FX3G",
+       Read{{counters, 20 * 32, 64}, 1},
+       hex("81 00 4E 61 BC 00 40 01 B9 02"),
+       {},
+       {}},
+      {"read of eight bits", "FX3U", Read{{m, 100, 8}, 0}, hex("80 00 10 10 01 10"), {}, {}},
+      {"write of five bits", "auto", Write{{m, 10, 5}, {0x15}}, hex("82 00"), {}, {}},
+      {"write of three words",
+       "Q",
+       Write{{d, 1600, 48}, {0x34, 0x12, 0x76, 0x98, 0x09, 0x01}},
+       hex("83 00"),
+       {},
+       {}},
+      {"force", "L", Force{m, 0, true}, hex("82 00"), {}, {}},
+      {"two bits in one frame",
+       "FX3U",
+       Scatter{{Write{{m, 50, 1}, {1}}, Write{{mc::id(mc::Space::ts), 3, 1}, {1}}}},
+       hex("84 00"),
+       {},
+       {}},
+      {"which PLC", "auto", Control{Control::Kind::identify}, hex("95 00 F3 00"), {}, {}},
+      {"refused read", "FX3U", Read{{d, 7999 * 16, 16}, 1}, hex("81 57"), {}, {}},
+      {"refused for its PC number", "Q", Read{{d, 0, 16}, 1}, hex("81 5B 10 00"), {}, {}},
+  };
+  for (Sample& one : all) one.no_sum = true;
+  return all;
+}
+
 /// SH-080008, 8.1, 8.3 and 11.2, with the own station and serial number or block 1; sums computed
 /// apart from this project. Spaces by their places in mc/device.h.
 std::vector<Sample> mc_ethernet_samples(bool numbered) {
@@ -218,6 +256,7 @@ std::vector<Sample> mc_serial_samples(bool is_4c) {
 }
 
 std::vector<Sample> samples(std::string_view protocol) {
+  if (protocol == "mc-1e") return mc_1e_samples();
   if (protocol == "mc-3e" || protocol == "mc-4e") return mc_ethernet_samples(protocol == "mc-4e");
   if (protocol == "mc-3c" || protocol == "mc-4c") return mc_serial_samples(protocol == "mc-4c");
   if (protocol.starts_with("modbus-")) return modbus_samples(protocol);

@@ -47,7 +47,7 @@ TEST(PlanReport, LeastLineTimeIsThatOfTheCharactersCounted) {
   EXPECT_EQ(group.exchanges.size(), 5U);
   for (const ExchangeReport& exchange : group.exchanges)
     EXPECT_NEAR(ms(*exchange.line_time), (15 + 2 * exchange.bytes()) * 10 / 9.6, 0.01)
-        << exchange.address;
+        << exchange.addresses.front();
   EXPECT_NEAR(ms(group.use.framing), 5 * 15 * 10 / 9.6, 0.1);
   EXPECT_NEAR(ms(group.use.unasked), 0, 0.01);
   EXPECT_EQ(group.use.turnaround.count(), 0);

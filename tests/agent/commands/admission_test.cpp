@@ -664,6 +664,16 @@ TEST_F(CommandAdmissionTest, RunAndStopNeedTheirRule) {
             to_hex(force_frame(kForceM8037, false)));
 }
 
+TEST_F(CommandAdmissionTest, RunThatTheProtocolCannotSayToThisModelIsRefusedBeforeItIsSent) {
+  device.commands.allow_run_stop = true;
+  Options options = default_options(*find_protocol("mc-1e"));
+  options["model"] = std::string("Q");
+  device.codec = *find_protocol("mc-1e")->make(options);
+  const CommandResult refused = answered(command("a", Op::run));
+  EXPECT_EQ(refused.reason, Reason::bad_op);
+  EXPECT_NE(refused.detail.find("use mc-3e"), std::string::npos) << refused.detail;
+}
+
 // ---- values
 // --------------------------------------------------------------------------------------
 

@@ -469,6 +469,9 @@ TEST(Config, LineListensForTwiceTheTimeoutOfItsSlowestDevice) {
   const Config numbered =
       good(changed("/devices/1", R"({"name": "meter", "link": "gw1", "protocol": "modbus-tcp"})"));
   EXPECT_EQ(numbered.links[1].listening.count(), 0) << "its answers have numbers";
+  const Config anew =
+      good(changed("/devices/1", R"({"name": "press2", "link": "gw1", "protocol": "mc-1e"})"));
+  EXPECT_EQ(anew.links[1].listening.count(), 0) << "a new connection brings nothing old";
 }
 
 TEST(Config, PollsKeepAFifthOfTheLineUnlessTheLinkSaysOtherwise) {

@@ -63,11 +63,14 @@ std::string told(const Snippet& snippet) {
   return std::string(snippet.pointer) + " = " + (snippet.value ? snippet.value : "(none)");
 }
 
-TEST(ConfigSchema, SmallPlantAndExamplePassBoth) {
+TEST(ConfigSchema, SmallPlantAndExamplesPassBoth) {
   EXPECT_EQ(schema_errors(small_plant()), "");
-  const json example = read_json(FXAGENT_CONFIG_DIR "/agent.example.json");
-  EXPECT_EQ(schema_errors(example), "");
-  good(example.dump());
+  for (const char* name : {"/agent.example.json", "/fx5u-modbus.example.json"}) {
+    const json example = read_json((std::string(FXAGENT_CONFIG_DIR) + name).c_str());
+    EXPECT_EQ(schema_errors(example), "") << name;
+    const Config config = good(example.dump());
+    EXPECT_TRUE(config.warnings.empty()) << name << ": " << config.warnings.front();
+  }
 }
 
 TEST(ConfigSchema, WhatIsRightPassesBoth) {
@@ -359,6 +362,60 @@ TEST(ConfigSchema, WhatIsWrongOnModbusFailsBoth) {
                             {"/devices/1/commands/allow/0", R"("hr:1-")"}}) {
     EXPECT_NE(schema_errors(modbus_plant(snippet)), "") << told(snippet);
     EXPECT_FALSE(errors_of(modbus_plant(snippet).dump()).empty()) << told(snippet);
+  }
+}
+
+/// The small plant with a device of 1E frames in place of its last one, spoiled in one place.
+json mc_plant(const Snippet& snippet) {
+  json plant = small_plant();
+  plant["links"][1].erase("line_baud");
+  plant["devices"][1] = json::parse(R"({
+    "name": "press2", "link": "gw1", "protocol": "mc-1e", "model": "Q",
+    "tags": [{"name": "level", "address": "D100"}],
+    "commands": {"allow": ["M1-M7"]}})");
+  plant[json::json_pointer(snippet.pointer)] = json::parse(snippet.value);
+  return plant;
+}
+
+TEST(ConfigSchema, WhatIsRightOf1EFramesPassesBoth) {
+  for (const Snippet& snippet :
+       std::vector<Snippet>{{"/devices/1/model", R"("FX3GE")"},
+                            {"/devices/1/model", R"("auto")"},
+                            {"/devices/1/code", R"("ascii")"},
+                            {"/devices/1/pc", "0"},
+                            {"/devices/1/monitoring_timer_ms", "250"},
+                            {"/devices/1/monitoring_timer_ms", "60000"},
+                            {"/devices/1/tags/0/address", R"("X1F")"},
+                            {"/devices/1/tags/0/address", R"("b0ff")"},
+                            {"/devices/1/tags/0/address", R"("W1A.F")"},
+                            {"/devices/1/tags/0/address", R"("K8Y0")"},
+                            {"/devices/1/tags/0/address", R"("F5")"},
+                            {"/devices/1/tags/0/address", R"("TC5")"},
+                            {"/devices/1/tags/0/address", R"("T5")"},
+                            {"/devices/1/tags/0/word_order", R"("high_first")"},
+                            {"/devices/1/commands/allow", R"(["W0..W1F", "TN5", "Y0-YF"])"}}) {
+    EXPECT_EQ(schema_errors(mc_plant(snippet)), "") << told(snippet);
+    const auto errors = errors_of(mc_plant(snippet).dump());
+    EXPECT_TRUE(errors.empty()) << told(snippet) << "\n" << listed(errors);
+  }
+}
+
+TEST(ConfigSchema, WhatIsWrongOf1EFramesFailsBoth) {
+  for (const Snippet& snippet :
+       std::vector<Snippet>{{"/devices/1/model", R"("FX5U")"},
+                            {"/devices/1/code", R"("text")"},
+                            {"/devices/1/pc", "256"},
+                            {"/devices/1/monitoring_timer_ms", "0"},
+                            {"/devices/1/monitoring_timer_ms", "60001"},
+                            {"/devices/1/station", "1"},
+                            {"/devices/1/network", "1"},
+                            {"/devices/1/tags/0/address", R"("hr:0")"},
+                            {"/devices/1/tags/0/address", R"("XG")"},
+                            {"/devices/1/tags/0/word_order", R"("BADC")"},
+
+                            {"/devices/1/commands/allow/0", R"("K4M0")"}}) {
+    EXPECT_NE(schema_errors(mc_plant(snippet)), "") << told(snippet);
+    EXPECT_FALSE(errors_of(mc_plant(snippet).dump()).empty()) << told(snippet);
   }
 }
 

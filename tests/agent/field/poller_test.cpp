@@ -14,10 +14,8 @@
 #include "agent/commands/result.h"
 #include "tests/agent/field/fake_modbus.h"
 #include "tests/agent/field/fake_port.h"
-#include "tests/agent/field/field_plant.h"
-#include "tests/agent/field/on_io.h"
+#include "tests/agent/field/poller_plant.h"
 #include "tests/agent/field/port_frames.h"
-#include "tests/support/scripted_transport.h"
 
 namespace fxagent::test {
 namespace {
@@ -29,77 +27,6 @@ using Clock = std::chrono::steady_clock;
 using State = DeviceStatus::State;
 
 const Bytes kReadD100 = read_frame(kD100, 2);
-
-asio::awaitable<bool> ended(asio::awaitable<void> task) {
-  co_await std::move(task);
-  co_return true;
-}
-
-/// The polls of one link without its loop: a test asks for each step. Nothing is waited for; where
-/// nothing is due, the poll scheduler is told that it is later.
-class PollerTest : public ::testing::Test {
- protected:
-  /// After the devices are configured and the script is written. The bus is open.
-  void start() {
-    script();
-    bus = std::make_unique<Bus>(io.get_executor(), std::move(transport), config.links[0].char_time);
-    state = std::make_unique<LinkState>(config.links[0], 0, 1, *bus, scheduler, devices, outbox);
-    poller = std::make_unique<Poller>(config.links[0], *bus, scheduler, devices, *state, outbox);
-    nanoseconds after = state->begin(now, milliseconds(0));
-    for (std::uint32_t i = 0; i < config.devices.size(); ++i) {
-      devices.push_back(std::make_unique<LinkDevice>(config.devices[i], i));
-      devices[i]->id = scheduler.add_device(config.devices[i].retries + 1, {});
-      after += poller->add_groups(*devices[i], after);
-    }
-    EXPECT_TRUE(run_on(io, bus->open()).has_value());
-    state->opened();
-  }
-  ScriptedTransport& script() {
-    if (wire == nullptr) {
-      transport = std::make_unique<ScriptedTransport>(io.get_executor());
-      wire = transport.get();
-      wire->then([this](ByteView request) { return answer(request); });
-    }
-    return *wire;
-  }
-  virtual Bytes answer(ByteView request) = 0;
-
-  void step() {
-    PollScheduler::Job job = scheduler.next(now);
-    if (job.kind == PollScheduler::Job::Kind::wait) {
-      now = std::max(job.until, Clock::now());
-      job = scheduler.next(now);
-    }
-    if (job.kind == PollScheduler::Job::Kind::poll) run_on(io, ended(poller->run(job.poll)));
-    EXPECT_FALSE(poller->is_polling());
-    Outbox::Batch batch = outbox.take();
-    for (auto& message : batch.telemetry) telemetry.push_back(std::move(message));
-    for (auto& status : batch.states) newest[status.device] = status;
-  }
-  void steps_until(const std::function<bool()>& reached) {
-    for (int i = 0; i < 1000 && !reached(); ++i) step();
-    EXPECT_TRUE(reached());
-  }
-  static std::size_t bad(const Telemetry& message) {
-    return static_cast<std::size_t>(
-        std::count_if(message.readings.begin(), message.readings.end(),
-                      [](const TagReading& reading) { return reading.bad.has_value(); }));
-  }
-
-  asio::io_context io;
-  Config config;
-  Outbox outbox{100000};
-  PollScheduler scheduler;
-  LinkDevices devices;
-  std::unique_ptr<ScriptedTransport> transport;
-  ScriptedTransport* wire = nullptr;
-  std::unique_ptr<Bus> bus;
-  std::unique_ptr<LinkState> state;
-  std::unique_ptr<Poller> poller;
-  SteadyTime now = Clock::now();
-  std::vector<Telemetry> telemetry;
-  std::map<std::uint32_t, DeviceStatus> newest;
-};
 
 // ---- a PLC on the programming port --------------------------------------------------------------
 

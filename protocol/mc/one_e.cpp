@@ -1,0 +1,528 @@
+#include "protocol/mc/one_e.h"
+
+#include <algorithm>
+#include <array>
+
+#include "protocol/mc/one_e_codes.h"
+#include "protocol/mc/one_e_frame.h"
+
+namespace fxagent::mc {
+
+using one_e::chars;
+using one_e::code;
+using one_e::Command;
+
+namespace {
+
+// Points of one frame, JY997D45801 7.4. What an E71 takes above that is not known here.
+constexpr std::uint32_t kReadBits = 256;
+constexpr std::uint32_t kReadWords = 64;
+constexpr std::uint32_t kReadWordsOfBits = 32;
+constexpr std::uint32_t kWriteBits = 160;  // as bits, or as ten words
+constexpr std::uint32_t kWriteWords = 64;
+constexpr std::uint32_t kRandomBits = 80;
+constexpr std::uint32_t kRandomWords = 10;
+
+constexpr std::uint32_t kMonitoringUnitMs = 250;
+
+tl::unexpected<Error> refuse(std::string text) {
+  return fail(ErrorCode::bad_request, std::move(text));
+}
+
+tl::unexpected<Error> garbled(std::string text) {
+  return fail(ErrorCode::bad_frame, std::move(text));
+}
+
+std::string hex_text(std::uint32_t value) {
+  Bytes digits;
+  append_hex(digits, value, 2);
+  return {digits.begin(), digits.end()};
+}
+
+bool is_fx3(Model model) { return series_of(model) == Series::fx3; }
+
+std::uint32_t width_of(std::uint16_t space) { return kind_of(static_cast<Space>(space)).bits; }
+
+/// Contacts and coils of timers and counters are reached bit by bit only.
+bool has_word_way(Space space) {
+  return space != Space::ts && space != Space::tc && space != Space::cs && space != Space::cc;
+}
+
+/// What is numbered, ranged or made otherwise in an E71's PLC: with the wrong model other devices
+/// would answer, without any error.
+bool is_fx3_only(Space space) {
+  return space == Space::x || space == Space::y || space == Space::special_m ||
+         space == Space::special_d || space == Space::cn32;
+}
+
+/// Words of a bit device begin at a multiple of 16 and are written whole.
+bool is_bit_words(const Span& span) {
+  return has_word_way(static_cast<Space>(span.space)) && span.first_bit % 16 == 0 &&
+         span.bits % 16 == 0;
+}
+
+Write write_of(const Force& force) {
+  return {{force.space, force.bit, 1}, {static_cast<std::uint8_t>(force.on ? 1 : 0)}, 0};
+}
+
+std::uint32_t number_of(const Span& span) {
+  const DeviceKind& kind = kind_of(static_cast<Space>(span.space));
+  return kind.first_number + span.first_bit / kind.bits;
+}
+
+void append_device(one_e::Writer& out, const Span& span) {
+  out.device(kind_of(static_cast<Space>(span.space)).one_e, number_of(span));
+}
+
+/// What a Scatter is sent as.
+std::optional<Command> carrier_of(const std::vector<Write>& parts) {
+  std::uint64_t bits = 0;
+  bool all_bits = !parts.empty();
+  bool all_words = !parts.empty();
+  for (const Write& part : parts) {
+    if (part.span.space >= kSpaces) return std::nullopt;
+    const std::uint32_t width = width_of(part.span.space);
+    bits += part.span.bits;
+    all_bits = all_bits && width == 1;
+    all_words = all_words && (width == 16 || (width == 1 && is_bit_words(part.span)));
+  }
+  if (all_bits && bits <= kRandomBits) return Command::random_bits;
+  if (all_words && bits <= kRandomWords * 16) return Command::random_words;
+  return std::nullopt;
+}
+
+/// Bytes of data in the binary form of the answer that ends well.
+std::size_t data_bytes(const Request& request) {
+  if (const auto* read = std::get_if<Read>(&request))
+    return read->way == kBitWay ? one_e::bytes_of_bits(read->span.bits) : read->span.bits / 8;
+  const auto* control = std::get_if<Control>(&request);
+  return control != nullptr && control->kind == Control::Kind::identify ? 2 : 0;
+}
+
+/// Which of the usual mistakes an answer shows that begins with this byte.
+std::string_view likely_mistake(Code data_code, std::uint8_t first) {
+  if (first == 0xD0 || first == 0xD4 || first == 'D')
+    return ": that is an answer of 3E or 4E frames";
+  if (data_code == Code::binary && (first == '8' || first == '9'))
+    return ": it is in ASCII; `code` must be the communication data code that is set in the PLC";
+  if (data_code == Code::ascii && first >= one_e::kAnswer)
+    return ": it is in binary; `code` must be the communication data code that is set in the PLC";
+  return "";
+}
+
+template <class T>
+const T* option(const Options& options, std::string_view key) {
+  const auto found = options.find(key);
+  return found == options.end() ? nullptr : std::get_if<T>(&found->second);
+}
+
+}  // namespace
+
+Result<std::shared_ptr<const Codec>> OneE::make(const Options& options) {
+  Settings settings;
+  if (const auto* name = option<std::string>(options, "model"); name && *name != kAutoModel) {
+    const auto known = model_named(*name);
+    if (!known || (!is_fx3(*known) && series_of(*known) != Series::q_l))
+      return refuse("model '" + *name + "' has no 1E frames");
+    settings.model = *known;
+  }
+  if (const auto* word = option<std::string>(options, "code"))
+    settings.code = *word == "ascii" ? Code::ascii : Code::binary;
+  const auto number = [&](std::string_view key, std::int64_t fallback, std::int64_t least,
+                          std::int64_t most) {
+    const auto* value = option<std::int64_t>(options, key);
+    return static_cast<std::uint32_t>(std::clamp(value ? *value : fallback, least, most));
+  };
+  settings.pc = static_cast<std::uint8_t>(number("pc", settings.pc, 0, 255));
+  const std::uint32_t timer = number("monitoring_timer_ms", settings.monitoring_timer * 250,
+                                     kMonitoringUnitMs, 0xFFFF * kMonitoringUnitMs);
+  if (timer % kMonitoringUnitMs != 0) return refuse("monitoring_timer_ms goes in steps of 250");
+  settings.monitoring_timer = static_cast<std::uint16_t>(timer / kMonitoringUnitMs);
+  return std::make_shared<const OneE>(settings);
+}
+
+// ---- names and places -----------------------------------------------------------------------
+
+Result<void> OneE::check_reach(const Span& span) const {
+  if (span.space >= kSpaces) return refuse("space " + std::to_string(span.space) + " is no device");
+  const auto space = static_cast<Space>(span.space);
+  const DeviceKind& kind = kind_of(space);
+  // JY997D18101 9.3.2: an FX3 has no code for coils. S is known of an FX3 only.
+  const bool coil = space == Space::tc || space == Space::cc;
+  if (kind.one_e == 0 || (coil && is_fx3(settings_.model)) ||
+      (space == Space::s && !is_fx3(settings_.model)))
+    return refuse(name_of(span) + ": 1E frames do not reach " + std::string(kind.letters) +
+                  (is_fx3(settings_.model) ? " of an FX3" : " of this model"));
+  if (settings_.model == Model::unknown_fx3 && is_fx3_only(space))
+    return fail(ErrorCode::unsupported,
+                name_of(span) +
+                    " is reached once the model is known: another series has other "
+                    "devices there");
+  return {};
+}
+
+Result<Address> OneE::parse_address(std::string_view text, std::optional<DataType> type) const {
+  auto address = mc::parse_address(settings_.model, text, type);
+  if (!address) return address;
+  const auto reached = check_reach(address->span);
+  if (!reached && reached.error().code == ErrorCode::bad_request)
+    return tl::make_unexpected(reached.error());
+  return address;
+}
+
+bool OneE::needs_type(std::string_view text) const { return mc::needs_type(text); }
+
+Result<Span> OneE::parse_range(std::string_view text) const {
+  auto span = mc::parse_range(settings_.model, text);
+  if (!span) return span;
+  const auto reached = check_reach(*span);
+  if (!reached && reached.error().code == ErrorCode::bad_request)
+    return tl::make_unexpected(reached.error());
+  return span;
+}
+
+Result<void> OneE::check_range(const Span& span) const {
+  return mc::check_range(settings_.model, span);
+}
+
+Result<void> OneE::check_write(const Span& span) const {
+  if (auto allowed = mc::check_write(settings_.model, span); !allowed) return allowed;
+  return check_reach(span);
+}
+
+std::string OneE::name_of(const Span& span) const { return device_name(settings_.model, span); }
+
+// ---- how it is fetched ------------------------------------------------------------------------
+
+std::vector<ReadWay> OneE::read_ways(std::uint16_t space_id) const {
+  std::vector<ReadWay> ways;
+  if (!check_reach({space_id, 0, 1})) return ways;
+  const auto space = static_cast<Space>(space_id);
+  // Until the model is known only what the smallest of them has is read.
+  const bool known = settings_.model != Model::unknown_fx3;
+  const auto numbers = numbers_of(known ? settings_.model : Model::fx3g, space);
+  if (!numbers) return ways;
+  const Span all = span_of(space, *numbers);
+  const std::uint32_t width = kind_of(space).bits;
+  const auto add = [&](std::uint8_t way, std::uint32_t unit, std::uint32_t points) {
+    ReadWay& added = ways.emplace_back();
+    added.way = way;
+    added.first_bit = all.first_bit;
+    added.end_bit = all.end_bit();
+    added.align_bits = unit;
+    added.unit_bits = unit;
+    added.max_bits = points;
+  };
+  if (width == 1) add(kBitWay, 1, kReadBits);
+  if (width == 1 && has_word_way(space)) add(kWordWay, 16, kReadWordsOfBits * 16);
+  // A 32-bit counter is two of the 64 words.
+  if (width > 1) add(kWordWay, width, kReadWords * 16);
+  return ways;
+}
+
+std::uint32_t OneE::max_write_bits(std::uint16_t space) const {
+  if (!check_reach({space, 0, 1})) return 0;
+  return width_of(space) == 1 ? kWriteBits : kWriteWords * 16;
+}
+
+// ---- what is sent -------------------------------------------------------------------------------
+
+namespace {
+
+one_e::Writer begun(const OneE::Settings& settings, Command command, std::size_t more_bytes) {
+  one_e::Writer out(settings.code, one_e::kRequestHead + more_bytes);
+  out.number(code(command), 1);
+  out.number(settings.pc, 1);
+  out.number(settings.monitoring_timer, 2);
+  return out;
+}
+
+/// Number of points, 256 as 00, and the fixed 00 behind it.
+void append_points(one_e::Writer& out, std::uint32_t points) {
+  out.number(points & 0xFF, 1);
+  out.number(0, 1);
+}
+
+}  // namespace
+
+Result<Bytes> OneE::encode_read(const Read& read) const {
+  const Span& span = read.span;
+  if (const auto reached = check_reach(span); !reached) return tl::make_unexpected(reached.error());
+  const auto ways = read_ways(span.space);
+  const auto way = std::find_if(ways.begin(), ways.end(),
+                                [&](const ReadWay& one) { return one.way == read.way; });
+  if (way == ways.end())
+    return refuse(name_of(span) + " is not read " + (read.way == kBitWay ? "as bits" : "as words"));
+  const std::uint64_t end = std::uint64_t{span.first_bit} + span.bits;
+  if (span.bits == 0 || span.bits > way->max_bits || span.first_bit % way->align_bits != 0 ||
+      span.bits % way->unit_bits != 0 || span.first_bit < way->first_bit || end > way->end_bit)
+    return refuse("a read of " + std::to_string(span.bits) + " bits from " + name_of(span) +
+                  ": at most " + std::to_string(way->max_bits) + ", in steps of " +
+                  std::to_string(way->unit_bits) + ", up to the last device");
+  auto out = begun(settings_, read.way == kBitWay ? Command::read_bits : Command::read_words,
+                   one_e::kDevice + 2);
+  append_device(out, span);
+  append_points(out, read.way == kBitWay ? span.bits : span.bits / 16);
+  return out.take();
+}
+
+Result<Bytes> OneE::encode_write(const Write& write) const {
+  const Span& span = write.span;
+  if (const auto allowed = check_write(span); !allowed) return tl::make_unexpected(allowed.error());
+  const bool bits = width_of(span.space) == 1 && !is_bit_words(span);
+  const std::uint32_t most = max_write_bits(span.space);
+  if (span.bits > most || write.image.size() != (span.bits + 7) / 8)
+    return refuse("write of " + std::to_string(span.bits) + " bits with " +
+                  std::to_string(write.image.size()) + " bytes to " + name_of(span) + ": at most " +
+                  std::to_string(most) + " bits");
+  auto out = begun(settings_, bits ? Command::write_bits : Command::write_words,
+                   one_e::kDevice + 2 + 2 * write.image.size());
+  append_device(out, span);
+  append_points(out, bits ? span.bits : span.bits / 16);
+  if (bits)
+    out.bits(write.image, span.bits);
+  else
+    out.words(write.image);
+  return out.take();
+}
+
+Result<Bytes> OneE::encode_scatter(const Scatter& scatter) const {
+  const auto carrier = carrier_of(scatter.parts);
+  if (!carrier) return fail(ErrorCode::unsupported, "no frame carries these writes together");
+  const std::uint32_t step = *carrier == Command::random_bits ? 1 : 16;
+  std::uint32_t points = 0;
+  for (const Write& part : scatter.parts) {
+    if (const auto allowed = check_write(part.span); !allowed)
+      return tl::make_unexpected(allowed.error());
+    if (part.image.size() != (part.span.bits + 7) / 8)
+      return refuse(name_of(part.span) + ": " + std::to_string(part.image.size()) + " bytes for " +
+                    std::to_string(part.span.bits) + " bits");
+    points += part.span.bits / step;
+  }
+  auto out = begun(settings_, *carrier, 2 + points * (one_e::kDevice + 2));
+  append_points(out, points);
+  for (const Write& part : scatter.parts)
+    for (std::uint32_t done = 0; done < part.span.bits; done += step) {
+      append_device(out, {part.span.space, part.span.first_bit + done, step});
+      const Bytes value = extract_bits(part.image, done, step);
+      if (step == 1)
+        out.number(value[0], 1);
+      else
+        out.words(value);
+    }
+  return out.take();
+}
+
+Result<Bytes> OneE::encode_control(const Control& control) const {
+  if (control.kind == Control::Kind::reset)
+    return fail(ErrorCode::unsupported, "1E frames have no reset of the line");
+  // SH-080008 18.2 lists what an E71 knows: not 13 to 15.
+  if (!is_fx3(settings_.model))
+    return fail(ErrorCode::unsupported,
+                "1E frames have no RUN, STOP and model for " + model() + ": use mc-3e");
+  const Command command = control.kind == Control::Kind::run    ? Command::run
+                          : control.kind == Control::Kind::stop ? Command::stop
+                                                                : Command::model;
+  return begun(settings_, command, 0).take();
+}
+
+Result<Bytes> OneE::encode(const Request& request, std::uint16_t /*tag*/) const {
+  if (const auto* read = std::get_if<Read>(&request)) return encode_read(*read);
+  if (const auto* write = std::get_if<Write>(&request)) return encode_write(*write);
+  if (const auto* scatter = std::get_if<Scatter>(&request)) return encode_scatter(*scatter);
+  if (const auto* control = std::get_if<Control>(&request)) return encode_control(*control);
+  if (const auto* force = std::get_if<Force>(&request)) {
+    if (force->space < kSpaces && width_of(force->space) != 1)
+      return refuse(name_of({force->space, force->bit, 1}) + " is a word: only bits are forced");
+    return encode_write(write_of(*force));
+  }
+  return fail(ErrorCode::unsupported, "1E frames have neither an enquiry nor scattered reads");
+}
+
+// ---- what comes back
+// ------------------------------------------------------------------------------
+
+Result<std::optional<Reply>> OneE::reply_in(const Request& request, std::uint8_t command,
+                                            ByteView frame) const {
+  const std::string_view mistake = likely_mistake(settings_.code, frame[0]);
+  std::optional<Bytes> binary = Bytes(frame.begin(), frame.end());
+  if (settings_.code == Code::ascii) binary = one_e::from_ascii(frame);
+  if (!binary) return garbled("an answer that is not all hex digits" + std::string(mistake));
+  const Bytes& bytes = *binary;
+  if (bytes.empty()) return std::optional<Reply>{};
+  if (bytes[0] != (command | one_e::kAnswer))
+    return garbled("an answer that begins with " + hex_text(bytes[0]) + " where " +
+                   hex_text(command | one_e::kAnswer) + " is due" + std::string(mistake));
+  if (bytes.size() < one_e::kAnswerHead) return std::optional<Reply>{};
+
+  Reply reply;
+  const std::uint8_t end_code = bytes[1];
+  std::size_t length = one_e::kAnswerHead;
+  if (end_code == 0) {
+    length += data_bytes(request);
+  } else if (end_code == one_e::kWithReason || bytes.size() > length) {
+    length += 2;  // the abnormal code; an E71 may send it behind others, too
+  }
+  if (bytes.size() < length) return std::optional<Reply>{};
+  if (frame.size() > chars(settings_.code, length))
+    return garbled(std::to_string(frame.size()) + " bytes where " +
+                   std::to_string(chars(settings_.code, length)) + " were due");
+  reply.consumed = frame.size();
+  if (end_code != 0) {
+    const auto abnormal = length > one_e::kAnswerHead ? std::optional<int>(bytes[2]) : std::nullopt;
+    reply.kind = Reply::Kind::nak;
+    reply.device_code = one_e::device_code(end_code, abnormal.value_or(0));
+    reply.text = "nak " + one_e::refusal(end_code, abnormal);
+    return std::optional<Reply>(std::move(reply));
+  }
+  const ByteView data = ByteView(bytes).subspan(one_e::kAnswerHead);
+  if (data.empty()) return std::optional<Reply>(std::move(reply));
+  reply.kind = Reply::Kind::data;
+  const auto* read = std::get_if<Read>(&request);
+  if (read == nullptr) {
+    reply.image.assign(data.begin(), data.end());
+  } else if (read->way == kWordWay) {
+    reply.image = one_e::image_of_words(settings_.code, data);
+  } else {
+    auto image = one_e::image_of_bits(data, read->span.bits);
+    if (!image) return garbled("data " + to_hex(data) + " are not bits");
+    reply.image = std::move(*image);
+  }
+  return std::optional<Reply>(std::move(reply));
+}
+
+Result<std::optional<Reply>> OneE::decode(const Request& request, std::uint16_t tag,
+                                          ByteView rx) const {
+  const auto sent = encode(request, tag);
+  if (!sent) return tl::make_unexpected(sent.error());
+  const bool in_ascii = settings_.code == Code::ascii;
+  const std::uint8_t command =
+      in_ascii ? (*one_e::from_ascii(ByteView(*sent).first(2)))[0] : (*sent)[0];
+  std::size_t at = 0;
+  while (at < rx.size()) {
+    const ByteView rest = rx.subspan(at);
+    // No answer begins like a request: it is the echo of this one.
+    const auto same = static_cast<std::size_t>(
+        std::mismatch(rest.begin(), rest.end(), sent->begin(), sent->end()).first - rest.begin());
+    if (same == sent->size()) {
+      at += same;
+      continue;
+    }
+    if (same == rest.size()) break;
+    auto reply = reply_in(request, command, rest);
+    if (reply && *reply) {
+      (*reply)->began = at;
+      (*reply)->consumed += at;
+    }
+    return reply;
+  }
+  return std::optional<Reply>{};
+}
+
+bool OneE::may_pass_for_answer(ByteView bytes) const {
+  const auto is_answer = [](int first) {
+    const int command = first & ~one_e::kAnswer;
+    return (first & one_e::kAnswer) != 0 &&
+           (command <= code(Command::random_words) ||
+            (command >= code(Command::run) && command <= code(Command::loop_back)));
+  };
+  for (std::size_t at = 0; at < bytes.size(); ++at) {
+    if (settings_.code == Code::binary) {
+      if (is_answer(bytes[at])) return true;
+      continue;
+    }
+    const int high = hex_digit(bytes[at]);
+    const int low = at + 1 < bytes.size() ? hex_digit(bytes[at + 1]) : high == 9 ? 3 : 0;
+    if (high >= 0 && low >= 0 && is_answer(high << 4 | low)) return true;
+  }
+  return false;
+}
+
+LineLength OneE::line_length(const Request& request) const {
+  LineLength length;
+  if (const auto frame = encode(request, 0))
+    length.request_chars = static_cast<std::uint32_t>(frame->size());
+  length.reply_chars =
+      static_cast<std::uint32_t>(chars(settings_.code, one_e::kAnswerHead + data_bytes(request)));
+  return length;
+}
+
+std::chrono::milliseconds OneE::gives_up_after() const {
+  return std::chrono::milliseconds(settings_.monitoring_timer * kMonitoringUnitMs);
+}
+
+Explanation OneE::explain(ByteView frame, std::optional<Direction> direction) const {
+  return one_e::explain_frame(settings_.model, frame, direction);
+}
+
+std::optional<Request> OneE::apart_from(const Request& request) const {
+  const auto* read = std::get_if<Read>(&request);
+  if (read == nullptr) return std::nullopt;
+  // Two bits are one byte of an answer.
+  const std::uint32_t less =
+      read->way == kBitWay ? 2 : std::max<std::uint32_t>(16, width_of(read->span.space));
+  if (read->span.bits <= less) return std::nullopt;
+  Read shorter = *read;
+  shorter.span.bits -= less;
+  return shorter;
+}
+
+RefusalMeaning OneE::meaning_of(const Request& request, int device_code) const {
+  return one_e::meaning_of(device_code, std::holds_alternative<Read>(request));
+}
+
+std::optional<Request> OneE::combine(const std::vector<Request>& requests) const {
+  Scatter scatter;
+  for (const Request& request : requests) {
+    if (const auto* write = std::get_if<Write>(&request))
+      scatter.parts.push_back(*write);
+    else if (const auto* force = std::get_if<Force>(&request))
+      scatter.parts.push_back(write_of(*force));
+    else
+      return std::nullopt;
+  }
+  if (requests.size() < 2 || !encode_scatter(scatter)) return std::nullopt;
+  return Request(std::move(scatter));
+}
+
+// ---- the PLC itself -----------------------------------------------------------------------------
+
+std::vector<Request> OneE::identify() const { return {Control{Control::Kind::identify}}; }
+
+std::optional<std::string> OneE::model_from(const std::vector<Bytes>& images) const {
+  if (images.empty() || images[0].empty()) return std::nullopt;
+  const std::string_view name = one_e::model_coded(images[0][0]);
+  return name.empty() ? std::nullopt : std::optional(std::string(name));
+}
+
+std::shared_ptr<const Codec> OneE::with_model(std::string_view model) const {
+  const auto known = model_named(model);
+  if (!known || (!is_fx3(*known) && series_of(*known) != Series::q_l)) return nullptr;
+  Settings settings = settings_;
+  settings.model = *known;
+  return std::make_shared<const OneE>(settings);
+}
+
+Request OneE::run_state() const {
+  if (is_fx3(settings_.model) && settings_.model != Model::unknown_fx3)
+    return Read{span_of(Space::special_m, {8000, 8000}), kBitWay};
+  // Nothing that 1E frames surely reach tells it; this shows that the PLC is there.
+  return Read{span_of(Space::d, {0, 0}), kWordWay};
+}
+
+std::optional<bool> OneE::run_state_from(ByteView image) const {
+  const bool tells = is_fx3(settings_.model) && settings_.model != Model::unknown_fx3;
+  if (!tells || image.empty()) return std::nullopt;
+  return (image[0] & 1) != 0;
+}
+
+Request OneE::run_request(bool run) const {
+  return Control{run ? Control::Kind::run : Control::Kind::stop};
+}
+
+std::string OneE::run_hint() const {
+  return "an FX3 starts and stops by this whatever its RUN/STOP switch says, unless it has an "
+         "error; an E71 module has no remote RUN and STOP in 1E frames";
+}
+
+}  // namespace fxagent::mc

@@ -1,0 +1,103 @@
+// MC protocol, 1E frames ("A compatible 1E"): FX3 behind FX3U-ENET(-ADP) or with a port of its own
+// (FX3GE), and the E71 modules of Q and L.
+// Sources: FX3U-ENET-ADP User's Manual JY997D45801, chapter 7 and 9.3; FX3U-ENET User's Manual
+// JY997D18101, chapter 9; SH-080008 (iQ-R edition), chapter 18. A request begins with its command,
+// the answer with the same and 80h. Neither has a length, a number or a sum: how much comes back
+// only the request tells, so there is one question at a time, and after a silence a new connection.
+// The frames are in protocol/README.md.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "protocol/catalog.h"
+#include "protocol/codec.h"
+#include "protocol/mc/device.h"
+#include "protocol/mc/dialect.h"
+#include "protocol/plc.h"
+
+namespace fxagent::mc {
+
+/// Read::way: kBitWay is 00, half a byte for each bit; kWordWay is 01.
+class OneE final : public Codec, public AddressSpace, public PlcServices {
+ public:
+  struct Settings {
+    /// unknown_fx3, FX3, Q or L.
+    Model model = Model::unknown_fx3;
+    Code code = Code::binary;
+    std::uint8_t pc = 0xFF;  ///< PC number; FF is the station that was connected to
+    /// Of the module, between it and the PLC: in 250 ms, 1 or more. 0 would wait for ever.
+    std::uint16_t monitoring_timer = 16;
+  };
+  explicit OneE(const Settings& settings) : settings_(settings) {}
+  /// From the config's options. bad_request: `monitoring_timer_ms` not in steps of 250, or a model
+  /// without 1E.
+  static Result<std::shared_ptr<const Codec>> make(const Options& options);
+
+  // AddressSpace
+  Result<Address> parse_address(std::string_view text, std::optional<DataType> type) const override;
+  bool needs_type(std::string_view text) const override;
+  Result<Span> parse_range(std::string_view text) const override;
+  Result<void> check_range(const Span& span) const override;
+  Result<void> check_write(const Span& span) const override;
+
+  std::string name_of(const Span& span) const override;
+  std::vector<ReadWay> read_ways(std::uint16_t space) const override;
+  std::uint32_t max_write_bits(std::uint16_t space) const override;
+  ByteOrder default_order() const override { return ByteOrder::cdab; }
+
+  // Codec
+  const AddressSpace& addresses() const override { return *this; }
+  const PlcServices* plc() const override { return this; }
+  Result<Bytes> encode(const Request& request, std::uint16_t tag) const override;
+  Result<std::optional<Reply>> decode(const Request& request, std::uint16_t tag,
+                                      ByteView rx) const override;
+  bool expects_reply(const Request& /*request*/) const override { return true; }
+  bool may_pass_for_answer(ByteView bytes) const override;
+  LineLength line_length(const Request& request) const override;
+  std::chrono::milliseconds gives_up_after() const override;
+  Explanation explain(ByteView frame, std::optional<Direction> direction) const override;
+  Recovery after_silence() const override { return Recovery::reconnect; }
+  Recovery after_nonsense() const override { return Recovery::reconnect; }
+  std::optional<Request> apart_from(const Request& request) const override;
+  RefusalMeaning meaning_of(const Request& request, int device_code) const override;
+  /// 04 where all are bits and few, 05 where all are whole 16-bit words.
+  std::optional<Request> combine(const std::vector<Request>& requests) const override;
+
+  // PlcServices
+  std::string model() const override { return std::string(to_string(settings_.model)); }
+  std::vector<Request> identify() const override;
+  std::optional<std::string> model_from(const std::vector<Bytes>& images) const override;
+  std::shared_ptr<const Codec> with_model(std::string_view model) const override;
+  Request run_state() const override;
+  std::optional<bool> run_state_from(ByteView image) const override;
+  Request run_request(bool run) const override;
+  std::string run_hint() const override;
+
+ private:
+  /// bad_request where 1E frames reach nothing of the space; unsupported where only the model tells
+  /// what is there.
+  Result<void> check_reach(const Span& span) const;
+  Result<Bytes> encode_read(const Read& read) const;
+  Result<Bytes> encode_write(const Write& write) const;
+  Result<Bytes> encode_scatter(const Scatter& scatter) const;
+  Result<Bytes> encode_control(const Control& control) const;
+  /// The answer that begins at the front of `frame`, in its binary form; nullopt: need more.
+  Result<std::optional<Reply>> reply_in(const Request& request, std::uint8_t command,
+                                        ByteView frame) const;
+
+  Settings settings_;
+};
+
+namespace one_e {
+
+/// `fxagent decode`: one frame in words; tells binary from ASCII by itself. Devices are those of
+/// `model`. Any bytes are allowed; what is wrong with them is in the error of the explanation.
+Explanation explain_frame(Model model, ByteView frame, std::optional<Direction> direction);
+
+}  // namespace one_e
+
+}  // namespace fxagent::mc

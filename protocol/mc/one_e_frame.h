@@ -1,0 +1,71 @@
+// The parts of a 1E frame in both data codes; for the codec's own files.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "protocol/bytes.h"
+#include "protocol/mc/dialect.h"
+
+namespace fxagent::mc::one_e {
+
+/// The first byte of a request; that of its answer has 80h added.
+enum class Command : std::uint8_t {
+  read_bits = 0x00,
+  read_words = 0x01,
+  write_bits = 0x02,
+  write_words = 0x03,
+  random_bits = 0x04,
+  random_words = 0x05,
+  run = 0x13,
+  stop = 0x14,
+  model = 0x15,
+  loop_back = 0x16,
+};
+constexpr std::uint8_t code(Command command) { return static_cast<std::uint8_t>(command); }
+
+inline constexpr std::uint8_t kAnswer = 0x80;
+/// Command and end code.
+inline constexpr std::size_t kAnswerHead = 2;
+/// Command, PC number, monitoring timer.
+inline constexpr std::size_t kRequestHead = 4;
+/// Device number and code.
+inline constexpr std::size_t kDevice = 6;
+
+/// Bytes of the frame's binary form as many characters as the data code has for them.
+constexpr std::size_t chars(Code data_code, std::size_t bytes) {
+  return data_code == Code::ascii ? 2 * bytes : bytes;
+}
+/// Two bits of an answer or a request in a byte.
+constexpr std::size_t bytes_of_bits(std::size_t bits) { return (bits + 1) / 2; }
+
+/// A frame under construction.
+class Writer final {
+ public:
+  Writer(Code data_code, std::size_t bytes) : data_code_(data_code) {
+    frame_.reserve(chars(data_code, bytes));
+  }
+  /// Low byte first in binary, high digit first in ASCII.
+  void number(std::uint32_t value, std::size_t bytes);
+  /// Number and code in binary, code and number in ASCII.
+  void device(std::uint16_t device_code, std::uint32_t number);
+  /// The first one in the high half of the first byte; an odd count is filled up with 0.
+  void bits(ByteView image, std::size_t count);
+  void words(ByteView image);
+  Bytes take() { return std::move(frame_); }
+
+ private:
+  Code data_code_;
+  Bytes frame_;
+};
+
+/// The binary form of `frame`, ASCII taken as hex digits; its words are still high byte first.
+/// nullopt: not ASCII. A digit left over is dropped.
+std::optional<Bytes> from_ascii(ByteView frame);
+/// The image of `count` bits; nullopt where a half byte is neither 0 nor 1. `data` is long enough.
+std::optional<Bytes> image_of_bits(ByteView data, std::size_t count);
+/// The image of whole words, which in ASCII come high byte first.
+Bytes image_of_words(Code data_code, ByteView data);
+
+}  // namespace fxagent::mc::one_e

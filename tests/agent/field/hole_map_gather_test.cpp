@@ -1,0 +1,177 @@
+// What is learned of a device that refuses reads of several places by one frame.
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "agent/field/hole_map.h"
+#include "tests/protocol/gathering_codec.h"
+
+namespace fxagent::test {
+namespace {
+
+using namespace std::chrono_literals;
+
+/// Words of one space, some of which are not there, or not for a Gather, and frames that hold less
+/// than the documents say. Does what the poller does with the answers.
+struct Refuser {
+  GatheringCodec codec = gathering_codec();
+  std::vector<Point> points;
+  std::set<std::uint32_t> lacks;
+  std::set<std::uint32_t> not_gathered;
+  std::size_t most_parts = 1000;
+  HoleMap map;
+  SteadyTime now{};
+
+  Refuser() { codec.commands = {{1, 24}}; }
+  void add(std::uint32_t number) {
+    Point point;
+    point.address = *codec.parse_address("W" + std::to_string(number), std::nullopt);
+    point.type = DataType::int16;
+    points.push_back(point);
+  }
+  bool exists(std::size_t point) const {
+    return !lacks.contains(points[point].address.span.first_bit / 16);
+  }
+  bool answers(const Request& request) const {
+    const auto has = [&](const Read& read, const std::set<std::uint32_t>& words) {
+      const auto first = words.lower_bound(read.span.first_bit / 16);
+      return first != words.end() && *first * 16 < read.span.end_bit();
+    };
+    const auto* gather = std::get_if<Gather>(&request);
+    if (gather == nullptr) return !has(std::get<Read>(request), lacks);
+    return gather->parts.size() <= most_parts &&
+           std::none_of(gather->parts.begin(), gather->parts.end(), [&](const Read& part) {
+             return has(part, lacks) || has(part, not_gathered);
+           });
+  }
+  Plan plan() const { return make_plan(codec, points, LineCost{1ms, 30ms}, 0, map.holes()); }
+
+  /// Points that are there and were not read in one cycle.
+  int cycle() {
+    now += 1s;
+    map.retry(now);
+    const Plan planned = plan();
+    std::vector<bool> good(points.size());
+    for (std::uint32_t e = 0; e < planned.exchange_count(); ++e) {
+      const ReadIndices which = planned.reads_in(e);
+      const Request request = planned.request(which);
+      const bool answered = answers(request);
+      if (answered && which.size() > 1) map.read_together(which.size());
+      for (std::size_t i = 0; answered && i < which.size(); ++i) {
+        const PlannedRead& read = planned.reads[which[i]];
+        map.read(read.read.span);
+        for (const std::uint32_t point : read.points) good[point] = true;
+      }
+      if (answered) continue;
+      if (const auto* gather = std::get_if<Gather>(&request)) {
+        map.refused_together(*gather);
+        continue;
+      }
+      const PlannedRead& read = planned.reads[which[0]];
+      map.refused(read.read.span, halves_of(codec, points, read), now, HoleMap::Company::possible);
+    }
+    int missed = 0;
+    for (std::uint32_t i = 0; i < points.size(); ++i) missed += exists(i) && !good[i] ? 1 : 0;
+    return missed;
+  }
+  /// Cycles until everything that is there is read, four times in a row; -1: never.
+  int settle() {
+    int quiet = 0;
+    for (int cycles = 0; cycles < 200; ++cycles) {
+      quiet = cycle() == 0 ? quiet + 1 : 0;
+      if (quiet == 4) return cycles - 3;
+    }
+    return -1;
+  }
+};
+
+TEST(HoleMapGather, HalvesGoOnUntilThePlaceIsKnown) {
+  Refuser device;
+  for (std::uint32_t n = 0; n < 24; ++n) device.add(160 * n);
+  device.lacks = {960};
+  EXPECT_LE(device.settle(), 7);
+  EXPECT_EQ(device.map.holes().missing, (std::vector<Span>{{0, 15360, 16}}));
+  EXPECT_TRUE(device.map.holes().gather_limits.empty()) << "it was the place, not the number";
+  EXPECT_TRUE(device.map.holes().suspects.empty());
+  EXPECT_EQ(device.plan().exchange_count(), 1U);
+}
+
+TEST(HoleMapGather, TooManyPlacesAreNoHole) {
+  Refuser device;
+  for (std::uint32_t n = 0; n < 24; ++n) device.add(160 * n);
+  device.most_parts = 7;
+  ASSERT_GE(device.settle(), 0);
+  EXPECT_TRUE(device.map.holes().missing.empty());
+  EXPECT_EQ(device.map.holes().gather_limits, (std::vector<Holes::GatherLimit>{{1, 6}}));
+  EXPECT_EQ(device.plan().exchange_count(), 4U);
+}
+
+TEST(HoleMapGather, APlaceThatIsOnlyRefusedInCompanyStaysApart) {
+  Refuser device;
+  for (std::uint32_t n = 0; n < 24; ++n) device.add(160 * n);
+  device.not_gathered = {960};
+  ASSERT_GE(device.settle(), 0);
+  EXPECT_EQ(device.map.holes().apart, (std::vector<Span>{{0, 15360, 16}}));
+  EXPECT_EQ(device.plan().exchange_count(), 2U);
+}
+
+TEST(HoleMapGather, AHoleInABlockDoesNotSpoilWhatGoesTogether) {
+  Refuser device;
+  for (std::uint32_t n = 0; n < 60; ++n) device.add(n);
+  for (std::uint32_t n = 5; n < 12; ++n) device.add(160 * n);
+  device.lacks = {11};
+  ASSERT_GE(device.settle(), 0);
+  EXPECT_EQ(device.map.holes().missing, (std::vector<Span>{{0, 11 * 16, 16}}));
+}
+
+TEST(HoleMapGather, WhatIsThereAgainIsReadAgainAndNeverTakesOthersWithIt) {
+  Refuser device;
+  for (std::uint32_t n = 0; n < 24; ++n) device.add(160 * n);
+  device.lacks = {960};
+  ASSERT_GE(device.settle(), 0);
+  for (int cycle = 0; cycle < 60; ++cycle) EXPECT_EQ(device.cycle(), 0) << cycle;
+  device.lacks.clear();
+  int cycles = 0;
+  while (device.cycle() > 0) ASSERT_LT(++cycles, 700);
+}
+
+TEST(HoleMapGather, ACommandThatTheDeviceLacksIsNotUsed) {
+  Refuser device;
+  for (std::uint32_t n = 0; n < 5; ++n) device.add(160 * n);
+  const std::uint32_t before = device.map.version();
+  EXPECT_TRUE(device.map.lacks(1, device.now));
+  EXPECT_GT(device.map.version(), before);
+  EXPECT_TRUE(device.plan().exchanges.empty());
+  device.map.retry(device.now + 599s);
+  EXPECT_TRUE(device.plan().exchanges.empty());
+  device.map.retry(device.now + 600s);
+  EXPECT_EQ(device.plan().exchange_count(), 1U) << "it may have been a password";
+  EXPECT_FALSE(device.map.lacks(1, device.now)) << "which is told once";
+}
+
+TEST(HoleMapGather, WhateverIsMissingTheRestIsReadInTheEnd) {
+  std::mt19937 random(20261123);
+  const auto pick = [&](std::uint32_t least, std::uint32_t most) {
+    return std::uniform_int_distribution<std::uint32_t>(least, most)(random);
+  };
+  for (int round = 0; round < 150; ++round) {
+    Refuser device;
+    for (std::uint32_t n = pick(1, 40); n > 0; --n) device.add(pick(0, 3) * 700 + pick(0, 60));
+    for (std::uint32_t n = pick(0, 3); n > 0; --n)
+      device.lacks.insert(
+          device.points[pick(0, 1000) % device.points.size()].address.span.first_bit / 16);
+    for (std::uint32_t n = pick(0, 2); n > 0; --n)
+      device.not_gathered.insert(
+          device.points[pick(0, 1000) % device.points.size()].address.span.first_bit / 16);
+    if (pick(0, 2) == 0) device.most_parts = pick(1, 12);
+    EXPECT_GE(device.settle(), 0) << round;
+  }
+}
+
+}  // namespace
+}  // namespace fxagent::test

@@ -1,0 +1,234 @@
+// Polls of a device whose protocol reads several places by one frame.
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "tests/agent/field/fake_gatherer.h"
+#include "tests/agent/field/poller_plant.h"
+
+namespace fxagent::test {
+namespace {
+
+using std::chrono::hours;
+using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
+using State = DeviceStatus::State;
+
+/// Two commands, of 24 words or double words and of 12 blocks.
+class GatherPolls : public PollerTest {
+ protected:
+  GatherPolls() {
+    config.links.push_back({"line1", SerialSettings{}, nanoseconds(0)});
+    add_device("plc");
+  }
+  DeviceConfig& add_device(const std::string& name) {
+    DeviceConfig device = device_on("modbus-tcp", nullptr, name);
+    device.codec = std::make_shared<const GatheringCodec>(codec);
+    device.groups[0].interval = milliseconds(10);
+    config.devices.push_back(device);
+    return config.devices.back();
+  }
+  void use_codec() {
+    for (DeviceConfig& device : config.devices)
+      device.codec = std::make_shared<const GatheringCodec>(codec);
+  }
+  void add_tags(const std::vector<std::string>& addresses) {
+    DeviceConfig& device = config.devices[0];
+    for (const std::string& address : addresses)
+      device.tags.push_back(tag(*device.codec, address, address));
+  }
+  /// W0, W200, W400 …
+  void add_scattered(unsigned number) {
+    for (unsigned n = 0; n < number; ++n) add_tags({"W" + std::to_string(200 * n)});
+  }
+  Bytes answer(ByteView request) override { return plc.answer(request); }
+  /// Steps until a sample has come that began after now.
+  const Telemetry& next_sample() {
+    const std::size_t seen = telemetry.size();
+    steps_until([&] { return telemetry.size() > seen; });
+    return telemetry.back();
+  }
+  std::int64_t value(const Telemetry& message, std::size_t index) {
+    const auto& got = message.readings.at(index).value;
+    return std::get<std::int64_t>(got.items.at(0));
+  }
+
+  GatheringCodec codec = [] {
+    GatheringCodec made = gathering_codec();
+    made.commands = {{1, 24}};
+    return made;
+  }();
+  FakeGatherer plc;
+};
+
+TEST_F(GatherPolls, ScatteredTagsAreOneExchange) {
+  add_tags({"W5", "W900", "W901", "V30", "B37"});
+  plc.words[10000 + 2] = 0x20;  // B37 is bit 5 of the third word
+  start();
+  const Telemetry& message = next_sample();
+  EXPECT_EQ(plc.asked, std::vector<std::string>{"1: W5 W900+2 V2 V30"});
+  ASSERT_EQ(message.readings.size(), 5U);
+  EXPECT_EQ(bad(message), 0U);
+  EXPECT_EQ(value(message, 0), 5);
+  EXPECT_EQ(value(message, 1), 900);
+  EXPECT_EQ(value(message, 2), 901);
+  EXPECT_EQ(value(message, 3), 10030);
+  EXPECT_EQ(message.readings[4].value, Value(Scalar(true)));
+  EXPECT_FALSE(message.span_ms) << "all of it is of one moment";
+  EXPECT_EQ(newest[0].state, State::online);
+}
+
+TEST_F(GatherPolls, BlocksAndScatteredTagsGoBesideEachOther) {
+  for (int n = 100; n < 160; ++n) add_tags({"W" + std::to_string(n)});
+  add_tags({"W900", "V30"});
+  start();
+  EXPECT_EQ(bad(next_sample()), 0U);
+  EXPECT_EQ(plc.asked, (std::vector<std::string>{"W100+60", "1: W900 V30"}));
+}
+
+TEST_F(GatherPolls, ADeviceThatLacksTheCommandIsReadWithoutItAndNothingIsBad) {
+  add_scattered(3);
+  plc.unknown_commands = {1};
+  start();
+  EXPECT_EQ(bad(next_sample()), 0U);
+  EXPECT_EQ(plc.asked, (std::vector<std::string>{"1: W0 W200 W400", "W0", "W200", "W400"}));
+  plc.asked.clear();
+  EXPECT_EQ(bad(next_sample()), 0U);
+  EXPECT_EQ(plc.asked.size(), 3U) << "it is not asked that way again";
+  EXPECT_EQ(newest[0].state, State::online);
+}
+
+TEST_F(GatherPolls, TheOtherCommandIsTriedBeforeNone) {
+  codec.commands = {{1, 24}, {2, 12}};
+  use_codec();
+  add_scattered(3);
+  plc.unknown_commands = {1};
+  start();
+  EXPECT_EQ(bad(next_sample()), 0U);
+  EXPECT_EQ(plc.asked, (std::vector<std::string>{"1: W0 W200 W400", "2: W0 W200 W400"}));
+}
+
+TEST_F(GatherPolls, OneHoleIsFoundAndEverythingElseGoesTogetherAgain) {
+  add_scattered(16);
+  plc.lacks = {1000};  // the sixth
+  start();
+  steps_until([&] { return telemetry.size() > 6 && bad(telemetry.back()) == 1; });
+  plc.asked.clear();
+  const Telemetry& settled = next_sample();
+  EXPECT_EQ(settled.readings[5].bad, BadReason::nak);
+  EXPECT_EQ(bad(settled), 1U);
+  ASSERT_EQ(plc.asked.size(), 1U);
+  EXPECT_EQ(plc.asked[0].find("W1000"), std::string::npos) << plc.asked[0];
+  EXPECT_EQ(newest[0].state, State::degraded);
+}
+
+TEST_F(GatherPolls, GoodPlacesAreBadForFewCyclesOnly) {
+  add_scattered(16);
+  plc.lacks = {1000};
+  start();
+  std::vector<std::size_t> bad_ones;
+  while (bad_ones.empty() || bad_ones.back() > 1) {
+    ASSERT_LT(bad_ones.size(), 20U);
+    bad_ones.push_back(bad(next_sample()));
+  }
+  EXPECT_EQ(bad_ones, (std::vector<std::size_t>{16, 8, 4, 2, 1}));
+}
+
+TEST_F(GatherPolls, APlaceThatIsOnlyRefusedInCompanyIsReadByItself) {
+  add_scattered(16);
+  plc.not_gathered = {1000};
+  start();
+  steps_until([&] { return telemetry.size() > 3 && bad(telemetry.back()) == 0; });
+  plc.asked.clear();
+  EXPECT_EQ(bad(next_sample()), 0U);
+  EXPECT_EQ(plc.asked.size(), 2U);
+  EXPECT_NE(std::find(plc.asked.begin(), plc.asked.end(), "W1000"), plc.asked.end());
+}
+
+TEST_F(GatherPolls, ADeviceThatTakesFewerPlacesGetsFewer) {
+  add_scattered(16);
+  plc.most_parts = 5;
+  start();
+  steps_until([&] { return telemetry.size() > 2 && bad(telemetry.back()) == 0; });
+  next_sample();
+  plc.asked.clear();
+  EXPECT_EQ(bad(next_sample()), 0U);
+  EXPECT_EQ(plc.asked.size(), 4U);
+  EXPECT_EQ(newest[0].state, State::online);
+}
+
+TEST_F(GatherPolls, ABusyDeviceIsAskedForTheSameAgain) {
+  add_scattered(3);
+  for (const int mood : {GatheringCodec::kBusy, GatheringCodec::kCurable}) {
+    plc.in_a_mood = 1;
+    plc.mood = mood;
+    if (!poller) start();
+    plc.asked.clear();
+    EXPECT_EQ(bad(next_sample()), 0U);
+    EXPECT_EQ(plc.asked, (std::vector<std::string>{"1: W0 W200 W400", "1: W0 W200 W400"}));
+  }
+}
+
+TEST_F(GatherPolls, SilenceMakesAllOfItBad) {
+  add_scattered(3);
+  config.devices[0].retries = 0;
+  plc.silent = true;
+  start();
+  const Telemetry& message = next_sample();
+  for (const TagReading& reading : message.readings) EXPECT_EQ(reading.bad, BadReason::timeout);
+  EXPECT_EQ(newest[0].state, State::offline);
+  plc.silent = false;
+  steps_until([&] { return newest[0].state == State::online; });
+}
+
+TEST_F(GatherPolls, WhatACommandMayHaveChangedIsReadAgainByItself) {
+  for (int n = 100; n < 160; ++n) add_tags({"W" + std::to_string(n)});
+  add_tags({"W3000", "V30"});
+  start();
+  step();
+  ASSERT_EQ(plc.asked.size(), 1U);
+  step();
+  next_sample();
+  plc.asked.clear();
+  // The gather is not the last exchange of the cycle.
+  const Plan& plan = devices[0]->groups[0]->cycle.plan();
+  ASSERT_EQ(plan.exchange_count(), 2U);
+  step();
+  poller->overwritten(*devices[0], {0, 100 * 16, 16}, nullptr, BadReason::nak);
+  plc.words[100] = 7;
+  const Telemetry& message = next_sample();
+  EXPECT_EQ(plc.asked, (std::vector<std::string>{"W100+60", "W100+60", "1: W3000 V30"}));
+  EXPECT_EQ(value(message, 0), 7);
+}
+
+TEST_F(GatherPolls, AnOutdatedPartIsReadWithoutTheOthers) {
+  add_tags({"W5", "W900", "V30"});
+  for (int n = 100; n < 160; ++n) add_tags({"V" + std::to_string(n)});
+  start();
+  step();
+  ASSERT_EQ(plc.asked, std::vector<std::string>{"1: W5 W900 V30"});
+  poller->overwritten(*devices[0], {0, 900 * 16, 16}, nullptr, BadReason::nak);
+  plc.words[900] = 7;
+  const Telemetry& message = next_sample();
+  EXPECT_EQ(plc.asked, (std::vector<std::string>{"1: W5 W900 V30", "1: W900", "V100+60"}));
+  EXPECT_EQ(value(message, 0), 5);
+  EXPECT_EQ(value(message, 1), 7);
+  EXPECT_EQ(bad(message), 0U);
+}
+
+TEST_F(GatherPolls, TheLongestPollIsThatOfTheWholeFrame) {
+  config.links[0].char_time = std::chrono::microseconds(1042);
+  config.devices[0].groups[0].interval = hours(1);
+  add_scattered(20);
+  start();
+  const Plan& plan = devices[0]->groups[0]->cycle.plan();
+  ASSERT_EQ(plan.exchange_count(), 1U);
+  EXPECT_EQ(poller->longest_poll(), plan.line_time);
+}
+
+}  // namespace
+}  // namespace fxagent::test

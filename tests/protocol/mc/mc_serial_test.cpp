@@ -1,0 +1,248 @@
+// mc-3c and mc-4c beyond the transcripts: what a line may bring in each format.
+#include <gtest/gtest.h>
+
+#include "protocol/mc/mc.h"
+#include "tests/protocol/frame_file.h"
+
+namespace fxagent::mc {
+namespace {
+
+using test::hex;
+
+constexpr std::uint16_t kD = id(Space::d);
+constexpr std::uint16_t kM = id(Space::m);
+
+Mc codec(std::uint32_t format, Frame frame = Frame::c4, bool sum = true) {
+  Mc::Settings settings;
+  settings.frame = frame;
+  settings.model = Model::fx5u;
+  settings.format = format;
+  settings.sum_check = sum;
+  settings.max_block_bytes = 512;
+  return Mc(settings);
+}
+
+/// Control characters by letters that no frame has: < STX, > ETX, ? ENQ, + ACK, - NAK, ! CR LF.
+Bytes line(std::string_view text) {
+  Bytes bytes;
+  for (const char c : text) {
+    switch (c) {
+      case '<':
+        bytes.push_back(kStx);
+        break;
+      case '>':
+        bytes.push_back(kEtx);
+        break;
+      case '?':
+        bytes.push_back(kEnq);
+        break;
+      case '+':
+        bytes.push_back(kAck);
+        break;
+      case '-':
+        bytes.push_back(kNak);
+        break;
+      case '!':
+        bytes.insert(bytes.end(), {kCr, kLf});
+        break;
+      default:
+        bytes.push_back(static_cast<std::uint8_t>(c));
+    }
+  }
+  return bytes;
+}
+
+const Request kTwoWords = Read{{kM, 100, 32}, kWordWay};
+const Request kWrite = Write{{kD, 1600, 32}, {0x34, 0x12, 0xCD, 0xAB}};
+
+std::string fault(const Mc& mc, const Request& request, const Bytes& rx, std::uint16_t tag = 1) {
+  const auto reply = mc.decode(request, tag, rx);
+  EXPECT_FALSE(reply);
+  return reply ? std::string() : reply.error().text;
+}
+
+bool needs_more(const Mc& mc, const Request& request, const Bytes& rx, std::uint16_t tag = 1) {
+  const auto reply = mc.decode(request, tag, rx);
+  EXPECT_TRUE(reply) << reply.error().text;
+  return reply && !*reply;
+}
+
+Reply answer(const Mc& mc, const Request& request, const Bytes& rx, std::uint16_t tag = 1) {
+  const auto reply = mc.decode(request, tag, rx);
+  EXPECT_TRUE(reply && *reply) << (reply ? "needs more" : reply.error().text);
+  return reply && *reply ? **reply : Reply{};
+}
+
+void expect_says(const std::string& text, std::string_view part) {
+  EXPECT_NE(text.find(part), std::string::npos) << text;
+}
+
+TEST(McSerial, WhatIsWrongWithAnAnswerIsSaid) {
+  const Mc one = codec(1);
+  expect_says(fault(one, kTwoWords, line("<F80000FF03FF000012340002>09")),
+              "sum 09 given, 08 computed");
+  expect_says(fault(one, kTwoWords, line("<F80000FF03FF000012340002>GG")), "not two hex digits");
+  expect_says(fault(one, kTwoWords, line("<F80000FF03FF00001234000>1A")), "7 data characters");
+  expect_says(fault(one, kTwoWords, line("<F80000FF03FF0000123400021>1A")), "more data characters");
+  expect_says(fault(one, kTwoWords, line("-F80000FF03FF00007E4G")), "not four hex digits");
+  const Mc four = codec(4);
+  expect_says(fault(four, kTwoWords, line("<F80000FF03FF000012340002>08xx")), "CR LF is missing");
+  expect_says(fault(four, kWrite, line("+F80000FF03FF0000xx")), "CR LF is missing");
+  expect_says(fault(four, kWrite, line("-F80000FF03FF00007167xx")), "CR LF is missing");
+  const Mc three = codec(3);
+  expect_says(fault(three, kWrite, line("<F80000FF03FF0000QNAK7167x")), "ETX is missing");
+  Bytes babble(9000, '0');
+  expect_says(fault(one, kTwoWords, babble), "9000 bytes without an answer");
+}
+
+TEST(McSerial, WithoutSumsNeitherSideHasThem) {
+  const Mc mc = codec(1, Frame::c3, false);
+  EXPECT_EQ(*mc.encode(kTwoWords, 1), line("?F90000FF0004010000M*0001000002"));
+  const Bytes reply = line("<F90000FF0012340002>");
+  EXPECT_EQ(answer(mc, kTwoWords, reply).image, hex("34 12 02 00"));
+  EXPECT_EQ(mc.line_length(kTwoWords).reply_chars, reply.size());
+  const Mc five = codec(5, Frame::c4, false);
+  const Bytes done = hex("10 02 0C 00 F8 00 00 FF FF 03 00 00 FF FF 00 00 10 03");
+  EXPECT_EQ(answer(five, kWrite, done).kind, Reply::Kind::ack);
+  EXPECT_EQ(five.line_length(kWrite).reply_chars, done.size());
+}
+
+TEST(McSerial, ABlockNumberTellsAnOldAnswerFromTheRightOne) {
+  const Mc mc = codec(2, Frame::c3);
+  EXPECT_TRUE(needs_more(mc, kTwoWords, line("<79F90000FF0055550002>42"), 0x7A));
+  const Reply reply =
+      answer(mc, kTwoWords, line("<79F90000FF0055550002>42<7AF90000FF0012340002>32"), 0x7A);
+  EXPECT_EQ(reply.image, hex("34 12 02 00"));
+  EXPECT_EQ(reply.began, 24U);
+  EXPECT_TRUE(needs_more(mc, kWrite, line("+79F90000FF00"), 0x7A));
+  EXPECT_EQ(answer(mc, kWrite, line("+7AF90000FF00"), 0x7A).kind, Reply::Kind::ack);
+}
+
+TEST(McSerial, AnswersOfOtherStationsAndOfTheOtherKindArePassedOver) {
+  const Mc one = codec(1);
+  const Bytes own = line("<F80000FF03FF000012340002>08");
+  const auto behind = [&](const Mc& mc, std::string_view before, const Bytes& right) {
+    Bytes rx = line(before);
+    const bool waits = needs_more(mc, kTwoWords, rx);
+    EXPECT_TRUE(waits) << before;
+    rx.insert(rx.end(), right.begin(), right.end());
+    EXPECT_EQ(answer(mc, kTwoWords, rx).image, hex("34 12 02 00")) << before;
+  };
+  behind(one, "<F80100FF03FF000055550002>12", own);             // another station
+  behind(one, "<F90000FF0055550002>00", own);                   // a 3C frame
+  behind(one, "+F80000FF03FF0000", own);                        // done, where data are awaited
+  behind(one, "-F80100FF03FF00007E4F", own);                    // another station refuses
+  behind(one, "?F80000FF03FF000004010000M*000100000258", own);  // the request, come back
+  behind(one, "<F80000FF03FF00001234", own);                    // cut off by the real one
+  EXPECT_TRUE(needs_more(one, kWrite, own));                    // data, where none are awaited
+  EXPECT_EQ(answer(one, kWrite, line("<F80000FF03FF000012340002>08+F80000FF03FF0000")).kind,
+            Reply::Kind::ack);
+}
+
+TEST(McSerial, Format3TellsAnswersByQackAndQnak) {
+  const Mc mc = codec(3);
+  const Bytes request = *mc.encode(kTwoWords, 1);
+  EXPECT_EQ(request, line("<F80000FF03FF000004010000M*0001000002>5B"));
+  EXPECT_TRUE(needs_more(mc, kTwoWords, request));
+  Bytes rx = request;
+  const Bytes late = line("<F80000FF03FF0000QACK>");
+  rx.insert(rx.end(), late.begin(), late.end());
+  EXPECT_TRUE(needs_more(mc, kTwoWords, rx));
+  const Bytes own = line("<F80000FF03FF0000QACK12340002>28");
+  rx.insert(rx.end(), own.begin(), own.end());
+  EXPECT_EQ(answer(mc, kTwoWords, rx).image, hex("34 12 02 00"));
+  const Reply refused = answer(mc, kTwoWords, line("<F80000FF03FF0000QNAK7E4F>"));
+  EXPECT_EQ(refused.device_code, 0x7E4F);
+  EXPECT_EQ(answer(mc, kWrite, line("<F80000FF03FF0000QACK>")).kind, Reply::Kind::ack);
+  // A late answer with data, and a refusal for another station, before the right one.
+  EXPECT_EQ(answer(mc, kWrite,
+                   line("<F80000FF03FF0000QACK12340002>28<F80100FF03FF0000QNAK7167>"
+                        "<F80000FF03FF0000QACK>"))
+                .kind,
+            Reply::Kind::ack);
+  for (std::size_t n = 0; n < own.size(); ++n)
+    EXPECT_TRUE(needs_more(mc, kTwoWords,
+                           Bytes(own.begin(), own.begin() + static_cast<std::ptrdiff_t>(n))));
+}
+
+TEST(McSerial, Format5DoublesEvery10AndFindsItsFramesAgain) {
+  const Mc mc = codec(5);
+  const Request word = Read{{kD, 256, 16}, kWordWay};
+  const Bytes own = hex("10 02 0E 00 F8 00 00 FF FF 03 00 00 FF FF 00 00 10 10 10 10 10 03 32 35");
+  EXPECT_EQ(answer(mc, word, own).image, hex("10 10"));
+  for (std::size_t n = 0; n < own.size(); ++n)
+    EXPECT_TRUE(
+        needs_more(mc, word, Bytes(own.begin(), own.begin() + static_cast<std::ptrdiff_t>(n))));
+  const auto behind = [&](std::string_view before) {
+    Bytes rx = hex(before);
+    rx.insert(rx.end(), own.begin(), own.end());
+    const Reply reply = answer(mc, word, rx);
+    EXPECT_EQ(reply.image, hex("10 10")) << before;
+    EXPECT_EQ(reply.consumed, rx.size());
+  };
+  behind(to_hex(*mc.encode(word, 1)));  // its echo
+  behind("FF 10 03 00");
+  behind("10 02 0E 00 10 05");  // a single 10 inside: no frame
+  behind("10 02 0C 00 F8 00 00 FF FF 03 00 00 FF FF 00 00 10 03 30 33");  // a late "done"
+  expect_says(fault(mc, word,
+                    hex("10 02 0E 00 F8 00 00 FF FF 03 00 00 FF FF 00 00 "
+                        "10 10 10 10 10 03 32 36")),
+              "sum 26 given, 25 computed");
+  expect_says(fault(mc, word,
+                    hex("10 02 0F 00 F8 00 00 FF FF 03 00 00 FF FF 00 00 "
+                        "10 10 10 10 10 03 32 36")),
+              "length 15 given, 14 bytes came");
+  expect_says(fault(mc, word,
+                    hex("10 02 10 10 00 F8 00 00 FF FF 03 00 00 FF FF 00 00 "
+                        "01 02 03 04 10 03 31 31")),
+              "4 bytes of data given, 2 expected");
+  expect_says(fault(mc, word, hex("10 02 0A 00 F8 00 00 FF FF 03 00 00 FF FF 10 03 30 31")),
+              "without end code");
+  const Reply refused =
+      answer(mc, word, hex("10 02 0C 00 F8 00 00 FF FF 03 00 00 FF FF 56 C0 10 03 31 39"));
+  EXPECT_EQ(refused.device_code, 0xC056);
+}
+
+TEST(McSerial, OtherMastersAndNoiseAreToldFromAnswers) {
+  for (const std::uint32_t format : {1U, 2U, 3U, 4U}) {
+    const Mc mc = codec(format);
+    EXPECT_TRUE(mc.may_pass_for_answer(line("<F8")));
+    EXPECT_TRUE(mc.may_pass_for_answer(line("x?F80000FF")));
+    EXPECT_FALSE(mc.may_pass_for_answer(line("<xyz")));
+    EXPECT_FALSE(mc.may_pass_for_answer({}));
+  }
+  const Mc five = codec(5);
+  EXPECT_TRUE(five.may_pass_for_answer(hex("00 10 02")));
+  EXPECT_TRUE(five.may_pass_for_answer(hex("00 10")));
+  EXPECT_FALSE(five.may_pass_for_answer(hex("00 10 03")));
+}
+
+TEST(McSerial, TheLineLengthIsWhatGoesOverTheLineInEveryFormat) {
+  for (const Frame frame : {Frame::c3, Frame::c4}) {
+    for (std::uint32_t format = 1; format <= (frame == Frame::c4 ? 5U : 4U); ++format) {
+      const Mc mc = codec(format, frame);
+      for (const Request& request : {kTwoWords, kWrite, Request(Control{Control::Kind::stop})})
+        EXPECT_EQ(mc.line_length(request).request_chars, mc.encode(request, 0)->size()) << format;
+      EXPECT_EQ(mc.line_length(kTwoWords).closing_chars, 0U);
+    }
+  }
+  EXPECT_EQ(codec(1).line_length(kWrite).reply_chars, 17U);
+  EXPECT_EQ(codec(3).line_length(kWrite).reply_chars, 22U);
+  EXPECT_EQ(codec(4).line_length(kTwoWords).reply_chars, 30U);
+  EXPECT_EQ(codec(5).line_length(kTwoWords).reply_chars, 25U);  // its length, 10h, is doubled
+}
+
+TEST(McSerial, OptionsOfTheConfigAreItsSettings) {
+  const auto made = Mc::make_4c({{"model", std::string("FX5U")},
+                                 {"station", std::int64_t{5}},
+                                 {"format", std::int64_t{4}},
+                                 {"sum_check", false}});
+  ASSERT_TRUE(made);
+  EXPECT_EQ(*(*made)->encode(kTwoWords, 1), line("?F80500FF03FF000004010000M*0001000002!"));
+  const auto three = Mc::make_3c({{"format", std::int64_t{1}}});
+  ASSERT_TRUE(three);
+  EXPECT_EQ((*three)->encode(kTwoWords, 1)->front(), kEnq);
+}
+
+}  // namespace
+}  // namespace fxagent::mc

@@ -1,0 +1,513 @@
+// mc-3e and mc-4e beyond the transcripts: what is asked, what is believed, what follows a refusal.
+#include "protocol/mc/mc.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+
+#include "protocol/mc/end_code.h"
+#include "tests/protocol/frame_file.h"
+
+namespace fxagent::mc {
+namespace {
+
+using test::hex;
+
+constexpr std::uint16_t kD = id(Space::d);
+constexpr std::uint16_t kM = id(Space::m);
+
+Mc codec(Frame frame, Model model = Model::fx5u, Code code = Code::binary) {
+  Mc::Settings settings;
+  settings.frame = frame;
+  settings.model = model;
+  settings.code = code;
+  return Mc(settings);
+}
+
+std::string sent(const Mc& mc, const Request& request, std::uint16_t tag = 1) {
+  const auto frame = mc.encode(request, tag);
+  return frame ? to_hex(*frame) : frame.error().text;
+}
+
+/// The message of a binary 3E request: behind the timer.
+std::string message(const Mc& mc, const Request& request) {
+  const auto frame = mc.encode(request, 1);
+  EXPECT_TRUE(frame) << frame.error().text;
+  return frame ? to_hex(ByteView(*frame).subspan(11)) : std::string();
+}
+
+std::string why_not(const Mc& mc, const Request& request) {
+  const auto frame = mc.encode(request, 1);
+  EXPECT_FALSE(frame);
+  return frame ? std::string() : frame.error().text;
+}
+
+std::string fault(const Mc& mc, const Request& request, std::string_view rx,
+                  std::uint16_t tag = 1) {
+  const auto reply = mc.decode(request, tag, hex(rx));
+  EXPECT_FALSE(reply) << rx;
+  if (reply) return {};
+  EXPECT_EQ(reply.error().code, ErrorCode::bad_frame);
+  return reply.error().text;
+}
+
+bool needs_more(const Mc& mc, const Request& request, ByteView rx, std::uint16_t tag = 1) {
+  const auto reply = mc.decode(request, tag, rx);
+  return reply && !*reply;
+}
+
+Reply answer(const Mc& mc, const Request& request, ByteView rx, std::uint16_t tag = 1) {
+  const auto reply = mc.decode(request, tag, rx);
+  EXPECT_TRUE(reply && *reply) << (reply ? "needs more" : reply.error().text);
+  return reply && *reply ? **reply : Reply{};
+}
+
+void expect_says(const std::string& text, std::string_view part) {
+  EXPECT_NE(text.find(part), std::string::npos) << text;
+}
+
+const Request kTwoWords = Read{{kD, 1600, 32}, kWordWay};
+const Request kWrite = Write{{kD, 1600, 16}, {0x34, 0x12}};
+
+// ---- what is believed ---------------------------------------------------------------------------
+
+TEST(Mc3E, AnAnswerOfAnotherLengthIsNeverAValue) {
+  const Mc mc = codec(Frame::e3);
+  expect_says(fault(mc, kTwoWords, "D0 00 00 FF FF 03 00 04 00 00 00 34 12"), "2 characters");
+  expect_says(fault(mc, kTwoWords, "D0 00 00 FF FF 03 00 08 00 00 00 34 12 78 56 00 00"),
+              "6 characters");
+  expect_says(fault(mc, kTwoWords, "D0 00 00 FF FF 03 00 02 00 00 00"), "0 characters");
+  expect_says(fault(mc, kWrite, "D0 00 00 FF FF 03 00 04 00 00 00 34 12"), "0 expected");
+  // A length that lies: too long is waited for, impossible ones are told at once.
+  EXPECT_TRUE(needs_more(mc, kTwoWords, hex("D0 00 00 FF FF 03 00 07 00 00 00 34 12 78 56")));
+  expect_says(fault(mc, kTwoWords, "D0 00 00 FF FF 03 00 01 00 00"), "length 1");
+  expect_says(fault(mc, kTwoWords, "D0 00 00 FF FF 03 00 FF FF 00"), "length 65535");
+}
+
+TEST(Mc3E, AnAnswerOfAnotherStationIsNeverAValue) {
+  const Mc mc = codec(Frame::e3);
+  for (const char* rx : {"D0 00 01 FF FF 03 00 06 00 00 00 34 12 78 56",
+                         "D0 00 00 01 FF 03 00 06 00 00 00 34 12 78 56",
+                         "D0 00 00 FF E0 03 00 06 00 00 00 34 12 78 56",
+                         "D0 00 00 FF FF 03 01 06 00 00 00 34 12 78 56"})
+    expect_says(fault(mc, kTwoWords, rx), "an answer for network");
+  expect_says(fault(mc, kWrite, "D0 00 00 01 FF 03 00 02 00 00 00"), "PC FF");
+}
+
+TEST(Mc3E, AFrameOfAnotherKindIsNamedWithTheSettingThatFitsIt) {
+  const Mc mc = codec(Frame::e3);
+  expect_says(fault(mc, kTwoWords, "D4 00 01 00 00 00 00 FF FF 03 00 02 00 00 00"), "mc-4e");
+  expect_says(fault(codec(Frame::e4), kTwoWords, "D0 00 00 FF FF 03 00 02 00 00 00"), "mc-3e");
+  expect_says(fault(mc, kTwoWords, "44 30 30 30 30 30 46 46"), "in ASCII code: set `code`");
+  const Mc ascii = codec(Frame::e3, Model::fx5u, Code::ascii);
+  expect_says(fault(ascii, kTwoWords, "D0 00 00 FF FF 03 00 02 00 00 00"), "in binary code");
+  expect_says(fault(mc, kTwoWords, "D0 50"), "mc-1e");
+  expect_says(fault(ascii, kTwoWords, "44 30 35 30"), "mc-1e");
+  expect_says(fault(mc, kTwoWords, "15 FF FF FF"), "subheader 15 FF FF FF");
+  EXPECT_TRUE(needs_more(mc, kTwoWords, hex("D0")));
+  EXPECT_TRUE(needs_more(mc, kTwoWords, hex("44 30")));
+  EXPECT_TRUE(needs_more(ascii, kTwoWords, hex("44 30 30")));
+}
+
+TEST(Mc3E, ErrorInformationMayBeWholeInPartOrMissing) {
+  const Mc mc = codec(Frame::e3);
+  for (const char* rx :
+       {"D0 00 00 FF FF 03 00 0B 00 56 C0 00 FF FF 03 00 01 04 00 00",
+        "D0 00 00 FF FF 03 00 0B 00 56 C0 01 05 E0 03 02 01 04 00 00",
+        "D0 00 00 FF FF 03 00 05 00 56 C0 00 FF FF", "D0 00 00 FF FF 03 00 02 00 56 C0",
+        "D0 00 00 FF FF 03 00 0D 00 56 C0 00 FF FF 03 00 01 04 00 00 11 22"}) {
+    const Reply reply = answer(mc, kTwoWords, hex(rx));
+    EXPECT_EQ(reply.kind, Reply::Kind::nak);
+    EXPECT_EQ(reply.device_code, 0xC056);
+    EXPECT_EQ(reply.text, "end code C056: beyond the last device");
+    EXPECT_TRUE(reply.image.empty());
+  }
+  // An error to another command is an answer to an older question.
+  expect_says(fault(mc, kTwoWords, "D0 00 00 FF FF 03 00 0B 00 56 C0 00 FF FF 03 00 01 14 00 00"),
+              "for another command: 01 14");
+}
+
+TEST(Mc3E, ErrorInformationInAsciiIsReadAsDigits) {
+  const Mc mc = codec(Frame::e3, Model::fx5u, Code::ascii);
+  const auto bytes = [](std::string_view text) { return Bytes(text.begin(), text.end()); };
+  const Reply reply = answer(mc, kTwoWords, bytes("D00000FF03FF000016C05100FF03FF0004010000"));
+  EXPECT_EQ(reply.device_code, 0xC051);
+  EXPECT_EQ(answer(mc, kTwoWords, bytes("d00000ff03ff000004c056")).device_code, 0xC056);
+  const auto wrong = mc.decode(kTwoWords, 1, bytes("D00000FF03FF00000C0000123456XY"));
+  ASSERT_FALSE(wrong);
+  expect_says(wrong.error().text, "not hex digits");
+  EXPECT_FALSE(mc.decode(kTwoWords, 1, bytes("D00000FF03FF00000C00X012345678")));
+  EXPECT_FALSE(mc.decode(kTwoWords, 1, bytes("D00000FF0XFF00000C000012345678")));
+  EXPECT_EQ(answer(mc, kTwoWords, bytes("D00000FF03FF00000C00001234abcd")).image,
+            hex("34 12 CD AB"));
+}
+
+TEST(Mc3E, BitsThatAreNeitherZeroNorOneAreNoValue) {
+  const Request bits = Read{{kM, 100, 3}, kBitWay};
+  const Mc mc = codec(Frame::e3);
+  EXPECT_EQ(answer(mc, bits, hex("D0 00 00 FF FF 03 00 04 00 00 00 10 10")).image, hex("05"));
+  // The dummy behind an odd count may be anything.
+  EXPECT_EQ(answer(mc, bits, hex("D0 00 00 FF FF 03 00 04 00 00 00 10 1F")).image, hex("05"));
+  expect_says(fault(mc, bits, "D0 00 00 FF FF 03 00 04 00 00 00 12 00"), "bits are 0 and 1");
+}
+
+TEST(Mc3E, AfterSilenceTheConnectionEndsForAnAnswerHasNoNumber) {
+  EXPECT_EQ(codec(Frame::e3).after_silence(), Recovery::reconnect);
+  EXPECT_EQ(codec(Frame::e3).after_nonsense(), Recovery::reconnect);
+  EXPECT_EQ(codec(Frame::e4).after_silence(), Recovery::none);
+  EXPECT_EQ(codec(Frame::e4).after_nonsense(), Recovery::reconnect);
+  EXPECT_EQ(codec(Frame::c4).after_silence(), Recovery::drain);
+  EXPECT_EQ(codec(Frame::c3).after_nonsense(), Recovery::drain);
+}
+
+TEST(Mc4E, AnswersWithOtherNumbersArePassedOverHoweverMany) {
+  const Mc mc = codec(Frame::e4);
+  const Bytes late = hex("D4 00 FF FF 00 00 00 FF FF 03 00 06 00 00 00 11 11 22 22");
+  const Bytes refused = hex("D4 00 02 00 00 00 00 FF FF 03 00 02 00 56 C0");
+  const Bytes other_station = hex("D4 00 03 00 00 00 01 01 FF 03 00 06 00 00 00 11 11 22 22");
+  const Bytes own = hex("D4 00 00 01 00 00 00 FF FF 03 00 06 00 00 00 34 12 78 56");
+  Bytes rx;
+  for (const Bytes* part : {&late, &refused, &other_station, &late})
+    rx.insert(rx.end(), part->begin(), part->end());
+  EXPECT_TRUE(needs_more(mc, kTwoWords, rx, 0x0100));
+  const std::size_t began = rx.size();
+  rx.insert(rx.end(), own.begin(), own.end());
+  const Reply reply = answer(mc, kTwoWords, rx, 0x0100);
+  EXPECT_EQ(reply.image, hex("34 12 78 56"));
+  EXPECT_EQ(reply.began, began);
+  EXPECT_EQ(reply.consumed, rx.size());
+  // With the right number everything else must fit.
+  expect_says(
+      fault(mc, kTwoWords, "D4 00 00 01 00 00 01 FF FF 03 00 06 00 00 00 34 12 78 56", 0x0100),
+      "network 1");
+}
+
+TEST(Mc3E, WhatTheAgentSaysOfWholeFramesItMayPassForAnAnswer) {
+  const Mc mc = codec(Frame::e3);
+  EXPECT_TRUE(mc.may_pass_for_answer(hex("01 D0 00")));
+  EXPECT_TRUE(mc.may_pass_for_answer(hex("01 D0")));
+  EXPECT_FALSE(mc.may_pass_for_answer(hex("50 00 00 FF")));
+  EXPECT_TRUE(codec(Frame::e4).may_pass_for_answer(hex("01")));
+}
+
+// ---- what is asked ------------------------------------------------------------------------------
+
+TEST(McMessages, SeriesDecideCodesAndNumbers) {
+  const Request read = Read{{kD, 1600, 16}, kWordWay};
+  EXPECT_EQ(message(codec(Frame::e3, Model::fx5u), read), "01 04 00 00 64 00 00 A8 01 00");
+  EXPECT_EQ(message(codec(Frame::e3, Model::q), read), "01 04 00 00 64 00 00 A8 01 00");
+  EXPECT_EQ(message(codec(Frame::e3, Model::unknown), read), "01 04 00 00 64 00 00 A8 01 00");
+  EXPECT_EQ(message(codec(Frame::e3, Model::iq_r), read), "01 04 02 00 64 00 00 00 A8 00 01 00");
+  const Request x17 = Read{{id(Space::x), 017, 1}, kBitWay};
+  EXPECT_EQ(message(codec(Frame::e3, Model::fx5u), x17), "01 04 01 00 0F 00 00 9C 01 00");
+}
+
+TEST(McMessages, LongDevicesGoByRandomReadAsDoubleWords) {
+  const Mc mc = codec(Frame::e3);
+  const Request counters = Read{{id(Space::lcn), 64, 64}, kDwordWay};
+  EXPECT_EQ(message(mc, counters), "03 04 00 00 00 02 02 00 00 56 03 00 00 56");
+  EXPECT_EQ(
+      answer(mc, counters, hex("D0 00 00 FF FF 03 00 0A 00 00 00 78 56 34 12 01 00 00 00")).image,
+      hex("78 56 34 12 01 00 00 00"));
+  EXPECT_EQ(message(mc, Write{{id(Space::lz), 32, 32}, {0x78, 0x56, 0x34, 0x12}}),
+            "02 14 00 00 00 01 01 00 00 62 78 56 34 12");
+  EXPECT_EQ(message(codec(Frame::e3, Model::iq_r), Read{{id(Space::ltn), 0, 32}, kDwordWay}),
+            "03 04 02 00 00 01 00 00 00 00 52 00");
+}
+
+TEST(McMessages, WritesTakeExactlyTheirBits) {
+  const Mc mc = codec(Frame::e3);
+  EXPECT_EQ(message(mc, Force{kM, 8, true}), "01 14 01 00 08 00 00 90 01 00 10");
+  EXPECT_EQ(message(mc, Force{kM, 8, false}), "01 14 01 00 08 00 00 90 01 00 00");
+  EXPECT_EQ(message(mc, Write{{kM, 3, 5}, {0x15}}), "01 14 01 00 03 00 00 90 05 00 10 10 10");
+  EXPECT_EQ(message(mc, Write{{kM, 3, 16}, {0x34, 0x12}}), "01 14 00 00 03 00 00 90 01 00 34 12");
+  expect_says(why_not(mc, Force{kD, 8, true}), "is a word");
+  expect_says(why_not(mc, Write{{kD, 8, 16}, {1, 2}}), "whole words");
+  expect_says(why_not(mc, Write{{kD, 0, 32}, {1, 2}}), "32 bits with 2 bytes");
+  expect_says(why_not(mc, Write{{kD, 7999 * 16, 32}, {1, 2, 3, 4}}), "does not exist");
+  expect_says(why_not(mc, Write{{id(Space::sm), 8037, 1}, {1}}), "never written");
+  expect_says(why_not(mc, Enquire{}), "no enquiry");
+  expect_says(why_not(mc, Control{Control::Kind::reset}), "no reset");
+}
+
+TEST(McMessages, TheLimitsAreThoseOfTheSeries) {
+  struct Case {
+    Model model;
+    Code code;
+    std::uint32_t words, bits;
+  };
+  for (const Case& c :
+       {Case{Model::fx5u, Code::binary, 960, 3584}, Case{Model::fx5u, Code::ascii, 480, 1792},
+        Case{Model::q, Code::binary, 960, 7168}, Case{Model::q, Code::ascii, 960, 3584},
+        Case{Model::iq_r, Code::binary, 960, 7168}, Case{Model::unknown, Code::ascii, 480, 1792}}) {
+    const Mc mc = codec(Frame::e3, c.model, c.code);
+    EXPECT_TRUE(mc.encode(Read{{kD, 0, c.words * 16}, kWordWay}, 1));
+    expect_says(why_not(mc, Read{{kD, 0, (c.words + 1) * 16}, kWordWay}), "at most");
+    EXPECT_TRUE(mc.encode(Read{{kM, 0, c.bits}, kBitWay}, 1));
+    expect_says(why_not(mc, Read{{kM, 0, c.bits + 1}, kBitWay}), "at most");
+    EXPECT_TRUE(mc.encode(Write{{kD, 0, c.words * 16}, Bytes(c.words * 2)}, 1));
+    expect_says(why_not(mc, Write{{kD, 0, (c.words + 1) * 16}, Bytes(c.words * 2 + 2)}), "at most");
+    EXPECT_FALSE(mc.encode(Write{{kM, 0, c.bits + 1}, Bytes(c.bits / 8 + 1)}, 1));
+    EXPECT_LE(mc.max_write_bits(kD), c.words * 16);
+    EXPECT_EQ(mc.max_write_bits(kM), c.bits);
+  }
+  EXPECT_EQ(codec(Frame::e3).max_write_bits(99), 0U);
+  EXPECT_TRUE(codec(Frame::e3).read_ways(99).empty());
+  EXPECT_TRUE(codec(Frame::e3, Model::q).read_ways(id(Space::lcn)).empty());
+}
+
+TEST(McMessages, RandomReadsAndBlocksHaveTheirOwnLimits) {
+  const auto gather = [](std::uint32_t parts, std::uint8_t way, std::uint8_t command) {
+    Gather all;
+    for (std::uint32_t i = 0; i < parts; ++i) all.parts.push_back({{kD, i * 64, 16}, way, command});
+    return all;
+  };
+  const Mc fx5 = codec(Frame::e3);
+  const Mc iq_r = codec(Frame::e3, Model::iq_r);
+  EXPECT_TRUE(fx5.encode(gather(192, kRandomWay, kRandomRead), 1));
+  EXPECT_FALSE(fx5.encode(gather(193, kRandomWay, kRandomRead), 1));
+  EXPECT_TRUE(iq_r.encode(gather(96, kRandomWay, kRandomRead), 1));
+  EXPECT_FALSE(iq_r.encode(gather(97, kRandomWay, kRandomRead), 1));
+  EXPECT_TRUE(fx5.encode(gather(120, kBlockWay, kBlockRead), 1));
+  EXPECT_FALSE(fx5.encode(gather(121, kBlockWay, kBlockRead), 1));
+  EXPECT_TRUE(iq_r.encode(gather(60, kBlockWay, kBlockRead), 1));
+  EXPECT_FALSE(iq_r.encode(gather(61, kBlockWay, kBlockRead), 1));
+  // Built-in ports of Q and L lack 0406; an unknown model may.
+  EXPECT_FALSE(codec(Frame::e3, Model::q).encode(gather(2, kBlockWay, kBlockRead), 1));
+  EXPECT_EQ(codec(Frame::e3, Model::unknown).gathers().size(), 1U);
+  Gather both = gather(1, kRandomWay, kRandomRead);
+  both.parts.push_back({{kD, 0, 16}, kBlockWay, kBlockRead});
+  expect_says(why_not(fx5, both), "no frame carries");
+  expect_says(why_not(fx5, Gather{}), "nothing");
+  const Request contact = Gather{{Read{{id(Space::ts), 0, 16}, kRandomWay, kRandomRead}}};
+  EXPECT_FALSE(fx5.encode(contact, 1));
+}
+
+TEST(McMessages, PartsOfAGatherComeBackInTheirOwnOrder) {
+  const Mc mc = codec(Frame::e3);
+  const Request random = Gather{{Read{{kD, 0, 32}, kRandomWay, kRandomRead},
+                                 Read{{kM, 5, 16}, kRandomWay, kRandomRead},
+                                 Read{{id(Space::lcn), 0, 32}, kRandomWay, kRandomRead}}};
+  EXPECT_EQ(message(mc, random), "03 04 00 00 01 02 05 00 00 90 00 00 00 A8 00 00 00 56");
+  EXPECT_EQ(
+      answer(mc, random, hex("D0 00 00 FF FF 03 00 0C 00 00 00 05 06 01 02 03 04 11 12 13 14"))
+          .image,
+      hex("01 02 03 04 05 06 11 12 13 14"));
+  const Request blocks =
+      Gather{{Read{{kM, 16, 32}, kBlockWay, kBlockRead}, Read{{kD, 0, 48}, kBlockWay, kBlockRead}}};
+  EXPECT_EQ(message(mc, blocks), "06 04 00 00 01 01 00 00 00 A8 03 00 10 00 00 90 02 00");
+  EXPECT_EQ(
+      answer(mc, blocks, hex("D0 00 00 FF FF 03 00 0C 00 00 00 01 02 03 04 05 06 11 12 13 14"))
+          .image,
+      hex("11 12 13 14 01 02 03 04 05 06"));
+  const Mc ascii = codec(Frame::e3, Model::fx5u, Code::ascii);
+  const std::string_view text = "D00000FF03FF00000C000056781234";
+  const Request dword = Gather{{Read{{kD, 0, 32}, kRandomWay, kRandomRead}}};
+  EXPECT_EQ(answer(ascii, dword, Bytes(text.begin(), text.end())).image, hex("34 12 78 56"));
+}
+
+TEST(McMessages, WritesToScatteredPlacesGoTogetherWhereOneFrameCarriesThem) {
+  const Mc mc = codec(Frame::e3);
+  const auto bits = mc.combine({Force{kM, 1, true}, Write{{kM, 20, 2}, {0x02}}});
+  ASSERT_TRUE(bits);
+  EXPECT_EQ(message(mc, *bits), "02 14 01 00 03 01 00 00 90 01 14 00 00 90 00 15 00 00 90 01");
+  const auto words = mc.combine({Write{{kD, 0, 48}, {1, 2, 3, 4, 5, 6}}, kWrite});
+  ASSERT_TRUE(words);
+  EXPECT_EQ(message(mc, *words),
+            "02 14 00 00 02 01 02 00 00 A8 05 06 64 00 00 A8 34 12 00 00 00 A8 01 02 03 04");
+  EXPECT_FALSE(mc.combine({kWrite, Force{kM, 1, true}}));  // bits and words
+  EXPECT_FALSE(mc.combine({kWrite}));
+  EXPECT_FALSE(mc.combine({kWrite, kTwoWords}));
+  EXPECT_FALSE(mc.combine({kTwoWords, kWrite}));
+  EXPECT_FALSE(mc.combine({Enquire{}, kWrite}));
+  EXPECT_TRUE(mc.combine({kTwoWords, Read{{kM, 0, 16}, kWordWay}}));
+  EXPECT_TRUE(mc.combine({kTwoWords, Read{{kM, 0, 160}, kWordWay}}));  // by blocks
+  EXPECT_FALSE(codec(Frame::e3, Model::q).combine({kTwoWords, Read{{kM, 0, 160}, kWordWay}}));
+  std::vector<Request> many(161, kWrite);
+  EXPECT_FALSE(mc.combine(many));
+  many.pop_back();
+  EXPECT_TRUE(mc.combine(many));
+  EXPECT_FALSE(codec(Frame::e3, Model::iq_r).combine(many));
+  std::vector<Request> forces(188, Force{kM, 1, true});
+  EXPECT_TRUE(mc.combine(forces));
+  forces.push_back(Force{kM, 2, true});
+  EXPECT_FALSE(mc.combine(forces));
+}
+
+TEST(McMessages, InAsciiSomeDevicesOfAnFx5HaveNoCertainName) {
+  const Mc mc = codec(Frame::e3, Model::fx5u, Code::ascii);
+  const auto refused = [&](std::string_view text) {
+    const auto address = mc.parse_address(text, std::nullopt);
+    EXPECT_FALSE(address) << text;
+    return address ? std::string() : address.error().text;
+  };
+  expect_says(refused("X10"), "use `code` binary");
+  expect_says(refused("K4Y20"), "use `code` binary");
+  expect_says(refused("LCN0"), "no certain name");
+  EXPECT_TRUE(mc.parse_address("X7", std::nullopt));
+  EXPECT_TRUE(mc.parse_address("M10", std::nullopt));
+  EXPECT_TRUE(mc.read_ways(id(Space::lcn)).empty());
+  EXPECT_FALSE(mc.encode(Read{{id(Space::x), 8, 1}, kBitWay}, 1));
+  EXPECT_TRUE(codec(Frame::e3, Model::q, Code::ascii).parse_address("X10", std::nullopt));
+  EXPECT_TRUE(codec(Frame::e3, Model::iq_r, Code::ascii).parse_address("LCN0", std::nullopt));
+}
+
+// ---- what follows a refusal ---------------------------------------------------------------------
+
+TEST(McRefusals, EndCodesMeanWhatTheManualsSay) {
+  const Mc mc = codec(Frame::e3);
+  const Request gather = Gather{{Read{{kD, 0, 16}, kRandomWay, kRandomRead}}};
+  const Request run = Control{Control::Kind::run};
+  for (const int code : {0xC051, 0xC052, 0xC053, 0xC054, 0xC056, 0xC05B, 0x4031, 0x4030, 0x7E41,
+                         0x7E42, 0x7E43, 0x7E4F}) {
+    EXPECT_EQ(mc.meaning_of(kTwoWords, code), RefusalMeaning::hole) << code;
+    EXPECT_EQ(mc.meaning_of(gather, code), RefusalMeaning::hole) << code;
+    EXPECT_EQ(mc.meaning_of(kWrite, code), RefusalMeaning::final) << code;
+  }
+  for (const int code : {0x0050, 0x0055, 0x4013, 0x4080, 0x4FFF, 0xC050, 0xC059, 0xC05C, 0xC05F,
+                         0xC061, 0xC200, 0xC204, 0x7167, 0x7E40, 0x7F22}) {
+    EXPECT_EQ(mc.meaning_of(kTwoWords, code), RefusalMeaning::final) << code;
+    EXPECT_EQ(mc.meaning_of(kWrite, code), RefusalMeaning::final) << code;
+    EXPECT_EQ(mc.meaning_of(gather, code), RefusalMeaning::final) << code;
+  }
+  EXPECT_EQ(mc.meaning_of(kTwoWords, 0x4A00), RefusalMeaning::unreachable);
+  EXPECT_EQ(mc.meaning_of(kTwoWords, 0x4A1F), RefusalMeaning::unreachable);
+  EXPECT_EQ(mc.meaning_of(kWrite, 0x4A00), RefusalMeaning::final);
+  EXPECT_EQ(mc.meaning_of(kWrite, 0x7F24), RefusalMeaning::curable);
+  EXPECT_EQ(mc.meaning_of(run, 0x7F24), RefusalMeaning::final);
+  EXPECT_EQ(mc.meaning_of(kTwoWords, 0x7F6A), RefusalMeaning::busy);
+  EXPECT_EQ(mc.meaning_of(run, 0x7F6A), RefusalMeaning::final);
+  // Of a code that nobody knows nobody knows what was done.
+  EXPECT_EQ(mc.meaning_of(kTwoWords, 0x1234), RefusalMeaning::final);
+  EXPECT_EQ(mc.meaning_of(kWrite, 0x1234), RefusalMeaning::unclear);
+}
+
+TEST(McRefusals, TextsNameTheSettingToLookAt) {
+  expect_says(end_code_text(0x0055), "Online Change");
+  expect_says(end_code_text(0xC059), "`model`");
+  expect_says(end_code_text(0xC050), "Communication Data Code");
+  expect_says(end_code_text(0xC05F), "module_io");
+  expect_says(end_code_text(0x4A05), "network and pc");
+  expect_says(end_code_text(0xC201), "password");
+  expect_says(end_code_text(0x4ABC), "no way");
+  expect_says(end_code_text(0x4123), "refused by the CPU");
+  expect_says(end_code_text(0x7F24), "sum_check");
+  expect_says(end_code_text(0x1234), "end code 1234: a reason that is not known here");
+}
+
+TEST(McRefusals, AnIqRThatLacksItsCodesIsAskedWithThoseOfQ) {
+  const Mc mc = codec(Frame::e3, Model::iq_r);
+  const auto other = mc.instead_of(kWrite, 0xC059);
+  ASSERT_TRUE(other);
+  EXPECT_EQ(message(mc, *other), "01 14 00 00 64 00 00 A8 01 00 34 12");
+  EXPECT_FALSE(mc.instead_of(*other, 0xC059));
+  EXPECT_FALSE(mc.instead_of(kWrite, 0xC056));
+  EXPECT_FALSE(codec(Frame::e3).instead_of(kWrite, 0xC059));
+  const auto read = mc.instead_of(kTwoWords, 0xC061);
+  ASSERT_TRUE(read);
+  EXPECT_EQ(message(mc, *read), "01 04 00 00 64 00 00 A8 02 00");
+  const auto force = mc.instead_of(Force{kM, 1, true}, 0xC059);
+  ASSERT_TRUE(force);
+  EXPECT_EQ(message(mc, *force), "01 14 01 00 01 00 00 90 01 00 10");
+  const auto scatter = mc.instead_of(Scatter{{std::get<Write>(kWrite)}}, 0xC059);
+  ASSERT_TRUE(scatter);
+  EXPECT_EQ(message(mc, *scatter), "02 14 00 00 01 00 64 00 00 A8 34 12");
+}
+
+// ---- the PLC itself -----------------------------------------------------------------------------
+
+TEST(McPlc, TheTypeNameTellsTheModel) {
+  const std::array<std::pair<const char*, const char*>, 14> kTypes = {{{"FX5U-32MT/ES", "FX5U"},
+                                                                       {"FX5UC-32MT/D", "FX5U"},
+                                                                       {"FX5UJ-24MT/ES", "FX5UJ"},
+                                                                       {"FX5S-30MT/ES", "FX5S"},
+                                                                       {"Q02UCPU", "Q"},
+                                                                       {"QS001CPU", "Q"},
+                                                                       {"L26CPU-BT", "L"},
+                                                                       {"L02SCPU", "L"},
+                                                                       {"L16HCPU", "iQ-R"},
+                                                                       {"R120PCPU", "iQ-R"},
+                                                                       {"R08CPU", "iQ-R"},
+                                                                       {"RJ71EN71", ""},
+                                                                       {"LJ71E71-100", ""},
+                                                                       {"KV-8000", ""}}};
+  const Mc mc = codec(Frame::e3, Model::unknown);
+  for (const auto& [type, model] : kTypes) {
+    std::string text = type;
+    text.resize(16, ' ');
+    Bytes image(text.begin(), text.end());
+    image.insert(image.end(), {0x63, 0x02});
+    const auto known = mc.model_from({image});
+    EXPECT_EQ(known.value_or(""), model) << type;
+    if (known) {
+      ASSERT_NE(mc.with_model(*known), nullptr);
+    }
+  }
+  EXPECT_FALSE(mc.model_from({}));
+  EXPECT_FALSE(mc.model_from({Bytes{}}));  // refused, as built-in ports of Q and L do
+  EXPECT_EQ(mc.with_model("FX3U"), nullptr);
+}
+
+TEST(McPlc, TheLowHalfByteOfSD203TellsWhetherItRuns) {
+  const Mc mc = codec(Frame::e3);
+  EXPECT_EQ(message(mc, mc.run_state()), "01 04 00 00 CB 00 00 A9 01 00");
+  EXPECT_EQ(mc.run_state_from(hex("00 00")), true);
+  EXPECT_EQ(mc.run_state_from(hex("F1 00")), true);
+  EXPECT_EQ(mc.run_state_from(hex("02 00")), false);
+  EXPECT_EQ(mc.run_state_from(hex("13 00")), false);
+  EXPECT_EQ(mc.run_state_from({}), std::nullopt);
+  expect_says(mc.run_hint(), "at RUN");
+}
+
+TEST(McPlc, ProbesHaveAnswersOfTheirOwnLengths) {
+  for (const Code code : {Code::binary, Code::ascii}) {
+    const Mc mc = codec(Frame::e3, Model::fx5u, code);
+    std::vector<std::uint32_t> lengths;
+    for (std::uint32_t i = 0; i < Codec::kProbes; ++i)
+      lengths.push_back(mc.line_length(*mc.probe(i)).reply_chars);
+    for (std::size_t i = 1; i < lengths.size(); ++i) EXPECT_NE(lengths[i - 1], lengths[i]);
+  }
+  const Mc mc = codec(Frame::e3);
+  EXPECT_EQ(std::get<Read>(*mc.apart_from(kTwoWords)).span.bits, 16U);
+  EXPECT_FALSE(mc.apart_from(Read{{kD, 0, 16}, kWordWay}));
+  EXPECT_FALSE(mc.apart_from(kWrite));
+}
+
+// ---- from the config's options ------------------------------------------------------------------
+
+TEST(McOptions, RouteAndTimerGoIntoTheFrame) {
+  Options options{{"model", std::string("FX5U")},
+                  {"network", std::int64_t{1}},
+                  {"pc", std::int64_t{2}},
+                  {"module_io", std::int64_t{0x3E0}},
+                  {"module_station", std::int64_t{3}},
+                  {"monitoring_timer_ms", std::int64_t{1000}}};
+  const auto made = Mc::make_4e(options);
+  ASSERT_TRUE(made);
+  EXPECT_EQ(to_hex(*(*made)->encode(kTwoWords, 0x1234)),
+            "54 00 34 12 00 00 01 02 E0 03 03 0C 00 04 00 01 04 00 00 64 00 00 A8 02 00");
+  EXPECT_EQ((*made)->gives_up_after(), std::chrono::seconds(1));
+  options["monitoring_timer_ms"] = std::int64_t{1100};
+  const auto odd = Mc::make_3e(options);
+  ASSERT_FALSE(odd);
+  expect_says(odd.error().text, "steps of 250");
+  EXPECT_FALSE(Mc::make_3e({{"model", std::string("FX9")}}));
+  const auto fx3 = Mc::make_3e({{"model", std::string("FX3U")}});
+  ASSERT_FALSE(fx3);
+  expect_says(fx3.error().text, "mc-1e");
+  const auto ascii = Mc::make_3e({{"code", std::string("ascii")}});
+  ASSERT_TRUE(ascii);
+  EXPECT_EQ((*ascii)->encode(kTwoWords, 1)->front(), '5');
+  EXPECT_EQ((*Mc::make_4c({}))->gives_up_after(), std::chrono::milliseconds(0));
+}
+
+TEST(McOptions, BlocksAreNoLongerThanAsked) {
+  const auto made = Mc::make_3e({{"max_block_bytes", std::int64_t{64}}});
+  ASSERT_TRUE(made);
+  for (const ReadWay& way : (*made)->addresses().read_ways(kD)) EXPECT_LE(way.max_bits, 512U);
+  EXPECT_EQ((*made)->addresses().gathers().front().max_bits, 512U);
+  EXPECT_EQ(sent(codec(Frame::e3), kTwoWords), sent(codec(Frame::e3), kTwoWords, 2));
+}
+
+}  // namespace
+}  // namespace fxagent::mc

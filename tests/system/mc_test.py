@@ -1,0 +1,155 @@
+"""One agent with every frame of the MC protocol beside each other against fxsim: 1E, 3E and 4E on TCP, 3C and 4C
+on a line. Telemetry, writes, forces, RUN and STOP, `model: auto`, refusals with their end codes, and what the
+agent says where a setting is wrong."""
+
+import json
+import os
+import socket
+import subprocess
+import unittest
+
+from plant import FXAGENT, PATIENCE, Broker, PlantTest, Watcher, wait_for
+
+# Name of a device: its protocol, model, what its PLC and its device have besides, and an input: its name in the
+# series' own base, which is number 31 everywhere.
+KINDS = {
+    "fx3": ("mc-1e", "FX3U", {}, {}, "X37"),
+    "fx3ascii": ("mc-1e", "FX3G", {"code": "ascii"}, {"code": "ascii"}, "X37"),
+    "fx5": ("mc-3e", "FX5U", {}, {}, "X37"),
+    "q": ("mc-3e", "Q", {"code": "ascii"}, {"code": "ascii"}, "X1F"),
+    "iqr": ("mc-4e", "iQ-R", {}, {}, "X1F"),
+    "c3": ("mc-3c", "FX5U", {"station": 3, "format": 4}, {"station": 3, "format": 4}, "X37"),
+    "c4": ("mc-4c", "FX5U", {"format": 5}, {"format": 5}, "X37"),
+}
+MODELS = {"fx3": "FX3U", "fx5": "FX5U", "iqr": "iQ-R", "c3": "FX5U"}  # those that are asked
+REFUSALS = {"fx3": "55", "fx5": "0055", "c4": "7167"}
+
+
+def is_serial(name):
+    return KINDS[name][0] in ("mc-3c", "mc-4c")
+
+
+class McTest(PlantTest):
+    def plc_of(self, name, **more):
+        protocol, model, own, _, bit = KINDS[name]
+        line = {"pty": self.pty(name), "baud": 115200} if is_serial(name) else {"tcp": 0}
+        memory = {"D100": [1234, 5678, -2], "M10": [1, 0, 1], bit: 1, "D200": 0}
+        return {"name": name, "protocol": protocol, "model": model, "memory": memory, **line, **own, **more}
+
+    def link_of(self, name):
+        if is_serial(name):
+            return {"name": name, "serial": {"path": self.pty(name), "baud": 115200, "data_bits": 8,
+                                             "parity": "even", "stop_bits": 1}}
+        return {"name": name, "tcp": {"host": "127.0.0.1", "port": self.sim.ports[name]}}
+
+    def device_of(self, name, **more):
+        protocol, model, _, keys, bit = KINDS[name]
+        return {"name": name, "link": name, "protocol": protocol, "timeout_ms": 2000,
+                "model": "auto" if name in MODELS else model,
+                "groups": [{"name": "fast", "interval_ms": 200}],
+                "tags": [{"name": "words", "address": "D100", "count": 3, "group": "fast"},
+                         {"name": "long", "address": "D100", "type": "int32", "group": "fast"},
+                         {"name": "bits", "address": "M10", "count": 3, "group": "fast"},
+                         {"name": "input", "address": bit, "group": "fast"},
+                         {"name": "setpoint", "address": "D200", "group": "fast", "access": "read_write"}],
+                "commands": {"allow": ["D200-D299", "M100-M199", "Y0-Y7"], "allow_run_stop": True},
+                **keys, **more}
+
+    def start_plant(self, names, **more):
+        self.broker = Broker(self.directory)
+        self.broker.start()
+        self.start_sim([self.plc_of(name, **more.get(name, {})) for name in names])
+        self.watcher = Watcher(self.broker.port)
+        self.start_agent([self.device_of(name) for name in names], [self.link_of(name) for name in names])
+
+
+class EveryFrame(McTest):
+    def test_all_are_read_written_and_switched_beside_each_other(self):
+        self.start_plant(KINDS)
+        wanted = {"words": [1234, 5678, -2], "long": 5678 * 65536 + 1234, "bits": [True, False, True],
+                  "input": True}
+        for name in KINDS:
+            # The demo's ladder refreshes inputs; there is none here.
+            sample = self.data(lambda m: wanted.items() <= m["values"].items(), name)
+            self.assertFalse(sample.get("bad"), sample)
+        for name, model in MODELS.items():
+            self.watcher.wait(f"fx/plant-a/edge7/{name}/state", lambda s, model=model: s["model"] == model)
+        for name in KINDS:
+            with self.subTest(name):
+                self.assert_result(self.command(name, op="write", tag="setpoint", value=-77), "SUCCEEDED", None, "ACK")
+                self.assertEqual(self.sim.get(name, "D200"), 65536 - 77)
+                self.assert_result(self.command(name, op="force_on", address="Y5"), "SUCCEEDED", None, "ACK")
+                self.assertEqual(self.sim.get(name, "Y5"), 1)
+                both = self.command(name, op="write", targets=[
+                    {"address": "D210", "value": [1, 2, 3]}, {"address": "D250", "value": 9}])
+                self.assertEqual(both["status"], "SUCCEEDED", both)
+                self.assertEqual([self.sim.get(name, d) for d in ("D210", "D212", "D250")], [1, 3, 9])
+                for op in ("stop", "run"):
+                    done = self.command(name, op=op)
+                    self.assertEqual((done["status"], done["plc"]), ("SUCCEEDED", "ACK"), done)
+                    self.assertEqual(self.sim.ask(cmd="stats", plc=name)["run"], op == "run")
+
+    def test_a_refused_write_tells_its_end_code_and_the_setting(self):
+        self.start_plant(REFUSALS, **{name: {"write_in_run": False} for name in REFUSALS})
+        for name, code in REFUSALS.items():
+            with self.subTest(name):
+                self.data(name=name)
+                refused = self.command(name, op="write", tag="setpoint", value=5)
+                self.assert_result(refused, "FAILED", "nak", "NAK")
+                self.assertIn(code, refused["detail"])
+                self.assertEqual(self.sim.get(name, "D200"), 0)
+
+    def test_a_hole_costs_the_tags_in_it_alone(self):
+        names = ["fx3", "fx5", "iqr"]
+        self.start_plant(names, **{name: {"holes": ["D101"]} for name in names})
+        for name in names:
+            sample = self.data(lambda m: m["values"].get("setpoint") == 0 and "words" in m.get("bad", {}), name)
+            self.assertEqual(sample["bad"]["words"]["why"], "nak")
+            self.assertTrue(sample["values"]["input"], sample)
+
+
+class WrongSettings(McTest):
+    """What a person reads who has set something wrong: by `fxagent read`, without a broker."""
+
+    def start_one(self, name, device=None, **plc):
+        self.start_sim([self.plc_of(name, **plc)])
+        self.config = os.path.join(self.directory, "agent.json")
+        with open(self.config, "w") as out:
+            json.dump({"agent": {"id": "edge7"}, "mqtt": {"servers": ["mqtt://127.0.0.1:1883"]},
+                       "links": [self.link_of(name)],
+                       "devices": [self.device_of(name, **(device or {}))]}, out)
+
+    def read(self, name, address="D100"):
+        done = subprocess.run([FXAGENT, "read", self.config, name, address], capture_output=True, text=True,
+                              timeout=2 * PATIENCE, check=False)
+        return done.returncode, done.stdout + done.stderr
+
+    def test_another_data_code_is_named(self):
+        for name, setting in (("fx3", "Communication Data Code"), ("fx5", "Communication Data Code")):
+            with self.subTest(name):
+                self.start_one(name, {"code": "ascii", "timeout_ms": 300})
+                status, said = self.read(name)
+                self.assertEqual(status, 1, said)
+                self.assertIn(setting, said)
+                self.sim.stop()
+
+    def test_an_entry_that_another_program_uses_is_named(self):
+        for name in ("fx3", "fx5"):
+            with self.subTest(name):
+                self.start_one(name, connections=1)
+                with socket.create_connection(("127.0.0.1", self.sim.ports[name])):
+                    status, said = self.read(name)
+                    self.assertEqual(status, 1, said)
+                    self.assertIn("is another program", said)
+                wait_for("the PLC's own entry", lambda: self.read(name)[0] == 0)
+                self.sim.stop()
+
+    def test_a_wrong_route_is_told_with_its_code(self):
+        self.start_one("fx3", {"pc": 7, "model": "FX3U"})
+        status, said = self.read("fx3")
+        self.assertEqual(status, 1, said)
+        self.assertIn("`pc`", said)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
