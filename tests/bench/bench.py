@@ -22,9 +22,9 @@ from rig import Bench, device, first_message, machine, show, warm_up
 PEERS = ["fxagent", "python", "node"]
 # How much of everything.
 FULL = {"changes": 400, "commands": 300, "devices": (100, 1000), "most_devices": 5000, "ports": 1000,
-        "links": [100, 5000, 10000], "tags": [10000, 100000], "quiet": 100, "starts": 10,
+        "links": [100, 5000, 10000], "turns": 2, "tags": [10000, 100000], "quiet": 100, "starts": 10,
         "silences": [ms for ms in range(900, 1201, 10) for _ in range(5)]}
-SMOKE = {"changes": 10, "commands": 10, "devices": (10, 20), "most_devices": 30, "ports": 20, "links": [10, 20, 30],
+SMOKE = {"changes": 10, "commands": 10, "devices": (10, 20), "most_devices": 30, "ports": 20, "links": [10, 20, 30], "turns": 1,
          "tags": [1000, 2000], "quiet": 3, "starts": 2, "silences": [900, 1050, 1200]}
 
 
@@ -34,17 +34,23 @@ def wire_efficiency(seconds):
     port_chars = 5 * 15 + 2 * (200 + 8)
     # Computer link: request 17, reply 8 + 4 a word, ACK 5; D in 64 and 36 words, M in 4.
     link_chars = 3 * (17 + 8 + 5) + 4 * (100 + 4)
+    # 3C, format 1, and 4C, format 5: all 104 words by one 0406 with a block of words and one of bits; request 49 and
+    # 34, reply 14 + 4 a word and 20 + 2 a word.
+    serial_3c = 49 + 14 + 4 * 104
+    serial_4c = 34 + 20 + 2 * 104
     rows = []
-    for protocol, chars in (("fx-programming-port", port_chars), ("fx-computer-link", link_chars)):
+    # With 7E1 a character is 10 bits, with 8E1 11.
+    for protocol, model, more, bits, chars in (
+            ("fx-programming-port", "FX3U", {}, 10, port_chars), ("fx-computer-link", "FX3U", {"format": 1}, 10, link_chars),
+            ("mc-3c", "FX5U", {"format": 1}, 11, serial_3c), ("mc-4c", "FX5U", {"format": 5}, 11, serial_4c)):
+        more = {"protocol": protocol, "model": model, "turnaround_ms": 0, **more}
         for baud in (9600, 19200, 115200):
             with Bench() as bench:
                 pty = os.path.join(bench.directory, "pty")
-                bench.simulate([{"name": "plc", "protocol": protocol, "pty": pty, "baud": baud,
-                                 "turnaround_ms": 0, "model": "FX3U"}])
+                bench.simulate([{"name": "plc", "pty": pty, "baud": baud, **more}])
                 client = bench.watch("bench/edge/plc/data/g")
                 bench.agent([{"name": "line", "serial": {"path": pty, "baud": baud}}],
-                            [{"name": "plc", "link": "line", "protocol": protocol,
-                              "model": "FX3U", "turnaround_ms": 0,
+                            [{"name": "plc", "link": "line", **more,
                               "groups": [{"name": "g", "interval_ms": 0}],
                               "tags": [{"name": f"d{i}", "address": f"D{i}", "group": "g"}
                                        for i in range(100)] +
@@ -58,7 +64,7 @@ def wire_efficiency(seconds):
                     if message:
                         stamps.append(json.loads(message[1])["ts"])
                     assert time.monotonic() < end + 30, "nothing is published any more"
-                least = chars * 10 / baud * 1000
+                least = chars * bits / baud * 1000
                 cycle = (stamps[-1] - stamps[0]) / (len(stamps) - 1)
                 rows.append({"protocol": protocol, "baud": baud, "least_ms": round(least, 1),
                              "cycle_ms": round(cycle, 1), "efficiency": round(least / cycle, 4)})
@@ -212,6 +218,13 @@ def main():
         if "fxagent" in peers:
             out["devices"].append(scale.modbus_devices("fxagent", sizes["most_devices"], options.seconds))
         show("(e) Modbus TCP devices of 100 registers at 1 s", out["devices"])
+        if "fxagent" in peers:
+            count = sizes["devices"][-1]
+            out["fx5u"] = [by(count) for _ in range(sizes["turns"])
+                           for by in (lambda n: {"by": "mc-3e", **scale.fx5u_devices(n, options.seconds)},
+                                      lambda n: {"by": "modbus-tcp", **scale.modbus_devices("fxagent", n,
+                                                                                          options.seconds)})]
+            show("(e) FX5U by MC protocol beside as many by Modbus TCP, 100 words at 1 s", out["fx5u"])
     if "f" in parts:
         out["programming_ports"] = [scale.programming_ports(sizes["ports"], baud, options.seconds)
                                     for baud in (0, 9600)]

@@ -145,8 +145,7 @@ class Bench:
     def peer(self, name, devices, interval_ms, **more):
         """Starts a peer on Modbus TCP devices: [(name, port, registers)]; `more` as for agent()."""
         if name == "fxagent":
-            links = [{"name": d, "tcp": {"host": "127.0.0.1", "port": port}}
-                     for d, port, _ in devices]
+            links = self.links([(d, port) for d, port, _ in devices])
             return self.agent(links, [self.modbus(d, count, interval_ms)
                                       for d, _, count in devices], **more)
         config = json.dumps({"mqtt": self.port, "interval_ms": interval_ms, "devices": [
@@ -159,12 +158,22 @@ class Bench:
         return self.spawn(["node", "bridge.js", config], cwd=folder)
 
     @staticmethod
+    def links(devices):
+        """A TCP link for each (name, port)."""
+        return [{"name": name, "tcp": {"host": "127.0.0.1", "port": port}} for name, port in devices]
+
+    @staticmethod
     def modbus(name, count, interval_ms):
-        return {"name": name, "link": name, "protocol": "modbus-tcp",
-                "groups": [{"name": "g", "interval_ms": interval_ms}],
-                "tags": [{"name": f"r{i}", "address": f"hr:{i}", "type": "uint16", "group": "g"}
-                         for i in range(count)],
+        return {**Bench.words(name, "modbus-tcp", "hr:", count, interval_ms),
                 "commands": {"allow": ["hr:2000-hr:2099"], "verify": False}}
+
+    @staticmethod
+    def words(name, protocol, letters, count, interval_ms, **more):
+        """A device of so many words in a row, on the link of its name."""
+        return {"name": name, "link": name, "protocol": protocol,
+                "groups": [{"name": "g", "interval_ms": interval_ms}],
+                "tags": [{"name": f"r{i}", "address": f"{letters}{i}", "type": "uint16", "group": "g"}
+                         for i in range(count)], **more}
 
     @staticmethod
     def data_topic(peer, device="+"):
@@ -185,10 +194,11 @@ class Bench:
         return self.control.ask(cmd="stats", plc=plc)["requests"]["read"]
 
 
-def device(count=1, first_port=None):
+def device(count=1, first_port=None, protocol="modbus-tcp", **more):
+    """So many equal devices for the simulator, and where each listens: (name, port)."""
     port = first_port or free_ports(count)
-    plc = {"name": "d{}", "protocol": "modbus-tcp", "tcp": port, "repeat": count, "baud": 0,
-           "turnaround_ms": 0}
+    plc = {"name": "d{}", "protocol": protocol, "tcp": port, "repeat": count, "baud": 0,
+           "turnaround_ms": 0, **more}
     return plc, [(f"d{i}", port + i) for i in range(count)]
 
 

@@ -62,6 +62,20 @@ def modbus_devices(peer, count, seconds):
                 **beats(bench, client, child, count, seconds)}
 
 
+def fx5u_devices(count, seconds):
+    """(e) So many FX5U of 100 words at 1 s, by MC protocol (3E, binary)."""
+    with Bench() as bench:
+        plc, found = device(count, protocol="mc-3e", model="FX5U")
+        bench.simulate([plc])
+        client = bench.watch(bench.data_topic("fxagent"))
+        began = time.monotonic()
+        child = bench.agent(bench.links(found), [bench.words(name, "mc-3e", "D", 100, 1000, model="FX5U")
+                                                 for name, _ in found])
+        ready = first_data_of_all(bench, client, began, count)
+        return {"peer": "fxagent", "devices": count, "first_data_of_all_s": ready,
+                **beats(bench, client, child, count, seconds)}
+
+
 def programming_ports(count, baud, seconds):
     """(f) So many FX programming ports behind serial servers, 64 bytes each at 1 s."""
     with Bench() as bench:
