@@ -117,6 +117,7 @@ void reduce(Bucket& bucket) {
 ReadSearch::ReadSearch(const Codec& codec, const LineCost& cost, const Bucket& bucket)
     : codec_(codec), cost_(cost), bucket_(bucket) {
   prices_.resize(bucket.ways.size());
+  around_.resize(bucket.ways.size());
   for (const ReadWay& way : bucket.ways)
     partners_.push_back(first_partners(bucket.pieces, way.max_gap_bits));
 }
@@ -136,8 +137,9 @@ Cost ReadSearch::price_of(std::size_t way, const Extent& extent) {
   const Read read = read_by(static_cast<std::uint8_t>(way), extent);
   if (by.gather == 0) return price = cost_.of(codec_.line_length(read)).count();
   const std::uint32_t one = chars_of(codec_.line_length(Gather{{read}}));
-  const std::uint32_t two = chars_of(codec_.line_length(Gather{{read, read}}));
-  return price = (cost_.per_char * (two - one)).count();
+  std::uint32_t& around = around_[way];
+  if (around == 0) around = 2 * one - chars_of(codec_.line_length(Gather{{read, read}}));
+  return price = (cost_.per_char * (one - around)).count();
 }
 
 void ReadSearch::try_way(std::size_t way, const PartPrice& part, bool counts, std::size_t last) {
@@ -175,8 +177,8 @@ std::vector<Cost> ReadSearch::run(const Terms& terms, const std::vector<Cost>& b
       if (gather != 0 && gather < terms.parts.size()) part = terms.parts[gather];
       if (gather == 0 || part.open) try_way(w, part, gather != 0 && gather == terms.counted, last);
     }
-  std::vector<Cost> after;
-  for (std::size_t n = 0; n < counts_; ++n) after.push_back(best_[pieces() * counts_ + n].cost);
+  std::vector<Cost> after(counts_);
+  for (std::size_t n = 0; n < counts_; ++n) after[n] = best_[pieces() * counts_ + n].cost;
   return after;
 }
 

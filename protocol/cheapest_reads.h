@@ -106,6 +106,7 @@ class ReadSearch final {
   const LineCost& cost_;
   const Bucket& bucket_;
   std::vector<std::vector<Cost>> prices_;  ///< by way and length; kImpossible: not known yet
+  std::vector<std::uint32_t> around_;      ///< by way: characters around parts; 0: not known yet
   std::vector<std::vector<std::size_t>> partners_;  ///< by way and piece: the first in one read
   std::size_t counts_ = 1;                          ///< columns of best_
   std::size_t tried_ = 0;
