@@ -27,6 +27,11 @@ MODELS = {"fx3": "FX3U", "fx5": "FX5U", "iqr": "iQ-R", "c3": "FX5U"}  # those th
 REFUSALS = {"fx3": "55", "fx5": "0055", "c4": "7167"}
 
 
+def knows_inputs(name):
+    """Whether X above 7 has a name: not while nobody knows whether it is octal or hexadecimal."""
+    return name not in MODELS or KINDS[name][0] == "mc-1e"
+
+
 def is_serial(name):
     return KINDS[name][0] in ("mc-3c", "mc-4c")
 
@@ -53,7 +58,7 @@ class McTest(PlantTest):
                 "tags": [{"name": "words", "address": "D100", "count": 3, "group": "fast"},
                          {"name": "long", "address": "D100", "type": "int32", "group": "fast"},
                          {"name": "bits", "address": "M10", "count": 3, "group": "fast"},
-                         {"name": "input", "address": bit, "group": "fast"},
+                         *([{"name": "input", "address": bit, "group": "fast"}] if knows_inputs(name) else []),
                          {"name": "setpoint", "address": "D200", "group": "fast", "access": "read_write"}],
                 "commands": {"allow": ["D200-D299", "M100-M199", "Y0-Y7"], "allow_run_stop": True},
                 **keys, **more}
@@ -69,12 +74,12 @@ class McTest(PlantTest):
 class EveryFrame(McTest):
     def test_all_are_read_written_and_switched_beside_each_other(self):
         self.start_plant(KINDS)
-        wanted = {"words": [1234, 5678, -2], "long": 5678 * 65536 + 1234, "bits": [True, False, True],
-                  "input": True}
+        wanted = {"words": [1234, 5678, -2], "long": 5678 * 65536 + 1234, "bits": [True, False, True]}
         for name in KINDS:
             # The demo's ladder refreshes inputs; there is none here.
             sample = self.data(lambda m: wanted.items() <= m["values"].items(), name)
             self.assertFalse(sample.get("bad"), sample)
+            self.assertEqual(sample["values"].get("input"), True if knows_inputs(name) else None, sample)
         for name, model in MODELS.items():
             self.watcher.wait(f"fx/plant-a/edge7/{name}/state", lambda s, model=model: s["model"] == model)
         for name in KINDS:
@@ -108,7 +113,7 @@ class EveryFrame(McTest):
         for name in names:
             sample = self.data(lambda m: m["values"].get("setpoint") == 0 and "words" in m.get("bad", {}), name)
             self.assertEqual(sample["bad"]["words"]["why"], "nak")
-            self.assertTrue(sample["values"]["input"], sample)
+            self.assertTrue(sample["values"]["bits"][0], sample)
 
 
 class WrongSettings(McTest):
