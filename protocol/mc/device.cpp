@@ -128,7 +128,7 @@ constexpr std::array<Counts, kSpaces> kCounts = {{
 
 // Devices that start and stop an FX, switch off its outputs or open its program memory.
 struct NeverWritten {
-  Space space;
+  Space space = Space::sm;
   Numbers numbers;
 };
 constexpr std::array<NeverWritten, 3> kNeverWritten = {{{Space::special_m, {8034, 8037}},

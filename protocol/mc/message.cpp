@@ -199,7 +199,7 @@ Result<Bytes> decode_answer(const Dialect& dialect, const Request& request, Byte
     return decode_gather(dialect, *gather, data);
   if (data.empty()) return Bytes{};
   Bytes image(data.begin(), data.begin() + kTypeName);
-  const auto code = image_in(dialect.code, data.subspan(kTypeName), kModelCode);
+  auto code = image_in(dialect.code, data.subspan(kTypeName), kModelCode);
   if (!code) return code;
   image.insert(image.end(), code->begin(), code->end());
   return image;
