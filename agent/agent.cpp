@@ -90,7 +90,7 @@ std::string current_status(StatusBoard& board) {
 }  // namespace
 
 // `config` is the uplink's own from here on: a reload makes it the next one.
-void run_agent(Config config, const std::string& path, StopWatchdog& watchdog,
+void run_agent(Config config, const std::string& path, RemoteConfig& remote, StopWatchdog& watchdog,
                const std::vector<std::uint32_t>& traced) {
   raise_file_limit(config.links.size() + (config.metrics ? MetricsServer::kMostFiles : 0));
   const auto served_at = config.metrics;
@@ -134,7 +134,7 @@ void run_agent(Config config, const std::string& path, StopWatchdog& watchdog,
   field.switch_traces_at(SIGUSR1);
   field.start();
   SignsOfLife signs;
-  Reload reload(path, std::move(in_force), field, outbox, publisher);
+  Reload reload(path, remote, std::move(in_force), field, outbox, publisher);
   std::jthread uplink([&](std::stop_token stop) {
     run_uplink(publisher, outbox, stop, [&signs] { signs.uplink_went_on(); });
   });

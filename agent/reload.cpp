@@ -2,6 +2,7 @@
 
 #include <malloc.h>
 #include <pthread.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
@@ -11,14 +12,19 @@
 #include <optional>
 #include <utility>
 
+#include "agent/commands/audit_records.h"
+#include "agent/failpoint.h"
 #include "agent/log/log.h"
 #include "agent/process/service_manager.h"
 #include "agent/process/startup.h"
+#include "agent/uplink/broker.h"
 
 namespace fxagent {
 namespace {
 
 std::int64_t utc_now() { return utc_ms(std::chrono::system_clock::now()); }
+
+RemoteConfig::Moment moment() { return {std::chrono::steady_clock::now(), utc_now()}; }
 
 sigset_t hangup() {
   sigset_t set;
@@ -55,9 +61,10 @@ class Reload::Turn final {
   bool done_ = false;
 };
 
-Reload::Reload(std::string path, std::shared_ptr<const Config> running, Field& field,
-               Outbox& outbox, Publisher& publisher)
+Reload::Reload(std::string path, RemoteConfig& remote, std::shared_ptr<const Config> running,
+               Field& field, Outbox& outbox, Publisher& publisher)
     : path_(std::move(path)),
+      remote_(remote),
       running_(std::move(running)),
       field_(field),
       outbox_(outbox),
@@ -65,8 +72,10 @@ Reload::Reload(std::string path, std::shared_ptr<const Config> running, Field& f
       turn_(std::make_shared<Turn>()) {
   status_.hash = running_->hash;
   status_.since_ms = utc_now();
-  outbox_.ask(
-      [&publisher, status = status_](SteadyTime now) { publisher.set_config_status(status, now); });
+  listen();
+  if (remote_.is_enabled()) log_report();
+  report();
+  publish_status();
   const WithoutSignals quiet;
   thread_ = std::thread([this] { run(); });
 }
@@ -79,64 +88,160 @@ Reload::~Reload() {
 void Reload::stop() {
   if (stopping_.exchange(true)) return;
   turn_->end();
-  pthread_kill(thread_.native_handle(), SIGHUP);
+  wake();
+}
+
+// ---- what wakes the thread ----------------------------------------------------------------------
+
+/// The uplink ends before this does.
+void Reload::listen() {
+  Publisher::ConfigListener listener;
+  listener.desired = [this](std::string payload) {
+    {
+      const std::lock_guard lock(mutex_);
+      news_.desired = std::move(payload);
+    }
+    wake();
+  };
+  listener.connection = [this](bool connected, SteadyTime now) {
+    {
+      const std::lock_guard lock(mutex_);
+      news_.connected = connected;
+      news_.connected_at = now;
+    }
+    wake();
+  };
+  outbox_.ask(
+      [&publisher = publisher_, listener](SteadyTime) { publisher.set_config_listener(listener); });
+}
+
+void Reload::wake() { pthread_kill(thread_.native_handle(), SIGHUP); }
+
+bool Reload::wait() {
+  const sigset_t signals = hangup();
+  siginfo_t heard{};
+  const SteadyTime wake_at = remote_.next_wake();
+  if (wake_at == SteadyTime::max()) {
+    sigwaitinfo(&signals, &heard);
+  } else {
+    using std::chrono::nanoseconds;
+    const auto left =
+        std::max(nanoseconds(0), nanoseconds(wake_at - std::chrono::steady_clock::now()));
+    timespec limit{};
+    limit.tv_sec = static_cast<time_t>(left.count() / std::nano::den);
+    limit.tv_nsec = static_cast<long>(left.count() % std::nano::den);
+    if (sigtimedwait(&signals, &heard, &limit) < 0) return false;
+  }
+  // The C library tells pthread_kill() from kill() no more; its own process is wake().
+  return heard.si_signo == SIGHUP && heard.si_pid != ::getpid();
 }
 
 void Reload::run() {
-  const sigset_t signals = hangup();
   while (true) {
-    int signal = 0;
-    sigwait(&signals, &signal);
-    if (stopping_) return;
-    reload();
-    malloc_trim(0);  // what reading a large file took goes back
+    const bool is_meant = wait();
+    if (stopping_) return remote_.stop();
+    if (is_meant) reload();
+    if (!stopping_) look_at_news();
   }
 }
+
+void Reload::look_at_news() {
+  News news;
+  {
+    const std::lock_guard lock(mutex_);
+    news = std::exchange(news_, {});
+  }
+  if (news.connected) remote_.connection(*news.connected, news.connected_at);
+  if (auto next = remote_.due(moment())) take_over(std::move(*next));
+  if (news.desired && !stopping_) hear(*news.desired);
+  if (!stopping_ && remote_.has_answer()) {
+    report();
+    publish_status();
+  }
+}
+
+// ---- the local file -----------------------------------------------------------------------------
 
 void Reload::reload() {
   service_manager::tell_reloading();
   log::info("config", {{"state", "reading"}, {"file", path_}});
-  std::optional<ConfigChange> change;
+  std::optional<Next> next;
   try {
-    change = wanted();
+    next = wanted();
   } catch (const std::exception& error) {  // memory, for one
     reject({{"", 0, std::string("cannot be taken over: ") + error.what()}});
   }
-  if (change) {
-    if (!change->empty()) {
-      apply(std::move(*change));
+  if (next) {
+    const std::string hash = next->config.hash;
+    const bool is_fit = next->misfit.empty();
+    if (!change_between(*running_, next->config).empty()) {
+      take_over(std::move(*next));
+      if (!stopping_) say("applied", {});
     } else {
-      status_.hash = change->config.hash;
+      remote_.accept(std::move(*next), moment());
+      status_.hash = hash;
       log::info("config", {{"state", "unchanged"}, {"hash", status_.hash}});
       say("unchanged", {});
     }
+    if (is_fit && !stopping_ && !remote_.rejected().empty()) hear(std::string(remote_.rejected()));
+    if (!stopping_) report();
   }
+  malloc_trim(0);  // what reading a large file took goes back
   if (!stopping_) service_manager::tell_ready();
 }
 
-std::optional<ConfigChange> Reload::wanted() {
-  auto config = load_config(path_);
-  if (!config) {
-    reject(config.error());
+std::optional<Reload::Next> Reload::wanted() {
+  auto next = remote_.read_local();
+  if (!next) {
+    reject(next.error());
     return std::nullopt;
   }
-  if (const Errors errors = needs_restart(*running_, *config); !errors.empty()) {
+  if (const ConfigErrors errors = needs_restart(*running_, next->config); !errors.empty()) {
     reject(errors);
     return std::nullopt;
   }
-  for (const std::string& warning : std::exchange(config->warnings, {}))
+  for (const std::string& warning : std::exchange(next->config.warnings, {}))
     log::warn("config", {{"note", warning}});
-  for (const ConfigError& secret : exposed_secrets(*config))
+  for (const ConfigError& secret : exposed_secrets(next->config))
     log::warn("config", {{"note", secret.pointer + ": " + secret.text}});
-  return change_between(*running_, std::move(*config));
+  return std::move(*next);
 }
 
-void Reload::apply(ConfigChange change) {
+// ---- what comes from afar -----------------------------------------------------------------------
+
+void Reload::hear(const std::string& desired) {
+  std::optional<Next> next;
+  try {
+    next = remote_.hear(desired, moment());
+  } catch (const std::exception& error) {
+    log::error("remote_config", {{"state", "rejected"}, {"error", error.what()}});
+  }
+  if (next) take_over(std::move(*next));
+  malloc_trim(0);
+}
+
+void Reload::take_over(Next next) {
+  // Of what from afar changes the agent none needs a restart: those sections are the local file's.
+  if (ConfigErrors errors = needs_restart(*running_, next.config); !errors.empty())
+    return remote_.refuse(next, std::move(errors), moment());
+  const bool is_desired = next.why == Next::Why::desired;
+  if (is_desired) failpoint("remote_config_kept");
+  if (!apply(std::exchange(next.config, {}))) return;
+  remote_.accept(std::move(next), moment());
+  if (is_desired) failpoint("remote_config_applied");
+}
+
+bool Reload::apply(Config config) {
+  ConfigChange change = change_between(*running_, std::move(config));
+  if (change.empty()) {
+    status_.hash = change.config.hash;
+    return true;
+  }
   const auto began = std::chrono::steady_clock::now();
   const auto shared = std::make_shared<const ConfigChange>(std::move(change));
   log::info("config", {{"state", "applying"}, {"change", to_string(*shared, *running_)}});
   turn_->begin();
-  if (stopping_) return;
+  if (stopping_) return false;
   // Uplink, field, uplink, field: nobody asks for what ends; it ends; nothing refers to it; what is
   // new begins. Each step sees all that the one before has left.
   Field& field = field_;
@@ -152,7 +257,7 @@ void Reload::apply(ConfigChange change) {
     field.end(shared, [&outbox, begin] { outbox.ask(begin); });
   });
   turn_->wait();
-  if (stopping_) return;
+  if (stopping_) return false;
   // Here, and not on one of their threads, goes what the old config alone has had.
   running_ = {shared, &shared->config};
   status_.hash = running_->hash;
@@ -162,10 +267,12 @@ void Reload::apply(ConfigChange change) {
   log::info(
       "config",
       {{"state", "applied"}, {"hash", status_.hash}, {"took_ms", std::to_string(took.count())}});
-  say("applied", {});
+  return true;
 }
 
-void Reload::reject(const Errors& errors) {
+// ---- what is said -------------------------------------------------------------------------------
+
+void Reload::reject(const ConfigErrors& errors) {
   for (const ConfigError& error : errors)
     log::error("config", {{"state", "rejected"}, {"error", to_string(error, path_)}});
   log::warn("config", {{"state", "rejected"},
@@ -175,7 +282,7 @@ void Reload::reject(const Errors& errors) {
   say("rejected", errors);
 }
 
-void Reload::say(const std::string& state, const Errors& errors) {
+void Reload::say(const std::string& state, const ConfigErrors& errors) {
   ConfigStatus::Reload reload;
   reload.state = state;
   reload.ts_ms = utc_now();
@@ -188,9 +295,59 @@ void Reload::say(const std::string& state, const Errors& errors) {
       errors.empty() ? "reload: config " + state + ", " + status_.hash
                      : "reload rejected, nothing changed: " + reload.errors.front() + more);
   status_.last_reload = std::move(reload);
+  publish_status();
+}
+
+void Reload::publish_status() {
+  status_.remote = remote_.status();
   outbox_.ask([&publisher = publisher_, status = status_](SteadyTime now) {
     publisher.set_config_status(status, now);
   });
+}
+
+void Reload::log_report() {
+  const RemoteReport& report = remote_.report();
+  const std::string& version = report.desired.version;
+  const std::size_t shown_errors = std::min(report.errors.size(), kErrorsInHealth);
+  for (std::size_t i = 0; i < shown_errors; ++i)
+    log::error("remote_config", {{"version", log::excerpt(version)},
+                                 {"error", log::excerpt(text_of(report.errors[i]))}});
+  log::info("remote_config", {{"state", std::string(to_string(report.state))},
+                              {"version", log::excerpt(version)},
+                              {"by", log::excerpt(report.desired.by)},
+                              {"desired_hash", report.desired.hash},
+                              {"errors", std::to_string(report.errors.size())},
+                              {"hash", status_.hash}});
+}
+
+std::string Reload::audit_record() const {
+  const RemoteReport& report = remote_.report();
+  audit::ConfigReceipt receipt;
+  receipt.version = report.desired.version;
+  receipt.by = report.desired.by;
+  receipt.state = to_string(report.state);
+  receipt.desired_hash = report.desired.hash;
+  receipt.hash = status_.hash;
+  for (const ConfigError& error : report.errors) receipt.errors.push_back(text_of(error));
+  return audit::config(receipt, running_->base_topic() + std::string(kDesiredTopic), utc_now());
+}
+
+/// What the broker has of it, and the log and the audit where it is news.
+void Reload::report() {
+  const bool is_news = remote_.take_news();
+  if (!remote_.is_enabled()) {
+    if (std::exchange(has_reported_, false))
+      outbox_.ask([&publisher = publisher_](SteadyTime) { publisher.report_config({}, {}); });
+    return;
+  }
+  has_reported_ = true;
+  std::string audit;
+  if (is_news) {
+    log_report();
+    audit = audit_record();
+  }
+  outbox_.ask([&publisher = publisher_, text = remote_.reported(status_.hash),
+               audit = std::move(audit)](SteadyTime) { publisher.report_config(text, audit); });
 }
 
 }  // namespace fxagent

@@ -1,10 +1,13 @@
-// Reads the config again at SIGHUP, on a thread of its own, and has field and uplink take over what
-// differs. A wrong file changes nothing. What became of it stands in the log, in health and in the
-// status that the service manager shows.
+// Takes over another config, on a thread of its own: at SIGHUP the local file as it is then, and at
+// any time what came from afar. Field and uplink take over what differs. A wrong one changes
+// nothing. What became of it stands in the log, in health, in {base}/config/reported, in the audit
+// and in the status that the service manager shows.
 #pragma once
 
 #include <atomic>
 #include <memory>
+#include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -13,19 +16,21 @@
 #include "agent/config/config_difference.h"
 #include "agent/field/field.h"
 #include "agent/outbox.h"
+#include "agent/remote/remote_config.h"
 #include "agent/status.h"
 #include "agent/uplink/publisher.h"
 
 namespace fxagent {
 
 /// Needs a thread. SIGHUP is blocked in every thread of the process, so that one that comes early
-/// or while a file is being read waits for its turn; several that wait are one.
+/// or while a file is being read waits for its turn; several that wait are one. The thread is woken
+/// with the same signal, sent to it alone.
 class Reload final {
  public:
-  /// `running` is in force, read from `path`. All references outlive it. Starts its thread; the
-  /// uplink may not run yet.
-  Reload(std::string path, std::shared_ptr<const Config> running, Field& field, Outbox& outbox,
-         Publisher& publisher);
+  /// `running` is in force, read from `path` and what `remote` has put onto it. All references
+  /// outlive it. Starts its thread; the uplink may not run yet.
+  Reload(std::string path, RemoteConfig& remote, std::shared_ptr<const Config> running,
+         Field& field, Outbox& outbox, Publisher& publisher);
   /// Stops, if stop() was not called, and waits for the end of its thread: where a file that does
   /// not answer is being read, for as long as that takes.
   ~Reload();
@@ -36,23 +41,46 @@ class Reload final {
 
  private:
   class Turn;
-  using Errors = std::vector<ConfigError>;
+  using Next = RemoteConfig::Next;
 
+  /// What the uplink has heard and this thread has not looked at.
+  struct News {
+    std::optional<std::string> desired;  ///< the newest
+    std::optional<bool> connected;
+    SteadyTime connected_at{};
+  };
+
+  void listen();
+  void wake();
+  /// Whether a SIGHUP came that was meant.
+  bool wait();
   void run();
+  void look_at_news();
   void reload();
   /// Nothing: it is wrong, and that was said.
-  std::optional<ConfigChange> wanted();
-  void apply(ConfigChange change);
-  void reject(const Errors& errors);
-  void say(const std::string& state, const Errors& errors);
+  std::optional<Next> wanted();
+  void hear(const std::string& desired);
+  void take_over(Next next);
+  /// False: it was stopped on the way.
+  bool apply(Config config);
+  void reject(const ConfigErrors& errors);
+  void say(const std::string& state, const ConfigErrors& errors);
+  void log_report();
+  std::string audit_record() const;
+  void report();
+  void publish_status();
 
   const std::string path_;
+  RemoteConfig& remote_;
   std::shared_ptr<const Config> running_;
   Field& field_;
   Outbox& outbox_;
   Publisher& publisher_;
   ConfigStatus status_;
+  bool has_reported_ = false;
   const std::shared_ptr<Turn> turn_;
+  std::mutex mutex_;
+  News news_;  ///< under the mutex
   std::atomic<bool> stopping_ = false;
   std::thread thread_;
 };

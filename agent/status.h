@@ -104,9 +104,16 @@ struct ConfigStatus {
     std::vector<std::string> errors;  ///< rejected: the first of them, as the log has them
     std::size_t errors_in_all = 0;
   };
+  /// Where a config may come from afar: what is known of it.
+  struct Remote {
+    std::string version;    ///< of the one in force; empty: the local file alone
+    std::string state;      ///< as {base}/config/reported has it
+    bool confirmed = true;  ///< false: it is on trial
+  };
   std::string hash;  ///< of its text, as Config has it
   std::int64_t since_ms = 0;
   std::optional<Reload> last_reload;  ///< nullopt: there was none
+  std::optional<Remote> remote;       ///< nullopt: none may come
 };
 
 /// By index in Config::devices, where a list has no other word: of `config`, which a reload

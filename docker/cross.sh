@@ -5,7 +5,8 @@
 # Debian's cross compiler and the libraries of the other processor. The package is then installed, and its program runs
 # under qemu: --version, check, decode, and an agent that polls and commands the simulator of this machine (fxsim,
 # native) through a broker. Serial ports cannot be tried: qemu 7.2 does not know their ioctls.
-# The package is left in the build directory. Run by hand, not by CI: the first time takes some ten minutes.
+# The package is left in the build directory. Run by hand, not by CI: the first time takes some twenty minutes on two
+# cores, and later ones five, by the compiler's cache.
 #
 # Needs root, mmdebstrap and the right to mount. BUILD_DIR: the build directory with a native fxsim, `build` in the
 # project unless set. BARE_CACHE: where the caches are (~/.cache/fxagent-bare). JOBS: compilers at a time.
@@ -37,8 +38,14 @@ outside() {
   [ -x "$build/tests/sim/fxsim" ] || { echo "cross: there is no $build/tests/sim/fxsim: run config/demo/run.sh" >&2; exit 1; }
   cache=${BARE_CACHE:-${HOME:-/root}/.cache/fxagent-bare}
   mkdir -p "$cache/debs-$1/partial" "$cache/ccache"
+  # What was left by one that was killed: nobody holds its lock.
+  local child='' old
+  while read -r old; do
+    if flock --nonblock "$old" true; then rm -rf --one-file-system "$old"; fi
+  done < <(find /var/tmp -maxdepth 1 -name 'fxagent-cross-*' -mmin +1)
   work=$(mktemp -d /var/tmp/fxagent-cross-XXXXXX)
-  local child=''
+  exec 9<"$work"
+  flock 9
   trap 'rm -rf --one-file-system "$work" || { sleep 1; rm -rf --one-file-system "$work"; }' EXIT
   trap '[ -z "$child" ] || kill -KILL "$child" 2>/dev/null; wait; exit 1' INT TERM HUP
   setpriv --pdeathsig KILL unshare --mount --pid --fork --kill-child --mount-proc \

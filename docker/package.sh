@@ -14,6 +14,9 @@ DEB_RULES_REQUIRES_ROOT=no
 export FXAGENT_BUILD_DIR DEB_RULES_REQUIRES_ROOT
 
 [ -n "${HOST_ARCH:-}" ] || "$root/docker/install.sh" build package
+# debhelper builds with another HOME, in which no object of an earlier build lies.
+[ -n "${CCACHE_DIR:-}" ] || CCACHE_DIR=$(ccache --get-config cache_dir)
+export CCACHE_DIR
 cd "$root"
 mkdir -p "$FXAGENT_BUILD_DIR"
 rm -f "$FXAGENT_BUILD_DIR/fxagent_"*"_$architecture.deb"

@@ -39,6 +39,12 @@ void set_speeds(ProtocolInfo& info, std::vector<int> speeds) {
   info.fast_models = {"FX3S", "FX3G", "FX3U"};
 }
 
+constexpr std::string_view kFxModel =
+    "Model of the PLC. `auto`: the PLC is asked, and `check` holds addresses against the FX3U, the "
+    "widest. Addresses that the real model lacks are bad then. An `FX1NC`, `FX2NC`, `FX3GC`, "
+    "`FX3GE` "
+    "or `FX3UC` counts as the model without the last letter.";
+
 ProtocolInfo programming_port() {
   const fx::ProgrammingPort::Settings settings;
   ProtocolInfo info;
@@ -49,6 +55,7 @@ ProtocolInfo programming_port() {
   info.summary = "Mitsubishi FX through its programming port (RS-422, 9600 7E1)";
   info.models = names(fx::model_names());
   info.kin = names(fx::kin_names());
+  info.model_meaning = kFxModel;
   info.options = {
       choice("command_set", {"auto", "classic", "extended"},
              "`auto`: classic commands where they reach, extended ones beyond. FX0N and FX1S have "
@@ -74,6 +81,7 @@ ProtocolInfo computer_link() {
   info.multidrop = true;
   info.models = names(fx::model_names());
   info.kin = names(fx::kin_names());
+  info.model_meaning = kFxModel;
   info.options = {
       integer("station", 0, 15, settings.station, "Station number, D8121 of the PLC."),
       integer("format", 1, 4, settings.ends_with_cr_lf ? 4 : 1,
@@ -100,6 +108,7 @@ ProtocolInfo modbus_protocol(std::string_view name, std::string_view summary) {
   info.name = name;
   info.summary = summary;
   info.multidrop = true;
+  info.model_meaning = "Modbus devices have no models: leave it out, or set `auto`.";
   info.options = {
       integer("unit", 0, 255, settings.unit,
               "Unit id. On a serial line 1 to 247, or 0 for a broadcast: every unit obeys, none "
@@ -243,8 +252,9 @@ ProtocolInfo mc_ethernet(std::string_view name, std::string_view summary) {
       "entry) with this port number and protocol (TCP or UDP), and is Communication Data Code that "
       "of `code`? An FX3 speaks mc-1e; built-in ports of Q and L know mc-3e alone";
   info.closed_hint =
-      "each SLMP Connection Module in the parameters serves one connection: does another program "
-      "hold it? Add an entry with a port of its own for the agent";
+      "each SLMP Connection Module in the parameters serves one connection: is another program "
+      "using "
+      "this one? Give the agent an entry with a port of its own";
   return info;
 }
 

@@ -59,7 +59,7 @@ struct ProtocolInfo {
   /// Whether the last of them has all devices of the others. Else addresses are held against the
   /// codec that knows no model, until the PLC has told its own.
   bool last_is_widest = true;
-  std::string_view model_meaning;     ///< for people, where it is not that of the FX
+  std::string_view model_meaning;     ///< for people: the schema and the README have it
   std::vector<std::string_view> kin;  ///< further names of them, which `model` may be too
   std::vector<OptionSpec> options;
   /// For a person: which settings to look at where a connection stands and nothing was ever

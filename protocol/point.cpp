@@ -428,6 +428,18 @@ Packed pack_element(const Point& point, const Scalar& scalar, Bytes& image, std:
 
 }  // namespace
 
+bool is_covered(Span span, std::span<const Span> ranges) {
+  while (span.bits > 0) {
+    const auto range = std::ranges::find_if(ranges, [&span](const Span& each) {
+      return each.contains({span.space, span.first_bit, 1});
+    });
+    if (range == ranges.end()) return false;
+    const std::uint32_t end = std::min(range->end_bit(), span.end_bit());
+    span = {span.space, end, span.end_bit() - end};
+  }
+  return true;
+}
+
 // ---- words of the config ------------------------------------------------------------------------
 
 std::string_view to_string(DataType type) { return kTypes[static_cast<std::size_t>(type)].text; }

@@ -10,6 +10,7 @@
 #include <boost/container/small_vector.hpp>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <variant>
@@ -33,6 +34,9 @@ struct Span {
   }
   friend bool operator==(const Span&, const Span&) = default;
 };
+
+/// Whether each bit of `span` is in one of the ranges.
+bool is_covered(Span span, std::span<const Span> ranges);
 
 /// Whether the two have a bit in common.
 inline bool overlap(const Span& one, const Span& other) {

@@ -40,6 +40,11 @@ forbid("^agent/import/" "^(fstream|iostream|filesystem|thread|mutex|ctime)$" "ag
 forbid("^agent/(config|commands|field|metrics|store|uplink)/" "^agent/import/" "only agent/cli/ sees agent/import/")
 forbid("^agent/((log|process)/)?[^/]+$" "^agent/(commands|config|field|import|metrics|store|uplink|cli)/"
        "what every room uses must not know any of them")
+forbid("^agent/remote/" "^agent/(commands|field|uplink|cli|agent)[/.]"
+       "agent/remote/ sees config and the durable file of the store")
+forbid("^agent/remote/" "^agent/store/" "of agent/store/ agent/remote/ sees durable_file.h only")
+forbid("^agent/(config|commands|field|import|metrics|store|uplink|log|process)/" "^agent/remote/"
+       "only agent/cli/, agent/agent.cpp and agent/reload.cpp see agent/remote/")
 forbid("^agent/metrics/" "^agent/(commands|field|store|uplink|cli|agent)[/.]"
        "agent/metrics/ sees the status, config and the log")
 forbid("^agent/[a-z_]+/" "^agent/metrics/" "nothing but agent/agent.cpp sees agent/metrics/")
@@ -63,6 +68,7 @@ set(allowed
   "^agent/store/[^ ]+ (sqlite3\\.h|SQLiteCpp/SQLiteCpp\\.h)$"
   "^agent/store/[^ ]+ agent/commands/(journal|command_starts)\\.h$"
   "^agent/uplink/paho_broker\\.cpp (mqtt/|MQTT)"
+  "^agent/remote/remote_config\\.h agent/store/durable_file\\.h$"
   "^agent/metrics/[^ ]+ agent/metrics/"
   "^agent/metrics/http_library\\.h microhttpd\\.h$"
   "^agent/metrics/exposition\\.cpp prometheus/")

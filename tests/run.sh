@@ -3,8 +3,8 @@
 #   tests/run.sh [ctest arguments, such as -R PollScheduler or -L field]
 # Installs what is missing first (only then as root). BUILD_DIR: the build directory, `build` in the
 # project unless set. CMAKE_ARGS: more arguments of the configure, such as -DFXAGENT_SANITIZE=address.
-# BUILD_TARGETS: what is built, where not everything is wanted. BUILD_ONLY: set, no test is run. JOBS: tests at
-# a time, three a core unless set.
+# BUILD_TARGETS: what is built, where not everything is wanted; then nothing comes from npm. BUILD_ONLY: set, no test is
+# run. JOBS: tests at a time, three a core unless set.
 # The last lines are ctest's own, and behind them the tests that skipped themselves, by name. The exit
 # status is ctest's. Up to three tests of the whole agent that failed beside others are run once more, by themselves,
 # and named if they pass then: on a busy machine a peer of theirs may stand still for longer than its part allows.
@@ -16,8 +16,10 @@ build=${BUILD_DIR:-$root/build}
 "$root/docker/install.sh" build test
 # shellcheck disable=SC2086 # several arguments
 cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=RelWithDebInfo -DFXAGENT_TESTS=ON ${CMAKE_ARGS:-}
-"$root/tests/npm.sh" "$root/tests/system/peers/node" "$build/npm/peers"
-"$root/tests/npm.sh" "$root/tests/system/peers/node-red" "$build/npm/node-red"
+if [ -z "${BUILD_TARGETS:-}" ]; then
+  "$root/tests/npm.sh" "$root/tests/system/peers/node" "$build/npm/peers"
+  "$root/tests/npm.sh" "$root/tests/system/peers/node-red" "$build/npm/node-red"
+fi
 # shellcheck disable=SC2086 # several targets
 cmake --build "$build" ${BUILD_TARGETS:+--target $BUILD_TARGETS}
 [ -z "${BUILD_ONLY:-}" ] || exit 0

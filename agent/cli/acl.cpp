@@ -20,6 +20,9 @@ constexpr std::array<std::string_view, 7> kAgentWrites{
     "state", "health", "+/state", "+/meta", "+/data/#", "+/result", "+/result/#"};
 constexpr std::array<std::string_view, 4> kAgentReads{"+/command", "state", "+/state", "+/meta"};
 constexpr std::array<std::string_view, 1> kOperatorWrites{"+/command"};
+// Where configs may come from afar.
+constexpr std::array<std::string_view, 1> kConfigsOut{"config/reported"};
+constexpr std::array<std::string_view, 1> kConfigsIn{"config/desired"};
 
 /// Why `name` cannot be a user of an acl_file and of a password_file; empty where it can.
 std::string_view user_fault(std::string_view name) {
@@ -44,6 +47,7 @@ std::string faults_of(const AclQuestion& what) {
   };
   look_at(what.agent);
   for (const std::string& name : what.operators) look_at(name);
+  for (const std::string& name : what.engineers) look_at(name);
   for (const std::string& name : what.viewers) look_at(name);
   return faults;
 }
@@ -64,6 +68,9 @@ tl::expected<std::string, std::string> acl_text(const Config& config, const AclQ
         std::string("mqtt.username is not set: give the agent's user with --agent (with "
                     "use_identity_as_username it is the common name of its certificate)"));
   if (const std::string faults = faults_of(users); !faults.empty()) return tl::unexpected(faults);
+  if (!users.engineers.empty() && !config.remote.enabled)
+    return tl::unexpected(std::string(
+        "--engineer names who sends configs over MQTT, and agent.remote_config is not set"));
 
   const std::string base = config.base_topic();
   std::string out =
@@ -77,15 +84,26 @@ tl::expected<std::string, std::string> acl_text(const Config& config, const AclQ
       users.agent + "\n";
   add(out, "write", base, kAgentWrites);
   add(out, "read", base, kAgentReads);
-  for (const std::string& name : users.operators) {
-    out += "\n# Reads everything and sends commands.\nuser " + name + "\n";
+  const bool configs = config.remote.enabled;
+  if (configs) {
+    out += "# It takes configs from afar and answers them.\n";
+    add(out, "write", base, kConfigsOut);
+    add(out, "read", base, kConfigsIn);
+  }
+  const auto add_reader = [&](std::string_view role, const std::string& name) {
+    out += "\n# " + std::string(role) + "\nuser " + name + "\n";
     add(out, "read", base, kAgentWrites);
+    if (configs) add(out, "read", base, kConfigsOut);
+  };
+  for (const std::string& name : users.operators) {
+    add_reader("Reads everything and sends commands.", name);
     add(out, "write", base, kOperatorWrites);
   }
-  for (const std::string& name : users.viewers) {
-    out += "\n# Reads everything.\nuser " + name + "\n";
-    add(out, "read", base, kAgentWrites);
+  for (const std::string& name : users.engineers) {
+    add_reader("Reads everything and sends configs.", name);
+    add(out, "readwrite", base, kConfigsIn);
   }
+  for (const std::string& name : users.viewers) add_reader("Reads everything.", name);
   return out;
 }
 

@@ -119,8 +119,27 @@ Json line_of(std::uint64_t number, const Json& came, const Json& outcome, const 
   return line;
 }
 
+/// "config "v7" by "ann": rejected: /links: differs … (and 2 more), in force 0f3a…"
+std::string config_text(const Json& note) {
+  std::string out = utc_text(time_at(note, "ts")) + " config ";
+  if (at(note, "version").is_string())
+    out += "\"" + plain(at(note, "version")) + "\"";
+  else
+    out += at(note, "desired_hash").is_null() ? "withdrawn" : "(no version)";
+  if (at(note, "by").is_string()) out += " by \"" + plain(at(note, "by")) + "\"";
+  out += ": " + plain(at(note, "state"));
+  const Json& errors = at(note, "errors");
+  if (errors.is_array() && !errors.empty()) {
+    out += ": " + plain(errors.front());
+    const std::int64_t all = time_at(note, "errors_in_all");
+    if (all > 1) out += " (and " + std::to_string(all - 1) + " more)";
+  }
+  return out + " | in force " + plain(at(note, "hash"));
+}
+
 std::string note_text(const Json& note) {
   const std::string kind = text_of(note, "kind");
+  if (kind == "config") return config_text(note);
   std::string out = utc_text(time_at(note, "ts")) + " the audit: ";
   if (kind == "pruned") return out + "records up to " + plain(at(note, "up_to")) + " were let go";
   if (kind == "begun") return out + "begun anew; the file before is " + plain(at(note, "after"));

@@ -5,6 +5,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <chrono>
 #include <csignal>
 #include <exception>
 #include <functional>
@@ -28,9 +29,13 @@
 #include "agent/config/config.h"
 #include "agent/config/expand.h"
 #include "agent/config/reader.h"
+#include "agent/config/remote_limits.h"
 #include "agent/log/log.h"
 #include "agent/process/startup.h"
 #include "agent/process/stop_watchdog.h"
+#include "agent/remote/desired_config.h"
+#include "agent/remote/remote_config.h"
+#include "agent/remote/trial_time.h"
 
 namespace {
 
@@ -54,9 +59,41 @@ std::optional<Config> loaded(const std::string& path) {
   return std::nullopt;
 }
 
-int check(const std::string& path) {
+std::string counts(const Config& config) {
+  std::size_t tags = 0;
+  for (const DeviceConfig& device : config.devices) tags += device.tags.size();
+  return std::to_string(config.links.size()) + " links, " + std::to_string(config.devices.size()) +
+         " devices, " + std::to_string(tags) + " tags";
+}
+
+/// What would become of the document in the file `desired`, as one of {base}/config/desired.
+int check_desired(const std::string& path, const Config& local, const std::string& desired) {
+  const auto refuse = [&desired](const ConfigErrors& errors) {
+    print(errors, desired);
+    return kWrong;
+  };
+  if (!local.remote.enabled)
+    return refuse({{"", 0, "never comes: agent.remote_config is not set in " + path}});
+  const auto document = read_config_file(desired);
+  if (!document) return refuse(document.error());
+  const auto [read, faults] = read_desired(*document);
+  if (!faults.empty()) return refuse(faults);
+  const auto text = read_config_file(path);
+  if (!text) return refuse(text.error());
+  const auto config = effective_config(
+      *text, local, read, [&path](std::string_view both) { return config_of_file(path, both); });
+  if (!config) return refuse(config.error());
+  for (const std::string& warning : config->warnings)
+    std::cerr << desired << ": warning: " << warning << '\n';
+  std::cout << desired << ": right: version " << shown(read.version) << ", then " << counts(*config)
+            << '\n';
+  return 0;
+}
+
+int check(const std::string& path, const std::string& desired) {
   const auto config = loaded(path);
   if (!config) return kWrong;
+  if (!desired.empty()) return check_desired(path, *config, desired);
   for (const std::string& warning : config->warnings)
     std::cerr << path << ": warning: " << warning << '\n';
   for (const auto& findings : {check_files(*config), exposed_secrets(*config)})
@@ -64,10 +101,9 @@ int check(const std::string& path) {
       std::cerr << path << ": warning: " << finding.pointer << ": " << finding.text << '\n';
   for (const std::string& overload : overloads(*config))
     std::cerr << path << ": warning: link " << overload << '\n';
-  std::size_t tags = 0;
-  for (const DeviceConfig& device : config->devices) tags += device.tags.size();
-  std::cout << path << ": right: " << config->links.size() << " links, " << config->devices.size()
-            << " devices, " << tags << " tags\n";
+  std::cout << path << ": right: " << counts(*config) << '\n';
+  if (config->remote.enabled)
+    std::cout << path << ": over MQTT may come: " << to_string(config->remote) << '\n';
   return 0;
 }
 
@@ -142,7 +178,9 @@ int run(const RunCall& call) {
   std::signal(SIGHUP, SIG_DFL);  // one that is ignored would not wait either
   StopWatchdog watchdog(stop_signals);
   const log::InBackground background;
-  auto config = load_config(call.path);
+  RemoteConfig remote(call.path, trial_time());
+  auto config =
+      remote.start({std::chrono::steady_clock::now(), utc_ms(std::chrono::system_clock::now())});
   if (!config) {
     for (const ConfigError& error : config.error())
       log::say(log::Level::error, "config", to_string(error, call.path));
@@ -156,7 +194,7 @@ int run(const RunCall& call) {
   for (const ConfigError& secret : exposed_secrets(*config))
     log::warn("config", {{"note", secret.pointer + ": " + secret.text}});
   try {
-    run_agent(std::move(*config), call.path, watchdog, *traced);
+    run_agent(std::move(*config), call.path, remote, watchdog, *traced);
   } catch (const std::exception& error) {
     log::say(log::Level::error, "agent", std::string("fxagent: ") + error.what());
     return 1;
@@ -261,6 +299,11 @@ void add_acl(CLI::App& app, std::string& path, AclQuestion& what, std::function<
                    "A user who reads everything and sends commands; repeatable")
       ->expected(1)
       ->take_all();
+  command
+      ->add_option("--engineer", what.engineers,
+                   "A user who reads everything and sends configs; repeatable")
+      ->expected(1)
+      ->take_all();
   command->add_option("--viewer", what.viewers, "A user who reads everything; repeatable")
       ->expected(1)
       ->take_all();
@@ -343,7 +386,10 @@ int dispatch(int argc, char** argv) {
 
   CLI::App* check_command = app.add_subcommand("check", "Say whether a config file is right");
   check_command->add_option("CONFIG", path, "Config file")->required();
-  check_command->callback([&] { action = [&] { return check(path); }; });
+  std::string desired;
+  check_command->add_option("--desired", desired,
+                            "File of a config from afar: would it be taken over?");
+  check_command->callback([&] { action = [&] { return check(path, desired); }; });
 
   CLI::App* config_command = app.add_subcommand("config", "Print a config file in another form");
   config_command->add_option("CONFIG", path, "Config file")->required();

@@ -50,6 +50,7 @@ struct DevicePlan {
 
   nanoseconds longest_exchange() const {
     std::vector<const Plan*> plans;
+    plans.reserve(groups.size());
     for (const GroupPlan& group : groups) plans.push_back(&group.plan);
     return longest_poll(*codec, plans, timing);
   }
@@ -149,11 +150,10 @@ BitUse bit_use(const PlannedRead& planned, std::span<const Point> points, std::u
   }
   BitUse use;
   for (std::uint32_t at = 0; at < read.bits; at += unit) {
-    const auto first = marks.begin() + at;
-    const auto end = marks.begin() + std::min(at + unit, read.bits);
-    const auto none = static_cast<std::uint32_t>(std::count(first, end, Mark::none));
-    use.asked += static_cast<std::uint32_t>(end - first) - none;
-    if (std::count(first, end, Mark::bit) > 0) use.word_access += none;
+    const auto part = std::span(marks).subspan(at, std::min(unit, read.bits - at));
+    const auto none = static_cast<std::uint32_t>(std::ranges::count(part, Mark::none));
+    use.asked += static_cast<std::uint32_t>(part.size()) - none;
+    if (std::ranges::count(part, Mark::bit) > 0) use.word_access += none;
   }
   return use;
 }
@@ -525,6 +525,7 @@ std::vector<std::string> overloads(const Config& config) {
 
 std::vector<LinkReport> plan_links(const Config& config) {
   std::vector<LinkReport> links;
+  links.reserve(config.links.size());
   for (std::uint32_t i = 0; i < config.links.size(); ++i) links.push_back(report_link(config, i));
   return links;
 }

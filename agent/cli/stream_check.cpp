@@ -139,7 +139,7 @@ void StreamCheck::take_sample(Device& device, std::string_view topic, const Samp
   const std::uint64_t offset = has_before ? sample.seq - before->first : 0;
   if (has_before && offset < before->second.prints.size()) {
     ++stream.repeated;
-    if (before->second.prints[offset] != sample.print) ++stream.differing;
+    if (before->second.prints[static_cast<std::size_t>(offset)] != sample.print) ++stream.differing;
     return;
   }
 

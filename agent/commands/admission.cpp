@@ -54,19 +54,6 @@ std::optional<Refusal> check_limits(const TagConfig& tag, const Value& written) 
   return std::nullopt;
 }
 
-/// Whether each place of `span` is in one of the ranges.
-bool covered(const std::vector<Span>& allow, Span span) {
-  while (span.bits > 0) {
-    const auto range = std::ranges::find_if(allow, [&span](const Span& each) {
-      return each.contains({span.space, span.first_bit, 1});
-    });
-    if (range == allow.end()) return false;
-    const std::uint32_t end = std::min(range->end_bit(), span.end_bit());
-    span = {span.space, end, span.end_bit() - end};
-  }
-  return true;
-}
-
 std::uint16_t small_count(std::size_t count) {
   return static_cast<std::uint16_t>(std::clamp<std::size_t>(count, 1, 0xFFFF));
 }
@@ -322,7 +309,7 @@ std::optional<Refusal> CommandAdmission::check_access(const Codec& codec, const 
                                                       const AdmittedTarget& target) const {
   const Span span = *span_of(target.point);
   const std::string name(target.point.address.text);
-  const bool allowed = covered(device_->commands.allow, span);
+  const bool allowed = is_covered(span, device_->commands.allow);
   if (*command.op == Op::read) {
     if (target.tag_index || allowed || command.any_address) return std::nullopt;
     return refuse(Reason::not_allowed, name + " is neither a tag nor in commands.allow");

@@ -85,4 +85,21 @@ std::string delivery(std::uint64_t number, std::string_view device, std::string_
   return text_of(body);
 }
 
+std::string config(const ConfigReceipt& receipt, std::string_view topic, std::int64_t now_ms) {
+  Json body = body_of("config", now_ms);
+  body["topic"] = kept(topic);
+  body["version"] = word(receipt.version);
+  body["by"] = word(receipt.by);
+  body["state"] = receipt.state;
+  body["desired_hash"] = word(receipt.desired_hash);
+  body["hash"] = receipt.hash;
+  Json& errors = body["errors"] = Json::array();
+  for (const std::string& error : receipt.errors) {
+    if (errors.size() == kErrorsKept) break;
+    errors.push_back(kept(error));
+  }
+  body["errors_in_all"] = receipt.errors.size();
+  return text_of(body);
+}
+
 }  // namespace fxagent::audit

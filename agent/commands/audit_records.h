@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "agent/messages.h"
 
@@ -36,5 +37,18 @@ std::string result(std::uint64_t number, std::string_view device, std::string_vi
                    const FrameTrace& frames, std::int64_t now_ms);
 std::string delivery(std::uint64_t number, std::string_view device, std::string_view id,
                      bool acknowledged, std::int64_t now_ms);
+
+/// What became of a config that came from afar. Strings but the hashes are the sender's.
+struct ConfigReceipt {
+  std::string version;  ///< empty: it could not be read, or there is none
+  std::string by;
+  std::string state;         ///< as it was reported
+  std::string desired_hash;  ///< of the document; empty: it was withdrawn
+  std::string hash;          ///< of the config in force afterwards
+  std::vector<std::string> errors;
+};
+/// So many of the errors are kept.
+inline constexpr std::size_t kErrorsKept = 16;
+std::string config(const ConfigReceipt& receipt, std::string_view topic, std::int64_t now_ms);
 
 }  // namespace fxagent::audit

@@ -17,6 +17,7 @@
 #include "agent/config/keys.h"
 #include "agent/config/metrics.h"
 #include "agent/config/reader.h"
+#include "agent/config/remote_limits.h"
 #include "agent/config/tree.h"
 #include "agent/config/warnings.h"
 #include "agent/process/port_access.h"
@@ -48,6 +49,7 @@ void read_agent(ConfigReader& reader, const ConfigNode& agent, Config& config) {
                     .value_or(std::string(config_key("agent.root").word()));
   if (const auto fault = root_fault(config.root); !fault.empty())
     reader.error(*agent.find("root"), std::string(fault));
+  config.remote = read_remote_limits(reader, agent);
 }
 
 /// "mqtt://host:port" with the port filled in, or what is wrong with the address.
@@ -594,7 +596,12 @@ tl::expected<std::string, std::vector<ConfigError>> read_config_file(const std::
 tl::expected<Config, std::vector<ConfigError>> load_config(const std::string& path) {
   auto text = read_config_file(path);
   if (!text) return tl::unexpected(std::move(text.error()));
-  auto config = parse_config(*text, process_environment, privacy_of(path));
+  return config_of_file(path, *text);
+}
+
+tl::expected<Config, std::vector<ConfigError>> config_of_file(const std::string& path,
+                                                              std::string_view text) {
+  auto config = parse_config(text, process_environment, privacy_of(path));
   if (!config) return config;
 
   const std::filesystem::path directory = std::filesystem::path(path).parent_path();

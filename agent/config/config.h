@@ -195,12 +195,31 @@ struct MetricsConfig {
   friend bool operator==(const MetricsConfig&, const MetricsConfig&) = default;
 };
 
+/// What may come over MQTT, on {base}/config/desired.
+struct RemoteLimits {
+  bool enabled = config_key("agent.remote_config").flag();
+  /// A config that cannot be kept on disk is taken over all the same.
+  bool without_disk = config_key("agent.remote_without_disk").flag();
+  bool links = true;
+  bool devices = true;   ///< and `templates`
+  bool servers = false;  ///< mqtt.servers
+  bool run_stop = false;
+  /// Ranges as an engineer writes them: commands may be allowed to touch these, on any device whose
+  /// protocol has them, beyond what the file lets them touch.
+  std::vector<std::string> allow{};
+  friend bool operator==(const RemoteLimits&, const RemoteLimits&) = default;
+};
+
+/// A document of {base}/config/desired that is larger is refused unread.
+inline constexpr std::size_t kMaxDesiredBytes = std::size_t{1} << 20;
+
 /// As a file says it, or as it is in force in a running agent, which a reload has changed: there a
 /// link or device that did not change keeps its index, and where one was taken out its place is
 /// vacant until another one takes it (config_difference.h).
 struct Config {
   std::string id;
   std::string root;
+  RemoteLimits remote;
   MqttConfig mqtt;
   StoreConfig store;
   std::optional<MetricsConfig> metrics;  ///< nullopt: none are served
@@ -241,6 +260,9 @@ tl::expected<std::string, std::vector<ConfigError>> read_config_file(const std::
 /// Paths of `mqtt` and `store` that are relative are taken from the directory of the file. Never
 /// throws.
 tl::expected<Config, std::vector<ConfigError>> load_config(const std::string& path);
+/// The same on a text that stands for what is in the file: of its rights and its directory.
+tl::expected<Config, std::vector<ConfigError>> config_of_file(const std::string& path,
+                                                              std::string_view text);
 /// The same on a text already in memory; paths are left as they stand. Depends on its arguments
 /// alone.
 tl::expected<Config, std::vector<ConfigError>> parse_config(

@@ -128,6 +128,7 @@ ConfigChange change_between(const Config& running, Config wanted) {
   compare_links(running, change);
   compare_devices(running, change);
   change.mqtt = running.mqtt != change.config.mqtt;
+  change.remote = running.remote != change.config.remote;
   return change;
 }
 
@@ -178,6 +179,7 @@ std::string to_string(const ConfigChange& change, const Config& running) {
   if (!change.links_adjusted.empty())
     add("links adjusted: " + std::to_string(change.links_adjusted.size()));
   if (change.mqtt) add("mqtt");
+  if (change.remote) add("what may come from afar");
   return text;
 }
 

@@ -26,12 +26,13 @@ struct ConfigChange {
   std::vector<std::uint32_t> devices_begin;
   /// Links that go on with another poll_share or listening.
   std::vector<std::uint32_t> links_adjusted;
-  bool mqtt = false;  ///< the connection to the broker is to be made anew
+  bool mqtt = false;    ///< the connection to the broker is to be made anew
+  bool remote = false;  ///< something else may come from afar
 
   /// Nothing but the text may differ.
   bool empty() const {
     return links_end.empty() && links_begin.empty() && devices_end.empty() &&
-           devices_begin.empty() && links_adjusted.empty() && !mqtt;
+           devices_begin.empty() && links_adjusted.empty() && !mqtt && !remote;
   }
 };
 

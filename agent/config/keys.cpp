@@ -42,13 +42,7 @@ ConfigKey model_key(const ProtocolInfo& protocol) {
   ConfigKey key = config_key("devices[].model");
   key.type = ConfigKey::Type::choice;
   key.limits = std::span(words.at(protocol.name));
-  key.meaning = protocol.models.empty()
-                    ? "Modbus devices have no models: leave it out, or set `auto`."
-                    : "Model of the PLC. `auto`: the PLC is asked, and `check` holds addresses "
-                      "against the FX3U, the widest. Addresses that the real model lacks are bad "
-                      "then. An `FX1NC`, `FX2NC`, `FX3GC`, `FX3GE` or `FX3UC` counts as the model "
-                      "without the last letter.";
-  if (!protocol.model_meaning.empty()) key.meaning = protocol.model_meaning;
+  key.meaning = protocol.model_meaning;
   return key;
 }
 

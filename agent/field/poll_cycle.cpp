@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <span>
 #include <utility>
 
 namespace fxagent {
@@ -89,9 +90,8 @@ void PollCycle::take_images(const ReadIndices& reads, Exchange& exchange) {
 }
 
 bool PollCycle::is_current(const PointSource& source) const {
-  const auto first = ages_.begin() + source.first_read;
-  return std::none_of(first, first + source.count,
-                      [](Age age) { return age == Age::outdated || age == Age::lost; });
+  return std::ranges::none_of(std::span(ages_).subspan(source.first_read, source.count),
+                              [](Age age) { return age == Age::outdated || age == Age::lost; });
 }
 
 void PollCycle::overwritten(const Span& span, const Bytes* image, BadReason why) {

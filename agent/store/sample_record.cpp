@@ -131,8 +131,8 @@ class RowReader final {
   bool string(Major major, std::string_view& value) {
     std::uint64_t size = 0;
     if (!count(major, size) || size > rest_.size()) return false;
-    value = rest_.substr(0, size);
-    rest_.remove_prefix(size);
+    value = rest_.substr(0, static_cast<std::size_t>(size));
+    rest_.remove_prefix(value.size());
     return true;
   }
   /// Whether this byte is next; then it is taken.

@@ -119,14 +119,18 @@ std::string store_file_path(const std::string& directory) {
   return (std::filesystem::path(directory) / "fxagent.db").string();
 }
 
-std::string make_store_file(const std::string& directory) {
+std::string make_store_directory(const std::string& directory) {
   std::error_code fault;
   if (!std::filesystem::exists(directory, fault)) {
     std::filesystem::create_directories(directory, fault);
     if (fault) return directory + ": " + fault.message();
     ::chmod(directory.c_str(), S_IRWXU);
   }
-  std::string why = who_else_may_write(directory);
+  return who_else_may_write(directory);
+}
+
+std::string make_store_file(const std::string& directory) {
+  std::string why = make_store_directory(directory);
   if (!why.empty()) return why;
   const std::string file = store_file_path(directory);
   const int handle =

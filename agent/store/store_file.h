@@ -45,9 +45,11 @@ class DirectoryLock final {
 /// "fxagent.db" in `directory`.
 std::string store_file_path(const std::string& directory);
 
-/// Makes the directory (0700) and the file (0600) where they are not there. Empty: done. A
-/// directory in which others could put their own files is refused, and so is a file that is a link,
-/// or not ours.
+/// Makes the directory (0700) where it is not there. Empty: done. One in which others could put
+/// their own files is refused.
+std::string make_store_directory(const std::string& directory);
+
+/// The same, and the file (0600). One that is a link, or not ours, is refused.
 std::string make_store_file(const std::string& directory);
 
 /// Of an open file; empty: it is a plain one of our own, under one name.

@@ -8,6 +8,7 @@
 #include <limits>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <variant>
 #include <vector>
 
@@ -57,8 +58,9 @@ inline constexpr int kSessionTakenOver = 0x8E;
 struct Disconnected {};
 struct Message : MessageProperties {
   std::string topic;
-  std::string
-      payload;  ///< cut off after kMaxMessageBytes + 1, unless the broker was told otherwise
+  /// Cut off after kMaxMessageBytes + 1, unless the broker was told otherwise; on a topic of
+  /// configs after kMaxDesiredBytes + 1.
+  std::string payload;
   int qos = 1;
 };
 /// What a message takes in memory, roughly.
@@ -92,6 +94,10 @@ using BrokerEvent = std::variant<Connected, ConnectFailed, Lost, Disconnected, M
 
 /// Longest payload that the agent looks at; one more byte tells that there was more.
 inline constexpr std::size_t kMaxMessageBytes = 65536;
+
+/// Behind the agent's base: a config that comes from afar, and what became of it.
+inline constexpr std::string_view kDesiredTopic = "/config/desired";
+inline constexpr std::string_view kReportedTopic = "/config/reported";
 
 /// How many messages a broker may send ahead of our acknowledgements. Few, since the PUBACKs of our
 /// own messages come behind them.

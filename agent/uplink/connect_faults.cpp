@@ -66,7 +66,12 @@ int getaddrinfo(const char* host, const char* service, const addrinfo* hints, ad
   return fault;
 }
 
-int getsockopt(int fd, int level, int name, void* value, socklen_t* size) noexcept {
+// By the name of the symbol: with a time_t of 64 bits on a processor of 32 the header's
+// `getsockopt` is another one, which Paho does not call.
+int getsockopt_of_paho(int fd, int level, int name, void* value, socklen_t* size) noexcept
+    __asm__("getsockopt");
+
+int getsockopt_of_paho(int fd, int level, int name, void* value, socklen_t* size) noexcept {
   using Ask = int (*)(int, int, int, void*, socklen_t*);
   static const auto ask = reinterpret_cast<Ask>(dlsym(RTLD_NEXT, "getsockopt"));
   const int outcome = ask(fd, level, name, value, size);

@@ -58,6 +58,15 @@ void write_config_status(Writer& out, const ConfigStatus& status) {
   } else {
     out.null();
   }
+  out.key("remote");
+  if (const auto& remote = status.remote) {
+    out.begin_object().key("version");
+    remote->version.empty() ? out.null() : out.string(remote->version);
+    out.key("state").string(remote->state).key("confirmed").boolean(remote->confirmed);
+    out.end_object();
+  } else {
+    out.null();
+  }
   out.end_object();
 }
 

@@ -495,7 +495,9 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
       event.received = std::chrono::steady_clock::now();
       event.received_ms = utc_ms(std::chrono::system_clock::now());
       event.topic = message->get_topic();
-      event.payload = message->get_payload_str().substr(0, max_payload_ + 1);
+      const bool is_config = event.topic.ends_with(kDesiredTopic);
+      const std::size_t most = is_config ? std::max(max_payload_, kMaxDesiredBytes) : max_payload_;
+      event.payload = message->get_payload_str().substr(0, most + 1);
       event.retained = message->is_retained();
       event.qos = message->get_qos();
       const mqtt::properties& properties = message->get_properties();

@@ -52,6 +52,13 @@ Publisher::Publisher(Config& config, PublisherSettings settings, Payload& payloa
                    publication.payload = json::health(*status_.at(now), config_);
                    publication.retain = Retain::yes;
                    return publication;
+                 },
+                 [this] {
+                   Publication publication;
+                   publication.topic = base_ + std::string(kReportedTopic);
+                   publication.payload = config_report_.value_or("");
+                   publication.retain = Retain::yes;
+                   return publication;
                  }}),
       results_(config, commands, outgoing_, backoff_, utc_ms_),
       spool_(store, settings_.backlog_bytes),
@@ -59,7 +66,9 @@ Publisher::Publisher(Config& config, PublisherSettings settings, Payload& payloa
       intake_(commands, broker, config.mqtt),
       status_({config, commands, session_, retained_, spool_, results_, samples_out_, store},
               {settings_.boot, settings_.version}, utc_ms_, [this] { outbox_.notify(); }),
-      identity_(settings_.boot) {}
+      identity_(settings_.boot) {
+  session_.hear_configs(config.remote.enabled);
+}
 
 Publisher::~Publisher() = default;
 
@@ -136,6 +145,11 @@ void Publisher::on(const MessagesDropped& event, SteadyTime) { intake_.count_dro
 void Publisher::on(const Message& event, SteadyTime now) {
   intake_.hear(event);
   if (const auto name = device_of(event.topic, base_, "command")) return hear_command(event, *name);
+  if (event.topic == base_ + std::string(kDesiredTopic)) {
+    if (config_.remote.enabled && config_listener_.desired && phase_ == Phase::running)
+      config_listener_.desired(event.payload);
+    return;
+  }
   // The last word is ours, and so is the goodbye to a broker that is left for another one.
   if (phase_ == Phase::running && !goodbye_by_) hear_state(event, now);
 }
@@ -206,11 +220,14 @@ void Publisher::make_health_due(SteadyTime now) {
 void Publisher::connection_began(SteadyTime now) {
   identity_.connection_began(session_.server(), now, session_.steady_after());
   retained_.connection_began();
+  if (config_report_ && !config_report_->empty()) retained_.config_report_is_due();
+  if (config_listener_.connection) config_listener_.connection(true, now);
   make_health_due(now);
   samples_out_.connection_began();
 }
 
-void Publisher::connection_ended(SteadyTime) {
+void Publisher::connection_ended(SteadyTime now) {
+  if (config_listener_.connection) config_listener_.connection(false, now);
   identity_.connection_ended();
   counters_by_.reset();
   samples_out_.connection_ended();
@@ -241,6 +258,7 @@ std::optional<std::vector<std::uint64_t>> Publisher::change(const ConfigChange& 
   retained_.change(change, {gone.begin(), gone.end()}, session_.is_connected());
   samples_out_.change(change);
   status_.change(change);
+  session_.hear_configs(config_.remote.enabled);
   if (change.mqtt) leave_old_settings(now);
   const auto last = numbers_to_join(begin, store_, utc_ms_());
   std::vector<std::uint64_t> by_index(change.config.devices.size());
@@ -267,6 +285,12 @@ void Publisher::leave_old_settings(SteadyTime now) {
 void Publisher::set_config_status(ConfigStatus status, SteadyTime now) {
   status_.set_config_status(std::move(status));
   if (session_.is_connected() && phase_ == Phase::running) make_health_due(now);
+}
+
+void Publisher::report_config(std::string text, std::string audit) {
+  config_report_ = std::move(text);
+  if (session_.is_connected() && phase_ == Phase::running) retained_.config_report_is_due();
+  if (!audit.empty() && store_ != nullptr) store_->audit().note(std::move(audit));
 }
 
 // ---- what the field says ------------------------------------------------------------------------

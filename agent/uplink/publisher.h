@@ -13,6 +13,7 @@
 #include <stop_token>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "agent/commands/commands.h"
@@ -96,6 +97,18 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
   /// What health says of the config.
   void set_config_status(ConfigStatus status, SteadyTime now);
 
+  // Configs from afar.
+  /// Who hears of what concerns them, from step(): each document of {base}/config/desired, and each
+  /// change of the connection.
+  struct ConfigListener {
+    std::function<void(std::string payload)> desired;
+    std::function<void(bool connected, SteadyTime now)> connection;
+  };
+  void set_config_listener(ConfigListener listener) { config_listener_ = std::move(listener); }
+  /// What {base}/config/reported is from now on, after each connect too; empty: the topic is
+  /// cleared, and nothing is published there. `audit`: body of a record; empty: none.
+  void report_config(std::string text, std::string audit);
+
   /// Where every sample is, as of the last step().
   SampleCounts samples() const;
   /// Where the agent's status is published, as long as the publisher is there.
@@ -164,6 +177,9 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
   bool samples_first_ = false;  ///< whose turn it is, where the window is too small to share
   /// Devices with results, not handed over yet, of commands that may have written.
   std::set<std::string> written_;
+
+  ConfigListener config_listener_;
+  std::optional<std::string> config_report_;  ///< nothing: there was none so far
 
   std::vector<std::string> joined_;  ///< devices whose earlier runs are to be looked up
   /// The settings of MQTT are others: until then the broker has time to take our last word.

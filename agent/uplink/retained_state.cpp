@@ -137,6 +137,8 @@ Publication RetainedState::publication_of(const Key& key, SteadyTime now) {
       return payload_.device_meta(key.device);
     case Item::health:
       return source_.health(now);
+    case Item::config_report:
+      return source_.config_report();
     case Item::clear:
       break;
   }

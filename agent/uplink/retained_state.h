@@ -1,7 +1,8 @@
-// What is retained at the broker: the agent's state, health, and state and meta of each device. All
-// of it is published again after each connect, and what the broker refuses for a time comes again
-// with its newest value. States and meta that somebody else has overwritten are repaired. Uplink
-// thread. Time is an argument. More than twenty functions: most say one word about one topic.
+// What is retained at the broker: the agent's state, health, what became of a config from afar, and
+// state and meta of each device. All of it is published again after each connect, and what the
+// broker refuses for a time comes again with its newest value. States and meta that somebody else
+// has overwritten are repaired. Uplink thread. Time is an argument. More than twenty functions:
+// most say one word about one topic.
 #pragma once
 
 #include <cstdint>
@@ -29,13 +30,15 @@ class RetainedState final : public Outgoing::Sender {
   struct Source {
     std::function<Publication()> agent_state;
     std::function<Publication(SteadyTime)> health;
+    /// Of {base}/config/reported.
+    std::function<Publication()> config_report;
   };
 
   /// All references outlive it.
   RetainedState(const Config& config, Payload& payload, Outgoing& outgoing,
                 JitteredBackoff& backoff, Source source);
 
-  /// All but health, whose counters are to be asked for first.
+  /// All but health, whose counters are to be asked for first, and the report of a config.
   void connection_began();
   void connection_ended();
   /// The same in a connection that stands: another agent may have written there.
@@ -43,6 +46,7 @@ class RetainedState final : public Outgoing::Sender {
   // These count only while there is a connection: everything is due after the next connect.
   void agent_state_changed() { due_[{Item::agent_state, 0, {}}] = {}; }
   void health_is_due() { due_[{Item::health, 0, {}}]; }
+  void config_report_is_due() { due_[{Item::config_report, 0, {}}] = {}; }
   void device_state_changed(std::uint32_t device) { due_[{Item::device_state, device, {}}] = {}; }
   /// Clears a retained topic. False: it is about to be.
   bool clear(const std::string& topic) { return due_.try_emplace({Item::clear, 0, topic}).second; }
@@ -80,7 +84,14 @@ class RetainedState final : public Outgoing::Sender {
 
  private:
   /// Lower comes first.
-  enum class Item : std::uint8_t { agent_state, device_state, device_meta, health, clear };
+  enum class Item : std::uint8_t {
+    agent_state,
+    device_state,
+    device_meta,
+    health,
+    config_report,
+    clear
+  };
   struct Key {
     Item item = Item::agent_state;
     std::uint32_t device = 0;

@@ -41,6 +41,7 @@ Session::Session(const MqttConfig& mqtt, std::string base, Broker& broker, Outgo
     : mqtt_(mqtt),
       base_(std::move(base)),
       commands_filter_(base_ + "/+/command"),
+      configs_filter_(base_ + std::string(kDesiredTopic)),
       broker_(broker),
       outgoing_(outgoing),
       backoff_(backoff),
@@ -67,6 +68,7 @@ void Session::on(const Connected& event, SteadyTime now) {
   subscribe_to_commands(now);
   broker_.subscribe({base_ + "/+/state", /*no_local=*/false});
   broker_.subscribe({base_ + "/+/meta", /*no_local=*/false});
+  if (hears_configs_) broker_.subscribe({configs_filter_, /*no_local=*/false});
   leftovers_until_ = now + kLeftoversFor;
   listener_.connection_began(now);
 }
@@ -163,6 +165,16 @@ void Session::begin_anew(SteadyTime now) {
   // Nobody is told goodbye who has not answered yet: connect() gives that attempt up.
   link_ = was_connected ? Link::leaving : Link::waiting;
   retry_at_ = was_connected ? now + kGoodbye : now;
+}
+
+void Session::hear_configs(bool heard) {
+  if (heard == hears_configs_) return;
+  hears_configs_ = heard;
+  if (link_ != Link::connected) return;  // with the next connection
+  if (heard)
+    broker_.subscribe({configs_filter_, /*no_local=*/false});
+  else
+    broker_.unsubscribe(configs_filter_);
 }
 
 void Session::begin_end(SteadyTime now) {

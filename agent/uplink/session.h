@@ -63,6 +63,8 @@ class Session final {
   void settings_changed() { server_ = 0; }
   /// Begins with the first server. A connection is ended with a goodbye.
   void begin_anew(SteadyTime now);
+  /// Whether {base}/config/desired is heard, from now on.
+  void hear_configs(bool heard);
   /// The end: no command is heard any more. A session that was leaving comes back, so that who was
   /// told goodbye hears the last word too.
   void begin_end(SteadyTime now);
@@ -109,6 +111,7 @@ class Session final {
   const MqttConfig& mqtt_;
   const std::string base_;
   const std::string commands_filter_;
+  const std::string configs_filter_;
   Broker& broker_;
   Outgoing& outgoing_;
   JitteredBackoff& backoff_;
@@ -138,6 +141,7 @@ class Session final {
   std::optional<SteadyTime> ask_again_at_;
   int unheard_ = 0;  ///< refusals and silences of this connection, in a row
   std::optional<std::string> not_heard_why_;
+  bool hears_configs_ = false;
   bool paused_ = false;  ///< they are not heard since too many results wait
 };
 

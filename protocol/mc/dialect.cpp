@@ -118,7 +118,6 @@ std::vector<GatherCommand> gathers(const Dialect& dialect) {
 
 Result<ReadWay> way_of(const Dialect& dialect, const Read& read) {
   const Span& span = read.span;
-  const std::string name = device_name(dialect.model, span);
   for (const ReadWay& way : read_ways(dialect, span.space)) {
     if (way.way != plain_way(read.way) || span.bits > way.end_bit ||
         span.first_bit > way.end_bit - span.bits)
@@ -127,10 +126,12 @@ Result<ReadWay> way_of(const Dialect& dialect, const Read& read) {
         span.bits <= way.max_bits)
       return way;
     return fail(ErrorCode::bad_request, "read of " + std::to_string(span.bits) + " bits from " +
-                                            name + ": at most " + std::to_string(way.max_bits) +
-                                            ", in steps of " + std::to_string(way.unit_bits));
+                                            device_name(dialect.model, span) + ": at most " +
+                                            std::to_string(way.max_bits) + ", in steps of " +
+                                            std::to_string(way.unit_bits));
   }
-  return fail(ErrorCode::unsupported, name + ": " + std::to_string(span.bits) +
+  return fail(ErrorCode::unsupported, device_name(dialect.model, span) + ": " +
+                                          std::to_string(span.bits) +
                                           " bits are not read in this way on this model");
 }
 

@@ -322,6 +322,7 @@ Explanation one_e::explain_frame(Model model, ByteView frame, std::optional<Dire
   out.fields.emplace_back("command", *out.command + ", " + std::string(what->meaning));
   if (direction && *direction != out.direction)
     return wrong(out, hex_text(first, 2) + " begins " + (is_answer ? "an answer" : "a request"));
+  if (!is_answer && what->operation == "other") out.fields.emplace_back("meaning", what->meaning);
   if (is_answer) {
     explain_answer(data_code, *what, in, out);
     return out;

@@ -23,6 +23,7 @@
 #include "agent/commands/parse.h"
 #include "agent/commands/result_text.h"
 #include "agent/messages.h"
+#include "agent/remote/remote_config.h"
 #include "agent/store/history.h"
 #include "agent/uplink/broker.h"
 #include "agent/uplink/json_payload.h"
@@ -214,7 +215,7 @@ TEST(ContractExamples, EachIsThereOnceAndNoBlockIsWithoutAName) {
   const std::set<std::string> wanted = words_of(
       "sample sample_bad history agent_state_online agent_state_offline device_state meta health "
       "command_write command_force command_list command_run command_read command_force_list "
-      "result_ack result_rejected result_list result_partial result_duplicate");
+      "result_ack result_rejected result_list result_partial result_duplicate desired reported");
   std::set<std::string> found;
   for (const auto& [name, text] : examples()) found.insert(name);
   EXPECT_EQ(found, wanted);
@@ -294,6 +295,16 @@ TEST(ContractExamples, HealthHasTheKeysOfTheProgram) {
   health.audit_records = 54;
   health.audit_head = "7d0f";
   expect_same_keys("health", fxagent::json::health(health, config));
+}
+
+TEST(ContractExamples, DesiredIsReadAndReportedHasTheKeysOfTheProgram) {
+  const auto read = read_desired(examples().at("desired"));
+  EXPECT_TRUE(read.errors.empty());
+  EXPECT_EQ(read.desired.version, "line2-v7");
+  const json made = json::parse(RemoteConfig("agent.json", 60s).reported("5f0c9a31e7d2b846"));
+  const json wanted = example("reported");
+  for (const auto& [key, value] : wanted.items()) EXPECT_TRUE(made.contains(key)) << key;
+  EXPECT_EQ(made.size(), wanted.size());
 }
 
 TEST(ContractExamples, SamplesOfHealthAreBalanced) {

@@ -4,6 +4,7 @@ The package is installed when this begins. Purged it leaves nothing; an upgrade 
 does the step from an installation by hand; a signed repository serves it. tests/deploy/bare_machine.sh calls this.
 """
 
+import contextlib
 import functools
 import glob
 import http.server
@@ -80,7 +81,8 @@ class Registers(threading.Thread):
             threading.Thread(target=self.serve, args=(peer,), daemon=True).start()
 
     def serve(self, peer):
-        with peer:
+        # An agent that is killed resets its connections.
+        with peer, contextlib.suppress(ConnectionError):
             while request := peer.recv(12, socket.MSG_WAITALL):
                 number, _, _, unit, function, _, count = struct.unpack(">HHHBBHH", request)
                 self.count += 1

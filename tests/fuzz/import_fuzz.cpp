@@ -1,6 +1,7 @@
 // Any bytes as a file of another program, in each format. Nothing may crash, and a config that
 // comes out is right, goes into a spreadsheet, and comes back as it was.
 #include <cstdint>
+#include <cstdio>
 #include <cstdlib>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -10,6 +11,16 @@
 #include "agent/import/formats.h"
 #include "agent/import/tag_csv.h"
 #include "agent/import/text_encoding.h"
+
+namespace {
+
+/// Ends the program with what does not hold, and the texts that show it.
+void fail(const char* what, const std::string& made, const std::string& other = {}) {
+  std::fprintf(stderr, "%s\n%s\n%s\n", what, made.c_str(), other.c_str());
+  std::abort();
+}
+
+}  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace fxagent;
@@ -21,11 +32,13 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     if (!imported) continue;
     const ImportOutcome outcome = finish(*std::move(imported));
     if (outcome.config.empty()) continue;
-    if (!parse_config(outcome.config)) std::abort();
-    auto again = import_tag_csv(export_csv(outcome.config), {});
-    if (!again) std::abort();
+    if (!parse_config(outcome.config)) fail("the config is not right", outcome.config);
+    const std::string csv = export_csv(outcome.config);
+    auto again = import_tag_csv(csv, {});
+    if (!again) fail("it is not read as CSV", outcome.config, csv);
     const ImportOutcome back = finish(*std::move(again));
-    if (nlohmann::json::parse(back.config) != nlohmann::json::parse(outcome.config)) std::abort();
+    if (nlohmann::json::parse(back.config, nullptr, false) != nlohmann::json::parse(outcome.config))
+      fail("another config comes back", outcome.config, csv + back.config);
   }
   return 0;
 }

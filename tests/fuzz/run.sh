@@ -3,14 +3,15 @@
 #   tests/fuzz/run.sh [--seconds N] [TARGET...]
 # 20 s each unless said otherwise; the targets are decode, import, inputs, store and stream. What libFuzzer finds
 # worth keeping goes to BUILD_DIR (build-fuzz) and serves the next run; the corpus here is only read.
-# An input that fails is kept there too, and named. CMAKE_ARGS: more arguments of the configure. The last
-# line counts targets; exit status 0 only if every one passed.
+# An input that fails is kept there too, and named. CMAKE_ARGS: more arguments of the configure. JOBS: targets at a
+# time, one a core unless set. The last line counts targets; exit status 0 only if every one passed.
 set -euo pipefail
 
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 root=$(cd "$here/../.." && pwd)
 build=${BUILD_DIR:-$root/build-fuzz}
 seconds=20
+at_a_time=${JOBS:-$(nproc)}
 targets=()
 while [ $# -gt 0 ]; do
   case $1 in
@@ -28,7 +29,7 @@ while [ $# -gt 0 ]; do
       ;;
   esac
 done
-[ ${#targets[@]} -gt 0 ] || targets=(decode inputs store stream)
+[ ${#targets[@]} -gt 0 ] || targets=(decode import inputs store stream)
 
 clang=$(command -v clang++-19 || command -v clang++ || true)
 if [ -z "$clang" ]; then
@@ -40,23 +41,41 @@ cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=RelWithDebInfo -DCMAKE_
   -DFXAGENT_FUZZ=ON -DFXAGENT_SANITIZE=address ${CMAKE_ARGS:-}
 cmake --build "$build" --target "${targets[@]/%/_fuzz}"
 
-passed=0 failed=0
-for target in "${targets[@]}"; do
-  kept=$build/fuzz-corpus/$target
+# One target; what libFuzzer says goes to a file, to be shown when it has ended.
+fuzz() {
+  local target=$1 kept=$build/fuzz-corpus/$1 quiet=()
   mkdir -p "$kept"
-  echo "== $target, $seconds s"
   # The store's files are on a file system: its own words there are none of libFuzzer's.
-  quiet=()
   if [ "$target" = store ]; then quiet=(-close_fd_mask=2); fi
   # An input is judged in ms; one that takes 10 s hangs.
-  if "$build/tests/fuzz/${target}_fuzz" -max_total_time="$seconds" -timeout=10 -rss_limit_mb=1024 \
+  exec "$build/tests/fuzz/${target}_fuzz" -max_total_time="$seconds" -timeout=10 -rss_limit_mb=1024 \
     -verbosity=0 -print_final_stats=1 -artifact_prefix="$build/fuzz-$target-" "${quiet[@]}" \
-    "$kept" "$here/corpus/$target"; then
-    passed=$((passed + 1))
-  else
-    echo "FAILED $target: the input is in $build/fuzz-$target-*" >&2
-    failed=$((failed + 1))
-  fi
+    "$kept" "$here/corpus/$target" >"$build/fuzz-$target.log" 2>&1
+}
+
+running=()
+trap '[ ${#running[@]} -eq 0 ] || kill "${running[@]}" 2>/dev/null || true' EXIT
+passed=0 failed=0
+for ((i = 0; i < ${#targets[@]}; i += at_a_time)); do
+  running=()
+  now=("${targets[@]:i:at_a_time}")
+  echo "== ${now[*]}, $seconds s"
+  for target in "${now[@]}"; do
+    fuzz "$target" &
+    running+=($!)
+  done
+  for n in "${!now[@]}"; do
+    target=${now[n]} status=0
+    wait "${running[n]}" || status=$?
+    sed "s/^/$target: /" "$build/fuzz-$target.log"
+    if [ $status -eq 0 ]; then
+      passed=$((passed + 1))
+    else
+      echo "FAILED $target: the input is in $build/fuzz-$target-*" >&2
+      failed=$((failed + 1))
+    fi
+  done
 done
+running=()
 echo "$passed passed, $failed failed"
 [ "$failed" -eq 0 ]

@@ -26,7 +26,6 @@ TEST(Catalog, EveryEntryIsCompleteAndNamedOnce) {
   for (const ProtocolInfo& info : catalog()) {
     EXPECT_TRUE(names.insert(info.name).second) << info.name;
     EXPECT_FALSE(info.summary.empty());
-    EXPECT_FALSE(info.model_meaning.empty());
     EXPECT_TRUE(info.on_serial || info.on_tcp);
     ASSERT_NE(info.make, nullptr);
     for (const OptionSpec& option : info.options) {

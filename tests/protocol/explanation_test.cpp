@@ -60,6 +60,9 @@ TEST(Explanation, OneLineSaysWhatAFrameMeans) {
       {"fx-computer-link", link(".00FF"), Direction::reply, "ack"},
       {"modbus-rtu", "11 01 00 13 00 13 8E 92", Direction::request, "read co:19 × 19"},
       {"modbus-tcp", "15 01 00 00 00 06 FF 01 00 13 00 13", Direction::request, "read co:19 × 19"},
+      {"mc-1e", "00 FF 0A 00 64 00 00 00 20 4D 08 00", Direction::request, "read M100 × 8"},
+      {"mc-1e", "81 00 9D 82 3E 55", Direction::reply, "data 829D 553E"},
+      {"mc-1e", "13 FF 0A 00", Direction::request, "other, remote RUN"},
   };
   for (const Row& row : rows)
     EXPECT_EQ(summary_of(row.protocol, row.frame, row.direction), row.says) << row.frame;
@@ -70,6 +73,8 @@ TEST(Explanation, ARefusalIsToldWithItsReason) {
       summary_of("fx-computer-link", link("?05FF06"), Direction::reply).starts_with("nak 06, "));
   EXPECT_TRUE(summary_of("modbus-tcp", "15 01 00 00 00 03 FF 81 02", Direction::reply)
                   .starts_with("nak 02: illegal data address"));
+  EXPECT_EQ(summary_of("mc-1e", "81 57", Direction::reply),
+            "nak 57: too many points, or beyond the last device");
 }
 
 TEST(Explanation, OfManyValuesTheFirstSixteenAreShown) {

@@ -34,6 +34,7 @@ constexpr std::array<std::string_view, kFaultKinds> kNames = {
     "overtaken",
     "coalesced",
     "from_elsewhere",
+    "asked_twice",
 };
 
 bool matches(FaultMatch match, RequestKind request) {
@@ -145,6 +146,9 @@ void apply(const Fault& fault, Treatment& treatment) {
       break;
     case FaultKind::from_elsewhere:
       treatment.from_elsewhere = true;
+      break;
+    case FaultKind::asked_twice:
+      treatment.asked_twice = true;
       break;
   }
 }

@@ -43,8 +43,9 @@ enum class FaultKind : std::uint8_t {
   overtaken,            // carried out, answered late; what comes meanwhile is answered first
   coalesced,            // carried out, the reply comes together with the next one
   from_elsewhere,       // carried out, the datagram comes from another port
+  asked_twice,          // carried out and answered twice, as a request that the network doubled
 };
-inline constexpr std::size_t kFaultKinds = 28;
+inline constexpr std::size_t kFaultKinds = 29;
 std::string_view fault_name(FaultKind kind);
 std::optional<FaultKind> find_fault(std::string_view name);
 std::string fault_names();
@@ -89,6 +90,7 @@ struct Treatment {
   std::optional<std::chrono::milliseconds> overtaken;
   bool coalesced = false;
   bool from_elsewhere = false;
+  bool asked_twice = false;
   std::chrono::milliseconds delay{0};
   Bytes before;
   Bytes after;

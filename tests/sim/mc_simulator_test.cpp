@@ -175,6 +175,17 @@ TEST(McOnUdp, AnswersAreLostDoubledOvertakenAndComeFromElsewhere) {
   EXPECT_EQ(client.datagram().bytes.size(), 8U);
 }
 
+TEST(McOnUdp, ADoubledRequestIsCarriedOutTwice) {
+  const Running sim(station({{"udp", 0}}));
+  const auto client = Client::udp(sim.port("p1"));
+  sim.control(fault({{"kind", "asked_twice"}}));
+  client.send_datagram(hex("50 00 00 FF FF 03 00 0E 00 10 00 01 14 00 00 00 00 00 A8 01 00 05 00"));
+  constexpr std::string_view kDone = "D0 00 00 FF FF 03 00 02 00 00 00";
+  EXPECT_EQ(to_hex(client.datagram().bytes), kDone);
+  EXPECT_EQ(to_hex(client.datagram().bytes), kDone);
+  EXPECT_EQ(stats(sim)["accepted_writes"], 2);
+}
+
 TEST(McOnUdp, ADroppedPortComesBack) {
   const Running sim(station({{"udp", 0}}));
   const auto client = Client::udp(sim.port("p1"));

@@ -58,6 +58,11 @@ Answer Station::answer(const Frame& frame, TimePoint now) {
 
   auto answer = schedule(frame, std::move(reply), treatment);
   answer.wait = ruling.wait;
+  if (treatment.asked_twice && done) {
+    ruling = personality_->execute(frame, plc_);
+    remember(kind, ruling, unix_ms);
+    answer.pieces.push_back({{}, ruling.reply, true});
+  }
   if (on_exchange_) on_exchange_({name_, unix_ms, frame, kind, ruling, done, treatment, answer});
   return answer;
 }

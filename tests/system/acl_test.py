@@ -10,7 +10,7 @@ import unittest
 
 import paho.mqtt.client as mqtt
 
-from plant import (BASE, FXAGENT, PATIENCE, Broker, PlantTest, device, request_properties,
+from plant import (BASE, FXAGENT, PATIENCE, Agent, Broker, PlantTest, device, request_properties,
                    wait_for)
 
 NOT_AUTHORISED = 0x87
@@ -69,7 +69,7 @@ class User:
 
 
 class BrokerAcl(PlantTest):
-    USERS = ("edge7", "edge8", "anna", "viktor", "stranger")
+    USERS = ("edge7", "edge8", "anna", "viktor", "erna", "stranger")
 
     def acl(self, config, *arguments):
         path = os.path.join(self.directory, f"{config['agent']['id']}.json")
@@ -89,7 +89,7 @@ class BrokerAcl(PlantTest):
                          "username": username, "password_file": secret},
                 "links": [self.serial()], "devices": [device()]}
 
-    def start_secured(self):
+    def start_secured(self, *roles, **agent):
         """A broker with the files of two agents, one behind the other, and the agent edge7."""
         os.chmod(self.directory, 0o755)
         passwords = os.path.join(self.directory, "passwords")
@@ -102,8 +102,9 @@ class BrokerAcl(PlantTest):
                                              "allow_anonymous false")
         with open(acl, "w") as out:
             for name in ("edge7", "edge8"):
-                status, text, errors = self.acl(self.config(name, name), "--operator", "anna",
-                                                "--viewer", "viktor")
+                config = self.config(name, name)
+                config["agent"].update(agent)
+                status, text, errors = self.acl(config, "--operator", "anna", "--viewer", "viktor", *roles)
                 self.assertEqual((status, errors), (0, ""))
                 out.write(text)
         os.chmod(acl, 0o644)
@@ -220,6 +221,30 @@ class BrokerAcl(PlantTest):
         wait_for("data", lambda: len(self.anna.received) > since + 3)
         self.assertEqual(stranger.received, [])
 
+    def test_configs_come_from_the_engineer_alone(self):
+        self.start_secured("--engineer", "erna", remote_config=True)
+        self.start_sim()
+        config = self.config()
+        config["agent"]["remote_config"] = True
+        config["store"] = {"path": os.path.join(self.directory, "store")}
+        self.agent = Agent(self.directory, config)
+        self.agent.start()
+        desired, reported = f"{BASE}/config/desired", f"{BASE}/config/reported"
+        users = {name: self.user(name) for name in ("anna", "viktor", "erna", "stranger")}
+        for user in users.values():
+            user.subscribe(reported)
+        users["erna"].got(reported)
+        document = {"version": "v1", "patch": {}}
+        for name, user in users.items():
+            self.assertEqual(user.publish(desired, document, retain=True),
+                             0 if name == "erna" else NOT_AUTHORISED, name)
+            self.assertEqual(user.publish(reported, document), NOT_AUTHORISED, name)
+        for name in ("anna", "viktor", "erna"):
+            users[name].got(reported, lambda r: r["version"] == "v1" and r["state"] == "applied")
+        self.assertEqual(users["erna"].publish(f"{BASE}/press1/command"), NOT_AUTHORISED)
+        self.assertEqual(users["stranger"].received, [])
+        self.assertNotIn("refused", self.agent.logged())
+
     def test_names_that_cannot_stand_there_are_refused(self):
         self.broker = Broker(self.directory)
         config = self.config()
@@ -228,6 +253,7 @@ class BrokerAcl(PlantTest):
             self.assertEqual((status, text), (2, ""), bad)
             self.assertIn("acl: the user", errors)
         self.assertEqual(self.acl(config, "--operator", "a", "--viewer", "a")[0], 2)
+        self.assertIn("remote_config is not set", self.acl(config, "--engineer", "a")[2])
         for key in ("username", "password_file"):
             del config["mqtt"][key]
         status, _, errors = self.acl(config)

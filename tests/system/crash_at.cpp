@@ -1,6 +1,7 @@
 // failpoint() of the program that dies at one: FXAGENT_CRASH_AT="name" or "name:nth" names it,
 // and the kernel ends the process there without another instruction of it. Where
-// FXAGENT_STAND_STILL_AT names the point, the thread that comes there goes no further.
+// FXAGENT_STAND_STILL_AT names the point, the thread that comes there goes no further. And
+// trial_time(), which FXAGENT_TRIAL_MS makes shorter.
 #include <signal.h>
 #include <unistd.h>
 
@@ -9,6 +10,7 @@
 #include <string>
 
 #include "agent/failpoint.h"
+#include "agent/remote/trial_time.h"
 
 namespace fxagent {
 namespace {
@@ -38,6 +40,11 @@ void failpoint(std::string_view name) noexcept {
   if (name != wanted.name || ++passed != wanted.nth) return;
   ::kill(::getpid(), SIGKILL);
   ::pause();  // another thread may have been given the signal
+}
+
+std::chrono::milliseconds trial_time() noexcept {
+  const char* wanted = std::getenv("FXAGENT_TRIAL_MS");
+  return std::chrono::milliseconds(wanted == nullptr ? 60'000 : std::atoi(wanted));
 }
 
 }  // namespace fxagent

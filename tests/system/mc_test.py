@@ -1,5 +1,5 @@
-"""One agent with every frame of the MC protocol beside each other against fxsim: 1E, 3E and 4E on TCP, 3C and 4C
-on a line. Telemetry, writes, forces, RUN and STOP, `model: auto`, refusals with their end codes, and what the
+"""One agent with every frame of the MC protocol beside each other against fxsim: 1E, 3E and 4E on TCP and UDP, 3C
+and 4C on a line. Telemetry, writes, forces, RUN and STOP, `model: auto`, refusals with their end codes, and what the
 agent says where a setting is wrong."""
 
 import json
@@ -10,19 +10,26 @@ import unittest
 
 from plant import FXAGENT, PATIENCE, Broker, PlantTest, Watcher, wait_for
 
-# Name of a device: its protocol, model, what its PLC and its device have besides, and an input: its name in the
-# series' own base, which is number 31 everywhere.
+# Name of a device: its protocol, model, what its PLC and its device have besides, and an input: number 31 in the
+# series' own base, or one below 8 where the model is to be asked, since nobody knows the base then.
 KINDS = {
     "fx3": ("mc-1e", "FX3U", {}, {}, "X37"),
     "fx3ascii": ("mc-1e", "FX3G", {"code": "ascii"}, {"code": "ascii"}, "X37"),
-    "fx5": ("mc-3e", "FX5U", {}, {}, "X37"),
+    "fx5": ("mc-3e", "FX5U", {}, {}, "X7"),
     "q": ("mc-3e", "Q", {"code": "ascii"}, {"code": "ascii"}, "X1F"),
-    "iqr": ("mc-4e", "iQ-R", {}, {}, "X1F"),
-    "c3": ("mc-3c", "FX5U", {"station": 3, "format": 4}, {"station": 3, "format": 4}, "X37"),
+    "iqr": ("mc-4e", "iQ-R", {}, {}, "X7"),
+    "fx3udp": ("mc-1e", "FX3U", {"udp": 0}, {}, "X37"),
+    "iqrudp": ("mc-4e", "iQ-R", {"udp": 0}, {}, "X1F"),
+    "c3": ("mc-3c", "FX5U", {"station": 3, "format": 4}, {"station": 3, "format": 4}, "X7"),
     "c4": ("mc-4c", "FX5U", {"format": 5}, {"format": 5}, "X37"),
 }
 MODELS = {"fx3": "FX3U", "fx5": "FX5U", "iqr": "iQ-R", "c3": "FX5U"}  # those that are asked
 REFUSALS = {"fx3": "55", "fx5": "0055", "c4": "7167"}
+
+
+def knows_inputs(name):
+    """Whether X above 7 has a name: not while nobody knows whether it is octal or hexadecimal."""
+    return name not in MODELS or KINDS[name][0] == "mc-1e"
 
 
 def is_serial(name):
@@ -32,7 +39,7 @@ def is_serial(name):
 class McTest(PlantTest):
     def plc_of(self, name, **more):
         protocol, model, own, _, bit = KINDS[name]
-        line = {"pty": self.pty(name), "baud": 115200} if is_serial(name) else {"tcp": 0}
+        line = {"pty": self.pty(name), "baud": 115200} if is_serial(name) else {} if "udp" in own else {"tcp": 0}
         memory = {"D100": [1234, 5678, -2], "M10": [1, 0, 1], bit: 1, "D200": 0}
         return {"name": name, "protocol": protocol, "model": model, "memory": memory, **line, **own, **more}
 
@@ -40,7 +47,8 @@ class McTest(PlantTest):
         if is_serial(name):
             return {"name": name, "serial": {"path": self.pty(name), "baud": 115200, "data_bits": 8,
                                              "parity": "even", "stop_bits": 1}}
-        return {"name": name, "tcp": {"host": "127.0.0.1", "port": self.sim.ports[name]}}
+        channel = "udp" if "udp" in KINDS[name][2] else "tcp"
+        return {"name": name, channel: {"host": "127.0.0.1", "port": self.sim.ports[name]}}
 
     def device_of(self, name, **more):
         protocol, model, _, keys, bit = KINDS[name]
@@ -50,7 +58,7 @@ class McTest(PlantTest):
                 "tags": [{"name": "words", "address": "D100", "count": 3, "group": "fast"},
                          {"name": "long", "address": "D100", "type": "int32", "group": "fast"},
                          {"name": "bits", "address": "M10", "count": 3, "group": "fast"},
-                         {"name": "input", "address": bit, "group": "fast"},
+                         *([{"name": "input", "address": bit, "group": "fast"}] if knows_inputs(name) else []),
                          {"name": "setpoint", "address": "D200", "group": "fast", "access": "read_write"}],
                 "commands": {"allow": ["D200-D299", "M100-M199", "Y0-Y7"], "allow_run_stop": True},
                 **keys, **more}
@@ -66,12 +74,12 @@ class McTest(PlantTest):
 class EveryFrame(McTest):
     def test_all_are_read_written_and_switched_beside_each_other(self):
         self.start_plant(KINDS)
-        wanted = {"words": [1234, 5678, -2], "long": 5678 * 65536 + 1234, "bits": [True, False, True],
-                  "input": True}
+        wanted = {"words": [1234, 5678, -2], "long": 5678 * 65536 + 1234, "bits": [True, False, True]}
         for name in KINDS:
             # The demo's ladder refreshes inputs; there is none here.
             sample = self.data(lambda m: wanted.items() <= m["values"].items(), name)
             self.assertFalse(sample.get("bad"), sample)
+            self.assertEqual(sample["values"].get("input"), True if knows_inputs(name) else None, sample)
         for name, model in MODELS.items():
             self.watcher.wait(f"fx/plant-a/edge7/{name}/state", lambda s, model=model: s["model"] == model)
         for name in KINDS:
@@ -105,7 +113,7 @@ class EveryFrame(McTest):
         for name in names:
             sample = self.data(lambda m: m["values"].get("setpoint") == 0 and "words" in m.get("bad", {}), name)
             self.assertEqual(sample["bad"]["words"]["why"], "nak")
-            self.assertTrue(sample["values"]["input"], sample)
+            self.assertTrue(sample["values"]["bits"][0], sample)
 
 
 class WrongSettings(McTest):
@@ -140,7 +148,7 @@ class WrongSettings(McTest):
                 with socket.create_connection(("127.0.0.1", self.sim.ports[name])):
                     status, said = self.read(name)
                     self.assertEqual(status, 1, said)
-                    self.assertIn("is another program", said)
+                    self.assertIn("another program", said)
                 wait_for("the PLC's own entry", lambda: self.read(name)[0] == 0)
                 self.sim.stop()
 

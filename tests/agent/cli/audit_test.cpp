@@ -262,6 +262,32 @@ TEST(AuditReport, CommandWithoutAResultAndWhatPruningLeftHaveLinesToo) {
   EXPECT_EQ(nlohmann::json::parse(lines[3].json)["status"], nullptr);
 }
 
+TEST(AuditReport, ConfigFromAfarHasALine) {
+  Report report;
+  Head head;
+  ConfigReceipt receipt;
+  receipt.version = "v7\x1b";
+  receipt.by = "ann";
+  receipt.state = "rejected";
+  receipt.desired_hash = "2dabccfd753b3d60";
+  receipt.hash = "0f3a";
+  receipt.errors = {"/links: differs", "two", "three"};
+  report.add(seal(head, config(receipt, "fx/edge7/config/desired", kNow)));
+  report.add(seal(head, config({"", "", "applied", "", "0f3b", {}}, "t", kNow + 1)));
+  const auto lines = report.take();
+  ASSERT_EQ(lines.size(), 2U);
+  EXPECT_NE(
+      lines[0].text.find(" by \"ann\": rejected: /links: differs (and 2 more) | in force 0f3a"),
+      std::string::npos)
+      << lines[0].text;
+  EXPECT_EQ(lines[0].text.find('\x1b'), std::string::npos);
+  EXPECT_NE(lines[1].text.find("config withdrawn: applied | in force 0f3b"), std::string::npos)
+      << lines[1].text;
+  const auto said = nlohmann::json::parse(lines[0].json);
+  EXPECT_EQ(said["errors_in_all"], 3);
+  EXPECT_EQ(said["topic"], "fx/edge7/config/desired");
+}
+
 TEST(AuditReport, TextOfASenderMovesNoCursor) {
   Report report;
   Head head;

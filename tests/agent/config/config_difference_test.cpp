@@ -174,6 +174,8 @@ TEST(ConfigDifference, EachKeyIsEitherTakenOverOrNeedsARestart) {
                                                   "devices[].groups[]",
                                                   "devices[].tags[]",
                                                   "devices[].commands"};
+  const std::set<std::string> keys_taken_over{"agent.remote_config", "agent.remote_allow",
+                                              "agent.remote_without_disk"};
   const std::set<std::string> restart{
       "metrics.listen",       "agent.id",        "agent.root", "store.path",
       "store.max_bytes",      "store.max_age_h", "store.sync", "store.audit_max_bytes",
@@ -181,8 +183,9 @@ TEST(ConfigDifference, EachKeyIsEitherTakenOverOrNeedsARestart) {
   for (const ConfigKey& key : config_keys::kAll) {
     const std::string section(key.section);
     if (section.empty()) continue;
-    EXPECT_TRUE(sections_taken_over.contains(section) ||
-                restart.contains(section + "." + std::string(key.name)))
+    const std::string path = section + "." + std::string(key.name);
+    EXPECT_TRUE(sections_taken_over.contains(section) || keys_taken_over.contains(path) ||
+                restart.contains(path))
         << section << "." << key.name
         << ": compare it in config_difference.cpp, or let needs_restart() name it";
   }

@@ -567,6 +567,19 @@ TEST(Config, UdpLinkThatCannotBeIsAnError) {
                {"UDP"});
 }
 
+TEST(Config, UdpIsListenedToOnlyWhereALateAnswerCouldCome) {
+  const auto listening = [](const char* protocol, const std::string& local_port) {
+    auto plant = nlohmann::json::parse(
+        with_links({R"({"name": "u1", "udp": {"host": "a", "port": 5007)" + local_port + "}}"}));
+    plant["devices"].push_back({{"name", "p"}, {"link", "u1"}, {"protocol", protocol}});
+    return good(plant.dump()).links[2].listening.count();
+  };
+  const std::string fixed = R"(, "local_port": 5008)";
+  EXPECT_EQ(listening("mc-3e", ""), 0) << "it comes to another port";
+  EXPECT_GT(listening("mc-3e", fixed), 0);
+  EXPECT_EQ(listening("mc-4e", fixed), 0) << "it has a number";
+}
+
 TEST(Config, TwoLinksToOneUdpPortAreAWarningAndFromOnePortAnError) {
   const std::string first = R"({"name": "u1", "udp": {"host": "a", "port": 1, "local_port": 5}})";
   EXPECT_TRUE(
@@ -587,6 +600,7 @@ TEST(Config, ProtocolThatHasNoDatagramsIsToldWhatItNeeds) {
   plant["devices"].push_back({{"name", "m"}, {"link", "u1"}, {"protocol", "modbus-tcp"}});
   expect_error(plant.dump(), "/devices/2/link",
                {"modbus-tcp does not run over a udp link; it needs one with \"tcp\""});
+  expect_error(plant.dump(), "/devices/2/link", {"; over udp run ", "mc-4e"});
   plant["devices"][2]["protocol"] = "modbus-rtu";
   expect_error(plant.dump(), "/devices/2/link", {"\"serial\" or \"tcp\""});
 }

@@ -147,6 +147,24 @@ TEST(Telegraf, NumbersBeyondAllMeasureCostOneTagAtMost) {
   EXPECT_EQ(notes_with(made, {"left out: \"c\""}), 1) << all_of(made.notes);
 }
 
+TEST(Telegraf, NameBeyondAsciiIsSaidToLoseLetters) {
+  const Made made = made_of(
+      "[[inputs.modbus]]\nname = \"K\u00FChler\"\ncontroller = \"tcp://192.0.2.1:502\"\n"
+      "holding_registers = [{name=\"\u6E29\u5EA6 a\", data_type=\"INT16\", address=[0]}]\n",
+      import_telegraf);
+  ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
+  EXPECT_EQ(made.config["devices"][0]["name"], "k_hler");
+  EXPECT_EQ(made.config["devices"][0]["tags"][0]["name"], "a");
+  EXPECT_EQ(notes_with(made, {"is named k_hler"}), 1) << all_of(made.notes);
+  EXPECT_EQ(notes_with(made, {"is named a:"}), 1) << all_of(made.notes);
+}
+
+TEST(Telegraf, TableWithoutANameIsAnErrorWithItsLine) {
+  const auto broken = import_telegraf("[agent]\n[[;inputs.modbus]]\nname = \"a\"\n", {});
+  ASSERT_FALSE(broken);
+  EXPECT_EQ(broken.error().line, 2);
+}
+
 TEST(Telegraf, BrokenTextHasItsLine) {
   const auto broken = import_telegraf("[[inputs.modbus]]\nname = \n", {});
   ASSERT_FALSE(broken);

@@ -242,11 +242,13 @@ TEST_F(PublisherChange, HealthSaysWhichConfigIsInForceAndWhyAnotherWasRefused) {
   status.hash = "0123456789abcdef";
   status.since_ms = 7;
   status.last_reload = {"rejected", 8, {"agent.json:3: wrong"}, 12};
+  status.remote = {"v7", "rolled_back", false};
   made().set_config_status(status, now);
   settle();
   const json config_said = json::parse(broker.on(kBase + "/health").back())["config"];
   EXPECT_EQ(config_said, json::parse(R"({"hash":"0123456789abcdef","since":7,"last_reload":
-      {"state":"rejected","ts":8,"errors":["agent.json:3: wrong"],"errors_in_all":12}})"));
+      {"state":"rejected","ts":8,"errors":["agent.json:3: wrong"],"errors_in_all":12},
+      "remote":{"version":"v7","state":"rolled_back","confirmed":false}})"));
 }
 
 TEST_F(PublisherChange, StatusNamesTheConfigThatItsIndicesAreOf) {

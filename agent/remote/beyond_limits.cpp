@@ -1,0 +1,176 @@
+#include "agent/remote/beyond_limits.h"
+
+#include <algorithm>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "agent/config/tree.h"
+#include "protocol/plc.h"
+#include "protocol/point.h"
+
+namespace fxagent {
+namespace {
+
+using Errors = std::vector<ConfigError>;
+
+bool has_credentials(const MqttConfig& mqtt) {
+  return !mqtt.username.empty() || !mqtt.password.empty() || !mqtt.password_file.empty() ||
+         !mqtt.password_env.empty() || (mqtt.tls && !mqtt.tls->cert_file.empty());
+}
+
+/// Whoever names the server gets what the agent shows there.
+void check_servers(const MqttConfig& local, const MqttConfig& wanted, Errors& errors) {
+  if (!has_credentials(local)) return;
+  const bool own_authority = local.tls && !local.tls->ca_file.empty();
+  for (std::size_t i = 0; i < wanted.servers.size(); ++i) {
+    const std::string& server = wanted.servers[i];
+    if (std::ranges::find(local.servers, server) != local.servers.end()) continue;
+    if (own_authority && server.starts_with("mqtts://")) continue;
+    errors.push_back({"/mqtt/servers/" + std::to_string(i), 0,
+                      shown(server) +
+                          " would be shown the agent's password; from afar only mqtts:// servers "
+                          "may come, and where the local file has its own mqtt.tls.ca_file"});
+  }
+}
+
+/// Names that a serial port has, and no watchdog, console or disk.
+bool is_serial_name(std::string_view path) {
+  if (path.find("..") != path.npos) return false;
+  if (path.starts_with("/dev/serial/by-id/") || path.starts_with("/dev/serial/by-path/"))
+    return true;
+  constexpr std::string_view tty = "/dev/tty";
+  if (!path.starts_with(tty)) return false;
+  path.remove_prefix(tty.size());
+  const auto is_letter = [](char c) { return (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z'); };
+  const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
+  const auto number = std::ranges::find_if_not(path, is_letter);
+  return number != path.begin() && number != path.end() &&
+         std::all_of(number, path.end(), is_digit);
+}
+
+void check_ports(const Config& local, const Config& wanted, Errors& errors) {
+  for (std::size_t i = 0; i < wanted.links.size(); ++i) {
+    const auto* serial = std::get_if<SerialSettings>(&wanted.links[i].channel);
+    if (serial == nullptr || is_serial_name(serial->path)) continue;
+    const bool is_local = std::ranges::any_of(local.links, [&](const LinkConfig& link) {
+      const auto* known = std::get_if<SerialSettings>(&link.channel);
+      return known != nullptr && known->path == serial->path;
+    });
+    if (!is_local)
+      errors.push_back({"/links/" + std::to_string(i) + "/serial/path", 0,
+                        shown(serial->path) +
+                            " is no name of a serial port (/dev/serial/by-id/…, /dev/ttyUSB0); "
+                            "from afar only such may come, and those of the local file"});
+  }
+}
+
+/// Whether both go to the same port of this machine, or to the same host and port.
+bool same_place(const LinkConfig& one, const LinkConfig& other) {
+  if (one.channel.index() != other.channel.index()) return false;
+  if (const auto* serial = std::get_if<SerialSettings>(&one.channel))
+    return serial->path == std::get<SerialSettings>(other.channel).path;
+  const auto& tcp = std::get<TcpSettings>(one.channel);
+  const auto& to = std::get<TcpSettings>(other.channel);
+  return tcp.host == to.host && tcp.port == to.port;
+}
+
+/// The one of `local` that this device of `wanted` is; null: it is a new one.
+const DeviceConfig* local_device(const Config& local, const Config& wanted,
+                                 const DeviceConfig& device) {
+  const auto found = std::ranges::find(local.devices, device.name, &DeviceConfig::name);
+  if (found == local.devices.end()) return nullptr;
+  const DeviceConfig& known = *found;
+  const bool same = known.protocol == device.protocol && *known.options == *device.options &&
+                    same_place(local.links.at(known.link), wanted.links.at(device.link));
+  return same ? &known : nullptr;
+}
+
+/// As the config is checked: of a model that is still to be asked the widest.
+std::shared_ptr<const Codec> widest(const DeviceConfig& device) {
+  if (!must_ask_model(*device.codec)) return device.codec;
+  return device.codec->plc()->with_model(device.protocol->models.back());
+}
+
+/// What commands may do to one device of `wanted`.
+class DeviceLimits {
+ public:
+  DeviceLimits(const Config& local, const DeviceConfig* known, const DeviceConfig& device,
+               Errors& errors)
+      : remote_(local.remote),
+        known_(known),
+        device_(device),
+        codec_(widest(device)),
+        errors_(errors) {
+    if (known != nullptr) allow_ = known->commands.allow;
+    for (const std::string& range : remote_.allow)
+      if (const auto span = codec_->addresses().parse_range(range)) allow_.push_back(*span);
+  }
+
+  void check() {
+    for (const Span& span : device_.commands.allow)
+      if (!is_covered(span, allow_))
+        error("commands.allow with " + name_of(span) +
+              " is wider than the local file and its remote_allow");
+    for (const TagConfig& tag : device_.tags)
+      if (tag.writable && !may_write(tag))
+        error("the tag " + std::string(tag.name) +
+              " may be written, and the local file lets no command write there in this way");
+    const CommandRules& rules = device_.commands;
+    const CommandRules limits = known_ != nullptr ? known_->commands : CommandRules{};
+    if (rules.allow_run_stop && !limits.allow_run_stop && !remote_.run_stop)
+      error("commands.allow_run_stop is set, and the local file does not allow it");
+    if (rules.max_expiry > limits.max_expiry)
+      error("commands.max_expiry_s is longer than the local file's " +
+            std::to_string(limits.max_expiry.count()));
+    if (!rules.verify && limits.verify)
+      error("commands.verify is off, and in the local file it is on");
+  }
+
+ private:
+  void error(std::string text) {
+    errors_.push_back({"/devices", 0, device_.name + ": " + std::move(text)});
+  }
+
+  std::string name_of(const Span& span) const {
+    const AddressSpace& addresses = codec_->addresses();
+    const std::string first = addresses.name_of({span.space, span.first_bit, 1});
+    const std::string last = addresses.name_of({span.space, span.end_bit() - 1, 1});
+    return first == last ? first : first + " to " + last;
+  }
+
+  /// Under the name that the local file has for it, with the same scale and within the same
+  /// limits; or where a raw address may be written too.
+  bool may_write(const TagConfig& tag) const {
+    const auto span = span_of(tag.point);
+    if (span && is_covered(*span, allow_)) return true;
+    if (known_ == nullptr) return false;
+    const auto same = std::ranges::find(known_->tags, tag.name, &TagConfig::name);
+    return same != known_->tags.end() && same->writable && same->point == tag.point &&
+           same->units->limits.min == tag.units->limits.min &&
+           same->units->limits.max == tag.units->limits.max;
+  }
+
+  const RemoteLimits& remote_;
+  const DeviceConfig* known_;
+  const DeviceConfig& device_;
+  const std::shared_ptr<const Codec> codec_;
+  std::vector<Span> allow_;
+  Errors& errors_;
+};
+
+}  // namespace
+
+Errors beyond_limits(const Config& local, const Config& wanted) {
+  Errors errors;
+  check_servers(local.mqtt, wanted.mqtt, errors);
+  check_ports(local, wanted, errors);
+  for (const DeviceConfig& device : wanted.devices)
+    DeviceLimits(local, local_device(local, wanted, device), device, errors).check();
+  return errors;
+}
+
+}  // namespace fxagent

@@ -1,0 +1,289 @@
+#include "agent/remote/desired_config.h"
+
+#include <algorithm>
+#include <array>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <utility>
+
+#include "agent/config/reader.h"
+#include "agent/config/tree.h"
+#include "agent/remote/beyond_limits.h"
+#include "agent/sha256.h"
+
+namespace fxagent {
+namespace {
+
+using Json = nlohmann::json;
+using Kind = ConfigNode::Kind;
+using std::string_view_literals::operator""sv;
+
+constexpr std::size_t kHashBytes = 8;
+constexpr std::array kKeys{"version"sv, "config"sv, "patch"sv, "by"sv};
+/// Of `mqtt`: what lets the agent in, and where that is kept.
+constexpr std::array kSecrets{"username"sv,     "password"sv,           "password_file"sv,
+                              "password_env"sv, "allow_plain_secret"sv, "tls"sv};
+constexpr std::string_view kNeedsTheFile =
+    "never comes from afar: the local file and a restart of the agent change it";
+
+// ---- the shape of the document ------------------------------------------------------------------
+
+/// The pointer without the `/config` or `/patch` that it begins with.
+std::string place_of(const ConfigNode& node) {
+  std::string pointer = pointer_to(node);
+  for (const auto body : {"/config/"sv, "/patch/"sv})
+    if (pointer.starts_with(body)) return pointer.substr(body.size() - 1);
+  return pointer;
+}
+
+class ShapeReader {
+ public:
+  explicit ShapeReader(ReadDesired& out) : out_(out) {}
+
+  void read(const ConfigNode& root) {
+    if (root.kind != Kind::object) return error(root, "must be an object");
+    refuse_duplicates(root);
+    for (const ConfigNode& member : root.children)
+      if (std::ranges::find(kKeys, member.key) == kKeys.end())
+        error(member,
+              "unknown key \"" + shown(member.key) + "\"; " + did_you_mean(member.key, kKeys));
+    const ConfigNode* version = root.find("version");
+    if (version == nullptr)
+      error(root, "\"version\" is missing");
+    else
+      out_.desired.version = word(*version);
+    if (const ConfigNode* by = root.find("by")) out_.desired.by = word(*by);
+    const ConfigNode* config = root.find("config");
+    const ConfigNode* patch = root.find("patch");
+    if ((config == nullptr) == (patch == nullptr))
+      error(root, config == nullptr ? "needs \"config\" or \"patch\""
+                                    : "has both \"config\" and \"patch\"; one of them says it all");
+    for (const ConfigNode* body : {config, patch})
+      if (body != nullptr && body->kind != Kind::object) error(*body, "must be an object");
+  }
+
+ private:
+  void error(const ConfigNode& at, std::string text) {
+    out_.errors.push_back({place_of(at), 0, std::move(text)});
+  }
+
+  std::string word(const ConfigNode& node) {
+    const bool is_word =
+        node.kind == Kind::string && !node.text.empty() && node.text.size() <= kMaxDesiredVersion &&
+        std::ranges::none_of(
+            node.text, [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7F; });
+    if (is_word) return node.text;
+    error(node, "must be a string of 1 to " + std::to_string(kMaxDesiredVersion) +
+                    " bytes without control characters");
+    return {};
+  }
+
+  /// The library that merges would take the last of them in silence.
+  void refuse_duplicates(const ConfigNode& node) {
+    std::set<std::string_view> seen;
+    for (const ConfigNode& child : node.children) {
+      if (node.kind == Kind::object && !seen.insert(child.key).second)
+        error(child, "the key stands here a second time");
+      refuse_duplicates(child);
+    }
+  }
+
+  ReadDesired& out_;
+};
+
+// ---- the limits of the local file, section by section -------------------------------------------
+
+bool names_variable(std::string_view text) {
+  for (std::size_t at = 0; (at = text.find("${", at)) != text.npos; ++at)
+    if (at == 0 || text[at - 1] != '$') return true;
+  return false;
+}
+
+std::string escaped_token(std::string token) {
+  for (std::size_t at = 0; (at = token.find_first_of("~/", at)) != token.npos; at += 2)
+    token.replace(at, 1, token[at] == '~' ? "~0" : "~1");
+  return token;
+}
+
+class Merger {
+ public:
+  Merger(Json local, const Json& document, const RemoteLimits& limits)
+      : local_(std::move(local)),
+        is_patch_(document.contains("patch")),
+        body_(document.at(is_patch_ ? "patch" : "config")),
+        limits_(limits),
+        next_(local_) {}
+
+  MergedConfig run() {
+    put_body();
+    std::set<std::string> sections;
+    for (const Json* each : {&std::as_const(local_), &std::as_const(next_), &body_})
+      for (const auto& [key, value] : each->items()) sections.insert(key);
+    for (const std::string& section : sections) restrain(section);
+    return {next_.dump(), std::move(errors_)};
+  }
+
+ private:
+  void error(std::string pointer, std::string text) {
+    errors_.push_back({std::move(pointer), 0, std::move(text)});
+  }
+
+  void put_body() {
+    if (is_patch_) return next_.merge_patch(body_);
+    for (const auto& [section, value] : body_.items()) {
+      // A part of it may come, so that it is given in part.
+      if (section == "mqtt" && value.is_object() && local_.contains(section))
+        next_[section].update(value);
+      else
+        next_[section] = value;
+    }
+  }
+
+  void restrain(const std::string& section) {
+    if (section == "links") return restrain(section, section, limits_.links);
+    if (section == "devices" || section == "templates")
+      return restrain(section, "devices", limits_.devices);
+    if (section == "mqtt") return restrain_mqtt();
+    if (section == "$schema") return restore(section);
+    if (!differs(next_, local_, section)) return;
+    restore(section);
+    const auto keys = config_section("");
+    const bool is_key = std::ranges::find(keys, section, &ConfigKey::name) != keys.end();
+    error("/" + escaped_token(section),
+          is_key ? std::string(kNeedsTheFile) : "is no section of a config");
+  }
+
+  void restrain(const std::string& section, std::string_view word, bool is_allowed) {
+    if (is_allowed) {
+      if (body_.contains(section)) refuse_variables(body_[section], "/" + section);
+      return;
+    }
+    if (!differs(next_, local_, section)) return;
+    restore(section);
+    error("/" + section, not_named(word));
+  }
+
+  void restrain_mqtt() {
+    if (!body_.contains("mqtt")) return;
+    const Json& given = body_["mqtt"];
+    if (!given.is_object()) {
+      restore("mqtt");
+      return error("/mqtt", "must be an object");
+    }
+    Json mqtt = local_.at("mqtt");
+    const Json& wanted = next_.at("mqtt");
+    for (const auto& [key, value] : given.items()) {
+      const std::string pointer = "/mqtt/" + escaped_token(key);
+      // Not even the same one: the answer would tell who guesses whether he guessed right.
+      if (std::ranges::find(kSecrets, key) != kSecrets.end())
+        error(pointer, "never comes from afar, not even unchanged; leave it out");
+      else if (key == "servers" && limits_.servers)
+        refuse_variables(value, pointer);
+      else if (differs(wanted, mqtt, key))
+        error(pointer, key == "servers" ? not_named("mqtt.servers")
+                                        : "differs from the local file, and of mqtt only servers "
+                                          "may come from afar");
+      if (key != "servers" || !limits_.servers) continue;
+      if (wanted.contains(key))
+        mqtt[key] = wanted[key];
+      else
+        mqtt.erase(key);
+    }
+    next_["mqtt"] = std::move(mqtt);
+  }
+
+  void refuse_variables(const Json& value, const std::string& pointer) {
+    if (value.is_string() && names_variable(value.get_ref<const std::string&>())) {
+      // Nor is it said whether there is such a variable.
+      next_[Json::json_pointer(pointer)] = "variable";
+      return error(pointer,
+                   "an environment variable may hold a secret and is not read from afar; a plain "
+                   "${ is written $${");
+    }
+    if (!value.is_structured()) return;
+    for (const auto& [key, inner] : value.items())
+      refuse_variables(inner, pointer + "/" + escaped_token(key));
+  }
+
+  static std::string not_named(std::string_view word) {
+    return "differs from the local file, whose agent.remote_allow does not have \"" +
+           std::string(word) + "\"";
+  }
+
+  static bool differs(const Json& one, const Json& other, const std::string& key) {
+    if (one.contains(key) != other.contains(key)) return true;
+    return one.contains(key) && one[key] != other[key];
+  }
+
+  void restore(const std::string& section) {
+    if (local_.contains(section))
+      next_[section] = local_[section];
+    else
+      next_.erase(section);
+  }
+
+  const Json local_;
+  const bool is_patch_;
+  const Json& body_;
+  const RemoteLimits& limits_;
+  Json next_;
+  ConfigErrors errors_;
+};
+
+/// Without each " (line 1)": lines are those of a text that nobody sees.
+std::string without_lines(std::string text) {
+  constexpr std::string_view begin = " (line ";
+  std::size_t at = 0;
+  while ((at = text.find(begin, at)) != text.npos) {
+    const std::size_t end = text.find_first_not_of("0123456789", at + begin.size());
+    if (end != text.npos && text[end] == ')')
+      text.erase(at, end + 1 - at);
+    else
+      at += begin.size();
+  }
+  return text;
+}
+
+}  // namespace
+
+ReadDesired read_desired(std::string_view payload) {
+  ReadDesired out;
+  out.desired.hash = to_text(ByteView(sha256(payload)).first(kHashBytes));
+  if (payload.size() > kMaxDesiredBytes) {
+    out.errors.push_back({"", 0, "larger than " + std::to_string(kMaxDesiredBytes >> 20) + " MiB"});
+    return out;
+  }
+  const auto tree = ConfigTree::parse(payload, ConfigTree::Folding::none);
+  if (!tree) {
+    out.errors.push_back({"", 0, tree.error().text});
+    return out;
+  }
+  ShapeReader(out).read(tree->root());
+  if (out.errors.empty()) out.desired.text = payload;
+  return out;
+}
+
+MergedConfig merged_config(std::string_view local_text, const DesiredConfig& desired,
+                           const RemoteLimits& limits) {
+  const Json document = Json::parse(desired.text);
+  return Merger(Json::parse(local_text), document, limits).run();
+}
+
+tl::expected<Config, ConfigErrors> effective_config(std::string_view local_text,
+                                                    const Config& local,
+                                                    const DesiredConfig& desired,
+                                                    const ParseConfig& parse) {
+  MergedConfig merged = merged_config(local_text, desired, local.remote);
+  ConfigErrors errors = std::move(merged.errors);
+  auto config = parse(merged.text);
+  if (!config) {
+    for (ConfigError& error : config.error())
+      errors.push_back({std::move(error.pointer), 0, without_lines(std::move(error.text))});
+  } else {
+    std::ranges::move(beyond_limits(local, *config), std::back_inserter(errors));
+  }
+  if (!errors.empty()) return tl::unexpected(std::move(errors));
+  return config;
+}
+
+}  // namespace fxagent

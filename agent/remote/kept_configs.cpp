@@ -1,0 +1,66 @@
+#include "agent/remote/kept_configs.h"
+
+#include <nlohmann/json.hpp>
+#include <utility>
+
+namespace fxagent {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// Of the layout of the file.
+constexpr int kFormat = 1;
+
+Json json_of(const std::optional<KeptConfig>& kept) {
+  if (!kept) return nullptr;
+  return {
+      {"document", kept->document.text}, {"hash", kept->document.hash}, {"since", kept->since_ms}};
+}
+
+/// Throws what says why it is none.
+std::optional<KeptConfig> kept_from(const Json& json) {
+  if (json.is_null()) return std::nullopt;
+  KeptConfig kept;
+  ReadDesired read = read_desired(json.at("document").get_ref<const std::string&>());
+  if (!read.errors.empty() || read.desired.hash != json.at("hash").get_ref<const std::string&>())
+    throw std::runtime_error("a document in it is not the one that was kept");
+  kept.document = std::move(read.desired);
+  kept.since_ms = json.at("since").get<std::int64_t>();
+  return kept;
+}
+
+}  // namespace
+
+std::string to_text(const KeptConfigs& kept) {
+  Json json{{"format", kFormat},
+            {"good", json_of(kept.good)},
+            {"trying", json_of(kept.trying)},
+            {"stopped", kept.stopped},
+            {"rolled_back", nullptr}};
+  if (const auto& back = kept.rolled_back)
+    json["rolled_back"] = {{"hash", back->hash},
+                           {"version", back->version},
+                           {"why", back->why},
+                           {"since", back->since_ms}};
+  return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+tl::expected<KeptConfigs, std::string> kept_configs_from(std::string_view text) {
+  try {
+    const Json json = Json::parse(text);
+    if (json.at("format") != kFormat)
+      return tl::unexpected(std::string("it is of another version of the agent"));
+    KeptConfigs kept;
+    kept.good = kept_from(json.at("good"));
+    kept.trying = kept_from(json.at("trying"));
+    kept.stopped = json.at("stopped").get<bool>();
+    if (const Json& back = json.at("rolled_back"); !back.is_null())
+      kept.rolled_back = {back.at("hash").get<std::string>(), back.at("version").get<std::string>(),
+                          back.at("why").get<std::string>(), back.at("since").get<std::int64_t>()};
+    return kept;
+  } catch (const std::exception& fault) {
+    return tl::unexpected(std::string(fault.what()));
+  }
+}
+
+}  // namespace fxagent

@@ -1,0 +1,46 @@
+// What is kept on disk of configs from afar, as text: the last one that proved good, the one on
+// trial, and the one that was rolled back. Pure, any thread.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <tl/expected.hpp>
+
+#include "agent/remote/desired_config.h"
+
+namespace fxagent {
+
+struct KeptConfig {
+  DesiredConfig document;
+  std::int64_t since_ms = 0;  ///< in force since, ms UTC
+};
+
+/// Not tried again until another one comes.
+struct RolledBackConfig {
+  std::string hash;  ///< of the document
+  std::string version;
+  std::string why;
+  std::int64_t since_ms = 0;
+};
+
+struct KeptConfigs {
+  std::optional<KeptConfig> good{};  ///< nothing: the local file alone
+  /// In force, and not proved yet. Where it is found at a start, the process has ended meanwhile.
+  std::optional<KeptConfig> trying{};
+  bool stopped = false;  ///< the process was told to end while it was trying: that proves nothing
+  std::optional<RolledBackConfig> rolled_back{};
+
+  bool empty() const { return !good && !trying && !rolled_back; }
+};
+
+/// Room for two documents, each character of them escaped.
+inline constexpr std::size_t kMaxKeptBytes = 16 * kMaxDesiredBytes;
+
+std::string to_text(const KeptConfigs& kept);
+/// The error says what is wrong: damaged text, or a document that is not the one that was kept.
+tl::expected<KeptConfigs, std::string> kept_configs_from(std::string_view text);
+
+}  // namespace fxagent

@@ -1,0 +1,141 @@
+// The config in force: the local file, and onto it what came from afar. Decides what is to be in
+// force next, keeps the last config that proved good, and knows what is to be reported. Applying is
+// somebody else's work (agent/reload.h). One thread; files are read and written within the calls.
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <tl/expected.hpp>
+#include <utility>
+#include <vector>
+
+#include "agent/config/config.h"
+#include "agent/messages.h"
+#include "agent/remote/desired_config.h"
+#include "agent/remote/kept_configs.h"
+#include "agent/remote/trial.h"
+#include "agent/status.h"
+#include "agent/store/durable_file.h"
+
+namespace fxagent {
+
+/// What {base}/config/reported answers.
+struct RemoteReport {
+  enum class State : std::uint8_t { applied, rejected, rolled_back };
+  State state = State::applied;
+  DesiredConfig desired{};  ///< without its text; no hash: the local file alone is meant
+  ConfigErrors errors{};
+  std::int64_t since_ms = 0;
+};
+std::string_view to_string(RemoteReport::State state);
+/// "/devices/0/name: must be …"
+std::string text_of(const ConfigError& error);
+
+/// So many errors are reported, and so many bytes of them; how many there are is said beside.
+inline constexpr std::size_t kMostReportedErrors = 1000;
+inline constexpr std::size_t kMostReportedBytes = 48 * 1024;
+
+class RemoteConfig final {
+ public:
+  struct Moment {
+    SteadyTime steady{};
+    std::int64_t utc_ms = 0;
+  };
+
+  /// A config to be applied. accept() it when it is in force; else refuse() it.
+  struct Next {
+    enum class Why : std::uint8_t { local_file, desired, withdrawn, rolled_back };
+    Why why = Why::local_file;
+    Config config;
+    std::string local_text;
+    RemoteLimits limits{};                 ///< of `local_text`
+    std::optional<KeptConfig> document{};  ///< that is in `config`
+    /// Why the document that was in force does not fit `local_text`: the local file wins.
+    ConfigErrors misfit{};
+  };
+
+  /// `path`: of the local file. `trial`: how long a new config is on trial, and how long the broker
+  /// may be away meanwhile.
+  RemoteConfig(std::string path, std::chrono::milliseconds trial);
+
+  /// The config to start with: the local file, and what was kept of the last run. Errors: those of
+  /// the local file.
+  tl::expected<Config, ConfigErrors> start(Moment now);
+
+  /// The local file as it is now, with the document in force where it fits. Errors: those of the
+  /// local file; what is in force stays.
+  tl::expected<Next, ConfigErrors> read_local() const;
+  /// A document of {base}/config/desired; empty: it was withdrawn. Nothing: it was answered, and
+  /// nothing is to be applied.
+  std::optional<Next> hear(std::string_view payload, Moment now);
+  /// What the trial has come to. Nothing: there is nothing to apply. What the disk refused is tried
+  /// again.
+  std::optional<Next> due(Moment now);
+  /// When due() is to be called.
+  SteadyTime next_wake() const;
+
+  void accept(Next next, Moment now);
+  void refuse(const Next& next, ConfigErrors errors, Moment now);
+
+  /// A document that was rejected, to be heard again after the local file has changed.
+  const std::string& rejected() const { return rejected_; }
+  void connection(bool is_up, SteadyTime now);
+  /// The process was told to end: a trial goes on with the next one.
+  void stop();
+
+  bool is_enabled() const { return limits_.enabled; }
+  const RemoteReport& report() const { return report_; }
+  /// Whether reported() is to be published, again or for the first time.
+  bool has_answer() const { return has_answer_; }
+  /// The answer is published. Whether it says something that was not said before.
+  bool take_news() {
+    has_answer_ = false;
+    return std::exchange(is_news_, false);
+  }
+  /// The text for {base}/config/reported. `hash`: of the config in force.
+  std::string reported(const std::string& hash) const;
+  /// For health; nothing: nothing may come from afar.
+  std::optional<ConfigStatus::Remote> status() const;
+
+ private:
+  tl::expected<Config, ConfigErrors> local(std::string_view text) const;
+  tl::expected<Config, ConfigErrors> with(std::string_view local_text,
+                                          const DesiredConfig& document) const;
+  void take_kept(Moment now);
+  std::optional<Config> start_with(const std::optional<KeptConfig>& kept, Moment now);
+  std::optional<Next> withdraw(Moment now);
+  bool answer_known(const DesiredConfig& desired);
+  std::string keep_for_trial(const DesiredConfig& desired, Moment now);
+  void settle_local_file(Next next, Moment now);
+  void report(RemoteReport::State state, const DesiredConfig& desired, ConfigErrors errors,
+              std::int64_t since_ms);
+  void report_in_force();
+  void report_rolled_back();
+  void forget();
+  std::string save();
+  void save_or_say(std::string_view what);
+  void save_again(SteadyTime now);
+
+  const std::string path_;
+  const std::chrono::milliseconds trial_time_;
+  RemoteLimits limits_;
+  std::string local_text_;  ///< in force; empty where nothing may come from afar
+  std::int64_t local_since_ms_ = 0;
+  std::optional<DurableFile> file_;  ///< nothing: there is no place for one
+  KeptConfigs kept_;
+  bool is_unsaved_ = false;  ///< the disk refused it
+  SteadyTime save_again_at_{};
+  std::optional<KeptConfig> in_force_;
+  std::optional<Trial> trial_;  ///< of in_force_
+  bool is_connected_ = false;
+  std::string rejected_;
+  RemoteReport report_;
+  bool has_answer_ = false;
+  bool is_news_ = false;
+};
+
+}  // namespace fxagent

@@ -1,0 +1,7 @@
+#include "agent/remote/trial_time.h"
+
+namespace fxagent {
+
+std::chrono::milliseconds trial_time() noexcept { return std::chrono::seconds(60); }
+
+}  // namespace fxagent

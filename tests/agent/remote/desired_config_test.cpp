@@ -1,0 +1,277 @@
+#include "agent/remote/desired_config.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+#include <string>
+#include <vector>
+
+#include "tests/agent/remote/remote_plant.h"
+
+namespace fxagent {
+namespace {
+
+using namespace test;
+
+// ---- the document -------------------------------------------------------------------------------
+
+TEST(DesiredConfig, ConfigOrPatchWithAVersionIsRead) {
+  const std::string text = R"({"version": "v7", "by": "ann", "patch": {}})";
+  const auto [desired, errors] = read_desired(text);
+  EXPECT_TRUE(errors.empty()) << listed(errors);
+  EXPECT_EQ(desired.version, "v7");
+  EXPECT_EQ(desired.by, "ann");
+  EXPECT_EQ(desired.text, text);
+  // sha256sum | cut -c1-16
+  EXPECT_EQ(desired.hash, "2dabccfd753b3d60");
+}
+
+struct Wrong {
+  const char* name;
+  std::string text;
+  std::vector<const char*> said;
+};
+
+TEST(DesiredConfig, EverythingWrongIsSaidAtOnce) {
+  for (const Wrong& each : std::vector<Wrong>{
+           {"empty object", "{}", {"\"version\" is missing", "needs \"config\" or \"patch\""}},
+           {"no object", "[]", {"must be an object"}},
+           {"no JSON", R"({"version": "1",)", {"not JSON at line 1"}},
+           {"a number", R"({"version": 7, "patch": {}})", {"/version: must be a string"}},
+           {"null", R"({"version": null, "patch": {}})", {"/version: must be a string"}},
+           {"empty", R"({"version": "", "patch": {}})", {"/version: must be a string of 1"}},
+           {"long",
+            R"({"version": ")" + std::string(65, 'v') + R"(", "patch": {}})",
+            {"/version: must be a string of 1 to 64"}},
+           {"control", R"({"version": "a\nb", "patch": {}})", {"control characters"}},
+           {"both",
+            R"({"version": "1", "config": {}, "patch": {}})",
+            {"has both \"config\" and \"patch\""}},
+           {"neither", R"({"version": "1"})", {"needs \"config\" or \"patch\""}},
+           {"shapes", R"({"version": "1", "config": []})", {"/config: must be an object"}},
+           {"null patch", R"({"version": "1", "patch": null})", {"/patch: must be an object"}},
+           {"unknown",
+            R"({"version": "1", "patch": {}, "pach": {}})",
+            {"unknown key \"pach\"; did you mean patch?"}},
+           {"twice", R"({"version": "1", "version": "2", "patch": {}})", {"a second time"}},
+           {"twice below",
+            R"({"version": "1", "config": {"devices": [{"name": "a", "name": "b"}]}})",
+            {"/devices/0/name: the key stands here a second time"}},
+           {"by", R"({"version": "1", "patch": {}, "by": 3})", {"/by: must be a string"}},
+           {"many",
+            R"({"version": 1, "config": 2, "x": 3})",
+            {"/version", "/config", "unknown key \"x\""}},
+           {"zero byte", std::string("{\0}", 3), {"a zero byte"}},
+           {"no UTF-8", "{\"version\": \"\xff\", \"patch\": {}}", {"not JSON"}},
+       }) {
+    const auto [desired, errors] = read_desired(each.text);
+    EXPECT_EQ(errors.size(), each.said.size()) << each.name << "\n" << listed(errors);
+    for (const char* said : each.said)
+      EXPECT_NE(listed(errors).find(said), std::string::npos)
+          << each.name << ": " << said << " in\n"
+          << listed(errors);
+    EXPECT_EQ(desired.text, "") << each.name;
+    EXPECT_EQ(desired.hash.size(), 16u) << each.name;
+  }
+}
+
+TEST(DesiredConfig, SizeAndDepthHaveLimits) {
+  std::string deep = R"({"version": "1", "patch": {"a": )";
+  deep += std::string(100'000, '[');
+  EXPECT_NE(listed(read_desired(deep).errors).find("32 levels"), std::string::npos);
+  const std::string large(kMaxDesiredBytes + 1, ' ');
+  EXPECT_EQ(listed(read_desired(large).errors), "agent.json: larger than 1 MiB\n");
+  EXPECT_NE(listed(read_desired(large.substr(1)).errors).find("not JSON"), std::string::npos);
+}
+
+TEST(DesiredConfig, AWrongVersionDoesNotHideTheOther) {
+  EXPECT_EQ(read_desired(R"({"version": "v3", "config": 1})").desired.version, "v3");
+}
+
+// ---- what it makes of the local file ------------------------------------------------------------
+
+TEST(MergedConfig, SectionsTakeThePlaceOfTheLocalOnes) {
+  json device = local_plant()["devices"][1];
+  device["name"] = "other";
+  const auto config = effective(local_plant(), config_of({{"devices", {device}}}));
+  ASSERT_TRUE(config.has_value()) << listed(config.error());
+  ASSERT_EQ(config->devices.size(), 1u);
+  EXPECT_EQ(config->devices[0].name, "other");
+  EXPECT_EQ(config->links.size(), 2u);  // the local ones
+  EXPECT_EQ(config->mqtt.password, "s3cret");
+}
+
+TEST(MergedConfig, APatchIsMergedOntoTheLocalFile) {
+  json local = local_plant();
+  local["templates"]["mixer"] = {{"protocol", "fx-programming-port"}, {"model", "FX2N"}};
+  local["devices"][1] = {{"name", "mixer"}, {"link", "gw1"}, {"template", "mixer"}};
+  const auto patched = effective(local, patch_of({{"templates", {{"mixer", {{"retries", 5}}}}}}));
+  ASSERT_TRUE(patched.has_value()) << listed(patched.error());
+  EXPECT_EQ(patched->devices[1].retries, 5);
+  EXPECT_EQ(patched->devices[0].tags.size(), 3u);
+  const auto none = effective(local, patch_of(json::object()));
+  ASSERT_TRUE(none.has_value());
+  EXPECT_EQ(none->devices[1].retries, 2);
+}
+
+/// RFC 7396, appendix A. Onto a section, since the document is an object of sections.
+TEST(MergedConfig, PatchesAreThoseOfTheRfc) {
+  struct Case {
+    const char* original;
+    const char* patch;
+    const char* result;
+  };
+  for (const Case& each : std::vector<Case>{
+           {R"({"a":"b"})", R"({"a":"c"})", R"({"a":"c"})"},
+           {R"({"a":"b"})", R"({"b":"c"})", R"({"a":"b","b":"c"})"},
+           {R"({"a":"b"})", R"({"a":null})", R"({})"},
+           {R"({"a":"b","b":"c"})", R"({"a":null})", R"({"b":"c"})"},
+           {R"({"a":["b"]})", R"({"a":"c"})", R"({"a":"c"})"},
+           {R"({"a":"c"})", R"({"a":["b"]})", R"({"a":["b"]})"},
+           {R"({"a":{"b":"c"}})", R"({"a":{"b":"d","c":null}})", R"({"a":{"b":"d"}})"},
+           {R"({"a":[{"b":"c"}]})", R"({"a":[1]})", R"({"a":[1]})"},
+           {R"(["a","b"])", R"(["c","d"])", R"(["c","d"])"},
+           {R"({"a":"b"})", R"(["c"])", R"(["c"])"},
+           {R"({"e":null})", R"({"a":1})", R"({"a":1,"e":null})"},
+           {R"([1,2])", R"({"a":"b","c":null})", R"({"a":"b"})"},
+           {R"({})", R"({"a":{"bb":{"ccc":null}}})", R"({"a":{"bb":{}}})"},
+       }) {
+    const json local{{"templates", json::parse(each.original)}};
+    const auto desired = patch_of({{"templates", json::parse(each.patch)}});
+    const auto merged = merged_config(local.dump(), desired, RemoteLimits{});
+    EXPECT_TRUE(merged.errors.empty()) << listed(merged.errors);
+    EXPECT_EQ(json::parse(merged.text)["templates"], json::parse(each.result)) << each.patch;
+  }
+}
+
+TEST(MergedConfig, WhatMayNotComeIsAnErrorThatNamesTheSection) {
+  struct Case {
+    json config;
+    const char* pointer;
+    const char* text;
+  };
+  const json all{"links", "devices", "mqtt.servers", "commands.allow_run_stop"};
+  for (const Case& each : std::vector<Case>{
+           {{{"agent", {{"id", "other"}}}}, "/agent", "never comes from afar"},
+           {{{"agent", {{"id", "edge7"}, {"remote_allow", {"links"}}}}}, "/agent", "restart"},
+           {{{"store", {{"path", "/tmp"}}}}, "/store", "never comes from afar"},
+           {{{"metrics", {{"listen", "0.0.0.0:1"}}}}, "/metrics", "never comes from afar"},
+           {{{"links_", json::array()}}, "/links_", "is no section of a config"},
+           {{{"mqtt", 5}}, "/mqtt", "must be an object"},
+           {{{"mqtt", {{"qos", 0}}}}, "/mqtt/qos", "of mqtt only servers"},
+           {{{"mqtt", {{"client_id", "x"}}}}, "/mqtt/client_id", "of mqtt only servers"},
+           {{{"mqtt", {{"tls", json::object()}}}}, "/mqtt/tls", "never comes from afar"},
+           {{{"mqtt", {{"password_file", "/etc/shadow"}}}}, "/mqtt/password_file", "never comes"},
+           {{{"mqtt", {{"username", "root"}}}}, "/mqtt/username", "never comes from afar"},
+       }) {
+    expect_one_error(errors_of(local_plant(all), config_of(each.config)), each.pointer, each.text);
+    expect_one_error(errors_of(local_plant(all), patch_of(each.config)), each.pointer, each.text);
+  }
+  const json none = json::array();
+  for (const char* section : {"links", "devices", "templates"}) {
+    json change = {{section, section == std::string("templates") ? json::object() : none}};
+    if (section == std::string("templates")) change[section]["t"] = json::object();
+    const auto errors = errors_of(local_plant(none), config_of(change));
+    expect_one_error(errors, std::string("/") + section, "remote_allow");
+  }
+  expect_one_error(
+      errors_of(local_plant(), config_of({{"mqtt", {{"servers", {"mqtt://elsewhere"}}}}})),
+      "/mqtt/servers", "does not have \"mqtt.servers\"");
+}
+
+TEST(MergedConfig, WhatIsAsInTheLocalFileMayStandThere) {
+  json whole = local_plant(json{"devices"});
+  json config = whole;
+  for (const char* secret : {"username", "password", "allow_plain_secret"})
+    config["mqtt"].erase(secret);
+  config["devices"][0]["retries"] = 7;
+  config["$schema"] = "https://example.org/agent.schema.json";
+  const auto merged = effective(whole, config_of(config));
+  ASSERT_TRUE(merged.has_value()) << listed(merged.error());
+  EXPECT_EQ(merged->devices[0].retries, 7);
+  EXPECT_EQ(merged->mqtt.username, "edge7");
+}
+
+/// Who guesses must not be told whether he guessed right.
+TEST(MergedConfig, TheRightPasswordIsRefusedLikeAWrongOne) {
+  const auto said = [](const char* guess) {
+    return listed(errors_of(local_plant(), config_of({{"mqtt", {{"password", guess}}}})));
+  };
+  EXPECT_EQ(said("s3cret"), said("wrong"));
+  EXPECT_NE(said("wrong"), "");
+  const auto removed = patch_of({{"mqtt", {{"password", nullptr}}}});
+  EXPECT_NE(listed(errors_of(local_plant(), removed)), "");
+}
+
+TEST(MergedConfig, NoVariableIsReadFromAfar) {
+  json link = {{"name", "gw1"}, {"tcp", {{"host", "${HOST}"}, {"port", 1}}}};
+  expect_one_error(
+      errors_of(local_plant(), config_of({{"links", {local_plant()["links"][0], link}}})),
+      "/links/1/tcp/host", "environment variable");
+  json tag = {{"name", "a"}, {"address", "D1"}, {"unit", "a ${MQTT_PASSWORD} b"}};
+  json device = local_plant()["devices"][0];
+  device["tags"] = {tag};
+  expect_one_error(
+      errors_of(local_plant(), config_of({{"devices", {device, local_plant()["devices"][1]}}})),
+      "/devices/0/tags/0/unit", "environment variable");
+  device["tags"][0]["unit"] = "$${plain}";
+  const auto plain =
+      effective(local_plant(), config_of({{"devices", {device, local_plant()["devices"][1]}}}));
+  ASSERT_TRUE(plain.has_value()) << listed(plain.error());
+  EXPECT_EQ(plain->devices[0].tags[0].units->unit, "${plain}");
+}
+
+TEST(MergedConfig, TheLocalFilesOwnVariablesStay) {
+  json local = local_plant();
+  local["links"][1]["tcp"]["host"] = "${HOST}";
+  const std::string text = local.dump();
+  const auto from = environment({{"HOST", "inner"}});
+  const auto config =
+      effective_config(text, good(text, from), patch_of({{"templates", json::object()}}),
+                       [&](std::string_view merged) { return parse_config(merged, from); });
+  ASSERT_TRUE(config.has_value()) << listed(config.error());
+  EXPECT_EQ(std::get<TcpSettings>(config->links[1].channel).host, "inner");
+}
+
+TEST(MergedConfig, ErrorsOfTheConfigComeBesideThoseOfTheLimits) {
+  json devices = local_plant()["devices"];
+  devices[0]["tags"][0]["address"] = "X8";
+  devices[1]["timeut_ms"] = 3;
+  const auto errors =
+      errors_of(local_plant(), config_of({{"devices", devices}, {"store", nullptr}, {"agent", 1}}));
+  const std::string said = listed(errors);
+  EXPECT_EQ(errors.size(), 4u) << said;
+  for (const char* each : {"/store: ", "/agent: ", "/devices/0/tags/0/address: ", "timeut_ms"})
+    EXPECT_NE(said.find(each), std::string::npos) << each << " in\n" << said;
+  EXPECT_EQ(said.find("(line"), std::string::npos) << said;
+  for (const ConfigError& error : errors) EXPECT_EQ(error.line, 0);
+}
+
+/// Whatever comes, no secret of the local file is in what is said about it.
+TEST(MergedConfig, NoErrorHasASecret) {
+  std::mt19937 random(7);
+  const std::vector<json> values{"s3cret",       nullptr,          5,  json::array(),
+                                 json::object(), json{"mqtt://x"}, "x"};
+  const std::vector<std::string> places{"/mqtt",           "/mqtt/password", "/mqtt/servers",
+                                        "/mqtt/servers/0", "/links",         "/links/0/name",
+                                        "/devices/0/link", "/agent/id",      "/mqtt/username"};
+  for (int i = 0; i < 300; ++i) {
+    json config = local_plant();
+    config["mqtt"].erase("password");
+    for (int change = 0; change < 2; ++change) try {
+        config[json::json_pointer(places[random() % places.size()])] =
+            values[random() % values.size()];
+      } catch (const json::exception&) {  // it was taken away by the change before
+      }
+    json named = config;
+    const bool says_it = named.dump().find("s3cret") != std::string::npos;
+    const auto errors =
+        errors_of(local_plant(json{"links", "devices", "mqtt.servers"}), config_of(config));
+    if (!says_it) {
+      EXPECT_EQ(listed(errors).find("s3cret"), std::string::npos) << listed(errors);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace fxagent

@@ -1,0 +1,54 @@
+#include "agent/remote/kept_configs.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "tests/agent/remote/remote_plant.h"
+
+namespace fxagent {
+namespace {
+
+using namespace test;
+
+KeptConfigs some() {
+  KeptConfigs kept;
+  kept.good = KeptConfig{desired_of({{"version", "1"}, {"patch", json::object()}}), 1000};
+  kept.trying =
+      KeptConfig{desired_of({{"version", "2"}, {"by", "ann"}, {"config", json::object()}}), 2000};
+  kept.stopped = true;
+  kept.rolled_back = {"0123456789abcdef", "3", "the broker was lost", 3000};
+  return kept;
+}
+
+TEST(KeptConfigs, ComeBackAsTheyWere) {
+  const auto back = kept_configs_from(to_text(some()));
+  ASSERT_TRUE(back.has_value()) << back.error();
+  ASSERT_TRUE(back->good && back->trying && back->rolled_back);
+  EXPECT_EQ(back->good->document.text, some().good->document.text);
+  EXPECT_EQ(back->good->document.hash, some().good->document.hash);
+  EXPECT_EQ(back->good->since_ms, 1000);
+  EXPECT_EQ(back->trying->document.version, "2");
+  EXPECT_EQ(back->trying->document.by, "ann");
+  EXPECT_TRUE(back->stopped);
+  EXPECT_EQ(back->rolled_back->why, "the broker was lost");
+  EXPECT_EQ(back->rolled_back->since_ms, 3000);
+  const auto none = kept_configs_from(to_text(KeptConfigs{}));
+  ASSERT_TRUE(none.has_value());
+  EXPECT_TRUE(none->empty());
+}
+
+TEST(KeptConfigs, DamageIsFound) {
+  const std::string text = to_text(some());
+  for (std::size_t length = 0; length + 2 < text.size(); length += 7)
+    EXPECT_FALSE(kept_configs_from(text.substr(0, length)).has_value()) << length;
+  std::string other = text;
+  other.replace(other.find("\\\"1\\\""), 5, "\\\"7\\\"");  // the version within the good document
+  const auto wrong = kept_configs_from(other);
+  ASSERT_FALSE(wrong.has_value());
+  EXPECT_NE(wrong.error().find("not the one that was kept"), std::string::npos) << wrong.error();
+  EXPECT_FALSE(kept_configs_from(R"({"format": 2})").has_value());
+}
+
+}  // namespace
+}  // namespace fxagent

@@ -1,0 +1,98 @@
+// A config from afar in the uplink: heard where it may come, answered after each connect.
+#include <gtest/gtest.h>
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "tests/agent/uplink/publisher_bench.h"
+
+namespace fxagent {
+namespace {
+
+using test::kBase;
+using namespace std::chrono_literals;
+
+const std::string kDesired = kBase + "/config/desired";
+const std::string kReported = kBase + "/config/reported";
+
+class PublisherConfig : public ::testing::Test, public test::PublisherBench {
+ protected:
+  void listen() {
+    Publisher::ConfigListener listener;
+    listener.desired = [this](std::string payload) { heard.push_back(std::move(payload)); };
+    listener.connection = [this](bool is_up, SteadyTime) { connections.push_back(is_up); };
+    made().set_config_listener(std::move(listener));
+  }
+  void desire(const std::string& payload) {
+    Message message;
+    message.topic = kDesired;
+    message.payload = payload;
+    broker.send(std::move(message));
+    settle();
+  }
+
+  std::vector<std::string> heard;
+  std::vector<bool> connections;
+};
+
+TEST_F(PublisherConfig, NothingIsHeardUnlessTheFileLetsIt) {
+  listen();
+  online();
+  desire("{}");
+  EXPECT_TRUE(heard.empty());
+  EXPECT_FALSE(broker.filters.contains(kDesired));
+  EXPECT_TRUE(broker.on(kReported).empty());
+}
+
+TEST_F(PublisherConfig, DocumentsAndTheConnectionAreToldAsTheyCome) {
+  config.remote.enabled = true;
+  listen();
+  online();
+  desire("{}");
+  desire("");
+  EXPECT_EQ(heard, (std::vector<std::string>{"{}", ""}));
+  broker.lose();
+  settle();
+  EXPECT_EQ(connections, (std::vector<bool>{true, false}));
+}
+
+TEST_F(PublisherConfig, AReloadSwitchesItOnAndOff) {
+  listen();
+  online();
+  for (const bool on : {true, false}) {
+    Config wanted = config;
+    wanted.remote.enabled = on;
+    const ConfigChange change = change_between(config, std::move(wanted));
+    outbox.ask([&](SteadyTime) { made().begin_change(change); });
+    step();
+    outbox.ask([&](SteadyTime at) { made().change(change, at); });
+    settle();
+    EXPECT_EQ(broker.filters.contains(kDesired), on);
+  }
+}
+
+TEST_F(PublisherConfig, TheReportIsRetainedAndComesAfterEachConnect) {
+  config.remote.enabled = true;
+  listen();
+  made().report_config("one", "");
+  settle();
+  EXPECT_EQ(broker.on(kReported), std::vector<std::string>{"one"});
+  made().report_config("two", "");
+  settle();
+  EXPECT_EQ(broker.on(kReported).back(), "two");
+  broker.lose();
+  settle();
+  advance(60s);
+  EXPECT_EQ(broker.on(kReported), (std::vector<std::string>{"one", "two", "two"}));
+  made().report_config("", "");
+  settle();
+  EXPECT_EQ(broker.on(kReported).back(), "");
+  broker.lose();
+  settle();
+  advance(60s);
+  EXPECT_EQ(broker.on(kReported).size(), 4u);  // nothing more is said there
+}
+
+}  // namespace
+}  // namespace fxagent
