@@ -91,6 +91,7 @@ class GatheringCodec : public Codec, public AddressSpace {
   Recovery after_nonsense() const override { return Recovery::none; }
   LineLength line_length(const Request& request) const override {
     const std::vector<Read> reads = reads_of(request);
+    if (reads.empty()) return {10, 5, 0};
     std::uint32_t data = 0;
     for (const Read& read : reads) data += (read.span.bits + 7) / 8 * 2;
     if (!std::holds_alternative<Gather>(request)) return {5, 5 + data, 0};
@@ -117,7 +118,8 @@ class GatheringCodec : public Codec, public AddressSpace {
  private:
   static std::vector<Read> reads_of(const Request& request) {
     if (const auto* gather = std::get_if<Gather>(&request)) return gather->parts;
-    return {std::get<Read>(request)};
+    if (const auto* read = std::get_if<Read>(&request)) return {*read};
+    return {};
   }
 };
 
