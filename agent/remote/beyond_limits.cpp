@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "agent/config/tree.h"
+#include "protocol/catalog.h"
 #include "protocol/plc.h"
 #include "protocol/point.h"
 
@@ -89,12 +90,6 @@ const DeviceConfig* local_device(const Config& local, const Config& wanted,
   return same ? &known : nullptr;
 }
 
-/// As the config is checked: of a model that is still to be asked the widest.
-std::shared_ptr<const Codec> widest(const DeviceConfig& device) {
-  if (!must_ask_model(*device.codec)) return device.codec;
-  return device.codec->plc()->with_model(device.protocol->models.back());
-}
-
 /// What commands may do to one device of `wanted`.
 class DeviceLimits {
  public:
@@ -103,7 +98,7 @@ class DeviceLimits {
       : remote_(local.remote),
         known_(known),
         device_(device),
-        codec_(widest(device)),
+        codec_(widest_of(*device.protocol, device.codec)),
         errors_(errors) {
     if (known != nullptr) allow_ = known->commands.allow;
     for (const std::string& range : remote_.allow)

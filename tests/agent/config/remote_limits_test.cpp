@@ -53,8 +53,8 @@ TEST(RemoteLimits, WhatNeverComesIsRefusedWithWhatMay) {
            {"device", "did you mean devices?"},
            {"commands.allow", "needs the addresses, as in"},
            {"commands.allow: ", "is no range of addresses"},
-           {"commands.allow: D99999", "is no range of addresses"},
-           {"commands.allow: M8034", "is no range of addresses"},
+           {"commands.allow: D99999999", "is no range of addresses"},
+           {"commands.allow: Q100", "is no range of addresses"},
            {"templates", "must be links, devices"},
        }) {
     const auto errors = errors_of(with_allow("[\"" + std::string(each.word) + "\"]"));
