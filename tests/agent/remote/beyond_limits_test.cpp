@@ -131,6 +131,22 @@ TEST(BeyondLimits, RightsStayWithTheMachine) {
   EXPECT_NE(said_of(bus, {{"/devices/1/name", "mixer2"}}), "");
 }
 
+TEST(BeyondLimits, RightsStayWithTheMachineOverUdpToo) {
+  json local = local_plant();
+  local["links"][1] = {{"name", "gw1"}, {"udp", {{"host", "192.0.2.10"}, {"port", 5000}}}};
+  local["devices"][1] = {{"name", "mixer"},
+                         {"link", "gw1"},
+                         {"protocol", "mc-3e"},
+                         {"model", "FX5U"},
+                         {"commands", {{"allow", {"D0-D9"}}}}};
+  EXPECT_EQ(said_of(local, {{"/devices/1/retries", 3}}), "");
+  EXPECT_EQ(said_of(local, {{"/links/1/udp/local_port", 5000}}), "");
+  EXPECT_NE(said_of(local, {{"/links/1/udp/host", "192.0.2.11"}}), "");
+  EXPECT_NE(said_of(local, {{"/links/1/udp/port", 503}}), "");
+  const json tcp = {{"name", "gw1"}, {"tcp", local["links"][1]["udp"]}};
+  EXPECT_NE(said_of(local, {{"/links/1", tcp}}), "");
+}
+
 TEST(BeyondLimits, AModelThatIsStillToBeAskedHasTheWidestAddresses) {
   json local = local_plant(json{"devices", "commands.allow: D7000-D7999"});
   local["devices"][1].erase("model");
