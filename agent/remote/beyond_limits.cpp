@@ -38,7 +38,8 @@ void check_servers(const MqttConfig& local, const MqttConfig& wanted, Errors& er
   }
 }
 
-/// Names that a serial port has, and no watchdog, console or disk.
+/// Names that a serial port has, and no watchdog, virtual console or disk. A serial port that is
+/// the machine's console has such a name too.
 bool is_serial_name(std::string_view path) {
   if (path.find("..") != path.npos) return false;
   if (path.starts_with("/dev/serial/by-id/") || path.starts_with("/dev/serial/by-path/"))
@@ -112,6 +113,8 @@ class DeviceLimits {
         codec_(widest_of(*device.protocol, device.codec)),
         errors_(errors) {
     if (known != nullptr) allow_ = known->commands.allow;
+    // Every unit of the bus would obey it, those of the local file too.
+    if (codec_->is_broadcast()) return;
     for (const std::string& range : remote_.allow)
       if (const auto span = codec_->addresses().parse_range(range)) allow_.push_back(*span);
   }

@@ -143,7 +143,7 @@ class RemoteConfig(ReloadTest):
         self.agent.stop()
         self.run_agent()
         self.applied("v1", {"devices": config["devices"] + [reading("m2", "a", 2)]})
-        for point in ("remote_config_kept", "remote_config_applied"):
+        for point in ("remote_config_judged", "remote_config_kept", "remote_config_applied"):
             self.agent.stop()
             since = self.watcher.mark()
             self.run_agent(FXAGENT_CRASH_AT=point)
