@@ -100,8 +100,9 @@ TEST_F(PublisherConfig, AReportThatIsClearedWhileTheBrokerIsAwayIsClearedLater) 
   made().report_config("one", "");
   settle();
   broker.lose();
-  settle();
+  step();
   made().report_config("", "");
+  settle();
   advance(60s);
   EXPECT_EQ(broker.on(kReported), (std::vector<std::string>{"one", ""}));
 }
