@@ -230,8 +230,8 @@ void Reload::hear(const std::string& desired) {
 
 void Reload::take_over(Next next) {
   // Of what from afar changes the agent none needs a restart: those sections are the local file's.
-  if (ConfigErrors errors = needs_restart(*running_, next.config); !errors.empty())
-    return remote_.refuse(next, std::move(errors), moment());
+  if (const ConfigErrors errors = needs_restart(*running_, next.config); !errors.empty())
+    return remote_.refuse(next, errors, moment());
   const bool is_desired = next.why == Next::Why::desired;
   if (is_desired) failpoint("remote_config_kept");
   if (!apply(std::exchange(next.config, {}))) return;

@@ -83,8 +83,9 @@ std::string DurableFile::lock() {
   lock_.reset();
   if (std::string fault = make_store_directory(directory_); !fault.empty()) return fault;
   auto lock = std::make_unique<Lock>(directory_);
-  if (lock->fault().empty()) lock_ = std::move(lock);
-  return lock_ ? std::string() : lock->fault();
+  if (!lock->fault().empty()) return lock->fault();
+  lock_ = std::move(lock);
+  return {};
 }
 
 tl::expected<std::optional<std::string>, std::string> DurableFile::read(std::size_t most) const {
