@@ -59,7 +59,7 @@ Bus::Bus(asio::any_io_executor executor, std::unique_ptr<Transport> transport,
       listening_(listening) {}
 
 asio::awaitable<Result<void>> Bus::open() {
-  answered_ = closed_unanswered_ = false;
+  answered_ = closed_unanswered_ = closed_after_silence_ = false;
   auto opened = co_await transport_->open(now() + kOpenTimeout);
   if (!opened) co_return opened;
   // To a port that is always the same, answers to a dead agent may come: its numbers are others.
@@ -461,7 +461,10 @@ void Bus::note_doubt(const Station& station, const Request& request, const Excha
   }
   if (recovery == Recovery::none) return;
   const bool datagrams = transport_->has_datagrams();
-  if (recovery == Recovery::reconnect && !datagrams) return transport_->close();
+  if (recovery == Recovery::reconnect && !datagrams) {
+    closed_after_silence_ = exchange.outcome == Exchange::Outcome::unanswered;
+    return transport_->close();
+  }
   if (datagrams && is_numbered(codec)) return;
   // A lost ACK stays a worry until a read has been answered, whatever is asked in between.
   late_.given_up(
