@@ -459,8 +459,11 @@ void Bus::note_doubt(const Station& station, const Request& request, const Excha
     case Exchange::Outcome::expired:
       return;
   }
-  if (recovery == Recovery::none) return;
   const bool datagrams = transport_->has_datagrams();
+  // The rest of an answer would stand before the next one, and no number tells where that begins.
+  const bool broken_off = exchange.outcome == Exchange::Outcome::unanswered && !rx_.empty();
+  if (recovery == Recovery::none && broken_off && !datagrams) recovery = Recovery::reconnect;
+  if (recovery == Recovery::none) return;
   if (recovery == Recovery::reconnect && !datagrams) {
     closed_after_silence_ = exchange.outcome == Exchange::Outcome::unanswered;
     return transport_->close();
