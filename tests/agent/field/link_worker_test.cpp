@@ -568,6 +568,17 @@ TEST_F(LinkWorkerTest, TcpPeerThatNeverAnswersIsLeftAndConnectedAnew) {
   wait_for_state(State::online, "");
 }
 
+TEST_F(LinkWorkerTest, StoppingWhileItListensIsNoLoss) {
+  config.links[0].channel = TcpSettings{"192.0.2.10", 5551};
+  script().hang();
+  testing::internal::CaptureStderr();
+  start();
+  wait([&] { return wire->steps_left() == 0; });
+  stop();
+  const std::string log = testing::internal::GetCapturedStderr();
+  EXPECT_EQ(log.find("state=down"), std::string::npos) << log;
+}
+
 // ---- a stream where each silence needs a new connection
 // -----------------------------------------
 
