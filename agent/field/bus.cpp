@@ -32,6 +32,8 @@ constexpr std::size_t kMostKept = 64;
 // No protocol here has longer frames; beyond it the line babbles.
 constexpr std::size_t kMaxReceived = 4096;
 constexpr std::size_t kReadChunk = 512;
+// So many datagrams in place of one answer are a flood.
+constexpr std::size_t kMostDatagrams = 1000;
 constexpr std::string_view kNeverSilent =
     "bytes come without end (another master, noise, or wrong settings?)";
 // How often a probing read that is refused is asked: the first NAK may be a command's late one.
@@ -371,6 +373,8 @@ asio::awaitable<void> Bus::receive(const Codec& codec, const Request& request, c
   bool echo_due = echo;
   const bool datagrams = transport_->has_datagrams();
   bool goes_on = false;  // the datagram has more than was read
+  std::size_t total = 0;
+  std::size_t heard = 0;  // datagrams
   std::uint8_t chunk[kReadChunk];
   for (;;) {
     const auto got = co_await transport_->read_some(chunk, deadline);
@@ -383,6 +387,14 @@ asio::awaitable<void> Bus::receive(const Codec& codec, const Request& request, c
       if (silent) co_return;
       transport_->close();
       note_lost();
+      co_return;
+    }
+    total += *got;
+    heard += goes_on ? 0 : 1;
+    if (datagrams && (total > kMostDrained || heard > kMostDatagrams)) {
+      close_never_silent();
+      exchange.outcome = Exchange::Outcome::link_down;
+      exchange.error = kNeverSilent;
       co_return;
     }
     // What one datagram lacks the next one does not bring.
