@@ -32,6 +32,8 @@ constexpr std::size_t kMostKept = 64;
 // No protocol here has longer frames; beyond it the line babbles.
 constexpr std::size_t kMaxReceived = 4096;
 constexpr std::size_t kReadChunk = 512;
+// So many datagrams in place of one answer are a flood.
+constexpr std::size_t kMostDatagrams = 1000;
 constexpr std::string_view kNeverSilent =
     "bytes come without end (another master, noise, or wrong settings?)";
 // How often a probing read that is refused is asked: the first NAK may be a command's late one.
@@ -59,7 +61,7 @@ Bus::Bus(asio::any_io_executor executor, std::unique_ptr<Transport> transport,
       listening_(listening) {}
 
 asio::awaitable<Result<void>> Bus::open() {
-  answered_ = closed_unanswered_ = false;
+  answered_ = closed_unanswered_ = closed_after_silence_ = false;
   auto opened = co_await transport_->open(now() + kOpenTimeout);
   if (!opened) co_return opened;
   // To a port that is always the same, answers to a dead agent may come: its numbers are others.
@@ -371,6 +373,8 @@ asio::awaitable<void> Bus::receive(const Codec& codec, const Request& request, c
   bool echo_due = echo;
   const bool datagrams = transport_->has_datagrams();
   bool goes_on = false;  // the datagram has more than was read
+  std::size_t total = 0;
+  std::size_t heard = 0;  // datagrams
   std::uint8_t chunk[kReadChunk];
   for (;;) {
     const auto got = co_await transport_->read_some(chunk, deadline);
@@ -383,6 +387,14 @@ asio::awaitable<void> Bus::receive(const Codec& codec, const Request& request, c
       if (silent) co_return;
       transport_->close();
       note_lost();
+      co_return;
+    }
+    total += *got;
+    heard += goes_on ? 0 : 1;
+    if (datagrams && (total > kMostDrained || heard > kMostDatagrams)) {
+      close_never_silent();
+      exchange.outcome = Exchange::Outcome::link_down;
+      exchange.error = kNeverSilent;
       co_return;
     }
     // What one datagram lacks the next one does not bring.
@@ -459,9 +471,15 @@ void Bus::note_doubt(const Station& station, const Request& request, const Excha
     case Exchange::Outcome::expired:
       return;
   }
-  if (recovery == Recovery::none) return;
   const bool datagrams = transport_->has_datagrams();
-  if (recovery == Recovery::reconnect && !datagrams) return transport_->close();
+  // The rest of an answer would stand before the next one, and no number tells where that begins.
+  const bool broken_off = exchange.outcome == Exchange::Outcome::unanswered && !rx_.empty();
+  if (recovery == Recovery::none && broken_off && !datagrams) recovery = Recovery::reconnect;
+  if (recovery == Recovery::none) return;
+  if (recovery == Recovery::reconnect && !datagrams) {
+    closed_after_silence_ = exchange.outcome == Exchange::Outcome::unanswered;
+    return transport_->close();
+  }
   if (datagrams && is_numbered(codec)) return;
   // A lost ACK stays a worry until a read has been answered, whatever is asked in between.
   late_.given_up(

@@ -100,6 +100,9 @@ class Bus final {
   /// Whether anything was answered in the session, open or not any more; or in any.
   bool was_answered() const { return answered_; }
   bool was_ever_answered() const { return ever_answered_; }
+  /// The agent itself has closed the channel behind a silence, since only on a new one no late
+  /// answer is taken for that of another question. Nothing is lost: open() again.
+  bool closed_after_silence() const { return closed_after_silence_ && !is_open(); }
   /// For a person: what became of a channel that is not open any more.
   std::string_view why_lost() const;
 
@@ -184,6 +187,7 @@ class Bus final {
   bool answered_ = false;  ///< in this session
   bool ever_answered_ = false;
   bool closed_unanswered_ = false;
+  bool closed_after_silence_ = false;
   std::unique_ptr<WireTrace> trace_;  ///< null: the link is not traced
   Counters counters_;
 };

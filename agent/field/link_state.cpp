@@ -72,7 +72,6 @@ void LinkState::opened() {
   // answered.
   if (!bus_.never_silent() && !was_refused_) reconnect_policy_.opened();
   was_open_ = true;
-  unanswered_in_a_row_ = 0;
   if (!is_vain_) tell_up();
   SteadyTime from = Clock::now();
   for (const auto& device : devices_) {
@@ -109,10 +108,12 @@ std::string_view LinkState::hint_for_silence() {
 void LinkState::open_failed(const std::string& why) {
   next_open_ = Clock::now() +
                reconnect_policy_.after_failure(is_refused() ? kAfterRefusal : milliseconds(0));
+  was_open_ = false;  // where it was closed behind a silence
   lost(why);
 }
 
 void LinkState::lost(const std::string& why) {
+  is_left_ = false;
   was_refused_ = is_refused();
   if (was_open_ && was_refused_)
     next_open_ = Clock::now() + reconnect_policy_.after_failure(kAfterRefusal);
@@ -141,11 +142,17 @@ void LinkState::go_down(std::string why, std::string_view note) {
   is_told_up_ = was_open_ = false;
   was_down_ = true;
   why_down_ = std::move(why);
-  for (const auto& device : devices_) update(*device);
+  for (const auto& device : devices_) {
+    device->state.fell_silent();
+    update(*device);
+  }
 }
 
 void LinkState::look() {
-  if (!bus_.is_open() && was_open_) lost(std::string(bus_.why_lost()));
+  if (bus_.closed_after_silence() && was_open_)
+    next_open_ = Clock::now();
+  else if (!bus_.is_open() && was_open_)
+    lost(std::string(bus_.why_lost()));
   if (bus_.echo_found() && !echo_logged_) {
     echo_logged_ = true;
     log::warn("link", {{"link", config_.name},
@@ -240,9 +247,10 @@ void LinkState::unanswered(LinkDevice& device, PollScheduler::AskedBy by) {
   const bool silent = scheduler_.device_unanswered(device.id, Clock::now(), by);
   if (silent) device.state.fell_silent();
   const int limit = std::max(kDeadPeerAfter, static_cast<int>(devices_.size()) + 1);
-  if (is_serial(config_) || ++unanswered_in_a_row_ < limit) return;
+  if (is_serial(config_) || ++unanswered_in_a_row_ < limit || !was_open_) return;
   bus_.close();
   was_refused_ = false;
+  is_left_ = true;
   next_open_ = Clock::now() + reconnect_policy_.after_loss();
   go_down(bus_.has_datagrams() ? "nobody answers on this UDP port"
                                : "nobody answers on this connection",
@@ -251,9 +259,10 @@ void LinkState::unanswered(LinkDevice& device, PollScheduler::AskedBy by) {
 
 void LinkState::update(LinkDevice& device) {
   DeviceState::Facts facts;
-  facts.bus_open = bus_.is_open();
-  facts.never_silent = bus_.never_silent();
   facts.silent = scheduler_.is_silent(device.id);
+  const bool opens_again = was_open_ && bus_.closed_after_silence();
+  facts.bus_open = bus_.is_open() || opens_again || (is_left_ && facts.silent);
+  facts.never_silent = bus_.never_silent();
   for (const auto& group : device.groups) {
     facts.first_bad = group->cycle.first_bad();
     if (facts.first_bad) break;

@@ -40,7 +40,8 @@ class LinkState final {
   /// before its first answer; every device is offline.
   void lost(const std::string& why);
   /// Tells what the bus has noticed by itself: a loss, an echo, bytes that nobody asked for, and
-  /// that it is doubted or believed again.
+  /// that it is doubted or believed again. Where it was closed behind a silence, it is no loss, and
+  /// to be opened at once.
   void look();
 
   /// The device has answered something, if only with a refusal.
@@ -84,7 +85,9 @@ class LinkState final {
   ReconnectPolicy reconnect_policy_;
   SteadyTime next_open_{};
   std::string why_down_ = "not opened yet";
-  bool was_open_ = false;
+  bool was_open_ = false;  ///< and is, but for a moment behind a silence
+  /// Closed because nobody answers: a device that is silent is so whether or not it is open.
+  bool is_left_ = false;
   bool was_down_ = false;  ///< not only not yet open
   /// The log says so. After a session without an answer the next one is up when it has one.
   bool is_told_up_ = false;

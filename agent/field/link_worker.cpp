@@ -239,6 +239,7 @@ asio::awaitable<void> LinkWorker::idle_until(SteadyTime until) {
 
 asio::awaitable<void> LinkWorker::open_line() {
   const auto opened = co_await bus_.open();
+  if (state_.is_stopping()) co_return;  // then it was closed by stop()
   if (opened)
     state_.opened();
   else

@@ -359,6 +359,7 @@ asio::awaitable<Poller::Knowledge> Poller::ask_model(LinkDevice& device, BadReas
   const PlcServices& asking = *device.config.codec->plc();  // else the model would be known
   const std::vector<Request> questions = asking.identify();
   std::vector<Bytes> images;
+  bool passing = false;  // a refusal that may be none the next time
   for (const Request& question : questions) {
     const Exchange exchange = co_await bus_.exchange(device.station, question);
     if (state_.is_stopping()) co_return Knowledge::unanswered;
@@ -368,6 +369,14 @@ asio::awaitable<Poller::Knowledge> Poller::ask_model(LinkDevice& device, BadReas
       state_.answered(device);
       failure = BadReason::bad_frame;
       co_return Knowledge::unanswered;
+    }
+    if (exchange.is_nak()) {
+      const auto meaning = device.codec->meaning_of(question, exchange.reply.device_code);
+      if (meaning == RefusalMeaning::unreachable) {
+        state_.unreachable(device);
+        co_return Knowledge::unanswered;
+      }
+      passing |= meaning != RefusalMeaning::final && meaning != RefusalMeaning::hole;
     }
     if (exchange.has_answer()) {
       state_.answered(device);
@@ -380,6 +389,10 @@ asio::awaitable<Poller::Knowledge> Poller::ask_model(LinkDevice& device, BadReas
     co_return Knowledge::unanswered;
   }
   const auto model = asking.model_from(images);
+  if (!model && passing) {
+    failure = BadReason::nak;
+    co_return Knowledge::unanswered;
+  }
   device.state.set_model(model);
   if (!model) {
     log::warn("device", {{"device", device.config.name},

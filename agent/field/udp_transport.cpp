@@ -72,15 +72,25 @@ class UdpTransport final : public Transport {
   asio::awaitable<Result<std::size_t>> read_some(MutableBytes into, SteadyTime at) override {
     deadline_.arm(at);
     asio::error_code error;
-    // One without a byte says nothing.
+    // One without a byte says nothing, and many of them are no reason to stay.
+    bool is_empty = false;
     while (!has_rest() && !error) {
+      const bool is_over = is_empty && now() >= at;
+      if (is_over) {
+        deadline_.disarm();
+        co_return fail(ErrorCode::timeout, "no answer on " + name_);
+      }
       error = receive();
+      is_empty = !error;
       if (error != asio::error::would_block) continue;
       const auto [failed] = co_await socket_.async_wait(udp::socket::wait_read, use_result);
       error = failed;
     }
     deadline_.disarm();
-    if (!error) co_return give(into);
+    if (!error) {
+      answered_ = true;
+      co_return give(into);
+    }
     if (error == asio::error::operation_aborted && deadline_.passed())
       co_return fail(ErrorCode::timeout, "no answer on " + name_);
     co_return fail(ErrorCode::link_down, name_ + ": " + why(error));
@@ -90,7 +100,8 @@ class UdpTransport final : public Transport {
     if (!socket_.is_open()) return fail(ErrorCode::link_down, name_ + ": not open");
     Bytes found(datagram_.begin() + static_cast<std::ptrdiff_t>(given_), datagram_.end());
     forget_datagram();
-    while (found.size() < kMostDiscarded) {
+    std::size_t taken = found.size();  // and one for each that has no byte
+    while (taken < kMostDiscarded) {
       const asio::error_code error = receive();
       if (error == asio::error::would_block) break;
       if (error) {
@@ -98,6 +109,7 @@ class UdpTransport final : public Transport {
         return fail(ErrorCode::link_down, name_ + ": " + why(error));
       }
       found.insert(found.end(), datagram_.begin(), datagram_.end());
+      taken += std::max<std::size_t>(datagram_.size(), 1);
       forget_datagram();
     }
     return found;
@@ -121,16 +133,19 @@ class UdpTransport final : public Transport {
   }
 
   Result<void> take_port() {
+    // The old one is closed behind it, or the new one might get the same port.
+    udp::socket taken(socket_.get_executor());
+    asio::error_code error;
+    taken.open(endpoint_.protocol(), error);
+    if (!error && takes_from_others(taken.native_handle())) error = asio::error::no_descriptors;
+    if (!error) taken.non_blocking(true, error);
+    if (!error && settings_.local_port != 0)
+      taken.bind({endpoint_.protocol(), settings_.local_port}, error);
+    const bool is_taken = error == asio::error::address_in_use;
+    if (!error) taken.connect(endpoint_, error);
     close();
     asked_ = false;
-    asio::error_code error;
-    socket_.open(endpoint_.protocol(), error);
-    if (!error && takes_from_others(socket_.native_handle())) error = asio::error::no_descriptors;
-    if (!error) socket_.non_blocking(true, error);
-    if (!error && settings_.local_port != 0)
-      socket_.bind({endpoint_.protocol(), settings_.local_port}, error);
-    const bool is_taken = error == asio::error::address_in_use;
-    if (!error) socket_.connect(endpoint_, error);
+    if (!error) socket_ = std::move(taken);
     // Until it was connected anybody could send to it.
     if (!error && !discard_input()) error = asio::error::connection_refused;
     if (!error) return {};
@@ -156,7 +171,6 @@ class UdpTransport final : public Transport {
     if (count < 0 && errno == EINTR) return {};
     if (count < 0) return {errno, asio::error::get_system_category()};
     datagram_.assign(bytes, bytes + count);
-    answered_ = true;
     return {};
   }
 
@@ -174,9 +188,8 @@ class UdpTransport final : public Transport {
 
   static std::string why(const asio::error_code& error) {
     if (error == asio::error::connection_refused)
-      return "nobody listens on this UDP port (ICMP port unreachable): is it the device's port, "
-             "and "
-             "is that one set to UDP?";
+      return "nobody listens on this UDP port (ICMP port unreachable): "
+             "is it the device's port, and is that one set to UDP?";
     return error.message();
   }
 

@@ -105,6 +105,19 @@ TEST_F(NumberedDatagrams, WhatComesInPlaceOfTheAnswerIsShown) {
   EXPECT_NE(exchange.error.find(to_hex(answer(9, 1))), std::string::npos) << exchange.error;
 }
 
+TEST_F(NumberedDatagrams, FloodOfDatagramsEndsTheExchange) {
+  wire->expect(question(1));
+  for (int i = 0; i < 2000; ++i) wire->later(answer(9, 1));
+  open();
+  const Exchange exchange = read("hr:0");
+  EXPECT_EQ(exchange.outcome, Outcome::link_down);
+  EXPECT_TRUE(exchange.sent);
+  EXPECT_TRUE(bus->never_silent());
+  EXPECT_FALSE(bus->is_open());
+  EXPECT_GT(wire->steps_left(), 0U);
+  while (wire->steps_left() > 0) wire->skip();
+}
+
 TEST_F(NumberedDatagrams, TwoAnswersInOneDatagramAreNone) {
   wire->expect(question(1)).give(joined(answer(1, 7), answer(1, 8)));
   wire->expect(question(2)).give(joined(answer(1, 7), answer(2, 8)));

@@ -74,6 +74,26 @@ class BusTest : public ::testing::Test {
   Station station;
 };
 
+// ---- a stream whose answers have numbers
+// --------------------------------------------------------
+
+TEST_F(BusTest, AnswerThatIsBrokenOffByItsDeadlineTakesItsConnectionWithIt) {
+  station.codec = codec_of("modbus-tcp");
+  const Bytes answer = *from_hex("00 01 00 00 00 05 01 03 02 00 07");
+  wire->expect(*from_hex("00 01 00 00 00 06 01 03 00 00 00 01"));
+  wire->give({answer.begin(), answer.begin() + 6}).silence();
+  open();
+  const Request request{Read{station.codec->addresses().parse_address("hr:0", {})->span}};
+  EXPECT_EQ(ask(request).outcome, Outcome::unanswered);
+  EXPECT_FALSE(line->is_open()) << "the rest would stand before the next answer";
+  EXPECT_TRUE(line->closed_after_silence()) << "which is no loss";
+  open();
+  EXPECT_FALSE(line->closed_after_silence());
+  wire->expect(*from_hex("00 02 00 00 00 06 01 03 00 00 00 01")).silence();
+  EXPECT_EQ(ask(request).outcome, Outcome::unanswered);
+  EXPECT_TRUE(line->is_open()) << "nothing of an answer has come";
+}
+
 // ---- the plain case
 // ------------------------------------------------------------------------------
 

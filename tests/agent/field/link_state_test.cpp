@@ -199,7 +199,43 @@ TEST_F(LinkStateTest, TcpPeerThatNeverAnswersIsLeft) {
   EXPECT_TRUE(bus->is_open()) << "an answer starts the count anew";
   link->unanswered(*devices[0]);
   EXPECT_FALSE(bus->is_open());
-  EXPECT_EQ(told().at(0).reason, "link_down");
+  EXPECT_EQ(told().at(0).reason, "timeout");
+}
+
+TEST_F(LinkStateTest, WhereNobodyAnswersTheStateIsToldOnce) {
+  use(UdpSettings{"192.0.2.10", 5007, 0});
+  open();
+  link->answered(*devices[0]);
+  link->update(*devices[0]);
+  EXPECT_EQ(told().size(), 1U);
+  for (int round = 0; round < 5; ++round) {
+    for (int i = 0; i < 3 && bus->is_open(); ++i) {
+      link->unanswered(*devices[0]);
+      link->update(*devices[0]);
+    }
+    EXPECT_FALSE(bus->is_open());
+    open();
+    link->update(*devices[0]);
+  }
+  const auto states = told();
+  ASSERT_EQ(states.size(), 1U);
+  EXPECT_EQ(states[0].reason, "timeout");
+  link->answered(*devices[0]);
+  link->update(*devices[0]);
+  EXPECT_EQ(told().at(0).state, State::online);
+}
+
+TEST_F(LinkStateTest, ModelIsAskedAgainAfterALoss) {
+  config.devices.clear();
+  use(SerialSettings{});
+  devices[0] =
+      std::make_unique<LinkDevice>(port_device("press1", port_codec(fx::Model::unknown)), 0);
+  devices[0]->id = 0;
+  open();
+  devices[0]->state.set_model("FX3U");
+  bus->close();
+  link->look();
+  EXPECT_FALSE(devices[0]->state.is_model_known());
 }
 
 TEST_F(LinkStateTest, PeerThatClosesBeforeItsFirstAnswerIsTriedEverMoreSeldomAndToldOnce) {
@@ -290,7 +326,7 @@ TEST_F(LinkStateTest, UdpPortWhereNobodyAnswersIsLeft) {
   });
   EXPECT_FALSE(bus->is_open());
   EXPECT_NE(log.find("reason=\"nobody answers on this UDP port\" note="), std::string::npos) << log;
-  EXPECT_EQ(told().at(0).reason, "link_down");
+  EXPECT_EQ(told().at(0).reason, "timeout");
 }
 
 TEST_F(LinkStateTest, UdpPortWhereNobodyListensIsTriedEverMoreSeldomAndToldOnce) {

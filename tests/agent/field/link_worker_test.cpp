@@ -11,6 +11,7 @@
 #include <map>
 #include <memory>
 #include <numeric>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -565,6 +566,103 @@ TEST_F(LinkWorkerTest, TcpPeerThatNeverAnswersIsLeftAndConnectedAnew) {
   EXPECT_EQ(plc.asked().size(), 3U);
   plc.silent = false;
   wait_for_state(State::online, "");
+}
+
+TEST_F(LinkWorkerTest, StoppingWhileItListensIsNoLoss) {
+  config.links[0].channel = TcpSettings{"192.0.2.10", 5551};
+  script().hang();
+  testing::internal::CaptureStderr();
+  start();
+  wait([&] { return wire->steps_left() == 0; });
+  stop();
+  const std::string log = testing::internal::GetCapturedStderr();
+  EXPECT_EQ(log.find("state=down"), std::string::npos) << log;
+}
+
+// ---- a stream where each silence needs a new connection
+// -----------------------------------------
+
+/// MC protocol in 3E frames over TCP, without numbers.
+class StreamWithoutNumbers : public LinkWorkerTest {
+ protected:
+  StreamWithoutNumbers() {
+    config.links[0].channel = TcpSettings{"192.0.2.10", 5007};
+    config.devices.clear();
+    script().then([this](ByteView request) { return answer(request); });
+  }
+  void add_network(unsigned network) {
+    config.devices.push_back(device_on(
+        "mc-3e",
+        codec_of("mc-3e", {{"network", std::int64_t{network}}, {"model", std::string("FX5U")}}),
+        "plc" + std::to_string(network)));
+    DeviceConfig& device = config.devices.back();
+    device.groups[0].interval = milliseconds(5);
+    device.tags.push_back(tag(*device.codec, "temp", "D100"));
+  }
+  /// The words of a batch read, all 0.
+  Bytes answer(ByteView request) {
+    const bool answers = request.size() == 21 && there.contains(request[2]);
+    if (!answers) return {};
+    const std::size_t bytes = 2U * request[19];
+    Bytes out{0xD0, 0x00, request[2], request[3], request[4], request[5], request[6]};
+    out.push_back(static_cast<std::uint8_t>(2 + bytes));
+    out.resize(out.size() + 3 + bytes);
+    return out;
+  }
+  /// Those of a device, without "starting".
+  std::vector<std::string> reasons(std::uint32_t device) const {
+    std::vector<std::string> out;
+    for (const DeviceStatus& status : states)
+      if (status.device == device && status.reason != "starting") out.push_back(status.reason);
+    return out;
+  }
+
+  std::set<unsigned> there;  ///< networks whose PLC answers
+};
+
+TEST_F(StreamWithoutNumbers, DeviceThatNeverAnswersTimesOutAndTheLogSaysWhatToLookAt) {
+  add_network(1);
+  testing::internal::CaptureStderr();
+  start();
+  wait([&] { return wire->opened() >= 5; });
+  const std::string log = testing::internal::GetCapturedStderr();
+  EXPECT_EQ(reasons(0), std::vector<std::string>{"timeout"});
+  EXPECT_EQ(log.find("the line was lost"), std::string::npos) << log;
+  EXPECT_EQ(log.find("state=down"), log.rfind("state=down")) << log;
+  EXPECT_EQ(log.find("state=up"), log.rfind("state=up")) << log;
+  const std::string hint(config.devices[0].protocol->silent_hint);
+  EXPECT_NE(log.find(hint.substr(0, 40)), std::string::npos) << log;
+  there = {1};
+  wait_for_state(State::online, "");
+}
+
+TEST_F(StreamWithoutNumbers, OneSilenceIsNoLoss) {
+  add_network(1);
+  there = {1};
+  start();
+  wait_for_state(State::online, "");
+  there.clear();
+  wait([&] { return wire->opened() >= 2; });
+  there = {1};
+  const std::size_t asked = wire->written().size();
+  wait([&] { return wire->written().size() >= asked + 10; });
+  for (const DeviceStatus& status : states)
+    EXPECT_TRUE(status.state != State::offline || status.reason == "starting") << status.reason;
+}
+
+TEST_F(StreamWithoutNumbers, NeighbourOfASilentDeviceStaysOnline) {
+  add_network(1);
+  add_network(2);
+  there = {2};
+  testing::internal::CaptureStderr();
+  start();
+  wait([&] { return !reasons(0).empty() && wire->opened() >= 4; });
+  const std::size_t asked = wire->written().size();
+  wait([&] { return wire->written().size() >= asked + 10; });
+  const std::string log = testing::internal::GetCapturedStderr();
+  EXPECT_EQ(reasons(0), std::vector<std::string>{"timeout"});
+  for (const std::string& reason : reasons(1)) EXPECT_EQ(reason, "");
+  EXPECT_EQ(log.find("state=down"), std::string::npos) << log;
 }
 
 // ---- models

@@ -213,6 +213,17 @@ TEST_F(ModelPolls, ModelThatCannotBeToldStaysClassicAndDegraded) {
   EXPECT_EQ(plc.count("read 0E02 2"), 1U);
 }
 
+TEST_F(ModelPolls, RefusalThatMayPassIsNoAnswerAndTheModelIsAskedAgain) {
+  script().expect(kEnq).give(kAck);
+  wire->expect(read_frame(kD8001, 2)).give(kNak).expect(read_frame(kD8101, 2)).give(kNak);
+  start();
+  steps_until([&] { return !telemetry.empty(); });
+  EXPECT_EQ(telemetry[0].readings[0].bad, BadReason::nak);
+  EXPECT_EQ(newest[0].reason, "nak");
+  steps_until([&] { return newest[0].model == "FX3U"; });
+  steps_until([&] { return newest[0].state == State::online; });
+}
+
 TEST_F(ModelPolls, ModelIsAskedAgainAfterASilence) {
   start();
   steps_until([&] { return newest[0].model == "FX3U"; });

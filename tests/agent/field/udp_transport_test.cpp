@@ -170,6 +170,28 @@ TEST_F(UdpTransportTest, DatagramWithoutAByteIsPassedOver) {
   EXPECT_TRUE(transport->is_open());
 }
 
+TEST_F(UdpTransportTest, DatagramsWithoutAByteDoNotHoldUpItsDeadline) {
+  const auto transport = channel();
+  open_well(*transport);
+  const udp::endpoint agent = asked(*transport);
+  for (int i = 0; i < 3; ++i) say(agent, "");
+  say(agent, "too late");
+  EXPECT_EQ(read(*transport, milliseconds(-1)), "timeout");
+  EXPECT_EQ(read(*transport), "too late");
+}
+
+TEST_F(UdpTransportTest, EachPortIsAnotherThanTheOneBefore) {
+  const auto transport = channel();
+  open_well(*transport);
+  unsigned short before = 0;
+  for (int i = 0; i < 20; ++i) {
+    const auto port = asked(*transport).port();
+    EXPECT_NE(port, before);
+    before = port;
+    ASSERT_TRUE(transport->renew());
+  }
+}
+
 TEST_F(UdpTransportTest, ReadEndsAtItsDeadline) {
   const auto transport = channel();
   open_well(*transport);
