@@ -23,9 +23,9 @@ void expect_says(const std::string& text, std::string_view part) {
   EXPECT_NE(text.find(part), std::string::npos) << text;
 }
 
-constexpr Model kAll[] = {Model::unknown, Model::unknown_fx3, Model::fx3u, Model::fx3g,
-                          Model::fx5u,    Model::fx5uj,       Model::fx5s, Model::q,
-                          Model::l,       Model::iq_r};
+constexpr Model kAll[] = {Model::unknown, Model::unknown_fx3, Model::fx3u,    Model::fx3g,
+                          Model::fx5u,    Model::fx5uj,       Model::fx5s,    Model::q,
+                          Model::l,       Model::iq_r,        Model::q_by_1e, Model::l_by_1e};
 
 TEST(McDevice, NamesBecomePlacesInTheirSpace) {
   struct Case {
