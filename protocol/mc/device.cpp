@@ -406,6 +406,13 @@ std::uint32_t count_of(Model model, Space space) {
   return counts.iq_r;
 }
 
+/// Before a number becomes bits: those of one that no model has may not fit into 32 of them.
+Result<void> check_number(Model model, Space space, std::uint32_t number) {
+  const auto numbers = numbers_of(model, space);
+  if (numbers && number <= numbers->last) return {};
+  return missing(model, device_name(model, space, number), kind_of(space).letters);
+}
+
 template <class Is>
 std::optional<Space> first_space(Is is) {
   for (std::uint16_t i = 0; i < kSpaces; ++i)
@@ -524,6 +531,8 @@ Result<Address> parse_address(Model model, std::string_view text, std::optional<
     parts.letters += contact ? 'S' : 'N';
   }
   const Space space = space_of(model, parts.letters, *number);
+  if (const auto present = check_number(model, space, *number); !present)
+    return tl::make_unexpected(present.error());
   const DeviceKind& kind = kind_of(space);
 
   Address address;
@@ -577,6 +586,8 @@ Result<Span> parse_range(Model model, std::string_view text) {
   }
   if (numbers.last < numbers.first)
     return refuse(upper(text) + ": the range ends before it begins");
+  if (const auto present = check_number(model, *space, numbers.last); !present)
+    return tl::make_unexpected(present.error());
   const Span span = span_of(*space, numbers);
   if (const auto present = check_range(model, span); !present)
     return tl::make_unexpected(present.error());

@@ -170,6 +170,23 @@ TEST(McDevice, EachModelHasItsLastDeviceAndNotTheNext) {
   }
 }
 
+// A number that its bits carry over 32 bits is no small one.
+TEST(McDevice, NumbersThatNoSpaceHasAreNeverOthers) {
+  struct Case {
+    Model model;
+    const char* name;
+  };
+  for (const Case& c : {Case{Model::fx5u, "LCN134217733"}, Case{Model::iq_r, "LTN134217728"},
+                        Case{Model::iq_r, "LSTN134217728"}, Case{Model::fx5u, "LZ134217728"},
+                        Case{Model::fx3u, "CN134217928"}, Case{Model::iq_r, "LCN268435455"},
+                        Case{Model::iq_r, "D268435455"}, Case{Model::iq_r, "K8M268435455"}}) {
+    expect_says(refusal(c.model, c.name), "does not exist");
+    EXPECT_FALSE(parse_range(c.model, c.name)) << c.name;
+  }
+  EXPECT_FALSE(parse_range(Model::fx5u, "LCN0-LCN134217727"));
+  EXPECT_FALSE(parse_range(Model::iq_r, "LTN0-LTN134217728"));
+}
+
 TEST(McDevice, ARefusalNamesTheModelAndItsRanges) {
   EXPECT_EQ(refusal(Model::fx3u, "M7680"),
             "M7680 does not exist: FX3U has M0-M7679 and M8000-M8511");
