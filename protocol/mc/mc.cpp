@@ -324,9 +324,8 @@ std::optional<Request> Mc::apart_from(const Request& request) const {
 RefusalMeaning Mc::meaning_of(const Request& request, int device_code) const {
   const auto* control = std::get_if<Control>(&request);
   const bool runs_or_stops = control != nullptr && control->kind != Control::Kind::identify;
-  const bool reads =
-      std::holds_alternative<Read>(request) || std::holds_alternative<Gather>(request);
-  return meaning_of_end_code(static_cast<std::uint16_t>(device_code), reads, runs_or_stops);
+  return meaning_of_end_code(static_cast<std::uint16_t>(device_code), brings_data(request),
+                             runs_or_stops);
 }
 
 std::optional<Request> Mc::instead_of(const Request& request, int device_code) const {

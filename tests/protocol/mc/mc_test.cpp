@@ -377,6 +377,11 @@ TEST(McRefusals, EndCodesMeanWhatTheManualsSay) {
   EXPECT_EQ(mc.meaning_of(run, 0x7F24), RefusalMeaning::final);
   EXPECT_EQ(mc.meaning_of(kTwoWords, 0x7F6A), RefusalMeaning::busy);
   EXPECT_EQ(mc.meaning_of(run, 0x7F6A), RefusalMeaning::final);
+  const Request asked = Control{Control::Kind::identify};
+  EXPECT_EQ(mc.meaning_of(asked, 0x4A00), RefusalMeaning::unreachable);
+  EXPECT_EQ(mc.meaning_of(asked, 0x1234), RefusalMeaning::final);
+  EXPECT_EQ(mc.meaning_of(asked, 0xC059), RefusalMeaning::final);
+  EXPECT_EQ(mc.meaning_of(asked, 0x7F24), RefusalMeaning::curable);
   // Of a code that nobody knows nobody knows what was done.
   EXPECT_EQ(mc.meaning_of(kTwoWords, 0x1234), RefusalMeaning::final);
   EXPECT_EQ(mc.meaning_of(kWrite, 0x1234), RefusalMeaning::unclear);

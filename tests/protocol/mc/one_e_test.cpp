@@ -485,6 +485,9 @@ TEST(OneE, WhatARefusalMeans) {
     EXPECT_EQ(plc().meaning_of(read, row.code), row.of_read) << row.code;
     EXPECT_EQ(plc().meaning_of(write, row.code), row.of_write) << row.code;
     EXPECT_EQ(plc().meaning_of(run, row.code), row.of_write) << row.code;
+    // Which PLC it is: nothing can have been done.
+    EXPECT_EQ(plc().meaning_of(Control{Control::Kind::identify}, row.code), row.of_read)
+        << row.code;
   }
 }
 
