@@ -359,13 +359,14 @@ TEST(McRefusals, EndCodesMeanWhatTheManualsSay) {
   const Request gather = Gather{{Read{{kD, 0, 16}, kRandomWay, kRandomRead}}};
   const Request run = Control{Control::Kind::run};
   for (const int code : {0xC051, 0xC052, 0xC053, 0xC054, 0xC056, 0xC05B, 0x4031, 0x4030, 0x7E41,
-                         0x7E42, 0x7E43, 0x7E4F}) {
+                         0x7E42, 0x7E43, 0x7E4F, 0x4032}) {
     EXPECT_EQ(mc.meaning_of(kTwoWords, code), RefusalMeaning::hole) << code;
     EXPECT_EQ(mc.meaning_of(gather, code), RefusalMeaning::hole) << code;
     EXPECT_EQ(mc.meaning_of(kWrite, code), RefusalMeaning::final) << code;
   }
-  for (const int code : {0x0050, 0x0055, 0x4013, 0x4080, 0x4FFF, 0xC050, 0xC059, 0xC05C, 0xC05F,
-                         0xC061, 0xC200, 0xC204, 0x7167, 0x7E40, 0x7F22}) {
+  for (const int code :
+       {0x0050, 0x0055, 0x4013, 0x4080, 0x4FFF, 0xC050, 0xC059, 0xC05C, 0xC05F, 0xC061, 0xC200,
+        0xC204, 0x7167, 0x7E40, 0x7F22, 0x7153, 0x7157, 0x7168, 0x716D}) {
     EXPECT_EQ(mc.meaning_of(kTwoWords, code), RefusalMeaning::final) << code;
     EXPECT_EQ(mc.meaning_of(kWrite, code), RefusalMeaning::final) << code;
     EXPECT_EQ(mc.meaning_of(gather, code), RefusalMeaning::final) << code;
@@ -377,6 +378,15 @@ TEST(McRefusals, EndCodesMeanWhatTheManualsSay) {
   EXPECT_EQ(mc.meaning_of(run, 0x7F24), RefusalMeaning::final);
   EXPECT_EQ(mc.meaning_of(kTwoWords, 0x7F6A), RefusalMeaning::busy);
   EXPECT_EQ(mc.meaning_of(run, 0x7F6A), RefusalMeaning::final);
+  EXPECT_EQ(mc.meaning_of(kTwoWords, 0x7E47), RefusalMeaning::busy);
+  EXPECT_EQ(mc.meaning_of(kWrite, 0x7E47), RefusalMeaning::busy);
+  EXPECT_EQ(mc.meaning_of(run, 0x7E47), RefusalMeaning::final);
+  // Of a relay: the request may have gone on, and its answer been lost.
+  for (const int code : {0x4B00, 0x4B02, 0x4BFF}) {
+    EXPECT_EQ(mc.meaning_of(kTwoWords, code), RefusalMeaning::unreachable) << code;
+    EXPECT_EQ(mc.meaning_of(kWrite, code), RefusalMeaning::unclear) << code;
+    EXPECT_EQ(mc.meaning_of(run, code), RefusalMeaning::unclear) << code;
+  }
   const Request asked = Control{Control::Kind::identify};
   EXPECT_EQ(mc.meaning_of(asked, 0x4A00), RefusalMeaning::unreachable);
   EXPECT_EQ(mc.meaning_of(asked, 0x1234), RefusalMeaning::final);
@@ -395,6 +405,7 @@ TEST(McRefusals, TextsNameTheSettingToLookAt) {
   expect_says(end_code_text(0x4A05), "network and pc");
   expect_says(end_code_text(0xC201), "password");
   expect_says(end_code_text(0x4ABC), "no way");
+  expect_says(end_code_text(0x4B02), "on the way");
   expect_says(end_code_text(0x4123), "refused by the CPU");
   expect_says(end_code_text(0x7F24), "sum_check");
   expect_says(end_code_text(0x1234), "end code 1234: a reason that is not known here");
