@@ -49,6 +49,10 @@ Limits limits_of(const Dialect& dialect, bool long_codes) {
   return limits;
 }
 
+bool has_doubtful_digits(const Dialect& dialect, Space space) {
+  return dialect.code == Code::ascii && base_of(dialect.model, space) == 8;
+}
+
 bool has_name(const Dialect& dialect, Space space) {
   return dialect.code == Code::binary || dialect.series() == Series::iq_r ||
          !kind_of(space).ascii.empty();
@@ -85,6 +89,10 @@ std::vector<ReadWay> read_ways(const Dialect& dialect, std::uint16_t space_id) {
     ReadWay way;
     way.way = id;
     way.end_bit = run.end_bit();
+    if (has_doubtful_digits(dialect, space)) {
+      // Bits from any head that has a name; words from the first one alone.
+      way.end_bit = unit == 1 ? kCertain : kCertainWords;
+    }
     way.align_bits = align;
     way.unit_bits = unit;
     const std::uint32_t block = dialect.max_block_bytes * 8;

@@ -44,6 +44,17 @@ Reply refusal(std::uint16_t code) {
   return reply;
 }
 
+/// Why frames in ASCII code do not reach all of a span; empty: they do.
+std::string why_out_of_reach(const Dialect& dialect, const Span& span) {
+  if (span.space >= kSpaces) return {};
+  const auto space = static_cast<Space>(span.space);
+  auto why = why_not_named(dialect, space, span.first_bit / kind_of(space).bits);
+  const bool beyond = span.bits > kCertainWords || span.first_bit > kCertainWords - span.bits;
+  if (why.empty() && beyond && has_doubtful_digits(dialect, space))
+    return why_not_named(dialect, space, kCertainWords);
+  return why;
+}
+
 bool brings_data(const Request& request) {
   const auto* control = std::get_if<Control>(&request);
   return std::holds_alternative<Read>(request) || std::holds_alternative<Gather>(request) ||
@@ -115,9 +126,7 @@ Result<std::shared_ptr<const Codec>> Mc::make_4c(const Options& options) {
 Result<Address> Mc::parse_address(std::string_view text, std::optional<DataType> type) const {
   auto address = mc::parse_address(settings_.model, text, type);
   if (!address) return address;
-  const auto space = static_cast<Space>(address->span.space);
-  const std::uint32_t number = address->span.first_bit / kind_of(space).bits;
-  if (auto why = why_not_named(dialect_, space, number); !why.empty())
+  if (auto why = why_out_of_reach(dialect_, address->span); !why.empty())
     return refuse(std::move(why));
   return address;
 }
@@ -129,11 +138,15 @@ Result<Span> Mc::parse_range(std::string_view text) const {
 }
 
 Result<void> Mc::check_range(const Span& span) const {
-  return mc::check_range(settings_.model, span);
+  if (auto present = mc::check_range(settings_.model, span); !present) return present;
+  if (auto why = why_out_of_reach(dialect_, span); !why.empty()) return refuse(std::move(why));
+  return {};
 }
 
 Result<void> Mc::check_write(const Span& span) const {
-  return mc::check_write(settings_.model, span);
+  if (auto allowed = mc::check_write(settings_.model, span); !allowed) return allowed;
+  if (auto why = why_out_of_reach(dialect_, span); !why.empty()) return refuse(std::move(why));
+  return {};
 }
 
 std::string Mc::name_of(const Span& span) const { return device_name(settings_.model, span); }

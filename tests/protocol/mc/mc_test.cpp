@@ -348,6 +348,28 @@ TEST(McMessages, InAsciiSomeDevicesOfAnFx5HaveNoCertainName) {
   EXPECT_TRUE(mc.parse_address("M10", std::nullopt));
   EXPECT_TRUE(mc.read_ways(id(Space::lcn)).empty());
   EXPECT_FALSE(mc.encode(Read{{id(Space::x), 8, 1}, kBitWay}, 1));
+  // From X0 on one word can be asked for; a second one might have to begin at X20.
+  EXPECT_TRUE(mc.parse_address("K4X0", std::nullopt));
+  EXPECT_TRUE(mc.check_range({id(Space::x), 0, 16}));
+  expect_says(refused("K8X0"), "X20: whether an FX5");
+  for (const Span& far : {Span{id(Space::x), 0, 32}, Span{id(Space::y), 7, 10}}) {
+    const auto inside = mc.check_range(far);
+    ASSERT_FALSE(inside);
+    expect_says(inside.error().text, "use `code` binary");
+    EXPECT_FALSE(mc.check_write(far));
+  }
+  EXPECT_TRUE(mc.check_write({id(Space::y), 0, 16}));
+  EXPECT_TRUE(mc.parse_range("Y0-Y77"));
+  for (const ReadWay& way : mc.read_ways(id(Space::x))) {
+    EXPECT_EQ(way.end_bit, way.way == kBitWay ? 8U : 16U);
+    for (std::uint32_t first = 0; first + way.unit_bits <= way.end_bit; ++first)
+      EXPECT_EQ(
+          mc.encode(Read{{id(Space::x), first, way.unit_bits}, way.way, way.gather}, 1).has_value(),
+          true)
+          << first;
+  }
+  EXPECT_TRUE(codec(Frame::e3).check_range({id(Space::x), 0, 32}));
+  EXPECT_TRUE(codec(Frame::e3, Model::q, Code::ascii).check_range({id(Space::x), 0, 32}));
   EXPECT_TRUE(codec(Frame::e3, Model::q, Code::ascii).parse_address("X10", std::nullopt));
   EXPECT_TRUE(codec(Frame::e3, Model::iq_r, Code::ascii).parse_address("LCN0", std::nullopt));
 }
