@@ -55,11 +55,12 @@ std::string why_out_of_reach(const Dialect& dialect, const Span& span) {
   return why;
 }
 
-bool brings_data(const Request& request) {
+bool is_identify(const Request& request) {
   const auto* control = std::get_if<Control>(&request);
-  return std::holds_alternative<Read>(request) || std::holds_alternative<Gather>(request) ||
-         (control != nullptr && control->kind == Control::Kind::identify);
+  return control != nullptr && control->kind == Control::Kind::identify;
 }
+
+bool brings_data(const Request& request) { return is_read(request) || is_identify(request); }
 
 }  // namespace
 
@@ -226,6 +227,13 @@ Result<Reply> Mc::reply_in(const Request& request, ByteView message, ByteView co
 
 Result<Reply> Mc::data_reply(const Request& request, ByteView data) const {
   const std::size_t expected = answer_size(dialect_, request);
+  if (is_identify(request) && data.size() != expected) {
+    // Of devices of others: the name if it is there, else no model. Nobody takes it for a value.
+    Reply named;
+    named.kind = Reply::Kind::data;
+    if (data.size() >= kTypeName) named.image.assign(data.begin(), data.begin() + kTypeName);
+    return named;
+  }
   if (data.size() != expected)
     return garbled(std::to_string(data.size()) + " characters of data given, " +
                    std::to_string(expected) + " expected");

@@ -470,6 +470,25 @@ TEST(McPlc, TheTypeNameTellsTheModel) {
                                                                        {"LJ71E71-100", ""},
                                                                        {"KV-8000", ""}}};
   const Mc mc = codec(Frame::e3, Model::unknown);
+  // Others that speak 3E answer with more, or with less, than the manual has.
+  const Request asked = mc.identify().front();
+  const auto named = [&](std::string_view data_length, std::string_view rest) {
+    Bytes rx = hex("D0 00 00 FF FF 03 00 " + std::string(data_length) + " 00 00 00");
+    for (const char c : std::string_view("FX5U-32MT/ES    "))
+      rx.push_back(static_cast<std::uint8_t>(c));
+    const Bytes behind = hex(rest);
+    rx.insert(rx.end(), behind.begin(), behind.end());
+    return mc.model_from({answer(mc, asked, rx).image});
+  };
+  EXPECT_EQ(named("14", "21 4A"), "FX5U");
+  EXPECT_EQ(named("12", ""), "FX5U");
+  EXPECT_EQ(named("18", "21 4A 00 00 00 00"), "FX5U");
+  for (const char* rx :
+       {"D0 00 00 FF FF 03 00 02 00 00 00", "D0 00 00 FF FF 03 00 05 00 00 00 46 58 35"}) {
+    const Reply reply = answer(mc, asked, hex(rx));
+    EXPECT_EQ(reply.kind, Reply::Kind::data);
+    EXPECT_EQ(mc.model_from({reply.image}), std::nullopt);
+  }
   for (const auto& [type, model] : kTypes) {
     std::string text = type;
     text.resize(16, ' ');
