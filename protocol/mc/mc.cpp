@@ -283,8 +283,11 @@ bool Mc::may_pass_for_answer(ByteView bytes) const {
   append_number(ethernet_.code, subheader, 0, 1);
   for (std::size_t at = 0; at < bytes.size(); ++at) {
     const std::size_t size = std::min(subheader.size(), bytes.size() - at);
+    const auto same = [&](std::uint8_t a, std::uint8_t b) {
+      return a == b || (ethernet_.code == Code::ascii && hex_digit(a) == hex_digit(b));
+    };
     if (std::equal(subheader.begin(), subheader.begin() + static_cast<std::ptrdiff_t>(size),
-                   bytes.begin() + static_cast<std::ptrdiff_t>(at)))
+                   bytes.begin() + static_cast<std::ptrdiff_t>(at), same))
       return true;
   }
   return false;

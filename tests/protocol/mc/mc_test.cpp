@@ -187,6 +187,10 @@ TEST(Mc3E, WhatTheAgentSaysOfWholeFramesItMayPassForAnAnswer) {
   EXPECT_TRUE(mc.may_pass_for_answer(hex("01 D0 00")));
   EXPECT_TRUE(mc.may_pass_for_answer(hex("01 D0")));
   EXPECT_FALSE(mc.may_pass_for_answer(hex("50 00 00 FF")));
+  const Mc ascii = codec(Frame::e3, Model::fx5u, Code::ascii);
+  for (const std::string_view text : {"D000", "d000", "xd0", "d"})
+    EXPECT_TRUE(ascii.may_pass_for_answer(Bytes(text.begin(), text.end()))) << text;
+  EXPECT_FALSE(ascii.may_pass_for_answer(Bytes{'5', '0', '0', '0'}));
   EXPECT_TRUE(codec(Frame::e4).may_pass_for_answer(hex("01")));
 }
 
