@@ -42,10 +42,7 @@ Limits limits_of(const Dialect& dialect, bool long_codes) {
     limits.random_bits /= 2;
     limits.blocks /= 2;
   }
-  if (dialect.serial) {
-    limits.bits = std::min(limits.bits, kSerialBits);
-    limits.blocks = 0;
-  }
+  if (dialect.serial) limits.bits = std::min(limits.bits, kSerialBits);
   return limits;
 }
 
