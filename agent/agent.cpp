@@ -1,7 +1,5 @@
 #include "agent/agent.h"
 
-#include <sys/resource.h>
-
 #include <algorithm>
 #include <chrono>
 #include <csignal>
@@ -9,7 +7,6 @@
 #include <functional>
 #include <memory>
 #include <random>
-#include <stdexcept>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -21,6 +18,7 @@
 #include "agent/log/log.h"
 #include "agent/metrics/metrics_server.h"
 #include "agent/outbox.h"
+#include "agent/process/file_limit.h"
 #include "agent/process/service_manager.h"
 #include "agent/process/service_reports.h"
 #include "agent/process/signs_of_life.h"
@@ -39,6 +37,8 @@ namespace {
 constexpr std::size_t kOutboxMessages = 65536;
 // A status is made at once, unless the uplink stands still.
 constexpr std::chrono::milliseconds kStatusWithin{500};
+// Longer only where it reads a large config, or a file that does not answer.
+constexpr std::chrono::seconds kReloadEnds{2};
 constexpr std::size_t kMostBacklogBytes = std::size_t{64} << 20;
 
 /// 8 hex digits, another at every start.
@@ -46,28 +46,6 @@ std::string new_boot_id(std::random_device& random) {
   char text[9];
   std::snprintf(text, sizeof text, "%08x", random());
   return text;
-}
-
-/// A socket for each of 1,000 links is more than Debian's soft limit of 1,024 leaves room for.
-/// Where the hard limit is too low the links beyond it stay down, and say so one by one; why is
-/// said here, once.
-void raise_file_limit(std::size_t links) {
-  rlimit limit{};
-  if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
-  limit.rlim_cur = limit.rlim_max;
-  setrlimit(RLIMIT_NOFILE, &limit);
-  if (limit.rlim_max <= static_cast<rlim_t>(kFilesNotForLinks))
-    throw std::runtime_error("cannot begin: " + std::to_string(limit.rlim_max) +
-                             " open files are allowed, and it takes more than " +
-                             std::to_string(kFilesNotForLinks) +
-                             "; raise the hard limit (LimitNOFILE of the service, ulimit -Hn)");
-  const rlim_t needed = static_cast<rlim_t>(links) + kFilesNotForLinks;
-  if (limit.rlim_max == RLIM_INFINITY || limit.rlim_max >= needed) return;
-  log::error("agent", {{"open_files_allowed", std::to_string(limit.rlim_max)},
-                       {"open_files_needed", std::to_string(needed)},
-                       {"note",
-                        "not every link can be open: raise the hard limit (LimitNOFILE of the "
-                        "service, ulimits of a container, ulimit -Hn in a shell)"}});
 }
 
 /// The signal that ends the agent. Meanwhile the service manager is told how it is.
@@ -92,7 +70,8 @@ std::string current_status(StatusBoard& board) {
 // `config` is the uplink's own from here on: a reload makes it the next one.
 void run_agent(Config config, const std::string& path, RemoteConfig& remote, StopWatchdog& watchdog,
                const std::vector<std::uint32_t>& traced) {
-  raise_file_limit(config.links.size() + (config.metrics ? MetricsServer::kMostFiles : 0));
+  raise_file_limit(kFilesNotForLinks);
+  say_where_files_are_too_few(files_needed(config));
   const auto served_at = config.metrics;
   auto in_force = std::make_shared<const Config>(config);
   std::random_device random;
@@ -132,6 +111,7 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
   watchdog.begin("the start");
   field.trace(traced);
   field.switch_traces_at(SIGUSR1);
+  remote.begin();
   field.start();
   SignsOfLife signs;
   Reload reload(path, remote, std::move(in_force), field, outbox, publisher);
@@ -162,6 +142,8 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
   uplink.request_stop();
   outbox.notify();
   uplink.join();
+  watchdog.stage("the reload: a config file or the disk");
+  reload.wait_for_end(kReloadEnds);
   watchdog.stage("the log: nobody reads it");
   log::info("agent", {{"state", "stopped"}});
   service_manager::tell_status("stopped");

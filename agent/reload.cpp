@@ -13,8 +13,12 @@
 #include <utility>
 
 #include "agent/commands/audit_records.h"
+#include "agent/config/log_warnings.h"
 #include "agent/failpoint.h"
+#include "agent/field/host_lookup.h"
 #include "agent/log/log.h"
+#include "agent/metrics/metrics_server.h"
+#include "agent/process/file_limit.h"
 #include "agent/process/service_manager.h"
 #include "agent/process/startup.h"
 #include "agent/uplink/broker.h"
@@ -34,6 +38,13 @@ sigset_t hangup() {
 }
 
 }  // namespace
+
+std::size_t files_needed(const Config& config) {
+  const auto links = std::ranges::count_if(
+      config.links, [](const LinkConfig& link) { return !link.name.empty(); });
+  return static_cast<std::size_t>(links) + static_cast<std::size_t>(kFilesNotForLinks) +
+         (config.metrics ? MetricsServer::kMostFiles : 0);
+}
 
 /// Whether field and uplink have taken over the change; shared with the calls that go through them,
 /// which may outlive the wait for them.
@@ -73,8 +84,8 @@ Reload::Reload(std::string path, RemoteConfig& remote, std::shared_ptr<const Con
   status_.hash = running_->hash;
   status_.since_ms = utc_now();
   listen();
-  if (remote_.is_enabled()) log_report();
-  report();
+  has_reported_ = remote_.take_left_answer();
+  report(Log::always);
   publish_status();
   const WithoutSignals quiet;
   thread_ = std::thread([this] { run(); });
@@ -89,6 +100,10 @@ void Reload::stop() {
   if (stopping_.exchange(true)) return;
   turn_->end();
   wake();
+}
+
+bool Reload::wait_for_end(std::chrono::nanoseconds patience) {
+  return end_.wait_for(patience) == std::future_status::ready;
 }
 
 // ---- what wakes the thread ----------------------------------------------------------------------
@@ -139,10 +154,12 @@ bool Reload::wait() {
 void Reload::run() {
   while (true) {
     const bool is_meant = wait();
-    if (stopping_) return remote_.stop();
+    if (stopping_) break;
     if (is_meant) reload();
     if (!stopping_) look_at_news();
   }
+  remote_.stop();
+  ended_.set_value();
 }
 
 void Reload::look_at_news() {
@@ -200,30 +217,21 @@ std::optional<Reload::Next> Reload::wanted() {
     reject(errors);
     return std::nullopt;
   }
-  for (const std::string& warning : std::exchange(next->config.warnings, {}))
-    log::warn("config", {{"note", warning}});
-  for (const ConfigError& secret : exposed_secrets(next->config))
-    log::warn("config", {{"note", secret.pointer + ": " + secret.text}});
+  log_warnings(next->config);
   return std::move(*next);
 }
 
 // ---- what comes from afar -----------------------------------------------------------------------
 
 void Reload::hear(const std::string& desired) {
-  std::optional<Next> next;
-  try {
-    next = remote_.hear(desired, moment());
-  } catch (const std::exception& error) {
-    log::error("remote_config", {{"state", "rejected"}, {"error", error.what()}});
-  }
-  if (next) take_over(std::move(*next));
+  if (auto next = remote_.hear(desired, moment())) take_over(std::move(*next));
   malloc_trim(0);
 }
 
 void Reload::take_over(Next next) {
   // Of what from afar changes the agent none needs a restart: those sections are the local file's.
-  if (ConfigErrors errors = needs_restart(*running_, next.config); !errors.empty())
-    return remote_.refuse(next, std::move(errors), moment());
+  if (const ConfigErrors errors = needs_restart(*running_, next.config); !errors.empty())
+    return remote_.refuse(next, errors, moment());
   const bool is_desired = next.why == Next::Why::desired;
   if (is_desired) failpoint("remote_config_kept");
   if (!apply(std::exchange(next.config, {}))) return;
@@ -267,6 +275,7 @@ bool Reload::apply(Config config) {
   log::info(
       "config",
       {{"state", "applied"}, {"hash", status_.hash}, {"took_ms", std::to_string(took.count())}});
+  say_where_files_are_too_few(files_needed(*running_));
   return true;
 }
 
@@ -316,7 +325,7 @@ void Reload::log_report() {
                               {"version", log::excerpt(version)},
                               {"by", log::excerpt(report.desired.by)},
                               {"desired_hash", report.desired.hash},
-                              {"errors", std::to_string(report.errors.size())},
+                              {"errors", std::to_string(report.errors_in_all)},
                               {"hash", status_.hash}});
 }
 
@@ -333,7 +342,7 @@ std::string Reload::audit_record() const {
 }
 
 /// What the broker has of it, and the log and the audit where it is news.
-void Reload::report() {
+void Reload::report(Log when) {
   const bool is_news = remote_.take_news();
   if (!remote_.is_enabled()) {
     if (std::exchange(has_reported_, false))
@@ -341,11 +350,8 @@ void Reload::report() {
     return;
   }
   has_reported_ = true;
-  std::string audit;
-  if (is_news) {
-    log_report();
-    audit = audit_record();
-  }
+  if (is_news || when == Log::always) log_report();
+  std::string audit = is_news ? audit_record() : std::string();
   outbox_.ask([&publisher = publisher_, text = remote_.reported(status_.hash),
                audit = std::move(audit)](SteadyTime) { publisher.report_config(text, audit); });
 }

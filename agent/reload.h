@@ -5,6 +5,9 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <future>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -38,6 +41,9 @@ class Reload final {
   /// A reload that is under way goes no further than field and uplink take it by themselves. Before
   /// the field is stopped; waits for nothing.
   void stop();
+  /// After stop(): whether the thread has ended, which writes last how a trial was stopped. A file
+  /// or a disk that does not answer may keep it for longer.
+  bool wait_for_end(std::chrono::nanoseconds patience);
 
  private:
   class Turn;
@@ -67,7 +73,8 @@ class Reload final {
   void say(const std::string& state, const ConfigErrors& errors);
   void log_report();
   std::string audit_record() const;
-  void report();
+  enum class Log : std::uint8_t { news, always };
+  void report(Log when = Log::news);
   void publish_status();
 
   const std::string path_;
@@ -82,8 +89,13 @@ class Reload final {
   std::mutex mutex_;
   News news_;  ///< under the mutex
   std::atomic<bool> stopping_ = false;
+  std::promise<void> ended_;
+  const std::future<void> end_ = ended_.get_future();
   std::thread thread_;
 };
+
+/// Files and sockets that the agent may have open at once with this config.
+std::size_t files_needed(const Config& config);
 
 /// Where health has no room for more.
 inline constexpr std::size_t kErrorsInHealth = 10;

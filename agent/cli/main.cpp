@@ -28,6 +28,7 @@
 #include "agent/cli/verify_stream.h"
 #include "agent/config/config.h"
 #include "agent/config/expand.h"
+#include "agent/config/log_warnings.h"
 #include "agent/config/reader.h"
 #include "agent/config/remote_limits.h"
 #include "agent/log/log.h"
@@ -76,6 +77,10 @@ int check_desired(const std::string& path, const Config& local, const std::strin
     return refuse({{"", 0, "never comes: agent.remote_config is not set in " + path}});
   const auto document = read_config_file(desired);
   if (!document) return refuse(document.error());
+  if (document->empty()) {
+    std::cout << desired << ": right: empty, so that what came before is withdrawn\n";
+    return 0;
+  }
   const auto [read, faults] = read_desired(*document);
   if (!faults.empty()) return refuse(faults);
   const auto text = read_config_file(path);
@@ -136,8 +141,13 @@ struct RunCall {
 };
 
 /// The links to be traced, by index in Config::links; nullopt, and the reason on stderr, where one
-/// is not there.
-std::optional<std::vector<std::uint32_t>> traced_links(const Config& config, const RunCall& call) {
+/// is not there. With a config from afar in force that is no reason to stay down: whoever sent it
+/// may have taken the link away.
+std::optional<std::vector<std::uint32_t>> traced_links(const Config& config, const RunCall& call,
+                                                       const RemoteConfig& remote) {
+  const auto status = remote.status();
+  const bool is_local = !status || status->version.empty();
+
   std::vector<std::string_view> names;
   names.reserve(config.links.size());
   for (const LinkConfig& link : config.links) names.push_back(link.name);
@@ -145,10 +155,11 @@ std::optional<std::vector<std::uint32_t>> traced_links(const Config& config, con
   for (const std::string& name : call.traced) {
     const auto found = std::ranges::find(names, name);
     if (found == names.end()) {
-      log::say(log::Level::error, "config",
+      log::say(is_local ? log::Level::error : log::Level::warn, "config",
                "--trace: there is no link " + shown(name) +
                    (names.empty() ? "" : "; " + did_you_mean(name, names)));
-      return std::nullopt;
+      if (is_local) return std::nullopt;
+      continue;
     }
     links.push_back(static_cast<std::uint32_t>(found - names.begin()));
   }
@@ -186,13 +197,10 @@ int run(const RunCall& call) {
       log::say(log::Level::error, "config", to_string(error, call.path));
     return kWrong;
   }
-  const auto traced = traced_links(*config, call);
+  const auto traced = traced_links(*config, call, remote);
   if (!traced) return kWrong;
   malloc_trim(0);  // what reading a large file took goes back, for the years that follow
-  for (const std::string& warning : std::exchange(config->warnings, {}))
-    log::warn("config", {{"note", warning}});
-  for (const ConfigError& secret : exposed_secrets(*config))
-    log::warn("config", {{"note", secret.pointer + ": " + secret.text}});
+  log_warnings(*config);
   try {
     run_agent(std::move(*config), call.path, remote, watchdog, *traced);
   } catch (const std::exception& error) {

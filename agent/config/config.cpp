@@ -14,6 +14,7 @@
 #include <tuple>
 
 #include "agent/config/device.h"
+#include "agent/config/file_privacy.h"
 #include "agent/config/keys.h"
 #include "agent/config/metrics.h"
 #include "agent/config/reader.h"
@@ -470,13 +471,6 @@ bool can_be_made(std::filesystem::path path) {
   return std::filesystem::is_directory(path, ignored) && ::access(path.c_str(), W_OK | X_OK) == 0;
 }
 
-FilePrivacy privacy_of(const std::string& path) {
-  struct stat file {};
-  const bool is_own = ::stat(path.c_str(), &file) == 0 && S_ISREG(file.st_mode) &&
-                      (file.st_mode & (S_IRWXG | S_IRWXO)) == 0;
-  return is_own ? FilePrivacy::owner_only : FilePrivacy::shared;
-}
-
 /// Whether a directory on the way to `path` lets nobody pass by this right (S_IXGRP or S_IXOTH).
 bool lies_behind_closed_doors(const std::filesystem::path& path, mode_t right) {
   std::error_code fault;
@@ -599,9 +593,22 @@ tl::expected<Config, std::vector<ConfigError>> load_config(const std::string& pa
   return config_of_file(path, *text);
 }
 
+FilePrivacy privacy_of(const std::string& path) {
+  struct stat file {};
+  const bool is_own = ::stat(path.c_str(), &file) == 0 && S_ISREG(file.st_mode) &&
+                      (file.st_mode & (S_IRWXG | S_IRWXO)) == 0;
+  return is_own ? FilePrivacy::owner_only : FilePrivacy::shared;
+}
+
 tl::expected<Config, std::vector<ConfigError>> config_of_file(const std::string& path,
                                                               std::string_view text) {
-  auto config = parse_config(text, process_environment, privacy_of(path));
+  return config_of_file(path, text, privacy_of(path));
+}
+
+tl::expected<Config, std::vector<ConfigError>> config_of_file(const std::string& path,
+                                                              std::string_view text,
+                                                              FilePrivacy privacy) {
+  auto config = parse_config(text, process_environment, privacy);
   if (!config) return config;
 
   const std::filesystem::path directory = std::filesystem::path(path).parent_path();

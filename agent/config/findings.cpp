@@ -15,7 +15,16 @@ std::string place(const ConfigNode& node, const ConfigTree& tree) {
 void Findings::add(std::uint32_t offset, const ConfigNode& at, std::string text,
                    const DeviceOrigin* origin, std::uint32_t device) {
   if (origin == nullptr) {
+    if (is_full()) {
+      ++unlisted_;
+      return;
+    }
     list_.push_back({offset, pointer_to(at), std::move(text)});
+    return;
+  }
+  if (is_full() && !by_entry_.contains({offset, origin->entry}) &&
+      !by_text_.contains({offset, text})) {
+    ++unlisted_;
     return;
   }
   auto known = by_entry_.try_emplace({offset, origin->entry}, list_.size()).first;
@@ -32,8 +41,18 @@ void Findings::add(std::uint32_t offset, const ConfigNode& at, std::string text,
     }
     // A second fault of one device at one place; what other devices have there is counted above.
     if (first.more > 0) return;
+    if (is_full()) {
+      ++unlisted_;
+      return;
+    }
   }
   list_.push_back({offset, pointer_to(at), std::move(text), *origin, device});
+}
+
+std::string Findings::unlisted() const {
+  return unlisted_ == 0 ? std::string()
+                        : std::to_string(unlisted_) +
+                              (unlisted_ == 1 ? " more is not listed" : " more are not listed");
 }
 
 std::vector<Findings::Finding> Findings::in_order() const {

@@ -23,6 +23,9 @@ struct DeviceOrigin {
 
 class Findings {
  public:
+  /// So many are kept; a hostile file has one for each of its bytes.
+  static constexpr std::size_t kMost = 1000;
+
   struct Finding {
     std::uint32_t offset = 0;
     std::string pointer;
@@ -37,6 +40,8 @@ class Findings {
            std::uint32_t device);
 
   bool empty() const { return list_.empty(); }
+  /// "2000 more are not listed"; empty: all are.
+  std::string unlisted() const;
   /// Sorted by their place; the order of those at one place is that of add().
   std::vector<Finding> in_order() const;
   /// The text, and for which devices: the device's place and that of its template, whichever is
@@ -44,7 +49,10 @@ class Findings {
   static std::string text_of(const Finding& finding, const ConfigTree& tree);
 
  private:
+  bool is_full() const { return list_.size() >= kMost; }
+
   std::vector<Finding> list_;
+  std::size_t unlisted_ = 0;
   /// Indices in list_ of what was first found at an offset: by the entry it was found for, and by
   /// its text.
   std::map<std::pair<std::uint32_t, const ConfigNode*>, std::size_t> by_entry_;

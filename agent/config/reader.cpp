@@ -232,6 +232,9 @@ std::vector<ConfigError> ConfigReader::errors() const {
   for (const Findings::Finding& finding : errors_.in_order())
     list.push_back(
         {finding.pointer, tree_.line_of(finding.offset), Findings::text_of(finding, tree_)});
+  // In front, where no limit of who shows them cuts it off.
+  if (std::string more = errors_.unlisted(); !more.empty())
+    list.insert(list.begin(), {"", 0, std::move(more)});
   return list;
 }
 
@@ -240,6 +243,8 @@ std::vector<std::string> ConfigReader::warnings() const {
   for (const Findings::Finding& finding : warnings_.in_order())
     list.push_back(place_of(finding.pointer, finding.offset) + ": " +
                    Findings::text_of(finding, tree_));
+  if (std::string more = warnings_.unlisted(); !more.empty())
+    list.insert(list.begin(), std::move(more));
   return list;
 }
 

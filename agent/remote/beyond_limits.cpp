@@ -38,7 +38,8 @@ void check_servers(const MqttConfig& local, const MqttConfig& wanted, Errors& er
   }
 }
 
-/// Names that a serial port has, and no watchdog, console or disk.
+/// Names that a serial port has, and no watchdog, virtual console or disk. A serial port that is
+/// the machine's console has such a name too.
 bool is_serial_name(std::string_view path) {
   if (path.find("..") != path.npos) return false;
   if (path.starts_with("/dev/serial/by-id/") || path.starts_with("/dev/serial/by-path/"))
@@ -69,14 +70,25 @@ void check_ports(const Config& local, const Config& wanted, Errors& errors) {
   }
 }
 
+bool is_same(const SerialSettings& one, const SerialSettings& other) {
+  return one.path == other.path;
+}
+bool is_same(const TcpSettings& one, const TcpSettings& other) {
+  return one.host == other.host && one.port == other.port;
+}
+/// From which port the agent asks says nothing of the machine.
+bool is_same(const UdpSettings& one, const UdpSettings& other) {
+  return one.host == other.host && one.port == other.port;
+}
+template <typename One, typename Other>
+bool is_same(const One&, const Other&) {
+  return false;
+}
+
 /// Whether both go to the same port of this machine, or to the same host and port.
 bool same_place(const LinkConfig& one, const LinkConfig& other) {
-  if (one.channel.index() != other.channel.index()) return false;
-  if (const auto* serial = std::get_if<SerialSettings>(&one.channel))
-    return serial->path == std::get<SerialSettings>(other.channel).path;
-  const auto& tcp = std::get<TcpSettings>(one.channel);
-  const auto& to = std::get<TcpSettings>(other.channel);
-  return tcp.host == to.host && tcp.port == to.port;
+  return std::visit([](const auto& a, const auto& b) { return is_same(a, b); }, one.channel,
+                    other.channel);
 }
 
 /// The one of `local` that this device of `wanted` is; null: it is a new one.
@@ -101,6 +113,8 @@ class DeviceLimits {
         codec_(widest_of(*device.protocol, device.codec)),
         errors_(errors) {
     if (known != nullptr) allow_ = known->commands.allow;
+    // Every unit of the bus would obey it, those of the local file too.
+    if (codec_->is_broadcast()) return;
     for (const std::string& range : remote_.allow)
       if (const auto span = codec_->addresses().parse_range(range)) allow_.push_back(*span);
   }

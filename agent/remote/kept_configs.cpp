@@ -32,14 +32,16 @@ std::optional<KeptConfig> kept_from(const Json& json) {
 }  // namespace
 
 std::string to_text(const KeptConfigs& kept) {
-  Json json{{"format", kFormat},
-            {"good", json_of(kept.good)},
-            {"trying", json_of(kept.trying)},
-            {"stopped", kept.stopped},
+  Json json{{"format", kFormat},          {"agent", kept.agent},
+            {"good", json_of(kept.good)}, {"trying", json_of(kept.trying)},
+            {"stopped", kept.stopped},    {"judged", nullptr},
             {"rolled_back", nullptr}};
+  if (const auto& judged = kept.judged)
+    json["judged"] = {{"hash", judged->hash}, {"version", judged->version}, {"by", judged->by}};
   if (const auto& back = kept.rolled_back)
     json["rolled_back"] = {{"hash", back->hash},
                            {"version", back->version},
+                           {"by", back->by},
                            {"why", back->why},
                            {"since", back->since_ms}};
   return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
@@ -51,12 +53,16 @@ tl::expected<KeptConfigs, std::string> kept_configs_from(std::string_view text) 
     if (json.at("format") != kFormat)
       return tl::unexpected(std::string("it is of another version of the agent"));
     KeptConfigs kept;
+    kept.agent = json.at("agent").get<std::string>();
     kept.good = kept_from(json.at("good"));
     kept.trying = kept_from(json.at("trying"));
     kept.stopped = json.at("stopped").get<bool>();
+    const auto word = [](const Json& of, const char* key) { return of.at(key).get<std::string>(); };
+    if (const Json& judged = json.at("judged"); !judged.is_null())
+      kept.judged = {word(judged, "hash"), word(judged, "version"), word(judged, "by")};
     if (const Json& back = json.at("rolled_back"); !back.is_null())
-      kept.rolled_back = {back.at("hash").get<std::string>(), back.at("version").get<std::string>(),
-                          back.at("why").get<std::string>(), back.at("since").get<std::int64_t>()};
+      kept.rolled_back = {word(back, "hash"), word(back, "version"), word(back, "by"),
+                          word(back, "why"), back.at("since").get<std::int64_t>()};
     return kept;
   } catch (const std::exception& fault) {
     return tl::unexpected(std::string(fault.what()));

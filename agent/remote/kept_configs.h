@@ -18,22 +18,32 @@ struct KeptConfig {
   std::int64_t since_ms = 0;  ///< in force since, ms UTC
 };
 
+/// One that is being judged, before anything of it is in force: reading it may end the process too.
+struct JudgedConfig {
+  std::string hash;  ///< of the document
+  std::string version;
+  std::string by;
+};
+
 /// Not tried again until another one comes.
 struct RolledBackConfig {
   std::string hash;  ///< of the document
   std::string version;
+  std::string by;
   std::string why;
   std::int64_t since_ms = 0;
 };
 
 struct KeptConfigs {
+  std::string agent{};               ///< whose they are: its base topic
   std::optional<KeptConfig> good{};  ///< nothing: the local file alone
   /// In force, and not proved yet. Where it is found at a start, the process has ended meanwhile.
   std::optional<KeptConfig> trying{};
   bool stopped = false;  ///< the process was told to end while it was trying: that proves nothing
+  std::optional<JudgedConfig> judged{};  ///< found at a start: judging it has ended the process
   std::optional<RolledBackConfig> rolled_back{};
 
-  bool empty() const { return !good && !trying && !rolled_back; }
+  bool empty() const { return !good && !trying && !judged && !rolled_back; }
 };
 
 /// Room for two documents, each character of them escaped.

@@ -1,10 +1,10 @@
 #include "agent/remote/remote_config.h"
 
 #include <algorithm>
-#include <nlohmann/json.hpp>
 #include <utility>
 
-#include "agent/config/tree.h"
+#include "agent/config/file_privacy.h"
+#include "agent/failpoint.h"
 #include "agent/log/log.h"
 
 namespace fxagent {
@@ -22,46 +22,38 @@ std::string directory_for(const Config& config) {
   return states.substr(0, states.find(':'));
 }
 
-DesiredConfig without_text(DesiredConfig desired) {
-  desired.text.clear();
-  return desired;
+ConfigErrors unreadable(const std::exception& fault) {
+  return {{"", 0, std::string("cannot be taken over: ") + fault.what()}};
 }
 
-bool same_errors(const ConfigErrors& one, const ConfigErrors& other) {
-  return std::ranges::equal(one, other, {}, text_of, text_of);
-}
+constexpr const char* kCannotBeKept =
+    "cannot be kept on disk for a way back, and agent.remote_without_disk of the local file is not "
+    "set: ";
 
 }  // namespace
-
-std::string text_of(const ConfigError& error) {
-  return error.pointer.empty() ? error.text : error.pointer + ": " + error.text;
-}
-
-std::string_view to_string(State state) {
-  switch (state) {
-    case State::applied:
-      return "applied";
-    case State::rejected:
-      return "rejected";
-    case State::rolled_back:
-      return "rolled_back";
-  }
-  return {};
-}
 
 RemoteConfig::RemoteConfig(std::string path, std::chrono::milliseconds trial)
     : path_(std::move(path)), trial_time_(trial) {}
 
-tl::expected<Config, ConfigErrors> RemoteConfig::local(std::string_view text) const {
-  return config_of_file(path_, text);
+tl::expected<Config, ConfigErrors> RemoteConfig::alone(const LocalFile& local) const {
+  try {
+    return config_of_file(path_, local.text, local.privacy);
+  } catch (const std::exception& fault) {  // memory, for one
+    return tl::unexpected(unreadable(fault));
+  }
 }
 
-tl::expected<Config, ConfigErrors> RemoteConfig::with(std::string_view local_text,
+tl::expected<Config, ConfigErrors> RemoteConfig::with(const LocalFile& local,
                                                       const DesiredConfig& document) const {
-  auto config = local(local_text);
+  auto config = alone(local);
   if (!config) return config;
-  return effective_config(local_text, *config, document,
-                          [this](std::string_view text) { return local(text); });
+  try {
+    return effective_config(local.text, *config, document, [&](std::string_view text) {
+      return config_of_file(path_, text, local.privacy);
+    });
+  } catch (const std::exception& fault) {
+    return tl::unexpected(unreadable(fault));
+  }
 }
 
 // ---- the start ----------------------------------------------------------------------------------
@@ -69,78 +61,115 @@ tl::expected<Config, ConfigErrors> RemoteConfig::with(std::string_view local_tex
 tl::expected<Config, ConfigErrors> RemoteConfig::start(Moment now) {
   auto text = read_config_file(path_);
   if (!text) return tl::unexpected(std::move(text.error()));
-  auto config = local(*text);
+  LocalFile local{std::move(*text), privacy_of(path_)};
+  auto config = alone(local);
   if (!config) return config;
   limits_ = config->remote;
+  base_ = config->base_topic();
+  servers_ = config->mqtt.servers;
   local_since_ms_ = now.utc_ms;
   if (const std::string directory = directory_for(*config); !directory.empty())
     file_.emplace(directory, kFileName);
-  if (!limits_.enabled) {
-    forget();
-    return config;
-  }
-  local_text_ = std::move(*text);
+  if (!limits_.enabled) return config;
+  local_ = std::move(local);
   report_.since_ms = now.utc_ms;
   take_kept(now);
   const bool is_trial = kept_.trying.has_value();
   if (is_trial)
     if (auto on_trial = start_with(kept_.trying, now)) {
       trial_.emplace(trial_time_, now.steady, /*is_connected=*/false);
+      has_moved_ = on_trial->mqtt.servers != servers_;
+      servers_ = on_trial->mqtt.servers;
+      if (is_news_) return std::move(*on_trial);  // another one was rolled back
       report_in_force();
       is_news_ = false;
       return std::move(*on_trial);
     }
   if (is_trial) kept_.trying.reset();
-  if (auto good = start_with(kept_.good, now)) return std::move(*good);
+  if (auto good = start_with(kept_.good, now)) {
+    servers_ = good->mqtt.servers;
+    return std::move(*good);
+  }
   return config;
 }
 
-/// What is on disk, and what the end of the last process says of it.
+/// What is on disk. Where it cannot be used the first answer says so.
 void RemoteConfig::take_kept(Moment now) {
   if (!file_) return;
+  const auto leave_out = [&](const std::string& what, const std::string& why) {
+    log::error("remote_config",
+               {{"note", what}, {"file", file_->path()}, {"reason", log::excerpt(why)}});
+    report(State::applied, {}, {{"", 0, what + ": " + why}}, now.utc_ms);
+  };
   const auto text = file_->read(kMaxKeptBytes);
-  if (!text)
-    return log::error("remote_config",
-                      {{"note", "the kept config cannot be read"}, {"reason", text.error()}});
+  if (!text) return leave_out("the kept config cannot be read and is left out", text.error());
   if (!*text) return;
   auto kept = kept_configs_from(**text);
-  if (!kept)
-    return log::error("remote_config", {{"note", "the kept config is damaged and left out"},
-                                        {"file", file_->path()},
-                                        {"reason", kept.error()}});
+  if (!kept) return leave_out("the kept config is damaged and left out", kept.error());
+  if (kept->agent != base_)
+    return log::warn("remote_config", {{"note", "the kept config is another agent's and left out"},
+                                       {"file", file_->path()},
+                                       {"agent", log::excerpt(kept->agent)}});
   kept_ = std::move(*kept);
   // What was kept was said when it came.
   if (kept_.good) report(State::applied, kept_.good->document, {}, kept_.good->since_ms);
   if (kept_.rolled_back) report_rolled_back();
   is_news_ = false;
-  if (kept_.trying && kept_.stopped) {
-    // From now on an end is the config's own fault again.
-    kept_.stopped = false;
-    if (const std::string why = save(); !why.empty()) {
-      log::warn("remote_config",
-                {{"note", "the trial cannot go on: the disk refuses"}, {"reason", why}});
-      kept_.trying.reset();
-    }
-  } else if (kept_.trying) {
-    const DesiredConfig& document = kept_.trying->document;
-    kept_.rolled_back = {document.hash, document.version,
-                         "the process ended while the config was on trial", now.utc_ms};
-    kept_.trying.reset();
-    save_or_say("the rollback");
+  judge_last_run(now);
+}
+
+/// What the end of the last process says of what it kept.
+void RemoteConfig::judge_last_run(Moment now) {
+  const auto roll_back = [&](const auto& document, const char* why) {
+    kept_.rolled_back = {document.hash, document.version, document.by, why, now.utc_ms};
     report_rolled_back();
+  };
+  if (!kept_.judged && !kept_.trying) return;
+  is_unsaved_ = true;
+  if (kept_.judged) {  // then it was not the one on trial
+    roll_back(*std::exchange(kept_.judged, {}), "the process ended while the config was judged");
+  } else if (!kept_.stopped) {
+    roll_back(kept_.trying->document, "the process ended while the config was on trial");
+    kept_.trying.reset();
   }
+  // From now on an end is the config's own fault again.
+  kept_.stopped = false;
 }
 
 std::optional<Config> RemoteConfig::start_with(const std::optional<KeptConfig>& kept, Moment now) {
   if (!kept) return std::nullopt;
-  auto config = with(local_text_, kept->document);
+  auto config = with(local_, kept->document);
   if (!config) {
     rejected_ = kept->document.text;
-    report(State::rejected, kept->document, std::move(config.error()), now.utc_ms);
+    report(State::rejected, kept->document, config.error(), now.utc_ms);
     return std::nullopt;
   }
   in_force_ = kept;
   return std::move(*config);
+}
+
+void RemoteConfig::begin() {
+  if (!limits_.enabled) {
+    const auto left = file_ ? file_->read(kMaxKeptBytes) : std::nullopt;
+    if (!file_ || (left && !*left)) return;
+    // Nor is another agent's file touched.
+    if (const std::string why = file_->lock(); !why.empty())
+      return log::warn("remote_config",
+                       {{"note", "a kept config is left where it is"}, {"reason", why}});
+    forget();
+    has_left_answer_ = true;
+    return;
+  }
+  if (!is_unsaved_) return;
+  const std::string why = save();
+  is_unsaved_ = !why.empty();
+  if (why.empty()) return;
+  // A crash would be taken for another stop, again and again.
+  is_given_up_ = trial_.has_value();
+  log::error("remote_config",
+             {{"note", is_given_up_ ? "the trial cannot go on: the disk refuses"
+                                    : "what the last run has come to cannot be kept on disk yet"},
+              {"reason", why}});
 }
 
 // ---- the local file -----------------------------------------------------------------------------
@@ -148,20 +177,25 @@ std::optional<Config> RemoteConfig::start_with(const std::optional<KeptConfig>& 
 tl::expected<RemoteConfig::Next, ConfigErrors> RemoteConfig::read_local() const {
   auto text = read_config_file(path_);
   if (!text) return tl::unexpected(std::move(text.error()));
-  auto config = local(*text);
-  if (!config) return tl::unexpected(std::move(config.error()));
   Next next;
-  if (config->remote.enabled && in_force_) {
-    if (auto both = with(*text, in_force_->document)) {
+  next.local = {std::move(*text), privacy_of(path_)};
+  auto config = alone(next.local);
+  if (!config) return tl::unexpected(std::move(config.error()));
+  next.limits = config->remote;
+  // Where the one on trial does not fit any more, the last good one may.
+  std::vector<const std::optional<KeptConfig>*> documents;
+  if (config->remote.enabled && in_force_) documents = {&in_force_, &kept_.good};
+  for (const auto* document : documents) {
+    if (!*document || next.document) continue;
+    if (auto both = with(next.local, (*document)->document)) {
       *config = std::move(*both);
-      next.document = in_force_;
-    } else {
+      next.document = *document;
+    } else if (next.misfit.empty()) {
       next.misfit = std::move(both.error());
     }
   }
-  next.limits = config->remote;
   next.config = std::move(*config);
-  next.local_text = std::move(*text);
+  next.servers = next.config.mqtt.servers;
   return next;
 }
 
@@ -169,45 +203,99 @@ void RemoteConfig::settle_local_file(Next next, Moment now) {
   limits_ = std::move(next.limits);
   if (!limits_.enabled) return forget();
   has_answer_ = true;  // the hash of the config in force may be another
-  if (local_text_.empty()) report_.since_ms = now.utc_ms;
-  local_text_ = std::move(next.local_text);
+  if (local_.text.empty()) report_.since_ms = now.utc_ms;
+  local_ = std::move(next.local);
   local_since_ms_ = now.utc_ms;
   if (next.misfit.empty()) return;
   rejected_ = in_force_->document.text;
-  report(State::rejected, in_force_->document, std::move(next.misfit), now.utc_ms);
-  in_force_.reset();
+  report(State::rejected, in_force_->document, next.misfit, now.utc_ms);
+  in_force_ = std::move(next.document);
   trial_.reset();
-  kept_.good.reset();
+  is_given_up_ = false;
+  kept_.good = in_force_;
   kept_.trying.reset();
-  save_or_say("that the local file alone is in force");
+  save_or_say("that the local file does not let the config in any more");
 }
 
 // ---- what comes from afar -----------------------------------------------------------------------
 
 std::optional<RemoteConfig::Next> RemoteConfig::hear(std::string_view payload, Moment now) {
   if (!limits_.enabled) return std::nullopt;
+  held_.clear();
   if (payload.empty()) return withdraw(now);
-  ReadDesired read = read_desired(payload);
-  if (answer_known(read.desired)) return std::nullopt;
-  const auto reject = [&](ConfigErrors errors) {
-    rejected_ = payload.size() <= kMaxDesiredBytes ? payload : std::string_view();
-    report(State::rejected, read.desired, std::move(errors), now.utc_ms);
-    return std::nullopt;
+  ReadDesired read;
+  try {
+    read = read_desired(payload);
+    if (answer_known(read.desired)) return std::nullopt;
+    if (!read.errors.empty()) return reject(payload, read.desired, read.errors, now);
+    return judge(payload, read.desired, now);
+  } catch (const std::exception& fault) {
+    return reject(payload, read.desired, unreadable(fault), now);
+  }
+}
+
+/// What judging and applying it may do to the process must find it on disk.
+std::optional<RemoteConfig::Next> RemoteConfig::judge(std::string_view payload,
+                                                      const DesiredConfig& desired, Moment now) {
+  const auto refuse_disk = [&](const std::string& why) {
+    return reject(payload, desired, {{"", 0, kCannotBeKept + why}}, now);
   };
-  if (!read.errors.empty()) return reject(std::move(read.errors));
-  auto config = with(local_text_, read.desired);
-  if (!config) return reject(std::move(config.error()));
-  if (const std::string why = keep_for_trial(read.desired, now); !why.empty())
-    return reject({{"", 0,
-                    "cannot be kept on disk for a way back, and agent.remote_without_disk of the "
-                    "local file is not set: " +
-                        why}});
+  kept_.judged = {desired.hash, desired.version, desired.by};
+  if (const std::string why = save(); !why.empty() && !limits_.without_disk)
+    return refuse_disk(why);
+  failpoint("remote_config_judged");
+  auto config = with(local_, desired);
+  if (!config) return reject(payload, desired, config.error(), now);
+  if (trial_ && has_moved_ && config->mqtt.servers != servers_) {
+    end_judging();
+    held_ = payload;
+    has_answer_ = true;
+    log::info("remote_config", {{"note",
+                                 "another change of mqtt.servers waits for the end of the "
+                                 "trial"},
+                                {"version", log::excerpt(desired.version)}});
+    return std::nullopt;
+  }
+  const KeptConfigs before = kept_;
+  const KeptConfig document{desired, now.utc_ms};
+  kept_.trying = document;
+  kept_.stopped = false;
+  kept_.judged.reset();
+  kept_.rolled_back.reset();
+  const std::string why = save();
+  is_unsaved_ = file_ && !why.empty();
+  if (!why.empty() && !limits_.without_disk) {
+    kept_ = before;
+    return refuse_disk(why);
+  }
+  if (!why.empty())
+    log::warn("remote_config",
+              {{"note",
+                "the config is taken over and cannot be kept: after a crash nothing is known of it "
+                "(agent.remote_without_disk)"},
+               {"reason", why}});
   rejected_.clear();
   Next next;
   next.why = Next::Why::desired;
   next.config = std::move(*config);
-  next.document = KeptConfig{std::move(read.desired), now.utc_ms};
+  next.servers = next.config.mqtt.servers;
+  next.document = document;
   return next;
+}
+
+std::optional<RemoteConfig::Next> RemoteConfig::reject(std::string_view payload,
+                                                       const DesiredConfig& desired,
+                                                       const ConfigErrors& errors, Moment now) {
+  end_judging();
+  rejected_ = payload.size() <= kMaxDesiredBytes ? payload : std::string_view();
+  report(State::rejected, desired, errors, now.utc_ms);
+  return std::nullopt;
+}
+
+void RemoteConfig::end_judging() {
+  if (!kept_.judged) return;
+  kept_.judged.reset();
+  save_or_say("that the config was judged");
 }
 
 /// What comes again with each connection is answered again, and nothing else.
@@ -219,29 +307,9 @@ bool RemoteConfig::answer_known(const DesiredConfig& desired) {
   }
   const auto& back = kept_.rolled_back;
   if (!back || back->hash != desired.hash) return false;
+  rejected_.clear();  // an older one
   report_rolled_back();
   return true;
-}
-
-/// Before the config is in force: what it may do to the process must find this on disk. Empty: it
-/// is, or the local file does without.
-std::string RemoteConfig::keep_for_trial(const DesiredConfig& desired, Moment now) {
-  KeptConfigs before = kept_;
-  kept_.trying = KeptConfig{desired, now.utc_ms};
-  kept_.stopped = false;
-  kept_.rolled_back.reset();
-  std::string why = save();
-  if (why.empty()) return why;
-  if (!limits_.without_disk) {
-    kept_ = std::move(before);
-    return why;
-  }
-  log::warn("remote_config",
-            {{"note",
-              "the config is taken over and cannot be kept: after a crash nothing is known "
-              "of it (agent.remote_without_disk)"},
-             {"reason", why}});
-  return {};
 }
 
 std::optional<RemoteConfig::Next> RemoteConfig::withdraw(Moment now) {
@@ -250,18 +318,22 @@ std::optional<RemoteConfig::Next> RemoteConfig::withdraw(Moment now) {
     has_answer_ = true;  // somebody asks
     return std::nullopt;
   }
+  std::optional<Next> next;
+  if (was_in_force) {
+    auto config = alone(local_);
+    if (!config) {
+      report(State::rejected, {}, config.error(), now.utc_ms);
+      return std::nullopt;
+    }
+    next.emplace();
+    next->why = Next::Why::withdrawn;
+    next->config = std::move(*config);
+    next->servers = next->config.mqtt.servers;
+  }
   kept_ = {};
   rejected_.clear();
   save_or_say("that the config was withdrawn");
-  if (!was_in_force) {
-    report(State::applied, {}, {}, now.utc_ms);
-    return std::nullopt;
-  }
-  auto config = local(local_text_);
-  if (!config) return std::nullopt;  // it was right when it was read, and memory is what it was
-  Next next;
-  next.why = Next::Why::withdrawn;
-  next.config = std::move(*config);
+  if (!next) report(State::applied, {}, {}, now.utc_ms);
   return next;
 }
 
@@ -273,75 +345,112 @@ void RemoteConfig::connection(bool is_up, SteadyTime now) {
 }
 
 SteadyTime RemoteConfig::next_wake() const {
-  const SteadyTime decided = trial_ ? trial_->decided_at() : SteadyTime::max();
+  SteadyTime decided = trial_ ? trial_->decided_at() : SteadyTime::max();
+  if (is_given_up_) decided = {};
+  decided = std::max(decided, back_again_at_);
   return is_unsaved_ ? std::min(decided, save_again_at_) : decided;
 }
 
 std::optional<RemoteConfig::Next> RemoteConfig::due(Moment now) {
   save_again(now.steady);
-  const auto verdict = trial_ ? trial_->verdict(now.steady) : Trial::Verdict::pending;
+  auto verdict = trial_ ? trial_->verdict(now.steady) : Trial::Verdict::pending;
+  if (is_given_up_) verdict = Trial::Verdict::lost;
   if (verdict == Trial::Verdict::pending) return std::nullopt;
-  trial_.reset();
-  kept_.trying.reset();
   if (verdict == Trial::Verdict::good) {
+    trial_.reset();
+    kept_.trying.reset();
     kept_.good = in_force_;
     save_or_say("that the config is good");
     has_answer_ = true;
-    return std::nullopt;
+    if (held_.empty()) return std::nullopt;
+    return hear(std::string(held_), now);
   }
+  if (now.steady < back_again_at_) return std::nullopt;
+  auto next = way_back(is_given_up_ ? Next::Why::given_up : Next::Why::rolled_back, now);
+  if (!next) return std::nullopt;
+  trial_.reset();
+  kept_.trying.reset();
+  held_.clear();
+  if (std::exchange(is_given_up_, false)) return next;
   const DesiredConfig& document = in_force_->document;
   const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(trial_time_);
-  kept_.rolled_back = {document.hash, document.version,
+  kept_.rolled_back = {document.hash, document.version, document.by,
                        "the broker was lost for " + std::to_string(seconds.count()) +
                            " s while the config was on trial",
                        now.utc_ms};
   save_or_say("the rollback");
+  return next;
+}
+
+/// The last good one, or the local file alone. Nothing: neither can be made now, and that was said.
+std::optional<RemoteConfig::Next> RemoteConfig::way_back(Next::Why why, Moment now) {
   Next next;
-  next.why = Next::Why::rolled_back;
-  auto config = kept_.good ? with(local_text_, kept_.good->document) : local(local_text_);
+  next.why = why;
+  auto config = kept_.good ? with(local_, kept_.good->document) : alone(local_);
   if (config) next.document = kept_.good;
-  if (!config) config = local(local_text_);
-  if (!config) return std::nullopt;
+  if (!config && kept_.good) config = alone(local_);
+  if (!config) {
+    back_again_at_ = now.steady + kSaveAgain;
+    log::error("remote_config", {{"note", "the config cannot be rolled back yet"},
+                                 {"reason", log::excerpt(text_of(config.error().front()))}});
+    report(State::applied, in_force_->document, config.error(), in_force_->since_ms);
+    return std::nullopt;
+  }
+  back_again_at_ = {};
   next.config = std::move(*config);
+  next.servers = next.config.mqtt.servers;
   return next;
 }
 
 void RemoteConfig::accept(Next next, Moment now) {
+  const bool moves = next.servers != std::exchange(servers_, next.servers);
   switch (next.why) {
     case Next::Why::local_file:
       return settle_local_file(std::move(next), now);
     case Next::Why::desired:
       in_force_ = std::move(next.document);
       trial_.emplace(trial_time_, now.steady, is_connected_);
+      has_moved_ = moves;
+      is_given_up_ = false;
       return report_in_force();
     case Next::Why::withdrawn:
       in_force_.reset();
       trial_.reset();
+      is_given_up_ = false;
       return report(State::applied, {}, {}, now.utc_ms);
     case Next::Why::rolled_back:
       in_force_ = std::move(next.document);
       return report_rolled_back();
+    case Next::Why::given_up:
+      in_force_ = std::move(next.document);
+      return report_in_force();
   }
 }
 
-void RemoteConfig::refuse(const Next& next, ConfigErrors errors, Moment now) {
+void RemoteConfig::refuse(const Next& next, const ConfigErrors& errors, Moment now) {
   if (next.why != Next::Why::desired) return;
   kept_.trying = trial_ ? in_force_ : std::nullopt;
   save_or_say("that the config was rejected");
-  report(State::rejected, next.document->document, std::move(errors), now.utc_ms);
+  report(State::rejected, next.document->document, errors, now.utc_ms);
 }
 
 void RemoteConfig::stop() {
-  if (!kept_.trying) return;
-  kept_.stopped = true;
-  save_or_say("that the agent was stopped during a trial");
+  if (!kept_.trying && !is_unsaved_) return;
+  kept_.stopped = kept_.trying.has_value();
+  save_or_say("how the agent was stopped");
 }
 
 // ---- what is kept and what is said --------------------------------------------------------------
 
 std::string RemoteConfig::save() {
   if (!file_) return "there is no store, and no STATE_DIRECTORY of systemd";
-  return kept_.empty() ? file_->remove() : file_->write(to_text(kept_));
+  if (std::string why = file_->lock(); !why.empty()) return why;
+  kept_.agent = base_;
+  try {
+    return kept_.empty() ? file_->remove() : file_->write(to_text(kept_));
+  } catch (const std::exception& fault) {  // memory
+    return fault.what();
+  }
 }
 
 void RemoteConfig::save_again(SteadyTime now) {
@@ -354,17 +463,20 @@ void RemoteConfig::save_or_say(std::string_view what) {
   const std::string why = save();
   is_unsaved_ = file_ && !why.empty();
   if (why.empty() || !file_) return;  // without a place that was said when the config came
-  log::error("remote_config", {{"note", std::string(what) + " cannot be kept on disk: after a "
-                                                            "restart it is not known"},
-                               {"reason", why}});
+  log::error("remote_config",
+             {{"note", std::string(what) + " cannot be kept on disk yet: a start before that goes "
+                                           "by what is there"},
+              {"reason", why}});
 }
 
 void RemoteConfig::forget() {
   kept_ = {};
   in_force_.reset();
   trial_.reset();
-  local_text_.clear();
+  is_given_up_ = false;
+  local_ = {};
   rejected_.clear();
+  held_.clear();
   report_ = {};
   has_answer_ = false;
   is_news_ = false;
@@ -373,18 +485,19 @@ void RemoteConfig::forget() {
     log::warn("remote_config", {{"note", "a kept config cannot be removed"}, {"reason", why}});
 }
 
-void RemoteConfig::report(State state, const DesiredConfig& desired, ConfigErrors errors,
+void RemoteConfig::report(State state, const DesiredConfig& desired, const ConfigErrors& errors,
                           std::int64_t since_ms) {
-  const bool is_same = report_.state == state && report_.desired.hash == desired.hash &&
-                       same_errors(report_.errors, errors);
-  if (!is_same) report_ = {state, without_text(desired), std::move(errors), since_ms};
-  if (!is_same) is_news_ = true;
   has_answer_ = true;
+  RemoteReport fresh = make_report(state, desired, errors, since_ms);
+  if (report_.says(fresh)) return;
+  report_ = std::move(fresh);
+  is_news_ = true;
 }
 
 void RemoteConfig::report_rolled_back() {
   const RolledBackConfig& back = *kept_.rolled_back;
-  report(State::rolled_back, {"", back.hash, back.version, ""}, {{"", 0, back.why}}, back.since_ms);
+  report(State::rolled_back, {"", back.hash, back.version, back.by}, {{"", 0, back.why}},
+         back.since_ms);
 }
 
 void RemoteConfig::report_in_force() {
@@ -395,27 +508,8 @@ void RemoteConfig::report_in_force() {
 }
 
 std::string RemoteConfig::reported(const std::string& hash) const {
-  const auto word = [](const std::string& text) {
-    return text.empty() ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(text);
-  };
-  nlohmann::ordered_json out;
-  out["version"] = word(report_.desired.version);
-  out["hash"] = hash;
-  out["state"] = to_string(report_.state);
-  auto& errors = out["errors"] = nlohmann::ordered_json::array();
-  std::size_t bytes = 0;
-  for (const ConfigError& error : report_.errors) {
-    std::string text = text_of(error);
-    bytes += text.size();
-    if (errors.size() == kMostReportedErrors || bytes > kMostReportedBytes) break;
-    errors.push_back(std::move(text));
-  }
-  out["errors_in_all"] = report_.errors.size();
-  out["since"] = report_.since_ms;
-  out["desired_hash"] = word(report_.desired.hash);
-  out["in_force"] = in_force_ ? word(in_force_->document.version) : nullptr;
-  out["confirmed"] = !trial_.has_value();
-  return out.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+  return reported_text(report_, hash, in_force_ ? in_force_->document.version : "",
+                       !trial_.has_value());
 }
 
 std::optional<ConfigStatus::Remote> RemoteConfig::status() const {

@@ -17,27 +17,12 @@
 #include "agent/messages.h"
 #include "agent/remote/desired_config.h"
 #include "agent/remote/kept_configs.h"
+#include "agent/remote/remote_report.h"
 #include "agent/remote/trial.h"
 #include "agent/status.h"
 #include "agent/store/durable_file.h"
 
 namespace fxagent {
-
-/// What {base}/config/reported answers.
-struct RemoteReport {
-  enum class State : std::uint8_t { applied, rejected, rolled_back };
-  State state = State::applied;
-  DesiredConfig desired{};  ///< without its text; no hash: the local file alone is meant
-  ConfigErrors errors{};
-  std::int64_t since_ms = 0;
-};
-std::string_view to_string(RemoteReport::State state);
-/// "/devices/0/name: must be …"
-std::string text_of(const ConfigError& error);
-
-/// So many errors are reported, and so many bytes of them; how many there are is said beside.
-inline constexpr std::size_t kMostReportedErrors = 1000;
-inline constexpr std::size_t kMostReportedBytes = 48 * 1024;
 
 class RemoteConfig final {
  public:
@@ -46,15 +31,28 @@ class RemoteConfig final {
     std::int64_t utc_ms = 0;
   };
 
+  /// The local file as it was read: who could read it then counts for as long as its text does.
+  struct LocalFile {
+    std::string text;
+    FilePrivacy privacy = FilePrivacy::shared;
+  };
+
   /// A config to be applied. accept() it when it is in force; else refuse() it.
   struct Next {
-    enum class Why : std::uint8_t { local_file, desired, withdrawn, rolled_back };
+    enum class Why : std::uint8_t {
+      local_file,
+      desired,
+      withdrawn,
+      rolled_back,
+      given_up,  ///< a trial that the disk lets nobody go on with
+    };
     Why why = Why::local_file;
     Config config;
-    std::string local_text;
-    RemoteLimits limits{};                 ///< of `local_text`
+    std::vector<std::string> servers{};    ///< of `config`
+    LocalFile local{};                     ///< where it was read again
+    RemoteLimits limits{};                 ///< of `local`
     std::optional<KeptConfig> document{};  ///< that is in `config`
-    /// Why the document that was in force does not fit `local_text`: the local file wins.
+    /// Why the document that was in force does not fit `local`: the local file wins.
     ConfigErrors misfit{};
   };
 
@@ -62,9 +60,12 @@ class RemoteConfig final {
   /// may be away meanwhile.
   RemoteConfig(std::string path, std::chrono::milliseconds trial);
 
-  /// The config to start with: the local file, and what was kept of the last run. Errors: those of
-  /// the local file.
+  /// The config to start with: the local file, and what was kept of the last run. Reads only: it
+  /// may be that another agent runs here. Errors: those of the local file.
   tl::expected<Config, ConfigErrors> start(Moment now);
+  /// Writes what start() has found out. Once, when a stop is heard, and before anything of the
+  /// config begins: from here on an end of the process that is no stop is held against it.
+  void begin();
 
   /// The local file as it is now, with the document in force where it fits. Errors: those of the
   /// local file; what is in force stays.
@@ -79,13 +80,16 @@ class RemoteConfig final {
   SteadyTime next_wake() const;
 
   void accept(Next next, Moment now);
-  void refuse(const Next& next, ConfigErrors errors, Moment now);
+  void refuse(const Next& next, const ConfigErrors& errors, Moment now);
 
   /// A document that was rejected, to be heard again after the local file has changed.
   const std::string& rejected() const { return rejected_; }
   void connection(bool is_up, SteadyTime now);
   /// The process was told to end: a trial goes on with the next one.
   void stop();
+
+  /// An answer of an earlier run is to be cleared, since nothing comes from afar any more. Once.
+  bool take_left_answer() { return std::exchange(has_left_answer_, false); }
 
   bool is_enabled() const { return limits_.enabled; }
   const RemoteReport& report() const { return report_; }
@@ -102,16 +106,21 @@ class RemoteConfig final {
   std::optional<ConfigStatus::Remote> status() const;
 
  private:
-  tl::expected<Config, ConfigErrors> local(std::string_view text) const;
-  tl::expected<Config, ConfigErrors> with(std::string_view local_text,
+  tl::expected<Config, ConfigErrors> alone(const LocalFile& local) const;
+  tl::expected<Config, ConfigErrors> with(const LocalFile& local,
                                           const DesiredConfig& document) const;
   void take_kept(Moment now);
+  void judge_last_run(Moment now);
   std::optional<Config> start_with(const std::optional<KeptConfig>& kept, Moment now);
   std::optional<Next> withdraw(Moment now);
   bool answer_known(const DesiredConfig& desired);
-  std::string keep_for_trial(const DesiredConfig& desired, Moment now);
+  std::optional<Next> judge(std::string_view payload, const DesiredConfig& desired, Moment now);
+  std::optional<Next> reject(std::string_view payload, const DesiredConfig& desired,
+                             const ConfigErrors& errors, Moment now);
+  std::optional<Next> way_back(Next::Why why, Moment now);
+  void end_judging();
   void settle_local_file(Next next, Moment now);
-  void report(RemoteReport::State state, const DesiredConfig& desired, ConfigErrors errors,
+  void report(RemoteReport::State state, const DesiredConfig& desired, const ConfigErrors& errors,
               std::int64_t since_ms);
   void report_in_force();
   void report_rolled_back();
@@ -123,14 +132,21 @@ class RemoteConfig final {
   const std::string path_;
   const std::chrono::milliseconds trial_time_;
   RemoteLimits limits_;
-  std::string local_text_;  ///< in force; empty where nothing may come from afar
+  std::string base_;  ///< topic of the agent
+  LocalFile local_;   ///< in force; empty where nothing may come from afar
   std::int64_t local_since_ms_ = 0;
   std::optional<DurableFile> file_;  ///< nothing: there is no place for one
   KeptConfigs kept_;
-  bool is_unsaved_ = false;  ///< the disk refused it
+  bool has_left_answer_ = false;
+  bool is_unsaved_ = false;  ///< it is not on disk
   SteadyTime save_again_at_{};
   std::optional<KeptConfig> in_force_;
-  std::optional<Trial> trial_;  ///< of in_force_
+  std::optional<Trial> trial_;        ///< of in_force_
+  bool is_given_up_ = false;          ///< the trial, whatever it comes to
+  SteadyTime back_again_at_{};        ///< when the way back is tried again
+  std::vector<std::string> servers_;  ///< in force
+  bool has_moved_ = false;            ///< the config on trial has other servers than that before
+  std::string held_;                  ///< a document that moves again, until the verdict
   bool is_connected_ = false;
   std::string rejected_;
   RemoteReport report_;

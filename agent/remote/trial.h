@@ -13,7 +13,7 @@ class Trial {
  public:
   enum class Verdict { pending, good, lost };
 
-  /// `connected_since` nothing: the broker is away at the beginning.
+  /// Not connected: the broker is away since the beginning.
   Trial(std::chrono::milliseconds length, SteadyTime began, bool is_connected)
       : length_(length), began_(began) {
     if (!is_connected) away_since_ = began;

@@ -1,6 +1,7 @@
 #include "agent/store/durable_file.h"
 
 #include <fcntl.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -49,8 +50,43 @@ bool write_all(int handle, std::string_view text) {
 
 }  // namespace
 
+/// Of the directory itself, so that nothing is left in it.
+class DurableFile::Lock final {
+ public:
+  explicit Lock(const std::string& directory)
+      : handle_(::open(directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)),
+        identity_(identity_of(directory)) {
+    if (!handle_.is_open())
+      fault_ = why(directory);
+    else if (::flock(handle_.get(), LOCK_EX | LOCK_NB) != 0)
+      fault_ = errno == EWOULDBLOCK ? directory + " is another agent's" : why(directory);
+  }
+
+  const std::string& fault() const { return fault_; }
+  /// One that was deleted is nobody's way to the file any more.
+  bool is_of(const std::string& directory) const {
+    return identity_ && identity_of(directory) == identity_;
+  }
+
+ private:
+  const Handle handle_;
+  const std::optional<FileIdentity> identity_;
+  std::string fault_;
+};
+
 DurableFile::DurableFile(std::string directory, const std::string& name)
     : directory_(std::move(directory)), path_(directory_ + "/" + name) {}
+DurableFile::~DurableFile() = default;
+
+std::string DurableFile::lock() {
+  if (lock_ && lock_->is_of(directory_)) return {};
+  lock_.reset();
+  if (std::string fault = make_store_directory(directory_); !fault.empty()) return fault;
+  auto lock = std::make_unique<Lock>(directory_);
+  if (!lock->fault().empty()) return lock->fault();
+  lock_ = std::move(lock);
+  return {};
+}
 
 tl::expected<std::optional<std::string>, std::string> DurableFile::read(std::size_t most) const {
   const Handle file(::open(path_.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));

@@ -57,6 +57,7 @@ Publisher::Publisher(Config& config, PublisherSettings settings, Payload& payloa
                    Publication publication;
                    publication.topic = base_ + std::string(kReportedTopic);
                    publication.payload = config_report_.value_or("");
+                   if (publication.payload.empty()) config_report_.reset();  // it is cleared once
                    publication.retain = Retain::yes;
                    return publication;
                  }}),
@@ -220,7 +221,7 @@ void Publisher::make_health_due(SteadyTime now) {
 void Publisher::connection_began(SteadyTime now) {
   identity_.connection_began(session_.server(), now, session_.steady_after());
   retained_.connection_began();
-  if (config_report_ && !config_report_->empty()) retained_.config_report_is_due();
+  if (config_report_) retained_.config_report_is_due();
   if (config_listener_.connection) config_listener_.connection(true, now);
   make_health_due(now);
   samples_out_.connection_began();

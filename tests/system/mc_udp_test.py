@@ -193,7 +193,7 @@ class McOverUdp(PlantTest):
         self.state("press1", "online")
         told = [line for line in self.agent.logged().splitlines() if "link=line1" in line]
         self.assertEqual(len(told), 2, told)
-        self.assertIn("does another program", told[0])
+        self.assertIn("is another program", told[0])
         self.assertIn("state=up", told[1])
 
 

@@ -143,7 +143,7 @@ class RemoteConfig(ReloadTest):
         self.agent.stop()
         self.run_agent()
         self.applied("v1", {"devices": config["devices"] + [reading("m2", "a", 2)]})
-        for point in ("remote_config_kept", "remote_config_applied"):
+        for point in ("remote_config_judged", "remote_config_kept", "remote_config_applied"):
             self.agent.stop()
             since = self.watcher.mark()
             self.run_agent(FXAGENT_CRASH_AT=point)
@@ -204,6 +204,27 @@ class RemoteConfig(ReloadTest):
         self.write(config)
         self.hang_up()
         wait_for("the report to be cleared", lambda: None in self.watcher.payloads(REPORTED, since))
+
+    def test_switched_off_by_a_restart_the_answer_is_cleared(self):
+        config = self.begin_remote()
+        self.applied("v1", {"devices": [reading("m2", "a", 2)]})
+        self.agent.stop()
+        config["agent"]["remote_config"] = False
+        self.write(config)
+        since = self.watcher.mark()
+        self.run_agent()
+        wait_for("the report to be cleared", lambda: None in self.watcher.payloads(REPORTED, since))
+        self.assertFalse(os.path.exists(os.path.join(self.store, "remote_config.json")))
+
+    def test_a_traced_link_that_was_taken_away_keeps_nobody_down(self):
+        self.begin_remote()
+        self.applied("v1", {"links": [self.link("b")], "devices": [reading("m2", "b", 2)]})
+        self.agent.stop()
+        self.agent.arguments = ["--trace", "a"]
+        since = self.watcher.mark()
+        self.run_agent()
+        self.state("m2", "online", since)
+        self.assertIn("--trace: there is no link", self.agent.logged())
 
     def test_a_disk_that_refuses_lets_no_config_in_unless_the_local_file_says_so(self):
         config = self.begin_remote()

@@ -76,5 +76,27 @@ TEST_F(FindingsTest, TheOtherPlaceIsNamed) {
   EXPECT_EQ(texts(), (Texts{"a; its template is at /templates/m (line 1)", "b; {n} being 7"}));
 }
 
+TEST_F(FindingsTest, WhatIsTooMuchIsCounted) {
+  EXPECT_EQ(findings_.unlisted(), "");
+  for (std::size_t i = 0; i < Findings::kMost; ++i)
+    findings_.add(first_.offset, first_, std::to_string(i), nullptr, 0);
+  EXPECT_EQ(findings_.unlisted(), "");
+  findings_.add(first_.offset, first_, "more", nullptr, 0);
+  const DeviceOrigin origin{&first_, &base_, "1"};
+  findings_.add(unit_.offset, unit_, "wrong", &origin, 1);
+  EXPECT_EQ(texts().size(), Findings::kMost);
+  EXPECT_EQ(findings_.unlisted(), "2 more are not listed");
+}
+
+TEST_F(FindingsTest, WhatIsListedIsCountedForItsOthersThen) {
+  const DeviceOrigin origin{&first_, &base_, "1"};
+  findings_.add(unit_.offset, unit_, "wrong", &origin, 1);
+  for (std::size_t i = 0; i < Findings::kMost; ++i)
+    findings_.add(second_.offset, second_, std::to_string(i), nullptr, 0);
+  findings_.add(unit_.offset, unit_, "wrong", &origin, 2);
+  EXPECT_EQ(findings_.unlisted(), "1 more is not listed");
+  EXPECT_NE(texts().front().find("for 1 other"), std::string::npos) << texts().front();
+}
+
 }  // namespace
 }  // namespace fxagent

@@ -131,6 +131,39 @@ TEST(BeyondLimits, RightsStayWithTheMachine) {
   EXPECT_NE(said_of(bus, {{"/devices/1/name", "mixer2"}}), "");
 }
 
+TEST(BeyondLimits, RightsStayWithTheMachineOverUdpToo) {
+  json local = local_plant();
+  local["links"][1] = {{"name", "gw1"}, {"udp", {{"host", "192.0.2.10"}, {"port", 5000}}}};
+  local["devices"][1] = {{"name", "mixer"},
+                         {"link", "gw1"},
+                         {"protocol", "mc-3e"},
+                         {"model", "FX5U"},
+                         {"commands", {{"allow", {"D0-D9"}}}}};
+  EXPECT_EQ(said_of(local, {{"/devices/1/retries", 3}}), "");
+  EXPECT_EQ(said_of(local, {{"/links/1/udp/local_port", 5000}}), "");
+  EXPECT_NE(said_of(local, {{"/links/1/udp/host", "192.0.2.11"}}), "");
+  EXPECT_NE(said_of(local, {{"/links/1/udp/port", 503}}), "");
+  const json tcp = {{"name", "gw1"}, {"tcp", local["links"][1]["udp"]}};
+  EXPECT_NE(said_of(local, {{"/links/1", tcp}}), "");
+}
+
+/// Every unit obeys it, so that it would have rights on machines that have none.
+TEST(BeyondLimits, NoNamedRangeIsForABroadcast) {
+  json local = local_plant(json{"links", "devices", "commands.allow: hr:0-hr:9"});
+  json wanted = local;
+  wanted["links"].push_back({{"name", "bus"}, {"serial", {{"path", "/dev/ttyUSB5"}}}});
+  wanted["devices"].push_back({{"name", "all"},
+                               {"link", "bus"},
+                               {"protocol", "modbus-rtu"},
+                               {"unit", 0},
+                               {"commands", {{"allow", {"hr:0-hr:9"}}}}});
+  const auto said = [&] { return listed(beyond_limits(good(local.dump()), good(wanted.dump()))); };
+  EXPECT_NE(said().find("all: commands.allow with hr:0 to hr:9 is wider"), std::string::npos)
+      << said();
+  wanted["devices"].back()["unit"] = 1;
+  EXPECT_EQ(said(), "");
+}
+
 TEST(BeyondLimits, AModelThatIsStillToBeAskedHasTheWidestAddresses) {
   json local = local_plant(json{"devices", "commands.allow: D7000-D7999"});
   local["devices"][1].erase("model");

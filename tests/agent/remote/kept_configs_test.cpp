@@ -17,14 +17,16 @@ KeptConfigs some() {
   kept.trying =
       KeptConfig{desired_of({{"version", "2"}, {"by", "ann"}, {"config", json::object()}}), 2000};
   kept.stopped = true;
-  kept.rolled_back = {"0123456789abcdef", "3", "the broker was lost", 3000};
+  kept.agent = "fx/edge7";
+  kept.judged = {"fedcba9876543210", "4", "eve"};
+  kept.rolled_back = {"0123456789abcdef", "3", "bob", "the broker was lost", 3000};
   return kept;
 }
 
 TEST(KeptConfigs, ComeBackAsTheyWere) {
   const auto back = kept_configs_from(to_text(some()));
   ASSERT_TRUE(back.has_value()) << back.error();
-  ASSERT_TRUE(back->good && back->trying && back->rolled_back);
+  ASSERT_TRUE(back->good && back->trying && back->judged && back->rolled_back);
   EXPECT_EQ(back->good->document.text, some().good->document.text);
   EXPECT_EQ(back->good->document.hash, some().good->document.hash);
   EXPECT_EQ(back->good->since_ms, 1000);
@@ -32,7 +34,12 @@ TEST(KeptConfigs, ComeBackAsTheyWere) {
   EXPECT_EQ(back->trying->document.by, "ann");
   EXPECT_TRUE(back->stopped);
   EXPECT_EQ(back->rolled_back->why, "the broker was lost");
+  EXPECT_EQ(back->rolled_back->by, "bob");
   EXPECT_EQ(back->rolled_back->since_ms, 3000);
+  EXPECT_EQ(back->agent, "fx/edge7");
+  EXPECT_EQ(back->judged->hash, "fedcba9876543210");
+  EXPECT_EQ(back->judged->version, "4");
+  EXPECT_EQ(back->judged->by, "eve");
   const auto none = kept_configs_from(to_text(KeptConfigs{}));
   ASSERT_TRUE(none.has_value());
   EXPECT_TRUE(none->empty());

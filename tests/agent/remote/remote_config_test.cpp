@@ -4,13 +4,27 @@
 
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <optional>
 #include <string>
+#include <string_view>
 
+#include "agent/failpoint.h"
 #include "tests/agent/remote/remote_plant.h"
 #include "tests/support/scratch.h"
 
 namespace fxagent {
+namespace {
+
+std::function<void()> at_judging;
+
+}  // namespace
+
+/// In place of the product's, so that a test sees the disk at that moment.
+void failpoint(std::string_view name) noexcept {
+  if (at_judging && name == "remote_config_judged") at_judging();
+}
+
 namespace {
 
 using namespace test;
@@ -35,13 +49,32 @@ class Plant {
   std::string kept_path() const { return scratch_.path("store/remote_config.json"); }
 
   void start(bool is_connected = true) {
+    read();
+    remote_->begin();
+    if (is_connected) remote_->connection(true, steady_);
+  }
+  /// As far as a start reads only.
+  void read() {
     remote_.emplace(path(), kTrial);
     auto config = remote_->start(now());
     ASSERT_TRUE(config.has_value()) << listed(config.error());
     in_force_ = std::move(*config);
-    if (is_connected) remote_->connection(true, steady_);
   }
   void stop() { remote_->stop(); }
+  std::string store() const { return scratch_.path("store"); }
+  /// The disk is away, and back again.
+  void take_disk() const {
+    std::filesystem::rename(store(), store() + ".away");
+    std::ofstream(store()) << "no directory";
+  }
+  void give_disk() const {
+    std::filesystem::remove(store());
+    std::filesystem::rename(store() + ".away", store());
+  }
+  std::string kept_text() const {
+    std::ifstream kept(kept_path());
+    return {std::istreambuf_iterator<char>(kept), {}};
+  }
 
   /// False: nothing was applied.
   bool hear(const json& document) { return hear_text(document.dump()); }
@@ -68,6 +101,17 @@ class Plant {
     std::string text = report["state"].get<std::string>() + " " + report["version"].dump();
     if (!report["errors"].empty()) text += ": " + report["errors"][0].get<std::string>();
     return text;
+  }
+
+  /// Hears it and starts with what the disk has while it is judged.
+  void end_while_judging(const json& document) {
+    std::string text;
+    at_judging = [&] { text = kept_text(); };
+    hear(document);
+    at_judging = {};
+    remote_.reset();
+    std::ofstream(kept_path()) << text;
+    start();
   }
 
   /// A document that sets the retries of the first device.
@@ -167,7 +211,9 @@ TEST(RemoteConfig, ManyErrorsAreCutAndCounted) {
   EXPECT_FALSE(plant.hear(wrong));
   const std::string text = plant.remote().reported("");
   EXPECT_LT(text.size(), 2 * kMostReportedBytes);
-  EXPECT_EQ(json::parse(text)["errors_in_all"], 3000);
+  const json report = json::parse(text);
+  EXPECT_EQ(report["errors"][0], "2000 more are not listed");
+  EXPECT_EQ(report["errors_in_all"], 1001);
 }
 
 TEST(RemoteConfig, TheBrokerLostIsRolledBackAndNotTriedAgain) {
@@ -377,7 +423,9 @@ TEST(RemoteConfig, DamageOnDiskIsLeftOut) {
   std::ofstream(plant.kept_path()) << "{\"format\": 1";
   plant.start();
   EXPECT_EQ(plant.retries(), 2);
+  EXPECT_EQ(plant.said().rfind("applied null: the kept config is damaged", 0), 0u) << plant.said();
   EXPECT_TRUE(plant.hear(plant.with_retries("v1", 7)));
+  EXPECT_EQ(plant.reported()["errors"], json::array());
 }
 
 TEST(RemoteConfig, NoSecretIsReported) {
@@ -391,6 +439,258 @@ TEST(RemoteConfig, NoSecretIsReported) {
     const std::string text{std::istreambuf_iterator<char>(kept), {}};
     EXPECT_EQ(text.find("s3cret"), std::string::npos);
   }
+}
+
+TEST(RemoteConfig, OneThatEndsTheProcessWhileItIsJudgedIsNotTriedAgain) {
+  Plant plant;
+  plant.hear(plant.with_retries("v1", 7));
+  plant.pass(kTrial);
+  json document = plant.with_retries("v2", 8);
+  document["by"] = "ann";
+  plant.end_while_judging(document);
+  EXPECT_EQ(plant.retries(), 7);
+  EXPECT_EQ(plant.said(), "rolled_back \"v2\": the process ended while the config was judged");
+  EXPECT_EQ(plant.remote().report().desired.by, "ann");
+  EXPECT_FALSE(plant.hear(document));
+  plant.start();
+  EXPECT_FALSE(plant.hear(document));
+  EXPECT_EQ(plant.said().substr(0, 16), "rolled_back \"v2\"");
+}
+
+TEST(RemoteConfig, JudgingAnotherDoesNotEndATrial) {
+  Plant plant;
+  plant.hear(plant.with_retries("v1", 7));
+  plant.end_while_judging(plant.with_retries("v2", 8));
+  EXPECT_EQ(plant.retries(), 7);
+  EXPECT_EQ(plant.reported()["confirmed"], false);
+  EXPECT_EQ(plant.said().substr(0, 16), "rolled_back \"v2\"");
+}
+
+TEST(RemoteConfig, OneThatIsRejectedLeavesNothingOfItsJudging) {
+  Plant plant;
+  EXPECT_FALSE(plant.hear(plant.with_retries("v1", 99)));
+  EXPECT_EQ(plant.kept_text(), "");
+  plant.start();
+  EXPECT_EQ(plant.said(), "applied null");
+}
+
+/// The rights of the file count as they were when it was read, for as long as its text does.
+TEST(RemoteConfig, TheWayBackDoesNotDependOnTheFileOnDisk) {
+  Plant plant;
+  plant.local()["mqtt"].erase("allow_plain_secret");
+  plant.write();
+  std::filesystem::permissions(
+      plant.path(), std::filesystem::perms::owner_read | std::filesystem::perms::owner_write);
+  plant.start();
+  const auto share = [&] {
+    std::filesystem::permissions(plant.path(), std::filesystem::perms::others_read,
+                                 std::filesystem::perm_options::add);
+  };
+  const auto keep_private = [&] {
+    std::filesystem::permissions(plant.path(), std::filesystem::perms::others_read,
+                                 std::filesystem::perm_options::remove);
+  };
+  share();
+  EXPECT_TRUE(plant.hear(plant.with_retries("v1", 7)));
+  plant.connection(false);
+  EXPECT_TRUE(plant.pass(kTrial));
+  EXPECT_EQ(plant.retries(), 2);
+  plant.connection(true);
+  EXPECT_TRUE(plant.hear(plant.with_retries("v2", 8)));
+  EXPECT_TRUE(plant.hear_text(""));
+  EXPECT_EQ(plant.retries(), 2);
+  keep_private();
+}
+
+TEST(RemoteConfig, ReadingAtTheStartWritesNothing) {
+  Plant plant;
+  plant.hear(plant.with_retries("v1", 7));
+  plant.stop();
+  const std::string before = plant.kept_text();
+  plant.read();
+  EXPECT_EQ(plant.kept_text(), before);
+  // Stopped there, as in a store that opens slowly: that proves nothing.
+  plant.start();
+  EXPECT_EQ(plant.retries(), 7);
+  EXPECT_NE(plant.kept_text(), before);
+  plant.local()["agent"]["remote_config"] = false;
+  plant.write();
+  plant.read();
+  EXPECT_TRUE(std::filesystem::exists(plant.kept_path()));
+}
+
+TEST(RemoteConfig, ASecondAgentTouchesNothing) {
+  Plant plant;
+  plant.hear(plant.with_retries("v1", 7));
+  const std::string before = plant.kept_text();
+  const auto begin_second = [&] {
+    RemoteConfig second(plant.path(), kTrial);
+    EXPECT_TRUE(second.start({}).has_value());
+    second.begin();
+    EXPECT_FALSE(second.take_left_answer());
+  };
+  begin_second();
+  EXPECT_EQ(plant.kept_text(), before);
+  plant.local()["agent"]["remote_config"] = false;
+  plant.write();
+  begin_second();
+  EXPECT_EQ(plant.kept_text(), before);
+}
+
+TEST(RemoteConfig, AStoppedTrialThatNoLongerFitsIsOver) {
+  Plant plant;
+  plant.hear(plant.with_retries("v1", 7));
+  plant.stop();
+  plant.local()["agent"]["remote_allow"] = json::array();
+  plant.write();
+  plant.start();
+  EXPECT_EQ(plant.reported()["state"], "rejected");
+  plant.start();
+  EXPECT_EQ(plant.said(), "applied null");
+}
+
+TEST(RemoteConfig, ATrialThatTheDiskDoesNotLetGoOnIsGivenUp) {
+  Plant plant;
+  plant.hear(plant.with_retries("v1", 7));
+  plant.stop();
+  plant.read();
+  plant.take_disk();
+  plant.remote().begin();
+  EXPECT_LE(plant.remote().next_wake(), SteadyTime{1h});
+  EXPECT_TRUE(plant.pass(0s));
+  EXPECT_EQ(plant.retries(), 2);
+  EXPECT_EQ(plant.said(), "applied null");
+  EXPECT_EQ(plant.reported()["confirmed"], true);
+  plant.give_disk();
+}
+
+json with_server(const std::string& version, const std::string& server) {
+  return {{"version", version}, {"config", {{"mqtt", {{"servers", {server}}}}}}};
+}
+
+/// Two brokers whose documents send the agent to each other.
+TEST(RemoteConfig, NobodyIsSentToAnotherBrokerAgainBeforeTheVerdict) {
+  Plant plant;
+  plant.local()["agent"]["remote_allow"] = {"mqtt.servers", "devices"};
+  for (const char* key : {"username", "password", "allow_plain_secret"})
+    plant.local()["mqtt"].erase(key);
+  plant.write();
+  plant.start();
+  EXPECT_TRUE(plant.hear(with_server("b", "mqtt://192.0.2.2")));
+  EXPECT_FALSE(plant.hear(with_server("a", "mqtt://192.0.2.1")));
+  EXPECT_EQ(plant.said(), "applied \"b\"");
+  EXPECT_TRUE(plant.remote().has_answer());
+  EXPECT_TRUE(plant.pass(kTrial));
+  EXPECT_EQ(plant.said(), "applied \"a\"");
+  EXPECT_EQ(plant.in_force().mqtt.servers[0], "mqtt://192.0.2.1:1883");
+  // Where the trial is lost it is forgotten: the broker of before has its own.
+  EXPECT_FALSE(plant.hear(with_server("b", "mqtt://192.0.2.2")));
+  plant.connection(false);
+  EXPECT_TRUE(plant.pass(kTrial));
+  EXPECT_EQ(plant.in_force().mqtt.servers[0], "mqtt://192.0.2.2:1883");
+  EXPECT_FALSE(plant.pass(1h));
+  // Another one that stays where it is need not wait.
+  plant.connection(true);
+  EXPECT_TRUE(plant.hear(with_server("c", "mqtt://192.0.2.3")));
+  json stays = with_server("d", "mqtt://192.0.2.3");
+  stays["config"]["devices"] = plant.with_retries("", 5)["config"]["devices"];
+  EXPECT_TRUE(plant.hear(stays));
+}
+
+TEST(RemoteConfig, SwitchedOffByARestartTheAnswerIsClearedOnce) {
+  Plant plant;
+  EXPECT_FALSE(plant.remote().take_left_answer());
+  plant.hear(plant.with_retries("v1", 7));
+  plant.local()["agent"]["remote_config"] = false;
+  plant.write();
+  plant.start();
+  EXPECT_FALSE(std::filesystem::exists(plant.kept_path()));
+  EXPECT_TRUE(plant.remote().take_left_answer());
+  EXPECT_FALSE(plant.remote().take_left_answer());
+  plant.start();
+  EXPECT_FALSE(plant.remote().take_left_answer());
+}
+
+TEST(RemoteConfig, WhoHasSentARolledBackOneIsKept) {
+  Plant plant;
+  json document = plant.with_retries("v1", 7);
+  document["by"] = "ann";
+  plant.hear(document);
+  plant.start();
+  EXPECT_EQ(plant.remote().report().desired.by, "ann");
+  plant.start();
+  EXPECT_EQ(plant.remote().report().desired.by, "ann");
+}
+
+TEST(RemoteConfig, AnOlderRejectedOneDoesNotComeBackOverARolledBackOne) {
+  Plant plant;
+  plant.hear(plant.with_retries("v1", 7));
+  plant.start();  // it has crashed
+  plant.hear(plant.with_retries("v0", 99));
+  EXPECT_FALSE(plant.remote().rejected().empty());
+  EXPECT_FALSE(plant.hear(plant.with_retries("v1", 7)));
+  EXPECT_EQ(plant.remote().rejected(), "");
+}
+
+TEST(RemoteConfig, AConfirmationThatTheDiskRefusedIsWrittenAtTheStop) {
+  Plant plant;
+  plant.hear(plant.with_retries("v1", 7));
+  plant.take_disk();
+  plant.pass(kTrial);
+  plant.give_disk();
+  plant.stop();
+  plant.start();
+  EXPECT_EQ(plant.said(), "applied \"v1\"");
+  EXPECT_EQ(plant.retries(), 7);
+}
+
+TEST(RemoteConfig, WhatTheDiskRefusedToTryIsPutRightLater) {
+  Plant plant;
+  plant.hear(plant.with_retries("v1", 7));
+  plant.pass(kTrial);
+  const std::string good = plant.kept_text();
+  plant.take_disk();
+  EXPECT_FALSE(plant.hear(plant.with_retries("v2", 8)));
+  plant.give_disk();
+  std::ofstream(plant.kept_path()) << "the text of the try, which came through";
+  plant.pass(60s);
+  EXPECT_EQ(plant.kept_text(), good);
+}
+
+/// A new file that does not fit the one on trial may fit the one before.
+TEST(RemoteConfig, WhereTheTrialNoLongerFitsTheGoodOneStays) {
+  Plant plant;
+  plant.hear(plant.with_retries("v1", 7));
+  plant.pass(kTrial);
+  json links = plant.local()["links"];
+  links[0]["serial"]["path"] = "/dev/ttyUSB7";
+  plant.local()["devices"][0]["commands"] = json::object();
+  json moved = plant.with_retries("v2", 7);
+  moved["config"]["links"] = links;
+  moved["config"]["devices"][0]["commands"] = json::object();
+  moved["config"]["devices"][0]["tags"].erase(2);
+  EXPECT_TRUE(plant.hear(moved)) << plant.said();
+  plant.local()["agent"]["remote_allow"] = {"devices"};
+  plant.local()["devices"][0]["commands"] = {{"allow", {"M100-M199", "Y0-Y7"}}};
+  plant.write();
+  EXPECT_TRUE(plant.hang_up());
+  EXPECT_EQ(plant.retries(), 7);
+  EXPECT_EQ(plant.reported()["state"], "rejected");
+  EXPECT_EQ(plant.reported()["in_force"], "v1");
+  EXPECT_EQ(plant.reported()["confirmed"], true);
+  plant.start();
+  EXPECT_EQ(plant.retries(), 7);
+}
+
+TEST(RemoteConfig, WhatAnotherAgentHasKeptIsLeftOut) {
+  Plant plant;
+  plant.hear(plant.with_retries("v1", 7));
+  plant.pass(kTrial);
+  plant.local()["agent"]["id"] = "edge8";
+  plant.write();
+  plant.start();
+  EXPECT_EQ(plant.retries(), 2);
+  EXPECT_EQ(plant.said(), "applied null");
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <csignal>
 #include <filesystem>
 #include <fstream>
+#include <optional>
 #include <string>
 
 #include "tests/support/scratch.h"
@@ -99,6 +100,26 @@ TEST(DurableFile, ADirectoryThatOthersWriteIsRefused) {
   std::filesystem::create_directory(scratch.path("store"));
   std::filesystem::permissions(scratch.path("store"), std::filesystem::perms::all);
   EXPECT_NE(DurableFile(scratch.path("store"), "kept.json").write("one"), "");
+}
+
+TEST(DurableFile, OneProcessOfTwoHasTheLock) {
+  const Scratch scratch;
+  std::optional<DurableFile> first(std::in_place, scratch.path("store"), "kept.json");
+  DurableFile second(scratch.path("store"), "kept.json");
+  EXPECT_EQ(first->lock(), "");
+  EXPECT_EQ(first->lock(), "");
+  EXPECT_NE(second.lock().find("another agent's"), std::string::npos) << second.lock();
+  first.reset();
+  EXPECT_EQ(second.lock(), "");
+}
+
+TEST(DurableFile, ADirectoryThatWasReplacedIsLockedAgain) {
+  const Scratch scratch;
+  DurableFile file(scratch.path("store"), "kept.json");
+  ASSERT_EQ(file.lock(), "");
+  std::filesystem::rename(scratch.path("store"), scratch.path("away"));
+  EXPECT_EQ(file.lock(), "");
+  EXPECT_NE(DurableFile(scratch.path("store"), "kept.json").lock(), "");
 }
 
 }  // namespace

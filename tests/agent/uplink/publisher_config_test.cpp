@@ -94,5 +94,18 @@ TEST_F(PublisherConfig, TheReportIsRetainedAndComesAfterEachConnect) {
   EXPECT_EQ(broker.on(kReported).size(), 4u);  // nothing more is said there
 }
 
+TEST_F(PublisherConfig, AReportThatIsClearedWhileTheBrokerIsAwayIsClearedLater) {
+  config.remote.enabled = true;
+  listen();
+  made().report_config("one", "");
+  settle();
+  broker.lose();
+  step();
+  made().report_config("", "");
+  settle();
+  advance(60s);
+  EXPECT_EQ(broker.on(kReported), (std::vector<std::string>{"one", ""}));
+}
+
 }  // namespace
 }  // namespace fxagent
