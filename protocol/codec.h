@@ -93,6 +93,9 @@ struct LineLength {
   std::uint32_t request_chars = 0;
   std::uint32_t reply_chars = 0;
   std::uint32_t closing_chars = 0;
+  /// What a reply may have more where its values decide, as bytes that are doubled on the wire: for
+  /// deadlines and bounds. Plans reckon without it.
+  std::uint32_t more_reply_chars = 0;
 };
 
 // ---- a frame explained, for `fxagent decode` --------------------------------------------------

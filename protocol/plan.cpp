@@ -172,7 +172,8 @@ std::chrono::nanoseconds exchange_time(const Codec& codec, const Request& reques
                                        const LineTiming& timing) {
   const auto one = [&](const Request& asked) {
     const LineLength length = codec.line_length(asked);
-    return timing.char_time * (length.request_chars + length.reply_chars + length.closing_chars) +
+    return timing.char_time * (length.request_chars + length.reply_chars + length.more_reply_chars +
+                               length.closing_chars) +
            timing.turnaround + std::max(timing.gap, codec.quiet_before(timing.char_time)) +
            codec.pause_after(asked);
   };

@@ -31,7 +31,8 @@ struct LineTiming {
   std::chrono::nanoseconds turnaround{0};  ///< the device's own time
   bool enquires_always = false;            ///< an enquiry goes before each request
 };
-/// Line time of one exchange that ends well, from the end of the one before it.
+/// Line time of one exchange that ends well, from the end of the one before it, at the most:
+/// whatever the values are.
 std::chrono::nanoseconds exchange_time(const Codec& codec, const Request& request,
                                        const LineTiming& timing);
 

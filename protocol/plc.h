@@ -14,8 +14,8 @@
 namespace fxagent {
 
 /// Got from Codec::plc() and valid as long as that codec. Every request made here is one that its
-/// codec can encode. Sources: for the FX computer link JY992D69901 rev. E, chapter 8 (PC, RR, RS);
-/// for the programming port captures; both in protocol/README.md.
+/// codec can encode, run_request() perhaps apart. Sources: for the FX computer link JY992D69901
+/// rev. E, chapter 8 (PC, RR, RS); for the programming port captures; both in protocol/README.md.
 class PlcServices {
  public:
   virtual ~PlcServices() = default;
@@ -39,8 +39,9 @@ class PlcServices {
   virtual Request run_state() const = 0;
   /// The answer of run_state(): true where the PLC runs; nullopt for an image too short to tell.
   virtual std::optional<bool> run_state_from(ByteView image) const = 0;
-  /// The request that starts (true) or stops (false) the PLC. It is never repeated after a refusal:
-  /// see Codec::meaning_of().
+  /// The request that starts (true) or stops (false) the PLC. Where the model cannot be switched by
+  /// this protocol, encode() says so (unsupported). It is never repeated after a refusal: see
+  /// Codec::meaning_of().
   virtual Request run_request(bool run) const = 0;
   /// For a person whose run or stop failed: the switch position that this protocol needs.
   virtual std::string run_hint() const = 0;

@@ -213,11 +213,13 @@ ExchangeReport report_exchange(const DevicePlan& device, const Plan& plan, const
     out.addresses.push_back(codec.addresses().name_of(span));
     out.bits += span.bits;
   }
-  out.chars = chars_of(codec.line_length(request));
+  const LineLength length = codec.line_length(request);
+  out.chars = chars_of(length);
   if (const auto enquiry = codec.resync(); enquiry && timing.enquires_always)
     out.chars += chars_of(codec.line_length(*enquiry));
   if (timing.char_time.count() == 0) return out;
-  out.line_time = exchange_time(codec, request, timing);
+  out.line_time =
+      exchange_time(codec, request, timing) - timing.char_time * length.more_reply_chars;
   std::uint32_t data = 0;
   for (std::size_t i = 0; i < which.size(); ++i)
     data += add_use(device, plan.reads[which[i]], points, use);

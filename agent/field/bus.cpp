@@ -278,7 +278,8 @@ asio::awaitable<Exchange> Bus::send_and_receive(const Codec& codec, const Statio
     co_return exchange;
   }
   const LineLength length = codec.line_length(request);
-  const auto line = char_time_ * (length.request_chars + length.reply_chars);
+  const auto line =
+      char_time_ * (length.request_chars + length.reply_chars + length.more_reply_chars);
   // What closed the exchange before may still be leaving; this request goes right behind it.
   const auto on_the_wire = std::max(exchange.began, last_activity_);
   const auto deadline = on_the_wire + line + station.timeout;

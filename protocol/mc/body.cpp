@@ -123,8 +123,7 @@ std::string why_not_named(const Dialect& dialect, Space space, std::uint32_t num
   if (dialect.code == Code::binary) return {};
   const std::string name = device_name(dialect.model, space, number);
   const std::string cure = dialect.serial ? ": use mc-4c with format 5" : ": use `code` binary";
-  const bool octal = base_of(dialect.model, space) == 8;
-  if (octal && number > 7)
+  if (has_doubtful_digits(dialect, space) && number >= kCertain)
     return name +
            ": whether an FX5 takes the digits of X and Y as octal in ASCII code is not known" +
            cure;

@@ -17,8 +17,8 @@ struct Named {
   std::string_view name;
   Model model;
 };
-// The name of a model stands before those of its kin.
-constexpr std::array<Named, 12> kModels = {{{"FX3U", Model::fx3u},
+// The name of a model stands before those of its kin, and a model before what 1E reaches of it.
+constexpr std::array<Named, 14> kModels = {{{"FX3U", Model::fx3u},
                                             {"FX3UC", Model::fx3u},
                                             {"FX3G", Model::fx3g},
                                             {"FX3GC", Model::fx3g},
@@ -29,7 +29,9 @@ constexpr std::array<Named, 12> kModels = {{{"FX3U", Model::fx3u},
                                             {"FX5S", Model::fx5s},
                                             {"Q", Model::q},
                                             {"L", Model::l},
-                                            {"iQ-R", Model::iq_r}}};
+                                            {"iQ-R", Model::iq_r},
+                                            {"Q", Model::q_by_1e},
+                                            {"L", Model::l_by_1e}}};
 
 constexpr auto kDec = Numbering::decimal;
 constexpr auto kHex = Numbering::hexadecimal;
@@ -157,9 +159,11 @@ std::string digits_of(std::uint32_t number, std::uint32_t base) {
   return upper(std::string_view(text.data(), static_cast<std::size_t>(end - text.data())));
 }
 
-std::string_view model_text(Model model) {
+std::string model_text(Model model) {
   if (model == Model::unknown_fx3) return "the widest model (FX3U)";
-  return model == Model::unknown ? "the widest model" : to_string(model);
+  if (model == Model::unknown) return "the widest model";
+  const std::string name(to_string(model));
+  return model == Model::q_by_1e || model == Model::l_by_1e ? name + " by 1E frames" : name;
 }
 
 /// "M0-M7679 and M8000-M8511": every device of these letters.
@@ -179,7 +183,7 @@ std::string ranges_text(Model model, std::string_view letters) {
 
 tl::unexpected<Error> missing(Model model, const std::string& name, std::string_view letters) {
   const std::string ranges = ranges_text(model, letters);
-  return refuse(name + " does not exist: " + std::string(model_text(model)) + " has " +
+  return refuse(name + " does not exist: " + model_text(model) + " has " +
                 (ranges.empty() ? "no " + std::string(letters) : ranges));
 }
 
@@ -270,9 +274,9 @@ std::string not_octal(Model model, const Parts& parts) {
   std::uint32_t before = 0;
   for (std::size_t i = 0; i < parts.digits.size() && i < 8; ++i)
     before = before * 8 + (i < bad ? static_cast<std::uint32_t>(parts.digits[i] - '0') : 7);
-  return parts.name + " does not exist: " + parts.letters + " of " +
-         std::string(model_text(model)) + " is numbered in octal, after " + parts.letters +
-         digits_of(before, 8) + " comes " + parts.letters + digits_of(before + 1, 8);
+  return parts.name + " does not exist: " + parts.letters + " of " + model_text(model) +
+         " is numbered in octal, after " + parts.letters + digits_of(before, 8) + " comes " +
+         parts.letters + digits_of(before + 1, 8);
 }
 
 Result<std::uint32_t> number_in(Model model, const Parts& parts) {
@@ -346,6 +350,35 @@ Result<void> check_forbidden(const Span& span) {
   return {};
 }
 
+/// Q03UD(E) user's manual, 5.1.2. D9000 and M9000 up are left out: there by 1E are SD1000 and
+/// SM1000 up. L and all that has no code in 1E is as by 3E.
+std::uint32_t count_by_1e(Space space) {
+  switch (space) {
+    case Space::x:
+    case Space::y:
+      return 0x800;
+    case Space::m:
+    case Space::r:
+      return 8192;
+    case Space::f:
+    case Space::ts:
+    case Space::tc:
+    case Space::tn:
+      return 2048;
+    case Space::cs:
+    case Space::cc:
+    case Space::cn:
+      return 1024;
+    case Space::b:
+    case Space::w:
+      return 0x1000;
+    case Space::d:
+      return 6144;
+    default:
+      return kCounts[id(space)].q_l;
+  }
+}
+
 std::uint32_t count_of(Model model, Space space) {
   const Counts& counts = kCounts[id(space)];
   switch (model) {
@@ -364,10 +397,20 @@ std::uint32_t count_of(Model model, Space space) {
     case Model::q:
     case Model::l:
       return counts.q_l;
+    case Model::q_by_1e:
+    case Model::l_by_1e:
+      return count_by_1e(space);
     case Model::iq_r:
       break;
   }
   return counts.iq_r;
+}
+
+/// Before a number becomes bits: those of one that no model has may not fit into 32 of them.
+Result<void> check_number(Model model, Space space, std::uint32_t number) {
+  const auto numbers = numbers_of(model, space);
+  if (numbers && number <= numbers->last) return {};
+  return missing(model, device_name(model, space, number), kind_of(space).letters);
 }
 
 template <class Is>
@@ -393,6 +436,8 @@ Series series_of(Model model) {
       return Series::iq_f;
     case Model::q:
     case Model::l:
+    case Model::q_by_1e:
+    case Model::l_by_1e:
       return Series::q_l;
     case Model::iq_r:
       return Series::iq_r;
@@ -415,6 +460,11 @@ std::optional<Model> model_named(std::string_view name) {
   for (const Named& known : kModels)
     if (known.name == name) return known.model;
   return std::nullopt;
+}
+
+Model seen_by_1e(Model model) {
+  if (model == Model::q) return Model::q_by_1e;
+  return model == Model::l ? Model::l_by_1e : model;
 }
 
 const DeviceKind& kind_of(Space space) { return kKinds[id(space)]; }
@@ -481,6 +531,8 @@ Result<Address> parse_address(Model model, std::string_view text, std::optional<
     parts.letters += contact ? 'S' : 'N';
   }
   const Space space = space_of(model, parts.letters, *number);
+  if (const auto present = check_number(model, space, *number); !present)
+    return tl::make_unexpected(present.error());
   const DeviceKind& kind = kind_of(space);
 
   Address address;
@@ -534,6 +586,8 @@ Result<Span> parse_range(Model model, std::string_view text) {
   }
   if (numbers.last < numbers.first)
     return refuse(upper(text) + ": the range ends before it begins");
+  if (const auto present = check_number(model, *space, numbers.last); !present)
+    return tl::make_unexpected(present.error());
   const Span span = span_of(*space, numbers);
   if (const auto present = check_range(model, span); !present)
     return tl::make_unexpected(present.error());

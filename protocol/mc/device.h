@@ -27,6 +27,8 @@ enum class Model : std::uint8_t {
   q,
   l,
   iq_r,
+  q_by_1e,  ///< what 1E frames reach of a Q or L
+  l_by_1e,
 };
 
 /// What numbers, codes and limits go by.
@@ -42,6 +44,8 @@ std::span<const std::string_view> one_e_kin_names();
 std::string_view to_string(Model model);
 /// Of all four lists above; nullopt for any other name.
 std::optional<Model> model_named(std::string_view name);
+/// The model as 1E frames see it: those of Q and L have the devices of an A series PLC alone.
+Model seen_by_1e(Model model);
 
 /// The kinds of device memory. M8000 up and D8000 up of an FX3 are memory of their own, and its
 /// CN200-CN255 are 32 bits wide: each is a space that counts from its first device.

@@ -42,11 +42,12 @@ Limits limits_of(const Dialect& dialect, bool long_codes) {
     limits.random_bits /= 2;
     limits.blocks /= 2;
   }
-  if (dialect.serial) {
-    limits.bits = std::min(limits.bits, kSerialBits);
-    limits.blocks = 0;
-  }
+  if (dialect.serial) limits.bits = std::min(limits.bits, kSerialBits);
   return limits;
+}
+
+bool has_doubtful_digits(const Dialect& dialect, Space space) {
+  return dialect.code == Code::ascii && base_of(dialect.model, space) == 8;
 }
 
 bool has_name(const Dialect& dialect, Space space) {
@@ -85,6 +86,10 @@ std::vector<ReadWay> read_ways(const Dialect& dialect, std::uint16_t space_id) {
     ReadWay way;
     way.way = id;
     way.end_bit = run.end_bit();
+    if (has_doubtful_digits(dialect, space)) {
+      // Bits from any head that has a name; words from the first one alone.
+      way.end_bit = unit == 1 ? kCertain : kCertainWords;
+    }
     way.align_bits = align;
     way.unit_bits = unit;
     const std::uint32_t block = dialect.max_block_bytes * 8;

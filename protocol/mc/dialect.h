@@ -57,6 +57,13 @@ Limits limits_of(const Dialect& dialect, bool long_codes);
 /// unsupported: this model has no such way.
 Result<ReadWay> way_of(const Dialect& dialect, const Read& read);
 
+/// Whether nobody knows how the devices of this kind above 7 are written: X and Y of an FX5 in
+/// ASCII code.
+bool has_doubtful_digits(const Dialect& dialect, Space space);
+/// Of these those whose name is certain, and those that one word from the first of them brings.
+inline constexpr std::uint32_t kCertain = 8;
+inline constexpr std::uint32_t kCertainWords = 16;
+
 /// Whether this code and series have a name for the kind.
 bool has_name(const Dialect& dialect, Space space);
 /// Contacts and coils of timers and counters are reached bit by bit only.

@@ -10,13 +10,14 @@
 namespace fxagent::mc {
 namespace {
 
-/// What follows from a code. Whatever it is, nothing was carried out.
+/// What follows from a code. Whatever it is but `relay`, nothing was carried out.
 enum class Class : std::uint8_t {
   final,
   hole,  ///< a place or a count that this PLC lacks: fewer may do
   line,  ///< noise, and worth a second try
   busy,
   route,  ///< the way to the station is not there
+  relay,  ///< a station on the way has it, and perhaps the one that was asked
 };
 
 struct EndCode {
@@ -33,25 +34,31 @@ constexpr std::string_view kTooMany = "too many points in one request";
 constexpr std::string_view kPassword =
     "a remote password locks this port; take the port out of it in GX Works3 (Remote Password)";
 
-constexpr std::array<EndCode, 42> kCodes = {{
+constexpr std::array<EndCode, 49> kCodes = {{
     {0x0050, Class::final, "the frame is not known: protocol mc-1e, mc-3e or mc-4e?"},
     {0x0055, Class::final, kOnlineChange},
     {0x4013, Class::final, "not possible in this state of the CPU"},
     {0x4030, Class::hole, "the device cannot be reached in this way"},
     {0x4031, Class::hole, "beyond the last device of the PLC's parameters"},
+    {0x4032, Class::hole, "the device cannot be reached in this way"},
     {0x4043, Class::final, "wrong content of the request"},
     {0x4080, Class::final, "wrong content of the request"},
     {0x413E, Class::final, "the CPU does not have what was asked for"},
     {0x414A, Class::final, "the CPU does not have what was asked for"},
     {0x7151, Class::final, "wrong format of the request"},
+    {0x7153, Class::final, "the request is too long"},
     {0x7155, Class::final, "no monitor is registered"},
+    {0x7157, Class::final, "wrong content of the request"},
     {0x7164, Class::final, "wrong content of the request"},
     {0x7167, Class::final,
      "writing while the PLC runs is not allowed: set Online Change of the serial module to Enable"},
+    {0x7168, Class::final, "not possible while the PLC runs"},
+    {0x716D, Class::final, "wrong content of the request"},
     {0x7E40, Class::final, "the command is not known to this PLC: is `model` right?"},
     {0x7E41, Class::hole, kTooMany},
     {0x7E42, Class::hole, kTooMany},
     {0x7E43, Class::hole, "no such device"},
+    {0x7E47, Class::busy, "the PLC is still at the request before"},
     {0x7E4F, Class::hole, "beyond the last device"},
     {0x7F20, Class::final, "characters that cannot be converted: is `format` that of the port?"},
     {0x7F21, Class::final, "the header is wrong: is `format` that of the port?"},
@@ -81,6 +88,7 @@ constexpr std::array<EndCode, 42> kCodes = {{
      "`model` right?"},
     {0xC06F, Class::final, "binary where ASCII is set, or the other way: is `code` right?"},
     {0x4A00, Class::route, "no way to this station: are network and pc right?"},
+    {0x4B00, Class::relay, "a station on the way to this one had an error"},
 }};
 
 const EndCode* find(std::uint16_t code) {
@@ -90,12 +98,14 @@ const EndCode* find(std::uint16_t code) {
 }
 
 bool is_route(std::uint16_t code) { return (code & 0xFF00) == 0x4A00; }
+bool is_relay(std::uint16_t code) { return (code & 0xFF00) == 0x4B00; }
 bool is_from_cpu(std::uint16_t code) { return (code & 0xF000) == 0x4000; }
 bool is_password(std::uint16_t code) { return 0xC200 <= code && code <= 0xC204; }
 
 std::optional<Class> class_of(std::uint16_t code) {
   if (const EndCode* known = find(code)) return known->what;
   if (is_route(code)) return Class::route;
+  if (is_relay(code)) return Class::relay;
   if (is_from_cpu(code) || is_password(code)) return Class::final;
   return std::nullopt;
 }
@@ -103,6 +113,7 @@ std::optional<Class> class_of(std::uint16_t code) {
 std::string_view words_of(std::uint16_t code) {
   if (const EndCode* known = find(code)) return known->text;
   if (is_route(code)) return find(0x4A00)->text;
+  if (is_relay(code)) return find(0x4B00)->text;
   if (is_password(code)) return kPassword;
   if (is_from_cpu(code)) return "refused by the CPU; the error codes of its manual have the reason";
   return "a reason that is not known here; the error codes of the PLC's manual have it";
@@ -129,6 +140,8 @@ RefusalMeaning meaning_of_end_code(std::uint16_t code, bool reads, bool runs_or_
       return runs_or_stops ? RefusalMeaning::final : RefusalMeaning::busy;
     case Class::route:
       return reads ? RefusalMeaning::unreachable : RefusalMeaning::final;
+    case Class::relay:
+      return reads ? RefusalMeaning::unreachable : RefusalMeaning::unclear;
     case Class::final:
       break;
   }

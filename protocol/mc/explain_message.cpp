@@ -162,6 +162,20 @@ class RequestExplainer final {
       out_.values.push_back(hex_text(number(bytes, "its data"), static_cast<int>(2 * bytes)));
   }
 
+  /// Words that stand for devices: of bits 16 each, the first one lowest.
+  void words(std::uint32_t points) {
+    if (!next_is_bits()) return values(points, 2);
+    for (std::uint32_t i = 0; i < points && out_.ok; ++i) {
+      const std::uint32_t word = number(2, "its data");
+      for (std::uint32_t bit = 0; bit < 16 && out_.ok; ++bit)
+        out_.values.emplace_back((word >> bit & 1) != 0 ? "1" : "0");
+    }
+  }
+
+  std::uint32_t devices_in(std::uint32_t words) const {
+    return next_is_bits() ? 16 * words : words;
+  }
+
   void bits(std::uint32_t points) {
     const bool ascii = code_ == Code::ascii;
     const ByteView wire = take(ascii ? points : (points + 1) / 2, "its data");
@@ -177,11 +191,11 @@ class RequestExplainer final {
     if (!out_.ok) return;
     field("device", *out_.device);
     const std::uint32_t points = number(2, "the number of points");
-    out_.count = points;
+    out_.count = by_bits() ? points : devices_in(points);
     field("points", std::to_string(points) + (by_bits() ? " bits" : " words"));
     if (points == 0) return note_fault(out_, "a request for nothing");
     if (writes && by_bits()) bits(points);
-    if (writes && !by_bits()) values(points, 2);
+    if (writes && !by_bits()) words(points);
   }
 
   void random(bool writes) {
@@ -220,10 +234,10 @@ class RequestExplainer final {
       if ((i >= of_words) != next_is_bits())
         return note_fault(out_, head + " among the blocks of " + (i < of_words ? "words" : "bits"));
       name(head);
-      total += points;
+      total += devices_in(points);
       field("block", head + ", " + std::to_string(points) + " words");
       // Each block's data stand behind its own head.
-      if (writes) values(points, 2);
+      if (writes) words(points);
     }
     out_.count = total;
   }

@@ -44,11 +44,23 @@ Reply refusal(std::uint16_t code) {
   return reply;
 }
 
-bool brings_data(const Request& request) {
-  const auto* control = std::get_if<Control>(&request);
-  return std::holds_alternative<Read>(request) || std::holds_alternative<Gather>(request) ||
-         (control != nullptr && control->kind == Control::Kind::identify);
+/// Why frames in ASCII code do not reach all of a span; empty: they do.
+std::string why_out_of_reach(const Dialect& dialect, const Span& span) {
+  if (span.space >= kSpaces) return {};
+  const auto space = static_cast<Space>(span.space);
+  auto why = why_not_named(dialect, space, span.first_bit / kind_of(space).bits);
+  const bool beyond = span.bits > kCertainWords || span.first_bit > kCertainWords - span.bits;
+  if (why.empty() && beyond && has_doubtful_digits(dialect, space))
+    return why_not_named(dialect, space, kCertainWords);
+  return why;
 }
+
+bool is_identify(const Request& request) {
+  const auto* control = std::get_if<Control>(&request);
+  return control != nullptr && control->kind == Control::Kind::identify;
+}
+
+bool brings_data(const Request& request) { return is_read(request) || is_identify(request); }
 
 }  // namespace
 
@@ -115,9 +127,7 @@ Result<std::shared_ptr<const Codec>> Mc::make_4c(const Options& options) {
 Result<Address> Mc::parse_address(std::string_view text, std::optional<DataType> type) const {
   auto address = mc::parse_address(settings_.model, text, type);
   if (!address) return address;
-  const auto space = static_cast<Space>(address->span.space);
-  const std::uint32_t number = address->span.first_bit / kind_of(space).bits;
-  if (auto why = why_not_named(dialect_, space, number); !why.empty())
+  if (auto why = why_out_of_reach(dialect_, address->span); !why.empty())
     return refuse(std::move(why));
   return address;
 }
@@ -129,11 +139,15 @@ Result<Span> Mc::parse_range(std::string_view text) const {
 }
 
 Result<void> Mc::check_range(const Span& span) const {
-  return mc::check_range(settings_.model, span);
+  if (auto present = mc::check_range(settings_.model, span); !present) return present;
+  if (auto why = why_out_of_reach(dialect_, span); !why.empty()) return refuse(std::move(why));
+  return {};
 }
 
 Result<void> Mc::check_write(const Span& span) const {
-  return mc::check_write(settings_.model, span);
+  if (auto allowed = mc::check_write(settings_.model, span); !allowed) return allowed;
+  if (auto why = why_out_of_reach(dialect_, span); !why.empty()) return refuse(std::move(why));
+  return {};
 }
 
 std::string Mc::name_of(const Span& span) const { return device_name(settings_.model, span); }
@@ -213,6 +227,13 @@ Result<Reply> Mc::reply_in(const Request& request, ByteView message, ByteView co
 
 Result<Reply> Mc::data_reply(const Request& request, ByteView data) const {
   const std::size_t expected = answer_size(dialect_, request);
+  if (is_identify(request) && data.size() != expected) {
+    // Of devices of others: the name if it is there, else no model. Nobody takes it for a value.
+    Reply named;
+    named.kind = Reply::Kind::data;
+    if (data.size() >= kTypeName) named.image.assign(data.begin(), data.begin() + kTypeName);
+    return named;
+  }
   if (data.size() != expected)
     return garbled(std::to_string(data.size()) + " characters of data given, " +
                    std::to_string(expected) + " expected");
@@ -262,8 +283,11 @@ bool Mc::may_pass_for_answer(ByteView bytes) const {
   append_number(ethernet_.code, subheader, 0, 1);
   for (std::size_t at = 0; at < bytes.size(); ++at) {
     const std::size_t size = std::min(subheader.size(), bytes.size() - at);
+    const auto same = [&](std::uint8_t a, std::uint8_t b) {
+      return a == b || (ethernet_.code == Code::ascii && hex_digit(a) == hex_digit(b));
+    };
     if (std::equal(subheader.begin(), subheader.begin() + static_cast<std::ptrdiff_t>(size),
-                   bytes.begin() + static_cast<std::ptrdiff_t>(at)))
+                   bytes.begin() + static_cast<std::ptrdiff_t>(at), same))
       return true;
   }
   return false;
@@ -278,6 +302,9 @@ LineLength Mc::line_length(const Request& request) const {
   length.reply_chars = static_cast<std::uint32_t>(is_serial(settings_.frame)
                                                       ? serial_answer_length(serial_, data)
                                                       : ethernet_answer_length(ethernet_, data));
+  // Every byte may be a 10h, which goes twice.
+  if (is_serial(settings_.frame) && dialect_.code == Code::binary)
+    length.more_reply_chars = static_cast<std::uint32_t>(data);
   return length;
 }
 
@@ -324,9 +351,8 @@ std::optional<Request> Mc::apart_from(const Request& request) const {
 RefusalMeaning Mc::meaning_of(const Request& request, int device_code) const {
   const auto* control = std::get_if<Control>(&request);
   const bool runs_or_stops = control != nullptr && control->kind != Control::Kind::identify;
-  const bool reads =
-      std::holds_alternative<Read>(request) || std::holds_alternative<Gather>(request);
-  return meaning_of_end_code(static_cast<std::uint16_t>(device_code), reads, runs_or_stops);
+  return meaning_of_end_code(static_cast<std::uint16_t>(device_code), brings_data(request),
+                             runs_or_stops);
 }
 
 std::optional<Request> Mc::instead_of(const Request& request, int device_code) const {

@@ -468,7 +468,9 @@ std::optional<Request> OneE::apart_from(const Request& request) const {
 }
 
 RefusalMeaning OneE::meaning_of(const Request& request, int device_code) const {
-  return one_e::meaning_of(device_code, std::holds_alternative<Read>(request));
+  const auto* control = std::get_if<Control>(&request);
+  const bool asks = control != nullptr && control->kind == Control::Kind::identify;
+  return one_e::meaning_of(device_code, asks || std::holds_alternative<Read>(request));
 }
 
 std::optional<Request> OneE::combine(const std::vector<Request>& requests) const {

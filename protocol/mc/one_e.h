@@ -32,7 +32,9 @@ class OneE final : public Codec, public AddressSpace, public PlcServices {
     /// Of the module, between it and the PLC: in 250 ms, 1 or more. 0 would wait for ever.
     std::uint16_t monitoring_timer = 16;
   };
-  explicit OneE(const Settings& settings) : settings_(settings) {}
+  explicit OneE(const Settings& settings) : settings_(settings) {
+    settings_.model = seen_by_1e(settings.model);
+  }
   /// From the config's options. bad_request: `monitoring_timer_ms` not in steps of 250, or a model
   /// without 1E.
   static Result<std::shared_ptr<const Codec>> make(const Options& options);

@@ -23,9 +23,9 @@ void expect_says(const std::string& text, std::string_view part) {
   EXPECT_NE(text.find(part), std::string::npos) << text;
 }
 
-constexpr Model kAll[] = {Model::unknown, Model::unknown_fx3, Model::fx3u, Model::fx3g,
-                          Model::fx5u,    Model::fx5uj,       Model::fx5s, Model::q,
-                          Model::l,       Model::iq_r};
+constexpr Model kAll[] = {Model::unknown, Model::unknown_fx3, Model::fx3u,    Model::fx3g,
+                          Model::fx5u,    Model::fx5uj,       Model::fx5s,    Model::q,
+                          Model::l,       Model::iq_r,        Model::q_by_1e, Model::l_by_1e};
 
 TEST(McDevice, NamesBecomePlacesInTheirSpace) {
   struct Case {
@@ -168,6 +168,23 @@ TEST(McDevice, EachModelHasItsLastDeviceAndNotTheNext) {
     address(c.model, c.last);
     expect_says(refusal(c.model, c.beyond), "does not exist");
   }
+}
+
+// A number that its bits carry over 32 bits is no small one.
+TEST(McDevice, NumbersThatNoSpaceHasAreNeverOthers) {
+  struct Case {
+    Model model;
+    const char* name;
+  };
+  for (const Case& c : {Case{Model::fx5u, "LCN134217733"}, Case{Model::iq_r, "LTN134217728"},
+                        Case{Model::iq_r, "LSTN134217728"}, Case{Model::fx5u, "LZ134217728"},
+                        Case{Model::fx3u, "CN134217928"}, Case{Model::iq_r, "LCN268435455"},
+                        Case{Model::iq_r, "D268435455"}, Case{Model::iq_r, "K8M268435455"}}) {
+    expect_says(refusal(c.model, c.name), "does not exist");
+    EXPECT_FALSE(parse_range(c.model, c.name)) << c.name;
+  }
+  EXPECT_FALSE(parse_range(Model::fx5u, "LCN0-LCN134217727"));
+  EXPECT_FALSE(parse_range(Model::iq_r, "LTN0-LTN134217728"));
 }
 
 TEST(McDevice, ARefusalNamesTheModelAndItsRanges) {

@@ -46,7 +46,22 @@ TEST(McExplain, ARequestIsNamedWithItsRouteDeviceAndTimer) {
                "56 64 00 00 90 01 00 55 AA"));
   EXPECT_TRUE(blocks.ok) << blocks.error.value_or("");
   EXPECT_EQ(blocks.device, "D0,M100");
-  EXPECT_EQ(blocks.values, (std::vector<std::string>{"1234", "5678", "AA55"}));
+  const std::vector<std::string> kBits = {"1", "0", "1", "0", "1", "0", "1", "0",
+                                          "0", "1", "0", "1", "0", "1", "0", "1"};
+  std::vector<std::string> values = {"1234", "5678"};
+  values.insert(values.end(), kBits.begin(), kBits.end());
+  EXPECT_EQ(blocks.values, values);
+  EXPECT_EQ(blocks.count, 18U);
+  // Words of a bit device are its bits: counted and shown as devices.
+  const Explanation words =
+      told(Frame::e3, hex("50 00 00 FF FF 03 00 0C 00 10 00 01 04 00 00 64 00 00 90 02 00"));
+  EXPECT_EQ(words.device, "M100");
+  EXPECT_EQ(words.count, 32U);
+  EXPECT_EQ(meaning(words, "points"), "2 words");
+  const Explanation set =
+      told(Frame::e3, hex("50 00 00 FF FF 03 00 0E 00 10 00 01 14 00 00 64 00 00 90 01 00 55 AA"));
+  EXPECT_EQ(set.values, kBits);
+  EXPECT_EQ(set.count, 16U);
 }
 
 TEST(McExplain, AnAnswerIsItsDataOrItsReason) {

@@ -98,6 +98,25 @@ TEST(McPlan, OverASerialLineNoOtherMixTakesLessLineTime) {
   EXPECT_GT(alone, 5U);
 }
 
+TEST(McPlan, OverASerialLineWordsAndBitsAreOneBlockRead) {
+  for (const Frame frame : {Frame::c3, Frame::c4})
+    for (const Model model : {Model::fx5u, Model::iq_r}) {
+      const Mc codec = plc(frame, model);
+      std::vector<Point> points;
+      for (int n = 0; n < 100; ++n) points.push_back(point(codec, "D" + std::to_string(n)));
+      for (int n = 0; n < 64; ++n) points.push_back(point(codec, "M" + std::to_string(n)));
+      const LineCost cost{std::chrono::nanoseconds(86806), 5ms};
+      const Plan plan = make_plan(codec, points, cost, 0);
+      ASSERT_EQ(plan.exchange_count(), 1U);
+      EXPECT_EQ(gathered(plan, 0), 2U);
+      const Request request = plan.request(plan.reads_in(0));
+      EXPECT_EQ(std::get<Gather>(request).parts.front().gather, kBlockRead);
+      EXPECT_TRUE(codec.encode(request, 1));
+    }
+  EXPECT_EQ(plc(Frame::c4, Model::l).gathers().size(), 1U);
+  EXPECT_EQ(plc(Frame::c4, Model::unknown).gathers().size(), 1U);
+}
+
 // What a part adds must not depend on the others, or the planner reckons wrong.
 TEST(McPlan, APartAddsTheSameToEveryFrame) {
   for (const Frame frame : {Frame::e3, Frame::e4, Frame::c3, Frame::c4})

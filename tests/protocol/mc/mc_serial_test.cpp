@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "protocol/mc/mc.h"
+#include "protocol/plan.h"
 #include "tests/protocol/frame_file.h"
 
 namespace fxagent::mc {
@@ -230,6 +231,20 @@ TEST(McSerial, TheLineLengthIsWhatGoesOverTheLineInEveryFormat) {
   EXPECT_EQ(codec(3).line_length(kWrite).reply_chars, 22U);
   EXPECT_EQ(codec(4).line_length(kTwoWords).reply_chars, 30U);
   EXPECT_EQ(codec(5).line_length(kTwoWords).reply_chars, 25U);  // its length, 10h, is doubled
+  // Data that are all 10h are twice as long: a deadline must allow for it, a plan need not.
+  const LineLength five = codec(5).line_length(kTwoWords);
+  const Bytes doubled =
+      hex("10 02 10 10 00 F8 00 00 FF FF 03 00 00 FF FF 00 00 10 10 10 10 10 10 10 10 10 03 34 37");
+  EXPECT_EQ(five.reply_chars + five.more_reply_chars, doubled.size());
+  EXPECT_EQ(answer(codec(5), kTwoWords, doubled).image, hex("10 10 10 10"));
+  LineTiming timing;
+  timing.char_time = std::chrono::milliseconds(1);
+  EXPECT_EQ(exchange_time(codec(5), kTwoWords, timing),
+            std::chrono::milliseconds(five.request_chars + doubled.size()));
+  const LineCost cost{std::chrono::milliseconds(1), {}};
+  EXPECT_EQ(cost.of(five), std::chrono::milliseconds(five.request_chars + five.reply_chars));
+  EXPECT_EQ(codec(5).line_length(kWrite).more_reply_chars, 0U);
+  EXPECT_EQ(codec(1).line_length(kTwoWords).more_reply_chars, 0U);
 }
 
 TEST(McSerial, OptionsOfTheConfigAreItsSettings) {

@@ -187,6 +187,10 @@ TEST(Mc3E, WhatTheAgentSaysOfWholeFramesItMayPassForAnAnswer) {
   EXPECT_TRUE(mc.may_pass_for_answer(hex("01 D0 00")));
   EXPECT_TRUE(mc.may_pass_for_answer(hex("01 D0")));
   EXPECT_FALSE(mc.may_pass_for_answer(hex("50 00 00 FF")));
+  const Mc ascii = codec(Frame::e3, Model::fx5u, Code::ascii);
+  for (const std::string_view text : {"D000", "d000", "xd0", "d"})
+    EXPECT_TRUE(ascii.may_pass_for_answer(Bytes(text.begin(), text.end()))) << text;
+  EXPECT_FALSE(ascii.may_pass_for_answer(Bytes{'5', '0', '0', '0'}));
   EXPECT_TRUE(codec(Frame::e4).may_pass_for_answer(hex("01")));
 }
 
@@ -348,6 +352,28 @@ TEST(McMessages, InAsciiSomeDevicesOfAnFx5HaveNoCertainName) {
   EXPECT_TRUE(mc.parse_address("M10", std::nullopt));
   EXPECT_TRUE(mc.read_ways(id(Space::lcn)).empty());
   EXPECT_FALSE(mc.encode(Read{{id(Space::x), 8, 1}, kBitWay}, 1));
+  // From X0 on one word can be asked for; a second one might have to begin at X20.
+  EXPECT_TRUE(mc.parse_address("K4X0", std::nullopt));
+  EXPECT_TRUE(mc.check_range({id(Space::x), 0, 16}));
+  expect_says(refused("K8X0"), "X20: whether an FX5");
+  for (const Span& far : {Span{id(Space::x), 0, 32}, Span{id(Space::y), 7, 10}}) {
+    const auto inside = mc.check_range(far);
+    ASSERT_FALSE(inside);
+    expect_says(inside.error().text, "use `code` binary");
+    EXPECT_FALSE(mc.check_write(far));
+  }
+  EXPECT_TRUE(mc.check_write({id(Space::y), 0, 16}));
+  EXPECT_TRUE(mc.parse_range("Y0-Y77"));
+  for (const ReadWay& way : mc.read_ways(id(Space::x))) {
+    EXPECT_EQ(way.end_bit, way.way == kBitWay ? 8U : 16U);
+    for (std::uint32_t first = 0; first + way.unit_bits <= way.end_bit; ++first)
+      EXPECT_EQ(
+          mc.encode(Read{{id(Space::x), first, way.unit_bits}, way.way, way.gather}, 1).has_value(),
+          true)
+          << first;
+  }
+  EXPECT_TRUE(codec(Frame::e3).check_range({id(Space::x), 0, 32}));
+  EXPECT_TRUE(codec(Frame::e3, Model::q, Code::ascii).check_range({id(Space::x), 0, 32}));
   EXPECT_TRUE(codec(Frame::e3, Model::q, Code::ascii).parse_address("X10", std::nullopt));
   EXPECT_TRUE(codec(Frame::e3, Model::iq_r, Code::ascii).parse_address("LCN0", std::nullopt));
 }
@@ -359,13 +385,14 @@ TEST(McRefusals, EndCodesMeanWhatTheManualsSay) {
   const Request gather = Gather{{Read{{kD, 0, 16}, kRandomWay, kRandomRead}}};
   const Request run = Control{Control::Kind::run};
   for (const int code : {0xC051, 0xC052, 0xC053, 0xC054, 0xC056, 0xC05B, 0x4031, 0x4030, 0x7E41,
-                         0x7E42, 0x7E43, 0x7E4F}) {
+                         0x7E42, 0x7E43, 0x7E4F, 0x4032}) {
     EXPECT_EQ(mc.meaning_of(kTwoWords, code), RefusalMeaning::hole) << code;
     EXPECT_EQ(mc.meaning_of(gather, code), RefusalMeaning::hole) << code;
     EXPECT_EQ(mc.meaning_of(kWrite, code), RefusalMeaning::final) << code;
   }
-  for (const int code : {0x0050, 0x0055, 0x4013, 0x4080, 0x4FFF, 0xC050, 0xC059, 0xC05C, 0xC05F,
-                         0xC061, 0xC200, 0xC204, 0x7167, 0x7E40, 0x7F22}) {
+  for (const int code :
+       {0x0050, 0x0055, 0x4013, 0x4080, 0x4FFF, 0xC050, 0xC059, 0xC05C, 0xC05F, 0xC061, 0xC200,
+        0xC204, 0x7167, 0x7E40, 0x7F22, 0x7153, 0x7157, 0x7168, 0x716D}) {
     EXPECT_EQ(mc.meaning_of(kTwoWords, code), RefusalMeaning::final) << code;
     EXPECT_EQ(mc.meaning_of(kWrite, code), RefusalMeaning::final) << code;
     EXPECT_EQ(mc.meaning_of(gather, code), RefusalMeaning::final) << code;
@@ -377,6 +404,20 @@ TEST(McRefusals, EndCodesMeanWhatTheManualsSay) {
   EXPECT_EQ(mc.meaning_of(run, 0x7F24), RefusalMeaning::final);
   EXPECT_EQ(mc.meaning_of(kTwoWords, 0x7F6A), RefusalMeaning::busy);
   EXPECT_EQ(mc.meaning_of(run, 0x7F6A), RefusalMeaning::final);
+  EXPECT_EQ(mc.meaning_of(kTwoWords, 0x7E47), RefusalMeaning::busy);
+  EXPECT_EQ(mc.meaning_of(kWrite, 0x7E47), RefusalMeaning::busy);
+  EXPECT_EQ(mc.meaning_of(run, 0x7E47), RefusalMeaning::final);
+  // Of a relay: the request may have gone on, and its answer been lost.
+  for (const int code : {0x4B00, 0x4B02, 0x4BFF}) {
+    EXPECT_EQ(mc.meaning_of(kTwoWords, code), RefusalMeaning::unreachable) << code;
+    EXPECT_EQ(mc.meaning_of(kWrite, code), RefusalMeaning::unclear) << code;
+    EXPECT_EQ(mc.meaning_of(run, code), RefusalMeaning::unclear) << code;
+  }
+  const Request asked = Control{Control::Kind::identify};
+  EXPECT_EQ(mc.meaning_of(asked, 0x4A00), RefusalMeaning::unreachable);
+  EXPECT_EQ(mc.meaning_of(asked, 0x1234), RefusalMeaning::final);
+  EXPECT_EQ(mc.meaning_of(asked, 0xC059), RefusalMeaning::final);
+  EXPECT_EQ(mc.meaning_of(asked, 0x7F24), RefusalMeaning::curable);
   // Of a code that nobody knows nobody knows what was done.
   EXPECT_EQ(mc.meaning_of(kTwoWords, 0x1234), RefusalMeaning::final);
   EXPECT_EQ(mc.meaning_of(kWrite, 0x1234), RefusalMeaning::unclear);
@@ -390,6 +431,7 @@ TEST(McRefusals, TextsNameTheSettingToLookAt) {
   expect_says(end_code_text(0x4A05), "network and pc");
   expect_says(end_code_text(0xC201), "password");
   expect_says(end_code_text(0x4ABC), "no way");
+  expect_says(end_code_text(0x4B02), "on the way");
   expect_says(end_code_text(0x4123), "refused by the CPU");
   expect_says(end_code_text(0x7F24), "sum_check");
   expect_says(end_code_text(0x1234), "end code 1234: a reason that is not known here");
@@ -432,6 +474,25 @@ TEST(McPlc, TheTypeNameTellsTheModel) {
                                                                        {"LJ71E71-100", ""},
                                                                        {"KV-8000", ""}}};
   const Mc mc = codec(Frame::e3, Model::unknown);
+  // Others that speak 3E answer with more, or with less, than the manual has.
+  const Request asked = mc.identify().front();
+  const auto named = [&](std::string_view data_length, std::string_view rest) {
+    Bytes rx = hex("D0 00 00 FF FF 03 00 " + std::string(data_length) + " 00 00 00");
+    for (const char c : std::string_view("FX5U-32MT/ES    "))
+      rx.push_back(static_cast<std::uint8_t>(c));
+    const Bytes behind = hex(rest);
+    rx.insert(rx.end(), behind.begin(), behind.end());
+    return mc.model_from({answer(mc, asked, rx).image});
+  };
+  EXPECT_EQ(named("14", "21 4A"), "FX5U");
+  EXPECT_EQ(named("12", ""), "FX5U");
+  EXPECT_EQ(named("18", "21 4A 00 00 00 00"), "FX5U");
+  for (const char* rx :
+       {"D0 00 00 FF FF 03 00 02 00 00 00", "D0 00 00 FF FF 03 00 05 00 00 00 46 58 35"}) {
+    const Reply reply = answer(mc, asked, hex(rx));
+    EXPECT_EQ(reply.kind, Reply::Kind::data);
+    EXPECT_EQ(mc.model_from({reply.image}), std::nullopt);
+  }
   for (const auto& [type, model] : kTypes) {
     std::string text = type;
     text.resize(16, ' ');

@@ -153,6 +153,36 @@ TEST(OneE, SpecialDevicesAndLongCountersOfAnFx3HaveTheNumbersThatTheyAreCalledBy
   EXPECT_EQ(plc(Model::q).parse_address("CN200", std::nullopt)->unit, Unit::word);
 }
 
+// Q03UD(E) 5.1.2: by 1E M9000 up and D9000 up of a Q are its SM1000 up and SD1000 up.
+TEST(OneE, AnE71ReachesWhatAnASeriesPlcHasAndNothingThatIsSomethingElse) {
+  struct Row {
+    const char* last;
+    const char* beyond;
+  };
+  for (const std::string_view model : {"Q", "L"}) {
+    const auto made = OneE::make({{"model", std::string(model)}});
+    ASSERT_TRUE(made);
+    const auto& places = (*made)->addresses();
+    EXPECT_EQ((*made)->plc()->model(), model);
+    for (const Row& row : {Row{"X7FF", "X800"}, Row{"Y7FF", "Y800"}, Row{"M8191", "M8192"},
+                           Row{"F2047", "F2048"}, Row{"BFFF", "B1000"}, Row{"D6143", "D6144"},
+                           Row{"WFFF", "W1000"}, Row{"TN2047", "TN2048"}, Row{"TS2047", "TS2048"},
+                           Row{"CN1023", "CN1024"}, Row{"R8191", "R8192"}, Row{"D6143", "D9000"},
+                           Row{"M8191", "M9000"}, Row{"M8191", "M9255"}}) {
+      EXPECT_TRUE(places.parse_address(row.last, std::nullopt)) << row.last;
+      EXPECT_FALSE(places.parse_address(row.beyond, std::nullopt)) << row.beyond;
+      EXPECT_FALSE(places.parse_range(row.beyond)) << row.beyond;
+    }
+    EXPECT_EQ(places.read_ways(id(Space::d)).front().end_bit, 6144U * 16);
+    EXPECT_FALSE(places.check_write({id(Space::d), 9000 * 16, 16}));
+    EXPECT_EQ(places.parse_address("D9000", std::nullopt).error().text,
+              "D9000 does not exist: " + std::string(model) + " by 1E frames has D0-D6143");
+    const auto told = plc().with_model(model);
+    ASSERT_NE(told, nullptr);
+    EXPECT_FALSE(told->addresses().parse_address("D9000", std::nullopt));
+  }
+}
+
 TEST(OneE, WhatA1EFrameHasNoCodeForIsSaid) {
   const auto why = [](Model model, std::string_view address) {
     const auto parsed = plc(model).parse_address(address, std::nullopt);
@@ -455,6 +485,9 @@ TEST(OneE, WhatARefusalMeans) {
     EXPECT_EQ(plc().meaning_of(read, row.code), row.of_read) << row.code;
     EXPECT_EQ(plc().meaning_of(write, row.code), row.of_write) << row.code;
     EXPECT_EQ(plc().meaning_of(run, row.code), row.of_write) << row.code;
+    // Which PLC it is: nothing can have been done.
+    EXPECT_EQ(plc().meaning_of(Control{Control::Kind::identify}, row.code), row.of_read)
+        << row.code;
   }
 }
 
