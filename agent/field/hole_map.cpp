@@ -27,16 +27,15 @@ void HoleMap::explained(const Span& span) {
 }
 
 void HoleMap::refused(const Span& read, const std::optional<Halves>& halves, SteadyTime now,
-                      Company company) {
+                      const std::vector<Span>& asked) {
   if (std::erase_if(holes_.suspects, [&](const Span& span) { return overlap(span, read); }) > 0)
     refused_gather_ = 0;  // this one it was, or one of these
-  company_ = company;
-  if (halves && company == Company::possible) {
+  is_gathered_ = !asked.empty();
+  if (halves && is_gathered_) {
     // Whatever goes together with one of them might be refused for it.
     if (holes_.suspects.empty()) holes_.most_suspects = holes_.most_others = kAny;
-    const Span right{read.space, halves->right_first, read.end_bit() - halves->right_first};
-    holes_.suspects.push_back({read.space, read.first_bit, halves->left_end - read.first_bit});
-    holes_.suspects.push_back(right);
+    suspect({read.space, read.first_bit, halves->left_end - read.first_bit}, asked);
+    suspect({read.space, halves->right_first, read.end_bit() - halves->right_first}, asked);
   }
   if (halves) {
     Border border;
@@ -54,7 +53,7 @@ void HoleMap::refused(const Span& read, const std::optional<Halves>& halves, Ste
   changed();
 }
 
-void HoleMap::refused_together(const Gather& gather) {
+void HoleMap::refused_together(const Gather& gather, const std::vector<Span>& asked) {
   if (gather.parts.size() == 1) {
     const Span& span = gather.parts.front().span;
     std::erase_if(holes_.suspects, [&](const Span& suspect) { return overlap(suspect, span); });
@@ -69,12 +68,10 @@ void HoleMap::refused_together(const Gather& gather) {
   }
   holes_.most_suspects = std::min(holes_.most_suspects, half);
   for (const Read& part : gather.parts) {
-    if (std::find(holes_.suspects.begin(), holes_.suspects.end(), part.span) !=
-        holes_.suspects.end())
-      continue;
+    if (is_suspect(part.span)) continue;
     // Or what was believed to be good is too much at once.
     holes_.most_others = std::min(holes_.most_others, half);
-    holes_.suspects.push_back(part.span);
+    suspect(part.span, asked);
   }
   changed();
 }
@@ -107,10 +104,36 @@ void HoleMap::limit_parts(std::uint8_t gather, std::uint32_t parts) {
   holes_.gather_limits.push_back({gather, parts});
 }
 
+bool HoleMap::is_suspect(const Span& span) const {
+  return std::any_of(holes_.suspects.begin(), holes_.suspects.end(),
+                     [&](const Span& one) { return overlap(one, span); });
+}
+
+/// Only what was asked for: nobody may ever read the rest of `read` again.
+void HoleMap::suspect(const Span& read, const std::vector<Span>& asked) {
+  for (const Span& span : asked) {
+    if (!overlap(span, read)) continue;
+    const std::uint32_t first = std::max(span.first_bit, read.first_bit);
+    holes_.suspects.push_back(
+        {span.space, first, std::min(span.end_bit(), read.end_bit()) - first});
+  }
+}
+
 /// What was read is above suspicion. The last one gone without a hole: there were too many of them.
 void HoleMap::cleared(const Span& read) {
-  if (std::erase_if(holes_.suspects, [&](const Span& span) { return read.contains(span); }) == 0)
-    return;
+  std::vector<Span> left;
+  for (const Span& span : holes_.suspects) {
+    if (!overlap(span, read)) {
+      left.push_back(span);
+      continue;
+    }
+    if (span.first_bit < read.first_bit)
+      left.push_back({span.space, span.first_bit, read.first_bit - span.first_bit});
+    if (read.end_bit() < span.end_bit())
+      left.push_back({span.space, read.end_bit(), span.end_bit() - read.end_bit()});
+  }
+  if (left == holes_.suspects) return;
+  holes_.suspects = std::move(left);
   if (!holes_.suspects.empty()) return;
   if (refused_gather_ != 0) limit_parts(refused_gather_, holes_.most_suspects);
   refused_gather_ = 0;
@@ -168,7 +191,7 @@ void HoleMap::retry(SteadyTime now) {
       borders_.push_back(border);
     }
     asked_again_.push_back(span);
-    if (company_ == Company::possible) holes_.apart.push_back(span);
+    if (is_gathered_) holes_.apart.push_back(span);
   }
   holes_.missing.clear();
   changed();

@@ -19,16 +19,15 @@ class HoleMap final {
   /// Rises whenever holes() changes.
   std::uint32_t version() const { return version_; }
 
-  /// Whether the device's codec may put what is tried by itself into a Gather with others.
-  enum class Company : std::uint8_t { none, possible };
   /// The device refused to be read like this. With `halves` both are tried by themselves from now
-  /// on; without them it is missing, and left out until a retry.
+  /// on; without them it is missing, and left out until a retry. `asked`: what asked_in() says of
+  /// it, where the device's codec may put that into a Gather with others; else empty.
   void refused(const Span& read, const std::optional<Halves>& halves, SteadyTime now,
-               Company company = Company::none);
-  /// The device refused these reads in one Gather: from now on they go in halves, apart from
-  /// others. Where all of them can be read, there were too many. One that was the only part is read
-  /// by another way from now on.
-  void refused_together(const Gather& gather);
+               const std::vector<Span>& asked = {});
+  /// The device refused these reads in one Gather, which asked_in() says were `asked` for: from now
+  /// on they go in halves, apart from others. Where all that was asked for can be read, by whatever
+  /// way, there were too many. One that was the only part is read by another way from now on.
+  void refused_together(const Gather& gather, const std::vector<Span>& asked);
   /// A Gather of so many parts was answered; read() says which.
   void read_together(std::size_t parts);
   /// The device does not know the command: no Gather by it until a retry. True where it was not
@@ -60,10 +59,12 @@ class HoleMap final {
 
   void limit_parts(std::uint8_t gather, std::uint32_t parts);
   void retry_commands(SteadyTime now);
+  bool is_suspect(const Span& span) const;
+  void suspect(const Span& read, const std::vector<Span>& asked);
   void cleared(const Span& read);
 
   std::vector<Border> borders_;
-  Company company_ = Company::none;
+  bool is_gathered_ = false;  ///< what is tried by itself may go into a Gather with others
   /// The command that was refused with the suspects; 0: they are none, or of a hole that was found.
   std::uint8_t refused_gather_ = 0;
   std::vector<std::uint8_t> lacking_;  ///< commands that it lacked at some time

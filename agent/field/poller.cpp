@@ -254,12 +254,16 @@ void Poller::take_hole(LinkDevice& device, GroupPoll& group, const Asked& asked,
     const auto ways = addresses.read_ways(planned.read.span.space);
     const bool other_way =
         std::any_of(ways.begin(), ways.end(), [](const ReadWay& way) { return way.gather == 0; });
-    if (gather->parts.size() > 1 || other_way) return device.holes.refused_together(*gather);
+    if (gather->parts.size() > 1 || other_way)
+      return device.holes.refused_together(
+          *gather, asked_in(group.cycle.plan(), asked.reads, group.cycle.points()));
   }
-  const auto halves = halves_of(*device.codec, group.cycle.points(), planned);
-  device.holes.refused(
-      planned.read.span, halves, exchange.ended,
-      addresses.gathers().empty() ? HoleMap::Company::none : HoleMap::Company::possible);
+  const std::vector<Point> points = group.cycle.points();
+  const auto halves = halves_of(*device.codec, points, planned);
+  device.holes.refused(planned.read.span, halves, exchange.ended,
+                       addresses.gathers().empty()
+                           ? std::vector<Span>{}
+                           : asked_in(group.cycle.plan(), asked.reads, points));
   if (!halves)
     log::warn("device", {{"device", device.config.name},
                          {"refused", addresses.name_of(planned.read.span)},

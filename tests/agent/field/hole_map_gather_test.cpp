@@ -28,10 +28,11 @@ struct Refuser {
   SteadyTime now{};
 
   Refuser() { codec.commands = {{1, 24}}; }
-  void add(std::uint32_t number) {
+  void add(std::uint32_t number) { add("W" + std::to_string(number)); }
+  void add(const std::string& address) {
     Point point;
-    point.address = *codec.parse_address("W" + std::to_string(number), std::nullopt);
-    point.type = DataType::int16;
+    point.address = *codec.parse_address(address, std::nullopt);
+    point.type = default_type(point.address);
     points.push_back(point);
   }
   bool exists(std::size_t point) const {
@@ -69,11 +70,12 @@ struct Refuser {
       }
       if (answered) continue;
       if (const auto* gather = std::get_if<Gather>(&request)) {
-        map.refused_together(*gather);
+        map.refused_together(*gather, asked_in(planned, which, points));
         continue;
       }
       const PlannedRead& read = planned.reads[which[0]];
-      map.refused(read.read.span, halves_of(codec, points, read), now, HoleMap::Company::possible);
+      map.refused(read.read.span, halves_of(codec, points, read), now,
+                  asked_in(planned, which, points));
     }
     int missed = 0;
     for (std::uint32_t i = 0; i < points.size(); ++i) missed += exists(i) && !good[i] ? 1 : 0;
@@ -118,6 +120,47 @@ TEST(HoleMapGather, APlaceThatIsOnlyRefusedInCompanyStaysApart) {
   ASSERT_GE(device.settle(), 0);
   EXPECT_EQ(device.map.holes().apart, (std::vector<Span>{{0, 15360, 16}}));
   EXPECT_EQ(device.plan().exchange_count(), 2U);
+}
+
+TEST(HoleMapGather, WhatIsReadByAnotherWayIsAboveSuspicion) {
+  Refuser device;
+  ReadWay bits = word_way(0, 4);
+  bits.align_bits = bits.unit_bits = 1;
+  ReadWay sixteen_bits = word_way(1, 1, 1);
+  sixteen_bits.align_bits = 1;
+  device.codec.ways[1] = {bits, sixteen_bits};
+  device.add("B3");
+  device.add("B9000");
+  device.lacks = {9000 / 16};
+  ASSERT_EQ(device.plan().exchange_count(), 1U);
+  ASSERT_GE(device.settle(), 0);
+  EXPECT_EQ(device.map.holes().missing, (std::vector<Span>{{1, 9000, 1}}));
+  EXPECT_TRUE(device.map.holes().suspects.empty());
+}
+
+TEST(HoleMapGather, NobodyWaitsForWhatLiesBetweenTwoPoints) {
+  HoleMap map;
+  const Span read{0, 0, 64 * 16};
+  const Span left{0, 0, 16};
+  const Span right{0, 63 * 16, 16};
+  map.refused_together(Gather{{{read, 2, 2}, {{0, 3200, 16}, 2, 2}}}, {left, right, {0, 3200, 16}});
+  for (const Span& span : {left, right, Span{0, 3200, 16}}) {
+    EXPECT_FALSE(map.holes().suspects.empty());
+    map.read(span);
+  }
+  EXPECT_TRUE(map.holes().suspects.empty());
+}
+
+TEST(HoleMapGather, WhatIsReadPieceByPieceIsAboveSuspicion) {
+  HoleMap map;
+  const Span array{0, 0, 64 * 16};
+  map.refused_together(Gather{{{array, 2, 2}, {{0, 3200, 16}, 2, 2}}}, {array, {0, 3200, 16}});
+  map.read({0, 3200, 16});
+  map.read({0, 16 * 16, 16 * 16});
+  map.read({0, 32 * 16, 32 * 16});
+  EXPECT_EQ(map.holes().suspects, (std::vector<Span>{{0, 0, 16 * 16}}));
+  map.read({0, 0, 16 * 16});
+  EXPECT_TRUE(map.holes().suspects.empty());
 }
 
 TEST(HoleMapGather, AHoleInABlockDoesNotSpoilWhatGoesTogether) {
