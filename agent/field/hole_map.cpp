@@ -11,7 +11,15 @@ using std::chrono::seconds;
 // A device that was starting is asked again soon, one that lacks a register seldom.
 constexpr seconds kFirstRetry{10};
 constexpr seconds kLongestRetry{600};
+// What costs some bad cycles to find is seldom looked for again.
+constexpr seconds kLongestForgiving{86'400};
+// More suspects than this are not looked into one by one: there are too many parts.
+constexpr std::size_t kMostSuspects = 256;
 constexpr std::uint32_t kAny = std::numeric_limits<std::uint32_t>::max();
+
+void add(std::vector<Span>& spans, const Span& span) {
+  if (std::find(spans.begin(), spans.end(), span) == spans.end()) spans.push_back(span);
+}
 
 }  // namespace
 
@@ -29,7 +37,7 @@ void HoleMap::explained(const Span& span) {
 void HoleMap::refused(const Span& read, const std::optional<Halves>& halves, SteadyTime now,
                       const std::vector<Span>& asked) {
   if (std::erase_if(holes_.suspects, [&](const Span& span) { return overlap(span, read); }) > 0)
-    refused_gather_ = 0;  // this one it was, or one of these
+    refused_gathers_.clear();  // this one it was, or one of these
   is_gathered_ = !asked.empty();
   if (halves && is_gathered_) {
     // Whatever goes together with one of them might be refused for it.
@@ -57,14 +65,20 @@ void HoleMap::refused_together(const Gather& gather, const std::vector<Span>& as
   if (gather.parts.size() == 1) {
     const Span& span = gather.parts.front().span;
     std::erase_if(holes_.suspects, [&](const Span& suspect) { return overlap(suspect, span); });
-    refused_gather_ = 0;  // this one it was
-    holes_.apart.push_back(span);
+    refused_gathers_.clear();  // this one it was
+    add(holes_.apart, span);
     return changed();
   }
   const auto half = static_cast<std::uint32_t>((gather.parts.size() + 1) / 2);
-  if (holes_.suspects.empty()) {
-    holes_.most_suspects = holes_.most_others = kAny;
-    refused_gather_ = gather.parts.front().gather;
+  const std::uint8_t command = gather.parts.front().gather;
+  if (holes_.suspects.empty()) holes_.most_suspects = holes_.most_others = kAny;
+  if (holes_.suspects.empty() || !refused_gathers_.empty()) {
+    const auto known = std::find_if(refused_gathers_.begin(), refused_gathers_.end(),
+                                    [&](const Refused& one) { return one.gather == command; });
+    if (known == refused_gathers_.end())
+      refused_gathers_.push_back({command, half});
+    else
+      known->half = std::min(known->half, half);
   }
   holes_.most_suspects = std::min(holes_.most_suspects, half);
   for (const Read& part : gather.parts) {
@@ -72,6 +86,11 @@ void HoleMap::refused_together(const Gather& gather, const std::vector<Span>& as
     // Or what was believed to be good is too much at once.
     holes_.most_others = std::min(holes_.most_others, half);
     suspect(part.span, asked);
+  }
+  if (holes_.suspects.size() > kMostSuspects) {
+    if (refused_gathers_.empty()) refused_gathers_.push_back({command, half});
+    holes_.suspects.clear();
+    too_many_parts();
   }
   changed();
 }
@@ -83,7 +102,7 @@ void HoleMap::read_together(std::size_t parts) {
 
 bool HoleMap::lacks(std::uint8_t gather, SteadyTime now) {
   holes_.suspects.clear();
-  refused_gather_ = 0;
+  refused_gathers_.clear();
   limit_parts(gather, 0);
   commands_retry_at_ = now + kLongestRetry;
   changed();
@@ -99,9 +118,40 @@ void HoleMap::retry_commands(SteadyTime now) {
   if (retried > 0) changed();
 }
 
+void HoleMap::forgive(SteadyTime now) {
+  const auto is_few = [](const Holes::GatherLimit& limit) { return limit.parts > 0; };
+  // What is asked for again has another reason to go by itself.
+  const auto is_apart = [&](const Span& span) {
+    return std::find(asked_again_.begin(), asked_again_.end(), span) == asked_again_.end();
+  };
+  if (std::none_of(holes_.gather_limits.begin(), holes_.gather_limits.end(), is_few) &&
+      std::none_of(holes_.apart.begin(), holes_.apart.end(), is_apart))
+    return forgive_at_.reset();
+  if (!forgive_at_) forgive_at_ = now + forgive_after_;
+  if (now < *forgive_at_) return;
+  forgive_at_.reset();
+  forgive_after_ = std::min(forgive_after_ * 2, kLongestForgiving);
+  std::erase_if(holes_.gather_limits, is_few);
+  std::erase_if(holes_.apart, is_apart);
+  changed();
+}
+
+/// `parts`: kAny for no limit.
 void HoleMap::limit_parts(std::uint8_t gather, std::uint32_t parts) {
   std::erase_if(holes_.gather_limits, [&](const auto& limit) { return limit.gather == gather; });
-  holes_.gather_limits.push_back({gather, parts});
+  if (parts != kAny) holes_.gather_limits.push_back({gather, parts});
+}
+
+std::uint32_t HoleMap::parts_of(std::uint8_t gather) const {
+  for (const Holes::GatherLimit& limit : holes_.gather_limits)
+    if (limit.gather == gather) return limit.parts;
+  return kAny;
+}
+
+void HoleMap::too_many_parts() {
+  for (const Refused& refused : refused_gathers_)
+    limit_parts(refused.gather, std::min(parts_of(refused.gather), refused.half));
+  refused_gathers_.clear();
 }
 
 bool HoleMap::is_suspect(const Span& span) const {
@@ -135,14 +185,17 @@ void HoleMap::cleared(const Span& read) {
   if (left == holes_.suspects) return;
   holes_.suspects = std::move(left);
   if (!holes_.suspects.empty()) return;
-  if (refused_gather_ != 0) limit_parts(refused_gather_, holes_.most_suspects);
-  refused_gather_ = 0;
+  too_many_parts();
   changed();
 }
 
 void HoleMap::read(const Span& read) {
   if (!holes_.suspects.empty()) cleared(read);
-  const bool back = std::erase(asked_again_, read) > 0;
+  const bool back = std::erase_if(asked_again_, [&](const Span& span) {
+                      if (!read.contains(span)) return false;
+                      std::erase(holes_.apart, span);
+                      return true;
+                    }) > 0;
   // Whatever was tried inside of what can be read as a whole was tried in vain.
   const auto needless =
       std::erase_if(borders_, [&](const Border& border) { return read.contains(border.reason); });
@@ -180,6 +233,7 @@ void HoleMap::learn_limit(std::uint16_t space, std::uint32_t bits) {
 
 void HoleMap::retry(SteadyTime now) {
   retry_commands(now);
+  forgive(now);
   if (holes_.missing.empty() || now < retry_at_) return;
   retry_after_ = std::min(retry_after_ * 2, kLongestRetry);
   retry_at_ = now + retry_after_;
@@ -190,8 +244,8 @@ void HoleMap::retry(SteadyTime now) {
       border.reason = span;
       borders_.push_back(border);
     }
-    asked_again_.push_back(span);
-    if (is_gathered_) holes_.apart.push_back(span);
+    add(asked_again_, span);
+    if (is_gathered_) add(holes_.apart, span);
   }
   holes_.missing.clear();
   changed();

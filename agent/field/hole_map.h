@@ -40,7 +40,9 @@ class HoleMap final {
 
   /// What is missing may be there by now (a new program, another device): where the time has come,
   /// each is asked for again, apart from its neighbours so that they stay good whatever comes. So
-  /// are commands that it did not know, or not then (a password, a wrong setting).
+  /// are commands that it did not know, or not then (a password, a wrong setting). How few parts it
+  /// takes in one Gather, and what it gives by itself only, is found anew: after ten minutes, then
+  /// ever more seldom, once a day in the end.
   void retry(SteadyTime now);
 
  private:
@@ -57,18 +59,29 @@ class HoleMap final {
   void explained(const Span& span);
   void learn_limit(std::uint16_t space, std::uint32_t bits);
 
+  /// A command that was refused with the suspects, and half of the fewest parts of that.
+  struct Refused {
+    std::uint8_t gather = 0;
+    std::uint32_t half = 0;
+  };
+
   void limit_parts(std::uint8_t gather, std::uint32_t parts);
+  std::uint32_t parts_of(std::uint8_t gather) const;
+  void too_many_parts();
   void retry_commands(SteadyTime now);
+  void forgive(SteadyTime now);
   bool is_suspect(const Span& span) const;
   void suspect(const Span& read, const std::vector<Span>& asked);
   void cleared(const Span& read);
 
   std::vector<Border> borders_;
   bool is_gathered_ = false;  ///< what is tried by itself may go into a Gather with others
-  /// The command that was refused with the suspects; 0: they are none, or of a hole that was found.
-  std::uint8_t refused_gather_ = 0;
+  /// Empty: there are no suspects, or they are of a hole that was found.
+  std::vector<Refused> refused_gathers_;
   std::vector<std::uint8_t> lacking_;  ///< commands that it lacked at some time
   SteadyTime commands_retry_at_{};
+  std::optional<SteadyTime> forgive_at_;
+  std::chrono::seconds forgive_after_{600};
   std::vector<Span> asked_again_;  ///< missing ones under retry
   Holes holes_;
   std::uint32_t version_ = 0;

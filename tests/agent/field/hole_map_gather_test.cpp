@@ -197,6 +197,69 @@ TEST(HoleMapGather, ACommandThatTheDeviceLacksIsNotUsed) {
   EXPECT_FALSE(device.map.lacks(1, device.now)) << "which is told once";
 }
 
+TEST(HoleMapGather, RetriesDoNotPileUp) {
+  HoleMap map;
+  const Span span{0, 160, 16};
+  SteadyTime now{};
+  map.refused(span, std::nullopt, now, {span});
+  for (int times = 0; times < 50; ++times) {
+    map.retry(now += 600s);
+    EXPECT_EQ(map.holes().apart, std::vector<Span>{span});
+    map.refused(span, std::nullopt, now, {span});
+  }
+  map.retry(now += 600s);
+  map.read(span);
+  EXPECT_TRUE(map.holes().apart.empty());
+  EXPECT_TRUE(map.holes().cuts.empty());
+}
+
+TEST(HoleMapGather, WhatOnlyGoesByItselfOrWithFewIsTriedAgain) {
+  HoleMap map;
+  SteadyTime now{};
+  for (const auto after : {600s, 1200s}) {
+    map.refused_together(Gather{{{{0, 160, 16}, 1, 1}}}, {{0, 160, 16}});
+    const std::vector<Span> two{{0, 1600, 16}, {0, 3200, 16}};
+    map.refused_together(Gather{{{two[0], 1, 1}, {two[1], 1, 1}}}, two);
+    for (const Span& span : two) map.read(span);
+    EXPECT_EQ(map.holes().gather_limits, (std::vector<Holes::GatherLimit>{{1, 1}}));
+    map.retry(now);
+    map.retry(now += after - 1s);
+    EXPECT_EQ(map.holes().apart.size(), 1U);
+    const std::uint32_t before = map.version();
+    map.retry(now += 1s);
+    EXPECT_TRUE(map.holes().apart.empty());
+    EXPECT_TRUE(map.holes().gather_limits.empty());
+    EXPECT_GT(map.version(), before);
+  }
+}
+
+TEST(HoleMapGather, EachCommandHasALimitOfItsOwn) {
+  HoleMap map;
+  std::vector<Span> spans;
+  for (std::uint32_t n = 0; n < 6; ++n) spans.push_back({0, 1600 * n, 16});
+  Gather first;
+  for (std::uint32_t n = 0; n < 4; ++n) first.parts.push_back({spans[n], 1, 1});
+  map.refused_together(first, spans);
+  map.refused_together(Gather{{{spans[4], 2, 2}, {spans[5], 2, 2}}}, spans);
+  for (const Span& span : spans) map.read(span);
+  EXPECT_EQ(map.holes().gather_limits, (std::vector<Holes::GatherLimit>{{1, 2}, {2, 1}}));
+}
+
+TEST(HoleMapGather, NobodyLooksIntoHundredsOfSuspects) {
+  HoleMap map;
+  for (std::uint32_t frame = 0; frame < 80; ++frame) {
+    Gather gather;
+    std::vector<Span> asked;
+    for (std::uint32_t n = 0; n < 64; ++n) {
+      asked.push_back({0, (frame * 64 + n) * 32, 16});
+      gather.parts.push_back({asked.back(), 1, 1});
+    }
+    map.refused_together(gather, asked);
+    EXPECT_LE(map.holes().suspects.size(), 256U);
+  }
+  EXPECT_EQ(map.holes().gather_limits, (std::vector<Holes::GatherLimit>{{1, 32}}));
+}
+
 TEST(HoleMapGather, WhateverIsMissingTheRestIsReadInTheEnd) {
   std::mt19937 random(20261123);
   const auto pick = [&](std::uint32_t least, std::uint32_t most) {
