@@ -15,6 +15,8 @@ constexpr seconds kLongestRetry{600};
 constexpr seconds kLongestForgiving{86'400};
 // More suspects than this are not looked into one by one: there are too many parts.
 constexpr std::size_t kMostSuspects = 256;
+// So often a command goes unanswered by a device that answers something else, then it lacks it.
+constexpr int kProofs = 2;
 constexpr std::uint32_t kAny = std::numeric_limits<std::uint32_t>::max();
 
 void add(std::vector<Span>& spans, const Span& span) {
@@ -98,6 +100,35 @@ void HoleMap::refused_together(const Gather& gather, const std::vector<Span>& as
 void HoleMap::read_together(std::size_t parts) {
   if (!holes_.suspects.empty())
     holes_.most_others = std::max(holes_.most_others, static_cast<std::uint32_t>(parts));
+}
+
+void HoleMap::unanswered(std::uint8_t gather) {
+  const auto known = std::find_if(doubts_.begin(), doubts_.end(),
+                                  [&](const Doubt& doubt) { return doubt.gather == gather; });
+  Doubt& doubt =
+      known == doubts_.end() ? doubts_.emplace_back(Doubt{gather, false, 0, kAny}) : *known;
+  if (parts_of(gather) == 0) return;
+  doubt.parts = parts_of(gather);
+  doubt.waits = true;
+  limit_parts(gather, 0);
+  changed();
+}
+
+HoleMap::Proof HoleMap::answered(std::uint8_t gather) {
+  Proof proof;
+  for (Doubt& doubt : doubts_) {
+    if (doubt.gather != gather && doubt.waits && ++doubt.proofs >= kProofs) {
+      proof.lacking.push_back(doubt.gather);
+      doubt.proofs = kProofs - 1;  // the next time is enough
+    } else if (doubt.waits) {
+      limit_parts(doubt.gather, doubt.parts);
+      proof.again = proof.again || doubt.gather != gather;
+      changed();
+    }
+    doubt.waits = false;
+  }
+  std::erase_if(doubts_, [&](const Doubt& doubt) { return doubt.gather == gather; });
+  return proof;
 }
 
 bool HoleMap::lacks(std::uint8_t gather, SteadyTime now) {

@@ -30,6 +30,16 @@ class HoleMap final {
   void refused_together(const Gather& gather, const std::vector<Span>& asked);
   /// A Gather of so many parts was answered; read() says which.
   void read_together(std::size_t parts);
+  /// The device said nothing, or nonsense, to a Gather by the command: it may be the command that
+  /// it stumbles over. None goes out by it until the device has answered something else.
+  void unanswered(std::uint8_t gather);
+  /// What an answer with data means for commands that went unanswered.
+  struct Proof {
+    bool again = false;                 ///< some are to be tried again now
+    std::vector<std::uint8_t> lacking;  ///< these it seems to lack
+  };
+  /// The device has answered a Gather by the command, or, with 0, a read by itself.
+  Proof answered(std::uint8_t gather);
   /// The device does not know the command: no Gather by it until a retry. True where it was not
   /// found to lack it before.
   bool lacks(std::uint8_t gather, SteadyTime now);
@@ -59,6 +69,13 @@ class HoleMap final {
   void explained(const Span& span);
   void learn_limit(std::uint16_t space, std::uint32_t bits);
 
+  /// A command of which some Gathers went unanswered since it was answered last.
+  struct Doubt {
+    std::uint8_t gather = 0;
+    bool waits = false;       ///< for the answer to something else
+    int proofs = 0;           ///< how often that came
+    std::uint32_t parts = 0;  ///< what the command was limited to
+  };
   /// A command that was refused with the suspects, and half of the fewest parts of that.
   struct Refused {
     std::uint8_t gather = 0;
@@ -78,6 +95,7 @@ class HoleMap final {
   bool is_gathered_ = false;  ///< what is tried by itself may go into a Gather with others
   /// Empty: there are no suspects, or they are of a hole that was found.
   std::vector<Refused> refused_gathers_;
+  std::vector<Doubt> doubts_;
   std::vector<std::uint8_t> lacking_;  ///< commands that it lacked at some time
   SteadyTime commands_retry_at_{};
   std::optional<SteadyTime> forgive_at_;
