@@ -136,10 +136,15 @@ Cost ReadSearch::price_of(std::size_t way, const Extent& extent) {
   if (price != kImpossible) return price;
   const Read read = read_by(static_cast<std::uint8_t>(way), extent);
   if (by.gather == 0) return price = cost_.of(codec_.line_length(read)).count();
-  const std::uint32_t one = chars_of(codec_.line_length(Gather{{read}}));
+  const auto chars = [&](const Gather& gather) { return chars_of(codec_.line_length(gather)); };
   std::uint32_t& around = around_[way];
-  if (around == 0) around = 2 * one - chars_of(codec_.line_length(Gather{{read, read}}));
-  return price = (cost_.per_char * (one - around)).count();
+  if (around == 0) {
+    // By the shortest parts: a frame may have no room for two like this one.
+    Read shortest = read;
+    shortest.span.bits = by.unit_bits;
+    around = 2 * chars(Gather{{shortest}}) - chars(Gather{{shortest, shortest}});
+  }
+  return price = (cost_.per_char * (chars(Gather{{read}}) - around)).count();
 }
 
 void ReadSearch::try_way(std::size_t way, const PartPrice& part, bool counts, std::size_t last) {

@@ -236,6 +236,34 @@ void Plan::share_out(const ReadIndices& which, Bytes image, std::span<Bytes> ima
   }
 }
 
+std::vector<Span> asked_in(const Plan& plan, const ReadIndices& which,
+                           std::span<const Point> points) {
+  std::vector<Span> asked;
+  for (std::size_t i = 0; i < which.size(); ++i) {
+    const PlannedRead& planned = plan.reads[which[i]];
+    for (const std::uint32_t index : planned.points) {
+      const auto span = span_of(points[index]);
+      if (!span) continue;
+      const std::uint32_t first = std::max(span->first_bit, planned.read.span.first_bit);
+      const std::uint32_t end = std::min(span->end_bit(), planned.read.span.end_bit());
+      if (first < end) asked.push_back({span->space, first, end - first});
+    }
+  }
+  std::sort(asked.begin(), asked.end(), [](const Span& a, const Span& b) {
+    return std::pair(a.space, a.first_bit) < std::pair(b.space, b.first_bit);
+  });
+  std::vector<Span> merged;
+  for (const Span& span : asked) {
+    if (merged.empty() || merged.back().space != span.space ||
+        merged.back().end_bit() < span.first_bit)
+      merged.push_back(span);
+    else
+      merged.back().bits =
+          std::max(merged.back().end_bit(), span.end_bit()) - merged.back().first_bit;
+  }
+  return merged;
+}
+
 std::optional<Halves> halves_of(const Codec& codec, std::span<const Point> points,
                                 const PlannedRead& planned) {
   const Span& span = planned.read.span;

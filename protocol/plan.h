@@ -134,6 +134,10 @@ struct Plan {
 Plan make_plan(const Codec& codec, std::span<const Point> points, const LineCost& cost,
                std::uint32_t max_block_bytes, const Holes& holes = {});
 
+/// What of `points` these reads of `plan` bring, by space and place, without what nobody asked for.
+std::vector<Span> asked_in(const Plan& plan, const ReadIndices& which,
+                           std::span<const Point> points);
+
 /// Two reads in place of one: [its first bit, left_end) and [right_first, its end).
 struct Halves {
   std::uint32_t left_end = 0;

@@ -169,7 +169,14 @@ std::uint32_t data_chars(const Codec& codec, const Read& read, std::uint32_t uni
   const auto reply_of = [&](const Request& request) {
     return codec.line_length(request).reply_chars;
   };
-  if (read.gather != 0) return reply_of(Gather{{read, read}}) - reply_of(Gather{{read}});
+  if (read.gather != 0) {
+    // By the shortest parts: a frame may have no room for two like this one.
+    Read shortest = read;
+    shortest.span.bits = unit;
+    const std::uint32_t envelope =
+        2 * reply_of(Gather{{shortest}}) - reply_of(Gather{{shortest, shortest}});
+    return reply_of(Gather{{read}}) - envelope;
+  }
   const auto reply_of_units = [&](std::uint32_t units) {
     Read other = read;
     other.span.bits = units * unit;

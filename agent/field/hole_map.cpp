@@ -11,7 +11,17 @@ using std::chrono::seconds;
 // A device that was starting is asked again soon, one that lacks a register seldom.
 constexpr seconds kFirstRetry{10};
 constexpr seconds kLongestRetry{600};
+// What costs some bad cycles to find is seldom looked for again.
+constexpr seconds kLongestForgiving{86'400};
+// More suspects than this are not looked into one by one: there are too many parts.
+constexpr std::size_t kMostSuspects = 256;
+// So often a command goes unanswered by a device that answers something else, then it lacks it.
+constexpr int kProofs = 2;
 constexpr std::uint32_t kAny = std::numeric_limits<std::uint32_t>::max();
+
+void add(std::vector<Span>& spans, const Span& span) {
+  if (std::find(spans.begin(), spans.end(), span) == spans.end()) spans.push_back(span);
+}
 
 }  // namespace
 
@@ -27,16 +37,15 @@ void HoleMap::explained(const Span& span) {
 }
 
 void HoleMap::refused(const Span& read, const std::optional<Halves>& halves, SteadyTime now,
-                      Company company) {
+                      const std::vector<Span>& asked) {
   if (std::erase_if(holes_.suspects, [&](const Span& span) { return overlap(span, read); }) > 0)
-    refused_gather_ = 0;  // this one it was, or one of these
-  company_ = company;
-  if (halves && company == Company::possible) {
+    refused_gathers_.clear();  // this one it was, or one of these
+  is_gathered_ = !asked.empty();
+  if (halves && is_gathered_) {
     // Whatever goes together with one of them might be refused for it.
     if (holes_.suspects.empty()) holes_.most_suspects = holes_.most_others = kAny;
-    const Span right{read.space, halves->right_first, read.end_bit() - halves->right_first};
-    holes_.suspects.push_back({read.space, read.first_bit, halves->left_end - read.first_bit});
-    holes_.suspects.push_back(right);
+    suspect({read.space, read.first_bit, halves->left_end - read.first_bit}, asked);
+    suspect({read.space, halves->right_first, read.end_bit() - halves->right_first}, asked);
   }
   if (halves) {
     Border border;
@@ -54,27 +63,36 @@ void HoleMap::refused(const Span& read, const std::optional<Halves>& halves, Ste
   changed();
 }
 
-void HoleMap::refused_together(const Gather& gather) {
+void HoleMap::refused_together(const Gather& gather, const std::vector<Span>& asked) {
   if (gather.parts.size() == 1) {
     const Span& span = gather.parts.front().span;
     std::erase_if(holes_.suspects, [&](const Span& suspect) { return overlap(suspect, span); });
-    refused_gather_ = 0;  // this one it was
-    holes_.apart.push_back(span);
+    refused_gathers_.clear();  // this one it was
+    add(holes_.apart, span);
     return changed();
   }
   const auto half = static_cast<std::uint32_t>((gather.parts.size() + 1) / 2);
-  if (holes_.suspects.empty()) {
-    holes_.most_suspects = holes_.most_others = kAny;
-    refused_gather_ = gather.parts.front().gather;
+  const std::uint8_t command = gather.parts.front().gather;
+  if (holes_.suspects.empty()) holes_.most_suspects = holes_.most_others = kAny;
+  if (holes_.suspects.empty() || !refused_gathers_.empty()) {
+    const auto known = std::find_if(refused_gathers_.begin(), refused_gathers_.end(),
+                                    [&](const Refused& one) { return one.gather == command; });
+    if (known == refused_gathers_.end())
+      refused_gathers_.push_back({command, half});
+    else
+      known->half = std::min(known->half, half);
   }
   holes_.most_suspects = std::min(holes_.most_suspects, half);
   for (const Read& part : gather.parts) {
-    if (std::find(holes_.suspects.begin(), holes_.suspects.end(), part.span) !=
-        holes_.suspects.end())
-      continue;
+    if (is_suspect(part.span)) continue;
     // Or what was believed to be good is too much at once.
     holes_.most_others = std::min(holes_.most_others, half);
-    holes_.suspects.push_back(part.span);
+    suspect(part.span, asked);
+  }
+  if (holes_.suspects.size() > kMostSuspects) {
+    if (refused_gathers_.empty()) refused_gathers_.push_back({command, half});
+    holes_.suspects.clear();
+    too_many_parts();
   }
   changed();
 }
@@ -84,9 +102,38 @@ void HoleMap::read_together(std::size_t parts) {
     holes_.most_others = std::max(holes_.most_others, static_cast<std::uint32_t>(parts));
 }
 
+void HoleMap::unanswered(std::uint8_t gather) {
+  const auto known = std::find_if(doubts_.begin(), doubts_.end(),
+                                  [&](const Doubt& doubt) { return doubt.gather == gather; });
+  Doubt& doubt =
+      known == doubts_.end() ? doubts_.emplace_back(Doubt{gather, false, 0, kAny}) : *known;
+  if (parts_of(gather) == 0) return;
+  doubt.parts = parts_of(gather);
+  doubt.waits = true;
+  limit_parts(gather, 0);
+  changed();
+}
+
+HoleMap::Proof HoleMap::answered(std::uint8_t gather) {
+  Proof proof;
+  for (Doubt& doubt : doubts_) {
+    if (doubt.gather != gather && doubt.waits && ++doubt.proofs >= kProofs) {
+      proof.lacking.push_back(doubt.gather);
+      doubt.proofs = kProofs - 1;  // the next time is enough
+    } else if (doubt.waits) {
+      limit_parts(doubt.gather, doubt.parts);
+      proof.again = proof.again || doubt.gather != gather;
+      changed();
+    }
+    doubt.waits = false;
+  }
+  std::erase_if(doubts_, [&](const Doubt& doubt) { return doubt.gather == gather; });
+  return proof;
+}
+
 bool HoleMap::lacks(std::uint8_t gather, SteadyTime now) {
   holes_.suspects.clear();
-  refused_gather_ = 0;
+  refused_gathers_.clear();
   limit_parts(gather, 0);
   commands_retry_at_ = now + kLongestRetry;
   changed();
@@ -102,24 +149,84 @@ void HoleMap::retry_commands(SteadyTime now) {
   if (retried > 0) changed();
 }
 
+void HoleMap::forgive(SteadyTime now) {
+  const auto is_few = [](const Holes::GatherLimit& limit) { return limit.parts > 0; };
+  // What is asked for again has another reason to go by itself.
+  const auto is_apart = [&](const Span& span) {
+    return std::find(asked_again_.begin(), asked_again_.end(), span) == asked_again_.end();
+  };
+  if (std::none_of(holes_.gather_limits.begin(), holes_.gather_limits.end(), is_few) &&
+      std::none_of(holes_.apart.begin(), holes_.apart.end(), is_apart))
+    return forgive_at_.reset();
+  if (!forgive_at_) forgive_at_ = now + forgive_after_;
+  if (now < *forgive_at_) return;
+  forgive_at_.reset();
+  forgive_after_ = std::min(forgive_after_ * 2, kLongestForgiving);
+  std::erase_if(holes_.gather_limits, is_few);
+  std::erase_if(holes_.apart, is_apart);
+  changed();
+}
+
+/// `parts`: kAny for no limit.
 void HoleMap::limit_parts(std::uint8_t gather, std::uint32_t parts) {
   std::erase_if(holes_.gather_limits, [&](const auto& limit) { return limit.gather == gather; });
-  holes_.gather_limits.push_back({gather, parts});
+  if (parts != kAny) holes_.gather_limits.push_back({gather, parts});
+}
+
+std::uint32_t HoleMap::parts_of(std::uint8_t gather) const {
+  for (const Holes::GatherLimit& limit : holes_.gather_limits)
+    if (limit.gather == gather) return limit.parts;
+  return kAny;
+}
+
+void HoleMap::too_many_parts() {
+  for (const Refused& refused : refused_gathers_)
+    limit_parts(refused.gather, std::min(parts_of(refused.gather), refused.half));
+  refused_gathers_.clear();
+}
+
+bool HoleMap::is_suspect(const Span& span) const {
+  return std::any_of(holes_.suspects.begin(), holes_.suspects.end(),
+                     [&](const Span& one) { return overlap(one, span); });
+}
+
+/// Only what was asked for: nobody may ever read the rest of `read` again.
+void HoleMap::suspect(const Span& read, const std::vector<Span>& asked) {
+  for (const Span& span : asked) {
+    if (!overlap(span, read)) continue;
+    const std::uint32_t first = std::max(span.first_bit, read.first_bit);
+    holes_.suspects.push_back(
+        {span.space, first, std::min(span.end_bit(), read.end_bit()) - first});
+  }
 }
 
 /// What was read is above suspicion. The last one gone without a hole: there were too many of them.
 void HoleMap::cleared(const Span& read) {
-  if (std::erase_if(holes_.suspects, [&](const Span& span) { return read.contains(span); }) == 0)
-    return;
+  std::vector<Span> left;
+  for (const Span& span : holes_.suspects) {
+    if (!overlap(span, read)) {
+      left.push_back(span);
+      continue;
+    }
+    if (span.first_bit < read.first_bit)
+      left.push_back({span.space, span.first_bit, read.first_bit - span.first_bit});
+    if (read.end_bit() < span.end_bit())
+      left.push_back({span.space, read.end_bit(), span.end_bit() - read.end_bit()});
+  }
+  if (left == holes_.suspects) return;
+  holes_.suspects = std::move(left);
   if (!holes_.suspects.empty()) return;
-  if (refused_gather_ != 0) limit_parts(refused_gather_, holes_.most_suspects);
-  refused_gather_ = 0;
+  too_many_parts();
   changed();
 }
 
 void HoleMap::read(const Span& read) {
   if (!holes_.suspects.empty()) cleared(read);
-  const bool back = std::erase(asked_again_, read) > 0;
+  const bool back = std::erase_if(asked_again_, [&](const Span& span) {
+                      if (!read.contains(span)) return false;
+                      std::erase(holes_.apart, span);
+                      return true;
+                    }) > 0;
   // Whatever was tried inside of what can be read as a whole was tried in vain.
   const auto needless =
       std::erase_if(borders_, [&](const Border& border) { return read.contains(border.reason); });
@@ -157,6 +264,7 @@ void HoleMap::learn_limit(std::uint16_t space, std::uint32_t bits) {
 
 void HoleMap::retry(SteadyTime now) {
   retry_commands(now);
+  forgive(now);
   if (holes_.missing.empty() || now < retry_at_) return;
   retry_after_ = std::min(retry_after_ * 2, kLongestRetry);
   retry_at_ = now + retry_after_;
@@ -167,8 +275,8 @@ void HoleMap::retry(SteadyTime now) {
       border.reason = span;
       borders_.push_back(border);
     }
-    asked_again_.push_back(span);
-    if (company_ == Company::possible) holes_.apart.push_back(span);
+    add(asked_again_, span);
+    if (is_gathered_) add(holes_.apart, span);
   }
   holes_.missing.clear();
   changed();

@@ -28,6 +28,11 @@ constexpr milliseconds kBusyPause{100};
 // The RUN state is asked for soon after its interval, however busy the groups keep the line.
 constexpr milliseconds kQuestionWithin{2000};
 
+bool has_way_by_itself(const AddressSpace& addresses, std::uint16_t space) {
+  const auto ways = addresses.read_ways(space);
+  return std::any_of(ways.begin(), ways.end(), [](const ReadWay& way) { return way.gather == 0; });
+}
+
 asio::awaitable<void> nothing() { co_return; }
 
 std::string milliseconds_text(nanoseconds duration) {
@@ -178,11 +183,16 @@ void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollSchedu
   }
   if (exchange.is_data()) device.turnaround.add(exchange.turnaround);
   if (exchange.is_ack() || exchange.is_data()) state_.answered(device);
+  if (!exchange.doubted && !bus_.doubt().is_doubted() &&
+      (exchange.outcome == Exchange::Outcome::unanswered ||
+       exchange.outcome == Exchange::Outcome::garbled))
+    doubt_command(device, asked.request);
   if (exchange.outcome == Exchange::Outcome::unanswered) {
     state_.unanswered(device);
     fail_cycle(device, group, BadReason::timeout);
     return;
   }
+  if (exchange.is_data() && proves_command(device, asked.request)) return;
   if (exchange.outcome == Exchange::Outcome::link_down) {
     state_.lost(exchange.error);
     fail_cycle(device, group, BadReason::link_down);
@@ -199,7 +209,7 @@ void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollSchedu
     }
     const auto* gather = std::get_if<Gather>(&asked.request);
     if (meaning == RefusalMeaning::final && gather != nullptr)
-      return give_up_command(device, *gather, exchange);
+      return give_up_command(device, gather->parts.front().gather, exchange.reply.text);
     repeatable = take_refusal(device, group, step, asked, exchange, meaning);
   }
   // The poll scheduler offers the same step again, after the commands that wait.
@@ -251,28 +261,49 @@ void Poller::take_hole(LinkDevice& device, GroupPoll& group, const Asked& asked,
   const PlannedRead& planned = group.cycle.plan().reads[asked.reads[0]];
   // Plans change between cycles only: this one goes on, and what it does bring is published.
   if (const auto* gather = std::get_if<Gather>(&asked.request)) {
-    const auto ways = addresses.read_ways(planned.read.span.space);
-    const bool other_way =
-        std::any_of(ways.begin(), ways.end(), [](const ReadWay& way) { return way.gather == 0; });
-    if (gather->parts.size() > 1 || other_way) return device.holes.refused_together(*gather);
+    if (gather->parts.size() > 1 || has_way_by_itself(addresses, planned.read.span.space))
+      return device.holes.refused_together(
+          *gather, asked_in(group.cycle.plan(), asked.reads, group.cycle.points()));
   }
-  const auto halves = halves_of(*device.codec, group.cycle.points(), planned);
-  device.holes.refused(
-      planned.read.span, halves, exchange.ended,
-      addresses.gathers().empty() ? HoleMap::Company::none : HoleMap::Company::possible);
+  const std::vector<Point> points = group.cycle.points();
+  const auto halves = halves_of(*device.codec, points, planned);
+  device.holes.refused(planned.read.span, halves, exchange.ended,
+                       addresses.gathers().empty()
+                           ? std::vector<Span>{}
+                           : asked_in(group.cycle.plan(), asked.reads, points));
   if (!halves)
     log::warn("device", {{"device", device.config.name},
                          {"refused", addresses.name_of(planned.read.span)},
                          {"reason", exchange.reply.text}});
 }
 
-void Poller::give_up_command(LinkDevice& device, const Gather& gather, const Exchange& exchange) {
+void Poller::doubt_command(LinkDevice& device, const Request& request) {
+  const auto* gather = std::get_if<Gather>(&request);
+  if (gather == nullptr) return;
+  const AddressSpace& addresses = device.codec->addresses();
+  if (std::all_of(gather->parts.begin(), gather->parts.end(),
+                  [&](const Read& part) { return has_way_by_itself(addresses, part.span.space); }))
+    device.holes.unanswered(gather->parts.front().gather);
+}
+
+bool Poller::proves_command(LinkDevice& device, const Request& request) {
+  const auto* gather = std::get_if<Gather>(&request);
+  const HoleMap::Proof proof =
+      device.holes.answered(gather == nullptr ? std::uint8_t{0} : gather->parts.front().gather);
+  for (const std::uint8_t lacking : proof.lacking)
+    give_up_command(device, lacking, "no answer, or nonsense, where others are answered");
+  if (proof.again)
+    for (const auto& group : device.groups) make_plan(device, *group);
+  return proof.again || !proof.lacking.empty();
+}
+
+void Poller::give_up_command(LinkDevice& device, std::uint8_t gather, const std::string& reason) {
   state_.answered(device);
-  if (device.holes.lacks(gather.parts.front().gather, exchange.ended))
+  if (device.holes.lacks(gather, Clock::now()))
     log::info("device",
               {{"device", device.config.name},
                {"refused", "a read of several places in one frame"},
-               {"reason", exchange.reply.text},
+               {"reason", reason},
                {"note", "this device lacks the command: its places are read without it"}});
   // The running cycles begin anew, and nothing in them is bad for the want of a command.
   for (const auto& group : device.groups) make_plan(device, *group);

@@ -7,6 +7,7 @@
 #include <asio/awaitable.hpp>
 #include <chrono>
 #include <cstdint>
+#include <string>
 
 #include "agent/config/config.h"
 #include "agent/field/bus.h"
@@ -79,7 +80,11 @@ class Poller final {
   void take_hole(LinkDevice& device, GroupPoll& group, const Asked& asked,
                  const Exchange& exchange);
   /// The device lacks a command for several places: all its groups get plans without it.
-  void give_up_command(LinkDevice& device, const Gather& gather, const Exchange& exchange);
+  void give_up_command(LinkDevice& device, std::uint8_t gather, const std::string& reason);
+  /// Notes a Gather that went unanswered, where its parts can be read by themselves, too.
+  void doubt_command(LinkDevice& device, const Request& request);
+  /// The device has answered with data. True where all its groups have new plans for that.
+  bool proves_command(LinkDevice& device, const Request& request);
   void fail_cycle(LinkDevice& device, GroupPoll& group, BadReason why);
   void finish_cycle(LinkDevice& device, GroupPoll& group);
   void publish(LinkDevice& device, Telemetry message);

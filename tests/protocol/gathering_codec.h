@@ -95,6 +95,10 @@ class GatheringCodec : public Codec, public AddressSpace {
     std::uint32_t data = 0;
     for (const Read& read : reads) data += (read.span.bits + 7) / 8 * 2;
     if (!std::holds_alternative<Gather>(request)) return {5, 5 + data, 0};
+    for (const GatherCommand& command : commands)
+      if (command.gather == reads.front().gather &&
+          (reads.size() > command.max_parts || data / 2 * 8 > command.max_bits))
+        return {};  // no such frame
     const GatherPrice& price = prices.at(reads.front().gather);
     return {price.fixed + price.each * static_cast<std::uint32_t>(reads.size()), data, 0};
   }

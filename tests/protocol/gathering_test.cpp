@@ -315,6 +315,17 @@ TEST_F(GatheringPlans, WhereTheSizeOfAFrameCountsToFewTakeMore) {
   EXPECT_LT(worse, 20);
 }
 
+TEST_F(GatheringPlans, ABlockOfMoreThanHalfAFrameHasItsPrice) {
+  const GatheringCodec codec = gathering_codec();
+  const std::vector<Point> points{point(codec, "W100", 50), point(codec, "V900", 40),
+                                  point(codec, "V30")};
+  const Plan plan = make_plan(codec, points, kCost, 0);
+  check(plan, codec, points, kCost);
+  // 30 + 14 + 3 * 10 + 364 ms, where each by itself they are 3 * 40 + 364 ms.
+  EXPECT_EQ(plan.exchange_count(), 1U);
+  EXPECT_EQ(plan.line_time, 438ms);
+}
+
 // ---- large plans --------------------------------------------------------------------------------
 
 TEST_F(GatheringPlans, ManyPartsFillTheirFrames) {

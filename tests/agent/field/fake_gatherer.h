@@ -19,6 +19,8 @@ class FakeGatherer final {
   std::set<unsigned> lacks;            ///< the same numbers
   std::set<unsigned> not_gathered;     ///< refused as part of a Gather alone
   std::set<unsigned> unknown_commands;
+  std::set<unsigned> dropped_commands;  ///< never answered
+  std::set<unsigned> garbled_commands;  ///< answered with nonsense
   std::size_t most_parts = 1000;
   int in_a_mood = 0;  ///< so many answers are `mood`
   int mood = 0;
@@ -44,7 +46,9 @@ class FakeGatherer final {
       }
     }
     asked.push_back((command == 0 ? "" : std::to_string(command) + ": ") + text);
-    if (silent) return {};
+    if (silent || dropped_commands.contains(command)) return {};
+    if (garbled_commands.contains(command))
+      return {static_cast<std::uint8_t>(frame[0] + 100U), 'D', 0};
     const auto no = [&](int code) { return Bytes{frame[0], 'N', static_cast<std::uint8_t>(code)}; };
     if (in_a_mood > 0) {
       --in_a_mood;

@@ -28,10 +28,11 @@ struct Refuser {
   SteadyTime now{};
 
   Refuser() { codec.commands = {{1, 24}}; }
-  void add(std::uint32_t number) {
+  void add(std::uint32_t number) { add("W" + std::to_string(number)); }
+  void add(const std::string& address) {
     Point point;
-    point.address = *codec.parse_address("W" + std::to_string(number), std::nullopt);
-    point.type = DataType::int16;
+    point.address = *codec.parse_address(address, std::nullopt);
+    point.type = default_type(point.address);
     points.push_back(point);
   }
   bool exists(std::size_t point) const {
@@ -69,11 +70,12 @@ struct Refuser {
       }
       if (answered) continue;
       if (const auto* gather = std::get_if<Gather>(&request)) {
-        map.refused_together(*gather);
+        map.refused_together(*gather, asked_in(planned, which, points));
         continue;
       }
       const PlannedRead& read = planned.reads[which[0]];
-      map.refused(read.read.span, halves_of(codec, points, read), now, HoleMap::Company::possible);
+      map.refused(read.read.span, halves_of(codec, points, read), now,
+                  asked_in(planned, which, points));
     }
     int missed = 0;
     for (std::uint32_t i = 0; i < points.size(); ++i) missed += exists(i) && !good[i] ? 1 : 0;
@@ -120,6 +122,47 @@ TEST(HoleMapGather, APlaceThatIsOnlyRefusedInCompanyStaysApart) {
   EXPECT_EQ(device.plan().exchange_count(), 2U);
 }
 
+TEST(HoleMapGather, WhatIsReadByAnotherWayIsAboveSuspicion) {
+  Refuser device;
+  ReadWay bits = word_way(0, 4);
+  bits.align_bits = bits.unit_bits = 1;
+  ReadWay sixteen_bits = word_way(1, 1, 1);
+  sixteen_bits.align_bits = 1;
+  device.codec.ways[1] = {bits, sixteen_bits};
+  device.add("B3");
+  device.add("B9000");
+  device.lacks = {9000 / 16};
+  ASSERT_EQ(device.plan().exchange_count(), 1U);
+  ASSERT_GE(device.settle(), 0);
+  EXPECT_EQ(device.map.holes().missing, (std::vector<Span>{{1, 9000, 1}}));
+  EXPECT_TRUE(device.map.holes().suspects.empty());
+}
+
+TEST(HoleMapGather, NobodyWaitsForWhatLiesBetweenTwoPoints) {
+  HoleMap map;
+  const Span read{0, 0, 64 * 16};
+  const Span left{0, 0, 16};
+  const Span right{0, 63 * 16, 16};
+  map.refused_together(Gather{{{read, 2, 2}, {{0, 3200, 16}, 2, 2}}}, {left, right, {0, 3200, 16}});
+  for (const Span& span : {left, right, Span{0, 3200, 16}}) {
+    EXPECT_FALSE(map.holes().suspects.empty());
+    map.read(span);
+  }
+  EXPECT_TRUE(map.holes().suspects.empty());
+}
+
+TEST(HoleMapGather, WhatIsReadPieceByPieceIsAboveSuspicion) {
+  HoleMap map;
+  const Span array{0, 0, 64 * 16};
+  map.refused_together(Gather{{{array, 2, 2}, {{0, 3200, 16}, 2, 2}}}, {array, {0, 3200, 16}});
+  map.read({0, 3200, 16});
+  map.read({0, 16 * 16, 16 * 16});
+  map.read({0, 32 * 16, 32 * 16});
+  EXPECT_EQ(map.holes().suspects, (std::vector<Span>{{0, 0, 16 * 16}}));
+  map.read({0, 0, 16 * 16});
+  EXPECT_TRUE(map.holes().suspects.empty());
+}
+
 TEST(HoleMapGather, AHoleInABlockDoesNotSpoilWhatGoesTogether) {
   Refuser device;
   for (std::uint32_t n = 0; n < 60; ++n) device.add(n);
@@ -152,6 +195,69 @@ TEST(HoleMapGather, ACommandThatTheDeviceLacksIsNotUsed) {
   device.map.retry(device.now + 600s);
   EXPECT_EQ(device.plan().exchange_count(), 1U) << "it may have been a password";
   EXPECT_FALSE(device.map.lacks(1, device.now)) << "which is told once";
+}
+
+TEST(HoleMapGather, RetriesDoNotPileUp) {
+  HoleMap map;
+  const Span span{0, 160, 16};
+  SteadyTime now{};
+  map.refused(span, std::nullopt, now, {span});
+  for (int times = 0; times < 50; ++times) {
+    map.retry(now += 600s);
+    EXPECT_EQ(map.holes().apart, std::vector<Span>{span});
+    map.refused(span, std::nullopt, now, {span});
+  }
+  map.retry(now += 600s);
+  map.read(span);
+  EXPECT_TRUE(map.holes().apart.empty());
+  EXPECT_TRUE(map.holes().cuts.empty());
+}
+
+TEST(HoleMapGather, WhatOnlyGoesByItselfOrWithFewIsTriedAgain) {
+  HoleMap map;
+  SteadyTime now{};
+  for (const auto after : {600s, 1200s}) {
+    map.refused_together(Gather{{{{0, 160, 16}, 1, 1}}}, {{0, 160, 16}});
+    const std::vector<Span> two{{0, 1600, 16}, {0, 3200, 16}};
+    map.refused_together(Gather{{{two[0], 1, 1}, {two[1], 1, 1}}}, two);
+    for (const Span& span : two) map.read(span);
+    EXPECT_EQ(map.holes().gather_limits, (std::vector<Holes::GatherLimit>{{1, 1}}));
+    map.retry(now);
+    map.retry(now += after - 1s);
+    EXPECT_EQ(map.holes().apart.size(), 1U);
+    const std::uint32_t before = map.version();
+    map.retry(now += 1s);
+    EXPECT_TRUE(map.holes().apart.empty());
+    EXPECT_TRUE(map.holes().gather_limits.empty());
+    EXPECT_GT(map.version(), before);
+  }
+}
+
+TEST(HoleMapGather, EachCommandHasALimitOfItsOwn) {
+  HoleMap map;
+  std::vector<Span> spans;
+  for (std::uint32_t n = 0; n < 6; ++n) spans.push_back({0, 1600 * n, 16});
+  Gather first;
+  for (std::uint32_t n = 0; n < 4; ++n) first.parts.push_back({spans[n], 1, 1});
+  map.refused_together(first, spans);
+  map.refused_together(Gather{{{spans[4], 2, 2}, {spans[5], 2, 2}}}, spans);
+  for (const Span& span : spans) map.read(span);
+  EXPECT_EQ(map.holes().gather_limits, (std::vector<Holes::GatherLimit>{{1, 2}, {2, 1}}));
+}
+
+TEST(HoleMapGather, NobodyLooksIntoHundredsOfSuspects) {
+  HoleMap map;
+  for (std::uint32_t frame = 0; frame < 80; ++frame) {
+    Gather gather;
+    std::vector<Span> asked;
+    for (std::uint32_t n = 0; n < 64; ++n) {
+      asked.push_back({0, (frame * 64 + n) * 32, 16});
+      gather.parts.push_back({asked.back(), 1, 1});
+    }
+    map.refused_together(gather, asked);
+    EXPECT_LE(map.holes().suspects.size(), 256U);
+  }
+  EXPECT_EQ(map.holes().gather_limits, (std::vector<Holes::GatherLimit>{{1, 32}}));
 }
 
 TEST(HoleMapGather, WhateverIsMissingTheRestIsReadInTheEnd) {

@@ -173,6 +173,45 @@ TEST_F(GatherPolls, ABusyDeviceIsAskedForTheSameAgain) {
   }
 }
 
+TEST_F(GatherPolls, ADeviceThatNeverAnswersTheCommandIsReadWithoutIt) {
+  add_scattered(3);
+  config.devices[0].retries = 0;
+  plc.dropped_commands = {1};
+  start();
+  steps_until([&] { return !telemetry.empty() && bad(telemetry.back()) == 0; });
+  EXPECT_EQ(std::count(plc.asked.begin(), plc.asked.end(), "1: W0 W200 W400"), 2);
+  plc.asked.clear();
+  EXPECT_EQ(bad(next_sample()), 0U);
+  EXPECT_EQ(plc.asked, (std::vector<std::string>{"W0", "W200", "W400"}));
+  EXPECT_EQ(newest[0].state, State::online);
+}
+
+TEST_F(GatherPolls, ADeviceThatAnswersTheCommandWithNonsenseIsReadWithoutIt) {
+  add_scattered(3);
+  plc.garbled_commands = {1};
+  start();
+  steps_until([&] { return !telemetry.empty() && bad(telemetry.back()) == 0; });
+  plc.asked.clear();
+  EXPECT_EQ(bad(next_sample()), 0U);
+  EXPECT_EQ(plc.asked, (std::vector<std::string>{"W0", "W200", "W400"}));
+}
+
+TEST_F(GatherPolls, ADeviceThatWasSilentIsReadTogetherAgain) {
+  add_scattered(3);
+  config.devices[0].retries = 0;
+  start();
+  next_sample();
+  for (int times = 0; times < 5; ++times) {
+    plc.silent = true;
+    steps_until([&] { return newest[0].state == State::offline; });
+    plc.silent = false;
+    plc.asked.clear();
+    EXPECT_EQ(bad(next_sample()), 0U);
+    EXPECT_EQ(plc.asked, (std::vector<std::string>{"W0", "1: W0 W200 W400"}));
+    steps_until([&] { return newest[0].state == State::online; });
+  }
+}
+
 TEST_F(GatherPolls, SilenceMakesAllOfItBad) {
   add_scattered(3);
   config.devices[0].retries = 0;
