@@ -7,6 +7,7 @@
 
 #include "protocol/cheapest_reads.h"
 #include "protocol/gathering.h"
+#include "protocol/spans.h"
 
 namespace fxagent {
 namespace {
@@ -249,19 +250,7 @@ std::vector<Span> asked_in(const Plan& plan, const ReadIndices& which,
       if (first < end) asked.push_back({span->space, first, end - first});
     }
   }
-  std::sort(asked.begin(), asked.end(), [](const Span& a, const Span& b) {
-    return std::pair(a.space, a.first_bit) < std::pair(b.space, b.first_bit);
-  });
-  std::vector<Span> merged;
-  for (const Span& span : asked) {
-    if (merged.empty() || merged.back().space != span.space ||
-        merged.back().end_bit() < span.first_bit)
-      merged.push_back(span);
-    else
-      merged.back().bits =
-          std::max(merged.back().end_bit(), span.end_bit()) - merged.back().first_bit;
-  }
-  return merged;
+  return merged(std::move(asked));
 }
 
 std::optional<Halves> halves_of(const Codec& codec, std::span<const Point> points,

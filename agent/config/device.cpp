@@ -10,6 +10,7 @@
 #include "agent/config/templates.h"
 #include "agent/config/warnings.h"
 #include "protocol/plc.h"
+#include "protocol/spans.h"
 
 namespace fxagent {
 namespace {
@@ -486,18 +487,7 @@ void DeviceReader::read_allow(const ConfigNode& list) {
     else
       reader_.error(item, span.error().text);
   }
-  std::ranges::sort(spans, [](const Span& a, const Span& b) {
-    return std::pair(a.space, a.first_bit) < std::pair(b.space, b.first_bit);
-  });
-  for (const Span& span : spans) {
-    auto& merged = device_.commands.allow;
-    if (merged.empty() || merged.back().space != span.space ||
-        merged.back().end_bit() < span.first_bit)
-      merged.push_back(span);
-    else
-      merged.back().bits =
-          std::max(merged.back().end_bit(), span.end_bit()) - merged.back().first_bit;
-  }
+  device_.commands.allow = merged(std::move(spans));
 }
 
 // ---- devices and their links ------------------------------------------------------------------

@@ -4,6 +4,7 @@
 #include <array>
 
 #include "protocol/fx/link_frame.h"
+#include "protocol/scatter.h"
 
 namespace fxagent::fx {
 namespace {
@@ -166,10 +167,6 @@ std::optional<Carrier> carrier_of(const std::vector<Write>& parts, const PointLi
   if (all_bits && bits <= limits.bt) return Carrier::bits;
   if (all_words && bits <= limits.wt * 16) return Carrier::words;
   return std::nullopt;
-}
-
-Write write_of(const Force& force) {
-  return {{force.space, force.bit, 1}, {static_cast<std::uint8_t>(force.on ? 1 : 0)}, 0};
 }
 
 /// The code of each model that the PC command answers, JY992D69901 8.8; FX3 from JY997D16901, F4
@@ -676,17 +673,9 @@ RefusalMeaning ComputerLink::meaning_of(const Request& request, int device_code)
 }
 
 std::optional<Request> ComputerLink::combine(const std::vector<Request>& requests) const {
-  Scatter scatter;
-  for (const Request& request : requests) {
-    if (const auto* write = std::get_if<Write>(&request))
-      scatter.parts.push_back(*write);
-    else if (const auto* force = std::get_if<Force>(&request))
-      scatter.parts.push_back(write_of(*force));
-    else
-      return std::nullopt;
-  }
-  if (requests.size() < 2 || !encode_scatter(scatter)) return std::nullopt;
-  return Request(std::move(scatter));
+  auto scatter = scatter_of(requests);
+  if (!scatter || !encode_scatter(*scatter)) return std::nullopt;
+  return Request(std::move(*scatter));
 }
 
 }  // namespace fxagent::fx

@@ -4,6 +4,7 @@
 
 #include "protocol/mc/body.h"
 #include "protocol/mc/random_access.h"
+#include "protocol/scatter.h"
 
 namespace fxagent::mc {
 namespace {
@@ -103,17 +104,9 @@ std::size_t read_size(Code code, const Read& read) {
 }
 
 std::optional<Request> scattered(const Dialect& dialect, const std::vector<Request>& requests) {
-  Scatter scatter;
-  for (const Request& request : requests) {
-    if (const auto* write = std::get_if<Write>(&request))
-      scatter.parts.push_back(*write);
-    else if (const auto* force = std::get_if<Force>(&request))
-      scatter.parts.push_back(write_of(*force));
-    else
-      return std::nullopt;
-  }
-  if (!encode_scatter(dialect, scatter)) return std::nullopt;
-  return Request(std::move(scatter));
+  auto scatter = scatter_of(requests);
+  if (!scatter || !encode_scatter(dialect, *scatter)) return std::nullopt;
+  return Request(std::move(*scatter));
 }
 
 }  // namespace

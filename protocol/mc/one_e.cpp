@@ -5,6 +5,7 @@
 
 #include "protocol/mc/one_e_codes.h"
 #include "protocol/mc/one_e_frame.h"
+#include "protocol/scatter.h"
 
 namespace fxagent::mc {
 
@@ -59,10 +60,6 @@ bool is_fx3_only(Space space) {
 bool is_bit_words(const Span& span) {
   return has_word_way(static_cast<Space>(span.space)) && span.first_bit % 16 == 0 &&
          span.bits % 16 == 0;
-}
-
-Write write_of(const Force& force) {
-  return {{force.space, force.bit, 1}, {static_cast<std::uint8_t>(force.on ? 1 : 0)}, 0};
 }
 
 std::uint32_t number_of(const Span& span) {
@@ -474,17 +471,9 @@ RefusalMeaning OneE::meaning_of(const Request& request, int device_code) const {
 }
 
 std::optional<Request> OneE::combine(const std::vector<Request>& requests) const {
-  Scatter scatter;
-  for (const Request& request : requests) {
-    if (const auto* write = std::get_if<Write>(&request))
-      scatter.parts.push_back(*write);
-    else if (const auto* force = std::get_if<Force>(&request))
-      scatter.parts.push_back(write_of(*force));
-    else
-      return std::nullopt;
-  }
-  if (requests.size() < 2 || !encode_scatter(scatter)) return std::nullopt;
-  return Request(std::move(scatter));
+  auto scatter = scatter_of(requests);
+  if (!scatter || !encode_scatter(*scatter)) return std::nullopt;
+  return Request(std::move(*scatter));
 }
 
 // ---- the PLC itself -----------------------------------------------------------------------------

@@ -200,8 +200,4 @@ Result<Bytes> encode_scatter(const Dialect& dialect, const Scatter& scatter) {
   return body.take();
 }
 
-Write write_of(const Force& force) {
-  return {{force.space, force.bit, 1}, {static_cast<std::uint8_t>(force.on ? 1 : 0)}, force.way};
-}
-
 }  // namespace fxagent::mc

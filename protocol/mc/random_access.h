@@ -19,6 +19,4 @@ std::optional<Gather> gathered(const Dialect& dialect, const std::vector<Read>& 
 /// By 1402: bits alone, or words and double words. unsupported: no frame carries these writes.
 Result<Bytes> encode_scatter(const Dialect& dialect, const Scatter& scatter);
 
-Write write_of(const Force& force);
-
 }  // namespace fxagent::mc
