@@ -42,6 +42,7 @@ struct LinkDevice {
       : LinkDevice(
             std::shared_ptr<const DeviceConfig>(std::shared_ptr<const void>(), &device_config),
             device_index) {}
+  LinkDevice(DeviceConfig&& device_config, std::uint32_t device_index) = delete;
   LinkDevice(std::shared_ptr<const DeviceConfig> device_config, std::uint32_t device_index)
       : owned(std::move(device_config)),
         config(*owned),

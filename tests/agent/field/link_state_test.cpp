@@ -226,10 +226,9 @@ TEST_F(LinkStateTest, WhereNobodyAnswersTheStateIsToldOnce) {
 }
 
 TEST_F(LinkStateTest, ModelIsAskedAgainAfterALoss) {
-  config.devices.clear();
   use(SerialSettings{});
-  devices[0] =
-      std::make_unique<LinkDevice>(port_device("press1", port_codec(fx::Model::unknown)), 0);
+  config.devices[0].codec = port_codec(fx::Model::unknown);
+  devices[0] = std::make_unique<LinkDevice>(config.devices[0], 0);
   devices[0]->id = 0;
   open();
   devices[0]->state.set_model("FX3U");

@@ -210,7 +210,7 @@ TEST(MergedConfig, NoVariableIsReadFromAfar) {
       "/links/1/tcp/host", "environment variable");
   json tag = {{"name", "a"}, {"address", "D1"}, {"unit", "a ${MQTT_PASSWORD} b"}};
   json device = local_plant()["devices"][0];
-  device["tags"] = {tag};
+  device["tags"] = json::array({tag});
   expect_one_error(
       errors_of(local_plant(), config_of({{"devices", {device, local_plant()["devices"][1]}}})),
       "/devices/0/tags/0/unit", "environment variable");
