@@ -33,32 +33,6 @@ std::vector<std::size_t> first_partners(const std::vector<Extent>& pieces, std::
 
 }  // namespace
 
-bool Forbidden::forbids(const ReadWay& way, const Extent& read) const {
-  if (holds(read)) return true;
-  return way.gather != 0 && std::any_of(apart.begin(), apart.end(), [&](const Extent& place) {
-           return read.first < place.end && place.first < read.end;
-         });
-}
-
-bool Forbidden::holds(const Extent& read) const {
-  return std::any_of(cuts.begin(), cuts.end(),
-                     [&](std::uint32_t at) { return read.first < at && at < read.end; }) ||
-         std::any_of(missing.begin(), missing.end(), [&](const Extent& hole) {
-           return read.first <= hole.first && hole.end <= read.end;
-         });
-}
-
-Forbidden forbidden_in(const Holes& holes, std::uint16_t space) {
-  Forbidden out;
-  for (const Holes::Cut& cut : holes.cuts)
-    if (cut.space == space) out.cuts.push_back(cut.at);
-  for (const Span& span : holes.missing)
-    if (span.space == space) out.missing.push_back({span.first_bit, span.end_bit()});
-  for (const Span& span : holes.apart)
-    if (span.space == space) out.apart.push_back({span.first_bit, span.end_bit()});
-  return out;
-}
-
 std::optional<Extent> fit(const ReadWay& way, const Extent& wanted) {
   if (wanted.first < way.first_bit || wanted.end > way.end_bit) return std::nullopt;
   std::uint32_t first = wanted.first - wanted.first % way.align_bits;

@@ -7,27 +7,10 @@
 #include <optional>
 #include <vector>
 
+#include "protocol/forbidden.h"
 #include "protocol/plan.h"
 
 namespace fxagent {
-
-/// [first, end) in bits of a space.
-struct Extent {
-  std::uint32_t first = 0;
-  std::uint32_t end = 0;
-};
-
-/// The borders and holes of one space, as bits of it.
-struct Forbidden {
-  std::vector<std::uint32_t> cuts;
-  std::vector<Extent> missing;
-  std::vector<Extent> apart;  // no part of a Gather touches them
-
-  /// Whether a read by `way` may not be this one.
-  bool forbids(const ReadWay& way, const Extent& read) const;
-  bool holds(const Extent& read) const;
-};
-Forbidden forbidden_in(const Holes& holes, std::uint16_t space);
 
 /// The shortest read by `way` that covers `wanted`; nullopt where the way does not reach it or may
 /// not carry so much.

@@ -64,8 +64,7 @@ class DeviceWays final {
       way.max_bits = std::max(way.max_bits / way.unit_bits * way.unit_bits, way.unit_bits);
       out.ways.push_back(way);
     }
-    out.forbidden = forbidden_in(holes_, space);
-    for (const std::uint32_t at : addresses_.borders(space)) out.forbidden.cuts.push_back(at);
+    out.forbidden = Forbidden(holes_, space, addresses_.borders(space));
     return out;
   }
 
@@ -183,7 +182,7 @@ std::chrono::nanoseconds exchange_time(const Codec& codec, const Request& reques
 }
 
 bool Holes::forbid(const Span& span) const {
-  return forbidden_in(*this, span.space).holds({span.first_bit, span.end_bit()});
+  return Forbidden(*this, span.space).holds({span.first_bit, span.end_bit()});
 }
 
 Plan make_plan(const Codec& codec, std::span<const Point> points, const LineCost& cost,
