@@ -19,8 +19,7 @@ struct LineCost {
       0};  ///< the device's own time plus the gap before a request
 
   std::chrono::nanoseconds of(const LineLength& length) const {
-    return per_exchange +
-           per_char * (length.request_chars + length.reply_chars + length.closing_chars);
+    return per_exchange + per_char * length.planned_chars();
   }
 };
 
