@@ -144,6 +144,7 @@ Gathering each_by_itself(const Codec& codec, const LineCost& cost,
     search.run({}, {0});
     std::uint32_t counted = 0;
     out.reads.push_back(search.reads(counted));
+    out.weighed += search.weighed();
   }
   return out;
 }
@@ -194,6 +195,7 @@ Plan make_plan(const Codec& codec, std::span<const Point> points, const LineCost
   const auto commands = device.commands_for(buckets);
   Gathering best = commands.empty() ? each_by_itself(codec, cost, buckets)
                                     : cheapest_exchanges(codec, cost, buckets, commands, holes);
+  plan.weighed = best.weighed;
   for (std::size_t b = 0; b < buckets.size(); ++b) {
     const Bucket& bucket = buckets[b];
     const auto offset = static_cast<std::uint32_t>(plan.reads.size());

@@ -109,6 +109,9 @@ struct Plan {
   std::vector<std::uint32_t> unreachable;  ///< points that no way of this model reaches
   std::vector<std::uint32_t> refused;      ///< points that the device's holes leave no read for
   std::chrono::nanoseconds line_time{0};   ///< all exchanges, by the cost given
+  /// What the search took of the processor: reads that it has weighed, and frames that it has
+  /// looked into for room. Some for each point, however many there are.
+  std::size_t weighed = 0;
 
   std::uint32_t exchange_count() const {
     return static_cast<std::uint32_t>(exchanges.empty() ? reads.size() : exchanges.size());
