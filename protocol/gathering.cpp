@@ -40,6 +40,8 @@ class GatherSearch final {
     for (const Bucket& bucket : buckets) {
       searches_.emplace_back(codec_, cost_, bucket);
       pieces_ += bucket.pieces.size();
+      for (const Extent& piece : bucket.pieces)
+        reads_suspects_ = reads_suspects_ || is_suspect(span_in(bucket, piece));
     }
     for (const GatherCommand& command : commands)
       commands_.push_back({command, around_parts(command, buckets)});
@@ -217,6 +219,10 @@ class GatherSearch final {
     return gathers;
   }
 
+  static Span span_in(const Bucket& bucket, const Extent& piece) {
+    return {bucket.space, piece.first, piece.end - piece.first};
+  }
+
   bool is_suspect(const Span& span) const {
     const auto after = std::partition_point(suspects_.begin(), suspects_.end(), [&](const Span& s) {
       return s.space != span.space ? s.space < span.space : s.end_bit() <= span.first_bit;
@@ -237,8 +243,7 @@ class GatherSearch final {
       fewer.max_parts = std::min(command.max_parts, std::max(parts, 1U));
       return fewer;
     };
-    pack(holes_.suspects.empty() ? command : at_most(holes_.most_others), all, std::move(good),
-         together);
+    pack(reads_suspects_ ? at_most(holes_.most_others) : command, all, std::move(good), together);
     pack(at_most(holes_.most_suspects), all, std::move(suspects), together);
   }
 
@@ -277,6 +282,7 @@ class GatherSearch final {
   const bool speed_known_;
   const Holes& holes_;
   const std::vector<Span> suspects_;  ///< by space and place
+  bool reads_suspects_ = false;
   std::vector<Command> commands_;
   std::vector<ReadSearch> searches_;
   std::size_t pieces_ = 0;

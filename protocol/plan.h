@@ -77,7 +77,9 @@ struct Holes {
   /// them may be refused and take others with it.
   std::vector<Span> suspects;
   std::uint32_t most_suspects = 1;
-  std::uint32_t most_others = 0xFFFFFFFF;  ///< parts of any other Gather while there are suspects
+  /// Parts of any other Gather, in a plan that is to read a suspect. Other plans are not held down:
+  /// their suspects may be read in an hour, and what is too much for them they find by themselves.
+  std::uint32_t most_others = 0xFFFFFFFF;
 
   /// Whether a read of `span` is known to be refused.
   bool forbid(const Span& span) const;

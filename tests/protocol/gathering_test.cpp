@@ -178,6 +178,21 @@ TEST(Gathering, SuspectsGoWithEachOther) {
   }
 }
 
+TEST(Gathering, OnlyPlansThatReadASuspectAreHeldDown) {
+  GatheringCodec codec = gathering_codec();
+  codec.commands = {{1, 24}};
+  std::vector<Point> points;
+  for (int n = 0; n < 12; ++n) points.push_back(point(codec, "W" + std::to_string(200 * n)));
+  Holes holes;
+  holes.suspects = {{0, 100 * 16, 16}, {1, 200 * 16, 16}};
+  holes.most_others = 3;
+  EXPECT_EQ(make_plan(codec, points, kCost, 0, holes).exchange_count(), 1U);
+  points.push_back(point(codec, "V200"));
+  const Plan plan = make_plan(codec, points, kCost, 0, holes);
+  check(plan, codec, points, kCost);
+  EXPECT_EQ(plan.exchange_count(), 4U + 1);
+}
+
 TEST(Gathering, MaxBlockBytesLowersWhatOneFrameBrings) {
   GatheringCodec codec = gathering_codec();
   codec.commands = {{1, 24}};
