@@ -394,10 +394,10 @@ TEST_F(GatheringPlans, AHundredThousandPlacesTakeAFewLooksEach) {
 
 TEST_F(GatheringPlans, NorDoPlacesThatLieClose) {
   const GatheringCodec codec = large_codec();
-  const auto points = scattered(50'000, 2);
+  const auto points = scattered(10'000, 2);
   const Plan plan = make_plan(codec, points, kCost, 0);
-  EXPECT_LT(plan.reads.size(), 5000U);
-  EXPECT_LT(plan.weighed, 40 * points.size());  // a read holds up to 64 of them, by two ways
+  EXPECT_LT(plan.reads.size(), 1000U);
+  EXPECT_LT(plan.weighed, 150 * points.size());  // in many searches, each of which tried 80
 }
 
 TEST_F(GatheringPlans, FramesThatAreFullAreNotLookedIntoAgainAndAgain) {
@@ -428,10 +428,10 @@ std::clock_t time_of(const Codec& codec, const std::vector<Point>& points, const
 
 TEST_F(GatheringPlans, ThousandsOfHolesTakeLittleMoreTimeThanNone) {
   const GatheringCodec codec = large_codec();
-  const auto points = scattered(3000, 10);
+  const auto points = scattered(1000, 10);
   Holes holes;
   for (int n = 0; n < 3000; ++n) {
-    const std::uint32_t word = pick(0, 16'000);
+    const std::uint32_t word = pick(0, 5000);
     holes.cuts.push_back({0, word * 16});
     holes.missing.push_back({1, word * 16, 16});
     holes.apart.push_back({0, word * 16, 16});
