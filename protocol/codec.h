@@ -96,6 +96,15 @@ struct LineLength {
   /// What a reply may have more where its values decide, as bytes that are doubled on the wire: for
   /// deadlines and bounds. Plans reckon without it.
   std::uint32_t more_reply_chars = 0;
+  /// How many characters of the request and of the reply only double another one, as an address or
+  /// a length decides. Plans reckon without them, too: a read costs what its length says, wherever
+  /// it is.
+  std::uint32_t doubled_chars = 0;
+
+  /// Those that a plan reckons with, in all directions.
+  std::uint32_t planned_chars() const {
+    return request_chars + reply_chars + closing_chars - doubled_chars;
+  }
 };
 
 // ---- a frame explained, for `fxagent decode` --------------------------------------------------

@@ -303,8 +303,10 @@ LineLength Mc::line_length(const Request& request) const {
                                                       ? serial_answer_length(serial_, data)
                                                       : ethernet_answer_length(ethernet_, data));
   // Every byte may be a 10h, which goes twice.
-  if (is_serial(settings_.frame) && dialect_.code == Code::binary)
+  if (is_serial(settings_.frame) && dialect_.code == Code::binary) {
     length.more_reply_chars = static_cast<std::uint32_t>(data);
+    length.doubled_chars = static_cast<std::uint32_t>(serial_doubles(serial_, *frame, data));
+  }
   return length;
 }
 
