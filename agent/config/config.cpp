@@ -30,6 +30,7 @@ namespace {
 using std::string_view_literals::operator""sv;
 
 constexpr std::size_t kHashBytes = 8;
+constexpr int kEightBits = 8;
 
 // ---- agent, mqtt, store -----------------------------------------------------------------------
 
@@ -382,6 +383,32 @@ const ConfigNode* data_bits_of(const ConfigNode& link) {
   return (serial != nullptr ? *serial : link).find("data_bits");
 }
 
+/// Reports it where a line has fewer data bits than its protocol or the settings of one of its
+/// devices need. A protocol that is at home on 8 bits uses the eighth; one that needs 7 is content
+/// with 8.
+void check_data_bits(ConfigReader& reader, const ConfigNode& link, std::size_t index, int given,
+                     const ProtocolInfo& protocol, const SharedList<DeviceConfig>& devices) {
+  const ConfigNode* at = data_bits_of(link);
+  if (at == nullptr) return;
+  const int least =
+      protocol.least_data_bits != 0 ? protocol.least_data_bits : protocol.line.data_bits;
+  if (given < least)
+    return reader.error(
+        *at, std::string(protocol.name) + " needs " + std::to_string(least) + " data bits");
+  if (given >= kEightBits) return;
+  for (const DeviceConfig& device : devices) {
+    if (device.link != index || device.options == nullptr) continue;
+    const OptionSpec* binary = binary_option(protocol, *device.options);
+    if (binary == nullptr) continue;
+    const auto value = std::get<std::int64_t>(device.options->find(binary->key)->second);
+    const std::string option = "\"" + std::string(binary->key) + "\"";
+    return reader.error(
+        *at, option + " " + std::to_string(value) + " of " + device.name +
+                 " is binary and needs 8 data bits: set 8 here and in the PLC, or " + option +
+                 " below " + std::to_string(*binary->binary_from));
+  }
+}
+
 /// Fills in what the links left to the protocol that is spoken on them.
 void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& links,
                   Config& config) {
@@ -393,14 +420,10 @@ void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& li
     const LinkFacts& facts = links.facts[i];
     if (facts.first_device == nullptr) reader.warn(array.children[i], "no device uses this link");
     const LineDefaults defaults = facts.protocol != nullptr ? facts.protocol->line : LineDefaults{};
-    const int own_least = facts.protocol != nullptr ? facts.protocol->least_data_bits : 0;
-    const int least = own_least != 0 ? own_least : defaults.data_bits;
-    // A protocol that is at home on 8 bits uses the eighth; one that needs 7 is content with 8.
-    if (facts.protocol != nullptr && links.lines[i].data_bits.value_or(defaults.data_bits) < least)
-      if (const ConfigNode* bits = data_bits_of(array.children[i]))
-        reader.error(*bits, std::string(facts.protocol->name) + " needs " + std::to_string(least) +
-                                " data bits");
     const SerialSettings line = line_settings(links.lines[i], defaults);
+    if (facts.protocol != nullptr)
+      check_data_bits(reader, array.children[i], i, line.data_bits, *facts.protocol,
+                      config.devices);
     if (auto* serial = std::get_if<SerialSettings>(&link.channel)) {
       SerialSettings whole = line;
       whole.path = serial->path;
