@@ -437,14 +437,17 @@ void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& li
   warn_of_lines(reader, array, lines, config);
 }
 
-/// How long each link listens before its first question.
-void set_listening(Config& config) {
-  for (const DeviceConfig& device : config.devices) {
+/// What late answers ask for: how long each link listens before its first question, and the rest
+/// behind each answer on UDP.
+void set_silences(Config& config) {
+  for (DeviceConfig& device : config.devices) {
     if (device.codec == nullptr || device.link >= config.links.size()) continue;
     LinkConfig& link = config.links[device.link];
     const Recovery recovery = device.codec->after_silence();
     // Answers have numbers, or go to the connection or port that they were asked from.
     const auto* udp = std::get_if<UdpSettings>(&link.channel);
+    if (udp != nullptr && recovery != Recovery::none)
+      device.gap = std::max(device.gap, kQuietBetweenDatagrams);
     const bool is_another_port = udp != nullptr && udp->local_port == 0;
     if (recovery == Recovery::none || is_another_port) continue;
     if (udp == nullptr && recovery == Recovery::reconnect) continue;
@@ -479,7 +482,7 @@ Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy
     read_devices(reader, top, *devices, links.names, links.facts, config);
   }
   if (link_array != nullptr) finish_links(reader, *link_array, links, config);
-  set_listening(config);
+  set_silences(config);
   return config;
 }
 

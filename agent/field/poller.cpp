@@ -176,7 +176,7 @@ void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollSchedu
                           const Asked& asked, Exchange exchange) {
   if (state_.is_stopping()) return;
   state_.heard_foreign(device, exchange);
-  scheduler_.step_used(step, exchange.ended - exchange.began);
+  scheduler_.step_used(step, exchange.line_time());
   if (exchange.doubted) {  // the device is there; what it says is not believed
     state_.answered(device);
     exchange.outcome = Exchange::Outcome::garbled;
@@ -368,7 +368,7 @@ asio::awaitable<void> Poller::ask_question(LinkDevice& device, PollScheduler::Po
     const Exchange exchange = co_await bus_.exchange(device.station, question);
     if (state_.is_stopping()) co_return;
     state_.heard_foreign(device, exchange);
-    scheduler_.step_used(step, exchange.ended - exchange.began);
+    scheduler_.step_used(step, exchange.line_time());
     if (exchange.outcome == Exchange::Outcome::unanswered) state_.unanswered(device);
     if (exchange.outcome == Exchange::Outcome::link_down) state_.lost(exchange.error);
     const bool by_gateway =

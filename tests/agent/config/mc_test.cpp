@@ -1,6 +1,7 @@
-// What the config says about MC devices on serial lines.
+// What the config says about MC devices: lines with enough data bits, and rests on UDP.
 #include <gtest/gtest.h>
 
+#include <optional>
 #include <string>
 
 #include "tests/agent/config/small_plant.h"
@@ -39,6 +40,24 @@ TEST(ConfigMc, BinaryFramesNeedTheEighthBitBehindASerialServerToo) {
   for (json& device : plant["devices"]) device["link"] = "gw1";
   expect_error(plant.dump(1), "/links/1/data_bits",
                {"\"format\" 5 of press is binary and needs 8 data bits"});
+}
+
+TEST(ConfigMc, OnUdpARestLiesBehindAnswersWithoutNumbers) {
+  const auto gap = [](const std::string& channel, const std::string& protocol,
+                      std::optional<int> given = std::nullopt) {
+    json plant = small_plant();
+    plant["links"] = json::array({{{"name", "eth1"}}});
+    plant["links"][0][channel] = json::parse(R"({"host": "192.0.2.20", "port": 5007})");
+    plant["devices"] = json::array({{{"name", "press"}, {"link", "eth1"}, {"protocol", protocol}}});
+    if (given) plant["devices"][0]["gap_ms"] = *given;
+    return good(plant.dump(1)).devices[0].gap.count();
+  };
+  EXPECT_EQ(gap("udp", "mc-3e"), 10);
+  EXPECT_EQ(gap("udp", "mc-1e"), 10);
+  EXPECT_EQ(gap("udp", "mc-4e"), 0) << "its answers have numbers";
+  EXPECT_EQ(gap("tcp", "mc-3e"), 0);
+  EXPECT_EQ(gap("udp", "mc-3e", 5), 10);
+  EXPECT_EQ(gap("udp", "mc-3e", 25), 25);
 }
 
 }  // namespace

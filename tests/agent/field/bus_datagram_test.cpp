@@ -169,14 +169,6 @@ TEST_F(DatagramsWithoutNumbers, EachQuestionIsAskedFromAPortOfItsOwn) {
   EXPECT_EQ(unexpected(), word_frame(1).size()) << "it is counted";
 }
 
-TEST_F(DatagramsWithoutNumbers, AQuietGapLiesBehindEachAnswer) {
-  use("fx-programming-port", Port::renewed);
-  wire->expect(kRead).give(word_frame(1)).expect(kRead).give(word_frame(2));
-  open();
-  const Exchange first = read("D100");
-  EXPECT_GE(read("D100").began - first.ended, milliseconds(10));
-}
-
 TEST_F(DatagramsWithoutNumbers, AfterASilenceTheLateAnswerHasItsTime) {
   use("fx-programming-port", Port::renewed);
   station.timeout = milliseconds(150);

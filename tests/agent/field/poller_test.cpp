@@ -74,6 +74,14 @@ TEST_F(PortPolls, GroupsOfWholeSecondsBeginOnTheCommonGrid) {
   EXPECT_EQ(telemetry.size(), 3U);
 }
 
+TEST_F(PortPolls, TheSilenceBeforeEachRequestCountsAsLineTime) {
+  config.devices[0].groups[0].interval = milliseconds(100);
+  config.devices[0].gap = milliseconds(80);
+  start();
+  steps_until([&] { return telemetry.size() == 2; });
+  EXPECT_GE(scheduler.load(), 0.8);
+}
+
 TEST_F(PortPolls, EachReadOfACycleIsAStepOfItsOwn) {
   add_tag("running", "M0");
   start();
