@@ -98,6 +98,7 @@ ProtocolInfo computer_link() {
       integer("max_block_bytes", 2, 128, settings.max_block_bytes,
               "Bytes of device memory in one frame."),
   };
+  info.format_place = "D8120 of the PLC";
   info.make = &fx::ComputerLink::make;
   return info;
 }
@@ -292,6 +293,9 @@ ProtocolInfo mc_serial(std::string_view name, std::string_view summary, std::int
   info.options.push_back(integer("max_block_bytes", 2, settings.max_block_bytes, kBlock,
                                  "Bytes of device memory in one frame. More is a little faster, "
                                  "and commands wait longer."));
+  info.format_place =
+      "the parameters of the PLC's serial port (FX5: 485 Serial Port in GX Works3; C24 module: its "
+      "switch setting)";
   info.silent_hint =
       "are protocol (MC Protocol), message pattern, station, sum check, speed and parity those of "
       "the serial port in the PLC's parameters?";

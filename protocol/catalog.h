@@ -70,6 +70,8 @@ struct ProtocolInfo {
   /// known that would help.
   std::string_view silent_hint;
   std::string_view closed_hint;
+  /// For a person: where in the PLC format and sum check of its frames are set. Empty: nowhere.
+  std::string_view format_place;
   Result<std::shared_ptr<const Codec>> (*make)(const Options&) = nullptr;
 };
 
