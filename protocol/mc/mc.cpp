@@ -18,6 +18,8 @@ constexpr std::uint32_t kTimerStep = 250;  // ms
 // Nothing that answers is longer, and the bus listens to no more.
 constexpr std::size_t kMostSearched = 8192;
 
+// Of C24 modules, timer 1 as it is where nobody has set it (SH-080007, chapter 6.2).
+constexpr std::chrono::milliseconds kResponseMonitoring{5000};
 constexpr std::uint32_t kRunState = 203;  // SD203: state of the CPU in its low half byte
 constexpr std::uint8_t kStepRun = 1;      // 0 RUN, 1 STEP-RUN, 2 STOP, 3 PAUSE
 constexpr std::uint32_t kAlwaysOn = 400;  // SM400, which all of these series have
@@ -315,7 +317,10 @@ Explanation Mc::explain(ByteView frame, std::optional<Direction> direction) cons
 // ---- time, recovery and refusals ----------------------------------------------------------------
 
 std::chrono::milliseconds Mc::gives_up_after() const {
-  return std::chrono::milliseconds(is_serial(settings_.frame) ? 0 : settings_.timer * kTimerStep);
+  if (!is_serial(settings_.frame)) return std::chrono::milliseconds(settings_.timer * kTimerStep);
+  // Its own CPU answers a module at once or not at all; one on the way elsewhere is waited for.
+  const bool is_own = settings_.route == Route{};
+  return is_own ? std::chrono::milliseconds(0) : kResponseMonitoring;
 }
 
 Recovery Mc::after_silence() const {

@@ -568,6 +568,8 @@ TEST(McOptions, BlocksAreNoLongerThanAsked) {
   for (const ReadWay& way : (*made)->addresses().read_ways(kD)) EXPECT_LE(way.max_bits, 512U);
   EXPECT_EQ((*made)->addresses().gathers().front().max_bits, 512U);
   EXPECT_EQ(sent(codec(Frame::e3), kTwoWords), sent(codec(Frame::e3), kTwoWords, 2));
+  const auto beyond = Mc::make_4c({{"network", std::int64_t{1}}, {"pc", std::int64_t{2}}});
+  EXPECT_EQ((*beyond)->gives_up_after(), std::chrono::seconds(5)) << "a module waits for another";
 }
 
 }  // namespace
