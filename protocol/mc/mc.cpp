@@ -62,6 +62,21 @@ bool is_identify(const Request& request) {
   return control != nullptr && control->kind == Control::Kind::identify;
 }
 
+bool is_numbered_by_series(std::uint16_t space) {
+  return space < kSpaces && kind_of(static_cast<Space>(space)).numbering == Numbering::octal_on_fx;
+}
+
+/// Whether it names X or Y, whose numbers are octal on an FX5.
+bool depends_on_base(const Request& request) {
+  const auto is_such = [](const auto& part) { return is_numbered_by_series(part.span.space); };
+  if (const auto* read = std::get_if<Read>(&request)) return is_such(*read);
+  if (const auto* write = std::get_if<Write>(&request)) return is_such(*write);
+  if (const auto* force = std::get_if<Force>(&request)) return is_numbered_by_series(force->space);
+  if (const auto* scatter = std::get_if<Scatter>(&request))
+    return std::ranges::any_of(scatter->parts, is_such);
+  return false;
+}
+
 bool brings_data(const Request& request) { return is_read(request) || is_identify(request); }
 
 }  // namespace
@@ -363,7 +378,8 @@ RefusalMeaning Mc::meaning_of(const Request& request, int device_code) const {
 std::optional<Request> Mc::instead_of(const Request& request, int device_code) const {
   const bool has_other = dialect_.series() == Series::iq_r &&
                          is_unknown_command(static_cast<std::uint16_t>(device_code));
-  if (!has_other) return std::nullopt;
+  // Who lacks the codes of iQ-R may be an FX5 with the wrong `model`: Y20 is another output there.
+  if (!has_other || depends_on_base(request)) return std::nullopt;
   Request other = request;
   if (auto* read = std::get_if<Read>(&other)) read->way |= kPlainCodes;
   if (auto* write = std::get_if<Write>(&other)) write->way |= kPlainCodes;
