@@ -395,17 +395,19 @@ void check_data_bits(ConfigReader& reader, const ConfigNode& link, std::size_t i
   if (given < least)
     return reader.error(
         *at, std::string(protocol.name) + " needs " + std::to_string(least) + " data bits");
-  if (given >= kEightBits) return;
+  const bool may_be_binary = std::ranges::any_of(
+      protocol.options, [](const OptionSpec& spec) { return spec.binary_from.has_value(); });
+  if (given >= kEightBits || !may_be_binary) return;
   for (const DeviceConfig& device : devices) {
     if (device.link != index || device.options == nullptr) continue;
     const OptionSpec* binary = binary_option(protocol, *device.options);
     if (binary == nullptr) continue;
     const auto value = std::get<std::int64_t>(device.options->find(binary->key)->second);
-    const std::string option = "\"" + std::string(binary->key) + "\"";
-    return reader.error(
-        *at, option + " " + std::to_string(value) + " of " + device.name +
-                 " is binary and needs 8 data bits: set 8 here and in the PLC, or " + option +
-                 " below " + std::to_string(*binary->binary_from));
+    const std::string option = "\"" + std::string(binary->key) + "\" ";
+    std::string text = option + std::to_string(value);
+    text.append(" of ").append(device.name);
+    text.append(" is binary and needs 8 data bits: set 8 here and in the PLC, or ").append(option);
+    return reader.error(*at, text.append("below ").append(std::to_string(*binary->binary_from)));
   }
 }
 
