@@ -98,6 +98,7 @@ ProtocolInfo computer_link() {
       integer("max_block_bytes", 2, 128, settings.max_block_bytes,
               "Bytes of device memory in one frame."),
   };
+  info.format_place = "D8120 of the PLC";
   info.make = &fx::ComputerLink::make;
   return info;
 }
@@ -285,12 +286,16 @@ ProtocolInfo mc_serial(std::string_view name, std::string_view summary, std::int
               formats == 5 ? "Message pattern, as in the parameters: 1 to 4 are ASCII, 5 is binary "
                              "and needs 8 data bits."
                            : "Message pattern, as in the parameters; all are ASCII."));
+  info.options.back().binary_from = 5;
   info.options.push_back(boolean("sum_check", settings.sum_check,
                                  "Whether frames carry a sum, as in the parameters. Without it "
                                  "noise can pass for a value."));
   info.options.push_back(integer("max_block_bytes", 2, settings.max_block_bytes, kBlock,
                                  "Bytes of device memory in one frame. More is a little faster, "
                                  "and commands wait longer."));
+  info.format_place =
+      "the parameters of the PLC's serial port (FX5: 485 Serial Port in GX Works3; C24 module: its "
+      "switch setting)";
   info.silent_hint =
       "are protocol (MC Protocol), message pattern, station, sum check, speed and parity those of "
       "the serial port in the PLC's parameters?";
@@ -337,6 +342,16 @@ std::shared_ptr<const Codec> widest_of(const ProtocolInfo& protocol,
 std::string widest_name(const ProtocolInfo& protocol) {
   return protocol.last_is_widest ? std::string(protocol.models.back()) + ", the widest"
                                  : "what any model has";
+}
+
+const OptionSpec* binary_option(const ProtocolInfo& protocol, const Options& options) {
+  const auto found = std::ranges::find_if(protocol.options, [&](const OptionSpec& spec) {
+    const auto given = options.find(spec.key);
+    const auto* value =
+        given == options.end() ? nullptr : std::get_if<std::int64_t>(&given->second);
+    return value != nullptr && spec.binary_from && *value >= *spec.binary_from;
+  });
+  return found == protocol.options.end() ? nullptr : &*found;
 }
 
 const ProtocolInfo* find_protocol(std::string_view name) {

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -24,6 +25,8 @@ struct OptionSpec {
   std::vector<std::string_view> choices;                        ///< choice: the words
   std::variant<std::int64_t, bool, std::string_view> fallback;  ///< where the key is absent
   std::string_view meaning;  ///< for people: the schema and the README have it
+  /// integer: from this value on frames are binary, so that a line needs 8 data bits.
+  std::optional<std::int64_t> binary_from{};
 };
 
 using OptionValue = std::variant<std::int64_t, bool, std::string>;
@@ -67,6 +70,8 @@ struct ProtocolInfo {
   /// known that would help.
   std::string_view silent_hint;
   std::string_view closed_hint;
+  /// For a person: where in the PLC format and sum check of its frames are set. Empty: nowhere.
+  std::string_view format_place;
   Result<std::shared_ptr<const Codec>> (*make)(const Options&) = nullptr;
 };
 
@@ -78,6 +83,9 @@ std::shared_ptr<const Codec> widest_of(const ProtocolInfo& protocol,
                                        const std::shared_ptr<const Codec>& codec);
 /// The name of that model for a person: "FX3U, the widest".
 std::string widest_name(const ProtocolInfo& protocol);
+/// The option by which such a device needs 8 data bits, whatever its protocol does by itself;
+/// nullptr where none does.
+const OptionSpec* binary_option(const ProtocolInfo& protocol, const Options& options);
 /// nullptr where there is none of that name.
 const ProtocolInfo* find_protocol(std::string_view name);
 /// Every option as it is where the config says nothing; `model` is "auto".

@@ -120,6 +120,7 @@ struct Explanation {
   std::string operation;               ///< read write force_on force_off enquire ack nak data other
   std::optional<std::string> command;  ///< "0", "E00", "BR", "03" …
   std::optional<std::string> command_set;  ///< "classic" or "extended"
+  std::optional<std::uint32_t> format;     ///< where the protocol has several around one content
   /// Head device in the manual's words; of a scattered write all of them: "M50,S100,Y1".
   std::optional<std::string> device;
   std::optional<std::uint32_t> count;  ///< devices of that kind: words, or bits

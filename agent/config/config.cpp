@@ -30,6 +30,7 @@ namespace {
 using std::string_view_literals::operator""sv;
 
 constexpr std::size_t kHashBytes = 8;
+constexpr int kEightBits = 8;
 
 // ---- agent, mqtt, store -----------------------------------------------------------------------
 
@@ -382,6 +383,34 @@ const ConfigNode* data_bits_of(const ConfigNode& link) {
   return (serial != nullptr ? *serial : link).find("data_bits");
 }
 
+/// Reports it where a line has fewer data bits than its protocol or the settings of one of its
+/// devices need. A protocol that is at home on 8 bits uses the eighth; one that needs 7 is content
+/// with 8.
+void check_data_bits(ConfigReader& reader, const ConfigNode& link, std::size_t index, int given,
+                     const ProtocolInfo& protocol, const SharedList<DeviceConfig>& devices) {
+  const ConfigNode* at = data_bits_of(link);
+  if (at == nullptr) return;
+  const int least =
+      protocol.least_data_bits != 0 ? protocol.least_data_bits : protocol.line.data_bits;
+  if (given < least)
+    return reader.error(
+        *at, std::string(protocol.name) + " needs " + std::to_string(least) + " data bits");
+  const bool may_be_binary = std::ranges::any_of(
+      protocol.options, [](const OptionSpec& spec) { return spec.binary_from.has_value(); });
+  if (given >= kEightBits || !may_be_binary) return;
+  for (const DeviceConfig& device : devices) {
+    if (device.link != index || device.options == nullptr) continue;
+    const OptionSpec* binary = binary_option(protocol, *device.options);
+    if (binary == nullptr) continue;
+    const auto value = std::get<std::int64_t>(device.options->find(binary->key)->second);
+    const std::string option = "\"" + std::string(binary->key) + "\" ";
+    std::string text = option + std::to_string(value);
+    text.append(" of ").append(device.name);
+    text.append(" is binary and needs 8 data bits: set 8 here and in the PLC, or ").append(option);
+    return reader.error(*at, text.append("below ").append(std::to_string(*binary->binary_from)));
+  }
+}
+
 /// Fills in what the links left to the protocol that is spoken on them.
 void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& links,
                   Config& config) {
@@ -393,14 +422,10 @@ void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& li
     const LinkFacts& facts = links.facts[i];
     if (facts.first_device == nullptr) reader.warn(array.children[i], "no device uses this link");
     const LineDefaults defaults = facts.protocol != nullptr ? facts.protocol->line : LineDefaults{};
-    const int own_least = facts.protocol != nullptr ? facts.protocol->least_data_bits : 0;
-    const int least = own_least != 0 ? own_least : defaults.data_bits;
-    // A protocol that is at home on 8 bits uses the eighth; one that needs 7 is content with 8.
-    if (facts.protocol != nullptr && links.lines[i].data_bits.value_or(defaults.data_bits) < least)
-      if (const ConfigNode* bits = data_bits_of(array.children[i]))
-        reader.error(*bits, std::string(facts.protocol->name) + " needs " + std::to_string(least) +
-                                " data bits");
     const SerialSettings line = line_settings(links.lines[i], defaults);
+    if (facts.protocol != nullptr)
+      check_data_bits(reader, array.children[i], i, line.data_bits, *facts.protocol,
+                      config.devices);
     if (auto* serial = std::get_if<SerialSettings>(&link.channel)) {
       SerialSettings whole = line;
       whole.path = serial->path;
@@ -414,14 +439,17 @@ void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& li
   warn_of_lines(reader, array, lines, config);
 }
 
-/// How long each link listens before its first question.
-void set_listening(Config& config) {
-  for (const DeviceConfig& device : config.devices) {
+/// What late answers ask for: how long each link listens before its first question, and the rest
+/// behind each answer on UDP.
+void set_silences(Config& config) {
+  for (DeviceConfig& device : config.devices) {
     if (device.codec == nullptr || device.link >= config.links.size()) continue;
     LinkConfig& link = config.links[device.link];
     const Recovery recovery = device.codec->after_silence();
     // Answers have numbers, or go to the connection or port that they were asked from.
     const auto* udp = std::get_if<UdpSettings>(&link.channel);
+    if (udp != nullptr && recovery != Recovery::none)
+      device.gap = std::max(device.gap, kQuietBetweenDatagrams);
     const bool is_another_port = udp != nullptr && udp->local_port == 0;
     if (recovery == Recovery::none || is_another_port) continue;
     if (udp == nullptr && recovery == Recovery::reconnect) continue;
@@ -456,7 +484,7 @@ Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy
     read_devices(reader, top, *devices, links.names, links.facts, config);
   }
   if (link_array != nullptr) finish_links(reader, *link_array, links, config);
-  set_listening(config);
+  set_silences(config);
   return config;
 }
 

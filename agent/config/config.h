@@ -127,6 +127,10 @@ struct CommandRules {
 /// In the order of the catalogue, whose default is the first.
 enum class EnquirePolicy : std::uint8_t { open, always, never };
 
+/// On UDP, where answers have no numbers, the next question waits for so long: what a network
+/// brings twice comes twice within this time, nearly always.
+inline constexpr std::chrono::milliseconds kQuietBetweenDatagrams{10};
+
 struct DeviceConfig {
   std::string name;        ///< empty: a vacant place, see Config
   std::uint32_t link = 0;  ///< index in Config::links
@@ -137,7 +141,7 @@ struct DeviceConfig {
   /// Allowed beyond the expected line time.
   std::chrono::milliseconds timeout{config_key("devices[].timeout_ms").number()};
   int retries = static_cast<int>(config_key("devices[].retries").number());
-  /// Silence before a request.
+  /// Silence before a request, that which UDP asks for included: kQuietBetweenDatagrams.
   std::chrono::milliseconds gap{config_key("devices[].gap_ms").number()};
   /// The device's own time, for plan and bound.
   std::chrono::milliseconds turnaround{config_key("devices[].turnaround_ms").number()};

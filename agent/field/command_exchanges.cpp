@@ -109,7 +109,7 @@ asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_
   }
   if (exchange.sent) {
     if (!first_byte_) first_byte_ = exchange.began;
-    if (!part_began_) part_began_ = exchange.began;
+    if (!part_began_) part_began_ = exchange.began - exchange.rest;
     last_byte_ = exchange.ended;
   }
   const bool by_gateway =

@@ -56,33 +56,33 @@ const bool* flag_of(const DeviceConfig& device, std::string_view key) {
   return option == device.options->end() ? nullptr : std::get_if<bool>(&option->second);
 }
 
-bool is_format_4(const DeviceConfig& device) {
-  if (device.options == nullptr) return false;
-  const auto option = device.options->find("format");
+std::optional<std::int64_t> number_of(const DeviceConfig& device, std::string_view key) {
+  if (device.options == nullptr) return std::nullopt;
+  const auto option = device.options->find(key);
   const auto* number =
       option == device.options->end() ? nullptr : std::get_if<std::int64_t>(&option->second);
-  return number != nullptr && *number == 4;
+  return number == nullptr ? std::nullopt : std::optional(*number);
 }
 
-/// A computer link whose D8120 is not what the config says; `frame` is good by itself.
-std::optional<ForeignBytes> other_settings(const DeviceConfig& device, const Explanation& frame,
-                                           ByteView heard) {
+/// A PLC whose frames are set to something else than the config says; `frame` is good by itself.
+std::optional<ForeignBytes> other_settings(const DeviceConfig& device, const Explanation& frame) {
+  if (device.protocol == nullptr || device.protocol->format_place.empty()) return std::nullopt;
+  const std::string place(device.protocol->format_place);
+  const auto format = number_of(device, "format");
+  if (format && frame.format && *frame.format != *format) {
+    const std::string theirs = std::to_string(*frame.format);
+    return ForeignBytes{Cause::other_settings, "a frame of format " + theirs + ": set format to " +
+                                                   theirs + ", or format " +
+                                                   std::to_string(*format) + " in " + place};
+  }
   const bool* has_sums = flag_of(device, "sum_check");
-  if (has_sums == nullptr) return std::nullopt;
-  const bool ends_with_cr_lf = heard.size() > 1 && heard[heard.size() - 2] == '\r';
-  if (ends_with_cr_lf != is_format_4(device))
-    return ForeignBytes{Cause::other_settings,
-                        ends_with_cr_lf ? "a frame of format 4, with CR LF behind it: set format "
-                                          "to 4, or D8120 of the PLC to format 1"
-                                        : "a frame of format 1, without CR LF: set format to 1, or "
-                                          "D8120 of the PLC to format 4"};
   const bool may_have_sum = frame.operation == "data" || frame.direction == Direction::request;
-  if (may_have_sum && frame.checksum_given.has_value() != *has_sums)
-    return ForeignBytes{Cause::other_settings,
-                        *has_sums ? "a frame without a sum: set sum_check to false, or the sum "
-                                    "check in D8120 of the PLC"
-                                  : "a frame with a sum: set sum_check to true, or no sum check in "
-                                    "D8120 of the PLC"};
+  if (has_sums != nullptr && may_have_sum && frame.checksum_given.has_value() != *has_sums)
+    return ForeignBytes{
+        Cause::other_settings,
+        (*has_sums ? "a frame without a sum: set sum_check to false, or the sum check in "
+                   : "a frame with a sum: set sum_check to true, or no sum check in ") +
+            place};
   return std::nullopt;
 }
 
@@ -90,7 +90,7 @@ std::optional<ForeignBytes> own_frame(const DeviceConfig& device, const Codec& c
                                       ByteView heard) {
   const Explanation frame = codec.explain(heard, std::nullopt);
   if (!frame.ok) return std::nullopt;
-  if (auto other = other_settings(device, frame, heard)) return other;
+  if (auto other = other_settings(device, frame)) return other;
   if (frame.direction == Direction::request && !frame.ambiguous)
     return ForeignBytes{Cause::another_master,
                         "a question" + whose(frame) + ", " + quoted(frame) +

@@ -176,7 +176,7 @@ void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollSchedu
                           const Asked& asked, Exchange exchange) {
   if (state_.is_stopping()) return;
   state_.heard_foreign(device, exchange);
-  scheduler_.step_used(step, exchange.ended - exchange.began);
+  scheduler_.step_used(step, exchange.line_time());
   if (exchange.doubted) {  // the device is there; what it says is not believed
     state_.answered(device);
     exchange.outcome = Exchange::Outcome::garbled;
@@ -368,7 +368,7 @@ asio::awaitable<void> Poller::ask_question(LinkDevice& device, PollScheduler::Po
     const Exchange exchange = co_await bus_.exchange(device.station, question);
     if (state_.is_stopping()) co_return;
     state_.heard_foreign(device, exchange);
-    scheduler_.step_used(step, exchange.ended - exchange.began);
+    scheduler_.step_used(step, exchange.line_time());
     if (exchange.outcome == Exchange::Outcome::unanswered) state_.unanswered(device);
     if (exchange.outcome == Exchange::Outcome::link_down) state_.lost(exchange.error);
     const bool by_gateway =
@@ -386,16 +386,30 @@ asio::awaitable<void> Poller::ask_question(LinkDevice& device, PollScheduler::Po
   state_.update(device);
 }
 
+asio::awaitable<Exchange> Poller::ask_of_model(LinkDevice& device, const Request& question) {
+  Exchange exchange;
+  // A model may be told by what it refuses, and noise on a request is refused like anything else.
+  for (int attempt = 0; attempt < 2; ++attempt) {
+    exchange = co_await bus_.exchange(device.station, question);
+    if (state_.is_stopping()) co_return exchange;
+    state_.heard_foreign(device, exchange);
+    scheduler_.poll_used(exchange.line_time());
+    const bool may_pass =
+        exchange.is_nak() &&
+        device.codec->meaning_of(question, exchange.reply.device_code) == RefusalMeaning::curable;
+    if (!may_pass || exchange.doubted) break;
+  }
+  co_return exchange;
+}
+
 asio::awaitable<Poller::Knowledge> Poller::ask_model(LinkDevice& device, BadReason& failure) {
   const PlcServices& asking = *device.config.codec->plc();  // else the model would be known
   const std::vector<Request> questions = asking.identify();
   std::vector<Bytes> images;
   bool passing = false;  // a refusal that may be none the next time
   for (const Request& question : questions) {
-    const Exchange exchange = co_await bus_.exchange(device.station, question);
+    const Exchange exchange = co_await ask_of_model(device, question);
     if (state_.is_stopping()) co_return Knowledge::unanswered;
-    state_.heard_foreign(device, exchange);
-    scheduler_.poll_used(exchange.ended - exchange.began);
     if (exchange.doubted) {
       state_.answered(device);
       failure = BadReason::bad_frame;

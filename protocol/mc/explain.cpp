@@ -152,6 +152,7 @@ class SerialExplainer final {
       return value.value_or(0);
     };
     frame_field_ = out_.fields.size();
+    out_.format = static_cast<std::uint32_t>(format.front() - '0');
     field(out_, "frame", std::string(is_4c ? "4C" : "3C") + " in format " + std::string(format));
     field(out_, "station", std::to_string(next(1)));
     Route route;
@@ -278,6 +279,7 @@ class SerialExplainer final {
     const bool is_request = direction_ ? *direction_ == Direction::request : is_known;
     asks.ambiguous = !direction_;
     asks.fields[frame_field_].second.back() = '3';
+    asks.format = 3;
     out_ = std::move(is_request ? asks : answers);
   }
 

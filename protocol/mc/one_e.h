@@ -64,6 +64,7 @@ class OneE final : public Codec, public AddressSpace, public PlcServices {
   Explanation explain(ByteView frame, std::optional<Direction> direction) const override;
   Recovery after_silence() const override { return Recovery::reconnect; }
   Recovery after_nonsense() const override { return Recovery::reconnect; }
+  std::optional<Request> probe(std::uint32_t number) const override;
   std::optional<Request> apart_from(const Request& request) const override;
   RefusalMeaning meaning_of(const Request& request, int device_code) const override;
   /// 04 where all are bits and few, 05 where all are whole 16-bit words.

@@ -12,6 +12,7 @@
 
 #include "protocol/bytes.h"
 #include "tests/agent/field/field_plant.h"
+#include "tests/agent/field/port_frames.h"
 
 namespace fxagent::test {
 namespace {
@@ -182,9 +183,37 @@ TEST(ForeignBytes, AComputerLinkWithOtherSettingsOfD8120IsTold) {
             std::string::npos);
   EXPECT_NE(guess(sums(false, 1), kLinkData).text.find("set sum_check to true"), std::string::npos);
   EXPECT_NE(guess(sums(true, 1), format_4).text.find("set format to 4"), std::string::npos);
-  EXPECT_NE(guess(sums(true, 4), kLinkData).text.find("set format to 1"), std::string::npos);
+  EXPECT_NE(guess(sums(true, 4), kLinkData).text.find("set format to 1, or format 4 in D8120"),
+            std::string::npos);
   EXPECT_EQ(guess(sums(true, 1), kLinkData).cause, Cause::another_master)
       << "its settings are right";
+}
+
+TEST(ForeignBytes, AnMcPortWithOtherSettingsIsToldWhereTheyAre) {
+  const auto port = [](std::int64_t format, bool sums = true) {
+    return device_of("mc-3c", {{"format", format}, {"sum_check", sums}, {"model", "Q"}});
+  };
+  const Bytes format_1 = printed("<F90000FF0012340002>BA");
+  const Bytes format_2 = printed("<7AF90000FF0012340002>32");
+  const Bytes format_3 = printed("<F90000FF00QACK12340002>DA");
+  const Bytes format_4 = joined(format_1, hex("0D 0A"));
+  const std::pair<std::int64_t, Bytes> heard[] = {
+      {1, format_1}, {2, format_2}, {3, format_3}, {4, format_4}};
+  for (const auto& [theirs, frame] : heard) {
+    for (const std::int64_t ours : {1, 2, 3, 4}) {
+      const auto found = guess(port(ours), frame);
+      const std::string wanted = "set format to " + std::to_string(theirs) + ", or format " +
+                                 std::to_string(ours) + " in the parameters";
+      EXPECT_EQ(found.cause == Cause::other_settings, ours != theirs) << found.text;
+      EXPECT_EQ(found.text.find(wanted) != std::string::npos, ours != theirs) << found.text;
+      EXPECT_EQ(found.text.find("D8120"), std::string::npos) << found.text;
+    }
+  }
+  const auto with_sum = guess(port(1, false), format_1);
+  EXPECT_NE(with_sum.text.find("or no sum check in the parameters"), std::string::npos)
+      << with_sum.text;
+  EXPECT_NE(with_sum.text.find("485 Serial Port"), std::string::npos) << with_sum.text;
+  EXPECT_EQ(with_sum.text.find("D8120"), std::string::npos) << with_sum.text;
 }
 
 TEST(ForeignBytes, WrongParityIsSeenInBit7OrAsZeros) {

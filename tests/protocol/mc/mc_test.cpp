@@ -456,6 +456,14 @@ TEST(McRefusals, AnIqRThatLacksItsCodesIsAskedWithThoseOfQ) {
   EXPECT_EQ(message(mc, *scatter), "02 14 00 00 01 00 64 00 00 A8 34 12");
 }
 
+TEST(McRefusals, OutputsOfAnIqRThatMayBeAnFx5AreNotWrittenByOtherCodes) {
+  const Mc mc = codec(Frame::e3, Model::iq_r);
+  const auto y = static_cast<std::uint16_t>(Space::y);
+  EXPECT_FALSE(mc.instead_of(Force{y, 0x20, true}, 0xC059)) << "Y20 is number 16 of an FX5";
+  EXPECT_FALSE(mc.instead_of(Write{{y, 0, 16}, {0, 1}}, 0xC059));
+  EXPECT_FALSE(mc.instead_of(Scatter{{std::get<Write>(kWrite), Write{{y, 1, 1}, {1}}}}, 0xC059));
+}
+
 // ---- the PLC itself -----------------------------------------------------------------------------
 
 TEST(McPlc, TheTypeNameTellsTheModel) {
@@ -560,6 +568,8 @@ TEST(McOptions, RouteAndTimerGoIntoTheFrame) {
   ASSERT_TRUE(ascii);
   EXPECT_EQ((*ascii)->encode(kTwoWords, 1)->front(), '5');
   EXPECT_EQ((*Mc::make_4c({}))->gives_up_after(), std::chrono::milliseconds(0));
+  const auto beyond = Mc::make_4c({{"network", std::int64_t{1}}, {"pc", std::int64_t{2}}});
+  EXPECT_EQ((*beyond)->gives_up_after(), std::chrono::seconds(5)) << "a module waits for another";
 }
 
 TEST(McOptions, BlocksAreNoLongerThanAsked) {

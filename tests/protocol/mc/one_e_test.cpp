@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <set>
 #include <sstream>
 
 #include "protocol/plan.h"
@@ -497,6 +498,23 @@ TEST(OneE, ASilenceEndsTheConnectionForNoAnswerHasANumber) {
   EXPECT_EQ(plc().resync(), std::nullopt);
   EXPECT_EQ(plc().gives_up_after(), std::chrono::milliseconds(2500));
   EXPECT_TRUE(plc().expects_reply(kForce));
+}
+
+TEST(OneE, ProbesHaveAnswersThatNoOtherProbeAndNoWriteHas) {
+  std::set<std::uint32_t> lengths;
+  for (const Code data_code : {Code::binary, Code::ascii}) {
+    lengths.clear();
+    const OneE codec({Model::l, data_code});
+    for (std::uint32_t number = 0; number < Codec::kProbes; ++number) {
+      const auto probe = codec.probe(number);
+      ASSERT_TRUE(probe);
+      EXPECT_TRUE(is_read(*probe));
+      EXPECT_TRUE(codec.encode(*probe, 0).has_value());
+      lengths.insert(codec.line_length(*probe).reply_chars);
+    }
+    EXPECT_EQ(lengths.size(), Codec::kProbes);
+    EXPECT_FALSE(lengths.contains(codec.line_length(kForce).reply_chars));
+  }
 }
 
 TEST(OneE, AQuestionThatIsToldApartIsShorter) {
