@@ -221,7 +221,7 @@ std::optional<Reload::Next> Reload::wanted() {
   return std::move(*next);
 }
 
-// ---- what comes from afar -----------------------------------------------------------------------
+// ---- remote configs -----------------------------------------------------------------------
 
 void Reload::hear(const std::string& desired) {
   if (auto next = remote_.hear(desired, moment())) take_over(std::move(*next));
@@ -229,7 +229,7 @@ void Reload::hear(const std::string& desired) {
 }
 
 void Reload::take_over(Next next) {
-  // Of what from afar changes the agent none needs a restart: those sections are the local file's.
+  // Of what a remote config changes none needs a restart: those sections are the local file's.
   if (const ConfigErrors errors = needs_restart(*running_, next.config); !errors.empty())
     return remote_.refuse(next, errors, moment());
   const bool is_desired = next.why == Next::Why::desired;

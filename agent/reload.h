@@ -1,5 +1,5 @@
 // Takes over another config, on a thread of its own: at SIGHUP the local file as it is then, and at
-// any time what came from afar. Field and uplink take over what differs. A wrong one changes
+// any time a remote config. Field and uplink take over what differs. A wrong one changes
 // nothing. What became of it stands in the log, in health, in {base}/config/reported, in the audit
 // and in the status that the service manager shows.
 #pragma once

@@ -104,7 +104,7 @@ struct ConfigStatus {
     std::vector<std::string> errors;  ///< rejected: the first of them, as the log has them
     std::size_t errors_in_all = 0;
   };
-  /// Where a config may come from afar: what is known of it.
+  /// Where remote config is allowed: what is known of it.
   struct Remote {
     std::string version;    ///< of the one in force; empty: the local file alone
     std::string state;      ///< as {base}/config/reported has it

@@ -20,7 +20,7 @@ constexpr std::array<std::string_view, 7> kAgentWrites{
     "state", "health", "+/state", "+/meta", "+/data/#", "+/result", "+/result/#"};
 constexpr std::array<std::string_view, 4> kAgentReads{"+/command", "state", "+/state", "+/meta"};
 constexpr std::array<std::string_view, 1> kOperatorWrites{"+/command"};
-// Where configs may come from afar.
+// Where remote configs are allowed.
 constexpr std::array<std::string_view, 1> kConfigsOut{"config/reported"};
 constexpr std::array<std::string_view, 1> kConfigsIn{"config/desired"};
 
@@ -86,7 +86,7 @@ tl::expected<std::string, std::string> acl_text(const Config& config, const AclQ
   add(out, "read", base, kAgentReads);
   const bool configs = config.remote.enabled;
   if (configs) {
-    out += "# It takes configs from afar and answers them.\n";
+    out += "# It takes remote configs and answers them.\n";
     add(out, "write", base, kConfigsOut);
     add(out, "read", base, kConfigsIn);
   }

@@ -141,7 +141,7 @@ struct RunCall {
 };
 
 /// The links to be traced, by index in Config::links; nullopt, and the reason on stderr, where one
-/// is not there. With a config from afar in force that is no reason to stay down: whoever sent it
+/// is not there. With a remote config in force that is no reason to stay down: whoever sent it
 /// may have taken the link away.
 std::optional<std::vector<std::uint32_t>> traced_links(const Config& config, const RunCall& call,
                                                        const RemoteConfig& remote) {
@@ -396,7 +396,7 @@ int dispatch(int argc, char** argv) {
   check_command->add_option("CONFIG", path, "Config file")->required();
   std::string desired;
   check_command->add_option("--desired", desired,
-                            "File of a config from afar: would it be taken over?");
+                            "File of a remote config: would it be taken over?");
   check_command->callback([&] { action = [&] { return check(path, desired); }; });
 
   CLI::App* config_command = app.add_subcommand("config", "Print a config file in another form");

@@ -38,7 +38,7 @@ std::string result(std::uint64_t number, std::string_view device, std::string_vi
 std::string delivery(std::uint64_t number, std::string_view device, std::string_view id,
                      bool acknowledged, std::int64_t now_ms);
 
-/// What became of a config that came from afar. Strings but the hashes are the sender's.
+/// What became of a remote config. Strings but the hashes are the sender's.
 struct ConfigReceipt {
   std::string version;  ///< empty: it could not be read, or there is none
   std::string by;

@@ -179,7 +179,7 @@ std::string to_string(const ConfigChange& change, const Config& running) {
   if (!change.links_adjusted.empty())
     add("links adjusted: " + std::to_string(change.links_adjusted.size()));
   if (change.mqtt) add("mqtt");
-  if (change.remote) add("what may come from afar");
+  if (change.remote) add("what can be set remotely");
   return text;
 }
 

@@ -27,7 +27,7 @@ struct ConfigChange {
   /// Links that go on with another poll_share or listening.
   std::vector<std::uint32_t> links_adjusted;
   bool mqtt = false;    ///< the connection to the broker is to be made anew
-  bool remote = false;  ///< something else may come from afar
+  bool remote = false;  ///< something else can be set remotely
 
   /// Nothing but the text may differ.
   bool empty() const {

@@ -124,11 +124,11 @@ inline constexpr auto kAll = std::to_array<ConfigKey>({
      "Whether a config may come over MQTT, on `{root}/{id}/config/desired`, within the limits of "
      "`remote_allow`."},
     {"agent", "remote_allow", array, {}, Rule{"`links` and `devices`"},
-     "What may come from afar: `links`, `devices` (with `templates`), `mqtt.servers`, "
+     "What can be set remotely: `links`, `devices` (with `templates`), `mqtt.servers`, "
      "`commands.allow_run_stop`, and `commands.allow: D300-D399` for addresses that commands may "
      "touch beyond those of this file."},
     {"agent", "remote_without_disk", boolean, {}, false,
-     "Whether a config from afar is taken over although the disk refuses to keep it for a way "
+     "Whether a remote config is taken over although the disk refuses to keep it for a way "
      "back."},
 
     {"mqtt", "servers", array, {}, Required{},

@@ -62,7 +62,7 @@ void read_word(ConfigReader& reader, const ConfigNode& item, const std::string& 
   } else if (word == "commands.allow") {
     reader.error(item, "needs the addresses, as in \"commands.allow: D300-D399\"");
   } else if (is_local_alone(word)) {
-    reader.error(item, shown(word) + " never comes from afar; what may is " + std::string(kForms));
+    reader.error(item, shown(word) + " cannot be set remotely; what can is " + std::string(kForms));
   } else {
     reader.error(item, "must be " + std::string(kForms) + "; " + did_you_mean(word, kWords));
   }
@@ -85,7 +85,7 @@ RemoteLimits read_remote_limits(ConfigReader& reader, const ConfigNode& agent) {
     if (const ConfigNode* stray = agent.find(key); stray != nullptr && !limits.enabled)
       reader.warn(*stray, "has no effect without \"remote_config\": true");
   if (given != nullptr && given->children.empty() && limits.enabled)
-    reader.warn(*given, "is empty: no config from afar can change anything");
+    reader.warn(*given, "is empty: no remote config can change anything");
   return limits;
 }
 

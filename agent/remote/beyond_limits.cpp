@@ -33,7 +33,7 @@ void check_servers(const MqttConfig& local, const MqttConfig& wanted, Errors& er
     if (own_authority && server.starts_with("mqtts://")) continue;
     errors.push_back({"/mqtt/servers/" + std::to_string(i), 0,
                       shown(server) +
-                          " would be shown the agent's password; from afar only mqtts:// servers "
+                          " would be shown the agent's password; remotely only mqtts:// servers "
                           "may come, and where the local file has its own mqtt.tls.ca_file"});
   }
 }
@@ -66,7 +66,7 @@ void check_ports(const Config& local, const Config& wanted, Errors& errors) {
       errors.push_back({"/links/" + std::to_string(i) + "/serial/path", 0,
                         shown(serial->path) +
                             " is no name of a serial port (/dev/serial/by-id/…, /dev/ttyUSB0); "
-                            "from afar only such may come, and those of the local file"});
+                            "remotely only such can be set, and those of the local file"});
   }
 }
 

@@ -1,4 +1,4 @@
-// What a config from afar may not do although its sections may come: let commands touch more than
+// What a remote config may not do although its sections may come: let commands touch more than
 // the local file does, send the password elsewhere, open whatever the machine has. Pure.
 #pragma once
 

@@ -24,7 +24,7 @@ constexpr std::array kKeys{"version"sv, "config"sv, "patch"sv, "by"sv};
 constexpr std::array kSecrets{"username"sv,     "password"sv,           "password_file"sv,
                               "password_env"sv, "allow_plain_secret"sv, "tls"sv};
 constexpr std::string_view kNeedsTheFile =
-    "never comes from afar: the local file and a restart of the agent change it";
+    "cannot be set remotely: the local file and a restart of the agent change it";
 
 // ---- the shape of the document ------------------------------------------------------------------
 
@@ -176,13 +176,13 @@ class Merger {
       const std::string pointer = "/mqtt/" + escaped_token(key);
       // Not even the same one: the answer would tell who guesses whether he guessed right.
       if (std::ranges::find(kSecrets, key) != kSecrets.end())
-        error(pointer, "never comes from afar, not even unchanged; leave it out");
+        error(pointer, "cannot be set remotely, not even unchanged; leave it out");
       else if (key == "servers" && limits_.servers)
         refuse_variables(value, pointer);
       else if (differs(wanted, mqtt, key))
         error(pointer, key == "servers" ? not_named("mqtt.servers")
                                         : "differs from the local file, and of mqtt only servers "
-                                          "may come from afar");
+                                          "can be set remotely");
       if (key != "servers" || !limits_.servers) continue;
       if (wanted.contains(key))
         mqtt[key] = wanted[key];
@@ -196,9 +196,10 @@ class Merger {
     if (value.is_string() && names_variable(value.get_ref<const std::string&>())) {
       // Nor is it said whether there is such a variable.
       next_[Json::json_pointer(pointer)] = "variable";
-      return error(pointer,
-                   "an environment variable may hold a secret and is not read from afar; a plain "
-                   "${ is written $${");
+      return error(
+          pointer,
+          "an environment variable may hold a secret and is not read in a remote config; a plain "
+          "${ is written $${");
     }
     if (!value.is_structured()) return;
     for (const auto& [key, inner] : value.items())

@@ -35,7 +35,7 @@ ReadDesired read_desired(std::string_view payload);
 
 /// The local file's text with the document put onto it: the sections of `config` take the place of
 /// the local ones, a `patch` is merged into the whole as RFC 7396 says. Where something may not
-/// come from afar it is an error, and the local value stays.
+/// be set remotely it is an error, and the local value stays.
 struct MergedConfig {
   std::string text;
   ConfigErrors errors;

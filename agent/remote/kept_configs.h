@@ -1,4 +1,4 @@
-// What is kept on disk of configs from afar, as text: the last one that proved good, the one on
+// What is kept on disk of remote configs, as text: the last one that proved good, the one on
 // trial, and the one that was rolled back. Pure, any thread.
 #pragma once
 

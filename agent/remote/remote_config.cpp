@@ -217,7 +217,7 @@ void RemoteConfig::settle_local_file(Next next, Moment now) {
   save_or_say("that the local file does not let the config in any more");
 }
 
-// ---- what comes from afar -----------------------------------------------------------------------
+// ---- remote configs -----------------------------------------------------------------------
 
 std::optional<RemoteConfig::Next> RemoteConfig::hear(std::string_view payload, Moment now) {
   if (!limits_.enabled) return std::nullopt;

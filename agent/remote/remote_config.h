@@ -1,4 +1,4 @@
-// The config in force: the local file, and onto it what came from afar. Decides what is to be in
+// The config in force: the local file, and onto it the remote config. Decides what is to be in
 // force next, keeps the last config that proved good, and knows what is to be reported. Applying is
 // somebody else's work (agent/reload.h). One thread; files are read and written within the calls.
 #pragma once
@@ -88,7 +88,7 @@ class RemoteConfig final {
   /// The process was told to end: a trial goes on with the next one.
   void stop();
 
-  /// An answer of an earlier run is to be cleared, since nothing comes from afar any more. Once.
+  /// An answer of an earlier run is to be cleared, since remote config is no longer allowed. Once.
   bool take_left_answer() { return std::exchange(has_left_answer_, false); }
 
   bool is_enabled() const { return limits_.enabled; }
@@ -102,7 +102,7 @@ class RemoteConfig final {
   }
   /// The text for {base}/config/reported. `hash`: of the config in force.
   std::string reported(const std::string& hash) const;
-  /// For health; nothing: nothing may come from afar.
+  /// For health; nothing: remote config is not allowed.
   std::optional<ConfigStatus::Remote> status() const;
 
  private:
@@ -133,7 +133,7 @@ class RemoteConfig final {
   const std::chrono::milliseconds trial_time_;
   RemoteLimits limits_;
   std::string base_;  ///< topic of the agent
-  LocalFile local_;   ///< in force; empty where nothing may come from afar
+  LocalFile local_;   ///< in force; empty where remote config is not allowed
   std::int64_t local_since_ms_ = 0;
   std::optional<DurableFile> file_;  ///< nothing: there is no place for one
   KeptConfigs kept_;

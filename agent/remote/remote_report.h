@@ -36,8 +36,8 @@ inline constexpr std::size_t kMostReportedBytes = 48 * 1024;
 RemoteReport make_report(RemoteReport::State state, DesiredConfig desired,
                          const ConfigErrors& errors, std::int64_t since_ms);
 
-/// The text for {base}/config/reported. `hash`: of the config in force; `in_force`: the version
-/// from afar in it, empty where there is none.
+/// The text for {base}/config/reported. `hash`: of the config in force; `in_force`: the remote
+/// version in it, empty where there is none.
 std::string reported_text(const RemoteReport& report, const std::string& hash,
                           const std::string& in_force, bool is_confirmed);
 

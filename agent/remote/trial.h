@@ -1,4 +1,4 @@
-// The trial of a config from afar: it is good once there is a connection to the broker at the end
+// The trial of a remote config: it is good once there is a connection to the broker at the end
 // of it, and it is given up where the broker was away for so long in one piece. Pure.
 #pragma once
 

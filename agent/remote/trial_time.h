@@ -1,4 +1,4 @@
-// How long a config from afar is on trial.
+// How long a remote config is on trial.
 #pragma once
 
 #include <chrono>

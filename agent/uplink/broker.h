@@ -95,7 +95,7 @@ using BrokerEvent = std::variant<Connected, ConnectFailed, Lost, Disconnected, M
 /// Longest payload that the agent looks at; one more byte tells that there was more.
 inline constexpr std::size_t kMaxMessageBytes = 65536;
 
-/// Behind the agent's base: a config that comes from afar, and what became of it.
+/// Behind the agent's base: a remote config, and what became of it.
 inline constexpr std::string_view kDesiredTopic = "/config/desired";
 inline constexpr std::string_view kReportedTopic = "/config/reported";
 

@@ -97,7 +97,7 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
   /// What health says of the config.
   void set_config_status(ConfigStatus status, SteadyTime now);
 
-  // Configs from afar.
+  // Remote configs.
   /// Who hears of what concerns them, from step(): each document of {base}/config/desired, and each
   /// change of the connection.
   struct ConfigListener {

@@ -1,4 +1,4 @@
-// What is retained at the broker: the agent's state, health, what became of a config from afar, and
+// What is retained at the broker: the agent's state, health, what became of a remote config, and
 // state and meta of each device. All of it is published again after each connect, and what the
 // broker refuses for a time comes again with its newest value. States and meta that somebody else
 // has overwritten are repaired. Uplink thread. Time is an argument. More than twenty functions:

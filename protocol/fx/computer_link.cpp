@@ -551,9 +551,9 @@ Result<std::optional<Reply>> ComputerLink::decode(const Request& request, std::u
     if (first == kStx) {
       // A frame that another STX cuts off begins there anew.
       const auto stop = rx.begin() + static_cast<std::ptrdiff_t>(at) + 1;
-      const auto etx = std::find(stop, rx.end(), kEtx);
-      const auto again = std::find(stop, etx, kStx);
-      if (again != etx) {
+      const auto again =
+          std::find_if(stop, rx.end(), [](std::uint8_t c) { return c == kStx || c == kEtx; });
+      if (again != rx.end() && *again == kStx) {
         at = static_cast<std::size_t>(again - rx.begin());
         continue;
       }

@@ -176,14 +176,12 @@ Result<Bytes> Mc::encode(const Request& request, std::uint16_t tag) const {
 
 Result<std::optional<Reply>> Mc::decode(const Request& request, std::uint16_t tag,
                                         ByteView rx) const {
-  const auto message = encode_message(dialect_, request);
-  if (!message) return tl::make_unexpected(message.error());
   if (is_serial(settings_.frame)) return decode_serial(request, tag, rx);
-  return decode_ethernet(request, *message, tag, rx);
+  return decode_ethernet(request, tag, rx);
 }
 
-Result<std::optional<Reply>> Mc::decode_ethernet(const Request& request, ByteView message,
-                                                 std::uint16_t tag, ByteView rx) const {
+Result<std::optional<Reply>> Mc::decode_ethernet(const Request& request, std::uint16_t tag,
+                                                 ByteView rx) const {
   for (std::size_t at = 0; at < rx.size();) {
     const EthernetFrame frame = ethernet_frame(ethernet_.numbered, ethernet_.code, rx, at);
     if (frame.state == EthernetFrame::State::incomplete) break;
@@ -195,7 +193,7 @@ Result<std::optional<Reply>> Mc::decode_ethernet(const Request& request, ByteVie
     if (frame.route != settings_.route)
       return garbled("an answer for " + to_string(frame.route) + ", where " +
                      to_string(settings_.route) + " was asked");
-    auto reply = reply_in(request, message, frame.content);
+    auto reply = reply_in(request, frame.content);
     if (!reply) return tl::make_unexpected(reply.error());
     reply->began = began;
     reply->consumed = frame.end;
@@ -204,7 +202,7 @@ Result<std::optional<Reply>> Mc::decode_ethernet(const Request& request, ByteVie
   return std::optional<Reply>{};
 }
 
-Result<Reply> Mc::reply_in(const Request& request, ByteView message, ByteView content) const {
+Result<Reply> Mc::reply_in(const Request& request, ByteView content) const {
   const Code code = ethernet_.code;
   const std::size_t head = wire_size(code, kEndCode);
   const auto end_code = number_at(code, content, 0, kEndCode);
@@ -216,7 +214,9 @@ Result<Reply> Mc::reply_in(const Request& request, ByteView message, ByteView co
   if (rest.size() >= wire_size(code, kErrorInformation)) {
     const std::size_t at = wire_size(code, kErrorRoute);
     const auto refused = number_at(code, rest, at, kCommand);
-    const auto asked = number_at(code, message, 0, kCommand);
+    const auto message = encode_message(dialect_, request);
+    if (!message) return tl::make_unexpected(message.error());
+    const auto asked = number_at(code, *message, 0, kCommand);
     if (refused != asked)
       return garbled(
           end_code_text(static_cast<std::uint16_t>(*end_code)) +

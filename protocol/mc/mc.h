@@ -88,12 +88,12 @@ class Mc final : public Codec, public AddressSpace, public PlcServices {
 
  private:
   static Result<std::shared_ptr<const Codec>> make(Frame frame, const Options& options);
-  Result<std::optional<Reply>> decode_ethernet(const Request& request, ByteView message,
-                                               std::uint16_t tag, ByteView rx) const;
+  Result<std::optional<Reply>> decode_ethernet(const Request& request, std::uint16_t tag,
+                                               ByteView rx) const;
   Result<std::optional<Reply>> decode_serial(const Request& request, std::uint16_t tag,
                                              ByteView rx) const;
   /// What stands behind the length of a frame that answers this request.
-  Result<Reply> reply_in(const Request& request, ByteView message, ByteView content) const;
+  Result<Reply> reply_in(const Request& request, ByteView content) const;
   Result<Reply> data_reply(const Request& request, ByteView data) const;
 
   Settings settings_;

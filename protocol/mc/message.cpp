@@ -1,6 +1,9 @@
 #include "protocol/mc/message.h"
 
 #include <algorithm>
+#include <iterator>
+#include <string_view>
+#include <utility>
 
 #include "protocol/mc/body.h"
 #include "protocol/mc/random_access.h"
@@ -8,6 +11,29 @@
 
 namespace fxagent::mc {
 namespace {
+
+// The commands by the names that SH-080008 gives them.
+constexpr std::pair<std::uint16_t, std::string_view> kCommandNames[] = {
+    {0x0101, "read type name"},
+    {0x0401, "batch read"},
+    {0x0403, "random read"},
+    {0x0406, "block read"},
+    {0x0613, "buffer memory read"},
+    {0x0619, "loopback test"},
+    {0x0801, "register monitor data"},
+    {0x0802, "monitor"},
+    {0x1001, "remote RUN"},
+    {0x1002, "remote STOP"},
+    {0x1003, "remote PAUSE"},
+    {0x1005, "remote latch clear"},
+    {0x1006, "remote RESET"},
+    {0x1401, "batch write"},
+    {0x1402, "random write"},
+    {0x1406, "block write"},
+    {0x1617, "clear error"},
+    {0x1630, "remote password unlock"},
+    {0x1631, "remote password lock"},
+};
 
 constexpr std::uint32_t kWords = 0;  // subcommands
 constexpr std::uint32_t kBits = 1;
@@ -112,48 +138,9 @@ std::optional<Request> scattered(const Dialect& dialect, const std::vector<Reque
 }  // namespace
 
 std::string_view command_name(std::uint16_t command) {
-  switch (command) {
-    case 0x0101:
-      return "read type name";
-    case 0x0401:
-      return "batch read";
-    case 0x0403:
-      return "random read";
-    case 0x0406:
-      return "block read";
-    case 0x0613:
-      return "buffer memory read";
-    case 0x0619:
-      return "loopback test";
-    case 0x0801:
-      return "register monitor data";
-    case 0x0802:
-      return "monitor";
-    case 0x1001:
-      return "remote RUN";
-    case 0x1002:
-      return "remote STOP";
-    case 0x1003:
-      return "remote PAUSE";
-    case 0x1005:
-      return "remote latch clear";
-    case 0x1006:
-      return "remote RESET";
-    case 0x1401:
-      return "batch write";
-    case 0x1402:
-      return "random write";
-    case 0x1406:
-      return "block write";
-    case 0x1617:
-      return "clear error";
-    case 0x1630:
-      return "remote password unlock";
-    case 0x1631:
-      return "remote password lock";
-    default:
-      return {};
-  }
+  const auto* const found = std::find_if(std::begin(kCommandNames), std::end(kCommandNames),
+                                         [&](const auto& one) { return one.first == command; });
+  return found == std::end(kCommandNames) ? std::string_view{} : found->second;
 }
 
 Result<Bytes> encode_message(const Dialect& dialect, const Request& request) {

@@ -116,9 +116,9 @@ class AsciiSearch final {
   /// A frame that another STX cuts off begins there.
   bool begins_anew() {
     const auto from = rx_.begin() + static_cast<std::ptrdiff_t>(at_) + 1;
-    const auto etx = std::find(from, rx_.end(), kEtx);
-    const auto again = std::find(from, etx, kStx);
-    if (again == etx) return false;
+    const auto again =
+        std::find_if(from, rx_.end(), [](std::uint8_t c) { return c == kStx || c == kEtx; });
+    if (again == rx_.end() || *again == kEtx) return false;
     at_ = static_cast<std::size_t>(again - rx_.begin());
     return true;
   }

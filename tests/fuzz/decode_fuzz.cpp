@@ -3,8 +3,12 @@
 // what came.
 #include <cstdint>
 #include <cstdlib>
+#include <map>
 #include <memory>
+#include <optional>
+#include <set>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -15,79 +19,132 @@ namespace {
 
 using namespace fxagent;
 
-/// The options with one changed of those that change the frames.
-std::vector<Options> variants(const ProtocolInfo& protocol, const Options& options) {
-  std::vector<std::pair<std::string, OptionValue>> changes{
-      {"format", std::int64_t{4}},
-      {"sum_check", false},
-      {"command_set", std::string("classic")},
-      {"command_set", std::string("extended")}};
-  if (!protocol.models.empty()) changes.emplace_back("model", std::string(protocol.models.front()));
-  std::vector<Options> list;
-  for (const auto& [key, value] : changes) {
-    if (!options.contains(key)) continue;
-    list.push_back(options);
-    list.back()[key] = value;
+/// The values that the option can have; of a station or time the frames differ in digits alone.
+std::vector<OptionValue> values_of(const OptionSpec& option) {
+  std::vector<OptionValue> values;
+  switch (option.kind) {
+    case OptionSpec::Kind::boolean:
+      return {true, false};
+    case OptionSpec::Kind::choice:
+      for (const std::string_view choice : option.choices) values.emplace_back(std::string(choice));
+      return values;
+    case OptionSpec::Kind::integer:
+      break;
   }
+  if (option.max - option.min > 8) return {};
+  for (std::int64_t value = option.min; value <= option.max; ++value) values.emplace_back(value);
+  return values;
+}
+
+/// The defaults with a known model, and those with one option changed.
+std::vector<Options> variants(const ProtocolInfo& protocol) {
+  const Options base = [&] {
+    Options options = default_options(protocol);
+    if (!protocol.models.empty()) options["model"] = std::string(protocol.models.back());
+    return options;
+  }();
+  std::vector<Options> list{base};
+  const auto add = [&](std::string_view key, OptionValue value) {
+    list.push_back(base);
+    list.back().find(key)->second = std::move(value);
+  };
+  for (const OptionSpec& option : protocol.options)
+    for (OptionValue& value : values_of(option))
+      if (base.contains(option.key)) add(option.key, std::move(value));
+  if (!protocol.models.empty()) add("model", std::string(protocol.models.front()));
   return list;
 }
 
-std::vector<std::shared_ptr<const Codec>> every_codec() {
-  std::vector<std::shared_ptr<const Codec>> codecs;
-  for (const ProtocolInfo& protocol : catalog()) {
-    Options options = default_options(protocol);
-    if (!protocol.models.empty()) options["model"] = std::string(protocol.models.back());
-    auto codec = protocol.make(options);
-    if (!codec) std::abort();
-    codecs.push_back(*codec);
-    for (const Options& other : variants(protocol, options)) {
-      auto variant = protocol.make(other);
-      if (!variant) std::abort();
-      codecs.push_back(*variant);
-    }
-  }
-  return codecs;
-}
-
-/// One request of each kind that the codec can say.
+/// The codec's requests in all their shapes: which memory they are about changes only addresses.
 std::vector<Request> questions(const Codec& codec) {
   std::vector<Request> asked = {Enquire{}};
-  for (std::uint16_t space = 0; space < 32; ++space) {
+  std::set<std::tuple<std::uint8_t, std::uint8_t, std::uint32_t>> shapes;
+  std::map<std::uint8_t, Gather> gathers;
+  std::vector<Request> writes;
+  for (std::uint16_t space = 0; space < 64; ++space) {
     for (const ReadWay& way : codec.addresses().read_ways(space)) {
+      if (!shapes.emplace(way.way, way.gather, way.unit_bits).second) continue;
       const std::uint32_t bits = way.unit_bits;
       const Span span{space, way.first_bit, bits};
+      if (way.gather != 0) {
+        gathers[way.gather].parts.push_back({span, way.way, way.gather});
+        continue;
+      }
       asked.emplace_back(Read{span, way.way});
-      asked.emplace_back(Force{space, way.first_bit, true});
-      asked.emplace_back(Write{span, Bytes((bits + 7) / 8, 0x5A)});
+      asked.emplace_back(Read{{space, way.first_bit, 3 * bits}, way.way});
+      writes.emplace_back(Force{space, way.first_bit, true});
+      writes.emplace_back(Write{span, Bytes((bits + 7) / 8, 0x5A)});
     }
   }
+  for (auto& [command, gather] : gathers) {
+    asked.emplace_back(gather);
+    gather.parts.resize(1, gather.parts.front());
+    asked.emplace_back(gather);
+  }
+  asked.insert(asked.end(), writes.begin(), writes.end());
+  for (std::size_t i = 0; i < writes.size(); ++i)
+    if (const auto together = codec.combine({writes[i], writes[(i + 2) % writes.size()]}))
+      asked.push_back(*together);
   for (const auto kind : {Control::Kind::identify, Control::Kind::run, Control::Kind::stop})
     asked.emplace_back(Control{kind});
+  std::erase_if(asked, [&](const Request& request) { return !codec.encode(request, 1); });
   return asked;
+}
+
+struct Asker {
+  std::shared_ptr<const Codec> codec;
+  std::vector<Request> questions;
+};
+
+/// Every codec that the catalogue makes, once: many options change nothing in the frames.
+std::vector<Asker> every_asker() {
+  std::vector<Asker> askers;
+  for (const ProtocolInfo& protocol : catalog()) {
+    std::set<Bytes> seen;
+    for (const Options& options : variants(protocol)) {
+      auto codec = protocol.make(options);
+      if (!codec) continue;  // the options do not go together
+      Asker asker{*codec, questions(**codec)};
+      Bytes frames;
+      for (const Request& request : asker.questions) {
+        const Bytes frame = *asker.codec->encode(request, 1);
+        frames.insert(frames.end(), frame.begin(), frame.end());
+      }
+      if (seen.insert(std::move(frames)).second) askers.push_back(std::move(asker));
+    }
+    if (seen.empty()) std::abort();
+  }
+  return askers;
+}
+
+/// Bytes of the image of what is read; nullopt: it reads nothing.
+std::optional<std::size_t> image_size(const Request& request) {
+  const auto bytes = [](const Read& read) { return std::size_t{read.span.bits + 7} / 8; };
+  if (const auto* read = std::get_if<Read>(&request)) return bytes(*read);
+  const auto* gather = std::get_if<Gather>(&request);
+  if (gather == nullptr) return std::nullopt;
+  std::size_t size = 0;
+  for (const Read& part : gather->parts) size += bytes(part);
+  return size;
 }
 
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  static const auto codecs = every_codec();
+  static const auto askers = every_asker();
   const ByteView rx(data, size);
-  for (const auto& codec : codecs) {
-    static std::vector<std::vector<Request>> asked;
-    if (asked.size() < codecs.size())
-      for (const auto& each : codecs) asked.push_back(questions(*each));
-    for (const Request& request : asked[static_cast<std::size_t>(&codec - codecs.data())]) {
-      if (!codec->encode(request, 1)) continue;
-      const auto reply = codec->decode(request, 1, rx);
+  for (const Asker& asker : askers) {
+    for (const Request& request : asker.questions) {
+      const auto reply = asker.codec->decode(request, 1, rx);
       if (!reply || !*reply) continue;
       if ((*reply)->consumed > size) std::abort();
-      const auto* read = std::get_if<Read>(&request);
+      const auto wanted = image_size(request);
       const bool has_data = (*reply)->kind == Reply::Kind::data;
-      if (read != nullptr && has_data && (*reply)->image.size() != (read->span.bits + 7) / 8)
-        std::abort();
+      if (wanted && has_data && (*reply)->image.size() != *wanted) std::abort();
     }
-    codec->explain(rx, std::nullopt);
-    codec->explain(rx, Direction::request);
-    codec->explain(rx, Direction::reply);
+    asker.codec->explain(rx, std::nullopt);
+    asker.codec->explain(rx, Direction::request);
+    asker.codec->explain(rx, Direction::reply);
   }
   return 0;
 }

@@ -47,8 +47,8 @@ fuzz() {
   mkdir -p "$kept"
   # The store's files are on a file system: its own words there are none of libFuzzer's.
   if [ "$target" = store ]; then quiet=(-close_fd_mask=2); fi
-  # An input is judged in ms; one that takes 10 s hangs.
-  exec "$build/tests/fuzz/${target}_fuzz" -max_total_time="$seconds" -timeout=10 -rss_limit_mb=1024 \
+  # An input is judged in a second, by sanitizers too; one that takes 30 s hangs, however busy the machine is.
+  exec "$build/tests/fuzz/${target}_fuzz" -max_total_time="$seconds" -timeout=30 -rss_limit_mb=1024 \
     -verbosity=0 -print_final_stats=1 -artifact_prefix="$build/fuzz-$target-" "${quiet[@]}" \
     "$kept" "$here/corpus/$target" >"$build/fuzz-$target.log" 2>&1
 }

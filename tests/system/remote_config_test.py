@@ -1,4 +1,4 @@
-"""A config from afar: desired and reported, with a real broker. The trial is shorter than the product's 60 s; the
+"""A remote config: desired and reported, with a real broker. The trial is shorter than the product's 60 s; the
 program differs from the product's in that alone (crash_at.cpp)."""
 
 import copy
@@ -130,7 +130,7 @@ class RemoteConfig(ReloadTest):
         self.report("applied", "v2b")
 
     def test_a_server_that_is_none_is_left_again(self):
-        """What a config from afar can do to lose the broker, where the local file lets it."""
+        """What a remote config can do to lose the broker, where the local file lets it."""
         config = self.begin_remote(remote_allow=["mqtt.servers"])
         before = config["mqtt"]["servers"]
         since = self.watcher.mark()

@@ -262,7 +262,7 @@ TEST(AuditReport, CommandWithoutAResultAndWhatPruningLeftHaveLinesToo) {
   EXPECT_EQ(nlohmann::json::parse(lines[3].json)["status"], nullptr);
 }
 
-TEST(AuditReport, ConfigFromAfarHasALine) {
+TEST(AuditReport, RemoteConfigHasALine) {
   Report report;
   Head head;
   ConfigReceipt receipt;

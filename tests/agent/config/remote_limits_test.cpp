@@ -18,7 +18,7 @@ std::string with_allow(const std::string& list) {
                  R"({"id": "edge7", "remote_config": true, "remote_allow": )" + list + "}");
 }
 
-TEST(RemoteLimits, NothingComesFromAfarUnlessTheFileSaysSo) {
+TEST(RemoteLimits, NothingIsSetRemotelyUnlessTheFileSaysSo) {
   EXPECT_FALSE(good(small_plant().dump()).remote.enabled);
 }
 
@@ -45,11 +45,11 @@ TEST(RemoteLimits, WhatNeverComesIsRefusedWithWhatMay) {
     const char* said;
   };
   for (const Case& each : std::vector<Case>{
-           {"mqtt", "never comes from afar; what may is links, devices"},
-           {"mqtt.password", "never comes from afar"},
-           {"store.path", "never comes from afar"},
-           {"agent.remote_allow", "never comes from afar"},
-           {"metrics", "never comes from afar"},
+           {"mqtt", "cannot be set remotely; what can is links, devices"},
+           {"mqtt.password", "cannot be set remotely"},
+           {"store.path", "cannot be set remotely"},
+           {"agent.remote_allow", "cannot be set remotely"},
+           {"metrics", "cannot be set remotely"},
            {"device", "did you mean devices?"},
            {"commands.allow", "needs the addresses, as in"},
            {"commands.allow: ", "is no range of addresses"},

@@ -12,7 +12,7 @@ namespace {
 
 using namespace test;
 
-/// What is said of the local plant with `changes`, JSON by pointer, from afar.
+/// What is said of the local plant with `changes`, JSON by pointer, set remotely.
 std::string said_of(const json& local, const std::vector<std::pair<const char*, json>>& changes) {
   json wanted = local;
   for (const auto& [pointer, value] : changes) wanted[json::json_pointer(pointer)] = value;

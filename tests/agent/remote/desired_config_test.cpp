@@ -152,17 +152,19 @@ TEST(MergedConfig, WhatMayNotComeIsAnErrorThatNamesTheSection) {
   };
   const json all{"links", "devices", "mqtt.servers", "commands.allow_run_stop"};
   for (const Case& each : std::vector<Case>{
-           {{{"agent", {{"id", "other"}}}}, "/agent", "never comes from afar"},
+           {{{"agent", {{"id", "other"}}}}, "/agent", "cannot be set remotely"},
            {{{"agent", {{"id", "edge7"}, {"remote_allow", {"links"}}}}}, "/agent", "restart"},
-           {{{"store", {{"path", "/tmp"}}}}, "/store", "never comes from afar"},
-           {{{"metrics", {{"listen", "0.0.0.0:1"}}}}, "/metrics", "never comes from afar"},
+           {{{"store", {{"path", "/tmp"}}}}, "/store", "cannot be set remotely"},
+           {{{"metrics", {{"listen", "0.0.0.0:1"}}}}, "/metrics", "cannot be set remotely"},
            {{{"links_", json::array()}}, "/links_", "is no section of a config"},
            {{{"mqtt", 5}}, "/mqtt", "must be an object"},
            {{{"mqtt", {{"qos", 0}}}}, "/mqtt/qos", "of mqtt only servers"},
            {{{"mqtt", {{"client_id", "x"}}}}, "/mqtt/client_id", "of mqtt only servers"},
-           {{{"mqtt", {{"tls", json::object()}}}}, "/mqtt/tls", "never comes from afar"},
-           {{{"mqtt", {{"password_file", "/etc/shadow"}}}}, "/mqtt/password_file", "never comes"},
-           {{{"mqtt", {{"username", "root"}}}}, "/mqtt/username", "never comes from afar"},
+           {{{"mqtt", {{"tls", json::object()}}}}, "/mqtt/tls", "cannot be set remotely"},
+           {{{"mqtt", {{"password_file", "/etc/shadow"}}}},
+            "/mqtt/password_file",
+            "cannot be set remotely"},
+           {{{"mqtt", {{"username", "root"}}}}, "/mqtt/username", "cannot be set remotely"},
        }) {
     expect_one_error(errors_of(local_plant(all), config_of(each.config)), each.pointer, each.text);
     expect_one_error(errors_of(local_plant(all), patch_of(each.config)), each.pointer, each.text);
@@ -203,7 +205,7 @@ TEST(MergedConfig, TheRightPasswordIsRefusedLikeAWrongOne) {
   EXPECT_NE(listed(errors_of(local_plant(), removed)), "");
 }
 
-TEST(MergedConfig, NoVariableIsReadFromAfar) {
+TEST(MergedConfig, NoVariableIsReadInARemoteConfig) {
   json link = {{"name", "gw1"}, {"tcp", {{"host", "${HOST}"}, {"port", 1}}}};
   expect_one_error(
       errors_of(local_plant(), config_of({{"links", {local_plant()["links"][0], link}}})),

@@ -1,4 +1,4 @@
-// A config from afar in the uplink: heard where it may come, answered after each connect.
+// A remote config in the uplink: heard where it may come, answered after each connect.
 #include <gtest/gtest.h>
 
 #include <string>
