@@ -50,20 +50,16 @@ class ReportByException final {
     Value value() const;
 
    private:
-    [[no_unique_address]] std::variant<std::monostate, bool, std::int64_t, double,
-                                       std::unique_ptr<const Value>>
-        kept_;
+    std::variant<std::monostate, bool, std::int64_t, double, std::unique_ptr<const Value>> kept_;
   };
-  // There is one for each tag of the plant. A value fills 9 of its 16 bytes: with
-  // no_unique_address what follows it lies in the others.
+  // There is one for each tag of the plant.
   struct State {
-    [[no_unique_address]] Kept value;  ///< last good
+    Kept value;  ///< last good
+    std::int64_t value_ms = 0;
     std::optional<BadReason> bad;
     std::optional<BadReason> sent_bad;
     bool was_sent = false;
-    std::int64_t value_ms = 0;
   };
-  static_assert(sizeof(State) <= 24);
 
   std::size_t index_of(std::uint32_t tag) const;
   bool is_long_silent(SteadyTime now, SteadyTime next) const;
