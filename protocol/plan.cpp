@@ -208,6 +208,7 @@ Plan make_plan(const Codec& codec, std::span<const Point> points, const LineCost
         plan.reads[source.first_read + r].points.push_back(bucket.points[i]);
     }
   }
+  for (PlannedRead& read : plan.reads) read.points.shrink_to_fit();
   plan.exchanges =
       in_order(static_cast<std::uint32_t>(plan.reads.size()), std::move(best.together));
   for (std::uint32_t e = 0; e < plan.exchange_count(); ++e)

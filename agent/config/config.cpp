@@ -9,10 +9,10 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <map>
 #include <span>
 #include <tuple>
 
+#include "agent/config/channel.h"
 #include "agent/config/device.h"
 #include "agent/config/file_privacy.h"
 #include "agent/config/keys.h"
@@ -205,24 +205,6 @@ void read_store(ConfigReader& reader, const ConfigNode& node, StoreConfig& store
 
 // ---- links ------------------------------------------------------------------------------------
 
-/// How characters travel on a line; what the file leaves open comes from the protocol on the link.
-struct LineKeys {
-  std::optional<std::int64_t> baud;
-  std::optional<std::int64_t> data_bits;
-  std::optional<Parity> parity;
-  std::optional<std::int64_t> stop_bits;
-};
-
-LineKeys read_line(ConfigReader& reader, const ConfigNode& node, const ConfigKey& baud) {
-  LineKeys line;
-  line.baud = reader.integer(node, baud);
-  line.data_bits = reader.integer(node, config_key("links[].serial.data_bits"));
-  if (const auto index = reader.choice(node, config_key("links[].serial.parity")))
-    line.parity = static_cast<Parity>(*index);
-  line.stop_bits = reader.integer(node, config_key("links[].serial.stop_bits"));
-  return line;
-}
-
 /// The line's settings once its protocol is known.
 SerialSettings line_settings(const LineKeys& keys, const LineDefaults& defaults) {
   SerialSettings line;
@@ -237,105 +219,6 @@ SerialSettings line_settings(const LineKeys& keys, const LineDefaults& defaults)
 std::chrono::nanoseconds character_time(const SerialSettings& line) {
   const int bits = 1 + line.data_bits + (line.parity == Parity::none ? 0 : 1) + line.stop_bits;
   return std::chrono::nanoseconds((bits * std::int64_t{1'000'000'000} + line.baud / 2) / line.baud);
-}
-
-/// Two links cannot hold one channel; the first one's place is remembered for the text.
-using Channels = std::map<std::string, const ConfigNode*, std::less<>>;
-
-Rs485 read_rs485(ConfigReader& reader, const ConfigNode& node) {
-  Rs485 direction;
-  reader.check_object(node, config_section("links[].serial.rs485"));
-  direction.rts_on_send = reader.boolean(node, config_key("links[].serial.rs485.rts_on_send"));
-  direction.delay_before = std::chrono::milliseconds(
-      reader.integer_as<int>(node, config_key("links[].serial.rs485.delay_before_ms")));
-  direction.delay_after = std::chrono::milliseconds(
-      reader.integer_as<int>(node, config_key("links[].serial.rs485.delay_after_ms")));
-  return direction;
-}
-
-void read_serial(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,
-                 Channels& channels, LinkConfig& config, LineKeys& line) {
-  SerialSettings settings;
-  reader.check_object(node, config_section("links[].serial"));
-  settings.path = reader.text(node, config_key("links[].serial.path")).value_or("");
-  line = read_line(reader, node, config_key("links[].serial.baud"));
-  if (const ConfigNode* rs485 = reader.object(node, config_key("links[].serial.rs485")))
-    settings.rs485 = read_rs485(reader, *rs485);
-  if (!settings.path.empty()) {
-    const ConfigNode& path = *node.find("path");
-    const auto [first, fresh] = channels.emplace(settings.path, &path);
-    if (!fresh)
-      reader.error(path, "this port is already used at " + reader.place_of(*first->second));
-  }
-  for (const auto key : {"data_bits"sv, "parity"sv, "stop_bits"sv, "line_baud"sv})
-    if (const ConfigNode* stray = link.find(key))
-      reader.error_at_key(*stray, key == "line_baud" ? "is for tcp links; here it is serial/baud"
-                                                     : "belongs inside \"serial\" here");
-  config.channel = settings;
-}
-
-/// `host` of a `tcp` or `udp` at `node`.
-std::string read_host(ConfigReader& reader, const ConfigNode& node, const ConfigKey& key) {
-  std::string host = reader.text(node, key).value_or("");
-  if (!host.empty() && host.find_first_of(" /@") != std::string::npos)
-    reader.error(*node.find("host"), "must be a host name or an address alone");
-  return host;
-}
-
-/// Warns where another link goes to the same place.
-void warn_of_second(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,
-                    const std::string& place, Channels& channels) {
-  const auto [first, fresh] = channels.emplace(place, &link);
-  if (fresh) return;
-  const auto called = [](const ConfigNode& each) {
-    const ConfigNode* name = each.find("name");
-    return name != nullptr ? "\"" + std::string(name->text) + "\"" : std::string("a link");
-  };
-  reader.warn(node, called(link) + " goes to the same host and port as " + called(*first->second) +
-                        " at " + reader.place_of(*first->second) +
-                        "; many devices and serial servers serve one connection only: put the "
-                        "devices of both on one link");
-}
-
-void read_tcp(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,
-              Channels& channels, LinkConfig& config, LineKeys& line) {
-  TcpSettings settings;
-  reader.check_object(node, config_section("links[].tcp"));
-  settings.host = read_host(reader, node, config_key("links[].tcp.host"));
-  const auto port = reader.integer(node, config_key("links[].tcp.port"));
-  settings.port = static_cast<std::uint16_t>(port.value_or(0));
-  if (!settings.host.empty() && port)
-    warn_of_second(reader, link, node, "tcp " + settings.host + ":" + std::to_string(settings.port),
-                   channels);
-  line = read_line(reader, link, config_key("links[].line_baud"));
-  settings.line_baud = static_cast<int>(line.baud.value_or(0));
-  if (link.find("line_baud") == nullptr)
-    for (const auto key : {"data_bits"sv, "parity"sv, "stop_bits"sv})
-      if (const ConfigNode* stray = link.find(key))
-        reader.error_at_key(*stray, "means something beside line_baud only");
-  config.channel = settings;
-}
-
-void read_udp(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,
-              Channels& channels, LinkConfig& config) {
-  UdpSettings settings;
-  reader.check_object(node, config_section("links[].udp"));
-  settings.host = read_host(reader, node, config_key("links[].udp.host"));
-  const auto port = reader.integer(node, config_key("links[].udp.port"));
-  settings.port = static_cast<std::uint16_t>(port.value_or(0));
-  if (!settings.host.empty() && port)
-    warn_of_second(reader, link, node, "udp " + settings.host + ":" + std::to_string(settings.port),
-                   channels);
-  if (const auto own = reader.integer(node, config_key("links[].udp.local_port"))) {
-    settings.local_port = static_cast<std::uint16_t>(*own);
-    const ConfigNode& at = *node.find("local_port");
-    const auto [first, fresh] = channels.emplace("own " + std::to_string(*own), &at);
-    if (!fresh) reader.error(at, "this port is already used at " + reader.place_of(*first->second));
-  }
-  for (const auto key : {"line_baud"sv, "data_bits"sv, "parity"sv, "stop_bits"sv})
-    if (const ConfigNode* stray = link.find(key))
-      reader.error_at_key(*stray, "is for serial and tcp links; UDP has no line behind it");
-  config.channel = settings;
 }
 
 struct Links {

@@ -14,6 +14,7 @@
 
 #include "agent/config/keys.h"
 #include "agent/config/shared_list.h"
+#include "agent/config/shared_vector.h"
 #include "protocol/catalog.h"
 #include "protocol/codec.h"
 #include "protocol/point.h"
@@ -149,7 +150,7 @@ struct DeviceConfig {
   std::uint32_t max_block_bytes = 0;                ///< 0: the protocol's own limit
   EnquirePolicy enquire{};
   std::vector<GroupConfig> groups;
-  std::vector<TagConfig> tags;
+  SharedVector<TagConfig> tags;  ///< shared by the devices that have the same
   CommandRules commands;
 
   bool is_vacant() const { return name.empty(); }
@@ -227,7 +228,7 @@ struct Config {
   MqttConfig mqtt;
   StoreConfig store;
   std::optional<MetricsConfig> metrics;  ///< nullopt: none are served
-  std::vector<LinkConfig> links;
+  SharedVector<LinkConfig> links;
   /// A reload shares those that did not change with the config before it.
   SharedList<DeviceConfig> devices;
   std::vector<std::string> warnings;  ///< what is allowed and still worth a word

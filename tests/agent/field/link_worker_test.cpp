@@ -412,7 +412,8 @@ TEST_F(LinkWorkerTest, GroupThatNoWayReachesLeavesTheThreadFree) {
 
 TEST_F(LinkWorkerTest, NoGroupIsPolledBeforeItsLinkOpens) {
   config.links[0].char_time = milliseconds(1);
-  config.links.resize(1000, config.links[0]);  // so many that their starts are spread
+  const LinkConfig line = config.links[0];
+  config.links.assign(1000, line);  // so many that their starts are spread
   config.devices[0].groups[0].interval = milliseconds(100);
   config.devices.resize(8, config.devices[0]);
   start();
