@@ -72,7 +72,7 @@ class Mc final : public Codec, public AddressSpace, public PlcServices {
   std::optional<Request> probe(std::uint32_t number) const override;
   std::optional<Request> apart_from(const Request& request) const override;
   RefusalMeaning meaning_of(const Request& request, int device_code) const override;
-  /// The codes of Q and L in place of those of iQ-R.
+  /// The codes of Q and L in place of those of iQ-R, but for X and Y, which are octal on an FX5.
   std::optional<Request> instead_of(const Request& request, int device_code) const override;
   std::optional<Request> combine(const std::vector<Request>& requests) const override;
 
