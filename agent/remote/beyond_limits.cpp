@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "agent/config/tree.h"
+#include "agent/remote/named_ranges.h"
 #include "protocol/catalog.h"
 #include "protocol/plc.h"
 #include "protocol/point.h"
@@ -106,7 +107,7 @@ const DeviceConfig* local_device(const Config& local, const Config& wanted,
 class DeviceLimits {
  public:
   DeviceLimits(const Config& local, const DeviceConfig* known, const DeviceConfig& device,
-               Errors& errors)
+               NamedRanges& named, Errors& errors)
       : remote_(local.remote),
         known_(known),
         device_(device),
@@ -115,15 +116,16 @@ class DeviceLimits {
     if (known != nullptr) allow_ = known->commands.allow;
     // Every unit of the bus would obey it, those of the local file too.
     if (codec_->is_broadcast()) return;
-    for (const std::string& range : remote_.allow)
-      if (const auto span = codec_->addresses().parse_range(range)) allow_.push_back(*span);
+    as_read_ = named.as_read(device);
+    for (const Span& span : known != nullptr ? as_read_ : named.for_new(device))
+      allow_.push_back(span);
   }
 
   void check() {
     for (const Span& span : device_.commands.allow)
       if (!is_covered(span, allow_))
         error("commands.allow with " + name_of(span) +
-              " is wider than the local file and its remote_allow");
+              " is wider than the local file and its remote_allow" + why_not(span));
     for (const TagConfig& tag : device_.tags)
       if (tag.writable && !may_write(tag))
         error("the tag " + std::string(tag.name) +
@@ -151,6 +153,14 @@ class DeviceLimits {
     return first == last ? first : first + " to " + last;
   }
 
+  /// Where the range has it as this device reads it, and not as others do.
+  std::string why_not(const Span& span) const {
+    if (!is_covered(span, as_read_)) return {};
+    return ", whose range other devices read otherwise (model, address_base); for a device that "
+           "the "
+           "local file does not have as it stands here, it holds what all of them read";
+  }
+
   /// Under the name that the local file has for it, with the same scale and within the same
   /// limits; or where a raw address may be written too.
   bool may_write(const TagConfig& tag) const {
@@ -168,6 +178,7 @@ class DeviceLimits {
   const DeviceConfig& device_;
   const std::shared_ptr<const Codec> codec_;
   std::vector<Span> allow_;
+  std::vector<Span> as_read_;  ///< the ranges of remote_allow, as this device itself reads them
   Errors& errors_;
 };
 
@@ -177,8 +188,9 @@ Errors beyond_limits(const Config& local, const Config& wanted) {
   Errors errors;
   check_servers(local.mqtt, wanted.mqtt, errors);
   check_ports(local, wanted, errors);
+  NamedRanges named(local);
   for (const DeviceConfig& device : wanted.devices)
-    DeviceLimits(local, local_device(local, wanted, device), device, errors).check();
+    DeviceLimits(local, local_device(local, wanted, device), device, named, errors).check();
   return errors;
 }
 
