@@ -8,7 +8,6 @@
 #include <cerrno>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <span>
 #include <tuple>
 
@@ -477,25 +476,6 @@ tl::expected<Config, std::vector<ConfigError>> parse_config(std::string_view tex
 
 tl::expected<Config, std::vector<ConfigError>> parse_config(std::string_view text) {
   return parse_config(text, process_environment);
-}
-
-tl::expected<std::string, std::vector<ConfigError>> read_config_file(const std::string& path) {
-  const auto unreadable = [](std::string why) {
-    return tl::unexpected(std::vector{ConfigError{"", 0, "cannot be read: " + std::move(why)}});
-  };
-  std::error_code fault;
-  if (std::filesystem::is_directory(path, fault)) return unreadable("it is a directory");
-  std::ifstream file(path, std::ios::binary);
-  if (!file) return unreadable(std::generic_category().message(errno));
-  // One byte over the limit is enough for the parser to refuse it, so an endless file ends here.
-  std::string text;
-  std::array<char, 65536> block{};
-  while (text.size() <= ConfigTree::max_bytes && file) {
-    file.read(block.data(), block.size());
-    text.append(block.data(), static_cast<std::size_t>(file.gcount()));
-  }
-  if (file.bad()) return unreadable("the file could not be read to its end");
-  return text;
 }
 
 tl::expected<Config, std::vector<ConfigError>> load_config(const std::string& path) {
