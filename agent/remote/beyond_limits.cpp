@@ -127,9 +127,7 @@ class DeviceLimits {
         error("commands.allow with " + name_of(span) +
               " is wider than the local file and its remote_allow" + why_not(span));
     for (const TagConfig& tag : device_.tags)
-      if (tag.writable && !may_write(tag))
-        error("the tag " + std::string(tag.name) +
-              " may be written, and the local file lets no command write there in this way");
+      if (tag.writable && !is_open(tag)) check_tag(tag);
     const CommandRules& rules = device_.commands;
     const CommandRules limits = known_ != nullptr ? known_->commands : CommandRules{};
     if (rules.allow_run_stop && !limits.allow_run_stop && !remote_.run_stop)
@@ -161,16 +159,47 @@ class DeviceLimits {
            "local file does not have as it stands here, it holds what all of them read";
   }
 
-  /// Under the name that the local file has for it, with the same scale and within the same
-  /// limits; or where a raw address may be written too.
-  bool may_write(const TagConfig& tag) const {
+  /// Where a raw address may be written too.
+  bool is_open(const TagConfig& tag) const {
     const auto span = span_of(tag.point);
-    if (span && is_covered(*span, allow_)) return true;
-    if (known_ == nullptr) return false;
+    return span && is_covered(*span, allow_);
+  }
+
+  /// A tag that lies elsewhere may be written under the name that the local file has for it, with
+  /// the same scale and within the same limits.
+  void check_tag(const TagConfig& tag) {
+    const std::string may_not = "the tag " + std::string(tag.name) +
+                                " may be written, and the local file lets no command write there";
+    if (known_ == nullptr)
+      return error(may_not +
+                   ": it has no device of this name with this protocol, these options and this "
+                   "port or host");
     const auto same = std::ranges::find(known_->tags, tag.name, &TagConfig::name);
-    return same != known_->tags.end() && same->writable && same->point == tag.point &&
-           same->units->limits.min == tag.units->limits.min &&
-           same->units->limits.max == tag.units->limits.max;
+    if (same == known_->tags.end()) return error(may_not + " under this name: it has no such tag");
+    if (!same->writable) return error(may_not + ": there its access is read");
+    if (const std::string what = differences(*same, tag); !what.empty())
+      error(may_not + " in this way: another " + what);
+  }
+
+  /// "min, scale"; empty: the one may be written as the other.
+  static std::string differences(const TagConfig& one, const TagConfig& other) {
+    const Point& a = one.point;
+    const Point& b = other.point;
+    std::string text;
+    const auto compare = [&text](bool same, std::string_view what) {
+      if (!same) text += (text.empty() ? "" : ", ") + std::string(what);
+    };
+    compare(a.address == b.address, "address");
+    compare(a.type == b.type, "type");
+    compare(a.order == b.order, "word_order");
+    compare(a.count == b.count && a.is_array == b.is_array, "count");
+    compare(a.length == b.length, "length");
+    compare(a.scale == b.scale, "scale");
+    compare(a.offset == b.offset, "offset");
+    compare(one.units->limits.min == other.units->limits.min, "min");
+    compare(one.units->limits.max == other.units->limits.max, "max");
+    if (text.empty() && a != b) text = "form";
+    return text;
   }
 
   const RemoteLimits& remote_;
