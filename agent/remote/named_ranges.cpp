@@ -71,7 +71,8 @@ void cut_other_map(std::vector<Run>& runs, const Span& span, const DeviceConfig&
                    const Codec& other) {
   if (device.protocol->name != "fx-programming-port") return;
   const auto own_model = fx::model_named(model_of(*device.codec));
-  if (!own_model) return;  // the PLC tells it
+  if (!own_model) return;              // the PLC tells it
+  if (other.plc() == nullptr) return;  // no PLC of ours at all
   const std::string name = model_of(other);
   const auto other_model = name.empty() ? fx::Model::unknown : fx::model_named(name);
   if (!other_model) return;  // no FX
@@ -150,6 +151,7 @@ std::vector<Span> NamedRanges::shared(const std::string& range, const DeviceConf
     for (const Reader& reader : all) keep_understood(runs, own, protocol, *reader.codec, range);
   }
   std::vector<Span> spans;
+  spans.reserve(runs.size());
   for (const Run& run : runs)
     spans.push_back({span->space,
                      span->first_bit + static_cast<std::uint32_t>(run.first - own.first) * own.bits,

@@ -211,6 +211,11 @@ TEST(NamedRanges, TheProgrammingPortSendsNoAddressOfAnotherMap) {
   expect_may(local, allowing(by_port("FX2N", "auto"), {"M0-M1535"}));
   expect_may_not(local, allowing(by_port("FX2N", "auto"), {"M1536"}));
   expect_may_not(local, allowing(by_port("FX2N", "extended"), {"M0"}));
+  json another = by_port("FX3U", "auto");
+  another["name"] = another["link"] = "new";
+  expect_may(plant("M0-M3000", {by_port("FX3U", "auto"), device("meter", "modbus-tcp")}),
+             allowing(another, {"M0-M3000"}));
+  expect_may_not(plant("M0-M3000", {by_port("FX2N", "auto")}), allowing(another, {"M1536"}));
   const json words = plant("D0-D7999", {by_port("FX3U", "auto")});
   expect_may(words, allowing(by_port("FX2N", "extended"), {"D0-D7999"}));
 }
