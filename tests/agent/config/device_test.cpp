@@ -143,7 +143,8 @@ TEST(ConfigDevice, RangeIsWrittenWithADashOrWithTwoDots) {
         .devices[0]
         .commands.allow;
   };
-  EXPECT_EQ(allow("M100..M199"), allow("M100-M199"));
+  for (const char* same : {"M100..M199", "M100 - M199", "M100-199", "m100 .. 199"})
+    EXPECT_EQ(allow(same), allow("M100-M199")) << same;
   EXPECT_EQ(allow("M100-M199").at(0).bits, 100U);
 }
 
