@@ -66,7 +66,7 @@ void ask_protocol(InitAnswers& answers) {
   }
   while (find_protocol(answers.protocol) == nullptr && std::cin) {
     if (!answers.protocol.empty())
-      std::cerr << "There is no such protocol; " << did_you_mean(answers.protocol, names) << '\n';
+      std::cerr << "There is no such protocol" << did_you_mean(answers.protocol, names) << '\n';
     answers.protocol = ask("Protocol", std::string(names.front()));
   }
 }

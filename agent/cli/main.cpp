@@ -156,8 +156,7 @@ std::optional<std::vector<std::uint32_t>> traced_links(const Config& config, con
     const auto found = std::ranges::find(names, name);
     if (found == names.end()) {
       log::say(is_local ? log::Level::error : log::Level::warn, "config",
-               "--trace: there is no link " + shown(name) +
-                   (names.empty() ? "" : "; " + did_you_mean(name, names)));
+               "--trace: there is no link " + shown(name) + did_you_mean(name, names));
       if (is_local) return std::nullopt;
       continue;
     }
@@ -379,7 +378,7 @@ std::string misspelt_subcommand(const CLI::App& app, int argc, char** argv) {
   for (const CLI::App* command : app.get_subcommands({})) names.push_back(command->get_name());
   if (std::ranges::find(names, said) != names.end()) return {};
   const std::vector<std::string_view> words(names.begin(), names.end());
-  return "there is no subcommand " + shown(said) + "; " + did_you_mean(said, words);
+  return "there is no subcommand " + shown(said) + did_you_mean(said, words);
 }
 
 int dispatch(int argc, char** argv) {

@@ -177,9 +177,9 @@ Templates::Template* Templates::template_of(const ConfigNode& node, const Config
   std::vector<std::string_view> names;
   names.reserve(templates_.size());
   for (const auto& [known, ignored] : templates_) names.push_back(known);
-  reader_.error(given,
-                "there is no template \"" + *name + "\"; " +
-                    (names.empty() ? "there are no templates at all" : did_you_mean(*name, names)));
+  reader_.error(
+      given, "there is no template \"" + *name + "\"" +
+                 (names.empty() ? "; there are no templates at all" : did_you_mean(*name, names)));
   return nullptr;
 }
 
