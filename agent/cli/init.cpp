@@ -75,6 +75,8 @@ void ask_protocol(InitAnswers& answers) {
 void ask_for(InitAnswers& answers) {
   answers.id = ask("Name of this agent", answers.id);
   if (answers.broker.empty()) answers.broker = ask("Broker", "mqtt://127.0.0.1:1883");
+  if (answers.user.empty() && answers.password_file.empty())
+    answers.user = ask("User of the agent at the broker (none)", "");
   if (find_protocol(answers.protocol) == nullptr) ask_protocol(answers);
   const ProtocolInfo* protocol = find_protocol(answers.protocol);
   if (protocol == nullptr) return;
@@ -143,9 +145,10 @@ int run_init(InitQuestion what) {
     std::cout << "wrote " << (directory / file.name).string() << '\n';
   }
   const std::string config = (directory / files->front().name).string();
-  std::cout << "\nThe password of " << what.answers.id
-            << " at the broker goes into /etc/fxagent/mqtt_password (mode 600).\n"
-            << "Next: fxagent check " << config << '\n'
+  if (const auto made = load_config(config); made && !made->mqtt.password_file.empty())
+    std::cout << "\nThe password of " << made->mqtt.username << " at the broker goes into "
+              << made->mqtt.password_file << " (mode 600).\n";
+  std::cout << "\nNext: fxagent check " << config << '\n'
             << "      fxagent plan " << config << '\n';
   return kDone;
 }

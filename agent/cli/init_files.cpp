@@ -19,6 +19,7 @@ constexpr std::string_view kAcl = "fxagent.acl";
 constexpr std::string_view kDropIn = "fxagent.service.d.conf";
 /// Where the unit's user can read it, who sees no home directory.
 constexpr std::string_view kPlace = "/etc/fxagent";
+constexpr std::string_view kPassword = "mqtt_password";
 constexpr std::string_view kFlow = "node-red-flow.json";
 
 std::string list_of(const std::vector<JsonObject>& items) {
@@ -78,8 +79,8 @@ std::string config_text(const InitAnswers& answers) {
   agent.text("id", answers.id);
   JsonObject mqtt;
   mqtt.raw("servers", "[" + quoted(answers.broker) + "]");
-  mqtt.text("username", answers.user);
-  mqtt.text("password_file", answers.password_file);
+  if (!answers.user.empty()) mqtt.text("username", answers.user);
+  if (!answers.password_file.empty()) mqtt.text("password_file", answers.password_file);
   JsonObject out;
   out.raw("agent", agent.dump());
   out.raw("mqtt", mqtt.dump());
@@ -252,7 +253,8 @@ std::string_view example_address(const ProtocolInfo& protocol) {
 tl::expected<std::vector<InitFile>, std::string> init_files(const InitAnswers& given,
                                                             const std::string& directory) {
   InitAnswers answers = given;
-  if (answers.user.empty()) answers.user = answers.id;
+  if (!answers.user.empty() && answers.password_file.empty()) answers.password_file = kPassword;
+  if (answers.user.empty() && !answers.password_file.empty()) answers.user = answers.id;
   if (!LinkTable::is_serial(answers.port))
     return tl::unexpected(
         std::string("--port must be a serial port such as /dev/ttyUSB0, or host:port"));
@@ -261,7 +263,8 @@ tl::expected<std::vector<InitFile>, std::string> init_files(const InitAnswers& g
   const std::string text = config_text(answers);
   const auto config = parse_config(text);
   if (!config) return tl::unexpected(errors_text(config.error()));
-  const auto acl = acl_text(*config, {answers.user, {answers.operator_name}, {}});
+  const auto acl = acl_text(
+      *config, {answers.user.empty() ? answers.id : answers.user, {answers.operator_name}, {}});
   if (!acl) return tl::unexpected(acl.error());
   return std::vector<InitFile>{{std::string(kConfig), text},
                                {std::string(kAcl), *acl},

@@ -349,9 +349,9 @@ void add_init(CLI::App& app, InitQuestion& what, std::function<int()>& action) {
   command->add_option("DIRECTORY", what.directory, "Where to write them (.)");
   command->add_option("--id", what.answers.id, "Name of this agent (edge1)");
   command->add_option("--broker", what.answers.broker, "mqtt://host or mqtts://host");
-  command->add_option("--user", what.answers.user, "The agent's user at the broker (the id)");
+  command->add_option("--user", what.answers.user, "The agent's user at the broker (none)");
   command->add_option("--password-file", what.answers.password_file,
-                      "File of its password (what systemd hands to the unit)");
+                      "File of its password (mqtt_password, beside the config)");
   command->add_option("--operator", what.answers.operator_name,
                       "The user of Node-RED, who may send commands (nodered)");
   command->add_option("--protocol", what.answers.protocol, "Protocol of the device");

@@ -59,6 +59,34 @@ class Init(PlantTest):
         self.assertEqual(self.watcher.wait(f"{base}/result")["status"], "SUCCEEDED")
         self.assertEqual(self.sim.get("press1", "D200"), 5)
 
+    def test_a_broker_that_asks_for_no_password_is_reached_by_what_is_written(self):
+        self.broker = Broker(self.directory)
+        self.broker.start()
+        self.start_sim([self.plc(memory={"D100": 23})])
+        done = self.run_init(self.place(), "--id", "edge7", "--broker", f"mqtt://127.0.0.1:{self.broker.port}",
+                             "--protocol", "fx-programming-port", "--model", "FX3U",
+                             "--port", self.pty("press1"), "--read", "temp=D100")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertNotIn("password", done.stdout)
+        with open(os.path.join(self.place(), "agent.json")) as config:
+            made = json.load(config)
+        made["store"]["path"] = os.path.join(self.directory, "store")
+        self.agent = Agent(self.directory, made)
+        self.agent.start()
+        self.watcher = Watcher(self.broker.port)
+        heard = self.watcher.wait("fx/edge7/plc1/data/fast", lambda sample: "bad" not in sample)
+        self.assertEqual(heard["values"], {"temp": 23})
+
+    def test_where_a_user_has_its_password_is_said(self):
+        done = self.run_init(self.place(), "--broker", "mqtt://127.0.0.1", "--user", "anna", "--protocol", "modbus-tcp",
+                             "--port", "192.0.2.1:502", "--read", "hr:0")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        secret = os.path.join(self.place(), "mqtt_password")
+        self.assertIn(f"The password of anna at the broker goes into {secret}", done.stdout)
+        config = os.path.join(self.place(), "agent.json")
+        check = subprocess.run([FXAGENT, "check", config], capture_output=True, text=True, timeout=30, check=False)
+        self.assertIn(f"{secret} cannot be read", check.stdout + check.stderr)
+
     def test_nothing_is_overwritten_without_force(self):
         answers = ["--broker", "mqtt://127.0.0.1", "--protocol", "modbus-tcp", "--port", "192.0.2.1:502",
                    "--read", "hr:0"]
@@ -106,7 +134,7 @@ class Init(PlantTest):
                                  stdout=subprocess.DEVNULL, stderr=theirs)
         os.close(theirs)
         said = b""
-        for question, answer in ((b"Name of this agent", b"edge9"), (b"Protocol", b"modbus-xyz"),
+        for question, answer in ((b"Name of this agent", b"edge9"), (b"User", b"anna"), (b"Protocol", b"modbus-xyz"),
                                  (b"Protocol", b"modbus-rtu"), (b"Port", b""), (b"Addresses to read", b"a=hr:1 hr:2"),
                                  (b"may be written", b"")):
             while question not in said.rsplit(b"\n", 1)[-1] or not said.endswith(b": "):
@@ -117,6 +145,7 @@ class Init(PlantTest):
         with open(os.path.join(self.place(), "agent.json")) as config:
             made = json.load(config)
         self.assertEqual(made["agent"]["id"], "edge9")
+        self.assertEqual(made["mqtt"]["username"], "anna")
         self.assertEqual(made["links"][0]["serial"]["path"], "/dev/ttyUSB0")
         self.assertEqual([tag["name"] for tag in made["devices"][0]["tags"]], ["a", "hr_2"])
 
