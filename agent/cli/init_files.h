@@ -35,7 +35,7 @@ struct InitFile {
 std::vector<std::string> init_file_names();
 
 /// The files, which fit each other; the config passes check. `directory`: the absolute path where
-/// they will be. The errors are those of the answers, one a line.
+/// they will be. The errors are those of all answers, one a line, in the words of the flags.
 tl::expected<std::vector<InitFile>, std::string> init_files(const InitAnswers& answers,
                                                             const std::string& directory);
 

@@ -145,11 +145,22 @@ TEST(InitFiles, WrongAnswersAreErrors) {
   };
   EXPECT_NE(error_of([](InitAnswers& a) { a.port = "COM1"; }).find("--port"), std::string::npos);
   EXPECT_NE(error_of([](InitAnswers& a) { a.unit = "x"; }).find("--unit"), std::string::npos);
-  EXPECT_NE(error_of([](InitAnswers& a) { a.broker = "tcp://a"; }).find("/mqtt/servers/0"),
+  EXPECT_NE(error_of([](InitAnswers& a) { a.broker = "tcp://a"; }).find("--broker: must begin"),
             std::string::npos);
-  EXPECT_NE(error_of([](InitAnswers& a) { a.protocol = "s7"; }).find("/devices/0/protocol"),
+  EXPECT_NE(error_of([](InitAnswers& a) { a.protocol = "s7"; }).find("--protocol: must be"),
             std::string::npos);
-  EXPECT_NE(error_of([](InitAnswers& a) { a.read = {"X8"}; }).find("X8"), std::string::npos);
+  EXPECT_NE(error_of([](InitAnswers& a) { a.read = {"X8"}; }).find("--read X8: "),
+            std::string::npos);
+  EXPECT_NE(error_of([](InitAnswers& a) { a.write = {"b=X8"}; }).find("--write b=X8: "),
+            std::string::npos);
+  const std::string all = error_of([](InitAnswers& a) {
+    a.broker = "tcp://a";
+    a.port = "COM1";
+    a.unit = "x";
+    a.model = "S7";
+  });
+  for (const char* flag : {"--broker: ", "--port ", "--unit ", "--model: "})
+    EXPECT_NE(all.find(flag), std::string::npos) << flag << all;
   EXPECT_NE(error_of([](InitAnswers& a) { a.operator_name = "edge7"; }).find("named twice"),
             std::string::npos);
 }
