@@ -31,6 +31,7 @@
 #include "agent/config/log_warnings.h"
 #include "agent/config/reader.h"
 #include "agent/config/remote_limits.h"
+#include "agent/config/serial_ports.h"
 #include "agent/log/log.h"
 #include "agent/process/startup.h"
 #include "agent/process/stop_watchdog.h"
@@ -101,7 +102,8 @@ int check(const std::string& path, const std::string& desired) {
   if (!desired.empty()) return check_desired(path, *config, desired);
   for (const std::string& warning : config->warnings)
     std::cerr << path << ": warning: " << warning << '\n';
-  for (const auto& findings : {check_files(*config), exposed_secrets(*config)})
+  for (const auto& findings :
+       {check_files(*config), unavailable_ports(*config, path), exposed_secrets(*config)})
     for (const ConfigError& finding : findings)
       std::cerr << path << ": warning: " << finding.pointer << ": " << finding.text << '\n';
   for (const std::string& overload : overloads(*config))
