@@ -195,9 +195,11 @@ std::string cure_of(std::string_view key, std::string_view section,
     return did_you_mean(key, known);
   if (const std::string home = home_of(key, section, Range::all); !home.empty())
     return "; it " + home;
+  // That of a tag is what its value is counted in, and no address on a bus.
+  constexpr std::string_view kOfTag = "unit";
   for (const Range range : {Range::near, Range::all})
     for (const auto& [said, meant] : kMeanings)
-      if (equal_but_for_case(key, said))
+      if (equal_but_for_case(key, said) && meant != kOfTag)
         if (const std::string home = home_of(meant, section, range); !home.empty())
           return "; it is called " + std::string(meant) + " and " + home;
   return did_you_mean(key, known);

@@ -91,6 +91,12 @@ TEST(ConfigReader, KeyInTheWrongPlaceIsSentHome) {
     expect_error(changed(c.pointer, c.value), c.pointer, {"unknown key", c.home});
 }
 
+TEST(ConfigReader, SlaveIsNoUnitOfATag) {
+  const auto errors = errors_of(changed("/devices/0/slave", "1"));
+  ASSERT_EQ(errors.size(), 1U) << listed(errors);
+  EXPECT_EQ(errors[0].text.find("tags"), std::string::npos) << errors[0].text;
+}
+
 TEST(NearestWords, NothingIsNearestToNothing) {
   EXPECT_TRUE(nearest_words("a", {}).empty());
   EXPECT_EQ(did_you_mean("a", {}), "");
