@@ -201,7 +201,10 @@ void Reload::reload() {
       say("unchanged", {});
     }
     if (is_fit && !stopping_ && !remote_.rejected().empty()) hear(std::string(remote_.rejected()));
-    if (!stopping_) report();
+    if (!stopping_) {
+      report();
+      publish_status();
+    }
   }
   malloc_trim(0);  // what reading a large file took goes back
   if (!stopping_) service_manager::tell_ready();

@@ -205,6 +205,23 @@ class RemoteConfig(ReloadTest):
         self.hang_up()
         wait_for("the report to be cleared", lambda: None in self.watcher.payloads(REPORTED, since))
 
+    def test_health_agrees_with_the_report_after_a_reload_that_brings_the_remote_one_back(self):
+        config = self.begin_remote()
+        self.applied("v1", {"devices": [reading("m2", "a", 2)]})
+        renamed = copy.deepcopy(config)
+        renamed["links"][0]["name"] = renamed["devices"][0]["link"] = "b"
+        since = self.watcher.mark()
+        self.write(renamed)
+        self.hang_up()
+        self.report("rejected", "v1", since)
+        since = self.watcher.mark()
+        self.write(config)
+        self.hang_up()
+        report = self.report("applied", "v1", since)
+        # At once, and not with the health that comes every minute.
+        self.watcher.wait(f"{BASE}/health", lambda h: h["config"]["hash"] == report["hash"] and
+                          h["config"]["remote"]["state"] == "applied", since)
+
     def test_switched_off_by_a_restart_the_answer_is_cleared(self):
         config = self.begin_remote()
         self.applied("v1", {"devices": [reading("m2", "a", 2)]})
