@@ -38,6 +38,7 @@
 #include "agent/remote/desired_config.h"
 #include "agent/remote/remote_config.h"
 #include "agent/remote/trial_time.h"
+#include "agent/uplink/tls_files.h"
 
 namespace {
 
@@ -96,14 +97,24 @@ int check_desired(const std::string& path, const Config& local, const std::strin
   return 0;
 }
 
+/// What check_files() cannot see: what stands in the files. One that cannot be read it names.
+std::vector<ConfigError> tls_faults(const Config& config) {
+  if (!config.mqtt.tls) return {};
+  for (const ConfigError& error : check_files(config))
+    if (error.pointer.starts_with("/mqtt/tls/")) return {};
+  const auto fault = fault_in(*config.mqtt.tls);
+  if (!fault) return {};
+  return {{"/mqtt/tls/" + std::string(fault->key), 0, fault->text}};
+}
+
 int check(const std::string& path, const std::string& desired) {
   const auto config = loaded(path);
   if (!config) return kWrong;
   if (!desired.empty()) return check_desired(path, *config, desired);
   for (const std::string& warning : config->warnings)
     std::cerr << path << ": warning: " << warning << '\n';
-  for (const auto& findings :
-       {check_files(*config), unavailable_ports(*config, path), exposed_secrets(*config)})
+  for (const auto& findings : {check_files(*config), tls_faults(*config),
+                               unavailable_ports(*config, path), exposed_secrets(*config)})
     for (const ConfigError& finding : findings)
       std::cerr << path << ": warning: " << finding.pointer << ": " << finding.text << '\n';
   for (const std::string& overload : overloads(*config))
