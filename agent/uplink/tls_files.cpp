@@ -18,8 +18,11 @@ struct FreeContext {
   void operator()(SSL_CTX* context) const { SSL_CTX_free(context); }
 };
 
-/// OpenSSL would ask for it on the terminal.
-int no_passphrase(char*, int, int, void*) { return 0; }
+/// OpenSSL would ask for it on the terminal. `was_asked`: a bool.
+int no_passphrase(char*, int, int, void* was_asked) {
+  *static_cast<bool*>(was_asked) = true;
+  return 0;
+}
 
 /// Why the file cannot be read at all; empty: it can.
 std::string why_unreadable(const std::string& path) {
@@ -29,22 +32,21 @@ std::string why_unreadable(const std::string& path) {
   return shown(path) + ": " + std::generic_category().message(errno);
 }
 
-std::string why_no_key(const std::string& path) {
-  const unsigned long code = ERR_peek_last_error();
-  const bool is_encrypted =
-      ERR_GET_LIB(code) == ERR_LIB_PEM && (ERR_GET_REASON(code) == PEM_R_BAD_PASSWORD_READ ||
-                                           ERR_GET_REASON(code) == PEM_R_BAD_DECRYPT);
-  return shown(path) + (is_encrypted
-                            ? ": the key has a passphrase, and nobody could type it: store it "
-                              "without one (openssl pkey), mode 600"
-                            : ": there is no private key in PEM form in it (-----BEGIN PRIVATE "
-                              "KEY-----)");
+std::string why_no_key(const std::string& path, bool has_passphrase) {
+  return shown(path) +
+         (has_passphrase ? ": the key has a passphrase, and nobody could type it: store it without "
+                           "one (openssl pkey), mode 600"
+                         : ": there is no private key in PEM form in it (-----BEGIN PRIVATE "
+                           "KEY-----)");
 }
 
 constexpr const char* kNoCertificate =
     ": there is no certificate in PEM form in it (-----BEGIN CERTIFICATE-----)";
 
 std::optional<TlsFileFault> fault_in(const TlsSettings& tls, SSL_CTX* context) {
+  bool was_asked = false;
+  SSL_CTX_set_default_passwd_cb(context, no_passphrase);
+  SSL_CTX_set_default_passwd_cb_userdata(context, &was_asked);
   if (!tls.ca_file.empty() &&
       SSL_CTX_load_verify_locations(context, tls.ca_file.c_str(), nullptr) != 1)
     return TlsFileFault{"ca_file", shown(tls.ca_file) + kNoCertificate};
@@ -62,7 +64,7 @@ std::optional<TlsFileFault> fault_in(const TlsSettings& tls, SSL_CTX* context) {
   return TlsFileFault{"key_file", is_foreign
                                       ? shown(tls.key_file) + ": it is not the key of cert_file " +
                                             shown(tls.cert_file)
-                                      : why_no_key(tls.key_file)};
+                                      : why_no_key(tls.key_file, was_asked)};
 }
 
 }  // namespace
@@ -76,7 +78,6 @@ std::optional<TlsFileFault> fault_in(const TlsSettings& tls) {
         return TlsFileFault{key, std::move(why)};
   const std::unique_ptr<SSL_CTX, FreeContext> context(SSL_CTX_new(TLS_client_method()));
   if (context == nullptr) return std::nullopt;  // no memory: the handshake will tell
-  SSL_CTX_set_default_passwd_cb(context.get(), no_passphrase);
   auto fault = fault_in(tls, context.get());
   ERR_clear_error();
   return fault;
