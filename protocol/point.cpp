@@ -637,10 +637,15 @@ void insert_bits(Bytes& image, std::uint32_t to_bit, ByteView part, std::uint32_
 }
 
 RangeEnds range_ends(std::string_view text) {
+  const auto trimmed = [](std::string_view end) {
+    const auto first = end.find_first_not_of(" \t");
+    if (first == end.npos) return std::string_view();
+    return end.substr(first, end.find_last_not_of(" \t") - first + 1);
+  };
   for (const std::string_view between : {"..", "-"})
     if (const auto at = text.find(between); at != text.npos)
-      return {text.substr(0, at), text.substr(at + between.size())};
-  return {text, std::nullopt};
+      return {trimmed(text.substr(0, at)), trimmed(text.substr(at + between.size()))};
+  return {trimmed(text), std::nullopt};
 }
 
 }  // namespace fxagent

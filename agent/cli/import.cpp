@@ -34,7 +34,7 @@ std::string fault_of(const ImportOptions& options) {
   if (!options.protocol.empty() && find_protocol(options.protocol) == nullptr) {
     std::vector<std::string_view> names;
     for (const ProtocolInfo& info : catalog()) names.push_back(info.name);
-    return "there is no protocol " + shown(options.protocol) + "; " +
+    return "there is no protocol " + shown(options.protocol) +
            did_you_mean(options.protocol, names);
   }
   if (!options.port.empty() && !LinkTable::is_serial(options.port))
@@ -69,8 +69,7 @@ int run_import(const ImportQuestion& what) {
   std::vector<std::string_view> names{"auto"};
   for (const ImportFormat& format : import_formats()) names.push_back(format.name);
   if (std::ranges::find(names, what.format) == names.end())
-    return wrong("there is no format " + shown(what.format) + "; " +
-                 did_you_mean(what.format, names));
+    return wrong("there is no format " + shown(what.format) + did_you_mean(what.format, names));
   if (const std::string fault = fault_of(what.options); !fault.empty()) return wrong(fault);
   const auto bytes = read_config_file(what.path);
   if (!bytes) return wrong(to_string(bytes.error().front(), what.path));

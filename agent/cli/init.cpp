@@ -4,12 +4,14 @@
 
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <iostream>
 #include <iterator>
 #include <sstream>
+#include <utility>
 
 #include "agent/config/config.h"
-#include "agent/config/reader.h"
+#include "agent/import/imported.h"
 
 namespace fxagent {
 namespace {
@@ -58,34 +60,76 @@ std::vector<std::string> ask_list(const std::string& question, const std::string
   return list;
 }
 
-void ask_protocol(InitAnswers& answers) {
-  std::vector<std::string_view> names;
-  for (const ProtocolInfo& info : catalog()) {
-    std::cerr << "  " << info.name << "  " << info.summary << '\n';
-    names.push_back(info.name);
+/// The answers so far, with something in the place of each that is still to come.
+InitAnswers filled(InitAnswers answers) {
+  if (answers.broker.empty()) answers.broker = "mqtt://127.0.0.1";
+  if (answers.protocol.empty()) {
+    // Without it neither model nor addresses mean anything.
+    const bool is_serial = LinkTable::is_serial(answers.port).value_or(true);
+    answers.protocol = is_serial ? "modbus-rtu" : "modbus-tcp";
+    answers.model.clear();
+    answers.read.clear();
+    answers.write.clear();
   }
-  while (find_protocol(answers.protocol) == nullptr && std::cin) {
-    if (!answers.protocol.empty())
-      std::cerr << "There is no such protocol; " << did_you_mean(answers.protocol, names) << '\n';
-    answers.protocol = ask("Protocol", std::string(names.front()));
+  if (answers.port.empty()) answers.port = placeholder_port(answers.protocol);
+  const ProtocolInfo* protocol = find_protocol(answers.protocol);
+  if (answers.read.empty() && answers.write.empty() && protocol != nullptr)
+    answers.read.emplace_back(example_address(*protocol));
+  return answers;
+}
+
+/// What is wrong with the answers so far; empty: nothing.
+std::string faults_in(const InitAnswers& answers) {
+  const auto files = init_files(filled(answers), "/");
+  return files ? std::string() : files.error();
+}
+
+/// Asks until the answer is right or the input ends. `put`: asks once, and puts what was said into
+/// the answers.
+void settle(InitAnswers& answers, const std::function<void(InitAnswers&)>& put) {
+  while (std::cin) {
+    InitAnswers tried = answers;
+    put(tried);
+    const std::string faults = faults_in(tried);
+    if (faults.empty()) {
+      answers = std::move(tried);
+      return;
+    }
+    std::cerr << faults << '\n';
   }
 }
 
 /// Asks for what the call leaves open.
 void ask_for(InitAnswers& answers) {
-  answers.id = ask("Name of this agent", answers.id);
-  if (answers.broker.empty()) answers.broker = ask("Broker", "mqtt://127.0.0.1:1883");
-  if (find_protocol(answers.protocol) == nullptr) ask_protocol(answers);
+  settle(answers, [](InitAnswers& a) { a.id = ask("Name of this agent", a.id); });
+  if (answers.broker.empty())
+    settle(answers, [](InitAnswers& a) { a.broker = ask("Broker", "mqtt://127.0.0.1:1883"); });
+  if (answers.user.empty() && answers.password_file.empty())
+    settle(answers,
+           [](InitAnswers& a) { a.user = ask("User of the agent at the broker (none)", ""); });
+  if (answers.protocol.empty()) {
+    for (const ProtocolInfo& info : catalog())
+      std::cerr << "  " << info.name << "  " << info.summary << '\n';
+    settle(answers, [](InitAnswers& a) {
+      a.protocol = ask("Protocol", std::string(catalog().front().name));
+    });
+  }
   const ProtocolInfo* protocol = find_protocol(answers.protocol);
   if (protocol == nullptr) return;
   if (answers.port.empty())
-    answers.port = ask("Port: a serial one, or host:port",
-                       protocol->on_serial ? "/dev/ttyUSB0" : "192.0.2.1:502");
+    settle(answers, [protocol](InitAnswers& a) {
+      a.port = ask("Port: a serial one, or host:port",
+                   protocol->on_serial ? "/dev/ttyUSB0" : "192.0.2.1:502");
+    });
   if (answers.read.empty())
-    answers.read = ask_list("Addresses to read, with blanks between them",
-                            std::string(example_address(*protocol)));
+    settle(answers, [protocol](InitAnswers& a) {
+      a.read = ask_list("Addresses to read, with blanks between them",
+                        std::string(example_address(*protocol)));
+    });
   if (answers.write.empty())
-    answers.write = ask_list("Addresses that may be written, too (none)", "");
+    settle(answers, [](InitAnswers& a) {
+      a.write = ask_list("Addresses that may be written, too (none)", "");
+    });
 }
 
 /// The config that the package brings, or one like it: neither links nor devices.
@@ -129,6 +173,7 @@ int run_init(InitQuestion what) {
   if (!missing(what.answers).empty()) {
     if (::isatty(STDIN_FILENO) == 0)
       return wrong("not on a terminal, so nobody can be asked; missing: " + missing(what.answers));
+    if (const std::string faults = faults_in(what.answers); !faults.empty()) return wrong(faults);
     ask_for(what.answers);
     if (const std::string flags = missing(what.answers); !flags.empty())
       return wrong("missing: " + flags);
@@ -143,9 +188,10 @@ int run_init(InitQuestion what) {
     std::cout << "wrote " << (directory / file.name).string() << '\n';
   }
   const std::string config = (directory / files->front().name).string();
-  std::cout << "\nThe password of " << what.answers.id
-            << " at the broker goes into /etc/fxagent/mqtt_password (mode 600).\n"
-            << "Next: fxagent check " << config << '\n'
+  if (const auto made = load_config(config); made && !made->mqtt.password_file.empty())
+    std::cout << "\nThe password of " << made->mqtt.username << " at the broker goes into "
+              << made->mqtt.password_file << " (mode 600).\n";
+  std::cout << "\nNext: fxagent check " << config << '\n'
             << "      fxagent plan " << config << '\n';
   return kDone;
 }

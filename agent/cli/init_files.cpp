@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdlib>
+#include <utility>
 
 #include "agent/cli/acl.h"
 #include "agent/config/config.h"
@@ -19,6 +21,7 @@ constexpr std::string_view kAcl = "fxagent.acl";
 constexpr std::string_view kDropIn = "fxagent.service.d.conf";
 /// Where the unit's user can read it, who sees no home directory.
 constexpr std::string_view kPlace = "/etc/fxagent";
+constexpr std::string_view kPassword = "mqtt_password";
 constexpr std::string_view kFlow = "node-red-flow.json";
 
 std::string list_of(const std::vector<JsonObject>& items) {
@@ -78,8 +81,8 @@ std::string config_text(const InitAnswers& answers) {
   agent.text("id", answers.id);
   JsonObject mqtt;
   mqtt.raw("servers", "[" + quoted(answers.broker) + "]");
-  mqtt.text("username", answers.user);
-  mqtt.text("password_file", answers.password_file);
+  if (!answers.user.empty()) mqtt.text("username", answers.user);
+  if (!answers.password_file.empty()) mqtt.text("password_file", answers.password_file);
   JsonObject out;
   out.raw("agent", agent.dump());
   out.raw("mqtt", mqtt.dump());
@@ -229,13 +232,39 @@ std::string flow_text(const Config& config) {
   return pretty_text(list_of(nodes));
 }
 
-/// The errors of the config in the words of the flags.
-std::string errors_text(const std::vector<ConfigError>& errors) {
-  std::string text;
-  for (const ConfigError& error : errors)
-    text += (text.empty() ? "" : "\n") + error.pointer + ": " + error.text;
-  return text;
+/// The flag that a place of the config comes from; the place itself where there is none.
+std::string flag_of(const std::string& pointer, const InitAnswers& answers) {
+  constexpr std::array<std::pair<std::string_view, std::string_view>, 10> kFlags{
+      {{"/agent/id", "--id"},
+       {"/mqtt/servers", "--broker"},
+       {"/mqtt/username", "--user"},
+       {"/mqtt/password_file", "--password-file"},
+       {"/links", "--port"},
+       {"/devices/0/name", "--device"},
+       {"/devices/0/protocol", "--protocol"},
+       {"/devices/0/model", "--model"},
+       {"/devices/0/unit", "--unit"},
+       {"/devices/0/station", "--unit"}}};
+  for (const auto& [place, flag] : kFlags)
+    if (pointer.starts_with(place)) return std::string(flag);
+  constexpr std::string_view kTags = "/devices/0/tags/";
+  if (!pointer.starts_with(kTags)) return pointer;
+  const std::size_t tag = std::strtoul(pointer.c_str() + kTags.size(), nullptr, 10);
+  if (tag < answers.read.size()) return "--read " + answers.read[tag];
+  const std::size_t written = tag - answers.read.size();
+  return written < answers.write.size() ? "--write " + answers.write[written] : pointer;
 }
+
+/// Lines of what is wrong.
+class Faults {
+ public:
+  void add(const std::string& text) { text_ += (text_.empty() ? "" : "\n") + text; }
+  bool any() const { return !text_.empty(); }
+  const std::string& text() const { return text_; }
+
+ private:
+  std::string text_;
+};
 
 }  // namespace
 
@@ -252,16 +281,25 @@ std::string_view example_address(const ProtocolInfo& protocol) {
 tl::expected<std::vector<InitFile>, std::string> init_files(const InitAnswers& given,
                                                             const std::string& directory) {
   InitAnswers answers = given;
-  if (answers.user.empty()) answers.user = answers.id;
-  if (!LinkTable::is_serial(answers.port))
-    return tl::unexpected(
-        std::string("--port must be a serial port such as /dev/ttyUSB0, or host:port"));
-  if (answers.unit.find_first_not_of("0123456789") != answers.unit.npos)
-    return tl::unexpected(std::string("--unit must be a number"));
+  if (!answers.user.empty() && answers.password_file.empty()) answers.password_file = kPassword;
+  if (answers.user.empty() && !answers.password_file.empty()) answers.user = answers.id;
+  Faults faults;
+  if (!LinkTable::is_serial(answers.port)) {
+    faults.add("--port must be a serial port such as /dev/ttyUSB0, or host:port");
+    answers.port = placeholder_port(answers.protocol);
+  }
+  if (answers.unit.find_first_not_of("0123456789") != answers.unit.npos) {
+    faults.add("--unit must be a number");
+    answers.unit.clear();
+  }
   const std::string text = config_text(answers);
   const auto config = parse_config(text);
-  if (!config) return tl::unexpected(errors_text(config.error()));
-  const auto acl = acl_text(*config, {answers.user, {answers.operator_name}, {}});
+  if (!config)
+    for (const ConfigError& error : config.error())
+      faults.add(flag_of(error.pointer, answers) + ": " + error.text);
+  if (faults.any()) return tl::unexpected(faults.text());
+  const auto acl = acl_text(
+      *config, {answers.user.empty() ? answers.id : answers.user, {answers.operator_name}, {}});
   if (!acl) return tl::unexpected(acl.error());
   return std::vector<InitFile>{{std::string(kConfig), text},
                                {std::string(kAcl), *acl},

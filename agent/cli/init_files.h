@@ -13,8 +13,9 @@ namespace fxagent {
 struct InitAnswers {
   std::string id = "edge1";
   std::string broker;  ///< "mqtt://host" with or without a port
-  std::string user;    ///< of the agent at the broker; empty: the id
-  std::string password_file = "/run/credentials/fxagent.service/mqtt_password";
+  std::string user;    ///< of the agent at the broker; empty: the id where there is a password
+  /// As in the config, relative to it. With neither user nor file the config has neither.
+  std::string password_file;  ///< empty, with a user: "mqtt_password"
   std::string operator_name = "nodered";
   std::string protocol;
   std::string port;  ///< "/dev/ttyUSB0" or "host:port"
@@ -34,7 +35,7 @@ struct InitFile {
 std::vector<std::string> init_file_names();
 
 /// The files, which fit each other; the config passes check. `directory`: the absolute path where
-/// they will be. The errors are those of the answers, one a line.
+/// they will be. The errors are those of all answers, one a line, in the words of the flags.
 tl::expected<std::vector<InitFile>, std::string> init_files(const InitAnswers& answers,
                                                             const std::string& directory);
 

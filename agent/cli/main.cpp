@@ -31,12 +31,14 @@
 #include "agent/config/log_warnings.h"
 #include "agent/config/reader.h"
 #include "agent/config/remote_limits.h"
+#include "agent/config/serial_ports.h"
 #include "agent/log/log.h"
 #include "agent/process/startup.h"
 #include "agent/process/stop_watchdog.h"
 #include "agent/remote/desired_config.h"
 #include "agent/remote/remote_config.h"
 #include "agent/remote/trial_time.h"
+#include "agent/uplink/tls_files.h"
 
 namespace {
 
@@ -95,13 +97,24 @@ int check_desired(const std::string& path, const Config& local, const std::strin
   return 0;
 }
 
+/// What check_files() cannot see: what stands in the files. One that cannot be read it names.
+std::vector<ConfigError> tls_faults(const Config& config) {
+  if (!config.mqtt.tls) return {};
+  for (const ConfigError& error : check_files(config))
+    if (error.pointer.starts_with("/mqtt/tls/")) return {};
+  const auto fault = fault_in(*config.mqtt.tls);
+  if (!fault) return {};
+  return {{"/mqtt/tls/" + std::string(fault->key), 0, fault->text}};
+}
+
 int check(const std::string& path, const std::string& desired) {
   const auto config = loaded(path);
   if (!config) return kWrong;
   if (!desired.empty()) return check_desired(path, *config, desired);
   for (const std::string& warning : config->warnings)
     std::cerr << path << ": warning: " << warning << '\n';
-  for (const auto& findings : {check_files(*config), exposed_secrets(*config)})
+  for (const auto& findings : {check_files(*config), tls_faults(*config),
+                               unavailable_ports(*config, path), exposed_secrets(*config)})
     for (const ConfigError& finding : findings)
       std::cerr << path << ": warning: " << finding.pointer << ": " << finding.text << '\n';
   for (const std::string& overload : overloads(*config))
@@ -156,8 +169,7 @@ std::optional<std::vector<std::uint32_t>> traced_links(const Config& config, con
     const auto found = std::ranges::find(names, name);
     if (found == names.end()) {
       log::say(is_local ? log::Level::error : log::Level::warn, "config",
-               "--trace: there is no link " + shown(name) +
-                   (names.empty() ? "" : "; " + did_you_mean(name, names)));
+               "--trace: there is no link " + shown(name) + did_you_mean(name, names));
       if (is_local) return std::nullopt;
       continue;
     }
@@ -350,9 +362,9 @@ void add_init(CLI::App& app, InitQuestion& what, std::function<int()>& action) {
   command->add_option("DIRECTORY", what.directory, "Where to write them (.)");
   command->add_option("--id", what.answers.id, "Name of this agent (edge1)");
   command->add_option("--broker", what.answers.broker, "mqtt://host or mqtts://host");
-  command->add_option("--user", what.answers.user, "The agent's user at the broker (the id)");
+  command->add_option("--user", what.answers.user, "The agent's user at the broker (none)");
   command->add_option("--password-file", what.answers.password_file,
-                      "File of its password (what systemd hands to the unit)");
+                      "File of its password (mqtt_password, beside the config)");
   command->add_option("--operator", what.answers.operator_name,
                       "The user of Node-RED, who may send commands (nodered)");
   command->add_option("--protocol", what.answers.protocol, "Protocol of the device");
@@ -379,7 +391,7 @@ std::string misspelt_subcommand(const CLI::App& app, int argc, char** argv) {
   for (const CLI::App* command : app.get_subcommands({})) names.push_back(command->get_name());
   if (std::ranges::find(names, said) != names.end()) return {};
   const std::vector<std::string_view> words(names.begin(), names.end());
-  return "there is no subcommand " + shown(said) + "; " + did_you_mean(said, words);
+  return "there is no subcommand " + shown(said) + did_you_mean(said, words);
 }
 
 int dispatch(int argc, char** argv) {

@@ -61,13 +61,6 @@ bool is_meant_as_tag(std::string_view text) {
   return text.find(':') == text.npos && text.find_first_of("0123456789") > kLettersOfAddress;
 }
 
-std::vector<std::string_view> tag_names(const DeviceConfig& device) {
-  std::vector<std::string_view> names;
-  names.reserve(device.tags.size());
-  for (const TagConfig& tag : device.tags) names.push_back(tag.name);
-  return names;
-}
-
 bool names_tag(const OneShot& what, const DeviceConfig& device) {
   return std::any_of(device.tags.begin(), device.tags.end(),
                      [&](const TagConfig& tag) { return tag.name == what.address; });
@@ -142,11 +135,7 @@ CommandResult carry_out(const Config& config, const OneShot& what, CommandTarget
   if (must_ask_model(*codec) && !is_unknown) codec = answer.await_model();
   CommandAdmission admission(device);
   auto decision = admission.admit(std::move(command), codec, 0, std::chrono::steady_clock::now());
-  if (auto* result = std::get_if<CommandResult>(&decision)) {
-    if (is_unknown && !device.tags.empty())
-      result->detail += "; " + did_you_mean(what.address, tag_names(device));
-    return std::move(*result);
-  }
+  if (auto* result = std::get_if<CommandResult>(&decision)) return std::move(*result);
   field.submit(std::move(std::get<AdmittedCommand>(decision)));
   return answer.await_result();
 }
@@ -219,8 +208,8 @@ int run_one_shot(Config config, const OneShot& what) {
   if (!narrow(config, what.device)) {
     std::vector<std::string_view> names;
     for (const DeviceConfig& device : config.devices) names.push_back(device.name);
-    std::cerr << "no device " << what.device << " in the config"
-              << (names.empty() ? "" : "; " + did_you_mean(what.device, names)) << '\n';
+    std::cerr << "no device " << what.device << " in the config" << did_you_mean(what.device, names)
+              << '\n';
     return kWrongQuestion;
   }
   if ((what.type || what.count > 0) && names_tag(what, config.devices.front())) {

@@ -9,6 +9,7 @@
 #include "agent/line_time.h"
 #include "protocol/plan.h"
 #include "protocol/plc.h"
+#include "protocol/range_ends.h"
 
 namespace fxagent {
 namespace {
@@ -452,8 +453,8 @@ Result<WhatIf> parse_what_if(const std::string& what) {
   out.interval = milliseconds(interval);
   const std::string places = text.substr(blank + 1, at - blank - 1);
   const RangeEnds ends = range_ends(places);
-  out.first = trimmed(ends.first);
-  out.last = trimmed(ends.last.value_or(ends.first));
+  out.first = ends.first;
+  out.last = last_end(ends);
   return out;
 }
 

@@ -5,6 +5,7 @@
 
 #include "agent/commands/faults.h"
 #include "agent/commands/result.h"
+#include "agent/config/reader.h"
 #include "protocol/plan.h"
 #include "protocol/plc.h"
 #include "protocol/value_range.h"
@@ -110,6 +111,16 @@ std::shared_ptr<const CommandResult> kept(CommandResult result) {
   result.correlation = {};
   result.frames = {};
   return std::make_shared<const CommandResult>(std::move(result));
+}
+
+/// "; did you mean …?"; empty where no name is near, or there are too many to compare them all.
+std::string nearest_tag(std::string_view said, const DeviceConfig& device) {
+  constexpr std::size_t kMost = 1000;
+  std::vector<std::string_view> names;
+  if (device.tags.size() > kMost) return {};
+  names.reserve(device.tags.size());
+  for (const TagConfig& tag : device.tags) names.push_back(tag.name);
+  return did_you_mean(said, names);
 }
 
 }  // namespace
@@ -270,7 +281,8 @@ std::optional<Refusal> CommandAdmission::resolve_place(const Codec& codec, Op op
     const auto tag = std::find_if(device_->tags.begin(), device_->tags.end(),
                                   [&](const TagConfig& t) { return t.name == target.tag; });
     if (tag == device_->tags.end())
-      return refuse(fault, "device " + device_->name + " has no tag " + target.tag);
+      return refuse(fault, "device " + device_->name + " has no tag " + target.tag +
+                               nearest_tag(target.tag, *device_));
     out.tag_index = static_cast<std::uint32_t>(tag - device_->tags.begin());
     out.point = tag->point;
   } else {

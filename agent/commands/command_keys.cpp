@@ -79,7 +79,7 @@ std::string unknown(std::string_view name) {
   std::array<std::string_view, kKeys.size()> names;
   std::transform(kKeys.begin(), kKeys.end(), names.begin(),
                  [](const Key& each) { return each.name; });
-  return "unknown key " + in_quotes(name) + ", " + did_you_mean(name, names);
+  return "unknown key " + in_quotes(name) + did_you_mean(name, names);
 }
 
 /// Keys that say more about an address, where there is no address for them.

@@ -31,7 +31,7 @@ Refusal refusal_of_unknown(const Command& command, const Config& config,
   for (const DeviceConfig& known : config.devices)
     if (!known.is_vacant()) names.push_back(known.name);
   return {Reason::unknown_device,
-          "there is no device " + device + " in the config; " + did_you_mean(device, names)};
+          "there is no device " + device + " in the config" + did_you_mean(device, names)};
 }
 
 bool is_remembered(const CommandResult& result) {

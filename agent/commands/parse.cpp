@@ -9,6 +9,7 @@
 
 #include "agent/commands/command_keys.h"
 #include "agent/commands/faults.h"
+#include "agent/config/tree.h"
 #include "agent/json_writer.h"
 
 namespace fxagent {
@@ -268,6 +269,12 @@ void read_conditions(const Json& object, Command& command, Faults& faults) {
   }
 }
 
+/// What is wrong with it and where, as a config says it.
+std::string why_no_json(std::string_view payload) {
+  const auto tree = ConfigTree::parse(payload);
+  return tree ? "not JSON" : tree.error().text;
+}
+
 }  // namespace
 
 Command parse_command(std::string_view payload) {
@@ -288,8 +295,8 @@ Command parse_command(std::string_view payload) {
                                    },
                                    /*allow_exceptions=*/false);
   if (json.is_discarded() || !json.is_object()) {
-    command.refusal =
-        Refusal{Reason::bad_json, json.is_discarded() ? "not JSON" : "a command is a JSON object"};
+    command.refusal = Refusal{Reason::bad_json, json.is_discarded() ? why_no_json(payload)
+                                                                    : "a command is a JSON object"};
     return command;
   }
   Faults faults;

@@ -20,7 +20,6 @@
 #include "agent/config/remote_limits.h"
 #include "agent/config/tree.h"
 #include "agent/config/warnings.h"
-#include "agent/process/port_access.h"
 #include "agent/sha256.h"
 
 namespace fxagent {
@@ -391,8 +390,6 @@ bool lies_behind_closed_doors(const std::filesystem::path& path, mode_t right) {
   return false;
 }
 
-constexpr std::string_view kOurName = "fxagent";
-
 /// Where containers have their secrets: readable by all, and nobody else is in there.
 constexpr std::string_view kContainerSecrets = "/run/secrets/";
 
@@ -407,20 +404,6 @@ std::string_view readers_beside_owner(const std::string& path) {
   // Who is not its owner may need the group's right.
   const bool by_group = (file.st_mode & S_IRGRP) != 0 && file.st_uid == ::geteuid();
   return by_group && !lies_behind_closed_doors(path, S_IXGRP) ? "its group" : "";
-}
-
-/// Why the agent may not get this port; empty: it does. Opens nothing: that would raise DTR.
-std::string why_no_port(const std::string& path) {
-  if (::access(path.c_str(), R_OK | W_OK) != 0) {
-    const int error = errno;
-    return shown(path) + " cannot be opened: " + std::generic_category().message(error) +
-           port_cure(path, error);
-  }
-  // The agent of this very config may be running.
-  const auto holder = port_holder(path);
-  if (!holder || holder->program == kOurName) return {};
-  return shown(path) + " is in use by another program: " + holder->program + ", pid " +
-         std::to_string(holder->pid);
 }
 
 }  // namespace
@@ -541,12 +524,6 @@ std::vector<ConfigError> check_files(const Config& config) {
   }
   if (!config.store.path.empty() && !can_be_made(config.store.path))
     missing.push_back({"/store/path", 0, shown(config.store.path) + " cannot be written"});
-  for (std::size_t i = 0; i < config.links.size(); ++i) {
-    const auto* serial = std::get_if<SerialSettings>(&config.links[i].channel);
-    if (serial != nullptr)
-      if (auto why = why_no_port(serial->path); !why.empty())
-        missing.push_back({"/links/" + std::to_string(i) + "/serial/path", 0, std::move(why)});
-  }
   return missing;
 }
 

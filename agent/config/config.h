@@ -277,9 +277,9 @@ tl::expected<Config, std::vector<ConfigError>> parse_config(
 tl::expected<Config, std::vector<ConfigError>> parse_config(std::string_view text);
 
 /// What the config names and this machine lacks: certificates and password files that cannot be
-/// read, a password variable that is not set, a serial port that is not there, that this user may
-/// not open or that another program has, a store that cannot be written. Pointers are those of the
-/// file; lines are 0. Changes nothing on disk.
+/// read, a password variable that is not set, a store that cannot be written. Pointers are those of
+/// the file; lines are 0. Changes nothing on disk. Of serial ports: unavailable_ports() of
+/// serial_ports.h.
 std::vector<ConfigError> check_files(const Config& config);
 
 /// Password and key files that others can read than those who must: everybody, or the group of a

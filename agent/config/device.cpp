@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "agent/config/keys.h"
+#include "agent/config/model_name.h"
 #include "agent/config/templates.h"
 #include "agent/config/warnings.h"
 #include "protocol/plc.h"
@@ -82,15 +83,6 @@ class SharedParts {
   std::map<TagUnits, std::shared_ptr<const TagUnits>> units_;
   std::unordered_multimap<std::size_t, SharedVector<TagConfig>> tags_;
 };
-
-/// FX5U, FX5UC, FX5UJ or FX5S, in any case.
-bool is_fx5(std::string_view model) {
-  return model.size() >= 3 && (model.starts_with("FX5") || model.starts_with("fx5"));
-}
-
-bool knows_fx5(const ProtocolInfo& protocol) {
-  return std::ranges::any_of(protocol.models, is_fx5);
-}
 
 /// Reads one device. A device whose protocol cannot be told is read on without its codec, so that
 /// the errors of shape in its tags still come out.
@@ -197,16 +189,18 @@ std::optional<std::string_view> DeviceReader::read_model() {
                                 " has no models: leave \"model\" out, or set it to auto");
     return kAutoModel;
   }
-  if (given->kind == ConfigNode::Kind::string && is_fx5(given->text) && !knows_fx5(protocol)) {
-    std::vector<std::string_view> others;
-    for (const ProtocolInfo& info : catalog())
-      if (knows_fx5(info)) others.push_back(info.name);
-    reader_.error(*given, std::string(protocol.name) + " does not reach an FX5; " + one_of(others) +
-                              " does, as its parameters say, and so do modbus-tcp or modbus-rtu, "
-                              "without \"model\"");
+  const ConfigKey key = model_key(protocol);
+  const std::string said = reader_.replaced(*given);
+  const auto meant = model_meant(said);
+  if (!meant.empty() && !knows_model(protocol, meant)) {
+    reader_.error(*given, model_is_not_reached(protocol, meant));
     return std::nullopt;
   }
-  const ConfigKey key = model_key(protocol);
+  if (!meant.empty() && std::ranges::find(key.limits.words, said) == key.limits.words.end()) {
+    reader_.error(*given, "must be " + one_of(key.limits.words) + ", found \"" +
+                              shown(given->text) + "\"; did you mean " + std::string(meant) + "?");
+    return std::nullopt;
+  }
   const auto model = reader_.choice(node_, key);
   return model ? std::optional(key.limits.words[*model]) : std::nullopt;
 }
@@ -317,8 +311,8 @@ std::uint32_t DeviceReader::group_of(const ConfigNode& tag) {
   const std::string name = given.value_or(std::string(default_group));
   if (const auto index = groups_.find(name)) return *index;
   if (name != default_group) {
-    reader_.error(*node, "this device has no group \"" + name + "\"; " +
-                             (groups_.names().empty() ? "it has no groups at all"
+    reader_.error(*node, "this device has no group \"" + name + "\"" +
+                             (groups_.names().empty() ? "; it has no groups at all"
                                                       : did_you_mean(name, groups_.names())));
     return 0;
   }
@@ -561,8 +555,8 @@ void join_link(ConfigReader& reader, const DeviceEntry& entry, const NameTable& 
   const ConfigNode& given = *node.find("link");
   const auto index = links.find(*name);
   if (!index) {
-    reader.error(given, "there is no link \"" + *name + "\"; " +
-                            (links.names().empty() ? "there are no links at all"
+    reader.error(given, "there is no link \"" + *name + "\"" +
+                            (links.names().empty() ? "; there are no links at all"
                                                    : did_you_mean(*name, links.names())));
     return;
   }

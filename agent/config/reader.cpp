@@ -79,12 +79,13 @@ bool equal_but_for_case(std::string_view a, std::string_view b) {
 
 /// What people write, and the word of ours that they mean by it. By its letters alone it would be
 /// another one, or none.
-constexpr std::array<std::pair<std::string_view, std::string_view>, 25> kMeanings{{
+constexpr auto kMeanings = std::to_array<std::pair<std::string_view, std::string_view>>({
     {"rw", "read_write"},
     {"r/w", "read_write"},
     {"readwrite", "read_write"},
     {"read-write", "read_write"},
     {"write", "read_write"},
+    {"w", "read_write"},
     {"ro", "read"},
     {"r", "read"},
     {"readonly", "read"},
@@ -93,6 +94,12 @@ constexpr std::array<std::pair<std::string_view, std::string_view>, 25> kMeaning
     {"word", "uint16"},
     {"dword", "uint32"},
     {"int", "int16"},
+    {"short", "int16"},
+    {"ushort", "uint16"},
+    {"long", "int32"},
+    {"ulong", "uint32"},
+    {"text", "string"},
+    {"char", "string"},
     {"dint", "int32"},
     {"real", "float32"},
     {"single", "float32"},
@@ -100,12 +107,44 @@ constexpr std::array<std::pair<std::string_view, std::string_view>, 25> kMeaning
     {"rtu", "modbus-rtu"},
     {"ascii", "modbus-ascii"},
     {"tcp", "modbus-tcp"},
+    {"fx", "fx-programming-port"},
+    {"fx", "fx-computer-link"},
+    {"slmp", "mc-3e"},
+    {"slmp", "mc-4e"},
+    {"melsec", "mc-1e"},
+    {"melsec", "mc-3e"},
+    {"mc", "mc-1e"},
+    {"mc", "mc-3e"},
     {"host", "servers"},
     {"port", "servers"},
     {"broker", "servers"},
     {"url", "servers"},
     {"interval", "interval_ms"},
-}};
+    {"poll", "interval_ms"},
+    {"poll_ms", "interval_ms"},
+    {"poll_interval_ms", "interval_ms"},
+    {"period_ms", "interval_ms"},
+    {"scan_ms", "interval_ms"},
+    {"baudrate", "baud"},
+    {"baud_rate", "baud"},
+    {"speed", "baud"},
+    {"ip", "host"},
+    {"slave", "unit"},
+    {"slave", "station"},
+    {"slave_id", "unit"},
+    {"unit_id", "unit"},
+    {"tag", "tags"},
+    {"register", "address"},
+});
+
+/// Of 64 bits, which no type has: the nearest would be read as half of them.
+constexpr std::array<std::string_view, 5> kOfNoWord{"double", "lreal", "float64", "int64",
+                                                    "uint64"};
+
+bool is_of_no_word(std::string_view word) {
+  return std::ranges::any_of(kOfNoWord,
+                             [&](std::string_view each) { return equal_but_for_case(word, each); });
+}
 
 /// Whether `word` says `candidate` in another way: another case, its first letter alone, or a word
 /// of the table.
@@ -126,22 +165,44 @@ std::string_view first_level(std::string_view section) {
   return section.substr(0, section.find('.'));
 }
 
-/// Where a key is at home that `section` lacks, in words; empty: nowhere near, or in too many
-/// places to name.
-std::string home_of(std::string_view key, std::string_view section) {
+enum class Range : std::uint8_t { near, all };
+
+/// Where a key is at home that `section` lacks, in words; empty: nowhere in that range, or in too
+/// many places to name.
+std::string home_of(std::string_view key, std::string_view section, Range range) {
   std::vector<std::string_view> homes;
   for (const ConfigKey& known : config_keys::kAll) {
     const bool is_near = section.empty() || known.section.empty() ||
                          first_level(known.section) == first_level(section);
-    if (known.name == key && is_near) homes.push_back(known.section);
+    if (known.name == key && (is_near || range == Range::all)) homes.push_back(known.section);
   }
   constexpr std::size_t kMost = 2;
   if (homes.empty() || homes.size() > kMost) return {};
-  if (homes.front().empty()) return "it belongs at the top level";
-  std::string text = "it belongs inside " + one_of(homes);
+  if (homes.front().empty()) return "belongs at the top level";
+  std::string text = "belongs inside " + one_of(homes);
   if (section == "devices[].tags[]" && homes.front() == "devices[].groups[]")
     text += ", to the group that the tag names";
   return text;
+}
+
+/// What to do about a key that `section` lacks, with what separates it from what is wrong; empty:
+/// nothing is known. `known`: the keys that may stand there.
+std::string cure_of(std::string_view key, std::string_view section,
+                    std::span<const std::string_view> known) {
+  if (const std::string home = home_of(key, section, Range::near); !home.empty())
+    return "; it " + home;
+  if (std::ranges::any_of(known, [&](std::string_view each) { return means(key, each); }))
+    return did_you_mean(key, known);
+  if (const std::string home = home_of(key, section, Range::all); !home.empty())
+    return "; it " + home;
+  // That of a tag is what its value is counted in, and no address on a bus.
+  constexpr std::string_view kOfTag = "unit";
+  for (const Range range : {Range::near, Range::all})
+    for (const auto& [said, meant] : kMeanings)
+      if (equal_but_for_case(key, said) && meant != kOfTag)
+        if (const std::string home = home_of(meant, section, range); !home.empty())
+          return "; it is called " + std::string(meant) + " and " + home;
+  return did_you_mean(key, known);
 }
 
 }  // namespace
@@ -156,10 +217,11 @@ std::vector<std::string_view> nearest_words(std::string_view word,
     for (const auto candidate : words)
       if (candidate.starts_with(word)) nearest.push_back(candidate);
   if (!nearest.empty()) return nearest;
-  word = word.substr(0, kLongestWord);
+  if (word.size() > kLongestWord || is_of_no_word(word)) return {};
   std::size_t least = 0;
   for (const auto candidate : words) {
     const std::size_t distance = edit_distance(word, candidate);
+    if (distance > std::max(word.size(), candidate.size()) / 2) continue;  // another word
     if (nearest.empty() || distance < least) {
       least = distance;
       nearest.clear();
@@ -180,7 +242,7 @@ std::string one_of(std::span<const std::string_view> words) {
 
 std::string did_you_mean(std::string_view word, std::span<const std::string_view> words) {
   const auto nearest = nearest_words(word, words);
-  return nearest.empty() ? std::string() : "did you mean " + one_of(nearest) + "?";
+  return nearest.empty() ? std::string() : "; did you mean " + one_of(nearest) + "?";
 }
 
 bool is_name(std::string_view text) {
@@ -278,9 +340,8 @@ bool ConfigReader::check_object(const ConfigNode& node, std::span<const ConfigKe
     std::vector<std::string_view> known;
     for (const ConfigKey& key : keys) known.push_back(key.name);
     known.insert(known.end(), more.begin(), more.end());
-    const std::string home = home_of(child.key, keys.front().section);
-    error_at_key(child, "unknown key \"" + shown(child.key) + "\"; " +
-                            (home.empty() ? did_you_mean(child.key, known) : home));
+    error_at_key(child, "unknown key \"" + shown(child.key) + "\"" +
+                            cure_of(child.key, keys.front().section, known));
   }
   return true;
 }
@@ -429,7 +490,7 @@ std::optional<std::size_t> ConfigReader::choice(const ConfigNode& parent, const 
   const auto words = key.limits.words;
   const auto found = std::ranges::find(words, *value);
   if (found != words.end()) return static_cast<std::size_t>(found - words.begin());
-  error(*node, "must be " + one_of(words) + ", found \"" + shown(node->text) + "\"; " +
+  error(*node, "must be " + one_of(words) + ", found \"" + shown(node->text) + "\"" +
                    did_you_mean(node->text, words));
   return std::nullopt;
 }

@@ -17,12 +17,12 @@
 namespace fxagent {
 
 /// The words that `word` means ("rw": "read_write", "E": "even"), else those nearest by edit
-/// distance: one, or a few that are equally near. A word that is the beginning of others means
-/// those ("password": "password_file", "password_env").
+/// distance: one, or a few that are equally near; none where more than half of the letters differ.
+/// A word that is the beginning of others means those ("password": "password_file", "password_env").
 std::vector<std::string_view> nearest_words(std::string_view word,
                                             std::span<const std::string_view> words);
 
-/// "did you mean `a`?" or "did you mean `a` or `b`?"; empty where there are no words.
+/// "; did you mean `a` or `b`?", to stand behind what is wrong; empty where none is near.
 std::string did_you_mean(std::string_view word, std::span<const std::string_view> words);
 
 /// "a, b or c"

@@ -64,7 +64,7 @@ void read_word(ConfigReader& reader, const ConfigNode& item, const std::string& 
   } else if (is_local_alone(word)) {
     reader.error(item, shown(word) + " cannot be set remotely; what can is " + std::string(kForms));
   } else {
-    reader.error(item, "must be " + std::string(kForms) + "; " + did_you_mean(word, kWords));
+    reader.error(item, "must be " + std::string(kForms) + did_you_mean(word, kWords));
   }
 }
 

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "agent/config/keys.h"
+#include "protocol/point.h"
 
 namespace fxagent {
 namespace {
@@ -82,15 +83,13 @@ tl::expected<std::vector<std::string>, std::string> numbers_of_range(std::string
   std::vector<std::string> list;
   while (true) {
     const std::string_view part = text.substr(0, text.find(','));
-    const std::string_view first = part.substr(0, part.find('-'));
-    const std::string_view last =
-        first.size() < part.size() ? part.substr(first.size() + 1) : first;
-    const auto from = number_in(first);
-    const auto to = number_in(last);
+    const RangeEnds ends = range_ends(part);
+    const auto from = number_in(ends.first);
+    const auto to = number_in(ends.last.value_or(ends.first));
     if (!from || !to) return tl::unexpected(wanted);
     if (*from > *to) return tl::unexpected("the range " + std::string(part) + " goes backwards");
     if (*to - *from >= Templates::max_devices - list.size()) return tl::unexpected(too_many());
-    const std::size_t width = first.front() == '0' ? first.size() : 0;
+    const std::size_t width = ends.first.front() == '0' ? ends.first.size() : 0;
     for (std::size_t n = *from; n <= *to; ++n) list.push_back(padded(n, width));
     if (part.size() == text.size()) return list;
     text.remove_prefix(part.size() + 1);
@@ -178,9 +177,9 @@ Templates::Template* Templates::template_of(const ConfigNode& node, const Config
   std::vector<std::string_view> names;
   names.reserve(templates_.size());
   for (const auto& [known, ignored] : templates_) names.push_back(known);
-  reader_.error(given,
-                "there is no template \"" + *name + "\"; " +
-                    (names.empty() ? "there are no templates at all" : did_you_mean(*name, names)));
+  reader_.error(
+      given, "there is no template \"" + *name + "\"" +
+                 (names.empty() ? "; there are no templates at all" : did_you_mean(*name, names)));
   return nullptr;
 }
 

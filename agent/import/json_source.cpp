@@ -1,5 +1,6 @@
 #include "agent/import/json_source.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace fxagent {
@@ -36,6 +37,19 @@ const std::vector<ConfigNode>& children_at(const ConfigNode& node, std::string_v
   static const std::vector<ConfigNode> none;
   const ConfigNode* found = node.find(key);
   return found == nullptr ? none : found->children;
+}
+
+std::string other_keys(const ConfigNode& node, std::initializer_list<std::string_view> known) {
+  std::string list;
+  for (const ConfigNode& member : node.children) {
+    const bool says_nothing =
+        member.kind == Kind::null || (member.kind == Kind::string && member.text.empty()) ||
+        ((member.kind == Kind::array || member.kind == Kind::object) && member.children.empty());
+    if (says_nothing || std::ranges::find(known, std::string_view(member.key)) != known.end())
+      continue;
+    list += (list.empty() ? "" : ", ") + std::string(member.key);
+  }
+  return list;
 }
 
 }  // namespace fxagent

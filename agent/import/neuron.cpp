@@ -181,6 +181,8 @@ class NeuronReader {
   int line_of(const ConfigNode& node) const { return tree_.line_of(node.offset); }
   std::string port_of(const Driver& driver, std::string_view protocol);
   JsonObject serial_of(const Driver& driver, std::string_view protocol);
+  void tell_of_others(const ConfigNode& node, const std::string& what,
+                      std::initializer_list<std::string_view> known);
   void read_params(const Driver& driver);
   void read_driver(const Driver& driver);
   ImportedDevice& device_of(const Driver& driver, std::string_view protocol, std::int64_t unit);
@@ -200,6 +202,13 @@ class NeuronReader {
   std::map<std::pair<std::size_t, std::string_view>, std::string> groups_;
   std::map<std::size_t, NameMaker> group_names_;
 };
+
+/// Notes the keys of `node`, which is `what`, that are none of `known`.
+void NeuronReader::tell_of_others(const ConfigNode& node, const std::string& what,
+                                  std::initializer_list<std::string_view> known) {
+  if (const std::string keys = other_keys(node, known); !keys.empty())
+    out_.note(line_of(node), "not carried over: " + keys + " of " + what);
+}
 
 std::string NeuronReader::port_of(const Driver& driver, std::string_view protocol) {
   if (!options_.port.empty()) return options_.port;
@@ -281,6 +290,10 @@ ImportedDevice& NeuronReader::device_of(const Driver& driver, std::string_view p
           driver.params == nullptr ? std::nullopt : integer_at(*driver.params, "timeout");
       timeout && *timeout > 0)
     device.keys.integer("timeout_ms", *timeout);
+  if (const auto gap =
+          driver.params == nullptr ? std::nullopt : integer_at(*driver.params, "interval");
+      gap && *gap > 0)
+    device.keys.integer("gap_ms", *gap);
   out_.devices.push_back(std::move(device));
   return out_.devices.back();
 }
@@ -327,6 +340,12 @@ void NeuronReader::read_tag(const Driver& driver, const Driver::Group& group,
     tag.keys.number("offset", *bias);
   if ((integer_at(node, "attribute").value_or(0) & kWrite) != 0)
     tag.keys.text("access", "read_write");
+  if (const std::string_view unit = text_at(node, "unit"); !unit.empty())
+    tag.keys.literal("unit", unit);
+  const bool is_rounded = number_at(node, "precision").value_or(0) != 0;
+  tell_of_others(node, std::string(name),
+                 {"name", "address", "type", "attribute", "decimal", "bias", "description", "unit",
+                  is_rounded ? "" : "precision"});
   if (const std::string_view text = text_at(node, "description"); !text.empty())
     out_.note(line, "not carried over: the description \"" + std::string(text) + "\"");
   tag.keys.text("group", known->second);
@@ -360,6 +379,16 @@ void NeuronReader::read_driver(const Driver& driver) {
   link_.clear();
   order_ = {};
   if (driver.params != nullptr && protocol.starts_with("modbus")) read_params(driver);
+  const std::string what = "the node " + std::string(driver.name);
+  tell_of_others(*driver.node, what,
+                 {"name", "plugin", "params", "groups", "nodes", "tags", "settings"});
+  if (driver.params != nullptr)
+    tell_of_others(*driver.params, what,
+                   {"link", "device", "host", "port", "connection_mode", "baud", "data", "parity",
+                    "stop", "timeout", "interval", "endianess", "address_base"});
+  for (const Driver::Group& group : driver.groups)
+    tell_of_others(*group.node, "the group " + std::string(group.name),
+                   {"driver", "group", "name", "interval", "tags"});
   for (const Driver::Group& group : driver.groups)
     for (const ConfigNode* tag : group.tags) read_tag(driver, group, *tag, protocol);
 }

@@ -99,6 +99,8 @@ class TelegrafReader {
     bool is_register_style = false;
   };
 
+  void tell_of_others(const toml::table& table, const std::string& what,
+                      std::initializer_list<std::string_view> known);
   void read_plugin(const toml::table& plugin, std::int64_t interval);
   std::string link_of(const toml::table& plugin, std::string& protocol);
   ImportedDevice& device_of(std::int64_t unit, int line);
@@ -114,11 +116,22 @@ class TelegrafReader {
   std::string link_;
   std::string protocol_;
   std::optional<std::int64_t> timeout_;
+  std::optional<std::int64_t> pause_;
   std::int64_t interval_ = kDefaultInterval;
   std::string group_;                          ///< name of the one group that each device has
   std::map<std::int64_t, std::size_t> units_;  ///< index in out_.devices
   std::map<std::int64_t, NameMaker> tag_names_;
 };
+
+/// Notes the keys of `table`, which is `what`, that are none of `known`.
+void TelegrafReader::tell_of_others(const toml::table& table, const std::string& what,
+                                    std::initializer_list<std::string_view> known) {
+  std::string keys;
+  for (const auto& [key, value] : table)
+    if (std::ranges::find(known, key.str()) == known.end())
+      keys += (keys.empty() ? "" : ", ") + std::string(key.str());
+  if (!keys.empty()) out_.note(line_of(table), "not carried over: " + keys + " of " + what);
+}
 
 /// Also the protocol, which the transmission mode decides.
 std::string TelegrafReader::link_of(const toml::table& plugin, std::string& protocol) {
@@ -162,6 +175,7 @@ ImportedDevice& TelegrafReader::device_of(std::int64_t unit, int line) {
   device.keys.text("protocol", protocol_);
   device.keys.integer("unit", unit);
   if (timeout_ && *timeout_ > 0) device.keys.integer("timeout_ms", *timeout_);
+  if (pause_ && *pause_ > 0) device.keys.integer("gap_ms", *pause_);
   group_ = IntervalGroups(device).at(interval_);
   out_.devices.push_back(std::move(device));
   return out_.devices.back();
@@ -202,6 +216,9 @@ void TelegrafReader::read_field(const toml::table& node, std::int64_t unit, Fiel
   if (!order.empty() && type != "bool") tag.keys.text("word_order", order);
   const auto scale = node["scale"].value<double>();
   if (scale && *scale != 0 && *scale != 1 && type != "bool") tag.keys.number("scale", *scale);
+  tell_of_others(node, name,
+                 {"name", "address", "data_type", "type", "byte_order", "scale", "bit",
+                  "measurement", "omit", "register"});
   if (const std::string_view measurement = text_at(node, "measurement"); !measurement.empty())
     out_.note(line, "not carried over: the measurement \"" + std::string(measurement) + "\"");
   tag.keys.text("group", group_);
@@ -227,6 +244,12 @@ void TelegrafReader::read_plugin(const toml::table& plugin, std::int64_t interva
   name_ = options_.device.empty() ? std::string(text_at(plugin, "name")) : options_.device;
   link_ = link_of(plugin, protocol_);
   timeout_ = milliseconds(text_at(plugin, "timeout"));
+  pause_ = milliseconds(text_at(plugin, "pause_between_requests"));
+  tell_of_others(
+      plugin, "inputs.modbus \"" + name_ + "\"",
+      {"name", "controller", "transmission_mode", "baud_rate", "data_bits", "parity", "stop_bits",
+       "timeout", "pause_between_requests", "interval", "slave_id", "configuration_type",
+       "discrete_inputs", "coils", "holding_registers", "input_registers", "request", "metric"});
   interval_ = milliseconds(text_at(plugin, "interval")).value_or(interval);
   const auto unit = integer_at(plugin, "slave_id").value_or(1);
   for (const auto list :
@@ -238,6 +261,8 @@ void TelegrafReader::read_plugin(const toml::table& plugin, std::int64_t interva
     for (const toml::node& item : *requests) {
       const toml::table* request = item.as_table();
       if (request == nullptr) continue;
+      tell_of_others(*request, "the " + std::string(style),
+                     {"slave_id", "byte_order", "register", "fields", "tags"});
       const char table = style == "metric" ? kOwnRegister : table_of(text_at(*request, "register"));
       read_fields(*request, "fields", integer_at(*request, "slave_id").value_or(0),
                   {table, text_at(*request, "byte_order"), false});

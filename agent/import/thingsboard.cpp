@@ -1,6 +1,7 @@
 // modbus.json of the ThingsBoard gateway: slaves of `master` with attributes and timeseries, which
 // are read, and attributeUpdates and rpc, which write.
 #include <array>
+#include <cmath>
 #include <map>
 #include <set>
 #include <string>
@@ -88,6 +89,9 @@ class ThingsboardReader {
 
  private:
   int line_of(const ConfigNode& node) const { return tree_.line_of(node.offset); }
+  /// Notes the keys of `node`, which is `what`, that are none of `known`.
+  void tell_of_others(const ConfigNode& node, const std::string& what,
+                      std::initializer_list<std::string_view> known);
   void read_slave(const ConfigNode& slave);
   std::string link_of(const ConfigNode& slave, std::string_view protocol);
   void read_tag(const ConfigNode& slave, const ConfigNode& node, ImportedDevice& device,
@@ -101,6 +105,12 @@ class ThingsboardReader {
   /// Of this slave: what attributeUpdates and rpc may write, by table and address.
   std::set<std::pair<char, std::int64_t>> written_;
 };
+
+void ThingsboardReader::tell_of_others(const ConfigNode& node, const std::string& what,
+                                       std::initializer_list<std::string_view> known) {
+  if (const std::string keys = other_keys(node, known); !keys.empty())
+    out_.note(line_of(node), "not carried over: " + keys + " of " + what);
+}
 
 std::string ThingsboardReader::link_of(const ConfigNode& slave, std::string_view protocol) {
   if (!options_.port.empty()) return links_.to(options_.port);
@@ -145,6 +155,9 @@ void ThingsboardReader::read_tag(const ConfigNode& slave, const ConfigNode& node
   if (address.empty() || writes(function))
     return leave_out("no function that reads, or no address");
   const bool is_bit = table == '0' || table == '1';
+  tell_of_others(node, std::string(name),
+                 {"tag", "type", "functionCode", "objectsCount", "address", "bit", "byteOrder",
+                  "wordOrder", "divider", "multiplier"});
   ImportedTag tag{line, {}};
   tag.keys.text("name", names.make(name, "tag", line, out_.notes));
   if (type == "bool" && !is_bit) {
@@ -197,6 +210,14 @@ void ThingsboardReader::read_slave(const ConfigNode& slave) {
   device.keys.integer("unit", integer_at(slave, "unitId").value_or(1));
   if (const std::string_view order = order_of(slave, nullptr); order != "ABCD")
     device.keys.text("byte_order", order);
+  if (const auto seconds = number_at(slave, "timeout"); seconds && *seconds > 0)
+    device.keys.number("timeout_ms", std::round(*seconds * 1000));
+  if (const auto gap = integer_at(slave, "delayBetweenRequestsMs"); gap && *gap > 0)
+    device.keys.integer("gap_ms", *gap);
+  tell_of_others(slave, "the slave " + std::string(text_at(slave, "deviceName")),
+                 {"type", "method", "host", "port", "baudrate", "bytesize", "parity", "stopbits",
+                  "unitId", "deviceName", "byteOrder", "wordOrder", "pollPeriod", "timeout",
+                  "delayBetweenRequestsMs", "attributes", "timeseries", "attributeUpdates", "rpc"});
 
   written_.clear();
   for (const auto list : {"attributeUpdates"sv, "rpc"sv})
@@ -229,6 +250,8 @@ void ThingsboardReader::read_slave(const ConfigNode& slave) {
 Imported ThingsboardReader::read() {
   const ConfigNode* master = tree_.root().find("master");
   for (const ConfigNode& slave : children_at(*master, "slaves")) read_slave(slave);
+  tell_of_others(*master, "\"master\"", {"slaves"});
+  tell_of_others(tree_.root(), "the file", {"master", "slave"});
   if (const ConfigNode* slave = tree_.root().find("slave"))
     out_.note(line_of(*slave), "left out: \"slave\", the gateway's own Modbus server");
   return std::move(out_);

@@ -100,7 +100,8 @@ constexpr std::array kOfSamples{
 /// One page. Each family is written as soon as it is whole: of many links they are large.
 class Page final {
  public:
-  explicit Page(const AgentStatus& status) : status_(status), config_(*status.config) {}
+  Page(const AgentStatus& status, const HttpServer::Closed& closed)
+      : status_(status), config_(*status.config), closed_(closed) {}
 
   std::string text() {
     of_agent();
@@ -110,6 +111,7 @@ class Page final {
     of_commands();
     of_links();
     of_devices();
+    of_connections();
     write();
     return std::move(out_).str();
   }
@@ -285,14 +287,25 @@ class Page final {
                    });
   }
 
+  void of_connections() {
+    begin("fxagent_http_connections_closed_total", kCounter,
+          "Connections to this page that were closed before they had their answer.");
+    add({{"why", "slow"}}, number(closed_.slow));
+    add({{"why", "crowded"}}, number(closed_.crowded));
+    add({{"why", "unanswered"}}, number(closed_.unanswered));
+  }
+
   const AgentStatus& status_;
   const Config& config_;
+  const HttpServer::Closed& closed_;
   std::vector<MetricFamily> family_;  ///< the one that was begun last, or none
   std::ostringstream out_;
 };
 
 }  // namespace
 
-std::string exposition(const AgentStatus& status) { return Page(status).text(); }
+std::string exposition(const AgentStatus& status, const HttpServer::Closed& closed) {
+  return Page(status, closed).text();
+}
 
 }  // namespace fxagent

@@ -5,12 +5,13 @@
 
 #include <string>
 
+#include "agent/metrics/http_server.h"
 #include "agent/status.h"
 
 namespace fxagent {
 
 /// The status is one that the uplink has made: it has its config. A link or device that the field
 /// has not told of yet is not in it. Any thread.
-std::string exposition(const AgentStatus& status);
+std::string exposition(const AgentStatus& status, const HttpServer::Closed& closed = {});
 
 }  // namespace fxagent

@@ -55,8 +55,10 @@ struct HttpServer::Callbacks {
   static MHD_Result request(void* server, MHD_Connection* connection, const char* path,
                             const char* method, const char* /*version*/, const char* /*upload*/,
                             std::size_t* /*upload_size*/, void** /*of_request*/) noexcept {
+    auto* const self = static_cast<HttpServer*>(server);
+    self->answered(connection);
     if (!is_known(method)) return send(connection, not_allowed());
-    return send(connection, static_cast<HttpServer*>(server)->answer_(path));
+    return send(connection, self->answer_(path));
   }
   static void connection(void* server, MHD_Connection* connection, void** /*of_connection*/,
                          MHD_ConnectionNotificationCode what) noexcept {
@@ -101,7 +103,7 @@ SteadyTime HttpServer::run(SteadyTime now) {
   now_ = now;
   for (Open& open : open_) {
     if (now - open.since < kLongestConnection) break;
-    shut(open);
+    shut(open, closed_.slow);
   }
   http.run(daemon_);
   MHD_UNSIGNED_LONG_LONG silence_ms = 0;
@@ -118,19 +120,27 @@ SteadyTime HttpServer::run(SteadyTime now) {
 void HttpServer::began(MHD_Connection* connection) {
   if (open_.size() >= kCrowded) {
     const auto slowest = std::ranges::find(open_, false, &Open::is_shut);
-    if (slowest != open_.end()) shut(*slowest);
+    if (slowest != open_.end()) shut(*slowest, closed_.crowded);
   }
   open_.push_back({connection, now_});
 }
 
 void HttpServer::ended(MHD_Connection* connection) {
   const auto found = std::ranges::find(open_, connection, &Open::connection);
-  if (found != open_.end()) open_.erase(found);
+  if (found == open_.end()) return;
+  if (!found->is_shut && !found->is_answered) ++closed_.unanswered;
+  open_.erase(found);
+}
+
+void HttpServer::answered(MHD_Connection* connection) {
+  const auto found = std::ranges::find(open_, connection, &Open::connection);
+  if (found != open_.end()) found->is_answered = true;
 }
 
 /// The library finds that its peer has ended the connection, and forgets it.
-void HttpServer::shut(Open& open) {
+void HttpServer::shut(Open& open, std::uint64_t& count) {
   if (std::exchange(open.is_shut, true)) return;
+  ++count;
   const auto* const info =
       http_library()->get_connection_info(open.connection, MHD_CONNECTION_INFO_CONNECTION_FD);
   if (info != nullptr) ::shutdown(info->connect_fd, SHUT_RDWR);

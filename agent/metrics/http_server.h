@@ -5,6 +5,7 @@
 
 #include <chrono>
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <list>
 #include <memory>
@@ -39,6 +40,13 @@ class HttpServer final {
   static constexpr std::chrono::seconds kLongestConnection{10};
   static constexpr std::chrono::seconds kLongestSilence{5};
 
+  /// Connections that were closed before they had their answer, since the start.
+  struct Closed {
+    std::uint64_t slow = 0;        ///< kLongestConnection was over
+    std::uint64_t crowded = 0;     ///< the slowest of more than kCrowded
+    std::uint64_t unanswered = 0;  ///< silent, gone, or without a request that is one
+  };
+
   /// Answers GET and HEAD of a path, without its query. Must not throw.
   using Answer = std::function<HttpAnswer(std::string_view path)>;
 
@@ -52,20 +60,24 @@ class HttpServer final {
   /// where file() can be read.
   SteadyTime run(SteadyTime now);
   int file() const { return file_; }
+  const Closed& closed() const { return closed_; }
 
  private:
   struct Open {
     MHD_Connection* connection = nullptr;
     SteadyTime since{};
     bool is_shut = false;  ///< its end is the library's to notice
+    bool is_answered = false;
   };
   struct Callbacks;
 
   HttpServer(ListeningSocket socket, Answer answer);
 
   void began(MHD_Connection* connection);
+  void answered(MHD_Connection* connection);
   void ended(MHD_Connection* connection);
-  static void shut(Open& open);
+  /// Counts it where that is news.
+  static void shut(Open& open, std::uint64_t& count);
 
   ListeningSocket socket_;  ///< its file is the library's, and a Unix socket's path this one's
   const Answer answer_;
@@ -73,6 +85,7 @@ class HttpServer final {
   int file_ = -1;
   SteadyTime now_{};      ///< of the last run()
   std::list<Open> open_;  ///< the oldest first
+  Closed closed_;
 };
 
 }  // namespace fxagent

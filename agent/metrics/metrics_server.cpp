@@ -83,7 +83,8 @@ std::unique_ptr<HttpServer> MetricsServer::started(std::string& told) {
   return nullptr;
 }
 
-void MetricsServer::serve(HttpServer& server) const {
+void MetricsServer::serve(HttpServer& server) {
+  server_ = &server;
   while (wait(server.file(), server.run(Clock::now()))) {
   }
 }
@@ -114,7 +115,7 @@ HttpAnswer MetricsServer::metrics() {
   if (is_stale(now_here.get(), Clock::now()))
     return answer_of(health_of(now_here.get(), Clock::now()));
   if (now_here != shown_) {
-    text_ = std::make_shared<const std::string>(exposition(*now_here));
+    text_ = std::make_shared<const std::string>(exposition(*now_here, server_->closed()));
     shown_ = now_here;
   }
   return {kOk, kExposition, text_};

@@ -38,7 +38,7 @@ class MetricsServer final {
   void work();
   /// Null where there is none; `told` is the last reason that was logged.
   std::unique_ptr<HttpServer> started(std::string& told);
-  void serve(HttpServer& server) const;
+  void serve(HttpServer& server);
   /// Returns when `file` can be read, at `until`, or when it is to end: then false.
   bool wait(int file, SteadyTime until) const;
 
@@ -51,6 +51,7 @@ class MetricsServer final {
   const int end_;  ///< can be read when the thread is to end
   // The thread's own.
   SteadyTime ask_again_{};
+  const HttpServer* server_ = nullptr;        ///< null until it serves
   std::shared_ptr<const AgentStatus> shown_;  ///< whose text `text_` is
   std::shared_ptr<const std::string> text_;
   std::thread thread_;

@@ -14,6 +14,7 @@
 #include <climits>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
 #include <fstream>
 #include <memory>
 #include <sstream>
@@ -167,6 +168,17 @@ std::optional<PortHolder> port_holder(const std::string& path) {
   if (!pid) pid = holder_by_files(real.data());
   if (!pid) return std::nullopt;
   return PortHolder{*pid, program_of(*pid)};
+}
+
+bool is_called_with(int pid, const std::string& path) {
+  const std::string process = "/proc/" + std::to_string(pid);
+  std::ifstream file(process + "/cmdline", std::ios::binary);
+  std::error_code unseen;
+  for (std::string argument; std::getline(file, argument, '\0');) {
+    const auto seen = std::filesystem::path(process + "/cwd") / argument;  // if it is relative
+    if (!argument.empty() && std::filesystem::equivalent(seen, path, unseen)) return true;
+  }
+  return false;
 }
 
 std::string port_cure(const std::string& path, int error) {

@@ -16,6 +16,10 @@ struct PortHolder {
 /// /proc/locks, and by /proc/*/fd where that does not tell. Takes some ms; opens nothing.
 std::optional<PortHolder> port_holder(const std::string& path);
 
+/// Whether the process was called with the file as an argument, under whatever name. False where
+/// this user may not see it.
+bool is_called_with(int pid, const std::string& path);
+
 /// What to do where opening or locking `path` has failed with this errno, in brackets with a blank
 /// before them; empty: nothing is known. May look for the port_holder().
 std::string port_cure(const std::string& path, int error);

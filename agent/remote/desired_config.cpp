@@ -46,7 +46,7 @@ class ShapeReader {
     for (const ConfigNode& member : root.children)
       if (std::ranges::find(kKeys, member.key) == kKeys.end())
         error(member,
-              "unknown key \"" + shown(member.key) + "\"; " + did_you_mean(member.key, kKeys));
+              "unknown key \"" + shown(member.key) + "\"" + did_you_mean(member.key, kKeys));
     const ConfigNode* version = root.find("version");
     if (version == nullptr)
       error(root, "\"version\" is missing");

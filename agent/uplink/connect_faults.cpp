@@ -6,6 +6,7 @@
 #include <netdb.h>
 #include <openssl/err.h>
 #include <openssl/ssl.h>
+#include <openssl/x509v3.h>
 #include <pthread.h>
 #include <sys/socket.h>
 
@@ -38,9 +39,21 @@ void begin_anew() noexcept {
   noted_at = Clock::now();
 }
 
+/// Paho looks for itself after the handshake, and tells nobody.
+bool is_for_another_host(SSL* connection) noexcept {
+  const char* const host = SSL_get_servername(connection, TLSEXT_NAMETYPE_host_name);
+  X509* const certificate = SSL_get1_peer_certificate(connection);
+  const bool is_other = host != nullptr && certificate != nullptr &&
+                        X509_check_host(certificate, host, 0, 0, nullptr) != 1 &&
+                        X509_check_ip_asc(certificate, host, 0) != 1;
+  X509_free(certificate);
+  return is_other;
+}
+
 void note_handshake(SSL* connection, int outcome) noexcept {
   if (outcome == 1) {
     faults.is_encrypted = true;
+    faults.other_host = is_for_another_host(connection);
     return;
   }
   const int fault = SSL_get_error(connection, outcome);

@@ -16,6 +16,7 @@ struct ConnectFaults {
   bool handshake_cut = false;  ///< the server ended the TLS handshake, or spoke no TLS
   long certificate = 0;        ///< X509_V_... why the certificate is not trusted; 0: it is
   bool is_encrypted = false;   ///< the TLS handshake is done
+  bool other_host = false;     ///< with a certificate that is not for the host asked for
   bool was_reset = false;      ///< the server threw away what was sent, without TLS
   bool speaks_tls = false;     ///< it answered with a TLS alert, without TLS
 };

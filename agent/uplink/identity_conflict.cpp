@@ -49,6 +49,8 @@ void IdentityConflict::heard(std::string_view payload, SteadyTime now) {
   if (said.boot.empty()) return;
   if (said.boot == boot_) {
     is_ours_ = is_ours_ || said.state == "online";
+    unheard_at_ = SteadyTime::max();
+    told_unheard_ = false;
     // Ours has come back: from now on the others can answer.
     for (auto& [boot, silent_at] : online_) silent_at = std::min(silent_at, now + kAnswersWithin);
     return;
@@ -73,23 +75,30 @@ void IdentityConflict::connection_began(const std::string& server, SteadyTime no
   server_ = server;
   is_ours_ = false;
   steady_at_ = now + steady_after;
+  unheard_at_ = now + kUnheardFor;
   for (auto& [boot, silent_at] : online_) silent_at = now + kUnheardFor;
 }
 
 void IdentityConflict::connection_ended() {
-  steady_at_ = SteadyTime::max();
+  steady_at_ = unheard_at_ = SteadyTime::max();
   for (auto& [boot, silent_at] : online_) silent_at = SteadyTime::max();
 }
 
 void IdentityConflict::keep(SteadyTime now, bool messages_held) {
-  if (messages_held)
+  if (messages_held) {
     for (auto& [boot, silent_at] : online_) silent_at = std::max(silent_at, now + kAnswersWithin);
+    unheard_at_ = std::max(unheard_at_, now + kAnswersWithin);
+  }
+  if (now >= unheard_at_) {
+    unheard_at_ = SteadyTime::max();
+    is_unheard_ = !std::exchange(told_unheard_, true);
+  }
   std::erase_if(online_, [now](const auto& each) { return each.second <= now; });
   if (taken_over_ && now >= steady_at_) taken_over_ = false;
 }
 
 SteadyTime IdentityConflict::next_wake() const {
-  SteadyTime wake = SteadyTime::max();
+  SteadyTime wake = unheard_at_;
   for (const auto& [boot, silent_at] : online_) wake = std::min(wake, silent_at);
   if (taken_over_) wake = std::min(wake, steady_at_);
   return wake;

@@ -40,6 +40,9 @@ class IdentityConflict final {
   /// Ends the conflict where the others were silent for long enough. `messages_held`: answers may
   /// wait behind what is not let in, so that silence says nothing.
   void keep(SteadyTime now, bool messages_held);
+  /// Whether our own state has not come back from the broker although this connection has lasted
+  /// long enough for it: true once, until it has come back.
+  bool take_unheard() { return std::exchange(is_unheard_, false); }
   /// When keep() has something to do at the latest.
   SteadyTime next_wake() const;
 
@@ -56,6 +59,9 @@ class IdentityConflict final {
   std::string server_;             ///< of this connection, or of the last
   bool is_ours_ = false;           ///< our own state has come back in this one
   SteadyTime steady_at_ = SteadyTime::max();
+  SteadyTime unheard_at_ = SteadyTime::max();  ///< when it is too late for it
+  bool is_unheard_ = false;
+  bool told_unheard_ = false;
 };
 
 }  // namespace fxagent

@@ -26,6 +26,7 @@
 #include "agent/uplink/packet_guard.h"
 #include "agent/uplink/read_pause.h"
 #include "agent/uplink/send_at_once.h"
+#include "agent/uplink/tls_files.h"
 
 namespace fxagent {
 namespace {
@@ -112,15 +113,10 @@ Result<std::optional<std::string>> read_password(const MqttConfig& config) {
   return std::nullopt;
 }
 
-/// Names the first file of the TLS settings that cannot be read: OpenSSL would not say which it
-/// was.
+/// OpenSSL would not say which file it was.
 Result<void> check_tls_files(const TlsSettings& tls) {
-  const std::pair<std::string_view, const std::string&> files[] = {
-      {"ca_file", tls.ca_file}, {"cert_file", tls.cert_file}, {"key_file", tls.key_file}};
-  for (const auto& [key, path] : files)
-    if (!path.empty() && access(path.c_str(), R_OK) != 0)
-      return fail(ErrorCode::bad_request,
-                  std::string(key) + " " + path + ": " + std::strerror(errno));
+  const auto fault = fault_in(tls);
+  if (fault) return fail(ErrorCode::bad_request, std::string(fault->key) + " " + fault->text);
   return {};
 }
 
@@ -129,10 +125,12 @@ Result<void> check_tls_files(const TlsSettings& tls) {
 /// OpenSSL's list of errors is overwritten before on_failure() is called. But Paho traces a failed
 /// TLS call at once, on the thread and at the moment that the list still names the cause.
 thread_local std::string tls_reason;
+/// How it begins where Paho has traced a number and OpenSSL has no words for it.
+constexpr std::string_view kNoWords = "SSLSocket error";
 
 void note_tls_reason(enum MQTTASYNC_TRACE_LEVELS, char* message) noexcept {
   std::string_view text = message != nullptr ? message : "";
-  const std::size_t at = text.find("SSLSocket error");
+  const std::size_t at = text.find(kNoWords);
   if (at == std::string_view::npos || text.find("WANT_READ") != std::string_view::npos) return;
   text.remove_prefix(at);
   while (text.ends_with('\n')) text.remove_suffix(1);
@@ -216,6 +214,27 @@ std::string_view cure_of_refusal(int code, const MqttConfig& config) {
                  ? ": the broker wants a user: set mqtt.username and password_file"
                  : ": the broker does not take mqtt.username with this password: compare both with "
                    "the broker's password file";
+    case 3:
+    case MQTTREASONCODE_SERVER_UNAVAILABLE:
+    case MQTTREASONCODE_SERVER_BUSY:
+      return ": the broker takes nobody at the moment; the agent tries again: what does the "
+             "broker's "
+             "own log say?";
+    case MQTTREASONCODE_BANNED:
+      return ": the broker has locked this client out: end that in the broker (its list of banned "
+             "clients, by client id, user or address)";
+    case MQTTREASONCODE_PACKET_TOO_LARGE:
+      return ": the broker takes no packet as large as the agent's last will: raise its largest "
+             "packet size";
+    case MQTTREASONCODE_QUOTA_EXCEEDED:
+      return ": the broker's limit for this user or for all clients is used up: raise it, or end "
+             "clients that nobody needs";
+    case MQTTREASONCODE_USE_ANOTHER_SERVER:
+    case MQTTREASONCODE_SERVER_MOVED:
+      return ": the broker sends its clients elsewhere: put the right address into mqtt.servers";
+    case MQTTREASONCODE_CONNECTION_RATE_EXCEEDED:
+      return ": too many connections in a short time: the agent tries again; raise the broker's "
+             "limit where that stays so";
     default:
       return {};
   }
@@ -603,22 +622,38 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
     if (faults.handshake_cut)
       return "the server ends the TLS handshake, as a port without TLS does: try mqtt://, or the "
              "port that has TLS";
-    if (!tls_reason.empty())
+    if (faults.other_host)
+      return "TLS: the server's certificate is not for this host name: connect by a name that is "
+             "in it, or have it issued for this one";
+    if (!tls_reason.empty() && !tls_reason.starts_with(kNoWords))
       return "TLS: " + tls_reason +
              (tls_reason.find("certificate required") == std::string::npos
                   ? ""
                   : ": set mqtt.tls.cert_file and key_file");
-    if (faults.is_encrypted)
-      return "TLS: the server's certificate is not for this host name: connect by a name that is "
-             "in it, or have it issued for this one";
-    return kNoAnswer;
+    if (!faults.is_encrypted) return tls_reason.empty() ? kNoAnswer : "TLS: " + tls_reason;
+    return std::chrono::steady_clock::now() - connecting_since_ < kConnectTimeout
+               ? cut_after_handshake()
+               : kNoAnswer;
+  }
+
+  std::string cut_after_handshake() const {
+    const std::string text = "the server ends the connection after the TLS handshake: ";
+    const bool has_own = config_.tls && !config_.tls->cert_file.empty();
+    return has_own ? text +
+                         "it may not take the certificate of mqtt.tls.cert_file: is it one of "
+                         "an authority that the broker knows, and still valid?"
+                   : text + "it may want a certificate: set mqtt.tls.cert_file and key_file";
   }
 
   std::string plain_failure(const ConnectFaults& faults) const {
     if (last_closed_by_peer() < connecting_since_ && !faults.speaks_tls) return kNoAnswer;
-    if (faults.speaks_tls || faults.was_reset)
-      return "the server cuts the connection off before a word of MQTT, as a port with TLS does: "
-             "try mqtts://, or the port without TLS";
+    if (faults.speaks_tls)
+      return "the server answers by TLS: this is a port with TLS; try mqtts://, or the port "
+             "without "
+             "TLS";
+    if (faults.was_reset)
+      return "the server cuts the connection off before a word of MQTT: is it a broker's port, and "
+             "does it take this machine's address? Where it is a port with TLS try mqtts://";
     const std::string closed =
         "somebody answers at this address and closes the connection without a word";
     return version_ == MQTTVERSION_5

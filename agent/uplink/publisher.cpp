@@ -185,6 +185,14 @@ void Publisher::hear_state(const Message& message, SteadyTime now) {
 void Publisher::follow_conflict(SteadyTime now) {
   if (phase_ != Phase::running) return;
   identity_.keep(now, intake_.is_holding());
+  // MQTT 5 has a code for it, 3.1.1 acknowledges what it throws away.
+  if (identity_.take_unheard() && config_.mqtt.version == 4)
+    log::warn("own_state_not_heard",
+              {{"topic", base_ + "/state"},
+               {"note",
+                "the broker acknowledges what the agent publishes and does not send its own state "
+                "back: its access rules may leave out this agent's user, and MQTT 3.1.1 cannot say "
+                "so: all samples may be lost; fxagent acl prints the rules that it needs"}});
   const auto other = identity_.other();
   if (other == conflict_) return;
   const bool goes_on = other && conflict_ && *conflict_ != IdentityConflict::kUnknown;

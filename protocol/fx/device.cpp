@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "protocol/range_ends.h"
+
 namespace fxagent::fx {
 namespace {
 
@@ -329,9 +331,10 @@ bool needs_type(std::string_view text) {
 
 Result<Span> parse_range(Model model, std::string_view text) {
   const RangeEnds ends = range_ends(text);
+  const std::string last = last_end(ends);
   Numbers numbers;
   std::optional<Space> space;
-  for (const std::string_view end : {ends.first, ends.last.value_or(ends.first)}) {
+  for (const std::string_view end : {ends.first, std::string_view(last)}) {
     const auto parts = take_apart(end);
     if (!parts) return tl::make_unexpected(parts.error());
     if (parts->group != 0 || parts->word_bit)

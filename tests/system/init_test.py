@@ -59,6 +59,34 @@ class Init(PlantTest):
         self.assertEqual(self.watcher.wait(f"{base}/result")["status"], "SUCCEEDED")
         self.assertEqual(self.sim.get("press1", "D200"), 5)
 
+    def test_a_broker_that_asks_for_no_password_is_reached_by_what_is_written(self):
+        self.broker = Broker(self.directory)
+        self.broker.start()
+        self.start_sim([self.plc(memory={"D100": 23})])
+        done = self.run_init(self.place(), "--id", "edge7", "--broker", f"mqtt://127.0.0.1:{self.broker.port}",
+                             "--protocol", "fx-programming-port", "--model", "FX3U",
+                             "--port", self.pty("press1"), "--read", "temp=D100")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertNotIn("password", done.stdout)
+        with open(os.path.join(self.place(), "agent.json")) as config:
+            made = json.load(config)
+        made["store"]["path"] = os.path.join(self.directory, "store")
+        self.agent = Agent(self.directory, made)
+        self.agent.start()
+        self.watcher = Watcher(self.broker.port)
+        heard = self.watcher.wait("fx/edge7/plc1/data/fast", lambda sample: "bad" not in sample)
+        self.assertEqual(heard["values"], {"temp": 23})
+
+    def test_where_a_user_has_its_password_is_said(self):
+        done = self.run_init(self.place(), "--broker", "mqtt://127.0.0.1", "--user", "anna", "--protocol", "modbus-tcp",
+                             "--port", "192.0.2.1:502", "--read", "hr:0")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        secret = os.path.join(self.place(), "mqtt_password")
+        self.assertIn(f"The password of anna at the broker goes into {secret}", done.stdout)
+        config = os.path.join(self.place(), "agent.json")
+        check = subprocess.run([FXAGENT, "check", config], capture_output=True, text=True, timeout=30, check=False)
+        self.assertIn(f"{secret} cannot be read", check.stdout + check.stderr)
+
     def test_nothing_is_overwritten_without_force(self):
         answers = ["--broker", "mqtt://127.0.0.1", "--protocol", "modbus-tcp", "--port", "192.0.2.1:502",
                    "--read", "hr:0"]
@@ -99,26 +127,57 @@ class Init(PlantTest):
         self.assertEqual(done.returncode, 2)
         self.assertIn("--port", done.stderr)
 
-    def test_on_a_terminal_it_asks(self):
+    def talk(self, flags, answers):
+        """Answers the questions of `init` on a terminal; what it said, and its exit status."""
         ours, theirs = os.openpty()
         self.stack.callback(os.close, ours)
-        child = subprocess.Popen([FXAGENT, "init", self.place(), "--broker", "mqtt://a"], stdin=theirs,
+        child = subprocess.Popen([FXAGENT, "init", self.place(), *flags], stdin=theirs,
                                  stdout=subprocess.DEVNULL, stderr=theirs)
         os.close(theirs)
-        said = b""
-        for question, answer in ((b"Name of this agent", b"edge9"), (b"Protocol", b"modbus-xyz"),
-                                 (b"Protocol", b"modbus-rtu"), (b"Port", b""), (b"Addresses to read", b"a=hr:1 hr:2"),
-                                 (b"may be written", b"")):
-            while question not in said.rsplit(b"\n", 1)[-1] or not said.endswith(b": "):
-                said += os.read(ours, 4096)
-            os.write(ours, answer + b"\n")
-            said = b""
-        self.assertEqual(child.wait(timeout=30), 0)
+        talk = ""
+        for question, answer in answers:
+            said = ""
+            while question not in said.rsplit("\n", 1)[-1] or not said.endswith(": "):
+                said += os.read(ours, 4096).decode()
+            os.write(ours, answer.encode() + b"\n")
+            talk += said
+        return child.wait(timeout=30), talk
+
+    def made(self):
         with open(os.path.join(self.place(), "agent.json")) as config:
-            made = json.load(config)
+            return json.load(config)
+
+    def test_on_a_terminal_it_asks(self):
+        status, _ = self.talk(["--broker", "mqtt://a"], [
+            ("Name of this agent", "edge9"), ("User", "anna"), ("Protocol", "modbus-xyz"), ("Protocol", "modbus-rtu"),
+            ("Port", ""), ("Addresses to read", "a=hr:1 hr:2"), ("may be written", "")])
+        self.assertEqual(status, 0)
+        made = self.made()
         self.assertEqual(made["agent"]["id"], "edge9")
+        self.assertEqual(made["mqtt"]["username"], "anna")
         self.assertEqual(made["links"][0]["serial"]["path"], "/dev/ttyUSB0")
         self.assertEqual([tag["name"] for tag in made["devices"][0]["tags"]], ["a", "hr_2"])
+
+    def test_on_a_terminal_a_wrong_answer_is_told_and_asked_again(self):
+        status, said = self.talk([], [
+            ("Name of this agent", "My Edge"), ("Name of this agent", "edge9"), ("Broker", "127.0.0.1"),
+            ("Broker", "mqtt://127.0.0.1"), ("User", ""), ("Protocol", "modbus-tcp"), ("Port", "foo"),
+            ("Port", "192.0.2.1:502"), ("Addresses to read", "D100"), ("Addresses to read", "hr:1"),
+            ("may be written", "ir:1"), ("may be written", "hr:2")])
+        self.assertEqual(status, 0)
+        for fault in ("--id: ", "--broker: must begin with mqtt://", "--port must be", "--read D100: ",
+                      "--write ir:1: "):
+            self.assertIn(fault, said)
+        self.assertEqual(len(self.made()["devices"][0]["tags"]), 2)
+
+    def test_wrong_flags_are_told_together_before_anything_is_asked(self):
+        status, _ = self.talk(["--broker", "tcp://a", "--port", "COM1"], [])
+        self.assertEqual(status, 2)
+        done = self.run_init(self.place(), "--broker", "tcp://a", "--protocol", "modbus-rtu", "--port", "COM1",
+                             "--read", "hr:0", "--unit", "x")
+        self.assertEqual(done.returncode, 2)
+        for flag in ("--broker: ", "--port ", "--unit "):
+            self.assertIn(flag, done.stderr)
 
 
 if __name__ == "__main__":

@@ -175,6 +175,17 @@ class Programs(PlantTest):
         self.assertEqual(self.run_agent("check", os.path.join(self.directory, "nothing"))[0], 2)
         self.assertEqual(self.run_agent("check", self.directory)[0], 2)
 
+    def test_check_tells_of_a_port_that_an_agent_of_another_config_has(self):
+        self.start_sim([self.plc()])
+        agent = Agent(self.directory, self.configuration())
+        agent.start()
+        self.stack.callback(agent.stop)
+        wait_for("the port to be open", lambda: "state=up" in agent.logged())
+        self.assertNotIn("in use", self.run_agent("check", agent.path)[2])
+        errors = self.run_agent("check", self.config())[2]
+        self.assertIn("is in use by another program: fxagent, pid ", errors)
+        self.assertIn(", which runs another config", errors)
+
     def test_check_says_what_is_right_and_warns_of_files_that_are_missing(self):
         status, out, errors = self.run_agent("check", self.config())
         self.assertEqual(status, 0)

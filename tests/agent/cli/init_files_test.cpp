@@ -52,7 +52,6 @@ TEST(InitFiles, FitEachOtherForEveryProtocol) {
     EXPECT_NE(files.at("fxagent.acl").find("user edge7\ntopic write " + base + "/state\n"),
               std::string::npos);
     EXPECT_NE(files.at("fxagent.acl").find("user nodered\n"), std::string::npos);
-    EXPECT_EQ(config->mqtt.username, "edge7");
     EXPECT_NE(files.at("fxagent.service.d.conf").find("run /etc/fxagent/agent.json\n"),
               std::string::npos);
 
@@ -71,6 +70,23 @@ TEST(InitFiles, FitEachOtherForEveryProtocol) {
     EXPECT_EQ(flow[1].at("broker"), "broker.example");
     EXPECT_EQ(flow[1].at("port"), "1883");
   }
+}
+
+TEST(InitFiles, OnlyWhoGivesAUserOrAPasswordGetsThemIntoTheConfig) {
+  const auto mqtt_for = [](const std::string& user, const std::string& password_file) {
+    InitAnswers answers = answers_for(*find_protocol("modbus-rtu"));
+    answers.user = user;
+    answers.password_file = password_file;
+    return json::parse(made(answers).at("agent.json"))["mqtt"];
+  };
+  json expected = {{"servers", {"mqtt://broker.example"}}};
+  EXPECT_EQ(mqtt_for("", ""), expected);
+  expected["username"] = "anna";
+  expected["password_file"] = "mqtt_password";
+  EXPECT_EQ(mqtt_for("anna", ""), expected);
+  expected["username"] = "edge7";
+  expected["password_file"] = "/run/secrets/broker";
+  EXPECT_EQ(mqtt_for("", "/run/secrets/broker"), expected);
 }
 
 TEST(InitFiles, UnitAndStationGoWhereTheProtocolHasThem) {
@@ -129,11 +145,22 @@ TEST(InitFiles, WrongAnswersAreErrors) {
   };
   EXPECT_NE(error_of([](InitAnswers& a) { a.port = "COM1"; }).find("--port"), std::string::npos);
   EXPECT_NE(error_of([](InitAnswers& a) { a.unit = "x"; }).find("--unit"), std::string::npos);
-  EXPECT_NE(error_of([](InitAnswers& a) { a.broker = "tcp://a"; }).find("/mqtt/servers/0"),
+  EXPECT_NE(error_of([](InitAnswers& a) { a.broker = "tcp://a"; }).find("--broker: must begin"),
             std::string::npos);
-  EXPECT_NE(error_of([](InitAnswers& a) { a.protocol = "s7"; }).find("/devices/0/protocol"),
+  EXPECT_NE(error_of([](InitAnswers& a) { a.protocol = "s7"; }).find("--protocol: must be"),
             std::string::npos);
-  EXPECT_NE(error_of([](InitAnswers& a) { a.read = {"X8"}; }).find("X8"), std::string::npos);
+  EXPECT_NE(error_of([](InitAnswers& a) { a.read = {"X8"}; }).find("--read X8: "),
+            std::string::npos);
+  EXPECT_NE(error_of([](InitAnswers& a) { a.write = {"b=X8"}; }).find("--write b=X8: "),
+            std::string::npos);
+  const std::string all = error_of([](InitAnswers& a) {
+    a.broker = "tcp://a";
+    a.port = "COM1";
+    a.unit = "x";
+    a.model = "S7";
+  });
+  for (const char* flag : {"--broker: ", "--port ", "--unit ", "--model: "})
+    EXPECT_NE(all.find(flag), std::string::npos) << flag << all;
   EXPECT_NE(error_of([](InitAnswers& a) { a.operator_name = "edge7"; }).find("named twice"),
             std::string::npos);
 }

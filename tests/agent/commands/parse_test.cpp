@@ -249,6 +249,7 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(
         Refused{"TooLarge", std::string(65537, ' '), Reason::too_large, "65536", ""},
         Refused{"NoJson", "write 50", Reason::bad_json, "not JSON", ""},
+        Refused{"MissingComma", "{\"id\":\"a\"\n\"op\":\"read\"}", Reason::bad_json, "comma", ""},
         Refused{"Empty", "", Reason::bad_json, "not JSON", ""},
         Refused{"Truncated", R"({"id":"a")", Reason::bad_json, "not JSON", ""},
         Refused{"Nan", R"({"id":"a","op":"write","tag":"t","value":NaN})", Reason::bad_json, "",

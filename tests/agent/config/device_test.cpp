@@ -137,13 +137,47 @@ TEST(ConfigDevice, ModelOfAnotherSeriesIsSentToItsProtocol) {
                  {"fx-programming-port does not reach an FX5", "modbus-tcp or modbus-rtu"});
 }
 
+TEST(ConfigDevice, ModelOfAnotherProtocolIsSentToThatOne) {
+  // What is wrong with the link is told beside it.
+  const auto text_for = [](const std::string& protocol, const std::string& model) {
+    auto plant = small_plant();
+    plant["devices"][0]["protocol"] = protocol;
+    plant["devices"][0]["model"] = model;
+    for (const ConfigError& error : errors_of(plant.dump()))
+      if (error.pointer == "/devices/0/model") return error.text;
+    return std::string();
+  };
+  struct Case {
+    std::string protocol;
+    std::string model;
+    std::string cure;
+  };
+  for (const Case& c :
+       {Case{"mc-3e", "FX3U", "mc-3e does not reach an FX3U; what does: mc-1e"},
+        Case{"mc-3e", "fx3uc", "does not reach an FX3UC; what does: mc-1e"},
+        Case{"mc-4e", "FX3GE", "what does: mc-1e"},
+        Case{"mc-1e", "FX2NC", "what does: fx-programming-port or fx-computer-link"},
+        Case{"mc-1e", "iQ-R", "what does: mc-3e or mc-4e"},
+        Case{"fx-programming-port", "Q",
+             "does not reach a Q; what does: mc-1e, mc-3e or mc-4e over "
+             "Ethernet, mc-3c or mc-4c on a serial line"},
+        Case{"fx-programming-port", "R04CPU", "does not reach an iQ-R; what does: mc-3e"},
+        Case{"fx-programming-port", "Q03UDE", "does not reach a Q; what does: mc-1e"}})
+    EXPECT_NE(text_for(c.protocol, c.model).find(c.cure), std::string::npos)
+        << c.model << ": " << text_for(c.protocol, c.model);
+  for (const auto& [protocol, model, meant] :
+       {std::tuple("mc-3e", "Q03UDE", "Q"), {"fx-programming-port", "FX3U-32MT", "FX3U"}})
+    EXPECT_TRUE(text_for(protocol, model).ends_with("did you mean " + std::string(meant) + "?"));
+}
+
 TEST(ConfigDevice, RangeIsWrittenWithADashOrWithTwoDots) {
   const auto allow = [](const char* range) {
     return good(changed("/devices/0/commands/allow", "[\"" + std::string(range) + "\"]"))
         .devices[0]
         .commands.allow;
   };
-  EXPECT_EQ(allow("M100..M199"), allow("M100-M199"));
+  for (const char* same : {"M100..M199", "M100 - M199", "M100-199", "m100 .. 199"})
+    EXPECT_EQ(allow(same), allow("M100-M199")) << same;
   EXPECT_EQ(allow("M100-M199").at(0).bits, 100U);
 }
 

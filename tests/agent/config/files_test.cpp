@@ -12,7 +12,6 @@
 #include <string>
 
 #include "tests/agent/config/small_plant.h"
-#include "tests/support/other_program.h"
 #include "tests/support/scratch.h"
 
 namespace fxagent {
@@ -128,11 +127,10 @@ TEST_F(ConfigFiles, WhatThisMachineLacksIsNamed) {
   plant["mqtt"]["servers"][0] = "mqtts://a";
   plant["mqtt"]["tls"] = {
       {"ca_file", here + "/ca"}, {"cert_file", here + "/c"}, {"key_file", here + "/k"}};
-  plant["links"][0]["serial"]["path"] = here + "/ttyNone";
   const auto missing = check_files(good(plant.dump()));
-  EXPECT_EQ(pointers(missing), (std::vector<std::string>{
-                                   "/mqtt/tls/ca_file", "/mqtt/tls/cert_file", "/mqtt/tls/key_file",
-                                   "/mqtt/password_file", "/store/path", "/links/0/serial/path"}))
+  EXPECT_EQ(pointers(missing),
+            (std::vector<std::string>{"/mqtt/tls/ca_file", "/mqtt/tls/cert_file",
+                                      "/mqtt/tls/key_file", "/mqtt/password_file", "/store/path"}))
       << listed(missing);
 }
 
@@ -142,7 +140,6 @@ TEST_F(ConfigFiles, NothingIsNamedWhereAllIsThere) {
   plant["mqtt"]["password_file"] = write("secret", "x");
   plant["mqtt"]["servers"][0] = "mqtts://a";
   plant["mqtt"]["tls"] = {{"ca_file", write("ca", "x")}};
-  plant["links"][0]["serial"]["path"] = write("tty", "");
   const auto missing = check_files(good(plant.dump()));
   EXPECT_TRUE(missing.empty()) << listed(missing);
   EXPECT_FALSE(fs::exists(directory_ / "new")) << "a check changes nothing";
@@ -197,7 +194,6 @@ TEST_F(ConfigFiles, SecretsThatOthersCanReadAreNamed) {
 TEST_F(ConfigFiles, PasswordVariableStandsInForTheFile) {
   auto plant = small_plant();
   plant["store"]["path"] = directory_.string();
-  plant["links"][0]["serial"]["path"] = write("tty", "");
   plant["mqtt"]["password_env"] = "FXAGENT_TEST_PASSWORD";
   EXPECT_EQ(pointers(check_files(good(plant.dump()))),
             std::vector<std::string>{"/mqtt/password_env"});
@@ -208,24 +204,6 @@ TEST_F(ConfigFiles, PasswordVariableStandsInForTheFile) {
   const auto missing = check_files(good(plant.dump()));
   ::unsetenv("FXAGENT_TEST_PASSWORD");
   EXPECT_TRUE(missing.empty()) << listed(missing);
-}
-
-TEST_F(ConfigFiles, PortThatAnotherProgramHasIsNamedWithIt) {
-  const std::string path = write("ttyUSB0", "");
-  Config config;
-  LinkConfig link;
-  SerialSettings serial;
-  serial.path = path;
-  link.channel = serial;
-  config.links.push_back(link);
-  EXPECT_TRUE(check_files(config).empty());
-  const OtherProgram other(path);
-  const auto found = check_files(config);
-  ASSERT_EQ(pointers(found), std::vector<std::string>{"/links/0/serial/path"});
-  EXPECT_NE(found[0].text.find("is in use by another program: config_test, pid " +
-                               std::to_string(other.pid())),
-            std::string::npos)
-      << found[0].text;
 }
 
 }  // namespace

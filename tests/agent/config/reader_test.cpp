@@ -43,7 +43,17 @@ TEST(NearestWords, MeaningGoesBeforeLetters) {
                                     {"r", "read"},
                                     {"readonly", "read"}})
     EXPECT_EQ(nearest_words(said, access), Words{meant}) << said;
+  EXPECT_EQ(nearest_words("w", access), Words{"read_write"});
+  EXPECT_EQ(nearest_words("slave", std::array{"name"sv, "station"sv}), Words{"station"});
+  const auto protocols = protocol_key().limits.words;
+  EXPECT_EQ(nearest_words("slmp", protocols), (Words{"mc-3e", "mc-4e"}));
+  EXPECT_EQ(nearest_words("MELSEC", protocols), (Words{"mc-1e", "mc-3e"}));
+  EXPECT_EQ(nearest_words("fx", protocols), (Words{"fx-programming-port", "fx-computer-link"}));
   const auto types = config_key("devices[].tags[].type").limits.words;
+  EXPECT_EQ(nearest_words("short", types), Words{"int16"});
+  EXPECT_EQ(nearest_words("long", types), Words{"int32"});
+  EXPECT_EQ(nearest_words("text", types), Words{"string"});
+  EXPECT_EQ(nearest_words("double", types), Words{}) << "64 bits are no float32";
   EXPECT_EQ(nearest_words("real", types), Words{"float32"});
   EXPECT_EQ(nearest_words("WORD", types), Words{"uint16"});
 }
@@ -67,8 +77,24 @@ TEST(ConfigReader, KeyInTheWrongPlaceIsSentHome) {
         Case{"/devices/0/tags/0/interval_ms", "5",
              "it belongs inside devices[].groups[], to the group that the tag names"},
         Case{"/devices/0/tags/0/intervall_ms", "5", "did you mean"},
-        Case{"/devices/0/tags/0/link", R"("line1")", "it belongs inside devices[]"}})
+        Case{"/devices/0/tags/0/link", R"("line1")", "it belongs inside devices[]"},
+        Case{"/broker", R"("x")", "it is called servers and belongs inside mqtt"},
+        Case{"/tag", "[]", "it is called tags and belongs inside devices[]"},
+        Case{"/devices/0/tags/0/poll_ms", "5",
+             "it is called interval_ms and belongs inside devices[].groups[], to the group that"},
+        Case{"/devices/0/tags/0/interval", "5", "it is called interval_ms and belongs inside"},
+        Case{"/devices/0/groups/0/interval", "5", "did you mean interval_ms?"},
+        Case{"/devices/0/baud", "9600", "it belongs inside links[].serial"},
+        Case{"/devices/0/baudrate", "9600", "it is called baud and belongs inside links[].serial"},
+        Case{"/devices/0/host", R"("x")", "it belongs inside links[].tcp or links[].udp"},
+        Case{"/links/0/groups", "[]", "it belongs inside devices[]"}})
     expect_error(changed(c.pointer, c.value), c.pointer, {"unknown key", c.home});
+}
+
+TEST(ConfigReader, SlaveIsNoUnitOfATag) {
+  const auto errors = errors_of(changed("/devices/0/slave", "1"));
+  ASSERT_EQ(errors.size(), 1U) << listed(errors);
+  EXPECT_EQ(errors[0].text.find("tags"), std::string::npos) << errors[0].text;
 }
 
 TEST(NearestWords, NothingIsNearestToNothing) {
@@ -76,9 +102,18 @@ TEST(NearestWords, NothingIsNearestToNothing) {
   EXPECT_EQ(did_you_mean("a", {}), "");
 }
 
+TEST(NearestWords, AWordOfOtherLettersIsMeantByNobody) {
+  constexpr std::array keys{"name"sv, "store"sv, "fast"sv};
+  EXPECT_TRUE(nearest_words("baud", keys).empty());
+  EXPECT_TRUE(nearest_words("broken", keys).empty());
+  EXPECT_EQ(nearest_words("fats", keys), Words{"fast"});
+  EXPECT_EQ(did_you_mean("baud", keys), "");
+  EXPECT_EQ(did_you_mean("fats", keys), "; did you mean fast?");
+}
+
 TEST(NearestWords, VeryLongWordCostsNoTime) {
   constexpr std::array keys{"name"sv};
-  EXPECT_EQ(nearest_words(std::string(10000000, 'x'), keys), Words{"name"});
+  EXPECT_TRUE(nearest_words(std::string(10000000, 'x'), keys).empty());
 }
 
 TEST(ConfigReader, EnvironmentFillsInAnyString) {

@@ -164,6 +164,13 @@ TEST(Templates, AllMayStandInTheTemplate) {
   EXPECT_EQ(names(good(plant.dump())), (Strings{"meter1", "meter2", "meter3"}));
 }
 
+TEST(Templates, ARangeOfNIsWrittenAsOneOfAddresses) {
+  for (const char* same : {R"("1..3")", R"("1 - 3")", R"("1..2, 3")"})
+    EXPECT_EQ(names(good(with("/devices/0/n", same))),
+              names(good(with("/devices/0/n", R"("1-3")"))))
+        << same;
+}
+
 TEST(Templates, VariablesAndNDoNotDisturbEachOther) {
   json plant = meters();
   plant["templates"]["meter"]["tags"] = json::parse(R"([

@@ -53,6 +53,22 @@ TEST(Neuron, NodesWithGroupsAndTags) {
   EXPECT_EQ(notes_with(made, {"not carried over: the description \"second unit\""}), 1);
 }
 
+TEST(Neuron, NoSettingIsDroppedInSilence) {
+  const Made made = made_of(R"({"nodes": [{"name": "n", "plugin": "Modbus TCP",
+       "params": {"host": "192.0.2.7", "port": 502, "timeout": 3000, "interval": 20, "max_retries": 2},
+       "groups": [{"group": "fast", "interval": 500, "tags": [
+         {"name": "t", "address": "1!400001", "type": 3, "attribute": 1, "precision": 2, "unit": "bar"},
+         {"name": "u", "address": "1!400002", "type": 3, "attribute": 1, "precision": 0}]}]}]})",
+                            import_neuron);
+  ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
+  EXPECT_EQ(made.config["devices"][0]["gap_ms"], 20);
+  EXPECT_EQ(made.config["devices"][0]["tags"][0]["unit"], "bar");
+  EXPECT_EQ(notes_with(made, {"not carried over: max_retries of the node n"}), 1)
+      << all_of(made.notes);
+  EXPECT_EQ(notes_with(made, {"not carried over: precision of t"}), 1);
+  EXPECT_EQ(notes_with(made, {"not carried over"}), 2) << all_of(made.notes);
+}
+
 TEST(Neuron, ListsThatNameTheirDriver) {
   const Made made = made_of(R"({
     "nodes": [{"name": "rtu", "plugin": "Modbus RTU"}],

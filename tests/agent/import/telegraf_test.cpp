@@ -126,6 +126,33 @@ TEST(Telegraf, ModeAutoIsWhatTheControllerTakes) {
   EXPECT_EQ(protocol_of("tcp://192.0.2.1:502"), "modbus-tcp");
 }
 
+TEST(Telegraf, NoSettingIsDroppedInSilence) {
+  const Made made = made_of(R"(
+[[inputs.modbus]]
+  name = "m"
+  controller = "tcp://192.0.2.1:502"
+  timeout = "2s"
+  pause_between_requests = "30ms"
+  busy_retries = 3
+  holding_registers = [
+    {name="a", data_type="INT16", address=[0], output="FLOAT64"}, {name="b", data_type="INT16", address=[1]}]
+  [inputs.modbus.tags]
+    plant = "north"
+  [inputs.modbus.workarounds]
+    one_request_per_field = true
+)",
+                            import_telegraf);
+  ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
+  EXPECT_EQ(made.config["devices"][0]["timeout_ms"], 2000);
+  EXPECT_EQ(made.config["devices"][0]["gap_ms"], 30);
+  EXPECT_EQ(notes_with(
+                made, {"not carried over: busy_retries, tags, workarounds of inputs.modbus \"m\""}),
+            1)
+      << all_of(made.notes);
+  EXPECT_EQ(notes_with(made, {"not carried over: output of a"}), 1);
+  EXPECT_EQ(notes_with(made, {"not carried over"}), 2) << all_of(made.notes);
+}
+
 TEST(Telegraf, NumbersBeyondAllMeasureCostOneTagAtMost) {
   const Made made = made_of(R"(
 [[inputs.modbus]]

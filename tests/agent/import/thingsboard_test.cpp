@@ -44,6 +44,27 @@ TEST(Thingsboard, ASlaveOverTcp) {
   EXPECT_EQ(notes_with(made, {"left out: \"slave\""}), 1);
 }
 
+TEST(Thingsboard, NoSettingIsDroppedInSilence) {
+  const Made made = made_of(R"({"name": "gw", "master": {"slaves": [{
+    "host": "127.0.0.1", "port": 502, "type": "tcp", "method": "socket", "unitId": 3, "deviceName": "d",
+    "timeout": 3.5, "delayBetweenRequestsMs": 20, "retries": true, "connectAttemptTimeMs": 5000,
+    "security": {"certfile": "x"}, "strict": null,
+    "timeseries": [{"tag": "a", "type": "16int", "functionCode": 3, "objectsCount": 1, "address": 2,
+                    "min": 0, "reportStrategy": {"type": "ON_CHANGE"}},
+                   {"tag": "b", "type": "16int", "functionCode": 3, "objectsCount": 1, "address": 3}]}]}})",
+                            import_thingsboard);
+  ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
+  EXPECT_EQ(made.config["devices"][0]["timeout_ms"], 3500);
+  EXPECT_EQ(made.config["devices"][0]["gap_ms"], 20);
+  EXPECT_EQ(notes_with(
+                made, {"not carried over: retries, connectAttemptTimeMs, security of the slave d"}),
+            1)
+      << all_of(made.notes);
+  EXPECT_EQ(notes_with(made, {"not carried over: min, reportStrategy of a"}), 1);
+  EXPECT_EQ(notes_with(made, {"not carried over: name of the file"}), 1);
+  EXPECT_EQ(notes_with(made, {"not carried over"}), 3) << all_of(made.notes);
+}
+
 TEST(Thingsboard, SlavesOnOneSerialLine) {
   const Made made = made_of(R"({"master": {"slaves": [
     {"type": "serial", "method": "rtu", "port": "/dev/ttyUSB0", "baudrate": 19200, "stopbits": 1, "bytesize": 8,

@@ -213,5 +213,13 @@ TEST(DurationHistogram, WhatIsEqualToABoundBelongsToIt) {
   EXPECT_EQ(histogram.sum(), 20s + 2ms + 2ns);
 }
 
+TEST(Exposition, ClosedConnectionsAreCountedByTheirReason) {
+  const std::string text = exposition(made_up_status(), {.slow = 1, .crowded = 2, .unanswered = 3});
+  const std::string name = "fxagent_http_connections_closed_total";
+  EXPECT_EQ(value_of(text, name + R"({why="slow"})"), "1");
+  EXPECT_EQ(value_of(text, name + R"({why="crowded"})"), "2");
+  EXPECT_EQ(value_of(text, name + R"({why="unanswered"})"), "3");
+}
+
 }  // namespace
 }  // namespace fxagent

@@ -85,6 +85,9 @@ TEST_F(HttpServerTest, OtherMethodsAreRefused) {
     EXPECT_TRUE(one.closed()) << method;
   }
   EXPECT_TRUE(asked_.empty());
+  EXPECT_EQ(server_->closed().unanswered, 1U);
+  EXPECT_EQ(client(kGet).status(), 200);
+  EXPECT_EQ(server_->closed().unanswered, 1U) << "one that was answered does not count";
 }
 
 TEST_F(HttpServerTest, LargeHeadersAreRefused) {
@@ -146,6 +149,8 @@ TEST_F(HttpServerTest, SlowSenderIsClosedAfterItsTimeHoweverItDrips) {
   run();
   EXPECT_TRUE(slow.closed());
   EXPECT_EQ(slow.status(), 0);
+  EXPECT_EQ(server_->closed().slow, 1U);
+  EXPECT_EQ(server_->closed().unanswered, 0U) << "it counts once";
 }
 
 TEST_F(HttpServerTest, CrowdOfSlowClientsKeepsNobodyOut) {
@@ -155,6 +160,7 @@ TEST_F(HttpServerTest, CrowdOfSlowClientsKeepsNobodyOut) {
   std::size_t open = 0;
   for (HttpClient& each : slow) open += each.closed() ? 0U : 1U;
   EXPECT_LE(open, HttpServer::kCrowded);
+  EXPECT_EQ(server_->closed().crowded, 501 - HttpServer::kCrowded);
   EXPECT_TRUE(slow.front().closed());
   EXPECT_FALSE(slow.back().closed()) << "the slowest go first";
 }

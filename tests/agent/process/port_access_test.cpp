@@ -52,6 +52,16 @@ TEST_F(PortAccess, WhoHasItOpenIsFoundByWhateverNameItWasOpened) {
   EXPECT_EQ(port_cure(port, EWOULDBLOCK), port_cure(port, EBUSY));
 }
 
+TEST_F(PortAccess, WhatAProgramWasCalledWithIsFoundUnderAnyName) {
+  const OtherProgram other(port);
+  const std::string link = (directory() / "link").string();
+  fs::create_symlink(fs::read_symlink("/proc/self/exe"), link);
+  EXPECT_TRUE(is_called_with(other.pid(), "/proc/self/exe"));
+  EXPECT_TRUE(is_called_with(other.pid(), link));
+  EXPECT_FALSE(is_called_with(other.pid(), port)) << "it has it open, and not as an argument";
+  EXPECT_FALSE(is_called_with(other.pid(), (directory() / "none").string()));
+}
+
 TEST_F(PortAccess, WhoHasLockedItIsFoundByTheLock) {
   const OtherProgram other(port, OtherProgram::Holds::locked);
   const auto holder = port_holder(port);

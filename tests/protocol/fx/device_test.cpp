@@ -185,6 +185,9 @@ std::string range_refusal(std::string_view text, Model model = Model::fx3u) {
 
 TEST(DeviceRange, CoversBothEnds) {
   EXPECT_EQ(range("M100-M199"), (Span{id(Space::m), 100, 100}));
+  EXPECT_EQ(range("M100-199"), (Span{id(Space::m), 100, 100}));
+  EXPECT_EQ(range("M100 - M199"), (Span{id(Space::m), 100, 100}));
+  EXPECT_EQ(range("TN0..9"), (Span{id(Space::tn), 0, 160}));
   EXPECT_EQ(range("Y0-Y17"), (Span{id(Space::y), 0, 16}));
   EXPECT_EQ(range("d100-D199"), (Span{id(Space::d), 1600, 1600}));
   EXPECT_EQ(range("CN200-CN210"), (Span{id(Space::cn32), 0, 352}));
@@ -194,6 +197,8 @@ TEST(DeviceRange, CoversBothEnds) {
 }
 
 TEST(DeviceRange, SaysWhatIsWrongWithIt) {
+  EXPECT_NE(range_refusal("K4M0-15").find("one plain device"), std::string::npos);
+  EXPECT_NE(range_refusal("M100-").find("''"), std::string::npos) << range_refusal("M100-");
   EXPECT_NE(range_refusal("M100-D199").find("one kind"), std::string::npos);
   EXPECT_NE(range_refusal("M7000-M8010").find("one kind"), std::string::npos);
   EXPECT_NE(range_refusal("CN190-CN210").find("one kind"), std::string::npos);
@@ -204,7 +209,7 @@ TEST(DeviceRange, SaysWhatIsWrongWithIt) {
   EXPECT_NE(range_refusal("D0.1").find("plain device"), std::string::npos);
   EXPECT_NE(range_refusal("Y0-Y8").find("octal"), std::string::npos);
   EXPECT_NE(range_refusal("M100-").find("FX device"), std::string::npos);
-  EXPECT_NE(range_refusal("M100-199").find("FX device"), std::string::npos);
+  EXPECT_NE(range_refusal("M100-Q199").find("FX device"), std::string::npos);
   EXPECT_NE(range_refusal("D0-D9000").find("does not exist"), std::string::npos);
   EXPECT_NE(range_refusal("CS0-CS254", Model::fx0n).find("CS32 does not exist"), std::string::npos);
 }

@@ -270,6 +270,7 @@ TEST(McDeviceRange, CoversBothEndsAndSaysWhatIsWrong) {
   EXPECT_EQ(parse_range(Model::fx5u, "M100-M199"), (Span{id(Space::m), 100, 100}));
   EXPECT_EQ(parse_range(Model::fx5u, "Y0..Y17"), (Span{id(Space::y), 0, 16}));
   EXPECT_EQ(parse_range(Model::q, "W0-W1F"), (Span{id(Space::w), 0, 32 * 16}));
+  EXPECT_EQ(parse_range(Model::q, "W0 .. 1F"), (Span{id(Space::w), 0, 32 * 16}));
   EXPECT_EQ(parse_range(Model::fx3u, "CN200-CN210"), (Span{id(Space::cn32), 0, 352}));
   EXPECT_EQ(parse_range(Model::iq_r, "LTN5"), (Span{id(Space::ltn), 160, 32}));
   const auto refused = [](std::string_view text, Model model = Model::fx5u) {
