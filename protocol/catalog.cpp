@@ -39,6 +39,8 @@ void set_speeds(ProtocolInfo& info, std::vector<int> speeds) {
   info.fast_models = {"FX3S", "FX3G", "FX3U"};
 }
 
+constexpr std::uint8_t kStx = 0x02;
+
 constexpr std::string_view kFxModel =
     "Model of the PLC. `auto`: the PLC is asked, and `check` holds addresses against the FX3U, the "
     "widest. Addresses that the real model lacks are bad then. An `FX1NC`, `FX2NC`, `FX3GC`, "
@@ -49,6 +51,7 @@ ProtocolInfo programming_port() {
   const fx::ProgrammingPort::Settings settings;
   ProtocolInfo info;
   info.name = "fx-programming-port";
+  info.text_begins_with = kStx;
   info.one_line = true;
   // Those of its commands A1 to A5; it begins with 9600.
   set_speeds(info, {9600, 19200, 38400, 57600, 115200});
@@ -75,6 +78,7 @@ ProtocolInfo computer_link() {
   const fx::ComputerLink::Settings settings;
   ProtocolInfo info;
   info.name = "fx-computer-link";
+  info.text_begins_with = kStx;
   // D8120, bits 4 to 7; JY997D16901 has 38400 of the FX3.
   set_speeds(info, {300, 600, 1200, 2400, 4800, 9600, 19200, 38400});
   info.summary = "Mitsubishi FX through its computer link (RS-485, stations 0 to 15)";
@@ -145,6 +149,7 @@ ProtocolInfo modbus_rtu() {
 ProtocolInfo modbus_ascii() {
   ProtocolInfo info =
       modbus_protocol("modbus-ascii", "Modbus ASCII, serial or through a serial server");
+  info.text_begins_with = ':';
   info.make = &modbus::Modbus::make_ascii;
   return info;
 }
@@ -305,6 +310,7 @@ ProtocolInfo mc_serial(std::string_view name, std::string_view summary, std::int
 ProtocolInfo mc_3c() {
   ProtocolInfo info =
       mc_serial("mc-3c", "MC protocol in 3C frames: serial ports of FX5, Q, L, iQ-R", 4);
+  info.text_begins_with = kStx;
   info.make = &mc::Mc::make_3c;
   return info;
 }

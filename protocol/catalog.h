@@ -64,6 +64,9 @@ struct ProtocolInfo {
   bool last_is_widest = true;
   std::string_view model_meaning;     ///< for people: the schema and the README have it
   std::vector<std::string_view> kin;  ///< further names of them, which `model` may be too
+  /// The character that its answers with data begin with, where they are text: STX, a colon. 0:
+  /// they are not, or begin with nothing of their own.
+  std::uint8_t text_begins_with = 0;
   std::vector<OptionSpec> options;
   /// For a person: which settings to look at where a connection stands and nothing was ever
   /// answered over it, and where the device closes it before its first answer. Empty: nothing is
