@@ -183,6 +183,9 @@ class Codec {
   /// Whether bytes that nobody asked for could be an answer, whole or in part, to whatever is
   /// asked next; or another master's. What no answer can be made of is noise.
   virtual bool may_pass_for_answer(ByteView bytes) const { return !bytes.empty(); }
+  /// Whether its frames are text: digits and letters between control characters, none of which
+  /// needs an eighth bit.
+  virtual bool is_text() const { return false; }
   /// One frame explained; without a direction the likelier one is taken.
   virtual Explanation explain(ByteView frame, std::optional<Direction> direction) const = 0;
 

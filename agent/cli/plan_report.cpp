@@ -85,6 +85,8 @@ std::optional<int> rank_of(const Point& point, bool allowed) {
     case Unit::word:
       return 0 + second;
     case Unit::dword:
+    case Unit::long_index:
+    case Unit::long_count:
       return 2 + second;
     case Unit::bit:
       return 4 + second;

@@ -35,9 +35,6 @@ bool is_text(std::uint8_t byte) {
   return (byte >= ' ' && byte < 0x7F) || controls.find(static_cast<char>(byte)) != controls.npos;
 }
 
-/// FX frames and Modbus ASCII travel as characters of 7 bits.
-bool speaks_text(const ProtocolInfo& protocol) { return protocol.line.data_bits == 7; }
-
 std::string quoted(const Explanation& frame) { return "\"" + summary(frame) + "\""; }
 
 /// " of station 3", where the frame says whose it is.
@@ -101,36 +98,47 @@ std::optional<ForeignBytes> own_frame(const DeviceConfig& device, const Codec& c
                           "that came late (timeout_ms)"};
 }
 
+/// Bytes may be a good frame of several: one that says whose it is has more that must be right.
 std::optional<ForeignBytes> frame_of_another(const DeviceConfig& device, ByteView heard) {
+  std::optional<ForeignBytes> found;
   for (const ProtocolInfo& other : catalog()) {
     if (device.protocol == nullptr || other.name == device.protocol->name) continue;
     const auto codec = other.make(default_options(other));
     if (!codec) continue;
     const Explanation frame = (*codec)->explain(heard, std::nullopt);
-    if (frame.ok)
-      return ForeignBytes{Cause::other_protocol, "a good frame of " + std::string(other.name) +
-                                                     whose(frame) + ", " + quoted(frame) +
-                                                     ": set protocol, or give each its own line"};
+    const std::string of = whose(frame);
+    if (!frame.ok || (found && of.empty())) continue;
+    found = ForeignBytes{Cause::other_protocol, "a good frame of " + std::string(other.name) + of +
+                                                    ", " + quoted(frame) +
+                                                    ": set protocol, or give each its own line"};
+    if (!of.empty()) break;
   }
-  return std::nullopt;
+  return found;
+}
+
+/// "fx-programming-port, fx-computer-link": whose answers begin so.
+std::string protocols_of(std::uint8_t first) {
+  std::string names;
+  for (const ProtocolInfo& info : catalog())
+    if (info.text_begins_with == first) names.append(names.empty() ? "" : ", ").append(info.name);
+  return names;
 }
 
 /// The beginning of what was cut or garbled.
 std::optional<ForeignBytes> beginning_of_another(const DeviceConfig& device, ByteView heard) {
   if (device.protocol == nullptr || heard.size() <= kFewBytes) return std::nullopt;
+  if (heard[0] == device.protocol->text_begins_with) return std::nullopt;
   const ByteView behind = heard.subspan(1);
   const bool is_ascii =
       heard[0] == ':' && all(behind, [](std::uint8_t byte) {
         return hex_digit(byte) >= 0 || byte == '\r' || byte == '\n' || byte == ':';
       });
-  if (is_ascii && device.protocol->name != "modbus-ascii")
+  if (is_ascii)
     return ForeignBytes{Cause::other_protocol,
-                        "Modbus ASCII, a colon and hex digits: set protocol to modbus-ascii"};
-  const bool is_fx = heard[0] == kStx && all(behind, is_text);
-  if (is_fx && !device.protocol->name.starts_with("fx-"))
+                        "a colon and hex digits: set protocol to " + protocols_of(':')};
+  if (heard[0] == kStx && all(behind, is_text))
     return ForeignBytes{Cause::other_protocol,
-                        "a frame of an FX PLC, STX and text: set protocol to fx-programming-port "
-                        "or fx-computer-link"};
+                        "STX and text: set protocol to the PLC's, one of " + protocols_of(kStx)};
   return std::nullopt;
 }
 
@@ -194,9 +202,14 @@ std::optional<ForeignBytes> no_text(ByteView heard) {
 
 ForeignBytes looks_like(const DeviceConfig& device, const Codec& codec, ByteView asked,
                         ByteView heard) {
-  ForeignBytes unknown{Cause::unknown,
-                       "nothing that is known: noise, where it is rare; else compare baud, "
-                       "data_bits and parity of line and device, and look for another master"};
+  // Over Ethernet characters have neither speed nor parity.
+  const bool is_on_line = device.protocol == nullptr || device.protocol->on_serial;
+  ForeignBytes unknown{
+      Cause::unknown,
+      is_on_line ? "nothing that is known: noise, where it is rare; else compare baud, data_bits "
+                   "and parity of line and device, and look for another master"
+                 : "nothing that is known: does another service or protocol answer at this port? "
+                   "Compare protocol and its settings with the device's"};
   if (heard.empty()) return unknown;
   const bool returned = !asked.empty() && heard.size() >= asked.size() &&
                         std::equal(asked.begin(), asked.end(), heard.begin());
@@ -206,12 +219,13 @@ ForeignBytes looks_like(const DeviceConfig& device, const Codec& codec, ByteView
             "echo for its devices"};
   if (auto frame = own_frame(device, codec, heard)) return *std::move(frame);
   if (auto other = frame_of_another(device, heard)) return *std::move(other);
-  const bool is_text_line = device.protocol == nullptr || speaks_text(*device.protocol);
+  const bool is_text_line = is_on_line && codec.is_text();
   if (is_text_line) {
     if (auto parity = parity_in_bit_7(heard)) return *std::move(parity);
     if (auto parity = zeros_among_text(heard)) return *std::move(parity);
   }
-  if (auto speed = bits_in_groups(heard)) return *std::move(speed);
+  if (is_on_line)
+    if (auto speed = bits_in_groups(heard)) return *std::move(speed);
   if (auto other = beginning_of_another(device, heard)) return *std::move(other);
   if (is_text_line)
     if (auto speed = no_text(heard)) return *std::move(speed);

@@ -86,7 +86,7 @@ Explanation explain_ethernet(bool numbered, Model model, ByteView bytes,
     field(out, "monitoring timer", *first == 0 ? "for ever" : std::to_string(*first * 250) + " ms");
     explain_request(model, code, rest, out);
   } else if (*first != 0) {
-    explain_refusal(static_cast<std::uint16_t>(*first), out);
+    explain_refusal(model, static_cast<std::uint16_t>(*first), out);
     show_error_information(out, code, rest);
   } else {
     field(out, "end code", "0000, done");
@@ -181,7 +181,7 @@ class SerialExplainer final {
     if (body.size() >= 4 && body[0] == 0xFF && body[1] == 0xFF) {
       const auto code = static_cast<std::uint16_t>(*number_at(Code::binary, body, 2, 2));
       if (code != 0)
-        explain_refusal(code, out_);
+        explain_refusal(model_, code, out_);
       else
         explain_data(Code::binary, body.subspan(4), out_);
     } else {
@@ -223,7 +223,7 @@ class SerialExplainer final {
   void refused(ByteView digits) {
     const auto code = digits.size() == 4 ? number_at(Code::ascii, digits, 0, 2) : std::nullopt;
     if (!code) return fault("a refusal has an end code of four hex digits");
-    explain_refusal(static_cast<std::uint16_t>(*code), out_);
+    explain_refusal(model_, static_cast<std::uint16_t>(*code), out_);
   }
 
   /// Whether the last two characters are the sum is told by the sum itself, else by what the

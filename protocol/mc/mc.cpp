@@ -38,11 +38,11 @@ const T* option(const Options& options, std::string_view key) {
   return found == options.end() ? nullptr : std::get_if<T>(&found->second);
 }
 
-Reply refusal(std::uint16_t code) {
+Reply refusal(std::uint16_t code, Series series) {
   Reply reply;
   reply.kind = Reply::Kind::nak;
   reply.device_code = code;
-  reply.text = end_code_text(code);
+  reply.text = end_code_text(code, series);
   return reply;
 }
 
@@ -236,10 +236,10 @@ Result<Reply> Mc::reply_in(const Request& request, ByteView content) const {
     const auto asked = number_at(code, *message, 0, kCommand);
     if (refused != asked)
       return garbled(
-          end_code_text(static_cast<std::uint16_t>(*end_code)) +
+          end_code_text(static_cast<std::uint16_t>(*end_code), dialect_.series()) +
           ", for another command: " + to_hex(rest.subspan(at, wire_size(code, kCommand))));
   }
-  return refusal(static_cast<std::uint16_t>(*end_code));
+  return refusal(static_cast<std::uint16_t>(*end_code), dialect_.series());
 }
 
 Result<Reply> Mc::data_reply(const Request& request, ByteView data) const {
@@ -276,7 +276,7 @@ Result<std::optional<Reply>> Mc::decode_serial(const Request& request, std::uint
     case SerialAnswer::State::wrong:
       return garbled(answer.error);
     case SerialAnswer::State::refused:
-      reply = refusal(answer.end_code);
+      reply = refusal(answer.end_code, dialect_.series());
       break;
     case SerialAnswer::State::data:
     case SerialAnswer::State::done:

@@ -64,6 +64,7 @@ class Mc final : public Codec, public AddressSpace, public PlcServices {
   bool expects_reply(const Request& request) const override;
   bool may_pass_for_answer(ByteView bytes) const override;
   LineLength line_length(const Request& request) const override;
+  bool is_text() const override { return dialect_.code == Code::ascii; }
   Explanation explain(ByteView frame, std::optional<Direction> direction) const override;
 
   std::chrono::milliseconds gives_up_after() const override;

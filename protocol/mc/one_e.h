@@ -61,6 +61,7 @@ class OneE final : public Codec, public AddressSpace, public PlcServices {
   bool may_pass_for_answer(ByteView bytes) const override;
   LineLength line_length(const Request& request) const override;
   std::chrono::milliseconds gives_up_after() const override;
+  bool is_text() const override { return settings_.code == Code::ascii; }
   Explanation explain(ByteView frame, std::optional<Direction> direction) const override;
   Recovery after_silence() const override { return Recovery::reconnect; }
   Recovery after_nonsense() const override { return Recovery::reconnect; }

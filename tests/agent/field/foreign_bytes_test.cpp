@@ -161,9 +161,9 @@ TEST(ForeignBytes, FramesOfOtherProtocolsAreNamed) {
        "modbus-tcp"},
       {"modbus-ascii", kRtuReply, Cause::other_protocol, "modbus-rtu"},
       // Cut short: no frame, and still no noise.
-      {"modbus-rtu", hex("02 33 34 31 32 43 44"), Cause::other_protocol, "an FX PLC"},
-      {"modbus-rtu", printed(":110103CD"), Cause::other_protocol, "Modbus ASCII"},
-      {"fx-programming-port", printed(":110103CD"), Cause::other_protocol, "Modbus ASCII"},
+      {"modbus-rtu", hex("02 33 34 31 32 43 44"), Cause::other_protocol, "fx-programming-port"},
+      {"modbus-rtu", printed(":110103CD"), Cause::other_protocol, "modbus-ascii"},
+      {"fx-programming-port", printed(":110103CD"), Cause::other_protocol, "modbus-ascii"},
   };
   for (const Foreign& row : rows) {
     const auto found = guess(device_of(row.on), row.heard);
@@ -214,6 +214,63 @@ TEST(ForeignBytes, AnMcPortWithOtherSettingsIsToldWhereTheyAre) {
       << with_sum.text;
   EXPECT_NE(with_sum.text.find("485 Serial Port"), std::string::npos) << with_sum.text;
   EXPECT_EQ(with_sum.text.find("D8120"), std::string::npos) << with_sum.text;
+}
+
+// Answers of a PLC as transcripts have them: 3C and 4C in format 1, 3E in binary code.
+const Bytes k3cData = printed("<F90000FF0012340002>BA");
+const Bytes k4cData = printed("<F80000FF03FF000012340002>08");
+const Bytes k3eData = hex("D0 00 00 FF FF 03 00 06 00 00 00 34 12 02 00");
+
+TEST(ForeignBytes, ACutOrSpoiltAnswerOfAnMcPortIsNoFxPlc) {
+  for (const auto& [protocol, frame] : {std::pair{"mc-3c", k3cData}, std::pair{"mc-4c", k4cData}}) {
+    const DeviceConfig device = device_of(protocol, {{"model", "Q"}});
+    const Bytes cut(frame.begin(), frame.end() - 4);
+    Bytes spoilt = frame;
+    spoilt[12] ^= 0x01;
+    for (const Bytes& heard : {cut, spoilt}) {
+      const auto found = guess(device, heard);
+      EXPECT_EQ(found.cause, Cause::unknown) << protocol << ": " << found.text;
+      EXPECT_EQ(found.text.find("fx-"), std::string::npos) << found.text;
+    }
+  }
+  const auto other = guess(device_of("mc-3c", {{"model", "Q"}}), k4cData);
+  EXPECT_NE(other.text.find("a good frame of mc-4c"), std::string::npos) << other.text;
+}
+
+TEST(ForeignBytes, StxAndTextMayBeAnyProtocolWhoseFramesBeginSo) {
+  const auto found = guess(device_of("modbus-rtu"), printed("<F90000FF0012"));
+  EXPECT_EQ(found.cause, Cause::other_protocol) << found.text;
+  for (const char* name : {"fx-programming-port", "fx-computer-link", "mc-3c", "mc-4c"})
+    EXPECT_NE(found.text.find(name), std::string::npos) << found.text;
+}
+
+TEST(ForeignBytes, OverEthernetNoBaudRateAndNoParityIsBlamed) {
+  for (const char* protocol : {"mc-1e", "mc-3e", "mc-4e", "modbus-tcp"}) {
+    const DeviceConfig device = device_of(protocol);
+    const Bytes zeros(12, 0);
+    const Bytes cut(k3eData.begin(), k3eData.end() - 2);
+    const Bytes high = hex("81 82 84 88 90");
+    for (const Bytes& heard : {zeros, cut, high}) {
+      const auto found = guess(device, heard);
+      EXPECT_EQ(found.cause, Cause::unknown) << protocol << " " << to_hex(heard) << found.text;
+      for (const char* word : {"baud", "parity", "no text", "fx-"})
+        EXPECT_EQ(found.text.find(word), std::string::npos) << protocol << ": " << found.text;
+      EXPECT_NE(found.text.find("protocol"), std::string::npos) << found.text;
+    }
+  }
+}
+
+TEST(ForeignBytes, FramesOfTextHaveTheirParitySeenOn8BitsToo) {
+  for (const auto& [protocol, frame] : {std::pair{"mc-3c", k3cData}, std::pair{"mc-4c", k4cData}}) {
+    const Bytes heard = heard_by({8, Parity::none}, 1, on_the_wire(frame, {7, Parity::even}));
+    const auto even = guess(device_of(protocol, {{"model", "Q"}}), heard);
+    EXPECT_EQ(even.cause, Cause::parity) << even.text;
+    EXPECT_NE(even.text.find("even parity in bit 7"), std::string::npos) << even.text;
+  }
+  // Format 5 is binary: bit 7 belongs to its bytes.
+  const auto binary = guess(device_of("mc-4c", {{"model", "Q"}, {"format", std::int64_t{5}}}),
+                            hex("8D 81 82 84 A0"));
+  EXPECT_EQ(binary.cause, Cause::unknown) << binary.text;
 }
 
 TEST(ForeignBytes, WrongParityIsSeenInBit7OrAsZeros) {

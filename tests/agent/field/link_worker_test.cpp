@@ -631,7 +631,8 @@ TEST_F(StreamWithoutNumbers, DeviceThatNeverAnswersTimesOutAndTheLogSaysWhatToLo
   EXPECT_EQ(log.find("the line was lost"), std::string::npos) << log;
   EXPECT_EQ(log.find("state=down"), log.rfind("state=down")) << log;
   EXPECT_EQ(log.find("state=up"), log.rfind("state=up")) << log;
-  const std::string hint(config.devices[0].protocol->silent_hint);
+  const DeviceConfig& device = config.devices[0];
+  const std::string hint(hints_for(*device.protocol, *device.codec).silent);
   EXPECT_NE(log.find(hint.substr(0, 40)), std::string::npos) << log;
   there = {1};
   wait_for_state(State::online, "");

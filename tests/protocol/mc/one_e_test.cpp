@@ -461,7 +461,8 @@ TEST(OneE, ARefusalTellsItsReason) {
             "nak 5B 15: the Ethernet module cannot reach the PLC");
   // An E71 may give an abnormal code behind other end codes, too.
   EXPECT_EQ(good(kBinary, kForce, hex("82 55 01 00")).device_code, 0x0155);
-  expect_says(good(kAscii, kForce, text("8255")).text, "Enable online change");
+  expect_says(good(kAscii, kForce, text("8255")).text, "\"Enable online change\"");
+  expect_says(good(kAscii, kForce, text("8255")).text, "FX3U-ENET: \"Enable Write at RUN time\"");
   expect_says(good(kAscii, kForce, text("8254")).text, "`code`");
   for (const char* code : {"50", "56", "58", "60", "7F"})
     EXPECT_TRUE(good(kAscii, kForce, text(std::string("82") + code)).text.starts_with("nak "));
