@@ -22,9 +22,11 @@
 #include "agent/process/service_manager.h"
 #include "agent/process/service_reports.h"
 #include "agent/process/signs_of_life.h"
+#include "agent/process/thread_turns.h"
 #include "agent/reload.h"
 #include "agent/store/first_numbers.h"
 #include "agent/store/store.h"
+#include "agent/uplink/connect_faults.h"
 #include "agent/uplink/json_payload.h"
 #include "agent/uplink/paho_broker.h"
 #include "agent/uplink/publisher.h"
@@ -57,6 +59,19 @@ int wait_for_stop(StopWatchdog& watchdog, ServiceReports& reports) {
     if (const auto signal = watchdog.await_signal(*next - now)) return *signal;
     reports.tell(std::chrono::steady_clock::now());
   }
+}
+
+/// A step of the uplink is a sign of life only as long as the threads of the MQTT library get on:
+/// without them nothing is sent and nothing heard, and only a new process has new ones.
+void go_on(ThreadTurns& library, SignsOfLife& signs) {
+  const bool was_well = library.stands_still().empty();
+  library.look(std::chrono::steady_clock::now(), paho_looks_up_host());
+  const std::string& stuck = library.stands_still();
+  if (stuck.empty()) return signs.uplink_went_on();
+  if (was_well)
+    log::error("watchdog", {{"stands_still", "uplink"},
+                            {"thread", stuck},
+                            {"note", "a thread of the MQTT library does nothing any more"}});
 }
 
 /// The status of this moment in one line; empty: there is none yet.
@@ -116,7 +131,8 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
   SignsOfLife signs;
   Reload reload(path, remote, std::move(in_force), field, outbox, publisher);
   std::jthread uplink([&](std::stop_token stop) {
-    run_uplink(publisher, outbox, stop, [&signs] { signs.uplink_went_on(); });
+    ThreadTurns library("MQTTAsync_");
+    run_uplink(publisher, outbox, stop, [&] { go_on(library, signs); });
   });
   auto metrics = served_at ? std::make_unique<MetricsServer>(*served_at, publisher.board())
                            : std::unique_ptr<MetricsServer>();

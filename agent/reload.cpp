@@ -203,7 +203,7 @@ void Reload::reload() {
     if (is_fit && !stopping_ && !remote_.rejected().empty()) hear(std::string(remote_.rejected()));
     if (!stopping_) {
       report();
-      publish_status();
+      publish_status();  // what was rejected may be in force now
     }
   }
   malloc_trim(0);  // what reading a large file took goes back

@@ -39,6 +39,8 @@ void set_speeds(ProtocolInfo& info, std::vector<int> speeds) {
   info.fast_models = {"FX3S", "FX3G", "FX3U"};
 }
 
+constexpr std::uint8_t kStx = 0x02;
+
 constexpr std::string_view kFxModel =
     "Model of the PLC. `auto`: the PLC is asked, and `check` holds addresses against the FX3U, the "
     "widest. Addresses that the real model lacks are bad then. An `FX1NC`, `FX2NC`, `FX3GC`, "
@@ -49,6 +51,7 @@ ProtocolInfo programming_port() {
   const fx::ProgrammingPort::Settings settings;
   ProtocolInfo info;
   info.name = "fx-programming-port";
+  info.text_begins_with = kStx;
   info.one_line = true;
   // Those of its commands A1 to A5; it begins with 9600.
   set_speeds(info, {9600, 19200, 38400, 57600, 115200});
@@ -75,6 +78,7 @@ ProtocolInfo computer_link() {
   const fx::ComputerLink::Settings settings;
   ProtocolInfo info;
   info.name = "fx-computer-link";
+  info.text_begins_with = kStx;
   // D8120, bits 4 to 7; JY997D16901 has 38400 of the FX3.
   set_speeds(info, {300, 600, 1200, 2400, 4800, 9600, 19200, 38400});
   info.summary = "Mitsubishi FX through its computer link (RS-485, stations 0 to 15)";
@@ -98,6 +102,7 @@ ProtocolInfo computer_link() {
       integer("max_block_bytes", 2, 128, settings.max_block_bytes,
               "Bytes of device memory in one frame."),
   };
+  info.format_place = "D8120 of the PLC";
   info.make = &fx::ComputerLink::make;
   return info;
 }
@@ -144,6 +149,7 @@ ProtocolInfo modbus_rtu() {
 ProtocolInfo modbus_ascii() {
   ProtocolInfo info =
       modbus_protocol("modbus-ascii", "Modbus ASCII, serial or through a serial server");
+  info.text_begins_with = ':';
   info.make = &modbus::Modbus::make_ascii;
   return info;
 }
@@ -183,13 +189,19 @@ ProtocolInfo mc_1e() {
           "How long the Ethernet module waits for its PLC before it answers with an error, in "
           "steps of 250. `timeout_ms` should be longer; where it is not given it is 1000 more."),
   };
-  info.silent_hint =
+  info.hints.silent =
       "\"Communication Data Code\" of the PLC's Ethernet settings must be `code`, the open setting "
       "of this port \"MC Protocol\" (FX3U-ENET: \"Procedure exist (MC)\"), and the PLC one that "
       "knows 1E frames (an FX5U needs mc-3e)";
-  info.closed_hint =
+  info.hints.closed =
       "each open setting takes one connection: is another program (a panel, GX Works2) using this "
       "port? Give the agent an open setting of its own";
+  SettingHints module = info.hints;
+  module.silent =
+      "in GX Works2 look at the E71 module under Network Parameter, Ethernet: is there in its Open "
+      "Setting a line for MC protocol with this port number and protocol (TCP or UDP), and is "
+      "Communication Data Code that of `code`? Built-in ports need mc-3e";
+  info.model_hints = {{"Q", module}, {"L", module}};
   info.make = &mc::OneE::make;
   return info;
 }
@@ -229,6 +241,34 @@ void add_module(ProtocolInfo& info) {
                                  "Station number behind that module (multidrop); 0: none."));
 }
 
+/// Where the ports of these PLCs are set up: an FX5 or iQ-R, and a Q or L.
+void add_hints(ProtocolInfo& info) {
+  info.hints.silent =
+      "look at the PLC's Ethernet port: is there an SLMP Connection Module (GX Works3) or a line "
+      "MC "
+      "Protocol of its Open Setting (GX Works2) with this port number and protocol (TCP or UDP), "
+      "and is Communication Data Code that of `code`? An FX3 speaks mc-1e; built-in ports of Q and "
+      "L know mc-3e alone";
+  info.hints.closed =
+      "each SLMP Connection Module (GX Works3) or line of the Open Setting (GX Works2) serves one "
+      "connection: is another program using this one? Give the agent an entry with a port of its "
+      "own";
+  const SettingHints works3 = {
+      "in GX Works3 look at the Ethernet port: is there an SLMP Connection Module (iQ-R: SLMP, "
+      "Unpassive) with this port number and protocol (TCP or UDP), and is Communication Data Code "
+      "that of `code`?",
+      "each SLMP Connection Module in the parameters serves one connection: is another program "
+      "using this one? Give the agent an entry with a port of its own"};
+  const SettingHints works2 = {
+      "in GX Works2 look at Built-in Ethernet Port Setting (E71 module: Network Parameter): is "
+      "there in its Open Setting a line MC Protocol with this port number and protocol (TCP or "
+      "UDP), and is Communication Data Code that of `code`? Built-in ports know mc-3e alone",
+      "each line of the Open Setting in GX Works2 serves one connection: is another program using "
+      "this one? Give the agent a line with a port of its own"};
+  for (const std::string_view model : mc::model_names())
+    info.model_hints.emplace_back(model, model == "Q" || model == "L" ? works2 : works3);
+}
+
 ProtocolInfo mc_ethernet(std::string_view name, std::string_view summary) {
   const mc::Mc::Settings settings;
   ProtocolInfo info = mc_protocol(name, summary);
@@ -247,14 +287,7 @@ ProtocolInfo mc_ethernet(std::string_view name, std::string_view summary) {
       "steps of 250. `timeout_ms` should be longer; where it is not given it is 1000 more."));
   info.options.push_back(integer("max_block_bytes", 2, settings.max_block_bytes,
                                  settings.max_block_bytes, "Bytes of device memory in one frame."));
-  info.silent_hint =
-      "in GX Works3 look at the Ethernet port: is there an SLMP Connection Module (or MC protocol "
-      "entry) with this port number and protocol (TCP or UDP), and is Communication Data Code that "
-      "of `code`? An FX3 speaks mc-1e; built-in ports of Q and L know mc-3e alone";
-  info.closed_hint =
-      "each SLMP Connection Module in the parameters serves one connection: is another program "
-      "using "
-      "this one? Give the agent an entry with a port of its own";
+  add_hints(info);
   return info;
 }
 
@@ -277,6 +310,7 @@ ProtocolInfo mc_serial(std::string_view name, std::string_view summary, std::int
   ProtocolInfo info = mc_protocol(name, summary);
   info.line.data_bits = 8;
   info.least_data_bits = 7;
+  info.text_begins_with = kStx;
   info.options.insert(info.options.begin(),
                       integer("station", 0, 31, settings.station,
                               "Station number, as in the parameters of the serial port."));
@@ -285,13 +319,17 @@ ProtocolInfo mc_serial(std::string_view name, std::string_view summary, std::int
               formats == 5 ? "Message pattern, as in the parameters: 1 to 4 are ASCII, 5 is binary "
                              "and needs 8 data bits."
                            : "Message pattern, as in the parameters; all are ASCII."));
+  info.options.back().binary_from = 5;
   info.options.push_back(boolean("sum_check", settings.sum_check,
                                  "Whether frames carry a sum, as in the parameters. Without it "
                                  "noise can pass for a value."));
   info.options.push_back(integer("max_block_bytes", 2, settings.max_block_bytes, kBlock,
                                  "Bytes of device memory in one frame. More is a little faster, "
                                  "and commands wait longer."));
-  info.silent_hint =
+  info.format_place =
+      "the parameters of the PLC's serial port (FX5: 485 Serial Port in GX Works3; C24 module: its "
+      "switch setting)";
+  info.hints.silent =
       "are protocol (MC Protocol), message pattern, station, sum check, speed and parity those of "
       "the serial port in the PLC's parameters?";
   return info;
@@ -337,6 +375,23 @@ std::shared_ptr<const Codec> widest_of(const ProtocolInfo& protocol,
 std::string widest_name(const ProtocolInfo& protocol) {
   return protocol.last_is_widest ? std::string(protocol.models.back()) + ", the widest"
                                  : "what any model has";
+}
+
+const OptionSpec* binary_option(const ProtocolInfo& protocol, const Options& options) {
+  const auto found = std::ranges::find_if(protocol.options, [&](const OptionSpec& spec) {
+    const auto given = options.find(spec.key);
+    const auto* value =
+        given == options.end() ? nullptr : std::get_if<std::int64_t>(&given->second);
+    return value != nullptr && spec.binary_from && *value >= *spec.binary_from;
+  });
+  return found == protocol.options.end() ? nullptr : &*found;
+}
+
+const SettingHints& hints_for(const ProtocolInfo& protocol, const Codec& codec) {
+  const std::string model = model_of(codec);
+  const auto found = std::ranges::find(protocol.model_hints, std::string_view(model),
+                                       &std::pair<std::string_view, SettingHints>::first);
+  return found == protocol.model_hints.end() ? protocol.hints : found->second;
 }
 
 const ProtocolInfo* find_protocol(std::string_view name) {

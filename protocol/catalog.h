@@ -4,9 +4,11 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <variant>
 #include <vector>
 
@@ -24,6 +26,8 @@ struct OptionSpec {
   std::vector<std::string_view> choices;                        ///< choice: the words
   std::variant<std::int64_t, bool, std::string_view> fallback;  ///< where the key is absent
   std::string_view meaning;  ///< for people: the schema and the README have it
+  /// integer: from this value on frames are binary, so that a line needs 8 data bits.
+  std::optional<std::int64_t> binary_from{};
 };
 
 using OptionValue = std::variant<std::int64_t, bool, std::string>;
@@ -42,6 +46,14 @@ struct LineDefaults {
   int stop_bits = 1;
 };
 
+/// For a person: which settings to look at where a connection stands and nothing was ever answered
+/// over it, and where the device closes it before its first answer. Empty: nothing is known that
+/// would help.
+struct SettingHints {
+  std::string_view silent;
+  std::string_view closed;
+};
+
 struct ProtocolInfo {
   std::string_view name;     ///< "fx-programming-port"
   std::string_view summary;  ///< one line for --help
@@ -52,6 +64,9 @@ struct ProtocolInfo {
   std::vector<std::string_view> fast_models;
   bool on_serial = true;
   bool on_tcp = true;
+  /// The character that its answers with data begin with, where they are text: STX, a colon. 0:
+  /// they are not, or begin with nothing of their own.
+  std::uint8_t text_begins_with = 0;
   bool on_udp = false;      ///< a datagram holds one whole frame
   bool multidrop = false;   ///< frames carry a station or unit, so devices can share a line
   int least_data_bits = 0;  ///< of a line; 0: those of `line`
@@ -62,11 +77,11 @@ struct ProtocolInfo {
   std::string_view model_meaning;     ///< for people: the schema and the README have it
   std::vector<std::string_view> kin;  ///< further names of them, which `model` may be too
   std::vector<OptionSpec> options;
-  /// For a person: which settings to look at where a connection stands and nothing was ever
-  /// answered over it, and where the device closes it before its first answer. Empty: nothing is
-  /// known that would help.
-  std::string_view silent_hint;
-  std::string_view closed_hint;
+  SettingHints hints;
+  /// In place of them for models that are set up elsewhere.
+  std::vector<std::pair<std::string_view, SettingHints>> model_hints;
+  /// For a person: where in the PLC format and sum check of its frames are set. Empty: nowhere.
+  std::string_view format_place;
   Result<std::shared_ptr<const Codec>> (*make)(const Options&) = nullptr;
 };
 
@@ -78,6 +93,11 @@ std::shared_ptr<const Codec> widest_of(const ProtocolInfo& protocol,
                                        const std::shared_ptr<const Codec>& codec);
 /// The name of that model for a person: "FX3U, the widest".
 std::string widest_name(const ProtocolInfo& protocol);
+/// The option by which such a device needs 8 data bits, whatever its protocol does by itself;
+/// nullptr where none does.
+const OptionSpec* binary_option(const ProtocolInfo& protocol, const Options& options);
+/// Which settings to look at for a device of the model that `codec` knows.
+const SettingHints& hints_for(const ProtocolInfo& protocol, const Codec& codec);
 /// nullptr where there is none of that name.
 const ProtocolInfo* find_protocol(std::string_view name);
 /// Every option as it is where the config says nothing; `model` is "auto".

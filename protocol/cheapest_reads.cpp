@@ -7,6 +7,11 @@
 namespace fxagent {
 namespace {
 
+// To know what each length costs is worth as much as so many reads weighed.
+constexpr std::size_t kReadsWorthALength = 4;
+// In units. Eight coils are a byte.
+constexpr std::uint32_t kLongestPeriod = 16;
+
 std::uint32_t round_up(std::uint32_t value, std::uint32_t step) {
   return (value + step - 1) / step * step;
 }
@@ -19,45 +24,20 @@ bool one_read_holds(const std::vector<ReadWay>& ways, const Forbidden& forbidden
   });
 }
 
-/// For each piece the first one that a read may begin with if it is to bring both: nobody asks for
-/// more than the way's gap in between.
-std::vector<std::size_t> first_partners(const std::vector<Extent>& pieces, std::uint32_t max_gap) {
+/// For each piece the first one that a read may begin with if it is to bring both: it is not longer
+/// than the way's reads, and nobody asks for more than the way's gap in between.
+std::vector<std::size_t> first_partners(const std::vector<Extent>& pieces, const ReadWay& way) {
   std::vector<std::size_t> first(pieces.size(), 0);
   for (std::size_t i = 1; i < pieces.size(); ++i) {
     const std::uint32_t end = pieces[i - 1].end;
-    const bool apart = pieces[i].first > end && pieces[i].first - end > max_gap;
+    const bool apart = pieces[i].first > end && pieces[i].first - end > way.max_gap_bits;
     first[i] = apart ? i : first[i - 1];
+    while (first[i] < i && pieces[i].end - pieces[first[i]].first > way.max_bits) ++first[i];
   }
   return first;
 }
 
 }  // namespace
-
-bool Forbidden::forbids(const ReadWay& way, const Extent& read) const {
-  if (holds(read)) return true;
-  return way.gather != 0 && std::any_of(apart.begin(), apart.end(), [&](const Extent& place) {
-           return read.first < place.end && place.first < read.end;
-         });
-}
-
-bool Forbidden::holds(const Extent& read) const {
-  return std::any_of(cuts.begin(), cuts.end(),
-                     [&](std::uint32_t at) { return read.first < at && at < read.end; }) ||
-         std::any_of(missing.begin(), missing.end(), [&](const Extent& hole) {
-           return read.first <= hole.first && hole.end <= read.end;
-         });
-}
-
-Forbidden forbidden_in(const Holes& holes, std::uint16_t space) {
-  Forbidden out;
-  for (const Holes::Cut& cut : holes.cuts)
-    if (cut.space == space) out.cuts.push_back(cut.at);
-  for (const Span& span : holes.missing)
-    if (span.space == space) out.missing.push_back({span.first_bit, span.end_bit()});
-  for (const Span& span : holes.apart)
-    if (span.space == space) out.apart.push_back({span.first_bit, span.end_bit()});
-  return out;
-}
 
 std::optional<Extent> fit(const ReadWay& way, const Extent& wanted) {
   if (wanted.first < way.first_bit || wanted.end > way.end_bit) return std::nullopt;
@@ -118,8 +98,37 @@ ReadSearch::ReadSearch(const Codec& codec, const LineCost& cost, const Bucket& b
     : codec_(codec), cost_(cost), bucket_(bucket) {
   prices_.resize(bucket.ways.size());
   around_.resize(bucket.ways.size());
-  for (const ReadWay& way : bucket.ways)
-    partners_.push_back(first_partners(bucket.pieces, way.max_gap_bits));
+  for (const ReadWay& way : bucket.ways) partners_.push_back(first_partners(bucket.pieces, way));
+  for (std::size_t w = 0; w < bucket.ways.size(); ++w) starts_.push_back(starts_by(w));
+}
+
+ReadSearch::Starts ReadSearch::starts_by(std::size_t way) {
+  const ReadWay& by = bucket_.ways[way];
+  const std::uint32_t first =
+      round_up(std::max(bucket_.pieces.front().first / by.align_bits * by.align_bits, by.first_bit),
+               by.align_bits);
+  if (first >= by.end_bit || first >= bucket_.pieces.back().end) return {};
+  const std::uint32_t longest =
+      std::min({by.max_bits, (by.end_bit - first) / by.unit_bits * by.unit_bits,
+                round_up(bucket_.pieces.back().end - first, by.unit_bits)});
+  std::size_t reads = 0;
+  for (std::size_t last = 0; last < pieces(); ++last) reads += last + 1 - partners_[way][last];
+  if (reads < kReadsWorthALength * (longest / by.unit_bits)) return {};
+  const auto price = [&](std::uint32_t bits) { return price_of(way, {first, first + bits}); };
+  for (std::uint32_t period = by.unit_bits; period <= kLongestPeriod * by.unit_bits; period *= 2) {
+    Starts starts;
+    starts.period = period;
+    if (by.unit_bits + period <= longest)
+      starts.each = price(by.unit_bits + period) - price(by.unit_bits);
+    bool is_steady = true;
+    for (std::uint32_t bits = by.unit_bits; is_steady && bits + period <= longest;
+         bits += by.unit_bits)
+      is_steady = price(bits + period) - price(bits) == starts.each;
+    if (!is_steady) continue;
+    starts.queues.resize(period / std::gcd(by.align_bits, period));
+    return starts;
+  }
+  return {};
 }
 
 Read ReadSearch::read_by(std::uint8_t way, const Extent& extent) const {
@@ -136,7 +145,9 @@ Cost ReadSearch::price_of(std::size_t way, const Extent& extent) {
   if (price != kImpossible) return price;
   const Read read = read_by(static_cast<std::uint8_t>(way), extent);
   if (by.gather == 0) return price = cost_.of(codec_.line_length(read)).count();
-  const auto chars = [&](const Gather& gather) { return chars_of(codec_.line_length(gather)); };
+  const auto chars = [&](const Gather& gather) {
+    return codec_.line_length(gather).planned_chars();
+  };
   std::uint32_t& around = around_[way];
   if (around == 0) {
     // By the shortest parts: a frame may have no room for two like this one.
@@ -147,34 +158,80 @@ Cost ReadSearch::price_of(std::size_t way, const Extent& extent) {
   return price = (cost_.per_char * (chars(Gather{{read}}) - around)).count();
 }
 
-void ReadSearch::try_way(std::size_t way, const PartPrice& part, bool counts, std::size_t last) {
+std::optional<Extent> ReadSearch::read_of(std::size_t way, std::size_t first, std::size_t last) {
+  ++weighed_;
+  const ReadWay& by = bucket_.ways[way];
+  return fit(by, {bucket_.pieces[first].first, bucket_.pieces[last].end});
+}
+
+void ReadSearch::take(std::size_t way, const PartPrice& part, bool counts, std::size_t first,
+                      std::size_t last, const Extent& extent) {
   const std::size_t step = counts ? 1 : 0;
+  const Cost own = price_of(way, extent) + part.each +
+                   part.each_bit * static_cast<Cost>(extent.end - extent.first);
+  for (std::size_t n = step; n < counts_; ++n) {
+    const Cost before = best_[first * counts_ + n - step].cost;
+    if (before == kImpossible) continue;
+    const Cost total = before + own;
+    Choice& choice = best_[(last + 1) * counts_ + n];
+    // Of equals the one with fewer reads.
+    if (total < choice.cost || (total == choice.cost && first < choice.first))
+      choice = {total, static_cast<std::uint32_t>(first), static_cast<std::uint8_t>(way), extent};
+  }
+}
+
+void ReadSearch::try_way(std::size_t way, const PartPrice& part, bool counts, std::size_t last) {
+  const ReadWay& by = bucket_.ways[way];
+  // Near the last device a read may begin earlier than its first piece (fit()).
+  const bool may_stick_out = bucket_.pieces[last].end > by.end_bit - (by.unit_bits - 1);
+  if (starts_[way].period == 0 || counts_ > 1 || may_stick_out)
+    try_all_starts(way, part, counts, last);
+  else
+    try_best_starts(way, part, last);
+}
+
+void ReadSearch::try_all_starts(std::size_t way, const PartPrice& part, bool counts,
+                                std::size_t last) {
   // Back from the last piece until a read cannot hold them all; then none that begins earlier can.
   for (std::size_t first = last + 1; first-- > partners_[way][last];) {
-    const auto extent =
-        fit(bucket_.ways[way], {bucket_.pieces[first].first, bucket_.pieces[last].end});
-    ++tried_;
+    const auto extent = read_of(way, first, last);
     if (!extent) break;
-    if (bucket_.forbidden.forbids(bucket_.ways[way], *extent)) continue;
-    const Cost own = price_of(way, *extent) + part.each +
-                     part.each_bit * static_cast<Cost>(extent->end - extent->first);
-    for (std::size_t n = step; n < counts_; ++n) {
-      const Cost before = best_[first * counts_ + n - step].cost;
-      if (before == kImpossible) continue;
-      const Cost total = before + own;
-      Choice& choice = best_[(last + 1) * counts_ + n];
-      // Of equals the one with fewer reads.
-      if (total < choice.cost || (total == choice.cost && first < choice.first))
-        choice = {total, static_cast<std::uint32_t>(first), static_cast<std::uint8_t>(way),
-                  *extent};
-    }
+    if (!bucket_.forbidden.forbids(bucket_.ways[way], *extent))
+      take(way, part, counts, first, last, *extent);
   }
+}
+
+void ReadSearch::try_best_starts(std::size_t way, const PartPrice& part, std::size_t last) {
+  const ReadWay& by = bucket_.ways[way];
+  Starts& starts = starts_[way];
+  if (best_[last].cost != kImpossible) {
+    const std::uint32_t first = bucket_.pieces[last].first / by.align_bits * by.align_bits;
+    const Cost period = starts.each + part.each_bit * static_cast<Cost>(starts.period);
+    const Start start{last, best_[last].cost - period * static_cast<Cost>(first / starts.period)};
+    auto& queue = starts.queues[first % starts.period * starts.queues.size() / starts.period];
+    // Of the others in its queue each reads as much more as it begins earlier, to any end, and has
+    // to make room first.
+    while (!queue.empty() && queue.back().worth > start.worth) queue.pop_back();
+    queue.push_back(start);
+  }
+  for (auto& queue : starts.queues)
+    // Where the longer of two reads is no longer possible, it is not to any later end.
+    for (; !queue.empty(); queue.pop_front()) {
+      const std::size_t first = queue.front().piece;
+      if (first < partners_[way][last]) continue;
+      const auto extent = read_of(way, first, last);
+      if (!extent || bucket_.forbidden.forbids(by, *extent)) continue;
+      take(way, part, false, first, last, *extent);
+      break;
+    }
 }
 
 std::vector<Cost> ReadSearch::run(const Terms& terms, const std::vector<Cost>& before) {
   counts_ = before.size();
   best_.assign((pieces() + 1) * counts_, {});
   for (std::size_t n = 0; n < counts_; ++n) best_[n].cost = before[n];
+  for (Starts& starts : starts_)
+    for (auto& queue : starts.queues) queue.clear();
   for (std::size_t last = 0; last < pieces(); ++last)
     for (std::size_t w = 0; w < bucket_.ways.size(); ++w) {
       const std::uint8_t gather = bucket_.ways[w].gather;

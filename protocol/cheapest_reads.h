@@ -3,31 +3,15 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <limits>
 #include <optional>
 #include <vector>
 
+#include "protocol/forbidden.h"
 #include "protocol/plan.h"
 
 namespace fxagent {
-
-/// [first, end) in bits of a space.
-struct Extent {
-  std::uint32_t first = 0;
-  std::uint32_t end = 0;
-};
-
-/// The borders and holes of one space, as bits of it.
-struct Forbidden {
-  std::vector<std::uint32_t> cuts;
-  std::vector<Extent> missing;
-  std::vector<Extent> apart;  // no part of a Gather touches them
-
-  /// Whether a read by `way` may not be this one.
-  bool forbids(const ReadWay& way, const Extent& read) const;
-  bool holds(const Extent& read) const;
-};
-Forbidden forbidden_in(const Holes& holes, std::uint16_t space);
 
 /// The shortest read by `way` that covers `wanted`; nullopt where the way does not reach it or may
 /// not carry so much.
@@ -87,7 +71,7 @@ class ReadSearch final {
   std::vector<Read> reads(std::uint32_t& counted) const;
 
   /// Reads that all runs together have weighed: what they took of the processor.
-  std::size_t tried() const { return tried_; }
+  std::size_t weighed() const { return weighed_; }
   std::size_t pieces() const { return bucket_.pieces.size(); }
 
  private:
@@ -97,9 +81,31 @@ class ReadSearch final {
     std::uint8_t way = 0;     // index in Bucket::ways
     Extent extent;
   };
+  /// A piece that a read may begin with.
+  struct Start {
+    std::size_t piece = 0;
+    Cost worth = 0;  ///< cost up to it, less what the bits before it would cost in a read
+  };
+  /// Where so many bits more cost a read by some way the same, however long it is, the worth of a
+  /// start has nothing to do with where the read ends: each next piece is a start more, and some
+  /// before it are of no use any longer.
+  struct Starts {
+    std::uint32_t period = 0;  ///< in bits; 0: there is none that is short, or it is not worth it
+    Cost each = 0;             ///< what a period more costs
+    /// By the first bit's place in the period: worth rises, and so do the pieces.
+    std::vector<std::deque<Start>> queues;
+  };
 
+  Starts starts_by(std::size_t way);
   Cost price_of(std::size_t way, const Extent& extent);
+  /// Tries reads by the way that bring the pieces up to `last`.
   void try_way(std::size_t way, const PartPrice& part, bool counts, std::size_t last);
+  void try_best_starts(std::size_t way, const PartPrice& part, std::size_t last);
+  void try_all_starts(std::size_t way, const PartPrice& part, bool counts, std::size_t last);
+  /// nullopt: no such read.
+  std::optional<Extent> read_of(std::size_t way, std::size_t first, std::size_t last);
+  void take(std::size_t way, const PartPrice& part, bool counts, std::size_t first,
+            std::size_t last, const Extent& extent);
   Read read_by(std::uint8_t way, const Extent& extent) const;
 
   const Codec& codec_;
@@ -108,14 +114,10 @@ class ReadSearch final {
   std::vector<std::vector<Cost>> prices_;  ///< by way and length; kImpossible: not known yet
   std::vector<std::uint32_t> around_;      ///< by way: characters around parts; 0: not known yet
   std::vector<std::vector<std::size_t>> partners_;  ///< by way and piece: the first in one read
+  std::vector<Starts> starts_;                      ///< by way
   std::size_t counts_ = 1;                          ///< columns of best_
-  std::size_t tried_ = 0;
+  std::size_t weighed_ = 0;
   std::vector<Choice> best_;  ///< by pieces done and parts counted
 };
-
-/// Characters in both directions.
-inline std::uint32_t chars_of(const LineLength& length) {
-  return length.request_chars + length.reply_chars + length.closing_chars;
-}
 
 }  // namespace fxagent

@@ -96,6 +96,15 @@ struct LineLength {
   /// What a reply may have more where its values decide, as bytes that are doubled on the wire: for
   /// deadlines and bounds. Plans reckon without it.
   std::uint32_t more_reply_chars = 0;
+  /// How many characters of the request and of the reply only double another one, as an address or
+  /// a length decides. Plans reckon without them, too: a read costs what its length says, wherever
+  /// it is.
+  std::uint32_t doubled_chars = 0;
+
+  /// Those that a plan reckons with, in all directions.
+  std::uint32_t planned_chars() const {
+    return request_chars + reply_chars + closing_chars - doubled_chars;
+  }
 };
 
 // ---- a frame explained, for `fxagent decode` --------------------------------------------------
@@ -111,6 +120,7 @@ struct Explanation {
   std::string operation;               ///< read write force_on force_off enquire ack nak data other
   std::optional<std::string> command;  ///< "0", "E00", "BR", "03" …
   std::optional<std::string> command_set;  ///< "classic" or "extended"
+  std::optional<std::uint32_t> format;     ///< where the protocol has several around one content
   /// Head device in the manual's words; of a scattered write all of them: "M50,S100,Y1".
   std::optional<std::string> device;
   std::optional<std::uint32_t> count;  ///< devices of that kind: words, or bits
@@ -173,6 +183,9 @@ class Codec {
   /// Whether bytes that nobody asked for could be an answer, whole or in part, to whatever is
   /// asked next; or another master's. What no answer can be made of is noise.
   virtual bool may_pass_for_answer(ByteView bytes) const { return !bytes.empty(); }
+  /// Whether its frames are text: digits and letters between control characters, none of which
+  /// needs an eighth bit.
+  virtual bool is_text() const { return false; }
   /// One frame explained; without a direction the likelier one is taken.
   virtual Explanation explain(ByteView frame, std::optional<Direction> direction) const = 0;
 

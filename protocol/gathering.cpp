@@ -4,6 +4,8 @@
 #include <optional>
 #include <utility>
 
+#include "protocol/spans.h"
+
 namespace fxagent {
 namespace {
 
@@ -11,8 +13,8 @@ namespace {
 constexpr std::size_t kMostCounted = 100'000;
 // How often the price of a part is changed to make it fill its frames better.
 constexpr int kPriceSteps = 6;
-// A large plan is not worth more than this many tried reads beside the first searches.
-constexpr std::size_t kMostTried = 100'000;
+// A large plan is not worth more than this many weighed reads beside the first searches.
+constexpr std::size_t kMostWeighed = 1'000'000;
 // Nobody looks further where less than this part of the line time could be gained.
 constexpr Cost kWorthwhile = 256;
 constexpr std::uint32_t kAnySize = GatherCommand{}.max_bits;
@@ -32,27 +34,22 @@ class GatherSearch final {
       : codec_(codec),
         cost_(with_chars(cost)),
         speed_known_(cost.per_char.count() > 0),
-        holes_(holes) {
+        holes_(holes),
+        suspects_(merged(holes.suspects)) {
     searches_.reserve(buckets.size());
     for (const Bucket& bucket : buckets) {
       searches_.emplace_back(codec_, cost_, bucket);
       pieces_ += bucket.pieces.size();
+      for (const Extent& piece : bucket.pieces)
+        reads_suspects_ = reads_suspects_ || is_suspect(span_in(bucket, piece));
     }
     for (const GatherCommand& command : commands)
       commands_.push_back({command, around_parts(command, buckets)});
   }
 
   Gathering best() {
-    search({});
-    if (!speed_known_ && least_ / kExchange <= 1) return std::move(best_);
-    // All commands first: what they cannot better none of them can.
-    for (std::uint32_t which = (1U << commands_.size()) - 1; which > 0; --which) {
-      if (!best_.together.empty() && is_enough()) break;
-      std::vector<const Command*> open;
-      for (std::size_t i = 0; i < commands_.size(); ++i)
-        if ((which >> i & 1) != 0) open.push_back(&commands_[i]);
-      if (!search_with(open) && open.size() == commands_.size()) break;
-    }
+    look_for_best();
+    best_.weighed = weighed() + looks_;
     return std::move(best_);
   }
 
@@ -66,6 +63,19 @@ class GatherSearch final {
     std::size_t gathers = 0;
   };
 
+  void look_for_best() {
+    search({});
+    if (!speed_known_ && least_ / kExchange <= 1) return;
+    // All commands first: what they cannot better none of them can.
+    for (std::uint32_t which = (1U << commands_.size()) - 1; which > 0; --which) {
+      if (!best_.together.empty() && is_enough()) break;
+      std::vector<const Command*> open;
+      for (std::size_t i = 0; i < commands_.size(); ++i)
+        if ((which >> i & 1) != 0) open.push_back(&commands_[i]);
+      if (!search_with(open) && open.size() == commands_.size()) break;
+    }
+  }
+
   Cost around_parts(const GatherCommand& command, const std::vector<Bucket>& buckets) const {
     for (const Bucket& bucket : buckets)
       for (const ReadWay& way : bucket.ways) {
@@ -74,17 +84,19 @@ class GatherSearch final {
         const Read part{{bucket.space, first * way.align_bits, way.unit_bits}, way.way, way.gather};
         const LineLength one = codec_.line_length(Gather{{part}});
         const LineLength two = codec_.line_length(Gather{{part, part}});
-        return (cost_.of(one) - cost_.per_char * (chars_of(two) - chars_of(one))).count();
+        return (cost_.of(one) - cost_.per_char * (two.planned_chars() - one.planned_chars()))
+            .count();
       }
     return 0;
   }
 
-  /// Whether so much was tried that what was found has to do.
-  bool is_enough() const {
-    std::size_t tried = 0;
-    for (const ReadSearch& bucket : searches_) tried += bucket.tried();
-    return tried > kMostTried;
+  std::size_t weighed() const {
+    std::size_t reads = 0;
+    for (const ReadSearch& bucket : searches_) reads += bucket.weighed();
+    return reads;
   }
+  /// Whether so much was tried that what was found has to do.
+  bool is_enough() const { return weighed() > kMostWeighed; }
 
   /// Whether a plan that costs `least` or more could be much better than the best so far.
   bool may_gain(Cost least) const {
@@ -207,48 +219,53 @@ class GatherSearch final {
     return gathers;
   }
 
-  bool is_suspect(const Read& read) const {
-    return std::any_of(holes_.suspects.begin(), holes_.suspects.end(),
-                       [&](const Span& span) { return overlap(span, read.span); });
+  static Span span_in(const Bucket& bucket, const Extent& piece) {
+    return {bucket.space, piece.first, piece.end - piece.first};
+  }
+
+  bool is_suspect(const Span& span) const {
+    const auto after = std::partition_point(suspects_.begin(), suspects_.end(), [&](const Span& s) {
+      return s.space != span.space ? s.space < span.space : s.end_bit() <= span.first_bit;
+    });
+    return after != suspects_.end() && overlap(*after, span);
   }
 
   /// Puts the command's parts into as few frames as it takes, or nearly: the largest first, each
   /// into the first frame with room. Suspects go with each other.
   void share_out(const GatherCommand& command, const std::vector<Read>& all,
-                 std::vector<std::vector<std::uint32_t>>& together) const {
+                 std::vector<std::vector<std::uint32_t>>& together) {
     std::vector<std::uint32_t> good;
     std::vector<std::uint32_t> suspects;
     for (std::uint32_t i = 0; i < all.size(); ++i)
-      if (all[i].gather == command.gather) (is_suspect(all[i]) ? suspects : good).push_back(i);
+      if (all[i].gather == command.gather) (is_suspect(all[i].span) ? suspects : good).push_back(i);
     const auto at_most = [&](std::uint32_t parts) {
       GatherCommand fewer = command;
       fewer.max_parts = std::min(command.max_parts, std::max(parts, 1U));
       return fewer;
     };
-    pack(holes_.suspects.empty() ? command : at_most(holes_.most_others), all, std::move(good),
-         together);
+    pack(reads_suspects_ ? at_most(holes_.most_others) : command, all, std::move(good), together);
     pack(at_most(holes_.most_suspects), all, std::move(suspects), together);
   }
 
-  static void pack(const GatherCommand& command, const std::vector<Read>& all,
-                   std::vector<std::uint32_t> parts,
-                   std::vector<std::vector<std::uint32_t>>& together) {
+  void pack(const GatherCommand& command, const std::vector<Read>& all,
+            std::vector<std::uint32_t> parts, std::vector<std::vector<std::uint32_t>>& together) {
     const std::size_t before = together.size();
     std::vector<std::uint32_t> bits_of;
     std::stable_sort(parts.begin(), parts.end(), [&](std::uint32_t a, std::uint32_t b) {
       return all[a].span.bits > all[b].span.bits;
     });
+    const auto is_full = [&](std::size_t i) {
+      return together[before + i].size() >= command.max_parts;
+    };
     std::size_t first = 0;  // those before it have no room for anything
+    std::size_t into = 0;   // nor those before it for one of this size
+    std::uint32_t bits = 0;
     for (const std::uint32_t part : parts) {
-      const std::uint32_t bits = all[part].span.bits;
-      const auto has_room = [&](std::size_t i) {
-        return together[before + i].size() < command.max_parts &&
-               bits_of[i] <= command.max_bits - std::min(bits, command.max_bits);
-      };
-      while (first < bits_of.size() && together[before + first].size() >= command.max_parts)
-        ++first;
-      std::size_t into = first;
-      while (into < bits_of.size() && !has_room(into)) ++into;
+      while (first < bits_of.size() && is_full(first)) ++first;
+      if (all[part].span.bits != bits) into = first;
+      bits = all[part].span.bits;
+      const std::uint32_t room = command.max_bits - std::min(bits, command.max_bits);
+      while (into < bits_of.size() && (is_full(into) || bits_of[into] > room)) ++into, ++looks_;
       if (into == bits_of.size()) {
         together.emplace_back();
         bits_of.push_back(0);
@@ -264,11 +281,14 @@ class GatherSearch final {
   const LineCost cost_;
   const bool speed_known_;
   const Holes& holes_;
+  const std::vector<Span> suspects_;  ///< by space and place
+  bool reads_suspects_ = false;
   std::vector<Command> commands_;
   std::vector<ReadSearch> searches_;
   std::size_t pieces_ = 0;
   Gathering best_;
   Cost least_ = kImpossible;
+  std::size_t looks_ = 0;  ///< into frames, for room
 };
 
 }  // namespace

@@ -15,6 +15,7 @@ struct Gathering {
   /// Each the parts of one Gather, by their number among all reads, rising. Reads that are in none
   /// of them go by themselves.
   std::vector<std::vector<std::uint32_t>> together;
+  std::size_t weighed = 0;  ///< Plan::weighed
 };
 
 /// The exchanges with the least line time. Exact where one frame of each command has room for what

@@ -64,8 +64,7 @@ class DeviceWays final {
       way.max_bits = std::max(way.max_bits / way.unit_bits * way.unit_bits, way.unit_bits);
       out.ways.push_back(way);
     }
-    out.forbidden = forbidden_in(holes_, space);
-    for (const std::uint32_t at : addresses_.borders(space)) out.forbidden.cuts.push_back(at);
+    out.forbidden = Forbidden(holes_, space, addresses_.borders(space));
     return out;
   }
 
@@ -145,6 +144,7 @@ Gathering each_by_itself(const Codec& codec, const LineCost& cost,
     search.run({}, {0});
     std::uint32_t counted = 0;
     out.reads.push_back(search.reads(counted));
+    out.weighed += search.weighed();
   }
   return out;
 }
@@ -183,7 +183,7 @@ std::chrono::nanoseconds exchange_time(const Codec& codec, const Request& reques
 }
 
 bool Holes::forbid(const Span& span) const {
-  return forbidden_in(*this, span.space).holds({span.first_bit, span.end_bit()});
+  return Forbidden(*this, span.space).holds({span.first_bit, span.end_bit()});
 }
 
 Plan make_plan(const Codec& codec, std::span<const Point> points, const LineCost& cost,
@@ -195,6 +195,7 @@ Plan make_plan(const Codec& codec, std::span<const Point> points, const LineCost
   const auto commands = device.commands_for(buckets);
   Gathering best = commands.empty() ? each_by_itself(codec, cost, buckets)
                                     : cheapest_exchanges(codec, cost, buckets, commands, holes);
+  plan.weighed = best.weighed;
   for (std::size_t b = 0; b < buckets.size(); ++b) {
     const Bucket& bucket = buckets[b];
     const auto offset = static_cast<std::uint32_t>(plan.reads.size());
@@ -207,6 +208,7 @@ Plan make_plan(const Codec& codec, std::span<const Point> points, const LineCost
         plan.reads[source.first_read + r].points.push_back(bucket.points[i]);
     }
   }
+  for (PlannedRead& read : plan.reads) read.points.shrink_to_fit();
   plan.exchanges =
       in_order(static_cast<std::uint32_t>(plan.reads.size()), std::move(best.together));
   for (std::uint32_t e = 0; e < plan.exchange_count(); ++e)

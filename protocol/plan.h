@@ -19,8 +19,7 @@ struct LineCost {
       0};  ///< the device's own time plus the gap before a request
 
   std::chrono::nanoseconds of(const LineLength& length) const {
-    return per_exchange +
-           per_char * (length.request_chars + length.reply_chars + length.closing_chars);
+    return per_exchange + per_char * length.planned_chars();
   }
 };
 
@@ -78,7 +77,9 @@ struct Holes {
   /// them may be refused and take others with it.
   std::vector<Span> suspects;
   std::uint32_t most_suspects = 1;
-  std::uint32_t most_others = 0xFFFFFFFF;  ///< parts of any other Gather while there are suspects
+  /// Parts of any other Gather, in a plan that is to read a suspect. Other plans are not held down:
+  /// their suspects may be read in an hour, and what is too much for them they find by themselves.
+  std::uint32_t most_others = 0xFFFFFFFF;
 
   /// Whether a read of `span` is known to be refused.
   bool forbid(const Span& span) const;
@@ -110,6 +111,9 @@ struct Plan {
   std::vector<std::uint32_t> unreachable;  ///< points that no way of this model reaches
   std::vector<std::uint32_t> refused;      ///< points that the device's holes leave no read for
   std::chrono::nanoseconds line_time{0};   ///< all exchanges, by the cost given
+  /// What the search took of the processor: reads that it has weighed, and frames that it has
+  /// looked into for room. Some for each point, however many there are.
+  std::size_t weighed = 0;
 
   std::uint32_t exchange_count() const {
     return static_cast<std::uint32_t>(exchanges.empty() ? reads.size() : exchanges.size());

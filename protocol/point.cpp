@@ -174,6 +174,9 @@ std::uint32_t element_bits(const Point& point) {
       return point.type == DataType::string ? (point.length + 1U) / 2 * 16 : bits;
     case Unit::dword:
       return point.type == DataType::int32 ? 32 : 0;
+    case Unit::long_index:
+    case Unit::long_count:
+      return point.type == DataType::int32 || point.type == DataType::uint32 ? 32 : 0;
     case Unit::bit_group: {
       const std::uint32_t group = point.address.span.bits;
       const bool fits = group <= 16 ? bits == 16 : point.type == DataType::int32;
@@ -426,6 +429,18 @@ Packed pack_element(const Point& point, const Scalar& scalar, Bytes& image, std:
   }
 }
 
+/// The types that fit a place of one type, or of two: its own first.
+std::string types_of(const Address& address) {
+  switch (address.unit) {
+    case Unit::long_index:
+      return "int32 or uint32";
+    case Unit::long_count:
+      return "uint32 or int32";
+    default:
+      return std::string(to_string(default_type(address)));
+  }
+}
+
 }  // namespace
 
 bool is_covered(Span span, std::span<const Span> ranges) {
@@ -474,7 +489,10 @@ DataType default_type(const Address& address) {
     case Unit::word_bit:
       return DataType::boolean;
     case Unit::dword:
+    case Unit::long_index:
       return DataType::int32;
+    case Unit::long_count:
+      return DataType::uint32;
     case Unit::bit_group:
       return address.span.bits > 16 ? DataType::int32 : DataType::int16;
     case Unit::word:
@@ -504,7 +522,7 @@ Result<Span> span_of(const Point& point) {
   if (bits == 0)
     return fail(ErrorCode::bad_request, point.address.text + " cannot be read as " +
                                             std::string(to_string(point.type)) + "; its type is " +
-                                            std::string(to_string(default_type(point.address))));
+                                            types_of(point.address));
   const std::uint64_t total = std::uint64_t{bits} * point.count;
   if (point.address.span.first_bit + total > std::numeric_limits<std::uint32_t>::max())
     return fail(ErrorCode::bad_request, point.address.text + ": the array is too long");

@@ -72,11 +72,13 @@ std::string_view to_string(ByteOrder order);
 
 /// The shape of what an address names; it decides which types fit.
 enum class Unit : std::uint8_t {
-  bit,        ///< one bit, written by force on/off (coil, M, X, Y …)
-  word,       ///< 16 bits
-  dword,      ///< one 32-bit device (CN200-CN255): int32 only
-  bit_group,  ///< K1-K8 groups: 4 to 32 bits of a bit device, as a number
-  word_bit,   ///< one bit inside a word (D100.F)
+  bit,         ///< one bit, written by force on/off (coil, M, X, Y …)
+  word,        ///< 16 bits
+  dword,       ///< one 32-bit device (CN200-CN255): int32 only
+  long_index,  ///< one 32-bit device with or without a sign (LZ): int32, uint32
+  long_count,  ///< one that counts from 0 to 4294967295 (LCN, LTN, LSTN): uint32, int32
+  bit_group,   ///< K1-K8 groups: 4 to 32 bits of a bit device, as a number
+  word_bit,    ///< one bit inside a word (D100.F)
 };
 
 /// A device address as its protocol understands it. `span` covers one element.
@@ -90,7 +92,7 @@ struct Address {
 };
 
 /// What a tag is where its config names no type: bool for bits, int16 for words and K1-K4, int32
-/// for CN200-CN255 and K5-K8.
+/// for CN200-CN255, LZ and K5-K8, uint32 for LCN, LTN and LSTN.
 DataType default_type(const Address& address);
 
 /// One tag's data: a place, how to read it, and its engineering units.

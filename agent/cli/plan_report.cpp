@@ -85,6 +85,8 @@ std::optional<int> rank_of(const Point& point, bool allowed) {
     case Unit::word:
       return 0 + second;
     case Unit::dword:
+    case Unit::long_index:
+    case Unit::long_count:
       return 2 + second;
     case Unit::bit:
       return 4 + second;
@@ -381,8 +383,10 @@ LinkReport report_link(const Config& config, std::uint32_t index) {
   }
   if (!known) {
     report.warnings.emplace_back(
-        "no times: the speed of this line is not known; give line_baud where a serial line is "
-        "behind it");
+        std::holds_alternative<UdpSettings>(link.channel)
+            ? "no times: over UDP there is no line whose speed could be given"
+            : "no times: the speed of this line is not known; give line_baud where a serial line "
+              "is behind it");
     return report;
   }
   report.busy_percent = 100 * (asked + fixed);

@@ -17,69 +17,82 @@ bool is_old(const IdMemory::Entry& entry, SteadyTime now) {
 
 }  // namespace
 
+IdMemory::Ids& IdMemory::ids() {
+  if (ids_ == nullptr) ids_ = std::make_unique<Ids>();
+  return *ids_;
+}
+
 std::optional<IdMemory::Seen> IdMemory::find(const std::string& id, SteadyTime now) const {
-  for (const Entries* entries : {&admitted_, &refused_}) {
-    const auto& by_id = entries->get<1>();
-    const auto found = by_id.find(id);
-    if (found != by_id.end() && !is_old(*found, now))
-      return Seen{found->over, found->number, found->result};
+  if (ids_ != nullptr) {
+    for (const Entries* entries : {&ids_->admitted, &ids_->refused}) {
+      const auto& by_id = entries->get<1>();
+      const auto found = by_id.find(id);
+      if (found != by_id.end() && !is_old(*found, now))
+        return Seen{found->over, found->number, found->result};
+    }
   }
   if (room_->fingerprints.has(device_, id, now)) return Seen{true, std::nullopt, nullptr};
   return std::nullopt;
 }
 
 void IdMemory::forget_old(SteadyTime now) {
-  for (auto entry = admitted_.begin(); entry != admitted_.end();) {
+  if (ids_ == nullptr) return;
+  auto& [admitted, refused] = *ids_;
+  for (auto entry = admitted.begin(); entry != admitted.end();) {
     if (entry->over && !is_old(*entry, now)) break;
-    entry = entry->over ? admitted_.erase(entry) : std::next(entry);
+    entry = entry->over ? admitted.erase(entry) : std::next(entry);
   }
-  while (!refused_.empty() && is_old(*refused_.begin(), now)) refused_.erase(refused_.begin());
+  while (!refused.empty() && is_old(*refused.begin(), now)) refused.erase(refused.begin());
 }
 
 bool IdMemory::make_room(SteadyTime now) {
   forget_old(now);
-  if (admitted_.size() < kRememberedIds) return true;
+  if (ids_ == nullptr || ids_->admitted.size() < kRememberedIds) return true;
+  Entries& admitted = ids_->admitted;
   const auto is_over = [](const Entry& entry) { return entry.over; };
   const bool room = room_->fingerprints.make_room(now);
-  const auto oldest = room ? std::find_if(admitted_.begin(), admitted_.end(), is_over)
-                           : std::find_if(admitted_.begin(), admitted_.end(),
+  const auto oldest = room ? std::find_if(admitted.begin(), admitted.end(), is_over)
+                           : std::find_if(admitted.begin(), admitted.end(),
                                           [now](const Entry& e) { return may_go(e, now); });
-  if (oldest == admitted_.end()) return false;
+  if (oldest == admitted.end()) return false;
   if (room) room_->fingerprints.add(device_, oldest->id, oldest->seen, oldest->deadline);
-  admitted_.erase(oldest);
+  admitted.erase(oldest);
   return true;
 }
 
 void IdMemory::add(Entry entry, SteadyTime now) {
-  auto& by_id = admitted_.get<1>();
+  auto& [admitted, refused] = ids();
+  auto& by_id = admitted.get<1>();
   const auto found = by_id.find(entry.id);
   if (found != by_id.end() && is_old(*found, now)) by_id.erase(found);
-  refused_.get<1>().erase(entry.id);
-  admitted_.insert(std::move(entry));
+  refused.get<1>().erase(entry.id);
+  admitted.insert(std::move(entry));
   // What was refused makes way; what an earlier run leaves may be more than is kept whole.
-  while (has_too_many_refused()) refused_.erase(refused_.begin());
-  while (admitted_.size() > kRememberedIds) {
-    const auto oldest = std::find_if(admitted_.begin(), admitted_.end(),
-                                     [](const Entry& each) { return each.over; });
-    if (oldest == admitted_.end()) break;
+  while (has_too_many_refused()) refused.erase(refused.begin());
+  while (admitted.size() > kRememberedIds) {
+    const auto oldest =
+        std::find_if(admitted.begin(), admitted.end(), [](const Entry& each) { return each.over; });
+    if (oldest == admitted.end()) break;
     room_->fingerprints.add(device_, oldest->id, oldest->seen, oldest->deadline);
-    admitted_.erase(oldest);
+    admitted.erase(oldest);
   }
 }
 
 bool IdMemory::has_too_many_refused() const {
-  return refused_.size() > kRememberedRefused && size() > kRememberedIds;
+  return ids_ != nullptr && ids_->refused.size() > kRememberedRefused && size() > kRememberedIds;
 }
 
 void IdMemory::add_refused(Entry entry, SteadyTime now) {
   forget_old(now);
-  refused_.get<1>().erase(entry.id);
-  refused_.insert(std::move(entry));
-  while (has_too_many_refused()) refused_.erase(refused_.begin());
+  Entries& refused = ids().refused;
+  refused.get<1>().erase(entry.id);
+  refused.insert(std::move(entry));
+  while (has_too_many_refused()) refused.erase(refused.begin());
 }
 
 void IdMemory::finish(const std::string& id, std::shared_ptr<const CommandResult> result) {
-  auto& by_id = admitted_.get<1>();
+  if (ids_ == nullptr) return;
+  auto& by_id = ids_->admitted.get<1>();
   const auto found = by_id.find(id);
   if (found == by_id.end()) return;
   by_id.modify(found, [&](Entry& entry) {
@@ -89,7 +102,8 @@ void IdMemory::finish(const std::string& id, std::shared_ptr<const CommandResult
 }
 
 void IdMemory::note_total(const std::string& id, std::chrono::nanoseconds total) {
-  for (Entries* entries : {&admitted_, &refused_}) {
+  if (ids_ == nullptr) return;
+  for (Entries* entries : {&ids_->admitted, &ids_->refused}) {
     auto& by_id = entries->get<1>();
     const auto found = by_id.find(id);
     if (found == by_id.end() || !found->result) continue;

@@ -69,7 +69,7 @@ class IdMemory final {
     return size() == 0;
   }
   /// Fingerprints not counted.
-  std::size_t size() const { return admitted_.size() + refused_.size(); }
+  std::size_t size() const { return ids_ ? ids_->admitted.size() + ids_->refused.size() : 0; }
 
  private:
   // Both by order: a hash table of its own costs each device 432 bytes, whether it ever sees a
@@ -81,14 +81,19 @@ class IdMemory final {
                  boost::multi_index::ordered_unique<
                      boost::multi_index::member<Entry, std::string, &Entry::id>>>>;
 
+  struct Ids {
+    Entries admitted;  ///< the oldest first; where numbers are the same, as they were added
+    Entries refused;   ///< the same
+  };
+
+  Ids& ids();
   void forget_old(SteadyTime now);
   /// Whether the refused ids take more than is theirs.
   bool has_too_many_refused() const;
 
   std::shared_ptr<CommandRoom> room_;
   std::string device_;
-  Entries admitted_;  ///< the oldest first; where numbers are the same, as they were added
-  Entries refused_;   ///< the same
+  std::unique_ptr<Ids> ids_;  ///< null: there was none so far, as with most devices
 };
 
 }  // namespace fxagent

@@ -8,11 +8,10 @@
 #include <cerrno>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
-#include <map>
 #include <span>
 #include <tuple>
 
+#include "agent/config/channel.h"
 #include "agent/config/device.h"
 #include "agent/config/file_privacy.h"
 #include "agent/config/keys.h"
@@ -29,6 +28,7 @@ namespace {
 using std::string_view_literals::operator""sv;
 
 constexpr std::size_t kHashBytes = 8;
+constexpr int kEightBits = 8;
 
 // ---- agent, mqtt, store -----------------------------------------------------------------------
 
@@ -203,24 +203,6 @@ void read_store(ConfigReader& reader, const ConfigNode& node, StoreConfig& store
 
 // ---- links ------------------------------------------------------------------------------------
 
-/// How characters travel on a line; what the file leaves open comes from the protocol on the link.
-struct LineKeys {
-  std::optional<std::int64_t> baud;
-  std::optional<std::int64_t> data_bits;
-  std::optional<Parity> parity;
-  std::optional<std::int64_t> stop_bits;
-};
-
-LineKeys read_line(ConfigReader& reader, const ConfigNode& node, const ConfigKey& baud) {
-  LineKeys line;
-  line.baud = reader.integer(node, baud);
-  line.data_bits = reader.integer(node, config_key("links[].serial.data_bits"));
-  if (const auto index = reader.choice(node, config_key("links[].serial.parity")))
-    line.parity = static_cast<Parity>(*index);
-  line.stop_bits = reader.integer(node, config_key("links[].serial.stop_bits"));
-  return line;
-}
-
 /// The line's settings once its protocol is known.
 SerialSettings line_settings(const LineKeys& keys, const LineDefaults& defaults) {
   SerialSettings line;
@@ -235,105 +217,6 @@ SerialSettings line_settings(const LineKeys& keys, const LineDefaults& defaults)
 std::chrono::nanoseconds character_time(const SerialSettings& line) {
   const int bits = 1 + line.data_bits + (line.parity == Parity::none ? 0 : 1) + line.stop_bits;
   return std::chrono::nanoseconds((bits * std::int64_t{1'000'000'000} + line.baud / 2) / line.baud);
-}
-
-/// Two links cannot hold one channel; the first one's place is remembered for the text.
-using Channels = std::map<std::string, const ConfigNode*, std::less<>>;
-
-Rs485 read_rs485(ConfigReader& reader, const ConfigNode& node) {
-  Rs485 direction;
-  reader.check_object(node, config_section("links[].serial.rs485"));
-  direction.rts_on_send = reader.boolean(node, config_key("links[].serial.rs485.rts_on_send"));
-  direction.delay_before = std::chrono::milliseconds(
-      reader.integer_as<int>(node, config_key("links[].serial.rs485.delay_before_ms")));
-  direction.delay_after = std::chrono::milliseconds(
-      reader.integer_as<int>(node, config_key("links[].serial.rs485.delay_after_ms")));
-  return direction;
-}
-
-void read_serial(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,
-                 Channels& channels, LinkConfig& config, LineKeys& line) {
-  SerialSettings settings;
-  reader.check_object(node, config_section("links[].serial"));
-  settings.path = reader.text(node, config_key("links[].serial.path")).value_or("");
-  line = read_line(reader, node, config_key("links[].serial.baud"));
-  if (const ConfigNode* rs485 = reader.object(node, config_key("links[].serial.rs485")))
-    settings.rs485 = read_rs485(reader, *rs485);
-  if (!settings.path.empty()) {
-    const ConfigNode& path = *node.find("path");
-    const auto [first, fresh] = channels.emplace(settings.path, &path);
-    if (!fresh)
-      reader.error(path, "this port is already used at " + reader.place_of(*first->second));
-  }
-  for (const auto key : {"data_bits"sv, "parity"sv, "stop_bits"sv, "line_baud"sv})
-    if (const ConfigNode* stray = link.find(key))
-      reader.error_at_key(*stray, key == "line_baud" ? "is for tcp links; here it is serial/baud"
-                                                     : "belongs inside \"serial\" here");
-  config.channel = settings;
-}
-
-/// `host` of a `tcp` or `udp` at `node`.
-std::string read_host(ConfigReader& reader, const ConfigNode& node, const ConfigKey& key) {
-  std::string host = reader.text(node, key).value_or("");
-  if (!host.empty() && host.find_first_of(" /@") != std::string::npos)
-    reader.error(*node.find("host"), "must be a host name or an address alone");
-  return host;
-}
-
-/// Warns where another link goes to the same place.
-void warn_of_second(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,
-                    const std::string& place, Channels& channels) {
-  const auto [first, fresh] = channels.emplace(place, &link);
-  if (fresh) return;
-  const auto called = [](const ConfigNode& each) {
-    const ConfigNode* name = each.find("name");
-    return name != nullptr ? "\"" + std::string(name->text) + "\"" : std::string("a link");
-  };
-  reader.warn(node, called(link) + " goes to the same host and port as " + called(*first->second) +
-                        " at " + reader.place_of(*first->second) +
-                        "; many devices and serial servers serve one connection only: put the "
-                        "devices of both on one link");
-}
-
-void read_tcp(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,
-              Channels& channels, LinkConfig& config, LineKeys& line) {
-  TcpSettings settings;
-  reader.check_object(node, config_section("links[].tcp"));
-  settings.host = read_host(reader, node, config_key("links[].tcp.host"));
-  const auto port = reader.integer(node, config_key("links[].tcp.port"));
-  settings.port = static_cast<std::uint16_t>(port.value_or(0));
-  if (!settings.host.empty() && port)
-    warn_of_second(reader, link, node, "tcp " + settings.host + ":" + std::to_string(settings.port),
-                   channels);
-  line = read_line(reader, link, config_key("links[].line_baud"));
-  settings.line_baud = static_cast<int>(line.baud.value_or(0));
-  if (link.find("line_baud") == nullptr)
-    for (const auto key : {"data_bits"sv, "parity"sv, "stop_bits"sv})
-      if (const ConfigNode* stray = link.find(key))
-        reader.error_at_key(*stray, "means something beside line_baud only");
-  config.channel = settings;
-}
-
-void read_udp(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,
-              Channels& channels, LinkConfig& config) {
-  UdpSettings settings;
-  reader.check_object(node, config_section("links[].udp"));
-  settings.host = read_host(reader, node, config_key("links[].udp.host"));
-  const auto port = reader.integer(node, config_key("links[].udp.port"));
-  settings.port = static_cast<std::uint16_t>(port.value_or(0));
-  if (!settings.host.empty() && port)
-    warn_of_second(reader, link, node, "udp " + settings.host + ":" + std::to_string(settings.port),
-                   channels);
-  if (const auto own = reader.integer(node, config_key("links[].udp.local_port"))) {
-    settings.local_port = static_cast<std::uint16_t>(*own);
-    const ConfigNode& at = *node.find("local_port");
-    const auto [first, fresh] = channels.emplace("own " + std::to_string(*own), &at);
-    if (!fresh) reader.error(at, "this port is already used at " + reader.place_of(*first->second));
-  }
-  for (const auto key : {"line_baud"sv, "data_bits"sv, "parity"sv, "stop_bits"sv})
-    if (const ConfigNode* stray = link.find(key))
-      reader.error_at_key(*stray, "is for serial and tcp links; UDP has no line behind it");
-  config.channel = settings;
 }
 
 struct Links {
@@ -381,6 +264,34 @@ const ConfigNode* data_bits_of(const ConfigNode& link) {
   return (serial != nullptr ? *serial : link).find("data_bits");
 }
 
+/// Reports it where a line has fewer data bits than its protocol or the settings of one of its
+/// devices need. A protocol that is at home on 8 bits uses the eighth; one that needs 7 is content
+/// with 8.
+void check_data_bits(ConfigReader& reader, const ConfigNode& link, std::size_t index, int given,
+                     const ProtocolInfo& protocol, const SharedList<DeviceConfig>& devices) {
+  const ConfigNode* at = data_bits_of(link);
+  if (at == nullptr) return;
+  const int least =
+      protocol.least_data_bits != 0 ? protocol.least_data_bits : protocol.line.data_bits;
+  if (given < least)
+    return reader.error(
+        *at, std::string(protocol.name) + " needs " + std::to_string(least) + " data bits");
+  const bool may_be_binary = std::ranges::any_of(
+      protocol.options, [](const OptionSpec& spec) { return spec.binary_from.has_value(); });
+  if (given >= kEightBits || !may_be_binary) return;
+  for (const DeviceConfig& device : devices) {
+    if (device.link != index || device.options == nullptr) continue;
+    const OptionSpec* binary = binary_option(protocol, *device.options);
+    if (binary == nullptr) continue;
+    const auto value = std::get<std::int64_t>(device.options->find(binary->key)->second);
+    const std::string option = "\"" + std::string(binary->key) + "\" ";
+    std::string text = option + std::to_string(value);
+    text.append(" of ").append(device.name);
+    text.append(" is binary and needs 8 data bits: set 8 here and in the PLC, or ").append(option);
+    return reader.error(*at, text.append("below ").append(std::to_string(*binary->binary_from)));
+  }
+}
+
 /// Fills in what the links left to the protocol that is spoken on them.
 void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& links,
                   Config& config) {
@@ -392,14 +303,10 @@ void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& li
     const LinkFacts& facts = links.facts[i];
     if (facts.first_device == nullptr) reader.warn(array.children[i], "no device uses this link");
     const LineDefaults defaults = facts.protocol != nullptr ? facts.protocol->line : LineDefaults{};
-    const int own_least = facts.protocol != nullptr ? facts.protocol->least_data_bits : 0;
-    const int least = own_least != 0 ? own_least : defaults.data_bits;
-    // A protocol that is at home on 8 bits uses the eighth; one that needs 7 is content with 8.
-    if (facts.protocol != nullptr && links.lines[i].data_bits.value_or(defaults.data_bits) < least)
-      if (const ConfigNode* bits = data_bits_of(array.children[i]))
-        reader.error(*bits, std::string(facts.protocol->name) + " needs " + std::to_string(least) +
-                                " data bits");
     const SerialSettings line = line_settings(links.lines[i], defaults);
+    if (facts.protocol != nullptr)
+      check_data_bits(reader, array.children[i], i, line.data_bits, *facts.protocol,
+                      config.devices);
     if (auto* serial = std::get_if<SerialSettings>(&link.channel)) {
       SerialSettings whole = line;
       whole.path = serial->path;
@@ -413,14 +320,17 @@ void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& li
   warn_of_lines(reader, array, lines, config);
 }
 
-/// How long each link listens before its first question.
-void set_listening(Config& config) {
-  for (const DeviceConfig& device : config.devices) {
+/// What late answers ask for: how long each link listens before its first question, and the rest
+/// behind each answer on UDP.
+void set_silences(Config& config) {
+  for (DeviceConfig& device : config.devices) {
     if (device.codec == nullptr || device.link >= config.links.size()) continue;
     LinkConfig& link = config.links[device.link];
     const Recovery recovery = device.codec->after_silence();
     // Answers have numbers, or go to the connection or port that they were asked from.
     const auto* udp = std::get_if<UdpSettings>(&link.channel);
+    if (udp != nullptr && recovery != Recovery::none)
+      device.gap = std::max(device.gap, kQuietBetweenDatagrams);
     const bool is_another_port = udp != nullptr && udp->local_port == 0;
     if (recovery == Recovery::none || is_another_port) continue;
     if (udp == nullptr && recovery == Recovery::reconnect) continue;
@@ -455,7 +365,7 @@ Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy
     read_devices(reader, top, *devices, links.names, links.facts, config);
   }
   if (link_array != nullptr) finish_links(reader, *link_array, links, config);
-  set_listening(config);
+  set_silences(config);
   return config;
 }
 
@@ -549,25 +459,6 @@ tl::expected<Config, std::vector<ConfigError>> parse_config(std::string_view tex
 
 tl::expected<Config, std::vector<ConfigError>> parse_config(std::string_view text) {
   return parse_config(text, process_environment);
-}
-
-tl::expected<std::string, std::vector<ConfigError>> read_config_file(const std::string& path) {
-  const auto unreadable = [](std::string why) {
-    return tl::unexpected(std::vector{ConfigError{"", 0, "cannot be read: " + std::move(why)}});
-  };
-  std::error_code fault;
-  if (std::filesystem::is_directory(path, fault)) return unreadable("it is a directory");
-  std::ifstream file(path, std::ios::binary);
-  if (!file) return unreadable(std::generic_category().message(errno));
-  // One byte over the limit is enough for the parser to refuse it, so an endless file ends here.
-  std::string text;
-  std::array<char, 65536> block{};
-  while (text.size() <= ConfigTree::max_bytes && file) {
-    file.read(block.data(), block.size());
-    text.append(block.data(), static_cast<std::size_t>(file.gcount()));
-  }
-  if (file.bad()) return unreadable("the file could not be read to its end");
-  return text;
 }
 
 tl::expected<Config, std::vector<ConfigError>> load_config(const std::string& path) {

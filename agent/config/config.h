@@ -14,6 +14,7 @@
 
 #include "agent/config/keys.h"
 #include "agent/config/shared_list.h"
+#include "agent/config/shared_vector.h"
 #include "protocol/catalog.h"
 #include "protocol/codec.h"
 #include "protocol/point.h"
@@ -127,6 +128,10 @@ struct CommandRules {
 /// In the order of the catalogue, whose default is the first.
 enum class EnquirePolicy : std::uint8_t { open, always, never };
 
+/// On UDP, where answers have no numbers, the next question waits for so long: what a network
+/// brings twice comes twice within this time, nearly always.
+inline constexpr std::chrono::milliseconds kQuietBetweenDatagrams{10};
+
 struct DeviceConfig {
   std::string name;        ///< empty: a vacant place, see Config
   std::uint32_t link = 0;  ///< index in Config::links
@@ -137,7 +142,7 @@ struct DeviceConfig {
   /// Allowed beyond the expected line time.
   std::chrono::milliseconds timeout{config_key("devices[].timeout_ms").number()};
   int retries = static_cast<int>(config_key("devices[].retries").number());
-  /// Silence before a request.
+  /// Silence before a request, that which UDP asks for included: kQuietBetweenDatagrams.
   std::chrono::milliseconds gap{config_key("devices[].gap_ms").number()};
   /// The device's own time, for plan and bound.
   std::chrono::milliseconds turnaround{config_key("devices[].turnaround_ms").number()};
@@ -145,7 +150,7 @@ struct DeviceConfig {
   std::uint32_t max_block_bytes = 0;                ///< 0: the protocol's own limit
   EnquirePolicy enquire{};
   std::vector<GroupConfig> groups;
-  std::vector<TagConfig> tags;
+  SharedVector<TagConfig> tags;  ///< shared by the devices that have the same
   CommandRules commands;
 
   bool is_vacant() const { return name.empty(); }
@@ -223,7 +228,7 @@ struct Config {
   MqttConfig mqtt;
   StoreConfig store;
   std::optional<MetricsConfig> metrics;  ///< nullopt: none are served
-  std::vector<LinkConfig> links;
+  SharedVector<LinkConfig> links;
   /// A reload shares those that did not change with the config before it.
   SharedList<DeviceConfig> devices;
   std::vector<std::string> warnings;  ///< what is allowed and still worth a word

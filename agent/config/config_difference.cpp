@@ -110,7 +110,7 @@ std::string names(const Indices& indices, const SharedList<DeviceConfig>& device
 
 ConfigChange change_between(const Config& running, Config wanted) {
   ConfigChange change;
-  const std::vector<LinkConfig> links = std::exchange(wanted.links, {});
+  const SharedVector<LinkConfig> links = std::exchange(wanted.links, {});
   SharedList<DeviceConfig> devices = std::exchange(wanted.devices, {});
   change.config = std::move(wanted);
 

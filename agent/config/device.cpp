@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <array>
+#include <boost/container_hash/hash.hpp>
 #include <map>
 #include <string>
+#include <unordered_map>
 #include <utility>
 
 #include "agent/config/keys.h"
@@ -31,7 +33,7 @@ bool is_common(std::string_view key) {
   return std::ranges::find(keys, key, &ConfigKey::name) != keys.end();
 }
 
-/// What devices and tags share, each made once: a large plant has few kinds of either.
+/// What devices and tags share, each made once: a large plant has few kinds of them.
 class SharedParts {
  public:
   struct Protocol {
@@ -55,9 +57,31 @@ class SharedParts {
     return known;
   }
 
+  SharedVector<TagConfig> tags_of(SharedVector<TagConfig> tags) {
+    const std::size_t hash = hash_of(tags);
+    const auto [first, last] = tags_.equal_range(hash);
+    for (auto known = first; known != last; ++known)
+      if (known->second == tags) return known->second;
+    return tags_.emplace(hash, std::move(tags))->second;
+  }
+
  private:
+  /// Of what the tags of many devices may differ in: lists of one hash are compared in turn.
+  static std::size_t hash_of(const SharedVector<TagConfig>& tags) {
+    std::size_t hash = tags.size();
+    for (const TagConfig& tag : tags) {
+      boost::hash_combine(hash, std::string_view(tag.name));
+      boost::hash_combine(hash, std::string_view(tag.point.address.text));
+      boost::hash_combine(hash, tag.point.scale);
+      boost::hash_combine(hash, tag.point.offset);
+      boost::hash_combine(hash, tag.units.get());  // of units_
+    }
+    return hash;
+  }
+
   std::map<std::pair<const ProtocolInfo*, Options>, Protocol> protocols_;
   std::map<TagUnits, std::shared_ptr<const TagUnits>> units_;
+  std::unordered_multimap<std::size_t, SharedVector<TagConfig>> tags_;
 };
 
 /// Reads one device. A device whose protocol cannot be told is read on without its codec, so that
@@ -311,6 +335,7 @@ void DeviceReader::read_tags() {
                   "all units stands in commands/allow");
   device_.tags.reserve(nodes.size());
   for (const ConfigNode* tag : nodes) read_tag(*tag);
+  device_.tags = shared_.tags_of(std::move(device_.tags));
 }
 
 void DeviceReader::read_tag(const ConfigNode& node) {

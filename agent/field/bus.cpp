@@ -16,8 +16,6 @@ using std::chrono::nanoseconds;
 constexpr milliseconds kOpenTimeout{5000};
 // What a serial server still holds arrives at once or not at all.
 constexpr milliseconds kQuietAfterOpen{50};
-// What a network brings twice comes twice within this time, nearly always.
-constexpr milliseconds kQuietBetweenDatagrams{10};
 // GX Works2 and the known firmwares take 200 ms without a character as the end of a frame.
 constexpr milliseconds kQuietBeforeResync{100};
 constexpr int kQuietCharacters = 20;
@@ -269,7 +267,9 @@ asio::awaitable<Exchange> Bus::send_and_receive(const Codec& codec, const Statio
     exchange.error = frame.error().text;
     co_return exchange;
   }
-  co_await keep_gap(codec, station.gap);
+  exchange.rest = std::max<nanoseconds>(station.gap, codec.quiet_before(char_time_));
+  const SteadyTime rests_from = now();
+  co_await keep_gap(exchange.rest);
   const bool open = look(codec, exchange) && renew_port(codec, exchange);
   if (!open) co_return exchange;
   exchange.began = exchange.ended = now();
@@ -329,7 +329,7 @@ asio::awaitable<Exchange> Bus::send_and_receive(const Codec& codec, const Statio
   }
   exchange.ended_ms = utc_ms(std::chrono::system_clock::now());
   if (exchange.has_answer() && codec.expects_reply(request)) answered_ = ever_answered_ = true;
-  counters_.busy += last_activity_ - exchange.began;
+  counters_.busy += last_activity_ - rests_from;
   note_doubt(station, request, exchange);
   if (exchange.has_answer()) {
     exchange.turnaround = std::max(nanoseconds(0), exchange.ended - on_the_wire - line);
@@ -531,10 +531,7 @@ asio::awaitable<Bus::Drained> Bus::listen(SteadyTime until, nanoseconds quiet) {
   }
 }
 
-asio::awaitable<void> Bus::keep_gap(const Codec& codec, milliseconds gap) {
-  nanoseconds quiet = std::max<nanoseconds>(gap, codec.quiet_before(char_time_));
-  if (transport_->has_datagrams() && !is_numbered(codec))
-    quiet = std::max<nanoseconds>(quiet, kQuietBetweenDatagrams);
+asio::awaitable<void> Bus::keep_gap(nanoseconds quiet) {
   auto earliest = not_before_;
   if (quiet.count() > 0) earliest = std::max(earliest, last_activity_ + quiet);
   co_await wait_until(earliest);

@@ -47,7 +47,7 @@ class Bus final {
     std::uint64_t naks = 0;
     std::uint64_t bad_frames = 0;
     std::uint64_t unexpected_bytes = 0;  ///< that came when no answer, or no more of it, was due
-    std::chrono::nanoseconds busy{0};
+    std::chrono::nanoseconds busy{0};    ///< in exchanges, and in the silence that they waited for
     PercentileWindow turnaround_ms;
     std::unique_ptr<LinkDurations> durations;  ///< null: the config asks for no metrics
   };
@@ -163,7 +163,7 @@ class Bus final {
   asio::awaitable<void> judge(const Codec& codec, std::uint64_t findings, bool doubted,
                               Exchange& exchange);
   asio::awaitable<void> wait_until(SteadyTime at);
-  asio::awaitable<void> keep_gap(const Codec& codec, std::chrono::milliseconds gap);
+  asio::awaitable<void> keep_gap(std::chrono::nanoseconds quiet);
   void note_doubt(const Station& station, const Request& request, const Exchange& exchange);
   SteadyTime now() const { return transport_->now(); }
 

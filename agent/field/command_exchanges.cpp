@@ -60,10 +60,11 @@ void CommandExchanges::mark_started() {
 
 std::string_view CommandExchanges::hint(const Exchange& exchange) const {
   if (device_.protocol == nullptr || bus_.was_ever_answered()) return {};
+  const SettingHints& hints = hints_for(*device_.protocol, *station_.codec);
   const bool is_silent = exchange.outcome == Exchange::Outcome::unanswered;
-  if (is_silent && exchange.heard.empty()) return device_.protocol->silent_hint;
+  if (is_silent && exchange.heard.empty()) return hints.silent;
   const bool is_closed = bus_.closed_unanswered() && !bus_.has_datagrams();
-  return is_closed ? device_.protocol->closed_hint : std::string_view();
+  return is_closed ? hints.closed : std::string_view();
 }
 
 void CommandExchanges::add_hint(Exchange& exchange) const {
@@ -109,7 +110,7 @@ asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_
   }
   if (exchange.sent) {
     if (!first_byte_) first_byte_ = exchange.began;
-    if (!part_began_) part_began_ = exchange.began;
+    if (!part_began_) part_began_ = exchange.began - exchange.rest;
     last_byte_ = exchange.ended;
   }
   const bool by_gateway =

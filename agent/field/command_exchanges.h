@@ -80,7 +80,8 @@ class CommandExchanges final {
   const AdmittedCommand& admitted_;
   BusSharing* const sharing_;
   std::optional<SteadyTime> first_byte_;
-  std::optional<SteadyTime> part_began_;  ///< first byte since the line was given to others
+  /// The rest before the first byte since the line was given to others.
+  std::optional<SteadyTime> part_began_;
   SteadyTime last_byte_{};
   int writes_ = 0;
   bool is_started_ = false;

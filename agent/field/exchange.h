@@ -26,11 +26,14 @@ struct Exchange {
   SteadyTime began{};                      ///< just before the first byte
   SteadyTime ended{};                      ///< last byte of the reply, or when it was given up
   std::int64_t ended_ms = 0;               ///< the same, UTC
+  std::chrono::nanoseconds rest{0};        ///< silence that had to lie before it
   std::chrono::nanoseconds turnaround{0};  ///< answered: all that was not characters on the wire
   Bytes heard;  ///< unanswered or garbled: what came in place of an answer
   Bytes asked;  ///< where something was heard: the frame that it came to
 
   bool has_answer() const { return outcome == Outcome::answered; }
+  /// What it took of its line.
+  std::chrono::nanoseconds line_time() const { return rest + (ended - began); }
   bool is_ack() const { return has_answer() && reply.kind == Reply::Kind::ack; }
   bool is_nak() const { return has_answer() && reply.kind == Reply::Kind::nak; }
   bool is_data() const { return has_answer() && reply.kind == Reply::Kind::data; }

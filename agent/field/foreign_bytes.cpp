@@ -35,9 +35,6 @@ bool is_text(std::uint8_t byte) {
   return (byte >= ' ' && byte < 0x7F) || controls.find(static_cast<char>(byte)) != controls.npos;
 }
 
-/// FX frames and Modbus ASCII travel as characters of 7 bits.
-bool speaks_text(const ProtocolInfo& protocol) { return protocol.line.data_bits == 7; }
-
 std::string quoted(const Explanation& frame) { return "\"" + summary(frame) + "\""; }
 
 /// " of station 3", where the frame says whose it is.
@@ -56,33 +53,33 @@ const bool* flag_of(const DeviceConfig& device, std::string_view key) {
   return option == device.options->end() ? nullptr : std::get_if<bool>(&option->second);
 }
 
-bool is_format_4(const DeviceConfig& device) {
-  if (device.options == nullptr) return false;
-  const auto option = device.options->find("format");
+std::optional<std::int64_t> number_of(const DeviceConfig& device, std::string_view key) {
+  if (device.options == nullptr) return std::nullopt;
+  const auto option = device.options->find(key);
   const auto* number =
       option == device.options->end() ? nullptr : std::get_if<std::int64_t>(&option->second);
-  return number != nullptr && *number == 4;
+  return number == nullptr ? std::nullopt : std::optional(*number);
 }
 
-/// A computer link whose D8120 is not what the config says; `frame` is good by itself.
-std::optional<ForeignBytes> other_settings(const DeviceConfig& device, const Explanation& frame,
-                                           ByteView heard) {
+/// A PLC whose frames are set to something else than the config says; `frame` is good by itself.
+std::optional<ForeignBytes> other_settings(const DeviceConfig& device, const Explanation& frame) {
+  if (device.protocol == nullptr || device.protocol->format_place.empty()) return std::nullopt;
+  const std::string place(device.protocol->format_place);
+  const auto format = number_of(device, "format");
+  if (format && frame.format && *frame.format != *format) {
+    const std::string theirs = std::to_string(*frame.format);
+    return ForeignBytes{Cause::other_settings, "a frame of format " + theirs + ": set format to " +
+                                                   theirs + ", or format " +
+                                                   std::to_string(*format) + " in " + place};
+  }
   const bool* has_sums = flag_of(device, "sum_check");
-  if (has_sums == nullptr) return std::nullopt;
-  const bool ends_with_cr_lf = heard.size() > 1 && heard[heard.size() - 2] == '\r';
-  if (ends_with_cr_lf != is_format_4(device))
-    return ForeignBytes{Cause::other_settings,
-                        ends_with_cr_lf ? "a frame of format 4, with CR LF behind it: set format "
-                                          "to 4, or D8120 of the PLC to format 1"
-                                        : "a frame of format 1, without CR LF: set format to 1, or "
-                                          "D8120 of the PLC to format 4"};
   const bool may_have_sum = frame.operation == "data" || frame.direction == Direction::request;
-  if (may_have_sum && frame.checksum_given.has_value() != *has_sums)
-    return ForeignBytes{Cause::other_settings,
-                        *has_sums ? "a frame without a sum: set sum_check to false, or the sum "
-                                    "check in D8120 of the PLC"
-                                  : "a frame with a sum: set sum_check to true, or no sum check in "
-                                    "D8120 of the PLC"};
+  if (has_sums != nullptr && may_have_sum && frame.checksum_given.has_value() != *has_sums)
+    return ForeignBytes{
+        Cause::other_settings,
+        (*has_sums ? "a frame without a sum: set sum_check to false, or the sum check in "
+                   : "a frame with a sum: set sum_check to true, or no sum check in ") +
+            place};
   return std::nullopt;
 }
 
@@ -90,7 +87,7 @@ std::optional<ForeignBytes> own_frame(const DeviceConfig& device, const Codec& c
                                       ByteView heard) {
   const Explanation frame = codec.explain(heard, std::nullopt);
   if (!frame.ok) return std::nullopt;
-  if (auto other = other_settings(device, frame, heard)) return other;
+  if (auto other = other_settings(device, frame)) return other;
   if (frame.direction == Direction::request && !frame.ambiguous)
     return ForeignBytes{Cause::another_master,
                         "a question" + whose(frame) + ", " + quoted(frame) +
@@ -101,36 +98,47 @@ std::optional<ForeignBytes> own_frame(const DeviceConfig& device, const Codec& c
                           "that came late (timeout_ms)"};
 }
 
+/// Bytes may be a good frame of several: one that says whose it is has more that must be right.
 std::optional<ForeignBytes> frame_of_another(const DeviceConfig& device, ByteView heard) {
+  std::optional<ForeignBytes> found;
   for (const ProtocolInfo& other : catalog()) {
     if (device.protocol == nullptr || other.name == device.protocol->name) continue;
     const auto codec = other.make(default_options(other));
     if (!codec) continue;
     const Explanation frame = (*codec)->explain(heard, std::nullopt);
-    if (frame.ok)
-      return ForeignBytes{Cause::other_protocol, "a good frame of " + std::string(other.name) +
-                                                     whose(frame) + ", " + quoted(frame) +
-                                                     ": set protocol, or give each its own line"};
+    const std::string of = whose(frame);
+    if (!frame.ok || (found && of.empty())) continue;
+    found = ForeignBytes{Cause::other_protocol, "a good frame of " + std::string(other.name) + of +
+                                                    ", " + quoted(frame) +
+                                                    ": set protocol, or give each its own line"};
+    if (!of.empty()) break;
   }
-  return std::nullopt;
+  return found;
+}
+
+/// "fx-programming-port, fx-computer-link": whose answers begin so.
+std::string protocols_of(std::uint8_t first) {
+  std::string names;
+  for (const ProtocolInfo& info : catalog())
+    if (info.text_begins_with == first) names.append(names.empty() ? "" : ", ").append(info.name);
+  return names;
 }
 
 /// The beginning of what was cut or garbled.
 std::optional<ForeignBytes> beginning_of_another(const DeviceConfig& device, ByteView heard) {
   if (device.protocol == nullptr || heard.size() <= kFewBytes) return std::nullopt;
+  if (heard[0] == device.protocol->text_begins_with) return std::nullopt;
   const ByteView behind = heard.subspan(1);
   const bool is_ascii =
       heard[0] == ':' && all(behind, [](std::uint8_t byte) {
         return hex_digit(byte) >= 0 || byte == '\r' || byte == '\n' || byte == ':';
       });
-  if (is_ascii && device.protocol->name != "modbus-ascii")
+  if (is_ascii)
     return ForeignBytes{Cause::other_protocol,
-                        "Modbus ASCII, a colon and hex digits: set protocol to modbus-ascii"};
-  const bool is_fx = heard[0] == kStx && all(behind, is_text);
-  if (is_fx && !device.protocol->name.starts_with("fx-"))
+                        "a colon and hex digits: set protocol to " + protocols_of(':')};
+  if (heard[0] == kStx && all(behind, is_text))
     return ForeignBytes{Cause::other_protocol,
-                        "a frame of an FX PLC, STX and text: set protocol to fx-programming-port "
-                        "or fx-computer-link"};
+                        "STX and text: set protocol to the PLC's, one of " + protocols_of(kStx)};
   return std::nullopt;
 }
 
@@ -194,9 +202,14 @@ std::optional<ForeignBytes> no_text(ByteView heard) {
 
 ForeignBytes looks_like(const DeviceConfig& device, const Codec& codec, ByteView asked,
                         ByteView heard) {
-  ForeignBytes unknown{Cause::unknown,
-                       "nothing that is known: noise, where it is rare; else compare baud, "
-                       "data_bits and parity of line and device, and look for another master"};
+  // Over Ethernet characters have neither speed nor parity.
+  const bool is_on_line = device.protocol == nullptr || device.protocol->on_serial;
+  ForeignBytes unknown{
+      Cause::unknown,
+      is_on_line ? "nothing that is known: noise, where it is rare; else compare baud, data_bits "
+                   "and parity of line and device, and look for another master"
+                 : "nothing that is known: does another service or protocol answer at this port? "
+                   "Compare protocol and its settings with the device's"};
   if (heard.empty()) return unknown;
   const bool returned = !asked.empty() && heard.size() >= asked.size() &&
                         std::equal(asked.begin(), asked.end(), heard.begin());
@@ -206,12 +219,13 @@ ForeignBytes looks_like(const DeviceConfig& device, const Codec& codec, ByteView
             "echo for its devices"};
   if (auto frame = own_frame(device, codec, heard)) return *std::move(frame);
   if (auto other = frame_of_another(device, heard)) return *std::move(other);
-  const bool is_text_line = device.protocol == nullptr || speaks_text(*device.protocol);
+  const bool is_text_line = is_on_line && codec.is_text();
   if (is_text_line) {
     if (auto parity = parity_in_bit_7(heard)) return *std::move(parity);
     if (auto parity = zeros_among_text(heard)) return *std::move(parity);
   }
-  if (auto speed = bits_in_groups(heard)) return *std::move(speed);
+  if (is_on_line)
+    if (auto speed = bits_in_groups(heard)) return *std::move(speed);
   if (auto other = beginning_of_another(device, heard)) return *std::move(other);
   if (is_text_line)
     if (auto speed = no_text(heard)) return *std::move(speed);

@@ -68,7 +68,7 @@ struct LinkDevice {
   std::shared_ptr<const Codec> codec;  ///< the config's, or that of the model found by asking
   Station station;
   PollScheduler::DeviceId id = 0;
-  HoleMap holes;
+  std::unique_ptr<HoleMap> holes;  ///< null: it has refused nothing so far, as most devices
   MeasuredTurnaround turnaround;
   std::vector<std::unique_ptr<GroupPoll>> groups;
   std::optional<PollScheduler::GroupId> question_group;
@@ -83,6 +83,11 @@ struct LinkDevice {
   SteadyTime foreign_told_since{};
   std::bitset<ForeignBytes::kCauses> foreign_told;
   DeviceState state;
+
+  HoleMap& found_holes() {
+    if (holes == nullptr) holes = std::make_unique<HoleMap>();
+    return *holes;
+  }
 };
 using LinkDevices = std::vector<std::unique_ptr<LinkDevice>>;
 

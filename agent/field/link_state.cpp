@@ -94,15 +94,16 @@ bool LinkState::is_refused() const {
   return !is_serial(config_) && bus_.closed_unanswered() && is_asked();
 }
 
-std::string_view LinkState::hint(std::string_view ProtocolInfo::*which) const {
-  const ProtocolInfo* protocol = devices_.empty() ? nullptr : devices_.front()->config.protocol;
-  return protocol != nullptr ? protocol->*which : std::string_view();
+SettingHints LinkState::hints() const {
+  if (devices_.empty() || devices_.front()->config.protocol == nullptr) return {};
+  const LinkDevice& first = *devices_.front();
+  return hints_for(*first.config.protocol, *first.codec);
 }
 
 /// What to look at where nobody has ever answered; empty: somebody has, or it was said before.
 std::string_view LinkState::hint_for_silence() {
   if (bus_.was_ever_answered() || std::exchange(silence_hinted_, true)) return {};
-  return hint(&ProtocolInfo::silent_hint);
+  return hints().silent;
 }
 
 void LinkState::open_failed(const std::string& why) {
@@ -122,7 +123,7 @@ void LinkState::lost(const std::string& why) {
                                                      : reconnect_policy_.after_loss());
   const bool is_closed = was_refused_ && !bus_.has_datagrams();
   if (is_closed)
-    go_down(why + " before its first answer", hint(&ProtocolInfo::closed_hint));
+    go_down(why + " before its first answer", hints().closed);
   else
     go_down(why, {});
 }

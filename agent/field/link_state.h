@@ -67,7 +67,7 @@ class LinkState final {
   bool is_refused() const;
   /// Whether any of its devices ever answers.
   bool is_asked() const;
-  std::string_view hint(std::string_view ProtocolInfo::*which) const;
+  SettingHints hints() const;
   void tell_up();
   std::string_view hint_for_silence();
   void go_down(std::string why, std::string_view note);

@@ -33,6 +33,11 @@ bool has_way_by_itself(const AddressSpace& addresses, std::uint16_t space) {
   return std::any_of(ways.begin(), ways.end(), [](const ReadWay& way) { return way.gather == 0; });
 }
 
+/// HoleMap::version() of the device.
+std::uint32_t holes_version(const LinkDevice& device) {
+  return device.holes ? device.holes->version() : 0;
+}
+
 asio::awaitable<void> nothing() { co_return; }
 
 std::string milliseconds_text(nanoseconds duration) {
@@ -81,17 +86,18 @@ SteadyTime Poller::first_time() const { return std::max(Clock::now(), state_.nex
 
 void Poller::make_plan(LinkDevice& device, GroupPoll& group) {
   group.turnaround = device.turnaround.value();
-  group.holes_version = device.holes.version();
+  group.holes_version = holes_version(device);
   const LineCost cost = cost_of(device.config, link_.char_time, group.turnaround);
-  group.cycle.use(fxagent::make_plan(*device.codec, group.cycle.points(), cost,
-                                     device.config.max_block_bytes, device.holes.holes()),
-                  bus_.doubt().findings());
+  group.cycle.use(
+      fxagent::make_plan(*device.codec, group.cycle.points(), cost, device.config.max_block_bytes,
+                         device.holes ? device.holes->holes() : Holes{}),
+      bus_.doubt().findings());
   scheduler_.set_exchanges(group.id, group.cycle.plan().exchange_count());
 }
 
 void Poller::refresh_plan(LinkDevice& device, GroupPoll& group) {
-  device.holes.retry(Clock::now());
-  bool stale = group.holes_version != device.holes.version();
+  if (device.holes) device.holes->retry(Clock::now());
+  bool stale = group.holes_version != holes_version(device);
   const nanoseconds planned_with = device.turnaround.value();
   if (device.turnaround.review())
     log::info("device", {{"device", device.config.name},
@@ -176,7 +182,7 @@ void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollSchedu
                           const Asked& asked, Exchange exchange) {
   if (state_.is_stopping()) return;
   state_.heard_foreign(device, exchange);
-  scheduler_.step_used(step, exchange.ended - exchange.began);
+  scheduler_.step_used(step, exchange.line_time());
   if (exchange.doubted) {  // the device is there; what it says is not believed
     state_.answered(device);
     exchange.outcome = Exchange::Outcome::garbled;
@@ -214,10 +220,11 @@ void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollSchedu
   }
   // The poll scheduler offers the same step again, after the commands that wait.
   if (repeatable && group.cycle.may_repeat()) return;
-  if (exchange.is_data() && asked.reads.size() > 1) device.holes.read_together(asked.reads.size());
-  if (exchange.is_data())
+  if (exchange.is_data() && device.holes) {
+    if (asked.reads.size() > 1) device.holes->read_together(asked.reads.size());
     for (std::size_t i = 0; i < asked.reads.size(); ++i)
-      device.holes.read(group.cycle.plan().reads[asked.reads[i]].read.span);
+      device.holes->read(group.cycle.plan().reads[asked.reads[i]].read.span);
+  }
   group.cycle.take(asked.reads, std::move(exchange));
   if (asked.again) return;
   if (!scheduler_.step_done(step)) return;
@@ -262,15 +269,15 @@ void Poller::take_hole(LinkDevice& device, GroupPoll& group, const Asked& asked,
   // Plans change between cycles only: this one goes on, and what it does bring is published.
   if (const auto* gather = std::get_if<Gather>(&asked.request)) {
     if (gather->parts.size() > 1 || has_way_by_itself(addresses, planned.read.span.space))
-      return device.holes.refused_together(
+      return device.found_holes().refused_together(
           *gather, asked_in(group.cycle.plan(), asked.reads, group.cycle.points()));
   }
   const std::vector<Point> points = group.cycle.points();
   const auto halves = halves_of(*device.codec, points, planned);
-  device.holes.refused(planned.read.span, halves, exchange.ended,
-                       addresses.gathers().empty()
-                           ? std::vector<Span>{}
-                           : asked_in(group.cycle.plan(), asked.reads, points));
+  device.found_holes().refused(planned.read.span, halves, exchange.ended,
+                               addresses.gathers().empty()
+                                   ? std::vector<Span>{}
+                                   : asked_in(group.cycle.plan(), asked.reads, points));
   if (!halves)
     log::warn("device", {{"device", device.config.name},
                          {"refused", addresses.name_of(planned.read.span)},
@@ -283,13 +290,14 @@ void Poller::doubt_command(LinkDevice& device, const Request& request) {
   const AddressSpace& addresses = device.codec->addresses();
   if (std::all_of(gather->parts.begin(), gather->parts.end(),
                   [&](const Read& part) { return has_way_by_itself(addresses, part.span.space); }))
-    device.holes.unanswered(gather->parts.front().gather);
+    device.found_holes().unanswered(gather->parts.front().gather);
 }
 
 bool Poller::proves_command(LinkDevice& device, const Request& request) {
+  if (device.holes == nullptr) return false;
   const auto* gather = std::get_if<Gather>(&request);
   const HoleMap::Proof proof =
-      device.holes.answered(gather == nullptr ? std::uint8_t{0} : gather->parts.front().gather);
+      device.holes->answered(gather == nullptr ? std::uint8_t{0} : gather->parts.front().gather);
   for (const std::uint8_t lacking : proof.lacking)
     give_up_command(device, lacking, "no answer, or nonsense, where others are answered");
   if (proof.again)
@@ -299,7 +307,7 @@ bool Poller::proves_command(LinkDevice& device, const Request& request) {
 
 void Poller::give_up_command(LinkDevice& device, std::uint8_t gather, const std::string& reason) {
   state_.answered(device);
-  if (device.holes.lacks(gather, Clock::now()))
+  if (device.found_holes().lacks(gather, Clock::now()))
     log::info("device",
               {{"device", device.config.name},
                {"refused", "a read of several places in one frame"},
@@ -368,7 +376,7 @@ asio::awaitable<void> Poller::ask_question(LinkDevice& device, PollScheduler::Po
     const Exchange exchange = co_await bus_.exchange(device.station, question);
     if (state_.is_stopping()) co_return;
     state_.heard_foreign(device, exchange);
-    scheduler_.step_used(step, exchange.ended - exchange.began);
+    scheduler_.step_used(step, exchange.line_time());
     if (exchange.outcome == Exchange::Outcome::unanswered) state_.unanswered(device);
     if (exchange.outcome == Exchange::Outcome::link_down) state_.lost(exchange.error);
     const bool by_gateway =
@@ -386,16 +394,30 @@ asio::awaitable<void> Poller::ask_question(LinkDevice& device, PollScheduler::Po
   state_.update(device);
 }
 
+asio::awaitable<Exchange> Poller::ask_of_model(LinkDevice& device, const Request& question) {
+  Exchange exchange;
+  // A model may be told by what it refuses, and noise on a request is refused like anything else.
+  for (int attempt = 0; attempt < 2; ++attempt) {
+    exchange = co_await bus_.exchange(device.station, question);
+    if (state_.is_stopping()) co_return exchange;
+    state_.heard_foreign(device, exchange);
+    scheduler_.poll_used(exchange.line_time());
+    const bool may_pass =
+        exchange.is_nak() &&
+        device.codec->meaning_of(question, exchange.reply.device_code) == RefusalMeaning::curable;
+    if (!may_pass || exchange.doubted) break;
+  }
+  co_return exchange;
+}
+
 asio::awaitable<Poller::Knowledge> Poller::ask_model(LinkDevice& device, BadReason& failure) {
   const PlcServices& asking = *device.config.codec->plc();  // else the model would be known
   const std::vector<Request> questions = asking.identify();
   std::vector<Bytes> images;
   bool passing = false;  // a refusal that may be none the next time
   for (const Request& question : questions) {
-    const Exchange exchange = co_await bus_.exchange(device.station, question);
+    const Exchange exchange = co_await ask_of_model(device, question);
     if (state_.is_stopping()) co_return Knowledge::unanswered;
-    state_.heard_foreign(device, exchange);
-    scheduler_.poll_used(exchange.ended - exchange.began);
     if (exchange.doubted) {
       state_.answered(device);
       failure = BadReason::bad_frame;

@@ -64,6 +64,9 @@ class Poller final {
   asio::awaitable<void> read_group(LinkDevice& device, GroupPoll& group,
                                    PollScheduler::PollStep step);
   asio::awaitable<void> ask_question(LinkDevice& device, PollScheduler::PollStep step);
+  /// One question of PlcServices::identify(), a second time where it is refused and may be
+  /// answered.
+  asio::awaitable<Exchange> ask_of_model(LinkDevice& device, const Request& question);
   /// Asks for the model, which the config leaves open. `failure` says why it went unanswered.
   asio::awaitable<Knowledge> ask_model(LinkDevice& device, BadReason& failure);
   /// What a step asks for: the reads of its own exchange, or one that was outdated() before it.

@@ -86,16 +86,17 @@ bool ReportByException::differs(std::size_t index, const Value& fresh) const {
          apart(fresh, sent_[index].value(), device_.tags[tags_[index]].units->limits.deadband);
 }
 
-void ReportByException::add_last_good(TagReading& bad, const State& state) {
-  bad.value = state.value.value();
-  bad.bad_since_ms = state.bad_since_ms;
-  bad.last_ms = state.value_ms;
+void ReportByException::add_last_good(TagReading& bad, std::size_t index) const {
+  bad.value = states_[index].value.value();
+  bad.bad_since_ms = bad_since_ms_[index];
+  bad.last_ms = states_[index].value_ms;
 }
 
 std::optional<std::vector<TagReading>> ReportByException::cycle(std::vector<TagReading> readings,
                                                                 std::int64_t ts_ms, SteadyTime now,
                                                                 SteadyTime next) {
   bool changed = false;
+  bool any_bad = false;
   bool all_silent = !tags_.empty();
   for (std::size_t i = 0; i < tags_.size(); ++i) {
     State& state = states_[i];
@@ -104,12 +105,15 @@ std::optional<std::vector<TagReading>> ReportByException::cycle(std::vector<TagR
       state.value = Kept(fresh.value);
       state.value_ms = ts_ms;
     } else if (!state.bad) {
-      state.bad_since_ms = ts_ms;
+      bad_since_ms_.resize(tags_.size());
+      bad_since_ms_[i] = ts_ms;
     }
     state.bad = fresh.bad;
+    any_bad = any_bad || fresh.bad.has_value();
     all_silent = all_silent && fresh.bad && is_silence(*fresh.bad);
     changed = changed || differs(i, fresh.value);
   }
+  if (!any_bad) bad_since_ms_ = {};
 
   const bool long_silent = is_long_silent(now, all_silent ? now : next);
   const bool may_hold_back = group_.on_change || all_silent;
@@ -118,7 +122,7 @@ std::optional<std::vector<TagReading>> ReportByException::cycle(std::vector<TagR
   for (std::size_t i = 0; i < tags_.size(); ++i) {
     State& state = states_[i];
     if (state.bad)
-      add_last_good(readings[i], state);
+      add_last_good(readings[i], i);
     else if (group_.on_change)
       sent_[i] = Kept(readings[i].value);
     state.sent_bad = state.bad;

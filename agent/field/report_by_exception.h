@@ -52,10 +52,10 @@ class ReportByException final {
    private:
     std::variant<std::monostate, bool, std::int64_t, double, std::unique_ptr<const Value>> kept_;
   };
+  // There is one for each tag of the plant.
   struct State {
     Kept value;  ///< last good
     std::int64_t value_ms = 0;
-    std::int64_t bad_since_ms = 0;
     std::optional<BadReason> bad;
     std::optional<BadReason> sent_bad;
     bool was_sent = false;
@@ -64,13 +64,15 @@ class ReportByException final {
   std::size_t index_of(std::uint32_t tag) const;
   bool is_long_silent(SteadyTime now, SteadyTime next) const;
   bool differs(std::size_t index, const Value& fresh) const;
-  static void add_last_good(TagReading& bad, const State& state);
+  void add_last_good(TagReading& bad, std::size_t index) const;
 
   const DeviceConfig& device_;
   const GroupConfig& group_;
   std::vector<std::uint32_t> tags_;
   std::vector<State> states_;  ///< beside tags_
-  std::vector<Kept> sent_;     ///< on_change, beside tags_: last good values that were published
+  /// Beside tags_, for those that are bad; empty while none is.
+  std::vector<std::int64_t> bad_since_ms_;
+  std::vector<Kept> sent_;  ///< on_change, beside tags_: last good values that were published
   std::optional<SteadyTime> last_sent_;
 };
 

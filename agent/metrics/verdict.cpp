@@ -29,14 +29,16 @@ Reasons faults(const AgentStatus* status, SteadyTime now) {
   return {};
 }
 
-Verdict verdict(const Reasons& reasons, const AgentStatus* status) {
+Verdict verdict(const Reasons& reasons, const AgentStatus* status, SteadyTime now) {
   json::Writer out;
   out.begin_object().key("ok").boolean(reasons.empty()).key("why").begin_array();
   for (const std::string& reason : reasons) out.string(reason);
   out.end_array();
   if (status != nullptr) {
     out.key("boot").string(status->boot).key("version").string(status->version);
-    out.key("uptime_s").integer(static_cast<std::int64_t>(status->uptime.count()));
+    // The status may be a minute old: nobody but a reader wants another one.
+    const auto age = std::chrono::duration_cast<seconds>(now - status->made_at);
+    out.key("uptime_s").integer(static_cast<std::int64_t>((status->uptime + age).count()));
   }
   out.end_object();
   return {reasons.empty(), out.take() + "\n"};
@@ -49,7 +51,7 @@ bool is_stale(const AgentStatus* status, SteadyTime now) {
 }
 
 Verdict health_of(const AgentStatus* status, SteadyTime now) {
-  return verdict(faults(status, now), status);
+  return verdict(faults(status, now), status, now);
 }
 
 Verdict readiness_of(const AgentStatus* status, SteadyTime now) {
@@ -66,7 +68,7 @@ Verdict readiness_of(const AgentStatus* status, SteadyTime now) {
       reasons.push_back("commands are refused: another agent has the same id, boot " +
                         status->conflict);
   }
-  return verdict(reasons, status);
+  return verdict(reasons, status, now);
 }
 
 }  // namespace fxagent

@@ -1,6 +1,7 @@
 #include "agent/process/service_manager.h"
 
 #include <sys/socket.h>
+#include <sys/time.h>
 #include <sys/un.h>
 #include <unistd.h>
 
@@ -29,9 +30,16 @@ std::optional<std::uint64_t> number(std::string_view text) {
   return value;
 }
 
+/// How long one waits for room in a socket that is full since nobody reads it.
+enum class Patience : std::uint8_t {
+  none,   ///< it comes again, or is for people alone
+  short_  ///< the service manager waits for it
+};
+constexpr timeval kShort{1, 0};
+
 /// sd_notify(3): one datagram to the socket that NOTIFY_SOCKET names, an abstract one with @ before
 /// it. What goes wrong is nobody's: a service manager that cannot be told waits for itself.
-void tell(std::string_view state) {
+void tell(std::string_view state, Patience patience) {
   const std::string_view path = variable("NOTIFY_SOCKET");
   sockaddr_un address{};
   // 107 bytes at the most, as systemd's own library has it: of those 108 one is for the end.
@@ -43,7 +51,10 @@ void tell(std::string_view state) {
   const auto size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + path.size());
   const int out = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
   if (out < 0) return;
-  ::sendto(out, state.data(), state.size(), MSG_NOSIGNAL,
+  if (patience == Patience::short_)
+    ::setsockopt(out, SOL_SOCKET, SO_SNDTIMEO, &kShort, sizeof kShort);
+  ::sendto(out, state.data(), state.size(),
+           MSG_NOSIGNAL | (patience == Patience::none ? MSG_DONTWAIT : 0),
            reinterpret_cast<const sockaddr*>(&address), size);
   ::close(out);
 }
@@ -55,16 +66,16 @@ bool is_inside_character(char byte) { return (static_cast<unsigned char>(byte) &
 
 bool is_there() { return !variable("NOTIFY_SOCKET").empty(); }
 
-void tell_ready() { tell("READY=1"); }
+void tell_ready() { tell("READY=1", Patience::short_); }
 
 void tell_reloading() {
   const auto now = std::chrono::steady_clock::now().time_since_epoch();  // CLOCK_MONOTONIC
   const auto now_us = std::chrono::duration_cast<std::chrono::microseconds>(now).count();
-  tell("RELOADING=1\nMONOTONIC_USEC=" + std::to_string(now_us));
+  tell("RELOADING=1\nMONOTONIC_USEC=" + std::to_string(now_us), Patience::short_);
 }
 
-void tell_stopping() { tell("STOPPING=1"); }
-void tell_alive() { tell("WATCHDOG=1"); }
+void tell_stopping() { tell("STOPPING=1", Patience::short_); }
+void tell_alive() { tell("WATCHDOG=1", Patience::none); }
 
 void tell_status(std::string_view line) {
   std::string text(line.substr(0, kMostStatusBytes));
@@ -74,7 +85,7 @@ void tell_status(std::string_view line) {
   // A second line would be another message to it.
   std::ranges::replace_if(
       text, [](unsigned char c) { return c < ' ' || c == 0x7F; }, ' ');
-  tell("STATUS=" + text);
+  tell("STATUS=" + text, Patience::none);
 }
 
 // sd_watchdog_enabled(3).

@@ -1,6 +1,7 @@
 // What systemd, where it has started us, is told by sd_notify: that the agent is ready, that it
 // reads its config again or stops, that its threads go on, and in a line for people how it is.
-// Without systemd nothing happens.
+// Without systemd nothing happens. Nobody waits for a reader that does not read: a second at the
+// most for a word that the service manager waits for, and not at all for the others.
 #pragma once
 
 #include <chrono>

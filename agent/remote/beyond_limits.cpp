@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "agent/config/tree.h"
+#include "agent/remote/named_ranges.h"
 #include "protocol/catalog.h"
 #include "protocol/plc.h"
 #include "protocol/point.h"
@@ -106,7 +107,7 @@ const DeviceConfig* local_device(const Config& local, const Config& wanted,
 class DeviceLimits {
  public:
   DeviceLimits(const Config& local, const DeviceConfig* known, const DeviceConfig& device,
-               Errors& errors)
+               NamedRanges& named, Errors& errors)
       : remote_(local.remote),
         known_(known),
         device_(device),
@@ -115,19 +116,18 @@ class DeviceLimits {
     if (known != nullptr) allow_ = known->commands.allow;
     // Every unit of the bus would obey it, those of the local file too.
     if (codec_->is_broadcast()) return;
-    for (const std::string& range : remote_.allow)
-      if (const auto span = codec_->addresses().parse_range(range)) allow_.push_back(*span);
+    as_read_ = named.as_read(device);
+    for (const Span& span : known != nullptr ? as_read_ : named.for_new(device))
+      allow_.push_back(span);
   }
 
   void check() {
     for (const Span& span : device_.commands.allow)
       if (!is_covered(span, allow_))
         error("commands.allow with " + name_of(span) +
-              " is wider than the local file and its remote_allow");
+              " is wider than the local file and its remote_allow" + why_not(span));
     for (const TagConfig& tag : device_.tags)
-      if (tag.writable && !may_write(tag))
-        error("the tag " + std::string(tag.name) +
-              " may be written, and the local file lets no command write there in this way");
+      if (tag.writable && !is_open(tag)) check_tag(tag);
     const CommandRules& rules = device_.commands;
     const CommandRules limits = known_ != nullptr ? known_->commands : CommandRules{};
     if (rules.allow_run_stop && !limits.allow_run_stop && !remote_.run_stop)
@@ -151,16 +151,55 @@ class DeviceLimits {
     return first == last ? first : first + " to " + last;
   }
 
-  /// Under the name that the local file has for it, with the same scale and within the same
-  /// limits; or where a raw address may be written too.
-  bool may_write(const TagConfig& tag) const {
+  /// Where the range has it as this device reads it, and not as others do.
+  std::string why_not(const Span& span) const {
+    if (!is_covered(span, as_read_)) return {};
+    return ", whose range other devices read otherwise (model, address_base); for a device that "
+           "the "
+           "local file does not have as it stands here, it holds what all of them read";
+  }
+
+  /// Where a raw address may be written too.
+  bool is_open(const TagConfig& tag) const {
     const auto span = span_of(tag.point);
-    if (span && is_covered(*span, allow_)) return true;
-    if (known_ == nullptr) return false;
+    return span && is_covered(*span, allow_);
+  }
+
+  /// A tag that lies elsewhere may be written under the name that the local file has for it, with
+  /// the same scale and within the same limits.
+  void check_tag(const TagConfig& tag) {
+    const std::string may_not = "the tag " + std::string(tag.name) +
+                                " may be written, and the local file lets no command write there";
+    if (known_ == nullptr)
+      return error(may_not +
+                   ": it has no device of this name with this protocol, these options and this "
+                   "port or host");
     const auto same = std::ranges::find(known_->tags, tag.name, &TagConfig::name);
-    return same != known_->tags.end() && same->writable && same->point == tag.point &&
-           same->units->limits.min == tag.units->limits.min &&
-           same->units->limits.max == tag.units->limits.max;
+    if (same == known_->tags.end()) return error(may_not + " under this name: it has no such tag");
+    if (!same->writable) return error(may_not + ": there its access is read");
+    if (const std::string what = differences(*same, tag); !what.empty())
+      error(may_not + " in this way: another " + what);
+  }
+
+  /// "min, scale"; empty: the one may be written as the other.
+  static std::string differences(const TagConfig& one, const TagConfig& other) {
+    const Point& a = one.point;
+    const Point& b = other.point;
+    std::string text;
+    const auto compare = [&text](bool same, std::string_view what) {
+      if (!same) text += (text.empty() ? "" : ", ") + std::string(what);
+    };
+    compare(a.address == b.address, "address");
+    compare(a.type == b.type, "type");
+    compare(a.order == b.order, "word_order");
+    compare(a.count == b.count && a.is_array == b.is_array, "count");
+    compare(a.length == b.length, "length");
+    compare(a.scale == b.scale, "scale");
+    compare(a.offset == b.offset, "offset");
+    compare(one.units->limits.min == other.units->limits.min, "min");
+    compare(one.units->limits.max == other.units->limits.max, "max");
+    if (text.empty() && a != b) text = "form";
+    return text;
   }
 
   const RemoteLimits& remote_;
@@ -168,6 +207,7 @@ class DeviceLimits {
   const DeviceConfig& device_;
   const std::shared_ptr<const Codec> codec_;
   std::vector<Span> allow_;
+  std::vector<Span> as_read_;  ///< the ranges of remote_allow, as this device itself reads them
   Errors& errors_;
 };
 
@@ -177,8 +217,9 @@ Errors beyond_limits(const Config& local, const Config& wanted) {
   Errors errors;
   check_servers(local.mqtt, wanted.mqtt, errors);
   check_ports(local, wanted, errors);
+  NamedRanges named(local);
   for (const DeviceConfig& device : wanted.devices)
-    DeviceLimits(local, local_device(local, wanted, device), device, errors).check();
+    DeviceLimits(local, local_device(local, wanted, device), device, named, errors).check();
   return errors;
 }
 

@@ -12,7 +12,8 @@ namespace fxagent {
 ///
 /// A device is that of the local file where its name, its protocol with all options, and the port
 /// or host of its link are the same: then it may do what it may there. Any other is a new one, and
-/// commands may do nothing to it beyond `remote_allow`.
+/// commands may do nothing to it beyond `remote_allow`, whose ranges mean what they mean in the
+/// local file (named_ranges.h).
 std::vector<ConfigError> beyond_limits(const Config& local, const Config& wanted);
 
 }  // namespace fxagent

@@ -64,6 +64,11 @@ tl::expected<KeptConfigs, std::string> kept_configs_from(std::string_view text) 
       kept.rolled_back = {word(back, "hash"), word(back, "version"), word(back, "by"),
                           word(back, "why"), back.at("since").get<std::int64_t>()};
     return kept;
+  } catch (const Json::parse_error& fault) {
+    return tl::unexpected("it is cut off or was changed: no JSON from byte " +
+                          std::to_string(fault.byte) + " on");
+  } catch (const Json::exception&) {
+    return tl::unexpected(std::string("it was changed: a part is missing, or of another kind"));
   } catch (const std::exception& fault) {
     return tl::unexpected(std::string(fault.what()));
   }

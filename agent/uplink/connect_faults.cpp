@@ -7,9 +7,13 @@
 #include <openssl/err.h>
 #include <openssl/ssl.h>
 #include <openssl/x509v3.h>
+#include <pthread.h>
 #include <sys/socket.h>
 
+#include <array>
+#include <atomic>
 #include <cerrno>
+#include <string_view>
 
 namespace fxagent {
 namespace {
@@ -21,6 +25,13 @@ constexpr int kTlsAlert = 0x15;
 
 thread_local ConnectFaults faults;
 thread_local Clock::time_point noted_at{};
+std::atomic<int> paho_lookups = 0;  // that have not come back
+
+bool is_paho() noexcept {
+  std::array<char, 16> name{};  // pthread_setname_np(3): no name is longer
+  return pthread_getname_np(pthread_self(), name.data(), name.size()) == 0 &&
+         std::string_view(name.data()).starts_with("MQTTAsync_");
+}
 
 /// What belongs to an earlier attempt ends with the first call of the next one.
 void begin_anew() noexcept {
@@ -61,6 +72,8 @@ ConnectFaults connect_faults(Clock::time_point begin) noexcept {
   return noted_at < begin ? ConnectFaults{} : faults;
 }
 
+bool paho_looks_up_host() noexcept { return paho_lookups > 0; }
+
 void note_received(int first_byte, int error) noexcept {
   if (error == ECONNRESET) faults.was_reset = true;
   if (first_byte == kTlsAlert) faults.speaks_tls = true;
@@ -73,7 +86,10 @@ extern "C" {
 int getaddrinfo(const char* host, const char* service, const addrinfo* hints, addrinfo** found) {
   using LookUp = int (*)(const char*, const char*, const addrinfo*, addrinfo**);
   static const auto look_up = reinterpret_cast<LookUp>(dlsym(RTLD_NEXT, "getaddrinfo"));
+  const bool counts = fxagent::is_paho();
+  if (counts) ++fxagent::paho_lookups;
   const int fault = look_up(host, service, hints, found);
+  if (counts) --fxagent::paho_lookups;
   fxagent::begin_anew();
   fxagent::faults.lookup = fault;
   return fault;

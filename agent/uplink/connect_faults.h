@@ -24,6 +24,10 @@ struct ConnectFaults {
 /// Since `begin`; what is older counts as nothing.
 ConnectFaults connect_faults(std::chrono::steady_clock::time_point begin) noexcept;
 
+/// Whether a thread of Paho's waits for the name of a host now: as long as the system's resolver
+/// likes, and under a lock for which Paho's other threads wait. Any thread.
+bool paho_looks_up_host() noexcept;
+
 /// Of a recv() without TLS on this thread: its first byte, or -1 and errno. For packet_guard, which
 /// stands there.
 void note_received(int first_byte, int error) noexcept;

@@ -371,6 +371,7 @@ Explanation explain_link_frame(Model model, ByteView bytes, std::optional<Direct
     explain_answer(out, frame);
   else
     explain_short(out, frame, direction);
+  out.format = ends_with_cr_lf ? 4 : 1;
   if (ends_with_cr_lf) out.fields.emplace_back("end", "CR LF: format 4");
   return out;
 }

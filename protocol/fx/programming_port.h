@@ -58,6 +58,7 @@ class ProgrammingPort final : public Codec, public AddressSpace, public PlcServi
   bool expects_reply(const Request& request) const override;
   bool may_pass_for_answer(ByteView bytes) const override;
   LineLength line_length(const Request& request) const override;
+  bool is_text() const override { return true; }
   Explanation explain(ByteView frame, std::optional<Direction> direction) const override;
 
   std::optional<Request> resync() const override;

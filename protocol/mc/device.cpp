@@ -338,9 +338,19 @@ bool is_groupable(Space space) {
   }
 }
 
-Unit unit_of(const DeviceKind& kind) {
-  if (kind.bits == 1) return Unit::bit;
-  return kind.bits == 16 ? Unit::word : Unit::dword;
+Unit unit_of(Space space) {
+  switch (space) {
+    case Space::cn32:
+      return Unit::dword;
+    case Space::lcn:
+    case Space::ltn:
+    case Space::lstn:
+      return Unit::long_count;
+    case Space::lz:
+      return Unit::long_index;
+    default:
+      return kind_of(space).bits == 1 ? Unit::bit : Unit::word;
+  }
 }
 
 Result<void> check_forbidden(const Span& span) {
@@ -535,11 +545,10 @@ Result<Address> parse_address(Model model, std::string_view text, std::optional<
   const Space space = space_of(model, parts.letters, *number);
   if (const auto present = check_number(model, space, *number); !present)
     return tl::make_unexpected(present.error());
-  const DeviceKind& kind = kind_of(space);
 
   Address address;
   address.text = device_name(model, space, *number);
-  address.unit = unit_of(kind);
+  address.unit = unit_of(space);
   Numbers numbers{*number, *number};
   if (parts.group != 0) {
     if (!is_groupable(space))

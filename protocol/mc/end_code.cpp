@@ -26,17 +26,12 @@ struct EndCode {
   std::string_view text;
 };
 
-constexpr std::string_view kOnlineChange =
-    "writing while the PLC runs is not allowed: in GX Works3 set Enable/Disable Online Change of "
-    "the "
-    "Ethernet port to Enable All (SLMP)";
 constexpr std::string_view kTooMany = "too many points in one request";
-constexpr std::string_view kPassword =
-    "a remote password locks this port; take the port out of it in GX Works3 (Remote Password)";
+constexpr std::uint16_t kWriteInRun = 0x0055;
 
 constexpr std::array<EndCode, 49> kCodes = {{
     {0x0050, Class::final, "the frame is not known: protocol mc-1e, mc-3e or mc-4e?"},
-    {0x0055, Class::final, kOnlineChange},
+    {kWriteInRun, Class::final, {}},  // its words are those of the series
     {0x4013, Class::final, "not possible in this state of the CPU"},
     {0x4030, Class::hole, "the device cannot be reached in this way"},
     {0x4031, Class::hole, "beyond the last device of the PLC's parameters"},
@@ -110,22 +105,55 @@ std::optional<Class> class_of(std::uint16_t code) {
   return std::nullopt;
 }
 
-std::string_view words_of(std::uint16_t code) {
+/// Q and L are set up by GX Works2, FX5 and iQ-R by GX Works3.
+std::string_view online_change(Series series) {
+  switch (series) {
+    case Series::q_l:
+      return "writing while the PLC runs is not allowed: in GX Works2 set \"Enable online change "
+             "(FTP, MC Protocol)\" of the Ethernet port";
+    case Series::iq_f:
+    case Series::iq_r:
+      return "writing while the PLC runs is not allowed: in GX Works3 set Enable/Disable Online "
+             "Change of the Ethernet port to Enable All (SLMP)";
+    default:
+      return "writing while the PLC runs is not allowed: set Enable/Disable Online Change of the "
+             "Ethernet port to Enable All (SLMP) in GX Works3, or \"Enable online change (FTP, MC "
+             "Protocol)\" in GX Works2";
+  }
+}
+
+std::string_view password(Series series) {
+  switch (series) {
+    case Series::q_l:
+      return "a remote password locks this port; take the port out of it in GX Works2 (Remote "
+             "Password)";
+    case Series::iq_f:
+    case Series::iq_r:
+      return "a remote password locks this port; take the port out of it in GX Works3 (Remote "
+             "Password)";
+    default:
+      return "a remote password locks this port; take the port out of it in GX Works (Remote "
+             "Password)";
+  }
+}
+
+std::string_view words_of(std::uint16_t code, Series series) {
+  if (code == kWriteInRun) return online_change(series);
   if (const EndCode* known = find(code)) return known->text;
   if (is_route(code)) return find(0x4A00)->text;
   if (is_relay(code)) return find(0x4B00)->text;
-  if (is_password(code)) return kPassword;
+  if (is_password(code)) return password(series);
   if (is_from_cpu(code)) return "refused by the CPU; the error codes of its manual have the reason";
   return "a reason that is not known here; the error codes of the PLC's manual have it";
 }
 
 }  // namespace
 
-std::string end_code_text(std::uint16_t code) {
+std::string end_code_text(std::uint16_t code, Series series) {
   Bytes digits;
   append_hex(digits, code, 4);
   return "end code " + std::string(digits.begin(), digits.end()) + ": " +
-         std::string(words_of(code));
+         std::string(words_of(code, series));
 }
 
 RefusalMeaning meaning_of_end_code(std::uint16_t code, bool reads, bool runs_or_stops) {

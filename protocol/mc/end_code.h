@@ -8,11 +8,13 @@
 #include <string>
 
 #include "protocol/codec.h"
+#include "protocol/mc/device.h"
 
 namespace fxagent::mc {
 
-/// "end code C056: beyond the last device".
-std::string end_code_text(std::uint16_t code);
+/// "end code C056: beyond the last device". Where a setting helps it is named as the tool of that
+/// series has it.
+std::string end_code_text(std::uint16_t code, Series series);
 
 /// What it means for a read or for something else. `runs_or_stops`: such a request is never sent
 /// twice, whatever the reason.

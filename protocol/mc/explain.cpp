@@ -86,7 +86,7 @@ Explanation explain_ethernet(bool numbered, Model model, ByteView bytes,
     field(out, "monitoring timer", *first == 0 ? "for ever" : std::to_string(*first * 250) + " ms");
     explain_request(model, code, rest, out);
   } else if (*first != 0) {
-    explain_refusal(static_cast<std::uint16_t>(*first), out);
+    explain_refusal(model, static_cast<std::uint16_t>(*first), out);
     show_error_information(out, code, rest);
   } else {
     field(out, "end code", "0000, done");
@@ -152,6 +152,7 @@ class SerialExplainer final {
       return value.value_or(0);
     };
     frame_field_ = out_.fields.size();
+    out_.format = static_cast<std::uint32_t>(format.front() - '0');
     field(out_, "frame", std::string(is_4c ? "4C" : "3C") + " in format " + std::string(format));
     field(out_, "station", std::to_string(next(1)));
     Route route;
@@ -180,7 +181,7 @@ class SerialExplainer final {
     if (body.size() >= 4 && body[0] == 0xFF && body[1] == 0xFF) {
       const auto code = static_cast<std::uint16_t>(*number_at(Code::binary, body, 2, 2));
       if (code != 0)
-        explain_refusal(code, out_);
+        explain_refusal(model_, code, out_);
       else
         explain_data(Code::binary, body.subspan(4), out_);
     } else {
@@ -222,7 +223,7 @@ class SerialExplainer final {
   void refused(ByteView digits) {
     const auto code = digits.size() == 4 ? number_at(Code::ascii, digits, 0, 2) : std::nullopt;
     if (!code) return fault("a refusal has an end code of four hex digits");
-    explain_refusal(static_cast<std::uint16_t>(*code), out_);
+    explain_refusal(model_, static_cast<std::uint16_t>(*code), out_);
   }
 
   /// Whether the last two characters are the sum is told by the sum itself, else by what the
@@ -278,6 +279,7 @@ class SerialExplainer final {
     const bool is_request = direction_ ? *direction_ == Direction::request : is_known;
     asks.ambiguous = !direction_;
     asks.fields[frame_field_].second.back() = '3';
+    asks.format = 3;
     out_ = std::move(is_request ? asks : answers);
   }
 

@@ -288,12 +288,12 @@ void explain_data(Code code, ByteView data, Explanation& out) {
                                       : to_hex(data));
 }
 
-void explain_refusal(std::uint16_t end_code, Explanation& out) {
+void explain_refusal(Model model, std::uint16_t end_code, Explanation& out) {
   out.direction = Direction::reply;
   out.ok = true;
   out.operation = "nak";
   out.values.push_back(hex_text(end_code, 4));
-  out.fields.emplace_back("reason", end_code_text(end_code));
+  out.fields.emplace_back("reason", end_code_text(end_code, series_of(model)));
 }
 
 }  // namespace fxagent::mc

@@ -14,7 +14,7 @@ void explain_request(Model model, Code code, ByteView message, Explanation& out)
 void explain_data(Code code, ByteView data, Explanation& out);
 
 /// An end code that is no 0.
-void explain_refusal(std::uint16_t end_code, Explanation& out);
+void explain_refusal(Model model, std::uint16_t end_code, Explanation& out);
 
 /// "1F", as many digits as asked for.
 std::string hex_text(std::uint32_t value, int digits);

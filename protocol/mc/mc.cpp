@@ -18,6 +18,8 @@ constexpr std::uint32_t kTimerStep = 250;  // ms
 // Nothing that answers is longer, and the bus listens to no more.
 constexpr std::size_t kMostSearched = 8192;
 
+// Of C24 modules, timer 1 as it is where nobody has set it (SH-080007, chapter 6.2).
+constexpr std::chrono::milliseconds kResponseMonitoring{5000};
 constexpr std::uint32_t kRunState = 203;  // SD203: state of the CPU in its low half byte
 constexpr std::uint8_t kStepRun = 1;      // 0 RUN, 1 STEP-RUN, 2 STOP, 3 PAUSE
 constexpr std::uint32_t kAlwaysOn = 400;  // SM400, which all of these series have
@@ -36,11 +38,11 @@ const T* option(const Options& options, std::string_view key) {
   return found == options.end() ? nullptr : std::get_if<T>(&found->second);
 }
 
-Reply refusal(std::uint16_t code) {
+Reply refusal(std::uint16_t code, Series series) {
   Reply reply;
   reply.kind = Reply::Kind::nak;
   reply.device_code = code;
-  reply.text = end_code_text(code);
+  reply.text = end_code_text(code, series);
   return reply;
 }
 
@@ -58,6 +60,21 @@ std::string why_out_of_reach(const Dialect& dialect, const Span& span) {
 bool is_identify(const Request& request) {
   const auto* control = std::get_if<Control>(&request);
   return control != nullptr && control->kind == Control::Kind::identify;
+}
+
+bool is_numbered_by_series(std::uint16_t space) {
+  return space < kSpaces && kind_of(static_cast<Space>(space)).numbering == Numbering::octal_on_fx;
+}
+
+/// Whether it names X or Y, whose numbers are octal on an FX5.
+bool depends_on_base(const Request& request) {
+  const auto is_such = [](const auto& part) { return is_numbered_by_series(part.span.space); };
+  if (const auto* read = std::get_if<Read>(&request)) return is_such(*read);
+  if (const auto* write = std::get_if<Write>(&request)) return is_such(*write);
+  if (const auto* force = std::get_if<Force>(&request)) return is_numbered_by_series(force->space);
+  if (const auto* scatter = std::get_if<Scatter>(&request))
+    return std::ranges::any_of(scatter->parts, is_such);
+  return false;
 }
 
 bool brings_data(const Request& request) { return is_read(request) || is_identify(request); }
@@ -219,10 +236,10 @@ Result<Reply> Mc::reply_in(const Request& request, ByteView content) const {
     const auto asked = number_at(code, *message, 0, kCommand);
     if (refused != asked)
       return garbled(
-          end_code_text(static_cast<std::uint16_t>(*end_code)) +
+          end_code_text(static_cast<std::uint16_t>(*end_code), dialect_.series()) +
           ", for another command: " + to_hex(rest.subspan(at, wire_size(code, kCommand))));
   }
-  return refusal(static_cast<std::uint16_t>(*end_code));
+  return refusal(static_cast<std::uint16_t>(*end_code), dialect_.series());
 }
 
 Result<Reply> Mc::data_reply(const Request& request, ByteView data) const {
@@ -259,7 +276,7 @@ Result<std::optional<Reply>> Mc::decode_serial(const Request& request, std::uint
     case SerialAnswer::State::wrong:
       return garbled(answer.error);
     case SerialAnswer::State::refused:
-      reply = refusal(answer.end_code);
+      reply = refusal(answer.end_code, dialect_.series());
       break;
     case SerialAnswer::State::data:
     case SerialAnswer::State::done:
@@ -303,8 +320,10 @@ LineLength Mc::line_length(const Request& request) const {
                                                       ? serial_answer_length(serial_, data)
                                                       : ethernet_answer_length(ethernet_, data));
   // Every byte may be a 10h, which goes twice.
-  if (is_serial(settings_.frame) && dialect_.code == Code::binary)
+  if (is_serial(settings_.frame) && dialect_.code == Code::binary) {
     length.more_reply_chars = static_cast<std::uint32_t>(data);
+    length.doubled_chars = static_cast<std::uint32_t>(serial_doubles(serial_, *frame, data));
+  }
   return length;
 }
 
@@ -315,7 +334,10 @@ Explanation Mc::explain(ByteView frame, std::optional<Direction> direction) cons
 // ---- time, recovery and refusals ----------------------------------------------------------------
 
 std::chrono::milliseconds Mc::gives_up_after() const {
-  return std::chrono::milliseconds(is_serial(settings_.frame) ? 0 : settings_.timer * kTimerStep);
+  if (!is_serial(settings_.frame)) return std::chrono::milliseconds(settings_.timer * kTimerStep);
+  // Its own CPU answers a module at once or not at all; one on the way elsewhere is waited for.
+  const bool is_own = settings_.route == Route{};
+  return is_own ? std::chrono::milliseconds(0) : kResponseMonitoring;
 }
 
 Recovery Mc::after_silence() const {
@@ -358,7 +380,8 @@ RefusalMeaning Mc::meaning_of(const Request& request, int device_code) const {
 std::optional<Request> Mc::instead_of(const Request& request, int device_code) const {
   const bool has_other = dialect_.series() == Series::iq_r &&
                          is_unknown_command(static_cast<std::uint16_t>(device_code));
-  if (!has_other) return std::nullopt;
+  // Who lacks the codes of iQ-R may be an FX5 with the wrong `model`: Y20 is another output there.
+  if (!has_other || depends_on_base(request)) return std::nullopt;
   Request other = request;
   if (auto* read = std::get_if<Read>(&other)) read->way |= kPlainCodes;
   if (auto* write = std::get_if<Write>(&other)) write->way |= kPlainCodes;

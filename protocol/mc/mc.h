@@ -64,6 +64,7 @@ class Mc final : public Codec, public AddressSpace, public PlcServices {
   bool expects_reply(const Request& request) const override;
   bool may_pass_for_answer(ByteView bytes) const override;
   LineLength line_length(const Request& request) const override;
+  bool is_text() const override { return dialect_.code == Code::ascii; }
   Explanation explain(ByteView frame, std::optional<Direction> direction) const override;
 
   std::chrono::milliseconds gives_up_after() const override;
@@ -72,7 +73,7 @@ class Mc final : public Codec, public AddressSpace, public PlcServices {
   std::optional<Request> probe(std::uint32_t number) const override;
   std::optional<Request> apart_from(const Request& request) const override;
   RefusalMeaning meaning_of(const Request& request, int device_code) const override;
-  /// The codes of Q and L in place of those of iQ-R.
+  /// The codes of Q and L in place of those of iQ-R, but for X and Y, which are octal on an FX5.
   std::optional<Request> instead_of(const Request& request, int device_code) const override;
   std::optional<Request> combine(const std::vector<Request>& requests) const override;
 

@@ -452,6 +452,11 @@ Explanation OneE::explain(ByteView frame, std::optional<Direction> direction) co
   return one_e::explain_frame(settings_.model, frame, direction);
 }
 
+std::optional<Request> OneE::probe(std::uint32_t number) const {
+  // Two more bits are another byte. Every series has M0 up, and a 1E frame reaches it.
+  return Read{span_of(Space::m, {0, 2 * (number % kProbes)}), kBitWay};
+}
+
 std::optional<Request> OneE::apart_from(const Request& request) const {
   const auto* read = std::get_if<Read>(&request);
   if (read == nullptr) return std::nullopt;

@@ -61,9 +61,11 @@ class OneE final : public Codec, public AddressSpace, public PlcServices {
   bool may_pass_for_answer(ByteView bytes) const override;
   LineLength line_length(const Request& request) const override;
   std::chrono::milliseconds gives_up_after() const override;
+  bool is_text() const override { return settings_.code == Code::ascii; }
   Explanation explain(ByteView frame, std::optional<Direction> direction) const override;
   Recovery after_silence() const override { return Recovery::reconnect; }
   Recovery after_nonsense() const override { return Recovery::reconnect; }
+  std::optional<Request> probe(std::uint32_t number) const override;
   std::optional<Request> apart_from(const Request& request) const override;
   RefusalMeaning meaning_of(const Request& request, int device_code) const override;
   /// 04 where all are bits and few, 05 where all are whole 16-bit words.

@@ -36,8 +36,8 @@ std::string refusal(int end_code, std::optional<int> abnormal_code) {
         return "the PLC is set to ASCII and cannot read this: `code` must be the communication "
                "data code that is set in the PLC";
       case kWriteInRun:
-        return "writing is not permitted while the PLC runs: \"Enable online change\" in its "
-               "Ethernet settings";
+        return "writing is not permitted while the PLC runs: set \"Enable online change\" in its "
+               "Ethernet settings (FX3U-ENET: \"Enable Write at RUN time\")";
       case kNoDevice:
         return "no such device";
       case kTooMany:

@@ -59,6 +59,20 @@ void append_doubled(Bytes& out, ByteView bytes) {
   }
 }
 
+std::size_t doubles(ByteView bytes) {
+  return static_cast<std::size_t>(std::count(bytes.begin(), bytes.end(), kDle));
+}
+
+/// Length and route of an answer with so many characters of data, before they are doubled.
+Bytes binary_answer_head(const SerialSettings& settings, std::size_t data) {
+  Bytes head;
+  const Bytes header = serial_header(settings);
+  append_number(Code::binary, head,
+                static_cast<std::uint32_t>(header.size() + kMark + kEndCode + data), kLength);
+  head.insert(head.end(), header.begin(), header.end());
+  return head;
+}
+
 Bytes binary_request(const SerialSettings& settings, ByteView message) {
   Bytes content;
   const Bytes header = serial_header(settings);
@@ -352,18 +366,18 @@ Bytes serial_request(const SerialSettings& settings, std::uint8_t block, ByteVie
 std::size_t serial_answer_length(const SerialSettings& settings, std::size_t data) {
   const std::size_t sum = sum_size(settings);
   if (settings.format == 5) {
-    Bytes content;
-    const Bytes header = serial_header(settings);
-    append_number(Code::binary, content,
-                  static_cast<std::uint32_t>(header.size() + kMark + kEndCode + data), kLength);
-    content.insert(content.end(), header.begin(), header.end());
-    Bytes doubled;
-    append_doubled(doubled, content);
-    return 2 + doubled.size() + kMark + kEndCode + data + 2 + sum;
+    const Bytes head = binary_answer_head(settings, data);
+    return 2 + head.size() + doubles(head) + kMark + kEndCode + data + 2 + sum;
   }
   const std::size_t said = settings.format == 3 ? kDone.size() : 0;
   const std::size_t etx = settings.format == 3 || data != 0 ? 1 : 0;
   return 1 + head_size(settings) + said + data + etx + (data != 0 ? sum : 0) + tail_size(settings);
+}
+
+std::size_t serial_doubles(const SerialSettings& settings, ByteView request, std::size_t data) {
+  if (settings.format != 5) return 0;
+  // A request begins and ends with one more of them.
+  return (doubles(request) - 2) / 2 + doubles(binary_answer_head(settings, data));
 }
 
 SerialAnswer serial_answer(const SerialSettings& settings, std::uint8_t block, std::size_t data,

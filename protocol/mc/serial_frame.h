@@ -35,6 +35,10 @@ Bytes serial_request(const SerialSettings& settings, std::uint8_t block, ByteVie
 /// Characters of an answer with this many of data, none of which is a doubled 10h; 0: no data.
 std::size_t serial_answer_length(const SerialSettings& settings, std::size_t data);
 
+/// How many bytes of `request` and of an answer that brings so many characters of data, none of
+/// which is a 10h, are there only to double another.
+std::size_t serial_doubles(const SerialSettings& settings, ByteView request, std::size_t data);
+
 /// What was received, looked through for the answer to one request.
 struct SerialAnswer {
   enum class State : std::uint8_t {

@@ -56,6 +56,7 @@ class Modbus final : public Codec, public AddressSpace {
                                       ByteView rx) const override;
   bool expects_reply(const Request& request) const override;
   LineLength line_length(const Request& request) const override;
+  bool is_text() const override { return settings_.framing == Framing::ascii; }
   Explanation explain(ByteView frame, std::optional<Direction> direction) const override;
 
   RefusalMeaning meaning_of(const Request& request, int device_code) const override;

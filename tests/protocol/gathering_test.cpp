@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <ctime>
+#include <limits>
 #include <random>
 #include <string>
 
@@ -177,6 +178,21 @@ TEST(Gathering, SuspectsGoWithEachOther) {
   }
 }
 
+TEST(Gathering, OnlyPlansThatReadASuspectAreHeldDown) {
+  GatheringCodec codec = gathering_codec();
+  codec.commands = {{1, 24}};
+  std::vector<Point> points;
+  for (int n = 0; n < 12; ++n) points.push_back(point(codec, "W" + std::to_string(200 * n)));
+  Holes holes;
+  holes.suspects = {{0, 100 * 16, 16}, {1, 200 * 16, 16}};
+  holes.most_others = 3;
+  EXPECT_EQ(make_plan(codec, points, kCost, 0, holes).exchange_count(), 1U);
+  points.push_back(point(codec, "V200"));
+  const Plan plan = make_plan(codec, points, kCost, 0, holes);
+  check(plan, codec, points, kCost);
+  EXPECT_EQ(plan.exchange_count(), 4U + 1);
+}
+
 TEST(Gathering, MaxBlockBytesLowersWhatOneFrameBrings) {
   GatheringCodec codec = gathering_codec();
   codec.commands = {{1, 24}};
@@ -340,15 +356,89 @@ TEST_F(GatheringPlans, ManyPartsFillTheirFrames) {
   EXPECT_EQ(plan.exchange_count(), 10U);
 }
 
-TEST_F(GatheringPlans, AHundredThousandPointsArePlannedInWellUnderASecond) {
-  const GatheringCodec codec = gathering_codec();
+/// Of spaces with room for more than a config can have.
+GatheringCodec large_codec() {
+  GatheringCodec codec = gathering_codec();
+  for (auto& [space, ways] : codec.ways)
+    for (ReadWay& way : ways) way.end_bit = 64'000'000;
+  return codec;
+}
+
+/// So many places, each apart from the one before it by up to `most` words.
+std::vector<Point> scattered(std::size_t places, std::uint32_t most) {
+  std::minstd_rand random(20261123);
   std::vector<Point> points;
-  for (int i = 0; i < 100000; ++i)
-    points.push_back(point(codec, (i % 2 == 0 ? "W" : "V") + std::to_string(random() % 3999)));
-  const std::clock_t begin = std::clock();
-  const Plan plan = make_plan(codec, points, kCost, 0);
-  EXPECT_LT(std::clock() - begin, 5 * CLOCKS_PER_SEC);  // of a sanitizer; a plain build: a tenth
+  std::uint32_t word = 0;
+  for (std::size_t i = 0; i < places; ++i) {
+    Point& point = points.emplace_back();
+    const bool is_second = i >= places / 2;
+    if (i == places / 2) word = 0;
+    word += 1 + static_cast<std::uint32_t>(random()) % most;
+    point.address = {is_second ? "V" : "W",
+                     {is_second ? std::uint16_t{1} : std::uint16_t{0}, word * 16, 16},
+                     Unit::word,
+                     true};
+    point.type = DataType::int16;
+  }
+  return points;
+}
+
+TEST_F(GatheringPlans, AHundredThousandPlacesTakeAFewLooksEach) {
+  const GatheringCodec codec = large_codec();
+  const auto points = scattered(100'000, 40);
+  const Plan plan = make_plan(codec, points, kNoSpeed, 0);
   EXPECT_TRUE(plan.unreachable.empty());
+  EXPECT_GT(plan.reads.size(), 50'000U);
+  EXPECT_LT(plan.weighed, 20 * points.size());
+}
+
+TEST_F(GatheringPlans, NorDoPlacesThatLieClose) {
+  const GatheringCodec codec = large_codec();
+  const auto points = scattered(10'000, 2);
+  const Plan plan = make_plan(codec, points, kCost, 0);
+  EXPECT_LT(plan.reads.size(), 1000U);
+  EXPECT_LT(plan.weighed, 150 * points.size());  // in many searches, each of which tried 80
+}
+
+TEST_F(GatheringPlans, FramesThatAreFullAreNotLookedIntoAgainAndAgain) {
+  GatheringCodec codec = large_codec();
+  for (auto& [space, ways] : codec.ways) ways = {word_way(2, 64, 2)};
+  for (auto& [space, ways] : codec.ways) ways.front().end_bit = 64'000'000;
+  codec.commands = {{2, 1000, 96 * 16}};
+  std::vector<Point> points = scattered(20'000, 400);
+  for (Point& point : points) {
+    point.count = static_cast<std::uint16_t>(pick(1, 40));
+    point.is_array = point.count > 1;
+  }
+  const Plan plan = make_plan(codec, points, kCost, 0);
+  EXPECT_GT(plan.exchange_count(), 4000U);
+  EXPECT_LT(plan.weighed, 100 * points.size());
+}
+
+/// CPU time of a plan, the least of three.
+std::clock_t time_of(const Codec& codec, const std::vector<Point>& points, const Holes& holes) {
+  std::clock_t least = std::numeric_limits<std::clock_t>::max();
+  for (int i = 0; i < 3; ++i) {
+    const std::clock_t begin = std::clock();
+    make_plan(codec, points, kNoSpeed, 0, holes);
+    least = std::min(least, std::clock() - begin);
+  }
+  return least;
+}
+
+TEST_F(GatheringPlans, ThousandsOfHolesTakeLittleMoreTimeThanNone) {
+  const GatheringCodec codec = large_codec();
+  const auto points = scattered(1000, 10);
+  Holes holes;
+  for (int n = 0; n < 3000; ++n) {
+    const std::uint32_t word = pick(0, 5000);
+    holes.cuts.push_back({0, word * 16});
+    holes.missing.push_back({1, word * 16, 16});
+    holes.apart.push_back({0, word * 16, 16});
+    holes.suspects.push_back({1, word * 16, 16});
+  }
+  holes.most_suspects = 24;
+  EXPECT_LT(time_of(codec, points, holes), 8 * time_of(codec, points, {}));
 }
 
 }  // namespace

@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <ctime>
 #include <functional>
 #include <map>
 #include <random>
@@ -628,7 +627,7 @@ TEST(Plan, APointOfWhichAPartIsMissingIsRefusedWhole) {
   EXPECT_EQ(plan.reads.size(), 2U);  // nothing may be read across word 5
 }
 
-TEST(Plan, AHundredThousandPointsArePlannedInWellUnderASecond) {
+TEST(Plan, AHundredThousandPointsTakeAFewLooksEach) {
   const ProgrammingPort codec({Model::fx3u, ProgrammingPort::Commands::extended, 254});
   std::mt19937 random(7);
   std::vector<Point> points;
@@ -639,16 +638,12 @@ TEST(Plan, AHundredThousandPointsArePlannedInWellUnderASecond) {
     point.address.span.space = fx::id(i % 2 == 0 ? fx::Space::d : fx::Space::m);
     points.push_back(std::move(point));
   }
-  const std::clock_t begin = std::clock();
   const Plan plan = make_plan(codec, points, kCost, 0);
-  const std::clock_t took = std::clock() - begin;  // of the processor, whoever else wants it
   EXPECT_TRUE(plan.unreachable.empty());
   // 960 bytes of M take 4 reads of up to 254. Any two neighbours among the 8,000 D are somebody's
   // int32, so a read of 127 words shares its last one with the next: 8,000 take 64.
   EXPECT_EQ(plan.reads.size(), 68U);
-  EXPECT_LT(
-      took,
-      5 * CLOCKS_PER_SEC);  // sanitizers and coverage included; a plain build needs a twentieth
+  EXPECT_LT(plan.weighed, 8U * (8000 + 960));
 }
 
 // ---- writes -------------------------------------------------------------------------------------

@@ -87,6 +87,8 @@ TEST(Point, HasADefaultTypeForEachUnit) {
   EXPECT_EQ(of(Unit::word_bit, 1), DataType::boolean);
   EXPECT_EQ(of(Unit::word, 16), DataType::int16);
   EXPECT_EQ(of(Unit::dword, 32), DataType::int32);
+  EXPECT_EQ(of(Unit::long_index, 32), DataType::int32);
+  EXPECT_EQ(of(Unit::long_count, 32), DataType::uint32);
   EXPECT_EQ(of(Unit::bit_group, 16), DataType::int16);
   EXPECT_EQ(of(Unit::bit_group, 20), DataType::int32);
 }
@@ -110,6 +112,8 @@ TEST(Point, TakesOnlyTheTypesOfItsUnit) {
   EXPECT_EQ(fitting(Unit::word_bit, 1), "bool ");
   EXPECT_EQ(fitting(Unit::word, 16), "int16 uint16 int32 uint32 float32 bcd16 bcd32 string ");
   EXPECT_EQ(fitting(Unit::dword, 32), "int32 ");
+  EXPECT_EQ(fitting(Unit::long_index, 32), "int32 uint32 ");
+  EXPECT_EQ(fitting(Unit::long_count, 32), "int32 uint32 ");
   EXPECT_EQ(fitting(Unit::bit_group, 8), "int16 uint16 bcd16 ");
   EXPECT_EQ(fitting(Unit::bit_group, 16), "int16 uint16 bcd16 ");
   EXPECT_EQ(fitting(Unit::bit_group, 20), "int32 ");

@@ -62,6 +62,19 @@ class Inbox {
   }
 
   const std::string& name() const { return name_; }
+  /// Puts a text of one's own into it. False: it is full.
+  bool put(const std::string& text) const {
+    sockaddr_un address{};
+    address.sun_family = AF_UNIX;
+    std::copy(name_.begin(), name_.end(), address.sun_path);
+    if (name_.front() == '@') address.sun_path[0] = '\0';
+    const auto size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + name_.size());
+    const int out = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    const auto sent = ::sendto(out, text.data(), text.size(), MSG_DONTWAIT,
+                               reinterpret_cast<const sockaddr*>(&address), size);
+    ::close(out);
+    return sent >= 0;
+  }
   /// Empty: there is none.
   std::string next() {
     std::array<char, 4096> text{};

@@ -116,6 +116,52 @@ class EveryFrame(McTest):
             self.assertTrue(sample["values"]["bits"][0], sample)
 
 
+class GatheredReads(McTest):
+    """Places far from each other, read by one frame: 0406 of an FX5, 0403 beside a batch read of a Q, which has no
+    0406."""
+    WORDS = ("D100", "D300", "D500", "D700", "D900", "W10")
+    GATHERS = {"fx5": "0406/0000", "q": "0403/0000"}
+    HOLE = "D101"
+    LATER = 10  # polls that are counted once the hole is known
+
+    def device_of(self, name, **more):
+        device = super().device_of(name, **more)
+        device["tags"] = [{"name": word.lower(), "address": word, "group": "fast"} for word in (*self.WORDS, self.HOLE)]
+        device["tags"].append({"name": "table", "address": "D1000", "count": 60, "group": "fast"})
+        return device
+
+    def plc_of(self, name, **more):
+        memory = {word: number for number, word in enumerate(self.WORDS, 1)}
+        return {**super().plc_of(name, holes=[self.HOLE], **more), "memory": {**memory, "D1000": list(range(60))}}
+
+    def counted(self, name):
+        return self.sim.ask(cmd="stats", plc=name)["commands"]
+
+    def test_a_hole_is_told_from_the_places_beside_it_and_the_frame_is_used_again(self):
+        self.start_plant(self.GATHERS)
+        good = {"table": list(range(60)), **{word.lower(): number for number, word in enumerate(self.WORDS, 1)}}
+        for name, command in self.GATHERS.items():
+            with self.subTest(name):
+                topic = f"fx/plant-a/edge7/{name}/data/fast"
+
+                def is_right(sample):
+                    bad = list(sample.get("bad", {}))
+                    return bad == [self.HOLE.lower()] and good.items() <= sample["values"].items()
+
+                self.data(is_right, name)
+                earlier = self.counted(name)
+                samples = self.watcher.payloads(topic)
+                self.assertLessEqual([is_right(sample) for sample in samples].index(True), 10,
+                                     "so few polls tell the hole from its neighbours")
+                self.watcher.wait_count(topic, len(samples) + self.LATER)
+                used = {asked: count - earlier.get(asked, 0) for asked, count in self.counted(name).items()}
+                for sample in self.watcher.payloads(topic)[len(samples):]:
+                    self.assertTrue(is_right(sample), sample)
+                    self.assertEqual(sample["bad"][self.HOLE.lower()]["why"], "nak")
+                self.assertGreaterEqual(used[command], self.LATER - 1, used)
+                self.assertLessEqual(sum(used.values()), 3 * self.LATER, used)
+
+
 class WrongSettings(McTest):
     """What a person reads who has set something wrong: by `fxagent read`, without a broker."""
 

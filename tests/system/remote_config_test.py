@@ -205,20 +205,21 @@ class RemoteConfig(ReloadTest):
         self.hang_up()
         wait_for("the report to be cleared", lambda: None in self.watcher.payloads(REPORTED, since))
 
-    def test_health_agrees_with_the_report_after_a_reload_that_brings_the_remote_one_back(self):
-        config = self.begin_remote()
-        self.applied("v1", {"devices": [reading("m2", "a", 2)]})
-        renamed = copy.deepcopy(config)
-        renamed["links"][0]["name"] = renamed["devices"][0]["link"] = "b"
+    def test_health_agrees_with_the_report_when_a_hang_up_brings_it_back(self):
+        # Its end would publish health, and so does each minute.
+        config = self.begin_remote(trial_ms=600_000)
+        self.desire("v1", {"devices": [reading("m2", "a", 2)]})
+        self.report("applied", "v1")
+        elsewhere = copy.deepcopy(config)
+        elsewhere["links"][0]["name"] = elsewhere["devices"][0]["link"] = "b"
         since = self.watcher.mark()
-        self.write(renamed)
+        self.write(elsewhere)
         self.hang_up()
         self.report("rejected", "v1", since)
         since = self.watcher.mark()
         self.write(config)
         self.hang_up()
         report = self.report("applied", "v1", since)
-        # At once, and not with the health that comes every minute.
         self.watcher.wait(f"{BASE}/health", lambda h: h["config"]["hash"] == report["hash"] and
                           h["config"]["remote"]["state"] == "applied", since)
 

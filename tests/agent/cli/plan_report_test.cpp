@@ -246,6 +246,11 @@ TEST(PlanReport, WithoutASpeedThereAreNoTimes) {
       R"({"name":"l","tcp":{"host":"127.0.0.1","port":5551},"line_baud":9600})", plc(kLarge)));
   EXPECT_EQ(told[0].baud, 9600);
   EXPECT_NEAR(ms(*told[0].groups[0].line_time), 511.5, 0.1);
+  const auto udp = plan_links(config_of(R"({"name":"l","udp":{"host":"127.0.0.1","port":5007}})",
+                                        R"({"name":"p","link":"l","protocol":"mc-1e"})"));
+  EXPECT_FALSE(udp[0].command_bound);
+  for (const std::string& warning : udp[0].warnings)
+    EXPECT_EQ(warning.find("line_baud"), std::string::npos) << "it is not for UDP: " << warning;
 }
 
 TEST(PlanReport, AnOpenModelIsPlannedAsTheWidestAndThatIsSaid) {

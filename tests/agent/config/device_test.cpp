@@ -276,6 +276,34 @@ TEST(ConfigDevice, TagTakesWhatIsGiven) {
   EXPECT_TRUE(tag.writable);
 }
 
+TEST(ConfigDevice, DevicesOfTheSameTagsShareThem) {
+  auto plant = small_plant();
+  const auto tags = plant["devices"][0]["tags"];
+  plant["devices"][1]["groups"] = plant["devices"][0]["groups"];
+  const auto shared_with = [&](const nlohmann::json& other) {
+    plant["devices"][1]["tags"] = other;
+    const auto config = good(plant.dump());
+    EXPECT_EQ(config.devices[1].tags.size(), other.size());
+    return config.devices[0].tags.shares(config.devices[1].tags);
+  };
+  EXPECT_TRUE(shared_with(tags));
+  const auto with = [&](const char* key, const nlohmann::json& value) {
+    auto other = tags;
+    other[0][key] = value;
+    return other;
+  };
+  EXPECT_FALSE(shared_with(with("name", "temperature")));
+  EXPECT_FALSE(shared_with(with("address", "D101")));
+  EXPECT_FALSE(shared_with(with("type", "uint16")));
+  EXPECT_FALSE(shared_with(with("scale", 0.1)));
+  EXPECT_FALSE(shared_with(with("offset", 1)));
+  EXPECT_FALSE(shared_with(with("max", 100)));
+  EXPECT_FALSE(shared_with(with("access", "read_write")));
+  auto more = tags;
+  more.push_back({{"name", "level"}, {"address", "D102"}, {"group", "fast"}});
+  EXPECT_FALSE(shared_with(more));
+}
+
 TEST(ConfigDevice, TagsAndDevicesShareWhatTheyHaveInCommon) {
   // A config may have 100,000 tags: what is added here is added so often.
   EXPECT_LE(sizeof(TagConfig), 96U);

@@ -1,9 +1,15 @@
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
+#include <array>
+#include <chrono>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <future>
+#include <string>
 
 #include "tests/agent/config/small_plant.h"
 #include "tests/support/scratch.h"
@@ -54,6 +60,40 @@ TEST_F(ConfigFiles, FileWithoutEndIsRefused) {
   const auto config = load_config("/dev/zero");
   ASSERT_FALSE(config);
   expect_error(config.error(), "", {"64 MiB"});
+}
+
+/// A reload reads it on a thread that has more to do.
+TEST_F(ConfigFiles, PipeInPlaceOfTheFileHoldsNobody) {
+  const std::string pipe = (directory_ / "agent.json").string();
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  auto read = std::async(std::launch::async, [&] { return read_config_file(pipe); });
+  const bool came_back = read.wait_for(std::chrono::seconds(30)) == std::future_status::ready;
+  // Who waits is let go, or the test would not end either.
+  if (!came_back) ::close(::open(pipe.c_str(), O_WRONLY));
+  ASSERT_TRUE(came_back);
+  const auto text = read.get();
+  ASSERT_FALSE(text);
+  expect_error(text.error(), "", {"pipe", "nobody writes"});
+}
+
+TEST_F(ConfigFiles, PipeThatIsWrittenIsRead) {
+  std::array<int, 2> ends{};
+  ASSERT_EQ(::pipe(ends.data()), 0);
+  // More than a pipe holds.
+  const std::string text(200'000, 'x');
+  auto writer = std::async(std::launch::async, [&] {
+    for (std::size_t at = 0; at < text.size();) {
+      const auto put = ::write(ends[1], text.data() + at, text.size() - at);
+      if (put <= 0) break;
+      at += static_cast<std::size_t>(put);
+    }
+    ::close(ends[1]);
+  });
+  const auto read = read_config_file("/dev/fd/" + std::to_string(ends[0]));
+  ::close(ends[0]);
+  writer.get();
+  ASSERT_TRUE(read) << listed(read.error());
+  EXPECT_TRUE(*read == text) << read->size();
 }
 
 TEST_F(ConfigFiles, ProcessEnvironmentIsUsed) {

@@ -169,14 +169,6 @@ TEST_F(DatagramsWithoutNumbers, EachQuestionIsAskedFromAPortOfItsOwn) {
   EXPECT_EQ(unexpected(), word_frame(1).size()) << "it is counted";
 }
 
-TEST_F(DatagramsWithoutNumbers, AQuietGapLiesBehindEachAnswer) {
-  use("fx-programming-port", Port::renewed);
-  wire->expect(kRead).give(word_frame(1)).expect(kRead).give(word_frame(2));
-  open();
-  const Exchange first = read("D100");
-  EXPECT_GE(read("D100").began - first.ended, milliseconds(10));
-}
-
 TEST_F(DatagramsWithoutNumbers, AfterASilenceTheLateAnswerHasItsTime) {
   use("fx-programming-port", Port::renewed);
   station.timeout = milliseconds(150);
@@ -203,6 +195,32 @@ TEST_F(DatagramsWithoutNumbers, FixedPortIsDoubtedLikeASerialLine) {
   EXPECT_TRUE(bus->doubt().is_doubted());
   EXPECT_TRUE(read("D100").doubted);
   EXPECT_EQ(wire->renewed(), 0U);
+}
+
+TEST_F(DatagramsWithoutNumbers, TheLateAckOfA1EWriteIsNotThatOfTheNext) {
+  const auto write = [](const std::string& value) {  // to D200
+    return *from_hex("03 FF 10 00 C8 00 00 00 20 44 01 00 " + value);
+  };
+  const auto bits = [](const std::string& points) {  // M0 up
+    return *from_hex("00 FF 10 00 00 00 00 00 20 4D " + points + " 00");
+  };
+  use("mc-1e", Port::fixed);
+  station.timeout = milliseconds(100);
+  const auto ask = [&](std::uint8_t value) {
+    const Span d200 = station.codec->addresses().parse_address("D200", {})->span;
+    return run_on(io, bus->exchange(station, Write{d200, {value, 0}}));
+  };
+  wire->silence();  // while it is opened
+  wire->expect(write("05 00")).silence();
+  wire->silence().expect(bits("01")).give(*from_hex("83 00"));  // so late that it was not heard out
+  wire->silence().expect(bits("03")).give(*from_hex("80 00 10 00"));
+  wire->expect(write("07 00")).give(*from_hex("83 00"));
+  open();
+  EXPECT_EQ(ask(5).outcome, Outcome::unanswered);
+  const Exchange second = ask(6);
+  EXPECT_FALSE(second.has_answer()) << "that was the answer to the first one";
+  EXPECT_FALSE(second.sent);
+  EXPECT_TRUE(ask(7).is_ack());
 }
 
 TEST_F(DatagramsWithoutNumbers, WhetherAnythingWasAnsweredBeforeTheEndIsKnown) {

@@ -711,6 +711,9 @@ TEST_F(BusTest, GapIsKeptBetweenTwoRequests) {
   const Exchange first = read("D100");
   const Exchange second = read("D100");
   EXPECT_GE(second.began - first.ended, milliseconds(15));
+  EXPECT_EQ(second.rest, milliseconds(15));
+  EXPECT_EQ(second.line_time(), milliseconds(15) + (second.ended - second.began));
+  EXPECT_GE(line->counters().busy, milliseconds(15)) << "nobody else can use the line meanwhile";
 }
 
 TEST_F(BusTest, ReadWaitsForItsDeadlineAndNoLonger) {

@@ -176,8 +176,8 @@ TEST_F(CommandExchangesTest, StopLetsNobodyHaveATurnAndItsEndCutsOff) {
 class HintingExchangesTest : public CommandExchangesTest {
  protected:
   HintingExchangesTest() {
-    hinting.silent_hint = "is it switched on?";
-    hinting.closed_hint = "is another program using this connection?";
+    hinting.hints.silent = "is it switched on?";
+    hinting.hints.closed = "is another program using this connection?";
     device.protocol = &hinting;
   }
   ProtocolInfo hinting = *find_protocol("fx-programming-port");

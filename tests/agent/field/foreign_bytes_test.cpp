@@ -12,6 +12,7 @@
 
 #include "protocol/bytes.h"
 #include "tests/agent/field/field_plant.h"
+#include "tests/agent/field/port_frames.h"
 
 namespace fxagent::test {
 namespace {
@@ -160,9 +161,9 @@ TEST(ForeignBytes, FramesOfOtherProtocolsAreNamed) {
        "modbus-tcp"},
       {"modbus-ascii", kRtuReply, Cause::other_protocol, "modbus-rtu"},
       // Cut short: no frame, and still no noise.
-      {"modbus-rtu", hex("02 33 34 31 32 43 44"), Cause::other_protocol, "an FX PLC"},
-      {"modbus-rtu", printed(":110103CD"), Cause::other_protocol, "Modbus ASCII"},
-      {"fx-programming-port", printed(":110103CD"), Cause::other_protocol, "Modbus ASCII"},
+      {"modbus-rtu", hex("02 33 34 31 32 43 44"), Cause::other_protocol, "fx-programming-port"},
+      {"modbus-rtu", printed(":110103CD"), Cause::other_protocol, "modbus-ascii"},
+      {"fx-programming-port", printed(":110103CD"), Cause::other_protocol, "modbus-ascii"},
   };
   for (const Foreign& row : rows) {
     const auto found = guess(device_of(row.on), row.heard);
@@ -182,9 +183,94 @@ TEST(ForeignBytes, AComputerLinkWithOtherSettingsOfD8120IsTold) {
             std::string::npos);
   EXPECT_NE(guess(sums(false, 1), kLinkData).text.find("set sum_check to true"), std::string::npos);
   EXPECT_NE(guess(sums(true, 1), format_4).text.find("set format to 4"), std::string::npos);
-  EXPECT_NE(guess(sums(true, 4), kLinkData).text.find("set format to 1"), std::string::npos);
+  EXPECT_NE(guess(sums(true, 4), kLinkData).text.find("set format to 1, or format 4 in D8120"),
+            std::string::npos);
   EXPECT_EQ(guess(sums(true, 1), kLinkData).cause, Cause::another_master)
       << "its settings are right";
+}
+
+TEST(ForeignBytes, AnMcPortWithOtherSettingsIsToldWhereTheyAre) {
+  const auto port = [](std::int64_t format, bool sums = true) {
+    return device_of("mc-3c", {{"format", format}, {"sum_check", sums}, {"model", "Q"}});
+  };
+  const Bytes format_1 = printed("<F90000FF0012340002>BA");
+  const Bytes format_2 = printed("<7AF90000FF0012340002>32");
+  const Bytes format_3 = printed("<F90000FF00QACK12340002>DA");
+  const Bytes format_4 = joined(format_1, hex("0D 0A"));
+  const std::pair<std::int64_t, Bytes> heard[] = {
+      {1, format_1}, {2, format_2}, {3, format_3}, {4, format_4}};
+  for (const auto& [theirs, frame] : heard) {
+    for (const std::int64_t ours : {1, 2, 3, 4}) {
+      const auto found = guess(port(ours), frame);
+      const std::string wanted = "set format to " + std::to_string(theirs) + ", or format " +
+                                 std::to_string(ours) + " in the parameters";
+      EXPECT_EQ(found.cause == Cause::other_settings, ours != theirs) << found.text;
+      EXPECT_EQ(found.text.find(wanted) != std::string::npos, ours != theirs) << found.text;
+      EXPECT_EQ(found.text.find("D8120"), std::string::npos) << found.text;
+    }
+  }
+  const auto with_sum = guess(port(1, false), format_1);
+  EXPECT_NE(with_sum.text.find("or no sum check in the parameters"), std::string::npos)
+      << with_sum.text;
+  EXPECT_NE(with_sum.text.find("485 Serial Port"), std::string::npos) << with_sum.text;
+  EXPECT_EQ(with_sum.text.find("D8120"), std::string::npos) << with_sum.text;
+}
+
+// Answers of a PLC as transcripts have them: 3C and 4C in format 1, 3E in binary code.
+const Bytes k3cData = printed("<F90000FF0012340002>BA");
+const Bytes k4cData = printed("<F80000FF03FF000012340002>08");
+const Bytes k3eData = hex("D0 00 00 FF FF 03 00 06 00 00 00 34 12 02 00");
+
+TEST(ForeignBytes, ACutOrSpoiltAnswerOfAnMcPortIsNoFxPlc) {
+  for (const auto& [protocol, frame] : {std::pair{"mc-3c", k3cData}, std::pair{"mc-4c", k4cData}}) {
+    const DeviceConfig device = device_of(protocol, {{"model", "Q"}});
+    const Bytes cut(frame.begin(), frame.end() - 4);
+    Bytes spoilt = frame;
+    spoilt[12] ^= 0x01;
+    for (const Bytes& heard : {cut, spoilt}) {
+      const auto found = guess(device, heard);
+      EXPECT_EQ(found.cause, Cause::unknown) << protocol << ": " << found.text;
+      EXPECT_EQ(found.text.find("fx-"), std::string::npos) << found.text;
+    }
+  }
+  const auto other = guess(device_of("mc-3c", {{"model", "Q"}}), k4cData);
+  EXPECT_NE(other.text.find("a good frame of mc-4c"), std::string::npos) << other.text;
+}
+
+TEST(ForeignBytes, StxAndTextMayBeAnyProtocolWhoseFramesBeginSo) {
+  const auto found = guess(device_of("modbus-rtu"), printed("<F90000FF0012"));
+  EXPECT_EQ(found.cause, Cause::other_protocol) << found.text;
+  for (const char* name : {"fx-programming-port", "fx-computer-link", "mc-3c", "mc-4c"})
+    EXPECT_NE(found.text.find(name), std::string::npos) << found.text;
+}
+
+TEST(ForeignBytes, OverEthernetNoBaudRateAndNoParityIsBlamed) {
+  for (const char* protocol : {"mc-1e", "mc-3e", "mc-4e", "modbus-tcp"}) {
+    const DeviceConfig device = device_of(protocol);
+    const Bytes zeros(12, 0);
+    const Bytes cut(k3eData.begin(), k3eData.end() - 2);
+    const Bytes high = hex("81 82 84 88 90");
+    for (const Bytes& heard : {zeros, cut, high}) {
+      const auto found = guess(device, heard);
+      EXPECT_EQ(found.cause, Cause::unknown) << protocol << " " << to_hex(heard) << found.text;
+      for (const char* word : {"baud", "parity", "no text", "fx-"})
+        EXPECT_EQ(found.text.find(word), std::string::npos) << protocol << ": " << found.text;
+      EXPECT_NE(found.text.find("protocol"), std::string::npos) << found.text;
+    }
+  }
+}
+
+TEST(ForeignBytes, FramesOfTextHaveTheirParitySeenOn8BitsToo) {
+  for (const auto& [protocol, frame] : {std::pair{"mc-3c", k3cData}, std::pair{"mc-4c", k4cData}}) {
+    const Bytes heard = heard_by({8, Parity::none}, 1, on_the_wire(frame, {7, Parity::even}));
+    const auto even = guess(device_of(protocol, {{"model", "Q"}}), heard);
+    EXPECT_EQ(even.cause, Cause::parity) << even.text;
+    EXPECT_NE(even.text.find("even parity in bit 7"), std::string::npos) << even.text;
+  }
+  // Format 5 is binary: bit 7 belongs to its bytes.
+  const auto binary = guess(device_of("mc-4c", {{"model", "Q"}, {"format", std::int64_t{5}}}),
+                            hex("8D 81 82 84 A0"));
+  EXPECT_EQ(binary.cause, Cause::unknown) << binary.text;
 }
 
 TEST(ForeignBytes, WrongParityIsSeenInBit7OrAsZeros) {

@@ -122,6 +122,32 @@ TEST(HoleMapGather, APlaceThatIsOnlyRefusedInCompanyStaysApart) {
   EXPECT_EQ(device.plan().exchange_count(), 2U);
 }
 
+TEST(HoleMapGather, AGroupThatIsReadInAnHourDoesNotHoldTheOthersDown) {
+  Refuser hourly;
+  for (std::uint32_t n = 0; n < 8; ++n) hourly.add(160 * n);
+  hourly.lacks = {480};
+  EXPECT_GT(hourly.cycle(), 0);
+  const Holes& holes = hourly.map.holes();
+  ASSERT_FALSE(holes.suspects.empty());
+  ASSERT_LE(holes.most_others, 4U);
+  // Of the same device, and due each second until then.
+  Refuser other;
+  for (std::uint32_t n = 0; n < 24; ++n) other.add(2000 + 16 * n);
+  const LineCost slow{1ms, 100ms};
+  const auto exchanges = [&](const Holes& known) {
+    return make_plan(other.codec, other.points, slow, 0, known).exchange_count();
+  };
+  EXPECT_EQ(exchanges(holes), exchanges({}));
+  // Where its own frame was refused, it has suspects of its own.
+  const Plan plan = make_plan(other.codec, other.points, slow, 0, holes);
+  ASSERT_EQ(plan.exchange_count(), 1U);
+  const ReadIndices which = plan.reads_in(0);
+  hourly.map.refused_together(std::get<Gather>(plan.request(which)),
+                              asked_in(plan, which, other.points));
+  EXPECT_GT(exchanges(holes), 1U);
+  EXPECT_GE(hourly.settle(), 0);
+}
+
 TEST(HoleMapGather, WhatIsReadByAnotherWayIsAboveSuspicion) {
   Refuser device;
   ReadWay bits = word_way(0, 4);

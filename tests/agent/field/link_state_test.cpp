@@ -29,8 +29,8 @@ class LinkStateTest : public ::testing::Test {
     config.links.push_back({"line1", std::move(channel), nanoseconds(0)});
     config.devices.push_back(port_device());
     hinting = *config.devices[0].protocol;
-    hinting.silent_hint = "is it switched on?";
-    hinting.closed_hint = "is another program using this connection?";
+    hinting.hints.silent = "is it switched on?";
+    hinting.hints.closed = "is another program using this connection?";
     config.devices[0].protocol = &hinting;
     auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
     wire = transport.get();

@@ -412,7 +412,8 @@ TEST_F(LinkWorkerTest, GroupThatNoWayReachesLeavesTheThreadFree) {
 
 TEST_F(LinkWorkerTest, NoGroupIsPolledBeforeItsLinkOpens) {
   config.links[0].char_time = milliseconds(1);
-  config.links.resize(1000, config.links[0]);  // so many that their starts are spread
+  const LinkConfig line = config.links[0];
+  config.links.assign(1000, line);  // so many that their starts are spread
   config.devices[0].groups[0].interval = milliseconds(100);
   config.devices.resize(8, config.devices[0]);
   start();
@@ -630,7 +631,8 @@ TEST_F(StreamWithoutNumbers, DeviceThatNeverAnswersTimesOutAndTheLogSaysWhatToLo
   EXPECT_EQ(log.find("the line was lost"), std::string::npos) << log;
   EXPECT_EQ(log.find("state=down"), log.rfind("state=down")) << log;
   EXPECT_EQ(log.find("state=up"), log.rfind("state=up")) << log;
-  const std::string hint(config.devices[0].protocol->silent_hint);
+  const DeviceConfig& device = config.devices[0];
+  const std::string hint(hints_for(*device.protocol, *device.codec).silent);
   EXPECT_NE(log.find(hint.substr(0, 40)), std::string::npos) << log;
   there = {1};
   wait_for_state(State::online, "");

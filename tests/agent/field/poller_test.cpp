@@ -74,6 +74,14 @@ TEST_F(PortPolls, GroupsOfWholeSecondsBeginOnTheCommonGrid) {
   EXPECT_EQ(telemetry.size(), 3U);
 }
 
+TEST_F(PortPolls, TheSilenceBeforeEachRequestCountsAsLineTime) {
+  config.devices[0].groups[0].interval = milliseconds(100);
+  config.devices[0].gap = milliseconds(80);
+  start();
+  steps_until([&] { return telemetry.size() == 2; });
+  EXPECT_GE(scheduler.load(), 0.8);
+}
+
 TEST_F(PortPolls, EachReadOfACycleIsAStepOfItsOwn) {
   add_tag("running", "M0");
   start();
@@ -215,13 +223,32 @@ TEST_F(ModelPolls, ModelThatCannotBeToldStaysClassicAndDegraded) {
 
 TEST_F(ModelPolls, RefusalThatMayPassIsNoAnswerAndTheModelIsAskedAgain) {
   script().expect(kEnq).give(kAck);
-  wire->expect(read_frame(kD8001, 2)).give(kNak).expect(read_frame(kD8101, 2)).give(kNak);
+  for (const unsigned address : {kD8001, kD8001, kD8101, kD8101})
+    wire->expect(read_frame(address, 2)).give(kNak);
   start();
   steps_until([&] { return !telemetry.empty(); });
   EXPECT_EQ(telemetry[0].readings[0].bad, BadReason::nak);
   EXPECT_EQ(newest[0].reason, "nak");
   steps_until([&] { return newest[0].model == "FX3U"; });
   steps_until([&] { return newest[0].state == State::online; });
+}
+
+TEST_F(ModelPolls, OneRefusalDecidesNoModel) {
+  script().expect(kEnq).give(kAck);
+  wire->expect(read_frame(kD8001, 2)).give(word_frame(24310));
+  wire->expect(read_frame(kD8101, 2)).give(kNak);  // noise: an FX3U has it
+  start();
+  steps_until([&] { return !telemetry.empty(); });
+  EXPECT_EQ(newest[0].model, "FX3U");
+}
+
+TEST_F(ModelPolls, WhoRefusesTheSecondQuestionTwiceLacksIt) {
+  script().expect(kEnq).give(kAck);
+  wire->expect(read_frame(kD8001, 2)).give(word_frame(24310));
+  for (int i = 0; i < 2; ++i) wire->expect(read_frame(kD8101, 2)).give(kNak);
+  start();
+  steps_until([&] { return !telemetry.empty(); });
+  EXPECT_EQ(newest[0].model, "FX2N");
 }
 
 TEST_F(ModelPolls, ModelIsAskedAgainAfterASilence) {

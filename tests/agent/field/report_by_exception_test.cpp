@@ -198,6 +198,22 @@ TEST(ReportByException, BadTagCarriesSinceAndItsLastGoodValue) {
   EXPECT_EQ(report.first_bad(), BadReason::bad_frame);
 }
 
+TEST(ReportByException, EachBadTagHasItsOwnSince) {
+  const DeviceConfig device = press();
+  ReportByException report(device, 0);
+  report.cycle(brought({BadReason::nak, flag(true), numbers({1, 2, 3})}), 1000, kStart);
+  report.cycle(brought({BadReason::nak, BadReason::nak, numbers({1, 2, 3})}), 2000, kStart);
+  const auto both =
+      report.cycle(brought({BadReason::nak, BadReason::nak, numbers({1, 2, 3})}), 3000, kStart);
+  EXPECT_EQ((*both)[0].bad_since_ms, 1000);
+  EXPECT_EQ((*both)[1].bad_since_ms, 2000);
+  EXPECT_EQ((*both)[2].bad_since_ms, 0);
+  const auto one =
+      report.cycle(brought({real(23.4), BadReason::nak, numbers({1, 2, 3})}), 4000, kStart);
+  EXPECT_EQ((*one)[0].bad_since_ms, 0);
+  EXPECT_EQ((*one)[1].bad_since_ms, 2000) << "another one that is good again changes nothing";
+}
+
 TEST(ReportByException, TagThatWasNeverReadHasNoLastValue) {
   const DeviceConfig device = press();
   ReportByException report(device, 0);

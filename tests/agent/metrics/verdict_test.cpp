@@ -41,6 +41,15 @@ TEST(Health, UplinkThatMakesNoStatusIsNamed) {
   EXPECT_EQ(why(health_of(nullptr, kMade)), "uplink: no sign of life since the start");
 }
 
+/// While the uplink stands still there is no newer status.
+TEST(Health, UptimeIsThatOfThisMoment) {
+  AgentStatus status = made_up_status();
+  status.uptime = 60s;
+  EXPECT_EQ(json::parse(health_of(&status, kMade).json).at("uptime_s"), 60);
+  EXPECT_EQ(json::parse(health_of(&status, kMade + 45s).json).at("uptime_s"), 105);
+  EXPECT_EQ(json::parse(readiness_of(&status, kMade + 45s).json).at("uptime_s"), 105);
+}
+
 TEST(Health, FieldThatTellsNoCountersIsNamed) {
   AgentStatus status = made_up_status();
   status.field_heard = kMade - 21s;

@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <cstdlib>
 #include <ctime>
+#include <future>
 #include <optional>
 #include <string>
 
@@ -81,6 +82,26 @@ TEST(ServiceManager, AStatusIsOneLineOfWholeCharacters) {
   EXPECT_EQ(inbox.next(), "STATUS=" + most);
   service_manager::tell_status(most.substr(1) + "°C");
   EXPECT_EQ(inbox.next(), "STATUS=" + most.substr(1));
+}
+
+/// Who reads nothing must not hold the stop, nor the thread that feeds the watchdog.
+TEST(ServiceManager, AFullSocketHoldsNobody) {
+  Inbox inbox;
+  const Variable socket("NOTIFY_SOCKET", inbox.name());
+  std::size_t filled = 0;
+  for (; filled < 100'000 && inbox.put("STATUS=x"); ++filled) {
+  }
+  ASSERT_GT(filled, 0u);
+  ASSERT_LT(filled, 100'000u);
+  auto told = std::async(std::launch::async, [] {
+    service_manager::tell_status("up");
+    service_manager::tell_alive();
+    service_manager::tell_stopping();
+    service_manager::tell_status("stopped");
+  });
+  const bool came_back = told.wait_for(std::chrono::seconds(30)) == std::future_status::ready;
+  EXPECT_EQ(inbox.all().size(), filled);
+  EXPECT_TRUE(came_back);
 }
 
 TEST(ServiceManager, WithoutASocketNothingHappens) {

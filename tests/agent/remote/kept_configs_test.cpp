@@ -57,5 +57,22 @@ TEST(KeptConfigs, DamageIsFound) {
   EXPECT_FALSE(kept_configs_from(R"({"format": 2})").has_value());
 }
 
+/// It goes into the answer that everybody reads.
+TEST(KeptConfigs, DamageIsToldInWordsOfOurOwn) {
+  const std::string text = to_text(some());
+  std::string other_kind = text;
+  other_kind.replace(other_kind.find("\"stopped\": true"), 15, "\"stopped\": 1234");
+  for (const std::string& damaged :
+       {text.substr(0, 100), std::string(), std::string("[]"), other_kind,
+        std::string(R"({"format": 1})"), std::string("\xff\xfe")}) {
+    const auto kept = kept_configs_from(damaged);
+    ASSERT_FALSE(kept.has_value()) << damaged;
+    EXPECT_EQ(kept.error().find("json.exception"), std::string::npos) << kept.error();
+    EXPECT_EQ(kept.error().find("it "), 0u) << kept.error();
+  }
+  EXPECT_NE(kept_configs_from(text.substr(0, 100)).error().find("byte 101"), std::string::npos)
+      << kept_configs_from(text.substr(0, 100)).error();
+}
+
 }  // namespace
 }  // namespace fxagent

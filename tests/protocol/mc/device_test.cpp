@@ -77,10 +77,10 @@ TEST(McDevice, NamesBecomePlacesInTheirSpace) {
       {Model::fx3u, "CN255", "CN255", {id(Space::cn32), 55 * 32, 32}, Unit::dword},
       {Model::fx3u, "CS255", "CS255", {id(Space::cs), 255, 1}, Unit::bit},
       {Model::fx5u, "LCS5", "LCS5", {id(Space::lcs), 5, 1}, Unit::bit},
-      {Model::fx5u, "LCN5", "LCN5", {id(Space::lcn), 160, 32}, Unit::dword},
-      {Model::iq_r, "LTN5", "LTN5", {id(Space::ltn), 160, 32}, Unit::dword},
-      {Model::iq_r, "LSTN5", "LSTN5", {id(Space::lstn), 160, 32}, Unit::dword},
-      {Model::fx5u, "LZ1", "LZ1", {id(Space::lz), 32, 32}, Unit::dword},
+      {Model::fx5u, "LCN5", "LCN5", {id(Space::lcn), 160, 32}, Unit::long_count},
+      {Model::iq_r, "LTN5", "LTN5", {id(Space::ltn), 160, 32}, Unit::long_count},
+      {Model::iq_r, "LSTN5", "LSTN5", {id(Space::lstn), 160, 32}, Unit::long_count},
+      {Model::fx5u, "LZ1", "LZ1", {id(Space::lz), 32, 32}, Unit::long_index},
       {Model::fx5u, "D100.F", "D100.F", {id(Space::d), 1615, 1}, Unit::word_bit},
       {Model::q, "W1F.a", "W1F.A", {id(Space::w), 31 * 16 + 10, 1}, Unit::word_bit},
       {Model::q, "ZR1.0", "ZR1.0", {id(Space::zr), 16, 1}, Unit::word_bit},
@@ -116,6 +116,35 @@ TEST(McDevice, TimersAndCountersAreTheContactAsBoolAndTheValueOtherwise) {
   for (const char* text : {"T5", "c005", "ST0", "LC1"}) EXPECT_TRUE(needs_type(text)) << text;
   for (const char* text : {"TN5", "TS5", "D5", "LT5", "K4M0", "Q5", ""})
     EXPECT_FALSE(needs_type(text)) << text;
+}
+
+TEST(McDevice, LongCountersAndTimersCountFrom0WhereNoTypeIsNamed) {
+  const auto types = [](Model model, std::string_view text) {
+    Point point;
+    point.address = address(model, text);
+    std::string words(to_string(default_type(point.address)));
+    for (const DataType type : {DataType::int32, DataType::uint32, DataType::float32}) {
+      point.type = type;
+      if (span_of(point)) words.append(" ").append(to_string(type));
+    }
+    return words;
+  };
+  for (const char* text : {"LCN5", "LC5", "LTN5", "LSTN5"})
+    EXPECT_EQ(types(Model::iq_r, text), "uint32 int32 uint32") << text;
+  EXPECT_EQ(types(Model::fx5u, "LCN5"), "uint32 int32 uint32");
+  EXPECT_EQ(types(Model::fx5u, "LZ0"), "int32 int32 uint32");
+  EXPECT_EQ(types(Model::fx3u, "CN200"), "int32 int32");
+}
+
+TEST(McDevice, ARefusedTypeOfALongCounterNamesThoseThatItHas) {
+  Point point;
+  point.address = address(Model::fx5u, "LCN5");
+  point.type = DataType::float32;
+  EXPECT_EQ(span_of(point).error().text,
+            "LCN5 cannot be read as float32; its type is uint32 or int32");
+  point.address = address(Model::fx5u, "LZ0");
+  EXPECT_EQ(span_of(point).error().text,
+            "LZ0 cannot be read as float32; its type is int32 or uint32");
 }
 
 TEST(McDevice, XAndYAreOctalOnFxHexadecimalElsewhereAndUnknownUntilTheModelIs) {

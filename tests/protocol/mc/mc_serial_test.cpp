@@ -242,9 +242,26 @@ TEST(McSerial, TheLineLengthIsWhatGoesOverTheLineInEveryFormat) {
   EXPECT_EQ(exchange_time(codec(5), kTwoWords, timing),
             std::chrono::milliseconds(five.request_chars + doubled.size()));
   const LineCost cost{std::chrono::milliseconds(1), {}};
-  EXPECT_EQ(cost.of(five), std::chrono::milliseconds(five.request_chars + five.reply_chars));
+  EXPECT_EQ(five.doubled_chars, 1U);
+  EXPECT_EQ(cost.of(five), std::chrono::milliseconds(five.request_chars + five.reply_chars - 1));
   EXPECT_EQ(codec(5).line_length(kWrite).more_reply_chars, 0U);
   EXPECT_EQ(codec(1).line_length(kTwoWords).more_reply_chars, 0U);
+}
+
+TEST(McSerial, APlanReckonsWithoutTheBytesThatAreDoubled) {
+  const Mc five = codec(5);
+  const LineCost cost{std::chrono::milliseconds(1), {}};
+  const auto of_read = [&](std::uint32_t word, std::uint32_t words) {
+    const std::uint16_t d = five.parse_address("D0", std::nullopt)->span.space;
+    return five.line_length(Read{{d, word * 16, words * 16}, kWordWay});
+  };
+  // The numbers 10h and 310h have a byte more where they are sent.
+  EXPECT_EQ(of_read(0, 16).request_chars, of_read(0, 15).request_chars + 1);
+  EXPECT_EQ(of_read(0x310, 1).request_chars, of_read(0, 1).request_chars + 1);
+  for (std::uint32_t words = 1; words <= 256; ++words)
+    ASSERT_EQ(cost.of(of_read(words, words)) - cost.of(of_read(0, 1)),
+              std::chrono::milliseconds(2 * (words - 1)))
+        << words;
 }
 
 TEST(McSerial, OptionsOfTheConfigAreItsSettings) {

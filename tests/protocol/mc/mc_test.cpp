@@ -424,17 +424,45 @@ TEST(McRefusals, EndCodesMeanWhatTheManualsSay) {
 }
 
 TEST(McRefusals, TextsNameTheSettingToLookAt) {
-  expect_says(end_code_text(0x0055), "Online Change");
-  expect_says(end_code_text(0xC059), "`model`");
-  expect_says(end_code_text(0xC050), "Communication Data Code");
-  expect_says(end_code_text(0xC05F), "module_io");
-  expect_says(end_code_text(0x4A05), "network and pc");
-  expect_says(end_code_text(0xC201), "password");
-  expect_says(end_code_text(0x4ABC), "no way");
-  expect_says(end_code_text(0x4B02), "on the way");
-  expect_says(end_code_text(0x4123), "refused by the CPU");
-  expect_says(end_code_text(0x7F24), "sum_check");
-  expect_says(end_code_text(0x1234), "end code 1234: a reason that is not known here");
+  expect_says(end_code_text(0x0055, Series::iq_f), "Online Change");
+  expect_says(end_code_text(0xC059, Series::iq_f), "`model`");
+  expect_says(end_code_text(0xC050, Series::iq_f), "Communication Data Code");
+  expect_says(end_code_text(0xC05F, Series::iq_f), "module_io");
+  expect_says(end_code_text(0x4A05, Series::iq_f), "network and pc");
+  expect_says(end_code_text(0xC201, Series::iq_f), "password");
+  expect_says(end_code_text(0x4ABC, Series::iq_f), "no way");
+  expect_says(end_code_text(0x4B02, Series::iq_f), "on the way");
+  expect_says(end_code_text(0x4123, Series::iq_f), "refused by the CPU");
+  expect_says(end_code_text(0x7F24, Series::iq_f), "sum_check");
+  expect_says(end_code_text(0x1234, Series::iq_f),
+              "end code 1234: a reason that is not known here");
+}
+
+TEST(McRefusals, TextsNameTheToolAndTheSettingOfThatModel) {
+  const auto said = [](Model model, std::string_view code) {
+    const std::string frame = "D0 00 00 FF FF 03 00 02 00 " + std::string(code);
+    return answer(codec(Frame::e3, model), kWrite, hex(frame)).text;
+  };
+  constexpr std::string_view kWriteInRun = "55 00";
+  for (const Model model : {Model::q, Model::l}) {
+    expect_says(said(model, kWriteInRun), "in GX Works2 set \"Enable online change (FTP, MC Pro");
+    EXPECT_EQ(said(model, kWriteInRun).find("Works3"), std::string::npos);
+  }
+  for (const Model model : {Model::fx5u, Model::fx5s, Model::iq_r}) {
+    expect_says(said(model, kWriteInRun), "in GX Works3 set Enable/Disable Online Change");
+    EXPECT_EQ(said(model, kWriteInRun).find("Works2"), std::string::npos);
+  }
+  for (const char* part : {"Enable All (SLMP)", "Enable online change (FTP, MC Protocol)"})
+    expect_says(said(Model::unknown, kWriteInRun), part);
+  constexpr std::string_view kPassword = "01 C2";
+  expect_says(said(Model::q, kPassword), "in GX Works2 (Remote Password)");
+  expect_says(said(Model::fx5u, kPassword), "in GX Works3 (Remote Password)");
+  expect_says(said(Model::unknown, kPassword), "in GX Works (Remote Password)");
+  // As `fxagent decode` has it.
+  const auto explained =
+      codec(Frame::e3, Model::l).explain(hex("D0 00 00 FF FF 03 00 02 00 55 00"), std::nullopt);
+  ASSERT_FALSE(explained.fields.empty());
+  expect_says(explained.fields.back().second, "GX Works2");
 }
 
 TEST(McRefusals, AnIqRThatLacksItsCodesIsAskedWithThoseOfQ) {
@@ -454,6 +482,14 @@ TEST(McRefusals, AnIqRThatLacksItsCodesIsAskedWithThoseOfQ) {
   const auto scatter = mc.instead_of(Scatter{{std::get<Write>(kWrite)}}, 0xC059);
   ASSERT_TRUE(scatter);
   EXPECT_EQ(message(mc, *scatter), "02 14 00 00 01 00 64 00 00 A8 34 12");
+}
+
+TEST(McRefusals, OutputsOfAnIqRThatMayBeAnFx5AreNotWrittenByOtherCodes) {
+  const Mc mc = codec(Frame::e3, Model::iq_r);
+  const auto y = static_cast<std::uint16_t>(Space::y);
+  EXPECT_FALSE(mc.instead_of(Force{y, 0x20, true}, 0xC059)) << "Y20 is number 16 of an FX5";
+  EXPECT_FALSE(mc.instead_of(Write{{y, 0, 16}, {0, 1}}, 0xC059));
+  EXPECT_FALSE(mc.instead_of(Scatter{{std::get<Write>(kWrite), Write{{y, 1, 1}, {1}}}}, 0xC059));
 }
 
 // ---- the PLC itself -----------------------------------------------------------------------------
@@ -560,6 +596,8 @@ TEST(McOptions, RouteAndTimerGoIntoTheFrame) {
   ASSERT_TRUE(ascii);
   EXPECT_EQ((*ascii)->encode(kTwoWords, 1)->front(), '5');
   EXPECT_EQ((*Mc::make_4c({}))->gives_up_after(), std::chrono::milliseconds(0));
+  const auto beyond = Mc::make_4c({{"network", std::int64_t{1}}, {"pc", std::int64_t{2}}});
+  EXPECT_EQ((*beyond)->gives_up_after(), std::chrono::seconds(5)) << "a module waits for another";
 }
 
 TEST(McOptions, BlocksAreNoLongerThanAsked) {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <set>
 #include <sstream>
 
 #include "protocol/plan.h"
@@ -460,7 +461,8 @@ TEST(OneE, ARefusalTellsItsReason) {
             "nak 5B 15: the Ethernet module cannot reach the PLC");
   // An E71 may give an abnormal code behind other end codes, too.
   EXPECT_EQ(good(kBinary, kForce, hex("82 55 01 00")).device_code, 0x0155);
-  expect_says(good(kAscii, kForce, text("8255")).text, "Enable online change");
+  expect_says(good(kAscii, kForce, text("8255")).text, "\"Enable online change\"");
+  expect_says(good(kAscii, kForce, text("8255")).text, "FX3U-ENET: \"Enable Write at RUN time\"");
   expect_says(good(kAscii, kForce, text("8254")).text, "`code`");
   for (const char* code : {"50", "56", "58", "60", "7F"})
     EXPECT_TRUE(good(kAscii, kForce, text(std::string("82") + code)).text.starts_with("nak "));
@@ -497,6 +499,23 @@ TEST(OneE, ASilenceEndsTheConnectionForNoAnswerHasANumber) {
   EXPECT_EQ(plc().resync(), std::nullopt);
   EXPECT_EQ(plc().gives_up_after(), std::chrono::milliseconds(2500));
   EXPECT_TRUE(plc().expects_reply(kForce));
+}
+
+TEST(OneE, ProbesHaveAnswersThatNoOtherProbeAndNoWriteHas) {
+  std::set<std::uint32_t> lengths;
+  for (const Code data_code : {Code::binary, Code::ascii}) {
+    lengths.clear();
+    const OneE codec({Model::l, data_code});
+    for (std::uint32_t number = 0; number < Codec::kProbes; ++number) {
+      const auto probe = codec.probe(number);
+      ASSERT_TRUE(probe);
+      EXPECT_TRUE(is_read(*probe));
+      EXPECT_TRUE(codec.encode(*probe, 0).has_value());
+      lengths.insert(codec.line_length(*probe).reply_chars);
+    }
+    EXPECT_EQ(lengths.size(), Codec::kProbes);
+    EXPECT_FALSE(lengths.contains(codec.line_length(kForce).reply_chars));
+  }
 }
 
 TEST(OneE, AQuestionThatIsToldApartIsShorter) {

@@ -1,0 +1,91 @@
+// Reads the text of a config file, whatever is found in its place: a pipe that nobody writes into
+// must not hold who reads it, the thread of a reload for one.
+#include <fcntl.h>
+#include <poll.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <chrono>
+#include <string>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "agent/config/config.h"
+#include "agent/config/tree.h"
+
+namespace fxagent {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+/// What is no plain file, `check <(jq . agent.json)` for one, must end within this time.
+constexpr std::chrono::seconds kPipeReads{5};
+
+/// Closed at the end of its scope.
+class OpenFile final {
+ public:
+  // Of a named pipe without a writer a plain open() would not come back.
+  explicit OpenFile(const std::string& path)
+      : number_(::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC | O_NOCTTY)) {}
+  ~OpenFile() {
+    if (number_ >= 0) ::close(number_);
+  }
+  OpenFile(const OpenFile&) = delete;
+  OpenFile& operator=(const OpenFile&) = delete;
+
+  int get() const { return number_; }
+
+ private:
+  const int number_;
+};
+
+/// Waits until there is something to read, an end too. False: not before `deadline`.
+bool await_bytes(int file, Clock::time_point deadline) {
+  using std::chrono::milliseconds;
+  while (true) {
+    const auto left = std::chrono::ceil<milliseconds>(deadline - Clock::now());
+    pollfd wanted{file, POLLIN, 0};
+    const int found = ::poll(&wanted, 1, static_cast<int>(std::max(left, milliseconds(0)).count()));
+    if (found > 0) return true;
+    if (found == 0 || errno != EINTR) return false;
+  }
+}
+
+}  // namespace
+
+tl::expected<std::string, std::vector<ConfigError>> read_config_file(const std::string& path) {
+  const auto unreadable = [](std::string why) {
+    return tl::unexpected(std::vector{ConfigError{"", 0, "cannot be read: " + std::move(why)}});
+  };
+  const auto system_fault = [] { return std::generic_category().message(errno); };
+  const OpenFile file(path);
+  struct stat kind {};
+  if (file.get() < 0 || ::fstat(file.get(), &kind) != 0) return unreadable(system_fault());
+  if (S_ISDIR(kind.st_mode)) return unreadable("it is a directory");
+  const auto deadline = Clock::now() + kPipeReads;
+  // One byte over the limit is enough for the parser to refuse it, so an endless file ends here.
+  std::string text;
+  std::array<char, 65536> block{};
+  while (text.size() <= ConfigTree::max_bytes) {
+    const auto got = ::read(file.get(), block.data(), block.size());
+    if (got > 0) {
+      text.append(block.data(), static_cast<std::size_t>(got));
+      continue;
+    }
+    if (got == 0 && text.empty() && S_ISFIFO(kind.st_mode))
+      return unreadable("it is a pipe, and nobody writes into it");
+    if (got == 0) break;
+    if (errno == EINTR) continue;
+    if (errno != EAGAIN) return unreadable(system_fault());
+    if (!await_bytes(file.get(), deadline))
+      return unreadable("it is no plain file, and did not come to its end within " +
+                        std::to_string(kPipeReads.count()) + " s");
+  }
+  return text;
+}
+
+}  // namespace fxagent

@@ -1,0 +1,67 @@
+#include "agent/process/thread_turns.h"
+
+#include <charconv>
+#include <filesystem>
+#include <fstream>
+#include <optional>
+#include <string_view>
+#include <system_error>
+#include <utility>
+
+namespace fxagent {
+namespace {
+
+struct Thread {
+  std::string name;
+  std::uint64_t switches = 0;  ///< proc(5): voluntary and forced ones
+};
+
+std::uint64_t number_in(std::string_view line) {
+  std::uint64_t number = 0;
+  const auto at = line.find_first_of("0123456789");
+  if (at != line.npos) std::from_chars(line.data() + at, line.data() + line.size(), number);
+  return number;
+}
+
+/// Nothing: it has ended meanwhile, or another name.
+std::optional<Thread> thread_at(const std::filesystem::path& task, std::string_view prefix) {
+  Thread thread;
+  std::ifstream comm(task / "comm");
+  if (!std::getline(comm, thread.name) || !thread.name.starts_with(prefix)) return std::nullopt;
+  std::ifstream status(task / "status");
+  int counts = 0;
+  for (std::string line; std::getline(status, line);) {
+    if (!line.starts_with("voluntary_ctxt_switches:") &&
+        !line.starts_with("nonvoluntary_ctxt_switches:"))
+      continue;
+    thread.switches += number_in(line);
+    ++counts;
+  }
+  if (counts != 2) return std::nullopt;
+  return thread;
+}
+
+}  // namespace
+
+void ThreadTurns::look(Time now, bool excused) {
+  if (now < look_at_) return;
+  look_at_ = now + kBetweenLooks;
+  stands_still_.clear();
+  const auto before = std::exchange(seen_, {});
+  std::error_code fault;
+  const std::filesystem::directory_iterator tasks("/proc/self/task", fault);
+  if (fault || excused) return;
+  for (const auto& task : tasks) {
+    const auto thread = thread_at(task.path(), prefix_);
+    if (!thread) continue;
+    const std::string id = task.path().filename().string();
+    Seen seen{thread->switches, 0};
+    const auto known = before.find(static_cast<int>(number_in(id)));
+    if (known != before.end() && known->second.switches == seen.switches)
+      seen.looks = known->second.looks + 1;
+    if (seen.looks >= kLooks) stands_still_ = thread->name;
+    seen_.emplace(static_cast<int>(number_in(id)), seen);
+  }
+}
+
+}  // namespace fxagent

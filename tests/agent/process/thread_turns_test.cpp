@@ -1,0 +1,137 @@
+#include "agent/process/thread_turns.h"
+
+#include <gtest/gtest.h>
+#include <pthread.h>
+
+#include <atomic>
+#include <chrono>
+#include <semaphore>
+#include <string>
+#include <thread>
+
+namespace fxagent {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr ThreadTurns::Time kStart{1000s};
+constexpr const char* kName = "turns_test";
+
+/// Waits until it is told to wait anew, as often as it is told.
+class Worker {
+ public:
+  Worker()
+      : thread_([this] {
+          pthread_setname_np(pthread_self(), kName);
+          while (true) {
+            began_.release();
+            go_.acquire();
+            if (over_) return;
+          }
+        }) {
+    began_.acquire();
+  }
+  ~Worker() {
+    over_ = true;
+    go_.release();
+  }
+  Worker(const Worker&) = delete;
+  Worker& operator=(const Worker&) = delete;
+
+  /// One turn: it was woken, and is on its way to wait again.
+  void turn() {
+    go_.release();
+    began_.acquire();
+  }
+
+ private:
+  std::atomic<bool> over_ = false;
+  std::binary_semaphore go_{0};
+  std::binary_semaphore began_{0};
+  std::jthread thread_;
+};
+
+class ThreadTurnsTest : public testing::Test {
+ protected:
+  /// So many looks, ten seconds apart.
+  std::string after(int looks, bool excused = false) {
+    for (int i = 0; i < looks; ++i) {
+      turns.look(now, excused);
+      now += ThreadTurns::kBetweenLooks;
+    }
+    return turns.stands_still();
+  }
+  /// Until what the kernel does with a new or woken thread is over: it waits, and stays so.
+  void settle() {
+    while (after(ThreadTurns::kLooks).empty()) std::this_thread::yield();
+    turns = ThreadTurns(kName);
+  }
+
+  ThreadTurns turns{kName};
+  ThreadTurns::Time now = kStart;
+};
+
+TEST_F(ThreadTurnsTest, AThreadThatIsNeverSwitchedStandsStillAndIsNamed) {
+  Worker worker;
+  settle();
+  EXPECT_EQ(after(ThreadTurns::kLooks), "");
+  EXPECT_EQ(after(1), kName);
+  EXPECT_EQ(after(10), kName);
+  worker.turn();
+  EXPECT_EQ(after(1), "");
+}
+
+TEST_F(ThreadTurnsTest, AThreadThatTakesATurnNowAndThenGoesOn) {
+  Worker worker;
+  for (int i = 0; i < 10; ++i) {
+    EXPECT_EQ(after(ThreadTurns::kLooks), "");
+    worker.turn();
+  }
+}
+
+TEST_F(ThreadTurnsTest, OneOfTwoIsEnough) {
+  Worker stuck;
+  settle();
+  Worker busy;
+  std::string said;
+  for (int i = 0; i < ThreadTurns::kLooks + 1; ++i) {
+    said = after(1);
+    busy.turn();
+  }
+  EXPECT_EQ(said, kName);
+}
+
+/// The name server may take its time.
+TEST_F(ThreadTurnsTest, WhoIsExcusedBeginsAnew) {
+  const Worker worker;
+  settle();
+  EXPECT_EQ(after(100, /*excused=*/true), "");
+  EXPECT_EQ(after(ThreadTurns::kLooks), "");
+  EXPECT_EQ(after(1), kName);
+  EXPECT_EQ(after(1, /*excused=*/true), "");
+}
+
+/// A machine that slept, or a process that was stopped, has missed the looks, too.
+TEST_F(ThreadTurnsTest, TimeAloneDoesNotCount) {
+  const Worker worker;
+  settle();
+  EXPECT_EQ(after(2), "");
+  now += 24h;
+  EXPECT_EQ(after(2), "");
+  const auto then = now;
+  for (int i = 0; i < 1000; ++i) turns.look(then, false);
+  EXPECT_EQ(turns.stands_still(), "");
+}
+
+TEST_F(ThreadTurnsTest, OthersAndThreadsThatAreGoneDoNotMatter) {
+  {
+    const Worker worker;
+    settle();
+    EXPECT_EQ(after(ThreadTurns::kLooks + 1), kName);
+  }
+  EXPECT_EQ(after(1), "");
+  EXPECT_EQ(after(100), "");  // this thread has another name
+}
+
+}  // namespace
+}  // namespace fxagent
