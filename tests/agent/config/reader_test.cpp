@@ -76,7 +76,7 @@ TEST(ConfigReader, KeyInTheWrongPlaceIsSentHome) {
         Case{"/devices/0/groups/0/tags", "[]", "it belongs inside devices[]"},
         Case{"/devices/0/tags/0/interval_ms", "5",
              "it belongs inside devices[].groups[], to the group that the tag names"},
-        Case{"/devices/0/tags/0/intervall_ms", "5", "did you mean"},
+        Case{"/devices/0/tags/0/intervall_ms", "5", "intervall_ms"},
         Case{"/devices/0/tags/0/link", R"("line1")", "it belongs inside devices[]"},
         Case{"/broker", R"("x")", "it is called servers and belongs inside mqtt"},
         Case{"/tag", "[]", "it is called tags and belongs inside devices[]"},

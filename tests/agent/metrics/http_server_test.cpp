@@ -85,9 +85,6 @@ TEST_F(HttpServerTest, OtherMethodsAreRefused) {
     EXPECT_TRUE(one.closed()) << method;
   }
   EXPECT_TRUE(asked_.empty());
-  EXPECT_EQ(server_->closed().unanswered, 1U);
-  EXPECT_EQ(client(kGet).status(), 200);
-  EXPECT_EQ(server_->closed().unanswered, 1U) << "one that was answered does not count";
 }
 
 TEST_F(HttpServerTest, LargeHeadersAreRefused) {
@@ -120,6 +117,9 @@ TEST_F(HttpServerTest, ClientThatEndsWithoutAQuestionIsForgotten) {
   run();
   EXPECT_TRUE(one.closed());
   EXPECT_TRUE(asked_.empty());
+  EXPECT_EQ(server_->closed().unanswered, 1U);
+  EXPECT_EQ(client(kGet).status(), 200);
+  EXPECT_EQ(server_->closed().unanswered, 1U) << "one that was answered does not count";
 }
 
 TEST_F(HttpServerTest, GarbageIsClosedOrRefused) {
