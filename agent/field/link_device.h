@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -85,6 +86,7 @@ struct LinkDevice {
   SteadyTime foreign_bytes_from{};
   SteadyTime foreign_told_since{};
   std::bitset<ForeignBytes::kCauses> foreign_told;
+  std::vector<std::string> refusals_told;  ///< reasons that the log has since it was online
   DeviceState state;
 
   HoleMap& found_holes() {

@@ -32,6 +32,8 @@ constexpr milliseconds kQuestionWithin{2000};
 // and so many of them in any case: one missing place is found among 10,000 by less.
 constexpr milliseconds kRefusedTime{5000};
 constexpr std::uint32_t kFewRefusals = 32;
+// A device that gives ever new reasons is not quoted for ever.
+constexpr std::size_t kMostTold = 8;
 
 bool has_way_by_itself(const AddressSpace& addresses, std::uint16_t space) {
   const auto ways = addresses.read_ways(space);
@@ -224,6 +226,7 @@ void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollSchedu
   if (exchange.is_nak()) {
     const auto meaning = device.codec->meaning_of(asked.request, exchange.reply.device_code);
     if (meaning == RefusalMeaning::unreachable) {
+      tell_refusal(device, exchange.reply.text);
       state_.unreachable(device);
       fail_cycle(device, group, BadReason::timeout);
       return;
@@ -231,6 +234,8 @@ void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollSchedu
     const auto* gather = std::get_if<Gather>(&asked.request);
     if (meaning == RefusalMeaning::final && gather != nullptr)
       return give_up_command(device, gather->parts.front().gather, exchange.reply.text);
+    if (meaning == RefusalMeaning::final || meaning == RefusalMeaning::unclear)
+      tell_refusal(device, exchange.reply.text);
     is_hole = meaning == RefusalMeaning::hole;
     repeatable = take_refusal(device, group, step, asked, exchange, meaning);
   }
@@ -241,9 +246,10 @@ void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollSchedu
     for (std::size_t i = 0; i < asked.reads.size(); ++i)
       device.holes->read(group.cycle.plan().reads[asked.reads[i]].read.span);
   }
-  group.cycle.take(asked.reads, exchange);
+  const nanoseconds line_time = exchange.line_time();
+  group.cycle.take(asked.reads, std::move(exchange));
   if (asked.again) return;
-  if (is_hole) read_in_parts(device, group, asked, exchange);
+  if (is_hole) read_in_parts(device, group, asked, line_time);
   end_step(device, group, step);
 }
 
@@ -254,16 +260,15 @@ void Poller::end_step(LinkDevice& device, GroupPoll& group, const PollScheduler:
 }
 
 void Poller::read_in_parts(LinkDevice& device, GroupPoll& group, const Asked& asked,
-                           const Exchange& refused) {
-  group.refused_time += refused.line_time();
+                           nanoseconds line_time) {
+  group.refused_time += line_time;
   if (++group.refusals > kFewRefusals && group.refused_time > kRefusedTime) return;
   PollCycle& cycle = group.cycle;
   if (asked.reads.size() > 1)
     cycle.read_halves(asked.reads);
   else if (!read_by_other_ways(device, group, cycle.points_of(asked.reads)))
     return;
-  scheduler_.extend_cycle(group.id, cycle.plan().exchange_count(), refused.line_time(),
-                          Clock::now());
+  scheduler_.extend_cycle(group.id, cycle.plan().exchange_count(), line_time, Clock::now());
 }
 
 bool Poller::read_by_other_ways(LinkDevice& device, GroupPoll& group,
@@ -281,6 +286,14 @@ bool Poller::read_by_other_ways(LinkDevice& device, GroupPoll& group,
     return false;
   group.cycle.read_instead(points, std::move(part));
   return true;
+}
+
+void Poller::tell_refusal(LinkDevice& device, const std::string& reason) {
+  auto& told = device.refusals_told;
+  if (told.size() >= kMostTold || std::find(told.begin(), told.end(), reason) != told.end()) return;
+  told.push_back(reason);
+  log::warn("device",
+            {{"device", device.config.name}, {"refused", "what it is asked"}, {"reason", reason}});
 }
 
 void Poller::note_load() {
@@ -390,6 +403,7 @@ void Poller::finish_cycle(LinkDevice& device, GroupPoll& group) {
   else
     ++device.suppressed;
   state_.update(device);
+  if (device.state.reported().state == DeviceStatus::State::online) device.refusals_told.clear();
 }
 
 void Poller::publish(LinkDevice& device, Telemetry message) {
@@ -432,7 +446,10 @@ asio::awaitable<void> Poller::ask_question(LinkDevice& device, PollScheduler::Po
     const bool by_gateway =
         exchange.is_nak() && device.codec->meaning_of(question, exchange.reply.device_code) ==
                                  RefusalMeaning::unreachable;
-    if (by_gateway) state_.unreachable(device);
+    if (by_gateway) {
+      tell_refusal(device, exchange.reply.text);
+      state_.unreachable(device);
+    }
     if (exchange.has_answer() && !by_gateway) state_.answered(device);
     const PlcServices* plc = device.codec->plc();
     std::optional<bool> run;
@@ -476,6 +493,7 @@ asio::awaitable<Poller::Knowledge> Poller::ask_model(LinkDevice& device, BadReas
     if (exchange.is_nak()) {
       const auto meaning = device.codec->meaning_of(question, exchange.reply.device_code);
       if (meaning == RefusalMeaning::unreachable) {
+        tell_refusal(device, exchange.reply.text);
         state_.unreachable(device);
         co_return Knowledge::unanswered;
       }

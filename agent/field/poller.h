@@ -85,11 +85,14 @@ class Poller final {
                     const Asked& asked, const Exchange& exchange, RefusalMeaning meaning);
   /// What was refused because something in it is missing is read in parts, by this cycle.
   void read_in_parts(LinkDevice& device, GroupPoll& group, const Asked& asked,
-                     const Exchange& refused);
+                     std::chrono::nanoseconds line_time);
   /// By a plan of their own under what is known by now. False: it keeps commands waiting.
   bool read_by_other_ways(LinkDevice& device, GroupPoll& group,
                           const std::vector<std::uint32_t>& points);
   void end_step(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step);
+  /// Logs why the device or its gateway says no to everything, or to this: each reason once until
+  /// the device is online.
+  void tell_refusal(LinkDevice& device, const std::string& reason);
   void take_hole(LinkDevice& device, GroupPoll& group, const Asked& asked,
                  const Exchange& exchange);
   /// The device lacks a command for several places: all its groups get plans without it.

@@ -19,6 +19,17 @@ using std::chrono::milliseconds;
 using std::chrono::nanoseconds;
 using State = DeviceStatus::State;
 
+constexpr int kLocked = 5;
+
+/// Says kLocked to everything while a password locks it.
+class LockingCodec final : public GatheringCodec {
+ public:
+  explicit LockingCodec(const GatheringCodec& other) : GatheringCodec(other) {}
+  RefusalMeaning meaning_of(const Request& request, int code) const override {
+    return code == kLocked ? RefusalMeaning::unclear : GatheringCodec::meaning_of(request, code);
+  }
+};
+
 /// Two commands, of 24 words or double words and of 12 blocks.
 class GatherPolls : public PollerTest {
  protected:
@@ -115,6 +126,23 @@ TEST_F(GatherPolls, ADeviceThatLacksTheCommandIsReadWithoutItAndNothingIsBad) {
   EXPECT_EQ(bad(next_sample()), 0U);
   EXPECT_EQ(plc.asked.size(), 3U) << "it is not asked that way again";
   EXPECT_EQ(newest[0].state, State::online);
+}
+
+TEST_F(GatherPolls, ADeviceThatRefusesEverythingDoesNotLackTheCommand) {
+  config.devices[0].codec = std::make_shared<const LockingCodec>(codec);
+  add_scattered(3);
+  plc.in_a_mood = 2;
+  plc.mood = kLocked;
+  start();
+  testing::internal::CaptureStderr();
+  EXPECT_EQ(bad(next_sample()), 3U);
+  EXPECT_EQ(bad(next_sample()), 3U);
+  EXPECT_EQ(bad(next_sample()), 0U);
+  EXPECT_EQ(plc.asked, (std::vector<std::string>(3, "1: W0 W200 W400")));
+  const std::string log = testing::internal::GetCapturedStderr();
+  const auto told = log.find("reason=\"no 5\"");
+  ASSERT_NE(told, log.npos) << log;
+  EXPECT_EQ(log.find("no 5", told + 9), log.npos) << "once, not each time";
 }
 
 TEST_F(GatherPolls, TheOtherCommandIsTriedBeforeNone) {
