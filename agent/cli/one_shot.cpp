@@ -54,9 +54,10 @@ bool narrow(Config& config, const std::string& name) {
   return true;
 }
 
-/// Whether a text that names no tag is meant as one: an address has a digit after at most two
-/// letters, or a colon.
-bool is_meant_as_tag(std::string_view text) {
+/// Whether a text that names no tag is meant as one: what is no address of the device, and has
+/// neither a digit after at most two letters, as a mistyped address would, nor a colon.
+bool is_meant_as_tag(std::string_view text, const AddressSpace& addresses) {
+  if (addresses.needs_type(text) || addresses.parse_address(text, std::nullopt)) return false;
   constexpr std::size_t kLettersOfAddress = 2;
   return text.find(':') == text.npos && text.find_first_of("0123456789") > kLettersOfAddress;
 }
@@ -78,7 +79,8 @@ Command command_for(const OneShot& what, const DeviceConfig& device, CommandTarg
   command.message_expiry = device.commands.max_expiry;
   command.expires_ms =
       command.received_ms + std::chrono::milliseconds(device.commands.max_expiry).count();
-  const bool is_tag = names_tag(what, device) || is_meant_as_tag(what.address);
+  const bool is_tag =
+      names_tag(what, device) || is_meant_as_tag(what.address, device.codec->addresses());
   (is_tag ? target.tag : target.address) = what.address;
   command.targets.push_back(std::move(target));
   return command;

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -33,6 +34,9 @@ struct GroupPoll {
   PollScheduler::GroupId id = 0;
   std::uint32_t holes_version = 0;         ///< HoleMap::version() that the plan was made under
   std::chrono::nanoseconds turnaround{0};  ///< the device's own time that it was made with
+  /// Reads that the running cycle was refused because something is missing, and their line time.
+  std::uint32_t refusals = 0;
+  std::chrono::nanoseconds refused_time{0};
 };
 
 /// A device as its link knows it: its codec of the moment, its plans, its state.
@@ -82,6 +86,7 @@ struct LinkDevice {
   SteadyTime foreign_bytes_from{};
   SteadyTime foreign_told_since{};
   std::bitset<ForeignBytes::kCauses> foreign_told;
+  std::vector<std::string> refusals_told;  ///< reasons that the log has since it was online
   DeviceState state;
 
   HoleMap& found_holes() {

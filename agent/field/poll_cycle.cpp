@@ -66,6 +66,72 @@ void PollCycle::take(const ReadIndices& reads, Exchange exchange) {
   for (std::size_t i = 0; i < reads.size(); ++i) forget_older(reads[i]);
 }
 
+std::vector<std::uint32_t> PollCycle::points_of(const ReadIndices& reads) const {
+  std::vector<std::uint32_t> points;
+  for (std::size_t i = 0; i < reads.size(); ++i) {
+    const auto& brought = plan_.reads[reads[i]].points;
+    points.insert(points.end(), brought.begin(), brought.end());
+  }
+  std::sort(points.begin(), points.end());
+  points.erase(std::unique(points.begin(), points.end()), points.end());
+  return points;
+}
+
+bool PollCycle::has_images(const ReadIndices& reads) const {
+  for (std::size_t i = 0; i < reads.size(); ++i)
+    if (images_[reads[i]].empty()) return false;
+  return true;
+}
+
+void PollCycle::read_halves(const ReadIndices& reads) {
+  std::vector<std::uint32_t> left;
+  std::vector<std::uint32_t> right;
+  for (std::size_t i = 0; i < reads.size(); ++i) {
+    failures_[reads[i]].reset();
+    (i < (reads.size() + 1) / 2 ? left : right).push_back(reads[i]);
+  }
+  plan_.exchanges.push_back({std::move(left)});
+  plan_.exchanges.push_back({std::move(right)});
+}
+
+void PollCycle::read_instead(const std::vector<std::uint32_t>& points, Plan part) {
+  const auto offset = static_cast<std::uint32_t>(plan_.reads.size());
+  const auto add_exchange = [&](const ReadIndices& reads, std::uint32_t first) {
+    PlannedExchange& added = plan_.exchanges.emplace_back();
+    for (std::size_t i = 0; i < reads.size(); ++i) added.reads.push_back(first + reads[i]);
+  };
+  if (!part.exchanges.empty() && plan_.exchanges.empty())
+    for (std::uint32_t read = 0; read < offset; ++read) add_exchange(ReadIndices(read), 0);
+  if (!part.exchanges.empty() || !plan_.exchanges.empty())
+    for (std::uint32_t e = 0; e < part.exchange_count(); ++e)
+      add_exchange(part.reads_in(e), offset);
+  for (PlannedRead& read : part.reads) {
+    for (std::uint32_t& point : read.points) point = points[point];
+    add_read(std::move(read));
+  }
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    PointSource& source = plan_.sources[points[i]];
+    source = part.sources[i];
+    source.first_read += offset;
+  }
+  for (const std::uint32_t refused : part.refused) plan_.refused.push_back(points[refused]);
+  std::sort(plan_.refused.begin(), plan_.refused.end());
+}
+
+void PollCycle::add_read(PlannedRead read) {
+  std::size_t known = 0;
+  while (known < plan_.reads.size() &&
+         (images_[known].empty() || plan_.reads[known].read.span != read.read.span))
+    ++known;
+  const bool is_known = known < plan_.reads.size();
+  Bytes image = is_known ? images_[known] : Bytes{};
+  const Age age = is_known ? ages_[known] : Age::current;
+  plan_.reads.push_back(std::move(read));
+  images_.push_back(std::move(image));
+  failures_.push_back(std::nullopt);
+  ages_.push_back(age);
+}
+
 /// What a command wrote before this read is in the read; what it writes after it is newer. An array
 /// cut into several reads keeps the whole that was written in between.
 void PollCycle::forget_older(std::uint32_t read) {

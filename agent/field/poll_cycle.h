@@ -41,6 +41,17 @@ class PollCycle final {
   /// it is not repeated any more.
   void take(const ReadIndices& reads, Exchange exchange);
   void take(std::uint32_t read, Exchange exchange) { take(ReadIndices(read), std::move(exchange)); }
+  /// Indices in tags() of what these reads were to bring, rising.
+  std::vector<std::uint32_t> points_of(const ReadIndices& reads) const;
+  /// What goes together, at least two reads, goes in halves for the rest of this cycle: they come
+  /// behind the exchanges of plan().
+  void read_halves(const ReadIndices& reads);
+  /// For the rest of this cycle these of points() are read by `part`, a plan of them alone: its
+  /// exchanges come behind those of plan(). What was read already by a read of the same place is
+  /// there as has_images() says.
+  void read_instead(const std::vector<std::uint32_t>& points, Plan part);
+  /// Whether this cycle has all that these reads bring.
+  bool has_images(const ReadIndices& reads) const;
   /// What was not read yet is bad for this reason.
   void give_up(BadReason why);
 
@@ -87,6 +98,7 @@ class PollCycle final {
   TagReading reading_of(std::size_t index, bool doubtful) const;
   void note_no_value(std::size_t index, SteadyTime now);
   std::optional<BadReason> failure_of(const PointSource& source, std::size_t index) const;
+  void add_read(PlannedRead read);
   void take_images(const ReadIndices& reads, Exchange& exchange);
   void forget_older(std::uint32_t read);
   bool is_current(const PointSource& source) const;

@@ -14,6 +14,8 @@ constexpr std::chrono::seconds kPeriodOfFreeRunning{1};
 constexpr std::chrono::nanoseconds kAtOnceWithin = std::chrono::seconds(1);
 // A cycle's line time is smoothed over about so many cycles.
 constexpr int kSmoothing = 8;
+// For each exchange in vain of a cycle, others that are due in so many times as long go first.
+constexpr int kGivesWay = 4;
 
 std::chrono::nanoseconds period(std::chrono::nanoseconds interval) {
   return interval.count() > 0 ? interval : std::chrono::nanoseconds(kPeriodOfFreeRunning);
@@ -62,6 +64,14 @@ void PollScheduler::set_exchanges(GroupId id, std::uint32_t exchanges) {
   Group& group = groups_[id];
   group.exchanges = std::max<std::uint32_t>(exchanges, 1);
   group.exchange = 0;
+}
+
+void PollScheduler::extend_cycle(GroupId id, std::uint32_t exchanges,
+                                 std::chrono::nanoseconds line_time, SteadyTime now) {
+  Group& group = groups_[id];
+  group.exchanges = std::max(group.exchanges, exchanges);
+  group.deadline = std::max(group.deadline, now) + kGivesWay * line_time;
+  group.extended = true;
 }
 
 SteadyTime PollScheduler::begins_at(const Group& group) {
@@ -138,6 +148,7 @@ PollScheduler::PollStep PollScheduler::begin_or_continue(Group& group, SteadyTim
     group.exchange = 0;
     group.not_before = {};
     group.used = {};
+    group.extended = false;
     ++devices_[group.device].counters.polls;
   }
   step.exchange = group.exchange;
@@ -174,6 +185,7 @@ bool PollScheduler::step_done(const PollStep& step) {
   group.exchange = step.exchange + 1;
   if (group.exchange < group.exchanges) return false;
   group.running = false;
+  if (group.extended) return true;
   if (group.usual.count() == 0)
     group.usual = group.used;
   else

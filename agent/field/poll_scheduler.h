@@ -56,6 +56,11 @@ class PollScheduler final {
   void set_poll_share(double share) { poll_share_ = share; }
   /// After a new plan: the running cycle, if any, begins anew.
   void set_exchanges(GroupId group, std::uint32_t exchanges);
+  /// The running cycle, whose last exchange took `line_time` in vain, goes on to so many exchanges
+  /// in all. Its deadline moves by some times that, so that other groups keep their part of the
+  /// line however long it looks for what is missing; and it tells nothing of what a cycle takes.
+  void extend_cycle(GroupId group, std::uint32_t exchanges, std::chrono::nanoseconds line_time,
+                    SteadyTime now);
 
   void command_waits() { ++commands_; }
   /// The command that next() offered has been taken off the queue.
@@ -138,6 +143,7 @@ class PollScheduler final {
     std::optional<SteadyTime> at_once;  ///< of one before it
     SteadyTime deadline{};              ///< of the running cycle
     bool running = false;
+    bool extended = false;  ///< the running cycle, by extend_cycle()
     std::uint32_t exchange = 0;
     SteadyTime not_before{};            ///< of the running cycle's next step
     std::chrono::nanoseconds used{0};   ///< by the running cycle

@@ -1,6 +1,7 @@
 #include "agent/field/poller.h"
 
 #include <algorithm>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -27,6 +28,12 @@ constexpr double kOverloadOver = 0.95;
 constexpr milliseconds kBusyPause{100};
 // The RUN state is asked for soon after its interval, however busy the groups keep the line.
 constexpr milliseconds kQuestionWithin{2000};
+// A cycle looks for what is missing until refusals have taken so long, which is about half of it,
+// and so many of them in any case: one missing place is found among 10,000 by less.
+constexpr milliseconds kRefusedTime{5000};
+constexpr std::uint32_t kFewRefusals = 32;
+// A device that gives ever new reasons is not quoted for ever.
+constexpr std::size_t kMostTold = 8;
 
 bool has_way_by_itself(const AddressSpace& addresses, std::uint16_t space) {
   const auto ways = addresses.read_ways(space);
@@ -84,14 +91,17 @@ void Poller::add_question(LinkDevice& device) {
 /// A link that has been open for a while has no other first time than now.
 SteadyTime Poller::first_time() const { return std::max(Clock::now(), state_.next_open()); }
 
+Plan Poller::plan_of(const LinkDevice& device, const GroupPoll& group,
+                     const std::vector<Point>& points) const {
+  const LineCost cost = cost_of(device.config, link_.char_time, group.turnaround);
+  return fxagent::make_plan(*device.codec, points, cost, device.config.max_block_bytes,
+                            device.holes ? device.holes->holes() : Holes{});
+}
+
 void Poller::make_plan(LinkDevice& device, GroupPoll& group) {
   group.turnaround = device.turnaround.value();
   group.holes_version = holes_version(device);
-  const LineCost cost = cost_of(device.config, link_.char_time, group.turnaround);
-  group.cycle.use(
-      fxagent::make_plan(*device.codec, group.cycle.points(), cost, device.config.max_block_bytes,
-                         device.holes ? device.holes->holes() : Holes{}),
-      bus_.doubt().findings());
+  group.cycle.use(plan_of(device, group, group.cycle.points()), bus_.doubt().findings());
   scheduler_.set_exchanges(group.id, group.cycle.plan().exchange_count());
 }
 
@@ -145,6 +155,8 @@ bool Poller::begin_cycle(LinkDevice& device, GroupPoll& group,
   }
   refresh_plan(device, group);
   group.cycle.begin(bus_.doubt().findings());
+  group.refusals = 0;
+  group.refused_time = {};
   device.late_ms.add(step.late);
   if (const auto& durations = bus_.counters().durations) durations->lateness.add(step.late);
   return true;
@@ -172,6 +184,10 @@ asio::awaitable<void> Poller::read_group(LinkDevice& device, GroupPoll& group,
   // What a command may have changed goes first; then the same step is offered again.
   const Plan& plan = group.cycle.plan();
   const auto outdated = group.cycle.outdated();
+  if (!outdated && group.cycle.has_images(plan.reads_in(step.exchange))) {
+    end_step(device, group, step);
+    co_return;
+  }
   const ReadIndices reads = outdated ? ReadIndices(*outdated) : plan.reads_in(step.exchange);
   const Asked asked{reads, plan.request(reads), outdated.has_value()};
   Exchange exchange = co_await bus_.exchange(device.station, asked.request);
@@ -206,9 +222,11 @@ void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollSchedu
   }
   // In doubt each exchange takes its silences, and a repeat would not be believed either.
   bool repeatable = exchange.outcome == Exchange::Outcome::garbled && !bus_.doubt().is_doubted();
+  bool is_hole = false;
   if (exchange.is_nak()) {
     const auto meaning = device.codec->meaning_of(asked.request, exchange.reply.device_code);
     if (meaning == RefusalMeaning::unreachable) {
+      tell_refusal(device, exchange.reply.text);
       state_.unreachable(device);
       fail_cycle(device, group, BadReason::timeout);
       return;
@@ -216,6 +234,9 @@ void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollSchedu
     const auto* gather = std::get_if<Gather>(&asked.request);
     if (meaning == RefusalMeaning::final && gather != nullptr)
       return give_up_command(device, gather->parts.front().gather, exchange.reply.text);
+    if (meaning == RefusalMeaning::final || meaning == RefusalMeaning::unclear)
+      tell_refusal(device, exchange.reply.text);
+    is_hole = meaning == RefusalMeaning::hole;
     repeatable = take_refusal(device, group, step, asked, exchange, meaning);
   }
   // The poll scheduler offers the same step again, after the commands that wait.
@@ -225,11 +246,54 @@ void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollSchedu
     for (std::size_t i = 0; i < asked.reads.size(); ++i)
       device.holes->read(group.cycle.plan().reads[asked.reads[i]].read.span);
   }
+  const nanoseconds line_time = exchange.line_time();
   group.cycle.take(asked.reads, std::move(exchange));
   if (asked.again) return;
+  if (is_hole) read_in_parts(device, group, asked, line_time);
+  end_step(device, group, step);
+}
+
+void Poller::end_step(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step) {
   if (!scheduler_.step_done(step)) return;
   note_load();
   finish_cycle(device, group);
+}
+
+void Poller::read_in_parts(LinkDevice& device, GroupPoll& group, const Asked& asked,
+                           nanoseconds line_time) {
+  group.refused_time += line_time;
+  if (++group.refusals > kFewRefusals && group.refused_time > kRefusedTime) return;
+  PollCycle& cycle = group.cycle;
+  if (asked.reads.size() > 1)
+    cycle.read_halves(asked.reads);
+  else if (!read_by_other_ways(device, group, cycle.points_of(asked.reads)))
+    return;
+  scheduler_.extend_cycle(group.id, cycle.plan().exchange_count(), line_time, Clock::now());
+}
+
+bool Poller::read_by_other_ways(LinkDevice& device, GroupPoll& group,
+                                const std::vector<std::uint32_t>& points) {
+  std::vector<Point> refused;
+  refused.reserve(points.size());
+  for (const std::uint32_t point : points)
+    refused.push_back(device.config.tags[group.cycle.tags()[point]].point);
+  Plan part = plan_of(device, group, refused);
+  // Commands that wait were told how long they may take.
+  const Plan* only = &part;
+  if (scheduler_.commands_waiting() > 0 &&
+      fxagent::longest_poll(*device.codec, std::span(&only, 1),
+                            timing_of(device.config, link_.char_time)) > longest_poll())
+    return false;
+  group.cycle.read_instead(points, std::move(part));
+  return true;
+}
+
+void Poller::tell_refusal(LinkDevice& device, const std::string& reason) {
+  auto& told = device.refusals_told;
+  if (told.size() >= kMostTold || std::find(told.begin(), told.end(), reason) != told.end()) return;
+  told.push_back(reason);
+  log::warn("device",
+            {{"device", device.config.name}, {"refused", "what it is asked"}, {"reason", reason}});
 }
 
 void Poller::note_load() {
@@ -266,7 +330,6 @@ void Poller::take_hole(LinkDevice& device, GroupPoll& group, const Asked& asked,
                        const Exchange& exchange) {
   const AddressSpace& addresses = device.codec->addresses();
   const PlannedRead& planned = group.cycle.plan().reads[asked.reads[0]];
-  // Plans change between cycles only: this one goes on, and what it does bring is published.
   if (const auto* gather = std::get_if<Gather>(&asked.request)) {
     if (gather->parts.size() > 1 || has_way_by_itself(addresses, planned.read.span.space))
       return device.found_holes().refused_together(
@@ -340,6 +403,7 @@ void Poller::finish_cycle(LinkDevice& device, GroupPoll& group) {
   else
     ++device.suppressed;
   state_.update(device);
+  if (device.state.reported().state == DeviceStatus::State::online) device.refusals_told.clear();
 }
 
 void Poller::publish(LinkDevice& device, Telemetry message) {
@@ -382,7 +446,10 @@ asio::awaitable<void> Poller::ask_question(LinkDevice& device, PollScheduler::Po
     const bool by_gateway =
         exchange.is_nak() && device.codec->meaning_of(question, exchange.reply.device_code) ==
                                  RefusalMeaning::unreachable;
-    if (by_gateway) state_.unreachable(device);
+    if (by_gateway) {
+      tell_refusal(device, exchange.reply.text);
+      state_.unreachable(device);
+    }
     if (exchange.has_answer() && !by_gateway) state_.answered(device);
     const PlcServices* plc = device.codec->plc();
     std::optional<bool> run;
@@ -426,6 +493,7 @@ asio::awaitable<Poller::Knowledge> Poller::ask_model(LinkDevice& device, BadReas
     if (exchange.is_nak()) {
       const auto meaning = device.codec->meaning_of(question, exchange.reply.device_code);
       if (meaning == RefusalMeaning::unreachable) {
+        tell_refusal(device, exchange.reply.text);
         state_.unreachable(device);
         co_return Knowledge::unanswered;
       }

@@ -8,6 +8,7 @@
 #include <chrono>
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "agent/config/config.h"
 #include "agent/field/bus.h"
@@ -55,6 +56,8 @@ class Poller final {
   enum class Knowledge : std::uint8_t { known, plan_changed, unanswered };
 
   SteadyTime first_time() const;
+  Plan plan_of(const LinkDevice& device, const GroupPoll& group,
+               const std::vector<Point>& points) const;
   void make_plan(LinkDevice& device, GroupPoll& group);
   /// A new plan where the device was found to have holes, or other times, since the last one.
   void refresh_plan(LinkDevice& device, GroupPoll& group);
@@ -80,6 +83,16 @@ class Poller final {
   /// The device said no to these reads. True where the same are to be offered again.
   bool take_refusal(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step,
                     const Asked& asked, const Exchange& exchange, RefusalMeaning meaning);
+  /// What was refused because something in it is missing is read in parts, by this cycle.
+  void read_in_parts(LinkDevice& device, GroupPoll& group, const Asked& asked,
+                     std::chrono::nanoseconds line_time);
+  /// By a plan of their own under what is known by now. False: it keeps commands waiting.
+  bool read_by_other_ways(LinkDevice& device, GroupPoll& group,
+                          const std::vector<std::uint32_t>& points);
+  void end_step(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step);
+  /// Logs why the device or its gateway says no to everything, or to this: each reason once until
+  /// the device is online.
+  void tell_refusal(LinkDevice& device, const std::string& reason);
   void take_hole(LinkDevice& device, GroupPoll& group, const Asked& asked,
                  const Exchange& exchange);
   /// The device lacks a command for several places: all its groups get plans without it.

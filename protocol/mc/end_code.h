@@ -20,6 +20,9 @@ std::string end_code_text(std::uint16_t code, Series series);
 /// twice, whatever the reason.
 RefusalMeaning meaning_of_end_code(std::uint16_t code, bool reads, bool runs_or_stops);
 
+/// Whether the PLC refuses whatever is asked with it, by a password or a setting of its port.
+bool refuses_everything(std::uint16_t code);
+
 /// Whether the PLC lacks the command or its subcommand.
 bool is_unknown_command(std::uint16_t code);
 

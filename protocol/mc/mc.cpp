@@ -373,6 +373,10 @@ std::optional<Request> Mc::apart_from(const Request& request) const {
 RefusalMeaning Mc::meaning_of(const Request& request, int device_code) const {
   const auto* control = std::get_if<Control>(&request);
   const bool runs_or_stops = control != nullptr && control->kind != Control::Kind::identify;
+  // No other command would be answered: this one may well be known.
+  if (std::holds_alternative<Gather>(request) &&
+      refuses_everything(static_cast<std::uint16_t>(device_code)))
+    return RefusalMeaning::unclear;
   return meaning_of_end_code(static_cast<std::uint16_t>(device_code), brings_data(request),
                              runs_or_stops);
 }

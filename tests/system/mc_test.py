@@ -198,6 +198,18 @@ class WrongSettings(McTest):
                 wait_for("the PLC's own entry", lambda: self.read(name)[0] == 0)
                 self.sim.stop()
 
+    def test_devices_of_three_and_four_letters_are_addresses(self):
+        for model in ("auto", "iQ-R"):
+            self.start_one("iqr", {"model": model})
+            for address in ("LCN5", "STN5", "LSTN5"):
+                with self.subTest(address, model=model):
+                    status, said = self.read("iqr", address)
+                    self.assertEqual(status, 0, said)
+            status, said = self.read("iqr", "pressure")
+            self.assertEqual(status, 2, said)
+            self.assertIn("no tag pressure", said)
+            self.sim.stop()
+
     def test_a_wrong_route_is_told_with_its_code(self):
         self.start_one("fx3", {"pc": 7, "model": "FX3U"})
         status, said = self.read("fx3")

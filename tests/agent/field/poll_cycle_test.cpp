@@ -77,6 +77,60 @@ TEST_F(PollCycleTest, SampleHasTheValuesTheSpanAndTheTimeOfTheLastReply) {
   EXPECT_FALSE(cycle.first_bad());
 }
 
+TEST_F(PollCycleTest, WhatWasRefusedIsReadInPartsInTheSameCycle) {
+  PollCycle cycle(device, 0);
+  const auto plan_of = [&](const std::vector<Point>& points, std::uint32_t most) {
+    return make_plan(*device.codec, points, LineCost{milliseconds(1), seconds(1)}, most);
+  };
+  device.tags[1] = tag(*device.codec, "D101", "D101");
+  cycle.use(plan_of(cycle.points(), 64), 0);
+  ASSERT_EQ(cycle.plan().reads.size(), 2U);
+  cycle.take(0, nak());
+  const std::vector<std::uint32_t> points = cycle.points_of(ReadIndices(0));
+  ASSERT_EQ(points, (std::vector<std::uint32_t>{0, 1}));
+  cycle.read_instead(points, plan_of({device.tags[0].point, device.tags[1].point}, 2));
+  ASSERT_EQ(cycle.plan().exchange_count(), 4U);
+  cycle.take(1, data(word(9)));
+  cycle.take(2, data(word(7)));
+  cycle.take(3, nak());
+  const Telemetry message = finished(cycle);
+  EXPECT_EQ(message.readings[0].value, number(7));
+  EXPECT_EQ(message.readings[1].bad, BadReason::nak);
+  EXPECT_EQ(message.readings[2].value, number(9));
+}
+
+TEST_F(PollCycleTest, WhatIsLeftOutInPartsIsRefused) {
+  PollCycle cycle = begun();
+  cycle.take(1, nak());
+  Holes holes;
+  holes.missing = {*span_of(device.tags[1].point)};
+  cycle.read_instead({1}, make_plan(*device.codec, std::vector<Point>{device.tags[1].point},
+                                    LineCost{}, 2, holes));
+  EXPECT_EQ(cycle.plan().exchange_count(), 3U);
+  cycle.take(0, data(word(7)));
+  cycle.take(2, data(word(9)));
+  const Telemetry message = finished(cycle);
+  EXPECT_EQ(message.readings[1].bad, BadReason::nak);
+  EXPECT_EQ(message.readings[2].value, number(9));
+}
+
+TEST_F(PollCycleTest, WhatWasReadAlreadyIsNotReadAgainInParts) {
+  PollCycle cycle = begun();
+  cycle.take(0, data(word(7)));
+  cycle.take(1, nak());
+  cycle.read_instead(
+      {0, 1},
+      make_plan(*device.codec, std::vector<Point>{device.tags[0].point, device.tags[1].point},
+                LineCost{}, 2));
+  EXPECT_TRUE(cycle.has_images(ReadIndices(3)));
+  EXPECT_FALSE(cycle.has_images(ReadIndices(4)));
+  cycle.take(2, data(word(9)));
+  cycle.take(4, data(word(8)));
+  const Telemetry message = finished(cycle);
+  for (std::size_t i = 0; i < 3; ++i)
+    EXPECT_EQ(message.readings[i].value, number(i == 0 ? 7 : i == 1 ? 8 : 9));
+}
+
 TEST_F(PollCycleTest, FailedReadTakesOnlyItsOwnTagsAlong) {
   PollCycle cycle = begun();
   cycle.take(0, data(word(7)));

@@ -212,6 +212,34 @@ TEST(PollScheduler, NewPlanRestartsTheRunningCycle) {
   EXPECT_TRUE(scheduler.step_done(job.poll));
 }
 
+TEST(PollScheduler, CycleThatIsExtendedGivesWayToOthersAndIsNoMeasure) {
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(3, kBackOff);
+  const auto searching = scheduler.add_group(device, milliseconds(200), 1, at(0));
+  const auto other = scheduler.add_group(device, milliseconds(300), 1, at(100));
+  int searched = 0;
+  int others = 0;
+  for (int ms = 0; ms < 2000; ms += 50) {
+    const auto job = scheduler.next(at(ms));
+    ASSERT_EQ(job.kind, Kind::poll);
+    scheduler.step_used(job.poll, milliseconds(50));
+    if (job.poll.group == other) {
+      ++others;
+      scheduler.step_done(job.poll);
+      continue;
+    }
+    ASSERT_EQ(job.poll.group, searching);
+    EXPECT_EQ(job.poll.exchange, static_cast<std::uint32_t>(searched++));
+    scheduler.extend_cycle(searching, static_cast<std::uint32_t>(searched) + 1, milliseconds(50),
+                           at(ms));
+    ASSERT_FALSE(scheduler.step_done(job.poll));
+  }
+  EXPECT_GE(others, 6);
+  const auto last = scheduler.next(at(2050));
+  scheduler.step_done(last.poll);
+  EXPECT_LT(scheduler.load(), 0.5);
+}
+
 TEST(PollScheduler, GroupWithoutExchangesIsOneStep) {
   PollScheduler scheduler;
   const auto device = scheduler.add_device(3, kBackOff);

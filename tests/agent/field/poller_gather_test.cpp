@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <random>
 #include <string>
 #include <vector>
 
@@ -17,6 +18,17 @@ using std::chrono::hours;
 using std::chrono::milliseconds;
 using std::chrono::nanoseconds;
 using State = DeviceStatus::State;
+
+constexpr int kLocked = 5;
+
+/// Says kLocked to everything while a password locks it.
+class LockingCodec final : public GatheringCodec {
+ public:
+  explicit LockingCodec(const GatheringCodec& other) : GatheringCodec(other) {}
+  RefusalMeaning meaning_of(const Request& request, int code) const override {
+    return code == kLocked ? RefusalMeaning::unclear : GatheringCodec::meaning_of(request, code);
+  }
+};
 
 /// Two commands, of 24 words or double words and of 12 blocks.
 class GatherPolls : public PollerTest {
@@ -44,6 +56,20 @@ class GatherPolls : public PollerTest {
   /// W0, W200, W400 …
   void add_scattered(unsigned number) {
     for (unsigned n = 0; n < number; ++n) add_tags({"W" + std::to_string(200 * n)});
+  }
+  /// Another plant, not yet begun.
+  void begin_anew() {
+    poller.reset();
+    state.reset();
+    bus.reset();
+    devices.clear();
+    scheduler = PollScheduler();
+    wire = nullptr;
+    telemetry.clear();
+    newest.clear();
+    plc = {};
+    config.devices.clear();
+    add_device("plc");
   }
   Bytes answer(ByteView request) override { return plc.answer(request); }
   /// Steps until a sample has come that began after now.
@@ -102,6 +128,23 @@ TEST_F(GatherPolls, ADeviceThatLacksTheCommandIsReadWithoutItAndNothingIsBad) {
   EXPECT_EQ(newest[0].state, State::online);
 }
 
+TEST_F(GatherPolls, ADeviceThatRefusesEverythingDoesNotLackTheCommand) {
+  config.devices[0].codec = std::make_shared<const LockingCodec>(codec);
+  add_scattered(3);
+  plc.in_a_mood = 2;
+  plc.mood = kLocked;
+  start();
+  testing::internal::CaptureStderr();
+  EXPECT_EQ(bad(next_sample()), 3U);
+  EXPECT_EQ(bad(next_sample()), 3U);
+  EXPECT_EQ(bad(next_sample()), 0U);
+  EXPECT_EQ(plc.asked, (std::vector<std::string>(3, "1: W0 W200 W400")));
+  const std::string log = testing::internal::GetCapturedStderr();
+  const auto told = log.find("reason=\"no 5\"");
+  ASSERT_NE(told, log.npos) << log;
+  EXPECT_EQ(log.find("no 5", told + 9), log.npos) << "once, not each time";
+}
+
 TEST_F(GatherPolls, TheOtherCommandIsTriedBeforeNone) {
   codec.commands = {{1, 24}, {2, 12}};
   use_codec();
@@ -126,16 +169,61 @@ TEST_F(GatherPolls, OneHoleIsFoundAndEverythingElseGoesTogetherAgain) {
   EXPECT_EQ(newest[0].state, State::degraded);
 }
 
-TEST_F(GatherPolls, GoodPlacesAreBadForFewCyclesOnly) {
+TEST_F(GatherPolls, AMissingPlaceMakesNoOtherBad) {
   add_scattered(16);
   plc.lacks = {1000};
   start();
-  std::vector<std::size_t> bad_ones;
-  while (bad_ones.empty() || bad_ones.back() > 1) {
-    ASSERT_LT(bad_ones.size(), 20U);
-    bad_ones.push_back(bad(next_sample()));
+  for (int samples = 0; samples < 20; ++samples) {
+    const Telemetry& message = next_sample();
+    EXPECT_EQ(bad(message), 1U) << samples;
+    EXPECT_EQ(message.readings[5].bad, BadReason::nak);
   }
-  EXPECT_EQ(bad_ones, (std::vector<std::size_t>{16, 8, 4, 2, 1}));
+}
+
+TEST_F(GatherPolls, WhateverIsMissingNoOtherPlaceIsBad) {
+  std::mt19937 random(20261123);
+  const auto pick = [&](unsigned least, unsigned most) {
+    return std::uniform_int_distribution<unsigned>(least, most)(random);
+  };
+  for (int round = 0; round < 100; ++round) {
+    SCOPED_TRACE(round);
+    begin_anew();
+    std::vector<unsigned> words;
+    for (unsigned n = pick(1, 60); n > 0; --n) words.push_back(pick(0, 3) * 700 + pick(0, 60));
+    for (const unsigned word : words) add_tags({"W" + std::to_string(word)});
+    const auto one = [&] { return words[pick(0, 1000) % words.size()]; };
+    for (unsigned n = pick(0, 3); n > 0; --n) plc.lacks.insert(one());
+    for (unsigned n = pick(0, 2); n > 0; --n) plc.not_gathered.insert(one());
+    if (pick(0, 2) == 0) plc.most_parts = pick(1, 12);
+    start();
+    for (int samples = 0; samples < 5; ++samples) {
+      const Telemetry& message = next_sample();
+      for (std::size_t i = 0; i < words.size(); ++i) {
+        EXPECT_EQ(message.readings[i].bad.has_value(), plc.lacks.contains(words[i])) << words[i];
+        if (!message.readings[i].bad) {
+          EXPECT_EQ(value(message, i), words[i]);
+        }
+      }
+    }
+  }
+}
+
+TEST_F(GatherPolls, CommandsGoBetweenTheReadsThatFindAMissingPlace) {
+  add_scattered(16);
+  plc.lacks = {1000};
+  start();
+  step();
+  ASSERT_EQ(plc.asked.size(), 1U);
+  EXPECT_TRUE(telemetry.empty());
+  scheduler.command_waits();
+  EXPECT_EQ(scheduler.next(now).kind, PollScheduler::Job::Kind::command);
+  scheduler.command_taken();
+  while (telemetry.empty()) {
+    const std::size_t before = plc.asked.size();
+    step();
+    EXPECT_LE(plc.asked.size(), before + 1);
+  }
+  EXPECT_LE(plc.asked.size(), 11U) << "two for each time that 16 places are halved, and two more";
 }
 
 TEST_F(GatherPolls, APlaceThatIsOnlyRefusedInCompanyIsReadByItself) {

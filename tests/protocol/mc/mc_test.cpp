@@ -395,8 +395,13 @@ TEST(McRefusals, EndCodesMeanWhatTheManualsSay) {
         0xC204, 0x7167, 0x7E40, 0x7F22, 0x7153, 0x7157, 0x7168, 0x716D}) {
     EXPECT_EQ(mc.meaning_of(kTwoWords, code), RefusalMeaning::final) << code;
     EXPECT_EQ(mc.meaning_of(kWrite, code), RefusalMeaning::final) << code;
-    EXPECT_EQ(mc.meaning_of(gather, code), RefusalMeaning::final) << code;
   }
+  for (const int code :
+       {0x0050, 0x0055, 0x7F20, 0x7F21, 0x7F23, 0xC050, 0xC05F, 0xC06F, 0xC200, 0xC204})
+    EXPECT_EQ(mc.meaning_of(gather, code), RefusalMeaning::unclear)
+        << "others are refused for it, too: " << code;
+  for (const int code : {0xC059, 0xC05C, 0xC061, 0x7E40, 0x7F22, 0x4080, 0xD000})
+    EXPECT_EQ(mc.meaning_of(gather, code), RefusalMeaning::final) << code;
   EXPECT_EQ(mc.meaning_of(kTwoWords, 0x4A00), RefusalMeaning::unreachable);
   EXPECT_EQ(mc.meaning_of(kTwoWords, 0x4A1F), RefusalMeaning::unreachable);
   EXPECT_EQ(mc.meaning_of(kWrite, 0x4A00), RefusalMeaning::final);
