@@ -18,7 +18,8 @@ namespace fxagent {
 
 /// The words that `word` means ("rw": "read_write", "E": "even"), else those nearest by edit
 /// distance: one, or a few that are equally near; none where more than half of the letters differ.
-/// A word that is the beginning of others means those ("password": "password_file", "password_env").
+/// A word that is the beginning of others means those ("password": "password_file",
+/// "password_env").
 std::vector<std::string_view> nearest_words(std::string_view word,
                                             std::span<const std::string_view> words);
 
