@@ -2,9 +2,11 @@
 
 #include <gtest/gtest.h>
 #include <pthread.h>
+#include <unistd.h>
 
 #include <atomic>
 #include <chrono>
+#include <fstream>
 #include <semaphore>
 #include <string>
 #include <thread>
@@ -23,6 +25,7 @@ class Worker {
   Worker()
       : thread_([this] {
           pthread_setname_np(pthread_self(), kName);
+          id_ = gettid();
           while (true) {
             began_.release();
             go_.acquire();
@@ -38,6 +41,13 @@ class Worker {
   Worker(const Worker&) = delete;
   Worker& operator=(const Worker&) = delete;
 
+  /// proc(5): the state stands behind the name, in brackets.
+  bool is_asleep() const {
+    std::ifstream file("/proc/self/task/" + std::to_string(id_) + "/stat");
+    std::string stat;
+    std::getline(file, stat);
+    return stat.find(") S") != std::string::npos;
+  }
   /// One turn: it was woken, and is on its way to wait again.
   void turn() {
     go_.release();
@@ -45,6 +55,7 @@ class Worker {
   }
 
  private:
+  std::atomic<pid_t> id_ = 0;
   std::atomic<bool> over_ = false;
   std::binary_semaphore go_{0};
   std::binary_semaphore began_{0};
@@ -62,7 +73,8 @@ class ThreadTurnsTest : public testing::Test {
     return turns.stands_still();
   }
   /// Until what the kernel does with a new or woken thread is over: it waits, and stays so.
-  void settle() {
+  void settle(const Worker& worker) {
+    while (!worker.is_asleep()) std::this_thread::yield();
     while (after(ThreadTurns::kLooks).empty()) std::this_thread::yield();
     turns = ThreadTurns(kName);
   }
@@ -73,7 +85,7 @@ class ThreadTurnsTest : public testing::Test {
 
 TEST_F(ThreadTurnsTest, AThreadThatIsNeverSwitchedStandsStillAndIsNamed) {
   Worker worker;
-  settle();
+  settle(worker);
   EXPECT_EQ(after(ThreadTurns::kLooks), "");
   EXPECT_EQ(after(1), kName);
   EXPECT_EQ(after(10), kName);
@@ -91,7 +103,7 @@ TEST_F(ThreadTurnsTest, AThreadThatTakesATurnNowAndThenGoesOn) {
 
 TEST_F(ThreadTurnsTest, OneOfTwoIsEnough) {
   Worker stuck;
-  settle();
+  settle(stuck);
   Worker busy;
   std::string said;
   for (int i = 0; i < ThreadTurns::kLooks + 1; ++i) {
@@ -104,7 +116,7 @@ TEST_F(ThreadTurnsTest, OneOfTwoIsEnough) {
 /// The name server may take its time.
 TEST_F(ThreadTurnsTest, WhoIsExcusedBeginsAnew) {
   const Worker worker;
-  settle();
+  settle(worker);
   EXPECT_EQ(after(100, /*excused=*/true), "");
   EXPECT_EQ(after(ThreadTurns::kLooks), "");
   EXPECT_EQ(after(1), kName);
@@ -114,7 +126,7 @@ TEST_F(ThreadTurnsTest, WhoIsExcusedBeginsAnew) {
 /// A machine that slept, or a process that was stopped, has missed the looks, too.
 TEST_F(ThreadTurnsTest, TimeAloneDoesNotCount) {
   const Worker worker;
-  settle();
+  settle(worker);
   EXPECT_EQ(after(2), "");
   now += 24h;
   EXPECT_EQ(after(2), "");
@@ -126,7 +138,7 @@ TEST_F(ThreadTurnsTest, TimeAloneDoesNotCount) {
 TEST_F(ThreadTurnsTest, OthersAndThreadsThatAreGoneDoNotMatter) {
   {
     const Worker worker;
-    settle();
+    settle(worker);
     EXPECT_EQ(after(ThreadTurns::kLooks + 1), kName);
   }
   EXPECT_EQ(after(1), "");

@@ -573,8 +573,8 @@ TEST(PahoBroker, ServerThatAnswersWithATlsAlertIsSaidToSpeakTls) {
 TEST(PahoBroker, EveryRefusalOfAConnectHasACure) {
   for (const char code : {'\x87', '\x88', '\x89', '\x8A', '\x95', '\x97', '\x9C', '\x9D', '\x9F'}) {
     const Listener listener;
-    std::thread server =
-        answer_first_packet(listener, std::string("\x20\x03\x00", 3) + code + '\0');
+    const std::string connack = std::string("\x20\x03\x00", 3) + code + '\0';
+    std::thread server = answer_first_packet(listener, connack);
     const std::string text = Client(settings(listener.url())).refusal();
     server.join();
     EXPECT_NE(text.find(": "), std::string::npos) << text;
