@@ -11,7 +11,7 @@ bool is_letter(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z')
 }  // namespace
 
 std::string last_end(const RangeEnds& ends) {
-  const std::string last(ends.last.value_or(ends.first));
+  std::string last(ends.last.value_or(ends.first));
   if (last.empty() || !is_digit(last.front())) return last;
   const auto* letters_end = std::ranges::find_if_not(ends.first, is_letter);
   // "hr:100" has a table and no letters: what its numbers stand for is for Modbus to say.
