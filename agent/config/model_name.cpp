@@ -4,15 +4,10 @@
 #include <vector>
 
 #include "agent/config/reader.h"
+#include "protocol/letter_case.h"
 
 namespace fxagent {
 namespace {
-
-std::string upper(std::string_view text) {
-  std::string out(text);
-  for (char& c : out) c = c >= 'a' && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c;
-  return out;
-}
 
 /// Who knows the model, "mc-1e over Ethernet, fx-computer-link on a serial line". Where `own` knows
 /// no serial line and another of its kind does it, those alone.

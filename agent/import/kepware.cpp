@@ -10,6 +10,7 @@
 
 #include "agent/import/csv.h"
 #include "agent/import/formats.h"
+#include "protocol/letter_case.h"
 
 namespace fxagent {
 namespace {
@@ -52,14 +53,6 @@ constexpr std::array<std::pair<std::string_view, std::string_view>, 11> kTypes{{
     {"default", ""},
     {"", ""},
 }};
-
-std::string lower(std::string_view text) {
-  std::string out(text);
-  std::ranges::transform(out, out.begin(), [](char c) {
-    return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  });
-  return out;
-}
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 

@@ -9,6 +9,7 @@
 
 #include "agent/import/formats.h"
 #include "agent/import/json_source.h"
+#include "protocol/letter_case.h"
 
 namespace fxagent {
 namespace {
@@ -37,12 +38,6 @@ char table_of(std::int64_t function) {
 
 bool writes(std::int64_t function) {
   return function == 5 || function == 6 || function == 15 || function == 16;
-}
-
-std::string lower(std::string_view text) {
-  std::string out(text);
-  for (char& c : out) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  return out;
 }
 
 /// "16int", "int16" or "int", in lower case; empty: none that a config has.

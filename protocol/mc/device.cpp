@@ -4,6 +4,7 @@
 #include <array>
 #include <charconv>
 
+#include "protocol/letter_case.h"
 #include "protocol/range_ends.h"
 
 namespace fxagent::mc {
@@ -145,13 +146,6 @@ constexpr std::string_view kForms =
 
 tl::unexpected<Error> refuse(std::string text) {
   return fail(ErrorCode::bad_request, std::move(text));
-}
-
-std::string upper(std::string_view text) {
-  std::string out(text);
-  for (char& c : out)
-    if (c >= 'a' && c <= 'z') c = static_cast<char>(c - 'a' + 'A');
-  return out;
 }
 
 std::string digits_of(std::uint32_t number, std::uint32_t base) {

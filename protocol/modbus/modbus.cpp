@@ -1,4 +1,5 @@
 #include "protocol/modbus/modbus.h"
+#include "protocol/letter_case.h"
 
 #include <algorithm>
 #include <charconv>
@@ -30,13 +31,6 @@ tl::unexpected<Error> garbled(std::string text) {
 }
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
-
-std::string lower(std::string_view text) {
-  std::string out(text);
-  for (char& c : out)
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-  return out;
-}
 
 /// Decimal, or hexadecimal behind 0x; all of `text` must be it.
 std::optional<std::uint32_t> number_in(std::string_view text) {
