@@ -31,14 +31,6 @@ Rs485 read_rs485(ConfigReader& reader, const ConfigNode& node) {
   return direction;
 }
 
-/// `host` of a `tcp` or `udp` at `node`.
-std::string read_host(ConfigReader& reader, const ConfigNode& node, const ConfigKey& key) {
-  std::string host = reader.text(node, key).value_or("");
-  if (!host.empty() && host.find_first_of(" /@") != std::string::npos)
-    reader.error(*node.find("host"), "must be a host name or an address alone");
-  return host;
-}
-
 /// Warns where another link goes to the same place.
 void warn_of_second(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,
                     const std::string& place, Channels& channels) {
@@ -52,6 +44,22 @@ void warn_of_second(ConfigReader& reader, const ConfigNode& link, const ConfigNo
                         " at " + reader.place_of(*first->second) +
                         "; many devices and serial servers serve one connection only: put the "
                         "devices of both on one link");
+}
+
+/// `host` and `port` of a `tcp` or `udp` at `node`.
+template <class Settings>
+void read_place(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,
+                const ConfigKey& host, const ConfigKey& port, std::string_view kind,
+                Channels& channels, Settings& settings) {
+  settings.host = reader.text(node, host).value_or("");
+  if (!settings.host.empty() && settings.host.find_first_of(" /@") != std::string::npos)
+    reader.error(*node.find("host"), "must be a host name or an address alone");
+  const auto number = reader.integer(node, port);
+  settings.port = static_cast<std::uint16_t>(number.value_or(0));
+  if (!settings.host.empty() && number)
+    warn_of_second(reader, link, node,
+                   std::string(kind) + " " + settings.host + ":" + std::to_string(settings.port),
+                   channels);
 }
 
 }  // namespace
@@ -81,12 +89,8 @@ void read_tcp(ConfigReader& reader, const ConfigNode& link, const ConfigNode& no
               Channels& channels, LinkConfig& config, LineKeys& line) {
   TcpSettings settings;
   reader.check_object(node, config_section("links[].tcp"));
-  settings.host = read_host(reader, node, config_key("links[].tcp.host"));
-  const auto port = reader.integer(node, config_key("links[].tcp.port"));
-  settings.port = static_cast<std::uint16_t>(port.value_or(0));
-  if (!settings.host.empty() && port)
-    warn_of_second(reader, link, node, "tcp " + settings.host + ":" + std::to_string(settings.port),
-                   channels);
+  read_place(reader, link, node, config_key("links[].tcp.host"), config_key("links[].tcp.port"),
+             "tcp", channels, settings);
   line = read_line(reader, link, config_key("links[].line_baud"));
   settings.line_baud = static_cast<int>(line.baud.value_or(0));
   if (link.find("line_baud") == nullptr)
@@ -100,12 +104,8 @@ void read_udp(ConfigReader& reader, const ConfigNode& link, const ConfigNode& no
               Channels& channels, LinkConfig& config) {
   UdpSettings settings;
   reader.check_object(node, config_section("links[].udp"));
-  settings.host = read_host(reader, node, config_key("links[].udp.host"));
-  const auto port = reader.integer(node, config_key("links[].udp.port"));
-  settings.port = static_cast<std::uint16_t>(port.value_or(0));
-  if (!settings.host.empty() && port)
-    warn_of_second(reader, link, node, "udp " + settings.host + ":" + std::to_string(settings.port),
-                   channels);
+  read_place(reader, link, node, config_key("links[].udp.host"), config_key("links[].udp.port"),
+             "udp", channels, settings);
   if (const auto own = reader.integer(node, config_key("links[].udp.local_port"))) {
     settings.local_port = static_cast<std::uint16_t>(*own);
     const ConfigNode& at = *node.find("local_port");
