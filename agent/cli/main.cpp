@@ -97,10 +97,11 @@ int check_desired(const std::string& path, const Config& local, const std::strin
   return 0;
 }
 
-/// What check_files() cannot see: what stands in the files. One that cannot be read it names.
-std::vector<ConfigError> tls_faults(const Config& config) {
+/// What check_files() cannot see: what stands in the files. One that cannot be read is in `found`,
+/// which it has found.
+std::vector<ConfigError> tls_faults(const Config& config, const std::vector<ConfigError>& found) {
   if (!config.mqtt.tls) return {};
-  for (const ConfigError& error : check_files(config))
+  for (const ConfigError& error : found)
     if (error.pointer.starts_with("/mqtt/tls/")) return {};
   const auto fault = fault_in(*config.mqtt.tls);
   if (!fault) return {};
@@ -113,8 +114,9 @@ int check(const std::string& path, const std::string& desired) {
   if (!desired.empty()) return check_desired(path, *config, desired);
   for (const std::string& warning : config->warnings)
     std::cerr << path << ": warning: " << warning << '\n';
-  for (const auto& findings : {check_files(*config), tls_faults(*config),
-                               unavailable_ports(*config, path), exposed_secrets(*config)})
+  const std::vector<ConfigError> files = check_files(*config);
+  for (const auto& findings : {files, tls_faults(*config, files), unavailable_ports(*config, path),
+                               exposed_secrets(*config)})
     for (const ConfigError& finding : findings)
       std::cerr << path << ": warning: " << finding.pointer << ": " << finding.text << '\n';
   for (const std::string& overload : overloads(*config))
