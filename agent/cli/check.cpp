@@ -1,0 +1,97 @@
+#include "agent/cli/check.h"
+
+#include <iostream>
+#include <string_view>
+#include <utility>
+
+#include "agent/cli/plan_report.h"
+#include "agent/config/reader.h"
+#include "agent/config/remote_limits.h"
+#include "agent/config/serial_ports.h"
+#include "agent/remote/desired_config.h"
+#include "agent/uplink/tls_files.h"
+
+namespace fxagent {
+namespace {
+
+constexpr int kWrong = 2;
+
+std::string counts(const Config& config) {
+  std::size_t tags = 0;
+  for (const DeviceConfig& device : config.devices) tags += device.tags.size();
+  return std::to_string(config.links.size()) + " links, " + std::to_string(config.devices.size()) +
+         " devices, " + std::to_string(tags) + " tags";
+}
+
+/// What would become of the document in the file `desired`, as one of {base}/config/desired.
+int check_desired(const std::string& path, const Config& local, const std::string& desired) {
+  const auto refuse = [&desired](const ConfigErrors& errors) {
+    print_errors(errors, desired);
+    return kWrong;
+  };
+  if (!local.remote.enabled)
+    return refuse({{"", 0, "never comes: agent.remote_config is not set in " + path}});
+  const auto document = read_config_file(desired);
+  if (!document) return refuse(document.error());
+  if (document->empty()) {
+    std::cout << desired << ": right: empty, so that what came before is withdrawn\n";
+    return 0;
+  }
+  const auto [read, faults] = read_desired(*document);
+  if (!faults.empty()) return refuse(faults);
+  const auto text = read_config_file(path);
+  if (!text) return refuse(text.error());
+  const auto config = effective_config(
+      *text, local, read, [&path](std::string_view both) { return config_of_file(path, both); });
+  if (!config) return refuse(config.error());
+  for (const std::string& warning : config->warnings)
+    std::cerr << desired << ": warning: " << warning << '\n';
+  std::cout << desired << ": right: version " << shown(read.version) << ", then " << counts(*config)
+            << '\n';
+  return 0;
+}
+
+/// What check_files() cannot see: what stands in the files. One that cannot be read is in `found`,
+/// which it has found.
+std::vector<ConfigError> tls_faults(const Config& config, const std::vector<ConfigError>& found) {
+  if (!config.mqtt.tls) return {};
+  for (const ConfigError& error : found)
+    if (error.pointer.starts_with("/mqtt/tls/")) return {};
+  const auto fault = fault_in(*config.mqtt.tls);
+  if (!fault) return {};
+  return {{"/mqtt/tls/" + std::string(fault->key), 0, fault->text}};
+}
+
+}  // namespace
+
+void print_errors(const std::vector<ConfigError>& errors, const std::string& path) {
+  for (const ConfigError& error : errors) std::cerr << to_string(error, path) << '\n';
+}
+
+std::optional<Config> loaded(const std::string& path) {
+  auto config = load_config(path);
+  if (config) return std::move(*config);
+  print_errors(config.error(), path);
+  return std::nullopt;
+}
+
+int run_check(const std::string& path, const std::string& desired) {
+  const auto config = loaded(path);
+  if (!config) return kWrong;
+  if (!desired.empty()) return check_desired(path, *config, desired);
+  for (const std::string& warning : config->warnings)
+    std::cerr << path << ": warning: " << warning << '\n';
+  const std::vector<ConfigError> files = check_files(*config);
+  for (const auto& findings : {files, tls_faults(*config, files), unavailable_ports(*config, path),
+                               exposed_secrets(*config)})
+    for (const ConfigError& finding : findings)
+      std::cerr << path << ": warning: " << finding.pointer << ": " << finding.text << '\n';
+  for (const std::string& overload : overloads(*config))
+    std::cerr << path << ": warning: link " << overload << '\n';
+  std::cout << path << ": right: " << counts(*config) << '\n';
+  if (config->remote.enabled)
+    std::cout << path << ": over MQTT may come: " << to_string(config->remote) << '\n';
+  return 0;
+}
+
+}  // namespace fxagent
