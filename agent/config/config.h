@@ -9,6 +9,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <variant>
 #include <vector>
 
@@ -93,13 +94,19 @@ struct TagLimits {
   friend auto operator<=>(const TagLimits&, const TagLimits&) = default;
 };
 
-/// What a tag's value means beside its number. Few differ in a plant, however many tags it has.
+/// Labels of values in engineering units, sorted by value. Of a bool 0 is false and 1 is true.
+using TagStates = std::vector<std::pair<std::int64_t, std::string>>;
+
+/// What the values of a tag mean to people. A plant has few different ones, unless its tags have
+/// descriptions.
 struct TagUnits {
   std::string unit{};
   TagLimits limits{};
+  std::string description{};
+  TagStates states{};
   friend auto operator<=>(const TagUnits&, const TagUnits&) = default;
 };
-/// Neither unit nor limits: the same one for all.
+/// The empty one, which all tags share that have nothing of it.
 const std::shared_ptr<const TagUnits>& no_units();
 
 /// A config may have 100,000 of them: what most leave out is not in here.

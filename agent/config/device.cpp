@@ -4,12 +4,14 @@
 #include <array>
 #include <boost/container_hash/hash.hpp>
 #include <map>
+#include <set>
 #include <string>
 #include <unordered_map>
 #include <utility>
 
 #include "agent/config/keys.h"
 #include "agent/config/model_name.h"
+#include "agent/config/tag_units.h"
 #include "agent/config/templates.h"
 #include "agent/config/warnings.h"
 #include "protocol/plc.h"
@@ -52,9 +54,7 @@ class SharedParts {
 
   std::shared_ptr<const TagUnits> units_of(TagUnits units) {
     if (units == TagUnits{}) return no_units();
-    auto& known = units_[units];
-    if (known == nullptr) known = std::make_shared<const TagUnits>(std::move(units));
-    return known;
+    return *units_.insert(std::make_shared<const TagUnits>(std::move(units))).first;
   }
 
   SharedVector<TagConfig> tags_of(SharedVector<TagConfig> tags) {
@@ -66,6 +66,10 @@ class SharedParts {
   }
 
  private:
+  struct ByValue {
+    bool operator()(const auto& one, const auto& other) const { return *one < *other; }
+  };
+
   /// Of what the tags of many devices may differ in: lists of one hash are compared in turn.
   static std::size_t hash_of(const SharedVector<TagConfig>& tags) {
     std::size_t hash = tags.size();
@@ -80,7 +84,7 @@ class SharedParts {
   }
 
   std::map<std::pair<const ProtocolInfo*, Options>, Protocol> protocols_;
-  std::map<TagUnits, std::shared_ptr<const TagUnits>> units_;
+  std::set<std::shared_ptr<const TagUnits>, ByValue> units_;
   std::unordered_multimap<std::size_t, SharedVector<TagConfig>> tags_;
 };
 
@@ -110,7 +114,6 @@ class DeviceReader {
   void read_shape(const ConfigNode& node, std::optional<DataType> type, Point& point);
   void check_span(const ConfigNode& node, const TagConfig& tag);
   void check_exists(const ConfigNode& address, const Span& span);
-  TagLimits read_limits(const ConfigNode& node, DataType type);
   void read_commands(const ConfigNode& node);
   void read_allow(const ConfigNode& list);
 
@@ -347,14 +350,8 @@ void DeviceReader::read_tag(const ConfigNode& node) {
   }
   tag.group = group_of(node);
   tag.writable = reader_.choice_or_default(node, config_key("devices[].tags[].access")) == 1;
-  TagUnits units;
-  // A unit may well be empty, and often is in a file that a program has written.
-  if (const ConfigNode* unit = node.find("unit");
-      unit != nullptr && (unit->kind != ConfigNode::Kind::string || !unit->text.empty()))
-    units.unit = reader_.text(*unit).value_or("");
   if (read_place(node, tag)) check_span(node, tag);
-  units.limits = read_limits(node, tag.point.type);
-  tag.units = shared_.units_of(std::move(units));
+  tag.units = shared_.units_of(read_tag_units(reader_, node, tag.point.type));
   warn_of_limits(reader_, node, tag);
   device_.tags.push_back(std::move(tag));
 }
@@ -453,22 +450,6 @@ void DeviceReader::check_exists(const ConfigNode& address, const Span& span) {
     reader_.error(address, "out of reach of this device's commands, from " +
                                codec_->addresses().name_of(span) + " to " +
                                codec_->addresses().name_of({span.space, span.end_bit() - 1, 1}));
-}
-
-TagLimits DeviceReader::read_limits(const ConfigNode& node, DataType type) {
-  TagLimits limits;
-  limits.min = reader_.number(node, config_key("devices[].tags[].min"));
-  limits.max = reader_.number(node, config_key("devices[].tags[].max"));
-  limits.deadband = reader_.number(node, config_key("devices[].tags[].deadband"));
-  const bool countable = type != DataType::boolean && type != DataType::string;
-  for (const auto key : {"scale"sv, "offset"sv, "min"sv, "max"sv, "deadband"sv})
-    if (const ConfigNode* limit = node.find(key); limit != nullptr && !countable)
-      reader_.error_at_key(*limit, "is for numbers, not for " + std::string(to_string(type)));
-  if (limits.min && limits.max && *limits.min > *limits.max)
-    reader_.error(*node.find("min"), "must not be greater than max");
-  if (limits.deadband && *limits.deadband < 0)
-    reader_.error(*node.find("deadband"), "must not be negative");
-  return limits;
 }
 
 // ---- commands ---------------------------------------------------------------------------------

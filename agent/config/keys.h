@@ -288,6 +288,11 @@ inline constexpr auto kAll = std::to_array<ConfigKey>({
     {"devices[].tags[]", "offset", number, {}, 0, "Added to the scaled value."},
     {"devices[].tags[]", "unit", text, {}, None{},
      "Text for people: °C, bar, 1/min. It may be empty."},
+    {"devices[].tags[]", "description", text, {}, None{},
+     "Text for people: what the tag is. It may be empty."},
+    {"devices[].tags[]", "states", object, {}, None{},
+     "Labels of values: `{\"0\": \"idle\", \"1\": \"run\"}`. Each key is a whole number in the unit of "
+     "the value; of a `bool` 0 or 1. Not for `string`."},
     {"devices[].tags[]", "min", number, {}, None{},
      "A command that would write less, after rounding to the raw value, is refused "
      "(`out_of_range`)."},

@@ -24,9 +24,11 @@ constexpr std::string_view kLinkRow = "#link";
 
 std::span<const ConfigKey> tag_keys() { return config_section("devices[].tags[]"); }
 
+/// Keys whose cells hold JSON; the cells of others are their text.
 bool is_number(const ConfigKey& key) {
   return key.type == ConfigKey::Type::integer || key.type == ConfigKey::Type::number;
 }
+bool is_json(const ConfigKey& key) { return is_number(key) || key.type == ConfigKey::Type::object; }
 
 std::string json_of(const ConfigNode& node) {
   std::string out;
@@ -54,7 +56,7 @@ std::optional<std::string> cell_of(const ConfigNode& tag, const ConfigKey& key) 
 bool fits_a_row(const ConfigNode& tag) {
   return std::ranges::all_of(tag_keys(), [&](const ConfigKey& key) {
     const ConfigNode* node = tag.find(key.name);
-    return node == nullptr || is_number(key) == (node->kind != Kind::string);
+    return node == nullptr || is_json(key) == (node->kind != Kind::string);
   });
 }
 
@@ -82,9 +84,12 @@ void add_tags(std::string& out, const ConfigNode& device) {
 
 // ---- import -----------------------------------------------------------------------------------
 
-bool is_json_number(const std::string& text) {
+/// Whether the text is JSON that the key takes.
+bool is_json_of(const ConfigKey& key, const std::string& text) {
   const auto tree = ConfigTree::parse(text);
-  return tree && (tree->root().kind == Kind::integer || tree->root().kind == Kind::number);
+  if (!tree) return false;
+  const Kind kind = tree->root().kind;
+  return is_number(key) ? kind == Kind::integer || kind == Kind::number : kind == Kind::object;
 }
 
 class TagCsvReader {
@@ -161,16 +166,15 @@ void TagCsvReader::take_tag(const CsvRow& row) {
     const std::size_t column = columns_[i];
     if (column >= row.cells.size() || !row.cells[column]) continue;
     const std::string& cell = *row.cells[column];
-    if (!is_number(keys[i])) {
+    if (!is_json(keys[i])) {
       // A spreadsheet does not tell an empty text from none.
       if (!cell.empty() || keys[i].name == "unit") tag.keys.text(keys[i].name, cell);
-    } else if (is_json_number(std::string(row.at(column)))) {
+    } else if (is_json_of(keys[i], std::string(row.at(column)))) {
       tag.keys.raw(keys[i].name, std::string(row.at(column)));
     } else if (!row.at(column).empty()) {
-      return out_.note(row.line, "left out: " + std::string(keys[i].name) +
-                                     " must be a number, "
-                                     "found \"" +
-                                     cell + "\"");
+      return out_.note(row.line, "left out: " + std::string(keys[i].name) + " must be " +
+                                     (is_number(keys[i]) ? "a number" : "a JSON object") +
+                                     ", found \"" + cell + "\"");
     }
   }
   std::string name(columns_.back() == std::string::npos ? ""sv : row.at(columns_.back()));

@@ -70,6 +70,12 @@ void write_config_status(Writer& out, const ConfigStatus& status) {
   out.end_object();
 }
 
+void write_states(Writer& out, const TagStates& states) {
+  out.key("states").begin_object();
+  for (const auto& [value, label] : states) out.key(std::to_string(value)).string(label);
+  out.end_object();
+}
+
 }  // namespace
 
 std::string sample(const SampleRecord& sample) {
@@ -163,6 +169,8 @@ Meta device_meta(const DeviceConfig& device) {
     if (limits.min) tags.key("min").number(*limits.min);
     if (limits.max) tags.key("max").number(*limits.max);
     if (limits.deadband) tags.key("deadband").number(*limits.deadband);
+    if (!tag.units->description.empty()) tags.key("description").string(tag.units->description);
+    if (!tag.units->states.empty()) write_states(tags, tag.units->states);
     tags.end_object();
   }
   tags.end_object();

@@ -279,7 +279,10 @@ TEST(ContractExamples, MetaHasTheKeysOfTheProgram) {
   TagConfig recipe = test::tag("recipe", "D210", DataType::int16, 1);
   recipe.point.is_array = true;
   recipe.point.count = 3;
-  recipe.units = std::make_shared<const TagUnits>(TagUnits{.limits = {.min = 0, .max = 1000}});
+  recipe.units =
+      std::make_shared<const TagUnits>(TagUnits{.limits = {.min = 0, .max = 1000},
+                                                .description = "Parts",
+                                                .states = {{0, "none"}, {1000, "full"}}});
   device.tags = {device.tags[test::temp], recipe};
   expect_same_keys("meta", fxagent::json::device_meta(device).text);
 }

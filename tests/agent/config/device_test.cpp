@@ -260,7 +260,8 @@ TEST(ConfigDevice, NamesGivenTwiceAreErrorsThatNameBoth) {
 TEST(ConfigDevice, TagTakesWhatIsGiven) {
   const auto config = good(with_tag(R"({"name": "t", "address": "D100", "type": "int32", "count": 3,
       "word_order": "high_first", "scale": 0.5, "offset": -1, "unit": "°C", "min": 0, "max": 10.5,
-      "deadband": 0.25, "group": "fast", "access": "read_write"})"));
+      "deadband": 0.25, "group": "fast", "access": "read_write", "description": "Oil, before the filter",
+      "states": {"10": "warm", "-1": "no sensor", "0": "cold"}})"));
   const TagConfig& tag = first_tag(config);
   EXPECT_EQ(tag.name, "t");
   EXPECT_EQ(tag.point.type, DataType::int32);
@@ -270,10 +271,38 @@ TEST(ConfigDevice, TagTakesWhatIsGiven) {
   EXPECT_EQ(tag.point.scale, 0.5);
   EXPECT_EQ(tag.point.offset, -1.0);
   EXPECT_EQ(tag.units->unit, "°C");
+  EXPECT_EQ(tag.units->description, "Oil, before the filter");
+  EXPECT_EQ(tag.units->states, (TagStates{{-1, "no sensor"}, {0, "cold"}, {10, "warm"}}));
   EXPECT_EQ(tag.units->limits.min, 0.0);
   EXPECT_EQ(tag.units->limits.max, 10.5);
   EXPECT_EQ(tag.units->limits.deadband, 0.25);
   EXPECT_TRUE(tag.writable);
+}
+
+TEST(ConfigDevice, StatesAreNamedByWholeNumbers) {
+  const auto with = [](const std::string& type, const std::string& states) {
+    return with_tag(R"({"name": "t", "address": "D100", "type": ")" + type + R"(", "states": )" +
+                    states + "}");
+  };
+  const std::string place = "/devices/0/tags/0/states";
+  expect_error(with("int16", R"({"run": "1"})"), place + "/run", {"whole number", "found \"run\""});
+  expect_error(with("int16", R"({"01": "run"})"), place + "/01", {"whole number"});
+  expect_error(with("int16", R"({"-0": "idle"})"), place + "/-0", {"whole number"});
+  expect_error(with("int16", R"({"1.5": "idle"})"), place + "/1.5", {"whole number"});
+  std::string twice = with("int16", R"({"1": "run"})");
+  twice.replace(twice.find("\"run\""), 5, R"("run", "1": "stop")");
+  expect_error(twice, place + "/1", {"second time"});
+  expect_error(with("int16", R"({"1": ""})"), place + "/1", {"empty"});
+  expect_error(with("int16", R"({"1": 1})"), place + "/1", {"string"});
+  expect_error(with("int16", R"("idle")"), place, {"object"});
+  expect_error(with_tag(R"({"name": "t", "address": "D100", "description": "two\nlines"})"),
+               "/devices/0/tags/0/description", {"control characters"});
+  expect_error(with_tag(R"({"name": "t", "address": "M0", "states": {"2": "x"}})"), place + "/2",
+               {"bool", "\"0\" and \"1\""});
+  expect_error(with_tag(R"({"name": "t", "address": "D0", "type": "string", "length": 4,
+                            "states": {"0": "x"}})"),
+               place, {"not for string"});
+  EXPECT_TRUE(first_tag(good(with("int16", "{}"))).units->states.empty());
 }
 
 TEST(ConfigDevice, DevicesOfTheSameTagsShareThem) {
@@ -298,6 +327,8 @@ TEST(ConfigDevice, DevicesOfTheSameTagsShareThem) {
   EXPECT_FALSE(shared_with(with("scale", 0.1)));
   EXPECT_FALSE(shared_with(with("offset", 1)));
   EXPECT_FALSE(shared_with(with("max", 100)));
+  EXPECT_FALSE(shared_with(with("description", "Oil")));
+  EXPECT_FALSE(shared_with(with("states", {{"0", "cold"}})));
   EXPECT_FALSE(shared_with(with("access", "read_write")));
   auto more = tags;
   more.push_back({{"name", "level"}, {"address", "D102"}, {"group", "fast"}});
@@ -313,7 +344,7 @@ TEST(ConfigDevice, TagsAndDevicesShareWhatTheyHaveInCommon) {
     {"name": "a", "address": "D1", "unit": "bar", "max": 10},
     {"name": "b", "address": "D2", "unit": "bar", "max": 10},
     {"name": "c", "address": "D3", "unit": "bar", "max": 11},
-    {"name": "d", "address": "D4"}])");
+    {"name": "d", "address": "D4", "unit": "", "description": "", "states": {}}])");
   devices[1] = devices[0];
   devices[1].update({{"name", "press2"}, {"link", "gw1"}});
   devices.push_back(devices[1]);

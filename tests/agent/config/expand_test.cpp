@@ -24,7 +24,8 @@ const char* const kMeters = R"({
   "templates": {"meter": {
     "protocol": "modbus-rtu",
     "groups": [{"name": "g{n}", "interval_ms": "{n}"}],
-    "tags": [{"name": "power", "address": "ir:{n}", "scale": 0.10, "group": "g{n}"},
+    "tags": [{"name": "power", "address": "ir:{n}", "scale": 0.10, "group": "g{n}",
+              "description": "Of meter {n}", "states": {"0": "{n} off"}},
              {"name": "{n}", "address": "ir:1", "min": "{n}", "unit": "${UNIT}"}],
     "commands": {"allow": ["hr:{n}"], "queue": "{n}"}}},
   "devices": [
@@ -45,7 +46,8 @@ TEST(ExpandedConfig, WritesEveryDeviceOut) {
   EXPECT_EQ(out["devices"][1], json::parse(R"({
     "name": "m02", "link": "l1", "unit": 2, "protocol": "modbus-rtu",
     "groups": [{"name": "g02", "interval_ms": 2}],
-    "tags": [{"name": "power", "address": "ir:02", "scale": 0.1, "group": "g02"},
+    "tags": [{"name": "power", "address": "ir:02", "scale": 0.1, "group": "g02",
+              "description": "Of meter 02", "states": {"0": "02 off"}},
              {"name": "02", "address": "ir:1", "min": 2, "unit": "${UNIT}"}],
     "commands": {"allow": ["hr:02"], "queue": 2}})"));
   EXPECT_EQ(out["devices"][2]["tags"][0]["unit"], "{n}");

@@ -328,6 +328,8 @@ TEST(ConfigSchema, WhatIsRightOnModbusPassesBoth) {
            {"/devices/1/tags/0/address", R"("300001.0")"},
            {"/devices/1/tags/0/address", R"("00001")"},
            {"/devices/1/tags/0/word_order", R"("BADC")"},
+           {"/devices/1/tags/0/states", R"({"0": "idle", "-17": "jam"})"},
+           {"/devices/1/tags/0/description", R"("")"},
            {"/devices/1/tags/0/word_order", R"("low_first")"},
            {"/devices/1/commands/allow", R"(["hr:1-hr:2", "hr:1-0x20", "40001-40009", "co:3"])"}}) {
     EXPECT_EQ(schema_errors(modbus_plant(snippet)), "") << told(snippet);
@@ -355,6 +357,10 @@ TEST(ConfigSchema, WhatIsWrongOnModbusFailsBoth) {
                             {"/devices/1/tags/0/address", R"("20001")"},
                             {"/devices/1/tags/0/address", R"("4001")"},
                             {"/devices/1/tags/0/word_order", R"("DACB")"},
+                            {"/devices/1/tags/0/states", R"({"00": "idle"})"},
+                            {"/devices/1/tags/0/states", R"({"0": ""})"},
+                            {"/devices/1/tags/0/states", R"(["idle"])"},
+                            {"/devices/1/tags/0/description", "1"},
                             {"/devices/1/tags/0/scale", "0"},
                             {"/devices/1/tags/0/length", "5"},
                             {"/devices/1/commands/allow/0", R"("M0")"},
@@ -450,6 +456,8 @@ TEST(ConfigSchema, WhatIsRightInTemplatesPassesBoth) {
            {"/devices/0/n", R"("01-02,07")"},
            {"/devices/0/timeout_ms", "500"},
            {"/templates/meter/tags/0/type", R"("int32")"},
+           {"/templates/meter/tags/0/description", R"("Meter {n}")"},
+           {"/templates/meter/tags/0/states", R"({"0": "{n}"})"},
            {"/templates/meter/byte_order", R"("DCBA")"},
            {"/devices/2",
             R"({"name": "p{n}", "n": ["a", "b"], "link": "line1", "protocol": "fx-computer-link",

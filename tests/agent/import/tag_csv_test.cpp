@@ -44,7 +44,8 @@ json every_key() {
   plant["devices"][0]["tags"] = json::parse(R"([
     {"name": "all", "address": "D100", "type": "int32", "count": 2, "word_order": "high_first",
      "scale": 0.25, "offset": -1.5, "unit": "\"°C\", ;x", "min": -10, "max": 1e3, "deadband": 0.125,
-     "group": "fast", "access": "read_write"},
+     "group": "fast", "access": "read_write",
+     "description": "Speed, \"left\" press", "states": {"0": "idle, \"off\"", "-1": "jam"}},
     {"name": "text", "address": "D200", "type": "string", "length": 9, "unit": ""},
     {"name": "bit", "address": "M0", "type": "bool", "unit": " $${X} "},
     {"name": "plain", "address": "X17"}])");
@@ -59,6 +60,9 @@ TEST(TagCsv, EveryKeyHasAColumnAndComesBack) {
   for (const ConfigKey& key : config_section("devices[].tags[]"))
     EXPECT_TRUE(seen.contains(std::string(key.name))) << key.name << " is not tried here";
   EXPECT_EQ(back(plant.dump()), plant);
+  const std::string csv = export_csv(plant.dump());
+  EXPECT_EQ(csv.find("#press1"), std::string::npos) << csv;
+  EXPECT_NE(csv.find(R"(press1,all,D100,int32,2,,)"), std::string::npos) << csv;
 }
 
 TEST(TagCsv, TheConfigsOfTheProjectComeBack) {
@@ -95,8 +99,9 @@ TEST(TagCsv, IsATableWithTheDeviceFirst) {
   json plant = small_plant();
   const std::string csv = export_csv(plant.dump());
   EXPECT_TRUE(csv.starts_with(
-      "device,name,address,type,count,length,word_order,scale,offset,unit,min,max,deadband,group,"
-      "access\npress1,temp,D100,,,,,,,,,,,fast,\npress1,running,M0,bool,,,,,,,,,,,\n#agent,"))
+      "device,name,address,type,count,length,word_order,scale,offset,unit,description,states,min,"
+      "max,deadband,group,"
+      "access\npress1,temp,D100,,,,,,,,,,,,,fast,\npress1,running,M0,bool,,,,,,,,,,,,,\n#agent,"))
       << csv;
 }
 

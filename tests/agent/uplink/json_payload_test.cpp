@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "tests/agent/uplink/plant.h"
 #include "tests/agent/uplink/sample_text.h"
@@ -161,6 +162,24 @@ TEST(MetaJson, HashChangesWithTheTagsAndOnlyThen) {
   EXPECT_EQ(fxagent::json::device_meta(test::press("press2")).hash, hash);
   device.tags[0].point.offset = 1;
   EXPECT_NE(fxagent::json::device_meta(device).hash, hash);
+}
+
+TEST(MetaJson, HasDescriptionAndStatesWhereTheyAreSet) {
+  DeviceConfig device = test::press("press1");
+  TagUnits units = *device.tags[0].units;
+  const auto meta_with = [&] {
+    device.tags[0].units = std::make_shared<const TagUnits>(units);
+    return fxagent::json::device_meta(device);
+  };
+  const std::string plain = meta_with().hash;
+  units.description = "Oil, \"left\"";
+  const std::string described = meta_with().hash;
+  units.states = {{-1, "no sensor"}, {0, "cold"}};
+  const auto whole = meta_with();
+  const json tag = json::parse(whole.text)["tags"]["temp"];
+  EXPECT_EQ(tag["description"], "Oil, \"left\"");
+  EXPECT_EQ(tag["states"], json::parse(R"({"-1": "no sensor", "0": "cold"})"));
+  EXPECT_EQ((std::set<std::string>{plain, described, whole.hash}).size(), 3U);
 }
 
 TEST(HealthJson, HasEveryCounterByName) {
