@@ -307,6 +307,23 @@ TEST(Plan, AnArrayLongerThanAFrameGetsConsecutiveReadsAndComesBackWhole) {
   EXPECT_NE(torn.error().text.find("in part only"), std::string::npos);
 }
 
+TEST(Plan, AValueIsNeverTakenFromAReadThatEndsBeforeIt) {
+  const ProgrammingPort codec({Model::fx3u});
+  const auto value_from = [&](std::uint32_t first, std::uint32_t words, const Point& point) {
+    Plan plan;
+    plan.reads.resize(1);
+    plan.reads[0].read.span = {id(fx::Space::d), first * 16, words * 16};
+    plan.sources = {{0, 1}};
+    const std::vector<Bytes> images = {Bytes(2 * words, 0x11)};
+    return value_of(plan, images, point, 0).has_value();
+  };
+  EXPECT_TRUE(value_from(10, 2, device(codec, "D10", DataType::int32)));
+  EXPECT_FALSE(value_from(10, 1, device(codec, "D10", DataType::int32)));
+  EXPECT_FALSE(value_from(10, 1, device(codec, "D11")));
+  EXPECT_FALSE(value_from(11, 1, device(codec, "D10")));
+  EXPECT_FALSE(value_from(10, 2, device(codec, "D10", DataType::int16, 3)));
+}
+
 TEST(Plan, ALongArraySharesItsReadsWithItsNeighbours) {
   const ProgrammingPort codec({Model::fx3u});
   const LineCost cost{1ns, 1s};

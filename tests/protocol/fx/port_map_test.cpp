@@ -51,6 +51,44 @@ TEST(PortMap, EveryMapHasEverySpaceOnce) {
   }
 }
 
+/// First byte of each area. Some areas have one address in both extended maps.
+TEST(PortMap, EachModelHasTheMapOfItsSeries) {
+  const auto byte_of = [](Model model, CommandSet set, Space space) {
+    const PortArea* area = area_of(map_of(model, set), space);
+    return area == nullptr ? -1 : int{area->address};
+  };
+  for (const Model model : {Model::fx1n, Model::fx2n}) {
+    EXPECT_EQ(byte_of(model, CommandSet::extended, Space::m), 0x0000) << to_string(model);
+    EXPECT_EQ(byte_of(model, CommandSet::extended, Space::special_d), 0x0E00) << to_string(model);
+  }
+  for (const Model model : {Model::fx3s, Model::fx3g, Model::fx3u}) {
+    EXPECT_EQ(byte_of(model, CommandSet::extended, Space::m), 0x8800) << to_string(model);
+    EXPECT_EQ(byte_of(model, CommandSet::extended, Space::special_d), 0x8000) << to_string(model);
+  }
+  for (const Model model : {Model::fx0n, Model::fx1s, Model::fx1n, Model::fx3u, Model::unknown})
+    EXPECT_EQ(byte_of(model, CommandSet::classic, Space::m), 0x0100) << to_string(model);
+  struct Bytes {
+    Space space;
+    int classic, fx2n, fx3;
+  };
+  for (const Bytes& bytes : {Bytes{Space::s, 0x0000, 0x0280, 0x8CE0},
+                             {Space::x, 0x0080, 0x0240, 0x8CA0},
+                             {Space::y, 0x00A0, 0x0180, 0x8BC0},
+                             {Space::ts, 0x00C0, 0x0200, 0x9360},
+                             {Space::cs, 0x01C0, 0x01E0, 0x9340},
+                             {Space::special_m, 0x01E0, 0x01C0, 0x8C00},
+                             {Space::tc, 0x02C0, 0x0500, 0x9300},
+                             {Space::cc, 0x03C0, 0x04E0, 0x92E0},
+                             {Space::tn, 0x0800, 0x1000, 0x1000},
+                             {Space::cn, 0x0A00, 0x0A00, 0x0A00},
+                             {Space::cn32, 0x0C00, 0x0C00, 0x0C00},
+                             {Space::d, 0x1000, 0x4000, 0x4000}}) {
+    EXPECT_EQ(byte_of(Model::fx3u, CommandSet::classic, bytes.space), bytes.classic);
+    EXPECT_EQ(byte_of(Model::fx2n, CommandSet::extended, bytes.space), bytes.fx2n);
+    EXPECT_EQ(byte_of(Model::fx3u, CommandSet::extended, bytes.space), bytes.fx3);
+  }
+}
+
 TEST(PortMap, TheExtendedMapsReachEveryDeviceOfTheirModels) {
   for (const Model model : {Model::fx1n, Model::fx2n, Model::fx3s, Model::fx3g, Model::fx3u}) {
     const PortMap map = map_of(model, CommandSet::extended);

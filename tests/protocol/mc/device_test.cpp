@@ -174,24 +174,18 @@ TEST(McDevice, NonsenseIsRefusedWithTheFormsThatExist) {
     expect_says(refusal(Model::fx5u, text), "a group is made of");
 }
 
-TEST(McDevice, EachModelHasItsLastDeviceAndNotTheNext) {
+TEST(McDevice, TheNameBeyondTheLastIsRefused) {
   struct Case {
     Model model;
     const char* last;
     const char* beyond;
   };
   const Case cases[] = {
-      {Model::fx3u, "X377", "X400"},          {Model::fx3g, "Y177", "Y200"},
-      {Model::fx3u, "M7679", "M7680"},        {Model::fx3u, "M8511", "M8512"},
-      {Model::fx3u, "D7999", "D8512"},        {Model::fx3u, "T511", "T512"},
-      {Model::fx3g, "T319", "T320"},          {Model::fx3u, "CN255", "CN256"},
-      {Model::fx3u, "R32767", "R32768"},      {Model::fx3g, "R23999", "R24000"},
-      {Model::fx3u, "S4095", "S4096"},        {Model::fx5u, "D7999", "D8000"},
-      {Model::fx5u, "X1777", "X2000"},        {Model::fx5uj, "SD11999", "SD12000"},
-      {Model::fx5s, "M32767", "M32768"},      {Model::fx5u, "LC1023", "LC1024"},
-      {Model::q, "X1FFF", "X2000"},           {Model::l, "SM2047", "SM2048"},
-      {Model::iq_r, "Y2FFF", "Y3000"},        {Model::iq_r, "ZR10027007", "ZR10027008"},
-      {Model::unknown, "SD11999", "SD12000"}, {Model::fx5u, "K4M32752", "K4M32756"},
+      {Model::fx3u, "D7999", "D8512"},       {Model::fx3u, "T511", "T512"},
+      {Model::fx3u, "M7679", "M7680"},       {Model::fx5uj, "SD11999", "SD12000"},
+      {Model::fx5s, "M32767", "M32768"},     {Model::fx5u, "LC1023", "LC1024"},
+      {Model::l, "SM2047", "SM2048"},        {Model::unknown, "SD11999", "SD12000"},
+      {Model::fx5u, "K4M32752", "K4M32756"},
   };
   for (const Case& c : cases) {
     address(c.model, c.last);
@@ -244,34 +238,91 @@ TEST(McDevice, EveryDeviceIsReadBackFromItsOwnName) {
   }
 }
 
-TEST(McDevice, CodesAreThoseOfTheManuals) {
-  struct Case {
+// Codes: SH-080008 for 3E and C frames, in ASCII also those of iQ-R; JY997D45801 for 1E. Last
+// devices: JY997D45801 (FX3U and FX3G by 1E), and the performance tables of the FX5 user's manual
+// (application), the QnUCPU user's manual and the MELSEC iQ-R CPU module user's manual.
+TEST(McDevice, EachKindHasTheCodesAndTheLastDeviceOfTheManuals) {
+  struct Kind {
     Space space;
+    const char* letters;
     int binary;
     const char* ascii;
     const char* long_ascii;
     int one_e;
+    const char* last[5];  // FX3U, FX3G, FX5, Q and L, iQ-R; empty: it has none
   };
-  const Case cases[] = {
-      {Space::x, 0x9C, "X*", "X***", 0x5820}, {Space::d, 0xA8, "D*", "D***", 0x4420},
-      {Space::w, 0xB4, "W*", "W***", 0x5720}, {Space::zr, 0xB0, "ZR", "ZR**", 0},
-      {Space::stc, 0xC6, "SC", "STC*", 0},    {Space::tn, 0xC2, "TN", "TN**", 0x544E},
-      {Space::lstn, 0x5A, "", "LSTN", 0},     {Space::lz, 0x62, "", "LZ**", 0},
-      {Space::s, 0x98, "S*", "S***", 0x5320}, {Space::cs, 0xC4, "CS", "CS**", 0x4353},
+  const Kind kinds[] = {
+      {Space::x, "X", 0x9C, "X*", "X***", 0x5820, {"377", "177", "1777", "1FFF", "2FFF"}},
+      {Space::y, "Y", 0x9D, "Y*", "Y***", 0x5920, {"377", "177", "1777", "1FFF", "2FFF"}},
+      {Space::dx, "DX", 0xA2, "DX", "DX**", 0, {"", "", "", "1FFF", "2FFF"}},
+      {Space::dy, "DY", 0xA3, "DY", "DY**", 0, {"", "", "", "1FFF", "2FFF"}},
+      {Space::m, "M", 0x90, "M*", "M***", 0x4D20, {"7679", "7679", "32767", "61439", "161882111"}},
+      {Space::special_m, "M", 0x90, "M*", "", 0x4D20, {"8511", "8511", "", "", ""}},
+      {Space::l, "L", 0x92, "L*", "L***", 0, {"", "", "32767", "32767", "32767"}},
+      {Space::f, "F", 0x93, "F*", "F***", 0x4620, {"", "", "32767", "32767", "32767"}},
+      {Space::v, "V", 0x94, "V*", "V***", 0, {"", "", "", "32767", "32767"}},
+      {Space::b, "B", 0xA0, "B*", "B***", 0x4220, {"", "", "7FFF", "EFFF", "9A61FFF"}},
+      {Space::sb, "SB", 0xA1, "SB", "SB**", 0, {"", "", "7FFF", "7FFF", "9A61FFF"}},
+      {Space::s, "S", 0x98, "S*", "S***", 0x5320, {"4095", "4095", "4095", "8191", "16383"}},
+      {Space::sm, "SM", 0x91, "SM", "SM**", 0, {"", "", "9999", "2047", "4095"}},
+      {Space::ts, "TS", 0xC1, "TS", "TS**", 0x5453, {"511", "319", "1023", "32767", "8993439"}},
+      {Space::tc, "TC", 0xC0, "TC", "TC**", 0x5443, {"511", "319", "1023", "32767", "8993439"}},
+      {Space::tn, "TN", 0xC2, "TN", "TN**", 0x544E, {"511", "319", "1023", "32767", "8993439"}},
+      {Space::sts, "STS", 0xC7, "SS", "STS*", 0, {"", "", "1023", "32767", "8993439"}},
+      {Space::stc, "STC", 0xC6, "SC", "STC*", 0, {"", "", "1023", "32767", "8993439"}},
+      {Space::stn, "STN", 0xC8, "SN", "STN*", 0, {"", "", "1023", "32767", "8993439"}},
+      {Space::cs, "CS", 0xC4, "CS", "CS**", 0x4353, {"255", "255", "1023", "32767", "8993439"}},
+      {Space::cc, "CC", 0xC3, "CC", "CC**", 0x4343, {"255", "255", "1023", "32767", "8993439"}},
+      {Space::cn, "CN", 0xC5, "CN", "CN**", 0x434E, {"199", "199", "1023", "32767", "8993439"}},
+      {Space::cn32, "CN", 0xC5, "CN", "", 0x434E, {"255", "255", "", "", ""}},
+      {Space::lcs, "LCS", 0x55, "", "LCS*", 0, {"", "", "1023", "", "4761119"}},
+      {Space::lcc, "LCC", 0x54, "", "LCC*", 0, {"", "", "1023", "", "4761119"}},
+      {Space::lcn, "LCN", 0x56, "", "LCN*", 0, {"", "", "1023", "", "4761119"}},
+      {Space::ltn, "LTN", 0x52, "", "LTN*", 0, {"", "", "", "", "2529407"}},
+      {Space::lstn, "LSTN", 0x5A, "", "LSTN", 0, {"", "", "", "", "2529407"}},
+      {Space::d, "D", 0xA8, "D*", "D***", 0x4420, {"7999", "7999", "7999", "4184063", "10117631"}},
+      {Space::special_d, "D", 0xA8, "D*", "", 0x4420, {"8511", "8511", "", "", ""}},
+      {Space::w, "W", 0xB4, "W*", "W***", 0x5720, {"", "", "7FFF", "3FD7FF", "9A61FF"}},
+      {Space::sw, "SW", 0xB5, "SW", "SW**", 0, {"", "", "7FFF", "7FFF", "9A61FF"}},
+      {Space::sd, "SD", 0xA9, "SD", "SD**", 0, {"", "", "11999", "2047", "4095"}},
+      {Space::r, "R", 0xAF, "R*", "R***", 0x5220, {"32767", "23999", "32767", "32767", "32767"}},
+      {Space::zr, "ZR", 0xB0, "ZR", "ZR**", 0, {"", "", "", "4184063", "10027007"}},
+      {Space::rd, "RD", 0x2C, "", "RD**", 0, {"", "", "", "", "524287"}},
+      {Space::z, "Z", 0xCC, "Z*", "Z***", 0, {"", "", "23", "19", "23"}},
+      {Space::lz, "LZ", 0x62, "", "LZ**", 0, {"", "", "11", "", "11"}},
   };
-  for (const Case& c : cases) {
-    EXPECT_EQ(kind_of(c.space).binary, c.binary);
-    EXPECT_EQ(kind_of(c.space).ascii, c.ascii);
-    EXPECT_EQ(kind_of(c.space).one_e, c.one_e);
-    EXPECT_EQ(space_coded(static_cast<std::uint8_t>(c.binary)), c.space);
-    EXPECT_EQ(space_coded(std::string_view(c.long_ascii)), c.space);
-    if (*c.ascii != '\0') {
-      EXPECT_EQ(space_coded(std::string_view(c.ascii)), c.space);
+  constexpr Model kModels[] = {Model::fx3u, Model::fx3g, Model::fx5u, Model::q, Model::iq_r};
+  ASSERT_EQ(std::size(kinds), kSpaces);
+  for (const Kind& kind : kinds) {
+    const std::string letters = kind.letters;
+    EXPECT_EQ(kind_of(kind.space).letters, letters);
+    EXPECT_EQ(kind_of(kind.space).binary, kind.binary) << letters;
+    EXPECT_EQ(kind_of(kind.space).ascii, kind.ascii) << letters;
+    EXPECT_EQ(kind_of(kind.space).one_e, kind.one_e) << letters;
+    if (*kind.long_ascii != '\0') {  // else a code stands for the space before
+      EXPECT_EQ(space_coded(static_cast<std::uint8_t>(kind.binary)), kind.space) << letters;
+      EXPECT_EQ(space_coded(std::string_view(kind.long_ascii)), kind.space) << letters;
+      if (*kind.ascii != '\0') {
+        EXPECT_EQ(space_coded(std::string_view(kind.ascii)), kind.space) << letters;
+      }
+      if (kind.one_e != 0) {
+        EXPECT_EQ(space_coded_1e(static_cast<std::uint16_t>(kind.one_e)), kind.space) << letters;
+      }
     }
-    if (c.one_e != 0) {
-      EXPECT_EQ(space_coded_1e(static_cast<std::uint16_t>(c.one_e)), c.space);
+    for (std::size_t i = 0; i < std::size(kModels); ++i) {
+      const std::string name = letters + kind.last[i];
+      const auto numbers = numbers_of(kModels[i], kind.space);
+      ASSERT_EQ(numbers.has_value(), *kind.last[i] != '\0') << to_string(kModels[i]) << name;
+      if (!numbers) continue;
+      EXPECT_EQ(device_name(kModels[i], kind.space, numbers->last), name) << to_string(kModels[i]);
+      const Span last = span_of(kind.space, {numbers->last, numbers->last});
+      EXPECT_EQ(address(kModels[i], name).span, last) << name;
+      EXPECT_FALSE(check_range(kModels[i], {last.space, last.first_bit, last.bits + 1})) << name;
     }
   }
+}
+
+TEST(McDevice, CodesOfNothingAreNone) {
   EXPECT_EQ(space_coded(std::uint8_t{0x87}), std::nullopt);
   for (const char* none : {"", "Q*", "D", "D**", "ST**", "D*10"})
     EXPECT_EQ(space_coded(std::string_view(none)), std::nullopt) << none;

@@ -336,6 +336,23 @@ TEST(McMessages, WritesToScatteredPlacesGoTogetherWhereOneFrameCarriesThem) {
   EXPECT_TRUE(mc.combine(forces));
   forces.push_back(Force{kM, 2, true});
   EXPECT_FALSE(mc.combine(forces));
+  // An iQ-R takes 188 by short codes and 94 by its own.
+  std::vector<Request> long_forces(94, Force{kM, 1, true});
+  EXPECT_TRUE(codec(Frame::e3, Model::iq_r).combine(long_forces));
+  long_forces.push_back(Force{kM, 2, true});
+  EXPECT_FALSE(codec(Frame::e3, Model::iq_r).combine(long_forces));
+}
+
+TEST(McMessages, ContactsAreNeverWrittenAsWords) {
+  const Mc mc = codec(Frame::e3);
+  for (const Space space : {Space::ts, Space::tc, Space::sts, Space::stc, Space::cs, Space::cc}) {
+    const Write contacts{{id(space), 0, 16}, {1, 0}};
+    EXPECT_FALSE(mc.combine({kWrite, contacts})) << kind_of(space).letters;
+    const auto bits = mc.combine({contacts, contacts});
+    ASSERT_TRUE(bits) << kind_of(space).letters;
+    EXPECT_EQ(message(mc, *bits).substr(0, 14), "02 14 01 00 20") << kind_of(space).letters;
+  }
+  EXPECT_TRUE(mc.combine({kWrite, Write{{kM, 0, 16}, {1, 0}}}));
 }
 
 TEST(McMessages, InAsciiSomeDevicesOfAnFx5HaveNoCertainName) {
