@@ -73,6 +73,11 @@ int run_import(const ImportQuestion& what) {
   if (const std::string fault = fault_of(what.options); !fault.empty()) return wrong(fault);
   const auto bytes = read_config_file(what.path);
   if (!bytes) return wrong(to_string(bytes.error().front(), what.path));
+  if (bytes->starts_with("PK\x03\x04"))
+    return wrong(
+        what.path +
+        ": is a zip file, as workbooks (.xlsx) are: save its sheet as CSV, in a spreadsheet "
+        "program or with `xlsx2csv`, and import that");
   const ImportFormat* format = format_of(what.format, *bytes);
   if (format == nullptr)
     return wrong(what.path + ": is surely of no known format; name it: " + one_of(names));
@@ -86,10 +91,12 @@ int run_import(const ImportQuestion& what) {
   for (const ImportNote& note : outcome.notes)
     std::cerr << place(what.path, note.line) << ": " << escaped(note.text, Escape::message) << '\n';
   if (outcome.config.empty()) {
-    std::cerr << what.path << ": nothing could be carried over\n";
+    std::cerr << what.path << ": nothing could be carried over, " << outcome.left_out
+              << " tags left out\n";
     return kNothing;
   }
-  std::cerr << what.path << ": " << outcome.tags << " tags carried over\n";
+  std::cerr << what.path << ": " << outcome.tags << " tags carried over, " << outcome.changed
+            << " of them changed, " << outcome.left_out << " left out\n";
   std::cout << outcome.config;
   return kDone;
 }

@@ -31,11 +31,11 @@ ImportResult import_gx_comments(std::string_view text, const ImportOptions& opti
 bool is_kepware(std::string_view text);
 ImportResult import_kepware(std::string_view text, const ImportOptions& options);
 
-/// JSON of Neuron: nodes with their groups and tags, or one template.
+/// JSON of Neuron: nodes with their groups and tags, or one template; or its sheet of tags as CSV.
 bool is_neuron(std::string_view text);
 ImportResult import_neuron(std::string_view text, const ImportOptions& options);
 
-/// modbus.json of the ThingsBoard gateway: `master`.
+/// modbus.json of the ThingsBoard gateway: `master`, or what a page of its exports around that.
 bool is_thingsboard(std::string_view text);
 ImportResult import_thingsboard(std::string_view text, const ImportOptions& options);
 

@@ -89,7 +89,7 @@ ImportResult import_gx_comments(std::string_view text, const ImportOptions& opti
     const std::string_view address = row->at(0);
     if (!is_device(address)) {
       if (head != rows->end() && !address.empty())
-        out.note(row->line, "left out: \"" + std::string(address) + "\" is no device");
+        out.leave_out(row->line, "\"" + std::string(address) + "\" is no device");
       continue;
     }
     const std::string_view comment = comment_of(*row, head == rows->end() ? nullptr : &*head);
@@ -98,8 +98,11 @@ ImportResult import_gx_comments(std::string_view text, const ImportOptions& opti
       continue;
     }
     ImportedTag tag{row->line, {}};
+    const std::size_t before = out.notes.size();
     tag.keys.text("name", names.make(comment, lower(address), row->line, out.notes));
+    tag.is_changed = out.notes.size() > before;
     tag.keys.literal("address", address);
+    describe(tag, comment);
     device.tags.push_back(std::move(tag));
   }
   if (head == rows->end() && device.tags.empty())

@@ -15,6 +15,8 @@
 namespace fxagent {
 namespace {
 
+using std::string_view_literals::operator""sv;
+
 constexpr std::size_t kLongestName = 64;
 constexpr std::int64_t kLongestInterval = 86'400'000;
 constexpr std::int64_t kModbusAddresses = 65536;
@@ -100,13 +102,20 @@ bool drop_refused(Imported& imported, const std::vector<ConfigError>& errors) {
     auto& tags = imported.devices[place.first].tags;
     const auto tag = tags.begin() + static_cast<std::ptrdiff_t>(place.second);
     const std::string text = std::string(tag->keys.json_of("name")) + ": " + reasons.front()->text;
-    const bool is_access = std::ranges::all_of(
-        reasons, [](const ConfigError* error) { return error->pointer.ends_with("/access"); });
-    if (is_access) {
-      imported.note(tag->line, "not carried over: the access of " + text);
-      tag->keys.erase("access");
+    const auto all_of_key = [&](std::string_view key) {
+      return std::ranges::all_of(
+          reasons, [&](const ConfigError* error) { return error->pointer.ends_with(key); });
+    };
+    // Values are the same without these.
+    constexpr std::array kSpared{"access"sv, "description"sv};
+    const auto spared = std::ranges::find_if(
+        kSpared, [&](std::string_view key) { return all_of_key("/" + std::string(key)); });
+    if (spared != kSpared.end()) {
+      imported.note(tag->line, "not carried over: the " + std::string(*spared) + " of " + text);
+      tag->keys.erase(*spared);
+      tag->is_changed = true;
     } else {
-      imported.note(tag->line, "left out: " + text);
+      imported.leave_out(tag->line, text);
       tags.erase(tag);
     }
   }
@@ -159,6 +168,7 @@ bool drop_of_device(Imported& imported, const ConfigError& error, std::string_vi
     return true;
   }
   imported.note(0, "left out: the device " + device.name + ": " + key + " " + error.text);
+  imported.left_out += device.tags.size();
   imported.devices.erase(imported.devices.begin() + static_cast<std::ptrdiff_t>(index));
   return true;
 }
@@ -178,6 +188,10 @@ bool drop_one_setting(Imported& imported, const std::vector<ConfigError>& errors
 }
 
 }  // namespace
+
+void describe(ImportedTag& tag, std::string_view text) {
+  if (!text.empty()) tag.keys.literal("description", text);
+}
 
 void JsonObject::text(std::string_view key, std::string_view value) { raw(key, quoted(value)); }
 
@@ -268,6 +282,8 @@ std::string IntervalGroups::at(std::int64_t interval_ms) {
     JsonObject group;
     group.text("name", name);
     group.integer("interval_ms", interval_ms);
+    if (on_change_) group.text("publish", "on_change");
+    if (on_change_ && silent_) group.integer("max_silent_s", *silent_);
     device_.groups.push_back(std::move(group));
   }
   return name;
@@ -309,6 +325,16 @@ std::string modbus_address(char table, std::int64_t number) {
   return name.empty() ? std::string() : std::string(name) + std::to_string(number);
 }
 
+std::string melsec_bit_address(std::string_view text) {
+  const std::size_t dot = text.rfind('.');
+  if (dot == text.npos) return std::string(text);
+  int bit = 0;
+  const char* const end = text.data() + text.size();
+  const auto [stop, fault] = std::from_chars(text.data() + dot + 1, end, bit);
+  if (fault != std::errc() || stop != end || bit < 0 || bit > 15) return std::string(text);
+  return std::string(text.substr(0, dot + 1)) + "0123456789ABCDEF"[bit];
+}
+
 std::string placeholder_port(std::string_view protocol) {
   const ProtocolInfo* info = find_protocol(protocol);
   return info != nullptr && !info->on_serial ? "192.0.2.1:502" : "/dev/ttyUSB0";
@@ -324,6 +350,9 @@ ImportOutcome finish(Imported imported) {
     const auto config = parse_config(text);
     if (config) {
       for (const DeviceConfig& device : config->devices) outcome.tags += device.tags.size();
+      for (const ImportedDevice& device : imported.devices)
+        outcome.changed +=
+            static_cast<std::size_t>(std::ranges::count_if(device.tags, &ImportedTag::is_changed));
       if (outcome.tags > 0 || !imported.sections.empty()) outcome.config = pretty_text(text);
       break;
     }
@@ -333,6 +362,7 @@ ImportOutcome finish(Imported imported) {
       imported.note(0, error.pointer + ": " + error.text);
     break;
   }
+  outcome.left_out = imported.left_out;
   std::ranges::stable_sort(imported.notes, {}, &ImportNote::line);
   outcome.notes = std::move(imported.notes);
   return outcome;

@@ -47,7 +47,11 @@ struct ImportNote {
 struct ImportedTag {
   int line = 0;
   JsonObject keys;
+  bool is_changed = false;  ///< a note says what of it is not as it was
 };
+
+/// Takes over what the file says of the tag in words; nothing where that is empty.
+void describe(ImportedTag& tag, std::string_view text);
 
 struct ImportedDevice {
   std::string name;
@@ -63,8 +67,14 @@ struct Imported {
   std::vector<JsonObject> links;
   std::vector<ImportedDevice> devices;
   std::vector<ImportNote> notes;
+  std::size_t left_out = 0;  ///< tags of the file that are not among the devices'
 
   void note(int line, std::string text) { notes.push_back({line, std::move(text)}); }
+  /// One tag of the file that is not carried over, and why.
+  void leave_out(int line, const std::string& why) {
+    note(line, "left out: " + why);
+    ++left_out;
+  }
 };
 
 /// What the caller says of things that the file does not.
@@ -102,9 +112,17 @@ class IntervalGroups {
   explicit IntervalGroups(ImportedDevice& device) : device_(device) {}
   /// Name of the group with that poll interval, which is within what a group may have.
   std::string at(std::int64_t interval_ms);
+  /// Every group made from here on publishes changes only, and all values after at most `silent`
+  /// seconds; nullopt: after what a config has where it names none.
+  void publish_on_change(std::optional<std::int64_t> silent) {
+    on_change_ = true;
+    silent_ = silent;
+  }
 
  private:
   ImportedDevice& device_;
+  bool on_change_ = false;
+  std::optional<std::int64_t> silent_;
   std::set<std::int64_t> known_;
 };
 
@@ -126,12 +144,18 @@ class LinkTable {
 /// counted from 0; empty where there is no such table or number.
 std::string modbus_address(char table, std::int64_t number);
 
+/// "D700.C" for "D0700.12": a bit of a word as others count it, from 0 to 15, is a hexadecimal
+/// digit here. Anything else is as it was.
+std::string melsec_bit_address(std::string_view text);
+
 /// "192.0.2.1:502" for a protocol that runs over TCP only, else "/dev/ttyUSB0".
 std::string placeholder_port(std::string_view protocol);
 
 struct ImportOutcome {
   std::string config;  ///< passes check; empty where nothing could be carried over
   std::size_t tags = 0;
+  std::size_t changed = 0;  ///< of these
+  std::size_t left_out = 0;
   std::vector<ImportNote> notes;  ///< in the order of the file
 };
 

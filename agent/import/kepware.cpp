@@ -72,6 +72,20 @@ struct Place {
   std::string word_order{};              ///< of a string
 };
 
+/// "DSH0100.020": a string of 20 characters from D100 on, the first in the high byte, and DSL the
+/// other way round. So are those of W and R.
+std::optional<Place> melsec_string(std::string_view text) {
+  if (text.size() < 4 || text[1] != 'S' || (text[2] != 'H' && text[2] != 'L')) return std::nullopt;
+  const std::size_t dot = text.find('.');
+  if (!is_digit(text[3]) || dot == text.npos) return std::nullopt;
+  Place place;
+  place.address = text.substr(0, 1);
+  place.address += text.substr(3, dot - 3);
+  place.length = number_in<std::int64_t>(text.substr(dot + 1));
+  place.word_order = text[2] == 'H' ? "high_first" : "low_first";
+  return place;
+}
+
 /// "400001" and "400001.3" are the same in a config; "400001.20H" is a string of 20 characters, the
 /// first in the high byte, and L the other way round.
 Place place_of(std::string_view text, bool is_string) {
@@ -81,6 +95,8 @@ Place place_of(std::string_view text, bool is_string) {
     text = text.substr(0, bracket);
     while (text.ends_with(' ')) text.remove_suffix(1);
   }
+  if (is_string)
+    if (auto melsec = melsec_string(text)) return *std::move(melsec);
   const std::size_t dot = text.find('.');
   if (is_string && dot != text.npos) {
     std::string_view length = text.substr(dot + 1);
@@ -91,7 +107,8 @@ Place place_of(std::string_view text, bool is_string) {
     place.length = number_in<std::int64_t>(length);
     text = text.substr(0, dot);
   }
-  place.address = text;
+  const bool is_modbus = !text.empty() && is_digit(text.front());
+  place.address = is_modbus ? std::string(text) : melsec_bit_address(text);
   return place;
 }
 
@@ -107,9 +124,7 @@ class TagReader {
   std::string_view cell(const CsvRow& row, Column column) const {
     return columns_[column] == std::string::npos ? std::string_view() : row.at(columns_[column]);
   }
-  void leave_out(const CsvRow& row, const std::string& why) {
-    out_.note(row.line, "left out: " + why);
-  }
+  void leave_out(const CsvRow& row, const std::string& why) { out_.leave_out(row.line, why); }
   bool add_scaling(const CsvRow& row, ImportedTag& tag);
 
   Imported& out_;
@@ -179,10 +194,9 @@ void TagReader::take(const CsvRow& row) {
   if (const auto rate = number_in<std::int64_t>(cell(row, scan_rate)))
     tag.keys.text("group", groups_.at(*rate));
   if (!cell(row, eng_units).empty()) tag.keys.literal("unit", cell(row, eng_units));
-  if (!cell(row, description).empty())
-    out_.note(row.line,
-              "not carried over: the description \"" + std::string(cell(row, description)) + "\"");
+  describe(tag, cell(row, description));
   tag.keys.text("name", names_.make(name, "tag", row.line, out_.notes));
+  tag.is_changed = out_.notes.size() > before;
   device_.tags.push_back(std::move(tag));
 }
 

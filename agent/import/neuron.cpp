@@ -1,12 +1,15 @@
 // Neuron's JSON: a list of nodes with plugin, params, groups and tags; or the same in four lists
-// (nodes, groups, tags, settings) that name their driver; or one template. Addresses are
-// SLAVE!ADDRESS with .BIT, #ENDIAN or .LENGTH behind it, and the numbers of types those of its API.
+// (nodes, groups, tags, settings) that name their driver; or one template. And the sheet of tags of
+// one node, as CSV. Addresses of Modbus are SLAVE!ADDRESS with .BIT, #ENDIAN or .LENGTH behind it,
+// those of Mitsubishi the device's name with .BIT or .LENGTH; the numbers of types are those of its
+// API.
 #include <algorithm>
 #include <array>
 #include <charconv>
 #include <map>
 #include <string>
 
+#include "agent/import/csv.h"
 #include "agent/import/formats.h"
 #include "agent/import/json_source.h"
 
@@ -73,6 +76,8 @@ std::string_view protocol_of(std::string_view plugin) {
   if (name.starts_with("modbusascii")) return "modbus-ascii";
   if (name.starts_with("modbus")) return "modbus-tcp";
   if (name.starts_with("mitsubishifx")) return "fx-programming-port";
+  if (name.starts_with("mitsubishi3e") || name == "qna3e") return "mc-3e";
+  if (name.starts_with("mitsubishi1e") || name == "a1e") return "mc-1e";
   return {};
 }
 
@@ -82,6 +87,35 @@ struct Place {
   std::string_view order{};
   std::int64_t length = 0;
 };
+
+/// Takes ".10", ".10H" or ".10L" off a string's address. False where something else is behind its
+/// dot.
+bool take_length(std::string_view& text, Place& place) {
+  const std::size_t dot = text.find('.');
+  if (dot == text.npos) return true;
+  const std::string_view length = text.substr(dot + 1);
+  const char* const end = length.data() + length.size();
+  const auto number = std::from_chars(length.data(), end, place.length);
+  const std::string_view rest(number.ptr, static_cast<std::size_t>(end - number.ptr));
+  if (number.ec != std::errc() || (!rest.empty() && rest != "H" && rest != "L")) return false;
+  place.order = rest == "L" ? "low_first" : "high_first";
+  text = text.substr(0, dot);
+  return true;
+}
+
+/// "D20.12" and "SN5" as they are here: D20.C and STN5. nullopt: not a string with its length.
+std::optional<Place> melsec_place(std::string_view text, bool is_string) {
+  Place place;
+  if (is_string && !take_length(text, place)) return std::nullopt;
+  const bool is_retentive = text.size() > 2 && text[0] == 'S' &&
+                            (text[1] == 'S' || text[1] == 'C' || text[1] == 'N') &&
+                            text[2] >= '0' && text[2] <= '9';
+  if (is_retentive)
+    place.address = "ST" + std::string(text.substr(1));
+  else
+    place.address = melsec_bit_address(text);
+  return place;
+}
 
 /// nullopt where it is not SLAVE!ADDRESS.
 std::optional<Place> modbus_place(std::string_view text, bool is_string) {
@@ -97,17 +131,7 @@ std::optional<Place> modbus_place(std::string_view text, bool is_string) {
     if (place.order.empty()) return std::nullopt;
     text = text.substr(0, hash);
   }
-  const std::size_t dot = text.find('.');
-  if (is_string && dot != text.npos) {
-    const std::string_view length = text.substr(dot + 1);
-    const auto number = std::from_chars(length.data(), length.data() + length.size(), place.length);
-    const std::string_view rest(
-        number.ptr, static_cast<std::size_t>(length.data() + length.size() - number.ptr));
-    if (number.ec != std::errc() || (!rest.empty() && rest != "H" && rest != "L"))
-      return std::nullopt;
-    place.order = rest == "L" ? "low_first" : "high_first";
-    text = text.substr(0, dot);
-  }
+  if (is_string && !take_length(text, place)) return std::nullopt;
   // Always from 1, and with one digit for the table.
   place.address = text;
   return place;
@@ -305,17 +329,15 @@ void NeuronReader::read_tag(const Driver& driver, const Driver::Group& group,
   const auto number = integer_at(node, "type").value_or(0);
   const std::string_view type = type_of(number);
   if (type.empty())
-    return out_.note(line, "left out: " + std::string(name) + " has the type " +
-                               std::to_string(number) + ", which a config does not have");
+    return out_.leave_out(line, std::string(name) + " has the type " + std::to_string(number) +
+                                    ", which a config does not have");
   const std::string_view address = text_at(node, "address");
-  std::optional<Place> place;
-  if (protocol.starts_with("modbus"))
-    place = modbus_place(address, number == kString);
-  else
-    place = Place{-1, std::string(address), {}, 0};
+  const bool is_string = number == kString;
+  auto place = protocol.starts_with("modbus") ? modbus_place(address, is_string)
+                                              : melsec_place(address, is_string);
   if (!place)
-    return out_.note(line, "left out: " + std::string(name) + " has the address \"" +
-                               std::string(address) + "\", which is none for a config");
+    return out_.leave_out(line, std::string(name) + " has the address \"" + std::string(address) +
+                                    "\", which is none for a config");
   ImportedDevice& device = device_of(driver, protocol, place->unit);
   const std::size_t index = units_.at(place->unit);
   const auto [known, fresh] = groups_.try_emplace({index, group.name});
@@ -327,6 +349,7 @@ void NeuronReader::read_tag(const Driver& driver, const Driver::Group& group,
     device.groups.push_back(std::move(made));
   }
   ImportedTag tag{line, {}};
+  const std::size_t before = out_.notes.size();
   tag.keys.text("name", tag_names_[index].make(name, "tag", line, out_.notes));
   tag.keys.literal("address", place->address);
   tag.keys.text("type", type);
@@ -346,9 +369,9 @@ void NeuronReader::read_tag(const Driver& driver, const Driver::Group& group,
   tell_of_others(node, std::string(name),
                  {"name", "address", "type", "attribute", "decimal", "bias", "description", "unit",
                   is_rounded ? "" : "precision"});
-  if (const std::string_view text = text_at(node, "description"); !text.empty())
-    out_.note(line, "not carried over: the description \"" + std::string(text) + "\"");
+  describe(tag, text_at(node, "description"));
   tag.keys.text("group", known->second);
+  tag.is_changed = out_.notes.size() > before;
   device.tags.push_back(std::move(tag));
 }
 
@@ -373,6 +396,7 @@ void NeuronReader::read_driver(const Driver& driver) {
       out_.note(line_of(*driver.node), "left out: the node " + std::string(driver.name) +
                                            ", whose plugin \"" + std::string(driver.plugin) +
                                            "\" speaks no protocol of ours");
+    for (const Driver::Group& group : driver.groups) out_.left_out += group.tags.size();
     return;
   }
   units_.clear();
@@ -398,9 +422,73 @@ Imported NeuronReader::read() {
   return std::move(out_);
 }
 
+/// The columns of the sheet that a page of tags exports and imports, or takes as a template; the
+/// first four are in each.
+const std::vector<std::string_view>& sheet_columns() {
+  static const std::vector<std::string_view> names{
+      "name",        "address", "attribute", "type", "group", "interval",
+      "description", "decimal", "precision", "bias", "unit"};
+  return names;
+}
+constexpr std::size_t kNeeded = 4;
+
+bool is_sheet(const std::vector<CsvRow>& rows) {
+  if (rows.empty()) return false;
+  const auto columns = csv_columns(rows.front(), sheet_columns());
+  return std::find(columns.begin(), columns.begin() + kNeeded, std::string::npos) ==
+         columns.begin() + kNeeded;
+}
+
+/// The number of a type by the name that the sheet has; 0: unknown.
+std::int64_t type_named(std::string_view name) {
+  constexpr std::array<std::string_view, 19> kTypes{
+      "",       "INT8", "UINT8", "INT16",  "UINT16", "INT32", "UINT32", "INT64", "UINT64", "FLOAT",
+      "DOUBLE", "BIT",  "BOOL",  "STRING", "BYTES",  "ERROR", "WORD",   "DWORD", "LWORD"};
+  return std::ranges::find(kTypes, name) - kTypes.begin();
+}
+
+/// The sheet as a node in JSON, each tag on the line of its row.
+std::string json_of_sheet(const std::vector<CsvRow>& rows, const ImportOptions& options) {
+  const auto columns = csv_columns(rows.front(), sheet_columns());
+  JsonObject node;
+  node.text("name", options.device.empty() ? "device1" : options.device);
+  std::string groups = "[";
+  int line = 1;
+  for (auto row = rows.begin() + 1; row != rows.end(); ++row) {
+    const auto cell = [&](std::string_view name) {
+      const auto index = std::ranges::find(sheet_columns(), name) - sheet_columns().begin();
+      const std::size_t column = columns[static_cast<std::size_t>(index)];
+      return column == std::string::npos ? std::string_view() : row->at(column);
+    };
+    const auto add_number = [&](JsonObject& object, std::string_view name) {
+      const std::string_view text = cell(name);
+      double value = 0;
+      const char* const end = text.data() + text.size();
+      const auto [stop, fault] = std::from_chars(text.data(), end, value);
+      if (!text.empty() && fault == std::errc() && stop == end) object.number(name, value);
+    };
+    JsonObject tag;
+    for (const auto name : {"name", "address", "description", "unit"}) tag.text(name, cell(name));
+    const std::int64_t type = type_named(cell("type"));
+    tag.integer("type", type < 19 ? type : 0);
+    tag.integer("attribute", cell("attribute").find("Write") == std::string::npos ? 1 : 3);
+    for (const auto name : {"decimal", "precision", "bias"}) add_number(tag, name);
+    JsonObject group;
+    group.text("name", cell("group").empty() ? "default" : cell("group"));
+    add_number(group, "interval");
+    group.raw("tags", "[" + tag.dump() + "]");
+    if (groups.size() > 1) groups += ',';
+    for (; line < row->line; ++line) groups += '\n';
+    groups += group.dump();
+  }
+  node.raw("groups", groups + "]");
+  return node.dump();
+}
+
 }  // namespace
 
 bool is_neuron(std::string_view text) {
+  if (const auto rows = read_csv(text, csv_delimiter(text)); rows && is_sheet(*rows)) return true;
   const auto tree = json_source(text);
   if (!tree) return false;
   const ConfigNode& top = tree->root();
@@ -410,6 +498,22 @@ bool is_neuron(std::string_view text) {
 }
 
 ImportResult import_neuron(std::string_view text, const ImportOptions& options) {
+  if (const auto rows = read_csv(text, csv_delimiter(text)); rows && is_sheet(*rows)) {
+    ImportOptions complete = options;
+    const std::size_t column = csv_columns(rows->front(), {"address"}).front();
+    const bool is_modbus = std::ranges::any_of(*rows, [&](const CsvRow& row) {
+      return row.at(column).find('!') != std::string_view::npos;
+    });
+    if (complete.protocol.empty() && !is_modbus)
+      return tl::unexpected(
+          ImportFault{0,
+                      "a sheet of tags does not say which plugin its node has: give --protocol "
+                      "mc-3e, mc-1e or fx-programming-port"});
+    if (complete.protocol.empty()) complete.protocol = "modbus-tcp";
+    const auto tree = json_source(json_of_sheet(*rows, complete));
+    if (!tree) return tl::unexpected(tree.error());
+    return NeuronReader(*tree, complete).read();
+  }
   const auto tree = json_source(text);
   if (!tree) return tl::unexpected(tree.error());
   if (tree->root().find("nodes") == nullptr && tree->root().find("groups") == nullptr)

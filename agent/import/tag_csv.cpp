@@ -172,15 +172,15 @@ void TagCsvReader::take_tag(const CsvRow& row) {
     } else if (is_json_of(keys[i], std::string(row.at(column)))) {
       tag.keys.raw(keys[i].name, std::string(row.at(column)));
     } else if (!row.at(column).empty()) {
-      return out_.note(row.line, "left out: " + std::string(keys[i].name) + " must be " +
-                                     (is_number(keys[i]) ? "a number" : "a JSON object") +
-                                     ", found \"" + cell + "\"");
+      return out_.leave_out(row.line, std::string(keys[i].name) + " must be " +
+                                          (is_number(keys[i]) ? "a number" : "a JSON object") +
+                                          ", found \"" + cell + "\"");
     }
   }
   std::string name(columns_.back() == std::string::npos ? ""sv : row.at(columns_.back()));
   if (name.empty()) name = options_.device.empty() ? "device1" : options_.device;
   if (is_whole_ && !devices_.contains(name))
-    return out_.note(row.line, "left out: there is no device " + name + " with its tags in rows");
+    return out_.leave_out(row.line, "there is no device " + name + " with its tags in rows");
   ImportedDevice& device = device_of(name);
   // A file of tags alone has their groups by name only.
   const std::size_t group_column = columns_[group_];
@@ -243,7 +243,9 @@ bool is_tag_csv(std::string_view text) {
   const auto rows = read_csv(text, csv_delimiter(text));
   if (!rows || rows->empty()) return false;
   const auto columns = csv_columns(rows->front(), {"name"sv, "address"sv});
-  return std::ranges::find(columns, std::string::npos) == columns.end();
+  // Only a sheet of Neuron's has the third.
+  return std::ranges::find(columns, std::string::npos) == columns.end() &&
+         csv_columns(rows->front(), {"attribute"sv}).front() == std::string::npos;
 }
 
 ImportResult import_tag_csv(std::string_view text, const ImportOptions& options) {

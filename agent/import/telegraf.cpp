@@ -65,6 +65,7 @@ std::string_view type_of(std::string_view name, std::size_t registers, bool is_r
     if (name == "UINT16") return "uint16";
     return name == "INT32" ? "int32" : "uint32";
   }
+  if (name == "STRING") return "string";
   if (name == "FLOAT32-IEEE" || (name == "FLOAT32" && !is_register_style)) return "float32";
   if (registers > 2) return {};
   if (name == "FIXED") return registers == 2 ? "int32" : "int16";
@@ -84,6 +85,11 @@ char table_of(std::string_view name) {
 std::string_view order_of(std::string_view name) {
   if (name == "BA") return "BADC";
   return name == "AB" ? ""sv : name;
+}
+
+/// Whether the first byte of a string is the high one of its register.
+bool is_high_first(std::string_view order) {
+  return order.empty() || order == "ABCD" || order == "CDAB";
 }
 
 class TelegrafReader {
@@ -106,6 +112,7 @@ class TelegrafReader {
   ImportedDevice& device_of(std::int64_t unit, int line);
   void read_fields(const toml::table& owner, std::string_view key, std::int64_t unit, Field field);
   void read_field(const toml::table& node, std::int64_t unit, Field field);
+  void tell_of_measurements();
 
   const ImportOptions& options_;
   Imported out_;
@@ -121,6 +128,11 @@ class TelegrafReader {
   std::string group_;                          ///< name of the one group that each device has
   std::map<std::int64_t, std::size_t> units_;  ///< index in out_.devices
   std::map<std::int64_t, NameMaker> tag_names_;
+  struct Measurement {
+    int line = 0;  ///< of the first field
+    std::size_t fields = 0;
+  };
+  std::map<std::string, Measurement, std::less<>> measurements_;
 };
 
 /// Notes the keys of `table`, which is `what`, that are none of `known`.
@@ -185,14 +197,16 @@ void TelegrafReader::read_field(const toml::table& node, std::int64_t unit, Fiel
   const int line = line_of(node);
   const std::string name(text_at(node, "name"));
   if (node["omit"].value_or(false)) return;
-  const auto leave_out = [&](const std::string& why) {
-    out_.note(line, "left out: " + name + ": " + why);
-  };
+  const auto leave_out = [&](const std::string& why) { out_.leave_out(line, name + ": " + why); };
   std::vector<std::int64_t> addresses;
   if (const toml::array* list = node["address"].as_array())
     for (const toml::node& item : *list) addresses.push_back(item.value_or(std::int64_t{-1}));
   else
     addresses.push_back(integer_at(node, "address").value_or(-1));
+  // The style of registers lists those of a string, the others count them.
+  const std::int64_t string_registers = field.is_register_style
+                                            ? static_cast<std::int64_t>(addresses.size())
+                                            : integer_at(node, "length").value_or(0);
   for (std::size_t i = 1; i < addresses.size(); ++i)
     if (addresses[i] != addresses[i - 1] + 1) return leave_out("its addresses are not in a row");
   std::string address =
@@ -208,19 +222,29 @@ void TelegrafReader::read_field(const toml::table& node, std::int64_t unit, Fiel
   if (type == "bool" && !is_bit)
     address += "." + std::to_string(integer_at(node, "bit").value_or(0));
   ImportedDevice& device = device_of(unit, line);
+  const std::size_t before = out_.notes.size();
   tag.keys.text("name", tag_names_[unit].make(name, "tag", line, out_.notes));
   tag.keys.literal("address", address);
   if (!is_bit) tag.keys.text("type", type);
   const std::string_view order =
-      field.is_register_style ? order_of(text_at(node, "byte_order")) : order_of(field.order);
-  if (!order.empty() && type != "bool") tag.keys.text("word_order", order);
-  const auto scale = node["scale"].value<double>();
-  if (scale && *scale != 0 && *scale != 1 && type != "bool") tag.keys.number("scale", *scale);
+      order_of(field.is_register_style ? text_at(node, "byte_order") : field.order);
+  if (type == "string") {
+    tag.keys.integer("length", 2 * string_registers);
+    tag.keys.text("word_order", is_high_first(order) ? "high_first" : "low_first");
+  } else if (type != "bool") {
+    if (!order.empty()) tag.keys.text("word_order", order);
+    const auto scale = node["scale"].value<double>();
+    if (scale && *scale != 0 && *scale != 1) tag.keys.number("scale", *scale);
+  }
   tell_of_others(node, name,
                  {"name", "address", "data_type", "type", "byte_order", "scale", "bit",
-                  "measurement", "omit", "register"});
-  if (const std::string_view measurement = text_at(node, "measurement"); !measurement.empty())
-    out_.note(line, "not carried over: the measurement \"" + std::string(measurement) + "\"");
+                  "measurement", "omit", "register", type == "string" ? "length" : ""});
+  tag.is_changed = out_.notes.size() > before;
+  if (const std::string_view measurement = text_at(node, "measurement"); !measurement.empty()) {
+    Measurement& known = measurements_[std::string(measurement)];
+    if (known.fields++ == 0) known.line = line;
+    tag.is_changed = true;
+  }
   tag.keys.text("group", group_);
   device.tags.push_back(std::move(tag));
 }
@@ -272,12 +296,20 @@ void TelegrafReader::read_plugin(const toml::table& plugin, std::int64_t interva
   }
 }
 
+void TelegrafReader::tell_of_measurements() {
+  for (const auto& [name, known] : measurements_)
+    out_.note(known.line, "not carried over: the measurement \"" + name + "\" of " +
+                              std::to_string(known.fields) +
+                              (known.fields == 1 ? " field" : " fields"));
+}
+
 Imported TelegrafReader::read(const toml::table& top) {
   const auto interval =
       milliseconds(top["agent"]["interval"].value_or(""sv)).value_or(kDefaultInterval);
   const toml::array* plugins = top["inputs"]["modbus"].as_array();
   for (const toml::node& item : *plugins)
     if (const toml::table* plugin = item.as_table()) read_plugin(*plugin, interval);
+  tell_of_measurements();
   if (const toml::table* inputs = top["inputs"].as_table())
     for (const auto& [name, node] : *inputs)
       if (name != "modbus")
@@ -286,10 +318,70 @@ Imported TelegrafReader::read(const toml::table& top) {
   return std::move(out_);
 }
 
+/// The line where names or brackets stand within each other deeper than any config has them;
+/// nullopt: nowhere. The library goes down a level of the stack for each, and names the line of
+/// none. What it takes for a string must be one here too, or levels could hide in it; behind the
+/// first fault it reads nothing.
+std::optional<int> too_deep_line(std::string_view text) {
+  constexpr std::size_t kMostLevels = 32;
+  int line = 1;
+  std::size_t names = 0;  // of the key that is read
+  std::size_t brackets = 0;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const char c = text[i];
+    if (c == '"' || c == '\'') {
+      const std::string triple(3, c);
+      const bool is_long = text.substr(i).starts_with(triple);
+      i += is_long ? 3 : 1;
+      while (i < text.size()) {
+        if (is_long ? text.substr(i).starts_with(triple) : text[i] == c || text[i] == '\n') break;
+        if (text[i] == '\n') ++line;
+        i += c == '"' && text[i] == '\\' && text.substr(i + 1, 1) != "\n" ? 2 : 1;
+      }
+      if (i >= text.size()) break;
+      if (is_long) {
+        i += 2;
+        // Up to two more stand before the three that end it.
+        for (int more = 0; more < 2 && text.substr(i + 1, 1) == triple.substr(0, 1); ++more) ++i;
+      }
+      if (text[i] != '\n') continue;
+    }
+    switch (text[i]) {
+      case '#':
+        i = std::min(text.find('\n', i), text.size()) - 1;
+        break;
+      case '\n':
+        ++line;
+        [[fallthrough]];
+      case '=':
+      case ',':
+        names = 0;
+        break;
+      case '[':
+      case '{':
+        names = 0;
+        if (++brackets > kMostLevels) return line;
+        break;
+      case ']':
+      case '}':
+        brackets -= brackets > 0 ? 1 : 0;
+        break;
+      case '.':
+        if (++names > kMostLevels) return line;
+        break;
+      default:
+        break;
+    }
+  }
+  return std::nullopt;
+}
+
 /// The text as TOML, or where it is none. What is not ASCII is read as U+FFFD: nothing that is
 /// carried over has it, and toml++ 3.3 meets undefined behaviour (TOML_UNREACHABLE in
 /// is_whitespace()) where another such character stands outside of strings and comments.
 tl::expected<toml::table, ImportFault> parsed(std::string_view text) {
+  if (const auto line = too_deep_line(text))
+    return tl::unexpected(ImportFault{*line, "names or brackets in each other, over 32 levels"});
   std::string plain;
   for (const char each : text) {
     const auto byte = static_cast<unsigned char>(each);

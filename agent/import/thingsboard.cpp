@@ -75,6 +75,24 @@ std::string_view order_of(const ConfigNode& slave, const ConfigNode* tag) {
   return words ? "CDAB" : "ABCD";
 }
 
+struct Places {
+  const ConfigNode* file = nullptr;       ///< with "master"
+  const ConfigNode* connector = nullptr;  ///< around it where there is one, else the same
+};
+
+/// What a gateway's page shows or exports has the file in `configurationJson`, alone or below the
+/// name of its connector.
+Places places_of(const ConfigNode& top) {
+  const auto unwrapped = [](const ConfigNode& node) -> std::optional<Places> {
+    const ConfigNode* file = node.find("configurationJson");
+    return file == nullptr ? std::nullopt : std::optional(Places{file, &node});
+  };
+  if (const auto places = unwrapped(top)) return *places;
+  if (top.children.size() == 1)
+    if (const auto places = unwrapped(top.children.front())) return *places;
+  return {&top, &top};
+}
+
 class ThingsboardReader {
  public:
   ThingsboardReader(const ConfigTree& tree, const ImportOptions& options)
@@ -88,12 +106,15 @@ class ThingsboardReader {
   void tell_of_others(const ConfigNode& node, const std::string& what,
                       std::initializer_list<std::string_view> known);
   void read_slave(const ConfigNode& slave);
+  void read_publishing(const ConfigNode& slave, IntervalGroups& groups);
+  void leave_out_slave(const ConfigNode& slave, const std::string& kind);
   std::string link_of(const ConfigNode& slave, std::string_view protocol);
   void read_tag(const ConfigNode& slave, const ConfigNode& node, ImportedDevice& device,
                 IntervalGroups& groups, NameMaker& names);
 
   const ConfigTree& tree_;
   const ImportOptions& options_;
+  const ConfigNode* connector_ = nullptr;  ///< what the gateway's page of the connector says
   Imported out_;
   LinkTable links_{out_};
   NameMaker device_names_;
@@ -135,8 +156,9 @@ void ThingsboardReader::read_tag(const ConfigNode& slave, const ConfigNode& node
   const int line = line_of(node);
   const std::string_view name = text_at(node, "tag");
   const auto leave_out = [&](const std::string& why) {
-    out_.note(line, "left out: " + std::string(name) + ": " + why);
+    out_.leave_out(line, std::string(name) + ": " + why);
   };
+  const std::size_t before = out_.notes.size();
   const auto registers = integer_at(node, "objectsCount").value_or(1);
   const auto function = integer_at(node, "functionCode").value_or(0);
   const auto number = integer_at(node, "address").value_or(-1);
@@ -182,7 +204,34 @@ void ThingsboardReader::read_tag(const ConfigNode& slave, const ConfigNode& node
     tag.keys.number("scale", scale);
   tag.keys.text("group", groups.at(integer_at(slave, "pollPeriod").value_or(5000)));
   if (written_.contains({table, number})) tag.keys.text("access", "read_write");
+  tag.is_changed = out_.notes.size() > before;
   device.tags.push_back(std::move(tag));
+}
+
+/// `sendDataOnlyOnChange` of the slave or of the whole connector, and the slave's reportStrategy.
+void ThingsboardReader::read_publishing(const ConfigNode& slave, IntervalGroups& groups) {
+  const ConfigNode* own = slave.find("sendDataOnlyOnChange");
+  const ConfigNode* only = own != nullptr ? own : connector_->find("sendDataOnlyOnChange");
+  if (only != nullptr && only->kind == ConfigNode::Kind::boolean && only->boolean)
+    groups.publish_on_change(std::nullopt);
+  const ConfigNode* strategy = slave.find("reportStrategy");
+  if (strategy == nullptr) return;
+  const std::string_view kind = text_at(*strategy, "type");
+  const auto period = integer_at(*strategy, "reportPeriod");
+  if (kind == "ON_CHANGE")
+    groups.publish_on_change(std::nullopt);
+  else if (kind == "ON_CHANGE_OR_REPORT_PERIOD" && period && *period > 0)
+    groups.publish_on_change((*period + 999) / 1000);
+  else
+    out_.note(line_of(slave), "not carried over: the reportStrategy \"" + std::string(kind) +
+                                  "\" of the slave " + std::string(text_at(slave, "deviceName")));
+}
+
+void ThingsboardReader::leave_out_slave(const ConfigNode& slave, const std::string& kind) {
+  out_.note(line_of(slave),
+            "left out: the slave " + std::string(text_at(slave, "deviceName")) + " over " + kind);
+  for (const auto list : {"attributes"sv, "timeseries"sv})
+    out_.left_out += children_at(slave, list).size();
 }
 
 void ThingsboardReader::read_slave(const ConfigNode& slave) {
@@ -191,10 +240,7 @@ void ThingsboardReader::read_slave(const ConfigNode& slave) {
   std::string protocol = options_.protocol;
   if (protocol.empty())
     protocol = method == "rtu" ? "modbus-rtu" : method == "ascii" ? "modbus-ascii" : "modbus-tcp";
-  if (kind == "udp" || kind == "tls")
-    return out_.note(
-        line_of(slave),
-        "left out: the slave " + std::string(text_at(slave, "deviceName")) + " over " + kind);
+  if (kind == "udp" || kind == "tls") return leave_out_slave(slave, kind);
   ImportedDevice device;
   device.name = device_names_.make(
       options_.device.empty() ? text_at(slave, "deviceName") : std::string_view(options_.device),
@@ -210,9 +256,27 @@ void ThingsboardReader::read_slave(const ConfigNode& slave) {
   if (const auto gap = integer_at(slave, "delayBetweenRequestsMs"); gap && *gap > 0)
     device.keys.integer("gap_ms", *gap);
   tell_of_others(slave, "the slave " + std::string(text_at(slave, "deviceName")),
-                 {"type", "method", "host", "port", "baudrate", "bytesize", "parity", "stopbits",
-                  "unitId", "deviceName", "byteOrder", "wordOrder", "pollPeriod", "timeout",
-                  "delayBetweenRequestsMs", "attributes", "timeseries", "attributeUpdates", "rpc"});
+                 {"type",
+                  "method",
+                  "host",
+                  "port",
+                  "baudrate",
+                  "bytesize",
+                  "parity",
+                  "stopbits",
+                  "unitId",
+                  "deviceName",
+                  "byteOrder",
+                  "wordOrder",
+                  "pollPeriod",
+                  "timeout",
+                  "delayBetweenRequestsMs",
+                  "sendDataOnlyOnChange",
+                  "reportStrategy",
+                  "attributes",
+                  "timeseries",
+                  "attributeUpdates",
+                  "rpc"});
 
   written_.clear();
   for (const auto list : {"attributeUpdates"sv, "rpc"sv})
@@ -223,6 +287,7 @@ void ThingsboardReader::read_slave(const ConfigNode& slave) {
     }
   NameMaker names;
   IntervalGroups groups(device);
+  read_publishing(slave, groups);
   for (const auto list : {"attributes"sv, "timeseries"sv})
     for (const ConfigNode& node : children_at(slave, list))
       read_tag(slave, node, device, groups, names);
@@ -243,28 +308,46 @@ void ThingsboardReader::read_slave(const ConfigNode& slave) {
 }
 
 Imported ThingsboardReader::read() {
-  const ConfigNode* master = tree_.root().find("master");
+  const Places places = places_of(tree_.root());
+  connector_ = places.connector;
+  const ConfigNode* master = places.file->find("master");
   for (const ConfigNode& slave : children_at(*master, "slaves")) read_slave(slave);
   tell_of_others(*master, "\"master\"", {"slaves"});
-  tell_of_others(tree_.root(), "the file", {"master", "slave"});
-  if (const ConfigNode* slave = tree_.root().find("slave"))
+  tell_of_others(*places.file, "the file",
+                 {"master", "slave", "configurationJson", "sendDataOnlyOnChange"});
+  if (const ConfigNode* slave = places.file->find("slave");
+      slave != nullptr && !slave->children.empty())
     out_.note(line_of(*slave), "left out: \"slave\", the gateway's own Modbus server");
   return std::move(out_);
+}
+
+/// The first generation of the gateway's file: one server with its devices.
+bool is_first_generation(const ConfigNode& file) {
+  const ConfigNode* server = file.find("server");
+  return server != nullptr && server->find("devices") != nullptr;
 }
 
 }  // namespace
 
 bool is_thingsboard(std::string_view text) {
   const auto tree = json_source(text);
-  const ConfigNode* master = tree ? tree->root().find("master") : nullptr;
-  return master != nullptr && master->find("slaves") != nullptr;
+  if (!tree) return false;
+  const ConfigNode& file = *places_of(tree->root()).file;
+  const ConfigNode* master = file.find("master");
+  return is_first_generation(file) || (master != nullptr && master->find("slaves") != nullptr);
 }
 
 ImportResult import_thingsboard(std::string_view text, const ImportOptions& options) {
   const auto tree = json_source(text);
   if (!tree) return tl::unexpected(tree.error());
-  if (tree->root().find("master") == nullptr)
-    return tl::unexpected(ImportFault{0, "has no \"master\""});
+  const ConfigNode& file = *places_of(tree->root()).file;
+  if (is_first_generation(file))
+    return tl::unexpected(
+        ImportFault{tree->line_of(file.find("server")->offset),
+                    "\"server\" with \"devices\" is of a gateway before version 3, and is not "
+                    "read: a gateway of "
+                    "version 3 writes modbus_new.json out of it when it starts; import that"});
+  if (file.find("master") == nullptr) return tl::unexpected(ImportFault{0, "has no \"master\""});
   return ThingsboardReader(*tree, options).read();
 }
 

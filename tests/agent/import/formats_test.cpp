@@ -33,6 +33,7 @@ std::string_view found(std::string_view text) {
 TEST(ImportFormats, AWordOfAnotherFormatInACellChangesNothing) {
   EXPECT_EQ(found("Device,Name,Address\npress1,speed,D0\n"), "csv");
   EXPECT_EQ(found("name,address\nDevice,D0\n"), "csv");
+  EXPECT_EQ(found("group,name,address,attribute,type\ng,t,1!400010,Read,INT16\n"), "neuron");
   EXPECT_EQ(found("Tag Name,Address,Data Type\nDevice,400001,Word\n"), "kepware");
   EXPECT_FALSE(is_gx_comments("Device,Name,Address\npress1,speed,D0\n"));
 }

@@ -25,8 +25,10 @@ TEST(GxComments, GxDeveloperHasCommasAndLabels) {
   EXPECT_EQ(device["protocol"], "fx-programming-port");
   EXPECT_EQ(made.config["links"][0]["serial"]["path"], "/dev/ttyUSB3");
   EXPECT_EQ(device["tags"].dump(),
-            R"([{"address":"X0","name":"start_button"},{"address":"X1","name":"stopb"},)"
-            R"({"address":"D100","name":"oil_temperature_tank_1"}])");
+            R"([{"address":"X0","description":"Start button","name":"start_button"},)"
+            R"({"address":"X1","description":"STOPB","name":"stopb"},)"
+            R"({"address":"D100","description":"Oil temperature, tank 1",)"
+            R"("name":"oil_temperature_tank_1"}])");
   EXPECT_TRUE(made.notes.empty()) << all_of(made.notes);
 }
 
@@ -49,6 +51,7 @@ TEST(GxComments, GxWorks3HasAColumnForEachLanguage) {
   ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
   EXPECT_EQ(made.config["devices"][0]["tags"][0]["name"], "speed");
   EXPECT_EQ(made.config["devices"][0]["tags"][1]["name"], "d1");
+  EXPECT_EQ(made.config["devices"][0]["tags"][1].value("description", ""), "圧力");
   EXPECT_EQ(notes_with(made, {"3: ", "圧力", "is named d1"}), 1);
 }
 

@@ -68,7 +68,7 @@ TEST(Kepware, WhatCannotBeCarriedOverIsTold) {
   EXPECT_EQ(notes_with(out, {"3: left out", "square root"}), 1);
   EXPECT_EQ(notes_with(out, {"4: not carried over", "write only"}), 1);
   EXPECT_EQ(notes_with(out, {"4: not carried over", "clamping"}), 1);
-  EXPECT_EQ(notes_with(out, {"4: not carried over", "the pump"}), 1);
+  EXPECT_EQ(out.config["devices"][0]["tags"][0].value("description", ""), "the pump");
   EXPECT_EQ(notes_with(out, {"5: left out", "h400004"}), 1) << all_of(out.notes);
   EXPECT_EQ(notes_with(out, {"6: left out", "no range"}), 1);
 }
@@ -83,6 +83,29 @@ TEST(Kepware, IsToldByItsHead) {
 TEST(Kepware, SemicolonsAndFewColumns) {
   const Made out = made_of("Tag Name;Address\nT;400001\n", import_kepware, {"d", "", "", "h:502"});
   EXPECT_EQ(out.config["devices"][0]["tags"][0]["name"], "t");
+}
+
+TEST(Kepware, BitsAndStringsOfMitsubishi) {
+  const Made out = made(
+      "\"A\",\"D0700.05\",Boolean,1,RO,100,,,,,,,,,,\"\",\n"
+      "\"B\",\"D0700.12\",Boolean,1,RO,100,,,,,,,,,,\"\",\n"
+      "\"C\",\"DSH0100.020\",String,1,RO,100,,,,,,,,,,\"\",\n"
+      "\"D\",\"DSL0120.008\",String,1,RO,100,,,,,,,,,,\"\",\n"
+      "\"E\",\"D0200.10L\",String,1,RO,100,,,,,,,,,,\"\",\n"
+      "\"F\",\"WSH01F.4\",String,1,RO,100,,,,,,,,,,\"\",\n"
+      "\"G\",\"D0700.16\",Boolean,1,RO,100,,,,,,,,,,\"\",\n",
+      {"plc", "mc-3e", "Q", "192.0.2.7:5000"});
+  ASSERT_FALSE(out.config.is_null()) << all_of(out.notes);
+  EXPECT_EQ(out.config["devices"][0]["tags"], json::parse(R"([
+    {"name":"a","address":"D0700.5","type":"bool","group":"every_100_ms"},
+    {"name":"b","address":"D0700.C","type":"bool","group":"every_100_ms"},
+    {"name":"c","address":"D0100","type":"string","length":20,"word_order":"high_first","group":"every_100_ms"},
+    {"name":"d","address":"D0120","type":"string","length":8,"word_order":"low_first","group":"every_100_ms"},
+    {"name":"e","address":"D0200","type":"string","length":10,"word_order":"low_first","group":"every_100_ms"},
+    {"name":"f","address":"W01F","type":"string","length":4,"word_order":"high_first","group":"every_100_ms"}
+  ])"));
+  EXPECT_EQ(notes_with(out, {"8: left out: \"g\""}), 1) << all_of(out.notes);
+  EXPECT_EQ(out.left_out, 1U);
 }
 
 }  // namespace

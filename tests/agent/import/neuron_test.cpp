@@ -50,7 +50,7 @@ TEST(Neuron, NodesWithGroupsAndTags) {
   EXPECT_EQ(notes_with(made, {"not carried over: the access of \"power\""}), 1);
   EXPECT_EQ(notes_with(made, {"left out: Big has the type 10"}), 1);
   EXPECT_EQ(notes_with(made, {"left out: Wrong has the address \"400040\""}), 1);
-  EXPECT_EQ(notes_with(made, {"not carried over: the description \"second unit\""}), 1);
+  EXPECT_EQ(made.config["devices"][1]["tags"][0].value("description", ""), "second unit");
 }
 
 TEST(Neuron, NoSettingIsDroppedInSilence) {
@@ -173,6 +173,85 @@ TEST(Neuron, IsToldFromOtherJson) {
   const auto broken = import_neuron("{\n,", {});
   ASSERT_FALSE(broken);
   EXPECT_EQ(broken.error().line, 2);
+}
+
+/// A node of that plugin at 192.0.2.7 with these tags.
+Made node_of(const std::string& plugin, const std::string& tags, const std::string& model) {
+  return made_of(R"({"nodes": [{"name": "n", "plugin": ")" + plugin + R"(",
+       "params": {"host": "192.0.2.7", "port": 2000},
+       "groups": [{"group": "g", "tags": [)" +
+                     tags + "]}]}]}",
+                 import_neuron, {"", "", model, ""});
+}
+
+TEST(Neuron, PluginsOfMcProtocolAreOurs) {
+  for (const char* plugin : {"Mitsubishi 3E", "qna3e"}) {
+    const Made made = node_of(plugin, R"(
+        {"name": "speed", "address": "D100", "type": 3, "attribute": 3},
+        {"name": "bit5", "address": "D20.5", "type": 11},
+        {"name": "bit12", "address": "D20.12", "type": 11},
+        {"name": "part", "address": "D1000.16L", "type": 13},
+        {"name": "order", "address": "D1100.16", "type": 13},
+        {"name": "run_hours", "address": "SN5", "type": 4},
+        {"name": "done", "address": "SS5", "type": 11},
+        {"name": "input", "address": "X1F", "type": 11})",
+                              "Q");
+    ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
+    const json& device = made.config["devices"][0];
+    EXPECT_EQ(device["protocol"], "mc-3e");
+    EXPECT_EQ(made.config["links"][0]["tcp"], json::parse(R"({"host":"192.0.2.7","port":2000})"));
+    EXPECT_EQ(device["tags"], json::parse(R"([
+      {"name":"speed","address":"D100","type":"int16","access":"read_write","group":"g"},
+      {"name":"bit5","address":"D20.5","type":"bool","group":"g"},
+      {"name":"bit12","address":"D20.C","type":"bool","group":"g"},
+      {"name":"part","address":"D1000","type":"string","length":16,"word_order":"low_first","group":"g"},
+      {"name":"order","address":"D1100","type":"string","length":16,"word_order":"high_first","group":"g"},
+      {"name":"run_hours","address":"STN5","type":"uint16","group":"g"},
+      {"name":"done","address":"STS5","type":"bool","group":"g"},
+      {"name":"input","address":"X1F","type":"bool","group":"g"}])"))
+        << all_of(made.notes);
+  }
+  for (const char* plugin : {"Mitsubishi 1E", "a1e"}) {
+    const Made made = node_of(plugin, R"({"name": "t", "address": "D7", "type": 4})", "FX3U");
+    ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
+    EXPECT_EQ(made.config["devices"][0]["protocol"], "mc-1e");
+  }
+}
+
+constexpr const char* kSheet =
+    "group,name,address,attribute,type,description,decimal,precision\n"
+    "fast,Temp,1!400010,Read,INT16,,0.1,\n"
+    "slow,Set,1!400020,Read Write,FLOAT,,,\n"
+    "fast,Run,2!000004,Read,BIT,,,\n"
+    "fast,Odd,1!400001,Read,INT8,,,\n";
+
+TEST(Neuron, TheSheetOfTagsIsReadAsCsv) {
+  EXPECT_TRUE(is_neuron(kSheet));
+  EXPECT_FALSE(is_tag_csv(kSheet));
+  const Made made = made_of(kSheet, import_neuron, {"meter", "", "", "192.0.2.7:502"});
+  ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
+  ASSERT_EQ(made.config["devices"].size(), 2U);
+  const json& device = made.config["devices"][0];
+  EXPECT_EQ(device["name"], "meter");
+  EXPECT_EQ(device["protocol"], "modbus-tcp");
+  EXPECT_EQ(device["groups"], json::parse(R"([{"name":"fast"},{"name":"slow"}])"));
+  EXPECT_EQ(device["tags"], json::parse(R"([
+    {"name":"temp","address":"400010","type":"int16","scale":0.1,"group":"fast"},
+    {"name":"set","address":"400020","type":"float32","access":"read_write","group":"slow"}])"));
+  EXPECT_EQ(made.config["devices"][1]["unit"], 2);
+  EXPECT_EQ(notes_with(made, {"5: left out: Odd"}), 1) << all_of(made.notes);
+  EXPECT_EQ(made.left_out, 1U);
+}
+
+TEST(Neuron, ASheetWithoutSlavesAsksForTheProtocol) {
+  constexpr const char* kDevices = "name,address,attribute,type\nspeed,D100,Read,INT16\n";
+  const auto asked = import_neuron(kDevices, {});
+  ASSERT_FALSE(asked);
+  EXPECT_NE(asked.error().text.find("--protocol mc-3e"), std::string::npos) << asked.error().text;
+  const Made made = made_of(kDevices, import_neuron, {"", "mc-3e", "FX5U", "192.0.2.7:5000"});
+  ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
+  EXPECT_EQ(made.config["devices"][0]["tags"][0]["address"], "D100");
+  EXPECT_EQ(made.config["devices"][0]["groups"][0]["name"], "default");
 }
 
 }  // namespace

@@ -16,6 +16,8 @@ namespace fxagent::test {
 struct Made {
   nlohmann::json config;           ///< null where nothing could be carried over
   std::vector<std::string> notes;  ///< "3: left out: …"
+  std::size_t changed = 0;
+  std::size_t left_out = 0;
 };
 
 /// The text must be of the format, and what comes out must pass check.
@@ -29,6 +31,8 @@ inline Made made_of(std::string_view text,
   }
   const ImportOutcome outcome = finish(*std::move(imported));
   Made made;
+  made.changed = outcome.changed;
+  made.left_out = outcome.left_out;
   for (const ImportNote& note : outcome.notes)
     made.notes.push_back(std::to_string(note.line) + ": " + note.text);
   if (outcome.config.empty()) return made;

@@ -135,6 +135,39 @@ TEST(TagCsv, ATableOfTagsAloneMakesADevice) {
   EXPECT_EQ(notes_with(made, {"3: left out", "xx"}), 1) << all_of(made.notes);
 }
 
+TEST(TagCsv, RowsOfSeveralDevicesMakeEachOfThem) {
+  const Made made =
+      made_of("device,name,address,group\na,t1,hr:1,fast\nb,t2,hr:2,fast\na,t3,hr:3,slow\n",
+              import_tag_csv, {"", "modbus-tcp", "", "192.0.2.7:502"});
+  ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
+  ASSERT_EQ(made.config["devices"].size(), 2U);
+  const auto names = [&](std::size_t device) {
+    std::vector<std::string> list;
+    for (const json& tag : made.config["devices"][device]["tags"]) list.push_back(tag["name"]);
+    return list;
+  };
+  EXPECT_EQ(names(0), (std::vector<std::string>{"t1", "t3"}));
+  EXPECT_EQ(names(1), (std::vector<std::string>{"t2"}));
+  EXPECT_EQ(made.config["devices"][1]["groups"], json::parse(R"([{"name": "fast"}])"));
+  EXPECT_EQ(made.config["links"].size(), 1U);
+}
+
+TEST(TagCsv, AnExportOfTwoDevicesHasTheTagsOfBothUnderTheirNames) {
+  json plant = small_plant();
+  plant["devices"][1]["tags"] = json::parse(R"([{"name": "level", "address": "D5"}])");
+  const auto rows = read_csv(export_csv(plant.dump()), ',');
+  ASSERT_TRUE(rows);
+  std::vector<std::string> owners;
+  for (const CsvRow& row : *rows)
+    if (!row.at(0).starts_with('#') && row.line > 1) owners.emplace_back(row.at(0));
+  std::vector<std::string> expected;
+  for (const json& device : plant["devices"])
+    for (std::size_t i = 0; i < device.value("tags", json::array()).size(); ++i)
+      expected.push_back(device["name"]);
+  EXPECT_GT(std::set<std::string>(owners.begin(), owners.end()).size(), 1U);
+  EXPECT_EQ(owners, expected);
+}
+
 TEST(TagCsv, ASpreadsheetMaySaveItWithSemicolons) {
   const auto rows = read_csv(export_csv(small_plant().dump()), ',');
   ASSERT_TRUE(rows);

@@ -87,7 +87,8 @@ TEST(Telegraf, StyleOfRequests) {
   EXPECT_EQ(made.config["devices"][0]["tags"], json::parse(R"([
     {"name":"voltage","address":"hr:0","type":"int16","word_order":"DCBA","scale":0.1,"group":"every_500_ms"},
     {"name":"energy","address":"hr:5","type":"float32","word_order":"DCBA","group":"every_500_ms"}])"));
-  EXPECT_EQ(notes_with(made, {"not carried over: the measurement \"W\""}), 1);
+  EXPECT_EQ(notes_with(made, {"17: not carried over: the measurement \"W\" of 1 field"}), 1)
+      << all_of(made.notes);
   EXPECT_EQ(notes_with(made, {"not carried over: the tags of the request"}), 1);
 }
 
@@ -200,5 +201,122 @@ TEST(Telegraf, BrokenTextHasItsLine) {
   EXPECT_FALSE(import_telegraf("[agent]\n", {}));
 }
 
+/// A plugin with these lines.
+Made plugin_of(const std::string& lines) {
+  return made_of("[[inputs.modbus]]\nname = \"m\"\ncontroller = \"tcp://192.0.2.1:502\"\n" + lines,
+                 import_telegraf);
+}
+
+TEST(Telegraf, StringsInBothStyles) {
+  const Made lists = plugin_of(R"(holding_registers = [
+    {name="a", data_type="STRING", byte_order="AB", address=[0,1,2,3]},
+    {name="b", data_type="STRING", byte_order="BA", address=[4,5]},
+    {name="c", data_type="STRING", byte_order="CDAB", address=[6]}]
+)");
+  ASSERT_FALSE(lists.config.is_null()) << all_of(lists.notes);
+  EXPECT_EQ(lists.config["devices"][0]["tags"], json::parse(R"([
+    {"name":"a","address":"hr:0","type":"string","length":8,"word_order":"high_first","group":"every_10000_ms"},
+    {"name":"b","address":"hr:4","type":"string","length":4,"word_order":"low_first","group":"every_10000_ms"},
+    {"name":"c","address":"hr:6","type":"string","length":2,"word_order":"high_first","group":"every_10000_ms"}
+  ])"));
+  EXPECT_TRUE(lists.notes.empty()) << all_of(lists.notes);
+  const Made counts = plugin_of(R"([[inputs.modbus.request]]
+  slave_id = 1
+  byte_order = "DCBA"
+  fields = [{name="a", type="STRING", length=10, address=7}]
+)");
+  ASSERT_FALSE(counts.config.is_null()) << all_of(counts.notes);
+  EXPECT_EQ(counts.config["devices"][0]["tags"][0]["length"], 20);
+  EXPECT_EQ(counts.config["devices"][0]["tags"][0]["word_order"], "low_first");
+}
+
+TEST(Telegraf, OneLineAMeasurementAndACountAtTheEnd) {
+  const Made made = plugin_of(R"(holding_registers = [
+    {name="a", data_type="INT16", address=[0], measurement="power"},
+    {name="b", data_type="INT16", address=[1], measurement="power"},
+    {name="c", data_type="INT16", address=[2], measurement="heat"},
+    {name="d", data_type="INT16", address=[3], output="FLOAT64"},
+    {name="e", data_type="INT16", address=[4]},
+    {name="f", data_type="INT8L", address=[5]},
+    {name="g", data_type="INT16", address=[70000]}]
+)");
+  EXPECT_EQ(made.config["devices"][0]["tags"].size(), 5U) << all_of(made.notes);
+  EXPECT_EQ(notes_with(made, {"5: not carried over: the measurement \"power\" of 2 fields"}), 1);
+  EXPECT_EQ(notes_with(made, {"7: not carried over: the measurement \"heat\" of 1 field"}), 1);
+  EXPECT_EQ(notes_with(made, {"measurement"}), 2) << all_of(made.notes);
+  EXPECT_EQ(made.changed, 4U);
+  EXPECT_EQ(made.left_out, 2U);
+}
+
+TEST(Telegraf, TwoLettersAreTheOrderOfOneRegister) {
+  const Made made = plugin_of(R"(holding_registers = [
+    {name="a", data_type="INT16", byte_order="AB", address=[0]},
+    {name="b", data_type="INT16", byte_order="BA", address=[1]}]
+)");
+  ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
+  EXPECT_FALSE(made.config["devices"][0]["tags"][0].contains("word_order"));
+  EXPECT_EQ(made.config["devices"][0]["tags"][1].value("word_order", ""), "BADC");
+}
+
+TEST(Telegraf, TheUnitWhereTheFileNamesNone) {
+  const auto unit_of = [](const std::string& lines) {
+    const Made made = plugin_of(lines);
+    return made.config.is_null() ? json() : made.config["devices"][0]["unit"];
+  };
+  EXPECT_EQ(unit_of("coils = [{name=\"a\", address=[0]}]\n"), 1);
+  EXPECT_EQ(unit_of("slave_id = 9\ncoils = [{name=\"a\", address=[0]}]\n"), 9);
+}
+
+TEST(Telegraf, IntervalsInAllUnits) {
+  const auto interval_of = [](const std::string& text) {
+    const Made made =
+        plugin_of("interval = \"" + text + "\"\ncoils = [{name=\"a\", address=[0]}]\n");
+    return made.config.is_null() ? json() : made.config["devices"][0]["groups"][0]["interval_ms"];
+  };
+  EXPECT_EQ(interval_of("2h"), 7'200'000);
+  EXPECT_EQ(interval_of("1h30m"), 5'400'000);
+  EXPECT_EQ(interval_of("1m30s"), 90'000);
+  EXPECT_EQ(interval_of("250ms"), 250);
+  EXPECT_EQ(interval_of("5000us"), 5);
+}
+
+/// The line that is named where the text is too deep; 0: it is not.
+int deep_line(const std::string& text) {
+  const auto read = import_telegraf(text, {});
+  if (read || read.error().text.find("over 32 levels") == std::string::npos) return 0;
+  return read.error().line;
+}
+
+std::string repeated(std::string_view part, int times) {
+  std::string text;
+  for (int i = 0; i < times; ++i) text += part;
+  return text;
+}
+
+TEST(Telegraf, NamesAndBracketsWithoutEndAreAnErrorWithTheirLine) {
+  constexpr int kMany = 20'000;
+  const std::string dots = "a" + repeated(".a", kMany);
+  EXPECT_EQ(deep_line("[agent]\n" + dots + " = 1\n"), 2);
+  EXPECT_EQ(deep_line("\n\n[" + dots + "]\n"), 3);
+  EXPECT_EQ(deep_line("[[" + dots + "]]\n"), 1);
+  EXPECT_EQ(deep_line("a = {" + dots + " = 1}\n"), 1);
+  EXPECT_EQ(deep_line("a = " + repeated("[", kMany)), 1);
+  EXPECT_EQ(deep_line(repeated("\"=\".", kMany) + "a = 1\n"), 1);
+  EXPECT_EQ(deep_line(repeated("'#'.", kMany) + "a = 1\n"), 1);
+  // Behind a string of three quotes that ends with one of its own.
+  EXPECT_EQ(deep_line("t = {x = \"\"\"a\nb\\\"\"\"\"\", " + dots + " = \"1\"}\n"), 2);
+  EXPECT_EQ(deep_line("t = {x = '''a'''', " + dots + " = '1'}\n"), 1);
+  EXPECT_EQ(deep_line("a = \"x\\\"\" # it's \"\n" + dots + " = 1\n"), 2);
+  EXPECT_EQ(deep_line("t = {x = \"\\\"\", " + dots + " = 1}\n"), 1);
+}
+
+TEST(Telegraf, DotsAndBracketsOfTextsAreNoLevels) {
+  const std::string many = repeated(".[{", 100);
+  const Made made = plugin_of("# " + many + "\nalias = \"" + many + "\" # '" + many +
+                              "\nlog_level = '''\n" + many + "''' \ncoils = [\n" +
+                              repeated("{name=\"a.b\", address=[1]},\n", 100) + "]\n");
+  ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
+  EXPECT_EQ(made.config["devices"][0]["tags"].size(), 100U);
+}
 }  // namespace
 }  // namespace fxagent

@@ -143,5 +143,82 @@ TEST(Thingsboard, IsToldFromOtherJson) {
   EXPECT_FALSE(import_thingsboard("{}", {}));
 }
 
+constexpr const char* kSlaves = R"({"master": {"slaves": [{"host": "192.0.2.7", "port": 502,
+    "type": "tcp", "method": "socket", "deviceName": "a", "byteOrder": "BIG", "wordOrder": "BIG"%s,
+    "timeseries": [{"tag": "t", "type": "16int", "functionCode": 3, "address": 0}]}]}})";
+
+std::string slaves_with(const std::string& keys) {
+  std::string text = kSlaves;
+  return text.replace(text.find("%s"), 2, keys);
+}
+
+TEST(Thingsboard, WhatAGatewaysPageExportsHasTheFileWithin) {
+  const std::string inner = R"({"name": "m", "type": "modbus", "sendDataOnlyOnChange": true,
+      "configurationJson": )" +
+                            slaves_with("") + "}";
+  for (const std::string& text : {inner, "{\"Modbus 1\": " + inner + "}"}) {
+    EXPECT_TRUE(is_thingsboard(text)) << text;
+    const Made made = made_of(text, import_thingsboard);
+    ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
+    EXPECT_EQ(made.config["devices"][0]["tags"][0]["address"], "hr:0");
+    EXPECT_EQ(made.config["devices"][0]["groups"][0].value("publish", ""), "on_change");
+    EXPECT_TRUE(made.notes.empty()) << all_of(made.notes);
+  }
+}
+
+TEST(Thingsboard, TheFirstGenerationIsNamedWithItsCure) {
+  const std::string text = "{\n\"server\": {\"host\": \"h\", \"devices\": []}}";
+  EXPECT_TRUE(is_thingsboard(text));
+  const auto old = import_thingsboard(text, {});
+  ASSERT_FALSE(old);
+  EXPECT_EQ(old.error().line, 2);
+  EXPECT_NE(old.error().text.find("before version 3"), std::string::npos) << old.error().text;
+  EXPECT_NE(old.error().text.find("modbus_new.json"), std::string::npos) << old.error().text;
+}
+
+TEST(Thingsboard, WhatIsSentOnChangeIsPublishedSo) {
+  const auto group_of = [](const std::string& keys) {
+    const Made made = made_of(slaves_with(keys), import_thingsboard);
+    EXPECT_TRUE(made.notes.empty()) << all_of(made.notes);
+    return made.config.is_null() ? json() : made.config["devices"][0]["groups"][0];
+  };
+  const json always = json::parse(R"({"name":"every_5000_ms","interval_ms":5000})");
+  json on_change = always;
+  on_change["publish"] = "on_change";
+  EXPECT_EQ(group_of(""), always);
+  EXPECT_EQ(group_of(R"(, "sendDataOnlyOnChange": false)"), always);
+  EXPECT_EQ(group_of(R"(, "sendDataOnlyOnChange": true)"), on_change);
+  EXPECT_EQ(group_of(R"(, "reportStrategy": {"type": "ON_CHANGE"})"), on_change);
+  on_change["max_silent_s"] = 90;
+  EXPECT_EQ(group_of(R"(, "reportStrategy": {"type": "ON_CHANGE_OR_REPORT_PERIOD",
+                       "reportPeriod": 89001})"),
+            on_change);
+  const Made other = made_of(slaves_with(R"(, "reportStrategy": {"type": "ON_REPORT_PERIOD"})"),
+                             import_thingsboard);
+  EXPECT_EQ(notes_with(other, {"not carried over: the reportStrategy \"ON_REPORT_PERIOD\""}), 1);
+}
+
+TEST(Thingsboard, EachFunctionThatWritesMakesItsTagWritable) {
+  for (const int function : {5, 15, 6, 16}) {
+    const bool is_coil = function == 5 || function == 15;
+    const std::string read = is_coil ? "1" : "3";
+    const Made made = series(R"({"tag": "a", "type": ")" + std::string(is_coil ? "bits" : "16int") +
+                             R"(", "functionCode": )" + read +
+                             R"(, "address": 4}], "rpc": [{"tag": "a", "functionCode": )" +
+                             std::to_string(function) + R"(, "address": 4})");
+    ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
+    EXPECT_EQ(made.config["devices"][0]["tags"][0].value("access", ""), "read_write") << function;
+  }
+}
+
+TEST(Thingsboard, TagsOfASlaveThatIsLeftOutAreCounted) {
+  EXPECT_EQ(made_of(slaves_with(", \"unitId\": 300"), import_thingsboard).left_out, 1U);
+  const Made made = made_of(R"({"master": {"slaves": [{"type": "udp", "deviceName": "a",
+    "attributes": [{"tag": "x"}], "timeseries": [{"tag": "y"}, {"tag": "z"}]}]}})",
+                            import_thingsboard);
+  EXPECT_TRUE(made.config.is_null());
+  EXPECT_EQ(made.left_out, 3U);
+}
+
 }  // namespace
 }  // namespace fxagent
