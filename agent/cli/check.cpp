@@ -4,6 +4,7 @@
 #include <string_view>
 #include <utility>
 
+#include "agent/cli/online_check.h"
 #include "agent/cli/plan_report.h"
 #include "agent/config/reader.h"
 #include "agent/config/remote_limits.h"
@@ -75,10 +76,10 @@ std::optional<Config> loaded(const std::string& path) {
   return std::nullopt;
 }
 
-int run_check(const std::string& path, const std::string& desired) {
+int run_check(const std::string& path, const CheckQuestion& what) {
   const auto config = loaded(path);
   if (!config) return kWrong;
-  if (!desired.empty()) return check_desired(path, *config, desired);
+  if (!what.desired.empty()) return check_desired(path, *config, what.desired);
   for (const std::string& warning : config->warnings)
     std::cerr << path << ": warning: " << warning << '\n';
   const std::vector<ConfigError> files = check_files(*config);
@@ -88,10 +89,11 @@ int run_check(const std::string& path, const std::string& desired) {
       std::cerr << path << ": warning: " << finding.pointer << ": " << finding.text << '\n';
   for (const std::string& overload : overloads(*config))
     std::cerr << path << ": warning: link " << overload << '\n';
+  if (what.online && what.as_json) return run_online_check(*config, path, /*as_json=*/true);
   std::cout << path << ": right: " << counts(*config) << '\n';
   if (config->remote.enabled)
     std::cout << path << ": over MQTT may come: " << to_string(config->remote) << '\n';
-  return 0;
+  return what.online ? run_online_check(*config, path, /*as_json=*/false) : 0;
 }
 
 }  // namespace fxagent

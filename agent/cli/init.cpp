@@ -1,15 +1,23 @@
 #include "agent/cli/init.h"
 
+#include <termios.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <iomanip>
 #include <iostream>
 #include <iterator>
 #include <sstream>
 #include <utility>
 
+#include "agent/cli/check.h"
+#include "agent/cli/found_ports.h"
+#include "agent/cli/password_file.h"
+#include "agent/cli/plan.h"
 #include "agent/config/config.h"
 #include "agent/import/imported.h"
 
@@ -51,6 +59,42 @@ std::string ask(const std::string& question, const std::string& usual) {
   const auto first = answer.find_first_not_of(" \t");
   if (first == answer.npos) return usual;
   return answer.substr(first, answer.find_last_not_of(" \t") - first + 1);
+}
+
+/// A line of a menu.
+struct Choice {
+  std::string answer;
+  std::string note;
+};
+
+/// Shows a menu; its number is an answer like the choice itself, and so is what is not on it.
+std::string choose(const std::string& question, const std::vector<Choice>& choices,
+                   const std::string& usual) {
+  std::size_t width = 0;
+  for (const Choice& choice : choices) width = std::max(width, choice.answer.size());
+  for (std::size_t i = 0; i < choices.size(); ++i) {
+    const auto& [answer, note] = choices[i];
+    std::cerr << std::setw(4) << i + 1 << "  " << answer;
+    if (!note.empty()) std::cerr << std::string(width - answer.size() + 2, ' ') << note;
+    std::cerr << '\n';
+  }
+  const std::string answer = ask(question, usual);
+  const bool is_number = answer.find_first_not_of("0123456789") == answer.npos;
+  const std::size_t number = is_number ? std::strtoul(answer.c_str(), nullptr, 10) : 0;
+  return number >= 1 && number <= choices.size() ? choices[number - 1].answer : answer;
+}
+
+/// Without showing what is typed.
+std::string ask_secret(const std::string& question) {
+  termios shown{};
+  const bool is_terminal = tcgetattr(STDIN_FILENO, &shown) == 0;
+  termios hidden = shown;
+  hidden.c_lflag &= ~static_cast<tcflag_t>(ECHO);
+  if (is_terminal) tcsetattr(STDIN_FILENO, TCSAFLUSH, &hidden);
+  const std::string answer = ask(question, "");
+  if (is_terminal) tcsetattr(STDIN_FILENO, TCSAFLUSH, &shown);
+  std::cerr << '\n';
+  return answer;
 }
 
 std::vector<std::string> ask_list(const std::string& question, const std::string& usual) {
@@ -99,6 +143,39 @@ void settle(InitAnswers& answers, const std::function<void(InitAnswers&)>& put) 
   }
 }
 
+void ask_protocol(InitAnswers& answers) {
+  std::vector<Choice> choices;
+  for (const ProtocolInfo& info : catalog())
+    choices.push_back({std::string(info.name), std::string(info.summary)});
+  answers.protocol = choose("Protocol, or its number", choices, choices.front().answer);
+}
+
+std::string ask_port(const ProtocolInfo& protocol) {
+  std::vector<Choice> choices;
+  if (protocol.on_serial)
+    for (const FoundPort& port : found_serial_ports()) choices.push_back({port.path, port.note});
+  const std::string usual =
+      choices.empty() ? placeholder_port(protocol.name) : choices.front().answer;
+  return choose(choices.empty() ? "Port: a serial one, or host:port"
+                                : "Port: a serial one or its number, or host:port",
+                choices, usual);
+}
+
+/// Empty: the PLC is asked.
+std::string ask_model(const ProtocolInfo& protocol) {
+  std::vector<Choice> choices{{std::string(kAutoModel), "the PLC is asked"}};
+  for (const std::string_view model : protocol.models) choices.push_back({std::string(model), {}});
+  const std::string answer = choose("Model, or its number", choices, choices.front().answer);
+  return answer == kAutoModel ? std::string() : answer;
+}
+
+std::string ask_unit(const ProtocolInfo& protocol, std::string_view key) {
+  const Options usual = default_options(protocol);
+  const auto* number = std::get_if<std::int64_t>(&usual.find(key)->second);
+  return ask(key == "unit" ? "Unit" : "Station number",
+             number == nullptr ? std::string() : std::to_string(*number));
+}
+
 /// Asks for what the call leaves open.
 void ask_for(InitAnswers& answers) {
   settle(answers, [](InitAnswers& a) { a.id = ask("Name of this agent", a.id); });
@@ -107,20 +184,18 @@ void ask_for(InitAnswers& answers) {
   if (answers.user.empty() && answers.password_file.empty())
     settle(answers,
            [](InitAnswers& a) { a.user = ask("User of the agent at the broker (none)", ""); });
-  if (answers.protocol.empty()) {
-    for (const ProtocolInfo& info : catalog())
-      std::cerr << "  " << info.name << "  " << info.summary << '\n';
-    settle(answers, [](InitAnswers& a) {
-      a.protocol = ask("Protocol", std::string(catalog().front().name));
-    });
-  }
+  if (answers.protocol.empty()) settle(answers, ask_protocol);
   const ProtocolInfo* protocol = find_protocol(answers.protocol);
   if (protocol == nullptr) return;
   if (answers.port.empty())
-    settle(answers, [protocol](InitAnswers& a) {
-      a.port = ask("Port: a serial one, or host:port",
-                   protocol->on_serial ? "/dev/ttyUSB0" : "192.0.2.1:502");
-    });
+    settle(answers, [protocol](InitAnswers& a) { a.port = ask_port(*protocol); });
+  if (answers.model.empty() && !protocol->models.empty())
+    settle(answers, [protocol](InitAnswers& a) { a.model = ask_model(*protocol); });
+  if (answers.unit.empty())
+    for (const std::string_view key : {"unit", "station"})
+      if (std::ranges::find(protocol->options, key, &OptionSpec::key) != protocol->options.end())
+        settle(answers, [protocol, key](InitAnswers& a) { a.unit = ask_unit(*protocol, key); });
+  settle(answers, [](InitAnswers& a) { a.device = ask("Name of the device", a.device); });
   if (answers.read.empty())
     settle(answers, [protocol](InitAnswers& a) {
       a.read = ask_list("Addresses to read, with blanks between them",
@@ -140,14 +215,21 @@ bool is_of_no_plant(const fs::path& path) {
   return config && config->links.empty() && config->devices.empty();
 }
 
-/// The first of the files that is there; empty: none.
-fs::path in_the_way(const fs::path& directory) {
+/// Why the files cannot be written there; empty: they can. `force`: over what is there.
+std::string in_the_way(const fs::path& directory, bool force) {
   std::error_code fault;
+  if (fs::exists(directory, fault) && !fs::is_directory(directory, fault))
+    return directory.string() + " is no directory";
   const auto names = init_file_names();
   for (const std::string& name : names) {
     const fs::path path = directory / name;
+    if (!fs::exists(path, fault)) continue;
+    // Opening a FIFO would wait for its other end.
+    if (!fs::is_regular_file(path, fault))
+      return path.string() + " is there and is no plain file: take it away";
     const bool is_config = name == names.front();
-    if (fs::exists(path, fault) && !(is_config && is_of_no_plant(path))) return path;
+    if (!force && !(is_config && is_of_no_plant(path)))
+      return path.string() + " is there already; --force overwrites";
   }
   return {};
 }
@@ -162,15 +244,30 @@ bool write_file(const fs::path& path, const std::string& text) {
   return out && !fault;
 }
 
+/// What becomes of the password: one line, or why the file cannot be created.
+tl::expected<std::string, std::string> keep_password(const MqttConfig& mqtt, bool may_ask) {
+  std::error_code fault;
+  std::string password;
+  if (may_ask && !fs::exists(mqtt.password_file, fault))
+    password = ask_secret("Password of " + mqtt.username + " at the broker (later)");
+  const auto file = create_password_file(mqtt.password_file, password, "fxagent");
+  if (!file) return tl::unexpected(file.error());
+  const std::string whose = "The password of " + mqtt.username + " at the broker ";
+  if (!file->is_new) return whose + "is taken from " + mqtt.password_file;
+  return whose + (password.empty() ? "goes into " : "is in ") + mqtt.password_file +
+         " (mode 600, of " + file->owner + ")";
+}
+
 }  // namespace
 
 int run_init(InitQuestion what) {
   std::error_code fault;
   fs::path directory = fs::absolute(what.directory, fault).lexically_normal();
   if (!directory.has_filename()) directory = directory.parent_path();  // "." ends with a slash
-  if (const fs::path path = in_the_way(directory); !path.empty() && !what.force)
-    return wrong(path.string() + " is there already; --force overwrites", kNotWritten);
-  if (!missing(what.answers).empty()) {
+  if (const std::string why = in_the_way(directory, what.force); !why.empty())
+    return wrong(why, kNotWritten);
+  const bool is_asked = !missing(what.answers).empty();
+  if (is_asked) {
     if (::isatty(STDIN_FILENO) == 0)
       return wrong("not on a terminal, so nobody can be asked; missing: " + missing(what.answers));
     if (const std::string faults = faults_in(what.answers); !faults.empty()) return wrong(faults);
@@ -187,12 +284,19 @@ int run_init(InitQuestion what) {
       return wrong((directory / file.name).string() + " cannot be written", kNotWritten);
     std::cout << "wrote " << (directory / file.name).string() << '\n';
   }
-  const std::string config = (directory / files->front().name).string();
-  if (const auto made = load_config(config); made && !made->mqtt.password_file.empty())
-    std::cout << "\nThe password of " << made->mqtt.username << " at the broker goes into "
-              << made->mqtt.password_file << " (mode 600).\n";
-  std::cout << "\nNext: fxagent check " << config << '\n'
-            << "      fxagent plan " << config << '\n';
+  const std::string path = (directory / files->front().name).string();
+  const auto config = loaded(path);
+  if (!config) return kWrong;
+  if (!config->mqtt.password_file.empty()) {
+    const auto said = keep_password(config->mqtt, is_asked);
+    if (!said) return wrong(said.error(), kNotWritten);
+    std::cout << *said << '\n';
+  }
+  std::cout << "\nfxagent check " << path << '\n' << std::flush;
+  run_check(path, {});
+  std::cout << "\nfxagent plan " << path << '\n';
+  run_plan(*config, {}, /*as_json=*/false);
+  std::cout << "\nNext: fxagent check --online " << path << '\n';
   return kDone;
 }
 

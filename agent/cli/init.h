@@ -13,9 +13,10 @@ struct InitQuestion {
   InitAnswers answers;
 };
 
-/// Asks on a terminal for what the call leaves open, writes the files and prints what to do with
-/// them. Exit status: 0; 1 where a file is there already or cannot be written; 2 where something is
-/// missing and nobody can be asked, or an answer is wrong.
+/// Asks on a terminal for what the call leaves open, writes the files and creates that of the
+/// password; then prints check, plan and the next call. Exit status: 0; 1 where a file is there
+/// already or cannot be written; 2 where something is missing and nobody can be asked, or an answer
+/// is wrong.
 int run_init(InitQuestion what);
 
 }  // namespace fxagent

@@ -160,6 +160,20 @@ void add_run(CLI::App& app, RunCall& call, std::function<int()>& action) {
   command->callback([&] { action = [&] { return run(call); }; });
 }
 
+void add_check(CLI::App& app, std::string& path, CheckQuestion& what,
+               std::function<int()>& action) {
+  CLI::App* command = app.add_subcommand("check", "Say whether a config file is right");
+  command->add_option("CONFIG", path, "Config file")->required();
+  auto* desired = command->add_option("--desired", what.desired,
+                                      "File of a remote config: would it be taken over?");
+  auto* online =
+      command
+          ->add_flag("--online", what.online, "Open each link and the broker, ask each device once")
+          ->excludes(desired);
+  command->add_flag("--json", what.as_json, "Print what --online finds as JSON")->needs(online);
+  command->callback([&] { action = [&] { return run_check(path, what); }; });
+}
+
 int one_shot(const std::string& path, const OneShot& what) {
   log::set_level(log::Level::error);
   std::signal(SIGPIPE, SIG_IGN);
@@ -325,12 +339,8 @@ int dispatch(int argc, char** argv) {
   RunCall run_call;
   add_run(app, run_call, action);
 
-  CLI::App* check_command = app.add_subcommand("check", "Say whether a config file is right");
-  check_command->add_option("CONFIG", path, "Config file")->required();
-  std::string desired;
-  check_command->add_option("--desired", desired,
-                            "File of a remote config: would it be taken over?");
-  check_command->callback([&] { action = [&] { return run_check(path, desired); }; });
+  CheckQuestion check;
+  add_check(app, path, check, action);
 
   CLI::App* config_command = app.add_subcommand("config", "Print a config file in another form");
   config_command->add_option("CONFIG", path, "Config file")->required();

@@ -59,7 +59,16 @@ std::string program_of(int pid) {
   return name;
 }
 
-/// By the files that processes have open; of those of other users only root sees them.
+/// What it was called with; empty: this user may not see it.
+std::vector<std::string> arguments_of(int pid) {
+  std::ifstream file("/proc/" + std::to_string(pid) + "/cmdline", std::ios::binary);
+  std::vector<std::string> arguments;
+  for (std::string argument; std::getline(file, argument, '\0');) arguments.push_back(argument);
+  return arguments;
+}
+
+/// By the files that processes have open; of those of other users only root sees them. The maker of
+/// a pseudo-terminal, such as a simulator, is no holder: it has both ends open.
 std::optional<int> holder_by_files(const std::string& real_path) {
   const Directory processes = open_directory("/proc");
   int files = 0;
@@ -67,10 +76,15 @@ std::optional<int> holder_by_files(const std::string& real_path) {
     if (*pid == ::getpid()) continue;
     const std::string of_process = "/proc/" + std::to_string(*pid) + "/fd";
     const Directory open_files = open_directory(of_process);
+    bool has_it = false;
+    bool is_maker = false;
     while (const auto file = open_files ? next_number(open_files.get()) : std::nullopt) {
       if (++files > kMostFiles) return std::nullopt;
-      if (link_target(of_process + "/" + std::to_string(*file)) == real_path) return pid;
+      const std::string target = link_target(of_process + "/" + std::to_string(*file));
+      has_it |= target == real_path;
+      is_maker |= target == "/dev/ptmx" || target == "/dev/pts/ptmx";
     }
+    if (has_it && !(is_maker && real_path.starts_with("/dev/pts/"))) return pid;
   }
   return std::nullopt;
 }
@@ -171,14 +185,23 @@ std::optional<PortHolder> port_holder(const std::string& path) {
 }
 
 bool is_called_with(int pid, const std::string& path) {
-  const std::string process = "/proc/" + std::to_string(pid);
-  std::ifstream file(process + "/cmdline", std::ios::binary);
+  const std::string seen_from = "/proc/" + std::to_string(pid) + "/cwd";  // if it is relative
   std::error_code unseen;
-  for (std::string argument; std::getline(file, argument, '\0');) {
-    const auto seen = std::filesystem::path(process + "/cwd") / argument;  // if it is relative
-    if (!argument.empty() && std::filesystem::equivalent(seen, path, unseen)) return true;
+  return std::ranges::any_of(arguments_of(pid), [&](const std::string& argument) {
+    return !argument.empty() &&
+           std::filesystem::equivalent(std::filesystem::path(seen_from) / argument, path, unseen);
+  });
+}
+
+std::optional<PortHolder> process_called_with(std::string_view program, std::string_view word,
+                                              const std::string& path) {
+  const Directory processes = open_directory("/proc");
+  while (const auto pid = processes ? next_number(processes.get()) : std::nullopt) {
+    if (*pid == ::getpid() || program_of(*pid) != program) continue;
+    if (std::ranges::count(arguments_of(*pid), word) > 0 && is_called_with(*pid, path))
+      return PortHolder{*pid, std::string(program)};
   }
-  return false;
+  return std::nullopt;
 }
 
 std::string port_cure(const std::string& path, int error) {

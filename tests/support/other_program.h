@@ -17,13 +17,15 @@ namespace fxagent::test {
 class OtherProgram {
  public:
   enum class Holds : std::uint8_t { open, locked };
-  explicit OtherProgram(const std::string& path, Holds holds = Holds::open) {
+  /// `lacks`: a file of this process that the other one does not have; -1: it has them all.
+  explicit OtherProgram(const std::string& path, Holds holds = Holds::open, int lacks = -1) {
     std::array<int, 2> ready{};
     std::array<int, 2> end{};
     EXPECT_EQ(::pipe(ready.data()), 0);
     EXPECT_EQ(::pipe(end.data()), 0);
     pid_ = ::fork();
     if (pid_ == 0) {
+      ::close(lacks);
       const int file = ::open(path.c_str(), O_RDWR | O_NOCTTY);
       if (holds == Holds::locked) ::flock(file, LOCK_EX);
       ::close(end[1]);

@@ -1,7 +1,9 @@
 """`init`: what it writes fits each other, with a broker that holds to its access rules; what it asks and refuses."""
 
+import contextlib
 import json
 import os
+import re
 import subprocess
 import unittest
 
@@ -82,10 +84,15 @@ class Init(PlantTest):
                              "--port", "192.0.2.1:502", "--read", "hr:0")
         self.assertEqual(done.returncode, 0, done.stderr)
         secret = os.path.join(self.place(), "mqtt_password")
-        self.assertIn(f"The password of anna at the broker goes into {secret}", done.stdout)
+        self.assertIn(f"The password of anna at the broker goes into {secret} (mode 600, of ", done.stdout)
+        self.assertEqual((os.stat(secret).st_mode & 0o777, os.stat(secret).st_size), (0o600, 0))
+        # It ends with check, plan and the next call.
         config = os.path.join(self.place(), "agent.json")
-        check = subprocess.run([FXAGENT, "check", config], capture_output=True, text=True, timeout=30, check=False)
-        self.assertIn(f"{secret} cannot be read", check.stdout + check.stderr)
+        heads = [f"fxagent check {config}", f"{config}: right: ", f"fxagent plan {config}", "link line1",
+                 f"Next: fxagent check --online {config}"]
+        places = [done.stdout.find("\n" + head) for head in heads]
+        self.assertNotIn(-1, places, done.stdout)
+        self.assertEqual(places, sorted(places))
 
     def test_nothing_is_overwritten_without_force(self):
         answers = ["--broker", "mqtt://127.0.0.1", "--protocol", "modbus-tcp", "--port", "192.0.2.1:502",
@@ -100,6 +107,23 @@ class Init(PlantTest):
         with open(path) as kept:
             self.assertEqual(kept.read(), "mine")
         self.assertEqual(self.run_init(self.place(), *answers, "--force").returncode, 0)
+
+    def test_what_is_no_plain_file_is_refused_by_name(self):
+        answers = ["--broker", "mqtt://127.0.0.1", "--protocol", "modbus-tcp", "--port", "192.0.2.1:502",
+                   "--read", "hr:0"]
+        os.mkdir(self.place())
+        for name in ("agent.json", "fxagent.acl"):
+            path = os.path.join(self.place(), name)
+            os.mkfifo(path)
+            for more in ([], ["--force"]):
+                done = self.run_init(self.place(), *answers, *more)
+                self.assertEqual((done.returncode, done.stderr),
+                                 (1, f"init: {path} is there and is no plain file: take it away\n"))
+            os.remove(path)
+        file = os.path.join(self.directory, "file")
+        with open(file, "w"):
+            pass
+        self.assertEqual(self.run_init(file, *answers).stderr, f"init: {file} is no directory\n")
 
     def test_the_packages_config_is_replaced_and_all_can_be_read(self):
         os.mkdir(self.place())
@@ -141,31 +165,52 @@ class Init(PlantTest):
                 said += os.read(ours, 4096).decode()
             os.write(ours, answer.encode() + b"\n")
             talk += said
-        return child.wait(timeout=30), talk
+        status = child.wait(timeout=30)
+        with contextlib.suppress(OSError):  # the other end is closed
+            while rest := os.read(ours, 4096):
+                talk += rest.decode()
+        return status, talk
 
     def made(self):
         with open(os.path.join(self.place(), "agent.json")) as config:
             return json.load(config)
 
     def test_on_a_terminal_it_asks(self):
-        status, _ = self.talk(["--broker", "mqtt://a"], [
+        status, said = self.talk(["--broker", "mqtt://a"], [
             ("Name of this agent", "edge9"), ("User", "anna"), ("Protocol", "modbus-xyz"), ("Protocol", "modbus-rtu"),
-            ("Port", ""), ("Addresses to read", "a=hr:1 hr:2"), ("may be written", "")])
+            ("Port", "/dev/ttyUSB7"), ("Unit", "x"), ("Unit", "17"), ("Name of the device", "meter3"),
+            ("Addresses to read", "a=hr:1 hr:2"), ("may be written", ""), ("Password of anna", "secret")])
         self.assertEqual(status, 0)
         made = self.made()
         self.assertEqual(made["agent"]["id"], "edge9")
         self.assertEqual(made["mqtt"]["username"], "anna")
-        self.assertEqual(made["links"][0]["serial"]["path"], "/dev/ttyUSB0")
+        self.assertEqual(made["links"][0]["serial"]["path"], "/dev/ttyUSB7")
+        self.assertEqual((made["devices"][0]["name"], made["devices"][0]["unit"]), ("meter3", 17))
         self.assertEqual([tag["name"] for tag in made["devices"][0]["tags"]], ["a", "hr_2"])
+        with open(os.path.join(self.place(), "mqtt_password")) as secret:
+            self.assertEqual(secret.read(), "secret\n")
+        self.assertNotIn("secret", said)
+
+    def test_a_menu_takes_numbers(self):
+        status, said = self.talk(["--broker", "mqtt://a"], [
+            ("Name of this agent", ""), ("User", ""), ("Protocol", "1"), ("Port", "/dev/ttyUSB0"), ("Model", "2"),
+            ("Name of the device", ""), ("Addresses to read", "D100"), ("may be written", "")])
+        self.assertEqual(status, 0)
+        menu = dict(re.findall(r"^ +(\d+)  (\S+)", said.replace("\r", ""), re.MULTILINE))
+        device = self.made()["devices"][0]
+        self.assertEqual(device["protocol"], "fx-programming-port")
+        self.assertEqual((device["name"], device["model"]), ("plc1", menu["2"]))
+        self.assertRegex(said, r" 1  fx-programming-port  +Mitsubishi FX")
 
     def test_on_a_terminal_a_wrong_answer_is_told_and_asked_again(self):
         status, said = self.talk([], [
             ("Name of this agent", "My Edge"), ("Name of this agent", "edge9"), ("Broker", "127.0.0.1"),
             ("Broker", "mqtt://127.0.0.1"), ("User", ""), ("Protocol", "modbus-tcp"), ("Port", "foo"),
-            ("Port", "192.0.2.1:502"), ("Addresses to read", "D100"), ("Addresses to read", "hr:1"),
-            ("may be written", "ir:1"), ("may be written", "hr:2")])
+            ("Port", "192.0.2.1:502"), ("Unit", ""), ("Name of the device", "A B"), ("Name of the device", "meter"),
+            ("Addresses to read", "D100"), ("Addresses to read", "hr:1"), ("may be written", "ir:1"),
+            ("may be written", "hr:2")])
         self.assertEqual(status, 0)
-        for fault in ("--id: ", "--broker: must begin with mqtt://", "--port must be", "--read D100: ",
+        for fault in ("--id: ", "--broker: must begin with mqtt://", "--port must be", "--device: ", "--read D100: ",
                       "--write ir:1: "):
             self.assertIn(fault, said)
         self.assertEqual(len(self.made()["devices"][0]["tags"]), 2)

@@ -3,11 +3,14 @@
 #include <fcntl.h>
 #include <grp.h>
 #include <gtest/gtest.h>
+#include <pty.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <array>
 #include <cerrno>
 #include <filesystem>
+#include <fstream>
 #include <string>
 
 #include "tests/support/other_program.h"
@@ -52,6 +55,25 @@ TEST_F(PortAccess, WhoHasItOpenIsFoundByWhateverNameItWasOpened) {
   EXPECT_EQ(port_cure(port, EWOULDBLOCK), port_cure(port, EBUSY));
 }
 
+TEST_F(PortAccess, TheMakerOfAPseudoTerminalIsNoHolder) {
+  int ours = -1;
+  int theirs = -1;
+  std::array<char, 64> name{};
+  ASSERT_EQ(::openpty(&ours, &theirs, name.data(), nullptr, nullptr), 0);
+  {
+    const OtherProgram maker(name.data());  // it has both ends, as this process
+    EXPECT_FALSE(port_holder(name.data()));
+  }
+  {
+    const OtherProgram user(name.data(), OtherProgram::Holds::open, ours);
+    const auto holder = port_holder(name.data());
+    ASSERT_TRUE(holder);
+    EXPECT_EQ(holder->pid, user.pid());
+  }
+  ::close(theirs);
+  ::close(ours);
+}
+
 TEST_F(PortAccess, WhatAProgramWasCalledWithIsFoundUnderAnyName) {
   const OtherProgram other(port);
   const std::string link = (directory() / "link").string();
@@ -60,6 +82,24 @@ TEST_F(PortAccess, WhatAProgramWasCalledWithIsFoundUnderAnyName) {
   EXPECT_TRUE(is_called_with(other.pid(), link));
   EXPECT_FALSE(is_called_with(other.pid(), port)) << "it has it open, and not as an argument";
   EXPECT_FALSE(is_called_with(other.pid(), (directory() / "none").string()));
+}
+
+TEST_F(PortAccess, AProcessIsFoundByItsNameAndWhatItWasCalledWith) {
+  std::ifstream arguments("/proc/self/cmdline", std::ios::binary);
+  std::string word;
+  std::getline(arguments, word, '\0');
+  std::string name;
+  std::getline(std::ifstream("/proc/self/comm"), name);
+  const std::string called_with = "/proc/self/exe";
+  EXPECT_FALSE(process_called_with(name, word, called_with)) << "this process does not count";
+  const OtherProgram other(port);
+  const auto found = process_called_with(name, word, called_with);
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->pid, other.pid());
+  EXPECT_EQ(found->program, name);
+  EXPECT_FALSE(process_called_with("fxagent", word, called_with)) << "another program";
+  EXPECT_FALSE(process_called_with(name, "run", called_with)) << "an argument that it has not";
+  EXPECT_FALSE(process_called_with(name, word, port)) << "a file that is none of its arguments";
 }
 
 TEST_F(PortAccess, WhoHasLockedItIsFoundByTheLock) {

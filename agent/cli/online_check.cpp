@@ -1,0 +1,222 @@
+#include "agent/cli/online_check.h"
+
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <iostream>
+#include <optional>
+#include <random>
+#include <semaphore>
+#include <utility>
+#include <vector>
+
+#include "agent/cli/online_report.h"
+#include "agent/field/field.h"
+#include "agent/log/log.h"
+#include "agent/outbox.h"
+#include "agent/process/port_access.h"
+#include "agent/uplink/paho_broker.h"
+
+namespace fxagent {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+// Longer than the library's own connect time-out.
+constexpr std::chrono::seconds kBrokerPatience{30};
+constexpr std::chrono::seconds kGoodbye{2};
+// The check ends if no device reports a sample or a state for this time.
+constexpr std::chrono::minutes kFieldPatience{5};
+// Each group is polled once: its next cycle is beyond any check.
+constexpr std::chrono::hours kNeverAgain{24};
+constexpr std::size_t kMostSamples = 100'000;
+
+std::string eight_digits() {
+  char digits[9];
+  std::snprintf(digits, sizeof digits, "%08x", std::random_device{}());
+  return digits;
+}
+
+// ---- links --------------------------------------------------------------------------------------
+
+std::string place_of(const LinkConfig& link) {
+  if (const auto* serial = std::get_if<SerialSettings>(&link.channel)) return serial->path;
+  if (const auto* udp = std::get_if<UdpSettings>(&link.channel))
+    return "udp " + udp->host + ":" + std::to_string(udp->port);
+  const auto& tcp = std::get<TcpSettings>(link.channel);
+  return tcp.host + ":" + std::to_string(tcp.port);
+}
+
+/// Returns who has the link; nullopt: it is free. `agent` runs this config and has all links.
+std::optional<OnlineHolder> holder_of(const LinkConfig& link,
+                                      const std::optional<PortHolder>& agent) {
+  using Runs = OnlineHolder::Runs;
+  if (agent) return OnlineHolder{agent->pid, agent->program, Runs::this_config};
+  const auto* serial = std::get_if<SerialSettings>(&link.channel);
+  const auto holder = serial == nullptr ? std::nullopt : port_holder(serial->path);
+  if (!holder) return std::nullopt;
+  const bool is_agent = holder->program == "fxagent";
+  return OnlineHolder{holder->pid, holder->program,
+                      is_agent ? Runs::another_config : Runs::no_agent};
+}
+
+std::vector<OnlineLink> links_of(const Config& config, const std::string& path) {
+  const auto agent = process_called_with("fxagent", "run", path);
+  std::vector<OnlineLink> links;
+  for (const LinkConfig& link : config.links)
+    links.push_back({.name = link.name, .place = place_of(link)});
+  for (const DeviceConfig& device : config.devices) {
+    OnlineLink& link = links[device.link];
+    if (link.holder) continue;
+    link.holder = holder_of(config.links[device.link], agent);
+    if (link.holder) link.state = OnlineLink::State::held;
+  }
+  return links;
+}
+
+// ---- devices ------------------------------------------------------------------------------------
+
+/// What is left of the config when only these devices are asked, once each.
+Config narrowed(const Config& config, const std::vector<std::uint32_t>& devices) {
+  Config only = config;
+  std::vector<bool> is_asked(config.devices.size());
+  std::vector<bool> is_used(config.links.size());
+  for (const std::uint32_t device : devices) {
+    is_asked[device] = true;
+    is_used[config.devices[device].link] = true;
+  }
+  for (std::size_t i = 0; i < is_used.size(); ++i)
+    if (!is_used[i]) only.links[i].name.clear();  // vacant
+  for (std::size_t i = 0; i < is_asked.size(); ++i) {
+    DeviceConfig& device = only.devices[i];
+    if (!is_asked[i]) {
+      device.name.clear();
+      continue;
+    }
+    device.retries = 0;
+    for (GroupConfig& group : device.groups) {
+      group.interval = kNeverAgain;
+      group.on_change = false;
+    }
+  }
+  return only;
+}
+
+/// Polls each group of these devices once, as the agent would.
+void ask(const Config& config, const std::vector<std::uint32_t>& devices, OnlineDevices& answers) {
+  for (const std::uint32_t device : devices) answers.ask(device);
+  if (devices.empty()) return;
+  Outbox outbox(kMostSamples);
+  Field field(narrowed(config, devices), outbox, {});
+  field.start();
+  auto deadline = Clock::now() + kFieldPatience;
+  while (!answers.settled() && Clock::now() < deadline) {
+    outbox.wait_until(deadline);
+    const auto batch = outbox.take();
+    for (const DeviceStatus& status : batch.states) answers.take(status);
+    for (const Telemetry& sample : batch.telemetry) answers.take(sample);
+    if (!batch.states.empty() || !batch.telemetry.empty()) deadline = Clock::now() + kFieldPatience;
+  }
+}
+
+// ---- brokers ------------------------------------------------------------------------------------
+
+/// Connects to one server and subscribes to what the agent needs.
+class BrokerLook final {
+ public:
+  BrokerLook(const MqttConfig& mqtt, std::size_t server, std::vector<std::string> filters)
+      : filters_(std::move(filters)),
+        found_{.server = mqtt.servers[server]},
+        broker_(mqtt, /*make_will=*/{}, [this] { news_.release(); }) {
+    broker_.connect(server, kReceiveMaximum);
+  }
+
+  OnlineBroker run() {
+    listen_until(Clock::now() + kBrokerPatience);
+    if (!over_) found_.text = "no answer";
+    if (!found_.connected) return std::move(found_);
+    over_ = false;
+    broker_.disconnect();
+    listen_until(Clock::now() + kGoodbye);
+    return std::move(found_);
+  }
+
+ private:
+  void listen_until(SteadyTime deadline) {
+    while (!over_ && news_.try_acquire_until(deadline))
+      for (const BrokerEvent& event : broker_.take_events())
+        std::visit([this](const auto& e) { on(e); }, event);
+  }
+  void on(const Connected&) {
+    found_.connected = true;
+    subscribe();
+  }
+  void on(const ConnectFailed& event) { end(event.text); }
+  void on(const Lost& event) { end("it ended the connection: " + event.text); }
+  void on(const Subscribed& event) {
+    if (!event.granted)
+      return end("it refuses the agent's user " + event.filter + " (" + event.text +
+                 "): no command would come; fxagent acl prints access rules for mosquitto");
+    ++subscribed_;
+    subscribe();
+  }
+  void on(const Disconnected&) { over_ = true; }
+  void on(const Message&) {}
+  void on(const Delivered&) {}
+  void on(const DeliveryFailed&) {}
+  void on(const MessagesDropped&) {}
+
+  void subscribe() {
+    if (subscribed_ == filters_.size()) return end({});
+    broker_.subscribe({filters_[subscribed_], /*no_local=*/false});
+  }
+  void end(const std::string& text) {
+    over_ = true;
+    if (found_.text.empty()) found_.text = text;
+  }
+
+  const std::vector<std::string> filters_;
+  std::size_t subscribed_ = 0;
+  OnlineBroker found_;
+  bool over_ = false;
+  std::counting_semaphore<> news_{0};
+  PahoBroker broker_;  // last: its callbacks use the semaphore
+};
+
+std::vector<OnlineBroker> brokers_of(const Config& config) {
+  // A client id of its own: with the agent's it would throw the running agent off.
+  MqttConfig mqtt = config.mqtt;
+  mqtt.client_id += "-check-" + eight_digits();
+  std::vector<std::string> filters{config.base_topic() + "/+/command"};
+  if (config.remote.enabled) filters.push_back(config.base_topic() + std::string(kDesiredTopic));
+  std::vector<OnlineBroker> brokers;
+  for (std::size_t i = 0; i < mqtt.servers.size(); ++i)
+    brokers.push_back(BrokerLook(mqtt, i, filters).run());
+  return brokers;
+}
+
+}  // namespace
+
+int run_online_check(const Config& config, const std::string& path, bool as_json) {
+  log::set_level(log::Level::error);
+  std::signal(SIGPIPE, SIG_IGN);
+  OnlineFindings findings;
+  findings.path = path;
+  findings.command_id = "check-" + eight_digits();
+  findings.links = links_of(config, path);
+  findings.brokers = brokers_of(config);
+
+  OnlineDevices devices(config);
+  std::vector<std::uint32_t> free_ones;
+  for (std::uint32_t i = 0; i < config.devices.size(); ++i)
+    if (!findings.links[config.devices[i].link].holder) free_ones.push_back(i);
+  ask(config, free_ones, devices);
+  ask(config, devices.worth_another_try(), devices);
+  findings.devices = devices.found();
+  judge_links(config, findings);
+
+  std::cout << (as_json ? online_json(config, findings) : online_text(config, findings));
+  return exit_status(findings);
+}
+
+}  // namespace fxagent

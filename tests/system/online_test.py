@@ -1,0 +1,96 @@
+"""`check --online`: what answers and what does not, and that an agent which runs is left alone."""
+
+import json
+import shlex
+import subprocess
+import unittest
+
+from plant import BASE, FXAGENT, Agent, Broker, PlantTest, device
+
+METER = {"name": "meter", "link": "line2", "protocol": "modbus-tcp", "timeout_ms": 300,
+         "groups": [{"name": "fast", "interval_ms": 1000}],
+         "tags": [{"name": "level", "address": "hr:0", "group": "fast"},
+                  {"name": "beyond", "address": "hr:100", "group": "fast"}]}
+
+
+class Online(PlantTest):
+    def check(self, *more):
+        done = subprocess.run([FXAGENT, "check", "--online", self.agent.path, *more], capture_output=True, text=True,
+                              timeout=60, check=False, stdin=subprocess.DEVNULL)
+        return done.returncode, done.stdout, done.stderr
+
+    def write(self, **changes):
+        config = {"agent": {"id": "edge7", "root": "fx/plant-a"},
+                  "mqtt": {"servers": [f"mqtt://127.0.0.1:{self.broker.port}"]},
+                  "links": [self.serial()], "devices": [device()]}
+        config.update(changes)
+        self.agent = Agent(self.directory, config)
+
+    def begin(self):
+        self.broker = Broker(self.directory)
+        self.broker.start()
+        self.start_sim([self.plc(), {"name": "meter", "protocol": "modbus-tcp", "tcp": 0,
+                                     "holes": ["hr:50-hr:150"]}])
+
+    def test_each_kind_of_finding_has_its_exit_status(self):
+        self.begin()
+        self.write()
+        status, said, _ = self.check()
+        self.assertEqual(status, 0, said)
+        self.assertIn(f"link line1, {self.pty('press1')}: open\n", said)
+        self.assertIn("device press1 on line1: answers, FX3U, RUN, 1 tag read\n", said)
+        self.assertIn(f"broker mqtt://127.0.0.1:{self.broker.port}: answers\n", said)
+        self.assertIn(f"Next: fxagent run {self.agent.path}\n", said)
+
+        # Both answer, and one lacks a register: 4.
+        network = {"name": "line2", "tcp": {"host": "127.0.0.1", "port": self.sim.ports["meter"]}}
+        self.write(links=[self.serial(), network], devices=[device(), METER])
+        status, said, _ = self.check()
+        self.assertEqual(status, 4, said)
+        self.assertIn("device meter on line2: answers, 1 of 2 tags read\n", said)
+        self.assertIn("  meter: beyond (hr:100): the device refuses to give it", said)
+
+        # A PLC that is silent, and one whose port is not there: 1, each with what to check.
+        self.sim.fault("press1", "dead")
+        self.write(links=[self.serial(), {"name": "line2", "tcp": {"host": "127.0.0.1", "port": 1}}],
+                   devices=[device(), device("press2", "line2")])
+        status, said, _ = self.check()
+        self.assertEqual(status, 1, said)
+        self.assertIn("device press1 on line1: does not answer (timeout)\n", said)
+        self.assertIn("link line2, 127.0.0.1:1: does not open\n", said)
+        self.assertIn("device press2 on line2: does not answer (link_down)\n", said)
+        self.assertIn("What to do:\n", said)
+        self.assertIn("line2: ", said.split("What to do:\n")[1])
+        self.assertIn("press1: ", said.split("What to do:\n")[1])
+
+        self.write(devices=[device(type="wrong")])
+        self.assertEqual(self.check()[:2], (2, ""))
+
+    def test_an_agent_that_runs_is_left_alone_and_asked_over_mqtt(self):
+        self.start()
+        self.ready()
+        since = self.watcher.mark()
+        status, said, _ = self.check("--json")
+        found = json.loads(said)
+        self.assertEqual((status, found["status"], found["ok"]), (3, 3, False), said)
+        self.assertEqual(found["links"][0]["state"], "held")
+        self.assertEqual(found["links"][0]["holder"],
+                         {"program": "fxagent", "pid": self.agent.process.pid, "is": "the agent of this config"})
+        self.assertEqual((found["devices"][0]["state"], found["brokers"][0]["connected"]), ("not_asked", True))
+
+        # The command that it offers works word for word.
+        command = found["to_do"][0].split(": ", 2)[2]
+        self.assertTrue(command.startswith("mosquitto_rr "), command)
+        answer = subprocess.run(shlex.split(command), capture_output=True, text=True, timeout=30, check=False)
+        result = json.loads(answer.stdout)
+        self.assertEqual((result["status"], result["tag"], result["value"]), ("SUCCEEDED", "temp", 0), answer.stderr)
+
+        # The agent noticed nothing: its connection stands, and its numbers go on.
+        numbers = [sample["seq"] for sample in self.watcher.wait_count(f"{BASE}/press1/data/fast", 3, since=since)]
+        self.assertEqual(numbers, list(range(numbers[0], numbers[0] + len(numbers))))
+        self.assertNotIn("broker_lost", self.agent.logged())
+        self.assertEqual(self.watcher.payloads(f"{BASE}/press1/state", since), [])
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
