@@ -30,7 +30,7 @@ void StatusSource::change(const ConfigChange& change) {
 
 void StatusSource::start(SteadyTime now) {
   started_ = now;
-  last_tick_ = now;
+  rate_since_ = now;
 }
 
 void StatusSource::take(Outbox::Batch& batch, SteadyTime now) {
@@ -50,9 +50,11 @@ void StatusSource::take(Outbox::Batch& batch, SteadyTime now) {
 }
 
 void StatusSource::tick(SteadyTime now) {
-  const double hours = std::chrono::duration<double, std::ratio<3600>>(now - last_tick_).count();
-  bytes_per_hour_ = static_cast<double>(parts_.samples.take_row_bytes()) / hours;
-  last_tick_ = now;
+  if (const std::uint64_t bytes = parts_.samples.take_row_bytes(); bytes > 0) {
+    const auto hours = std::chrono::duration<double, std::ratio<3600>>(now - rate_since_).count();
+    bytes_per_hour_ = static_cast<double>(bytes) / hours;
+    rate_since_ = now;
+  }
   log_samples();
   at(now);
 }
@@ -159,7 +161,7 @@ AgentStatus StatusSource::make(SteadyTime now) const {
       parts_.spool.backlog().bytes() + (parts_.store == nullptr ? 0 : parts_.store->bytes());
   const std::uint64_t room =
       parts_.store == nullptr ? parts_.spool.backlog().max_bytes() : parts_.store->max_bytes();
-  if (bytes_per_hour_ && *bytes_per_hour_ > 0)
+  if (bytes_per_hour_)
     status.hours_left =
         static_cast<double>(room - std::min(room, status.store_bytes)) / *bytes_per_hour_;
   const ProcessFacts facts = read_process_facts();

@@ -96,9 +96,9 @@ class StatusSource final {
   bool miscounted_ = false;  ///< field_ does not agree with what the outbox has handed over
   std::string conflict_;
   std::uint64_t dropped_at_tick_ = 0;
-  std::optional<double> bytes_per_hour_;
+  std::optional<double> bytes_per_hour_;  ///< of the last minute or longer that had samples
   SteadyTime started_{};
-  SteadyTime last_tick_{};
+  SteadyTime rate_since_{};
   std::shared_ptr<const AgentStatus> published_;
   SteadyTime published_at_{};
 };

@@ -91,6 +91,16 @@ TEST(Exposition, EachNumberOfTheStatusIsInIt) {
   for (const auto& [series, value] : expected) EXPECT_EQ(value_of(page(), series), value) << series;
 }
 
+TEST(Exposition, ADegradedDeviceIsUp) {
+  AgentStatus status = made_up_status();
+  DeviceStatus degraded;
+  degraded.state = DeviceStatus::State::degraded;
+  status.devices[0] = std::make_shared<const DeviceStatus>(degraded);
+  const std::string text = exposition(status);
+  EXPECT_EQ(value_of(text, R"(fxagent_device_up{device="press1",link="line1"})"), "1");
+  EXPECT_EQ(value_of(text, R"(fxagent_device_degraded{device="press1",link="line1"})"), "1");
+}
+
 TEST(Exposition, BucketsOfAHistogramAreCumulative) {
   const std::string name = "fxagent_exchange_turnaround_seconds";
   const auto bucket = [&](const std::string& bound) {

@@ -119,6 +119,34 @@ TEST(AgentStatus, HealthSaysWhatThePublishedStatusSays) {
   EXPECT_EQ(status->samples.collected, 3U);
 }
 
+TEST(AgentStatus, TellsHowLongTheStoreLastsFromTheFirstMinuteWithSamplesOn) {
+  Bench bench;
+  bench.online();
+  const auto hours_left = [&] { return bench.asked()->hours_left; };
+  bench.outbox.push(test::sample(1));
+  bench.settle();
+  EXPECT_EQ(hours_left(), std::nullopt);
+  bench.advance(60s);
+  const auto after_a_minute = hours_left();
+  ASSERT_TRUE(after_a_minute);
+  bench.advance(60s);
+  bench.advance(60s);
+  EXPECT_EQ(hours_left(), after_a_minute) << "minutes without samples say nothing of the rate";
+  // As many bytes as in the first minute, in about three.
+  bench.outbox.push(test::sample(2));
+  bench.settle();
+  bench.advance(60s);
+  ASSERT_TRUE(hours_left());
+  EXPECT_GT(*hours_left(), 1.5 * *after_a_minute);
+}
+
+TEST(AgentStatus, DoesNotKnowHowLongTheStoreLastsBeforeTheFirstSample) {
+  Bench bench;
+  bench.online();
+  bench.advance(60s);
+  EXPECT_EQ(bench.asked()->hours_left, std::nullopt);
+}
+
 TEST(AgentStatus, IsMadeWithoutABrokerToo) {
   Bench bench;
   bench.broker.reachable = false;
