@@ -40,6 +40,17 @@ foreach(wrong IN ITEMS
     "protocol/plan.cpp|<mutex>"
     "protocol/plan.cpp|<sys/socket.h>"
     "protocol/plan.cpp|<termios.h>"
+    "protocol/plan.cpp|<unistd.h>"
+    "agent/commands/admission.cpp|<unistd.h>"
+    "agent/commands/admission.cpp|<sys/socket.h>"
+    "agent/commands/admission.cpp|<cstdio>"
+    "agent/commands/admission.cpp|<time.h>"
+    "agent/import/csv.cpp|<cstdio>"
+    "agent/import/csv.cpp|<fcntl.h>"
+    "agent/import/csv.cpp|<unistd.h>"
+    "agent/config/config.cpp|<thread>"
+    "agent/config/config.cpp|<sys/socket.h>"
+    "agent/remote/trial.cpp|<mutex>"
     "protocol/fx/deep.h|\"agent/config/config.h\""
     "protocol/plan.cpp|\"../agent/config/config.h\""
     "agent/field/bus.cpp|<mqtt/message.h>"
@@ -83,9 +94,32 @@ foreach(wrong IN ITEMS
   math(EXPR count "${count} + 1")
 endforeach()
 
+# Lines that are wrong in another way, on line 3 too.
+foreach(wrong IN ITEMS
+    "protocol/plan.cpp|#include H"
+    "agent/commands/admission.cpp|  # include HEADER"
+    "tests/sim/plc.cpp|#include H"
+    "protocol/plan.cpp|auto t = std::chrono::steady_clock::now()\;"
+    "agent/commands/admission.cpp|auto t = SteadyTime::clock::now(), u = std::chrono::system_clock::now()\;"
+    "agent/commands/admission.cpp|const auto t = std::time(nullptr)\;"
+    "agent/import/csv.cpp|clock_gettime(CLOCK_REALTIME, &t)\;"
+    "agent/config/config.cpp|const auto t = std::chrono::system_clock::now()\;")
+  string(REGEX MATCH "^([^|]+)[|](.+)$" whole "${wrong}")
+  set(file "${CMAKE_MATCH_1}")
+  set(line "${CMAKE_MATCH_2}")
+  write_tree()
+  file(WRITE "${WORK}/${file}" "#define H <thread>\n#include <string>\n${line}\n")
+  run_layers("${WORK}")
+  string(FIND "${text}" "${file}:3:" place)
+  if(status EQUAL 0 OR place EQUAL -1)
+    message(FATAL_ERROR "${file} may say `${line}`, or is not named:\n${text}")
+  endif()
+  math(EXPR count "${count} + 1")
+endforeach()
+
 run_layers("${WORK}/tests")
 if(status EQUAL 0)
   message(FATAL_ERROR "a directory that is no project passes")
 endif()
 file(REMOVE_RECURSE "${WORK}")
-message(STATUS "${count} wrong includes, each found")
+message(STATUS "${count} wrong lines, each found")
