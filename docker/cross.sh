@@ -94,7 +94,7 @@ inside() {
     mosquitto mosquitto-clients jq >"$work/apt.log" 2>&1 || { tail -n 20 "$work/apt.log"; exit 1; }
   say "compiler and libraries"
   in_root env HOST_ARCH="$arch" FXAGENT_EMULATOR="$emulator" BUILD_DIR="/root/fxagent/build-$arch" docker/package.sh
-  cp "$r/root/fxagent/build-$arch/"fxagent_*.deb "$work/out/"
+  cp "$r/root/fxagent/build-$arch/"fxagent*.deb "$work/out/"
   say "the package"
   in_root sh -c "apt-get install --yes --no-install-recommends ./build-$arch/fxagent_*_$arch.deb" >"$work/apt.log" 2>&1 ||
     { tail -n 20 "$work/apt.log"; exit 1; }

@@ -1,8 +1,9 @@
 #!/bin/sh
-# Makes the Debian package of this tree, fxagent_VERSION_ARCHITECTURE.deb, in the build directory:
+# Makes the Debian packages of this tree in the build directory: fxagent_VERSION_ARCHITECTURE.deb, and fxagent-sim with the
+# simulator:
 #   docker/package.sh
 # Installs what is missing first (only then as root). BUILD_DIR: the build directory, `build` in the project unless
-# set; a build that is there is used as it is. The last line names the package.
+# set; a build that is there is used as it is. The last lines name the packages.
 # HOST_ARCH: the architecture that it is for, with what docker/cross.sh provides.
 set -eu
 
@@ -19,10 +20,10 @@ export FXAGENT_BUILD_DIR DEB_RULES_REQUIRES_ROOT
 export CCACHE_DIR
 cd "$root"
 mkdir -p "$FXAGENT_BUILD_DIR"
-rm -f "$FXAGENT_BUILD_DIR/fxagent_"*"_$architecture.deb"
+rm -f "$FXAGENT_BUILD_DIR/fxagent_"*"_$architecture.deb" "$FXAGENT_BUILD_DIR/fxagent-sim_"*"_$architecture.deb"
 # What debhelper lays out, and its marks of steps that need not be done again. Its own `clean` would go through the whole
 # tree for backup copies.
-tidy() { rm -rf debian/fxagent debian/pages debian/.debhelper debian/files debian/debhelper-build-stamp debian/*.substvars debian/*.debhelper debian/*.debhelper.log; }
+tidy() { rm -rf debian/fxagent debian/fxagent-sim debian/pages debian/.debhelper debian/files debian/debhelper-build-stamp debian/*.substvars debian/*.debhelper debian/*.debhelper.log; }
 tidy
 # What it prints is long, and of interest only where it fails.
 log=$FXAGENT_BUILD_DIR/package.log
@@ -31,4 +32,4 @@ if ! dpkg-architecture --host-arch "$architecture" --command "debian/rules binar
   exit 1
 fi
 tidy
-ls "$FXAGENT_BUILD_DIR/fxagent_"*"_$architecture.deb"
+ls "$FXAGENT_BUILD_DIR/fxagent_"*"_$architecture.deb" "$FXAGENT_BUILD_DIR/fxagent-sim_"*"_$architecture.deb"

@@ -5,9 +5,10 @@
 # project unless set. CMAKE_ARGS: more arguments of the configure, such as -DFXAGENT_SANITIZE=address.
 # BUILD_TARGETS: what is built, where not everything is wanted; then nothing comes from npm. BUILD_ONLY: set, no test is
 # run. JOBS: tests at a time, three a core unless set.
-# The last lines are ctest's own, and behind them the tests that skipped themselves, by name. The exit
-# status is ctest's. Up to three tests of the whole agent that failed beside others are run once more, by themselves,
-# and named if they pass then: on a busy machine a peer of theirs may stand still for longer than its part allows.
+# FXAGENT_TEST_SEED: repeats the random tests of a run that printed it.
+# The last lines are ctest's own, then the tests that skipped themselves, by name. The exit status is ctest's.
+# Up to three system tests that failed beside others run once more, alone and with the same seed, and are named if they
+# pass then: on a busy machine one of their peers may stall for longer than the test allows.
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -25,8 +26,11 @@ cmake --build "$build" ${BUILD_TARGETS:+--target $BUILD_TARGETS}
 [ -z "${BUILD_ONLY:-}" ] || exit 0
 
 # Most of the time the tests of the whole agent wait; those that measure time run alone.
+export FXAGENT_TEST_SEED=${FXAGENT_TEST_SEED:-$((RANDOM * 32768 + RANDOM))}
+echo "random tests: FXAGENT_TEST_SEED=$FXAGENT_TEST_SEED"
 status=0
-ctest --test-dir "$build" -j"${JOBS:-$((3 * $(nproc)))}" --output-on-failure --no-tests=error "$@" || status=$?
+# A test without a limit of its own is ended after 300 s.
+ctest --timeout 300 --test-dir "$build" -j"${JOBS:-$((3 * $(nproc)))}" --output-on-failure --no-tests=error "$@" || status=$?
 # Why a test in Python skipped itself; and those that are many to one of ctest's, which does not see it.
 sed -nE "s/^(test_\S+ \([^)]*\)) \.\.\. (skipped .*)/\1: \2/p" "$build/Testing/Temporary/LastTest.log"
 
@@ -36,7 +40,7 @@ if [ $status -ne 0 ]; then
   if [ ${#failed[@]} -gt 0 ] && [ ${#failed[@]} -le 3 ] && [ "$others" -eq 0 ]; then
     printf '\nOnce more, by themselves: %s\n' "${failed[*]}"
     status=0
-    ctest --test-dir "$build" --rerun-failed --output-on-failure --no-tests=error || status=$?
+    ctest --timeout 300 --test-dir "$build" --rerun-failed --output-on-failure --no-tests=error || status=$?
     [ $status -ne 0 ] || printf 'failed beside others, passed by itself: %s\n' "${failed[@]}"
   fi
 fi

@@ -145,7 +145,10 @@ show_package() {
   in_root fxagent check config/agent.example.json
   show_acl
   in_root docker/install.sh repository proof
-  in_root sh -exc 'lintian --fail-on error,warning --tag-display-limit 0 build/fxagent_*.deb
+  in_root sh -exc 'lintian --fail-on error,warning --tag-display-limit 0 build/fxagent_*.deb build/fxagent-sim_*.deb
+    apt-get install --yes ./build/fxagent-sim_*.deb
+    fxsim --version
+    fxagent check /usr/share/doc/fxagent-sim/examples/demo.json
     systemd-analyze verify --man=no /lib/systemd/system/fxagent.service
     systemd-analyze security --offline=true --threshold=25 --no-pager /lib/systemd/system/fxagent.service | tail -n 1'
   in_root sh -c 'python3 -B tests/deploy/package_trial.py build/fxagent_*.deb'

@@ -1,7 +1,7 @@
 """Random commands to a real agent with a store, faults on the line, clean stops and kills at random
 moments; then every result is held against what the simulated PLCs really did: fxsim's log.
 
-FXAGENT_LEDGER_COMMANDS: how many (300). FXAGENT_LEDGER_SEED: the seed that a failure printed."""
+FXAGENT_LEDGER_COMMANDS: how many (300). FXAGENT_TEST_SEED: the seed that a failure printed."""
 
 import collections
 import json
@@ -12,11 +12,10 @@ import threading
 import time
 import unittest
 
-from plant import BASE, PATIENCE, Broker, PlantTest, Watcher, device, wait_for
+from plant import BASE, PATIENCE, TEST_SEED, Broker, PlantTest, Watcher, device, wait_for
 
 COMMANDS = int(os.environ.get("FXAGENT_LEDGER_COMMANDS", 300))
 LIVES = max(6, COMMANDS // 60)  # of the agent
-SEED = int(os.environ.get("FXAGENT_LEDGER_SEED", random.SystemRandom().randrange(1 << 30)))
 
 # Each of a fault's kinds, as often as it stands here; what a device that works never does is left out.
 FAULTS = ["nak", "nak", "nak", "wrong_sum", "truncated", "late", "silent", "silent",
@@ -122,8 +121,8 @@ class CommandLedger(PlantTest):
     maxDiff = None
 
     def test_every_result_says_what_the_plcs_really_did(self):
-        print(f"FXAGENT_LEDGER_SEED={SEED} FXAGENT_LEDGER_COMMANDS={COMMANDS}", flush=True)
-        self.chance = random.Random(SEED)
+        print(f"FXAGENT_TEST_SEED={TEST_SEED} FXAGENT_LEDGER_COMMANDS={COMMANDS}", flush=True)
+        self.chance = random.Random(TEST_SEED)
         self.sent = {}  # (device, id) → Sent
         self.killed = 0
         self.start_plant()

@@ -29,7 +29,7 @@ COMMAND = {
 class Crashes(PlantTest):
     def start_plant(self, point, sync="offline"):
         allowed = dict(device()["commands"], allow_run_stop=True)
-        self.start(devices=[device(timeout_ms=1000, commands=allowed)],
+        self.start(devices=[device(commands=allowed)],
                    store={"path": os.path.join(self.directory, "store"), "sync": sync})
         self.ready()
         self.agent.stop()

@@ -8,6 +8,7 @@ the environment: FXAGENT, FXSIM. Children are ended by their pid.
 import contextlib
 import json
 import os
+import random
 import re
 import shutil
 import signal
@@ -34,6 +35,8 @@ BROKER = shutil.which("mosquitto", path=os.environ.get("PATH", "") + ":/usr/sbin
 
 # How long an event may take at the very most on a busy machine; not a bound on anything measured.
 PATIENCE = 30.0
+# Seed of the tests that play a new game in each run; tests/run.sh sets it, so that a rerun plays the same.
+TEST_SEED = int(os.environ.get("FXAGENT_TEST_SEED") or random.randrange(1 << 30))
 # What the scheduler of a busy machine may add to a time that the line determines, in ms.
 SCHEDULING_MS = 60.0
 

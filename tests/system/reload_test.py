@@ -1,7 +1,7 @@
 """SIGHUP: the agent takes over what differs in its config, and nothing else notices. Random changes, commands
 all the while, and a Modbus server of our own that records every request.
 
-    FXAGENT_RELOADS=200 FXAGENT_RELOAD_SEED=7 ctest --test-dir build -R '^system.reload'
+    FXAGENT_RELOADS=200 FXAGENT_TEST_SEED=7 ctest --test-dir build -R '^system.reload'
 """
 
 import collections
@@ -18,13 +18,12 @@ import threading
 import time
 import unittest
 
-from plant import BASE, PATIENCE, Agent, Broker, PlantTest, Watcher, wait_for
+from plant import BASE, PATIENCE, TEST_SEED, Agent, Broker, PlantTest, Watcher, wait_for
 
 sys.path.insert(0, os.path.join(os.path.dirname(__file__), "peers"))
 from modbus_recorder import Recorder
 
 RELOADS = int(os.environ.get("FXAGENT_RELOADS", "20"))
-SEED = int(os.environ.get("FXAGENT_RELOAD_SEED", str(random.randrange(1 << 30))))
 INTERVAL_MS = 250
 SETPOINT = 14
 
@@ -284,11 +283,11 @@ class RandomReloads(ReloadTest):
             self.over.wait(0.01)
 
     def test_nothing_else_notices(self):
-        print(f"seed {SEED}, {RELOADS} reloads")
-        chance = random.Random(SEED)
+        print(f"FXAGENT_TEST_SEED={TEST_SEED} FXAGENT_RELOADS={RELOADS}")
+        chance = random.Random(TEST_SEED)
         self.sent, self.over = {}, threading.Event()
         self.config = self.begin([self.link(name) for name in self.STEADY], self.base())
-        sender = threading.Thread(target=self.commands, args=(random.Random(SEED + 1),))
+        sender = threading.Thread(target=self.commands, args=(random.Random(TEST_SEED + 1),))
         outcomes = collections.Counter()
         began = time.monotonic()
         metronome = Metronome()
@@ -308,11 +307,11 @@ class RandomReloads(ReloadTest):
 
     def test_killed_in_the_middle(self):
         """With `sync: always` no number is missing, whatever the file said before and after."""
-        print(f"seed {SEED}")
-        chance = random.Random(SEED)
+        print(f"FXAGENT_TEST_SEED={TEST_SEED}")
+        chance = random.Random(TEST_SEED)
         self.sent, self.over = {}, threading.Event()
         self.config = self.begin([self.link(name) for name in self.STEADY], self.base(), "always")
-        sender = threading.Thread(target=self.commands, args=(random.Random(SEED + 1),))
+        sender = threading.Thread(target=self.commands, args=(random.Random(TEST_SEED + 1),))
         sender.start()
         try:
             for _ in range(3 + RELOADS // 10):

@@ -107,17 +107,17 @@ class Telemetry(PlantTest):
         self.data(lambda m: m["values"] == {"a": 5, "b": 1})
         self.assertEqual(len(self.watcher.payloads(f"{BASE}/press1/data/fast")), 3)
 
-    def test_a_paced_line_keeps_its_beat_and_never_bursts(self):
+    def test_a_paced_line_keeps_its_interval_and_never_bursts(self):
         groups = [{"name": "fast", "interval_ms": 200}]
         self.start([device(groups=groups)], [self.plc(baud=9600)])
         first = self.data()
         last = self.data(lambda m: m["seq"] >= first["seq"] + 20)
         stamps = [m["ts"] for m in self.watcher.payloads(f"{BASE}/press1/data/fast")
                   if m["seq"] <= last["seq"]]
-        # Twenty intervals of 200 ms: over the whole no drift, and never two polls in half of one.
-        self.assertLess(abs((stamps[-1] - stamps[0]) - 200 * (len(stamps) - 1)), 200)
-        for earlier, later in zip(stamps, stamps[1:]):
-            self.assertGreater(later - earlier, 100)
+        # A busy machine may delay or skip a poll; nothing catches up. So no span has more polls than intervals.
+        for first in range(len(stamps)):
+            for last in range(first + 1, len(stamps)):
+                self.assertLess(last - first, (stamps[last] - stamps[first]) / 200 + 1)
 
     def test_numbers_keep_their_kind(self):
         tags = [{"name": "whole", "address": "D10", "group": "fast"},

@@ -444,16 +444,21 @@ TEST_F(BusTest, ListensBeforeTheFirstQuestionOfEachSession) {
 TEST_F(BusTest, TimeThatHasPassedSinceASilenceNeedNotBeListenedToAgain) {
   station.enquire = EnquirePolicy::never;
   station.timeout = milliseconds(300);
-  wire->expect(kReadD100).silence();
   open();
-  const Exchange silent = read("D100");
-  while (Clock::now() < silent.ended + milliseconds(250)) {
+  // A busy machine may delay any one try; without the credit no try would wait for less than the timeout.
+  Clock::duration least = std::chrono::hours(1);
+  for (int i = 0; i < 5 && least >= station.timeout; ++i) {
+    wire->expect(kReadD100).silence();
+    const Exchange silent = read("D100");
+    while (Clock::now() < silent.ended + milliseconds(250)) {
+    }
+    const auto asked = Clock::now();
+    wire->hang().expect(kReadD100).give(word_frame(2));
+    const Exchange second = read("D100");
+    EXPECT_GE(second.began - asked, milliseconds(100)) << "it listens for 100 ms all the same";
+    least = std::min<Clock::duration>(least, second.began - asked);
   }
-  wire->hang().expect(kReadD100).give(
-      word_frame(2));  // 100 ms of quiet are listened to all the same
-  const Exchange second = read("D100");
-  EXPECT_GE(second.began - silent.ended, milliseconds(350));
-  EXPECT_LT(second.began - silent.ended, milliseconds(550));
+  EXPECT_LT(least, station.timeout);
 }
 
 // ---- answers that nobody asked for

@@ -1,5 +1,8 @@
-# Read by ctest: every test of the room is a unit test, and can be run by the room's name. What keeps
-# the field thread to itself hangs, and is ended here.
-if(field_tests)
-  set_tests_properties(${field_tests} PROPERTIES LABELS "unit;field" TIMEOUT 300)
-endif()
+# Read by ctest. Label `threads`: the tests that have more than one, the field's own or the host look-up's.
+foreach(test IN LISTS field_tests)
+  set(labels unit field)
+  if(test MATCHES "^(Field|TcpTransport|UdpTransport|WireTrace)")
+    list(APPEND labels threads)
+  endif()
+  set_tests_properties("${test}" PROPERTIES LABELS "${labels}")
+endforeach()

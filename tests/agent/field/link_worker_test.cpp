@@ -1114,6 +1114,10 @@ TEST_F(LinkWorkerTest, StopEndsAWaitForTheNextPoll) {
   config.devices[0].groups[0].interval = std::chrono::hours(1);
   start();
   wait_for_requests(2);
+  const std::size_t requests = wire->written().size();
+  worker->stop();
+  wait([&] { return ended; });
+  EXPECT_EQ(wire->written().size(), requests) << "a stop begins no poll";
 }
 
 TEST_F(LinkWorkerTest, StopFinishesTheCommandOnTheWireAndAnswersTheWaitingOnes) {

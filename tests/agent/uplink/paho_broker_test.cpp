@@ -778,9 +778,20 @@ TEST_F(PahoBrokerTls, MutualTlsNeedsTheClientsCertificate) {
 TEST(PahoBroker, EndsInTheMiddleOfAConnect) {
   const Listener silent;
   for (int i = 0; i < 5; ++i) {
-    Client client(settings(silent.url()));
-    client->connect(0, kReceiveMaximum);
-    if (i % 2 == 0) close(accept(silent.fd(), nullptr, nullptr));
+    int server = -1;
+    {
+      Client client(settings(silent.url()));
+      client->connect(0, kReceiveMaximum);
+      server = accept(silent.fd(), nullptr, nullptr);
+      if (i % 2 == 0) shutdown(server, SHUT_RDWR);
+    }
+    const timeval limit{std::chrono::seconds(kLimit).count(), 0};
+    setsockopt(server, SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof limit);
+    char bytes[1000];
+    ssize_t count = 0;
+    while ((count = recv(server, bytes, sizeof bytes, 0)) > 0) continue;
+    EXPECT_TRUE(count == 0 || errno == ECONNRESET) << "the connection outlives the broker object";
+    close(server);
   }
 }
 

@@ -136,15 +136,18 @@ TEST(OneEExplanation, WhatIsWrongIsSaid) {
   EXPECT_EQ(explain_text("01FG000A").error, "a frame in ASCII has pairs of hex digits only");
 }
 
-TEST(OneEExplanation, AnyBytesAreTakenApartWithoutHarm) {
+TEST(OneEExplanation, AnyBytesAreGoodOrHaveAnError) {
   for (const test::Exchange& e : test::read_frames("mc_1e.txt"))
     for (const Bytes& whole : {e.request, e.reply})
       for (std::size_t n = 0; n <= whole.size(); ++n) {
         Bytes part(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(n));
-        (void)one_e::explain_frame(Model::fx3u, part, std::nullopt);
+        const auto judge = [&](const Explanation& out) {
+          EXPECT_NE(out.ok, out.error.has_value()) << "line " << e.line << ", " << n << " bytes";
+        };
+        judge(one_e::explain_frame(Model::fx3u, part, std::nullopt));
         for (std::uint8_t& byte : part) {
           byte ^= 0x11;
-          (void)one_e::explain_frame(Model::q, part, Direction::reply);
+          judge(one_e::explain_frame(Model::q, part, Direction::reply));
           byte ^= 0x11;
         }
       }
