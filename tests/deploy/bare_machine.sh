@@ -6,7 +6,8 @@
 # tests    tests/run.sh, with the ctest arguments; without any the benches too, once and short
 # package  README.md, Install, word for word, which makes the package and installs it; then --version, check of the
 #          example, the recipe of agent/OPERATIONS.md, Who may do what, against the mosquitto that it configures,
-#          lintian, systemd-analyze, and tests/deploy/package_trial.py: upgrade, remove, purge, a signed repository
+#          lintian, systemd-analyze, tests/deploy/package_trial.py (upgrade, remove, purge, a signed repository), and
+#          docs/first-plc.md word for word
 # docker   every stage of docker/Dockerfile: with buildah where it is there, else its COPY and RUN lines
 # all      all of them (the default)
 # Each in a root of its own. Carried in is only what package managers need to reach their sources: the
@@ -152,6 +153,15 @@ show_package() {
     systemd-analyze verify --man=no /lib/systemd/system/fxagent.service
     systemd-analyze security --offline=true --threshold=25 --no-pager /lib/systemd/system/fxagent.service | tail -n 1'
   in_root sh -c 'python3 -B tests/deploy/package_trial.py build/fxagent_*.deb'
+  show_first_plc
+}
+
+# docs/first-plc.md: what its reader types, from the package to the first value.
+show_first_plc() {
+  local page=docs/first-plc.md
+  { code_block "$page" "1. Install" 1 && code_block "$page" "3. Write the config and read one value" 1 &&
+    code_block "$page" "4. Start the agent and see the value" 1; } >"$r/root/first_plc"
+  in_root sh -c 'tests/deploy/first_plc.sh </root/first_plc'
 }
 
 # The recipe of agent/OPERATIONS.md, "Who may do what", word for word. Certificates and passwords are made

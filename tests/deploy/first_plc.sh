@@ -1,0 +1,38 @@
+#!/bin/bash
+# docs/first-plc.md word for word, as root in a bare root that is thrown away:
+#   first_plc.sh < code blocks of the page, in their sequence
+# The machine lacks three things that the page's reader has: a systemd that runs, the broker that it starts, and a PLC. A
+# stand-in for systemctl starts the agent as the unit does; fxsim answers behind /dev/ttyUSB0.
+set -euo pipefail
+
+page=$(cat)
+[ -n "$page" ] || { echo "first_plc: no commands on standard input" >&2; exit 2; }
+apt-get install --yes --no-install-recommends mosquitto ./build/fxagent-sim_*.deb >/dev/null
+
+cat >/usr/local/bin/systemctl <<'END'
+#!/bin/sh
+[ "$*" = "restart fxagent" ] || exit 1
+setpriv --reuid=fxagent --regid=fxagent --init-groups fxagent run /etc/fxagent/agent.json 2>/tmp/agent.log &
+echo $! >/tmp/agent.pid
+END
+chmod +x /usr/local/bin/systemctl
+
+PATH=$PATH:/usr/sbin mosquitto >/tmp/mosquitto.log 2>&1 &
+broker=$!
+mkfifo /tmp/ready
+fxsim --plc name=press1,model=FX3U,pty=/tmp/press1,baud=9600,plant=demo >/tmp/ready &
+plc=$!
+trap 'kill "$broker" "$plc" $(cat /tmp/agent.pid 2>/dev/null) 2>/dev/null || true' EXIT
+read -r _ </tmp/ready  # its one line: every port is open
+ln -s /tmp/press1 /dev/ttyUSB0
+# A real port belongs to dialout.
+port=$(readlink -f /dev/ttyUSB0)
+chgrp dialout "$port"
+chmod 660 "$port"
+
+cd build
+printf '%s\n' "$page" | bash -ex 2>&1 | tee /tmp/said
+grep -qE '^press1 D100 = -?[0-9]+ ' /tmp/said || { echo "first_plc: no value was read" >&2; exit 1; }
+grep -qE '^fx/line1/press1/data/\S+ .*"values":\{"counter":-?[0-9]+\}' /tmp/said ||
+  { echo "first_plc: no sample arrived" >&2; tail -n 20 /tmp/agent.log >&2; exit 1; }
+echo "first_plc: a value was read, and arrived over MQTT"
