@@ -52,8 +52,16 @@ void read_place(ConfigReader& reader, const ConfigNode& link, const ConfigNode& 
                 const ConfigKey& host, const ConfigKey& port, std::string_view kind,
                 Channels& channels, Settings& settings) {
   settings.host = reader.text(node, host).value_or("");
-  if (!settings.host.empty() && settings.host.find_first_of(" /@") != std::string::npos)
-    reader.error(*node.find("host"), "must be a host name or an address alone");
+  if (!settings.host.empty()) {
+    // "meter.local:502"; an IPv6 address has more than one colon.
+    const std::size_t colon = settings.host.find(':');
+    const bool has_port = colon != std::string::npos && colon == settings.host.rfind(':');
+    if (has_port || settings.host.find_first_of(" /@") != std::string::npos)
+      reader.error(*node.find("host"),
+                   "must be a host name or an address alone, found \"" + shown(settings.host) +
+                       "\"" +
+                       (has_port ? "; the number behind the colon belongs in \"port\"" : ""));
+  }
   const auto number = reader.integer(node, port);
   settings.port = static_cast<std::uint16_t>(number.value_or(0));
   if (!settings.host.empty() && number)

@@ -128,6 +128,7 @@ constexpr auto kMeanings = std::to_array<std::pair<std::string_view, std::string
     {"baudrate", "baud"},
     {"baud_rate", "baud"},
     {"speed", "baud"},
+    {"port", "path"},
     {"ip", "host"},
     {"slave", "unit"},
     {"slave", "station"},
@@ -189,10 +190,10 @@ std::string home_of(std::string_view key, std::string_view section, Range range)
 /// nothing is known. `known`: the keys that may stand there.
 std::string cure_of(std::string_view key, std::string_view section,
                     std::span<const std::string_view> known) {
-  if (const std::string home = home_of(key, section, Range::near); !home.empty())
-    return "; it " + home;
   if (std::ranges::any_of(known, [&](std::string_view each) { return means(key, each); }))
     return did_you_mean(key, known);
+  if (const std::string home = home_of(key, section, Range::near); !home.empty())
+    return "; it " + home;
   if (const std::string home = home_of(key, section, Range::all); !home.empty())
     return "; it " + home;
   // That of a tag is what its value is counted in, and no address on a bus.

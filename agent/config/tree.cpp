@@ -233,6 +233,8 @@ tl::expected<ConfigTree, ConfigTree::SyntaxError> ConfigTree::parse(std::string_
                                                 ", column " + std::to_string(at - line_start + 1) +
                                                 ": " + fault});
   };
+  if (text.starts_with("\xFF\xFE") || text.starts_with("\xFE\xFF"))
+    return syntax_error(0, "this file is UTF-16; save it as UTF-8");
   // The library takes a zero byte for the end of the text and would overlook what follows.
   if (const std::size_t zero = text.find('\0'); zero != std::string_view::npos)
     return syntax_error(zero, "a zero byte");

@@ -59,9 +59,9 @@ struct Place {
 };
 
 /// "40101": the first digit is the table, the others count from 1.
-Result<Place> parse_numbered(const std::string& name, std::string_view digits) {
+Result<Place> parse_numbered(const std::string& quoted, std::string_view digits) {
   if (digits.size() != 5 && digits.size() != 6)
-    return refuse("'" + name + "': a number without a table has 5 or 6 digits, as 40101 or 400101");
+    return refuse(quoted + ": a number without a table has 5 or 6 digits, as 40101 or 400101");
   Place place;
   switch (digits[0]) {
     case '0':
@@ -77,13 +77,13 @@ Result<Place> parse_numbered(const std::string& name, std::string_view digits) {
       place.space = Space::holding_register;
       break;
     default:
-      return refuse("'" + name +
-                    "': the first digit is 0 (coils), 1 (discrete inputs), 3 (input "
+      return refuse(quoted +
+                    ": the first digit is 0 (coils), 1 (discrete inputs), 3 (input "
                     "registers) or 4 (holding registers)");
   }
   const auto number = number_in(digits.substr(1));
   if (!number || *number == 0 || *number > kNumbers)
-    return refuse("'" + name + "': these numbers go from 1 to " +
+    return refuse(quoted + ": these numbers go from 1 to " +
                   (digits.size() == 5 ? "9999; longer ones have 6 digits" : "65536"));
   place.number = *number - 1;
   return place;
@@ -91,31 +91,32 @@ Result<Place> parse_numbered(const std::string& name, std::string_view digits) {
 
 Result<Place> parse_place(std::string_view text, std::uint32_t base) {
   const std::string name = lower(text);
+  const std::string quoted = "'" + std::string(text) + "'";  // as it was written
   std::string_view rest = name;
   std::optional<std::uint32_t> bit;
   if (const auto dot = rest.find('.'); dot != std::string_view::npos) {
     bit = number_in(rest.substr(dot + 1));
-    if (!bit || *bit > 15) return refuse("'" + name + "': the bits of a register are .0 to .15");
+    if (!bit || *bit > 15) return refuse(quoted + ": the bits of a register are .0 to .15");
     rest = rest.substr(0, dot);
   }
   Result<Place> place;
   if (!rest.empty() && std::all_of(rest.begin(), rest.end(), is_digit)) {
-    place = parse_numbered(name, rest);
+    place = parse_numbered(quoted, rest);
     if (!place) return place;
   } else {
     const auto colon = rest.find(':');
     const auto table = table_named(rest.substr(0, colon));
     if (colon == std::string_view::npos || !table)
-      return refuse("'" + name + "' is not a Modbus address; the forms are " + std::string(kForms));
+      return refuse(quoted + " is not a Modbus address; the forms are " + std::string(kForms));
     const auto number = number_in(rest.substr(colon + 1));
     if (!number || *number < base || *number - base >= kNumbers)
-      return refuse("'" + name + "': " + std::string(letters_of(*table)) + " goes from " +
+      return refuse(quoted + ": " + std::string(letters_of(*table)) + " goes from " +
                     std::to_string(base) + " to " + std::to_string(kNumbers - 1 + base));
     place->space = *table;
     place->number = *number - base;
   }
   if (bit && width_of(place->space) == 1)
-    return refuse("'" + name + "': only registers have bits, a coil is one");
+    return refuse(quoted + ": only registers have bits, a coil is one");
   place->bit = bit;
   return place;
 }

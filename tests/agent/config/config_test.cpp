@@ -561,6 +561,9 @@ TEST(Config, UdpLinkThatCannotBeIsAnError) {
   };
   expect_error(udp(R"("host": "a", "port": 0)"), "/links/2/udp/port", {"1 to 65535"});
   expect_error(udp(R"("host": "a/b", "port": 1)"), "/links/2/udp/host", {"host name"});
+  expect_error(udp(R"("host": "meter.local:502", "port": 1)"), "/links/2/udp/host",
+               {"\"meter.local:502\"", "belongs in \"port\""});
+  good(with_links({R"({"name": "u1", "udp": {"host": "fe80::1", "port": 5007}})"}));
   expect_error(udp(R"("host": "a", "port": 1, "local_port": 0)"), "/links/2/udp/local_port",
                {"1 to 65535"});
   expect_error(udp(R"("host": "a", "port": 1)", R"(, "line_baud": 9600)"), "/links/2/line_baud",

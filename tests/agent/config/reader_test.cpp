@@ -71,6 +71,7 @@ TEST(ConfigReader, KeyInTheWrongPlaceIsSentHome) {
         Case{"/mqtt/store", "{}", "it belongs at the top level"},
         Case{"/mqtt/ca_file", R"("x")", "it belongs inside mqtt.tls"},
         Case{"/mqtt/port", "1883", "did you mean servers?"},
+        Case{"/links/0/serial/port", R"("/dev/ttyUSB0")", "did you mean path?"},
         Case{"/links/0/baud", "9600", "it belongs inside links[].serial"},
         Case{"/devices/0/interval_ms", "5", "it belongs inside devices[].groups[]"},
         Case{"/devices/0/groups/0/tags", "[]", "it belongs inside devices[]"},

@@ -177,6 +177,15 @@ TEST(ConfigTree, ZeroByteDoesNotHideWhatFollows) {
   EXPECT_NE(tree.error().text.find("zero byte"), std::string::npos);
 }
 
+TEST(ConfigTree, Utf16IsNamed) {
+  for (const std::string_view text :
+       {std::string_view("\xFF\xFE{\0", 4), std::string_view("\xFE\xFF\0{", 4)}) {
+    const auto tree = ConfigTree::parse(text);
+    ASSERT_FALSE(tree);
+    EXPECT_NE(tree.error().text.find("UTF-16; save it as UTF-8"), std::string::npos);
+  }
+}
+
 TEST(ConfigTree, BracketsWithoutEndDoNotFillTheStack) {
   const auto deep = ConfigTree::parse(std::string(1000000, '['));
   ASSERT_FALSE(deep);

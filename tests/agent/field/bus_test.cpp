@@ -445,7 +445,8 @@ TEST_F(BusTest, TimeThatHasPassedSinceASilenceNeedNotBeListenedToAgain) {
   station.enquire = EnquirePolicy::never;
   station.timeout = milliseconds(300);
   open();
-  // A busy machine may delay any one try; without the credit no try would wait for less than the timeout.
+  // A busy machine may delay any one try; without the credit no try would wait for less than the
+  // timeout.
   Clock::duration least = std::chrono::hours(1);
   for (int i = 0; i < 5 && least >= station.timeout; ++i) {
     wire->expect(kReadD100).silence();

@@ -194,6 +194,7 @@ TEST(Modbus, WhatIsNoAddressIsRefusedWithTheForms) {
     EXPECT_NE(refusal(text).find("the forms are"), std::string::npos) << text << refusal(text);
   for (const char* text : {"hr:", "hr:65536", "co:-1", "hr:1x", "hr:0x", "di: 1"})
     EXPECT_NE(refusal(text).find("from 0 to 65535"), std::string::npos) << text << refusal(text);
+  EXPECT_TRUE(refusal("D100").starts_with("'D100' ")) << "as it was written: " << refusal("D100");
   EXPECT_NE(refusal("40000").find("from 1 to 9999"), std::string::npos);
   EXPECT_NE(refusal("465537").find("from 1 to 65536"), std::string::npos);
   EXPECT_NE(refusal("20001").find("first digit"), std::string::npos);
