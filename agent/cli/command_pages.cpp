@@ -5,10 +5,32 @@
 #include <filesystem>
 #include <fstream>
 #include <iostream>
+#include <sstream>
 #include <string_view>
 #include <vector>
 
+#include "agent/cli/config_page.h"
+#include "agent/import/formats.h"
+#include "protocol/catalog.h"
+#include "protocol/letter_case.h"
+
 namespace fxagent {
+
+std::string roff(std::string_view text) {
+  std::string out;
+  for (const char c : text) {
+    if (c == '\\')
+      out += "\\e";
+    else if (c == '-')
+      out += "\\-";
+    else if ((c == '.' || c == '\'') && (out.empty() || out.back() == '\n'))
+      out += std::string("\\&") + c;
+    else
+      out += c;
+  }
+  return out;
+}
+
 namespace {
 
 constexpr int kDone = 0;
@@ -30,22 +52,6 @@ The store of the service: what waits for the broker, and the audit.
 .I /usr/share/doc/fxagent
 How to write a config (config/README.md), to run the agent (agent/OPERATIONS.md), its topics (agent/CONTRACT.md), and examples.
 )";
-
-/// Text as roff takes it: a backslash, a hyphen, a dot at the beginning of a line.
-std::string roff(std::string_view text) {
-  std::string out;
-  for (const char c : text) {
-    if (c == '\\')
-      out += "\\e";
-    else if (c == '-')
-      out += "\\-";
-    else if ((c == '.' || c == '\'') && (out.empty() || out.back() == '\n'))
-      out += std::string("\\&") + c;
-    else
-      out += c;
-  }
-  return out;
-}
 
 /// In the order of their definition.
 std::vector<const CLI::App*> subcommands_of(const CLI::App& app) {
@@ -104,13 +110,28 @@ std::string synopsis(const CLI::App& app, const CLI::App* subcommand) {
   return out;
 }
 
+/// The sections of a footer: a line that ends in a colon begins one.
+std::string footer(const CLI::App& command) {
+  std::istringstream lines(command.get_footer());
+  std::string out;
+  for (std::string line; std::getline(lines, line);) {
+    if (line.starts_with(' ') || !line.ends_with(':')) {
+      out += roff(line.starts_with("  ") ? line.substr(2) : line) + "\n";
+      continue;
+    }
+    line.pop_back();
+    out += (out.empty() ? ".SH " : ".fi\n.SH ") + upper(line) + "\n.nf\n";
+  }
+  return out.empty() ? out : out + ".fi\n";
+}
+
 std::string page_name(const CLI::App& app, const CLI::App& subcommand) {
   return app.get_name() + "-" + subcommand.get_name();
 }
 
 std::string see_also(const CLI::App& app, const CLI::App* subcommand) {
   if (subcommand != nullptr) return ".SH SEE ALSO\n.BR " + app.get_name() + " (1)\n";
-  std::string out = ".SH SEE ALSO\n";
+  std::string out = ".SH SEE ALSO\n.BR " + app.get_name() + ".json (5),\n";
   const auto all = subcommands_of(app);
   for (const CLI::App* command : all)
     out +=
@@ -123,6 +144,27 @@ std::string meaning(const CLI::App& command, const CLI::App& app) {
   const std::string text = command.get_description();
   const std::string before = app.get_name() + ": ";
   return text.starts_with(before) ? text.substr(before.size()) : text;
+}
+
+/// "CONFIG DEVICE ADDRESS": the arguments that have a place.
+std::string names_of_places(const CLI::App& command) {
+  std::string out;
+  for (const CLI::Option* option : command.get_options())
+    if (!option->nonpositional()) out += (out.empty() ? "" : " ") + option->get_name(true);
+  return out;
+}
+
+std::string protocol_names() {
+  std::string out;
+  for (const ProtocolInfo& protocol : catalog())
+    out += (out.empty() ? "" : " ") + std::string(protocol.name);
+  return out;
+}
+
+std::string format_names() {
+  std::string out = "auto";
+  for (const ImportFormat& format : import_formats()) out += " " + std::string(format.name);
+  return out;
 }
 
 std::string names_of_options(const CLI::App& command, bool with_value_only) {
@@ -138,13 +180,10 @@ std::string names_of_options(const CLI::App& command, bool with_value_only) {
 std::string man_page(const CLI::App& app, const CLI::App* subcommand, const std::string& version) {
   const CLI::App& shown = subcommand == nullptr ? app : *subcommand;
   const std::string name = subcommand == nullptr ? app.get_name() : page_name(app, *subcommand);
-  std::string title = name;
-  std::ranges::transform(title, title.begin(), [](char c) {
-    return c >= 'a' && c <= 'z' ? static_cast<char>(c - 32) : c;
-  });
-  std::string out = ".TH " + roff(title) + " 1 \"\" \"" + roff(app.get_name() + " " + version) +
-                    "\" \"User Commands\"\n.nh\n.SH NAME\n" + roff(name) + " \\- " +
-                    roff(meaning(shown, app)) + "\n.SH SYNOPSIS\n" + synopsis(app, subcommand);
+  std::string out = ".TH " + roff(upper(name)) + " 1 \"\" \"" +
+                    roff(app.get_name() + " " + version) + "\" \"User Commands\"\n.nh\n.SH NAME\n" +
+                    roff(name) + " \\- " + roff(meaning(shown, app)) + "\n.SH SYNOPSIS\n" +
+                    synopsis(app, subcommand);
   if (subcommand == nullptr) {
     out += ".SH SUBCOMMANDS\n";
     for (const CLI::App* command : subcommands_of(app))
@@ -155,6 +194,7 @@ std::string man_page(const CLI::App& app, const CLI::App* subcommand, const std:
                  [](const CLI::Option& option) { return !option.nonpositional(); });
   out +=
       section("OPTIONS", shown, [](const CLI::Option& option) { return option.nonpositional(); });
+  out += footer(shown);
   out += kExitStatus;
   out += kFiles;
   return out + see_also(app, subcommand);
@@ -166,21 +206,41 @@ std::string bash_completion(const CLI::App& app) {
   for (const CLI::App* command : subcommands_of(app)) {
     names += command->get_name() + " ";
     cases += "    " + command->get_name() + ") words='" + names_of_options(*command, false) +
-             "' valued='" + names_of_options(*command, true) + "' ;;\n";
+             "' valued='" + names_of_options(*command, true) + "' places='" +
+             names_of_places(*command) + "' ;;\n";
   }
   return "# Completion of " + app.get_name() + ", made by `" + app.get_name() +
          " --help-pages`.\n" +
          R"(_fxagent() {
-  local word=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD-1]} words='' valued=''
-  COMPREPLY=()
+  local word=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD-1]} words='' valued='' places=''
+)" + "  local protocols='" +
+         protocol_names() + "' formats='" + format_names() + "'\n" +
+         R"(  COMPREPLY=()
   case ${COMP_WORDS[1]} in
 )" + cases +
          R"(  esac
   if [ "$COMP_CWORD" -eq 1 ]; then
     words=')" +
          names + names_of_options(app, false) + R"('
-  elif [[ $word != -* || " $valued " == *" $before "* ]]; then
-    return 0
+  elif [[ " $valued " == *" $before "* ]]; then
+    [ "$before" = --protocol ] || return 0
+    words=$protocols
+  elif [[ $word != -* ]]; then
+    # The arguments before this one, without options and their values.
+    local given=() i
+    for ((i = 2; i < COMP_CWORD; i++)); do
+      if [[ " $valued " == *" ${COMP_WORDS[i]} "* ]]; then ((i++)); continue; fi
+      [[ ${COMP_WORDS[i]} == -* ]] || given+=("${COMP_WORDS[i]}")
+    done
+    read -ra places <<<"$places"
+    case ${places[${#given[@]}]} in
+      PROTOCOL) words=$protocols ;;
+      FORMAT) words=$formats ;;
+      # Rows of `export`: device, tag, ...
+      DEVICE) words=$("${COMP_WORDS[0]}" export "${given[0]}" 2>/dev/null | sed -n '2,${/^#/!s/,.*//p}' | sort -u) ;;
+      ADDRESS) words=$("${COMP_WORDS[0]}" export "${given[0]}" 2>/dev/null | sed -n "s/^${given[1]},\([^,]*\),.*/\1/p") ;;
+      *) return 0 ;;
+    esac
   fi
   mapfile -t COMPREPLY < <(compgen -W "$words" -- "$word")
 }
@@ -203,6 +263,7 @@ std::optional<int> write_command_pages(const CLI::App& app, int argc, const char
     return false;
   };
   bool written = write(app.get_name() + ".1", man_page(app, nullptr, version)) &&
+                 write(app.get_name() + ".json.5", config_page(version)) &&
                  write(app.get_name() + ".bash", bash_completion(app));
   for (const CLI::App* command : subcommands_of(app))
     written = written && write(page_name(app, *command) + ".1", man_page(app, command, version));

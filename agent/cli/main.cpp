@@ -19,6 +19,7 @@
 #include "agent/cli/acl.h"
 #include "agent/cli/audit.h"
 #include "agent/cli/check.h"
+#include "agent/cli/command_help.h"
 #include "agent/cli/command_pages.h"
 #include "agent/cli/decode.h"
 #include "agent/cli/import.h"
@@ -285,9 +286,7 @@ void add_import(CLI::App& app, ImportQuestion& what, std::function<int()>& actio
 void add_export(CLI::App& app, std::string& path, std::function<int()>& action) {
   CLI::App* command = app.add_subcommand("export", "Print the tags of a config for a spreadsheet");
   command->add_option("CONFIG", path, "Config file")->required();
-  command->add_flag("--csv")
-      ->description("As CSV, which `import csv` makes the same config of")
-      ->required();
+  command->add_flag("--csv", "As CSV, the default: `import csv` makes the same config of it");
   command->callback([&] { action = [&] { return loaded(path) ? run_export(path) : kWrong; }; });
 }
 
@@ -344,9 +343,7 @@ int dispatch(int argc, char** argv) {
 
   CLI::App* config_command = app.add_subcommand("config", "Print a config file in another form");
   config_command->add_option("CONFIG", path, "Config file")->required();
-  config_command->add_flag("--expand")
-      ->description("Every device written out, without templates")
-      ->required();
+  config_command->add_flag("--expand", "The default: every device written out, without templates");
   config_command->callback([&] { action = [&] { return expand(path); }; });
 
   std::vector<std::string> what_ifs;
@@ -410,6 +407,7 @@ int dispatch(int argc, char** argv) {
   // Before the arguments are looked at: what a subcommand lacks must not hide its version.
   for (CLI::App* command : app.get_subcommands({}))
     command->set_version_flag("--version", FXAGENT_VERSION);
+  add_footers(app);
   if (const auto status = write_command_pages(app, argc, argv, FXAGENT_VERSION)) return *status;
   if (const std::string fault = misspelt_subcommand(app, argc, argv); !fault.empty()) {
     std::cerr << fault << "\nRun with --help for more information.\n";

@@ -4,9 +4,13 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <cstdio>
 #include <filesystem>
+#include <fstream>
 #include <set>
 #include <string>
+
+#include "agent/cli/config_page.h"
 
 namespace fxagent::test {
 namespace {
@@ -52,10 +56,62 @@ TEST_F(CommandPagesTest, PageOfASubcommandHasEachArgumentAndOption) {
   EXPECT_TRUE(has(page, "\\fB\\-j\\fR, \\fB\\-\\-json\\fR\n\\&.json \\e printed\n")) << page;
 }
 
+TEST_F(CommandPagesTest, FooterBecomesSections) {
+  app.get_subcommand("stop")->footer("Examples:\n  tool stop -x\nSignals:\n  SIGHUP  again");
+  const std::string page = man_page(app, app.get_subcommand("stop"), "1.2");
+  EXPECT_TRUE(
+      has(page, ".SH EXAMPLES\n.nf\ntool stop \\-x\n.fi\n.SH SIGNALS\n.nf\nSIGHUP  again\n.fi\n"))
+      << page;
+}
+
+TEST_F(CommandPagesTest, ConfigPageHasKeysOfTheTableAndOfTheProtocols) {
+  const std::string page = config_page("1.2");
+  EXPECT_TRUE(page.starts_with(".TH FXAGENT.JSON 5 ")) << page.substr(0, 100);
+  EXPECT_TRUE(has(page, ".SH \"links[].serial\"\n")) << "a section";
+  EXPECT_TRUE(has(page, "\\fBparity\\fR: none | even | odd (default: ")) << "a choice";
+  EXPECT_TRUE(has(page, ".SH \"devices[] with protocol modbus\\-rtu\"\n")) << "a protocol";
+  EXPECT_FALSE(has(page, "`"));
+}
+
+/// What bash offers for the last of `words`; `tool` has a config with two devices.
+std::string offered(const std::string& script, const std::string& words) {
+  const auto file =
+      std::filesystem::temp_directory_path() / ("fxagent-bash-" + std::to_string(::getpid()));
+  std::ofstream(file)
+      << script << R"(
+tool() { printf '%s\n' device,name,address press1,temp,D100 press1,speed,D101 meter,power,hr:0 '# {}'; }
+COMP_WORDS=()"
+      << words << R"(); COMP_CWORD=$((${#COMP_WORDS[@]} - 1)); _fxagent; echo "${COMPREPLY[*]}")";
+  std::string out;
+  FILE* pipe = ::popen(("bash " + file.string()).c_str(), "r");
+  for (int c = 0; (c = std::fgetc(pipe)) != EOF;) out += static_cast<char>(c);
+  ::pclose(pipe);
+  std::filesystem::remove(file);
+  return out;
+}
+
+TEST_F(CommandPagesTest, CompletionOffersProtocolsFormatsDevicesAndTags) {
+  CLI::App* decode = app.add_subcommand("decode", "Explain");
+  decode->add_option("PROTOCOL", text);
+  CLI::App* load = app.add_subcommand("import", "Import");
+  load->add_option("FORMAT", text);
+  load->add_option("--protocol", text);
+  app.get_subcommand("read-it")->add_option("DEVICE", text);
+  app.get_subcommand("read-it")->add_option("ADDRESS", text);
+  const std::string script = bash_completion(app);
+  EXPECT_EQ(offered(script, "tool decode modbus-r"), "modbus-rtu\n");
+  EXPECT_EQ(offered(script, "tool import --protocol mc-3"), "mc-3e mc-3c\n");
+  EXPECT_EQ(offered(script, "tool import kep"), "kepware\n");
+  EXPECT_EQ(offered(script, "tool read-it --count 3 a.json ''"), "meter press1\n");
+  EXPECT_EQ(offered(script, "tool read-it a.json press1 --json ''"), "temp speed\n");
+  EXPECT_EQ(offered(script, "tool read-it --count ''"), "\n");
+}
+
 TEST_F(CommandPagesTest, CompletionKnowsSubcommandsOptionsAndWhichTakeAValue) {
   const std::string script = bash_completion(app);
   EXPECT_TRUE(has(script, "words='read-it stop -h --help --version'")) << script;
-  EXPECT_TRUE(has(script, "read-it) words='-h --help --count -j --json' valued='--count' ;;"))
+  EXPECT_TRUE(has(
+      script, "read-it) words='-h --help --count -j --json' valued='--count' places='CONFIG' ;;"))
       << script;
   EXPECT_TRUE(has(script, "complete -o default -F _fxagent tool\n")) << script;
 }
@@ -70,7 +126,8 @@ TEST_F(CommandPagesTest, EachPageIsAFile) {
   std::set<std::string> names;
   for (const auto& entry : std::filesystem::directory_iterator(directory))
     names.insert(entry.path().filename().string());
-  EXPECT_EQ(names, (std::set<std::string>{"tool.1", "tool-read-it.1", "tool-stop.1", "tool.bash"}));
+  EXPECT_EQ(names, (std::set<std::string>{"tool.1", "tool-read-it.1", "tool-stop.1", "tool.bash",
+                                          "tool.json.5"}));
   std::filesystem::remove_all(directory);
   EXPECT_EQ(write_command_pages(app, 3, asked, "1"), 1) << "the directory is gone";
 }
