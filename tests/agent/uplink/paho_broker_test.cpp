@@ -13,6 +13,7 @@
 #include <condition_variable>
 #include <cstdlib>
 #include <deque>
+#include <filesystem>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <stop_token>
@@ -795,15 +796,24 @@ TEST(PahoBroker, EndsInTheMiddleOfAConnect) {
   }
 }
 
-TEST(PahoBroker, EndsWithPublishesOnTheirWay) {
+std::ptrdiff_t open_descriptors() {
+  return std::distance(std::filesystem::directory_iterator("/proc/self/fd"), {});
+}
+
+TEST(PahoBroker, EndsWithPublishesOnTheirWayAndLeavesNoConnection) {
   const Scratch directory;
   const Mosquitto mosquitto(directory, "allow_anonymous true");
+  std::ptrdiff_t after_the_first = 0;  // the library keeps descriptors of its own
   for (int i = 0; i < 5; ++i) {
-    Client client(settings(mosquitto.url()));
-    client.connect();
-    client.subscribe("a");
-    for (std::uint64_t id = 1; id <= 20; ++id) client->publish(publication(id, "a", "x"));
+    {
+      Client client(settings(mosquitto.url()));
+      client.connect();
+      client.subscribe("a");
+      for (std::uint64_t id = 1; id <= 20; ++id) client->publish(publication(id, "a", "x"));
+    }
+    if (i == 0) after_the_first = open_descriptors();
   }
+  EXPECT_EQ(open_descriptors(), after_the_first);
 }
 
 TEST(PahoBroker, WillIsSaidForOneThatVanishedAndNotForOneThatLeft) {
