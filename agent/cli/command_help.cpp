@@ -18,7 +18,8 @@ Signals:
   SIGHUP           read the config again; a wrong file changes nothing
   SIGUSR1          switch the traces of all links on or off)"},
     {"check", R"(Examples:
-  fxagent check agent.json)"},
+  fxagent check agent.json
+  fxagent check --online agent.json)"},
     {"config", R"(Examples:
   fxagent config agent.json)"},
     {"plan", R"(Examples:
