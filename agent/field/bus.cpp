@@ -103,9 +103,22 @@ asio::awaitable<Exchange> Bus::exchange(Station& station, Request request, Stead
     bus_doubt_.exchange_was_unclear();
     co_return failed;
   }
+  Exchange exchange = co_await ask(station, request, not_after);
+  const bool again = exchange.is_data() && !exchange.doubted && is_read(request) &&
+                     !tells_answers_apart(codec) && bus_doubt_.is_wary(now());
+  if (!again) co_return exchange;
+  Exchange second = co_await ask(station, request, SteadyTime::max());
+  second.sent = true;
+  second.rest = exchange.rest;
+  second.began = exchange.began;
+  co_return second;
+}
+
+asio::awaitable<Exchange> Bus::ask(Station& station, const Request& request, SteadyTime not_after) {
+  const Codec& codec = *station.codec;
   const std::uint64_t findings = bus_doubt_.findings();
   const bool doubted = bus_doubt_.is_doubted();
-  Exchange exchange = co_await send_and_receive(codec, station, std::move(request), not_after);
+  Exchange exchange = co_await send_and_receive(codec, station, request, not_after);
   co_await judge(codec, findings, doubted, exchange);
   co_return exchange;
 }
@@ -147,8 +160,7 @@ void Bus::note_unexpected(const Codec& codec, ByteView bytes) {
   if (bytes.empty()) return;
   if (trace_) trace_->unasked(bytes.first(std::min(bytes.size(), kMostJudged)));
   last_heard_ = now();
-  // The line returns what is sent, and nobody has found that out yet, or nobody answers it.
-  if (std::equal(bytes.begin(), bytes.end(), last_sent_.begin(), last_sent_.end())) return;
+  if (may_be_returned(bytes)) return;
   counters_.unexpected_bytes += bytes.size();
   const ByteView shown = bytes.first(std::min(bytes.size(), kMostJudged));
   keep_unexpected(shown);
@@ -156,6 +168,12 @@ void Bus::note_unexpected(const Codec& codec, ByteView bytes) {
   // apart by that.
   if (late_.owed() != LateAnswers::Owed::none || tells_answers_apart(codec)) return;
   if (codec.may_pass_for_answer(shown)) bus_doubt_.found_foreign(last_heard_);
+}
+
+bool Bus::may_be_returned(ByteView bytes) const {
+  if (returns_nothing_) return false;
+  // The line returns what is sent, and nobody has found that out yet, or nobody answers it.
+  return std::ranges::equal(bytes, last_sent_) || !std::ranges::search(unanswered_, bytes).empty();
 }
 
 void Bus::keep_unexpected(ByteView bytes) {
@@ -317,6 +335,7 @@ asio::awaitable<Exchange> Bus::send_and_receive(const Codec& codec, const Statio
     co_await wait_until(exchange.began + char_time_ * length.request_chars);
     exchange.outcome = Exchange::Outcome::answered;
     exchange.reply.kind = Reply::Kind::ack;
+    unanswered_ = *frame;
     not_before_ = now() + codec.pause_after(request);
   }
   exchange.ended = last_activity_ = now();
@@ -358,7 +377,7 @@ void Bus::note_heard(const Bytes& frame, SteadyTime deadline, Exchange& exchange
 
 asio::awaitable<void> Bus::close_exchange(const Bytes& closing, bool echo, SteadyTime deadline) {
   const auto written = co_await transport_->write(closing, deadline);
-  last_sent_ = closing;
+  last_sent_ = unanswered_ = closing;
   if (written.error || !echo) co_return;
   std::uint8_t waste[kReadChunk];
   for (std::size_t back = 0; back < closing.size();) {
@@ -424,25 +443,26 @@ asio::awaitable<void> Bus::receive(const Codec& codec, const Request& request, c
       co_return;
     }
     if (*decoded) {
-      // No answer to a read begins with the question, so what does is an echo.
-      if (is_read(request) && !echo) {
-        const bool echoed =
-            rx_.size() > sent.size() && std::equal(sent.begin(), sent.end(), rx_.begin());
-        echoes_in_a_row_ = echoed ? std::min(echoes_in_a_row_ + 1, kEchoesFound) : 0;
-      }
       exchange.outcome = Exchange::Outcome::answered;
       exchange.reply = std::move(**decoded);
-      note_around_answer(codec, sent, exchange.reply);
+      note_around_answer(codec, sent, exchange.reply, is_read(request) && !echo);
       co_return;
     }
   }
 }
 
-void Bus::note_around_answer(const Codec& codec, const Bytes& sent, const Reply& reply) {
+void Bus::note_around_answer(const Codec& codec, const Bytes& sent, const Reply& reply,
+                             bool tells_echo) {
   Bytes before(rx_.begin(), rx_.begin() + static_cast<std::ptrdiff_t>(reply.began));
   const auto own = std::search(before.begin(), before.end(), sent.begin(), sent.end());
-  if (own != before.end()) before.erase(own, own + static_cast<std::ptrdiff_t>(sent.size()));
+  const bool echoed = own != before.end();
+  if (tells_echo) {
+    echoes_in_a_row_ = echoed ? std::min(echoes_in_a_row_ + 1, kEchoesFound) : 0;
+    returns_nothing_ = before.empty();
+  }
+  if (echoed) before.erase(own, own + static_cast<std::ptrdiff_t>(sent.size()));
   note_unexpected(codec, before);
+  unanswered_.clear();
   // What has arrived by now costs no time; a NAK behind an ACK must not wait for the next question.
   Bytes behind(rx_.begin() + static_cast<std::ptrdiff_t>(reply.consumed), rx_.end());
   const auto more =

@@ -79,7 +79,9 @@ class Bus final {
   /// unanswered with `sent` false. `not_after` is checked just before the first byte. While the bus
   /// is doubted it listens until nothing has come for as long as the slowest answer may take, asks
   /// something whose answer can be told apart, asks, and listens again. Then data are marked
-  /// `doubted`, and any other answer is garbled: nothing is known by it.
+  /// `doubted`, and any other answer is garbled: nothing is known by it. While the bus is wary a
+  /// read is asked twice, and the second answer is taken: where a foreign one came in place of the
+  /// first, that is the question's own.
   asio::awaitable<Exchange> exchange(Station& station, Request request,
                                      SteadyTime not_after = SteadyTime::max());
 
@@ -114,6 +116,8 @@ class Bus final {
 
  private:
   static constexpr int kEchoesFound = 3;
+  /// One exchange on a line that is in order, and what the doubt makes of it.
+  asio::awaitable<Exchange> ask(Station& station, const Request& request, SteadyTime not_after);
   /// False when the device did not answer; then `failed` tells how.
   asio::awaitable<bool> prepare(Station& station, const Request& request, Exchange& failed);
   /// Reads something whose answer no older one can be taken for; then none is on its way.
@@ -151,14 +155,19 @@ class Bus final {
   void give_up_datagram(const Codec& codec);
   /// Takes what has arrived without waiting. False: the channel is closed; `failed` says why.
   bool look(const Codec& codec, Exchange& failed);
+  /// Whether they are, or may be, what was sent: not on a line that has just shown to return
+  /// nothing.
+  bool may_be_returned(ByteView bytes) const;
   /// Bytes that are no part of an answer: counted, and a reason to doubt the bus.
   void note_unexpected(const Codec& codec, ByteView bytes);
   /// For last_unexpected().
   void keep_unexpected(ByteView bytes);
   /// What an exchange brought goes to the trace, and what it brought in place of an answer into it.
   void note_heard(const Bytes& frame, SteadyTime deadline, Exchange& exchange) const;
-  /// What came before and behind an answer.
-  void note_around_answer(const Codec& codec, const Bytes& sent, const Reply& reply);
+  /// What came before and behind an answer. With `tells_echo` the answer shows whether the line
+  /// returns questions.
+  void note_around_answer(const Codec& codec, const Bytes& sent, const Reply& reply,
+                          bool tells_echo);
   /// What the doubt makes of an exchange that began when so many foreign bytes were found.
   asio::awaitable<void> judge(const Codec& codec, std::uint64_t findings, bool doubted,
                               Exchange& exchange);
@@ -174,12 +183,14 @@ class Bus final {
   LateAnswers late_;
   std::uint32_t session_ = 0;
   std::uint16_t tag_ = 0;
-  int echoes_in_a_row_ = 0;     ///< reads whose question came back
-  SteadyTime last_activity_{};  ///< last byte in either direction, as far as it can be known
-  SteadyTime not_before_{};     ///< a broadcast's turnaround delay
+  int echoes_in_a_row_ = 0;       ///< reads whose question came back
+  bool returns_nothing_ = false;  ///< the last read had nothing before its answer
+  SteadyTime last_activity_{};    ///< last byte in either direction, as far as it can be known
+  SteadyTime not_before_{};       ///< a broadcast's turnaround delay
   Bytes rx_;
   BusDoubt bus_doubt_;
-  Bytes last_sent_;  ///< the last frame or closing: an echo of it is not foreign
+  Bytes last_sent_;   ///< the last frame or closing: an echo of it is not foreign
+  Bytes unanswered_;  ///< what was sent last and nobody answers: its echo may stand before the next
   Bytes last_unexpected_;
   std::chrono::nanoseconds slowest_{0};  ///< timeout of the slowest station that was asked
   SteadyTime last_heard_{};

@@ -27,6 +27,9 @@ class BusDoubt final {
   void exchange_was_unclear();
 
   bool is_doubted() const { return exchanges_to_go_ > 0; }
+  /// Foreign bytes were found within the last kRelapse: more of them may come at any moment, and
+  /// the first of them may come in place of an answer. What is read is to be read twice.
+  bool is_wary(SteadyTime now) const { return findings_ > 0 && now - found_ < kRelapse; }
   /// Clean exchanges that are still wanting.
   std::uint32_t exchanges_to_go() const { return exchanges_to_go_; }
   /// How often foreign bytes were found. What was asked before and after it changed cannot be told
@@ -40,6 +43,7 @@ class BusDoubt final {
   std::uint64_t doubts_ = 0;
   std::uint32_t exchanges_to_go_ = 0;
   std::uint32_t wanted_ = kCleanExchanges;
+  SteadyTime found_{};  ///< the last foreign bytes
   SteadyTime ended_{};  ///< the last doubt
 };
 

@@ -143,7 +143,9 @@ class LinkCommands::Sharing final : public BusSharing {
     PollScheduler& scheduler = commands_.scheduler_;
     scheduler.command_waits();  // the rest of this one
     scheduler.command_used(used, Clock::now());
-    while (!is_stopping()) {
+    // Where the line is down nothing is taken from the scheduler, for which a cycle that it offers
+    // has begun: the command opens the line again.
+    while (!is_stopping() && commands_.bus_.is_open()) {
       const PollScheduler::Job job = scheduler.next(Clock::now());
       if (job.kind == PollScheduler::Job::Kind::poll) {
         const bool on_the_line = co_await commands_.poll_between(job.poll);
@@ -214,8 +216,6 @@ bool LinkCommands::may_go_between(nanoseconds credit) const {
 }
 
 asio::awaitable<bool> LinkCommands::poll_between(PollScheduler::PollStep step) {
-  // Where the line is down a poll would not take any of it: the command opens it again.
-  if (!bus_.is_open()) co_return false;
   const std::uint64_t before = bus_.counters().exchanges;
   co_await poller_.run(step);
   co_return bus_.counters().exchanges != before;

@@ -252,6 +252,7 @@ std::optional<Telemetry> PollCycle::finish(bool doubted, std::uint64_t findings,
     if (fresh.back().bad == BadReason::bad_value) note_no_value(i, now);
   }
   newer_.clear();
+  images_.assign(images_.size(), {});  // what was said is not said again
 
   Telemetry message;
   message.group = group_;

@@ -68,8 +68,9 @@ class PollCycle final {
   std::optional<std::uint32_t> outdated() const;
 
   /// The sample of the cycle, without device and number; nullopt where the group has nothing new to
-  /// say. Everything is bad_frame where the bus is `doubted`, or where foreign bytes were found
-  /// since begin(): any of the answers may be the wrong one. The next cycle is due at `next`.
+  /// say. What was read is gone then: no sample has it a second time. Everything is bad_frame where
+  /// the bus is `doubted`, or where foreign bytes were found since begin(): any of the answers may
+  /// be the wrong one. The next cycle is due at `next`.
   std::optional<Telemetry> finish(bool doubted, std::uint64_t findings, std::int64_t now_ms,
                                   SteadyTime now, SteadyTime next = {});
 

@@ -65,5 +65,17 @@ TEST(BusDoubt, DoubtThatComesBackAfterAMinuteIsAFirstOne) {
   EXPECT_EQ(bus.doubts(), 3U);
 }
 
+TEST(BusDoubt, WaryForAMinuteAfterTheLastForeignBytes) {
+  BusDoubt bus;
+  EXPECT_FALSE(bus.is_wary(SteadyTime{})) << "nothing was found yet";
+  bus.found_foreign(kStart);
+  be_clean(bus, bus.exchanges_to_go(), kStart);
+  bus.found_foreign(kStart + seconds(30));
+  be_clean(bus, bus.exchanges_to_go(), kStart + seconds(30));
+  EXPECT_FALSE(bus.is_doubted());
+  EXPECT_TRUE(bus.is_wary(kStart + seconds(89)));
+  EXPECT_FALSE(bus.is_wary(kStart + seconds(90)));
+}
+
 }  // namespace
 }  // namespace fxagent::test

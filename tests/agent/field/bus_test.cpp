@@ -11,6 +11,7 @@
 #include "protocol/catalog.h"
 #include "protocol/fx/computer_link.h"
 #include "tests/agent/field/field_plant.h"
+#include "tests/agent/field/late_wire.h"
 #include "tests/agent/field/on_io.h"
 #include "tests/agent/field/port_frames.h"
 #include "tests/support/scripted_transport.h"
@@ -202,6 +203,44 @@ TEST_F(BusTest, EchoThatNobodyToldOfIsFoundByThreeReads) {
   EXPECT_TRUE(write_d200().is_ack());
   EXPECT_TRUE(read("D100").is_data()) << "a read without an echo is a read";
   EXPECT_FALSE(line->echo_found());
+}
+
+TEST_F(BusTest, EchoOfWhatNobodyAnswersIsFoundToo) {
+  // A computer link sends an EOT first and an ACK behind each answer. Their echoes stand before
+  // that of the next question.
+  codec = std::make_shared<fx::ComputerLink>(fx::ComputerLink::Settings{});
+  station.codec = codec;
+  const Read d100{codec->addresses().parse_address("D100", {})->span, fx::ComputerLink::kWordWay};
+  const Bytes eot = *codec->encode(*codec->resync(), 0);
+  const Bytes question = *codec->encode(d100, 0);
+  const LinkDialect plc(/*ends_with_cr_lf=*/false);
+  const Bytes answer = plc.data(plc.understand(question), 234);
+  const Bytes ack{0x06, '0', '0', 'F', 'F'};
+  wire->expect(eot).expect(question).give(joined(eot, question)).give(answer).expect(ack);
+  for (int i = 0; i < 2; ++i)
+    wire->expect(question).give(joined(ack, question)).give(answer).expect(ack);
+  open();
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_FALSE(line->echo_found());
+    EXPECT_EQ(ask(d100).reply.image, word(234));
+  }
+  EXPECT_TRUE(line->echo_found());
+  EXPECT_FALSE(line->doubt().is_doubted());
+  EXPECT_EQ(line->counters().unexpected_bytes, 0U);
+}
+
+TEST_F(BusTest, OnALineThatReturnsNothingTheLastFrameIsNoEcho) {
+  // The answer of a Modbus write is its question: a second one is as foreign as any other.
+  station.codec = codec_of("modbus-rtu");
+  const Bytes question = *from_hex("01 03 00 00 00 02 C4 0B");
+  const Bytes admitted = *from_hex("01 06 00 01 00 AA 58 75");
+  wire->expect(question).give(*from_hex("01 03 04 00 64 00 65 7B C7"));
+  wire->expect(admitted).give(admitted).give(admitted);
+  open();
+  const std::uint16_t space = station.codec->addresses().parse_address("hr:0", {})->span.space;
+  EXPECT_TRUE(ask(Read{{space, 0, 32}}).is_data());
+  EXPECT_EQ(ask(Write{{space, 16, 16}, word(0xAA)}).outcome, Outcome::garbled);
+  EXPECT_TRUE(line->doubt().is_doubted());
 }
 
 TEST_F(BusTest, EchoThatWasFoundAndCeasesMakesNoDeviceSilentForEver) {
@@ -488,12 +527,42 @@ TEST_F(BusTest, DoubtEndsWithThreeExchangesThatHadSilenceBeforeAndBehindThem) {
   wire->give(word_frame(99));
   for (unsigned i = 0; i < 3; ++i) script_doubted(kReadD100, word_frame(2));
   for (unsigned i = 0; i < 3; ++i) EXPECT_TRUE(read("D100").doubted) << i;
-  wire->expect(kReadD100).give(word_frame(3)).hang();  // nothing listens behind this one
+  // Nothing listens behind these.
+  wire->expect(kReadD100).give(word_frame(3)).expect(kReadD100).give(word_frame(4)).hang();
   const Exchange believed = read("D100");
   EXPECT_TRUE(believed.is_data());
   EXPECT_FALSE(believed.doubted);
+  EXPECT_EQ(believed.reply.image, word(4));
   EXPECT_EQ(wire->steps_left(), 1U);
   wire->skip();
+}
+
+TEST_F(BusTest, AfterADoubtALateSecondAnswerIsTakenForNoAnswer) {
+  station.enquire = EnquirePolicy::never;
+  wire->expect(kReadD100).give(word_frame(1));
+  open();
+  read("D100");
+  wire->give(word_frame(99));
+  for (unsigned i = 0; i < 3; ++i) script_doubted(kReadD100, word_frame(2));
+  for (unsigned i = 0; i < 3; ++i) EXPECT_TRUE(read("D100").doubted) << i;
+  // The second answer of D100 comes in place of that of D200, which then is that of the reread.
+  wire->expect(kReadD200).give(word_frame(2)).expect(kReadD200).give(word_frame(7));
+  EXPECT_EQ(read("D200").reply.image, word(7));
+  wire->give(word_frame(8));
+  script_doubted(kReadD200, word_frame(9));
+  EXPECT_TRUE(read("D200").doubted) << "one answer more than questions has come";
+}
+
+TEST_F(BusTest, WriteIsSentOnceHoweverWaryTheBusIs) {
+  station.enquire = EnquirePolicy::never;
+  wire->expect(kReadD100).give(word_frame(1));
+  open();
+  read("D100");
+  wire->give(word_frame(99));
+  for (unsigned i = 0; i < 3; ++i) script_doubted(kReadD100, word_frame(2));
+  for (unsigned i = 0; i < 3; ++i) read("D100");
+  wire->expect(kWriteD200).give(kAck);
+  EXPECT_TRUE(write_d200().is_ack());
 }
 
 TEST_F(BusTest, SecondAnswerDuringTheSilenceBehindTheFirstIsFoundAndLastsTheDoubt) {

@@ -115,6 +115,22 @@ TEST(HoleMap, ADeviceThatGivesShortBlocksOnlyIsAskedForShortBlocksEverywhere) {
   EXPECT_LT(device.refusals, 60) << "one block teaches all";
 }
 
+TEST(HoleMap, ALimitThatWasLearnedNeverGrows) {
+  const auto words = [](std::uint32_t first, std::uint32_t count) {
+    return Span{0, 16 * first, 16 * count};
+  };
+  HoleMap map;
+  // Reads of two cycles that were planned before anything was known.
+  for (const auto& [first, count] : {std::pair{0U, 30U}, {1000U, 100U}}) {
+    const std::uint32_t middle = first + count / 2;
+    map.refused(words(first, count), Halves{16 * middle, 16 * middle}, SteadyTime{});
+    map.read(words(first, count / 2));
+    map.read(words(middle, count / 2));
+    ASSERT_EQ(map.holes().limits.size(), 1U);
+    EXPECT_EQ(map.holes().limits[0].bits, 15U * 16);
+  }
+}
+
 TEST(HoleMap, AnArrayLongerThanTheDeviceGivesIsReadInPieces) {
   Refuser device;
   device.add(0, 30);

@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <asio/io_context.hpp>
+#include <functional>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -34,13 +36,17 @@ asio::awaitable<bool> ended(asio::awaitable<void> task) {
 /// One link without its loop, 1 ms a character: a test says when the next command goes.
 class LinkCommandsTest : public ::testing::Test {
  protected:
-  explicit LinkCommandsTest(nanoseconds char_time = milliseconds(1)) {
+  using Change = std::function<void(DeviceConfig&)>;
+  explicit LinkCommandsTest(nanoseconds char_time = milliseconds(1), const Change& change = {}) {
     config.links.push_back({"line1", SerialSettings{}, char_time});
     DeviceConfig press = port_device();
     press.groups[0].interval = std::chrono::hours(1);
     for (int i = 0; i < 4; ++i)
       press.tags.push_back(
           writable(tag(*press.codec, "x" + std::to_string(i), "D" + std::to_string(200 + i))));
+    press.tags.push_back(writable(tag(*press.codec, "wide", "D201", DataType::int32)));
+    press.commands.allow_run_stop = true;
+    if (change) change(press);
     config.devices.push_back(std::move(press));
     auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
     wire = transport.get();
@@ -65,6 +71,25 @@ class LinkCommandsTest : public ::testing::Test {
     command.is_list = tags.size() > 1;
     for (const int i : tags)
       command.targets.push_back({"x" + std::to_string(i), "", std::nullopt, number(50 + i)});
+    submit(std::move(command));
+  }
+  void add_wide(std::string id) {
+    Command command;
+    command.id = std::move(id);
+    command.op = Op::write;
+    command.op_text = "write";
+    command.verify = false;
+    command.targets.push_back({"wide", "", std::nullopt, number(9)});
+    submit(std::move(command));
+  }
+  void add(std::string id, Op op) {
+    Command command;
+    command.id = std::move(id);
+    command.op = op;
+    command.op_text = to_string(op);
+    submit(std::move(command));
+  }
+  void submit(Command command) {
     command.received = Clock::now();
     LinkDevice& device = *devices[0];
     CommandAdmission admission(device.config);
@@ -76,6 +101,28 @@ class LinkCommandsTest : public ::testing::Test {
     commands->add(std::get<AdmittedCommand>(std::move(decision)), device);
   }
   void run_next() { run_on(io, ended(commands->run_next())); }
+  /// The next poll that is due; false: none is.
+  bool poll() {
+    const PollScheduler::Job job = scheduler.next(Clock::now());
+    if (job.kind != PollScheduler::Job::Kind::poll) return false;
+    run_on(io, ended(poller->run(job.poll)));
+    return true;
+  }
+  void open() {
+    EXPECT_TRUE(run_on(io, bus->open()).has_value());
+    state->opened();
+  }
+  /// A PLC that is told to run and to stop, too.
+  void answer_run_and_stop() {
+    wire->then([this](ByteView request) {
+      for (const bool stop : {true, false})
+        if (std::ranges::equal(request, force_frame(kForceM8037, stop))) {
+          plc.set(kM8000, {static_cast<std::uint8_t>(stop ? 0 : 1)});
+          return kAck;
+        }
+      return plc.answer(request);
+    });
+  }
   void collect() {
     Outbox::Batch batch = outbox.take();
     for (auto& result : batch.results) results.push_back(std::move(result));
@@ -152,6 +199,141 @@ TEST_F(LinkCommandsTest, OneThatMeetsAPlaceOfTheListWaitsForItsEnd) {
   ASSERT_EQ(results.size(), 1U);
   EXPECT_EQ(results[0].id, "list");
   EXPECT_EQ(scheduler.commands_waiting(), 1U);
+}
+
+TEST_F(LinkCommandsTest, OneThatMeetsAPlaceOfTheListInPartWaitsForItsEndToo) {
+  add("list", {0, 1, 2, 3});
+  add_wide("D201 and D202");
+  run_next();
+  collect();
+  ASSERT_EQ(results.size(), 1U);
+  EXPECT_EQ(results[0].id, "list");
+  EXPECT_EQ(scheduler.commands_waiting(), 1U);
+}
+
+TEST_F(LinkCommandsTest, NobodyGoesPastOneThatWaitsForTheEndOfTheList) {
+  add("list", {2, 3, 0, 1});
+  add("waits", {0, 1});
+  add("short", {3});
+  run_next();
+  collect();
+  ASSERT_EQ(results.size(), 1U);
+  EXPECT_EQ(results[0].id, "list");
+  run_next();
+  collect();
+  ASSERT_EQ(results.size(), 3U);
+  EXPECT_EQ(results[1].id, "short") << "between the targets of the other list";
+}
+
+TEST_F(LinkCommandsTest, StopGoesBetweenTheTargetsOfALongList) {
+  answer_run_and_stop();
+  plc.set(kM8000, {1});
+  add("list", std::vector<int>(60, 0));
+  add("stop", Op::stop);
+  run_next();
+  collect();
+  ASSERT_EQ(results.size(), 2U);
+  EXPECT_EQ(results[0].id, "stop");
+  EXPECT_EQ(results[0].status, CommandStatus::succeeded);
+}
+
+TEST_F(LinkCommandsTest, RunWaitsForTheEndOfTheListBeforeIt) {
+  answer_run_and_stop();
+  add("list", std::vector<int>(60, 0));
+  add("run", Op::run);
+  run_next();
+  collect();
+  ASSERT_EQ(results.size(), 1U);
+  EXPECT_EQ(results[0].id, "list");
+}
+
+TEST_F(LinkCommandsTest, RunStateIsWhatTheCommandHasMadeOfIt) {
+  answer_run_and_stop();
+  for (const bool run : {true, false}) {
+    add("switch", run ? Op::run : Op::stop);
+    run_next();
+    EXPECT_EQ(devices[0]->state.reported().run, run);
+  }
+}
+
+TEST_F(LinkCommandsTest, DeviceThatHasAcknowledgedIsNotSilentThoughItsReadBackIs) {
+  for (const bool acknowledged : {true, false}) {
+    devices[0]->id = scheduler.add_device(1, {});
+    wire->expect(kEnq).give(kAck).expect(write_frame(kD200, word(50)));
+    if (acknowledged) wire->give(kAck).expect(read_frame(kD200, 2));
+    wire->silence();
+    plc.silent = true;
+    Command command;
+    command.id = "write";
+    command.op = Op::write;
+    command.op_text = "write";
+    command.verify = true;
+    command.targets.push_back({"x0", "", std::nullopt, number(50)});
+    submit(std::move(command));
+    run_next();
+    EXPECT_EQ(scheduler.is_silent(devices[0]->id), !acknowledged);
+    bus->close();
+  }
+}
+
+class TwoGroups : public LinkCommandsTest {
+ protected:
+  TwoGroups()
+      : LinkCommandsTest(milliseconds(1), [](DeviceConfig& device) {
+          device.groups = {group("a", milliseconds(0)), group("b", milliseconds(0))};
+          for (TagConfig& tag : device.tags) tag.group = tag.name == "x3" ? 1 : 0;
+        }) {}
+};
+
+TEST_F(TwoGroups, NoCycleIsPublishedTwiceWhereAListOpensTheLineAgain) {
+  constexpr unsigned kD203 = kD200 + 6;
+  scheduler.set_poll_share(0.9);
+  plc.set(kD203, word(7));
+  open();
+  for (int i = 0; i < 4; ++i) EXPECT_TRUE(poll());
+  collect();
+  // The line breaks in the poll between the two targets; the second target opens it again.
+  wire->expect(write_frame(kD200, word(50))).give(kAck).expect(read_frame(kD200, 6)).hang_up();
+  add("list", {0, 1});
+  run_next();
+  EXPECT_EQ(wire->steps_left(), 0U) << "a poll went between";
+  EXPECT_EQ(plc.word_at(kD201), 51U) << "and the list to its end";
+  plc.set(kD203, word(8));
+  collect();
+  telemetry.clear();
+  for (int i = 0; i < 4; ++i) EXPECT_TRUE(poll());
+  collect();
+  for (const Telemetry& message : telemetry)
+    for (const TagReading& reading : message.readings)
+      if (reading.tag == 3 && !reading.bad) EXPECT_EQ(reading.value, number(8));
+}
+
+class CycleOfTwoReads : public LinkCommandsTest {
+ protected:
+  CycleOfTwoReads()
+      : LinkCommandsTest(milliseconds(1), [](DeviceConfig& device) {
+          device.groups[0].interval = milliseconds(0);
+          device.tags.push_back(tag(*device.codec, "far", "D300"));
+        }) {}
+};
+
+TEST_F(CycleOfTwoReads, LinkLostInACommandTakesTheOldValueWithIt) {
+  plc.set(kD200, word(7));
+  open();
+  EXPECT_TRUE(poll());
+  wire->expect(write_frame(kD200, word(50))).hang_up();
+  add("write", {0});
+  run_next();
+  plc.set(kD200, word(50));  // it has arrived
+  open();
+  for (int i = 0; i < 3 && telemetry.empty(); ++i) {
+    EXPECT_TRUE(poll());
+    collect();
+  }
+  ASSERT_FALSE(telemetry.empty());
+  ASSERT_EQ(results.size(), 1U);
+  EXPECT_EQ(results[0].status, CommandStatus::unknown_outcome);
+  EXPECT_EQ(telemetry[0].readings.at(0).value, number(50));
 }
 
 TEST_F(LinkCommandsTest, FaultAnswersTheOneUnderWayAndTheOthersGoOnWaiting) {

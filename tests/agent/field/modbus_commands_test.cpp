@@ -133,6 +133,7 @@ TEST_F(CommandOnTheBusTest, BusyDeviceIsAskedOnceMore) {
   const CommandResult result = write("setpoint", number(50));
   EXPECT_EQ(result.status, CommandStatus::succeeded);
   EXPECT_EQ(result.attempts, 2);
+  EXPECT_GE(result.wire, std::chrono::milliseconds(100)) << "it says itself that it has no time";
 }
 
 TEST_F(CommandOnTheBusTest, RefusalThatLeavesTheEffectOpenIsSettledByReadingBack) {

@@ -321,6 +321,16 @@ TEST_F(PollCycleTest, NewCycleKnowsNothingOfTheOneBefore) {
   }
 }
 
+TEST_F(PollCycleTest, WhatWasSaidIsNotSaidAgain) {
+  PollCycle cycle = begun();
+  for (std::uint32_t read = 0; read < 3; ++read) cycle.take(read, data(word(7)));
+  finished(cycle);
+  EXPECT_FALSE(cycle.has_images(ReadIndices(0)));
+  cycle.give_up(BadReason::link_down);  // as for a step of a cycle that never began
+  for (const TagReading& reading : finished(cycle).readings)
+    EXPECT_EQ(reading.bad, BadReason::link_down);
+}
+
 TEST_F(PollCycleTest, TagWithoutAReadIsUnsupportedOrWasRefused) {
   PollCycle cycle(device, 0);
   Plan plan = make_plan(*device.codec, cycle.points(), LineCost{}, 2);

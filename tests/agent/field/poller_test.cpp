@@ -184,6 +184,38 @@ TEST_F(PortPolls, RunStateIsAskedAndTold) {
   EXPECT_EQ(newest[0].state, State::online);
 }
 
+TEST_F(PortPolls, NoDoubtedReadIsBelievedNotEvenThatWhichEndsTheDoubt) {
+  script().expect(kEnq).give(kAck).expect(kReadD100).give(word_frame(7));
+  wire->give(word_frame(99));
+  for (int i = 0; i < 3; ++i) {
+    wire->silence().expect(kEnq).give(kAck).expect(read_frame(kM8000, 1)).give(data_frame({0x01}));
+    wire->expect(kReadD100).give(word_frame(111)).silence();
+  }
+  plc.set(kD100, word(222));
+  start();
+  const auto is_good = [](const Telemetry& message) { return bad(message) == 0; };
+  steps_until(
+      [&] { return !telemetry.empty() && telemetry.size() > 3 && is_good(telemetry.back()); });
+  for (const Telemetry& message : telemetry)
+    if (is_good(message)) EXPECT_NE(message.readings[0].value, number(111));
+}
+
+TEST_F(PortPolls, RunStateThatIsDoubtedIsNotKnown) {
+  config.devices[0].tags.clear();
+  const Bytes question = read_frame(kM8000, 1);
+  const Bytes running = data_frame({0x01});
+  script().expect(kEnq).give(kAck).expect(question).give(running);
+  start();
+  poller->add_question(*devices[0]);
+  steps_until([&] { return newest[0].run == true; });
+  wire->give(word_frame(99)).silence().expect(kEnq).give(kAck);
+  wire->expect(question).give(running);  // the probe
+  wire->expect(question).give(running).silence();
+  step();
+  EXPECT_EQ(wire->steps_left(), 0U);
+  EXPECT_EQ(newest[0].run, std::nullopt);
+}
+
 // ---- a PLC whose model the config leaves open ---------------------------------------------------
 
 class ModelPolls : public PortPolls {
@@ -337,6 +369,17 @@ TEST_F(ModbusPolls, BusyUnitIsAskedAgainInTheSameCycle) {
   steps_until([&] { return !telemetry.empty(); });
   EXPECT_EQ(bad(telemetry.front()), 0U);
   EXPECT_EQ(peer.asked.size(), 3U);
+}
+
+TEST_F(ModbusPolls, BusyUnitIsLeftAloneForAMoment) {
+  DeviceConfig& meter = add_unit(1, hours(1));
+  meter.tags.push_back(tag(*meter.codec, "r", "hr:0"));
+  peer.refuses[1] = 0x06;
+  start();
+  steps_until([&] { return peer.asked.size() == 1; });
+  const PollScheduler::Job job = scheduler.next(now);
+  ASSERT_EQ(job.kind, PollScheduler::Job::Kind::wait);
+  EXPECT_GE(job.until - now, milliseconds(90)) << "it says itself that it has no time";
 }
 
 TEST_F(ModbusPolls, UnitWithoutTagsIsAskedWhetherItIsThere) {

@@ -1,0 +1,352 @@
+#!/usr/bin/python3 -B
+"""Every protocol through a proxy between agent and device that does to frames what a bad line does, by a seed; and
+a judge who knows the truth: each register holds its number plus a counter, each bit is written by one command.
+
+    tests/system/fault_proxy.py --faults random --seconds 60 --seed 7
+
+prints a table, a row a protocol. Build first: FXAGENT and FXSIM are those of build/ unless set. --faults:
+
+  none        nothing is done
+  random      some frames are late, lost, doubled, cut short or changed in one bit, or stand behind an answer to
+              another question; the question is lost or changed; now and then the connection is cut
+  duplicates  each answer comes a second time, later than its question's time-out
+  echo        the line returns each question, and the config does not say so
+
+One bit is changed only where frames have a sum: over Ethernet the network sees to that. A value is wrong where it is
+another register's, old where it is more than OLD_S older than its `ts`.
+"""
+
+import argparse
+import asyncio
+import collections
+import json
+import os
+import random
+import sys
+import tempfile
+import threading
+import time
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+BUILD = os.environ.get("BUILD_DIR", os.path.join(HERE, "..", "..", "build"))
+os.environ.setdefault("FXAGENT", os.path.join(BUILD, "agent", "fxagent"))
+os.environ.setdefault("FXSIM", os.path.join(BUILD, "tests", "sim", "fxsim"))
+
+import paho.mqtt.client as mqtt
+
+from chaos_ledger import SCAN_S, Ramp
+from plant import BASE, Agent, Broker, Sim
+
+TIMEOUT_S = 0.2
+OLD_S = 1.5
+PATIENCE_S = 30.0  # for a result
+PAUSE_S = 0.5  # between two commands
+ROWS = ["fx-programming-port", "fx-computer-link", "modbus-rtu", "modbus-ascii", "modbus-tcp", "mc-1e", "mc-3e",
+        "mc-4e", "mc-3c", "mc-4c", "udp"]
+# Over a serial server, which hands what comes late to whoever is connected now.
+SERIAL = {"fx-programming-port", "fx-computer-link", "modbus-rtu", "modbus-ascii", "mc-3c", "mc-4c"}
+# Six reads of one length, and two beside each other in one cycle.
+REGISTERS = {f"r{n}": 1000 * n for n in range(1, 7)} | {"a": 7000, "b": 7500}
+FIRST_BIT, BITS = 100, 7000
+
+
+def protocol_of(row):
+    return "mc-3e" if row == "udp" else row
+
+
+def model_of(row):
+    if row.startswith("modbus"):
+        return {}
+    return {"model": "FX3U" if row.startswith("fx") or row == "mc-1e" else "FX5U"}
+
+
+def frame_of(row):
+    return {"format": 4} if row in ("mc-3c", "mc-4c") else {}
+
+
+def place(row, what, number):
+    modbus, other = {"word": ("hr:", "D"), "bit": ("co:", "M")}[what]
+    return f"{modbus if row.startswith('modbus') else other}{number}"
+
+
+class Proxy:
+    """The line to one device, in the loop of all: what is read at once is a frame."""
+
+    def __init__(self, row, faults, seed):
+        self.row, self.faults = row, faults
+        self.rng = random.Random(f"{seed}/{row}")
+        self.done = collections.Counter()
+        self.sends = None  # to whom serial answers go, whenever they come
+        self.last_answers = collections.deque(maxlen=8)
+
+    # What becomes of a frame: (seconds from now, bytes) for each time that it leaves.
+
+    def question(self, frame):
+        kind = self.faults == "random" and self.rng.random() < 0.02 and self.rng.choice(["lost", "changed"])
+        if kind:
+            self.done["question " + kind] += 1
+        if kind == "lost":
+            return []
+        return [(0, self.changed(frame) if kind == "changed" else frame)]
+
+    def answer(self, frame):
+        if self.faults == "duplicates":
+            self.done["twice"] += 1
+            return [(0, frame), (self.rng.uniform(1.05, 4) * TIMEOUT_S, frame)]
+        if self.faults != "random" or self.rng.random() > 0.06:
+            self.last_answers.append(frame)
+            return [(0, frame)]
+        kind = self.rng.choice(["late", "lost", "twice", "twice late", "cut short", "changed", "behind another"])
+        self.done[kind] += 1
+        late = self.rng.uniform(0.1, 1.9) * TIMEOUT_S
+        if kind == "behind another" and self.last_answers:
+            return [(0, self.rng.choice(self.last_answers)), (0, frame)]
+        return {"late": [(late, frame)], "lost": [], "twice": [(0, frame), (0, frame)],
+                "twice late": [(0, frame), (late, frame)], "cut short": [(0, frame[:self.rng.randrange(len(frame))])],
+                "changed": [(0, self.changed(frame))]}.get(kind, [(0, frame)])
+
+    def changed(self, frame):
+        if self.row not in SERIAL:
+            return frame
+        out = bytearray(frame)
+        out[self.rng.randrange(len(out))] ^= 1 << self.rng.randrange(8)
+        return bytes(out)
+
+    def send(self, frames, send):
+        for seconds, frame in frames:
+            if frame:
+                asyncio.get_running_loop().call_later(seconds, send, frame) if seconds else send(frame)
+
+    # Streams.
+
+    async def serve(self, reader, writer):
+        device_reader, device_writer = await asyncio.open_connection("127.0.0.1", self.device_port)
+        self.sends = writer.write
+        to_agent = (lambda frame: self.sends(frame)) if self.row in SERIAL else writer.write
+        pumps = [asyncio.ensure_future(self.pump(reader, device_writer.write, self.question,
+                                                 writer.write if self.faults == "echo" else None)),
+                 asyncio.ensure_future(self.pump(device_reader, to_agent, self.answer, None))]
+        await asyncio.wait(pumps, return_when=asyncio.FIRST_COMPLETED)
+        for end in (*pumps, device_writer.transport, writer.transport):
+            end.cancel() if isinstance(end, asyncio.Future) else end.abort()
+        await asyncio.gather(*pumps, return_exceptions=True)
+
+    async def pump(self, reader, send, fault, echo):
+        while data := await reader.read(65536):
+            if echo:
+                half = self.rng.randrange(len(data) + 1)
+                echo(data[:half])
+                await asyncio.sleep(0.001)
+                echo(data[half:])
+                self.done["echo"] += 1
+            if self.faults == "random" and self.rng.random() < 0.001:
+                self.done["connection cut"] += 1
+                return
+            self.send(fault(data), send)
+
+    # Datagrams: each port of the agent has one of its own to the device.
+
+    async def listen(self, device_port):
+        self.device_port = device_port
+        loop = asyncio.get_running_loop()
+        if self.row != "udp":
+            self.server = await asyncio.start_server(self.serve, "127.0.0.1", 0)
+            self.port = self.server.sockets[0].getsockname()[1]
+            return
+        proxy, upstreams = self, {}
+
+        class Upstream(asyncio.DatagramProtocol):
+            def __init__(self, agent):
+                self.agent = agent
+
+            def datagram_received(self, data, _):
+                proxy.send(proxy.answer(data), lambda frame: proxy.socket.sendto(frame, self.agent))
+
+        class Downstream(asyncio.DatagramProtocol):
+            def datagram_received(self, data, agent):
+                asyncio.ensure_future(self.forward(data, agent))
+
+            async def forward(self, data, agent):
+                if agent not in upstreams:
+                    upstreams[agent], _ = await loop.create_datagram_endpoint(
+                        lambda: Upstream(agent), remote_addr=("127.0.0.1", device_port))
+                    while len(upstreams) > 50:
+                        upstreams.pop(next(iter(upstreams))).close()
+                proxy.send(proxy.question(data), upstreams[agent].sendto)
+
+        self.socket, _ = await loop.create_datagram_endpoint(Downstream, local_addr=("127.0.0.1", 0))
+        self.port = self.socket.get_extra_info("sockname")[1]
+
+
+class Judge:
+    """Commands one device, one at a time, and counts what is not true. In the thread of the client."""
+
+    def __init__(self, row, sim, client, seed):
+        self.row, self.sim, self.client = row, sim, client
+        self.rng = random.Random(f"{seed}/commands/{row}")
+        self.count = collections.Counter()
+        self.results = collections.Counter()
+        self.stamps = set()  # of whole samples: group and ts
+        self.next_bit = FIRST_BIT
+        self.waits_for, self.waits_since = None, 0.0
+        self.bits = []  # what result said of them: (status, bits)
+        self.examples = []
+        before = time.time()
+        count = sim.get(row, place(row, "word", 0))
+        self.ramp = Ramp(count, (before + time.time()) / 2 - SCAN_S / 2, REGISTERS)
+
+    def sample(self, group, message):
+        self.count["samples"] += 1
+        values = message.get("values", {})
+        if values and not message.get("partial"):
+            self.count["published twice"] += (group, message["ts"]) in self.stamps
+            self.stamps.add((group, message["ts"]))
+        for tag, value in values.items():
+            age = self.ramp.age(tag, value, message["ts"] / 1000)
+            self.count["values"] += 1
+            wrong = "wrong" if abs(age) > 10 else "old" if abs(age) > OLD_S else None
+            if wrong:
+                self.count[wrong] += 1
+                self.examples.append(f"{self.row}: {tag} = {value} is {wrong}, {age:.1f} s: {message}")
+
+    def result(self, message):
+        if message["id"] != self.waits_for:
+            return
+        self.waits_for = None
+        self.results[message["status"]] += 1
+        targets = message.get("targets") or [message]
+        self.bits += [(target["status"], self.sent[i]) for i, target in enumerate(targets)]
+
+    def look(self, now):
+        """Sends a command now and then where none is under way, once the device is read."""
+        pause = PATIENCE_S if self.waits_for else PAUSE_S
+        if not self.count["values"] or now - self.waits_since < pause:
+            return
+        self.results["none"] += self.waits_for is not None
+        self.waits_for, self.waits_since = f"{self.next_bit}", now
+        self.sent = [self.next_bit + i for i in range(self.rng.choice([1, 1, 2]))]
+        self.next_bit = FIRST_BIT + (self.sent[-1] + 1 - FIRST_BIT) % BITS
+        targets = [{"address": place(self.row, "bit", bit)} for bit in self.sent]
+        command = {"id": self.waits_for, "op": "force_on", **(targets[0] if len(targets) == 1 else {"targets": targets})}
+        if self.rng.random() < 0.5:
+            command["verify"] = True
+        self.count["commands"] += 1
+        self.client.publish(f"{BASE}/{self.row}/command", json.dumps(command), 1)
+
+    def end(self):
+        """What the device has of the bits, now that nothing is under way."""
+        for status, bit in self.bits:
+            is_set = bool(self.sim.get(self.row, place(self.row, "bit", bit)))
+            self.count["false ACK"] += status == "SUCCEEDED" and not is_set
+            self.count["false FAILED"] += status in ("FAILED", "REJECTED", "EXPIRED") and is_set
+
+
+class Plant:
+    def __init__(self, directory, options):
+        self.options = options
+        self.rows = options.protocols or ROWS
+        self.broker = Broker(directory)
+        self.sim = Sim(directory, [self.plc(row) for row in self.rows])
+        self.broker.start()
+        self.sim.start()
+        self.loop = asyncio.new_event_loop()
+        self.proxies = {row: Proxy(row, options.faults, options.seed) for row in self.rows}
+        threading.Thread(target=self.loop.run_forever, daemon=True).start()
+        for row, proxy in self.proxies.items():
+            asyncio.run_coroutine_threadsafe(proxy.listen(self.sim.ports[row]), self.loop).result()
+        self.client = mqtt.Client(f"judge-{options.seed}")
+        self.judges = {row: Judge(row, self.sim, self.client, options.seed) for row in self.rows}
+        subscribed = threading.Event()
+        self.client.on_connect = lambda *_: self.client.subscribe(BASE + "/#", 1)
+        self.client.on_subscribe = lambda *_: subscribed.set()
+        self.client.on_message = self.hear
+        self.client.connect("127.0.0.1", self.broker.port)
+        self.client.loop_start()
+        assert subscribed.wait(PATIENCE_S), "the judge found no broker"
+        self.agent = Agent(directory, {
+            "agent": {"id": "edge7", "root": "fx/plant-a"},
+            "mqtt": {"servers": [f"mqtt://127.0.0.1:{self.broker.port}"]},
+            "links": [self.link(row) for row in self.rows],
+            "devices": [self.device(row) for row in self.rows]})
+
+    def plc(self, row):
+        line = {"udp": 0} if row == "udp" else {"tcp": 0, "baud": 0}
+        return {"name": row, "protocol": protocol_of(row), **model_of(row), **frame_of(row), **line, "turnaround_ms": 2,
+                "plant": "counter", "seed": self.options.seed}
+
+    def link(self, row):
+        channel = "udp" if row == "udp" else "tcp"
+        return {"name": row, channel: {"host": "127.0.0.1", "port": self.proxies[row].port}}
+
+    def device(self, row):
+        groups = [tag for tag in REGISTERS if tag.startswith("r")] + ["two"]
+        tags = [{"name": tag, "address": place(row, "word", number), "type": "uint16",
+                 "group": tag if tag in groups else "two"} for tag, number in REGISTERS.items()]
+        bits = f"{place(row, 'bit', FIRST_BIT)}-{place(row, 'bit', FIRST_BIT + BITS - 1)}"
+        return {"name": row, "link": row, "protocol": protocol_of(row), **model_of(row), "tags": tags,
+                **frame_of(row), "timeout_ms": int(1000 * TIMEOUT_S), "retries": 1,
+                "groups": [{"name": group, "interval_ms": 100} for group in groups],
+                "commands": {"allow": [bits]}}
+
+    def hear(self, _client, _user, message):
+        row, _, kind = message.topic.removeprefix(BASE + "/").partition("/")
+        if row not in self.judges or message.retain:
+            return
+        if kind.startswith("data/"):
+            self.judges[row].sample(kind, json.loads(message.payload))
+        elif kind == "result":
+            self.judges[row].result(json.loads(message.payload))
+
+    def run(self):
+        self.agent.start()
+        end = time.monotonic() + self.options.seconds
+        while (now := time.monotonic()) < end:
+            for judge in self.judges.values():
+                judge.look(now)
+            time.sleep(0.05)
+        while any(judge.waits_for for judge in self.judges.values()) and time.monotonic() < end + PATIENCE_S:
+            time.sleep(0.05)
+        self.agent.stop()
+        self.client.loop_stop()
+        for judge in self.judges.values():
+            judge.end()
+
+    def stop(self):
+        self.agent.stop()
+        self.sim.stop()
+        self.broker.kill()
+
+
+COLUMNS = ["samples", "published twice", "values", "wrong", "old", "commands", "false ACK", "false FAILED"]
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--faults", choices=["none", "random", "duplicates", "echo"], default="random")
+    parser.add_argument("--seconds", type=float, default=60)
+    parser.add_argument("--seed", type=int, default=random.SystemRandom().randrange(10**6))
+    parser.add_argument("--show", type=int, default=0, help="so many wrong values of each protocol")
+    parser.add_argument("protocols", nargs="*", help="those to be run: " + " ".join(ROWS))
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory(prefix="fxagent-faults-") as directory:
+        plant = Plant(directory, options)
+        try:
+            plant.run()
+        finally:
+            plant.stop()
+        print(f"faults {options.faults}, seed {options.seed}, {options.seconds:.0f} s\n")
+        print("| protocol | " + " | ".join(COLUMNS) + " | results | faults |\n" + "|---" * (len(COLUMNS) + 3) + "|")
+        for row, judge in plant.judges.items():
+            results = ", ".join(f"{count} {status}" for status, count in sorted(judge.results.items()) if count)
+            faults = ", ".join(f"{count} {kind}" for kind, count in sorted(plant.proxies[row].done.items()))
+            print(f"| {row} | " + " | ".join(str(judge.count[c]) for c in COLUMNS) + f" | {results} | {faults} |")
+            for example in judge.examples[:options.show]:
+                print(example, file=sys.stderr)
+        if options.show:
+            print(plant.agent.logged(), file=sys.stderr)
+    unmet = ("published twice", "wrong", "false ACK", "false FAILED")
+    sys.exit(any(judge.count[what] for judge in plant.judges.values() for what in unmet))
+
+
+if __name__ == "__main__":
+    main()
