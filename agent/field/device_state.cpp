@@ -43,24 +43,30 @@ std::optional<DeviceState::Change> DeviceState::update(const Facts& facts, std::
   status.run = run_;
   status.state = DeviceStatus::State::online;
   status.reason.clear();
+  status.reason_text.clear();
   if (!facts.bus_open) {
     status.state = DeviceStatus::State::offline;
     status.reason = facts.never_silent ? "never_silent" : to_string(BadReason::link_down);
+    status.reason_text = facts.why_offline;
     status.run.reset();
   } else if (facts.silent) {
     status.state = DeviceStatus::State::offline;
     status.reason = to_string(BadReason::timeout);
+    status.reason_text = facts.why_offline;
   } else if (!answered_once_ && !is_broadcast_) {
     return std::nullopt;
   } else if (model_unclear_) {
     status.state = DeviceStatus::State::degraded;
     status.reason = "model_unknown";
+    status.reason_text =
+        "set model: the PLC names none that is known, and only what every model has is used";
   } else if (facts.first_bad || had_bad_value) {
     status.state = DeviceStatus::State::degraded;
     status.reason = to_string(facts.first_bad.value_or(BadReason::bad_value));
   }
   const bool other_state = starting_ || status.state != reported_.state;
-  if (!other_state && status.reason == reported_.reason && status.model == reported_.model &&
+  if (!other_state && status.reason == reported_.reason &&
+      status.reason_text == reported_.reason_text && status.model == reported_.model &&
       status.run == reported_.run)
     return std::nullopt;
   if (other_state) status.since_ms = now_ms;

@@ -18,6 +18,7 @@ class DeviceState final {
     bool bus_open = false;
     bool never_silent = false;           ///< the bus was closed because it never fell silent
     bool silent = false;                 ///< too many exchanges in a row had no answer
+    std::string why_offline{};           ///< bus closed, or silent: for a person
     std::optional<BadReason> first_bad;  ///< of its tags, as they were last collected
   };
   struct Change {
@@ -30,6 +31,8 @@ class DeviceState final {
 
   /// The device has answered something.
   void answered() { answered_once_ = true; }
+  /// True if the device has answered since the start.
+  bool has_answered() const { return answered_once_; }
   /// It is silent. Whoever answers next may be another PLC.
   void fell_silent();
   /// False where it must be asked for its model before it is asked for anything else.

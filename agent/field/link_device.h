@@ -86,6 +86,8 @@ struct LinkDevice {
   SteadyTime foreign_bytes_from{};
   SteadyTime foreign_told_since{};
   std::bitset<ForeignBytes::kCauses> foreign_told;
+  bool asked_in_vain = false;  ///< the last exchange had no answer
+  std::string gateway_says;    ///< why a gateway answered in its place, last; empty: none did
   std::vector<std::string> refusals_told;  ///< reasons that the log has since it was online
   DeviceState state;
 

@@ -227,7 +227,7 @@ void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollSchedu
     const auto meaning = device.codec->meaning_of(asked.request, exchange.reply.device_code);
     if (meaning == RefusalMeaning::unreachable) {
       tell_refusal(device, exchange.reply.text);
-      state_.unreachable(device);
+      state_.unreachable(device, exchange.reply.text);
       fail_cycle(device, group, BadReason::timeout);
       return;
     }
@@ -448,7 +448,7 @@ asio::awaitable<void> Poller::ask_question(LinkDevice& device, PollScheduler::Po
                                  RefusalMeaning::unreachable;
     if (by_gateway) {
       tell_refusal(device, exchange.reply.text);
-      state_.unreachable(device);
+      state_.unreachable(device, exchange.reply.text);
     }
     if (exchange.has_answer() && !by_gateway) state_.answered(device);
     const PlcServices* plc = device.codec->plc();
@@ -494,7 +494,7 @@ asio::awaitable<Poller::Knowledge> Poller::ask_model(LinkDevice& device, BadReas
       const auto meaning = device.codec->meaning_of(question, exchange.reply.device_code);
       if (meaning == RefusalMeaning::unreachable) {
         tell_refusal(device, exchange.reply.text);
-        state_.unreachable(device);
+        state_.unreachable(device, exchange.reply.text);
         co_return Knowledge::unanswered;
       }
       passing |= meaning != RefusalMeaning::final && meaning != RefusalMeaning::hole;
