@@ -16,8 +16,10 @@ constexpr std::int64_t kBadValueMs = 10'000;
 DeviceState::DeviceState(std::uint32_t device, const Codec& codec, std::int64_t now_ms)
     : is_broadcast_(codec.is_broadcast()),
       asks_model_(must_ask_model(codec)),
+      model_configured_(model_of(codec)),
+      compares_model_(!model_configured_.empty()),
       model_known_(!asks_model_),
-      model_(model_of(codec)) {
+      model_(model_configured_) {
   reported_.device = device;
   reported_.since_ms = now_ms;
   reported_.reason = "starting";
@@ -27,6 +29,13 @@ DeviceState::DeviceState(std::uint32_t device, const Codec& codec, std::int64_t 
 void DeviceState::fell_silent() {
   run_.reset();
   if (asks_model_) model_known_ = false;
+  compares_model_ = !model_configured_.empty() && names_model_;
+}
+
+void DeviceState::compare_model(const std::optional<std::string>& of_plc) {
+  compares_model_ = false;
+  names_model_ = of_plc.has_value();
+  if (of_plc) model_ = *of_plc;
 }
 
 void DeviceState::set_model(const std::optional<std::string>& model) {
@@ -64,6 +73,11 @@ std::optional<DeviceState::Change> DeviceState::update(const Facts& facts, std::
     status.state = DeviceStatus::State::degraded;
     status.reason = to_string(facts.first_bad.value_or(BadReason::bad_value));
   }
+  const bool is_other_model = !model_configured_.empty() && model_ != model_configured_;
+  status.model_configured = is_other_model ? model_configured_ : "";
+  if (is_other_model && status.reason_text.empty())
+    status.reason_text = "the PLC is an " + model_ + ", the config says " + model_configured_ +
+                         ": correct model, or set it to auto";
   const bool other_state = starting_ || status.state != reported_.state;
   if (!other_state && status.reason == reported_.reason &&
       status.reason_text == reported_.reason_text && status.model == reported_.model &&

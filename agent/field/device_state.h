@@ -39,6 +39,10 @@ class DeviceState final {
   bool is_model_known() const { return model_known_; }
   /// It was asked; nullopt: the answers do not tell.
   void set_model(const std::optional<std::string>& model);
+  /// True while a PLC whose model the config names is still to be asked for its own.
+  bool compares_model() const { return compares_model_; }
+  /// Takes the answer. nullopt: the PLC names no model, and is not asked again.
+  void compare_model(const std::optional<std::string>& of_plc);
   /// nullopt: RUN or STOP is not known.
   void set_run(std::optional<bool> run) { run_ = run; }
 
@@ -53,6 +57,9 @@ class DeviceState final {
  private:
   const bool is_broadcast_;
   const bool asks_model_;
+  const std::string model_configured_;  ///< empty: the config leaves it open
+  bool compares_model_;
+  bool names_model_ = true;  ///< the PLC does when it is asked
   bool model_known_;
   bool model_unclear_ = false;
   bool answered_once_ = false;

@@ -76,6 +76,7 @@ struct LinkDevice {
   MeasuredTurnaround turnaround;
   std::vector<std::unique_ptr<GroupPoll>> groups;
   std::optional<PollScheduler::GroupId> question_group;
+  std::vector<Bytes> model_images;  ///< answers so far to the questions of compare_model()
   /// Its groups are not read at once again before, however often it comes and goes.
   SteadyTime at_once_from{};
   std::uint64_t seq = 0;
