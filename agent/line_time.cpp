@@ -68,6 +68,9 @@ nanoseconds longest_poll(const Codec& codec, std::span<const Plan* const> plans,
       longest = std::max(longest, exchange_time(codec, plan->request(plan->reads_in(e)), timing));
   if (const auto question = background_question(codec, !plans.empty()))
     longest = std::max(longest, exchange_time(codec, *question, timing));
+  if (const PlcServices* plc = codec.plc(); plc != nullptr && !plc->model().empty())
+    for (const Request& question : plc->identify())
+      longest = std::max(longest, exchange_time(codec, question, timing));
   return longest;
 }
 

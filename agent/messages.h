@@ -61,8 +61,11 @@ struct DeviceStatus {
   std::uint32_t device = 0;
   State state = State::offline;
   std::int64_t since_ms = 0;
-  std::string reason;  ///< empty: none
-  std::string model;   ///< empty: unknown
+  std::string reason;       ///< empty: none
+  std::string reason_text;  ///< `reason` for a person: what to check; empty: nothing
+  std::string model;        ///< empty: unknown
+  /// The config's model, when the PLC is another one; empty: it is not.
+  std::string model_configured{};
   std::optional<bool> run;
   /// What the device's addresses mean now: the config's codec, or that of the model found by
   /// asking. Null: as it was. Read by both threads, changed by none.

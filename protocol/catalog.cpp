@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "protocol/fx/computer_link.h"
+#include "protocol/fx/d8120.h"
 #include "protocol/fx/programming_port.h"
 #include "protocol/mc/mc.h"
 #include "protocol/mc/one_e.h"
@@ -70,6 +71,9 @@ ProtocolInfo programming_port() {
               "Data bytes of one frame. More than 64 is used only by extended reads of an FX3S, "
               "FX3G or FX3U."),
   };
+  info.hints.silent =
+      "is the programming cable (RS-422) in its round socket, and neither GX Works nor a panel on "
+      "it; is this a communication board set up by D8120 (then protocol is fx-computer-link)";
   info.make = &fx::ProgrammingPort::make;
   return info;
 }
@@ -103,6 +107,10 @@ ProtocolInfo computer_link() {
               "Bytes of device memory in one frame."),
   };
   info.format_place = "D8120 of the PLC";
+  info.hints.silent =
+      "is D8121 of the PLC `station`; are `format` and `sum_check` those of D8120; was the PLC "
+      "switched off and on after D8120 or D8121 was changed";
+  info.plc_line_word = &fx::d8120_for;
   info.make = &fx::ComputerLink::make;
   return info;
 }
@@ -141,6 +149,7 @@ ProtocolInfo modbus_protocol(std::string_view name, std::string_view summary) {
 ProtocolInfo modbus_rtu() {
   ProtocolInfo info =
       modbus_protocol("modbus-rtu", "Modbus RTU, serial or through a serial server");
+  info.hints.silent = "is its own address `unit`; is it set to Modbus RTU, not ASCII";
   info.line.data_bits = 8;
   info.make = &modbus::Modbus::make_rtu;
   return info;
@@ -149,6 +158,7 @@ ProtocolInfo modbus_rtu() {
 ProtocolInfo modbus_ascii() {
   ProtocolInfo info =
       modbus_protocol("modbus-ascii", "Modbus ASCII, serial or through a serial server");
+  info.hints.silent = "is its own address `unit`; is it set to Modbus ASCII, not RTU";
   info.text_begins_with = ':';
   info.make = &modbus::Modbus::make_ascii;
   return info;
@@ -156,6 +166,14 @@ ProtocolInfo modbus_ascii() {
 
 ProtocolInfo modbus_tcp() {
   ProtocolInfo info = modbus_protocol("modbus-tcp", "Modbus TCP, port 502 by custom");
+  info.hints.silent =
+      "is `unit` right (a device with its own network port often has 1 or 255, one behind a "
+      "gateway its unit on the line there); has the gateway's line the device's speed, data bits "
+      "and parity, and its A and B the right way round; does another program use up the "
+      "connections; is this a serial server without Modbus (then protocol is modbus-rtu)";
+  info.hints.closed =
+      "has the device or gateway a limit of connections, and do other programs use them; does it "
+      "admit this machine's address?";
   info.on_serial = false;
   info.make = &modbus::Modbus::make_tcp;
   return info;
@@ -190,17 +208,17 @@ ProtocolInfo mc_1e() {
           "steps of 250. `timeout_ms` should be longer; where it is not given it is 1000 more."),
   };
   info.hints.silent =
-      "\"Communication Data Code\" of the PLC's Ethernet settings must be `code`, the open setting "
-      "of this port \"MC Protocol\" (FX3U-ENET: \"Procedure exist (MC)\"), and the PLC one that "
-      "knows 1E frames (an FX5U needs mc-3e)";
+      "is Communication Data Code of the PLC's Ethernet settings `code`; is the open setting of "
+      "this port MC Protocol (FX3U-ENET: Procedure exist (MC)); does the PLC know 1E frames (an "
+      "FX5U needs mc-3e)";
   info.hints.closed =
       "each open setting takes one connection: is another program (a panel, GX Works2) using this "
       "port? Give the agent an open setting of its own";
   SettingHints module = info.hints;
   module.silent =
       "in GX Works2 look at the E71 module under Network Parameter, Ethernet: is there in its Open "
-      "Setting a line for MC protocol with this port number and protocol (TCP or UDP), and is "
-      "Communication Data Code that of `code`? Built-in ports need mc-3e";
+      "Setting a line for MC protocol with this port number and protocol (TCP or UDP); is "
+      "Communication Data Code `code`; is this a built-in port (it needs mc-3e)";
   info.model_hints = {{"Q", module}, {"L", module}};
   info.make = &mc::OneE::make;
   return info;
@@ -245,24 +263,25 @@ void add_module(ProtocolInfo& info) {
 void add_hints(ProtocolInfo& info) {
   info.hints.silent =
       "look at the PLC's Ethernet port: is there an SLMP Connection Module (GX Works3) or a line "
-      "MC "
-      "Protocol of its Open Setting (GX Works2) with this port number and protocol (TCP or UDP), "
-      "and is Communication Data Code that of `code`? An FX3 speaks mc-1e; built-in ports of Q and "
-      "L know mc-3e alone";
+      "MC Protocol of its Open Setting (GX Works2) with this port number and protocol (TCP or "
+      "UDP); is "
+      "Communication Data Code `code`; is it an FX3 (it needs mc-1e) or a built-in port of a Q or "
+      "L "
+      "(it needs mc-3e)";
   info.hints.closed =
       "each SLMP Connection Module (GX Works3) or line of the Open Setting (GX Works2) serves one "
       "connection: is another program using this one? Give the agent an entry with a port of its "
       "own";
   const SettingHints works3 = {
       "in GX Works3 look at the Ethernet port: is there an SLMP Connection Module (iQ-R: SLMP, "
-      "Unpassive) with this port number and protocol (TCP or UDP), and is Communication Data Code "
-      "that of `code`?",
+      "Unpassive) with this port number and protocol (TCP or UDP); is Communication Data Code "
+      "`code`",
       "each SLMP Connection Module in the parameters serves one connection: is another program "
       "using this one? Give the agent an entry with a port of its own"};
   const SettingHints works2 = {
       "in GX Works2 look at Built-in Ethernet Port Setting (E71 module: Network Parameter): is "
       "there in its Open Setting a line MC Protocol with this port number and protocol (TCP or "
-      "UDP), and is Communication Data Code that of `code`? Built-in ports know mc-3e alone",
+      "UDP); is Communication Data Code `code`; is this a built-in port (it needs mc-3e)",
       "each line of the Open Setting in GX Works2 serves one connection: is another program using "
       "this one? Give the agent a line with a port of its own"};
   for (const std::string_view model : mc::model_names())
@@ -330,8 +349,9 @@ ProtocolInfo mc_serial(std::string_view name, std::string_view summary, std::int
       "the parameters of the PLC's serial port (FX5: 485 Serial Port in GX Works3; C24 module: its "
       "switch setting)";
   info.hints.silent =
-      "are protocol (MC Protocol), message pattern, station, sum check, speed and parity those of "
-      "the serial port in the PLC's parameters?";
+      "in the parameters of the PLC's serial port (FX5: 485 Serial Port in GX Works3; C24 module: "
+      "its switch setting), is the protocol MC Protocol, the message pattern `format`, the station "
+      "`station` and the sum check `sum_check`; was the PLC switched off and on after a change";
   return info;
 }
 
@@ -385,13 +405,6 @@ const OptionSpec* binary_option(const ProtocolInfo& protocol, const Options& opt
     return value != nullptr && spec.binary_from && *value >= *spec.binary_from;
   });
   return found == protocol.options.end() ? nullptr : &*found;
-}
-
-const SettingHints& hints_for(const ProtocolInfo& protocol, const Codec& codec) {
-  const std::string model = model_of(codec);
-  const auto found = std::ranges::find(protocol.model_hints, std::string_view(model),
-                                       &std::pair<std::string_view, SettingHints>::first);
-  return found == protocol.model_hints.end() ? protocol.hints : found->second;
 }
 
 const ProtocolInfo* find_protocol(std::string_view name) {

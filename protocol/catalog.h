@@ -46,12 +46,11 @@ struct LineDefaults {
   int stop_bits = 1;
 };
 
-/// For a person: which settings to look at where a connection stands and nothing was ever answered
-/// over it, and where the device closes it before its first answer. Empty: nothing is known that
-/// would help.
+/// For a person: the settings to look at, as questions with a semicolon between them and without a
+/// mark at the end. Options stand in backquotes. checklist.h makes a text of them.
 struct SettingHints {
-  std::string_view silent;
-  std::string_view closed;
+  std::string_view silent;  ///< when nothing was ever answered
+  std::string_view closed;  ///< when the device closes a connection before its first answer
 };
 
 struct ProtocolInfo {
@@ -82,6 +81,8 @@ struct ProtocolInfo {
   std::vector<std::pair<std::string_view, SettingHints>> model_hints;
   /// For a person: where in the PLC format and sum check of its frames are set. Empty: nowhere.
   std::string_view format_place;
+  /// Returns the setting of the PLC that these options and this line need: "is D8120 H6086 …".
+  std::string (*plc_line_word)(const Options&, const LineDefaults&) = nullptr;
   Result<std::shared_ptr<const Codec>> (*make)(const Options&) = nullptr;
 };
 
@@ -96,8 +97,6 @@ std::string widest_name(const ProtocolInfo& protocol);
 /// The option by which such a device needs 8 data bits, whatever its protocol does by itself;
 /// nullptr where none does.
 const OptionSpec* binary_option(const ProtocolInfo& protocol, const Options& options);
-/// Which settings to look at for a device of the model that `codec` knows.
-const SettingHints& hints_for(const ProtocolInfo& protocol, const Codec& codec);
 /// nullptr where there is none of that name.
 const ProtocolInfo* find_protocol(std::string_view name);
 /// Every option as it is where the config says nothing; `model` is "auto".

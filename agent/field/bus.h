@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "agent/config/config.h"
+#include "agent/config/wiring.h"
 #include "agent/field/bus_doubt.h"
 #include "agent/field/exchange.h"
 #include "agent/field/late_answers.h"
@@ -35,6 +36,7 @@ struct Station {
   std::chrono::milliseconds gap{0};
   EnquirePolicy enquire = EnquirePolicy::open;
   bool echo = false;               ///< the line returns what is sent
+  Wiring wiring;                   ///< for texts
   std::uint32_t handshake_in = 0;  ///< Bus::session() in which it last answered an enquiry; 0: none
   FrameTrace* trace = nullptr;     ///< takes every frame of a command; null for polls
 };

@@ -58,17 +58,16 @@ void CommandExchanges::mark_started() {
   failpoint("command_started");
 }
 
-std::string_view CommandExchanges::hint(const Exchange& exchange) const {
-  if (device_.protocol == nullptr || bus_.was_ever_answered()) return {};
-  const SettingHints& hints = hints_for(*device_.protocol, *station_.codec);
-  const bool is_silent = exchange.outcome == Exchange::Outcome::unanswered;
-  if (is_silent && exchange.heard.empty()) return hints.silent;
-  const bool is_closed = bus_.closed_unanswered() && !bus_.has_datagrams();
-  return is_closed ? hints.closed : std::string_view();
-}
-
+/// Nothing was ever answered on this channel: says what to check.
 void CommandExchanges::add_hint(Exchange& exchange) const {
-  if (const auto text = hint(exchange); !text.empty()) exchange.error.append("; ").append(text);
+  if (device_.protocol == nullptr || bus_.was_ever_answered()) return;
+  const bool is_silent = exchange.outcome == Exchange::Outcome::unanswered;
+  const bool is_closed = bus_.closed_unanswered() && !bus_.has_datagrams();
+  if (is_silent && exchange.heard.empty())
+    exchange.error = checklist_of(device_, *station_.codec, station_.wiring, Answers::none);
+  else if (const auto text = checklist_of_closed(*device_.protocol, *station_.codec);
+           is_closed && !text.empty())
+    exchange.error.append("; ").append(text);
 }
 
 asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_after,

@@ -70,7 +70,6 @@ class CommandExchanges final {
   asio::awaitable<Exchange> send(Request request, Try which);
   void mark_started();
   /// Which settings to look at where nobody has ever answered; empty: nothing is known.
-  std::string_view hint(const Exchange& exchange) const;
   void add_hint(Exchange& exchange) const;
 
   asio::steady_timer timer_;

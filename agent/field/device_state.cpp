@@ -16,8 +16,10 @@ constexpr std::int64_t kBadValueMs = 10'000;
 DeviceState::DeviceState(std::uint32_t device, const Codec& codec, std::int64_t now_ms)
     : is_broadcast_(codec.is_broadcast()),
       asks_model_(must_ask_model(codec)),
+      model_configured_(model_of(codec)),
+      compares_model_(!model_configured_.empty()),
       model_known_(!asks_model_),
-      model_(model_of(codec)) {
+      model_(model_configured_) {
   reported_.device = device;
   reported_.since_ms = now_ms;
   reported_.reason = "starting";
@@ -27,6 +29,13 @@ DeviceState::DeviceState(std::uint32_t device, const Codec& codec, std::int64_t 
 void DeviceState::fell_silent() {
   run_.reset();
   if (asks_model_) model_known_ = false;
+  compares_model_ = !model_configured_.empty() && names_model_;
+}
+
+void DeviceState::compare_model(const std::optional<std::string>& of_plc) {
+  compares_model_ = false;
+  names_model_ = of_plc.has_value();
+  if (of_plc) model_ = *of_plc;
 }
 
 void DeviceState::set_model(const std::optional<std::string>& model) {
@@ -43,24 +52,35 @@ std::optional<DeviceState::Change> DeviceState::update(const Facts& facts, std::
   status.run = run_;
   status.state = DeviceStatus::State::online;
   status.reason.clear();
+  status.reason_text.clear();
   if (!facts.bus_open) {
     status.state = DeviceStatus::State::offline;
     status.reason = facts.never_silent ? "never_silent" : to_string(BadReason::link_down);
+    status.reason_text = facts.why_offline;
     status.run.reset();
   } else if (facts.silent) {
     status.state = DeviceStatus::State::offline;
     status.reason = to_string(BadReason::timeout);
+    status.reason_text = facts.why_offline;
   } else if (!answered_once_ && !is_broadcast_) {
     return std::nullopt;
   } else if (model_unclear_) {
     status.state = DeviceStatus::State::degraded;
     status.reason = "model_unknown";
+    status.reason_text =
+        "set model: the PLC names none that is known, and only what every model has is used";
   } else if (facts.first_bad || had_bad_value) {
     status.state = DeviceStatus::State::degraded;
     status.reason = to_string(facts.first_bad.value_or(BadReason::bad_value));
   }
+  const bool is_other_model = !model_configured_.empty() && model_ != model_configured_;
+  status.model_configured = is_other_model ? model_configured_ : "";
+  if (is_other_model && status.reason_text.empty())
+    status.reason_text = "the PLC is an " + model_ + ", the config says " + model_configured_ +
+                         ": correct model, or set it to auto";
   const bool other_state = starting_ || status.state != reported_.state;
-  if (!other_state && status.reason == reported_.reason && status.model == reported_.model &&
+  if (!other_state && status.reason == reported_.reason &&
+      status.reason_text == reported_.reason_text && status.model == reported_.model &&
       status.run == reported_.run)
     return std::nullopt;
   if (other_state) status.since_ms = now_ms;

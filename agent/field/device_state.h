@@ -18,6 +18,7 @@ class DeviceState final {
     bool bus_open = false;
     bool never_silent = false;           ///< the bus was closed because it never fell silent
     bool silent = false;                 ///< too many exchanges in a row had no answer
+    std::string why_offline{};           ///< bus closed, or silent: for a person
     std::optional<BadReason> first_bad;  ///< of its tags, as they were last collected
   };
   struct Change {
@@ -30,12 +31,18 @@ class DeviceState final {
 
   /// The device has answered something.
   void answered() { answered_once_ = true; }
+  /// True if the device has answered since the start.
+  bool has_answered() const { return answered_once_; }
   /// It is silent. Whoever answers next may be another PLC.
   void fell_silent();
   /// False where it must be asked for its model before it is asked for anything else.
   bool is_model_known() const { return model_known_; }
   /// It was asked; nullopt: the answers do not tell.
   void set_model(const std::optional<std::string>& model);
+  /// True while a PLC whose model the config names is still to be asked for its own.
+  bool compares_model() const { return compares_model_; }
+  /// Takes the answer. nullopt: the PLC names no model, and is not asked again.
+  void compare_model(const std::optional<std::string>& of_plc);
   /// nullopt: RUN or STOP is not known.
   void set_run(std::optional<bool> run) { run_ = run; }
 
@@ -50,6 +57,9 @@ class DeviceState final {
  private:
   const bool is_broadcast_;
   const bool asks_model_;
+  const std::string model_configured_;  ///< empty: the config leaves it open
+  bool compares_model_;
+  bool names_model_ = true;  ///< the PLC does when it is asked
   bool model_known_;
   bool model_unclear_ = false;
   bool answered_once_ = false;

@@ -60,7 +60,9 @@ asio::awaitable<Result<std::vector<asio::ip::address>>> HostLookup::find(
     co_return fail(ErrorCode::link_down, channel + ": the lookup of the name has no answer");
   if (lookup->error)
     co_return fail(ErrorCode::link_down,
-                   channel + ": the name is not found: " + lookup->error.message());
+                   channel + ": the name is not found (" + lookup->error.message() +
+                       "): is it spelt as it should be, and does this machine's name server know "
+                       "it?");
   if (lookup->found.empty())
     co_return fail(ErrorCode::link_down, channel + ": the name has no address");
   co_return std::move(lookup->found);

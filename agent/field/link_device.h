@@ -76,6 +76,7 @@ struct LinkDevice {
   MeasuredTurnaround turnaround;
   std::vector<std::unique_ptr<GroupPoll>> groups;
   std::optional<PollScheduler::GroupId> question_group;
+  std::vector<Bytes> model_images;  ///< answers so far to the questions of compare_model()
   /// Its groups are not read at once again before, however often it comes and goes.
   SteadyTime at_once_from{};
   std::uint64_t seq = 0;
@@ -86,6 +87,8 @@ struct LinkDevice {
   SteadyTime foreign_bytes_from{};
   SteadyTime foreign_told_since{};
   std::bitset<ForeignBytes::kCauses> foreign_told;
+  bool asked_in_vain = false;  ///< the last exchange had no answer
+  std::string gateway_says;    ///< why a gateway answered in its place, last; empty: none did
   std::vector<std::string> refusals_told;  ///< reasons that the log has since it was online
   DeviceState state;
 

@@ -48,6 +48,19 @@ ReconnectRules opening_rules(const LinkConfig& link) {
   return is_serial(link) ? kSerialReconnects : kTcpReconnects;
 }
 
+/// A device that goes offline is a warning.
+void log_state(const std::string& device, const DeviceStatus& status) {
+  const std::string state(to_string(status.state));
+  const auto write = status.state == DeviceStatus::State::offline ? log::warn : log::info;
+  if (status.reason_text.empty())
+    write("device", {{"device", device}, {"state", state}, {"reason", status.reason}});
+  else
+    write("device", {{"device", device},
+                     {"state", state},
+                     {"reason", status.reason},
+                     {"note", status.reason_text}});
+}
+
 }  // namespace
 
 LinkState::LinkState(const LinkConfig& link, std::uint32_t number, std::size_t links, Bus& bus,
@@ -94,16 +107,29 @@ bool LinkState::is_refused() const {
   return !is_serial(config_) && bus_.closed_unanswered() && is_asked();
 }
 
-SettingHints LinkState::hints() const {
+std::string_view LinkState::checklist_of_closed() const {
   if (devices_.empty() || devices_.front()->config.protocol == nullptr) return {};
   const LinkDevice& first = *devices_.front();
-  return hints_for(*first.config.protocol, *first.codec);
+  return fxagent::checklist_of_closed(*first.config.protocol, *first.codec);
 }
 
-/// What to look at where nobody has ever answered; empty: somebody has, or it was said before.
-std::string_view LinkState::hint_for_silence() {
-  if (bus_.was_ever_answered() || std::exchange(silence_hinted_, true)) return {};
-  return hints().silent;
+/// A device that has never answered is reported at once: its settings may be wrong, and
+/// `retries` + 1 timeouts are 15 s on MC.
+bool LinkState::is_silent(const LinkDevice& device) const {
+  const bool never_answered = device.asked_in_vain && !device.state.has_answered();
+  return never_answered || scheduler_.is_silent(device.id);
+}
+
+std::string LinkState::why_silent(const LinkDevice& device) const {
+  const auto why = [&](Answers answers) {
+    return checklist_of(device.config, *device.codec, device.station.wiring, answers);
+  };
+  if (!device.gateway_says.empty())
+    return "\"" + device.gateway_says + "\": " + why(Answers::of_gateway);
+  if (device.state.has_answered()) return why(Answers::until_now);
+  const bool others_answer =
+      std::ranges::any_of(devices_, [](const auto& other) { return other->state.has_answered(); });
+  return why(others_answer ? Answers::from_others : Answers::none);
 }
 
 void LinkState::open_failed(const std::string& why) {
@@ -123,7 +149,7 @@ void LinkState::lost(const std::string& why) {
                                                      : reconnect_policy_.after_loss());
   const bool is_closed = was_refused_ && !bus_.has_datagrams();
   if (is_closed)
-    go_down(why + " before its first answer", hints().closed);
+    go_down(why + " before its first answer", checklist_of_closed());
   else
     go_down(why, {});
 }
@@ -142,6 +168,7 @@ void LinkState::go_down(std::string why, std::string_view note) {
       !is_serial(config_) && (was_refused_ || (was_open_ && !bus_.was_answered() && is_asked()));
   is_told_up_ = was_open_ = false;
   was_down_ = true;
+  why_down_text_ = note.empty() ? why : why + ": " + std::string(note);
   why_down_ = std::move(why);
   for (const auto& device : devices_) {
     device->state.fell_silent();
@@ -223,6 +250,8 @@ void LinkState::answered(LinkDevice& device) {
   if (std::exchange(is_vain_, false) && was_open_) tell_up();
   if (!bus_.never_silent()) reconnect_policy_.opened();
   device.state.answered();
+  device.asked_in_vain = false;
+  device.gateway_says.clear();
   const bool is_back = scheduler_.is_silent(device.id);
   scheduler_.device_answered(device.id);
   if (!is_back) return;
@@ -239,12 +268,16 @@ SteadyTime LinkState::read_at_once(LinkDevice& device, SteadyTime from) {
   return scheduler_.read_at_once(device.id, from);
 }
 
-void LinkState::unreachable(LinkDevice& device) {
+void LinkState::unreachable(LinkDevice& device, const std::string& reason) {
   unanswered_in_a_row_ = 0;
+  device.gateway_says = reason;
+  device.asked_in_vain = true;
   scheduler_.device_unanswered(device.id, Clock::now());
 }
 
 void LinkState::unanswered(LinkDevice& device, PollScheduler::AskedBy by) {
+  device.gateway_says.clear();
+  device.asked_in_vain = true;
   const bool silent = scheduler_.device_unanswered(device.id, Clock::now(), by);
   if (silent) device.state.fell_silent();
   const int limit = std::max(kDeadPeerAfter, static_cast<int>(devices_.size()) + 1);
@@ -255,33 +288,26 @@ void LinkState::unanswered(LinkDevice& device, PollScheduler::AskedBy by) {
   next_open_ = Clock::now() + reconnect_policy_.after_loss();
   go_down(bus_.has_datagrams() ? "nobody answers on this UDP port"
                                : "nobody answers on this connection",
-          hint_for_silence());
+          {});
 }
 
 void LinkState::update(LinkDevice& device) {
   DeviceState::Facts facts;
-  facts.silent = scheduler_.is_silent(device.id);
+  facts.silent = is_silent(device);
   const bool opens_again = was_open_ && bus_.closed_after_silence();
   facts.bus_open = bus_.is_open() || opens_again || (is_left_ && facts.silent);
   facts.never_silent = bus_.never_silent();
+  if (!facts.bus_open)
+    facts.why_offline = why_down_text_;
+  else if (facts.silent)
+    facts.why_offline = why_silent(device);
   for (const auto& group : device.groups) {
     facts.first_bad = group->cycle.first_bad();
     if (facts.first_bad) break;
   }
   const auto change = device.state.update(facts, now_ms());
   if (!change) return;
-  if (change->other_state) {
-    const std::string state(to_string(change->status.state));
-    const std::string& reason = change->status.reason;
-    const bool is_silent = facts.bus_open && facts.silent;
-    const std::string note(is_silent ? hint_for_silence() : std::string_view());
-    if (note.empty())
-      log::info("device", {{"device", device.config.name}, {"state", state}, {"reason", reason}});
-    else
-      log::info(
-          "device",
-          {{"device", device.config.name}, {"state", state}, {"reason", reason}, {"note", note}});
-  }
+  if (change->other_state) log_state(device.config.name, change->status);
   DeviceStatus status = change->status;
   status.codec = device.codec;
   outbox_.push(std::move(status));

@@ -52,8 +52,8 @@ class LinkState final {
   /// Bytes came in place of the answer of an exchange: the log shows the first of them and what
   /// they look like, once a day for each device and cause.
   void heard_foreign(LinkDevice& device, const Exchange& exchange);
-  /// A gateway answered in its place: the device is silent, the connection is not.
-  void unreachable(LinkDevice& device);
+  /// A gateway answered `reason` in its place: the device is silent, the connection is not.
+  void unreachable(LinkDevice& device, const std::string& reason);
   /// Tells the state of the device where it is another one now.
   void update(LinkDevice& device);
 
@@ -67,9 +67,10 @@ class LinkState final {
   bool is_refused() const;
   /// Whether any of its devices ever answers.
   bool is_asked() const;
-  SettingHints hints() const;
+  std::string_view checklist_of_closed() const;
+  bool is_silent(const LinkDevice& device) const;
+  std::string why_silent(const LinkDevice& device) const;
   void tell_up();
-  std::string_view hint_for_silence();
   void go_down(std::string why, std::string_view note);
   void log_doubt();
   /// What they look like; empty: nothing is known.
@@ -85,7 +86,8 @@ class LinkState final {
   ReconnectPolicy reconnect_policy_;
   SteadyTime next_open_{};
   std::string why_down_ = "not opened yet";
-  bool was_open_ = false;  ///< and is, but for a moment behind a silence
+  std::string why_down_text_ = why_down_;  ///< the same with what to check
+  bool was_open_ = false;                  ///< and is, but for a moment behind a silence
   /// Closed because nobody answers: a device that is silent is so whether or not it is open.
   bool is_left_ = false;
   bool was_down_ = false;  ///< not only not yet open
@@ -93,7 +95,6 @@ class LinkState final {
   bool is_told_up_ = false;
   bool is_vain_ = false;      ///< the session before had no answer
   bool was_refused_ = false;  ///< and it was its peer who ended it
-  bool silence_hinted_ = false;
   bool echo_logged_ = false;
   bool unexpected_logged_ = false;
   bool doubt_logged_ = false;

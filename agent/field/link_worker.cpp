@@ -83,6 +83,7 @@ void LinkWorker::submit(AdmittedCommand admitted) {
 LinkWorker::Device& LinkWorker::add_device(const Config& config, std::uint32_t index,
                                            std::span<const std::uint64_t> last_seq) {
   auto device = std::make_unique<Device>(config.devices.shared(index), index);
+  device->station.wiring = wiring_of(config_, device->config);
   device->id = scheduler_.add_device(device->config.retries + 1, {});
   if (index < last_seq.size()) device->seq = last_seq[index];
   DeviceStatus status = device->state.reported();

@@ -45,6 +45,12 @@ std::uint32_t holes_version(const LinkDevice& device) {
   return device.holes ? device.holes->version() : 0;
 }
 
+/// True if the device says that it does not have what was asked.
+bool is_lack(const Codec& codec, const Request& request, const Exchange& exchange) {
+  const auto meaning = codec.meaning_of(request, exchange.reply.device_code);
+  return meaning == RefusalMeaning::final || meaning == RefusalMeaning::hole;
+}
+
 asio::awaitable<void> nothing() { co_return; }
 
 std::string milliseconds_text(nanoseconds duration) {
@@ -227,7 +233,7 @@ void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollSchedu
     const auto meaning = device.codec->meaning_of(asked.request, exchange.reply.device_code);
     if (meaning == RefusalMeaning::unreachable) {
       tell_refusal(device, exchange.reply.text);
-      state_.unreachable(device);
+      state_.unreachable(device, exchange.reply.text);
       fail_cycle(device, group, BadReason::timeout);
       return;
     }
@@ -431,6 +437,8 @@ void Poller::publish_written(LinkDevice& device, std::uint32_t tag, Value value,
 
 asio::awaitable<void> Poller::ask_question(LinkDevice& device, PollScheduler::PollStep step) {
   const Raised polling(polling_);
+  if (step.exchange > 0) co_return co_await compare_model(device, step);
+  bool is_answered = false;
   Knowledge knowledge = Knowledge::known;
   BadReason failure = BadReason::link_down;
   if (bus_.is_open() && !device.state.is_model_known())
@@ -448,16 +456,57 @@ asio::awaitable<void> Poller::ask_question(LinkDevice& device, PollScheduler::Po
                                  RefusalMeaning::unreachable;
     if (by_gateway) {
       tell_refusal(device, exchange.reply.text);
-      state_.unreachable(device);
+      state_.unreachable(device, exchange.reply.text);
     }
-    if (exchange.has_answer() && !by_gateway) state_.answered(device);
+    is_answered = exchange.has_answer() && !by_gateway;
+    if (is_answered) state_.answered(device);
     const PlcServices* plc = device.codec->plc();
     std::optional<bool> run;
     if (plc != nullptr && exchange.is_data() && !exchange.doubted)
       run = plc->run_state_from(exchange.reply.image);
     device.state.set_run(run);
   }
+  if (is_answered && device.state.compares_model()) {
+    const auto questions = static_cast<std::uint32_t>(device.codec->plc()->identify().size());
+    device.model_images.clear();
+    scheduler_.extend_cycle(step.group, 1 + questions, nanoseconds(0), Clock::now());
+  }
   scheduler_.step_done(step);
+  state_.update(device);
+}
+
+asio::awaitable<void> Poller::compare_model(LinkDevice& device, PollScheduler::PollStep step) {
+  const auto end_cycle = [&] {
+    scheduler_.abandon_cycle(step.group, Clock::now());
+    scheduler_.set_exchanges(step.group, 1);
+  };
+  if (!bus_.is_open()) co_return end_cycle();
+  const PlcServices& plc = *device.codec->plc();
+  const std::vector<Request> questions = plc.identify();
+  const Request& question = questions[step.exchange - 1];
+  const Exchange exchange = co_await bus_.exchange(device.station, question);
+  if (state_.is_stopping()) co_return;
+  state_.heard_foreign(device, exchange);
+  scheduler_.step_used(step, exchange.line_time());
+  if (exchange.outcome == Exchange::Outcome::link_down) {
+    end_cycle();
+    co_return state_.lost(exchange.error);
+  }
+  // A device that lacks this question alone stays online: its silence does not count here.
+  const bool is_final = exchange.is_nak() && is_lack(*device.codec, question, exchange);
+  const bool is_told = !exchange.doubted && (exchange.is_data() || is_final);
+  if (is_told) device.model_images.push_back(exchange.is_data() ? exchange.reply.image : Bytes{});
+  if (is_told && !scheduler_.step_done(step)) co_return;
+  end_cycle();
+  const auto model = is_told ? plc.model_from(device.model_images) : std::nullopt;
+  device.state.compare_model(model);
+  if (model && *model != model_of(*device.codec))
+    log::warn("device", {{"device", device.config.name},
+                         {"model", *model},
+                         {"model_configured", model_of(*device.codec)},
+                         {"note",
+                          "the PLC is another model than the config says: correct model, or set it "
+                          "to auto"}});
   state_.update(device);
 }
 
@@ -494,7 +543,7 @@ asio::awaitable<Poller::Knowledge> Poller::ask_model(LinkDevice& device, BadReas
       const auto meaning = device.codec->meaning_of(question, exchange.reply.device_code);
       if (meaning == RefusalMeaning::unreachable) {
         tell_refusal(device, exchange.reply.text);
-        state_.unreachable(device);
+        state_.unreachable(device, exchange.reply.text);
         co_return Knowledge::unanswered;
       }
       passing |= meaning != RefusalMeaning::final && meaning != RefusalMeaning::hole;

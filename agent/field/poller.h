@@ -67,6 +67,9 @@ class Poller final {
   asio::awaitable<void> read_group(LinkDevice& device, GroupPoll& group,
                                    PollScheduler::PollStep step);
   asio::awaitable<void> ask_question(LinkDevice& device, PollScheduler::PollStep step);
+  /// Asks one question of PlcServices::identify() of a PLC whose model the config names. Reports a
+  /// difference after the last one.
+  asio::awaitable<void> compare_model(LinkDevice& device, PollScheduler::PollStep step);
   /// One question of PlcServices::identify(), a second time where it is refused and may be
   /// answered.
   asio::awaitable<Exchange> ask_of_model(LinkDevice& device, const Request& question);

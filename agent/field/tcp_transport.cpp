@@ -20,6 +20,19 @@ constexpr int kKeepAliveIdleSeconds = 10;
 constexpr int kKeepAliveIntervalSeconds = 3;
 constexpr int kKeepAliveProbes = 3;
 
+std::string why_not_connected(const asio::error_code& error, bool is_late) {
+  if (is_late)
+    return "no answer to the connection: is the device on, is this its address, and does every "
+           "firewall let the port through?";
+  if (error == asio::error::connection_refused)
+    return "nothing listens on this port (connection refused): is this the device's port, is it "
+           "opened in the device's settings, and for TCP?";
+  if (error == asio::error::host_unreachable || error == asio::error::network_unreachable)
+    return "no way to this address (" + error.message() +
+           "): is the device on, is the network up, and the address as it should be?";
+  return error.message();
+}
+
 class TcpTransport final : public Transport {
  public:
   TcpTransport(asio::any_io_executor executor, TcpSettings settings)
@@ -88,7 +101,7 @@ class TcpTransport final : public Transport {
     }
     deadline_.disarm();
     if (error) {
-      const std::string why = deadline_.passed() ? "no answer to the connection" : error.message();
+      const std::string why = why_not_connected(error, deadline_.passed());
       close();
       co_return fail(ErrorCode::link_down, name_ + ": " + why);
     }

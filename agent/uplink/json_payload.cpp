@@ -146,7 +146,9 @@ std::string device_state(const DeviceStatus& status) {
   Writer out;
   out.begin_object().key("state").string(to_string(status.state));
   out.key("since").integer(status.since_ms).key("reason").word(status.reason);
-  out.key("model").word(status.model).key("run");
+  out.key("reason_text").word(status.reason_text);
+  out.key("model").word(status.model);
+  out.key("model_configured").word(status.model_configured).key("run");
   status.run ? out.boolean(*status.run) : out.null();
   out.end_object();
   return out.take();

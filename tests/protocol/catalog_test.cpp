@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <set>
 
+#include "protocol/checklist.h"
 #include "protocol/plc.h"
 
 namespace fxagent {
@@ -45,35 +46,41 @@ TEST(Catalog, EveryEntryIsCompleteAndNamedOnce) {
 }
 
 TEST(Catalog, HintsNameTheToolThatSetsTheModelUp) {
+  struct Hints {
+    std::string silent;
+    std::string closed;
+  };
   const auto hints = [](std::string_view protocol, std::string_view model) {
     const ProtocolInfo* info = find_protocol(protocol);
     Options options = default_options(*info);
     options["model"] = std::string(model);
-    return hints_for(*info, **info->make(options));
+    const auto codec = *info->make(options);
+    const Wiring wiring{Wiring::Channel::tcp, "192.0.2.10:5007", {}, false};
+    return Hints{checklist(*info, options, *codec, wiring, Answers::none),
+                 std::string(checklist_of_closed(*info, *codec))};
   };
   const auto names = [](std::string_view text, std::string_view tool) {
     return text.find(tool) != std::string_view::npos;
   };
   for (const char* protocol : {"mc-3e", "mc-4e"}) {
     for (const char* model : {"Q", "L"}) {
-      const SettingHints found = hints(protocol, model);
+      const Hints found = hints(protocol, model);
       EXPECT_TRUE(names(found.silent, "GX Works2") && names(found.closed, "GX Works2")) << model;
       EXPECT_FALSE(names(found.silent, "Works3") || names(found.silent, "SLMP")) << found.silent;
       EXPECT_FALSE(names(found.closed, "Works3") || names(found.closed, "SLMP")) << found.closed;
     }
     for (const char* model : {"FX5U", "FX5UC", "FX5UJ", "FX5S", "iQ-R"}) {
-      const SettingHints found = hints(protocol, model);
+      const Hints found = hints(protocol, model);
       EXPECT_TRUE(names(found.silent, "GX Works3") && names(found.closed, "SLMP")) << model;
       EXPECT_FALSE(names(found.silent, "Works2") || names(found.closed, "Works2")) << model;
     }
-    const SettingHints open = hints(protocol, kAutoModel);
+    const Hints open = hints(protocol, kAutoModel);
     EXPECT_TRUE(names(open.silent, "Works2") && names(open.silent, "Works3")) << open.silent;
     EXPECT_TRUE(names(open.closed, "Works2") && names(open.closed, "Works3")) << open.closed;
   }
   EXPECT_TRUE(names(hints("mc-1e", "Q").silent, "E71"));
   EXPECT_FALSE(names(hints("mc-1e", "Q").silent, "FX3U-ENET"));
   EXPECT_TRUE(names(hints("mc-1e", "FX3G").silent, "FX3U-ENET"));
-  EXPECT_EQ(hints("modbus-tcp", kAutoModel).silent, "");
 }
 
 TEST(Catalog, TheProgrammingPortIsMadeFromItsOptions) {

@@ -176,7 +176,7 @@ TEST_F(CommandExchangesTest, StopLetsNobodyHaveATurnAndItsEndCutsOff) {
 class HintingExchangesTest : public CommandExchangesTest {
  protected:
   HintingExchangesTest() {
-    hinting.hints.silent = "is it switched on?";
+    hinting.hints.silent = "is it switched on";
     hinting.hints.closed = "is another program using this connection?";
     device.protocol = &hinting;
   }
@@ -189,7 +189,8 @@ TEST_F(HintingExchangesTest, DeviceThatHasNeverAnsweredIsToldWithWhatToLookAt) {
   EXPECT_NE(closed.find("; is another program"), std::string::npos) << closed;
   wire->silence().expect(kWrite50).silence();
   const std::string silent = send().error;
-  EXPECT_NE(silent.find("; is it switched on?"), std::string::npos) << silent;
+  EXPECT_EQ(silent.find("no answer on "), 0U) << silent;
+  EXPECT_NE(silent.find("; is it switched on; "), std::string::npos) << silent;
 }
 
 TEST_F(HintingExchangesTest, DeviceThatHasAnsweredHasTheRightSettings) {

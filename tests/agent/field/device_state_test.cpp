@@ -154,6 +154,35 @@ TEST(DeviceState, SilenceForgetsTheRunStateAndAModelThatWasAsked) {
   EXPECT_TRUE(configured.is_model_known()) << "the config says which";
 }
 
+TEST(DeviceState, PlcOfAnotherModelThanTheConfigsIsOnlineAndSaysSo) {
+  DeviceState state(0, *port_codec(), 1000);
+  EXPECT_TRUE(state.compares_model());
+  state.answered();
+  EXPECT_EQ(state.update(bus_is_open(), 1100)->status.model_configured, "");
+  state.compare_model("FX2N");
+  EXPECT_FALSE(state.compares_model());
+  const auto other = state.update(bus_is_open(), 1200);
+  ASSERT_TRUE(other);
+  EXPECT_EQ(other->status.state, State::online);
+  EXPECT_EQ(other->status.model, "FX2N");
+  EXPECT_EQ(other->status.model_configured, "FX3U");
+  EXPECT_NE(other->status.reason_text.find("the PLC is an FX2N, the config says FX3U"),
+            std::string::npos);
+  state.fell_silent();
+  EXPECT_TRUE(state.compares_model()) << "another PLC may answer next";
+  state.compare_model("FX3U");
+  EXPECT_EQ(state.update(bus_is_open(), 1300)->status.model_configured, "");
+}
+
+TEST(DeviceState, PlcThatNamesNoModelIsNotAskedAgain) {
+  DeviceState state(0, *port_codec(), 1000);
+  state.compare_model(std::nullopt);
+  state.fell_silent();
+  EXPECT_FALSE(state.compares_model());
+  EXPECT_FALSE(DeviceState(0, *port_codec(fx::Model::unknown), 1000).compares_model());
+  EXPECT_FALSE(DeviceState(0, *codec_of("modbus-rtu"), 1000).compares_model());
+}
+
 TEST(DeviceState, RunStateIsNotToldOfAClosedBusAndIsBackAfterwards) {
   DeviceState state(0, *port_codec(), 1000);
   state.answered();

@@ -29,7 +29,7 @@ class LinkStateTest : public ::testing::Test {
     config.links.push_back({"line1", std::move(channel), nanoseconds(0)});
     config.devices.push_back(port_device());
     hinting = *config.devices[0].protocol;
-    hinting.hints.silent = "is it switched on?";
+    hinting.hints.silent = "is it switched on";
     hinting.hints.closed = "is another program using this connection?";
     config.devices[0].protocol = &hinting;
     auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
@@ -39,6 +39,7 @@ class LinkStateTest : public ::testing::Test {
     bus = std::make_unique<Bus>(io.get_executor(), std::move(transport), nanoseconds(0));
     devices.push_back(std::make_unique<LinkDevice>(config.devices[0], 0));
     devices[0]->id = scheduler.add_device(3, {});
+    devices[0]->station.wiring = wiring_of(config.links[0], config.devices[0]);
     link = std::make_unique<LinkState>(config.links[0], 0, 1, *bus, scheduler, devices, outbox);
   }
   void open() {
@@ -293,28 +294,74 @@ TEST_F(LinkStateTest, ConnectionOverWhichNothingWasEverAnsweredIsToldWithWhatToL
     });
     EXPECT_LE(next_open_in(), milliseconds(200)) << "it was not the peer who closed it";
   }
-  const std::string_view told =
-      "reason=\"nobody answers on this connection\" note=\"is it switched on?\"";
-  ASSERT_NE(log.find(told), std::string::npos) << log;
+  EXPECT_NE(log.find("reason=\"nobody answers on this connection\""), std::string::npos) << log;
   EXPECT_EQ(log.find("nobody answers"), log.rfind("nobody answers")) << log;
+  EXPECT_NE(log.find("is it switched on"), std::string::npos) << log;
+  EXPECT_EQ(log.find("is it switched on"), log.rfind("is it switched on")) << log;
 }
 
-TEST_F(LinkStateTest, SilentDeviceIsToldWithWhatToLookAtUnlessTheLinkHasEverAnswered) {
-  use(SerialSettings{});
+TEST_F(LinkStateTest, DeviceThatNeverAnsweredIsOfflineAfterItsFirstTimeoutWithWhatToCheck) {
+  use(SerialSettings{"/dev/ttyUSB0"});
   open();
-  const auto fall_silent = [&] {
-    return logged([&] {
-      for (int i = 0; i < 3; ++i) link->unanswered(*devices[0]);
-      link->update(*devices[0]);
-    });
-  };
-  const std::string first = fall_silent();
-  EXPECT_NE(first.find("state=offline reason=timeout note=\"is it switched on?\""),
+  const std::string log = logged([&] {
+    link->unanswered(*devices[0]);
+    link->update(*devices[0]);
+  });
+  EXPECT_NE(log.find("warning device device=press1 state=offline reason=timeout note=\"no answer "
+                     "on /dev/ttyUSB0. Check: has the device power; is it switched on; "),
             std::string::npos)
-      << first;
+      << log;
+  const auto states = told();
+  ASSERT_EQ(states.size(), 1U);
+  EXPECT_EQ(states[0].reason, "timeout");
+  EXPECT_NE(log.find(states[0].reason_text), std::string::npos) << "one text in log and state";
+  link->unanswered(*devices[0]);
+  link->update(*devices[0]);
+  EXPECT_TRUE(told().empty());
+}
+
+TEST_F(LinkStateTest, DeviceThatHasAnsweredIsOfflineAfterAllItsTimeoutsAndHasTheRightSettings) {
+  use(SerialSettings{"/dev/ttyUSB0"});
+  open();
   link->answered(*devices[0]);
   link->update(*devices[0]);
-  EXPECT_EQ(fall_silent().find("note"), std::string::npos) << "it was said";
+  told();
+  for (int i = 0; i < 2; ++i) {
+    link->unanswered(*devices[0]);
+    link->update(*devices[0]);
+  }
+  EXPECT_TRUE(told().empty()) << "it needs three";
+  link->unanswered(*devices[0]);
+  link->update(*devices[0]);
+  const std::string text = told().at(0).reason_text;
+  EXPECT_NE(text.find("it has answered before"), std::string::npos) << text;
+  EXPECT_EQ(text.find("is it switched on"), std::string::npos) << text;
+  link->answered(*devices[0]);
+  link->update(*devices[0]);
+  EXPECT_EQ(told().at(0).reason_text, "");
+}
+
+TEST_F(LinkStateTest, DeviceWhoseNeighbourAnswersIsInDoubtAlone) {
+  use(SerialSettings{"/dev/ttyUSB0"});
+  config.devices.push_back(port_device("press2"));
+  devices.push_back(std::make_unique<LinkDevice>(config.devices[1], 1));
+  devices[1]->id = scheduler.add_device(3, {});
+  open();
+  link->answered(*devices[1]);
+  link->unanswered(*devices[0]);
+  link->update(*devices[0]);
+  const std::string text = told().at(0).reason_text;
+  EXPECT_NE(text.find("other devices on /dev/ttyUSB0 answer"), std::string::npos) << text;
+}
+
+TEST_F(LinkStateTest, LinkThatIsDownSaysWhyInTheStateOfItsDevices) {
+  use(TcpSettings{"192.0.2.10", 502});
+  const std::string why = "192.0.2.10:502: nothing listens on this port";
+  const std::string log = logged([&] { link->open_failed(why); });
+  EXPECT_NE(log.find("warning device device=press1 state=offline reason=link_down"),
+            std::string::npos)
+      << log;
+  EXPECT_EQ(told().at(0).reason_text, why);
 }
 
 TEST_F(LinkStateTest, UdpPortWhereNobodyAnswersIsLeft) {
@@ -324,7 +371,7 @@ TEST_F(LinkStateTest, UdpPortWhereNobodyAnswersIsLeft) {
     for (int i = 0; i < 3; ++i) link->unanswered(*devices[0]);
   });
   EXPECT_FALSE(bus->is_open());
-  EXPECT_NE(log.find("reason=\"nobody answers on this UDP port\" note="), std::string::npos) << log;
+  EXPECT_NE(log.find("reason=\"nobody answers on this UDP port\""), std::string::npos) << log;
   EXPECT_EQ(told().at(0).reason, "timeout");
 }
 
@@ -352,10 +399,13 @@ TEST_F(LinkStateTest, SerialLineIsNotClosedBySilence) {
 TEST_F(LinkStateTest, GatewayThatAnswersInPlaceOfItsUnitIsThere) {
   use(TcpSettings{"192.0.2.10", 502});
   open();
-  for (int i = 0; i < 10; ++i) link->unreachable(*devices[0]);
+  for (int i = 0; i < 10; ++i) link->unreachable(*devices[0], "exception 0B");
   EXPECT_TRUE(bus->is_open());
   link->update(*devices[0]);
-  EXPECT_EQ(told().at(0).reason, "timeout") << "the unit itself is silent";
+  const DeviceStatus status = told().at(0);
+  EXPECT_EQ(status.reason, "timeout") << "the unit itself is silent";
+  EXPECT_EQ(status.reason_text.find("\"exception 0B\": the gateway 192.0.2.10:502 answers"), 0U)
+      << status.reason_text;
 }
 
 TEST_F(LinkStateTest, StateIsToldOnlyWhereItIsAnotherOne) {

@@ -216,6 +216,29 @@ TEST_F(PortPolls, RunStateThatIsDoubtedIsNotKnown) {
   EXPECT_EQ(newest[0].run, std::nullopt);
 }
 
+TEST_F(PortPolls, PlcOfAnotherModelThanTheConfigsIsLoggedAndToldOnce) {
+  config.devices[0].groups[0].interval = hours(1);
+  plc.set(kM8000, {0x01});
+  plc.set(kD8001, word(24310));  // FX2N, which repeats it at D8101
+  plc.set(kD8101, word(24310));
+  testing::internal::CaptureStderr();
+  start();
+  poller->add_question(*devices[0]);
+  steps_until([&] { return !newest[0].model_configured.empty(); });
+  EXPECT_EQ(newest[0].model_configured, "FX3U");
+  EXPECT_EQ(newest[0].model, "FX2N");
+  EXPECT_EQ(newest[0].state, State::online);
+  const std::size_t asked = wire->written().size();
+  step();
+  step();
+  EXPECT_LE(wire->written().size(), asked + 2) << "RUN alone, each time";
+  const std::string log = testing::internal::GetCapturedStderr();
+  EXPECT_NE(log.find("warning device device=press1 model=FX2N model_configured=FX3U"),
+            std::string::npos)
+      << log;
+  EXPECT_EQ(log.find("model_configured=FX3U"), log.rfind("model_configured=FX3U")) << log;
+}
+
 // ---- a PLC whose model the config leaves open ---------------------------------------------------
 
 class ModelPolls : public PortPolls {

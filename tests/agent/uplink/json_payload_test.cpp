@@ -137,10 +137,19 @@ TEST(StateJson, IsTheContractsExamples) {
   status.since_ms = 7;
   status.model = "FX3U";
   status.run = true;
-  EXPECT_EQ(fxagent::json::device_state(status),
-            R"({"state":"online","since":7,"reason":null,"model":"FX3U","run":true})");
-  EXPECT_EQ(fxagent::json::device_state(test::offline(0, "timeout")),
-            R"({"state":"offline","since":7,"reason":"timeout","model":null,"run":null})");
+  EXPECT_EQ(
+      fxagent::json::device_state(status),
+      R"({"state":"online","since":7,"reason":null,"reason_text":null,"model":"FX3U","model_configured":null,"run":true})");
+  EXPECT_EQ(
+      fxagent::json::device_state(test::offline(0, "timeout")),
+      R"({"state":"offline","since":7,"reason":"timeout","reason_text":null,"model":null,"model_configured":null,"run":null})");
+  DeviceStatus other = test::offline(0, "timeout");
+  other.reason_text = "has it power?";
+  other.model = "FX2N";
+  other.model_configured = "FX3U";
+  EXPECT_EQ(
+      fxagent::json::device_state(other),
+      R"({"state":"offline","since":7,"reason":"timeout","reason_text":"has it power?","model":"FX2N","model_configured":"FX3U","run":null})");
 }
 
 TEST(MetaJson, DescribesEveryTag) {

@@ -1,0 +1,128 @@
+#include "protocol/checklist.h"
+
+#include <algorithm>
+#include <string_view>
+#include <utility>
+#include <variant>
+
+#include "protocol/plc.h"
+
+namespace fxagent {
+namespace {
+
+const SettingHints& hints_for(const ProtocolInfo& protocol, const Codec& codec) {
+  const std::string model = model_of(codec);
+  const auto found = std::ranges::find(protocol.model_hints, std::string_view(model),
+                                       &std::pair<std::string_view, SettingHints>::first);
+  return found == protocol.model_hints.end() ? protocol.hints : found->second;
+}
+
+std::string to_string(const OptionValue& value) {
+  if (const auto* flag = std::get_if<bool>(&value)) return *flag ? "true" : "false";
+  if (const auto* number = std::get_if<std::int64_t>(&value)) return std::to_string(*number);
+  return std::get<std::string>(value);
+}
+
+/// Writes the value of each option behind its name: "`unit`" becomes "`unit` (5)".
+std::string with_values(std::string_view text, const Options& options) {
+  std::string out;
+  for (std::size_t at = 0; at < text.size();) {
+    const std::size_t begin = std::min(text.find('`', at), text.size());
+    const std::size_t end = text.find('`', std::min(begin + 1, text.size()));
+    if (end == text.npos) return out.append(text.substr(at));
+    out.append(text.substr(at, end + 1 - at));
+    const auto option = options.find(text.substr(begin + 1, end - begin - 1));
+    if (option != options.end()) out.append(" (").append(to_string(option->second)).append(")");
+    at = end + 1;
+  }
+  return out;
+}
+
+/// Settings that lead to a station behind the PLC that is connected.
+std::string of_route(const ProtocolInfo& protocol, const Options& options) {
+  std::string out;
+  for (const std::string_view key : {"network", "pc", "module_io", "module_station"}) {
+    const auto spec = std::ranges::find(protocol.options, key, &OptionSpec::key);
+    const auto given = options.find(key);
+    if (spec == protocol.options.end() || given == options.end()) continue;
+    const auto* number = std::get_if<std::int64_t>(&given->second);
+    if (number == nullptr || *number == std::get<std::int64_t>(spec->fallback)) continue;
+    out.append("; is `")
+        .append(key)
+        .append("` (")
+        .append(std::to_string(*number))
+        .append(") right");
+  }
+  return out;
+}
+
+/// The line itself: nothing here depends on the protocol, except whether devices share it.
+std::string of_serial_port(const ProtocolInfo& protocol, const Wiring& wiring) {
+  std::string out;
+  if (wiring.line)
+    out =
+        "; has the device the speed, data bits and parity of this port, " + to_string(*wiring.line);
+  if (protocol.multidrop)
+    out.append("; are A and B (D+ and D-) of RS-485 swapped; ")
+        .append(wiring.echo ? "does the adapter return what is sent, as `echo` says"
+                            : "does a two-wire adapter return what is sent (then set `echo`), or "
+                              "need `rs485` to switch its direction");
+  return out + "; does another program, panel or master use the line?";
+}
+
+std::string of_serial_server() {
+  return "; has the serial server's own line the speed, data bits and parity of the device; does "
+         "it pass bytes unchanged (raw TCP; a Modbus gateway needs modbus-tcp); are A and B (D+ "
+         "and D-) swapped; does another client or master use the line?";
+}
+
+std::string headline(const Wiring& wiring, Answers answers) {
+  switch (answers) {
+    case Answers::from_others:
+      return "no answer, while other devices on " + wiring.place + " answer";
+    case Answers::of_gateway:
+      return "the gateway " + wiring.place + " answers, the device behind it does not";
+    default:
+      return "no answer on " + wiring.place;
+  }
+}
+
+/// A device with the right settings that answers no more.
+std::string of_stopped(const Wiring& wiring) {
+  const bool is_serial = wiring.channel == Wiring::Channel::serial;
+  return std::string("it has answered before. Check: has it power; ") +
+         (is_serial ? "is its cable in place; does another program, panel or master use the line"
+                    : "is the network to it in order; does another program hold its connection") +
+         "; were its settings changed?";
+}
+
+}  // namespace
+
+std::string to_string(const LineDefaults& line) {
+  const char parity = line.parity == Parity::none ? 'N' : line.parity == Parity::even ? 'E' : 'O';
+  return std::to_string(line.baud) + " baud " + std::to_string(line.data_bits) + parity +
+         std::to_string(line.stop_bits);
+}
+
+std::string_view checklist_of_closed(const ProtocolInfo& protocol, const Codec& codec) {
+  return hints_for(protocol, codec).closed;
+}
+
+std::string checklist(const ProtocolInfo& protocol, const Options& options, const Codec& codec,
+                      const Wiring& wiring, Answers answers) {
+  if (answers == Answers::until_now) return of_stopped(wiring);
+  std::string out = headline(wiring, answers);
+  out.append(". Check: has the device power; ")
+      .append(with_values(hints_for(protocol, codec).silent, options));
+  if (protocol.plc_line_word && wiring.line)
+    out.append("; ").append(protocol.plc_line_word(options, *wiring.line));
+  out.append(of_route(protocol, options));
+  if (!protocol.on_serial) return out + "?";
+  if (answers == Answers::from_others)
+    return out +
+           "; has it the speed, data bits and parity of the others; is its own wire in order?";
+  return out + (wiring.channel == Wiring::Channel::serial ? of_serial_port(protocol, wiring)
+                                                          : of_serial_server());
+}
+
+}  // namespace fxagent

@@ -1,0 +1,52 @@
+#include "protocol/fx/d8120.h"
+
+#include <algorithm>
+#include <array>
+#include <variant>
+
+#include "protocol/bytes.h"
+#include "protocol/checklist.h"
+
+namespace fxagent::fx {
+namespace {
+
+constexpr std::uint32_t kEightBits = 1U << 0U;
+constexpr std::uint32_t kOddParity = 1U << 1U;
+constexpr std::uint32_t kEvenParity = 3U << 1U;
+constexpr std::uint32_t kTwoStopBits = 1U << 3U;
+constexpr std::uint32_t kSpeedShift = 4;
+constexpr std::uint32_t kSumCheck = 1U << 13U;
+constexpr std::uint32_t kComputerLink = 1U << 14U;
+constexpr std::uint32_t kFormat4 = 1U << 15U;
+// Bits 4 to 7 are 3 for the first of them, 4 for the next.
+constexpr std::array kSpeeds{300, 600, 1200, 2400, 4800, 9600, 19200, 38400};
+constexpr std::uint32_t kFirstSpeed = 3;
+
+}  // namespace
+
+std::optional<std::uint16_t> d8120(const Options& options, const LineDefaults& line) {
+  const auto speed = std::ranges::find(kSpeeds, line.baud);
+  if (speed == kSpeeds.end()) return std::nullopt;
+  std::uint32_t word = kComputerLink;
+  word |= (kFirstSpeed + static_cast<std::uint32_t>(speed - kSpeeds.begin())) << kSpeedShift;
+  if (line.data_bits == 8) word |= kEightBits;
+  if (line.parity == Parity::odd) word |= kOddParity;
+  if (line.parity == Parity::even) word |= kEvenParity;
+  if (line.stop_bits == 2) word |= kTwoStopBits;
+  const auto sum_check = options.find("sum_check");
+  if (sum_check == options.end() || std::get<bool>(sum_check->second)) word |= kSumCheck;
+  const auto format = options.find("format");
+  if (format != options.end() && std::get<std::int64_t>(format->second) == 4) word |= kFormat4;
+  return static_cast<std::uint16_t>(word);
+}
+
+std::string d8120_for(const Options& options, const LineDefaults& line) {
+  const auto word = d8120(options, line);
+  if (!word) return "has D8120 the speed, data bits and parity of this port";
+  Bytes digits;
+  append_hex(digits, *word, 4);
+  return "is D8120 H" + std::string(digits.begin(), digits.end()) + " (" + to_string(line) +
+         ", RS-485)";
+}
+
+}  // namespace fxagent::fx
