@@ -4,7 +4,10 @@
 
 #include <string>
 #include <string_view>
+#include <vector>
 
+#include "agent/config/reader.h"
+#include "agent/config/tree.h"
 #include "tests/agent/config/small_plant.h"
 
 namespace fxagent {
