@@ -98,6 +98,7 @@ Reload::~Reload() {
 
 void Reload::stop() {
   if (stopping_.exchange(true)) return;
+  remote_.interrupt();
   turn_->end();
   wake();
 }
@@ -213,7 +214,7 @@ void Reload::reload() {
 std::optional<Reload::Next> Reload::wanted() {
   auto next = remote_.read_local();
   if (!next) {
-    reject(next.error());
+    if (!stopping_) reject(next.error());
     return std::nullopt;
   }
   if (const ConfigErrors errors = needs_restart(*running_, next->config); !errors.empty()) {

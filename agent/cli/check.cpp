@@ -6,6 +6,8 @@
 
 #include "agent/cli/online_check.h"
 #include "agent/cli/plan_report.h"
+#include "agent/config/config_limits.h"
+#include "agent/config/file_privacy.h"
 #include "agent/config/reader.h"
 #include "agent/config/remote_limits.h"
 #include "agent/config/serial_ports.h"
@@ -42,8 +44,10 @@ int check_desired(const std::string& path, const Config& local, const std::strin
   if (!faults.empty()) return refuse(faults);
   const auto text = read_config_file(path);
   if (!text) return refuse(text.error());
-  const auto config = effective_config(
-      *text, local, read, [&path](std::string_view both) { return config_of_file(path, both); });
+  const ConfigLimits limits = remote_limits(local);
+  const auto config = effective_config(*text, local, read, [&](std::string_view both) {
+    return config_of_file(path, both, privacy_of(path), {.limits = limits});
+  });
   if (!config) return refuse(config.error());
   for (const std::string& warning : config->warnings)
     std::cerr << desired << ": warning: " << warning << '\n';

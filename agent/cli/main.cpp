@@ -32,6 +32,7 @@
 #include "agent/config/log_warnings.h"
 #include "agent/config/reader.h"
 #include "agent/log/log.h"
+#include "agent/process/process_facts.h"
 #include "agent/process/startup.h"
 #include "agent/process/stop_watchdog.h"
 #include "agent/remote/remote_config.h"
@@ -123,7 +124,7 @@ int run(const RunCall& call) {
   std::signal(SIGHUP, SIG_DFL);  // one that is ignored would not wait either
   StopWatchdog watchdog(stop_signals);
   const log::InBackground background;
-  RemoteConfig remote(call.path, trial_time());
+  RemoteConfig remote(call.path, trial_time(), boot_id());
   auto config =
       remote.start({std::chrono::steady_clock::now(), utc_ms(std::chrono::system_clock::now())});
   if (!config) {

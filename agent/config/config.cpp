@@ -12,6 +12,7 @@
 #include <tuple>
 
 #include "agent/config/channel.h"
+#include "agent/config/config_limits.h"
 #include "agent/config/device.h"
 #include "agent/config/file_privacy.h"
 #include "agent/config/keys.h"
@@ -230,6 +231,7 @@ void read_links(ConfigReader& reader, const ConfigNode& array, Links& links, Con
   Channels hosts;
   config.links.reserve(array.children.size());
   for (const ConfigNode& node : array.children) {
+    if (!reader.has_room(node, {.links = 1})) return;
     LinkConfig& link = config.links.emplace_back();
     LineKeys& line = links.lines.emplace_back();
     LinkFacts& facts = links.facts.emplace_back();
@@ -366,6 +368,10 @@ Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy
   }
   if (link_array != nullptr) finish_links(reader, *link_array, links, config);
   set_silences(config);
+  if (const auto memory = reader.room().size().memory(); memory > kMuchMemory)
+    reader.warn(top, "the agent needs about " + std::to_string(memory >> 20) +
+                         " MiB of memory for this, and its service has 256: give it more "
+                         "(systemctl edit fxagent: MemoryMax), or spread the devices over agents");
   return config;
 }
 
@@ -445,16 +451,25 @@ std::string to_string(const ConfigError& error, std::string_view file) {
 
 tl::expected<Config, std::vector<ConfigError>> parse_config(std::string_view text,
                                                             const Environment& environment,
-                                                            FilePrivacy privacy) {
-  const auto tree = ConfigTree::parse(text);
+                                                            FilePrivacy privacy,
+                                                            const ReadBounds& bounds) {
+  const auto tree = ConfigTree::parse(text, ConfigTree::Folding::tags, {.stop = bounds.stop});
   if (!tree)
     return tl::unexpected(std::vector{ConfigError{"", tree.error().line, tree.error().text}});
-  ConfigReader reader(*tree, environment);
+  ConfigReader reader(*tree, environment, bounds);
   Config config = read_top(reader, tree->root(), privacy);
+  if (bounds.is_stopped())
+    return tl::unexpected(std::vector{ConfigError{"", 0, "was not read to its end"}});
   if (reader.failed()) return tl::unexpected(reader.errors());
   config.warnings = reader.warnings();
   config.hash = to_text(ByteView(sha256(text)).first(kHashBytes));
   return config;
+}
+
+tl::expected<Config, std::vector<ConfigError>> parse_config(std::string_view text,
+                                                            const Environment& environment,
+                                                            FilePrivacy privacy) {
+  return parse_config(text, environment, privacy, {});
 }
 
 tl::expected<Config, std::vector<ConfigError>> parse_config(std::string_view text) {
@@ -481,8 +496,9 @@ tl::expected<Config, std::vector<ConfigError>> config_of_file(const std::string&
 
 tl::expected<Config, std::vector<ConfigError>> config_of_file(const std::string& path,
                                                               std::string_view text,
-                                                              FilePrivacy privacy) {
-  auto config = parse_config(text, process_environment, privacy);
+                                                              FilePrivacy privacy,
+                                                              const ReadBounds& bounds) {
+  auto config = parse_config(text, process_environment, privacy, bounds);
   if (!config) return config;
 
   const std::filesystem::path directory = std::filesystem::path(path).parent_path();

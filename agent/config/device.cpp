@@ -287,7 +287,9 @@ void DeviceReader::outlast_device() {
 // ---- groups -----------------------------------------------------------------------------------
 
 void DeviceReader::read_groups() {
-  for (const ConfigNode* group_node : entry_.groups(reader_)) {
+  const auto nodes = entry_.groups(reader_);
+  if (!reader_.has_room(entry_.node(), {.groups = nodes.size()})) return;
+  for (const ConfigNode* group_node : nodes) {
     const ConfigNode& node = *group_node;
     if (!reader_.check_object(node, config_section("devices[].groups[]"))) continue;
     GroupConfig group;
@@ -314,9 +316,12 @@ std::uint32_t DeviceReader::group_of(const ConfigNode& tag) {
   const std::string name = given.value_or(std::string(default_group));
   if (const auto index = groups_.find(name)) return *index;
   if (name != default_group) {
-    reader_.error(*node, "this device has no group \"" + name + "\"" +
-                             (groups_.names().empty() ? "; it has no groups at all"
-                                                      : did_you_mean(name, groups_.names())));
+    std::string text = "this device has no group \"" + name + "\"";
+    if (groups_.empty())
+      text += "; it has no groups at all";
+    else if (reader_.may_suggest(node->offset))
+      text += did_you_mean(name, groups_.names());
+    reader_.error(*node, std::move(text));
     return 0;
   }
   // Named by no one and used: it comes into being with the first tag.
@@ -336,8 +341,12 @@ void DeviceReader::read_tags() {
     reader_.error(*node_.find("tags"),
                   "a broadcast is never answered, so it can have no tags; what may be written to "
                   "all units stands in commands/allow");
+  if (!reader_.has_room(entry_.node(), {.tags = nodes.size()})) return;
   device_.tags.reserve(nodes.size());
-  for (const ConfigNode* tag : nodes) read_tag(*tag);
+  for (const ConfigNode* tag : nodes) {
+    read_tag(*tag);
+    if (reader_.is_over()) return;
+  }
   device_.tags = shared_.tags_of(std::move(device_.tags));
 }
 
@@ -353,6 +362,7 @@ void DeviceReader::read_tag(const ConfigNode& node) {
   if (read_place(node, tag)) check_span(node, tag);
   tag.units = shared_.units_of(read_tag_units(reader_, node, tag.point.type));
   warn_of_limits(reader_, node, tag);
+  reader_.has_room(node, {.values = values_of(tag.point)});
   device_.tags.push_back(std::move(tag));
 }
 
@@ -536,9 +546,12 @@ void join_link(ConfigReader& reader, const DeviceEntry& entry, const NameTable& 
   const ConfigNode& given = *node.find("link");
   const auto index = links.find(*name);
   if (!index) {
-    reader.error(given, "there is no link \"" + *name + "\"" +
-                            (links.names().empty() ? "; there are no links at all"
-                                                   : did_you_mean(*name, links.names())));
+    std::string text = "there is no link \"" + *name + "\"";
+    if (links.empty())
+      text += "; there are no links at all";
+    else if (reader.may_suggest(given.offset))
+      text += did_you_mean(*name, links.names());
+    reader.error(given, std::move(text));
     return;
   }
   device.link = *index;
@@ -584,12 +597,18 @@ void read_devices(ConfigReader& reader, const ConfigNode& top, const ConfigNode&
     stations.add(reader, entry, device);
   };
   for (const ConfigNode& node : devices.children) {
+    if (reader.is_over()) break;
     const auto entry = templates.entry(node);
-    if (entry == nullptr) continue;
-    for (std::size_t i = 0; i < entry->count(); ++i) {
+    if (entry == nullptr || !reader.has_room(entry->node(), {.devices = entry->count()})) continue;
+    for (std::size_t i = 0; i < entry->count() && !reader.is_over(); ++i) {
       const DeviceOrigin origin = entry->origin(i);
       reader.set_origin(entry->is_made() ? &origin : nullptr);
+      const ConfigSize before = reader.room().size();
       read(*entry);
+      if (i > 0) continue;
+      // The others will be as large.
+      const auto rest = times(entry->count() - 1, reader.room().size(), before);
+      if (!reader.room().fits(rest)) reader.has_room(entry->node(), rest);
     }
     reader.set_origin(nullptr);
   }

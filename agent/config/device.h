@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "agent/config/config.h"
+#include "agent/config/name_table.h"
 #include "agent/config/reader.h"
 
 namespace fxagent {

@@ -49,10 +49,10 @@ void Findings::add(std::uint32_t offset, const ConfigNode& at, std::string text,
   list_.push_back({offset, pointer_to(at), std::move(text), *origin, device});
 }
 
-std::string Findings::unlisted() const {
-  return unlisted_ == 0 ? std::string()
-                        : std::to_string(unlisted_) +
-                              (unlisted_ == 1 ? " more is not listed" : " more are not listed");
+std::string unlisted_text(std::size_t unlisted) {
+  return unlisted == 0 ? std::string()
+                       : std::to_string(unlisted) +
+                             (unlisted == 1 ? " more is not listed" : " more are not listed");
 }
 
 std::vector<Findings::Finding> Findings::in_order() const {

@@ -21,6 +21,9 @@ struct DeviceOrigin {
   std::string n;                      ///< what `{n}` stands for; empty: the entry has no `n`
 };
 
+/// "2000 more are not listed"; empty: all are.
+std::string unlisted_text(std::size_t unlisted);
+
 class Findings {
  public:
   /// So many are kept; a hostile file has one for each of its bytes.
@@ -40,8 +43,12 @@ class Findings {
            std::uint32_t device);
 
   bool empty() const { return list_.empty(); }
-  /// "2000 more are not listed"; empty: all are.
-  std::string unlisted() const;
+  /// Whether what is found at this byte for this entry has been said already.
+  bool knows(std::uint32_t offset, const DeviceOrigin* origin) const {
+    return origin != nullptr && by_entry_.contains({offset, origin->entry});
+  }
+  /// unlisted_text() of those that are not kept.
+  std::string unlisted() const { return unlisted_text(unlisted_); }
   /// Sorted by their place; the order of those at one place is that of add().
   std::vector<Finding> in_order() const;
   /// The text, and for which devices: the device's place and that of its template, whichever is

@@ -16,6 +16,10 @@ using Kind = ConfigNode::Kind;
 
 /// Longer words are no misspelling of ours, and comparing them would take time for nothing.
 constexpr std::size_t kLongestWord = 64;
+/// Nor is the nearest of more words looked for.
+constexpr std::size_t kMostWords = 1000;
+/// Who has more findings than these reads no more of them.
+constexpr int kMostSuggestions = 20;
 
 bool is_name_start(char c) { return c == '_' || (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z'); }
 bool is_name_part(char c) { return is_name_start(c) || (c >= '0' && c <= '9'); }
@@ -218,9 +222,10 @@ std::vector<std::string_view> nearest_words(std::string_view word,
     for (const auto candidate : words)
       if (candidate.starts_with(word)) nearest.push_back(candidate);
   if (!nearest.empty()) return nearest;
-  if (word.size() > kLongestWord || is_of_no_word(word)) return {};
+  if (word.size() > kLongestWord || words.size() > kMostWords || is_of_no_word(word)) return {};
   std::size_t least = 0;
   for (const auto candidate : words) {
+    if (candidate.size() > 2 * kLongestWord) continue;
     const std::size_t distance = edit_distance(word, candidate);
     if (distance > std::max(word.size(), candidate.size()) / 2) continue;  // another word
     if (nearest.empty() || distance < least) {
@@ -270,8 +275,9 @@ std::optional<std::int64_t> number_of_n(std::string_view n) {
   return is_number ? std::optional(number) : std::nullopt;
 }
 
-ConfigReader::ConfigReader(const ConfigTree& tree, Environment environment)
-    : tree_(tree), environment_(std::move(environment)) {}
+ConfigReader::ConfigReader(const ConfigTree& tree, Environment environment,
+                           const ReadBounds& bounds)
+    : tree_(tree), environment_(std::move(environment)), bounds_(bounds), room_(bounds.limits) {}
 
 void ConfigReader::set_origin(const DeviceOrigin* origin) {
   origin_ = origin;
@@ -288,6 +294,18 @@ void ConfigReader::error_at_key(const ConfigNode& at, std::string text) {
 
 void ConfigReader::warn(const ConfigNode& at, std::string text) {
   warnings_.add(at.offset, at, without_secrets(at, std::move(text)), origin_, device_);
+}
+
+bool ConfigReader::may_suggest(std::uint32_t offset) {
+  return !errors_.knows(offset, origin_) && ++suggestions_ <= kMostSuggestions;
+}
+
+bool ConfigReader::has_room(const ConfigNode& at, const ConfigSize& more) {
+  if (room_.is_full()) return false;
+  std::string fault = room_.add(more);
+  if (fault.empty()) return true;
+  error(at, std::move(fault));
+  return false;
 }
 
 std::vector<ConfigError> ConfigReader::errors() const {
@@ -338,11 +356,14 @@ bool ConfigReader::check_object(const ConfigNode& node, std::span<const ConfigKe
         std::ranges::find(more, child.key) != more.end() ||
         std::ranges::find(left_to_caller, child.key) != left_to_caller.end())
       continue;
-    std::vector<std::string_view> known;
-    for (const ConfigKey& key : keys) known.push_back(key.name);
-    known.insert(known.end(), more.begin(), more.end());
-    error_at_key(child, "unknown key \"" + shown(child.key) + "\"" +
-                            cure_of(child.key, keys.front().section, known));
+    std::string text = "unknown key \"" + shown(child.key) + "\"";
+    if (may_suggest(child.key_offset)) {
+      std::vector<std::string_view> known;
+      for (const ConfigKey& key : keys) known.push_back(key.name);
+      known.insert(known.end(), more.begin(), more.end());
+      text += cure_of(child.key, keys.front().section, known);
+    }
+    error_at_key(child, std::move(text));
   }
   return true;
 }
@@ -492,7 +513,7 @@ std::optional<std::size_t> ConfigReader::choice(const ConfigNode& parent, const 
   const auto found = std::ranges::find(words, *value);
   if (found != words.end()) return static_cast<std::size_t>(found - words.begin());
   error(*node, "must be " + one_of(words) + ", found \"" + shown(node->text) + "\"" +
-                   did_you_mean(node->text, words));
+                   (may_suggest(node->offset) ? did_you_mean(node->text, words) : std::string()));
   return std::nullopt;
 }
 
@@ -564,27 +585,6 @@ std::string ConfigReader::without_secrets(const ConfigNode& at, std::string text
     out += in_file;
     from = found + static_cast<std::ptrdiff_t>(expanded->size());
   }
-}
-
-bool NameTable::add(ConfigReader& reader, const std::string& name, const ConfigNode& node,
-                    std::uint32_t index) {
-  const auto [entry, fresh] = entries_.emplace(name, Entry{index, &node});
-  if (!fresh)
-    reader.error(node,
-                 "\"" + name + "\" is already the name at " + reader.place_of(*entry->second.node));
-  return fresh;
-}
-
-std::optional<std::uint32_t> NameTable::find(std::string_view name) const {
-  const auto entry = entries_.find(name);
-  return entry == entries_.end() ? std::nullopt : std::optional(entry->second.index);
-}
-
-std::vector<std::string_view> NameTable::names() const {
-  std::vector<std::string_view> list;
-  list.reserve(entries_.size());
-  for (const auto& [name, entry] : entries_) list.push_back(name);
-  return list;
 }
 
 }  // namespace fxagent

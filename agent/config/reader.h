@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <map>
 #include <optional>
 #include <span>
 #include <string>
@@ -10,6 +9,7 @@
 #include <vector>
 
 #include "agent/config/config.h"
+#include "agent/config/config_limits.h"
 #include "agent/config/findings.h"
 #include "agent/config/keys.h"
 #include "agent/config/tree.h"
@@ -47,7 +47,7 @@ std::optional<std::int64_t> number_of_n(std::string_view n);
 class ConfigReader {
  public:
   /// `tree` must outlive the reader.
-  ConfigReader(const ConfigTree& tree, Environment environment);
+  ConfigReader(const ConfigTree& tree, Environment environment, const ReadBounds& bounds = {});
 
   /// What is read from here on belongs to one of the devices that an entry or a template stands
   /// for: its `{n}` is replaced, before any `${NAME}` is, and errors name both places. Null: to
@@ -60,6 +60,15 @@ class ConfigReader {
   void warn(const ConfigNode& at, std::string text);
 
   bool failed() const { return !errors_.empty(); }
+  /// Whether an error at this byte may have a did_you_mean(), which compares its word with all that
+  /// are right: 20 of a text may.
+  bool may_suggest(std::uint32_t offset);
+
+  /// Counts what is to be built at `at`. False, and an error: the config is too large.
+  bool has_room(const ConfigNode& at, const ConfigSize& more);
+  const ConfigRoom& room() const { return room_; }
+  /// Nothing is to be built any more: the config is too large, or nobody waits for it.
+  bool is_over() const { return room_.is_full() || bounds_.is_stopped(); }
   /// In the order of the file.
   std::vector<ConfigError> errors() const;
   std::vector<std::string> warnings() const;
@@ -126,27 +135,13 @@ class ConfigReader {
 
   const ConfigTree& tree_;
   Environment environment_;
+  const ReadBounds bounds_;
+  ConfigRoom room_;
+  int suggestions_ = 0;  ///< that may_suggest() has let pass
   Findings errors_;
   Findings warnings_;
   const DeviceOrigin* origin_ = nullptr;
   std::uint32_t device_ = 0;  ///< calls of set_origin()
-};
-
-/// Finds names that are given twice among siblings, and where the first one stands.
-class NameTable {
- public:
-  /// False, and an error at `node` that names both places, where the name is taken.
-  bool add(ConfigReader& reader, const std::string& name, const ConfigNode& node,
-           std::uint32_t index);
-  std::optional<std::uint32_t> find(std::string_view name) const;
-  std::vector<std::string_view> names() const;
-
- private:
-  struct Entry {
-    std::uint32_t index = 0;
-    const ConfigNode* node = nullptr;
-  };
-  std::map<std::string, Entry, std::less<>> entries_;
 };
 
 }  // namespace fxagent

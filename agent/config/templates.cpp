@@ -17,6 +17,8 @@ using Kind = ConfigNode::Kind;
 
 /// Of a device beside its groups and tags, for the limit.
 constexpr std::size_t kBytesOfDevice = 256;
+/// Of a key or an item, its quotes and what separates it from the next.
+constexpr std::size_t kBytesAround = 4;
 /// Of one address that its commands may touch.
 constexpr std::size_t kBytesOfAllowed = 16;
 /// Of `{n}`, which is at least as long in the file.
@@ -70,10 +72,12 @@ std::vector<const ConfigNode*> added(ConfigReader& reader, const std::vector<Con
   return list;
 }
 
-/// The size of a folded array of that name.
-std::size_t size_of(const ConfigNode& node, std::string_view key) {
-  const ConfigNode* list = node.find(key);
-  return list == nullptr || list->end == 0 ? 0 : list->end - list->offset;
+/// Bytes that all below the node takes in the file.
+std::size_t size_of(const ConfigNode& node) {
+  if (node.end != 0) return node.end - node.offset;  // folded
+  std::size_t size = node.key.size() + node.text.size() + kBytesAround;
+  for (const ConfigNode& child : node.children) size += size_of(child);
+  return size;
 }
 
 }  // namespace
@@ -108,8 +112,9 @@ const std::vector<ConfigNode>& DeviceLists::tags(ConfigReader& reader) {
   return *tags_;
 }
 
-std::size_t DeviceLists::size() const {
-  return size_of(*node_, "groups") + size_of(*node_, "tags");
+DeviceLists::DeviceLists(const ConfigNode& node) : node_(&node) {
+  for (const ConfigNode& member : node.children)
+    if (member.key != "n") size_ += size_of(member);
 }
 
 std::size_t DeviceLists::allowed_size() const {
@@ -121,8 +126,10 @@ std::size_t DeviceLists::allowed_size() const {
 DeviceEntry::DeviceEntry(const ConfigNode& node, DeviceLists* base, std::vector<std::string> n)
     : own_(node), base_(base), n_(std::move(n)), members_(node) {
   if (base_ == nullptr) return;
+  std::unordered_set<std::string_view> own;
+  for (const ConfigNode& member : node.children) own.insert(member.key);
   for (const ConfigNode& member : base_->node().children)
-    if (node.find(member.key) == nullptr) members_.children.push_back(member);
+    if (!own.contains(member.key)) members_.children.push_back(member);
 }
 
 DeviceOrigin DeviceEntry::origin(std::size_t i) const {
@@ -174,12 +181,15 @@ Templates::Template* Templates::template_of(const ConfigNode& node, const Config
     found->second.is_used = true;
     return found->second.lists.node().kind == Kind::object ? &found->second : nullptr;
   }
-  std::vector<std::string_view> names;
-  names.reserve(templates_.size());
-  for (const auto& [known, ignored] : templates_) names.push_back(known);
-  reader_.error(
-      given, "there is no template \"" + *name + "\"" +
-                 (names.empty() ? "; there are no templates at all" : did_you_mean(*name, names)));
+  std::string text = "there is no template \"" + *name + "\"";
+  if (templates_.empty()) {
+    text += "; there are no templates at all";
+  } else if (reader_.may_suggest(given.offset)) {
+    std::vector<std::string_view> names;
+    for (const auto& [known, ignored] : templates_) names.push_back(known);
+    text += did_you_mean(*name, names);
+  }
+  reader_.error(given, std::move(text));
   return nullptr;
 }
 
@@ -219,7 +229,7 @@ std::optional<std::vector<std::string>> Templates::read_n(const ConfigNode& give
   return good ? std::optional(std::move(list)) : std::nullopt;
 }
 
-/// No file makes more devices and tags than one could that has them written out.
+/// No text makes more than one could that has its devices written out.
 bool Templates::has_room(const ConfigNode& node, const Template* base,
                          const std::vector<std::string>& n) {
   const DeviceLists own(node);
@@ -232,10 +242,12 @@ bool Templates::has_room(const ConfigNode& node, const Template* base,
   const std::uint64_t each = kBytesOfDevice + written / kBytesOfPlace + allowed;
   const std::uint64_t count = std::max<std::size_t>(1, n.size());
   bytes_ += each * count;
-  if (bytes_ <= ConfigTree::max_bytes) return true;
-  if (bytes_ - each * count <= ConfigTree::max_bytes)
+  const ConfigLimits& limits = reader_.room().limits();
+  if (bytes_ <= limits.written) return true;
+  if (bytes_ - each * count <= limits.written)
     reader_.error(node, "written out, the devices up to this one would be larger than " +
-                            std::to_string(ConfigTree::max_bytes >> 20) + " MiB");
+                            std::to_string(limits.written >> 20) + " MiB, the most for " +
+                            std::string(limits.whose));
   return false;
 }
 

@@ -25,18 +25,19 @@ tl::expected<std::vector<std::string>, std::string> numbers_of_range(std::string
 /// first asked for, and once for all devices.
 class DeviceLists {
  public:
-  explicit DeviceLists(const ConfigNode& node) : node_(&node) {}
+  explicit DeviceLists(const ConfigNode& node);
 
   const ConfigNode& node() const { return *node_; }
   const std::vector<ConfigNode>& groups(ConfigReader& reader);
   const std::vector<ConfigNode>& tags(ConfigReader& reader);
-  /// Bytes that both take in the file.
-  std::size_t size() const;
+  /// Bytes that they take in the file, with all else that each device is given.
+  std::size_t size() const { return size_; }
   /// Bytes that the addresses of `commands.allow` take in a device.
   std::size_t allowed_size() const;
 
  private:
   const ConfigNode* node_;
+  std::size_t size_ = 0;
   std::optional<std::vector<ConfigNode>> groups_;
   std::optional<std::vector<ConfigNode>> tags_;
 };

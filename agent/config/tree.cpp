@@ -59,20 +59,24 @@ class TreeBuilder {
   using string_t = Json::string_t;
   using binary_t = Json::binary_t;
 
-  TreeBuilder(ConfigNode& root, const std::size_t& taken, std::size_t folded_depth)
-      : root_(root), taken_(taken), folded_depth_(folded_depth) {}
+  TreeBuilder(ConfigNode& root, const std::size_t& taken, std::size_t folded_depth,
+              const TreeBounds& bounds)
+      : root_(root), taken_(taken), folded_depth_(folded_depth), bounds_(bounds) {}
 
   bool null() {
+    if (is_over()) return false;
     if (is_folding()) return true;
     add(ConfigNode::Kind::null);
     return true;
   }
   bool boolean(bool value) {
+    if (is_over()) return false;
     if (is_folding()) return true;
     add(ConfigNode::Kind::boolean)->boolean = value;
     return true;
   }
   bool number_integer(number_integer_t value) {
+    if (is_over()) return false;
     if (is_folding()) return true;
     ConfigNode* node = add(ConfigNode::Kind::integer);
     node->integer = value;
@@ -84,6 +88,7 @@ class TreeBuilder {
     return number_float(static_cast<double>(value), std::to_string(value));
   }
   bool number_float(number_float_t value, const string_t& spelled) {
+    if (is_over()) return false;
     if (is_folding()) return true;
     ConfigNode* node = add(ConfigNode::Kind::number);
     node->number = value;
@@ -91,6 +96,7 @@ class TreeBuilder {
     return true;
   }
   bool string(string_t& value) {
+    if (is_over()) return false;
     if (is_folding()) return true;
     add(ConfigNode::Kind::string)->text = std::move(value);
     return true;
@@ -122,6 +128,8 @@ class TreeBuilder {
   }
 
   const std::string& fault() const { return fault_; }
+  /// Why it went no further, although so far the text is right; empty: for no such reason.
+  const std::string& end() const { return end_; }
 
  private:
   /// The last byte of the token, or for a number the byte behind it, which the lexer had to see. No
@@ -129,6 +137,16 @@ class TreeBuilder {
   std::uint32_t place() const { return static_cast<std::uint32_t>(taken_ - 1); }
 
   bool is_folding() const { return in_folded_ > 0; }
+
+  /// Counts a node, and whether it is one too many.
+  bool is_over() {
+    std::size_t& nodes = is_folding() ? nodes_in_folded_ : nodes_;
+    if (++nodes > bounds_.nodes)
+      end_ = "holds more than " + std::to_string(bounds_.nodes) + " JSON values";
+    else if (bounds_.stop != nullptr && *bounds_.stop)
+      end_ = "was not read to its end";
+    return !end_.empty();
+  }
 
   ConfigNode* add(ConfigNode::Kind kind) {
     ConfigNode* node = &root_;
@@ -147,6 +165,7 @@ class TreeBuilder {
     return node;
   }
   bool open(ConfigNode::Kind kind) {
+    if (is_over()) return false;
     if (open_.size() + in_folded_ == ConfigTree::max_depth) {
       fault_ = "more than " + std::to_string(ConfigTree::max_depth) + " levels of brackets";
       return false;
@@ -159,6 +178,7 @@ class TreeBuilder {
     if (kind == ConfigNode::Kind::array && open_.size() == folded_depth_) {
       folded_ = node;
       in_folded_ = 1;
+      nodes_in_folded_ = 0;
       return true;
     }
     open_.push_back(node);
@@ -176,12 +196,16 @@ class TreeBuilder {
   ConfigNode& root_;
   const std::size_t& taken_;
   const std::size_t folded_depth_;
+  const TreeBounds bounds_;
+  std::size_t nodes_ = 0;
+  std::size_t nodes_in_folded_ = 0;
   std::vector<ConfigNode*> open_;
   ConfigNode* folded_ = nullptr;  ///< the last folded array
   std::size_t in_folded_ = 0;     ///< brackets that are open there, its own included
   std::string key_;
   std::uint32_t key_offset_ = 0;
   std::string fault_;
+  std::string end_;
 };
 
 void name_parents(ConfigNode& node) {
@@ -216,7 +240,8 @@ std::string pointer_to(const ConfigNode& node) {
 }
 
 tl::expected<ConfigTree, ConfigTree::SyntaxError> ConfigTree::parse(std::string_view text,
-                                                                    Folding folding) {
+                                                                    Folding folding,
+                                                                    const TreeBounds& bounds) {
   if (text.size() > max_bytes)
     return tl::unexpected(
         SyntaxError{0, "larger than " + std::to_string(max_bytes >> 20) + " MiB"});
@@ -240,11 +265,14 @@ tl::expected<ConfigTree, ConfigTree::SyntaxError> ConfigTree::parse(std::string_
     return syntax_error(zero, "a zero byte");
 
   std::size_t taken = 0;
-  TreeBuilder builder(*tree.root_, taken, folding == Folding::tags ? folded_depth : kUnfolded);
+  TreeBuilder builder(*tree.root_, taken, folding == Folding::tags ? folded_depth : kUnfolded,
+                      bounds);
   const char* const begin = text.data();
   if (!Json::sax_parse(TracedIterator(begin, &taken), TracedIterator(begin + text.size(), &taken),
                        &builder)) {
     const std::size_t read = taken == 0 ? 0 : taken - 1;
+    if (!builder.end().empty())
+      return tl::unexpected(SyntaxError{tree.line_of(read), builder.end()});
     if (const auto known = syntax_fault(text, read)) return syntax_error(known->at, known->text);
     return syntax_error(read, shown(builder.fault(), kMaxFault));
   }
@@ -255,7 +283,7 @@ tl::expected<ConfigTree, ConfigTree::SyntaxError> ConfigTree::parse(std::string_
 std::vector<ConfigNode> ConfigTree::items_of(const ConfigNode& folded) const {
   ConfigNode array;
   std::size_t taken = folded.offset;
-  TreeBuilder builder(array, taken, kUnfolded);
+  TreeBuilder builder(array, taken, kUnfolded, {});
   const char* const begin = text_.data();
   Json::sax_parse(TracedIterator(begin + folded.offset, &taken),
                   TracedIterator(begin + folded.end, &taken), &builder);

@@ -1,6 +1,7 @@
 // A JSON text as a tree that remembers where everything stood, so that an error can name the line.
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -35,6 +36,16 @@ struct ConfigNode {
 /// RFC 6901: "/devices/0/tags/3"; empty for the root.
 std::string pointer_to(const ConfigNode& node);
 
+/// How far a text is read.
+struct TreeBounds {
+  /// Far beyond any plant: 270 MB of nodes.
+  static constexpr std::size_t most_nodes = 2'000'000;
+
+  std::size_t nodes = most_nodes;  ///< beside folded arrays, and in each of those
+  /// Set by any thread, it ends the reading with an error. Null: nobody does.
+  const std::atomic<bool>* stop = nullptr;
+};
+
 /// A whole text. Linear in its size, whatever it holds; never throws. A device's tags are nearly
 /// all of a large file, and as nodes they take ten times their text. So arrays at the depth of
 /// /devices/0/tags are folded: the tree has no children of theirs, and items_of() reads them again
@@ -56,7 +67,8 @@ class ConfigTree {
 
   /// A text over the limits is an error too. The text must outlive the tree.
   static tl::expected<ConfigTree, SyntaxError> parse(std::string_view text,
-                                                     Folding folding = Folding::tags);
+                                                     Folding folding = Folding::tags,
+                                                     const TreeBounds& bounds = {});
 
   const ConfigNode& root() const { return *root_; }
   /// The items of a folded array of this tree, which is their parent.

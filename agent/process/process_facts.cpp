@@ -7,6 +7,12 @@
 
 namespace fxagent {
 
+std::string boot_id() {
+  std::string id;
+  std::getline(std::ifstream("/proc/sys/kernel/random/boot_id"), id);
+  return id;
+}
+
 ProcessFacts read_process_facts() {
   ProcessFacts facts;
   timex clock{};

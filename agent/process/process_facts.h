@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 
 namespace fxagent {
 
@@ -10,6 +11,9 @@ struct ProcessFacts {
       false;                    ///< the kernel's clock is disciplined (NTP, PTP); false if unknown
   std::uint64_t rss_bytes = 0;  ///< resident memory; 0 if unknown
 };
+
+/// Of the machine, another after each boot; empty if unknown. Reads /proc. Any thread.
+std::string boot_id();
 
 /// Reads adjtimex(2) and /proc/self/statm. Any thread.
 ProcessFacts read_process_facts();

@@ -4,11 +4,13 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <unordered_map>
 #include <utility>
 #include <variant>
 #include <vector>
 
 #include "agent/config/tree.h"
+#include "agent/remote/error_list.h"
 #include "agent/remote/named_ranges.h"
 #include "protocol/catalog.h"
 #include "protocol/plc.h"
@@ -17,7 +19,8 @@
 namespace fxagent {
 namespace {
 
-using Errors = std::vector<ConfigError>;
+/// Devices of the local file by their names.
+using LocalDevices = std::unordered_map<std::string_view, const DeviceConfig*>;
 
 bool has_credentials(const MqttConfig& mqtt) {
   return !mqtt.username.empty() || !mqtt.password.empty() || !mqtt.password_file.empty() ||
@@ -25,17 +28,17 @@ bool has_credentials(const MqttConfig& mqtt) {
 }
 
 /// Whoever names the server gets what the agent shows there.
-void check_servers(const MqttConfig& local, const MqttConfig& wanted, Errors& errors) {
+void check_servers(const MqttConfig& local, const MqttConfig& wanted, ErrorList& errors) {
   if (!has_credentials(local)) return;
   const bool own_authority = local.tls && !local.tls->ca_file.empty();
   for (std::size_t i = 0; i < wanted.servers.size(); ++i) {
     const std::string& server = wanted.servers[i];
     if (std::ranges::find(local.servers, server) != local.servers.end()) continue;
     if (own_authority && server.starts_with("mqtts://")) continue;
-    errors.push_back({"/mqtt/servers/" + std::to_string(i), 0,
-                      shown(server) +
-                          " would be shown the agent's password; remotely only mqtts:// servers "
-                          "may come, and where the local file has its own mqtt.tls.ca_file"});
+    errors.add({"/mqtt/servers/" + std::to_string(i), 0,
+                shown(server) +
+                    " would be shown the agent's password; remotely only mqtts:// servers "
+                    "may come, and where the local file has its own mqtt.tls.ca_file"});
   }
 }
 
@@ -55,7 +58,7 @@ bool is_serial_name(std::string_view path) {
          std::all_of(number, path.end(), is_digit);
 }
 
-void check_ports(const Config& local, const Config& wanted, Errors& errors) {
+void check_ports(const Config& local, const Config& wanted, ErrorList& errors) {
   for (std::size_t i = 0; i < wanted.links.size(); ++i) {
     const auto* serial = std::get_if<SerialSettings>(&wanted.links[i].channel);
     if (serial == nullptr || is_serial_name(serial->path)) continue;
@@ -64,10 +67,10 @@ void check_ports(const Config& local, const Config& wanted, Errors& errors) {
       return known != nullptr && known->path == serial->path;
     });
     if (!is_local)
-      errors.push_back({"/links/" + std::to_string(i) + "/serial/path", 0,
-                        shown(serial->path) +
-                            " is no name of a serial port (/dev/serial/by-id/…, /dev/ttyUSB0); "
-                            "remotely only such can be set, and those of the local file"});
+      errors.add({"/links/" + std::to_string(i) + "/serial/path", 0,
+                  shown(serial->path) +
+                      " is no name of a serial port (/dev/serial/by-id/…, /dev/ttyUSB0); "
+                      "remotely only such can be set, and those of the local file"});
   }
 }
 
@@ -93,11 +96,11 @@ bool same_place(const LinkConfig& one, const LinkConfig& other) {
 }
 
 /// The one of `local` that this device of `wanted` is; null: it is a new one.
-const DeviceConfig* local_device(const Config& local, const Config& wanted,
-                                 const DeviceConfig& device) {
-  const auto found = std::ranges::find(local.devices, device.name, &DeviceConfig::name);
-  if (found == local.devices.end()) return nullptr;
-  const DeviceConfig& known = *found;
+const DeviceConfig* local_device(const Config& local, const LocalDevices& devices,
+                                 const Config& wanted, const DeviceConfig& device) {
+  const auto found = devices.find(device.name);
+  if (found == devices.end()) return nullptr;
+  const DeviceConfig& known = *found->second;
   const bool same = known.protocol == device.protocol && *known.options == *device.options &&
                     same_place(local.links.at(known.link), wanted.links.at(device.link));
   return same ? &known : nullptr;
@@ -107,7 +110,7 @@ const DeviceConfig* local_device(const Config& local, const Config& wanted,
 class DeviceLimits {
  public:
   DeviceLimits(const Config& local, const DeviceConfig* known, const DeviceConfig& device,
-               NamedRanges& named, Errors& errors)
+               NamedRanges& named, ErrorList& errors)
       : remote_(local.remote),
         known_(known),
         device_(device),
@@ -141,7 +144,7 @@ class DeviceLimits {
 
  private:
   void error(std::string text) {
-    errors_.push_back({"/devices", 0, device_.name + ": " + std::move(text)});
+    errors_.add({"/devices", 0, device_.name + ": " + std::move(text)});
   }
 
   std::string name_of(const Span& span) const {
@@ -208,19 +211,25 @@ class DeviceLimits {
   const std::shared_ptr<const Codec> codec_;
   std::vector<Span> allow_;
   std::vector<Span> as_read_;  ///< the ranges of remote_allow, as this device itself reads them
-  Errors& errors_;
+  ErrorList& errors_;
 };
 
 }  // namespace
 
-Errors beyond_limits(const Config& local, const Config& wanted) {
-  Errors errors;
+std::vector<ConfigError> beyond_limits(const Config& local, const Config& wanted,
+                                       const std::atomic<bool>* stop) {
+  ErrorList errors;
   check_servers(local.mqtt, wanted.mqtt, errors);
   check_ports(local, wanted, errors);
   NamedRanges named(local);
-  for (const DeviceConfig& device : wanted.devices)
-    DeviceLimits(local, local_device(local, wanted, device), device, named, errors).check();
-  return errors;
+  LocalDevices devices;
+  for (const DeviceConfig& device : local.devices) devices.emplace(device.name, &device);
+  for (const DeviceConfig& device : wanted.devices) {
+    if (stop != nullptr && *stop) break;
+    const DeviceConfig* known = local_device(local, devices, wanted, device);
+    DeviceLimits(local, known, device, named, errors).check();
+  }
+  return errors.take();
 }
 
 }  // namespace fxagent

@@ -9,6 +9,7 @@
 #include "agent/config/reader.h"
 #include "agent/config/tree.h"
 #include "agent/remote/beyond_limits.h"
+#include "agent/remote/error_list.h"
 #include "agent/sha256.h"
 
 namespace fxagent {
@@ -38,21 +39,21 @@ std::string place_of(const ConfigNode& node) {
 
 class ShapeReader {
  public:
-  explicit ShapeReader(ReadDesired& out) : out_(out) {}
+  explicit ShapeReader(DesiredConfig& out) : out_(out) {}
 
   void read(const ConfigNode& root) {
     if (root.kind != Kind::object) return error(root, "must be an object");
     refuse_duplicates(root);
     for (const ConfigNode& member : root.children)
       if (std::ranges::find(kKeys, member.key) == kKeys.end())
-        error(member,
-              "unknown key \"" + shown(member.key) + "\"" + did_you_mean(member.key, kKeys));
+        error(member, "unknown key \"" + shown(member.key) + "\"" +
+                          (errors_.empty() ? did_you_mean(member.key, kKeys) : ""));
     const ConfigNode* version = root.find("version");
     if (version == nullptr)
       error(root, "\"version\" is missing");
     else
-      out_.desired.version = word(*version);
-    if (const ConfigNode* by = root.find("by")) out_.desired.by = word(*by);
+      out_.version = word(*version);
+    if (const ConfigNode* by = root.find("by")) out_.by = word(*by);
     const ConfigNode* config = root.find("config");
     const ConfigNode* patch = root.find("patch");
     if ((config == nullptr) == (patch == nullptr))
@@ -61,10 +62,11 @@ class ShapeReader {
     for (const ConfigNode* body : {config, patch})
       if (body != nullptr && body->kind != Kind::object) error(*body, "must be an object");
   }
+  ConfigErrors take_errors() { return errors_.take(); }
 
  private:
   void error(const ConfigNode& at, std::string text) {
-    out_.errors.push_back({place_of(at), 0, std::move(text)});
+    errors_.add({place_of(at), 0, std::move(text)});
   }
 
   std::string word(const ConfigNode& node) {
@@ -88,7 +90,8 @@ class ShapeReader {
     }
   }
 
-  ReadDesired& out_;
+  DesiredConfig& out_;
+  ErrorList errors_;
 };
 
 // ---- the limits of the local file, section by section -------------------------------------------
@@ -120,12 +123,12 @@ class Merger {
     for (const Json* each : {&std::as_const(local_), &std::as_const(next_), &body_})
       for (const auto& [key, value] : each->items()) sections.insert(key);
     for (const std::string& section : sections) restrain(section);
-    return {next_.dump(), std::move(errors_)};
+    return {next_.dump(), errors_.take()};
   }
 
  private:
   void error(std::string pointer, std::string text) {
-    errors_.push_back({std::move(pointer), 0, std::move(text)});
+    errors_.add({std::move(pointer), 0, std::move(text)});
   }
 
   void put_body() {
@@ -228,7 +231,7 @@ class Merger {
   const Json& body_;
   const RemoteLimits& limits_;
   Json next_;
-  ConfigErrors errors_;
+  ErrorList errors_;
 };
 
 /// Without each " (line 1)": lines are those of a text that nobody sees.
@@ -254,12 +257,15 @@ ReadDesired read_desired(std::string_view payload) {
     out.errors.push_back({"", 0, "larger than " + std::to_string(kMaxDesiredBytes >> 20) + " MiB"});
     return out;
   }
-  const auto tree = ConfigTree::parse(payload, ConfigTree::Folding::none);
+  const auto tree =
+      ConfigTree::parse(payload, ConfigTree::Folding::none, {.nodes = kMaxDesiredValues});
   if (!tree) {
     out.errors.push_back({"", 0, tree.error().text});
     return out;
   }
-  ShapeReader(out).read(tree->root());
+  ShapeReader shape(out.desired);
+  shape.read(tree->root());
+  out.errors = shape.take_errors();
   if (out.errors.empty()) out.desired.text = payload;
   return out;
 }
@@ -273,7 +279,8 @@ MergedConfig merged_config(std::string_view local_text, const DesiredConfig& des
 tl::expected<Config, ConfigErrors> effective_config(std::string_view local_text,
                                                     const Config& local,
                                                     const DesiredConfig& desired,
-                                                    const ParseConfig& parse) {
+                                                    const ParseConfig& parse,
+                                                    const std::atomic<bool>* stop) {
   MergedConfig merged = merged_config(local_text, desired, local.remote);
   ConfigErrors errors = std::move(merged.errors);
   auto config = parse(merged.text);
@@ -281,7 +288,7 @@ tl::expected<Config, ConfigErrors> effective_config(std::string_view local_text,
     for (ConfigError& error : config.error())
       errors.push_back({std::move(error.pointer), 0, without_lines(std::move(error.text))});
   } else {
-    std::ranges::move(beyond_limits(local, *config), std::back_inserter(errors));
+    std::ranges::move(beyond_limits(local, *config, stop), std::back_inserter(errors));
   }
   if (!errors.empty()) return tl::unexpected(std::move(errors));
   return config;

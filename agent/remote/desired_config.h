@@ -3,6 +3,7 @@
 // done with it, and the local file's limits after. Pure, any thread.
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <functional>
 #include <string>
@@ -17,6 +18,8 @@ namespace fxagent {
 using ConfigErrors = std::vector<ConfigError>;
 
 inline constexpr std::size_t kMaxDesiredVersion = 64;  ///< bytes; the same for `by`
+/// Of JSON in a document. One of the most bytes has half as many where it lists tags.
+inline constexpr std::size_t kMaxDesiredValues = 200'000;
 
 struct DesiredConfig {
   std::string text;     ///< as it came
@@ -44,13 +47,15 @@ struct MergedConfig {
 MergedConfig merged_config(std::string_view local_text, const DesiredConfig& desired,
                            const RemoteLimits& limits);
 
-/// Reads a text as load_config() reads the local file.
+/// Reads a text as load_config() reads the local file, within kRemoteLimits.
 using ParseConfig = std::function<tl::expected<Config, ConfigErrors>(std::string_view text)>;
 
-/// The local file with the document, or every error. `local` is what `local_text` says.
+/// The local file with the document, or every error. `local` is what `local_text` says. `stop`, set
+/// by any thread, ends it early: then what it returns means nothing. Null: nobody does.
 tl::expected<Config, ConfigErrors> effective_config(std::string_view local_text,
                                                     const Config& local,
                                                     const DesiredConfig& desired,
-                                                    const ParseConfig& parse);
+                                                    const ParseConfig& parse,
+                                                    const std::atomic<bool>* stop = nullptr);
 
 }  // namespace fxagent

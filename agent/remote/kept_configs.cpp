@@ -31,13 +31,23 @@ std::optional<KeptConfig> kept_from(const Json& json) {
 
 }  // namespace
 
+void KeptConfigs::set_good_aside() {
+  good = std::exchange(before, {});
+  ends = 0;
+}
+
 std::string to_text(const KeptConfigs& kept) {
   Json json{{"format", kFormat},          {"agent", kept.agent},
-            {"good", json_of(kept.good)}, {"trying", json_of(kept.trying)},
+            {"good", json_of(kept.good)}, {"before", json_of(kept.before)},
+            {"watched", kept.watched},    {"ends", kept.ends},
+            {"boot", kept.boot},          {"trying", json_of(kept.trying)},
             {"stopped", kept.stopped},    {"judged", nullptr},
             {"rolled_back", nullptr}};
   if (const auto& judged = kept.judged)
-    json["judged"] = {{"hash", judged->hash}, {"version", judged->version}, {"by", judged->by}};
+    json["judged"] = {{"document", judged->text},
+                      {"hash", judged->hash},
+                      {"version", judged->version},
+                      {"by", judged->by}};
   if (const auto& back = kept.rolled_back)
     json["rolled_back"] = {{"hash", back->hash},
                            {"version", back->version},
@@ -55,11 +65,17 @@ tl::expected<KeptConfigs, std::string> kept_configs_from(std::string_view text) 
     KeptConfigs kept;
     kept.agent = json.at("agent").get<std::string>();
     kept.good = kept_from(json.at("good"));
+    // An earlier version of the agent has not written these.
+    kept.before = kept_from(json.value("before", Json()));
+    kept.watched = json.value("watched", false);
+    kept.ends = json.value("ends", 0);
+    kept.boot = json.value("boot", "");
     kept.trying = kept_from(json.at("trying"));
     kept.stopped = json.at("stopped").get<bool>();
     const auto word = [](const Json& of, const char* key) { return of.at(key).get<std::string>(); };
     if (const Json& judged = json.at("judged"); !judged.is_null())
-      kept.judged = {word(judged, "hash"), word(judged, "version"), word(judged, "by")};
+      kept.judged = {judged.value("document", ""), word(judged, "hash"), word(judged, "version"),
+                     word(judged, "by")};
     if (const Json& back = json.at("rolled_back"); !back.is_null())
       kept.rolled_back = {word(back, "hash"), word(back, "version"), word(back, "by"),
                           word(back, "why"), back.at("since").get<std::int64_t>()};

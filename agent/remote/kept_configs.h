@@ -20,6 +20,7 @@ struct KeptConfig {
 
 /// One that is being judged, before anything of it is in force: reading it may end the process too.
 struct JudgedConfig {
+  std::string text;  ///< of the document; empty where an earlier version of the agent has kept it
   std::string hash;  ///< of the document
   std::string version;
   std::string by;
@@ -37,17 +38,27 @@ struct RolledBackConfig {
 struct KeptConfigs {
   std::string agent{};               ///< whose they are: its base topic
   std::optional<KeptConfig> good{};  ///< nothing: the local file alone
+  /// The good one before it, should that end the process although it was good.
+  std::optional<KeptConfig> before{};
+  /// The good one is in force in a process that is in its first hour. Where it is found at a start,
+  /// that process has ended in this hour, and was not told to.
+  bool watched = false;
+  int ends = 0;        ///< of processes in such an hour, one after the other
+  std::string boot{};  ///< of the machine, when this was written
   /// In force, and not proved yet. Where it is found at a start, the process has ended meanwhile.
   std::optional<KeptConfig> trying{};
-  bool stopped = false;  ///< the process was told to end while it was trying: that proves nothing
+  /// The process was told to end while it was trying or judging: that proves nothing.
+  bool stopped = false;
   std::optional<JudgedConfig> judged{};  ///< found at a start: judging it has ended the process
   std::optional<RolledBackConfig> rolled_back{};
 
   bool empty() const { return !good && !trying && !judged && !rolled_back; }
+  /// The good one has ended the process too often: the one before it takes its place.
+  void set_good_aside();
 };
 
-/// Room for two documents, each character of them escaped.
-inline constexpr std::size_t kMaxKeptBytes = 16 * kMaxDesiredBytes;
+/// Room for four documents, each character of them escaped.
+inline constexpr std::size_t kMaxKeptBytes = 32 * kMaxDesiredBytes;
 
 std::string to_text(const KeptConfigs& kept);
 /// The error says what is wrong: damaged text, or a document that is not the one that was kept.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "agent/config/config_limits.h"
 #include "agent/config/file_privacy.h"
 #include "agent/failpoint.h"
 #include "agent/log/log.h"
@@ -14,6 +15,10 @@ using State = RemoteReport::State;
 
 constexpr const char* kFileName = "remote_config.json";
 constexpr std::chrono::seconds kSaveAgain{60};
+/// A process that ends sooner, although nobody told it to, may have been ended by its config.
+constexpr std::chrono::hours kWatch{1};
+/// So many of them in a row are no chance.
+constexpr int kMostEnds = 2;
 
 /// Beside the store; without one where systemd lets the agent keep what it needs. Empty: nowhere.
 std::string directory_for(const Config& config) {
@@ -32,12 +37,12 @@ constexpr const char* kCannotBeKept =
 
 }  // namespace
 
-RemoteConfig::RemoteConfig(std::string path, std::chrono::milliseconds trial)
-    : path_(std::move(path)), trial_time_(trial) {}
+RemoteConfig::RemoteConfig(std::string path, std::chrono::milliseconds trial, std::string boot)
+    : path_(std::move(path)), trial_time_(trial), boot_(std::move(boot)) {}
 
 tl::expected<Config, ConfigErrors> RemoteConfig::alone(const LocalFile& local) const {
   try {
-    return config_of_file(path_, local.text, local.privacy);
+    return config_of_file(path_, local.text, local.privacy, {.stop = &interrupted_});
   } catch (const std::exception& fault) {  // memory, for one
     return tl::unexpected(unreadable(fault));
   }
@@ -48,9 +53,11 @@ tl::expected<Config, ConfigErrors> RemoteConfig::with(const LocalFile& local,
   auto config = alone(local);
   if (!config) return config;
   try {
-    return effective_config(local.text, *config, document, [&](std::string_view text) {
-      return config_of_file(path_, text, local.privacy);
-    });
+    const ConfigLimits limits = remote_limits(*config);
+    const auto parse = [&](std::string_view text) {
+      return config_of_file(path_, text, local.privacy, {limits, &interrupted_});
+    };
+    return effective_config(local.text, *config, document, parse, &interrupted_);
   } catch (const std::exception& fault) {
     return tl::unexpected(unreadable(fault));
   }
@@ -88,6 +95,8 @@ tl::expected<Config, ConfigErrors> RemoteConfig::start(Moment now) {
   if (is_trial) kept_.trying.reset();
   if (auto good = start_with(kept_.good, now)) {
     servers_ = good->mqtt.servers;
+    watch(now.steady);
+    is_unsaved_ = true;
     return std::move(*good);
   }
   return config;
@@ -124,13 +133,19 @@ void RemoteConfig::judge_last_run(Moment now) {
     kept_.rolled_back = {document.hash, document.version, document.by, why, now.utc_ms};
     report_rolled_back();
   };
-  if (!kept_.judged && !kept_.trying) return;
+  if (!kept_.judged && !kept_.trying && !kept_.watched) return;
   is_unsaved_ = true;
-  if (kept_.judged) {  // then it was not the one on trial
+  if (kept_.judged && kept_.stopped) {
+    judge_again_ = std::exchange(kept_.judged, {})->text;
+  } else if (kept_.judged) {  // then it was not the one on trial, nor the good one
     roll_back(*std::exchange(kept_.judged, {}), "the process ended while the config was judged");
-  } else if (!kept_.stopped) {
+  } else if (kept_.trying && !kept_.stopped) {
     roll_back(kept_.trying->document, "the process ended while the config was on trial");
     kept_.trying.reset();
+  } else if (kept_.watched && kept_.good && kept_.boot == boot_ && ++kept_.ends >= kMostEnds) {
+    roll_back(kept_.good->document,
+              "the process ended twice within an hour of its start while the config was in force");
+    kept_.set_good_aside();
   }
   // From now on an end is the config's own fault again.
   kept_.stopped = false;
@@ -146,6 +161,15 @@ std::optional<Config> RemoteConfig::start_with(const std::optional<KeptConfig>& 
   }
   in_force_ = kept;
   return std::move(*config);
+}
+
+bool RemoteConfig::is_in_force(const std::optional<KeptConfig>& kept) const {
+  return kept && in_force_ && kept->document.hash == in_force_->document.hash;
+}
+
+void RemoteConfig::watch(SteadyTime now) {
+  watched_until_.reset();
+  if (is_in_force(kept_.good)) watched_until_ = now + kWatch;
 }
 
 void RemoteConfig::begin() {
@@ -212,8 +236,10 @@ void RemoteConfig::settle_local_file(Next next, Moment now) {
   in_force_ = std::move(next.document);
   trial_.reset();
   is_given_up_ = false;
+  if (!is_in_force(kept_.good)) kept_.before.reset();
   kept_.good = in_force_;
   kept_.trying.reset();
+  watch(now.steady);
   save_or_say("that the local file does not let the config in any more");
 }
 
@@ -222,6 +248,7 @@ void RemoteConfig::settle_local_file(Next next, Moment now) {
 std::optional<RemoteConfig::Next> RemoteConfig::hear(std::string_view payload, Moment now) {
   if (!limits_.enabled) return std::nullopt;
   held_.clear();
+  judge_again_.clear();
   if (payload.empty()) return withdraw(now);
   ReadDesired read;
   try {
@@ -240,11 +267,12 @@ std::optional<RemoteConfig::Next> RemoteConfig::judge(std::string_view payload,
   const auto refuse_disk = [&](const std::string& why) {
     return reject(payload, desired, {{"", 0, kCannotBeKept + why}}, now);
   };
-  kept_.judged = {desired.hash, desired.version, desired.by};
+  kept_.judged = {desired.text, desired.hash, desired.version, desired.by};
   if (const std::string why = save(); !why.empty() && !limits_.without_disk)
     return refuse_disk(why);
   failpoint("remote_config_judged");
   auto config = with(local_, desired);
+  if (interrupted_) return std::nullopt;  // stop() writes that
   if (!config) return reject(payload, desired, config.error(), now);
   if (trial_ && has_moved_ && config->mqtt.servers != servers_) {
     end_judging();
@@ -321,16 +349,19 @@ std::optional<RemoteConfig::Next> RemoteConfig::withdraw(Moment now) {
   std::optional<Next> next;
   if (was_in_force) {
     auto config = alone(local_);
-    if (!config) {
+    if (!config && !interrupted_) {
       report(State::rejected, {}, config.error(), now.utc_ms);
       return std::nullopt;
     }
-    next.emplace();
-    next->why = Next::Why::withdrawn;
-    next->config = std::move(*config);
-    next->servers = next->config.mqtt.servers;
+    if (config) {
+      next.emplace();
+      next->why = Next::Why::withdrawn;
+      next->config = std::move(*config);
+      next->servers = next->config.mqtt.servers;
+    }
   }
   kept_ = {};
+  watched_until_.reset();
   rejected_.clear();
   save_or_say("that the config was withdrawn");
   if (!next) report(State::applied, {}, {}, now.utc_ms);
@@ -348,18 +379,28 @@ SteadyTime RemoteConfig::next_wake() const {
   SteadyTime decided = trial_ ? trial_->decided_at() : SteadyTime::max();
   if (is_given_up_) decided = {};
   decided = std::max(decided, back_again_at_);
+  if (!judge_again_.empty()) decided = {};
+  if (watched_until_) decided = std::min(decided, *watched_until_);
   return is_unsaved_ ? std::min(decided, save_again_at_) : decided;
 }
 
 std::optional<RemoteConfig::Next> RemoteConfig::due(Moment now) {
   save_again(now.steady);
+  if (watched_until_ && now.steady >= *watched_until_) {
+    watched_until_.reset();
+    kept_.ends = 0;
+    save_or_say("that the process went on with the config");
+  }
+  if (!judge_again_.empty()) return hear(std::exchange(judge_again_, {}), now);
   auto verdict = trial_ ? trial_->verdict(now.steady) : Trial::Verdict::pending;
   if (is_given_up_) verdict = Trial::Verdict::lost;
   if (verdict == Trial::Verdict::pending) return std::nullopt;
   if (verdict == Trial::Verdict::good) {
     trial_.reset();
     kept_.trying.reset();
-    kept_.good = in_force_;
+    if (!is_in_force(kept_.good)) kept_.before = std::exchange(kept_.good, in_force_);
+    kept_.ends = 0;
+    watch(now.steady);
     save_or_say("that the config is good");
     has_answer_ = true;
     if (held_.empty()) return std::nullopt;
@@ -389,6 +430,7 @@ std::optional<RemoteConfig::Next> RemoteConfig::way_back(Next::Why why, Moment n
   auto config = kept_.good ? with(local_, kept_.good->document) : alone(local_);
   if (config) next.document = kept_.good;
   if (!config && kept_.good) config = alone(local_);
+  if (interrupted_) return std::nullopt;  // the next process comes to the same verdict
   if (!config) {
     back_again_at_ = now.steady + kSaveAgain;
     log::error("remote_config", {{"note", "the config cannot be rolled back yet"},
@@ -409,6 +451,7 @@ void RemoteConfig::accept(Next next, Moment now) {
       return settle_local_file(std::move(next), now);
     case Next::Why::desired:
       in_force_ = std::move(next.document);
+      watched_until_.reset();
       trial_.emplace(trial_time_, now.steady, is_connected_);
       has_moved_ = moves;
       is_given_up_ = false;
@@ -419,11 +462,11 @@ void RemoteConfig::accept(Next next, Moment now) {
       is_given_up_ = false;
       return report(State::applied, {}, {}, now.utc_ms);
     case Next::Why::rolled_back:
-      in_force_ = std::move(next.document);
-      return report_rolled_back();
     case Next::Why::given_up:
       in_force_ = std::move(next.document);
-      return report_in_force();
+      watch(now.steady);
+      if (watched_until_) save_or_say("that the config before is in force");
+      return next.why == Next::Why::given_up ? report_in_force() : report_rolled_back();
   }
 }
 
@@ -435,8 +478,9 @@ void RemoteConfig::refuse(const Next& next, const ConfigErrors& errors, Moment n
 }
 
 void RemoteConfig::stop() {
-  if (!kept_.trying && !is_unsaved_) return;
-  kept_.stopped = kept_.trying.has_value();
+  if (!kept_.trying && !kept_.judged && !watched_until_ && !is_unsaved_) return;
+  kept_.stopped = kept_.trying || kept_.judged;
+  watched_until_.reset();
   save_or_say("how the agent was stopped");
 }
 
@@ -446,6 +490,8 @@ std::string RemoteConfig::save() {
   if (!file_) return "there is no store, and no STATE_DIRECTORY of systemd";
   if (std::string why = file_->lock(); !why.empty()) return why;
   kept_.agent = base_;
+  kept_.boot = boot_;
+  kept_.watched = watched_until_ && !kept_.trying;
   try {
     return kept_.empty() ? file_->remove() : file_->write(to_text(kept_));
   } catch (const std::exception& fault) {  // memory
@@ -474,6 +520,8 @@ void RemoteConfig::forget() {
   in_force_.reset();
   trial_.reset();
   is_given_up_ = false;
+  watched_until_.reset();
+  judge_again_.clear();
   local_ = {};
   rejected_.clear();
   held_.clear();

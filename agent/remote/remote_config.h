@@ -3,6 +3,7 @@
 // somebody else's work (agent/reload.h). One thread; files are read and written within the calls.
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
@@ -57,8 +58,9 @@ class RemoteConfig final {
   };
 
   /// `path`: of the local file. `trial`: how long a new config is on trial, and how long the broker
-  /// may be away meanwhile.
-  RemoteConfig(std::string path, std::chrono::milliseconds trial);
+  /// may be away meanwhile. `boot`: of the machine; a process that ends with the machine says
+  /// nothing of a good config.
+  RemoteConfig(std::string path, std::chrono::milliseconds trial, std::string boot);
 
   /// The config to start with: the local file, and what was kept of the last run. Reads only: it
   /// may be that another agent runs here. Errors: those of the local file.
@@ -85,7 +87,10 @@ class RemoteConfig final {
   /// A document that was rejected, to be heard again after the local file has changed.
   const std::string& rejected() const { return rejected_; }
   void connection(bool is_up, SteadyTime now);
-  /// The process was told to end: a trial goes on with the next one.
+  /// The process was told to end: what is being read or judged goes no further. Any thread.
+  void interrupt() { interrupted_ = true; }
+  /// Writes that it was, once the last call has returned: a trial goes on with the next process,
+  /// and a document that was judged is judged by it.
   void stop();
 
   /// An answer of an earlier run is to be cleared, since remote config is no longer allowed. Once.
@@ -109,6 +114,8 @@ class RemoteConfig final {
   tl::expected<Config, ConfigErrors> alone(const LocalFile& local) const;
   tl::expected<Config, ConfigErrors> with(const LocalFile& local,
                                           const DesiredConfig& document) const;
+  bool is_in_force(const std::optional<KeptConfig>& kept) const;
+  void watch(SteadyTime now);
   void take_kept(Moment now);
   void judge_last_run(Moment now);
   std::optional<Config> start_with(const std::optional<KeptConfig>& kept, Moment now);
@@ -131,6 +138,8 @@ class RemoteConfig final {
 
   const std::string path_;
   const std::chrono::milliseconds trial_time_;
+  const std::string boot_;
+  std::atomic<bool> interrupted_ = false;
   RemoteLimits limits_;
   std::string base_;  ///< topic of the agent
   LocalFile local_;   ///< in force; empty where remote config is not allowed
@@ -141,12 +150,15 @@ class RemoteConfig final {
   bool is_unsaved_ = false;  ///< it is not on disk
   SteadyTime save_again_at_{};
   std::optional<KeptConfig> in_force_;
-  std::optional<Trial> trial_;        ///< of in_force_
-  bool is_given_up_ = false;          ///< the trial, whatever it comes to
-  SteadyTime back_again_at_{};        ///< when the way back is tried again
+  std::optional<Trial> trial_;  ///< of in_force_
+  bool is_given_up_ = false;    ///< the trial, whatever it comes to
+  SteadyTime back_again_at_{};  ///< when the way back is tried again
+  /// When the process has gone on long enough with the good config; nothing: it has, or none is.
+  std::optional<SteadyTime> watched_until_;
   std::vector<std::string> servers_;  ///< in force
   bool has_moved_ = false;            ///< the config on trial has other servers than that before
   std::string held_;                  ///< a document that moves again, until the verdict
+  std::string judge_again_;           ///< a document that the last process was stopped at
   bool is_connected_ = false;
   std::string rejected_;
   RemoteReport report_;

@@ -22,6 +22,7 @@
 #include "agent/commands/journal.h"
 #include "agent/commands/parse.h"
 #include "agent/commands/result_text.h"
+#include "agent/config/config_limits.h"
 #include "agent/messages.h"
 #include "agent/remote/remote_config.h"
 #include "agent/store/history.h"
@@ -462,6 +463,22 @@ TEST(ContractNumbers, LimitsAreThoseOfTheProgram) {
   EXPECT_EQ(limit_in_document("ids of the agent"), grouped(kFingerprints));
   EXPECT_EQ(limit_in_document("hours that an id is remembered"),
             grouped(static_cast<std::uint64_t>(kRememberedFor.count())));
+}
+
+TEST(ContractNumbers, SizesOfConfigsAreThoseOfTheProgram) {
+  const ConfigSize& most = kRemoteLimits.most;
+  EXPECT_EQ(limit_in_document("values of JSON in a remote config"), grouped(kMaxDesiredValues));
+  EXPECT_EQ(limit_in_document("links of a remote config"), grouped(most.links));
+  EXPECT_EQ(limit_in_document("devices of a remote config"), grouped(most.devices));
+  EXPECT_EQ(limit_in_document("groups of a remote config"), grouped(most.groups));
+  EXPECT_EQ(limit_in_document("tags of a remote config"), grouped(most.tags));
+  EXPECT_EQ(limit_in_document("values of all tags of a remote config"), grouped(most.values));
+  EXPECT_EQ(limit_in_document("MiB of memory"), grouped(kRemoteLimits.memory >> 20));
+  EXPECT_EQ(limit_in_document("MiB of the devices of templates"),
+            grouped(kRemoteLimits.written >> 20));
+  EXPECT_EQ(limit_in_document("tags of a config file"), grouped(kFileLimits.most.tags));
+  EXPECT_EQ(limit_in_document("values of all tags of a config file"),
+            grouped(kFileLimits.most.values));
 }
 
 TEST(ContractNumbers, IdMayBeAsLongAsTheDocumentSays) {

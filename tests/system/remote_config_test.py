@@ -6,9 +6,10 @@ import json
 import os
 import signal
 import subprocess
+import time
 import unittest
 
-from plant import BASE, FXAGENT, PATIENCE, wait_for
+from plant import BASE, FXAGENT, MEMORY_FACTOR, PATIENCE, memory_kib, wait_for
 from reload_test import ReloadTest, modbus
 
 FXAGENT_CRASHING = os.environ["FXAGENT_CRASHING"]
@@ -104,6 +105,45 @@ class RemoteConfig(ReloadTest):
         self.assertEqual([(a["version"], a["by"], a["state"]) for a in self.audit()],
                          [("v1", "ann", "applied"), ("v2", None, "rejected"), ("v3", None, "rejected"),
                           (None, None, "rejected"), (None, None, "rejected"), (None, None, "applied")])
+
+    def test_what_expands_beyond_the_machine_is_refused_unbuilt(self):
+        self.begin_remote()
+        array = {"address": "hr:0", "type": "uint16", "count": 65535}
+        plants = {"values": ([{"name": f"t{i}", **array} for i in range(20)], ["1-10000"]),
+                  "devices": ([{"name": "t", "address": "hr:0"}], ["1-9999"] * 20)}
+        lost = [{"name": f"d{i}", "link": f"lost-{i}", "protocol": "modbus-tcp"} for i in range(3000)]
+        links = [{"name": f"link-{i}", "tcp": {"host": "127.0.0.1", "port": 1}} for i in range(3000)]
+        documents = {"links": {"links": links, "devices": lost}}
+        for what, (tags, ranges) in plants.items():
+            documents[what] = {
+                "templates": {"m": {"protocol": "modbus-tcp", "link": "a", "timeout_ms": 2000, "tags": tags}},
+                "devices": [{"template": "m", "name": f"e{i}-{{n}}", "n": n} for i, n in enumerate(ranges)]}
+        expected = {"values": "with this there are 524280 values of tags", "devices": "a remote config may have 10000",
+                    "links": "more are not listed"}
+        pid = self.agent.process.pid
+        before = memory_kib(pid, "VmHWM")
+        for what, document in documents.items():
+            since, began = self.watcher.mark(), time.monotonic()
+            self.desire(what, document)
+            report = self.report("rejected", what, since)
+            print(f"{what}: {len(json.dumps(document))} bytes, {time.monotonic() - began:.2f} s, "
+                  f"{(memory_kib(pid, 'VmHWM') - before) >> 10} MiB")
+            self.assertIn(expected[what], report["errors"][0])
+        self.assertLess(memory_kib(pid, "VmHWM") - before, 64 * 1024 * MEMORY_FACTOR)
+
+    def test_a_stop_while_one_is_judged_leaves_it_to_the_next_process(self):
+        self.begin_remote()
+        self.desire("v1", {
+            "templates": {"m": {"protocol": "modbus-tcp", "link": "a", "timeout_ms": 2000}},
+            "devices": [{"template": "m", "name": "e{n}", "n": "1-5000"}]}, retain=False)
+        kept = os.path.join(self.store, "remote_config.json")
+        wait_for("the judging", lambda: os.path.exists(kept))
+        began = time.monotonic()
+        self.assertEqual(self.agent.stop(), 0)
+        print(f"from SIGTERM to the end: {time.monotonic() - began:.2f} s")
+        since = self.watcher.mark()
+        self.run_agent()
+        self.report("applied", "v1", since)
 
     def test_a_lost_broker_in_the_trial_is_rolled_back_and_told_to_it_later(self):
         config = self.begin_remote()

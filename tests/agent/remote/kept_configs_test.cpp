@@ -18,7 +18,11 @@ KeptConfigs some() {
       KeptConfig{desired_of({{"version", "2"}, {"by", "ann"}, {"config", json::object()}}), 2000};
   kept.stopped = true;
   kept.agent = "fx/edge7";
-  kept.judged = {"fedcba9876543210", "4", "eve"};
+  kept.before = KeptConfig{desired_of({{"version", "0"}, {"patch", json::object()}}), 500};
+  kept.watched = true;
+  kept.ends = 1;
+  kept.boot = "b00t";
+  kept.judged = {"{}", "fedcba9876543210", "4", "eve"};
   kept.rolled_back = {"0123456789abcdef", "3", "bob", "the broker was lost", 3000};
   return kept;
 }
@@ -37,6 +41,13 @@ TEST(KeptConfigs, ComeBackAsTheyWere) {
   EXPECT_EQ(back->rolled_back->by, "bob");
   EXPECT_EQ(back->rolled_back->since_ms, 3000);
   EXPECT_EQ(back->agent, "fx/edge7");
+  ASSERT_TRUE(back->before.has_value());
+  EXPECT_EQ(back->before->document.version, "0");
+  EXPECT_EQ(back->before->since_ms, 500);
+  EXPECT_TRUE(back->watched);
+  EXPECT_EQ(back->ends, 1);
+  EXPECT_EQ(back->boot, "b00t");
+  EXPECT_EQ(back->judged->text, "{}");
   EXPECT_EQ(back->judged->hash, "fedcba9876543210");
   EXPECT_EQ(back->judged->version, "4");
   EXPECT_EQ(back->judged->by, "eve");
@@ -55,6 +66,19 @@ TEST(KeptConfigs, DamageIsFound) {
   ASSERT_FALSE(wrong.has_value());
   EXPECT_NE(wrong.error().find("not the one that was kept"), std::string::npos) << wrong.error();
   EXPECT_FALSE(kept_configs_from(R"({"format": 2})").has_value());
+}
+
+/// After an update of the agent the last good one is still there.
+TEST(KeptConfigs, OfAnEarlierVersionAreRead) {
+  json text = json::parse(to_text(some()));
+  for (const char* key : {"before", "watched", "ends", "boot"}) text.erase(key);
+  text["judged"].erase("document");
+  const auto back = kept_configs_from(text.dump());
+  ASSERT_TRUE(back.has_value()) << back.error();
+  EXPECT_EQ(back->good->document.version, "1");
+  EXPECT_FALSE(back->before.has_value());
+  EXPECT_FALSE(back->watched);
+  EXPECT_EQ(back->judged->text, "");
 }
 
 /// It goes into the answer that everybody reads.

@@ -4,139 +4,16 @@
 
 #include <filesystem>
 #include <fstream>
-#include <functional>
-#include <optional>
 #include <string>
-#include <string_view>
 
-#include "agent/failpoint.h"
-#include "tests/agent/remote/remote_plant.h"
-#include "tests/support/scratch.h"
+#include "tests/agent/remote/remote_run.h"
 
 namespace fxagent {
-namespace {
-
-std::function<void()> at_judging;
-
-}  // namespace
-
-/// In place of the product's, so that a test sees the disk at that moment.
-void failpoint(std::string_view name) noexcept {
-  if (at_judging && name == "remote_config_judged") at_judging();
-}
-
 namespace {
 
 using namespace test;
 using namespace std::chrono_literals;
 using Why = RemoteConfig::Next::Why;
-
-constexpr auto kTrial = 60s;
-
-/// A local file, and an agent that starts, applies at once what it is told to, and dies.
-class Plant {
- public:
-  Plant() {
-    local_ = local_plant();
-    local_["store"]["path"] = scratch_.path("store");
-    write();
-    start();
-  }
-
-  json& local() { return local_; }
-  void write() { std::ofstream(path()) << local_.dump(); }
-  std::string path() const { return scratch_.path("agent.json"); }
-  std::string kept_path() const { return scratch_.path("store/remote_config.json"); }
-
-  void start(bool is_connected = true) {
-    read();
-    remote_->begin();
-    if (is_connected) remote_->connection(true, steady_);
-  }
-  /// As far as a start reads only.
-  void read() {
-    remote_.emplace(path(), kTrial);
-    auto config = remote_->start(now());
-    ASSERT_TRUE(config.has_value()) << listed(config.error());
-    in_force_ = std::move(*config);
-  }
-  void stop() { remote_->stop(); }
-  std::string store() const { return scratch_.path("store"); }
-  /// The disk is away, and back again.
-  void take_disk() const {
-    std::filesystem::rename(store(), store() + ".away");
-    std::ofstream(store()) << "no directory";
-  }
-  void give_disk() const {
-    std::filesystem::remove(store());
-    std::filesystem::rename(store() + ".away", store());
-  }
-  std::string kept_text() const {
-    std::ifstream kept(kept_path());
-    return {std::istreambuf_iterator<char>(kept), {}};
-  }
-
-  /// False: nothing was applied.
-  bool hear(const json& document) { return hear_text(document.dump()); }
-  bool hear_text(const std::string& text) { return apply(remote_->hear(text, now())); }
-  bool hang_up() {
-    auto next = remote_->read_local();
-    if (!next) return false;
-    return apply(std::move(*next));
-  }
-  bool pass(SteadyTime::duration time) {
-    steady_ += time;
-    utc_ms_ += std::chrono::duration_cast<std::chrono::milliseconds>(time).count();
-    return apply(remote_->due(now()));
-  }
-  void connection(bool is_up) { remote_->connection(is_up, steady_); }
-
-  RemoteConfig& remote() { return *remote_; }
-  const Config& in_force() const { return in_force_; }
-  int retries() const { return in_force_.devices[0].retries; }
-  json reported() const { return json::parse(remote_->reported(in_force_.hash)); }
-  /// "applied v1", with the first error behind it.
-  std::string said() const {
-    const json report = reported();
-    std::string text = report["state"].get<std::string>() + " " + report["version"].dump();
-    if (!report["errors"].empty()) text += ": " + report["errors"][0].get<std::string>();
-    return text;
-  }
-
-  /// Hears it and starts with what the disk has while it is judged.
-  void end_while_judging(const json& document) {
-    std::string text;
-    at_judging = [&] { text = kept_text(); };
-    hear(document);
-    at_judging = {};
-    remote_.reset();
-    std::ofstream(kept_path()) << text;
-    start();
-  }
-
-  /// A document that sets the retries of the first device.
-  json with_retries(const std::string& version, int retries) const {
-    json devices = local_["devices"];
-    devices[0]["retries"] = retries;
-    return {{"version", version}, {"config", {{"devices", devices}}}};
-  }
-
- private:
-  RemoteConfig::Moment now() const { return {steady_, utc_ms_}; }
-  bool apply(std::optional<RemoteConfig::Next> next) {
-    if (!next) return false;
-    in_force_ = next->config;
-    remote_->accept(std::move(*next), now());
-    return true;
-  }
-
-  Scratch scratch_;
-  json local_;
-  std::optional<RemoteConfig> remote_;
-  Config in_force_;
-  SteadyTime steady_{1h};
-  std::int64_t utc_ms_ = 1'790'000'000'000;
-};
 
 TEST(RemoteConfig, WithoutAWordTheLocalFileIsReported) {
   Plant plant;
@@ -162,6 +39,7 @@ TEST(RemoteConfig, WhatIsRightIsAppliedAndGoodAfterItsTrial) {
   EXPECT_TRUE(plant.remote().has_answer());
   EXPECT_EQ(plant.reported()["confirmed"], true);
   EXPECT_EQ(plant.reported()["since"], 1'790'000'000'000);
+  plant.pass(1h);
   EXPECT_EQ(plant.remote().next_wake(), SteadyTime::max());
   plant.connection(false);
   EXPECT_FALSE(plant.pass(1h));  // a broker that goes later proves nothing
@@ -411,6 +289,7 @@ TEST(RemoteConfig, WhatTheDiskRefusedIsWrittenLater) {
   std::filesystem::rename(store + ".away", store);
   EXPECT_NE(plant.remote().next_wake(), SteadyTime::max());
   plant.pass(60s);
+  plant.pass(1h);
   EXPECT_EQ(plant.remote().next_wake(), SteadyTime::max());
   plant.start();
   EXPECT_EQ(plant.said(), "applied \"v1\"");
@@ -524,7 +403,7 @@ TEST(RemoteConfig, ASecondAgentTouchesNothing) {
   plant.hear(plant.with_retries("v1", 7));
   const std::string before = plant.kept_text();
   const auto begin_second = [&] {
-    RemoteConfig second(plant.path(), kTrial);
+    RemoteConfig second(plant.path(), kTrial, "boot");
     EXPECT_TRUE(second.start({}).has_value());
     second.begin();
     EXPECT_FALSE(second.take_left_answer());

@@ -57,6 +57,19 @@ TEST_F(PublisherConfig, DocumentsAndTheConnectionAreToldAsTheyCome) {
   EXPECT_EQ(connections, (std::vector<bool>{true, false}));
 }
 
+TEST_F(PublisherConfig, DocumentsAreHeardAfterAReconnectToo) {
+  config.remote.enabled = true;
+  listen();
+  online();
+  broker.lose();
+  settle();
+  advance(60s);
+  ASSERT_TRUE(broker.up());
+  EXPECT_TRUE(broker.filters.contains(kDesired));
+  desire("{}");
+  EXPECT_EQ(heard, std::vector<std::string>{"{}"});
+}
+
 TEST_F(PublisherConfig, AReloadSwitchesItOnAndOff) {
   listen();
   online();
@@ -105,6 +118,22 @@ TEST_F(PublisherConfig, AReportThatIsClearedWhileTheBrokerIsAwayIsClearedLater) 
   settle();
   advance(60s);
   EXPECT_EQ(broker.on(kReported), (std::vector<std::string>{"one", ""}));
+}
+
+/// Who sent what, and what became of it. That the broker has the answer once more is no news.
+TEST(PublisherConfigAudit, AnAnswerThatIsNewsIsARecord) {
+  test::Scratch scratch;
+  test::PublisherBench bench(scratch.path("store"));
+  bench.config.remote.enabled = true;
+  bench.online();
+  const auto before = bench.store->audit().head().records;
+  bench.publisher->report_config("one", R"({"kind":"config"})");
+  bench.advance(1s);
+  EXPECT_EQ(bench.store->audit().head().records, before + 1);
+  bench.publisher->report_config("one", "");
+  bench.advance(1s);
+  EXPECT_EQ(bench.store->audit().head().records, before + 1);
+  EXPECT_EQ(bench.broker.on(kReported), (std::vector<std::string>{"one", "one"}));
 }
 
 }  // namespace

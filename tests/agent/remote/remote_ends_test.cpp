@@ -1,0 +1,198 @@
+// What the end of a process says of the remote config that was in force or judged in it.
+#include <gtest/gtest.h>
+
+#include "tests/agent/remote/remote_run.h"
+
+namespace fxagent {
+namespace {
+
+using namespace test;
+
+constexpr const char* kEndedTwice =
+    "the process ended twice within an hour of its start while the config was in force";
+
+/// v1 with 7 retries, then v2 with 8, both good.
+void make_two_good(Plant& plant) {
+  plant.hear(plant.with_retries("v1", 7));
+  plant.pass(kTrial);
+  plant.hear(plant.with_retries("v2", 8));
+  plant.pass(kTrial);
+  ASSERT_EQ(plant.reported()["confirmed"], true);
+}
+
+/// A PLC that was off during the trial answers, and what it says is more than the machine holds.
+TEST(RemoteEnds, AGoodOneThatEndsTheProcessTwiceIsSetAside) {
+  Plant plant;
+  make_two_good(plant);
+  plant.start();
+  EXPECT_EQ(plant.retries(), 8);
+  plant.pass(59min);
+  plant.start();
+  EXPECT_EQ(plant.retries(), 7);
+  EXPECT_EQ(plant.said(), std::string("rolled_back \"v2\": ") + kEndedTwice);
+  EXPECT_EQ(plant.reported()["in_force"], "v1");
+  EXPECT_FALSE(plant.hear(plant.with_retries("v2", 8)));
+  EXPECT_EQ(plant.said().substr(0, 16), "rolled_back \"v2\"");
+}
+
+TEST(RemoteEnds, TheOneBeforeIsSetAsideInTheSameWay) {
+  Plant plant;
+  make_two_good(plant);
+  for (int ends = 0; ends < 3; ++ends) plant.start();
+  EXPECT_EQ(plant.retries(), 7);
+  plant.start();
+  EXPECT_EQ(plant.retries(), 2);
+  EXPECT_EQ(plant.said(), std::string("rolled_back \"v1\": ") + kEndedTwice);
+  EXPECT_EQ(plant.reported()["in_force"], nullptr);
+  for (int ends = 0; ends < 3; ++ends) plant.start();
+  EXPECT_EQ(plant.retries(), 2);
+}
+
+TEST(RemoteEnds, AnHourForgivesTheEndBefore) {
+  Plant plant;
+  make_two_good(plant);
+  plant.start();
+  plant.pass(1h);
+  plant.start();
+  plant.start();
+  EXPECT_EQ(plant.retries(), 8);
+  plant.start();
+  EXPECT_EQ(plant.retries(), 7);
+}
+
+TEST(RemoteEnds, AnEndAfterTheHourDoesNotCount) {
+  Plant plant;
+  make_two_good(plant);
+  for (int ends = 0; ends < 5; ++ends) {
+    plant.pass(1h);
+    plant.start();
+  }
+  EXPECT_EQ(plant.retries(), 8);
+  EXPECT_EQ(plant.reported()["state"], "applied");
+}
+
+TEST(RemoteEnds, AStopDoesNotCountAndForgivesNothing) {
+  Plant plant;
+  make_two_good(plant);
+  for (int stops = 0; stops < 5; ++stops) {
+    plant.stop();
+    plant.start();
+  }
+  EXPECT_EQ(plant.retries(), 8);
+  plant.start();
+  plant.stop();
+  plant.start();
+  EXPECT_EQ(plant.retries(), 8);
+  plant.start();
+  EXPECT_EQ(plant.retries(), 7);
+}
+
+/// Of a machine that is switched off with its plant every evening.
+TEST(RemoteEnds, AnEndOfTheMachineDoesNotCount) {
+  Plant plant;
+  make_two_good(plant);
+  for (int ends = 0; ends < 5; ++ends) {
+    plant.boot();
+    plant.start();
+  }
+  EXPECT_EQ(plant.retries(), 8);
+  EXPECT_EQ(plant.reported()["state"], "applied");
+}
+
+/// Which the trial answers for.
+TEST(RemoteEnds, AnEndInATrialIsNotThatOfTheGoodOne) {
+  Plant plant;
+  plant.hear(plant.with_retries("v1", 7));
+  plant.pass(kTrial);
+  for (int retries : {8, 9}) {
+    plant.hear(plant.with_retries("next", retries));
+    plant.start();
+    EXPECT_EQ(plant.said(),
+              "rolled_back \"next\": the process ended while the config was on trial");
+    EXPECT_EQ(plant.retries(), 7);
+  }
+}
+
+TEST(RemoteEnds, AnEndInJudgingIsNotThatOfTheGoodOne) {
+  Plant plant;
+  plant.hear(plant.with_retries("v1", 7));
+  plant.pass(kTrial);
+  plant.end_while_judging(plant.with_retries("v2", 8));
+  plant.end_while_judging(plant.with_retries("v3", 9));
+  EXPECT_EQ(plant.retries(), 7);
+}
+
+/// The same document once more, on the way from another one.
+TEST(RemoteEnds, TheSameOneIsNotTheWayBackFromItself) {
+  Plant plant;
+  plant.hear(plant.with_retries("v1", 7));
+  plant.pass(kTrial);
+  plant.hear(plant.with_retries("v2", 8));
+  plant.hear(plant.with_retries("v1", 7));
+  plant.pass(kTrial);
+  plant.start();
+  plant.start();
+  EXPECT_EQ(plant.retries(), 2);
+  EXPECT_EQ(plant.reported()["in_force"], nullptr);
+}
+
+TEST(RemoteEnds, WhatWasWithdrawnDoesNotComeBack) {
+  Plant plant;
+  make_two_good(plant);
+  plant.hear_text("");
+  for (int ends = 0; ends < 3; ++ends) plant.start();
+  EXPECT_EQ(plant.retries(), 2);
+  EXPECT_EQ(plant.said(), "applied null");
+}
+
+TEST(RemoteEnds, OneThatAStopFindsInJudgingIsJudgedByTheNextProcess) {
+  Plant plant;
+  plant.stop_while_judging(plant.with_retries("v1", 7));
+  EXPECT_EQ(plant.said(), "applied null");
+  EXPECT_EQ(plant.remote().next_wake(), SteadyTime{});
+  EXPECT_TRUE(plant.pass(0s));
+  EXPECT_EQ(plant.retries(), 7);
+  EXPECT_EQ(plant.said(), "applied \"v1\"");
+  EXPECT_EQ(plant.reported()["confirmed"], false);
+}
+
+TEST(RemoteEnds, AStopInJudgingIsGoodForOneStart) {
+  Plant plant;
+  plant.stop_while_judging(plant.with_retries("v1", 7));
+  plant.end_while_judging(plant.with_retries("v1", 7));
+  EXPECT_EQ(plant.said(), "rolled_back \"v1\": the process ended while the config was judged");
+  EXPECT_FALSE(plant.pass(0s));
+}
+
+TEST(RemoteEnds, ANewerOneTakesThePlaceOfTheOneThatWasStopped) {
+  Plant plant;
+  plant.stop_while_judging(plant.with_retries("v1", 7));
+  EXPECT_TRUE(plant.hear(plant.with_retries("v2", 8)));
+  plant.pass(0s);
+  EXPECT_EQ(plant.retries(), 8);
+}
+
+/// Neither is a document lost that nobody sends again, nor the trial that was under way.
+TEST(RemoteEnds, AStopInJudgingKeepsTheTrialToo) {
+  Plant plant;
+  plant.hear(plant.with_retries("v1", 7));
+  plant.stop_while_judging(plant.with_retries("v2", 8));
+  EXPECT_EQ(plant.said(), "applied \"v1\"");
+  EXPECT_EQ(plant.retries(), 7);
+  plant.pass(0s);
+  EXPECT_EQ(plant.retries(), 8);
+}
+
+TEST(RemoteEnds, AStopDoesNotUndoAWithdrawal) {
+  Plant plant;
+  plant.hear(plant.with_retries("v1", 7));
+  plant.pass(kTrial);
+  plant.remote().interrupt();
+  EXPECT_FALSE(plant.hear_text(""));
+  plant.stop();
+  plant.start();
+  EXPECT_EQ(plant.retries(), 2);
+}
+
+}  // namespace
+}  // namespace fxagent
