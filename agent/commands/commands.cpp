@@ -206,6 +206,7 @@ void Commands::restore(Recovered known, SteadyTime now, std::int64_t utc_ms) {
       continue;
     }
     CommandResult result = result_of(command);
+    result.received = {};
     set_interrupted(result);
     finish(std::move(result), utc_ms);
   }
@@ -231,7 +232,12 @@ void Commands::set_conflict(const std::string& other_boot) {
 
 void Commands::finish(CommandResult result, std::int64_t utc_ms) {
   Device& device = device_at(result.device);
-  device.pending.erase(result.id);
+  const auto pending = device.pending.find(result.id);
+  if (pending != device.pending.end()) {
+    // It came to an earlier run, by a clock that is not ours.
+    if (pending->second == nullptr) result.received = {};
+    device.pending.erase(pending);
+  }
   device.admission.finished(result);
   take_result(std::move(result), {}, utc_ms);
 }

@@ -36,7 +36,7 @@ struct ResultMessage {
   std::uint64_t number = 0;  ///< of its command
   std::string id;
   std::string text;        ///< JSON; with_total() completes it
-  SteadyTime received{};   ///< of its command
+  SteadyTime received{};   ///< of its command; the epoch: by an earlier run
   bool sent = false;       ///< to its device
   bool recorded = false;   ///< of an earlier run: the text is complete
   bool is_first = false;   ///< its id is remembered with it

@@ -166,7 +166,7 @@ void read_type(const Json& type, CommandTarget& target, Faults& faults) {
   if (known)
     target.type = *known;
   else
-    faults.add(Reason::bad_address, known.error().text);
+    faults.add(Reason::bad_value, known.error().text);
 }
 
 /// How many elements, or characters, a read by address is to bring.
@@ -234,6 +234,46 @@ void read_targets(const Json& object, Command& command, Faults& faults) {
   for (const Json& entry : *targets) command.targets.push_back(read_target(entry, faults));
 }
 
+/// Takes the first `id` of the command itself out of a text that may end anywhere.
+class IdReader final : public nlohmann::json_sax<Json> {
+ public:
+  const std::optional<Json>& id() const { return id_; }
+
+  bool null() override { return take(nullptr); }
+  bool boolean(bool value) override { return take(value); }
+  bool number_integer(number_integer_t value) override { return take(value); }
+  bool number_unsigned(number_unsigned_t value) override { return take(value); }
+  bool number_float(number_float_t value, const string_t&) override { return take(value); }
+  bool string(string_t& value) override { return take(value); }
+  bool binary(binary_t&) override { return false; }
+  bool start_object(std::size_t) override { return begin(); }
+  bool start_array(std::size_t) override { return depth_ != 0 && begin(); }
+  bool end_object() override { return --depth_ != 0; }
+  bool end_array() override { return --depth_ != 0; }
+  bool key(string_t& name) override {
+    is_id_ = depth_ == 1 && name == "id";
+    return true;
+  }
+  bool parse_error(std::size_t, const std::string&, const Json::exception&) override {
+    return false;
+  }
+
+ private:
+  bool begin() {
+    if (is_id_) return false;  // no id is an object
+    ++depth_;
+    return true;
+  }
+  bool take(Json value) {
+    if (is_id_) id_ = std::move(value);
+    return !is_id_ && depth_ != 0;
+  }
+
+  int depth_ = 0;
+  bool is_id_ = false;
+  std::optional<Json> id_;
+};
+
 /// A key that must be `true` or `false` where it is there.
 std::optional<bool> read_flag(const Json* flag, const char* key, Faults& faults) {
   if (flag == nullptr) return std::nullopt;
@@ -281,6 +321,9 @@ Command parse_command(std::string_view payload) {
   Command command;
   if (payload.size() > kMaxCommandBytes) {
     command.refusal = Refusal{Reason::too_large, "more than 65536 bytes"};
+    IdReader reader;
+    Json::sax_parse(payload, &reader);
+    if (Faults faults; reader.id()) read_id({{"id", *reader.id()}}, command, faults);
     return command;
   }
   Watch watch;

@@ -101,6 +101,12 @@ void leave_out_values(CommandResult& result) {
   }
 }
 
+/// Of a DUPLICATE they only repeat the command.
+void leave_out_targets(CommandResult& result) {
+  result.detail += "; so are the targets";
+  result.targets.clear();
+}
+
 /// The same of a result that is text already.
 std::string without_values(std::string_view recorded) {
   auto json = nlohmann::ordered_json::parse(recorded, nullptr, /*allow_exceptions=*/false);
@@ -132,6 +138,9 @@ std::string result_text(const CommandResult& result) {
   text = written(shorter);
   if (text.size() <= kMost) return text;
   leave_out_values(shorter);
+  text = written(shorter);
+  if (text.size() <= kMost) return text;
+  leave_out_targets(shorter);
   return written(shorter);
 }
 

@@ -15,6 +15,9 @@
 #include <cerrno>
 #include <string_view>
 
+#include "agent/uplink/packet_guard.h"
+#include "agent/uplink/tls_read_bound.h"
+
 namespace fxagent {
 namespace {
 
@@ -107,6 +110,7 @@ int getsockopt_of_paho(int fd, int level, int name, void* value, socklen_t* size
   if (level == SOL_SOCKET && name == SO_ERROR && outcome == 0) {
     fxagent::begin_anew();
     fxagent::faults.socket = *static_cast<const int*>(value);
+    if (fxagent::is_paho()) fxagent::follow_packets(fd);
   }
   return outcome;
 }
@@ -114,7 +118,9 @@ int getsockopt_of_paho(int fd, int level, int name, void* value, socklen_t* size
 int SSL_connect(SSL* connection) {
   using Connect = int (*)(SSL*);
   static const auto openssl_connect = reinterpret_cast<Connect>(dlsym(RTLD_NEXT, "SSL_connect"));
+  const fxagent::TlsReadBound bound(connection, fxagent::TlsReadBound::Counts::from_the_beginning);
   const int outcome = openssl_connect(connection);
+  fxagent::faults.handshake_endless = bound.was_reached();
   fxagent::note_handshake(connection, outcome);
   return outcome;
 }

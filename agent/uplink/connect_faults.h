@@ -11,14 +11,15 @@ namespace fxagent {
 /// What this thread was told about a connection to a server. Paho calls back on the thread that was
 /// told last.
 struct ConnectFaults {
-  int lookup = 0;              ///< of getaddrinfo(); 0: the host is known, or was not asked for
-  int socket = 0;              ///< errno of the TCP connection; 0: none
-  bool handshake_cut = false;  ///< the server ended the TLS handshake, or spoke no TLS
-  long certificate = 0;        ///< X509_V_... why the certificate is not trusted; 0: it is
-  bool is_encrypted = false;   ///< the TLS handshake is done
-  bool other_host = false;     ///< with a certificate that is not for the host asked for
-  bool was_reset = false;      ///< the server threw away what was sent, without TLS
-  bool speaks_tls = false;     ///< it answered with a TLS alert, without TLS
+  int lookup = 0;                  ///< of getaddrinfo(); 0: the host is known, or was not asked for
+  int socket = 0;                  ///< errno of the TCP connection; 0: none
+  bool handshake_cut = false;      ///< the server ended the TLS handshake, or spoke no TLS
+  bool handshake_endless = false;  ///< the server sent more than any handshake takes
+  long certificate = 0;            ///< X509_V_... why the certificate is not trusted; 0: it is
+  bool is_encrypted = false;       ///< the TLS handshake is done
+  bool other_host = false;         ///< with a certificate that is not for the host asked for
+  bool was_reset = false;          ///< the server threw away what was sent, without TLS
+  bool speaks_tls = false;         ///< it answered with a TLS alert, without TLS
 };
 
 /// Since `begin`; what is older counts as nothing.

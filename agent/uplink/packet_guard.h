@@ -1,22 +1,26 @@
 // Stands where Paho reads from its sockets. Keeps packets off it that no broker should send: Paho
 // 1.3 reads the length of a packet and then all of it into memory, before anybody is asked, 250 MB
-// where a broker says so, several times over. And tells which socket is the broker's, which Paho
-// hides.
+// where a broker says so, several times over. What may come is in incoming_packets.h. And tells
+// which socket is the broker's, which Paho hides.
 #pragma once
 
 #include <chrono>
 #include <cstddef>
-#include <cstdint>
 
 namespace fxagent {
 
-/// Bytes of the longest packet that is read. Told to the broker on MQTT 5. A command is 64 KiB at
-/// most, and one that is far too large must still be answered.
-inline constexpr std::uint32_t kMaxPacketIn = 16 << 20;
+/// A connection of Paho's on this socket has just been made, and this thread reads it.
+void follow_packets(int fd) noexcept;
 
-/// Length of a longer packet that was refused on this thread since the last call; 0: none was. Its
-/// connection is over: Paho is told that the socket failed, and calls back on the same thread.
-std::size_t take_refused_packet() noexcept;
+/// A packet that was not read.
+struct RefusedPacket {
+  std::size_t bytes = 0;  ///< 0: none was refused
+  std::size_t most = 0;   ///< that could be; 0: no message, since CONNACK had not come
+};
+
+/// What was refused on this thread since the last call. Its connection is over: Paho is told that
+/// the socket failed, and calls back on the same thread.
+RefusedPacket take_refused_packet() noexcept;
 
 /// The socket that this thread has read from last, with TLS or without; -1: none yet. In a callback
 /// of Paho about a packet it is the socket that brought the packet, since Paho calls back on the

@@ -23,10 +23,12 @@
 #include "agent/process/startup.h"
 #include "agent/uplink/connect_faults.h"
 #include "agent/uplink/idle_sleep.h"
+#include "agent/uplink/incoming_packets.h"
 #include "agent/uplink/packet_guard.h"
 #include "agent/uplink/read_pause.h"
 #include "agent/uplink/send_at_once.h"
 #include "agent/uplink/tls_files.h"
+#include "agent/uplink/tls_read_bound.h"
 
 namespace fxagent {
 namespace {
@@ -539,11 +541,18 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
     }
   }
 
+  /// Of a packet that was not read; empty: there was none.
+  static std::string refused_packet() {
+    const RefusedPacket refused = take_refused_packet();
+    if (refused.bytes == 0) return {};
+    if (refused.most == 0) return "the server sends a message before it has answered CONNECT";
+    return "the broker sent a packet of " + std::to_string(refused.bytes) + " bytes, " +
+           std::to_string(refused.most) + " are the most that is read";
+  }
+
   /// On the thread that found it closed.
   static std::string why_closed() {
-    if (const std::size_t refused = take_refused_packet(); refused != 0)
-      return "the broker sent a packet of " + std::to_string(refused) + " bytes, " +
-             std::to_string(kMaxPacketIn) + " are the most that is read";
+    if (std::string refused = refused_packet(); !refused.empty()) return refused;
     return "connection closed: the broker was stopped, the network failed, or another client has "
            "come with this agent's client id (each needs its own agent.id, or mqtt.client_id)";
   }
@@ -604,6 +613,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
     const int code = token.get_return_code();
     const std::string_view refusal = connack_text(code);
     if (!refusal.empty()) return std::string(refusal).append(cure_of_refusal(code, config_));
+    if (std::string refused = refused_packet(); !refused.empty()) return refused;
     const ConnectFaults faults = connect_faults(connecting_since_);
     if (faults.lookup != 0)
       return std::string("the host name is not known (") + gai_strerror(faults.lookup) +
@@ -619,6 +629,9 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
 
   std::string tls_failure(const ConnectFaults& faults) const {
     if (faults.certificate != X509_V_OK) return distrust(faults.certificate, config_);
+    if (faults.handshake_endless)
+      return "the server's TLS handshake does not end: " + std::to_string(kMaxHandshake) +
+             " bytes of it are the most that is read: is this the broker's port?";
     if (faults.handshake_cut)
       return "the server ends the TLS handshake, as a port without TLS does: try mqtt://, or the "
              "port that has TLS";

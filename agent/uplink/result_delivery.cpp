@@ -28,8 +28,7 @@ constexpr std::size_t kLeastShared = 4;
 
 ResultDelivery::ResultDelivery(const Config& config, Commands& commands, Outgoing& outgoing,
                                JitteredBackoff& backoff, UtcClock utc_ms)
-    : config_(config),
-      base_(config.base_topic()),
+    : base_(config.base_topic()),
       commands_(commands),
       outgoing_(outgoing),
       backoff_(backoff),
@@ -40,8 +39,7 @@ void ResultDelivery::add(ResultMessage result) {
   Pending pending;
   pending.copies.push_back({.topic = base_ + "/" + device + "/result"});
   if (!result.response_topic.empty()) {
-    const std::string fault =
-        response_topic_fault(result.response_topic, config_.root, base_, device);
+    const std::string fault = response_topic_fault(result.response_topic, base_, device);
     if (fault.empty())
       pending.copies.push_back({.topic = result.response_topic, .to_response_topic = true});
     else
@@ -86,7 +84,7 @@ void ResultDelivery::hand_over(std::uint64_t key, std::size_t copy, SteadyTime n
                                std::optional<Heard> heard) {
   Pending& pending = results_.at(key);
   ResultMessage& result = pending.result;
-  if (!std::exchange(pending.handed_over, true) && !result.recorded) {
+  if (!std::exchange(pending.handed_over, true) && result.received != SteadyTime{}) {
     result.total = std::max(now - result.received, SteadyTime::duration::zero());
     if (result.sent) durations_.add(*result.total);
     result.text = with_total(std::move(result.text), *result.total);

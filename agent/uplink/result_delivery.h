@@ -79,7 +79,6 @@ class ResultDelivery final : public Outgoing::Sender {
   void hand_over(std::uint64_t key, std::size_t copy, SteadyTime now, std::optional<Heard> heard);
   void copy_done(const Flight& flight, Ended how);
 
-  const Config& config_;
   const std::string base_;
   Commands& commands_;
   Outgoing& outgoing_;

@@ -55,16 +55,13 @@ std::optional<DataTopic> data_topic_of(std::string_view topic, std::string_view 
   return found;
 }
 
-std::string response_topic_fault(std::string_view topic, std::string_view root,
-                                 std::string_view base, std::string_view device) {
+std::string response_topic_fault(std::string_view topic, std::string_view base,
+                                 std::string_view device) {
   if (!is_publishable(topic)) return "not a topic that can be published to";
-  if (topic == "command" || topic.ends_with("/command")) return "ends in /command";
-  if (starts_with(topic, root, "/")) {
-    const std::string own = std::string(base) + "/" + std::string(device) + "/result/";
-    if (!topic.starts_with(own) || topic.size() == own.size())
-      return "under " + std::string(root) + "/ and not below " + own;
-  }
-  return {};
+  if (topic.ends_with("/command")) return "ends in /command";
+  const std::string own = std::string(base) + "/" + std::string(device) + "/result/";
+  if (topic.starts_with(own) && topic.size() > own.size()) return {};
+  return "not below " + own;
 }
 
 }  // namespace fxagent

@@ -27,10 +27,10 @@ struct DataTopic {
 /// Nullopt for every other shape. The views are of `topic`.
 std::optional<DataTopic> data_topic_of(std::string_view topic, std::string_view base);
 
-/// Empty where a result may go to this response topic; otherwise why not. Refused are topics that
-/// cannot be published to, that end in /command (a result would come back as a command), and those
-/// under {root}/ other than below {base}/{device}/result/ (someone else's data could be forged).
-std::string response_topic_fault(std::string_view topic, std::string_view root,
-                                 std::string_view base, std::string_view device);
+/// Empty where a result may go to this response topic; otherwise why not. Whoever may send a
+/// command must not make the agent write elsewhere in the broker: a result goes below
+/// {base}/{device}/result/ alone, and to no topic that ends in /command.
+std::string response_topic_fault(std::string_view topic, std::string_view base,
+                                 std::string_view device);
 
 }  // namespace fxagent

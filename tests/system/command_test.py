@@ -603,15 +603,16 @@ class Commands(PlantTest):
 
     def test_a_response_topic_gets_a_copy_and_both_the_correlation(self):
         self.start_press()
+        copies = f"{BASE}/press1/result/hmi-7"
         since = self.watcher.mark()
         result = self.command(op="read", tag="temp",
-                            properties=request_properties("hmi/7/replies", b"\x01abc"))
-        copy = self.watcher.wait("hmi/7/replies", since=since)
+                            properties=request_properties(copies, b"\x01abc"))
+        copy = self.watcher.wait(copies, since=since)
         self.assertEqual(copy, result)
-        for place in ("hmi/7/replies", f"{BASE}/press1/result"):
+        for place in (copies, f"{BASE}/press1/result"):
             raw = [m for _, topic, _, m in self.watcher.messages if topic == place]
             self.assertEqual(raw[-1].properties.CorrelationData, b"\x01abc", place)
-        for bad in ("fx/plant-a/edge7/press1/data/fast", "hmi/command"):
+        for bad in ("fx/plant-a/edge7/press1/data/fast", "hmi/command", "hmi/7/replies"):
             since = self.watcher.mark()
             self.command(op="read", tag="temp", properties=request_properties(bad))
             self.assertEqual([p for p in self.watcher.payloads(bad, since)

@@ -250,6 +250,16 @@ TEST_F(CommandsTest, InterruptedWriteGoesToTheFieldToBeReadAndIsNotJournaledAgai
   EXPECT_EQ(results().at(0)["status"], "DUPLICATE");
 }
 
+TEST_F(CommandsTest, KnownIdOfATooLargeCommandIsADuplicate) {
+  const std::string large = R"({"id":"a","by":")" + std::string(65536, 'x') + "\"}";
+  write("a");
+  receive(large);
+  const auto taken = results();
+  ASSERT_EQ(taken.size(), 1U);
+  EXPECT_EQ(taken[0]["status"], "DUPLICATE");
+  EXPECT_EQ(taken[0]["id"], "a");
+}
+
 TEST_F(CommandsTest, FieldIsToldWhoKnowsWhichCommandsHaveStarted) {
   write("a");
   commands().hand_over();

@@ -152,5 +152,23 @@ TEST(ResultText, NoneIsLargerThanSixtyFourKibibytes) {
   EXPECT_LE(text_of(again).size(), 65536U);
 }
 
+TEST(ResultText, DuplicateOfTwoLongListsLeavesOutThatOfTheCommand) {
+  CommandResult list;
+  list.id = "b7e1";
+  list.is_list = true;
+  list.targets.resize(64);
+  // No control character of a tag is shorter than six bytes in JSON.
+  for (TargetResult& target : list.targets) target.tag = std::string(128, '\x01');
+  CommandResult again = list;
+  again.status = CommandStatus::duplicate;
+  again.first = std::make_shared<const CommandResult>(list);
+  const std::string text = text_of(again);
+  EXPECT_LE(text.size(), 65536U);
+  const json told = json::parse(text);
+  EXPECT_EQ(told["targets"].size(), 0U);
+  EXPECT_EQ(told["first"]["targets"].size(), 64U);
+  EXPECT_NE(told["detail"].get<std::string>().find("so are the targets"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace fxagent

@@ -337,7 +337,7 @@ TEST(PublisherIdentity, CommandForAnUnknownDeviceIsAnswered) {
   Bench bench;
   bench.online();
   bench.correlation = {1, 2};
-  bench.response_topic = "hmi/replies";
+  bench.response_topic = kBase + "/pres1/result/hmi";
   bench.command(R"({"id":"a","op":"write","tag":"setpoint","value":1})", kBase + "/pres1/command");
   bench.settle();
   const json result = last_on(bench, kBase + "/pres1/result");
@@ -345,7 +345,7 @@ TEST(PublisherIdentity, CommandForAnUnknownDeviceIsAnswered) {
   EXPECT_EQ(result["status"], "REJECTED");
   EXPECT_EQ(result["reason"], "unknown_device");
   EXPECT_NE(result["detail"].get<std::string>().find("press1"), std::string::npos) << result;
-  EXPECT_EQ(last_on(bench, "hmi/replies")["id"], "a");
+  EXPECT_EQ(last_on(bench, kBase + "/pres1/result/hmi")["id"], "a");
   for (const Publication& each : bench.broker.taken) EXPECT_EQ(each.correlation, (Bytes{1, 2}));
   bench.command(R"({"id":"a","op":"run"})", kBase + "/pres1/command");
   bench.settle();

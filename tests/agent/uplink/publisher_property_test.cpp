@@ -50,7 +50,7 @@ TEST_P(PublisherProperty, NothingIsLostWithoutBeingCounted) {
       case 3: {
         CommandResult result = test::succeeded("id" + std::to_string(i));
         ids.insert(result.id);
-        if (below(2) == 0) result.response_topic = "hmi/replies";
+        if (below(2) == 0) result.response_topic = kBase + "/press1/result/hmi";
         bench.outbox.push(std::move(result));
         break;
       }
