@@ -25,6 +25,7 @@
 #include "agent/process/thread_turns.h"
 #include "agent/reload.h"
 #include "agent/store/first_numbers.h"
+#include "agent/store/guarded_store.h"
 #include "agent/store/store.h"
 #include "agent/uplink/connect_faults.h"
 #include "agent/uplink/json_payload.h"
@@ -101,19 +102,22 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
   const auto store = config.store.path.empty() ? std::unique_ptr<Store>()
                                                : std::make_unique<Store>(config.store, utc_now());
   Outbox outbox(kOutboxMessages);
+  const auto guarded = store
+                           ? std::make_unique<GuardedStore>(*store, [&outbox] { outbox.notify(); })
+                           : std::unique_ptr<GuardedStore>();
   Field field(config, outbox, first_numbers(config, store.get(), utc_now()));
   Commands commands(
       config, [&field](AdmittedCommand admitted) { field.submit(std::move(admitted)); },
-      store ? &store->journal() : nullptr);
-  if (store) {
+      guarded.get());
+  if (guarded) {
     const auto now = std::chrono::steady_clock::now();
-    commands.restore(recover(config, store->journal(), utc_now(), now), now, utc_now());
+    commands.restore(recover(config, *guarded, utc_now(), now), now, utc_now());
   }
   JsonPayload payload(config, settings.boot, settings.version);
   PahoBroker broker(
       config.mqtt, [&payload] { return payload.last_will(); }, [&outbox] { outbox.notify(); });
   Publisher publisher(
-      config, settings, payload, outbox, broker, commands, utc_now, store.get(),
+      config, settings, payload, outbox, broker, commands, utc_now, guarded.get(),
       [&field](std::vector<std::uint64_t> last_seq) { field.number_above(std::move(last_seq)); },
       [&field] { field.report(); });
 

@@ -131,6 +131,7 @@ enum class Reason : std::uint8_t {
   verify_mismatch,
   broadcast,
   shutting_down,
+  store_unavailable,
   interrupted,
 };
 /// The word of the payload; empty for none.

@@ -145,7 +145,8 @@ struct AgentStatus {
   /// From the arrival of each command that was carried out to the hand-over of its result to MQTT.
   DurationHistogram command_durations;
   std::vector<LastCommand> last_commands;  ///< the newest last, kLastCommands at the most
-  std::string store_state;      ///< "disk"; "memory" where there is none, or it cannot be written
+  /// "disk"; "memory" if there is none, or it refuses; "hangs" if it does not answer.
+  std::string store_state;
   std::string store_set_aside;  ///< name of the damaged file of this run; empty: none
   std::uint64_t store_bytes = 0;
   std::uint64_t audit_records = 0;

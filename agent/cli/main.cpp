@@ -43,9 +43,9 @@ namespace {
 using namespace fxagent;
 
 constexpr int kWrong = 2;
-// Of the stop, of the log, of the field and its name look-ups, of the uplink, of the reload, of the
+// The stop's, the log's, the field's and its name look-ups', the uplink's, the reload's, two of the
 // store and two of the MQTT library.
-constexpr int kThreads = 9;
+constexpr int kThreads = 10;
 constexpr std::size_t kRoomToBegin = std::size_t{16} << 20;
 
 /// Prints the config with every device written out.

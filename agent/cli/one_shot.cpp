@@ -9,7 +9,9 @@
 #include <utility>
 #include <vector>
 
+#include "agent/cli/command_line_audit.h"
 #include "agent/commands/admission.h"
+#include "agent/commands/result.h"
 #include "agent/commands/result_text.h"
 #include "agent/config/reader.h"
 #include "agent/field/field.h"
@@ -123,23 +125,48 @@ double ms(std::chrono::nanoseconds duration) {
   return std::round(std::chrono::duration<double, std::milli>(duration).count() * 10) / 10;
 }
 
-/// Admission and the wire, without a broker and without a journal.
-CommandResult carry_out(const Config& config, const OneShot& what, CommandTarget target) {
+/// The call as it was typed, for the audit.
+std::string text_of(const OneShot& what) {
+  std::string text(to_string(what.op));
+  text.append(" ").append(what.device).append(" ").append(what.address);
+  if (what.value) text.append(" ").append(*what.value);
+  return text;
+}
+
+CommandResult not_in_the_audit(const Command& command, std::string why) {
+  CommandResult result = result_of(command);
+  set_outcome(result, CommandStatus::rejected, Reason::store_unavailable, std::move(why));
+  return result;
+}
+
+/// Admission and the wire, without a broker and without a journal. `audit` null: there is none.
+CommandResult carry_out(const Config& config, const OneShot& what, CommandTarget target,
+                        CommandLineAudit* audit) {
   const DeviceConfig& device = config.devices.front();
+  const Command command = command_for(what, device, std::move(target));
+  if (audit != nullptr && !audit->fault().empty()) return not_in_the_audit(command, audit->fault());
   Outbox outbox(1);
   Field field(config, outbox, {}, Polling::off);
   if (what.trace) field.trace({0});
   field.start();
   Answer answer(outbox, device.codec);
   std::shared_ptr<const Codec> codec = device.codec;
-  Command command = command_for(what, device, std::move(target));
   const bool is_unknown = !command.targets.front().tag.empty() && !names_tag(what, device);
   if (must_ask_model(*codec) && !is_unknown) codec = answer.await_model();
   CommandAdmission admission(device);
-  auto decision = admission.admit(std::move(command), codec, 0, std::chrono::steady_clock::now());
-  if (auto* result = std::get_if<CommandResult>(&decision)) return std::move(*result);
+  auto decision = admission.admit(command, codec, 0, std::chrono::steady_clock::now());
+  if (auto* result = std::get_if<CommandResult>(&decision)) {
+    if (audit != nullptr) audit->refused(command, *result, device.name, text_of(what));
+    return std::move(*result);
+  }
+  if (audit != nullptr && !audit->admitted(command, device.name, text_of(what)))
+    return not_in_the_audit(command, audit->fault());
   field.submit(std::move(std::get<AdmittedCommand>(decision)));
-  return answer.await_result();
+  CommandResult result = answer.await_result();
+  if (audit != nullptr &&
+      !audit->finished(result, device.name, utc_ms(std::chrono::system_clock::now())))
+    std::cerr << "the result is not in the audit: " << audit->fault() << '\n';
+  return result;
 }
 
 int exit_status(const CommandResult& result) {
@@ -230,7 +257,11 @@ int run_one_shot(Config config, const OneShot& what) {
     }
     target.type = *type;
   }
-  const CommandResult result = carry_out(config, what, std::move(target));
+  std::optional<CommandLineAudit> audit;
+  if (what.op != Op::read && !config.store.path.empty())
+    audit.emplace(config.store, utc_ms(std::chrono::system_clock::now()));
+  const CommandResult result =
+      carry_out(config, what, std::move(target), audit ? &*audit : nullptr);
   if (what.op == Op::read)
     print_read(result, what.device, what.as_json);
   else

@@ -184,13 +184,26 @@ void Commands::journal_later(const AdmittedCommand& admitted, std::optional<audi
   to_journal_.push_back(std::move(entry));
 }
 
-void Commands::hand_over() {
+void Commands::hand_over(std::int64_t utc_ms) {
   if (admitted_.empty()) return;
   failpoint("order_admitted");
   // A disk that refuses does not stop the plant: its state says what is missing.
   if (journal_ != nullptr) journal_->journal(std::exchange(to_journal_, {}));
   failpoint("order_journaled");
-  for (AdmittedCommand& admitted : std::exchange(admitted_, {})) submit_(std::move(admitted));
+  const bool hangs = journal_ != nullptr && journal_->hangs();
+  for (AdmittedCommand& admitted : std::exchange(admitted_, {})) {
+    const Command& command = admitted.command;
+    // A read changes nothing, and needs no entry to be found after a crash.
+    if (!hangs || command.op == Op::read) {
+      submit_(std::move(admitted));
+      continue;
+    }
+    CommandResult result = result_of(command);
+    set_outcome(result, CommandStatus::rejected, Reason::store_unavailable,
+                "the disk of the store does not answer, so the command cannot be noted before it "
+                "is sent; nothing was sent");
+    finish(std::move(result), utc_ms);
+  }
 }
 
 void Commands::restore(Recovered known, SteadyTime now, std::int64_t utc_ms) {
@@ -296,7 +309,11 @@ void Commands::find_first(CommandResult& result) {
   record_results();
   const auto known = journal_->find(name_of(result.device), result.id);
   if (!known || known->result.empty() || known->number != result.first_number) {
-    result.detail = "the first result is not in the journal any more; the command is not repeated";
+    result.detail = journal_->hangs()
+                        ? "the disk of the store does not answer, so the first result cannot be "
+                          "read; the command is not repeated"
+                        : "the first result is not in the journal any more; the command is not "
+                          "repeated";
     return;
   }
   std::string text = known->result;

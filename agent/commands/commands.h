@@ -82,8 +82,10 @@ class Commands final {
   /// it, too: REJECTED. Neither it nor its id is remembered.
   void refuse_unknown(const std::string& device, std::string_view payload,
                       MessageProperties properties);
-  /// The commands admitted since the last call: into the journal in one commit, then to the field.
-  void hand_over();
+  /// Writes the commands admitted since the last call into the journal in one commit, and hands
+  /// them to the field. If the journal hangs, each that is not a read is REJECTED,
+  /// store_unavailable.
+  void hand_over(std::int64_t utc_ms);
 
   /// What became of an admitted command.
   void finish(CommandResult result, std::int64_t utc_ms);

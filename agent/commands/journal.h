@@ -69,6 +69,9 @@ class CommandJournal {
   /// Writes commands down before they are carried out. False: they are not in the journal yet, and
   /// will be when the disk takes them.
   virtual bool journal(std::span<const JournalEntry> commands) = 0;
+  /// True if the disk does not answer. What journal() had to write then may never be in the
+  /// journal, and such a command must not be carried out.
+  virtual bool hangs() const { return false; }
   /// Notes the result of a command, admitted or not. The first result stays.
   virtual void record(JournalEntry entry) = 0;
   /// The same for several, in one commit.

@@ -9,8 +9,6 @@ namespace {
 
 using sqlite::from_sql;
 
-constexpr std::size_t kMostWaiting = 30000;  // 10,000 commands, their results and their PUBACKs
-constexpr std::size_t kMostWaitingBytes = std::size_t{8} << 20;
 constexpr std::chrono::hours kAgeEvery{1};
 constexpr int kPatienceMs = 2000;
 
@@ -41,7 +39,10 @@ void AuditTrail::load(SQLite::Database& database) {
   // Where somebody has put the head back, the chain goes on behind it and verify finds the break.
   const auto last = from_sql(database.execAndGet("SELECT max(n) FROM audit").getInt64());
   kept_.head.records = std::max(kept_.head.records, last);
-  last_command_number_ = std::max(last_command_number_, kept_.arrivals);
+  std::uint64_t given = last_command_number_;
+  while (given < kept_.arrivals &&
+         !last_command_number_.compare_exchange_weak(given, kept_.arrivals)) {
+  }
   first_of_run_ = kept_.head.records + 1;
 }
 
@@ -83,7 +84,7 @@ bool AuditTrail::write_pending(std::size_t at_most) {
 
 void AuditTrail::end_commit() {
   if (next_.head.records == kept_.head.records) return;
-  next_.arrivals = std::max(next_.arrivals, last_command_number_);
+  next_.arrivals = std::max(next_.arrivals, last_command_number_.load());
   sqlite::run(sql_->update, next_.head.records, ByteView(next_.head.hash), next_.arrivals,
               next_.bytes);
 }

@@ -3,6 +3,8 @@
 // of the other parts, so that none costs a commit. The store's thread.
 #pragma once
 
+#include <atomic>
+#include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <functional>
@@ -18,9 +20,13 @@ namespace fxagent {
 
 class AuditTrail final : public StorePart {
  public:
+  // Records in memory: 10,000 commands, their results and their PUBACKs.
+  static constexpr std::size_t kMostWaiting = 30000;
+  static constexpr std::size_t kMostWaitingBytes = std::size_t{8} << 20;
+
   AuditTrail(const StoreConfig& config, StoreDisk& disk) : config_(config), disk_(disk) {}
 
-  /// The number of a command that has just come.
+  /// The number of a command that has just come. Also while a commit is under way.
   std::uint64_t next_command_number() { return ++last_command_number_; }
   std::uint64_t last_command_number() const { return last_command_number_; }
   /// Without a file: above those of one that opens later, unless the clock went back.
@@ -28,6 +34,8 @@ class AuditTrail final : public StorePart {
 
   /// A record's body, written within 200 ms, or once the disk takes it.
   void note(std::string body);
+  /// Counts records that found no room elsewhere: the record `lost` says how many.
+  void lose(std::uint64_t records) { lost_ += records; }
   /// As it is in the file.
   audit::Head head() const { return kept_.head; }
   std::uint64_t bytes() const { return kept_.bytes; }
@@ -81,7 +89,7 @@ class AuditTrail final : public StorePart {
   std::optional<Statements> sql_;
   State kept_;  ///< in the file
   State next_;  ///< as the commit that is open will leave it
-  std::uint64_t last_command_number_ = 0;
+  std::atomic<std::uint64_t> last_command_number_ = 0;
   std::uint64_t first_of_run_ = 1;   ///< the first record of this run
   std::deque<std::string> waiting_;  ///< bodies that are not in the file
   std::size_t waiting_bytes_ = 0;

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "agent/config/config.h"
+#include "agent/store/guarded_store.h"
 #include "agent/store/store.h"
 
 namespace fxagent {
@@ -18,9 +19,9 @@ std::vector<std::uint64_t> first_numbers(const Config& config, Store* store, std
 std::vector<std::uint64_t> later_numbers(const Config& config,
                                          const std::map<std::string, std::uint64_t>& found);
 
-/// The same for devices that begin later in the run, by their names. Of one that was there before
-/// the field knows better.
-std::vector<std::uint64_t> numbers_to_join(const std::vector<std::string>& devices, Store* store,
-                                           std::int64_t utc_ms);
+/// The same for devices that begin later in the run, by their names. The field knows better if the
+/// device was there before.
+std::vector<std::uint64_t> numbers_to_join(const std::vector<std::string>& devices,
+                                           GuardedStore* store, std::int64_t utc_ms);
 
 }  // namespace fxagent

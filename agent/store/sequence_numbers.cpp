@@ -1,11 +1,8 @@
 #include "agent/store/sequence_numbers.h"
 
-#include <fcntl.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <filesystem>
-#include <system_error>
 #include <utility>
 
 namespace fxagent {
@@ -22,7 +19,7 @@ void SequenceNumbers::load(SQLite::Database& database) {
 
 std::vector<std::uint64_t> SequenceNumbers::begin(std::span<const std::string> devices,
                                                   std::int64_t utc_ms) {
-  is_behind_ = ::access(behind_path().c_str(), F_OK) == 0;
+  is_behind_ = ::access(behind_.path().c_str(), F_OK) == 0;
   std::map<std::string, std::uint64_t> reserved;
   auto begun = add(devices, utc_ms, reserved);
   if (write(reserved, Meaning::reserved)) mark_as_known();
@@ -76,6 +73,12 @@ void SequenceNumbers::used(const std::string& device, std::uint64_t seq) {
   if (seq + kBlock / 2 <= numbers.reserved) return;
   is_short_ = true;  // upkeep() does it for all devices at once, while the other half lasts
   if (seq >= numbers.reserved) reserve();
+}
+
+bool SequenceNumbers::asks_disk(const std::string& device, std::uint64_t seq) const {
+  if (config_.sync_always) return !disk_.is_writable() && !is_behind_;
+  const auto known = numbers_.find(device);
+  return known == numbers_.end() || seq >= known->second.reserved;
 }
 
 void SequenceNumbers::reserve() {
@@ -132,21 +135,13 @@ std::map<std::string, std::uint64_t> SequenceNumbers::above_ours() {
   return above;
 }
 
-std::string SequenceNumbers::behind_path() const { return config_.path + "/fxagent.db.behind"; }
-
 /// The disk refuses rows, and the numbers with them; an empty file finds room where it is full.
 void SequenceNumbers::mark_as_behind() {
-  if (std::exchange(is_behind_, true)) return;
-  const int mark = ::open(behind_path().c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
-  if (mark < 0) return;
-  ::fsync(mark);
-  ::close(mark);
+  if (!std::exchange(is_behind_, true)) behind_.write({});
 }
 
 void SequenceNumbers::mark_as_known() {
-  if (!std::exchange(is_behind_, false)) return;
-  std::error_code none;
-  std::filesystem::remove(behind_path(), none);
+  if (std::exchange(is_behind_, false)) behind_.remove();
 }
 
 }  // namespace fxagent

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "agent/store/durable_file.h"
 #include "agent/store/store_disk.h"
 
 namespace fxagent {
@@ -21,7 +22,8 @@ class SequenceNumbers final : public StorePart {
   /// followed.
   static constexpr std::uint64_t kUnknown = 1000000;
 
-  SequenceNumbers(const StoreConfig& config, StoreDisk& disk) : config_(config), disk_(disk) {}
+  SequenceNumbers(const StoreConfig& config, StoreDisk& disk)
+      : config_(config), disk_(disk), behind_(config.path, "fxagent.db.behind") {}
 
   /// For each of these devices the number before its first sample in this boot. After a clean
   /// stop, and with `sync: always`, the last one used; after a crash, and where the disk refused,
@@ -32,6 +34,8 @@ class SequenceNumbers final : public StorePart {
   std::vector<std::uint64_t> join(std::span<const std::string> devices, std::int64_t utc_ms);
   /// To be called before a sample with this number leaves the agent.
   void used(const std::string& device, std::uint64_t seq);
+  /// True if used() has to write on the disk.
+  bool asks_disk(const std::string& device, std::uint64_t seq) const;
 
   /// Whether some device has used half of its block, and reserve() is to be called soon.
   bool is_short() const { return is_short_; }
@@ -63,7 +67,6 @@ class SequenceNumbers final : public StorePart {
   std::vector<std::uint64_t> add(std::span<const std::string> devices, std::int64_t utc_ms,
                                  std::map<std::string, std::uint64_t>& reserved);
   bool write(const std::map<std::string, std::uint64_t>& numbers, Meaning meaning);
-  std::string behind_path() const;
   void mark_as_behind();
   void mark_as_known();
 
@@ -72,7 +75,8 @@ class SequenceNumbers final : public StorePart {
   std::optional<SQLite::Statement> insert_;
   std::map<std::string, Numbers> numbers_;
   bool is_short_ = false;
-  bool is_behind_ = false;  ///< a mark beside the file says that it does not know them all
+  const DurableFile behind_;  ///< a mark that the database does not know all numbers
+  bool is_behind_ = false;    ///< the mark is there
 };
 
 }  // namespace fxagent

@@ -78,13 +78,24 @@ bool Store::try_the_disk(SteadyTime now) {
   return true;
 }
 
-void Store::upkeep(SteadyTime now, std::int64_t utc_ms) {
+bool Store::note_time(SteadyTime now, std::int64_t utc_ms) {
   clock_.note(now, utc_ms);
   if (!running_since_) running_since_ = now;
+  if (!is_writable()) return !try_at_ || now >= *try_at_;
+  return is_flush_due(now) || !clean_up_at_ || now >= *clean_up_at_ || clock_.was_set() ||
+         audit_.is_over(config_.audit_max_bytes);
+}
+
+bool Store::is_flush_due(SteadyTime now) const {
+  return !flush_at_ || now >= *flush_at_ || samples_.removed_waiting() >= kRemovedAtOnce;
+}
+
+void Store::upkeep(SteadyTime now, std::int64_t utc_ms) {
+  if (!note_time(now, utc_ms)) return;
   if (!is_writable() && !try_the_disk(now)) return;
   try_at_.reset();
   clock_.move_stored_times();
-  if (!flush_at_ || now >= *flush_at_ || samples_.removed_waiting() >= kRemovedAtOnce) {
+  if (is_flush_due(now)) {
     flush_at_ = now + kFlushEvery;
     disk_.flush();
     if (numbers_.is_short()) numbers_.reserve();

@@ -48,6 +48,8 @@ class Store final {
   AuditTrail& audit() { return audit_; }
   const AuditTrail& audit() const { return audit_; }
 
+  /// The directory.
+  const std::string& path() const { return config_.path; }
   bool is_writable() const { return disk_.is_writable(); }
   /// "disk", or "memory" where nothing can be written.
   std::string_view state() const { return is_writable() ? "disk" : "memory"; }
@@ -63,6 +65,8 @@ class Store final {
   /// replaced since are noticed within a minute: what was in them counts as dropped, and those that
   /// are there now are opened, or made. Cheap where nothing is due.
   void upkeep(SteadyTime now, std::int64_t utc_ms);
+  /// The first part of upkeep(): notes the time, in memory. True: the rest has work for the disk.
+  bool note_time(SteadyTime now, std::int64_t utc_ms);
   /// Whether upkeep() has something to write soon.
   bool has_pending() const;
   /// The clean end: the next boot goes on right behind the numbers used, and the file is closed up.
@@ -78,6 +82,7 @@ class Store final {
   std::optional<FoundLate> take_found_late() { return std::exchange(found_late_, std::nullopt); }
 
  private:
+  bool is_flush_due(SteadyTime now) const;
   bool try_the_disk(SteadyTime now);
   void open_late();
   void look_for_the_files();

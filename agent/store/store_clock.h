@@ -25,6 +25,8 @@ class StoreClock final : public StorePart {
 
   /// The time now, by both clocks. Times in memory move at once where the calendar was set.
   void note(SteadyTime now, std::int64_t utc_ms);
+  /// True if times in the file have to move.
+  bool was_set() const { return unmoved_ms_ != 0; }
   /// Commits the same for the times in the file, where that is still to be done.
   void move_stored_times();
 

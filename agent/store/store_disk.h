@@ -48,6 +48,8 @@ class StoreDisk final {
 
   bool is_open() const { return file_ != nullptr; }
   bool is_writable() const { return writable_; }
+  /// Why not; empty while it is.
+  const std::string& last_failure() const { return last_failure_; }
   /// Whether a file has opened in this run, and was not abandoned since.
   bool was_open() const { return was_open_; }
   /// While is_open().

@@ -37,6 +37,10 @@ class StoredSamples final : public StorePart {
   /// The next history message, as Backlog::next() has it. Rows that are damaged are dropped and
   /// counted: one of them would spoil the whole message.
   std::optional<HistoryBatch> next(HistoryMessage& message, const MaySend& may_send);
+  /// The stream that next() begins with. Memory only.
+  std::optional<StreamKey> next_stream(const MaySend& may_send) const {
+    return streams_.oldest_waiting(may_send);
+  }
   /// The rows are delivered, or will never be. Returns how many were still here: one that had to
   /// make room was counted as dropped already.
   std::uint64_t remove(std::span<const std::uint64_t> row_ids);

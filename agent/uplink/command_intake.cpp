@@ -59,7 +59,7 @@ void CommandIntake::take_some(SteadyTime now, std::int64_t utc_ms) {
     else
       commands_.refuse_unknown(name, message.payload, std::move(properties));
   }
-  commands_.hand_over();
+  commands_.hand_over(utc_ms);
 }
 
 void CommandIntake::hold(const Pressure& pressure, SteadyTime now) {

@@ -26,7 +26,7 @@ constexpr seconds kFarewellFor{1};
 }  // namespace
 
 Publisher::Publisher(Config& config, PublisherSettings settings, Payload& payload, Outbox& outbox,
-                     Broker& broker, Commands& commands, UtcClock utc_ms, Store* store,
+                     Broker& broker, Commands& commands, UtcClock utc_ms, GuardedStore* store,
                      NumberAbove number_above, AskCounters ask_counters)
     : config_(config),
       settings_(std::move(settings)),
@@ -263,7 +263,8 @@ std::optional<std::vector<std::uint64_t>> Publisher::change(const ConfigChange& 
     begin.push_back(change.config.devices[device].name);
     gone.erase(begin.back());
   }
-  joined_ = commands_.change(change, now);
+  const auto joined = commands_.change(change, now);
+  joined_.insert(joined_.end(), joined.begin(), joined.end());
   retained_.change(change, {gone.begin(), gone.end()}, session_.is_connected());
   samples_out_.change(change);
   status_.change(change);
@@ -277,9 +278,11 @@ std::optional<std::vector<std::uint64_t>> Publisher::change(const ConfigChange& 
 
 /// What earlier runs left of devices that were in no config of this one so far.
 void Publisher::recover_joined(SteadyTime now) {
-  const auto joined = std::exchange(joined_, {});
-  if (joined.empty() || store_ == nullptr) return;
-  commands_.restore(recover_of(joined, config_, store_->journal(), utc_ms_(), now), now, utc_ms_());
+  if (joined_.empty() || store_ == nullptr || store_->hangs()) return;
+  Recovered known = recover_of(joined_, config_, *store_, utc_ms_(), now);
+  if (store_->hangs()) return;  // it was not read
+  joined_.clear();
+  commands_.restore(std::move(known), now, utc_ms_());
 }
 
 /// Whoever watches a broker that is left for another one must not see us online for ever.
@@ -299,7 +302,7 @@ void Publisher::set_config_status(ConfigStatus status, SteadyTime now) {
 void Publisher::report_config(std::string text, std::string audit) {
   config_report_ = std::move(text);
   if (session_.is_connected() && phase_ == Phase::running) retained_.config_report_is_due();
-  if (!audit.empty() && store_ != nullptr) store_->audit().note(std::move(audit));
+  if (!audit.empty() && store_ != nullptr) store_->note(std::move(audit));
 }
 
 // ---- what the field says ------------------------------------------------------------------------
@@ -308,8 +311,8 @@ void Publisher::take_found_late(SteadyTime now) {
   // Not in the middle of a change: what is read back for a device that ends would come too late.
   auto late = store_ == nullptr || changing_ ? std::nullopt : store_->take_found_late();
   if (!late) return;
-  Recovered known = recover(config_, store_->journal(), std::move(late->ids),
-                            std::move(late->unacknowledged), utc_ms_(), now);
+  Recovered known = recover(config_, *store_, std::move(late->ids), std::move(late->unacknowledged),
+                            utc_ms_(), now);
   commands_.restore(std::move(known), now, utc_ms_());
   if (number_above_) number_above_(later_numbers(config_, late->numbers));
 }

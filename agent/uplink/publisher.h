@@ -23,7 +23,7 @@
 #include "agent/outbox.h"
 #include "agent/status.h"
 #include "agent/status_board.h"
-#include "agent/store/store.h"
+#include "agent/store/guarded_store.h"
 #include "agent/uplink/broker.h"
 #include "agent/uplink/command_intake.h"
 #include "agent/uplink/identity_conflict.h"
@@ -65,7 +65,7 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
   /// device. `ask_counters` is called before health is published: the field's counters then come
   /// through the outbox.
   Publisher(Config& config, PublisherSettings settings, Payload& payload, Outbox& outbox,
-            Broker& broker, Commands& commands, UtcClock utc_ms, Store* store = nullptr,
+            Broker& broker, Commands& commands, UtcClock utc_ms, GuardedStore* store = nullptr,
             NumberAbove number_above = {}, AskCounters ask_counters = {});
   ~Publisher() override;
   Publisher(const Publisher&) = delete;
@@ -159,7 +159,7 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
   Broker& broker_;
   Commands& commands_;
   const UtcClock utc_ms_;
-  Store* const store_;
+  GuardedStore* const store_;
   const NumberAbove number_above_;
   const AskCounters ask_counters_;
 

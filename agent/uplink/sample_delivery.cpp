@@ -38,7 +38,7 @@ constexpr auto kCommitWithin = SampleSpool::kCommitWithin;
 
 SampleDelivery::SampleDelivery(const Config& config, std::string boot, Payload& payload,
                                Outgoing& outgoing, JitteredBackoff& backoff, SampleSpool& spool,
-                               Store* store)
+                               GuardedStore* store)
     : config_(config),
       boot_(std::move(boot)),
       payload_(payload),
@@ -80,7 +80,7 @@ void SampleDelivery::take(const std::vector<Telemetry>& messages, bool can_go, S
     row.seq = message.seq;
     row.content = encode_sample(message, device, boot_, meta_hash(message.device));
     row_bytes_ += row.cost();
-    if (store_ != nullptr) store_->numbers().used(row.device, row.seq);
+    if (store_ != nullptr) store_->used(row.device, row.seq);
     if (can_go && may_send(row.device, now))
       live.push_back(std::move(row));
     else
@@ -216,13 +216,13 @@ void SampleDelivery::delivered(std::uint64_t id, SteadyTime now) {
   if (!flight.live) {
     rest(flight.since, now);
     failpoint("history_acknowledged");
-    acknowledged_ += spool_.remove(flight.history);
+    spool_.remove(flight.history, [this](std::uint64_t count) { acknowledged_ += count; });
     taken(flight.history.batch.device, flight.since);
     return;
   }
   failpoint("sample_acknowledged");
   if (flight.live->stored) {
-    acknowledged_ += spool_.remove(*flight.live);
+    spool_.remove(*flight.live, [this](std::uint64_t count) { acknowledged_ += count; });
   } else {
     --in_flight_;
     ++acknowledged_;
@@ -244,7 +244,10 @@ void SampleDelivery::live_failed(LiveRow live, const DeliveryFailed& event, Stea
     log::warn(
         "sample_refused",
         {{"device", row.device}, {"code", hex_code(event.reason_code)}, {"reason", event.text}});
-    return spool_.drop(row.device, live.stored ? spool_.remove(live) : 1);
+    const auto drop = [this, device = row.device](std::uint64_t count) {
+      spool_.drop(device, count);
+    };
+    return live.stored ? spool_.remove(live, drop) : drop(1);
   }
   pause(row.device, event, now);
   spool_.add(std::move(live));
@@ -259,7 +262,9 @@ void SampleDelivery::history_failed(const OutgoingHistory& history, const Delive
                                   {"rows", std::to_string(batch.row_ids.size())},
                                   {"code", hex_code(event.reason_code)},
                                   {"reason", event.text}});
-    return spool_.drop(batch.device, spool_.remove(history));
+    return spool_.remove(history, [this, device = batch.device](std::uint64_t count) {
+      spool_.drop(device, count);
+    });
   }
   spool_.returned(history);
   if (can_be_cut)

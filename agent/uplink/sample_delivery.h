@@ -37,7 +37,7 @@ class SampleDelivery final : public Outgoing::Sender {
 
   /// All references outlive it. `store` null: there is none.
   SampleDelivery(const Config& config, std::string boot, Payload& payload, Outgoing& outgoing,
-                 JitteredBackoff& backoff, SampleSpool& spool, Store* store);
+                 JitteredBackoff& backoff, SampleSpool& spool, GuardedStore* store);
 
   /// The config is that of the change from now on.
   void change(const ConfigChange& change);
@@ -111,7 +111,7 @@ class SampleDelivery final : public Outgoing::Sender {
   Outgoing& outgoing_;
   JitteredBackoff& backoff_;
   SampleSpool& spool_;
-  Store* const store_;
+  GuardedStore* const store_;
   std::vector<std::string> meta_hashes_;  ///< by device; empty: not asked for yet
 
   std::uint64_t next_row_id_ = 1;

@@ -16,8 +16,8 @@
 
 #include "agent/messages.h"
 #include "agent/store/backlog.h"
+#include "agent/store/guarded_store.h"
 #include "agent/store/history.h"
-#include "agent/store/store.h"
 #include "agent/uplink/payload.h"
 
 namespace fxagent {
@@ -43,7 +43,8 @@ class SampleSpool final {
   static constexpr std::chrono::milliseconds kCommitWithin{200};
 
   /// `store` outlives it; null: memory alone, of so many bytes.
-  SampleSpool(Store* store, std::size_t backlog_bytes) : store_(store), backlog_(backlog_bytes) {}
+  SampleSpool(GuardedStore* store, std::size_t backlog_bytes)
+      : store_(store), backlog_(backlog_bytes) {}
 
   void add(SampleRow row) { spool_.push_back(std::move(row)); }
   /// Back from its way to the broker.
@@ -65,10 +66,11 @@ class SampleSpool final {
   std::optional<OutgoingHistory> next(Payload& payload, std::size_t max_bytes,
                                       const std::function<bool(const std::string&)>& may_send);
   void returned(const OutgoingHistory& message);
-  /// The message is over. Returns how many of its rows were still here.
-  std::uint64_t remove(const OutgoingHistory& message);
-  /// A row that was held is over: 1 where it was still here.
-  std::uint64_t remove(const LiveRow& live);
+  /// The message is over. `then` gets the number of its rows that were still here; later, if the
+  /// disk does not answer now.
+  void remove(const OutgoingHistory& message, const GuardedStore::Removed& then);
+  /// A row that was held is over: 1 if it was still here.
+  void remove(const LiveRow& live, const GuardedStore::Removed& then);
 
   /// Samples that are gone, of a device that may be in the store alone.
   void drop(const std::string& device, std::uint64_t count);
@@ -79,12 +81,17 @@ class SampleSpool final {
 
   bool empty() const { return spool_.empty() && backlog_.rows() == 0; }
   std::size_t gathered() const { return spool_.size(); }
+  /// Rows that the disk was given and has not answered for.
+  std::uint64_t at_disk() const { return store_ == nullptr ? 0 : store_->samples_at_disk(); }
   SteadyTime commit_at() const { return commit_at_; }
   bool has_waiting(const std::string& device) const;
   const Backlog& backlog() const { return backlog_; }
 
  private:
-  Store* const store_;
+  /// To the disk, or into memory if the disk refuses.
+  void store(std::vector<SampleRow> rows);
+
+  GuardedStore* const store_;
   Backlog backlog_;
   std::vector<SampleRow> spool_;  ///< for the store, at the next commit
   SteadyTime commit_at_{};

@@ -89,6 +89,7 @@ std::string status_line(const AgentStatus& status) {
     line += ", " + std::to_string(status.samples.dropped) + " dropped";
   if (!status.config->store.path.empty() && status.store_state == "memory")
     line += ", in memory: the disk refuses";
+  if (status.store_state == "hangs") line += ", in memory: the disk does not answer";
   return line + "; " + commands(status);
 }
 

@@ -97,12 +97,13 @@ SampleCounts StatusSource::samples() const {
   samples.suppressed += field_->ended_suppressed;
   samples.collected = pushed_ + samples.suppressed;
   const SampleDelivery::Counters out = parts_.samples.counters();
-  samples.queued = out.queued + parts_.spool.gathered();
+  samples.queued = out.queued + parts_.spool.gathered() + parts_.spool.at_disk();
   samples.in_flight = out.in_flight;
   samples.stored = parts_.spool.backlog().rows();
   if (parts_.store != nullptr) {
-    samples.stored += parts_.store->samples().rows();
-    samples.recovered = parts_.store->samples().recovered();
+    const GuardedStore::Figures store = parts_.store->figures();
+    samples.stored += store.rows;
+    samples.recovered = store.recovered;
   }
   samples.acknowledged = out.acknowledged;
   samples.dropped = parts_.spool.dropped();
@@ -152,13 +153,14 @@ AgentStatus StatusSource::make(SteadyTime now) const {
   const auto& last = parts_.commands.last();
   status.last_commands.assign(last.begin(), last.end());
   status.store_state = parts_.store == nullptr ? "memory" : parts_.store->state();
+  status.store_bytes = parts_.spool.backlog().bytes();
   if (parts_.store != nullptr) {
-    status.store_set_aside = parts_.store->set_aside();
-    status.audit_records = parts_.store->audit().head().records;
-    status.audit_head = to_text(parts_.store->audit().head().hash);
+    const GuardedStore::Figures store = parts_.store->figures();
+    status.store_bytes += store.bytes;
+    status.store_set_aside = store.set_aside;
+    status.audit_records = store.audit.records;
+    status.audit_head = to_text(store.audit.hash);
   }
-  status.store_bytes =
-      parts_.spool.backlog().bytes() + (parts_.store == nullptr ? 0 : parts_.store->bytes());
   const std::uint64_t room =
       parts_.store == nullptr ? parts_.spool.backlog().max_bytes() : parts_.store->max_bytes();
   if (bytes_per_hour_)

@@ -17,7 +17,7 @@
 #include "agent/outbox.h"
 #include "agent/status.h"
 #include "agent/status_board.h"
-#include "agent/store/store.h"
+#include "agent/store/guarded_store.h"
 #include "agent/uplink/last_samples.h"
 #include "agent/uplink/result_delivery.h"
 #include "agent/uplink/retained_state.h"
@@ -38,7 +38,7 @@ class StatusSource final {
     const SampleSpool& spool;
     const ResultDelivery& results;
     SampleDelivery& samples;
-    const Store* store = nullptr;  ///< null: none
+    const GuardedStore* store = nullptr;  ///< null: none
   };
   struct Run {
     std::string boot;

@@ -95,6 +95,27 @@ class Audit(PlantTest):
         self.assertEqual(self.lines("--since", "2100-01-01"), [])
         self.assertEqual(self.audit("--since", "yesterday")[0], 2)
 
+    def write_by_hand(self, value):
+        done = subprocess.run([FXAGENT, "write", self.agent.path, "press1", "D300", str(value)], capture_output=True,
+                              text=True, timeout=60)
+        return done.returncode, done.stdout
+
+    def test_the_command_line_is_in_it_and_sends_nothing_while_an_agent_has_the_store(self):
+        self.start_stored()
+        status, out = self.write_by_hand(5)
+        self.assertEqual(status, 2, out)
+        self.assertIn("store_unavailable", out)
+        self.assertIn("send the command over MQTT", out)
+        self.assertEqual(self.agent.stop(), 0)
+        self.assertEqual(self.lines(), [])
+        status, out = self.write_by_hand(6)
+        self.assertEqual((status, self.sim.get("press1", "D300")), (0, 6), out)
+        line = self.lines()[0]
+        self.assertEqual((line["status"], line["topic"], line["payload"]),
+                         ("SUCCEEDED", "command line", "write press1 D300 6"))
+        self.assertRegex(line["by"], "^cli:.")
+        self.assertEqual(self.audit("--verify")[0], 0)
+
     def test_it_goes_on_after_a_crash_and_tells_the_outcome(self):
         self.start_stored()
         self.command(id="before", op="force_on", address="M150")

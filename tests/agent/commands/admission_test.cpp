@@ -347,6 +347,29 @@ TEST_F(CommandAdmissionTest, RestoredIdHasNoMoreTimeThanItWasGiven) {
   admit(write("another"));
 }
 
+// The clock was set back by ten days while the agent was away: the day of the id begins now, and
+// not in ten days.
+TEST_F(CommandAdmissionTest, RestoredIdOfATimeToComeIsForgottenAfterItsDay) {
+  const std::int64_t received_ms = kStartMs + milliseconds(std::chrono::hours(240)).count();
+  admission.restore({"press1", "ahead", 0, received_ms, received_ms + 10000}, now, kStartMs);
+  now += std::chrono::hours(24) - std::chrono::seconds(1);
+  EXPECT_EQ(answered(write("ahead")).status, CommandStatus::duplicate);
+  now += std::chrono::seconds(2);
+  admit(write("ahead"));
+}
+
+TEST_F(CommandAdmissionTest, InterruptedBroadcastIsNotReadBack) {
+  DeviceConfig all = device_on("modbus-rtu", codec_of("modbus-rtu", {{"unit", std::int64_t{0}}}));
+  all.commands.allow.push_back(*all.codec->addresses().parse_range("hr:1"));
+  CommandAdmission of_all{all};
+  EXPECT_FALSE(of_all.interrupted(raw("a", "hr:1", number(5)), all.codec, now));
+  DeviceConfig one = device_on("modbus-rtu", codec_of("modbus-rtu", {}));
+  one.commands.allow = all.commands.allow;
+  CommandAdmission of_one{one};
+  EXPECT_TRUE(of_one.interrupted(raw("a", "hr:1", number(5)), one.codec, now))
+      << "a unit of its own";
+}
+
 TEST_F(CommandAdmissionTest, IdOfAnInterruptedCommandIsKnownWithoutAResult) {
   const auto admitted = admission.interrupted(write("left"), device.codec, now);
   ASSERT_TRUE(admitted);

@@ -50,6 +50,7 @@ class FakeJournal final : public CommandJournal {
     const auto found = entries.find(device + "/" + id);
     return found == entries.end() ? std::nullopt : std::optional(found->second);
   }
+  bool hangs() const override { return disk_hangs; }
   std::vector<KnownId> known_ids() override { return {}; }
   std::vector<JournalEntry> unacknowledged() override { return {}; }
   CommandStarts* starts() override { return &started; }
@@ -64,6 +65,7 @@ class FakeJournal final : public CommandJournal {
   std::vector<json> audits;
   std::string happened;
   std::uint64_t last_number = 0;
+  bool disk_hangs = false;
   Starts started;
 };
 
@@ -116,9 +118,9 @@ TEST_F(CommandsTest, AreInTheJournalInOneCommitBeforeTheFieldGetsThem) {
   receive(R"({"id":"bad","op":"write","tag":"nothing","value":1})");
   write("b");
   EXPECT_EQ(journal.happened, "");
-  commands().hand_over();
+  commands().hand_over(kNow);
   EXPECT_EQ(journal.happened, "journal 2; submit a; submit b; ");
-  commands().hand_over();
+  commands().hand_over(kNow);
   EXPECT_EQ(journal.happened, "journal 2; submit a; submit b; ") << "once";
   const JournalEntry& entry = journal.entries.at("press1/a");
   EXPECT_EQ(entry.op, "write");
@@ -131,7 +133,7 @@ TEST_F(CommandsTest, AreInTheJournalInOneCommitBeforeTheFieldGetsThem) {
 TEST_F(CommandsTest, ResultsAreInTheJournalInOneCommitBeforeTheyAreTaken) {
   write("a");
   write("b");
-  commands().hand_over();
+  commands().hand_over(kNow);
   journal.happened.clear();
   finish("a");
   finish("b");
@@ -147,11 +149,11 @@ TEST_F(CommandsTest, ResultsAreInTheJournalInOneCommitBeforeTheyAreTaken) {
 TEST_F(CommandsTest, EachIsCarriedOutOnce) {
   write("a");
   write("a");
-  commands().hand_over();
+  commands().hand_over(kNow);
   write("a");
   finish("a");
   write("a");
-  commands().hand_over();
+  commands().hand_over(kNow);
   EXPECT_EQ(admitted.size(), 1U);
   const auto taken = results();
   ASSERT_EQ(taken.size(), 4U);
@@ -163,10 +165,52 @@ TEST_F(CommandsTest, EachIsCarriedOutOnce) {
   EXPECT_EQ(taken[3]["plc"], "ACK");
 }
 
+TEST_F(CommandsTest, WhatCannotBeJournaledIsRefusedAndNeverCarriedOut) {
+  journal.disk_hangs = true;
+  write("a");
+  receive(R"({"id":"look","op":"read","tag":"setpoint"})");
+  write("b");
+  commands().hand_over(kNow);
+  ASSERT_EQ(admitted.size(), 1U) << "a read changes nothing";
+  EXPECT_EQ(admitted[0].command.id, "look");
+  const auto taken = results();
+  ASSERT_EQ(taken.size(), 2U);
+  for (const json& result : taken) {
+    EXPECT_EQ(result["status"], "REJECTED");
+    EXPECT_EQ(result["reason"], "store_unavailable");
+    EXPECT_EQ(result["plc"], nullptr);
+  }
+  journal.disk_hangs = false;
+  commands().hand_over(kNow);
+  EXPECT_EQ(admitted.size(), 1U);
+  write("a");
+  ASSERT_EQ(results().size(), 1U) << "a DUPLICATE, at once";
+  write("c");
+  commands().hand_over(kNow);
+  EXPECT_EQ(admitted.back().command.id, "c") << "the queue has room again";
+}
+
+TEST_F(CommandsTest, FirstResultThatTheDiskDoesNotGiveIsNotSaidToBeLost) {
+  write("a");
+  commands().hand_over(kNow);
+  finish("a");
+  results();
+  journal.entries.clear();
+  journal.disk_hangs = true;
+  write("a");
+  const auto taken = results();
+  ASSERT_EQ(taken.size(), 1U);
+  EXPECT_EQ(taken[0]["status"], "DUPLICATE");
+  EXPECT_EQ(
+      taken[0]["detail"],
+      "the disk of the store does not answer, so the first result cannot be read; the command "
+      "is not repeated");
+}
+
 TEST_F(CommandsTest, WithoutAJournalFirstResultsAreRememberedHere) {
   journaling = false;
   write("a");
-  commands().hand_over();
+  commands().hand_over(kNow);
   finish("a");
   write("a");
   const auto taken = results();
@@ -186,7 +230,7 @@ TEST_F(CommandsTest, RefusedOneIsTheFirstOfItsRepeatInTheSameStep) {
 
 TEST_F(CommandsTest, FirstResultThatIsLostIsSaidToBeLost) {
   write("a");
-  commands().hand_over();
+  commands().hand_over(kNow);
   finish("a");
   EXPECT_EQ(results().size(), 1U);
   journal.entries.at("press1/a").number = 9;  // another command's
@@ -205,14 +249,14 @@ TEST_F(CommandsTest, QueueIsPerDeviceAndAnswersWhenFull) {
   config.devices[0].commands.queue = 3;
   for (int i = 0; i < 6; ++i) write("c" + std::to_string(i));
   receive(R"({"id":"c","op":"write","tag":"setpoint","value":50})", 1);
-  commands().hand_over();
+  commands().hand_over(kNow);
   EXPECT_EQ(admitted.size(), 5U) << "one on the wire, three that wait, and the neighbour's";
   auto taken = results();
   ASSERT_EQ(taken.size(), 2U);
   for (const json& result : taken) EXPECT_EQ(result["reason"], "queue_full");
   finish("c0");
   write("next");
-  commands().hand_over();
+  commands().hand_over(kNow);
   EXPECT_EQ(admitted.size(), 6U);
 }
 
@@ -262,7 +306,7 @@ TEST_F(CommandsTest, KnownIdOfATooLargeCommandIsADuplicate) {
 
 TEST_F(CommandsTest, FieldIsToldWhoKnowsWhichCommandsHaveStarted) {
   write("a");
-  commands().hand_over();
+  commands().hand_over(kNow);
   ASSERT_EQ(admitted.size(), 1U);
   EXPECT_EQ(admitted[0].starts, &journal.started);
 }
@@ -295,7 +339,7 @@ TEST_F(CommandsTest, EachTargetOfAnInterruptedListIsUnknownWhereAReadDoesNotTell
 
 TEST_F(CommandsTest, DeliveryIsNotedForWhatTheJournalHas) {
   write("a");
-  commands().hand_over();
+  commands().hand_over(kNow);
   finish("a");
   receive("{}");
   const auto taken = commands().take_results();
@@ -327,12 +371,12 @@ TEST_F(CommandsTest, ResultOfAnEarlierRunIsPublishedAsItWas) {
 
 TEST_F(CommandsTest, NothingIsAdmittedAfterTheEndWasAskedFor) {
   write("before");
-  commands().hand_over();
+  commands().hand_over(kNow);
   commands().close();
   write("before");
   write("after");
   receive("no json");
-  commands().hand_over();
+  commands().hand_over(kNow);
   EXPECT_EQ(admitted.size(), 1U);
   const auto taken = results();
   ASSERT_EQ(taken.size(), 3U);
@@ -345,7 +389,7 @@ TEST_F(CommandsTest, NothingIsAdmittedAfterTheEndWasAskedFor) {
 TEST_F(CommandsTest, EachResultIsCounted) {
   write("a");
   write("a");
-  commands().hand_over();
+  commands().hand_over(kNow);
   finish("a");
   EXPECT_EQ(commands().counts().at(CommandStatus::succeeded), 1U);
   EXPECT_EQ(commands().counts().at(CommandStatus::duplicate), 1U);
@@ -354,7 +398,7 @@ TEST_F(CommandsTest, EachResultIsCounted) {
 TEST_F(CommandsTest, LastOnesAreKnownWithWhatBecameOfThem) {
   write("a");
   receive(R"({"id":"b","op":"write","tag":"nowhere","value":1})", 1);
-  commands().hand_over();
+  commands().hand_over(kNow);
   finish("a");
   const auto& last = commands().last();
   ASSERT_EQ(last.size(), 2U);
@@ -401,7 +445,7 @@ class CommandsChangeTest : public CommandsTest {
 
 TEST_F(CommandsChangeTest, DeviceOfTheSameNameKnowsItsIdsAndObeysItsNewRules) {
   write("a");
-  commands().hand_over();
+  commands().hand_over(kNow);
   finish("a");
   results();
   Config wanted = config;
@@ -427,7 +471,7 @@ TEST_F(CommandsChangeTest, NeighbourOfADeviceThatChangesIsNotConcerned) {
   wanted.devices[1].retries = 7;
   begin_change(std::move(wanted));
   write("a");
-  commands().hand_over();
+  commands().hand_over(kNow);
   EXPECT_EQ(admitted.size(), 1U);
   end_change();
   finish("a");
@@ -441,7 +485,7 @@ TEST_F(CommandsChangeTest, DeviceThatComesBackKnowsTheIdsOfBefore) {
     config = test::plant();
     journaling = with_journal;
     write("a");
-    commands().hand_over();
+    commands().hand_over(kNow);
     finish("a");
     results();
     const Config both = config;
@@ -460,7 +504,7 @@ TEST_F(CommandsChangeTest, DeviceThatComesBackKnowsTheIdsOfBefore) {
 
 TEST_F(CommandsChangeTest, DeviceThatIsGoneIsForgottenWithItsLastId) {
   write("a");
-  commands().hand_over();
+  commands().hand_over(kNow);
   finish("a");
   results();
   const Config both = config;
@@ -478,7 +522,7 @@ TEST_F(CommandsChangeTest, DeviceThatIsGoneIsForgottenWithItsLastId) {
 
 TEST_F(CommandsChangeTest, IdThatIsFoundLateIsKnownToADeviceThatIsGone) {
   write("a");
-  commands().hand_over();
+  commands().hand_over(kNow);
   finish("a");
   results();
   const Config both = config;
@@ -502,14 +546,14 @@ TEST_F(CommandsChangeTest, DeviceThatIsNewIsNamedSoThatEarlierRunsAreAsked) {
   begin_change(std::move(wanted));
   EXPECT_EQ(end_change(), std::vector<std::string>{"oven"});
   receive(R"({"id":"a","op":"write","tag":"setpoint","value":50})", 2);
-  commands().hand_over();
+  commands().hand_over(kNow);
   ASSERT_EQ(admitted.size(), 1U);
   EXPECT_EQ(admitted[0].command.device, 2U);
 }
 
 TEST_F(CommandsChangeTest, ResultOfADeviceThatIsGoneIsStillAcknowledged) {
   write("a");
-  commands().hand_over();
+  commands().hand_over(kNow);
   Config wanted = config;
   wanted.devices = {config.devices[1]};
   begin_change(std::move(wanted));

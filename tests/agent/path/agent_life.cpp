@@ -82,7 +82,7 @@ void AgentLife::receive(const SentCommand& sent) {
 }
 
 void AgentLife::hand_over() {
-  if (!fate_.has_ended()) commands_.hand_over();
+  if (!fate_.has_ended()) commands_.hand_over(path_utc_ms());
 }
 
 void AgentLife::step(std::chrono::nanoseconds by) {

@@ -11,6 +11,7 @@
 #include <optional>
 #include <string>
 
+#include "tests/agent/store/synced_files.h"
 #include "tests/support/scratch.h"
 
 namespace fxagent {
@@ -36,6 +37,36 @@ TEST(DurableFile, WhatWasWrittenIsReadByTheNext) {
   EXPECT_EQ(file.remove(), "");
   EXPECT_EQ(content(file), std::nullopt);
   EXPECT_EQ(file.remove(), "");
+}
+
+TEST(DurableFile, APowerCutLeavesWhatWasWrittenLast) {
+  const Scratch scratch;
+  const test::SyncedFiles disk;
+  const DurableFile file(scratch.path("store"), "kept.json");
+  int cuts = 0;
+  const auto after_a_power_cut = [&] {
+    const std::string directory = scratch.path("after-" + std::to_string(++cuts));
+    disk.leave(scratch.path("store"), directory);
+    return content(DurableFile(directory, "kept.json"));
+  };
+  ASSERT_EQ(file.write("one"), "");
+  EXPECT_EQ(after_a_power_cut(), "one");
+  ASSERT_EQ(file.write("two"), "");
+  EXPECT_EQ(after_a_power_cut(), "two");
+  ASSERT_EQ(file.remove(), "");
+  EXPECT_EQ(after_a_power_cut(), std::nullopt);
+}
+
+TEST(DurableFile, DiskOfTheTestLosesWhatWasNotSynchronised) {
+  const Scratch scratch;
+  const test::SyncedFiles disk;
+  const DurableFile file(scratch.path("store"), "kept.json");
+  ASSERT_EQ(file.write("one"), "");
+  std::filesystem::rename(file.path(), scratch.path("store") + "/other.json");
+  std::ofstream(file.path()) << "two";
+  disk.leave(scratch.path("store"), scratch.path("after"));
+  EXPECT_EQ(content(DurableFile(scratch.path("after"), "kept.json")), "one");
+  EXPECT_EQ(content(DurableFile(scratch.path("after"), "other.json")), std::nullopt);
 }
 
 TEST(DurableFile, NobodyElseReadsIt) {

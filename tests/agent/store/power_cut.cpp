@@ -26,6 +26,7 @@ int read(sqlite3_file* file, void* into, int size, sqlite3_int64 at) {
   return real(file)->pMethods->xRead(real(file), into, size, at);
 }
 int write(sqlite3_file* file, const void* from, int size, sqlite3_int64 at) {
+  if (disk != nullptr) disk->await_thaw();
   return real(file)->pMethods->xWrite(real(file), from, size, at);
 }
 int truncate(sqlite3_file* file, sqlite3_int64 size) {
@@ -132,6 +133,29 @@ void PowerCut::leave(const std::string& from, const std::string& directory) cons
     std::ofstream(fs::path(directory) / fs::path(path).filename(), std::ios::binary)
         << file.content;
   }
+}
+
+void PowerCut::freeze() {
+  const std::lock_guard lock(mutex_);
+  is_frozen_ = true;
+}
+
+void PowerCut::thaw() {
+  const std::lock_guard lock(mutex_);
+  is_frozen_ = false;
+  thawed_.notify_all();
+}
+
+void PowerCut::await_thaw() const {
+  std::unique_lock lock(mutex_);
+  ++waiting_;
+  thawed_.wait(lock, [this] { return !is_frozen_; });
+  --waiting_;
+}
+
+bool PowerCut::is_awaited() const {
+  const std::lock_guard lock(mutex_);
+  return is_frozen_ && waiting_ > 0;
 }
 
 void PowerCut::synchronised(const std::string& path, std::string content) {

@@ -1,9 +1,11 @@
-// A disk that forgets at a power cut: SQLite's own files below a layer of SQLite's that counts what
-// is synchronised and keeps a copy of each file as it was then. So SQLite tests itself.
+// A disk that forgets at a power cut, and that may freeze: SQLite's own files below a layer of
+// SQLite's that counts what is synchronised, keeps a copy of each file as it was then, and has
+// writes wait. So SQLite tests itself.
 #pragma once
 
 #include <sqlite3.h>
 
+#include <condition_variable>
 #include <cstdint>
 #include <map>
 #include <mutex>
@@ -25,6 +27,14 @@ class PowerCut final {
   /// what was synchronised last, and nothing of one that never was.
   void leave(const std::string& from, const std::string& directory) const;
 
+  /// Every write waits from now on, as on a frozen file system, until thaw().
+  void freeze();
+  void thaw();
+  /// True while a write waits.
+  bool is_awaited() const;
+
+  /// For the layer: returns when the disk is not frozen.
+  void await_thaw() const;
   /// For the layer: this file is on the disk as it is now.
   void synchronised(const std::string& path, std::string content);
   /// For the layer: the file is no more.
@@ -36,7 +46,22 @@ class PowerCut final {
     std::uint64_t syncs = 0;
   };
   mutable std::mutex mutex_;
+  mutable std::condition_variable thawed_;
+  mutable int waiting_ = 0;
+  bool is_frozen_ = false;
   std::map<std::string, File> files_;
+};
+
+/// The disk is frozen while this lives.
+class Frost final {
+ public:
+  explicit Frost(PowerCut& disk) : disk_(disk) { disk_.freeze(); }
+  ~Frost() { disk_.thaw(); }
+  Frost(const Frost&) = delete;
+  Frost& operator=(const Frost&) = delete;
+
+ private:
+  PowerCut& disk_;
 };
 
 }  // namespace fxagent::test

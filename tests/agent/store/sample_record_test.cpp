@@ -81,6 +81,19 @@ void expect_same(const Telemetry& sample, const SampleRecord& record) {
   }
 }
 
+TEST(SampleRecord, EachFlagIsItsOwn) {
+  for (const bool partial : {false, true})
+    for (const bool written : {false, true}) {
+      Telemetry sample = message({good(0, Value(23.4))});
+      sample.partial = partial;
+      sample.written = written;
+      SampleRecord record;
+      ASSERT_TRUE(decode_sample(row_of(sample), record));
+      EXPECT_EQ(record.partial, partial);
+      EXPECT_EQ(record.written, written);
+    }
+}
+
 TEST(SampleRecord, IsCborThatAnyReaderTakes) {
   Telemetry sample = message({good(0, Value(23.4)), good(1, Value(static_cast<double>(5.1F))),
                               bad(3, BadReason::link_down, Value(true), kNow - 3000),

@@ -97,6 +97,17 @@ TEST_F(StartedCommandsTest, CommandsOfTheRunThatAsksMayHaveLeft) {
     EXPECT_FALSE(each.surely_not_sent);
 }
 
+TEST_F(StartedCommandsTest, CommandsOfTheRunThatAsksMayHaveLeftWhateverEarlierRunsProve) {
+  journal_two_and_start_one();
+  kill();
+  EXPECT_EQ(left(), kProven);
+  journal("mine");
+  Left all;
+  for (const JournalEntry& each : shelf.store->journal().unacknowledged())
+    all[each.id] = each.surely_not_sent;
+  EXPECT_EQ(all, (Left{{"started", false}, {"waiting", true}, {"mine", false}}));
+}
+
 TEST_F(StartedCommandsTest, NothingIsProvenAfterAStartOfTheMachine) {
   journal_two_and_start_one();
   kill();

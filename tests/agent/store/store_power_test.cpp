@@ -5,6 +5,8 @@
 
 #include "agent/store/store.h"
 #include "tests/agent/store/power_cut.h"
+#include "tests/agent/store/shelf.h"
+#include "tests/agent/store/synced_files.h"
 #include "tests/support/scratch.h"
 
 namespace fxagent {
@@ -48,6 +50,7 @@ class StorePower : public ::testing::Test {
     StoreConfig after = config;
     after.path = scratch.path("after-" + std::to_string(++cuts));
     disk.leave(config.path, after.path);
+    plain.leave(config.path, after.path, "fxagent.db.behind");
     config = after;
     store.reset();  // the end of the program brings its file home, and nothing to the copy
     return open(utc_ms);
@@ -55,6 +58,7 @@ class StorePower : public ::testing::Test {
 
   test::Scratch scratch;
   test::PowerCut disk;
+  test::SyncedFiles plain;
   StoreConfig config;
   std::unique_ptr<Store> store;
   int cuts = 0;
@@ -117,6 +121,23 @@ TEST_F(StorePower, WithAlwaysNumbersGoOnByOneAfterAPowerCut) {
   Store& again = power_cut();
   EXPECT_EQ(again.samples().rows(), 7U);
   EXPECT_EQ(again.numbers().begin(devices, 1000).at(0), 1007U);
+}
+
+TEST_F(StorePower, WithAlwaysNumbersThatTheDiskRefusedDoNotComeTwiceAfterAPowerCut) {
+  config.sync_always = true;
+  Store& first = open();
+  const std::vector<std::string> devices{"a"};
+  std::uint64_t last = first.numbers().begin(devices, 1000).at(0);
+  {
+    const test::DiskLimit full(200000);
+    for (bool taken = true; taken;) {
+      first.numbers().used("a", ++last);
+      auto batch = rows(last, last);
+      taken = first.samples().append(batch, Store::Hold::no);
+    }
+    first.numbers().used("a", last += 1000);
+  }
+  EXPECT_GT(power_cut(5).numbers().begin(devices, 5).at(0), last);
 }
 
 }  // namespace

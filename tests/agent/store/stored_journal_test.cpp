@@ -154,6 +154,24 @@ TEST(StoredJournal, IdsAreForgottenAfterADayAndNotBeforeTheirDeadline) {
   EXPECT_EQ(found[1].id, std::to_string(day + 3580000));
 }
 
+// The age of samples is no age of ids: neither a shorter nor a longer one.
+TEST(StoredJournal, IdsAreKeptForTheirDayHoweverLongSamplesAre) {
+  for (const std::chrono::hours max_age : {1h, 1000h}) {
+    Shelf shelf;
+    shelf.config.max_age = max_age;
+    shelf.open();
+    for (const std::chrono::milliseconds age : {25h + 1s, 25h - 1s}) {
+      const std::string id = std::to_string(age.count());
+      shelf.store->journal().record(entry(id, "{}", kNow - age.count()));
+      shelf.store->journal().acknowledge("a", id, 0);
+    }
+    shelf.store->upkeep(kStart, kNow);
+    const auto found = shelf.store->journal().known_ids();
+    ASSERT_EQ(found.size(), 1U) << max_age.count();
+    EXPECT_EQ(found[0].received_ms, kNow - std::chrono::milliseconds(25h - 1s).count());
+  }
+}
+
 TEST(StoredJournal, OfTheOldestIdsTheResultsGoAndTheIdsStay) {
   Shelf shelf;
   shelf.open();

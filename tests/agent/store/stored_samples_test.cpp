@@ -125,6 +125,22 @@ TEST(StoredSamples, RowsThatAreTooOldGo) {
   EXPECT_EQ(shelf.drain(), "a/fast[3]}");
 }
 
+TEST(StoredSamples, RowsThatAreAcknowledgedDoNotCountAsTooOld) {
+  Shelf shelf;
+  shelf.config.max_age = 1h;
+  shelf.open();
+  shelf.store->upkeep(kStart, kNow);
+  shelf.add(rows(1, 3));
+  shelf.store->note_time(kStart + 2h, kNow + 7200000);
+  const auto batch = test::next(shelf.store->samples(), 30, any);
+  ASSERT_TRUE(batch);
+  ASSERT_EQ(batch->row_ids.size(), 2U);
+  ASSERT_EQ(shelf.store->samples().remove(*batch), 2U);
+  shelf.store->samples().drop_old();
+  EXPECT_EQ(shelf.store->samples().rows(), 0U);
+  EXPECT_EQ(shelf.store->samples().take_dropped().at("a"), 1U) << "the one that waited";
+}
+
 TEST(StoredSamples, CommandsCountIntoTheLimitAndTheOldestSamplesMakeRoom) {
   Shelf shelf;
   shelf.config.max_bytes = 1 << 20;

@@ -32,6 +32,7 @@ struct PublisherBench {
   SteadyTime now = kStart;
   PublisherSettings settings{.boot = "9f3c21aa", .version = "0.1.0"};
   std::unique_ptr<Store> store;  ///< null: none
+  std::unique_ptr<GuardedStore> guarded;
   std::unique_ptr<JsonPayload> format;
   std::unique_ptr<Commands> commands;
   std::unique_ptr<Publisher> publisher;
@@ -39,8 +40,7 @@ struct PublisherBench {
   /// With a store in this directory, opened at the first step.
   explicit PublisherBench(const std::string& directory = {}) { config.store.path = directory; }
   Publisher& made() {
-    if (!publisher && !config.store.path.empty())
-      store = std::make_unique<Store>(config.store, utc());
+    if (!publisher && !config.store.path.empty()) open_store();
     if (!format) format = std::make_unique<JsonPayload>(config, settings.boot, settings.version);
     if (!publisher) {
       commands = std::make_unique<Commands>(
@@ -51,15 +51,20 @@ struct PublisherBench {
             if (a.starts != nullptr && !a.interrupted) a.starts->mark(a.command.number);
             admitted.push_back(std::move(a));
           },
-          store ? &store->journal() : nullptr);
-      if (store) commands->restore(recover(config, store->journal(), utc(), now), now, utc());
+          guarded.get());
+      if (guarded) commands->restore(recover(config, *guarded, utc(), now), now, utc());
       publisher = std::make_unique<Publisher>(
           config, settings, *format, outbox, broker, *commands, [this] { return utc(); },
-          store.get(),
+          guarded.get(),
           [this](std::vector<std::uint64_t> numbers) { found_late.push_back(std::move(numbers)); },
           ask_counters);
     }
     return *publisher;
+  }
+  void open_store() {
+    store = std::make_unique<Store>(config.store, utc());
+    guarded = std::make_unique<GuardedStore>(*store, [this] { outbox.notify(); });
+    guarded->set_patience(std::chrono::hours(1));  // a machine under load is no disk that hangs
   }
   std::int64_t utc() const {
     return 1790000000000 + now.time_since_epoch() / std::chrono::milliseconds(1);

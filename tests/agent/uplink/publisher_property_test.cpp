@@ -1,10 +1,12 @@
 #include <gtest/gtest.h>
 
 #include <map>
+#include <optional>
 #include <random>
 #include <set>
 #include <tuple>
 
+#include "tests/agent/store/power_cut.h"
 #include "tests/agent/uplink/publisher_bench.h"
 
 namespace fxagent {
@@ -16,9 +18,10 @@ using test::seqs;
 using Bench = test::PublisherBench;
 using namespace std::chrono_literals;
 
-// Whatever the broker does, in whatever order: every sample is in exactly one place at every step,
-// the window is kept, and once the broker behaves again nothing is missing that was not counted.
-enum class Keeping : std::uint8_t { memory, offline, always };
+// Whatever the broker and the disk do, in whatever order: every sample is in exactly one place at
+// every step, the window is kept, and once they behave again nothing is missing that was not
+// counted.
+enum class Keeping : std::uint8_t { memory, offline, always, offline_frozen, always_frozen };
 class PublisherProperty : public testing::TestWithParam<std::tuple<unsigned, Keeping>> {};
 
 TEST_P(PublisherProperty, NothingIsLostWithoutBeingCounted) {
@@ -27,15 +30,20 @@ TEST_P(PublisherProperty, NothingIsLostWithoutBeingCounted) {
   const auto below = [&](unsigned n) {
     return static_cast<unsigned>(std::uniform_int_distribution<unsigned>(0, n - 1)(random));
   };
+  const bool always = keeping == Keeping::always || keeping == Keeping::always_frozen;
+  const bool freezes = keeping == Keeping::offline_frozen || keeping == Keeping::always_frozen;
+  test::PowerCut disk;
   const test::Scratch scratch;
   Bench bench(keeping == Keeping::memory ? "" : scratch.path("store"));
-  bench.config.store.sync_always = keeping == Keeping::always;
+  bench.config.store.sync_always = always;
   bench.config.store.max_bytes = 20000;
   bench.settings.backlog_bytes = 20000;
   bench.settings.jitter_seed = seed;
   bench.broker.receive_maximum = 1 + below(30);
   bench.broker.acknowledges = false;
   const std::size_t window = std::min(20U, bench.broker.receive_maximum);
+  std::optional<test::Frost> frost;
+  bench.step();
   std::uint64_t seq = 0;
   std::uint64_t suppressed = 0;
   std::set<std::string> ids;
@@ -84,9 +92,19 @@ TEST_P(PublisherProperty, NothingIsLostWithoutBeingCounted) {
       default:
         break;
     }
+    if (freezes && below(40) == 0) {
+      frost ? frost.reset() : static_cast<void>(frost.emplace(disk));
+      bench.guarded->set_patience(frost ? std::chrono::milliseconds(1) : 1h);
+    }
     bench.now += std::chrono::milliseconds(below(400));
     bench.step();
     ASSERT_LE(bench.broker.open(), window);
+  }
+  frost.reset();
+  if (bench.guarded) bench.guarded->set_patience(1h);
+  while (bench.guarded && bench.guarded->state() == "hangs") {
+    bench.outbox.wait_until(std::chrono::steady_clock::now() + 10s);
+    bench.step();
   }
   bench.broker.reachable = true;
   bench.broker.acknowledges = true;
@@ -128,6 +146,10 @@ INSTANTIATE_TEST_SUITE_P(Seeds, PublisherProperty,
 INSTANTIATE_TEST_SUITE_P(SeedsWithAStore, PublisherProperty,
                          testing::Combine(testing::Range(21U, 27U),
                                           testing::Values(Keeping::offline, Keeping::always)));
+INSTANTIATE_TEST_SUITE_P(SeedsWithAStoreThatHangs, PublisherProperty,
+                         testing::Combine(testing::Range(27U, 31U),
+                                          testing::Values(Keeping::offline_frozen,
+                                                          Keeping::always_frozen)));
 
 }  // namespace
 }  // namespace fxagent

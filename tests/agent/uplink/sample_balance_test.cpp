@@ -45,8 +45,9 @@ class SampleBalance : public testing::Test {
   test::FakeBroker broker_;
   SteadyTime now_ = SteadyTime(1h);
   Store store_{config_.store, kUtc};
+  GuardedStore guarded_{store_, [this] { outbox_.notify(); }};
   JsonPayload payload_{config_, "9f3c21aa", "0.1.0"};
-  Commands commands_{config_, [](AdmittedCommand) {}, &store_.journal()};
+  Commands commands_{config_, [](AdmittedCommand) {}, &guarded_};
   Publisher publisher_{config_,
                        {.boot = "9f3c21aa", .version = "0.1.0"},
                        payload_,
@@ -54,7 +55,7 @@ class SampleBalance : public testing::Test {
                        broker_,
                        commands_,
                        [] { return kUtc; },
-                       &store_};
+                       &guarded_};
 };
 
 TEST_F(SampleBalance, HoldsThroughALifeOfSamples) {
