@@ -12,6 +12,8 @@ void write_scalar(Writer& out, const Scalar& scalar, Precision precision) {
     out.integer(*integer);
   else if (const auto* real = std::get_if<double>(&scalar))
     precision == Precision::single ? out.number(static_cast<float>(*real)) : out.number(*real);
+  else if (const auto* large = std::get_if<BigInteger>(&scalar))
+    out.string(large->digits);
   else
     out.string(std::get<std::string>(scalar));
 }

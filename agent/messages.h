@@ -153,7 +153,8 @@ struct CommandTarget {
   std::optional<Value> value;
   /// Of a read by address: elements, or characters of a string; 0: one.
   std::uint16_t count = 0;
-  std::optional<Refusal> fault{};  ///< what the parser found wrong with this target
+  std::optional<Refusal> fault{};    ///< what the parser found wrong with this target
+  std::optional<ByteOrder> order{};  ///< of the command line: in place of that of tag or device
 };
 
 /// What comes with the payload of a message on a command topic.

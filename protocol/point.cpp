@@ -8,6 +8,7 @@
 #include <limits>
 #include <optional>
 
+#include "protocol/exact_number.h"
 #include "protocol/value_range.h"
 #include "protocol/wrong_kind.h"
 
@@ -18,7 +19,7 @@ struct Word {
   std::string_view text;
   DataType type;
 };
-constexpr std::array<Word, 9> kTypes = {{
+constexpr std::array<Word, 12> kTypes = {{
     {"bool", DataType::boolean},
     {"int16", DataType::int16},
     {"uint16", DataType::uint16},
@@ -28,11 +29,11 @@ constexpr std::array<Word, 9> kTypes = {{
     {"bcd16", DataType::bcd16},
     {"bcd32", DataType::bcd32},
     {"string", DataType::string},
+    {"int64", DataType::int64},
+    {"uint64", DataType::uint64},
+    {"float64", DataType::float64},
 }};
 
-// Beyond 2^53 a double no longer tells neighbouring integers apart, so rounding to decimals would
-// change the value.
-constexpr double kExactDouble = 9007199254740992.0;
 // More decimals than a double has digits.
 constexpr int kMaxDecimals = 17;
 
@@ -56,36 +57,33 @@ std::uint32_t bits_at(ByteView image, std::size_t from_bit, std::uint32_t bits) 
   return static_cast<std::uint32_t>(value & ((std::uint64_t{1} << bits) - 1));
 }
 
-void set_bits(Bytes& image, std::size_t to_bit, std::uint32_t bits, std::uint32_t value) {
+/// The same of up to 64 bits.
+std::uint64_t raw_at(ByteView image, std::size_t from_bit, std::uint32_t bits) {
+  constexpr std::uint32_t kHalf = 32;
+  if (bits <= kHalf) return bits_at(image, from_bit, bits);
+  const std::uint64_t high = bits_at(image, from_bit + kHalf, bits - kHalf);
+  return high << kHalf | bits_at(image, from_bit, kHalf);
+}
+
+void set_bits(Bytes& image, std::size_t to_bit, std::uint32_t bits, std::uint64_t value) {
   for (std::uint32_t i = 0; i < bits; ++i)
     if (value >> i & 1)
       image[(to_bit + i) / 8] |= static_cast<std::uint8_t>(1U << ((to_bit + i) % 8));
 }
 
-std::uint32_t swap_words(std::uint32_t v) { return v << 16 | v >> 16; }
-std::uint32_t swap_bytes_in_words(std::uint32_t v) {
-  return (v & 0x00FF00FFU) << 8 | (v >> 8 & 0x00FF00FFU);
-}
-
-/// Between the number that two words hold in image order (the first word is the lower half) and the
+/// Between the number that the words hold in image order (the first word is the lowest) and the
 /// value in the order that the device keeps it. Its own inverse.
-std::uint32_t reorder32(std::uint32_t v, ByteOrder order) {
-  switch (order) {
-    case ByteOrder::abcd:
-      return swap_words(v);
-    case ByteOrder::cdab:
-      return v;
-    case ByteOrder::badc:
-      return swap_bytes_in_words(swap_words(v));
-    case ByteOrder::dcba:
-      return swap_bytes_in_words(v);
-  }
-  return v;
-}
-
-std::uint32_t reorder16(std::uint32_t v, ByteOrder order) {
+std::uint64_t reordered(std::uint64_t number, std::uint32_t bits, ByteOrder order) {
+  constexpr std::uint32_t kWordBits = 16;
+  const bool high_first = order == ByteOrder::abcd || order == ByteOrder::badc;
   const bool swapped = order == ByteOrder::badc || order == ByteOrder::dcba;
-  return swapped ? swap_bytes_in_words(v) : v;
+  std::uint64_t out = 0;
+  for (std::uint32_t at = 0; at < bits; at += kWordBits) {
+    std::uint64_t word = number >> at & 0xFFFF;
+    if (swapped) word = (word & 0xFF) << 8 | word >> 8;
+    out |= word << (high_first ? bits - kWordBits - at : at);
+  }
+  return out;
 }
 
 // ---- numbers ----------------------------------------------------------------------------------
@@ -106,6 +104,7 @@ int decimals_of(double number) {
   return std::max(0, mantissa - exponent);
 }
 
+double widen(double number) { return number; }
 /// The double whose shortest spelling is that of `number`: 23.4F becomes 23.4,
 /// not 23.399999618530273.
 double widen(float number) {
@@ -156,6 +155,10 @@ std::uint32_t bits_of_type(DataType type) {
     case DataType::float32:
     case DataType::bcd32:
       return 32;
+    case DataType::int64:
+    case DataType::uint64:
+    case DataType::float64:
+      return 64;
     case DataType::string:
       break;
   }
@@ -186,32 +189,35 @@ std::uint32_t element_bits(const Point& point) {
   return 0;
 }
 
-/// What the raw integer of one element may be.
+/// What the raw integer of one element may be; zero is always among it.
 struct Limits {
   std::int64_t min = 0;
-  std::int64_t max = 0;
+  std::uint64_t max = 0;
 };
 
 Limits limits_of(DataType type, std::uint32_t bits) {
-  const std::int64_t span = std::int64_t{1} << bits;
+  const std::uint64_t all_ones = ~std::uint64_t{0} >> (64 - bits);
+  const auto half = static_cast<std::int64_t>(all_ones >> 1);
   switch (type) {
     case DataType::bcd16:
     case DataType::bcd32: {
-      std::int64_t power = 1;
+      std::uint64_t power = 1;
       for (std::uint32_t digit = 0; digit < bits / 4; ++digit) power *= 10;
       return {0, power - 1};
     }
     // A group of fewer bits than its type is a plain number: K2M0 goes from 0 to 255.
     case DataType::int16:
-      if (bits == 16) return {-span / 2, span / 2 - 1};
+      if (bits == 16) return {-half - 1, all_ones >> 1};
       break;
     case DataType::int32:
-      if (bits == 32) return {-span / 2, span / 2 - 1};
+      if (bits == 32) return {-half - 1, all_ones >> 1};
       break;
+    case DataType::int64:
+      return {-half - 1, all_ones >> 1};
     default:
       break;
   }
-  return {0, span - 1};
+  return {0, all_ones};
 }
 
 // ---- text -------------------------------------------------------------------------------------
@@ -246,28 +252,36 @@ std::size_t character_at(std::size_t i, ByteOrder order) {
   return order == ByteOrder::abcd ? i ^ 1U : i;
 }
 
-std::string hex_text(std::uint32_t raw, int digits) {
+std::string hex_text(std::uint64_t raw, std::size_t digits) {
+  constexpr std::size_t kHalf = 8;
   Bytes text;
-  append_hex(text, raw, digits);
+  if (digits > kHalf)
+    append_hex(text, static_cast<std::uint32_t>(raw >> 32), static_cast<int>(digits - kHalf));
+  append_hex(text, static_cast<std::uint32_t>(raw), static_cast<int>(std::min(digits, kHalf)));
   return {text.begin(), text.end()};
 }
 
 // ---- reading ----------------------------------------------------------------------------------
 
-Result<Scalar> number_from(const Point& point, std::int64_t raw) {
-  if (!point.scaled()) return Scalar(raw);
-  const double value =
-      to_decimals(static_cast<double>(raw) * point.scale + point.offset, point.decimals);
-  if (!std::isfinite(value)) return fail(ErrorCode::bad_request, "scaled value is not finite");
-  return Scalar(value);
+Result<Scalar> number_from(const Point& point, const Whole& raw) {
+  if (!point.scaled()) return scalar_of(raw);
+  const auto nearest = raw.convert_to<double>();
+  const double exact = nearest * point.scale + point.offset;
+  if (!std::isfinite(exact)) return fail(ErrorCode::bad_request, "scaled value is not finite");
+  if (std::abs(nearest) > kExactDouble || std::abs(exact) > kExactDouble)
+    return scaled_exactly(raw, point.scale, point.offset);
+  return Scalar(to_decimals(exact, point.decimals));
 }
 
-Result<Scalar> float_from(const Point& point, std::uint32_t raw) {
-  float number = 0;
+/// The value of a float whose bit pattern is `raw`.
+template <class Float, class Pattern>
+Result<Scalar> float_from(const Point& point, Pattern raw) {
+  Float number = 0;
+  static_assert(sizeof number == sizeof raw);
   std::memcpy(&number, &raw, sizeof number);
   if (!std::isfinite(number))
     return fail(ErrorCode::bad_request,
-                hex_text(raw, 8) + (std::isnan(number) ? " is NaN" : " is infinite"));
+                hex_text(raw, 2 * sizeof raw) + (std::isnan(number) ? " is NaN" : " is infinite"));
   double value = widen(number);
   if (point.scaled())
     value = to_decimals(value * point.scale + point.offset, decimals_of(value) + point.decimals);
@@ -288,20 +302,18 @@ Result<Scalar> element_from(const Point& point, ByteView image, std::size_t bit,
     }
     return Scalar(std::move(text));
   }
-  std::uint32_t raw = bits_at(image, bit, bits);
-  if (point.address.unit == Unit::word)
-    raw = bits == 32 ? reorder32(raw, point.order) : reorder16(raw, point.order);
-  if (point.type == DataType::float32) return float_from(point, raw);
+  std::uint64_t raw = raw_at(image, bit, bits);
+  if (point.address.unit == Unit::word) raw = reordered(raw, bits, point.order);
+  if (point.type == DataType::float64) return float_from<double>(point, raw);
+  if (point.type == DataType::float32)
+    return float_from<float>(point, static_cast<std::uint32_t>(raw));
   if (point.type == DataType::bcd16 || point.type == DataType::bcd32) {
-    const auto number = from_bcd(raw);
-    if (!number)
-      return fail(ErrorCode::bad_request,
-                  hex_text(raw, static_cast<int>(bits / 4)) + " is not BCD");
+    const auto number = from_bcd(static_cast<std::uint32_t>(raw));
+    if (!number) return fail(ErrorCode::bad_request, hex_text(raw, bits / 4) + " is not BCD");
     return number_from(point, *number);
   }
-  std::int64_t number = raw;
-  const Limits limits = limits_of(point.type, bits);
-  if (number > limits.max) number -= std::int64_t{1} << bits;
+  Whole number(raw);
+  if (raw > limits_of(point.type, bits).max) number -= Whole(1) << bits;
   return number_from(point, number);
 }
 
@@ -316,8 +328,22 @@ tl::unexpected<PackError> out_of_range(std::string text) {
 
 using Packed = tl::expected<void, PackError>;
 
+bool is_float(DataType type) { return type == DataType::float32 || type == DataType::float64; }
+
+/// The integer in a text where samples of the point may have one so; else the scalar itself.
+Scalar without_quotes(const Point& point, const Scalar& scalar) {
+  const auto* text = std::get_if<std::string>(&scalar);
+  if (text == nullptr || is_float(point.type) || bits_of_type(point.type) < 16) return scalar;
+  const auto whole = whole_from(*text);
+  const bool is_wide = bits_of_type(point.type) == 64;
+  const bool is_large = whole && abs(*whole) > Whole(kExactDouble);
+  if (!whole || !(is_wide || (point.scaled() && is_large))) return scalar;
+  return scalar_of(*whole);
+}
+
 /// Whether the scalar is of a kind that the point's type takes.
-Packed check_scalar(const Point& point, const Scalar& scalar) {
+Packed check_scalar(const Point& point, const Scalar& given) {
+  const Scalar scalar = without_quotes(point, given);
   const auto* whole = std::get_if<std::int64_t>(&scalar);
   const auto* real = std::get_if<double>(&scalar);
   if (real != nullptr && !std::isfinite(*real)) return bad_value("the value is not finite");
@@ -331,7 +357,7 @@ Packed check_scalar(const Point& point, const Scalar& scalar) {
   } else if (point.type == DataType::string) {
     if (!std::holds_alternative<std::string>(scalar))
       return bad_value(type + " takes a text" + instead_of(scalar, point.type));
-  } else if (whole == nullptr && real == nullptr) {
+  } else if (!number_of(scalar)) {
     return bad_value(type + " takes a number" + instead_of(scalar, point.type));
   }
   return {};
@@ -368,36 +394,45 @@ double unscaled(const Point& point, double value) {
 
 double as_double(const Scalar& scalar) {
   if (const auto* flag = std::get_if<bool>(&scalar)) return *flag ? 1 : 0;
-  const auto* whole = std::get_if<std::int64_t>(&scalar);
-  return whole != nullptr ? static_cast<double>(*whole) : std::get<double>(scalar);
+  return number_of(scalar).value_or(0);
 }
 
+/// (value − offset) ÷ scale as the nearest raw integer, of any size.
+Whole nearest_raw(const Point& point, const Scalar& scalar) {
+  const double value = as_double(scalar);
+  const double raw = unscaled(point, value);
+  if (std::abs(value) <= kExactDouble && std::abs(raw) <= kExactDouble)
+    return Whole(std::llround(raw));
+  return unscaled_exactly(scalar, point.scale, point.offset);
+}
+
+template <class Float, class Pattern>
 Packed pack_float(const Point& point, const Scalar& scalar, Bytes& image, std::size_t bit) {
   const double value = as_double(scalar);
   const double raw = point.scaled() ? (value - point.offset) / point.scale : value;
-  if (!(std::abs(raw) <= std::numeric_limits<float>::max()))
-    return out_of_range(spelled(value) + " does not fit a float32");
-  const auto number = static_cast<float>(raw);
-  std::uint32_t pattern = 0;
+  if (!(std::abs(raw) <= double{std::numeric_limits<Float>::max()}))
+    return out_of_range(spelled(value) + " does not fit a " + std::string(to_string(point.type)));
+  const auto number = static_cast<Float>(raw);
+  Pattern pattern = 0;
+  static_assert(sizeof number == sizeof pattern);
   std::memcpy(&pattern, &number, sizeof pattern);
-  set_bits(image, bit, 32, reorder32(pattern, point.order));
+  set_bits(image, bit, 8 * sizeof pattern, reordered(pattern, 8 * sizeof pattern, point.order));
   return {};
 }
 
 Packed pack_integer(const Point& point, const Scalar& scalar, Bytes& image, std::size_t bit,
                     std::uint32_t bits) {
   const Limits limits = limits_of(point.type, bits);
-  const double value = as_double(scalar);
-  const double nearest = std::round(unscaled(point, value));
-  if (!(nearest >= static_cast<double>(limits.min) && nearest <= static_cast<double>(limits.max)))
-    return out_of_range(spelled(value) + " is raw " + spelled(nearest) + "; " +
+  const Whole nearest = nearest_raw(point, scalar);
+  if (nearest < limits.min || nearest > limits.max)
+    return out_of_range(spelled(scalar) + " is raw " + nearest.str() + "; " +
                         std::string(to_string(point.type)) + " holds " +
                         std::to_string(limits.min) + " to " + std::to_string(limits.max));
-  const auto number = static_cast<std::int64_t>(nearest);
   const bool bcd = point.type == DataType::bcd16 || point.type == DataType::bcd32;
-  std::uint32_t raw = bcd ? to_bcd(number) : static_cast<std::uint32_t>(number);
-  if (point.address.unit == Unit::word)
-    raw = bits == 32 ? reorder32(raw, point.order) : reorder16(raw & 0xFFFF, point.order);
+  std::uint64_t raw = nearest < 0 ? ~Whole(-nearest - 1).convert_to<std::uint64_t>()
+                                  : nearest.convert_to<std::uint64_t>();
+  if (bcd) raw = to_bcd(static_cast<std::int64_t>(raw));
+  if (point.address.unit == Unit::word) raw = reordered(raw, bits, point.order);
   set_bits(image, bit, bits, raw);
   return {};
 }
@@ -412,8 +447,9 @@ Packed pack_text(const Point& point, const Scalar& scalar, Bytes& image, std::si
   return {};
 }
 
-Packed pack_element(const Point& point, const Scalar& scalar, Bytes& image, std::size_t bit,
+Packed pack_element(const Point& point, const Scalar& given, Bytes& image, std::size_t bit,
                     std::uint32_t bits) {
+  const Scalar scalar = without_quotes(point, given);
   switch (point.type) {
     case DataType::boolean: {
       const auto* flag = std::get_if<bool>(&scalar);
@@ -423,7 +459,9 @@ Packed pack_element(const Point& point, const Scalar& scalar, Bytes& image, std:
     case DataType::string:
       return pack_text(point, scalar, image, bit);
     case DataType::float32:
-      return pack_float(point, scalar, image, bit);
+      return pack_float<float, std::uint32_t>(point, scalar, image, bit);
+    case DataType::float64:
+      return pack_float<double, std::uint64_t>(point, scalar, image, bit);
     default:
       return pack_integer(point, scalar, image, bit, bits);
   }
@@ -535,19 +573,21 @@ std::optional<ValueRange> value_range(const Point& point) {
   if (bits == 0 || point.type == DataType::boolean || point.type == DataType::string)
     return std::nullopt;
   ValueRange range;
-  if (point.type == DataType::float32) {
-    const double most = std::abs(point.scale) * double{std::numeric_limits<float>::max()};
+  if (is_float(point.type)) {
+    const double most = std::abs(point.scale) * (point.type == DataType::float32
+                                                     ? double{std::numeric_limits<float>::max()}
+                                                     : std::numeric_limits<double>::max());
     range.least = point.offset - most;
     range.greatest = point.offset + most;
     return range;
   }
-  const auto value_of_raw = [&](std::int64_t raw) {
+  const auto value_of_raw = [&](const Whole& raw) {
     const auto value = number_from(point, raw);
-    return value ? as_double(*value) : static_cast<double>(raw) * point.scale + point.offset;
+    return value ? as_double(*value) : raw.convert_to<double>() * point.scale + point.offset;
   };
   const Limits limits = limits_of(point.type, bits);
-  range.least = value_of_raw(point.scale < 0 ? limits.max : limits.min);
-  range.greatest = value_of_raw(point.scale < 0 ? limits.min : limits.max);
+  range.least = point.scale < 0 ? value_of_raw(limits.max) : value_of_raw(limits.min);
+  range.greatest = point.scale < 0 ? value_of_raw(limits.min) : value_of_raw(limits.max);
   range.step = std::abs(point.scale);
   return range;
 }
@@ -556,7 +596,7 @@ std::optional<std::int64_t> values_within(const Point& point, std::optional<doub
                                           std::optional<double> max) {
   const auto range = value_range(point);
   if (!range || range->step == 0) return std::nullopt;
-  // Of limits beyond the range the nearest value; a raw number of 32 bits is exact in a double.
+  // Of limits beyond the range the nearest value.
   const double first = std::clamp(min.value_or(range->least), range->least, range->greatest);
   const double last = std::clamp(max.value_or(range->greatest), range->least, range->greatest);
   if ((min && *min > range->greatest) || (max && *max < range->least) || first > last) return 0;
@@ -564,8 +604,7 @@ std::optional<std::int64_t> values_within(const Point& point, std::optional<doub
   double high = unscaled(point, last);
   if (point.scale < 0) std::swap(low, high);
   const double count = std::floor(high) - std::ceil(low) + 1;
-  constexpr double kExact = 9007199254740992.0;  // 2^53
-  if (!std::isfinite(count) || std::abs(count) > kExact) return std::nullopt;
+  if (!std::isfinite(count) || std::abs(count) > kExactDouble) return std::nullopt;
   return static_cast<std::int64_t>(count);
 }
 
@@ -573,6 +612,21 @@ std::string spelled(double number) {
   std::array<char, 32> text{};
   const auto end = std::to_chars(text.data(), text.data() + text.size(), number).ptr;
   return {text.data(), end};
+}
+
+std::string spelled(const Scalar& scalar) {
+  if (const auto* text = std::get_if<std::string>(&scalar)) return *text;
+  if (const auto* large = std::get_if<BigInteger>(&scalar)) return large->digits;
+  if (const auto* whole = std::get_if<std::int64_t>(&scalar)) return std::to_string(*whole);
+  return spelled(as_double(scalar));
+}
+
+std::optional<double> number_of(const Scalar& scalar) {
+  if (const auto* whole = std::get_if<std::int64_t>(&scalar)) return static_cast<double>(*whole);
+  if (const auto* real = std::get_if<double>(&scalar)) return *real;
+  if (const auto* large = std::get_if<BigInteger>(&scalar))
+    return Whole(large->digits).convert_to<double>();
+  return std::nullopt;
 }
 
 // ---- values -------------------------------------------------------------------------------------
@@ -623,9 +677,10 @@ Result<void> check_kind(const Point& point, const Value& value) {
 
 bool shows(const Value& shown, const Value& wanted) {
   const auto same = [](const Scalar& is, const Scalar& should) {
-    if (std::holds_alternative<std::string>(is) || std::holds_alternative<std::string>(should))
-      return is == should;
-    return as_double(is) == as_double(should);
+    if (std::holds_alternative<std::string>(is)) return is == should;
+    const auto* text = std::get_if<std::string>(&should);
+    const auto whole = text != nullptr ? whole_from(*text) : std::nullopt;
+    return compare(is, whole ? scalar_of(*whole) : should) == std::partial_ordering::equivalent;
   };
   return shown.is_array == wanted.is_array &&
          std::equal(shown.items.begin(), shown.items.end(), wanted.items.begin(),

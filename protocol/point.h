@@ -44,6 +44,7 @@ inline bool overlap(const Span& one, const Span& other) {
          other.first_bit < one.end_bit();
 }
 
+/// Stored samples have these numbers (agent/store/README.md): add at the end.
 enum class DataType : std::uint8_t {
   boolean,
   int16,
@@ -53,17 +54,22 @@ enum class DataType : std::uint8_t {
   float32,
   bcd16,
   bcd32,
-  string
+  string,
+  int64,
+  uint64,
+  float64
 };
 
 /// The config's word for a type ("bool", "int16" …), and back; bad_request lists the words.
 std::string_view to_string(DataType type);
 Result<DataType> data_type_from(std::string_view word);
 
-/// Order of the four bytes of a 32-bit value, named by the letters used for Modbus: A is the most
-/// significant byte. `cdab` is low word first, the order of FX double-word instructions. `badc` and
-/// `dcba` also swap the bytes of 16-bit values. Of a string's two characters in a word the first is
-/// the low byte, as FX instructions have it, and with `abcd` the high one.
+/// Order of the bytes of a value, named by the letters used for Modbus: A is the most significant
+/// of the four bytes of a 32-bit value. `abcd` and `badc` put the high word first, `cdab` (the
+/// order of FX double-word instructions) and `dcba` the low word; so they do with the four words of
+/// a 64-bit value. `badc` and `dcba` also swap the bytes of each word. In a string the first of the
+/// two characters of a word is the low byte, as FX instructions have it; with `abcd` it is the high
+/// byte.
 enum class ByteOrder : std::uint8_t { abcd, cdab, badc, dcba };
 
 /// Accepts ABCD CDAB BADC DCBA, `low_first` (= CDAB) and `high_first` (= ABCD).
@@ -121,7 +127,14 @@ Result<void> set_units(Point& point, double scale, double offset);
 /// (int16 on a bit, int16 on CN200 …) or the array runs past the numbers that 32 bits can count.
 Result<Span> span_of(const Point& point);
 
-using Scalar = std::variant<bool, std::int64_t, double, std::string>;
+/// An integer that an int64 does not hold, in decimal digits with a minus where it is negative.
+struct BigInteger {
+  std::string digits;
+  friend bool operator==(const BigInteger&, const BigInteger&) = default;
+};
+
+/// An integer is an int64 where that holds it.
+using Scalar = std::variant<bool, std::int64_t, double, std::string, BigInteger>;
 
 /// The elements of a value; a single one lies in place.
 using Scalars = boost::container::small_vector<Scalar, 1>;
@@ -148,8 +161,9 @@ struct Value {
 Result<Value> unpack(const Point& point, ByteView image, std::uint32_t image_first_bit);
 
 /// The raw image of span_of(point) that writes `value`: (value − offset) ÷ scale, to the nearest
-/// integer, ties away from zero. bad_request: wrong kind of value or count ("bad_value" class);
-/// out of range is told apart by text only through `OutOfRange` below.
+/// integer, ties away from zero. An integer type takes an integer in a text where samples have one:
+/// beyond ±2^53, and any for the types of 64 bits. bad_request: wrong kind of value or count
+/// ("bad_value" class); out of range is told apart by text only through `OutOfRange` below.
 enum class PackFault : std::uint8_t { bad_value, out_of_range };
 struct PackError {
   PackFault fault = PackFault::bad_value;

@@ -47,11 +47,8 @@ std::string instead_of(const Scalar& scalar, DataType type) {
   }
   if (type == DataType::string) {
     const auto* flag = std::get_if<bool>(&scalar);
-    const auto* whole = std::get_if<std::int64_t>(&scalar);
     if (flag != nullptr) return ": send it in quotes";
-    return ": send \"" +
-           (whole != nullptr ? std::to_string(*whole) : spelled(std::get<double>(scalar))) +
-           "\" in quotes, not a number";
+    return ": send \"" + spelled(scalar) + "\" in quotes, not a number";
   }
   if (const auto* flag = std::get_if<bool>(&scalar); flag != nullptr && type != DataType::boolean)
     return std::string(": send ") + (*flag ? "1, not true" : "0, not false");

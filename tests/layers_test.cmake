@@ -65,6 +65,7 @@ set(allowed
   "^protocol/[^ ]+ protocol/"
   "^protocol/[^ ]+ tl/expected\\.hpp$"
   "^protocol/point\\.h boost/container/small_vector\\.hpp$"
+  "^protocol/exact_number\\.h boost/multiprecision/cpp_int\\.hpp$"
   "^agent/(agent|reload)\\.(h|cpp) agent/"
   "^agent/line_time\\.(h|cpp) agent/config/config\\.h$"
   "^agent/field/[^ ]+ asio"

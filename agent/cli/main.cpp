@@ -189,14 +189,27 @@ void add_one_shot(CLI::App& app, const std::string& name, const std::string& mea
   CLI::App* command = app.add_subcommand(name, meaning);
   command->add_option("CONFIG", path, "Config file")->required();
   command->add_option("DEVICE", what.device, "Device name in the config")->required();
-  command->add_option("ADDRESS", what.address, "Address (D100, Y17, M0 …) or tag name")->required();
+  if (op == Op::read)
+    command->add_option("ADDRESS", what.names,
+                        "Addresses (D100, Y17, M0 …) or tag names; none: every tag of the device");
+  else
+    command->add_option("ADDRESS", what.names, "Address (D100, Y17, M0 …) or tag name")
+        ->expected(1)
+        ->required();
   if (op == Op::write)
     command->add_option("VALUE", what.value, "Number, true/false, text or [array]")->required();
   if (op == Op::read)
     command->add_option("--count", what.count, "Devices in a row")->check(CLI::Range(1, 4096));
-  if (op == Op::read || op == Op::write)
+  if (op == Op::read || op == Op::write) {
     command->add_option("--type", what.type,
-                        "bool int16 uint16 int32 uint32 float32 bcd16 bcd32 string");
+                        "bool int16 uint16 int32 uint32 int64 uint64 float32 float64 bcd16 bcd32 "
+                        "string");
+    command->add_option("--word-order", what.word_order,
+                        "ABCD CDAB BADC DCBA low_first high_first, in place of the config's");
+  }
+  if (op == Op::read)
+    command->add_flag("--orders", what.orders,
+                      "Show 32- and 64-bit values in every word order, side by side");
   command->add_flag("--json", what.as_json, "Print JSON");
   command->add_flag("--trace", what.trace, "Log every frame of the link and what it means");
   command->callback([&, op] {

@@ -10,13 +10,16 @@
 #include <vector>
 
 #include "agent/cli/command_line_audit.h"
+#include "agent/cli/read_report.h"
 #include "agent/commands/admission.h"
 #include "agent/commands/result.h"
 #include "agent/commands/result_text.h"
 #include "agent/config/reader.h"
 #include "agent/field/field.h"
+#include "agent/json_writer.h"
 #include "agent/outbox.h"
 #include "protocol/plc.h"
+#include "protocol/value_range.h"
 
 namespace fxagent {
 namespace {
@@ -27,6 +30,8 @@ constexpr int kWrongQuestion = 2;
 
 Scalar scalar_of(const nlohmann::json& json, const std::string& text) {
   if (json.is_boolean()) return Scalar(json.get<bool>());
+  if (json.is_number_unsigned() && json.get<std::uint64_t>() >> 63 != 0)
+    return Scalar(BigInteger{json.dump()});
   if (json.is_number_integer()) return Scalar(json.get<std::int64_t>());
   if (json.is_number()) return Scalar(json.get<double>());
   if (json.is_string()) return Scalar(json.get<std::string>());
@@ -64,16 +69,19 @@ bool is_meant_as_tag(std::string_view text, const AddressSpace& addresses) {
   return text.find(':') == text.npos && text.find_first_of("0123456789") > kLettersOfAddress;
 }
 
-bool names_tag(const OneShot& what, const DeviceConfig& device) {
-  return std::any_of(device.tags.begin(), device.tags.end(),
-                     [&](const TagConfig& tag) { return tag.name == what.address; });
+const TagConfig* tag_named(const std::string& name, const DeviceConfig& device) {
+  const auto found =
+      std::ranges::find_if(device.tags, [&](const TagConfig& tag) { return tag.name == name; });
+  return found == device.tags.end() ? nullptr : &*found;
 }
 
-Command command_for(const OneShot& what, const DeviceConfig& device, CommandTarget target) {
+/// `target` has neither tag nor address; `name` is one of them.
+Command command_for(Op op, const std::string& name, const DeviceConfig& device,
+                    CommandTarget target) {
   Command command;
   command.id = "command-line";
-  command.op = what.op;
-  command.op_text = to_string(what.op);
+  command.op = op;
+  command.op_text = to_string(op);
   command.any_address = true;
   command.received = std::chrono::steady_clock::now();
   command.received_ms = utc_ms(std::chrono::system_clock::now());
@@ -82,8 +90,8 @@ Command command_for(const OneShot& what, const DeviceConfig& device, CommandTarg
   command.expires_ms =
       command.received_ms + std::chrono::milliseconds(device.commands.max_expiry).count();
   const bool is_tag =
-      names_tag(what, device) || is_meant_as_tag(what.address, device.codec->addresses());
-  (is_tag ? target.tag : target.address) = what.address;
+      tag_named(name, device) != nullptr || is_meant_as_tag(name, device.codec->addresses());
+  (is_tag ? target.tag : target.address) = name;
   command.targets.push_back(std::move(target));
   return command;
 }
@@ -100,7 +108,7 @@ class Answer final {
   }
   CommandResult await_result() {
     while (!result_) take();
-    return std::move(*result_);
+    return *std::exchange(result_, std::nullopt);
   }
 
  private:
@@ -125,48 +133,65 @@ double ms(std::chrono::nanoseconds duration) {
   return std::round(std::chrono::duration<double, std::milli>(duration).count() * 10) / 10;
 }
 
-/// The call as it was typed, for the audit.
-std::string text_of(const OneShot& what) {
-  std::string text(to_string(what.op));
-  text.append(" ").append(what.device).append(" ").append(what.address);
-  if (what.value) text.append(" ").append(*what.value);
-  return text;
-}
-
 CommandResult not_in_the_audit(const Command& command, std::string why) {
   CommandResult result = result_of(command);
   set_outcome(result, CommandStatus::rejected, Reason::store_unavailable, std::move(why));
   return result;
 }
 
-/// Admission and the wire, without a broker and without a journal. `audit` null: there is none.
-CommandResult carry_out(const Config& config, const OneShot& what, CommandTarget target,
-                        CommandLineAudit* audit) {
-  const DeviceConfig& device = config.devices.front();
-  const Command command = command_for(what, device, std::move(target));
-  if (audit != nullptr && !audit->fault().empty()) return not_in_the_audit(command, audit->fault());
-  Outbox outbox(1);
-  Field field(config, outbox, {}, Polling::off);
-  if (what.trace) field.trace({0});
-  field.start();
-  Answer answer(outbox, device.codec);
-  std::shared_ptr<const Codec> codec = device.codec;
-  const bool is_unknown = !command.targets.front().tag.empty() && !names_tag(what, device);
-  if (must_ask_model(*codec) && !is_unknown) codec = answer.await_model();
-  CommandAdmission admission(device);
-  auto decision = admission.admit(command, codec, 0, std::chrono::steady_clock::now());
-  if (auto* result = std::get_if<CommandResult>(&decision)) {
-    if (audit != nullptr) audit->refused(command, *result, device.name, text_of(what));
-    return std::move(*result);
+/// Admission and the wire for the first device of a config, without a broker and without a journal.
+class DirectLine final {
+ public:
+  DirectLine(const Config& config, bool trace)
+      : device_(config.devices.front()),
+        outbox_(1),
+        field_(config, outbox_, {}, Polling::off),
+        answer_(outbox_, device_.codec),
+        codec_(device_.codec) {
+    if (trace) field_.trace({0});
+    field_.start();
   }
-  if (audit != nullptr && !audit->admitted(command, device.name, text_of(what)))
-    return not_in_the_audit(command, audit->fault());
-  field.submit(std::move(std::get<AdmittedCommand>(decision)));
-  CommandResult result = answer.await_result();
-  if (audit != nullptr &&
-      !audit->finished(result, device.name, utc_ms(std::chrono::system_clock::now())))
-    std::cerr << "the result is not in the audit: " << audit->fault() << '\n';
-  return result;
+
+  const DeviceConfig& device() const { return device_; }
+  const Codec& codec() const { return *codec_; }
+
+  /// Carries out one command. `audit` records it as `call`; null: nothing records it.
+  CommandResult carry_out(Op op, const std::string& name, CommandTarget target,
+                          CommandLineAudit* audit = nullptr, const std::string& call = {}) {
+    const Command command = command_for(op, name, device_, std::move(target));
+    const std::string& tag = command.targets.front().tag;
+    const bool is_unknown = !tag.empty() && tag_named(tag, device_) == nullptr;
+    if (must_ask_model(*codec_) && !is_unknown) codec_ = answer_.await_model();
+    CommandAdmission admission(device_);
+    auto decision = admission.admit(command, codec_, 0, std::chrono::steady_clock::now());
+    if (auto* result = std::get_if<CommandResult>(&decision)) {
+      if (audit != nullptr) audit->refused(command, *result, device_.name, call);
+      return std::move(*result);
+    }
+    if (audit != nullptr && !audit->admitted(command, device_.name, call))
+      return not_in_the_audit(command, audit->fault());
+    field_.submit(std::move(std::get<AdmittedCommand>(decision)));
+    CommandResult result = answer_.await_result();
+    if (audit != nullptr &&
+        !audit->finished(result, device_.name, utc_ms(std::chrono::system_clock::now())))
+      std::cerr << "the result is not in the audit: " << audit->fault() << '\n';
+    return result;
+  }
+
+ private:
+  const DeviceConfig& device_;
+  Outbox outbox_;
+  Field field_;
+  Answer answer_;
+  std::shared_ptr<const Codec> codec_;
+};
+
+/// The call as it was typed, for the audit.
+std::string text_of(const OneShot& what) {
+  std::string text(to_string(what.op));
+  text.append(" ").append(what.device).append(" ").append(what.names.front());
+  if (what.value) text.append(" ").append(*what.value);
+  return text;
 }
 
 int exit_status(const CommandResult& result) {
@@ -174,7 +199,8 @@ int exit_status(const CommandResult& result) {
   return result.status == CommandStatus::rejected ? kWrongQuestion : kDeviceFailed;
 }
 
-void print_read(const CommandResult& result, const std::string& device, bool as_json) {
+void print_read(const CommandResult& result, const std::string& device, bool as_json,
+                const TagUnits& units) {
   const bool ok = result.status == CommandStatus::succeeded;
   const TargetResult& target = result.targets.front();
   nlohmann::ordered_json out;
@@ -182,9 +208,10 @@ void print_read(const CommandResult& result, const std::string& device, bool as_
   out["device"] = device;
   out["address"] = target.address;
   if (ok) {
-    auto& values = out["values"] = nlohmann::ordered_json::array();
-    for (const Scalar& item : target.value->items)
-      std::visit([&](const auto& v) { values.push_back(v); }, item);
+    json::Writer values;
+    values.begin_array();
+    for (const Scalar& item : target.value->items) json::write_value(values, Value(item));
+    out["values"] = nlohmann::ordered_json::parse(values.end_array().take());
     out["ms"] = ms(result.wire);
   } else {
     out["reason"] = std::string(to_string(result.reason));
@@ -194,8 +221,10 @@ void print_read(const CommandResult& result, const std::string& device, bool as_
     std::cout << out.dump() << '\n';
   } else if (ok) {
     std::cout << device << ' ' << target.address << " =";
-    for (const auto& value : out["values"]) std::cout << ' ' << value.dump();
-    std::cout << "  (" << ms(result.wire) << " ms)\n";
+    for (const Scalar& item : target.value->items)
+      std::cout << ' ' << value_text(Value(item), {.states = units.states});
+    std::cout << (units.unit.empty() ? "" : " ") << units.unit << "  (" << ms(result.wire)
+              << " ms)\n";
   } else {
     std::cout << device << ' ' << target.address << ": " << to_string(result.reason) << ": "
               << result.detail << '\n';
@@ -227,8 +256,151 @@ void print_command(const CommandResult& result, const std::string& device, bool 
     std::cout << ", " << result.progress->done << " of " << result.progress->of << " written";
   if (result.reason != Reason::none) std::cout << ", " << to_string(result.reason);
   if (!result.detail.empty()) std::cout << ": " << result.detail;
+  const auto& verify = result.targets.front().verify;
+  if (verify && verify->read) std::cout << ", read back " << value_text(*verify->read, *no_units());
   if (was_sent) std::cout << "  (" << ms(result.wire) << " ms)";
   std::cout << '\n';
+}
+
+/// Warns where the device cannot hold the value as it was asked for.
+void warn_of_rounding(const CommandResult& result, const std::optional<Value>& asked) {
+  const auto& written = result.targets.front().value;
+  if (!asked || !written || result.status == CommandStatus::rejected || shows(*written, *asked))
+    return;
+  std::cerr << "rounded: " << value_text(*asked, *no_units()) << " was asked for, "
+            << value_text(*written, *no_units()) << " was written\n";
+}
+
+// ---- read -------------------------------------------------------------------------------------
+
+/// The place of a tag or an address, as its command will have it; nullopt where that is refused.
+std::optional<Point> point_of(const std::string& name, const CommandTarget& target,
+                              const DeviceConfig& device, const Codec& codec) {
+  Point point;
+  if (const TagConfig* tag = tag_named(name, device)) {
+    point = tag->point;
+  } else {
+    const auto address = codec.addresses().parse_address(name, target.type);
+    if (!address) return std::nullopt;
+    point.address = *address;
+    point.type = target.type.value_or(default_type(*address));
+    point.order = codec.addresses().default_order();
+    point.is_array = target.count > 1;
+    point.count = std::max<std::uint16_t>(target.count, 1);
+  }
+  point.order = target.order.value_or(point.order);
+  return point;
+}
+
+/// Reads the plain words of a value whose word order can be wrong, so that every order can be
+/// shown; then `report` has them. `target` is as the caller gave it.
+CommandResult read_one(DirectLine& line, const std::string& name, const CommandTarget& target,
+                       ReadReport& report) {
+  const DeviceConfig& device = line.device();
+  report.name = name;
+  if (const TagConfig* tag = tag_named(name, device)) report.units = tag->units;
+  const auto point = point_of(name, target, device, line.codec());
+  const bool by_words = point && has_word_order(*point);
+  CommandResult result;
+  if (by_words) {
+    constexpr std::uint32_t kWordBits = 16;
+    CommandTarget words;
+    words.type = DataType::uint16;
+    words.order = ByteOrder::abcd;  // the bytes of a word as they are
+    words.count = static_cast<std::uint16_t>(span_of(*point)->bits / kWordBits);
+    result = line.carry_out(Op::read, std::string(point->address.text), words);
+  } else {
+    result = line.carry_out(Op::read, name, target);
+  }
+  TargetResult& out = result.targets.front();
+  if (by_words && out.value) {
+    Point words = *point;
+    words.type = DataType::uint16;
+    words.order = ByteOrder::abcd;
+    words.is_array = true;
+    words.count = static_cast<std::uint16_t>(out.value->items.size());
+    report.point = point;
+    report.image = *pack(words, *out.value);
+    auto value = unpack(*point, report.image, point->address.span.first_bit);
+    if (value) {
+      out.value = std::move(*value);
+    } else {
+      out.value.reset();
+      set_outcome(result, CommandStatus::failed, Reason::bad_value, value.error().text);
+    }
+  }
+  report.address = out.address;
+  report.reason = to_string(result.reason);
+  report.detail = result.detail;
+  if (result.status == CommandStatus::succeeded) report.value = out.value;
+  return result;
+}
+
+/// Whether the other tags would only wait as long for nothing.
+bool is_silent(const CommandResult& result) {
+  return result.reason == Reason::timeout || result.reason == Reason::device_offline ||
+         result.reason == Reason::link_down;
+}
+
+int run_reads(DirectLine& line, const OneShot& what, const CommandTarget& target) {
+  std::vector<std::string> names = what.names;
+  if (names.empty())
+    for (const TagConfig& tag : line.device().tags) names.emplace_back(std::string_view(tag.name));
+  std::vector<ReadReport> reports;
+  int status = kDone;
+  std::chrono::nanoseconds wire{0};
+  for (const std::string& name : names) {
+    const bool is_tag = tag_named(name, line.device()) != nullptr;
+    CommandTarget each;
+    each.order = target.order;
+    const CommandResult result =
+        read_one(line, name, is_tag ? each : target, reports.emplace_back());
+    status = std::max(status, exit_status(result));
+    wire += result.wire;
+    if (is_silent(result)) break;
+  }
+  const ShowOrders orders = what.orders ? ShowOrders::yes : ShowOrders::no;
+  if (what.as_json)
+    std::cout << read_json(what.device, reports, orders, ms(wire)) << '\n';
+  else
+    std::cout << read_table(reports, orders);
+  return status;
+}
+
+int run_read(DirectLine& line, const OneShot& what, const CommandTarget& target) {
+  if (what.names.size() != 1 || what.orders) return run_reads(line, what, target);
+  ReadReport report;
+  const CommandResult result = read_one(line, what.names.front(), target, report);
+  print_read(result, what.device, what.as_json, *report.units);
+  if (const std::string hint = hint_of(report); !hint.empty())
+    std::cerr << "hint: " << hint << '\n';
+  return exit_status(result);
+}
+
+/// What is wrong with the call; empty: nothing.
+std::string call_fault(const OneShot& what, const DeviceConfig& device) {
+  if (what.op == Op::read && what.names.empty() && device.tags.empty())
+    return what.device + " has no tags: name an address";
+  if (!what.type && what.count == 0) return {};
+  const std::string option = what.type ? "--type" : "--count";
+  const auto tag = std::ranges::find_if(
+      what.names, [&](const std::string& name) { return tag_named(name, device) != nullptr; });
+  if (tag != what.names.end())
+    return option + ": " + *tag + " is a tag, the config says its type and count";
+  return what.names.empty() ? option + " needs an address" : std::string();
+}
+
+/// Carries out a write or a force, recorded in the audit if the config has a store.
+CommandResult command_result(const Config& config, const OneShot& what, CommandTarget target) {
+  const std::string& name = what.names.front();
+  if (config.store.path.empty())
+    return DirectLine(config, what.trace).carry_out(what.op, name, std::move(target));
+  CommandLineAudit audit(config.store, utc_ms(std::chrono::system_clock::now()));
+  if (!audit.fault().empty())
+    return not_in_the_audit(command_for(what.op, name, config.devices.front(), std::move(target)),
+                            audit.fault());
+  return DirectLine(config, what.trace)
+      .carry_out(what.op, name, std::move(target), &audit, text_of(what));
 }
 
 }  // namespace
@@ -241,9 +413,8 @@ int run_one_shot(Config config, const OneShot& what) {
               << '\n';
     return kWrongQuestion;
   }
-  if ((what.type || what.count > 0) && names_tag(what, config.devices.front())) {
-    std::cerr << (what.type ? "--type" : "--count") << ": " << what.address
-              << " is a tag, the config says its type and count\n";
+  if (const std::string fault = call_fault(what, config.devices.front()); !fault.empty()) {
+    std::cerr << fault << '\n';
     return kWrongQuestion;
   }
   CommandTarget target;
@@ -257,15 +428,22 @@ int run_one_shot(Config config, const OneShot& what) {
     }
     target.type = *type;
   }
-  std::optional<CommandLineAudit> audit;
-  if (what.op != Op::read && !config.store.path.empty())
-    audit.emplace(config.store, utc_ms(std::chrono::system_clock::now()));
-  const CommandResult result =
-      carry_out(config, what, std::move(target), audit ? &*audit : nullptr);
-  if (what.op == Op::read)
-    print_read(result, what.device, what.as_json);
-  else
-    print_command(result, what.device, what.as_json);
+  if (what.word_order) {
+    const auto order = byte_order_from(*what.word_order);
+    if (!order) {
+      std::cerr << "--word-order: " << order.error().text << '\n';
+      return kWrongQuestion;
+    }
+    target.order = *order;
+  }
+  if (what.op == Op::read) {
+    DirectLine line(config, what.trace);
+    return run_read(line, what, target);
+  }
+  const auto asked = target.value;
+  const CommandResult result = command_result(config, what, std::move(target));
+  print_command(result, what.device, what.as_json);
+  warn_of_rounding(result, asked);
   return exit_status(result);
 }
 

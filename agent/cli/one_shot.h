@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "agent/config/config.h"
 #include "agent/messages.h"
@@ -14,11 +15,15 @@ namespace fxagent {
 struct OneShot {
   Op op = Op::read;
   std::string device;
-  std::string address;               ///< an address, or the name of one of the device's tags
+  /// Addresses, or names of the device's tags. Op read: none for all tags; else one.
+  std::vector<std::string> names{};
   std::optional<std::string> value;  ///< op write: a JSON value, or plain text for a string
   std::optional<std::string> type;   ///< a word of DataType
   std::uint16_t count = 0;           ///< op read: devices in a row; 0: one
-  bool trace = false;                ///< log every frame of its link
+  /// Op read and write: in place of the order that config or protocol say; a word of ByteOrder.
+  std::optional<std::string> word_order{};
+  bool orders = false;  ///< op read: show the value in every word order
+  bool trace = false;   ///< log every frame of its link
   bool as_json = false;
 };
 

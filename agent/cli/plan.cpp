@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "agent/cli/plan_report.h"
+#include "agent/cli/table.h"
 
 namespace fxagent {
 namespace {
@@ -119,24 +120,6 @@ std::string interval_text(std::chrono::milliseconds interval) {
   return interval.count() > 0 ? std::to_string(interval.count()) : "the rest";
 }
 
-using Row = std::vector<std::string>;
-
-/// Columns under each other; words to the left, numbers to the right. All rows have as many cells
-/// as the first.
-void print_table(const std::vector<Row>& rows, std::size_t word_columns) {
-  std::vector<std::size_t> widths(rows.front().size());
-  for (const Row& row : rows)
-    for (std::size_t c = 0; c < row.size(); ++c) widths[c] = std::max(widths[c], row[c].size());
-  for (const Row& row : rows) {
-    std::string line = " ";
-    for (std::size_t c = 0; c < row.size(); ++c) {
-      const std::string fill(widths[c] - row[c].size(), ' ');
-      line += ' ' + (c < word_columns ? row[c] + fill : fill + row[c]) + ' ';
-    }
-    std::cout << line.substr(0, line.find_last_not_of(' ') + 1) << '\n';
-  }
-}
-
 void print_heading(const LinkReport& link) {
   std::cout << "link " << link.name << ", "
             << (link.baud ? std::to_string(*link.baud) + " baud" : std::string("speed not known"));
@@ -164,7 +147,7 @@ void print_groups(const LinkReport& link) {
          use(group.use.asked), use(group.use.framing), use(group.use.unasked),
          use(group.use.word_access), use(group.use.turnaround)});
   }
-  print_table(rows, 1);
+  std::cout << table_text(rows, 1);
 }
 
 /// "D100", or of places that go by one frame "4 places: D100, D205, M16 …".
@@ -184,7 +167,7 @@ void print_reads(const LinkReport& link) {
     for (const ExchangeReport& exchange : group.exchanges)
       rows.push_back({places_text(exchange), group.device + "/" + group.group, size_text(exchange),
                       std::to_string(exchange.chars), time_text(exchange.line_time)});
-  print_table(rows, 2);
+  std::cout << table_text(rows, 2);
 }
 
 /// Of sizes next to each other that come to the same, the configured one, or else the smallest.
@@ -274,7 +257,7 @@ void print_change(const LinkReport& was, const LinkReport& is) {
     rows.push_back({group.device + "/" + group.group + ", " + every,
                     earlier != nullptr ? cost_text(*earlier) : kNone, cost_text(group)});
   }
-  print_table(rows, 1);
+  std::cout << table_text(rows, 1);
   for (const std::string& warning : was.warnings)
     std::cout << "  warning before: " << warning << '\n';
   for (const std::string& warning : is.warnings)

@@ -33,23 +33,15 @@ bool concerns_place(Reason reason) {
 
 Refusal refuse(Reason reason, std::string detail) { return {reason, std::move(detail)}; }
 
-std::optional<double> number(const Scalar& scalar) {
-  if (const auto* integer = std::get_if<std::int64_t>(&scalar))
-    return static_cast<double>(*integer);
-  if (const auto* real = std::get_if<double>(&scalar)) return *real;
-  return std::nullopt;
-}
-
 /// A refusal where any element of what is to be written lies outside the tag's min and max.
 std::optional<Refusal> check_limits(const TagConfig& tag, const Value& written) {
   for (const Scalar& item : written.items) {
-    const auto x = number(item);
-    if (!x) continue;
+    if (!number_of(item)) continue;
     const auto& [min, max, deadband] = tag.units->limits;
-    const std::string what = spelled(*x) + " would be written, ";
-    if (min && *x < *min)
+    const std::string what = spelled(item) + " would be written, ";
+    if (min && compare(item, *min) == std::partial_ordering::less)
       return refuse(Reason::out_of_range, what + "below the tag's min of " + spelled(*min));
-    if (max && *x > *max)
+    if (max && compare(item, *max) == std::partial_ordering::greater)
       return refuse(Reason::out_of_range, what + "above the tag's max of " + spelled(*max));
   }
   return std::nullopt;
@@ -295,6 +287,7 @@ std::optional<Refusal> CommandAdmission::resolve_place(const Codec& codec, Op op
     out.point.order = codec.addresses().default_order();
     set_extent(target, out.point);
   }
+  if (target.order) out.point.order = *target.order;
   const auto span = span_of(out.point);
   if (!span) return refuse(Reason::bad_address, span.error().text);
   if (const auto inside = codec.addresses().check_range(*span); !inside)

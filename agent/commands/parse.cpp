@@ -75,7 +75,7 @@ std::optional<Scalar> scalar_of(const Json& json) {
   if (json.is_boolean()) return Scalar(json.get<bool>());
   if (json.is_number_unsigned() &&
       json.get<std::uint64_t>() > std::uint64_t{std::numeric_limits<std::int64_t>::max()})
-    return Scalar(json.get<double>());
+    return Scalar(BigInteger{json.dump()});
   if (json.is_number_integer()) return Scalar(json.get<std::int64_t>());
   if (json.is_number_float()) return Scalar(json.get<double>());
   if (json.is_string()) return Scalar(json.get<std::string>());

@@ -84,8 +84,9 @@ inline constexpr std::array kSyncs{"offline"sv, "always"sv};
 inline constexpr std::array kParities{"none"sv, "even"sv, "odd"sv};  // the order of Parity
 inline constexpr std::array kPublish{"always"sv, "on_change"sv};
 inline constexpr std::array kAccess{"read"sv, "read_write"sv};
-inline constexpr std::array kTypes{"bool"sv,    "int16"sv, "uint16"sv, "int32"sv, "uint32"sv,
-                                   "float32"sv, "bcd16"sv, "bcd32"sv,  "string"sv};
+inline constexpr std::array kTypes{"bool"sv,    "int16"sv, "uint16"sv, "int32"sv,
+                                   "uint32"sv,  "int64"sv, "uint64"sv, "float32"sv,
+                                   "float64"sv, "bcd16"sv, "bcd32"sv,  "string"sv};
 /// The first two are for every protocol, see word_order_key().
 inline constexpr std::array kWordOrders{"low_first"sv, "high_first"sv, "ABCD"sv,
                                         "CDAB"sv,      "BADC"sv,       "DCBA"sv};
@@ -282,7 +283,7 @@ inline constexpr auto kAll = std::to_array<ConfigKey>({
     {"devices[].tags[]", "word_order", choice, kWordOrders, Rule{
      "FX: `low_first`; Modbus: `byte_order`"},
     
-     "Which word of a 32-bit value comes first; `low_first` is `CDAB`, `high_first` is `ABCD`. The "
+     "Which word of a 32- or 64-bit value comes first; `low_first` is `CDAB`, `high_first` is `ABCD`. The "
      "four letters are for Modbus only. Not for `bool`."},
     {"devices[].tags[]", "scale", number, {}, 1, "The value is raw × `scale` + `offset`. Not 0."},
     {"devices[].tags[]", "offset", number, {}, 0, "Added to the scaled value."},

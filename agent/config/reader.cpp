@@ -101,6 +101,12 @@ constexpr auto kMeanings = std::to_array<std::pair<std::string_view, std::string
     {"short", "int16"},
     {"ushort", "uint16"},
     {"long", "int32"},
+    {"lint", "int64"},
+    {"ulint", "uint64"},
+    {"qword", "uint64"},
+    {"lword", "uint64"},
+    {"double", "float64"},
+    {"lreal", "float64"},
     {"ulong", "uint32"},
     {"text", "string"},
     {"char", "string"},
@@ -141,15 +147,6 @@ constexpr auto kMeanings = std::to_array<std::pair<std::string_view, std::string
     {"tag", "tags"},
     {"register", "address"},
 });
-
-/// Of 64 bits, which no type has: the nearest would be read as half of them.
-constexpr std::array<std::string_view, 5> kOfNoWord{"double", "lreal", "float64", "int64",
-                                                    "uint64"};
-
-bool is_of_no_word(std::string_view word) {
-  return std::ranges::any_of(kOfNoWord,
-                             [&](std::string_view each) { return equal_but_for_case(word, each); });
-}
 
 /// Whether `word` says `candidate` in another way: another case, its first letter alone, or a word
 /// of the table.
@@ -222,7 +219,7 @@ std::vector<std::string_view> nearest_words(std::string_view word,
     for (const auto candidate : words)
       if (candidate.starts_with(word)) nearest.push_back(candidate);
   if (!nearest.empty()) return nearest;
-  if (word.size() > kLongestWord || words.size() > kMostWords || is_of_no_word(word)) return {};
+  if (word.size() > kLongestWord || words.size() > kMostWords) return {};
   std::size_t least = 0;
   for (const auto candidate : words) {
     if (candidate.size() > 2 * kLongestWord) continue;

@@ -5,6 +5,9 @@
 #include <span>
 #include <utility>
 
+#include "protocol/value_range.h"
+#include "protocol/word_order.h"
+
 namespace fxagent {
 namespace {
 
@@ -239,7 +242,31 @@ void PollCycle::note_no_value(std::size_t index, SteadyTime now) {
   const auto since = now - std::exchange(last->second, now);
   if (!fresh && since < kValueAgain) return;
   const auto value = value_of(plan_, images_, device_.tags[tag].point, index);
-  if (!value) no_values_.push_back({tag, value.error().text});
+  if (!value) no_values_.push_back({tag, value.error().text, order_hint_of(index)});
+}
+
+void PollCycle::note_order(std::size_t index, const Value& value) {
+  const std::uint32_t tag = tags()[index];
+  const DataType type = device_.tags[tag].point.type;
+  if (type != DataType::float32 && type != DataType::float64) return;
+  const auto is_odd = [](const Scalar& item) { return is_absurd(number_of(item).value_or(0)); };
+  const auto odd = std::ranges::find_if(value.items, is_odd);
+  if (odd == value.items.end() || odd_orders_.contains(tag)) return;
+  std::string hint = order_hint_of(index);
+  if (hint.empty()) return;
+  odd_orders_.insert(tag);
+  no_values_.push_back({tag, "reads " + spelled(*odd), std::move(hint)});
+}
+
+std::string PollCycle::order_hint_of(std::size_t index) const {
+  if (failure_of(plan_.sources[index], index)) return {};
+  const auto read = [&](const Point& point) { return value_of(plan_, images_, point, index); };
+  Point point = device_.tags[tags()[index]].point;
+  const auto order = likelier_order(point, read);
+  if (!order) return {};
+  point.order = *order;
+  const auto value = read(point);
+  return value ? order_hint(*order, *value) : std::string();
 }
 
 std::optional<Telemetry> PollCycle::finish(bool doubted, std::uint64_t findings,
@@ -249,7 +276,10 @@ std::optional<Telemetry> PollCycle::finish(bool doubted, std::uint64_t findings,
   fresh.reserve(tags().size());
   for (std::size_t i = 0; i < tags().size(); ++i) {
     fresh.push_back(reading_of(i, doubtful));
-    if (fresh.back().bad == BadReason::bad_value) note_no_value(i, now);
+    if (fresh.back().bad == BadReason::bad_value)
+      note_no_value(i, now);
+    else if (!fresh.back().bad)
+      note_order(i, fresh.back().value);
   }
   newer_.clear();
   images_.assign(images_.size(), {});  // what was said is not said again

@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <unordered_map>
+#include <unordered_set>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -74,12 +75,15 @@ class PollCycle final {
   std::optional<Telemetry> finish(bool doubted, std::uint64_t findings, std::int64_t now_ms,
                                   SteadyTime now, SteadyTime next = {});
 
-  /// A tag whose bytes in the device are no value of its type.
+  /// A tag whose bytes in the device are no value of its type, or a float that makes sense in
+  /// another word order only.
   struct NoValue {
     std::uint32_t tag = 0;
-    std::string why;  ///< with the raw value
+    std::string why;   ///< with the raw value
+    std::string hint;  ///< names the other word order; empty: there is none
   };
-  /// What finish() has found of them: each once, and again where it was a value for a minute.
+  /// Returns those that finish() has found: each once, and again after it was a value for a minute.
+  /// A value in a doubtful word order comes once.
   std::vector<NoValue> take_no_values() { return std::exchange(no_values_, {}); }
 
   /// The reason of the first bad tag; nullopt where all are good.
@@ -98,6 +102,8 @@ class PollCycle final {
 
   TagReading reading_of(std::size_t index, bool doubtful) const;
   void note_no_value(std::size_t index, SteadyTime now);
+  void note_order(std::size_t index, const Value& value);
+  std::string order_hint_of(std::size_t index) const;
   std::optional<BadReason> failure_of(const PointSource& source, std::size_t index) const;
   void add_read(PlannedRead read);
   void take_images(const ReadIndices& reads, Exchange& exchange);
@@ -115,6 +121,7 @@ class PollCycle final {
   std::unordered_map<std::uint32_t, TagOutcome> newer_;
   std::unordered_map<std::uint32_t, SteadyTime> no_value_at_;  ///< tag → when it was none last
   std::vector<NoValue> no_values_;
+  std::unordered_set<std::uint32_t> odd_orders_;  ///< tags that note_order() has reported
   std::optional<SteadyTime> first_reply_;
   SteadyTime last_reply_{};
   std::int64_t last_reply_ms_ = 0;

@@ -402,7 +402,9 @@ void Poller::finish_cycle(LinkDevice& device, GroupPoll& group) {
                       {"tag", std::string(tag.name)},
                       {"address", std::string(tag.point.address.text)},
                       {"reason", none.why},
-                      {"note", "is this its address, and the type that the device has there?"}});
+                      {"note", none.hint.empty()
+                                   ? "is this its address, and the type that the device has there?"
+                                   : none.hint}});
   }
   if (message)
     publish(device, std::move(*message));

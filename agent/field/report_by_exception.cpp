@@ -5,6 +5,8 @@
 #include <limits>
 #include <utility>
 
+#include "protocol/value_range.h"
+
 namespace fxagent {
 namespace {
 
@@ -13,13 +15,6 @@ constexpr int kLateShare = 10;
 
 bool is_silence(BadReason reason) {
   return reason == BadReason::timeout || reason == BadReason::link_down;
-}
-
-std::optional<double> number(const Scalar& scalar) {
-  if (const auto* integer = std::get_if<std::int64_t>(&scalar))
-    return static_cast<double>(*integer);
-  if (const auto* real = std::get_if<double>(&scalar)) return *real;
-  return std::nullopt;
 }
 
 /// What binary fractions can lose in a difference: 0.3 - 0.2 is a little less than 0.1.
@@ -31,13 +26,10 @@ double rounding(double x, double y) {
 bool apart(const Value& a, const Value& b, std::optional<double> deadband) {
   if (!deadband || a.items.size() != b.items.size()) return a != b;
   for (std::size_t i = 0; i < a.items.size(); ++i) {
-    const auto x = number(a.items[i]);
-    const auto y = number(b.items[i]);
-    if (!x || !y) {
-      if (a.items[i] != b.items[i]) return true;
-    } else if (*x != *y && std::abs(*x - *y) + rounding(*x, *y) >= *deadband) {
-      return true;
-    }
+    if (a.items[i] == b.items[i]) continue;
+    const auto x = number_of(a.items[i]);
+    const auto y = number_of(b.items[i]);
+    if (!x || !y || std::abs(*x - *y) + rounding(*x, *y) >= *deadband) return true;
   }
   return false;
 }

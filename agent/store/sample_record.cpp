@@ -80,6 +80,8 @@ void write_scalar(RowWriter& out, const Scalar& scalar) {
     out.real(*real);
   else if (const auto* flag = std::get_if<bool>(&scalar))
     out.byte(*flag ? kTrue : kFalse);
+  else if (const auto* large = std::get_if<BigInteger>(&scalar))
+    out.string(Major::text, large->digits);
   else  // characters of a PLC need not be UTF-8, which CBOR's text must be
     out.string(Major::bytes, std::get<std::string>(scalar));
 }
@@ -170,6 +172,12 @@ bool RowReader::scalar(Scalar& value) {
       value.emplace<std::string>(text);
       return true;
     }
+    case 3: {
+      std::string_view digits;
+      if (!string(Major::text, digits)) return false;
+      value.emplace<BigInteger>(BigInteger{std::string(digits)});
+      return true;
+    }
     default:
       break;
   }
@@ -198,7 +206,7 @@ bool read_reading(RowReader& in, RecordedReading& reading, std::uint64_t& items)
   if (!in.string(Major::text, reading.name) || !in.count(Major::whole, kind) ||
       !in.value(reading.value))
     return false;
-  if ((kind & kTypeBits) > static_cast<std::uint64_t>(DataType::string) ||
+  if ((kind & kTypeBits) > static_cast<std::uint64_t>(DataType::float64) ||
       kind > (kTypeBits | kScaled | kBad))
     return false;
   reading.type = static_cast<DataType>(kind & kTypeBits);

@@ -37,6 +37,7 @@ Point scaled_point(DataType type, double scale, double offset) {
 Value whole(std::int64_t number) { return Value(Scalar(number)); }
 Value real(double number) { return Value(Scalar(number)); }
 Value text(const char* characters) { return Value(Scalar(std::string(characters))); }
+Value large(const char* digits) { return Value(Scalar(BigInteger{digits})); }
 Value flag(bool on) { return Value(Scalar(on)); }
 
 Value read(const Point& point, const char* image) {
@@ -63,8 +64,8 @@ PackFault fault(const Point& point, const Value& value) {
 // ---- words of the config ----------------------------------------------------------------------
 
 TEST(DataType, EveryWordIsReadBack) {
-  for (const char* word :
-       {"bool", "int16", "uint16", "int32", "uint32", "float32", "bcd16", "bcd32", "string"})
+  for (const char* word : {"bool", "int16", "uint16", "int32", "uint32", "int64", "uint64",
+                           "float32", "float64", "bcd16", "bcd32", "string"})
     EXPECT_EQ(to_string(*data_type_from(word)), word);
   const auto wrong = data_type_from("int");
   ASSERT_FALSE(wrong);
@@ -96,7 +97,8 @@ TEST(Point, HasADefaultTypeForEachUnit) {
 TEST(Point, TakesOnlyTheTypesOfItsUnit) {
   const DataType all[] = {DataType::boolean, DataType::int16,  DataType::uint16,
                           DataType::int32,   DataType::uint32, DataType::float32,
-                          DataType::bcd16,   DataType::bcd32,  DataType::string};
+                          DataType::bcd16,   DataType::bcd32,  DataType::string,
+                          DataType::int64,   DataType::uint64, DataType::float64};
   const auto fitting = [&](Unit unit, std::uint32_t bits) {
     std::string words;
     for (const DataType type : all) {
@@ -110,7 +112,8 @@ TEST(Point, TakesOnlyTheTypesOfItsUnit) {
   };
   EXPECT_EQ(fitting(Unit::bit, 1), "bool ");
   EXPECT_EQ(fitting(Unit::word_bit, 1), "bool ");
-  EXPECT_EQ(fitting(Unit::word, 16), "int16 uint16 int32 uint32 float32 bcd16 bcd32 string ");
+  EXPECT_EQ(fitting(Unit::word, 16),
+            "int16 uint16 int32 uint32 float32 bcd16 bcd32 string int64 uint64 float64 ");
   EXPECT_EQ(fitting(Unit::dword, 32), "int32 ");
   EXPECT_EQ(fitting(Unit::long_index, 32), "int32 uint32 ");
   EXPECT_EQ(fitting(Unit::long_count, 32), "int32 uint32 ");
@@ -190,6 +193,67 @@ TEST(Unpack, AFloatHasTheByteOrderOfItsPointInBothDirections) {
     EXPECT_EQ(written(point, real(23.4)), images.first) << to_string(order);
     EXPECT_EQ(written(point, real(0.15625)), images.second) << to_string(order);
   }
+}
+
+struct FourWords {
+  ByteOrder order;
+  const char* integer;  ///< 0x0123456789ABCDEF
+  const char* pi;       ///< 0x400921FB54442D18, IEEE 754
+};
+// The four words of a value, each low byte first, put down by hand.
+constexpr FourWords kFourWords[] = {
+    {ByteOrder::abcd, "23 01 67 45 AB 89 EF CD", "09 40 FB 21 44 54 18 2D"},
+    {ByteOrder::cdab, "EF CD AB 89 67 45 23 01", "18 2D 44 54 FB 21 09 40"},
+    {ByteOrder::badc, "01 23 45 67 89 AB CD EF", "40 09 21 FB 54 44 2D 18"},
+    {ByteOrder::dcba, "CD EF 89 AB 45 67 01 23", "2D 18 54 44 21 FB 40 09"},
+};
+
+TEST(Unpack, ValuesOfFourWordsHaveTheFourOrdersInBothDirections) {
+  const auto spaced = [](const char* image) { return to_hex(hex(image)); };
+  for (const FourWords& c : kFourWords) {
+    for (const DataType type : {DataType::int64, DataType::uint64}) {
+      Point point = word_point(type);
+      point.order = c.order;
+      EXPECT_EQ(read(point, c.integer), whole(81985529216486895)) << to_string(c.order);
+      EXPECT_EQ(written(point, whole(81985529216486895)), spaced(c.integer));
+    }
+    Point point = word_point(DataType::float64);
+    point.order = c.order;
+    EXPECT_EQ(read(point, c.pi), real(3.141592653589793)) << to_string(c.order);
+    EXPECT_EQ(written(point, real(3.141592653589793)), spaced(c.pi));
+  }
+}
+
+TEST(Unpack, SixtyFourBitsHaveTheirWholeRange) {
+  const Point with_sign = word_point(DataType::int64);
+  const Point without = word_point(DataType::uint64);
+  EXPECT_EQ(span_of(with_sign)->bits, 64U);
+  EXPECT_EQ(read(with_sign, "FF FF FF FF FF FF FF FF"), whole(-1));
+  EXPECT_EQ(read(with_sign, "00 00 00 00 00 00 00 80"),
+            whole(std::numeric_limits<std::int64_t>::min()));
+  EXPECT_EQ(read(without, "FF FF FF FF FF FF FF FF"), large("18446744073709551615"));
+  EXPECT_EQ(read(without, "00 00 00 00 00 00 00 80"), large("9223372036854775808"));
+  EXPECT_EQ(read(without, "FF FF FF FF FF FF FF 7F"), whole(9223372036854775807));
+  const Value two =
+      read(word_point(DataType::uint64, 2), "01 00 00 00 00 00 00 00 FF FF FF FF FF FF FF FF");
+  EXPECT_EQ(two.items,
+            (Scalars{Scalar(std::int64_t{1}), Scalar(BigInteger{"18446744073709551615"})}));
+  EXPECT_FALSE(unpack(word_point(DataType::float64), hex("00 00 00 00 00 00 F8 7F"), 0)) << "NaN";
+}
+
+TEST(Unpack, AScaledIntegerBeyondTwoToThe53IsExact) {
+  // 0x2BDC545D6B4B87 Wh
+  EXPECT_EQ(read(scaled_point(DataType::uint64, 0.001, 0), "87 4B 6B 5D 54 DC 2B 00"),
+            real(12345678901234.567));
+  const char* const most = "FF FF FF FF FF FF FF FF";
+  EXPECT_EQ(read(scaled_point(DataType::uint64, 10, 5), most), large("184467440737095516155"));
+  EXPECT_EQ(read(scaled_point(DataType::uint64, 0.1, 0), most), whole(1844674407370955162));
+  EXPECT_EQ(read(scaled_point(DataType::int32, 1e7, 1), "FF FF FF 7F"), whole(21474836470000001));
+  EXPECT_EQ(read(scaled_point(DataType::int32, -1e10, 0), "FF FF FF 7F"),
+            large("-21474836470000000000"));
+  EXPECT_EQ(read(scaled_point(DataType::int16, 1e300, 0), "01 00").items.size(), 1U);
+  // Up to there it is the decimal number as before.
+  EXPECT_EQ(read(scaled_point(DataType::int32, 1e6, 0), "FF FF FF 7F"), real(2147483647000000));
 }
 
 TEST(Unpack, AScaledIntegerIsTheDecimalNumberItLooksLike) {
@@ -322,6 +386,48 @@ TEST(Pack, NumbersBecomeTheirImage) {
   EXPECT_EQ(
       written(word_point(DataType::int16, 2), Value::array({Scalar(std::int64_t{1}), Scalar(2.0)})),
       "01 00 02 00");
+}
+
+TEST(Pack, IntegersBeyondTwoToThe53MayBeTexts) {
+  const Point point = word_point(DataType::uint64);
+  EXPECT_EQ(written(point, text("18446744073709551615")), "FF FF FF FF FF FF FF FF");
+  EXPECT_EQ(written(point, large("18446744073709551615")), "FF FF FF FF FF FF FF FF");
+  EXPECT_EQ(written(point, text("50")), "32 00 00 00 00 00 00 00");
+  EXPECT_EQ(written(word_point(DataType::int64), text("-9223372036854775808")),
+            "00 00 00 00 00 00 00 80");
+  EXPECT_EQ(written(word_point(DataType::int64), whole(-2)), "FE FF FF FF FF FF FF FF");
+  // (9007199254740993 - 1) / 4 = 0x8000000000000
+  EXPECT_EQ(written(scaled_point(DataType::int64, 4, 1), text("9007199254740993")),
+            "00 00 00 00 00 00 08 00");
+  EXPECT_EQ(written(scaled_point(DataType::int64, 0.001, 0), real(12345678901234.5)),
+            "44 4B 6B 5D 54 DC 2B 00");
+  for (const char* no : {"18446744073709551616", "-1"})
+    EXPECT_EQ(fault(point, text(no)), PackFault::out_of_range) << no;
+  EXPECT_EQ(fault(point, real(18446744073709551616.0)), PackFault::out_of_range);
+  EXPECT_EQ(fault(point, real(1e300)), PackFault::out_of_range);
+  for (const char* no : {"", "-", "1e5", "0x10", "007", " 1", "1.0", "+1"})
+    EXPECT_EQ(fault(point, text(no)), PackFault::bad_value) << no;
+  EXPECT_EQ(fault(word_point(DataType::int16), text("50")), PackFault::bad_value);
+  EXPECT_EQ(fault(word_point(DataType::int16), text("9007199254740993")), PackFault::bad_value);
+  EXPECT_EQ(fault(scaled_point(DataType::int16, 2, 0), text("9007199254740993")),
+            PackFault::out_of_range);
+  EXPECT_EQ(fault(scaled_point(DataType::int16, 2, 0), text("50")), PackFault::bad_value);
+  EXPECT_EQ(fault(word_point(DataType::float64), text("9007199254740993")), PackFault::bad_value);
+  const auto refused = pack(point, text("18446744073709551616"));
+  EXPECT_EQ(refused.error().text,
+            "18446744073709551616 is raw 18446744073709551616; uint64 holds 0 to "
+            "18446744073709551615");
+}
+
+TEST(Pack, ValuesOf64BitsAreComparedExactly) {
+  EXPECT_TRUE(shows(whole(9007199254740993), text("9007199254740993")));
+  EXPECT_FALSE(shows(whole(9007199254740993), real(9007199254740992)));
+  EXPECT_FALSE(shows(whole(9007199254740993), whole(9007199254740992)));
+  EXPECT_TRUE(shows(large("18446744073709551615"), large("18446744073709551615")));
+  EXPECT_FALSE(shows(large("18446744073709551615"), large("18446744073709551614")));
+  EXPECT_FALSE(shows(large("18446744073709551615"), real(18446744073709551616.0)));
+  EXPECT_FALSE(shows(whole(5), text("five")));
+  EXPECT_TRUE(check_kind(word_point(DataType::int64), text("9007199254740993")));
 }
 
 TEST(Pack, RawIsTheNearestIntegerAndTiesGoAwayFromZero) {

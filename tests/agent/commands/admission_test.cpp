@@ -750,6 +750,25 @@ TEST_F(CommandAdmissionTest, LimitsBindWhatIsReallyWritten) {
   EXPECT_EQ(admit(above).targets[0].written, real(100));
 }
 
+TEST_F(CommandAdmissionTest, LimitsOf64BitsAreComparedExactly) {
+  TagConfig energy = writable(tag(*device.codec, "energy", "D260"));
+  energy.point.type = DataType::int64;
+  energy.units = std::make_shared<const TagUnits>(TagUnits{.limits = {.max = 9007199254740992.0}});
+  device.tags.push_back(energy);
+  const auto with = [&](std::string id, Value value) {
+    Command command = write(std::move(id));
+    command.targets[0].tag = "energy";
+    command.targets[0].value = std::move(value);
+    return command;
+  };
+  EXPECT_EQ(admit(with("a", Value(std::int64_t{9007199254740992}))).targets[0].written,
+            Value(std::int64_t{9007199254740992}));
+  const CommandResult above = answered(with("b", Value(std::string("9007199254740993"))));
+  EXPECT_EQ(to_string(above.reason), "out_of_range");
+  EXPECT_EQ(above.detail,
+            "9007199254740993 would be written, above the tag's max of 9007199254740992");
+}
+
 TEST_F(CommandAdmissionTest, ExpectIsKeptAsItCame) {
   Command command = write("b7e1");
   command.expect = real(45);

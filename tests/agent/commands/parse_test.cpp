@@ -38,6 +38,17 @@ TEST(ParseCommand, ReadsAnAddressWithType) {
   EXPECT_EQ(command.targets.at(0).value, Value::array({1.5, true, std::string("x")}));
 }
 
+TEST(ParseCommand, IntegersKeepAllTheirDigits) {
+  const auto value_of = [](const std::string& value) {
+    return parse_command(R"({"id":"1","op":"write","tag":"t","value":)" + value + "}")
+        .targets.at(0)
+        .value.value();
+  };
+  EXPECT_EQ(value_of("18446744073709551615"), Value(BigInteger{"18446744073709551615"}));
+  EXPECT_EQ(value_of("9007199254740993"), Value(std::int64_t{9007199254740993}));
+  EXPECT_EQ(value_of("\"9007199254740993\""), Value(std::string("9007199254740993")));
+}
+
 TEST(ParseCommand, ReadsTargets) {
   const Command command = fxagent::parse_command(
       R"({"id":"1","op":"write","targets":[{"tag":"a","value":1},{"address":"D1","value":[2]}]})");

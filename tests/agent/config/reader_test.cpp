@@ -53,7 +53,10 @@ TEST(NearestWords, MeaningGoesBeforeLetters) {
   EXPECT_EQ(nearest_words("short", types), Words{"int16"});
   EXPECT_EQ(nearest_words("long", types), Words{"int32"});
   EXPECT_EQ(nearest_words("text", types), Words{"string"});
-  EXPECT_EQ(nearest_words("double", types), Words{}) << "64 bits are no float32";
+  EXPECT_EQ(nearest_words("double", types), Words{"float64"});
+  EXPECT_EQ(nearest_words("LREAL", types), Words{"float64"});
+  EXPECT_EQ(nearest_words("qword", types), Words{"uint64"});
+  EXPECT_EQ(nearest_words("lint", types), Words{"int64"});
   EXPECT_EQ(nearest_words("real", types), Words{"float32"});
   EXPECT_EQ(nearest_words("WORD", types), Words{"uint16"});
 }

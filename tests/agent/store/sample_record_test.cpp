@@ -145,7 +145,8 @@ TEST(SampleRecord, NumbersOfTypesAndReasonsAreThoseInFiles) {
   // As agent/store/README.md has them.
   const std::vector<DataType> types{DataType::boolean, DataType::int16,  DataType::uint16,
                                     DataType::int32,   DataType::uint32, DataType::float32,
-                                    DataType::bcd16,   DataType::bcd32,  DataType::string};
+                                    DataType::bcd16,   DataType::bcd32,  DataType::string,
+                                    DataType::int64,   DataType::uint64, DataType::float64};
   const std::vector<BadReason> reasons{BadReason::timeout,     BadReason::nak,
                                        BadReason::bad_frame,   BadReason::link_down,
                                        BadReason::unsupported, BadReason::bad_value};
@@ -161,6 +162,8 @@ TEST(SampleRecord, EveryValueComesBackAsItWas) {
                                   Value(std::int64_t{0}),
                                   Value(Limits::max()),
                                   Value(Limits::min()),
+                                  Value(BigInteger{"18446744073709551615"}),
+                                  Value(BigInteger{"-21474836470000000000"}),
                                   Value(-0.5),
                                   Value(0.1 + 0.2),
                                   Value(1e300),
@@ -209,7 +212,7 @@ TEST(SampleRecord, CountsThatCannotBeAreDamageAndCostNoMemory) {
   EXPECT_FALSE(decode_sample("\x87" + head, record)) << "a tag without its kind";
   EXPECT_FALSE(decode_sample("\x85" + head, record)) << "fewer than its head";
   EXPECT_FALSE(decode_sample("\x89" + head + "\x61\x61\x18\x40\x01", record)) << "no such kind";
-  EXPECT_FALSE(decode_sample("\x89" + head + "\x61\x61\x09\x01", record)) << "no such type";
+  EXPECT_FALSE(decode_sample("\x89" + head + "\x61\x61\x0C\x01", record)) << "no such type";
   EXPECT_TRUE(decode_sample("\x89" + head + "\x61\x61\x08\x01", record));
   EXPECT_FALSE(decode_sample("\x89" + head + "\x61\x61\x08\x9C\x01", record)) << "no such length";
   EXPECT_FALSE(decode_sample("\x89" + head + "\x61\x61\x08\x99\x01", record)) << "half a length";

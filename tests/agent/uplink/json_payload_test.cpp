@@ -83,6 +83,8 @@ TEST(TelemetryJson, IntegersStayIntegersAndLargeOnesBecomeStrings) {
             "\"9007199254740993\"");
   EXPECT_EQ(value_text(test::setpoint, Value(std::int64_t{-9007199254740993})),
             "\"-9007199254740993\"");
+  EXPECT_EQ(value_text(test::setpoint, Value(BigInteger{"18446744073709551615"})),
+            "\"18446744073709551615\"");
 }
 
 TEST(TelemetryJson, TextIsEscapedAndAlwaysUtf8) {

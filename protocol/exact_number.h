@@ -1,0 +1,34 @@
+// Exact decimal arithmetic for values that a double cannot hold: raw integers and scaled values
+// beyond ±2^53. point.cpp computes smaller ones with doubles.
+#pragma once
+
+#include <boost/multiprecision/cpp_int.hpp>
+#include <optional>
+#include <string_view>
+
+#include "protocol/point.h"
+
+namespace fxagent {
+
+/// An integer of any size.
+using Whole = boost::multiprecision::number<boost::multiprecision::cpp_int_backend<>,
+                                            boost::multiprecision::et_off>;
+
+/// Up to here, and down to its negative, a double tells neighbouring integers apart: 2^53.
+inline constexpr double kExactDouble = 9007199254740992.0;
+
+/// Parses an optional minus and at most 40 digits without leading zeros. nullopt for other texts.
+std::optional<Whole> whole_from(std::string_view text);
+
+/// Returns an int64 where it fits, else a BigInteger.
+Scalar scalar_of(const Whole& number);
+
+/// Returns raw × scale + offset. A double up to ±2^53; beyond that the nearest integer. `scale` and
+/// `offset` are finite; each counts as its shortest decimal spelling, so 0.1 is one tenth.
+Scalar scaled_exactly(const Whole& raw, double scale, double offset);
+
+/// Returns (value − offset) ÷ scale to the nearest integer, ties away from zero. `value` is a
+/// number, not a text; `scale` is not 0.
+Whole unscaled_exactly(const Scalar& value, double scale, double offset);
+
+}  // namespace fxagent

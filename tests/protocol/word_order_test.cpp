@@ -1,0 +1,75 @@
+// When another word order is the likelier one.
+#include "protocol/word_order.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "tests/protocol/frame_file.h"
+
+namespace fxagent {
+namespace {
+
+using test::hex;
+
+Point float_point(DataType type, ByteOrder order, std::uint16_t count = 1) {
+  Point point;
+  point.address = {"hr:0", {1, 0, 16}, Unit::word, true};
+  point.type = type;
+  point.order = order;
+  point.count = count;
+  point.is_array = count > 1;
+  return point;
+}
+
+/// `image`: the words in their order, each low byte first.
+std::optional<ByteOrder> likelier(DataType type, ByteOrder order, const char* image,
+                                  std::uint16_t count = 1) {
+  return likelier_order(float_point(type, order, count), hex(image), 0);
+}
+
+TEST(WordOrder, AnAbsurdFloatNamesTheOrderThatIsPlain) {
+  // 230.5 is 43 66 80 00 (IEEE 754). High word first:
+  EXPECT_EQ(likelier(DataType::float32, ByteOrder::cdab, "66 43 00 80"), ByteOrder::abcd);
+  // Low word first, read high word first: 8000 4366 is a denormal.
+  EXPECT_EQ(likelier(DataType::float32, ByteOrder::abcd, "00 80 66 43"), ByteOrder::cdab);
+  EXPECT_EQ(likelier(DataType::float32, ByteOrder::abcd, "43 66 80 00"), ByteOrder::badc);
+  EXPECT_EQ(likelier(DataType::float32, ByteOrder::abcd, "80 00 43 66"), ByteOrder::dcba);
+  // 230.5 as a double is 40 6C D0 00 00 00 00 00.
+  EXPECT_EQ(likelier(DataType::float64, ByteOrder::cdab, "6C 40 00 D0 00 00 00 00"),
+            ByteOrder::abcd);
+  // 50.124756 is 42 48 7F C0; 7F C0 42 48 is NaN.
+  EXPECT_EQ(likelier(DataType::float32, ByteOrder::cdab, "48 42 C0 7F"), ByteOrder::abcd);
+}
+
+TEST(WordOrder, APlainValueAndOneThatNoOrderMakesPlainHaveNoHint) {
+  EXPECT_EQ(likelier(DataType::float32, ByteOrder::abcd, "66 43 00 80"), std::nullopt);
+  EXPECT_EQ(likelier(DataType::float32, ByteOrder::abcd, "00 00 00 00"), std::nullopt);
+  EXPECT_EQ(likelier(DataType::float32, ByteOrder::abcd, "FF FF FF FF"), std::nullopt);
+  // 1e-9 A (30 89 70 5F) is small, and no absurd current.
+  EXPECT_EQ(likelier(DataType::float32, ByteOrder::abcd, "89 30 5F 70"), std::nullopt);
+  EXPECT_EQ(likelier(DataType::int32, ByteOrder::cdab, "66 43 00 80"), std::nullopt);
+}
+
+TEST(WordOrder, EveryElementOfAnArrayMustBePlain) {
+  EXPECT_EQ(likelier(DataType::float32, ByteOrder::cdab, "66 43 00 80 00 00 00 00", 2),
+            ByteOrder::abcd);
+  EXPECT_EQ(likelier(DataType::float32, ByteOrder::cdab, "66 43 00 80 FF 7F FF FF", 2),
+            std::nullopt);
+}
+
+TEST(WordOrder, AScaleDoesNotMakeAValueAbsurd) {
+  Point point = float_point(DataType::float32, ByteOrder::abcd);
+  ASSERT_TRUE(set_units(point, 1e20, 0));
+  EXPECT_EQ(likelier_order(point, hex("66 43 00 80"), 0), std::nullopt);
+}
+
+TEST(WordOrder, TheHintNamesOrderAndValue) {
+  EXPECT_EQ(order_hint(ByteOrder::cdab, Value(Scalar(230.5))),
+            "in word order CDAB it is 230.5: compare word_order with the device");
+  EXPECT_TRUE(is_absurd(std::numeric_limits<double>::denorm_min()));
+  EXPECT_FALSE(is_absurd(0));
+}
+
+}  // namespace
+}  // namespace fxagent
