@@ -283,8 +283,9 @@ void OnlineDevices::take(const DeviceStatus& status) {
   OnlineDevice& found = found_[status.device];
   awaited_[status.device].status = false;
   found.reason = status.reason;
-  found.text = status.reason;
+  found.text = status.reason_text;
   found.model = status.model;
+  found.model_configured = status.model_configured;
   found.run = status.run;
   if (status.state == DeviceStatus::State::offline)
     found.state = DeviceState::silent;
@@ -339,7 +340,7 @@ void judge_links(const Config& config, OnlineFindings& findings) {
       link.text.clear();
     } else if (link.state == LinkState::unused) {
       link.state = LinkState::down;
-      link.text = device.text;
+      link.text = device.text.empty() ? device.reason : device.text;
     }
   }
 }

@@ -185,6 +185,22 @@ TEST_F(OnlineReport, AnotherModelIsNamedWithBothAndStopIsANote) {
   EXPECT_EQ(status(), 4);
 }
 
+TEST_F(OnlineReport, TheTextsAndTheConfiguredModelAreThoseOfTheState) {
+  DeviceStatus status;
+  status.state = DeviceStatus::State::online;
+  status.model = "FX3U";
+  status.model_configured = "FX3G";
+  devices.take(status);
+  status.device = 1;
+  status.state = DeviceStatus::State::offline;
+  status.reason = "timeout";
+  status.reason_text = "is `unit` 1 its own address?";
+  devices.take(status);
+  const std::string said = text();
+  EXPECT_NE(said.find("FX3U where the config says FX3G"), std::string::npos) << said;
+  EXPECT_NE(said.find("  meter: is `unit` 1 its own address?\n"), std::string::npos) << said;
+}
+
 TEST_F(OnlineReport, WhoHasALinkIsNamedAndItsAgentCanBeAsked) {
   meter_answers();
   OnlineLink& link = findings.links[0];
