@@ -336,7 +336,7 @@ std::optional<int> too_deep_line(std::string_view text) {
       while (i < text.size()) {
         if (is_long ? text.substr(i).starts_with(triple) : text[i] == c || text[i] == '\n') break;
         if (text[i] == '\n') ++line;
-        i += c == '"' && text[i] == '\\' && text.substr(i + 1, 1) != "\n" ? 2 : 1;
+        i += c == '"' && text[i] == '\\' && text.substr(i + 1, 1) != "\n" ? 2U : 1U;
       }
       if (i >= text.size()) break;
       if (is_long) {
