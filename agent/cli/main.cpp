@@ -300,7 +300,8 @@ void add_import(CLI::App& app, ImportQuestion& what, std::function<int()>& actio
 void add_export(CLI::App& app, std::string& path, std::function<int()>& action) {
   CLI::App* command = app.add_subcommand("export", "Print the tags of a config for a spreadsheet");
   command->add_option("CONFIG", path, "Config file")->required();
-  command->add_flag("--csv", "As CSV, the default: `import csv` makes the same config of it");
+  command->add_flag("--csv")->description(
+      "As CSV, the default: `import csv` makes the same config of it");
   command->callback([&] { action = [&] { return loaded(path) ? run_export(path) : kWrong; }; });
 }
 
@@ -357,7 +358,8 @@ int dispatch(int argc, char** argv) {
 
   CLI::App* config_command = app.add_subcommand("config", "Print a config file in another form");
   config_command->add_option("CONFIG", path, "Config file")->required();
-  config_command->add_flag("--expand", "The default: every device written out, without templates");
+  config_command->add_flag("--expand")
+      ->description("The default: every device written out, without templates");
   config_command->callback([&] { action = [&] { return expand(path); }; });
 
   std::vector<std::string> what_ifs;
