@@ -99,10 +99,10 @@ TEST(LineTime, ACommandReadsEachPlaceByItselfWhereAnyWayAllowsIt) {
 }
 
 TEST(LineTime, LongestPollWithoutReadsIsTheQuestionForRunOrWhetherTheDeviceIsThere) {
-  // One byte of M8000: 11 characters ask, 6 answer.
+  // One word, the model in D8001: 11 characters ask, 8 answer.
   const DeviceConfig port = device_of("fx-programming-port");
   EXPECT_EQ(longest_poll(*port.codec, {}, timing_of(port, kCharTime)),
-            milliseconds(11 + 6 + 30 + 5));
+            milliseconds(11 + 8 + 30 + 5));
   // Modbus has no RUN state: one register, ":", "01 03 0000 0001", LRC, CR LF and 15 back.
   const DeviceConfig ascii = device_of("modbus-ascii");
   EXPECT_EQ(longest_poll(*ascii.codec, {}, timing_of(ascii, kCharTime)),

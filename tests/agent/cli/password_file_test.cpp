@@ -47,7 +47,9 @@ TEST_F(PasswordFiles, WithoutThatUserItIsOnesOwn) {
   struct stat file {};
   ASSERT_EQ(::stat(path.c_str(), &file), 0);
   EXPECT_EQ(file.st_uid, ::geteuid());
-  if (::geteuid() == 0) EXPECT_EQ(made->owner, "root");
+  if (::geteuid() == 0) {
+    EXPECT_EQ(made->owner, "root");
+  }
 }
 
 TEST_F(PasswordFiles, OneThatIsThereStaysAsItIs) {

@@ -119,13 +119,20 @@ TEST(LogWriter, LinesThatAreMadeLaterLeaveHalfOfTheRoomAndAreNotWaitedFor) {
 
 TEST(LogWriter, EndsWhileItsThreadStandsInAWrite) {
   const Pipe pipe;
+  const auto waiting = [&pipe] {
+    int bytes = 0;
+    EXPECT_EQ(::ioctl(pipe.ends[0], FIONREAD, &bytes), 0);
+    return bytes;
+  };
+  constexpr int kFull = 65536;
   {
     LogWriter writer(pipe.ends[1], told());
     for (int i = 0; i < 200; ++i) writer.write(std::string(1024, 'x'));
+    const auto deadline = std::chrono::steady_clock::now() + 20s;
+    while (waiting() < kFull && std::chrono::steady_clock::now() < deadline)
+      std::this_thread::yield();
   }
-  int waiting = 0;
-  EXPECT_EQ(::ioctl(pipe.ends[0], FIONREAD, &waiting), 0);
-  EXPECT_EQ(waiting, 65536) << "the pipe is full, so the thread stood in its write";
+  EXPECT_EQ(waiting(), kFull) << "the pipe is full, so the thread stood in its write";
 }
 
 TEST(LogWriter, DueLinesAreWrittenWithoutAnybodyLogging) {
