@@ -268,7 +268,8 @@ Result<Scalar> number_from(const Point& point, const Whole& raw) {
   const auto nearest = raw.convert_to<double>();
   const double exact = nearest * point.scale + point.offset;
   if (!std::isfinite(exact)) return fail(ErrorCode::bad_request, "scaled value is not finite");
-  if (std::abs(nearest) > kExactDouble || std::abs(exact) > kExactDouble)
+  // A double of 2^53 may stand for 2^53 + 1.
+  if (std::abs(nearest) >= kExactDouble || std::abs(exact) >= kExactDouble)
     return scaled_exactly(raw, point.scale, point.offset);
   return Scalar(to_decimals(exact, point.decimals));
 }
@@ -401,7 +402,7 @@ double as_double(const Scalar& scalar) {
 Whole nearest_raw(const Point& point, const Scalar& scalar) {
   const double value = as_double(scalar);
   const double raw = unscaled(point, value);
-  if (std::abs(value) <= kExactDouble && std::abs(raw) <= kExactDouble)
+  if (std::abs(value) < kExactDouble && std::abs(raw) < kExactDouble)
     return Whole(std::llround(raw));
   return unscaled_exactly(scalar, point.scale, point.offset);
 }

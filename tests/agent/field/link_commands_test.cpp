@@ -305,7 +305,9 @@ TEST_F(TwoGroups, NoCycleIsPublishedTwiceWhereAListOpensTheLineAgain) {
   collect();
   for (const Telemetry& message : telemetry)
     for (const TagReading& reading : message.readings)
-      if (reading.tag == 3 && !reading.bad) EXPECT_EQ(reading.value, number(8));
+      if (reading.tag == 3 && !reading.bad) {
+        EXPECT_EQ(reading.value, number(8));
+      }
 }
 
 class CycleOfTwoReads : public LinkCommandsTest {

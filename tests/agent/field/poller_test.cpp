@@ -197,7 +197,9 @@ TEST_F(PortPolls, NoDoubtedReadIsBelievedNotEvenThatWhichEndsTheDoubt) {
   steps_until(
       [&] { return !telemetry.empty() && telemetry.size() > 3 && is_good(telemetry.back()); });
   for (const Telemetry& message : telemetry)
-    if (is_good(message)) EXPECT_NE(message.readings[0].value, number(111));
+    if (is_good(message)) {
+      EXPECT_NE(message.readings[0].value, number(111));
+    }
 }
 
 TEST_F(PortPolls, RunStateThatIsDoubtedIsNotKnown) {
