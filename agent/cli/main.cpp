@@ -193,8 +193,10 @@ void add_one_shot(CLI::App& app, const std::string& name, const std::string& mea
     command->add_option("ADDRESS", what.names,
                         "Addresses (D100, Y17, M0 …) or tag names; none: every tag of the device");
   else
-    command->add_option("ADDRESS", what.names, "Address (D100, Y17, M0 …) or tag name")
-        ->expected(1)
+    command
+        ->add_option_function<std::string>(
+            "ADDRESS", [&what](const std::string& address) { what.names = {address}; },
+            "Address (D100, Y17, M0 …) or tag name")
         ->required();
   if (op == Op::write)
     command->add_option("VALUE", what.value, "Number, true/false, text or [array]")->required();

@@ -324,7 +324,7 @@ class Package(unittest.TestCase):
             output_of(FXAGENT, "--help-pages", pages)
             subcommands = re.findall(r"^  ([a-z-]+)  ", output_of(FXAGENT, "--help").split("Subcommands:")[1], re.M)
             self.assertIn("verify-stream", subcommands)
-            self.assertEqual(set(os.listdir(pages)), {"fxagent.1", "fxagent.bash"} |
+            self.assertEqual(set(os.listdir(pages)), {"fxagent.1", "fxagent.bash", "fxagent.json.5"} |
                              {f"fxagent-{name}.1" for name in subcommands})
 
             def offered(*words):

@@ -231,8 +231,8 @@ class Waits(StopTest):
         self.logged("state=online")
         open(slow, "w").close()
         time.sleep(1)  # samples are committed five times a second
-        self.stopped(expected=1)
-        self.assertIn('unfinished="the uplink: ', self.agent.logged())
+        self.stopped(expected=0)
+        self.assertIn("error store state=hangs", self.agent.logged())
 
     def test_a_store_that_does_not_open(self):
         slow = os.path.join(self.directory, "slow")

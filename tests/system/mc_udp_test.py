@@ -178,7 +178,7 @@ class McOverUdp(PlantTest):
         self.assertEqual(self.data(group="b")["values"]["b"][0], BLOCKS["b"])
         line = wait_for("the line of the log", lambda: [
             each for each in self.agent.logged().splitlines()
-            if "link=press2" in each and "nobody answers" in each])[0]
+            if "device=press2" in each and "no answer" in each])[0]
         self.assertIn("SLMP", line)
         self.assertGreater(self.sim.ask(cmd="stats", plc="press2")["strangers"], 0)
 

@@ -148,8 +148,8 @@ TEST(PlanReport, TheBoundIsThatOfAWordThatMayBeWritten) {
 TEST(PlanReport, WithoutWordsTheBoundIsThatOfAForceWhichIsNotReadBack) {
   const auto links = plan_links(
       config_of(kSerial, plc(R"({"name":"m","address":"M0","group":"g","access":"read_write"})")));
-  // A poll of 11 + 6, then a force of 9 and ACK.
-  EXPECT_NEAR(ms(*links[0].command_bound), (17 + 10) * 10 / 9.6, 0.1);
+  // The model's question, 11 + 8, then a force of 9 and ACK.
+  EXPECT_NEAR(ms(*links[0].command_bound), (19 + 10) * 10 / 9.6, 0.1);
   const auto none = plan_links(
       config_of(kSerial,
                 R"({"name":"p","link":"l","protocol":"modbus-rtu","groups":[{"name":"g"}],

@@ -207,9 +207,11 @@ TEST_F(PortPolls, RunStateThatIsDoubtedIsNotKnown) {
   const Bytes question = read_frame(kM8000, 1);
   const Bytes running = data_frame({0x01});
   script().expect(kEnq).give(kAck).expect(question).give(running);
+  wire->expect(read_frame(kD8001, 2)).give(word_frame(24310));
+  wire->expect(read_frame(kD8101, 2)).give(word_frame(16310));  // an FX3U, as the config says
   start();
   poller->add_question(*devices[0]);
-  steps_until([&] { return newest[0].run == true; });
+  steps_until([&] { return newest[0].run == true && wire->steps_left() == 0; });
   wire->give(word_frame(99)).silence().expect(kEnq).give(kAck);
   wire->expect(question).give(running);  // the probe
   wire->expect(question).give(running).silence();
