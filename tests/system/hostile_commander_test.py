@@ -64,7 +64,7 @@ class HostileCommander(PlantTest):
         self.ready()
         # Not the commands: the broker would forget what it has for a watcher that is too slow.
         self.watcher.client.subscribe([(f"{BASE}/+/result", 1), (f"{BASE}/+/data/#", 1),
-                                       (f"{BASE}/state", 1), ("hmi/#", 0)])
+                                       (f"{BASE}/state", 1), ("hmi/#", 0), (f"{BASE}/press1/result/+", 0)])
         self.watcher.client.unsubscribe("#")
         self.most = 0
         self.stop_watching = threading.Event()
@@ -169,7 +169,7 @@ class HostileCommander(PlantTest):
 
     def test_response_topics_as_long_as_they_can_be_hold_nobody_up(self):
         self.begin()
-        properties = (b"\x08" + text(b"hmi/" + b"x" * 60000) +
+        properties = (b"\x08" + text(f"{BASE}/press1/result/".encode() + b"x" * 60000) +
                       b"\x09" + struct.pack(">H", 60000) + b"c" * 60000)
         since = self.watcher.mark()
         hostile = Publisher(self.broker.port)
@@ -186,7 +186,7 @@ class HostileCommander(PlantTest):
             time.sleep(0.05)
         self.assertTrue(answers(), "another client was not heard")
         hostile.close()
-        copies = [topic for _, topic, _, _ in self.watcher.messages[since:] if topic.startswith("hmi/")]
+        copies = [topic for _, topic, _, _ in self.watcher.messages[since:] if topic.startswith(f"{BASE}/press1/result/")]
         self.assertTrue(copies, "no copy went to the response topic")
         self.assert_lively(since, 100)
 

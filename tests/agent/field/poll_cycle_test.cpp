@@ -376,13 +376,16 @@ TEST_F(PollCycleTest, ValueThatIsNoneIsToldOnceWithWhatIsThere) {
 }
 
 TEST_F(PollCycleTest, FloatThatIsPlainInAnotherWordOrderIsToldOnce) {
-  device.tags[0].point.type = DataType::float32;
+  Point& point = device.tags[0].point;
+  point.address = *device.codec->addresses().parse_address("D100", DataType::float32);
+  point.type = DataType::float32;
+  point.order = ByteOrder::cdab;
   PollCycle cycle = begun();
   const auto told_of = [&](std::uint16_t first, std::uint16_t second) {
     cycle.begin(0);
     cycle.take(0, data(word(first)));
     cycle.take(1, data(word(second)));
-    cycle.take(2, data(word(1)));
+    for (std::uint32_t read = 2; read < 4; ++read) cycle.take(read, data(word(1)));
     EXPECT_FALSE(finished(cycle).readings[0].bad) << "it is a number all the same";
     return cycle.take_no_values();
   };
