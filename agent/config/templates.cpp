@@ -186,6 +186,7 @@ Templates::Template* Templates::template_of(const ConfigNode& node, const Config
     text += "; there are no templates at all";
   } else if (reader_.may_suggest(given.offset)) {
     std::vector<std::string_view> names;
+    names.reserve(templates_.size());
     for (const auto& [known, ignored] : templates_) names.push_back(known);
     text += did_you_mean(*name, names);
   }
