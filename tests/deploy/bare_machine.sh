@@ -150,6 +150,7 @@ show_package() {
     apt-get install --yes ./build/fxagent-sim_*.deb
     fxsim --version
     fxagent check /usr/share/doc/fxagent-sim/examples/demo.json
+    apt-get purge --yes fxagent-sim
     systemd-analyze verify --man=no /lib/systemd/system/fxagent.service
     systemd-analyze security --offline=true --threshold=25 --no-pager /lib/systemd/system/fxagent.service | tail -n 1'
   in_root sh -c 'python3 -B tests/deploy/package_trial.py build/fxagent_*.deb'
