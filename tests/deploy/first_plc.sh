@@ -12,7 +12,7 @@ apt-get install --yes --no-install-recommends mosquitto ./build/fxagent-sim_*.de
 cat >/usr/local/bin/systemctl <<'END'
 #!/bin/sh
 [ "$*" = "restart fxagent" ] || exit 1
-setpriv --reuid=fxagent --regid=fxagent --init-groups fxagent run /etc/fxagent/agent.json 2>/tmp/agent.log &
+setpriv --reuid=fxagent --regid=fxagent --init-groups fxagent run /etc/fxagent/agent.json >/tmp/agent.log 2>&1 </dev/null &
 echo $! >/tmp/agent.pid
 END
 chmod +x /usr/local/bin/systemctl
