@@ -30,6 +30,7 @@ set(threads_and_io "^(${threads}|coroutine|${files_and_time}|${system})$")
 forbid("^protocol/" "${threads_and_io}" "protocol/ has no threads, no I/O and no clock")
 forbid("^protocol/" "${not_standard}"
        "protocol/ sees itself, tl/expected.hpp, Boost's small_vector and the standard library")
+forbid("^agent/" "^protocol/(fx|mc|modbus)/" "agent/ knows protocols by protocol/catalog.h only: adding one changes nothing here")
 forbid("^agent/field/" "^agent/(uplink|store|cli|agent)[/.]" "agent/field/ sees protocol, config and what may be done")
 forbid("^agent/field/" "^nlohmann/" "agent/field/ knows no JSON")
 forbid("^agent/commands/" "^agent/(field|store|uplink|cli|agent)[/.]" "agent/commands/ is pure: it names what it needs as ports")

@@ -207,6 +207,16 @@ struct MetricsConfig {
   friend bool operator==(const MetricsConfig&, const MetricsConfig&) = default;
 };
 
+/// One `commands.allow:` entry of `agent.remote_allow`.
+struct RemoteRange {
+  /// nullptr: the entry is for devices of the local file. Otherwise it is for every device of this
+  /// protocol and model.
+  const ProtocolInfo* protocol = nullptr;
+  std::string model{};  ///< empty if `protocol` is nullptr or has no models
+  std::string range{};  ///< as AddressSpace::parse_range() reads it
+  friend bool operator==(const RemoteRange&, const RemoteRange&) = default;
+};
+
 /// What may come over MQTT, on {base}/config/desired.
 struct RemoteLimits {
   bool enabled = config_key("agent.remote_config").flag();
@@ -216,9 +226,8 @@ struct RemoteLimits {
   bool devices = true;   ///< and `templates`
   bool servers = false;  ///< mqtt.servers
   bool run_stop = false;
-  /// Ranges as an engineer writes them: commands may be allowed to touch these, on any device whose
-  /// protocol has them, beyond what the file lets them touch.
-  std::vector<std::string> allow{};
+  /// Addresses that commands may touch in addition to those of the local file.
+  std::vector<RemoteRange> allow{};
   friend bool operator==(const RemoteLimits&, const RemoteLimits&) = default;
 };
 

@@ -127,7 +127,8 @@ inline constexpr auto kAll = std::to_array<ConfigKey>({
     {"agent", "remote_allow", array, {}, Rule{"`links` and `devices`"},
      "What can be set remotely: `links`, `devices` (with `templates`), `mqtt.servers`, "
      "`commands.allow_run_stop`, and `commands.allow: D300-D399` for addresses that commands may "
-     "touch beyond those of this file."},
+     "touch in addition to those of this file. For devices that this file does not have: "
+     "`commands.allow: mc-3e FX5U D300-D399`."},
     {"agent", "remote_without_disk", boolean, {}, false,
      "Whether a remote config is taken over although the disk refuses to keep it for a way "
      "back."},

@@ -17,7 +17,7 @@ constexpr std::array kWords{"links"sv, "devices"sv, "mqtt.servers"sv, "commands.
 constexpr std::string_view kRange = "commands.allow:";
 constexpr std::string_view kForms =
     "links, devices, mqtt.servers, commands.allow_run_stop, or commands.allow: and a range of "
-    "addresses";
+    "addresses, with protocol and model before it for devices that this file does not have";
 
 std::string_view trimmed(std::string_view text) {
   const auto first = text.find_first_not_of(' ');
@@ -25,14 +25,48 @@ std::string_view trimmed(std::string_view text) {
   return text.substr(first, text.find_last_not_of(' ') + 1 - first);
 }
 
-/// Whether devices of some protocol have this range.
-bool is_range(std::string_view text) {
-  return std::ranges::any_of(catalog(), [&](const ProtocolInfo& protocol) {
-    Options options = default_options(protocol);
-    if (!protocol.models.empty()) options["model"] = std::string(protocol.models.back());
-    const auto codec = protocol.make(options);
-    return codec && (*codec)->addresses().parse_range(text).has_value();
-  });
+/// True if the devices of `protocol` have this range; `model` empty: the widest of them.
+bool has_range(const ProtocolInfo& protocol, std::string_view model, std::string_view range) {
+  Options options = default_options(protocol);
+  if (!protocol.models.empty())
+    options["model"] = std::string(model.empty() ? protocol.models.back() : model);
+  const auto codec = protocol.make(options);
+  return codec && (*codec)->addresses().parse_range(range).has_value();
+}
+
+/// Cuts the first word off `text`.
+std::string_view next_word(std::string_view& text) {
+  const std::string_view word = text.substr(0, text.find(' '));
+  text = trimmed(text.substr(word.size()));
+  return word;
+}
+
+/// Reads "RANGE", "PROTOCOL RANGE" or "PROTOCOL MODEL RANGE".
+void read_range(ConfigReader& reader, const ConfigNode& item, std::string_view text,
+                RemoteLimits& limits) {
+  RemoteRange entry;
+  std::string_view rest = text;
+  entry.protocol = find_protocol(next_word(rest));
+  if (entry.protocol == nullptr) {
+    entry.range = text;
+    if (std::ranges::none_of(
+            catalog(), [&](const ProtocolInfo& protocol) { return has_range(protocol, {}, text); }))
+      return reader.error(item, shown(entry.range) + " is no range of addresses of any protocol");
+  } else {
+    if (!entry.protocol->models.empty()) {
+      const std::string_view model = next_word(rest);
+      if (std::ranges::find(entry.protocol->models, model) == entry.protocol->models.end())
+        return reader.error(item, "needs a model of " + std::string(entry.protocol->name) +
+                                      " after the protocol, " + one_of(entry.protocol->models));
+      entry.model = model;
+    }
+    entry.range = rest;
+    if (!has_range(*entry.protocol, entry.model, rest))
+      return reader.error(item, shown(entry.range) + " is no range of addresses of " +
+                                    std::string(entry.protocol->name) +
+                                    (entry.model.empty() ? "" : " " + entry.model));
+  }
+  limits.allow.push_back(std::move(entry));
 }
 
 /// Whether the word is of a section, or a key of one, that no word lets in.
@@ -54,11 +88,7 @@ void read_word(ConfigReader& reader, const ConfigNode& item, const std::string& 
   } else if (word == "commands.allow_run_stop") {
     limits.run_stop = true;
   } else if (word.starts_with(kRange)) {
-    const std::string range(trimmed(std::string_view(word).substr(kRange.size())));
-    if (is_range(range))
-      limits.allow.push_back(range);
-    else
-      reader.error(item, shown(range) + " is no range of addresses of any protocol");
+    read_range(reader, item, trimmed(std::string_view(word).substr(kRange.size())), limits);
   } else if (word == "commands.allow") {
     reader.error(item, "needs the addresses, as in \"commands.allow: D300-D399\"");
   } else if (is_local_alone(word)) {
@@ -98,7 +128,12 @@ std::string to_string(const RemoteLimits& limits) {
   if (limits.devices) add("devices");
   if (limits.servers) add("mqtt.servers");
   if (limits.run_stop) add("commands.allow_run_stop");
-  for (const std::string& range : limits.allow) add("commands.allow " + range);
+  for (const RemoteRange& entry : limits.allow) {
+    std::string of;
+    if (entry.protocol != nullptr) of = std::string(entry.protocol->name) + ' ';
+    if (!entry.model.empty()) of += entry.model + ' ';
+    add("commands.allow " + of + entry.range);
+  }
   return text.empty() ? "nothing" : text;
 }
 

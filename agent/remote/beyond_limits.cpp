@@ -11,7 +11,6 @@
 
 #include "agent/config/tree.h"
 #include "agent/remote/error_list.h"
-#include "agent/remote/named_ranges.h"
 #include "protocol/catalog.h"
 #include "protocol/plc.h"
 #include "protocol/point.h"
@@ -106,11 +105,45 @@ const DeviceConfig* local_device(const Config& local, const LocalDevices& device
   return same ? &known : nullptr;
 }
 
+/// Addresses that an entry of `remote_allow` opens on every device of its protocol and model.
+struct Grant {
+  const ProtocolInfo* protocol;
+  std::string model;  ///< as model_of() returns it
+  Span span;
+};
+
+const std::vector<Grant> kNoGrants;
+
+std::vector<Grant> grants_of(const RemoteLimits& limits) {
+  std::vector<Grant> grants;
+  for (const RemoteRange& entry : limits.allow) {
+    if (entry.protocol == nullptr) continue;
+    Options options = default_options(*entry.protocol);
+    if (!entry.model.empty()) options["model"] = entry.model;
+    const auto codec = entry.protocol->make(options);
+    if (!codec) continue;  // the local file was checked
+    if (const auto span = (*codec)->addresses().parse_range(entry.range))
+      grants.push_back({entry.protocol, model_of(**codec), *span});
+  }
+  return grants;
+}
+
+/// True if every device that the local file has at this port or host is of the same protocol and
+/// model: a document must not declare another one in order to renumber the addresses of a machine.
+bool fits_its_place(const Config& local, const LinkConfig& link, const DeviceConfig& device) {
+  return std::ranges::all_of(local.devices, [&](const DeviceConfig& known) {
+    return !same_place(local.links.at(known.link), link) ||
+           (known.protocol == device.protocol && model_of(*known.codec) == model_of(*device.codec));
+  });
+}
+
 /// What commands may do to one device of `wanted`.
 class DeviceLimits {
  public:
+  /// `known`: this device in the local file; nullptr if it has none. `grants`: those that the
+  /// device may use. All must outlive the object.
   DeviceLimits(const Config& local, const DeviceConfig* known, const DeviceConfig& device,
-               NamedRanges& named, ErrorList& errors)
+               const std::vector<Grant>& grants, ErrorList& errors)
       : remote_(local.remote),
         known_(known),
         device_(device),
@@ -119,9 +152,14 @@ class DeviceLimits {
     if (known != nullptr) allow_ = known->commands.allow;
     // Every unit of the bus would obey it, those of the local file too.
     if (codec_->is_broadcast()) return;
-    as_read_ = named.as_read(device);
-    for (const Span& span : known != nullptr ? as_read_ : named.for_new(device))
-      allow_.push_back(span);
+    for (const RemoteRange& entry : remote_.allow) {
+      if (entry.protocol != nullptr) continue;
+      const auto span = codec_->addresses().parse_range(entry.range);
+      if (span) (known != nullptr ? allow_ : local_only_).push_back(*span);
+    }
+    for (const Grant& grant : grants)
+      if (grant.protocol == device.protocol && grant.model == model_of(*device.codec))
+        allow_.push_back(grant.span);
   }
 
   void check() {
@@ -154,12 +192,15 @@ class DeviceLimits {
     return first == last ? first : first + " to " + last;
   }
 
-  /// Where the range has it as this device reads it, and not as others do.
+  /// Names the cure if `span` is open to devices of the local file only.
   std::string why_not(const Span& span) const {
-    if (!is_covered(span, as_read_)) return {};
-    return ", whose range other devices read otherwise (model, address_base); for a device that "
-           "the "
-           "local file does not have as it stands here, it holds what all of them read";
+    if (!is_covered(span, local_only_)) return {};
+    const std::string model = model_of(*device_.codec);
+    return ": this device is not in the local file as it stands here; it needs an entry with its "
+           "protocol and model, such as \"commands.allow: " +
+           std::string(device_.protocol->name) +
+           (device_.protocol->models.empty() ? "" : ' ' + (model.empty() ? "MODEL" : model)) +
+           " RANGE\"";
   }
 
   /// Where a raw address may be written too.
@@ -210,7 +251,7 @@ class DeviceLimits {
   const DeviceConfig& device_;
   const std::shared_ptr<const Codec> codec_;
   std::vector<Span> allow_;
-  std::vector<Span> as_read_;  ///< the ranges of remote_allow, as this device itself reads them
+  std::vector<Span> local_only_;  ///< ranges of remote_allow that a new device does not get
   ErrorList& errors_;
 };
 
@@ -221,13 +262,15 @@ std::vector<ConfigError> beyond_limits(const Config& local, const Config& wanted
   ErrorList errors;
   check_servers(local.mqtt, wanted.mqtt, errors);
   check_ports(local, wanted, errors);
-  NamedRanges named(local);
+  const std::vector<Grant> grants = grants_of(local.remote);
   LocalDevices devices;
   for (const DeviceConfig& device : local.devices) devices.emplace(device.name, &device);
   for (const DeviceConfig& device : wanted.devices) {
     if (stop != nullptr && *stop) break;
     const DeviceConfig* known = local_device(local, devices, wanted, device);
-    DeviceLimits(local, known, device, named, errors).check();
+    const bool fits = known != nullptr || grants.empty() ||
+                      fits_its_place(local, wanted.links.at(device.link), device);
+    DeviceLimits(local, known, device, fits ? grants : kNoGrants, errors).check();
   }
   return errors.take();
 }

@@ -13,10 +13,12 @@ namespace fxagent {
 /// the config as far as there are any; devices are named in the text. Both are right configs
 /// without vacant places.
 ///
-/// A device is that of the local file where its name, its protocol with all options, and the port
-/// or host of its link are the same: then it may do what it may there. Any other is a new one, and
-/// commands may do nothing to it beyond `remote_allow`, whose ranges mean what they mean in the
-/// local file (named_ranges.h). `stop`: set by any thread, it ends the search; null: nobody does.
+/// A device is the same as in the local file if its name, its protocol with all options, and the
+/// port or host of its link are the same: it keeps its rights there, and every range of
+/// `remote_allow` is added to them. Any other device is new: commands may do nothing to it except
+/// in ranges whose entry names its protocol and model, and nothing at a port or host where the
+/// local file has another protocol or model. Another thread may set `stop`, if it is not nullptr,
+/// to end the search early.
 std::vector<ConfigError> beyond_limits(const Config& local, const Config& wanted,
                                        const std::atomic<bool>* stop = nullptr);
 

@@ -33,10 +33,13 @@ TEST(RemoteLimits, TheListIsAllThatMayCome) {
   EXPECT_EQ(to_string(good(with_allow(R"(["devices"])")).remote), "devices");
   EXPECT_EQ(to_string(good(with_allow("[]")).remote), "nothing");
   EXPECT_EQ(to_string(good(with_allow(R"(["links", "mqtt.servers", "commands.allow_run_stop",
-                                          "commands.allow: D300-D399", "commands.allow:hr:0-hr:9"])"))
+                                          "commands.allow: D300-D399", "commands.allow:hr:0-hr:9",
+                                          "commands.allow: mc-3e  FX5U  Y0-Y17",
+                                          "commands.allow: modbus-tcp hr:5"])"))
                           .remote),
             "links, mqtt.servers, commands.allow_run_stop, commands.allow D300-D399, "
-            "commands.allow hr:0-hr:9");
+            "commands.allow hr:0-hr:9, commands.allow mc-3e FX5U Y0-Y17, "
+            "commands.allow modbus-tcp hr:5");
 }
 
 TEST(RemoteLimits, WhatNeverComesIsRefusedWithWhatMay) {
@@ -55,6 +58,12 @@ TEST(RemoteLimits, WhatNeverComesIsRefusedWithWhatMay) {
            {"commands.allow: ", "is no range of addresses"},
            {"commands.allow: D99999999", "is no range of addresses"},
            {"commands.allow: Q100", "is no range of addresses"},
+           {"commands.allow: mc-3e", "needs a model of mc-3e after the protocol, FX5U"},
+           {"commands.allow: mc-3e Y0-Y17", "needs a model of mc-3e"},
+           {"commands.allow: mc-3e auto Y0-Y17", "needs a model of mc-3e"},
+           {"commands.allow: mc-3e FX5U", "is no range of addresses of mc-3e FX5U"},
+           {"commands.allow: mc-3e FX5U Y18", "is no range of addresses of mc-3e FX5U"},
+           {"commands.allow: modbus-tcp D5", "is no range of addresses of modbus-tcp"},
            {"templates", "must be links, devices"},
        }) {
     const auto errors = errors_of(with_allow("[\"" + std::string(each.word) + "\"]"));

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <string>
 #include <vector>
 
@@ -178,7 +179,7 @@ TEST(BeyondLimits, RightsStayWithTheMachineOverUdpToo) {
 
 /// Every unit obeys it, so that it would have rights on machines that have none.
 TEST(BeyondLimits, NoNamedRangeIsForABroadcast) {
-  json local = local_plant(json{"links", "devices", "commands.allow: hr:0-hr:9"});
+  json local = local_plant(json{"links", "devices", "commands.allow: modbus-rtu hr:0-hr:9"});
   json wanted = local;
   wanted["links"].push_back({{"name", "bus"}, {"serial", {{"path", "/dev/ttyUSB5"}}}});
   wanted["devices"].push_back({{"name", "all"},
@@ -191,6 +192,114 @@ TEST(BeyondLimits, NoNamedRangeIsForABroadcast) {
       << said();
   wanted["devices"].back()["unit"] = 1;
   EXPECT_EQ(said(), "");
+}
+
+/// Each on a link of its own, which has its name: one link speaks one protocol.
+json device(const char* name, const char* protocol, json options = json::object()) {
+  json made = {{"name", name}, {"link", name}, {"protocol", protocol}};
+  made.update(options);
+  return made;
+}
+
+json allowing(json device, const json& ranges) {
+  device["commands"]["allow"] = ranges;
+  return device;
+}
+
+/// A local file with `devices`, which no command may touch; remotely devices may come, and
+/// `entry`, what follows `commands.allow: `, may be written.
+json plant_with(const std::string& entry, const std::vector<json>& devices) {
+  json local = small_plant();
+  local["agent"]["remote_config"] = true;
+  local["agent"]["remote_allow"] = {"devices", "commands.allow: " + entry};
+  local["links"] = json::array();
+  int port = 5000;
+  for (const char* name : {"press", "saw", "meter", "new"})
+    local["links"].push_back({{"name", name}, {"tcp", {{"host", "192.0.2.10"}, {"port", port++}}}});
+  local["devices"] = devices;
+  return local;
+}
+
+/// What is said of `wanted` in the place of the local device of its name, or beside them.
+std::string said_of_device(const json& local, const json& wanted) {
+  json all = local;
+  json& devices = all["devices"];
+  const auto same = std::find_if(devices.begin(), devices.end(),
+                                 [&](const json& each) { return each["name"] == wanted["name"]; });
+  if (same == devices.end())
+    devices.push_back(wanted);
+  else
+    *same = wanted;
+  return listed(beyond_limits(good(local.dump()), good(all.dump())));
+}
+
+void expect_may(const json& local, const json& wanted) {
+  EXPECT_EQ(said_of_device(local, wanted), "") << wanted;
+}
+void expect_may_not(const json& local, const json& wanted) {
+  EXPECT_NE(said_of_device(local, wanted).find("is wider than the local file"), std::string::npos)
+      << wanted;
+}
+
+const json kFx3u = {{"model", "FX3U"}};
+const json kQ = {{"model", "Q"}};
+
+/// Y0-Y17 are 16 outputs of an FX3U, and 24 of a Q.
+TEST(BeyondLimits, ARangeOfRemoteAllowIsForDevicesOfTheLocalFile) {
+  const json fx = device("press", "mc-1e", kFx3u);
+  const json q = device("saw", "mc-1e", kQ);
+  const json local = plant_with("Y0-Y17", {fx, q});
+  expect_may(local, allowing(fx, {"Y0-Y17"}));
+  expect_may(local, allowing(q, {"Y0-Y17"}));
+  expect_may_not(local, allowing(fx, {"Y0-Y20"}));
+  for (const char* name : {"press", "new"})
+    for (const char* protocol : {"mc-1e", "mc-3e"})
+      expect_may_not(local, allowing(device(name, protocol, kQ), {"Y0"}));
+  expect_may_not(local, allowing(device("new", "mc-1e", kFx3u), {"Y0"}));
+  EXPECT_NE(said_of_device(local, allowing(device("new", "mc-1e", kFx3u), {"Y0"}))
+                .find("\"commands.allow: mc-1e FX3U RANGE\""),
+            std::string::npos);
+}
+
+TEST(BeyondLimits, AnEntryWithProtocolAndModelIsForNewDevicesToo) {
+  const json fx = device("press", "mc-1e", kFx3u);
+  const json local = plant_with("mc-1e FX3U Y0-Y17", {fx});
+  expect_may(local, allowing(fx, {"Y0-Y17"}));
+  expect_may(local, allowing(device("new", "mc-1e", kFx3u), {"Y0-Y17"}));
+  expect_may_not(local, allowing(device("new", "mc-1e", kFx3u), {"Y0-Y20"}));
+  expect_may_not(local, allowing(device("new", "mc-1e", kQ), {"Y0"}));
+  expect_may_not(local, allowing(device("new", "mc-1e", {{"model", "FX3G"}}), {"Y0"}));
+  expect_may_not(local, allowing(device("new", "mc-1e"), {"Y0"}));  // its model is to be asked
+  expect_may_not(local, allowing(device("new", "mc-3e", {{"model", "FX5U"}}), {"Y0"}));
+}
+
+/// Whatever a document calls it, the machine at that port is the one of the local file.
+TEST(BeyondLimits, AnotherModelAtALocalPlaceGetsNothing) {
+  const json local = plant_with("mc-1e Q Y0-Y17", {device("press", "mc-1e", kFx3u)});
+  json q = device("new", "mc-1e", kQ);
+  expect_may(local, allowing(q, {"Y0-Y17"}));
+  expect_may_not(local, allowing(device("press", "mc-1e", kQ), {"Y0"}));
+  q["link"] = "press";
+  json all = local;
+  all["devices"] = {allowing(q, {"Y0"})};
+  EXPECT_NE(listed(beyond_limits(good(local.dump()), good(all.dump()))), "");
+  // As it is, and a route further, it is the same model.
+  json routed = kQ;
+  routed["pc"] = 1;
+  const json own = plant_with("mc-1e Q Y0-Y17", {device("press", "mc-1e", kQ)});
+  expect_may(own, allowing(device("press", "mc-1e", routed), {"Y0-Y17"}));
+}
+
+TEST(BeyondLimits, ARegisterOfAnEntryIsTheSameByAnyAddressBase) {
+  const json local = plant_with("modbus-tcp hr:300-hr:309", {device("meter", "modbus-tcp")});
+  expect_may(local, allowing(device("new", "modbus-tcp", {{"unit", 7}}), {"hr:300-hr:309"}));
+  const json from_one = {{"address_base", 1}};
+  expect_may(local, allowing(device("new", "modbus-tcp", from_one), {"hr:301-hr:310"}));
+  expect_may_not(local, allowing(device("new", "modbus-tcp", from_one), {"hr:300"}));
+  // A plain range is read by the local device, with its own base.
+  const json own = plant_with("hr:300-hr:309", {device("meter", "modbus-tcp", from_one)});
+  expect_may(own, allowing(device("meter", "modbus-tcp", from_one), {"hr:300-hr:309"}));
+  expect_may_not(own, allowing(device("meter", "modbus-tcp"), {"hr:300"}));
 }
 
 TEST(BeyondLimits, AModelThatIsStillToBeAskedHasTheWidestAddresses) {
