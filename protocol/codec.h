@@ -88,7 +88,7 @@ struct Reply {
   std::size_t consumed = 0;  ///< offset of the reply's end in rx; later bytes do not belong to it
 };
 
-// ---- how long it takes --------------------------------------------------------------------------
+// ---- timing ------------------------------------------------------------------------------------
 
 /// Characters on the line in each direction for one successful exchange.
 struct LineLength {
@@ -108,7 +108,7 @@ struct LineLength {
   }
 };
 
-// ---- a frame explained, for `fxagent decode` --------------------------------------------------
+// ---- explanation of a frame --------------------------------------------------------------------
 
 /// Direction of a frame: to the device, or from it.
 enum class Direction : std::uint8_t { request, reply };
@@ -134,7 +134,7 @@ struct Explanation {
   std::vector<std::pair<std::string, std::string>> fields;
 };
 
-// ---- what went wrong ---------------------------------------------------------------------------
+// ---- refusals and recovery ---------------------------------------------------------------------
 
 /// Meaning of a refusal for the request and for the device.
 enum class RefusalMeaning : std::uint8_t {
@@ -153,7 +153,7 @@ enum class Recovery : std::uint8_t {
   reconnect,  ///< frame boundaries are lost; only a new connection helps
 };
 
-// ---- the port ---------------------------------------------------------------------------------
+// ---- the codec ---------------------------------------------------------------------------------
 
 /// The wire format of one device. protocol/README.md lists the sources of each protocol.
 class Codec {

@@ -496,7 +496,7 @@ bool is_covered(Span span, std::span<const Span> ranges) {
   return true;
 }
 
-// ---- words of the config ------------------------------------------------------------------------
+// ---- names in the config -----------------------------------------------------------------------
 
 std::string_view to_string(DataType type) { return kTypes[static_cast<std::size_t>(type)].text; }
 

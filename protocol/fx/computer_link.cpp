@@ -253,7 +253,7 @@ Result<std::shared_ptr<const Codec>> ComputerLink::make(const Options& options) 
   return std::make_shared<const ComputerLink>(settings);
 }
 
-// ---- names and places -----------------------------------------------------------------------
+// ---- addresses and ranges ----------------------------------------------------------------------
 
 Result<Address> ComputerLink::parse_address(std::string_view text,
                                             std::optional<DataType> type) const {
@@ -276,7 +276,7 @@ Result<void> ComputerLink::check_write(const Span& span) const {
 
 std::string ComputerLink::name_of(const Span& span) const { return device_name(span); }
 
-// ---- how it is fetched ------------------------------------------------------------------------
+// ---- ways to read ------------------------------------------------------------------------------
 
 std::vector<ReadWay> ComputerLink::read_ways(std::uint16_t space_id) const {
   std::vector<ReadWay> ways;
@@ -326,7 +326,7 @@ std::uint32_t ComputerLink::max_write_bits(std::uint16_t space) const {
 
 ByteOrder ComputerLink::default_order() const { return ByteOrder::cdab; }
 
-// ---- what is sent -------------------------------------------------------------------------------
+// ---- requests ----------------------------------------------------------------------------------
 
 Bytes ComputerLink::framed(std::string_view command, ByteView area) const {
   Bytes frame{kEnq};
@@ -445,8 +445,7 @@ Result<Bytes> ComputerLink::encode(const Request& request, std::uint16_t /*tag*/
   return fail(ErrorCode::unsupported, "the computer link has no enquiry of its own");
 }
 
-// ---- what comes back
-// ------------------------------------------------------------------------------
+// ---- answers -----------------------------------------------------------------------------------
 
 bool ComputerLink::is_ours(ByteView header) const {
   std::uint32_t number = 0;
@@ -618,7 +617,7 @@ Explanation ComputerLink::explain(ByteView frame, std::optional<Direction> direc
   return explain_link_frame(settings_.model, frame, direction);
 }
 
-// ---- the device itself --------------------------------------------------------------------------
+// ---- probe, model, RUN and STOP ----------------------------------------------------------------
 
 std::optional<Request> ComputerLink::resync() const { return Control{Control::Kind::reset}; }
 

@@ -214,7 +214,7 @@ Result<std::shared_ptr<const Codec>> ProgrammingPort::make(const Options& option
   return std::make_shared<const ProgrammingPort>(settings);
 }
 
-// ---- names and places -----------------------------------------------------------------------
+// ---- addresses and ranges ----------------------------------------------------------------------
 
 Result<Address> ProgrammingPort::parse_address(std::string_view text,
                                                std::optional<DataType> type) const {
@@ -238,7 +238,7 @@ Result<void> ProgrammingPort::check_write(const Span& span) const {
 
 std::string ProgrammingPort::name_of(const Span& span) const { return device_name(span); }
 
-// ---- how it is fetched ------------------------------------------------------------------------
+// ---- ways to read ------------------------------------------------------------------------------
 
 std::uint32_t ProgrammingPort::max_read_bytes(CommandSet set) const {
   const bool long_frames = set == CommandSet::extended && settings_.model >= Model::fx3s;
@@ -418,7 +418,7 @@ Explanation ProgrammingPort::explain(ByteView frame, std::optional<Direction> di
   return explain_port_frame(settings_.model, frame, direction);
 }
 
-// ---- the device itself --------------------------------------------------------------------------
+// ---- probe, model, RUN and STOP ----------------------------------------------------------------
 
 std::optional<Request> ProgrammingPort::resync() const { return Enquire{}; }
 

@@ -139,7 +139,7 @@ Result<std::shared_ptr<const Codec>> Mc::make_4c(const Options& options) {
   return make(Frame::c4, options);
 }
 
-// ---- names and places ---------------------------------------------------------------------------
+// ---- addresses and ranges ----------------------------------------------------------------------
 
 Result<Address> Mc::parse_address(std::string_view text, std::optional<DataType> type) const {
   auto address = mc::parse_address(settings_.model, text, type);
@@ -181,7 +181,7 @@ std::uint32_t Mc::max_write_bits(std::uint16_t space) const {
 
 ByteOrder Mc::default_order() const { return ByteOrder::cdab; }
 
-// ---- frames -------------------------------------------------------------------------------------
+// ---- frames ------------------------------------------------------------------------------------
 
 Result<Bytes> Mc::encode(const Request& request, std::uint16_t tag) const {
   const auto message = encode_message(dialect_, request);
@@ -402,7 +402,7 @@ std::optional<Request> Mc::combine(const std::vector<Request>& requests) const {
   return combined(dialect_, requests);
 }
 
-// ---- the PLC itself -----------------------------------------------------------------------------
+// ---- model, RUN and STOP -----------------------------------------------------------------------
 
 std::string_view model_of_type(std::string_view name) {
   const auto digit = [&](std::size_t at) {

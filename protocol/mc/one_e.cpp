@@ -139,7 +139,7 @@ Result<std::shared_ptr<const Codec>> OneE::make(const Options& options) {
   return std::make_shared<const OneE>(settings);
 }
 
-// ---- names and places -----------------------------------------------------------------------
+// ---- addresses and ranges ----------------------------------------------------------------------
 
 Result<void> OneE::check_reach(const Span& span) const {
   if (span.space >= kSpaces) return refuse("space " + std::to_string(span.space) + " is no device");
@@ -190,7 +190,7 @@ Result<void> OneE::check_write(const Span& span) const {
 
 std::string OneE::name_of(const Span& span) const { return device_name(settings_.model, span); }
 
-// ---- how it is fetched ------------------------------------------------------------------------
+// ---- ways to read ------------------------------------------------------------------------------
 
 std::vector<ReadWay> OneE::read_ways(std::uint16_t space_id) const {
   std::vector<ReadWay> ways;
@@ -223,7 +223,7 @@ std::uint32_t OneE::max_write_bits(std::uint16_t space) const {
   return width_of(space) == 1 ? kWriteBits : kWriteWords * 16;
 }
 
-// ---- what is sent -------------------------------------------------------------------------------
+// ---- requests ----------------------------------------------------------------------------------
 
 namespace {
 
@@ -337,8 +337,7 @@ Result<Bytes> OneE::encode(const Request& request, std::uint16_t /*tag*/) const 
   return fail(ErrorCode::unsupported, "1E frames have neither an enquiry nor scattered reads");
 }
 
-// ---- what comes back
-// ------------------------------------------------------------------------------
+// ---- answers -----------------------------------------------------------------------------------
 
 Result<std::optional<Reply>> OneE::reply_in(const Request& request, std::uint8_t command,
                                             ByteView frame) const {
@@ -482,7 +481,7 @@ std::optional<Request> OneE::combine(const std::vector<Request>& requests) const
   return Request(std::move(*scatter));
 }
 
-// ---- the PLC itself -----------------------------------------------------------------------------
+// ---- model, RUN and STOP -----------------------------------------------------------------------
 
 std::vector<Request> OneE::identify() const { return {Control{Control::Kind::identify}}; }
 

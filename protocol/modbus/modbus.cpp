@@ -182,7 +182,7 @@ Result<std::shared_ptr<const Codec>> Modbus::make_tcp(const Options& options) {
   return make(Framing::tcp, options);
 }
 
-// ---- names and places -----------------------------------------------------------------------
+// ---- addresses and ranges ----------------------------------------------------------------------
 
 Result<Address> Modbus::parse_address(std::string_view text,
                                       std::optional<DataType> /*type*/) const {
@@ -253,7 +253,7 @@ std::string Modbus::name_of(const Span& span) const {
   return modbus::name_of(space, span.first_bit / width_of(space), settings_.address_base);
 }
 
-// ---- how it is fetched ------------------------------------------------------------------------
+// ---- ways to read ------------------------------------------------------------------------------
 
 std::vector<ReadWay> Modbus::read_ways(std::uint16_t space_id) const {
   if (space_id >= kTables) return {};
@@ -274,8 +274,7 @@ std::uint32_t Modbus::max_write_bits(std::uint16_t space) const {
 
 ByteOrder Modbus::default_order() const { return settings_.order; }
 
-// ---- frames
-// ---------------------------------------------------------------------------------------
+// ---- frames ------------------------------------------------------------------------------------
 
 Result<Bytes> Modbus::encode(const Request& request, std::uint16_t tag) const {
   if (const auto* read = std::get_if<Read>(&request)) {
