@@ -24,7 +24,7 @@ std::string to_hex(ByteView bytes) {
 
 Result<Bytes> from_hex(std::string_view text) {
   Bytes bytes;
-  int high = -1;  // the first digit of a pair that is still open
+  int high = -1;  // first digit of an incomplete pair
   for (std::size_t i = 0; i < text.size(); ++i) {
     const char c = text[i];
     const bool prefix =

@@ -14,14 +14,14 @@ namespace fxagent {
 using Bytes = std::vector<std::uint8_t>;
 using ByteView = std::span<const std::uint8_t>;
 
-/// "02 30 03": upper case, a blank between bytes.
+/// Returns "02 30 03": upper case, one blank between bytes.
 std::string to_hex(ByteView bytes);
 
-/// Reads "02 30 03", "023003" or "0x02,0x30": blanks, commas, colons and 0x prefixes are skipped.
+/// Parses "02 30 03", "023003" or "0x02,0x30". Skips blanks, commas, colons and 0x prefixes. Error:
 /// bad_request names the first character that is not hex, or a digit left over.
 Result<Bytes> from_hex(std::string_view text);
 
-/// Value of one ASCII hex digit, either case; -1 where it is none.
+/// Returns the value of one ASCII hex digit of either case, or -1 for any other character.
 constexpr int hex_digit(std::uint8_t c) {
   if (c >= '0' && c <= '9') return c - '0';
   if (c >= 'A' && c <= 'F') return c - 'A' + 10;

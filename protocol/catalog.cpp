@@ -27,13 +27,13 @@ OptionSpec boolean(std::string_view key, bool fallback, std::string_view meaning
   return {key, OptionSpec::Kind::boolean, 0, 0, {}, fallback, meaning};
 }
 
-/// The first word is the default.
+/// `words` begins with the default.
 OptionSpec choice(std::string_view key, const std::vector<std::string_view>& words,
                   std::string_view meaning) {
   return {key, OptionSpec::Kind::choice, 0, 0, words, words.front(), meaning};
 }
 
-/// Of both FX protocols: what is older goes to 19200 baud.
+/// Speeds of both FX protocols. Models other than these three reach 19200 baud.
 void set_speeds(ProtocolInfo& info, std::vector<int> speeds) {
   info.speeds = std::move(speeds);
   info.most_speed = 19200;
@@ -54,7 +54,7 @@ ProtocolInfo programming_port() {
   info.name = "fx-programming-port";
   info.text_begins_with = kStx;
   info.one_line = true;
-  // Those of its commands A1 to A5; it begins with 9600.
+  // Speeds of its commands A1 to A5. It begins at 9600.
   set_speeds(info, {9600, 19200, 38400, 57600, 115200});
   info.summary = "Mitsubishi FX through its programming port (RS-422, 9600 7E1)";
   info.models = names(fx::model_names());
@@ -83,7 +83,7 @@ ProtocolInfo computer_link() {
   ProtocolInfo info;
   info.name = "fx-computer-link";
   info.text_begins_with = kStx;
-  // D8120, bits 4 to 7; JY997D16901 has 38400 of the FX3.
+  // D8120, bits 4 to 7. JY997D16901 lists 38400 for the FX3.
   set_speeds(info, {300, 600, 1200, 2400, 4800, 9600, 19200, 38400});
   info.summary = "Mitsubishi FX through its computer link (RS-485, stations 0 to 15)";
   info.multidrop = true;
@@ -224,7 +224,7 @@ ProtocolInfo mc_1e() {
   return info;
 }
 
-/// What all MC protocols have but 1E.
+/// Common part of all MC protocols except 1E.
 ProtocolInfo mc_protocol(std::string_view name, std::string_view summary) {
   const mc::Mc::Settings settings;
   ProtocolInfo info;
@@ -259,7 +259,7 @@ void add_module(ProtocolInfo& info) {
                                  "Station number behind that module (multidrop); 0: none."));
 }
 
-/// Where the ports of these PLCs are set up: an FX5 or iQ-R, and a Q or L.
+/// Adds hints for the port settings of these PLCs: FX5 and iQ-R in GX Works3, Q and L in GX Works2.
 void add_hints(ProtocolInfo& info) {
   info.hints.silent =
       "look at the PLC's Ethernet port: is there an SLMP Connection Module (GX Works3) or a line "

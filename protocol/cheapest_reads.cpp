@@ -7,9 +7,9 @@
 namespace fxagent {
 namespace {
 
-// To know what each length costs is worth as much as so many reads weighed.
+// Pricing one read length costs about as much as weighing this many reads.
 constexpr std::size_t kReadsWorthALength = 4;
-// In units. Eight coils are a byte.
+// In units. Eight coils make one byte.
 constexpr std::uint32_t kLongestPeriod = 16;
 
 std::uint32_t round_up(std::uint32_t value, std::uint32_t step) {
@@ -24,8 +24,8 @@ bool one_read_holds(const std::vector<ReadWay>& ways, const Forbidden& forbidden
   });
 }
 
-/// For each piece the first one that a read may begin with if it is to bring both: it is not longer
-/// than the way's reads, and nobody asks for more than the way's gap in between.
+/// Returns, for each piece, the first piece that a read ending with it may begin with: the read is
+/// not longer than the way allows, and no gap in it is longer than the way's gap.
 std::vector<std::size_t> first_partners(const std::vector<Extent>& pieces, const ReadWay& way) {
   std::vector<std::size_t> first(pieces.size(), 0);
   for (std::size_t i = 1; i < pieces.size(); ++i) {
@@ -44,7 +44,7 @@ std::optional<Extent> fit(const ReadWay& way, const Extent& wanted) {
   std::uint32_t first = wanted.first - wanted.first % way.align_bits;
   if (first < way.first_bit) return std::nullopt;
   std::uint32_t bits = round_up(wanted.end - first, way.unit_bits);
-  // A unit that would stick out behind the last device is filled from before the first one instead.
+  // A last unit that would end behind the last device is moved: the read begins earlier instead.
   while (bits > way.end_bit - first) {
     const std::uint32_t back = round_up(bits - (way.end_bit - first), way.align_bits);
     if (back > first - way.first_bit) return std::nullopt;
@@ -136,7 +136,8 @@ Read ReadSearch::read_by(std::uint8_t way, const Extent& extent) const {
   return {{bucket_.space, extent.first, extent.end - extent.first}, by.way, by.gather};
 }
 
-/// Of a read that goes by itself all of its exchange; of a part what its characters add.
+/// Returns the cost of the whole exchange for a read sent alone, and the cost of its own characters
+/// for a part of a Gather.
 Cost ReadSearch::price_of(std::size_t way, const Extent& extent) {
   const ReadWay& by = bucket_.ways[way];
   std::vector<Cost>& known = prices_[way];
@@ -150,7 +151,7 @@ Cost ReadSearch::price_of(std::size_t way, const Extent& extent) {
   };
   std::uint32_t& around = around_[way];
   if (around == 0) {
-    // By the shortest parts: a frame may have no room for two like this one.
+    // Measured with the shortest parts: a frame may have no room for two like this one.
     Read shortest = read;
     shortest.span.bits = by.unit_bits;
     around = 2 * chars(Gather{{shortest}}) - chars(Gather{{shortest, shortest}});
@@ -174,7 +175,7 @@ void ReadSearch::take(std::size_t way, const PartPrice& part, bool counts, std::
     if (before == kImpossible) continue;
     const Cost total = before + own;
     Choice& choice = best_[(last + 1) * counts_ + n];
-    // Of equals the one with fewer reads.
+    // Among equal costs, prefer fewer reads.
     if (total < choice.cost || (total == choice.cost && first < choice.first))
       choice = {total, static_cast<std::uint32_t>(first), static_cast<std::uint8_t>(way), extent};
   }
@@ -182,7 +183,7 @@ void ReadSearch::take(std::size_t way, const PartPrice& part, bool counts, std::
 
 void ReadSearch::try_way(std::size_t way, const PartPrice& part, bool counts, std::size_t last) {
   const ReadWay& by = bucket_.ways[way];
-  // Near the last device a read may begin earlier than its first piece (fit()).
+  // Near the last device a read may begin before its first piece (fit()).
   const bool may_stick_out = bucket_.pieces[last].end > by.end_bit - (by.unit_bits - 1);
   if (starts_[way].period == 0 || counts_ > 1 || may_stick_out)
     try_all_starts(way, part, counts, last);
@@ -192,7 +193,8 @@ void ReadSearch::try_way(std::size_t way, const PartPrice& part, bool counts, st
 
 void ReadSearch::try_all_starts(std::size_t way, const PartPrice& part, bool counts,
                                 std::size_t last) {
-  // Back from the last piece until a read cannot hold them all; then none that begins earlier can.
+  // Go back from the last piece until a read cannot hold them all. A read that begins earlier
+  // cannot either.
   for (std::size_t first = last + 1; first-- > partners_[way][last];) {
     const auto extent = read_of(way, first, last);
     if (!extent) break;
@@ -209,13 +211,13 @@ void ReadSearch::try_best_starts(std::size_t way, const PartPrice& part, std::si
     const Cost period = starts.each + part.each_bit * static_cast<Cost>(starts.period);
     const Start start{last, best_[last].cost - period * static_cast<Cost>(first / starts.period)};
     auto& queue = starts.queues[first % starts.period * starts.queues.size() / starts.period];
-    // Of the others in its queue each reads as much more as it begins earlier, to any end, and has
-    // to make room first.
+    // An earlier start in the same queue reads more bits by the same distance, whatever the end,
+    // and reaches its length limit first. A worse one can never win again.
     while (!queue.empty() && queue.back().worth > start.worth) queue.pop_back();
     queue.push_back(start);
   }
   for (auto& queue : starts.queues)
-    // Where the longer of two reads is no longer possible, it is not to any later end.
+    // If the longer of two reads is impossible now, it is impossible to any later end too.
     for (; !queue.empty(); queue.pop_front()) {
       const std::size_t first = queue.front().piece;
       if (first < partners_[way][last]) continue;
@@ -245,7 +247,7 @@ std::vector<Cost> ReadSearch::run(const Terms& terms, const std::vector<Cost>& b
 }
 
 std::vector<Read> ReadSearch::reads(std::uint32_t& counted) const {
-  // What was counted is found by going back the way that the costs came.
+  // Follows the choices backwards and recovers the count of each bucket.
   std::vector<Read> reads;
   for (std::size_t end = pieces(); end > 0;) {
     const Choice& choice = best_[end * counts_ + counted];

@@ -1,5 +1,5 @@
-// The reads with the least line time for what must be read, one space at a time, by dynamic
-// programming. The planner's own (plan.h): spaces and points in, reads out.
+// Finds the reads with the least line time for one space, by dynamic programming. Used only by the
+// planner (plan.h).
 #pragma once
 
 #include <cstdint>
@@ -13,96 +13,100 @@
 
 namespace fxagent {
 
-/// The shortest read by `way` that covers `wanted`; nullopt where the way does not reach it or may
-/// not carry so much.
+/// Returns the shortest read by `way` that covers `wanted`. nullopt if the way does not reach it or
+/// cannot carry that much.
 std::optional<Extent> fit(const ReadWay& way, const Extent& wanted);
-/// Whether reads by `way`, of whatever length, cover `span`.
+/// True if reads by `way`, of any length, cover `span`.
 bool reaches(const ReadWay& way, const Span& span);
 
-/// Everything that is read from one space by ways of one tier. Points are merged inside it only.
+/// Everything read from one space by ways of one tier. Points are merged only within a bucket.
 struct Bucket {
   std::uint16_t space = 0;
   std::vector<ReadWay> ways;
   Forbidden forbidden;
   std::vector<std::uint32_t> points;  // indices in the caller's list
-  std::vector<Span> spans;            // theirs, in the same order
-  std::vector<Extent> pieces;         // what must lie whole in one read
+  std::vector<Span> spans;            // their spans, in the same order
+  std::vector<Extent> pieces;         // each must lie whole in one read
 };
 
-/// The point's pieces: itself where one read can hold it, else its elements, else its units. Empty
-/// where some of it cannot be read at all.
+/// Returns the point's pieces: the whole point if one read can hold it, otherwise its elements,
+/// otherwise its units. Empty if some of it cannot be read at all.
 std::vector<Extent> pieces_of(const Bucket& bucket, const Point& point, const Span& span);
-/// Sorts the pieces, widens them to what every way reads anyway, and drops those that lie inside
-/// another: afterwards both their starts and their ends rise.
+/// Sorts the pieces, widens them to what every way reads anyway, and drops those inside another.
+/// Afterwards both their starts and their ends ascend.
 void reduce(Bucket& bucket);
 
-/// Nanoseconds; kImpossible: no reads bring it all.
+/// In nanoseconds. kImpossible: no set of reads covers everything.
 using Cost = std::int64_t;
 inline constexpr Cost kImpossible = std::numeric_limits<Cost>::max();
 
-/// What the search takes a part of a Gather to cost beside its own characters.
+/// Price that the search adds to a part of a Gather, besides the part's own characters.
 struct PartPrice {
-  bool open = false;  ///< else no part goes by this command
+  bool open = false;  ///< false: no part uses this command
   Cost each = 0;
   Cost each_bit = 0;
 };
-/// Which reads the search may choose.
+/// Limits of one search: the reads that it may choose.
 struct Terms {
-  std::vector<PartPrice> parts;  ///< by GatherCommand::gather; what is not in it is not open
+  std::vector<PartPrice> parts;  ///< by GatherCommand::gather; a command beyond its end is not open
   std::uint8_t counted = 0;      ///< the command whose parts are counted; 0: none are
 };
 
-/// The search in one bucket, for one set of terms after the other.
+/// Searches one bucket, once for each set of terms.
 ///
-/// Only runs of neighbours in start order need to be tried. Take any set of reads, without those
-/// inside another, so that starts and ends both rise, and give each piece to the last read that
-/// begins at or before it: that read ends no earlier than the one which brought the piece, so it
-/// covers it too; and what a read is given this way is a run.
+/// Only runs of pieces that are consecutive in start order need to be tried. Proof: take any set of
+/// reads and drop those inside another, so that starts and ends both ascend. Assign each piece to
+/// the last read that begins at or before it. That read ends no earlier than the read that covered
+/// the piece before, so it covers the piece too. Each read is thus assigned a run of consecutive
+/// pieces.
 class ReadSearch final {
  public:
-  /// All arguments outlive it.
+  /// All arguments must outlive the search.
   ReadSearch(const Codec& codec, const LineCost& cost, const Bucket& bucket);
 
-  /// `before`: the least cost of what other buckets need, by the number of parts counted in them;
-  /// just {0} where nothing is counted. Returns the same with this bucket's reads.
+  /// `before` is the least cost of the other buckets, by the number of parts counted in them; just
+  /// {0} if no parts are counted. Returns the same including this bucket's reads.
   std::vector<Cost> run(const Terms& terms, const std::vector<Cost>& before);
-  /// The reads of the last run() with `counted` parts up to here, in the order of their first bits;
-  /// `counted` becomes that of the buckets before. Only where run() said that it is possible.
+  /// Returns the reads of the last run() with `counted` parts in this bucket and those before it,
+  /// in the order of their first bits. Reduces `counted` to the parts of the buckets before. Call
+  /// only if run() found a finite cost.
   std::vector<Read> reads(std::uint32_t& counted) const;
 
-  /// Reads that all runs together have weighed: what they took of the processor.
+  /// Reads weighed by all runs together: a measure of processor time.
   std::size_t weighed() const { return weighed_; }
   std::size_t pieces() const { return bucket_.pieces.size(); }
 
  private:
   struct Choice {
-    Cost cost = kImpossible;  // of all reads up to this piece
-    std::uint32_t first = 0;  // the piece that the last read begins with
+    Cost cost = kImpossible;  // cost of all reads up to this piece
+    std::uint32_t first = 0;  // first piece of the last read
     std::uint8_t way = 0;     // index in Bucket::ways
     Extent extent;
   };
   /// A piece that a read may begin with.
   struct Start {
     std::size_t piece = 0;
-    Cost worth = 0;  ///< cost up to it, less what the bits before it would cost in a read
+    /// Cost of all reads before it, less the price in a read of all bits before it.
+    Cost worth = 0;
   };
-  /// Where so many bits more cost a read by some way the same, however long it is, the worth of a
-  /// start has nothing to do with where the read ends: each next piece is a start more, and some
-  /// before it are of no use any longer.
+  /// Candidate starts for one way. They are used if a read by the way costs the same amount more
+  /// for each further period, whatever its length. The ranking of two starts then does not depend
+  /// on the end of the read: each next piece adds one start and may discard earlier ones for good.
   struct Starts {
-    std::uint32_t period = 0;  ///< in bits; 0: there is none that is short, or it is not worth it
-    Cost each = 0;             ///< what a period more costs
-    /// By the first bit's place in the period: worth rises, and so do the pieces.
+    /// In bits; 0: no short period exists, or it is not worth the effort.
+    std::uint32_t period = 0;
+    Cost each = 0;  ///< cost of one more period
+    /// By the offset of the first bit in the period. In each queue worth and piece both ascend.
     std::vector<std::deque<Start>> queues;
   };
 
   Starts starts_by(std::size_t way);
   Cost price_of(std::size_t way, const Extent& extent);
-  /// Tries reads by the way that bring the pieces up to `last`.
+  /// Tries reads by `way` that end with piece `last`.
   void try_way(std::size_t way, const PartPrice& part, bool counts, std::size_t last);
   void try_best_starts(std::size_t way, const PartPrice& part, std::size_t last);
   void try_all_starts(std::size_t way, const PartPrice& part, bool counts, std::size_t last);
-  /// nullopt: no such read.
+  /// Returns nullopt if there is no such read.
   std::optional<Extent> read_of(std::size_t way, std::size_t first, std::size_t last);
   void take(std::size_t way, const PartPrice& part, bool counts, std::size_t first,
             std::size_t last, const Extent& extent);

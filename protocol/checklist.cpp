@@ -23,7 +23,7 @@ std::string to_string(const OptionValue& value) {
   return std::get<std::string>(value);
 }
 
-/// Writes the value of each option behind its name: "`unit`" becomes "`unit` (5)".
+/// Adds the value of each option after its name: "`unit`" becomes "`unit` (5)".
 std::string with_values(std::string_view text, const Options& options) {
   std::string out;
   for (std::size_t at = 0; at < text.size();) {
@@ -38,7 +38,7 @@ std::string with_values(std::string_view text, const Options& options) {
   return out;
 }
 
-/// Settings that lead to a station behind the PLC that is connected.
+/// Returns the settings that route to a station behind the connected PLC.
 std::string of_route(const ProtocolInfo& protocol, const Options& options) {
   std::string out;
   for (const std::string_view key : {"network", "pc", "module_io", "module_station"}) {
@@ -56,7 +56,8 @@ std::string of_route(const ProtocolInfo& protocol, const Options& options) {
   return out;
 }
 
-/// The line itself: nothing here depends on the protocol, except whether devices share it.
+/// Returns the questions about the line itself. They depend on the protocol only in whether devices
+/// share the line.
 std::string of_serial_port(const ProtocolInfo& protocol, const Wiring& wiring) {
   std::string out;
   if (wiring.line)
@@ -87,7 +88,7 @@ std::string headline(const Wiring& wiring, Answers answers) {
   }
 }
 
-/// A device with the right settings that answers no more.
+/// Returns the text for a device that has answered before, so that its settings were right.
 std::string of_stopped(const Wiring& wiring) {
   const bool is_serial = wiring.channel == Wiring::Channel::serial;
   return std::string("it has answered before. Check: has it power; ") +

@@ -23,7 +23,7 @@ Whole power_of_ten(int exponent) {
   return boost::multiprecision::pow(Whole(10), static_cast<unsigned>(exponent));
 }
 
-/// The shortest decimal spelling of a finite number.
+/// Returns the shortest decimal spelling of a finite number.
 Decimal decimal_of(double number) {
   std::array<char, 64> text{};
   const auto end =
@@ -51,12 +51,13 @@ Decimal decimal_of(const Scalar& scalar) {
   return {Whole(std::get<bool>(scalar) ? 1 : 0), 0};
 }
 
-/// `number` as a multiple of 10^exponent, which is not above its own.
+/// Returns `number` as a multiple of 10^exponent. `exponent` must not exceed the exponent of
+/// `number`.
 Whole at_exponent(const Decimal& number, int exponent) {
   return number.digits * power_of_ten(number.exponent - exponent);
 }
 
-/// To the nearest integer, ties away from zero.
+/// Divides and rounds to the nearest integer, ties away from zero.
 Whole divided(const Whole& number, const Whole& by) {
   const bool is_negative = (number < 0) != (by < 0);
   const Whole magnitude = boost::multiprecision::abs(number);
@@ -120,7 +121,8 @@ std::optional<std::partial_ordering> compare(const Scalar& one, const Scalar& ot
   };
   const double a = nearest(one);
   const double b = nearest(other);
-  // Rounding keeps the order of numbers: they can only differ where their doubles are equal.
+  // Rounding keeps the order of numbers, so only numbers with equal doubles need an exact
+  // comparison.
   if (a != b || std::abs(a) < kExactDouble || !std::isfinite(a)) return a <=> b;
   const Decimal left = decimal_of(one);
   const Decimal right = decimal_of(other);

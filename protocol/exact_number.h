@@ -14,21 +14,22 @@ namespace fxagent {
 using Whole = boost::multiprecision::number<boost::multiprecision::cpp_int_backend<>,
                                             boost::multiprecision::et_off>;
 
-/// Up to here, and down to its negative, a double tells neighbouring integers apart: 2^53.
+/// A double distinguishes neighbouring integers up to ±2^53.
 inline constexpr double kExactDouble = 9007199254740992.0;
 
-/// Parses an optional minus and at most 40 digits without leading zeros. nullopt for other texts.
+/// Parses an optional minus and at most 40 digits without leading zeros. Returns nullopt for any
+/// other text.
 std::optional<Whole> whole_from(std::string_view text);
 
-/// Returns an int64 where it fits, else a BigInteger.
+/// Returns an int64 if `number` fits, otherwise a BigInteger.
 Scalar scalar_of(const Whole& number);
 
-/// Returns raw × scale + offset. A double up to ±2^53; beyond that the nearest integer. `scale` and
-/// `offset` are finite; each counts as its shortest decimal spelling, so 0.1 is one tenth.
+/// Returns raw × scale + offset: a double up to ±2^53, beyond that the nearest integer. `scale` and
+/// `offset` must be finite. Each counts as its shortest decimal spelling, so 0.1 is one tenth.
 Scalar scaled_exactly(const Whole& raw, double scale, double offset);
 
-/// Returns (value − offset) ÷ scale to the nearest integer, ties away from zero. `value` is a
-/// number, not a text; `scale` is not 0.
+/// Returns (value − offset) ÷ scale, rounded to the nearest integer, ties away from zero. `value`
+/// must be a number, not a text, and `scale` must not be 0.
 Whole unscaled_exactly(const Scalar& value, double scale, double offset);
 
 }  // namespace fxagent

@@ -14,7 +14,7 @@ std::string listed(const std::vector<std::string>& values) {
   return values.size() > kMostValues ? text + " …" : text;
 }
 
-/// Why a device said no, where its protocol has words for that.
+/// Returns the reason of a refusal if its protocol gives one.
 std::string reason_of(const Explanation& nak) {
   for (const auto& [name, meaning] : nak.fields)
     if (name == "reason" || name == "exception") return " " + meaning;

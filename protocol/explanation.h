@@ -1,4 +1,4 @@
-// What a frame says, in one line: for `fxagent decode` and for the trace of a line.
+// Summarises a frame in one line, for `fxagent decode` and the line trace.
 #pragma once
 
 #include <string>
@@ -7,8 +7,8 @@
 
 namespace fxagent {
 
-/// "read D123 × 2", "data 1234 ABCD", "nak 06, device number out of range"; of a frame that is not
-/// good what is known of it, a colon and why. Of many values the first 16.
+/// Returns for example "read D123 × 2", "data 1234 ABCD" or "nak 06, device number out of range".
+/// For a bad frame: the parts that are known, a colon and the reason. Lists at most 16 values.
 std::string summary(const Explanation& frame);
 
 }  // namespace fxagent

@@ -7,7 +7,8 @@
 namespace fxagent {
 namespace {
 
-/// Without those that hold another: a read that may not hold that one may not hold them.
+/// Removes the places that contain another. A read that must not contain the smaller place must not
+/// contain the larger one either.
 std::vector<Extent> smallest(std::vector<Extent> places) {
   std::sort(places.begin(), places.end(), [](const Extent& a, const Extent& b) {
     return a.first != b.first ? a.first > b.first : a.end < b.end;

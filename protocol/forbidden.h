@@ -1,5 +1,5 @@
-// The reads of one space that a device refuses, or that would cross a border of the space: found in
-// steps that grow with the logarithm of what is known. The planner's own (plan.h).
+// Reads of one space that the planner must avoid: those the device refuses, and those that cross a
+// border of the space. A lookup takes logarithmic time. Used only by the planner (plan.h).
 #pragma once
 
 #include <cstdint>
@@ -19,19 +19,19 @@ struct Extent {
 class Forbidden final {
  public:
   Forbidden() = default;
-  /// What of `holes` lies in the space, and its borders (AddressSpace::borders()).
+  /// Collects the `holes` that lie in `space`, and the space's `borders` (AddressSpace::borders()).
   Forbidden(const Holes& holes, std::uint16_t space,
             const std::vector<std::uint32_t>& borders = {});
 
-  /// Whether a read by `way` may not be this one. A read that holds a forbidden one is forbidden.
+  /// True if `way` must not make this read. A read that contains a forbidden one is forbidden.
   bool forbids(const ReadWay& way, const Extent& read) const;
-  /// Whether no read may be this one, by whatever way.
+  /// True if no way may make this read.
   bool holds(const Extent& read) const;
 
  private:
-  std::vector<std::uint32_t> cuts_;  ///< rising
-  std::vector<Extent> missing_;      ///< none holds another: both their starts and their ends rise
-  std::vector<Extent> apart_;        ///< rising, none touches another
+  std::vector<std::uint32_t> cuts_;  ///< ascending
+  std::vector<Extent> missing_;      ///< none contains another: starts and ends both ascend
+  std::vector<Extent> apart_;        ///< ascending; no two touch
 };
 
 }  // namespace fxagent

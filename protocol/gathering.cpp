@@ -9,17 +9,17 @@
 namespace fxagent {
 namespace {
 
-// Exact counting of parts takes time in proportion to this; more is searched by prices.
+// The time of exact counting grows with this product. Larger plans are searched by prices.
 constexpr std::size_t kMostCounted = 100'000;
-// How often the price of a part is changed to make it fill its frames better.
+// Number of price changes of a part tried to fill its frames better.
 constexpr int kPriceSteps = 6;
-// A large plan is not worth more than this many weighed reads beside the first searches.
+// Later searches are skipped once this many reads have been weighed.
 constexpr std::size_t kMostWeighed = 1'000'000;
-// Nobody looks further where less than this part of the line time could be gained.
+// The search ends when less than 1/256 of the line time could be gained.
 constexpr Cost kWorthwhile = 256;
 constexpr std::uint32_t kAnySize = GatherCommand{}.max_bits;
 
-/// Without a speed of the line: an exchange costs more than all characters do.
+/// Costs if the speed of the line is unknown: an exchange costs more than all characters together.
 constexpr Cost kExchange = Cost{1} << 30;
 constexpr Cost kAllCharacters = Cost{1} << 24;
 LineCost with_chars(const LineCost& cost) {
@@ -55,18 +55,18 @@ class GatherSearch final {
 
  private:
   struct Command : GatherCommand {
-    Cost around_parts = 0;  ///< what one of its frames takes beside its parts
+    Cost around_parts = 0;  ///< cost of one of its frames without the parts
   };
-  /// What a search came to.
+  /// Result of a search.
   struct Found {
-    Cost least = 0;  ///< no plan on these terms costs less than this
+    Cost least = 0;  ///< lower bound for every plan on these terms
     std::size_t gathers = 0;
   };
 
   void look_for_best() {
     search({});
     if (!speed_known_ && least_ / kExchange <= 1) return;
-    // All commands first: what they cannot better none of them can.
+    // All commands first: if they gain nothing, no subset does.
     for (std::uint32_t which = (1U << commands_.size()) - 1; which > 0; --which) {
       if (!best_.together.empty() && is_enough()) break;
       std::vector<const Command*> open;
@@ -95,18 +95,18 @@ class GatherSearch final {
     for (const ReadSearch& bucket : searches_) reads += bucket.weighed();
     return reads;
   }
-  /// Whether so much was tried that what was found has to do.
+  /// True if the search has reached its limit and ends with the best plan so far.
   bool is_enough() const { return weighed() > kMostWeighed; }
 
-  /// Whether a plan that costs `least` or more could be much better than the best so far.
+  /// True if a plan that costs `least` or more could be much better than the best so far.
   bool may_gain(Cost least) const {
     if (least_ == kImpossible) return true;
     if (speed_known_) return least_ - least > least / kWorthwhile;
     return least_ / kExchange > (least + kExchange - kAllCharacters) / kExchange;
   }
 
-  /// A part costs its share of what its frame takes beside its parts: by the number of parts that
-  /// the frame holds, by its bits, or by some of both.
+  /// Adds to each part its share of the cost around the parts of a frame: by the number of parts
+  /// that a frame holds, by their bits, or by a mix of both.
   static Terms priced(const std::vector<const Command*>& open, double by_parts, double by_bits) {
     Terms terms;
     for (const Command* command : open) {
@@ -120,15 +120,15 @@ class GatherSearch final {
     return terms;
   }
 
-  /// False where nothing could be gained by these commands, nor by fewer of them.
+  /// Returns false if nothing can be gained by these commands or by fewer of them.
   bool search_with(const std::vector<const Command*>& open) {
     const auto free = search(priced(open, 0, 0));
     if (!free || free->gathers == 0) return false;
     Cost least_frame = kImpossible;
     for (const Command* command : open) least_frame = std::min(least_frame, command->around_parts);
     if (!may_gain(free->least + least_frame)) return false;
-    // In one frame of each command: nothing is better. Else what a frame takes beside its parts is
-    // shared by what fills it, and that is less than any frames take.
+    // One frame of each command cannot be improved. Otherwise the cost around the parts is shared
+    // by whatever fills the frame, so the price is a lower bound of what the frames cost.
     if (free->gathers <= open.size()) return true;
     const auto fair = search(priced(open, 1, 0));
     if (!fair || !may_gain(fair->least)) return true;
@@ -145,7 +145,8 @@ class GatherSearch final {
     return true;
   }
 
-  /// Looks for prices of a part, by its share, that leave just `gathers` of them, and one fewer.
+  /// Searches for the price of a part, as a multiple of its share, that leaves exactly `gathers`
+  /// frames, and for the one that leaves one frame fewer.
   void fill(const std::vector<const Command*>& open, std::size_t gathers) {
     narrow(open, gathers, 0, 1);
     double high = 2;
@@ -154,7 +155,7 @@ class GatherSearch final {
         break;
     if (gathers > 1) narrow(open, gathers - 1, high / 2, high);
   }
-  /// At `low` a part costs so little that there are more, at `high` there are not.
+  /// The price `low` leaves more than `gathers` frames; `high` does not.
   void narrow(const std::vector<const Command*>& open, std::size_t gathers, double low,
               double high) {
     for (int i = 0; i < kPriceSteps && !is_enough(); ++i) {
@@ -165,7 +166,7 @@ class GatherSearch final {
     }
   }
 
-  /// The best with 1, 2 … `most` frames of the command, by counting their parts.
+  /// Finds the best plan with 1, 2 … `most` frames of the command, by counting their parts.
   void count(const Command& command, std::size_t most) {
     Terms terms;
     terms.parts.resize(command.gather + 1U);
@@ -181,7 +182,7 @@ class GatherSearch final {
     }
   }
 
-  /// nullopt: not everything can be read like this.
+  /// Returns nullopt if these terms cannot read everything.
   std::optional<Found> search(const Terms& terms) {
     Found found;
     for (ReadSearch& bucket : searches_) {
@@ -193,8 +194,8 @@ class GatherSearch final {
     return found;
   }
 
-  /// Weighs what the last run of the searches came to, with so many parts counted. Returns the
-  /// number of its gathers.
+  /// Builds the plan of the last run with `counted` parts and keeps it if it is the best so far.
+  /// Returns its number of Gathers.
   std::size_t consider(std::uint32_t counted) {
     Gathering found;
     found.reads.resize(searches_.size());
@@ -230,8 +231,8 @@ class GatherSearch final {
     return after != suspects_.end() && overlap(*after, span);
   }
 
-  /// Puts the command's parts into as few frames as it takes, or nearly: the largest first, each
-  /// into the first frame with room. Suspects go with each other.
+  /// Puts the parts of the command into a nearly minimal number of frames: the largest first, each
+  /// into the first frame with room. Suspects are kept apart from the others.
   void share_out(const GatherCommand& command, const std::vector<Read>& all,
                  std::vector<std::vector<std::uint32_t>>& together) {
     std::vector<std::uint32_t> good;
@@ -257,8 +258,8 @@ class GatherSearch final {
     const auto is_full = [&](std::size_t i) {
       return together[before + i].size() >= command.max_parts;
     };
-    std::size_t first = 0;  // those before it have no room for anything
-    std::size_t into = 0;   // nor those before it for one of this size
+    std::size_t first = 0;  // frames before it have no room at all
+    std::size_t into = 0;   // frames before it have no room for a part of this size
     std::uint32_t bits = 0;
     for (const std::uint32_t part : parts) {
       while (first < bits_of.size() && is_full(first)) ++first;
@@ -288,7 +289,7 @@ class GatherSearch final {
   std::size_t pieces_ = 0;
   Gathering best_;
   Cost least_ = kImpossible;
-  std::size_t looks_ = 0;  ///< into frames, for room
+  std::size_t looks_ = 0;  ///< frames checked for room
 };
 
 }  // namespace

@@ -1,4 +1,4 @@
-// Upper and lower case of names: ASCII letters, whatever the locale is.
+// Converts ASCII letters to upper or lower case, independent of the locale.
 #pragma once
 
 #include <string>

@@ -1,14 +1,14 @@
-// The bytes of a string's image that hold none of its characters. Pure.
+// Handles the bytes of a string's image that hold none of its characters. Pure.
 #pragma once
 
 #include "protocol/point.h"
 
 namespace fxagent {
 
-/// Whether a write of the point covers bytes that are not its own: a string of odd length fills its
-/// last word by half, in an array each element does.
+/// True if a write of the point covers bytes that do not belong to it. A string of odd length fills
+/// only half of its last word; in an array, each element does.
 bool has_padding(const Point& point);
-/// `image` of the point with those bytes as `other`, another image of it, has them.
+/// Returns `image` of the point with those bytes copied from `other`, another image of the point.
 Bytes with_padding_of(const Point& point, Bytes image, ByteView other);
 
 }  // namespace fxagent

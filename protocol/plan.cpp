@@ -12,7 +12,8 @@
 namespace fxagent {
 namespace {
 
-/// The reads that bring `span`: the last one that holds its first bit, and on until its last bit.
+/// Returns the reads that cover `span`: from the last read that contains its first bit to the read
+/// that contains its last bit.
 PointSource source_of(const std::vector<Read>& reads, const Span& span) {
   const auto after = std::upper_bound(
       reads.begin(), reads.end(), span.first_bit,
@@ -26,13 +27,13 @@ PointSource source_of(const std::vector<Read>& reads, const Span& span) {
 
 constexpr std::uint32_t kAnySize = GatherCommand{}.max_bits;
 
-/// What is to be read, by space and tier, and the commands that may read several places at once.
+/// Buckets to be read, by space and tier, and the commands that read several places at once.
 struct Wanted {
   std::vector<Bucket> buckets;
   std::vector<GatherCommand> commands;
 };
 
-/// A device as its holes leave it: its ways and its commands.
+/// Ways and commands of a device after its holes are applied.
 class DeviceWays final {
  public:
   DeviceWays(const Codec& codec, std::uint32_t max_block_bytes, const Holes& holes)
@@ -45,7 +46,7 @@ class DeviceWays final {
     }
   }
 
-  /// Empty where the model has no such space.
+  /// Returns an empty list if the model has no such space.
   const std::vector<ReadWay>& all(std::uint16_t space) {
     const auto [known, fresh] = ways_.try_emplace(space);
     if (fresh) known->second = addresses_.read_ways(space);
@@ -68,7 +69,8 @@ class DeviceWays final {
     return out;
   }
 
-  /// Those that `buckets` have ways for, none with more in one frame than a block may have.
+  /// Returns the commands that the ways of `buckets` use. Limits each frame to the bytes of one
+  /// block.
   std::vector<GatherCommand> commands_for(const std::vector<Bucket>& buckets) const {
     std::vector<GatherCommand> out;
     for (GatherCommand command : commands_) {
@@ -78,7 +80,7 @@ class DeviceWays final {
           if (way.gather == command.gather) largest = std::max(largest, way.max_bits);
       if (max_block_bytes_ != 0)
         command.max_bits = std::min(command.max_bits, std::max(max_block_bytes_ * 8, largest));
-      // A limit that no number of parts can reach is none.
+      // Drops a bit limit that no number of parts can reach.
       if (command.max_bits / command.max_parts >= largest) command.max_bits = kAnySize;
       if (largest > 0) out.push_back(command);
     }
@@ -100,7 +102,7 @@ class DeviceWays final {
   std::map<std::uint16_t, std::vector<ReadWay>> ways_;
 };
 
-/// Sorts the points into buckets; those that no way reaches go to the plan's list.
+/// Sorts the points into buckets. Points that no way reaches are added to plan.unreachable.
 std::vector<Bucket> buckets_of(DeviceWays& device, std::span<const Point> points, Plan& plan) {
   std::map<std::pair<std::uint16_t, std::uint8_t>, Bucket> buckets;
   for (std::uint32_t index = 0; index < points.size(); ++index) {
@@ -135,7 +137,7 @@ std::vector<Bucket> buckets_of(DeviceWays& device, std::span<const Point> points
   return filled;
 }
 
-/// The reads of each bucket by itself.
+/// Returns the best reads of each bucket, without combining any.
 Gathering each_by_itself(const Codec& codec, const LineCost& cost,
                          const std::vector<Bucket>& buckets) {
   Gathering out;
@@ -149,7 +151,7 @@ Gathering each_by_itself(const Codec& codec, const LineCost& cost,
   return out;
 }
 
-/// Each Gather where its first read would be.
+/// Orders the exchanges: each Gather stands at the place of its first read.
 std::vector<PlannedExchange> in_order(std::uint32_t reads,
                                       std::vector<std::vector<std::uint32_t>> together) {
   std::vector<PlannedExchange> out;
@@ -279,7 +281,7 @@ std::optional<Halves> halves_of(const Codec& codec, std::span<const Point> point
   std::optional<Halves> best;
   const std::uint32_t middle = whole.first + span.bits / 2;
   const auto distance = [&](std::uint32_t at) { return at < middle ? middle - at : at - middle; };
-  std::uint32_t done = whole.first;  // where the elements before this one end
+  std::uint32_t done = whole.first;  // end of the elements before this one
   for (const Extent& element : elements) {
     const std::uint32_t at = element.first - element.first % way->align_bits;
     const auto left = fit(*way, {whole.first, done});
@@ -340,7 +342,7 @@ Result<std::vector<Request>> plan_write(const Codec& codec, const Point& point, 
   std::uint32_t step = codec.addresses().max_write_bits(span->space);
   if (step == 0)
     return fail(ErrorCode::bad_request, point.address.text + " is not written by this protocol");
-  // Elements stay whole where a frame can hold one and it is made of whole bytes.
+  // Keep elements whole if a frame can hold one and an element consists of whole bytes.
   const std::uint32_t element = span->bits / point.count;
   if (element % 8 == 0 && element <= step) step -= step % element;
   const auto borders = codec.addresses().borders(span->space);

@@ -1,6 +1,6 @@
-// What some protocols can do with the PLC itself, beside its memory: ask what it is, and start or
-// stop it. A protocol without these (Modbus) has no such object at all. It makes requests and reads
-// answers; the frames are codec.h's.
+// Services of some protocols for the PLC itself, besides its memory: query the model, start and
+// stop. A protocol without them (Modbus) has no such object. This interface makes requests and
+// interprets answers; codec.h has the frames.
 #pragma once
 
 #include <memory>
@@ -13,47 +13,51 @@
 
 namespace fxagent {
 
-/// Got from Codec::plc() and valid as long as that codec. Every request made here is one that its
-/// codec can encode, run_request() perhaps apart. Sources: for the FX computer link JY992D69901
-/// rev. E, chapter 8 (PC, RR, RS); for the programming port captures; both in protocol/README.md.
+/// Returned by Codec::plc() and valid as long as that codec. The codec can encode every request
+/// made here, except perhaps run_request(). Sources: JY992D69901 rev. E, chapter 8 (PC, RR, RS) for
+/// the FX computer link; captures for the programming port. See protocol/README.md for both.
 class PlcServices {
  public:
   virtual ~PlcServices() = default;
 
-  // Which PLC it is.
+  // Model.
 
-  /// The configured or identified model; empty while it is unknown.
+  /// Returns the configured or identified model; empty while it is unknown.
   virtual std::string model() const = 0;
-  /// The reads that tell the model, one or more, to be sent in this sequence.
+  /// Returns the reads that identify the model, at least one, to be sent in this sequence.
   virtual std::vector<Request> identify() const = 0;
-  /// The model's name from the answers of identify(), one image for each of its requests (refused
-  /// ones are left empty); nullopt where they do not tell it.
+  /// Returns the model from the answers of identify(): one image for each request, empty if it was
+  /// refused. nullopt if the answers do not identify a model.
   virtual std::optional<std::string> model_from(const std::vector<Bytes>& images) const = 0;
-  /// The same protocol and options for a model found by asking. nullptr where there is no such
-  /// model; never for a name that model_from() returned or ProtocolInfo::models has.
+  /// Returns a codec of the same protocol and options for `model`, which the device has reported.
+  /// Returns nullptr for an unknown model, but never for a name that model_from() returned or
+  /// ProtocolInfo::models contains.
   virtual std::shared_ptr<const Codec> with_model(std::string_view model) const = 0;
 
   // RUN and STOP.
 
-  /// The read that tells whether the PLC runs (M8000 of an FX).
+  /// Returns the read of the run state (M8000 of an FX).
   virtual Request run_state() const = 0;
-  /// The answer of run_state(): true where the PLC runs; nullopt for an image too short to tell.
+  /// Returns true if the answer of run_state() shows that the PLC runs. nullopt if the image is too
+  /// short.
   virtual std::optional<bool> run_state_from(ByteView image) const = 0;
-  /// The request that starts (true) or stops (false) the PLC. Where the model cannot be switched by
-  /// this protocol, encode() says so (unsupported). It is never repeated after a refusal: see
+  /// Returns the request that starts (true) or stops (false) the PLC. If this protocol cannot
+  /// switch the model, encode() fails with unsupported. A refused request is never repeated: see
   /// Codec::meaning_of().
   virtual Request run_request(bool run) const = 0;
-  /// For a person whose run or stop failed: the switch position that this protocol needs.
+  /// Returns a human-readable hint after a failed run or stop: the switch position that this
+  /// protocol needs.
   virtual std::string run_hint() const = 0;
 };
 
-/// The model that `codec` was made for; empty while it is unknown, or where its protocol has none.
+/// Returns the model that `codec` was made for. Empty while it is unknown, or if its protocol has
+/// no models.
 inline std::string model_of(const Codec& codec) {
   const PlcServices* plc = codec.plc();
   return plc == nullptr ? std::string() : plc->model();
 }
 
-/// True where the device has a model that is not known yet, but that it can be asked for.
+/// True if the model is still unknown and the device can be asked for it.
 inline bool must_ask_model(const Codec& codec) {
   const PlcServices* plc = codec.plc();
   return plc != nullptr && plc->model().empty();

@@ -34,7 +34,7 @@ constexpr std::array<Word, 12> kTypes = {{
     {"float64", DataType::float64},
 }};
 
-// More decimals than a double has digits.
+// More decimals than a double can show.
 constexpr int kMaxDecimals = 17;
 
 constexpr std::array<double, kMaxDecimals + 1> kPowers = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,
@@ -47,7 +47,7 @@ std::uint32_t byte_or_zero(ByteView image, std::size_t index) {
   return index < image.size() ? image[index] : 0;
 }
 
-/// `bits` (1-32) bits of the image as a number; what lies past its end is 0.
+/// Returns `bits` (1-32) bits of the image as a number. Bits past its end are 0.
 std::uint32_t bits_at(ByteView image, std::size_t from_bit, std::uint32_t bits) {
   const std::size_t first = from_bit / 8;
   std::uint64_t value = 0;
@@ -57,7 +57,7 @@ std::uint32_t bits_at(ByteView image, std::size_t from_bit, std::uint32_t bits) 
   return static_cast<std::uint32_t>(value & ((std::uint64_t{1} << bits) - 1));
 }
 
-/// The same of up to 64 bits.
+/// The same for up to 64 bits.
 std::uint64_t raw_at(ByteView image, std::size_t from_bit, std::uint32_t bits) {
   constexpr std::uint32_t kHalf = 32;
   if (bits <= kHalf) return bits_at(image, from_bit, bits);
@@ -71,8 +71,8 @@ void set_bits(Bytes& image, std::size_t to_bit, std::uint32_t bits, std::uint64_
       image[(to_bit + i) / 8] |= static_cast<std::uint8_t>(1U << ((to_bit + i) % 8));
 }
 
-/// Between the number that the words hold in image order (the first word is the lowest) and the
-/// value in the order that the device keeps it. Its own inverse.
+/// Converts between the number in image order (the first word is the lowest) and the value in the
+/// device's order. Its own inverse.
 std::uint64_t reordered(std::uint64_t number, std::uint32_t bits, ByteOrder order) {
   constexpr std::uint32_t kWordBits = 16;
   const bool high_first = order == ByteOrder::abcd || order == ByteOrder::badc;
@@ -88,7 +88,8 @@ std::uint64_t reordered(std::uint64_t number, std::uint32_t bits, ByteOrder orde
 
 // ---- numbers ----------------------------------------------------------------------------------
 
-/// Digits after the point in the shortest spelling of `number`: 0.05 has 2, 1e-7 has 7, 3 has 0.
+/// Returns the decimal places in the shortest spelling of `number`: 2 for 0.05, 7 for 1e-7, 0 for
+/// 3.
 int decimals_of(double number) {
   std::array<char, 64> text{};
   const auto end =
@@ -105,8 +106,8 @@ int decimals_of(double number) {
 }
 
 double widen(double number) { return number; }
-/// The double whose shortest spelling is that of `number`: 23.4F becomes 23.4,
-/// not 23.399999618530273.
+/// Returns the double with the same shortest spelling as `number`: 23.4 for 23.4F, not
+/// 23.399999618530273.
 double widen(float number) {
   std::array<char, 32> text{};
   const auto end = std::to_chars(text.data(), text.data() + text.size(), number).ptr;
@@ -122,7 +123,7 @@ double to_decimals(double value, int decimals) {
   return std::abs(shifted) < kExactDouble ? std::round(shifted) / power : value;
 }
 
-/// BCD digits of `raw` as a number; nullopt where a nibble is above 9.
+/// Returns the BCD digits of `raw` as a number; nullopt if a nibble is above 9.
 std::optional<std::int64_t> from_bcd(std::uint32_t raw) {
   std::int64_t value = 0;
   for (int shift = 28; shift >= 0; shift -= 4) {
@@ -165,7 +166,7 @@ std::uint32_t bits_of_type(DataType type) {
   return 0;
 }
 
-/// Bits of one element; 0 where the type does not fit the address unit.
+/// Returns the bits of one element; 0 if the type does not fit the address unit.
 std::uint32_t element_bits(const Point& point) {
   const std::uint32_t bits = bits_of_type(point.type);
   switch (point.address.unit) {
@@ -189,7 +190,7 @@ std::uint32_t element_bits(const Point& point) {
   return 0;
 }
 
-/// What the raw integer of one element may be; zero is always among it.
+/// Range of the raw integer of one element. It always includes zero.
 struct Limits {
   std::int64_t min = 0;
   std::uint64_t max = 0;
@@ -205,7 +206,7 @@ Limits limits_of(DataType type, std::uint32_t bits) {
       for (std::uint32_t digit = 0; digit < bits / 4; ++digit) power *= 10;
       return {0, power - 1};
     }
-    // A group of fewer bits than its type is a plain number: K2M0 goes from 0 to 255.
+    // A group with fewer bits than its type is unsigned: K2M0 ranges from 0 to 255.
     case DataType::int16:
       if (bits == 16) return {-half - 1, all_ones >> 1};
       break;
@@ -222,13 +223,13 @@ Limits limits_of(DataType type, std::uint32_t bits) {
 
 // ---- text -------------------------------------------------------------------------------------
 
-// Latin-1 is what a PLC's eight bits are taken for; JSON wants UTF-8.
+// A character of a PLC has eight bits, which are read as Latin-1. JSON needs UTF-8.
 std::string utf8_from_latin1(std::uint8_t byte) {
   if (byte < 0x80) return std::string(1, static_cast<char>(byte));
   return {static_cast<char>(0xC0 | byte >> 6), static_cast<char>(0x80 | (byte & 0x3F))};
 }
 
-/// nullopt where the text is not UTF-8, or has a character that Latin-1 lacks, or NUL.
+/// Returns nullopt if the text is not UTF-8, or contains NUL or a character that Latin-1 lacks.
 std::optional<Bytes> latin1_from_utf8(std::string_view text) {
   Bytes bytes;
   for (std::size_t i = 0; i < text.size(); ++i) {
@@ -237,7 +238,7 @@ std::optional<Bytes> latin1_from_utf8(std::string_view text) {
       bytes.push_back(lead);
       continue;
     }
-    // C2 and C3 lead the characters 80h to FFh.
+    // C2 and C3 begin the characters 80h to FFh.
     const auto next = i + 1 < text.size() ? static_cast<std::uint8_t>(text[i + 1]) : 0;
     if ((lead != 0xC2 && lead != 0xC3) || (next & 0xC0) != 0x80) return std::nullopt;
     bytes.push_back(static_cast<std::uint8_t>((lead & 3) << 6 | (next & 0x3F)));
@@ -246,8 +247,8 @@ std::optional<Bytes> latin1_from_utf8(std::string_view text) {
   return bytes;
 }
 
-/// Index in the image of character number `i`. Two characters fill a word, the first one its low
-/// byte, except where the order puts the most significant byte first.
+/// Returns the index of character number `i` in the image. Two characters fill a word. The first is
+/// the low byte unless the order puts the most significant byte first.
 std::size_t character_at(std::size_t i, ByteOrder order) {
   return order == ByteOrder::abcd ? i ^ 1U : i;
 }
@@ -274,7 +275,7 @@ Result<Scalar> number_from(const Point& point, const Whole& raw) {
   return Scalar(to_decimals(exact, point.decimals));
 }
 
-/// The value of a float whose bit pattern is `raw`.
+/// Decodes a float from its bit pattern `raw`.
 template <class Float, class Pattern>
 Result<Scalar> float_from(const Point& point, Pattern raw) {
   Float number = 0;
@@ -331,7 +332,8 @@ using Packed = tl::expected<void, PackError>;
 
 bool is_float(DataType type) { return type == DataType::float32 || type == DataType::float64; }
 
-/// The integer in a text where samples of the point may have one so; else the scalar itself.
+/// Returns the integer in a text if samples of the point may have one in that form, otherwise the
+/// scalar itself.
 Scalar without_quotes(const Point& point, const Scalar& scalar) {
   const auto* text = std::get_if<std::string>(&scalar);
   if (text == nullptr || is_float(point.type) || bits_of_type(point.type) < 16) return scalar;
@@ -342,7 +344,7 @@ Scalar without_quotes(const Point& point, const Scalar& scalar) {
   return scalar_of(*whole);
 }
 
-/// Whether the scalar is of a kind that the point's type takes.
+/// Checks that the scalar is of a kind that the point's type takes.
 Packed check_scalar(const Point& point, const Scalar& given) {
   const Scalar scalar = without_quotes(point, given);
   const auto* whole = std::get_if<std::int64_t>(&scalar);
@@ -364,7 +366,7 @@ Packed check_scalar(const Point& point, const Scalar& given) {
   return {};
 }
 
-/// The same of a whole value, and whether it has as many elements as the point.
+/// Checks each element, and that the value has as many elements as the point.
 Packed check_shape(const Point& point, const Value& value) {
   if (value.is_array != point.is_array)
     return bad_value(point.is_array ? "an array is wanted" : "one value is wanted, not an array");
@@ -376,7 +378,7 @@ Packed check_shape(const Point& point, const Value& value) {
   return {};
 }
 
-/// Whether the device can hold the text's characters, if it is one.
+/// Checks that the device can store the characters, if the scalar is a text.
 Packed check_characters(const Scalar& scalar) {
   const auto* text = std::get_if<std::string>(&scalar);
   if (text != nullptr && !latin1_from_utf8(*text))
@@ -384,8 +386,8 @@ Packed check_characters(const Scalar& scalar) {
   return {};
 }
 
-/// (value − offset) ÷ scale. A quotient that misses a decimal by the error of binary fractions is
-/// put back on it, so that 23.45 ÷ 0.1 is the tie 234.5 it is on paper.
+/// Returns (value − offset) ÷ scale. Corrects a quotient that misses a decimal only by the error of
+/// binary fractions, so that 23.45 ÷ 0.1 is the exact tie 234.5.
 double unscaled(const Point& point, double value) {
   if (!point.scaled()) return value;
   const double raw = (value - point.offset) / point.scale;
@@ -398,7 +400,7 @@ double as_double(const Scalar& scalar) {
   return number_of(scalar).value_or(0);
 }
 
-/// (value − offset) ÷ scale as the nearest raw integer, of any size.
+/// Returns (value − offset) ÷ scale as the nearest raw integer, of any size.
 Whole nearest_raw(const Point& point, const Scalar& scalar) {
   const double value = as_double(scalar);
   const double raw = unscaled(point, value);
@@ -468,7 +470,7 @@ Packed pack_element(const Point& point, const Scalar& given, Bytes& image, std::
   }
 }
 
-/// The types that fit a place of one type, or of two: its own first.
+/// Returns the types that fit the address, the default one first.
 std::string types_of(const Address& address) {
   switch (address.unit) {
     case Unit::long_index:
@@ -494,7 +496,7 @@ bool is_covered(Span span, std::span<const Span> ranges) {
   return true;
 }
 
-// ---- words of the config ------------------------------------------------------------------------
+// ---- names in the config -----------------------------------------------------------------------
 
 std::string_view to_string(DataType type) { return kTypes[static_cast<std::size_t>(type)].text; }
 
@@ -597,7 +599,7 @@ std::optional<std::int64_t> values_within(const Point& point, std::optional<doub
                                           std::optional<double> max) {
   const auto range = value_range(point);
   if (!range || range->step == 0) return std::nullopt;
-  // Of limits beyond the range the nearest value.
+  // Clamp limits outside the range to its ends.
   const double first = std::clamp(min.value_or(range->least), range->least, range->greatest);
   const double last = std::clamp(max.value_or(range->greatest), range->least, range->greatest);
   if ((min && *min > range->greatest) || (max && *max < range->least) || first > last) return 0;

@@ -1,4 +1,4 @@
-// Ranges as people write them: M100-M199, M100..M199, M100-199.
+// Ranges as users write them: M100-M199, M100..M199, M100-199.
 #pragma once
 
 #include <string>
@@ -7,8 +7,8 @@
 
 namespace fxagent {
 
-/// The last end, written in full: "M199" of "M100-199", which takes the letters of the first one.
-/// The first one where there is no other.
+/// Returns the last end in full: "M199" for "M100-199", with the letters of the first end. Returns
+/// the first end if there is no other.
 std::string last_end(const RangeEnds& ends);
 
 }  // namespace fxagent

@@ -1,5 +1,5 @@
-// The one error type of the project: a code for a decision, words for a log.
-// What each code means to a poll and to a command is the table in agent/README.md.
+// The error type of the whole project: a code for decisions and a text for logs. The table in
+// agent/README.md lists what each code means for a poll and for a command.
 #pragma once
 
 #include <cstdint>
@@ -10,19 +10,19 @@
 namespace fxagent {
 
 enum class ErrorCode : std::uint8_t {
-  timeout,      ///< no whole reply by the deadline
-  link_down,    ///< the channel is closed or would not open
-  bad_frame,    ///< a reply came and is wrong: sum, length, shape
-  refused,      ///< the device answered no; it is alive
-  unsupported,  ///< this protocol or this model cannot say it
-  bad_request,  ///< unknown address, range, type: nothing was sent
-  expired,      ///< too old to be sent
+  timeout,      ///< no complete reply by the deadline
+  link_down,    ///< the channel is closed or failed to open
+  bad_frame,    ///< the reply has a wrong sum, length or shape
+  refused,      ///< the device refused; it is alive
+  unsupported,  ///< not possible with this protocol or model
+  bad_request,  ///< unknown address, range or type; nothing was sent
+  expired,      ///< too old to send
 };
 
 struct Error {
   ErrorCode code = ErrorCode::bad_request;
-  std::string text;     ///< for a person: what, where, which value
-  int device_code = 0;  ///< the reason a device gave with its refusal; 0 where it gives none
+  std::string text;     ///< human-readable: what, where, which value
+  int device_code = 0;  ///< reason code of a refusal; 0 if there is none
 };
 
 template <class T>

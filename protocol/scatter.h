@@ -1,4 +1,4 @@
-// Writes and forces put together for one frame (BT, WT, random write).
+// Combines writes and forces into one frame (BT, WT, random write).
 #pragma once
 
 #include <optional>
@@ -8,11 +8,12 @@
 
 namespace fxagent {
 
-/// A force as the write of its one bit, by the same way.
+/// Returns the force as a write of its single bit, by the same way.
 Write write_of(const Force& force);
 
-/// All of `requests` as the parts of one Scatter, in their order. nullopt: there are fewer than
-/// two, or one is neither a write nor a force. Whether a frame carries it is for the codec to say.
+/// Returns all of `requests` as the parts of one Scatter, in the same order. nullopt if there are
+/// fewer than two, or if one is neither a write nor a force. Does not check whether a frame can
+/// carry it; the codec does.
 std::optional<Scatter> scatter_of(const std::vector<Request>& requests);
 
 }  // namespace fxagent

@@ -1,4 +1,4 @@
-// A text at rest in 16 bytes: up to 15 characters in place, a longer one on the heap. A large plant
+// A text stored in 16 bytes: up to 15 characters in place, longer ones on the heap. A large plant
 // has hundreds of thousands of names and addresses, and nearly all of them are short.
 #pragma once
 
@@ -13,7 +13,7 @@
 
 namespace fxagent {
 
-/// Never changes but by assignment. Shorter than 4 GiB.
+/// Changes only by assignment. Shorter than 4 GiB.
 class ShortText final {
  public:
   static constexpr std::size_t kInPlace = 15;
@@ -66,7 +66,7 @@ class ShortText final {
 
   bool is_elsewhere() const { return bytes_.back() == kElsewhere; }
   Elsewhere elsewhere() const { return std::bit_cast<Elsewhere>(bytes_); }
-  /// `this` holds no text yet.
+  /// Requires that `this` holds no text yet.
   void set(std::string_view text) {
     if (text.size() <= kInPlace) {
       std::ranges::copy(text, bytes_.begin());
@@ -79,7 +79,7 @@ class ShortText final {
     bytes_ = std::bit_cast<InPlace>(place);
   }
 
-  // The text, with its size in the last byte; or an Elsewhere, whose mark is there.
+  // The text with its size in the last byte, or an Elsewhere with its mark in that byte.
   alignas(Elsewhere) InPlace bytes_{};
 };
 

@@ -1,4 +1,4 @@
-// Runs of device memory put together.
+// Merges runs of device memory.
 #pragma once
 
 #include <vector>
@@ -7,8 +7,8 @@
 
 namespace fxagent {
 
-/// The bits of all `spans` in as few spans as there can be, by space and first bit: what overlaps
-/// or touches is one.
+/// Returns the bits of all `spans` in as few spans as possible, sorted by space and first bit.
+/// Spans that overlap or touch become one.
 std::vector<Span> merged(std::vector<Span> spans);
 
 }  // namespace fxagent

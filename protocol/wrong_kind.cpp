@@ -14,7 +14,7 @@
 namespace fxagent {
 namespace {
 
-/// A text that a person may be shown: short, printable ASCII. Empty: another one.
+/// Returns a quoted text if it is short and printable ASCII, otherwise an empty one.
 std::string shown(const std::string& text) {
   constexpr std::size_t kMost = 32;
   const bool plain = text.size() <= kMost && std::ranges::all_of(text, [](char c) {
@@ -23,7 +23,7 @@ std::string shown(const std::string& text) {
   return plain ? '"' + text + '"' : std::string();
 }
 
-/// The number that a text spells, blanks around it left out.
+/// Returns the number that a text spells; ignores blanks around it.
 std::optional<double> number_in(const std::string& text) {
   const std::size_t first = text.find_first_not_of(' ');
   if (first == text.npos) return std::nullopt;

@@ -1,4 +1,4 @@
-// What to tell a sender whose value is of the wrong kind: forms and flows make text of numbers.
+// Explains a value of the wrong kind to its sender. Forms and flows often turn numbers into text.
 #pragma once
 
 #include <string>
@@ -7,8 +7,8 @@
 
 namespace fxagent {
 
-/// The end of a sentence that says what `type` takes: `: send the number 50, not the text "50"`.
-/// Quotes a text only where it is short and printable. Empty where there is nothing to add.
+/// Returns the end of a sentence that names what `type` takes: `: send the number 50, not the text
+/// "50"`. Quotes a text only if it is short and printable. Empty if there is nothing to add.
 std::string instead_of(const Scalar& scalar, DataType type);
 
 }  // namespace fxagent

@@ -11,8 +11,8 @@ namespace {
 
 using namespace link;
 
-constexpr std::uint32_t kPc = 0xFF;  // the PLC number of every FX
-// ENQ header, command, wait, number of points; the head device comes between the last two.
+constexpr std::uint32_t kPc = 0xFF;  // PLC number of every FX
+// ENQ header, command, wait, number of points. The head device stands between the last two.
 constexpr std::uint32_t kReadRequest = kHeader + 2 + 1 + 2;
 // STX header, 256 bits, ETX, sum, CR LF.
 constexpr std::size_t kLongestFrame = kHeader + 256 + 1 + 2 + 2;
@@ -24,13 +24,13 @@ struct PointLimits {
 constexpr PointLimits kNarrow{54, 13, 13, 6, 46, 11, 10, 6, 10, 6};  // FX0N, FX1S
 constexpr PointLimits kWide{256, 64, 32, 32, 160, 64, 10, 32, 20, 10};
 
-/// An unknown model is spoken to within the limits that all of them have.
+/// Returns the limits of a model. An unknown model gets those that fit all models.
 const PointLimits& limits_of(Model model) {
   const bool narrow = model == Model::unknown || model == Model::fx0n || model == Model::fx1s;
   return narrow ? kNarrow : kWide;
 }
 
-/// Timer and counter contacts are reached bit by bit only.
+/// False for timer and counter contacts, which are reached only bit by bit.
 bool has_word_way(Space space) { return space != Space::ts && space != Space::cs; }
 
 bool is_bit_space(std::uint16_t space) { return kind_of(static_cast<Space>(space)).bits == 1; }
@@ -42,14 +42,14 @@ void append_decimal(Bytes& out, std::uint32_t number, std::size_t digits, std::u
     out[begin + i - 1] = static_cast<std::uint8_t>('0' + number % base);
 }
 
-/// Characters of a device's name: five, and seven in the Q commands, which alone reach R.
+/// Characters of a device name: five, or seven in the Q commands, which alone reach R.
 constexpr std::size_t kShortName = 5;
 constexpr std::size_t kLongName = 7;
 std::size_t name_chars(std::uint16_t space) {
   return space == id(Space::r) ? kLongName : kShortName;
 }
 
-/// "X0040": the letters and the number, `chars` together.
+/// Appends "X0040": letters and number, `chars` in total.
 void append_device(Bytes& out, std::uint16_t space, std::uint32_t bit, std::size_t chars) {
   const DeviceKind& kind = kind_of(static_cast<Space>(space));
   out.insert(out.end(), kind.letters.begin(), kind.letters.end());
@@ -62,22 +62,22 @@ std::string_view read_command(const Read& read) {
   return read.way == ComputerLink::kBitWay ? "BR" : "WR";
 }
 
-/// 256 points are written 00.
+/// Appends the number of points; 256 is written as 00.
 void append_points(Bytes& out, std::uint32_t points) { append_hex(out, points & 0xFF, 2); }
 
-/// Bits [first, first + bits) of an image, one character each, lowest first.
+/// Appends the first `bits` bits of an image, one character each, lowest first.
 void append_bits(Bytes& out, ByteView image, std::uint32_t bits) {
   for (std::uint32_t i = 0; i < bits; ++i)
     out.push_back((image[i / 8] >> (i % 8) & 1) != 0 ? '1' : '0');
 }
 
-/// An image as numbers of `width` bytes, most significant digit first.
+/// Appends an image as numbers of `width` bytes, most significant digit first.
 void append_numbers(Bytes& out, ByteView image, std::size_t width) {
   for (std::size_t at = 0; at + width <= image.size(); at += width)
     for (std::size_t i = width; i > 0; --i) append_hex(out, image[at + i - 1], 2);
 }
 
-/// A span of a bit device that WW and WT can carry: whole words from a multiple of eight.
+/// True if WW and WT can carry the span of a bit device: whole words from a multiple of eight.
 bool is_bit_words(const Span& span) {
   return has_word_way(static_cast<Space>(span.space)) && span.first_bit % 8 == 0 &&
          span.bits % 16 == 0;
@@ -97,7 +97,7 @@ bool brings_data(const Request& request) {
          (control != nullptr && control->kind == Control::Kind::identify);
 }
 
-/// Characters of data in the answer to a read or to PC.
+/// Returns the characters of data in the answer to a read or to PC.
 std::uint32_t data_chars(const Request& request) {
   const auto* read = std::get_if<Read>(&request);
   if (read == nullptr) return 2;
@@ -116,7 +116,8 @@ Result<Bytes> bits_of(ByteView data) {
   return image;
 }
 
-/// Numbers of `width` bytes, most significant digit first, low byte first in the image.
+/// Converts numbers of `width` bytes, most significant digit first, to an image with the low byte
+/// first.
 Result<Bytes> numbers_in(ByteView data, std::size_t width) {
   Bytes image(data.size() / 2);
   for (std::size_t i = 0; i < image.size(); ++i) {
@@ -138,8 +139,8 @@ Result<Bytes> image_of(const Request& request, ByteView data) {
   return numbers_in(data, std::max<std::uint32_t>(bits, 16) / 8);
 }
 
-/// BW and BT replace exactly the bits that they name, so each bit is judged alone; WW of bits only
-/// gets whole words.
+/// Checks a write. BW and BT replace exactly the bits that they name, so each bit is checked alone.
+/// WW of bits carries only whole words.
 Result<void> check_exact(Model model, const Span& span) {
   const bool few_bits = span.space < id(Space::tc) && is_bit_space(span.space) && span.bits != 0 &&
                         span.bits <= kWide.bw;
@@ -150,7 +151,7 @@ Result<void> check_exact(Model model, const Span& span) {
   return {};
 }
 
-/// What a Scatter is sent as.
+/// Unit in which a Scatter is sent.
 enum class Carrier : std::uint8_t { bits, words };
 
 std::optional<Carrier> carrier_of(const std::vector<Write>& parts, const PointLimits& limits) {
@@ -169,8 +170,8 @@ std::optional<Carrier> carrier_of(const std::vector<Write>& parts, const PointLi
   return std::nullopt;
 }
 
-/// The code of each model that the PC command answers, JY992D69901 8.8; FX3 from JY997D16901, F4
-/// from the FX3U-ENET manual. FX3S is not known.
+/// Codes of the models in answers to PC, JY992D69901 8.8; FX3 from JY997D16901, F4 from the
+/// FX3U-ENET manual. The code of FX3S is unknown.
 struct TypeCode {
   int code;
   Model model;
@@ -252,7 +253,7 @@ Result<std::shared_ptr<const Codec>> ComputerLink::make(const Options& options) 
   return std::make_shared<const ComputerLink>(settings);
 }
 
-// ---- names and places -----------------------------------------------------------------------
+// ---- addresses and ranges ----------------------------------------------------------------------
 
 Result<Address> ComputerLink::parse_address(std::string_view text,
                                             std::optional<DataType> type) const {
@@ -275,7 +276,7 @@ Result<void> ComputerLink::check_write(const Span& span) const {
 
 std::string ComputerLink::name_of(const Span& span) const { return device_name(span); }
 
-// ---- how it is fetched ------------------------------------------------------------------------
+// ---- ways to read ------------------------------------------------------------------------------
 
 std::vector<ReadWay> ComputerLink::read_ways(std::uint16_t space_id) const {
   std::vector<ReadWay> ways;
@@ -296,15 +297,15 @@ std::vector<ReadWay> ComputerLink::read_ways(std::uint16_t space_id) const {
     way.max_bits = std::max(std::min(points * unit, block) / unit * unit, unit);
     ways.push_back(way);
   };
-  // Only FX3 know the Q commands, so no PLC is asked for R before it has told its model.
+  // Only FX3 have the Q commands, so R is not read before the model is known.
   if (space == Space::r && settings_.model == Model::unknown) return ways;
   for (const Numbers& numbers : numbers_of(settings_.model, space)) {
     const Span run = span_of(space, numbers);
     if (bits == 1) add(run, kBitWay, 1, 1, limits.br);
     if (bits == 16) add(run, kWordWay, 16, 16, limits.wr);
     if (bits == 32) add(run, kWordWay, 32, 32, limits.wr_of_dwords);
-    // The words of a bit device may stick out behind the last one. While the model is not known
-    // that one is not known either, and bits are read one by one.
+    // The words of a bit device may extend past the last one. While the model is unknown, so is
+    // that device, and bits are read one by one.
     if (bits == 1 && has_word_way(space) && settings_.model != Model::unknown)
       add(run, kWordWay, 8, 16, limits.wr_of_bits);
   }
@@ -315,7 +316,7 @@ std::uint32_t ComputerLink::max_write_bits(std::uint16_t space) const {
   if (space >= id(Space::tc)) return 0;
   const std::uint32_t bits = kind_of(static_cast<Space>(space)).bits;
   const PointLimits& limits = limits_of(settings_.model);
-  // Of bits as many whole bytes as BW carries: a rest that is no whole word must fit, too.
+  // For bits, as many whole bytes as BW carries: a remainder shorter than a word must fit, too.
   const std::uint32_t unit = std::max<std::uint32_t>(bits, 8);
   const std::uint32_t most = bits == 1    ? limits.bw
                              : bits == 16 ? limits.ww * bits
@@ -325,7 +326,7 @@ std::uint32_t ComputerLink::max_write_bits(std::uint16_t space) const {
 
 ByteOrder ComputerLink::default_order() const { return ByteOrder::cdab; }
 
-// ---- what is sent -------------------------------------------------------------------------------
+// ---- requests ----------------------------------------------------------------------------------
 
 Bytes ComputerLink::framed(std::string_view command, ByteView area) const {
   Bytes frame{kEnq};
@@ -444,8 +445,7 @@ Result<Bytes> ComputerLink::encode(const Request& request, std::uint16_t /*tag*/
   return fail(ErrorCode::unsupported, "the computer link has no enquiry of its own");
 }
 
-// ---- what comes back
-// ------------------------------------------------------------------------------
+// ---- answers -----------------------------------------------------------------------------------
 
 bool ComputerLink::is_ours(ByteView header) const {
   std::uint32_t number = 0;
@@ -538,7 +538,7 @@ Result<std::optional<Reply>> ComputerLink::decode(const Request& request, std::u
   if (const auto sent = encode(request, tag); !sent) return tl::make_unexpected(sent.error());
   if (!expects_reply(request)) return fail(ErrorCode::unsupported, "EOT is never answered");
   const bool wants_data = brings_data(request);
-  // A PLC never sends ENQ: it is the echo of this request, and what came before it is older.
+  // A PLC never sends ENQ: it is the echo of this request, and bytes before it are older.
   std::size_t at = rx.size();
   while (at > 0 && rx[at - 1] != kEnq) --at;
   const std::size_t begin = at;
@@ -549,7 +549,7 @@ Result<std::optional<Reply>> ComputerLink::decode(const Request& request, std::u
       continue;
     }
     if (first == kStx) {
-      // A frame that another STX cuts off begins there anew.
+      // If another STX cuts off a frame, continue at that STX.
       const auto stop = rx.begin() + static_cast<std::ptrdiff_t>(at) + 1;
       const auto again =
           std::find_if(stop, rx.end(), [](std::uint8_t c) { return c == kStx || c == kEtx; });
@@ -561,7 +561,7 @@ Result<std::optional<Reply>> ComputerLink::decode(const Request& request, std::u
     if (rx.size() - at < kHeader) break;
     const bool ours = is_ours(rx.subspan(at, kHeader));
     if (first == kStx && !(ours && wants_data)) {
-      // The late answer of another station, or to an older question of this one.
+      // A late answer of another station, or to an older request to this one.
       const auto next = behind_frame(rx, at);
       if (!next) break;
       at = *next;
@@ -586,7 +586,7 @@ bool ComputerLink::expects_reply(const Request& request) const {
 bool ComputerLink::may_pass_for_answer(ByteView bytes) const {
   for (std::size_t at = 0; at < bytes.size(); ++at) {
     if (bytes[at] != kStx && bytes[at] != kAck && bytes[at] != kNak && bytes[at] != kEnq) continue;
-    // The station and the PLC number follow, as far as they have come.
+    // Station and PLC number must follow, as far as they have arrived.
     const ByteView header =
         bytes.subspan(at + 1, std::min<std::size_t>(kHeader, bytes.size() - at) - 1);
     if (std::all_of(header.begin(), header.end(), [](std::uint8_t c) { return hex_digit(c) >= 0; }))
@@ -617,7 +617,7 @@ Explanation ComputerLink::explain(ByteView frame, std::optional<Direction> direc
   return explain_link_frame(settings_.model, frame, direction);
 }
 
-// ---- the device itself --------------------------------------------------------------------------
+// ---- probe, model, RUN and STOP ----------------------------------------------------------------
 
 std::optional<Request> ComputerLink::resync() const { return Control{Control::Kind::reset}; }
 

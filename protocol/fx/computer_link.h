@@ -1,8 +1,8 @@
-// Mitsubishi FX computer link (dedicated protocol): stations 0 to 15 on one line, asked by a
-// computer.
+// Mitsubishi FX computer link (dedicated protocol): a computer polls stations 0 to 15 on one line.
 // Sources: FX Communication User's Manual JY992D69901 rev. E, chapters 7, 8 and 12; limits of FX3
-// from JY997D16901. A request begins with ENQ, data with STX; ACK and NAK carry the station and no
-// sum. The frames are in protocol/README.md.
+// from JY997D16901.
+// A request begins with ENQ, data with STX. ACK and NAK carry the station and no sum.
+// protocol/README.md has the frames.
 #pragma once
 
 #include <memory>
@@ -20,23 +20,25 @@ namespace fxagent::fx {
 
 class ComputerLink final : public Codec, public AddressSpace, public PlcServices {
  public:
-  /// What D8120 and D8121 of the PLC say, seen from the computer.
+  /// Settings of D8120 and D8121 of the PLC, from the computer's side.
   struct Settings {
     Model model = Model::unknown;
     std::uint32_t station = 0;     ///< 0 to 15
     bool ends_with_cr_lf = false;  ///< control procedure format 4; format 1 has no terminator
     bool sum_check = true;
-    std::uint32_t wait_tens = 0;   ///< 0 to 15 times 10 ms that the PLC waits before it answers
-    bool acknowledge_data = true;  ///< whether data are answered with ACK, as the manual asks
-    /// Bytes of device memory in one frame; 128 are the 64 words of the manual.
+    std::uint32_t wait_tens = 0;   ///< 0 to 15, times 10 ms: wait of the PLC before it answers
+    bool acknowledge_data = true;  ///< answer data with ACK, as the manual requires
+    /// Bytes of device memory in one frame; 128 bytes are the 64 words of the manual.
     std::uint32_t max_block_bytes = 128;
   };
-  /// Read::way of the two units: BR brings a character for each bit, WR and QR four for each word.
+  /// Read::way of the two units: BR returns one character for each bit, WR and QR four for each
+  /// word.
   static constexpr std::uint8_t kBitWay = 0;
   static constexpr std::uint8_t kWordWay = 1;
 
   explicit ComputerLink(const Settings& settings) : settings_(settings) {}
-  /// From the config's options. bad_request: `format` 2 or 3, `message_wait_ms` not in tens.
+  /// Creates a codec from the config's options. Error: bad_request if `format` is 2 or 3, or if
+  /// `message_wait_ms` is not a multiple of 10.
   static Result<std::shared_ptr<const Codec>> make(const Options& options);
 
   // AddressSpace
@@ -66,7 +68,8 @@ class ComputerLink final : public Codec, public AddressSpace, public PlcServices
   std::optional<Request> resync() const override;
   std::optional<Request> probe(std::uint32_t number) const override;
   RefusalMeaning meaning_of(const Request& request, int device_code) const override;
-  /// BT where all are bits and few, WT where all are whole 16-bit words, QT with an R among them.
+  /// Uses BT if all writes are bits and few, WT if all are whole 16-bit words, QT if there is an R
+  /// among them.
   std::optional<Request> combine(const std::vector<Request>& requests) const override;
 
   // PlcServices
@@ -80,7 +83,7 @@ class ComputerLink final : public Codec, public AddressSpace, public PlcServices
   std::string run_hint() const override;
 
  private:
-  /// Header, area and what follows them: ENQ station pc command wait area [sum] [CR LF].
+  /// Returns a request frame: ENQ station pc command wait area [sum] [CR LF].
   Bytes framed(std::string_view command, ByteView area) const;
   Result<Bytes> encode_read(const Read& read) const;
   Result<Bytes> encode_write(const Write& write) const;
@@ -89,8 +92,8 @@ class ComputerLink final : public Codec, public AddressSpace, public PlcServices
   std::uint32_t terminator_chars() const { return settings_.ends_with_cr_lf ? 2U : 0U; }
   std::uint32_t sum_chars() const { return settings_.sum_check ? 2U : 0U; }
   bool is_ours(ByteView header) const;
-  /// Past the frame of somebody else that begins at `at`, or at the STX that cuts it off; nullopt:
-  /// its end has not come yet.
+  /// Returns the place after another station's frame that begins at `at`, or of the STX that cuts
+  /// it off. nullopt if its end has not arrived.
   std::optional<std::size_t> behind_frame(ByteView rx, std::size_t at) const;
   Result<std::optional<Reply>> data_reply(const Request& request, ByteView rx,
                                           std::size_t at) const;
@@ -99,18 +102,18 @@ class ComputerLink final : public Codec, public AddressSpace, public PlcServices
   Settings settings_;
 };
 
-/// The frame's sum: the low 8 bits of all bytes between the first one and the sum; of data that is
-/// up to and including ETX.
+/// Returns the sum of a frame: the low 8 bits of all bytes between the first one and the sum. For
+/// data that includes ETX.
 std::uint8_t link_sum(ByteView bytes);
 
-/// "device does not exist or too many points", for a NAK's code.
+/// Returns the text for the code of a NAK: "device does not exist or too many points".
 std::string_view link_refusal(int code);
-/// The models behind an answer to PC: "FX2N"; empty where none of the catalogue answers so.
+/// Returns the model for an answer to PC: "FX2N". Empty if it is not a model of the catalogue.
 std::string_view link_model(int code);
 
-/// `fxagent decode`: one frame in words, with or without sum, in either format. Devices are those
-/// of `model` (FX3U where it is unknown). Any bytes are allowed; what is wrong with them is in the
-/// error of the explanation.
+/// Explains one frame for `fxagent decode`, with or without sum, in either format, with the devices
+/// of `model` (FX3U if it is unknown). Accepts any bytes; the explanation's `error` states what is
+/// wrong with them.
 Explanation explain_link_frame(Model model, ByteView frame, std::optional<Direction> direction);
 
 }  // namespace fxagent::fx

@@ -1,4 +1,5 @@
-// One frame of the computer link in words, for `fxagent decode`. Never on the way of a poll.
+// Explains one frame of the computer link for `fxagent decode` and the line trace. Not used to
+// decode polls.
 #include <algorithm>
 #include <array>
 #include <string>
@@ -11,7 +12,7 @@ namespace {
 
 using namespace link;
 
-/// How the area of a command is made up.
+/// Layout of the area of a command.
 enum class Area : std::uint8_t { none, bits, words, bit_items, word_items, flag, text };
 
 struct Command {
@@ -56,7 +57,7 @@ bool all_bits(std::string_view text) {
   return std::all_of(text.begin(), text.end(), [](char c) { return c == '0' || c == '1'; });
 }
 
-/// A number of up to 8 hex digits; the caller has seen that they are.
+/// Returns a number of up to 8 hex digits. The caller has checked that they are.
 std::uint32_t number_of(std::string_view digits) {
   std::uint32_t value = 0;
   for (const char c : digits)
@@ -70,10 +71,10 @@ Explanation& wrong(Explanation& explanation, std::string why) {
   return explanation;
 }
 
-/// A device as it stands in a frame: X0040, TN123, R012000.
+/// A device in a frame: X0040, TN123, R012000.
 struct Named {
   std::string text;
-  std::uint32_t bits = 16;  ///< of one device
+  std::uint32_t bits = 16;  ///< bits of one device
 };
 
 std::optional<Named> device_in(Model model, std::string_view written) {
@@ -82,14 +83,14 @@ std::optional<Named> device_in(Model model, std::string_view written) {
   const std::string_view digits = written.substr(letters);
   if (digits.empty() || digits.find_first_not_of("0123456789") != std::string_view::npos)
     return std::nullopt;
-  // Extension registers have names of seven characters only: QR, QW and QT reach them.
+  // Only QR, QW and QT reach extension registers, whose names have seven characters.
   if (head == "T" || head == "C" || (head == "R" && written.size() != 7)) return std::nullopt;
   const auto address = parse_address(model, written, std::nullopt);
   if (!address) return std::nullopt;
   return Named{std::string(address->text), address->span.bits};
 }
 
-/// Numbers of `digits` each as devices of `bits`: a word of a bit device is its 16 points.
+/// Adds the numbers in `data` as devices of `bits`. A word of a bit device is its 16 points.
 void add_values(Explanation& out, std::string_view data, std::uint32_t bits) {
   const std::size_t digits = bits == 32 ? 8 : 4;
   for (std::size_t at = 0; at + digits <= data.size(); at += digits) {
@@ -102,13 +103,14 @@ void add_values(Explanation& out, std::string_view data, std::uint32_t bits) {
   }
 }
 
-/// What follows the wait character of a request; `area` may end with the sum.
+/// Explains the part of a request after the wait character. `area` may end with the sum.
 class RequestArea final {
  public:
   RequestArea(Model model, const Command& command, std::string_view area)
       : model_(model), command_(command), area_(area) {}
 
-  /// The characters that belong to the area; nullopt, with the error in `out`, where it is wrong.
+  /// Returns the number of characters in the area. nullopt, with the error in `out`, if it is
+  /// wrong.
   std::optional<std::size_t> explain(Explanation& out) {
     switch (command_.area) {
       case Area::none:
@@ -136,7 +138,7 @@ class RequestArea final {
     return std::nullopt;
   }
 
-  /// Two hex digits at `at`; 0 where they are none.
+  /// Returns the two hex digits at `at`; 0 if they are not hex digits.
   std::uint32_t points_at(std::size_t at) const {
     const std::string_view digits = area_.substr(std::min(at, area_.size()), 2);
     return digits.size() == 2 && all_hex(digits) ? number_of(digits) : 0;
@@ -214,7 +216,7 @@ class RequestArea final {
   std::string_view area_;
 };
 
-/// What is left of a frame behind its content: nothing, or the sum.
+/// Judges the rest of a frame after its content: nothing, or the sum.
 void judge_sum(Explanation& out, ByteView summed, std::string_view given) {
   if (given.empty()) {
     out.fields.emplace_back("sum", "none");
@@ -253,7 +255,7 @@ Explanation& explain_request(Explanation& out, Model model, std::string_view fra
   return out;
 }
 
-/// The data of an answer: which devices they belong to only the request tells.
+/// Explains the data of an answer. Only the request shows which devices they belong to.
 void explain_data(Explanation& out, std::string_view data) {
   const bool loop_back = data.size() > 2 && all_hex(data.substr(0, 2)) &&
                          number_of(data.substr(0, 2)) + 2 == data.size();
@@ -288,7 +290,8 @@ Explanation& explain_answer(Explanation& out, std::string_view frame) {
   return out;
 }
 
-/// ACK and NAK. The PLC's NAK has a reason; all others may come from either side.
+/// Explains ACK and NAK. A NAK of the PLC has a reason; an ACK may come from either side, and a NAK
+/// without reason comes from the computer.
 Explanation& explain_short(Explanation& out, std::string_view frame,
                            std::optional<Direction> direction) {
   const bool nak = static_cast<std::uint8_t>(frame[0]) == kNak;

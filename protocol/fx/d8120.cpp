@@ -18,7 +18,7 @@ constexpr std::uint32_t kSpeedShift = 4;
 constexpr std::uint32_t kSumCheck = 1U << 13U;
 constexpr std::uint32_t kComputerLink = 1U << 14U;
 constexpr std::uint32_t kFormat4 = 1U << 15U;
-// Bits 4 to 7 are 3 for the first of them, 4 for the next.
+// Bits 4 to 7 are 3 for the first speed, 4 for the next, and so on.
 constexpr std::array kSpeeds{300, 600, 1200, 2400, 4800, 9600, 19200, 38400};
 constexpr std::uint32_t kFirstSpeed = 3;
 

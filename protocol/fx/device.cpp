@@ -11,7 +11,7 @@ namespace {
 constexpr std::array<std::string_view, 7> kModelNames = {"FX0N", "FX1S", "FX1N", "FX2N",
                                                          "FX3S", "FX3G", "FX3U"};
 
-// Compact forms of other models and the one with Ethernet, in the order of kKin.
+// Compact forms of other models, and the one with Ethernet, in the order of kKin.
 constexpr std::array<std::string_view, 5> kKinNames = {"FX1NC", "FX2NC", "FX3GC", "FX3GE", "FX3UC"};
 constexpr std::array<Model, kKinNames.size()> kKin = {Model::fx1n, Model::fx2n, Model::fx3g,
                                                       Model::fx3g, Model::fx3u};
@@ -34,11 +34,11 @@ constexpr std::array<DeviceKind, kSpaces> kKinds = {{
     {"CC", Unit::bit, 1, 0, false},
 }};
 
-/// The last number of each kind, and the run of 32-bit counters.
+/// Last number of each kind, and the run of 32-bit counters.
 struct Limits {
   std::uint32_t x = 0, y = 0, m = 0, special = 0, s = 0, t = 0, c = 0;
   std::uint32_t c32_first = 0, c32_last = 0, d = 0;
-  std::uint32_t r = 0;  // how many; none where the model has no extension registers
+  std::uint32_t r = 0;  // count; 0 if the model has no extension registers
 };
 
 constexpr std::array<Limits, 7> kLimits = {{
@@ -76,7 +76,7 @@ std::string_view model_text(Model model) {
   return model == Model::unknown ? "the widest model (FX3U)" : to_string(model);
 }
 
-/// "M0-M7679 and M8000-M8511": every device of these letters.
+/// Returns the ranges of all devices with these letters: "M0-M7679 and M8000-M8511".
 std::string ranges_text(Model model, std::string_view letters) {
   std::string text;
   for (std::uint16_t i = 0; i < kSpaces; ++i) {
@@ -90,7 +90,8 @@ std::string ranges_text(Model model, std::string_view letters) {
   return text;
 }
 
-/// A number that is not octal, and its neighbours that are: "after Y17 comes Y20".
+/// Returns the error for a number that is not octal, with its neighbours that are: "after Y17 comes
+/// Y20".
 std::string not_octal(std::string_view name, std::string_view letters, std::string_view digits) {
   const auto bad = digits.find_first_of("89");
   std::uint32_t before = 0;
@@ -101,8 +102,7 @@ std::string not_octal(std::string_view name, std::string_view letters, std::stri
          in_octal(before) + " comes " + head + in_octal(before + 1);
 }
 
-/// A name taken apart: letters, number, and what stands around them. Nothing is checked against a
-/// model.
+/// Parts of a name: letters, number, and what surrounds them. Not checked against a model.
 struct Parts {
   int group = 0;        // K1-K8; 0: none
   std::string letters;  // X Y M S D T C TN TS CN CS
@@ -157,7 +157,7 @@ Result<Parts> take_apart(std::string_view text) {
   return parts;
 }
 
-/// The space of a plain device; T and C are settled by now.
+/// Returns the space of a plain device. T and C already have their second letter.
 Space space_of(const std::string& letters, std::uint32_t number) {
   if (letters == "X") return Space::x;
   if (letters == "Y") return Space::y;
@@ -177,7 +177,8 @@ tl::unexpected<Error> missing(Model model, const std::string& name, std::string_
                 (ranges.empty() ? "no " + std::string(letters) : ranges));
 }
 
-/// A span that begins inside the model's devices and leaves them at device `number`.
+/// Returns the error for a span that begins inside the model's devices and leaves them at device
+/// `number`.
 tl::unexpected<Error> leaves(Model model, const Span& span, std::uint32_t number) {
   const auto space = static_cast<Space>(span.space);
   const DeviceKind& kind = kind_of(space);
@@ -195,7 +196,7 @@ tl::unexpected<Error> leaves(Model model, const Span& span, std::uint32_t number
   return missing(model, both + ": " + next, kind.letters);
 }
 
-/// bad_request where the span holds a device that is never written.
+/// Fails with bad_request if the span contains a device that is never written.
 Result<void> check_forbidden(const Span& span) {
   for (const Numbers& numbers : kNeverWritten) {
     const Span never = span_of(Space::special_m, numbers);

@@ -1,4 +1,4 @@
-// The control characters of computer-link frames; for the codec's own files.
+// Control characters of computer-link frames. Only for the files of this codec.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +14,7 @@ inline constexpr std::uint8_t kLf = 0x0A;
 inline constexpr std::uint8_t kCl = 0x0C;
 inline constexpr std::uint8_t kCr = 0x0D;
 inline constexpr std::uint8_t kNak = 0x15;
-/// Control character, station and PLC number: the whole of an ACK, the head of everything else.
+/// Control character, station and PLC number: a whole ACK, or the head of any other frame.
 inline constexpr std::uint32_t kHeader = 5;
 
 }  // namespace fxagent::fx::link

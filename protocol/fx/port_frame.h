@@ -1,4 +1,4 @@
-// The control characters and the envelope of programming-port frames; for the codec's own files.
+// Control characters and envelope of programming-port frames. Only for the files of this codec.
 #pragma once
 
 #include <cstdint>
@@ -10,7 +10,7 @@ inline constexpr std::uint8_t kEtx = 0x03;
 inline constexpr std::uint8_t kEnq = 0x05;
 inline constexpr std::uint8_t kAck = 0x06;
 inline constexpr std::uint8_t kNak = 0x15;
-/// STX before the payload; ETX and two digits of sum behind it.
+/// STX before the payload; ETX and two digits of sum after it.
 inline constexpr std::uint32_t kEnvelope = 4;
 
 }  // namespace fxagent::fx

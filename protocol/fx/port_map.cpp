@@ -8,7 +8,7 @@ namespace {
 
 constexpr std::optional<std::uint16_t> kNoForce = std::nullopt;
 
-// Every space but R, whose addresses no document tells.
+// Every space except R, whose addresses are not documented.
 constexpr std::size_t kMapped = kSpaces - 1;
 
 constexpr std::array<PortArea, kMapped> kClassic = {{

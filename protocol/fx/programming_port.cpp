@@ -7,11 +7,11 @@
 namespace fxagent::fx {
 namespace {
 
-// GX Developer never asks for more, and some converters and clones have buffers for no more.
+// GX Developer never requests more, and the buffers of some converters and clones hold no more.
 constexpr std::uint32_t kClassicBytes = 64;
-// What an FX3U was seen to answer to E00: FEh bytes.
+// An FX3U was observed to answer a request for FEh bytes by E00.
 constexpr std::uint32_t kFx3Bytes = 254;
-// The longest frame there is: the answer to a read of 254 bytes.
+// The longest frame: the answer to a read of 254 bytes.
 constexpr std::size_t kLongestFrame = 2 * kFx3Bytes + kEnvelope;
 
 constexpr std::uint32_t kRunBit = 0;       // M8000: on while the PLC runs
@@ -35,8 +35,8 @@ Bytes framed(std::string_view command, const std::vector<std::pair<std::uint32_t
   return frame;
 }
 
-/// [begin, end) of the first whole frame at or after `from`, where rx holds STX. A further STX
-/// begins the frame anew: what stood before it was cut off. nullopt: its end has not come yet.
+/// Place [begin, end) of the first whole frame at or after `from`, where rx holds STX. A further
+/// STX restarts the frame: the part before it was cut off. nullopt if its end has not arrived.
 struct FramePlace {
   std::size_t begin = 0;
   std::size_t end = 0;
@@ -57,7 +57,7 @@ std::optional<FramePlace> find_frame(ByteView rx, std::size_t from) {
   return std::nullopt;
 }
 
-/// Need more, unless more than any frame has come without being one.
+/// Requests more bytes, or fails if more bytes than the longest frame have arrived without a frame.
 Result<std::optional<Reply>> wait_for_more(ByteView rx, std::size_t from) {
   if (rx.size() - from > kLongestFrame)
     return fail(ErrorCode::bad_frame, std::to_string(rx.size() - from) +
@@ -75,7 +75,7 @@ Reply nak(std::size_t consumed) {
   return reply;
 }
 
-/// The data frame rx[at.begin, at.end) as the answer to a read of `bytes` bytes.
+/// Decodes the data frame rx[at.begin, at.end) as the answer to a read of `bytes` bytes.
 Result<std::optional<Reply>> data_reply(ByteView rx, FramePlace at, std::size_t bytes) {
   const ByteView frame = rx.subspan(at.begin, at.end - at.begin);
   const ByteView payload = frame.subspan(1, frame.size() - kEnvelope);
@@ -112,8 +112,7 @@ Result<std::optional<Reply>> data_reply(ByteView rx, FramePlace at, std::size_t 
   return std::optional<Reply>(std::move(reply));
 }
 
-/// An answer with data. The request itself comes back on lines with an echo, and is never an
-/// answer.
+/// Decodes an answer with data. Skips an echo of the request, which is never an answer.
 Result<std::optional<Reply>> decode_data(ByteView rx, ByteView request, std::size_t bytes) {
   std::size_t at = 0;
   for (;;) {
@@ -130,8 +129,8 @@ Result<std::optional<Reply>> decode_data(ByteView rx, ByteView request, std::siz
   }
 }
 
-/// A bare ACK or NAK. Whole frames before it are skipped unread: the echo of the request, or the
-/// late answer to an older read.
+/// Decodes a bare ACK or NAK. Skips whole frames before it: the echo of the request, or a late
+/// answer to an older read.
 Result<std::optional<Reply>> decode_acknowledge(ByteView rx) {
   std::size_t at = 0;
   while (at < rx.size()) {
@@ -158,7 +157,7 @@ std::uint32_t word_at(const std::vector<Bytes>& images, std::size_t index) {
   return images[index][0] + images[index][1] * 256U;
 }
 
-/// Whether it is a RUN or a STOP.
+/// True if the force is a RUN or a STOP.
 bool switches_run(const Force& force) {
   return force.space == id(Space::special_m) && force.bit == kForcedStop;
 }
@@ -173,7 +172,7 @@ tl::unexpected<Error> no_address(const Span& span) {
 Span place_of(const Span& span) { return span; }
 Span place_of(const Address& address) { return address.span; }
 
-/// What was parsed, unless this protocol has no address for it.
+/// Returns `parsed`, or an error if this protocol has no address for it.
 template <class T>
 Result<T> reachable(Result<T> parsed) {
   if (parsed && place_of(*parsed).space == id(Space::r)) return no_address(place_of(*parsed));
@@ -215,7 +214,7 @@ Result<std::shared_ptr<const Codec>> ProgrammingPort::make(const Options& option
   return std::make_shared<const ProgrammingPort>(settings);
 }
 
-// ---- names and places -----------------------------------------------------------------------
+// ---- addresses and ranges ----------------------------------------------------------------------
 
 Result<Address> ProgrammingPort::parse_address(std::string_view text,
                                                std::optional<DataType> type) const {
@@ -239,7 +238,7 @@ Result<void> ProgrammingPort::check_write(const Span& span) const {
 
 std::string ProgrammingPort::name_of(const Span& span) const { return device_name(span); }
 
-// ---- how it is fetched ------------------------------------------------------------------------
+// ---- ways to read ------------------------------------------------------------------------------
 
 std::uint32_t ProgrammingPort::max_read_bytes(CommandSet set) const {
   const bool long_frames = set == CommandSet::extended && settings_.model >= Model::fx3s;
@@ -287,8 +286,8 @@ std::vector<ReadWay> ProgrammingPort::read_ways(std::uint16_t space) const {
 
 std::vector<std::uint32_t> ProgrammingPort::borders(std::uint16_t space) const {
   // A clone of the FX2N keeps the M of the classic map and those from M1536 on in two places, and
-  // answers a read across the border with wrong bits. A genuine one loses nothing by it: what is
-  // before the border fills three whole frames.
+  // answers a read across the border with wrong bits. A genuine FX2N loses nothing: the part before
+  // the border fills three whole frames.
   const bool has_fx2n_map =
       map_of(settings_.model, CommandSet::extended).data() == extended_map_fx2n().data();
   if (space != id(Space::m) || !has_fx2n_map) return {};
@@ -357,7 +356,7 @@ Result<Bytes> ProgrammingPort::encode_write(const Write& write) const {
 
 Result<Bytes> ProgrammingPort::encode_force(const Force& force) const {
   const Span span{force.space, force.bit, 1};
-  // RUN and STOP are forces of M8037; check_write() keeps everybody else away from it.
+  // RUN and STOP are forces of M8037. check_write() protects it from all other requests.
   if (!switches_run(force)) {
     if (const auto allowed = fx::check_write(settings_.model, span); !allowed)
       return tl::make_unexpected(allowed.error());
@@ -368,7 +367,7 @@ Result<Bytes> ProgrammingPort::encode_force(const Force& force) const {
   if (!area->force)
     return fail(ErrorCode::bad_request, device_name(span) + " is a word: only bits are forced");
   const std::uint32_t address = (*area->force + force.bit) & 0xFFFF;
-  // Low byte first, unlike the address of a read.
+  // Low byte first, unlike the address in a read.
   const bool classic = *set == CommandSet::classic;
   const std::string_view command = force.on ? (classic ? "7" : "E7") : (classic ? "8" : "E8");
   return framed(command, {{address & 0xFF, 2}, {address >> 8, 2}}, {});
@@ -401,8 +400,7 @@ bool ProgrammingPort::may_pass_for_answer(ByteView bytes) const {
 }
 
 LineLength ProgrammingPort::line_length(const Request& request) const {
-  // A command of one character in the classic set, of three (E00, E10) or two (E7, E8) in the
-  // other.
+  // A classic command has one character, an extended one has three (E00, E10) or two (E7, E8).
   const auto is_extended = [this](const Span& span) {
     return set_for(span).value_or(CommandSet::classic) == CommandSet::extended;
   };
@@ -420,7 +418,7 @@ Explanation ProgrammingPort::explain(ByteView frame, std::optional<Direction> di
   return explain_port_frame(settings_.model, frame, direction);
 }
 
-// ---- the device itself --------------------------------------------------------------------------
+// ---- probe, model, RUN and STOP ----------------------------------------------------------------
 
 std::optional<Request> ProgrammingPort::resync() const { return Enquire{}; }
 
@@ -431,8 +429,8 @@ std::optional<Request> ProgrammingPort::probe(std::uint32_t number) const {
 }
 
 std::vector<Request> ProgrammingPort::identify() const {
-  // Every FX answers the classic read of D8001; what a FX0N, FX1S or FX1N says of D8101 is not
-  // known.
+  // Every FX answers the classic read of D8001. The answer of FX0N, FX1S and FX1N to D8101 is
+  // unknown.
   return {Read{span_of(Space::special_d, {8001, 8001}), kClassicWay},
           Read{span_of(Space::special_d, {8101, 8101}), kClassicWay}};
 }
@@ -448,8 +446,8 @@ std::optional<std::string> ProgrammingPort::model_from(const std::vector<Bytes>&
       return name(Model::fx1s);
     case 24:
       if (second == 16) return name(Model::fx3u);
-      // FX2N repeats 24 or has no D8101. Anything else is a clone that might use either extended
-      // map, and the wrong one reads wrong devices; GX Works2 takes 0 for an FX3U, an agent must
+      // FX2N repeats 24 or has no D8101. Any other value is a clone that might use either extended
+      // map, and the wrong map reads wrong devices. GX Works2 takes 0 for an FX3U; an agent must
       // not guess.
       if (!second_known || second == 24) return name(Model::fx2n);
       return std::nullopt;
@@ -473,7 +471,7 @@ std::shared_ptr<const Codec> ProgrammingPort::with_model(std::string_view model)
 }
 
 Request ProgrammingPort::run_state() const {
-  // Until the model is known only the classic address is; every FX has it.
+  // Until the model is known, only the classic address is known. Every FX has it.
   const auto allowed = sets();
   const CommandSet set = allowed.empty() ? CommandSet::classic : allowed.front();
   return Read{span_of(Space::special_m, {8000, 8007}), way_of(set)};
@@ -493,8 +491,8 @@ std::string ProgrammingPort::run_hint() const {
 }
 
 RefusalMeaning ProgrammingPort::meaning_of(const Request& request, int /*device_code*/) const {
-  // A NAK has no reason, so noise on the request looks like any other: a repeat may succeed. Not so
-  // for RUN and STOP, where the switch decides and a repeat could come after it was turned.
+  // A NAK gives no reason, so it may be due to noise on the request, and a repeat may succeed.
+  // Never repeat RUN and STOP: the switch decides, and it might have been turned before the repeat.
   const auto* force = std::get_if<Force>(&request);
   const bool runs_or_stops = force != nullptr && switches_run(*force);
   return runs_or_stops ? RefusalMeaning::final : RefusalMeaning::curable;

@@ -1,7 +1,7 @@
 // Mitsubishi FX programming port: reads and writes of device memory, one request at a time.
-// Sources: GX Developer and GX Works2 captures (there is no published manual of this protocol); the
-// frames and what of them is unverified are in protocol/README.md. A frame is ASCII hex between STX
-// and ETX, then a sum; an answer to a write is a single ACK or NAK without one.
+// Sources: GX Developer and GX Works2 captures; no manual of this protocol is published.
+// protocol/README.md has the frames and lists which of them are unverified. A frame is ASCII hex
+// between STX and ETX, then a sum. The answer to a write is a single ACK or NAK without a sum.
 #pragma once
 
 #include <memory>
@@ -20,12 +20,12 @@ namespace fxagent::fx {
 
 class ProgrammingPort final : public Codec, public AddressSpace, public PlcServices {
  public:
-  /// Which commands may be used: `automatic` takes the classic ones wherever they reach.
+  /// Commands that may be used. `automatic` uses the classic ones wherever they reach.
   enum class Commands : std::uint8_t { automatic, classic, extended };
   struct Settings {
     Model model = Model::unknown;
     Commands commands = Commands::automatic;
-    /// Data bytes of one frame. Above 64 only the extended reads of an FX3 follow.
+    /// Data bytes of one frame. Only extended reads of an FX3 use more than 64.
     std::uint32_t max_block_bytes = 64;
   };
   /// Read::way of the two command sets.
@@ -33,7 +33,8 @@ class ProgrammingPort final : public Codec, public AddressSpace, public PlcServi
   static constexpr std::uint8_t kExtendedWay = 1;
 
   explicit ProgrammingPort(const Settings& settings) : settings_(settings) {}
-  /// From the config's options. bad_request: `command_set` extended on a model that has none.
+  /// Creates a codec from the config's options. Error: bad_request if `command_set` is extended and
+  /// the model has no extended set.
   static Result<std::shared_ptr<const Codec>> make(const Options& options);
 
   // AddressSpace
@@ -78,9 +79,9 @@ class ProgrammingPort final : public Codec, public AddressSpace, public PlcServi
  private:
   std::uint32_t max_read_bytes(CommandSet set) const;
   std::vector<ReadWay> ways_of(Space space, CommandSet set) const;
-  /// The sets that this model and these settings allow, best first.
+  /// Returns the sets that this model and these settings allow, best first.
   std::vector<CommandSet> sets() const;
-  /// The set that writes or forces `span`; unsupported where none reaches it.
+  /// Returns the set that writes or forces `span`. Error: unsupported if no set reaches it.
   Result<CommandSet> set_for(const Span& span) const;
 
   Result<Bytes> encode_read(const Read& read) const;
@@ -90,11 +91,11 @@ class ProgrammingPort final : public Codec, public AddressSpace, public PlcServi
   Settings settings_;
 };
 
-/// The frame's sum: the low 8 bits of all bytes after STX up to and including ETX.
+/// Returns the sum of a frame: the low 8 bits of all bytes after STX, including ETX.
 std::uint8_t port_sum(ByteView after_stx);
 
-/// `fxagent decode`: one frame in words. An extended address is named for `model` (FX3U where it is
-/// unknown). Any bytes are allowed; what is wrong with them is in the error of the explanation.
+/// Explains one frame for `fxagent decode`. Names an extended address for `model` (FX3U if it is
+/// unknown). Accepts any bytes; the explanation's `error` states what is wrong with them.
 Explanation explain_port_frame(Model model, ByteView frame, std::optional<Direction> direction);
 
 }  // namespace fxagent::fx

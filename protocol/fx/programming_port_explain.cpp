@@ -1,4 +1,5 @@
-// One frame of the programming port in words, for `fxagent decode`. Never on the way of a poll.
+// Explains one frame of the programming port for `fxagent decode` and the line trace. Not used to
+// decode polls.
 #include <algorithm>
 #include <array>
 #include <string>
@@ -9,10 +10,10 @@
 namespace fxagent::fx {
 namespace {
 
-/// Frames that this product never sends, so that a capture with them can still be read.
+/// Frames that the agent never sends, listed so that captures with them can be explained.
 struct Special {
   std::string_view command;
-  std::size_t digits;  // of the whole payload; 0: any
+  std::size_t digits;  // digits of the whole payload; 0: any
   std::string_view meaning;
 };
 constexpr std::array<Special, 17> kSpecials = {{
@@ -35,7 +36,7 @@ constexpr std::array<Special, 17> kSpecials = {{
     {"E", 0, "unknown extended command"},
 }};
 
-// Addresses of the extended sets that are not devices.
+// Addresses of the extended sets that do not belong to devices.
 constexpr std::uint32_t kMonitorList = 0x1400;
 constexpr std::uint32_t kMonitorResult = 0x1790;
 // In the classic set, program parameters and steps of an FX1S start here.
@@ -54,7 +55,7 @@ bool all_hex(std::string_view text) {
                      [](char c) { return hex_digit(static_cast<std::uint8_t>(c)) >= 0; });
 }
 
-/// A number of up to 8 hex digits; the caller has seen that they are.
+/// Returns a number of up to 8 hex digits. The caller has checked that they are.
 std::uint32_t number_of(std::string_view digits) {
   std::uint32_t value = 0;
   for (const char c : digits)
@@ -69,7 +70,7 @@ Bytes bytes_of(std::string_view digits) {
   return bytes;
 }
 
-/// Data as devices of `bits` each: bits lowest first, numbers with 4 or 8 digits.
+/// Returns data as devices of `bits` each: bits lowest first, numbers with 4 or 8 digits.
 std::vector<std::string> values_of(ByteView image, std::uint32_t bits) {
   std::vector<std::string> values;
   if (bits == 1) {
@@ -92,7 +93,7 @@ Explanation& wrong(Explanation& explanation, std::string why) {
   return explanation;
 }
 
-/// Everything that is said of a payload; what does not hold for a direction is an error of it.
+/// Explains a payload in one direction. A payload that does not fit the direction is an error.
 class Explainer final {
  public:
   explicit Explainer(Model model, std::string_view payload)
@@ -120,7 +121,7 @@ class Explainer final {
       return wrong(out, "an odd number of digits (" + std::to_string(payload_.size()) +
                             "); data are two for each byte");
     const Bytes image = bytes_of(payload_);
-    // Whole words may also be bits: the reply itself does not say which devices it holds.
+    // Whole words may also be bits: the reply does not contain the kind of its devices.
     out.values = values_of(image, image.size() % 2 == 0 ? 16 : 1);
     out.count = static_cast<std::uint32_t>(out.values.size());
     out.fields.emplace_back("data", to_hex(image));
@@ -136,7 +137,7 @@ class Explainer final {
     out.fields.emplace_back("command", *out.command);
   }
 
-  /// Reads and writes: command, four digits of address, two of byte count, data.
+  /// Explains reads and writes: command, four digits of address, two of byte count, data.
   Explanation memory(Explanation& out, CommandSet set, std::size_t digits) const {
     command(out, set, digits);
     const bool write = payload_[digits == 1 ? 0 : 1] == '1';
@@ -189,7 +190,7 @@ class Explainer final {
     out.fields.emplace_back("device", *out.device);
   }
 
-  /// Forces: command, bit address with its low byte first.
+  /// Explains forces: command, bit address with its low byte first.
   Explanation force(Explanation& out, CommandSet set, std::size_t digits) const {
     command(out, set, digits);
     out.operation = payload_[digits - 1] == '7' ? "force_on" : "force_off";
@@ -238,9 +239,9 @@ Explanation explain_character(std::uint8_t character, std::optional<Direction> d
   return out;
 }
 
-/// The likelier meaning of a frame that was given without direction. A request has an odd number of
-/// digits, forces and a few specials excepted; data always have an even one. A reply of one byte
-/// that spells a speed command is by far the more frequent of the two.
+/// Returns the likelier meaning of a frame without direction. A request has an odd number of
+/// digits, except forces and a few specials; data always have an even number. A reply of one byte
+/// with the same digits as a speed command is by far more frequent than the command.
 Explanation likelier(const Explainer& explainer, std::size_t digits) {
   Explanation request = explainer.request();
   Explanation reply = explainer.reply();

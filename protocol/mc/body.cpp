@@ -11,7 +11,7 @@ tl::unexpected<Error> garbled(std::string text) {
   return fail(ErrorCode::bad_frame, std::move(text));
 }
 
-constexpr std::uint32_t kLongCodes = 2;  // the bit of a subcommand
+constexpr std::uint32_t kLongCodes = 2;  // bit of the subcommand
 
 }  // namespace
 

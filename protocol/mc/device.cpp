@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::array<std::string_view, 6> kNames = {"FX5U", "FX5UJ", "FX5S", "Q", "L", "iQ-R"};
 constexpr std::array<std::string_view, 1> kKinNames = {"FX5UC"};
-// The widest that can be asked for its model is the last one.
+// The widest model that reports its own name comes last.
 constexpr std::array<std::string_view, 4> kOneENames = {"Q", "L", "FX3G", "FX3U"};
 constexpr std::array<std::string_view, 3> kOneEKinNames = {"FX3GC", "FX3GE", "FX3UC"};
 
@@ -20,7 +20,7 @@ struct Named {
   std::string_view name;
   Model model;
 };
-// The name of a model stands before those of its kin, and a model before what 1E reaches of it.
+// A model's own name precedes those of its kin, and a model precedes its form reached by 1E.
 constexpr std::array<Named, 14> kModels = {{{"FX3U", Model::fx3u},
                                             {"FX3UC", Model::fx3u},
                                             {"FX3G", Model::fx3g},
@@ -42,7 +42,7 @@ constexpr auto kOct = Numbering::octal_on_fx;
 constexpr std::uint32_t kSpecial = 8000;
 constexpr std::uint32_t kLong = 200;
 
-// SH-080008 for 3E and C frames, JY997D45801 for 1E; 98 of S as measured on PLCs.
+// SH-080008 for 3E and C frames, JY997D45801 for 1E; code 98 of S as measured on PLCs.
 constexpr std::array<DeviceKind, kSpaces> kKinds = {{
     {"X", 0x9C, "X*", 0x5820, kOct, 1, 0},
     {"Y", 0x9D, "Y*", 0x5920, kOct, 1, 0},
@@ -84,12 +84,12 @@ constexpr std::array<DeviceKind, kSpaces> kKinds = {{
     {"LZ", 0x62, "", 0, kDec, 32, 0},
 }};
 
-/// How many devices there are, those before the first number of the space included.
+/// Number of devices, including those before the first number of the space.
 struct Counts {
   std::uint32_t fx3u = 0, fx3g = 0, iq_f = 0, q_l = 0, iq_r = 0;
 };
-// FX3: the tables of JY997D45801 and JY997D18101. The others from product knowledge, unverified; of
-// an iQ-R the 10117632 words that its device memory can have, if all are of one kind.
+// FX3: tables of JY997D45801 and JY997D18101. The others are from product knowledge, unverified. An
+// iQ-R has at most 10117632 words of device memory; each count assumes that all are of one kind.
 constexpr std::array<Counts, kSpaces> kCounts = {{
     {0400, 0200, 02000, 0x2000, 0x3000},    // X
     {0400, 0200, 02000, 0x2000, 0x3000},    // Y
@@ -162,7 +162,7 @@ std::string model_text(Model model) {
   return model == Model::q_by_1e || model == Model::l_by_1e ? name + " by 1E frames" : name;
 }
 
-/// "M0-M7679 and M8000-M8511": every device of these letters.
+/// Returns the ranges of all devices with these letters: "M0-M7679 and M8000-M8511".
 std::string ranges_text(Model model, std::string_view letters) {
   std::string text;
   for (std::uint16_t i = 0; i < kSpaces; ++i) {
@@ -183,9 +183,9 @@ tl::unexpected<Error> missing(Model model, const std::string& name, std::string_
                 (ranges.empty() ? "no " + std::string(letters) : ranges));
 }
 
-/// Names without the letter that tells contact, coil and value apart.
+/// Names without the letter that distinguishes contact, coil and value.
 constexpr std::array<std::string_view, 6> kBare = {"T", "C", "ST", "LC", "LT", "LST"};
-constexpr std::size_t kWithContact = 4;  // of them, those whose contact can be read
+constexpr std::size_t kWithContact = 4;  // the first ones, whose contact can be read
 
 bool is_bare(std::string_view letters) {
   return std::find(kBare.begin(), kBare.end(), letters) != kBare.end();
@@ -202,12 +202,11 @@ Numbering numbering_of(std::string_view letters) {
   return Numbering::decimal;
 }
 
-/// A name taken apart: letters, digits, and what stands around them. Nothing is checked against a
-/// model.
+/// Parts of a name: letters, digits, and what surrounds them. Not checked against a model.
 struct Parts {
-  std::string name;     ///< as it was given, in upper case
+  std::string name;     ///< as given, in upper case
   int group = 0;        ///< K1-K8; 0: none
-  std::string letters;  ///< of a kind, or of kBare
+  std::string letters;  ///< those of a kind or of kBare
   std::string digits;
   std::optional<std::uint32_t> word_bit;
 };
@@ -219,7 +218,8 @@ bool all_digits(std::string_view digits, Numbering numbering) {
   });
 }
 
-/// The longest letters that a device has and behind which only digits stand: "SB1F" is not an S.
+/// Returns the length of the longest device letters that are followed only by digits: "SB1F" is not
+/// an S.
 std::size_t letters_in(std::string_view rest) {
   std::size_t longest = 0;
   const auto look = [&](std::string_view letters) {
@@ -264,7 +264,8 @@ Result<Parts> take_apart(std::string_view text) {
   return parts;
 }
 
-/// A number that is not octal, and its neighbours that are: "after Y17 comes Y20".
+/// Returns the error for a number that is not octal, with its neighbours that are: "after Y17 comes
+/// Y20".
 std::string not_octal(Model model, const Parts& parts) {
   const auto bad = parts.digits.find_first_not_of("01234567");
   std::uint32_t before = 0;
@@ -284,7 +285,7 @@ Result<std::uint32_t> number_in(Model model, const Parts& parts) {
   if (numbering == Numbering::octal_on_fx) {
     const Series series = series_of(model);
     if (series == Series::fx3 || series == Series::iq_f) base = 8;
-    // Both bases agree on the first eight; beyond them a guess would read other inputs.
+    // Both bases agree on the first eight numbers. Beyond them a guess would read other inputs.
     if (series == Series::unknown && (digits.size() > 1 || digits > "7"))
       return refuse(parts.name +
                     ": X and Y are numbered in octal on an FX5 and in hexadecimal on "
@@ -301,7 +302,7 @@ Result<std::uint32_t> number_in(Model model, const Parts& parts) {
   return number;
 }
 
-/// The space of complete letters. Of the M, D and CN of an FX3 the number decides.
+/// Returns the space of complete letters. For M, D and CN of an FX3 the number decides.
 Space space_of(Model model, std::string_view letters, std::uint32_t number) {
   std::optional<Space> found;
   for (std::uint16_t i = 0; i < kSpaces; ++i) {
@@ -356,8 +357,8 @@ Result<void> check_forbidden(const Span& span) {
   return {};
 }
 
-/// Q03UD(E) user's manual, 5.1.2. D9000 and M9000 up are left out: there by 1E are SD1000 and
-/// SM1000 up. L and all that has no code in 1E is as by 3E.
+/// Q03UD(E) user's manual, 5.1.2. Leaves out D9000 and M9000 up, which 1E maps to SD1000 and SM1000
+/// up. L and all kinds without a 1E code have the count of 3E.
 std::uint32_t count_by_1e(Space space) {
   switch (space) {
     case Space::x:
@@ -412,7 +413,8 @@ std::uint32_t count_of(Model model, Space space) {
   return counts.iq_r;
 }
 
-/// Before a number becomes bits: those of one that no model has may not fit into 32 of them.
+/// Check before a number is converted to bits: the bits of a number that no model has may not fit
+/// into 32 bits.
 Result<void> check_number(Model model, Space space, std::uint32_t number) {
   const auto numbers = numbers_of(model, space);
   if (numbers && number <= numbers->last) return {};
@@ -481,7 +483,7 @@ std::optional<Space> space_coded(std::uint8_t binary) {
 
 std::optional<Space> space_coded(std::string_view ascii) {
   return first_space([&](const DeviceKind& kind) {
-    // Two characters, or the letters filled up to four with asterisks.
+    // Two characters, or the letters padded to four with asterisks.
     if (ascii.size() == 2) return kind.ascii == ascii;
     return ascii.size() == 4 && ascii.starts_with(kind.letters) &&
            ascii.find_first_not_of('*', kind.letters.size()) == std::string_view::npos;

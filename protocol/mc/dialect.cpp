@@ -5,7 +5,7 @@
 namespace fxagent::mc {
 namespace {
 
-// The bus takes no longer answers than 4096 bytes, and words bring the same bits in fewer.
+// The bus accepts answers of up to 4096 bytes. Words carry the same bits in fewer bytes.
 constexpr std::uint32_t kSerialBits = 3584;
 
 constexpr std::uint32_t kRandom = 192;
@@ -87,7 +87,7 @@ std::vector<ReadWay> read_ways(const Dialect& dialect, std::uint16_t space_id) {
     way.way = id;
     way.end_bit = run.end_bit();
     if (has_doubtful_digits(dialect, space)) {
-      // Bits from any head that has a name; words from the first one alone.
+      // Bits may begin at any device with a name, words only at the first one.
       way.end_bit = unit == 1 ? kCertain : kCertainWords;
     }
     way.align_bits = align;
@@ -102,8 +102,8 @@ std::vector<ReadWay> read_ways(const Dialect& dialect, std::uint16_t space_id) {
     add(kRandomWay, 32, 32, 1, kRandomRead);
     return ways;
   }
-  // Bits come first, which never stick out behind the last one: where both ways cost the same, the
-  // PLC's parameters may have fewer devices than its series.
+  // Bits come first because they never extend past the last device. If both ways cost the same,
+  // they are safer: the PLC's parameters may define fewer devices than its series allows.
   if (bits == 1) add(kBitWay, 1, 1, limits.bits);
   if (is_contact(space)) return ways;
   add(kWordWay, bits, 16, limits.words);
@@ -144,7 +144,7 @@ std::uint32_t max_write_bits(const Dialect& dialect, std::uint16_t space_id) {
   if (space_id >= kSpaces) return 0;
   const std::uint32_t bits = kind_of(static_cast<Space>(space_id)).bits;
   const Limits limits = limits_of(dialect, has_long_codes(dialect, 0));
-  // Of bits as many whole bytes as fit: a rest that is no whole word must fit, too.
+  // For bits, as many whole bytes as fit: a remainder shorter than a word must fit, too.
   const std::uint32_t unit = std::max<std::uint32_t>(bits, 8);
   const std::uint32_t most = bits == 1    ? limits.bits
                              : bits == 16 ? limits.words * bits

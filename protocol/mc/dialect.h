@@ -1,5 +1,5 @@
-// How much one request of 3E, 4E, 3C and 4C carries, in which code, and by which ways memory is
-// read: what differs between the series.
+// Differences between the series: limits of one request of 3E, 4E, 3C and 4C, data code, and the
+// ways to read memory.
 // Sources: SH-080008, JY997D56001; limits of random access as measured on PLCs: protocol/README.md.
 #pragma once
 
@@ -18,14 +18,14 @@ struct Dialect {
   Model model = Model::unknown;
   Code code = Code::binary;
   bool serial = false;  ///< C frames
-  /// Bytes of device memory in one frame, at most.
+  /// Largest number of bytes of device memory in one frame.
   std::uint32_t max_block_bytes = 1920;
 
   Series series() const { return series_of(model); }
 };
 
-/// Read::way: 0401 by bits, 0401 by words, and 0403 by double words, which 32-bit devices need; as
-/// parts of a Gather words and double words of 0403, and blocks of 0406.
+/// Read::way: 0401 by bits; 0401 by words; 0403 by double words, which 32-bit devices need. In a
+/// Gather: words and double words of 0403, and blocks of 0406.
 inline constexpr std::uint8_t kBitWay = 0;
 inline constexpr std::uint8_t kWordWay = 1;
 inline constexpr std::uint8_t kDwordWay = 2;
@@ -34,42 +34,43 @@ inline constexpr std::uint8_t kBlockWay = 4;
 /// GatherCommand::gather: 0403 and 0406.
 inline constexpr std::uint8_t kRandomRead = 1;
 inline constexpr std::uint8_t kBlockRead = 2;
-/// Added to a way after an iQ-R has refused its own device codes: those of Q and L.
+/// Added to a way after an iQ-R has refused its own device codes: selects those of Q and L.
 inline constexpr std::uint8_t kPlainCodes = 0x80;
 constexpr std::uint8_t plain_way(std::uint8_t way) {
   return way & static_cast<std::uint8_t>(~kPlainCodes);
 }
-/// Whether requests of this way have the 2-byte codes and 4-byte numbers of iQ-R.
+/// True if requests by this way have the 2-byte codes and 4-byte numbers of iQ-R.
 bool has_long_codes(const Dialect& dialect, std::uint8_t way);
 
-/// The most of one request.
+/// Limits of one request.
 struct Limits {
-  std::uint32_t words = 0;        ///< of 0401 and 1401, words of bit devices too
-  std::uint32_t bits = 0;         ///< of 0401 and 1401
+  std::uint32_t words = 0;        ///< 0401 and 1401, also for words of bit devices
+  std::uint32_t bits = 0;         ///< 0401 and 1401
   std::uint32_t random = 0;       ///< words and double words of 0403
-  std::uint32_t random_cost = 0;  ///< of 1402: 12 for a word, 14 for a double word
-  std::uint32_t random_bits = 0;  ///< of 1402
-  std::uint32_t blocks = 0;       ///< of 0406; 0: the PLC lacks it, or may
+  std::uint32_t random_cost = 0;  ///< 1402: 12 for a word, 14 for a double word
+  std::uint32_t random_bits = 0;  ///< 1402
+  std::uint32_t blocks = 0;       ///< 0406; 0: the PLC lacks it or may lack it
 };
 Limits limits_of(const Dialect& dialect, bool long_codes);
 
-/// The way that a read goes by, where it is one within all its limits. bad_request: it is not;
-/// unsupported: this model has no such way.
+/// Returns the way of a read. Errors: bad_request if the read exceeds the limits of that way;
+/// unsupported if this model has no such way.
 Result<ReadWay> way_of(const Dialect& dialect, const Read& read);
 
-/// Whether nobody knows how the devices of this kind above 7 are written: X and Y of an FX5 in
+/// True if it is unknown how device numbers of this kind above 7 are written: X and Y of an FX5 in
 /// ASCII code.
 bool has_doubtful_digits(const Dialect& dialect, Space space);
-/// Of these those whose name is certain, and those that one word from the first of them brings.
+/// The number of such devices whose name is certain, and the number that one word from the first of
+/// them covers.
 inline constexpr std::uint32_t kCertain = 8;
 inline constexpr std::uint32_t kCertainWords = 16;
 
-/// Whether this code and series have a name for the kind.
+/// True if this code and series have a name for the kind.
 bool has_name(const Dialect& dialect, Space space);
-/// Contacts and coils of timers and counters are reached bit by bit only.
+/// True for contacts and coils of timers and counters, which are reached only bit by bit.
 bool is_contact(Space space);
 
-/// AddressSpace::read_ways(), gathers() and max_write_bits().
+/// Implement AddressSpace::read_ways(), gathers() and max_write_bits().
 std::vector<ReadWay> read_ways(const Dialect& dialect, std::uint16_t space);
 std::vector<GatherCommand> gathers(const Dialect& dialect);
 std::uint32_t max_write_bits(const Dialect& dialect, std::uint16_t space);

@@ -10,14 +10,14 @@
 namespace fxagent::mc {
 namespace {
 
-/// What follows from a code. Whatever it is but `relay`, nothing was carried out.
+/// Class of an end code. With any class except `relay` nothing was carried out.
 enum class Class : std::uint8_t {
   final,
-  hole,  ///< a place or a count that this PLC lacks: fewer may do
-  line,  ///< noise, and worth a second try
+  hole,  ///< the PLC lacks this place or count: a smaller request may succeed
+  line,  ///< noise; worth a second try
   busy,
-  route,  ///< the way to the station is not there
-  relay,  ///< a station on the way has it, and perhaps the one that was asked
+  route,  ///< no route to the station
+  relay,  ///< the request reached a station on the way, and perhaps the addressed one
 };
 
 struct EndCode {
@@ -31,7 +31,7 @@ constexpr std::uint16_t kWriteInRun = 0x0055;
 
 constexpr std::array<EndCode, 49> kCodes = {{
     {0x0050, Class::final, "the frame is not known: protocol mc-1e, mc-3e or mc-4e?"},
-    {kWriteInRun, Class::final, {}},  // its words are those of the series
+    {kWriteInRun, Class::final, {}},  // its text depends on the series
     {0x4013, Class::final, "not possible in this state of the CPU"},
     {0x4030, Class::hole, "the device cannot be reached in this way"},
     {0x4031, Class::hole, "beyond the last device of the PLC's parameters"},
@@ -105,7 +105,7 @@ std::optional<Class> class_of(std::uint16_t code) {
   return std::nullopt;
 }
 
-/// Q and L are set up by GX Works2, FX5 and iQ-R by GX Works3.
+/// GX Works2 sets up Q and L, GX Works3 sets up FX5 and iQ-R.
 std::string_view online_change(Series series) {
   switch (series) {
     case Series::q_l:

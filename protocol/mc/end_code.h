@@ -1,7 +1,7 @@
-// What a PLC means by the end code of 3E, 4E, 3C and 4C: in words, with the setting to look at, and
-// for the device's next polls and commands.
-// Sources: SH-080008, JY997D56001, QnUCPU and LCPU built-in Ethernet manuals, QJ71C24 manuals;
-// protocol/README.md says which codes PLCs were seen to give.
+// End codes of 3E, 4E, 3C and 4C: their text, with the setting to check, and their meaning for the
+// next polls and commands of the device.
+// Sources: SH-080008, JY997D56001, QnUCPU and LCPU built-in Ethernet manuals, QJ71C24 manuals.
+// protocol/README.md lists the codes that PLCs were observed to send.
 #pragma once
 
 #include <cstdint>
@@ -12,18 +12,19 @@
 
 namespace fxagent::mc {
 
-/// "end code C056: beyond the last device". Where a setting helps it is named as the tool of that
-/// series has it.
+/// Returns "end code C056: beyond the last device". If a setting helps, the text names it as the
+/// tool of that series does.
 std::string end_code_text(std::uint16_t code, Series series);
 
-/// What it means for a read or for something else. `runs_or_stops`: such a request is never sent
-/// twice, whatever the reason.
+/// Returns the meaning for a read or for any other request. `runs_or_stops`: such a request is
+/// never sent twice, whatever the reason.
 RefusalMeaning meaning_of_end_code(std::uint16_t code, bool reads, bool runs_or_stops);
 
-/// Whether the PLC refuses whatever is asked with it, by a password or a setting of its port.
+/// True if the PLC refuses every request with this code, because of a password or a setting of its
+/// port.
 bool refuses_everything(std::uint16_t code);
 
-/// Whether the PLC lacks the command or its subcommand.
+/// True if the PLC lacks the command or its subcommand.
 bool is_unknown_command(std::uint16_t code);
 
 }  // namespace fxagent::mc

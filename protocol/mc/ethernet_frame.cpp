@@ -7,13 +7,13 @@
 namespace fxagent::mc {
 namespace {
 
-// Bytes of the header, the length included: subheader, (serial and reserved,) route, length.
+// Bytes of the header including the length: subheader, (serial and reserved,) route, length.
 constexpr std::size_t kHeader3E = 9;
 constexpr std::size_t kHeader4E = 13;
 constexpr std::size_t kSerial = 2;
 constexpr std::size_t kTimer = 2;
 constexpr std::size_t kEndCode = 2;
-// No frame is longer; a header that says so is none.
+// No frame is longer. A header with a greater length is invalid.
 constexpr std::size_t kLongest = 8192;
 
 constexpr std::size_t header_size(bool numbered) { return numbered ? kHeader4E : kHeader3E; }
@@ -34,7 +34,8 @@ constexpr std::array<Subheader, 4> kSubheaders = {{{{0x50, 0}, true, false},
                                                    {{0x54, 0}, true, true},
                                                    {{0xD4, 0}, false, true}}};
 
-/// The subheader at the start of `bytes` if it is in this code; they are at least four.
+/// Returns the subheader at the start of `bytes` if it is in this code. Requires at least four
+/// bytes.
 const Subheader* subheader_in(Code code, ByteView bytes) {
   std::array<std::uint8_t, 2> found{bytes[0], bytes[1]};
   if (code == Code::ascii) {
@@ -57,7 +58,7 @@ EthernetFrame wrong(ByteView rx, std::string error) {
   return frame;
 }
 
-/// What stands at the start in place of the subheader that belongs there.
+/// Describes the bytes that stand in place of the expected subheader.
 std::string why_foreign(bool numbered, Code code, ByteView bytes) {
   const std::string ours = numbered ? "4E" : "3E";
   const Subheader* same_code = subheader_in(code, bytes);
@@ -70,7 +71,7 @@ std::string why_foreign(bool numbered, Code code, ByteView bytes) {
       return std::string("an answer in ") + (ascii ? "binary" : "ASCII") +
              " code: set `code` to that, it is the port's Communication Data Code";
   }
-  // 1E takes 50 for a command that it lacks: 50 + 80h, end code 50.
+  // A 1E port answers an unknown command 50 with 50 + 80h and end code 50.
   const auto first = number_at(code, bytes, 0, 1);
   const auto second = number_at(code, bytes, wire_size(code, 1), 1);
   if (first && second && (*first == 0xD0 || *first == 0xD4) && *second == 0x50)
@@ -91,7 +92,7 @@ Bytes ethernet_request(const EthernetSettings& settings, std::uint16_t serial, B
   Bytes frame;
   const Code code = settings.code;
   frame.reserve(wire_size(code, header_size(settings.numbered) + kTimer) + message.size());
-  // The subheader stands as it is written, in both codes.
+  // The subheader is written in this order in both codes.
   append_number(code, frame, settings.numbered ? 0x54 : 0x50, 1);
   append_number(code, frame, 0, 1);
   if (settings.numbered) {
@@ -115,12 +116,12 @@ std::size_t ethernet_answer_length(const EthernetSettings& settings, std::size_t
 
 EthernetFrame ethernet_frame(bool numbered, Code code, ByteView rx, std::size_t at) {
   const ByteView bytes = rx.subspan(at);
-  // Four bytes tell ASCII from binary; a 1E answer in binary has but two.
+  // Four bytes distinguish ASCII from binary. A 1E answer in binary has only two.
   if (bytes.size() < wire_size(code, 2)) return {};
   const Subheader* subheader =
       code == Code::binary || bytes.size() >= 4 ? subheader_in(code, bytes) : nullptr;
   if (subheader == nullptr && code == Code::binary && bytes.size() < 4 && bytes[1] != 0x50)
-    return {};  // two more may tell what it is
+    return {};  // two more bytes may identify it
   if (subheader == nullptr || subheader->numbered != numbered)
     return wrong(rx, why_foreign(numbered, code, bytes));
   const std::size_t header = wire_size(code, header_size(numbered));

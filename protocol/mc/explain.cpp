@@ -1,4 +1,4 @@
-// One frame of 3E, 4E, 3C or 4C in words, for `fxagent decode`.
+// Explains one frame of 3E, 4E, 3C or 4C for `fxagent decode` and the line trace.
 #include <algorithm>
 #include <string>
 #include <string_view>
@@ -33,13 +33,13 @@ void check_direction(Explanation& out, std::optional<Direction> asked) {
 
 // ---- Ethernet -----------------------------------------------------------------------------------
 
-/// The four characters of a subheader in ASCII code.
+/// True if `bytes` begin with the four characters of a subheader in ASCII code.
 bool begins_in_ascii(ByteView bytes) {
   return bytes.size() >= 4 && std::all_of(bytes.begin(), bytes.begin() + 4,
                                           [](std::uint8_t c) { return hex_digit(c) >= 0; });
 }
 
-/// Which station refused what, where the answer says so.
+/// Shows which station refused which command, if the answer contains that.
 void show_error_information(Explanation& out, Code code, ByteView rest) {
   const std::size_t whole = wire_size(code, 9);
   if (rest.size() < whole) {
@@ -133,7 +133,7 @@ class SerialExplainer final {
   }
   void fault(std::string error) { note_fault(out_, std::move(error)); }
 
-  /// Frame id and route, whose first byte is at the start of `head`. False: they are none.
+  /// Shows frame id and route, which begin at the start of `head`. False if they are invalid.
   bool show_header(Code code, ByteView head, std::string_view format) {
     const auto id = head.size() >= wire_size(code, 1) ? number_at(code, head, 0, 1) : std::nullopt;
     if (id != 0xF9U && id != 0xF8U) return fault("no frame id F9 (3C) or F8 (4C)"), false;
@@ -201,7 +201,7 @@ class SerialExplainer final {
     std::size_t end = bytes_.size();
     const bool has_tail = bytes_[end - 2] == kCr && bytes_[end - 1] == kLf;
     if (has_tail) end -= 2;
-    // Format 2 has a block number before its id; no station is F8 or F9.
+    // Format 2 has a block number before its id. No station is F8 or F9.
     const auto id_at = [&](std::size_t at) {
       return end >= at + 2 && (text(at, 2) == "F9" || text(at, 2) == "F8");
     };
@@ -226,8 +226,8 @@ class SerialExplainer final {
     explain_refusal(model_, static_cast<std::uint16_t>(*code), out_);
   }
 
-  /// Whether the last two characters are the sum is told by the sum itself, else by what the
-  /// request needs.
+  /// The last two characters are the sum if they match it. Otherwise the needs of the request
+  /// decide.
   void request(std::size_t begin, std::size_t end) {
     const auto explained = [&](std::size_t until) {
       Explanation out = out_;
@@ -247,7 +247,7 @@ class SerialExplainer final {
     judge_sum(out_, text(end - 2, 2), sum);
   }
 
-  /// From STX to ETX: data in formats 1, 2 and 4; anything in format 3.
+  /// Explains STX to ETX: data in formats 1, 2 and 4; anything in format 3.
   void framed(std::size_t begin, std::size_t end) {
     const ByteView rest = bytes_.subspan(begin, end - begin);
     const auto found = std::find(rest.begin(), rest.end(), kEtx);
@@ -289,7 +289,7 @@ class SerialExplainer final {
   std::optional<Direction> direction_;
   Explanation out_;
   std::size_t header_ = 0;
-  std::size_t frame_field_ = 0;  ///< its last character is the format
+  std::size_t frame_field_ = 0;  ///< the last character of this field is the format
   std::string format_;
 };
 

@@ -9,11 +9,11 @@
 namespace fxagent::mc {
 namespace {
 
-constexpr std::uint32_t kByBits = 1;  // bits of a subcommand
+constexpr std::uint32_t kByBits = 1;  // bits of the subcommand
 constexpr std::uint32_t kLongCodes = 2;
 constexpr std::uint32_t kExtension = 0x80;
 
-/// Digits that a device number has in ASCII; leading zeros may be blanks.
+/// Parses the digits of a device number in ASCII. Leading zeros may be blanks.
 std::optional<std::uint32_t> digits_in(ByteView text, std::uint32_t base) {
   std::uint64_t number = 0;
   for (const std::uint8_t c : text) {
@@ -126,7 +126,7 @@ class RequestExplainer final {
     return last_;
   }
 
-  /// The name of the next device; its space in `space_`.
+  /// Returns the name of the next device and stores its space in `space_`.
   std::string device() {
     const ByteView wire = take(device_size(code_, is_long()), "its devices");
     if (wire.empty()) return {};
@@ -146,7 +146,7 @@ class RequestExplainer final {
       return {};
     }
     space_ = *space;
-    // An FX5 has the numbers of M8000 up among its M; nothing here speaks to an FX3.
+    // An FX5 counts M8000 up among its M. No FX3 uses these frames.
     return device_name(model_, *space, *value);
   }
 
@@ -156,13 +156,13 @@ class RequestExplainer final {
     out_.device = out_.device ? *out_.device + "," + device : device;
   }
 
-  /// `points` values as they stand: bits, words or double words.
+  /// Lists `points` values unchanged: bits, words or double words.
   void values(std::uint32_t points, std::size_t bytes) {
     for (std::uint32_t i = 0; i < points && out_.ok; ++i)
       out_.values.push_back(hex_text(number(bytes, "its data"), static_cast<int>(2 * bytes)));
   }
 
-  /// Words that stand for devices: of bits 16 each, the first one lowest.
+  /// Lists words of devices. A word of bit devices holds 16 of them, the first one lowest.
   void words(std::uint32_t points) {
     if (!next_is_bits()) return values(points, 2);
     for (std::uint32_t i = 0; i < points && out_.ok; ++i) {
@@ -236,7 +236,7 @@ class RequestExplainer final {
       name(head);
       total += devices_in(points);
       field("block", head + ", " + std::to_string(points) + " words");
-      // Each block's data stand behind its own head.
+      // The data of each block follow its own head.
       if (writes) words(points);
     }
     out_.count = total;

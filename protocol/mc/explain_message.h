@@ -1,4 +1,4 @@
-// Messages of 3E, 4E, 3C and 4C in words; for the codec's own files.
+// Explains messages of 3E, 4E, 3C and 4C. Only for the files of this codec.
 #pragma once
 
 #include "protocol/codec.h"
@@ -6,19 +6,19 @@
 
 namespace fxagent::mc {
 
-/// Fills in what a request says: command, subcommand and data. What is wrong with it is in
-/// `out.error`, and `out.ok` is true where nothing is.
+/// Fills in command, subcommand and data of a request. Sets `out.ok` to true, or to false with the
+/// reason in `out.error`.
 void explain_request(Model model, Code code, ByteView message, Explanation& out);
 
-/// The data of an answer, whose request is not known: as words, or as they are.
+/// Explains the data of an answer whose request is unknown, as words or unchanged.
 void explain_data(Code code, ByteView data, Explanation& out);
 
-/// An end code that is no 0.
+/// Explains an end code other than 0.
 void explain_refusal(Model model, std::uint16_t end_code, Explanation& out);
 
-/// "1F", as many digits as asked for.
+/// Returns `value` as hex with this many digits: "1F".
 std::string hex_text(std::uint32_t value, int digits);
-/// Notes the first thing that is wrong.
+/// Records the first error only.
 void note_fault(Explanation& out, std::string error);
 
 }  // namespace fxagent::mc

@@ -11,18 +11,18 @@ namespace {
 
 // Sizes in bytes of binary code.
 constexpr std::size_t kEndCode = 2;
-constexpr std::size_t kErrorRoute = 5;  // before the command of the error information
+constexpr std::size_t kErrorRoute = 5;  // before the command in the error information
 constexpr std::size_t kCommand = 2;
 constexpr std::size_t kErrorInformation = kErrorRoute + 2 * kCommand;
 constexpr std::uint32_t kTimerStep = 250;  // ms
-// Nothing that answers is longer, and the bus listens to no more.
+// No answer is longer, and the bus receives no more.
 constexpr std::size_t kMostSearched = 8192;
 
-// Of C24 modules, timer 1 as it is where nobody has set it (SH-080007, chapter 6.2).
+// Default of timer 1 of C24 modules (SH-080007, chapter 6.2).
 constexpr std::chrono::milliseconds kResponseMonitoring{5000};
-constexpr std::uint32_t kRunState = 203;  // SD203: state of the CPU in its low half byte
+constexpr std::uint32_t kRunState = 203;  // SD203: low half byte is the state of the CPU
 constexpr std::uint8_t kStepRun = 1;      // 0 RUN, 1 STEP-RUN, 2 STOP, 3 PAUSE
-constexpr std::uint32_t kAlwaysOn = 400;  // SM400, which all of these series have
+constexpr std::uint32_t kAlwaysOn = 400;  // SM400 exists in all of these series
 
 tl::unexpected<Error> refuse(std::string text) {
   return fail(ErrorCode::bad_request, std::move(text));
@@ -46,7 +46,7 @@ Reply refusal(std::uint16_t code, Series series) {
   return reply;
 }
 
-/// Why frames in ASCII code do not reach all of a span; empty: they do.
+/// Returns why frames in ASCII code cannot reach all of a span; empty if they can.
 std::string why_out_of_reach(const Dialect& dialect, const Span& span) {
   if (span.space >= kSpaces) return {};
   const auto space = static_cast<Space>(span.space);
@@ -66,7 +66,7 @@ bool is_numbered_by_series(std::uint16_t space) {
   return space < kSpaces && kind_of(static_cast<Space>(space)).numbering == Numbering::octal_on_fx;
 }
 
-/// Whether it names X or Y, whose numbers are octal on an FX5.
+/// True if the request names X or Y, whose numbers are octal on an FX5.
 bool depends_on_base(const Request& request) {
   const auto is_such = [](const auto& part) { return is_numbered_by_series(part.span.space); };
   if (const auto* read = std::get_if<Read>(&request)) return is_such(*read);
@@ -139,7 +139,7 @@ Result<std::shared_ptr<const Codec>> Mc::make_4c(const Options& options) {
   return make(Frame::c4, options);
 }
 
-// ---- names and places ---------------------------------------------------------------------------
+// ---- addresses and ranges ----------------------------------------------------------------------
 
 Result<Address> Mc::parse_address(std::string_view text, std::optional<DataType> type) const {
   auto address = mc::parse_address(settings_.model, text, type);
@@ -181,7 +181,7 @@ std::uint32_t Mc::max_write_bits(std::uint16_t space) const {
 
 ByteOrder Mc::default_order() const { return ByteOrder::cdab; }
 
-// ---- frames -------------------------------------------------------------------------------------
+// ---- frames ------------------------------------------------------------------------------------
 
 Result<Bytes> Mc::encode(const Request& request, std::uint16_t tag) const {
   const auto message = encode_message(dialect_, request);
@@ -205,7 +205,7 @@ Result<std::optional<Reply>> Mc::decode_ethernet(const Request& request, std::ui
     if (frame.state == EthernetFrame::State::wrong) return garbled(frame.error);
     const std::size_t began = at;
     at = frame.end;
-    // The request come back, or an answer that was too late for its question.
+    // An echo of the request, or a late answer.
     if (frame.is_request || (ethernet_.numbered && frame.serial != tag)) continue;
     if (frame.route != settings_.route)
       return garbled("an answer for " + to_string(frame.route) + ", where " +
@@ -227,7 +227,7 @@ Result<Reply> Mc::reply_in(const Request& request, ByteView content) const {
     return garbled("end code " + to_hex(content.first(head)) + " is not four hex digits");
   const ByteView rest = content.subspan(head);
   if (*end_code == 0) return data_reply(request, rest);
-  // Which station refused may differ from the one asked; which command it refused may not.
+  // The refusing station may differ from the addressed one. The refused command must not differ.
   if (rest.size() >= wire_size(code, kErrorInformation)) {
     const std::size_t at = wire_size(code, kErrorRoute);
     const auto refused = number_at(code, rest, at, kCommand);
@@ -245,7 +245,8 @@ Result<Reply> Mc::reply_in(const Request& request, ByteView content) const {
 Result<Reply> Mc::data_reply(const Request& request, ByteView data) const {
   const std::size_t expected = answer_size(dialect_, request);
   if (is_identify(request) && data.size() != expected) {
-    // Of devices of others: the name if it is there, else no model. Nobody takes it for a value.
+    // Another vendor's device: use the name if there is one, otherwise report no model. The image
+    // is never used as a value.
     Reply named;
     named.kind = Reply::Kind::data;
     if (data.size() >= kTypeName) named.image.assign(data.begin(), data.begin() + kTypeName);
@@ -294,7 +295,7 @@ bool Mc::expects_reply(const Request& /*request*/) const { return true; }
 bool Mc::may_pass_for_answer(ByteView bytes) const {
   if (is_serial(settings_.frame)) return may_be_serial_answer(serial_, bytes);
   if (ethernet_.numbered) return !bytes.empty();
-  // The subheader of an answer, as far as it has come.
+  // Subheader of an answer, compared as far as it has arrived.
   Bytes subheader;
   append_number(ethernet_.code, subheader, 0xD0, 1);
   append_number(ethernet_.code, subheader, 0, 1);
@@ -319,7 +320,7 @@ LineLength Mc::line_length(const Request& request) const {
   length.reply_chars = static_cast<std::uint32_t>(is_serial(settings_.frame)
                                                       ? serial_answer_length(serial_, data)
                                                       : ethernet_answer_length(ethernet_, data));
-  // Every byte may be a 10h, which goes twice.
+  // Every byte may be a 10h, which is doubled on the wire.
   if (is_serial(settings_.frame) && dialect_.code == Code::binary) {
     length.more_reply_chars = static_cast<std::uint32_t>(data);
     length.doubled_chars = static_cast<std::uint32_t>(serial_doubles(serial_, *frame, data));
@@ -335,14 +336,14 @@ Explanation Mc::explain(ByteView frame, std::optional<Direction> direction) cons
 
 std::chrono::milliseconds Mc::gives_up_after() const {
   if (!is_serial(settings_.frame)) return std::chrono::milliseconds(settings_.timer * kTimerStep);
-  // Its own CPU answers a module at once or not at all; one on the way elsewhere is waited for.
+  // A module waits only for other stations. Its own CPU answers at once or not at all.
   const bool is_own = settings_.route == Route{};
   return is_own ? std::chrono::milliseconds(0) : kResponseMonitoring;
 }
 
 Recovery Mc::after_silence() const {
   if (is_serial(settings_.frame)) return Recovery::drain;
-  // A late answer in a 3E frame would pass for that to the next question.
+  // A late answer in a 3E frame could be mistaken for the answer to the next request.
   return ethernet_.numbered ? Recovery::none : Recovery::reconnect;
 }
 
@@ -351,7 +352,7 @@ Recovery Mc::after_nonsense() const {
 }
 
 std::optional<Request> Mc::probe(std::uint32_t number) const {
-  // Two more bits are another byte in binary code.
+  // Two more bits add a byte in binary code.
   return Read{{id(Space::sm), kAlwaysOn, 1 + 2 * (number % kProbes)}, kBitWay};
 }
 
@@ -373,7 +374,7 @@ std::optional<Request> Mc::apart_from(const Request& request) const {
 RefusalMeaning Mc::meaning_of(const Request& request, int device_code) const {
   const auto* control = std::get_if<Control>(&request);
   const bool runs_or_stops = control != nullptr && control->kind != Control::Kind::identify;
-  // No other command would be answered: this one may well be known.
+  // With this code every command is refused, so the PLC may well have this one.
   if (std::holds_alternative<Gather>(request) &&
       refuses_everything(static_cast<std::uint16_t>(device_code)))
     return RefusalMeaning::unclear;
@@ -384,7 +385,8 @@ RefusalMeaning Mc::meaning_of(const Request& request, int device_code) const {
 std::optional<Request> Mc::instead_of(const Request& request, int device_code) const {
   const bool has_other = dialect_.series() == Series::iq_r &&
                          is_unknown_command(static_cast<std::uint16_t>(device_code));
-  // Who lacks the codes of iQ-R may be an FX5 with the wrong `model`: Y20 is another output there.
+  // A PLC without the codes of iQ-R may be an FX5 with the wrong `model`: there Y20 is another
+  // output.
   if (!has_other || depends_on_base(request)) return std::nullopt;
   Request other = request;
   if (auto* read = std::get_if<Read>(&other)) read->way |= kPlainCodes;
@@ -400,7 +402,7 @@ std::optional<Request> Mc::combine(const std::vector<Request>& requests) const {
   return combined(dialect_, requests);
 }
 
-// ---- the PLC itself -----------------------------------------------------------------------------
+// ---- model, RUN and STOP -----------------------------------------------------------------------
 
 std::string_view model_of_type(std::string_view name) {
   const auto digit = [&](std::size_t at) {
@@ -411,7 +413,7 @@ std::string_view model_of_type(std::string_view name) {
   if (name.starts_with('R') && digit(1)) return "iQ-R";
   if (name.starts_with('Q') && (digit(1) || name.starts_with("QS"))) return "Q";
   if (!name.starts_with('L') || !digit(1)) return {};
-  // L04HCPU to L32HCPU are iQ-L, whose ports are those of an iQ-R.
+  // L04HCPU to L32HCPU are iQ-L. Their ports work as those of an iQ-R.
   std::size_t at = 1;
   while (digit(at)) ++at;
   return name.substr(at).starts_with("HCPU") ? "iQ-R" : "L";

@@ -1,6 +1,6 @@
 // MC protocol (SLMP) of FX5, Q, L and iQ-R: 3E and 4E frames on Ethernet, 3C and 4C on serial
 // lines. Sources: SH-080008 (MELSEC Communication Protocol), JY997D56001 (FX5), and frames captured
-// from PLCs. What they say and where they disagree is in protocol/README.md.
+// from PLCs. protocol/README.md lists their content and where they disagree.
 #pragma once
 
 #include <memory>
@@ -26,17 +26,18 @@ class Mc final : public Codec, public AddressSpace, public PlcServices {
   struct Settings {
     Frame frame = Frame::e3;
     Model model = Model::unknown;
-    Code code = Code::binary;  ///< of 3E and 4E
+    Code code = Code::binary;  ///< 3E and 4E
     Route route;
-    std::uint32_t timer = 16;              ///< of 3E and 4E: monitoring timer in units of 250 ms
-    std::uint8_t station = 0;              ///< of 3C and 4C
-    std::uint32_t format = 1;              ///< of 3C and 4C
-    bool sum_check = true;                 ///< of 3C and 4C
+    std::uint32_t timer = 16;              ///< 3E and 4E: monitoring timer in units of 250 ms
+    std::uint8_t station = 0;              ///< 3C and 4C
+    std::uint32_t format = 1;              ///< 3C and 4C
+    bool sum_check = true;                 ///< 3C and 4C
     std::uint32_t max_block_bytes = 1920;  ///< 960 words
   };
 
   explicit Mc(const Settings& settings);
-  /// From the config's options. bad_request: `monitoring_timer_ms` not in steps of 250.
+  /// Create a codec from the config's options. Error: bad_request if `monitoring_timer_ms` is not a
+  /// multiple of 250.
   static Result<std::shared_ptr<const Codec>> make_3e(const Options& options);
   static Result<std::shared_ptr<const Codec>> make_4e(const Options& options);
   static Result<std::shared_ptr<const Codec>> make_3c(const Options& options);
@@ -73,7 +74,8 @@ class Mc final : public Codec, public AddressSpace, public PlcServices {
   std::optional<Request> probe(std::uint32_t number) const override;
   std::optional<Request> apart_from(const Request& request) const override;
   RefusalMeaning meaning_of(const Request& request, int device_code) const override;
-  /// The codes of Q and L in place of those of iQ-R, but for X and Y, which are octal on an FX5.
+  /// Returns the request with the device codes of Q and L in place of those of iQ-R. Excludes X and
+  /// Y, which are octal on an FX5.
   std::optional<Request> instead_of(const Request& request, int device_code) const override;
   std::optional<Request> combine(const std::vector<Request>& requests) const override;
 
@@ -93,7 +95,7 @@ class Mc final : public Codec, public AddressSpace, public PlcServices {
                                                ByteView rx) const;
   Result<std::optional<Reply>> decode_serial(const Request& request, std::uint16_t tag,
                                              ByteView rx) const;
-  /// What stands behind the length of a frame that answers this request.
+  /// Decodes the part after the length of a frame that answers this request.
   Result<Reply> reply_in(const Request& request, ByteView content) const;
   Result<Reply> data_reply(const Request& request, ByteView data) const;
 
@@ -103,12 +105,12 @@ class Mc final : public Codec, public AddressSpace, public PlcServices {
   SerialSettings serial_;
 };
 
-/// The model behind the type name that 0101 brings ("FX5U-32MT/ES", "R08CPU"); empty where it is
-/// none of the catalogue.
+/// Returns the model for the type name in an answer to 0101 ("FX5U-32MT/ES", "R08CPU"). Empty if it
+/// is not a model of the catalogue.
 std::string_view model_of_type(std::string_view type_name);
 
-/// `fxagent decode`: one frame in words, in whichever code and format it is. Devices are those of
-/// `model`. Any bytes are allowed; what is wrong with them is in the error of the explanation.
+/// Explains one frame for `fxagent decode`, in any code and format, with the devices of `model`.
+/// Accepts any bytes; the explanation's `error` states what is wrong with them.
 Explanation explain_frame(Frame frame, Model model, ByteView bytes,
                           std::optional<Direction> direction);
 

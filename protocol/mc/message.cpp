@@ -12,7 +12,7 @@
 namespace fxagent::mc {
 namespace {
 
-// The commands by the names that SH-080008 gives them.
+// Command names as in SH-080008.
 constexpr std::pair<std::uint16_t, std::string_view> kCommandNames[] = {
     {0x0101, "read type name"},
     {0x0401, "batch read"},
@@ -45,8 +45,8 @@ tl::unexpected<Error> refuse(std::string text) {
 
 std::uint32_t width_of(std::uint16_t space) { return kind_of(static_cast<Space>(space)).bits; }
 
-/// A read of 32-bit devices as the random read that it is, one part for each; a read that is part
-/// of a Gather as its only one.
+/// Returns the random read for a read of 32-bit devices, one part for each device; or, for a part
+/// of a Gather, a Gather with only this part.
 Gather parts_of(const Read& read, const ReadWay& by) {
   if (by.gather != 0) return {{{read.span, read.way, by.gather}}};
   const std::uint32_t unit_bits = by.unit_bits;
@@ -108,8 +108,8 @@ Result<Bytes> encode_control(const Dialect& dialect, Control::Kind kind) {
       return Body(dialect, false, id(Command::type_name), 0).take();
     case Control::Kind::run: {
       Body body(dialect, false, id(Command::remote_run), 0);
-      body.number(1, 2);  // not where another station has stopped it
-      body.number(0, 1);  // no device is cleared
+      body.number(1, 2);  // not forced: fails if another station has stopped the PLC
+      body.number(0, 1);  // clear no device
       body.number(0, 1);
       return body.take();
     }
@@ -165,7 +165,7 @@ std::size_t answer_size(const Dialect& dialect, const Request& request) {
   if (const auto* gather = std::get_if<Gather>(&request)) return gather_size(dialect, *gather);
   const auto* control = std::get_if<Control>(&request);
   if (control == nullptr || control->kind != Control::Kind::identify) return 0;
-  return kTypeName + wire_size(dialect.code, kModelCode);  // text is text in binary code, too
+  return kTypeName + wire_size(dialect.code, kModelCode);  // the name is text in binary code, too
 }
 
 Result<Bytes> decode_answer(const Dialect& dialect, const Request& request, ByteView data) {

@@ -22,23 +22,25 @@ enum class Command : std::uint16_t {
   block_write = 0x1406,
 };
 constexpr std::uint16_t id(Command command) { return static_cast<std::uint16_t>(command); }
-/// "batch read"; empty for what is not known.
+/// Returns for example "batch read"; empty for an unknown command.
 std::string_view command_name(std::uint16_t command);
 
-/// Command, subcommand and data of a request. bad_request: out of the limits; unsupported: this
-/// protocol, model or code cannot say it.
+/// Returns command, subcommand and data of a request. Errors: bad_request (outside the limits),
+/// unsupported (not possible with this protocol, model or code).
 Result<Bytes> encode_message(const Dialect& dialect, const Request& request);
 
-/// Length on the wire of the data that answer `request` when it is done. `request` is one that
-/// encode_message() takes.
+/// Returns the length on the wire of the data in a successful answer to `request`. encode_message()
+/// must accept `request`.
 std::size_t answer_size(const Dialect& dialect, const Request& request);
-/// The image in those data, which have that length. bad_frame: not digits, or no bits.
+/// Returns the image in these data, which must have that length. Error: bad_frame if they are not
+/// digits or not bits.
 Result<Bytes> decode_answer(const Dialect& dialect, const Request& request, ByteView data);
 
-/// What combine() makes of `requests`; nullopt where one frame cannot carry them.
+/// Implements combine(): returns one request for `requests`, or nullopt if one frame cannot carry
+/// them.
 std::optional<Request> combined(const Dialect& dialect, const std::vector<Request>& requests);
 
-/// Bytes of the type name in the image of Control::identify; two more are the model code.
+/// Bytes of the type name in the image of Control::identify. Two more hold the model code.
 inline constexpr std::size_t kTypeName = 16;
 
 }  // namespace fxagent::mc

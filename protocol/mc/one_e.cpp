@@ -15,11 +15,11 @@ using one_e::Command;
 
 namespace {
 
-// Points of one frame, JY997D45801 7.4. What an E71 takes above that is not known here.
+// Points of one frame, JY997D45801 7.4. It is unknown if an E71 accepts more.
 constexpr std::uint32_t kReadBits = 256;
 constexpr std::uint32_t kReadWords = 64;
 constexpr std::uint32_t kReadWordsOfBits = 32;
-constexpr std::uint32_t kWriteBits = 160;  // as bits, or as ten words
+constexpr std::uint32_t kWriteBits = 160;  // bits, or ten words
 constexpr std::uint32_t kWriteWords = 64;
 constexpr std::uint32_t kRandomBits = 80;
 constexpr std::uint32_t kRandomWords = 10;
@@ -44,19 +44,20 @@ bool is_fx3(Model model) { return series_of(model) == Series::fx3; }
 
 std::uint32_t width_of(std::uint16_t space) { return kind_of(static_cast<Space>(space)).bits; }
 
-/// Contacts and coils of timers and counters are reached bit by bit only.
+/// False for contacts and coils of timers and counters, which are reached only bit by bit.
 bool has_word_way(Space space) {
   return space != Space::ts && space != Space::tc && space != Space::cs && space != Space::cc;
 }
 
-/// What is numbered, ranged or made otherwise in an E71's PLC: with the wrong model other devices
-/// would answer, without any error.
+/// True for devices that the PLC of an E71 numbers, limits or builds differently: with the wrong
+/// model other devices would answer without any error.
 bool is_fx3_only(Space space) {
   return space == Space::x || space == Space::y || space == Space::special_m ||
          space == Space::special_d || space == Space::cn32;
 }
 
-/// Words of a bit device begin at a multiple of 16 and are written whole.
+/// True if words of a bit device can carry the span: they begin at a multiple of 16 and are written
+/// whole.
 bool is_bit_words(const Span& span) {
   return has_word_way(static_cast<Space>(span.space)) && span.first_bit % 16 == 0 &&
          span.bits % 16 == 0;
@@ -71,7 +72,7 @@ void append_device(one_e::Writer& out, const Span& span) {
   out.device(kind_of(static_cast<Space>(span.space)).one_e, number_of(span));
 }
 
-/// What a Scatter is sent as.
+/// Returns the command that sends a Scatter.
 std::optional<Command> carrier_of(const std::vector<Write>& parts) {
   std::uint64_t bits = 0;
   bool all_bits = !parts.empty();
@@ -88,7 +89,7 @@ std::optional<Command> carrier_of(const std::vector<Write>& parts) {
   return std::nullopt;
 }
 
-/// Bytes of data in the binary form of the answer that ends well.
+/// Returns the bytes of data in the binary form of a successful answer.
 std::size_t data_bytes(const Request& request) {
   if (const auto* read = std::get_if<Read>(&request))
     return read->way == kBitWay ? one_e::bytes_of_bits(read->span.bits) : read->span.bits / 8;
@@ -96,7 +97,7 @@ std::size_t data_bytes(const Request& request) {
   return control != nullptr && control->kind == Control::Kind::identify ? 2 : 0;
 }
 
-/// Which of the usual mistakes an answer shows that begins with this byte.
+/// Names the usual mistake that an answer with this first byte shows.
 std::string_view likely_mistake(Code data_code, std::uint8_t first) {
   if (first == 0xD0 || first == 0xD4 || first == 'D')
     return ": that is an answer of 3E or 4E frames";
@@ -138,13 +139,13 @@ Result<std::shared_ptr<const Codec>> OneE::make(const Options& options) {
   return std::make_shared<const OneE>(settings);
 }
 
-// ---- names and places -----------------------------------------------------------------------
+// ---- addresses and ranges ----------------------------------------------------------------------
 
 Result<void> OneE::check_reach(const Span& span) const {
   if (span.space >= kSpaces) return refuse("space " + std::to_string(span.space) + " is no device");
   const auto space = static_cast<Space>(span.space);
   const DeviceKind& kind = kind_of(space);
-  // JY997D18101 9.3.2: an FX3 has no code for coils. S is known of an FX3 only.
+  // JY997D18101 9.3.2: an FX3 has no code for coils. Only an FX3 is known to have S.
   const bool coil = space == Space::tc || space == Space::cc;
   if (kind.one_e == 0 || (coil && is_fx3(settings_.model)) ||
       (space == Space::s && !is_fx3(settings_.model)))
@@ -189,13 +190,13 @@ Result<void> OneE::check_write(const Span& span) const {
 
 std::string OneE::name_of(const Span& span) const { return device_name(settings_.model, span); }
 
-// ---- how it is fetched ------------------------------------------------------------------------
+// ---- ways to read ------------------------------------------------------------------------------
 
 std::vector<ReadWay> OneE::read_ways(std::uint16_t space_id) const {
   std::vector<ReadWay> ways;
   if (!check_reach({space_id, 0, 1})) return ways;
   const auto space = static_cast<Space>(space_id);
-  // Until the model is known only what the smallest of them has is read.
+  // Until the model is known, read only what the smallest FX3 has.
   const bool known = settings_.model != Model::unknown_fx3;
   const auto numbers = numbers_of(known ? settings_.model : Model::fx3g, space);
   if (!numbers) return ways;
@@ -212,7 +213,7 @@ std::vector<ReadWay> OneE::read_ways(std::uint16_t space_id) const {
   };
   if (width == 1) add(kBitWay, 1, kReadBits);
   if (width == 1 && has_word_way(space)) add(kWordWay, 16, kReadWordsOfBits * 16);
-  // A 32-bit counter is two of the 64 words.
+  // A 32-bit counter takes two of the 64 words.
   if (width > 1) add(kWordWay, width, kReadWords * 16);
   return ways;
 }
@@ -222,7 +223,7 @@ std::uint32_t OneE::max_write_bits(std::uint16_t space) const {
   return width_of(space) == 1 ? kWriteBits : kWriteWords * 16;
 }
 
-// ---- what is sent -------------------------------------------------------------------------------
+// ---- requests ----------------------------------------------------------------------------------
 
 namespace {
 
@@ -234,7 +235,7 @@ one_e::Writer begun(const OneE::Settings& settings, Command command, std::size_t
   return out;
 }
 
-/// Number of points, 256 as 00, and the fixed 00 behind it.
+/// Appends the number of points (256 as 00) and the fixed 00 after it.
 void append_points(one_e::Writer& out, std::uint32_t points) {
   out.number(points & 0xFF, 1);
   out.number(0, 1);
@@ -313,7 +314,7 @@ Result<Bytes> OneE::encode_scatter(const Scatter& scatter) const {
 Result<Bytes> OneE::encode_control(const Control& control) const {
   if (control.kind == Control::Kind::reset)
     return fail(ErrorCode::unsupported, "1E frames have no reset of the line");
-  // SH-080008 18.2 lists what an E71 knows: not 13 to 15.
+  // SH-080008 18.2 lists the commands of an E71: 13 to 15 are not among them.
   if (!is_fx3(settings_.model))
     return fail(ErrorCode::unsupported,
                 "1E frames have no RUN, STOP and model for " + model() + ": use mc-3e");
@@ -336,8 +337,7 @@ Result<Bytes> OneE::encode(const Request& request, std::uint16_t /*tag*/) const 
   return fail(ErrorCode::unsupported, "1E frames have neither an enquiry nor scattered reads");
 }
 
-// ---- what comes back
-// ------------------------------------------------------------------------------
+// ---- answers -----------------------------------------------------------------------------------
 
 Result<std::optional<Reply>> OneE::reply_in(const Request& request, std::uint8_t command,
                                             ByteView frame) const {
@@ -358,7 +358,7 @@ Result<std::optional<Reply>> OneE::reply_in(const Request& request, std::uint8_t
   if (end_code == 0) {
     length += data_bytes(request);
   } else if (end_code == one_e::kWithReason || bytes.size() > length) {
-    length += 2;  // the abnormal code; an E71 may send it behind others, too
+    length += 2;  // the abnormal code; an E71 may send it with other end codes, too
   }
   if (bytes.size() < length) return std::optional<Reply>{};
   if (frame.size() > chars(settings_.code, length))
@@ -398,7 +398,7 @@ Result<std::optional<Reply>> OneE::decode(const Request& request, std::uint16_t 
   std::size_t at = 0;
   while (at < rx.size()) {
     const ByteView rest = rx.subspan(at);
-    // No answer begins like a request: it is the echo of this one.
+    // No answer begins like a request, so this is the echo.
     const auto same = static_cast<std::size_t>(
         std::mismatch(rest.begin(), rest.end(), sent->begin(), sent->end()).first - rest.begin());
     if (same == sent->size()) {
@@ -453,14 +453,14 @@ Explanation OneE::explain(ByteView frame, std::optional<Direction> direction) co
 }
 
 std::optional<Request> OneE::probe(std::uint32_t number) const {
-  // Two more bits are another byte. Every series has M0 up, and a 1E frame reaches it.
+  // Two more bits add a byte. Every series has M0 up, and 1E frames reach it.
   return Read{span_of(Space::m, {0, 2 * (number % kProbes)}), kBitWay};
 }
 
 std::optional<Request> OneE::apart_from(const Request& request) const {
   const auto* read = std::get_if<Read>(&request);
   if (read == nullptr) return std::nullopt;
-  // Two bits are one byte of an answer.
+  // Two bits take one byte of an answer.
   const std::uint32_t less =
       read->way == kBitWay ? 2 : std::max<std::uint32_t>(16, width_of(read->span.space));
   if (read->span.bits <= less) return std::nullopt;
@@ -481,7 +481,7 @@ std::optional<Request> OneE::combine(const std::vector<Request>& requests) const
   return Request(std::move(*scatter));
 }
 
-// ---- the PLC itself -----------------------------------------------------------------------------
+// ---- model, RUN and STOP -----------------------------------------------------------------------
 
 std::vector<Request> OneE::identify() const { return {Control{Control::Kind::identify}}; }
 
@@ -502,7 +502,8 @@ std::shared_ptr<const Codec> OneE::with_model(std::string_view model) const {
 Request OneE::run_state() const {
   if (is_fx3(settings_.model) && settings_.model != Model::unknown_fx3)
     return Read{span_of(Space::special_m, {8000, 8000}), kBitWay};
-  // Nothing that 1E frames surely reach tells it; this shows that the PLC is there.
+  // No device that 1E frames surely reach shows the run state. This read shows that the PLC is
+  // there.
   return Read{span_of(Space::d, {0, 0}), kWordWay};
 }
 

@@ -1,10 +1,10 @@
-// MC protocol, 1E frames ("A compatible 1E"): FX3 behind FX3U-ENET(-ADP) or with a port of its own
+// MC protocol, 1E frames ("A compatible 1E"): FX3 behind FX3U-ENET(-ADP) or with its own port
 // (FX3GE), and the E71 modules of Q and L.
 // Sources: FX3U-ENET-ADP User's Manual JY997D45801, chapter 7 and 9.3; FX3U-ENET User's Manual
-// JY997D18101, chapter 9; SH-080008 (iQ-R edition), chapter 18. A request begins with its command,
-// the answer with the same and 80h. Neither has a length, a number or a sum: how much comes back
-// only the request tells, so there is one question at a time, and after a silence a new connection.
-// The frames are in protocol/README.md.
+// JY997D18101, chapter 9; SH-080008 (iQ-R edition), chapter 18.
+// A request begins with its command, the answer with the same and 80h. Neither has a length, a
+// number or a sum. Only the request determines the length of the answer, so one request is sent at
+// a time, and a missing answer requires a new connection. protocol/README.md has the frames.
 #pragma once
 
 #include <memory>
@@ -21,22 +21,23 @@
 
 namespace fxagent::mc {
 
-/// Read::way: kBitWay is 00, half a byte for each bit; kWordWay is 01.
+/// Read::way: kBitWay is 00, with half a byte for each bit; kWordWay is 01.
 class OneE final : public Codec, public AddressSpace, public PlcServices {
  public:
   struct Settings {
     /// unknown_fx3, FX3, Q or L.
     Model model = Model::unknown_fx3;
     Code code = Code::binary;
-    std::uint8_t pc = 0xFF;  ///< PC number; FF is the station that was connected to
-    /// Of the module, between it and the PLC: in 250 ms, 1 or more. 0 would wait for ever.
+    std::uint8_t pc = 0xFF;  ///< PC number; FF is the connected station
+    /// Timer of the module for an answer of the PLC, in units of 250 ms, 1 or more. 0 would wait
+    /// forever.
     std::uint16_t monitoring_timer = 16;
   };
   explicit OneE(const Settings& settings) : settings_(settings) {
     settings_.model = seen_by_1e(settings.model);
   }
-  /// From the config's options. bad_request: `monitoring_timer_ms` not in steps of 250, or a model
-  /// without 1E.
+  /// Creates a codec from the config's options. Error: bad_request if `monitoring_timer_ms` is not
+  /// a multiple of 250, or if the model has no 1E frames.
   static Result<std::shared_ptr<const Codec>> make(const Options& options);
 
   // AddressSpace
@@ -68,7 +69,7 @@ class OneE final : public Codec, public AddressSpace, public PlcServices {
   std::optional<Request> probe(std::uint32_t number) const override;
   std::optional<Request> apart_from(const Request& request) const override;
   RefusalMeaning meaning_of(const Request& request, int device_code) const override;
-  /// 04 where all are bits and few, 05 where all are whole 16-bit words.
+  /// Uses 04 if all writes are bits and few, and 05 if all are whole 16-bit words.
   std::optional<Request> combine(const std::vector<Request>& requests) const override;
 
   // PlcServices
@@ -82,14 +83,14 @@ class OneE final : public Codec, public AddressSpace, public PlcServices {
   std::string run_hint() const override;
 
  private:
-  /// bad_request where 1E frames reach nothing of the space; unsupported where only the model tells
-  /// what is there.
+  /// Errors: bad_request if 1E frames reach nothing of the space; unsupported if that depends on
+  /// the model and the model is unknown.
   Result<void> check_reach(const Span& span) const;
   Result<Bytes> encode_read(const Read& read) const;
   Result<Bytes> encode_write(const Write& write) const;
   Result<Bytes> encode_scatter(const Scatter& scatter) const;
   Result<Bytes> encode_control(const Control& control) const;
-  /// The answer that begins at the front of `frame`, in its binary form; nullopt: need more.
+  /// Decodes the answer that begins at the front of `frame`. nullopt: more bytes are needed.
   Result<std::optional<Reply>> reply_in(const Request& request, std::uint8_t command,
                                         ByteView frame) const;
 
@@ -98,8 +99,8 @@ class OneE final : public Codec, public AddressSpace, public PlcServices {
 
 namespace one_e {
 
-/// `fxagent decode`: one frame in words; tells binary from ASCII by itself. Devices are those of
-/// `model`. Any bytes are allowed; what is wrong with them is in the error of the explanation.
+/// Explains one frame for `fxagent decode`, with the devices of `model`. Detects binary or ASCII.
+/// Accepts any bytes; the explanation's `error` states what is wrong with them.
 Explanation explain_frame(Model model, ByteView frame, std::optional<Direction> direction);
 
 }  // namespace one_e

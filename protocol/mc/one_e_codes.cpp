@@ -5,11 +5,11 @@
 namespace fxagent::mc::one_e {
 namespace {
 
-// Of the answer to 15, JY997D45801 7.6.3.
+// Answer to 15, JY997D45801 7.6.3.
 constexpr int kFx3u = 0xF3;
 constexpr int kFx3g = 0xF4;
 
-// End codes, JY997D45801 9.3.2, and abnormal codes behind 5B.
+// End codes, JY997D45801 9.3.2, and abnormal codes after 5B.
 constexpr int kCommandUnknown = 0x50;
 constexpr int kNoAscii = 0x54;
 constexpr int kWriteInRun = 0x55;

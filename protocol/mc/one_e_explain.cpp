@@ -1,4 +1,4 @@
-// One 1E frame in words, for `fxagent decode`. Never on the way of a poll.
+// Explains one 1E frame for `fxagent decode` and the line trace. Not used to decode polls.
 #include <algorithm>
 #include <array>
 #include <string>
@@ -14,7 +14,7 @@ namespace {
 using one_e::code;
 using one_e::Command;
 
-/// How the rest of a frame is made up.
+/// Layout of the rest of a frame.
 enum class Shape : std::uint8_t { bits, words, bit_items, word_items, nothing, model, text };
 
 struct Known {
@@ -55,8 +55,8 @@ Explanation& wrong(Explanation& out, std::string why) {
   return out;
 }
 
-/// A frame in its binary form, taken apart from the front. In ASCII numbers are high byte first and
-/// the device code stands before the number.
+/// Reads a frame in its binary form from the front. In ASCII, numbers are high byte first and the
+/// device code precedes the number.
 class Reader final {
  public:
   Reader(Code data_code, ByteView bytes) : data_code_(data_code), rest_(bytes) {}
@@ -74,7 +74,7 @@ class Reader final {
       value = value << 8 | (data_code_ == Code::ascii ? taken[i] : taken[taken.size() - 1 - i]);
     return value;
   }
-  /// Code and number of a device.
+  /// Reads code and number of a device.
   std::pair<std::uint16_t, std::uint32_t> device() {
     if (data_code_ == Code::ascii) {
       const std::uint32_t device_code = number(2);
@@ -89,7 +89,7 @@ class Reader final {
   ByteView rest_;
 };
 
-/// A device as a frame has it.
+/// A device in a frame.
 struct Place {
   std::string name;
   bool is_bit;
@@ -100,7 +100,7 @@ std::optional<Place> place_in(Model model, Reader& in) {
   const auto [device_code, number] = in.device();
   auto space = space_coded_1e(device_code);
   if (!space) return std::nullopt;
-  // M8000 up, D8000 up and CN200 up of an FX3 are spaces of their own, with the same code.
+  // M8000 up, D8000 up and CN200 up of an FX3 are separate spaces with the same code.
   for (std::uint16_t i = 0; i < kSpaces; ++i) {
     const auto other = static_cast<Space>(i);
     const bool same = kind_of(other).one_e == device_code;
@@ -116,7 +116,7 @@ void add_bits(Explanation& out, ByteView image, std::size_t count) {
     out.values.emplace_back((image[i / 8] >> (i % 8) & 1) != 0 ? "1" : "0");
 }
 
-/// Words as such, as the points of a bit device, or two by two.
+/// Adds words as they are, as the points of a bit device, or in pairs.
 void add_words(Explanation& out, ByteView image, const Place* place) {
   if (place != nullptr && place->is_bit) return add_bits(out, image, image.size() * 8);
   const std::size_t step = place != nullptr && place->is_long ? 4 : 2;
@@ -127,7 +127,7 @@ void add_words(Explanation& out, ByteView image, const Place* place) {
   }
 }
 
-/// What follows the head of a request.
+/// Explains the part after the head of a request.
 class RequestBody final {
  public:
   RequestBody(Model model, Code data_code, const Known& what, Reader& in, Explanation& out)
@@ -155,7 +155,7 @@ class RequestBody final {
   }
 
  private:
-  /// 256 is written 00 where bits are read.
+  /// A read of bits writes 256 as 00.
   std::uint32_t points() {
     const std::uint32_t given = in_.number(1);
     if (in_.number(1) != 0) wrong(out_, "the byte behind the number of points is not 00");
@@ -302,7 +302,7 @@ Explanation one_e::explain_frame(Model model, ByteView frame, std::optional<Dire
   out.direction = direction.value_or(Direction::request);
   out.operation = "other";
   if (frame.empty()) return wrong(out, "no bytes");
-  // No command and no answer begins with the code of a digit.
+  // No command or answer begins with the code of a digit.
   const bool in_ascii = hex_digit(frame[0]) >= 0;
   const Code data_code = in_ascii ? Code::ascii : Code::binary;
   const auto binary =

@@ -1,4 +1,4 @@
-// The parts of a 1E frame in both data codes; for the codec's own files.
+// Parts of a 1E frame in both data codes. Only for the files of this codec.
 #pragma once
 
 #include <cstdint>
@@ -10,7 +10,7 @@
 
 namespace fxagent::mc::one_e {
 
-/// The first byte of a request; that of its answer has 80h added.
+/// First byte of a request. The answer has the same with 80h added.
 enum class Command : std::uint8_t {
   read_bits = 0x00,
   read_words = 0x01,
@@ -33,11 +33,11 @@ inline constexpr std::size_t kRequestHead = 4;
 /// Device number and code.
 inline constexpr std::size_t kDevice = 6;
 
-/// Bytes of the frame's binary form as many characters as the data code has for them.
+/// Returns the characters on the wire for `bytes` bytes of the binary form.
 constexpr std::size_t chars(Code data_code, std::size_t bytes) {
   return data_code == Code::ascii ? 2 * bytes : bytes;
 }
-/// Two bits of an answer or a request in a byte.
+/// Two bits of a request or an answer share a byte.
 constexpr std::size_t bytes_of_bits(std::size_t bits) { return (bits + 1) / 2; }
 
 /// A frame under construction.
@@ -50,7 +50,7 @@ class Writer final {
   void number(std::uint32_t value, std::size_t bytes);
   /// Number and code in binary, code and number in ASCII.
   void device(std::uint16_t device_code, std::uint32_t number);
-  /// The first one in the high half of the first byte; an odd count is filled up with 0.
+  /// The first bit goes into the high half of the first byte. An odd count is padded with 0.
   void bits(ByteView image, std::size_t count);
   void words(ByteView image);
   Bytes take() { return std::move(frame_); }
@@ -60,12 +60,13 @@ class Writer final {
   Bytes frame_;
 };
 
-/// The binary form of `frame`, ASCII taken as hex digits; its words are still high byte first.
-/// nullopt: not ASCII. A digit left over is dropped.
+/// Returns the binary form of `frame`, read as hex digits. Its words are still high byte first.
+/// Drops a single last digit. nullopt: the frame is not hex digits.
 std::optional<Bytes> from_ascii(ByteView frame);
-/// The image of `count` bits; nullopt where a half byte is neither 0 nor 1. `data` is long enough.
+/// Returns the image of `count` bits; nullopt if a half byte is neither 0 nor 1. `data` must be
+/// long enough.
 std::optional<Bytes> image_of_bits(ByteView data, std::size_t count);
-/// The image of whole words, which in ASCII come high byte first.
+/// Returns the image of whole words. In ASCII they arrive high byte first.
 Bytes image_of_words(Code data_code, ByteView data);
 
 }  // namespace fxagent::mc::one_e

@@ -8,7 +8,7 @@
 namespace fxagent::mc {
 namespace {
 
-constexpr std::uint32_t kWordCost = 12;  // SH-080008: 12 for a word and 14 for a double word
+constexpr std::uint32_t kWordCost = 12;  // SH-080008: a word costs 12, a double word 14
 constexpr std::uint32_t kDwordCost = 14;
 
 tl::unexpected<Error> cannot() {
@@ -23,8 +23,8 @@ bool is_block_read(const Gather& gather) {
 
 bool is_of_bits(const Read& part) { return kind_of(static_cast<Space>(part.span.space)).bits == 1; }
 
-/// Calls `visit` with the number of every part in the sequence of the frame: words before double
-/// words, and blocks of words before those of bits.
+/// Calls `visit` with the index of every part in the order of the frame: words before double words,
+/// and blocks of words before blocks of bits.
 template <class Visit>
 void for_each_part(const Gather& gather, Visit visit) {
   const bool blocks = is_block_read(gather);
@@ -35,7 +35,7 @@ void for_each_part(const Gather& gather, Visit visit) {
     }
 }
 
-/// How many parts come in the second half of that sequence.
+/// Returns the number of parts in the second half of that order.
 std::uint32_t later_parts(const Gather& gather) {
   const bool blocks = is_block_read(gather);
   return static_cast<std::uint32_t>(std::count_if(
@@ -69,7 +69,7 @@ struct Item {
   Bytes image;
 };
 
-/// Cuts the words of a part into double words and, at the end, a single one.
+/// Splits the words of a part into double words and, at the end, a single word.
 void cut(const Write& part, std::vector<Item>& words, std::vector<Item>& dwords) {
   for (std::uint32_t done = 0; done < part.span.bits;) {
     const bool pair = part.span.bits - done >= 32;
@@ -134,7 +134,7 @@ Result<Bytes> decode_gather(const Dialect& dialect, const Gather& gather, ByteVi
   for_each_part(gather, [&](std::size_t i) {
     const std::size_t words = words_of(gather.parts[i]);
     const std::size_t size = wire_size(dialect.code, 2 * words);
-    // A double word has its high digits first, and its low word in the first device.
+    // A double word has its high digits first. Its low word is in the first device.
     auto image = image_in(dialect.code, data.subspan(at, size), blocks ? 2 : 2 * words);
     at += size;
     if (image)

@@ -1,5 +1,5 @@
-// Scattered places in one frame: 0403 (random read), 0406 (blocks) and 1402 (random write). For the
-// codec's own files.
+// Scattered places in one frame: 0403 (random read), 0406 (blocks) and 1402 (random write). Only
+// for the files of this codec.
 // Source: SH-080008, 8.3 and 8.4.
 #pragma once
 
@@ -8,15 +8,17 @@
 
 namespace fxagent::mc {
 
-/// By 0403 or 0406, as its parts say. bad_request: out of the limits, or parts of both.
+/// Encodes a Gather by 0403 or 0406, according to its parts. Error: bad_request if it exceeds the
+/// limits or mixes parts of both.
 Result<Bytes> encode_gather(const Dialect& dialect, const Gather& gather);
 std::size_t gather_size(const Dialect& dialect, const Gather& gather);
-/// The image of codec.h: part by part.
+/// Returns the image of a Gather reply (codec.h), part after part.
 Result<Bytes> decode_gather(const Dialect& dialect, const Gather& gather, ByteView data);
-/// One Gather of reads by any way; nullopt where no frame carries them.
+/// Returns one Gather for `reads`, whatever their ways; nullopt if no frame can carry them.
 std::optional<Gather> gathered(const Dialect& dialect, const std::vector<Read>& reads);
 
-/// By 1402: bits alone, or words and double words. unsupported: no frame carries these writes.
+/// Encodes a Scatter by 1402: only bits, or words and double words. Error: unsupported if no frame
+/// can carry these writes.
 Result<Bytes> encode_scatter(const Dialect& dialect, const Scatter& scatter);
 
 }  // namespace fxagent::mc

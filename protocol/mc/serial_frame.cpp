@@ -12,11 +12,11 @@ constexpr std::uint8_t k3C = 0xF9;
 constexpr std::uint8_t k4C = 0xF8;
 constexpr std::size_t kBlock = 2;
 constexpr std::size_t kSum = 2;
-constexpr std::size_t kCode = 4;  // digits of an end code
+constexpr std::size_t kCode = 4;  // digits in an end code
 constexpr std::size_t kEnd = 2;   // CR LF
 constexpr std::string_view kDone = "QACK";
 constexpr std::string_view kRefused = "QNAK";
-// Format 5: length, the answer's mark FFFF, end code.
+// Format 5: length, the mark FFFF of an answer, end code.
 constexpr std::size_t kLength = 2;
 constexpr std::size_t kMark = 2;
 constexpr std::size_t kEndCode = 2;
@@ -34,8 +34,8 @@ SerialAnswer garbled(std::string error) {
   return answer;
 }
 
-/// Block number, frame id and route: all that stands between the control character and what an
-/// answer says.
+/// Returns block number, frame id and route: all that stands between the control character and the
+/// content of an answer.
 Bytes head_of(const SerialSettings& settings, std::uint8_t block) {
   Bytes head;
   if (settings.format == 2) append_hex(head, block, 2);
@@ -63,7 +63,7 @@ std::size_t doubles(ByteView bytes) {
   return static_cast<std::size_t>(std::count(bytes.begin(), bytes.end(), kDle));
 }
 
-/// Length and route of an answer with so many characters of data, before they are doubled.
+/// Returns length and route of an answer with `data` characters of data, before doubling.
 Bytes binary_answer_head(const SerialSettings& settings, std::size_t data) {
   Bytes head;
   const Bytes header = serial_header(settings);
@@ -87,7 +87,7 @@ Bytes binary_request(const SerialSettings& settings, ByteView message) {
   return frame;
 }
 
-/// Empty: the two characters are the sum of `bytes`.
+/// Returns why the two characters are not the sum of `bytes`; empty if they are.
 std::string why_wrong_sum(ByteView given, ByteView bytes) {
   const auto sum = number_at(Code::ascii, given, 0, 1);
   if (!sum) return "sum " + to_hex(given) + " is not two hex digits";
@@ -96,15 +96,15 @@ std::string why_wrong_sum(ByteView given, ByteView bytes) {
   return "sum " + hex_of(*sum, 2) + " given, " + hex_of(computed, 2) + " computed";
 }
 
-/// Looks through what came for an answer in format 1 to 4.
+/// Searches the received bytes for an answer in formats 1 to 4.
 class AsciiSearch final {
  public:
   AsciiSearch(const SerialSettings& settings, std::uint8_t block, std::size_t data, ByteView rx)
       : settings_(settings), head_(head_of(settings, block)), data_(data), rx_(rx) {}
 
   SerialAnswer run() {
-    // A PLC never sends ENQ: it is the echo of the request, and what came before it is older. In
-    // format 3 requests begin with STX, and are told by what follows their head.
+    // A PLC never sends ENQ: it is the echo of the request, and bytes before it are older. In
+    // format 3 requests begin with STX and are recognised by the text after their head.
     if (!is_3())
       for (std::size_t i = rx_.size(); i > 0 && at_ == 0; --i)
         if (rx_[i - 1] == kEnq) at_ = i;
@@ -127,7 +127,7 @@ class AsciiSearch final {
   bool is_3() const { return settings_.format == 3; }
   std::size_t left() const { return rx_.size() - at_; }
 
-  /// A frame that another STX cuts off begins there.
+  /// If another STX cuts off a frame, continues at that STX.
   bool begins_anew() {
     const auto from = rx_.begin() + static_cast<std::ptrdiff_t>(at_) + 1;
     const auto again =
@@ -145,7 +145,8 @@ class AsciiSearch final {
                       });
   }
 
-  /// nullopt: what began here is none, and `at_` is behind it. Incomplete: more must come.
+  /// Returns nullopt if no answer began here; `at_` is then after it. Returns an incomplete answer
+  /// if more bytes are needed.
   std::optional<SerialAnswer> judge(std::uint8_t first) {
     if (left() < 1 + head_.size()) return SerialAnswer{};
     const bool ours = is_ours();
@@ -169,7 +170,7 @@ class AsciiSearch final {
       return std::equal(said.begin(), said.end(), text.begin());
     };
     if (says(kRefused)) return refused_at(word + kRefused.size(), 1);
-    if (!says(kDone)) return pass_frame();  // the request itself, come back
+    if (!says(kDone)) return pass_frame();  // echo of the request
     const std::size_t behind = word + kDone.size();
     if (left() <= behind) return SerialAnswer{};
     const bool has_data = rx_[at_ + behind] != kEtx;
@@ -177,7 +178,7 @@ class AsciiSearch final {
     return has_data ? data_from(kDone.size()) : finish(State::done, behind, 1);
   }
 
-  /// `size` characters and an ETX, if any, then CR LF: the whole of an answer without data.
+  /// Completes an answer without data: `size` characters, ETX if any, then CR LF.
   std::optional<SerialAnswer> finish(State state, std::size_t size, std::size_t etx,
                                      std::uint16_t code = 0) {
     const std::size_t whole = size + etx + tail_size(settings_);
@@ -201,7 +202,7 @@ class AsciiSearch final {
     return finish(State::refused, size + kCode, etx, static_cast<std::uint16_t>(*code));
   }
 
-  /// `word` characters stand between the head and the data.
+  /// Decodes an answer with data. `word` characters precede the data after the head.
   std::optional<SerialAnswer> data_from(std::size_t word) {
     const std::size_t begin = 1 + head_.size() + word;
     const std::size_t etx = begin + data_;
@@ -231,14 +232,14 @@ class AsciiSearch final {
     return answer;
   }
 
-  /// Past a frame with STX that is not for us, or incomplete where its end has not come.
+  /// Skips a frame with STX that is not the wanted answer. Incomplete if its end has not arrived.
   std::optional<SerialAnswer> pass_frame() {
     const auto begin = rx_.begin() + static_cast<std::ptrdiff_t>(at_);
     const auto etx = std::find(begin, rx_.end(), kEtx);
     if (etx == rx_.end()) return SerialAnswer{};
     const std::string_view content(reinterpret_cast<const char*>(&*begin) + 1,
                                    static_cast<std::size_t>(etx - begin) - 1);
-    // QACK without data and QNAK have no sum.
+    // QACK without data, and QNAK, have no sum.
     const std::size_t word = head_.size();
     const bool plain =
         is_3() && content.size() >= word &&
@@ -265,7 +266,7 @@ class AsciiSearch final {
   std::size_t at_ = 0;
 };
 
-/// What a whole frame of format 5 is. nullopt: not the answer to this request.
+/// Interprets a whole frame of format 5. Returns nullopt if it is not the answer to this request.
 std::optional<SerialAnswer> binary_answer(const SerialSettings& settings, std::size_t data,
                                           ByteView content) {
   const Bytes header = serial_header(settings);
@@ -279,7 +280,7 @@ std::optional<SerialAnswer> binary_answer(const SerialSettings& settings, std::s
                    std::to_string(content.size() - kLength) + " bytes came");
   const std::size_t mark = kLength + header.size();
   if (content.size() < mark + kMark || content[mark] != 0xFF || content[mark + 1] != 0xFF)
-    return std::nullopt;  // a request, come back
+    return std::nullopt;  // echo of a request
   if (content.size() < least) return garbled("an answer without end code");
   const auto code =
       static_cast<std::uint16_t>(*number_at(Code::binary, content, mark + kMark, kEndCode));
@@ -290,7 +291,8 @@ std::optional<SerialAnswer> binary_answer(const SerialSettings& settings, std::s
     answer.state = SerialAnswer::State::refused;
     return answer;
   }
-  if ((rest.empty()) != (data == 0)) return std::nullopt;  // late, to a request of the other kind
+  if ((rest.empty()) != (data == 0))
+    return std::nullopt;  // a late answer to a request of the other kind
   if (rest.size() != data)
     return garbled(std::to_string(rest.size()) + " bytes of data given, " + std::to_string(data) +
                    " expected");
@@ -346,7 +348,7 @@ Bytes serial_header(const SerialSettings& settings) {
     append_number(code, header, settings.route.module_io, 2);
     append_number(code, header, settings.route.module_station, 1);
   }
-  append_number(code, header, 0, 1);  // self-station: 0 but on m:n links
+  append_number(code, header, 0, 1);  // self-station: 0 except on m:n links
   return header;
 }
 
@@ -376,7 +378,7 @@ std::size_t serial_answer_length(const SerialSettings& settings, std::size_t dat
 
 std::size_t serial_doubles(const SerialSettings& settings, ByteView request, std::size_t data) {
   if (settings.format != 5) return 0;
-  // A request begins and ends with one more of them.
+  // DLE STX and DLE ETX each add a DLE that is not doubled.
   return (doubles(request) - 2) / 2 + doubles(binary_answer_head(settings, data));
 }
 
@@ -394,7 +396,7 @@ bool may_be_serial_answer(const SerialSettings& settings, ByteView bytes) {
       continue;
     }
     if (bytes[at] != kStx && bytes[at] != kAck && bytes[at] != kNak && bytes[at] != kEnq) continue;
-    // Digits follow, as far as they have come.
+    // Digits must follow, as far as they have arrived.
     const ByteView head = rest.first(std::min(rest.size(), head_size(settings)));
     if (std::all_of(head.begin(), head.end(), [](std::uint8_t c) { return hex_digit(c) >= 0; }))
       return true;

@@ -1,4 +1,4 @@
-// The 3C and 4C frames around a message, in formats 1 to 4 (ASCII) and 5 (binary, 4C alone).
+// 3C and 4C frames around a message, in formats 1 to 4 (ASCII) and 5 (binary, 4C only).
 // Source: SH-080008, 4.2 and 4.3; protocol/README.md has the layout.
 #pragma once
 
@@ -11,7 +11,7 @@
 namespace fxagent::mc {
 
 struct SerialSettings {
-  bool is_4c = true;  ///< else 3C, whose route ends with the PC number
+  bool is_4c = true;  ///< false: 3C, whose route ends with the PC number
   std::uint32_t format = 1;
   bool sum_check = true;
   std::uint8_t station = 0;
@@ -26,20 +26,21 @@ inline constexpr std::uint8_t kEnq = 0x05;
 inline constexpr std::uint8_t kAck = 0x06;
 inline constexpr std::uint8_t kLf = 0x0A;
 inline constexpr std::uint8_t kCr = 0x0D;
-inline constexpr std::uint8_t kDle = 0x10;  ///< begins and ends frames of format 5, doubled inside
+inline constexpr std::uint8_t kDle = 0x10;  ///< begins and ends frames of format 5; doubled inside
 inline constexpr std::uint8_t kNak = 0x15;
 
-/// `block` goes into format 2 alone, whose answers have it again.
+/// Builds a request. Only format 2 carries `block`; its answers repeat it.
 Bytes serial_request(const SerialSettings& settings, std::uint8_t block, ByteView message);
 
-/// Characters of an answer with this many of data, none of which is a doubled 10h; 0: no data.
+/// Returns the characters of an answer with `data` characters of data, none of which is a doubled
+/// 10h; 0: no data.
 std::size_t serial_answer_length(const SerialSettings& settings, std::size_t data);
 
-/// How many bytes of `request` and of an answer that brings so many characters of data, none of
-/// which is a 10h, are there only to double another.
+/// Returns the bytes of `request` and of its answer that only double another byte. The answer has
+/// `data` characters of data, none of which is a 10h.
 std::size_t serial_doubles(const SerialSettings& settings, ByteView request, std::size_t data);
 
-/// What was received, looked through for the answer to one request.
+/// Result of a search for the answer to one request.
 struct SerialAnswer {
   enum class State : std::uint8_t {
     incomplete,
@@ -52,29 +53,30 @@ struct SerialAnswer {
   std::uint16_t end_code = 0;
   std::size_t began = 0;
   std::size_t end = 0;
-  std::string error;  ///< wrong: what is
+  std::string error;  ///< wrong: the reason
 };
-/// The answer to a request with this block number, that brings `data` characters of data or, where
-/// that is 0, none. Echoes, frames of other stations and answers of the other kind are passed over.
+/// Searches `rx` for the answer to a request with this block number. The answer has `data`
+/// characters of data; 0: none. Skips echoes, frames of other stations and answers of the other
+/// kind.
 SerialAnswer serial_answer(const SerialSettings& settings, std::uint8_t block, std::size_t data,
                            ByteView rx);
 
-/// Whether these bytes could be the beginning of an answer to anything.
+/// True if these bytes could begin an answer to any request.
 bool may_be_serial_answer(const SerialSettings& settings, ByteView bytes);
 
-/// The sum as its two digits stand on the wire: low 8 bits.
+/// Returns the sum that a frame carries as two digits: the low 8 bits.
 std::uint8_t serial_sum(ByteView bytes);
 
-/// A frame of format 5 without its doubling.
+/// A frame of format 5 with its doubling removed.
 struct Undoubled {
   enum class State : std::uint8_t { good, incomplete, wrong } state = State::incomplete;
-  Bytes content;        ///< between DLE STX and DLE ETX, the length included
-  std::size_t end = 0;  ///< behind DLE ETX; of a wrong one where to go on
+  Bytes content;        ///< between DLE STX and DLE ETX, including the length
+  std::size_t end = 0;  ///< after DLE ETX; wrong: where the search continues
 };
-/// `rx[at]` and the byte behind it are DLE STX.
+/// Requires that `rx[at]` and the next byte are DLE STX.
 Undoubled undoubled(ByteView rx, std::size_t at);
 
-/// Frame id and route: "F90000FF00", or eight bytes.
+/// Returns frame id and route: "F90000FF00", or eight bytes.
 Bytes serial_header(const SerialSettings& settings);
 
 }  // namespace fxagent::mc

@@ -1,4 +1,4 @@
-// One Modbus frame in words, for `fxagent decode`.
+// Explains one Modbus frame for `fxagent decode` and the line trace.
 #include <algorithm>
 #include <string>
 
@@ -17,7 +17,7 @@ std::uint32_t number_at(ByteView pdu, std::size_t at) {
   return static_cast<std::uint32_t>(pdu[at] << 8 | pdu[at + 1]);
 }
 
-/// What the specification says of a function: name, table, and how its frames are laid out.
+/// A function of the specification: its name and its table.
 struct Known {
   Function function;
   std::string_view name;
@@ -36,11 +36,11 @@ constexpr Known kKnown[] = {
     {Function::read_write, "read and write holding registers", Space::holding_register},
 };
 
-/// A function that this product never sends, and whose data are shown as they are.
+/// A function that the agent never sends. Its data are shown unchanged.
 struct Other {
   std::uint8_t function;
   std::string_view name;
-  bool asks_alone;  ///< its request has no data and its answer has
+  bool asks_alone;  ///< only its answer has data
 };
 constexpr Other kOthers[] = {
     {0x07, "read exception status", true},   {0x08, "diagnostics", false},
@@ -68,7 +68,7 @@ Explanation& wrong(Explanation& out, std::string error) {
   return out;
 }
 
-/// Fills in what a PDU says, in one direction.
+/// Fills in the content of a PDU in one direction.
 class Explainer final {
  public:
   Explainer(ByteView pdu, Direction direction, Explanation& out)
@@ -119,7 +119,7 @@ class Explainer final {
     out_.values.push_back(hex_of(pdu_[1], 2));
   }
 
-  /// Data that are only shown. `asks_alone`: a request has none and an answer has some.
+  /// Shows data unchanged. `asks_alone`: a request has no data and an answer has some.
   void as_it_is(bool asks_alone) {
     const ByteView data = pdu_.subspan(1);
     if (!data.empty()) field("data", to_hex(data));
@@ -180,7 +180,7 @@ class Explainer final {
     }
   }
 
-  /// Functions whose answer is their request once more.
+  /// Explains functions whose answer repeats the request.
   void single(const Known& what) {
     out_.operation = "write";
     if (!has(what.function == Function::mask_write ? 7 : 5)) return;
@@ -248,7 +248,7 @@ class Explainer final {
   Direction direction_;
 };
 
-/// The frame taken off its PDU. False: there is none, and `out` says why.
+/// Removes the frame from its PDU. Returns false, with the reason in `out`, if there is no PDU.
 bool unwrap(Framing framing, ByteView bytes, Explanation& out, std::uint8_t& unit, Bytes& pdu) {
   if (framing == Framing::rtu && bytes.size() < 4)
     return wrong(out, "too short for unit, function and CRC"), false;
@@ -274,8 +274,8 @@ bool unwrap(Framing framing, ByteView bytes, Explanation& out, std::uint8_t& uni
   return true;
 }
 
-/// For a PDU that fits neither way: the request of a read has five bytes and its answer hardly
-/// ever; all else is taken for a request, exceptions apart.
+/// For a PDU that fits neither direction. The request of a read has five bytes and its answer
+/// hardly ever does. Any other PDU except an exception is assumed to be a request.
 bool is_like_a_request(ByteView pdu) {
   const Known* what = known(pdu[0]);
   const bool reads =
@@ -301,7 +301,7 @@ Explanation explain_frame(Framing framing, ByteView frame, std::optional<Directi
     fits = out.ok;
     if (out.checksum_given)
       out.fields.emplace_back(framing == Framing::rtu ? "CRC" : "LRC", *out.checksum_given);
-    if (shell.error) {  // the frame is wrong, whatever stands in it
+    if (shell.error) {  // the frame is wrong, whatever its content
       out.ok = false;
       out.error = shell.error;
     }

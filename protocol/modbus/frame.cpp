@@ -5,9 +5,9 @@
 namespace fxagent::modbus {
 namespace {
 
-// Transaction, protocol, length: what stands before the bytes that the length counts.
+// Transaction, protocol, length: the bytes before those that the length counts.
 constexpr std::size_t kMbap = 6;
-// Counted by the length: the unit, and 253 bytes of PDU at most.
+// The length counts the unit and a PDU of up to 253 bytes.
 constexpr std::size_t kLongest = 254;
 constexpr std::size_t kLongestAscii = 513;
 

@@ -14,11 +14,11 @@ using std::chrono::nanoseconds;
 constexpr std::uint16_t kTables = 4;
 constexpr std::string_view kForms =
     "hr:0 ir:0 co:0 di:0, hr:0.15 (a bit of a register), or 40001 30001 00001 10001";
-// Serial Line V1.02, 2.5.1.1: 3.5 characters, and no less than this however fast the line is.
+// Serial Line V1.02, 2.5.1.1: 3.5 characters, and at least this time on any fast line.
 constexpr nanoseconds kShortestGap = std::chrono::microseconds(1750);
-// 2.4.1: every unit needs its time to carry out a broadcast; 100 to 200 ms at 9600 baud.
+// 2.4.1: every unit needs time to carry out a broadcast, 100 to 200 ms at 9600 baud.
 constexpr milliseconds kBroadcastPause{200};
-// Two of the longest frames; a line that brings more brings no answer.
+// Longest frames. Twice as many bytes without an answer are an error.
 constexpr std::size_t kLongestRtu = 256;
 constexpr std::size_t kLongestAscii = 513;
 
@@ -32,7 +32,7 @@ tl::unexpected<Error> garbled(std::string text) {
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
-/// Decimal, or hexadecimal behind 0x; all of `text` must be it.
+/// Parses all of `text` as decimal, or as hexadecimal after 0x.
 std::optional<std::uint32_t> number_in(std::string_view text) {
   int base = 10;
   if (text.starts_with("0x")) {
@@ -51,14 +51,14 @@ std::optional<Space> table_named(std::string_view letters) {
   return std::nullopt;
 }
 
-/// One coil or register, and a bit of it.
+/// One coil or register, or a bit of a register.
 struct Place {
   Space space = Space::coil;
   std::uint32_t number = 0;
   std::optional<std::uint32_t> bit;
 };
 
-/// "40101": the first digit is the table, the others count from 1.
+/// Parses "40101": the first digit is the table, the others count from 1.
 Result<Place> parse_numbered(const std::string& quoted, std::string_view digits) {
   if (digits.size() != 5 && digits.size() != 6)
     return refuse(quoted + ": a number without a table has 5 or 6 digits, as 40101 or 400101");
@@ -91,7 +91,7 @@ Result<Place> parse_numbered(const std::string& quoted, std::string_view digits)
 
 Result<Place> parse_place(std::string_view text, std::uint32_t base) {
   const std::string name = lower(text);
-  const std::string quoted = "'" + std::string(text) + "'";  // as it was written
+  const std::string quoted = "'" + std::string(text) + "'";  // as written
   std::string_view rest = name;
   std::optional<std::uint32_t> bit;
   if (const auto dot = rest.find('.'); dot != std::string_view::npos) {
@@ -127,9 +127,9 @@ Span span_of_place(const Place& place) {
   return place.bit ? Span{whole.space, whole.first_bit + *place.bit, 1} : whole;
 }
 
-/// Whether the request, come back from the line, could as well be its answer: always with 05, 06
-/// and 22; and where 18 to 24 coils or inputs from 768 to 1023 are read, whose answer may have the
-/// same bytes.
+/// True if an echo of the request could also be its answer. That is always so with 05, 06 and 22.
+/// It is also so for reads of 17 to 24 coils or inputs from 768 to 1023, whose request has the form
+/// of an answer.
 bool answers_by_echo(const Request& request, ByteView pdu) {
   const auto reply = decode_pdu(request, pdu);
   return reply && *reply;
@@ -182,7 +182,7 @@ Result<std::shared_ptr<const Codec>> Modbus::make_tcp(const Options& options) {
   return make(Framing::tcp, options);
 }
 
-// ---- names and places -----------------------------------------------------------------------
+// ---- addresses and ranges ----------------------------------------------------------------------
 
 Result<Address> Modbus::parse_address(std::string_view text,
                                       std::optional<DataType> /*type*/) const {
@@ -206,7 +206,7 @@ Result<Span> Modbus::parse_range(std::string_view text) const {
   auto last = first;
   if (ends.last) {
     std::string end(*ends.last);
-    // "hr:100-119": the second end may leave out the table of the first one.
+    // "hr:100-119": the second end may omit the table of the first.
     if (text.find(':') != std::string_view::npos && end.find(':') == std::string::npos) {
       if (end.size() >= 5 && std::all_of(end.begin(), end.end(), is_digit))
         return refuse(std::string(text) + ": " + end +
@@ -253,7 +253,7 @@ std::string Modbus::name_of(const Span& span) const {
   return modbus::name_of(space, span.first_bit / width_of(space), settings_.address_base);
 }
 
-// ---- how it is fetched ------------------------------------------------------------------------
+// ---- ways to read ------------------------------------------------------------------------------
 
 std::vector<ReadWay> Modbus::read_ways(std::uint16_t space_id) const {
   if (space_id >= kTables) return {};
@@ -274,8 +274,7 @@ std::uint32_t Modbus::max_write_bits(std::uint16_t space) const {
 
 ByteOrder Modbus::default_order() const { return settings_.order; }
 
-// ---- frames
-// ---------------------------------------------------------------------------------------
+// ---- frames ------------------------------------------------------------------------------------
 
 Result<Bytes> Modbus::encode(const Request& request, std::uint16_t tag) const {
   if (const auto* read = std::get_if<Read>(&request)) {
@@ -321,7 +320,7 @@ Result<std::optional<Reply>> Modbus::decode_rtu(const Request& request, ByteView
       at += sent.size();
       continue;
     }
-    pending |= same == rest.size();  // so far it may be the echo
+    pending |= same == rest.size();  // may be the echo so far
     if (const auto length = answer_length(rest.subspan(1))) {
       const Frame whole = rtu_frame(rx, at, *length);
       if (whole.state == Frame::State::good) {
@@ -334,11 +333,11 @@ Result<std::optional<Reply>> Modbus::decode_rtu(const Request& request, ByteView
             return reply;
           }
         }
-        at = whole.end;  // another unit's, or a late answer to something else
+        at = whole.end;  // from another unit, or a late answer to another request
         continue;
       }
     }
-    // What may still become the answer, or would be it but for its sum.
+    // Bytes that may still become the answer, or that would be the answer with a correct sum.
     const bool exception = rest.size() > 1 && rest[1] == (pdu[0] | kException);
     if (rest[0] != settings_.unit || rest.size() < 2 || (rest[1] != pdu[0] && !exception)) {
       ++at;
@@ -392,8 +391,7 @@ Result<std::optional<Reply>> Modbus::decode_tcp(const Request& request, ByteView
     at = frame.end;
     const bool echo =
         echo_differs && std::equal(frame.pdu.begin(), frame.pdu.end(), pdu.begin(), pdu.end());
-    if (frame.transaction != tag || echo)
-      continue;  // an answer that came too late for its question
+    if (frame.transaction != tag || echo) continue;  // a late answer to an older request
     if (frame.unit != settings_.unit)
       return garbled("unit " + std::to_string(frame.unit) + " answered, unit " +
                      std::to_string(settings_.unit) + " was asked");
@@ -495,12 +493,12 @@ bool Modbus::may_pass_for_answer(ByteView bytes) const {
   if (settings_.framing != Framing::rtu)
     return settings_.framing == Framing::tcp ||
            std::find(bytes.begin(), bytes.end(), ':') != bytes.end();
-  // The head of an answer whose rest is still under way.
+  // The head of an answer that has not arrived completely.
   constexpr std::uint8_t kLastFunction = code(Function::read_write);
   if (bytes.size() >= 2 && bytes[0] == settings_.unit && bytes[1] != 0 &&
       (bytes[1] & ~kException) <= kLastFunction)
     return true;
-  // A whole answer of any unit, or another master's read.
+  // A whole answer of any unit, or a read of another master.
   constexpr std::size_t kReadRequest = 5;
   for (std::size_t at = 0; at + 4 <= bytes.size(); ++at) {
     const auto length = answer_length(bytes.subspan(at + 1));
@@ -513,7 +511,7 @@ bool Modbus::may_pass_for_answer(ByteView bytes) const {
 std::optional<Request> Modbus::apart_from(const Request& request) const {
   const auto* read = std::get_if<Read>(&request);
   if (read == nullptr) return std::nullopt;
-  // Eight coils are one byte of an answer, a register is two.
+  // Eight coils take one byte of an answer, a register takes two.
   const std::uint32_t less = width_of(static_cast<Space>(read->span.space)) == 1 ? 8 : 16;
   if (read->span.bits <= less) return std::nullopt;
   Read shorter = *read;

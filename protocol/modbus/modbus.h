@@ -1,6 +1,6 @@
 // Modbus master: RTU and ASCII on serial lines (or through a transparent serial server), and TCP.
 // Sources: MODBUS Application Protocol V1.1b3, MODBUS over Serial Line V1.02, Messaging on TCP/IP
-// V1.0b. The frames are in protocol/README.md.
+// V1.0b. protocol/README.md has the frames.
 #pragma once
 
 #include <memory>
@@ -20,26 +20,29 @@ class Modbus final : public Codec, public AddressSpace {
  public:
   struct Settings {
     Framing framing = Framing::rtu;
-    std::uint8_t unit = 1;  ///< 0 is everybody on a serial line, and a unit like others on TCP
-    std::uint32_t max_read = kMaxReadRegisters;  ///< registers of one read; 16 bits for each
-    std::uint32_t max_gap = 16;  ///< registers in a row that nobody asked for, 16 bits for each
+    std::uint8_t unit = 1;  ///< 0 is a broadcast on a serial line, and an ordinary unit on TCP
+    /// Registers of one read. 16 coils or inputs count as one register.
+    std::uint32_t max_read = kMaxReadRegisters;
+    /// Longest run of unrequested registers in a read. 16 coils or inputs count as one register.
+    std::uint32_t max_gap = 16;
     ByteOrder order = ByteOrder::abcd;
-    std::uint32_t address_base = 0;  ///< number of the first one in hr: ir: co: di:
-    /// Whether a bit of a register may be written by reading the register, where function 22 fails.
+    std::uint32_t address_base = 0;  ///< number of the first item in hr: ir: co: di:
+    /// Write a bit of a register by reading and writing the whole register if function 22 fails.
     bool allow_read_modify_write = false;
   };
 
   explicit Modbus(const Settings& settings) : settings_(settings) {}
-  /// From the config's options.
+  /// Create a codec from the config's options.
   static Result<std::shared_ptr<const Codec>> make_rtu(const Options& options);
   static Result<std::shared_ptr<const Codec>> make_ascii(const Options& options);
   static Result<std::shared_ptr<const Codec>> make_tcp(const Options& options);
 
   // AddressSpace
-  /// hr:100 ir:0 co:5 di:7, hr:100.3 (bit 3), hr:0x64; 40101 or 400101, by the count of digits.
+  /// Parses hr:100 ir:0 co:5 di:7, hr:100.3 (bit 3), hr:0x64; also 40101 or 400101, by the number
+  /// of digits.
   Result<Address> parse_address(std::string_view text, std::optional<DataType> type) const override;
   bool needs_type(std::string_view text) const override;
-  /// hr:100-hr:119, hr:100-119 or one of them.
+  /// Parses hr:100-hr:119, hr:100-119 or one address.
   Result<Span> parse_range(std::string_view text) const override;
   Result<void> check_range(const Span& span) const override;
   Result<void> check_write(const Span& span) const override;
@@ -60,7 +63,7 @@ class Modbus final : public Codec, public AddressSpace {
   Explanation explain(ByteView frame, std::optional<Direction> direction) const override;
 
   RefusalMeaning meaning_of(const Request& request, int device_code) const override;
-  /// 06 → 16, 05 → 15, and 22 → reading, changing and writing, where that is allowed.
+  /// Replaces 06 by 16, 05 by 15, and 22 by read-modify-write if that is allowed.
   std::optional<Request> instead_of(const Request& request, int device_code) const override;
 
   std::optional<Request> read_before(const Request& request) const override;
@@ -69,8 +72,8 @@ class Modbus final : public Codec, public AddressSpace {
   std::chrono::milliseconds pause_after(const Request& request) const override;
   bool may_pass_for_answer(ByteView bytes) const override;
   std::optional<Request> apart_from(const Request& request) const override;
-  /// One holding register: the function that the plainest devices have. A coil would be a byte
-  /// shorter, and some devices are silent to functions that they lack.
+  /// Returns a read of one holding register, the function of the simplest devices. A coil would be
+  /// one byte shorter, but some devices do not answer functions that they lack.
   std::optional<Request> presence() const override;
   bool is_broadcast() const override;
   Recovery after_silence() const override;
@@ -87,11 +90,11 @@ class Modbus final : public Codec, public AddressSpace {
   Settings settings_;
 };
 
-/// "hr:100", counted from `base`.
+/// Returns "hr:100", counted from `base`.
 std::string name_of(Space space, std::uint32_t number, std::uint32_t base);
 
-/// `fxagent decode`: one frame in words. Any bytes are allowed; what is wrong with them is in the
-/// error of the explanation.
+/// Explains one frame for `fxagent decode`. Accepts any bytes; the explanation's `error` states
+/// what is wrong with them.
 Explanation explain_frame(Framing framing, ByteView frame, std::optional<Direction> direction);
 
 }  // namespace fxagent::modbus

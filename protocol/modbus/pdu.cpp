@@ -19,7 +19,7 @@ tl::unexpected<Error> cannot(std::string text) {
   return fail(ErrorCode::unsupported, std::move(text));
 }
 
-/// First number and count of a span that is made of whole coils or registers of its table.
+/// First number and count of a span of whole coils or registers.
 struct Place {
   std::uint32_t number = 0;
   std::uint32_t count = 0;
@@ -52,7 +52,7 @@ Function read_function(std::uint16_t space) {
 
 bool is_bit_table(std::uint16_t space) { return width_of(static_cast<Space>(space)) == 1; }
 
-/// Register images are low byte first, the wire is high byte first.
+/// Swaps the bytes of registers: images are low byte first, the wire is high byte first.
 Bytes swapped(ByteView bytes) {
   Bytes out(bytes.begin(), bytes.end());
   for (std::size_t i = 0; i + 1 < out.size(); i += 2) std::swap(out[i], out[i + 1]);
@@ -118,8 +118,8 @@ Result<Bytes> encode_force(const Force& force) {
   const std::uint32_t mask = 1U << (force.bit % 16);
   Bytes pdu{code(Function::mask_write)};
   append_16(pdu, number);
-  append_16(pdu, ~mask & 0xFFFF);       // AND mask: what stays
-  append_16(pdu, force.on ? mask : 0);  // OR mask: what is set
+  append_16(pdu, ~mask & 0xFFFF);       // AND mask: bits that stay
+  append_16(pdu, force.on ? mask : 0);  // OR mask: bits to set
   return pdu;
 }
 
@@ -218,7 +218,7 @@ Result<std::optional<Reply>> decode_pdu(const Request& request, ByteView pdu) {
       reply.image.back() &= static_cast<std::uint8_t>((1U << (read->span.bits % 8)) - 1);
     return std::optional<Reply>(std::move(reply));
   }
-  // Every write is answered by the beginning of its request: place, and value or quantity.
+  // The answer to a write repeats the beginning of its request: place, and value or quantity.
   const std::size_t length = reply_length(request);
   if (pdu.size() != length)
     return fail(ErrorCode::bad_frame, "the answer to a write has " + std::to_string(pdu.size()) +
