@@ -25,7 +25,7 @@ constexpr std::size_t kMostDrained = Transport::kMostDiscarded;
 constexpr milliseconds kLongestQuiet{5000};
 // Unexpected bytes that are examined: more than the longest frame of a serial line.
 constexpr std::size_t kMostJudged = 1024;
-// Of these, the bytes that are kept for display until the agent ends.
+// Unexpected bytes that are kept for display until the agent ends.
 constexpr std::size_t kMostKept = 64;
 // No protocol here has longer frames; a line that brings more is babbling.
 constexpr std::size_t kMaxReceived = 4096;

@@ -49,11 +49,11 @@ class HoleMap final {
   /// them is missing or, if there is none, the whole was too long.
   void read(const Span& read);
 
-  /// Lifts restrictions whose time has come, because the cause may have gone: a new program,
-  /// another device, a password, a wrong setting. Missing spans are read again, apart from their
-  /// neighbours so that a refusal does not harm these. Commands that the device did not know are
-  /// tried again. Limits on the parts of a Gather, and spans read only outside of one, are found
-  /// anew after 10 minutes, then at doubling intervals up to one day.
+  /// Lifts restrictions whose time has come. Their cause may have gone: a new program or device, a
+  /// password, a wrong setting. Missing spans are read again, apart from their neighbours so that a
+  /// refusal does not harm these. Commands that the device did not know are tried again. Limits on
+  /// the parts of a Gather, and spans read only outside of one, are found anew after 10 minutes,
+  /// then at doubling intervals up to one day.
   void retry(SteadyTime now);
 
  private:
