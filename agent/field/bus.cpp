@@ -14,35 +14,35 @@ using std::chrono::milliseconds;
 using std::chrono::nanoseconds;
 
 constexpr milliseconds kOpenTimeout{5000};
-// What a serial server still holds arrives at once or not at all.
+// A serial server delivers what it has buffered at once or not at all.
 constexpr milliseconds kQuietAfterOpen{50};
-// GX Works2 and the known firmwares take 200 ms without a character as the end of a frame.
+// GX Works2 and the known firmwares treat 200 ms without a character as the end of a frame.
 constexpr milliseconds kQuietBeforeResync{100};
 constexpr int kQuietCharacters = 20;
-// A line that does not fall quiet for so long, or brings so much meanwhile, is closed.
+// The channel is closed if the line is not quiet after this time, or brings this many bytes.
 constexpr milliseconds kLongestDrain{3000};
 constexpr std::size_t kMostDrained = Transport::kMostDiscarded;
 constexpr milliseconds kLongestQuiet{5000};
-// So much of what nobody asked for is looked at: more than the longest frame of a serial line.
+// Unexpected bytes that are examined: more than the longest frame of a serial line.
 constexpr std::size_t kMostJudged = 1024;
-// And so much is kept of it to be shown, for the years that follow.
+// Unexpected bytes that are kept for display until the agent ends.
 constexpr std::size_t kMostKept = 64;
-// No protocol here has longer frames; beyond it the line babbles.
+// No protocol here has longer frames; a line that brings more is babbling.
 constexpr std::size_t kMaxReceived = 4096;
 constexpr std::size_t kReadChunk = 512;
-// So many datagrams in place of one answer are a flood.
+// More datagrams than this in place of one answer are a flood.
 constexpr std::size_t kMostDatagrams = 1000;
 constexpr std::string_view kNeverSilent =
     "bytes come without end (another master, noise, or wrong settings?)";
-// How often a probing read that is refused is asked: the first NAK may be a command's late one.
+// Attempts for a probe that is refused: the first NAK may be a command's late one.
 constexpr int kProbesInARow = 3;
 
 bool answers_by_ack(const Request& request) { return !is_read(request); }
 
-/// Its answers carry numbers: none is taken for another, however late or often it comes.
+/// True if answers carry numbers. A late or repeated answer then never matches another request.
 bool is_numbered(const Codec& codec) { return codec.after_silence() == Recovery::none; }
 
-/// Bytes for an error text: enough of them to see who spoke.
+/// Returns the first bytes for an error text: enough to recognise the sender.
 std::string beginning_of(const Bytes& bytes) {
   constexpr std::size_t kShown = 24;
   const ByteView shown = ByteView(bytes).first(std::min(bytes.size(), kShown));
@@ -62,14 +62,16 @@ asio::awaitable<Result<void>> Bus::open() {
   answered_ = closed_unanswered_ = closed_after_silence_ = false;
   auto opened = co_await transport_->open(now() + kOpenTimeout);
   if (!opened) co_return opened;
-  // To a port that is always the same, answers to a dead agent may come: its numbers are others.
+  // Answers to an earlier agent process may reach a fixed port. A random first tag keeps them
+  // apart.
   if (session_ == 0 && transport_->has_datagrams() && !transport_->can_renew())
     tag_ = static_cast<std::uint16_t>(std::random_device()());
   ++session_;
-  // Answers to another port do not come to this one.
+  // Answers to another port do not reach this one.
   if (transport_->can_renew()) co_return Result<void>{};
-  // A serial server hands a late answer to whoever is connected now, and a PLC on a serial port
-  // answers whoever has it open. Who asked before, and when, is not known: perhaps just now.
+  // A serial server delivers a late answer to the current connection. A PLC on a serial port
+  // answers whichever program has it open. An earlier program may have sent its last request just
+  // now.
   const Drained drained = co_await listen(now() + listening_, kQuietAfterOpen);
   if (trace_ && !drained.heard.empty()) trace_->unasked(drained.heard);
   if (drained.error && never_silent_) keep_unexpected(drained.heard);
@@ -164,15 +166,15 @@ void Bus::note_unexpected(const Codec& codec, ByteView bytes) {
   counters_.unexpected_bytes += bytes.size();
   const ByteView shown = bytes.first(std::min(bytes.size(), kMostJudged));
   keep_unexpected(shown);
-  // An answer that is still owed is expected, and prepare() sees to it. One with a number is told
-  // apart by that.
+  // prepare() handles an answer that is still owed. Foreign bytes do no harm if answers carry
+  // numbers or arrive on ports of their own.
   if (late_.owed() != LateAnswers::Owed::none || tells_answers_apart(codec)) return;
   if (codec.may_pass_for_answer(shown)) bus_doubt_.found_foreign(last_heard_);
 }
 
 bool Bus::may_be_returned(ByteView bytes) const {
   if (returns_nothing_) return false;
-  // The line returns what is sent, and nobody has found that out yet, or nobody answers it.
+  // The line echoes. Either this is not detected yet, or the echoed bytes get no answer.
   return std::ranges::equal(bytes, last_sent_) || !std::ranges::search(unanswered_, bytes).empty();
 }
 
@@ -220,7 +222,7 @@ asio::awaitable<bool> Bus::prepare(Station& station, const Request& request, Exc
   const auto resync = codec.resync();
   const auto refuse = [&failed](Exchange exchange) {
     failed = std::move(exchange);
-    failed.sent = false;  // the enquiry is no part of the caller's question
+    failed.sent = false;  // the enquiry is not part of the caller's request
     return false;
   };
   if (in_doubt) {
@@ -228,7 +230,7 @@ asio::awaitable<bool> Bus::prepare(Station& station, const Request& request, Exc
     const nanoseconds quiet =
         bus_doubted ? quiet_in_doubt()
                     : std::max<nanoseconds>(kQuietBeforeResync, char_time_ * kQuietCharacters);
-    // What was listened to behind the last answer need not be listened to again.
+    // Silence that followed the last answer counts and is not repeated.
     const bool heard_out = late_.owed() == LateAnswers::Owed::none && now() - last_heard_ >= quiet;
     bool still_open = true;
     if (!heard_out) still_open = co_await drain(codec, late_answers_until(station), quiet);
@@ -247,7 +249,7 @@ asio::awaitable<bool> Bus::prepare(Station& station, const Request& request, Exc
     if (!answered) co_return refuse(std::move(enquiry));
     station.handshake_in = session_;
   }
-  // The enquiry's ACK may have been the late one of a write.
+  // The enquiry's ACK may have been a write's late ACK.
   if (late_.owed() == LateAnswers::Owed::acknowledgement || bus_doubted) {
     Exchange probing = co_await probe(station, request);
     if (!probing.has_answer()) co_return refuse(std::move(probing));
@@ -258,15 +260,15 @@ asio::awaitable<bool> Bus::prepare(Station& station, const Request& request, Exc
 
 asio::awaitable<Exchange> Bus::probe(const Station& station, const Request& request) {
   const Codec& codec = *station.codec;
-  // A read cannot be answered by an ACK, and the device answers in order: once its data is here,
-  // nothing older is on the way. The answer of a probe that failed may be, so the next one is of
-  // another length.
+  // A read is never answered by an ACK, and the device answers in order: once the data of the probe
+  // is here, nothing older is on its way. The answer to a failed probe may still come, so the next
+  // probe has an answer of another length.
   Exchange probing;
   for (int i = 0; i < kProbesInARow && !probing.is_data(); ++i) {
     auto question = codec.probe(late_.probe());
     if (!question && bus_doubt_.is_doubted()) question = codec.apart_from(request);
     if (!question) {
-      probing.outcome = Exchange::Outcome::answered;  // nothing to be told apart by
+      probing.outcome = Exchange::Outcome::answered;  // no read with an answer of another length
       co_return probing;
     }
     probing = co_await send_and_receive(codec, station, std::move(*question), SteadyTime::max());
@@ -298,7 +300,7 @@ asio::awaitable<Exchange> Bus::send_and_receive(const Codec& codec, const Statio
   const LineLength length = codec.line_length(request);
   const auto line =
       char_time_ * (length.request_chars + length.reply_chars + length.more_reply_chars);
-  // What closed the exchange before may still be leaving; this request goes right behind it.
+  // The closing bytes of the previous exchange may still be leaving; this request follows them.
   const auto on_the_wire = std::max(exchange.began, last_activity_);
   const auto deadline = on_the_wire + line + station.timeout;
 
@@ -323,15 +325,16 @@ asio::awaitable<Exchange> Bus::send_and_receive(const Codec& codec, const Statio
     co_return exchange;
   }
   if (codec.expects_reply(request)) {
-    // The codecs pass over the echo of a read or an enquiry by themselves. So a read tells whether
-    // it still comes, and no enquiry for want of it stands before that read.
+    // The codecs skip the echo of a read or an enquiry on their own. A read therefore shows whether
+    // the line still echoes, and an enquiry before it does not fail for lack of an echo.
     const bool tells_them_apart = is_read(request) || std::holds_alternative<Enquire>(request);
     const bool echo = station.echo || (echo_found() && !tells_them_apart);
     co_await receive(codec, request, *frame, echo, deadline, exchange);
     trace(WireFrame::Way::in, rx_);
     note_heard(*frame, deadline, exchange);
   } else {
-    // Nobody answers: it is over when the last byte has left the wire, not when the kernel has it.
+    // No answer comes. The exchange ends when the last byte has left the wire, not when the kernel
+    // has accepted it.
     co_await wait_until(exchange.began + char_time_ * length.request_chars);
     exchange.outcome = Exchange::Outcome::answered;
     exchange.reply.kind = Reply::Kind::ack;
@@ -392,9 +395,9 @@ asio::awaitable<void> Bus::receive(const Codec& codec, const Request& request, c
   rx_.clear();
   bool echo_due = echo;
   const bool datagrams = transport_->has_datagrams();
-  bool goes_on = false;  // the datagram has more than was read
+  bool goes_on = false;  // the current datagram has unread bytes
   std::size_t total = 0;
-  std::size_t heard = 0;  // datagrams
+  std::size_t heard = 0;  // datagrams received
   std::uint8_t chunk[kReadChunk];
   for (;;) {
     const auto got = co_await transport_->read_some(chunk, deadline);
@@ -417,7 +420,7 @@ asio::awaitable<void> Bus::receive(const Codec& codec, const Request& request, c
       exchange.error = kNeverSilent;
       co_return;
     }
-    // What one datagram lacks the next one does not bring.
+    // A datagram never continues the previous one.
     if (datagrams && !goes_on) give_up_datagram(codec);
     rx_.insert(rx_.end(), chunk, chunk + *got);
     last_heard_ = now();
@@ -463,7 +466,8 @@ void Bus::note_around_answer(const Codec& codec, const Bytes& sent, const Reply&
   if (echoed) before.erase(own, own + static_cast<std::ptrdiff_t>(sent.size()));
   note_unexpected(codec, before);
   unanswered_.clear();
-  // What has arrived by now costs no time; a NAK behind an ACK must not wait for the next question.
+  // Reading what has already arrived costs no time. A NAK behind an ACK is found before the next
+  // request.
   Bytes behind(rx_.begin() + static_cast<std::ptrdiff_t>(reply.consumed), rx_.end());
   const auto more =
       tells_answers_apart(codec) ? Result<Bytes>(Bytes{}) : transport_->discard_input();
@@ -493,7 +497,7 @@ void Bus::note_doubt(const Station& station, const Request& request, const Excha
       return;
   }
   const bool datagrams = transport_->has_datagrams();
-  // The rest of an answer would stand before the next one, and no number tells where that begins.
+  // The rest of the answer would precede the next one, and nothing marks the start of that.
   const bool broken_off = exchange.outcome == Exchange::Outcome::unanswered && !rx_.empty();
   if (recovery == Recovery::none && broken_off && !datagrams) recovery = Recovery::reconnect;
   if (recovery == Recovery::none) return;
@@ -502,14 +506,14 @@ void Bus::note_doubt(const Station& station, const Request& request, const Excha
     return transport_->close();
   }
   if (datagrams && is_numbered(codec)) return;
-  // A lost ACK stays a worry until a read has been answered, whatever is asked in between.
+  // A lost ACK stays owed until a read has been answered, whatever is asked in between.
   late_.given_up(
       answers_by_ack(request) ? LateAnswers::Owed::acknowledgement : LateAnswers::Owed::data,
       exchange.ended, station.timeout);
 }
 
 SteadyTime Bus::late_answers_until(const Station& station) const {
-  // Behind an enquiry's ACK nothing older comes. Nobody answers the EOT of a computer link.
+  // After an enquiry's ACK nothing older can come. The EOT of a computer link is never answered.
   const auto resync = station.codec->resync();
   const bool is_answered =
       resync && station.codec->expects_reply(*resync) && station.enquire != EnquirePolicy::never;

@@ -1,7 +1,7 @@
-// The discipline of one wire: one question at a time, and no late answer taken for a new one. On
-// UDP each datagram is judged by itself; where answers have no numbers a question is asked from a
-// port of its own, or, where the port is fixed, the wire is treated as a serial one. Everything
-// that touches the channel goes through here. Field thread.
+// Serialises requests on one channel and never matches a late answer to a newer request. All access
+// to the channel goes through here. On UDP each datagram is judged separately. If the answers carry
+// no numbers, each request uses a port of its own; with a fixed port, the channel is treated like a
+// serial line. Field thread.
 #pragma once
 
 #include <asio/awaitable.hpp>
@@ -27,18 +27,19 @@
 
 namespace fxagent {
 
-/// What the line must know of the device it speaks to. Lives as long as the await.
+/// The properties of a device that the bus needs. Must outlive the await.
 struct Station {
-  /// Of the device, or of the command that is carried out; a trace keeps it while it explains.
+  /// Codec of the device, or of the command in progress. A trace shares it until it has explained
+  /// its frames.
   std::shared_ptr<const Codec> codec;
-  std::string_view device;  ///< its name; empty: not known
+  std::string_view device;  ///< its name; empty: unknown
   std::chrono::milliseconds timeout{1000};
   std::chrono::milliseconds gap{0};
   EnquirePolicy enquire = EnquirePolicy::open;
-  bool echo = false;               ///< the line returns what is sent
-  Wiring wiring;                   ///< for texts
-  std::uint32_t handshake_in = 0;  ///< Bus::session() in which it last answered an enquiry; 0: none
-  FrameTrace* trace = nullptr;     ///< takes every frame of a command; null for polls
+  bool echo = false;               ///< the line echoes what is sent
+  Wiring wiring;                   ///< for error texts
+  std::uint32_t handshake_in = 0;  ///< Bus::session() of its last answered enquiry; 0: none
+  FrameTrace* trace = nullptr;     ///< receives every frame of a command; null for polls
 };
 
 class Bus final {
@@ -48,69 +49,77 @@ class Bus final {
     std::uint64_t timeouts = 0;
     std::uint64_t naks = 0;
     std::uint64_t bad_frames = 0;
-    std::uint64_t unexpected_bytes = 0;  ///< that came when no answer, or no more of it, was due
-    std::chrono::nanoseconds busy{0};    ///< in exchanges, and in the silence that they waited for
+    std::uint64_t unexpected_bytes = 0;  ///< received when no answer was due, or around one
+    std::chrono::nanoseconds busy{0};    ///< in exchanges and in the silence before them
     PercentileWindow turnaround_ms;
-    std::unique_ptr<LinkDurations> durations;  ///< null: the config asks for no metrics
+    std::unique_ptr<LinkDurations> durations;  ///< null: metrics are off
   };
 
-  /// `char_time` 0: speed unknown. `listening` as in LinkConfig. The transport is closed.
+  /// `char_time` 0: speed unknown. `listening` as in LinkConfig. The transport must be closed.
   Bus(asio::any_io_executor executor, std::unique_ptr<Transport> transport,
       std::chrono::nanoseconds char_time,
       std::chrono::nanoseconds listening = std::chrono::nanoseconds{0});
 
-  /// Opens the channel and listens, so that no answer to an earlier session's question, or to a
-  /// dead agent's, is still on its way when the first one is asked. link_down also where the line
-  /// does not fall quiet: never_silent().
+  /// Opens the channel, then listens until no answer to an earlier session or to a dead agent can
+  /// still be on its way. Error: link_down, also if the line does not fall quiet; see
+  /// never_silent().
   asio::awaitable<Result<void>> open();
   bool is_open() const { return transport_->is_open(); }
-  /// Rises with every open(): what was agreed with a device holds for one session only.
+  /// Incremented each time the channel opens. A handshake with a device is valid for one session
+  /// only.
   std::uint32_t session() const { return session_; }
-  /// How long it listens before the first question, from the next open() on.
+  /// Sets how long open() listens. Takes effect at the next open().
   void set_listening(std::chrono::nanoseconds listening) { listening_ = listening; }
 
-  /// Ends what is under way, listening and a gap before a request included.
+  /// Closes the channel and ends what is in progress, including listening and the gap before a
+  /// request.
   void close() noexcept {
     timer_.cancel();
     transport_->close();
   }
 
-  /// One question and its answer. Puts the line in order first where the last exchange left it in
-  /// doubt (listen until no late answer can come, enquire, and after a lost ACK a probing read),
-  /// and enquires as the station's policy says; if that goes unanswered nothing else is sent:
-  /// unanswered with `sent` false. `not_after` is checked just before the first byte. While the bus
-  /// is doubted it listens until nothing has come for as long as the slowest answer may take, asks
-  /// something whose answer can be told apart, asks, and listens again. Then data are marked
-  /// `doubted`, and any other answer is garbled: nothing is known by it. While the bus is wary a
-  /// read is asked twice, and the second answer is taken: where a foreign one came in place of the
-  /// first, that is the question's own.
+  /// Sends one request and returns its outcome. Checks `not_after` just before the first byte.
+  ///
+  /// If the previous exchange left the line in doubt, puts it in order first: listens until no late
+  /// answer can come, and enquires unless the station's policy is `never`. After a lost ACK it also
+  /// reads a probe. Otherwise enquires as the policy says. If an enquiry goes unanswered, sends
+  /// nothing else and returns `unanswered` with `sent` false.
+  ///
+  /// While the bus is doubted, listens before and after the request. Each silence lasts as long as
+  /// the slowest answer may take. A probe with an answer of another length precedes the request.
+  /// Data are then marked `doubted`; any other answer is returned as garbled, because it proves
+  /// nothing.
+  ///
+  /// While the bus is wary, sends a read twice and returns the second answer: if a foreign answer
+  /// took the place of the first, the second is the device's own.
   asio::awaitable<Exchange> exchange(Station& station, Request request,
                                      SteadyTime not_after = SteadyTime::max());
 
-  /// Whether questions come back before their answers on a line that is not said to do so: some
-  /// reads in a row did. Until one does not, a command's echo is not taken for its answer.
+  /// True if the line echoes requests without being configured to: several consecutive reads came
+  /// back. Reset by a read that does not. While true, a command's echo is not taken for its answer.
   bool echo_found() const { return echoes_in_a_row_ >= kEchoesFound; }
 
-  /// Whether foreign answers were heard, and since when too few clean exchanges.
+  /// Foreign answers found on the bus, and the clean exchanges since.
   const BusDoubt& doubt() const { return bus_doubt_; }
-  /// The last bytes that nobody asked for, the first ones of them; empty while there were none.
+  /// Start of the last unexpected bytes, at most 64 of them; empty if there were none.
   const Bytes& last_unexpected() const { return last_unexpected_; }
-  /// The channel was closed because bytes came without end, and no question was answered since.
+  /// True if the channel was closed because bytes came without end, and no request was answered
+  /// since.
   bool never_silent() const { return never_silent_; }
-  /// Whether the channel is UDP.
+  /// True if the channel is UDP.
   bool has_datagrams() const { return transport_->has_datagrams(); }
-  /// The channel was closed, not by the agent, before anything was answered over it.
+  /// True if the channel was closed, not by the agent, before anything was answered over it.
   bool closed_unanswered() const { return closed_unanswered_; }
-  /// Whether anything was answered in the session, open or not any more; or in any.
+  /// True if anything was answered in the current or last session; or in any session.
   bool was_answered() const { return answered_; }
   bool was_ever_answered() const { return ever_answered_; }
-  /// The agent itself has closed the channel behind a silence, since only on a new one no late
-  /// answer is taken for that of another question. Nothing is lost: open() again.
+  /// True if the agent has closed the channel after a silence. Only on a new channel can no late
+  /// answer pass for that of another request. This is not a loss: call open() again.
   bool closed_after_silence() const { return closed_after_silence_ && !is_open(); }
-  /// For a person: what became of a channel that is not open any more.
+  /// Returns why the channel is closed, for people.
   std::string_view why_lost() const;
 
-  /// From now on each frame is shown; null: none is.
+  /// Passes each frame to `trace`; null: tracing is off.
   void trace_to(std::unique_ptr<WireTrace> trace) { trace_ = std::move(trace); }
   bool is_traced() const { return trace_ != nullptr; }
 
@@ -118,59 +127,58 @@ class Bus final {
 
  private:
   static constexpr int kEchoesFound = 3;
-  /// One exchange on a line that is in order, and what the doubt makes of it.
+  /// Performs one exchange on a line that is in order, then judges its answer.
   asio::awaitable<Exchange> ask(Station& station, const Request& request, SteadyTime not_after);
-  /// False when the device did not answer; then `failed` tells how.
+  /// Puts the line in order. False: the device did not answer or the channel closed; see `failed`.
   asio::awaitable<bool> prepare(Station& station, const Request& request, Exchange& failed);
-  /// Reads something whose answer no older one can be taken for; then none is on its way.
+  /// Reads something whose answer cannot be an older one. Afterwards no older answer is on its way.
   asio::awaitable<Exchange> probe(const Station& station, const Request& request);
   asio::awaitable<Exchange> send_and_receive(const Codec& codec, const Station& station,
                                              Request request, SteadyTime not_after);
-  /// `sent` is what left; it is taken off the front of what comes where the line returns it.
+  /// Receives the answer. With `echo`, first removes `sent` from the received bytes.
   asio::awaitable<void> receive(const Codec& codec, const Request& request, const Bytes& sent,
                                 bool echo, SteadyTime deadline, Exchange& exchange);
   asio::awaitable<void> close_exchange(const Bytes& closing, bool echo, SteadyTime deadline);
-  /// What came while a line was to fall quiet.
+  /// Bytes received while waiting for the line to fall quiet.
   struct Drained {
-    Bytes heard;                   ///< the first bytes of it, as many as are judged
-    std::size_t total = 0;         ///< bytes
-    std::optional<Error> error{};  ///< the channel is closed, by its peer or as never silent
+    Bytes heard;                   ///< the first of them, enough to judge
+    std::size_t total = 0;         ///< number of bytes received
+    std::optional<Error> error{};  ///< set if the channel is closed, by its peer or as never silent
   };
-  /// Listens until `until`, and until nothing has come for `quiet`; gives up kLongestDrain later,
-  /// and after kMostDrained bytes.
+  /// Listens until `until` and until nothing has come for `quiet`. Closes the channel if that takes
+  /// kLongestDrain longer, or after kMostDrained bytes.
   asio::awaitable<Drained> listen(SteadyTime until, std::chrono::nanoseconds quiet);
-  /// The same, and counts and judges what came. False: the channel is closed.
+  /// Same, and counts and judges what came. False: the channel is closed.
   asio::awaitable<bool> drain(const Codec& codec, SteadyTime until, std::chrono::nanoseconds quiet);
-  /// Before this time a late answer may still come, and nothing but silence tells that none does.
+  /// Returns the time until which a late answer may come that only silence can rule out.
   SteadyTime late_answers_until(const Station& station) const;
-  /// As long as the slowest answer on this line may take.
+  /// Returns how long the slowest answer on this line may take.
   std::chrono::nanoseconds quiet_in_doubt() const;
   void close_never_silent();
-  /// What was open is closed, not by the agent.
+  /// Records that the channel was closed by its peer or by an error.
   void note_lost() { closed_unanswered_ = !answered_; }
-  /// No late answer is taken for that of a new question: they carry numbers, or each question has a
-  /// port of its own.
+  /// True if a late answer cannot pass for that of a new request: answers carry numbers, or each
+  /// request has a port of its own.
   bool tells_answers_apart(const Codec& codec) const;
-  /// The port for the next question. False: there is none; `failed` says why.
+  /// Takes a port for the next request. False: there is none; `failed` says why.
   bool renew_port(const Codec& codec, Exchange& failed);
-  /// A new datagram has come: the one before it was no answer.
+  /// Discards the previous datagram when a new one has come: it was not an answer.
   void give_up_datagram(const Codec& codec);
-  /// Takes what has arrived without waiting. False: the channel is closed; `failed` says why.
+  /// Takes what has arrived, without waiting. False: the channel is closed; `failed` says why.
   bool look(const Codec& codec, Exchange& failed);
-  /// Whether they are, or may be, what was sent: not on a line that has just shown to return
-  /// nothing.
+  /// True if `bytes` are, or may be, an echo. False on a line whose last read had no echo.
   bool may_be_returned(ByteView bytes) const;
-  /// Bytes that are no part of an answer: counted, and a reason to doubt the bus.
+  /// Counts bytes that are not part of an answer. They may put the bus in doubt.
   void note_unexpected(const Codec& codec, ByteView bytes);
-  /// For last_unexpected().
+  /// Stores the bytes for last_unexpected().
   void keep_unexpected(ByteView bytes);
-  /// What an exchange brought goes to the trace, and what it brought in place of an answer into it.
+  /// Traces the bytes of an exchange. Stores in `exchange` what came in place of an answer.
   void note_heard(const Bytes& frame, SteadyTime deadline, Exchange& exchange) const;
-  /// What came before and behind an answer. With `tells_echo` the answer shows whether the line
-  /// returns questions.
+  /// Judges the bytes before and after an answer. With `tells_echo` they show whether the line
+  /// echoes requests.
   void note_around_answer(const Codec& codec, const Bytes& sent, const Reply& reply,
                           bool tells_echo);
-  /// What the doubt makes of an exchange that began when so many foreign bytes were found.
+  /// Judges the answer of an exchange. `findings` and `doubted` are from its beginning.
   asio::awaitable<void> judge(const Codec& codec, std::uint64_t findings, bool doubted,
                               Exchange& exchange);
   asio::awaitable<void> wait_until(SteadyTime at);
@@ -185,23 +193,23 @@ class Bus final {
   LateAnswers late_;
   std::uint32_t session_ = 0;
   std::uint16_t tag_ = 0;
-  int echoes_in_a_row_ = 0;       ///< reads whose question came back
-  bool returns_nothing_ = false;  ///< the last read had nothing before its answer
-  SteadyTime last_activity_{};    ///< last byte in either direction, as far as it can be known
-  SteadyTime not_before_{};       ///< a broadcast's turnaround delay
+  int echoes_in_a_row_ = 0;       ///< consecutive reads whose request came back
+  bool returns_nothing_ = false;  ///< nothing came before the answer to the last read
+  SteadyTime last_activity_{};    ///< last byte in either direction, as far as known
+  SteadyTime not_before_{};       ///< end of a broadcast's turnaround delay
   Bytes rx_;
   BusDoubt bus_doubt_;
-  Bytes last_sent_;   ///< the last frame or closing: an echo of it is not foreign
-  Bytes unanswered_;  ///< what was sent last and nobody answers: its echo may stand before the next
+  Bytes last_sent_;   ///< last frame or closing; its echo is not foreign
+  Bytes unanswered_;  ///< last bytes without an answer; their echo may precede the next answer
   Bytes last_unexpected_;
-  std::chrono::nanoseconds slowest_{0};  ///< timeout of the slowest station that was asked
+  std::chrono::nanoseconds slowest_{0};  ///< longest timeout of the stations asked so far
   SteadyTime last_heard_{};
   bool never_silent_ = false;
   bool answered_ = false;  ///< in this session
   bool ever_answered_ = false;
   bool closed_unanswered_ = false;
   bool closed_after_silence_ = false;
-  std::unique_ptr<WireTrace> trace_;  ///< null: the link is not traced
+  std::unique_ptr<WireTrace> trace_;  ///< null: tracing is off
   Counters counters_;
 };
 

@@ -1,4 +1,5 @@
-// PORT: what a long command owes its line, and what its line tells it of the end. Field thread.
+// PORT: lets a long command share its bus with polls and other commands, and learn when to stop.
+// Field thread.
 #pragma once
 
 #include <asio/awaitable.hpp>
@@ -14,18 +15,18 @@ class BusSharing {
  public:
   virtual ~BusSharing() = default;
 
-  /// Between two parts of a command that takes long: polls and other commands have their turns.
-  /// `used` is the line time of the part that has just ended.
+  /// Lets polls and other commands run between two parts of a long command. `used` is the line time
+  /// of the part that has just ended.
   virtual asio::awaitable<void> give_way(std::chrono::nanoseconds used) = 0;
 
-  /// A target has its outcome, while others still wait.
+  /// Called when a target has its outcome, while others still wait.
   virtual void concluded(std::size_t target, const TargetResult& outcome) = 0;
 
-  /// Why nothing more is to be written, as "the agent is stopping"; what was written may still be
-  /// read back. Empty: it may.
+  /// Returns why nothing more may be written, for example "the agent is stopping"; empty: writes
+  /// are allowed. What was written may still be read back.
   virtual std::string_view why_stopping() const = 0;
   bool is_stopping() const { return !why_stopping().empty(); }
-  /// Nothing at all goes out any more.
+  /// True if nothing at all may be sent any more.
   virtual bool is_over() const = 0;
 };
 

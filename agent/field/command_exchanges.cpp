@@ -17,7 +17,7 @@ using std::chrono::milliseconds;
 using std::chrono::nanoseconds;
 using Clock = std::chrono::steady_clock;
 
-// A device that says it is busy is asked again once it may have finished.
+// Pause before a busy device is asked again.
 constexpr milliseconds kBusyPause{100};
 
 }  // namespace
@@ -51,14 +51,14 @@ asio::awaitable<bool> CommandExchanges::go_on(bool share) {
   co_return !is_stopping();
 }
 
-/// From here on a crash leaves open whether it was carried out.
+/// From here on, a crash leaves the outcome of the command unknown.
 void CommandExchanges::mark_started() {
   if (std::exchange(is_started_, true)) return;
   if (admitted_.starts != nullptr) admitted_.starts->mark(admitted_.command.number);
   failpoint("command_started");
 }
 
-/// Nothing was ever answered on this channel: says what to check.
+/// Adds what to check if nothing was ever answered on this channel.
 void CommandExchanges::add_hint(Exchange& exchange) const {
   if (device_.protocol == nullptr || bus_.was_ever_answered()) return;
   const bool is_silent = exchange.outcome == Exchange::Outcome::unanswered;
@@ -73,11 +73,11 @@ void CommandExchanges::add_hint(Exchange& exchange) const {
 asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_after,
                                                 Effect effect) {
   Exchange exchange;
-  if (Clock::now() > not_after) {  // nobody waits for a link or an enquiry that nothing will follow
+  if (Clock::now() > not_after) {  // no need to open a channel or to enquire
     exchange.outcome = Exchange::Outcome::expired;
     co_return exchange;
   }
-  // A channel that turns out to be closed before a byte was sent is opened anew, once.
+  // A channel that proves to be closed before a byte was sent is reopened once.
   for (int attempt = 0; attempt < 2; ++attempt) {
     if (sharing_ != nullptr && sharing_->is_over()) {
       cut_off_ = true;
@@ -130,7 +130,7 @@ asio::awaitable<CommandExchanges::ReadBack> CommandExchanges::read_point(
     const Request request = plan.request(reads);
     if (e > 0) {
       const bool going_on = co_await go_on(gives_way(target));
-      if (!going_on && target.requests.empty()) {  // what was written is read back all the same
+      if (!going_on && target.requests.empty()) {  // after a write, the read-back goes on
         out.last = {};
         out.last.outcome = Exchange::Outcome::link_down;
         out.last.error = sharing_->why_stopping();
@@ -167,12 +167,12 @@ asio::awaitable<void> CommandExchanges::pause(milliseconds duration) {
 }
 
 asio::awaitable<Exchange> CommandExchanges::send(Request request, Try which) {
-  // A second try is the contract's only inside the expiry, even of what is under way.
+  // CONTRACT: a second try must begin before the expiry, even if the command is in progress.
   const auto not_after = [&] { return which == Try::first ? latest_start() : admitted_.deadline; };
   if (const auto first = station_.codec->read_before(request)) {
     Exchange reading = co_await ask(*first, not_after());
     if (!reading.is_data()) {
-      reading.sent = false;  // the command itself has not left
+      reading.sent = false;  // the command itself was not sent
       co_return reading;
     }
     request = station_.codec->with_read(request, reading.reply.image);
@@ -196,7 +196,7 @@ asio::awaitable<Exchange> CommandExchanges::send_once_or_twice(Request request, 
   if (meaning == RefusalMeaning::busy) co_await pause(kBusyPause);
   if (is_stopping()) co_return exchange;
   Exchange second = co_await send(request, Try::second);
-  // Too late for a second try: what the first one brought is the answer.
+  // Too late for a second try: the answer to the first one stands.
   if (second.outcome == Exchange::Outcome::expired) co_return exchange;
   co_return second;
 }

@@ -1,6 +1,6 @@
-// The exchanges of one command: each in its time, repeated only where the first one surely had no
-// effect, and with turns for others in between. Knows what was sent; what it means for the result
-// is CommandExecution's. Field thread.
+// Performs the exchanges of one command: each within its time, repeated only if the first one
+// surely had no effect, and with turns for others in between. Records what was sent;
+// CommandExecution makes the result of it. Field thread.
 #pragma once
 
 #include <asio/awaitable.hpp>
@@ -25,51 +25,53 @@ class CommandExchanges final {
     Exchange last;
   };
 
-  /// As for CommandExecution.
+  /// Arguments as for CommandExecution.
   CommandExchanges(asio::any_io_executor executor, Bus& bus, Station& station,
                    const DeviceConfig& device, const AdmittedCommand& admitted,
                    BusSharing* sharing);
 
-  /// Whether the device is to be another afterwards.
+  /// The effect that an exchange is meant to have on the device.
   enum class Effect : std::uint8_t { none, change };
 
-  /// One exchange, of which nothing is sent after `not_after`. Opens the line once where it is
-  /// closed. Before the first that is to change something the command counts as started.
+  /// Performs one exchange; sends nothing after `not_after`. Opens the channel if it is closed.
+  /// Before the first exchange that is to change something, marks the command as started.
   asio::awaitable<Exchange> ask(Request request, SteadyTime not_after,
                                 Effect effect = Effect::none);
-  /// All reads of the target's point, repeated as the config says.
+  /// Reads the whole point of the target. Repeats each failed read as the config says.
   asio::awaitable<ReadBack> read_point(const AdmittedTarget& target, SteadyTime not_after);
-  /// Sends a write, and a second time only where the first surely had no effect.
+  /// Sends a write, and a second time only if the first surely had no effect.
   asio::awaitable<Exchange> send_once_or_twice(Request request, bool may_repeat);
-  /// Gives others their turn where `share` says so. False: the agent is to stop.
+  /// Gives others their turn if `share` is true. False: the command is to stop.
   asio::awaitable<bool> go_on(bool share);
   asio::awaitable<void> pause(std::chrono::milliseconds duration);
 
-  /// Until when an exchange may begin: a command whose first write has left is finished.
+  /// Returns the latest time at which an exchange may begin. Unlimited once a write was sent,
+  /// because such a command is finished.
   SteadyTime latest_start() const;
   bool is_stopping() const { return sharing_ != nullptr && sharing_->is_stopping(); }
-  /// The end came before an answer, or before anything was sent.
+  /// True if a stop came before an answer, or before anything was sent.
   bool was_cut_off() const { return cut_off_; }
 
-  /// Writes that have left.
+  /// Returns the number of writes sent.
   int writes() const { return writes_; }
-  /// First byte of all, and the end of the last exchange.
+  /// Times of the first byte of the first exchange and of the end of the last one.
   std::optional<SteadyTime> first_byte() const { return first_byte_; }
   SteadyTime last_byte() const { return last_byte_; }
-  /// Line time since the line was last given to others.
+  /// Returns the line time since others last had their turn.
   std::chrono::nanoseconds used() const;
-  /// BusDoubt::findings(): how often what nobody asked for was heard on the bus.
+  /// Returns BusDoubt::findings(): how often foreign bytes were found on the bus.
   std::uint64_t findings() const { return bus_.doubt().findings(); }
-  /// Whether the device has answered anything, or has left something unanswered.
+  /// True if the device has answered something, or has left something unanswered.
   bool was_answered() const { return answered_; }
   bool was_unanswered() const { return unanswered_; }
 
  private:
   enum class Try : std::uint8_t { first, second };
-  /// Sends `request`, and before it the read that it needs; that read's failure is the command's.
+  /// Sends `request`, after the read that it needs, if any. If that read fails, the command fails
+  /// with it.
   asio::awaitable<Exchange> send(Request request, Try which);
   void mark_started();
-  /// Which settings to look at where nobody has ever answered; empty: nothing is known.
+  /// Adds the settings to check to the error, if nothing was ever answered.
   void add_hint(Exchange& exchange) const;
 
   asio::steady_timer timer_;
@@ -79,7 +81,7 @@ class CommandExchanges final {
   const AdmittedCommand& admitted_;
   BusSharing* const sharing_;
   std::optional<SteadyTime> first_byte_;
-  /// The rest before the first byte since the line was given to others.
+  /// Start of the silence before the first byte since others last had their turn.
   std::optional<SteadyTime> part_began_;
   SteadyTime last_byte_{};
   int writes_ = 0;

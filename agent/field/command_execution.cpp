@@ -15,7 +15,7 @@ using std::chrono::milliseconds;
 using std::chrono::nanoseconds;
 using Clock = std::chrono::steady_clock;
 
-// How often the RUN state is asked for after RUN or STOP.
+// Interval between reads of the RUN state after RUN or STOP.
 constexpr milliseconds kRunStateEvery{100};
 
 Reason reason_of(const Exchange& exchange) {
@@ -44,14 +44,15 @@ std::string nak_text(const Exchange& exchange) {
   return exchange.reply.text.empty() ? "nak: the protocol gives no reason" : exchange.reply.text;
 }
 
-/// What has an end of its own on the device: elements of an array, characters of a string.
+/// Returns the number of parts that progress counts: elements of an array, characters of a string,
+/// otherwise requests.
 std::uint32_t parts_of(const AdmittedTarget& target) {
   if (target.point.is_array) return target.point.count;
   if (target.point.type == DataType::string) return target.point.length;
   return static_cast<std::uint32_t>(target.requests.size());
 }
 
-/// How far a target has come whose first `frames` requests were carried out.
+/// Returns the progress of a target whose first `frames` requests were carried out.
 Progress progress_of(const AdmittedTarget& target, std::size_t frames) {
   const std::uint32_t of = parts_of(target);
   if (frames >= target.requests.size()) return {of, of};
@@ -66,12 +67,13 @@ Progress progress_of(const AdmittedTarget& target, std::size_t frames) {
   }
   const std::uint64_t bits = end - span.first_bit;
   const bool is_text = target.point.type == DataType::string && !target.point.is_array;
-  // The last word of a text of odd length has one character only: no even share of its bits.
+  // The last word of a string of odd length holds one character only, so progress is not
+  // proportional to its bits.
   const std::uint64_t done = is_text ? bits / 8 : bits * of / span.bits;
   return {static_cast<std::uint32_t>(std::min<std::uint64_t>(done, of)), of};
 }
 
-/// Whether the target was carried out, whatever has become of it since.
+/// True if the target was carried out, whatever has changed it since.
 bool was_carried_out(const TargetResult& target) {
   return target.status == CommandStatus::succeeded ||
          (target.status == CommandStatus::failed && target.reason == Reason::verify_mismatch);
@@ -82,7 +84,7 @@ std::string elsewhere_text(const AdmittedTarget& target, const Value& read) {
          ": something else has set it since";
 }
 
-/// What came behind the ACK may have been the answer to this command, and the ACK a late one.
+/// The answer behind the ACK may belong to this command, and the ACK to an earlier one.
 void set_doubtful_ack(TargetResult& out, const std::string& found) {
   out.plc = PlcAnswer::none;
   set(out, CommandStatus::unknown_outcome, Reason::bad_frame,
@@ -307,7 +309,8 @@ asio::awaitable<bool> CommandExecution::write_together() {
     if (no_effect) {
       set_without_effect(out, exchange);
     } else {
-      // All of it was carried out, or nobody knows: only the reading back waits for others.
+      // All targets were carried out, or the outcome is unknown. Only the read-back waits for
+      // others.
       if (!result_.targets.empty()) co_await wire_.go_on(/*share=*/true);
       co_await conclude(target, exchange, out);
     }
@@ -342,7 +345,8 @@ asio::awaitable<void> CommandExecution::settle_unknown(const AdmittedTarget& tar
   else
     set(out, CommandStatus::unknown_outcome, reason_of(lost),
         lost.is_nak() ? nak_text(lost) : lost.error);
-  // A line that was lost tells nothing; one that was closed to put it in order is opened again.
+  // If the channel was lost, the outcome stays unknown. A channel closed to put it in order is
+  // reopened.
   if (lost.outcome == Exchange::Outcome::link_down) co_return;
   co_await read_outcome(
       target, "no answer came, and the value read back is the one that was to be written", out);
@@ -385,7 +389,7 @@ asio::awaitable<std::optional<bool>> CommandExecution::await_run_state(const Plc
 
 asio::awaitable<void> CommandExecution::run_or_stop() {
   TargetResult& out = result_.targets.front();
-  const PlcServices& plc = *station_.codec->plc();  // which made the request that was admitted
+  const PlcServices& plc = *station_.codec->plc();  // not null: it made the admitted request
   const bool wanted = admitted_.command.op == Op::run;
   const Exchange exchange = co_await wire_.ask(*admitted_.run_request, wire_.latest_start(),
                                                CommandExchanges::Effect::change);

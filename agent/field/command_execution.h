@@ -1,6 +1,5 @@
-// Carries out one admitted command on the wire: expect, write, verify, and the honest word for how
-// it ended. Field thread. Its functions are the steps of that one act; what goes over the wire is
-// CommandExchanges'.
+// Carries out one admitted command on the wire (expect, write, verify) and reports how it ended.
+// Its functions are the steps of a command; CommandExchanges performs the exchanges. Field thread.
 #pragma once
 
 #include <asio/awaitable.hpp>
@@ -20,18 +19,19 @@ namespace fxagent {
 
 class CommandExecution final {
  public:
-  /// All arguments outlive run(). `sharing` null: nobody shares the line, nobody stops the command.
+  /// All arguments must outlive run(). `sharing` null: the bus is not shared and nothing stops the
+  /// command.
   CommandExecution(asio::any_io_executor executor, Bus& bus, Station& station,
                    const DeviceConfig& device, const AdmittedCommand& admitted,
                    BusSharing* sharing = nullptr);
 
-  /// The result, complete but for its bound. Opens the line once where it is closed.
+  /// Returns the result, complete except for its bound. Opens the channel if it is closed.
   asio::awaitable<CommandResult> run();
 
-  /// Line time since the line was last given to others.
+  /// Returns the line time since others last had their turn.
   std::chrono::nanoseconds used() const { return wire_.used(); }
 
-  /// Whether the device has answered anything, or has left something unanswered, during the run.
+  /// True if the device answered something, or left something unanswered, during the run.
   bool was_answered() const { return wire_.was_answered(); }
   bool was_unanswered() const { return wire_.was_unanswered(); }
 
@@ -40,27 +40,28 @@ class CommandExecution final {
   void conclude_target(TargetResult out);
   asio::awaitable<void> read_target(const AdmittedTarget& target, TargetResult& out);
   asio::awaitable<void> write_target(const AdmittedTarget& target, TargetResult& out);
-  /// What must be known before the target is written: whether it is as expected, and what
-  /// `requests` must leave as it is. False: nothing may be written, as `out` says.
+  /// Reads what must be known before the target is written: whether it is as expected, and the bits
+  /// that `requests` must preserve. False: nothing may be written; `out` says why.
   asio::awaitable<bool> read_first(const AdmittedTarget& target, std::vector<Request>& requests,
                                    TargetResult& out);
-  /// Whether `target` shares a place with another of the command: then their sequence matters.
+  /// True if `target` overlaps another target of the command, so that their sequence matters.
   bool meets_another(const AdmittedTarget& target) const;
-  /// All targets in one frame, where the protocol has one for them. False: it has not.
+  /// Writes all targets in one frame if the protocol has one for them. False: nothing was sent.
   asio::awaitable<bool> write_together();
-  /// `frames` of the target's requests were carried out and the rest surely was not.
+  /// Ends a target of which `frames` requests were carried out and the rest surely was not.
   asio::awaitable<void> end_early(const AdmittedTarget& target, std::size_t frames,
                                   TargetResult& out);
-  /// How a command ended that surely had no effect: refused, never sent, or too late.
+  /// Sets the outcome of a command that surely had no effect: refused, never sent, or too late.
   void set_without_effect(TargetResult& out, const Exchange& exchange) const;
-  /// For people: the agent or the device stops. Only where there is a sharing_.
+  /// Returns the text for a command that a stopping agent or device left unsent. Requires a
+  /// sharing_.
   std::string nothing_sent() const;
-  /// What a command's last exchange means for one target; then its verification.
+  /// Sets the outcome of one target from the command's last exchange, then verifies it.
   asio::awaitable<void> conclude(const AdmittedTarget& target, Exchange exchange,
                                  TargetResult& out);
   bool surely_without_effect(const Request& request, const Exchange& exchange) const;
   asio::awaitable<void> verify(const AdmittedTarget& target, TargetResult& out);
-  /// Reads what the command was to write: the same value counts as carried out.
+  /// Reads what the command was to write. The target counts as carried out if it has that value.
   asio::awaitable<void> read_outcome(const AdmittedTarget& target, std::string succeeded,
                                      TargetResult& out);
   asio::awaitable<void> settle_interrupted();

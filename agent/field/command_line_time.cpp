@@ -13,7 +13,7 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::nanoseconds;
 
-// CONTRACT: an array that takes longer gives way between its frames.
+// CONTRACT: an array that takes longer lets others run between its frames.
 constexpr milliseconds kLongArray{2000};
 
 nanoseconds target_time(const Codec& codec, const DeviceConfig& device, const LineTiming& timing,
@@ -25,7 +25,7 @@ nanoseconds target_time(const Codec& codec, const DeviceConfig& device, const Li
          readings * read_time(codec, device, target.point, timing);
 }
 
-/// Of run and stop: the request and one question whether it has had its effect.
+/// Returns the line time of RUN or STOP: the request and one read of the RUN state.
 nanoseconds run_or_stop_time(const Codec& codec, const LineTiming& timing,
                              const AdmittedCommand& admitted) {
   if (!admitted.run_request) return {};

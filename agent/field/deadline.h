@@ -1,5 +1,5 @@
-// A deadline for one stream's reads and writes that costs no timer call while traffic flows.
-// One wait stays armed; moving the deadline further only changes a number. Field thread only.
+// A deadline for the reads and writes of one stream that costs no timer call while traffic flows.
+// One wait stays armed; a later deadline only changes a number. Field thread only.
 #pragma once
 
 #include <asio/steady_timer.hpp>
@@ -9,7 +9,7 @@
 
 namespace fxagent {
 
-/// `Stream` has cancel(ec). Both must outlive the io_context's last run.
+/// `Stream` needs cancel(ec). The deadline and its stream must outlive the io_context's last run.
 template <class Stream>
 class Deadline final {
  public:
@@ -17,20 +17,20 @@ class Deadline final {
   Deadline(const Deadline&) = delete;
   Deadline& operator=(const Deadline&) = delete;
 
-  /// From now on the stream's operation is cancelled at `at`.
+  /// Cancels the stream's operation at `at`.
   void arm(SteadyTime at) {
     at_ = at;
     passed_ = false;
     if (!waiting_ || at < timer_.expiry()) wait_until(at);
   }
   void disarm() { at_ = SteadyTime::max(); }
-  /// Ends the armed wait too, so that an io_context without other work can finish.
+  /// Also ends the armed wait, so that an io_context without other work can finish.
   void cancel() {
     disarm();
     waiting_ = false;
     timer_.cancel();
   }
-  /// Whether the last cancellation was the deadline's doing.
+  /// True if the deadline caused the last cancellation.
   bool passed() const { return passed_; }
 
  private:
@@ -38,7 +38,7 @@ class Deadline final {
     waiting_ = true;
     timer_.expires_at(at);
     timer_.async_wait([this](const asio::error_code& error) {
-      if (error) return;  // moved to an earlier time: that wait is another one
+      if (error) return;  // moved to an earlier time, which has a wait of its own
       waiting_ = false;
       if (at_ == SteadyTime::max()) return;
       if (std::chrono::steady_clock::now() < at_) return wait_until(at_);

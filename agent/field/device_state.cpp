@@ -8,7 +8,7 @@
 namespace fxagent {
 namespace {
 
-// How long a device stays degraded after a bad value. By a clock that may be set.
+// A device stays degraded this long after a bad value. By the wall clock, which may be set.
 constexpr std::int64_t kBadValueMs = 10'000;
 
 }  // namespace

@@ -1,4 +1,4 @@
-// One question on a bus and how it ended. Values only: whoever judges an answer needs no asio.
+// One request on a bus and its outcome. Values only: code that judges answers does not need asio.
 #pragma once
 
 #include <chrono>
@@ -10,36 +10,36 @@
 
 namespace fxagent {
 
-/// How one exchange ended.
+/// Outcome of one exchange.
 struct Exchange {
   enum class Outcome : std::uint8_t {
     answered,    ///< `reply` is the device's answer, ACK, NAK or data
-    unanswered,  ///< nothing whole came by the deadline
-    garbled,     ///< something came that cannot become an answer, or more than one answer
-    link_down,   ///< the channel broke; `sent` says whether anything had left
+    unanswered,  ///< no complete answer by the deadline
+    garbled,     ///< what came cannot become an answer, or was more than one
+    link_down,   ///< the channel broke; `sent` is true if anything had left
     expired,     ///< `not_after` had passed: nothing was sent
   } outcome = Outcome::unanswered;
   bool sent = false;     ///< at least one byte left the agent
-  bool doubted = false;  ///< answered while the bus is doubted, with silence before and behind it
+  bool doubted = false;  ///< answered while the bus was doubted, with silence before and after
   Reply reply;
-  std::string error;                       ///< in words, where not answered
+  std::string error;                       ///< why it was not answered, in words
   SteadyTime began{};                      ///< just before the first byte
-  SteadyTime ended{};                      ///< last byte of the reply, or when it was given up
+  SteadyTime ended{};                      ///< last byte of the reply, or when the agent gave up
   std::int64_t ended_ms = 0;               ///< the same, UTC
-  std::chrono::nanoseconds rest{0};        ///< silence that had to lie before it
-  std::chrono::nanoseconds turnaround{0};  ///< answered: all that was not characters on the wire
-  Bytes heard;  ///< unanswered or garbled: what came in place of an answer
-  Bytes asked;  ///< where something was heard: the frame that it came to
+  std::chrono::nanoseconds rest{0};        ///< silence required before it
+  std::chrono::nanoseconds turnaround{0};  ///< answered: time beyond that of the characters
+  Bytes heard;                             ///< unanswered or garbled: bytes in place of an answer
+  Bytes asked;                             ///< request frame that `heard` came after
 
   bool has_answer() const { return outcome == Outcome::answered; }
-  /// What it took of its line.
+  /// Returns the line time that it used.
   std::chrono::nanoseconds line_time() const { return rest + (ended - began); }
   bool is_ack() const { return has_answer() && reply.kind == Reply::Kind::ack; }
   bool is_nak() const { return has_answer() && reply.kind == Reply::Kind::nak; }
   bool is_data() const { return has_answer() && reply.kind == Reply::Kind::data; }
 };
 
-/// What an exchange that brought no data makes of the tags that it was to read.
+/// Returns the reason why the tags of an exchange without data are bad.
 inline BadReason bad_reason(const Exchange& exchange) {
   if (exchange.is_nak()) return BadReason::nak;
   switch (exchange.outcome) {

@@ -38,7 +38,7 @@ std::unique_ptr<Transport> transport_for(const asio::any_io_executor& executor,
   return make_tcp_transport(executor, std::get<TcpSettings>(link.channel));
 }
 
-/// A bug in one link's coroutine must not end the others.
+/// Logs a bug that ended one link's coroutine. The other links go on.
 void report_end(const std::exception_ptr& bug, const std::string& link) {
   if (!bug) return;
   try {
@@ -154,16 +154,16 @@ class Field::Room final {
   }
 
  private:
-  /// Of a link, by index in Config::links.
+  /// A link, by index in Config::links.
   struct Place {
     std::string name;
-    std::unique_ptr<LinkWorker> worker;  ///< null: vacant, or its link has ended
-    bool runs = false;                   ///< its coroutine is not over
-    bool ends = false;                   ///< by a changed config
+    std::unique_ptr<LinkWorker> worker;  ///< null: vacant, or the link has ended
+    bool runs = false;                   ///< its coroutine has not ended
+    bool ends = false;                   ///< a changed config ends it
   };
-  /// A device of a change that has not begun, and its link with it where that has not either; or a
-  /// link without devices. One begins each time round, so that the plans of many do not hold up the
-  /// polls of others.
+  /// A device that a change adds and that has not begun, with its link if that is new; or a new
+  /// link without devices. One entry begins per turn of the event loop, so that planning many
+  /// devices does not delay the polls of others.
   struct ToBegin {
     std::uint32_t link = 0;
     std::vector<std::uint32_t> devices;
@@ -190,7 +190,7 @@ class Field::Room final {
       report_end(bug, places_[link].name);
       places_[link].runs = false;
       --running_;
-      // Its frame may still be there.
+      // The coroutine's frame may still exist, so the worker is destroyed later.
       if (places_[link].ends) asio::post(io_, [this, link] { link_left(link); });
       leave_if_over();
     });
@@ -234,7 +234,7 @@ class Field::Room final {
   }
 
   void link_left(std::uint32_t link) {
-    if (stopping_) return;  // its worker is asked for its counters until the end
+    if (stopping_) return;  // stop() still collects its counters
     const auto gone = places_[link].worker->departed();
     {
       const std::lock_guard lock(places_mutex_);
@@ -287,7 +287,7 @@ class Field::Room final {
   void begin_one(std::deque<ToBegin>::iterator which) {
     const ToBegin next = std::move(*which);
     to_begin_.erase(which);
-    // Of a name that has ended in this run, or of which a store has told since, that is the number.
+    // If the name has ended in this run, or a store has reported it since, go on from that number.
     for (const std::uint32_t device : next.devices) {
       const auto known = last_numbers_.find(config_->devices[device].name);
       if (known != last_numbers_.end()) last_seq_[device] = known->second;
@@ -297,7 +297,7 @@ class Field::Room final {
         return worker->add(*config_, next.devices, last_seq_);
       make_worker(next.link, next.devices, last_seq_);
       spawn(next.link);
-    } catch (const std::exception& error) {  // no thread for name look-ups, or no memory
+    } catch (const std::exception& error) {  // no thread for name lookups, or no memory
       log::error("link", {{"link", config_->links[next.link].name},
                           {"state", "not begun"},
                           {"reason", error.what()},
@@ -307,7 +307,7 @@ class Field::Room final {
     }
   }
 
-  /// A command has come for the device: it begins now.
+  /// Begins the device at once, because a command has come for it.
   void begin_for(std::uint32_t device) {
     const auto which = std::ranges::find_if(to_begin_, [device](const ToBegin& each) {
       return std::ranges::find(each.devices, device) != each.devices.end();
@@ -328,7 +328,7 @@ class Field::Room final {
     });
   }
 
-  /// A name lookup that nobody waits for any more does not keep the thread.
+  /// Ends the thread, even if an abandoned name lookup is still running.
   void leave_if_over() {
     if (stopping_ && running_ == 0) io_.stop();
   }
@@ -354,34 +354,34 @@ class Field::Room final {
     });
   }
 
-  /// This field and, after a reload, the change that it came with own it.
+  /// Owned by this field and, after a reload, by the change that it came with.
   std::shared_ptr<const Config> config_;
   Outbox& outbox_;
   const Polling polling_;
   asio::io_context io_{1};
   asio::steady_timer report_timer_;
-  /// Changed on the field's thread, which alone reads it without places_mutex_.
+  /// Changed on the field thread only. Other threads read names and workers under places_mutex_.
   std::vector<Place> places_;
   mutable std::mutex places_mutex_;
-  bool looks_up_ = false;  ///< there is a thread for name look-ups
+  bool looks_up_ = false;  ///< the thread for name lookups was started
   std::optional<asio::signal_set> trace_switch_;
-  std::set<std::string> traced_;  ///< links that are traced from their beginning, by name
-  bool traces_all_ = false;       ///< so are all
+  std::set<std::string> traced_;  ///< names of links that are traced from their beginning
+  bool traces_all_ = false;       ///< all links are
   bool stopping_ = false;
-  std::size_t running_ = 0;  ///< workers whose coroutine is not over
+  std::size_t running_ = 0;  ///< workers whose coroutine has not ended
 
   // a changed config
   std::size_t still_to_leave_ = 0;
   Done end_done_;
   std::deque<ToBegin> to_begin_;
-  std::vector<std::uint64_t> last_seq_;  ///< of those that begin
+  std::vector<std::uint64_t> last_seq_;  ///< of the devices that begin
   Done begin_done_;
-  std::map<std::string, std::uint64_t> last_numbers_;  ///< by name, of devices that have ended
+  std::map<std::string, std::uint64_t> last_numbers_;  ///< by name: ended or renumbered devices
   std::uint64_t ended_collected_ = 0;
   std::uint64_t ended_suppressed_ = 0;
 
   std::mutex end_;
-  bool over_ = false;  ///< the field's thread has ended: who submits is answered at once
+  bool over_ = false;  ///< the field thread has ended: submit() answers at once
   std::thread thread_;
 };
 

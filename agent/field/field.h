@@ -1,4 +1,4 @@
-// The field room as a whole: its thread, its links. Everything else in here runs on that thread.
+// Runs the field thread and its links. Everything else in this directory runs on that thread.
 #pragma once
 
 #include <cstdint>
@@ -15,52 +15,53 @@
 
 namespace fxagent {
 
-/// Off: devices answer commands only, as the command line wants it.
+/// `off`: devices only answer commands, as the command line needs it.
 enum class Polling : std::uint8_t { on, off };
 
 class Field final {
  public:
   using Done = std::function<void()>;
 
-  /// `outbox` outlives the field, which keeps a copy of `config`. Nothing runs yet. `last_seq`: of
-  /// each device the number of its newest sample; missing ones: 0.
+  /// `outbox` must outlive the field; `config` is copied. Nothing runs yet. `last_seq` has the
+  /// sequence number of each device's newest sample; a missing entry counts as 0.
   Field(const Config& config, Outbox& outbox, const std::vector<std::uint64_t>& last_seq,
         Polling polling = Polling::on);
-  /// Stops, if stop() was not called.
+  /// Calls stop() unless it was called.
   ~Field();
 
-  /// Before start(): each frame of these links, by index in Config::links, is logged.
+  /// Logs each frame of these links, given by index in Config::links. Call before start().
   void trace(const std::vector<std::uint32_t>& links);
-  /// Before start(): this signal switches the traces of all links, off where one is traced, else
-  /// on. Its handler is asio's from then on.
+  /// Makes `signal` switch the traces of all links: off if any is traced, otherwise on. asio
+  /// installs its handler for the signal. Call before start().
   void switch_traces_at(int signal);
-  /// Starts the thread. Throws std::system_error where there is none.
+  /// Starts the thread. Throws std::system_error if that fails.
   void start();
-  /// Numbers of samples go on above these, by device. Any thread.
+  /// Continues sequence numbers above these, by device. Any thread.
   void number_above(std::vector<std::uint64_t> last_seq);
-  /// Hands a command to the field; exactly one result comes back through the outbox. Any thread.
+  /// Hands a command to the field. Exactly one result comes back through the outbox. Any thread.
   void submit(AdmittedCommand admitted);
-  /// Puts the counters of this moment into the outbox soon, beside those that come every 5 s. Any
-  /// thread.
+  /// Puts the current counters into the outbox soon, in addition to those every 5 s. Any thread.
   void report();
-  /// Calls `answer` on the field's thread, when its turn comes. Any thread.
+  /// Calls `answer` on the field thread. Any thread.
   void ask(std::function<void()> answer);
-  // A changed config, in two calls; any thread. What goes on does not notice.
-  /// Ends what ends in the change: of a link or device what is on the wire has 2.5 s; on a link
-  /// that goes on as long as the exchange takes. Commands that wait are FAILED shutting_down, and
-  /// so is what comes for these devices until begin(). `done` is called on the field's thread when
-  /// everything that they made is in the outbox, counters included; not where a stop() comes first.
+  // A changed config takes two calls, end() and begin(). Any thread. Unchanged links and devices
+  // run on undisturbed.
+  /// Ends the links and devices that the change ends. What is on the wire has 2.5 s; on a link that
+  /// stays, it has as long as the exchange takes. Waiting commands get FAILED shutting_down, as
+  /// does every command for these devices until begin(). `done` is called on the field thread when
+  /// all their results and counters are in the outbox, but never if stop() comes first.
   void end(std::shared_ptr<const ConfigChange> change, Done done);
-  /// After end(): the new config, and what begins in the change. `last_seq` as in the constructor;
-  /// of a device that had this name before in this run the numbers go on by themselves. `done` as
-  /// above, when all has begun; commands are taken at once.
+  /// Call after end(). Applies the new config and begins what the change adds. `last_seq` as in the
+  /// constructor; a device whose name was used earlier in this run continues its own numbers.
+  /// `done` is called as above when everything has begun. Commands are accepted at once.
   void begin(std::shared_ptr<const ConfigChange> change, std::vector<std::uint64_t> last_seq,
              Done done);
 
-  /// Stops polling, ends the command on each wire within 3 s, answers the waiting ones with FAILED
-  /// shutting_down, and joins the thread. After it the outbox holds every result.
+  /// Stops polling, ends the command on each wire within 3 s, answers waiting commands with FAILED
+  /// shutting_down, and joins the thread. Afterwards the outbox holds every result.
   void stop();
-  /// The links that have not ended, of many the first ones. Any thread, while stop() waits.
+  /// Returns the links that have not ended: the first names and the number of the others. Any
+  /// thread, while stop() waits.
   std::string unfinished() const;
 
  private:

@@ -15,7 +15,7 @@ using Cause = ForeignBytes::Cause;
 
 constexpr std::size_t kShown = 16;
 constexpr std::uint8_t kStx = 0x02;
-// What a few bytes look like is chance.
+// A few bytes may match a pattern by chance.
 constexpr std::size_t kFewBytes = 3;
 
 template <class Is>
@@ -29,7 +29,7 @@ bool all(ByteView bytes, Is is) {
 
 bool is_even(std::uint8_t byte) { return std::popcount(byte) % 2 == 0; }
 
-/// Of the characters that protocols of text use: their control characters and printable ASCII.
+/// True for the characters of text protocols: their control characters and printable ASCII.
 bool is_text(std::uint8_t byte) {
   constexpr std::string_view controls = "\x02\x03\x04\x05\x06\x0A\x0C\x0D\x15";
   return (byte >= ' ' && byte < 0x7F) || controls.find(static_cast<char>(byte)) != controls.npos;
@@ -37,7 +37,7 @@ bool is_text(std::uint8_t byte) {
 
 std::string quoted(const Explanation& frame) { return "\"" + summary(frame) + "\""; }
 
-/// " of station 3", where the frame says whose it is.
+/// Returns " of station 3" if the frame names its station or unit.
 std::string whose(const Explanation& frame) {
   for (const auto& [name, meaning] : frame.fields)
     if (name == "station" || name == "unit")
@@ -61,7 +61,7 @@ std::optional<std::int64_t> number_of(const DeviceConfig& device, std::string_vi
   return number == nullptr ? std::nullopt : std::optional(*number);
 }
 
-/// A PLC whose frames are set to something else than the config says; `frame` is good by itself.
+/// Recognises a PLC whose frame settings differ from the config. `frame` is valid in itself.
 std::optional<ForeignBytes> other_settings(const DeviceConfig& device, const Explanation& frame) {
   if (device.protocol == nullptr || device.protocol->format_place.empty()) return std::nullopt;
   const std::string place(device.protocol->format_place);
@@ -98,7 +98,8 @@ std::optional<ForeignBytes> own_frame(const DeviceConfig& device, const Codec& c
                           "that came late (timeout_ms)"};
 }
 
-/// Bytes may be a good frame of several: one that says whose it is has more that must be right.
+/// The bytes may be a valid frame of several protocols. A frame that names its station is
+/// preferred: more of it must be right.
 std::optional<ForeignBytes> frame_of_another(const DeviceConfig& device, ByteView heard) {
   std::optional<ForeignBytes> found;
   for (const ProtocolInfo& other : catalog()) {
@@ -116,7 +117,7 @@ std::optional<ForeignBytes> frame_of_another(const DeviceConfig& device, ByteVie
   return found;
 }
 
-/// "fx-programming-port, fx-computer-link": whose answers begin so.
+/// Returns the protocols whose answers begin so, as "fx-programming-port, fx-computer-link".
 std::string protocols_of(std::uint8_t first) {
   std::string names;
   for (const ProtocolInfo& info : catalog())
@@ -124,7 +125,7 @@ std::string protocols_of(std::uint8_t first) {
   return names;
 }
 
-/// The beginning of what was cut or garbled.
+/// Recognises the beginning of a truncated or garbled frame.
 std::optional<ForeignBytes> beginning_of_another(const DeviceConfig& device, ByteView heard) {
   if (device.protocol == nullptr || heard.size() <= kFewBytes) return std::nullopt;
   if (heard[0] == device.protocol->text_begins_with) return std::nullopt;
@@ -144,7 +145,7 @@ std::optional<ForeignBytes> beginning_of_another(const DeviceConfig& device, Byt
 
 // ---- characters ---------------------------------------------------------------------------------
 
-/// A line without parity hears the parity bit of the other side as bit 7.
+/// A line without parity receives the sender's parity bit as bit 7.
 std::optional<ForeignBytes> parity_in_bit_7(ByteView heard) {
   const bool has_bit_7 = std::ranges::any_of(heard, [](std::uint8_t b) { return b > 0x7F; });
   const bool is_text_below = all(heard, [](std::uint8_t b) { return is_text(b & 0x7F); });
@@ -157,7 +158,7 @@ std::optional<ForeignBytes> parity_in_bit_7(ByteView heard) {
                                          ", here or in the serial server"};
 }
 
-/// A line with parity brings a character whose parity is wrong as 00.
+/// A line with parity delivers a character of wrong parity as 00.
 std::optional<ForeignBytes> zeros_among_text(ByteView heard) {
   const std::size_t zeros = count(heard, [](std::uint8_t b) { return b == 0; });
   const std::size_t good = count(heard, [](std::uint8_t b) { return is_text(b); });
@@ -168,7 +169,7 @@ std::optional<ForeignBytes> zeros_among_text(ByteView heard) {
                       "as the device has them (8 bits without parity?)"};
 }
 
-/// As a device that is slower than the line is heard: each of its bits counts several times.
+/// Recognises a sender that is slower than the line: each of its bits is received several times.
 std::optional<ForeignBytes> bits_in_groups(ByteView heard) {
   if (heard.size() < kFewBytes) return std::nullopt;
   if (all(heard, [](std::uint8_t b) { return b == 0; }))
@@ -202,7 +203,7 @@ std::optional<ForeignBytes> no_text(ByteView heard) {
 
 ForeignBytes looks_like(const DeviceConfig& device, const Codec& codec, ByteView asked,
                         ByteView heard) {
-  // Over Ethernet characters have neither speed nor parity.
+  // Speed and parity do not exist over Ethernet.
   const bool is_on_line = device.protocol == nullptr || device.protocol->on_serial;
   ForeignBytes unknown{
       Cause::unknown,

@@ -1,5 +1,5 @@
-// What bytes may be that are no answer: an echo, another master, another protocol, the wrong
-// parity or speed. A guess for people, with the cure; nothing is decided by it. Pure; any thread.
+// Guesses why unexpected bytes arrived: an echo, another master, another protocol, wrong parity or
+// speed. The guess and its remedy are for people; no decision depends on them. Pure; any thread.
 #pragma once
 
 #include <cstddef>
@@ -15,9 +15,9 @@ namespace fxagent {
 struct ForeignBytes {
   enum class Cause : std::uint8_t {
     unknown,
-    echo,            ///< the question itself came back
-    another_master,  ///< a good frame that is no answer to this question
-    other_settings,  ///< a frame of this protocol with another format or without its sum
+    echo,            ///< the request itself came back
+    another_master,  ///< a valid frame that does not answer this request
+    other_settings,  ///< a frame of this protocol with another format or sum setting
     other_protocol,
     parity,
     speed,
@@ -25,15 +25,15 @@ struct ForeignBytes {
   static constexpr std::size_t kCauses = 7;
 
   Cause cause = Cause::unknown;
-  std::string text;  ///< what they look like, and what to do
+  std::string text;  ///< what the bytes look like, and what to do
 };
 
-/// `heard` came after `asked` was sent (empty: nobody had asked) to `device`, whose codec of the
-/// moment is `codec`, and was not its answer.
+/// Returns the guess for `heard`, bytes received after `asked` was sent to `device`. They are not
+/// its answer. `asked` is empty if no request was sent. `codec` is the device's current codec.
 ForeignBytes looks_like(const DeviceConfig& device, const Codec& codec, ByteView asked,
                         ByteView heard);
 
-/// The first 16 of them in hex, and how many there are where that is more.
+/// Returns the first 16 bytes in hex, and the total number if there are more.
 std::string first_bytes(ByteView heard);
 
 }  // namespace fxagent

@@ -8,14 +8,14 @@ namespace {
 
 using std::chrono::seconds;
 
-// A device that was starting is asked again soon, one that lacks a register seldom.
+// A device that was starting is asked again soon; a device without the register is asked rarely.
 constexpr seconds kFirstRetry{10};
 constexpr seconds kLongestRetry{600};
-// What costs some bad cycles to find is seldom looked for again.
+// Limits that take several bad cycles to find are rarely lifted.
 constexpr seconds kLongestForgiving{86'400};
-// More suspects than this are not looked into one by one: there are too many parts.
+// More suspects than this are not examined one by one: the Gather had too many parts.
 constexpr std::size_t kMostSuspects = 256;
-// So often a command goes unanswered by a device that answers something else, then it lacks it.
+// A device lacks a command that goes unanswered this often while it answers something else.
 constexpr int kProofs = 2;
 constexpr std::uint32_t kAny = std::numeric_limits<std::uint32_t>::max();
 
@@ -31,7 +31,7 @@ void HoleMap::changed() {
   ++version_;
 }
 
-/// The borders that were tried on the way to `span` have done their work.
+/// Removes the borders that were tried on the way to `span`; their work is done.
 void HoleMap::explained(const Span& span) {
   std::erase_if(borders_, [&](const Border& border) { return border.reason.contains(span); });
 }
@@ -39,10 +39,10 @@ void HoleMap::explained(const Span& span) {
 void HoleMap::refused(const Span& read, const std::optional<Halves>& halves, SteadyTime now,
                       const std::vector<Span>& asked) {
   if (std::erase_if(holes_.suspects, [&](const Span& span) { return overlap(span, read); }) > 0)
-    refused_gathers_.clear();  // this one it was, or one of these
+    refused_gathers_.clear();  // the cause was this span, or one of these
   is_gathered_ = !asked.empty();
   if (halves && is_gathered_) {
-    // Whatever goes together with one of them might be refused for it.
+    // A Gather with one of them might be refused because of it.
     if (holes_.suspects.empty()) holes_.most_suspects = holes_.most_others = kAny;
     suspect({read.space, read.first_bit, halves->left_end - read.first_bit}, asked);
     suspect({read.space, halves->right_first, read.end_bit() - halves->right_first}, asked);
@@ -67,7 +67,7 @@ void HoleMap::refused_together(const Gather& gather, const std::vector<Span>& as
   if (gather.parts.size() == 1) {
     const Span& span = gather.parts.front().span;
     std::erase_if(holes_.suspects, [&](const Span& suspect) { return overlap(suspect, span); });
-    refused_gathers_.clear();  // this one it was
+    refused_gathers_.clear();  // this span was the cause
     add(holes_.apart, span);
     return changed();
   }
@@ -85,7 +85,7 @@ void HoleMap::refused_together(const Gather& gather, const std::vector<Span>& as
   holes_.most_suspects = std::min(holes_.most_suspects, half);
   for (const Read& part : gather.parts) {
     if (is_suspect(part.span)) continue;
-    // Or what was believed to be good is too much at once.
+    // Or the parts that seemed good are too many at once.
     holes_.most_others = std::min(holes_.most_others, half);
     suspect(part.span, asked);
   }
@@ -119,7 +119,7 @@ HoleMap::Proof HoleMap::answered(std::uint8_t gather) {
   for (Doubt& doubt : doubts_) {
     if (doubt.gather != gather && doubt.waits && ++doubt.proofs >= kProofs) {
       proof.lacking.push_back(doubt.gather);
-      doubt.proofs = kProofs - 1;  // the next time is enough
+      doubt.proofs = kProofs - 1;  // next time, one is enough
     } else if (doubt.waits) {
       limit_parts(doubt.gather, doubt.parts);
       proof.again = proof.again || doubt.gather != gather;
@@ -151,7 +151,7 @@ void HoleMap::retry_commands(SteadyTime now) {
 
 void HoleMap::forgive(SteadyTime now) {
   const auto is_few = [](const Holes::GatherLimit& limit) { return limit.parts > 0; };
-  // What is asked for again has another reason to go by itself.
+  // Missing spans under retry are kept apart for another reason.
   const auto is_apart = [&](const Span& span) {
     return std::find(asked_again_.begin(), asked_again_.end(), span) == asked_again_.end();
   };
@@ -167,7 +167,7 @@ void HoleMap::forgive(SteadyTime now) {
   changed();
 }
 
-/// `parts`: kAny for no limit.
+/// `parts` kAny: no limit.
 void HoleMap::limit_parts(std::uint8_t gather, std::uint32_t parts) {
   std::erase_if(holes_.gather_limits, [&](const auto& limit) { return limit.gather == gather; });
   if (parts != kAny) holes_.gather_limits.push_back({gather, parts});
@@ -190,7 +190,7 @@ bool HoleMap::is_suspect(const Span& span) const {
                      [&](const Span& one) { return overlap(one, span); });
 }
 
-/// Only what was asked for: nobody may ever read the rest of `read` again.
+/// Suspects only what was asked for, because the rest of `read` may never be read again.
 void HoleMap::suspect(const Span& read, const std::vector<Span>& asked) {
   for (const Span& span : asked) {
     if (!overlap(span, read)) continue;
@@ -200,7 +200,8 @@ void HoleMap::suspect(const Span& read, const std::vector<Span>& asked) {
   }
 }
 
-/// What was read is above suspicion. The last one gone without a hole: there were too many of them.
+/// Clears what was read of suspicion. If the last suspect is cleared without a hole, the Gather had
+/// too many parts.
 void HoleMap::cleared(const Span& read) {
   std::vector<Span> left;
   for (const Span& span : holes_.suspects) {
@@ -227,7 +228,7 @@ void HoleMap::read(const Span& read) {
                       std::erase(holes_.apart, span);
                       return true;
                     }) > 0;
-  // Whatever was tried inside of what can be read as a whole was tried in vain.
+  // Borders tried inside a span that can be read as a whole are not needed.
   const auto needless =
       std::erase_if(borders_, [&](const Border& border) { return read.contains(border.reason); });
   if (back || needless > 0) changed();

@@ -1,6 +1,6 @@
-// What one device refuses to give although its documents allow it: registers that are not there,
-// blocks that are too long, commands for several places at once. Each refused read is halved until
-// what is left tells which. Pure: time is an argument. Field thread.
+// Learns what one device refuses although its documents allow it: missing registers, blocks that
+// are too long, commands for several places at once. Halves each refused read until the cause is
+// found. Pure: time is an argument. Field thread.
 #pragma once
 
 #include <cstdint>
@@ -14,52 +14,53 @@ namespace fxagent {
 
 class HoleMap final {
  public:
-  /// What the next plan must keep to.
+  /// Returns the restrictions for the next plan.
   const Holes& holes() const { return holes_; }
-  /// Rises whenever holes() changes.
+  /// Incremented whenever holes() changes.
   std::uint32_t version() const { return version_; }
 
-  /// The device refused to be read like this. With `halves` both are tried by themselves from now
-  /// on; without them it is missing, and left out until a retry. `asked`: what asked_in() says of
-  /// it, where the device's codec may put that into a Gather with others; else empty.
+  /// Records that the device refused this read. With `halves`, both are read separately afterwards.
+  /// Without them, the span is missing and left out until a retry. `asked` is the result of
+  /// asked_in() if the device's codec may put the read into a Gather with others; otherwise empty.
   void refused(const Span& read, const std::optional<Halves>& halves, SteadyTime now,
                const std::vector<Span>& asked = {});
-  /// The device refused these reads in one Gather, which asked_in() says were `asked` for: from now
-  /// on they go in halves, apart from others. Where all that was asked for can be read, by whatever
-  /// way, there were too many. One that was the only part is read by another way from now on.
+  /// Records that the device refused these reads in one Gather; `asked` is the result of
+  /// asked_in(). Afterwards they are read in halves, apart from others. If all that was asked for
+  /// proves readable, by whatever way, the Gather had too many parts. If it had only one part, that
+  /// part is read in another way afterwards.
   void refused_together(const Gather& gather, const std::vector<Span>& asked);
-  /// A Gather of so many parts was answered; read() says which.
+  /// Records that a Gather of `parts` parts was answered; read() records each of them.
   void read_together(std::size_t parts);
-  /// The device said nothing, or nonsense, to a Gather by the command: it may be the command that
-  /// it stumbles over. None goes out by it until the device has answered something else.
+  /// Records that the device gave no answer, or nonsense, to a Gather by this command. The command
+  /// may be the cause: no Gather uses it until the device has answered something else.
   void unanswered(std::uint8_t gather);
-  /// What an answer with data means for commands that went unanswered.
+  /// Consequences of an answer with data for commands that went unanswered.
   struct Proof {
-    bool again = false;                 ///< some are to be tried again now
-    std::vector<std::uint8_t> lacking;  ///< these it seems to lack
+    bool again = false;                 ///< some should be tried again now
+    std::vector<std::uint8_t> lacking;  ///< commands that the device seems to lack
   };
-  /// The device has answered a Gather by the command, or, with 0, a read by itself.
+  /// Records that the device answered a Gather by this command, or with 0 a single read.
   Proof answered(std::uint8_t gather);
-  /// The device does not know the command: no Gather by it until a retry. True where it was not
-  /// found to lack it before.
+  /// Records that the device does not know the command: no Gather uses it until a retry. True if
+  /// this is new.
   bool lacks(std::uint8_t gather, SteadyTime now);
 
-  /// The device was read like this. Where both halves of a refused read are good, either what lies
-  /// between them is missing, or, with nothing between, the whole was too long.
+  /// Records a successful read. If both halves of a refused read are good, either the gap between
+  /// them is missing or, if there is none, the whole was too long.
   void read(const Span& read);
 
-  /// What is missing may be there by now (a new program, another device): where the time has come,
-  /// each is asked for again, apart from its neighbours so that they stay good whatever comes. So
-  /// are commands that it did not know, or not then (a password, a wrong setting). How few parts it
-  /// takes in one Gather, and what it gives by itself only, is found anew: after ten minutes, then
-  /// ever more seldom, once a day in the end.
+  /// Lifts restrictions whose time has come. Their cause may have gone: a new program or device, a
+  /// password, a wrong setting. Missing spans are read again, apart from their neighbours so that a
+  /// refusal does not harm these. Commands that the device did not know are tried again. Limits on
+  /// the parts of a Gather, and spans read only outside of one, are found anew after 10 minutes,
+  /// then at doubling intervals up to one day.
   void retry(SteadyTime now);
 
  private:
-  /// A cut that is being tried, or was found to be needed.
+  /// A cut that is being tried, or that was found to be needed.
   struct Border {
     Holes::Cut cut;
-    Span reason;  ///< the refused read that it is to explain
+    Span reason;  ///< the refused read that the cut may explain
     std::uint32_t left_end = 0;
     bool left_read = false;
     bool right_read = false;
@@ -69,14 +70,14 @@ class HoleMap final {
   void explained(const Span& span);
   void learn_limit(std::uint16_t space, std::uint32_t bits);
 
-  /// A command of which some Gathers went unanswered since it was answered last.
+  /// A command of which some Gathers went unanswered since its last answer.
   struct Doubt {
     std::uint8_t gather = 0;
-    bool waits = false;       ///< for the answer to something else
-    int proofs = 0;           ///< how often that came
-    std::uint32_t parts = 0;  ///< what the command was limited to
+    bool waits = false;       ///< until the device answers something else
+    int proofs = 0;           ///< number of such answers
+    std::uint32_t parts = 0;  ///< limit of the command before
   };
-  /// A command that was refused with the suspects, and half of the fewest parts of that.
+  /// A command that was refused with the suspects, and half of the fewest parts in such a Gather.
   struct Refused {
     std::uint8_t gather = 0;
     std::uint32_t half = 0;
@@ -92,15 +93,15 @@ class HoleMap final {
   void cleared(const Span& read);
 
   std::vector<Border> borders_;
-  bool is_gathered_ = false;  ///< what is tried by itself may go into a Gather with others
-  /// Empty: there are no suspects, or they are of a hole that was found.
+  bool is_gathered_ = false;  ///< reads tried separately may go into a Gather with others
+  /// Empty if there are no suspects, or if they belong to a hole that was found.
   std::vector<Refused> refused_gathers_;
   std::vector<Doubt> doubts_;
-  std::vector<std::uint8_t> lacking_;  ///< commands that it lacked at some time
+  std::vector<std::uint8_t> lacking_;  ///< commands that were lacking at some time
   SteadyTime commands_retry_at_{};
   std::optional<SteadyTime> forgive_at_;
   std::chrono::seconds forgive_after_{600};
-  std::vector<Span> asked_again_;  ///< missing ones under retry
+  std::vector<Span> asked_again_;  ///< missing spans under retry
   Holes holes_;
   std::uint32_t version_ = 0;
   SteadyTime retry_at_{};

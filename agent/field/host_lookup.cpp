@@ -12,8 +12,8 @@ namespace fxagent {
 
 using asio::ip::tcp;
 
-/// The kernel gives the lowest number that is free. Links that took every one would keep the broker
-/// and the store from coming back.
+/// The kernel assigns the lowest free number. If links took every descriptor, the broker connection
+/// and the store could not be reopened.
 bool takes_from_others(int fd) {
   rlimit limit{};
   return getrlimit(RLIMIT_NOFILE, &limit) == 0 &&
@@ -27,12 +27,12 @@ void start_looking_up(const asio::any_io_executor& executor) {
                          [](const asio::error_code&, const tcp::resolver::results_type&) {});
 }
 
-/// A lookup that nobody need wait for: the system's takes as long as it likes and cannot be
-/// cancelled. Owned by who waits for it and by the lookup itself, whichever lasts longer.
+/// A lookup that can be abandoned: the system's lookup has no time limit and cannot be cancelled.
+/// Owned by the waiting coroutine and by the lookup itself, whichever lasts longer.
 struct HostLookup::UnderWay {
   explicit UnderWay(const asio::any_io_executor& executor) : resolver(executor), over(executor) {}
   tcp::resolver resolver;
-  asio::steady_timer over;  ///< cancelled when the answer is here, or when nobody wants it any more
+  asio::steady_timer over;  ///< cancelled when the answer is here or no longer wanted
   bool answered = false;
   asio::error_code error;
   std::vector<asio::ip::address> found;

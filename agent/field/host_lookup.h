@@ -1,5 +1,5 @@
-// The addresses of a host, by name or as they stand. Sockets to them leave files to the rest of the
-// agent. Field thread only.
+// Resolves a host name or address, and keeps file descriptors free for the rest of the agent. Field
+// thread only.
 #pragma once
 
 #include <asio/any_io_executor.hpp>
@@ -15,22 +15,23 @@
 
 namespace fxagent {
 
-/// Of the files that the process may have open so many are not for links: the store and its
-/// journal, the broker's socket and the next one's, epoll, stderr, serial ports, and what resolving
-/// a host name opens for a moment.
+/// Number of file descriptors that links must leave free: for the store and its journal, the
+/// broker's socket and its successor, epoll, stderr, serial ports, and the files that a name lookup
+/// opens for a moment.
 inline constexpr int kFilesNotForLinks = 40;
 
-/// Whether the socket of a link, just opened, is one of those that are not for links.
+/// True if `fd`, the socket that a link has just opened, is one of those.
 bool takes_from_others(int fd);
 
-/// asio looks names up on a thread of its own, which it starts with the first one: it is started
-/// here, so that a system that has none says so at the start. Throws std::system_error then.
+/// Starts the thread that asio uses for name lookups. Without this call the first lookup would
+/// start it, and a system without threads would fail only then. Throws std::system_error.
 void start_looking_up(const asio::any_io_executor& executor);
 
 class HostLookup final {
  public:
-  /// At least one address of `host`, in the order of the system. link_down where there is none by
-  /// `deadline`, or after cancel(); its text begins with `channel`. Both outlive the await.
+  /// Returns at least one address of `host`, in the system's order. Error: link_down if there is
+  /// none by `deadline`, or after cancel(); the text begins with `channel`. `host` and `channel`
+  /// must outlive the await.
   asio::awaitable<Result<std::vector<asio::ip::address>>> find(asio::any_io_executor executor,
                                                                const std::string& host,
                                                                const std::string& channel,
@@ -39,7 +40,7 @@ class HostLookup final {
 
  private:
   struct UnderWay;
-  std::shared_ptr<UnderWay> under_way_;  ///< the lookup itself owns it too
+  std::shared_ptr<UnderWay> under_way_;  ///< also owned by the lookup itself
 };
 
 }  // namespace fxagent

@@ -1,6 +1,6 @@
-// What may still come to questions that nobody waits for any more. An answer without a number that
-// is later than its question's end would pass for the next one's. Pure: the bus tells and asks.
-// Field thread.
+// Tracks answers that may still arrive after their requests were given up. A late answer without a
+// number would pass for the answer to the next request. Pure: the bus reports and asks. Field
+// thread.
 #pragma once
 
 #include <chrono>
@@ -12,27 +12,27 @@ namespace fxagent {
 
 class LateAnswers final {
  public:
-  /// What is owed. An ACK weighs more: it has no address, and a late one stays a worry until a read
-  /// that was asked behind it has been answered.
+  /// The kind of answer still owed. An ACK outweighs data: it has no address, so a late one may
+  /// arrive until a read sent after it has been answered.
   enum class Owed : std::uint8_t { none, data, acknowledgement };
 
-  /// An answer may be later than `timeout_ms` of its device by as much again, but at least and at
-  /// most by these.
+  /// A late answer may exceed its device's `timeout_ms` by as much again, within these limits.
   static constexpr std::chrono::milliseconds kLeast{100};
   static constexpr std::chrono::milliseconds kMost{5000};
 
-  /// A question was given up at `ended` without a good answer. `timeout` is its device's.
+  /// Records a request that was given up at `ended` without a good answer. `timeout` is its
+  /// device's.
   void given_up(Owed answer, SteadyTime ended, std::chrono::milliseconds timeout);
-  /// Nothing older can be on its way any more.
+  /// Records that no older answer can be on its way any more.
   void settled() { owed_ = Owed::none; }
   Owed owed() const { return owed_; }
-  /// What is still owed comes before this time or not at all.
+  /// Returns the time after which no owed answer can come.
   SteadyTime over_at() const { return over_at_; }
 
-  /// Codec::probe() by this number: its answer is unlike that of any probe that may still be
-  /// answered.
+  /// Returns the number for Codec::probe(): the answer differs from that of every probe that may
+  /// still be answered.
   std::uint32_t probe() const { return probe_; }
-  /// It got no data: its answer may still come, and the next probe must be another one.
+  /// Records that the probe got no data. Its answer may still come, so the next probe must differ.
   void probe_failed() { ++probe_; }
 
  private:

@@ -18,7 +18,7 @@ namespace {
 using std::chrono::nanoseconds;
 using Clock = std::chrono::steady_clock;
 
-/// Why a place has no value after a command that may have written it, until it is read again.
+/// Returns why a place has no value after a command that may have written it, until the next read.
 BadReason bad_after(Reason reason) {
   switch (reason) {
     case Reason::nak:
@@ -33,7 +33,7 @@ BadReason bad_after(Reason reason) {
   }
 }
 
-/// Whether nothing of the target was carried out, as far as anybody can know.
+/// True if nothing of the target was carried out, as far as can be known.
 bool without_effect(const TargetResult& outcome) {
   switch (outcome.status) {
     case CommandStatus::succeeded:
@@ -123,7 +123,7 @@ std::optional<nanoseconds> LinkCommands::bound_of(const WaitingCommand& command)
 
 // ---- on the wire --------------------------------------------------------------------------------
 
-/// One command's dealings with the polls and with the commands that wait behind it.
+/// Shares the bus between one command, the polls and the commands waiting behind it.
 class LinkCommands::Sharing final : public BusSharing {
  public:
   Sharing(LinkCommands& commands, const WaitingCommand& command)
@@ -134,17 +134,17 @@ class LinkCommands::Sharing final : public BusSharing {
   Sharing& operator=(const Sharing&) = delete;
   ~Sharing() override { commands_.sharing_ = outer_; }
 
-  /// The polls have their share as between commands. Commands that wait have as much line time as
-  /// this one has had, in their order: a short one goes after the first target, one as long as
-  /// this one waits for its end. So nobody is put off for longer than his bound says.
+  /// Polls have their share as between commands. Waiting commands have as much line time as this
+  /// one has used, in queue order. A short one runs after the first target; one as long as this one
+  /// waits for its end. No command exceeds its bound that way.
   asio::awaitable<void> give_way(nanoseconds used) override {
     if (!at_a_target_) within_ += used;
     at_a_target_ = false;
     PollScheduler& scheduler = commands_.scheduler_;
     scheduler.command_waits();  // the rest of this one
     scheduler.command_used(used, Clock::now());
-    // Where the line is down nothing is taken from the scheduler, for which a cycle that it offers
-    // has begun: the command opens the line again.
+    // While the channel is closed, nothing is asked of the scheduler, because next() would begin a
+    // cycle. The command itself opens the channel again.
     while (!is_stopping() && commands_.bus_.is_open()) {
       const PollScheduler::Job job = scheduler.next(Clock::now());
       if (job.kind == PollScheduler::Job::Kind::poll) {
@@ -178,8 +178,8 @@ class LinkCommands::Sharing final : public BusSharing {
   }
 
  private:
-  /// Line time that others may have now: what this command has had and not yet given, and the one
-  /// that it went between itself.
+  /// Returns the line time that others may use now: what this command has used and not yet given
+  /// away, at most the credit of the command that it interrupts.
   nanoseconds credit() const {
     const nanoseconds own = had_ + within_ - given_;
     return outer_ == nullptr ? own : std::min(own, outer_->credit());
@@ -190,11 +190,11 @@ class LinkCommands::Sharing final : public BusSharing {
 
   LinkCommands& commands_;
   const WaitingCommand& command_;
-  Sharing* const outer_;  ///< of the command that rests while this one is under way
-  // Planned line time, which is what the bound of a command is made of.
-  nanoseconds had_{0};     ///< by the targets that have their outcome
-  nanoseconds within_{0};  ///< by the one that has not
-  nanoseconds given_{0};   ///< to other commands
+  Sharing* const outer_;  ///< of the command that rests while this one runs
+  // Planned line time, of which bounds are made.
+  nanoseconds had_{0};     ///< used by the targets with an outcome
+  nanoseconds within_{0};  ///< used by the current target
+  nanoseconds given_{0};   ///< given to other commands
   bool at_a_target_ = false;
 };
 
@@ -203,8 +203,8 @@ bool LinkCommands::may_go_between(nanoseconds credit) const {
   const WaitingCommand& next = waiting_.front();
   return std::none_of(running_.begin(), running_.end(), [&next](const WaitingCommand& under_way) {
     if (next.device != under_way.device) return false;
-    // A STOP may not wait; a RUN may be meant to come after what is being written. And what is
-    // read or written twice is meant in its order.
+    // A STOP must not wait. A RUN may be meant to follow the current writes. Places that are read
+    // or written twice keep their sequence.
     if (next.admitted.run_request) return next.admitted.command.op != Op::stop;
     for (const AdmittedTarget& target : next.admitted.targets) {
       const Span span = *span_of(target.point);
@@ -237,7 +237,7 @@ asio::awaitable<void> LinkCommands::run_next() {
   CommandExecution execution(executor_, bus_, station, device.config, admitted, &sharing);
   CommandResult result = co_await execution.run();
   failpoint("order_answered");
-  // RUN and STOP may be a force, too. Of M8037 no older value is said than it has left.
+  // RUN and STOP may be a force, too. No older value of M8037 is reported after it was sent.
   if (const auto* force =
           admitted.run_request ? std::get_if<Force>(&*admitted.run_request) : nullptr;
       force != nullptr && result.attempts > 0)
@@ -261,8 +261,8 @@ asio::awaitable<void> LinkCommands::run_next() {
 void LinkCommands::after_write(LinkDevice& device, const AdmittedTarget& target,
                                const TargetResult& outcome) {
   if (target.requests.empty() || without_effect(outcome)) return;
-  // Of a string of odd length the device has kept the byte behind it: its image is not what is
-  // there.
+  // After a string of odd length, the device has kept the byte behind it, so its memory may differ
+  // from the image.
   const bool as_meant = outcome.status == CommandStatus::succeeded &&
                         (!outcome.verify || outcome.verify->match) && !has_padding(target.point);
   poller_.overwritten(device, *span_of(target.point), as_meant ? &target.image : nullptr,

@@ -1,5 +1,5 @@
-// The commands of one link that wait for the wire or are on it: their queue and their bound, and
-// what one that takes long lets between its parts. Field thread.
+// Queues and runs the commands of one link, computes their bounds, and lets others run between the
+// parts of a long one. Field thread.
 #pragma once
 
 #include <asio/any_io_executor.hpp>
@@ -22,7 +22,7 @@
 
 namespace fxagent {
 
-/// An admitted command in its queue.
+/// An admitted command in the queue.
 struct WaitingCommand {
   AdmittedCommand admitted;
   LinkDevice* device = nullptr;
@@ -31,39 +31,41 @@ struct WaitingCommand {
 
 class LinkCommands final {
  public:
-  /// All arguments outlive it.
+  /// All arguments must outlive it.
   LinkCommands(asio::any_io_executor executor, const LinkConfig& link, Bus& bus,
                PollScheduler& scheduler, const LinkDevices& devices, LinkState& state,
                Poller& poller, Outbox& outbox);
   LinkCommands(const LinkCommands&) = delete;
   LinkCommands& operator=(const LinkCommands&) = delete;
 
-  /// Behind all that wait. It has its bound from here.
+  /// Appends a command to the queue and sets its bound.
   void add(AdmittedCommand admitted, LinkDevice& device);
-  /// Carries out the first that waits; there is one. Its result goes to the outbox.
+  /// Carries out the first waiting command, which must exist. Its result goes to the outbox.
   asio::awaitable<void> run_next();
-  /// Whether run_next() is under way.
+  /// True while run_next() is in progress.
   bool is_running() const { return !running_.empty(); }
-  /// Of the one under way nothing more goes out, not even what is to be read back.
+  /// Stops the running command from sending anything more, read-backs included.
   void end() { over_ = true; }
 
-  /// After a bug: those under way are answered UNKNOWN_OUTCOME; those that wait go on waiting.
+  /// After a bug: answers the running commands with UNKNOWN_OUTCOME. The waiting ones go on
+  /// waiting.
   void answer_running(std::string_view why);
-  /// Takes all that wait off the queue.
+  /// Removes and returns all waiting commands.
   std::list<WaitingCommand> take_waiting();
-  /// Takes those of the device off it.
+  /// Removes and returns the waiting commands of `device`.
   std::list<WaitingCommand> take_waiting(const LinkDevice& device);
 
  private:
   class Sharing;
 
   std::optional<std::chrono::nanoseconds> bound_of(const WaitingCommand& command) const;
-  /// Line time of the enquiries that go before the first exchange with each device of a session.
+  /// Returns the line time of the enquiries that precede the first exchange with each device of a
+  /// session.
   std::chrono::nanoseconds handshakes() const;
-  /// Whether the next waiting command may go between two parts of the one under way: it takes no
-  /// longer than `credit`, and touches nothing that a resting one of its device does.
+  /// True if the next waiting command may run between two parts of the running one: it takes at
+  /// most `credit` and touches nothing that a resting command of its device touches.
   bool may_go_between(std::chrono::nanoseconds credit) const;
-  /// A poll while a command rests. False: it put nothing on the line.
+  /// Runs a poll while a command rests. False: the poll sent nothing.
   asio::awaitable<bool> poll_between(PollScheduler::PollStep step);
   void after_write(LinkDevice& device, const AdmittedTarget& target, const TargetResult& outcome);
 
@@ -76,9 +78,9 @@ class LinkCommands final {
   Poller& poller_;
   Outbox& outbox_;
   std::list<WaitingCommand> waiting_;
-  /// The command under way; behind it the one that goes between two parts of it, and so on.
+  /// The running command, then the command between two of its parts, and so on.
   std::list<WaitingCommand> running_;
-  Sharing* sharing_ = nullptr;  ///< of the last of them
+  Sharing* sharing_ = nullptr;  ///< of the last running command
   bool over_ = false;
 };
 

@@ -1,4 +1,4 @@
-// What a link knows of each of its devices: the loop, the polls and the commands share it.
+// The state that a link keeps of each device. Its loop, polls and commands share it.
 #pragma once
 
 #include <bitset>
@@ -23,25 +23,26 @@
 
 namespace fxagent {
 
-/// By the calendar, UTC.
+/// Returns the wall-clock time, UTC.
 inline std::int64_t now_ms() { return utc_ms(std::chrono::system_clock::now()); }
 
-/// One group of one device: its cycle, and what its plan was made of.
+/// One group of one device: its cycle and the inputs of its plan.
 struct GroupPoll {
   GroupPoll(const DeviceConfig& device, std::uint32_t index) : cycle(device, index) {}
 
   PollCycle cycle;
   PollScheduler::GroupId id = 0;
-  std::uint32_t holes_version = 0;         ///< HoleMap::version() that the plan was made under
-  std::chrono::nanoseconds turnaround{0};  ///< the device's own time that it was made with
-  /// Reads that the running cycle was refused because something is missing, and their line time.
+  std::uint32_t holes_version = 0;         ///< HoleMap::version() when the plan was made
+  std::chrono::nanoseconds turnaround{0};  ///< the device's own time when the plan was made
+  /// Reads of the running cycle that were refused because something is missing, and their line
+  /// time.
   std::uint32_t refusals = 0;
   std::chrono::nanoseconds refused_time{0};
 };
 
-/// A device as its link knows it: its codec of the moment, its plans, its state.
+/// A device of a link: its current codec, its plans, its state.
 struct LinkDevice {
-  /// `device_config` outlives it.
+  /// `device_config` must outlive it.
   LinkDevice(const DeviceConfig& device_config, std::uint32_t device_index)
       : LinkDevice(
             std::shared_ptr<const DeviceConfig>(std::shared_ptr<const void>(), &device_config),
@@ -62,34 +63,34 @@ struct LinkDevice {
     station.echo = config.echo;
   }
 
-  /// The configs that have this device and this one own it.
+  /// Owned by this device and by every config that has it.
   const std::shared_ptr<const DeviceConfig> owned;
   const DeviceConfig& config;
   const std::uint32_t index;  ///< in Config::devices
-  /// It leaves the link: nothing of it begins any more, what is under way ends, and nothing at all
-  /// goes out after this time.
+  /// Set when the device leaves the link. It begins nothing more, ends what is in progress, and
+  /// sends nothing at all after this time.
   std::optional<SteadyTime> leaves_by{};
   std::shared_ptr<const Codec> codec;  ///< the config's, or that of the model found by asking
   Station station;
   PollScheduler::DeviceId id = 0;
-  std::unique_ptr<HoleMap> holes;  ///< null: it has refused nothing so far, as most devices
+  std::unique_ptr<HoleMap> holes;  ///< null until the device refuses something; most never do
   MeasuredTurnaround turnaround;
   std::vector<std::unique_ptr<GroupPoll>> groups;
   std::optional<PollScheduler::GroupId> question_group;
   std::vector<Bytes> model_images;  ///< answers so far to the questions of compare_model()
-  /// Its groups are not read at once again before, however often it comes and goes.
+  /// Its groups are not read at once before this time, however often it comes and goes.
   SteadyTime at_once_from{};
   std::uint64_t seq = 0;
   PercentileWindow late_ms;
   std::uint64_t collected = 0;
   std::uint64_t suppressed = 0;
-  /// When what is no answer is looked at again, and which of its causes were told since when.
+  /// Next time to examine foreign bytes; the causes logged since `foreign_told_since`.
   SteadyTime foreign_bytes_from{};
   SteadyTime foreign_told_since{};
   std::bitset<ForeignBytes::kCauses> foreign_told;
   bool asked_in_vain = false;  ///< the last exchange had no answer
-  std::string gateway_says;    ///< why a gateway answered in its place, last; empty: none did
-  std::vector<std::string> refusals_told;  ///< reasons that the log has since it was online
+  std::string gateway_says;    ///< last reason of a gateway that answered in its place; empty: none
+  std::vector<std::string> refusals_told;  ///< reasons logged since it was online
   DeviceState state;
 
   HoleMap& found_holes() {

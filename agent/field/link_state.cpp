@@ -13,28 +13,28 @@ using std::chrono::milliseconds;
 using std::chrono::nanoseconds;
 using Clock = std::chrono::steady_clock;
 
-// Opening a serial path costs nothing; a host that is away should not be hammered, nor one that has
-// just come back by all its clients at once.
+// Opening a serial path costs nothing. A host that is away must not be flooded with attempts, and
+// all its clients must not connect at once when it returns.
 constexpr ReconnectRules kSerialReconnects{milliseconds(500), milliseconds(2000), milliseconds(0)};
 constexpr ReconnectRules kTcpReconnects{milliseconds(500), milliseconds(30000), milliseconds(200)};
-// Where a peer takes each connection and closes it without an answer, it has no place for another
-// one: it is asked for it no sooner.
+// A peer that accepts each connection and closes it without an answer has no free place. The next
+// attempt waits at least this long.
 constexpr milliseconds kAfterRefusal{1000};
-// So many unanswered exchanges in a row on TCP and UDP, whoever was asked, mean that the peer is
-// gone, or that its name has another address now.
+// After this many consecutive unanswered exchanges on TCP and UDP, with any device, the peer is
+// gone or its name has another address.
 constexpr int kDeadPeerAfter = 3;
-// A bus that comes to be doubted again and again is told of so often; each time is counted.
+// A recurring doubt is logged at most this often; each one is counted.
 constexpr std::chrono::seconds kDoubtLoggedEvery{60};
 
-// What is no answer is looked at so often, and told again so much later.
+// Foreign bytes are examined at most this often, and each cause is logged again after this long.
 constexpr std::chrono::seconds kForeignBytesEvery{10};
 constexpr std::chrono::hours kForeignBytesToldEvery{24};
 
-// A device that comes and goes has its groups read at once so often: one that is silent to some of
-// its reads and answers others would keep its line from everybody else.
+// A device that comes and goes has its groups read at once at most this often. If it is silent to
+// some reads and answers others, it would otherwise keep the line from all others.
 constexpr std::chrono::seconds kAtOnceEvery{10};
 
-/// Another one for each link, each start and each machine.
+/// Returns another seed for each link, each start and each machine.
 std::uint64_t jitter_seed(std::uint32_t link) {
   return static_cast<std::uint64_t>(std::chrono::system_clock::now().time_since_epoch().count()) +
          link;
@@ -48,7 +48,7 @@ ReconnectRules opening_rules(const LinkConfig& link) {
   return is_serial(link) ? kSerialReconnects : kTcpReconnects;
 }
 
-/// A device that goes offline is a warning.
+/// Logs the state of a device: offline as a warning.
 void log_state(const std::string& device, const DeviceStatus& status) {
   const std::string state(to_string(status.state));
   const auto write = status.state == DeviceStatus::State::offline ? log::warn : log::info;
@@ -81,15 +81,15 @@ nanoseconds LinkState::begin(SteadyTime now, milliseconds spread) {
 
 void LinkState::opened() {
   if (!bus_.is_open() || was_open_) return;
-  // A peer that babbles, or closes what it takes, takes every connection: it is back when it has
-  // answered.
+  // A peer that babbles, or closes what it accepts, accepts every connection. It is back when it
+  // has answered.
   if (!bus_.never_silent() && !was_refused_) reconnect_policy_.opened();
   was_open_ = true;
   if (!is_vain_) tell_up();
   SteadyTime from = Clock::now();
   for (const auto& device : devices_) {
     if (was_down_) from = read_at_once(*device, from);
-    if (device->codec->is_broadcast()) update(*device);  // nobody else will tell
+    if (device->codec->is_broadcast()) update(*device);  // it has no answers that would do this
   }
 }
 
@@ -113,8 +113,8 @@ std::string_view LinkState::checklist_of_closed() const {
   return fxagent::checklist_of_closed(*first.config.protocol, *first.codec);
 }
 
-/// A device that has never answered is reported at once: its settings may be wrong, and
-/// `retries` + 1 timeouts are 15 s on MC.
+/// A device that has never answered is reported at once: its settings may be wrong, and on MC
+/// `retries` + 1 timeouts are 15 s.
 bool LinkState::is_silent(const LinkDevice& device) const {
   const bool never_answered = device.asked_in_vain && !device.state.has_answered();
   return never_answered || scheduler_.is_silent(device.id);
@@ -135,7 +135,7 @@ std::string LinkState::why_silent(const LinkDevice& device) const {
 void LinkState::open_failed(const std::string& why) {
   next_open_ = Clock::now() +
                reconnect_policy_.after_failure(is_refused() ? kAfterRefusal : milliseconds(0));
-  was_open_ = false;  // where it was closed behind a silence
+  was_open_ = false;  // it may have been closed after a silence
   lost(why);
 }
 
@@ -258,8 +258,9 @@ void LinkState::answered(LinkDevice& device) {
   read_at_once(device, Clock::now());
 }
 
-/// Every group of the device, from then on; one that comes and goes, or whose link does, would hold
-/// the line with that, or break it once more. Returns when the next device may begin.
+/// Reads every group of the device at `from` or later, but at most every kAtOnceEvery. A device or
+/// link that comes and goes would otherwise occupy the line, or break it once more. Returns when
+/// the next device may begin.
 SteadyTime LinkState::read_at_once(LinkDevice& device, SteadyTime from) {
   const bool is_planned = device.at_once_from - kAtOnceEvery > from;
   if (is_planned) return from;

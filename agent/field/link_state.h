@@ -1,5 +1,5 @@
-// Whether a link is up, when it is opened next, and who answers on it. Tells of it in the log and
-// in the states of the devices. Polls and commands report here how each exchange went. Field
+// Tracks whether a link is up, when it is opened next, and which devices answer. Logs changes and
+// publishes the states of the devices. Polls and commands report here how each exchange went. Field
 // thread.
 #pragma once
 
@@ -21,51 +21,54 @@ namespace fxagent {
 
 class LinkState final {
  public:
-  /// All references outlive it. `number` is the link's own among `links`. The bus is closed;
-  /// `devices` may still be filled.
+  /// All references must outlive it. `number` is the link's index, `links` the number of links. The
+  /// bus must be closed; `devices` may be filled later.
   LinkState(const LinkConfig& link, std::uint32_t number, std::size_t links, Bus& bus,
             PollScheduler& scheduler, const LinkDevices& devices, Outbox& outbox);
 
-  /// When to open for the first time. Returns how long after that the polls begin, spread over
+  /// Sets the time of the first open. Returns how long after it the polls begin, spread over
   /// `spread` with those of the other links.
   std::chrono::nanoseconds begin(SteadyTime now, std::chrono::milliseconds spread);
-  /// While the bus is closed it is not to be opened before.
+  /// Returns the earliest time to open the closed bus.
   SteadyTime next_open() const { return next_open_; }
 
-  /// The bus may have been opened: if so, and if that is news, the link is up.
+  /// Call when the bus may have been opened. Marks the link as up if it was not.
   void opened();
-  /// It could not be opened.
+  /// Records that the bus could not be opened.
   void open_failed(const std::string& why);
-  /// It is closed. The next attempt has its time, that of a vain one where the peer closed it
-  /// before its first answer; every device is offline.
+  /// Records that the bus was closed, and takes every device offline. Sets the time of the next
+  /// attempt; if the peer closed the bus before its first answer, the delay is that of a failed
+  /// attempt.
   void lost(const std::string& why);
-  /// Tells what the bus has noticed by itself: a loss, an echo, bytes that nobody asked for, and
-  /// that it is doubted or believed again. Where it was closed behind a silence, it is no loss, and
-  /// to be opened at once.
+  /// Reports what the bus has noticed: a loss, an echo, unexpected bytes, the beginning and end of
+  /// a doubt. If the bus was closed after a silence, this is not a loss, and it is reopened at
+  /// once.
   void look();
 
-  /// The device has answered something, if only with a refusal.
+  /// Records an answer of the device, even a refusal.
   void answered(LinkDevice& device);
-  /// It has left a question unanswered. Where nobody answers on a TCP connection or UDP port any
-  /// more, this closes it.
+  /// Records a request that the device left unanswered. Closes a TCP connection or UDP port on
+  /// which no device answers any more.
   void unanswered(LinkDevice& device, PollScheduler::AskedBy by = PollScheduler::AskedBy::poll);
-  /// Bytes came in place of the answer of an exchange: the log shows the first of them and what
-  /// they look like, once a day for each device and cause.
+  /// Logs the first bytes that came in place of an answer and what they look like, once a day for
+  /// each device and cause.
   void heard_foreign(LinkDevice& device, const Exchange& exchange);
-  /// A gateway answered `reason` in its place: the device is silent, the connection is not.
+  /// Records that a gateway answered `reason` in place of the device: the device is silent, the
+  /// connection is not.
   void unreachable(LinkDevice& device, const std::string& reason);
-  /// Tells the state of the device where it is another one now.
+  /// Publishes the state of the device if it has changed.
   void update(LinkDevice& device);
 
-  /// The agent, or this link, is to stop: nothing new begins. `why` is for people, and a constant.
+  /// Marks the link as stopping: nothing new begins. `why` is for people and must be a constant.
   void stop(std::string_view why) { why_stopping_ = why; }
   bool is_stopping() const { return !why_stopping_.empty(); }
   std::string_view why_stopping() const { return why_stopping_; }
 
  private:
-  /// Closed by its peer, or refused, before anybody answered: no better than one that did not open.
+  /// True if the peer closed or refused the channel before any answer. That counts as a failed
+  /// attempt.
   bool is_refused() const;
-  /// Whether any of its devices ever answers.
+  /// True if any device can answer, that is, not all are broadcasts.
   bool is_asked() const;
   std::string_view checklist_of_closed() const;
   bool is_silent(const LinkDevice& device) const;
@@ -73,7 +76,7 @@ class LinkState final {
   void tell_up();
   void go_down(std::string why, std::string_view note);
   void log_doubt();
-  /// What they look like; empty: nothing is known.
+  /// Returns what the last unexpected bytes look like; empty: unknown.
   std::string what_nobody_asked_for() const;
   SteadyTime read_at_once(LinkDevice& device, SteadyTime from);
 
@@ -86,21 +89,23 @@ class LinkState final {
   ReconnectPolicy reconnect_policy_;
   SteadyTime next_open_{};
   std::string why_down_ = "not opened yet";
-  std::string why_down_text_ = why_down_;  ///< the same with what to check
-  bool was_open_ = false;                  ///< and is, but for a moment behind a silence
-  /// Closed because nobody answers: a device that is silent is so whether or not it is open.
+  std::string why_down_text_ = why_down_;  ///< same, with what to check
+  bool was_open_ = false;                  ///< also while it is reopened after a silence
+  /// Closed because no device answers. A silent device then counts as silent, whether or not the
+  /// bus is open.
   bool is_left_ = false;
-  bool was_down_ = false;  ///< not only not yet open
-  /// The log says so. After a session without an answer the next one is up when it has one.
+  bool was_down_ = false;  ///< was lost or failed to open
+  /// The log reports the link as up. After a session without an answer, the next one is up at its
+  /// first answer.
   bool is_told_up_ = false;
-  bool is_vain_ = false;      ///< the session before had no answer
-  bool was_refused_ = false;  ///< and it was its peer who ended it
+  bool is_vain_ = false;      ///< the previous session had no answer
+  bool was_refused_ = false;  ///< and its peer ended it
   bool echo_logged_ = false;
   bool unexpected_logged_ = false;
   bool doubt_logged_ = false;
   std::optional<SteadyTime> doubt_logged_at_;
   int unanswered_in_a_row_ = 0;
-  std::string_view why_stopping_;  ///< empty: it is not
+  std::string_view why_stopping_;  ///< empty: not stopping
 };
 
 }  // namespace fxagent

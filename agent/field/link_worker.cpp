@@ -15,16 +15,18 @@ using std::chrono::milliseconds;
 using std::chrono::nanoseconds;
 using Clock = std::chrono::steady_clock;
 
-// Alone on its line a silent device costs nobody anything; beside others it costs them its timeout.
+// A silent device that is alone on its line delays no other; on a shared line it costs the others
+// its timeout.
 constexpr BackOff kAlone{milliseconds(500), milliseconds(4000)};
 constexpr BackOff kShared{milliseconds(1000), milliseconds(30000)};
-// A link that fell over a bug rests before it begins anew, so that the log stays readable.
+// Pause after a bug before the link begins anew, so that the log stays readable.
 constexpr milliseconds kAfterFault{1000};
-// What is on the wire when the agent is to stop has so long, and what is to be read back.
+// Time for the exchange on the wire and the read-back when the agent stops.
 constexpr milliseconds kFinishWithin{2500};
-// Of busy_percent: health may be asked for at any moment, and a moment says nothing.
+// Shortest window of busy_percent: health may be asked for at any moment, and a moment shows
+// nothing.
 constexpr milliseconds kBusyOver{4500};
-// First polls are spread over the first second, or over the interval where that is shorter.
+// First polls are spread over 1 s, or over the shortest interval if that is less.
 constexpr milliseconds kSpread{1000};
 
 DepartedDevice departed(const LinkDevice& device) {
@@ -92,7 +94,7 @@ LinkWorker::Device& LinkWorker::add_device(const Config& config, std::uint32_t i
   return *devices_.emplace_back(std::move(device));
 }
 
-/// Each device behind those that began before it.
+/// Begins the polls of a device after those of the devices before it.
 void LinkWorker::begin_polls(Device& device) {
   if (polling_ == Polling::on) polls_begun_ += poller_.add_groups(device, polls_begun_);
   if (polling_ == Polling::on || device.codec->plc() != nullptr) poller_.add_question(device);
@@ -240,7 +242,7 @@ asio::awaitable<void> LinkWorker::idle_until(SteadyTime until) {
 
 asio::awaitable<void> LinkWorker::open_line() {
   const auto opened = co_await bus_.open();
-  if (state_.is_stopping()) co_return;  // then it was closed by stop()
+  if (state_.is_stopping()) co_return;  // stop() has closed it
   if (opened)
     state_.opened();
   else

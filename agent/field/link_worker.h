@@ -1,5 +1,5 @@
-// The loop of one link: opens it, lets Poller and LinkCommands do the rest. One coroutine; what it
-// does next is the PollScheduler's to say. Field thread.
+// The loop of one link: opens the bus and runs Poller and LinkCommands in the sequence that the
+// PollScheduler gives. One coroutine. Field thread.
 #pragma once
 
 #include <asio/any_io_executor.hpp>
@@ -28,22 +28,22 @@
 
 namespace fxagent {
 
-/// What is left of a device that no link has any more.
+/// The numbers that remain of a device after it has left its link.
 struct DepartedDevice {
   std::uint32_t index = 0;  ///< in Config::devices
-  std::uint64_t seq = 0;    ///< of its last sample
+  std::uint64_t seq = 0;    ///< sequence number of its last sample
   std::uint64_t collected = 0;
   std::uint64_t suppressed = 0;
 };
 
-/// For each link the indices of its devices in Config::devices.
+/// Returns for each link the indices of its devices in Config::devices.
 std::vector<std::vector<std::uint32_t>> devices_by_link(const Config& config);
 
 class LinkWorker final {
  public:
-  /// `outbox` and the devices of `config` outlive the worker; `link` is an index in Config::links,
-  /// `devices` are its own of devices_by_link(), `last_seq` the newest number of each device
-  /// (missing ones: 0).
+  /// `outbox` and the devices of `config` must outlive the worker. `link` is an index in
+  /// Config::links; `devices` is its entry of devices_by_link(). `last_seq` has the newest sequence
+  /// number of each device; a missing entry counts as 0.
   LinkWorker(asio::any_io_executor executor, const Config& config, std::uint32_t link,
              std::span<const std::uint32_t> devices, Outbox& outbox,
              std::unique_ptr<Transport> transport, std::span<const std::uint64_t> last_seq,
@@ -52,43 +52,41 @@ class LinkWorker final {
   LinkWorker& operator=(const LinkWorker&) = delete;
   ~LinkWorker();
 
-  /// The next sample of the device has a higher number than this one.
+  /// Makes the next sequence number of the device higher than `seq`.
   void number_above(std::uint32_t device, std::uint64_t seq);
 
-  /// Runs until stop(); then answers what still waits and returns.
+  /// Runs until stop(), then answers the waiting commands and returns.
   asio::awaitable<void> run();
 
-  /// A command for a device of this link waits for the wire from now on. Its result, whatever it
-  /// is, goes to the outbox.
+  /// Queues a command for a device of this link. Its result, whatever it is, goes to the outbox.
   void submit(AdmittedCommand admitted);
 
   /// Adds devices of `config` to the link, open or not.
   void add(const Config& config, std::span<const std::uint32_t> devices,
            std::span<const std::uint64_t> last_seq);
-  /// The devices leave the link, and the others do not notice: their commands that wait are FAILED
-  /// shutting_down, of one under way nothing more is written; its exchange on the wire ends, and
-  /// what is to be read back has 2.5 s. `left` is called when all that they made is in the outbox:
-  /// at once, or after the exchange on the wire.
+  /// Removes devices from the link without disturbing the others. Their waiting commands get FAILED
+  /// shutting_down. A running command writes nothing more: its exchange on the wire ends, and its
+  /// read-back has 2.5 s. `left` is called when all their results are in the outbox: at once, or
+  /// after the exchange on the wire.
   void remove(std::span<const std::uint32_t> devices,
               std::function<void(const std::vector<DepartedDevice>&)> left);
-  /// Takes over poll_share and listening.
+  /// Applies poll_share and listening of `link`.
   void adjust(const LinkConfig& link);
-  /// What its devices leave behind, once run() has ended.
+  /// Returns the final numbers of its devices. Call after run() has ended.
   std::vector<DepartedDevice> departed() const;
 
-  /// Ends run() within 3 s: a poll is cut short, waiting commands are answered FAILED
-  /// shutting_down. Of the command under way nothing more is written; its exchange on the wire and
-  /// what is to be read back have 2.5 s.
-  /// `why` is told to those that wait.
+  /// Ends run() within 3 s: cuts a poll short and answers waiting commands with FAILED
+  /// shutting_down. A running command writes nothing more; its exchange on the wire and its
+  /// read-back have 2.5 s. `why` is in the results of the waiting commands.
   void stop(std::string_view why = kStopping);
-  /// Whether run() has ended. Any thread.
+  /// True once run() has ended. Any thread.
   bool has_ended() const { return ended_; }
 
-  /// Whether each frame of the link is logged.
+  /// Switches the log of each frame on or off.
   void trace(bool on);
   bool is_traced() const { return bus_.is_traced(); }
 
-  /// Adds this link's and its devices' counters.
+  /// Adds the counters of this link and its devices to `health`.
   void report(FieldHealth& health);
 
  private:
@@ -103,11 +101,11 @@ class LinkWorker final {
   void begin_polls(Device& device);
   void set_back_offs();
   Device* device_of(std::uint32_t index);
-  /// Nothing is on the wire: those that leave are gone.
+  /// Removes the devices that leave. Call only while nothing is on the wire.
   void let_leave();
 
   asio::awaitable<void> serve();
-  /// After a bug: what was under way gets its result, and the link begins anew.
+  /// After a bug: answers the running commands and closes the bus, so that the link begins anew.
   void answer_after_fault(const std::string& what);
 
   asio::awaitable<void> idle_until(SteadyTime until);
@@ -124,11 +122,11 @@ class LinkWorker final {
   Poller poller_;
   LinkCommands commands_;
   asio::steady_timer idle_;
-  std::chrono::nanoseconds polls_begun_{0};  ///< line time of a cycle of each group, as they began
+  std::chrono::nanoseconds polls_begun_{0};  ///< line time of one cycle of each group added so far
   SteadyTime counting_since_{};
-  std::optional<double> busy_percent_;              ///< of the last whole window
-  std::unique_ptr<asio::steady_timer> stop_timer_;  ///< once it is to stop
-  bool on_the_wire_ = false;  ///< a command or a poll is under way: no device may leave now
+  std::optional<double> busy_percent_;              ///< of the last complete window
+  std::unique_ptr<asio::steady_timer> stop_timer_;  ///< set by stop()
+  bool on_the_wire_ = false;  ///< a command or a poll is running: no device may leave
   std::vector<Leave> leaves_;
   std::atomic<bool> ended_ = false;
 };

@@ -6,8 +6,8 @@
 namespace fxagent {
 namespace {
 
-// So many exchanges make a mean. It counts where it differs from the old one by this factor and by
-// more than the scheduling of a busy machine.
+// Number of exchanges for a mean. A mean counts if it differs from the old one by this factor and
+// by more than the scheduling noise of a busy machine.
 constexpr std::uint32_t kEnough = 64;
 constexpr double kOther = 1.5;
 constexpr std::chrono::milliseconds kNoise{3};

@@ -1,5 +1,5 @@
-// How long one device takes to answer, beside the characters on the wire: the config's word at
-// first, later what was measured. Pure. Field thread.
+// Time that one device takes to answer, without the characters on the wire: first as configured,
+// later as measured. Pure. Field thread.
 #pragma once
 
 #include <chrono>
@@ -11,13 +11,13 @@ class MeasuredTurnaround final {
  public:
   explicit MeasuredTurnaround(std::chrono::nanoseconds assumed) : value_(assumed) {}
 
-  /// The turnaround of one exchange that ended well.
+  /// Adds the turnaround of one exchange that ended well.
   void add(std::chrono::nanoseconds measured) {
     sum_ += measured;
     ++count_;
   }
-  /// To be called now and then: takes over the mean of what was added, once that is enough and
-  /// differs so much that other plans may be better. True: value() is another one.
+  /// Call regularly. Adopts the mean of the added measurements if there are enough of them, and if
+  /// it differs enough to change plans. True: value() has changed.
   bool review();
   std::chrono::nanoseconds value() const { return value_; }
 

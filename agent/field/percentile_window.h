@@ -1,4 +1,4 @@
-// The last few hundred measurements of one duration, for p50 and p99 in health. Field thread.
+// The last 256 measurements of one duration, for p50 and p99 in health. Field thread.
 #pragma once
 
 #include <algorithm>
@@ -22,7 +22,7 @@ class PercentileWindow final {
     }
   }
 
-  /// Of the measurements in the window; 0 where there is none.
+  /// Returns the percentiles of the window in ms; 0 if it is empty.
   Percentiles percentiles() const {
     if (window_.empty()) return {};
     std::vector<float> sorted = window_;
@@ -36,7 +36,7 @@ class PercentileWindow final {
 
  private:
   static constexpr std::size_t kSize = 256;
-  std::vector<float> window_;  ///< grows with use, so that an idle link costs nothing
+  std::vector<float> window_;  ///< grows with use: an idle link costs nothing
   std::size_t next_ = 0;
 };
 

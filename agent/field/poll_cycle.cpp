@@ -11,10 +11,10 @@
 namespace fxagent {
 namespace {
 
-// A place that is a value now and none the next moment is told once.
+// A tag whose bytes alternate between a value and none is reported again only after this long.
 constexpr std::chrono::minutes kValueAgain{1};
 
-/// Writes into `image`, which lies at `place`, what of `part` (at `written`) lies there too.
+/// Copies into `image` (at `place`) the bits of `part` (at `written`) that overlap it.
 void patch(Bytes& image, const Span& place, const Span& written, const Bytes& part) {
   const std::uint32_t first = std::max(place.first_bit, written.first_bit);
   const std::uint32_t bits = std::min(place.end_bit(), written.end_bit()) - first;
@@ -135,8 +135,8 @@ void PollCycle::add_read(PlannedRead read) {
   ages_.push_back(age);
 }
 
-/// What a command wrote before this read is in the read; what it writes after it is newer. An array
-/// cut into several reads keeps the whole that was written in between.
+/// A read contains what a command wrote before it; what a command writes after it is newer. An
+/// array cut into several reads keeps the whole value written in between.
 void PollCycle::forget_older(std::uint32_t read) {
   for (const std::uint32_t point : plan_.reads[read].points) {
     const auto newer = newer_.find(tags()[point]);
@@ -152,7 +152,7 @@ void PollCycle::take_images(const ReadIndices& reads, Exchange& exchange) {
   for (std::size_t i = 0; i < reads.size(); ++i) {
     const std::uint32_t read = reads[i];
     const bool again = ages_[read] == Age::outdated;
-    if (!exchange.is_data() && !again)  // else what no command has touched is good still
+    if (!exchange.is_data() && !again)  // else data that no command has touched stay good
       failures_[read] = bad_reason(exchange);
     if (again) ages_[read] = exchange.is_data() ? Age::read_again : Age::lost;
   }
@@ -204,7 +204,7 @@ Telemetry PollCycle::written(std::uint32_t tag, Value value, std::int64_t now_ms
   return message;
 }
 
-/// Why this cycle has nothing for the point.
+/// Returns why this cycle has nothing for the point.
 std::optional<BadReason> PollCycle::failure_of(const PointSource& source, std::size_t index) const {
   if (source.count == 0) {
     const bool by_device = std::binary_search(plan_.refused.begin(), plan_.refused.end(), index);
@@ -282,7 +282,7 @@ std::optional<Telemetry> PollCycle::finish(bool doubted, std::uint64_t findings,
       note_order(i, fresh.back().value);
   }
   newer_.clear();
-  images_.assign(images_.size(), {});  // what was said is not said again
+  images_.assign(images_.size(), {});  // report nothing twice
 
   Telemetry message;
   message.group = group_;

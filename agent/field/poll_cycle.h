@@ -1,5 +1,5 @@
-// The running cycle of one group: what its reads have brought so far, and at its end the sample, if
-// there is anything to say. Pure: time is an argument, no I/O. Field thread.
+// The running cycle of one group: collects the data of its reads and makes the sample at its end,
+// if there is something to report. Pure: time is an argument, no I/O. Field thread.
 #pragma once
 
 #include <cstdint>
@@ -21,79 +21,82 @@ namespace fxagent {
 
 class PollCycle final {
  public:
-  /// `device` outlives the cycle; `group` is an index in DeviceConfig::groups.
+  /// `device` must outlive the cycle; `group` is an index in DeviceConfig::groups.
   PollCycle(const DeviceConfig& device, std::uint32_t group);
 
   std::uint32_t group() const { return group_; }
   /// Indices of the group's tags in DeviceConfig::tags, in order.
   const std::vector<std::uint32_t>& tags() const { return report_.tags(); }
-  /// The points of tags(), copied: a plant has many tags and seldom a new plan.
+  /// Returns copies of the points of tags(). Not stored: a plant has many tags and rarely a new
+  /// plan.
   std::vector<Point> points() const;
   const Plan& plan() const { return plan_; }
 
-  /// From now on the group is read like this. Its points are points(). What was collected is gone.
+  /// Reads the group by `plan`, whose points are points(), and discards what was collected. Begins
+  /// a new cycle.
   void use(Plan plan, std::uint64_t findings);
-  /// A new cycle. `findings`: BusDoubt::findings() at this moment.
+  /// Begins a new cycle. `findings`: BusDoubt::findings() at this moment.
   void begin(std::uint64_t findings);
 
-  /// Counts one repeat of the read under way. False: the config allows no further one.
+  /// Counts one repeat of the current read. False: the config allows no more.
   bool may_repeat();
-  /// Takes the end of the exchange that was to bring these reads of plan(), by plan().request();
-  /// it is not repeated any more.
+  /// Takes the result of the exchange for these reads of plan(), sent as plan().request(). It is
+  /// not repeated any more.
   void take(const ReadIndices& reads, Exchange exchange);
   void take(std::uint32_t read, Exchange exchange) { take(ReadIndices(read), std::move(exchange)); }
-  /// Indices in tags() of what these reads were to bring, rising.
+  /// Returns the indices in tags() of the points of these reads, in ascending order.
   std::vector<std::uint32_t> points_of(const ReadIndices& reads) const;
-  /// What goes together, at least two reads, goes in halves for the rest of this cycle: they come
-  /// behind the exchanges of plan().
+  /// Splits these reads, at least two in one exchange, into halves for the rest of this cycle. The
+  /// halves come after the exchanges of plan().
   void read_halves(const ReadIndices& reads);
-  /// For the rest of this cycle these of points() are read by `part`, a plan of them alone: its
-  /// exchanges come behind those of plan(). What was read already by a read of the same place is
-  /// there as has_images() says.
+  /// Reads these of points() by `part` for the rest of this cycle. `part` is a plan of them alone;
+  /// its exchanges come after those of plan(). A read of the same place as an earlier one already
+  /// has its image: see has_images().
   void read_instead(const std::vector<std::uint32_t>& points, Plan part);
-  /// Whether this cycle has all that these reads bring.
+  /// True if this cycle has the images of all these reads.
   bool has_images(const ReadIndices& reads) const;
-  /// What was not read yet is bad for this reason.
+  /// Marks everything not read yet as bad for this reason.
   void give_up(BadReason why);
 
-  /// A command has just written or read back `tag`, one of tags(): the sample to publish at once.
-  /// Until this cycle has read the tag for itself, it has this value.
+  /// Returns the sample to publish at once after a command has written or read back `tag`, one of
+  /// tags(). The tag has this value until this cycle reads it.
   Telemetry written(std::uint32_t tag, Value value, std::int64_t now_ms);
 
-  /// A command has just written `span`, or may have: no value that is older is said any more. With
-  /// `image`, which covers the span, it was written like this, and what this cycle has read has it
-  /// from now on. Without, the tags there are bad for the reason `why` until outdated() was read.
+  /// Records that a command has written `span`, or may have. No older value is reported afterwards.
+  /// With `image`, which covers the span, the images read so far take it over. Without, the tags in
+  /// the span are bad for the reason `why` until outdated() was read.
   void overwritten(const Span& span, const Bytes* image, BadReason why);
-  /// The read that is to be repeated before any other, because a command may have changed what it
-  /// brought. Each is repeated once in a cycle, so that no flood of commands keeps it from its end.
+  /// Returns the read to repeat before any other, because a command may have changed its data. Each
+  /// is repeated at most once in a cycle, so that a flood of commands cannot keep the cycle from
+  /// ending.
   std::optional<std::uint32_t> outdated() const;
 
-  /// The sample of the cycle, without device and number; nullopt where the group has nothing new to
-  /// say. What was read is gone then: no sample has it a second time. Everything is bad_frame where
-  /// the bus is `doubted`, or where foreign bytes were found since begin(): any of the answers may
-  /// be the wrong one. The next cycle is due at `next`.
+  /// Ends the cycle. Returns its sample without device and sequence number, or nullopt if the group
+  /// has nothing new to report. Discards the data, so that no sample repeats them. Everything is
+  /// bad_frame if the bus is `doubted`, or if foreign bytes were found since begin(): any answer
+  /// may be the wrong one. The next cycle is due at `next`.
   std::optional<Telemetry> finish(bool doubted, std::uint64_t findings, std::int64_t now_ms,
                                   SteadyTime now, SteadyTime next = {});
 
-  /// A tag whose bytes in the device are no value of its type, or a float that makes sense in
-  /// another word order only.
+  /// A tag whose bytes in the device are not a value of its type, or a float that makes sense only
+  /// in another word order.
   struct NoValue {
     std::uint32_t tag = 0;
-    std::string why;   ///< with the raw value
-    std::string hint;  ///< names the other word order; empty: there is none
+    std::string why;   ///< includes the raw value
+    std::string hint;  ///< names the other word order; empty: none
   };
-  /// Returns those that finish() has found: each once, and again after it was a value for a minute.
-  /// A value in a doubtful word order comes once.
+  /// Returns and clears the tags that finish() has found. A tag is returned once, and again after
+  /// it was a value for 1 minute. A value in a doubtful word order is returned once.
   std::vector<NoValue> take_no_values() { return std::exchange(no_values_, {}); }
 
-  /// The reason of the first bad tag; nullopt where all are good.
+  /// Returns the reason of the first bad tag; nullopt if all are good.
   std::optional<BadReason> first_bad() const { return report_.first_bad(); }
 
  private:
-  /// What an image is beside what commands have written since.
+  /// Age of an image, compared with what commands have written since.
   enum class Age : std::uint8_t {
     current,
-    outdated,    ///< to be read again
+    outdated,    ///< must be read again
     read_again,  ///< was outdated, and is current
     lost,        ///< outdated, and not read again in this cycle
   };
@@ -114,12 +117,12 @@ class PollCycle final {
   const std::uint32_t group_;
   ReportByException report_;
   Plan plan_;                                       ///< its points are report_.tags(), in order
-  std::vector<Bytes> images_;                       ///< beside plan_.reads
-  std::vector<std::optional<BadReason>> failures_;  ///< beside plan_.reads
-  std::vector<Age> ages_;                           ///< beside plan_.reads
-  /// Tag → what has become of it by a command, until it is read anew.
+  std::vector<Bytes> images_;                       ///< parallel to plan_.reads
+  std::vector<std::optional<BadReason>> failures_;  ///< parallel to plan_.reads
+  std::vector<Age> ages_;                           ///< parallel to plan_.reads
+  /// Tag → its outcome by a command, until it is read again.
   std::unordered_map<std::uint32_t, TagOutcome> newer_;
-  std::unordered_map<std::uint32_t, SteadyTime> no_value_at_;  ///< tag → when it was none last
+  std::unordered_map<std::uint32_t, SteadyTime> no_value_at_;  ///< tag → when it last held no value
   std::vector<NoValue> no_values_;
   std::unordered_set<std::uint32_t> odd_orders_;  ///< tags that note_order() has reported
   std::optional<SteadyTime> first_reply_;

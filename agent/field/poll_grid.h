@@ -1,5 +1,5 @@
-// Polls of many links share their moments: one waking of the thread sends the requests of all that
-// are due, and meets their answers together. Pure.
+// Aligns the polls of many links: one wake-up of the thread sends all requests that are due, and
+// receives their answers together. Pure.
 #pragma once
 
 #include <chrono>
@@ -8,14 +8,14 @@
 
 namespace fxagent {
 
-/// The spacing of the moments at which groups with this interval begin: 10, 5, 2 or 1 ms, the
-/// largest that is no more than a hundredth of the interval and divides it, so that later cycles
-/// keep to it but while an overload stretches the interval. 0 where the interval is below 100 ms:
-/// such groups begin when they like.
+/// Returns the grid for groups with this interval: 10, 5, 2 or 1 ms. It is the largest that divides
+/// the interval and is at most 1/100 of it, so that later cycles stay on the grid unless an
+/// overload stretches the interval. Returns 0 for an interval below 100 ms: such groups begin at
+/// any time.
 std::chrono::milliseconds grid_of(std::chrono::milliseconds interval);
 
-/// The first moment of the grid of `interval` at or after `due`. Grids of all links have the same
-/// origin.
+/// Returns the first grid time of `interval` at or after `due`. The grids of all links have the
+/// same origin.
 SteadyTime on_grid(SteadyTime due, std::chrono::milliseconds interval);
 
 }  // namespace fxagent

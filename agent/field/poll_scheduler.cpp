@@ -8,20 +8,21 @@
 namespace fxagent {
 namespace {
 
-// A group without an interval takes what is left: its deadline is as far away as a slow group's.
+// A group without an interval uses what is left: its deadline is as far away as a slow group's.
 constexpr std::chrono::seconds kPeriodOfFreeRunning{1};
-// A cycle that goes ahead of its interval has so long, where the interval itself is no shorter.
+// Longest deadline of a cycle that runs ahead of its interval.
 constexpr std::chrono::nanoseconds kAtOnceWithin = std::chrono::seconds(1);
-// A cycle's line time is smoothed over about so many cycles.
+// The line time of a cycle is smoothed over about this many cycles.
 constexpr int kSmoothing = 8;
-// For each exchange in vain of a cycle, others that are due in so many times as long go first.
+// After a refused exchange, other groups go first if they are due within this many times its line
+// time.
 constexpr int kGivesWay = 4;
 
 std::chrono::nanoseconds period(std::chrono::nanoseconds interval) {
   return interval.count() > 0 ? interval : std::chrono::nanoseconds(kPeriodOfFreeRunning);
 }
 
-/// At the first vacant place, or behind the last. Returns where.
+/// Stores `element` in the first vacant place, or appends it. Returns the index.
 template <class T>
 std::size_t put(std::vector<T>& list, const T& element) {
   const auto vacant = std::ranges::find_if(list, [](const T& each) { return each.gone; });
@@ -99,10 +100,10 @@ PollScheduler::Group* PollScheduler::most_urgent(SteadyTime now) {
   return best;
 }
 
-/// Before its interval is over, which goes on as it was.
+/// Begins a cycle before its interval is over. The interval goes on as it was.
 void PollScheduler::begin_ahead(Group& group, SteadyTime now) {
   group.deadline = deadline_of(group);
-  // A cycle that would follow at once has been read ahead.
+  // A regular cycle that would follow at once is skipped: this one has read ahead.
   if (group.due - now < group.interval / 2) group.due += group.interval;
 }
 
@@ -115,8 +116,8 @@ void PollScheduler::begin_by_interval(Group& group, SteadyTime now) {
   const double stretch = std::max(1.0, load());
   const std::chrono::nanoseconds interval(
       static_cast<std::int64_t>(static_cast<double>(group.interval.count()) * stretch));
-  // Whole poll intervals that have passed are given up. A stretched one has no place to keep:
-  // there the next one follows at once, or the line would stand idle for the rest of it.
+  // Whole poll intervals that have passed are skipped. A stretched interval has no place to keep:
+  // the next one follows at once, or the line would be idle for the rest of it.
   const SteadyTime this_due = stretch > 1.0 ? std::max(group.due, now - interval)
                                             : group.due + (now - group.due) / interval * interval;
   const auto passed = static_cast<double>((this_due - group.due).count()) +
@@ -241,7 +242,7 @@ std::chrono::nanoseconds PollScheduler::polls_between(std::chrono::nanoseconds l
   if (line_time.count() <= 0 && owed_already.count() == 0) return {};
   const double factor = poll_share_ / (1.0 - poll_share_);
   const double owed = static_cast<double>(line_time.count()) * factor;
-  // A poll goes while anything is owed, so the last one may overdraw by itself.
+  // A poll runs while anything is owed, so the last one may overdraw by its whole length.
   return owed_already + std::chrono::nanoseconds(static_cast<std::int64_t>(owed)) + longest_poll;
 }
 

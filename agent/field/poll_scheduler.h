@@ -1,4 +1,4 @@
-// What a link does next: a waiting command, the most urgent poll, or nothing until a time.
+// Decides what a link does next: a waiting command, the most urgent poll, or nothing until a time.
 // Pure: time is an argument, no I/O. Field thread.
 #pragma once
 
@@ -11,7 +11,7 @@
 
 namespace fxagent {
 
-/// How long a silent device is left alone. Doubles from `first` to `cap` with each vain attempt.
+/// Rest of a silent device. Doubles from `first` to `cap` with each failed attempt.
 struct BackOff {
   std::chrono::milliseconds first{1000};
   std::chrono::milliseconds cap{30000};
@@ -22,101 +22,103 @@ class PollScheduler final {
   using DeviceId = std::uint32_t;
   using GroupId = std::uint32_t;
 
-  /// One exchange of one group's cycle.
+  /// One exchange in the cycle of one group.
   struct PollStep {
     GroupId group = 0;
     std::uint32_t exchange = 0;
     bool starts_cycle = false;
-    std::chrono::nanoseconds late{0};  ///< starts_cycle: how long after it was due
+    std::chrono::nanoseconds late{0};  ///< starts_cycle: time since it was due
   };
   struct Job {
     enum class Kind : std::uint8_t { command, poll, wait } kind = Kind::wait;
     PollStep poll;       ///< kind poll
-    SteadyTime until{};  ///< kind wait: nothing is due before
+    SteadyTime until{};  ///< kind wait: nothing is due earlier
   };
   struct Counters {
     std::uint64_t polls = 0;   ///< cycles begun
-    std::uint64_t missed = 0;  ///< polls left out because the line or the device was busy or silent
+    std::uint64_t missed = 0;  ///< polls skipped because the line or the device was busy or silent
   };
 
-  /// `poll_share`: the part of the line that polls keep while commands flood it, 0 … 0.9.
+  /// `poll_share`: part of the line time that polls keep during a flood of commands, 0 … 0.9.
   explicit PollScheduler(double poll_share = 0.2) : poll_share_(poll_share) {}
 
-  /// `unanswered_limit`: so many exchanges in a row without an answer make the device silent.
+  /// `unanswered_limit`: number of consecutive exchanges without an answer that makes the device
+  /// silent.
   DeviceId add_device(int unanswered_limit, BackOff back_off);
-  /// A group polled each `interval` (0: as fast as the line allows), first at `first_due`. A cycle
-  /// of 0 exchanges is one step all the same. `within` is the deadline of a cycle after it was due
-  /// (0: when the next one is due).
+  /// Adds a group polled every `interval` (0: as fast as the line allows), first at `first_due`. A
+  /// cycle of 0 exchanges still takes one step. `within` is the deadline of a cycle after it was
+  /// due (0: when the next one is due).
   GroupId add_group(DeviceId device, std::chrono::milliseconds interval, std::uint32_t exchanges,
                     SteadyTime first_due, std::chrono::milliseconds within = {});
-  /// The device and its groups are gone; others may have their ids from now on. None of its steps
-  /// is under way.
+  /// Removes the device and its groups. Their ids may be reused. None of its steps may be in
+  /// progress.
   void remove_device(DeviceId device);
   void set_back_off(DeviceId device, BackOff back_off) { devices_[device].back_off = back_off; }
   void set_poll_share(double share) { poll_share_ = share; }
-  /// After a new plan: the running cycle, if any, begins anew.
+  /// Sets the number of exchanges of a new plan. A running cycle begins anew.
   void set_exchanges(GroupId group, std::uint32_t exchanges);
-  /// The running cycle, whose last exchange took `line_time` in vain, goes on to so many exchanges
-  /// in all. Its deadline moves by some times that, so that other groups keep their part of the
-  /// line however long it looks for what is missing; and it tells nothing of what a cycle takes.
+  /// Extends the running cycle to `exchanges` in total after its last exchange, of `line_time`, was
+  /// refused. Moves its deadline by a multiple of that time, so that other groups keep their part
+  /// of the line during a long search for what is missing. The cycle does not count as a
+  /// measurement of its group's line time.
   void extend_cycle(GroupId group, std::uint32_t exchanges, std::chrono::nanoseconds line_time,
                     SteadyTime now);
 
   void command_waits() { ++commands_; }
-  /// The command that next() offered has been taken off the queue.
+  /// Call when the command that next() offered has been removed from the queue.
   void command_taken() { --commands_; }
   std::uint32_t commands_waiting() const { return commands_; }
-  /// After a fault: so many wait, whatever was counted.
+  /// Sets the number of waiting commands after a fault.
   void commands_are(std::uint32_t waiting) { commands_ = waiting; }
 
-  /// The job to run now, or until when to wait. Waiting commands come first, save for the polls'
-  /// share; then the due group with the earliest deadline whose device is not in back-off. A late
-  /// cycle does not move the later ones: missed intervals are skipped and counted, never sent in a
-  /// burst. A cycle under way goes on with its next exchange by the same rule. Where the groups ask
-  /// for more than the whole line, the intervals of all are stretched by the same factor.
+  /// Returns the job to run now, or until when to wait. Waiting commands come first, except for the
+  /// polls' share; then the due group with the earliest deadline whose device is not in back-off. A
+  /// running cycle goes on with its next exchange by the same rule. A late cycle does not move the
+  /// later ones: missed intervals are skipped and counted, never sent in a burst. If the groups ask
+  /// for more than the whole line, all intervals are stretched by the same factor.
   Job next(SteadyTime now);
 
-  /// The step was carried out; the cycle goes on, or has ended: true.
+  /// Records that the step was carried out. True: the cycle has ended.
   bool step_done(const PollStep& step);
-  /// The same step is to be offered again, but not before then: the device is busy.
+  /// Offers the same step again, but not before `not_before`: the device is busy.
   void postpone(const PollStep& step, SteadyTime not_before);
-  /// The rest of the cycle is given up until the next one is due. A group without an interval has
-  /// none and rests until `not_before`: what failed without using the line must not be offered
-  /// again in the same breath.
+  /// Gives up the rest of the cycle until the next one is due. A group without an interval rests
+  /// until `not_before`, so that a failure that used no line time is not repeated at once.
   void abandon_cycle(GroupId group, SteadyTime not_before);
 
-  /// Each group of the device that is not being read is read once at `from` or soon after it,
-  /// whatever its interval, which it keeps. They are spread so that half of the line is left to
-  /// others. Returns where those of another device may follow.
+  /// Schedules one extra cycle at or soon after `from` for each group of the device that is not
+  /// being read. The intervals stay as they are. The cycles are spread so that half of the line is
+  /// left to others. Returns when those of another device may follow.
   SteadyTime read_at_once(DeviceId device, SteadyTime from);
-  /// When the next cycle of the group is due by its interval.
+  /// Returns when the next cycle of the group is due by its interval.
   SteadyTime next_due(GroupId group) const { return groups_[group].due; }
 
-  /// Line time that commands and polls have used; feeds the polls' share.
+  /// Record line time used by commands and by polls; the polls' share depends on it.
   void command_used(std::chrono::nanoseconds line_time, SteadyTime now);
   void poll_used(std::chrono::nanoseconds line_time);
-  /// The same for an exchange of a group, which also tells what its cycles take.
+  /// Same for an exchange of a group. Also measures the line time of its cycles.
   void step_used(const PollStep& step, std::chrono::nanoseconds line_time);
-  /// The part of the line that the groups' intervals ask for, by what their cycles took: above 1
-  /// the line is overloaded. Groups without an interval ask for nothing, and silent devices do not
-  /// count.
+  /// Returns the part of the line that the groups' intervals ask for, by the measured line time of
+  /// their cycles. Above 1 the line is overloaded. Groups without an interval and silent devices do
+  /// not count.
   double load() const;
-  /// The longest that a command may take from now until it is through, on a line where no exchange
-  /// is longer than planned: the poll exchange on the wire, the commands `ahead` of it (the one on
-  /// the wire counts whole), the polls that next() puts between them, and its `own` exchanges.
+  /// Returns the longest time from now until a command is finished, on a line where no exchange is
+  /// longer than planned. That is the poll exchange on the wire, the commands `ahead` (the one on
+  /// the wire counts whole), the polls that next() puts between them, and the command's `own`
+  /// exchanges.
   std::chrono::nanoseconds bound(std::chrono::nanoseconds own, std::chrono::nanoseconds ahead,
                                  std::chrono::nanoseconds longest_poll) const;
-  /// The same of a command that gives way between its parts: there may also be the polls' share of
-  /// its own line time, and other commands for as long as itself.
+  /// Same for a command that lets others run between its parts. Adds the polls' share of its own
+  /// line time, and other commands for as long as itself.
   std::chrono::nanoseconds bound_giving_way(std::chrono::nanoseconds own,
                                             std::chrono::nanoseconds ahead,
                                             std::chrono::nanoseconds longest_poll) const;
 
   void device_answered(DeviceId device);
   enum class AskedBy : std::uint8_t { poll, command };
-  /// One more exchange without an answer. True when the device is silent from now on or still: its
-  /// polls rest until the back-off has passed. Commands begin a rest and never make one longer: a
-  /// stream of them would keep the polls from finding that the tags are bad.
+  /// Counts one more exchange without an answer. True if the device is silent now: its polls rest
+  /// until the back-off has passed. Commands begin a rest and never extend one: a stream of them
+  /// would keep the polls from finding that the tags are bad.
   bool device_unanswered(DeviceId device, SteadyTime now, AskedBy by = AskedBy::poll);
   bool is_silent(DeviceId device) const { return devices_[device].silent; }
 
@@ -140,27 +142,27 @@ class PollScheduler final {
     std::chrono::nanoseconds within{0};
     std::uint32_t exchanges = 1;
     SteadyTime due{};                   ///< of the next cycle
-    std::optional<SteadyTime> at_once;  ///< of one before it
+    std::optional<SteadyTime> at_once;  ///< of an extra cycle before it
     SteadyTime deadline{};              ///< of the running cycle
     bool running = false;
-    bool extended = false;  ///< the running cycle, by extend_cycle()
+    bool extended = false;  ///< extend_cycle() was called for the running cycle
     std::uint32_t exchange = 0;
     SteadyTime not_before{};            ///< of the running cycle's next step
-    std::chrono::nanoseconds used{0};   ///< by the running cycle
-    std::chrono::nanoseconds usual{0};  ///< by a whole cycle, smoothed; 0: none has ended
-    double polls_owed = 0;              ///< below 1: what stretched intervals have not yet counted
-    bool off_grid = false;              ///< stretched intervals have taken it off the common grid
+    std::chrono::nanoseconds used{0};   ///< line time of the running cycle
+    std::chrono::nanoseconds usual{0};  ///< line time of a whole cycle, smoothed; 0: none has ended
+    double polls_owed = 0;              ///< below 1: misses of stretched intervals, not yet counted
+    bool off_grid = false;              ///< stretched intervals have moved it off the common grid
   };
 
   static SteadyTime begins_at(const Group& group);
   static SteadyTime deadline_of(const Group& group);
-  /// The due group that goes first, or none.
+  /// Returns the due group that goes first, or null.
   Group* most_urgent(SteadyTime now);
   PollStep begin_or_continue(Group& group, SteadyTime now);
   void begin_ahead(Group& group, SteadyTime now);
   void begin_by_interval(Group& group, SteadyTime now);
-  /// The most poll time that next() puts before or between commands of `line_time` in all, what is
-  /// owed to the polls already included, if the longest poll exchange takes `longest_poll`.
+  /// Returns the most poll time that next() puts before or between commands of `line_time` in
+  /// total, including what is owed to the polls. `longest_poll` is the longest poll exchange.
   std::chrono::nanoseconds polls_between(std::chrono::nanoseconds line_time,
                                          std::chrono::nanoseconds longest_poll) const;
   SteadyTime next_wake() const;

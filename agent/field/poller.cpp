@@ -18,21 +18,22 @@ using std::chrono::milliseconds;
 using std::chrono::nanoseconds;
 using Clock = std::chrono::steady_clock;
 
-// How long a group without an interval rests where no way of its device's model reaches its tags.
+// Rest of a group without an interval if its plan has no reads: its device's model cannot read its
+// tags, or refuses them all.
 constexpr milliseconds kNothingToRead{1000};
-// A group without an interval that is faster than the broker looks again so soon.
+// Rest of a group without an interval while it is faster than the broker.
 constexpr std::chrono::microseconds kUplinkRest{500};
-// An overload is over when the line has a little to spare, so that the log stays quiet at the edge.
+// An overload ends when the line has a little to spare, so that the log stays quiet at the edge.
 constexpr double kOverloadOver = 0.95;
-// A device that says it is busy is asked again once it may have finished.
+// Pause before a busy device is asked again.
 constexpr milliseconds kBusyPause{100};
-// The RUN state is asked for soon after its interval, however busy the groups keep the line.
+// The RUN state is read this soon after it is due, however busy the groups keep the line.
 constexpr milliseconds kQuestionWithin{2000};
-// A cycle looks for what is missing until refusals have taken so long, which is about half of it,
-// and so many of them in any case: one missing place is found among 10,000 by less.
+// A cycle searches for what is missing until refusals have taken this long, which is about half of
+// the search, and allows at least this many. One missing place among 10,000 takes fewer.
 constexpr milliseconds kRefusedTime{5000};
 constexpr std::uint32_t kFewRefusals = 32;
-// A device that gives ever new reasons is not quoted for ever.
+// Limits the log of a device that gives ever new reasons.
 constexpr std::size_t kMostTold = 8;
 
 bool has_way_by_itself(const AddressSpace& addresses, std::uint16_t space) {
@@ -40,12 +41,12 @@ bool has_way_by_itself(const AddressSpace& addresses, std::uint16_t space) {
   return std::any_of(ways.begin(), ways.end(), [](const ReadWay& way) { return way.gather == 0; });
 }
 
-/// HoleMap::version() of the device.
+/// Returns HoleMap::version() of the device.
 std::uint32_t holes_version(const LinkDevice& device) {
   return device.holes ? device.holes->version() : 0;
 }
 
-/// True if the device says that it does not have what was asked.
+/// True if the device replies that it does not have what was asked.
 bool is_lack(const Codec& codec, const Request& request, const Exchange& exchange) {
   const auto meaning = codec.meaning_of(request, exchange.reply.device_code);
   return meaning == RefusalMeaning::final || meaning == RefusalMeaning::hole;
@@ -76,8 +77,8 @@ nanoseconds Poller::add_groups(LinkDevice& device, nanoseconds after) {
   for (std::uint32_t g = 0; g < device.config.groups.size(); ++g) {
     auto group = std::make_unique<GroupPoll>(device.config, g);
     if (group->cycle.tags().empty()) continue;
-    // Each group begins when those before it should be through, and meets them there again and
-    // again where the intervals are multiples of each other.
+    // Each group begins when those before it should be finished. If the intervals are multiples of
+    // each other, it meets them there again and again.
     const milliseconds interval = device.config.groups[g].interval;
     const nanoseconds begins = (after + total) % nanoseconds(std::max(interval, milliseconds(1)));
     group->id = scheduler_.add_group(device.id, interval, 1, on_grid(from + begins, interval));
@@ -94,7 +95,7 @@ void Poller::add_question(LinkDevice& device) {
       device.id, kQuestionInterval, 1, on_grid(first_time(), kQuestionInterval), kQuestionWithin);
 }
 
-/// A link that has been open for a while has no other first time than now.
+/// Returns the time of the next open, or now if that has passed.
 SteadyTime Poller::first_time() const { return std::max(Clock::now(), state_.next_open()); }
 
 Plan Poller::plan_of(const LinkDevice& device, const GroupPoll& group,
@@ -119,7 +120,7 @@ void Poller::refresh_plan(LinkDevice& device, GroupPoll& group) {
     log::info("device", {{"device", device.config.name},
                          {"turnaround_ms", milliseconds_text(device.turnaround.value())},
                          {"planned_with_ms", milliseconds_text(planned_with)}});
-  // Without a line speed a plan has the fewest exchanges, whatever they take.
+  // Without a line speed, a plan has the fewest exchanges, whatever their line time.
   if (link_.char_time.count() > 0) stale |= group.turnaround != device.turnaround.value();
   if (stale) make_plan(device, group);
 }
@@ -131,7 +132,7 @@ nanoseconds Poller::longest_poll() const {
     std::vector<const Plan*> plans;
     for (const auto& group : device->groups) plans.push_back(&group->cycle.plan());
     nanoseconds of_device = fxagent::longest_poll(*device->codec, plans, timing);
-    // The questions about the model go as one with the read that they precede.
+    // The questions about the model count as one exchange with the read that follows them.
     if (!device->state.is_model_known())
       for (const Request& question : device->config.codec->plc()->identify())
         of_device += exchange_time(*device->codec, question, timing);
@@ -142,7 +143,7 @@ nanoseconds Poller::longest_poll() const {
 
 // ---- one step -----------------------------------------------------------------------------------
 
-// No coroutine itself: a poll has one frame less that way.
+// Not a coroutine: a poll has one frame less that way.
 asio::awaitable<void> Poller::run(PollScheduler::PollStep step) {
   for (const auto& device : devices_) {
     if (device->question_group == step.group) return ask_question(*device, step);
@@ -180,14 +181,14 @@ asio::awaitable<void> Poller::read_group(LinkDevice& device, GroupPoll& group,
     BadReason failure = BadReason::timeout;
     const Knowledge knowledge = co_await ask_model(device, failure);
     if (knowledge == Knowledge::unanswered) fail_cycle(device, group, failure);
-    if (knowledge != Knowledge::known) co_return;  // under a new plan the cycle is offered again
+    if (knowledge != Knowledge::known) co_return;  // a new plan: the cycle is offered again
   }
   if (group.cycle.plan().reads.empty()) {
     scheduler_.abandon_cycle(group.id, Clock::now() + kNothingToRead);
     finish_cycle(device, group);
     co_return;
   }
-  // What a command may have changed goes first; then the same step is offered again.
+  // Data that a command may have changed is read first; then the same step is offered again.
   const Plan& plan = group.cycle.plan();
   const auto outdated = group.cycle.outdated();
   if (!outdated && group.cycle.has_images(plan.reads_in(step.exchange))) {
@@ -205,7 +206,7 @@ void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollSchedu
   if (state_.is_stopping()) return;
   state_.heard_foreign(device, exchange);
   scheduler_.step_used(step, exchange.line_time());
-  if (exchange.doubted) {  // the device is there; what it says is not believed
+  if (exchange.doubted) {  // the device is there, but its data is not trusted
     state_.answered(device);
     exchange.outcome = Exchange::Outcome::garbled;
   }
@@ -226,7 +227,8 @@ void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollSchedu
     fail_cycle(device, group, BadReason::link_down);
     return;
   }
-  // In doubt each exchange takes its silences, and a repeat would not be believed either.
+  // While the bus is doubted, each exchange takes its silences, and a repeat would be doubted as
+  // well.
   bool repeatable = exchange.outcome == Exchange::Outcome::garbled && !bus_.doubt().is_doubted();
   bool is_hole = false;
   if (exchange.is_nak()) {
@@ -245,7 +247,7 @@ void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollSchedu
     is_hole = meaning == RefusalMeaning::hole;
     repeatable = take_refusal(device, group, step, asked, exchange, meaning);
   }
-  // The poll scheduler offers the same step again, after the commands that wait.
+  // The poll scheduler offers the same step again after the waiting commands.
   if (repeatable && group.cycle.may_repeat()) return;
   if (exchange.is_data() && device.holes) {
     if (asked.reads.size() > 1) device.holes->read_together(asked.reads.size());
@@ -284,7 +286,7 @@ bool Poller::read_by_other_ways(LinkDevice& device, GroupPoll& group,
   for (const std::uint32_t point : points)
     refused.push_back(device.config.tags[group.cycle.tags()[point]].point);
   Plan part = plan_of(device, group, refused);
-  // Commands that wait were told how long they may take.
+  // Waiting commands have a bound that relies on longest_poll().
   const Plan* only = &part;
   if (scheduler_.commands_waiting() > 0 &&
       fxagent::longest_poll(*device.codec, std::span(&only, 1),
@@ -382,7 +384,7 @@ void Poller::give_up_command(LinkDevice& device, std::uint8_t gather, const std:
                {"refused", "a read of several places in one frame"},
                {"reason", reason},
                {"note", "this device lacks the command: its places are read without it"}});
-  // The running cycles begin anew, and nothing in them is bad for the want of a command.
+  // The running cycles begin anew, so that no tag is bad for lack of a command.
   for (const auto& group : device.groups) make_plan(device, *group);
 }
 
@@ -494,7 +496,7 @@ asio::awaitable<void> Poller::compare_model(LinkDevice& device, PollScheduler::P
     end_cycle();
     co_return state_.lost(exchange.error);
   }
-  // A device that lacks this question alone stays online: its silence does not count here.
+  // A device that lacks only this question stays online: its silence does not count here.
   const bool is_final = exchange.is_nak() && is_lack(*device.codec, question, exchange);
   const bool is_told = !exchange.doubted && (exchange.is_data() || is_final);
   if (is_told) device.model_images.push_back(exchange.is_data() ? exchange.reply.image : Bytes{});
@@ -514,7 +516,7 @@ asio::awaitable<void> Poller::compare_model(LinkDevice& device, PollScheduler::P
 
 asio::awaitable<Exchange> Poller::ask_of_model(LinkDevice& device, const Request& question) {
   Exchange exchange;
-  // A model may be told by what it refuses, and noise on a request is refused like anything else.
+  // A refusal may identify the model, but a request spoilt by noise is refused as well.
   for (int attempt = 0; attempt < 2; ++attempt) {
     exchange = co_await bus_.exchange(device.station, question);
     if (state_.is_stopping()) co_return exchange;
@@ -529,10 +531,10 @@ asio::awaitable<Exchange> Poller::ask_of_model(LinkDevice& device, const Request
 }
 
 asio::awaitable<Poller::Knowledge> Poller::ask_model(LinkDevice& device, BadReason& failure) {
-  const PlcServices& asking = *device.config.codec->plc();  // else the model would be known
+  const PlcServices& asking = *device.config.codec->plc();  // null only if the model is known
   const std::vector<Request> questions = asking.identify();
   std::vector<Bytes> images;
-  bool passing = false;  // a refusal that may be none the next time
+  bool passing = false;  // a refusal that may not recur
   for (const Request& question : questions) {
     const Exchange exchange = co_await ask_of_model(device, question);
     if (state_.is_stopping()) co_return Knowledge::unanswered;

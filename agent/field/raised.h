@@ -1,10 +1,10 @@
-// A flag that is up while something is under way, exceptions and cancelled coroutines included.
-// Pure.
+// Keeps a flag set while an operation is in progress. Clears it even if an exception or a cancelled
+// coroutine ends the operation. Pure.
 #pragma once
 
 namespace fxagent {
 
-/// The flag is up as long as this lives, whatever ends it.
+/// The flag is true during the lifetime of this object.
 class Raised final {
  public:
   explicit Raised(bool& flag) : flag_(flag) { flag_ = true; }

@@ -19,13 +19,13 @@ nanoseconds part(nanoseconds whole, double share) {
 }  // namespace
 
 ReconnectPolicy::ReconnectPolicy(ReconnectRules rules, std::uint64_t seed) : rules_(rules) {
-  // By itself the generator begins near its seed.
+  // Without this, the first values of the generator are near its seed.
   std::seed_seq mixed{seed & 0xFFFFFFFFU, seed >> 32};
   jitter_.seed(mixed);
 }
 
 LinkStart ReconnectPolicy::start(std::size_t links, milliseconds period) {
-  // A link that is alone begins at once.
+  // A single link begins at once.
   const auto others = static_cast<std::int64_t>(links > 0 ? links - 1 : 0);
   const nanoseconds polls = std::min<nanoseconds>(kPollsOfOneLink * others, period);
   const nanoseconds openings = std::min<nanoseconds>(kOpeningOfOneLink * others, polls);

@@ -1,6 +1,7 @@
-// When a link's channel is opened: at the start, after a loss and after each vain attempt. Many
-// links that share a host, a switch or a power cut must not all knock at the same moment, so every
-// time has its jitter. Pure: gives durations, the worker has the clock. Field thread.
+// Decides when the channel of a link is opened: at the start, after a loss and after each failed
+// attempt. Links that share a host, a switch or a power cut must not all connect at the same
+// moment, so every delay has jitter. Pure: returns durations; the worker has the clock. Field
+// thread.
 #pragma once
 
 #include <chrono>
@@ -9,14 +10,14 @@
 
 namespace fxagent {
 
-/// Limits of the times between attempts.
+/// Limits of the delays between attempts.
 struct ReconnectRules {
-  std::chrono::milliseconds first{500};  ///< after the first vain attempt; doubles with each
+  std::chrono::milliseconds first{500};  ///< after the first failed attempt; doubles with each
   std::chrono::milliseconds cap{30000};
-  std::chrono::milliseconds after_loss{0};  ///< a channel that was open is tried again within
+  std::chrono::milliseconds after_loss{0};  ///< longest delay after a loss
 };
 
-/// What a link does at its start.
+/// Delays of a link at its start.
 struct LinkStart {
   std::chrono::nanoseconds open_after{0};
   std::chrono::nanoseconds poll_after{0};  ///< never before open_after
@@ -24,19 +25,19 @@ struct LinkStart {
 
 class ReconnectPolicy final {
  public:
-  /// Links with different seeds have nothing in common, however near to each other these are.
+  /// Links with different seeds get independent delays, however near to each other the seeds are.
   ReconnectPolicy(ReconnectRules rules, std::uint64_t seed);
 
-  /// Somewhere in the time over which the starts of so many links are spread: 10 ms for each one's
-  /// polls and 1 ms for its opening, polls within `period` in all.
+  /// Returns random delays that spread the starts of this many links: 10 ms for the polls of each
+  /// other link and 1 ms for its opening, the polls within `period` in total.
   LinkStart start(std::size_t links, std::chrono::milliseconds period);
-  /// How long to wait after an open channel was lost.
+  /// Returns the delay after the loss of an open channel.
   std::chrono::nanoseconds after_loss();
-  /// How long to wait after a vain attempt: doubling from `first`, or from `least` where that is
-  /// more, to `cap`, a fifth more or less.
+  /// Returns the delay after a failed attempt. Doubles from `first`, or from `least` if that is
+  /// more, up to `cap`, with a jitter of ±20 %.
   std::chrono::nanoseconds after_failure(
       std::chrono::milliseconds least = std::chrono::milliseconds{0});
-  /// The channel is open: the next failure is a first one.
+  /// Records that the channel is open: the next failure counts as the first.
   void opened() { delay_ = {}; }
 
  private:

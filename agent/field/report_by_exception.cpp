@@ -10,19 +10,20 @@
 namespace fxagent {
 namespace {
 
-// Of its interval a cycle may be late by this part.
+// A cycle may be late by 1/10 of its interval.
 constexpr int kLateShare = 10;
 
 bool is_silence(BadReason reason) {
   return reason == BadReason::timeout || reason == BadReason::link_down;
 }
 
-/// What binary fractions can lose in a difference: 0.3 - 0.2 is a little less than 0.1.
+/// Returns the rounding error of a difference of binary fractions: 0.3 - 0.2 is a little less than
+/// 0.1.
 double rounding(double x, double y) {
   return 4 * std::numeric_limits<double>::epsilon() * std::max(std::abs(x), std::abs(y));
 }
 
-/// Whether two values of one tag are at least `deadband` apart, in any element.
+/// True if two values of one tag differ by at least `deadband` in any element.
 bool apart(const Value& a, const Value& b, std::optional<double> deadband) {
   if (!deadband || a.items.size() != b.items.size()) return a != b;
   for (std::size_t i = 0; i < a.items.size(); ++i) {
@@ -69,7 +70,7 @@ ReportByException::ReportByException(const DeviceConfig& device, std::uint32_t g
   if (group_.on_change) sent_.resize(tags_.size());
 }
 
-/// `fresh`: the value of this cycle, where the tag is good.
+/// `fresh`: the value of this cycle, if the tag is good.
 bool ReportByException::differs(std::size_t index, const Value& fresh) const {
   const State& state = states_[index];
   if (!state.was_sent) return true;

@@ -1,5 +1,6 @@
-// What one group says after a cycle: which tags are good, which are bad since when, and whether
-// there is anything to say at all (publish: on_change). Pure: time is an argument. Field thread.
+// Decides what one group reports after a cycle: which tags are good, which are bad since when, and
+// if there is anything to report at all (publish: on_change). Pure: time is an argument. Field
+// thread.
 #pragma once
 
 #include <cstdint>
@@ -16,33 +17,33 @@ namespace fxagent {
 
 class ReportByException final {
  public:
-  /// `device` outlives the report.
+  /// `device` must outlive the report.
   ReportByException(const DeviceConfig& device, std::uint32_t group);
 
   /// Indices of the group's tags in DeviceConfig::tags, in order.
   const std::vector<std::uint32_t>& tags() const { return tags_; }
 
-  /// Takes what a cycle brought, known at `ts_ms`: a reading for each of tags(), in that order,
-  /// with a good value, or bad without one. Returns them with what bad ones had before; nullopt
-  /// where the group has nothing new to say: on_change without a change, or a device that is still
-  /// silent. `now` measures max_silent only, and so does `next`, when the next cycle is due: where
-  /// that would be too late, on_change speaks now. A device that is silent speaks no sooner than
+  /// Takes the readings of a cycle, known at `ts_ms`: one for each of tags() in that sequence,
+  /// either with a good value or bad without one. Returns them, bad ones with their last good
+  /// value, or nullopt if the group has nothing new to report: on_change without a change, or a
+  /// device that is still silent. `now` and `next` serve max_silent only: if the next cycle at
+  /// `next` would be too late, on_change reports now. A silent device reports no sooner than
   /// max_silent.
   std::optional<std::vector<TagReading>> cycle(std::vector<TagReading> readings, std::int64_t ts_ms,
                                                SteadyTime now, SteadyTime next = {});
 
-  /// A command has just written or read back `tag`: the reading to publish at once. on_change
-  /// compares with this value from now on.
+  /// Returns the reading to publish at once after a command has written or read back `tag`.
+  /// Afterwards on_change compares with this value.
   TagReading written(std::uint32_t tag, Value value, std::int64_t ts_ms);
 
-  /// A command has written, or may have, where `tag` lies: its last good value is none any more.
+  /// Discards the last good value of `tag`, because a command has written there, or may have.
   void overwritten(std::uint32_t tag);
 
-  /// How many tags are bad, and the reason of the first; nullopt where none is.
+  /// Returns the reason of the first bad tag; nullopt if none is bad.
   std::optional<BadReason> first_bad() const;
 
  private:
-  /// A value at rest: a number or a boolean in place, anything else on the heap.
+  /// A stored value: a number or a boolean in place, anything else on the heap.
   class Kept final {
    public:
     Kept() = default;
@@ -52,7 +53,7 @@ class ReportByException final {
    private:
     std::variant<std::monostate, bool, std::int64_t, double, std::unique_ptr<const Value>> kept_;
   };
-  // There is one for each tag of the plant.
+  // A plant has one for each of its tags, so it is small.
   struct State {
     Kept value;  ///< last good
     std::int64_t value_ms = 0;
@@ -69,10 +70,10 @@ class ReportByException final {
   const DeviceConfig& device_;
   const GroupConfig& group_;
   std::vector<std::uint32_t> tags_;
-  std::vector<State> states_;  ///< beside tags_
-  /// Beside tags_, for those that are bad; empty while none is.
+  std::vector<State> states_;  ///< parallel to tags_
+  /// Parallel to tags_, for the bad ones; empty while none is bad.
   std::vector<std::int64_t> bad_since_ms_;
-  std::vector<Kept> sent_;  ///< on_change, beside tags_: last good values that were published
+  std::vector<Kept> sent_;  ///< on_change, parallel to tags_: last published good values
   std::optional<SteadyTime> last_sent_;
 };
 

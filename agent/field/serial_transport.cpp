@@ -20,11 +20,11 @@
 namespace fxagent {
 namespace {
 
-// Modem lines of <asm/termios.h>, which cannot be included beside <sys/ioctl.h>.
+// Modem lines of <asm/termios.h>, which cannot be included together with <sys/ioctl.h>.
 constexpr int kModemDtr = 0x002;
 constexpr int kModemRts = 0x004;
 
-// What an adapter may hold a reply back for without anybody noticing.
+// An adapter may hold a reply back for this long without a noticeable effect.
 constexpr int kGoodTimerMs = 2;
 
 std::string reason(int number) { return std::system_category().message(number); }
@@ -103,7 +103,8 @@ class SerialTransport final : public Transport {
 
  private:
   tl::unexpected<Error> failed(std::string_view what, int number) {
-    // Who has it is looked for once while it stays so: that takes its time, and others poll.
+    // The search for the program that holds the port takes time while other links poll. It runs
+    // once per fault.
     if (number != fault_) {
       fault_ = number;
       cure_ = port_cure(settings_.path, number);
@@ -112,8 +113,8 @@ class SerialTransport final : public Transport {
                 settings_.path + " " + std::string(what) + ": " + reason(number) + cure_);
   }
 
-  /// Exclusive, raw, at the speed and parity asked for, DTR and RTS raised or RTS left to the
-  /// kernel.
+  /// Makes the port exclusive and raw, and sets its speed and parity. Raises DTR, and RTS unless
+  /// the kernel switches it.
   Result<void> set_up(int fd) {
     if (flock(fd, LOCK_EX | LOCK_NB) != 0) return failed("is locked", errno);
     termios2 line{};
@@ -149,8 +150,8 @@ class SerialTransport final : public Transport {
     if (settings_.rs485)
       if (const std::string fault = switch_direction(fd, *settings_.rs485); !fault.empty())
         return fail(ErrorCode::link_down, settings_.path + " " + fault);
-    // A pty has none; SC-09 converters take their power from them. As the direction RTS is the
-    // kernel's.
+    // A pty has no modem lines; SC-09 converters draw their power from them. With rs485, the kernel
+    // switches RTS.
     const int lines = settings_.rs485 ? kModemDtr : kModemDtr | kModemRts;
     ioctl(fd, TIOCMBIS, &lines);
     set_low_latency(fd);
@@ -176,8 +177,8 @@ class SerialTransport final : public Transport {
   asio::posix::stream_descriptor stream_;
   Deadline<asio::posix::stream_descriptor> deadline_;
   bool told_of_pty_ = false;
-  int fault_ = 0;     ///< errno of the last failure, 0 while it is open
-  std::string cure_;  ///< of that
+  int fault_ = 0;     ///< errno of the last failure; 0 while the port is open
+  std::string cure_;  ///< remedy of that failure
 };
 
 }  // namespace

@@ -1,4 +1,5 @@
-// A serial port: raw termios, exclusive, reopened by its path after it vanished. Field thread only.
+// A serial port: raw termios, exclusive, reopened by its path after it has vanished. Field thread
+// only.
 #pragma once
 
 #include <asio/any_io_executor.hpp>
@@ -9,9 +10,9 @@
 
 namespace fxagent {
 
-/// A closed port; open() opens `settings.path`. On a pty 7 data bits and parity are tolerated
-/// though the kernel does not keep them (it has no line); on a real port such a refusal is an
-/// error.
+/// Returns a closed port; open() opens `settings.path`. On a pty, 7 data bits and parity are
+/// tolerated although the kernel does not keep them (there is no line). On a real port such a
+/// refusal is an error.
 std::unique_ptr<Transport> make_serial_transport(asio::any_io_executor executor,
                                                  SerialSettings settings);
 

@@ -14,7 +14,7 @@ namespace fxagent {
 
 inline constexpr auto use_result = asio::experimental::as_tuple(asio::use_awaitable);
 
-/// As Transport::read_some; `name` is for the error text.
+/// Same as Transport::read_some(). `name` is for the error text.
 template <class Stream>
 asio::awaitable<Result<std::size_t>> read_some(Stream& stream, Deadline<Stream>& deadline,
                                                MutableBytes into, SteadyTime at,
@@ -31,7 +31,7 @@ asio::awaitable<Result<std::size_t>> read_some(Stream& stream, Deadline<Stream>&
                  name + ": " + (by_peer ? "the peer closed the connection" : error.message()));
 }
 
-/// As Transport::write. The stream is in non-blocking mode.
+/// Same as Transport::write(). The stream must be in non-blocking mode.
 template <class Stream>
 asio::awaitable<Transport::Written> write_all(Stream& stream, Deadline<Stream>& deadline,
                                               ByteView bytes, SteadyTime at,
@@ -40,7 +40,7 @@ asio::awaitable<Transport::Written> write_all(Stream& stream, Deadline<Stream>& 
   deadline.arm(at);
   while (written.sent < bytes.size()) {
     const ByteView rest = bytes.subspan(written.sent);
-    // Nearly always there is room, and then no turn of the event loop is needed.
+    // The stream nearly always has room, and then no turn of the event loop is needed.
     asio::error_code error;
     std::size_t count = stream.write_some(asio::buffer(rest.data(), rest.size()), error);
     if (error == asio::error::would_block)

@@ -15,7 +15,7 @@ namespace {
 
 using asio::ip::tcp;
 
-// A cable pulled between two polls is noticed within about 20 s even where nobody speaks.
+// Detects a cable pulled between two polls within about 20 s, even while nothing is sent.
 constexpr int kKeepAliveIdleSeconds = 10;
 constexpr int kKeepAliveIntervalSeconds = 3;
 constexpr int kKeepAliveProbes = 3;

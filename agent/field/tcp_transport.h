@@ -1,4 +1,5 @@
-// A TCP stream to a transparent serial server or a device. No delay, keep-alive. Field thread only.
+// A TCP stream to a transparent serial server or a device, with no-delay and keep-alive. Field
+// thread only.
 #pragma once
 
 #include <asio/any_io_executor.hpp>
@@ -9,7 +10,7 @@
 
 namespace fxagent {
 
-/// A closed stream; open() resolves and connects.
+/// Returns a closed stream; open() resolves the host and connects.
 std::unique_ptr<Transport> make_tcp_transport(asio::any_io_executor executor, TcpSettings settings);
 
 }  // namespace fxagent

@@ -18,7 +18,7 @@ namespace {
 
 using asio::ip::udp;
 
-// No frame is longer; of a longer datagram the rest is lost.
+// No frame is longer; the rest of a longer datagram is lost.
 constexpr std::size_t kLongestDatagram = 8192;
 
 class UdpTransport final : public Transport {
@@ -72,7 +72,7 @@ class UdpTransport final : public Transport {
   asio::awaitable<Result<std::size_t>> read_some(MutableBytes into, SteadyTime at) override {
     deadline_.arm(at);
     asio::error_code error;
-    // One without a byte says nothing, and many of them are no reason to stay.
+    // An empty datagram is not an answer, and a stream of them must not extend the wait.
     bool is_empty = false;
     while (!has_rest() && !error) {
       const bool is_over = is_empty && now() >= at;
@@ -100,7 +100,7 @@ class UdpTransport final : public Transport {
     if (!socket_.is_open()) return fail(ErrorCode::link_down, name_ + ": not open");
     Bytes found(datagram_.begin() + static_cast<std::ptrdiff_t>(given_), datagram_.end());
     forget_datagram();
-    std::size_t taken = found.size();  // and one for each that has no byte
+    std::size_t taken = found.size();  // plus one for each empty datagram
     while (taken < kMostDiscarded) {
       const asio::error_code error = receive();
       if (error == asio::error::would_block) break;
@@ -124,7 +124,8 @@ class UdpTransport final : public Transport {
   }
 
  private:
-  /// The one that has answered, as long as the name has it; else the one behind the last.
+  /// Returns the address that has answered, while the name still has it; otherwise the one after
+  /// the last.
   asio::ip::address address_of(const std::vector<asio::ip::address>& found) const {
     const auto last = std::ranges::find(found, endpoint_.address());
     if (last == found.end()) return found.front();
@@ -133,7 +134,7 @@ class UdpTransport final : public Transport {
   }
 
   Result<void> take_port() {
-    // The old one is closed behind it, or the new one might get the same port.
+    // The old socket is closed afterwards, or the new one might get the same port.
     udp::socket taken(socket_.get_executor());
     asio::error_code error;
     taken.open(endpoint_.protocol(), error);
@@ -146,7 +147,7 @@ class UdpTransport final : public Transport {
     close();
     asked_ = false;
     if (!error) socket_ = std::move(taken);
-    // Until it was connected anybody could send to it.
+    // Before it was connected, any sender could reach it.
     if (!error && !discard_input()) error = asio::error::connection_refused;
     if (!error) return {};
     close();
@@ -163,7 +164,7 @@ class UdpTransport final : public Transport {
     return {error, error ? 0 : count};
   }
 
-  /// The next datagram, whole, into datagram_.
+  /// Receives the next whole datagram into datagram_.
   asio::error_code receive() {
     forget_datagram();
     std::uint8_t bytes[kLongestDatagram];
@@ -200,7 +201,7 @@ class UdpTransport final : public Transport {
   bool answered_ = false;  ///< the endpoint has sent something since open()
   bool asked_ = false;     ///< something was sent from this port
   Bytes datagram_;
-  std::size_t given_ = 0;  ///< bytes of it
+  std::size_t given_ = 0;  ///< bytes of it already read
   udp::socket socket_;
   Deadline<udp::socket> deadline_;
 };

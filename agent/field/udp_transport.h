@@ -1,4 +1,5 @@
-// Datagrams to one device and back, on a socket that takes none of anybody else. Field thread only.
+// Datagrams to and from one device, on a socket that accepts none from other senders. Field thread
+// only.
 #pragma once
 
 #include <asio/any_io_executor.hpp>
@@ -9,8 +10,8 @@
 
 namespace fxagent {
 
-/// A closed socket; open() resolves and takes a port. It is open then whether or not the device is
-/// there. Of a name with several addresses each open() takes the next one, until one has answered.
+/// Returns a closed socket; open() resolves the host and takes a port, whether or not the device is
+/// there. If the name has several addresses, each open() takes the next one until one has answered.
 std::unique_ptr<Transport> make_udp_transport(asio::any_io_executor executor, UdpSettings settings);
 
 }  // namespace fxagent

@@ -11,7 +11,7 @@ namespace {
 
 using std::chrono::nanoseconds;
 
-// What a line takes beside its bytes, each of which is three characters.
+// Size of a log line without its bytes, each of which takes three characters.
 constexpr std::size_t kLineBytes = 192;
 
 std::string ms_text(nanoseconds duration) {

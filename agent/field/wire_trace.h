@@ -1,6 +1,6 @@
-// Shows the frames of one link in the log while they pass: time, direction, bytes, and what they
-// mean. For an engineer with a serial problem. A link that is not traced has none. What a frame
-// means is worked out on the log's thread, so that a trace moves no poll. Field thread.
+// Logs the frames of one link as they pass: time, direction, bytes and meaning. For an engineer
+// with a serial problem; exists only while the link is traced. The log thread explains the frames,
+// so that a trace delays no poll. Field thread.
 #pragma once
 
 #include <chrono>
@@ -20,28 +20,29 @@ class WireTrace final {
   /// `link`: its name in the config.
   explicit WireTrace(std::string link) : link_(std::move(link)) {}
 
-  /// What follows is spoken to this device, whose codec explains it.
+  /// Sets the device of the following frames; its codec explains them.
   void speak_to(std::string_view device, std::shared_ptr<const Codec> codec);
 
-  /// Left the agent, as far as it was sent.
+  /// Logs the bytes that left the agent.
   void out(ByteView bytes) const;
-  /// The answer came so long after the first byte of its question left.
+  /// Logs an answer; `after` is the time since the first byte of its request left.
   void answer(ByteView bytes, std::chrono::nanoseconds after) const;
-  /// No answer: `bytes` came within that time, or nothing. `why` says what is wrong; empty: there
-  /// is no end of it.
+  /// Logs a missing answer: `bytes`, possibly none, came within that time. `why` says what is
+  /// wrong; empty: the answer is missing or incomplete.
   void no_answer(ByteView bytes, std::chrono::nanoseconds within, std::string why) const;
-  /// Bytes that came when no answer was due, or beside one.
+  /// Logs bytes that came when no answer was due, or around one.
   void unasked(ByteView bytes) const;
 
  private:
-  /// Whether it is told what the bytes mean, behind `note`.
+  /// Controls whether the log line explains the bytes, after `note`.
   enum class Explained : std::uint8_t { yes, no };
   void show(WireFrame::Way way, ByteView bytes, std::chrono::nanoseconds after, std::string note,
             Explained explained) const;
 
   const std::string link_;
   std::string device_;
-  /// The device's, and of what waits to be explained: the log's thread may be the last to have it.
+  /// Owned by the device and by frames waiting to be explained: the log thread may hold the last
+  /// reference.
   std::shared_ptr<const Codec> codec_;
 };
 
