@@ -8,7 +8,7 @@
 namespace fxagent::log {
 
 bool is_journal_stream(int handle) {
-  // Nobody changes the environment while the agent runs.
+  // The environment does not change while the agent runs.
   const char* named = std::getenv("JOURNAL_STREAM");  // NOLINT(concurrency-mt-unsafe)
   struct stat file {};
   if (named == nullptr || ::fstat(handle, &file) != 0) return false;

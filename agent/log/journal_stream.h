@@ -1,10 +1,10 @@
-// Whether a file is the journal of systemd, as JOURNAL_STREAM tells (systemd.exec(5)).
+// Detects the journal of systemd by JOURNAL_STREAM (systemd.exec(5)).
 #pragma once
 
 namespace fxagent::log {
 
-/// Device and inode of the open file `handle` are those that JOURNAL_STREAM names. It is false for
-/// a file that was redirected although the variable was inherited. Any thread.
+/// True if device and inode of the open file `handle` are those in JOURNAL_STREAM. False for a file
+/// that was redirected, even if the variable was inherited. Any thread.
 bool is_journal_stream(int handle);
 
 }  // namespace fxagent::log

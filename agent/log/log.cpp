@@ -29,7 +29,7 @@ std::atomic<Level> least_level = Level::info;
 std::atomic<Format> line_format = Format::text;
 std::atomic<bool> is_journal = false;
 
-/// How a level is called, and the priority that the journal knows it by (sd-daemon(3)).
+/// Name of a level, and its priority in the journal (sd-daemon(3)).
 struct Words {
   std::string_view level;
   std::string_view priority;
@@ -56,8 +56,8 @@ std::string_view priority(const Words& words) {
   return is_journal.load(std::memory_order_relaxed) ? words.priority : std::string_view();
 }
 
-/// A character of UTF-8 that would be cut in two is left out. Ours: utfcpp steps back over whole
-/// characters of valid text only.
+/// Leaves out a UTF-8 character that would be cut in two. Written here because utfcpp steps back
+/// over whole characters of valid text only.
 std::string shortened(std::string_view text, std::size_t most) {
   if (text.size() <= most) return std::string(text);
   std::size_t length = most;
@@ -81,7 +81,7 @@ std::string text_body(std::string_view event, std::span<const Field> fields, std
   return body;
 }
 
-/// Members of an object, without its braces.
+/// Returns members of an object, without its braces.
 std::string json_body(std::string_view event, std::span<const Field> fields, std::size_t most) {
   json::Writer out;
   out.key("event").string(event).key("fields").begin_object();
@@ -111,7 +111,7 @@ std::string whole_line(const Words& words, system_clock::time_point at, std::str
   return line;
 }
 
-/// The line of what was counted of equal ones.
+/// Returns the line that reports how many equal lines were not written.
 std::string repeated_body(std::uint64_t count, const std::string& body) {
   const std::string number = std::to_string(count);
   if (!is_json()) return format_line("repeated", {{"count", number}, {"line", body}});
@@ -121,7 +121,7 @@ std::string repeated_body(std::uint64_t count, const std::string& body) {
   return out.take();
 }
 
-/// Where lines end: at stderr, directly or by way of the writer.
+/// Destination of all lines: stderr, directly or through the writer.
 class Stderr final {
  public:
   void write(Level level, const std::string& body) {
@@ -158,7 +158,7 @@ class Stderr final {
     const std::shared_ptr<LogWriter> last = writer();
     if (!last) return;
     for (std::string& line : rest) last->write(std::move(line));
-    // Nobody reads: lines that follow would stand where these do.
+    // The reader is stuck: keep the writer, because later lines would block in its place.
     if (!last->flush(kGoodbye)) return;
     const std::lock_guard lock(mutex_);
     writer_.reset();
@@ -187,7 +187,7 @@ class Stderr final {
     return writer_;
   }
 
-  /// The equal lines that were counted in whiles which are over now.
+  /// Returns the counts of equal lines whose period is over.
   std::vector<std::string> told(LogRepeats::Time now) {
     const std::lock_guard lock(mutex_);
     std::vector<std::string> lines;
@@ -199,11 +199,11 @@ class Stderr final {
 
   std::mutex mutex_;
   LogRepeats repeats_;
-  std::shared_ptr<LogWriter> writer_;  ///< shared with those who write through it at this moment
+  std::shared_ptr<LogWriter> writer_;  ///< shared with threads that are writing through it
 };
 
-/// The one of the process: every room writes to the same stderr, so lines must not mix. It is never
-/// destroyed: the writer's thread may outlive everything.
+/// The only instance: all parts of the process write to the same stderr, and lines must not mix.
+/// Never destroyed, because the writer's thread may outlive everything else.
 Stderr& out() {
   static Stderr& instance = *new Stderr;
   return instance;

@@ -13,7 +13,7 @@ bool LogRepeats::take(Time now, int level, std::string_view text) {
     found = seen_.emplace(text, Seen{now + kWhile, level, 0}).first;
   }
   Seen& seen = found->second;
-  // A while that is over and has something to tell ends with over().
+  // A period that is over and has a count to report ends with over().
   if (seen.until <= now && seen.count <= kWritten) seen = {now + kWhile, level, 0};
   return ++seen.count <= kWritten;
 }

@@ -1,5 +1,5 @@
-// Which log lines are written: of equal ones the first few of a while; the rest is counted and
-// reported in one line when the while is over. Pure: time is an argument. One thread at a time.
+// Limits equal log lines. In each period the first few are written; the rest is counted and
+// reported in one line when the period is over. Pure: time is an argument. One thread at a time.
 #pragma once
 
 #include <chrono>
@@ -16,18 +16,18 @@ class LogRepeats final {
   using Time = std::chrono::steady_clock::time_point;
   static constexpr std::chrono::seconds kWhile{10};
   static constexpr std::uint64_t kWritten = 5;
-  /// So many texts are counted at a time; those beyond are written.
+  /// Most texts counted at a time; lines beyond these are written.
   static constexpr std::size_t kMostTexts = 256;
 
   struct Repeated {
     int level = 0;
     std::string text;
-    std::uint64_t count = 0;  ///< that were not written
+    std::uint64_t count = 0;  ///< lines not written
   };
 
-  /// Whether this line is to be written; otherwise it was counted.
+  /// True if this line is to be written; otherwise it is counted.
   bool take(Time now, int level, std::string_view text);
-  /// Of the whiles that are over at `now`, all of them at Time::max(): what was counted in them.
+  /// Returns the counts of all periods that are over at `now`; at Time::max(), of all periods.
   std::vector<Repeated> over(Time now);
 
  private:

@@ -86,13 +86,13 @@ void LogWriter::run(const std::shared_ptr<Shared>& shared, int handle, const Cal
   }
 }
 
-/// Whoever reads may be gone for good: then the text is nobody's.
+/// Discards the rest after an error: the reader may be gone for good.
 void LogWriter::write_all(int handle, const std::string& text) {
   for (std::size_t at = 0; at < text.size();) {
     const ssize_t count = ::write(handle, text.data() + at, text.size() - at);
     if (count >= 0) {
       at += static_cast<std::size_t>(count);
-    } else if (errno == EAGAIN) {  // somebody else has made it non-blocking
+    } else if (errno == EAGAIN) {  // another process has made it non-blocking
       pollfd room{handle, POLLOUT, 0};
       ::poll(&room, 1, -1);
     } else if (errno != EINTR) {

@@ -1,5 +1,5 @@
-// Writes log lines to a file descriptor, on a thread of its own: a pipe that nobody reads, a
-// terminal that was stopped or a slow disk holds up nobody who logs.
+// Writes log lines to a file descriptor on a separate thread, so that an unread pipe, a stopped
+// terminal or a slow disk does not block callers.
 #pragma once
 
 #include <chrono>
@@ -16,57 +16,59 @@ namespace fxagent::log {
 
 class LogWriter final {
  public:
-  /// What waits beyond this is dropped and counted.
+  /// Most bytes waiting; lines beyond these are dropped and counted.
   static constexpr std::size_t kMostBytes = std::size_t{256} << 10;
-  /// While all has been written at once so far, a line is waited for that long, so that it is out
-  /// when its writer dies of what it has just told.
+  /// While all lines so far were written at once, write() waits this long for its line, so that the
+  /// line is out if the caller then crashes.
   static constexpr std::chrono::milliseconds kWaitForLine{2};
   static constexpr std::chrono::seconds kAskEvery{1};
 
   struct Callbacks {
-    /// The line that tells how many were dropped. The writer's thread.
+    /// Returns the line that reports the number of dropped lines. Called on the writer's thread.
     std::function<std::string(std::uint64_t count)> dropped;
-    /// Lines that are due without anybody logging; asked for every second. The writer's thread.
+    /// Returns lines that are due without a call of write(). Called every second on the writer's
+    /// thread.
     std::function<std::vector<std::string>()> due;
   };
 
-  /// `handle` stays open for as long as the process lives. Throws std::system_error where there is
-  /// no thread.
+  /// `handle` stays open for the lifetime of the process. Throws std::system_error if no thread can
+  /// be started.
   LogWriter(int handle, Callbacks callbacks);
-  /// Gives up what is not written. A thread that stands in a write is left behind.
+  /// Discards what is not written. A thread that is blocked in a write is left behind.
   ~LogWriter();
   LogWriter(const LogWriter&) = delete;
   LogWriter& operator=(const LogWriter&) = delete;
 
-  /// A whole line with its end. Any thread but the writer's.
+  /// Writes a whole line with its line end. Any thread except the writer's.
   void write(std::string line);
-  /// A line that `make` makes, with its end, on the writer's thread, when its turn comes. It is
-  /// taken for `bytes` long and not waited for; where the queue is half full it is dropped. Any
-  /// thread but the writer's.
+  /// Writes a line that `make` returns, with its line end, on the writer's thread when the line's
+  /// turn comes. Counts it as `bytes` long and does not wait for it. Drops it if the queue is half
+  /// full. Any thread except the writer's.
   void write_later(std::size_t bytes, std::function<std::string()> make);
-  /// Waits until all is written, at most so long. False: it was not.
+  /// Waits until all is written, for at most `patience`. False: it was not.
   bool flush(std::chrono::milliseconds patience);
 
  private:
   struct Line {
     std::string text;
     std::function<std::string()> make;  ///< empty: `text` is the line
-    std::size_t bytes = 0;              ///< as it counts for kMostBytes
+    std::size_t bytes = 0;              ///< counted against kMostBytes
   };
-  /// Belongs to the writer and to its thread, which may outlive it.
+  /// Owned by the writer and by its thread, which may outlive it.
   struct Shared {
     std::mutex mutex;
     std::condition_variable news;     ///< for the thread
-    std::condition_variable written;  ///< for those who wait
+    std::condition_variable written;  ///< for waiting callers
     std::deque<Line> lines;
     std::size_t bytes = 0;
     std::uint64_t dropped = 0;
     std::uint64_t taken = 0;  ///< lines ever put into the queue
-    std::uint64_t done = 0;   ///< of these, those that are written
-    bool behind = false;      ///< a line was waited for in vain, and the queue is not empty since
+    std::uint64_t done = 0;   ///< number of these that are written
+    bool behind = false;      ///< a caller waited in vain, and the queue has not been empty since
     bool over = false;
   };
-  /// False: there is no room for it, and it is counted. Under the mutex.
+  /// Queues the line. False: the queue is full, and the line is counted as dropped. Call with the
+  /// mutex locked.
   bool take(Line line, std::size_t room);
   static void run(const std::shared_ptr<Shared>& shared, int handle, const Callbacks& callbacks);
   static void write_all(int handle, const std::string& text);

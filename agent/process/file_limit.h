@@ -1,16 +1,16 @@
-// How many files and sockets this process may open.
+// Limit of the files and sockets that this process may open.
 #pragma once
 
 #include <cstddef>
 
 namespace fxagent {
 
-/// Raises the limit as far as this process may. Throws what says why, where no more than `least`
-/// are allowed.
+/// Raises the limit as far as this process may. If it stays at `least` or below, throws
+/// std::runtime_error, whose text names the limit to raise.
 void raise_file_limit(std::size_t least);
 
-/// Logs where fewer than `needed` are allowed, and how that is cured: the links beyond stay down,
-/// and each says only that for itself. Once for a config.
+/// Logs an error if fewer than `needed` are allowed, with the cure. Links beyond the limit stay
+/// down, and each reports only its own failure. Call once per config.
 void say_where_files_are_too_few(std::size_t needed);
 
 }  // namespace fxagent

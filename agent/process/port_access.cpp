@@ -24,7 +24,7 @@
 namespace fxagent {
 namespace {
 
-// Of all processes so many open files are looked at.
+// Limit of open files that are examined, over all processes.
 constexpr int kMostFiles = 5000;
 
 struct CloseDirectory {
@@ -34,9 +34,9 @@ using Directory = std::unique_ptr<DIR, CloseDirectory>;
 
 Directory open_directory(const std::string& path) { return Directory(::opendir(path.c_str())); }
 
-/// The next entry that is a number; nullopt: there are no more.
+/// Returns the next entry that is a number; nullopt: there are none left.
 std::optional<int> next_number(DIR* directory) {
-  // Nobody else reads this stream.
+  // No other thread reads this stream.
   while (const dirent* entry = ::readdir(directory)) {  // NOLINT(concurrency-mt-unsafe)
     const std::string_view name = entry->d_name;
     int number = 0;
@@ -59,7 +59,7 @@ std::string program_of(int pid) {
   return name;
 }
 
-/// What it was called with; empty: this user may not see it.
+/// Returns the command line; empty: this user may not see it.
 std::vector<std::string> arguments_of(int pid) {
   std::ifstream file("/proc/" + std::to_string(pid) + "/cmdline", std::ios::binary);
   std::vector<std::string> arguments;
@@ -67,8 +67,8 @@ std::vector<std::string> arguments_of(int pid) {
   return arguments;
 }
 
-/// By the files that processes have open; of those of other users only root sees them. The maker of
-/// a pseudo-terminal, such as a simulator, is no holder: it has both ends open.
+/// Searches the open files of processes; only root sees those of other users. Skips the maker of a
+/// pseudo-terminal, such as a simulator, because it has both ends open.
 std::optional<int> holder_by_files(const std::string& real_path) {
   const Directory processes = open_directory("/proc");
   int files = 0;
@@ -89,7 +89,7 @@ std::optional<int> holder_by_files(const std::string& real_path) {
   return std::nullopt;
 }
 
-/// By the locks on it, which everybody may see: "1: FLOCK  ADVISORY  WRITE 4711 00:06:123 0 EOF".
+/// Searches the locks, which every user may see: "1: FLOCK  ADVISORY  WRITE 4711 00:06:123 0 EOF".
 std::optional<int> holder_by_lock(const struct stat& file) {
   std::array<char, 64> wanted{};
   std::snprintf(wanted.data(), wanted.size(), "%02x:%02x:%lu", major(file.st_dev),
@@ -105,7 +105,7 @@ std::optional<int> holder_by_lock(const struct stat& file) {
     std::string place;
     int pid = 0;
     words >> number >> kind;
-    if (kind == "->") continue;  // who waits for the lock above
+    if (kind == "->") continue;  // a process that waits for the lock above
     words >> advice >> access >> pid >> place;
     if (place == wanted.data() && pid > 0 && pid != ::getpid()) return pid;
   }
@@ -117,8 +117,8 @@ struct CloseFile {
 };
 using File = std::unique_ptr<std::FILE, CloseFile>;
 
-// Names are looked up in the files of this machine alone. Directory services would be asked on a
-// thread that polls, and may take long to answer; the groups of ports are local ones.
+// Names come only from the files of this machine. A directory service would be queried on a thread
+// that polls, and may take long to answer; the groups of ports are local.
 
 std::string group_name(gid_t group) {
   const File file(std::fopen("/etc/group", "re"));
@@ -185,7 +185,7 @@ std::optional<PortHolder> port_holder(const std::string& path) {
 }
 
 bool is_called_with(int pid, const std::string& path) {
-  const std::string seen_from = "/proc/" + std::to_string(pid) + "/cwd";  // if it is relative
+  const std::string seen_from = "/proc/" + std::to_string(pid) + "/cwd";  // for a relative argument
   std::error_code unseen;
   return std::ranges::any_of(arguments_of(pid), [&](const std::string& argument) {
     return !argument.empty() &&

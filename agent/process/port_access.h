@@ -1,4 +1,4 @@
-// Why a serial port cannot be had, and what to do about it. Any thread.
+// Explains why a serial port cannot be opened, and what to do. Any thread.
 #pragma once
 
 #include <optional>
@@ -13,21 +13,21 @@ struct PortHolder {
   std::string program;  ///< "picocom"
 };
 
-/// Another process than this one that has the file open, as far as this user may see it: by
-/// /proc/locks, and by /proc/*/fd where that does not tell. Takes some ms; opens nothing.
+/// Returns another process that has the file open, as far as this user may see it: from
+/// /proc/locks, and otherwise from /proc/*/fd. Takes some ms; does not open the port.
 std::optional<PortHolder> port_holder(const std::string& path);
 
-/// Whether the process was called with the file as an argument, under whatever name. False where
-/// this user may not see it.
+/// True if the file is an argument of the process, under any name. False if this user may not see
+/// it.
 bool is_called_with(int pid, const std::string& path);
 
-/// Returns another process of this name whose arguments are, among others, `word` and the file at
-/// `path`, under whatever name; nullopt: this user sees none.
+/// Returns another process of this name whose arguments include `word` and the file at `path`,
+/// under any name; nullopt: this user sees none.
 std::optional<PortHolder> process_called_with(std::string_view program, std::string_view word,
                                               const std::string& path);
 
-/// What to do where opening or locking `path` has failed with this errno, in brackets with a blank
-/// before them; empty: nothing is known. May look for the port_holder().
+/// Returns advice after opening or locking `path` has failed with this errno, in brackets with a
+/// blank before them; empty: none. May call port_holder().
 std::string port_cure(const std::string& path, int error);
 
 }  // namespace fxagent

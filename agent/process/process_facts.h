@@ -1,4 +1,4 @@
-// What the operating system says about this process and its clock, for the health message.
+// Facts from the operating system about this process and its clock, for the health message.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,8 @@ struct ProcessFacts {
   std::uint64_t rss_bytes = 0;  ///< resident memory; 0 if unknown
 };
 
-/// Of the machine, another after each boot; empty if unknown. Reads /proc. Any thread.
+/// Returns the machine's boot id, which differs after each boot; empty if unknown. Reads /proc. Any
+/// thread.
 std::string boot_id();
 
 /// Reads adjtimex(2) and /proc/self/statm. Any thread.

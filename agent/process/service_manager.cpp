@@ -16,9 +16,9 @@
 namespace fxagent::service_manager {
 namespace {
 
-/// Empty where there is none.
+/// Returns an empty text if the variable is not set.
 std::string_view variable(const char* name) {
-  // Nobody changes the environment while the agent runs.
+  // The environment does not change while the agent runs.
   const char* value = std::getenv(name);  // NOLINT(concurrency-mt-unsafe)
   return value == nullptr ? std::string_view() : value;
 }
@@ -30,19 +30,19 @@ std::optional<std::uint64_t> number(std::string_view text) {
   return value;
 }
 
-/// How long one waits for room in a socket that is full since nobody reads it.
+/// Time to wait for room in a socket that is full because it is not read.
 enum class Patience : std::uint8_t {
-  none,   ///< it comes again, or is for people alone
+  none,   ///< comes again, or is only for people
   short_  ///< the service manager waits for it
 };
 constexpr timeval kShort{1, 0};
 
-/// sd_notify(3): one datagram to the socket that NOTIFY_SOCKET names, an abstract one with @ before
-/// it. What goes wrong is nobody's: a service manager that cannot be told waits for itself.
+/// sd_notify(3): sends one datagram to the socket named in NOTIFY_SOCKET; @ begins an abstract
+/// name. Ignores errors: a service manager that gets no message runs into its own time-out.
 void tell(std::string_view state, Patience patience) {
   const std::string_view path = variable("NOTIFY_SOCKET");
   sockaddr_un address{};
-  // 107 bytes at the most, as systemd's own library has it: of those 108 one is for the end.
+  // At most 107 bytes, as in systemd's own library: one of the 108 is for the end.
   const bool is_name = path.size() > 1 && (path.front() == '/' || path.front() == '@');
   if (!is_name || path.size() >= sizeof address.sun_path) return;
   address.sun_family = AF_UNIX;
@@ -59,7 +59,7 @@ void tell(std::string_view state, Patience patience) {
   ::close(out);
 }
 
-/// A byte of UTF-8 that does not begin a character.
+/// True if the byte is UTF-8 and does not begin a character.
 bool is_inside_character(char byte) { return (static_cast<unsigned char>(byte) & 0xC0) == 0x80; }
 
 }  // namespace
@@ -79,10 +79,10 @@ void tell_alive() { tell("WATCHDOG=1", Patience::none); }
 
 void tell_status(std::string_view line) {
   std::string text(line.substr(0, kMostStatusBytes));
-  // No character is cut in two: systemd ignores what is not UTF-8.
+  // Do not cut a character in two: systemd ignores text that is not UTF-8.
   while (text.size() < line.size() && !text.empty() && is_inside_character(line[text.size()]))
     text.pop_back();
-  // A second line would be another message to it.
+  // A second line would be another message.
   std::ranges::replace_if(
       text, [](unsigned char c) { return c < ' ' || c == 0x7F; }, ' ');
   tell("STATUS=" + text, Patience::none);

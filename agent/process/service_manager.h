@@ -1,7 +1,7 @@
-// What systemd, where it has started us, is told by sd_notify: that the agent is ready, that it
-// reads its config again or stops, that its threads go on, and in a line for people how it is.
-// Without systemd nothing happens. Nobody waits for a reader that does not read: a second at the
-// most for a word that the service manager waits for, and not at all for the others.
+// Notifies systemd by sd_notify if it started the agent. Reports that the agent is ready, reloads
+// or stops; feeds the watchdog; sends a status line for people. Does nothing without systemd. If
+// the socket is full because its reader is stuck, a message that the service manager waits for
+// blocks for at most 1 s; the others do not block.
 #pragma once
 
 #include <chrono>
@@ -11,25 +11,25 @@
 
 namespace fxagent::service_manager {
 
-/// Whether there is somebody to be told: NOTIFY_SOCKET is set.
+/// True if there is a service manager: NOTIFY_SOCKET is set.
 bool is_there();
 
-/// Field and uplink run; and, after tell_reloading(), that the new config is in force, or the old
-/// one still is.
+/// Field and uplink are running. After tell_reloading(): the new config is in force, or the old one
+/// still is.
 void tell_ready();
-/// The config is being read again; tell_ready() ends that. With the time of now, which a unit of
-/// Type=notify-reload asks for (systemd 253).
+/// The config is being read again, until tell_ready(). Sends the current time, which a unit of
+/// Type=notify-reload needs (systemd 253).
 void tell_reloading();
-/// A stop was asked for; how long it may take is the service manager's from now on.
+/// A stop was requested; the service manager's time limit applies after this call.
 void tell_stopping();
-/// How often it wants tell_alive(), four times within WatchdogSec; nothing: there is no watchdog.
+/// Returns the interval for tell_alive(), a quarter of WatchdogSec; nullopt: no watchdog is set.
 std::optional<std::chrono::nanoseconds> watchdog_interval();
 void tell_alive();
 
-/// Of a status so much is told.
+/// Most bytes of a status that are sent.
 inline constexpr std::size_t kMostStatusBytes = 1024;
-/// One line for people, which `systemctl status` shows until the next: UTF-8. Control characters
-/// become blanks, and what is behind kMostStatusBytes is left out.
+/// Sends one line of UTF-8 for people, which `systemctl status` shows until the next. Control
+/// characters become blanks; bytes beyond kMostStatusBytes are left out.
 void tell_status(std::string_view line);
 
 }  // namespace fxagent::service_manager

@@ -47,7 +47,7 @@ void ServiceReports::tell_status(Time now) {
   std::string status = stands_still_.empty()
                            ? sources_.status()
                            : stands_still_ + " stands still: the agent is to be started again";
-  // Others have told something else in between: what a reload brought, for one.
+  // A repetition is needed because other parts send a status too, such as the outcome of a reload.
   if (status.empty() || (status == status_ && now < told_at_ + kSameStatusEvery)) return;
   service_manager::tell_status(status);
   told_at_ = now;

@@ -1,5 +1,5 @@
-// What the service manager is told while the agent runs: that it goes on, as long as field and
-// uplink give signs of life, and how it is, in one line. Time is an argument. Main thread.
+// Reports to the service manager while the agent runs. Feeds the watchdog while field and uplink
+// give signs of life, and sends a status line. Time is an argument. Main thread.
 #pragma once
 
 #include <chrono>
@@ -14,25 +14,26 @@ namespace fxagent {
 class ServiceReports final {
  public:
   using Time = std::chrono::steady_clock::time_point;
-  /// The status is looked at so often, and told where it is another one.
+  /// Interval of checking the status, which is sent if it has changed.
   static constexpr std::chrono::seconds kStatusEvery{10};
-  /// And so often where it is the same.
+  /// Interval of sending the same status again.
   static constexpr std::chrono::seconds kSameStatusEvery{60};
 
   struct Sources {
-    /// Asks field and uplink for a sign of life; does not wait for them.
+    /// Requests a sign of life from field and uplink; does not wait for it.
     std::function<void()> ask;
-    /// The status; empty: not known. May wait a moment.
+    /// Returns the status; empty: not known. May block briefly.
     std::function<std::string()> status;
   };
 
-  /// `signs` outlives it. Who is to be told, and how often, is in the environment.
+  /// `signs` outlives the object. The environment names the service manager's socket and the
+  /// interval.
   ServiceReports(SignsOfLife& signs, Sources sources, Time now);
 
-  /// When tell() has something to do; nothing: nobody wants to be told.
+  /// Returns the time of the next tell(); nullopt: no service manager listens.
   std::optional<Time> next() const;
-  /// What is due. Where field or uplink stands still the watchdog is not fed, and the log and the
-  /// status say which.
+  /// Does what is due. If field or uplink hangs, the watchdog is not fed; the log and the status
+  /// name the one.
   void tell(Time now);
 
  private:
@@ -41,12 +42,12 @@ class ServiceReports final {
 
   SignsOfLife& signs_;
   const Sources sources_;
-  const std::optional<std::chrono::nanoseconds> feed_every_;  ///< nothing: there is no watchdog
+  const std::optional<std::chrono::nanoseconds> feed_every_;  ///< nullopt: no watchdog is set
   std::optional<Time> feed_at_;
-  std::optional<Time> status_at_;  ///< nothing: nobody is told of it
-  std::string stands_still_;       ///< as it was told; empty: nobody
-  std::string status_;             ///< as it was told
-  Time told_at_{};                 ///< when
+  std::optional<Time> status_at_;  ///< nullopt: no service manager listens
+  std::string stands_still_;       ///< as last reported; empty: neither hangs
+  std::string status_;             ///< as last sent
+  Time told_at_{};                 ///< time of the last send
 };
 
 }  // namespace fxagent

@@ -1,5 +1,5 @@
-// Whether field and uplink still go on, as the watchdog of the service manager wants to know: each
-// of them is asked for a sign of life, and gives one only by doing what it always does.
+// Detects if field and uplink still run, for the watchdog of the service manager. Both get a
+// request for a sign of life, and give one only by doing their usual work.
 #pragma once
 
 #include <atomic>
@@ -10,12 +10,12 @@ namespace fxagent {
 
 class SignsOfLife final {
  public:
-  /// Their own threads, each time round.
+  /// Called by the two threads in each round of their loops.
   void field_went_on() noexcept { ++field_; }
   void uplink_went_on() noexcept { ++uplink_; }
 
-  /// Who has given no sign since this last said nobody: "field", "uplink", "field and uplink", or
-  /// empty. One thread.
+  /// Returns the threads without a sign since the last empty result: "field", "uplink" or "field
+  /// and uplink"; empty: none. Call on one thread.
   std::string stands_still();
 
  private:

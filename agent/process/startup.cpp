@@ -13,13 +13,13 @@ namespace fxagent {
 
 namespace {
 
-/// Lets threads end, whatever ends this scope.
+/// Lets threads end when the scope is left in any way.
 struct Release {
   std::latch& latch;
   ~Release() { latch.count_down(); }
 };
 
-/// How many of the threads there were; all of them have ended again.
+/// Returns how many of the threads could be started; all of them have ended again.
 std::size_t try_threads(std::size_t threads, std::size_t bytes, std::error_code& no_thread,
                         int& no_memory) {
   std::latch may_end(1);
@@ -50,7 +50,7 @@ std::string lacks(int threads, std::size_t bytes) {
   int no_memory = 0;
   const std::size_t count =
       try_threads(static_cast<std::size_t>(threads), bytes, no_thread, no_memory);
-  // The texts only now: while the threads are there, memory for them may be lacking too.
+  // Not earlier: while the threads exist, memory for these texts may be missing too.
   if (no_thread)
     return "only " + std::to_string(count) + " of " + std::to_string(threads) +
            " threads more: " + no_thread.message() +

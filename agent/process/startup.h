@@ -1,5 +1,5 @@
-// What the agent must have before it begins: threads, memory and open files. Without them it would
-// stand still somewhere inside a library and say nothing.
+// Resources that the agent needs before it begins: threads, memory and open files. Without them it
+// would hang inside a library and report nothing.
 #pragma once
 
 #include <csignal>
@@ -8,12 +8,12 @@
 
 namespace fxagent {
 
-/// Whether so many threads can be had at this moment, at the same time, and `bytes` of address
-/// space beside their stacks. Empty: yes; else what is missing, and which limit to raise. They are
-/// gone when it returns.
+/// Checks if `threads` threads can exist at the same time, and `bytes` of address space in addition
+/// to their stacks. Returns an empty text, or what is missing and which limit to raise. The threads
+/// have ended when it returns.
 std::string lacks(int threads, std::size_t bytes);
 
-/// While it lives, threads that are started take no signals: those are for the main thread.
+/// Threads started during its lifetime receive no signals: those are for the main thread.
 class WithoutSignals final {
  public:
   WithoutSignals();

@@ -12,11 +12,11 @@
 namespace fxagent {
 namespace {
 
-// A pipe that says it can be written takes so many bytes at once (POSIX).
+// A pipe that is reported as writable accepts this many bytes at once (POSIX).
 constexpr std::size_t kAtOnce = 512;
 
-/// On stderr, as the log would; nothing where nobody reads it. Not by the log: whoever holds that
-/// may be what does not end.
+/// Writes to stderr in the format of the log; nothing if the reader is stuck. Does not use the log,
+/// because the thread that hangs may hold its lock.
 void write_last_line(std::string text) {
   text.resize(std::min(text.size(), kAtOnce - 1));
   text += '\n';
@@ -36,7 +36,7 @@ StopWatchdog::~StopWatchdog() {
     over_ = true;
   }
   news_.notify_all();
-  pthread_kill(thread_.native_handle(), SIGTERM);  // it may still wait for one
+  pthread_kill(thread_.native_handle(), SIGTERM);  // it may still wait for a signal
   thread_.join();
 }
 

@@ -1,6 +1,6 @@
-// Watchdog of the end: waits for SIGTERM on a thread of its own, and ends the process by force
-// where the agent has not ended some seconds later. No wait of a library, a disk or a driver can
-// hold it.
+// Watchdog of the shutdown. Waits for a stop signal on a separate thread, and ends the process by
+// force if the agent has not ended some seconds later. A wait in a library, a disk or a driver
+// cannot block it.
 #pragma once
 
 #include <chrono>
@@ -18,32 +18,32 @@ class StopWatchdog final {
  public:
   /// A stop that takes longer is ended by force.
   static constexpr std::chrono::seconds kPatience{9};
-  /// What is left to be freed when all is said and written has so long.
+  /// Time to free resources when everything has been reported and written.
   static constexpr std::chrono::seconds kFreeing{1};
-  /// Exit status of a process that was ended by force before all was said and written.
+  /// Exit status of a process that was ended by force before everything was reported and written.
   static constexpr int kEndedByForce = 1;
 
   /// Starts the thread. `stop_signals` are blocked in every thread of the process. Throws
-  /// std::system_error where there is no thread.
+  /// std::system_error if no thread can be started.
   explicit StopWatchdog(const sigset_t& stop_signals);
-  /// The process is as good as ended: the watchdog goes to sleep.
+  /// Stops the watchdog: the process has practically ended.
   ~StopWatchdog();
   StopWatchdog(const StopWatchdog&) = delete;
   StopWatchdog& operator=(const StopWatchdog&) = delete;
 
-  /// From here on there is something to end in order. Until then a stop signal ends the process at
-  /// once, with exit status 0. Main thread.
+  /// After this call a stop is orderly; before it, a stop signal ends the process at once with exit
+  /// status 0. `what` is as in stage(). Main thread.
   void begin(const char* what);
-  /// Waits for a stop signal; its number.
+  /// Waits for a stop signal and returns its number.
   int await_signal();
-  /// The same, for so long at the most; nothing: none came.
+  /// The same, for at most `patience`; nullopt: none came.
   std::optional<int> await_signal(std::chrono::nanoseconds patience);
 
-  /// What the agent waits for from now on, for the line that names it. `more` is asked for details
-  /// on the watchdog's thread and must outlive the stage. Main thread.
+  /// Sets what the agent is waiting for, which the line of a forced end reports. `more` returns
+  /// details; it is called on the watchdog's thread and must outlive the stage. Main thread.
   void stage(const char* what, std::function<std::string()> more = {});
-  /// Everything is said and written, so that what does not end from now on does no harm: it is left
-  /// behind with exit status 0. Main thread.
+  /// Everything has been reported and written, so that a hang after this call does no harm: it is
+  /// left behind with exit status 0. Main thread.
   void nothing_left_to_lose();
 
  private:

@@ -13,7 +13,7 @@ namespace {
 
 struct Thread {
   std::string name;
-  std::uint64_t switches = 0;  ///< proc(5): voluntary and forced ones
+  std::uint64_t switches = 0;  ///< proc(5): voluntary and forced
 };
 
 std::uint64_t number_in(std::string_view line) {
@@ -23,7 +23,7 @@ std::uint64_t number_in(std::string_view line) {
   return number;
 }
 
-/// Nothing: it has ended meanwhile, or another name.
+/// Returns nullopt if the thread has ended or has another name.
 std::optional<Thread> thread_at(const std::filesystem::path& task, std::string_view prefix) {
   Thread thread;
   std::ifstream comm(task / "comm");

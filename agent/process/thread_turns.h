@@ -1,6 +1,6 @@
-// Whether threads of a library still get on: threads that never wait for long without being woken
-// are looked at from outside, by how often the kernel has switched them. For a library that tells
-// nothing of itself. Any one thread.
+// Detects threads of a library that hang. Checks from outside how often the kernel has switched
+// threads that never wait long without being woken. For a library that reports nothing about
+// itself. Any one thread.
 #pragma once
 
 #include <chrono>
@@ -14,24 +14,25 @@ namespace fxagent {
 class ThreadTurns final {
  public:
   using Time = std::chrono::steady_clock::time_point;
-  /// Between two looks that count. Who was not switched in so many of them in a row stands still:
-  /// looks, not time alone, since a process that was stopped as a whole has missed both.
+  /// Interval of checks. A thread that was not switched in kLooks checks in a row hangs. Counts
+  /// checks and not only time, because a process that was stopped as a whole has missed both.
   static constexpr std::chrono::seconds kBetweenLooks{10};
   static constexpr int kLooks = 12;
 
-  /// The threads of this process whose names begin with `prefix`. Each of them must wait for less
-  /// than kBetweenLooks at a time wherever nobody else is to blame.
+  /// Checks the threads of this process whose names begin with `prefix`. Each of them must wait for
+  /// less than kBetweenLooks at a time, unless `excused`.
   explicit ThreadTurns(std::string prefix) : prefix_(std::move(prefix)) {}
 
-  /// Looks, where a look is due. `excused`: they may wait for somebody else now, and begin anew.
+  /// Checks the threads if a check is due. `excused`: they may be waiting for something else now,
+  /// and their counts begin again.
   void look(Time now, bool excused);
-  /// The name of a thread that stands still; empty: none does, or nobody can tell.
+  /// The name of a thread that hangs; empty: none does, or it is not known.
   const std::string& stands_still() const { return stands_still_; }
 
  private:
   struct Seen {
     std::uint64_t switches = 0;
-    int looks = 0;  ///< in a row, with that many switches
+    int looks = 0;  ///< checks in a row with this number
   };
 
   std::string prefix_;

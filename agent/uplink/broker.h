@@ -1,5 +1,6 @@
-// The port to an MQTT broker: one connection at a time, everything asynchronous, news taken by the
-// uplink thread. Two things implement it: PahoBroker and the tests' FakeBroker.
+// Interface to an MQTT broker. There is one connection at a time. Every operation is asynchronous;
+// the uplink thread collects its outcome as an event. Implementations: PahoBroker and the tests'
+// FakeBroker.
 #pragma once
 
 #include <chrono>
@@ -21,7 +22,7 @@ namespace fxagent {
 enum class Retain : std::uint8_t { no, yes };
 
 struct Publication {
-  std::uint64_t id = 0;  ///< the caller's; comes back in Delivered or DeliveryFailed
+  std::uint64_t id = 0;  ///< chosen by the caller; returned in Delivered or DeliveryFailed
   std::string topic;
   std::string payload;
   int qos = 1;
@@ -29,62 +30,62 @@ struct Publication {
   Bytes correlation;  ///< MQTT 5 correlation data; empty: none
 };
 
-/// What the broker publishes for us, with QoS 1, when we vanish.
+/// The last will. The broker publishes it with QoS 1 when the connection ends without a DISCONNECT.
 struct Will {
   std::string topic;
   std::string payload;
   Retain retain = Retain::yes;
 };
 
-/// The connection is up. What the broker can take, where it said so (MQTT 5).
+/// The connection is up. Holds the limits that an MQTT 5 broker announced.
 struct Connected {
   bool session_present = false;
-  std::uint32_t receive_maximum = 65535;  ///< unacknowledged publishes it accepts
+  std::uint32_t receive_maximum = 65535;  ///< unacknowledged publishes that the broker accepts
   std::uint32_t maximum_packet = std::numeric_limits<std::uint32_t>::max();  ///< bytes
 };
-/// connect() came to nothing. `text` says why, without any secret.
+/// connect() failed. `text` gives the reason and contains no secrets.
 struct ConnectFailed {
   std::string text;
 };
-/// The connection that was up is gone: closed, ended by the broker's DISCONNECT, or found gone by a
-/// call of ours. Told once. Nothing that was not Delivered will be any more.
+/// An established connection is gone: it was closed, the broker sent a DISCONNECT, or a call found
+/// it closed. Posted once per connection. Publications not yet Delivered will not be Delivered.
 struct Lost {
   std::string text;
-  int reason_code = 0;  ///< of the broker's MQTT 5 DISCONNECT; 0: it sent none
+  int reason_code = 0;  ///< from the broker's MQTT 5 DISCONNECT; 0: it sent none
 };
-/// MQTT 5, section 3.14.2.1: another client has come with our client id.
+/// MQTT 5, section 3.14.2.1: another client has connected with our client id.
 inline constexpr int kSessionTakenOver = 0x8E;
-/// disconnect() is done.
+/// disconnect() is complete.
 struct Disconnected {};
 struct Message : MessageProperties {
   std::string topic;
-  /// Cut off after kMaxMessageBytes + 1, unless the broker was told otherwise; on a topic of
-  /// configs after kMaxDesiredBytes + 1.
+  /// Cut after kMaxMessageBytes + 1 bytes, unless the broker was created with another limit; on a
+  /// topic of remote configs after kMaxDesiredBytes + 1.
   std::string payload;
   int qos = 1;
 };
-/// What a message takes in memory, roughly.
+/// Returns the approximate memory use of a message, in bytes.
 inline std::size_t bytes_of(const Message& message) {
   return sizeof(message) + message.topic.size() + message.payload.size() +
          message.response_topic.size() + message.correlation.size();
 }
-/// QoS 1: the PUBACK came. QoS 0: handed to the socket.
+/// QoS 1: the broker sent a PUBACK. QoS 0: the message was handed to the socket.
 struct Delivered {
   std::uint64_t id = 0;
 };
 struct DeliveryFailed {
   std::uint64_t id = 0;
-  /// Of the MQTT 5 PUBACK; 0: the library refused it, and the broker has not said a word.
+  /// From the MQTT 5 PUBACK. 0: the library rejected the message, and the broker did not answer.
   int reason_code = 0;
   std::string text;
 };
 struct Subscribed {
   std::string filter;
   bool granted = false;
-  std::string text;  ///< why not
+  std::string text;  ///< reason of a refusal
 };
-/// The uplink did not take its news fast enough: so many messages were thrown away. Of what was
-/// published with QoS 1 only where hold_messages() was not used or not heeded.
+/// The uplink took its events too slowly, and `count` messages were discarded. QoS 1 messages are
+/// among them only if hold_messages() was not used or had no effect.
 struct MessagesDropped {
   std::uint64_t count = 0;
 };
@@ -92,21 +93,22 @@ struct MessagesDropped {
 using BrokerEvent = std::variant<Connected, ConnectFailed, Lost, Disconnected, Message, Delivered,
                                  DeliveryFailed, Subscribed, MessagesDropped>;
 
-/// Longest payload that the agent looks at; one more byte tells that there was more.
+/// Longest payload that the agent processes. One more byte is kept, which shows that there was
+/// more.
 inline constexpr std::size_t kMaxMessageBytes = 65536;
 
-/// Behind the agent's base: a remote config, and what became of it.
+/// Topics below the agent's base: a remote config, and the report on it.
 inline constexpr std::string_view kDesiredTopic = "/config/desired";
 inline constexpr std::string_view kReportedTopic = "/config/reported";
 
-/// How many messages a broker may send ahead of our acknowledgements. Few, since the PUBACKs of our
-/// own messages come behind them.
+/// Number of messages that a broker may send ahead of our acknowledgements. Small, because the
+/// PUBACKs of our own messages queue behind them.
 inline constexpr std::uint16_t kReceiveMaximum = 10;
 
 struct Subscription {
   std::string filter;
-  /// MQTT 5 No Local: what this client publishes, now or earlier, does not come back. Retained
-  /// messages of its own are then hidden too.
+  /// MQTT 5 No Local: the broker does not send back messages that this client publishes or has
+  /// published before. This also hides the client's own retained messages.
   bool no_local = false;
 };
 
@@ -115,37 +117,37 @@ class Broker {
  public:
   virtual ~Broker() = default;
 
-  /// Servers, names and secrets are these from the next connect() on.
+  /// Sets the servers, names and secrets for the next connect().
   virtual void use(const MqttConfig& mqtt) = 0;
 
-  /// Gives up any earlier connection and asks for one to server `index` of the config.
-  /// Then Connected or ConnectFailed. `receive_maximum` is told to the broker (MQTT 5, section
-  /// 3.1.2.11.3); 3.1.1 has no such thing.
+  /// Abandons any earlier connection and connects to server `index` of the config. Posts Connected
+  /// or ConnectFailed. On MQTT 5 `receive_maximum` is sent to the broker (section 3.1.2.11.3);
+  /// 3.1.1 has no equivalent.
   virtual void connect(std::size_t index, std::uint16_t receive_maximum) = 0;
-  /// A clean goodbye, so that the broker keeps the last will to itself. Then Disconnected.
+  /// Disconnects cleanly, so that the broker does not publish the last will. Posts Disconnected.
   virtual void disconnect() = 0;
-  /// Whether the library under it believes that the connection stands. Where it does not, Lost is
-  /// there or on its way, unless the library forgot to tell.
+  /// True if the library reports the connection as up. If false, Lost has been posted or will be,
+  /// unless the library failed to report the loss.
   virtual bool is_connected() const = 0;
-  /// Then Delivered or DeliveryFailed, or neither where Lost comes first; Lost where the connection
-  /// is found gone.
+  /// Posts Delivered or DeliveryFailed, or neither if Lost comes first. Posts Lost if the
+  /// connection is found closed.
   virtual void publish(Publication publication) = 0;
-  /// QoS 1, Retain As Published on MQTT 5. Then Subscribed, or nothing where the broker does not
-  /// answer.
+  /// Subscribes with QoS 1 and, on MQTT 5, Retain As Published. Posts Subscribed, or nothing if the
+  /// broker does not answer.
   virtual void subscribe(Subscription subscription) = 0;
   virtual void unsubscribe(const std::string& filter) = 0;
 
-  /// Whether an acknowledgement is news of its own from now on. If not, it is found with the next
-  /// take_events(): the caller does not wait for it. At the start it is.
+  /// Sets whether an acknowledgement notifies the uplink at once, as it does by default. Otherwise
+  /// the next take_events() returns it.
   virtual void await_acknowledgements(bool awaited) = 0;
 
-  /// Whether messages are to stay in the network for now, and whatever comes after them on the same
-  /// connection, acknowledgements too. None is lost by it; a few may come all the same. Each
-  /// connection begins without. With `let_in` so many of them come before the rest is held, and
-  /// what is between and behind them.
+  /// Holds messages back in the network, and with them everything that follows on the same
+  /// connection, acknowledgements included. No message is lost, but a few may still arrive. Each
+  /// connection begins without a hold. If `let_in` is not 0, that many messages and the packets
+  /// between them are let in before the hold begins.
   virtual void hold_messages(bool held, std::size_t let_in = 0) = 0;
 
-  /// What happened since the last call, in order; only of the present connection.
+  /// Returns the events since the last call, in order; only those of the current connection.
   virtual std::vector<BrokerEvent> take_events() = 0;
 };
 

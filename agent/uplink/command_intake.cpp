@@ -13,21 +13,21 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-constexpr std::size_t kCommandsAStep = 32;  // samples and results go out in between
-// What has come and was not looked at. Above it messages stay in the network.
+constexpr std::size_t kCommandsAStep = 32;  // samples and results are sent in between
+// Limits for messages received and not processed. Above them messages stay in the network.
 constexpr std::size_t kMostWaiting = 256;
 constexpr std::size_t kMostWaitingBytes = std::size_t{4} << 20;
-// Acknowledgements come behind the messages that are held back, so that some of them are let in.
+// Acknowledgements arrive behind the messages held back, so a few of those are let in.
 constexpr milliseconds kLetInEvery{2};
-constexpr std::size_t kLetIn = 8;  // fewer than results that go out meanwhile
-// Until it is asked again whether messages are still to be held back.
+constexpr std::size_t kLetIn = 8;  // fewer than the results sent in that time
+// Time before checking again if messages must be held back.
 constexpr milliseconds kHoldAtMost{1};
 constexpr seconds kLogDropsEvery{10};
 
 }  // namespace
 
 void CommandIntake::hear(const Message& message) {
-  if (message.qos == 0) return;  // those come without asking
+  if (message.qos == 0) return;  // the broker sends these without flow control
   ++heard_.messages;
   heard_.bytes += bytes_of(message);
 }
@@ -50,7 +50,7 @@ void CommandIntake::take_some(SteadyTime now, std::int64_t utc_ms) {
     auto [message, name] = std::move(incoming_.front());
     incoming_.pop_front();
     bytes_ -= bytes_of(message);
-    // An empty retained payload only clears the topic. On 3.1.1 its flag does not reach us.
+    // An empty retained payload only clears the topic. On 3.1.1 we do not receive its retain flag.
     if (message.payload.empty() && (message.retained || mqtt_.version != 5)) continue;
     MessageProperties& properties = message;
     if (const auto device = commands_.device_named(name))

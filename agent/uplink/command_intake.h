@@ -1,5 +1,5 @@
-// Commands on their way in, no faster than they can be answered: a few in each step, and while too
-// many wait, messages stay in the network. Uplink thread. Time is an argument.
+// Takes in commands no faster than they can be answered: a few in each step; while too many are
+// waiting, messages stay in the network. Uplink thread. Time is an argument.
 #pragma once
 
 #include <cstddef>
@@ -14,7 +14,7 @@
 
 namespace fxagent {
 
-/// Messages of QoS 1 that have come.
+/// Counts the messages with QoS 1 that have arrived.
 struct Heard {
   std::uint64_t messages = 0;
   std::uint64_t bytes = 0;
@@ -22,30 +22,30 @@ struct Heard {
 
 class CommandIntake final {
  public:
-  /// All references outlive it.
+  /// All references outlive the object.
   CommandIntake(Commands& commands, Broker& broker, const MqttConfig& mqtt)
       : commands_(commands), broker_(broker), mqtt_(mqtt) {}
 
-  /// Counts a message, on whatever topic.
+  /// Counts a message on any topic.
   void hear(const Message& message);
-  /// A command for the device of this name; where there is none when its turn comes it is refused.
-  /// What was published with QoS 0 comes as fast as the broker can send;
-  /// where there is no room for it, it is lost, as MQTT allows. With QoS 1 the broker waits.
+  /// Queues a command for the device of this name. If there is no such device when its turn comes,
+  /// the command is refused. QoS 0 messages come as fast as the broker can send; without room they
+  /// are lost, as MQTT allows. With QoS 1 the broker waits.
   void add(Message message, std::string device, bool results_are_full);
-  /// The library threw away so many messages of QoS 0.
+  /// Counts messages that the broker's inbox discarded; as a rule they have QoS 0.
   void count_dropped(std::uint64_t count) { dropped_ += count; }
-  /// Hands some of them to Commands.
+  /// Passes some of the queued commands to Commands.
   void take_some(SteadyTime now, std::int64_t utc_ms);
 
-  /// Why messages may have to stay in the network.
+  /// Reasons to leave messages in the network.
   struct Pressure {
-    bool is_on = false;             ///< connected, and the end was not asked for
-    bool results_are_full = false;  ///< as many wait for the broker as there is room for
+    bool is_on = false;             ///< connected, and not shutting down
+    bool results_are_full = false;  ///< as many are waiting for the broker as there is room for
     bool awaits_suback = false;
     bool awaits_pubacks = false;
   };
-  /// Holds messages back where that is due. What waits for an acknowledgement needs what comes
-  /// behind the messages: some are let in then.
+  /// Holds messages back if necessary. Lets some in while we wait for an acknowledgement, which
+  /// arrives behind them.
   void hold(const Pressure& pressure, SteadyTime now);
 
   bool is_holding() const { return holding_; }
@@ -56,7 +56,7 @@ class CommandIntake final {
  private:
   struct Incoming {
     Message message;
-    std::string device;  ///< its name
+    std::string device;  ///< name of the device
   };
 
   bool is_full() const;
@@ -64,11 +64,11 @@ class CommandIntake final {
   Commands& commands_;
   Broker& broker_;
   const MqttConfig& mqtt_;
-  std::deque<Incoming> incoming_;  ///< not looked at yet
+  std::deque<Incoming> incoming_;  ///< not processed yet
   std::size_t bytes_ = 0;
   Heard heard_;
   bool holding_ = false;
-  bool lets_in_ = false;  ///< some all the same, for what comes behind them
+  bool lets_in_ = false;  ///< some, for the acknowledgements behind them
   SteadyTime let_in_at_{};
   std::uint64_t dropped_ = 0;  ///< not logged yet
   SteadyTime drop_logged_at_{};

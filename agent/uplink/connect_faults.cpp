@@ -1,5 +1,5 @@
-// The three names are defined here and win over the libraries' own, since the program comes first
-// when a shared library looks for a function.
+// Interposes getaddrinfo(), getsockopt() and SSL_connect(). The dynamic linker searches the program
+// before its libraries, so these definitions replace the libraries' own.
 #include "agent/uplink/connect_faults.h"
 
 #include <dlfcn.h>
@@ -23,12 +23,12 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-// A record of TLS that tells a fault begins with it; no packet that a broker sends does.
+// First byte of a TLS alert record. No packet that a broker sends begins with it.
 constexpr int kTlsAlert = 0x15;
 
 thread_local ConnectFaults faults;
 thread_local Clock::time_point noted_at{};
-std::atomic<int> paho_lookups = 0;  // that have not come back
+std::atomic<int> paho_lookups = 0;  // calls of getaddrinfo() in progress
 
 bool is_paho() noexcept {
   std::array<char, 16> name{};  // pthread_setname_np(3): no name is longer
@@ -36,13 +36,14 @@ bool is_paho() noexcept {
          std::string_view(name.data()).starts_with("MQTTAsync_");
 }
 
-/// What belongs to an earlier attempt ends with the first call of the next one.
+/// Resets the record, so that nothing of an earlier attempt remains.
 void begin_anew() noexcept {
   faults = {};
   noted_at = Clock::now();
 }
 
-/// Paho looks for itself after the handshake, and tells nobody.
+/// True if the certificate is not valid for the requested host. Paho checks this itself after the
+/// handshake, but does not report the result.
 bool is_for_another_host(SSL* connection) noexcept {
   const char* const host = SSL_get_servername(connection, TLSEXT_NAMETYPE_host_name);
   X509* const certificate = SSL_get1_peer_certificate(connection);
@@ -98,8 +99,8 @@ int getaddrinfo(const char* host, const char* service, const addrinfo* hints, ad
   return fault;
 }
 
-// By the name of the symbol: with a time_t of 64 bits on a processor of 32 the header's
-// `getsockopt` is another one, which Paho does not call.
+// Defined by the name of the symbol: on a 32-bit processor with a 64-bit time_t the header's
+// `getsockopt` is a different function, which Paho does not call.
 int getsockopt_of_paho(int fd, int level, int name, void* value, socklen_t* size) noexcept
     __asm__("getsockopt");
 

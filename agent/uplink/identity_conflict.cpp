@@ -10,10 +10,10 @@ namespace {
 
 using std::chrono::seconds;
 
-// An agent answers a state that is not its own within a second.
+// An agent replaces a state that is not its own within 1 s.
 constexpr seconds kAnswersWithin{5};
-// Until it counts as gone where our own state does not come back, so that nobody can tell when it
-// could have heard it.
+// Time after which another agent counts as gone if our own state does not come back. Without it we
+// do not know when the other agent could have received our state.
 constexpr seconds kUnheardFor{30};
 constexpr std::size_t kMostOthers = 16;
 constexpr std::size_t kLongestState = 4096;
@@ -25,7 +25,7 @@ struct AgentState {
   std::string boot;
 };
 
-/// What an agent says of itself; empty words where it is something else.
+/// Returns what an agent publishes about itself; empty strings if the payload is anything else.
 AgentState agent_state_of(std::string_view payload) {
   AgentState found;
   if (payload.size() > kLongestState) return found;
@@ -51,7 +51,7 @@ void IdentityConflict::heard(std::string_view payload, SteadyTime now) {
     is_ours_ = is_ours_ || said.state == "online";
     unheard_at_ = SteadyTime::max();
     told_unheard_ = false;
-    // Ours has come back: from now on the others can answer.
+    // Our state has come back, so the other agents can answer now.
     for (auto& [boot, silent_at] : online_) silent_at = std::min(silent_at, now + kAnswersWithin);
     return;
   }
@@ -64,7 +64,7 @@ void IdentityConflict::heard(std::string_view payload, SteadyTime now) {
     if (ours_on_.contains(server_) && !is_ours_) taken_over_ = true;
     if (taken_over_) other_boot_ = said.boot;
     online_.erase(said.boot);
-    // "lost" is what the broker says for one that we throw off ourselves.
+    // The broker publishes "lost" for an agent whose session we have taken over.
     if (said.reason == "stopped") taken_over_ = false;
   }
 }

@@ -1,10 +1,11 @@
-// Two agents with one id: whether another one is there, by what is heard on the agent's own state
-// topic and by sessions that were taken over. While it is, neither carries out commands. Uplink
+// Detects another agent with the same id, by the texts on the agent's own state topic and by
+// sessions that were taken over. During the conflict neither agent carries out commands. Uplink
 // thread. Pure: time is an argument.
 //
-// Another agent that lives answers: it puts its own state in the place of ours within a second or
-// so. One that is gone does not, whatever its retained state still says; so a state of an earlier
-// boot of this agent, left by a kill, is no conflict for longer than an answer may take.
+// Another agent that is running answers: it replaces our state with its own within about 1 s. An
+// agent that is gone does not answer, whatever its retained state contains. So the state of an
+// earlier boot of this agent, left behind by a kill, is a conflict only for the time that an answer
+// may take.
 #pragma once
 
 #include <cstddef>
@@ -21,45 +22,47 @@ namespace fxagent {
 
 class IdentityConflict final {
  public:
-  /// What other() says of an agent that was never heard.
+  /// Returned by other() for an agent whose boot was never received.
   static constexpr std::string_view kUnknown = "unknown";
 
-  /// `boot`: our own.
+  /// `boot` is our own.
   explicit IdentityConflict(std::string boot) : boot_(std::move(boot)) {}
 
-  /// A text on {base}/state, whoever published it.
+  /// Processes a text on {base}/state, from any publisher.
   void heard(std::string_view payload, SteadyTime now);
-  /// The broker says that it has given our session to another client. Many do so without a word:
-  /// then the other's last will stands where our state was, when we are back.
+  /// The broker has reported that it gave our session to another client. Many brokers do not report
+  /// it: the other agent's last will is then in place of our state when we reconnect.
   void taken_over() { taken_over_ = true; }
-  /// `server`: which one it is, since each has a state of its own on the topic. `steady_after`: a
-  /// connection that lives so long is not taken over any more.
+  /// `server` identifies the broker, because each has its own state on the topic. `steady_after` is
+  /// the lifetime after which another agent no longer takes a connection over.
   void connection_began(const std::string& server, SteadyTime now,
                         SteadyTime::duration steady_after);
   void connection_ended();
-  /// Ends the conflict where the others were silent for long enough. `messages_held`: answers may
-  /// wait behind what is not let in, so that silence says nothing.
+  /// Ends the conflict if the others were silent for long enough. `messages_held`: answers may be
+  /// waiting in the network, so silence proves nothing.
   void keep(SteadyTime now, bool messages_held);
-  /// Whether our own state has not come back from the broker although this connection has lasted
-  /// long enough for it: true once, until it has come back.
+  /// True if our own state has not come back from the broker although this connection has lasted
+  /// long enough. True once, until the state has come back.
   bool take_unheard() { return std::exchange(is_unheard_, false); }
-  /// When keep() has something to do at the latest.
+  /// Returns the time by which keep() must run again.
   SteadyTime next_wake() const;
 
-  /// The other's boot, "unknown" where it was never heard; nullopt: nobody else has our id.
+  /// Returns the other agent's boot, "unknown" if it was never received; nullopt: no other agent
+  /// has our id.
   std::optional<std::string> other() const;
 
  private:
   const std::string boot_;
-  /// Boots that said "online" and have not gone since, and when each counts as gone without a word.
+  /// Boots that were "online" and have not gone since, and when each counts as gone if it stays
+  /// silent.
   std::map<std::string, SteadyTime> online_;
-  std::string other_boot_;         ///< the last that was heard; empty: none
-  bool taken_over_ = false;        ///< it has our client id too
-  std::set<std::string> ours_on_;  ///< servers where our own state has stood in other connections
+  std::string other_boot_;         ///< last one received; empty: none
+  bool taken_over_ = false;        ///< the other agent has our client id too
+  std::set<std::string> ours_on_;  ///< with our own state in earlier connections
   std::string server_;             ///< of this connection, or of the last
-  bool is_ours_ = false;           ///< our own state has come back in this one
+  bool is_ours_ = false;           ///< our own state has come back in this connection
   SteadyTime steady_at_ = SteadyTime::max();
-  SteadyTime unheard_at_ = SteadyTime::max();  ///< when it is too late for it
+  SteadyTime unheard_at_ = SteadyTime::max();  ///< deadline for our own state
   bool is_unheard_ = false;
   bool told_unheard_ = false;
 };

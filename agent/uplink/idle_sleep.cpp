@@ -1,6 +1,6 @@
-// Paho sleeps by usleep(). The name is defined here and wins over libc's, since the program comes
-// first when a shared library looks for a function. A library that finds libc's all the same sleeps
-// as it always did.
+// Interposes usleep(), by which Paho sleeps. The dynamic linker searches the program before its
+// libraries, so this definition replaces libc's. A library that still binds to libc's usleep()
+// sleeps as before.
 #include "agent/uplink/idle_sleep.h"
 
 #include <time.h>
@@ -13,8 +13,8 @@ namespace fxagent {
 namespace {
 
 constexpr useconds_t kIdleSleep = 100'000;
-// Less than the 1 s of a poll that has waited, more than the 0.1 s between two sleeps of a loop
-// whose poll() returns at once.
+// Less than the 1 s of a poll() that waited, more than the 0.1 s between two sleeps of a loop whose
+// poll() returns at once.
 constexpr std::chrono::milliseconds kWaited{500};
 
 thread_local std::optional<IdleSleeps> idle_sleeps;

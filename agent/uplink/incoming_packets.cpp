@@ -10,7 +10,7 @@ namespace {
 constexpr unsigned kConnack = 2;
 constexpr unsigned char kQosBits = 0x06;
 constexpr unsigned char kQos1 = 0x02;
-// MQTT 5, section 2.2.2.2: the properties of a message. User properties are 0x26.
+// MQTT 5, section 2.2.2.2: the properties of a message.
 constexpr unsigned char kPayloadFormat = 0x01;
 constexpr unsigned char kMessageExpiry = 0x02;
 constexpr unsigned char kContentType = 0x03;
@@ -20,12 +20,12 @@ constexpr unsigned char kSubscription = 0x0B;
 constexpr unsigned char kTopicAlias = 0x23;
 constexpr unsigned char kUserProperty = 0x26;
 
-/// Bytes with a length of two in front; more than `size` where they do not fit.
+/// Returns the size of a byte string and its two-byte length; more than `size` if it does not fit.
 std::size_t text_size(const unsigned char* at, std::size_t size) noexcept {
   return size < 2 ? size + 1 : 2 + (std::size_t{at[0]} << 8 | at[1]);
 }
 
-/// Bytes of a variable byte integer; 0: it does not end.
+/// Returns the size of a variable byte integer; 0 if it does not end.
 std::size_t number_size(const unsigned char* at, std::size_t size) noexcept {
   for (std::size_t i = 0; i < std::min<std::size_t>(size, 4); ++i)
     if (at[i] < 0x80) return i + 1;
@@ -38,7 +38,8 @@ std::size_t number(const unsigned char* at, std::size_t digits) noexcept {
   return value;
 }
 
-/// Of a property with what belongs to it; 0: none of a message, or it does not fit.
+/// Returns the size of a property with its identifier; 0 if it is not a property of a message, or
+/// does not fit.
 std::size_t property_size(const unsigned char* at, std::size_t size) noexcept {
   const unsigned char* const value = at + 1;
   const std::size_t room = size - 1;
@@ -72,7 +73,7 @@ std::size_t property_size(const unsigned char* at, std::size_t size) noexcept {
   return used <= room ? 1 + used : 0;
 }
 
-/// Moves the first of each property that the agent looks at to the front. Their bytes.
+/// Moves the first of each property that the agent uses to the front. Returns their size.
 std::size_t gather(unsigned char* properties, std::size_t size) noexcept {
   std::size_t kept = 0;
   bool seen[3] = {};
@@ -101,7 +102,8 @@ void bound_properties(unsigned char* body, std::size_t size, bool has_id) noexce
   const std::size_t digits = number_size(length, size - begin);
   if (digits == 0) return;
   unsigned char* const properties = length + digits;
-  // A length behind the end of the packet is found out when all in front of it has been copied.
+  // Paho detects a length beyond the end of the packet only after it has copied everything up to
+  // there.
   const std::size_t used = std::min(number(length, digits), size - begin - digits);
   if (used <= kMaxPropertiesIn) return;
   std::size_t kept = gather(properties, used);
@@ -132,7 +134,7 @@ void IncomingPackets::take(unsigned char* at, std::size_t asked, std::size_t got
     case Next::length:
       return take_length(*at);
     case Next::body:
-      // Paho asks for all that is left, each time, to the place behind what it has.
+      // Each time, Paho requests all that is left and appends it to what it has.
       if (got == asked) end_packet(at + got - size_);
       return;
   }

@@ -1,7 +1,6 @@
-// Follows the MQTT packets of one connection through the reads by which Paho takes them in, and
-// keeps off it what would fill its memory. Paho makes a list of all properties of a packet, with
-// two blocks of memory for each, and copies the list twice: 16 MiB of user properties would take
-// more than a gigabyte. Pure.
+// Follows the MQTT packets of one connection through Paho's reads, and keeps away from Paho what
+// would fill its memory. Paho makes a list of all properties of a packet, with two blocks of memory
+// for each, and copies the list twice: 16 MiB of user properties would take more than 1 GB. Pure.
 #pragma once
 
 #include <cstddef>
@@ -9,25 +8,24 @@
 
 namespace fxagent {
 
-/// Bytes of the longest packet that is read. Told to the broker on MQTT 5. A command is 64 KiB at
-/// most, and one that is far too large must still be answered.
+/// Longest packet that is read, in bytes; on MQTT 5 the broker is informed of it. A command has at
+/// most 64 KiB, but a far larger one must still be answered.
 inline constexpr std::uint32_t kMaxPacketIn = 16 << 20;
-/// Bytes that the properties of a message may take, and any other packet than a message. Room for
-/// the longest response topic and correlation data, and for more than a payload's limit behind
-/// them.
+/// Limit in bytes of a message's properties, and of any packet other than a message. Has room for
+/// the longest response topic and correlation data, and for about a payload's limit in addition.
 inline constexpr std::uint32_t kMaxPropertiesIn = 192 << 10;
 
 class IncomingPackets final {
  public:
-  /// The bytes that the packet may have which the next read asks for. 0: none, since a message
-  /// comes before CONNACK.
+  /// Returns the most bytes allowed for the packet that the next read requests. 0: a message came
+  /// before CONNACK.
   std::size_t most() const noexcept;
 
-  /// `got` of the `asked` bytes were read to `at`, and Paho has not seen them yet. A message with
-  /// QoS 2, which nobody may send us, becomes one with QoS 1: Paho keeps the others until the
-  /// broker releases them. Where properties are too many, only those that the agent looks at stay.
-  /// The rest counts as the beginning of the payload, after a NUL: no JSON, and longer than
-  /// kMaxMessageBytes.
+  /// Processes `got` of the `asked` bytes, read to `at`, before Paho sees them. Changes a message
+  /// with QoS 2, which no broker may send us, to QoS 1: Paho would keep it until the broker
+  /// releases it. If the properties exceed kMaxPropertiesIn, keeps only those that the agent uses.
+  /// The rest becomes the beginning of the payload, after a NUL: not JSON, and as a rule longer
+  /// than kMaxMessageBytes.
   void take(unsigned char* at, std::size_t asked, std::size_t got) noexcept;
 
  private:
@@ -39,10 +37,10 @@ class IncomingPackets final {
 
   Next next_ = Next::head;
   unsigned char head_ = 0;
-  std::size_t size_ = 0;  ///< of the packet behind its length
+  std::size_t size_ = 0;  ///< remaining length of the packet
   unsigned shift_ = 0;
-  bool welcomed_ = false;        ///< CONNACK has come
-  bool has_properties_ = false;  ///< MQTT 5: its CONNACK is longer
+  bool welcomed_ = false;        ///< CONNACK has arrived
+  bool has_properties_ = false;  ///< MQTT 5, detected by its longer CONNACK
 };
 
 }  // namespace fxagent

@@ -1,6 +1,5 @@
-// How long to wait before something is tried again: 1 s after the first failure, twice as much
-// after each further one, and up to a quarter more by chance, so that a plant full of agents does
-// not come at once.
+// Delays between attempts: 1 s after the first failure, doubled after each further one, plus up to
+// a quarter at random, so that the agents of a plant do not all reconnect at once.
 #pragma once
 
 #include <algorithm>
@@ -14,7 +13,7 @@ class JitteredBackoff final {
  public:
   explicit JitteredBackoff(std::uint32_t seed) : random_(seed) {}
 
-  /// After the first failure `failures` is 0. At most `longest` and a quarter of it.
+  /// `failures` is 0 after the first failure. Returns at most `longest` and a quarter of it.
   std::chrono::milliseconds after(int failures,
                                   std::chrono::milliseconds longest = std::chrono::seconds(30)) {
     constexpr std::chrono::milliseconds kFirst{1000};

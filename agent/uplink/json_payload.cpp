@@ -10,7 +10,7 @@
 namespace fxagent::json {
 namespace {
 
-/// Whether JSON can say it: there is a value, and no NaN or Inf in it.
+/// True if JSON can represent the value: there is one, and it contains no NaN or Inf.
 bool is_sayable(const Value& value) {
   if (!value.is_array && value.items.empty()) return false;
   return std::all_of(value.items.begin(), value.items.end(), [](const Scalar& item) {
@@ -261,7 +261,7 @@ std::string health(const AgentStatus& status, const Config& config) {
 namespace fxagent {
 namespace {
 
-/// {"history":true,"rows":[…]} of rows as they were published live.
+/// Builds {"history":true,"rows":[…]} of rows as they were published live.
 class JsonHistory final : public HistoryMessage {
  public:
   explicit JsonHistory(std::size_t max_bytes) : max_bytes_(max_bytes) {}

@@ -1,5 +1,5 @@
-// What is published besides results, as JSON: samples, states, meta and health; and the payload
-// format that is made of it, as agent/CONTRACT.md describes it. The functions are pure, any thread.
+// JSON texts of all that is published except results: samples, states, meta and health. Also the
+// payload format made of them, described in agent/CONTRACT.md. The functions are pure; any thread.
 #pragma once
 
 #include <chrono>
@@ -18,37 +18,38 @@
 
 namespace fxagent::json {
 
-/// One message of one group: the payload of …/data/{group}, and a row of its history.
+/// Returns one message of one group: the payload of …/data/{group}, and a row of its history.
 std::string sample(const SampleRecord& sample);
 
-/// `not_heard_why`: why no command is heard, where that is so. `conflict`: the boot of another
-/// agent with our id, where there is one.
+/// `not_heard_why` is the reason why commands are not received, if so. `conflict` is the boot of
+/// another agent with our id, if any.
 std::string agent_online(std::int64_t since_ms, std::string_view boot, std::string_view version,
                          const std::optional<std::string>& not_heard_why = std::nullopt,
                          const std::optional<std::string>& conflict = std::nullopt);
-/// Without `since_ms` (the last will, written before it is known) "since" is null.
+/// Without `since_ms` "since" is null, as in the last will, which is written before the time is
+/// known.
 std::string agent_offline(std::optional<std::int64_t> since_ms, std::string_view reason,
                           std::string_view boot);
 std::string device_state(const DeviceStatus& status);
 
 struct Meta {
-  std::string hash;  ///< 16 hex digits, the first of the SHA-256 of the tags' text
+  std::string hash;  ///< first 16 hex digits of the SHA-256 of the tags' text
   std::string text;
 };
 Meta device_meta(const DeviceConfig& device);
 
-/// The payload of …/health: all of AgentStatus that is a number or a word.
+/// Returns the payload of …/health: all numbers and words of AgentStatus.
 std::string health(const AgentStatus& status, const Config& config);
 
 }  // namespace fxagent::json
 
 namespace fxagent {
 
-/// agent/CONTRACT.md: the topics below Config::base_topic(), everything as JSON, states and meta
-/// retained.
+/// The format of agent/CONTRACT.md: topics below Config::base_topic(), everything as JSON, states
+/// and meta retained.
 class JsonPayload final : public Payload {
  public:
-  /// `config` outlives it.
+  /// `config` outlives the object.
   JsonPayload(const Config& config, std::string boot, std::string version);
 
   Will last_will() override;

@@ -11,7 +11,7 @@
 namespace fxagent {
 namespace {
 
-/// Owned by the values of a group, and by those that a command made of them.
+/// Owned by the values of a group, and by the values that a command's sample made from them.
 using Row = std::shared_ptr<const std::string>;
 
 Row row_of(const Telemetry& message, const DeviceConfig& device) {
@@ -24,7 +24,7 @@ class RecordedValues final : public GroupValues {
  public:
   explicit RecordedValues(Row whole) : whole_(std::move(whole)) {}
 
-  /// Before it is published only.
+  /// Call only before the object is published.
   void put(std::uint32_t tag, Row row) { written_.insert_or_assign(tag, std::move(row)); }
 
   std::map<std::string, LastValue, std::less<>> by_tag() const override {
@@ -38,7 +38,7 @@ class RecordedValues final : public GroupValues {
  private:
   static void add(const std::string& row, SampleRecord& record,
                   std::map<std::string, LastValue, std::less<>>& values) {
-    if (!decode_sample(row, record)) return;  // cannot be: it never left the memory
+    if (!decode_sample(row, record)) return;  // cannot happen: the row never left memory
     for (RecordedReading& reading : record.readings) {
       LastValue value;
       value.type = reading.type;
@@ -78,7 +78,7 @@ void LastSamples::add(const Telemetry& message) {
     group = std::make_shared<const RecordedValues>(row_of(message, device));
     return;
   }
-  // There are no others in groups_.
+  // groups_ contains no other type.
   const auto* const before = static_cast<const RecordedValues*>(group.get());
   auto after = before == nullptr ? std::make_shared<RecordedValues>(nullptr)
                                  : std::make_shared<RecordedValues>(*before);

@@ -1,6 +1,6 @@
-// The last values of each group, for the status: its last whole sample, and each tag that a command
-// has written since. Each as a row (store/sample_record): 10 to 25 bytes a tag, its name included.
-// Uplink thread; what groups() gives may be read on any.
+// Last values of each group, for the status: its last whole sample, and each tag that a command has
+// written since. Each is a row (store/sample_record) of 10 to 25 bytes per tag, including its name.
+// Uplink thread; the result of groups() may be read on any thread.
 #pragma once
 
 #include "agent/config/config.h"
@@ -12,11 +12,11 @@ namespace fxagent {
 
 class LastSamples final {
  public:
-  /// `config` outlives it.
+  /// `config` outlives the object.
   explicit LastSamples(const Config& config) : config_(config) {}
 
   void add(const Telemetry& message);
-  /// The config is that of the change from now on.
+  /// Adapts to a config change, which `config` already contains.
   void change(const ConfigChange& change);
   /// Empty until the first add().
   const LastValues& groups() const { return groups_; }

@@ -10,10 +10,10 @@
 namespace fxagent {
 namespace {
 
-// Mosquitto's default receive maximum. The library under us is fast up to the broker's figure and
-// very slow beyond it.
+// Mosquitto's default Receive Maximum. The library is fast up to the broker's figure and very slow
+// beyond it.
 constexpr std::size_t kMaxWindow = 20;
-// What a PUBLISH needs beside topic, payload and correlation data: header, lengths, packet id.
+// Bytes of a PUBLISH besides topic, payload and correlation data: header, lengths, packet id.
 constexpr std::size_t kPacketOverhead = 64;
 
 }  // namespace
@@ -31,7 +31,7 @@ void Outgoing::forget() {
 std::uint64_t Outgoing::send(Sender& sender, Publication publication) {
   const std::uint64_t id = publication.id = next_id_++;
   flights_.emplace(id, Flight{&sender, publication.qos != 0});
-  // Either of these would make the broker close the connection, again and again.
+  // For either of these the broker would close the connection, again and again.
   if (!is_publishable(publication.topic)) {
     unsendable_.push_back(
         {id, kTopicNameInvalid, "not a topic: " + log::excerpt(publication.topic)});
@@ -55,7 +55,7 @@ bool Outgoing::fail_unsendable(SteadyTime now) {
 
 void Outgoing::on(const Delivered& event, SteadyTime now) {
   const auto flight = flights_.extract(event.id);
-  if (flight.empty()) return;  // of a connection that is gone
+  if (flight.empty()) return;  // from an earlier connection
   note_answer(flight.mapped(), now);
   flight.mapped().sender->delivered(event.id, now);
 }
@@ -67,7 +67,7 @@ void Outgoing::on(const DeliveryFailed& event, SteadyTime now) {
   flight.mapped().sender->failed(event, now);
 }
 
-/// The broker answers. What it need not answer shows that only where no answer is owed.
+/// Records that the broker answers. A QoS 0 delivery shows that only if no PUBACK is outstanding.
 void Outgoing::note_answer(const Flight& flight, SteadyTime now) {
   const auto owed = [](const auto& other) { return other.second.expects_puback; };
   if (!flight.expects_puback && std::ranges::any_of(flights_, owed)) return;

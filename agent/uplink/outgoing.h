@@ -1,5 +1,5 @@
-// Publications that are on their way to the broker: their ids, the window that they share, and who
-// is to learn what became of each. Uplink thread.
+// Publications on their way to the broker: their ids, the window that they share, and the sender
+// that gets the outcome of each. Uplink thread.
 #pragma once
 
 #include <cstddef>
@@ -16,8 +16,7 @@ namespace fxagent {
 
 class Outgoing final {
  public:
-  /// Who hands publications over. Of each it learns the end, once, unless the connection ends
-  /// first.
+  /// Hands publications over, and gets the outcome of each once, unless the connection ends first.
   class Sender {
    public:
     virtual ~Sender() = default;
@@ -27,36 +26,38 @@ class Outgoing final {
 
   explicit Outgoing(Broker& broker) : broker_(broker) {}
 
-  /// A new connection, and what its broker takes.
+  /// Begins a connection with the limits of its broker.
   void begin(const Connected& connected);
-  /// The connection is over. Nobody learns any more what became of what was on its way.
+  /// Ends the connection. Senders get no outcome of what was in flight.
   void forget();
 
-  /// The publication's id, which its sender will be told. What the broker would close the
-  /// connection for fails with the next fail_unsendable().
+  /// Returns the publication's id, which its sender gets with the outcome. If the broker would
+  /// close the connection because of it, it is not sent and fails with the next fail_unsendable().
   std::uint64_t send(Sender& sender, Publication publication);
-  /// Whether something failed.
+  /// Returns true if something failed.
   bool fail_unsendable(SteadyTime now);
 
   void on(const Delivered& event, SteadyTime now);
   void on(const DeliveryFailed& event, SteadyTime now);
-  /// At the end of a step in which something may have been sent.
+  /// Call at the end of each step in which something may have been sent.
   void note_sent(SteadyTime now);
 
-  /// Whether the broker takes a packet of that size.
+  /// True if the broker accepts a packet of this size.
   bool fits(const Publication& publication) const;
-  /// So many may be unacknowledged: the broker's figure, and no more than the library is fast with.
+  /// Number of publications that may be unacknowledged: the broker's figure, limited to what the
+  /// library handles fast.
   std::size_t window() const { return window_; }
   bool has_room() const { return flights_.size() < window_; }
   std::size_t size() const { return flights_.size(); }
   bool empty() const { return flights_.empty(); }
-  /// Since when the broker owes an answer: the first message, or its last answer.
+  /// Time since which the broker has owed an answer: that of the first message, or of its last
+  /// answer.
   std::optional<SteadyTime> unanswered_since() const { return unanswered_since_; }
 
  private:
   struct Flight {
     Sender* sender = nullptr;
-    bool expects_puback = true;  ///< QoS 0 is over when it was handed to the socket
+    bool expects_puback = true;  ///< QoS 0 is complete when handed to the socket
   };
 
   void note_answer(const Flight& flight, SteadyTime now);

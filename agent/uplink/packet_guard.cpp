@@ -1,6 +1,6 @@
-// Paho asks for the rest of a packet in one call, recv() or SSL_read(), with its whole length. Both
-// names are defined here and win over the libraries' own, since the program comes first when a
-// shared library looks for a function. Nothing else in the program reads so much at once.
+// Interposes recv() and SSL_read(). Paho requests the rest of a packet with one of them, in one
+// call with the whole length; nothing else in the program reads so much at once. The dynamic linker
+// searches the program before its libraries, so these definitions replace the libraries' own.
 #include "agent/uplink/packet_guard.h"
 
 #include <dlfcn.h>
@@ -48,7 +48,7 @@ void follow_packets(int fd) noexcept {
   try {
     followed[fd] = {};
   } catch (...) {
-    // Without memory for it the limit of every packet holds alone.
+    // Out of memory: only the limit of kMaxPacketIn applies.
   }
 }
 

@@ -37,17 +37,18 @@ using std::chrono::seconds;
 
 constexpr seconds kConnectTimeout{10};
 constexpr seconds kGoodbye{2};
-constexpr seconds kCallbacksOver{1};  // a callback of ours takes microseconds
-// Far more than the publisher's window: Paho throws when its buffer is full, connected or not.
+constexpr seconds kCallbacksOver{1};  // our callbacks take microseconds
+// Far above the publisher's window: Paho throws when its buffer is full, connected or not.
 constexpr int kPahoBuffer = 10000;
 constexpr int kPahoInFlight = 1000;  // above the publisher's window, so that Paho never queues
 constexpr std::size_t kMaxInboxBytes = std::size_t{64} << 20;
-// Of what was published with QoS 0, which nobody repeats and the broker sends without asking.
+// Size of the inbox above which QoS 0 messages are dropped. The broker sends them without flow
+// control and never repeats them.
 constexpr std::size_t kMaxUnaskedBytes = std::size_t{4} << 20;
 
 bool is_tls(std::string_view server) { return server.starts_with("mqtts://"); }
 
-/// Paho 1.2 knows its own schemes best.
+/// Converts the server's scheme to those that Paho 1.2 supports best.
 std::string paho_uri(std::string_view server) {
   constexpr std::string_view plain = "mqtt://";
   constexpr std::string_view tls = "mqtts://";
@@ -56,8 +57,8 @@ std::string paho_uri(std::string_view server) {
   return std::string(server);
 }
 
-/// Paho would fill OpenSSL's tables of ciphers and error texts although most plants have no TLS;
-/// OpenSSL does so by itself when they are needed.
+/// Keeps Paho from filling OpenSSL's tables of ciphers and error texts, because most plants have no
+/// TLS. OpenSSL fills them on its own when needed.
 void leave_openssl_alone() {
   MQTTAsync_init_options options = MQTTAsync_init_options_initializer;
   options.do_openssl_init = 0;
@@ -66,7 +67,7 @@ void leave_openssl_alone() {
 
 constexpr int kPahoThreads = 2;
 
-/// Whether Paho's threads run. Where nobody can tell they count as running.
+/// True if Paho's threads are running, or if that cannot be determined.
 bool paho_runs() {
   std::error_code fault;
   int found = 0;
@@ -80,13 +81,14 @@ bool paho_runs() {
   return found >= kPahoThreads;
 }
 
-/// Paho starts its threads with its first connection. It does not look whether it has got them, and
-/// a thread that it has not got it waits for ever: so that is never tried. Empty: there are enough.
+/// Returns why Paho's threads cannot be started; empty: they run or can be started. Paho starts
+/// them with its first connection and does not check for failure: it would wait forever for a
+/// thread that is missing.
 std::string missing_threads() { return paho_runs() ? std::string() : lacks(kPahoThreads, 0); }
 
 constexpr std::size_t kMaxPassword = 65535;  // MQTT 5, section 3.1.3.6
 
-/// The password, if there is one; bad_request where it cannot be had.
+/// Returns the password, if there is one; bad_request if it cannot be read.
 Result<std::optional<std::string>> read_password(const MqttConfig& config) {
   if (!config.password_file.empty()) {
     errno = 0;
@@ -115,19 +117,19 @@ Result<std::optional<std::string>> read_password(const MqttConfig& config) {
   return std::nullopt;
 }
 
-/// OpenSSL would not say which file it was.
+/// Names the faulty file, which OpenSSL does not.
 Result<void> check_tls_files(const TlsSettings& tls) {
   const auto fault = fault_in(tls);
   if (fault) return fail(ErrorCode::bad_request, std::string(fault->key) + " " + fault->text);
   return {};
 }
 
-/// Why TLS failed on this thread of Paho's; empty: nothing was noted. Paho's own error handler
-/// cannot be used: in C++ 1.2 it gets a pointer to options that die when connect() returns. And
-/// OpenSSL's list of errors is overwritten before on_failure() is called. But Paho traces a failed
-/// TLS call at once, on the thread and at the moment that the list still names the cause.
+/// Reason of a TLS failure on this Paho thread; empty: none recorded. Paho's own error handler
+/// cannot be used: in C++ 1.2 it gets a pointer to options that are destroyed when connect()
+/// returns. OpenSSL's list of errors is overwritten before on_failure() is called. But Paho traces
+/// a failed TLS call at once, on the same thread, while the list still contains the cause.
 thread_local std::string tls_reason;
-/// How it begins where Paho has traced a number and OpenSSL has no words for it.
+/// Beginning of the reason if Paho traced a number and OpenSSL has no text for it.
 constexpr std::string_view kNoWords = "SSLSocket error";
 
 void note_tls_reason(enum MQTTASYNC_TRACE_LEVELS, char* message) noexcept {
@@ -145,8 +147,9 @@ void note_tls_reason(enum MQTTASYNC_TRACE_LEVELS, char* message) noexcept {
   }
 }
 
-/// Left alone, Paho writes each of its function calls and packets into a list in memory that nobody
-/// reads: a sixth of what a message costs it. Levels above ERROR would leave that as it is.
+/// Limits Paho's trace to errors. By default Paho records each of its function calls and packets in
+/// a list in memory that is never read, which is a sixth of its cost per message. Levels above
+/// ERROR would not prevent it.
 void trace_errors_alone() noexcept { MQTTAsync_setTraceLevel(MQTTASYNC_TRACE_ERROR); }
 
 std::string reason_text(int code) {
@@ -154,7 +157,7 @@ std::string reason_text(int code) {
   return text != nullptr ? text : "reason " + std::to_string(code);
 }
 
-/// What a broker's DISCONNECT says, in words.
+/// Describes a broker's DISCONNECT.
 std::string disconnect_text(const mqtt::properties& properties, int code) {
   std::string text = "the broker said: " + (code == 0 ? "normal disconnection" : reason_text(code));
   if (code == kSessionTakenOver)
@@ -167,7 +170,7 @@ std::string disconnect_text(const mqtt::properties& properties, int code) {
   return text;
 }
 
-/// Whether Paho gave a call up since there is no connection any more.
+/// True if Paho ended a call because the connection is gone.
 bool is_disconnected(int return_code) {
   return return_code == MQTTASYNC_DISCONNECTED || return_code == MQTTASYNC_OPERATION_INCOMPLETE;
 }
@@ -193,12 +196,12 @@ std::string_view connack_text(int code) {
 constexpr std::string_view kAccessCure =
     ": its access rules leave out this agent's user; fxagent acl prints those that it needs";
 
-/// What helps against the refusal of a topic.
+/// Returns advice on the refusal of a topic; empty: none.
 std::string_view cure_of_access(int code) {
   return code == MQTTREASONCODE_NOT_AUTHORIZED ? kAccessCure : std::string_view();
 }
 
-/// What helps against the refusal of a CONNECT, of MQTT 5 or 3.1.1; empty: nobody can know.
+/// Returns advice on the refusal of a CONNECT, of MQTT 5 or 3.1.1; empty: none.
 std::string_view cure_of_refusal(int code, const MqttConfig& config) {
   switch (code) {
     case 1:
@@ -242,7 +245,7 @@ std::string_view cure_of_refusal(int code, const MqttConfig& config) {
   }
 }
 
-/// Why no certificate of the server was taken, and what to do.
+/// Returns why the server's certificate was not accepted, and what to do.
 std::string distrust(long code, const MqttConfig& config) {
   std::string text =
       std::string("TLS: certificate verify failed: ") + X509_verify_cert_error_string(code);
@@ -263,13 +266,13 @@ mqtt::property number_property(mqtt::property::code code, std::uint32_t value) {
 
 // ---- inbox --------------------------------------------------------------------------------------
 
-/// Events from Paho's threads to the uplink thread. Any thread. Bounded: a flood of messages is
-/// thrown away and counted, everything else comes at most once per call of ours.
+/// Events from Paho's threads to the uplink thread. Any thread. Bounded: excess messages are
+/// dropped and counted; every other event comes at most once per call of ours.
 class PahoBroker::Inbox final {
  public:
   explicit Inbox(std::function<void()> notify) : notify_(std::move(notify)) {}
 
-  /// Only events of this connection are taken from now on; what waits is thrown away.
+  /// Discards all waiting events. Accepts only events of this connection afterwards.
   void begin(std::uint64_t connection) {
     const std::lock_guard lock(mutex_);
     connection_ = connection;
@@ -278,7 +281,8 @@ class PahoBroker::Inbox final {
     dropped_ = 0;
   }
 
-  /// Whether a Delivered is worth a notify; one that waits already is told at once.
+  /// Sets whether Delivered calls notify(). When switched on, notifies at once if events are
+  /// waiting.
   void await_acknowledgements(bool awaited) {
     {
       const std::lock_guard lock(mutex_);
@@ -326,7 +330,7 @@ class PahoBroker::Inbox final {
 // ---- connection ---------------------------------------------------------------------------------
 
 /// One Paho client and the receiver of its callbacks. Callbacks copy, post and return: a wait
-/// inside one would stop Paho for good.
+/// inside a callback would block Paho for good.
 class PahoBroker::Connection final : public virtual mqtt::callback,
                                      public virtual mqtt::iaction_listener {
  public:
@@ -345,7 +349,8 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
                     .finalize()) {
     trace_errors_alone();
     client_.set_callback(*this);
-    // Paho closes the socket and calls this alone: connection_lost() never comes.
+    // On a DISCONNECT of the broker, Paho closes the socket and calls only this handler, never
+    // connection_lost().
     client_.set_disconnected_handler(
         [this](const mqtt::properties& properties, mqtt::ReasonCode reason) noexcept {
           try {
@@ -397,7 +402,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
     client_.connect(options, nullptr, *this);
   }
 
-  /// Asks for a clean goodbye; the token is done when it has been said.
+  /// Starts a clean disconnect; its token is complete when the DISCONNECT has been sent.
   mqtt::token_ptr disconnect() {
     leaving_ = true;
     pause_.set(false);
@@ -412,7 +417,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
     if (version_ == MQTTVERSION_5 && !publication.correlation.empty())
       properties.add({mqtt::property::CORRELATION_DATA,
                       std::string(publication.correlation.begin(), publication.correlation.end())});
-    // The id travels as the token's context: the callback may run before this call returns.
+    // The id travels as the token's context, because the callback may run before this call returns.
     client_.publish(
         mqtt::message::create(std::move(publication.topic), std::move(publication.payload),
                               publication.qos, publication.retain == Retain::yes, properties),
@@ -430,19 +435,20 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
 
   void unsubscribe(const std::string& filter) { client_.unsubscribe(filter, nullptr, *this); }
 
-  /// The connection is over: told once, whoever notices it first. Any thread.
+  /// Posts the loss of the connection once, whichever thread detects it first. Any thread.
   void post_lost(std::string_view text, int reason_code = 0) noexcept {
-    if (leaving_) return;  // the goodbye's own end; Disconnected tells it
+    if (leaving_) return;  // the end of our own disconnect; Disconnected reports it
     if (lost_.exchange(true)) return;
     try {
       post(Lost{std::string(text), reason_code});
     } catch (...) {
-      lost_ = false;  // nothing can be told without memory; the next failure tells it again
+      lost_ = false;  // out of memory; the next failure reports the loss again
     }
   }
 
   /// Paho acknowledges a message when its callback has returned, and calls it under the lock that
-  /// each publish() takes. So a callback must not wait, and what is to be held back is not read.
+  /// each publish() takes. So a callback must not wait; to hold messages back, the socket is not
+  /// read.
   void hold_messages(bool held, std::size_t let_in) noexcept {
     let_in_ = held ? let_in : 0;
     pause_.set(held && let_in == 0);
@@ -451,16 +457,16 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
  private:
   void post(BrokerEvent event) { inbox_->post(number_, std::move(event)); }
 
-  // Paho's threads call these.
+  // Called by Paho's threads.
   void on_success(const mqtt::token& token) noexcept override {
     try {
       switch (token.get_type()) {
         case mqtt::token::CONNECT:
-          if (told_connected_.exchange(true)) return;  // Paho says it twice
+          if (told_connected_.exchange(true)) return;  // Paho reports it twice
           end_of_connecting();
           send_at_once(last_socket_read());
           pause_.watch(last_socket_read());
-          leave_out_idle_sleeps();  // this is the thread that reads
+          leave_out_idle_sleeps();  // this is the thread that reads the connection
           return post(connected_by(token));
         case mqtt::token::PUBLISH:
           return post(Delivered{id_of(token)});
@@ -502,7 +508,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
   }
 
   void connection_lost(const std::string& cause) noexcept override {
-    tls_reason.clear();  // or the next failed connect would be explained by this one
+    tls_reason.clear();  // otherwise the next failed connect would give it as its reason
     try {
       post_lost(cause.empty() ? why_closed() : cause);
     } catch (...) {
@@ -541,7 +547,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
     }
   }
 
-  /// Of a packet that was not read; empty: there was none.
+  /// Describes a packet that was rejected; empty: there was none.
   static std::string refused_packet() {
     const RefusedPacket refused = take_refused_packet();
     if (refused.bytes == 0) return {};
@@ -550,7 +556,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
            std::to_string(refused.most) + " are the most that is read";
   }
 
-  /// On the thread that found it closed.
+  /// Call on the thread that found the connection closed.
   static std::string why_closed() {
     if (std::string refused = refused_packet(); !refused.empty()) return refused;
     return "connection closed: the broker was stopped, the network failed, or another client has "
@@ -572,12 +578,12 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
 
   Subscribed subscribed(const mqtt::token& token) const {
     Subscribed event{filter_of(token), false, "a SUBACK without a word on it"};
-    // Named: what get_reason_codes() returns belongs to it.
+    // A named object, because it owns what get_reason_codes() returns.
     const mqtt::subscribe_response response = token.get_subscribe_response();
     const auto& codes = response.get_reason_codes();
     if (codes.empty()) return event;
-    // One filter, one code. Where there are more (on 3.1.1) Paho's codes are no codes at all, and
-    // no values of its enumeration either: the bits are read.
+    // One filter, one code. If there are more (on 3.1.1), Paho's codes are invalid and not even
+    // values of its enumeration, so the bits are read.
     int code = 0;
     static_assert(sizeof code == sizeof codes.front());
     std::memcpy(&code, &codes.front(), sizeof code);
@@ -597,8 +603,8 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
     trace_errors_alone();
   }
 
-  /// The MQTT 5 reason code of a refusal; 0 where it is not the broker's. Paho puts the one of a
-  /// CONNACK into the return code, any other into the reason code.
+  /// Returns the MQTT 5 reason code of a refusal; 0 if it is not the broker's. Paho puts the code
+  /// of a CONNACK into the return code, any other into the reason code.
   int refusal_of(const mqtt::token& token) const {
     if (version_ != MQTTVERSION_5) return 0;
     const int reason = static_cast<int>(token.get_reason_code());
@@ -682,7 +688,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
   }
 
   std::string subscribe_failure(const mqtt::token& token) const {
-    // The only code for it that MQTT 3.1.1 has, section 3.9.3; Paho has no words for it.
+    // The only failure code that MQTT 3.1.1 has, section 3.9.3; Paho has no text for it.
     if (version_ != MQTTVERSION_5 && token.get_return_code() == 0x80)
       return std::string("refused by the broker").append(kAccessCure);
     return failure_text(token);
@@ -703,17 +709,17 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
 
   const std::shared_ptr<Inbox> inbox_;
   const std::uint64_t number_;
-  const MqttConfig config_;  ///< its own: Paho's threads read it while the next one is another
+  const MqttConfig config_;  ///< own copy, which Paho's threads may read at any time
   const std::size_t max_payload_;
   const int version_;
   const bool tls_;
   std::chrono::steady_clock::time_point connecting_since_{};  ///< set before Paho can call back
   ReadPause pause_;
-  std::atomic<std::size_t> let_in_ = 0;  ///< messages until the pause
+  std::atomic<std::size_t> let_in_ = 0;  ///< messages before the pause
   std::atomic<bool> told_connected_ = false;
   std::atomic<bool> leaving_ = false;
   std::atomic<bool> lost_ = false;
-  mqtt::async_client client_;  ///< last: destroyed first, before what its callbacks use
+  mqtt::async_client client_;  ///< last member: destroyed before what its callbacks use
 };
 
 // ---- broker -------------------------------------------------------------------------------------
@@ -730,12 +736,12 @@ PahoBroker::PahoBroker(const MqttConfig& config, MakeWill make_will, std::functi
 
 PahoBroker::~PahoBroker() {
   inbox_->begin(0);
-  // Who has not answered a goodbye in the time that was his is not asked again.
+  // A broker that did not answer a disconnect in time is not asked again.
   if (!connection_ || !connection_->is_connected() || connection_->is_leaving()) return;
   try {
     connection_->disconnect()->wait_for(kGoodbye);
   } catch (const mqtt::exception&) {
-    // It was going already: the client's destructor closes what is left.
+    // Already closing: the client's destructor closes the rest.
   }
 }
 
@@ -746,7 +752,7 @@ void PahoBroker::retire() {
     try {
       connection_->disconnect();
     } catch (const mqtt::exception&) {
-      // Lost in this moment, which is what was wanted.
+      // The connection was lost just now, which has the same effect.
     }
   }
   retired_.push_back({std::move(connection_), std::chrono::steady_clock::now()});
@@ -817,7 +823,7 @@ void PahoBroker::unsubscribe(const std::string& filter) {
   try {
     if (connection_) connection_->unsubscribe(filter);
   } catch (const mqtt::exception&) {
-    // The connection is going, and the subscription with it.
+    // The connection is closing, and the subscription with it.
   }
 }
 

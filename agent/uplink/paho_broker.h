@@ -1,8 +1,8 @@
-// Broker over Eclipse Paho C++ 1.2. Paho keeps nothing for us: no persistence, no buffer for times
-// without a connection, no reconnect of its own; the publisher owns delivery and retries.
+// Broker over Eclipse Paho C++ 1.2. Paho stores nothing for us: it has no persistence, no offline
+// buffer and no reconnect of its own. The publisher owns delivery and retries.
 //
-// Each connection has a Paho client of its own, since one that is used again would send what was
-// left in its queue when the last connection broke, after newer values.
+// Each connection has its own Paho client: a client that is used again would send what was left in
+// its queue when the last connection broke, after newer values.
 #pragma once
 
 #include <chrono>
@@ -18,23 +18,23 @@
 
 namespace fxagent {
 
-/// The last will of the connection that is about to be made.
+/// Returns the last will of the connection about to be made.
 using MakeWill = std::function<Will()>;
 
-/// Functions: uplink thread. Paho's own threads only put events into the inbox and call `notify`.
+/// Uplink thread. Paho's own threads only put events into the inbox and call `notify`.
 class PahoBroker final : public Broker {
  public:
   /// `make_will` is called from connect(); empty: no last will. `notify` is called on Paho's
-  /// threads whenever there is news; it must not block or throw, and may be called until the
-  /// destructor returns. A message's payload is cut off one byte behind `max_payload`.
+  /// threads when there are events; it must not block or throw, and may be called until the
+  /// destructor returns. A message's payload is cut after `max_payload` + 1 bytes.
   PahoBroker(const MqttConfig& config, MakeWill make_will, std::function<void()> notify,
              std::size_t max_payload = kMaxMessageBytes);
-  /// Waits up to 2 s for a connection that is up to be closed.
+  /// Waits up to 2 s for an open connection to close.
   ~PahoBroker() override;
 
   void use(const MqttConfig& mqtt) override { config_ = mqtt; }
-  /// User name and password are read again at each call: a changed secret needs no restart. Host
-  /// name and chain of a TLS server's certificate are always verified.
+  /// Reads the password again at each call: a changed secret needs no restart. Always verifies host
+  /// name and chain of a TLS server's certificate.
   void connect(std::size_t index, std::uint16_t receive_maximum) override;
   void disconnect() override;
   bool is_connected() const override;
@@ -54,16 +54,16 @@ class PahoBroker final : public Broker {
   MqttConfig config_;
   const MakeWill make_will_;
   const std::size_t max_payload_;
-  /// Shared by this object and every connection: a callback may still be on its way when its
-  /// connection has been given up.
+  /// Owned by this object and every connection: a callback may still run after its connection has
+  /// been retired.
   std::shared_ptr<Inbox> inbox_;
-  std::uint64_t connections_ = 0;  ///< number of the present one, or the last
+  std::uint64_t connections_ = 0;  ///< number of the current connection, or of the last
   std::unique_ptr<Connection> connection_;
   struct Retired {
     std::unique_ptr<Connection> connection;
     std::chrono::steady_clock::time_point since;
   };
-  /// Given up, and kept for a second or more, until Paho's threads have surely left their
+  /// Abandoned connections, each kept for at least 1 s, until Paho's threads have surely left its
   /// callbacks.
   std::vector<Retired> retired_;
 };

@@ -1,15 +1,15 @@
-// The port to a payload format: topic and bytes of what is published about the plant. agent.cpp
-// chooses one. JsonPayload is the format of agent/CONTRACT.md.
+// Interface to a payload format: topic and bytes of what is published about the plant. agent.cpp
+// chooses the format. JsonPayload is the format of agent/CONTRACT.md.
 //
-// JSON in every format, and not made here: the results of commands and health. The command topics
-// are the same in every format too, and the publisher clears retained topics of devices that are
-// gone only where JsonPayload puts them.
+// Results of commands and health are JSON in every format and are not made here. The command topics
+// are the same in every format too. The publisher clears retained topics of removed devices only
+// where JsonPayload puts them.
 //
-// What is acknowledged: a sample is let go, in memory and on disk, when its publication was
-// Delivered (broker.h). With QoS 1 the broker has it then; whether anybody reads it no format
-// learns. A format that prescribes QoS 0 says so in its publications: Delivered means handed to the
-// socket then, and what is under way when a connection ends may be lost. States and meta are
-// published again until they were Delivered, and all of them anew after each connect.
+// Acknowledgement: a sample is released, in memory and on disk, when its publication is Delivered
+// (broker.h). With QoS 1 the broker has it then; no format learns if a client reads it. A format
+// that prescribes QoS 0 sets it in its publications: Delivered then means handed to the socket, and
+// samples in flight when a connection ends may be lost. States and meta are published until they
+// are Delivered, and again after each connect.
 #pragma once
 
 #include <cstddef>
@@ -25,30 +25,30 @@
 
 namespace fxagent {
 
-/// Uplink thread only, but for the constructor. Not const: a format may count its messages, or
+/// Uplink thread only, except for the constructor. Not const: a format may count its messages, or
 /// remember the last values for a birth.
 class Payload {
  public:
   virtual ~Payload() = default;
 
-  /// What the broker is to publish when the connection ends without a goodbye. Asked for before
-  /// each attempt to connect.
+  /// Returns the message that the broker publishes if the connection ends without a DISCONNECT.
+  /// Called before each attempt to connect.
   virtual Will last_will() = 0;
-  /// Before the other states of a connection, and again when one of the last two changes.
-  /// `not_heard_why`: why no command is heard, where that is so. `conflict`: the boot of another
-  /// agent with our id, where there is one. `since_ms`: the start of the agent.
+  /// Published before the other states of a connection, and again when `not_heard_why` or
+  /// `conflict` changes. `since_ms` is the start of the agent. `not_heard_why` is the reason why
+  /// commands are not received, if so. `conflict` is the boot of another agent with our id, if any.
   virtual Publication agent_online(std::int64_t since_ms,
                                    const std::optional<std::string>& not_heard_why,
                                    const std::optional<std::string>& conflict) = 0;
-  /// The last message before a clean end, at `since_ms`.
+  /// The last message before a clean shutdown, at `since_ms`.
   virtual Publication agent_offline(std::int64_t since_ms) = 0;
   virtual Publication device_state(const DeviceStatus& status) = 0;
-  /// What the tags of a device are; in other words its birth. `device`: index in Config::devices.
+  /// Describes the tags of a device: its birth. `device` is the index in Config::devices.
   virtual Publication device_meta(std::uint32_t device) = 0;
 
-  /// A sample that was just read.
+  /// A sample just read.
   virtual Publication sample(const StreamKey& stream, const SampleRecord& sample) = 0;
-  /// An empty history message of at most `max_bytes`; HistoryBatch::payload is what it becomes.
+  /// Returns an empty history message of at most `max_bytes`; it becomes HistoryBatch::payload.
   virtual std::unique_ptr<HistoryMessage> begin_history(std::size_t max_bytes) = 0;
   virtual Publication history(const HistoryBatch& batch) = 0;
 };

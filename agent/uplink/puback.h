@@ -8,18 +8,18 @@
 
 namespace fxagent {
 
-/// Those that no repeat can cure.
+/// Failures that a repetition cannot cure.
 inline constexpr int kTopicNameInvalid = 0x90;
 inline constexpr int kPacketTooLarge = 0x95;
 inline constexpr int kPayloadFormatInvalid = 0x99;
 
-/// Whether the message would be refused again, whenever it came.
+/// True if the broker would refuse the message again at any later time.
 inline bool is_final(int reason_code) {
   return reason_code == kTopicNameInvalid || reason_code == kPacketTooLarge ||
          reason_code == kPayloadFormatInvalid;
 }
 
-/// As the standard writes it; "none" where the failure has no code, as on 3.1.1.
+/// Returns the code as the standard writes it; "none" if the failure has no code, as on 3.1.1.
 inline std::string hex_code(int reason_code) {
   if (reason_code == 0) return "none";
   Bytes digits;

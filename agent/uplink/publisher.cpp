@@ -17,9 +17,9 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-constexpr seconds kTick{60};                     // health
-constexpr milliseconds kAcknowledgedWithin{50};  // until one that nothing waits for is noted
-constexpr seconds kCountersWithin{1};            // until health goes out with the older ones
+constexpr seconds kTick{60};                     // interval of health
+constexpr milliseconds kAcknowledgedWithin{50};  // to process an acknowledgement on its own
+constexpr seconds kCountersWithin{1};            // health goes out with older counters after this
 constexpr seconds kDrainFor{3};
 constexpr seconds kFarewellFor{1};
 
@@ -57,7 +57,7 @@ Publisher::Publisher(Config& config, PublisherSettings settings, Payload& payloa
                    Publication publication;
                    publication.topic = base_ + std::string(kReportedTopic);
                    publication.payload = config_report_.value_or("");
-                   if (publication.payload.empty()) config_report_.reset();  // it is cleared once
+                   if (publication.payload.empty()) config_report_.reset();  // cleared once
                    publication.retain = Retain::yes;
                    return publication;
                  }}),
@@ -89,7 +89,7 @@ SteadyTime Publisher::step(SteadyTime now) {
   }
   take_found_late(now);
   spool_.move_memory_to_disk();
-  take_outbox(now);  // its results make room for commands, and its states say what model they meet
+  take_outbox(now);  // first: its results make room for commands, its states set the model
   recover_joined(now);
   if (outbox_.refuses_commands()) commands_.close();
   intake_.take_some(now, utc_ms_());
@@ -103,7 +103,8 @@ SteadyTime Publisher::step(SteadyTime now) {
   }
   samples_out_.settle(now);
   spool_.commit(now, phase_ == Phase::running);
-  // Whoever sees "online" and sends a command at once is heard, or is told that nobody listens.
+  // A client that sees "online" may send a command at once. So nothing is published before commands
+  // are received, or the state can report that they are not.
   const bool listens = !session_.awaits_first_suback() || phase_ != Phase::running;
   if (session_.is_connected() && phase_ <= Phase::draining && listens) pump(now);
   outgoing_.note_sent(now);
@@ -126,7 +127,7 @@ void Publisher::stop(SteadyTime now) {
   commands_.close();
 }
 
-// ---- what the broker says -----------------------------------------------------------------------
+// ---- broker events ------------------------------------------------------------------------------
 
 void Publisher::on(const auto& event, SteadyTime now) {
   using Event = std::remove_cvref_t<decltype(event)>;
@@ -151,7 +152,8 @@ void Publisher::on(const Message& event, SteadyTime now) {
       config_listener_.desired(event.payload);
     return;
   }
-  // The last word is ours, and so is the goodbye to a broker that is left for another one.
+  // During shutdown the final state must stay as it is, and so must the offline state at a broker
+  // that we leave for another one.
   if (phase_ == Phase::running && !goodbye_by_) hear_state(event, now);
 }
 
@@ -171,7 +173,7 @@ void Publisher::hear_state(const Message& message, SteadyTime now) {
   const auto name = of_state ? of_state : device_of(message.topic, base_, "meta");
   if (!name) return;
   if (const auto device = commands_.device_named(*name)) {
-    if (conflict_) return;  // two agents would repair each other's words, without end
+    if (conflict_) return;  // two agents would overwrite each other's states endlessly
     if (of_state)
       retained_.heard_device_state(*device, message.payload, now);
     else
@@ -185,7 +187,7 @@ void Publisher::hear_state(const Message& message, SteadyTime now) {
 void Publisher::follow_conflict(SteadyTime now) {
   if (phase_ != Phase::running) return;
   identity_.keep(now, intake_.is_holding());
-  // MQTT 5 has a code for it, 3.1.1 acknowledges what it throws away.
+  // MQTT 5 has a reason code for this; on 3.1.1 the broker acknowledges what it discards.
   if (identity_.take_unheard() && config_.mqtt.version == 4)
     log::warn("own_state_not_heard",
               {{"topic", base_ + "/state"},
@@ -199,8 +201,8 @@ void Publisher::follow_conflict(SteadyTime now) {
   conflict_ = other;
   commands_.set_conflict(other.value_or(""));
   status_.set_conflict(other.value_or(""));
-  // Of a third agent our state tells when it is put right the next time: published at once by each,
-  // they would answer each other without end.
+  // Our state reports a third agent when it is next restored. If each agent published it at once,
+  // they would answer each other endlessly.
   if (goes_on) return;
   if (other)
     log::error("identity_conflict",
@@ -214,11 +216,11 @@ void Publisher::follow_conflict(SteadyTime now) {
   if (other)
     retained_.agent_state_changed();
   else
-    retained_.everything_is_due();  // whatever the other one has left there
+    retained_.everything_is_due();  // the other agent may have overwritten all of it
   make_health_due(now);
 }
 
-/// Health with the counters of this moment, as far as the field answers.
+/// Publishes health with current counters, if the field answers in time.
 void Publisher::make_health_due(SteadyTime now) {
   if (!ask_counters_) return retained_.health_is_due();
   if (counters_by_) return;
@@ -248,7 +250,7 @@ void Publisher::attempt_failed(SteadyTime) { samples_out_.spool_live(); }
 
 void Publisher::subscription_changed() { retained_.agent_state_changed(); }
 
-// ---- a changed config ---------------------------------------------------------------------------
+// ---- config change ------------------------------------------------------------------------------
 
 std::optional<std::vector<std::uint64_t>> Publisher::change(const ConfigChange& change,
                                                             SteadyTime now) {
@@ -276,16 +278,17 @@ std::optional<std::vector<std::uint64_t>> Publisher::change(const ConfigChange& 
   return by_index;
 }
 
-/// What earlier runs left of devices that were in no config of this one so far.
+/// Recovers what earlier runs left of devices that were in no config of this run before.
 void Publisher::recover_joined(SteadyTime now) {
   if (joined_.empty() || store_ == nullptr || store_->hangs()) return;
   Recovered known = recover_of(joined_, config_, *store_, utc_ms_(), now);
-  if (store_->hangs()) return;  // it was not read
+  if (store_->hangs()) return;  // the store was not read; try again
   joined_.clear();
   commands_.restore(std::move(known), now, utc_ms_());
 }
 
-/// Whoever watches a broker that is left for another one must not see us online for ever.
+/// Sets the state to offline at a broker that we leave for another one. Its clients would otherwise
+/// see the agent online forever.
 void Publisher::leave_old_settings(SteadyTime now) {
   broker_.use(config_.mqtt);
   session_.settings_changed();
@@ -305,10 +308,10 @@ void Publisher::report_config(std::string text, std::string audit) {
   if (!audit.empty() && store_ != nullptr) store_->note(std::move(audit));
 }
 
-// ---- what the field says ------------------------------------------------------------------------
+// ---- field events -------------------------------------------------------------------------------
 
 void Publisher::take_found_late(SteadyTime now) {
-  // Not in the middle of a change: what is read back for a device that ends would come too late.
+  // Not during a change: rows recovered for a device that ends would come too late.
   auto late = store_ == nullptr || changing_ ? std::nullopt : store_->take_found_late();
   if (!late) return;
   Recovered known = recover(config_, *store_, std::move(late->ids), std::move(late->unacknowledged),
@@ -332,7 +335,7 @@ void Publisher::take_outbox(SteadyTime now) {
     retained_.set(std::move(status));
     if (session_.is_connected()) retained_.device_state_changed(device);
   }
-  // What is read while the first connection is being made is as live as what comes right after it.
+  // Samples read while the first connection is being made are as live as those right after it.
   const bool can_go =
       (session_.is_connected() || session_.is_starting()) && phase_ <= Phase::draining;
   samples_out_.take(batch.telemetry, can_go, now);
@@ -346,7 +349,7 @@ void Publisher::take_results() {
   for (ResultMessage& result : commands_.take_results()) results_.add(std::move(result));
 }
 
-// ---- the connection -----------------------------------------------------------------------------
+// ---- connection ---------------------------------------------------------------------------------
 
 void Publisher::keep_session(SteadyTime now) {
   const bool runs_ahead = intake_.is_holding() && session_.receive_maximum() > 1 &&
@@ -377,22 +380,23 @@ void Publisher::tick(SteadyTime now) {
   if (session_.is_connected()) make_health_due(now);
 }
 
-// ---- what goes out ------------------------------------------------------------------------------
+// ---- sending ------------------------------------------------------------------------------------
 
 void Publisher::pump(SteadyTime now) {
   if (std::exchange(samples_first_, false) || !written_.empty()) samples_out_.pump_live(now);
-  // What was read before a write and finds no room in front of its result is older than it.
+  // A sample read before a write is older than the write's result. If it finds no room before the
+  // result, it becomes history.
   samples_out_.make_history(std::exchange(written_, {}));
   samples_first_ =
       results_.pump(now, intake_.is_holding() ? std::optional(intake_.heard()) : std::nullopt);
   if (!goodbye_by_) retained_.pump(now);
   samples_out_.pump_live(now);
-  // What is on disk is safe there and does not hold up the end.
+  // Samples on disk are safe and do not delay the shutdown.
   const bool running = phase_ == Phase::running;
   if (running || store_ == nullptr) samples_out_.pump_history(running, now);
 }
 
-// ---- the end ------------------------------------------------------------------------------------
+// ---- shutdown -----------------------------------------------------------------------------------
 
 void Publisher::wind_up(SteadyTime now) {
   const bool over = now >= phase_deadline_ || session_.is_waiting();
@@ -420,7 +424,7 @@ void Publisher::wind_up(SteadyTime now) {
   }
 }
 
-/// What the broker has not acknowledged is for the next boot.
+/// Ends the shutdown. What the broker has not acknowledged is left for the next boot.
 void Publisher::finish(SteadyTime now) {
   phase_ = Phase::finished;
   session_.give_up(now);
@@ -447,10 +451,10 @@ bool Publisher::drained() const {
          !samples_out_.has_live() && spool_.empty();
 }
 
-// ---- small things -------------------------------------------------------------------------------
+// ---- wake-up ------------------------------------------------------------------------------------
 
-/// Whether something waits for room that an acknowledgement makes, or for the acknowledgement
-/// itself. Otherwise each would wake this thread for nothing but a number.
+/// True if something waits for an acknowledgement, or for the room that it makes. Otherwise each
+/// acknowledgement would wake this thread just to update a count.
 bool Publisher::acknowledgements_matter() const {
   return phase_ != Phase::running || !session_.is_connected() || !results_.empty() ||
          samples_out_.has_history_on_the_way() || outgoing_.size() >= outgoing_.window() / 2;
@@ -467,7 +471,8 @@ SteadyTime Publisher::next_wake(SteadyTime now) const {
   if (store_ != nullptr && store_->has_pending()) at(now + SampleSpool::kCommitWithin);
   at(samples_out_.next_wake(now));
   if (!session_.is_connected()) return wake;
-  // What is due now and found no room goes with the next acknowledgement, which is news.
+  // Messages that are due but have no room go out after the next acknowledgement, which is an
+  // event.
   at(retained_.next_wake(now));
   at(results_.next_wake(now));
   if (!outgoing_.empty()) at(now + kAcknowledgedWithin);

@@ -1,8 +1,8 @@
-// The uplink loop: what the field made goes to the broker, or waits; the commands that the broker
-// brings go to Commands. Its parts do the work: Session has the connection, RetainedState,
-// ResultDelivery and SampleDelivery what is published, CommandIntake what comes, Outgoing the
-// window that all publications share. Here is their order: results, then states, then live samples,
-// then the backlog beside them; and the clean end.
+// The uplink loop. Sends what the field produces to the broker, or stores it, and passes incoming
+// commands to Commands. Its parts do the work: Session keeps the connection; RetainedState,
+// ResultDelivery and SampleDelivery publish; CommandIntake receives; Outgoing holds the window that
+// all publications share. The Publisher sets their order: results, then states, then live samples,
+// and the backlog in between. It also performs the clean shutdown.
 #pragma once
 
 #include <chrono>
@@ -40,30 +40,29 @@
 namespace fxagent {
 
 struct PublisherSettings {
-  std::string boot;  ///< 8 hex digits, another at every start
+  std::string boot;  ///< 8 hex digits, different at every start
   std::string version;
   std::size_t backlog_bytes = std::size_t{64} << 20;
-  /// Of results that the broker does not have yet. Above it the agent ends its subscription to
-  /// commands, until half of them are out.
+  /// Limit for results that the broker has not acknowledged. Above it the agent unsubscribes from
+  /// commands, until half of these bytes are delivered.
   std::size_t result_bytes = std::size_t{16} << 20;
-  std::uint32_t jitter_seed =
-      1;  ///< of the retry times, so that a plant does not reconnect at once
+  std::uint32_t jitter_seed = 1;  ///< of the retry delays; differs between agents
 };
 
-/// Uplink thread only. Time is an argument; `utc_ms` tells the calendar time of "now". More than
-/// twenty functions, since each kind of the broker's news has one.
+/// Uplink thread only. Time is an argument; `utc_ms` returns the current calendar time. More than
+/// twenty functions, because each kind of broker event has one.
 class Publisher final : private Session::Listener, private Outgoing::Sender {
  public:
   using UtcClock = std::function<std::int64_t()>;
   using NumberAbove = std::function<void(std::vector<std::uint64_t>)>;
   using AskCounters = std::function<void()>;
 
-  /// All references outlive the publisher. `config` is the one that `payload` and `commands` were
-  /// made with, and the uplink's own: change() makes it the next one. `store` null: memory alone;
-  /// else it is the journal of `commands` too. `number_above` is called from step() when a store
-  /// that was not there at the start has opened: samples are numbered above these from then on, by
-  /// device. `ask_counters` is called before health is published: the field's counters then come
-  /// through the outbox.
+  /// All references outlive the publisher. `config` is the config with which `payload` and
+  /// `commands` were created; it belongs to the uplink, and change() replaces it. `store` is also
+  /// the journal of `commands`; null: memory only. step() calls `number_above` when a store that
+  /// was not available at the start has opened. Its argument is the last sequence number of each
+  /// device; samples are numbered above these afterwards. `ask_counters` is called before health is
+  /// published: the field then sends its counters through the outbox.
   Publisher(Config& config, PublisherSettings settings, Payload& payload, Outbox& outbox,
             Broker& broker, Commands& commands, UtcClock utc_ms, GuardedStore* store = nullptr,
             NumberAbove number_above = {}, AskCounters ask_counters = {});
@@ -71,47 +70,49 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
   Publisher(const Publisher&) = delete;
   Publisher& operator=(const Publisher&) = delete;
 
-  /// Takes all news and does what is due. Returns when it must be called again at the latest;
-  /// sooner where the outbox or the broker has news.
+  /// Processes all events and does what is due. Returns the time by which it must be called again;
+  /// call it sooner if the outbox or the broker has events.
   SteadyTime step(SteadyTime now);
-  /// Until when samples may gather before the next step: a hundredth of their interval while they
-  /// stream in, and the time of the last step where they do not.
+  /// Returns the time until which samples may gather before the next step: one hundredth of their
+  /// interval while they stream in, otherwise the time of the last step.
   SteadyTime gather_until() const { return samples_out_.gather_until(); }
 
-  /// Begins the clean end: what waits is published for up to 3 s, results first, then the agent's
-  /// state goes to offline and the connection is closed. step() does the work until finished().
+  /// Begins the clean shutdown. Publishes what is waiting for up to 3 s, results first; then sets
+  /// the agent's state to offline and closes the connection. step() does the work until finished().
   void stop(SteadyTime now);
   bool finished() const { return phase_ == Phase::finished; }
 
-  // A changed config, in two calls of Outbox::ask().
-  /// Commands for what ends in the change are refused from now on. Then the field's end().
+  // A config change takes two calls of Outbox::ask().
+  /// Rejects commands for everything that ends with the change, from this call on. The field's
+  /// end() comes next.
   void begin_change(const ConfigChange& change) {
     changing_ = true;
     commands_.begin_change(change);
   }
-  /// After end(), whose last words the outbox has handed over: from now on the config is that of
-  /// the change. Returns the number of the last sample of each device that begins, as far as the
-  /// store knows it, by index in Config::devices, for the field's begin(), which is to be called
-  /// before anything else is done here. Nothing: the agent is stopping, and there is no new config.
+  /// Puts the config of the change in force. Call after the field's end(), when the outbox has
+  /// delivered its last events. Returns the last sequence number of each device that begins, as far
+  /// as the store knows it, by index in Config::devices. Pass it to the field's begin() before any
+  /// other call here. nullopt: the agent is stopping, and the config stays as it is.
   std::optional<std::vector<std::uint64_t>> change(const ConfigChange& change, SteadyTime now);
-  /// What health says of the config.
+  /// Sets the config status that health reports.
   void set_config_status(ConfigStatus status, SteadyTime now);
 
   // Remote configs.
-  /// Who hears of what concerns them, from step(): each document of {base}/config/desired, and each
-  /// change of the connection.
+  /// Receives the events of remote configs, from step(): each document of {base}/config/desired,
+  /// and each change of the connection.
   struct ConfigListener {
     std::function<void(std::string payload)> desired;
     std::function<void(bool connected, SteadyTime now)> connection;
   };
   void set_config_listener(ConfigListener listener) { config_listener_ = std::move(listener); }
-  /// What {base}/config/reported is from now on, after each connect too; empty: the topic is
-  /// cleared, and nothing is published there. `audit`: body of a record; empty: none.
+  /// Sets the text of {base}/config/reported, which is published again after each connect. Empty:
+  /// the topic is cleared once, and nothing is published there. `audit` is the body of an audit
+  /// record; empty: none.
   void report_config(std::string text, std::string audit);
 
-  /// Where every sample is, as of the last step().
+  /// Returns the samples counted by location, as of the last step().
   SampleCounts samples() const;
-  /// Where the agent's status is published, as long as the publisher is there.
+  /// The board on which the agent's status is published; valid for the publisher's lifetime.
   StatusBoard& board() { return status_.board(); }
 
  private:
@@ -120,14 +121,14 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
   void on(const Disconnected& event, SteadyTime now);
   void on(const Message& event, SteadyTime now);
   void on(const MessagesDropped& event, SteadyTime now);
-  void on(const auto& event, SteadyTime now);  ///< all else is the session's or of what went out
+  void on(const auto& event, SteadyTime now);  ///< all other events
 
   void connection_began(SteadyTime now) override;
   void connection_ended(SteadyTime now) override;
   void attempt_failed(SteadyTime now) override;
   void session_taken_over() override { identity_.taken_over(); }
   void subscription_changed() override;
-  // Of the last message.
+  // Outcome of the final state, which is offline.
   void delivered(std::uint64_t id, SteadyTime now) override;
   void failed(const DeliveryFailed& event, SteadyTime now) override;
 
@@ -173,20 +174,21 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
   CommandIntake intake_;
   StatusSource status_;
   IdentityConflict identity_;
-  std::optional<std::string> conflict_;  ///< as it was published
-  bool samples_first_ = false;  ///< whose turn it is, where the window is too small to share
-  /// Devices with results, not handed over yet, of commands that may have written.
+  std::optional<std::string> conflict_;  ///< as last published
+  bool samples_first_ = false;  ///< samples go before results, in a window too small to share
+  /// Devices of commands that may have written and whose results are not handed over yet.
   std::set<std::string> written_;
 
   ConfigListener config_listener_;
-  std::optional<std::string> config_report_;  ///< nothing: there was none so far
+  std::optional<std::string> config_report_;  ///< nullopt: no report yet
 
-  std::vector<std::string> joined_;  ///< devices whose earlier runs are to be looked up
-  /// The settings of MQTT are others: until then the broker has time to take our last word.
+  std::vector<std::string> joined_;  ///< devices whose earlier runs are to be recovered
+  /// Set when the MQTT settings have changed: the broker's deadline to acknowledge our offline
+  /// state.
   std::optional<SteadyTime> goodbye_by_;
   bool changing_ = false;  ///< between begin_change() and change()
 
-  /// The field's counters were asked for, and health waits for them until then.
+  /// Set when the field's counters were requested: health waits for them until then.
   std::optional<SteadyTime> counters_by_;
   std::optional<SteadyTime> started_;
   std::int64_t started_ms_ = 0;
@@ -196,8 +198,8 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
   SteadyTime phase_deadline_{};
 };
 
-/// The uplink thread: steps the publisher whenever there is news or something is due, until `stop`
-/// was asked for and the clean end is done. `stepped` is called after each step.
+/// The uplink thread: steps the publisher when there are events or something is due, until `stop`
+/// was requested and the clean shutdown is complete. Calls `stepped` after each step.
 void run_uplink(Publisher& publisher, Outbox& outbox, std::stop_token stop,
                 const std::function<void()>& stepped = {});
 

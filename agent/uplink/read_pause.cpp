@@ -7,9 +7,9 @@
 namespace fxagent {
 namespace {
 
-constexpr int kMostHeld = 128 << 10;  // bytes; the kernel doubles it for its own needs
+constexpr int kMostHeld = 128 << 10;  // bytes; the kernel doubles it for its own overhead
 
-/// 0: no socket, or a system that does not tell.
+/// Returns 0 if `fd` is not a socket or the system has no cookies.
 std::uint64_t cookie_of(int fd) {
   std::uint64_t cookie = 0;
   socklen_t length = sizeof(cookie);
@@ -34,10 +34,11 @@ void ReadPause::set(bool paused) noexcept {
 
 void ReadPause::apply() noexcept {
   if (cookie_ == 0 || cookie_of(fd_) != cookie_) return;
-  // The kernel takes half of its buffer in place of what cannot be. With 1 again it tells at once
-  // whoever waits, where something has come meanwhile.
+  // The kernel reduces INT_MAX to half of its buffer. When the value becomes 1 again, it wakes a
+  // waiting poll() at once if data has arrived.
   const int least = paused_ ? INT_MAX : 1;
-  // The kernel would make room for megabytes, and what the peer sends after them waits behind.
+  // Without a limit the kernel would buffer megabytes, and later packets of the peer would wait
+  // behind them.
   if (paused_) setsockopt(fd_, SOL_SOCKET, SO_RCVBUF, &kMostHeld, sizeof(kMostHeld));
   setsockopt(fd_, SOL_SOCKET, SO_RCVLOWAT, &least, sizeof(least));
 }

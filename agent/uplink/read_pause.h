@@ -1,6 +1,6 @@
-// Backpressure on a TCP connection that a library reads: its socket is told to count as unreadable,
-// so that the library's thread waits in poll() and holds none of its locks meanwhile. What the peer
-// sends stays in the kernel, then in the peer. By SO_RCVLOWAT, socket(7).
+// Backpressure on a TCP connection that a library reads. Makes the socket count as unreadable, so
+// that the library's thread waits in poll() and holds none of its locks. What the peer sends stays
+// in the kernel, then in the peer. Uses SO_RCVLOWAT, socket(7).
 #pragma once
 
 #include <cstdint>
@@ -8,13 +8,14 @@
 
 namespace fxagent {
 
-/// Any thread. Where the system has no such option nothing is paused.
+/// Any thread. Has no effect on systems without this option.
 class ReadPause final {
  public:
-  /// From now on this socket is meant; -1: none.
+  /// Selects the socket; -1: none.
   void watch(int fd) noexcept;
-  /// A socket that was closed since is not touched, whoever has its number now. Some bytes more may
-  /// be read in spite of a pause: what the kernel has no room for, and what TLS has unpacked.
+  /// Does not touch a socket that has been closed since, even if its number is in use again. A few
+  /// more bytes may be read during a pause: those that the kernel has no room for, and those that
+  /// TLS has already decrypted.
   void set(bool paused) noexcept;
 
  private:
@@ -22,7 +23,7 @@ class ReadPause final {
 
   std::mutex mutex_;
   int fd_ = -1;
-  std::uint64_t cookie_ = 0;  ///< the kernel's own name of the socket, never used again; 0: none
+  std::uint64_t cookie_ = 0;  ///< the kernel's own id of the socket, never used again; 0: none
   bool paused_ = false;
 };
 

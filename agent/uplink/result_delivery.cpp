@@ -12,16 +12,15 @@
 namespace fxagent {
 namespace {
 
-// What has a result that the broker does not have yet.
+// Limits for results that the broker has not acknowledged.
 constexpr std::size_t kMostResults = 200;
 constexpr std::size_t kMostResultBytes = std::size_t{8} << 20;
-// Messages between a result and its PUBACK, where kReceiveMaximum may be sent ahead. A broker that
-// is slow with the PUBACK lets some more come meanwhile, of those that are let in. mosquitto 2.0.11
-// sends all that its queue holds, 1,000 messages, once it was full; with a Receive Maximum of 1 it
-// does not.
+// Messages between a result and its PUBACK. A broker may send kReceiveMaximum ahead, and a few more
+// of the messages let in if its PUBACK is slow. mosquitto 2.0.11 sends its whole queue of 1,000
+// messages once that was full. With a Receive Maximum of 1 it does not.
 constexpr std::uint64_t kFarAhead = 50 * kReceiveMaximum;
 constexpr std::uint64_t kFarAheadBytes = std::uint64_t{8} << 20;  // ten of the longest are 2 MiB
-// A window of fewer cannot be shared.
+// Results and samples do not share a window smaller than this.
 constexpr std::size_t kLeastShared = 4;
 
 }  // namespace
@@ -58,8 +57,8 @@ bool ResultDelivery::is_full() const {
   return results_.size() >= kMostResults || bytes_ >= kMostResultBytes;
 }
 
-/// So many results may be on their way at once: a quarter of the window is for states and samples,
-/// however many results wait.
+/// Returns how many results may be in flight at once. A quarter of the window is for states and
+/// samples, however many results are waiting.
 std::size_t ResultDelivery::window() const {
   const std::size_t whole = outgoing_.window();
   return whole >= kLeastShared ? whole - whole / 4 : whole;
@@ -96,7 +95,8 @@ void ResultDelivery::hand_over(std::uint64_t key, std::size_t copy, SteadyTime n
   publication.topic = to.topic;
   publication.payload = result.text;
   publication.correlation = result.correlation;
-  // The device's own topic gets the result even where the broker does not take it with its echo.
+  // If the result is too large for the broker with its correlation data, the device's own topic
+  // gets it without.
   if (!to.to_response_topic && !outgoing_.fits(publication)) publication.correlation.clear();
   flights_.emplace(outgoing_.send(*this, std::move(publication)), Flight{key, copy, heard});
   failpoint("result_published");
@@ -129,7 +129,8 @@ void ResultDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
              {"id", pending.result.id},
              {"code", hex_code(event.reason_code)},
              {"reason", event.text}});
-  // A response topic is the sender's choice: where the broker refuses it, that is that.
+  // The sender of the command chose the response topic: if the broker refuses it, there is no
+  // retry.
   if (is_final(event.reason_code) || (copy.to_response_topic && event.reason_code != 0))
     return copy_done(flight, Ended::refused);
   copy.in_flight = false;

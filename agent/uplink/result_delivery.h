@@ -1,6 +1,6 @@
-// Results of commands on their way to the broker: each goes to the device's topic, and to the
-// response topic if its command names one, again and again until it was acknowledged or refused for
-// good. None is ever dropped. Uplink thread. Time is an argument.
+// Delivers results of commands. Each goes to the device's topic, and to the response topic if its
+// command names one, repeatedly until it is acknowledged or finally refused. No result is dropped.
+// Uplink thread. Time is an argument.
 #pragma once
 
 #include <cstddef>
@@ -25,31 +25,33 @@ class ResultDelivery final : public Outgoing::Sender {
  public:
   using UtcClock = std::function<std::int64_t()>;
 
-  /// All references outlive it.
+  /// All references outlive the object.
   ResultDelivery(const Config& config, Commands& commands, Outgoing& outgoing,
                  JitteredBackoff& backoff, UtcClock utc_ms);
 
   void add(ResultMessage result);
-  /// Hands over what has room. `heard`: the messages that have come, while some are held back.
-  /// True: some went, and where the window is too small to share, samples go first the next time.
+  /// Sends results for which there is room. `heard` is the count of messages received so far, if
+  /// some are held back. True: some were sent, and the window is too small to share, so samples go
+  /// first next time.
   bool pump(SteadyTime now, std::optional<Heard> heard);
-  /// All that was on its way goes again with the next connection.
+  /// Everything in flight is sent again with the next connection.
   void connection_ended();
 
   void delivered(std::uint64_t id, SteadyTime now) override;
   void failed(const DeliveryFailed& event, SteadyTime now) override;
 
-  /// Whether more has come since some result went than a broker sends that keeps to the Receive
-  /// Maximum.
+  /// True if more messages have arrived since some result was sent than a broker sends that
+  /// respects the Receive Maximum.
   bool is_far_behind(const Heard& heard) const;
-  /// Of the commands that were carried out: from arrival to the hand-over of the result to MQTT.
+  /// Durations of commands that were carried out: from arrival to the hand-over of the result to
+  /// MQTT.
   const DurationHistogram& durations() const { return durations_; }
   bool empty() const { return results_.empty(); }
   std::size_t size() const { return results_.size(); }
-  std::size_t bytes() const { return bytes_; }  ///< in memory, roughly
-  /// As many wait as there is room for: no more commands are to be read.
+  std::size_t bytes() const { return bytes_; }  ///< in memory, approximately
+  /// True if as many results are waiting as there is room for. Do not read more commands then.
   bool is_full() const;
-  /// When pump() has something to do at the latest that no acknowledgement tells.
+  /// Returns the time by which pump() must run, apart from acknowledgements.
   SteadyTime next_wake(SteadyTime now) const;
 
  private:
@@ -64,14 +66,14 @@ class ResultDelivery final : public Outgoing::Sender {
   };
   struct Pending {
     ResultMessage result;
-    bool handed_over = false;  ///< to MQTT, once: total_ms ends there
-    std::size_t bytes = 0;     ///< that it takes in memory, roughly
+    bool handed_over = false;  ///< to MQTT, once; total_ms ends there
+    std::size_t bytes = 0;     ///< memory use, approximately
     std::vector<Copy> copies;
   };
   struct Flight {
     std::uint64_t result = 0;
     std::size_t copy = 0;
-    std::optional<Heard> heard{};  ///< before it went; none: nothing was held back then
+    std::optional<Heard> heard{};  ///< before it was sent; nullopt: nothing was held back
   };
   enum class Ended : std::uint8_t { acknowledged, refused };
 
@@ -86,11 +88,11 @@ class ResultDelivery final : public Outgoing::Sender {
   const UtcClock utc_ms_;
 
   std::uint64_t next_ = 1;
-  std::map<std::uint64_t, Pending> results_;  ///< the oldest first
-  std::map<std::uint64_t, Flight> flights_;   ///< by the id of the publication
+  std::map<std::uint64_t, Pending> results_;  ///< oldest first
+  std::map<std::uint64_t, Flight> flights_;   ///< by publication id
   std::size_t bytes_ = 0;
   DurationHistogram durations_;
-  std::set<std::uint64_t> refused_;  ///< that the broker has refused once: they come again
+  std::set<std::uint64_t> refused_;  ///< refused once by the broker; sent again
 };
 
 }  // namespace fxagent

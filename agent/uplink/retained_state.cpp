@@ -13,7 +13,8 @@ namespace {
 using std::chrono::seconds;
 
 constexpr seconds kRepairEvery{1};
-// Until what was published comes back. Where it does not, what was heard meanwhile counts too.
+// Time for a publication to come back to us. If it does not, other texts received before count as
+// overwriting it.
 constexpr seconds kComesBackWithin{2};
 
 }  // namespace
@@ -55,7 +56,7 @@ void RetainedState::change(const ConfigChange& change, const std::vector<std::st
   states_.resize(config_.devices.size());
   const std::string base = config_.base_topic() + "/";
   for (const std::uint32_t device : change.devices_begin) {
-    // One that comes back: its topics are not to be cleared any more.
+    // The device is back: its topics must not be cleared.
     for (const char* topic : {"/state", "/meta"}) {
       const std::string back = base + config_.devices[device].name + topic;
       due_.erase({Item::clear, 0, back});
@@ -63,12 +64,12 @@ void RetainedState::change(const ConfigChange& change, const std::vector<std::st
     }
     if (is_connected) due_[{Item::device_meta, device, {}}];
   }
-  if (!is_connected) return;  // after the next connect they are found
+  if (!is_connected) return;  // they are found after the next connect
   for (const std::string& name : gone)
     for (const char* topic : {"/state", "/meta"}) clear(base + name + topic);
 }
 
-/// Nothing refers to this index any more.
+/// Removes everything that refers to this device index.
 void RetainedState::forget(std::uint32_t device) {
   const auto is_its_own = [device](const Key& key) {
     return key.device == device &&
@@ -90,14 +91,14 @@ void RetainedState::set(DeviceStatus status) {
 
 void RetainedState::heard(const Key& key, std::string_view payload, SteadyTime now) {
   const auto found = published_.find(key);
-  if (found == published_.end() || due_.contains(key)) return;  // ours is still to come
+  if (found == published_.end() || due_.contains(key)) return;  // ours is still pending
   Published& ours = found->second;
   if (std::hash<std::string_view>{}(payload) == ours.hash) {
     ours.came_back = true;
     repairs_.erase(key);
     return;
   }
-  // The broker keeps an order on a topic: what comes before ours was there before it.
+  // The broker keeps the order on a topic: a text that arrives before ours was there before it.
   const SteadyTime overwritten = ours.came_back ? now : ours.at + kComesBackWithin;
   repairs_.try_emplace(key, std::max(overwritten, ours.at + kRepairEvery));
 }
@@ -152,7 +153,7 @@ void RetainedState::delivered(std::uint64_t id, SteadyTime) { flights_.erase(id)
 
 void RetainedState::failed(const DeliveryFailed& event, SteadyTime now) {
   auto found = flights_.extract(event.id);
-  if (found.empty()) return;  // of a device that is no more
+  if (found.empty()) return;  // of a removed device
   const Flight flight = std::move(found.mapped());
   log::warn(event.reason_code != 0 ? "publish_refused" : "publish_failed",
             {{"what", "state"}, {"code", hex_code(event.reason_code)}, {"reason", event.text}});

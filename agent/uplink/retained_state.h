@@ -1,8 +1,8 @@
-// What is retained at the broker: the agent's state, health, what became of a remote config, and
-// state and meta of each device. All of it is published again after each connect, and what the
-// broker refuses for a time comes again with its newest value. States and meta that somebody else
-// has overwritten are repaired. Uplink thread. Time is an argument. More than twenty functions:
-// most say one word about one topic.
+// Retained messages: the state of the agent, health, the config report, and each device's state and
+// meta. All of them are published again after each connect. A message that the broker refuses for a
+// time is repeated with its newest value. States and meta that another client has overwritten are
+// restored. Uplink thread. Time is an argument. More than twenty functions: most concern one topic
+// each.
 #pragma once
 
 #include <cstdint>
@@ -26,34 +26,34 @@ namespace fxagent {
 
 class RetainedState final : public Outgoing::Sender {
  public:
-  /// What is made anew each time that it is published.
+  /// Makes a message anew each time that it is published.
   struct Source {
     std::function<Publication()> agent_state;
     std::function<Publication(SteadyTime)> health;
-    /// Of {base}/config/reported.
+    /// For {base}/config/reported.
     std::function<Publication()> config_report;
   };
 
-  /// All references outlive it.
+  /// All references outlive the object.
   RetainedState(const Config& config, Payload& payload, Outgoing& outgoing,
                 JitteredBackoff& backoff, Source source);
 
-  /// All but health, whose counters are to be asked for first, and the report of a config.
+  /// Everything is due except the config report and health, whose counters must be requested first.
   void connection_began();
   void connection_ended();
-  /// The same in a connection that stands: another agent may have written there.
+  /// The same within a connection, because another agent may have overwritten the topics.
   void everything_is_due();
-  // These count only while there is a connection: everything is due after the next connect.
+  // These have an effect only while connected: everything is due after the next connect.
   void agent_state_changed() { due_[{Item::agent_state, 0, {}}] = {}; }
   void health_is_due() { due_[{Item::health, 0, {}}]; }
   void config_report_is_due() { due_[{Item::config_report, 0, {}}] = {}; }
   void device_state_changed(std::uint32_t device) { due_[{Item::device_state, device, {}}] = {}; }
-  /// Clears a retained topic. False: it is about to be.
+  /// Clears a retained topic. Returns false if that is pending already.
   bool clear(const std::string& topic) { return due_.try_emplace({Item::clear, 0, topic}).second; }
 
-  // What was heard on topics of ours. Where it is not what was published there, that is published
-  // again, a second after it was published last at the soonest. What was there before ours came is
-  // no such text: ours comes back behind it.
+  // Processes a text received on one of our topics. If it is not what we published, ours is
+  // published again, at least 1 s after its last publication. A text that was there before ours
+  // does not count: ours comes back after it.
   void heard_agent_state(std::string_view payload, SteadyTime now) {
     heard({Item::agent_state, 0, {}}, payload, now);
   }
@@ -64,26 +64,26 @@ class RetainedState final : public Outgoing::Sender {
     heard({Item::device_meta, device, {}}, payload, now);
   }
 
-  /// The config is that of the change from now on. Of what ends in it nothing more is published;
-  /// what begins in it has its meta published, where there is a connection, and its state once the
-  /// field has told it. `gone`: names of devices that are no more, whose topics are cleared.
+  /// Adapts to a config change. Stops publishing what ends. If connected, publishes the meta of
+  /// what begins; its state follows when the field has reported it. `gone` are the names of removed
+  /// devices, whose topics are cleared.
   void change(const ConfigChange& change, const std::vector<std::string>& gone, bool is_connected);
 
-  /// The newest state of a device; published by device_state_changed().
+  /// Sets the newest state of a device; device_state_changed() publishes it.
   void set(DeviceStatus status);
-  /// By device; null where none was set.
+  /// Indexed by device; null if none was set.
   const std::vector<std::shared_ptr<const DeviceStatus>>& states() const { return states_; }
 
   void pump(SteadyTime now);
   bool empty() const { return due_.empty(); }
-  /// When pump() has something to do at the latest that no acknowledgement tells.
+  /// Returns the time by which pump() must run, apart from acknowledgements.
   SteadyTime next_wake(SteadyTime now) const;
 
   void delivered(std::uint64_t id, SteadyTime now) override;
   void failed(const DeliveryFailed& event, SteadyTime now) override;
 
  private:
-  /// Lower comes first.
+  /// Lower values are published first.
   enum class Item : std::uint8_t {
     agent_state,
     device_state,
@@ -107,11 +107,11 @@ class RetainedState final : public Outgoing::Sender {
     int failures = 0;
   };
 
-  /// What was handed over last on a topic.
+  /// The last publication on a topic.
   struct Published {
     std::size_t hash = 0;  ///< of the payload
     SteadyTime at{};
-    bool came_back = false;  ///< the broker has sent it to us, too
+    bool came_back = false;  ///< the broker has sent it back to us
   };
 
   void forget(std::uint32_t device);
@@ -128,10 +128,10 @@ class RetainedState final : public Outgoing::Sender {
   const Source source_;
   std::vector<std::shared_ptr<const DeviceStatus>> states_;  ///< by device; others read on
   std::map<Key, Due> due_;
-  std::map<std::uint64_t, Flight> flights_;  ///< by the id of the publication
+  std::map<std::uint64_t, Flight> flights_;  ///< by publication id
   std::map<Key, Published> published_;       ///< in this connection
   std::map<Key, SteadyTime> repairs_;        ///< when each is due
-  std::set<Key> logged_;                     ///< that were overwritten; once in a connection
+  std::set<Key> logged_;                     ///< overwritten in this connection, and logged
 };
 
 }  // namespace fxagent

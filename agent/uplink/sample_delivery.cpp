@@ -16,20 +16,20 @@ using std::chrono::microseconds;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-constexpr int kGatherShare = 100;  // of its interval, that a sample may wait for others
+constexpr int kGatherShare = 100;  // a sample waits at most 1/100 of its interval
 constexpr milliseconds kGatherMost{5};
-// So many history messages, each of another stream, are on their way together: the broker has the
-// next one when it has acknowledged the one before.
+// Number of history messages in flight, each of a different stream: the broker gets a stream's next
+// message when it has acknowledged the one before.
 constexpr std::size_t kHistoryFlights = 2;
-// After each of them history rests for half as long as that took, so that live samples and commands
-// find the broker free again and again; no longer than this, for the sake of lines that are slow by
-// themselves.
+// After each history message, history pauses for half of the time that the message took, so that
+// live samples and commands regularly find the broker free. kLongestRest limits the pause on slow
+// networks.
 constexpr int kRestShare = 2;
 constexpr milliseconds kLongestRest{100};
-// A quarter of what is allowed: one of 64 KiB holds a live sample up for milliseconds.
+// A quarter of the allowed size: a message of 64 KiB delays a live sample by milliseconds.
 constexpr std::size_t kHistoryBytes = 16384;
 constexpr std::size_t kSmallWindow = 4;
-// So many samples behind a full window tell that the broker takes fewer than are made.
+// This many samples behind a full window show that the broker accepts fewer than are produced.
 constexpr std::size_t kBackedUp = 4;
 constexpr auto kLiveFor = SampleSpool::kLiveFor;
 constexpr auto kCommitWithin = SampleSpool::kCommitWithin;
@@ -54,7 +54,8 @@ void SampleDelivery::change(const ConfigChange& change) {
   meta_hashes_.resize(config_.devices.size());
 }
 
-/// With the first sample of each device: to make those of many at once would take its time.
+/// Computed with the first sample of each device: computing those of many devices at once would
+/// take too long.
 const std::string& SampleDelivery::meta_hash(std::uint32_t device) {
   std::string& hash = meta_hashes_.at(device);
   if (hash.empty()) hash = json::device_meta(config_.devices.at(device)).hash;
@@ -63,7 +64,7 @@ const std::string& SampleDelivery::meta_hash(std::uint32_t device) {
 
 void SampleDelivery::take(const std::vector<Telemetry>& messages, bool can_go, SteadyTime now) {
   if (messages.empty()) return;
-  microseconds patience = kGatherMost;  // none at all for groups without an interval
+  microseconds patience = kGatherMost;  // zero for groups without an interval
   for (const Telemetry& message : messages) {
     const GroupConfig& group = config_.devices.at(message.device).groups.at(message.group);
     patience = std::min(patience, microseconds(group.interval) / kGatherShare);
@@ -97,8 +98,8 @@ void SampleDelivery::settle(SteadyTime now) {
   hold_on_disk(now);
 }
 
-/// Samples that found no room for a second wait as history. Those that would follow within
-/// kCommitWithin go with them: a commit costs the same for all.
+/// Moves samples that found no room for 1 s to history. Includes those that would follow within
+/// kCommitWithin: a commit costs the same for all.
 void SampleDelivery::overflow(SteadyTime now) {
   if (live_.empty() || live_.front().since + kLiveFor > now) return;
   while (!live_.empty() && live_.front().since + kLiveFor - kCommitWithin <= now) {
@@ -107,8 +108,8 @@ void SampleDelivery::overflow(SteadyTime now) {
   }
 }
 
-/// Samples that have been in flight for a second are on disk from then on, and stay in flight;
-/// together, as in overflow().
+/// Writes samples that have been in flight for 1 s to disk; they stay in flight. Includes those
+/// that would follow soon, like overflow().
 void SampleDelivery::hold_on_disk(SteadyTime now) {
   if (!spool_.can_hold()) return;
   std::vector<SampleRow> rows;
@@ -130,14 +131,15 @@ void SampleDelivery::hold_on_disk(SteadyTime now) {
   }
 }
 
-/// A small window is for live samples and results.
+/// A small window has one place for history; the rest is for live samples and results.
 bool SampleDelivery::has_room_for_history() const {
   const std::size_t most = outgoing_.window() > kSmallWindow ? kHistoryFlights : 1;
   return history_flights_ < most && has_room();
 }
 
 bool SampleDelivery::has_room() const {
-  // Two places stay free, so that a result or a state never waits behind samples.
+  // In a larger window two places stay free, so that a result or a state never waits behind
+  // samples.
   const std::size_t window = outgoing_.window();
   return outgoing_.size() < (window > kSmallWindow ? window - 2 : window);
 }
@@ -209,7 +211,7 @@ void SampleDelivery::spool_live() {
   live_.clear();
 }
 
-// ---- what became of them ------------------------------------------------------------------------
+// ---- outcomes -----------------------------------------------------------------------------------
 
 void SampleDelivery::delivered(std::uint64_t id, SteadyTime now) {
   const Flight flight = std::move(flights_.extract(id).mapped());
@@ -273,7 +275,8 @@ void SampleDelivery::history_failed(const OutgoingHistory& history, const Delive
     pause(batch.device, event, now);
 }
 
-/// The broker has taken what was sent `since`. What left before a refusal does not end its pause.
+/// The broker accepted a message that was sent at `since`. Ends the device's pause, unless the
+/// message was sent before the refusal.
 void SampleDelivery::taken(const std::string& device, SteadyTime since) {
   const auto found = pauses_.find(device);
   if (found != pauses_.end() && found->second.since < since) pauses_.erase(found);
@@ -288,7 +291,7 @@ void SampleDelivery::pause(const std::string& device, const DeliveryFailed& even
   const int reason_code = event.reason_code;
   Pause& pause = pauses_[device];
   pause.reason_code = reason_code;
-  if (pause.until > now) return;  // one refusal among several that were on their way
+  if (pause.until > now) return;  // one of several refusals of messages in flight
   pause.since = now;
   pause.until = now + backoff_.after(pause.failures++);
   const std::string again = std::to_string(std::chrono::ceil<seconds>(pause.until - now).count());

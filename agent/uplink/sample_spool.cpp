@@ -22,7 +22,7 @@ void SampleSpool::commit(SteadyTime now, bool can_wait) {
 
 void SampleSpool::write() {
   auto rows = std::exchange(spool_, {});
-  // While older rows are in memory, these wait behind them.
+  // While older rows are in memory, these queue behind them.
   if (store_ != nullptr && backlog_.rows() == 0) return store(std::move(rows));
   for (SampleRow& row : rows) backlog_.append(std::move(row));
   count_dropped();

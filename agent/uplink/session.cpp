@@ -13,26 +13,26 @@ namespace {
 using std::chrono::seconds;
 
 constexpr seconds kConnectPatience{30};    // longer than the library's own connect time-out
-constexpr seconds kNoAcknowledgement{30};  // a broker that is silent for so long is given up
-constexpr seconds kSteady{10};             // a connection that lived so long was a good one,
-// and so many times as long as the pause before it: another agent with our id waits as often as we
-// do, and at most two and a half times as long.
+constexpr seconds kNoAcknowledgement{30};  // a broker silent for this long is abandoned
+constexpr seconds kSteady{10};             // a connection that lasts this long is stable
+// It must also last this many times as long as the pause before it. Another agent with our id
+// pauses as often as we do, and at most two and a half times as long.
 constexpr int kSteadyPauses = 3;
 constexpr seconds kLastRetry{30};
-// A broker that restarts, or lets a user in again, is met within 5 s; one that is away for longer
-// than this is not in such a hurry.
+// A broker that restarts, or accepts a user again, is reached within 5 s. After a longer outage
+// than this, the delay grows to kLastRetry.
 constexpr std::chrono::minutes kShortOutage{5};
 constexpr seconds kLastRetryOfShortOutage{4};
-// Two agents with one id throw each other off: each stays away ever longer.
+// Two agents with one id take over each other's session; each doubles its delay up to this limit.
 constexpr seconds kLastRetryOfThrown{60};
-constexpr std::chrono::milliseconds kBetweenLooks{100};  // whether the connection is still there
-constexpr seconds kLibraryForgot{1};                     // to tell that the connection is gone
-constexpr seconds kSubackWithin{1};                      // until commands count as unheard
-constexpr seconds kGoodbye{2};     // until Disconnected, or else nothing more is waited for
-constexpr seconds kCatchUp{1};     // until it is asked again whether enough results are out
-constexpr int kSilenceIsSlow = 2;  // failures that an unanswered SUBSCRIBE begins with: 4 s
+constexpr std::chrono::milliseconds kBetweenLooks{100};  // between checks of the connection
+constexpr seconds kLibraryForgot{1};                     // time for the library to report a loss
+constexpr seconds kSubackWithin{1};                      // before commands count as not received
+constexpr seconds kGoodbye{2};     // wait for Disconnected before connecting anyway
+constexpr seconds kCatchUp{1};     // between checks if enough results are delivered
+constexpr int kSilenceIsSlow = 2;  // an unanswered SUBSCRIBE begins with this many failures: 4 s
 constexpr seconds kLastSubscribe{60};
-constexpr seconds kLeftoversFor{10};  // how long retained topics of unknown devices are looked for
+constexpr seconds kLeftoversFor{10};  // search for topics of removed devices
 
 }  // namespace
 
@@ -47,7 +47,7 @@ Session::Session(const MqttConfig& mqtt, std::string base, Broker& broker, Outgo
       backoff_(backoff),
       listener_(listener) {}
 
-// ---- the connection -----------------------------------------------------------------------------
+// ---- connection ---------------------------------------------------------------------------------
 
 void Session::on(const Connected& event, SteadyTime now) {
   if (link_ != Link::connecting) return;
@@ -61,9 +61,9 @@ void Session::on(const Connected& event, SteadyTime now) {
   outgoing_.begin(event);
   log::info("broker_connected",
             {{"server", server()}, {"window", std::to_string(outgoing_.window())}});
-  // Our own retained topics are what is looked for here, and another agent may have our client id,
-  // so No Local would hide them. Our own state goes before commands: if another agent is there,
-  // that is known when they come.
+  // Our own retained topics are what we search for, and another agent may have our client id; No
+  // Local would hide both. Our own state is subscribed to before commands, so that another agent is
+  // detected before commands arrive.
   broker_.subscribe({base_ + "/state", /*no_local=*/false});
   subscribe_to_commands(now);
   broker_.subscribe({base_ + "/+/state", /*no_local=*/false});
@@ -75,7 +75,7 @@ void Session::on(const Connected& event, SteadyTime now) {
 
 void Session::on(const ConnectFailed& event, SteadyTime now) {
   if (link_ != Link::connecting) return;
-  if (event.text != last_failure_) {  // a repeated one is not news
+  if (event.text != last_failure_) {  // log a repeated failure once
     log::warn("broker_unreachable", {{"server", server()}, {"reason", event.text}});
     last_failure_ = event.text;
   }
@@ -112,7 +112,7 @@ void Session::keep(SteadyTime now, bool may_hear) {
   if ((link_ == Link::waiting || link_ == Link::leaving) && now >= retry_at_) connect(now);
   if (link_ == Link::connected && leftovers_until_ && now >= *leftovers_until_) {
     leftovers_until_.reset();
-    malloc_trim(0);  // what the flood of a new connection took goes back, for the years that follow
+    malloc_trim(0);  // return the memory of the initial burst to the system
   }
 }
 
@@ -162,7 +162,7 @@ void Session::begin_anew(SteadyTime now) {
     end(now);
   }
   if (link_ == Link::connecting) listener_.attempt_failed(now);
-  // Nobody is told goodbye who has not answered yet: connect() gives that attempt up.
+  // An attempt without an answer gets no DISCONNECT: connect() abandons it.
   link_ = was_connected ? Link::leaving : Link::waiting;
   retry_at_ = was_connected ? now + kGoodbye : now;
 }
@@ -170,7 +170,7 @@ void Session::begin_anew(SteadyTime now) {
 void Session::hear_configs(bool heard) {
   if (heard == hears_configs_) return;
   hears_configs_ = heard;
-  if (link_ != Link::connected) return;  // with the next connection
+  if (link_ != Link::connected) return;  // takes effect with the next connection
   if (heard)
     broker_.subscribe({configs_filter_, /*no_local=*/false});
   else
@@ -187,8 +187,8 @@ void Session::give_up(SteadyTime now) {
   end(now);
 }
 
-/// Finds a loss that nobody told. Whatever the library leaves out: a minute passes at most until
-/// health is published, and then the broker answers, or there is none.
+/// Detects losses that the library does not report. Health is published at least every minute; if
+/// the broker does not acknowledge it, the connection is lost.
 void Session::watch(SteadyTime now) {
   const auto unanswered_since = outgoing_.unanswered_since();
   if (link_ == Link::connected && unanswered_since &&
@@ -197,7 +197,7 @@ void Session::watch(SteadyTime now) {
     on(Lost{"no acknowledgement for 30 s"}, now);
   }
   if (link_ != Link::connected) return down_since_.reset();
-  // The library takes a lock to answer, for which its threads wait.
+  // is_connected() takes a lock for which the library's threads wait, so it is called rarely.
   if (!down_since_ && now < look_again_) return;
   look_again_ = now + kBetweenLooks;
   if (broker_.is_connected()) return down_since_.reset();
@@ -249,7 +249,7 @@ void Session::retry_after_loss(SteadyTime now) {
   retry_at_ = now + last_pause_;
 }
 
-// ---- the subscription to commands ---------------------------------------------------------------
+// ---- subscription to commands -------------------------------------------------------------------
 
 void Session::on(const Subscribed& event, SteadyTime now) {
   if (link_ != Link::connected) return;
@@ -260,7 +260,7 @@ void Session::on(const Subscribed& event, SteadyTime now) {
       log::error("subscription_refused", {{"filter", event.filter}, {"reason", event.text}});
     return;
   }
-  if (paused_) return;  // the answer to what was taken back meanwhile
+  if (paused_) return;  // answers a SUBSCRIBE that has been withdrawn since
   if (!event.granted) return unheard(event.text, now);
   suback_by_.reset();
   ask_again_at_.reset();
@@ -295,7 +295,7 @@ void Session::keep_subscribed(SteadyTime now, bool may_hear) {
 void Session::unheard(const std::string& reason, SteadyTime now) {
   suback_by_.reset();
   ask_again_at_ = now + backoff_.after(unheard_++, kLastSubscribe);
-  if (not_heard_why_ == reason) return;  // a repeated one is not news
+  if (not_heard_why_ == reason) return;  // log a repeated reason once
   not_heard_why_ = reason;
   listener_.subscription_changed();
   log::error("subscription_refused", {{"filter", commands_filter_}, {"reason", reason}});

@@ -1,7 +1,7 @@
-// The session with the broker: connects, notices a loss whoever tells it or not, tries the next
-// server in time and never in haste, and asks for the subscription to commands until it is granted.
-// Uplink thread. Time is an argument. More than twenty functions: five take the broker's news, nine
-// say one word about the state.
+// The MQTT session. Connects, and detects losses even if the library does not report them. Tries
+// the next server, with a delay after each round. Repeats the subscription to commands until it is
+// granted. Uplink thread. Time is an argument. More than twenty functions: five take the broker's
+// events, nine return one fact each.
 #pragma once
 
 #include <chrono>
@@ -21,22 +21,22 @@ namespace fxagent {
 
 class Session final {
  public:
-  /// Who must know how it goes.
+  /// Receives the changes of the connection.
   class Listener {
    public:
     virtual ~Listener() = default;
-    /// Connected; what is published now goes to this broker.
+    /// Connected; publications go to this broker now.
     virtual void connection_began(SteadyTime now) = 0;
-    /// What was on its way is to be published again.
+    /// Publications in flight must be published again.
     virtual void connection_ended(SteadyTime now) = 0;
     virtual void attempt_failed(SteadyTime now) = 0;
     /// The broker has given our session to another client; connection_ended() follows.
     virtual void session_taken_over() = 0;
-    /// Commands are heard, or not heard, since now: not_heard_why() says why.
+    /// Commands are received, or no longer received: not_heard_why() gives the reason.
     virtual void subscription_changed() = 0;
   };
 
-  /// All references outlive it. `base`: of the agent's topics.
+  /// All references outlive the session. `base` is the beginning of the agent's topics.
   Session(const MqttConfig& mqtt, std::string base, Broker& broker, Outgoing& outgoing,
           JitteredBackoff& backoff, Listener& listener);
 
@@ -46,57 +46,60 @@ class Session final {
   void on(const Disconnected& event, SteadyTime now);
   void on(const Subscribed& event, SteadyTime now);
 
-  /// What is due. `may_hear`: enough results are out for the subscription to be asked for again,
-  /// where pause_commands() has ended it.
+  /// Does what is due. `may_hear`: after pause_commands(), enough results have been delivered to
+  /// subscribe to commands again.
   void keep(SteadyTime now, bool may_hear);
-  /// When keep() has something to do at the latest.
+  /// Returns the time by which keep() must run again.
   SteadyTime next_wake() const;
 
-  /// More commands come than can be answered, and they cannot be held back: what they would fill is
-  /// memory. not_heard_why() says so until they are heard again.
+  /// Unsubscribes from commands. Call when more commands arrive than can be answered and they
+  /// cannot be held back: they would fill the memory. not_heard_why() gives this reason until
+  /// commands are received again.
   void pause_commands(SteadyTime now);
   bool is_paused() const { return paused_; }
-  /// Says goodbye and asks the same server for one message at a time. What has come is answered;
-  /// what the broker had queued goes with the session, as with every loss.
+  /// Disconnects, and connects to the same server again with Receive Maximum 1. Messages received
+  /// so far are answered. Messages queued at the broker are lost with the session, as with every
+  /// loss.
   void connect_anew(SteadyTime now);
-  /// The settings that it was made with are others now, and begin_anew() follows.
+  /// The MQTT settings have changed; begin_anew() follows.
   void settings_changed() { server_ = 0; }
-  /// Begins with the first server. A connection is ended with a goodbye.
+  /// Starts again with the first server. Ends an existing connection with a DISCONNECT.
   void begin_anew(SteadyTime now);
-  /// Whether {base}/config/desired is heard, from now on.
+  /// Subscribes to {base}/config/desired, or unsubscribes.
   void hear_configs(bool heard);
-  /// The end: no command is heard any more. A session that was leaving comes back, so that who was
-  /// told goodbye hears the last word too.
+  /// Begins the shutdown: unsubscribes from commands. If the session is leaving, it connects again,
+  /// so that the broker that received a DISCONNECT also receives the final state.
   void begin_end(SteadyTime now);
-  /// Of the end: what is not delivered by now is not delivered.
+  /// Completes the shutdown: publications not delivered yet stay undelivered.
   void give_up(SteadyTime now);
 
   bool is_connected() const { return link_ == Link::connected; }
-  /// Since when it is as it is: connected, or without a connection; the clock's beginning where
-  /// there was none yet.
+  /// Time since which the session has been connected, or without a connection; the clock's epoch if
+  /// it has not had one yet.
   SteadyTime since() const { return is_connected() ? connected_at_ : lost_at_; }
-  /// The last failure, or why the connection was lost; empty: it is connected, or was never tried.
+  /// Reason of the last failure or loss; empty: connected, or never tried.
   const std::string& why_not_connected() const { return why_not_connected_; }
-  /// The one of the config that it is connected to, or tries.
+  /// The server of the config to which the session is connected or connecting.
   const std::string& server() const { return mqtt_.servers.at(server_); }
-  /// Neither connected nor on the way to it.
+  /// True if the session is neither connected nor on the way to it.
   bool is_waiting() const { return link_ == Link::waiting; }
-  /// Retained topics of devices that are gone are being looked for.
+  /// True while retained topics of removed devices are searched for.
   bool looks_for_leftovers() const { return leftovers_until_.has_value(); }
-  /// A connection that lives so long is a good one: nobody throws it off.
+  /// Lifetime after which a connection is stable: no other client keeps taking it over.
   SteadyTime::duration steady_after() const;
-  /// The first attempt is not over.
+  /// True until the first attempt to connect has ended.
   bool is_starting() const { return starting_; }
-  /// Neither confirmed nor overdue: nobody knows yet whether commands are heard.
+  /// True while the first SUBACK is neither received nor overdue, so that it is not known if
+  /// commands are received.
   bool awaits_first_suback() const { return suback_by_ && !not_heard_why_; }
   bool awaits_suback() const { return suback_by_.has_value(); }
-  /// Why commands are not heard; nullopt: they are.
+  /// Reason why commands are not received; nullopt: they are.
   const std::optional<std::string>& not_heard_why() const { return not_heard_why_; }
-  /// How many messages the broker was told that it may send ahead of acknowledgements.
+  /// Receive Maximum sent to the broker: messages that it may send ahead of acknowledgements.
   std::uint16_t receive_maximum() const { return receive_maximum_; }
 
  private:
-  /// leaving: goodbye was said to connect anew, and what was read before it still comes.
+  /// leaving: a DISCONNECT was sent in order to reconnect; events read before it still arrive.
   enum class Link : std::uint8_t { waiting, connecting, connected, leaving };
 
   void connect(SteadyTime now);
@@ -120,29 +123,29 @@ class Session final {
   Link link_ = Link::waiting;
   bool starting_ = true;
   std::size_t server_ = 0;
-  int failed_rounds_ = 0;              ///< through all servers, none of which took us
-  int thrown_rounds_ = 0;              ///< through all servers, none of which kept us for long
+  int failed_rounds_ = 0;              ///< rounds of all servers without a connection
+  int thrown_rounds_ = 0;              ///< rounds of all servers without a stable connection
   SteadyTime::duration last_pause_{};  ///< between the last loss and the attempt after it
-  std::optional<SteadyTime> last_up_;  ///< when there was a connection
+  std::optional<SteadyTime> last_up_;  ///< last time with a connection
   SteadyTime retry_at_{};
   std::string last_failure_;
   std::string why_not_connected_;
   SteadyTime lost_at_{};
   SteadyTime connect_deadline_{};
   SteadyTime connected_at_{};
-  SteadyTime look_again_{};               ///< whether the connection is still there
-  std::optional<SteadyTime> down_since_;  ///< the library has no connection and has not said so
-  std::uint16_t receive_maximum_ = kReceiveMaximum;  ///< until a connection is lost
-  std::optional<SteadyTime> leftovers_until_;  ///< looking for retained topics of unknown devices
-  std::set<std::string> refused_filters_;      ///< of states and meta; told once
+  SteadyTime look_again_{};               ///< next check that the connection still exists
+  std::optional<SteadyTime> down_since_;  ///< unreported: the library has no connection
+  std::uint16_t receive_maximum_ = kReceiveMaximum;  ///< reset when a connection is lost
+  std::optional<SteadyTime> leftovers_until_;  ///< end of the search for topics of removed devices
+  std::set<std::string> refused_filters_;      ///< filters other than for commands; logged once
 
-  // the subscription to commands
-  std::optional<SteadyTime> suback_by_;  ///< asked for: until when the answer may take
+  // The subscription to commands.
+  std::optional<SteadyTime> suback_by_;  ///< deadline of the SUBACK that is awaited
   std::optional<SteadyTime> ask_again_at_;
-  int unheard_ = 0;  ///< refusals and silences of this connection, in a row
+  int unheard_ = 0;  ///< consecutive refusals and timeouts in this connection
   std::optional<std::string> not_heard_why_;
   bool hears_configs_ = false;
-  bool paused_ = false;  ///< they are not heard since too many results wait
+  bool paused_ = false;  ///< unsubscribed because too many results are pending
 };
 
 }  // namespace fxagent

@@ -83,7 +83,7 @@ std::string status_line(const AgentStatus& status) {
   if (!status.conflict.empty())
     line += "another agent (boot " + status.conflict + ") has the id of this one; ";
   line += links(status) + ", " + devices(status) + "; " + broker(status.broker);
-  const std::uint64_t waiting = status.samples.stored;  // others are about to go
+  const std::uint64_t waiting = status.samples.stored;  // the others are about to be sent
   line += "; " + std::to_string(waiting) + (waiting == 1 ? " sample waits" : " samples wait");
   if (status.samples.dropped > 0)
     line += ", " + std::to_string(status.samples.dropped) + " dropped";

@@ -1,6 +1,6 @@
-// Makes the agent's status (agent/status.h) of what the parts of the uplink know, and publishes it
-// on the status board: at each tick of health, and when a reader asks. Says in the log where the
-// samples do not add up. Uplink thread, but for what the board lets others do.
+// Makes the agent's status (agent/status.h) from the parts of the uplink and publishes it on the
+// status board: at each interval of health, and when a reader asks. Logs samples that do not add
+// up. Uplink thread, except for what the board lets other threads do.
 #pragma once
 
 #include <cstdint>
@@ -29,7 +29,7 @@ namespace fxagent {
 
 class StatusSource final {
  public:
-  /// What it asks; all outlive it.
+  /// The parts from which the status is made; all outlive the object.
   struct Parts {
     const Config& config;
     const Commands& commands;
@@ -38,41 +38,41 @@ class StatusSource final {
     const SampleSpool& spool;
     const ResultDelivery& results;
     SampleDelivery& samples;
-    const GuardedStore* store = nullptr;  ///< null: none
+    const GuardedStore* store = nullptr;  ///< null: no store
   };
   struct Run {
     std::string boot;
     std::string version;
   };
 
-  /// `utc_ms` tells the calendar time of "now"; `wake` as in StatusBoard.
+  /// `utc_ms` returns the current calendar time; `wake` as in StatusBoard.
   StatusSource(Parts parts, Run run, std::function<std::int64_t()> utc_ms,
                std::function<void()> wake);
 
-  /// The config is that of the change from now on.
+  /// Adapts to a config change, which `config` already contains.
   void change(const ConfigChange& change);
   void set_config_status(ConfigStatus status) {
     config_status_ = std::move(status);
     published_.reset();
   }
 
-  /// The agent's time begins.
+  /// Starts the agent's uptime.
   void start(SteadyTime now);
-  /// What the field said of values and counters. Takes `batch.health`; the samples stay.
+  /// Takes the field's values and counters. Moves from `batch.health`; leaves the samples.
   void take(Outbox::Batch& batch, SteadyTime now);
-  /// Boot of another agent with the same id; empty: there is none.
+  /// Sets the boot of another agent with the same id; empty: none.
   void set_conflict(std::string other_boot) {
     conflict_ = std::move(other_boot);
     published_.reset();
   }
-  /// The time of health: rates begin anew, what is wrong goes to the log, a status is published.
+  /// Call at each interval of health: restarts rates, logs faults and publishes a status.
   void tick(SteadyTime now);
-  /// Publishes a status where a reader waits for it.
+  /// Publishes a status if a reader is waiting for it.
   void answer(SteadyTime now);
 
-  /// The status of this moment; the published one where that is of this very step.
+  /// Returns the current status; the published one if it is of this step.
   std::shared_ptr<const AgentStatus> at(SteadyTime now);
-  /// Where every sample is.
+  /// Returns the samples counted by location.
   SampleCounts samples() const;
   StatusBoard& board() { return board_; }
 
@@ -90,13 +90,13 @@ class StatusSource final {
   StatusBoard board_;
   LastSamples last_;
 
-  std::uint64_t pushed_ = 0;  ///< samples that the outbox has handed over
+  std::uint64_t pushed_ = 0;  ///< samples passed on by the outbox
   std::shared_ptr<const FieldHealth> field_ = std::make_shared<const FieldHealth>();
   std::optional<SteadyTime> field_heard_;
-  bool miscounted_ = false;  ///< field_ does not agree with what the outbox has handed over
+  bool miscounted_ = false;  ///< field_ disagrees with the samples passed on by the outbox
   std::string conflict_;
   std::uint64_t dropped_at_tick_ = 0;
-  std::optional<double> bytes_per_hour_;  ///< of the last minute or longer that had samples
+  std::optional<double> bytes_per_hour_;  ///< of the last minute or longer with samples
   SteadyTime started_{};
   SteadyTime rate_since_{};
   std::shared_ptr<const AgentStatus> published_;

@@ -18,13 +18,13 @@ struct FreeContext {
   void operator()(SSL_CTX* context) const { SSL_CTX_free(context); }
 };
 
-/// OpenSSL would ask for it on the terminal. `was_asked`: a bool.
+/// Replaces OpenSSL's prompt on the terminal. `was_asked` points to a bool.
 int no_passphrase(char*, int, int, void* was_asked) {
   *static_cast<bool*>(was_asked) = true;
   return 0;
 }
 
-/// Why the file cannot be read at all; empty: it can.
+/// Returns why the file cannot be read at all; empty: it can.
 std::string why_unreadable(const std::string& path) {
   std::error_code fault;
   if (std::filesystem::is_directory(path, fault)) return shown(path) + ": it is a directory";
@@ -54,7 +54,7 @@ std::optional<TlsFileFault> fault_in(const TlsSettings& tls, SSL_CTX* context) {
   if (SSL_CTX_use_certificate_chain_file(context, tls.cert_file.c_str()) != 1)
     return TlsFileFault{"cert_file", shown(tls.cert_file) + kNoCertificate};
   ERR_clear_error();
-  // It looks at once whether the two belong together, and says so by its error alone.
+  // This call also checks that key and certificate match; only its error code shows a mismatch.
   if (SSL_CTX_use_PrivateKey_file(context, tls.key_file.c_str(), SSL_FILETYPE_PEM) == 1)
     return std::nullopt;
   const unsigned long code = ERR_peek_last_error();
@@ -77,7 +77,7 @@ std::optional<TlsFileFault> fault_in(const TlsSettings& tls) {
       if (std::string why = why_unreadable(path); !why.empty())
         return TlsFileFault{key, std::move(why)};
   const std::unique_ptr<SSL_CTX, FreeContext> context(SSL_CTX_new(TLS_client_method()));
-  if (context == nullptr) return std::nullopt;  // no memory: the handshake will tell
+  if (context == nullptr) return std::nullopt;  // out of memory: the handshake will report it
   auto fault = fault_in(tls, context.get());
   ERR_clear_error();
   return fault;

@@ -1,5 +1,5 @@
-// Whether the files of mqtt.tls are what they should be. OpenSSL would say so at the handshake, and
-// in words that name neither file nor key.
+// Checks the files of mqtt.tls. OpenSSL would fail only at the handshake, and its texts name
+// neither file nor key.
 #pragma once
 
 #include <optional>
@@ -12,11 +12,11 @@ namespace fxagent {
 
 struct TlsFileFault {
   std::string_view key;  ///< "ca_file", "cert_file" or "key_file"
-  std::string text;      ///< what is wrong and what to do, the path in it
+  std::string text;      ///< what is wrong and what to do; includes the path
 };
 
-/// The first fault: a file that cannot be read, that is no PEM of its kind, or a key that does not
-/// belong to the certificate. Reads all files.
+/// Returns the first fault: a file that cannot be read, a file that is not PEM of its kind, or a
+/// key that does not match the certificate. Reads the files at each call.
 std::optional<TlsFileFault> fault_in(const TlsSettings& tls);
 
 }  // namespace fxagent

@@ -1,6 +1,6 @@
-// Bounds what OpenSSL reads in one call. A server may send what belongs to the TLS handshake and no
-// more as fast as it likes, and OpenSSL does not come back as long as something is there. Paho
-// holds its locks meanwhile, so that nobody could look at a deadline or give the server up.
+// Bounds what OpenSSL reads in one call. A server may send TLS handshake data without end, and
+// OpenSSL does not return while more arrives. Paho holds its locks during the call, so the agent
+// could neither check a deadline nor abandon the server.
 #pragma once
 
 #include <openssl/types.h>
@@ -9,11 +9,11 @@
 
 namespace fxagent {
 
-/// Far more than the longest handshake: OpenSSL takes 100 KiB of certificates.
+/// Limit in bytes. Far more than the longest handshake: OpenSSL accepts 100 KiB of certificates.
 inline constexpr std::uint64_t kMaxHandshake = 256 << 10;
 
-/// For the calls about this connection while it lives: when kMaxHandshake more bytes have come, the
-/// connection counts as broken.
+/// Limits reads on this connection during its own lifetime. After kMaxHandshake bytes, counted from
+/// now or from the beginning of the connection, the connection counts as broken.
 class TlsReadBound final {
  public:
   enum class Counts : std::uint8_t { from_now, from_the_beginning };

@@ -1,4 +1,4 @@
-// Topic names: which may be published to, and what an incoming one says. Pure text. Any thread.
+// Topic names: checks those to publish to, and parses incoming ones. Pure. Any thread.
 #pragma once
 
 #include <optional>
@@ -7,29 +7,30 @@
 
 namespace fxagent {
 
-/// Whether a broker takes a publish to this topic. A wildcard, a NUL, a leading '$', bad UTF-8 or
-/// more than 65535 bytes make brokers drop the whole connection, so nothing goes out unchecked.
+/// True if a broker accepts a publish to this topic. Brokers close the whole connection for a
+/// wildcard, a NUL, a leading '$', invalid UTF-8 or more than 65535 bytes. So every topic is
+/// checked.
 bool is_publishable(std::string_view topic);
 
-/// "{base}/{device}/{leaf}" → device; nullopt for every other shape.
+/// Returns the device of "{base}/{device}/{leaf}"; nullopt for every other form.
 std::optional<std::string_view> device_of(std::string_view topic, std::string_view base,
                                           std::string_view leaf);
 
-/// Whether a device can have that name: 1 to 64 characters of a-z, 0-9, _ and -.
+/// True if a device can have this name: 1 to 64 characters of a-z, 0-9, _ and -.
 bool may_be_a_device(std::string_view name);
 
-/// What a topic of samples says: "{base}/{device}/data/{group}", or that with "/history" behind it.
+/// Parts of a sample topic: "{base}/{device}/data/{group}", or that followed by "/history".
 struct DataTopic {
   std::string_view device;
   std::string_view group;
   bool is_history = false;
 };
-/// Nullopt for every other shape. The views are of `topic`.
+/// Returns nullopt for every other form. The views refer to `topic`.
 std::optional<DataTopic> data_topic_of(std::string_view topic, std::string_view base);
 
-/// Empty where a result may go to this response topic; otherwise why not. Whoever may send a
-/// command must not make the agent write elsewhere in the broker: a result goes below
-/// {base}/{device}/result/ alone, and to no topic that ends in /command.
+/// Returns an empty string if a result may go to this response topic; otherwise why not. A client
+/// that may send commands must not make the agent write elsewhere in the broker. So results go only
+/// below {base}/{device}/result/, and to no topic that ends in /command.
 std::string response_topic_fault(std::string_view topic, std::string_view base,
                                  std::string_view device);
 
