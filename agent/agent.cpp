@@ -36,22 +36,22 @@
 namespace fxagent {
 namespace {
 
-// Far more than waits in a healthy agent; the uplink empties it at every step.
+// Far more than a healthy agent has waiting; the uplink empties the outbox at every step.
 constexpr std::size_t kOutboxMessages = 65536;
-// A status is made at once, unless the uplink stands still.
+// A status is made at once unless the uplink is blocked.
 constexpr std::chrono::milliseconds kStatusWithin{500};
-// Longer only where it reads a large config, or a file that does not answer.
+// Exceeded only while the reload reads a large config or an unresponsive file.
 constexpr std::chrono::seconds kReloadEnds{2};
 constexpr std::size_t kMostBacklogBytes = std::size_t{64} << 20;
 
-/// 8 hex digits, another at every start.
+/// Returns 8 hex digits, new at every start.
 std::string new_boot_id(std::random_device& random) {
   char text[9];
   std::snprintf(text, sizeof text, "%08x", random());
   return text;
 }
 
-/// The signal that ends the agent. Meanwhile the service manager is told how it is.
+/// Waits for the signal that ends the agent. Reports to the service manager until then.
 int wait_for_stop(StopWatchdog& watchdog, ServiceReports& reports) {
   while (true) {
     const auto next = reports.next();
@@ -62,8 +62,9 @@ int wait_for_stop(StopWatchdog& watchdog, ServiceReports& reports) {
   }
 }
 
-/// A step of the uplink is a sign of life only as long as the threads of the MQTT library get on:
-/// without them nothing is sent and nothing heard, and only a new process has new ones.
+/// Counts a step of the uplink as a sign of life only while the threads of the MQTT library
+/// advance. Without them the agent neither sends nor receives, and only a new process gets new
+/// threads.
 void go_on(ThreadTurns& library, SignsOfLife& signs) {
   const bool was_well = library.stands_still().empty();
   library.look(std::chrono::steady_clock::now(), paho_looks_up_host());
@@ -75,7 +76,7 @@ void go_on(ThreadTurns& library, SignsOfLife& signs) {
                             {"note", "a thread of the MQTT library does nothing any more"}});
 }
 
-/// The status of this moment in one line; empty: there is none yet.
+/// Returns the current status in one line; empty if there is none yet.
 std::string current_status(StatusBoard& board) {
   const auto status = board.read(std::chrono::steady_clock::now(), kStatusWithin);
   return status ? status_line(*status) : std::string();
@@ -83,7 +84,7 @@ std::string current_status(StatusBoard& board) {
 
 }  // namespace
 
-// `config` is the uplink's own from here on: a reload makes it the next one.
+// The uplink owns `config` from here on; a reload overwrites it with the next one.
 void run_agent(Config config, const std::string& path, RemoteConfig& remote, StopWatchdog& watchdog,
                const std::vector<std::uint32_t>& traced) {
   raise_file_limit(kFilesNotForLinks);
@@ -167,7 +168,7 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
   watchdog.stage("the log: nobody reads it");
   log::info("agent", {{"state", "stopped"}});
   service_manager::tell_status("stopped");
-  // A name lookup, a driver or the MQTT library may take its time to let go.
+  // A name lookup, a driver or the MQTT library may take time to let go.
   watchdog.nothing_left_to_lose();
 }
 

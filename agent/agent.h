@@ -1,4 +1,4 @@
-// The composition root: builds the rooms from a config, starts them, stops them in order.
+// Composition root: builds the parts from a config, starts them, stops them in order.
 #pragma once
 
 #include <cstdint>
@@ -11,13 +11,13 @@
 
 namespace fxagent {
 
-/// Polls, publishes and obeys commands by `config`, with which `remote` has begun. The file at
-/// `path` is read again at each SIGHUP (blocked in all threads), until the watchdog has a stop
-/// signal. Of the links `traced`, by index in Config::links, each frame is logged; SIGUSR1 switches
-/// that for all links, off where one is traced, else on. After the stop signal: polls stop, waiting
-/// commands are answered, results and samples go out, the agent's state goes to offline. Returns
-/// after that, or the watchdog ends the process. Throws what says why, where the machine lacks what
-/// the agent needs to begin.
+/// Runs the agent with `config`, the result of start() of `remote`. Reads the file at `path` again
+/// at each SIGHUP (blocked in all threads) until the watchdog receives a stop signal. Logs each
+/// frame of the links in `traced` (indexes in Config::links). SIGUSR1 toggles this for all links:
+/// off if any link is traced, else on. After the stop signal it stops polling, answers the waiting
+/// commands, sends results and samples, and publishes the agent's state as offline. Then it
+/// returns, unless the watchdog ends the process first. Throws an exception with the reason if the
+/// machine lacks something that the agent needs to start.
 void run_agent(Config config, const std::string& path, RemoteConfig& remote, StopWatchdog& watchdog,
                const std::vector<std::uint32_t>& traced = {});
 

@@ -12,7 +12,7 @@ using std::chrono::milliseconds;
 
 std::string utc_text(std::int64_t utc_ms) {
   using namespace date::literals;
-  // No year of the library's is longer, and those before 0 come out mangled.
+  // The library has no later year, and it garbles years before 0.
   constexpr date::sys_days first = 0_y / 1 / 1;
   constexpr date::sys_days last = 32767_y / 12 / 31;
   const date::sys_time<milliseconds> time{milliseconds(utc_ms)};
@@ -26,7 +26,7 @@ std::optional<std::int64_t> utc_ms_from(std::string_view text) {
     std::istringstream in{std::string(text)};
     in.imbue(std::locale::classic());
     date::sys_seconds time;
-    // The library is content with a beginning.
+    // The library also accepts a text of which only the beginning matches.
     if (in >> date::parse(form, time) && in.peek() == std::istringstream::traits_type::eof())
       return milliseconds(time.time_since_epoch()).count();
   }

@@ -1,4 +1,4 @@
-// Counts durations by fixed bounds, for the histograms of metrics. Adding one is a search among
+// Counts durations in fixed buckets, for the histograms of metrics. An add() is a search among
 // thirteen numbers and two additions. One thread.
 #pragma once
 
@@ -12,8 +12,7 @@ namespace fxagent {
 
 class DurationHistogram final {
  public:
-  /// Upper bounds, each with what is equal to it. What is longer than the last has a count of its
-  /// own.
+  /// Upper bounds, inclusive. Durations above the last bound have a bucket of their own.
   static constexpr std::array<std::chrono::microseconds, 13> kBounds{
       std::chrono::microseconds(1'000),     std::chrono::microseconds(2'500),
       std::chrono::microseconds(5'000),     std::chrono::microseconds(10'000),
@@ -23,14 +22,15 @@ class DurationHistogram final {
       std::chrono::microseconds(2'500'000), std::chrono::microseconds(5'000'000),
       std::chrono::microseconds(10'000'000)};
 
-  /// A negative duration counts as none.
+  /// Counts a negative duration as 0.
   void add(std::chrono::nanoseconds duration) {
     const auto bound = std::ranges::lower_bound(kBounds, duration);
     ++counts_[static_cast<std::size_t>(bound - kBounds.begin())];
     sum_ += std::max(duration, std::chrono::nanoseconds(0));
   }
 
-  /// How many lie at or below each bound and above the one before; the last: above all bounds.
+  /// Returns the count of each bucket: at or below its bound and above the previous one. The last
+  /// bucket is above all bounds.
   const std::array<std::uint64_t, kBounds.size() + 1>& counts() const { return counts_; }
   std::chrono::nanoseconds sum() const { return sum_; }
 

@@ -1,4 +1,4 @@
-// Places in the life of a command and of a sample where a test may end the agent, as a power cut
+// Places in the life of a command or a sample at which a test may kill the agent, as a power cut
 // would. Any thread.
 #pragma once
 
@@ -6,8 +6,8 @@
 
 namespace fxagent {
 
-/// Does nothing in the product. A test program that defines it by itself is linked with that
-/// definition instead: this one stands alone in its archive member.
+/// Does nothing in the product. A test program that defines this function itself is linked with its
+/// own definition, because this one is alone in its archive member.
 void failpoint(std::string_view name) noexcept;
 
 }  // namespace fxagent

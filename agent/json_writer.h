@@ -1,6 +1,6 @@
-// Writes JSON text, piece by piece. What goes out is valid JSON whatever comes in: no NaN, no Inf,
-// and text that is not UTF-8 gets U+FFFD. Integers beyond ±2^53 become strings, since a reader's
-// double would change them. Any thread.
+// Writes JSON text piece by piece. The output is valid JSON for any input: no NaN, no Inf, and
+// U+FFFD in place of bytes that are not UTF-8. Integers beyond ±2^53 become strings, because a
+// reader that uses doubles would change them. Any thread.
 #pragma once
 
 #include <array>
@@ -18,13 +18,13 @@
 
 namespace fxagent::json {
 
-/// Up to here, and down to its negative, a double holds every integer.
+/// Largest magnitude up to which a double holds every integer exactly.
 inline constexpr std::int64_t kMaxExactInteger = std::int64_t{1} << 53;
 
 class Writer final {
  public:
   Writer() = default;
-  /// For a text of about so many bytes.
+  /// Reserves `expected` bytes for the text.
   explicit Writer(std::size_t expected) { text_.reserve(expected); }
 
   Writer& begin_object() { return open('{'); }
@@ -44,7 +44,7 @@ class Writer final {
     append_text(value);
     return *this;
   }
-  /// Null where it is empty.
+  /// Writes null if `value` is empty.
   Writer& word(std::string_view value) { return value.empty() ? null() : string(value); }
   Writer& boolean(bool value) { return raw(value ? "true" : "false"); }
   Writer& null() { return raw("null"); }
@@ -59,7 +59,7 @@ class Writer final {
   Writer& integer(std::uint64_t value) {
     return integer_text(value, value > static_cast<std::uint64_t>(kMaxExactInteger));
   }
-  /// The shortest text that reads back as the same number; null where it is none.
+  /// Writes the shortest text that reads back as the same number, or null if it is not finite.
   template <class Float>
   Writer& number(Float value) {
     if (!std::isfinite(value)) return null();
@@ -67,7 +67,7 @@ class Writer final {
     const auto end = std::to_chars(digits.data(), digits.data() + digits.size(), value).ptr;
     return raw(std::string_view(digits.data(), static_cast<std::size_t>(end - digits.data())));
   }
-  /// A duration as ms with at most three decimals.
+  /// Writes a duration in ms with at most three decimals.
   Writer& milliseconds(std::chrono::nanoseconds duration) {
     return number(std::round(static_cast<double>(duration.count()) / 1e3) / 1e3);
   }
@@ -103,17 +103,17 @@ class Writer final {
   bool comma_ = false;
 };
 
-/// How many digits a real number gets: a float32 is written as short as a float can be (5.1, not
-/// 5.099999904632568).
+/// Number of digits of a real number. `single` writes a float32 as short as a float allows (5.1,
+/// not 5.099999904632568).
 enum class Precision : std::uint8_t { full, single };
 
-/// Null where the value is empty.
+/// Writes null if `value` is empty.
 void write_value(Writer& out, const Value& value, Precision precision = Precision::full);
-/// Null where there is none.
+/// Writes null if `value` is nullopt.
 void write_optional(Writer& out, const std::optional<Value>& value);
 
-/// Whether a text that a parser takes for JSON may be put into another one as it is: it has nothing
-/// that the parser passes over (a byte order mark) or takes for the end (a NUL).
+/// True if a text accepted by a JSON parser can be embedded unchanged in another one: it contains
+/// nothing that the parser skips (a byte order mark) or treats as the end (a NUL).
 bool may_stand_inside(std::string_view json);
 
 }  // namespace fxagent::json

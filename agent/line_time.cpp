@@ -23,7 +23,7 @@ LineCost cost_of(const DeviceConfig& device, nanoseconds char_time, nanoseconds 
 }
 
 Plan reads_of(const Codec& codec, const DeviceConfig& device, const Point& point) {
-  // A device may lack the commands that read several places at once: only polls find that out.
+  // Assume no multi-block reads: the device may lack them, and only polls find that out.
   Holes unknown;
   for (const GatherCommand& command : codec.addresses().gathers())
     unknown.gather_limits.push_back({command.gather, 0});
@@ -51,7 +51,7 @@ nanoseconds write_time(const Codec& codec, std::span<const Request> requests,
   for (Request request : requests) {
     if (const auto first = codec.read_before(request)) {
       total += exchange_time(codec, *first, timing);
-      // What goes out then depends on the answer, its length does not.
+      // The bytes of the write depend on the answer, but its length does not.
       const auto* read = std::get_if<Read>(&*first);
       request = codec.with_read(request, Bytes(read != nullptr ? (read->span.bits + 7) / 8 : 0));
     }

@@ -1,5 +1,5 @@
-// What polls and commands take on their line, by the config: one arithmetic for the plans of the
-// field, for the bound of commands and for `fxagent plan`. Pure; any thread.
+// Bus time of polls and commands, computed from the config. The field's plans, the bound of
+// commands and `fxagent plan` all use this arithmetic. Pure; any thread.
 #pragma once
 
 #include <chrono>
@@ -11,36 +11,39 @@
 
 namespace fxagent {
 
-/// The background_question() is asked so often (CONTRACT: 10 s).
+/// Interval of the background_question() (CONTRACT: 10 s).
 inline constexpr std::chrono::milliseconds kQuestionInterval{10000};
 
-/// What a device is asked beside the reads of its groups: whether its PLC runs, where the protocol
-/// can tell; else, where it has no tags, whether it is there. nullopt: nothing.
+/// Returns the question asked in addition to the reads of the groups: whether the PLC runs, if the
+/// protocol supports it; otherwise, for a device without tags, whether the device is present.
+/// nullopt: no question.
 std::optional<Request> background_question(const Codec& codec, bool has_tags);
 
-/// What `device` and its line add to the characters of an exchange, with the device's own time as
-/// configured. `char_time` as in LinkConfig; 0 leaves only what does not depend on the speed.
+/// Returns the time that `device` and its bus add to the characters of an exchange, with the
+/// configured turnaround. `char_time` as in LinkConfig; 0 leaves only the part that does not depend
+/// on the speed.
 LineTiming timing_of(const DeviceConfig& device, std::chrono::nanoseconds char_time);
 
-/// What the planner is to weigh for `device`. `turnaround` is its own time, configured or measured.
+/// Returns the costs that the planner weighs for `device`. `turnaround` is configured or measured.
 LineCost cost_of(const DeviceConfig& device, std::chrono::nanoseconds char_time,
                  std::chrono::nanoseconds turnaround);
 
-/// Line time of all exchanges of a plan.
+/// Returns the bus time of all exchanges of a plan.
 std::chrono::nanoseconds poll_time(const Codec& codec, const Plan& plan, const LineTiming& timing);
 
-/// The reads of `point` by itself, as a command sends them: each by itself where any way allows it.
+/// Returns the reads of `point` alone, as a command sends them: one read a request if the device
+/// allows it.
 Plan reads_of(const Codec& codec, const DeviceConfig& device, const Point& point);
-/// Their line time.
+/// Returns the bus time of reads_of().
 std::chrono::nanoseconds read_time(const Codec& codec, const DeviceConfig& device,
                                    const Point& point, const LineTiming& timing);
 
-/// Line time of commands sent one after the other, each with the read that must come before it.
+/// Returns the bus time of commands sent in sequence, each preceded by the read that it requires.
 std::chrono::nanoseconds write_time(const Codec& codec, std::span<const Request> requests,
                                     const LineTiming& timing);
 
-/// The longest exchange that a command may find on the wire: one of `plans` (none: the device
-/// has no tags), or the background_question().
+/// Returns the longest exchange that a command may have to wait for: one of `plans` (empty if the
+/// device has no tags), the background_question(), or a question that identifies the model.
 std::chrono::nanoseconds longest_poll(const Codec& codec, std::span<const Plan* const> plans,
                                       const LineTiming& timing);
 

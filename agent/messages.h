@@ -1,5 +1,5 @@
-// The values that pass between the field and the uplink. Plain data: no wires, no JSON, no MQTT.
-// Times named _ms are milliseconds UTC since 1970; durations are std::chrono.
+// Values that pass between the field and the uplink. Plain data: no wires, no JSON, no MQTT. Fields
+// named `_ms` hold milliseconds UTC since 1970; durations are std::chrono.
 #pragma once
 
 #include <array>
@@ -21,7 +21,7 @@ class Codec;
 
 using SteadyTime = std::chrono::steady_clock::time_point;
 
-/// Milliseconds UTC of a system clock reading.
+/// Converts a system clock reading to milliseconds UTC since 1970.
 inline std::int64_t utc_ms(std::chrono::system_clock::time_point t) {
   return std::chrono::duration_cast<std::chrono::milliseconds>(t.time_since_epoch()).count();
 }
@@ -29,28 +29,29 @@ inline std::int64_t utc_ms(std::chrono::system_clock::time_point t) {
 // ---- telemetry --------------------------------------------------------------------------------
 
 enum class BadReason : std::uint8_t { timeout, nak, bad_frame, link_down, unsupported, bad_value };
-/// The word of the payload: "timeout", "nak" …
+/// Returns the payload's word: "timeout", "nak" …
 std::string_view to_string(BadReason reason);
 
-/// One tag of one message. Good: `value` is what was read. Bad: `value` is the last good one, if
-/// any.
+/// Reading of one tag within one message. `value` holds the value just read when the tag is good,
+/// or the last good value (if any) when it is bad.
 struct TagReading {
   std::uint32_t tag = 0;          ///< index in DeviceConfig::tags
   std::optional<BadReason> bad;   ///< nullopt: good
-  Value value;                    ///< empty where it was never read
-  std::int64_t bad_since_ms = 0;  ///< bad only: when it turned bad
+  Value value;                    ///< empty if the tag was never read
+  std::int64_t bad_since_ms = 0;  ///< bad only: when the tag turned bad
   std::int64_t last_ms = 0;       ///< bad only: when `value` was read; 0 if never
 };
 
-/// One group of one device, read in one cycle; or (partial) one tag after a write.
+/// Sample of one group of one device, read in one cycle. A partial sample holds one tag after a
+/// write.
 struct Telemetry {
   std::uint32_t device = 0;  ///< index in Config::devices
   std::uint32_t group = 0;
-  std::uint64_t seq = 0;  ///< per device, given when the sample leaves the field
+  std::uint64_t seq = 0;  ///< per device, assigned when the sample leaves the field
   std::int64_t ts_ms = 0;
-  std::optional<double> span_ms;  ///< first to last reply, where there was more than one exchange
-  bool partial = false;           ///< only the tag that a command has just written
-  bool written = false;           ///< partial: the value is the written one, nothing was read back
+  std::optional<double> span_ms;  ///< first to last reply; set if more than one exchange was needed
+  bool partial = false;           ///< holds only the tag that a command has just written
+  bool written = false;           ///< partial only: the value was written and not read back
   std::vector<TagReading> readings;
 };
 
@@ -62,28 +63,28 @@ struct DeviceStatus {
   State state = State::offline;
   std::int64_t since_ms = 0;
   std::string reason;       ///< empty: none
-  std::string reason_text;  ///< `reason` for a person: what to check; empty: nothing
+  std::string reason_text;  ///< human-readable `reason`: what to check; empty: no text
   std::string model;        ///< empty: unknown
-  /// The config's model, when the PLC is another one; empty: it is not.
+  /// The model in the config if the PLC is a different one; else empty.
   std::string model_configured{};
   std::optional<bool> run;
-  /// What the device's addresses mean now: the config's codec, or that of the model found by
-  /// asking. Null: as it was. Read by both threads, changed by none.
+  /// Codec that interprets the device's addresses: the config's, or the one for the detected model.
+  /// Null: unchanged. Both threads read it; neither modifies it.
   std::shared_ptr<const Codec> codec{};
 };
 std::string_view to_string(DeviceStatus::State state);
 
 // ---- commands ---------------------------------------------------------------------------------
 
-/// Bytes that went over a wire together.
+/// Bytes that crossed a wire together.
 struct WireFrame {
   enum class Way : std::uint8_t { out, in };
   Way way = Way::out;
   Bytes bytes;
 };
 
-/// What a command put on the wire and what came back, for the audit. Bounded: of a long one the
-/// beginning is kept.
+/// Frames that a command sent and received, for the audit. Bounded: keeps the beginning of a long
+/// exchange and counts the rest.
 class FrameTrace final {
  public:
   static constexpr std::size_t kMostFrames = 64;
@@ -91,7 +92,7 @@ class FrameTrace final {
 
   void add(WireFrame::Way way, ByteView bytes);
   const std::vector<WireFrame>& frames() const { return frames_; }
-  std::uint64_t omitted() const { return omitted_; }  ///< frames that found no room
+  std::uint64_t omitted() const { return omitted_; }  ///< frames dropped for lack of room
 
  private:
   std::vector<WireFrame> frames_;
@@ -103,7 +104,7 @@ enum class Op : std::uint8_t { write, force_on, force_off, read, run, stop };
 std::string_view to_string(Op op);
 std::optional<Op> op_from(std::string_view word);
 
-/// Why a command did not simply succeed: the words of the contract, section 5.
+/// Reason why a command did not simply succeed. The words are those of CONTRACT, section 5.
 enum class Reason : std::uint8_t {
   none,
   too_large,
@@ -134,13 +135,13 @@ enum class Reason : std::uint8_t {
   store_unavailable,
   interrupted,
 };
-/// The word of the payload; empty for none.
+/// Returns the payload's word; empty for none.
 std::string_view to_string(Reason reason);
 
-/// So many targets a command may have: a longer list would hold its line for minutes.
+/// Maximum number of targets in one command. A longer list would occupy the bus for minutes.
 inline constexpr std::size_t kMostTargets = 64;
 
-/// A fault that the parser found. Admission answers with it in its place in the order of checks.
+/// Fault found by the parser. Admission reports it at its place in the order of checks.
 struct Refusal {
   Reason reason = Reason::bad_json;
   std::string detail;
@@ -151,17 +152,17 @@ struct CommandTarget {
   std::string address;  ///< empty: by tag
   std::optional<DataType> type;
   std::optional<Value> value;
-  /// Of a read by address: elements, or characters of a string; 0: one.
+  /// Read by address only: number of elements, or of characters of a string. 0 means one.
   std::uint16_t count = 0;
-  std::optional<Refusal> fault{};    ///< what the parser found wrong with this target
-  std::optional<ByteOrder> order{};  ///< of the command line: in place of that of tag or device
+  std::optional<Refusal> fault{};    ///< fault that the parser found in this target
+  std::optional<ByteOrder> order{};  ///< command line only: overrides the configured byte order
 };
 
-/// What comes with the payload of a message on a command topic.
+/// Properties that accompany the payload of a message on a command topic.
 struct MessageProperties {
   bool retained = false;
-  SteadyTime received{};                               ///< when the library handed it over
-  std::int64_t received_ms = 0;                        ///< the same moment, UTC
+  SteadyTime received{};                               ///< when the MQTT library delivered it
+  std::int64_t received_ms = 0;                        ///< the same instant, UTC
   std::optional<std::chrono::seconds> message_expiry;  ///< MQTT 5; counts from `received`
   std::string response_topic;                          ///< MQTT 5; empty: none
   Bytes correlation;
@@ -169,24 +170,24 @@ struct MessageProperties {
 
 struct Command : MessageProperties {
   std::uint32_t device = 0;
-  std::uint64_t number = 0;   ///< its number in the audit; 0: none. Its result bears it too
-  std::string id;             ///< empty: none could be read
-  bool id_is_number = false;  ///< it came as a JSON integer, and `id` is its decimal text
+  std::uint64_t number = 0;   ///< command number in the audit, shared with its result; 0: none
+  std::string id;             ///< empty if no id could be read
+  bool id_is_number = false;  ///< the id came as a JSON integer; `id` is its decimal text
   std::optional<Op> op;
-  std::string op_text;  ///< as it came, for the result
+  std::string op_text;  ///< as received, for the result
   std::vector<CommandTarget> targets;
-  bool is_list = false;  ///< it came as `targets`
+  bool is_list = false;  ///< the payload had a `targets` list
   std::optional<std::int64_t> expires_ms;
   std::optional<Value> expect;
   std::optional<bool> verify;
   bool dry_run = false;
   std::string by;
   std::optional<Refusal> refusal;
-  /// The command line's `read` may read what the allow list does not name.
+  /// Set for the command line's `read`, which may read addresses outside the allow list.
   bool any_address = false;
 };
 
-/// What it takes in memory, roughly.
+/// Returns the approximate memory of a command, in bytes.
 std::size_t memory_of(const Command& command);
 
 enum class CommandStatus : std::uint8_t {
@@ -205,17 +206,17 @@ inline constexpr std::array<CommandStatus, 7> kCommandStatuses{
 std::string_view to_string(CommandStatus status);
 
 enum class PlcAnswer : std::uint8_t { none, ack, nak };
-/// The word of the payload; empty for none.
+/// Returns the payload's word; empty for none.
 std::string_view to_string(PlcAnswer answer);
 
 struct Verification {
-  /// What was read back, in the command's units; for run/stop "run" or "stop".
+  /// Value read back, in the command's units; "run" or "stop" for run/stop.
   std::optional<Value> read;
   bool match = false;
 };
 
-/// How far a command came that takes several exchanges: so many of its elements (of a list: its
-/// targets) were surely carried out.
+/// Progress of a command that takes several exchanges: how many of its elements (for a list: its
+/// targets) were certainly carried out.
 struct Progress {
   std::uint32_t done = 0;
   std::uint32_t of = 0;
@@ -225,78 +226,78 @@ struct Progress {
 struct TargetResult {
   std::string tag;
   std::string address;
-  std::optional<Value> value;  ///< what was really written, or read
+  std::optional<Value> value;  ///< value actually written, or read
   CommandStatus status = CommandStatus::rejected;
   Reason reason = Reason::none;
   std::string detail;
   PlcAnswer plc = PlcAnswer::none;
-  std::optional<Progress> progress;  ///< partial; unknown_outcome where it takes several exchanges
+  std::optional<Progress> progress;  ///< for partial, and unknown_outcome over several exchanges
   std::optional<Verification> verify;
 };
 
 struct CommandResult {
   std::uint32_t device = 0;
-  std::uint64_t number = 0;   ///< of its command
-  std::string id;             ///< empty: null
+  std::uint64_t number = 0;   ///< command number
+  std::string id;             ///< empty: null in the payload
   bool id_is_number = false;  ///< as in the command
   CommandStatus status = CommandStatus::rejected;
   Reason reason = Reason::none;
   std::string detail;
   PlcAnswer plc = PlcAnswer::none;
-  std::optional<Progress> progress;  ///< as a target's; of a list it counts targets
+  std::optional<Progress> progress;  ///< as for a target; for a list it counts targets
   std::string op;
   bool is_list = false;
-  bool one_frame = false;  ///< list: one frame carried them all
+  bool one_frame = false;  ///< list only: one frame carried all targets
   std::vector<TargetResult>
-      targets;  ///< one, unless is_list; may be empty where none could be read
+      targets;  ///< exactly one unless is_list; may be empty if none could be read
   bool dry_run = false;
-  int attempts = 0;  ///< how often the command was sent
+  int attempts = 0;  ///< number of times the command was sent
 
   std::int64_t received_ms = 0;
   SteadyTime received{};
   std::chrono::nanoseconds queue{0};
   std::chrono::nanoseconds wire{0};
-  /// From its arrival to the hand-over to MQTT; nullopt: that is still to come.
+  /// From arrival to the hand-over to MQTT; nullopt until then.
   std::optional<std::chrono::nanoseconds> total;
   std::optional<std::chrono::nanoseconds> bound;
 
-  /// A result that an earlier run has given, as it was published (JSON). Of the other fields only
-  /// device, id, status, plc, received_ms and the MQTT 5 properties say something then.
+  /// Result of an earlier run, in its published form (JSON). If set, only device, id, status, plc,
+  /// received_ms and the MQTT 5 properties of this struct are valid.
   std::string recorded;
 
-  /// DUPLICATE only: the number of the first command, once it has its result.
+  /// DUPLICATE only: number of the first command, once that command has a result.
   std::optional<std::uint64_t> first_number;
-  /// That result; null where it is the journal's to tell.
+  /// Result of the first command; null if it must be read from the journal.
   std::shared_ptr<const CommandResult> first;
 
-  // These three are not in what is remembered.
+  // The next three are not part of the remembered result.
   std::string response_topic;
   Bytes correlation;
-  FrameTrace frames;  ///< of a command that was carried out
+  FrameTrace frames;  ///< only for a command that was carried out
 };
 
-/// What it takes in memory, roughly, `first` not counted.
+/// Returns the approximate memory of a result in bytes, without `first`.
 std::size_t memory_of(const CommandResult& result);
 
 // ---- counters -----------------------------------------------------------------------------------
 
-/// p50 and p99 of a duration in ms; 0 where nothing was measured.
+/// Percentiles p50 and p99 of a duration, in ms; 0 if nothing was measured.
 struct Percentiles {
   double p50 = 0;
   double p99 = 0;
 };
 
 struct LinkHealth {
-  bool open = false;  ///< at this moment
+  bool open = false;  ///< at present
   std::uint64_t exchanges = 0;
   std::uint64_t timeouts = 0;
   std::uint64_t naks = 0;
   std::uint64_t bad_frames = 0;
-  std::uint64_t unexpected_bytes = 0;  ///< that came when no answer was due
-  std::uint64_t doubts = 0;            ///< how often the bus came to be doubted for them
+  std::uint64_t unexpected_bytes = 0;  ///< bytes received when no answer was due
+  std::uint64_t doubts = 0;            ///< number of times these bytes made the bus doubted
   bool doubted = false;
   double busy_percent = 0;
-  double load_percent = 0;  ///< of the line, that the groups' intervals ask for; may be above 100
+  double load_percent = 0;  ///< load of the bus that the poll intervals ask for; may exceed 100
   Percentiles turnaround_ms;
 };
 
@@ -304,22 +305,22 @@ struct DeviceHealth {
   std::uint64_t polls = 0;
   std::uint64_t missed = 0;
   Percentiles late_ms;
-  std::uint64_t collected = 0;   ///< samples made, suppressed ones included
-  std::uint64_t suppressed = 0;  ///< on_change found nothing to say
+  std::uint64_t collected = 0;   ///< samples taken, including suppressed ones
+  std::uint64_t suppressed = 0;  ///< samples not reported because on_change found no change
 };
 
-/// Of one link since the start, for metrics.
+/// Duration histograms of one link since the start, for metrics.
 struct LinkDurations {
-  DurationHistogram turnaround;  ///< the devices' own time, of each exchange that was answered
-  DurationHistogram lateness;    ///< how late each poll cycle began
+  DurationHistogram turnaround;  ///< the devices' own time, for each answered exchange
+  DurationHistogram lateness;    ///< delay of the start of each poll cycle
 };
 
-/// What the field counted, sent to the uplink at every health tick.
+/// Counters of the field, sent to the uplink at every health tick.
 struct FieldHealth {
   std::vector<LinkHealth> links;         ///< by index in Config::links
   std::vector<DeviceHealth> devices;     ///< by index in Config::devices
-  std::vector<LinkDurations> durations;  ///< as links; empty: the config asks for no metrics
-  // Of devices that a reload has ended, in sum: what they counted is no part of `devices` any more.
+  std::vector<LinkDurations> durations;  ///< parallel to `links`; empty: metrics are off
+  // Totals of devices that a reload removed; `devices` no longer includes their counts.
   std::uint64_t ended_collected = 0;
   std::uint64_t ended_suppressed = 0;
 };

@@ -1,4 +1,5 @@
-// The one shared object between the field thread and the uplink thread. Any thread.
+// Passes messages from the field thread to the uplink thread. No other object is shared by the two.
+// Any thread.
 #pragma once
 
 #include <atomic>
@@ -17,7 +18,7 @@ namespace fxagent {
 
 class Outbox final {
  public:
-  /// What one take() hands over, each list in the order it was pushed.
+  /// Contents handed over by one take(). Each list is in push order.
   struct Batch {
     std::vector<CommandResult> results;
     std::vector<DeviceStatus> states;
@@ -25,49 +26,49 @@ class Outbox final {
     std::optional<FieldHealth> health;  ///< the newest only
     std::map<std::uint32_t, std::uint64_t>
         dropped;  ///< telemetry dropped since the last take, by device
-    /// Telemetry pushed since the outbox was made, dropped ones included. So after a take it is the
-    /// number of samples that the uplink must account for.
+    /// Telemetry pushed since the outbox was created, including dropped messages. After a take() it
+    /// is the number of samples that the uplink must account for.
     std::uint64_t pushed = 0;
-    /// The same count at the moment `health` was pushed: what the field's own counters must agree
-    /// with.
+    /// Value of `pushed` at the time `health` was pushed. The field's own counters must agree with
+    /// it.
     std::uint64_t pushed_at_health = 0;
-    std::vector<std::function<void(SteadyTime now)>> calls;  ///< once the rest is taken in
+    std::vector<std::function<void(SteadyTime now)>> calls;  ///< to run after the rest is processed
   };
 
-  /// Holds at most `max_telemetry` messages; the oldest goes first and is counted.
+  /// Holds at most `max_telemetry` messages. Beyond that it drops the oldest and counts it.
   explicit Outbox(std::size_t max_telemetry) : max_telemetry_(max_telemetry) {}
 
-  /// Never blocks for longer than a swap of pointers. Results and states are never dropped.
-  /// All but telemetry ends a gather().
+  /// Never blocks longer than a pointer swap. Never drops results or states. Everything except
+  /// telemetry ends a gather().
   void push(Telemetry message);
   void push(CommandResult result);
   void push(DeviceStatus status);
   void push(FieldHealth health);
 
-  /// The uplink's word that samples wait for the broker: groups without an interval rest until they
-  /// are through, where others keep their intervals. Uplink thread.
+  /// Sets whether samples are waiting for the broker. While they do, groups without an interval
+  /// pause; all other groups keep their intervals. Uplink thread.
   void set_backed_up(bool backed_up) { backed_up_.store(backed_up, std::memory_order_relaxed); }
   bool is_backed_up() const { return backed_up_.load(std::memory_order_relaxed); }
 
-  /// The field's word that it is to stop: a command that it gets from now on is answered, and not
-  /// sent.
+  /// Marks that the field is stopping. Every later command is answered with a rejection and not
+  /// sent to a device.
   void refuse_commands() { refuses_commands_.store(true, std::memory_order_relaxed); }
   bool refuses_commands() const { return refuses_commands_.load(std::memory_order_relaxed); }
 
-  /// Has the uplink call this at a time of its own, after it has taken what was pushed before. Any
-  /// thread; where the uplink has ended nobody calls it.
+  /// Asks the uplink to run `call` on its own thread, after it has processed everything pushed
+  /// before. Any thread. Once the uplink has ended, `call` is never run.
   using Call = std::function<void(SteadyTime now)>;
   void ask(Call call);
 
-  /// Everything that waits. Uplink thread.
+  /// Removes and returns everything that waits. Uplink thread.
   Batch take();
-  /// Returns when something was pushed or notify() was called since the last return, or at
-  /// `deadline`.
+  /// Returns at `deadline`, or earlier if something was pushed or notify() was called since the
+  /// last return.
   void wait_until(SteadyTime deadline);
-  /// Lets telemetry gather until `deadline`; anything else that was pushed, or a notify(), ends it.
-  /// While samples stream, each pays then only for its share of a thread's waking up.
+  /// Collects telemetry until `deadline`. Any other push, or notify(), ends it early. Under a
+  /// steady flow of samples, many of them then share the cost of one thread wake-up.
   void gather(SteadyTime deadline);
-  /// Wakes wait_until(): the broker has news, or it is time to stop.
+  /// Wakes wait_until(): the broker has an event, or the agent is stopping.
   void notify();
 
  private:
@@ -80,11 +81,11 @@ class Outbox final {
   std::mutex mutex_;
   std::condition_variable changed_;
   bool signalled_ = false;
-  bool urgent_ = false;     ///< signalled by more than telemetry
-  bool gathering_ = false;  ///< telemetry wakes nobody
+  bool urgent_ = false;     ///< signalled by something other than telemetry
+  bool gathering_ = false;  ///< telemetry does not wake the uplink
   std::deque<Telemetry> telemetry_;
   std::uint64_t pushed_ = 0;
-  Batch waiting_;  ///< all but the telemetry
+  Batch waiting_;  ///< everything except telemetry
 };
 
 }  // namespace fxagent

@@ -46,8 +46,8 @@ std::size_t files_needed(const Config& config) {
          (config.metrics ? MetricsServer::kMostFiles : 0);
 }
 
-/// Whether field and uplink have taken over the change; shared with the calls that go through them,
-/// which may outlive the wait for them.
+/// Completion of a change by field and uplink. Shared with the calls that pass through them, which
+/// may outlive the wait.
 class Reload::Turn final {
  public:
   void begin() {
@@ -107,9 +107,9 @@ bool Reload::wait_for_end(std::chrono::nanoseconds patience) {
   return end_.wait_for(patience) == std::future_status::ready;
 }
 
-// ---- what wakes the thread ----------------------------------------------------------------------
+// ---- events -------------------------------------------------------------------------------------
 
-/// The uplink ends before this does.
+/// The listeners may hold `this`: the uplink ends before this object.
 void Reload::listen() {
   Publisher::ConfigListener listener;
   listener.desired = [this](std::string payload) {
@@ -148,7 +148,8 @@ bool Reload::wait() {
     limit.tv_nsec = static_cast<long>(left.count() % std::nano::den);
     if (sigtimedwait(&signals, &heard, &limit) < 0) return false;
   }
-  // The C library tells pthread_kill() from kill() no more; its own process is wake().
+  // The C library does not distinguish pthread_kill() from kill(); a signal of this process is
+  // wake().
   return heard.si_signo == SIGHUP && heard.si_pid != ::getpid();
 }
 
@@ -186,7 +187,7 @@ void Reload::reload() {
   std::optional<Next> next;
   try {
     next = wanted();
-  } catch (const std::exception& error) {  // memory, for one
+  } catch (const std::exception& error) {  // out of memory, for example
     reject({{"", 0, std::string("cannot be taken over: ") + error.what()}});
   }
   if (next) {
@@ -204,10 +205,10 @@ void Reload::reload() {
     if (is_fit && !stopping_ && !remote_.rejected().empty()) hear(std::string(remote_.rejected()));
     if (!stopping_) {
       report();
-      publish_status();  // what was rejected may be in force now
+      publish_status();  // a remote config that was rejected may be in force now
     }
   }
-  malloc_trim(0);  // what reading a large file took goes back
+  malloc_trim(0);  // returns the memory that a large file took
   if (!stopping_) service_manager::tell_ready();
 }
 
@@ -225,7 +226,7 @@ std::optional<Reload::Next> Reload::wanted() {
   return std::move(*next);
 }
 
-// ---- remote configs -----------------------------------------------------------------------
+// ---- remote configs -----------------------------------------------------------------------------
 
 void Reload::hear(const std::string& desired) {
   if (auto next = remote_.hear(desired, moment())) take_over(std::move(*next));
@@ -233,7 +234,7 @@ void Reload::hear(const std::string& desired) {
 }
 
 void Reload::take_over(Next next) {
-  // Of what a remote config changes none needs a restart: those sections are the local file's.
+  // A remote config cannot require a restart on its own: those sections belong to the local file.
   if (const ConfigErrors errors = needs_restart(*running_, next.config); !errors.empty())
     return remote_.refuse(next, errors, moment());
   const bool is_desired = next.why == Next::Why::desired;
@@ -254,8 +255,8 @@ bool Reload::apply(Config config) {
   log::info("config", {{"state", "applying"}, {"change", to_string(*shared, *running_)}});
   turn_->begin();
   if (stopping_) return false;
-  // Uplink, field, uplink, field: nobody asks for what ends; it ends; nothing refers to it; what is
-  // new begins. Each step sees all that the one before has left.
+  // Order: the uplink stops using the parts that end, the field ends them, the uplink forgets them,
+  // the field starts the new ones. Each step sees everything that the previous one left.
   Field& field = field_;
   Outbox& outbox = outbox_;
   Publisher& publisher = publisher_;
@@ -270,7 +271,7 @@ bool Reload::apply(Config config) {
   });
   turn_->wait();
   if (stopping_) return false;
-  // Here, and not on one of their threads, goes what the old config alone has had.
+  // Frees what only the old config owned here, and not on the field or uplink thread.
   running_ = {shared, &shared->config};
   status_.hash = running_->hash;
   status_.since_ms = utc_now();
@@ -283,7 +284,7 @@ bool Reload::apply(Config config) {
   return true;
 }
 
-// ---- what is said -------------------------------------------------------------------------------
+// ---- reports ------------------------------------------------------------------------------------
 
 void Reload::reject(const ConfigErrors& errors) {
   for (const ConfigError& error : errors)
@@ -345,7 +346,7 @@ std::string Reload::audit_record() const {
   return audit::config(receipt, running_->base_topic() + std::string(kDesiredTopic), utc_now());
 }
 
-/// What the broker has of it, and the log and the audit where it is news.
+/// Reports to the broker, and to log and audit if the report is new.
 void Reload::report(Log when) {
   const bool is_news = remote_.take_news();
   if (!remote_.is_enabled()) {

@@ -1,7 +1,7 @@
-// Takes over another config, on a thread of its own: at SIGHUP the local file as it is then, and at
-// any time a remote config. Field and uplink take over what differs. A wrong one changes
-// nothing. What became of it stands in the log, in health, in {base}/config/reported, in the audit
-// and in the status that the service manager shows.
+// Applies another config at run time, on a thread of its own: the local file at SIGHUP, and a
+// remote config whenever one arrives. Field and uplink adopt only the differences. An invalid
+// config changes nothing. The outcome is in the log, in health, in {base}/config/reported, in the
+// audit and in the status that the service manager shows.
 #pragma once
 
 #include <atomic>
@@ -25,31 +25,31 @@
 
 namespace fxagent {
 
-/// Needs a thread. SIGHUP is blocked in every thread of the process, so that one that comes early
-/// or while a file is being read waits for its turn; several that wait are one. The thread is woken
-/// with the same signal, sent to it alone.
+/// Owns one thread. SIGHUP is blocked in every thread of the process, so a signal that arrives
+/// early, or while a file is being read, stays pending; several pending signals count as one.
+/// wake() sends the same signal to this thread alone.
 class Reload final {
  public:
-  /// `running` is in force, read from `path` and what `remote` has put onto it. All references
-  /// outlive it. Starts its thread; the uplink may not run yet.
+  /// `running` is the config in force: the file at `path` with the changes of `remote` applied. All
+  /// references must outlive this object. Starts its thread; construct it before the uplink runs.
   Reload(std::string path, RemoteConfig& remote, std::shared_ptr<const Config> running,
          Field& field, Outbox& outbox, Publisher& publisher);
-  /// Stops, if stop() was not called, and waits for the end of its thread: where a file that does
-  /// not answer is being read, for as long as that takes.
+  /// Calls stop() if necessary and joins the thread. Blocks as long as a read of an unresponsive
+  /// file takes.
   ~Reload();
 
-  /// A reload that is under way goes no further than field and uplink take it by themselves. Before
-  /// the field is stopped; waits for nothing.
+  /// Abandons a reload in progress, except for steps that field and uplink already perform. Call it
+  /// before the field stops. Does not wait.
   void stop();
-  /// After stop(): whether the thread has ended, which writes last how a trial was stopped. A file
-  /// or a disk that does not answer may keep it for longer.
+  /// Call after stop(). Returns true if the thread ended within `patience`. Its last act is to
+  /// record how a trial was stopped; an unresponsive file or disk may delay it beyond `patience`.
   bool wait_for_end(std::chrono::nanoseconds patience);
 
  private:
   class Turn;
   using Next = RemoteConfig::Next;
 
-  /// What the uplink has heard and this thread has not looked at.
+  /// Events that the uplink has received and this thread has not yet handled.
   struct News {
     std::optional<std::string> desired;  ///< the newest
     std::optional<bool> connected;
@@ -58,16 +58,17 @@ class Reload final {
 
   void listen();
   void wake();
-  /// Whether a SIGHUP came that was meant.
+  /// Waits for SIGHUP or a timer. True if the signal came from outside this process, and not from
+  /// wake().
   bool wait();
   void run();
   void look_at_news();
   void reload();
-  /// Nothing: it is wrong, and that was said.
+  /// Returns nullopt if the config is rejected (already logged) or the agent is stopping.
   std::optional<Next> wanted();
   void hear(const std::string& desired);
   void take_over(Next next);
-  /// False: it was stopped on the way.
+  /// Returns false if the reload was stopped before it was complete.
   bool apply(Config config);
   void reject(const ConfigErrors& errors);
   void say(const std::string& state, const ConfigErrors& errors);
@@ -94,10 +95,10 @@ class Reload final {
   std::thread thread_;
 };
 
-/// Files and sockets that the agent may have open at once with this config.
+/// Returns the number of files and sockets that the agent may have open at once with this config.
 std::size_t files_needed(const Config& config);
 
-/// Where health has no room for more.
+/// Maximum number of config errors shown in health.
 inline constexpr std::size_t kErrorsInHealth = 10;
 
 }  // namespace fxagent

@@ -1,6 +1,6 @@
 #include "agent/sha256.h"
 
-// By libcrypto's old interface: the new one loads its providers first, which take 1.5 MiB of
+// Uses libcrypto's old interface: the new one loads its providers first, which costs 1.5 MiB of
 // memory.
 #define OPENSSL_SUPPRESS_DEPRECATED
 #include <openssl/sha.h>

@@ -13,7 +13,8 @@ namespace fxagent {
 using Digest = std::array<std::uint8_t, 32>;
 
 Digest sha256(std::string_view text);
-/// Two hex digits a byte, lower case. Ours: libcrypto's OPENSSL_buf2hexstr_ex() writes capitals.
+/// Writes two lower-case hex digits a byte. Not libcrypto's OPENSSL_buf2hexstr_ex(), which writes
+/// upper case.
 std::string to_text(ByteView digest);
 
 }  // namespace fxagent

@@ -1,7 +1,7 @@
-// What is known at one moment: last values, device states, last commands, and the counters of
-// uplink and field. The uplink makes it (uplink/status_source) and publishes it on the status board
-// (status_board.h); health reads it, and whatever else is to show the agent's state reads it too.
-// Nobody changes one that is published.
+// Snapshot of the agent: last values, device states, last commands, and the counters of uplink and
+// field. The uplink builds it (uplink/status_source) and publishes it on the status board
+// (status_board.h). Health and every other view of the agent's state read it. A published snapshot
+// never changes.
 #pragma once
 
 #include <algorithm>
@@ -22,7 +22,7 @@ namespace fxagent {
 
 struct Config;
 
-/// Where every sample is.
+/// Location of every sample.
 struct SampleCounts {
   std::uint64_t collected = 0;
   std::uint64_t recovered = 0;
@@ -32,126 +32,125 @@ struct SampleCounts {
   std::uint64_t stored = 0;
   std::uint64_t acknowledged = 0;
   std::uint64_t dropped = 0;
-  std::uint64_t published = 0;  ///< sends, repeats included; no part of the balance
-  bool miscounted = false;      ///< the field says that it made other than arrived
+  std::uint64_t published = 0;  ///< number of sends, including repeats; not part of the balance
+  bool miscounted = false;      ///< the field's own count differs from what arrived
 
-  /// Each sample is in exactly one place.
+  /// True if each sample is in exactly one place.
   bool balanced() const {
     return !miscounted && collected + recovered ==
                               suppressed + queued + in_flight + stored + acknowledged + dropped;
   }
 };
 
-/// One tag as the field reported it last: as a subscriber of the broker would know it who missed
-/// nothing.
+/// Last reported state of one tag, as seen by an MQTT subscriber that missed no message.
 struct LastValue {
   DataType type = DataType::int16;
-  bool scaled = false;                ///< it has a scale or an offset
-  Value value;                        ///< the last good one; empty where it was never read
+  bool scaled = false;                ///< the tag has a scale or an offset
+  Value value;                        ///< the last good value; empty if the tag was never read
   std::optional<std::int64_t> ts_ms;  ///< when `value` was read; nullopt: never
   std::optional<BadReason> bad;       ///< nullopt: good
   std::int64_t bad_since_ms = 0;      ///< bad only
-  bool written = false;               ///< a command wrote `value`, and nothing was read back
+  bool written = false;               ///< a command wrote `value` and it was not read back
 
-  /// How long ago `value` was read and reported. With publish: on_change that can be long before
-  /// the last poll: a cycle that has nothing new to say is not reported. At `now_ms` before ts_ms
-  /// (the clock was set) it is 0. nullopt: never read.
+  /// Time since `value` was read and reported, or nullopt if it was never read. With publish:
+  /// on_change this can be much longer ago than the last poll, because cycles without a change are
+  /// not reported. Returns 0 if `now_ms` is before ts_ms (the clock was set back).
   std::optional<std::chrono::milliseconds> age(std::int64_t now_ms) const {
     if (!ts_ms) return std::nullopt;
     return std::chrono::milliseconds(std::max<std::int64_t>(0, now_ms - *ts_ms));
   }
 };
 
-/// The last values of one group of one device, kept small: decoded when they are asked for. Any
-/// thread.
+/// Last values of one group of one device, stored compactly and decoded on request. Any thread.
 class GroupValues {
  public:
   virtual ~GroupValues() = default;
-  /// By the tag's name. A tag that is not there was not reported yet.
+  /// Returns the values by tag name. A tag not yet reported is absent.
   virtual std::map<std::string, LastValue, std::less<>> by_tag() const = 0;
 };
-/// By index in Config::devices, then in DeviceConfig::groups. Null: nothing was reported yet. The
-/// uplink, which replaces it by the next, and each status that has it own it.
+/// Indexed as Config::devices, then as DeviceConfig::groups. Null: nothing reported yet. Shared by
+/// the uplink, which replaces an entry with the next one, and each status that contains it.
 using LastValues = std::vector<std::vector<std::shared_ptr<const GroupValues>>>;
 
-/// What became of one command.
+/// Outcome of one command.
 struct LastCommand {
-  std::string device;  ///< its name; it may be in no config any more
-  std::string id;      ///< empty: none could be read
-  std::string op;      ///< as it came
+  std::string device;  ///< device name; the config may no longer contain it
+  std::string id;      ///< empty if no id could be read
+  std::string op;      ///< as received
   CommandStatus status = CommandStatus::rejected;
   Reason reason = Reason::none;
-  std::int64_t ts_ms = 0;  ///< when its result was known
+  std::int64_t ts_ms = 0;  ///< when the result was known
 };
-/// So many of the agent are kept, the newest.
+/// Number of last commands kept for the whole agent.
 inline constexpr std::size_t kLastCommands = 16;
 
-/// How it stands with the broker.
+/// State of the connection to the broker.
 struct BrokerStatus {
-  std::string server{};  ///< that it is connected to, or tries
+  std::string server{};  ///< the broker that the agent is connected to or is trying
   bool connected = false;
-  bool subscribed = false;      ///< commands are heard
-  std::string not_heard_why{};  ///< connected, and commands are not heard; empty: not known yet
-  std::int64_t since_ms = 0;    ///< when it was connected or lost; before the first time the start
-  std::string why{};            ///< not connected: why; empty: it is being tried
+  bool subscribed = false;      ///< commands are received
+  std::string not_heard_why{};  ///< connected without commands: why; empty: not known yet
+  std::int64_t since_ms = 0;    ///< last connect or disconnect; before the first: the start
+  std::string why{};            ///< why it is not connected; empty: an attempt is in progress
 };
 
-/// Which config is in force, and what became of the last reload.
+/// The config in force and the outcome of the last reload.
 struct ConfigStatus {
   struct Reload {
     std::string state;  ///< "applied", "unchanged" or "rejected"
     std::int64_t ts_ms = 0;
-    std::vector<std::string> errors;  ///< rejected: the first of them, as the log has them
+    std::vector<std::string> errors;  ///< rejected only: the first errors, as logged
     std::size_t errors_in_all = 0;
   };
-  /// Where remote config is allowed: what is known of it.
+  /// State of remote config, if the agent allows it.
   struct Remote {
-    std::string version;    ///< of the one in force; empty: the local file alone
-    std::string state;      ///< as {base}/config/reported has it
+    std::string version;    ///< version of the remote config in force; empty: local file only
+    std::string state;      ///< as published on {base}/config/reported
     bool confirmed = true;  ///< false: it is on trial
   };
-  std::string hash;  ///< of its text, as Config has it
+  std::string hash;  ///< of the config text, as in Config
   std::int64_t since_ms = 0;
-  std::optional<Reload> last_reload;  ///< nullopt: there was none
-  std::optional<Remote> remote;       ///< nullopt: none may come
+  std::optional<Reload> last_reload;  ///< nullopt: no reload yet
+  std::optional<Remote> remote;       ///< nullopt: remote config is not allowed
 };
 
-/// By index in Config::devices, where a list has no other word: of `config`, which a reload
-/// replaces.
+/// Lists are indexed as Config::devices of `config` unless they say otherwise. A reload replaces
+/// `config`.
 struct AgentStatus {
-  /// Never null where the uplink has made it. The uplink and each status made under it own it.
+  /// Never null if made by the uplink. Shared by the uplink and each status made with it.
   std::shared_ptr<const Config> config;
   ConfigStatus config_status;
   std::int64_t ts_ms = 0;
-  SteadyTime made_at{};                   ///< the same moment
-  std::optional<SteadyTime> field_heard;  ///< when the field last told `field`
+  SteadyTime made_at{};                   ///< the same instant as ts_ms
+  std::optional<SteadyTime> field_heard;  ///< when the field last sent `field`
   BrokerStatus broker;
   std::string boot;
   std::string version;
   std::chrono::seconds uptime{0};
-  std::string conflict;  ///< boot of another agent with the same id; empty: there is none
+  std::string conflict;  ///< boot id of another agent with the same id; empty: none
   SampleCounts samples;
-  /// Never null. The uplink and each status made since the field counted own it.
+  /// Never null. Shared by the uplink and each status made since the field last counted.
   std::shared_ptr<const FieldHealth> field = std::make_shared<const FieldHealth>();
-  /// Without their codecs. Null: the field has not said yet. The uplink's retained state and each
-  /// status made since the device changed own it.
+  /// Without their codecs. Null: no report from the field yet. Shared by the uplink's retained
+  /// state and each status made since the device changed.
   std::vector<std::shared_ptr<const DeviceStatus>> devices;
-  LastValues values;  ///< empty: no reader wants them, or nothing was reported since one does
+  LastValues values;  ///< empty: no reader wants values, or none were reported since one did
   std::vector<std::uint64_t> dropped;  ///< samples, by index in Config::devices
-  /// By the same index: the MQTT reason code, "0x97", for which the broker does not take the
-  /// device's samples now; empty: it takes them.
+  /// MQTT reason code, such as "0x97", with which the broker currently refuses the device's
+  /// samples; empty: it accepts them. Indexed as `dropped`.
   std::vector<std::string> refused;
   std::map<CommandStatus, std::uint64_t> commands;
-  /// From the arrival of each command that was carried out to the hand-over of its result to MQTT.
+  /// Time from the arrival of each executed command to the hand-over of its result to MQTT.
   DurationHistogram command_durations;
-  std::vector<LastCommand> last_commands;  ///< the newest last, kLastCommands at the most
-  /// "disk"; "memory" if there is none, or it refuses; "hangs" if it does not answer.
+  std::vector<LastCommand> last_commands;  ///< the newest last; at most kLastCommands
+  /// "disk"; "memory" if there is no disk store or it rejects writes; "hangs" if it does not
+  /// respond.
   std::string store_state;
-  std::string store_set_aside;  ///< name of the damaged file of this run; empty: none
+  std::string store_set_aside;  ///< damaged store file set aside in this run; empty: none
   std::uint64_t store_bytes = 0;
   std::uint64_t audit_records = 0;
-  std::string audit_head;            ///< hash of the last of them; empty: there is no audit
-  std::optional<double> hours_left;  ///< until the store is full at the present rate
+  std::string audit_head;            ///< hash of the last audit record; empty: no audit
+  std::optional<double> hours_left;  ///< until the store is full at the current rate
   bool clock_synchronised = false;
   std::uint64_t rss_bytes = 0;
 };

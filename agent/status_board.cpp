@@ -24,6 +24,6 @@ void StatusBoard::publish(std::shared_ptr<const AgentStatus> status, SteadyTime 
     asked_ = false;
   }
   published_.notify_all();
-}  // the one before is freed here, where no reader waits for it
+}  // frees the previous status here, outside of the lock
 
 }  // namespace fxagent

@@ -1,5 +1,5 @@
-// Where the agent's status is published: the uplink puts a whole one there, any thread reads the
-// newest. The uplink waits for no reader.
+// Publishes the agent's status: the uplink stores complete snapshots, any thread reads the newest.
+// The uplink never waits for a reader.
 #pragma once
 
 #include <atomic>
@@ -17,25 +17,25 @@ namespace fxagent {
 
 class StatusBoard final {
  public:
-  /// A status is published at most this often for readers.
+  /// Minimum interval between two statuses published for readers.
   static constexpr std::chrono::seconds kFresh{1};
 
-  /// `wake` lets the uplink see that a reader asks; any thread calls it, and it must not block for
-  /// long.
+  /// `wake` makes the uplink notice that a reader is waiting. Any thread may call it; it must not
+  /// block for long.
   explicit StatusBoard(std::function<void()> wake) : wake_(std::move(wake)) {}
 
-  /// The newest status. One that is older than kFresh at `now` is waited for, `patience` at the
-  /// most: then it may be old, as its ts_ms says, or null, where there was none yet. Any thread but
-  /// the uplink's.
+  /// Returns the newest status. If that is older than kFresh at `now`, waits up to `patience` for a
+  /// new one. After that the result may be old (see its ts_ms), or null if no status exists yet.
+  /// Any thread except the uplink's.
   std::shared_ptr<const AgentStatus> read(SteadyTime now, std::chrono::milliseconds patience);
-  /// From now on each status has the last values of what is reported from now on. They take
-  /// memory, so nobody keeps them for no reader. Any thread.
+  /// Makes every later status include the last values reported after this call. They take memory,
+  /// so they are kept only once a reader wants them. Any thread.
   void want_values() { values_wanted_.store(true, std::memory_order_relaxed); }
 
-  /// Uplink thread. Whether a reader waits for a status; whether one wants last values.
+  /// True if a reader waits for a status, or wants last values. Uplink thread.
   bool is_asked() const { return asked_.load(std::memory_order_relaxed); }
   bool values_wanted() const { return values_wanted_.load(std::memory_order_relaxed); }
-  /// Uplink thread. Takes the place of the one before, which its readers keep as it is.
+  /// Replaces the current status; readers keep the one they hold. Uplink thread.
   void publish(std::shared_ptr<const AgentStatus> status, SteadyTime now);
 
  private:

@@ -11,14 +11,15 @@ namespace {
 
 constexpr std::uint32_t kForeign = 0xFFFFFFFF;  // no character
 
-/// Printable ASCII without quotes or backslashes: as names of tags are, nearly always.
+/// True for printable ASCII without quotes or backslashes, as nearly all tag names are.
 bool is_plain(std::string_view text) {
   return std::all_of(text.begin(), text.end(),
                      [](char c) { return c >= 0x20 && c < 0x7F && c != '"' && c != '\\'; });
 }
 
-/// Calls `take` with each character and its bytes, and with each byte that belongs to none, until
-/// it says no. Ours, since utf8::replace_invalid() has one mark for several foreign bytes.
+/// Calls `take` with each character and its bytes, and with each byte outside of any character,
+/// until it returns false. Not utf8::replace_invalid(), which writes one mark for several foreign
+/// bytes.
 template <class Take>
 void each_character(std::string_view text, Take take) {
   while (!text.empty()) {
@@ -48,11 +49,11 @@ bool stays(std::uint32_t character, Escape how) {
   if (character < 0x20) return false;
   if (how == Escape::message) return character != 0x7F;
   if (character == '"' || character == '\\') return false;
-  // U+009B begins a command to a terminal, as ESC [ does.
+  // U+009B starts a terminal command, like ESC [.
   return how != Escape::log || character < 0x7F || character >= 0xA0;
 }
 
-/// What does not stay.
+/// Appends an escape for a character that cannot stay as it is.
 void append_for(std::string& out, std::uint32_t character, std::string_view bytes, Escape how) {
   constexpr std::string_view lower = "0123456789abcdef";
   constexpr std::string_view upper = "0123456789ABCDEF";
@@ -87,7 +88,7 @@ void append_escaped(std::string& out, std::string_view text, Escape how, std::si
     return;
   }
   const std::size_t before = out.size();
-  std::string_view run;  // what stays, to be appended at once
+  std::string_view run;  // characters to append unchanged, in one go
   each_character(text, [&](std::uint32_t character, std::string_view bytes) {
     const bool room = out.size() - before + run.size() + bytes.size() <= most;
     if (room && stays(character, how)) {

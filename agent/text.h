@@ -1,5 +1,5 @@
-// Text that comes from others, and what must be escaped of it where it is shown. What is UTF-8 (RFC
-// 3629: no overlong forms, no surrogates, nothing above U+10FFFF) is utfcpp's to say. Any thread.
+// Escapes text from outside sources for display. utfcpp decides what is UTF-8 (RFC 3629: no
+// overlong forms, no surrogates, nothing above U+10FFFF). Any thread.
 #pragma once
 
 #include <cstddef>
@@ -11,17 +11,17 @@ namespace fxagent {
 
 bool is_utf8(std::string_view text);
 
-/// By where the text is shown. "Foreign": each byte that is not UTF-8.
+/// Escaping by place of display. "Foreign" means a byte that is not part of valid UTF-8.
 enum class Escape : std::uint8_t {
-  json,      ///< in a JSON string; U+FFFD for what is foreign
-  terminal,  ///< as in a JSON string of ASCII: it must not steer what shows it
-  log,       ///< between quotes: \" \\ and \xnn for what is foreign and for control characters
-  message,   ///< \xNN for what is foreign and for control characters of ASCII
-  record,    ///< \xnn for what is foreign
+  json,      ///< a JSON string; foreign bytes become U+FFFD
+  terminal,  ///< an ASCII-only JSON string, so that the text cannot control the terminal
+  log,       ///< a quoted log value: \" \\, and \xnn for foreign bytes and control characters
+  message,   ///< an error message: \xNN for foreign bytes and ASCII control characters
+  record,    ///< an audit record: \xnn for foreign bytes
 };
 
-/// Appends `text`, escaped and without quotes. `most`: where that makes more bytes it ends with
-/// "..." behind whole characters; not for Escape::terminal.
+/// Appends `text`, escaped and without quotes. If the result would exceed `most` bytes, cuts it
+/// after a whole character and adds "...". Escape::terminal ignores `most`.
 void append_escaped(std::string& out, std::string_view text, Escape how,
                     std::size_t most = std::string_view::npos);
 std::string escaped(std::string_view text, Escape how, std::size_t most = std::string_view::npos);

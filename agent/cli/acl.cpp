@@ -13,18 +13,18 @@ namespace {
 constexpr int kDone = 0;
 constexpr int kWrongQuestion = 2;
 
-// Below {root}/{id}/. Retained topics of devices that the config no longer has are cleared too, so
-// that devices are not named one by one. `state` is also the last will; what is below `result` are
-// response topics of MQTT 5.
+// Topics below {root}/{id}/. Device names are wildcards because the agent also clears retained
+// topics of devices that the config no longer has. `state` is also the last will; topics below
+// `result` are MQTT 5 response topics.
 constexpr std::array<std::string_view, 7> kAgentWrites{
     "state", "health", "+/state", "+/meta", "+/data/#", "+/result", "+/result/#"};
 constexpr std::array<std::string_view, 4> kAgentReads{"+/command", "state", "+/state", "+/meta"};
 constexpr std::array<std::string_view, 1> kOperatorWrites{"+/command"};
-// Where remote configs are allowed.
+// Only if the config allows remote configs.
 constexpr std::array<std::string_view, 1> kConfigsOut{"config/reported"};
 constexpr std::array<std::string_view, 1> kConfigsIn{"config/desired"};
 
-/// Why `name` cannot be a user of an acl_file and of a password_file; empty where it can.
+/// Returns why `name` cannot be a user in an acl_file and a password_file; empty if it can.
 std::string_view user_fault(std::string_view name) {
   if (name.empty()) return "is empty";
   if (name.front() == ' ' || name.back() == ' ') return "begins or ends with a blank";
@@ -34,7 +34,7 @@ std::string_view user_fault(std::string_view name) {
   return {};
 }
 
-/// What is wrong with the names: each that cannot be used or stands for two roles; empty: nothing.
+/// Returns the faults of the names: each that is unusable or appears twice; empty if none.
 std::string faults_of(const AclQuestion& what) {
   std::set<std::string_view> taken;
   std::string faults;
@@ -113,7 +113,7 @@ int run_acl(const Config& config, const AclQuestion& what) {
     std::cout << *text;
     return kDone;
   }
-  // One fault a line.
+  // Print one fault a line.
   std::istringstream faults(text.error());
   for (std::string fault; std::getline(faults, fault);) std::cerr << "acl: " << fault << '\n';
   return kWrongQuestion;

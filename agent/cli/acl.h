@@ -1,4 +1,4 @@
-// `fxagent acl`: the access rules that a mosquitto needs for the configured agent, and for people.
+// `fxagent acl`: the access rules that mosquitto needs for the configured agent and for people.
 #pragma once
 
 #include <string>
@@ -16,13 +16,13 @@ struct AclQuestion {
   std::vector<std::string> engineers{};
 };
 
-/// An acl_file. The agent may write what it publishes and read what it obeys, no
-/// more; a viewer reads what the agent writes; an operator also writes commands, and an engineer
-/// configs, where the config lets them come. The error names a user that cannot stand in such a
-/// file.
+/// Returns an acl_file. The agent may write what it publishes and read what it acts on, nothing
+/// else. A viewer reads what the agent writes. An operator also writes commands; an engineer also
+/// writes configs, if the config allows remote configs. The error lists each user name that an
+/// acl_file cannot hold or that has two roles.
 tl::expected<std::string, std::string> acl_text(const Config& config, const AclQuestion& what);
 
-/// Prints it. Exit status: 0, or 2 where there is an error, which stderr tells.
+/// Prints the acl_file. Exit status: 0, or 2 with the errors on stderr.
 int run_acl(const Config& config, const AclQuestion& what);
 
 }  // namespace fxagent

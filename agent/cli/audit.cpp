@@ -23,7 +23,7 @@ int wrong(const std::string& why) {
   return kWrongQuestion;
 }
 
-/// "17:0f3a…" as health's records and head; nothing: it is not that.
+/// Parses "17:0f3a…", the records and head of a health message; nullopt for any other text.
 std::optional<audit::Head> head_from(const std::string& text) {
   const std::size_t colon = text.find(':');
   if (colon == 0 || colon == std::string::npos || colon > 18) return std::nullopt;

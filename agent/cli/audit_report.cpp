@@ -34,13 +34,13 @@ std::int64_t time_at(const Json& object, const char* key) {
   return value.is_number_integer() ? value.get<std::int64_t>() : 0;
 }
 
-/// For a terminal: a sender's text must not move the cursor.
+/// Escapes text for a terminal, so that a sender's text cannot move the cursor.
 std::string plain(const Json& value) {
   if (value.is_string()) return escaped(value.get_ref<const std::string&>(), Escape::terminal);
   return value.dump(-1, ' ', true, Json::error_handler_t::replace);
 }
 
-/// "setpoint D200 = 50"
+/// Returns a text like " setpoint D200 = 50".
 std::string place_text(const Json& target) {
   std::string out;
   for (const char* key : {"tag", "address"})
@@ -78,7 +78,7 @@ std::string line_text(const Json& line) {
   std::string out = received == 0 ? "before the records" : utc_text(received);
   out += " " + plain(at(line, "device")) + " ";
   out += at(line, "id").is_null() ? "(no id)" : plain(at(line, "id"));
-  // In quotes: a name is the sender's, and must not pass for what stands behind it.
+  // Quoted, because the sender chose the name: it must not pass for the text after it.
   if (at(line, "by").is_string()) out += " by \"" + plain(at(line, "by")) + "\"";
   out += ": " + (at(line, "op").is_string() ? plain(at(line, "op")) : "(no op)");
   if (at(line, "targets").is_array())
@@ -94,7 +94,7 @@ std::string line_text(const Json& line) {
   return out;
 }
 
-/// Everything that the records say of one command, in one flat object.
+/// Merges the records of one command into one flat object.
 Json line_of(std::uint64_t number, const Json& came, const Json& outcome, const Json& told) {
   Json line;
   line["arrival"] = number;
@@ -119,7 +119,8 @@ Json line_of(std::uint64_t number, const Json& came, const Json& outcome, const 
   return line;
 }
 
-/// "config "v7" by "ann": rejected: /links: differs … (and 2 more), in force 0f3a…"
+/// Returns a line like: config "v7" by "ann": rejected: /links: differs … (and 2 more) | in force
+/// 0f3a…
 std::string config_text(const Json& note) {
   std::string out = utc_text(time_at(note, "ts")) + " config ";
   if (at(note, "version").is_string())
@@ -147,7 +148,7 @@ std::string note_text(const Json& note) {
   return out + plain(note);
 }
 
-/// As many digits as there are, all of `text`.
+/// Parses `text` as a non-negative decimal number; nullopt if any other character is in it.
 std::optional<std::int64_t> number_from(std::string_view text) {
   std::int64_t number = 0;
   const auto read = std::from_chars(text.data(), text.data() + text.size(), number);

@@ -1,4 +1,4 @@
-// What the audit says for people and programs: the records of one command become one line. Pure.
+// Audit records for people and programs: merges the records of one command into one line. Pure.
 #pragma once
 
 #include <cstdint>
@@ -12,19 +12,19 @@
 
 namespace fxagent::audit {
 
-/// One command; or, with `number` 0, something that happened to the audit itself.
+/// One command; or, with `number` 0, an event of the audit itself.
 struct Line {
   std::uint64_t number = 0;
-  std::int64_t at_ms = 0;  ///< when the command came, as far as that is known still
-  std::string json;        ///< one object, without a newline
-  std::string text;        ///< for people, without a newline
+  std::int64_t at_ms = 0;  ///< when the command arrived, if the records still show it
+  std::string json;        ///< one JSON object, without a newline
+  std::string text;        ///< human-readable, without a newline
 };
 
 class Report final {
  public:
-  /// In the order of their numbers.
+  /// Call in the order of record numbers.
   void add(const Record& record);
-  /// In the order in which the commands came, as far as records of them are left.
+  /// Returns the lines in order of arrival of the commands, if their records are still present.
   std::vector<Line> take();
 
  private:
@@ -38,8 +38,8 @@ class Report final {
   std::vector<Line> notes_;
 };
 
-/// Reads `--since`: milliseconds UTC; "2026-11-21", "2026-11-21T08:30" or "…:15Z", UTC too; or a
-/// duration before `now_ms`: "90s", "30m", "2h", "7d". Nothing: it is none of these.
+/// Parses `--since`: milliseconds UTC; "2026-11-21", "2026-11-21T08:30" or "…:15Z", also UTC; or a
+/// duration before `now_ms`: "90s", "30m", "2h", "7d". Returns nullopt for any other text.
 std::optional<std::int64_t> since_from(std::string_view text, std::int64_t now_ms);
 
 }  // namespace fxagent::audit

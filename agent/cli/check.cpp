@@ -26,7 +26,7 @@ std::string counts(const Config& config) {
          " devices, " + std::to_string(tags) + " tags";
 }
 
-/// What would become of the document in the file `desired`, as one of {base}/config/desired.
+/// Checks the document in the file `desired` as if it arrived on {base}/config/desired.
 int check_desired(const std::string& path, const Config& local, const std::string& desired) {
   const auto refuse = [&desired](const ConfigErrors& errors) {
     print_errors(errors, desired);
@@ -56,8 +56,8 @@ int check_desired(const std::string& path, const Config& local, const std::strin
   return 0;
 }
 
-/// What check_files() cannot see: what stands in the files. One that cannot be read is in `found`,
-/// which it has found.
+/// Checks the contents of the TLS files, which check_files() does not. An unreadable file is
+/// already in `found`.
 std::vector<ConfigError> tls_faults(const Config& config, const std::vector<ConfigError>& found) {
   if (!config.mqtt.tls) return {};
   for (const ConfigError& error : found)

@@ -1,4 +1,4 @@
-// `fxagent check`: whether a config file is right, and what this machine lacks for it.
+// `fxagent check`: validates a config file and checks that this machine can run it.
 #pragma once
 
 #include <optional>
@@ -9,16 +9,16 @@
 
 namespace fxagent {
 
-/// Prints them on stderr, one a line.
+/// Prints the errors on stderr, one a line.
 void print_errors(const std::vector<ConfigError>& errors, const std::string& path);
 
-/// The config, or its errors on stderr.
+/// Loads a config. Prints the errors on stderr and returns nullopt if it is wrong.
 std::optional<Config> loaded(const std::string& path);
 
 struct CheckQuestion {
-  std::string desired;   ///< file of a remote config that is judged in its place; empty: none
-  bool online = false;   ///< open links and broker, and ask each device
-  bool as_json = false;  ///< of `online`
+  std::string desired;   ///< file with a remote config to check instead; empty: none
+  bool online = false;   ///< open links and broker, and query each device
+  bool as_json = false;  ///< output of `online` as JSON
 };
 
 /// Prints errors and warnings on stderr. Prints one line on stdout if the config is right, and

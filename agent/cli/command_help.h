@@ -1,4 +1,4 @@
-// The part of --help and of the man pages that follows the options: examples and signals.
+// The parts of --help and of the man pages that follow the options: examples and signals.
 #pragma once
 
 namespace CLI {
@@ -7,7 +7,7 @@ class App;
 
 namespace fxagent {
 
-/// Gives each subcommand of `app` its footer. A line that ends in a colon begins a section.
+/// Adds a footer to each subcommand of `app`. A line that ends in a colon starts a section.
 void add_footers(CLI::App& app);
 
 }  // namespace fxagent

@@ -34,7 +34,7 @@ audit::Receipt receipt_of(const Command& command, std::uint64_t number, const st
 }  // namespace
 
 std::string command_line_user() {
-  // The kernel keeps it through sudo and su. All bits set: there was no login.
+  // The kernel preserves the login uid through sudo and su. All bits set: no login.
   uid_t user = static_cast<uid_t>(-1);
   std::ifstream("/proc/self/loginuid") >> user;
   return "cli:" + name_of_user(user == static_cast<uid_t>(-1) ? ::getuid() : user);
@@ -78,7 +78,7 @@ bool CommandLineAudit::refused(const Command& command, const CommandResult& resu
                                command.received_ms));
 }
 
-/// Synchronised with the disk: a power cut must not take back who did what.
+/// Syncs to disk: a power cut must not erase who did what.
 bool CommandLineAudit::write(const std::string& body) {
   return disk_.commit("audit", StoreDisk::Sync::full, [&] { audit_.append(body); });
 }

@@ -1,6 +1,6 @@
-// The audit of commands that come from the command line. Each has its record on disk before its
-// first byte leaves, and its result after it, in the audit of the agent whose config it is. An
-// agent that runs has the store to itself: then there is no audit here, and nothing is to be sent.
+// Audit of commands sent from the command line. Records each command on disk before its first byte
+// leaves, and its result afterwards, in the audit of the agent that uses the same config. A running
+// agent owns the store exclusively; then no record can be written and no command may be sent.
 #pragma once
 
 #include <cstdint>
@@ -13,26 +13,27 @@
 
 namespace fxagent {
 
-/// "cli:" and the name of the user who logged in, which sudo does not change. Without a login the
-/// user of the process.
+/// Returns "cli:" and the login name of the user, which sudo does not change. Without a login, the
+/// name of the process's user.
 std::string command_line_user();
 
 class CommandLineAudit final {
  public:
-  /// Opens the store, which stays this process's until the end of the object.
+  /// Opens the store and keeps it locked for the lifetime of the object.
   CommandLineAudit(const StoreConfig& config, std::int64_t utc_ms);
   CommandLineAudit(const CommandLineAudit&) = delete;
   CommandLineAudit& operator=(const CommandLineAudit&) = delete;
 
-  /// The reason why the audit takes no record, and the cure; empty: it takes them.
+  /// Returns why the audit takes no record, and the remedy; empty if it does.
   std::string fault() const;
 
-  /// Notes the command before it is sent. `text` is the call. False: the note is not on disk,
-  /// fault() says why, and the command must not be sent.
+  /// Records the command before it is sent. `text` is the call. Returns false if the record is not
+  /// on disk (see fault()); then the command must not be sent.
   bool admitted(const Command& command, const std::string& device, const std::string& text);
-  /// Notes its result. False: as above, and the command was carried out.
+  /// Records the result. Returns false if the record is not on disk; the command was still
+  /// executed.
   bool finished(const CommandResult& result, const std::string& device, std::int64_t utc_ms);
-  /// Notes a command that was not sent, and why.
+  /// Records a command that was not sent, with the reason.
   bool refused(const Command& command, const CommandResult& result, const std::string& device,
                const std::string& text);
 
@@ -42,7 +43,7 @@ class CommandLineAudit final {
   const StoreConfig config_;
   StoreDisk disk_;
   AuditTrail audit_;
-  std::uint64_t number_ = 0;  ///< of the command
+  std::uint64_t number_ = 0;  ///< number of the command
 };
 
 }  // namespace fxagent

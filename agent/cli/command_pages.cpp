@@ -53,14 +53,14 @@ The store of the service: what waits for the broker, and the audit.
 How to write a config (config/README.md), to run the agent (agent/OPERATIONS.md), its topics (agent/CONTRACT.md), and examples.
 )";
 
-/// In the order of their definition.
+/// Returns the subcommands in the order of their definition.
 std::vector<const CLI::App*> subcommands_of(const CLI::App& app) {
   return app.get_subcommands([](const CLI::App* command) { return !command->get_name().empty(); });
 }
 
 bool takes_a_value(const CLI::Option& option) { return option.get_items_expected_max() > 0; }
 
-/// The longest spelling of a named option: "--json".
+/// Returns all spellings of a named option, the longest last: "-j", "--json".
 std::vector<std::string> spellings(const CLI::Option& option) {
   std::vector<std::string> out;
   for (const std::string& name : option.get_snames()) out.push_back("-" + name);
@@ -68,7 +68,7 @@ std::vector<std::string> spellings(const CLI::Option& option) {
   return out;
 }
 
-/// "INT" of "INT:INT in [1 - 4096]".
+/// Returns "INT" for "INT:INT in [1 - 4096]".
 std::string value_name(const CLI::Option& option) {
   const std::string type = option.get_type_name();
   return type.substr(0, type.find(':'));
@@ -110,7 +110,7 @@ std::string synopsis(const CLI::App& app, const CLI::App* subcommand) {
   return out;
 }
 
-/// The sections of a footer: a line that ends in a colon begins one.
+/// Returns the sections of a footer. A line that ends in a colon starts a section.
 std::string footer(const CLI::App& command) {
   std::istringstream lines(command.get_footer());
   std::string out;
@@ -139,14 +139,14 @@ std::string see_also(const CLI::App& app, const CLI::App* subcommand) {
   return out;
 }
 
-/// What it is, without the program's name before it.
+/// Returns the description of a command without the program's name in front.
 std::string meaning(const CLI::App& command, const CLI::App& app) {
   const std::string text = command.get_description();
   const std::string before = app.get_name() + ": ";
   return text.starts_with(before) ? text.substr(before.size()) : text;
 }
 
-/// "CONFIG DEVICE ADDRESS": the arguments that have a place.
+/// Returns the positional arguments: "CONFIG DEVICE ADDRESS".
 std::string names_of_places(const CLI::App& command) {
   std::string out;
   for (const CLI::Option* option : command.get_options())

@@ -1,5 +1,5 @@
-// Man pages and the completion of bash, made from the definition of the command line itself, so
-// that neither can lag behind it. The package asks the program for them while it is made.
+// Generates the man pages and the bash completion from the definition of the command line, so that
+// neither can become outdated. The package build calls the program to create them.
 #pragma once
 
 #include <optional>
@@ -12,21 +12,21 @@ class App;
 
 namespace fxagent {
 
-/// Escapes text for roff: backslashes, hyphens, and a dot or a quote at the beginning of a line.
+/// Escapes text for roff: backslashes, hyphens, and a dot or a quote at the start of a line.
 std::string roff(std::string_view text);
 
-/// The man page of a subcommand, or of the program where it is null, in roff. `version` stands in
-/// its foot.
+/// Returns the man page of a subcommand in roff, or that of the program if `subcommand` is null.
+/// `version` appears in the page footer.
 std::string man_page(const CLI::App& app, const CLI::App* subcommand, const std::string& version);
 
-/// A script for /usr/share/bash-completion/completions: subcommands and the options of each,
-/// protocols, import formats, and the devices and tags of the config that is named before them.
-/// Elsewhere bash offers files.
+/// Returns a script for /usr/share/bash-completion/completions. It completes subcommands and their
+/// options, protocols, import formats, and the devices and tags of the config given earlier on the
+/// line. Elsewhere bash offers files.
 std::string bash_completion(const CLI::App& app);
 
-/// Answers `--help-pages DIRECTORY`: writes fxagent.1, fxagent-SUBCOMMAND.1 for each,
-/// fxagent.json.5 and fxagent.bash into that directory, which is there. The exit status, or nothing
-/// where the arguments are others.
+/// Handles `--help-pages DIRECTORY`: writes fxagent.1, fxagent-SUBCOMMAND.1 for each subcommand,
+/// fxagent.json.5 and fxagent.bash into an existing directory. Returns the exit status, or nullopt
+/// for any other arguments.
 std::optional<int> write_command_pages(const CLI::App& app, int argc, const char* const* argv,
                                        const std::string& version);
 

@@ -52,7 +52,7 @@ std::string default_of(const ConfigKey& key) {
   return "optional";
 }
 
-/// Without the backquotes of Markdown.
+/// Removes the backquotes of Markdown.
 std::string plain(std::string_view text) {
   std::string out(text);
   std::erase(out, '`');

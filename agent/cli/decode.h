@@ -1,4 +1,4 @@
-// `fxagent decode`: a frame explained field by field.
+// `fxagent decode`: explains a frame field by field.
 #pragma once
 
 #include <optional>
@@ -12,12 +12,12 @@ namespace fxagent {
 struct DecodeQuestion {
   std::string protocol;
   std::vector<std::string> hex;  ///< in any spelling that from_hex() reads
-  std::string model;             ///< empty: the protocol's widest
+  std::string model;             ///< empty: the protocol's widest model
   std::optional<Direction> direction;
   bool as_json = false;
 };
 
-/// Prints the explanation on stdout. Exit status: 0 a good frame, 1 a bad one, 2 a wrong question.
+/// Prints the explanation on stdout. Exit status: 0 valid frame, 1 invalid frame, 2 wrong argument.
 int run_decode(const DecodeQuestion& question);
 
 }  // namespace fxagent

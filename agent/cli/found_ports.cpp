@@ -19,7 +19,7 @@ std::vector<fs::path> sorted(const fs::path& directory) {
   return paths;
 }
 
-/// Linux has 32 places for ports of PCs; the kind of an empty one is 0.
+/// True for a PC port without hardware. Linux has 32 such entries; the type of an unused one is 0.
 bool is_empty_place(const fs::path& port) {
   std::ifstream file(port / "type");
   int kind = 1;

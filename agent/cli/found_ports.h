@@ -1,4 +1,4 @@
-// The serial ports of this machine, for a menu.
+// Finds the serial ports of this machine, for a menu.
 #pragma once
 
 #include <filesystem>
@@ -12,8 +12,8 @@ struct FoundPort {
   std::string note;  ///< "ttyUSB0" for a path by id; else empty
 };
 
-/// Ports with hardware behind them: first those of USB, under the name that stays the same when the
-/// adapter is plugged in again. Opens none. `root`: where /dev and /sys are.
+/// Returns the ports that have hardware, USB ports first. USB ports carry the name that stays the
+/// same when the adapter is plugged in again. Opens no port. `root` contains /dev and /sys.
 std::vector<FoundPort> found_serial_ports(const std::filesystem::path& root = "/");
 
 }  // namespace fxagent

@@ -29,7 +29,7 @@ std::string place(const std::string& path, int line) {
   return line > 0 ? path + ":" + std::to_string(line) : path;
 }
 
-/// What the options cannot be; empty where they can.
+/// Returns the fault in the options; empty if there is none.
 std::string fault_of(const ImportOptions& options) {
   if (!options.protocol.empty() && find_protocol(options.protocol) == nullptr) {
     std::vector<std::string_view> names;
@@ -44,7 +44,7 @@ std::string fault_of(const ImportOptions& options) {
   return {};
 }
 
-/// The format of that name, or for auto the one that the bytes are surely of.
+/// Returns the format with that name; for auto, the format that recognises the bytes.
 const ImportFormat* format_of(const std::string& name, const std::string& bytes) {
   for (const ImportFormat& format : import_formats()) {
     if (name != "auto") {

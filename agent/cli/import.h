@@ -1,5 +1,5 @@
-// `fxagent import` and `fxagent export`: configs out of the files of other programs, and the tags
-// of a config as CSV and back.
+// `fxagent import` and `fxagent export`: convert files of other programs to configs, and the tags
+// of a config to CSV and back.
 #pragma once
 
 #include <string>
@@ -9,20 +9,21 @@
 namespace fxagent {
 
 struct ImportQuestion {
-  std::string format;  ///< a name of import_formats(), or auto
+  std::string format;  ///< a name from import_formats(), or auto
   std::string path;
   ImportOptions options;
 };
 
-/// Prints a config that passes check, and on stderr what of the file is not in it. Exit status: 0;
-/// 1 where nothing could be carried over; 2 where the call is wrong or the file cannot be read.
+/// Prints a config that passes `check`, and on stderr everything in the file that it leaves out.
+/// Exit status: 0; 1 if nothing could be converted; 2 if an argument is wrong or the file cannot be
+/// read.
 int run_import(const ImportQuestion& what);
 
-/// Prints the tags of the config file, which has been found right. Exit status: 0, or 2 where it
-/// cannot be read any more.
+/// Prints the tags of a config file that has passed `check`. Exit status: 0, or 2 if the file can
+/// no longer be read.
 int run_export(const std::string& path);
 
-/// The names of all formats, for --help.
+/// Returns the names of all formats, for --help.
 std::string import_format_names();
 
 }  // namespace fxagent

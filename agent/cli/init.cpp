@@ -36,7 +36,7 @@ int wrong(const std::string& text, int status = kWrong) {
   return status;
 }
 
-/// What must be given and is not, as flags.
+/// Returns the flags of the required answers that are missing.
 std::string missing(const InitAnswers& answers) {
   std::string flags;
   const auto need = [&](const char* flag, bool is_there) {
@@ -49,7 +49,7 @@ std::string missing(const InitAnswers& answers) {
   return flags;
 }
 
-/// The answer, or `usual` where there is none.
+/// Prompts for an answer. Returns `usual` for an empty line.
 std::string ask(const std::string& question, const std::string& usual) {
   std::cerr << question;
   if (!usual.empty()) std::cerr << " [" << usual << "]";
@@ -61,13 +61,13 @@ std::string ask(const std::string& question, const std::string& usual) {
   return answer.substr(first, answer.find_last_not_of(" \t") - first + 1);
 }
 
-/// A line of a menu.
+/// One line of a menu.
 struct Choice {
   std::string answer;
   std::string note;
 };
 
-/// Shows a menu; its number is an answer like the choice itself, and so is what is not on it.
+/// Shows a menu. Accepts a number, the text of a choice, or any other answer.
 std::string choose(const std::string& question, const std::vector<Choice>& choices,
                    const std::string& usual) {
   std::size_t width = 0;
@@ -84,7 +84,7 @@ std::string choose(const std::string& question, const std::vector<Choice>& choic
   return number >= 1 && number <= choices.size() ? choices[number - 1].answer : answer;
 }
 
-/// Without showing what is typed.
+/// Prompts without echo.
 std::string ask_secret(const std::string& question) {
   termios shown{};
   const bool is_terminal = tcgetattr(STDIN_FILENO, &shown) == 0;
@@ -104,11 +104,11 @@ std::vector<std::string> ask_list(const std::string& question, const std::string
   return list;
 }
 
-/// The answers so far, with something in the place of each that is still to come.
+/// Fills in placeholders for answers that are still missing.
 InitAnswers filled(InitAnswers answers) {
   if (answers.broker.empty()) answers.broker = "mqtt://127.0.0.1";
   if (answers.protocol.empty()) {
-    // Without it neither model nor addresses mean anything.
+    // Model and addresses are meaningless without a protocol.
     const bool is_serial = LinkTable::is_serial(answers.port).value_or(true);
     answers.protocol = is_serial ? "modbus-rtu" : "modbus-tcp";
     answers.model.clear();
@@ -122,14 +122,13 @@ InitAnswers filled(InitAnswers answers) {
   return answers;
 }
 
-/// What is wrong with the answers so far; empty: nothing.
+/// Returns the faults in the answers so far; empty if none.
 std::string faults_in(const InitAnswers& answers) {
   const auto files = init_files(filled(answers), "/");
   return files ? std::string() : files.error();
 }
 
-/// Asks until the answer is right or the input ends. `put`: asks once, and puts what was said into
-/// the answers.
+/// Repeats until the answer is valid or the input ends. `put` prompts once and stores the answer.
 void settle(InitAnswers& answers, const std::function<void(InitAnswers&)>& put) {
   while (std::cin) {
     InitAnswers tried = answers;
@@ -161,7 +160,7 @@ std::string ask_port(const ProtocolInfo& protocol) {
                 choices, usual);
 }
 
-/// Empty: the PLC is asked.
+/// Returns an empty text if the agent is to read the model from the PLC.
 std::string ask_model(const ProtocolInfo& protocol) {
   std::vector<Choice> choices{{std::string(kAutoModel), "the PLC is asked"}};
   for (const std::string_view model : protocol.models) choices.push_back({std::string(model), {}});
@@ -176,7 +175,7 @@ std::string ask_unit(const ProtocolInfo& protocol, std::string_view key) {
              number == nullptr ? std::string() : std::to_string(*number));
 }
 
-/// Asks for what the call leaves open.
+/// Prompts for the answers that the command line left open.
 void ask_for(InitAnswers& answers) {
   settle(answers, [](InitAnswers& a) { a.id = ask("Name of this agent", a.id); });
   if (answers.broker.empty())
@@ -207,7 +206,7 @@ void ask_for(InitAnswers& answers) {
     });
 }
 
-/// The config that the package brings, or one like it: neither links nor devices.
+/// True for the config that the package installs, or any other without links and devices.
 bool is_of_no_plant(const fs::path& path) {
   std::ifstream in(path, std::ios::binary);
   const std::string text{std::istreambuf_iterator<char>(in), {}};
@@ -215,7 +214,7 @@ bool is_of_no_plant(const fs::path& path) {
   return config && config->links.empty() && config->devices.empty();
 }
 
-/// Why the files cannot be written there; empty: they can. `force`: over what is there.
+/// Returns why the files cannot be written; empty if they can. `force` allows overwriting.
 std::string in_the_way(const fs::path& directory, bool force) {
   std::error_code fault;
   if (fs::exists(directory, fault) && !fs::is_directory(directory, fault))
@@ -224,7 +223,7 @@ std::string in_the_way(const fs::path& directory, bool force) {
   for (const std::string& name : names) {
     const fs::path path = directory / name;
     if (!fs::exists(path, fault)) continue;
-    // Opening a FIFO would wait for its other end.
+    // Opening a FIFO would block until the other end opens.
     if (!fs::is_regular_file(path, fault))
       return path.string() + " is there and is no plain file: take it away";
     const bool is_config = name == names.front();
@@ -234,7 +233,8 @@ std::string in_the_way(const fs::path& directory, bool force) {
   return {};
 }
 
-/// Whatever the umask: the service reads them as a user of its own, and no secret is in them.
+/// Writes a file readable by all, whatever the umask: the service runs as another user, and the
+/// file contains no secret.
 bool write_file(const fs::path& path, const std::string& text) {
   constexpr auto kForAll = static_cast<fs::perms>(0644);
   std::ofstream out(path, std::ios::binary | std::ios::trunc);
@@ -244,7 +244,7 @@ bool write_file(const fs::path& path, const std::string& text) {
   return out && !fault;
 }
 
-/// What becomes of the password: one line, or why the file cannot be created.
+/// Creates the password file. Returns one line about it, or why the file cannot be created.
 tl::expected<std::string, std::string> keep_password(const MqttConfig& mqtt, bool may_ask) {
   std::error_code fault;
   std::string password;

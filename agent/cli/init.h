@@ -1,4 +1,4 @@
-// `fxagent init`: the files that a new plant begins with.
+// `fxagent init`: creates the initial files of a new plant.
 #pragma once
 
 #include <string>
@@ -9,14 +9,13 @@ namespace fxagent {
 
 struct InitQuestion {
   std::string directory = ".";
-  bool force = false;  ///< overwrite what is there
+  bool force = false;  ///< overwrite existing files
   InitAnswers answers;
 };
 
-/// Asks on a terminal for what the call leaves open, writes the files and creates that of the
-/// password; then prints check, plan and the next call. Exit status: 0; 1 where a file is there
-/// already or cannot be written; 2 where something is missing and nobody can be asked, or an answer
-/// is wrong.
+/// Prompts on a terminal for missing answers, writes the files and creates the password file; then
+/// prints check, plan and the next command. Exit status: 0; 1 if a file exists already or cannot be
+/// written; 2 if an answer is wrong, or is missing and stdin is not a terminal.
 int run_init(InitQuestion what);
 
 }  // namespace fxagent

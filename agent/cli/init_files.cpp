@@ -19,7 +19,7 @@ using std::string_view_literals::operator""sv;
 constexpr std::string_view kConfig = "agent.json";
 constexpr std::string_view kAcl = "fxagent.acl";
 constexpr std::string_view kDropIn = "fxagent.service.d.conf";
-/// Where the unit's user can read it, who sees no home directory.
+/// A place that the service's user can read; it has no access to home directories.
 constexpr std::string_view kPlace = "/etc/fxagent";
 constexpr std::string_view kPassword = "mqtt_password";
 constexpr std::string_view kFlow = "node-red-flow.json";
@@ -38,7 +38,7 @@ std::string quoted(std::string_view text) {
 
 // ---- config -----------------------------------------------------------------------------------
 
-/// "temp=D100", or "D100" under a name made of it.
+/// Parses "temp=D100", or "D100", which gets a name derived from it.
 JsonObject tag_of(const std::string& spelled, bool is_written, NameMaker& names) {
   std::vector<ImportNote> ignored;
   const std::size_t mark = spelled.find('=');
@@ -124,7 +124,7 @@ std::string drop_in_text(const InitAnswers& answers, const std::string& director
 
 // ---- Node-RED ---------------------------------------------------------------------------------
 
-/// A node of the flow's one tab.
+/// Creates a node on the flow's only tab.
 JsonObject node(std::string_view id, std::string_view type, std::string_view name, int x, int y,
                 std::string_view wires) {
   JsonObject out;
@@ -182,7 +182,7 @@ JsonObject broker_node(const Config& config) {
   return out;
 }
 
-/// Sends the set-point of a click. Each command needs an id of its own.
+/// Adds a node that sends a set-point when clicked. Each command needs a new id.
 void add_set_point(std::vector<JsonObject>& nodes, const Config& config, const TagConfig& tag) {
   const std::string name(std::string_view(tag.name));
   JsonObject inject =
@@ -232,7 +232,7 @@ std::string flow_text(const Config& config) {
   return pretty_text(list_of(nodes));
 }
 
-/// The flag that a place of the config comes from; the place itself where there is none.
+/// Returns the flag that set a place of the config, or the place itself if no flag did.
 std::string flag_of(const std::string& pointer, const InitAnswers& answers) {
   constexpr std::array<std::pair<std::string_view, std::string_view>, 10> kFlags{
       {{"/agent/id", "--id"},
@@ -255,7 +255,7 @@ std::string flag_of(const std::string& pointer, const InitAnswers& answers) {
   return written < answers.write.size() ? "--write " + answers.write[written] : pointer;
 }
 
-/// Lines of what is wrong.
+/// Collects faults, one a line.
 class Faults {
  public:
   void add(const std::string& text) { text_ += (text_.empty() ? "" : "\n") + text; }

@@ -1,5 +1,5 @@
-// The command line: run · check · config · plan · read · write · force-on · force-off · audit ·
-// decode · verify-stream · acl · import · export · init. Nothing else.
+// Command line: run · check · config · plan · read · write · force-on · force-off · audit · decode
+// · verify-stream · acl · import · export · init. Contains no other logic.
 #include <malloc.h>
 #include <unistd.h>
 
@@ -43,12 +43,12 @@ namespace {
 using namespace fxagent;
 
 constexpr int kWrong = 2;
-// The stop's, the log's, the field's and its name look-ups', the uplink's, the reload's, two of the
-// store and two of the MQTT library.
+// Threads: watchdog, log, field and its name lookups, uplink, reload, two of the store and two of
+// the MQTT library.
 constexpr int kThreads = 10;
 constexpr std::size_t kRoomToBegin = std::size_t{16} << 20;
 
-/// Prints the config with every device written out.
+/// Prints the config with all devices expanded.
 int expand(const std::string& path) {
   const auto text = expanded_config(path);
   if (text) {
@@ -59,8 +59,8 @@ int expand(const std::string& path) {
   return kWrong;
 }
 
-/// Until the agent runs, a stop ends it where it stands: nothing has been begun yet that needs an
-/// end. As process 1 of a container it would not die of the signal by itself.
+/// Ends the process at once. Before the agent runs, nothing needs an orderly end. Without a
+/// handler, process 1 of a container would ignore the signal.
 void end_at_once(int) { ::_exit(0); }
 
 void end_at_a_stop_signal() {
@@ -68,7 +68,7 @@ void end_at_a_stop_signal() {
   std::signal(SIGINT, end_at_once);
 }
 
-/// How `run` logs, and what it shows.
+/// Options of `run`.
 struct RunCall {
   std::string path;
   std::string log_level = "info";
@@ -76,9 +76,9 @@ struct RunCall {
   std::vector<std::string> traced;  ///< links by name
 };
 
-/// The links to be traced, by index in Config::links; nullopt, and the reason on stderr, where one
-/// is not there. With a remote config in force that is no reason to stay down: whoever sent it
-/// may have taken the link away.
+/// Resolves the links to trace to indexes in Config::links. Returns nullopt, after an error on
+/// stderr, if a link does not exist. With a remote config in force an unknown link is only a
+/// warning: its sender may have removed the link, and the agent must still start.
 std::optional<std::vector<std::uint32_t>> traced_links(const Config& config, const RunCall& call,
                                                        const RemoteConfig& remote) {
   const auto status = remote.status();
@@ -105,13 +105,14 @@ int run(const RunCall& call) {
   log::set_level(*log::level_from(call.log_level));
   log::set_format(*log::format_from(call.log_format));
   std::signal(SIGPIPE, SIG_IGN);
-  std::signal(SIGUSR1, SIG_IGN);  // until the field takes it for its traces
+  std::signal(SIGUSR1, SIG_IGN);  // until the field uses it to switch traces
   std::signal(SIGHUP, SIG_IGN);
-  // A file that has reached its limit is a disk that refuses, not the end of the program.
+  // A file at its size limit counts as a disk that rejects writes; it must not end the process.
   std::signal(SIGXFSZ, SIG_IGN);
   if (const std::string missing = lacks(kThreads, kRoomToBegin); !missing.empty())
     throw std::runtime_error("cannot begin: " + missing);
-  // Blocked before any thread starts, so that only the watchdog sees them, and the reload SIGHUP.
+  // Blocked before any thread starts: only the watchdog receives the stop signals, only the reload
+  // SIGHUP.
   sigset_t stop_signals;
   sigemptyset(&stop_signals);
   sigaddset(&stop_signals, SIGTERM);
@@ -121,7 +122,7 @@ int run(const RunCall& call) {
   sigemptyset(&reload_signal);
   sigaddset(&reload_signal, SIGHUP);
   pthread_sigmask(SIG_BLOCK, &reload_signal, nullptr);
-  std::signal(SIGHUP, SIG_DFL);  // one that is ignored would not wait either
+  std::signal(SIGHUP, SIG_DFL);  // an ignored signal would not stay pending
   StopWatchdog watchdog(stop_signals);
   const log::InBackground background;
   RemoteConfig remote(call.path, trial_time(), boot_id());
@@ -134,7 +135,7 @@ int run(const RunCall& call) {
   }
   const auto traced = traced_links(*config, call, remote);
   if (!traced) return kWrong;
-  malloc_trim(0);  // what reading a large file took goes back, for the years that follow
+  malloc_trim(0);  // returns the memory that a large file took
   log_warnings(*config);
   try {
     run_agent(std::move(*config), call.path, remote, watchdog, *traced);
@@ -183,7 +184,7 @@ int one_shot(const std::string& path, const OneShot& what) {
   return config ? run_one_shot(std::move(*config), what) : kWrong;
 }
 
-/// Adds read, write or a force; `action` is what main() does after parsing.
+/// Adds the subcommand read, write or a force. main() runs `action` after parsing.
 void add_one_shot(CLI::App& app, const std::string& name, const std::string& meaning, Op op,
                   std::string& path, OneShot& what, std::function<int()>& action) {
   CLI::App* command = app.add_subcommand(name, meaning);
@@ -334,7 +335,7 @@ void add_init(CLI::App& app, InitQuestion& what, std::function<int()>& action) {
   command->callback([&] { action = [&] { return run_init(what); }; });
 }
 
-/// The error text where the first argument is meant as a subcommand and is none; else empty.
+/// Returns an error text if the first argument looks like a subcommand but is unknown; else empty.
 std::string misspelt_subcommand(const CLI::App& app, int argc, char** argv) {
   const std::string_view said = argc > 1 ? argv[1] : "";
   if (said.empty() || said.starts_with('-')) return {};
@@ -422,7 +423,7 @@ int dispatch(int argc, char** argv) {
     action = [&] { return run_decode(question); };
   });
 
-  // Before the arguments are looked at: what a subcommand lacks must not hide its version.
+  // Set before parsing: a missing argument of a subcommand must not prevent --version.
   for (CLI::App* command : app.get_subcommands({}))
     command->set_version_flag("--version", FXAGENT_VERSION);
   add_footers(app);
@@ -443,7 +444,7 @@ int dispatch(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   if (argc > 1 && std::string_view(argv[1]) == "run") end_at_a_stop_signal();
-  // Paho's threads would each get a heap of their own, for a few hundred bytes at a time.
+  // A heap for each Paho thread would waste memory: they allocate a few hundred bytes at a time.
   mallopt(M_ARENA_MAX, 1);
   try {
     return dispatch(argc, argv);

@@ -38,7 +38,7 @@ Scalar scalar_of(const nlohmann::json& json, const std::string& text) {
   return Scalar(text);
 }
 
-/// `[1,2]`, `true`, `1.5` or `"text"` as JSON; anything else is taken as the text it is.
+/// Parses `[1,2]`, `true`, `1.5` or `"text"` as JSON; any other text becomes a string.
 Value value_of_text(const std::string& text) {
   const auto json = nlohmann::json::parse(text, nullptr, false);
   if (json.is_discarded()) return Value(Scalar(text));
@@ -48,7 +48,7 @@ Value value_of_text(const std::string& text) {
   return Value::array(std::move(items));
 }
 
-/// Only the device asked and its link remain.
+/// Reduces the config to one device and its link. Returns false if the device does not exist.
 bool narrow(Config& config, const std::string& name) {
   const auto device = std::find_if(config.devices.begin(), config.devices.end(),
                                    [&](const DeviceConfig& d) { return d.name == name; });
@@ -61,8 +61,8 @@ bool narrow(Config& config, const std::string& name) {
   return true;
 }
 
-/// Whether a text that names no tag is meant as one: what is no address of the device, and has
-/// neither a digit after at most two letters, as a mistyped address would, nor a colon.
+/// True if an unknown name was meant as a tag and not as a mistyped address. It is not a valid
+/// address of the device, has no colon, and has no digit within its first three characters.
 bool is_meant_as_tag(std::string_view text, const AddressSpace& addresses) {
   if (addresses.needs_type(text) || addresses.parse_address(text, std::nullopt)) return false;
   constexpr std::size_t kLettersOfAddress = 2;
@@ -75,7 +75,7 @@ const TagConfig* tag_named(const std::string& name, const DeviceConfig& device) 
   return found == device.tags.end() ? nullptr : &*found;
 }
 
-/// `target` has neither tag nor address; `name` is one of them.
+/// Builds a command. `target` has neither tag nor address; `name` is either.
 Command command_for(Op op, const std::string& name, const DeviceConfig& device,
                     CommandTarget target) {
   Command command;
@@ -85,7 +85,8 @@ Command command_for(Op op, const std::string& name, const DeviceConfig& device,
   command.any_address = true;
   command.received = std::chrono::steady_clock::now();
   command.received_ms = utc_ms(std::chrono::system_clock::now());
-  // Standing at the machine, an engineer waits for the answer; the line may be slow to open.
+  // The longest expiry: an engineer at the machine waits for the answer, and the link may be slow
+  // to open.
   command.message_expiry = device.commands.max_expiry;
   command.expires_ms =
       command.received_ms + std::chrono::milliseconds(device.commands.max_expiry).count();
@@ -96,7 +97,7 @@ Command command_for(Op op, const std::string& name, const DeviceConfig& device,
   return command;
 }
 
-/// Waits for the field's word; states before it tell what model a device was found to be.
+/// Waits for messages of the field. States that arrive before the result carry the detected model.
 class Answer final {
  public:
   Answer(Outbox& outbox, std::shared_ptr<const Codec> codec)
@@ -128,7 +129,7 @@ class Answer final {
   std::optional<CommandResult> result_;
 };
 
-/// To the tenth, which is what a line of any speed lets one see.
+/// Rounds to 0.1 ms, the resolution that a serial line allows.
 double ms(std::chrono::nanoseconds duration) {
   return std::round(std::chrono::duration<double, std::milli>(duration).count() * 10) / 10;
 }
@@ -139,7 +140,7 @@ CommandResult not_in_the_audit(const Command& command, std::string why) {
   return result;
 }
 
-/// Admission and the wire for the first device of a config, without a broker and without a journal.
+/// Admission and bus access for the first device of a config, without broker and journal.
 class DirectLine final {
  public:
   DirectLine(const Config& config, bool trace)
@@ -155,7 +156,7 @@ class DirectLine final {
   const DeviceConfig& device() const { return device_; }
   const Codec& codec() const { return *codec_; }
 
-  /// Carries out one command. `audit` records it as `call`; null: nothing records it.
+  /// Executes one command. `audit` records it as `call`; null: no record.
   CommandResult carry_out(Op op, const std::string& name, CommandTarget target,
                           CommandLineAudit* audit = nullptr, const std::string& call = {}) {
     const Command command = command_for(op, name, device_, std::move(target));
@@ -186,7 +187,7 @@ class DirectLine final {
   std::shared_ptr<const Codec> codec_;
 };
 
-/// The call as it was typed, for the audit.
+/// Returns the call as typed, for the audit.
 std::string text_of(const OneShot& what) {
   std::string text(to_string(what.op));
   text.append(" ").append(what.device).append(" ").append(what.names.front());
@@ -262,7 +263,7 @@ void print_command(const CommandResult& result, const std::string& device, bool 
   std::cout << '\n';
 }
 
-/// Warns where the device cannot hold the value as it was asked for.
+/// Warns if the device stored a rounded value.
 void warn_of_rounding(const CommandResult& result, const std::optional<Value>& asked) {
   const auto& written = result.targets.front().value;
   if (!asked || !written || result.status == CommandStatus::rejected || shows(*written, *asked))
@@ -273,7 +274,7 @@ void warn_of_rounding(const CommandResult& result, const std::optional<Value>& a
 
 // ---- read -------------------------------------------------------------------------------------
 
-/// The place of a tag or an address, as its command will have it; nullopt where that is refused.
+/// Returns the point of a tag or an address, as its command will use it; nullopt if it is rejected.
 std::optional<Point> point_of(const std::string& name, const CommandTarget& target,
                               const DeviceConfig& device, const Codec& codec) {
   Point point;
@@ -292,8 +293,8 @@ std::optional<Point> point_of(const std::string& name, const CommandTarget& targ
   return point;
 }
 
-/// Reads the plain words of a value whose word order can be wrong, so that every order can be
-/// shown; then `report` has them. `target` is as the caller gave it.
+/// Reads one tag or address into `report`. A value whose word order may be wrong is read as plain
+/// words, so that every order can be shown. `target` is as the caller gave it.
 CommandResult read_one(DirectLine& line, const std::string& name, const CommandTarget& target,
                        ReadReport& report) {
   const DeviceConfig& device = line.device();
@@ -306,7 +307,7 @@ CommandResult read_one(DirectLine& line, const std::string& name, const CommandT
     constexpr std::uint32_t kWordBits = 16;
     CommandTarget words;
     words.type = DataType::uint16;
-    words.order = ByteOrder::abcd;  // the bytes of a word as they are
+    words.order = ByteOrder::abcd;  // the bytes of a word unchanged
     words.count = static_cast<std::uint16_t>(span_of(*point)->bits / kWordBits);
     result = line.carry_out(Op::read, std::string(point->address.text), words);
   } else {
@@ -336,7 +337,7 @@ CommandResult read_one(DirectLine& line, const std::string& name, const CommandT
   return result;
 }
 
-/// Whether the other tags would only wait as long for nothing.
+/// True if the device does not answer: reading more tags would only cost more time-outs.
 bool is_silent(const CommandResult& result) {
   return result.reason == Reason::timeout || result.reason == Reason::device_offline ||
          result.reason == Reason::link_down;
@@ -377,7 +378,7 @@ int run_read(DirectLine& line, const OneShot& what, const CommandTarget& target)
   return exit_status(result);
 }
 
-/// What is wrong with the call; empty: nothing.
+/// Returns the fault in the call; empty if there is none.
 std::string call_fault(const OneShot& what, const DeviceConfig& device) {
   if (what.op == Op::read && what.names.empty() && device.tags.empty())
     return what.device + " has no tags: name an address";
@@ -390,7 +391,7 @@ std::string call_fault(const OneShot& what, const DeviceConfig& device) {
   return what.names.empty() ? option + " needs an address" : std::string();
 }
 
-/// Carries out a write or a force, recorded in the audit if the config has a store.
+/// Executes a write or a force, recorded in the audit if the config has a store.
 CommandResult command_result(const Config& config, const OneShot& what, CommandTarget target) {
   const std::string& name = what.names.front();
   if (config.store.path.empty())

@@ -22,12 +22,12 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-// Longer than the library's own connect time-out.
+// Longer than the connect time-out of the MQTT library.
 constexpr std::chrono::seconds kBrokerPatience{30};
 constexpr std::chrono::seconds kGoodbye{2};
-// The check ends if no device reports a sample or a state for this time.
+// The check ends after this time without a sample or state from any device.
 constexpr std::chrono::minutes kFieldPatience{5};
-// Each group is polled once: its next cycle is beyond any check.
+// Polls each group once: the next cycle lies beyond the end of any check.
 constexpr std::chrono::hours kNeverAgain{24};
 constexpr std::size_t kMostSamples = 100'000;
 
@@ -47,7 +47,8 @@ std::string place_of(const LinkConfig& link) {
   return tcp.host + ":" + std::to_string(tcp.port);
 }
 
-/// Returns who has the link; nullopt: it is free. `agent` runs this config and has all links.
+/// Returns the holder of the link; nullopt if it is free. `agent` runs this config and holds all
+/// links.
 std::optional<OnlineHolder> holder_of(const LinkConfig& link,
                                       const std::optional<PortHolder>& agent) {
   using Runs = OnlineHolder::Runs;
@@ -76,7 +77,7 @@ std::vector<OnlineLink> links_of(const Config& config, const std::string& path) 
 
 // ---- devices ------------------------------------------------------------------------------------
 
-/// What is left of the config when only these devices are asked, once each.
+/// Reduces the config to the given devices, each polled once.
 Config narrowed(const Config& config, const std::vector<std::uint32_t>& devices) {
   Config only = config;
   std::vector<bool> is_asked(config.devices.size());
@@ -121,7 +122,7 @@ void ask(const Config& config, const std::vector<std::uint32_t>& devices, Online
 
 // ---- brokers ------------------------------------------------------------------------------------
 
-/// Connects to one server and subscribes to what the agent needs.
+/// Connects to one server and makes the subscriptions that the agent needs.
 class BrokerLook final {
  public:
   BrokerLook(const MqttConfig& mqtt, std::size_t server, std::vector<std::string> filters)
@@ -184,7 +185,7 @@ class BrokerLook final {
 };
 
 std::vector<OnlineBroker> brokers_of(const Config& config) {
-  // A client id of its own: with the agent's it would throw the running agent off.
+  // Uses its own client id: the agent's id would disconnect the running agent.
   MqttConfig mqtt = config.mqtt;
   mqtt.client_id += "-check-" + eight_digits();
   std::vector<std::string> filters{config.base_topic() + "/+/command"};

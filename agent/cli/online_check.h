@@ -1,5 +1,5 @@
-// `fxagent check --online`: opens the links and the broker of a config and asks each device, reads
-// only.
+// `fxagent check --online`: opens the links and the broker of a config and queries each device.
+// Sends only reads.
 #pragma once
 
 #include <string>
@@ -8,9 +8,9 @@
 
 namespace fxagent {
 
-/// Prints what it found on stdout. A link that another process has is left alone, and so are all
-/// links when an agent on this machine runs this config. `path` is the file of `config`. Exit
-/// status: exit_status() of online_report.h.
+/// Prints its findings on stdout. Skips a link that another process holds, and every link if an
+/// agent on this machine runs this config. `path` is the file of `config`. Exit status:
+/// exit_status() of online_report.h.
 int run_online_check(const Config& config, const std::string& path, bool as_json);
 
 }  // namespace fxagent

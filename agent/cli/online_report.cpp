@@ -20,11 +20,11 @@ constexpr int kSilent = 1;
 constexpr int kHeld = 3;
 constexpr int kDiffers = 4;
 
-// The text shows so many things to do and names so many tags; the JSON has all.
+// Limits of the text output; the JSON output is complete.
 constexpr std::size_t kMostToDo = 20;
 constexpr std::size_t kMostTags = 8;
 
-/// Texts of devices and brokers are shown on a terminal.
+/// Escapes text from devices and brokers for the terminal.
 std::string shown_text(std::string_view text) { return escaped(text, Escape::message); }
 
 bool is_silence(const OnlineDevice::BadTag& bad) {
@@ -78,7 +78,7 @@ std::string_view word(OnlineHolder::Runs runs) {
   }
 }
 
-// ---- the lines ----------------------------------------------------------------------------------
+// ---- lines --------------------------------------------------------------------------------------
 
 std::string said(const OnlineLink& link) {
   switch (link.state) {
@@ -122,9 +122,9 @@ std::string said(const OnlineBroker& broker) {
   return broker.text.empty() ? "answers" : "answers, and refuses what the agent needs";
 }
 
-// ---- what to do ---------------------------------------------------------------------------------
+// ---- recommended actions ------------------------------------------------------------------------
 
-/// The names of the tags, and how many more there are.
+/// Returns the names of at most kMostTags tags, and the number of the rest.
 std::string names_of(const DeviceConfig& config, const std::vector<std::uint32_t>& tags) {
   std::string text;
   for (const std::uint32_t tag : tags) {
@@ -154,7 +154,7 @@ std::string cure_of(BadReason reason) {
   }
 }
 
-/// A command for the agent that has the link.
+/// Suggests a command to send to the agent that holds the link.
 std::string offer(const Config& config, const OnlineFindings& findings,
                   const DeviceConfig& device) {
   const std::string& server = config.mqtt.servers.front();
@@ -264,7 +264,7 @@ Json json_of(const OnlineDevice& device, const DeviceConfig& config, const std::
 
 }  // namespace
 
-// ---- what the devices answer --------------------------------------------------------------------
+// ---- answers of the devices ---------------------------------------------------------------------
 
 OnlineDevices::OnlineDevices(const Config& config)
     : config_(&config), found_(config.devices.size()), awaited_(config.devices.size()) {}
@@ -296,7 +296,7 @@ void OnlineDevices::take(const DeviceStatus& status) {
 }
 
 void OnlineDevices::take(const Telemetry& sample) {
-  if (awaited_[sample.device].samples.erase(sample.group) == 0) return;  // one is enough
+  if (awaited_[sample.device].samples.erase(sample.group) == 0) return;  // one sample is enough
   OnlineDevice& found = found_[sample.device];
   for (const TagReading& reading : sample.readings) {
     if (reading.bad)
@@ -327,7 +327,7 @@ std::vector<std::uint32_t> OnlineDevices::worth_another_try() const {
   return devices;
 }
 
-// ---- the report ---------------------------------------------------------------------------------
+// ---- report -------------------------------------------------------------------------------------
 
 void judge_links(const Config& config, OnlineFindings& findings) {
   const std::string_view link_down = to_string(BadReason::link_down);

@@ -1,4 +1,4 @@
-// What `fxagent check --online` found, as text, as JSON and as an exit status. Pure.
+// Findings of `fxagent check --online` as text, as JSON and as an exit status. Pure.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@
 
 namespace fxagent {
 
-/// The process that has a link.
+/// Process that holds a link.
 struct OnlineHolder {
   int pid = 0;
   std::string program;
@@ -20,12 +20,13 @@ struct OnlineHolder {
 };
 
 struct OnlineLink {
-  /// `held`: another process has it, so it was left alone. `unused`: it has no device.
+  /// `held`: another process holds the link, so the check skipped it. `unused`: the link has no
+  /// device.
   enum class State : std::uint8_t { open, down, held, unused };
   std::string name;
   std::string place;  ///< "/dev/ttyUSB0", "192.0.2.7:502"
   State state = State::unused;
-  std::string text{};  ///< down: why, and the cure
+  std::string text{};  ///< down: cause and remedy
   std::optional<OnlineHolder> holder{};
 };
 
@@ -36,45 +37,46 @@ struct OnlineDevice {
   };
   enum class State : std::uint8_t { answers, silent, not_asked, broadcast };
   State state = State::not_asked;
-  std::string reason{};  ///< silent: the word of the device's state; answers: degraded by it
-  std::string text{};    ///< `reason` for a person: what to check
+  std::string reason{};  ///< silent: the reason word of the device state; answers: reason of a
+                         ///< degraded state
+  std::string text{};    ///< human-readable `reason`: what to check
   std::string model{};
-  std::string model_configured{};  ///< the config's model, when the device is another one
+  std::string model_configured{};  ///< the model in the config, if the device is a different one
   std::optional<bool> run{};
-  std::size_t good = 0;  ///< tags that were read
+  std::size_t good = 0;  ///< number of tags read successfully
   std::vector<BadTag> bad{};
 };
 
 struct OnlineBroker {
   std::string server;
   bool connected = false;
-  std::string text{};  ///< why it did not connect, or what it refuses; empty: all is well
+  std::string text{};  ///< why it did not connect, or what it refuses; empty: no fault
 };
 
-/// Collects what the devices of a config answer. Each asked device is expected to say its state and
-/// one sample for each of its groups.
+/// Collects the answers of a config's devices. Expects from each queried device its state and one
+/// sample for each of its groups.
 class OnlineDevices final {
  public:
-  /// `config` outlives it. No device is asked yet.
+  /// `config` must outlive this object. Initially no device is queried.
   explicit OnlineDevices(const Config& config);
 
-  /// The device is asked, or asked again: what it said before is forgotten.
+  /// Marks the device as queried, and discards its earlier answers.
   void ask(std::uint32_t device);
   void take(const DeviceStatus& status);
   void take(const Telemetry& sample);
-  /// True when each asked device has answered or is known to be silent.
+  /// True when each queried device has answered or is known to be silent.
   bool settled() const;
-  /// Devices on open links that left a question unanswered or answered it with damaged frames. One
-  /// lost answer says little.
+  /// Returns the devices on open links with a timeout or a damaged frame. A single lost answer
+  /// proves little.
   std::vector<std::uint32_t> worth_another_try() const;
 
-  /// By index in Config::devices.
+  /// Returns the findings, indexed as Config::devices.
   const std::vector<OnlineDevice>& found() const { return found_; }
 
  private:
   struct Awaited {
-    bool status = false;              ///< its first word is to come
-    std::set<std::uint32_t> samples;  ///< of these groups
+    bool status = false;              ///< the first state is outstanding
+    std::set<std::uint32_t> samples;  ///< groups whose sample is outstanding
   };
   const Config* config_;
   std::vector<OnlineDevice> found_;
@@ -82,22 +84,22 @@ class OnlineDevices final {
 };
 
 struct OnlineFindings {
-  std::string path;                   ///< of the config
-  std::vector<OnlineLink> links;      ///< by index in Config::links
-  std::vector<OnlineDevice> devices;  ///< by index in Config::devices
+  std::string path;                   ///< file of the config
+  std::vector<OnlineLink> links;      ///< indexed as Config::links
+  std::vector<OnlineDevice> devices;  ///< indexed as Config::devices
   std::vector<OnlineBroker> brokers;
-  std::string command_id;  ///< a new one, for the command that is offered
+  std::string command_id;  ///< a new id for the suggested command
 };
 
-/// Sets the state of each link that is neither held nor unused by what its devices say.
+/// Derives the state of each link that is neither held nor unused from its devices.
 void judge_links(const Config& config, OnlineFindings& findings);
 
-/// 0: everything answers, as the config says. 1: a link, a device or a broker does not answer. 3:
-/// else, a link was left alone because another process has it. 4: else, something answers, and not
-/// as the config says.
+/// Returns 0 if everything answers as the config says. Otherwise the first that applies: 1 if a
+/// link, device or broker does not answer; 3 if a link was skipped because another process holds
+/// it; 4 if an answer differs from the config.
 int exit_status(const OnlineFindings& findings);
 
-/// A line for each link, device and broker; then what to do.
+/// Returns a line for each link, device and broker, followed by recommended actions.
 std::string online_text(const Config& config, const OnlineFindings& findings);
 std::string online_json(const Config& config, const OnlineFindings& findings);
 

@@ -11,7 +11,7 @@
 namespace fxagent {
 namespace {
 
-// The command line has one thread.
+// Safe: the command line has one thread.
 // NOLINTBEGIN(concurrency-mt-unsafe)
 std::string name_of(uid_t user) {
   const passwd* entry = ::getpwuid(user);

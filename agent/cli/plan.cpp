@@ -20,10 +20,10 @@ using Reports = std::vector<LinkReport>;
 
 constexpr int kDone = 0;
 constexpr int kWrongQuestion = 2;
-// What stands where there is no number.
+// Placeholder for a missing number.
 const std::string kNone = "-";
 
-/// To the tenth, which is what a line of any speed lets one see.
+/// Rounds to one decimal, the resolution that a serial line allows.
 double tenth(double value) { return std::round(value * 10) / 10; }
 double ms(nanoseconds duration) {
   return tenth(std::chrono::duration<double, std::milli>(duration).count());
@@ -150,7 +150,7 @@ void print_groups(const LinkReport& link) {
   std::cout << table_text(rows, 1);
 }
 
-/// "D100", or of places that go by one frame "4 places: D100, D205, M16 …".
+/// Returns "D100", or for places that share a frame "4 places: D100, D205, M16 …".
 std::string places_text(const ExchangeReport& exchange) {
   constexpr std::size_t kShown = 4;
   const auto& all = exchange.addresses;
@@ -170,7 +170,7 @@ void print_reads(const LinkReport& link) {
   std::cout << table_text(rows, 2);
 }
 
-/// Of sizes next to each other that come to the same, the configured one, or else the smallest.
+/// Keeps one of adjacent sizes with equal results: the configured one, else the smallest.
 std::vector<BlockTrade> without_repeats(const std::vector<BlockTrade>& trades) {
   std::vector<BlockTrade> kept;
   for (const BlockTrade& trade : trades) {
@@ -185,7 +185,7 @@ std::vector<BlockTrade> without_repeats(const std::vector<BlockTrade>& trades) {
   return kept;
 }
 
-/// One line for each device, from large blocks to small ones.
+/// Prints one line for each device, from large blocks to small ones.
 void print_block_trade(const LinkReport& link) {
   const std::vector<BlockTrade> trades = without_repeats(link.block_trade);
   for (auto first = trades.begin(); first != trades.end();) {
@@ -224,7 +224,7 @@ void print_plan(const Reports& links) {
   }
 }
 
-/// The group of the same name in an earlier report, or none.
+/// Returns the group with the same names in an earlier report, or null.
 const GroupLoad* same_group(const LinkReport& link, const GroupLoad& group) {
   const auto found =
       std::find_if(link.groups.begin(), link.groups.end(), [&](const GroupLoad& other) {
@@ -233,7 +233,7 @@ const GroupLoad* same_group(const LinkReport& link, const GroupLoad& group) {
   return found == link.groups.end() ? nullptr : &*found;
 }
 
-/// What a cycle of the group costs: its time, or its characters where no speed is known.
+/// Returns the cost of one cycle: its time, or its characters if the speed is unknown.
 std::string cost_text(const GroupLoad& group) {
   if (group.line_time) return with_unit(group.line_time);
   std::uint32_t chars = 0;
@@ -241,7 +241,7 @@ std::string cost_text(const GroupLoad& group) {
   return counted(chars, "character");
 }
 
-/// A what-if adds tags and groups, so `is` has all that `was` has.
+/// Prints a comparison. A what-if only adds tags and groups, so `is` contains everything in `was`.
 void print_change(const LinkReport& was, const LinkReport& is) {
   print_heading(is);
   std::cout << '\n';
@@ -264,7 +264,7 @@ void print_change(const LinkReport& was, const LinkReport& is) {
     std::cout << "  warning after: " << warning << '\n';
 }
 
-/// The links that have more tags in `after`.
+/// Returns the links that have more tags in `after`.
 std::set<std::uint32_t> links_with_more(const Config& before, const Config& after) {
   std::set<std::uint32_t> links;
   for (std::size_t i = 0; i < after.devices.size(); ++i)

@@ -1,4 +1,4 @@
-// `fxagent plan`: prints what plan_report.h knows of a config, for people or as JSON.
+// `fxagent plan`: prints the analysis of plan_report.h as text or JSON.
 #pragma once
 
 #include <string>
@@ -8,8 +8,8 @@
 
 namespace fxagent {
 
-/// Prints the plan to stdout; with `what_ifs` the plan before and after them. Exit status: 0, or 2
-/// where a what-if is wrong, which stderr tells.
+/// Prints the plan to stdout; with `what_ifs`, the plan before and after them. Exit status: 0, or 2
+/// if a what-if is wrong (reason on stderr).
 int run_plan(const Config& config, const std::vector<std::string>& what_ifs, bool as_json);
 
 }  // namespace fxagent

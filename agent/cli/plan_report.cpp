@@ -17,7 +17,7 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::nanoseconds;
 
-// Block sizes that are tried beside the configured one and the protocol's own.
+// Block sizes tried in addition to the configured one and the protocol's maximum.
 constexpr std::uint32_t kBlockSizes[] = {16, 32, 64};
 constexpr std::int64_t kLongestInterval = 86'400'000;  // as in the config, ms
 
@@ -31,23 +31,23 @@ nanoseconds part_of(nanoseconds whole, double part) {
 
 // ---- one device ---------------------------------------------------------------------------------
 
-/// The codec that tells what may be asked: of the widest model where the real one is not known.
+/// Returns the device's codec, or that of the widest model if the model is unknown.
 std::shared_ptr<const Codec> widest(const DeviceConfig& device) {
   return widest_of(*device.protocol, device.codec);
 }
 
-/// The points of one group and the reads that bring them.
+/// Points of one group and the reads that fetch them.
 struct GroupPlan {
   std::uint32_t group = 0;
   std::vector<Point> points;
   Plan plan;
 };
 
-/// A device as the field will poll it.
+/// Polls of a device as the field will send them.
 struct DevicePlan {
   std::shared_ptr<const Codec> codec;
   LineTiming timing;
-  std::vector<GroupPlan> groups;  ///< those with tags
+  std::vector<GroupPlan> groups;  ///< groups with tags
 
   nanoseconds longest_exchange() const {
     std::vector<const Plan*> plans;
@@ -77,8 +77,9 @@ DevicePlan plan_device(const DeviceConfig& device, nanoseconds char_time) {
   return out;
 }
 
-/// How well a command suits to show the bound: words before double words before bits, and of
-/// each first what the config allows. nullopt: such a place is not written by itself.
+/// Rank of a place as an example for the bound, lowest first: words, double words, bits; within
+/// each, places that the config allows to write come first. nullopt: such a place is never written
+/// alone.
 std::optional<int> rank_of(const Point& point, bool allowed) {
   const int second = allowed ? 0 : 1;
   switch (point.address.unit) {
@@ -95,8 +96,8 @@ std::optional<int> rank_of(const Point& point, bool allowed) {
   }
 }
 
-/// Line time of the longest command for one place, words with their read-back. nullopt: the device
-/// has no place that the config names and that can be written.
+/// Returns the bus time of the longest command for one place; for words including the read-back.
+/// nullopt: the config names no writable place of the device.
 std::optional<nanoseconds> command_time(const DeviceConfig& device, const DevicePlan& plan) {
   std::optional<nanoseconds> longest;
   int best = 0;
@@ -123,7 +124,7 @@ std::optional<nanoseconds> command_time(const DeviceConfig& device, const Device
     const auto first = address_at(span);
     if (!first) continue;
     consider(*first, true);
-    // High numbers may take longer frames than low ones, not the other way round.
+    // Higher addresses may take longer frames than lower ones, never shorter ones.
     const std::uint32_t bits = first->span.bits;
     if (const auto last = address_at({span.space, span.end_bit() - bits, bits}))
       consider(*last, true);
@@ -131,12 +132,12 @@ std::optional<nanoseconds> command_time(const DeviceConfig& device, const Device
   return longest;
 }
 
-// ---- where the time of a cycle goes -------------------------------------------------------------
+// ---- breakdown of the time of a cycle -----------------------------------------------------------
 
-/// The bits of a read by what they are there for.
+/// Bits of one read by purpose.
 struct BitUse {
   std::uint32_t asked = 0;
-  std::uint32_t word_access = 0;  ///< beside an asked bit of a bit device, in the same unit
+  std::uint32_t word_access = 0;  ///< next to a requested bit of a bit device, in the same unit
 };
 
 BitUse bit_use(const PlannedRead& planned, std::span<const Point> points, std::uint32_t unit) {
@@ -167,13 +168,13 @@ std::uint32_t unit_of(const Codec& codec, const Read& read) {
   return 8;
 }
 
-/// Characters of a reply that grow with what is read; of a part of a Gather all that it adds.
+/// Returns the reply characters that grow with the data; for a part of a Gather, all that it adds.
 std::uint32_t data_chars(const Codec& codec, const Read& read, std::uint32_t unit) {
   const auto reply_of = [&](const Request& request) {
     return codec.line_length(request).reply_chars;
   };
   if (read.gather != 0) {
-    // By the shortest parts: a frame may have no room for two like this one.
+    // Measured with the shortest parts: a frame may not hold two parts like this one.
     Read shortest = read;
     shortest.span.bits = unit;
     const std::uint32_t envelope =
@@ -185,7 +186,7 @@ std::uint32_t data_chars(const Codec& codec, const Read& read, std::uint32_t uni
     other.span.bits = units * unit;
     return reply_of(other);
   };
-  // Sixteen units and thirty-two: bits may go eight to a byte.
+  // Compares 16 units with 32, because bits may be packed eight to a byte.
   const std::uint32_t envelope = 2 * reply_of_units(16) - reply_of_units(32);
   return reply_of(read) - envelope;
 }
@@ -194,7 +195,7 @@ std::uint32_t chars_of(const LineLength& length) {
   return length.request_chars + length.reply_chars + length.closing_chars;
 }
 
-/// Shares the characters of one read's data out. Returns how many they are.
+/// Distributes the data characters of one read over `use`. Returns their number.
 std::uint32_t add_use(const DevicePlan& device, const PlannedRead& planned,
                       std::span<const Point> points, LineTimeUse& use) {
   const std::uint32_t unit = unit_of(*device.codec, planned.read);
@@ -259,17 +260,17 @@ std::optional<int> baud_of(const LinkConfig& link) {
   return baud > 0 ? std::optional(baud) : std::nullopt;
 }
 
-/// What one device adds to the bound of its link.
+/// Contribution of one device to the bound of its link.
 struct BoundShare {
-  nanoseconds longest{0};              ///< exchange that a command may have to wait for
-  std::optional<nanoseconds> command;  ///< of its own
+  nanoseconds longest{0};              ///< longest exchange that a command may have to wait for
+  std::optional<nanoseconds> command;  ///< of this device
 };
 
 BoundShare share_of(const DeviceConfig& device, const DevicePlan& plan) {
   return {plan.longest_exchange(), command_time(device, plan)};
 }
 
-/// The bound of a command that finds no other before it: as the link's worker computes it.
+/// Returns the bound of a command that finds no other queued, computed as the link's worker does.
 std::optional<nanoseconds> bound_of(const std::vector<BoundShare>& shares) {
   nanoseconds longest{0};
   std::optional<nanoseconds> command;
@@ -281,19 +282,20 @@ std::optional<nanoseconds> bound_of(const std::vector<BoundShare>& shares) {
   return longest + *command;
 }
 
-/// The device as it would be with another max_block_bytes.
+/// Returns the device with another max_block_bytes.
 DeviceConfig with_blocks(const DeviceConfig& device, std::uint32_t bytes) {
   DeviceConfig out = device;
   out.max_block_bytes = bytes;
   Options options = *device.options;
   const auto option = options.find("max_block_bytes");
-  if (option == options.end()) return out;  // the planner alone keeps it
+  if (option == options.end()) return out;  // only the planner uses it
   option->second = std::int64_t{bytes};
   if (const auto codec = device.protocol->make(options)) out.codec = *codec;
   return out;
 }
 
-/// What one read of the device's tags could bring at the most, whatever max_block_bytes is now.
+/// Returns the maximum bytes of one read of the device's tags, ignoring the configured
+/// max_block_bytes.
 std::uint32_t most_bytes(const DeviceConfig& device) {
   std::uint32_t most_configurable = 0;
   for (const OptionSpec& option : device.protocol->options)
@@ -308,7 +310,7 @@ std::uint32_t most_bytes(const DeviceConfig& device) {
   return most;
 }
 
-/// `shares` are those of all devices of the link, `own` the place of this one among them.
+/// `shares` belong to all devices of the link; `own` is the index of this device in it.
 void add_block_trade(const DeviceConfig& device, nanoseconds char_time,
                      const std::vector<BoundShare>& shares, std::size_t own, LinkReport& report) {
   const std::uint32_t most = most_bytes(device);
@@ -332,14 +334,14 @@ void add_block_trade(const DeviceConfig& device, nanoseconds char_time,
   }
 }
 
-/// A number that an engineer would write into the config: not below `interval`.
+/// Rounds up to an interval that an engineer would write into a config.
 std::int64_t round_interval(milliseconds interval) {
   const std::int64_t step = interval.count() >= 100 ? 10 : 1;
   return (interval.count() + step - 1) / step * step;
 }
 
-/// `asked`: the part of the line that the groups' intervals ask for; `fixed`: what is asked for
-/// beside them.
+/// `asked`: share of the bus that the poll intervals ask for. `fixed`: share of the background
+/// questions.
 void judge_intervals(double asked, double fixed, LinkReport& report) {
   for (GroupLoad& group : report.groups) {
     if (group.interval.count() == 0 || fixed >= 1) continue;
@@ -397,9 +399,9 @@ LinkReport report_link(const Config& config, std::uint32_t index) {
   return report;
 }
 
-/// What its groups ask of one link, and nothing else of it.
+/// Load of one link, and nothing else about it.
 struct LinkLoad {
-  LinkReport report;  ///< of the groups their names, intervals and line times; no exchanges
+  LinkReport report;  ///< only names, intervals and bus times of the groups; no exchanges
   double asked = 0;
   double fixed = 0;
 };
@@ -472,7 +474,7 @@ std::string names_of(const SharedList<DeviceConfig>& devices) {
   return names;
 }
 
-/// One point for each device from the first to the last.
+/// Returns one point for each device from the first to the last address.
 Result<std::vector<Point>> points_between(const Codec& codec, const WhatIf& asked,
                                           const std::string& what) {
   const auto first = codec.addresses().parse_address(asked.first, std::nullopt);
@@ -505,7 +507,7 @@ Result<std::vector<Point>> points_between(const Codec& codec, const WhatIf& aske
   return points;
 }
 
-/// The device's first group of this interval; a new one where there is none.
+/// Returns the device's first group with this interval; creates one if there is none.
 std::uint32_t group_of(DeviceConfig& device, milliseconds interval) {
   const auto named = [&](const std::string& name) {
     return std::any_of(device.groups.begin(), device.groups.end(),

@@ -24,7 +24,7 @@ std::string scalar_text(const Scalar& scalar) {
   return out.take();
 }
 
-/// The label of a whole number or a bool; null where it has none.
+/// Returns the label of an integer or bool; null if it has none.
 const std::string* label_of(const Scalar& scalar, const TagStates& states) {
   for (const auto& [value, label] : states)
     if (compare(scalar, Scalar(value)) == std::partial_ordering::equivalent) return &label;

@@ -1,4 +1,4 @@
-// What `fxagent read` shows of tags and addresses: names, values, units, labels, word orders.
+// Output of `fxagent read`: names, values, units, labels, word orders.
 #pragma once
 
 #include <chrono>
@@ -10,33 +10,34 @@
 
 namespace fxagent {
 
-/// What became of one tag or address.
+/// Outcome for one tag or address.
 struct ReadReport {
-  std::string name;     ///< as it was asked for
-  std::string address;  ///< empty: it could not be told
+  std::string name;     ///< as given by the user
+  std::string address;  ///< empty: unknown
   std::shared_ptr<const TagUnits> units = no_units();
-  std::optional<Point> point{};  ///< of `image`; nullopt: its words have no order to compare
+  std::optional<Point> point{};  ///< interprets `image`; nullopt: the words have no order to
+                                 ///< compare
   Bytes image{};
   std::optional<Value> value{};
-  std::string reason{};  ///< where there is no value
+  std::string reason{};  ///< set if there is no value
   std::string detail{};
 };
 
-/// Whether values of the point change with the word order: numbers of two or four words.
+/// True if the values of the point depend on the word order: numbers of two or four words.
 bool has_word_order(const Point& point);
 
-/// Returns "23.4 °C", "3 (run)" or "[1, 2] A".
+/// Returns a text like "23.4 °C", "3 (run)" or "[1, 2] A".
 std::string value_text(const Value& value, const TagUnits& units);
 
-/// Returns the hint that another word order makes a plain number of the value; empty: none.
+/// Returns a hint if another word order gives a plausible number; else empty.
 std::string hint_of(const ReadReport& report);
 
 enum class ShowOrders : std::uint8_t { no, yes };
-/// Returns a line for each report, then the hints. With `orders` the values of each word order
-/// stand side by side, and the configured one has a `*`.
+/// Returns a line for each report, then the hints. With `orders`, shows the values in each word
+/// order in columns and marks the configured one with `*`.
 std::string read_table(std::span<const ReadReport> reports, ShowOrders orders);
 
-/// Returns one JSON object. "ok" is true where every report has a value.
+/// Returns one JSON object. "ok" is true if every report has a value.
 std::string read_json(const std::string& device, std::span<const ReadReport> reports,
                       ShowOrders orders, double ms);
 

@@ -19,7 +19,7 @@ const Json* find(const Json& object, const char* key) {
   return found == object.end() ? nullptr : &*found;
 }
 
-/// `seq` is a number, or beyond 2^53 a string of digits.
+/// Parses `seq`: a number, or above 2^53 a string of digits.
 std::optional<std::uint64_t> number_of(const Json& json) {
   if (json.is_number_unsigned()) return json.get<std::uint64_t>();
   const auto* text = json.get_ptr<const std::string*>();
@@ -31,8 +31,8 @@ std::optional<std::uint64_t> number_of(const Json& json) {
   return number;
 }
 
-/// What was parsed, or nothing: also where the nest is so deep that walking it could exhaust the
-/// stack.
+/// Parses JSON. Returns nullopt if it is invalid, or nested so deeply that walking it could exhaust
+/// the stack.
 std::optional<Json> parsed(std::string_view text) {
   constexpr int deepest = 16;  // a sample needs 5
   bool too_deep = false;
@@ -49,15 +49,15 @@ std::optional<Json> parsed(std::string_view text) {
 
 }  // namespace
 
-/// What one live message, or one row of a history message, says of itself.
+/// Content of one live message, or of one row of a history message.
 struct StreamCheck::Sample {
   std::uint64_t seq = 0;
   std::int64_t ts = 0;
   std::string boot;
-  std::uint64_t print = 0;  ///< equal for equal samples, whatever the order of their keys
+  std::uint64_t print = 0;  ///< fingerprint; equal for equal samples, regardless of key order
   bool is_live = false;
 
-  /// Empty where `json` is a sample; otherwise what it lacks.
+  /// Reads a sample from `json`. Returns its fault, or an empty text if there is none.
   std::string_view read(const Json& json) {
     if (!json.is_object()) return "a sample is a JSON object";
     const Json* number = find(json, "seq");
@@ -132,7 +132,7 @@ void StreamCheck::take_sample(Device& device, std::string_view topic, const Samp
   DeviceStream& stream = device.stream;
   ++(sample.is_live ? stream.live : stream.history);
 
-  // Is the number known?
+  // Repeat of a known number?
   auto after = device.runs.upper_bound(sample.seq);
   const auto before = after == device.runs.begin() ? device.runs.end() : std::prev(after);
   const bool has_before = before != device.runs.end();
@@ -150,8 +150,8 @@ void StreamCheck::take_sample(Device& device, std::string_view topic, const Samp
     device.runs.emplace_hint(after, sample.seq, Run{boot, {sample.print}});
   ++stream.distinct;
 
-  // The first live sample of all stands in the middle of its boot. A boot that is live later began
-  // while we listened.
+  // The first live sample of the device may be in the middle of its boot. A boot that turns live
+  // later began while the check listened.
   if (sample.is_live && !device.boots[boot].whole_from)
     device.boots[boot].whole_from = stream.decided ? 0 : sample.seq;
   stream.decided = stream.decided || sample.is_live;

@@ -1,10 +1,10 @@
-// Judges a stream of telemetry as an outsider sees it on the topics: what is missing, what came
-// twice, what came in disorder. Pure: messages in, report out; no network, no clock. Any thread,
-// one at a time. Remembers 8 bytes for each sample.
+// Checks a stream of telemetry as an outside subscriber sees it: lost, repeated and out-of-order
+// samples. Pure: messages in, report out; no network, no clock. Any thread, one at a time. Uses 8
+// bytes of memory for each sample.
 //
-// What it knows: `seq` rises by 1 for each sample of a device, over all its groups, live and
-// history together. Every number behind the first live one that it saw must come; what is older may
-// have come before it listened. A boot that began while it listened must come whole.
+// `seq` rises by 1 for each sample of a device, across all its groups, live and history together.
+// Every number above the first live one seen must arrive; lower numbers may have arrived before the
+// check listened. A boot that began while it listened must arrive completely.
 #pragma once
 
 #include <cstdint>
@@ -17,46 +17,47 @@
 
 namespace fxagent {
 
-/// Numbers from `first` to `last`, both included.
+/// Inclusive range of sequence numbers.
 struct NumberRange {
   std::uint64_t first = 0;
   std::uint64_t last = 0;
   bool operator==(const NumberRange&) const = default;
 };
 
-/// Ranges of numbers; of many only the first few are listed.
+/// Ranges of sequence numbers. Lists only the first kMostListed.
 struct NumberRanges {
   static constexpr std::size_t kMostListed = 10;
-  std::uint64_t numbers = 0;  ///< in all ranges together
+  std::uint64_t numbers = 0;  ///< total count in all ranges
   std::uint64_t ranges = 0;
   std::vector<NumberRange> listed;
 
   void add(NumberRange range);
 };
 
-/// Whether a new boot may leave numbers out: it may after a crash with `sync: offline`, or without
-/// a store.
+/// Says if a new boot may skip numbers. It may after a crash with `sync: offline`, or without a
+/// store.
 enum class BootSkip : std::uint8_t { allowed, is_loss };
 
 struct DeviceStream {
   std::string device;
-  bool expected = false;       ///< it was named to the check as one that must send
-  std::uint64_t live = 0;      ///< samples, repeats included
+  bool expected = false;       ///< the caller named it as a device that must send
+  std::uint64_t live = 0;      ///< samples, including repeats
   std::uint64_t history = 0;   ///< the same, in history messages
-  std::uint64_t distinct = 0;  ///< numbers seen
+  std::uint64_t distinct = 0;  ///< distinct sequence numbers seen
   std::optional<NumberRange> seen;
-  bool decided = false;  ///< a live sample was seen, so that a gap means something
-  NumberRanges missing;  ///< of what could be judged
-  NumberRanges skipped;  ///< left out by a new boot, as `sync: offline` may after a crash
+  bool decided = false;  ///< a live sample was seen, so that a gap is meaningful
+  NumberRanges missing;  ///< within the range that could be judged
+  NumberRanges skipped;  ///< skipped by a new boot, as `sync: offline` allows after a crash
   std::uint64_t repeated = 0;
-  std::uint64_t differing = 0;     ///< of these: the number had another sample before
+  std::uint64_t differing = 0;     ///< repeats that differ from the first sample of their number
   std::uint64_t disordered = 0;    ///< first seen after a higher number on the same topic
   std::uint64_t ts_backward = 0;   ///< on one topic a higher number with an earlier `ts`
-  std::uint64_t malformed = 0;     ///< messages or rows that could not be read
-  std::string malformed_why;       ///< of the first of them
-  std::vector<std::string> boots;  ///< in the order in which they were first seen
+  std::uint64_t malformed = 0;     ///< messages or rows that could not be parsed
+  std::string malformed_why;       ///< fault of the first malformed one
+  std::vector<std::string> boots;  ///< in the order first seen
 
-  /// Nothing is missing, every number stands for one sample, and who must send has sent.
+  /// True if nothing is missing, every number stands for one sample, and a device that must send
+  /// has sent.
   bool is_whole() const {
     return (decided || !expected) && missing.numbers == 0 && differing == 0 && malformed == 0;
   }
@@ -64,18 +65,18 @@ struct DeviceStream {
 
 class StreamCheck final {
  public:
-  /// `base` is "{root}/{id}". `expected` must send, or the stream is not whole.
+  /// `base` is "{root}/{id}". Each device in `expected` must send, or the stream is not whole.
   StreamCheck(std::string base, const std::vector<std::string>& expected, BootSkip skip);
 
-  /// A message as it came. What is on no data topic of the agent is ignored, and so is what is
-  /// retained: it tells nothing of now.
+  /// Processes a received message. Ignores topics other than the agent's data topics, and retained
+  /// messages, which say nothing about the present.
   void take(std::string_view topic, std::string_view payload, bool retained);
 
-  /// Each device, by name, as of now: a gap may still be filled by what comes later.
+  /// Returns the state of each device, sorted by name. A later sample may still fill a gap.
   std::vector<DeviceStream> report() const;
 
  private:
-  /// Neighbouring numbers of one boot, with a fingerprint of each sample.
+  /// Consecutive numbers of one boot, with a fingerprint of each sample.
   struct Run {
     std::uint32_t boot = 0;  ///< index in DeviceStream::boots
     std::vector<std::uint64_t> prints;
@@ -83,7 +84,7 @@ class StreamCheck final {
   struct Boot {
     std::uint64_t lowest = 0;
     std::uint64_t highest = 0;
-    std::optional<std::uint64_t> whole_from;  ///< from this number on all must come
+    std::optional<std::uint64_t> whole_from;  ///< every number from here on must arrive
   };
   struct Newest {
     std::uint64_t seq = 0;

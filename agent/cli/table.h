@@ -1,4 +1,4 @@
-// Text in columns, for reports on a terminal.
+// Formats text in columns, for reports on a terminal.
 #pragma once
 
 #include <cstddef>
@@ -9,8 +9,8 @@ namespace fxagent {
 
 using Row = std::vector<std::string>;
 
-/// Aligns columns: the first `word_columns` to the left, the others to the right. Every row has as
-/// many cells as the first.
+/// Aligns the first `word_columns` columns to the left and the others to the right. Every row has
+/// as many cells as the first.
 std::string table_text(const std::vector<Row>& rows, std::size_t word_columns);
 
 }  // namespace fxagent

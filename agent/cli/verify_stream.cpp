@@ -32,13 +32,15 @@ constexpr int kWhole = 0;
 constexpr int kNotWhole = 1;
 constexpr int kNoBroker = 2;
 
-constexpr std::chrono::seconds kPatience{30};  // longer than the library's own connect time-out
-// A single row may be larger than a history message is meant to be; the broker is told the same.
+constexpr std::chrono::seconds kPatience{30};  // longer than the connect time-out of the MQTT
+                                               // library
+// A single row may exceed the target size of a history message. The broker gets the same limit.
 constexpr std::size_t kMaxPayload = std::size_t{16} << 20;
 
 SteadyTime now() { return std::chrono::steady_clock::now(); }
 
-/// A connection to the broker whose news this thread can wait for, and signals that end the wait.
+/// Connection to the broker. This thread can wait for its events, and for signals that end the
+/// wait.
 class Connection final {
  public:
   enum class Woken : std::uint8_t { news, time_is_up, stop_asked };
@@ -50,7 +52,7 @@ class Connection final {
             config, /*make_will=*/{},
             [this] {
               const std::uint64_t one = 1;
-              // It fails only where the counter is full, and then there is news anyhow.
+              // Fails only if the counter is full, and then an event is pending anyway.
               [[maybe_unused]] const auto written = write(news_, &one, sizeof one);
             },
             kMaxPayload) {
@@ -73,7 +75,7 @@ class Connection final {
   }
 
  private:
-  /// Closes with the object, after the broker that uses it.
+  /// File descriptor, closed after the broker that uses it.
   class Handle final {
    public:
     explicit Handle(int fd) : fd_(fd) {}
@@ -88,7 +90,7 @@ class Connection final {
     int fd_;
   };
 
-  /// Before any thread of the library starts, so that none of them gets these signals.
+  /// Runs before the library starts a thread, so that no such thread receives these signals.
   static int block_signals() {
     sigset_t stop;
     sigemptyset(&stop);
@@ -103,7 +105,7 @@ class Connection final {
   PahoBroker broker_;  // last: its callbacks use the others
 };
 
-/// Connects, subscribes, listens and hands every message to the check.
+/// Connects, subscribes, listens and passes every message to the check.
 class Listener final {
  public:
   Listener(const MqttConfig& config, std::string base, StreamCheck check,
@@ -114,8 +116,8 @@ class Listener final {
         check_(std::move(check)),
         connection_(config) {}
 
-  /// Until the time is up, a signal comes or the broker is lost. Empty: it listened to the end;
-  /// otherwise why not.
+  /// Runs until the time is up, a signal arrives or the connection is lost. Returns an empty text
+  /// if it listened to the end, else the reason.
   std::string run() {
     using Woken = Connection::Woken;
     connection_.broker().connect(server_, kReceiveMaximum);
@@ -164,7 +166,7 @@ class Listener final {
   void on(const Delivered&) {}
   void on(const DeliveryFailed&) {}
 
-  /// History first: what the first live sample makes due must not come unheard.
+  /// Subscribes to history first: history that a live sample makes due must not be missed.
   void subscribe() {
     connection_.broker().subscribe({filters_.at(subscribed_), /*no_local=*/false});
   }
@@ -184,11 +186,11 @@ class Listener final {
   SteadyTime ended_{};
   bool over_ = false;
   std::string fault_;
-  Connection connection_;  // last: first to go
+  Connection connection_;  // last, so that it is destroyed first
 };
 
-/// The config with a client id of its own, since two clients of one broker must not share it, and
-/// with the credentials that were asked for.
+/// Returns the config with its own client id, which two clients of a broker cannot share, and with
+/// the credentials given on the command line.
 MqttConfig connection_of(const MqttConfig& config, const VerifyStream& what) {
   MqttConfig own = config;
   char suffix[17];

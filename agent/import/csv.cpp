@@ -22,11 +22,11 @@ bool equal_but_for_case(std::string_view a, std::string_view b) {
       [](unsigned char c) { return std::tolower(c); });
 }
 
-/// libcsv's parser with the rows that it has read so far.
+/// Wraps libcsv's parser and collects the rows.
 class RowReader {
  public:
   explicit RowReader(char delimiter) {
-    // Quotes must stand at the ends of a cell, and nothing between unquoted delimiters is no text.
+    // Quotes must enclose a whole cell. Nothing between unquoted delimiters reads as nullopt.
     csv_init(&parser_, CSV_STRICT | CSV_STRICT_FINI | CSV_EMPTY_IS_NULL);
     csv_set_delim(&parser_, static_cast<unsigned char>(delimiter));
   }
@@ -34,7 +34,7 @@ class RowReader {
   RowReader& operator=(const RowReader&) = delete;
   ~RowReader() { csv_free(&parser_); }
 
-  /// One line with its end; false where it cannot be.
+  /// Parses one line including its end. Returns false if it is malformed.
   bool take(std::string_view line) {
     ++line_;
     if (row_.cells.empty()) first_line_ = line_;
@@ -64,7 +64,7 @@ class RowReader {
 
   csv_parser parser_{};
   int line_ = 0;
-  int first_line_ = 1;  ///< of the row that is being read
+  int first_line_ = 1;  ///< of the row in progress
   CsvRow row_;
   std::vector<CsvRow> rows_;
 };
@@ -100,11 +100,11 @@ char csv_delimiter(std::string_view text) {
   std::array<Count, 3> counts{{{','}, {'\t'}, {';'}}};
   bool in_quotes = false;
   bool begins_cell = true;
-  std::size_t closed = text.npos;  // where the last quotes end
+  std::size_t closed = text.npos;  // position of the last closing quote
   std::size_t lines = 0;
   for (std::size_t i = 0; i < text.size() && lines < kMostLines; ++i) {
     const char c = text[i];
-    // Two quotes in a cell that has quotes close it and open it again.
+    // A doubled quote in a quoted cell closes and reopens it.
     if (c == '"' && (in_quotes || begins_cell || closed + 1 == i)) {
       if (in_quotes) closed = i;
       in_quotes = !in_quotes;
@@ -120,8 +120,8 @@ char csv_delimiter(std::string_view text) {
       each.cells += std::exchange(each.in_line, 0);
     }
   }
-  // The head has no delimiter but its own, so that one stands in more lines than what comments
-  // have.
+  // The header contains only the real delimiter, so that delimiter occurs in more lines than a
+  // character that only comments contain.
   return std::ranges::max(counts, {},
                           [](const Count& each) { return std::pair(each.lines, each.cells); })
       .delimiter;

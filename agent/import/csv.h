@@ -1,4 +1,4 @@
-// Rows of CSV text (RFC 4180), read by libcsv. Pure.
+// Reads and writes rows of CSV text (RFC 4180) with libcsv. Pure.
 #pragma once
 
 #include <cstddef>
@@ -11,11 +11,11 @@
 namespace fxagent {
 
 struct CsvRow {
-  int line = 0;  ///< 1-based, of its first cell
+  int line = 0;  ///< 1-based, of the first cell
   /// nullopt: nothing between the delimiters, not even quotes.
   std::vector<std::optional<std::string>> cells;
 
-  /// Without blanks at both ends; empty beyond the last cell.
+  /// Returns a cell without surrounding blanks; empty beyond the last cell.
   std::string_view at(std::size_t column) const;
 };
 
@@ -24,16 +24,18 @@ struct CsvFault {
   std::string text;
 };
 
-/// Every row that is not blank. `delimiter`: a comma, a semicolon or a tab.
+/// Returns every row that is not blank. `delimiter` is a comma, a semicolon or a tab.
 tl::expected<std::vector<CsvRow>, CsvFault> read_csv(std::string_view text, char delimiter);
 
-/// The one of tab, semicolon and comma that most of the first lines have outside of quotes.
+/// Returns the delimiter (tab, semicolon or comma) that most of the first lines contain outside
+/// quotes.
 char csv_delimiter(std::string_view text);
 
-/// A cell for a row with commas; nullopt: an empty one, "" in quotes for an empty text.
+/// Formats a cell for a comma-separated row: empty for nullopt, quotes ("") for an empty text.
 std::string csv_cell(const std::optional<std::string>& value);
 
-/// Which of `names` the columns of a head are, whatever their case and blanks; npos: not there.
+/// Returns the index of each of `names` in the header row, ignoring case and blanks; npos: not
+/// found.
 std::vector<std::size_t> csv_columns(const CsvRow& head,
                                      const std::vector<std::string_view>& names);
 

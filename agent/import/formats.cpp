@@ -5,8 +5,8 @@
 namespace fxagent {
 
 std::span<const ImportFormat> import_formats() {
-  // Those whose heads are surely theirs first: a word that GX has at the head is in cells of
-  // others.
+  // Formats with an unmistakable header come first: the header word of GX also occurs in cells of
+  // other formats.
   static constexpr std::array kFormats{
       ImportFormat{"kepware", "Tags of KEPServerEX (CSV)", "WINDOWS-1252", is_kepware,
                    import_kepware},

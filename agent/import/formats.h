@@ -1,4 +1,4 @@
-// The formats that can be imported, one file each.
+// Formats that can be imported, one file each.
 #pragma once
 
 #include <span>
@@ -9,41 +9,41 @@
 namespace fxagent {
 
 struct ImportFormat {
-  std::string_view name;     ///< on the command line
+  std::string_view name;     ///< as given on the command line
   std::string_view meaning;  ///< one line for --help
-  const char* legacy;        ///< the encoding of files that are not Unicode, by its name in iconv
-  /// Whether the text, which is UTF-8, is surely of this format.
+  const char* legacy;        ///< iconv name of the encoding of files that are not Unicode
+  /// True if the UTF-8 text is certainly of this format.
   bool (*is_it)(std::string_view text);
   ImportResult (*read)(std::string_view text, const ImportOptions& options);
 };
 
-/// gx · kepware · neuron · thingsboard · telegraf · csv
+/// Returns gx · kepware · neuron · thingsboard · telegraf · csv.
 std::span<const ImportFormat> import_formats();
 
-// Each reads a text of UTF-8 and never throws.
+// Each import function reads UTF-8 text and never throws.
 
-/// Device comments of GX Developer, GX Works2 and GX Works3, with commas or tabs: a tag for each
-/// device that has a comment.
+/// Device comments of GX Developer, GX Works2 and GX Works3, separated by commas or tabs. Each
+/// device with a comment becomes a tag.
 bool is_gx_comments(std::string_view text);
 ImportResult import_gx_comments(std::string_view text, const ImportOptions& options);
 
-/// Tags of one device of KEPServerEX or another server by Kepware.
+/// Tags of one device of KEPServerEX or another Kepware server.
 bool is_kepware(std::string_view text);
 ImportResult import_kepware(std::string_view text, const ImportOptions& options);
 
-/// JSON of Neuron: nodes with their groups and tags, or one template; or its sheet of tags as CSV.
+/// Neuron's JSON (nodes with their groups and tags, or one template), or its tag sheet as CSV.
 bool is_neuron(std::string_view text);
 ImportResult import_neuron(std::string_view text, const ImportOptions& options);
 
-/// modbus.json of the ThingsBoard gateway: `master`, or what a page of its exports around that.
+/// modbus.json of the ThingsBoard gateway: `master`, or the wrapper of a web page export around it.
 bool is_thingsboard(std::string_view text);
 ImportResult import_thingsboard(std::string_view text, const ImportOptions& options);
 
-/// Telegraf's TOML: `inputs.modbus`, in both styles.
+/// Telegraf's TOML: `inputs.modbus`, in all its styles.
 bool is_telegraf(std::string_view text);
 ImportResult import_telegraf(std::string_view text, const ImportOptions& options);
 
-/// What export_csv() writes, or tags alone.
+/// Output of export_csv(), or tags alone.
 bool is_tag_csv(std::string_view text);
 ImportResult import_tag_csv(std::string_view text, const ImportOptions& options);
 

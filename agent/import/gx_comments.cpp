@@ -1,6 +1,6 @@
-// Device comments as GX Developer, GX Works2 and GX Works3 write them: a head with the device, then
-// label and comment, or a comment for each language. GX Developer writes Shift-JIS and commas, the
-// others UTF-16 and tabs; lines with the project's name may stand before the head.
+// Device comments of GX Developer, GX Works2 and GX Works3. The header has the device, then label
+// and comment, or one comment for each language. GX Developer writes Shift-JIS and commas, the
+// others UTF-16 and tabs. Lines with the project name may precede the header.
 #include <algorithm>
 #include <array>
 #include <string>
@@ -22,7 +22,7 @@ bool is_one_of(std::string_view cell, const List& list) {
   return std::ranges::find(list, cell) != list.end();
 }
 
-/// "X0", "CN200", "D100.F": letters, then digits of any base.
+/// True for "X0", "CN200", "D100.F": letters, then digits of any base.
 bool is_device(std::string_view cell) {
   std::size_t letters = 0;
   while (letters < cell.size() && cell[letters] >= 'A' && cell[letters] <= 'Z') ++letters;
@@ -33,13 +33,13 @@ bool is_device(std::string_view cell) {
          cell[letters] <= '9' && std::ranges::all_of(cell.substr(letters), is_digit);
 }
 
-/// A column of addresses is that of another format.
+/// True for the header row. An address column would mean another format.
 bool is_head(const CsvRow& row) {
   return is_one_of(row.at(0), kDevice) &&
          csv_columns(row, {"address"sv}).front() == std::string::npos;
 }
 
-/// What is told of a device: the comment, else the label. Comments stand in the columns that are no
+/// Returns the comment of a device, else its label. Comments are in the columns that are not
 /// labels.
 std::string_view comment_of(const CsvRow& row, const CsvRow* head) {
   std::string_view label;

@@ -52,7 +52,7 @@ std::string dump_config(const Imported& imported) {
   return out.dump();
 }
 
-/// Takes "PREFIX3" off a pointer and returns the 3; nullopt: it does not begin so.
+/// Removes "PREFIX3" from the front of a pointer and returns 3; nullopt if the prefix differs.
 std::optional<std::size_t> take_index(std::string_view& pointer, std::string_view prefix) {
   if (!pointer.starts_with(prefix)) return std::nullopt;
   const std::string_view digits = pointer.substr(prefix.size());
@@ -63,20 +63,20 @@ std::optional<std::size_t> take_index(std::string_view& pointer, std::string_vie
   return number;
 }
 
-/// Device and tag that an error is in: "/devices/0/tags/3/address".
+/// Returns the indexes of device and tag in an error's place: "/devices/0/tags/3/address".
 std::optional<std::pair<std::size_t, std::size_t>> tag_of(std::string_view pointer) {
   const auto device = take_index(pointer, "/devices/");
   const auto tag = take_index(pointer, "/tags/");
   return device && tag ? std::optional(std::pair(*device, *tag)) : std::nullopt;
 }
 
-/// "timeout_ms" of "/timeout_ms"; empty where it is no key of the object itself.
+/// Returns "timeout_ms" for "/timeout_ms"; empty if the pointer is not a direct key of the object.
 std::string_view key_in(std::string_view pointer) {
   const std::string_view key = pointer.starts_with('/') ? pointer.substr(1) : std::string_view();
   return key.find('/') == key.npos ? key : std::string_view();
 }
 
-/// Of "host:port"; nullopt: it is none.
+/// Returns the port of "host:port"; nullopt for any other text.
 std::optional<int> port_number(std::string_view port) {
   const std::size_t colon = port.rfind(':');
   if (colon == port.npos || colon == 0) return std::nullopt;
@@ -88,13 +88,13 @@ std::optional<int> port_number(std::string_view port) {
   return good ? std::optional(number) : std::nullopt;
 }
 
-/// Takes out the tags that have errors, or of a tag the access; false where there is none to take
-/// out.
+/// Removes the tags that have errors, or only their access or description if the errors are there.
+/// Returns false if there was nothing to remove.
 bool drop_refused(Imported& imported, const std::vector<ConfigError>& errors) {
   std::map<std::pair<std::size_t, std::size_t>, std::vector<const ConfigError*>> refused;
   for (const ConfigError& error : errors) {
     const auto place = tag_of(error.pointer);
-    // Not those that stand in the keys of a device.
+    // Ignore errors within tags that are part of the device's keys.
     if (place && place->second < imported.devices[place->first].tags.size())
       refused[*place].push_back(&error);
   }
@@ -106,7 +106,7 @@ bool drop_refused(Imported& imported, const std::vector<ConfigError>& errors) {
       return std::ranges::all_of(
           reasons, [&](const ConfigError* error) { return error->pointer.ends_with(key); });
     };
-    // Values are the same without these.
+    // These keys do not affect the values.
     constexpr std::array kSpared{"access"sv, "description"sv};
     const auto spared = std::ranges::find_if(
         kSpared, [&](std::string_view key) { return all_of_key("/" + std::string(key)); });
@@ -127,7 +127,7 @@ std::string name_of(const JsonObject& object) {
   return std::string(json.size() < 2 ? json : json.substr(1, json.size() - 2));
 }
 
-/// Takes out what is wrong in a link's `serial`, but for the port.
+/// Removes a wrong setting from a link's `serial`, except the port.
 bool drop_of_link(Imported& imported, const ConfigError& error, std::string_view pointer,
                   std::size_t index) {
   constexpr std::string_view kSerial = "/serial";
@@ -151,8 +151,8 @@ bool drop_of_link(Imported& imported, const ConfigError& error, std::string_view
   return true;
 }
 
-/// Takes out a time that a device or group may not have, or the device where its values would be
-/// others without the key.
+/// Removes an invalid time of a device or group. For any other key it removes the whole device,
+/// because its values would differ without the key.
 bool drop_of_device(Imported& imported, const ConfigError& error, std::string_view pointer,
                     std::size_t index) {
   if (index >= imported.devices.size()) return false;
@@ -173,10 +173,10 @@ bool drop_of_device(Imported& imported, const ConfigError& error, std::string_vi
   return true;
 }
 
-/// The same for links and devices of other programs: one odd number does not cost the whole file.
-/// One at a time, since what is left out moves the rest.
+/// Does the same for links and devices of other programs: one odd number must not cost the whole
+/// file. Removes one at a time, because each removal shifts the rest.
 bool drop_one_setting(Imported& imported, const std::vector<ConfigError>& errors) {
-  // Of a config that was exported whole nothing but tags is left out.
+  // From a complete exported config only tags are left out.
   if (!imported.sections.empty()) return false;
   return std::ranges::any_of(errors, [&](const ConfigError& error) {
     std::string_view pointer = error.pointer;

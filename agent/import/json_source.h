@@ -1,5 +1,5 @@
-// Reading of JSON files of other programs, with lines for the notes. What is missing or of another
-// kind comes out empty.
+// Reads JSON files of other programs, with line numbers for the notes. A missing value, or one of
+// another type, reads as empty.
 #pragma once
 
 #include <initializer_list>
@@ -12,17 +12,17 @@
 
 namespace fxagent {
 
-/// The whole text, or why it is no JSON.
+/// Parses the whole text. Error: why it is not JSON.
 tl::expected<ConfigTree, ImportFault> json_source(std::string_view text);
 
 std::string_view text_at(const ConfigNode& node, std::string_view key);
 std::optional<double> number_at(const ConfigNode& node, std::string_view key);
 std::optional<std::int64_t> integer_at(const ConfigNode& node, std::string_view key);
-/// The members or items below; of nothing where there is no such key.
+/// Returns the members or items of `key`; empty if there is no such key.
 const std::vector<ConfigNode>& children_at(const ConfigNode& node, std::string_view key);
 
-/// The keys of an object that `known` does not have, with ", " between them: what of it would be
-/// dropped in silence. Those that say nothing (null, "", an empty list) do not count.
+/// Returns the keys of an object that are not in `known`, separated by ", ", so that none is
+/// dropped silently. Skips empty values (null, "", an empty list).
 std::string other_keys(const ConfigNode& node, std::initializer_list<std::string_view> known);
 
 }  // namespace fxagent

@@ -1,5 +1,5 @@
-// The tags of a device as KEPServerEX exports them (CSV). Groups of tags are parts of the name, and
-// what belongs to channel and device (port, station, byte order) is not in the file.
+// Tags of one device in KEPServerEX's CSV export. Tag groups are part of the name. The file does
+// not contain the settings of channel and device (port, station, byte order).
 #include <algorithm>
 #include <array>
 #include <charconv>
@@ -33,7 +33,7 @@ enum Column : std::size_t {
   negate_value
 };
 
-/// In the order of Column.
+/// Returns the column titles, in the order of Column.
 std::vector<std::string_view> column_names() {
   return {"Tag Name",  "Address",    "Data Type", "Client Access", "Scan Rate",
           "Scaling",   "Raw Low",    "Raw High",  "Scaled Low",    "Scaled High",
@@ -64,16 +64,16 @@ std::optional<Number> number_in(std::string_view text) {
   return good ? std::optional(number) : std::nullopt;
 }
 
-/// An address in Kepware's spelling, in ours.
+/// Address converted from Kepware's spelling to ours.
 struct Place {
   std::string address;
   std::optional<std::int64_t> count{};   ///< "400001 [10]"
   std::optional<std::int64_t> length{};  ///< "400001.20H"
-  std::string word_order{};              ///< of a string
+  std::string word_order{};              ///< for a string
 };
 
-/// "DSH0100.020": a string of 20 characters from D100 on, the first in the high byte, and DSL the
-/// other way round. So are those of W and R.
+/// Parses "DSH0100.020": a string of 20 characters from D100, first character in the high byte;
+/// DSL: in the low byte. W and R strings have the same form.
 std::optional<Place> melsec_string(std::string_view text) {
   if (text.size() < 4 || text[1] != 'S' || (text[2] != 'H' && text[2] != 'L')) return std::nullopt;
   const std::size_t dot = text.find('.');
@@ -86,8 +86,8 @@ std::optional<Place> melsec_string(std::string_view text) {
   return place;
 }
 
-/// "400001" and "400001.3" are the same in a config; "400001.20H" is a string of 20 characters, the
-/// first in the high byte, and L the other way round.
+/// Parses "400001" and "400001.3", which a config spells the same way, and "400001.20H": a string
+/// of 20 characters, first character in the high byte; L: in the low byte.
 Place place_of(std::string_view text, bool is_string) {
   Place place;
   if (const std::size_t bracket = text.find('['); bracket != text.npos && text.ends_with(']')) {
@@ -112,7 +112,7 @@ Place place_of(std::string_view text, bool is_string) {
   return place;
 }
 
-/// Reads one row after the other into the tags of a device.
+/// Reads rows one by one into the tags of a device.
 class TagReader {
  public:
   TagReader(Imported& out, ImportedDevice& device, std::vector<std::size_t> columns)
@@ -134,7 +134,7 @@ class TagReader {
   std::vector<std::size_t> columns_;
 };
 
-/// False where values would come out wrong.
+/// Returns false if the config would scale the values wrongly.
 bool TagReader::add_scaling(const CsvRow& row, ImportedTag& tag) {
   const std::string mode = lower(cell(row, scaling));
   const bool is_negated = cell(row, negate_value) == "1";

@@ -1,8 +1,8 @@
-// Neuron's JSON: a list of nodes with plugin, params, groups and tags; or the same in four lists
-// (nodes, groups, tags, settings) that name their driver; or one template. And the sheet of tags of
-// one node, as CSV. Addresses of Modbus are SLAVE!ADDRESS with .BIT, #ENDIAN or .LENGTH behind it,
-// those of Mitsubishi the device's name with .BIT or .LENGTH; the numbers of types are those of its
-// API.
+// Neuron's JSON: a list of nodes with plugin, params, groups and tags; or four lists (nodes,
+// groups, tags, settings) that refer to their driver by name; or one template. Also the tag sheet
+// of one node as CSV. Modbus addresses are SLAVE!ADDRESS followed by .BIT, #ENDIAN or .LENGTH.
+// Mitsubishi addresses are the device name followed by .BIT or .LENGTH. Type numbers are those of
+// Neuron's API.
 #include <algorithm>
 #include <array>
 #include <charconv>
@@ -19,7 +19,7 @@ namespace {
 constexpr std::int64_t kString = 13;
 constexpr std::int64_t kWrite = 2;  // bit of the attribute
 
-/// By the number of the type; empty: none that a config has.
+/// Converts the number of a type; empty if a config has no such type.
 std::string_view type_of(std::int64_t number) {
   switch (number) {
     case 3:
@@ -44,7 +44,7 @@ std::string_view type_of(std::int64_t number) {
   }
 }
 
-/// By what stands behind the #, ABCD being 1,2,3,4; empty: unknown.
+/// Converts the suffix after the #, with ABCD being 1,2,3,4; empty: unknown.
 std::string_view order_of(std::string_view endian) {
   if (endian == "LL" || endian == "L") return "ABCD";
   if (endian == "LB" || endian == "B") return "BADC";
@@ -53,20 +53,20 @@ std::string_view order_of(std::string_view endian) {
   return {};
 }
 
-/// By the number of the node's `endianess`; empty: unknown.
+/// Converts the number in the node's `endianess`; empty: unknown.
 std::string_view order_of(std::int64_t code) {
   constexpr std::array<std::string_view, 5> kOrders{"", "ABCD", "BADC", "DCBA", "CDAB"};
   return code > 0 && code < std::ssize(kOrders) ? kOrders[static_cast<std::size_t>(code)] : "";
 }
 
-/// By the number of `baud`; 0: unknown.
+/// Converts the number in `baud`; 0: unknown.
 std::int64_t baud_of(std::int64_t code) {
   constexpr std::array<int, 13> kBauds{115200, 57600, 38400, 19200, 9600, 4800, 2400,
                                        1800,   1200,  600,   300,   200,  150};
   return code >= 0 && code < std::ssize(kBauds) ? kBauds[static_cast<std::size_t>(code)] : 0;
 }
 
-/// The plugin's protocol; empty: none of ours.
+/// Returns the protocol of a plugin; empty if it is not supported.
 std::string_view protocol_of(std::string_view plugin) {
   std::string name;
   for (const char c : plugin)
@@ -88,8 +88,8 @@ struct Place {
   std::int64_t length = 0;
 };
 
-/// Takes ".10", ".10H" or ".10L" off a string's address. False where something else is behind its
-/// dot.
+/// Removes ".10", ".10H" or ".10L" from the address of a string. Returns false for any other
+/// suffix.
 bool take_length(std::string_view& text, Place& place) {
   const std::size_t dot = text.find('.');
   if (dot == text.npos) return true;
@@ -103,7 +103,7 @@ bool take_length(std::string_view& text, Place& place) {
   return true;
 }
 
-/// "D20.12" and "SN5" as they are here: D20.C and STN5. nullopt: not a string with its length.
+/// Converts "D20.12" and "SN5" to our spelling: D20.C and STN5. nullopt: a string without a length.
 std::optional<Place> melsec_place(std::string_view text, bool is_string) {
   Place place;
   if (is_string && !take_length(text, place)) return std::nullopt;
@@ -117,7 +117,7 @@ std::optional<Place> melsec_place(std::string_view text, bool is_string) {
   return place;
 }
 
-/// nullopt where it is not SLAVE!ADDRESS.
+/// Returns nullopt if the text is not SLAVE!ADDRESS.
 std::optional<Place> modbus_place(std::string_view text, bool is_string) {
   const std::size_t mark = text.find('!');
   const std::string_view unit = text.substr(0, mark);
@@ -132,12 +132,12 @@ std::optional<Place> modbus_place(std::string_view text, bool is_string) {
     text = text.substr(0, hash);
   }
   if (is_string && !take_length(text, place)) return std::nullopt;
-  // Always from 1, and with one digit for the table.
+  // Counted from 1, with one leading digit for the table.
   place.address = text;
   return place;
 }
 
-/// One driver with its groups, wherever they stood.
+/// One driver with its groups, from either file layout.
 struct Driver {
   const ConfigNode* node = nullptr;
   std::string_view name;
@@ -218,16 +218,16 @@ class NeuronReader {
   Imported out_;
   LinkTable links_{out_};
   NameMaker device_names_;
-  // Of the driver that is read:
-  std::string link_;                           ///< empty: not made yet
-  std::string_view order_{};                   ///< of tags of two registers that name none
+  // State of the driver being read:
+  std::string link_;                           ///< empty: not created yet
+  std::string_view order_{};                   ///< default for tags of two registers
   std::map<std::int64_t, std::size_t> units_;  ///< index in out_.devices
   std::map<std::size_t, NameMaker> tag_names_;
   std::map<std::pair<std::size_t, std::string_view>, std::string> groups_;
   std::map<std::size_t, NameMaker> group_names_;
 };
 
-/// Notes the keys of `node`, which is `what`, that are none of `known`.
+/// Notes the keys of `node` that are not in `known`. `what` names the node.
 void NeuronReader::tell_of_others(const ConfigNode& node, const std::string& what,
                                   std::initializer_list<std::string_view> known) {
   if (const std::string keys = other_keys(node, known); !keys.empty())
@@ -252,7 +252,7 @@ std::string NeuronReader::port_of(const Driver& driver, std::string_view protoco
   return placeholder_port(protocol);
 }
 
-/// The codes of a serial line. What a node of Modbus does not name is 9600 8N1.
+/// Converts the codes of a serial port. A Modbus node defaults to 9600 8N1.
 JsonObject NeuronReader::serial_of(const Driver& driver, std::string_view protocol) {
   JsonObject serial;
   if (driver.params == nullptr) return serial;
@@ -375,7 +375,7 @@ void NeuronReader::read_tag(const Driver& driver, const Driver::Group& group,
   device.tags.push_back(std::move(tag));
 }
 
-/// What the node says of all its tags.
+/// Reads the settings that apply to all tags of the node.
 void NeuronReader::read_params(const Driver& driver) {
   if (const auto code = integer_at(*driver.params, "endianess")) {
     order_ = order_of(*code);
@@ -422,8 +422,8 @@ Imported NeuronReader::read() {
   return std::move(out_);
 }
 
-/// The columns of the sheet that a page of tags exports and imports, or takes as a template; the
-/// first four are in each.
+/// Columns of the sheet that a tag page exports and imports, or takes as a template. Every sheet
+/// has the first four.
 const std::vector<std::string_view>& sheet_columns() {
   static const std::vector<std::string_view> names{
       "name",        "address", "attribute", "type", "group", "interval",
@@ -439,7 +439,7 @@ bool is_sheet(const std::vector<CsvRow>& rows) {
          columns.begin() + kNeeded;
 }
 
-/// The number of a type by the name that the sheet has; 0: unknown.
+/// Returns the number of a type by its name in the sheet; past the last type if unknown.
 std::int64_t type_named(std::string_view name) {
   constexpr std::array<std::string_view, 19> kTypes{
       "",       "INT8", "UINT8", "INT16",  "UINT16", "INT32", "UINT32", "INT64", "UINT64", "FLOAT",
@@ -447,7 +447,7 @@ std::int64_t type_named(std::string_view name) {
   return std::ranges::find(kTypes, name) - kTypes.begin();
 }
 
-/// The sheet as a node in JSON, each tag on the line of its row.
+/// Converts the sheet to a node in JSON, with each tag on the line of its row.
 std::string json_of_sheet(const std::vector<CsvRow>& rows, const ImportOptions& options) {
   const auto columns = csv_columns(rows.front(), sheet_columns());
   JsonObject node;

@@ -24,7 +24,7 @@ constexpr std::string_view kLinkRow = "#link";
 
 std::span<const ConfigKey> tag_keys() { return config_section("devices[].tags[]"); }
 
-/// Keys whose cells hold JSON; the cells of others are their text.
+/// Keys whose cells hold JSON; all other cells are plain text.
 bool is_number(const ConfigKey& key) {
   return key.type == ConfigKey::Type::integer || key.type == ConfigKey::Type::number;
 }
@@ -33,7 +33,8 @@ bool is_json(const ConfigKey& key) { return is_number(key) || key.type == Config
 std::string json_of(const ConfigNode& node) {
   std::string out;
   append_pretty(out, node, 0);
-  // One line, so that a row stays one: no string has a line end in it, they have escapes.
+  // Join into one line, so that a row stays on one line. Strings contain no raw line end, only
+  // escapes.
   std::string line;
   for (std::size_t i = 0; i < out.size(); ++i) {
     if (out[i] != '\n') {
@@ -45,14 +46,14 @@ std::string json_of(const ConfigNode& node) {
   return line;
 }
 
-/// What stands in a cell for a tag's key; nullopt: the tag does not have it.
+/// Returns the cell for a key of a tag; nullopt if the tag does not have the key.
 std::optional<std::string> cell_of(const ConfigNode& tag, const ConfigKey& key) {
   const ConfigNode* node = tag.find(key.name);
   if (node == nullptr) return std::nullopt;
   return node->kind == Kind::string ? node->text : json_of(*node);
 }
 
-/// Whether rows can hold the tag: no `{n}` in the place of a number.
+/// True if a row can hold the tag: no key has `{n}` in place of a number.
 bool fits_a_row(const ConfigNode& tag) {
   return std::ranges::all_of(tag_keys(), [&](const ConfigKey& key) {
     const ConfigNode* node = tag.find(key.name);
@@ -64,7 +65,7 @@ void add_row(std::string& out, std::string_view name, const ConfigNode& node) {
   out += "#" + std::string(name) + "," + csv_cell(json_of(node)) + "\n";
 }
 
-/// Names of entries whose tags stand in rows: such as no other has.
+/// Returns the names of entries whose tags may go into rows: those that occur once.
 std::set<std::string_view> names_for_rows(const ConfigNode& devices) {
   std::map<std::string_view, int> times;
   for (const ConfigNode& device : devices.children) ++times[text_at(device, "name")];
@@ -84,7 +85,7 @@ void add_tags(std::string& out, const ConfigNode& device) {
 
 // ---- import -----------------------------------------------------------------------------------
 
-/// Whether the text is JSON that the key takes.
+/// True if the text is JSON of the kind that the key accepts.
 bool is_json_of(const ConfigKey& key, const std::string& text) {
   const auto tree = ConfigTree::parse(text);
   if (!tree) return false;
@@ -106,14 +107,16 @@ class TagCsvReader {
   const ImportOptions& options_;
   Imported out_;
   LinkTable links_{out_};
-  std::vector<std::size_t> columns_;                      ///< by tag_keys(), then the device's
-  bool is_whole_ = false;                                 ///< a row says what each device is
-  std::size_t group_ = 0;                                 ///< which of them is the tag's group
-  std::map<std::string, std::size_t> devices_;            ///< by name: index in out_.devices
-  std::set<std::pair<std::string, std::string>> groups_;  ///< made for devices without a row
+  std::vector<std::size_t> columns_;                      ///< one for each of tag_keys(), then the
+                                                          ///< device's
+  bool is_whole_ = false;                                 ///< the file has rows that define the
+                                                          ///< devices
+  std::size_t group_ = 0;                                 ///< index in columns_ of the tag's group
+  std::map<std::string, std::size_t> devices_;            ///< name to index in out_.devices
+  std::set<std::pair<std::string, std::string>> groups_;  ///< created for devices without a row
 };
 
-/// A row that begins with a #.
+/// Reads a row that starts with #.
 void TagCsvReader::take_section(const CsvRow& row) {
   const std::string json = row.cells.size() > 1 && row.cells[1] ? *row.cells[1] : std::string();
   const auto tree = json_source(json);
@@ -139,11 +142,12 @@ void TagCsvReader::take_section(const CsvRow& row) {
   out_.sections.raw(row.at(0).substr(1), json);
 }
 
-/// Of a file without a row for it: by what the caller says.
+/// Returns the device of that name. If the file has no row for it, creates it from the caller's
+/// options.
 ImportedDevice& TagCsvReader::device_of(const std::string& name) {
   const auto [known, fresh] = devices_.try_emplace(name, out_.devices.size());
   if (!fresh) {
-    out_.devices[known->second].keys.erase("tags");  // an empty list, which has one now
+    out_.devices[known->second].keys.erase("tags");  // an empty list, replaced by the tags in rows
     return out_.devices[known->second];
   }
   const std::string protocol =
@@ -167,7 +171,7 @@ void TagCsvReader::take_tag(const CsvRow& row) {
     if (column >= row.cells.size() || !row.cells[column]) continue;
     const std::string& cell = *row.cells[column];
     if (!is_json(keys[i])) {
-      // A spreadsheet does not tell an empty text from none.
+      // A spreadsheet does not distinguish an empty text from no text.
       if (!cell.empty() || keys[i].name == "unit") tag.keys.text(keys[i].name, cell);
     } else if (is_json_of(keys[i], std::string(row.at(column)))) {
       tag.keys.raw(keys[i].name, std::string(row.at(column)));
@@ -182,7 +186,7 @@ void TagCsvReader::take_tag(const CsvRow& row) {
   if (is_whole_ && !devices_.contains(name))
     return out_.leave_out(row.line, "there is no device " + name + " with its tags in rows");
   ImportedDevice& device = device_of(name);
-  // A file of tags alone has their groups by name only.
+  // A file with tags alone gives only the names of their groups.
   const std::size_t group_column = columns_[group_];
   const std::string group(group_column == std::string::npos ? ""sv : row.at(group_column));
   if (!device.may_be_empty && !group.empty() && groups_.emplace(name, group).second) {
@@ -243,7 +247,7 @@ bool is_tag_csv(std::string_view text) {
   const auto rows = read_csv(text, csv_delimiter(text));
   if (!rows || rows->empty()) return false;
   const auto columns = csv_columns(rows->front(), {"name"sv, "address"sv});
-  // Only a sheet of Neuron's has the third.
+  // Only Neuron's sheet has the column "attribute".
   return std::ranges::find(columns, std::string::npos) == columns.end() &&
          csv_columns(rows->front(), {"attribute"sv}).front() == std::string::npos;
 }

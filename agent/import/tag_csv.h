@@ -1,4 +1,4 @@
-// The tags of a config as CSV and back, for those who edit them in a spreadsheet.
+// Converts the tags of a config to CSV and back, for editing in a spreadsheet.
 #pragma once
 
 #include <string>
@@ -6,9 +6,10 @@
 
 namespace fxagent {
 
-/// A row for each tag of `text`, which must be a right config: its device, then a column for each
-/// key. What is not tags follows in rows that begin with a #, as JSON, so that import_tag_csv()
-/// makes the same config of it. Tags of templates, and those of entries of one name, stand there.
+/// Writes one row for each tag of `text`, which must be a valid config: the device, then a column
+/// for each key. Everything else follows as JSON in rows that start with #, so that
+/// import_tag_csv() restores the same config. Tags of templates, and of devices that share a name,
+/// stay in those JSON rows.
 std::string export_csv(std::string_view text);
 
 }  // namespace fxagent

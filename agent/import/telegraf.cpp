@@ -1,9 +1,9 @@
-// Telegraf's inputs.modbus in its three styles: `register` (lists for each kind of register),
+// Telegraf's inputs.modbus in its three styles: `register` (a list for each kind of register),
 // `request` and `metric` (fields with a unit of their own).
 
-// toml++ 3.3 asserts that the name of a table begins as one before it looks whether it does: a
-// debug build ends at `[[;`, and to clang's optimizer it is a promise. What comes behind is an
-// error with its line. So nothing is asserted of a text that may be anything.
+// toml++ 3.3 asserts that a table name starts with a valid character before it checks it. A debug
+// build aborts at `[[;`, and clang's optimizer assumes the assertion. The check afterwards reports
+// a proper error with its line, so the assertion is disabled for untrusted text.
 #include <toml++/impl/preprocessor.h>
 #undef TOML_ASSERT_ASSUME
 #define TOML_ASSERT_ASSUME(expression) static_assert(true)
@@ -24,8 +24,8 @@ namespace {
 
 using std::string_view_literals::operator""sv;
 
-constexpr std::int64_t kDefaultInterval = 10'000;  // of Telegraf's agent
-constexpr char kOwnRegister = ' ';                 // each field names its table
+constexpr std::int64_t kDefaultInterval = 10'000;  // default of Telegraf's agent
+constexpr char kOwnRegister = ' ';                 // each field names its own table
 
 int line_of(const toml::node& node) { return static_cast<int>(node.source().begin.line); }
 
@@ -36,7 +36,7 @@ std::optional<std::int64_t> integer_at(const toml::table& table, std::string_vie
   return table[key].value<std::int64_t>();
 }
 
-/// "1s", "250ms", "1m30s" in ms; nullopt: none that Telegraf knows.
+/// Converts "1s", "250ms", "1m30s" to ms; nullopt if it is not a Telegraf duration.
 std::optional<std::int64_t> milliseconds(std::string_view text) {
   constexpr std::array<std::pair<std::string_view, double>, 5> kUnits{
       {{"ms", 1}, {"us", 1e-3}, {"s", 1e3}, {"m", 60e3}, {"h", 3600e3}}};
@@ -58,7 +58,8 @@ std::optional<std::int64_t> milliseconds(std::string_view text) {
   return static_cast<std::int64_t>(std::clamp(sum, 0.0, kLongest));
 }
 
-/// The config's type; empty: it has none. FIXED and its kin are as wide as their addresses.
+/// Returns the config's type; empty if there is none. FIXED and similar types are as wide as their
+/// addresses.
 std::string_view type_of(std::string_view name, std::size_t registers, bool is_register_style) {
   if (name == "INT16" || name == "INT32" || name == "UINT16" || name == "UINT32") {
     if (name == "INT16") return "int16";
@@ -81,13 +82,13 @@ char table_of(std::string_view name) {
   return name.empty() || name == "holding" || name == "holding_registers" ? '4' : '?';
 }
 
-/// "AB" and "BA" are of one register.
+/// Converts a byte order. "AB" and "BA" apply to one register.
 std::string_view order_of(std::string_view name) {
   if (name == "BA") return "BADC";
   return name == "AB" ? ""sv : name;
 }
 
-/// Whether the first byte of a string is the high one of its register.
+/// True if the first byte of a string is the high byte of its register.
 bool is_high_first(std::string_view order) {
   return order.empty() || order == "ABCD" || order == "CDAB";
 }
@@ -118,14 +119,14 @@ class TelegrafReader {
   Imported out_;
   LinkTable links_{out_};
   NameMaker device_names_;
-  // Of the plugin that is read:
+  // State of the plugin being read:
   std::string name_;
   std::string link_;
   std::string protocol_;
   std::optional<std::int64_t> timeout_;
   std::optional<std::int64_t> pause_;
   std::int64_t interval_ = kDefaultInterval;
-  std::string group_;                          ///< name of the one group that each device has
+  std::string group_;                          ///< name of the single group of each device
   std::map<std::int64_t, std::size_t> units_;  ///< index in out_.devices
   std::map<std::int64_t, NameMaker> tag_names_;
   struct Measurement {
@@ -135,7 +136,7 @@ class TelegrafReader {
   std::map<std::string, Measurement, std::less<>> measurements_;
 };
 
-/// Notes the keys of `table`, which is `what`, that are none of `known`.
+/// Notes the keys of `table` that are not in `known`. `what` names the table.
 void TelegrafReader::tell_of_others(const toml::table& table, const std::string& what,
                                     std::initializer_list<std::string_view> known) {
   std::string keys;
@@ -145,7 +146,8 @@ void TelegrafReader::tell_of_others(const toml::table& table, const std::string&
   if (!keys.empty()) out_.note(line_of(table), "not carried over: " + keys + " of " + what);
 }
 
-/// Also the protocol, which the transmission mode decides.
+/// Returns the link of a plugin, and in `protocol` the protocol, which the transmission mode
+/// determines.
 std::string TelegrafReader::link_of(const toml::table& plugin, std::string& protocol) {
   std::string_view controller = text_at(plugin, "controller");
   std::string mode(text_at(plugin, "transmission_mode"));
@@ -203,7 +205,7 @@ void TelegrafReader::read_field(const toml::table& node, std::int64_t unit, Fiel
     for (const toml::node& item : *list) addresses.push_back(item.value_or(std::int64_t{-1}));
   else
     addresses.push_back(integer_at(node, "address").value_or(-1));
-  // The style of registers lists those of a string, the others count them.
+  // The `register` style lists the registers of a string; the other styles count them.
   const std::int64_t string_registers = field.is_register_style
                                             ? static_cast<std::int64_t>(addresses.size())
                                             : integer_at(node, "length").value_or(0);
@@ -318,14 +320,14 @@ Imported TelegrafReader::read(const toml::table& top) {
   return std::move(out_);
 }
 
-/// The line where names or brackets stand within each other deeper than any config has them;
-/// nullopt: nowhere. The library goes down a level of the stack for each, and names the line of
-/// none. What it takes for a string must be one here too, or levels could hide in it; behind the
-/// first fault it reads nothing.
+/// Returns the line where keys or brackets nest deeper than 32 levels; nullopt if none does. toml++
+/// recurses once for each level and reports no line for it. This scan must recognise strings
+/// exactly as toml++ does, or levels could hide in them. Text after the first syntax error does not
+/// matter: toml++ stops there.
 std::optional<int> too_deep_line(std::string_view text) {
   constexpr std::size_t kMostLevels = 32;
   int line = 1;
-  std::size_t names = 0;  // of the key that is read
+  std::size_t names = 0;  // of the current key
   std::size_t brackets = 0;
   for (std::size_t i = 0; i < text.size(); ++i) {
     const char c = text[i];
@@ -341,7 +343,7 @@ std::optional<int> too_deep_line(std::string_view text) {
       if (i >= text.size()) break;
       if (is_long) {
         i += 2;
-        // Up to two more stand before the three that end it.
+        // Up to two quotes may precede the three that end the string.
         for (int more = 0; more < 2 && text.substr(i + 1, 1) == triple.substr(0, 1); ++more) ++i;
       }
       if (text[i] != '\n') continue;
@@ -376,9 +378,9 @@ std::optional<int> too_deep_line(std::string_view text) {
   return std::nullopt;
 }
 
-/// The text as TOML, or where it is none. What is not ASCII is read as U+FFFD: nothing that is
-/// carried over has it, and toml++ 3.3 meets undefined behaviour (TOML_UNREACHABLE in
-/// is_whitespace()) where another such character stands outside of strings and comments.
+/// Parses TOML; the error has the line of the fault. Replaces non-ASCII characters by U+FFFD:
+/// nothing that is converted contains them, and toml++ 3.3 has undefined behaviour
+/// (TOML_UNREACHABLE in is_whitespace()) for some of them outside strings and comments.
 tl::expected<toml::table, ImportFault> parsed(std::string_view text) {
   if (const auto line = too_deep_line(text))
     return tl::unexpected(ImportFault{*line, "names or brackets in each other, over 32 levels"});
@@ -387,7 +389,7 @@ tl::expected<toml::table, ImportFault> parsed(std::string_view text) {
     const auto byte = static_cast<unsigned char>(each);
     if (byte < 0x80)
       plain += each;
-    else if (byte >= 0xC0)  // the first byte of a character, and not one of those behind it
+    else if (byte >= 0xC0)  // first byte of a character, not a continuation byte
       plain += "\xEF\xBF\xBD";
   }
   try {

@@ -11,7 +11,7 @@
 namespace fxagent {
 namespace {
 
-/// Of iconv; not to be copied.
+/// Owns an iconv handle; cannot be copied.
 class Converter {
  public:
   explicit Converter(const char* from) : handle_(iconv_open("UTF-8", from)) {}
@@ -23,9 +23,9 @@ class Converter {
 
   bool is_open() const { return handle_ != reinterpret_cast<iconv_t>(-1); }
 
-  /// False where the bytes are not of the encoding.
+  /// Returns false if the bytes are invalid in the encoding.
   bool convert(std::string_view bytes, std::string& out) {
-    std::string copy(bytes);  // iconv() wants what it does not change to be changeable
+    std::string copy(bytes);  // iconv() takes a non-const pointer but does not modify the text
     char* in = copy.data();
     std::size_t in_left = copy.size();
     std::array<char, 4096> block{};
@@ -43,7 +43,7 @@ class Converter {
   iconv_t handle_;
 };
 
-/// Whether every second byte of the beginning is mostly zero, from `first` on.
+/// True if, from `first` on, most alternate bytes at the start of the text are zero.
 bool has_zeros_at(std::string_view bytes, std::size_t first) {
   const std::string_view head = bytes.substr(0, 256);
   std::size_t zeros = 0;

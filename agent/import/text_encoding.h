@@ -1,4 +1,4 @@
-// Files of other programs as UTF-8.
+// Converts files of other programs to UTF-8.
 #pragma once
 
 #include <string>
@@ -7,9 +7,9 @@
 
 namespace fxagent {
 
-/// `bytes` as UTF-8, without a byte order mark. UTF-8 and UTF-16 are told by themselves, UTF-16
-/// without a mark by its zero bytes; anything else is taken for `legacy`, an encoding of iconv:
-/// "CP932" (Shift-JIS), "WINDOWS-1252". The error says what the bytes are not.
+/// Converts `bytes` to UTF-8 without a byte order mark. Detects UTF-8, and UTF-16 by its mark or
+/// its zero bytes. Treats anything else as `legacy`, an iconv encoding such as "CP932" (Shift-JIS)
+/// or "WINDOWS-1252". The error names the encoding that the bytes violate.
 tl::expected<std::string, std::string> to_utf8(std::string_view bytes, const char* legacy);
 
 }  // namespace fxagent

@@ -1,5 +1,5 @@
-// modbus.json of the ThingsBoard gateway: slaves of `master` with attributes and timeseries, which
-// are read, and attributeUpdates and rpc, which write.
+// modbus.json of the ThingsBoard gateway: the slaves of `master`, with attributes and timeseries
+// (read) and attributeUpdates and rpc (written).
 #include <array>
 #include <cmath>
 #include <map>
@@ -16,7 +16,7 @@ namespace {
 
 using std::string_view_literals::operator""sv;
 
-/// The function that reads: the first digit of the table.
+/// Converts a Modbus function code to the leading digit of its table.
 char table_of(std::int64_t function) {
   switch (function) {
     case 1:
@@ -40,7 +40,7 @@ bool writes(std::int64_t function) {
   return function == 5 || function == 6 || function == 15 || function == 16;
 }
 
-/// "16int", "int16" or "int", in lower case; empty: none that a config has.
+/// Converts "16int", "int16" or "int", in lower case; empty if a config has no such type.
 std::string_view type_of(std::string_view type, std::int64_t registers) {
   if (type == "16int" || type == "int16") return "int16";
   if (type == "16uint" || type == "uint16") return "uint16";
@@ -49,7 +49,7 @@ std::string_view type_of(std::string_view type, std::int64_t registers) {
   if (type == "32float" || type == "float32") return "float32";
   if (type == "string") return "string";
   if (type == "bit" || type == "bits") return "bool";
-  // Those without a width are as wide as their registers.
+  // Types without a width are as wide as their registers.
   if ((type == "float" || type == "double") && registers == 2) return "float32";
   if (registers != 1 && registers != 2) return {};
   if (type == "int" || type == "long" || type == "integer")
@@ -62,8 +62,8 @@ std::int64_t registers_of(std::string_view type) {
   return type == "int32" || type == "uint32" || type == "float32" ? 2 : 1;
 }
 
-/// byteOrder and wordOrder, which win over those of `slave` where the tag has its own. The gateway
-/// takes both for LITTLE where they are given nowhere.
+/// Returns the order from byteOrder and wordOrder. A tag's own values override those of `slave`.
+/// The gateway's default for both is LITTLE.
 std::string_view order_of(const ConfigNode& slave, const ConfigNode* tag) {
   const auto is_swapped = [&](std::string_view key) {
     const std::string_view own = tag == nullptr ? ""sv : text_at(*tag, key);
@@ -76,12 +76,12 @@ std::string_view order_of(const ConfigNode& slave, const ConfigNode* tag) {
 }
 
 struct Places {
-  const ConfigNode* file = nullptr;       ///< with "master"
-  const ConfigNode* connector = nullptr;  ///< around it where there is one, else the same
+  const ConfigNode* file = nullptr;       ///< the object with "master"
+  const ConfigNode* connector = nullptr;  ///< the object around it if there is one, else the same
 };
 
-/// What a gateway's page shows or exports has the file in `configurationJson`, alone or below the
-/// name of its connector.
+/// Finds the file in an export of the gateway's web page: in `configurationJson`, alone or below
+/// the connector's name.
 Places places_of(const ConfigNode& top) {
   const auto unwrapped = [](const ConfigNode& node) -> std::optional<Places> {
     const ConfigNode* file = node.find("configurationJson");
@@ -102,7 +102,7 @@ class ThingsboardReader {
 
  private:
   int line_of(const ConfigNode& node) const { return tree_.line_of(node.offset); }
-  /// Notes the keys of `node`, which is `what`, that are none of `known`.
+  /// Notes the keys of `node` that are not in `known`. `what` names the node.
   void tell_of_others(const ConfigNode& node, const std::string& what,
                       std::initializer_list<std::string_view> known);
   void read_slave(const ConfigNode& slave);
@@ -114,11 +114,11 @@ class ThingsboardReader {
 
   const ConfigTree& tree_;
   const ImportOptions& options_;
-  const ConfigNode* connector_ = nullptr;  ///< what the gateway's page of the connector says
+  const ConfigNode* connector_ = nullptr;  ///< settings from the connector's page of the gateway
   Imported out_;
   LinkTable links_{out_};
   NameMaker device_names_;
-  /// Of this slave: what attributeUpdates and rpc may write, by table and address.
+  /// Places of the current slave that attributeUpdates and rpc may write, by table and address.
   std::set<std::pair<char, std::int64_t>> written_;
 };
 
@@ -130,9 +130,9 @@ void ThingsboardReader::tell_of_others(const ConfigNode& node, const std::string
 
 std::string ThingsboardReader::link_of(const ConfigNode& slave, std::string_view protocol) {
   if (!options_.port.empty()) return links_.to(options_.port);
-  // On a serial line the port is a path, and nothing else is a string there.
+  // On a serial port `port` is a path; in all other cases it is not a string.
   if (const std::string_view path = text_at(slave, "port"); path.starts_with('/')) {
-    // What is not given is what the gateway takes it for.
+    // Missing settings take the gateway's defaults.
     JsonObject serial;
     serial.integer("baud", integer_at(slave, "baudrate").value_or(19200));
     serial.integer("data_bits", integer_at(slave, "bytesize").value_or(8));
@@ -185,7 +185,7 @@ void ThingsboardReader::read_tag(const ConfigNode& slave, const ConfigNode& node
   if (!is_bit) tag.keys.text("type", type);
   if (type == "string") {
     tag.keys.integer("length", 2 * registers);
-    tag.keys.text("word_order", "high_first");  // whatever the order
+    tag.keys.text("word_order", "high_first");  // regardless of the byte order
   } else if (is_bit && registers > 1) {
     tag.keys.integer("count", registers);
   } else if (!is_bit && registers > registers_of(type)) {
@@ -208,7 +208,8 @@ void ThingsboardReader::read_tag(const ConfigNode& slave, const ConfigNode& node
   device.tags.push_back(std::move(tag));
 }
 
-/// `sendDataOnlyOnChange` of the slave or of the whole connector, and the slave's reportStrategy.
+/// Reads `sendDataOnlyOnChange` of the slave or the whole connector, and the slave's
+/// reportStrategy.
 void ThingsboardReader::read_publishing(const ConfigNode& slave, IntervalGroups& groups) {
   const ConfigNode* own = slave.find("sendDataOnlyOnChange");
   const ConfigNode* only = own != nullptr ? own : connector_->find("sendDataOnlyOnChange");
@@ -321,7 +322,7 @@ Imported ThingsboardReader::read() {
   return std::move(out_);
 }
 
-/// The first generation of the gateway's file: one server with its devices.
+/// True for the first generation of the gateway's file: one server with its devices.
 bool is_first_generation(const ConfigNode& file) {
   const ConfigNode* server = file.find("server");
   return server != nullptr && server->find("devices") != nullptr;
