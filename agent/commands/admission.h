@@ -64,8 +64,8 @@ class CommandAdmission final {
     closed_ = false;
   }
 
-  /// Rejects commands that would be admitted with `conflict`: another agent, of boot `other_boot`,
-  /// has our id. Empty: there is none.
+  /// Rejects every later command that would be admitted, with `conflict`: another agent, of boot
+  /// `other_boot`, has our id. Empty: there is none.
   void set_conflict(std::string other_boot) { conflict_ = std::move(other_boot); }
 
   /// Restores an id of an earlier run. `utc_ms` is the calendar time of `now`.

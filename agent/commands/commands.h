@@ -92,8 +92,8 @@ class Commands final {
   void set_codec(std::uint32_t device, std::shared_ptr<const Codec> codec);
   /// Rejects every later command that would be admitted, with `shutting_down`.
   void close();
-  /// Rejects commands that would be admitted with `conflict`: another agent, of boot `other_boot`,
-  /// has our id. Empty: there is none.
+  /// Rejects every later command that would be admitted, with `conflict`: another agent, of boot
+  /// `other_boot`, has our id. Empty: there is none.
   void set_conflict(const std::string& other_boot);
 
   /// Returns results for the broker, in the order in which they came. The journal has them by now.
