@@ -11,7 +11,7 @@ class CommandStarts {
  public:
   virtual ~CommandStarts() = default;
 
-  /// Call once for each command, before the first byte of what it changes leaves. If this fails,
+  /// Call once for each command, before the first byte that changes anything leaves. If this fails,
   /// the command counts as possibly sent. Field thread.
   virtual void mark(std::uint64_t number) = 0;
 };

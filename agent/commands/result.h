@@ -21,7 +21,8 @@ inline constexpr std::string_view kInterrupted =
     "the agent ended while the command was under way: it may or may not have been carried out";
 /// Sets UNKNOWN_OUTCOME: the command may have been sent in part when the agent ended.
 void set_interrupted(CommandResult& result);
-/// Sets FAILED: the command waited when the agent ended, and nothing was sent. Also for any read.
+/// Sets FAILED: the command waited when the agent ended, and nothing was sent. A read is always
+/// FAILED.
 void set_interrupted_unsent(CommandResult& result);
 
 /// Reasons why an admitted command is not sent any more.

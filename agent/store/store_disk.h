@@ -37,7 +37,7 @@ class StoreDisk final {
   /// Opens or creates the file and the directory. Sets a damaged file aside as
   /// fxagent.db.corrupt-<utc_ms>. On failure is_writable() is false, and the reason is logged.
   void open();
-  /// Tries whether an open file that refused writes accepts them again.
+  /// Tests if an open file that refused writes accepts them again.
   void try_to_write();
   /// True if the open files were deleted or replaced.
   bool is_misplaced() const;
