@@ -15,14 +15,14 @@ namespace {
 
 using std::chrono::milliseconds;
 
-// Bytes of an admitted command beside those of the command as it came: images and requests, bounded
-// by its values.
+// An admitted command takes at most this many times the memory of the command as received: the
+// values bound its images and requests.
 constexpr std::size_t kAdmittedToCommand = 2;
 
 bool is_write(Op op) { return op == Op::write || op == Op::force_on || op == Op::force_off; }
 bool is_run_or_stop(Op op) { return op == Op::run || op == Op::stop; }
 
-/// Faults that are found before it is asked whether the id is known.
+/// True for faults that rank before the check for a known id.
 bool precedes_id(Reason reason) {
   return reason == Reason::too_large || reason == Reason::bad_json || reason == Reason::missing_id;
 }
@@ -33,7 +33,7 @@ bool concerns_place(Reason reason) {
 
 Refusal refuse(Reason reason, std::string detail) { return {reason, std::move(detail)}; }
 
-/// A refusal where any element of what is to be written lies outside the tag's min and max.
+/// Returns a refusal if an element to be written is outside the tag's min and max.
 std::optional<Refusal> check_limits(const TagConfig& tag, const Value& written) {
   for (const Scalar& item : written.items) {
     if (!number_of(item)) continue;
@@ -57,7 +57,7 @@ std::size_t characters_in(std::string_view utf8) {
   }));
 }
 
-/// How many elements or characters an address without a tag stands for: as many as the value has,
+/// Sets the number of elements or characters of an address without a tag: as many as the value has,
 /// or as a read asks for.
 void set_extent(const CommandTarget& target, Point& point) {
   const bool has_value = target.value && !target.value->items.empty();
@@ -73,11 +73,11 @@ void set_extent(const CommandTarget& target, Point& point) {
   }
 }
 
-/// When the command stops being fresh. Both expiries were given against the clock at receipt.
+/// Returns when the command stops being fresh. Both expiries are relative to the clock at receipt.
 SteadyTime deadline_of(const Command& command, const CommandRules& rules) {
   SteadyTime deadline = command.received + rules.default_expiry;
   if (command.expires_ms) {
-    // How long past makes no difference, and could be more than a duration can hold.
+    // The age of an expired command does not matter, and may be more than a duration can hold.
     const auto fresh_from = std::max(*command.expires_ms, command.received_ms - 1);
     deadline = command.received + milliseconds(fresh_from - command.received_ms);
   }
@@ -95,8 +95,8 @@ std::optional<Refusal> check_expiry(const Command& command, const CommandRules& 
                     " s) ahead of this agent's clock: one of the clocks is wrong");
 }
 
-/// A result as the memory of ids keeps it where there is no journal: where it was to be told is
-/// over with it, and can be 64 KiB of somebody else's making.
+/// Prepares a result for the memory of ids, if there is no journal. Topic and correlation are not
+/// needed any more, and can be 64 KiB of the sender's data.
 std::shared_ptr<const CommandResult> kept(CommandResult result) {
   result.response_topic.clear();
   result.response_topic.shrink_to_fit();
@@ -105,7 +105,7 @@ std::shared_ptr<const CommandResult> kept(CommandResult result) {
   return std::make_shared<const CommandResult>(std::move(result));
 }
 
-/// "; did you mean …?"; empty where no name is near, or there are too many to compare them all.
+/// Returns "; did you mean …?", or empty if no name is near or the device has more than 1,000 tags.
 std::string nearest_tag(std::string_view said, const DeviceConfig& device) {
   constexpr std::size_t kMost = 1000;
   std::vector<std::string_view> names;
@@ -130,8 +130,8 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
     return result;
   };
 
-  // An id that was seen gets no second decision, whatever is wrong with this message: exactly one
-  // result that is not DUPLICATE is the promise that the others stand on.
+  // An id that was seen gets no second decision, whatever is wrong with this message. The other
+  // promises rest on exactly one result that is not DUPLICATE.
   if (!command.id.empty()) {
     if (const auto seen = ids_.find(command.id, now)) {
       set_outcome(result, CommandStatus::duplicate, Reason::duplicate_id, {});
@@ -379,7 +379,8 @@ void CommandAdmission::finished(const CommandResult& result) {
 }
 
 void CommandAdmission::restore(const KnownId& known, SteadyTime now, std::int64_t utc_ms) {
-  // A clock that was set back must not make an id younger than it can be, nor give it more time.
+  // A clock that was set back must neither make an id younger than it can be nor extend its
+  // deadline.
   const std::int64_t age = std::max<std::int64_t>(utc_ms - known.received_ms, 0);
   const std::int64_t left =
       std::min(known.deadline_ms - utc_ms, known.deadline_ms - known.received_ms);

@@ -28,7 +28,7 @@ void add_receipt(Json& body, const Receipt& receipt) {
   body["payload_bytes"] = receipt.payload_bytes;
 }
 
-/// Without the first result inside a DUPLICATE, which has a line of its own.
+/// Leaves out the first result inside a DUPLICATE, which has a record of its own.
 Json outcome_of(std::string_view result_text) {
   Json outcome = Json::parse(result_text, nullptr, /*allow_exceptions=*/false);
   if (!outcome.is_object()) return nullptr;

@@ -13,7 +13,7 @@ using Json = nlohmann::json;
 
 constexpr std::size_t kMaxQuoted = 64;
 
-// Groups of ops that have the same keys.
+// Groups of ops with the same keys.
 constexpr unsigned kWrite = 1;
 constexpr unsigned kForce = 2;
 constexpr unsigned kRead = 4;
@@ -82,14 +82,14 @@ std::string unknown(std::string_view name) {
   return "unknown key " + in_quotes(name) + did_you_mean(name, names);
 }
 
-/// Keys that say more about an address, where there is no address for them.
+/// Checks keys that refine an address: they need one, and `count` and `length` depend on its type.
 void check_address_keys(const Json& target, Faults& faults) {
   const auto misplaced = [&](const char* key, const char* where) {
     if (has(target, key))
       faults.add(Reason::bad_json, "key " + in_quotes(key) + " goes with " + where + " only");
   };
   if (!has(target, "address")) {
-    if (!has(target, "tag")) return;  // it is no target at all, and is told so
+    if (!has(target, "tag")) return;  // not a target; read_place() reports it
     for (const char* key : {"type", "count", "length"}) misplaced(key, "an address");
     return;
   }
@@ -102,7 +102,7 @@ void check_address_keys(const Json& target, Faults& faults) {
 
 enum class Object { command, command_with_targets, target };
 
-/// Why a key that is known must not stand there; empty: it may.
+/// Returns why a known key must not stand there; empty if it may.
 std::string why_misplaced(const Key& key, Object object, std::optional<Op> op) {
   if (object == Object::target && key.stands != Stands::in_target) return "is none of a target's";
   if (!op) return "";

@@ -1,4 +1,4 @@
-// Which keys a command may have, by its `op`. Pure, any thread.
+// Checks the keys of a command against its `op`. Pure, any thread.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
@@ -11,13 +11,13 @@
 
 namespace fxagent {
 
-/// Text of a sender as a detail repeats it: its beginning, in quotes.
+/// Returns the first 64 bytes of a sender's text in quotes, for a detail.
 std::string in_quotes(std::string_view foreign);
 
-/// A bad_json for each key of `command`, a JSON object, that does not go with `op`, with the target
-/// or with `targets`. Without an op only for those that go with none. Null is as good as absent,
-/// but for `expect` and `value`: one that got lost on its way (NaN becomes null) must not make a
-/// command without a condition of one that had it.
+/// Adds bad_json for each key of `command`, a JSON object, that does not go with `op`, with the
+/// target or with `targets`. Without an op, only for unknown keys and keys that no target may have.
+/// Null counts as absent, except for `expect` and `value`: a lost condition (NaN becomes null) must
+/// not become an unconditional write.
 void check_keys(const nlohmann::json& command, std::optional<Op> op, Faults& faults);
 
 }  // namespace fxagent

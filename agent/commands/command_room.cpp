@@ -20,8 +20,8 @@ std::uint64_t chance() {
   return (std::uint64_t{random()} << 32) | random();
 }
 
-/// SipHash-2-4 (Aumasson and Bernstein, 2012): a fingerprint that nobody can forge without the key.
-/// Throws std::runtime_error where libcrypto has none.
+/// SipHash-2-4 (Aumasson and Bernstein, 2012): a fingerprint that cannot be forged without the key.
+/// Throws std::runtime_error if libcrypto lacks it.
 std::uint64_t sip_hash(const IdFingerprints::Key& key, std::string_view text) {
   std::array<unsigned char, sizeof(std::uint64_t)> print{};
   std::size_t size = print.size();
@@ -42,7 +42,7 @@ IdFingerprints::IdFingerprints(std::size_t most) : most_(most), key_{chance(), c
 
 std::uint64_t IdFingerprints::print_of(std::string_view device, std::string_view id) const {
   std::string text(device);
-  text += '\0';  // in neither of them
+  text += '\0';  // occurs in neither of them
   text += id;
   return sip_hash(key_, text);
 }

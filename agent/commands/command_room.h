@@ -1,5 +1,5 @@
-// What all devices of an agent share for their commands: bytes for those that are pending, and
-// room for the ids of which only a fingerprint is kept. Pure: time is an argument.
+// Room that all devices of an agent share for their commands: bytes of pending commands, and
+// fingerprints of old ids. Pure: time is an argument.
 #pragma once
 
 #include <array>
@@ -19,18 +19,18 @@
 
 namespace fxagent {
 
-/// Fingerprints of command ids whose commands have their results. Two ids with one fingerprint are
-/// taken for one; the key is secret, so that nobody can look for such a pair, and by chance it is
-/// one in 10^14 with 200,000 of them.
+/// Fingerprints of ids whose commands have their results. Two ids with the same fingerprint count
+/// as one. The key is secret, so no sender can search for such a pair. By chance a new id has a
+/// known fingerprint once in 10^14, with 200,000 of them.
 class IdFingerprints final {
  public:
-  using Key = std::array<std::uint64_t, 2>;  ///< of 128 bits
-  /// With a key of chance.
+  using Key = std::array<std::uint64_t, 2>;  ///< 128 bits
+  /// Creates a random key.
   explicit IdFingerprints(std::size_t most = kFingerprints);
 
   bool has(std::string_view device, std::string_view id, SteadyTime now) const;
-  /// Whether one more may be kept. Lets go of what is old, and where there are as many as there may
-  /// be, of the oldest that is past its deadline.
+  /// Returns true if one more may be kept. Removes old ones; when full, removes the oldest that is
+  /// past its deadline.
   bool make_room(SteadyTime now);
   void add(std::string_view device, std::string_view id, SteadyTime seen, SteadyTime deadline);
 
@@ -52,18 +52,18 @@ class IdFingerprints final {
 
   std::size_t most_;
   Key key_;
-  All all_;                                           ///< the oldest first
-  SteadyTime earliest_deadline_ = SteadyTime::max();  ///< none is past its own before
+  All all_;                                           ///< oldest first
+  SteadyTime earliest_deadline_ = SteadyTime::max();  ///< no entry is past its own before this
 };
 
 /// Shared by the admission of all devices and by each command that has a place here.
 class CommandRoom final : public std::enable_shared_from_this<CommandRoom> {
  public:
-  /// Of all pending commands; and what each device may have whatever the others have.
+  /// Limit for all pending commands, and the share that each device has in any case.
   static constexpr std::size_t kMostBytes = std::size_t{8} << 20;
   static constexpr std::size_t kBytesOfADevice = std::size_t{64} << 10;
 
-  /// Bytes for one command, given back when it goes.
+  /// Bytes reserved for one command until this object ends.
   class Place final {
    public:
     Place(std::shared_ptr<CommandRoom> room, std::uint32_t device, std::size_t bytes)
@@ -78,7 +78,7 @@ class CommandRoom final : public std::enable_shared_from_this<CommandRoom> {
     const std::size_t bytes_;
   };
 
-  /// Null: there is no room.
+  /// Reserves bytes for a command. Returns null if there is no room.
   std::shared_ptr<const Place> take(std::uint32_t device, std::size_t bytes);
   std::size_t bytes() const { return bytes_; }
 

@@ -1,5 +1,6 @@
-// PORT: which commands may have left the agent, so that a restart after a crash can tell those that
-// only waited from those that may have been carried out. The store keeps it; the field says it.
+// PORT: records which commands may have left the agent. After a crash, a restart can distinguish
+// commands that only waited from those that may have been carried out. The field reports to it; the
+// store keeps it.
 #pragma once
 
 #include <cstdint>
@@ -10,9 +11,8 @@ class CommandStarts {
  public:
   virtual ~CommandStarts() = default;
 
-  /// The first byte of what the command with this number is to change leaves next: once for each
-  /// command, before that byte. What fails here makes the command one that may have left. Field
-  /// thread.
+  /// Call once for each command, before the first byte that changes anything leaves. If this fails,
+  /// the command counts as possibly sent. Field thread.
   virtual void mark(std::uint64_t number) = 0;
 };
 

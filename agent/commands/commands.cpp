@@ -16,10 +16,10 @@ namespace {
 
 using std::chrono::milliseconds;
 
-constexpr std::size_t kPayloadKept = 65536;  // no command is longer
+constexpr std::size_t kPayloadKept = 65536;  // bytes; no command is longer
 constexpr std::size_t kTotalsKept = 1000;    // more than wait for the journal
 
-/// Why a command for a device that is not in the config is refused: what is wrong with the message
+/// Returns why a command for a device that is not in the config is refused. A fault of the message
 /// itself goes first, as everywhere.
 Refusal refusal_of_unknown(const Command& command, const Config& config,
                            const std::string& device) {
@@ -187,13 +187,13 @@ void Commands::journal_later(const AdmittedCommand& admitted, std::optional<audi
 void Commands::hand_over(std::int64_t utc_ms) {
   if (admitted_.empty()) return;
   failpoint("order_admitted");
-  // A disk that refuses does not stop the plant: its state says what is missing.
+  // A disk that refuses does not stop the plant. The store's state reports it.
   if (journal_ != nullptr) journal_->journal(std::exchange(to_journal_, {}));
   failpoint("order_journaled");
   const bool hangs = journal_ != nullptr && journal_->hangs();
   for (AdmittedCommand& admitted : std::exchange(admitted_, {})) {
     const Command& command = admitted.command;
-    // A read changes nothing, and needs no entry to be found after a crash.
+    // A read changes nothing, so recovery does not need its entry.
     if (!hangs || command.op == Op::read) {
       submit_(std::move(admitted));
       continue;
@@ -247,7 +247,7 @@ void Commands::finish(CommandResult result, std::int64_t utc_ms) {
   Device& device = device_at(result.device);
   const auto pending = device.pending.find(result.id);
   if (pending != device.pending.end()) {
-    // It came to an earlier run, by a clock that is not ours.
+    // An earlier run received it, by another steady clock.
     if (pending->second == nullptr) result.received = {};
     device.pending.erase(pending);
   }
@@ -287,7 +287,8 @@ void Commands::take_result(CommandResult result, const std::optional<audit::Rece
     if (message.journaled) {
       entry.id = result.id;
       entry.received_ms = result.received_ms;
-      entry.deadline_ms = result.received_ms;  // of a command it is there already
+      entry.deadline_ms =
+          result.received_ms;  // the row of an admitted command has its deadline already
       entry.op = result.op;
       entry.response_topic = message.response_topic;
       entry.correlation = message.correlation;
@@ -303,7 +304,7 @@ void Commands::take_result(CommandResult result, const std::optional<audit::Rece
   results_.push_back(std::move(message));
 }
 
-/// The first result of a DUPLICATE is in the journal, unless that was lost or set aside.
+/// Finds the first result of a DUPLICATE in the journal, unless that was lost or set aside.
 void Commands::find_first(CommandResult& result) {
   if (!result.first_number || result.first || journal_ == nullptr) return;
   record_results();
@@ -339,7 +340,7 @@ std::vector<ResultMessage> Commands::take_results() {
 void Commands::note_total(const ResultMessage& result) {
   if (!result.is_first || !result.total) return;
   if (journal_ == nullptr) {
-    // Of a device that is in the config no more nobody asks for it.
+    // A device that is no longer in the config does not need it.
     if (const auto index = device_named(result.device))
       device_at(*index).admission.note_total(result.id, *result.total);
     return;

@@ -1,4 +1,5 @@
-// Which fault of a command decides: the first in the contract's order of checks. Pure, any thread.
+// Selects the fault that decides on a command: the first in the contract's order of checks. Pure,
+// any thread.
 #pragma once
 
 #include <optional>
@@ -9,22 +10,22 @@
 
 namespace fxagent {
 
-/// Collects faults and keeps the one that comes first in the order of checks; of several that have
-/// the same place in it, the one that was added first.
+/// Collects faults and keeps the first in the order of checks. Of several with the same rank, keeps
+/// the one added first.
 class Faults final {
  public:
   void add(Refusal fault) {
     if (!first_ || rank(fault.reason) < rank(first_->reason)) first_ = std::move(fault);
   }
   void add(Reason reason, std::string detail) { add(Refusal{reason, std::move(detail)}); }
-  /// Nothing where there is none.
+  /// Does nothing for nullopt.
   void add(std::optional<Refusal> fault) {
     if (fault) add(std::move(*fault));
   }
   const std::optional<Refusal>& first() const { return first_; }
 
  private:
-  /// Reason's enumerators stand in that order; some share a place.
+  /// Reason's enumerators are in the order of checks; some share a rank.
   static Reason rank(Reason reason) {
     if (reason == Reason::bad_address) return Reason::unknown_tag;
     return reason == Reason::not_allowed ? Reason::not_writable : reason;

@@ -67,7 +67,7 @@ void IdMemory::add(Entry entry, SteadyTime now) {
   if (found != by_id.end() && is_old(*found, now)) by_id.erase(found);
   refused.get<1>().erase(entry.id);
   admitted.insert(std::move(entry));
-  // What was refused makes way; what an earlier run leaves may be more than is kept whole.
+  // Refused ids make room. An earlier run may leave more admitted ids than are kept whole.
   while (has_too_many_refused()) refused.erase(refused.begin());
   while (admitted.size() > kRememberedIds) {
     const auto oldest =

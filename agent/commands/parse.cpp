@@ -19,17 +19,16 @@ using Json = nlohmann::json;
 
 constexpr std::size_t kMaxCommandBytes = 65536;
 constexpr std::size_t kMaxIdLength = 64;
-constexpr std::size_t kMaxPlaceLength = 128;  ///< of tag and address; no longer one can be right
-/// The command, `targets`, and of each target itself and its value.
+constexpr std::size_t kMaxPlaceLength = 128;  ///< of tag and address; a longer one cannot be right
+/// The command, `targets`, and for each target the target itself and its value.
 constexpr std::size_t kMaxStructures = 2 + 2 * kMostTargets;
 constexpr std::size_t kMaxDepth = 3;  ///< root object, `targets`, one target, an array value in it
 
 constexpr std::size_t kMaxOpKept = 64;       ///< characters of an op that the result repeats
-constexpr std::int64_t kMostElements = 125;  ///< that a read by address asks for
+constexpr std::int64_t kMostElements = 125;  ///< of a read by address
 constexpr std::int64_t kMostCharacters = 2 * kMostElements;
 
-/// What the parser itself does not refuse: a key given twice (which of them counts?) and deep
-/// nests.
+/// Finds faults that the parser accepts: duplicate keys and deep nesting.
 class Watch final {
  public:
   bool operator()(Json::parse_event_t event, const Json& parsed) {
@@ -59,7 +58,7 @@ class Watch final {
   std::string fault_;
 };
 
-/// Objects and arrays in a text, as far as it is JSON.
+/// Counts objects and arrays in a text, as far as it is JSON.
 std::size_t structures_in(std::string_view text) {
   std::size_t count = 0;
   bool in_string = false;
@@ -87,7 +86,7 @@ std::string not_a_scalar(const Json& json, const std::string& what) {
   return what + " must be a number, a boolean or a string";
 }
 
-/// The value under `key`; else `fault` says what is wrong with it.
+/// Returns the value under `key`, or nullopt with the reason in `fault`.
 std::optional<Value> value_of(const Json& json, const std::string& key, std::string& fault) {
   if (!json.is_array()) {
     auto scalar = scalar_of(json);
@@ -112,13 +111,13 @@ const Json* find(const Json& object, std::string_view key) {
   return found == object.end() ? nullptr : &*found;
 }
 
-/// A key of a command: null is as good as absent, since templates fill in every key.
+/// Returns the value of a key. Null counts as absent, since templates fill in every key.
 const Json* given(const Json& object, std::string_view key) {
   const Json* value = find(object, key);
   return value == nullptr || value->is_null() ? nullptr : value;
 }
 
-/// An integer that a double holds exactly.
+/// True for an integer that a double holds exactly.
 bool is_exact_integer(const Json& json) {
   if (json.is_number_unsigned())
     return json.get<std::uint64_t>() <= std::uint64_t{json::kMaxExactInteger};
@@ -169,7 +168,7 @@ void read_type(const Json& type, CommandTarget& target, Faults& faults) {
     faults.add(Reason::bad_value, known.error().text);
 }
 
-/// How many elements, or characters, a read by address is to bring.
+/// Reads the number of elements or characters that a read by address asks for.
 void read_extent(const Json& object, CommandTarget& target, Faults& faults) {
   for (const auto& [key, most] :
        {std::pair("count", kMostElements), std::pair("length", kMostCharacters)}) {
@@ -234,7 +233,7 @@ void read_targets(const Json& object, Command& command, Faults& faults) {
   for (const Json& entry : *targets) command.targets.push_back(read_target(entry, faults));
 }
 
-/// Takes the first `id` of the command itself out of a text that may end anywhere.
+/// Finds the first `id` of the command itself in a text that may end anywhere.
 class IdReader final : public nlohmann::json_sax<Json> {
  public:
   const std::optional<Json>& id() const { return id_; }
@@ -260,7 +259,7 @@ class IdReader final : public nlohmann::json_sax<Json> {
 
  private:
   bool begin() {
-    if (is_id_) return false;  // no id is an object
+    if (is_id_) return false;  // an id is not an object or array
     ++depth_;
     return true;
   }
@@ -274,7 +273,7 @@ class IdReader final : public nlohmann::json_sax<Json> {
   std::optional<Json> id_;
 };
 
-/// A key that must be `true` or `false` where it is there.
+/// Reads a key that must be `true` or `false` if present.
 std::optional<bool> read_flag(const Json* flag, const char* key, Faults& faults) {
   if (flag == nullptr) return std::nullopt;
   if (flag->is_boolean()) return flag->get<bool>();
@@ -285,7 +284,7 @@ std::optional<bool> read_flag(const Json* flag, const char* key, Faults& faults)
 
 void read_conditions(const Json& object, Command& command, Faults& faults) {
   if (const Json* expires = given(object, "expires")) {
-    // A sender may write 1.79e12; a fraction or a huge number is no time.
+    // A sender may write 1.79e12. A fraction or a huge number is not a time.
     const double at = expires->is_number() ? expires->get<double>() : -1.0;
     if (at >= 0 && at <= static_cast<double>(json::kMaxExactInteger) && at == std::floor(at))
       command.expires_ms = static_cast<std::int64_t>(at);
@@ -309,7 +308,7 @@ void read_conditions(const Json& object, Command& command, Faults& faults) {
   }
 }
 
-/// What is wrong with it and where, as a config says it.
+/// Returns what is wrong and where, in the words of the config's parser.
 std::string why_no_json(std::string_view payload) {
   const auto tree = ConfigTree::parse(payload);
   return tree ? "not JSON" : tree.error().text;
@@ -327,8 +326,8 @@ Command parse_command(std::string_view payload) {
     return command;
   }
   Watch watch;
-  // A parser that is watched looks through the whole parent at the end of each object and array:
-  // 21,000 of them took it a second. What has so many is refused, and only its id is looked for.
+  // With a callback, the parser searches the whole parent at the end of each object and array:
+  // 21,000 of them took a second. A text with too many is refused anyway and parsed without it.
   const bool too_many = structures_in(payload) > kMaxStructures;
   const Json json = too_many ? Json::parse(payload, nullptr, /*allow_exceptions=*/false)
                              : Json::parse(
@@ -343,7 +342,7 @@ Command parse_command(std::string_view payload) {
     return command;
   }
   Faults faults;
-  // To the parser it is the end of the text.
+  // The parser takes a NUL for the end of the text.
   if (payload.find('\0') != std::string_view::npos)
     faults.add(Reason::bad_json,
                "a NUL byte is no JSON: send the text without its terminating zero");

@@ -1,4 +1,4 @@
-// Reads commands as they come on a topic. Pure, any thread.
+// Parses commands as they come on a topic. Pure, any thread.
 #pragma once
 
 #include <string_view>
@@ -7,9 +7,9 @@
 
 namespace fxagent {
 
-/// Reads a command; never throws. Whatever is wrong with its form stands in `refusal`: the first
-/// fault in the contract's order of checks. What could be read in spite of it is filled in, the id
-/// above all. device, retained, times and MQTT 5 properties are the caller's to set.
+/// Parses a command; never throws. `refusal` is the first fault of its form, in the contract's
+/// order of checks. Everything that could be read anyway is filled in, above all the id. The caller
+/// sets device, retained, times and MQTT 5 properties.
 Command parse_command(std::string_view payload);
 
 }  // namespace fxagent

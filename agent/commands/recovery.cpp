@@ -16,7 +16,7 @@
 namespace fxagent {
 namespace {
 
-/// The command as it came; nothing where the journal does not have it.
+/// Returns the command as received, or nullopt if the journal does not have it.
 std::optional<Command> command_of(const JournalEntry& entry, std::uint32_t device,
                                   std::int64_t utc_ms, SteadyTime now) {
   if (entry.payload.empty()) return std::nullopt;
@@ -32,7 +32,7 @@ std::optional<Command> command_of(const JournalEntry& entry, std::uint32_t devic
   return command;
 }
 
-/// The result of a command of which no reading tells what became of it, or need not tell.
+/// Returns the result of a command whose outcome cannot or need not be read back.
 CommandResult interrupted(const JournalEntry& entry, const std::optional<Command>& command) {
   CommandResult result;
   if (command) {
@@ -50,7 +50,7 @@ CommandResult interrupted(const JournalEntry& entry, const std::optional<Command
   return result;
 }
 
-/// By the names of the config; what belongs to other devices stays where it is.
+/// Knows devices by their names in the config. Entries of other devices stay in the journal.
 class Known final {
  public:
   Known(const Config& config, CommandJournal& journal, std::int64_t utc_ms)
@@ -69,14 +69,14 @@ class Known final {
  private:
   void take(JournalEntry entry, std::uint32_t device, SteadyTime now, Recovered& found) const {
     if (entry.result.empty()) {
-      // A store that opened late: this run has carried out a command of that id itself.
+      // If the store opened late, this run may have carried out a command of that id itself.
       const auto known = journal_.find(entry.device, entry.id);
       if (known && (known->number > entry.number || !known->result.empty())) return;
       log::warn("command_interrupted", {{"device", entry.device},
                                         {"id", entry.id},
                                         {"sent", entry.surely_not_sent ? "no" : "perhaps"}});
       auto command = command_of(entry, device, utc_ms_, now);
-      // What a write was to set is read by the field.
+      // The field reads back what a write was to set.
       if (command && command->op == Op::write && !entry.surely_not_sent)
         return found.interrupted.push_back(std::move(*command));
       entry.result = result_text(interrupted(entry, command));

@@ -31,7 +31,7 @@ void write_outcome(Writer& out, CommandStatus status, Reason reason, std::string
   out.key("of").integer(std::int64_t{progress->of});
 }
 
-/// `target` null: none could be read.
+/// `target` null: the command has none, or none could be parsed.
 void write_target(Writer& out, const TargetResult* target) {
   out.key("tag").word(target ? target->tag : "");
   out.key("address").word(target ? target->address : "");
@@ -101,13 +101,13 @@ void leave_out_values(CommandResult& result) {
   }
 }
 
-/// Of a DUPLICATE they only repeat the command.
+/// The targets of a DUPLICATE only repeat the command.
 void leave_out_targets(CommandResult& result) {
   result.detail += "; so are the targets";
   result.targets.clear();
 }
 
-/// The same of a result that is text already.
+/// Same as leave_out_values(), for a result that is already text.
 std::string without_values(std::string_view recorded) {
   auto json = nlohmann::ordered_json::parse(recorded, nullptr, /*allow_exceptions=*/false);
   for (const char* key : {"value", "verify", "targets"})
@@ -118,7 +118,7 @@ std::string without_values(std::string_view recorded) {
 }  // namespace
 
 std::string result_text(const CommandResult& result) {
-  constexpr std::size_t kMost = kMaxResultBytes - 24;  // total_ms is still to come
+  constexpr std::size_t kMost = kMaxResultBytes - 24;  // room for total_ms
   const auto written = [](const CommandResult& what) {
     Writer out;
     write_result(out, what);
@@ -151,7 +151,7 @@ std::string total_text(std::chrono::nanoseconds total) {
 }
 
 std::string with_total(std::string text, std::chrono::nanoseconds total) {
-  // Inside a string its quotes would be escaped; that of the first result of a DUPLICATE is before.
+  // Inside a string its quotes would be escaped. In a DUPLICATE, the one in `first` comes before.
   constexpr std::string_view kOpen = R"("total_ms":null)";
   const auto found = text.rfind(kOpen);
   if (found == std::string::npos) return text;

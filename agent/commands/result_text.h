@@ -1,4 +1,4 @@
-// Writes the result of a command as it is published and kept. Pure functions, any thread.
+// Writes the result of a command as published and stored. Pure functions, any thread.
 #pragma once
 
 #include <chrono>
@@ -9,18 +9,19 @@
 
 namespace fxagent {
 
-/// No result is larger: the details of its targets are left out first, then the values.
+/// Largest result. Above this the details of targets are left out, then the values, then the
+/// targets.
 inline constexpr std::size_t kMaxResultBytes = 65536;
-/// The result of a command, agent/CONTRACT.md section 5; total_ms is null where it is not known.
+/// Returns the result of a command, agent/CONTRACT.md section 5; total_ms is null if not known.
 std::string result_text(const CommandResult& result);
-/// A duration as it stands in a result.
+/// Returns a duration as it stands in a result.
 std::string total_text(std::chrono::nanoseconds total);
-/// The text of result_text() with its total_ms: from the command's arrival until now. One that has
-/// it stays as it is.
+/// Fills in the total_ms of a result_text(): from the command's arrival to the hand-over. A text
+/// that has one stays as it is.
 std::string with_total(std::string text, std::chrono::nanoseconds total);
 
-/// What result_text() made in an earlier run: `recorded` is the text, status and plc are read from
-/// it. Where the text is no JSON object any more, the outcome is unknown and `recorded` empty.
+/// Restores a result from its result_text(): `recorded` is the text; status and plc are read from
+/// it. If the text is not a JSON object any more, the outcome is unknown and `recorded` empty.
 CommandResult recorded_result(std::string text);
 
 }  // namespace fxagent

@@ -34,7 +34,7 @@ double seconds(std::chrono::nanoseconds duration) {
   return std::chrono::duration<double>(duration).count();
 }
 
-// ---- what there is of each link, device and sample ----------------------------------------------
+// ---- metrics of each link, device and sample ----------------------------------------------------
 
 struct OfLink {
   std::string_view name;
@@ -97,7 +97,7 @@ constexpr std::array kOfSamples{
 
 // ---- the families -------------------------------------------------------------------------------
 
-/// One page. Each family is written as soon as it is whole: of many links they are large.
+/// One page. Writes each family as soon as it is complete: with many links they are large.
 class Page final {
  public:
   Page(const AgentStatus& status, const HttpServer::Closed& closed)
@@ -124,7 +124,7 @@ class Page final {
     family.type = type;
     family.help = help;
   }
-  /// The family that was begun last. One without a series is left out.
+  /// Writes the current family, unless it has no series.
   void write() {
     if (!family_.empty() && !family_.front().metric.empty())
       prometheus::TextSerializer().Serialize(out_, family_);
@@ -154,7 +154,7 @@ class Page final {
     made.histogram.sample_count = count;
     made.histogram.sample_sum = seconds(durations.sum());
   }
-  /// A family of one series.
+  /// Adds a family of one series.
   void one(std::string_view name, MetricType type, std::string_view help, double value) {
     begin(name, type, help);
     add({}, value);
@@ -221,7 +221,7 @@ class Page final {
     add({}, status_.command_durations);
   }
 
-  /// Of the first `count`; a reload leaves vacant places.
+  /// Visits the first `count` links, except vacant places that a reload leaves.
   template <class Do>
   void for_each_link(std::size_t count, Do what) {
     for (std::size_t i = 0; i < count; ++i)
@@ -244,7 +244,7 @@ class Page final {
     for_each_link(count, [&](std::size_t i) { add(link(i), durations[i].lateness); });
   }
 
-  /// A family with a series for each device that `value` knows.
+  /// Adds a family with a series for each device that `value` returns a number for.
   template <class Value>
   void of_each_device(std::string_view name, MetricType type, std::string_view help, Value value) {
     begin(name, type, help);
@@ -298,7 +298,7 @@ class Page final {
   const AgentStatus& status_;
   const Config& config_;
   const HttpServer::Closed& closed_;
-  std::vector<MetricFamily> family_;  ///< the one that was begun last, or none
+  std::vector<MetricFamily> family_;  ///< the current one, or none
   std::ostringstream out_;
 };
 

@@ -1,6 +1,5 @@
-// The agent's status as Prometheus reads it, the text format 0.0.4: what health has, with names and
-// units as Prometheus asks for them. Names, labels and meanings are in agent/CONTRACT.md,
-// section 10.
+// The agent's status in the Prometheus text format 0.0.4: the content of health, with names and
+// units by Prometheus conventions. agent/CONTRACT.md, section 10, has names, labels and meanings.
 #pragma once
 
 #include <string>
@@ -10,8 +9,8 @@
 
 namespace fxagent {
 
-/// The status is one that the uplink has made: it has its config. A link or device that the field
-/// has not told of yet is not in it. Any thread.
+/// Returns the page. `status` is from the uplink and has its config. Links and devices that the
+/// field has not reported yet are left out. Any thread.
 std::string exposition(const AgentStatus& status, const HttpServer::Closed& closed = {});
 
 }  // namespace fxagent

@@ -7,7 +7,7 @@
 namespace fxagent {
 namespace {
 
-// The one whose header this was compiled with: Debian's libmicrohttpd12.
+// The version whose header this was compiled with: Debian's libmicrohttpd12.
 constexpr const char* kFile = "libmicrohttpd.so.12";
 
 template <class Function>

@@ -1,12 +1,12 @@
-// libmicrohttpd, loaded when it is first needed. Linked, it brings GnuTLS and eight libraries more
-// into every process: an agent that serves no metrics has none of them. Any thread.
+// Loads libmicrohttpd when it is first needed. Linking it would bring GnuTLS and eight more
+// libraries into every process, even into an agent that serves no metrics. Any thread.
 #pragma once
 
 #include <microhttpd.h>
 
 namespace fxagent {
 
-/// The functions of the library that are used, by their names there without MHD_.
+/// Library functions that are used, named without MHD_.
 struct HttpLibrary {
   decltype(&MHD_start_daemon) start_daemon;
   decltype(&MHD_stop_daemon) stop_daemon;
@@ -20,8 +20,8 @@ struct HttpLibrary {
   decltype(&MHD_destroy_response) destroy_response;
 };
 
-/// Null where it is not installed, or not the one that this program was made with. Once loaded it
-/// stays.
+/// Returns null if the library is not installed, or not the version that this program was built
+/// with. Once loaded it stays.
 const HttpLibrary* http_library();
 
 }  // namespace fxagent

@@ -16,14 +16,14 @@ using std::chrono::milliseconds;
 constexpr const char* kJson = "application/json";
 constexpr MHD_UNSIGNED_LONG_LONG kMostWaitMs = 60'000;
 
-/// What a response owns of the body that it sends.
+/// Reference to the body, owned by the response that sends it.
 using SharedBody = std::shared_ptr<const std::string>;
 void let_go(void* body) { delete static_cast<SharedBody*>(body); }
 
 MHD_Result send(MHD_Connection* connection, const HttpAnswer& answer) {
   const HttpLibrary& http = *http_library();
   auto* const owned = new SharedBody(answer.body);
-  // It only reads them.
+  // The library only reads the bytes.
   char* const bytes = const_cast<char*>((*owned)->data());
   MHD_Response* const response = http.create_response((*owned)->size(), bytes, let_go, owned);
   if (response == nullptr) {
@@ -50,7 +50,7 @@ HttpAnswer not_allowed() {
 
 }  // namespace
 
-/// What the library calls, with the server as its first argument. It calls from run() alone.
+/// Callbacks of the library, with the server as their first argument. The server's thread only.
 struct HttpServer::Callbacks {
   static MHD_Result request(void* server, MHD_Connection* connection, const char* path,
                             const char* method, const char* /*version*/, const char* /*upload*/,
@@ -76,7 +76,7 @@ Result<std::unique_ptr<HttpServer>> HttpServer::start(ListeningSocket socket, An
     return fail(ErrorCode::link_down,
                 "libmicrohttpd.so.12 could not be loaded; install the package libmicrohttpd12");
   std::unique_ptr<HttpServer> server(new HttpServer(std::move(socket), std::move(answer)));
-  // Without a thread of its own: run() is its loop.
+  // No thread of its own: run() is its loop.
   server->daemon_ = http->start_daemon(
       MHD_USE_EPOLL, 0, nullptr, nullptr, &Callbacks::request, server.get(),
       MHD_OPTION_LISTEN_SOCKET, static_cast<MHD_socket>(server->socket_.take_file()),
@@ -110,7 +110,7 @@ SteadyTime HttpServer::run(SteadyTime now) {
   SteadyTime wake = SteadyTime::max();
   if (http.get_timeout(daemon_, &silence_ms) == MHD_YES)
     wake = now + milliseconds(std::min<MHD_UNSIGNED_LONG_LONG>(silence_ms, kMostWaitMs));
-  // One that was shut is waited for no longer.
+  // Connections past their limit were shut and need no wake-up.
   for (const Open& open : open_)
     if (const SteadyTime end = open.since + kLongestConnection; end > now)
       return std::min(wake, end);
@@ -137,7 +137,7 @@ void HttpServer::answered(MHD_Connection* connection) {
   if (found != open_.end()) found->is_answered = true;
 }
 
-/// The library finds that its peer has ended the connection, and forgets it.
+/// The library then finds the connection ended, and removes it.
 void HttpServer::shut(Open& open, std::uint64_t& count) {
   if (std::exchange(open.is_shut, true)) return;
   ++count;

@@ -14,12 +14,12 @@
 namespace fxagent {
 namespace {
 
-// Who waits beyond the connections that are served.
+// Connections that wait to be accepted.
 constexpr int kBacklog = 64;
 
 std::string why(int error) { return std::generic_category().message(error); }
 
-/// The socket calls take any address as this.
+/// Casts an address to the type that the socket calls take.
 template <class Address>
 sockaddr* as_any(Address& address) {
   return reinterpret_cast<sockaddr*>(&address);
@@ -29,7 +29,7 @@ int new_socket(int family) {
   return ::socket(family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
 }
 
-/// Whether a program still accepts connections there; a file that a dead one left does not.
+/// True if a program still accepts connections there. A file left by a dead one refuses them.
 bool is_served(sockaddr_un& address) {
   const int probe = new_socket(AF_UNIX);
   if (probe < 0) return true;
@@ -85,7 +85,7 @@ Result<ListeningSocket> ListeningSocket::open_unix(const std::string& path) {
   }
   if (error != 0) return refused(name, error);
   made.path_ = path;
-  // Who may ask: the agent's user and its group.
+  // Only the agent's user and group may connect.
   if (::chmod(path.c_str(), S_IRUSR | S_IWUSR | S_IRGRP | S_IWGRP) != 0 ||
       ::listen(made.file_, kBacklog) != 0)
     return refused(name, errno);
@@ -113,7 +113,7 @@ Result<ListeningSocket> ListeningSocket::open_tcp(const MetricsConfig& config) {
   ListeningSocket made(new_socket(is_ipv6 ? AF_INET6 : AF_INET));
   if (made.file_ < 0) return refused(host, errno);
   const int on = 1;
-  // A restart finds connections of the one before, which are closing.
+  // Connections of the previous process may still be closing after a restart.
   ::setsockopt(made.file_, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
   if (is_ipv6) ::setsockopt(made.file_, IPPROTO_IPV6, IPV6_V6ONLY, &on, sizeof on);
   if (::bind(made.file_, address, size) != 0 || ::listen(made.file_, kBacklog) != 0 ||

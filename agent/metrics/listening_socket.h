@@ -1,4 +1,4 @@
-// The socket on which metrics are served: TCP or a Unix socket, ready to accept. Any thread.
+// The listening socket for metrics, TCP or Unix. Any thread.
 #pragma once
 
 #include <string>
@@ -11,8 +11,9 @@ namespace fxagent {
 
 class ListeningSocket final {
  public:
-  /// Opens it. Of a Unix socket that nobody listens on any more the file is replaced. Errors:
-  /// link_down, with the cure: the address is taken, is none of this machine, or may not be used.
+  /// Opens the socket. Replaces the file of a Unix socket if no program listens on it any more.
+  /// Errors: link_down, with the remedy: the address is in use, not on this machine, or not
+  /// permitted.
   static Result<ListeningSocket> open(const MetricsConfig& config);
 
   ListeningSocket(ListeningSocket&& other) noexcept
@@ -20,12 +21,12 @@ class ListeningSocket final {
         address_(std::move(other.address_)),
         path_(std::exchange(other.path_, {})) {}
   ListeningSocket& operator=(ListeningSocket&&) = delete;
-  /// Closes it where nobody took it, and removes the file of a Unix socket.
+  /// Closes the socket unless take_file() was called, and removes the file of a Unix socket.
   ~ListeningSocket();
 
-  /// Who closes it now is the caller.
+  /// Passes the socket to the caller, who closes it.
   int take_file() { return std::exchange(file_, -1); }
-  /// As it is: "127.0.0.1:9464", "[::1]:40123", "unix:/run/fxagent/metrics".
+  /// Actual address: "127.0.0.1:9464", "[::1]:40123", "unix:/run/fxagent/metrics".
   const std::string& address() const { return address_; }
 
  private:
@@ -36,7 +37,7 @@ class ListeningSocket final {
 
   int file_;
   std::string address_;
-  std::string path_;  ///< of a Unix socket that was bound
+  std::string path_;  ///< of a bound Unix socket
 };
 
 }  // namespace fxagent

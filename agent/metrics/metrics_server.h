@@ -1,6 +1,6 @@
-// Serves /metrics, /healthz and /readyz at the address of the config, on a thread of its own. It
-// reads the status board and nothing else, so it can stop nothing. Where the address cannot be had
-// it says so, and tries again.
+// Serves /metrics, /healthz and /readyz at the configured address, on its own thread. Reads only
+// the status board, so it cannot hold up the agent. If the address is not available, logs why and
+// tries again every 5 s.
 #pragma once
 
 #include <chrono>
@@ -18,28 +18,28 @@ namespace fxagent {
 
 class MetricsServer final {
  public:
-  /// Between two attempts to have the address.
+  /// Time between two attempts to open the address.
   static constexpr std::chrono::seconds kRetry{5};
-  /// Open at once: its connections, and what it has itself.
+  /// Most files open at once: connections, and the server's own.
   static constexpr std::size_t kMostFiles = HttpServer::kMostConnections + 4;
 
-  /// Starts the thread. `board` outlives it. Where there is no thread, that is logged and nothing
-  /// is served.
+  /// Starts the thread. `board` outlives this object. If no thread can be started, logs that and
+  /// serves nothing.
   MetricsServer(MetricsConfig config, StatusBoard& board);
-  /// Ends it within kPatience.
+  /// Ends the thread within kPatience.
   ~MetricsServer();
   MetricsServer(const MetricsServer&) = delete;
   MetricsServer& operator=(const MetricsServer&) = delete;
 
  private:
-  /// For a status of this second; an uplink that is slower is asked again a second later.
+  /// Longest wait for a fresh status. If it runs out, requests of the next second do not wait.
   static constexpr std::chrono::milliseconds kPatience{500};
 
   void work();
-  /// Null where there is none; `told` is the last reason that was logged.
+  /// Returns null if the server does not start. `told` is the last reason that was logged.
   std::unique_ptr<HttpServer> started(std::string& told);
   void serve(HttpServer& server);
-  /// Returns when `file` can be read, at `until`, or when it is to end: then false.
+  /// Returns true when `file` is readable, or at `until`. Returns false when the thread must end.
   bool wait(int file, SteadyTime until) const;
 
   HttpAnswer answer(std::string_view path);
@@ -48,11 +48,11 @@ class MetricsServer final {
 
   const MetricsConfig config_;
   StatusBoard& board_;
-  const int end_;  ///< can be read when the thread is to end
-  // The thread's own.
+  const int end_;  ///< readable when the thread must end
+  // Used by the thread only.
   SteadyTime ask_again_{};
   const HttpServer* server_ = nullptr;        ///< null until it serves
-  std::shared_ptr<const AgentStatus> shown_;  ///< whose text `text_` is
+  std::shared_ptr<const AgentStatus> shown_;  ///< the status that `text_` shows
   std::shared_ptr<const std::string> text_;
   std::thread thread_;
 };

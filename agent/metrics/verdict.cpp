@@ -14,14 +14,14 @@ std::string text_of(SteadyTime::duration age) {
   return std::to_string(std::chrono::duration_cast<seconds>(age).count()) + " s";
 }
 
-/// Since when the field has said nothing. At the start it has its time, too.
+/// Returns the time since the field's last report, or since the start if there was none.
 SteadyTime::duration field_silence(const AgentStatus& status, SteadyTime now) {
   return now - status.field_heard.value_or(status.made_at - status.uptime);
 }
 
 Reasons faults(const AgentStatus* status, SteadyTime now) {
   if (status == nullptr) return {"uplink: no sign of life since the start"};
-  // What the field does is the uplink's to tell: while that stands still nobody knows.
+  // The uplink reports on the field: while it hangs, nothing is known of the field.
   if (is_stale(status, now))
     return {"uplink: no sign of life for " + text_of(now - status->made_at)};
   if (const auto silence = field_silence(*status, now); silence > kFieldWithin)
@@ -36,7 +36,7 @@ Verdict verdict(const Reasons& reasons, const AgentStatus* status, SteadyTime no
   out.end_array();
   if (status != nullptr) {
     out.key("boot").string(status->boot).key("version").string(status->version);
-    // The status may be a minute old: nobody but a reader wants another one.
+    // The status may be a minute old: without readers, a new one is rare.
     const auto age = std::chrono::duration_cast<seconds>(now - status->made_at);
     out.key("uptime_s").integer(static_cast<std::int64_t>((status->uptime + age).count()));
   }

@@ -1,4 +1,4 @@
-// What /healthz and /readyz answer, and why. Any thread.
+// Answers of /healthz and /readyz, with the reasons. Any thread.
 #pragma once
 
 #include <chrono>
@@ -9,9 +9,9 @@
 
 namespace fxagent {
 
-/// The uplink makes a status each time that it is asked, at the most so much later.
+/// The uplink makes a status on each request, at most this much later.
 inline constexpr std::chrono::seconds kUplinkWithin{10};
-/// The field tells its counters every 5 s.
+/// The field reports its counters every 5 s. It counts as hanging after this time without a report.
 inline constexpr std::chrono::seconds kFieldWithin{20};
 
 struct Verdict {
@@ -19,15 +19,15 @@ struct Verdict {
   std::string json;  ///< `{"ok":false,"why":[…],…}`, one line
 };
 
-/// Whether the uplink's status is too old to be shown: its thread stands still.
+/// True if there is no status, or it is too old to show: then the uplink's thread hangs.
 bool is_stale(const AgentStatus* status, SteadyTime now);
 
-/// Good: the field's thread and the uplink's went on lately. A PLC, a line or a broker that is away
-/// changes nothing: a restart of the agent would not bring it back. `status` null: there is none
-/// yet.
+/// Good if the threads of field and uplink made progress lately. An unreachable PLC, line or broker
+/// changes nothing: a restart of the agent would not help. `status` null: there is none yet.
 Verdict health_of(const AgentStatus* status, SteadyTime now);
 
-/// Good: healthy, connected to a broker, commands are heard, and no other agent has the same id.
+/// Good if healthy, connected to a broker, subscribed to commands, and no other agent has the same
+/// id.
 Verdict readiness_of(const AgentStatus* status, SteadyTime now);
 
 }  // namespace fxagent

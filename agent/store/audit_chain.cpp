@@ -68,7 +68,7 @@ std::int64_t time_of(std::string_view text) {
   return ts != record.end() && ts->is_number_integer() ? ts->get<std::int64_t>() : 0;
 }
 
-// ---- whether they are whole -------------------------------------------------------------------
+// ---- verification -----------------------------------------------------------------------------
 
 void Verifier::find(std::uint64_t record, std::string text) {
   findings_.push_back({record, std::move(text)});
@@ -83,7 +83,7 @@ void Verifier::add(const Record& record) {
   if (!whole) find(record.number, "its text or its hash was changed");
   if (count_ == 0) {
     first_ = record.number;
-    // Whatever stands there is compared with what a pruning has noted; see check_beginning().
+    // check_beginning() compares this with the hash in the `pruned` record.
     const std::size_t at = opening(record.number, "").size() - 2;
     if (record.text.size() > at) first_prev_ = record.text.substr(at, 64);
     if (whole && !follows(first_prev_)) find(record.number, "it is another record in this place");

@@ -12,7 +12,7 @@ using sqlite::from_sql;
 constexpr std::chrono::hours kAgeEvery{1};
 constexpr int kPatienceMs = 2000;
 
-// What a record costs beside its text: number, hash, and the file's own.
+// Bytes of a record besides its text: number, hash, and SQLite's overhead.
 constexpr std::uint64_t kOverhead = 64;
 
 void take_digest(ByteView kept, Digest& digest) {
@@ -36,7 +36,8 @@ void AuditTrail::load(SQLite::Database& database) {
     kept_.arrivals = from_sql(sqlite::number(row, 2));
     kept_.bytes = from_sql(sqlite::number(row, 3));
   });
-  // Where somebody has put the head back, the chain goes on behind it and verify finds the break.
+  // If the stored head was set back, the chain continues after the last record, and verification
+  // finds the break.
   const auto last = from_sql(database.execAndGet("SELECT max(n) FROM audit").getInt64());
   kept_.head.records = std::max(kept_.head.records, last);
   std::uint64_t given = last_command_number_;
@@ -106,7 +107,7 @@ void AuditTrail::prune(std::uint64_t max_bytes, std::int64_t oldest_ms, std::uin
   SQLite::Statement oldest(disk_.database(), "SELECT n, text, hash FROM audit ORDER BY n");
   sqlite::each(oldest, [&](const SQLite::Statement& row) {
     const std::uint64_t number = from_sql(sqlite::number(row, 0));
-    // The last one stays, so that the chain has an end.
+    // The last record stays: the chain needs an end.
     if (number >= next_.head.records) return false;
     const std::string_view text = sqlite::text(row, 1);
     const bool too_much = full && next_.bytes > max_bytes + freed;
@@ -128,7 +129,7 @@ void AuditTrail::prune_to_limits(SteadyTime now, SteadyTime running_since) {
   if (!disk_.is_writable()) return;
   const bool by_age = !prune_at_ || now >= *prune_at_;
   if (by_age) prune_at_ = now + kAgeEvery;
-  // A record of this run is not older than the run, whatever the clock was at the time.
+  // A record of this run is not older than the run, whatever its timestamp.
   const bool long_run = now - running_since > config_.audit_max_age;
   const std::uint64_t may_age = !by_age ? 0 : long_run ? kept_.head.records : first_of_run_ - 1;
   const std::int64_t oldest_ms =
@@ -144,7 +145,7 @@ std::optional<AuditTrail::Unread> AuditTrail::read(const std::string& path,
   const auto fault = sqlite::attempt([&] {
     SQLite::Database database = sqlite::open(path, sqlite::Access::read_only);
     database.setBusyTimeout(kPatienceMs);
-    // One transaction: the head belongs to these records, whatever the agent writes meanwhile.
+    // One transaction: head and records match even if the agent writes at the same time.
     const SQLite::Transaction transaction(database);
     SQLite::Statement kept(database, "SELECT records, hash FROM audit_head");
     sqlite::each(kept, [&](const SQLite::Statement& row) {

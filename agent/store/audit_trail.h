@@ -1,6 +1,6 @@
-// The audit trail: appends, prunes and reads the records of audit_chain.h, and keeps what could not
-// be written yet. It commits nothing of its own but what it prunes: its records go into the commits
-// of the other parts, so that none costs a commit. The store's thread.
+// The audit trail: appends, prunes and reads the records of audit_chain.h, and holds those that are
+// not written yet. Its records join the commits of the other parts, so they cost none; only pruning
+// makes its own. The store's thread.
 #pragma once
 
 #include <atomic>
@@ -20,36 +20,41 @@ namespace fxagent {
 
 class AuditTrail final : public StorePart {
  public:
-  // Records in memory: 10,000 commands, their results and their PUBACKs.
+  // Limits of records in memory: 10,000 commands, their results and their PUBACKs.
   static constexpr std::size_t kMostWaiting = 30000;
   static constexpr std::size_t kMostWaitingBytes = std::size_t{8} << 20;
 
   AuditTrail(const StoreConfig& config, StoreDisk& disk) : config_(config), disk_(disk) {}
 
-  /// The number of a command that has just come. Also while a commit is under way.
+  /// Returns the number for a command that has just arrived. May be called while a commit is in
+  /// progress.
   std::uint64_t next_command_number() { return ++last_command_number_; }
   std::uint64_t last_command_number() const { return last_command_number_; }
-  /// Without a file: above those of one that opens later, unless the clock went back.
+  /// Without a file, numbers start here: above those of a file that opens later, unless the clock
+  /// went back.
   void count_from(std::uint64_t command_number) { last_command_number_ = command_number; }
 
-  /// A record's body, written within 200 ms, or once the disk takes it.
+  /// Adds a record's body. It is written within 200 ms, or once the disk accepts it. Above the
+  /// limits it is only counted as lost.
   void note(std::string body);
-  /// Counts records that found no room elsewhere: the record `lost` says how many.
+  /// Counts records that found no room elsewhere, for the next `lost` record.
   void lose(std::uint64_t records) { lost_ += records; }
-  /// As it is in the file.
+  /// The head as stored in the file.
   audit::Head head() const { return kept_.head; }
   std::uint64_t bytes() const { return kept_.bytes; }
 
-  /// Within a commit: the next record. Empty: none. Throws SQLite::Exception.
+  /// Within a commit: appends the next record. Does nothing if `body` is empty. Throws
+  /// SQLite::Exception.
   void append(std::string_view body);
-  /// Within a commit: lets the oldest records go: of what is above `max_bytes` and a tenth more,
-  /// and those of before `oldest_ms` with a number up to `may_age`. Says so in a record where any
-  /// went. Throws SQLite::Exception.
+  /// Within a commit: deletes the oldest records. By size: more than a tenth above `max_bytes`,
+  /// down to `max_bytes`. By age: records from before `oldest_ms` (UTC) with a number up to
+  /// `may_age`. The last record always stays. Appends a `pruned` record if any were deleted. Throws
+  /// SQLite::Exception.
   void prune(std::uint64_t max_bytes, std::int64_t oldest_ms, std::uint64_t may_age);
-  /// Whether prune() would let records go for their bytes.
+  /// True if prune() would delete records for their size.
   bool is_over(std::uint64_t max_bytes) const { return kept_.bytes > max_bytes + max_bytes / 10; }
-  /// Commits a pruning to the limits of the config: for the bytes at each call, for the age once an
-  /// hour. `running_since`: the first upkeep of this run.
+  /// Prunes to the limits of the config in a commit: by size at each call, by age once an hour.
+  /// `running_since`: the first upkeep of this run.
   void prune_to_limits(SteadyTime now, SteadyTime running_since);
 
   void load(SQLite::Database& database) override;
@@ -61,13 +66,14 @@ class AuditTrail final : public StorePart {
   void end_commit() override;
   void committed() override;
 
-  /// Why an audit could not be read.
+  /// Reason why an audit could not be read.
   struct Unread {
     std::string why;
-    bool is_damaged = false;  ///< SQLite finds the file damaged, or no database
+    bool is_damaged = false;  ///< SQLite reports the file damaged, or not a database
   };
-  /// Every record of the file at `path` in the order of their numbers, and the head kept apart from
-  /// them, while an agent may be writing there. Nothing: they were read. Any thread.
+  /// Passes every record of the file at `path` to `take`, in the order of their numbers, and fills
+  /// `head` from the stored head. An agent may be writing to the file. Returns nullopt on success.
+  /// Any thread.
   static std::optional<Unread> read(const std::string& path,
                                     const std::function<void(audit::Record)>& take,
                                     audit::Head& head);
@@ -88,14 +94,14 @@ class AuditTrail final : public StorePart {
   StoreDisk& disk_;
   std::optional<Statements> sql_;
   State kept_;  ///< in the file
-  State next_;  ///< as the commit that is open will leave it
+  State next_;  ///< as the open commit will leave it
   std::atomic<std::uint64_t> last_command_number_ = 0;
   std::uint64_t first_of_run_ = 1;   ///< the first record of this run
-  std::deque<std::string> waiting_;  ///< bodies that are not in the file
+  std::deque<std::string> waiting_;  ///< bodies that are not in the file yet
   std::size_t waiting_bytes_ = 0;
-  std::uint64_t lost_ = 0;        ///< bodies that found no room there, not reported yet
-  std::size_t written_ = 0;       ///< of those that wait, in the commit that is open
-  bool is_loss_written_ = false;  ///< in the commit that is open
+  std::uint64_t lost_ = 0;        ///< records that found no room, not reported yet
+  std::size_t written_ = 0;       ///< of waiting_, in the open commit
+  bool is_loss_written_ = false;  ///< in the open commit
   std::optional<SteadyTime> prune_at_;
 };
 

@@ -22,8 +22,7 @@ std::optional<HistoryBatch> Backlog::next(HistoryMessage& message, const MaySend
       return may_send(oldest.second->first);
     });
     if (ready == ready_.end()) return std::nullopt;
-    // Where all of its rows are damaged nothing is left of the stream, and the next one's turn
-    // comes.
+    // If all its rows were damaged and dropped, try the next stream.
     if (auto batch = next_of(*ready->second, message)) return batch;
   }
 }

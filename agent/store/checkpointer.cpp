@@ -5,17 +5,17 @@
 namespace fxagent {
 namespace {
 
-// The second pass is short, and most often finds that no commit has come since the first.
+// The second pass is short; usually no commit has come since the first.
 constexpr int kPasses = 2;
 
 }  // namespace
 
 Checkpointer::Checkpointer(SQLite::Database& writer, const std::string& path)
     : writer_(writer), own_(sqlite::open(path)), thread_(started()) {
-  // It opens the log now: later other files may have been put in the place of these.
+  // Opens the WAL now: later, other files may have replaced these.
   const std::lock_guard alone(working_);
   own_.tryExec("PRAGMA schema_version");
-  // SQLiteCpp knows neither this hook nor a checkpoint that says how far it came.
+  // SQLiteCpp has neither this hook nor a checkpoint that reports its progress.
   sqlite3_wal_hook(writer_.getHandle(), committed, this);
 }
 
@@ -30,12 +30,12 @@ Checkpointer::~Checkpointer() {
   thread_.join();
 }
 
-/// SQLite calls this after each commit. What a checkpoint says is nobody's: the pages are safe in
-/// the log, and a later commit asks again.
+/// SQLite calls this after each commit. A checkpoint's result is ignored: the pages are safe in the
+/// WAL, and a later commit tries again.
 int Checkpointer::committed(void* self, sqlite3* writer, const char* schema, int pages) noexcept {
   auto& checkpointer = *static_cast<Checkpointer*>(self);
   if (pages < kPages) {
-    checkpointer.copied_ = 0;  // the log has begun anew
+    checkpointer.copied_ = 0;  // the WAL has started over
   } else if (pages >= kMostPages) {
     const std::lock_guard alone(checkpointer.working_);
     sqlite3_wal_checkpoint_v2(writer, schema, SQLITE_CHECKPOINT_PASSIVE, nullptr, nullptr);

@@ -1,6 +1,6 @@
-// Runs WAL checkpoints of a SQLite file on a thread and a connection of its own: a checkpoint ends
-// in synchronising the disk, milliseconds long and tenths of a second on an SD card, and live
-// samples would wait for it.
+// Runs WAL checkpoints of a SQLite file on its own thread and connection. A checkpoint synchronises
+// the disk. That takes milliseconds, on an SD card tenths of a second, for which live samples would
+// wait.
 #pragma once
 
 #include <atomic>
@@ -16,17 +16,17 @@ namespace fxagent {
 
 class Checkpointer final {
  public:
-  /// Of the WAL, in pages of 4 KiB: a checkpoint begins when so many are not in the file. Where it
-  /// never comes to an end, and the WAL never begins anew, since there is always one commit more,
-  /// the thread that writes copies the rest and waits; from the second figure on.
+  /// WAL pages of 4 KiB. A checkpoint starts when kPages of them are not in the database yet.
+  /// Constant commits can keep it from finishing and the WAL from starting over; from kMostPages
+  /// on, the writing thread copies the rest and waits.
   static constexpr int kPages = 1000;
   static constexpr int kMostPages = 8000;
 
-  /// Takes the place of the checkpoints at the commits of `writer`, an open database in WAL mode
-  /// that outlives this; `path` is its file. Throws std::system_error where there is no thread,
-  /// and SQLite::Exception where the file does not open a second time.
+  /// Replaces the checkpoints at the commits of `writer`, an open database in WAL mode that
+  /// outlives this; `path` is its file. Throws std::system_error if no thread can be started, and
+  /// SQLite::Exception if the file does not open a second time.
   Checkpointer(SQLite::Database& writer, const std::string& path);
-  /// Waits for the end of a checkpoint. The thread of `writer`.
+  /// Waits for a running checkpoint. Call on the thread of `writer`.
   ~Checkpointer();
   Checkpointer(const Checkpointer&) = delete;
   Checkpointer& operator=(const Checkpointer&) = delete;
@@ -39,7 +39,7 @@ class Checkpointer final {
 
   SQLite::Database& writer_;
   SQLite::Database own_;         ///< under working_
-  std::atomic<int> copied_ = 0;  ///< pages of the log that are in the database
+  std::atomic<int> copied_ = 0;  ///< WAL pages that are in the database
   std::mutex working_;
   std::mutex mutex_;
   std::condition_variable_any news_;

@@ -14,15 +14,15 @@ using sqlite::number;
 using sqlite::text;
 using std::chrono::milliseconds;
 
-constexpr std::uint64_t kMostRefused = 10000;  // rows of commands that were not admitted
+constexpr std::uint64_t kMostRefused = 10000;  // rows of refused commands
 constexpr std::uint64_t kRefusedAtOnce = 200;
 constexpr std::int64_t kShrunkAtOnce = 200;
-// Admission asks for the first results of all ids that it still knows.
+// Rows outlive the ids in admission, which asks for their first results.
 constexpr std::chrono::hours kLongerThanKnown{1};
-constexpr std::int64_t kLatestMs = 7258118400000;  // the year 2200: later is damage
+constexpr std::int64_t kLatestMs = 7258118400000;  // the year 2200; a later time is damage
 
-// A row makes room for a later command: the field did not know that id when it took this one. It
-// had let go of it, or the file opened late.
+// A later command replaces the row: admission did not know the id when it accepted that command. It
+// had forgotten the id, or the file opened late.
 constexpr const char* kInsert =
     "INSERT INTO orders VALUES(?, ?, ?, ?, ?, ?, ?, '', 0, ?, ?, 0)"
     " ON CONFLICT DO UPDATE SET received_ms = excluded.received_ms,"
@@ -43,7 +43,7 @@ constexpr const char* kRecord =
     " refused = iif(arrival = excluded.arrival, refused, excluded.refused)"
     " WHERE iif(result = '', arrival <= excluded.arrival, arrival < excluded.arrival)";
 
-// Its texts, and what the file needs beside them: the row's own, and its places in the indexes.
+// Bytes of a row: its texts, and 200 for the row itself and its index entries.
 constexpr const char* kCost =
     "(200 + length(CAST(device AS BLOB)) + 2 * length(CAST(id AS BLOB))"
     " + length(CAST(op AS BLOB)) + length(CAST(response_topic AS BLOB)) + length(correlation)"
@@ -55,7 +55,7 @@ constexpr const char* kEntry =
 
 std::int64_t moment(std::int64_t utc_ms) { return std::clamp<std::int64_t>(utc_ms, 0, kLatestMs); }
 
-/// The row of a statement which begins with kEntry.
+/// Returns the entry in the row of a statement that begins with kEntry.
 JournalEntry entry_of(const SQLite::Statement& row) {
   JournalEntry entry;
   entry.device = text(row, 0);
@@ -81,7 +81,8 @@ CommandTable::CommandTable(SQLite::Database& database)
       insert_(database, kInsert),
       record_(database, kRecord),
       acknowledge_(database,
-                   // Inside a string of the result its quotes would be escaped.
+                   // Matches the key only: inside a string of the result its quotes would be
+                   // escaped.
                    "UPDATE orders SET told = 1, response_topic = '', correlation = x'',"
                    " result = replace(result, '\"total_ms\":null', '\"total_ms\":' || ?)"
                    " WHERE device = ? AND id = ? AND arrival = ?"),
@@ -95,7 +96,7 @@ CommandTable::CommandTable(SQLite::Database& database)
       size_(measure()),
       changed_(size_) {}
 
-/// Once at the start, and after what deletes many.
+/// Runs once at the start, and after deletions of many rows.
 CommandTable::Size CommandTable::measure() {
   Size size;
   SQLite::Statement sum(
@@ -115,7 +116,7 @@ CommandTable::Size CommandTable::size_of(const std::string& device, const std::s
   return size;
 }
 
-/// Carries out a change of one row and counts what it does.
+/// Runs a change of one row and counts its effect.
 void CommandTable::change(const std::string& device, const std::string& id,
                           const std::function<void()>& work) {
   ++changes_since_trim_;
@@ -143,7 +144,7 @@ void CommandTable::record(const JournalEntry& entry) {
   });
 }
 
-/// The oldest of them go: a flood of commands that are refused must not fill the file.
+/// Deletes the oldest refused commands: a flood of them must not fill the file.
 void CommandTable::make_room_for_refused() {
   if (changed_.refused < kMostRefused) return;
   const auto take = [this](const SQLite::Statement& row) {
@@ -176,7 +177,7 @@ std::vector<KnownId> CommandTable::known_ids(const std::string& device) {
     ids.push_back({std::string(text(row, 0)), std::string(text(row, 1)), from_sql(number(row, 2)),
                    moment(number(row, 3)), moment(number(row, 4)), number(row, 5) != 0});
   };
-  // Of one device the key finds them without a look at the others.
+  // For one device the primary key limits the search to its rows.
   SQLite::Statement wanted(
       database_, std::string("SELECT device, id, arrival, received_ms, deadline_ms, refused"
                              " FROM orders WHERE (result IS NOT '' OR told IS 1)") +
@@ -228,11 +229,12 @@ bool CommandTable::shrink() {
 void CommandTable::drop_old(std::int64_t utc_ms, std::int64_t max_age_ms) {
   const std::int64_t day = milliseconds(kRememberedFor + kLongerThanKnown).count();
   const std::int64_t age = std::max(day, max_age_ms);
-  // What nobody could be told is kept as long as a sample is.
+  // Unacknowledged results are kept as long as samples.
   SQLite::Statement old(database_,
                         "DELETE FROM orders WHERE deadline_ms < ?1"
                         " AND (told = 1 AND received_ms < ?2 OR received_ms < ?3)");
-  // Of the newest of each device the first results are kept too, of as many more the ids.
+  // The newest kRememberedIds commands of each device keep their first results. Beyond them only
+  // ids stay, at most kFingerprints of all devices.
   SQLite::Statement results(
       database_,
       "UPDATE orders SET result = '' WHERE told = 1 AND result <> '' AND (device, id) IN"
@@ -244,7 +246,7 @@ void CommandTable::drop_old(std::int64_t utc_ms, std::int64_t max_age_ms) {
       "DELETE FROM orders WHERE told = 1 AND result = '' AND deadline_ms < ?1 AND (device, id) IN"
       " (SELECT device, id FROM orders WHERE told = 1 AND result = ''"
       " ORDER BY arrival DESC, received_ms DESC LIMIT -1 OFFSET ?2)");
-  // A broker that refuses results for good must not fill the disk.
+  // If the broker never acknowledges results, they must not fill the disk.
   SQLite::Statement unacknowledged(
       database_,
       "DELETE FROM orders WHERE deadline_ms < ?1 AND (device, id) IN"
@@ -252,8 +254,8 @@ void CommandTable::drop_old(std::int64_t utc_ms, std::int64_t max_age_ms) {
       " (PARTITION BY device ORDER BY arrival DESC, received_ms DESC) AS place"
       " FROM orders WHERE told = 0 AND result <> '') WHERE place > ?2)");
   int changes = sqlite::run(old, utc_ms, utc_ms - day, utc_ms - age);
-  // To find what is one too many all of them are looked at: half a second for 200,000. With few of
-  // them there is none; with very many it waits until a tenth of them are new.
+  // The search for surplus rows reads all of them: half a second for 200,000. Few rows need no
+  // search; with very many it waits until a tenth of them are new.
   const bool very_many = size_.rows > 2 * kRememberedIds;
   if (size_.rows > kRememberedIds && (!very_many || changes_since_trim_ > size_.rows / 10)) {
     changes += sqlite::run(results, kRememberedIds);

@@ -1,6 +1,5 @@
-// The rows of commands in the store's file: their journal, their results and what is kept of ids,
-// and the limits of these. It has no transactions of its own but those of SQLite for a single
-// statement. Every call may throw SQLite::Exception. The store's thread.
+// The rows of commands in the store's file: journal, results and known ids, with their limits.
+// Starts no transaction of its own. Every call may throw SQLite::Exception. The store's thread.
 #pragma once
 
 #include <cstdint>
@@ -19,38 +18,40 @@ class CommandTable final {
   /// `database` has the schema and outlives the table.
   explicit CommandTable(SQLite::Database& database);
 
-  /// A transaction has begun: bytes_in_commit() follows its changes. Without committed() they are
-  /// forgotten at the next begin().
+  /// Call when a transaction has begun: bytes_in_commit() follows its changes. Without committed()
+  /// the next begin() discards them.
   void begin() { changed_ = size_; }
   void committed() { size_ = changed_; }
 
-  /// A command before it is carried out. A row makes room for a later command only.
+  /// Writes a command before it is carried out. Replaces a row of the same id only if that is of an
+  /// earlier command.
   void insert(const JournalEntry& entry);
-  /// A result. The first one of a command stays; of refused commands the oldest make room.
+  /// Writes a result. The first result of a command stays. Refused commands replace the oldest ones
+  /// when there are too many.
   void record(const JournalEntry& entry);
-  /// `total_ms` goes into the result; empty: it is not known.
+  /// Marks the result as acknowledged, and sets its `total_ms`; empty if not known.
   void acknowledge(const std::string& device, const std::string& id, std::uint64_t number,
                    const std::string& total_ms);
 
   std::optional<JournalEntry> find(const std::string& device, const std::string& id);
-  // As CommandJournal has them; `device` empty: of all.
+  // As in CommandJournal. Empty `device`: all devices.
   std::vector<KnownId> known_ids(const std::string& device = {});
   std::vector<JournalEntry> unacknowledged(const std::string& device = {});
 
-  /// What the rows take, as it was committed.
+  /// Bytes of all rows, as committed.
   std::uint64_t bytes() const { return size_.bytes; }
   std::uint64_t bytes_in_commit() const { return changed_.bytes; }
 
-  /// Lets refused commands go, then results that were acknowledged, oldest first, some at a time;
-  /// their ids stay. False: there is none.
+  /// Deletes refused commands, then acknowledged results, oldest first, at most 200 a call. The ids
+  /// of those results stay. Returns false if there was nothing to delete.
   bool shrink();
-  /// Lets go what need not be remembered any more. `max_age_ms`: how long a result that nobody has
-  /// acknowledged is kept.
+  /// Deletes what need not be remembered any more. An unacknowledged result is kept for
+  /// `max_age_ms`, at least 25 h.
   void drop_old(std::int64_t utc_ms, std::int64_t max_age_ms);
 
-  /// Moves the times of the commands from this number on that came up to `received_ms`.
+  /// Shifts the times of commands with a number from `from_number` that came up to `received_ms`.
   void move_times(std::int64_t by_ms, std::uint64_t from_number, std::int64_t received_ms);
-  /// What is acknowledged and has a number from this one on counts as older than all that follows.
+  /// Makes acknowledged commands with a number from `from_number` older than all that follow.
   void age_acknowledged(std::uint64_t from_number);
 
  private:
@@ -69,12 +70,12 @@ class CommandTable final {
   SQLite::Statement insert_;
   SQLite::Statement record_;
   SQLite::Statement acknowledge_;
-  SQLite::Statement cost_;          ///< of one: its bytes, and whether it was refused
-  SQLite::Statement drop_refused_;  ///< the oldest of them; their bytes
+  SQLite::Statement cost_;          ///< of one row: its bytes, and 1 if it was refused
+  SQLite::Statement drop_refused_;  ///< deletes the oldest; returns their bytes
   Size size_;                       ///< as committed
-  /// Since what is one too many was last looked for: commands, results and acknowledgements.
+  /// Commands, results and acknowledgements since the last search for surplus rows.
   std::uint64_t changes_since_trim_ = 0;
-  Size changed_;  ///< as the transaction that is open will leave it
+  Size changed_;  ///< as the open transaction will leave it
 };
 
 }  // namespace fxagent

@@ -12,7 +12,7 @@ DiskThread::DiskThread(Work ended) : ended_(std::move(ended)) {
   try {
     thread_ = std::jthread([this](const std::stop_token& stop) { serve(stop); });
   } catch (const std::system_error&) {
-    // No thread is to be had.
+    // No thread: run() calls the work itself.
   }
 }
 

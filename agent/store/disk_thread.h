@@ -1,6 +1,5 @@
-// Runs the work of a disk on a thread of its own, one piece at a time. The caller waits for a
-// bounded time: a disk that hangs, as a frozen file system does, must not hold up its caller.
-// One caller thread.
+// Runs disk work on its own thread, one piece at a time. The caller waits for a bounded time: a
+// disk that hangs, as a frozen file system does, must not hold it up. One caller thread.
 #pragma once
 
 #include <chrono>
@@ -18,20 +17,20 @@ class DiskThread final {
 
   static constexpr std::chrono::milliseconds kPatience{2000};
 
-  /// `ended` is called on this thread when overdue work has ended; it must not block. Without a
-  /// thread all work runs in the caller's.
+  /// Calls `ended` on the disk's thread when overdue work has ended. `ended` must not block or call
+  /// this object. If no thread can be started, all work runs on the caller's.
   explicit DiskThread(Work ended);
-  /// Waits for the end of overdue work.
+  /// Waits until overdue work has ended.
   ~DiskThread();
   DiskThread(const DiskThread&) = delete;
   DiskThread& operator=(const DiskThread&) = delete;
 
-  /// run() waits for at most `patience`, kPatience until it is set.
+  /// Sets the longest wait of run(); kPatience by default.
   void set_patience(std::chrono::milliseconds patience) { patience_ = patience; }
-  /// Runs `work` and waits for its end: true. False: the work is overdue and goes on, so all that
-  /// it refers to must stay. Call only while is_busy() is false.
+  /// Runs `work` and waits for it. Returns true when it has ended. Returns false if it is overdue:
+  /// it continues, so everything it refers to must stay alive. Call only while is_busy() is false.
   bool run(Work work);
-  /// True while overdue work goes on.
+  /// True while overdue work is in progress.
   bool is_busy() const;
 
  private:
@@ -41,8 +40,8 @@ class DiskThread final {
   const Work ended_;
   mutable std::mutex mutex_;
   std::condition_variable_any news_;
-  Work work_;                ///< under mutex_; empty: there is none
-  bool is_overdue_ = false;  ///< under mutex_: run() did not wait for the end of work_
+  Work work_;                ///< under mutex_; empty: no work
+  bool is_overdue_ = false;  ///< under mutex_: run() stopped waiting for work_
   std::jthread thread_;
 };
 

@@ -19,7 +19,7 @@ std::string why(const std::string& path) {
   return path + ": " + std::generic_category().message(errno);
 }
 
-/// Closed at the end of its scope.
+/// Closes a file descriptor at the end of its scope.
 class Handle final {
  public:
   explicit Handle(int number) : number_(number) {}
@@ -36,7 +36,7 @@ class Handle final {
   const int number_;
 };
 
-/// False, with errno: not all of it was written.
+/// Returns false, with errno set, if part of the text was not written.
 bool write_all(int handle, std::string_view text) {
   while (!text.empty()) {
     const auto written = ::write(handle, text.data(), text.size());
@@ -50,7 +50,7 @@ bool write_all(int handle, std::string_view text) {
 
 }  // namespace
 
-/// Of the directory itself, so that nothing is left in it.
+/// Locks the directory itself, so no lock file stays behind.
 class DurableFile::Lock final {
  public:
   explicit Lock(const std::string& directory)
@@ -63,7 +63,7 @@ class DurableFile::Lock final {
   }
 
   const std::string& fault() const { return fault_; }
-  /// One that was deleted is nobody's way to the file any more.
+  /// True if `directory` is still the one that was locked, and not deleted or replaced since.
   bool is_of(const std::string& directory) const {
     return identity_ && identity_of(directory) == identity_;
   }
@@ -111,7 +111,7 @@ tl::expected<std::optional<std::string>, std::string> DurableFile::read(std::siz
 std::string DurableFile::write(std::string_view text) const {
   if (std::string fault = make_store_directory(directory_); !fault.empty()) return fault;
   const std::string fresh = path_ + ".new";
-  // What a crash has left there, or somebody else put there.
+  // A crash may have left this file, or another user may have put it there.
   ::unlink(fresh.c_str());
   {
     const Handle file(::open(fresh.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW,

@@ -1,5 +1,5 @@
-// A small file in the store's directory that is replaced as a whole: after a crash or a power cut
-// it is the one before or the new one, never half of either. Any thread, one at a time.
+// A small file in the store's directory that is replaced atomically: after a crash or a power cut
+// it has either the old or the new content. Any thread, one at a time.
 #pragma once
 
 #include <cstddef>
@@ -13,7 +13,7 @@ namespace fxagent {
 
 class DurableFile final {
  public:
-  /// Touches nothing yet.
+  /// Does not touch the disk.
   DurableFile(std::string directory, const std::string& name);
   ~DurableFile();
   DurableFile(const DurableFile&) = delete;
@@ -21,18 +21,20 @@ class DurableFile final {
 
   const std::string& path() const { return path_; }
 
-  /// What is in it; nothing: it is not there. The error says why it cannot be read: a link, another
-  /// user's file or more than `most` bytes are not read either.
+  /// Returns the content, or nullopt if the file does not exist. The error says why it cannot be
+  /// read. Refuses a link, another user's file, and more than `most` bytes.
   tl::expected<std::optional<std::string>, std::string> read(std::size_t most) const;
-  /// Keeps every other process that asks too away from the directory's files, for as long as this
-  /// lives. Empty: it is ours, now or since before. Makes the directory (0700) where it is not
-  /// there.
+  /// Locks the directory, for the lifetime of this object, against other processes that call
+  /// lock(). Creates the directory (0700) if it does not exist. Returns empty if this object has
+  /// the lock, else the reason.
   std::string lock();
-  /// Empty: the file has this text, on disk. Else why not: it has the text of before, or this one
-  /// where the directory alone could not be synchronised, and a power cut brings back either. Makes
-  /// the directory (0700) where it is not there; the file is 0600.
+  /// Replaces the file and synchronises it with the disk. Creates the directory (0700) if it does
+  /// not exist; the file is 0600. Returns empty on success, else the reason. After a failure the
+  /// file has the old text. If only the directory could not be synchronised it has the new text,
+  /// and a power cut may bring back either.
   std::string write(std::string_view text) const;
-  /// Empty: the file is not there any more. Else why it still is.
+  /// Deletes the file. Returns empty if it is gone. Else returns the reason: it is still there, or
+  /// a power cut may bring it back.
   std::string remove() const;
 
  private:

@@ -1,4 +1,5 @@
-// With which sequence number the samples of each device go on. Uplink thread, or before it starts.
+// Sequence numbers with which the samples of each device continue. Uplink thread, or before it
+// starts.
 #pragma once
 
 #include <cstdint>
@@ -12,15 +13,17 @@
 
 namespace fxagent {
 
-/// By index in Config::devices: the number before the first sample. `store` null: numbers begin at
-/// the clock, above every number of an earlier boot unless that was set back. Once, at the start.
+/// Returns the number before the first sample, by index in Config::devices. If `store` is null,
+/// numbers start at the clock, above every number of an earlier boot unless it was set back. Call
+/// once, at the start.
 std::vector<std::uint64_t> first_numbers(const Config& config, Store* store, std::int64_t utc_ms);
-/// The same of a file that opened later: only where its numbers are above this run's, else 0.
+/// Same for a file that opened later. `found` has the numbers above this run's; 0 for other
+/// devices.
 std::vector<std::uint64_t> later_numbers(const Config& config,
                                          const std::map<std::string, std::uint64_t>& found);
 
-/// The same for devices that begin later in the run, by their names. The field knows better if the
-/// device was there before.
+/// Same for devices that begin later in the run, by name. If a device was there before, the field
+/// uses its own number instead.
 std::vector<std::uint64_t> numbers_to_join(const std::vector<std::string>& devices,
                                            GuardedStore* store, std::int64_t utc_ms);
 

@@ -12,7 +12,7 @@ GuardedStore::Figures GuardedStore::look() const {
           store_.audit().head()};
 }
 
-/// False: the work is overdue. upkeep() calls `late` after its end.
+/// Returns false if the work is overdue. upkeep() then calls `late` after it has ended.
 bool GuardedStore::run(DiskThread::Work work, std::function<void()> late) {
   seen_ = look();
   if (thread_.run(std::move(work))) return true;
@@ -40,8 +40,8 @@ void GuardedStore::upkeep(SteadyTime now, std::int64_t utc_ms) {
   run([this, now, utc_ms] { store_.upkeep(now, utc_ms); });
 }
 
-/// The disk has answered. The outcome of the overdue work goes first, and each note in its order:
-/// an acknowledgement after the result that it is of.
+/// The disk has answered. The outcome of the overdue work goes first, then the notes in their
+/// order: an acknowledgement must follow its result.
 void GuardedStore::take_up(std::int64_t utc_ms) {
   hangs_ = false;
   samples_at_disk_ = 0;
@@ -103,7 +103,7 @@ bool GuardedStore::hold(std::vector<SampleRow>& rows) {
   const bool in_time =
       run([this, call] { call->on_disk = store_.samples().append(call->rows, Store::Hold::yes); },
           [this, call] {
-            // They went on without the disk, and are counted there.
+            // The caller treats them as not stored.
             if (!call->on_disk) return;
             for (const SampleRow& row : call->rows)
               store_.samples().remove(std::span(&row.row_id, 1));
@@ -129,7 +129,7 @@ std::optional<HistoryBatch> GuardedStore::next(std::shared_ptr<HistoryMessage> m
         });
     if (!in_time) return std::nullopt;
     if (*batch) return std::move(*batch);
-    // If the stream had damaged rows alone, they are gone now, and the next stream's turn comes.
+    // If all rows of the stream were damaged, they are gone now: try the next stream.
     if (store_.samples().next_stream(may_send) == stream) return std::nullopt;
   }
   return std::nullopt;
@@ -190,7 +190,7 @@ std::vector<std::uint64_t> GuardedStore::join(const std::vector<std::string>& de
   if (hangs_) waiting_.joined.insert(waiting_.joined.end(), devices.begin(), devices.end());
   auto last = ask<std::vector<std::uint64_t>>(
       [this, devices, utc_ms] { return store_.numbers().join(devices, utc_ms); });
-  // The clock is above every number of an earlier boot.
+  // If the store hangs, start at the clock: it is above every number of an earlier boot.
   last.resize(devices.size(), static_cast<std::uint64_t>(utc_ms));
   return last;
 }
@@ -211,7 +211,7 @@ void GuardedStore::note(std::string audit) {
 
 bool GuardedStore::journal(std::span<const JournalEntry> entries) {
   if (hangs_) {
-    // The commands are refused; that they came is in the audit all the same.
+    // The commands are refused, but the audit records that they came.
     for (const JournalEntry& entry : entries) note(entry.audit);
     return false;
   }

@@ -1,13 +1,12 @@
-// The store as the uplink uses it. What may touch the disk runs on the disk's thread, and the
-// uplink waits for it at most 2 s: a disk that hangs must not hold up samples and results.
+// The store as the uplink uses it. Everything that may touch the disk runs on the disk's thread,
+// and the uplink waits for it at most 2 s: a disk that hangs must not hold up samples and results.
 //
 // Work that takes longer is overdue, and the store hangs: nothing else touches it until the disk
-// has answered. Meanwhile writes are refused as by a full disk. What only has to be noted waits
-// here, bounded, and goes to the store at the first upkeep() after the answer; so does the outcome
-// of the overdue work itself.
+// has answered. Until then writes are refused, as by a full disk. Notes wait here, bounded. The
+// first upkeep() after the answer passes them to the store, after the outcome of the overdue work.
 //
-// Uplink thread; before that thread is started, the thread that made it. More than twenty
-// functions: ten are CommandJournal's, and most of the others hand one call on.
+// Uplink thread; before that thread starts, the thread that made it. More than twenty functions:
+// most are CommandJournal's, or forward one call.
 #pragma once
 
 #include <chrono>
@@ -34,8 +33,8 @@ namespace fxagent {
 
 class GuardedStore final : public CommandJournal {
  public:
-  /// `store` outlives it. `wake` is called on the disk's thread when overdue work has ended:
-  /// upkeep() is to be called then.
+  /// `store` outlives it. Calls `wake` on the disk's thread when overdue work has ended; call
+  /// upkeep() then.
   GuardedStore(Store& store, std::function<void()> wake)
       : store_(store), thread_(std::move(wake)) {}
   void set_patience(std::chrono::milliseconds patience) { thread_.set_patience(patience); }
@@ -46,7 +45,7 @@ class GuardedStore final : public CommandJournal {
   std::uint64_t max_bytes() const { return store_.max_bytes(); }
   bool has_pending() const { return !hangs_ && store_.has_pending(); }
 
-  /// Store figures; while the store hangs, those from before.
+  /// Figures of the store. While it hangs, those from before.
   struct Figures {
     std::uint64_t rows = 0;
     std::uint64_t recovered = 0;
@@ -55,36 +54,37 @@ class GuardedStore final : public CommandJournal {
     audit::Head audit;
   };
   Figures figures() const { return hangs_ ? seen_ : look(); }
-  /// Samples in overdue work, which are in no other figure.
+  /// Samples in overdue work; no other figure includes them.
   std::uint64_t samples_at_disk() const { return samples_at_disk_; }
 
-  /// Store::upkeep(). After overdue work its outcome goes first, and what has waited for it.
+  /// Store::upkeep(). After overdue work, first handles its outcome and the notes that have waited.
   void upkeep(SteadyTime now, std::int64_t utc_ms);
   std::optional<Store::FoundLate> take_found_late();
   void close();
 
-  // Samples: StoredSamples has the same functions.
-  /// `then` gets the rows and whether they are on disk; from a later upkeep() if the work is
+  // Samples, as in StoredSamples.
+  /// Receives the rows, and true if they are on disk. A later upkeep() calls it if the work is
   /// overdue.
   using Stored = std::function<void(std::vector<SampleRow> rows, bool on_disk)>;
   void append(std::vector<SampleRow> rows, Stored then);
-  /// Writes rows that stay on their way. False: none is on disk, and none will be counted there.
+  /// Writes rows that stay on their way as live messages. Returns false if none is on disk, and
+  /// none will count as stored later.
   bool hold(std::vector<SampleRow>& rows);
   std::optional<HistoryBatch> next(std::shared_ptr<HistoryMessage> message,
                                    const MaySend& may_send);
   void returned(const HistoryBatch& batch);
   void release(std::uint64_t row_id);
-  /// `then` gets the number of rows that were still there; from a later upkeep() if the store
+  /// Receives the number of rows that were still there. A later upkeep() calls it if the store
   /// hangs.
   using Removed = std::function<void(std::uint64_t count)>;
   void remove(const HistoryBatch& batch, Removed then);
   void remove(std::uint64_t row_id, Removed then);
   bool has_waiting(const std::string& device) const;
-  /// True if a row of the stream is on disk, or may be: younger ones wait for it.
+  /// True if a row of the stream is on disk, or may be. Younger rows wait for it.
   bool is_ahead_of_memory(const StreamKey& stream) const;
   std::map<std::string, std::uint64_t> take_dropped();
 
-  // Numbers: SequenceNumbers has the same functions.
+  // Numbers, as in SequenceNumbers.
   void used(const std::string& device, std::uint64_t seq);
   std::vector<std::uint64_t> join(const std::vector<std::string>& devices, std::int64_t utc_ms);
 
@@ -107,7 +107,7 @@ class GuardedStore final : public CommandJournal {
  private:
   /// Notes that wait while the store hangs.
   struct Waiting {
-    std::vector<std::function<void()>> samples;  ///< those on their way are few
+    std::vector<std::function<void()>> samples;  ///< few: of messages on their way
     std::map<std::string, std::uint64_t> used;
     std::vector<std::string> joined;
     std::deque<std::string> audit;
@@ -125,12 +125,12 @@ class GuardedStore final : public CommandJournal {
 
   Store& store_;
   bool hangs_ = false;
-  std::function<void()> late_;  ///< once the overdue work has ended
-  Figures seen_;                ///< before it began
+  std::function<void()> late_;  ///< called when the overdue work has ended
+  Figures seen_;                ///< figures from before it began
   std::uint64_t samples_at_disk_ = 0;
   std::set<StreamKey> streams_at_disk_;
   Waiting waiting_;
-  DiskThread thread_;  ///< the last: its work refers to the others
+  DiskThread thread_;  ///< last: its work refers to the others
 };
 
 }  // namespace fxagent

@@ -1,5 +1,5 @@
-// Samples as rows on their way to a history topic: what the backlog in memory and the store on disk
-// have in common. Plain data, and the port to the payload that a history message is made with.
+// Samples as rows on their way to a history topic, shared by the backlog in memory and the store on
+// disk. Plain data, and the port to the payload format of a history message.
 #pragma once
 
 #include <cstddef>
@@ -15,29 +15,29 @@
 
 namespace fxagent {
 
-/// How the content of a row is to be read. The numbers stand in the file.
+/// Encoding of a row's content. The file stores these numbers.
 enum class RowFormat : std::uint8_t {
-  json_text = 0,  ///< as it is published; of files up to version 4 of the schema
+  json_text = 0,  ///< as published; from schema versions up to 4
   cbor = 1        ///< encode_sample()
 };
-/// Nothing where the file says what no program has written.
+/// Returns nullopt for a number that no program has written.
 std::optional<RowFormat> row_format(std::int64_t number);
 
-/// One sample as it waits.
+/// One waiting sample.
 struct SampleRow {
-  std::uint64_t row_id = 0;  ///< unique where it is kept; a later sample has the higher number
+  std::uint64_t row_id = 0;  ///< unique in its backlog or file; rises with time
   std::string device;
   std::string group;
   std::uint64_t seq = 0;
   std::string content;
   RowFormat format = RowFormat::cbor;
 
-  /// What a row costs where it is kept, beside its content.
+  /// Bytes that a row costs besides its content.
   static constexpr std::size_t kOverhead = 160;
   std::size_t cost() const { return content.size() + kOverhead; }
 };
 
-/// Rows of one group of one device that go out in one message.
+/// Rows of one stream that leave in one message.
 struct HistoryBatch {
   std::string device;
   std::string group;
@@ -45,26 +45,26 @@ struct HistoryBatch {
   std::string payload;
 };
 
-/// A history message that is being made. The payload format is behind it.
+/// A history message under construction. Hides the payload format.
 class HistoryMessage {
  public:
   virtual ~HistoryMessage() = default;
 
-  /// False: it does not fit any more, and was not taken. The first row always fits.
+  /// Adds a sample. Returns false, and adds nothing, if it does not fit. The first row always fits.
   virtual bool add(const SampleRecord& sample) = 0;
-  /// The same for a row of RowFormat::json_text, which is_intact(). A format that is not JSON has
-  /// to read it, since files of earlier versions may hold some.
+  /// Same for a row of RowFormat::json_text, which is_intact(). A format other than JSON must parse
+  /// it: files of earlier versions may have such rows.
   virtual bool add(std::string_view json_row) = 0;
-  /// The bytes; the message is over.
+  /// Returns the bytes and ends the message.
   virtual std::string take() = 0;
 };
 
-/// Whether a row is JSON still: what a worn-out disk gives back may not be.
+/// True if a row is still JSON. A worn-out disk may return something else.
 bool is_intact(std::string_view json_row);
 
-/// Device and group: the rows of one stream go out oldest first, one message at a time.
+/// Device and group. The rows of one stream leave oldest first, one message at a time.
 using StreamKey = std::pair<std::string, std::string>;
-/// Whether a message of this stream may go out now.
+/// True if a message of this stream may leave now.
 using MaySend = std::function<bool(const StreamKey& stream)>;
 
 /// Gathers rows of one stream until the next one would make the message too large.
@@ -81,7 +81,7 @@ class BatchBuilder final {
  private:
   HistoryMessage& message_;
   std::vector<std::uint64_t> row_ids_;
-  SampleRecord record_;  ///< the row that is being added
+  SampleRecord record_;  ///< the row being added
 };
 
 }  // namespace fxagent

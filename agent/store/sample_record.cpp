@@ -9,10 +9,10 @@ namespace {
 
 // RFC 8949, section 3.1: the upper three bits of an item's first byte.
 enum class Major : std::uint8_t { whole = 0, negative = 1, bytes = 2, text = 3, array = 4 };
-// The lower five bits: the number itself below 24, else how many bytes it takes.
+// The lower five bits: the number itself below 24, else the code of its size in bytes.
 constexpr std::uint8_t kOneByte = 24;
 constexpr std::uint8_t kEightBytes = 27;
-// Section 3.3.
+// RFC 8949, section 3.3.
 constexpr std::uint8_t kFalse = 0xF4;
 constexpr std::uint8_t kTrue = 0xF5;
 constexpr std::uint8_t kNull = 0xF6;
@@ -24,7 +24,7 @@ constexpr std::size_t kGoodItems = 3;
 constexpr std::size_t kBadItems = 6;
 constexpr std::uint64_t kPartial = 1;
 constexpr std::uint64_t kWritten = 2;
-// Of a tag's kind: its type in the lower four bits, then these.
+// A tag's kind: its type in the lower four bits, plus these flags.
 constexpr std::uint64_t kTypeBits = 15;
 constexpr std::uint64_t kScaled = 16;
 constexpr std::uint64_t kBad = 32;
@@ -44,7 +44,7 @@ class RowWriter final {
     const auto bits = static_cast<std::uint64_t>(value);
     value < 0 ? head(Major::negative, ~bits) : head(Major::whole, bits);
   }
-  /// Four bytes where these say the same.
+  /// Writes four bytes if they hold the same value, else eight.
   void real(double value) {
     const auto single = static_cast<float>(value);
     if (std::bit_cast<std::uint64_t>(static_cast<double>(single)) ==
@@ -82,7 +82,7 @@ void write_scalar(RowWriter& out, const Scalar& scalar) {
     out.byte(*flag ? kTrue : kFalse);
   else if (const auto* large = std::get_if<BigInteger>(&scalar))
     out.string(Major::text, large->digits);
-  else  // characters of a PLC need not be UTF-8, which CBOR's text must be
+  else  // PLC strings need not be UTF-8, CBOR's text must be
     out.string(Major::bytes, std::get<std::string>(scalar));
 }
 
@@ -97,7 +97,7 @@ void write_value(RowWriter& out, const Value& value) {
   }
 }
 
-/// Each function is false where something else is there, or nothing more.
+/// Each function returns false if the next item is something else, or the row ends.
 class RowReader final {
  public:
   explicit RowReader(std::string_view row) : rest_(row) {}
@@ -137,7 +137,7 @@ class RowReader final {
     rest_.remove_prefix(value.size());
     return true;
   }
-  /// Whether this byte is next; then it is taken.
+  /// Consumes the next byte if it is `wanted`; else returns false.
   bool takes(std::uint8_t wanted) {
     if (rest_.empty() || first() != wanted) return false;
     rest_.remove_prefix(1);

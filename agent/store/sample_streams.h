@@ -1,5 +1,5 @@
-// How many samples of each stream lie in the store's file, which of them are out (held for a live
-// message, or on their way as history), and which stream is next. In memory, the rows themselves
+// Counts the samples of each stream in the store's file. Tracks which are out (held for a live
+// message, or on their way as history), and picks the stream to send next. Kept in memory; the rows
 // are in the file. The store's thread.
 #pragma once
 
@@ -22,24 +22,26 @@ class SampleStreams final {
     std::uint64_t cost = 0;
   };
 
-  /// Rows that the file has from earlier; `oldest` is the lowest of their ids.
+  /// Adds rows that the file already has; `oldest` is the lowest of their ids.
   void found(const StreamKey& stream, std::uint64_t rows, std::uint64_t cost, std::uint64_t oldest);
-  /// A new row, and the last one.
+  /// Adds a new row, the newest of its stream.
   void added(const Row& row);
-  /// The row goes out: nobody else may take it until release() or remove().
+  /// Marks the row as out: no other message may take it until release() or remove().
   void take(const Row& row);
-  /// A row that is out waits again.
+  /// Lets a row that is out wait again.
   void release(std::uint64_t row_id);
-  /// A row that is out is no more. False: it was not there.
+  /// Removes a row that is out. Returns false if it is not out.
   bool remove(std::uint64_t row_id);
-  /// The oldest row of its stream is no more, out or not.
+  /// Removes the oldest row of its stream, out or not.
   void remove_oldest(const Row& row);
-  /// Whether a history message of the stream is on its way: then no other one may be.
+  /// Records that a history message of the stream is on its way, or no longer is. There may be one
+  /// at a time.
   void set_on_the_way(const StreamKey& stream, bool is_on_the_way);
-  /// Forgets all rows. Returns how many there were of each device.
+  /// Forgets all rows. Returns their number by device.
   std::map<std::string, std::uint64_t> clear();
 
-  /// Of those that could send and `may_send` the stream whose oldest row is the oldest.
+  /// Returns the stream with the oldest row, among streams that have waiting rows, no message on
+  /// its way, and `may_send`.
   std::optional<StreamKey> oldest_waiting(const MaySend& may_send) const;
   bool is_out(std::uint64_t row_id) const { return out_.contains(row_id); }
   bool has_waiting(const std::string& device) const;
@@ -51,9 +53,9 @@ class SampleStreams final {
  private:
   struct Stream {
     std::uint64_t rows = 0;  ///< in the file
-    std::uint64_t out = 0;   ///< of these, held or on the way
+    std::uint64_t out = 0;   ///< of these, held or on their way
     bool on_the_way = false;
-    std::uint64_t oldest = 0;  ///< no row of it has a lower id
+    std::uint64_t oldest = 0;  ///< no row has a lower id
     bool has_waiting() const { return rows > out; }
   };
   struct Out {

@@ -10,7 +10,7 @@ namespace fxagent {
 using sqlite::from_sql;
 
 void SequenceNumbers::load(SQLite::Database& database) {
-  // A number goes back only to the exact one, from the end of its block.
+  // A number decreases only from the end of its block to the exact last one.
   insert_.emplace(database,
                   "INSERT INTO devices VALUES(?, ?, ?) ON CONFLICT DO UPDATE SET last_seq ="
                   " CASE excluded.clean WHEN 1 THEN excluded.last_seq"
@@ -43,7 +43,7 @@ std::vector<std::uint64_t> SequenceNumbers::add(std::span<const std::string> dev
       begun.push_back(known->second.last);
       continue;
     }
-    // Where nothing is known, the clock is above every number of an earlier boot.
+    // If nothing is known, start at the clock: it is above every number of an earlier boot.
     std::uint64_t last = from_sql(utc_ms);
     const auto known = [&](const SQLite::Statement& row) {
       const std::uint64_t written = from_sql(sqlite::number(row, 0));
@@ -69,9 +69,9 @@ std::vector<std::uint64_t> SequenceNumbers::add(std::span<const std::string> dev
 void SequenceNumbers::used(const std::string& device, std::uint64_t seq) {
   Numbers& numbers = numbers_[device];
   numbers.last = std::max(numbers.last, seq);
-  if (config_.sync_always) return refused();  // each sample brings its number to the disk itself
+  if (config_.sync_always) return refused();  // each commit of samples writes their numbers
   if (seq + kBlock / 2 <= numbers.reserved) return;
-  is_short_ = true;  // upkeep() does it for all devices at once, while the other half lasts
+  is_short_ = true;  // upkeep() reserves for all devices at once, before the other half is used
   if (seq >= numbers.reserved) reserve();
 }
 
@@ -92,7 +92,7 @@ void SequenceNumbers::reserve() {
   write(reserved, Meaning::reserved);
 }
 
-/// Synchronised with the disk: no power cut may bring a number back.
+/// Synchronised with the disk: a power cut must not bring a number back.
 bool SequenceNumbers::write(const std::map<std::string, std::uint64_t>& numbers, Meaning meaning) {
   return disk_.commit("numbers", StoreDisk::Sync::full, [&] {
     for (const auto& [device, number] : numbers)
@@ -135,7 +135,7 @@ std::map<std::string, std::uint64_t> SequenceNumbers::above_ours() {
   return above;
 }
 
-/// The disk refuses rows, and the numbers with them; an empty file finds room where it is full.
+/// Creates an empty marker file, which has room even on a full disk.
 void SequenceNumbers::mark_as_behind() {
   if (!std::exchange(is_behind_, true)) behind_.write({});
 }

@@ -1,5 +1,5 @@
-// The sequence numbers that each device has reached: reserved ahead of their use, and marked where
-// the disk does not know them. The store's thread.
+// The sequence number of each device. Numbers are reserved on disk ahead of their use; a marker
+// file records that the disk lacks some. The store's thread.
 #pragma once
 
 #include <cstdint>
@@ -16,40 +16,41 @@ namespace fxagent {
 
 class SequenceNumbers final : public StorePart {
  public:
-  /// What is written of the numbers: how far a boot may count without asking again.
+  /// Numbers reserved in one write. A boot uses them without another one.
   static constexpr std::uint64_t kBlock = 10000;
-  /// Behind the last number that the disk knows, where it refused and nobody knows how many
+  /// Numbers skipped after the last one on disk, if the disk refused and an unknown number
   /// followed.
   static constexpr std::uint64_t kUnknown = 1000000;
 
   SequenceNumbers(const StoreConfig& config, StoreDisk& disk)
       : config_(config), disk_(disk), behind_(config.path, "fxagent.db.behind") {}
 
-  /// For each of these devices the number before its first sample in this boot. After a clean
-  /// stop, and with `sync: always`, the last one used; after a crash, and where the disk refused,
-  /// one above all that may have been used. Once, at the start.
+  /// Returns, for each device, the number before its first sample in this boot. After a clean stop,
+  /// or with `sync: always`, it is the last one used. After a crash, or if the disk refused, it is
+  /// above all that may have been used. Call once, at the start.
   std::vector<std::uint64_t> begin(std::span<const std::string> devices, std::int64_t utc_ms);
-  /// The same for devices that join in the middle of it. Of one that was there before in this boot
-  /// it is the last number used.
+  /// Same for devices that join later. For a device that was there before in this boot it is the
+  /// last number used.
   std::vector<std::uint64_t> join(std::span<const std::string> devices, std::int64_t utc_ms);
-  /// To be called before a sample with this number leaves the agent.
+  /// Call before a sample with this number leaves the agent.
   void used(const std::string& device, std::uint64_t seq);
-  /// True if used() has to write on the disk.
+  /// True if used() has to write to the disk.
   bool asks_disk(const std::string& device, std::uint64_t seq) const;
 
-  /// Whether some device has used half of its block, and reserve() is to be called soon.
+  /// True if a device has used half of its block: call reserve() soon.
   bool is_short() const { return is_short_; }
   /// Commits the next block of each device that is short of numbers.
   void reserve();
-  /// Commits what each device has reserved or used: to a file that does not know it yet.
+  /// Commits what each device has reserved or used, for a file that lacks it.
   void write_all();
-  /// The clean end: the next boot goes on right behind the numbers used.
+  /// Clean end: commits the last numbers used. The next boot continues right after them.
   void write_last();
-  /// Within the commit of samples with these highest numbers. Throws SQLite::Exception.
+  /// Within the commit of samples with these highest numbers: writes them with `sync: always`.
+  /// Throws SQLite::Exception.
   void write_with_samples(const std::map<std::string, std::uint64_t>& highest);
-  /// The disk has refused samples, and their numbers with them.
+  /// Call when the disk has refused samples, and their numbers with them.
   void refused();
-  /// Of each device of this run the number that the file has, where that is above this run's.
+  /// Returns, for each device of this run, the number in the file if it is above this run's.
   std::map<std::string, std::uint64_t> above_ours();
 
   void load(SQLite::Database& database) override;
@@ -59,9 +60,9 @@ class SequenceNumbers final : public StorePart {
  private:
   struct Numbers {
     std::uint64_t last = 0;      ///< used
-    std::uint64_t reserved = 0;  ///< up to here without asking
+    std::uint64_t reserved = 0;  ///< usable up to here without a write
   };
-  /// What a number in the file says: that its block ends there, or that it was the last one used.
+  /// Meaning of a number in the file: the end of a block, or the last one used.
   enum class Meaning : std::uint8_t { reserved, exact };
 
   std::vector<std::uint64_t> add(std::span<const std::string> devices, std::int64_t utc_ms,
@@ -75,8 +76,8 @@ class SequenceNumbers final : public StorePart {
   std::optional<SQLite::Statement> insert_;
   std::map<std::string, Numbers> numbers_;
   bool is_short_ = false;
-  const DurableFile behind_;  ///< a mark that the database does not know all numbers
-  bool is_behind_ = false;    ///< the mark is there
+  const DurableFile behind_;  ///< marker: the database lacks some numbers
+  bool is_behind_ = false;    ///< the marker exists
 };
 
 }  // namespace fxagent

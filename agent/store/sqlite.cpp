@@ -25,7 +25,7 @@ void bind(SQLite::Statement& statement, int position, const std::string& value) 
 }
 
 void bind(SQLite::Statement& statement, int position, ByteView value) {
-  // Without an address it would be NULL.
+  // A null pointer would bind NULL instead of an empty blob.
   const void* data = value.empty() ? static_cast<const void*>("") : value.data();
   statement.bind(position, data, static_cast<int>(value.size()));
 }

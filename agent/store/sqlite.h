@@ -1,7 +1,7 @@
-// What SQLiteCpp leaves to its user: values of 64 bits without a sign, texts and bytes as they lie
-// in a row, a whole statement in one call, a fault without an exception, and the steps of a schema.
-// All else is SQLiteCpp's: connections, statements, transactions. It throws SQLite::Exception,
-// which never leaves this folder. Knows no samples and no commands. One thread at a time.
+// Additions to SQLiteCpp: unsigned 64-bit values, texts and blobs as they lie in a row, running a
+// statement in one call, faults as values, schema migration. Connections, statements and
+// transactions are SQLiteCpp's own. SQLite::Exception never leaves this folder. Independent of
+// samples and commands. One thread at a time.
 #pragma once
 
 #include <SQLiteCpp/SQLiteCpp.h>
@@ -20,13 +20,13 @@
 
 namespace fxagent::sqlite {
 
-/// What SQLite said: a primary result code (SQLITE_FULL …) and its text.
+/// A fault of SQLite: its primary result code (SQLITE_FULL …) and text.
 struct Fault {
   int code = SQLITE_OK;
   std::string text;
 };
 
-/// Carries out `work`. Nothing: it came to its end; else what SQLite threw.
+/// Runs `work`. Returns nullopt if it succeeds, else the fault that SQLite threw.
 template <class Work>
 std::optional<Fault> attempt(Work&& work) {
   try {
@@ -38,13 +38,13 @@ std::optional<Fault> attempt(Work&& work) {
 }
 
 enum class Access : std::uint8_t { read_write, read_only };
-/// Opens the file, and creates it where it may be written. Throws SQLite::Exception.
+/// Opens the file; with read_write, creates it if needed. Throws SQLite::Exception.
 SQLite::Database open(const std::string& path, Access access = Access::read_write);
 
-/// SQLite has no unsigned numbers: the same 64 bits.
+/// SQLite has only signed numbers. Returns the same 64 bits.
 inline std::uint64_t from_sql(std::int64_t number) { return static_cast<std::uint64_t>(number); }
 
-// ---- the row that a statement stands on
+// ---- the current row of a statement
 
 inline std::int64_t number(const SQLite::Statement& row, int column) {
   return row.getColumn(column).getInt64();
@@ -53,7 +53,7 @@ inline std::int64_t number(const SQLite::Statement& row, int column) {
 ByteView bytes(const SQLite::Statement& row, int column);
 std::string_view text(const SQLite::Statement& row, int column);
 
-// ---- a statement from its beginning to its end
+// ---- running a whole statement
 
 template <std::integral Number>
 void bind(SQLite::Statement& statement, int position, Number value) {
@@ -62,7 +62,7 @@ void bind(SQLite::Statement& statement, int position, Number value) {
 void bind(SQLite::Statement& statement, int position, const std::string& value);
 void bind(SQLite::Statement& statement, int position, ByteView value);
 
-/// A statement that was left in the middle holds back checkpoints.
+/// Resets a statement at the end of its scope. An unfinished one would hold back checkpoints.
 class ResetAtEnd final {
  public:
   explicit ResetAtEnd(SQLite::Statement& statement) : statement_(statement) {}
@@ -74,8 +74,8 @@ class ResetAtEnd final {
   SQLite::Statement& statement_;
 };
 
-/// Carries out a statement without rows, with these parameters from the first on. Returns how many
-/// rows it has changed. Throws SQLite::Exception.
+/// Runs a statement that returns no rows, with its parameters in order. Returns the number of rows
+/// it has changed. Throws SQLite::Exception.
 template <class... Values>
 int run(SQLite::Statement& statement, const Values&... values) {
   const ResetAtEnd reset(statement);
@@ -84,8 +84,8 @@ int run(SQLite::Statement& statement, const Values&... values) {
   return statement.exec();
 }
 
-/// Hands each row to `take`, until that returns false (it may return nothing). Throws
-/// SQLite::Exception.
+/// Calls `take` with each row until it returns false. A `take` that returns void gets every row.
+/// Throws SQLite::Exception.
 template <class Take, class... Values>
 void each(SQLite::Statement& statement, Take&& take, const Values&... values) {
   const ResetAtEnd reset(statement);
@@ -102,12 +102,12 @@ void each(SQLite::Statement& statement, Take&& take, const Values&... values) {
 // ---- the schema
 
 /// Brings the schema from its `user_version` to the newest: step i leads from version i to i + 1,
-/// each in a transaction of its own. Throws SQLite::Exception where one failed, and with
-/// SQLITE_SCHEMA where the file is of a newer program.
+/// each in its own transaction. Throws SQLite::Exception if a step fails, with code SQLITE_SCHEMA
+/// if a newer program wrote the file.
 void migrate(SQLite::Database& database, std::span<const char* const> steps);
 
-/// Makes sure that all that the steps make is there, as they make it; more may be there. Throws
-/// SQLite::Exception, with SQLITE_SCHEMA where something is not as it was made.
+/// Checks that everything the steps create exists, with the same SQL. Additional tables and indexes
+/// are allowed. Throws SQLite::Exception, with code SQLITE_SCHEMA if something differs.
 void check_schema(SQLite::Database& database, std::span<const char* const> steps);
 
 }  // namespace fxagent::sqlite

@@ -22,29 +22,29 @@ constexpr std::array<char, 8> kMagic{'f', 'x', 's', 't', 'a', 'r', 't', '1'};
 constexpr const char* kBootId = "/proc/sys/kernel/random/boot_id";
 constexpr std::size_t kBootIdLength = 36;
 constexpr std::int64_t kSecond = 1'000'000'000;
-// The kernel notes a change in the file as it makes it, so that both have nearly one time. Of a
-// copy that was put in its place later they differ.
+// The kernel records the time of a change as it makes it, close to the time in the mark. In a copy
+// that was put in its place later they differ.
 constexpr std::int64_t kWrittenWithin = 2 * kSecond;
 
 std::int64_t nanoseconds_of(std::int64_t seconds, std::int64_t nanoseconds) {
   return seconds * kSecond + nanoseconds;
 }
 
-/// By the clock from which files have their times.
+/// Returns the time in ns UTC, from the clock that stamps files.
 std::int64_t file_time() {
   timespec now{};
   ::clock_gettime(CLOCK_REALTIME_COARSE, &now);
   return nanoseconds_of(now.tv_sec, now.tv_nsec);
 }
 
-/// False, with errno: not all of it was written.
+/// Returns false, with errno set, if part of it was not written.
 bool write_whole(int handle, const void* data, std::size_t size, std::size_t at) {
   const auto written = ::pwrite(handle, data, size, static_cast<off_t>(at));
   if (written >= 0 && static_cast<std::size_t>(written) < size) errno = ENOSPC;
   return written == static_cast<ssize_t>(size);
 }
 
-/// Another one after each start of the machine; empty: it cannot be read.
+/// Returns the kernel's boot id, new at each start of the machine; empty if it cannot be read.
 std::string boot_id() {
   const int handle = ::open(kBootId, O_RDONLY | O_CLOEXEC);
   if (handle < 0) return {};
@@ -57,16 +57,16 @@ std::string boot_id() {
 
 }  // namespace
 
-/// The layout of the file: this, then kKept records. Numbers as the machine has them.
+/// Layout of the file: this head, then kKept records. Numbers in the machine's byte order.
 struct StartedCommands::Head {
   std::array<char, 8> magic = kMagic;
   std::array<char, 40> boot{};      ///< the kernel's boot id
-  std::uint64_t device = 0;         ///< these three: which file the database is
+  std::uint64_t device = 0;         ///< these three identify the database file
   std::uint64_t file = 0;           ///<
-  std::int64_t born = 0;            ///< ns UTC; 0 where the file system does not know
-  std::uint64_t floor = 0;          ///< of commands below it nothing is known
+  std::int64_t born = 0;            ///< ns UTC; 0 if the file system does not have it
+  std::uint64_t floor = 0;          ///< nothing is known of commands below it
   std::int64_t written = 0;         ///< ns UTC, as file_time()
-  std::array<char, 40> reserved{};  // so that no record lies across two pages
+  std::array<char, 40> reserved{};  // keeps each record within one page
 
   bool is_of_the_same(const Head& other) const {
     return magic == other.magic && boot == other.boot && device == other.device &&
@@ -74,7 +74,7 @@ struct StartedCommands::Head {
   }
 };
 
-/// Mark n, counted from 1, has place (n - 1) modulo kKept.
+/// Mark n, counted from 1, is at place (n - 1) modulo kKept.
 struct StartedCommands::Record {
   std::uint64_t mark = 0;  ///< 0: the place is empty
   std::uint64_t number = 0;
@@ -109,7 +109,7 @@ void StartedCommands::go_on() {
 }
 
 void StartedCommands::begin_anew(std::uint64_t next_number) {
-  earlier_.reset();  // it is of another database
+  earlier_.reset();  // belongs to another database
   const int handle = ::open(path_.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
   if (handle >= 0) {
     if (const auto content = read(handle)) remember(*content);
@@ -134,7 +134,7 @@ void StartedCommands::mark(std::uint64_t number) {
   const std::lock_guard lock(mutex_);
   if (handle_ < 0) return;
   const std::size_t place = marks_ % kKept;
-  // In the same write as the mark that takes its place: the one that goes is not proven any more.
+  // The same write overwrites an older mark and raises the floor above its command.
   if (marks_ >= kKept) floor_ = std::max(floor_, numbers_[place] + 1);
   const Record record{marks_ + 1, number, floor_, file_time()};
   if (!write_whole(handle_, &record, sizeof record, sizeof(Head) + place * sizeof record))
@@ -143,7 +143,7 @@ void StartedCommands::mark(std::uint64_t number) {
   numbers_[place] = number;
 }
 
-/// The marks are not complete any more: the file must prove nothing.
+/// Makes the file prove nothing, because its marks are not complete any more.
 void StartedCommands::withdraw(const std::string& why) {
   bool is_withdrawn = false;
   if (handle_ >= 0) {
@@ -230,7 +230,7 @@ void StartedCommands::remember(const Content& content) {
 void StartedCommands::make(std::uint64_t next_number) {
   const std::lock_guard lock(mutex_);
   if (handle_ >= 0) ::close(std::exchange(handle_, -1));
-  // What is there goes first, so that a crash in between leaves nothing that proves anything.
+  // Delete the old file first: after a crash in between, nothing must be proven.
   if (::unlink(path_.c_str()) != 0 && errno != ENOENT)
     return withdraw("delete: " + std::string(std::strerror(errno)));
   const auto head = head_of_now(next_number);

@@ -1,11 +1,11 @@
-// Marks each command just before its first byte leaves, in a small file that a kill -9 does not
-// take away: after a restart a command without a result and without a mark surely did not leave.
-// What can be lost is lost to the safe side: wherever the file is not surely complete, every
-// command may have left. The store's thread, but for mark().
+// Marks each command just before its first byte leaves, in a small file that survives a kill -9.
+// After a restart, a command with neither result nor mark was surely not sent. Losses err on the
+// safe side: if the file may be incomplete, every command counts as possibly sent. The store's
+// thread, except mark().
 //
-// The file is not synchronised with the disk: it says nothing after a power cut, and is told apart
-// by the kernel's boot id. It is written once at its full size, so that a mark finds its place on a
-// full disk too.
+// The file is not synchronised with the disk. After a power cut it proves nothing, which the
+// kernel's boot id reveals. It is written once at its full size, so a mark has room even on a full
+// disk.
 #pragma once
 
 #include <cstdint>
@@ -20,29 +20,30 @@ namespace fxagent {
 
 class StartedCommands final : public CommandStarts {
  public:
-  /// So many marks are kept. Of those that had to go, and of all commands that came before one of
-  /// them, nothing is known.
+  /// Number of marks kept. Nothing is known of a command whose mark was overwritten, and of all
+  /// earlier commands.
   static constexpr std::size_t kKept = 2048;
 
-  /// `directory`: the store's. Nothing is opened yet.
+  /// `directory`: the store's. Opens nothing yet.
   explicit StartedCommands(const std::string& directory);
   ~StartedCommands() override;
   StartedCommands(const StartedCommands&) = delete;
   StartedCommands& operator=(const StartedCommands&) = delete;
 
-  /// Commands of this run have numbers from this one on. Once, before all else.
+  /// Commands of this run have numbers from `first_number`. Call once, before all else.
   void begin_run(std::uint64_t first_number) { first_of_run_ = first_number; }
-  /// The database is open and no command of this run has left: what earlier runs marked is read,
-  /// and the file goes on.
+  /// Call when the database is open and no command of this run has left. Reads the marks of earlier
+  /// runs and continues the file.
   void go_on();
-  /// The database has opened late: what earlier runs marked is read, and the file begins anew,
-  /// since nobody has marked what this run has sent by now. `next_number`: of the next command.
+  /// Call when the database has opened late. Reads the marks of earlier runs and starts a new file,
+  /// since commands that this run has sent are not marked. `next_number`: number of the next
+  /// command.
   void begin_anew(std::uint64_t next_number);
-  /// A clean end: every command has its result.
+  /// Clean end: every command has its result, so the file is deleted.
   void close();
 
-  /// Whether an earlier run surely sent nothing of the command with this number. False of this
-  /// run's.
+  /// True if an earlier run surely sent nothing of the command with this number. False for commands
+  /// of this run.
   bool surely_not_sent(std::uint64_t number) const;
 
   /// Field thread.
@@ -52,13 +53,13 @@ class StartedCommands final : public CommandStarts {
   struct Head;
   struct Record;
   struct Content;
-  /// What earlier runs left.
+  /// Marks of earlier runs.
   struct Earlier {
-    std::uint64_t floor = 0;             ///< of commands below it nothing is known
-    std::vector<std::uint64_t> started;  ///< in rising order
+    std::uint64_t floor = 0;             ///< nothing is known of commands below it
+    std::vector<std::uint64_t> started;  ///< ascending
   };
 
-  /// Nothing: there is no file, or it proves nothing.
+  /// Returns nullopt if there is no file, or it proves nothing.
   std::optional<Content> read(int handle) const;
   void take_over(int handle, const Content& content);
   void remember(const Content& content);
@@ -71,10 +72,10 @@ class StartedCommands final : public CommandStarts {
   std::optional<Earlier> earlier_;
   std::uint64_t first_of_run_ = 0;
 
-  std::mutex mutex_;  ///< guards all below: mark() is the field's
-  int handle_ = -1;   ///< -1: there is no file, and nothing will be proven
+  std::mutex mutex_;  ///< guards all below: mark() runs on the field's thread
+  int handle_ = -1;   ///< -1: no file, so nothing will be proven
   std::uint64_t floor_ = 0;
-  std::uint64_t marks_ = 0;             ///< made in this file, of all runs
+  std::uint64_t marks_ = 0;             ///< made in this file, by all runs
   std::vector<std::uint64_t> numbers_;  ///< by place
 };
 

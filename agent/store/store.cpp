@@ -9,14 +9,14 @@ using std::chrono::milliseconds;
 using std::chrono::seconds;
 
 constexpr milliseconds kFlushEvery{200};
-constexpr std::size_t kRemovedAtOnce = 200;  // about a millisecond, which live samples may wait
+constexpr std::size_t kRemovedAtOnce = 200;  // takes about 1 ms, which live samples can wait
 constexpr seconds kCleanUpEvery{60};
 
 }  // namespace
 
 Store::Store(const StoreConfig& config, std::int64_t utc_ms)
     : config_(config), disk_(config, utc_ms) {
-  // What waits for the audit was made before the commands that wait, and is written before them.
+  // Waiting audit records are older than waiting commands, and are written before them.
   disk_.share_with({&samples_, &audit_, &journal_, &numbers_, &clock_});
   disk_.open();
   samples_.count_recovered();
@@ -34,28 +34,26 @@ Store::Store(const StoreConfig& config, std::int64_t utc_ms)
 
 Store::~Store() = default;
 
-/// A file that was not there at the start, or another agent's. What is read of it is read before
-/// this run's own numbers and commands are in it.
+/// Opens a file that was missing at the start or in use by another agent. Reads it before this
+/// run's numbers and commands are in it.
 void Store::open_late() {
-  const bool is_own =
-      disk_.was_open();  // set aside as damaged, and a fresh one did not work either
+  const bool is_own = disk_.was_open();  // it was set aside as damaged, and a fresh one failed too
   disk_.open();
   if (!is_writable()) return;
   samples_.count_recovered();
   started_.begin_anew(audit_.last_command_number() + 1);
   if (is_own) return;
   samples_.begin_run();
-  // With a clock that began in the past the commands of this run have lower numbers than those of
-  // earlier ones.
+  // If the clock started in the past, commands of this run have lower numbers than earlier ones.
   journal_.age_earlier_runs();
   FoundLate found;
   found.ids = journal_.known_ids();
   found.unacknowledged = journal_.unacknowledged();
-  if (disk_.is_open()) found.numbers = numbers_.above_ours();  // not found damaged meanwhile
+  if (disk_.is_open()) found.numbers = numbers_.above_ours();  // closed if reading found damage
   found_late_ = std::move(found);
 }
 
-/// An open file that has lost its name can be written for ever, and nobody finds what is in it.
+/// An open file that has lost its name accepts writes, but no later run finds them.
 void Store::look_for_the_files() {
   if (!disk_.is_misplaced()) return;
   disk_.abandon();

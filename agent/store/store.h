@@ -1,10 +1,11 @@
 // The store on disk: samples that were not acknowledged, the journal of commands, the audit trail,
-// and the numbers that each device has reached. One SQLite file, fxagent.db, in a directory of its
-// own. The parts know what they keep; the store opens the file, and says when what is done. Uplink
-// thread; before that thread is started, the thread that made it.
+// and the sequence number of each device. One SQLite file, fxagent.db, in its own directory. The
+// parts define the contents; the store opens the file and schedules the work. One thread at a time:
+// the thread that made it, then the uplink's, which runs disk access on the disk's thread
+// (guarded_store.h).
 //
-// No failure of the disk is a failure of the caller: what could not be written is the caller's to
-// keep, the state becomes `memory`, and upkeep() tries again now and then.
+// A failure of the disk is not a failure of the caller. The caller keeps samples that could not be
+// written, the state becomes `memory`, and upkeep() tries again every 10 s.
 #pragma once
 
 #include <chrono>
@@ -34,8 +35,8 @@ class Store final {
   using Hold = StoredSamples::Hold;
   static constexpr std::chrono::seconds kTryAgain{10};
 
-  /// Opens or makes the file in `config.path`, and the directory. A damaged file is set aside as
-  /// fxagent.db.corrupt-<utc_ms>. Never throws on what the disk does: see state().
+  /// Opens or creates the directory `config.path` and the file in it. Sets a damaged file aside as
+  /// fxagent.db.corrupt-<utc_ms>. Does not throw on disk errors: see state().
   Store(const StoreConfig& config, std::int64_t utc_ms);
   ~Store();
   Store(const Store&) = delete;
@@ -48,37 +49,38 @@ class Store final {
   AuditTrail& audit() { return audit_; }
   const AuditTrail& audit() const { return audit_; }
 
-  /// The directory.
+  /// Path of the directory.
   const std::string& path() const { return config_.path; }
   bool is_writable() const { return disk_.is_writable(); }
-  /// "disk", or "memory" where nothing can be written.
+  /// Returns "disk", or "memory" if nothing can be written.
   std::string_view state() const { return is_writable() ? "disk" : "memory"; }
-  /// Of samples, and of what is kept of commands: together they stay below max_bytes().
+  /// Bytes of samples and commands; together they stay below max_bytes().
   std::uint64_t bytes() const { return samples_.bytes() + journal_.bytes(); }
   std::uint64_t max_bytes() const { return config_.max_bytes; }
-  /// The name of the damaged file that was set aside in this run; empty: none was.
+  /// Name of the damaged file that was set aside in this run; empty if there is none.
   const std::string& set_aside() const { return disk_.set_aside(); }
 
-  /// Tries again to write where that failed, deletes what was acknowledged, lets go what is older
-  /// than max_age and ids that need not be remembered any more. Ages are those of the time on disk,
-  /// and a clock that is set meanwhile makes nothing older or younger. Files that were deleted or
-  /// replaced since are noticed within a minute: what was in them counts as dropped, and those that
-  /// are there now are opened, or made. Cheap where nothing is due.
+  /// Retries failed writes, deletes acknowledged samples, and drops what is older than max_age and
+  /// ids that need not be remembered. A sample's age counts from its write to disk; a clock that is
+  /// set makes nothing older or younger. Notices within a minute that files were deleted or
+  /// replaced: their contents count as dropped, and the files that are there now are opened, or
+  /// created. Cheap if nothing is due.
   void upkeep(SteadyTime now, std::int64_t utc_ms);
-  /// The first part of upkeep(): notes the time, in memory. True: the rest has work for the disk.
+  /// First part of upkeep(): records the time, in memory. Returns true if the rest has disk work to
+  /// do.
   bool note_time(SteadyTime now, std::int64_t utc_ms);
-  /// Whether upkeep() has something to write soon.
+  /// True if upkeep() has something to write soon.
   bool has_pending() const;
-  /// The clean end: the next boot goes on right behind the numbers used, and the file is closed up.
+  /// Clean end: closes the file. The next boot continues right after the numbers used.
   void close();
 
-  /// What earlier runs left in a file that could not be opened at the start of this one.
+  /// Left by earlier runs in a file that could not be opened at the start of this one.
   struct FoundLate {
-    std::vector<KnownId> ids;                      ///< as known_ids()
-    std::vector<JournalEntry> unacknowledged;      ///< as unacknowledged()
-    std::map<std::string, std::uint64_t> numbers;  ///< by device; only those above this run's
+    std::vector<KnownId> ids;                      ///< from known_ids()
+    std::vector<JournalEntry> unacknowledged;      ///< from unacknowledged()
+    std::map<std::string, std::uint64_t> numbers;  ///< by device, if above this run's
   };
-  /// Once after such a file has opened: until then none of its ids was known.
+  /// Returns it once after such a file has opened. Until then none of its ids were known.
   std::optional<FoundLate> take_found_late() { return std::exchange(found_late_, std::nullopt); }
 
  private:

@@ -1,6 +1,6 @@
-// The calendar of the store. When it is set, the times of what this run wrote move with it: a
-// gateway without a clock of its own starts in the past, and its time comes over the same network
-// as the broker, after the outage. The store's thread.
+// Detects that the calendar was set, and shifts the times that this run has written by the same
+// amount. A gateway without a real-time clock starts in the past and gets its time over the same
+// network as the broker, after the outage. The store's thread.
 #pragma once
 
 #include <chrono>
@@ -16,22 +16,24 @@ namespace fxagent {
 
 class StoreClock final : public StorePart {
  public:
-  /// Of the calendar against the steady clock: so much more than either drifts is a set clock.
+  /// The calendar counts as set when it moves this far against the steady clock. Neither clock
+  /// drifts that much.
   static constexpr std::chrono::seconds kClockSet{60};
 
-  /// The others outlive it.
+  /// The referenced objects outlive it.
   StoreClock(StoreDisk& disk, StoredSamples& samples, StoredJournal& journal)
       : disk_(disk), samples_(samples), journal_(journal) {}
 
-  /// The time now, by both clocks. Times in memory move at once where the calendar was set.
+  /// Records the current time of both clocks. If the calendar was set, shifts the times in memory
+  /// at once.
   void note(SteadyTime now, std::int64_t utc_ms);
-  /// True if times in the file have to move.
+  /// True if times in the file still have to be shifted.
   bool was_set() const { return unmoved_ms_ != 0; }
-  /// Commits the same for the times in the file, where that is still to be done.
+  /// Shifts the times in the file in a commit, if that is still to be done.
   void move_stored_times();
 
   void load(SQLite::Database& /*database*/) override {}
-  /// Times that were lost need not move.
+  /// Lost rows need no shift.
   void unload(Rows rows) override {
     if (rows == Rows::lost) unmoved_ms_ = 0;
   }
@@ -40,8 +42,8 @@ class StoreClock final : public StorePart {
   StoreDisk& disk_;
   StoredSamples& samples_;
   StoredJournal& journal_;
-  std::optional<SteadyTime> at_;  ///< when the disk was told the time last
-  std::int64_t unmoved_ms_ = 0;   ///< what the calendar was set by, not yet written to the file
+  std::optional<SteadyTime> at_;  ///< steady time of the last note()
+  std::int64_t unmoved_ms_ = 0;   ///< shift that the file does not have yet
 };
 
 }  // namespace fxagent

@@ -15,19 +15,19 @@ namespace {
 
 constexpr std::size_t kFlushedAtOnce = 500;
 
-/// The codes after which the file is not to be trusted any more; SQLITE_SCHEMA: a newer program's,
-/// or not what ours makes, as where the file was cut short. SQLITE_NOMEM and SQLITE_TOOBIG: it has
-/// lengths that are not its own, since an agent that is really out of memory does not come here.
-/// The last two: a row that is there is none that could have been written.
+/// True for codes after which the file cannot be trusted. SQLITE_SCHEMA: a newer program wrote it,
+/// or the schema is not ours, as after truncation. SQLITE_NOMEM and SQLITE_TOOBIG: it contains
+/// false lengths; an agent that is really out of memory does not get here. SQLITE_CONSTRAINT and
+/// SQLITE_MISMATCH: it contains a row that cannot have been written.
 bool is_damage(int code) {
   return code == SQLITE_CORRUPT || code == SQLITE_NOTADB || code == SQLITE_SCHEMA ||
          code == SQLITE_NOMEM || code == SQLITE_TOOBIG || code == SQLITE_CONSTRAINT ||
          code == SQLITE_MISMATCH;
 }
 
-/// Beside that a schema that cannot be made, since something of that name is there: SQLITE_ERROR;
-/// and a file that calls itself of a later format, which SQLite reads only, where the system lets
-/// us write all that belongs to it.
+/// Same at open, and two codes more. SQLITE_ERROR: the schema cannot be created because something
+/// else has the name. SQLITE_READONLY, if the system lets us write all its files: the file claims a
+/// later format, which SQLite only reads.
 bool is_damage_at_open(int code, const std::string& path) {
   if (code != SQLITE_READONLY) return is_damage(code) || code == SQLITE_ERROR;
   const auto may_write = [](const std::string& name) {
@@ -41,11 +41,11 @@ bool is_damage_at_open(int code, const std::string& path) {
 
 void StoreDisk::open() {
   const std::string path = store_file_path(config_.path);
-  // A second time, after a damaged file was set aside.
+  // The second round follows a damaged file that was set aside.
   for (int round = 0; round < 2 && !writable_; ++round) {
     std::string why = make_store_file(config_.path);
     if (why.empty() && !lock_) {
-      // Two agents with one store would publish and journal for each other.
+      // Two agents with one store would publish and journal each other's data.
       lock_ = std::make_unique<DirectoryLock>(config_.path);
       why = lock_->fault();
       if (!why.empty()) lock_.reset();
@@ -91,7 +91,7 @@ void StoreDisk::abandon() {
                        {"samples_lost", std::to_string(rows)}});
   let_go(StorePart::Rows::lost);
   lock_.reset();
-  // What is there now may be another run's.
+  // The files there now may belong to another run.
   was_open_ = false;
 }
 
@@ -132,10 +132,10 @@ void StoreDisk::start_anew(const std::string& why) {
 }
 
 void StoreDisk::failed(std::string_view doing, const sqlite::Fault& fault) {
-  // A row that cannot be there may be of our own making, where it is not the first.
+  // If a file was set aside before, a row that cannot be there may be a bug of ours.
   const bool is_row = fault.code == SQLITE_CONSTRAINT || fault.code == SQLITE_MISMATCH;
   const bool is_file = is_damage(fault.code) && (!is_row || set_aside_.empty());
-  // Once: a disk that spoils each fresh file at once is given up until the next try.
+  // Once: if the disk damages the fresh file too, give up until the next try.
   if (is_file && writable_ && !std::exchange(mending_, true)) {
     start_anew(fault.text);
     open();
@@ -198,14 +198,14 @@ bool StoreDisk::write_pending(std::size_t at_most) {
 
 bool StoreDisk::flush() {
   if (!has_pending()) return writable_;
-  // Again where a damaged file has made room for a fresh one.
+  // A second round if a fresh file has replaced a damaged one.
   for (int round = 0; round < 2 && writable_; ++round)
     if (flush_all()) return true;
   return false;
 }
 
-/// After hours without a disk there may be more than live samples can wait for in one go, or more
-/// than has room.
+/// Commits in pieces: after hours without a disk there may be more than live samples can wait for,
+/// or more than fits.
 bool StoreDisk::flush_all() {
   bool is_left = true;
   while (is_left)

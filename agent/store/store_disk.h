@@ -1,7 +1,7 @@
-// The store's file as its parts share it: opens it, sets a damaged one aside, makes the commits,
-// and knows whether the disk takes anything. Every fault of SQLite ends here: the state becomes
-// `memory` and the caller is told false. A few functions above twenty: a commit that finds damage
-// opens a fresh file, so opening, failing and committing belong together. The store's thread.
+// The store's file, shared by its parts. Opens it, sets a damaged one aside, runs the commits, and
+// tracks whether the disk accepts writes. Every fault of SQLite ends here: the state becomes
+// `memory` and the call returns false. More than twenty functions: a commit that finds damage opens
+// a fresh file, so opening, failing and committing belong together. The store's thread.
 #pragma once
 
 #include <cstdint>
@@ -21,8 +21,8 @@ namespace fxagent {
 
 class StoreDisk final {
  public:
-  /// Whether a commit is synchronised with the disk even where `sync: offline` leaves that out: a
-  /// power cut loses no sample that counts as stored.
+  /// `full` synchronises a commit with the disk even if `sync: offline` would not. A power cut must
+  /// not lose a sample that counts as stored.
   enum class Sync : std::uint8_t { as_configured, full };
   using Work = std::function<void()>;
 
@@ -30,50 +30,51 @@ class StoreDisk final {
   StoreDisk(const StoreDisk&) = delete;
   StoreDisk& operator=(const StoreDisk&) = delete;
 
-  /// In the order in which they load and write. Before open(), once. Each of them outlives every
-  /// call here but the destructor's.
+  /// Sets the parts, in the order in which they load and write. Call once, before open(). Each part
+  /// outlives every call here except the destructor's.
   void share_with(std::vector<StorePart*> parts) { parts_ = std::move(parts); }
 
-  /// Opens or makes the file, and the directory. A damaged file is set aside as
-  /// fxagent.db.corrupt-<utc_ms>. Where it fails is_writable() is false, and the reason is logged.
+  /// Opens or creates the file and the directory. Sets a damaged file aside as
+  /// fxagent.db.corrupt-<utc_ms>. On failure is_writable() is false, and the reason is logged.
   void open();
-  /// Where an open file took nothing: asks it again.
+  /// Tests if an open file that refused writes accepts them again.
   void try_to_write();
-  /// Whether the open files were deleted or replaced by others.
+  /// True if the open files were deleted or replaced.
   bool is_misplaced() const;
-  /// Lets go of such files, and of what was in them.
+  /// Closes such files. Their contents are lost.
   void abandon();
-  /// The clean end: what is in the log is copied into the file.
+  /// Clean end: copies the WAL into the file and closes it.
   void close();
 
   bool is_open() const { return file_ != nullptr; }
   bool is_writable() const { return writable_; }
-  /// Why not; empty while it is.
+  /// Reason why the disk is not writable; empty while it is.
   const std::string& last_failure() const { return last_failure_; }
-  /// Whether a file has opened in this run, and was not abandoned since.
+  /// True if a file has opened in this run and was not abandoned since.
   bool was_open() const { return was_open_; }
-  /// While is_open().
+  /// Call only while is_open().
   SQLite::Database& database() { return file_->db; }
-  /// The name of the damaged file that was set aside in this run; empty: none was.
+  /// Name of the damaged file that was set aside in this run; empty if there is none.
   const std::string& set_aside() const { return set_aside_; }
-  /// ms UTC, as the store was told last.
+  /// Time in ms UTC, as it was last set.
   std::int64_t utc_ms() const { return utc_ms_; }
   void set_utc_ms(std::int64_t utc_ms) { utc_ms_ = utc_ms; }
 
-  /// Carries out `work` in one transaction. False: nothing of it was kept. `doing` names it in the
-  /// log.
+  /// Runs `work` in one transaction. Returns false if nothing of it was kept. `doing` names the
+  /// work in the log.
   bool commit(std::string_view doing, Sync sync, const Work& work);
-  /// Carries out `work` on the open file without a transaction around it; false: it failed.
+  /// Runs `work` on the open file without a transaction. Returns false if it failed.
   bool attempt(std::string_view doing, const Work& work);
-  /// The same for a single row. Where it could not be read the file can be written all the same,
-  /// unless it is damaged.
+  /// Same for reading a single row: after a failure the file stays writable unless it is damaged.
   bool read(const Work& work);
 
-  /// Whether a part has something to write.
+  /// True if a part has something to write.
   bool has_pending() const;
-  /// Within a commit: all that waits in memory, of every part. Returns whether some is left.
+  /// Within a commit: writes at most `at_most` waiting entries of each part. Returns true if some
+  /// are left.
   bool write_pending(std::size_t at_most = std::numeric_limits<std::size_t>::max());
-  /// Commits what waits in memory, in pieces where it is much. False: the disk took not all of it.
+  /// Commits everything that waits in memory, at most 500 entries of each part in one commit.
+  /// Returns false if the disk did not accept all of it.
   bool flush();
 
  private:
@@ -85,10 +86,10 @@ class StoreDisk final {
   const StoreConfig config_;
   std::vector<StorePart*> parts_;
   std::unique_ptr<DirectoryLock> lock_;
-  std::unique_ptr<StoreFile> file_;  ///< null: it could not be opened
+  std::unique_ptr<StoreFile> file_;  ///< null: not open
   bool writable_ = false;
   bool was_open_ = false;
-  bool mending_ = false;  ///< a fresh file is being made in place of a damaged one
+  bool mending_ = false;  ///< a fresh file is replacing a damaged one
   std::string last_failure_;
   std::string set_aside_;
   std::int64_t utc_ms_;

@@ -20,8 +20,7 @@ using std::chrono::milliseconds;
 constexpr milliseconds kPatience{500};
 constexpr milliseconds kAskAgain{10};
 
-// Step i leads from user_version i to i + 1. `grp` is a group; the order of a stream is that of
-// seq.
+// Step i leads from user_version i to i + 1. `grp` is a group. Rows of a stream are ordered by seq.
 constexpr const char* kSchema[] = {
     "CREATE TABLE samples(id INTEGER PRIMARY KEY, device TEXT NOT NULL, grp TEXT NOT NULL,"
     " seq INTEGER NOT NULL, created_ms INTEGER NOT NULL, row TEXT NOT NULL);"
@@ -33,21 +32,21 @@ constexpr const char* kSchema[] = {
     " correlation BLOB NOT NULL, result TEXT NOT NULL, told INTEGER NOT NULL,"
     " PRIMARY KEY(device, id)) WITHOUT ROWID;"
     "CREATE INDEX orders_by_age ON orders(device, received_ms);",
-    // `payload` is the command as it came, until there is a result.
+    // `payload` holds the command as received until there is a result.
     "ALTER TABLE orders ADD COLUMN arrival INTEGER NOT NULL DEFAULT 0;"
     "ALTER TABLE orders ADD COLUMN payload TEXT NOT NULL DEFAULT '';"
     "CREATE TABLE audit(n INTEGER PRIMARY KEY, text TEXT NOT NULL, hash BLOB NOT NULL);"
     "CREATE TABLE audit_head(one INTEGER PRIMARY KEY CHECK(one = 1), records INTEGER NOT NULL,"
     " hash BLOB NOT NULL, arrivals INTEGER NOT NULL, bytes INTEGER NOT NULL);"
     "INSERT INTO audit_head VALUES(1, 0, zeroblob(32), 0, 0);",
-    // Which ids are the newest is told by the numbers of their commands: a clock can be set back.
+    // Command numbers decide which ids are the newest: a clock can be set back.
     "DROP INDEX orders_by_age;"
     "CREATE INDEX orders_by_arrival ON orders(device, arrival DESC, received_ms DESC,"
     " told);",
-    // What was not admitted is kept while there is room to spare.
+    // Refused commands are kept while there is room.
     ("ALTER TABLE orders ADD COLUMN refused INTEGER NOT NULL DEFAULT 0;"
      "CREATE INDEX orders_refused ON orders(arrival) WHERE refused = 1;"),
-    // How `row` is to be read: RowFormat. What is there already is JSON.
+    // Encoding of `row`: RowFormat. Rows that exist already are JSON.
     "ALTER TABLE samples ADD COLUMN format INTEGER NOT NULL DEFAULT 0;"};
 
 std::string why_not_opened(const std::string& path) {
@@ -55,12 +54,12 @@ std::string why_not_opened(const std::string& path) {
          (errno == ELOOP ? "it is a symbolic link, which is not followed" : std::strerror(errno));
 }
 
-/// Whoever may write in the directory can put a file or a link in the place of the store's. A
-/// sticky one keeps them from that, and of what they made before nothing is taken.
+/// Returns why another user could put a file or a link in the place of the store's; empty if none
+/// could. A sticky directory prevents it. why_not_ours() rejects files that were there before.
 std::string who_else_may_write(const std::string& directory) {
   struct stat found {};
   if (::stat(directory.c_str(), &found) != 0) return directory + ": " + std::strerror(errno);
-  if (!S_ISDIR(found.st_mode)) return {};  // opening a file in it says so
+  if (!S_ISDIR(found.st_mode)) return {};  // opening a file in it reports this
   if (found.st_uid != ::geteuid() && found.st_uid != 0)
     return directory + " belongs to user " + std::to_string(found.st_uid) +
            " and the agent runs as user " + std::to_string(::geteuid()) +
@@ -154,9 +153,9 @@ StoreFile::StoreFile(const std::string& path, bool always)
   try {
     checkpointer_.emplace(db, path);
   } catch (const std::system_error&) {
-    // Without a thread the checkpoints stay where SQLite has them: at the commits.
+    // Without a thread, checkpoints stay where SQLite runs them: at the commits.
   } catch (const SQLite::Exception&) {
-    // The same without a second connection.
+    // Same without a second connection.
   }
 }
 
@@ -169,7 +168,7 @@ bool StoreFile::is_in_place() const {
 }
 
 std::optional<sqlite::Fault> StoreFile::why_not_writable() {
-  // What filled the disk may be the log, where a reader held it back.
+  // The WAL may have filled the disk while a reader held its checkpoint back.
   db.tryExec("PRAGMA wal_checkpoint(PASSIVE)");
   return sqlite::attempt([this] {
     SQLite::Transaction transaction(db, SQLite::TransactionBehavior::IMMEDIATE);

@@ -1,5 +1,5 @@
-// The store's directory, its lock, and the open file with its schema. What is kept in it and when
-// is said in store.h. The store's thread.
+// The store's directory, its lock, and the open file with its schema. store.h describes the
+// contents. The store's thread.
 #pragma once
 
 #include <sys/types.h>
@@ -12,7 +12,8 @@
 
 namespace fxagent {
 
-/// Which file a name stands for; nothing where it stands for none.
+/// Device and inode of a file. identity_of() does not follow a link; it returns nullopt if there is
+/// no file at `path`.
 struct FileIdentity {
   dev_t device = 0;
   ino_t number = 0;
@@ -20,19 +21,19 @@ struct FileIdentity {
 };
 std::optional<FileIdentity> identity_of(const std::string& path);
 
-/// Keeps a second agent away from a directory for as long as it lives, or until the process ends in
-/// whatever way. The database's own lock would keep readers away too.
+/// Keeps a second agent away from a directory. The lock ends with this object, or with the process,
+/// however that ends. A lock on the database itself would keep readers away too.
 class DirectoryLock final {
  public:
-  /// Waits a moment for a process that is just ending.
+  /// Waits at most 500 ms for a process that is just ending.
   explicit DirectoryLock(const std::string& directory);
   ~DirectoryLock();
   DirectoryLock(const DirectoryLock&) = delete;
   DirectoryLock& operator=(const DirectoryLock&) = delete;
 
-  /// Empty: it is ours.
+  /// Empty if the lock is ours, else the reason.
   const std::string& fault() const { return fault_; }
-  /// Whether the lock file is still the one that was locked.
+  /// True if the lock file is still the one that was locked.
   bool is_in_place() const { return identity_ && identity_of(path_) == identity_; }
 
  private:
@@ -42,34 +43,36 @@ class DirectoryLock final {
   std::string fault_;
 };
 
-/// "fxagent.db" in `directory`.
+/// Returns the path of "fxagent.db" in `directory`.
 std::string store_file_path(const std::string& directory);
 
-/// Makes the directory (0700) where it is not there. Empty: done. One in which others could put
-/// their own files is refused.
+/// Creates the directory (0700) if it does not exist. Refuses a directory in which other users
+/// could place files of their own. Returns empty on success, else the reason.
 std::string make_store_directory(const std::string& directory);
 
-/// The same, and the file (0600). One that is a link, or not ours, is refused.
+/// Same, and creates the file (0600). Refuses a link and a file of another user.
 std::string make_store_file(const std::string& directory);
 
-/// Of an open file; empty: it is a plain one of our own, under one name.
+/// Returns empty if the open file is a plain one of our own user with a single name, else the
+/// reason.
 std::string why_not_ours(int handle, const std::string& path);
 
 class StoreFile final {
  public:
-  /// Opens the file, or makes it, and brings its schema to the newest. `always`: every commit is
-  /// synchronised with the disk. Throws SQLite::Exception.
+  /// Opens or creates the file and brings its schema to the newest version. `always`: every commit
+  /// is synchronised with the disk. Throws SQLite::Exception.
   StoreFile(const std::string& path, bool always);
 
-  /// Samples are synchronised with the disk even where commands are not: a power cut loses none
-  /// that counts as stored. With `always` everything is.
+  /// Turns synchronisation with the disk on or off for the commits that follow. Samples need it
+  /// even if commands do not: a power cut must not lose a sample that counts as stored. With
+  /// `always` it stays on.
   void synchronise(bool full);
 
-  /// Nothing: there is room for a message more.
+  /// Writes and deletes a row of 64 KiB. Returns the fault, or nullopt if the file accepts writes.
   std::optional<sqlite::Fault> why_not_writable();
 
-  /// Whether the file and its log are still those that were opened: what is written to others that
-  /// were deleted nobody finds again.
+  /// True if the file and its WAL are still those that were opened. A deleted file still accepts
+  /// writes, but no later run finds them.
   bool is_in_place() const;
 
   SQLite::Database db;

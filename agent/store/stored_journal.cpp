@@ -10,7 +10,7 @@ namespace {
 
 using Sync = StoreDisk::Sync;
 
-// Of max_bytes, for commands; samples have the rest at least.
+// Commands may take 1 / kShareOfJournal of max_bytes; samples have at least the rest.
 constexpr std::uint64_t kShareOfJournal = 2;
 
 }  // namespace
@@ -21,7 +21,7 @@ bool StoredJournal::journal(std::span<const JournalEntry> entries) {
   });
   if (written) return true;
   for (const JournalEntry& entry : entries) keep(entry);
-  // A damaged file may have made room for a fresh one.
+  // A fresh file may have replaced a damaged one.
   return disk_.is_writable() && disk_.flush();
 }
 
@@ -33,7 +33,7 @@ void StoredJournal::record(JournalEntry entry) {
 
 void StoredJournal::record(std::vector<JournalEntry> entries) {
   if (entries.empty()) return;
-  // A command that has found no disk so far goes there with its result.
+  // A command that is not on disk yet is written together with its result.
   const bool command_waits =
       std::any_of(entries.begin(), entries.end(), [this](const JournalEntry& entry) {
         return waiting_.find(entry.device, entry.id) != nullptr;
@@ -89,7 +89,7 @@ void StoredJournal::shrink() {
 void StoredJournal::drop_old() {
   if (!disk_.is_writable()) return;
   const auto max_age = std::chrono::milliseconds(config_.max_age);
-  // In one commit: a fault in the middle leaves the rows, and what is known of their size.
+  // One commit: a fault in the middle changes neither the rows nor their counted size.
   disk_.commit("delete", Sync::as_configured,
                [&] { table_->drop_old(disk_.utc_ms(), max_age.count()); });
 }
@@ -115,7 +115,7 @@ bool StoredJournal::write_pending(std::size_t at_most) {
   for (auto entry = waiting_.begin(); written_ < count; ++entry, ++written_)
     entry->result.empty() ? write_command(*entry) : write_result(*entry);
   if (written_ < waiting_.size()) return true;
-  // Each after what it acknowledges.
+  // Acknowledgements follow their results.
   for (const auto& [device, id, number, total_ms] : to_acknowledge_)
     table_->acknowledge(device, id, number, total_ms);
   is_acknowledged_ = true;
@@ -139,7 +139,7 @@ void StoredJournal::write_result(const JournalEntry& entry) {
   audit_.append(entry.audit);
 }
 
-/// Until the disk takes it.
+/// Keeps the entry in memory until the disk accepts it.
 void StoredJournal::keep(JournalEntry entry) {
   audit_.note(std::exchange(entry.audit, {}));
   waiting_.put(std::move(entry));

@@ -1,6 +1,6 @@
-// The journal of commands on disk: what CommandJournal promises, with each audit record in the
-// commit of what it tells of, and what the disk refuses kept in memory until it takes it. A few
-// functions above twenty: ten are CommandJournal's and six StorePart's. The store's thread.
+// The journal of commands on disk: a CommandJournal. Each audit record is in the same commit as its
+// entry. Entries that the disk refuses wait in memory until it accepts them. More than twenty
+// functions: most are CommandJournal's and StorePart's. The store's thread.
 #pragma once
 
 #include <cstdint>
@@ -21,7 +21,7 @@ namespace fxagent {
 
 class StoredJournal final : public CommandJournal, public StorePart {
  public:
-  /// The others outlive it.
+  /// The referenced objects outlive it.
   StoredJournal(const StoreConfig& config, StoreDisk& disk, AuditTrail& audit,
                 StartedCommands& started)
       : config_(config), disk_(disk), audit_(audit), started_(started) {}
@@ -40,22 +40,23 @@ class StoredJournal final : public CommandJournal, public StorePart {
   std::vector<KnownId> known_ids_of(const std::string& device) override;
   std::vector<JournalEntry> unacknowledged_of(const std::string& device) override;
 
-  /// What the file has of commands, in bytes, as committed and as the open commit will leave it.
+  /// Bytes of commands in the file: as committed, and as the open commit will leave them.
   std::uint64_t bytes() const { return table_ ? table_->bytes() : 0; }
   std::uint64_t bytes_in_commit() const { return table_ ? table_->bytes_in_commit() : 0; }
-  /// Where commands take more than their share of max_bytes: refused ones go, then results that
-  /// were acknowledged, the oldest first. Samples make room for the others.
+  /// If commands take more than half of max_bytes, deletes refused ones, then acknowledged results,
+  /// oldest first. Samples make room for the rest.
   void shrink();
-  /// Forgets ids that need not be remembered any more.
+  /// Deletes ids that need not be remembered any more.
   void drop_old();
 
-  /// Commands of this run have numbers from this one on.
+  /// Commands of this run have numbers from `first_number`.
   void begin_run(std::uint64_t first_number) { first_of_run_ = first_number; }
-  /// What is acknowledged in a file that opened late counts as older than this run's commands.
+  /// Makes acknowledged commands in a file that opened late older than this run's.
   void age_earlier_runs();
-  /// The calendar was set: the times in memory go with it.
+  /// Shifts the times in memory, after the calendar was set.
   void move_waiting_times(std::int64_t by_ms) { waiting_.move_times(by_ms); }
-  /// Within a commit: the same for those of this run in the file. Throws SQLite::Exception.
+  /// Within a commit: shifts the times of this run's commands in the file. Throws
+  /// SQLite::Exception.
   void move_stored_times(std::int64_t by_ms);
 
   void load(SQLite::Database& database) override { table_.emplace(database); }
@@ -82,12 +83,12 @@ class StoredJournal final : public CommandJournal, public StorePart {
   AuditTrail& audit_;
   StartedCommands& started_;
   std::optional<CommandTable> table_;            ///< of the open file
-  UnrecordedCommands waiting_;                   ///< commands and results that are not in the file
-  std::vector<Acknowledgement> to_acknowledge_;  ///< by the broker, not noted yet
-  std::size_t written_ = 0;                      ///< of those that wait, in the open commit
-  bool is_acknowledged_ = false;                 ///< in the open commit
+  UnrecordedCommands waiting_;                   ///< commands and results not in the file yet
+  std::vector<Acknowledgement> to_acknowledge_;  ///< acknowledged by the broker, not written yet
+  std::size_t written_ = 0;                      ///< of waiting_, in the open commit
+  bool is_acknowledged_ = false;                 ///< to_acknowledge_ is in the open commit
   std::uint64_t first_of_run_ = 0;
-  std::uint64_t not_to_be_shrunk_ = 0;  ///< bytes of commands that nothing could be taken from
+  std::uint64_t not_to_be_shrunk_ = 0;  ///< bytes of commands that shrink() could not reduce
 };
 
 }  // namespace fxagent

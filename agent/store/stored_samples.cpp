@@ -103,7 +103,7 @@ std::vector<SampleStreams::Row> StoredSamples::delete_oldest(std::uint64_t exces
   std::vector<SampleStreams::Row> gone;
   std::uint64_t freed = 0;
   sqlite::each(sql_->oldest, [&](const SQLite::Statement& row) {
-    // Row ids rise with time, so that the first row that is young enough ends the search.
+    // Row ids rise with time: the first row that is young enough ends the search.
     if (freed >= excess && number(row, 3) >= older_than_ms) return false;
     const std::uint64_t cost = from_sql(number(row, 4)) + SampleRow::kOverhead;
     gone.push_back(
@@ -131,7 +131,7 @@ std::optional<HistoryBatch> StoredSamples::next(HistoryMessage& message, const M
     if (!sql_) return std::nullopt;
     std::size_t dropped = 0;
     auto batch = next_of(*key, message, dropped);
-    // Where it had damaged rows alone, which are dropped, the next stream's turn comes.
+    // If all its rows were damaged and dropped, try the next stream.
     if (batch || dropped == 0) return batch;
   }
 }

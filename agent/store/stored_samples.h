@@ -1,6 +1,6 @@
-// The samples on disk that the broker has not acknowledged: written, handed out as history
-// messages, and removed. More than twenty functions, since six of them are StorePart's and five
-// only ask sample_streams.h. The store's thread.
+// The samples on disk that the broker has not acknowledged: written, sent as history messages, and
+// removed. More than twenty functions: many are StorePart's, or forward to sample_streams.h. The
+// store's thread.
 #pragma once
 
 #include <cstdint>
@@ -22,32 +22,32 @@ namespace fxagent {
 
 class StoredSamples final : public StorePart {
  public:
-  /// Whether rows are on their way as live messages, so that no history message may take them yet.
+  /// `yes`: rows are on their way as live messages, so no history message may take them yet.
   enum class Hold : std::uint8_t { no, yes };
 
-  /// The others outlive it.
+  /// The referenced objects outlive it.
   StoredSamples(const StoreConfig& config, StoreDisk& disk, const StoredJournal& journal,
                 SequenceNumbers& numbers)
       : config_(config), disk_(disk), journal_(journal), numbers_(numbers) {}
 
-  /// All of them in one commit that is synchronised with the disk, and then the oldest rows out
-  /// until max_bytes holds, the commands counted. Each row gets its `row_id`. False: none was
-  /// written, and none changed.
+  /// Writes all rows in one commit, synchronised with the disk, and sets their `row_id`. If samples
+  /// and commands exceed max_bytes, deletes the oldest rows. Returns false if none was written;
+  /// then none has changed.
   bool append(std::vector<SampleRow>& rows, Hold hold);
-  /// The next history message, as Backlog::next() has it. Rows that are damaged are dropped and
-  /// counted: one of them would spoil the whole message.
+  /// Returns the next history message, like Backlog::next(). Drops and counts damaged rows: one of
+  /// them would spoil the whole message.
   std::optional<HistoryBatch> next(HistoryMessage& message, const MaySend& may_send);
-  /// The stream that next() begins with. Memory only.
+  /// Returns the stream that next() begins with. Memory only.
   std::optional<StreamKey> next_stream(const MaySend& may_send) const {
     return streams_.oldest_waiting(may_send);
   }
-  /// The rows are delivered, or will never be. Returns how many were still here: one that had to
-  /// make room was counted as dropped already.
+  /// Call when the rows are delivered, or never will be. Returns how many were still here; rows
+  /// that had to make room were counted as dropped already.
   std::uint64_t remove(std::span<const std::uint64_t> row_ids);
   std::uint64_t remove(const HistoryBatch& batch);
-  /// The batch did not arrive: its rows wait again.
+  /// Call when the batch did not arrive. Its rows wait again.
   void returned(const HistoryBatch& batch);
-  /// A held row did not arrive: it waits for a history message.
+  /// Call when a held row did not arrive. It waits for a history message.
   void release(std::uint64_t row_id) { streams_.release(row_id); }
 
   std::uint64_t rows() const override { return streams_.rows(); }
@@ -56,21 +56,22 @@ class StoredSamples final : public StorePart {
   bool has_waiting(const std::string& device) const { return streams_.has_waiting(device); }
   bool has_waiting(const StreamKey& stream) const { return streams_.has_waiting(stream); }
   bool is_on_the_way(const StreamKey& stream) const { return streams_.is_on_the_way(stream); }
-  /// Rows that had to make room, were too old or lay in a damaged file, since the last call.
+  /// Rows dropped since the last call, by device: for lack of room, for age, damaged, or lost with
+  /// their file.
   std::map<std::string, std::uint64_t> take_dropped() { return std::exchange(dropped_, {}); }
 
-  /// Rows that were removed and are still in the file.
+  /// Removed rows that are still in the file.
   std::size_t removed_waiting() const { return removed_.size(); }
-  /// Lets go what is older than max_age.
+  /// Deletes rows older than max_age.
   void drop_old();
-  /// Lets the oldest rows go of what is above max_bytes, the commands counted.
+  /// Deletes the oldest rows above max_bytes, with commands counted.
   void drop_excess();
 
-  /// What the file has now was left by earlier runs.
+  /// Counts the rows now in the file as left by earlier runs.
   void count_recovered() { recovered_ += streams_.rows(); }
-  /// Rows from now on are this run's.
+  /// Rows added after this call count as this run's.
   void begin_run() { first_of_run_ = next_row_id_; }
-  /// Within a commit, where the calendar was set: moves the times of this run's rows. Throws
+  /// Within a commit: shifts the times of this run's rows, after the calendar was set. Throws
   /// SQLite::Exception.
   void move_times(std::int64_t by_ms);
 
@@ -90,12 +91,13 @@ class StoredSamples final : public StorePart {
     SQLite::Statement oldest;
   };
 
-  /// Deletes the oldest rows, `excess` bytes or what is older, within the caller's commit.
+  /// Deletes the oldest rows within the caller's commit, until `excess` bytes are free and no row
+  /// is older than `older_than_ms`.
   std::vector<SampleStreams::Row> delete_oldest(std::uint64_t excess, std::int64_t older_than_ms);
   void forget(const std::vector<SampleStreams::Row>& gone);
   void drop(std::uint64_t excess, std::int64_t older_than_ms);
-  /// next() of one stream. nullopt: it had no row to send, or the file cannot be read; `dropped`
-  /// says how many damaged rows were dropped.
+  /// next() of one stream. Returns nullopt if it had no row to send, or the file cannot be read.
+  /// `dropped` is the number of damaged rows that were dropped.
   std::optional<HistoryBatch> next_of(const StreamKey& key, HistoryMessage& message,
                                       std::size_t& dropped);
   void drop_damaged(const std::vector<SampleStreams::Row>& damaged);

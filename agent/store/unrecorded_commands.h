@@ -1,5 +1,5 @@
-// Commands and results that the disk has not taken yet, in memory and bounded: one entry for each
-// device and id, in the order in which they came and last changed. The store's thread.
+// Commands and results that the disk has not accepted yet, in memory and bounded. One entry per
+// device and id, in the order in which they came or last changed. One thread at a time.
 #pragma once
 
 #include <boost/multi_index/composite_key.hpp>
@@ -17,22 +17,22 @@ namespace fxagent {
 
 class UnrecordedCommands final {
  public:
-  /// Above either the oldest results go, and then the oldest commands; the first time is logged.
+  /// Above either limit, drops the oldest results, then the oldest commands. Logs the first drop.
   static constexpr std::size_t kMost = 10000;
   static constexpr std::size_t kMostBytes = std::size_t{8} << 20;
 
-  /// As in the file, a result belongs to the command with its number, and a later command that uses
-  /// the id anew takes its place.
+  /// Adds an entry by the rules of the file: a result belongs to the command with its number, and a
+  /// later command with the same id replaces an earlier one.
   void put(JournalEntry entry);
-  /// Null: it is not here. Until the next put() or drop_first().
+  /// Returns null if there is no such entry. Valid until the next put() or drop_first().
   const JournalEntry* find(const std::string& device, const std::string& id) const;
   std::size_t size() const { return entries_.size(); }
-  /// In their order.
+  /// Iterates in that order.
   auto begin() const { return entries_.begin(); }
   auto end() const { return entries_.end(); }
-  /// Lets the first `count` of them go: they are in the file.
+  /// Removes the first `count` entries: they are in the file.
   void drop_first(std::size_t count);
-  /// The calendar was set by so much.
+  /// Shifts all times, after the calendar was set.
   void move_times(std::int64_t by_ms);
 
  private:
@@ -48,7 +48,7 @@ class UnrecordedCommands final {
               boost::multi_index::member<JournalEntry, std::string, &JournalEntry::id>>>>>
       entries_;
   std::size_t bytes_ = 0;
-  bool forgot_some_ = false;  ///< since they were here last without any
+  bool forgot_some_ = false;  ///< entries were dropped since this was last empty
 };
 
 }  // namespace fxagent
