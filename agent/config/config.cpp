@@ -267,8 +267,8 @@ const ConfigNode* data_bits_of(const ConfigNode& link) {
 }
 
 /// Reports an error if the file sets fewer data bits than the protocol or an option of one of the
-/// devices needs. A protocol with a default of 8 bits uses the eighth; one that needs 7 also runs
-/// on 8.
+/// devices needs. A protocol needs its default unless the catalogue has least_data_bits. More bits
+/// than needed are allowed.
 void check_data_bits(ConfigReader& reader, const ConfigNode& link, std::size_t index, int given,
                      const ProtocolInfo& protocol, const SharedList<DeviceConfig>& devices) {
   const ConfigNode* at = data_bits_of(link);

@@ -151,7 +151,7 @@ struct DeviceConfig {
   int retries = static_cast<int>(config_key("devices[].retries").number());
   /// Silence before a request; at least kQuietBetweenDatagrams on UDP if replies carry no numbers.
   std::chrono::milliseconds gap{config_key("devices[].gap_ms").number()};
-  /// Response time of the device, for the planner and the cycle-time bound.
+  /// Expected response time of the device, for planning and for the bound of commands.
   std::chrono::milliseconds turnaround{config_key("devices[].turnaround_ms").number()};
   bool echo = config_key("devices[].echo").flag();  ///< the line returns every byte sent
   std::uint32_t max_block_bytes = 0;                ///< 0: the protocol's own limit
