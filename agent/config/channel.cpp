@@ -31,7 +31,7 @@ Rs485 read_rs485(ConfigReader& reader, const ConfigNode& node) {
   return direction;
 }
 
-/// Warns where another link goes to the same place.
+/// Warns if another link goes to the same host and port.
 void warn_of_second(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,
                     const std::string& place, Channels& channels) {
   const auto [first, fresh] = channels.emplace(place, &link);
@@ -46,14 +46,14 @@ void warn_of_second(ConfigReader& reader, const ConfigNode& link, const ConfigNo
                         "devices of both on one link");
 }
 
-/// `host` and `port` of a `tcp` or `udp` at `node`.
+/// Reads `host` and `port` of the `tcp` or `udp` at `node`.
 template <class Settings>
 void read_place(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,
                 const ConfigKey& host, const ConfigKey& port, std::string_view kind,
                 Channels& channels, Settings& settings) {
   settings.host = reader.text(node, host).value_or("");
   if (!settings.host.empty()) {
-    // "meter.local:502"; an IPv6 address has more than one colon.
+    // "meter.local:502" has a port; an IPv6 address has more than one colon.
     const std::size_t colon = settings.host.find(':');
     const bool has_port = colon != std::string::npos && colon == settings.host.rfind(':');
     if (has_port || settings.host.find_first_of(" /@") != std::string::npos)

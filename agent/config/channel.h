@@ -1,4 +1,4 @@
-// The `serial`, `tcp` or `udp` of a link of the config file.
+// Reads `serial`, `tcp` or `udp` of a link of the config file.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@
 
 namespace fxagent {
 
-/// How characters travel on a line; what the file leaves open comes from the protocol on the link.
+/// Speed and character format of a line. The protocol on the link supplies missing values.
 struct LineKeys {
   std::optional<std::int64_t> baud;
   std::optional<std::int64_t> data_bits;
@@ -20,11 +20,11 @@ struct LineKeys {
   std::optional<std::int64_t> stop_bits;
 };
 
-/// Two links cannot hold one channel; the first one's place is remembered for the text.
+/// Channels in use, with the node of their first use: two links cannot share a channel.
 using Channels = std::map<std::string, const ConfigNode*, std::less<>>;
 
-/// Each reads what stands at `node`, in the link at `link`, into `config.channel`, and the keys of
-/// its line into `line`. What is wrong goes to the reader.
+/// Each reads the channel at `node`, a member of the link at `link`, into `config.channel`, and the
+/// keys of its line into `line`. Reports faults to `reader`.
 void read_serial(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,
                  Channels& channels, LinkConfig& config, LineKeys& line);
 void read_tcp(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,

@@ -33,7 +33,7 @@ constexpr int kEightBits = 8;
 
 // ---- agent, mqtt, store -----------------------------------------------------------------------
 
-/// Why `root` cannot stand before the topics; empty where it can.
+/// Returns why `root` cannot be a topic prefix; empty if it can.
 std::string_view root_fault(std::string_view root) {
   if (root.find_first_of("+#") != root.npos) return "must not have the wildcards + and #";
   if (root.starts_with('/') || root.ends_with('/')) return "must not begin or end with /";
@@ -53,7 +53,7 @@ void read_agent(ConfigReader& reader, const ConfigNode& agent, Config& config) {
   config.remote = read_remote_limits(reader, agent);
 }
 
-/// "mqtt://host:port" with the port filled in, or what is wrong with the address.
+/// Returns "mqtt://host:port" with the port filled in, or the fault of the address.
 tl::expected<std::string, std::string_view> normal_server(std::string_view server) {
   std::string out;
   std::string_view port;
@@ -115,7 +115,7 @@ void read_tls(ConfigReader& reader, const ConfigNode& node, MqttConfig& mqtt) {
   mqtt.tls = tls;
 }
 
-/// Whether what goes to the server stays on this machine.
+/// True if the server is on this machine.
 bool is_loopback(std::string_view server) {
   server.remove_prefix(server.find("://") + 3);
   return server.starts_with("127.") || server.starts_with("localhost:") ||
@@ -152,7 +152,7 @@ void read_password(ConfigReader& reader, const ConfigNode& node, MqttConfig& mqt
   }
 }
 
-/// The rule of the table, "fx-{id}", with the id filled in.
+/// Returns the rule of the key table, "fx-{id}", with the id filled in.
 std::string default_client_id(const std::string& id) {
   std::string text(std::get<ConfigKey::Rule>(config_key("mqtt.client_id").fallback).text);
   constexpr std::string_view place = "{id}";
@@ -204,7 +204,7 @@ void read_store(ConfigReader& reader, const ConfigNode& node, StoreConfig& store
 
 // ---- links ------------------------------------------------------------------------------------
 
-/// The line's settings once its protocol is known.
+/// Returns the line's settings: those of the file, or else the protocol's defaults.
 SerialSettings line_settings(const LineKeys& keys, const LineDefaults& defaults) {
   SerialSettings line;
   line.baud = static_cast<int>(keys.baud.value_or(defaults.baud));
@@ -214,7 +214,7 @@ SerialSettings line_settings(const LineKeys& keys, const LineDefaults& defaults)
   return line;
 }
 
-/// One character: start bit, data, parity, stop.
+/// Returns the time of one character: start bit, data bits, parity bit, stop bits.
 std::chrono::nanoseconds character_time(const SerialSettings& line) {
   const int bits = 1 + line.data_bits + (line.parity == Parity::none ? 0 : 1) + line.stop_bits;
   return std::chrono::nanoseconds((bits * std::int64_t{1'000'000'000} + line.baud / 2) / line.baud);
@@ -260,15 +260,15 @@ void read_links(ConfigReader& reader, const ConfigNode& array, Links& links, Con
   }
 }
 
-/// Where the link says how many data bits its line has; null where it does not.
+/// Returns the node of the link's `data_bits`; nullptr if the file does not set it.
 const ConfigNode* data_bits_of(const ConfigNode& link) {
   const ConfigNode* serial = link.find("serial");
   return (serial != nullptr ? *serial : link).find("data_bits");
 }
 
-/// Reports it where a line has fewer data bits than its protocol or the settings of one of its
-/// devices need. A protocol that is at home on 8 bits uses the eighth; one that needs 7 is content
-/// with 8.
+/// Reports an error if the file sets fewer data bits than the protocol or an option of one of the
+/// devices needs. A protocol needs its default unless the catalogue has least_data_bits. More bits
+/// than needed are allowed.
 void check_data_bits(ConfigReader& reader, const ConfigNode& link, std::size_t index, int given,
                      const ProtocolInfo& protocol, const SharedList<DeviceConfig>& devices) {
   const ConfigNode* at = data_bits_of(link);
@@ -294,7 +294,7 @@ void check_data_bits(ConfigReader& reader, const ConfigNode& link, std::size_t i
   }
 }
 
-/// Fills in what the links left to the protocol that is spoken on them.
+/// Fills in the line settings that the file leaves to the protocol of the link.
 void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& links,
                   Config& config) {
   SerialSettings unknown;
@@ -322,14 +322,15 @@ void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& li
   warn_of_lines(reader, array, lines, config);
 }
 
-/// What late answers ask for: how long each link listens before its first question, and the rest
-/// behind each answer on UDP.
+/// Sets the silences that guard against late replies: the time that each link listens before its
+/// first request, and the gap before requests on UDP.
 void set_silences(Config& config) {
   for (DeviceConfig& device : config.devices) {
     if (device.codec == nullptr || device.link >= config.links.size()) continue;
     LinkConfig& link = config.links[device.link];
     const Recovery recovery = device.codec->after_silence();
-    // Answers have numbers, or go to the connection or port that they were asked from.
+    // A late reply does no harm if it carries a number, or if it goes to an earlier connection or
+    // port.
     const auto* udp = std::get_if<UdpSettings>(&link.channel);
     if (udp != nullptr && recovery != Recovery::none)
       device.gap = std::max(device.gap, kQuietBetweenDatagrams);
@@ -341,7 +342,7 @@ void set_silences(Config& config) {
   }
 }
 
-// ---- the whole --------------------------------------------------------------------------------
+// ---- the whole config -------------------------------------------------------------------------
 
 Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy) {
   Config config;
@@ -375,7 +376,7 @@ Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy
   return config;
 }
 
-/// Whether the nearest directory of `path` that exists can be written.
+/// True if the nearest existing directory on `path` is writable.
 bool can_be_made(std::filesystem::path path) {
   std::error_code ignored;
   while (!std::filesystem::exists(path, ignored)) {
@@ -386,7 +387,8 @@ bool can_be_made(std::filesystem::path path) {
   return std::filesystem::is_directory(path, ignored) && ::access(path.c_str(), W_OK | X_OK) == 0;
 }
 
-/// Whether a directory on the way to `path` lets nobody pass by this right (S_IXGRP or S_IXOTH).
+/// True if a directory above `path` lacks this permission (S_IXGRP or S_IXOTH), so that it keeps
+/// users with only that permission away from the file.
 bool lies_behind_closed_doors(const std::filesystem::path& path, mode_t right) {
   std::error_code fault;
   auto above = std::filesystem::canonical(path, fault).parent_path();
@@ -396,10 +398,10 @@ bool lies_behind_closed_doors(const std::filesystem::path& path, mode_t right) {
   return false;
 }
 
-/// Where containers have their secrets: readable by all, and nobody else is in there.
+/// Secrets of containers. They are readable by all, but the container has no other users.
 constexpr std::string_view kContainerSecrets = "/run/secrets/";
 
-/// Who can read a file that need not; empty: nobody.
+/// Returns the users who can read the file without need: "everybody" or "its group"; empty if none.
 std::string_view readers_beside_owner(const std::string& path) {
   const auto credentials = process_environment("CREDENTIALS_DIRECTORY");
   struct stat file {};
@@ -407,7 +409,7 @@ std::string_view readers_beside_owner(const std::string& path) {
       path.starts_with(kContainerSecrets) || ::stat(path.c_str(), &file) != 0)
     return {};
   if ((file.st_mode & S_IROTH) != 0 && !lies_behind_closed_doors(path, S_IXOTH)) return "everybody";
-  // Who is not its owner may need the group's right.
+  // A process that does not own the file may need the group's permission.
   const bool by_group = (file.st_mode & S_IRGRP) != 0 && file.st_uid == ::geteuid();
   return by_group && !lies_behind_closed_doors(path, S_IXGRP) ? "its group" : "";
 }
@@ -415,7 +417,7 @@ std::string_view readers_beside_owner(const std::string& path) {
 }  // namespace
 
 std::optional<std::string> process_environment(std::string_view name) {
-  // Nobody changes the environment while the agent runs.
+  // No code changes the environment while the agent runs.
   const char* value = std::getenv(std::string(name).c_str());  // NOLINT(concurrency-mt-unsafe)
   return value == nullptr ? std::nullopt : std::optional<std::string>(value);
 }
@@ -528,7 +530,7 @@ std::vector<ConfigError> check_files(const Config& config) {
     must_be_readable("/mqtt/tls/cert_file", config.mqtt.tls->cert_file);
     must_be_readable("/mqtt/tls/key_file", config.mqtt.tls->key_file);
   }
-  // Either source of the password will do; the file comes first.
+  // Does not check password_file if the variable of password_env is set.
   const auto& mqtt = config.mqtt;
   const bool from_environment =
       !mqtt.password_env.empty() && process_environment(mqtt.password_env).has_value();

@@ -1,4 +1,4 @@
-// The config file as plain structs: everything checked, every name resolved, nothing left to parse.
+// The config file as plain structs: checked and parsed, with all names resolved.
 #pragma once
 
 #include <chrono>
@@ -23,9 +23,10 @@
 
 namespace fxagent {
 
-/// How the kernel switches a two-wire port between sending and listening, by its RTS line.
+/// Direction control of a two-wire port: the kernel switches between sending and receiving with
+/// RTS.
 struct Rs485 {
-  /// RTS is high while the port sends and low else; false: the other way round.
+  /// True: RTS is high while the port sends and low otherwise. False: the reverse.
   bool rts_on_send = config_key("links[].serial.rs485.rts_on_send").flag();
   std::chrono::milliseconds delay_before{
       config_key("links[].serial.rs485.delay_before_ms").number()};
@@ -39,38 +40,39 @@ struct SerialSettings {
   int data_bits = LineDefaults{}.data_bits;
   Parity parity = LineDefaults{}.parity;
   int stop_bits = LineDefaults{}.stop_bits;
-  std::optional<Rs485> rs485{};  ///< nothing: the direction is the adapter's own affair
+  std::optional<Rs485> rs485{};  ///< nullopt: the adapter switches the direction on its own
   friend bool operator==(const SerialSettings&, const SerialSettings&) = default;
 };
 
 struct TcpSettings {
   std::string host;
   std::uint16_t port = 0;
-  int line_baud = 0;  ///< of the serial line behind it; 0: unknown, or there is none
+  int line_baud = 0;  ///< speed of the serial line behind it; 0: unknown or none
   friend bool operator==(const TcpSettings&, const TcpSettings&) = default;
 };
 
 struct UdpSettings {
   std::string host;
   std::uint16_t port = 0;
-  std::uint16_t local_port = 0;  ///< that the agent asks from; 0: any that is free
+  std::uint16_t local_port = 0;  ///< source port of requests; 0: any free port
   friend bool operator==(const UdpSettings&, const UdpSettings&) = default;
 };
 
+/// Upper limit of LinkConfig::listening.
 inline constexpr std::chrono::milliseconds kLongestListening{5000};
 
 struct LinkConfig {
   std::string name;  ///< empty: a vacant place, see Config
   std::variant<SerialSettings, TcpSettings, UdpSettings> channel;
-  /// One character on the wire, start, parity and stop bits counted; 0 where the speed is unknown
+  /// Time of one character on the wire, with start, parity and stop bits; 0 if the speed is unknown
   /// (tcp without line_baud, udp).
   std::chrono::nanoseconds char_time{0};
-  /// How long the line listens before the first question of each session, so that no answer to an
-  /// earlier one is taken for its own: as long as the latest answer may take, twice the longest
-  /// timeout_ms of its devices and kLongestListening at most. 0 where answers have numbers, or
-  /// go to another connection, or to another port of UDP.
+  /// Time that the link listens before the first request of each session, so that it does not
+  /// mistake a late reply to an earlier request for the reply to this one: twice the longest
+  /// timeout of its devices, at most kLongestListening. 0 if replies carry numbers, or if a late
+  /// reply goes to another connection or UDP port.
   std::chrono::milliseconds listening{0};
-  /// Of the line, that polls keep while commands flood it; 0 … 0.9
+  /// Share of line time reserved for polls while commands flood the line; 0 … 0.9.
   double poll_share = static_cast<double>(config_key("links[].poll_share_percent").number()) / 100;
 
   bool is_vacant() const { return name.empty(); }
@@ -86,7 +88,7 @@ struct GroupConfig {
   friend bool operator==(const GroupConfig&, const GroupConfig&) = default;
 };
 
-/// In engineering units.
+/// Limits in engineering units.
 struct TagLimits {
   std::optional<double> min{};
   std::optional<double> max{};
@@ -94,11 +96,10 @@ struct TagLimits {
   friend auto operator<=>(const TagLimits&, const TagLimits&) = default;
 };
 
-/// Labels of values in engineering units, sorted by value. Of a bool 0 is false and 1 is true.
+/// Labels of values in engineering units, sorted by value. For a bool, 0 is false and 1 is true.
 using TagStates = std::vector<std::pair<std::int64_t, std::string>>;
 
-/// What the values of a tag mean to people. A plant has few different ones, unless its tags have
-/// descriptions.
+/// Meaning of a tag's values for people. Many tags have equal ones, unless they have descriptions.
 struct TagUnits {
   std::string unit{};
   TagLimits limits{};
@@ -106,62 +107,61 @@ struct TagUnits {
   TagStates states{};
   friend auto operator<=>(const TagUnits&, const TagUnits&) = default;
 };
-/// The empty one, which all tags share that have nothing of it.
+/// Returns the empty TagUnits, shared by all tags without any of these settings.
 const std::shared_ptr<const TagUnits>& no_units();
 
-/// A config may have 100,000 of them: what most leave out is not in here.
+/// A config may have 100,000 tags: settings that most tags lack are in TagUnits.
 struct TagConfig {
   ShortText name;
   Point point;
   std::uint32_t group = 0;  ///< index in DeviceConfig::groups
   bool writable = config_key("devices[].tags[].access").index() == 1;  ///< access: read_write
-  /// Shared by the tags that have the same; never null.
+  /// Owners: all tags with equal units. Never nullptr.
   std::shared_ptr<const TagUnits> units = no_units();
   friend bool operator==(const TagConfig& a, const TagConfig& b);
 };
 
 struct CommandRules {
-  std::vector<Span>
-      allow;  ///< sorted, neighbours merged, so that a covered write lies in one of them
+  std::vector<Span> allow;  ///< sorted, neighbours merged: a write is allowed if one span covers it
   bool allow_run_stop = config_key("devices[].commands.allow_run_stop").flag();
   std::chrono::seconds default_expiry{config_key("devices[].commands.default_expiry_s").number()};
   std::chrono::seconds max_expiry{config_key("devices[].commands.max_expiry_s").number()};
   bool verify = config_key("devices[].commands.verify").flag();
-  /// Commands that may wait on this device.
+  /// Most commands that wait for this device.
   std::size_t queue = static_cast<std::size_t>(config_key("devices[].commands.queue").number());
   friend bool operator==(const CommandRules&, const CommandRules&) = default;
 };
 
-/// In the order of the catalogue, whose default is the first.
+/// In the order of the catalogue's choices. The first is the default.
 enum class EnquirePolicy : std::uint8_t { open, always, never };
 
-/// On UDP, where answers have no numbers, the next question waits for so long: what a network
-/// brings twice comes twice within this time, nearly always.
+/// Silence before a UDP request if replies carry no numbers. A duplicate datagram of the network
+/// nearly always arrives within this time.
 inline constexpr std::chrono::milliseconds kQuietBetweenDatagrams{10};
 
 struct DeviceConfig {
   std::string name;        ///< empty: a vacant place, see Config
   std::uint32_t link = 0;  ///< index in Config::links
   const ProtocolInfo* protocol = nullptr;
-  /// Shared by this config, the workers, and the devices of the same options; const, so any thread.
+  /// Owners: this config, the workers, and devices with equal options. Const, so any thread.
   std::shared_ptr<const Codec> codec;
-  std::shared_ptr<const Options> options;  ///< what the codec was made of, shared like it
-  /// Allowed beyond the expected line time.
+  std::shared_ptr<const Options> options;  ///< the codec's options; owners as for `codec`
+  /// Time allowed for a reply in addition to the expected line time.
   std::chrono::milliseconds timeout{config_key("devices[].timeout_ms").number()};
   int retries = static_cast<int>(config_key("devices[].retries").number());
-  /// Silence before a request, that which UDP asks for included: kQuietBetweenDatagrams.
+  /// Silence before a request; at least kQuietBetweenDatagrams on UDP if replies carry no numbers.
   std::chrono::milliseconds gap{config_key("devices[].gap_ms").number()};
-  /// The device's own time, for plan and bound.
+  /// Expected response time of the device, for planning and for the bound of commands.
   std::chrono::milliseconds turnaround{config_key("devices[].turnaround_ms").number()};
-  bool echo = config_key("devices[].echo").flag();  ///< the line returns what is sent
+  bool echo = config_key("devices[].echo").flag();  ///< the line returns every byte sent
   std::uint32_t max_block_bytes = 0;                ///< 0: the protocol's own limit
   EnquirePolicy enquire{};
   std::vector<GroupConfig> groups;
-  SharedVector<TagConfig> tags;  ///< shared by the devices that have the same
+  SharedVector<TagConfig> tags;  ///< shared by devices with equal tags
   CommandRules commands;
 
   bool is_vacant() const { return name.empty(); }
-  /// Whether the two say the same; codecs are equal where they are made of the same options.
+  /// True if the settings are equal. Codecs are equal if their options are.
   friend bool operator==(const DeviceConfig& a, const DeviceConfig& b);
 };
 
@@ -173,17 +173,17 @@ struct TlsSettings {
 };
 
 struct MqttConfig {
-  std::vector<std::string> servers;  ///< mqtt://host:port or mqtts://host:port, tried from the top
-  /// 5, or 4 for MQTT 3.1.1
+  std::vector<std::string> servers;  ///< mqtt://host:port or mqtts://host:port, tried in order
+  /// 5, or 4 for MQTT 3.1.1.
   int version = config_key("mqtt.version").index() == 0 ? 5 : 4;
   std::string client_id;
   std::string username;
   std::string password_file;
-  std::string password_env;  ///< name of an environment variable; the file wins where both are set
+  std::string password_env;  ///< name of an environment variable; password_file takes precedence
   std::string password;      ///< the password itself; the two above are empty then
   std::optional<TlsSettings> tls;
   std::chrono::seconds keep_alive{config_key("mqtt.keep_alive_s").number()};
-  /// Of data topics.
+  /// QoS of data topics.
   int qos = static_cast<int>(config_key("mqtt.qos").number());
   friend bool operator==(const MqttConfig&, const MqttConfig&) = default;
 };
@@ -199,10 +199,10 @@ struct StoreConfig {
   friend bool operator==(const StoreConfig&, const StoreConfig&) = default;
 };
 
-/// Where metrics are served.
+/// Address that serves metrics.
 struct MetricsConfig {
-  std::string address;     ///< IPv4 or IPv6, without brackets; empty: at `unix_path`
-  std::uint16_t port = 0;  ///< 0: any that is free
+  std::string address;     ///< IPv4 or IPv6, without brackets; empty: use `unix_path`
+  std::uint16_t port = 0;  ///< 0: any free port
   std::string unix_path;   ///< absolute
   friend bool operator==(const MetricsConfig&, const MetricsConfig&) = default;
 };
@@ -217,10 +217,10 @@ struct RemoteRange {
   friend bool operator==(const RemoteRange&, const RemoteRange&) = default;
 };
 
-/// What may come over MQTT, on {base}/config/desired.
+/// Changes that a remote config, received on {base}/config/desired, may make.
 struct RemoteLimits {
   bool enabled = config_key("agent.remote_config").flag();
-  /// A config that cannot be kept on disk is taken over all the same.
+  /// Apply a config even if it cannot be saved on disk.
   bool without_disk = config_key("agent.remote_without_disk").flag();
   bool links = true;
   bool devices = true;   ///< and `templates`
@@ -231,76 +231,75 @@ struct RemoteLimits {
   friend bool operator==(const RemoteLimits&, const RemoteLimits&) = default;
 };
 
-/// A document of {base}/config/desired that is larger is refused unread.
+/// Largest document of {base}/config/desired in bytes. A larger one is rejected unread.
 inline constexpr std::size_t kMaxDesiredBytes = std::size_t{1} << 20;
 
-/// As a file says it, or as it is in force in a running agent, which a reload has changed: there a
-/// link or device that did not change keeps its index, and where one was taken out its place is
-/// vacant until another one takes it (config_difference.h).
+/// A config as read from a file, or as in force in a running agent after reloads. A reload keeps
+/// the index of every link or device that goes on. The place of a removed one is vacant until a new
+/// one takes it (config_difference.h).
 struct Config {
   std::string id;
   std::string root;
   RemoteLimits remote;
   MqttConfig mqtt;
   StoreConfig store;
-  std::optional<MetricsConfig> metrics;  ///< nullopt: none are served
+  std::optional<MetricsConfig> metrics;  ///< nullopt: the agent serves no metrics
   SharedVector<LinkConfig> links;
-  /// A reload shares those that did not change with the config before it.
+  /// After a reload, unchanged devices are shared with the previous config.
   SharedList<DeviceConfig> devices;
-  std::vector<std::string> warnings;  ///< what is allowed and still worth a word
+  std::vector<std::string> warnings;  ///< settings that are allowed and probably a mistake
   std::string hash;                   ///< of the text: the first 16 digits of its SHA-256
 
-  /// "{root}/{id}"
+  /// Returns "{root}/{id}".
   std::string base_topic() const { return root + "/" + id; }
 };
 
 struct ConfigError {
   std::string pointer;  ///< JSON pointer: "/devices/0/tags/3/address"
-  int line = 0;         ///< 1-based; 0 where there is no text to point at
-  std::string text;     ///< what is wrong, and the cure
+  int line = 0;         ///< 1-based; 0 if the error belongs to no line
+  std::string text;     ///< the fault and its cure
 };
 
-/// "agent.json:12: /devices/0/tags/3/address: X8 is not octal …"
+/// Returns "agent.json:12: /devices/0/tags/3/address: X8 is not octal …".
 std::string to_string(const ConfigError& error, std::string_view file);
 
-/// Where `${NAME}` comes from: the value of a variable, nullopt where it is not set.
+/// Returns the value of a variable for `${NAME}`; nullopt if it is not set.
 using Environment = std::function<std::optional<std::string>(std::string_view name)>;
 
-/// The environment of the process.
+/// Looks up a variable in the environment of the process.
 std::optional<std::string> process_environment(std::string_view name);
 
-/// Whether others than its owner can read the config file: then no password may stand in it, unless
-/// `allow_plain_secret` is set.
+/// Read permissions of the config file. A file that users other than its owner can read must not
+/// contain a password, unless `allow_plain_secret` is set.
 enum class FilePrivacy : std::uint8_t { shared, owner_only };
 
-/// What stands in the file, up to a little more than a config may have.
+/// Returns the text of the file, cut a little above the largest size of a config.
 tl::expected<std::string, std::vector<ConfigError>> read_config_file(const std::string& path);
 
-/// Reads and checks a config file; every error at once, in the order of the file. `${NAME}` in a
-/// string is taken from the environment of the process; `$${NAME}` stands for a plain `${NAME}`.
-/// Paths of `mqtt` and `store` that are relative are taken from the directory of the file. Never
-/// throws.
+/// Reads and checks a config file. Returns all errors together, in the order of the file. Replaces
+/// `${NAME}` in strings with the environment variable; `$${NAME}` stands for a plain `${NAME}`.
+/// Relative paths of `mqtt` and `store` are relative to the directory of the file. Never throws.
 tl::expected<Config, std::vector<ConfigError>> load_config(const std::string& path);
-/// The same on a text that stands for what is in the file: of its rights and its directory.
+/// Same for `text` in place of the content of the file. The file's permissions and directory apply.
 tl::expected<Config, std::vector<ConfigError>> config_of_file(const std::string& path,
                                                               std::string_view text);
-/// The same on a text already in memory; paths are left as they stand. Depends on its arguments
-/// alone.
+/// Same for a text in memory. Leaves relative paths unchanged. The result depends only on the
+/// arguments.
 tl::expected<Config, std::vector<ConfigError>> parse_config(
     std::string_view text, const Environment& environment,
     FilePrivacy privacy = FilePrivacy::shared);
-/// The same with the environment of the process.
+/// Same with the environment of the process.
 tl::expected<Config, std::vector<ConfigError>> parse_config(std::string_view text);
 
-/// What the config names and this machine lacks: certificates and password files that cannot be
-/// read, a password variable that is not set, a store that cannot be written. Pointers are those of
-/// the file; lines are 0. Changes nothing on disk. Of serial ports: unavailable_ports() of
-/// serial_ports.h.
+/// Returns the resources of the config that this machine lacks: certificates and password files
+/// that cannot be read, a password variable that is not set, a store that cannot be written.
+/// Pointers are those of the file; lines are 0. Changes nothing on disk. For serial ports see
+/// unavailable_ports() in serial_ports.h.
 std::vector<ConfigError> check_files(const Config& config);
 
-/// Password and key files that others can read than those who must: everybody, or the group of a
-/// file that is this user's own. Credentials that systemd hands over are not looked at: their
-/// access lists show as rights of a group. Pointers and lines as above.
+/// Returns the password and key files that too many users can read: all users, or the group of a
+/// file that this user owns. Skips credentials that systemd passes on, since their access lists
+/// show as group permissions, and files in /run/secrets. Pointers and lines as above.
 std::vector<ConfigError> exposed_secrets(const Config& config);
 
 }  // namespace fxagent

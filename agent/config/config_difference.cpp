@@ -23,7 +23,7 @@ std::map<std::string_view, std::uint32_t> by_name(const List& list) {
   return index;
 }
 
-/// For each of `wanted` its place among `running`.
+/// Returns the place of each item of `wanted` in the next list; see ConfigChange::config.
 template <class List>
 Indices places_of(const List& wanted, const List& running) {
   const auto known = by_name(running);
@@ -34,7 +34,7 @@ Indices places_of(const List& wanted, const List& running) {
       places[i] = found->second;
       taken[found->second] = true;
     }
-  // The place of one that goes is vacant by then.
+  // The place of a removed item is vacant by the time that a new one takes it.
   std::uint32_t next = 0;
   for (std::uint32_t i = 0; i < wanted.size(); ++i) {
     if (known.contains(wanted[i].name)) continue;
@@ -48,12 +48,12 @@ std::size_t size_for(const Indices& places) {
   return places.empty() ? 0 : *std::ranges::max_element(places) + std::size_t{1};
 }
 
-/// Whether a link that goes on can take over the rest while it is open.
+/// True if an open link can apply the remaining differences without closing.
 bool is_same_line(const LinkConfig& a, const LinkConfig& b) {
   return a.name == b.name && a.channel == b.channel && a.char_time == b.char_time;
 }
 
-/// What stands at `place` of both lists: does it go on?
+/// Outcome for the items at one place of both lists.
 struct Fate {
   bool goes_on = false;
   bool ends = false;
@@ -159,7 +159,7 @@ std::vector<ConfigError> needs_restart(const Config& running, const Config& want
 
 std::string to_string(const ConfigChange& change, const Config& running) {
   if (change.empty()) return "nothing";
-  // Who ends and begins at the same place under the same name begins anew.
+  // A device that ends and begins at the same place with the same name is a changed one.
   Indices anew;
   Indices fresh;
   Indices gone;

@@ -1,5 +1,5 @@
-// What a reload has to do: which links and devices of a running config end, which begin, and the
-// config that is in force afterwards, in which nothing that goes on has another index. Pure.
+// Compares a running config with the next one for a reload: the links and devices to end and to
+// begin, and the config in force afterwards. Links and devices that go on keep their index. Pure.
 #pragma once
 
 #include <cstdint>
@@ -10,41 +10,41 @@
 
 namespace fxagent {
 
-/// From the config that is in force to the next one. What ends is over before the first of those
-/// that begin does: they may have the same name, the same index, and the same port of the machine.
+/// Change from the config in force to the next one. End all old links and devices before you begin
+/// the first new one: both may have the same name, index and serial port.
 struct ConfigChange {
-  /// The next one. A link or device has the place that its name had; a new one takes the first
-  /// vacant place, or one behind the last. Devices that go on are shared with the running config,
-  /// and what refers to one of them stays good.
+  /// The next config. A link or device keeps the index of its name; a new one takes the first
+  /// vacant place or a place after the last. Devices that go on are shared with the running config,
+  /// so references to them stay valid.
   Config config;
-  // Indices in the running config, in rising order.
+  // Indices in the running config, ascending.
   std::vector<std::uint32_t> links_end;
-  /// Those of links that end among them.
+  /// Includes the devices of links that end.
   std::vector<std::uint32_t> devices_end;
-  // Indices in `config`, in rising order. What is there under both words was changed.
+  // Indices in `config`, ascending. A changed link or device is in both lists.
   std::vector<std::uint32_t> links_begin;
   std::vector<std::uint32_t> devices_begin;
-  /// Links that go on with another poll_share or listening.
+  /// Links that go on with a different poll_share or listening.
   std::vector<std::uint32_t> links_adjusted;
-  bool mqtt = false;    ///< the connection to the broker is to be made anew
-  bool remote = false;  ///< something else can be set remotely
+  bool mqtt = false;    ///< reconnect to the broker with new settings
+  bool remote = false;  ///< the limits of remote configs differ
 
-  /// Nothing but the text may differ.
+  /// True if at most the text of the config differs.
   bool empty() const {
     return links_end.empty() && links_begin.empty() && devices_end.empty() &&
            devices_begin.empty() && links_adjusted.empty() && !mqtt && !remote;
   }
 };
 
-/// `running` has vacant places, `wanted` has none.
+/// Returns the change from `running`, which may have vacant places, to `wanted`, which has none.
 ConfigChange change_between(const Config& running, Config wanted);
 
-/// The keys of `wanted` that a running agent cannot take over: its identity and its store. Each
-/// error says what is in force. Empty: there is none.
+/// Returns an error for each setting of `wanted` that needs a restart of the agent: its id and
+/// root, its store and its metrics address. Each error names the value in force.
 std::vector<ConfigError> needs_restart(const Config& running, const Config& wanted);
 
-/// "changed: 2 (press1 press2), new: 1 (oven), gone: 1 (saw), mqtt": devices by name, for the log.
-/// "nothing" where the change is empty().
+/// Returns the change for the log, with devices by name: "changed: 2 (press1 press2), new: 1
+/// (oven), gone: 1 (saw), mqtt". Returns "nothing" if the change is empty().
 std::string to_string(const ConfigChange& change, const Config& running);
 
 }  // namespace fxagent

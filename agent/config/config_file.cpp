@@ -1,5 +1,5 @@
-// Reads the text of a config file, whatever is found in its place: a pipe that nobody writes into
-// must not hold who reads it, the thread of a reload for one.
+// Reads the text of a config file. If the path is a pipe without a writer, reading must end all the
+// same: it must not block the reload thread.
 #include <fcntl.h>
 #include <poll.h>
 #include <sys/stat.h>
@@ -22,13 +22,13 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-/// What is no plain file, `check <(jq . agent.json)` for one, must end within this time.
+/// Time limit for pipes and devices, as in `check <(jq . agent.json)`.
 constexpr std::chrono::seconds kPipeReads{5};
 
-/// Closed at the end of its scope.
+/// File descriptor that the destructor closes.
 class OpenFile final {
  public:
-  // Of a named pipe without a writer a plain open() would not come back.
+  // Without O_NONBLOCK, open() of a named pipe without a writer would block.
   explicit OpenFile(const std::string& path)
       : number_(::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC | O_NOCTTY)) {}
   ~OpenFile() {
@@ -43,7 +43,7 @@ class OpenFile final {
   const int number_;
 };
 
-/// Waits until there is something to read, an end too. False: not before `deadline`.
+/// Waits until there is data or the end of the file. False if `deadline` passes first.
 bool await_bytes(int file, Clock::time_point deadline) {
   using std::chrono::milliseconds;
   while (true) {
@@ -67,7 +67,7 @@ tl::expected<std::string, std::vector<ConfigError>> read_config_file(const std::
   if (file.get() < 0 || ::fstat(file.get(), &kind) != 0) return unreadable(system_fault());
   if (S_ISDIR(kind.st_mode)) return unreadable("it is a directory");
   const auto deadline = Clock::now() + kPipeReads;
-  // One byte over the limit is enough for the parser to refuse it, so an endless file ends here.
+  // Stops an endless file: one byte over the limit is enough for the parser to reject the text.
   std::string text;
   std::array<char, 65536> block{};
   while (text.size() <= ConfigTree::max_bytes) {

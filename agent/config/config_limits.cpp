@@ -6,7 +6,7 @@
 namespace fxagent {
 namespace {
 
-// Measured with a PLC that answers; what devices share makes them cheaper.
+// Memory per object, measured with a PLC that answers. Devices that share codec or tags need less.
 constexpr std::uint64_t kBytesOfLink = 4096;
 constexpr std::uint64_t kBytesOfDevice = 6144;
 constexpr std::uint64_t kBytesOfGroup = 512;

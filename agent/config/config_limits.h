@@ -1,5 +1,5 @@
-// How large a config may be. A few KiB of text can stand for more devices, tags and values than a
-// machine has memory for, so they are counted before they are built.
+// Limits on the size of a config. A few KiB of text can stand for more devices, tags and values
+// than fit into memory, so the reader counts them before it builds them.
 #pragma once
 
 #include <atomic>
@@ -11,59 +11,62 @@
 
 namespace fxagent {
 
-/// What a text expands to.
+/// Number of objects that a config expands to.
 struct ConfigSize {
   std::uint64_t links = 0;
   std::uint64_t devices = 0;
   std::uint64_t groups = 0;
   std::uint64_t tags = 0;
-  /// That one read of everything brings: an array has `count` of them, a string one for two
-  /// characters.
+  /// Values that one read of all tags returns: `count` for an array, one for every two characters
+  /// of a string.
   std::uint64_t values = 0;
 
-  /// Bytes that the agent needs for them while it polls all of them, as measured.
+  /// Returns the bytes of memory that the agent needs while it polls all of them, as measured.
   std::uint64_t memory() const;
 };
-/// So many times what `size` has beyond `before`.
+/// Returns `count` times the difference between `size` and `before`.
 ConfigSize times(std::uint64_t count, const ConfigSize& size, const ConfigSize& before);
 std::uint64_t values_of(const Point& point);
 ConfigSize size_of(const Config& config);
 
 struct ConfigLimits {
-  std::string_view whose;  ///< "a config file"
+  std::string_view whose;  ///< for error texts: "a config file"
   ConfigSize most;
-  std::uint64_t memory = 0;   ///< bytes
-  std::uint64_t written = 0;  ///< bytes of the devices of templates as if they were written out
+  std::uint64_t memory = 0;   ///< bytes, see ConfigSize::memory()
+  std::uint64_t written = 0;  ///< bytes of the devices of templates, if written out in full
 };
 
-/// Beyond these a file is a mistake. What it needs of memory is a matter of the machine.
+/// A larger file is a mistake. Memory is not limited: that depends on the machine.
 inline constexpr ConfigLimits kFileLimits{
     "a config file", {100'000, 100'000, 200'000, 1'000'000, 10'000'000}, UINT64_MAX, 64u << 20};
-/// So that what comes over MQTT fits into the 256 MiB of the service, whatever it says.
+/// Keeps every config that arrives over MQTT within the 256 MiB of the service.
 inline constexpr ConfigLimits kRemoteLimits{
     "a remote config", {10'000, 10'000, 20'000, 100'000, 500'000}, 128u << 20, 16u << 20};
 
-/// kRemoteLimits, raised to what the local file has itself: a document may leave that as it is.
+/// Returns kRemoteLimits, raised to the size of the local file, so that a document may leave it
+/// unchanged.
 ConfigLimits remote_limits(const Config& local);
 
-/// A config that needs more is worth a warning: the service may have 256 MiB in all.
+/// A config that needs more memory gets a warning: the service has 256 MiB.
 inline constexpr std::uint64_t kMuchMemory = 192u << 20;
 
-/// How far a text is read.
+/// Limits of reading a text.
 struct ReadBounds {
   const ConfigLimits& limits = kFileLimits;
-  /// Set by any thread, it ends the reading: the error is then of no interest. Null: nobody does.
+  /// Any thread may set it to end reading with an error, which the caller ignores. nullptr: reading
+  /// cannot be stopped.
   const std::atomic<bool>* stop = nullptr;
 
   bool is_stopped() const { return stop != nullptr && *stop; }
 };
 
-/// Counts a config and says where it becomes too large.
+/// Counts the objects of a config and detects when it becomes too large.
 class ConfigRoom final {
  public:
   explicit ConfigRoom(const ConfigLimits& limits) : limits_(limits) {}
 
-  /// Empty: there is room for `more`. Else which limit it is beyond; from then on nothing fits.
+  /// Adds `more`. Returns an empty string if it is within the limits. Otherwise returns the limit
+  /// exceeded as an error text; nothing fits afterwards.
   std::string add(const ConfigSize& more);
   bool fits(const ConfigSize& more) const { return ConfigRoom(*this).add(more).empty(); }
   bool is_full() const { return is_full_; }
@@ -76,12 +79,13 @@ class ConfigRoom final {
   bool is_full_ = false;
 };
 
-/// parse_config() and config_of_file() within bounds.
+/// parse_config() of config.h within bounds.
 tl::expected<Config, std::vector<ConfigError>> parse_config(std::string_view text,
                                                             const Environment& environment,
                                                             FilePrivacy privacy,
                                                             const ReadBounds& bounds);
-/// `privacy`: that of the file when the text was read. Looks at no file.
+/// config_of_file() of config.h within bounds. `privacy` is that of the file when the text was
+/// read. Does not access any file.
 tl::expected<Config, std::vector<ConfigError>> config_of_file(const std::string& path,
                                                               std::string_view text,
                                                               FilePrivacy privacy,

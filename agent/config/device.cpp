@@ -29,13 +29,14 @@ std::vector<std::string_view> option_keys(const ProtocolInfo& protocol) {
   return keys;
 }
 
-/// Whether devices of every protocol may have the key.
+/// True if devices of every protocol may have the key.
 bool is_common(std::string_view key) {
   const auto keys = config_section("devices[]");
   return std::ranges::find(keys, key, &ConfigKey::name) != keys.end();
 }
 
-/// What devices and tags share, each made once: a large plant has few kinds of them.
+/// Creates each codec, TagUnits and list of tags once and shares it between devices: a large plant
+/// has few different ones.
 class SharedParts {
  public:
   struct Protocol {
@@ -70,7 +71,7 @@ class SharedParts {
     bool operator()(const auto& one, const auto& other) const { return *one < *other; }
   };
 
-  /// Of what the tags of many devices may differ in: lists of one hash are compared in turn.
+  /// Hashes the members that commonly differ between lists. Lists with equal hashes are compared.
   static std::size_t hash_of(const SharedVector<TagConfig>& tags) {
     std::size_t hash = tags.size();
     for (const TagConfig& tag : tags) {
@@ -88,14 +89,14 @@ class SharedParts {
   std::unordered_multimap<std::size_t, SharedVector<TagConfig>> tags_;
 };
 
-/// Reads one device. A device whose protocol cannot be told is read on without its codec, so that
-/// the errors of shape in its tags still come out.
+/// Reads one device. If its protocol is missing or wrong, reads on without a codec, so that other
+/// errors in its tags are still reported.
 class DeviceReader {
  public:
   DeviceReader(ConfigReader& reader, DeviceEntry& entry, SharedParts& shared, DeviceConfig& device)
       : reader_(reader), entry_(entry), node_(entry.members()), shared_(shared), device_(device) {}
 
-  /// False where there is no object to read.
+  /// False if the entry is not an object.
   bool read_protocol();
   void read_rest();
 
@@ -104,7 +105,8 @@ class DeviceReader {
   const ConfigNode& culprit(const Options& options, const Error& error) const;
   std::optional<std::string_view> read_model();
   void make_codec();
-  /// Sees to it that who waits for the device waits longer than the device does itself.
+  /// Makes the timeout longer than the time after which the device itself gives up and replies with
+  /// an error; warns if a configured timeout is not longer.
   void outlast_device();
   void read_groups();
   void read_tags();
@@ -122,8 +124,8 @@ class DeviceReader {
   const ConfigNode& node_;  ///< the entry's members
   SharedParts& shared_;
   DeviceConfig& device_;
-  /// The device's codec, or for a model that is still to be asked that of the widest one; shared
-  /// with `device_.codec` where they are the same. Null where protocol, model or options are wrong.
+  /// The device's codec, shared with `device_.codec`; that of the widest model if the PLC must be
+  /// asked for its model. nullptr if protocol, model or options are wrong.
   std::shared_ptr<const Codec> codec_;
   NameTable groups_;
   NameTable tags_;
@@ -140,7 +142,7 @@ bool DeviceReader::read_protocol() {
     reader_.error(node_, "\"protocol\" is missing: " + one_of(protocol.limits.words));
   }
 
-  // Without a protocol any key that one of them has may be right.
+  // Without a valid protocol, accept the keys of every protocol.
   std::vector<std::string_view> options;
   std::vector<std::string_view> foreign;
   for (const ProtocolInfo& info : catalog()) {
@@ -152,7 +154,7 @@ bool DeviceReader::read_protocol() {
   return true;
 }
 
-/// A key of other protocols: the error says of which, and what this one has in its place.
+/// Reports a key of other protocols. The error names these, and the options of this protocol.
 void DeviceReader::check_foreign_key(const ConfigNode& member) {
   if (device_.protocol == nullptr || option_named(*device_.protocol, member.key) != nullptr ||
       is_common(member.key))
@@ -160,14 +162,14 @@ void DeviceReader::check_foreign_key(const ConfigNode& member) {
   std::vector<std::string_view> owners;
   for (const ProtocolInfo& info : catalog())
     if (option_named(info, member.key) != nullptr) owners.push_back(info.name);
-  if (owners.empty()) return;  // of no protocol; reported as unknown
+  if (owners.empty()) return;  // unknown key, already reported
   reader_.error_at_key(member, "is for " + one_of(owners) + "; in its place " +
                                    std::string(device_.protocol->name) + " may have " +
                                    one_of(option_keys(*device_.protocol)));
 }
 
-/// The key that the codec objects to: with its default there would be no such error. The device
-/// itself where no key alone is the reason.
+/// Returns the option that caused the codec's error: with its default the error would not occur.
+/// Returns the device if no single option is the cause.
 const ConfigNode& DeviceReader::culprit(const Options& options, const Error& error) const {
   const Options defaults = default_options(*device_.protocol);
   for (const OptionSpec& spec : device_.protocol->options) {
@@ -181,7 +183,7 @@ const ConfigNode& DeviceReader::culprit(const Options& options, const Error& err
   return node_;
 }
 
-/// The device's model, auto where none is given; nothing where it is wrong.
+/// Returns the device's model; "auto" if it has none, nullopt if it is wrong.
 std::optional<std::string_view> DeviceReader::read_model() {
   const ProtocolInfo& protocol = *device_.protocol;
   const ConfigNode* given = node_.find("model");
@@ -324,7 +326,7 @@ std::uint32_t DeviceReader::group_of(const ConfigNode& tag) {
     reader_.error(*node, std::move(text));
     return 0;
   }
-  // Named by no one and used: it comes into being with the first tag.
+  // Create the default group, which the device does not define, with the first tag that uses it.
   const auto index = static_cast<std::uint32_t>(device_.groups.size());
   groups_.add(reader_, name, tag, index);
   GroupConfig group;
@@ -366,7 +368,7 @@ void DeviceReader::read_tag(const ConfigNode& node) {
   device_.tags.push_back(std::move(tag));
 }
 
-/// Address, type, shape and units. False where the span of the point cannot be told.
+/// Reads address, type, shape and scaling of a tag. False if these do not give a span.
 bool DeviceReader::read_place(const ConfigNode& node, TagConfig& tag) {
   std::optional<DataType> type;
   const ConfigNode* given = node.find("type");
@@ -390,7 +392,8 @@ bool DeviceReader::read_place(const ConfigNode& node, TagConfig& tag) {
   return type && good && codec_ != nullptr;
 }
 
-/// What the type asks for and forbids; only ranges where the type itself is wrong or not known.
+/// Reads the members that depend on the type. Checks only their ranges if the type is wrong or
+/// unknown.
 void DeviceReader::read_shape(const ConfigNode& node, std::optional<DataType> type, Point& point) {
   if (type) point.type = *type;
   if (const auto count = reader_.integer(node, config_key("devices[].tags[].count"))) {
@@ -413,7 +416,7 @@ void DeviceReader::read_shape(const ConfigNode& node, std::optional<DataType> ty
       reader_.error_at_key(*node.find("word_order"), "a bool has no words");
   }
 
-  // Without a number there is nothing to scale; read_limits() says so.
+  // Only numbers can be scaled; read_tag_units() reports this.
   if (type == DataType::boolean || type == DataType::string) return;
   constexpr const ConfigKey& scale_key = config_key("devices[].tags[].scale");
   constexpr const ConfigKey& offset_key = config_key("devices[].tags[].offset");
@@ -426,7 +429,8 @@ void DeviceReader::read_shape(const ConfigNode& node, std::optional<DataType> ty
     reader_.error(*node.find(scale ? "scale" : "offset"), set.error().text);
 }
 
-/// The point as a whole against the model and, where it may be written, against the rules for that.
+/// Checks the point's span against the model and, if the tag is writable, against the rules for
+/// writes.
 void DeviceReader::check_span(const ConfigNode& node, const TagConfig& tag) {
   const ConfigNode& address = *node.find("address");
   const bool text_without_length = tag.point.type == DataType::string && tag.point.length == 0;
@@ -475,7 +479,7 @@ void DeviceReader::read_commands(const ConfigNode& node) {
   rules.max_expiry =
       reader_.integer_as<std::chrono::seconds>(node, config_key("devices[].commands.max_expiry_s"));
   const auto expiry = reader_.integer(node, config_key("devices[].commands.default_expiry_s"));
-  // Where only the longest expiry is given, and is short, the default follows it.
+  // Without a given default_expiry_s, a short max_expiry_s lowers the default too.
   rules.default_expiry =
       expiry ? std::chrono::seconds(*expiry) : std::min(rules.default_expiry, rules.max_expiry);
   if (rules.default_expiry > rules.max_expiry)
@@ -486,7 +490,7 @@ void DeviceReader::read_commands(const ConfigNode& node) {
   rules.queue = reader_.integer_as<std::size_t>(node, config_key("devices[].commands.queue"));
 }
 
-/// Each entry becomes a span; then they are sorted and neighbours merged.
+/// Reads the ranges of `allow` as spans, sorted and with neighbours merged.
 void DeviceReader::read_allow(const ConfigNode& list) {
   std::vector<Span> spans;
   for (const ConfigNode& item : list.children) {
@@ -517,10 +521,10 @@ bool runs_on(const ProtocolInfo& protocol, Channel channel) {
     case Channel::none:
       break;
   }
-  return true;  // that link has its own error
+  return true;  // the link's own error is already reported
 }
 
-/// What to do where the protocol does not run over the channel of its link.
+/// Returns the error text for a protocol that does not run over the channel of its link.
 std::string why_not_on(const ProtocolInfo& protocol, Channel channel) {
   std::string given;
   std::string needed;
@@ -537,7 +541,7 @@ std::string why_not_on(const ProtocolInfo& protocol, Channel channel) {
          " link; it needs one with " + needed + others;
 }
 
-/// Finds the device's link and holds it against what else is on it.
+/// Finds the device's link. Checks that its channel and its other devices allow the protocol.
 void join_link(ConfigReader& reader, const DeviceEntry& entry, const NameTable& links,
                std::vector<LinkFacts>& facts, DeviceConfig& device) {
   const ConfigNode& node = entry.members();
@@ -606,7 +610,7 @@ void read_devices(ConfigReader& reader, const ConfigNode& top, const ConfigNode&
       const ConfigSize before = reader.room().size();
       read(*entry);
       if (i > 0) continue;
-      // The others will be as large.
+      // The other devices of the entry will be as large as the first one.
       const auto rest = times(entry->count() - 1, reader.room().size(), before);
       if (!reader.room().fits(rest)) reader.has_room(entry->node(), rest);
     }

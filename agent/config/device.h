@@ -1,4 +1,4 @@
-// The `devices` of the config file: groups, tags and command rules, checked against their protocol.
+// Reads `devices` of the config file: groups, tags and command rules, checked against the protocol.
 #pragma once
 
 #include <cstdint>
@@ -11,18 +11,17 @@
 
 namespace fxagent {
 
-/// What a device needs to know of the links before it: one for each of the config's links.
+/// State of one link while the devices are read. There is one for each link of the config.
 struct LinkFacts {
-  /// Which of the ways to a device it is.
+  /// Kind of the link's channel; none if the link has an error.
   enum class Channel : std::uint8_t { none, serial, tcp, udp } channel = Channel::none;
-  /// Of the first device on the link, whose protocol is that of all; null while there is none.
+  /// Protocol of the first device on the link, which all others must have too; nullptr until then.
   const ProtocolInfo* protocol = nullptr;
   const ConfigNode* first_device = nullptr;
 };
 
-/// Reads `devices`, and the `templates` of the file, into `config.devices`, and notes in `facts`
-/// which protocol each link speaks. What is wrong goes to the reader; a device with errors is left
-/// half filled.
+/// Reads `devices`, with the `templates` of the file, into `config.devices`. Records the protocol
+/// of each link in `facts`. Reports faults to `reader`. A device with errors stays partly filled.
 void read_devices(ConfigReader& reader, const ConfigNode& top, const ConfigNode& devices,
                   const NameTable& links, std::vector<LinkFacts>& facts, Config& config);
 

@@ -16,7 +16,7 @@ bool is_number(const ConfigKey& key) {
   return key.type == ConfigKey::Type::integer || key.type == ConfigKey::Type::number;
 }
 
-/// Whether the key of that section takes a number, on devices of some protocol.
+/// True if the key of that section is a number for devices of at least one protocol.
 bool takes_number(std::string_view section, std::string_view name) {
   const auto takes = [&](const ConfigKey& key) { return key.name == name && is_number(key); };
   if (std::ranges::any_of(config_section(section), takes)) return true;
@@ -25,7 +25,8 @@ bool takes_number(std::string_view section, std::string_view name) {
          });
 }
 
-/// Puts `n` into every string below the node, which is an object of that section or a list of such.
+/// Replaces `{n}` in every string below the node, which is an object of `section` or a list of
+/// them. A value that is just "{n}" becomes a number if its key takes one.
 void put_n(ConfigNode& node, const std::string& section, const std::string& n) {
   for (ConfigNode& child : node.children) {
     const bool is_item = node.kind == Kind::array;
@@ -44,7 +45,7 @@ void put_n(ConfigNode& node, const std::string& section, const std::string& n) {
   }
 }
 
-/// Device `i` of the entry.
+/// Returns device `i` of the entry in full.
 ConfigNode written_out(ConfigReader& reader, DeviceEntry& entry, std::size_t i) {
   const DeviceOrigin origin = entry.origin(i);
   reader.set_origin(entry.is_made() ? &origin : nullptr);

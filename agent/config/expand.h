@@ -1,4 +1,4 @@
-// A config file with every device written out: no templates, no `n`.
+// Writes a config file with every device in full: no templates, no `n`.
 #pragma once
 
 #include <string>
@@ -10,10 +10,10 @@
 
 namespace fxagent {
 
-/// The file as JSON text that means the same. `${NAME}` stays as it stands, and so do secrets.
-/// Errors: those of the file, as load_config() has them.
+/// Returns the file as JSON text with the same meaning. Leaves `${NAME}` and secrets unchanged.
+/// Errors: those of load_config().
 tl::expected<std::string, std::vector<ConfigError>> expanded_config(const std::string& path);
-/// The same on a text already in memory, which must be a right config in this environment.
+/// Same for a text in memory, which must be a valid config in this environment.
 std::string expanded_config(std::string_view text, const Environment& environment);
 
 }  // namespace fxagent

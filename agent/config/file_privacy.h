@@ -1,4 +1,5 @@
-// Who can read a config file, apart from its text: whoever keeps the text keeps this beside it.
+// Read permissions of a config file. Code that keeps the text of the file keeps its FilePrivacy
+// too.
 #pragma once
 
 #include <string>
@@ -7,7 +8,7 @@
 
 namespace fxagent {
 
-/// As the file is at this moment. One that is not there is shared.
+/// Returns the current state of the file. A missing file counts as shared.
 FilePrivacy privacy_of(const std::string& path);
 
 }  // namespace fxagent

@@ -39,7 +39,7 @@ void Findings::add(std::uint32_t offset, const ConfigNode& at, std::string text,
       ++first.more;
       return;
     }
-    // A second fault of one device at one place; what other devices have there is counted above.
+    // A second fault of this device at this place. A later device repeats those of the first one.
     if (first.more > 0) return;
     if (is_full()) {
       ++unlisted_;

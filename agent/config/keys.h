@@ -1,6 +1,6 @@
-// Every key of the config file, in one table: type, range, default, meaning. The loader checks and
-// fills in by it, and a test holds config/agent.schema.json and config/README.md to it. The keys
-// that the devices of one protocol have come from the catalogue.
+// Table of every key of the config file: type, range, default, meaning. The loader takes checks and
+// defaults from it, and a test compares config/agent.schema.json and config/README.md with it. The
+// keys that belong to one protocol come from the catalogue.
 #pragma once
 
 #include <algorithm>
@@ -39,15 +39,15 @@ struct ConfigKey {
     template <std::size_t N>
     constexpr Limits(const std::array<std::string_view, N>& list) : words(list) {}
   };
-  struct None {};      ///< where it is absent there is no value
-  struct Required {};  ///< it must be there
-  /// The value comes from elsewhere; `text` says from where.
+  struct None {};      ///< an absent key has no value
+  struct Required {};  ///< the key must be present
+  /// The value of an absent key comes from elsewhere; `text` describes where from.
   struct Rule {
     std::string_view text;
   };
   using Default = std::variant<None, Required, Rule, std::int64_t, bool, std::string_view>;
 
-  std::string_view section;  ///< path of the object that has the key: "devices[].groups[]"
+  std::string_view section;  ///< path of the object with the key: "devices[].groups[]"
   std::string_view name;     ///< "interval_ms"
   Type type = Type::text;
   Limits limits{};
@@ -64,7 +64,7 @@ struct ConfigKey {
   constexpr std::int64_t number() const { return std::get<std::int64_t>(fallback); }
   constexpr bool flag() const { return std::get<bool>(fallback); }
   constexpr std::string_view word() const { return std::get<std::string_view>(fallback); }
-  /// Which of the words the default is.
+  /// Returns the index of the default among the words.
   constexpr std::size_t index() const {
     const auto found = std::ranges::find(limits.words, word());
     return static_cast<std::size_t>(found - limits.words.begin());
@@ -87,7 +87,7 @@ inline constexpr std::array kAccess{"read"sv, "read_write"sv};
 inline constexpr std::array kTypes{"bool"sv,    "int16"sv, "uint16"sv, "int32"sv,
                                    "uint32"sv,  "int64"sv, "uint64"sv, "float32"sv,
                                    "float64"sv, "bcd16"sv, "bcd32"sv,  "string"sv};
-/// The first two are for every protocol, see word_order_key().
+/// Every protocol has the first two. See word_order_key().
 inline constexpr std::array kWordOrders{"low_first"sv, "high_first"sv, "ABCD"sv,
                                         "CDAB"sv,      "BADC"sv,       "DCBA"sv};
 inline constexpr ConfigKey::Limits kBaud{50, 4'000'000};
@@ -100,7 +100,7 @@ inline constexpr ConfigKey::Limits kExpiry{1, 604'800};  // a week
 inline constexpr Rule kOfProtocol{"the protocol's"};
 
 // clang-format off
-/// The keys of one section stand together.
+/// The keys of one section must be adjacent: config_section() returns them as one span.
 inline constexpr auto kAll = std::to_array<ConfigKey>({
     {"", "$schema", text, {}, None{}, "Schema for the editor; the agent does not follow it."},
     {"", "agent", object, {}, Required{}, "Who this agent is."},
@@ -326,14 +326,14 @@ inline constexpr auto kAll = std::to_array<ConfigKey>({
 
 }  // namespace config_keys
 
-/// "mqtt.keep_alive_s"; a path that is not in the table does not compile.
+/// Returns the key with this path, such as "mqtt.keep_alive_s". An unknown path does not compile.
 consteval const ConfigKey& config_key(std::string_view path) {
   for (const ConfigKey& key : config_keys::kAll)
     if (key.is(path)) return key;
   throw "there is no such key";
 }
 
-/// The keys of one object: "" for the top, "devices[].tags[]".
+/// Returns the keys of one object, such as "devices[].tags[]"; "" is the top level.
 constexpr std::span<const ConfigKey> config_section(std::string_view section) {
   const std::span<const ConfigKey> all(config_keys::kAll);
   const auto of = [&](const ConfigKey& key) { return key.section == section; };
@@ -341,18 +341,18 @@ constexpr std::span<const ConfigKey> config_section(std::string_view section) {
   return {first, std::find_if_not(first, all.end(), of)};
 }
 
-/// The protocol's own keys of a device: `model`, and the options of the catalogue. They go before
-/// those of the table that have their names.
+/// Returns the protocol's own keys of a device: `model`, and the options of the catalogue. They
+/// take precedence over keys of the table with the same name.
 std::vector<ConfigKey> protocol_keys(const ProtocolInfo& protocol);
 ConfigKey option_key(const OptionSpec& option);
 ConfigKey model_key(const ProtocolInfo& protocol);
-/// `protocol`, with the names of the catalogue.
+/// Returns the key `protocol`, with the names of the catalogue.
 ConfigKey protocol_key();
-/// `word_order` of the tags: a protocol whose devices may set their byte order lets its tags do so
-/// too. Null: of any protocol.
+/// Returns the key `word_order` of tags. Protocols with the option `byte_order` accept all words,
+/// others only the first two. nullptr: the words of any protocol.
 ConfigKey word_order_key(const ProtocolInfo* protocol);
 
-/// The option of that name; null where the protocol has none.
+/// Returns the option with this name; nullptr if the protocol has none.
 const OptionSpec* option_named(const ProtocolInfo& protocol, std::string_view key);
 
 }  // namespace fxagent

@@ -1,11 +1,11 @@
-// What deserves a look in a config that is about to be in force, as lines of the log.
+// Logs the warnings of a config before it comes into force.
 #pragma once
 
 #include "agent/config/config.h"
 
 namespace fxagent {
 
-/// Logs the warnings of `config`, which has none afterwards, and the secrets that others can read.
+/// Logs the warnings of `config` and clears them. Also logs the files of exposed_secrets().
 void log_warnings(Config& config);
 
 }  // namespace fxagent

@@ -1,4 +1,4 @@
-// The section `metrics` of the config file: the address where metrics are served.
+// Reads the section `metrics` of the config file: the address that serves metrics.
 #pragma once
 
 #include <optional>
@@ -8,7 +8,8 @@
 
 namespace fxagent {
 
-/// Warns of an address that others than this machine can reach. Nullopt: there was an error.
+/// Reads the section at `node`. Warns if other machines can reach the address. Returns nullopt
+/// after an error, which is reported to `reader`.
 std::optional<MetricsConfig> read_metrics(ConfigReader& reader, const ConfigNode& node);
 
 }  // namespace fxagent

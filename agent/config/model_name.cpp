@@ -9,8 +9,9 @@
 namespace fxagent {
 namespace {
 
-/// Who knows the model, "mc-1e over Ethernet, fx-computer-link on a serial line". Where `own` knows
-/// no serial line and another of its kind does it, those alone.
+/// Returns the protocols that support the model: "mc-1e over Ethernet, fx-computer-link on a serial
+/// line". If `own` does not run on serial lines and other Ethernet protocols support the model,
+/// returns only these.
 std::string protocols_of(std::string_view model, const ProtocolInfo& own) {
   std::vector<std::string_view> serial;
   std::vector<std::string_view> ethernet;

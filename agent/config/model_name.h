@@ -1,4 +1,4 @@
-// Names of PLCs as people write them, and the protocols that know them.
+// Names of PLC models as users write them, and the protocols that support these models.
 #pragma once
 
 #include <string>
@@ -8,14 +8,14 @@
 
 namespace fxagent {
 
-/// Whether `model`, as the catalogue spells it, is one of the protocol's.
+/// True if the protocol supports `model`, spelled as in the catalogue.
 bool knows_model(const ProtocolInfo& protocol, std::string_view model);
 
-/// The model of the catalogue that a name means in any case, FX3U of "fx3u-32MT" and Q of "Q03UDE";
-/// empty: none that can be told.
+/// Returns the model of the catalogue that a name means, ignoring case: FX3U for "fx3u-32MT", Q for
+/// "Q03UDE". Empty if the name matches none.
 std::string_view model_meant(std::string_view said);
 
-/// The error text where `own` does not know a model of the catalogue: which protocols do.
+/// Returns the error text for a model that `own` does not support; it names the protocols that do.
 std::string model_is_not_reached(const ProtocolInfo& own, std::string_view model);
 
 }  // namespace fxagent

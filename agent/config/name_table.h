@@ -1,4 +1,4 @@
-// Names that must differ: those of links, of devices, of the groups or the tags of one device.
+// Names that must be unique: those of links, of devices, and of the groups or tags of one device.
 #pragma once
 
 #include <cstdint>
@@ -12,10 +12,11 @@
 
 namespace fxagent {
 
-/// Finds names that are given twice among siblings, and where the first one stands.
+/// Detects duplicate names among siblings and remembers where each name stands.
 class NameTable {
  public:
-  /// False, and an error at `node` that names both places, where the name is taken.
+  /// Adds a name. If it is taken, reports an error at `node` that names the other place too, and
+  /// returns false.
   bool add(ConfigReader& reader, const std::string& name, const ConfigNode& node,
            std::uint32_t index);
   std::optional<std::uint32_t> find(std::string_view name) const;

@@ -7,7 +7,7 @@ namespace {
 
 using Kind = ConfigNode::Kind;
 
-// What is no longer stands on one line, as people write it.
+// A value that fits within this width is written on one line.
 constexpr std::size_t kLine = 100;
 constexpr std::size_t kIndent = 2;
 
@@ -15,7 +15,7 @@ bool is_bracket(const ConfigNode& node) {
   return node.kind == Kind::array || node.kind == Kind::object;
 }
 
-/// The node on one line; ends early where that makes more than `most` bytes.
+/// Appends the node on one line. Stops early if `out` grows beyond `most` bytes.
 void append_flat(std::string& out, const ConfigNode& node, std::size_t most) {
   switch (node.kind) {
     case Kind::null:

@@ -1,4 +1,4 @@
-// JSON text as people write it: what fits stands on one line, the rest one member a line.
+// Formats JSON text: a value that fits is on one line, larger ones have one member per line.
 #pragma once
 
 #include <cstddef>
@@ -9,13 +9,14 @@
 
 namespace fxagent {
 
-/// The text in quotes, with escapes.
+/// Appends the text in quotes, with escapes.
 void append_json_string(std::string& out, std::string_view text);
 
-/// The node with all below it; folded arrays come out empty. `depth`: brackets around it.
+/// Appends the node and its children; folded arrays come out empty. `depth` is the number of
+/// brackets around it.
 void append_pretty(std::string& out, const ConfigNode& node, std::size_t depth);
 
-/// The same JSON with its numbers as they are spelled; empty where it is none.
+/// Returns `json` formatted. Returns an empty string if it is not valid JSON.
 std::string pretty_text(std::string_view json);
 
 }  // namespace fxagent

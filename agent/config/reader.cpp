@@ -14,11 +14,11 @@ namespace {
 
 using Kind = ConfigNode::Kind;
 
-/// Longer words are no misspelling of ours, and comparing them would take time for nothing.
+/// Longer words are not misspelled keys. Comparing them would waste time.
 constexpr std::size_t kLongestWord = 64;
-/// Nor is the nearest of more words looked for.
+/// No search for the nearest of more words than this, also to save time.
 constexpr std::size_t kMostWords = 1000;
-/// Who has more findings than these reads no more of them.
+/// Most suggestions per text. Users do not read more.
 constexpr int kMostSuggestions = 20;
 
 bool is_name_start(char c) { return c == '_' || (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z'); }
@@ -44,10 +44,10 @@ std::string found_text(const ConfigNode& node) {
   return {};
 }
 
-/// What the key `n` of a device replaces.
+/// Placeholder that the key `n` of a device replaces.
 constexpr std::string_view kPlaceOfN = "{n}";
 
-/// Where the first one stands, from `from` on; npos: nowhere.
+/// Returns the position of the first placeholder at or after `from`; npos if there is none.
 std::size_t place_of_n(std::string_view text, std::size_t from = 0) {
   while ((from = text.find(kPlaceOfN, from)) != std::string_view::npos) {
     if (from == 0 || text[from - 1] != '$') return from;
@@ -60,7 +60,7 @@ bool has_control(std::string_view text) {
   return std::ranges::any_of(text, [](char c) { return (c >= 0 && c < 0x20) || c == 0x7F; });
 }
 
-/// Levenshtein.
+/// Returns the Levenshtein distance.
 std::size_t edit_distance(std::string_view a, std::string_view b) {
   std::vector<std::size_t> row(b.size() + 1);
   for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
@@ -81,8 +81,8 @@ bool equal_but_for_case(std::string_view a, std::string_view b) {
   return std::ranges::equal(a, b, {}, lower, lower);
 }
 
-/// What people write, and the word of ours that they mean by it. By its letters alone it would be
-/// another one, or none.
+/// Words that users write, and the word of ours that they mean. Edit distance alone would suggest
+/// a different word, or none.
 constexpr auto kMeanings = std::to_array<std::pair<std::string_view, std::string_view>>({
     {"rw", "read_write"},
     {"r/w", "read_write"},
@@ -148,8 +148,7 @@ constexpr auto kMeanings = std::to_array<std::pair<std::string_view, std::string
     {"register", "address"},
 });
 
-/// Whether `word` says `candidate` in another way: another case, its first letter alone, or a word
-/// of the table.
+/// True if `word` is `candidate` in another case, its first letter, or a synonym in kMeanings.
 bool means(std::string_view word, std::string_view candidate) {
   if (word.empty() || candidate.empty()) return false;
   const bool in_table = std::ranges::any_of(
@@ -162,15 +161,15 @@ bool means(std::string_view word, std::string_view candidate) {
   return equal_but_for_case(word, candidate);
 }
 
-/// "devices[]" of "devices[].tags[]".
+/// Returns "devices[]" for "devices[].tags[]".
 std::string_view first_level(std::string_view section) {
   return section.substr(0, section.find('.'));
 }
 
 enum class Range : std::uint8_t { near, all };
 
-/// Where a key is at home that `section` lacks, in words; empty: nowhere in that range, or in too
-/// many places to name.
+/// Returns where a key belongs that `section` does not have, as an error text. Empty if no section
+/// in that range has it, or more than 2 do.
 std::string home_of(std::string_view key, std::string_view section, Range range) {
   std::vector<std::string_view> homes;
   for (const ConfigKey& known : config_keys::kAll) {
@@ -187,8 +186,8 @@ std::string home_of(std::string_view key, std::string_view section, Range range)
   return text;
 }
 
-/// What to do about a key that `section` lacks, with what separates it from what is wrong; empty:
-/// nothing is known. `known`: the keys that may stand there.
+/// Returns advice about a key that `section` does not have, to append to the error text; empty if
+/// there is none. `known` are the valid keys of the section.
 std::string cure_of(std::string_view key, std::string_view section,
                     std::span<const std::string_view> known) {
   if (std::ranges::any_of(known, [&](std::string_view each) { return means(key, each); }))
@@ -197,7 +196,7 @@ std::string cure_of(std::string_view key, std::string_view section,
     return "; it " + home;
   if (const std::string home = home_of(key, section, Range::all); !home.empty())
     return "; it " + home;
-  // That of a tag is what its value is counted in, and no address on a bus.
+  // The key `unit` of a tag is its engineering unit, not an address on a bus.
   constexpr std::string_view kOfTag = "unit";
   for (const Range range : {Range::near, Range::all})
     for (const auto& [said, meant] : kMeanings)
@@ -224,7 +223,7 @@ std::vector<std::string_view> nearest_words(std::string_view word,
   for (const auto candidate : words) {
     if (candidate.size() > 2 * kLongestWord) continue;
     const std::size_t distance = edit_distance(word, candidate);
-    if (distance > std::max(word.size(), candidate.size()) / 2) continue;  // another word
+    if (distance > std::max(word.size(), candidate.size()) / 2) continue;  // a different word
     if (nearest.empty() || distance < least) {
       least = distance;
       nearest.clear();
@@ -310,7 +309,7 @@ std::vector<ConfigError> ConfigReader::errors() const {
   for (const Findings::Finding& finding : errors_.in_order())
     list.push_back(
         {finding.pointer, tree_.line_of(finding.offset), Findings::text_of(finding, tree_)});
-  // In front, where no limit of who shows them cuts it off.
+  // First in the list, so that a caller that shows only some of the errors does not cut it off.
   if (std::string more = errors_.unlisted(); !more.empty())
     list.insert(list.begin(), {"", 0, std::move(more)});
   return list;
@@ -400,7 +399,8 @@ std::optional<std::int64_t> ConfigReader::integer(const ConfigNode& parent, cons
   if (node == nullptr) return std::nullopt;
   const std::string wanted =
       "an integer from " + std::to_string(key.limits.min) + " to " + std::to_string(key.limits.max);
-  // 5.0 is the integer 5 to JSON Schema, so it is here. No range goes beyond what a double counts.
+  // JSON Schema treats 5.0 as the integer 5, so we do too. Every range is within the integers that
+  // a double represents exactly.
   constexpr double kExact = 9007199254740992.0;
   const auto number = number_in(*node);
   const bool whole = node->kind == Kind::integer ||

@@ -69,7 +69,7 @@ void read_range(ConfigReader& reader, const ConfigNode& item, std::string_view t
   limits.allow.push_back(std::move(entry));
 }
 
-/// Whether the word is of a section, or a key of one, that no word lets in.
+/// True if the word names a section that no remote config may change, or a key of one.
 bool is_local_alone(std::string_view word) {
   return std::ranges::any_of(
       std::array{"agent"sv, "mqtt"sv, "store"sv, "metrics"sv}, [&](std::string_view section) {

@@ -1,4 +1,5 @@
-// Reads what may come over MQTT: `agent.remote_config`, `remote_allow`, `remote_without_disk`.
+// Reads the limits of remote configs: `remote_config`, `remote_allow` and `remote_without_disk` of
+// the section `agent`.
 #pragma once
 
 #include "agent/config/config.h"
@@ -6,10 +7,10 @@
 
 namespace fxagent {
 
-/// `agent` is the section of that name.
+/// Reads the limits from the section `agent`. Reports faults to `reader`.
 RemoteLimits read_remote_limits(ConfigReader& reader, const ConfigNode& agent);
 
-/// For `check`: "links, devices, commands.allow D300-D399".
+/// Returns the limits as `check` prints them: "links, devices, commands.allow D300-D399".
 std::string to_string(const RemoteLimits& limits);
 
 }  // namespace fxagent

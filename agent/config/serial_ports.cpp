@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::string_view kOurName = "fxagent";
 
-/// Why the agent of `file` may not get this port; empty: it does.
+/// Returns why the agent that runs `file` cannot use this port; empty if it can.
 std::string why_no_port(const std::string& path, const std::string& file) {
   if (::access(path.c_str(), R_OK | W_OK) != 0) {
     const int error = errno;

@@ -1,4 +1,4 @@
-// Whether the serial ports of a config can be had on this machine.
+// Checks that this machine can open the serial ports of a config.
 #pragma once
 
 #include <string>
@@ -8,9 +8,9 @@
 
 namespace fxagent {
 
-/// Ports that are not there, that this user may not open or that another program has. An agent that
-/// runs `file`, that of the config, is no other program. Pointers are those of the file; lines are
-/// 0. Opens none of them: that would raise DTR.
+/// Returns the ports that are missing, that this user may not open, or that another program uses.
+/// An agent that runs the config file `file` does not count as another program. Pointers are those
+/// of the file; lines are 0. Does not open the ports, since that would raise DTR.
 std::vector<ConfigError> unavailable_ports(const Config& config, const std::string& file);
 
 }  // namespace fxagent

@@ -1,5 +1,5 @@
-// A list whose elements several copies of it share: a copy takes a pointer for each. An element
-// that is changed through one of them becomes that one's own before.
+// List whose copies share its elements: copying it copies one pointer for each element. Changing an
+// element through one copy first gives that copy its own element (copy on write).
 #pragma once
 
 #include <cstddef>
@@ -11,17 +11,17 @@
 
 namespace fxagent {
 
-/// Copies may be read on several threads. What is not const makes elements its own, so a list that
-/// others read at the same time is to be const. References stay good as long as one copy has the
+/// Several threads may read copies. Non-const access copies shared elements, so access a list
+/// that other threads read through const only. References stay valid as long as any copy has the
 /// element.
 template <class T>
 class SharedList final {
-  // Owned by each copy of the list that has this element.
+  // Owners: every copy of the list that has the element, and callers of shared().
   using Elements = std::vector<std::shared_ptr<T>>;
 
  public:
   using value_type = T;
-  /// A forward iterator over the elements themselves.
+  /// Forward iterator over the elements, not over the pointers to them.
   template <class Element, class Base>
   class Iterator {
    public:
@@ -61,9 +61,9 @@ class SharedList final {
   const T& back() const { return *elements_.back(); }
   const_iterator begin() const { return const_iterator(elements_.begin()); }
   const_iterator end() const { return const_iterator(elements_.end()); }
-  /// The element itself, for one who needs it longer than this list has it, and owns it beside it.
+  /// Returns element `i` with shared ownership, for callers that need it longer than the list.
   std::shared_ptr<const T> shared(std::size_t i) const { return elements_.at(i); }
-  /// Whether both lists have the very same element there.
+  /// True if both lists have the same object at `i`, not merely equal ones.
   bool shares(const SharedList& other, std::size_t i) const {
     return i < size() && i < other.size() && elements_[i] == other.elements_[i];
   }
@@ -90,7 +90,7 @@ class SharedList final {
     if (elements_.size() > size) elements_.resize(size);
     while (elements_.size() < size) push_back(like);
   }
-  /// The element of `other`, shared with it, at the place `i` of this list.
+  /// Makes element `of_other` of `other` the element `i` of this list too.
   void share(std::size_t i, const SharedList& other, std::size_t of_other) {
     elements_.at(i) = other.elements_.at(of_other);
   }

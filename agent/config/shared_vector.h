@@ -1,5 +1,5 @@
-// A list that its copies share as a whole: a copy takes a pointer. Where one of them is changed, it
-// gets elements of its own before.
+// List whose copies share all elements: copying it copies one pointer. Changing one copy first
+// gives it elements of its own (copy on write).
 #pragma once
 
 #include <cstddef>
@@ -10,9 +10,9 @@
 
 namespace fxagent {
 
-/// Copies may be read on several threads. What is not const makes the elements its own, so a list
-/// that others read at the same time is to be const. References stay good as long as one copy has
-/// the elements.
+/// Several threads may read copies. Non-const access copies shared elements, so access a list
+/// that other threads read through const only. References stay valid as long as any copy has the
+/// elements.
 template <class T>
 class SharedVector final {
   using Elements = std::vector<T>;
@@ -33,7 +33,7 @@ class SharedVector final {
   const T& back() const { return all().back(); }
   const_iterator begin() const { return all().begin(); }
   const_iterator end() const { return all().end(); }
-  /// Whether both have the very same elements.
+  /// True if both have the same elements in memory, not merely equal ones.
   bool shares(const SharedVector& other) const { return elements_ == other.elements_; }
   friend bool operator==(const SharedVector& a, const SharedVector& b) {
     return a.shares(b) || a.all() == b.all();
@@ -67,7 +67,7 @@ class SharedVector final {
     return *elements_;
   }
 
-  std::shared_ptr<Elements> elements_;  ///< owned by each copy; null: there are none
+  std::shared_ptr<Elements> elements_;  ///< owners: all copies; nullptr if empty
 };
 
 }  // namespace fxagent

@@ -13,7 +13,7 @@ bool is_letter(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z')
 bool is_word(char c) { return is_letter(c) || (c >= '0' && c <= '9') || c == '-' || c == '.'; }
 bool is_number(char c) { return (c >= '0' && c <= '9') || c == '-' || c == '+' || c == '.'; }
 
-/// Walks through the tokens of the text, without a look at what they hold.
+/// Walks through the tokens of the text without parsing their content.
 class Walk {
  public:
   Walk(std::string_view text, std::size_t read)
@@ -28,7 +28,7 @@ class Walk {
   }
 
  private:
-  /// What may come next.
+  /// Kind of token expected next.
   enum class Next : std::uint8_t { value, key, colon, comma, nothing };
 
   bool skip_blanks() {
@@ -36,7 +36,7 @@ class Walk {
     return at_ < end_;
   }
 
-  /// One token; false where the walk cannot go on.
+  /// Reads one token. False if the walk cannot go on.
   bool token() {
     const char c = text_[at_];
     if (c == '#' || text_.substr(at_, 2) == "//" || text_.substr(at_, 2) == "/*")
@@ -62,7 +62,8 @@ class Walk {
     return is_number(c) && may_begin_value() && number();
   }
 
-  /// Whether a value or a key may begin here; says so where a comma or a colon is missing before.
+  /// True if a value or a key may begin here. Otherwise records the fault, such as a missing comma
+  /// or colon before it.
   bool may_begin_value() {
     if (next_ == Next::comma)
       return wrong(token_end_, "a comma is missing here, before what follows");
@@ -111,7 +112,7 @@ class Walk {
     return pass_value();
   }
 
-  /// true, false and null, or what lacks its quotes.
+  /// Reads true, false or null. Any other word is a string or a key without quotes.
   bool word() {
     const auto end =
         std::find_if_not(text_.begin() + static_cast<std::ptrdiff_t>(at_), text_.end(), is_word);
@@ -144,7 +145,7 @@ class Walk {
     return true;
   }
 
-  /// Whether the last token was this one, which is no value.
+  /// True if the last token was `token`, a comma or a colon.
   bool is_behind(char token) const {
     return (next_ == Next::key || next_ == Next::value) && token_end_ > 0 &&
            text_[token_end_ - 1] == token;
@@ -158,7 +159,7 @@ class Walk {
   const std::string_view text_;
   const std::size_t end_;
   std::size_t at_ = 0;
-  std::size_t token_end_ = 0;  ///< behind the last token
+  std::size_t token_end_ = 0;  ///< byte after the last token
   Next next_ = Next::value;
   std::vector<char> open_;
   std::optional<SyntaxFault> fault_;

@@ -1,6 +1,5 @@
-// What people most often get wrong in a JSON text, found where they wrote it: a comment, a missing
-// or a spare comma, quotes that are not there. A parser names the character that it did not expect
-// instead, often on the next line.
+// Finds common mistakes in a JSON text at the place of the mistake: a comment, a missing or extra
+// comma, missing quotes. A parser names the unexpected character instead, often on the next line.
 #pragma once
 
 #include <cstddef>
@@ -12,11 +11,11 @@ namespace fxagent {
 
 struct SyntaxFault {
   std::size_t at = 0;  ///< byte of the text
-  std::string text;    ///< what is wrong and what to do; never what stands in the text
+  std::string text;    ///< the fault and its cure; never quotes the text, which may hold secrets
 };
 
-/// The first such fault among the bytes up to `read`, the one that a parser has refused. nullopt:
-/// it is none of these. Linear in `read`; never throws but for memory.
+/// Returns the first such fault up to `read`, the byte that the parser rejected; nullopt if there
+/// is none. Linear in the size of the text. Throws only if memory runs out.
 std::optional<SyntaxFault> syntax_fault(std::string_view text, std::size_t read);
 
 }  // namespace fxagent

@@ -12,14 +12,14 @@ namespace {
 
 using std::string_view_literals::operator""sv;
 
-/// A text that may be empty, as it often is in a file that a program has written.
+/// Returns a text that may be empty, as generated files often have it.
 std::string text_or_nothing(ConfigReader& reader, const ConfigNode& tag, std::string_view key) {
   const ConfigNode* node = tag.find(key);
   if (node == nullptr || (node->kind == ConfigNode::Kind::string && node->text.empty())) return {};
   return reader.text(*node).value_or("");
 }
 
-/// The whole number that `text` is, spelled as JSON writes it; nullopt for anything else.
+/// Returns `text` as a whole number, spelled as in JSON; nullopt for any other text.
 std::optional<std::int64_t> whole_number(std::string_view text) {
   std::int64_t number = 0;
   const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), number);

@@ -1,4 +1,4 @@
-// Reads what the values of a tag mean: unit, description, labels of single values, limits.
+// Reads the meaning of a tag's values: unit, description, labels of single values, limits.
 #pragma once
 
 #include "agent/config/config.h"
@@ -6,8 +6,8 @@
 
 namespace fxagent {
 
-/// Reads them from the members of the tag's object. `type`: the tag's; texts have neither limits
-/// nor labels.
+/// Reads the TagUnits of the tag at `tag`, which has type `type`. Reports faults to `reader`:
+/// strings have neither limits nor labels.
 TagUnits read_tag_units(ConfigReader& reader, const ConfigNode& tag, DataType type);
 
 }  // namespace fxagent

@@ -15,13 +15,14 @@ namespace {
 
 using Kind = ConfigNode::Kind;
 
-/// Of a device beside its groups and tags, for the limit.
+// Sizes for the limit on devices written out in full.
+/// A device without its groups and tags.
 constexpr std::size_t kBytesOfDevice = 256;
-/// Of a key or an item, its quotes and what separates it from the next.
+/// Quotes and separator of a key or an item.
 constexpr std::size_t kBytesAround = 4;
-/// Of one address that its commands may touch.
+/// One address in `commands.allow`.
 constexpr std::size_t kBytesOfAllowed = 16;
-/// Of `{n}`, which is at least as long in the file.
+/// `{n}` in the file.
 constexpr std::size_t kBytesOfPlace = 3;
 constexpr std::size_t kLongestNumber = 9;
 constexpr std::string_view kWanted =
@@ -31,7 +32,7 @@ std::string too_many() {
   return "makes more than " + std::to_string(Templates::max_devices) + " devices";
 }
 
-/// Digits alone, few enough for a number.
+/// Returns the number in `digits`; nullopt if it has other characters or more than kLongestNumber.
 std::optional<std::size_t> number_in(std::string_view digits) {
   std::size_t number = 0;
   if (digits.empty() || digits.size() > kLongestNumber) return std::nullopt;
@@ -45,7 +46,7 @@ std::string padded(std::size_t number, std::size_t width) {
   return text.size() < width ? std::string(width - text.size(), '0') + text : text;
 }
 
-/// Groups or tags of both; see DeviceEntry.
+/// Merges the groups or tags of a template and an entry; see DeviceEntry::groups().
 std::vector<const ConfigNode*> added(ConfigReader& reader, const std::vector<ConfigNode>& base,
                                      const std::vector<ConfigNode>& own) {
   const auto name_of = [&](const ConfigNode& item) {
@@ -72,7 +73,7 @@ std::vector<const ConfigNode*> added(ConfigReader& reader, const std::vector<Con
   return list;
 }
 
-/// Bytes that all below the node takes in the file.
+/// Returns the bytes that the node takes in the file.
 std::size_t size_of(const ConfigNode& node) {
   if (node.end != 0) return node.end - node.offset;  // folded
   std::size_t size = node.key.size() + node.text.size() + kBytesAround;
@@ -230,14 +231,15 @@ std::optional<std::vector<std::string>> Templates::read_n(const ConfigNode& give
   return good ? std::optional(std::move(list)) : std::nullopt;
 }
 
-/// No text makes more than one could that has its devices written out.
+/// Adds the size of the entry's devices, written out in full, to `bytes_`. False if the sum is over
+/// the limit, so that templates make no more devices than a file without them could have.
 bool Templates::has_room(const ConfigNode& node, const Template* base,
                          const std::vector<std::string>& n) {
   const DeviceLists own(node);
   const DeviceLists* lists = base == nullptr ? nullptr : &base->lists;
   std::uint64_t longest = kBytesOfPlace;
   for (const std::string& name : n) longest = std::max<std::uint64_t>(longest, name.size());
-  // As if they were places of n from end to end.
+  // Upper bound: as if the text consisted of `{n}` from end to end.
   const std::uint64_t written = (own.size() + (lists == nullptr ? 0 : lists->size())) * longest;
   const std::uint64_t allowed = own.allowed_size() + (lists == nullptr ? 0 : lists->allowed_size());
   const std::uint64_t each = kBytesOfDevice + written / kBytesOfPlace + allowed;

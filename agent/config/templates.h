@@ -1,5 +1,5 @@
-// Devices that are written once and made many times: `templates`, and the keys `template` and `n`
-// of a device.
+// Makes many devices from one description: `templates`, and the keys `template` and `n` of a
+// device.
 #pragma once
 
 #include <cstddef>
@@ -17,12 +17,13 @@
 
 namespace fxagent {
 
-/// What `{n}` stands for in turn: "1-40", "01-12,15". The first of a range that begins with a 0 has
-/// them all padded to its length. The error is a sentence.
+/// Returns the values of `{n}` for a range such as "1-40" or "01-12,15". If the first number of a
+/// range begins with 0, all of the range are padded to its length. The error is an error text for
+/// the user.
 tl::expected<std::vector<std::string>, std::string> numbers_of_range(std::string_view text);
 
-/// Groups and tags of a template or of an entry, as nodes of the file. They are read when they are
-/// first asked for, and once for all devices.
+/// Groups and tags of a template or of an entry, as nodes of the file. Parsed at the first call,
+/// once for all devices.
 class DeviceLists {
  public:
   explicit DeviceLists(const ConfigNode& node);
@@ -30,9 +31,9 @@ class DeviceLists {
   const ConfigNode& node() const { return *node_; }
   const std::vector<ConfigNode>& groups(ConfigReader& reader);
   const std::vector<ConfigNode>& tags(ConfigReader& reader);
-  /// Bytes that they take in the file, with all else that each device is given.
+  /// Returns the bytes that the node takes in the file, except `n`.
   std::size_t size() const { return size_; }
-  /// Bytes that the addresses of `commands.allow` take in a device.
+  /// Returns the bytes that the addresses of `commands.allow` take in a device.
   std::size_t allowed_size() const;
 
  private:
@@ -42,31 +43,33 @@ class DeviceLists {
   std::optional<std::vector<ConfigNode>> tags_;
 };
 
-/// One entry of `devices` with what its template adds to it. Not to be copied: its members are the
-/// parents of others.
+/// One entry of `devices`, with the members that its template adds. Does not copy: other nodes
+/// point at its members as their parents.
 class DeviceEntry final {
  public:
   DeviceEntry(const ConfigNode& node, DeviceLists* base, std::vector<std::string> n);
   DeviceEntry(const DeviceEntry&) = delete;
   DeviceEntry& operator=(const DeviceEntry&) = delete;
 
-  /// Devices that it makes.
+  /// Returns the number of devices that it makes.
   std::size_t count() const { return n_.empty() ? 1 : n_.size(); }
-  /// Whether it is more than a device written out.
+  /// True if it has a template or an `n`; otherwise it is a device written out in full.
   bool is_made() const { return base_ != nullptr || !n_.empty(); }
-  /// Of device `i`.
+  /// Returns the origin of device `i`.
   DeviceOrigin origin(std::size_t i) const;
 
-  /// As it stands in the file.
+  /// Returns the entry as it stands in the file.
   const ConfigNode& node() const { return own_.node(); }
-  /// An object with its own members, and those of the template that it does not have. They know
-  /// where in the file they stand.
+  /// Returns an object with the entry's own members, and those of the template that it does not
+  /// override. The members keep their positions in the file.
   const ConfigNode& members() const { return members_; }
-  /// The member as it stands in the file, there or in the template; nullptr: in neither.
+  /// Returns the member of the entry, or else of the template, as it stands in the file; nullptr if
+  /// neither has it.
   const ConfigNode* in_file(std::string_view key) const;
 
-  /// The template's, then its own; those of the same name take the template's place. For the
-  /// reader's present origin; nodes stay as long as the entry and the templates.
+  /// Returns the items of the template, then those of the entry. An item of the entry replaces the
+  /// template's item with the same name. Names are compared with the reader's current origin. The
+  /// nodes stay valid as long as the entry and the templates do.
   std::vector<const ConfigNode*> groups(ConfigReader& reader);
   std::vector<const ConfigNode*> tags(ConfigReader& reader);
 
@@ -79,17 +82,18 @@ class DeviceEntry final {
 
 class Templates final {
  public:
-  /// The most devices of one entry.
+  /// Most devices of one entry.
   static constexpr std::size_t max_devices = 10'000;
 
-  /// `top`: the whole file. What is wrong goes to the reader; both must outlive this.
+  /// Reads the templates of the file. `top` is its root. Reports faults to `reader`. Both must
+  /// outlive the object.
   Templates(ConfigReader& reader, const ConfigNode& top);
 
-  /// nullptr where the entry cannot be read for its `template` or `n`, which has been reported. An
-  /// entry that is no object at all comes back as it is.
+  /// Returns the entry at `node`; nullptr if its `template` or `n` is wrong, which is reported. An
+  /// entry that is not an object is returned unchanged.
   std::unique_ptr<DeviceEntry> entry(const ConfigNode& node);
 
-  /// To be called behind the last entry.
+  /// Warns of templates that no device uses. Call after the last entry.
   void warn_of_unused();
 
  private:
@@ -105,7 +109,7 @@ class Templates final {
 
   ConfigReader& reader_;
   std::map<std::string, Template, std::less<>> templates_;
-  std::uint64_t bytes_ = 0;  ///< what the entries so far would take if they were written out
+  std::uint64_t bytes_ = 0;  ///< size of the entries so far, if written out in full
 };
 
 }  // namespace fxagent

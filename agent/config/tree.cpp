@@ -13,13 +13,13 @@ namespace {
 
 using Json = nlohmann::json;
 
-// The library's own words.
+// Most bytes shown of an error text of the JSON library.
 constexpr std::size_t kMaxFault = 240;
-// No array lies so deep.
+// No array is nested this deep, so none is folded.
 constexpr std::size_t kUnfolded = ConfigTree::max_depth;
 
-/// Walks the text and leaves behind how far the lexer has come. That is how a SAX event learns its
-/// place, which the library does not tell.
+/// Iterates over the text and counts the bytes that the lexer has taken. SAX events get their
+/// position from this count; the library does not report one.
 class TracedIterator {
  public:
   using iterator_category = std::input_iterator_tag;
@@ -50,7 +50,7 @@ class TracedIterator {
   std::size_t* taken_;  // outlives the parse
 };
 
-/// Builds the tree out of the library's events. Arrays within `folded_depth` brackets stay folded.
+/// Builds the tree from the library's SAX events. Folds arrays inside of `folded_depth` brackets.
 class TreeBuilder {
  public:
   using number_integer_t = Json::number_integer_t;
@@ -114,7 +114,7 @@ class TreeBuilder {
   bool end_array() { return close(); }
   bool parse_error(std::size_t, const std::string&, const Json::exception& fault) {
     // "[json.exception.parse_error.101] parse error at line 1, column 2: syntax error while …": the
-    // place is worked out by the caller, so only the words behind it are kept.
+    // caller works out the position, so keep only the words after it.
     const std::string_view what = fault.what();
     const std::size_t place_end = what.find(": ");
     const std::size_t tag_end = what.find("] ");
@@ -122,23 +122,24 @@ class TreeBuilder {
       fault_ = what.substr(place_end + 2);
     else
       fault_ = tag_end != std::string_view::npos ? what.substr(tag_end + 2) : what;
-    // What was read last may be a password.
+    // The last token may be a password.
     fault_.resize(std::min(fault_.size(), fault_.find("; last read: ")));
     return false;
   }
 
   const std::string& fault() const { return fault_; }
-  /// Why it went no further, although so far the text is right; empty: for no such reason.
+  /// Returns the reason if a limit or `stop` ended parsing; empty otherwise.
   const std::string& end() const { return end_; }
 
  private:
-  /// The last byte of the token, or for a number the byte behind it, which the lexer had to see. No
-  /// newline of another line comes before either, since no token spans two.
+  /// Returns the last byte of the token, or for a number the byte after it, which the lexer had to
+  /// read. Both are on the line of the token, since no token spans two lines; the byte after a
+  /// number may be the newline that ends the line.
   std::uint32_t place() const { return static_cast<std::uint32_t>(taken_ - 1); }
 
   bool is_folding() const { return in_folded_ > 0; }
 
-  /// Counts a node, and whether it is one too many.
+  /// Counts a node. True if parsing must end: too many nodes, or `stop` is set.
   bool is_over() {
     std::size_t& nodes = is_folding() ? nodes_in_folded_ : nodes_;
     if (++nodes > bounds_.nodes)
@@ -151,7 +152,7 @@ class TreeBuilder {
   ConfigNode* add(ConfigNode::Kind kind) {
     ConfigNode* node = &root_;
     if (!open_.empty()) {
-      // Open nodes are always the last of their siblings, so growing here moves none of them.
+      // An open node is always the last of its siblings, so growing this vector moves no open node.
       node = &open_.back()->children.emplace_back();
       if (open_.back()->kind == ConfigNode::Kind::object) {
         node->key = std::move(key_);
@@ -201,7 +202,7 @@ class TreeBuilder {
   std::size_t nodes_in_folded_ = 0;
   std::vector<ConfigNode*> open_;
   ConfigNode* folded_ = nullptr;  ///< the last folded array
-  std::size_t in_folded_ = 0;     ///< brackets that are open there, its own included
+  std::size_t in_folded_ = 0;     ///< open brackets in it, its own included
   std::string key_;
   std::uint32_t key_offset_ = 0;
   std::string fault_;
@@ -260,7 +261,7 @@ tl::expected<ConfigTree, ConfigTree::SyntaxError> ConfigTree::parse(std::string_
   };
   if (text.starts_with("\xFF\xFE") || text.starts_with("\xFE\xFF"))
     return syntax_error(0, "this file is UTF-16; save it as UTF-8");
-  // The library takes a zero byte for the end of the text and would overlook what follows.
+  // The library treats a zero byte as the end of the text and would ignore what follows.
   if (const std::size_t zero = text.find('\0'); zero != std::string_view::npos)
     return syntax_error(zero, "a zero byte");
 

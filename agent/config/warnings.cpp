@@ -23,7 +23,7 @@ bool knows(const ProtocolInfo& protocol, int speed) {
          std::ranges::find(protocol.speeds, speed) != protocol.speeds.end();
 }
 
-/// `at`: where the speed stands, or the link.
+/// `at` is the node of the speed, or `link` if there is none.
 void warn_of_protocol(ConfigReader& reader, const ConfigNode& link, const ConfigNode& at,
                       const SerialSettings& line, const ProtocolInfo& protocol) {
   if (!knows(protocol, line.baud)) {

@@ -1,5 +1,5 @@
-// What is allowed in a config file and is hardly meant: limits without effect, two devices of one
-// station. Each goes to the reader as a warning, with its place.
+// Warns of settings that are allowed and probably a mistake: limits without effect, two devices
+// with one station. Each warning goes to the reader, with its place.
 #pragma once
 
 #include <cstdint>
@@ -13,27 +13,28 @@
 
 namespace fxagent {
 
-/// `min` and `max` of the tag at `node`: a limit beyond what its type can hold, and limits that
-/// leave one value or none.
+/// Warns if `min` or `max` of the tag at `node` is beyond the range of its type, or if they leave
+/// one value or none.
 void warn_of_limits(ConfigReader& reader, const ConfigNode& node, const TagConfig& tag);
 
-/// A `max_silent_s` below the poll interval of the group at `node`: then every poll is published.
+/// Warns if `max_silent_s` of the group at `node` is below its poll interval: every poll is
+/// published then.
 void warn_of_silence(ConfigReader& reader, const ConfigNode& node, const GroupConfig& group);
 
-/// Speeds and characters that neither the documents of the protocol on a line know nor those of the
-/// models. `links` is the array that `config.links` was read from, `lines` are their settings; with
-/// 0 baud: not known.
+/// Warns of a speed or character format that the documents of the protocol or model do not list.
+/// `config.links` was read from the array `links`; `lines` are their settings, with 0 baud if they
+/// are unknown.
 void warn_of_lines(ConfigReader& reader, const ConfigNode& links,
                    std::span<const SerialSettings> lines, const Config& config);
 
-/// Finds devices of one station, or unit, on one link.
+/// Finds devices with the same station or unit on one link.
 class StationTable {
  public:
-  /// Warns where a device before has the station of this one.
+  /// Warns if an earlier device has the station or unit of this one.
   void add(ConfigReader& reader, const DeviceEntry& entry, const DeviceConfig& device);
 
  private:
-  /// By link and number: the entry of the first.
+  /// Entry of the first device, by link and number.
   std::map<std::pair<std::uint32_t, std::int64_t>, const ConfigNode*> first_;
 };
 
