@@ -50,12 +50,18 @@ class HostilePackets(HostileCases):
                          {"says": "before it has answered CONNECT", "peak_mib": 60}) for version in BOTH])
 
     def test_a_flood_with_qos_2_does_not_starve_commands(self):
-        """Each of them is taken as one of QoS 1, and the commands in between have their results."""
-        floods, asked = 1000, 10
+        """Each of them is taken as one of QoS 1, and the commands in between have their results.
+
+        The flood keeps to the agent's Receive Maximum. A broker that does not is sent away when the
+        agent falls behind, and this session would end."""
+        floods, asked, receive_maximum = 1000, 10, 10
 
         def flood(session, _packet):
             def pour():
+                sent = 0
                 for number in range(floods):
+                    session.wait("an acknowledgement", lambda s, sent=sent: len(s.of(PUBACK)) > sent - receive_maximum)
+                    sent += 1 if number % (floods // asked) else 2
                     session.publish(f"{BASE}/other/command", bytes(2000), qos=2, identifier=1 + number)
                     if number % (floods // asked) == 0:
                         session.publish(COMMAND, json.dumps({"id": f"{number}", "op": "read", "tag": "temp"}), qos=1,
