@@ -36,7 +36,7 @@ struct ConfigChange {
   }
 };
 
-/// Returns the change from `running`, which may have vacant places, to `wanted`, which has none.
+/// Returns the change from `running` to `wanted`. Only `running` may have vacant places.
 ConfigChange change_between(const Config& running, Config wanted);
 
 /// Returns an error for each setting of `wanted` that needs a restart of the agent: its id and
