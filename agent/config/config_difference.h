@@ -36,11 +36,11 @@ struct ConfigChange {
   }
 };
 
-/// Returns the change from `running`, which may have vacant places, to `wanted`, which has none.
+/// Returns the change from `running` to `wanted`. Only `running` may have vacant places.
 ConfigChange change_between(const Config& running, Config wanted);
 
 /// Returns an error for each setting of `wanted` that needs a restart of the agent: its id and
-/// root, its store and its metrics address. Each error names the value in force.
+/// root, its store and its metrics address. The texts describe what is in force.
 std::vector<ConfigError> needs_restart(const Config& running, const Config& wanted);
 
 /// Returns the change for the log, with devices by name: "changed: 2 (press1 press2), new: 1

@@ -25,7 +25,7 @@ std::string_view trimmed(std::string_view text) {
   return text.substr(first, text.find_last_not_of(' ') + 1 - first);
 }
 
-/// True if the devices of `protocol` have this range; `model` empty: the widest of them.
+/// True if the devices of `protocol` have this range. An empty `model` means the widest model.
 bool has_range(const ProtocolInfo& protocol, std::string_view model, std::string_view range) {
   Options options = default_options(protocol);
   if (!protocol.models.empty())

@@ -18,7 +18,7 @@
 namespace fxagent {
 namespace {
 
-/// Devices of the local file by their names.
+/// Devices of the local file by name.
 using LocalDevices = std::unordered_map<std::string_view, const DeviceConfig*>;
 
 bool has_credentials(const MqttConfig& mqtt) {
@@ -26,7 +26,8 @@ bool has_credentials(const MqttConfig& mqtt) {
          !mqtt.password_env.empty() || (mqtt.tls && !mqtt.tls->cert_file.empty());
 }
 
-/// Whoever names the server gets what the agent shows there.
+/// Reports new servers if the agent would send them its credentials. New mqtts:// servers are
+/// allowed if the local file has its own ca_file.
 void check_servers(const MqttConfig& local, const MqttConfig& wanted, ErrorList& errors) {
   if (!has_credentials(local)) return;
   const bool own_authority = local.tls && !local.tls->ca_file.empty();
@@ -41,8 +42,8 @@ void check_servers(const MqttConfig& local, const MqttConfig& wanted, ErrorList&
   }
 }
 
-/// Names that a serial port has, and no watchdog, virtual console or disk. A serial port that is
-/// the machine's console has such a name too.
+/// True for names of serial ports, false for a watchdog, a virtual console or a disk. Also true for
+/// a serial port that is the machine's console.
 bool is_serial_name(std::string_view path) {
   if (path.find("..") != path.npos) return false;
   if (path.starts_with("/dev/serial/by-id/") || path.starts_with("/dev/serial/by-path/"))
@@ -79,7 +80,7 @@ bool is_same(const SerialSettings& one, const SerialSettings& other) {
 bool is_same(const TcpSettings& one, const TcpSettings& other) {
   return one.host == other.host && one.port == other.port;
 }
-/// From which port the agent asks says nothing of the machine.
+/// Ignores local_port: the source port of requests does not identify the device.
 bool is_same(const UdpSettings& one, const UdpSettings& other) {
   return one.host == other.host && one.port == other.port;
 }
@@ -88,13 +89,13 @@ bool is_same(const One&, const Other&) {
   return false;
 }
 
-/// Whether both go to the same port of this machine, or to the same host and port.
+/// True if both use the same serial port, or the same host and port.
 bool same_place(const LinkConfig& one, const LinkConfig& other) {
   return std::visit([](const auto& a, const auto& b) { return is_same(a, b); }, one.channel,
                     other.channel);
 }
 
-/// The one of `local` that this device of `wanted` is; null: it is a new one.
+/// Returns the device of `local` that this device of `wanted` is; nullptr if it is new.
 const DeviceConfig* local_device(const Config& local, const LocalDevices& devices,
                                  const Config& wanted, const DeviceConfig& device) {
   const auto found = devices.find(device.name);
@@ -137,7 +138,7 @@ bool fits_its_place(const Config& local, const LinkConfig& link, const DeviceCon
   });
 }
 
-/// What commands may do to one device of `wanted`.
+/// Checks what commands may do to one device of `wanted`.
 class DeviceLimits {
  public:
   /// `known`: this device in the local file; nullptr if it has none. `grants`: those that the
@@ -150,7 +151,7 @@ class DeviceLimits {
         codec_(widest_of(*device.protocol, device.codec)),
         errors_(errors) {
     if (known != nullptr) allow_ = known->commands.allow;
-    // Every unit of the bus would obey it, those of the local file too.
+    // Every unit of the bus would obey a broadcast, those of the local file too.
     if (codec_->is_broadcast()) return;
     for (const RemoteRange& entry : remote_.allow) {
       if (entry.protocol != nullptr) continue;
@@ -203,14 +204,14 @@ class DeviceLimits {
            " RANGE\"";
   }
 
-  /// Where a raw address may be written too.
+  /// True if commands may write the tag's address directly.
   bool is_open(const TagConfig& tag) const {
     const auto span = span_of(tag.point);
     return span && is_covered(*span, allow_);
   }
 
-  /// A tag that lies elsewhere may be written under the name that the local file has for it, with
-  /// the same scale and within the same limits.
+  /// Checks a writable tag outside of the allowed ranges. It must be a writable tag of the same
+  /// device in the local file, with the same name, address, type, scale and limits.
   void check_tag(const TagConfig& tag) {
     const std::string may_not = "the tag " + std::string(tag.name) +
                                 " may be written, and the local file lets no command write there";
@@ -225,7 +226,7 @@ class DeviceLimits {
       error(may_not + " in this way: another " + what);
   }
 
-  /// "min, scale"; empty: the one may be written as the other.
+  /// Returns the keys that differ, "min, scale"; empty if both tags allow the same writes.
   static std::string differences(const TagConfig& one, const TagConfig& other) {
     const Point& a = one.point;
     const Point& b = other.point;

@@ -21,7 +21,7 @@ using std::string_view_literals::operator""sv;
 
 constexpr std::size_t kHashBytes = 8;
 constexpr std::array kKeys{"version"sv, "config"sv, "patch"sv, "by"sv};
-/// Of `mqtt`: what lets the agent in, and where that is kept.
+/// Keys of `mqtt` with credentials, or with the place where they are kept.
 constexpr std::array kSecrets{"username"sv,     "password"sv,           "password_file"sv,
                               "password_env"sv, "allow_plain_secret"sv, "tls"sv};
 constexpr std::string_view kNeedsTheFile =
@@ -29,7 +29,7 @@ constexpr std::string_view kNeedsTheFile =
 
 // ---- the shape of the document ------------------------------------------------------------------
 
-/// The pointer without the `/config` or `/patch` that it begins with.
+/// Returns the pointer without the leading `/config` or `/patch`.
 std::string place_of(const ConfigNode& node) {
   std::string pointer = pointer_to(node);
   for (const auto body : {"/config/"sv, "/patch/"sv})
@@ -80,7 +80,7 @@ class ShapeReader {
     return {};
   }
 
-  /// The library that merges would take the last of them in silence.
+  /// Reports duplicate keys: the library that merges would silently use the last one.
   void refuse_duplicates(const ConfigNode& node) {
     std::set<std::string_view> seen;
     for (const ConfigNode& child : node.children) {
@@ -134,7 +134,7 @@ class Merger {
   void put_body() {
     if (is_patch_) return next_.merge_patch(body_);
     for (const auto& [section, value] : body_.items()) {
-      // A part of it may come, so that it is given in part.
+      // A document may set only part of `mqtt`, so merge its keys and keep the others.
       if (section == "mqtt" && value.is_object() && local_.contains(section))
         next_[section].update(value);
       else
@@ -177,7 +177,7 @@ class Merger {
     const Json& wanted = next_.at("mqtt");
     for (const auto& [key, value] : given.items()) {
       const std::string pointer = "/mqtt/" + escaped_token(key);
-      // Not even the same one: the answer would tell who guesses whether he guessed right.
+      // Reject even an unchanged secret: the answer would show whether a guess is right.
       if (std::ranges::find(kSecrets, key) != kSecrets.end())
         error(pointer, "cannot be set remotely, not even unchanged; leave it out");
       else if (key == "servers" && limits_.servers)
@@ -197,7 +197,7 @@ class Merger {
 
   void refuse_variables(const Json& value, const std::string& pointer) {
     if (value.is_string() && names_variable(value.get_ref<const std::string&>())) {
-      // Nor is it said whether there is such a variable.
+      // Replace the text, so that no error shows whether the variable exists.
       next_[Json::json_pointer(pointer)] = "variable";
       return error(
           pointer,
@@ -234,7 +234,7 @@ class Merger {
   ErrorList errors_;
 };
 
-/// Without each " (line 1)": lines are those of a text that nobody sees.
+/// Removes each " (line 1)": the lines are those of the merged text, which the sender never sees.
 std::string without_lines(std::string text) {
   constexpr std::string_view begin = " (line ";
   std::size_t at = 0;

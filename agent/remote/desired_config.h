@@ -1,6 +1,6 @@
-// A document of {base}/config/desired: what it says, and the config that it makes of the local
-// file. A hostile sender is expected: sizes, depth and duplicates are checked before anything is
-// done with it, and the local file's limits after. Pure, any thread.
+// Reads a document of {base}/config/desired and merges it into the local file. The sender may be
+// hostile: read_desired() checks size, depth and duplicates first, the merge then applies the
+// limits of the local file. Pure, any thread.
 #pragma once
 
 #include <atomic>
@@ -18,40 +18,43 @@ namespace fxagent {
 using ConfigErrors = std::vector<ConfigError>;
 
 inline constexpr std::size_t kMaxDesiredVersion = 64;  ///< bytes; the same for `by`
-/// Of JSON in a document. One of the most bytes has half as many where it lists tags.
+/// Most JSON values in a document. A document of kMaxDesiredBytes that lists tags has half as many.
 inline constexpr std::size_t kMaxDesiredValues = 200'000;
 
 struct DesiredConfig {
-  std::string text;     ///< as it came
+  std::string text;     ///< as received
   std::string hash;     ///< of the text: the first 16 digits of its SHA-256
-  std::string version;  ///< empty: it could not be read
-  std::string by;       ///< who it says has sent it; nobody checks that. Empty: nobody
+  std::string version;  ///< empty if it could not be read
+  std::string by;       ///< sender according to the document, not verified; empty if not given
 };
 
-/// `desired` as far as it could be read, and all that is wrong with its shape.
+/// The document as far as it could be read, and all errors of its shape.
 struct ReadDesired {
   DesiredConfig desired;
   ConfigErrors errors;
 };
-/// Pointers below `config` and `patch` are those of the config: "/devices/0/name". Lines are 0.
+/// Reads a document. Error pointers below `config` and `patch` are those of the config, such as
+/// "/devices/0/name"; lines are 0.
 ReadDesired read_desired(std::string_view payload);
 
-/// The local file's text with the document put onto it: the sections of `config` take the place of
-/// the local ones, a `patch` is merged into the whole as RFC 7396 says. Where something may not
-/// be set remotely it is an error, and the local value stays.
+/// Text of the merged config, and an error for each value that must not be set remotely. Such a
+/// value stays as in the local file.
 struct MergedConfig {
   std::string text;
   ConfigErrors errors;
 };
-/// `local_text` is a right config. `desired` has no errors.
+/// Merges the document into the local file. The sections of `config` replace the local ones, except
+/// that `mqtt` replaces only the keys it has; a `patch` is a JSON merge patch (RFC 7396) of the
+/// whole file. `local_text` must be a valid config, and `desired` must have no errors.
 MergedConfig merged_config(std::string_view local_text, const DesiredConfig& desired,
                            const RemoteLimits& limits);
 
-/// Reads a text as load_config() reads the local file, within kRemoteLimits.
+/// Reads a merged text as load_config() reads the local file, within remote_limits().
 using ParseConfig = std::function<tl::expected<Config, ConfigErrors>(std::string_view text)>;
 
-/// The local file with the document, or every error. `local` is what `local_text` says. `stop`, set
-/// by any thread, ends it early: then what it returns means nothing. Null: nobody does.
+/// Returns the local file merged with the document, or all errors. `local` is the config of
+/// `local_text`. Any thread may set `stop` to end the call early; its result is then meaningless.
+/// nullptr: the call cannot be stopped.
 tl::expected<Config, ConfigErrors> effective_config(std::string_view local_text,
                                                     const Config& local,
                                                     const DesiredConfig& desired,

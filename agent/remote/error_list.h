@@ -1,4 +1,4 @@
-// Errors of a document whose sender may mean harm: one may stand in each few bytes of it.
+// Errors of a document from a possibly hostile sender, which may have one in every few bytes.
 #pragma once
 
 #include <cstddef>
@@ -10,7 +10,7 @@
 
 namespace fxagent {
 
-/// Keeps as many as a config has findings, and counts the others.
+/// Keeps the first Findings::kMost errors and counts the others.
 class ErrorList final {
  public:
   void add(ConfigError error) {
@@ -21,7 +21,8 @@ class ErrorList final {
   }
   bool empty() const { return list_.empty(); }
 
-  /// The first says how many are not kept, where that is so.
+  /// Returns the errors and clears the list. If some were not kept, the first entry is their
+  /// number.
   std::vector<ConfigError> take() {
     if (unlisted_ > 0) list_.insert(list_.begin(), {"", 0, unlisted_text(unlisted_)});
     unlisted_ = 0;

@@ -8,7 +8,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// Of the layout of the file.
+/// Version of the file format.
 constexpr int kFormat = 1;
 
 Json json_of(const std::optional<KeptConfig>& kept) {
@@ -17,7 +17,7 @@ Json json_of(const std::optional<KeptConfig>& kept) {
       {"document", kept->document.text}, {"hash", kept->document.hash}, {"since", kept->since_ms}};
 }
 
-/// Throws what says why it is none.
+/// Returns the kept config; nullopt for null. Throws if the JSON does not hold one.
 std::optional<KeptConfig> kept_from(const Json& json) {
   if (json.is_null()) return std::nullopt;
   KeptConfig kept;
@@ -65,7 +65,7 @@ tl::expected<KeptConfigs, std::string> kept_configs_from(std::string_view text) 
     KeptConfigs kept;
     kept.agent = json.at("agent").get<std::string>();
     kept.good = kept_from(json.at("good"));
-    // An earlier version of the agent has not written these.
+    // Files of earlier versions of the agent lack these.
     kept.before = kept_from(json.value("before", Json()));
     kept.watched = json.value("watched", false);
     kept.ends = json.value("ends", 0);

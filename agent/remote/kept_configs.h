@@ -1,5 +1,5 @@
-// What is kept on disk of remote configs, as text: the last one that proved good, the one on
-// trial, and the one that was rolled back. Pure, any thread.
+// Text format of the file with the kept remote configs: the last good one, the one on trial, and
+// the one that was rolled back. Pure, any thread.
 #pragma once
 
 #include <cstddef>
@@ -18,15 +18,16 @@ struct KeptConfig {
   std::int64_t since_ms = 0;  ///< in force since, ms UTC
 };
 
-/// One that is being judged, before anything of it is in force: reading it may end the process too.
+/// A document that is being judged, before any of it is in force. Kept because reading it may crash
+/// the process too.
 struct JudgedConfig {
-  std::string text;  ///< of the document; empty where an earlier version of the agent has kept it
+  std::string text;  ///< of the document; empty if an earlier version of the agent wrote it
   std::string hash;  ///< of the document
   std::string version;
   std::string by;
 };
 
-/// Not tried again until another one comes.
+/// A document that was rolled back. The agent does not try it again until a different one arrives.
 struct RolledBackConfig {
   std::string hash;  ///< of the document
   std::string version;
@@ -36,32 +37,34 @@ struct RolledBackConfig {
 };
 
 struct KeptConfigs {
-  std::string agent{};               ///< whose they are: its base topic
-  std::optional<KeptConfig> good{};  ///< nothing: the local file alone
-  /// The good one before it, should that end the process although it was good.
+  std::string agent{};               ///< base topic of the agent that owns the file
+  std::optional<KeptConfig> good{};  ///< nullopt: the local file alone
+  /// The good config before `good`; replaces it if `good` ends the process too often.
   std::optional<KeptConfig> before{};
-  /// The good one is in force in a process that is in its first hour. Where it is found at a start,
-  /// that process has ended in this hour, and was not told to.
+  /// `good` is in force, and the process is in its first hour with it. If a start finds this set,
+  /// the last process ended within the hour without a stop.
   bool watched = false;
-  int ends = 0;        ///< of processes in such an hour, one after the other
-  std::string boot{};  ///< of the machine, when this was written
-  /// In force, and not proved yet. Where it is found at a start, the process has ended meanwhile.
+  int ends = 0;        ///< such ends in a row
+  std::string boot{};  ///< boot id of the machine when the file was written
+  /// Config in force and on trial. If a start finds it, the process ended during the trial.
   std::optional<KeptConfig> trying{};
-  /// The process was told to end while it was trying or judging: that proves nothing.
+  /// The process was stopped during a trial or while judging, so its end proves nothing.
   bool stopped = false;
-  std::optional<JudgedConfig> judged{};  ///< found at a start: judging it has ended the process
+  /// If a start finds it, the process ended while judging it.
+  std::optional<JudgedConfig> judged{};
   std::optional<RolledBackConfig> rolled_back{};
 
   bool empty() const { return !good && !trying && !judged && !rolled_back; }
-  /// The good one has ended the process too often: the one before it takes its place.
+  /// Replaces `good`, which ended the process too often, with `before`.
   void set_good_aside();
 };
 
-/// Room for four documents, each character of them escaped.
+/// Room for four documents with every character escaped.
 inline constexpr std::size_t kMaxKeptBytes = 32 * kMaxDesiredBytes;
 
 std::string to_text(const KeptConfigs& kept);
-/// The error says what is wrong: damaged text, or a document that is not the one that was kept.
+/// Parses the file. The error text names the fault: damaged text, or a document that does not match
+/// its hash.
 tl::expected<KeptConfigs, std::string> kept_configs_from(std::string_view text);
 
 }  // namespace fxagent

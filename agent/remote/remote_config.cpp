@@ -15,12 +15,13 @@ using State = RemoteReport::State;
 
 constexpr const char* kFileName = "remote_config.json";
 constexpr std::chrono::seconds kSaveAgain{60};
-/// A process that ends sooner, although nobody told it to, may have been ended by its config.
+/// If a process ends sooner without a stop, its config may be the cause.
 constexpr std::chrono::hours kWatch{1};
-/// So many of them in a row are no chance.
+/// This many such ends in a row are not a coincidence.
 constexpr int kMostEnds = 2;
 
-/// Beside the store; without one where systemd lets the agent keep what it needs. Empty: nowhere.
+/// Returns the directory of the store, or else the first STATE_DIRECTORY of systemd; empty if there
+/// is neither.
 std::string directory_for(const Config& config) {
   if (!config.store.path.empty()) return config.store.path;
   const std::string states = process_environment("STATE_DIRECTORY").value_or("");
@@ -43,7 +44,7 @@ RemoteConfig::RemoteConfig(std::string path, std::chrono::milliseconds trial, st
 tl::expected<Config, ConfigErrors> RemoteConfig::alone(const LocalFile& local) const {
   try {
     return config_of_file(path_, local.text, local.privacy, {.stop = &interrupted_});
-  } catch (const std::exception& fault) {  // memory, for one
+  } catch (const std::exception& fault) {  // such as out of memory
     return tl::unexpected(unreadable(fault));
   }
 }
@@ -87,7 +88,7 @@ tl::expected<Config, ConfigErrors> RemoteConfig::start(Moment now) {
       trial_.emplace(trial_time_, now.steady, /*is_connected=*/false);
       has_moved_ = on_trial->mqtt.servers != servers_;
       servers_ = on_trial->mqtt.servers;
-      if (is_news_) return std::move(*on_trial);  // another one was rolled back
+      if (is_news_) return std::move(*on_trial);  // another document was rolled back
       report_in_force();
       is_news_ = false;
       return std::move(*on_trial);
@@ -102,7 +103,7 @@ tl::expected<Config, ConfigErrors> RemoteConfig::start(Moment now) {
   return config;
 }
 
-/// What is on disk. Where it cannot be used the first answer says so.
+/// Loads the kept configs from disk. If they cannot be used, the first answer reports that.
 void RemoteConfig::take_kept(Moment now) {
   if (!file_) return;
   const auto leave_out = [&](const std::string& what, const std::string& why) {
@@ -120,14 +121,14 @@ void RemoteConfig::take_kept(Moment now) {
                                        {"file", file_->path()},
                                        {"agent", log::excerpt(kept->agent)}});
   kept_ = std::move(*kept);
-  // What was kept was said when it came.
+  // The kept configs were reported when they arrived, so they are not news.
   if (kept_.good) report(State::applied, kept_.good->document, {}, kept_.good->since_ms);
   if (kept_.rolled_back) report_rolled_back();
   is_news_ = false;
   judge_last_run(now);
 }
 
-/// What the end of the last process says of what it kept.
+/// Decides from the way the last process ended what becomes of the configs that it kept.
 void RemoteConfig::judge_last_run(Moment now) {
   const auto roll_back = [&](const auto& document, const char* why) {
     kept_.rolled_back = {document.hash, document.version, document.by, why, now.utc_ms};
@@ -137,7 +138,7 @@ void RemoteConfig::judge_last_run(Moment now) {
   is_unsaved_ = true;
   if (kept_.judged && kept_.stopped) {
     judge_again_ = std::exchange(kept_.judged, {})->text;
-  } else if (kept_.judged) {  // then it was not the one on trial, nor the good one
+  } else if (kept_.judged) {  // so neither the config on trial nor the good one is to blame
     roll_back(*std::exchange(kept_.judged, {}), "the process ended while the config was judged");
   } else if (kept_.trying && !kept_.stopped) {
     roll_back(kept_.trying->document, "the process ended while the config was on trial");
@@ -147,7 +148,7 @@ void RemoteConfig::judge_last_run(Moment now) {
               "the process ended twice within an hour of its start while the config was in force");
     kept_.set_good_aside();
   }
-  // From now on an end is the config's own fault again.
+  // Later ends count against the config again.
   kept_.stopped = false;
 }
 
@@ -176,7 +177,7 @@ void RemoteConfig::begin() {
   if (!limits_.enabled) {
     const auto left = file_ ? file_->read(kMaxKeptBytes) : std::nullopt;
     if (!file_ || (left && !*left)) return;
-    // Nor is another agent's file touched.
+    // Do not touch the file of another agent that runs here.
     if (const std::string why = file_->lock(); !why.empty())
       return log::warn("remote_config",
                        {{"note", "a kept config is left where it is"}, {"reason", why}});
@@ -188,7 +189,8 @@ void RemoteConfig::begin() {
   const std::string why = save();
   is_unsaved_ = !why.empty();
   if (why.empty()) return;
-  // A crash would be taken for another stop, again and again.
+  // The file on disk still records a stop, so the next process would take a crash for a stop and
+  // resume the trial, again and again.
   is_given_up_ = trial_.has_value();
   log::error("remote_config",
              {{"note", is_given_up_ ? "the trial cannot go on: the disk refuses"
@@ -206,7 +208,7 @@ tl::expected<RemoteConfig::Next, ConfigErrors> RemoteConfig::read_local() const 
   auto config = alone(next.local);
   if (!config) return tl::unexpected(std::move(config.error()));
   next.limits = config->remote;
-  // Where the one on trial does not fit any more, the last good one may.
+  // If the document on trial no longer fits, the last good one may.
   std::vector<const std::optional<KeptConfig>*> documents;
   if (config->remote.enabled && in_force_) documents = {&in_force_, &kept_.good};
   for (const auto* document : documents) {
@@ -226,7 +228,7 @@ tl::expected<RemoteConfig::Next, ConfigErrors> RemoteConfig::read_local() const 
 void RemoteConfig::settle_local_file(Next next, Moment now) {
   limits_ = std::move(next.limits);
   if (!limits_.enabled) return forget();
-  has_answer_ = true;  // the hash of the config in force may be another
+  has_answer_ = true;  // the hash of the config in force may have changed
   if (local_.text.empty()) report_.since_ms = now.utc_ms;
   local_ = std::move(next.local);
   local_since_ms_ = now.utc_ms;
@@ -261,7 +263,8 @@ std::optional<RemoteConfig::Next> RemoteConfig::hear(std::string_view payload, M
   }
 }
 
-/// What judging and applying it may do to the process must find it on disk.
+/// Saves the document before it judges it, and again before it is applied: if either step crashes
+/// the process, the next start must find it on disk.
 std::optional<RemoteConfig::Next> RemoteConfig::judge(std::string_view payload,
                                                       const DesiredConfig& desired, Moment now) {
   const auto refuse_disk = [&](const std::string& why) {
@@ -272,7 +275,7 @@ std::optional<RemoteConfig::Next> RemoteConfig::judge(std::string_view payload,
     return refuse_disk(why);
   failpoint("remote_config_judged");
   auto config = with(local_, desired);
-  if (interrupted_) return std::nullopt;  // stop() writes that
+  if (interrupted_) return std::nullopt;  // stop() persists this
   if (!config) return reject(payload, desired, config.error(), now);
   if (trial_ && has_moved_ && config->mqtt.servers != servers_) {
     end_judging();
@@ -326,7 +329,8 @@ void RemoteConfig::end_judging() {
   save_or_say("that the config was judged");
 }
 
-/// What comes again with each connection is answered again, and nothing else.
+/// Repeats the answer to a document that is in force or was rolled back. The broker sends it again
+/// after each connection. False if the document is neither.
 bool RemoteConfig::answer_known(const DesiredConfig& desired) {
   if (in_force_ && in_force_->document.hash == desired.hash) {
     rejected_.clear();
@@ -335,7 +339,7 @@ bool RemoteConfig::answer_known(const DesiredConfig& desired) {
   }
   const auto& back = kept_.rolled_back;
   if (!back || back->hash != desired.hash) return false;
-  rejected_.clear();  // an older one
+  rejected_.clear();  // an older document
   report_rolled_back();
   return true;
 }
@@ -343,7 +347,7 @@ bool RemoteConfig::answer_known(const DesiredConfig& desired) {
 std::optional<RemoteConfig::Next> RemoteConfig::withdraw(Moment now) {
   const bool was_in_force = in_force_.has_value();
   if (!was_in_force && report_.desired.hash.empty()) {
-    has_answer_ = true;  // somebody asks
+    has_answer_ = true;  // a client asks for the report
     return std::nullopt;
   }
   std::optional<Next> next;
@@ -423,14 +427,15 @@ std::optional<RemoteConfig::Next> RemoteConfig::due(Moment now) {
   return next;
 }
 
-/// The last good one, or the local file alone. Nothing: neither can be made now, and that was said.
+/// Returns the last good config, or else the local file alone. Returns nullopt if neither can be
+/// built now, which it logs and reports, or if the process is stopping.
 std::optional<RemoteConfig::Next> RemoteConfig::way_back(Next::Why why, Moment now) {
   Next next;
   next.why = why;
   auto config = kept_.good ? with(local_, kept_.good->document) : alone(local_);
   if (config) next.document = kept_.good;
   if (!config && kept_.good) config = alone(local_);
-  if (interrupted_) return std::nullopt;  // the next process comes to the same verdict
+  if (interrupted_) return std::nullopt;  // the next process will reach the same verdict
   if (!config) {
     back_again_at_ = now.steady + kSaveAgain;
     log::error("remote_config", {{"note", "the config cannot be rolled back yet"},
@@ -484,7 +489,7 @@ void RemoteConfig::stop() {
   save_or_say("how the agent was stopped");
 }
 
-// ---- what is kept and what is said --------------------------------------------------------------
+// ---- kept configs and reports -------------------------------------------------------------------
 
 std::string RemoteConfig::save() {
   if (!file_) return "there is no store, and no STATE_DIRECTORY of systemd";
@@ -494,7 +499,7 @@ std::string RemoteConfig::save() {
   kept_.watched = watched_until_ && !kept_.trying;
   try {
     return kept_.empty() ? file_->remove() : file_->write(to_text(kept_));
-  } catch (const std::exception& fault) {  // memory
+  } catch (const std::exception& fault) {  // out of memory
     return fault.what();
   }
 }
@@ -508,7 +513,7 @@ void RemoteConfig::save_again(SteadyTime now) {
 void RemoteConfig::save_or_say(std::string_view what) {
   const std::string why = save();
   is_unsaved_ = file_ && !why.empty();
-  if (why.empty() || !file_) return;  // without a place that was said when the config came
+  if (why.empty() || !file_) return;  // without a file, judge() has reported or logged it
   log::error("remote_config",
              {{"note", std::string(what) + " cannot be kept on disk yet: a start before that goes "
                                            "by what is there"},

@@ -1,6 +1,6 @@
-// The config in force: the local file, and onto it the remote config. Decides what is to be in
-// force next, keeps the last config that proved good, and knows what is to be reported. Applying is
-// somebody else's work (agent/reload.h). One thread; files are read and written within the calls.
+// Decides which config is in force: the local file, merged with the remote config. Keeps the last
+// good config and the report for the broker. agent/reload.h applies the configs. One thread; calls
+// read and write files.
 #pragma once
 
 #include <atomic>
@@ -32,82 +32,84 @@ class RemoteConfig final {
     std::int64_t utc_ms = 0;
   };
 
-  /// The local file as it was read: who could read it then counts for as long as its text does.
+  /// Local file as read. The permissions are those at the time that the text was read.
   struct LocalFile {
     std::string text;
     FilePrivacy privacy = FilePrivacy::shared;
   };
 
-  /// A config to be applied. accept() it when it is in force; else refuse() it.
+  /// A config to apply. Call accept() once it is in force, or refuse() if that fails.
   struct Next {
     enum class Why : std::uint8_t {
       local_file,
       desired,
       withdrawn,
       rolled_back,
-      given_up,  ///< a trial that the disk lets nobody go on with
+      given_up,  ///< the trial cannot go on, because its state cannot be saved on disk
     };
     Why why = Why::local_file;
     Config config;
-    std::vector<std::string> servers{};    ///< of `config`
-    LocalFile local{};                     ///< where it was read again
+    std::vector<std::string> servers{};    ///< mqtt.servers of `config`
+    LocalFile local{};                     ///< set for Why::local_file
     RemoteLimits limits{};                 ///< of `local`
-    std::optional<KeptConfig> document{};  ///< that is in `config`
-    /// Why the document that was in force does not fit `local`: the local file wins.
+    std::optional<KeptConfig> document{};  ///< the document in `config`
+    /// Errors of the document in force with `local`. The local file takes precedence.
     ConfigErrors misfit{};
   };
 
-  /// `path`: of the local file. `trial`: how long a new config is on trial, and how long the broker
-  /// may be away meanwhile. `boot`: of the machine; a process that ends with the machine says
-  /// nothing of a good config.
+  /// `path` is the local file. `trial` is the length of a trial, and the time that the broker may
+  /// be away during it. `boot` is the boot id of the machine: if the machine restarts, the end of
+  /// the process does not count against a good config.
   RemoteConfig(std::string path, std::chrono::milliseconds trial, std::string boot);
 
-  /// The config to start with: the local file, and what was kept of the last run. Reads only: it
-  /// may be that another agent runs here. Errors: those of the local file.
+  /// Returns the config to start with: the local file, merged with the config kept by the last run.
+  /// Writes nothing, since another agent may run here. Errors: those of the local file.
   tl::expected<Config, ConfigErrors> start(Moment now);
-  /// Writes what start() has found out. Once, when a stop is heard, and before anything of the
-  /// config begins: from here on an end of the process that is no stop is held against it.
+  /// Persists the outcome of start(). Call once, after the stop handler is installed and before the
+  /// config is applied; a crash after this call counts against the config.
   void begin();
 
-  /// The local file as it is now, with the document in force where it fits. Errors: those of the
-  /// local file; what is in force stays.
+  /// Reads the local file again and merges it with the document in force, or else the last good
+  /// one, if that fits. Errors: those of the local file; the config in force stays.
   tl::expected<Next, ConfigErrors> read_local() const;
-  /// A document of {base}/config/desired; empty: it was withdrawn. Nothing: it was answered, and
-  /// nothing is to be applied.
+  /// Handles a document of {base}/config/desired; an empty payload withdraws it. Returns nullopt if
+  /// there is nothing to apply.
   std::optional<Next> hear(std::string_view payload, Moment now);
-  /// What the trial has come to. Nothing: there is nothing to apply. What the disk refused is tried
-  /// again.
+  /// Handles the end of a trial, judges a document that had to wait, and repeats failed writes.
+  /// Returns nullopt if there is nothing to apply.
   std::optional<Next> due(Moment now);
-  /// When due() is to be called.
+  /// Returns the time of the next call of due().
   SteadyTime next_wake() const;
 
   void accept(Next next, Moment now);
   void refuse(const Next& next, const ConfigErrors& errors, Moment now);
 
-  /// A document that was rejected, to be heard again after the local file has changed.
+  /// Returns the last rejected document, for hear() after the local file has changed; empty if
+  /// none.
   const std::string& rejected() const { return rejected_; }
   void connection(bool is_up, SteadyTime now);
-  /// The process was told to end: what is being read or judged goes no further. Any thread.
+  /// Ends reading and judging early, because the process is stopping. Any thread.
   void interrupt() { interrupted_ = true; }
-  /// Writes that it was, once the last call has returned: a trial goes on with the next process,
-  /// and a document that was judged is judged by it.
+  /// Persists that the process was stopped. Call after the last other call has returned. The next
+  /// process continues a trial, and judges again a document that was being judged.
   void stop();
 
-  /// An answer of an earlier run is to be cleared, since remote config is no longer allowed. Once.
+  /// True, once, if remote config is not allowed any more and the answer of an earlier run must be
+  /// cleared.
   bool take_left_answer() { return std::exchange(has_left_answer_, false); }
 
   bool is_enabled() const { return limits_.enabled; }
   const RemoteReport& report() const { return report_; }
-  /// Whether reported() is to be published, again or for the first time.
+  /// True if reported() must be published, again or for the first time.
   bool has_answer() const { return has_answer_; }
-  /// The answer is published. Whether it says something that was not said before.
+  /// Call when the answer is published. True if it differs from the previous one.
   bool take_news() {
     has_answer_ = false;
     return std::exchange(is_news_, false);
   }
-  /// The text for {base}/config/reported. `hash`: of the config in force.
+  /// Returns the payload for {base}/config/reported. `hash` is that of the config in force.
   std::string reported(const std::string& hash) const;
-  /// For health; nothing: remote config is not allowed.
+  /// Returns the status for health; nullopt if remote config is not allowed.
   std::optional<ConfigStatus::Remote> status() const;
 
  private:
@@ -141,24 +143,25 @@ class RemoteConfig final {
   const std::string boot_;
   std::atomic<bool> interrupted_ = false;
   RemoteLimits limits_;
-  std::string base_;  ///< topic of the agent
-  LocalFile local_;   ///< in force; empty where remote config is not allowed
+  std::string base_;  ///< base topic of the agent
+  LocalFile local_;   ///< in force; empty if remote config is not allowed
   std::int64_t local_since_ms_ = 0;
-  std::optional<DurableFile> file_;  ///< nothing: there is no place for one
+  std::optional<DurableFile> file_;  ///< nullopt: no directory for it
   KeptConfigs kept_;
   bool has_left_answer_ = false;
-  bool is_unsaved_ = false;  ///< it is not on disk
+  bool is_unsaved_ = false;  ///< kept_ is not on disk
   SteadyTime save_again_at_{};
   std::optional<KeptConfig> in_force_;
   std::optional<Trial> trial_;  ///< of in_force_
-  bool is_given_up_ = false;    ///< the trial, whatever it comes to
-  SteadyTime back_again_at_{};  ///< when the way back is tried again
-  /// When the process has gone on long enough with the good config; nothing: it has, or none is.
+  bool is_given_up_ = false;    ///< end the trial as lost, whatever its verdict
+  SteadyTime back_again_at_{};  ///< time of the next attempt to roll back
+  /// End of the first hour with the good config; nullopt: it is over, or no good config is in
+  /// force.
   std::optional<SteadyTime> watched_until_;
-  std::vector<std::string> servers_;  ///< in force
-  bool has_moved_ = false;            ///< the config on trial has other servers than that before
-  std::string held_;                  ///< a document that moves again, until the verdict
-  std::string judge_again_;           ///< a document that the last process was stopped at
+  std::vector<std::string> servers_;  ///< mqtt.servers in force
+  bool has_moved_ = false;            ///< the config on trial changed mqtt.servers
+  std::string held_;         ///< document with another change of servers; waits for the verdict
+  std::string judge_again_;  ///< document that was being judged when the last process stopped
   bool is_connected_ = false;
   std::string rejected_;
   RemoteReport report_;

@@ -14,7 +14,7 @@ std::string written(const Json& json) {
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
-/// Whole characters of kMostErrorBytes at the most.
+/// Cuts `text` after at most kMostErrorBytes, at the end of a UTF-8 character, and appends "…".
 std::string cut(std::string text) {
   if (text.size() <= kMostErrorBytes) return text;
   std::size_t end = kMostErrorBytes;

@@ -1,5 +1,5 @@
-// The trial of a remote config: it is good once there is a connection to the broker at the end
-// of it, and it is given up where the broker was away for so long in one piece. Pure.
+// Trial of a remote config. The config is good if the agent is connected to the broker at the end
+// of the trial. It is lost if the broker is away for the length of a trial without a break. Pure.
 #pragma once
 
 #include <chrono>
@@ -13,13 +13,14 @@ class Trial {
  public:
   enum class Verdict { pending, good, lost };
 
-  /// Not connected: the broker is away since the beginning.
+  /// If not connected, the broker counts as away since `began`.
   Trial(std::chrono::milliseconds length, SteadyTime began, bool is_connected)
       : length_(length), began_(began) {
     if (!is_connected) away_since_ = began;
   }
 
-  /// The connection was made or lost at `now`. One that is lost again is away from then on.
+  /// Call when the connection was made or lost at `now`. A repeated loss does not restart the time
+  /// that the broker is away.
   void connection(bool is_connected, SteadyTime now) {
     if (is_connected)
       away_since_.reset();
@@ -32,7 +33,7 @@ class Trial {
     return away_since_ ? Verdict::lost : Verdict::good;
   }
 
-  /// When there is a verdict, unless the connection changes before.
+  /// Returns the time of the verdict, unless the connection changes before.
   SteadyTime decided_at() const { return away_since_.value_or(began_) + length_; }
 
  private:

@@ -1,12 +1,12 @@
-// How long a remote config is on trial.
+// Length of the trial of a remote config.
 #pragma once
 
 #include <chrono>
 
 namespace fxagent {
 
-/// 60 s in the product. A test program that defines it by itself is linked with that definition
-/// instead: this one stands alone in its archive member. Any thread.
+/// Returns 60 s in the product. A test program may define its own version: ours is alone in its
+/// archive member, so the linker then leaves it out. Any thread.
 std::chrono::milliseconds trial_time() noexcept;
 
 }  // namespace fxagent
