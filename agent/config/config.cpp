@@ -530,16 +530,12 @@ std::vector<ConfigError> check_files(const Config& config) {
     must_be_readable("/mqtt/tls/cert_file", config.mqtt.tls->cert_file);
     must_be_readable("/mqtt/tls/key_file", config.mqtt.tls->key_file);
   }
-  // Does not check password_file if the variable of password_env is set.
   const auto& mqtt = config.mqtt;
-  const bool from_environment =
-      !mqtt.password_env.empty() && process_environment(mqtt.password_env).has_value();
-  if (!from_environment) {
+  if (!mqtt.password_file.empty())  // goes before password_env
     must_be_readable("/mqtt/password_file", mqtt.password_file);
-    if (mqtt.password_file.empty() && !mqtt.password_env.empty())
-      missing.push_back({"/mqtt/password_env", 0,
-                         "the environment variable " + shown(mqtt.password_env) + " is not set"});
-  }
+  else if (!mqtt.password_env.empty() && !process_environment(mqtt.password_env))
+    missing.push_back({"/mqtt/password_env", 0,
+                       "the environment variable " + shown(mqtt.password_env) + " is not set"});
   if (!config.store.path.empty() && !can_be_made(config.store.path))
     missing.push_back({"/store/path", 0, shown(config.store.path) + " cannot be written"});
   return missing;

@@ -191,7 +191,7 @@ TEST_F(ConfigFiles, SecretsThatOthersCanReadAreNamed) {
   EXPECT_TRUE(exposed_secrets(config).empty()) << "check_files() tells of those";
 }
 
-TEST_F(ConfigFiles, PasswordVariableStandsInForTheFile) {
+TEST_F(ConfigFiles, PasswordFileGoesBeforeTheVariable) {
   auto plant = small_plant();
   plant["store"]["path"] = directory_.string();
   plant["mqtt"]["password_env"] = "FXAGENT_TEST_PASSWORD";
@@ -201,6 +201,10 @@ TEST_F(ConfigFiles, PasswordVariableStandsInForTheFile) {
   EXPECT_EQ(pointers(check_files(good(plant.dump()))),
             std::vector<std::string>{"/mqtt/password_file"});
   ::setenv("FXAGENT_TEST_PASSWORD", "x", 1);
+  EXPECT_EQ(pointers(check_files(good(plant.dump()))),
+            std::vector<std::string>{"/mqtt/password_file"})
+      << "the agent reads the file";
+  plant["mqtt"].erase("password_file");
   const auto missing = check_files(good(plant.dump()));
   ::unsetenv("FXAGENT_TEST_PASSWORD");
   EXPECT_TRUE(missing.empty()) << listed(missing);
