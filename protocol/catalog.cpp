@@ -40,6 +40,37 @@ void set_speeds(ProtocolInfo& info, std::vector<int> speeds) {
   info.fast_models = {"FX3S", "FX3G", "FX3U"};
 }
 
+constexpr AddressForms kFxAddresses{
+    R"(^([XxYy][0-7]+|[MmSs][0-9]+|[DdRr][0-9]+(\.[0-9A-Fa-f])?|[TtCc][NnSs]?[0-9]+|[Kk][1-8]([XxYy][0-7]+|[MmSs][0-9]+)|.*\$\{.*)$)",
+    "X17 Y0 (octal), M0 M8000 S20 D100 D8010 R0, TN5 CN5 (values), TS5 CS5 (contacts), "
+    "CN200 (32 bits), D100.F (a bit of a word), K4M0 (16 bits as a number).",
+    "bool for bits, int16 for words, int32 for CN200 to CN255 and K5 to K8.",
+    R"(^(([XxYy][0-7]+|[MmSsDdRr][0-9]+|[TtCc][NnSs][0-9]+)((-|\.\.)([XxYy][0-7]+|[MmSsDdRr][0-9]+|[TtCc][NnSs][0-9]+))?|.*\$\{.*)$)",
+    "M100-M199, Y0, D200-D209. M8034 to M8037 and M8118 are never written.",
+};
+
+constexpr AddressForms kModbusAddresses{
+    R"(^([HhIi][Rr]:(0[Xx][0-9A-Fa-f]+|[0-9]+)(\.([0-9]|1[0-5]))?|([Cc][Oo]|[Dd][Ii]):(0[Xx][0-9A-Fa-f]+|[0-9]+)|[34][0-9]{4,5}(\.([0-9]|1[0-5]))?|[01][0-9]{4,5}|.*\$\{.*)$)",
+    "hr:100 (holding register), ir:0 (input register), co:5 (coil), di:7 (discrete input), "
+    "hr:0x64, hr:100.3 (a bit of a register); or 40101, 400101 and so on, by the count of "
+    "digits.",
+    "bool for coils, discrete inputs and bits of registers, int16 for registers.",
+    R"(^((([HhIi][Rr]|[Cc][Oo]|[Dd][Ii]):(0[Xx][0-9A-Fa-f]+|[0-9]+)|[0134][0-9]{4,5})((-|\.\.)((([HhIi][Rr]|[Cc][Oo]|[Dd][Ii]):(0[Xx][0-9A-Fa-f]+|[0-9]+)|[0134][0-9]{4,5})|(0[Xx][0-9A-Fa-f]+|[0-9]+)))?|.*\$\{.*)$)",
+    "co:0-co:7, hr:100-hr:119, 40101-40120. Inputs can be read only.",
+};
+
+constexpr AddressForms kMcAddresses{
+    R"(^(([Kk][1-8])?[A-Za-z]{1,4}[0-9A-Fa-f]+(\.[0-9A-Fa-f])?|.*\$\{.*)$)",
+    "X17 Y0 (octal on an FX5, hexadecimal elsewhere), M0 L0 F0 B1F S0 SM400 SB0, D100 W1F "
+    "R0 ZR0 SD0 SW0 Z0, TN5 STN5 CN5 (values), TS5 STS5 CS5 (contacts), TC5 STC5 CC5 "
+    "(coils), LCN5 LTN5 LSTN5 LZ0 (32 bits), D100.F (a bit of a word), K4M0 (16 bits as a "
+    "number).",
+    "bool for bits, int16 for words, uint32 for LCN, LTN and LSTN, int32 for CN200 to "
+    "CN255, LZ and K5 to K8.",
+    R"(^([A-Za-z]{1,4}[0-9A-Fa-f]+((-|\.\.)[A-Za-z]{1,4}[0-9A-Fa-f]+)?|.*\$\{.*)$)",
+    "M100-M199, Y0, W0-W1F. SM8034 to SM8037 are never written.",
+};
+
 constexpr std::uint8_t kStx = 0x02;
 
 constexpr std::string_view kFxModel =
@@ -60,6 +91,7 @@ ProtocolInfo programming_port() {
   info.models = names(fx::model_names());
   info.kin = names(fx::kin_names());
   info.model_meaning = kFxModel;
+  info.address_forms = kFxAddresses;
   info.options = {
       choice("command_set", {"auto", "classic", "extended"},
              "`auto`: classic commands where they reach, extended ones beyond. FX0N and FX1S have "
@@ -90,6 +122,7 @@ ProtocolInfo computer_link() {
   info.models = names(fx::model_names());
   info.kin = names(fx::kin_names());
   info.model_meaning = kFxModel;
+  info.address_forms = kFxAddresses;
   info.options = {
       integer("station", 0, 15, settings.station, "Station number, D8121 of the PLC."),
       integer("format", 1, 4, settings.ends_with_cr_lf ? 4 : 1,
@@ -122,6 +155,7 @@ ProtocolInfo modbus_protocol(std::string_view name, std::string_view summary) {
   info.summary = summary;
   info.multidrop = true;
   info.model_meaning = "Modbus devices have no models: leave it out, or set `auto`.";
+  info.address_forms = kModbusAddresses;
   info.options = {
       integer("unit", 0, 255, settings.unit,
               "Unit id. On a serial line 1 to 247, or 0 for a broadcast: every unit obeys, none "
@@ -189,6 +223,7 @@ ProtocolInfo mc_1e() {
   info.multidrop = true;
   info.models = names(mc::one_e_model_names());
   info.kin = names(mc::one_e_kin_names());
+  info.address_forms = kMcAddresses;
   info.model_meaning =
       "Model of the PLC. `auto`: an FX3 is asked, and `check` holds addresses against the FX3U, "
       "the "
@@ -233,6 +268,7 @@ ProtocolInfo mc_protocol(std::string_view name, std::string_view summary) {
   info.multidrop = true;
   info.models = names(mc::model_names());
   info.kin = names(mc::kin_names());
+  info.address_forms = kMcAddresses;
   info.last_is_widest = false;
   info.model_meaning =
       "Model of the PLC. `auto`: the PLC is asked; built-in ports of Q and L do not tell. Until it "

@@ -47,6 +47,15 @@ struct LineDefaults {
   int stop_bits = 1;
 };
 
+/// How addresses of a protocol are written, for editors and people.
+struct AddressForms {
+  std::string_view pattern;  ///< regular expression (ECMA 262) of the address of a tag
+  std::string_view examples;
+  std::string_view types;          ///< the type of a tag that gives none
+  std::string_view range_pattern;  ///< as `pattern`, of AddressSpace::parse_range()
+  std::string_view range_examples;
+};
+
 /// Human-readable settings to check, as questions separated by semicolons. Option names stand in
 /// backquotes. checklist.h builds the text: it inserts the option values and ends `silent` with a
 /// question mark. `closed` is complete as it stands.
@@ -77,6 +86,7 @@ struct ProtocolInfo {
   /// against the codec without a model until the PLC has reported its own.
   bool last_is_widest = true;
   std::string_view model_meaning;     ///< human-readable; the schema and the README quote it
+  AddressForms address_forms{};
   std::vector<std::string_view> kin;  ///< further model names that `model` accepts
   std::vector<OptionSpec> options;
   SettingHints hints;

@@ -50,6 +50,8 @@ Signals:
     {"init", R"(Examples:
   fxagent init /etc/fxagent
   fxagent init . --id edge7 --broker mqtt://broker --protocol modbus-tcp --port meter:502 --read power=ir:12)"},
+    {"schema", R"(Examples:
+  fxagent schema >agent.schema.json)"},
     {"decode", R"(Examples:
   fxagent decode modbus-rtu 11 03 00 6B 00 03 76 87
   fxagent decode fx-programming-port 02 30 31 30 46 36 30 34 03 37 34)"},

@@ -1,5 +1,5 @@
 // Command line: run · check · config · plan · read · write · force-on · force-off · audit · decode
-// · verify-stream · acl · import · export · init. Contains no other logic.
+// · verify-stream · acl · import · export · init · schema. Contains no other logic.
 #include <malloc.h>
 #include <unistd.h>
 
@@ -26,6 +26,7 @@
 #include "agent/cli/init.h"
 #include "agent/cli/one_shot.h"
 #include "agent/cli/plan.h"
+#include "agent/cli/schema.h"
 #include "agent/cli/verify_stream.h"
 #include "agent/config/config.h"
 #include "agent/config/expand.h"
@@ -288,6 +289,17 @@ void add_acl(CLI::App& app, std::string& path, AclQuestion& what, std::function<
   });
 }
 
+void add_schema(CLI::App& app, bool& tables, std::function<int()>& action) {
+  CLI::App* command = app.add_subcommand("schema", "Print the JSON Schema of config files");
+  command->add_flag("--tables", tables, "Print tables of all keys in Markdown instead");
+  command->callback([&] {
+    action = [&] {
+      std::cout << (tables ? config_tables() : config_schema());
+      return 0;
+    };
+  });
+}
+
 void add_import(CLI::App& app, ImportQuestion& what, std::function<int()>& action) {
   CLI::App* command =
       app.add_subcommand("import", "Make a config of another program's tags or device comments");
@@ -395,6 +407,9 @@ int dispatch(int argc, char** argv) {
 
   AclQuestion acl;
   add_acl(app, path, acl, action);
+
+  bool tables = false;
+  add_schema(app, tables, action);
 
   AuditQuestion audit;
   add_audit(app, path, audit, action);

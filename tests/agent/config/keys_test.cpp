@@ -1,4 +1,4 @@
-// Holds config/agent.schema.json and the tables of config/README.md to the table of keys.
+// Tests the table of keys against the loader and the examples of config/README.md.
 #include "agent/config/keys.h"
 
 #include <gtest/gtest.h>
@@ -31,27 +31,13 @@ std::vector<std::string> sections() {
   return list;
 }
 
-/// The keys of a section as they are on devices of the protocol.
-std::vector<ConfigKey> keys_of(std::string_view section, const ProtocolInfo& protocol) {
-  const auto common = config_section(section);
-  std::vector<ConfigKey> keys(common.begin(), common.end());
-  const auto put = [&](const ConfigKey& own) {
-    const auto same = std::ranges::find(keys, own.name, &ConfigKey::name);
-    if (same != keys.end())
-      *same = own;
-    else
-      keys.push_back(own);
-  };
-  if (section == "devices[]")
-    for (const ConfigKey& own : protocol_keys(protocol)) put(own);
-  if (section == "devices[].tags[]") put(word_order_key(&protocol));
-  return keys;
-}
-
-std::string meaning_of(const ConfigKey& key) {
-  constexpr std::string_view first = "0.1";
-  return std::string(key.meaning) +
-         (key.since == first ? "" : " Since " + std::string(key.since) + ".");
+/// `{KEY: default}`, or an empty object if the key has none.
+json with_default(const ConfigKey& key) {
+  json out = json::object();
+  std::visit(Overload{[](ConfigKey::None) {}, [](ConfigKey::Required) {}, [](ConfigKey::Rule) {},
+                      [&](const auto& value) { out[std::string(key.name)] = value; }},
+             key.fallback);
+  return out;
 }
 
 TEST(ConfigKeys, SectionsAreWholeAndKeysStandOnce) {
@@ -79,263 +65,7 @@ TEST(ConfigKeys, MeaningsAreSentencesAndDefaultsAreAllowed) {
     for (const ConfigKey& key : protocol_keys(protocol)) check(key);
 }
 
-// ---- the schema -------------------------------------------------------------------------------
-
-const json& schema() {
-  static const json text = [] {
-    std::ifstream file(FXAGENT_CONFIG_DIR "/agent.schema.json");
-    return json::parse(file);
-  }();
-  return text;
-}
-
-/// With every $ref filled in, alone or in an allOf; what stands beside an allOf goes before it.
-json resolved(const json& node) {
-  if (node.contains("$ref"))
-    return resolved(schema().at(json::json_pointer(node["$ref"].get<std::string>().substr(1))));
-  json out = node;
-  if (node.contains("allOf"))
-    for (const json& part : node["allOf"])
-      if (part.contains("$ref")) {
-        json base = resolved(part);
-        base.update(out);
-        out = base;
-      }
-  return out;
-}
-
-/// The schema of the object that has the keys of a section.
-json schema_at(std::string_view section, const ProtocolInfo& protocol) {
-  json node = schema();
-  std::istringstream steps{std::string(section)};
-  std::string step;
-  while (std::getline(steps, step, '.')) {
-    const bool items = step.ends_with("[]");
-    if (items) step.resize(step.size() - 2);
-    node = resolved(node.at("properties").at(step));
-    if (items) node = resolved(node.at("items"));
-    if (step != "devices") continue;
-    node = resolved(node.at("else"));  // what is no template's and makes one device
-    for (const json& branch : json(node.at("allOf")))
-      if (branch.at("if").at("properties").at("protocol").at("const") == protocol.name)
-        node = resolved(branch.at("then"));
-  }
-  return node;
-}
-
-/// What the schema must say of a key, and what it has to say it with.
-constexpr std::array kChecked{"type", "minimum", "maximum", "enum", "default"};
-
-json expected_in_schema(const ConfigKey& key) {
-  json out;
-  switch (key.type) {
-    case Type::name:
-    case Type::text:
-    case Type::path:
-      out["type"] = "string";
-      break;
-    case Type::choice:
-      out["type"] = "string";
-      out["enum"] = key.limits.words;
-      break;
-    case Type::integer:
-      out["type"] = "integer";
-      out["minimum"] = key.limits.min;
-      out["maximum"] = key.limits.max;
-      break;
-    case Type::number:
-      out["type"] = "number";
-      break;
-    case Type::boolean:
-      out["type"] = "boolean";
-      break;
-    case Type::object:
-      out["type"] = "object";
-      break;
-    case Type::array:
-      out["type"] = "array";
-      break;
-    case Type::numbers:
-      break;  // a string or an array
-  }
-  std::visit(Overload{[](ConfigKey::None) {}, [](ConfigKey::Required) {}, [](ConfigKey::Rule) {},
-                      [&](const auto& value) { out["default"] = value; }},
-             key.fallback);
-  return out;
-}
-
-void expect_same(const ConfigKey& key, const json& node) {
-  const std::string place = std::string(key.section) + "." + std::string(key.name);
-  EXPECT_TRUE(node.contains("title")) << place;
-  if (key.is("devices[].protocol")) return;  // a const; its branch is found by it
-  std::string meaning = meaning_of(key);
-  if (const auto* rule = std::get_if<ConfigKey::Rule>(&key.fallback))
-    meaning += " Default: " + std::string(rule->text) + ".";
-  const std::string description = node.value("description", "");
-  EXPECT_TRUE(description.starts_with(meaning))
-      << place << " is described as \"" << description << "\", and means \"" << meaning << "\"";
-  json said;
-  for (const char* word : kChecked)
-    if (node.contains(word)) said[word] = node[word];
-  // Rules beyond ranges, which are code: format is 1 or 4, a deadband is not negative.
-  if (key.type == Type::integer) said.erase("enum");
-  if (key.type == Type::number) said.erase("minimum");
-  EXPECT_EQ(said, expected_in_schema(key)) << place;
-}
-
-/// A key that makes a device another shape in the schema: all its strings may have a `{n}`.
-bool is_of_many(const ConfigKey& key) {
-  return key.is("devices[].template") || key.is("devices[].n");
-}
-
-TEST(ConfigKeys, SchemaOfManyDevicesHasTheKeysOfAllProtocols) {
-  const json& definitions = schema().at("definitions");
-  const auto names_in = [&](const char* definition) {
-    std::set<std::string> names;
-    for (const auto& [name, value] : definitions.at(definition).at("properties").items())
-      names.insert(name);
-    EXPECT_EQ(definitions.at(definition).at("additionalProperties"), false);
-    return names;
-  };
-  const auto names_of = [](const char* section) {
-    std::set<std::string> names;
-    for (const ProtocolInfo& protocol : catalog())
-      for (const ConfigKey& key : keys_of(section, protocol)) names.emplace(key.name);
-    return names;
-  };
-  EXPECT_EQ(names_in("many_devices"), names_of("devices[]"));
-  EXPECT_EQ(names_in("many_groups"), names_of("devices[].groups[]"));
-  EXPECT_EQ(names_in("many_tags"), names_of("devices[].tags[]"));
-  EXPECT_EQ(names_in("many_commands"), names_of("devices[].commands"));
-  for (const ConfigKey& key : config_section("devices[]"))
-    if (is_of_many(key))
-      expect_same(key, definitions.at("many_devices").at("properties").at(std::string(key.name)));
-}
-
-TEST(ConfigKeys, SchemaSaysTheSame) {
-  for (const ProtocolInfo& protocol : catalog())
-    for (const std::string& section : sections()) {
-      const json object = schema_at(section, protocol);
-      const json properties = object.at("properties");
-      EXPECT_EQ(object.at("additionalProperties"), false) << section;
-      std::set<std::string> known;
-      std::set<std::string> required;
-      for (const ConfigKey& key : keys_of(section, protocol)) {
-        if (is_of_many(key)) continue;
-        const std::string name(key.name);
-        known.insert(name);
-        if (key.is_required()) required.insert(name);
-        if (properties.contains(name))
-          expect_same(key, resolved(properties[name]));
-        else
-          ADD_FAILURE() << "the schema lacks " << section << "." << name;
-      }
-      for (const auto& [name, value] : properties.items())
-        EXPECT_TRUE(known.contains(name)) << section << "." << name << " is in the schema only";
-      // The branches of a device have no list of their own.
-      const json list = section == "devices[]"
-                            ? schema().at("definitions").at("device").at("required")
-                            : object.value("required", json::array());
-      EXPECT_EQ(list.get<std::set<std::string>>(), required) << section;
-    }
-}
-
-TEST(ConfigKeys, SchemaNamesTheProtocols) {
-  EXPECT_EQ(schema().at("definitions").at("device").at("properties").at("protocol").at("enum"),
-            json(protocol_key().limits.words));
-}
-
 // ---- the README -------------------------------------------------------------------------------
-
-std::string quoted(std::span<const std::string_view> words) {
-  std::string out;
-  for (const auto word : words) out += (out.empty() ? "`" : " `") + std::string(word) + "`";
-  return out;
-}
-
-std::string range_of(const ConfigKey& key) {
-  const auto& [min, max, words] = key.limits;
-  switch (key.type) {
-    case Type::name:
-      return "name";
-    case Type::text:
-      return "string";
-    case Type::path:
-      return "path";
-    case Type::choice:
-      return quoted(words);
-    case Type::integer:
-      return std::to_string(min) + (max - min == 1 ? ", " : "–") + std::to_string(max);
-    case Type::number:
-      return "number";
-    case Type::boolean:
-      return "boolean";
-    case Type::object:
-      return "object";
-    case Type::array:
-      return "array";
-    case Type::numbers:
-      return "range or list";
-  }
-  return {};
-}
-
-std::string default_of(const ConfigKey& key) {
-  return std::visit(Overload{[](ConfigKey::None) { return std::string("none"); },
-                             [](ConfigKey::Required) { return std::string("required"); },
-                             [](ConfigKey::Rule rule) { return std::string(rule.text); },
-                             [](bool flag) { return std::string(flag ? "true" : "false"); },
-                             [](std::int64_t number) { return std::to_string(number); },
-                             [](std::string_view word) { return "`" + std::string(word) + "`"; }},
-                    key.fallback);
-}
-
-std::string row(const std::string& prefix, const ConfigKey& key) {
-  return "| `" + prefix + std::string(key.name) + "` | " + range_of(key) + " | " + default_of(key) +
-         " | " + meaning_of(key) + " |\n";
-}
-
-constexpr std::string_view kHead = "| key | type, range | default | meaning |\n|---|---|---|---|\n";
-
-/// One table for each section; sections of objects without a table of their own stand in that of
-/// their parent, and after the table of devices those of the protocols.
-std::string tables() {
-  const std::set<std::string_view> within{"mqtt.tls", "links[].serial", "links[].tcp",
-                                          "links[].udp"};
-  std::string out;
-  for (const std::string& section : sections()) {
-    if (within.contains(section)) continue;
-    out += kHead;
-    for (const ConfigKey& key : config_section(section)) {
-      out += row("", key.is("devices[].protocol") ? protocol_key() : key);
-      const std::string below = section + "." + std::string(key.name);
-      if (within.contains(below))
-        for (const ConfigKey& inner : config_section(below))
-          out += row(std::string(key.name) + ".", inner);
-    }
-    if (section != "devices[]") continue;
-    std::string before;
-    for (const ProtocolInfo& protocol : catalog()) {
-      std::string table(kHead);
-      for (const ConfigKey& key : protocol_keys(protocol)) table += row("", key);
-      if (table != before) out += table;  // those of Modbus share one
-      before = table;
-    }
-  }
-  return out;
-}
-
-TEST(ConfigKeys, ReadmeHasTheirTables) {
-  std::ifstream file(FXAGENT_CONFIG_DIR "/README.md");
-  std::string found;
-  std::string line;
-  bool inside = false;
-  while (std::getline(file, line)) {
-    inside = line.starts_with("| key |") || (inside && line.starts_with("|"));
-    if (inside) found += line + "\n";
-  }
-  EXPECT_EQ(found, tables());
-}
 
 TEST(ConfigKeys, ReadmeHasTheSmallestFileOfEachProtocol) {
   std::ifstream file(FXAGENT_CONFIG_DIR "/README.md");
@@ -429,10 +159,7 @@ TEST(ConfigKeys, OptionsGivenWithTheirDefaultsChangeNothing) {
     json& device = plant["devices"][1];
     device = {{"name", "mixer"}, {"link", "gw1"}, {"protocol", protocol.name}};
     const Options absent = *good(plant.dump()).devices[1].options;
-    for (const ConfigKey& key : protocol_keys(protocol))
-      device.update(expected_in_schema(key).contains("default")
-                        ? json{{std::string(key.name), expected_in_schema(key)["default"]}}
-                        : json::object());
+    for (const ConfigKey& key : protocol_keys(protocol)) device.update(with_default(key));
     EXPECT_EQ(*good(plant.dump()).devices[1].options, absent) << protocol.name;
     EXPECT_EQ(absent, default_options(protocol)) << protocol.name;
   }
