@@ -359,7 +359,7 @@ std::string misspelt_subcommand(const CLI::App& app, int argc, char** argv) {
 }
 
 int dispatch(int argc, char** argv) {
-  CLI::App app("fxagent: MQTT edge agent for Mitsubishi FX PLCs", "fxagent");
+  CLI::App app("fxagent: MQTT edge agent for Mitsubishi PLCs and Modbus devices", "fxagent");
   app.set_version_flag("--version", FXAGENT_VERSION);
   app.require_subcommand(1);
   std::function<int()> action;
