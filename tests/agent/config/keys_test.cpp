@@ -1,4 +1,4 @@
-// Holds config/agent.schema.json and the tables of config/README.md to the table of keys.
+// Compares config/agent.schema.json and the tables of config/README.md with the table of keys.
 #include "agent/config/keys.h"
 
 #include <gtest/gtest.h>
@@ -31,7 +31,7 @@ std::vector<std::string> sections() {
   return list;
 }
 
-/// The keys of a section as they are on devices of the protocol.
+/// The keys of a section for devices of the protocol.
 std::vector<ConfigKey> keys_of(std::string_view section, const ProtocolInfo& protocol) {
   const auto common = config_section(section);
   std::vector<ConfigKey> keys(common.begin(), common.end());
@@ -89,7 +89,7 @@ const json& schema() {
   return text;
 }
 
-/// With every $ref filled in, alone or in an allOf; what stands beside an allOf goes before it.
+/// Resolves every $ref, alone or in an allOf. Members next to an allOf take precedence.
 json resolved(const json& node) {
   if (node.contains("$ref"))
     return resolved(schema().at(json::json_pointer(node["$ref"].get<std::string>().substr(1))));
@@ -115,7 +115,7 @@ json schema_at(std::string_view section, const ProtocolInfo& protocol) {
     node = resolved(node.at("properties").at(step));
     if (items) node = resolved(node.at("items"));
     if (step != "devices") continue;
-    node = resolved(node.at("else"));  // what is no template's and makes one device
+    node = resolved(node.at("else"));  // an entry for one device, without template
     for (const json& branch : json(node.at("allOf")))
       if (branch.at("if").at("properties").at("protocol").at("const") == protocol.name)
         node = resolved(branch.at("then"));
@@ -123,7 +123,7 @@ json schema_at(std::string_view section, const ProtocolInfo& protocol) {
   return node;
 }
 
-/// What the schema must say of a key, and what it has to say it with.
+/// The keywords a schema must use for a key, and the expected values.
 constexpr std::array kChecked{"type", "minimum", "maximum", "enum", "default"};
 
 json expected_in_schema(const ConfigKey& key) {
@@ -167,7 +167,7 @@ json expected_in_schema(const ConfigKey& key) {
 void expect_same(const ConfigKey& key, const json& node) {
   const std::string place = std::string(key.section) + "." + std::string(key.name);
   EXPECT_TRUE(node.contains("title")) << place;
-  if (key.is("devices[].protocol")) return;  // a const; its branch is found by it
+  if (key.is("devices[].protocol")) return;  // a const, already used to find the branch
   std::string meaning = meaning_of(key);
   if (const auto* rule = std::get_if<ConfigKey::Rule>(&key.fallback))
     meaning += " Default: " + std::string(rule->text) + ".";
@@ -177,13 +177,13 @@ void expect_same(const ConfigKey& key, const json& node) {
   json said;
   for (const char* word : kChecked)
     if (node.contains(word)) said[word] = node[word];
-  // Rules beyond ranges, which are code: format is 1 or 4, a deadband is not negative.
+  // Rules beyond ranges are code: format is 1 or 4, a deadband is not negative.
   if (key.type == Type::integer) said.erase("enum");
   if (key.type == Type::number) said.erase("minimum");
   EXPECT_EQ(said, expected_in_schema(key)) << place;
 }
 
-/// A key that makes a device another shape in the schema: all its strings may have a `{n}`.
+/// True for a key that selects the schema of many devices, in which all strings may contain `{n}`.
 bool is_of_many(const ConfigKey& key) {
   return key.is("devices[].template") || key.is("devices[].n");
 }
@@ -232,7 +232,7 @@ TEST(ConfigKeys, SchemaSaysTheSame) {
       }
       for (const auto& [name, value] : properties.items())
         EXPECT_TRUE(known.contains(name)) << section << "." << name << " is in the schema only";
-      // The branches of a device have no list of their own.
+      // The protocol branches of a device have no list of their own.
       const json list = section == "devices[]"
                             ? schema().at("definitions").at("device").at("required")
                             : object.value("required", json::array());
@@ -297,8 +297,8 @@ std::string row(const std::string& prefix, const ConfigKey& key) {
 
 constexpr std::string_view kHead = "| key | type, range | default | meaning |\n|---|---|---|---|\n";
 
-/// One table for each section; sections of objects without a table of their own stand in that of
-/// their parent, and after the table of devices those of the protocols.
+/// One table per section. Sections of objects without their own table are part of the parent's
+/// table. The tables of the protocols follow the table of devices.
 std::string tables() {
   const std::set<std::string_view> within{"mqtt.tls", "links[].serial", "links[].tcp",
                                           "links[].udp"};
@@ -318,7 +318,7 @@ std::string tables() {
     for (const ProtocolInfo& protocol : catalog()) {
       std::string table(kHead);
       for (const ConfigKey& key : protocol_keys(protocol)) table += row("", key);
-      if (table != before) out += table;  // those of Modbus share one
+      if (table != before) out += table;  // the Modbus protocols share one table
       before = table;
     }
   }
@@ -361,7 +361,7 @@ TEST(ConfigKeys, ReadmeHasTheSmallestFileOfEachProtocol) {
 
 // ---- the loader -------------------------------------------------------------------------------
 
-/// What an absent key comes to must be what the same key comes to when its default is given.
+/// An absent key must have the same effect as the key with its default.
 TEST(ConfigKeys, AbsentKeysHaveTheirDefaults) {
   json plant = small_plant();
   plant["devices"][0].erase("commands");
@@ -414,7 +414,7 @@ TEST(ConfigKeys, AbsentKeysHaveTheirDefaults) {
   EXPECT_EQ(rules.verify, config_key("devices[].commands.verify").flag());
   EXPECT_EQ(rules.queue, static_cast<std::size_t>(number(config_key("devices[].commands.queue"))));
 
-  // The same where the section itself is absent, so that it needs no code of its own.
+  // The same if the section is absent, so that it needs no separate code.
   plant.erase("store");
   plant["agent"].erase("root");
   const Config bare = good(plant.dump());
@@ -422,7 +422,7 @@ TEST(ConfigKeys, AbsentKeysHaveTheirDefaults) {
   EXPECT_EQ(bare.store.max_age, config.store.max_age);
 }
 
-/// Options fall back to what the codec itself has, so that no default stands in both.
+/// Options use the codec's own defaults, so that no default is written twice.
 TEST(ConfigKeys, OptionsGivenWithTheirDefaultsChangeNothing) {
   for (const ProtocolInfo& protocol : catalog()) {
     json plant = small_plant();
