@@ -256,8 +256,7 @@ TEST_F(CommandAdmissionTest, ResultEchoesWhatTheSenderNeeds) {
   EXPECT_EQ(result.targets[0].tag, "presure");
 }
 
-// ---- ids
-// -----------------------------------------------------------------------------------------
+// ---- ids ---------------------------------------------------------------------------------------
 
 TEST_F(CommandAdmissionTest, DuplicateOfARunningCommandHasNoFirstResultYet) {
   admit(write("b7e1"));
@@ -543,8 +542,7 @@ TEST_F(CommandAdmissionTest, WaitingCommandsAreBoundedInBytesToo) {
   admit(large);
 }
 
-// ---- expiry
-// --------------------------------------------------------------------------------------
+// ---- expiry ------------------------------------------------------------------------------------
 
 TEST_F(CommandAdmissionTest, ExpiryBecomesTimeFromReceipt) {
   Command command = write("b7e1");
@@ -697,8 +695,7 @@ TEST_F(CommandAdmissionTest, RunThatTheProtocolCannotSayToThisModelIsRefusedBefo
   EXPECT_NE(refused.detail.find("use mc-3e"), std::string::npos) << refused.detail;
 }
 
-// ---- values
-// --------------------------------------------------------------------------------------
+// ---- values ------------------------------------------------------------------------------------
 
 TEST_F(CommandAdmissionTest, ValuesThatDoNotFit) {
   const auto reason = [&](const Command& command) {
@@ -849,8 +846,7 @@ TEST_F(CommandAdmissionTest, BroadcastCannotBeExpectedToHoldAValue) {
   EXPECT_EQ(result.detail, "expect: nobody answers a broadcast, so nothing can be compared");
 }
 
-// ---- lists
-// ---------------------------------------------------------------------------------------
+// ---- lists -------------------------------------------------------------------------------------
 
 TEST_F(CommandAdmissionTest, ListIsAdmittedWhole) {
   Command list = write("b7e1");

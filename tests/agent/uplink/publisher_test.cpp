@@ -240,8 +240,7 @@ TEST(Publisher, FullBacklogDropsTheOldestAndCountsThem) {
   EXPECT_EQ(health["samples"]["dropped"], dropped);
 }
 
-// ---- with a store on disk
-// -------------------------------------------------------------------------
+// ---- with a store on disk ----------------------------------------------------------------------
 
 TEST(Publisher, BrokerThatAcknowledgesNothingForHalfAMinuteIsLeft) {
   Bench bench;

@@ -379,8 +379,7 @@ TEST(ComputerLink, APlanMixesBitsAndWordsWhereThatIsLeastLineTime) {
   EXPECT_EQ(plan.reads[1].read.span.bits, 192U);
 }
 
-// ---- what comes back
-// ------------------------------------------------------------------------------
+// ---- what comes back ---------------------------------------------------------------------------
 
 const Read kWords{{id(Space::d), 0, 32}, ComputerLink::kWordWay};  // D0, D1
 const Read kBits{{id(Space::m), 0, 5}, ComputerLink::kBitWay};     // M0 to M4

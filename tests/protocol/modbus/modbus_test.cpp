@@ -619,8 +619,7 @@ TEST(Modbus, EveryPlanIsSendableBringsEveryPointAndKeepsToGapAndLength) {
   }
 }
 
-// ---- decode
-// ---------------------------------------------------------------------------------------
+// ---- decode ------------------------------------------------------------------------------------
 
 TEST(ModbusExplain, TellsARequestFromAnAnswer) {
   const auto request = explain_frame(Framing::rtu, hex("11 03 00 6B 00 03 76 87"), std::nullopt);
