@@ -179,7 +179,7 @@ void expect_same_keys(const std::string& name, const std::string& made) {
   EXPECT_EQ(keys_of(example(name)), keys_of(json::parse(made))) << name << ", made: " << made;
 }
 
-// ---- the program's output ---- -----------------------------------------------------------------
+// ---- the program's output ----------------------------------------------------------------------
 
 std::string telemetry_text(const Telemetry& message) {
   return test::sample_text(message, kBoot, kMeta);

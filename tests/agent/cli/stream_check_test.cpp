@@ -283,7 +283,7 @@ TEST(StreamCheck, DevicesAreJudgedEachForItself) {
   EXPECT_FALSE(report.at(1).is_whole());
 }
 
-// ---- random streams against a reference check that looks at every number ---- ------------------
+// ---- random streams against a reference check that looks at every number -----------------------
 
 struct Receipt {
   std::uint64_t seq = 0;

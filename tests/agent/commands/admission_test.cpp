@@ -117,7 +117,7 @@ class CommandAdmissionTest : public ::testing::Test {
   SteadyTime now = kStart;
 };
 
-// ---- the table of checks ---- ------------------------------------------------------------------
+// ---- the table of checks -----------------------------------------------------------------------
 
 /// Each check of the contract, in its order, with a change that fails this check and no other.
 class CommandAdmissionFaults : public CommandAdmissionTest {

@@ -21,7 +21,7 @@ std::string example() {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-// ---- valid configs ---- ------------------------------------------------------------------------
+// ---- valid configs -----------------------------------------------------------------------------
 
 TEST(Config, SmallPlantIsRightAndGetsTheDefaults) {
   const Config config = good(small_plant().dump());
@@ -74,7 +74,7 @@ TEST(Config, EverythingThatCanBeSetIsSet) {
   EXPECT_EQ(config.store.audit_max_age.count(), 2);
 }
 
-// ---- the form of errors ---- -------------------------------------------------------------------
+// ---- the form of errors ------------------------------------------------------------------------
 
 TEST(Config, ErrorTextHasFileLinePointerAndWords) {
   EXPECT_EQ(to_string(ConfigError{"/a/0", 12, "is wrong"}, "agent.json"),

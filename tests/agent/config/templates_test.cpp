@@ -60,7 +60,7 @@ std::vector<std::string> tags(const DeviceConfig& device) {
 
 using Strings = std::vector<std::string>;
 
-// ---- results ---- ------------------------------------------------------------------------------
+// ---- results -----------------------------------------------------------------------------------
 
 TEST(Templates, OneEntryMakesADeviceForEachNumber) {
   const Config config = good(meters().dump());

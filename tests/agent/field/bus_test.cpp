@@ -75,7 +75,7 @@ class BusTest : public ::testing::Test {
   Station station;
 };
 
-// ---- a stream with numbered answers ---- -------------------------------------------------------
+// ---- a stream with numbered answers ------------------------------------------------------------
 
 TEST_F(BusTest, AnswerThatIsBrokenOffByItsDeadlineTakesItsConnectionWithIt) {
   station.codec = codec_of("modbus-tcp");
@@ -271,7 +271,7 @@ TEST_F(BusTest, NakIsAnAnswer) {
   EXPECT_TRUE(read("D100").is_data()) << "nothing to clear up after a NAK";
 }
 
-// ---- silent and noisy lines ---- ---------------------------------------------------------------
+// ---- silent and noisy lines --------------------------------------------------------------------
 
 TEST_F(BusTest, EnquiryThatNobodyAnswersSendsNothingElse) {
   wire->expect(kEnq);
@@ -498,7 +498,7 @@ TEST_F(BusTest, TimeThatHasPassedSinceASilenceNeedNotBeListenedToAgain) {
   EXPECT_LT(least, station.timeout);
 }
 
-// ---- unexpected answers ---- -------------------------------------------------------------------
+// ---- unexpected answers ------------------------------------------------------------------------
 
 TEST_F(BusTest, SecondAnswerThatComesLaterPutsTheBusInDoubt) {
   station.enquire = EnquirePolicy::never;
@@ -694,7 +694,7 @@ TEST_F(BusTest, EchoThatNobodyAwaitedIsNoForeignAnswer) {
   EXPECT_EQ(line->counters().unexpected_bytes, 0U);
 }
 
-// ---- a channel that is never silent ---- -------------------------------------------------------
+// ---- a channel that is never silent ------------------------------------------------------------
 
 TEST_F(BusTest, FloodBetweenTwoQuestionsClosesTheChannel) {
   wire->expect(kEnq).give(kAck).expect(kReadD100).give(word_frame(1));
@@ -795,7 +795,7 @@ TEST_F(BusTest, ReadWaitsForItsDeadlineAndNoLonger) {
   EXPECT_GE(exchange.ended - exchange.began, milliseconds(5));
 }
 
-// ---- broken connections ---- -------------------------------------------------------------------
+// ---- broken connections ------------------------------------------------------------------------
 
 TEST_F(BusTest, LinkLostBeforeTheFirstByteSendsNothing) {
   wire->expect(kEnq).give(kAck).expect(kReadD100).give(word_frame(1)).hang_up();
@@ -876,7 +876,7 @@ TEST_F(BusTest, PeerThatGoesRightAfterOpeningIsAFailureToOpen) {
   EXPECT_FALSE(line->is_open());
 }
 
-// ---- counters ---- -----------------------------------------------------------------------------
+// ---- counters ----------------------------------------------------------------------------------
 
 TEST_F(BusTest, EachEndOfAnExchangeIsCounted) {
   Bytes wrong = word_frame(7);

@@ -275,7 +275,7 @@ TEST_F(CommandExecutionTest, AckWithAnotherAnswerBehindItAndAnotherValueIsNoVeri
   EXPECT_EQ(result.targets[0].verify->read, number(45));
 }
 
-// ---- the record a crash would leave ---- -------------------------------------------------------
+// ---- the record a crash would leave ------------------------------------------------------------
 
 /// Records the commands marked as sent, and the number of frames on the line at that time.
 class Marks final : public CommandStarts {
@@ -352,7 +352,7 @@ TEST_F(CommandExecutionMarks, StopIsMarkedBeforeItLeaves) {
   EXPECT_EQ(marks.frames_before, (std::vector<std::size_t>{0}));
 }
 
-// ---- records of an earlier run ---- ------------------------------------------------------------
+// ---- records of an earlier run -----------------------------------------------------------------
 
 TEST_F(CommandExecutionTest, InterruptedCommandIsReadAndNotSent) {
   wire->expect(kReadBack).give(word_frame(50));
@@ -525,7 +525,7 @@ TEST_F(CommandExecutionTest, CommandThatDoesNotFitIntoItsTimeIsNotBegun) {
   EXPECT_EQ(run(command).status, CommandStatus::succeeded);
 }
 
-// ---- broken connections, absent devices ---- ---------------------------------------------------
+// ---- broken connections, absent devices --------------------------------------------------------
 
 TEST_F(CommandExecutionTest, LinkLostAfterTheFirstByteIsUnknown) {
   wire->expect(kWrite50).hang_up();
@@ -851,7 +851,7 @@ TEST_F(CommandExecutionTest, RunStateIsAskedForTwoSecondsAndNoLonger) {
   EXPECT_LE(wire->written().size(), 2U + 20U) << "the enquiry, the command, and the questions";
 }
 
-// ---- line time ---- ----------------------------------------------------------------------------
+// ---- line time ---------------------------------------------------------------------------------
 
 TEST_F(CommandExecutionTest, LineTimeCountsEachReadingOfACommand) {
   const milliseconds character{1};

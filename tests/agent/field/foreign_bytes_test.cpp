@@ -54,7 +54,7 @@ const Bytes kRtuRequest = hex("11 01 00 13 00 13 8E 92");
 const Bytes kRtuReply = hex("11 01 03 CD 6B 05 40 12");
 const Bytes kAsciiReply = printed(":110103CD6B05AE\r\n");
 
-// ---- a line as received by a UART ---- ---------------------------------------------------------
+// ---- a line as received by a UART --------------------------------------------------------------
 
 struct Shape {
   int bits = 7;
@@ -115,7 +115,7 @@ TEST(ForeignBytes, AUartThatIsSetAsTheDeviceHearsItsFrames) {
   EXPECT_EQ(heard_by({8, Parity::none}, 1, on_the_wire(kRtuReply, {8, Parity::none})), kRtuReply);
 }
 
-// ---- the guesses ---- --------------------------------------------------------------------------
+// ---- the guesses -------------------------------------------------------------------------------
 
 TEST(ForeignBytes, TheQuestionItselfIsAnEcho) {
   for (const auto& [protocol, frame] :

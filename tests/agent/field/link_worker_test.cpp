@@ -315,7 +315,7 @@ TEST_F(LinkWorkerTest, DurationsAreCountedWhereTheConfigAsksForMetrics) {
   EXPECT_GE(total(health.durations[0].lateness), 20U);
 }
 
-// ---- silence, and links that are down ---- -----------------------------------------------------
+// ---- silence, and links that are down ----------------------------------------------------------
 
 TEST_F(LinkWorkerTest, SilentDeviceIsToldOnceAndIsOffline) {
   plc.silent = true;
@@ -578,7 +578,7 @@ TEST_F(LinkWorkerTest, StoppingWhileItListensIsNoLoss) {
   EXPECT_EQ(log.find("state=down"), std::string::npos) << log;
 }
 
-// ---- a stream that needs a new connection after each silence ---- ------------------------------
+// ---- a stream that needs a new connection after each silence -----------------------------------
 
 /// MC protocol in 3E frames over TCP, without numbers.
 class StreamWithoutNumbers : public LinkWorkerTest {

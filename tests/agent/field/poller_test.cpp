@@ -243,7 +243,7 @@ TEST_F(PortPolls, PlcOfAnotherModelThanTheConfigsIsLoggedAndToldOnce) {
   EXPECT_EQ(log.find("model_configured=FX3U"), log.rfind("model_configured=FX3U")) << log;
 }
 
-// ---- a PLC without a configured model ---- -----------------------------------------------------
+// ---- a PLC without a configured model ----------------------------------------------------------
 
 class ModelPolls : public PortPolls {
  protected:
