@@ -213,7 +213,7 @@ class BrokerLife(PlantTest):
     def test_a_command_sent_while_a_3_1_1_agent_is_away_is_never_carried_out(self):
         self.start(version="3.1.1")
         self.state("press1", "online")
-        # Disconnects without DISCONNECT; a clean disconnect would unsubscribe, with or without a session.
+        # Killed, because an agent that stops cleanly unsubscribes, with or without a session.
         since = self.watcher.mark()
         self.agent.stop(signal.SIGKILL)
         self.watcher.wait(f"{BASE}/state", lambda s: s["state"] == "offline", since)

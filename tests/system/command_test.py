@@ -441,7 +441,7 @@ class Commands(PlantTest):
 
     def test_a_command_sent_while_the_agent_is_away_is_never_carried_out(self):
         self.start_press()
-        # Disconnects without DISCONNECT; a clean disconnect would unsubscribe, with or without a session.
+        # Killed, because an agent that stops cleanly unsubscribes, with or without a session.
         since = self.watcher.mark()
         self.agent.stop(signal.SIGKILL)
         self.watcher.wait(f"{BASE}/state", lambda s: s["state"] == "offline", since)
