@@ -436,8 +436,7 @@ TEST(Pack, RawIsTheNearestIntegerAndTiesGoAwayFromZero) {
   EXPECT_EQ(written(word_point(DataType::int16), real(1.49)), "01 00");
   const Point tenth = scaled_point(DataType::int16, 0.1, 0);
   EXPECT_EQ(written(tenth, real(23.4)), "EA 00");
-  EXPECT_EQ(written(tenth, real(23.45)),
-            "EB 00");  // 234.5 in decimal, 234.49999999999997 in binary
+  EXPECT_EQ(written(tenth, real(23.45)), "EB 00");  // binary 234.49999999999997, decimal 234.5
   EXPECT_EQ(written(tenth, real(23.44)), "EA 00");
   EXPECT_EQ(written(scaled_point(DataType::int16, 0.1, 20), real(23.4)), "22 00");
   EXPECT_EQ(written(scaled_point(DataType::uint32, 1e-9, 0), real(4.294967295)), "FF FF FF FF");

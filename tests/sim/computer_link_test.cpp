@@ -210,8 +210,7 @@ TEST_F(ComputerLinkStation, SmallestOfSeveralErrorsIsSent) {
   EXPECT_EQ(asked("WW0D000001123G"), "-00FF07");
   EXPECT_EQ(asked("WW0D00000112a4"), "-00FF07");
   EXPECT_EQ(asked("BW0M0000022A"), "-00FF07");
-  EXPECT_EQ(asked("BW0M00000112"),
-            "-00FF02");  // the extra character is read as the first of the sum
+  EXPECT_EQ(asked("BW0M00000112"), "-00FF02");  // the extra character is taken for the sum
 }
 
 TEST_F(ComputerLinkStation, PcNumberOtherThanFfIsRefused) {

@@ -370,8 +370,7 @@ std::vector<PlcConfig> parse_config(const json& root) {
   std::map<std::string, std::size_t> names;  // index in plcs
   std::map<std::string, std::size_t> paths;  // index of the first PLC on the line
   std::map<std::pair<bool, std::uint16_t>, std::size_t> ports;  // (is UDP, port number)
-  std::map<std::size_t, std::vector<std::size_t>>
-      lines;  // first PLC of a line: all PLCs of that line
+  std::map<std::size_t, std::vector<std::size_t>> lines;        // by first PLC of the line
 
   const auto take = [&](json entry, const std::string& where) {
     std::optional<std::size_t> host;

@@ -39,9 +39,8 @@ class Line final {
   struct Session {
     asio::posix::stream_descriptor stream;
     std::unique_ptr<Framer> framer;
-    std::optional<asio::ip::udp::endpoint>
-        peer{};         // destination of datagrams; sessions with a stream have none
-    Bytes kept_back{};  // sent before the next answer
+    std::optional<asio::ip::udp::endpoint> peer{};  // destination; UDP only
+    Bytes kept_back{};                              // sent before the next answer
   };
   using SessionPtr = std::shared_ptr<Session>;  // owners: sessions_, its receive(), its requests
   struct Waiting {

@@ -10,8 +10,7 @@ constexpr std::uint8_t kRequest4E = 0x54;
 constexpr std::uint8_t kAnswer = 0x80;  // added to the request's first byte
 constexpr std::size_t kMaxLength = 8192;
 constexpr std::size_t kRouteSize = 5;
-constexpr std::uint16_t kUsualRefusal =
-    0x4013;  // default code of the nak fault: not possible in the CPU's state
+constexpr std::uint16_t kUsualRefusal = 0x4013;  // of the nak fault: wrong state of the CPU
 constexpr std::uint16_t kStrangeEndCode = 0xC059;
 
 /// Offsets of the fields of a frame. In ASCII every byte is two characters.

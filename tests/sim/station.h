@@ -25,11 +25,10 @@ struct Answer {
   };
   std::chrono::milliseconds wait{0};  // minimum time from the request to the first piece
   std::vector<Piece> pieces;
-  std::optional<std::chrono::milliseconds> hang_up;  // then closes the connection for this long
-  std::optional<std::chrono::milliseconds>
-      overtaken;                // delays the whole answer; others may go first
-  bool coalesced = false;       // held back until the next answer
-  bool from_elsewhere = false;  // sent as a datagram from another port
+  std::optional<std::chrono::milliseconds> hang_up;    // then closes the connection for this long
+  std::optional<std::chrono::milliseconds> overtaken;  // delays the answer; others go first
+  bool coalesced = false;                              // held back until the next answer
+  bool from_elsewhere = false;                         // sent as a datagram from another port
 };
 
 /// One request that was carried out.

@@ -212,9 +212,7 @@ TEST_F(DatagramsWithoutNumbers, TheLateAckOfA1EWriteIsNotThatOfTheNext) {
   };
   wire->silence();  // during open()
   wire->expect(write("05 00")).silence();
-  wire->silence()
-      .expect(bits("01"))
-      .give(*from_hex("83 00"));  // too late for the drain to catch it
+  wire->silence().expect(bits("01")).give(*from_hex("83 00"));  // too late for the drain
   wire->silence().expect(bits("03")).give(*from_hex("80 00 10 00"));
   wire->expect(write("07 00")).give(*from_hex("83 00"));
   open();

@@ -160,9 +160,8 @@ class LateWire final {
   SteadyTime now{std::chrono::hours(1)};
   /// The time at which the agent dies.
   SteadyTime killed_at = SteadyTime::max();
-  bool keeps_what_came = false;  ///< a serial server: keeps bytes for the next client
-  bool answers_end_with_it =
-      false;  ///< a separate connection: drops pending answers when it is closed
+  bool keeps_what_came = false;      ///< a serial server: keeps bytes for the next client
+  bool answers_end_with_it = false;  ///< TCP: drops pending answers when it is closed
   const Deed& last() const { return last_; }
 
   /// Receives a frame from the agent; answers only valid requests.

@@ -939,8 +939,7 @@ TEST_F(LinkWorkerTest, ReadAfterTheWriteIsTheNewest) {
   script().expect(kEnq).give(kAck);
   wire->expect(read_frame(kM0, 1)).call([&] { submit(write_setpoint("b7e1")); });
   wire->give(data_frame({0x00})).expect(kWrite50).give(kAck);
-  wire->expect(read_frame(kD200, 2))
-      .give(word_frame(45));  // the ladder program wrote another value
+  wire->expect(read_frame(kD200, 2)).give(word_frame(45));  // written by the ladder
   start();
   wait([&] { return telemetry.size() >= 2; });
   EXPECT_EQ(telemetry[1].readings.at(1).value, number(45));
@@ -968,8 +967,7 @@ TEST_F(LinkWorkerTest, BoundCoversAHealthyLine) {
   // one character time for each character, plus the PLC's own time.
   const milliseconds character{8};  // 1200 baud
   config.links[0].char_time = character;
-  config.links[0].poll_share =
-      0;  // measured in real time; PollSchedulerBound tests it in fake time
+  config.links[0].poll_share = 0;  // uses real time; PollSchedulerBound tests it
   add_setpoint();
   constexpr int kCommands = 20;
   std::vector<nanoseconds> arrived(kCommands);

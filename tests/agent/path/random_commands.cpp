@@ -319,8 +319,7 @@ void RandomCommands::spoil(SentCommand& sent, Json& command) {
       command["tag"] = "nothing";
       break;
     case 1:
-      command.update(
-          name_of(sent.device, {"", Kind::word, 100}));  // has a tag, but is not in allow
+      command.update(name_of(sent.device, {"", Kind::word, 100}));  // a tag, not in allow
       break;
     case 2:
       command["tag"] = "ro";

@@ -269,8 +269,7 @@ TEST(BeyondLimits, AnEntryWithProtocolAndModelIsForNewDevicesToo) {
   expect_may_not(local, allowing(device("new", "mc-1e", kFx3u), {"Y0-Y20"}));
   expect_may_not(local, allowing(device("new", "mc-1e", kQ), {"Y0"}));
   expect_may_not(local, allowing(device("new", "mc-1e", {{"model", "FX3G"}}), {"Y0"}));
-  expect_may_not(local, allowing(device("new", "mc-1e"),
-                                 {"Y0"}));  // its model is unknown until it is connected
+  expect_may_not(local, allowing(device("new", "mc-1e"), {"Y0"}));  // its model is unknown
   expect_may_not(local, allowing(device("new", "mc-3e", {{"model", "FX5U"}}), {"Y0"}));
 }
 

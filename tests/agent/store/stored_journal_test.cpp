@@ -49,8 +49,7 @@ TEST(StoredJournal, CommandIsInTheFreshFileThatTookThePlaceOfADamagedOne) {
   ASSERT_TRUE(shelf.store->journal().journal(std::vector{early}));
   {
     SQLite::Database other = sqlite::open(shelf.file());
-    ASSERT_NO_THROW(
-        other.exec("INSERT INTO audit VALUES(2, '', x'')"));  // at the number of the next record
+    ASSERT_NO_THROW(other.exec("INSERT INTO audit VALUES(2, '', x'')"));  // the next number
   }
   JournalEntry command = entry("x");
   command.audit = R"({"x":1})";

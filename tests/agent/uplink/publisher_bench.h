@@ -64,8 +64,7 @@ struct PublisherBench {
   void open_store() {
     store = std::make_unique<Store>(config.store, utc());
     guarded = std::make_unique<GuardedStore>(*store, [this] { outbox.notify(); });
-    guarded->set_patience(
-        std::chrono::hours(1));  // a loaded machine must not look like a disk that hangs
+    guarded->set_patience(std::chrono::hours(1));  // a loaded machine is not a hung disk
   }
   std::int64_t utc() const {
     return 1790000000000 + now.time_since_epoch() / std::chrono::milliseconds(1);
