@@ -99,8 +99,8 @@ TEST(StoredSamples, FullStoreLetsTheOldestGoAndCountsThem) {
   EXPECT_EQ(shelf.store->samples().rows(), 5U);
   EXPECT_EQ(shelf.store->samples().take_dropped(),
             (std::map<std::string, std::uint64_t>{{"b", 2}}));
-  const auto batch = test::next(shelf.store->samples(), 27,
-                                any);  // row 1 is in flight and is dropped to make room
+  const auto batch =
+      test::next(shelf.store->samples(), 27, any);  // row 1 is in flight and makes room
   shelf.add(rows(6, 6));
   EXPECT_EQ(shelf.store->samples().take_dropped().at("a"), 1U);
   EXPECT_EQ(shelf.store->samples().remove(*batch), 0U);
