@@ -20,7 +20,7 @@ def first_read(bench, plc, start):
 
 
 def modbus_tcp(bench):
-    """10 registers of one device. Returns a function that starts the agent."""
+    """10 registers of one device. Returns its name and a function that starts the agent."""
     plc, [(name, port)] = device()
     bench.simulate([plc])
     return name, lambda: bench.peer("fxagent", [(name, port, 10)], 1000)

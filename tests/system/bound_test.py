@@ -84,7 +84,7 @@ class Bound(PlantTest):
         return command
 
     def judge(self, results):
-        """Checks each command against its bound. Returns the median of the used fraction."""
+        """Checks each command against its bound, and prints the fraction of the bounds that was used."""
         over = [r for r in results if r["t"]["queue_ms"] + r["t"]["wire_ms"] >
                 r["t"]["bound_ms"] + NOISE_MS]
         self.assertEqual(over, [], json.dumps(over[:3]))

@@ -225,7 +225,7 @@ class Ledger:
             return None
 
     def _rows(self, topic, body):
-        """Yields (device, lane, row) for each sample in a message; numbers are ordered within a lane."""
+        """Returns (device, lane, row) for each sample in a message; numbers are ordered within a lane."""
         parts = topic[len(self.base) + 1:].split("/")
         if body is None or len(parts) < 3 or parts[1] != "data":
             return []

@@ -37,7 +37,7 @@ class Disk:
         return "a full tmpfs" if self.is_mounted else "RLIMIT_FSIZE"
 
     def fill(self, pid):
-        """Returns True if the disk is full now. A file system that cannot shrink is left unchanged."""
+        """Fills the disk. Returns True if it is full now; a file system that cannot shrink is left unchanged."""
         if not self.is_mounted:
             return self._limit(pid, 4096)
         for _ in range(20):  # the agent keeps writing
@@ -115,7 +115,7 @@ class ChaosAgent(Agent):
         return None
 
     def store_writes(self):
-        """Returns the store's state according to the last log line about it."""
+        """True if the last log line about the store says that it writes to disk."""
         words = [line for line in self.logged().splitlines() if " store state=" in line]
         return bool(words) and "state=disk" in words[-1]
 

@@ -377,7 +377,7 @@ class Commands(PlantTest):
         self.assertEqual(len(self.sim.commands("press1")), 1)
 
     def result_of_dry_run(self):
-        """Returns the result of a dry run. When it arrives, the agent has received all earlier commands."""
+        """Waits for the result of a dry run. When it arrives, the agent has received all earlier commands."""
         self.command(op="write", tag="setpoint", value=1, dry_run=True)
 
     def test_nothing_a_client_sends_ends_the_agent(self):

@@ -189,7 +189,7 @@ class Judge:
         self.stamps = set()  # of complete samples: group and ts
         self.next_bit = FIRST_BIT
         self.waits_for, self.waits_since = None, 0.0
-        self.bits = []  # bits by the status of their result: (status, bits)
+        self.bits = []  # (status of its result, bit)
         self.examples = []
         before = time.time()
         count = sim.get(row, place(row, "word", 0))
@@ -234,7 +234,7 @@ class Judge:
         self.client.publish(f"{BASE}/{self.row}/command", json.dumps(command), 1)
 
     def end(self):
-        """Returns the device's bits, now that no command is pending."""
+        """Compares the results with the device's bits, now that no command is pending."""
         for status, bit in self.bits:
             is_set = bool(self.sim.get(self.row, place(self.row, "bit", bit)))
             self.count["false ACK"] += status == "SUCCEEDED" and not is_set

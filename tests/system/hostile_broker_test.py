@@ -38,7 +38,7 @@ class HostileBroker(HostileCases):
     # DISCONNECT
 
     def variants(self, stage, name):
-        """Yields each code once, alternately with and without reason, and with the socket closed or left open."""
+        """Returns a case for each code, in turn with and without reason, and with the socket closed or left open."""
         cases = []
         for number, code in enumerate(DISCONNECTS):
             for reasoned, closed in (((number & 1) != 0, (number & 2) != 0),) if code not in (

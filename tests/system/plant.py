@@ -434,7 +434,7 @@ class PlantTest(unittest.TestCase):
         return self.watcher.wait(f"{BASE}/{name}/state", lambda s: s["state"] == wanted, since)
 
     def state_after(self, name, wanted, earlier, since=0):
-        """Returns the first state of this kind that is newer than `earlier`, another state."""
+        """Returns the first state of this kind that is not older than `earlier`, another state."""
         return self.watcher.wait(
             f"{BASE}/{name}/state",
             lambda s: s["state"] == wanted and s["since"] >= earlier["since"], since)
